@@ -1,0 +1,13 @@
+"""One calibration for all laws: the default car's friction below the torsion bar, at the column axis.
+
+No LuGre or Masing parameter set of a steering system has been published, so the defaults share what
+can be anchored: the saturated torque F_C (rack 75 N on a 7.96 mm pinion gives 0.6 N m, worm and motor
+0.3 N m; workshop pinion preloads of nine cars lie at 0.6-1.9 N m) and the branch after a reversal from
+saturation, ``F = F_C (1 - 2 exp(-x sigma_0/F_C))``.
+"""
+
+F_C = 0.9  # saturated torque [N m]
+SIGMA_0 = 100.0  # pre-sliding stiffness [N m/rad]; F_C/SIGMA_0 = 0.52 deg, assumed within 0.5-1.0 deg
+SIGMA_1 = 2.0  # micro-damping [N m s/rad]; assumed, damping ratio 0.44 of the pre-sliding mode at 0.052 kg m2
+# Linear damper that loses as much per cycle as F_C in a 12.5 deg, 0.2 Hz weave: 4 F_C/(pi omega A).
+SIGMA_2_EQUIVALENT = 4.2  # [N m s/rad]

@@ -1,0 +1,122 @@
+"""The one place that decides how kernels are compiled and where the machine code is cached.
+
+A kernel is a small scalar function decorated with :func:`kernel`. It is compiled by numba
+without fast-math (mirror symmetry has to be exact) and without the GIL (lanes run in threads),
+and cached on disk. numba's own cache looks only at the file that holds the kernel, so a change
+in a callee of another file would serve stale code; here the directory is named by a digest of
+every source file of the packages that a kernel can reach, so any change starts a fresh one.
+"""
+
+import hashlib
+import marshal
+import os
+import platform
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numba
+import platformdirs
+from numba.core import config
+
+_dispatchers: list[Any] = []
+_digests: dict[str, str] = {}  # package folder or foreign law -> digest, in order of import
+
+
+def _digest_of(files: list[Path]) -> str:
+    digest = hashlib.sha256()
+    for file in sorted(files):
+        digest.update(file.name.encode())
+        digest.update(file.read_bytes())
+    return digest.hexdigest()
+
+
+def _package_root(file: Path) -> Path | None:
+    """Topmost folder with an ``__init__.py`` that holds ``file``; None for a lone module."""
+    root = None
+    for folder in file.parents:
+        if not (folder / "__init__.py").exists():
+            break
+        root = folder
+    return root
+
+
+def _add_sources(function: Callable) -> bool:
+    """Count the sources behind ``function``; True if they were not counted before."""
+    file = Path(function.__code__.co_filename)
+    if not file.is_file():  # typed at a prompt: the code object is all there is
+        key, digest = repr(function), hashlib.sha256(marshal.dumps(function.__code__)).hexdigest()
+    else:
+        root = _package_root(file)
+        key = str(root or file)
+        if key in _digests:
+            return False
+        digest = _digest_of(list(root.rglob("*.py")) if root else [file])
+    _digests[key] = digest
+    return True
+
+
+def cache_directory() -> Path | None:
+    """Folder of the machine code for the sources known so far; None where none is writable.
+
+    ``NUMBA_CACHE_DIR``, if set, is the parent; else the user's cache folder.
+    """
+    parent = Path(os.environ.get("NUMBA_CACHE_DIR") or platformdirs.user_cache_dir("steer_env"))
+    text = "".join([numba.__version__, platform.processor(), config.CPU_NAME or "", *_digests.values()])
+    folder = parent / hashlib.sha256(text.encode()).hexdigest()[:16]
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            return folder
+    except OSError:
+        return None
+
+
+def _cache(dispatcher: Any) -> None:
+    """Point a dispatcher at the current cache folder, or at none."""
+    folder = cache_directory()
+    if folder is None:
+        return
+    previous = config.CACHE_DIR
+    config.CACHE_DIR = str(folder)  # read once, when the dispatcher chooses its locator
+    try:
+        dispatcher.enable_caching()
+    except RuntimeError:
+        pass  # no source file to stamp (a kernel typed at a prompt): compile in memory
+    finally:
+        config.CACHE_DIR = previous
+
+
+def kernel(function: Callable) -> Any:
+    """Compile a scalar kernel on first use; plain Python under ``NUMBA_DISABLE_JIT=1``."""
+    if config.DISABLE_JIT:
+        return function
+    _add_sources(function)
+    dispatcher = numba.njit(nogil=True, error_model="numpy")(function)
+    _cache(dispatcher)
+    _dispatchers.append(dispatcher)
+    return dispatcher
+
+
+def include_sources(function: Callable) -> None:
+    """Make the cache depend on a law from outside the packages too.
+
+    Compiled callers inline the law, so every known kernel moves to a folder named after it.
+    """
+    if not config.DISABLE_JIT and _add_sources(function):
+        for dispatcher in _dispatchers:
+            _cache(dispatcher)
+
+
+def bind(function: Any, *arguments: Any) -> Callable:
+    """Entry point of ``function`` compiled for the types of these example arguments.
+
+    Looking up a signature with nested parameter tuples costs ten times the unpacking of them;
+    a loop that always passes the same types does it once. Wrong types are undefined behaviour.
+    """
+    if config.DISABLE_JIT:
+        return function
+    signature = tuple(numba.typeof(argument) for argument in arguments)
+    function.compile(signature)
+    return function.get_overload(signature)

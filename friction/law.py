@@ -1,0 +1,243 @@
+"""What a friction law is, the registry of laws, and the step equation that all of them share.
+
+A law is an immutable ``NamedTuple`` of parameters and a few scalar kernels. Inside compiled code
+the class of the parameters selects the kernels, at compile time; in plain Python the functions
+below look the class up. The torque of a law *resists* positive velocity [N m].
+
+Every kernel takes ``(p, level, memory, ...)``: the parameters, a factor on the saturated friction
+(load-dependent friction; 1 leaves the parameters as they are), and the law's memory, a view of
+``memory_size`` floats that is all zero at rest.
+"""
+
+import inspect
+import types
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numba
+from numba.core import types as nb
+from numba.extending import overload
+
+from friction.kernel import include_sources, kernel
+
+
+class Law(NamedTuple):
+    """A registered law: see :func:`register` for the meaning of the fields."""
+
+    name: str
+    parameters: type
+    make: Callable[..., Any]
+    memory_size: Callable[[Any], int]
+    advance: Callable
+    torque: Callable
+    rate: Callable
+    stored_energy: Callable
+    mean_torque: Callable | None
+    solve: Callable
+
+
+_by_name: dict[str, Law] = {}
+_by_class: dict[type, Law] = {}
+
+
+def register(
+    name: str,
+    parameters: type,
+    *,
+    make: Callable[..., Any],
+    memory_size: Callable[[Any], int],
+    advance: Callable,
+    torque: Callable,
+    rate: Callable,
+    stored_energy: Callable,
+    mean_torque: Callable | None = None,
+    solve: Callable | None = None,
+) -> None:
+    """Make a law known under a name; one call at the end of the law's file.
+
+    Parameters
+    ----------
+    name : str
+        Lower-case name for ``friction.make``.
+    parameters : NamedTuple class
+        Immutable parameters, floats or ``(N,)`` arrays.
+    make : callable
+        Checked constructor with keyword arguments only, all with defaults; ValueError on bad values.
+    memory_size : callable
+        Parameters -> number of floats of memory.
+    advance : ``(p, level, memory, w, h) -> None``
+        Exact change of the memory over ``h`` [s] at constant speed ``w`` [rad/s].
+    torque : ``(p, level, memory, w) -> float``
+        Torque now [N m]; at ``w = 0`` it is the limit of ``mean_torque`` there.
+    rate : ``(p, level, memory, w, out) -> None``
+        Time derivative of the memory at speed ``w`` into ``out``: what a plain ODE solver integrates.
+    stored_energy : ``(p, memory) -> float``
+        Energy that the memory can give back [J].
+    mean_torque : ``(p, level, memory, w, h) -> (float, float)``, optional
+        Exact mean torque over ``h`` at constant ``w``, and its derivative by ``w``.
+    solve : ``(p, level, memory, S, R, h, guess) -> float``, optional
+        The speed ``w`` that solves ``S w + mean_torque(w) = R``. Without it, a safeguarded Newton
+        iteration on ``mean_torque`` does.
+
+    Raises
+    ------
+    ValueError
+        If the name is taken by another class, or the law brings neither ``mean_torque`` nor ``solve``.
+    """
+    known = _by_name.get(name)
+    if known is not None and known.parameters is not parameters:
+        raise ValueError(f"friction law {name!r} is already registered by {known.parameters.__module__}")
+    if mean_torque is None and solve is None:
+        raise ValueError(f"friction law {name!r} needs mean_torque or solve")
+    law = Law(name, parameters, make, memory_size, advance, torque, rate, stored_energy, mean_torque, solve or _newton)
+    _by_name[name] = _by_class[parameters] = law
+    include_sources(advance)
+
+
+def available() -> tuple[str, ...]:
+    """Names of the registered laws, in alphabetical order."""
+    return tuple(sorted(_by_name))
+
+
+def law_of(p: Any) -> Law:
+    """The law that the class of these parameters belongs to.
+
+    Raises
+    ------
+    ValueError
+        If ``p`` is not an instance of a registered parameter class.
+    """
+    try:
+        return _by_class[type(p)]
+    except KeyError:
+        names = ", ".join(available())
+        raise ValueError(f"{p!r} is not a set of friction parameters; make one with friction.make({names})") from None
+
+
+def make(name: str, **parameters: Any) -> Any:
+    """Parameters of the law called ``name``; those not given take the default car's calibration.
+
+    Raises
+    ------
+    ValueError
+        Unknown name or key (the valid ones are listed), or a value that the law does not allow.
+    """
+    if name not in _by_name:
+        raise ValueError(f"unknown friction law {name!r}; available: {', '.join(available())}")
+    constructor = _by_name[name].make
+    valid = tuple(inspect.signature(constructor).parameters)
+    for key in parameters:
+        if key not in valid:
+            raise ValueError(f"friction law {name!r} has no parameter {key!r}; it takes: {', '.join(valid)}")
+    return constructor(**parameters)
+
+
+def resolve(friction: Any) -> Any:
+    """Parameters from a law's name (its defaults) or from parameters, which pass unchanged."""
+    if isinstance(friction, str):
+        return make(friction)
+    law_of(friction)
+    return friction
+
+
+# The dispatch points. Plain Python runs the bodies; compiled code takes the law's function itself.
+
+
+def advance(p, level, memory, w, h):
+    """Change of the memory over ``h`` at constant speed ``w``."""
+    law_of(p).advance(p, level, memory, w, h)
+
+
+def torque(p, level, memory, w):
+    """Torque at this moment [N m]."""
+    return law_of(p).torque(p, level, memory, w)
+
+
+def rate(p, level, memory, w, out):
+    """Time derivative of the memory at speed ``w``."""
+    law_of(p).rate(p, level, memory, w, out)
+
+
+def stored_energy(p, memory):
+    """Energy that the memory can give back [J]."""
+    return law_of(p).stored_energy(p, memory)
+
+
+def mean_torque(p, level, memory, w, h):
+    """Exact mean torque over ``h`` at constant ``w``, and its derivative."""
+    return law_of(p).mean_torque(p, level, memory, w, h)
+
+
+def solve(p, level, memory, S, R, h, guess):
+    """Speed ``w`` with ``S w + mean_torque(w) = R``."""
+    return law_of(p).solve(p, level, memory, S, R, h, guess)
+
+
+def _compile_dispatch(point: types.FunctionType) -> None:
+    def choose(p, *_):
+        law = _by_class.get(p.instance_class) if isinstance(p, nb.BaseNamedTuple) else None
+        function = getattr(law, point.__name__, None)
+        # numba compiles the plain function as part of the caller, so nothing is passed at run time
+        return getattr(function, "py_func", function)
+
+    overload(point, strict=False)(choose)
+
+
+if not numba.config.DISABLE_JIT:
+    for _point in (advance, torque, rate, stored_energy, mean_torque, solve):
+        _compile_dispatch(_point)
+
+
+def _newton(p, level, memory, S, R, h, guess):
+    """Safeguarded Newton iteration for ``S w + mean_torque(w) = R``.
+
+    The root lies on the side of zero that ``R`` minus the torque at rest points to; a bracket kept
+    there turns a step that leaves it into a bisection, so the kink at zero cannot make it cycle.
+    """
+    excess = R - torque(p, level, memory, 0.0)
+    if excess == 0.0:
+        return 0.0
+    side = 1.0 if excess > 0.0 else -1.0
+    low = 0.0
+    high = -1.0  # not known yet
+    s = side * guess
+    if s <= 0.0:
+        s = abs(excess) / (S + mean_torque(p, level, memory, 0.0, h)[1])
+        if not s > 0.0:
+            s = abs(excess) / S
+    for _ in range(100):
+        F, slope = mean_torque(p, level, memory, side * s, h)
+        residual = side * (S * side * s + F - R)
+        if residual > 0.0:
+            high = s
+        else:
+            low = s
+        gradient = S + slope
+        new = s - residual / gradient if gradient > 0.0 else -1.0
+        if new <= low or (high > 0.0 and new >= high):
+            if residual == 0.0:
+                break
+            new = 0.5 * (low + high) if high > 0.0 else 2.0 * s
+            if new in (low, high):  # the bracket is down to neighbouring floats
+                break
+        change = abs(new - s)
+        s = new
+        if change <= 1e-9 * s:  # quadratic convergence: the step after this one would be below rounding
+            break
+    return side * s
+
+
+@kernel
+def step(p, level, memory, S, R, h, guess):
+    """One step of length ``h`` of ``S w + T = R``: the frame that every law runs in.
+
+    Returns
+    -------
+    w : float
+        Mean speed over the step [rad/s].
+    T : float
+        Mean torque over the step [N m], taken from the balance so that the energy books close exactly.
+    """
+    w = solve(p, level, memory, S, R, h, guess)
+    advance(p, level, memory, w, h)
+    return w, R - S * w

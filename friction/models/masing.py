@@ -1,0 +1,215 @@
+"""Masing: springs with sliders in parallel (parallel Jenkins elements).
+
+    T = sum k_i e_i + s1 sum k_i de_i/dt / sum k_i,    de_i/dt = v unless |e_i| = y_i and v drives it on
+
+An element is a spring up to its yield displacement and a constant torque after it, so every branch after a
+reversal is the virgin curve scaled by two. The optional micro-damper ``sigma_1`` acts on the elastic motion only,
+as LuGre's does, and so leaves the saturated torque alone.
+
+Source: Masing, 2nd Int. Congress of Applied Mechanics, Zürich 1926; Iwan, J. Applied Mechanics 33 (1966) 893-900.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from friction import defaults
+from friction.check import not_negative, number, positive
+from friction.kernel import kernel
+from friction.law import register
+
+MAX_ELEMENTS = 32
+
+
+class Masing(NamedTuple):
+    """Unchecked parameters; ``friction.make("masing", ...)`` checks. Elements in ascending order of yield."""
+
+    k: NDArray[np.float64]  # (N,) stiffnesses [N m/rad]
+    y: NDArray[np.float64]  # (N,) yield displacements [rad]
+    sigma_1: float  # micro-damping [N m s/rad]
+
+
+def make(
+    *,
+    k: ArrayLike | None = None,
+    y: ArrayLike | None = None,
+    F_c: float | None = None,
+    x_c: float | None = None,
+    elements: int | None = None,
+    sigma_1: float = 0.0,
+) -> Masing:
+    """Checked Masing parameters, from explicit elements ``k``, ``y`` or from an exponential virgin curve.
+
+    The virgin curve is ``F_c (1 - exp(-x/x_c))``; by default ``x_c = F_c/(2 SIGMA_0)``, for which the branch after a
+    saturated reversal equals LuGre's and Dahl's, with 10 elements.
+
+    Raises
+    ------
+    ValueError
+        Values out of range, more than 32 elements, or both descriptions at once.
+    """
+    damping = not_negative("sigma_1", sigma_1)
+    if k is not None or y is not None:
+        if k is None or y is None:
+            raise ValueError(f"k and y come together, got {'y' if k is None else 'k'} alone")
+        if any(value is not None for value in (F_c, x_c, elements)):
+            raise ValueError("give either k and y, or F_c, x_c and elements, not both")
+        return _elements(k, y, damping)
+    F = positive("F_c", defaults.F_C if F_c is None else F_c)
+    length = positive("x_c", F / (2.0 * defaults.SIGMA_0) if x_c is None else x_c)
+    n = number("elements", 10 if elements is None else elements, minimum=1, maximum=MAX_ELEMENTS)
+    if n != int(n):
+        raise ValueError(f"elements must be a whole number from 1 to {MAX_ELEMENTS}, got {elements!r}")
+    # Chords of 1 - exp(-u) are equally far from it where the knots are even in exp(-u/2); the last knot stands
+    # where the rest of the curve is as far off as the chords, and carries the full torque.
+    tail = 1.0 / (n + 1.0)
+    u = -2.0 * np.log(np.linspace(1.0, tail, int(n) + 1)[1:])
+    f = -np.expm1(-u)
+    f[-1] = 1.0
+    return from_virgin_curve(length * u, F * f, sigma_1=damping)
+
+
+def from_virgin_curve(x: ArrayLike, T: ArrayLike, *, sigma_1: float = 0.0) -> Masing:
+    """Elements whose virgin curve is the polygon from the origin through the points ``(x, T)``, flat after the last.
+
+    Parameters
+    ----------
+    x : (N,) array_like
+        Displacements, positive and ascending [rad].
+    T : (N,) array_like
+        Torques [N m], concave: each slope at most the one before, none negative.
+
+    Raises
+    ------
+    ValueError
+        If the polygon is not concave or not ascending.
+    """
+    xs, Ts = np.asarray(x, float), np.asarray(T, float)
+    if xs.ndim != 1 or xs.shape != Ts.shape or xs.size == 0:
+        raise ValueError(f"x and T must be one-dimensional of equal length, got shapes {xs.shape} and {Ts.shape}")
+    if not (np.isfinite(xs).all() and np.isfinite(Ts).all()) or np.any(np.diff(xs, prepend=0.0) <= 0.0):
+        raise ValueError(f"x must be finite, positive and ascending, got {xs}")
+    slopes = np.diff(Ts, prepend=0.0) / np.diff(xs, prepend=0.0)
+    k = slopes - np.append(slopes[1:], 0.0)
+    if np.any(k < 0.0):
+        raise ValueError(f"a virgin curve must be concave with slopes that do not fall below zero, got slopes {slopes}")
+    return _elements(k, xs, not_negative("sigma_1", sigma_1))
+
+
+def _elements(k: ArrayLike, y: ArrayLike, sigma_1: float) -> Masing:
+    ks, ys = np.array(k, float, ndmin=1), np.array(y, float, ndmin=1)
+    if ks.ndim != 1 or ks.shape != ys.shape or not 1 <= ks.size <= MAX_ELEMENTS:
+        raise ValueError(f"k and y must hold 1 to {MAX_ELEMENTS} values each, got shapes {ks.shape} and {ys.shape}")
+    for name, values in (("k", ks), ("y", ys)):
+        if not np.isfinite(values).all() or np.any(values <= 0.0 if name == "y" else values < 0.0):
+            raise ValueError(f"{name} must be finite and positive, got {values}")
+    if not ks.sum() > 0.0:
+        raise ValueError(f"at least one stiffness must be above zero, got {ks}")
+    order = np.argsort(ys, kind="stable")
+    ks, ys = np.ascontiguousarray(ks[order]), np.ascontiguousarray(ys[order])
+    ks.flags.writeable = ys.flags.writeable = False
+    return Masing(ks, ys, sigma_1)
+
+
+def virgin_torque(p: Masing, x: float | Sequence[float] | NDArray) -> NDArray[np.float64]:
+    """Torque on first loading to the displacement ``x``, of any shape [rad] -> same shape [N m]."""
+    xs = np.asarray(x, float)[..., None]
+    return np.sum(p.k * np.clip(xs, -p.y, p.y), axis=-1)
+
+
+@kernel
+def solve(p, level, memory, S, R, h, guess):
+    """March over the elements that yield within the step.
+
+    With D = |w| h and the elements of Y past their yield (gap g_i at the start of the step) the balance times D is
+    (S/h + K/2 + s/h) D^2 + (A - |R|) D - C/2 = 0, where K sums the springs that still follow, A the torques at the
+    start (at yield for Y) and C = sum over Y of k g^2. A spring that yields gives way, so D only grows with Y and no
+    element ever has to leave it: each pass adds the gaps that D passes, until none is left.
+    """
+    n = p.k.size
+    rest = 0.0
+    K = 0.0
+    for i in range(n):
+        limit = level * p.y[i]
+        memory[i] = min(max(memory[i], -limit), limit)  # the level may have fallen since the last step
+        rest += p.k[i] * memory[i]
+        K += p.k[i]
+    if R == rest:
+        return 0.0
+    side = 1.0 if R > rest else -1.0
+    damping = p.sigma_1 / (K * h)
+    A = side * rest - side * R
+    B = S / h + 0.5 * K + damping * K
+    C = 0.0
+    D = -A / B
+    passed = 0.0  # gaps up to here are counted in Y
+    while True:
+        reach = D
+        grown = False
+        for i in range(n):
+            gap = level * p.y[i] - side * memory[i]
+            # the gap has to be positive, or zero on the very first pass, to be new
+            if gap < reach and (gap > passed or (gap == 0.0 and passed == 0.0)):
+                A += p.k[i] * (1.0 + damping) * gap
+                B -= p.k[i] * (0.5 + damping)
+                C += p.k[i] * gap * gap
+                grown = True
+        if not grown:
+            return side * D / h
+        passed = reach
+        # the root of B D^2 + A D - C/2 = 0 that is positive, in the form that does not cancel
+        root = math.sqrt(A * A + 2.0 * B * C)
+        D = C / (A + root) if A > 0.0 else (root - A) / (2.0 * B)
+
+
+@kernel
+def advance(p, level, memory, w, h):
+    D = w * h
+    for i in range(p.k.size):
+        limit = level * p.y[i]
+        memory[i] = min(max(memory[i] + D, -limit), limit)
+
+
+@kernel
+def torque(p, level, memory, w):
+    T = 0.0
+    K = 0.0
+    elastic = 0.0
+    for i in range(p.k.size):
+        limit = level * p.y[i]
+        e = min(max(memory[i], -limit), limit)
+        T += p.k[i] * e
+        K += p.k[i]
+        if w * e < limit * abs(w):
+            elastic += p.k[i]
+    return T + p.sigma_1 * w * elastic / K
+
+
+@kernel
+def rate(p, level, memory, w, out):
+    for i in range(p.k.size):
+        out[i] = w if w * memory[i] < level * p.y[i] * abs(w) else 0.0
+
+
+@kernel
+def stored_energy(p, memory):
+    E = 0.0
+    for i in range(p.k.size):
+        E += 0.5 * p.k[i] * memory[i] ** 2
+    return E
+
+
+register(
+    "masing",
+    Masing,
+    make=make,
+    memory_size=lambda p: p.k.size,
+    advance=advance,
+    torque=torque,
+    rate=rate,
+    stored_energy=stored_energy,
+    solve=solve,
+)

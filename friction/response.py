@@ -1,0 +1,49 @@
+"""Torque of a law along a prescribed displacement."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from friction.check import positive
+from friction.kernel import kernel
+from friction.law import advance, law_of, resolve, torque
+
+
+@kernel
+def _follow(p, memory, x, dt, out):
+    for i in range(1, x.size):
+        w = (x[i] - x[i - 1]) / dt
+        advance(p, 1.0, memory, w, dt)
+        out[i] = torque(p, 1.0, memory, w)
+
+
+def response(law: Any, x: ArrayLike, dt: float) -> NDArray[np.float64]:
+    """Friction torque at the samples of a displacement history, straight lines between the samples.
+
+    Parameters
+    ----------
+    law : parameters or str
+        From ``friction.make``, or a law's name for its defaults.
+    x : (T,) array_like
+        Displacement [rad].
+    dt : float
+        Time between samples [s].
+
+    Returns
+    -------
+    (T,) array
+        Torque that resists positive motion [N m], exact for the polygon; the memory is at rest at ``x[0]``.
+
+    Raises
+    ------
+    ValueError
+        If ``law`` is none, ``x`` is not a finite one-dimensional history, or ``dt`` is not positive.
+    """
+    p = resolve(law)
+    path = np.ascontiguousarray(x, dtype=float)
+    if path.ndim != 1 or path.size == 0 or not np.isfinite(path).all():
+        raise ValueError(f"x must be a finite one-dimensional displacement history, got shape {path.shape}")
+    out = np.zeros_like(path)
+    _follow(p, np.zeros(law_of(p).memory_size(p)), path, positive("dt", dt), out)
+    return out
