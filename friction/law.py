@@ -214,16 +214,13 @@ def _newton(p, level, memory, S, R, h, guess):
             low = s
         gradient = S + slope
         new = s - residual / gradient if gradient > 0.0 else -1.0
+        if abs(new - s) <= 1e-9 * s:  # quadratic convergence: the step after this one would be below rounding
+            return side * new
         if new <= low or (high > 0.0 and new >= high):
-            if residual == 0.0:
-                break
             new = 0.5 * (low + high) if high > 0.0 else 2.0 * s
             if new in (low, high):  # the bracket is down to neighbouring floats
                 break
-        change = abs(new - s)
         s = new
-        if change <= 1e-9 * s:  # quadratic convergence: the step after this one would be below rounding
-            break
     return side * s
 
 

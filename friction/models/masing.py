@@ -141,25 +141,24 @@ def solve(p, level, memory, S, R, h, guess):
         return 0.0
     side = 1.0 if R > rest else -1.0
     damping = p.sigma_1 / (K * h)
-    A = side * rest - side * R
-    B = S / h + 0.5 * K + damping * K
-    C = 0.0
-    D = -A / B
-    passed = 0.0  # gaps up to here are counted in Y
+    D = side * (R - rest) / (S / h + (0.5 + damping) * K)
+    known = 0
     while True:
-        reach = D
-        grown = False
+        yielded = 0
+        A = side * (rest - R)
+        B = S / h  # summed afresh: taking the yielded springs from the whole leaves rounding where S/h is small
+        C = 0.0
         for i in range(n):
             gap = level * p.y[i] - side * memory[i]
-            # the gap has to be positive, or zero on the very first pass, to be new
-            if gap < reach and (gap > passed or (gap == 0.0 and passed == 0.0)):
+            if gap < D:
                 A += p.k[i] * (1.0 + damping) * gap
-                B -= p.k[i] * (0.5 + damping)
                 C += p.k[i] * gap * gap
-                grown = True
-        if not grown:
+                yielded += 1
+            else:
+                B += p.k[i] * (0.5 + damping)
+        if yielded <= known:
             return side * D / h
-        passed = reach
+        known = yielded
         # the root of B D^2 + A D - C/2 = 0 that is positive, in the form that does not cancel
         root = math.sqrt(A * A + 2.0 * B * C)
         D = C / (A + root) if A > 0.0 else (root - A) / (2.0 * B)

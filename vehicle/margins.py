@@ -1,0 +1,87 @@
+"""Stability margins of the assist loop, opened at the torsion-bar torque.
+
+The loop is the sampled one that the plant runs: the mechanics with the motor's lag between hold and sampler, the delay
+in whole samples, motor damping closed, and the boost curve replaced by its local gain.
+"""
+
+import math
+from typing import NamedTuple
+
+import control
+import numpy as np
+
+from vehicle.assist import SAMPLE_TIME, Assist, boost_curve
+from vehicle.column import Column
+
+
+class Margins(NamedTuple):
+    """Margins of one operating point; infinite where the loop has no such crossing."""
+
+    phase: float  # [rad]
+    gain: float  # factor [1]
+    phase_crossover: float  # frequency of unit gain, where the phase margin is read [Hz]
+    stable: bool  # the closed loop's poles lie inside the unit circle
+
+
+def boost_gain(a: Assist, torque: float, speed: float) -> float:
+    """Local slope of the boost curve [1] at a torsion-bar torque [N m] and a vehicle speed [m/s]."""
+    step = 1e-6
+    return (boost_curve(a, torque + step, speed)[0] - boost_curve(a, torque - step, speed)[0]) / (2.0 * step)
+
+
+def hands_fixed_loop(c: Column, a: Assist, gain: float, speed: float) -> control.StateSpace:
+    """Open loop at the torsion-bar torque, handwheel held, friction sliding at constant torque.
+
+    Parameters
+    ----------
+    c, a : parameters of column and assist
+    gain : float
+        Local gain of the boost curve [1].
+    speed : float
+        Vehicle speed, for the motor damping [m/s].
+
+    Returns
+    -------
+    control.StateSpace
+        Discrete at 1 ms; negative feedback around it is the assist loop.
+    """
+    damping = boost_curve(a, 0.0, speed)[1]
+    K, C = c.K_tb, c.C2 + c.C_tb
+    A = [[0.0, 1.0, 0.0], [-K / c.I2, -C / c.I2, 1.0 / c.I2], [0.0, 0.0, -a.bandwidth]]
+    # outputs: column angle times torsion-bar stiffness (minus the sensor's torque), column speed
+    plant = control.ss(A, [[0.0], [0.0], [a.bandwidth]], [[K, 0.0, 0.0], [0.0, 1.0, 0.0]], 0.0)
+    # The command changes within the sample: the old one acts for the offset, the new one for the rest.
+    rest = control.c2d(plant, SAMPLE_TIME - a.offset, "zoh")
+    old = control.c2d(plant, a.offset, "zoh") if a.offset > 0.0 else control.ss(np.eye(3), np.zeros((3, 1)), plant.C, 0.0)
+    # states: plant, then the commands of the last delay + 1 samples, the newest first
+    n = a.delay + 1
+    phi = np.zeros((3 + n, 3 + n))
+    phi[:3, :3] = rest.A @ old.A
+    phi[:3, [2 + n]] = rest.A @ old.B
+    phi[4:, 3:-1] = np.eye(n - 1)
+    gamma = np.zeros((3 + n, 1))
+    gamma[3] = 1.0
+    if a.delay:
+        phi[:3, [1 + n]] += rest.B
+    else:
+        gamma[:3] = rest.B
+    delayed = control.ss(phi, gamma, np.hstack([plant.C, np.zeros((2, n))]), 0.0, SAMPLE_TIME)
+    selection = control.ss([], [], [], [[0.0, damping]], SAMPLE_TIME)
+    damped = control.feedback(delayed, selection)
+    lead = control.ss(-a.lead_a1, a.lead_b1 - a.lead_a1 * a.lead_b0, 1.0, a.lead_b0, SAMPLE_TIME)
+    return gain * lead * damped[0, 0]
+
+
+def margins(c: Column, a: Assist, gain: float, speed: float) -> Margins:
+    """Phase and gain margin of :func:`hands_fixed_loop`, and whether the closed loop is stable."""
+    loop = hands_fixed_loop(c, a, gain, speed)
+    omega = np.geomspace(1.0, 0.999 * math.pi / SAMPLE_TIME, 20000)
+    response = control.frequency_response(loop, omega)
+    gain_margin, phase_margin, _, _, crossover, _ = control.stability_margins(response)
+    closed = control.feedback(loop, 1)
+    return Margins(
+        math.radians(phase_margin),
+        float(gain_margin),
+        crossover / (2.0 * math.pi),
+        bool(np.all(np.abs(closed.poles()) < 1.0)),
+    )
