@@ -80,6 +80,8 @@ class Recording:
         for name, values in channels.items():
             if values.size != time.size:
                 raise ValueError(f"channel {name!r} has {values.size} samples, time has {time.size}")
+        if "time" in channels:
+            raise ValueError("no channel may be called 'time': that is the time base")
         if set(self.units) != set(channels):
             raise ValueError(f"units must name the channels {sorted(channels)}; got {sorted(self.units)}")
         for name, unit in self.units.items():
@@ -203,51 +205,60 @@ class Recording:
         """
         with open(path, encoding="utf-8-sig") as file:
             lines = [line.rstrip("\n") for line in file]
-        meta: dict[str, Any] = {}
-        first = 0
-        while first < len(lines) and lines[first].startswith("#"):
-            key, colon, value = lines[first][1:].partition(":")
+        first = next((k for k, line in enumerate(lines) if not line.startswith("#")), len(lines))
+        meta = {}
+        for number, line in enumerate(lines[:first], start=1):
+            key, colon, value = line[1:].partition(":")
             if not colon:
-                raise ValueError(f"{path}, line {first + 1}: expected '# key: value', got {lines[first]!r}")
+                raise _unreadable(path, number, 1, "'# key: value'", line)
             meta[key.strip()] = _meta_value(value.strip())
-            first += 1
         header = [column.strip() for column in lines[first].split(",")] if first < len(lines) else [""]
-        parsed = [_name_and_unit(column) for column in header]
-        for k, (column, pair) in enumerate(zip(header, parsed)):
-            here = f"{path}, line {first + 1}, column {k + 1}"
-            if k == 0 and column != "time_s":
-                raise ValueError(f"{here}: expected 'time_s', got {column!r}")
-            if pair is None:
-                suffixes = ", ".join(f"_{suffix}" for suffix, _ in FILE_UNITS.values())
-                raise ValueError(f"{here}: expected a name that ends in its unit ({suffixes}), got {column!r}")
-            if pair[0] in [other[0] for other in parsed[:k] if other]:
-                raise ValueError(f"{here}: expected each channel once, got {column!r} again")
-        rows: list[list[float]] = []
-        for number, line in enumerate(lines[first + 1 :], start=first + 2):
-            cells = line.split(",")
-            if len(cells) != len(header):
-                missing = header[min(len(cells), len(header) - 1)]
-                raise ValueError(
-                    f"{path}, line {number}, column {missing!r}: expected {len(header)} values, got {len(cells)}"
-                )
+        units = _read_header(path, first + 1, header)
+        table = _read_rows(path, first + 2, header, lines[first + 1 :])
+        channels = {name: values * FILE_UNITS[unit][1] for (name, unit), values in zip(units.items(), table[1:])}
+        return cls(table[0], channels, units, meta)
+
+
+def _unreadable(path: Any, line: int, column: int | str, expected: str, got: object) -> ValueError:
+    return ValueError(f"{path}, line {line}, column {column!r}: expected {expected}, got {got!r}")
+
+
+def _read_header(path: Any, line: int, header: list[str]) -> dict[str, str]:
+    """Units of the channels that the header names after ``time_s``."""
+    if header[0] != "time_s":
+        raise _unreadable(path, line, 1, "'time_s'", header[0])
+    units: dict[str, str] = {}
+    for k, column in enumerate(header[1:], start=2):
+        pair = _name_and_unit(column)
+        if pair is None:
+            suffixes = ", ".join(f"_{suffix}" for suffix, _ in FILE_UNITS.values())
+            raise _unreadable(path, line, k, f"a name that ends in its unit ({suffixes})", column)
+        if pair[0] in units:
+            raise _unreadable(path, line, k, "each channel once", column)
+        units[pair[0]] = pair[1]
+    return units
+
+
+def _read_rows(path: Any, line: int, header: list[str], lines: list[str]) -> np.ndarray:
+    """The table below the header, one row a column of the file, (C, T), in the file's units."""
+    rows: list[list[float]] = []
+    for number, text in enumerate(lines, start=line):
+        cells = text.split(",")
+        if len(cells) != len(header):
+            where = header[min(len(cells), len(header) - 1)]
+            raise _unreadable(path, number, where, f"{len(header)} values", len(cells))
+        row: list[float] = []
+        for column, cell in zip(header, cells):
             try:
-                rows.append([float(cell) for cell in cells])
+                row.append(float(cell))
             except ValueError:
-                k = next(k for k, cell in enumerate(cells) if not _is_number(cell))
-                raise ValueError(
-                    f"{path}, line {number}, column {header[k]!r}: expected a number, got {cells[k]!r}"
-                ) from None
-            if not np.isfinite(rows[-1][0]) or (len(rows) > 1 and rows[-1][0] <= rows[-2][0]):
-                raise ValueError(
-                    f"{path}, line {number}, column 'time_s': expected a finite time after that of the line before, "
-                    f"got {cells[0]!r}"
-                )
-        if len(rows) < 2:
-            raise ValueError(f"{path}, line {len(lines)}, column 'time_s': expected at least two rows, got {len(rows)}")
-        table = np.array(rows).T
-        pairs = [pair for pair in parsed[1:] if pair]
-        channels = {name: values * FILE_UNITS[unit][1] for (name, unit), values in zip(pairs, table[1:])}
-        return cls(table[0], channels, dict(pairs), meta)
+                raise _unreadable(path, number, column, "a number", cell) from None
+        if not np.isfinite(row[0]) or (rows and row[0] <= rows[-1][0]):
+            raise _unreadable(path, number, "time_s", "a finite time after that of the line before", cells[0])
+        rows.append(row)
+    if len(rows) < 2:
+        raise _unreadable(path, line + len(rows), "time_s", "at least two rows", len(rows))
+    return np.array(rows).T
 
 
 def _frozen(values: Any, name: str) -> np.ndarray:
@@ -266,14 +277,6 @@ def _name_and_unit(column: str) -> tuple[str, str] | None:
         if name and name != column:
             return name, unit
     return None
-
-
-def _is_number(cell: str) -> bool:
-    try:
-        float(cell)
-    except ValueError:
-        return False
-    return True
 
 
 def _meta_value(text: str) -> Any:

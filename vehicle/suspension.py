@@ -10,39 +10,25 @@ radians. Arrays broadcast over a leading shape ``...``; a plain number is the em
 
 import json
 from collections.abc import Mapping
+from itertools import combinations
 from pathlib import Path
 from types import MappingProxyType
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-Array = NDArray[np.float64]
+Array = NDArray[Any]
 
 POINTS = (
-    "wheel_centre",
-    "lower_arm_front_pivot",
-    "lower_arm_rear_pivot",
-    "lower_ball_joint",
-    "strut_top",
-    "strut_axis_lower_point",
-    "tie_rod_outer",
-    "tie_rod_inner",
+    *("wheel_centre", "lower_arm_front_pivot", "lower_arm_rear_pivot", "lower_ball_joint"),
+    *("strut_top", "strut_axis_lower_point", "tie_rod_outer", "tie_rod_inner"),
 )
-# Pairs of points that span a link or an axis, so that they must not coincide.
-LINKS = (
-    ("lower_arm_front_pivot", "lower_arm_rear_pivot"),
-    ("lower_ball_joint", "lower_arm_front_pivot"),
-    ("lower_ball_joint", "lower_arm_rear_pivot"),
-    ("strut_top", "strut_axis_lower_point"),
-    ("strut_top", "lower_ball_joint"),
-    ("tie_rod_outer", "tie_rod_inner"),
-)
-SHORTEST = 1e-3  # shortest link or lever that is taken for meant [m] (assumed)
-LOOSE = 1e6  # condition number of the constraints beyond which nothing holds the knuckle (assumed)
+SHORTEST = 1e-3  # distance below which two points or lines are taken to meet [m] (assumed)
+LOOSE = 1e6  # condition number of the constraints that leaves the knuckle loose (assumed)
 STRIDES = (0.010, 0.001)  # of the path to a pose: the short one where the long one loses its way [m]
-MOST_MOVES = 400  # along that path
 LARGEST_STEP = 0.3  # Newton step of a path that goes on; a larger one has met the end of the range [m, rad]
+FARTHEST = 1.0  # rack or travel that is worth a try [m] (assumed)
 STRUT = [3, 4, 6]  # rows of the strut: across, across, along
 DATA = Path(__file__).parent / "data"
 MIRROR = np.array([1.0, -1.0, 1.0])  # of a point or force across the mid-plane; of a rotation: -MIRROR
@@ -88,8 +74,8 @@ class Pose(NamedTuple):
     def at_fixed_strut(self) -> Motion:
         """Derivative with respect to the rack at fixed strut length: a turn about the king-pin axis."""
         slope = self.per_rack.strut_length / self.per_travel.strut_length
-        moves = (u - slope[..., None] * v for u, v in zip(self.per_rack[:3], self.per_travel[:3]))
-        return Motion(*moves, np.zeros_like(slope))
+        centre, contact, turn = (u - slope[..., None] * v for u, v in zip(self.per_rack[:3], self.per_travel[:3]))
+        return Motion(centre, contact, turn, np.zeros_like(slope))
 
 
 class WheelLoad(NamedTuple):
@@ -111,24 +97,13 @@ class WheelLoad(NamedTuple):
 
 
 def load_coefficients(pose: Pose) -> WheelLoad:
-    """Work of each unit load per metre of rack, at fixed strut length (see :func:`rack_force`).
-
-    Returns
-    -------
-    WheelLoad of arrays (...): dimensionless for forces, [rad/m] for moments.
-    """
+    """Work (...) of each unit load per metre of rack, at fixed strut length: forces [1], moments [rad/m]."""
     motion = pose.at_fixed_strut()
-    c, s = np.cos(pose.steer_angle), np.sin(pose.steer_angle)
-
-    def along(vector: Array) -> Array:
-        return c * vector[..., 0] + s * vector[..., 1]
-
-    def across(vector: Array) -> Array:
-        return c * vector[..., 1] - s * vector[..., 0]
-
-    contact, turn = motion.contact, motion.rotation
-    forces = (along(contact), along(motion.wheel_centre), across(contact), contact[..., 2])
-    return WheelLoad(*forces, along(turn), across(turn), turn[..., 2])
+    # Turned back by the steer angle, x + iy of car axes becomes ahead + i left of the heading.
+    back = np.exp(-1j * pose.steer_angle)
+    centre, contact, turn = (back * (v[..., 0] + 1j * v[..., 1]) for v in motion[:3])
+    forces = (contact.real, centre.real, contact.imag, motion.contact[..., 2])
+    return WheelLoad(*forces, turn.real, turn.imag, motion.rotation[..., 2])
 
 
 def rack_force(pose: Pose, load: WheelLoad) -> Array:
@@ -142,25 +117,26 @@ def rack_force(pose: Pose, load: WheelLoad) -> Array:
 
     Parameters
     ----------
-    pose : Pose
-        Of the left or the right wheel, shape (...).
-    load : WheelLoad
-        Of that wheel, floats or arrays (...).
+    pose, load : Pose, WheelLoad
+        Of the left or the right wheel, floats or arrays (...).
 
     Returns
     -------
     F_rack : (...) array
         Positive where it resists a left turn [N]. The rack carries the sum of both wheels.
+
+    Source: virtual work, derived here; equal to the static equilibrium of the knuckle.
     """
-    return -sum(c * np.asarray(f) for c, f in zip(load_coefficients(pose), load))
+    work = [c * np.asarray(f) for c, f in zip(load_coefficients(pose), load)]
+    return -np.sum(np.broadcast_arrays(*work), axis=0)
 
 
 def mirrored(pose: Pose) -> Pose:
     """The pose seen in a mirror on the mid-plane: the right wheel of the opposite rack position."""
 
     def motion(m: Motion, sign: float) -> Motion:
-        points = (sign * MIRROR * m.wheel_centre, sign * MIRROR * m.contact)
-        return Motion(*points, -sign * MIRROR * m.rotation, sign * m.strut_length)
+        centre, contact, turn = sign * MIRROR * m.wheel_centre, sign * MIRROR * m.contact, -sign * MIRROR * m.rotation
+        return Motion(centre, contact, turn, sign * m.strut_length)
 
     points = ("wheel_centre", "contact", "lower_ball_joint", "strut_top", "tie_rod_outer", "tie_rod_inner")
     return pose._replace(
@@ -186,11 +162,10 @@ class MacPherson:
     Raises
     ------
     ValueError
-        A point is missing, unknown, not finite, coincides with its partner or leaves the knuckle
-        loose; the message names it, the value and what is allowed.
+        A point is missing, unknown, not finite, meets another one or leaves the knuckle loose;
+        the message names it, its value and what is allowed.
 
-    Source: rigid-body constraint equations, e.g. Blundell & Harty, The Multibody Systems Approach
-    to Vehicle Dynamics, ch. 4. The bushings are rigid and the steering rack runs along y.
+    Rigid links and bushings, rack along y. Source: rigid-body constraints, derived here.
     """
 
     def __init__(self, points: Mapping[str, ArrayLike], loaded_radius: float) -> None:
@@ -199,12 +174,11 @@ class MacPherson:
         if not 0.0 < self.loaded_radius < 2.0:
             raise ValueError(f"loaded_radius is {loaded_radius!r}; allowed: a number of metres between 0 and 2")
         at = {name: np.array(point) for name, point in self.points.items()}
-        ball, low, self._top = at["lower_ball_joint"], at["strut_axis_lower_point"], at["strut_top"]
         self._require(at)
-        axis = _unit(self._top - low)
+        ball, low, top = at["lower_ball_joint"], at["strut_axis_lower_point"], at["strut_top"]
+        axis = _unit(top - low)
         across = _unit(np.cross(axis, [1.0, 0.0, 0.0]))
-        self._ball = ball
-        self._height = at["wheel_centre"][2]
+        self._ball, self._top, self._height = ball, top, at["wheel_centre"][2]
         # Fixed in the knuckle, from the ball joint: tie rod, wheel; across the strut, across, along it.
         self._arms = np.array([at["tie_rod_outer"], at["wheel_centre"]]) - ball
         self._strut = np.array([across, np.cross(axis, across), axis])
@@ -214,10 +188,7 @@ class MacPherson:
         self._rack_axis = np.array([0.0, 1.0, 0.0])
         jacobian = self._linkage(ball, np.eye(3), np.zeros(()), np.zeros(()))[1]
         if np.linalg.cond(jacobian[:6]) > LOOSE:
-            raise ValueError(
-                f"the hard points do not close: the knuckle is loose at lower_ball_joint "
-                f"{self.points['lower_ball_joint']}; allowed: an arm that moves it up and down"
-            )
+            raise ValueError(f"lower_ball_joint is {ball}; allowed: where its arm can move it up and down")
         self._orientation = np.sign(np.linalg.det(jacobian[:6]))
         # A positive rack coordinate steers left, whether the tie rod is behind the axle or ahead of it.
         self._rack_axis *= np.sign(self._twists(jacobian)[5, 0])
@@ -255,46 +226,33 @@ class MacPherson:
         """
         rack, travel = np.broadcast_arrays(np.asarray(rack, np.float64), np.asarray(travel, np.float64))
         for name, value in (("rack", rack), ("travel", travel)):
-            if not np.isfinite(value).all():
-                raise ValueError(f"{name} is {value[~np.isfinite(value)].flat[0]}; allowed: finite numbers of metres")
+            if (wrong := value[~(np.abs(value) <= FARTHEST)]).size:
+                raise ValueError(f"{name} is {wrong[0]}; allowed: finite, at most {FARTHEST} m either way")
         for stride in STRIDES:
             ball, rotation, reached = self._follow(rack, travel, stride)
             if reached.all():
                 return self._pose(ball, rotation, rack, travel)
-        first = np.argmin(reached)
-        raise ValueError(self._out_of_reach(rack.flat[first], travel.flat[first]))
+        raise ValueError(self._out_of_reach(rack[~reached].flat[0], travel[~reached].flat[0]))
 
     def solve_pair(self, rack: ArrayLike, travel_left: ArrayLike, travel_right: ArrayLike) -> tuple[Pose, Pose]:
         """Poses of the left and the right wheel in car axes; the right strut is the mirror image."""
         return self.solve(rack, travel_left), mirrored(self.solve(-np.asarray(rack, np.float64), travel_right))
 
     def _require(self, at: dict[str, Array]) -> None:
-        """Refuse hard points that do not make a left front strut."""
-        ball, top, outer, inner = (at[n] for n in ("lower_ball_joint", "strut_top", "tie_rod_outer", "tie_rod_inner"))
-        front, rear = at["lower_arm_front_pivot"], at["lower_arm_rear_pivot"]
-        rod = _unit(inner - outer)
-        needs = (
-            ("wheel_centre", at["wheel_centre"][1], "a left wheel, y above"),
-            (
-                "strut_top",
-                top[2] - max(ball[2], at["strut_axis_lower_point"][2]),
-                "height over the rest of the strut above",
-            ),
-            (
-                "lower_ball_joint",
-                np.linalg.norm(np.cross(_unit(front - rear), ball - rear)),
-                "distance from the pivots' line above",
-            ),
-            (
-                "tie_rod_outer",
-                abs(np.cross(outer - ball, rod) @ _unit(top - ball)),
-                "lever of the tie rod about the king-pin axis above",
-            ),
-            ("tie_rod_inner", abs(inner[1] - outer[1]), "length of the tie rod along the rack above"),
-        )
-        for name, value, need in needs:
+        """Refuse hard points that do not make a left front strut, each by a distance that must not vanish."""
+        centre, front, rear, ball, top, low, outer, inner = (at[name] for name in POINTS)
+        swing = np.cross(_unit(front - rear), ball - rear)
+        lever = np.cross(outer - ball, _unit(inner - outer)) @ _unit(top - ball)
+        needs = {
+            "wheel_centre": (centre[1], "y of a left wheel"),
+            "strut_top": (top[2] - max(ball[2], low[2]), "height over the rest of the strut"),
+            "lower_ball_joint": (np.linalg.norm(swing), "distance from the line of the arm's pivots"),
+            "tie_rod_outer": (abs(lever), "lever of the tie rod about the king-pin axis"),
+            "tie_rod_inner": (abs(inner[1] - outer[1]), "length of the tie rod along the rack"),
+        }
+        for name, (value, meaning) in needs.items():
             if not value > SHORTEST:
-                raise ValueError(f"{name} is {self.points[name]}; allowed: {need} {SHORTEST} m, not {value:.3g} m")
+                raise ValueError(f"{name} is {self.points[name]}: {meaning} {value:.3g} m; allowed: above {SHORTEST} m")
 
     def _linkage(self, ball: Array, rotation: Array, rack: Array, travel: Array) -> tuple[Array, Array]:
         """Residual (..., 7) [m] and Jacobian (..., 7, 6) of the constraints; the last row is the strut length.
@@ -337,15 +295,15 @@ class MacPherson:
         ball = np.broadcast_to(self._ball, (*rack.shape, 3))
         rotation = np.broadcast_to(np.eye(3), (*rack.shape, 3, 3))
         lost = np.zeros(rack.shape, bool)
-        farthest = max(np.abs(rack).max(initial=0.0), np.abs(travel).max(initial=0.0))
-        moves = int(np.ceil(np.clip(farthest / stride, 1, MOST_MOVES)))
+        farthest = np.abs([rack, travel]).max(initial=0.0)
+        moves = max(1, int(np.ceil(farthest / stride)))
         for move in range(1, moves + 12):
             part = min(move / moves, 1.0)
             residual, jacobian = self._linkage(ball, rotation, part * rack, part * travel)
             step = -np.linalg.solve(jacobian[..., :6, :], residual[..., :6, None])[..., 0]
             size = np.abs(step).max(-1)
             lost = lost | ~(size < LARGEST_STEP)
-            step = np.where(lost[..., None], 0.0, step)
+            step[lost] = 0.0
             ball = ball + step[..., :3]
             rotation = _turn(step[..., 3:]) @ rotation
             # Convergence is quadratic: after a step of 1e-9 the error is below rounding.
@@ -357,15 +315,12 @@ class MacPherson:
     def _out_of_reach(self, rack: float, travel: float) -> str:
         """Message with the range of the rack at this travel, or else of the travel, to 1 mm."""
         scan = np.arange(-300, 301) * 1e-3
-        for name, reached in (
-            (f"rack at travel {travel:.4g} m", self._follow(scan, np.full_like(scan, travel), STRIDES[-1])[2]),
-            ("travel at rack 0", self._follow(np.zeros_like(scan), scan, STRIDES[-1])[2]),
-        ):
-            if reached[300]:
-                low = scan[:300][~reached[:300]].max(initial=scan[0] - 1e-3) + 1e-3
-                high = scan[301:][~reached[301:]].min(initial=scan[-1] + 1e-3) - 1e-3
-                break
-        return f"no pose at rack {rack:.6g} m, travel {travel:.6g} m; reachable: {name} from {low:.3f} to {high:.3f} m"
+        what, reached = f"rack at travel {travel:.4g} m", self._follow(scan, travel + 0 * scan, STRIDES[-1])[2]
+        if not reached[300]:
+            what, reached = "travel at rack 0", self._follow(0 * scan, scan, STRIDES[-1])[2]
+        low, high = scan[:300][~reached[:300]].max(initial=-0.301), scan[301:][~reached[301:]].min(initial=0.301)
+        reach = f"{what} from {low + 1e-3:.3f} to {high - 1e-3:.3f} m"
+        return f"no pose at rack {rack:.6g} m, travel {travel:.6g} m; reachable: {reach}"
 
     def _pose(self, ball: Array, rotation: Array, rack: Array, travel: Array) -> Pose:
         """Angles, points and derivatives of a solved knuckle."""
@@ -378,15 +333,13 @@ class MacPherson:
         contact = ball + wheel + down
         axis = self._top - ball
         pierced = ball + axis * ((contact - ball)[..., 2] / axis[..., 2])[..., None]  # king-pin axis at the ground
-        steer = np.arctan2(heading[..., 1], heading[..., 0])
-        inclination = np.arcsin(spin[..., 2])
-
+        steer, inclination = np.arctan2(heading[..., 1], heading[..., 0]), np.arcsin(spin[..., 2])
         twists = self._twists(jacobian)
 
         def motion(twist: Array) -> Motion:
             velocity, turn = twist[..., :3], twist[..., 3:]
-            points = (velocity + np.cross(turn, arm) for arm in (wheel, wheel + down))
-            return Motion(*points, turn, (jacobian[..., 6, :] * twist).sum(-1))
+            centre, contact = velocity + np.cross(turn, wheel), velocity + np.cross(turn, wheel + down)
+            return Motion(centre, contact, turn, (jacobian[..., 6, :] * twist).sum(-1))
 
         return Pose(
             toe=-steer,
@@ -425,21 +378,20 @@ def _checked(points: Mapping[str, ArrayLike]) -> Mapping[str, tuple[float, float
         if point.shape != (3,) or not (np.abs(point) < 10.0).all():
             raise ValueError(f"{name} is {points[name]!r}; allowed: three finite coordinates within 10 m")
         checked[name] = (float(point[0]), float(point[1]), float(point[2]))
-    for one, other in LINKS:
-        if np.linalg.norm(np.subtract(checked[one], checked[other])) < SHORTEST:
+    for one, other in combinations(POINTS, 2):
+        distance = np.linalg.norm(np.subtract(checked[one], checked[other]))
+        if distance < SHORTEST and {one, other} != {"lower_ball_joint", "strut_axis_lower_point"}:
             raise ValueError(f"{one} is {checked[one]}; allowed: at least {SHORTEST} m from {other} {checked[other]}")
     return MappingProxyType(checked)
 
 
 def _unit(vector: Array) -> Array:
+    """Of length one, along the last axis."""
     return vector / np.linalg.norm(vector, axis=-1, keepdims=True)
 
 
 def _turn(angle: Array) -> Array:
     """Rotation matrix (..., 3, 3) of a rotation vector (..., 3), by Rodrigues' formula."""
-    x, y, z = np.moveaxis(angle, -1, 0)
-    cross = np.zeros((*angle.shape, 3))
-    cross[..., [2, 0, 1], [1, 2, 0]] = np.stack([x, y, z], -1)
-    cross[..., [1, 2, 0], [2, 0, 1]] = np.stack([-x, -y, -z], -1)
+    cross = np.cross(np.eye(3), angle[..., None, :])
     size = np.linalg.norm(angle, axis=-1)[..., None, None]
     return np.eye(3) + np.sinc(size / np.pi) * cross + 0.5 * np.sinc(size / (2 * np.pi)) ** 2 * (cross @ cross)
