@@ -13,7 +13,7 @@ def decay(X):
     """
     E = math.exp(-X)
     if X > 0.1:
-        p1 = -math.expm1(-X) / X
+        p1 = (1.0 - E) / X
         p2 = (1.0 - p1) / X
         d1 = (E - p1) / X
         d2 = -(d1 + p2) / X

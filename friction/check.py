@@ -3,6 +3,9 @@
 import math
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 
 def number(
     name: str, value: Any, *, minimum: float = -math.inf, maximum: float = math.inf, above: bool = False
@@ -16,7 +19,7 @@ def number(
     """
     try:
         result = float(value)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise ValueError(f"{name} must be a number, got {value!r}") from None
     if not math.isfinite(result) or result < minimum or result > maximum or (above and result == minimum):
         low = f"greater than {minimum:g}" if above else f"at least {minimum:g}"
@@ -33,3 +36,23 @@ def positive(name: str, value: Any) -> float:
 def not_negative(name: str, value: Any) -> float:
     """A finite float, zero allowed."""
     return number(name, value, minimum=0.0)
+
+
+def numbers(name: str, values: Any) -> NDArray[np.float64]:
+    """``values`` as a new one-dimensional array of finite floats, at least one; a lone number counts as one.
+
+    Raises
+    ------
+    ValueError
+        Naming the parameter and what is wrong: the type, the shape, or the first value that is not finite.
+    """
+    try:
+        result = np.array(values, dtype=float, ndmin=1)
+    except (TypeError, ValueError):
+        raise ValueError(f"{name} must be a one-dimensional array of numbers, got {values!r}") from None
+    if result.ndim != 1 or result.size == 0:
+        raise ValueError(f"{name} must be one-dimensional with at least one value, got shape {result.shape}")
+    if not np.isfinite(result).all():
+        first = int(np.argmin(np.isfinite(result)))
+        raise ValueError(f"{name} must be finite, got {result[first]} at index {first}")
+    return result

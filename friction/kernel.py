@@ -20,7 +20,7 @@ import numba
 import platformdirs
 from numba.core import config
 
-_dispatchers: list[Any] = []
+_dispatchers: dict[Any, int] = {}  # kernel -> number of sources known when its cache folder was chosen
 _digests: dict[str, str] = {}  # package folder or foreign law -> digest, in order of import
 
 
@@ -42,8 +42,8 @@ def _package_root(file: Path) -> Path | None:
     return root
 
 
-def _add_sources(function: Callable) -> bool:
-    """Count the sources behind ``function``; True if they were not counted before."""
+def _add_sources(function: Callable) -> None:
+    """Count the sources behind ``function``, once."""
     file = Path(function.__code__.co_filename)
     if not file.is_file():  # typed at a prompt: the code object is all there is
         key, digest = repr(function), hashlib.sha256(marshal.dumps(function.__code__)).hexdigest()
@@ -51,10 +51,9 @@ def _add_sources(function: Callable) -> bool:
         root = _package_root(file)
         key = str(root or file)
         if key in _digests:
-            return False
+            return
         digest = _digest_of(list(root.rglob("*.py")) if root else [file])
     _digests[key] = digest
-    return True
 
 
 def cache_directory() -> Path | None:
@@ -75,6 +74,7 @@ def cache_directory() -> Path | None:
 
 def _cache(dispatcher: Any) -> None:
     """Point a dispatcher at the current cache folder, or at none."""
+    _dispatchers[dispatcher] = len(_digests)
     folder = cache_directory()
     if folder is None:
         return
@@ -95,17 +95,20 @@ def kernel(function: Callable) -> Any:
     _add_sources(function)
     dispatcher = numba.njit(nogil=True, error_model="numpy")(function)
     _cache(dispatcher)
-    _dispatchers.append(dispatcher)
     return dispatcher
 
 
-def include_sources(function: Callable) -> None:
+def include_sources(*functions: Callable) -> None:
     """Make the cache depend on a law from outside the packages too.
 
-    Compiled callers inline the law, so every known kernel moves to a folder named after it.
+    Compiled callers inline the law, so every kernel older than it moves to a folder named after it.
     """
-    if not config.DISABLE_JIT and _add_sources(function):
-        for dispatcher in _dispatchers:
+    if config.DISABLE_JIT:
+        return
+    for function in functions:
+        _add_sources(function)
+    for dispatcher, known in _dispatchers.items():
+        if known < len(_digests):
             _cache(dispatcher)
 
 

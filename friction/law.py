@@ -91,7 +91,7 @@ def register(
         raise ValueError(f"friction law {name!r} needs mean_torque or solve")
     law = Law(name, parameters, make, memory_size, advance, torque, rate, stored_energy, mean_torque, solve or _newton)
     _by_name[name] = _by_class[parameters] = law
-    include_sources(advance)
+    include_sources(*(function for function in law[4:] if function is not None))
 
 
 def available() -> tuple[str, ...]:

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from friction.check import positive
+from friction.check import numbers, positive
 from friction.kernel import kernel
 from friction.law import advance, law_of, resolve, torque
 
@@ -41,9 +41,7 @@ def response(law: Any, x: ArrayLike, dt: float) -> NDArray[np.float64]:
         If ``law`` is none, ``x`` is not a finite one-dimensional history, or ``dt`` is not positive.
     """
     p = resolve(law)
-    path = np.ascontiguousarray(x, dtype=float)
-    if path.ndim != 1 or path.size == 0 or not np.isfinite(path).all():
-        raise ValueError(f"x must be a finite one-dimensional displacement history, got shape {path.shape}")
+    path = numbers("x", x)
     out = np.zeros_like(path)
     _follow(p, np.zeros(law_of(p).memory_size(p)), path, positive("dt", dt), out)
     return out

@@ -2,7 +2,7 @@
 
 The definitions are after ISO 13674-1. A recording is low-passed with zero phase on every channel alike,
 cut into cycles at the handwheel angle's own crossings, and each cycle is read at 1000 instants. Cycles
-that do not reach full amplitude are left out, and so are the first and the last of the others.
+short of full amplitude at either end are left out, and so are the first and the last of the others.
 
 The loop y(x) of a cycle has a rising and a falling branch, split at the turning points of x.
 * A value at a level of x is interpolated where each branch crosses that level.
@@ -10,7 +10,7 @@ The loop y(x) of a cycle has a rising and a falling branch, split at the turning
   +-0.05 g or +-4 deg whatever the amplitude of the weave, and the mean of both branches.
 * Away from zero, both +level and -level count, the latter mirrored: an offset of a sensor drops out.
 
-A metric is one function from :class:`Loops` to one value a cycle, in SI; its docstring is the definition.
+A metric is a function from :class:`Loops` to one value a cycle, in SI; its docstring is its definition.
 The usual ranges are for passenger cars at 100 km/h, 0.2 Hz and 2 m/s2: assumed, engineering judgement.
 """
 
@@ -28,7 +28,6 @@ from scipy.interpolate import CubicSpline
 from steer_env.recording import DEGREE, Recording
 
 G = 9.80665  # standard gravity [m/s2]
-
 ANGLE, TORQUE, AY = "handwheel_angle", "handwheel_torque", "lateral_acceleration"
 YAW, SPEED = "yaw_rate", "vehicle_speed"
 CHANNELS = {ANGLE: "rad", TORQUE: "N m", AY: "m/s2", YAW: "rad/s", SPEED: "m/s"}
@@ -46,7 +45,10 @@ SPREAD = 0.2  # of the amplitudes of settled cycles around their median; assumed
 SPEED_SPREAD = 0.03  # of the mean speeds of the cycles around their mean
 END_SLACK = 0.02  # of a period that the first and the last cycle may lack; assumed
 FREQUENCY_SPREAD = 0.1  # of the frequency found around the one expected; assumed
-CONFIDENCE = 0.95
+TESTS = ("weave", "slow_ramp")
+
+
+PerCycle = Callable[["Loops"], np.ndarray]  # a metric's values (n,), one a cycle, in SI
 
 
 class RefusedError(ValueError):
@@ -74,7 +76,7 @@ class Metric:
     usual: tuple[float, float] | None  # range of passenger cars in a weave [unit]
     validity: tuple[float, float] | None  # peak lateral acceleration from and up to which it may be read [g]; None: any
     tests: tuple[str, ...]  # that report it
-    of_cycles: "Callable[[Loops], np.ndarray]"  # (n,), one value a cycle, in SI
+    of_cycles: PerCycle
 
 
 _metrics: dict[str, Metric] = {}
@@ -85,12 +87,12 @@ def metric(
     *,
     usual: tuple[float, float] | None = None,
     validity: tuple[float, float] | None = (0.0, LINEAR),
-    tests: tuple[str, ...] = ("weave", "slow_ramp"),
+    tests: tuple[str, ...] = TESTS,
     source: str = "after ISO 13674-1",
-) -> "Callable[[Callable[[Loops], np.ndarray]], Callable[[Loops], np.ndarray]]":
-    """Register a function ``Loops -> (n,)`` under its name, its docstring as definition; fields as in :class:`Metric`."""
+) -> Callable[[PerCycle], PerCycle]:
+    """Register a function under its name, with its docstring as definition; the rest as in :class:`Metric`."""
 
-    def register(function: "Callable[[Loops], np.ndarray]") -> "Callable[[Loops], np.ndarray]":
+    def register(function: PerCycle) -> PerCycle:
         name, text = function.__name__, " ".join((inspect.getdoc(function) or "").split())
         _metrics[name] = Metric(name, unit, text, source, usual, validity, tests, function)
         return function
@@ -100,10 +102,9 @@ def metric(
 
 def available(test: str | None = None) -> tuple[str, ...]:
     """Names of the metrics of "weave" or "slow_ramp", or of all; ValueError for another test."""
-    known = sorted({test for entry in _metrics.values() for test in entry.tests})
-    if test is not None and test not in known:
-        raise ValueError(f"no test {test!r}; there are {', '.join(known)}")
-    return tuple(name for name, entry in _metrics.items() if test is None or test in entry.tests)
+    if test not in (None, *TESTS):
+        raise ValueError(f"no test {test!r}; there are {', '.join(TESTS)}")
+    return tuple(name for name, entry in _metrics.items() if test in (None, *entry.tests))
 
 
 def definition(name: str) -> Metric:
@@ -134,7 +135,7 @@ def weave(recording: Recording, frequency: float = 0.2) -> dict[str, Value]:
 
 
 def slow_ramp(recording: Recording, frequency: float = 0.02) -> dict[str, Value]:
-    """Metrics of a slow sine or triangle, as :func:`weave`; two whole cycles do, with a wide interval.
+    """As :func:`weave` for a slow sine or triangle; two whole cycles do, with a wide interval.
 
     The vehicle's lag is next to nothing here, so the loops widen with friction; at 0.2 Hz they need not.
     """
@@ -151,18 +152,18 @@ def _evaluate(test: str, recording: Recording, frequency: float, fewest: int) ->
 
 
 def _value(entry: Metric, loops: "Loops") -> Value:
-    """Mean over the cycles and its Student interval, or the reason for none."""
+    """Mean over the cycles and its 95 % Student interval, or the reason for none."""
     try:
         low, high = entry.validity or (0.0, np.inf)
         peak = float(loops.peak(AY).mean()) / G if entry.validity else 0.0
         if not low <= peak <= high:
-            advice = f"below {low:g} g: turn the handwheel further" if peak < low else f"above {high:g} g: turn it less"
-            raise RefusedError(f"lateral acceleration peaks at {peak:.3f} g, {advice}")
+            advice = f"below {low:g} g: steer further" if peak < low else f"above {high:g} g: steer less far"
+            raise RefusedError(f"{AY} peaks at {peak:.3f} g, {advice}")
         values = entry.of_cycles(loops) * UNITS[entry.unit]
     except RefusedError as refused:
         return Value(np.nan, np.nan, np.nan, entry.unit, str(refused))
     mean = float(values.mean())
-    half = float(stats.t.ppf((1 + CONFIDENCE) / 2, values.size - 1) * stats.sem(values))
+    half = float(stats.t.ppf(0.975, values.size - 1) * stats.sem(values))
     return Value(mean, mean - half, mean + half, entry.unit)
 
 
@@ -182,19 +183,15 @@ class Loops:
         starts = _cycle_starts(smooth.time, smooth[ANGLE], frequency)
         self.count = max(len(starts) - 3, 0)
         if self.count < fewest:
-            raise RefusedError(
-                f"{self.count} settled cycles remain without the first and the last, {fewest} are needed: "
-                f"hold the amplitude for {fewest + 2} cycles of {1 / frequency:g} s or more"
-            )
+            raise RefusedError(f"{self.count} settled cycles between first and last: steer {fewest + 2} or more")
         self.period = np.diff(starts)[1:-1]  # [s]
         # The dropped cycles stay as margins: a branch may begin up to half a cycle before its cycle.
         time = np.interp(np.arange((self.count + 2) * SAMPLES) / SAMPLES, np.arange(self.count + 3), starts)
         self._samples = {name: CubicSpline(smooth.time, smooth[name])(time) for name in units}
+        self._harmonics = {name: np.fft.rfft(self.cycles(name))[:, 1] * (2 / SAMPLES) for name in units}
         span = np.ptp(self.cycles(AY if AY in units else ANGLE), axis=1)
         if np.any(np.abs(span - np.median(span)) > SPREAD * np.median(span)):
-            raise RefusedError(
-                f"the cycles are not alike, amplitudes are over {SPREAD:.0%} apart: hold angle and speed"
-            )
+            raise RefusedError(f"the cycles' amplitudes are over {SPREAD:.0%} apart: hold angle and speed")
         if SPEED in units:
             speed = self.cycles(SPEED).mean(axis=1)
             if np.any(np.abs(speed - speed.mean()) > SPEED_SPREAD * np.abs(speed.mean())):
@@ -202,24 +199,22 @@ class Loops:
 
     def cycles(self, name: str, shift: int = 0) -> np.ndarray:
         """Samples (n, SAMPLES) of a channel, from ``shift`` samples after the handwheel angle's rising crossing."""
-        if name not in self._samples:
-            raise RefusedError(f"the recording has no channel {name!r}: record it")
         start = SAMPLES + shift
         return self._samples[name][start : start + self.count * SAMPLES].reshape(self.count, SAMPLES)
 
     def fundamental(self, name: str) -> np.ndarray:
         """Complex amplitude (n,) of the first harmonic; refused if it runs against that of the handwheel angle."""
-        wave = np.exp(-2j * np.pi * np.arange(SAMPLES) / SAMPLES) * (2 / SAMPLES)
-        amplitude = self.cycles(name) @ wave
-        if np.mean(amplitude * (self.cycles(ANGLE) @ wave).conj()).real <= 0:
+        if name not in self._harmonics:
+            raise RefusedError(f"the recording has no channel {name!r}: record it")
+        if np.mean(self._harmonics[name] * self._harmonics[ANGLE].conj()).real <= 0:
             raise RefusedError(f"{name} does not follow {ANGLE}: check the signs, a left turn is positive in both")
-        return amplitude
+        return self._harmonics[name]
 
     def _of_branches(self, y: str, x: str, read: Callable[[np.ndarray, np.ndarray], float]) -> np.ndarray:
         """read(y, x) of the samples on the falling and on the rising branch of x in each cycle, (n, 2)."""
         self.fundamental(y)
-        turning_point = round(-np.angle(self.fundamental(x).mean()) / (2 * np.pi) * SAMPLES)
-        branches = (self.cycles(name, turning_point).reshape(-1, SAMPLES // 2) for name in (y, x))
+        peak = round(-np.angle(self.fundamental(x).mean()) / (2 * np.pi) * SAMPLES)
+        branches = (self.cycles(name, peak).reshape(-1, SAMPLES // 2) for name in (y, x))
         return np.array([read(u, v) for u, v in zip(*branches)]).reshape(-1, 2)
 
     def at(self, y: str, x: str, level: float) -> np.ndarray:
@@ -228,9 +223,7 @@ class Loops:
         def read(u: np.ndarray, v: np.ndarray) -> float:
             k = np.flatnonzero((v[1:] >= level) != (v[:-1] >= level))
             if k.size % 2 == 0:
-                raise RefusedError(
-                    f"{x} does not cross {level:.3g} {CHANNELS[x]} once a branch: centre or widen the weave"
-                )
+                raise RefusedError(f"{x} does not cross {level:.3g} {CHANNELS[x]} on each branch: centre the weave")
             return np.mean(u[k] + (level - v[k]) / (v[k + 1] - v[k]) * (u[k + 1] - u[k]))
 
         return self._of_branches(y, x, read)
@@ -251,22 +244,25 @@ class Loops:
             part = (v - centre) / window
             near = np.abs(part) <= 1
             if part.max() < 1 or part.min() > -1 or near.sum() < FEWEST_IN_WINDOW:
-                span = f"{centre:.3g} +- {window:.3g} {CHANNELS[x]}"
-                raise RefusedError(f"{x} does not span {span} on each branch: turn the handwheel further")
+                raise RefusedError(f"{x} does not span {centre:.3g} +- {window:.3g} {CHANNELS[x]}: steer further")
             return np.polynomial.polynomial.polyfit(part[near], u[near], 2)[1] / window
 
         return np.mean([self._of_branches(y, x, partial(read, centre=c)) for c in (level, -level)], axis=(0, 2))
 
     def peak(self, name: str) -> np.ndarray:
-        """Half of highest minus lowest (n,), read at the extremes of the mean cycle, where noise has averaged out."""
+        """Half of highest minus lowest sample (n,)."""
         self.fundamental(name)
-        cycles = self.cycles(name)
-        mean = cycles.mean(axis=0)
-        return (cycles[:, mean.argmax()] - cycles[:, mean.argmin()]) / 2
+        return (-_lowest(-self.cycles(name)) - _lowest(self.cycles(name))) / 2
 
     def lag(self, name: str) -> np.ndarray:
         """Delay (n,) of a channel's first harmonic behind that of the handwheel angle [s]."""
         return np.angle(self.fundamental(ANGLE) * self.fundamental(name).conj()) / (2 * np.pi) * self.period
+
+
+def _lowest(values: np.ndarray) -> np.ndarray:
+    """Of each row (cycle) the value where the other rows are lowest: so its own noise does not choose the place."""
+    others = values.sum(axis=0) - values
+    return values[np.arange(len(values)), others.argmin(axis=1)]
 
 
 def _cycle_starts(time: np.ndarray, angle: np.ndarray, frequency: float) -> np.ndarray:
@@ -277,19 +273,14 @@ def _cycle_starts(time: np.ndarray, angle: np.ndarray, frequency: float) -> np.n
     i, j = far[up], far[up + 1]
     starts = time[i] - s[i] * (time[j] - time[i]) / (s[j] - s[i])
     if starts.size < 2:
-        raise RefusedError(
-            f"no whole cycle of {ANGLE} found: record a weave, and cut off what is not with between(t0, t1)"
-        )
+        raise RefusedError(f"no whole cycle of {ANGLE} found: cut off what is not the weave with between(t0, t1)")
     period = np.median(np.diff(starts))
-    if abs(period * frequency - 1) > FREQUENCY_SPREAD:
-        raise RefusedError(
-            f"{ANGLE} weaves at {1 / period:.4g} Hz, not {frequency:g} Hz: pass frequency={1 / period:.4g}"
-        )
+    if not abs(period * frequency - 1) <= FREQUENCY_SPREAD:
+        raise RefusedError(f"{ANGLE} is at {1 / period:.4g} Hz, not {frequency:g} Hz: pass frequency={1 / period:.4g}")
     # A cycle that the recording begins or ends with has no crossing on its outer side.
     ends = np.array([starts[0] - period, starts[-1] + period])
     inside = np.clip(ends, time[0], time[-1])
-    whole = np.abs(ends - inside) < END_SLACK * period
-    starts = np.concatenate([inside[:1][whole[:1]], starts, inside[1:][whole[1:]]])
+    starts = np.sort(np.append(starts, inside[np.abs(ends - inside) < END_SLACK * period]))
     span = np.array([np.ptp(angle[(time >= a) & (time <= b)]) for a, b in pairwise(starts)])
     full = np.flatnonzero(span > (1 - SPREAD) * np.median(span))
     return starts[full[0] : full[-1] + 2]
@@ -309,13 +300,13 @@ def torque_at_0p1g(loops: Loops) -> np.ndarray:
 
 @metric("N m/g", usual=(12.0, 30.0), validity=(0.05, LINEAR))
 def torque_gradient_at_0g(loops: Loops) -> np.ndarray:
-    """Slope of torque over lateral acceleration at 0 g, mean of both branches."""
+    """Slope of torque over lateral acceleration at 0 g, within +-0.05 g, mean of both branches."""
     return loops.slope(TORQUE, AY)
 
 
 @metric("N m/g", usual=(5.0, 16.0), validity=(0.15, LINEAR))
 def torque_gradient_at_0p1g(loops: Loops) -> np.ndarray:
-    """Slope of torque over lateral acceleration at 0.1 g, mean of both branches."""
+    """Slope of torque over lateral acceleration at 0.1 g, within +-0.05 g, mean of both branches."""
     return loops.slope(TORQUE, AY, 0.1 * G)
 
 
@@ -351,7 +342,7 @@ def torque_deadband(loops: Loops) -> np.ndarray:
 
 @metric("N m/deg", usual=(0.10, 0.40))
 def steering_stiffness(loops: Loops) -> np.ndarray:
-    """Slope of torque over handwheel angle at 0 deg, mean of both branches."""
+    """Slope of torque over handwheel angle at 0 deg, within +-4 deg, mean of both branches."""
     return loops.slope(TORQUE, ANGLE)
 
 
@@ -363,14 +354,13 @@ def steering_sensitivity_at_0p1g(loops: Loops) -> np.ndarray:
 
 @metric("g/100 deg", usual=(0.6, 1.3), validity=(0.15, LINEAR))
 def minimum_steering_sensitivity(loops: Loops) -> np.ndarray:
-    """Steering sensitivity at whichever of 0, 0.05 and 0.1 g it is lowest in the mean of the cycles."""
-    sensitivity = np.array([1 / loops.slope(ANGLE, AY, level * G) for level in (0.0, 0.05, 0.1)])
-    return sensitivity[sensitivity.mean(axis=1).argmin()]
+    """Steering sensitivity at whichever of 0, 0.05 and 0.1 g it is lowest."""
+    return _lowest(np.column_stack([1 / loops.slope(ANGLE, AY, level * G) for level in (0.0, 0.05, 0.1)]))
 
 
 @metric("1/s", usual=(0.20, 0.40))
 def yaw_rate_gain(loops: Loops) -> np.ndarray:
-    """Slope of yaw rate over handwheel angle at 0 deg, mean of both branches."""
+    """Slope of yaw rate over handwheel angle at 0 deg, within +-4 deg, mean of both branches."""
     return loops.slope(YAW, ANGLE)
 
 

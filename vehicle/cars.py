@@ -155,7 +155,8 @@ def _require(where: str, given: dict, allowed: tuple[str, ...]) -> None:
 def _numbers(where: str, given: dict, allowed: tuple[str, ...]) -> dict[str, float]:
     _require(where, given, allowed)
     return {
-        key: (not_negative if key in _MAY_BE_ZERO else positive)(f"{where}.{key}", value) for key, value in given.items()
+        key: (not_negative if key in _MAY_BE_ZERO else positive)(f"{where}.{key}", value)
+        for key, value in given.items()
     }
 
 
@@ -171,7 +172,9 @@ def from_data(data: dict[str, Any]) -> Car:
     chassis = _numbers("chassis", data["chassis"], _CHASSIS)
     rest = chassis["mass"] - chassis["sprung_mass"] - chassis["front_unsprung_mass"]
     if rest <= 0.0:
-        raise ValueError(f"chassis.mass must exceed sprung_mass + front_unsprung_mass, the rear axle is left {rest:g} kg")
+        raise ValueError(
+            f"chassis.mass must exceed sprung_mass + front_unsprung_mass, the rear axle is left {rest:g} kg"
+        )
     strut = MacPherson.load(data["strut"]).at_track(chassis["front_track"])
     return Car(
         name=data["name"],

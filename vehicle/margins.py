@@ -52,7 +52,9 @@ def hands_fixed_loop(c: Column, a: Assist, gain: float, speed: float) -> control
     plant = control.ss(A, [[0.0], [0.0], [a.bandwidth]], [[K, 0.0, 0.0], [0.0, 1.0, 0.0]], 0.0)
     # The command changes within the sample: the old one acts for the offset, the new one for the rest.
     rest = control.c2d(plant, SAMPLE_TIME - a.offset, "zoh")
-    old = control.c2d(plant, a.offset, "zoh") if a.offset > 0.0 else control.ss(np.eye(3), np.zeros((3, 1)), plant.C, 0.0)
+    old = (
+        control.c2d(plant, a.offset, "zoh") if a.offset > 0.0 else control.ss(np.eye(3), np.zeros((3, 1)), plant.C, 0.0)
+    )
     # states: plant, then the commands of the last delay + 1 samples, the newest first
     n = a.delay + 1
     phi = np.zeros((3 + n, 3 + n))

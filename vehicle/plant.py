@@ -252,7 +252,9 @@ def state_name(index: int) -> str:
     return f"{name} [{unit}]"
 
 
-def first_non_finite(p: Plant, state: NDArray[np.float64], inputs: NDArray[np.float64], substeps: int = 1) -> str | None:
+def first_non_finite(
+    p: Plant, state: NDArray[np.float64], inputs: NDArray[np.float64], substeps: int = 1
+) -> str | None:
     """Which state goes non-finite first when ``inputs`` are run from ``state`` (left unchanged); None if none does."""
     trial, row = state.copy(), np.zeros((1, len(CHANNELS)))
     for i in range(len(inputs)):

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from friction import defaults
-from friction.check import not_negative, number, positive
+from friction.check import not_negative, number, numbers, positive
 from friction.kernel import kernel
 from friction.law import register
 
@@ -87,27 +87,26 @@ def from_virgin_curve(x: ArrayLike, T: ArrayLike, *, sigma_1: float = 0.0) -> Ma
     ValueError
         If the polygon is not concave or not ascending.
     """
-    xs, Ts = np.asarray(x, float), np.asarray(T, float)
-    if xs.ndim != 1 or xs.shape != Ts.shape or xs.size == 0:
-        raise ValueError(f"x and T must be one-dimensional of equal length, got shapes {xs.shape} and {Ts.shape}")
-    if not (np.isfinite(xs).all() and np.isfinite(Ts).all()) or np.any(np.diff(xs, prepend=0.0) <= 0.0):
-        raise ValueError(f"x must be finite, positive and ascending, got {xs}")
+    xs, Ts = numbers("x", x), numbers("T", T)
+    if xs.shape != Ts.shape:
+        raise ValueError(f"x and T must be of equal length, got {xs.size} and {Ts.size} values")
+    if np.any(np.diff(xs, prepend=0.0) <= 0.0):
+        raise ValueError(f"x must be positive and ascending, got {xs}")
     slopes = np.diff(Ts, prepend=0.0) / np.diff(xs, prepend=0.0)
     k = slopes - np.append(slopes[1:], 0.0)
-    if np.any(k < 0.0):
+    if np.any(k < -1e-12 * np.abs(slopes).max()):  # points on one line differ by rounding
         raise ValueError(f"a virgin curve must be concave with slopes that do not fall below zero, got slopes {slopes}")
-    return _elements(k, xs, not_negative("sigma_1", sigma_1))
+    return _elements(np.maximum(k, 0.0), xs, not_negative("sigma_1", sigma_1))
 
 
 def _elements(k: ArrayLike, y: ArrayLike, sigma_1: float) -> Masing:
-    ks, ys = np.array(k, float, ndmin=1), np.array(y, float, ndmin=1)
-    if ks.ndim != 1 or ks.shape != ys.shape or not 1 <= ks.size <= MAX_ELEMENTS:
-        raise ValueError(f"k and y must hold 1 to {MAX_ELEMENTS} values each, got shapes {ks.shape} and {ys.shape}")
-    for name, values in (("k", ks), ("y", ys)):
-        if not np.isfinite(values).all() or np.any(values <= 0.0 if name == "y" else values < 0.0):
-            raise ValueError(f"{name} must be finite and positive, got {values}")
-    if not ks.sum() > 0.0:
-        raise ValueError(f"at least one stiffness must be above zero, got {ks}")
+    ks, ys = numbers("k", k), numbers("y", y)
+    if ks.shape != ys.shape or ks.size > MAX_ELEMENTS:
+        raise ValueError(f"k and y must hold 1 to {MAX_ELEMENTS} values each, got {ks.size} and {ys.size}")
+    if np.any(ks < 0.0) or not ks.sum() > 0.0:
+        raise ValueError(f"k must not be negative anywhere nor zero everywhere, got {ks}")
+    if np.any(ys <= 0.0):
+        raise ValueError(f"y must be positive, got {ys}")
     order = np.argsort(ys, kind="stable")
     ks, ys = np.ascontiguousarray(ks[order]), np.ascontiguousarray(ys[order])
     ks.flags.writeable = ys.flags.writeable = False
@@ -169,7 +168,8 @@ def advance(p, level, memory, w, h):
     D = w * h
     for i in range(p.k.size):
         limit = level * p.y[i]
-        memory[i] = min(max(memory[i] + D, -limit), limit)
+        e = min(max(memory[i], -limit), limit)  # the level may have fallen since the last step
+        memory[i] = min(max(e + D, -limit), limit)
 
 
 @kernel

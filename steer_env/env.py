@@ -1,0 +1,149 @@
+"""One environment class; a task object makes it lane keeping, a weave, or what is to come."""
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from numpy.typing import NDArray
+
+from friction import resolve
+from friction.check import number
+from friction.kernel import bind
+from steer_env.tasks import Task
+from vehicle import cars, plant
+from vehicle.assist import SAMPLE_TIME
+
+
+class SteerEnv(gym.Env):
+    """A car, its steering and a friction law under a task's rules; the ids are this class with a task each.
+
+    Arguments
+    ---------
+    friction : str or parameters, default "lugre"
+        A law's name (``friction.available()``), for its defaults, or parameters from ``friction.make``.
+    speed : float, default 100/3.6
+        Held speed, 3 to 70 [m/s].
+    vehicle : str, default "compact"
+        A packaged car (``vehicle.cars.available()``).
+    control_dt : float, default 0.01
+        Time between actions, a whole number of milliseconds up to 100 ms [s].
+    render_mode : None or "rgb_array"
+        "rgb_array" makes ``render()`` draw the car on its road and the live torque-angle loop.
+
+    Any other keyword is an error. ``info`` holds every plant channel under its name in SI, and ``reward_terms``.
+    A state that turns non-finite ends the episode; ``info["non_finite_state"]`` names it.
+    """
+
+    metadata = {"render_modes": ["rgb_array"], "render_fps": 25}  # noqa: RUF012 (Gymnasium's own form)
+    make_task: Callable[[], Task]
+
+    def __init__(
+        self,
+        *,
+        friction: Any = "lugre",
+        speed: float = 100.0 / 3.6,
+        vehicle: str = "compact",
+        control_dt: float = 0.01,
+        render_mode: str | None = None,
+    ) -> None:
+        dt = number("control_dt [s]", control_dt, minimum=SAMPLE_TIME, maximum=0.1)
+        self._samples = round(dt / SAMPLE_TIME)
+        if not math.isclose(self._samples * SAMPLE_TIME, dt):
+            raise ValueError(f"control_dt must be a whole number of milliseconds, got {control_dt!r} s")
+        if render_mode is not None and render_mode not in self.metadata["render_modes"]:
+            raise ValueError(f"render_mode must be None or one of {self.metadata['render_modes']}, got {render_mode!r}")
+        self.render_mode = render_mode
+        self.control_dt = dt
+        self.task = task = self.make_task()
+        self.plant = cars.load(vehicle).plant(resolve(friction), speed=speed, robot=task.robot)
+        bound = np.array([o.bound for o in task.observations])
+        self.action_space = gym.spaces.Box(-1.0, 1.0, (1,), np.float32)
+        self.observation_space = gym.spaces.Box(-bound.astype(np.float32), bound.astype(np.float32), dtype=np.float32)
+        self._low, self._high = self.observation_space.low, self.observation_space.high
+        self._straight = plant.initial_state(self.plant)
+        self._state = self._straight.copy()
+        self._row = np.zeros((1, len(plant.CHANNELS)))
+        self._observation = np.zeros(len(task.observations))
+        self._inputs = np.zeros((0, len(plant.INPUTS)))
+        self._names = tuple(plant.CHANNEL)
+        self._run = bind(plant.run, self.plant, self._state, self._inputs, self._row, 1)
+        self._now = 0
+        self._action = 0.0
+        self._renderer: Any = None
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[NDArray[np.float32], dict[str, Any]]:
+        """Start an episode from straight running; ``options`` fixes what the task would draw (see the id)."""
+        super().reset(seed=seed)
+        self._inputs = self.task.start(self.np_random, self.plant.chassis.v_x, options or {})
+        self._state[:] = self._straight
+        self._row[:] = 0.0
+        self._now = 0
+        self._action = 0.0
+        if self._renderer is not None:
+            self._renderer.clear()
+        return self._observe(), self._info()
+
+    def step(self, action: Any) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
+        """Hold an action in [-1, 1] (clipped, as a motor or an arm would) for ``control_dt``.
+
+        Raises
+        ------
+        ValueError
+            An action of another shape, or NaN.
+        RuntimeError
+            Without a ``reset`` before.
+        """
+        if np.shape(action) != (1,):
+            raise ValueError(f"action must have shape (1,), got {np.shape(action)}")
+        value = float(action[0])
+        if value != value:
+            raise ValueError(f"action must be a number in [-1, 1], got {value}")
+        value = min(max(value, -1.0), 1.0)
+        end = self._now + self._samples
+        u = self._inputs[self._now : end]
+        if len(u) < self._samples:
+            raise RuntimeError("the episode is over or has not begun: call reset")
+        u[:, self.task.action_input] = self.task.action_scale * value
+        before = self._state.copy()
+        self._run(self.plant, self._state, u, self._row, 1)
+        self._now = end
+        observation = self._observe()
+        row = self._row[0]
+        outcome = self.task.judge(row, self._observation, value, value - self._action, self.control_dt)
+        self._action = value
+        truncated = end + self._samples > len(self._inputs)
+        info = self._info()
+        info["reward_terms"] = outcome.terms
+        if not math.isfinite(outcome.reward) or not math.isfinite(self._state.sum()):
+            info["non_finite_state"] = plant.first_non_finite(self.plant, before, u) or "reward"
+            return np.nan_to_num(observation), 0.0, True, truncated, info
+        if self._renderer is not None:
+            self._renderer.add(row)
+        return observation, outcome.reward, outcome.terminated, truncated, info
+
+    def _observe(self) -> NDArray[np.float32]:
+        self.task.observe(self._row[0], self._observation)
+        return np.minimum(np.maximum(self._observation, self._low), self._high).astype(np.float32)
+
+    def _info(self) -> dict[str, Any]:
+        return dict(zip(self._names, self._row[0].tolist()))
+
+    def render(self) -> NDArray[np.uint8] | None:
+        """A frame (H, W, 3) of the episode so far if ``render_mode`` is "rgb_array"."""
+        if self.render_mode is None:
+            gym.logger.warn("render() draws nothing: make the environment with render_mode='rgb_array'")
+            return None
+        from steer_env.render import Renderer
+
+        if self._renderer is None:
+            self._renderer = Renderer()
+            self._renderer.add(self._row[0])
+        return self._renderer.frame(getattr(self.task, "path", None))
+
+    def close(self) -> None:
+        """Release the renderer."""
+        self._renderer = None

@@ -1,0 +1,218 @@
+"""Manoeuvres: what the hands do, defined once for the environments and for the test battery.
+
+A manoeuvre prescribes the handwheel angle (steering robot) or the hand torque over time, at a held speed. Its amplitude
+is given, or found so that the car reaches a lateral acceleration. Test conditions are after the named standards; no
+conformance is claimed.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import root_scalar
+
+from friction.check import positive
+from steer_env.recording import Recording
+from vehicle import assist, plant
+from vehicle.assist import SAMPLE_TIME
+from vehicle.cars import Car
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Manoeuvre:
+    """One manoeuvre.
+
+    ``hand(t, amplitude)`` gives the handwheel angle [rad] and speed [rad/s] (robot) or the hand torque [N m] and zero.
+    """
+
+    name: str
+    definition: str
+    source: str
+    speed: float  # [m/s]
+    duration: float  # [s]
+    hand: Callable[[Array, float], tuple[Array, Array]]
+    robot: bool = True
+    amplitude: float | None = None  # [rad] or [N m]; None: found for the lateral acceleration
+    lateral_acceleration: float | None = None  # peak to reach [m/s2]
+    frequency: float | None = None  # of a periodic manoeuvre [Hz]
+    rig: bool = False  # steering on a rig: no rack load, assist off
+
+
+def sine(t: Array, amplitude: float, frequency: float) -> tuple[Array, Array]:
+    """Sine that grows over its first cycle, so that the handwheel starts without a jerk; value and rate."""
+    omega = 2.0 * np.pi * frequency
+    s = np.clip(t * frequency, 0.0, 1.0)
+    envelope = s * s * (3.0 - 2.0 * s)
+    growth = 6.0 * s * (1.0 - s) * frequency
+    return (
+        amplitude * envelope * np.sin(omega * t),
+        amplitude * (envelope * omega * np.cos(omega * t) + growth * np.sin(omega * t)),
+    )
+
+
+def ramp_and_hold(t: Array, amplitude: float, rise: float) -> tuple[Array, Array]:
+    """Smooth rise to a level that is held; value and rate."""
+    s = np.clip(t / rise, 0.0, 1.0)
+    return amplitude * s * s * (3.0 - 2.0 * s), amplitude * 6.0 * s * (1.0 - s) / rise
+
+
+def weave(frequency: float = 0.2, cycles: int = 12) -> Manoeuvre:
+    """On-centre weave; the first and last cycle are for the metrics to drop."""
+    return Manoeuvre(
+        name="weave",
+        definition=f"Sine of handwheel angle at {frequency:g} Hz, {cycles} cycles, amplitude for 2 m/s2 at 100 km/h.",
+        source="after ISO 13674-1",
+        speed=100.0 / 3.6,
+        duration=cycles / frequency,
+        hand=lambda t, amplitude: sine(t, amplitude, frequency),
+        lateral_acceleration=2.0,
+        frequency=frequency,
+    )
+
+
+def slow_ramp(frequency: float = 0.02, cycles: int = 5) -> Manoeuvre:
+    """Weave so slow that vehicle lag and damping stay out of the loop: what is left of its width is friction."""
+    return replace(
+        weave(frequency, cycles),
+        name="slow-ramp",
+        definition=f"Sine of handwheel angle at {frequency:g} Hz, {cycles} cycles, amplitude for 2 m/s2 at 50 km/h.",
+        source="after the slow-ramp test of steering-feel practice",
+        speed=50.0 / 3.6,
+    )
+
+
+def hold(torque: float = 2.0) -> Manoeuvre:
+    """Held-torque test: the hands pull to a torque and hold it; what still moves is the friction law's doing."""
+    return Manoeuvre(
+        name="hold",
+        definition=f"Hand torque rises to {torque:g} N m in 0.5 s and is held for 5 s at 50 km/h.",
+        source="after the held-steering comparison of LuGre and Masing, JSME D&D 2021, paper 557",
+        speed=50.0 / 3.6,
+        duration=5.5,
+        hand=lambda t, amplitude: ramp_and_hold(t, amplitude, 0.5),
+        robot=False,
+        amplitude=torque,
+    )
+
+
+def rig(frequency: float = 0.2, cycles: int = 5, amplitude: float = 0.35) -> Manoeuvre:
+    """Steering on a rig: rack unloaded, assist off, so the hand feels friction and inertia alone."""
+    return Manoeuvre(
+        name="rig",
+        definition=f"Sine of handwheel angle, {np.degrees(amplitude):.0f} deg at {frequency:g} Hz, {cycles} cycles.",
+        source="steering-rig practice",
+        speed=10.0,
+        duration=cycles / frequency,
+        hand=lambda t, amplitude: sine(t, amplitude, frequency),
+        amplitude=amplitude,
+        frequency=frequency,
+        rig=True,
+    )
+
+
+_MANOEUVRES: dict[str, Callable[[], Manoeuvre]] = {"weave": weave, "slow-ramp": slow_ramp, "hold": hold, "rig": rig}
+
+
+def available() -> tuple[str, ...]:
+    """Names of the manoeuvres."""
+    return tuple(_MANOEUVRES)
+
+
+def make(name: str) -> Manoeuvre:
+    """A manoeuvre by name, as the standard has it; ValueError listing the names for any other."""
+    if name not in _MANOEUVRES:
+        raise ValueError(f"unknown manoeuvre {name!r}; available: {', '.join(available())}")
+    return _MANOEUVRES[name]()
+
+
+def build_plant(car: Car, manoeuvre: Manoeuvre, friction: Any) -> plant.Plant:
+    """The plant that a manoeuvre needs: robot or free hands, on the road or on the rig."""
+    p = car.plant(friction, speed=manoeuvre.speed, robot=manoeuvre.robot)
+    if not manoeuvre.rig:
+        return p
+    off = assist.make(boost=np.zeros_like(p.assist.boost), damping=np.zeros_like(p.assist.damping))
+    return p._replace(pinion_radius=0.0, assist=off)
+
+
+def inputs(manoeuvre: Manoeuvre, amplitude: float, duration: float) -> Array:
+    """Rows of plant inputs, one a millisecond; each row holds the hand at the end of its sample."""
+    t = SAMPLE_TIME * np.arange(1, round(duration / SAMPLE_TIME) + 1)
+    u = np.zeros((t.size, len(plant.INPUTS)))
+    u[:, plant.HAND], u[:, plant.HAND_SPEED] = manoeuvre.hand(t, amplitude)
+    return u
+
+
+def find_amplitude(p: plant.Plant, manoeuvre: Manoeuvre) -> float:
+    """Handwheel amplitude for which the second cycle peaks at the manoeuvre's lateral acceleration [rad].
+
+    Raises
+    ------
+    ValueError
+        If the car does not reach that acceleration.
+    """
+    target = positive("lateral_acceleration", manoeuvre.lateral_acceleration)
+    cycle = 1.0 / positive("frequency", manoeuvre.frequency)
+
+    def excess(amplitude: float) -> float:
+        record = _run(p, inputs(manoeuvre, amplitude, 2.0 * cycle))
+        second = record[record.shape[0] // 2 :, plant.CHANNEL["lateral_acceleration"]]
+        return 0.5 * float(np.ptp(second)) - target
+
+    found = root_scalar(excess, x0=0.2, x1=0.3, method="secant", rtol=1e-4)
+    if not found.converged or not 0.0 < found.root < 6.0:
+        raise ValueError(f"{manoeuvre.name}: no handwheel amplitude reaches {target:g} m/s2 at {manoeuvre.speed:g} m/s")
+    return float(found.root)
+
+
+def _run(p: plant.Plant, u: Array) -> Array:
+    record = np.zeros((len(u), len(plant.CHANNELS)))
+    state = plant.initial_state(p)
+    plant.run(p, state, u, record, 1)
+    return record
+
+
+def drive(car: Car, manoeuvre: Manoeuvre, friction: Any = "lugre") -> Recording:
+    """Drive a manoeuvre and record every channel at 1 kHz.
+
+    Parameters
+    ----------
+    car : Car
+    manoeuvre : Manoeuvre
+    friction : str or parameters
+        A law's name, for its defaults, or parameters from ``friction.make``.
+
+    Returns
+    -------
+    Recording
+        Channels in SI with their units; its ``meta`` names the manoeuvre, car, law, speed and amplitude.
+
+    Raises
+    ------
+    ValueError
+        Unknown law, an amplitude that cannot be found, or a run that does not stay finite (the state is named).
+    """
+    p = build_plant(car, manoeuvre, friction)
+    amplitude = find_amplitude(p, manoeuvre) if manoeuvre.amplitude is None else manoeuvre.amplitude
+    u = inputs(manoeuvre, amplitude, manoeuvre.duration)
+    record = _run(p, u)
+    if not np.isfinite(record[-1]).all():
+        raise ValueError(f"{manoeuvre.name} diverged: {plant.first_non_finite(p, plant.initial_state(p), u)} first")
+    channels = {name: record[:, i].copy() for name, i in plant.CHANNEL.items()}
+    channels["vehicle_speed"] = np.full(len(u), manoeuvre.speed)
+    return Recording(
+        time=SAMPLE_TIME * np.arange(1, len(u) + 1),
+        channels=channels,
+        units={**dict(plant.CHANNELS), "vehicle_speed": "m/s"},
+        meta={
+            "manoeuvre": manoeuvre.name,
+            "vehicle": car.name,
+            "friction": friction if isinstance(friction, str) else type(friction).__name__.lower(),
+            "speed_m_s": manoeuvre.speed,
+            "amplitude": amplitude,
+            "frequency_hz": manoeuvre.frequency if manoeuvre.frequency is not None else 0.0,
+        },
+    )

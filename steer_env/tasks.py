@@ -1,0 +1,192 @@
+"""Tasks: what the action means, what is observed, how a step is rewarded and when an episode ends.
+
+The environment owns the plant and the clock; a task owns nothing but its episode's case (path, disturbances, amplitude).
+Each task declares its observations once, with unit and bound; the environment clips to the bounds.
+"""
+
+import math
+from typing import Any, ClassVar, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+from friction.check import number
+from friction.kernel import bind
+from steer_env import manoeuvres, path
+from steer_env.targets import ReferenceFeel
+from vehicle.assist import SAMPLE_TIME
+from vehicle.plant import (
+    ASSIST_REQUEST,
+    CHANNEL,
+    HAND,
+    INPUTS,
+    RACK_DISTURBANCE,
+    WIND_FORCE,
+    WIND_MOMENT,
+)
+
+Array = NDArray[np.float64]
+
+
+class Observation(NamedTuple):
+    """One observed quantity."""
+
+    name: str
+    unit: str
+    bound: float  # the space spans +- this
+
+
+class Outcome(NamedTuple):
+    """What a task makes of a step."""
+
+    reward: float
+    terminated: bool
+    terms: dict[str, float]  # the reward's terms, which sum to it
+
+
+class Task(Protocol):
+    """What :class:`steer_env.env.SteerEnv` asks of a task."""
+
+    robot: ClassVar[bool]  # handwheel angle prescribed, or hand torque
+    action_input: ClassVar[int]  # the plant input that the action drives
+    action_scale: ClassVar[float]  # its value at action 1
+    observations: ClassVar[tuple[Observation, ...]]
+    duration: float  # of an episode [s]
+
+    def start(self, rng: np.random.Generator, speed: float, options: dict[str, Any]) -> Array:
+        """Draw a case; rows of plant inputs for the whole episode, one a millisecond."""
+
+    def observe(self, row: Array, out: Array) -> None:
+        """Fill the observations in SI from a row of plant channels."""
+
+    def judge(self, row: Array, out: Array, action: float, change: float, dt: float) -> Outcome:
+        """Reward and end from the channels, the observations and the action with its change, for ``dt`` [s]."""
+
+
+def _allowed(options: dict[str, Any], keys: tuple[str, ...]) -> None:
+    for key in options:
+        if key not in keys:
+            raise ValueError(f"unknown reset option {key!r}; this task takes: {', '.join(keys) or 'none'}")
+
+
+_STEERING = (
+    Observation("handwheel_angle", "rad", 12.0),
+    Observation("handwheel_speed", "rad/s", 40.0),
+    Observation("torsion_bar_torque", "N m", 25.0),
+    Observation("lateral_acceleration", "m/s2", 20.0),
+    Observation("yaw_rate", "rad/s", 3.0),
+)
+
+
+class LaneKeeping:
+    """Drive along a winding road in crosswind and over a rough surface, by hand torque."""
+
+    robot: ClassVar[bool] = False
+    action_input: ClassVar[int] = HAND
+    action_scale: ClassVar[float] = 10.0  # [N m]
+    previews: ClassVar[tuple[float, ...]] = (0.0, 0.3, 0.6, 1.0, 1.5)  # [s]
+    observations: ClassVar[tuple[Observation, ...]] = (
+        *_STEERING,
+        Observation("lateral_speed", "m/s", 30.0),
+        Observation("lateral_offset", "m", 5.0),
+        Observation("heading_error", "rad", math.pi),
+        *(Observation(f"curvature_{t:g}s", "1/m", 0.05) for t in previews),
+    )
+    lane_half_width: ClassVar[float] = 1.75  # [m]
+    peak_lateral_acceleration: ClassVar[float] = 2.5  # of the road at the held speed [m/s2]
+    wind_force: ClassVar[float] = 300.0  # standard deviation [N], assumed; correlated over 1 s
+    wind_arm: ClassVar[float] = 0.3  # centre of pressure ahead of the centre of gravity [m], assumed
+    rack_force: ClassVar[float] = 60.0  # of the road, standard deviation [N], assumed; correlated over 20 ms
+
+    def __init__(self) -> None:
+        self.duration = 30.0
+        self.path: path.Path | None = None
+        self._channels = [CHANNEL[o.name] for o in (*_STEERING, Observation("lateral_speed", "m/s", 0.0))]
+        self._position = 0.0
+        self._pose = np.array([CHANNEL[name] for name in ("x", "y", "yaw_angle")])
+        self._locate = None
+
+    def start(self, rng: np.random.Generator, speed: float, options: dict[str, Any]) -> Array:
+        _allowed(options, ())
+        n = round(self.duration / SAMPLE_TIME)
+        self._position = 0.0
+        self._preview = speed * np.array(self.previews)
+        self.path = path.winding(
+            rng, speed * (self.duration + self.previews[-1]), self.peak_lateral_acceleration / speed**2
+        )
+        u = np.zeros((n, len(INPUTS)))
+        u[:, WIND_FORCE] = self._noise(rng, n, self.wind_force, 1.0)
+        u[:, WIND_MOMENT] = self.wind_arm * u[:, WIND_FORCE]
+        u[:, RACK_DISTURBANCE] = self._noise(rng, n, self.rack_force, 0.02)
+        self._locate = bind(path.locate, self.path, 0.0, 0.0, 0.0, 0.0, self._preview, np.zeros(2 + len(self.previews)))
+        return u
+
+    @staticmethod
+    def _noise(rng: np.random.Generator, n: int, deviation: float, correlation: float) -> Array:
+        """First-order low-pass of white noise with a given standard deviation and correlation time [s], from zero."""
+        pole = math.exp(-SAMPLE_TIME / correlation)
+        return lfilter([deviation * math.sqrt(1.0 - pole**2)], [1.0, -pole], rng.standard_normal(n))
+
+    def observe(self, row: Array, out: Array) -> None:
+        n = len(self._channels)
+        out[:n] = row[self._channels]
+        x, y, yaw = row[self._pose].tolist()
+        self._position = self._locate(self.path, x, y, yaw, self._position, self._preview, out[n:])
+
+    def judge(self, row: Array, out: Array, action: float, change: float, dt: float) -> Outcome:
+        n = len(self._channels)
+        offset, heading = out[n], out[n + 1]
+        out_of_lane = abs(offset) > self.lane_half_width or abs(heading) > 0.5 * math.pi
+        terms = {
+            "progress": dt,
+            "offset": -dt * (offset / 0.5) ** 2,
+            "heading": -dt * (heading / 0.1) ** 2,
+            "effort": -dt * 0.1 * action**2,
+            "smoothness": -dt * 0.1 * (change / (dt * 10.0)) ** 2,
+            "departure": -10.0 if out_of_lane else 0.0,
+        }
+        return Outcome(float(sum(terms.values())), bool(out_of_lane), terms)
+
+
+class AssistWeave:
+    """Shape the hand torque of an on-centre weave: a robot steers, the action adds to the boost curve."""
+
+    robot: ClassVar[bool] = True
+    action_input: ClassVar[int] = ASSIST_REQUEST
+    action_scale: ClassVar[float] = 5.0  # [N m]
+    observations: ClassVar[tuple[Observation, ...]] = (
+        *_STEERING,
+        Observation("column_speed", "rad/s", 40.0),
+        Observation("motor_torque", "N m", 80.0),
+    )
+    nominal_amplitude: ClassVar[float] = math.radians(12.5)  # 2 m/s2 at 100 km/h on the compact car
+
+    def __init__(self) -> None:
+        self.duration = 20.0
+        self.reference = ReferenceFeel()
+        self._manoeuvre = manoeuvres.weave()
+        self._channels = [CHANNEL[o.name] for o in self.observations]
+        self._torque, self._speed, self._acceleration = (
+            CHANNEL[name] for name in ("handwheel_torque", "handwheel_speed", "lateral_acceleration")
+        )
+
+    def start(self, rng: np.random.Generator, speed: float, options: dict[str, Any]) -> Array:
+        _allowed(options, ("amplitude",))
+        drawn = self.nominal_amplitude * rng.uniform(0.8, 1.2)  # drawn either way: the same stream of numbers
+        amplitude = drawn
+        if "amplitude" in options:
+            amplitude = number("amplitude [rad]", options["amplitude"], minimum=0.0, maximum=2.0)
+        return manoeuvres.inputs(self._manoeuvre, amplitude, self.duration)
+
+    def observe(self, row: Array, out: Array) -> None:
+        out[:] = row[self._channels]
+
+    def judge(self, row: Array, out: Array, action: float, change: float, dt: float) -> Outcome:
+        wanted = self.reference.torque(row[self._acceleration], row[self._speed])
+        terms = {
+            "feel": -dt * (row[self._torque] - wanted) ** 2,
+            "effort": -dt * 0.01 * action**2,
+            "smoothness": -dt * 0.01 * (change / (dt * 10.0)) ** 2,
+        }
+        return Outcome(float(sum(terms.values())), False, terms)

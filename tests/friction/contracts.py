@@ -1,0 +1,282 @@
+"""What every friction law has to keep: one function ``check_<contract>(p)`` each, for one parameter set.
+
+A check draws histories with hypothesis, derandomised, so a failure is shrunk and comes back in the next run. A law
+from outside proves itself with ``for check in CHECKS: check(p)`` and ``check_plain_python([p])``.
+"""
+
+import os
+import pickle
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.integrate import quad, solve_ivp
+
+import friction
+from friction import law
+
+ROOT = Path(__file__).parents[2]
+
+examples = settings(max_examples=100, derandomize=True, deadline=None, database=None)
+
+
+def log(low, high):
+    """Floats between two powers of ten, even in the exponent."""
+    return st.floats(low, high).map(lambda exponent: 10.0**exponent)
+
+
+def signed(magnitudes):
+    """Both signs, and zero."""
+    return st.tuples(st.sampled_from([1.0, -1.0, 0.0]), magnitudes).map(lambda pair: pair[0] * pair[1])
+
+
+speeds = signed(log(-4, 1))  # [rad/s]
+durations = log(-5, -1)  # [s]
+levels = log(-1, 1)
+moves = st.lists(st.tuples(speeds, durations), max_size=8)
+steps = st.lists(st.tuples(log(-2, 4), signed(log(-4, 4)), log(-6, -2)), min_size=1, max_size=8)  # S, R, h
+
+
+def at_rest(p):
+    return np.zeros(law.law_of(p).memory_size(p))
+
+
+def after(p, history, level=1.0, memory=None):
+    """Memory after a history of constant speeds."""
+    memory = at_rest(p) if memory is None else memory.copy()
+    for w, h in history:
+        law.advance(p, level, memory, w, h)
+    return memory
+
+
+def size(p, level=1.0):
+    """Torque of a long slide at 1 rad/s: what rounding is compared with [N m]."""
+    return law.torque(p, level, after(p, [(1.0, 100.0)], level), 1.0)
+
+
+def mean_by_quadrature(p, level, memory, w, h):
+    """Mean over the step of ``torque`` along ``advance``, good to about 1e-9 of the torque."""
+
+    def torque_at(t):
+        return law.torque(p, level, after(p, [(w, t)], level, memory), w)
+
+    # a yield may come at any fraction of the step, so the pieces shrink towards its start
+    edges = [0.0, *(h * 10.0**k for k in range(-8, 1))]
+    pieces = [quad(torque_at, a, b, epsabs=1e-9 * size(p, level) * b, epsrel=1e-9, limit=400) for a, b in
+              zip(edges[:-1], edges[1:])]
+    return sum(value for value, _ in pieces) / h
+
+
+def check_passivity(p):
+    """The work done on the law never falls short of the energy it stores: friction is no motor."""
+
+    @examples
+    @given(steps, levels)
+    def holds(history, level):
+        memory, guess, energy = at_rest(p), 0.0, 0.0
+        for S, R, h in history:
+            guess, T = law.step(p, level, memory, S, R, h, guess)
+            stored = law.stored_energy(p, memory)
+            # T comes from R - S w, so it carries the rounding of R
+            assert T * guess * h - (stored - energy) >= -1e-12 * (abs(R * guess * h) + stored + energy)
+            assert stored >= 0.0
+            energy = stored
+
+    holds()
+
+
+def check_odd_symmetry(p):
+    """The mirrored history gives the mirrored torque, to the bit: no branch may prefer a side."""
+
+    @examples
+    @given(moves, steps, levels)
+    def holds(history, driven, level):
+        memory = after(p, history, level)
+        mirrored = after(p, [(-w, h) for w, h in history], level)
+        np.testing.assert_array_equal(mirrored, -memory)
+        assert law.stored_energy(p, mirrored) == law.stored_energy(p, memory)
+        guess = 0.0
+        for S, R, h in driven:
+            guess, T = law.step(p, level, memory, S, R, h, guess)
+            w, torque = law.step(p, level, mirrored, S, -R, h, -guess)
+            assert (w, torque) == (-guess, -T)
+            np.testing.assert_array_equal(mirrored, -memory)
+            assert law.torque(p, level, mirrored, w) == -law.torque(p, level, memory, guess)
+            np.testing.assert_array_equal(_rate(p, level, mirrored, w), -_rate(p, level, memory, guess))
+
+    holds()
+
+
+def check_rest(p):
+    """Without a push nothing moves, exactly; a load that the memory balances is held without creep."""
+
+    @examples
+    @given(moves, log(-6, 6), log(-6, -2), speeds, levels)
+    def holds(history, S, h, guess, level):
+        memory = at_rest(p)
+        assert law.step(p, level, memory, S, 0.0, h, guess) == (0.0, 0.0)
+        assert law.torque(p, level, memory, 0.0) == law.stored_energy(p, memory) == 0.0
+        assert not memory.any()
+
+        memory = after(p, history, level)
+        load = law.torque(p, level, memory, 0.0)
+        held = memory.copy()
+        assert law.step(p, level, held, S, load, h, guess) == (0.0, load)
+        np.testing.assert_array_equal(held, memory)
+        assert not _rate(p, level, memory, 0.0).any()
+
+    holds()
+
+
+def check_step_equation(p):
+    """``S w + mean torque = R`` is solved for any inertia, load and step, and from any guess."""
+    exact = law.law_of(p).mean_torque is not None
+
+    @settings(examples, max_examples=400 if exact else 60)
+    @given(moves, log(-4, 6), signed(log(-9, 9)), log(-6, -2), signed(log(-12, 6)), levels)
+    def holds(history, S, R, h, guess, level):
+        memory = after(p, history, level)
+        w = law.solve(p, level, memory, S, R, h, guess)
+        if w == 0.0:  # a set-valued law may stick anywhere between its limits from both sides
+            assert law.torque(p, level, memory, -1e-300) <= R <= law.torque(p, level, memory, 1e-300)
+            return
+        if exact:
+            mean, _ = law.mean_torque(p, level, memory, w, h)
+        else:
+            mean = mean_by_quadrature(p, level, memory, w, h)
+        # Solvers iterate to rounding, but a step of 1 us divides a difference of memories by h; quadrature
+        # is good to 1e-9 of the torque.
+        scale = abs(S * w) + abs(R) + abs(mean) + size(p, level)
+        assert abs(S * w + mean - R) <= (1e-11 if exact else 1e-8) * scale
+
+    holds()
+
+
+def check_mean_torque(p):
+    """``mean_torque`` is the mean of ``torque`` along ``advance``, and its slope is its derivative."""
+    if law.law_of(p).mean_torque is None:
+        return
+
+    @settings(examples, max_examples=50)
+    @given(moves, speeds, durations, levels)
+    def holds(history, w, h, level):
+        memory = after(p, history, level)
+        mean, slope = law.mean_torque(p, level, memory, w, h)
+        # the quadrature is good to 1e-9
+        assert abs(mean - mean_by_quadrature(p, level, memory, w, h)) <= 1e-8 * (abs(mean) + size(p, level))
+        # Central difference: 1e-6 of w loses ten digits of the torque to rounding and w**2 F''' 1e-12 to curvature.
+        # At w = 0, where |w| has its kink, the difference is one-sided.
+        high, low = (1e-9, 0.0) if w == 0.0 else (w * (1 + 1e-6), w * (1 - 1e-6))
+        rise = law.mean_torque(p, level, memory, high, h)[0] - law.mean_torque(p, level, memory, low, h)[0]
+        rounding = 1e-14 * (abs(mean) + size(p, level)) / abs(high - low)
+        assert abs(rise / (high - low) - slope) <= 1e-5 * abs(slope) + rounding
+
+    holds()
+
+
+def check_semigroup(p):
+    """Two steps at one speed are one longer step, also just after the level has changed."""
+
+    @examples
+    @given(moves, levels, speeds, durations, st.floats(0.0, 1.0), levels)
+    def holds(history, before, w, h, part, level):
+        memory = after(p, history, before)
+        split = after(p, [(w, part * h), (w, (1.0 - part) * h)], level, memory)
+        # a few roundings of the largest memory
+        scale = np.abs(after(p, [(1.0, 100.0)], max(before, level))).max(initial=0.0)
+        np.testing.assert_allclose(split, after(p, [(w, h)], level, memory), rtol=1e-13, atol=1e-14 * scale)
+
+    holds()
+
+
+def check_rate(p):
+    """``advance`` is the solution of ``rate``: what a plain ODE solver makes of the law."""
+
+    @settings(examples, max_examples=30)
+    @given(moves, signed(log(-3, 0)), log(-3, -1), levels)
+    def holds(history, w, h, level):
+        memory = after(p, history, level)
+        scale = np.abs(after(p, [(1.0, 100.0)], level)).max(initial=1e-12)
+        if memory.size:
+            solution = solve_ivp(lambda t, m: _rate(p, level, m, w), (0.0, h), memory, rtol=1e-9, atol=1e-10 * scale)
+            # the solver's tolerance, summed over its steps and over its passing of kinks
+            np.testing.assert_allclose(after(p, [(w, h)], level, memory), solution.y[:, -1], atol=1e-6 * scale)
+
+    holds()
+
+
+def check_level(p):
+    """The level scales the friction: at equal speeds and times stretched by it, the torque is affine in the level.
+
+    Displacements then stretch with the level too, which leaves the part in proportion to it (dry friction) and the
+    part without it (damping).
+    """
+
+    @examples
+    @given(moves, speeds, log(-1, 0.3))
+    def holds(history, w, level):
+        torques = []
+        for stretch in (level, 2.0 * level, 3.0 * level):
+            memory = after(p, [(speed, stretch * h) for speed, h in history], stretch)
+            torques.append(law.torque(p, stretch, memory, w))
+        assert abs(torques[0] - 2.0 * torques[1] + torques[2]) <= 1e-12 * (max(map(abs, torques)) + size(p))
+
+    holds()
+    assert size(p, 2.0) >= size(p, 1.0) >= 0.0
+
+
+CHECKS = (
+    check_passivity,
+    check_odd_symmetry,
+    check_rest,
+    check_step_equation,
+    check_mean_torque,
+    check_semigroup,
+    check_rate,
+    check_level,
+)
+
+
+def trace(p):
+    """Speeds, torques and energies of a fixed random run, and the response to a random displacement."""
+    rng = np.random.default_rng(7)
+    memory, w, rows = at_rest(p), 0.0, []
+    for _ in range(200):
+        S, h, level = 10.0 ** rng.uniform((-1, -5, -0.5), (3, -2, 0.5))
+        w, T = law.step(p, level, memory, S, rng.normal(0.0, 3.0), h, w)
+        rows.append((w, T, law.torque(p, level, memory, w), law.stored_energy(p, memory)))
+    x = np.cumsum(rng.normal(0.0, 3e-3, 200))
+    return np.array(rows), friction.response(p, x, 1e-3)
+
+
+def check_plain_python(sets):
+    """The kernels mean the same to the interpreter as to the compiler, for a whole list of parameter sets."""
+    command = [sys.executable, "-W", "error", "-m", __name__]
+    run = subprocess.run(
+        command,
+        input=pickle.dumps(list(sets)),
+        env=os.environ | {"NUMBA_DISABLE_JIT": "1"},
+        cwd=ROOT,
+        capture_output=True,
+        check=False,
+    )
+    assert run.returncode == 0, run.stderr.decode()
+    for p, (rows, torques) in zip(sets, pickle.loads(run.stdout)):
+        expected_rows, expected_torques = trace(p)
+        # the compiler writes x**2 as x*x and may link another exp: an ulp each, carried on by 200 steps
+        np.testing.assert_allclose(rows, expected_rows, rtol=1e-9, atol=1e-12, err_msg=repr(p))
+        np.testing.assert_allclose(torques, expected_torques, rtol=1e-12, atol=1e-12, err_msg=repr(p))
+
+
+def _rate(p, level, memory, w):
+    out = np.zeros_like(memory)
+    law.rate(p, level, memory, w, out)
+    return out
+
+
+if __name__ == "__main__":
+    answers = [trace(p) for p in pickle.load(sys.stdin.buffer)]
+    sys.stdout.buffer.write(pickle.dumps(answers))

@@ -1,0 +1,38 @@
+"""Every registered law keeps every contract, with its defaults and with sets that reach its other branches."""
+
+import numpy as np
+import pytest
+
+import friction
+from tests.friction import contracts
+
+SETS = {name: friction.make(name) for name in friction.available()} | {
+    "viscous, none": friction.make("viscous", sigma_2=0.0),
+    "dahl, stiff": friction.make("dahl", sigma_0=1e5, F_c=0.3),
+    "lugre, Stribeck": friction.make("lugre", sigma_1=1.0, sigma_2=0.6, F_c=0.9, F_s=1.35, v_s=0.02),
+    "lugre, undamped": friction.make("lugre", sigma_1=0.0),
+    "masing, damped": friction.make("masing", sigma_1=2.0),
+    "masing, one element": friction.make("masing", k=[100.0], y=[0.009], sigma_1=1.0),
+    "masing, coinciding yields": friction.make("masing", k=[40.0, 0.0, 60.0, 5.0], y=[0.01, 0.02, 0.01, 0.002]),
+}
+
+
+@pytest.mark.parametrize("check", contracts.CHECKS, ids=lambda check: check.__name__)
+@pytest.mark.parametrize("p", SETS.values(), ids=SETS)
+def test_contract(p, check):
+    check(p)
+
+
+def test_plain_python_equals_compiled():
+    contracts.check_plain_python(list(SETS.values()))
+
+
+def test_a_broken_law_is_caught():
+    """The contracts have teeth: LuGre's parameters that create energy fail passivity."""
+    active = friction.models.lugre.LuGre(sigma_0=100.0, sigma_1=2.0, sigma_2=0.0, F_c=0.9, F_s=1.8, v_s=0.1)
+    with pytest.raises(AssertionError):
+        contracts.check_passivity(active)
+
+
+def test_memory_is_zero_at_rest():
+    assert all(not np.any(contracts.at_rest(p)) for p in SETS.values())

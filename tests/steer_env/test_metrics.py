@@ -1,0 +1,329 @@
+"""Metrics against loops whose answers are known in closed form."""
+
+import numpy as np
+import pytest
+
+from steer_env import metrics
+from steer_env.recording import DEGREE, Recording
+
+G = 9.80665
+RATE = 100.0  # Hz
+
+# A linear car: every channel a sine, so that every loop is an ellipse.
+ANGLE_PEAK, TORQUE_PEAK, AY_PEAK, YAW_PEAK = 17 * DEGREE, 3.2, 2.0, 0.075  # rad, N m, m/s2, rad/s
+LEAD, AY_LAG, YAW_LAG = 0.25, 0.150, 0.080  # of the torque [rad], of the responses at 0.2 Hz [s]
+NOISE = {
+    "handwheel_angle": 0.05 * DEGREE,
+    "handwheel_torque": 0.05,
+    "lateral_acceleration": 0.02,
+    "yaw_rate": 0.1 * DEGREE,
+    "vehicle_speed": 0.05,
+}
+
+
+def recording(time, angle, torque, ay, yaw, speed=100 / 3.6):
+    channels = {
+        "handwheel_angle": angle,
+        "handwheel_torque": torque,
+        "lateral_acceleration": ay,
+        "yaw_rate": yaw,
+        "vehicle_speed": np.full(time.size, speed),
+    }
+    return Recording(time, channels, metrics.CHANNELS)
+
+
+def linear_car(frequency=0.2, cycles=10, size=1.0, rate=RATE):
+    """``cycles`` of an elliptical weave; ``size`` scales its amplitude."""
+    omega = 2 * np.pi * frequency
+    time = np.arange(round(cycles / frequency * rate) + 1) / rate
+    return recording(
+        time,
+        size * ANGLE_PEAK * np.sin(omega * time),
+        size * TORQUE_PEAK * np.sin(omega * time + LEAD),
+        size * AY_PEAK * np.sin(omega * (time - AY_LAG)),
+        size * YAW_PEAK * np.sin(omega * (time - YAW_LAG)),
+    )
+
+
+def linear_car_answers(frequency=0.2, size=1.0):
+    """Closed forms for the ellipses, in the reporting units.
+
+    With y = B sin(p + b) over x = A sin(p): width 2 B sin(b) at x = 0, 2 A sin(b) at y = 0; mean branch (B/A) cos(b) x.
+    """
+    ay_lag, yaw_lag = 2 * np.pi * frequency * AY_LAG, 2 * np.pi * frequency * YAW_LAG
+    angle, torque, ay = size * ANGLE_PEAK / DEGREE, size * TORQUE_PEAK, size * AY_PEAK / G  # deg, N m, g
+    gradient = torque / ay * np.cos(LEAD + ay_lag)
+    sensitivity = 100 * ay / angle / np.cos(ay_lag)
+    return {
+        "torque_at_0g": torque * np.sin(LEAD + ay_lag),
+        "torque_at_0p1g": 0.1 * gradient,
+        "torque_gradient_at_0g": gradient,
+        "torque_gradient_at_0p1g": gradient,
+        "torque_gradient_ratio": 1.0,
+        "lateral_acceleration_at_0nm": ay * np.sin(LEAD + ay_lag),
+        "angle_hysteresis": 2 * angle * np.sin(ay_lag),
+        "angle_deadband": 2 * angle * np.sin(LEAD),
+        "torque_deadband": 2 * torque * np.sin(LEAD),
+        "steering_stiffness": torque / angle * np.cos(LEAD),
+        "steering_sensitivity_at_0p1g": sensitivity,
+        "minimum_steering_sensitivity": sensitivity,
+        "yaw_rate_gain": YAW_PEAK / ANGLE_PEAK * np.cos(yaw_lag),
+        "yaw_lag": 1e3 * YAW_LAG,
+        "lateral_acceleration_lag": 1e3 * AY_LAG,
+        "work_sensitivity": sensitivity / (0.1 * gradient),
+        "peak_handwheel_torque": torque,
+        "peak_handwheel_angle": angle,
+        "friction_loss": np.pi * torque * angle * DEGREE * np.sin(LEAD),
+    }
+
+
+def noisy(clean, seed):
+    rng = np.random.default_rng(seed)
+    channels = {name: clean[name] + size * rng.standard_normal(clean.time.size) for name, size in NOISE.items()}
+    return Recording(clean.time, channels, clean.units)
+
+
+def changed(clean, **channels):
+    return Recording(clean.time, {**clean.channels, **channels}, clean.units)
+
+
+def without(clean, name):
+    units = {key: unit for key, unit in clean.units.items() if key != name}
+    return Recording(clean.time, {key: clean[key] for key in units}, units)
+
+
+@pytest.mark.parametrize("size", [0.8, 1.0, 1.5])
+@pytest.mark.parametrize("rate", [50.0, 100.0, 1000.0])
+def test_ellipses_at_weave(size, rate):
+    """Every metric within 0.1 %: what is left is the low-pass, the interpolation and a parabola for an ellipse."""
+    found, expected = metrics.weave(linear_car(size=size, rate=rate)), linear_car_answers(size=size)
+    assert found.keys() == expected.keys() == set(metrics.available("weave"))
+    for name, value in found.items():
+        assert (value.reason, value.unit) == ("", metrics.definition(name).unit)
+        assert value.value == pytest.approx(expected[name], rel=1e-3), name
+
+
+def test_ellipses_at_slow_ramp():
+    found, expected = metrics.slow_ramp(linear_car(0.02, cycles=4)), linear_car_answers(0.02)
+    assert set(found) == set(metrics.available("slow_ramp"))
+    for name, value in found.items():
+        assert value.value == pytest.approx(expected[name], rel=1e-3), name
+
+
+def rough_car(friction=0.6, slip=0.4 * DEGREE, frequency=0.02, cycles=5, triangle=True, rate=100.0):
+    """Torque k angle plus a spring that slips at ``friction`` [N m] after ``slip`` [rad]; no lag anywhere."""
+    time = np.arange(round(cycles / frequency * rate) + 1) / rate
+    phase = frequency * time
+    wave = np.abs((4 * phase + 3) % 4 - 2) - 1 if triangle else np.sin(2 * np.pi * phase)
+    angle = ANGLE_PEAK * wave
+    torque, spring = np.empty_like(angle), 0.0
+    for k in range(angle.size):
+        spring += friction / slip * (angle[k] - angle[max(k - 1, 0)])
+        spring = min(max(spring, -friction), friction)
+        torque[k] = 8.0 * angle[k] + spring
+    return recording(time, angle, torque, 7.0 * angle, 0.25 * angle)
+
+
+def rough_car_answers(friction=0.6, slip=0.4 * DEGREE):
+    """Branches are k angle +- friction away from the turning points; the loop is a parallelogram."""
+    return {
+        "torque_at_0g": friction,
+        "torque_at_0p1g": 8.0 / 7.0 * 0.1 * G,
+        "torque_gradient_at_0g": 8.0 / 7.0 * G,
+        "torque_gradient_at_0p1g": 8.0 / 7.0 * G,
+        "lateral_acceleration_at_0nm": friction / 8.0 * 7.0 / G,
+        "angle_deadband": 2 * friction / 8.0 / DEGREE,
+        "torque_deadband": 2 * friction,
+        "steering_stiffness": 8.0 * DEGREE,
+        "yaw_rate_gain": 0.25,
+        "peak_handwheel_torque": 8.0 * ANGLE_PEAK + friction,
+        "friction_loss": 4 * friction * (ANGLE_PEAK - slip),
+    }
+
+
+@pytest.mark.parametrize("friction", [0.2, 0.6, 1.5])
+def test_friction_loop_at_slow_ramp(friction):
+    """Within 0.3 %: the 5 Hz low-pass rounds the corners, the branches are straight."""
+    found = metrics.slow_ramp(rough_car(friction))
+    for name, expected in rough_car_answers(friction).items():
+        assert found[name].value == pytest.approx(expected, rel=3e-3), name
+    assert found["angle_hysteresis"].value == pytest.approx(0.0, abs=1e-3)
+
+
+def test_friction_loop_at_weave():
+    """A sine at 0.2 Hz: within 1 %, as the low-pass takes more of corners that pass ten times faster."""
+    found = metrics.weave(rough_car(frequency=0.2, cycles=10, triangle=False))
+    for name, expected in rough_car_answers().items():
+        assert found[name].value == pytest.approx(expected, rel=1e-2), name
+
+
+def curved_car(size=1.0):
+    """Torque saturates over lateral acceleration, acceleration stiffens over the angle: gradients vary with level."""
+    clean = linear_car(size=size)
+    ay = AY_PEAK * size * np.sin(2 * np.pi * 0.2 * clean.time)
+    return changed(
+        clean,
+        lateral_acceleration=ay,
+        handwheel_torque=2.0 * np.tanh(ay / 1.2),
+        handwheel_angle=0.15 * (ay - 0.05 * ay**3 / 3),
+    )
+
+
+def test_gradients_of_a_curved_car_do_not_depend_on_amplitude():
+    """Within 5 % of the derivatives, as a parabola over +-0.05 g does not follow tanh's third derivative.
+
+    At another amplitude within 0.5 %: the window does not grow with it.
+    """
+    level = 0.1 * G
+    expected = {
+        "torque_at_0p1g": 2.0 * np.tanh(level / 1.2),
+        "torque_gradient_at_0g": 2.0 / 1.2 * G,
+        "torque_gradient_at_0p1g": 2.0 / 1.2 * G / np.cosh(level / 1.2) ** 2,
+        "torque_gradient_ratio": 1 / np.cosh(level / 1.2) ** 2,
+        "steering_sensitivity_at_0p1g": 100 * DEGREE / G / (0.15 * (1 - 0.05 * level**2)),
+        "minimum_steering_sensitivity": 100 * DEGREE / G / 0.15,
+    }
+    small, large = metrics.weave(curved_car(0.9)), metrics.weave(curved_car(1.4))
+    for name, true in expected.items():
+        assert small[name].value == pytest.approx(true, rel=0.05), name
+        assert large[name].value == pytest.approx(small[name].value, rel=5e-3), name
+
+
+@pytest.mark.parametrize(
+    ("test", "car", "answers"),
+    [
+        (metrics.weave, linear_car(), linear_car_answers()),
+        (metrics.slow_ramp, linear_car(0.02, cycles=4), linear_car_answers(0.02)),
+        (metrics.slow_ramp, rough_car(), rough_car_answers()),
+    ],
+    ids=["weave", "slow ramp", "slow ramp with friction"],
+)
+def test_interval_covers_the_truth(test, car, answers):
+    """A 95 % interval holds the truth in at least 85 % of 50 trials (fewer than 43 has a chance of 1 %)."""
+    trials = [test(noisy(car, seed)) for seed in range(50)]
+    covered = {}
+    for name in trials[0]:
+        if name in answers:
+            covered[name] = np.mean([trial[name].low <= answers[name] <= trial[name].high for trial in trials])
+            print(f"{name:30} {answers[name]:9.4f} {trials[0][name].unit:16} covered {covered[name]:4.0%}")
+    assert min(covered.values()) >= 0.85
+
+
+def test_left_and_right_are_alike():
+    """The mirrored recording has the same metrics, and half a cycle later too."""
+    car = noisy(rough_car(frequency=0.2, cycles=10), seed=3)
+    mirrored = Recording(car.time, {n: v if n == "vehicle_speed" else -v for n, v in car.channels.items()}, car.units)
+    left, right = metrics.weave(car), metrics.weave(mirrored)
+    for name, value in left.items():
+        # Mirrored, the cycles begin half a period later and one cycle fewer is kept: equal within both intervals.
+        assert abs(value.value - right[name].value) <= 2 * (value.high - value.low + 1e-9), name
+
+
+def test_offsets_and_pauses_drop_out():
+    """A pause before and after changes nothing; offsets of torque and acceleration cost 1 % at most."""
+    clean = linear_car()
+    pause = int(7.3 * RATE)
+    time = np.arange(clean.time.size + 2 * pause) / RATE
+    paused = Recording(time, {n: np.pad(v, pause, mode="edge") for n, v in clean.channels.items()}, clean.units)
+    offset = changed(
+        clean,
+        handwheel_torque=clean["handwheel_torque"] + 0.1,
+        lateral_acceleration=clean["lateral_acceleration"] + 0.05,
+    )
+    plain, after_pause, shifted = metrics.weave(clean), metrics.weave(paused), metrics.weave(offset)
+    for name, value in plain.items():
+        assert after_pause[name].value == pytest.approx(value.value, rel=1e-3), name
+        assert shifted[name].value == pytest.approx(value.value, rel=1e-2), name
+
+
+def refusals(recording, **options):
+    return {name: value.reason for name, value in metrics.weave(recording, **options).items() if value.reason}
+
+
+@pytest.mark.parametrize(
+    ("car", "reason"),
+    [
+        (linear_car(cycles=4), "2 settled cycles between first and last: steer 5 or more"),
+        (linear_car(cycles=1), "no whole cycle"),
+        (linear_car(0.3), "pass frequency=0.3"),
+        (changed(linear_car(), handwheel_angle=np.zeros(5001)), "no whole cycle"),
+        (without(linear_car(), "handwheel_angle"), "no channel 'handwheel_angle'"),
+        (linear_car(rate=15.0), "record at 20 Hz or faster"),
+        (changed(linear_car(), yaw_rate=np.full(5001, np.nan)), "'yaw_rate' has samples that are not finite"),
+        (changed(linear_car(), vehicle_speed=np.linspace(25, 30, 5001)), "vehicle_speed differs between cycles"),
+        (
+            changed(linear_car(), lateral_acceleration=linear_car()["lateral_acceleration"] * np.linspace(1, 2, 5001)),
+            "over 20% apart: hold angle and speed",
+        ),
+    ],
+)
+def test_refused_altogether(car, reason):
+    refused = refusals(car)
+    assert refused.keys() == set(metrics.available("weave"))
+    assert all(reason in text for text in refused.values()), refused
+
+
+def test_refused_one_by_one():
+    """A swapped sign, a missing channel and a level out of reach cost the metrics that need them, no more."""
+    clean = linear_car()
+    swapped = refusals(changed(clean, handwheel_torque=-clean["handwheel_torque"]))
+    assert {"torque_at_0g", "steering_stiffness", "friction_loss", "peak_handwheel_torque"} <= swapped.keys()
+    assert {"yaw_rate_gain", "angle_hysteresis", "peak_handwheel_angle"}.isdisjoint(swapped)
+    assert swapped["friction_loss"].startswith("handwheel_torque does not follow handwheel_angle: check the signs")
+    missing = refusals(without(clean, "yaw_rate"))
+    assert missing == dict.fromkeys(("yaw_rate_gain", "yaw_lag"), "the recording has no channel 'yaw_rate': record it")
+    small = refusals(linear_car(size=0.45))
+    assert small["torque_at_0p1g"] == "lateral_acceleration peaks at 0.092 g, below 0.1 g: steer further"
+    assert {"torque_gradient_ratio", "work_sensitivity", "minimum_steering_sensitivity"} <= small.keys()
+    assert {"torque_at_0g", "torque_gradient_at_0g", "lateral_acceleration_at_0nm", "yaw_lag"}.isdisjoint(small)
+    large = refusals(linear_car(size=1.8))
+    assert large["torque_at_0g"] == "lateral_acceleration peaks at 0.367 g, above 0.35 g: steer less far"
+    assert set(metrics.available("weave")) - large.keys() == {
+        "peak_handwheel_torque",
+        "peak_handwheel_angle",
+        "friction_loss",
+    }
+    quick = refusals(changed(clean, handwheel_angle=0.2 * clean["handwheel_angle"]))
+    assert "handwheel_angle does not span 0 +- 0.0698 rad: steer further" in quick["steering_stiffness"]
+    pulled = refusals(changed(clean, handwheel_torque=clean["handwheel_torque"] + 5.0))
+    assert pulled["angle_deadband"] == "handwheel_torque does not cross 0 N m on each branch: centre the weave"
+
+
+def test_wrong_unit_is_refused():
+    clean = linear_car()
+    wrong = Recording(clean.time, clean.channels, {**clean.units, "handwheel_angle": "1"})
+    assert refusals(wrong)["yaw_lag"] == "handwheel_angle is in '1': give it in 'rad'"
+
+
+def test_two_cycles_do_for_a_slow_ramp_and_three_for_a_weave():
+    assert metrics.slow_ramp(linear_car(0.02, cycles=4))["torque_at_0g"].reason == ""
+    assert metrics.slow_ramp(linear_car(0.02, cycles=3))["torque_at_0g"].reason != ""
+    assert metrics.weave(linear_car(cycles=5))["torque_at_0g"].reason == ""
+
+
+def test_every_metric_is_declared():
+    for name in metrics.available():
+        entry = metrics.definition(name)
+        assert entry.name == name
+        assert entry.unit in metrics.UNITS
+        assert entry.definition.endswith(".")
+        assert entry.source
+        assert entry.usual is None or entry.usual[0] < entry.usual[1]
+        assert set(entry.tests) <= set(metrics.TESTS)
+    assert set(metrics.available("slow_ramp")) < set(metrics.available("weave")) == set(metrics.available())
+    with pytest.raises(ValueError, match="no test 'weav'; there are weave, slow_ramp"):
+        metrics.available("weav")
+    with pytest.raises(ValueError, match="no metric 'torque'; there are torque_at_0g"):
+        metrics.definition("torque")
+
+
+def test_a_metric_is_one_function(monkeypatch):
+    monkeypatch.setattr(metrics, "_metrics", dict(metrics._metrics))
+
+    @metrics.metric("deg", source="here")
+    def mean_angle(loops):
+        """Mean handwheel angle."""
+        return loops.cycles("handwheel_angle").mean(axis=1)
+
+    assert metrics.definition("mean_angle").definition == "Mean handwheel angle."
+    assert metrics.weave(linear_car())["mean_angle"].value == pytest.approx(0.0, abs=1e-6)

@@ -1,0 +1,339 @@
+"""Strut S1 against its printed table, the exact closure of the linkage, and rack force against statics."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from vehicle.suspension import POINTS, MacPherson, WheelLoad, load_coefficients, mirrored, rack_force
+
+STRUT = MacPherson.load("s1")
+RACK = st.floats(-0.075, 0.075)
+TRAVEL = st.floats(-0.080, 0.080)
+POSITIONS = ("wheel_centre", "contact", "lower_ball_joint", "tie_rod_outer", "tie_rod_inner")
+
+
+def random_cases(count, seed=0):
+    rng = np.random.default_rng(seed)
+    load = WheelLoad(*(rng.uniform(-1, 1, (7, count)).T * [3e3, 3e3, 4e3, 6e3, 200, 500, 150]).T)
+    return rng.uniform(-0.075, 0.075, count), rng.uniform(-0.08, 0.08, count), load
+
+
+# The printed table of S1, to its last digit.
+
+
+def test_design_pose():
+    pose = STRUT.solve(0.0, 0.0)
+    assert np.degrees(pose.kingpin_inclination) == pytest.approx(13.00, abs=0.005)
+    assert np.degrees(pose.caster) == pytest.approx(4.50, abs=0.005)
+    assert pose.trail == pytest.approx(18.0e-3, abs=0.05e-3)
+    assert pose.scrub == pytest.approx(3.0e-3, abs=0.05e-3)
+    assert pose.roll_centre_height == pytest.approx(69e-3, abs=0.5e-3)
+    assert abs(pose.toe) < 1e-15
+    assert abs(pose.camber) < 1e-15
+    np.testing.assert_allclose(pose.wheel_centre, STRUT.points["wheel_centre"], rtol=0, atol=1e-15)
+
+
+def test_toe_and_camber_over_travel():
+    pose = STRUT.solve(0.0, np.array([-60, -40, -20, 20, 40, 60]) * 1e-3)
+    # The table prints +0.198 deg at -60 mm; the hard points, rounded to 0.1 mm, give 0.1968 deg.
+    toe = [0.197, 0.122, 0.058, -0.058, -0.122, -0.198]
+    np.testing.assert_allclose(np.degrees(pose.toe), toe, rtol=0, atol=0.0005)
+    np.testing.assert_allclose(np.degrees(pose.camber), [1.25, 0.76, 0.34, -0.25, -0.40, -0.44], rtol=0, atol=0.005)
+
+
+def test_steering_ratio():
+    per_rack = STRUT.solve(0.0, 0.0).per_rack.rotation[2]
+    assert np.degrees(per_rack) * 1e-3 == pytest.approx(0.4986, abs=0.00005)
+    assert 1 / per_rack == pytest.approx(114.9e-3, abs=0.05e-3)
+    assert 2 * np.pi / (0.050 * per_rack) == pytest.approx(14.44, abs=0.005)
+
+
+def test_steer_of_both_wheels():
+    left, right = STRUT.solve_pair(-np.arange(10, 71, 10) * 1e-3, 0.0, 0.0)
+    outer = [-4.96, -9.90, -14.86, -19.86, -24.93, -30.11, -35.43]
+    inner = [-5.02, -10.16, -15.46, -21.04, -27.02, -33.69, -41.61]
+    np.testing.assert_allclose(np.degrees(left.steer_angle), outer, rtol=0, atol=0.005)
+    np.testing.assert_allclose(np.degrees(right.steer_angle), inner, rtol=0, atol=0.005)
+
+
+def test_ackermann_share():
+    """(inner - outer) over what one common turning centre would ask, wheelbase 2.393 m, track 1.390 m."""
+    left, right = STRUT.solve_pair(np.array([-0.010, -0.070]), 0.0, 0.0)
+    inner, outer = -right.steer_angle, -left.steer_angle
+    ideal = np.arctan(1 / (1 / np.tan(outer) - 1.390 / 2.393))
+    np.testing.assert_allclose((inner - outer) / (ideal - outer), [0.23, 0.41], rtol=0, atol=0.005)
+
+
+# Kinematics.
+
+
+@given(RACK, TRAVEL)
+def test_links_keep_their_length_and_the_strut_its_axis(rack, travel):
+    pose = STRUT.solve(rack, travel)
+    design = {name: np.array(point) for name, point in STRUT.points.items()}
+    moved = {"lower_ball_joint": pose.lower_ball_joint, "tie_rod_outer": pose.tie_rod_outer}
+    moved["tie_rod_inner"] = design["tie_rod_inner"] - [0.0, rack, 0.0]  # behind the axle: to the right for left
+    for one, other in (
+        ("lower_ball_joint", "lower_arm_front_pivot"),
+        ("lower_ball_joint", "lower_arm_rear_pivot"),
+        ("tie_rod_outer", "tie_rod_inner"),
+    ):
+        length = np.linalg.norm(moved[one] - moved.get(other, design[other]))
+        assert length == pytest.approx(np.linalg.norm(design[one] - design[other]), abs=1e-12)
+    in_knuckle = pose.rotation.T @ (design["strut_top"] - pose.lower_ball_joint) + design["lower_ball_joint"]
+    axis = design["strut_top"] - design["strut_axis_lower_point"]
+    off = np.cross(axis / np.linalg.norm(axis), in_knuckle - design["strut_axis_lower_point"])
+    assert np.abs(off).max() < 1e-12
+    assert pose.strut_length == pytest.approx(np.linalg.norm(in_knuckle - design["strut_axis_lower_point"]), abs=1e-12)
+    assert pose.wheel_centre[2] == pytest.approx(travel, abs=1e-12)
+    assert np.abs(pose.rotation @ pose.rotation.T - np.eye(3)).max() < 1e-14
+
+
+@given(RACK, TRAVEL)
+def test_left_is_positive(rack, travel):
+    here, further = STRUT.solve(np.array([rack, rack + 1e-4]), travel).steer_angle
+    assert further > here
+
+
+@pytest.mark.parametrize(("coordinate", "du"), [("per_rack", (1e-5, 0.0)), ("per_travel", (0.0, 1e-5))])
+def test_derivatives_equal_differences(coordinate, du):
+    rack, travel, _ = random_cases(50)
+    motion = getattr(STRUT.solve(rack, travel), coordinate)
+    ahead, behind = STRUT.solve(rack + du[0], travel + du[1]), STRUT.solve(rack - du[0], travel - du[1])
+    h = 2 * sum(du)
+    # Central differences with 10 um: truncation up to 1e-6 of the derivative near lock, rounding 1e-10.
+    close = {"rtol": 2e-6, "atol": 1e-6}
+    np.testing.assert_allclose(motion.wheel_centre, (ahead.wheel_centre - behind.wheel_centre) / h, **close)
+    np.testing.assert_allclose(motion.strut_length, (ahead.strut_length - behind.strut_length) / h, **close)
+    turn = (ahead.rotation - behind.rotation) / h @ STRUT.solve(rack, travel).rotation.transpose(0, 2, 1)
+    np.testing.assert_allclose(motion.rotation, turn[:, [2, 0, 1], [1, 2, 0]], **close)
+    # The contact moves as a point of the knuckle, not with the lowest point of the tyre.
+    lever = STRUT.solve(rack, travel).contact - STRUT.solve(rack, travel).wheel_centre
+    np.testing.assert_allclose(
+        motion.contact, motion.wheel_centre + np.cross(motion.rotation, lever), rtol=0, atol=1e-12
+    )
+
+
+def test_fixed_strut_turns_about_the_king_pin():
+    rack, travel, _ = random_cases(50)
+    pose = STRUT.solve(rack, travel)
+    motion = pose.at_fixed_strut()
+    axis = pose.strut_top - pose.lower_ball_joint
+    assert np.abs(np.cross(axis, motion.rotation)).max() < 1e-12
+    expected = np.cross(motion.rotation, pose.contact - pose.lower_ball_joint)
+    np.testing.assert_allclose(motion.contact, expected, rtol=0, atol=1e-12)
+
+
+def test_batch_equals_scalar():
+    rack, travel, _ = random_cases(6)
+    batch = STRUT.solve(rack.reshape(2, 3), travel.reshape(2, 3))
+    assert batch.contact.shape == (2, 3, 3)
+    for k in range(6):
+        pose = STRUT.solve(rack[k], travel[k])
+        np.testing.assert_allclose(pose.contact, batch.contact.reshape(6, 3)[k], rtol=0, atol=1e-14)
+        np.testing.assert_allclose(pose.steer_angle, batch.steer_angle.flat[k], rtol=0, atol=1e-14)
+
+
+def test_track_moves_the_strut_only():
+    narrow = STRUT.at_track(1.390)
+    assert narrow.points["wheel_centre"][1] == pytest.approx(0.695)
+    here, there = STRUT.solve(0.03, 0.02), narrow.solve(0.03, 0.02)
+    assert there.steer_angle == pytest.approx(here.steer_angle, abs=1e-14)
+    np.testing.assert_allclose(there.contact - here.contact, [0.0, -0.055, 0.0], atol=1e-14)
+
+
+def test_rack_ahead_of_the_axle_steers_left_too():
+    points = dict(STRUT.points)
+    for name in ("tie_rod_outer", "tie_rod_inner"):
+        x, y, z = points[name]
+        points[name] = (-x, y, z)
+    pose = MacPherson(points, 0.298).solve(0.02, 0.0)
+    assert pose.steer_angle > 0.1
+    assert pose.tie_rod_inner[1] - points["tie_rod_inner"][1] == pytest.approx(0.02)  # now to the left
+    assert STRUT.solve(0.02, 0.0).tie_rod_inner[1] - STRUT.points["tie_rod_inner"][1] == pytest.approx(-0.02)
+
+
+def test_right_wheel_is_the_mirror_image():
+    left, right = STRUT.solve_pair(0.03, 0.02, -0.01)
+    other_left, other_right = STRUT.solve_pair(-0.03, -0.01, 0.02)
+    assert right.steer_angle == -other_left.steer_angle
+    assert right.inclination == -other_left.inclination
+    assert right.toe == other_left.toe
+    for name in POSITIONS:
+        np.testing.assert_array_equal(getattr(right, name), getattr(other_left, name) * [1, -1, 1])
+        np.testing.assert_array_equal(getattr(left, name), getattr(other_right, name) * [1, -1, 1])
+    again = mirrored(mirrored(left))
+    np.testing.assert_array_equal(again.rotation, left.rotation)
+    np.testing.assert_array_equal(again.per_rack.rotation, left.per_rack.rotation)
+
+
+# Rack force.
+
+
+def statics(points, rack_direction, pose, load):
+    """Rack force from the six equilibrium equations of the knuckle about the origin, nothing shared with the module."""
+    c, s = np.cos(pose.steer_angle), np.sin(pose.steer_angle)
+    axes = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    contact = axes @ [load.F_x_contact, load.F_y, load.F_z]
+    centre = axes @ [load.F_x_centre, 0.0, 0.0]
+    moment = axes @ [load.M_x, load.M_y, load.M_z]
+    given = np.concatenate(
+        [contact + centre, np.cross(pose.contact, contact) + np.cross(pose.wheel_centre, centre) + moment]
+    )
+
+    def wrench(direction, at):
+        return np.concatenate([direction, np.cross(at, direction)])
+
+    def link(outer, inner):
+        return wrench((outer - inner) / np.linalg.norm(outer - inner), outer)
+
+    ball, top = pose.lower_ball_joint, pose.strut_top
+    unknown = np.array(
+        [
+            link(ball, np.array(points["lower_arm_front_pivot"])),
+            link(ball, np.array(points["lower_arm_rear_pivot"])),
+            *(wrench(direction, top) for direction in np.eye(3)),  # spring along, bearing across the strut
+            link(pose.tie_rod_outer, pose.tie_rod_inner),
+        ]
+    ).T
+    tie = np.linalg.solve(unknown, -given)[5]
+    rod = pose.tie_rod_outer - pose.tie_rod_inner
+    return tie * (rod @ rack_direction) / np.linalg.norm(rod)
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_rack_force_equals_static_equilibrium(side):
+    rack, travel, load = random_cases(300)
+    mirror = np.array([1.0, 1.0 if side == "left" else -1.0, 1.0])
+    points = {name: point * mirror for name, point in STRUT.points.items()}
+    poses = STRUT.solve(rack, travel) if side == "left" else mirrored(STRUT.solve(-rack, travel))
+    force = rack_force(poses, load)
+    # Of the size of the single contributions, which may cancel.
+    size = np.sum([np.abs(c * f) for c, f in zip(load_coefficients(poses), load)], axis=0)
+    for k in range(rack.size):
+        pair = STRUT.solve_pair(rack[k], travel[k], travel[k])
+        pose = pair[0] if side == "left" else pair[1]
+        one = WheelLoad(*(float(channel[k]) for channel in load))
+        assert force[k] == pytest.approx(statics(points, [0.0, -1.0, 0.0], pose, one), rel=0, abs=1e-9 * size[k])
+
+
+def pair_force(rack, left_load, right_load):
+    left, right = STRUT.solve_pair(rack, 0.0, 0.0)
+    return float(rack_force(left, left_load) + rack_force(right, right_load))
+
+
+def test_cornering_to_the_left_resists_a_left_turn():
+    half = WheelLoad(F_y=765 / 2)
+    assert pair_force(0.0, half, half) == pytest.approx(765 * 0.018 / 0.1149, rel=0.03)
+    half = WheelLoad(F_y=765 / 2, M_z=-765 / 2 * 0.030)  # pneumatic trail 30 mm
+    assert pair_force(0.0, half, half) == pytest.approx(765 * 0.048 / 0.1149, rel=0.03)
+
+
+def test_wheel_load_cancels_straight_and_centres_when_steered():
+    load = WheelLoad(F_z=3700.0)
+    assert pair_force(0.0, load, load) == 0.0
+    assert pair_force(0.03, load, load) == pytest.approx(270, abs=0.5)
+    for rack in (0.01, 0.03, 0.06):
+        assert pair_force(rack, load, load) > 0.0
+        assert pair_force(-rack, load, load) == -pair_force(rack, load, load)
+
+
+def test_drive_and_brake_forces_cancel_between_the_wheels():
+    for load in (WheelLoad(F_x_centre=2000.0), WheelLoad(F_x_contact=-2000.0)):
+        assert pair_force(0.0, load, load) == 0.0
+        assert pair_force(0.0, load, WheelLoad()) != 0.0
+
+
+def test_brake_acts_on_the_scrub_and_drive_on_the_lever_at_the_wheel_centre():
+    pose = STRUT.solve(0.0, 0.0)
+    work = load_coefficients(pose)
+    turn = pose.at_fixed_strut().rotation[2]
+    assert work.F_x_contact / turn == pytest.approx(-pose.scrub, rel=1e-9)  # king-pin axis pierces the ground there
+    assert work.F_x_centre / turn == pytest.approx(-(pose.scrub + 0.298 * np.tan(pose.kingpin_inclination)), rel=1e-9)
+
+
+@given(RACK, TRAVEL, TRAVEL)
+def test_mirrored_car_has_the_opposite_rack_force(rack, travel_left, travel_right):
+    _, _, load = random_cases(2)
+    sign = WheelLoad(1, 1, -1, 1, -1, 1, -1)
+    left, right = (WheelLoad(*(float(channel[k]) for channel in load)) for k in (0, 1))
+    mirrored_left, mirrored_right = (WheelLoad(*(s * f for s, f in zip(sign, wheel))) for wheel in (right, left))
+    one, two = STRUT.solve_pair(rack, travel_left, travel_right)
+    three, four = STRUT.solve_pair(-rack, travel_right, travel_left)
+    force = rack_force(one, left) + rack_force(two, right)
+    assert force == -(rack_force(three, mirrored_left) + rack_force(four, mirrored_right))
+
+
+# Refusals.
+
+
+@pytest.mark.parametrize("name", POINTS)
+@pytest.mark.parametrize("value", [(np.nan, 0.0, 0.0), (np.inf, 0.0, 0.0), (0.0, 1.0), "here", None, (99.0, 0.0, 0.0)])
+def test_bad_coordinates_are_named(name, value):
+    with pytest.raises(ValueError, match=f"{name} is .*three finite coordinates"):
+        MacPherson({**STRUT.points, name: value}, 0.298)
+
+
+@pytest.mark.parametrize("name", POINTS)
+def test_a_missing_point_is_named(name):
+    with pytest.raises(ValueError, match=f"points lack {name};"):
+        MacPherson({key: point for key, point in STRUT.points.items() if key != name}, 0.298)
+
+
+def test_an_unknown_point_is_named():
+    with pytest.raises(ValueError, match="unknown upper_arm"):
+        MacPherson({**STRUT.points, "upper_arm": (0, 0, 0)}, 0.298)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "message"),
+    [
+        ("lower_ball_joint", STRUT.points["tie_rod_outer"], "lower_ball_joint is .*from tie_rod_outer"),
+        ("lower_arm_rear_pivot", STRUT.points["lower_arm_front_pivot"], "lower_arm_front_pivot is .*rear_pivot"),
+        ("lower_ball_joint", (0.310, 0.340, -0.102), "lower_ball_joint is .*the line of the arm's pivots"),
+        ("wheel_centre", (0.0, -0.75, 0.0), "wheel_centre is .*left wheel"),
+        ("strut_top", (-0.04, 0.56, -0.3), "strut_top is .*height"),
+        ("tie_rod_outer", (-0.00545, 0.67821, 0.0), "tie_rod_outer is .*lever"),
+        ("tie_rod_inner", (-0.4, 0.680, -0.05), "tie_rod_inner is .*along the rack"),
+    ],
+)
+def test_points_that_make_no_strut_are_named(name, value, message):
+    with pytest.raises(ValueError, match=message):
+        MacPherson({**STRUT.points, name: value}, 0.298)
+
+
+def test_a_wheel_that_cannot_rise_is_refused():
+    x, y, z = STRUT.points["wheel_centre"]
+    pivot = 1 / STRUT.solve(0.0, 0.0).per_travel.rotation[1]  # so far ahead the knuckle pitches without lifting
+    with pytest.raises(ValueError, match=r"wheel_centre is .*up and down"):
+        MacPherson({**STRUT.points, "wheel_centre": (x + pivot, y, z)}, 0.298)
+
+
+@pytest.mark.parametrize("radius", [0.0, -0.3, np.nan, np.inf])
+def test_loaded_radius_is_checked(radius):
+    with pytest.raises(ValueError, match="loaded_radius is"):
+        MacPherson(STRUT.points, radius)
+
+
+def test_out_of_reach_names_the_range():
+    with pytest.raises(ValueError, match=r"rack 0\.1 m, travel 0 m; reachable: rack at travel 0 m from .* to 0\.083 m"):
+        STRUT.solve(0.1, 0.0)
+    with pytest.raises(ValueError, match=r"travel 0\.5 m; reachable: travel at rack 0 from"):
+        STRUT.solve(np.array([0.0, 0.01]), np.array([0.0, 0.5]))
+    STRUT.solve(0.083, 0.0)
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -1e300])
+def test_rack_and_travel_are_finite(value):
+    with pytest.raises(ValueError, match="rack is"):
+        STRUT.solve(value, 0.0)
+    with pytest.raises(ValueError, match="travel is"):
+        STRUT.solve(0.0, value)
+
+
+def test_unknown_set_and_track():
+    with pytest.raises(ValueError, match=r"no strut named 's9'; packaged: s1"):
+        MacPherson.load("s9")
+    with pytest.raises(ValueError, match="track is"):
+        STRUT.at_track(np.nan)
