@@ -202,7 +202,7 @@ def _newton(p, level, memory, S, R, h, guess):
     high = -1.0  # not known yet
     s = side * guess
     if s <= 0.0:
-        s = abs(excess) / (S + mean_torque(p, level, memory, 0.0, h)[1])
+        s = abs(excess) / (S + mean_torque(p, level, memory, side * 0.0, h)[1])
         if not s > 0.0:
             s = abs(excess) / S
     for _ in range(100):

@@ -10,10 +10,19 @@ from numpy.typing import NDArray
 
 from friction import resolve
 from friction.check import number
-from friction.kernel import bind
+from friction.kernel import bind, kernel
 from steer_env.tasks import Task
 from vehicle import cars, plant
 from vehicle.assist import SAMPLE_TIME
+
+
+@kernel
+def _observe(row, observed, situation, bound, out):
+    """Observed channels and situation, clipped to the bounds."""
+    n = observed.size
+    for i in range(out.size):
+        value = row[observed[i]] if i < n else situation[i - n]
+        out[i] = min(max(value, -bound[i]), bound[i])
 
 
 class SteerEnv(gym.Env):
@@ -58,17 +67,19 @@ class SteerEnv(gym.Env):
         self.control_dt = dt
         self.task = task = self.make_task()
         self.plant = cars.load(vehicle).plant(resolve(friction), speed=speed, robot=task.robot)
-        bound = np.array([o.bound for o in task.observations])
+        bound = np.array([o.bound for o in (*task.channels, *task.situation)], np.float32)
         self.action_space = gym.spaces.Box(-1.0, 1.0, (1,), np.float32)
-        self.observation_space = gym.spaces.Box(-bound.astype(np.float32), bound.astype(np.float32), dtype=np.float32)
-        self._low, self._high = self.observation_space.low, self.observation_space.high
+        self.observation_space = gym.spaces.Box(-bound, bound, dtype=np.float32)
         self._straight = plant.initial_state(self.plant)
         self._state = self._straight.copy()
         self._row = np.zeros((1, len(plant.CHANNELS)))
-        self._observation = np.zeros(len(task.observations))
+        self._situation = np.zeros(len(task.situation))
+        self._observed = np.array([plant.CHANNEL[o.name] for o in task.channels])
+        self._bound = bound
         self._inputs = np.zeros((0, len(plant.INPUTS)))
         self._names = tuple(plant.CHANNEL)
         self._run = bind(plant.run, self.plant, self._state, self._inputs, self._row, 1)
+        self._observe = bind(_observe, self._row[0], self._observed, self._situation, bound, bound)
         self._now = 0
         self._action = 0.0
         self._renderer: Any = None
@@ -85,7 +96,8 @@ class SteerEnv(gym.Env):
         self._action = 0.0
         if self._renderer is not None:
             self._renderer.clear()
-        return self._observe(), self._info()
+        info = self._channels()
+        return self._look(info), info
 
     def step(self, action: Any) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
         """Hold an action in [-1, 1] (clipped, as a motor or an arm would) for ``control_dt``.
@@ -111,26 +123,28 @@ class SteerEnv(gym.Env):
         before = self._state.copy()
         self._run(self.plant, self._state, u, self._row, 1)
         self._now = end
-        observation = self._observe()
-        row = self._row[0]
-        outcome = self.task.judge(row, self._observation, value, value - self._action, self.control_dt)
+        info = self._channels()
+        observation = self._look(info)
+        terms, terminated = self.task.judge(info, self._situation, value, value - self._action, self.control_dt)
         self._action = value
+        reward = sum(terms.values())
         truncated = end + self._samples > len(self._inputs)
-        info = self._info()
-        info["reward_terms"] = outcome.terms
-        if not math.isfinite(outcome.reward) or not math.isfinite(self._state.sum()):
+        info["reward_terms"] = terms
+        if not math.isfinite(reward) or not math.isfinite(self._state.sum()):
             info["non_finite_state"] = plant.first_non_finite(self.plant, before, u) or "reward"
             return np.nan_to_num(observation), 0.0, True, truncated, info
         if self._renderer is not None:
-            self._renderer.add(row)
-        return observation, outcome.reward, outcome.terminated, truncated, info
+            self._renderer.add(self._row[0])
+        return observation, reward, terminated, truncated, info
 
-    def _observe(self) -> NDArray[np.float32]:
-        self.task.observe(self._row[0], self._observation)
-        return np.minimum(np.maximum(self._observation, self._low), self._high).astype(np.float32)
-
-    def _info(self) -> dict[str, Any]:
+    def _channels(self) -> dict[str, Any]:
         return dict(zip(self._names, self._row[0].tolist()))
+
+    def _look(self, channels: dict[str, Any]) -> NDArray[np.float32]:
+        self.task.locate(channels, self._situation)
+        observation = np.empty(len(self._bound), np.float32)
+        self._observe(self._row[0], self._observed, self._situation, self._bound, observation)
+        return observation
 
     def render(self) -> NDArray[np.uint8] | None:
         """A frame (H, W, 3) of the episode so far if ``render_mode`` is "rgb_array"."""

@@ -250,19 +250,15 @@ class Loops:
         return np.mean([self._of_branches(y, x, partial(read, centre=c)) for c in (level, -level)], axis=(0, 2))
 
     def peak(self, name: str) -> np.ndarray:
-        """Half of highest minus lowest sample (n,)."""
+        """Half of highest minus lowest (n,), read at the extremes of the mean cycle, where noise has averaged out."""
         self.fundamental(name)
-        return (-_lowest(-self.cycles(name)) - _lowest(self.cycles(name))) / 2
+        cycles = self.cycles(name)
+        mean = cycles.mean(axis=0)
+        return (cycles[:, mean.argmax()] - cycles[:, mean.argmin()]) / 2
 
     def lag(self, name: str) -> np.ndarray:
         """Delay (n,) of a channel's first harmonic behind that of the handwheel angle [s]."""
         return np.angle(self.fundamental(ANGLE) * self.fundamental(name).conj()) / (2 * np.pi) * self.period
-
-
-def _lowest(values: np.ndarray) -> np.ndarray:
-    """Of each row (cycle) the value where the other rows are lowest: so its own noise does not choose the place."""
-    others = values.sum(axis=0) - values
-    return values[np.arange(len(values)), others.argmin(axis=1)]
 
 
 def _cycle_starts(time: np.ndarray, angle: np.ndarray, frequency: float) -> np.ndarray:
@@ -354,8 +350,9 @@ def steering_sensitivity_at_0p1g(loops: Loops) -> np.ndarray:
 
 @metric("g/100 deg", usual=(0.6, 1.3), validity=(0.15, LINEAR))
 def minimum_steering_sensitivity(loops: Loops) -> np.ndarray:
-    """Steering sensitivity at whichever of 0, 0.05 and 0.1 g it is lowest."""
-    return _lowest(np.column_stack([1 / loops.slope(ANGLE, AY, level * G) for level in (0.0, 0.05, 0.1)]))
+    """Steering sensitivity at whichever of 0, 0.05 and 0.1 g it is lowest in the mean of the cycles."""
+    sensitivity = np.array([1 / loops.slope(ANGLE, AY, level * G) for level in (0.0, 0.05, 0.1)])
+    return sensitivity[sensitivity.mean(axis=1).argmin()]
 
 
 @metric("1/s", usual=(0.20, 0.40))
@@ -382,15 +379,15 @@ def work_sensitivity(loops: Loops) -> np.ndarray:
     return steering_sensitivity_at_0p1g(loops) / torque_at_0p1g(loops)
 
 
-@metric("N m", validity=None, source="plain")
+@metric("N m", validity=None, tests=("weave",), source="common use")
 def peak_handwheel_torque(loops: Loops) -> np.ndarray:
-    """Half the difference of highest and lowest torque."""
+    """Half the difference of the torques where the mean of the cycles is highest and lowest."""
     return loops.peak(TORQUE)
 
 
-@metric("deg", validity=None, source="plain")
+@metric("deg", validity=None, tests=("weave",), source="common use")
 def peak_handwheel_angle(loops: Loops) -> np.ndarray:
-    """Half the difference of highest and lowest handwheel angle."""
+    """Half the difference of the handwheel angles where the mean of the cycles is highest and lowest."""
     return loops.peak(ANGLE)
 
 

@@ -1,6 +1,6 @@
 """Tasks: what the action means, what is observed, how a step is rewarded and when an episode ends.
 
-The environment owns the plant and the clock; a task owns nothing but its episode's case (path, disturbances, amplitude).
+The environment owns the plant and the clock; a task owns only its episode's case: path, disturbances, amplitude.
 Each task declares its observations once, with unit and bound; the environment clips to the bounds.
 """
 
@@ -18,7 +18,6 @@ from steer_env.targets import ReferenceFeel
 from vehicle.assist import SAMPLE_TIME
 from vehicle.plant import (
     ASSIST_REQUEST,
-    CHANNEL,
     HAND,
     INPUTS,
     RACK_DISTURBANCE,
@@ -37,31 +36,26 @@ class Observation(NamedTuple):
     bound: float  # the space spans +- this
 
 
-class Outcome(NamedTuple):
-    """What a task makes of a step."""
-
-    reward: float
-    terminated: bool
-    terms: dict[str, float]  # the reward's terms, which sum to it
-
-
 class Task(Protocol):
     """What :class:`steer_env.env.SteerEnv` asks of a task."""
 
     robot: ClassVar[bool]  # handwheel angle prescribed, or hand torque
     action_input: ClassVar[int]  # the plant input that the action drives
     action_scale: ClassVar[float]  # its value at action 1
-    observations: ClassVar[tuple[Observation, ...]]
+    channels: ClassVar[tuple[Observation, ...]]  # observed plant channels
+    situation: ClassVar[tuple[Observation, ...]]  # observed besides, filled by ``locate``
     duration: float  # of an episode [s]
 
     def start(self, rng: np.random.Generator, speed: float, options: dict[str, Any]) -> Array:
         """Draw a case; rows of plant inputs for the whole episode, one a millisecond."""
 
-    def observe(self, row: Array, out: Array) -> None:
-        """Fill the observations in SI from a row of plant channels."""
+    def locate(self, channels: dict[str, float], situation: Array) -> None:
+        """Fill the situation in SI from the plant channels."""
 
-    def judge(self, row: Array, out: Array, action: float, change: float, dt: float) -> Outcome:
-        """Reward and end from the channels, the observations and the action with its change, for ``dt`` [s]."""
+    def judge(
+        self, channels: dict[str, float], situation: Array, action: float, change: float, dt: float
+    ) -> tuple[dict[str, float], bool]:
+        """Terms of the reward for a step of ``dt`` [s], and whether the episode ends, from channels and action."""
 
 
 def _allowed(options: dict[str, Any], keys: tuple[str, ...]) -> None:
@@ -86,9 +80,8 @@ class LaneKeeping:
     action_input: ClassVar[int] = HAND
     action_scale: ClassVar[float] = 10.0  # [N m]
     previews: ClassVar[tuple[float, ...]] = (0.0, 0.3, 0.6, 1.0, 1.5)  # [s]
-    observations: ClassVar[tuple[Observation, ...]] = (
-        *_STEERING,
-        Observation("lateral_speed", "m/s", 30.0),
+    channels: ClassVar[tuple[Observation, ...]] = (*_STEERING, Observation("lateral_speed", "m/s", 30.0))
+    situation: ClassVar[tuple[Observation, ...]] = (
         Observation("lateral_offset", "m", 5.0),
         Observation("heading_error", "rad", math.pi),
         *(Observation(f"curvature_{t:g}s", "1/m", 0.05) for t in previews),
@@ -102,10 +95,6 @@ class LaneKeeping:
     def __init__(self) -> None:
         self.duration = 30.0
         self.path: path.Path | None = None
-        self._channels = [CHANNEL[o.name] for o in (*_STEERING, Observation("lateral_speed", "m/s", 0.0))]
-        self._position = 0.0
-        self._pose = np.array([CHANNEL[name] for name in ("x", "y", "yaw_angle")])
-        self._locate = None
 
     def start(self, rng: np.random.Generator, speed: float, options: dict[str, Any]) -> Array:
         _allowed(options, ())
@@ -119,7 +108,8 @@ class LaneKeeping:
         u[:, WIND_FORCE] = self._noise(rng, n, self.wind_force, 1.0)
         u[:, WIND_MOMENT] = self.wind_arm * u[:, WIND_FORCE]
         u[:, RACK_DISTURBANCE] = self._noise(rng, n, self.rack_force, 0.02)
-        self._locate = bind(path.locate, self.path, 0.0, 0.0, 0.0, 0.0, self._preview, np.zeros(2 + len(self.previews)))
+        out = np.zeros(len(self.situation))
+        self._locate = bind(path.locate, self.path, 0.0, 0.0, 0.0, 0.0, self._preview, out)
         return u
 
     @staticmethod
@@ -128,15 +118,15 @@ class LaneKeeping:
         pole = math.exp(-SAMPLE_TIME / correlation)
         return lfilter([deviation * math.sqrt(1.0 - pole**2)], [1.0, -pole], rng.standard_normal(n))
 
-    def observe(self, row: Array, out: Array) -> None:
-        n = len(self._channels)
-        out[:n] = row[self._channels]
-        x, y, yaw = row[self._pose].tolist()
-        self._position = self._locate(self.path, x, y, yaw, self._position, self._preview, out[n:])
+    def locate(self, channels: dict[str, float], situation: Array) -> None:
+        self._position = self._locate(
+            self.path, channels["x"], channels["y"], channels["yaw_angle"], self._position, self._preview, situation
+        )
 
-    def judge(self, row: Array, out: Array, action: float, change: float, dt: float) -> Outcome:
-        n = len(self._channels)
-        offset, heading = out[n], out[n + 1]
+    def judge(
+        self, channels: dict[str, float], situation: Array, action: float, change: float, dt: float
+    ) -> tuple[dict[str, float], bool]:
+        offset, heading = float(situation[0]), float(situation[1])
         out_of_lane = abs(offset) > self.lane_half_width or abs(heading) > 0.5 * math.pi
         terms = {
             "progress": dt,
@@ -146,7 +136,7 @@ class LaneKeeping:
             "smoothness": -dt * 0.1 * (change / (dt * 10.0)) ** 2,
             "departure": -10.0 if out_of_lane else 0.0,
         }
-        return Outcome(float(sum(terms.values())), bool(out_of_lane), terms)
+        return terms, out_of_lane
 
 
 class AssistWeave:
@@ -155,21 +145,18 @@ class AssistWeave:
     robot: ClassVar[bool] = True
     action_input: ClassVar[int] = ASSIST_REQUEST
     action_scale: ClassVar[float] = 5.0  # [N m]
-    observations: ClassVar[tuple[Observation, ...]] = (
+    channels: ClassVar[tuple[Observation, ...]] = (
         *_STEERING,
         Observation("column_speed", "rad/s", 40.0),
         Observation("motor_torque", "N m", 80.0),
     )
+    situation: ClassVar[tuple[Observation, ...]] = ()
     nominal_amplitude: ClassVar[float] = math.radians(12.5)  # 2 m/s2 at 100 km/h on the compact car
 
     def __init__(self) -> None:
         self.duration = 20.0
         self.reference = ReferenceFeel()
         self._manoeuvre = manoeuvres.weave()
-        self._channels = [CHANNEL[o.name] for o in self.observations]
-        self._torque, self._speed, self._acceleration = (
-            CHANNEL[name] for name in ("handwheel_torque", "handwheel_speed", "lateral_acceleration")
-        )
 
     def start(self, rng: np.random.Generator, speed: float, options: dict[str, Any]) -> Array:
         _allowed(options, ("amplitude",))
@@ -179,14 +166,16 @@ class AssistWeave:
             amplitude = number("amplitude [rad]", options["amplitude"], minimum=0.0, maximum=2.0)
         return manoeuvres.inputs(self._manoeuvre, amplitude, self.duration)
 
-    def observe(self, row: Array, out: Array) -> None:
-        out[:] = row[self._channels]
+    def locate(self, channels: dict[str, float], situation: Array) -> None:
+        pass
 
-    def judge(self, row: Array, out: Array, action: float, change: float, dt: float) -> Outcome:
-        wanted = self.reference.torque(row[self._acceleration], row[self._speed])
+    def judge(
+        self, channels: dict[str, float], situation: Array, action: float, change: float, dt: float
+    ) -> tuple[dict[str, float], bool]:
+        wanted = self.reference.torque(channels["lateral_acceleration"], channels["handwheel_speed"])
         terms = {
-            "feel": -dt * (row[self._torque] - wanted) ** 2,
+            "feel": -dt * (channels["handwheel_torque"] - wanted) ** 2,
             "effort": -dt * 0.01 * action**2,
             "smoothness": -dt * 0.01 * (change / (dt * 10.0)) ** 2,
         }
-        return Outcome(float(sum(terms.values())), False, terms)
+        return terms, False

@@ -112,7 +112,7 @@ class Plant(NamedTuple):
 
 @kernel
 def _evaluate(p, state, row):
-    """Chassis derivative at the present state into its place; the rack force into its place; ``row`` gets the outputs."""
+    """Chassis derivative and rack force at the present state, into their places; ``row`` gets the outputs."""
     rack = p.pinion_radius * state[column.COLUMN_ANGLE]
     force = single_track.derivative(
         p.chassis,

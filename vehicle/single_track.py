@@ -4,8 +4,8 @@
     I_z r' = a F_yf - b F_yr + track/2 (F_xR - F_xL)                               (yaw)
     (I_x + m_s h^2) phi'' - m_s h (v_y' + v_x r) = m_s g h phi - K phi - C phi'    (roll)
 
-ISO 8855 axes: x forward, y left, z up; left turns are positive. v_y and r belong to the point of the roll axis below the
-centre of gravity. Roll phi is positive to the right, as a left turn makes it. Load transfer, front-wheel travel, camber
+ISO 8855 axes: x forward, y left, z up; left turns are positive. v_y and r belong to the point of the roll axis below
+the centre of gravity. Roll phi is positive to the right, as a left turn makes it. Load transfer, front-wheel travel, camber
 and steering compliance follow from roll and tyre forces. The tyre on the right is the mirror image of the one on the
 left, so ply steer and conicity stay in the forces and cancel over an axle.
 
