@@ -11,8 +11,8 @@ def decay(X):
 
     Below 0.1 the quotients cancel, so the Taylor series take over; eight terms leave less than 1e-15.
     """
-    E = math.exp(-X)
     if X > 0.1:
+        E = math.exp(-X)
         p1 = (1.0 - E) / X
         p2 = (1.0 - p1) / X
         d1 = (E - p1) / X
@@ -23,7 +23,7 @@ def decay(X):
     p1 = 1.0 - X * p2
     d2 = -1 / 6 + X / 12 - X**2 / 40 + X**3 / 180 - X**4 / 1008 + X**5 / 6720 - X**6 / 51840
     d1 = -p2 - X * d2
-    return E, p1, p2, d1, d2
+    return 1.0 - X * p1, p1, p2, d1, d2
 
 
 @kernel

@@ -93,7 +93,7 @@ def kernel(function: Callable) -> Any:
     if config.DISABLE_JIT:
         return function
     _add_sources(function)
-    dispatcher = numba.njit(nogil=True, error_model="numpy")(function)
+    dispatcher = numba.njit(nogil=True, error_model="numpy", forceinline=True)(function)
     _cache(dispatcher)
     return dispatcher
 

@@ -121,7 +121,7 @@ class SteerEnv(gym.Env):
             raise RuntimeError("the episode is over or has not begun: call reset")
         u[:, self.task.action_input] = self.task.action_scale * value
         before = self._state.copy()
-        self._run(self.plant, self._state, u, self._row, 1)
+        finite = self._run(self.plant, self._state, u, self._row, 1)
         self._now = end
         info = self._channels()
         observation = self._look(info)
@@ -130,7 +130,7 @@ class SteerEnv(gym.Env):
         reward = sum(terms.values())
         truncated = end + self._samples > len(self._inputs)
         info["reward_terms"] = terms
-        if not math.isfinite(reward) or not math.isfinite(self._state.sum()):
+        if not math.isfinite(reward) or not finite:
             info["non_finite_state"] = plant.first_non_finite(self.plant, before, u) or "reward"
             return np.nan_to_num(observation), 0.0, True, truncated, info
         if self._renderer is not None:

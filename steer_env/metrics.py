@@ -1,8 +1,8 @@
 """Steering-feel metrics of a weave and of a slow ramp, each with its 95 % interval over the cycles.
 
 The definitions are after ISO 13674-1. A recording is low-passed with zero phase on every channel alike,
-cut into cycles at the handwheel angle's own crossings, and each cycle is read at 1000 instants. Cycles
-short of full amplitude at either end are left out, and so are the first and the last of the others.
+cut into cycles at the handwheel angle's own crossings, and each cycle is read at 1000 instants. The first
+and the last cycle are left out, and so is at either end whatever is short of full amplitude.
 
 The loop y(x) of a cycle has a rising and a falling branch, split at the turning points of x.
 * A value at a level of x is interpolated where each branch crosses that level.
@@ -262,7 +262,7 @@ class Loops:
 
 
 def _cycle_starts(time: np.ndarray, angle: np.ndarray, frequency: float) -> np.ndarray:
-    """Rising crossings [s] that bound the cycles of full amplitude, one more than there are cycles."""
+    """Rising crossings [s] that bound the cycles of full amplitude and, as margins, one more at each end."""
     s = angle - (angle.max() + angle.min()) / 2
     far = np.flatnonzero(np.abs(s) > s.max() / 4)  # a crossing counts once it has left the noise
     up = np.flatnonzero((s[far[:-1]] < 0) & (s[far[1:]] > 0))
@@ -273,13 +273,13 @@ def _cycle_starts(time: np.ndarray, angle: np.ndarray, frequency: float) -> np.n
     period = np.median(np.diff(starts))
     if not abs(period * frequency - 1) <= FREQUENCY_SPREAD:
         raise RefusedError(f"{ANGLE} is at {1 / period:.4g} Hz, not {frequency:g} Hz: pass frequency={1 / period:.4g}")
-    # A cycle that the recording begins or ends with has no crossing on its outer side.
-    ends = np.array([starts[0] - period, starts[-1] + period])
+    ends = np.array([starts[0] - period, starts[-1] + period])  # of cycles that begin or end the recording
     inside = np.clip(ends, time[0], time[-1])
     starts = np.sort(np.append(starts, inside[np.abs(ends - inside) < END_SLACK * period]))
     span = np.array([np.ptp(angle[(time >= a) & (time <= b)]) for a, b in pairwise(starts)])
-    full = np.flatnonzero(span > (1 - SPREAD) * np.median(span))
-    return starts[full[0] : full[-1] + 2]
+    steered, full = (np.flatnonzero(span > part * np.median(span)) for part in (SPREAD, 1 - SPREAD))
+    first, last = max(steered[0] + 1, full[0]), min(steered[-1] - 1, full[-1])
+    return starts[first - 1 : last + 3]
 
 
 @metric("N m", usual=(0.6, 2.0))

@@ -1,9 +1,9 @@
 """The plant: column, friction, assist, rack force and chassis coupled at one step of 1 ms.
 
-Within a step the column runs by the implicit midpoint rule with the law's exact mean torque, the chassis by the
-two-step Adams-Bashforth rule, and what couples them (the rack force) is extrapolated to the middle of the step from the
-last two nodes. All of it is of second order; one evaluation of the tyres a step. The controller is sampled every
-millisecond whatever the step.
+Within a step the column runs by the implicit midpoint rule with the law's exact mean torque. The chassis is slower by
+far: its tyres and struts are evaluated at every second step, its states follow the two-step Adams-Bashforth polynomial
+through those nodes at every step, and what couples back (the rack force) and what is reported is extrapolated linearly
+from the last two nodes. All of it is of second order. The controller is sampled every millisecond whatever the step.
 
     T_C = T_motor - r_p (F_rack + F_disturbance)         friction level = 1 + |F_rack| load gain
 
@@ -47,6 +47,9 @@ STATES: tuple[tuple[str, str], ...] = (
     *single_track.STATES,
     *((f"{name}_derivative", f"{unit}/s") for name, unit in single_track.STATES),
     *((f"{name}_derivative_before", f"{unit}/s") for name, unit in single_track.STATES),
+    *single_track.OUTPUTS,
+    *((f"{name}_before", unit) for name, unit in single_track.OUTPUTS),
+    ("steps_since_node", "1"),
     *_BEFORE,
 )
 _ASSIST = len(_COLUMN_STATES)
@@ -54,7 +57,10 @@ _CHASSIS = _ASSIST + len(_ASSIST_STATES)
 _SIZE = len(single_track.STATES)
 _RATE = _CHASSIS + _SIZE
 _RATE_BEFORE = _RATE + _SIZE
-_RACK_FORCE = _RATE_BEFORE + _SIZE
+_OUT = _RATE_BEFORE + _SIZE
+_OUT_BEFORE = _OUT + len(single_track.OUTPUTS)
+_PHASE = _OUT_BEFORE + len(single_track.OUTPUTS)
+_RACK_FORCE = _PHASE + 1
 _HAND_TORQUE = _RACK_FORCE + 2
 _FRICTION_TORQUE = _RACK_FORCE + 4
 _MEMORY = len(STATES)  # the friction law's memory is the tail
@@ -86,11 +92,14 @@ CHANNELS: tuple[tuple[str, str], ...] = (
     ("yaw_angle", "rad"),
     ("x", "m"),
     ("y", "m"),
+    ("drive_force", "N"),
     *single_track.OUTPUTS,
 )
 CHANNEL = {name: i for i, (name, _) in enumerate(CHANNELS)}
-_OUTPUT = len(CHANNELS) - len(single_track.OUTPUTS)
+_OUTPUTS = len(single_track.OUTPUTS)
+_OUTPUT = len(CHANNELS) - _OUTPUTS
 
+STEPS_PER_NODE = 2  # column steps for each evaluation of the chassis
 STOP_STIFFNESS = 2e6  # of the rack's end stops, assumed [N/m]
 
 
@@ -102,8 +111,7 @@ class Plant(NamedTuple):
     friction: Any  # parameters of a friction law
     chassis: single_track.SingleTrack
     strut: Any  # strut_map.StrutMap
-    front_tyre: Any  # tyre.MagicFormula
-    rear_tyre: Any  # tyre.MagicFormula
+    tyre: Any  # tyre.MagicFormula, of all four wheels
     pinion_radius: float  # rack travel per column angle [m/rad]
     friction_load: float  # rise of the friction level per rack force [1/N]
     rack_limit: float  # rack travel at the end stops [m]
@@ -111,20 +119,24 @@ class Plant(NamedTuple):
 
 
 @kernel
-def _evaluate(p, state, row):
-    """Chassis derivative and rack force at the present state, into their places; ``row`` gets the outputs."""
+def _evaluate(p, state, wind_force, wind_moment):
+    """A new node: chassis derivative, outputs and rack force at the present state, the last ones kept beside them."""
+    for i in range(_SIZE):
+        state[_RATE_BEFORE + i] = state[_RATE + i]
+    for i in range(_OUTPUTS):
+        state[_OUT_BEFORE + i] = state[_OUT + i]
+    state[_RACK_FORCE + 1] = state[_RACK_FORCE]
     rack = p.pinion_radius * state[column.COLUMN_ANGLE]
     force = single_track.derivative(
         p.chassis,
         p.strut,
-        p.front_tyre,
-        p.rear_tyre,
+        p.tyre[0],
         state[_CHASSIS:_RATE],
         rack,
-        row[0],
-        row[1],
+        wind_force,
+        wind_moment,
         state[_RATE:_RATE_BEFORE],
-        row[_OUTPUT:],
+        state[_OUT:_OUT_BEFORE],
     )
     beyond = max(abs(rack) - p.rack_limit, 0.0)
     state[_RACK_FORCE] = force + math.copysign(STOP_STIFFNESS * beyond, rack)
@@ -132,8 +144,10 @@ def _evaluate(p, state, row):
 
 @kernel
 def _step(p, state, hand, hand_speed, before, after, elapsed, disturbance, h):
-    """Column, motor and chassis over one step; the chassis derivative of the new node is still to come."""
-    force = 1.5 * state[_RACK_FORCE] - 0.5 * state[_RACK_FORCE + 1] + disturbance
+    """Column, motor and chassis over one step; a node's evaluation is still to come."""
+    # The middle of this step, in node intervals after the last node.
+    s = (state[_PHASE] + 0.5) / STEPS_PER_NODE
+    force = state[_RACK_FORCE] + s * (state[_RACK_FORCE] - state[_RACK_FORCE + 1]) + disturbance
     motor = assist.motor_step(p.assist, state[_ASSIST:_CHASSIS], before, after, elapsed, h)
     T_C = motor - p.pinion_radius * force
     level = 1.0 + p.friction_load * abs(force)
@@ -147,33 +161,36 @@ def _step(p, state, hand, hand_speed, before, after, elapsed, disturbance, h):
         _, _, T_F = column.step_torque(p.column, p.friction, level, q, memory, hand, T_C, h)
         state[_HAND_TORQUE] = hand
     state[_FRICTION_TORQUE] = T_F
-    state[_RACK_FORCE + 1] = state[_RACK_FORCE]
     for i in range(_SIZE):
         now = state[_RATE + i]
-        state[_CHASSIS + i] += h * (1.5 * now - 0.5 * state[_RATE_BEFORE + i])
-        state[_RATE_BEFORE + i] = now
+        state[_CHASSIS + i] += h * (now + s * (now - state[_RATE_BEFORE + i]))
+    state[_PHASE] += 1.0
 
 
 @kernel
 def _report(p, state, row):
-    """Fill a row of channels at the present node; ``row`` holds the chassis' outputs already."""
+    """Fill a row of channels at the present moment."""
     chassis = state[_CHASSIS:_RATE]
-    for i in range(_ASSIST - 2):
-        row[i] = state[i]
-    # Means over the last two steps, extrapolated to the node; a hand torque is its own value.
+    s = state[_PHASE] / STEPS_PER_NODE
+    row[0] = state[column.HANDWHEEL_ANGLE]
+    row[1] = state[column.HANDWHEEL_SPEED]
+    # Means over the last two steps, extrapolated to their end; a hand torque is its own value.
     row[2] = 1.5 * state[_HAND_TORQUE] - 0.5 * state[_HAND_TORQUE + 1] if p.robot > 0.0 else state[_HAND_TORQUE]
     row[3] = state[column.COLUMN_ANGLE]
     row[4] = state[column.COLUMN_SPEED]
     row[5] = p.column.K_tb * (state[column.HANDWHEEL_ANGLE] - state[column.COLUMN_ANGLE])
     row[6] = state[_ASSIST + assist.MOTOR_TORQUE]
     row[7] = 1.5 * state[_FRICTION_TORQUE] - 0.5 * state[_FRICTION_TORQUE + 1]
-    row[8] = state[_RACK_FORCE]
+    row[8] = state[_RACK_FORCE] + s * (state[_RACK_FORCE] - state[_RACK_FORCE + 1])
     row[9] = chassis[single_track.LATERAL_SPEED]
     row[10] = chassis[single_track.YAW_RATE]
     row[11] = chassis[single_track.ROLL]
     row[12] = chassis[single_track.YAW]
     row[13] = chassis[single_track.X]
     row[14] = chassis[single_track.Y]
+    row[15] = chassis[single_track.DRIVE_FORCE]
+    for i in range(_OUTPUTS):
+        row[_OUTPUT + i] = state[_OUT + i] + s * (state[_OUT + i] - state[_OUT_BEFORE + i])
 
 
 @kernel
@@ -188,10 +205,15 @@ def run(p, state, inputs, record, substeps):
     inputs : (N, 6) array
         As in ``INPUTS``.
     record : (M, C) array
-        Receives the channels at the end of each sample; where there are fewer rows than samples, the last row is
-        overwritten, so that one row ends up with the channels of the last sample.
+        Receives the channels at the end of each sample; where there are fewer rows than samples, the last row ends up
+        with the channels of the last sample.
     substeps : int
         Steps per sample; 1 but in studies of convergence.
+
+    Returns
+    -------
+    bool
+        Whether every state is finite.
     """
     h = SAMPLE_TIME / substeps
     last = record.shape[0] - 1
@@ -213,10 +235,15 @@ def run(p, state, inputs, record, substeps):
             if p.robot > 0.0 and j + 1 < substeps:
                 hand, hand_speed = _hermite((j + 1) / substeps, start, start_speed, hand, hand_speed)
             _step(p, state, hand, hand_speed, before, after, j * h, u[RACK_DISTURBANCE], h)
-            row[0] = u[WIND_FORCE]
-            row[1] = u[WIND_MOMENT]
-            _evaluate(p, state, row)
-        _report(p, state, row)
+            if state[_PHASE] == STEPS_PER_NODE:
+                _evaluate(p, state, u[WIND_FORCE], u[WIND_MOMENT])
+                state[_PHASE] = 0.0
+        if i <= last or i == inputs.shape[0] - 1:
+            _report(p, state, row)
+    total = 0.0
+    for i in range(state.size):
+        total += 0.0 * state[i]
+    return total == 0.0
 
 
 @kernel
@@ -234,7 +261,7 @@ def _hermite(s, x0, v0, x1, v1):
 def initial_state(p: Plant) -> NDArray[np.float64]:
     """State of the plant running straight at its speed, hands at zero, friction at rest.
 
-    Five seconds of straight running, some fifty time constants of the speed hold, bring the drive slip to its balance.
+    Five seconds of straight running, some fifty time constants of the speed hold, bring the drive to its balance.
     """
     state = np.zeros(_MEMORY + law_of(p.friction).memory_size(p.friction))
     straight = np.zeros((5000, len(INPUTS)))

@@ -5,13 +5,13 @@
     (I_x + m_s h^2) phi'' - m_s h (v_y' + v_x r) = m_s g h phi - K phi - C phi'    (roll)
 
 ISO 8855 axes: x forward, y left, z up; left turns are positive. v_y and r belong to the point of the roll axis below
-the centre of gravity. Roll phi is positive to the right, as a left turn makes it. Load transfer, front-wheel travel, camber
-and steering compliance follow from roll and tyre forces. The tyre on the right is the mirror image of the one on the
-left, so ply steer and conicity stay in the forces and cancel over an axle.
+the centre of gravity. Roll phi is positive to the right, as a left turn makes it. Load transfer, front-wheel travel,
+camber and steering compliance follow from roll and tyre forces. The tyres run at pure lateral slip: the drive force
+that holds the speed, a few hundred newtons, acts at the front wheel centres; its share of the grip is left out.
 
 Each lag is a state, so that the chassis is an ordinary differential equation without algebraic loops:
 tyre relaxation  sigma (tan a)' = v_sy - |v_x| tan a;  geometric load transfer and steering compliance with short
-lags; drive slip, which integrates until the longitudinal forces hold the speed.
+lags; drive force, which integrates until the forces along the body hold the speed.
 
 Source: equations derived here; parameters in the car's data file.
 """
@@ -38,7 +38,7 @@ STATES = (
     ("compliance_travel", "m"),
     ("front_geometric_transfer", "N"),
     ("rear_geometric_transfer", "N"),
-    ("drive_slip", "1"),
+    ("drive_force", "N"),
     ("yaw_angle", "rad"),
     ("x", "m"),
     ("y", "m"),
@@ -55,7 +55,7 @@ STATES = (
     COMPLIANCE,
     TRANSFER_F,
     TRANSFER_R,
-    DRIVE_SLIP,
+    DRIVE_FORCE,
     YAW,
     X,
     Y,
@@ -72,7 +72,6 @@ OUTPUTS = (
     ("wheel_load_rear_right", "N"),
     ("front_lateral_force", "N"),
     ("rear_lateral_force", "N"),
-    ("drive_force", "N"),
 )
 
 
@@ -105,35 +104,26 @@ class SingleTrack(NamedTuple):
     T_rack: float  # its time constant [s]
     T_load: float  # time constant of the geometric load transfer [s]
     T_drive: float  # time constant of the speed hold [s]
-    C_drive: float  # longitudinal slip stiffness of both front tyres [N]
 
 
 @kernel
-def _slip_rate(p, v_x, v_y, steer, slip):
-    """Rate of the relaxed ``tan`` of a tyre's slip angle, from the velocity of its contact."""
-    c, s = math.cos(steer), math.sin(steer)
+def _slip_rate(p, v_x, v_y, c, s, slip):
+    """Rate of the relaxed ``tan`` of a tyre's slip angle, from the velocity of its contact; c, s of the steer angle."""
     along = v_x * c + v_y * s
     across = v_y * c - v_x * s
     return (across - abs(along) * slip) / p.sigma_y
 
 
 @kernel
-def _mirrored_forces(c, kappa, alpha, camber, F_z, v_x, mu):
-    """Forces of the tyre on the right, the mirror image of the one with coefficients ``c``; exact to the bit."""
-    F_x, F_y, M_x, M_y, M_z = tyre.forces(c, kappa, -alpha, -camber, F_z, v_x, mu)
-    return F_x, -F_y, -M_x, M_y, -M_z
-
-
-@kernel
-def derivative(p, strut, front, rear, x, rack, wind_force, wind_moment, dx, out):
+def derivative(p, strut, c, x, rack, wind_force, wind_moment, dx, out):
     """Time derivative of the chassis and the rack force that it makes.
 
     Parameters
     ----------
     p : SingleTrack
     strut : strut_map.StrutMap
-    front, rear : tyre.MagicFormula
-        Left tyres.
+    c : tyre.MagicFormula
+        The tyres; without left-right asymmetry, so that straight running is straight to the last bit.
     x : (15,) array
         States, as in ``STATES``.
     rack : float
@@ -142,7 +132,7 @@ def derivative(p, strut, front, rear, x, rack, wind_force, wind_moment, dx, out)
         Lateral force at the centre of gravity [N] and yaw moment [N m] of the wind.
     dx : (15,) array
         Receives the derivative.
-    out : (10,) array
+    out : (9,) array
         Receives the values of ``OUTPUTS``.
 
     Returns
@@ -152,7 +142,6 @@ def derivative(p, strut, front, rear, x, rack, wind_force, wind_moment, dx, out)
     """
     v_y, r, phi, phi_rate = x[LATERAL_SPEED], x[YAW_RATE], x[ROLL], x[ROLL_RATE]
     half_f, half_r = 0.5 * p.t_f, 0.5 * p.t_r
-    kappa = x[DRIVE_SLIP]
 
     # Wheel loads: static, plus the part through springs and dampers, plus the part through the roll centres.
     static_f = 0.5 * GRAVITY * p.m * p.b / (p.a + p.b)
@@ -169,16 +158,21 @@ def derivative(p, strut, front, rear, x, rack, wind_force, wind_moment, dx, out)
     left = strut_map.left(strut, tie_rods, -half_f * phi)
     right = strut_map.right(strut, tie_rods, half_f * phi)
 
-    Fx_fl, Fy_fl, Mx_fl, _, Mz_fl = tyre.forces(
-        front, kappa, math.atan(x[SLIP_FL]), left.inclination + phi, load_fl, p.v_x, p.mu
+    Fx_fl, Fy_fl, Mx_fl, My_fl, Mz_fl = tyre.forces(
+        c, 0.0, math.atan(x[SLIP_FL]), left.inclination + phi, load_fl, p.v_x, p.mu
     )
-    Fx_fr, Fy_fr, Mx_fr, _, Mz_fr = _mirrored_forces(
-        front, kappa, math.atan(x[SLIP_FR]), right.inclination + phi, load_fr, p.v_x, p.mu
+    Fx_fr, Fy_fr, Mx_fr, My_fr, Mz_fr = tyre.forces(
+        c, 0.0, math.atan(x[SLIP_FR]), right.inclination + phi, load_fr, p.v_x, p.mu
     )
-    Fx_rl, Fy_rl, _, _, Mz_rl = tyre.forces(rear, 0.0, math.atan(x[SLIP_RL]), 0.0, load_rl, p.v_x, p.mu)
-    Fx_rr, Fy_rr, _, _, Mz_rr = _mirrored_forces(rear, 0.0, math.atan(x[SLIP_RR]), 0.0, load_rr, p.v_x, p.mu)
+    Fx_rl, Fy_rl, _, My_rl, Mz_rl = tyre.forces(c, 0.0, math.atan(x[SLIP_RL]), 0.0, load_rl, p.v_x, p.mu)
+    Fx_rr, Fy_rr, _, My_rr, Mz_rr = tyre.forces(c, 0.0, math.atan(x[SLIP_RR]), 0.0, load_rr, p.v_x, p.mu)
 
-    # The drive torque is reacted inboard, so the front longitudinal forces act at the wheel centres.
+    # An open differential halves the drive; its torque is reacted inboard, so it acts at the wheel centres, and so does
+    # rolling resistance, which a free wheel's bearing cannot take as a torque.
+    Fx_fl += 0.5 * x[DRIVE_FORCE] + My_fl / p.R_w
+    Fx_fr += 0.5 * x[DRIVE_FORCE] + My_fr / p.R_w
+    Fx_rl += My_rl / p.R_w
+    Fx_rr += My_rr / p.R_w
     rack_force = strut_map.rack_force(left, 0.0, Fx_fl, Fy_fl, load_fl, Mx_fl, Mz_fl) + strut_map.rack_force(
         right, 0.0, Fx_fr, Fy_fr, load_fr, Mx_fr, Mz_fr
     )
@@ -212,17 +206,17 @@ def derivative(p, strut, front, rear, x, rack, wind_force, wind_moment, dx, out)
     dx[ROLL] = phi_rate
     dx[ROLL_RATE] = (coupling * side_force + p.m * roll_moment) / determinant
     front_y, rear_y = v_y + p.a * r, v_y - p.b * r
-    dx[SLIP_FL] = _slip_rate(p, p.v_x - half_f * r, front_y, left.steer_angle, x[SLIP_FL])
-    dx[SLIP_FR] = _slip_rate(p, p.v_x + half_f * r, front_y, right.steer_angle, x[SLIP_FR])
-    dx[SLIP_RL] = _slip_rate(p, p.v_x - half_r * r, rear_y, 0.0, x[SLIP_RL])
-    dx[SLIP_RR] = _slip_rate(p, p.v_x + half_r * r, rear_y, 0.0, x[SLIP_RR])
+    dx[SLIP_FL] = _slip_rate(p, p.v_x - half_f * r, front_y, c_l, s_l, x[SLIP_FL])
+    dx[SLIP_FR] = _slip_rate(p, p.v_x + half_f * r, front_y, c_r, s_r, x[SLIP_FR])
+    dx[SLIP_RL] = _slip_rate(p, p.v_x - half_r * r, rear_y, 1.0, 0.0, x[SLIP_RL])
+    dx[SLIP_RR] = _slip_rate(p, p.v_x + half_r * r, rear_y, 1.0, 0.0, x[SLIP_RR])
     dx[COMPLIANCE] = (rack_force / p.K_rack - x[COMPLIANCE]) / p.T_rack
     # What reaches the body through the roll centre is the tyre force less what moves the axle itself.
     axle_f, axle_r = p.m_uf * A, p.m_ur * A
     dx[TRANSFER_F] = (((Y_f - axle_f) * p.h_f + axle_f * p.R_w) / p.t_f - x[TRANSFER_F]) / p.T_load
     dx[TRANSFER_R] = (((Y_r - axle_r) * p.h_r + axle_r * p.R_w) / p.t_r - x[TRANSFER_R]) / p.T_load
-    # At constant speed the forces along the body sum to -m v_y r; the drive slip moves until they do.
-    dx[DRIVE_SLIP] = -(along + p.m * v_y * r) / (p.C_drive * p.T_drive)
+    # At constant speed the forces along the body sum to -m v_y r; the drive moves until they do.
+    dx[DRIVE_FORCE] = -(along + p.m * v_y * r) / p.T_drive
     c_yaw, s_yaw = math.cos(x[YAW]), math.sin(x[YAW])
     dx[YAW] = r
     dx[X] = p.v_x * c_yaw - v_y * s_yaw
@@ -237,5 +231,4 @@ def derivative(p, strut, front, rear, x, rack, wind_force, wind_moment, dx, out)
     out[6] = load_rr
     out[7] = Y_f
     out[8] = Y_r
-    out[9] = X_fl + X_fr
     return rack_force

@@ -148,6 +148,15 @@ ASYMMETRY = (
     *("QHZ1", "QHZ2", "QEZ4", "QDZ6", "QDZ7", "SSZ1", "QSX1"),
 )
 
+
+def record(c: MagicFormula) -> np.recarray:
+    """The coefficients as a record array (1,), whose element ``[0]`` serves the kernels in place of ``c``.
+
+    A kernel takes the record by its address; the tuple would be unpacked, a hundred floats at every call from Python.
+    """
+    return np.rec.array([tuple(c)], dtype=[(key, np.float64) for key in c._fields])
+
+
 _RAMP = 5e-3  # |alpha| where the asymmetry of E_y is full [rad]; assumed
 _A_MU = 10.0  # how slowly vertical shifts fade on a slippery road (book: lambda'_mu) [-]
 

@@ -82,7 +82,7 @@ def mean_torque(p, level, memory, w, h):
     dX = p.sigma_0 * h / G * (math.copysign(1.0, w) - abs(w) * dG / G)
     E, p1, p2, d1, d2 = decay(X)
     z_mean = z * p1 + h * w * p2
-    z_rate = z * (E - 1.0) / h + w * p1
+    z_rate = p1 * (w - z * X / h)  # as E - 1 = -X p1; the difference would cancel in short steps
     F = p.sigma_0 * z_mean + p.sigma_1 * z_rate + p.sigma_2 * w
     dz_mean = h * p2 + (z * d1 + h * w * d2) * dX
     dz_rate = p1 + (w * d1 - z * E / h) * dX

@@ -4,6 +4,7 @@ A check draws histories with hypothesis, derandomised, so a failure is shrunk an
 from outside proves itself with ``for check in CHECKS: check(p)`` and ``check_plain_python([p])``.
 """
 
+import math
 import os
 import pickle
 import subprocess
@@ -17,6 +18,7 @@ from scipy.integrate import solve_ivp
 
 import friction
 from friction import law
+from friction.kernel import bind
 
 ROOT = Path(__file__).parents[2]
 
@@ -33,13 +35,18 @@ def signed(magnitudes):
     return st.tuples(st.sampled_from([1.0, -1.0, 0.0]), magnitudes).map(lambda pair: pair[0] * pair[1])
 
 
-speeds = signed(log(-4, 1))  # [rad/s]
-durations = log(-5, 0)  # [s]
+def move(w, distance):
+    """Speed and duration."""
+    return w, distance / abs(w) if w else distance
+
+
+speeds = signed(log(-3, 1.5))  # [rad/s]
 levels = log(-1, 1)
-moves = st.lists(st.tuples(speeds, durations), max_size=8)
-# S, R, h: the load R is what would give the speed without friction
+# Friction follows displacements, so durations are drawn as distances [rad].
+moves = st.lists(st.builds(move, speeds, log(-5, 0)), max_size=8)
+# S, R, h of step equations; the load R would give the drawn speed without friction.
 steps = st.lists(
-    st.tuples(log(-2, 4), signed(log(-4, 2)), log(-6, 0)).map(lambda step: (step[0], step[0] * step[1], step[2])),
+    st.builds(lambda S, motion: (S, S * motion[0], motion[1]), log(-2, 4), st.builds(move, speeds, log(-5, 0))),
     min_size=1,
     max_size=8,
 )
@@ -87,7 +94,7 @@ def mean_by_quadrature(p, level, memory, w, h):
 def check_passivity(p):
     """The work done on the law never falls short of the energy it stores: friction is no motor."""
 
-    @examples
+    @settings(examples, max_examples=200)
     @given(moves, steps, levels)
     def holds(history, driven, level):
         memory, guess = after(p, history, level), 0.0
@@ -162,10 +169,9 @@ def check_step_equation(p):
             mean, _ = law.mean_torque(p, level, memory, w, h)
         else:
             mean = mean_by_quadrature(p, level, memory, w, h)
-        # Solvers iterate to rounding, but a step of 1 us divides a difference of memories by h; quadrature
-        # is good to 1e-9 of the torque.
+        # solvers go down to rounding, a hundred of them in the largest term; quadrature is good to 1e-9 of the torque
         scale = abs(S * w) + abs(R) + abs(mean) + size(p, level)
-        assert abs(S * w + mean - R) <= (1e-11 if exact else 1e-8) * scale
+        assert abs(S * w + mean - R) <= (1e-13 if exact else 1e-8) * scale
 
     holds()
 
@@ -176,7 +182,7 @@ def check_mean_torque(p):
         return
 
     @settings(examples, max_examples=50)
-    @given(moves, speeds, durations, levels)
+    @given(moves, speeds, log(-5, -1), levels)
     def holds(history, w, h, level):
         memory = after(p, history, level)
         mean, slope = law.mean_torque(p, level, memory, w, h)
@@ -196,7 +202,7 @@ def check_semigroup(p):
     """Two steps at one speed are one longer step, also just after the level has changed."""
 
     @examples
-    @given(moves, levels, speeds, durations, st.floats(0.0, 1.0), levels)
+    @given(moves, levels, speeds, log(-5, -1), st.floats(0.0, 1.0), levels)
     def holds(history, before, w, h, part, level):
         memory = after(p, history, before)
         split = after(p, [(w, part * h), (w, (1.0 - part) * h)], level, memory)
@@ -243,6 +249,32 @@ def check_level(p):
     assert size(p, 2.0) >= size(p, 1.0) >= 0.0
 
 
+def check_convergence(p):
+    """The step frame is of second order: errors fall 64-fold from 1 ms to 0.125 ms."""
+    I, K, frequency = 0.05, 8.0, 0.7  # a column on the tyres' spring [kg m2, N m/rad, Hz]
+
+    def positions(load, h):
+        memory, S = at_rest(p), 2.0 * I / h + 0.5 * K * h
+        step = bind(law.step, p, 1.0, memory, S, 0.0, h, 0.0)
+        x = v = w = 0.0
+        path = []
+        for i in range(round(1.0 / h)):
+            torque = load * math.sin(2.0 * math.pi * frequency * (i + 0.5) * h)
+            w, _ = step(p, 1.0, memory, S, 2.0 * I * v / h - K * x + torque, h, w)
+            x += h * w
+            v = 2.0 * w - v
+            path.append(x)
+        return np.array(path)
+
+    errors = np.zeros(2)
+    for load in (0.5, 1.2, 2.0, 3.0):  # [N m]
+        exact = positions(load, 1e-3 / 32)
+        errors += [np.std(positions(load, 1e-3 / n)[n - 1 :: n] - exact[31::32]) for n in (1, 8)]
+    assert errors[0] < 2e-4  # [rad], summed over the loads; the swings reach 0.2 to 0.5 rad
+    # Kinks of a law scatter the error; stiff ones are not resolved at 1 ms: order 4/3 at least.
+    assert errors[0] > 16.0 * errors[1]
+
+
 CHECKS = (
     check_passivity,
     check_odd_symmetry,
@@ -252,6 +284,7 @@ CHECKS = (
     check_semigroup,
     check_rate,
     check_level,
+    check_convergence,
 )
 
 

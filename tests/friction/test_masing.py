@@ -1,0 +1,172 @@
+"""Masing's rules, which are exact: branches, memory, work, the step equation; and Dahl beside it."""
+
+import math
+
+import numpy as np
+import pytest
+
+import friction
+from friction import law
+from friction.models.masing import Masing, from_virgin_curve, virgin_torque
+from tests.friction.contracts import at_rest
+
+# Binary fractions, with which sums of displacements are exact: equality to the bit is owed.
+DYADIC = friction.make("masing", k=[64.0, 32.0, 16.0, 8.0], y=[1 / 512, 1 / 256, 3 / 256, 1 / 32])
+DT = 1 / 1024
+
+
+def dyadic(*numerators):
+    return np.array(numerators) / 1024
+
+
+def loop_work(p, A):
+    """Work of a settled cycle between ``-A`` and ``A``: the torque is straight between these vertices."""
+    up = np.unique(np.r_[-A, np.minimum(-A + 2.0 * p.y, A), A])
+    x = np.r_[0.0, A, -up, up]
+    torque = friction.response(p, x, 1e-3)
+    return np.trapezoid(torque[1:], x[1:])
+
+
+def virgin_area(p, A):
+    """Integral of the virgin curve to ``A``."""
+    return np.sum(p.k * np.where(A < p.y, 0.5 * A**2, p.y * (A - 0.5 * p.y)))
+
+
+def mean_torque(p, memory, w, h):
+    """Step-mean torque at constant speed, element by element: the spring's part of the step, then the slider's."""
+    D, side = abs(w) * h, math.copysign(1.0, w)
+    gap = np.maximum(p.y - side * memory, 0.0)
+    springs = np.where(gap > D, side * memory + 0.5 * D, p.y - 0.5 * gap**2 / D)
+    damper = p.sigma_1 * np.minimum(gap, D) / (h * p.k.sum())
+    return side * np.sum(p.k * (springs + damper))
+
+
+@pytest.mark.parametrize("x_r", [0.001, 0.006, 0.02, 0.1])
+def test_branch_after_reversal(x_r):
+    p = friction.make("masing")
+    x = np.r_[0.0, np.linspace(x_r, -x_r, 101)]
+    expected = virgin_torque(p, x_r) - 2.0 * virgin_torque(p, (x_r - x[1:]) / 2.0)
+    # a step's rounding, some 1e-16 of the way, passes through 100 steps and a stiffness of 230 N m/rad
+    np.testing.assert_allclose(friction.response(p, x, 1e-3)[1:], expected, rtol=0.0, atol=2e-15 + 1e-14 * x_r * 230.0)
+
+
+def test_virgin_branch():
+    x = dyadic(*range(64))
+    np.testing.assert_array_equal(friction.response(DYADIC, x, DT), virgin_torque(DYADIC, x))
+
+
+def test_return_point_memory_and_wiping_out():
+    plain = friction.response(DYADIC, dyadic(0, 20, -8, 20, 25), DT)
+    nested = friction.response(DYADIC, dyadic(0, 20, -8, 10, 2, 7, 5, 7, 2, 10, -8, 20, 25), DT)
+    assert nested[2] == nested[10] == plain[2]  # every inner loop closes where it was left
+    assert nested[3] == nested[9]
+    assert nested[4] == nested[8]
+    assert nested[5] == nested[7]
+    np.testing.assert_array_equal(nested[11:], plain[3:])  # and the way out has forgotten it
+    virgin = virgin_torque(DYADIC, 25 / 1024)
+    assert plain[4] == virgin  # past the first tip the virgin curve goes on
+
+
+def test_saturation_wipes_out_everything():
+    start = dyadic(0, 3, -17, 5, 100, 90)
+    other = dyadic(0, -40, 100, 90)
+    assert friction.response(DYADIC, start, DT)[-1] == friction.response(DYADIC, other, DT)[-1]
+
+
+@pytest.mark.parametrize("A", [0.0005, 0.004, 0.012, 0.05])
+@pytest.mark.parametrize("p", [friction.make("masing"), DYADIC, friction.make("masing", k=[50.0], y=[0.003])])
+def test_work_per_cycle(p, A):
+    f = virgin_torque(p, A)
+    rounding = 1e-14 * 4.0 * A * f  # dozens of roundings of the largest product
+    elements = 4.0 * np.sum(p.k * p.y * np.maximum(A - p.y, 0.0))
+    assert abs(8.0 * virgin_area(p, A) - 4.0 * A * f - elements) <= rounding
+    assert abs(loop_work(p, A) - elements) <= rounding
+
+
+def test_step_equation_is_solved_exactly():
+    """Over stiff and soft elements, inertias and steps: the residual is rounding of the largest torque."""
+    rng = np.random.default_rng(2)
+    for _ in range(3000):
+        n = rng.integers(1, 33)
+        p = Masing(10.0 ** rng.uniform(-3, 5, n), np.sort(10.0 ** rng.uniform(-6, 0, n)), rng.choice([0.0, 2.0]))
+        memory = p.y * np.clip(rng.uniform(-2, 2, n), -1, 1)
+        S, h = 10.0 ** rng.uniform((-6, -6), (6, -2))
+        R = 10.0 ** rng.uniform(-9, 9) * rng.choice([-1, 1])
+        w = law.solve(p, 1.0, memory, S, R, h, 0.0)
+        residual = S * w + mean_torque(p, memory, w, h) - R
+        assert abs(residual) <= 1e-14 * (abs(S * w) + abs(R) + np.sum(p.k * p.y))
+
+
+def test_step_that_ends_its_first_pass_on_a_yield():
+    """One gap equals the first guess of the march to the bit and still has to be counted in the second pass."""
+    p = Masing(np.array([1.0, 1.0]), np.array([0.5, 1.0]), 0.0)
+    w = law.solve(p, 1.0, np.zeros(2), 1.0, 2.0, 1.0, 0.0)
+    assert w > 1.0
+    assert w + mean_torque(p, np.zeros(2), w, 1.0) == pytest.approx(2.0, rel=1e-15)
+
+
+def test_micro_damper_leaves_the_saturated_torque_alone():
+    p = friction.make("masing", sigma_1=2.0)
+    memory = at_rest(p)
+    law.advance(p, 1.0, memory, 1.0, 1.0)
+    assert law.torque(p, 1.0, memory, 1.0) == pytest.approx(0.9, rel=1e-15)
+    assert law.torque(p, 1.0, memory, -1.0) == pytest.approx(0.9 - 2.0, rel=1e-14)
+
+
+# Constructors
+
+
+def test_virgin_curve_passes_through_its_points():
+    x, T = np.array([0.001, 0.004, 0.01, 0.03]), np.array([0.2, 0.6, 0.8, 0.9])
+    p = from_virgin_curve(x, T)
+    np.testing.assert_allclose(virgin_torque(p, [*x, 1.0, -0.004]), [*T, 0.9, -0.6], rtol=1e-15)
+    straight = from_virgin_curve(0.03 * x, 7.0 * x)  # points on one line, up to rounding, are concave
+    assert virgin_torque(straight, 0.0001) == pytest.approx(7.0 / 0.03 * 0.0001, rel=1e-12)
+
+
+@pytest.mark.parametrize("elements", [1, 3, 10, 32])
+def test_exponential_virgin_curve(elements):
+    p = friction.make("masing", F_c=2.0, x_c=0.01, elements=elements)
+    assert p.k.size == elements
+    assert virgin_torque(p, 1.0) == pytest.approx(2.0, rel=1e-14)
+    x = np.linspace(0.0, 0.2, 5001)
+    error = np.abs(virgin_torque(p, x) - 2.0 * -np.expm1(-x / 0.01))
+    # chords even in exp(-u/2) fall short by at most d^2/4 with d = (1 - tail)/elements, the end by tail^2
+    assert error.max() <= 2.0 / (elements + 1) ** 2 * (1 + 1e-9)
+
+
+# Beside Dahl, on the same virgin curve F_c (1 - exp(-x/z_c))
+
+
+def exponential(x_c, x):
+    """Many elements on ``1 - exp(-x/x_c)``, with knots at ``x``; the class itself takes any number of them."""
+    slopes = np.diff(-np.expm1(-x / x_c), prepend=0.0) / np.diff(x, prepend=0.0)
+    return Masing(slopes - np.append(slopes[1:], 0.0), x, 0.0)
+
+
+@pytest.mark.parametrize(("ratio", "expected"), [(0.0115, 2.011), (1.146, 2.255), (11.46, 1.106)])
+def test_work_ratio_of_dahl_to_masing(ratio, expected):
+    dahl = 4.0 * (ratio - math.tanh(ratio))  # checked in test_oracles
+    masing = loop_work(exponential(1.0, np.linspace(0.0, ratio, 2001)[1:]), ratio)
+    assert dahl / masing == pytest.approx(expected, abs=5.1e-4)  # the digits printed; chords leave 1/2000^2
+
+
+def saturated_branches(p, z_c):
+    x = np.r_[0.0, 20.0 * z_c * np.r_[1.0, np.cos(np.linspace(0.0, 2.0 * np.pi, 2001))]]
+    return friction.response(p, x, 1e-3)[2:]
+
+
+def test_saturated_loops_coincide_when_masing_is_half_as_long():
+    dahl = saturated_branches(friction.make("dahl", sigma_0=1.0, F_c=1.0), 1.0)
+    tail = np.linspace(0.0, 1.0, 4001)[1:-1]
+    many = saturated_branches(exponential(0.5, -0.5 * np.log(tail[::-1])), 1.0)
+    np.testing.assert_allclose(many, dahl, atol=3e-4)  # twice the last knot's tail, 1/4000
+
+
+def test_defaults_share_the_saturated_loop():
+    """Ten elements leave a hundredth of the saturated torque, twice the virgin curve's 1/11^2 at the worst."""
+    dahl = saturated_branches(friction.make("dahl"), 0.009)
+    masing = saturated_branches(friction.make("masing"), 0.009)
+    assert np.abs(masing - dahl).max() <= 0.9 * 2.0 / 121 * (1 + 1e-6)
+    lugre = saturated_branches(friction.make("lugre", sigma_1=0.0), 0.009)
+    np.testing.assert_allclose(lugre, dahl, rtol=1e-13, atol=1e-15)
