@@ -18,6 +18,7 @@ from scipy.integrate import solve_ivp
 import friction
 from friction.kernel import kernel
 from friction.law import advance, law_of, rate, torque
+from friction.models.coulomb import Coulomb
 from vehicle import column
 
 
@@ -141,7 +142,7 @@ def reference(case: Case, h: float, tolerance: float = 1e-10) -> NDArray[np.floa
     """
     p, c = case.friction, case.c
     n = round(case.duration / h)
-    if isinstance(p, friction.models.coulomb.Coulomb):
+    if isinstance(p, Coulomb):
         fine, _ = integrate(case, "midpoint", h / 500)
         return fine.reshape(n, 500).mean(axis=1)
     size = law_of(p).memory_size(p)

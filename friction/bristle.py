@@ -18,10 +18,13 @@ def decay(X):
         d1 = (E - p1) / X
         d2 = -(d1 + p2) / X
         return E, p1, p2, d1, d2
-    # p1 = sum (-X)^k/(k+1)!, p2 = sum (-X)^k/(k+2)!, in Horner form
-    p2 = 0.5 * (1 - X / 3 * (1 - X / 4 * (1 - X / 5 * (1 - X / 6 * (1 - X / 7 * (1 - X / 8 * (1 - X / 9)))))))
+    # p1 = sum (-X)^k/(k+1)!, p2 = sum (-X)^k/(k+2)!, in Horner form; constants in brackets fold into factors
+    Y = -X
+    tail = 1 / 720 + Y * (1 / 5040 + Y * (1 / 40320 + Y * (1 / 362880 + Y * (1 / 3628800))))
+    p2 = 1 / 2 + Y * (1 / 6 + Y * (1 / 24 + Y * (1 / 120 + Y * tail)))
     p1 = 1.0 - X * p2
-    d2 = -1 / 6 + X / 12 - X**2 / 40 + X**3 / 180 - X**4 / 1008 + X**5 / 6720 - X**6 / 51840
+    tail = 1 / 180 + Y * (1 / 1008 + Y * (1 / 6720 + Y * (1 / 51840 + Y * (1 / 453600))))
+    d2 = -(1 / 6 + Y * (1 / 12 + Y * (1 / 40 + Y * tail)))
     d1 = -p2 - X * d2
     return 1.0 - X * p1, p1, p2, d1, d2
 

@@ -17,8 +17,11 @@ from pathlib import Path
 from typing import Any
 
 import numba
+import numba.core.config
 import platformdirs
-from numba.core import config
+
+config: Any = numba.core.config  # its names are made at run time
+COMPILED = not config.DISABLE_JIT  # False under NUMBA_DISABLE_JIT=1: kernels are plain Python
 
 _dispatchers: dict[Any, int] = {}  # kernel -> number of sources known when its cache folder was chosen
 _digests: dict[str, str] = {}  # package folder or foreign law -> digest, in order of import
@@ -90,7 +93,7 @@ def _cache(dispatcher: Any) -> None:
 
 def kernel(function: Callable) -> Any:
     """Compile a scalar kernel on first use; plain Python under ``NUMBA_DISABLE_JIT=1``."""
-    if config.DISABLE_JIT:
+    if not COMPILED:
         return function
     _add_sources(function)
     dispatcher = numba.njit(nogil=True, error_model="numpy", forceinline=True)(function)
@@ -103,7 +106,7 @@ def include_sources(*functions: Callable) -> None:
 
     Compiled callers inline the law, so every kernel older than it moves to a folder named after it.
     """
-    if config.DISABLE_JIT:
+    if not COMPILED:
         return
     for function in functions:
         _add_sources(function)
@@ -118,7 +121,7 @@ def bind(function: Any, *arguments: Any) -> Callable:
     Looking up a signature with nested parameter tuples costs ten times the unpacking of them;
     a loop that always passes the same types does it once. Wrong types are undefined behaviour.
     """
-    if config.DISABLE_JIT:
+    if not COMPILED:
         return function
     signature = tuple(numba.typeof(argument) for argument in arguments)
     function.compile(signature)

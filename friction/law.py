@@ -10,15 +10,13 @@ Every kernel takes ``(p, level, memory, ...)``: the parameters, a factor on the 
 """
 
 import inspect
-import types
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-import numba
 from numba.core import types as nb
 from numba.extending import overload
 
-from friction.kernel import include_sources, kernel
+from friction.kernel import COMPILED, include_sources, kernel
 
 
 class Law(NamedTuple):
@@ -165,7 +163,10 @@ def stored_energy(p, memory):
 
 def mean_torque(p, level, memory, w, h):
     """Exact mean torque over ``h`` at constant ``w``, and its derivative."""
-    return law_of(p).mean_torque(p, level, memory, w, h)
+    law = law_of(p)
+    if law.mean_torque is None:
+        raise TypeError(f"friction law {law.name!r} solves its step itself and has no mean_torque")
+    return law.mean_torque(p, level, memory, w, h)
 
 
 def solve(p, level, memory, S, R, h, guess):
@@ -173,9 +174,9 @@ def solve(p, level, memory, S, R, h, guess):
     return law_of(p).solve(p, level, memory, S, R, h, guess)
 
 
-def _compile_dispatch(point: types.FunctionType) -> None:
+def _compile_dispatch(point: Any) -> None:
     def choose(p, *_):
-        law = _by_class.get(p.instance_class) if isinstance(p, nb.BaseNamedTuple) else None
+        law = _by_class.get(p.instance_class) if isinstance(p, nb.NamedTuple | nb.NamedUniTuple) else None
         function = getattr(law, point.__name__, None)
         # numba compiles the plain function as part of the caller, so nothing is passed at run time
         return getattr(function, "py_func", function)
@@ -183,7 +184,7 @@ def _compile_dispatch(point: types.FunctionType) -> None:
     overload(point, strict=False)(choose)
 
 
-if not numba.config.DISABLE_JIT:
+if COMPILED:
     for _point in (advance, torque, rate, stored_energy, mean_torque, solve):
         _compile_dispatch(_point)
 

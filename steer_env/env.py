@@ -73,13 +73,14 @@ class SteerEnv(gym.Env):
         self._straight = plant.initial_state(self.plant)
         self._state = self._straight.copy()
         self._row = np.zeros((1, len(plant.CHANNELS)))
+        self._now_channels = self._row[0]
         self._situation = np.zeros(len(task.situation))
         self._observed = np.array([plant.CHANNEL[o.name] for o in task.channels])
         self._bound = bound
         self._inputs = np.zeros((0, len(plant.INPUTS)))
         self._names = tuple(plant.CHANNEL)
         self._run = bind(plant.run, self.plant, self._state, self._inputs, self._row, 1)
-        self._observe = bind(_observe, self._row[0], self._observed, self._situation, bound, bound)
+        self._observe = bind(_observe, self._now_channels, self._observed, self._situation, bound, bound)
         self._now = 0
         self._action = 0.0
         self._renderer: Any = None
@@ -109,41 +110,43 @@ class SteerEnv(gym.Env):
         RuntimeError
             Without a ``reset`` before.
         """
-        if np.shape(action) != (1,):
-            raise ValueError(f"action must have shape (1,), got {np.shape(action)}")
-        value = float(action[0])
-        if value != value:
-            raise ValueError(f"action must be a number in [-1, 1], got {value}")
-        value = min(max(value, -1.0), 1.0)
+        if not isinstance(action, np.ndarray) or action.shape != (1,):
+            raise ValueError(f"action must be an array of shape (1,), got {action!r}")
+        value = action.item()
+        if not -1.0 <= value <= 1.0:
+            if not math.isfinite(value):
+                raise ValueError(f"action must be a finite number in [-1, 1], got {value}")
+            value = math.copysign(1.0, value)
         end = self._now + self._samples
-        u = self._inputs[self._now : end]
-        if len(u) < self._samples:
+        if end > len(self._inputs):
             raise RuntimeError("the episode is over or has not begun: call reset")
+        u = self._inputs[self._now : end]
         u[:, self.task.action_input] = self.task.action_scale * value
-        before = self._state.copy()
         finite = self._run(self.plant, self._state, u, self._row, 1)
         self._now = end
         info = self._channels()
         observation = self._look(info)
         terms, terminated = self.task.judge(info, self._situation, value, value - self._action, self.control_dt)
         self._action = value
-        reward = sum(terms.values())
+        reward = math.fsum(terms.values())
         truncated = end + self._samples > len(self._inputs)
         info["reward_terms"] = terms
         if not math.isfinite(reward) or not finite:
-            info["non_finite_state"] = plant.first_non_finite(self.plant, before, u) or "reward"
+            # Runs are reproducible to the bit, so the episode's inputs lead to the same end, sample by sample.
+            past = self._inputs[:end]
+            info["non_finite_state"] = plant.first_non_finite(self.plant, self._straight, past) or "reward"
             return np.nan_to_num(observation), 0.0, True, truncated, info
         if self._renderer is not None:
-            self._renderer.add(self._row[0])
+            self._renderer.add(self._now_channels)
         return observation, reward, terminated, truncated, info
 
     def _channels(self) -> dict[str, Any]:
-        return dict(zip(self._names, self._row[0].tolist()))
+        return dict(zip(self._names, self._now_channels.tolist()))
 
     def _look(self, channels: dict[str, Any]) -> NDArray[np.float32]:
         self.task.locate(channels, self._situation)
         observation = np.empty(len(self._bound), np.float32)
-        self._observe(self._row[0], self._observed, self._situation, self._bound, observation)
+        self._observe(self._now_channels, self._observed, self._situation, self._bound, observation)
         return observation
 
     def render(self) -> NDArray[np.uint8] | None:
@@ -155,7 +158,7 @@ class SteerEnv(gym.Env):
 
         if self._renderer is None:
             self._renderer = Renderer()
-            self._renderer.add(self._row[0])
+            self._renderer.add(self._now_channels)
         return self._renderer.frame(getattr(self.task, "path", None))
 
     def close(self) -> None:

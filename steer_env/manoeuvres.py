@@ -15,7 +15,7 @@ from scipy.optimize import root_scalar
 
 from friction.check import positive
 from steer_env.recording import Recording
-from vehicle import assist, plant
+from vehicle import plant
 from vehicle.assist import SAMPLE_TIME
 from vehicle.cars import Car
 
@@ -134,13 +134,13 @@ def build_plant(car: Car, manoeuvre: Manoeuvre, friction: Any) -> plant.Plant:
     p = car.plant(friction, speed=manoeuvre.speed, robot=manoeuvre.robot)
     if not manoeuvre.rig:
         return p
-    off = assist.make(boost=np.zeros_like(p.assist.boost), damping=np.zeros_like(p.assist.damping))
-    return p._replace(pinion_radius=0.0, assist=off)
+    a = p.assist
+    return p._replace(pinion_radius=0.0, assist=a._replace(boost=0.0 * a.boost, damping=0.0 * a.damping))
 
 
 def inputs(manoeuvre: Manoeuvre, amplitude: float, duration: float) -> Array:
     """Rows of plant inputs, one a millisecond; each row holds the hand at the end of its sample."""
-    t = SAMPLE_TIME * np.arange(1, round(duration / SAMPLE_TIME) + 1)
+    t: Array = SAMPLE_TIME * np.arange(1.0, round(duration / SAMPLE_TIME) + 1.0)
     u = np.zeros((t.size, len(plant.INPUTS)))
     u[:, plant.HAND], u[:, plant.HAND_SPEED] = manoeuvre.hand(t, amplitude)
     return u
@@ -212,7 +212,7 @@ def drive(car: Car, manoeuvre: Manoeuvre, friction: Any = "lugre") -> Recording:
             "vehicle": car.name,
             "friction": friction if isinstance(friction, str) else type(friction).__name__.lower(),
             "speed_m_s": manoeuvre.speed,
-            "amplitude": amplitude,
-            "frequency_hz": manoeuvre.frequency if manoeuvre.frequency is not None else 0.0,
+            "amplitude_rad" if manoeuvre.robot else "amplitude_nm": amplitude,
+            "frequency_hz": manoeuvre.frequency,
         },
     )

@@ -8,7 +8,6 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 from numpy.typing import NDArray
 
-from steer_env.path import Path
 from vehicle.plant import CHANNEL
 
 LANE = 1.75  # half width [m]
@@ -34,7 +33,7 @@ class Renderer:
         names = ("x", "y", "yaw_angle", "handwheel_angle", "handwheel_torque", "lateral_acceleration")
         self._trace.append(tuple(float(row[CHANNEL[name]]) for name in names))
 
-    def frame(self, path: Path | None) -> NDArray[np.uint8]:
+    def frame(self, path: NDArray[np.float64] | None) -> NDArray[np.uint8]:
         """The picture (360, 720, 3) now."""
         x, y, yaw, angle, torque, acceleration = self._trace[-1] if self._trace else (0.0,) * 6
         trace = np.array(self._trace) if self._trace else np.zeros((1, 6))
@@ -44,9 +43,10 @@ class Renderer:
             xlim=(x - 15.0, x + AHEAD), ylim=(y - 18.75, y + 18.75), aspect="equal", xlabel="x [m]", ylabel="y [m]"
         )
         if path is not None:
+            x_path, y_path, direction = path[:, :3].T
             for side, style in ((LANE, "-"), (0.0, ":"), (-LANE, "-")):
                 road.plot(
-                    path.x - side * np.sin(path.yaw), path.y + side * np.cos(path.yaw), style, color="0.6", lw=1.2
+                    x_path - side * np.sin(direction), y_path + side * np.cos(direction), style, color="0.6", lw=1.2
                 )
         road.plot(trace[:, 0], trace[:, 1], color="tab:blue", lw=1.0)
         turn = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])

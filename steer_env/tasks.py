@@ -94,7 +94,7 @@ class LaneKeeping:
 
     def __init__(self) -> None:
         self.duration = 30.0
-        self.path: path.Path | None = None
+        self.path: Array | None = None
 
     def start(self, rng: np.random.Generator, speed: float, options: dict[str, Any]) -> Array:
         _allowed(options, ())
@@ -126,7 +126,7 @@ class LaneKeeping:
     def judge(
         self, channels: dict[str, float], situation: Array, action: float, change: float, dt: float
     ) -> tuple[dict[str, float], bool]:
-        offset, heading = float(situation[0]), float(situation[1])
+        offset, heading = situation.item(0), situation.item(1)
         out_of_lane = abs(offset) > self.lane_half_width or abs(heading) > 0.5 * math.pi
         terms = {
             "progress": dt,

@@ -27,7 +27,7 @@ MAX_DELAY = 4  # whole samples that the queue holds
 LEAD_STATE, MOTOR_TORQUE, QUEUE = range(3)
 STATE_SIZE = QUEUE + MAX_DELAY + 1
 
-TABLE_SPEEDS_KPH = (0.0, 20.0, 40.0, 80.0, 100.0, 140.0)
+TABLE_SPEEDS = tuple(kph / 3.6 for kph in (0.0, 20.0, 40.0, 80.0, 100.0, 140.0))
 TABLE_TORQUES = (0.0, 0.5, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0)
 TABLE_ASSIST = (
     (0.0, 0.40, 1.80, 8.0, 18.0, 28.0, 35.0, 38.0, 38.0),
@@ -57,7 +57,7 @@ class Assist(NamedTuple):
 
 def make(
     *,
-    speeds: ArrayLike = tuple(kph / 3.6 for kph in TABLE_SPEEDS_KPH),
+    speeds: ArrayLike = TABLE_SPEEDS,
     torques: ArrayLike = TABLE_TORQUES,
     boost: ArrayLike = TABLE_ASSIST,
     damping: ArrayLike = (3.0, 2.5, 2.0, 1.0, 1.0, 1.0),
@@ -173,10 +173,9 @@ def sample(a, x, torsion_bar_torque, column_speed, vehicle_speed, request):
 
 
 @kernel
-def _follow(a, x, command, h):
+def _follow(a, x, command, h, lost):
     """Impulse of the motor torque over ``h`` under a constant command, exact for the lag [N m s]."""
     gap = x[MOTOR_TORQUE] - command
-    lost = -math.expm1(-a.bandwidth * h)
     x[MOTOR_TORQUE] -= gap * lost
     return command * h + gap * lost / a.bandwidth
 
@@ -185,5 +184,9 @@ def _follow(a, x, command, h):
 def motor_step(a, x, before, after, elapsed, h):
     """Mean motor torque [N m] over a step of ``h`` that starts ``elapsed`` after the last sample [s]."""
     first = min(max(a.offset - elapsed, 0.0), h)
-    impulse = _follow(a, x, before, first) if first > 0.0 else 0.0
-    return (impulse + _follow(a, x, after, h - first)) / h
+    rest = h - first
+    lost = -math.expm1(-a.bandwidth * first)
+    impulse = _follow(a, x, before, first, lost)
+    if rest != first:  # the default offset splits the step in halves, which lose alike
+        lost = -math.expm1(-a.bandwidth * rest)
+    return (impulse + _follow(a, x, after, rest, lost)) / h

@@ -131,7 +131,7 @@ def test_exponential_virgin_curve(elements):
     assert virgin_torque(p, 1.0) == pytest.approx(2.0, rel=1e-14)
     x = np.linspace(0.0, 0.2, 5001)
     error = np.abs(virgin_torque(p, x) - 2.0 * -np.expm1(-x / 0.01))
-    # chords even in exp(-u/2) fall short by at most d^2/4 with d = (1 - tail)/elements, the end by tail^2
+    # the chords and the end, which is the worst, stay within exp(-u) at the last knot
     assert error.max() <= 2.0 / (elements + 1) ** 2 * (1 + 1e-9)
 
 

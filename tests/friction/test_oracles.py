@@ -46,18 +46,18 @@ def test_coulomb_response():
 
 
 def test_coulomb_oscillator_loses_two_F_over_k_per_half_cycle():
-    m, k, F, x_0 = 0.05, 8.0, 0.1, 0.5
+    m, k, F, x_0 = 0.05, 8.0, 0.1, 0.51
     p = friction.make("coulomb", F_c=F)
     h = 1e-4
     x, v, w = x_0, 0.0, 0.0
     turns, last = [x_0], 0.0
-    for _ in range(30_000):
+    for _ in range(60_000):
         w, _ = law.step(p, 1.0, np.zeros(0), 2.0 * m / h + 0.5 * k * h, 2.0 * m * v / h - k * x, h, w)
         x, v = x + h * w, 2.0 * w - v
         if w * last < 0.0 or (w == 0.0 and last != 0.0):
             turns.append(x)
         last = w
-    # The amplitude falls to |x| <= F/k, where it sticks. A step at a turning point covers at most a h^2/2 = 4e-7 m.
+    # Until |x| <= F/k, where it sticks. A step across a turning point covers at most a h^2/2 = 4e-7 rad.
     expected = [(-1) ** n * (x_0 - n * 2.0 * F / k) for n in range(len(turns))]
     assert len(turns) == 21
     np.testing.assert_allclose(turns, expected, atol=2e-6)
