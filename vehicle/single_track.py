@@ -181,7 +181,7 @@ def derivative(p, strut, c, x, rack, wind_force, wind_moment, dx, out):
     c_r, s_r = math.cos(right.steer_angle), math.sin(right.steer_angle)
     X_fl, Y_fl = Fx_fl * c_l - Fy_fl * s_l, Fx_fl * s_l + Fy_fl * c_l
     X_fr, Y_fr = Fx_fr * c_r - Fy_fr * s_r, Fx_fr * s_r + Fy_fr * c_r
-    # Sums over an axle first: left and right cancel to the bit when the car runs straight.
+    # Sums over an axle first: left and right cancel to the bit when the car runs straight, and mirror to the bit.
     Y_f, Y_r = Y_fl + Y_fr, Fy_rl + Fy_rr
     side_force = Y_f + Y_r + wind_force
     yaw_moment = (
@@ -193,7 +193,7 @@ def derivative(p, strut, c, x, rack, wind_force, wind_moment, dx, out):
         + (Mz_rl + Mz_rr)
         + wind_moment
     )
-    along = X_fl + X_fr + Fx_rl + Fx_rr - p.drag
+    along = (X_fl + X_fr) + (Fx_rl + Fx_rr) - p.drag
 
     # Lateral and roll motion share the sprung mass: [[m, -m_s h], [-m_s h, I_xr]] [A, phi''] = [side, roll].
     roll_moment = (p.m_s * GRAVITY * p.h - p.K_f - p.K_r) * phi - (p.C_f + p.C_r) * phi_rate

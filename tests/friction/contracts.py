@@ -9,6 +9,7 @@ import os
 import pickle
 import subprocess
 import sys
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -87,8 +88,7 @@ def mean_by_quadrature(p, level, memory, w, h):
     # an element may yield at any fraction of the step, so the pieces shrink towards its start
     edges = [0.0, *(h * 10.0**k for k in range(-8, 1))]
     tolerance = 1e-11 * h * (size(p, level) + abs(f(h)))  # of a piece; a jump of the torque ends in one this small
-    pieces = zip(edges[:-1], edges[1:])
-    return sum(integral(a, b, f(a), f(0.5 * (a + b)), f(b)) for a, b in pieces) / h
+    return sum(integral(a, b, f(a), f(0.5 * (a + b)), f(b)) for a, b in pairwise(edges)) / h
 
 
 def check_passivity(p):

@@ -53,7 +53,7 @@ def test_coulomb_oscillator_loses_two_F_over_k_per_half_cycle():
     turns, last = [x_0], 0.0
     for _ in range(60_000):
         w, _ = law.step(p, 1.0, np.zeros(0), 2.0 * m / h + 0.5 * k * h, 2.0 * m * v / h - k * x, h, w)
-        x, v = x + h * w, 2.0 * w - v
+        x, v = x + h * w, (2.0 * w - v if w else 0.0)  # a stuck step ends at rest
         if w * last < 0.0 or (w == 0.0 and last != 0.0):
             turns.append(x)
         last = w
@@ -62,7 +62,6 @@ def test_coulomb_oscillator_loses_two_F_over_k_per_half_cycle():
     assert len(turns) == 21
     np.testing.assert_allclose(turns, expected, atol=2e-6)
     assert w == 0.0
-    assert v == 0.0
 
 
 def test_viscous_torque_and_coasting():

@@ -1,0 +1,23 @@
+"""Fixtures that several packages' tests share."""
+
+import importlib
+import sys
+
+import pytest
+
+from friction import kernel, law
+
+
+@pytest.fixture(scope="module")
+def toy():
+    """The toy law, registered for one module's tests only; the kernels go back to their cache folder as well."""
+    registries = (law._by_name, law._by_class, kernel._digests, kernel._dispatchers)
+    before = [dict(registry) for registry in registries]
+    module = importlib.import_module("tests.friction.toy_law")
+    yield module
+    del sys.modules[module.__name__]
+    for registry, entries in zip(registries, before):
+        registry.clear()
+        registry.update(entries)
+    for dispatcher in kernel._dispatchers:
+        kernel._cache(dispatcher)

@@ -1,0 +1,115 @@
+"""Manoeuvres as driven, and the on-centre feel of the default car.
+
+The figures of the last test are printed by ``steer-env run weave --friction lugre``.
+"""
+
+import numpy as np
+import pytest
+
+import friction
+from steer_env import manoeuvres, metrics
+from vehicle import cars
+
+CAR = cars.load()
+LAWS = friction.available()
+
+
+@pytest.fixture(scope="module")
+def weaves():
+    return {law: manoeuvres.drive(CAR, manoeuvres.weave(), law) for law in LAWS}
+
+
+@pytest.mark.parametrize("hand", [manoeuvres.weave().hand, manoeuvres.hold().hand])
+def test_the_rate_is_the_derivative(hand):
+    t = np.linspace(0.01, 9.0, 500)
+    step = 1e-6
+    difference = (hand(t + step, 0.2)[0] - hand(t - step, 0.2)[0]) / (2.0 * step)
+    assert hand(t, 0.2)[1] == pytest.approx(difference, abs=1e-8)
+
+
+def test_weave_reaches_its_acceleration(weaves):
+    for recording in weaves.values():
+        ay = recording["lateral_acceleration"]
+        assert 0.5 * np.ptp(ay[len(ay) // 2 :]) == pytest.approx(2.0, rel=0.01)
+        assert recording["vehicle_speed"][0] == pytest.approx(100 / 3.6)
+
+
+def test_the_robot_keeps_the_handwheel_on_its_sine(weaves):
+    recording = weaves["lugre"]
+    angle, _ = manoeuvres.weave().hand(recording.time, recording.meta["amplitude_rad"])
+    assert np.array_equal(recording["handwheel_angle"], angle)
+
+
+def test_rig_carries_friction_alone():
+    """Unloaded and unassisted, the column follows the hand and the hand feels the saturated friction and C2."""
+    recording = manoeuvres.drive(CAR, manoeuvres.rig(), "coulomb")
+    assert np.all(recording["rack_force"] == 0.0)
+    assert np.all(recording["motor_torque"] == 0.0)
+    middle = np.abs(recording["handwheel_angle"]) < 0.05
+    settled = recording.time > 10.0
+    speed = 0.35 * 2.0 * np.pi * 0.2
+    torque = np.abs(recording["handwheel_torque"][middle & settled]).mean()
+    assert torque == pytest.approx(0.9 + 0.6 * speed, rel=0.01)
+
+
+def test_hold_settles_to_its_torque():
+    recording = manoeuvres.drive(CAR, manoeuvres.hold(), "lugre")
+    assert np.all(recording["handwheel_torque"][1000:] == 2.0)
+    late = recording.time > 4.5
+    assert np.ptp(recording["torsion_bar_torque"][late]) < 0.05
+    assert recording["yaw_rate"][-1] > 0.05
+
+
+def test_mirror_image():
+    """Steering right instead of left changes every sign and nothing else."""
+    weave = manoeuvres.weave(cycles=1)
+    p = manoeuvres.build_plant(CAR, weave, "masing")
+    left, right = (manoeuvres._run(p, manoeuvres.inputs(weave, a, 5.0)) for a in (0.2, -0.2))
+    for name in ("handwheel_torque", "column_angle", "rack_force", "yaw_rate", "lateral_acceleration", "roll_angle"):
+        i = manoeuvres.plant.CHANNEL[name]
+        assert np.array_equal(left[:, i], -right[:, i]), name
+    loads = [manoeuvres.plant.CHANNEL[f"wheel_load_front_{side}"] for side in ("left", "right")]
+    assert np.array_equal(left[:, loads], right[:, loads[::-1]])
+
+
+def test_unknown_manoeuvre():
+    with pytest.raises(ValueError, match=r"unknown manoeuvre 'weav'.*weave"):
+        manoeuvres.make("weav")
+
+
+def test_an_acceleration_out_of_reach_is_refused():
+    from dataclasses import replace
+
+    with pytest.raises(ValueError, match="no handwheel amplitude reaches 30"):
+        manoeuvres.drive(CAR, replace(manoeuvres.weave(), lateral_acceleration=30.0))
+
+
+# name: (value with LuGre, the range that the default car must lie in)
+ON_CENTRE = {
+    "torque_gradient_at_0g": (13.56, (10.0, 15.0)),  # N m/g
+    "torque_at_0g": (0.940, (0.6, 1.3)),  # N m
+    "lateral_acceleration_at_0nm": (0.0555, (0.03, 0.09)),  # g
+    "steering_sensitivity_at_0p1g": (1.391, (1.3, 1.9)),  # g/100 deg
+}
+
+
+@pytest.mark.parametrize("name", ON_CENTRE)
+def test_on_centre_feel_of_the_default_car(weaves, name):
+    pinned, (low, high) = ON_CENTRE[name]
+    value = metrics.weave(weaves["lugre"])[name]
+    assert low < value.value < high
+    assert value.value == pytest.approx(pinned, rel=2e-3)
+
+
+def test_laws_agree_where_they_must_and_differ_where_they_must(weaves):
+    """Dry laws share one calibration, so on-centre torque agrees within 5 %; without dry friction the loop changes."""
+    sets = {law: metrics.weave(recording) for law, recording in weaves.items()}
+    dry = [law for law in LAWS if law != "viscous"]
+    for name in ("torque_at_0g", "steering_sensitivity_at_0p1g", "yaw_rate_gain"):
+        values = [sets[law][name].value for law in dry]
+        assert max(values) / min(values) - 1.0 < 0.05, name
+    # The car's response to the wheel is not friction's business.
+    gains = [sets[law]["yaw_rate_gain"].value for law in LAWS]
+    assert max(gains) / min(gains) - 1.0 < 0.02
+    # What the hand feels off the plateau of the loop is.
+    assert abs(sets["lugre"]["torque_deadband"].value - sets["viscous"]["torque_deadband"].value) > 0.02

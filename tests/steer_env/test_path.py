@@ -1,0 +1,68 @@
+"""The path and the kernel that finds a car on it."""
+
+import numpy as np
+import pytest
+
+from steer_env import path
+
+PREVIEW = np.array([0.0, 10.0])
+
+
+def where(points, x, y, yaw, guess=0.0):
+    out = np.zeros(2 + PREVIEW.size)
+    return path.locate(points, x, y, yaw, guess, PREVIEW, out), out
+
+
+def test_a_circle_closes():
+    """A full turn at constant curvature comes back; Simpson's rule on 1 m arcs of 100 m radius leaves under 1e-8 m."""
+    length = 2.0 * np.pi * 100.0
+    points = path.from_curvature(np.full(629, 0.01))
+    s = np.arange(629.0)
+    assert points[:, 0] == pytest.approx(100.0 * np.sin(s / 100.0), abs=1e-7)
+    assert points[:, 1] == pytest.approx(100.0 * (1.0 - np.cos(s / 100.0)), abs=1e-7)
+    assert points[-1, 2] == pytest.approx(0.01 * 628.0)
+    assert length == pytest.approx(628.3, abs=0.1)
+
+
+@pytest.mark.parametrize("offset", [-1.5, 0.0, 1.5])
+@pytest.mark.parametrize("s", [0.4, 20.7, 300.2])
+def test_offset_and_heading_on_a_circle(s, offset):
+    """Left of a left turn is inside. The arc is taken to second order: 2e-4 m over a metre at 100 m radius; off the path
+    the projection falls on the tangent, which shifts the heading by offset/radius of a metre."""
+    points = path.from_curvature(np.full(400, 0.01))
+    angle = s / 100.0
+    x, y = (100.0 - offset) * np.sin(angle), 100.0 - (100.0 - offset) * np.cos(angle)
+    position, out = where(points, x, y, angle + 0.05)
+    assert out[0] == pytest.approx(offset, abs=2e-4)
+    assert out[1] == pytest.approx(0.05, abs=0.02 * abs(offset) / 1.5 + 1e-6)
+    assert position == pytest.approx(s, abs=0.02 * s / 100.0 + 0.02)
+    assert out[2:] == pytest.approx([0.01, 0.01])
+
+
+def test_mirror_image():
+    rng = np.random.default_rng(1)
+    points = path.winding(rng, 300.0, 0.005)
+    mirrored = path.from_curvature(-points[:, 3])
+    _, out = where(points, 120.0, 3.0, 0.2)
+    _, other = where(mirrored, 120.0, -3.0, -0.2)
+    assert np.array_equal(out, -other)
+
+
+def test_beyond_both_ends_the_path_is_straight():
+    points = path.from_curvature(np.zeros(11))
+    assert where(points, -5.0, 1.0, 0.0)[1][0] == pytest.approx(1.0)
+    position, out = where(points, 25.0, -2.0, 0.1)
+    assert position == pytest.approx(25.0)
+    assert out[:2] == pytest.approx([-2.0, 0.1])
+
+
+def test_heading_error_wraps():
+    points = path.from_curvature(np.zeros(11))
+    assert where(points, 5.0, 0.0, 2.0 * np.pi + 0.3)[1][1] == pytest.approx(0.3)
+
+
+def test_winding_road_is_seeded_bounded_and_starts_straight():
+    one, two = (path.winding(np.random.default_rng(7), 500.0, 0.004) for _ in range(2))
+    assert np.array_equal(one, two)
+    assert np.abs(one[:, 3]).max() <= 0.004
+    assert one[0, 3] == 0.0
