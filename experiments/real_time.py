@@ -2,11 +2,12 @@
 
 One case stands for all: the default car's column under a sine of 2.5 N m of hand torque at 0.5 Hz for 4 s. Errors are
 against :func:`experiments.integrators.reference`. Times are wall clock on the machine at hand: the mean step is the
-median over repeats of a whole compiled run; the worst step is freed of what the operating system adds by repeating the
-same deterministic run and keeping, for each step, the shortest time seen.
+median over repeats of a whole compiled run. The worst step is freed of what the operating system adds by repeating the
+same deterministic run and keeping, for each step, the shortest time seen, less the shortest of an empty call there.
 """
 
 import gc
+import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from time import perf_counter_ns
@@ -25,7 +26,8 @@ STEPS = (1e-4, 2e-4, 5e-4, 1e-3, 2e-3, 5e-3, 1e-2)  # [s], whole multiples of th
 BLOWN_UP = 3.0  # a run counts as bounded while torque and speed stay below this many times their true peaks
 USABLE = 0.01  # RMS error up to which a scheme counts as usable, of the friction torque's peak; assumed
 REPEATS = 7
-WORST_OVER = 2.0  # the worst step is sought in the first cycle [s]
+RUN_IN = 200  # calls
+TIMED = 2.0  # the first cycle of the case, which passes through every regime [s]
 
 
 class Row(NamedTuple):
@@ -62,42 +64,60 @@ def accuracy(p: Any, steps: tuple[float, ...] = STEPS) -> list[Row]:
     return rows
 
 
-def timed(p: Any, row: Row) -> Row:
-    """The row with its times, if it is bounded."""
-    if not row.bounded:
-        return row
-    case = default_case(p)
-    return row._replace(
-        ns_per_step=mean_step(case, row.scheme, row.step), worst_step_ns=worst_step(case, row.scheme, row.step)
-    )
+class Clock:
+    """The times of one row, gathered over repeats."""
 
+    def __init__(self, p: Any, row: Row) -> None:
+        self.case = default_case(p)._replace(duration=TIMED)
+        self.row = row
+        self.torques = self._fresh()[5].tolist()
+        self.results = np.empty(len(self.torques)), np.empty(len(self.torques))
+        self.loop = bind(SCHEMES[row.scheme].loop, *self._fresh(), *self.results)
+        *state, _, K_road, h = self._fresh()
+        self.calls = [bind(function, *state, 0.0, K_road, h) for function in (SCHEMES[row.scheme].step, _nothing)]
+        self.shortest = [[math.inf] * len(self.torques) for _ in self.calls]
+        self.runs: list[int] = []
 
-def mean_step(case: Case, scheme: str, h: float, repeats: int = REPEATS) -> float:
-    """Time of a step within a compiled run [ns]; the call itself, timed with no steps to do, is taken off."""
-    start = arguments(case, scheme, h)
-    T_F, w = np.empty_like(start[5]), np.empty_like(start[5])
-    loop = bind(SCHEMES[scheme].loop, *start, T_F, w)
-    runs = []
-    with _undisturbed():
-        for _ in range(repeats):
-            fresh = arguments(case, scheme, h)
-            runs.append(_time(loop, *fresh, T_F, w) - _time(loop, *fresh, T_F[:0], w[:0]))
-    return max(float(np.median(runs)), 0.0) / T_F.size
+    def _fresh(self) -> tuple[Any, ...]:
+        return arguments(self.case, self.row.scheme, self.row.step)
 
-
-def worst_step(case: Case, scheme: str, h: float, repeats: int = REPEATS) -> float:
-    """Time of the slowest step [ns]: the highest over the steps of the shortest over the repeats."""
-    c, p, *_, T1, K_road, _ = arguments(case._replace(duration=WORST_OVER), scheme, h)
-    torques = T1.tolist()
-    shortest = np.full((2, T1.size), np.iinfo(np.int64).max)
-    with _undisturbed():
-        for kept, function in zip(shortest, (SCHEMES[scheme].step, _nothing)):
-            for _ in range(repeats):
-                _, _, q, memory, work, _, _, _ = arguments(case._replace(duration=h), scheme, h)
-                step = bind(function, c, p, q, memory, work, torques[0], K_road, h)
+    def repeat(self) -> None:
+        """Run once more: whole, and step by step."""
+        start = self._fresh()
+        none = [result[:0] for result in self.results]
+        self.runs.append(_time(self.loop, *start, *self.results) - _time(self.loop, *start, *none))
+        for call, shortest in zip(self.calls, self.shortest):
+            # what runs in fills the caches for the first steps
+            rounds = [(self._fresh(), self.torques[:RUN_IN], shortest.copy()), (self._fresh(), self.torques, shortest)]
+            for (*state, _, K_road, h), torques, kept in rounds:
                 for i, torque in enumerate(torques):
-                    kept[i] = min(kept[i], _time(step, c, p, q, memory, work, torque, K_road, h))
-    return max(float(shortest[0].max() - np.median(shortest[1])), 0.0)
+                    elapsed = _time(call, *state, torque, K_road, h)
+                    if elapsed < kept[i]:
+                        kept[i] = elapsed
+
+    def timed(self) -> Row:
+        """The row with its times; what the call itself takes is off both."""
+        steps, calls = np.array(self.shortest)
+        return self.row._replace(
+            ns_per_step=max(float(np.median(self.runs)), 0.0) / len(self.torques),
+            worst_step_ns=max(float(np.max(steps - calls)), 0.0),
+        )
+
+
+def timed(tables: dict[str, tuple[Any, list[Row]]], notify: Callable[[float], None]) -> dict[str, list[Row]]:
+    """Times for the bounded rows of every law's table; ``notify`` gets the part that is done.
+
+    The repeats go round all tables, so that a slow spell of the machine falls on all laws alike.
+    """
+    clocks = {(law, row): Clock(p, row) for law, (p, rows) in tables.items() for row in rows if row.bounded}
+    with _no_garbage_collection():
+        for i in range(REPEATS):
+            for clock in clocks.values():
+                clock.repeat()
+            notify((i + 1) / REPEATS)
+    return {
+        law: [clocks[law, row].timed() if row.bounded else row for row in rows] for law, (_, rows) in tables.items()
+    }
 
 
 @kernel
@@ -113,8 +133,7 @@ def _time(function: Callable, *arguments: Any) -> int:
 
 
 @contextmanager
-def _undisturbed() -> Iterator[None]:
-    """Without the garbage collector."""
+def _no_garbage_collection() -> Iterator[None]:
     gc.disable()
     try:
         yield
@@ -122,16 +141,19 @@ def _undisturbed() -> Iterator[None]:
         gc.enable()
 
 
-def plant_sample(car: Car, p: Any, repeats: int = REPEATS) -> float:
-    """Time that the whole car takes for one sample of 1 ms in a weave, driver to tyre [ns]."""
+def plant_samples(car: Car, laws: dict[str, Any]) -> dict[str, float]:
+    """Time that the whole car, driver to tyre, takes for one sample of 1 ms in a weave, for every law [ns]."""
     weave = manoeuvres.weave()
-    whole = manoeuvres.build_plant(car, weave, p)
-    inputs = manoeuvres.inputs(weave, 0.25, 5.0)
+    inputs = manoeuvres.inputs(weave, 0.25, 2.0)
     record = np.zeros((len(inputs), len(plant.CHANNELS)))
-    rest = plant.initial_state(whole)
-    with _undisturbed():
-        runs = [_time(plant.run, whole, rest.copy(), inputs, record, 1) for _ in range(repeats)]
-    return float(np.median(runs)) / len(inputs)
+    plants = {law: manoeuvres.build_plant(car, weave, p) for law, p in laws.items()}
+    rest = {law: plant.initial_state(p) for law, p in plants.items()}
+    runs: dict[str, list[int]] = {law: [] for law in laws}
+    with _no_garbage_collection():
+        for _ in range(3 * REPEATS):
+            for law, p in plants.items():
+                runs[law].append(_time(plant.run, p, rest[law].copy(), inputs, record, 1))
+    return {law: float(np.median(times)) / len(inputs) for law, times in runs.items()}
 
 
 def usable_step(rows: list[Row], scheme: str) -> float | None:

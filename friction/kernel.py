@@ -92,7 +92,10 @@ def _cache(dispatcher: Any) -> None:
 
 
 def kernel(function: Callable) -> Any:
-    """Compile a scalar kernel on first use; plain Python under ``NUMBA_DISABLE_JIT=1``."""
+    """Compile a scalar kernel on first use; plain Python under ``NUMBA_DISABLE_JIT=1``.
+
+    Kernels pass parameter tuples by value, so they are inlined: a call would copy up to a hundred floats.
+    """
     if not COMPILED:
         return function
     _add_sources(function)

@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import root_scalar
 
 from friction.check import positive
 from steer_env.recording import Recording
@@ -154,6 +153,8 @@ def find_amplitude(p: plant.Plant, manoeuvre: Manoeuvre) -> float:
     ValueError
         If the car does not reach that acceleration.
     """
+    from scipy.optimize import root_scalar  # here, for it takes longer to import than an environment to start
+
     target = positive("lateral_acceleration", manoeuvre.lateral_acceleration)
     cycle = 1.0 / positive("frequency", manoeuvre.frequency)
 

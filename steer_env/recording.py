@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy import signal
 
 DEGREE = np.pi / 180
 
@@ -158,6 +157,8 @@ class Recording:
         for name, values in self.channels.items():
             if not np.all(np.isfinite(values)):
                 raise ValueError(f"channel {name!r} has samples that are not finite: repair or leave out the channel")
+        from scipy import signal  # here, for it takes longer to import than an environment to start
+
         low_pass = signal.butter(ORDER, cutoff_hz, fs=self.rate, output="sos")
         smooth = {name: signal.sosfiltfilt(low_pass, v, padlen=run_in) for name, v in self.channels.items()}
         return replace(self, channels=smooth)

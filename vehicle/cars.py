@@ -2,8 +2,10 @@
 
 import json
 import math
+from collections.abc import Iterable
 from functools import lru_cache
 from importlib.resources import files
+from inspect import signature
 from typing import Any, NamedTuple
 
 from friction import defaults, resolve
@@ -142,10 +144,16 @@ class Car(NamedTuple):
         )
 
 
-def _require(where: str, given: dict, allowed: tuple[str, ...]) -> None:
+def _known(where: str, given: Any, allowed: Iterable[str]) -> None:
+    if not isinstance(given, dict):
+        raise ValueError(f"{where} must hold keys and values, got {given!r}")
     for key in given:
         if key not in allowed:
             raise ValueError(f"{where} has no key {key!r}; it takes: {', '.join(allowed)}")
+
+
+def _require(where: str, given: Any, allowed: tuple[str, ...]) -> None:
+    _known(where, given, allowed)
     for key in allowed:
         if key not in given:
             raise ValueError(f"{where} lacks the key {key!r}")
@@ -174,6 +182,8 @@ def from_data(data: dict[str, Any]) -> Car:
         raise ValueError(
             f"chassis.mass must exceed sprung_mass + front_unsprung_mass, the rear axle is left {rest:g} kg"
         )
+    for section, make in (("column", column.make), ("assist", assist.make)):
+        _known(section, data[section], signature(make).parameters)
     strut = MacPherson.load(data["strut"]).at_track(chassis["front_track"])
     return Car(
         name=data["name"],

@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 from friction.check import not_negative, positive
 from friction.kernel import kernel
-from friction.law import step
+from friction.law import step as law_step
 
 # Where the column's state stands in the state array.
 HANDWHEEL_ANGLE, HANDWHEEL_SPEED, COLUMN_ANGLE, COLUMN_SPEED = range(4)
@@ -66,17 +66,8 @@ def make(
 
 
 @kernel
-def _settle(q, w1, w2, h):
-    """Nodes from step means. A site that sticks stands still; its rest of momentum is lost in the contact."""
-    q[HANDWHEEL_ANGLE] += h * w1
-    q[HANDWHEEL_SPEED] = 2.0 * w1 - q[HANDWHEEL_SPEED]
-    q[COLUMN_ANGLE] += h * w2
-    q[COLUMN_SPEED] = 2.0 * w2 - q[COLUMN_SPEED] if w2 != 0.0 else 0.0
-
-
-@kernel
-def step_torque(c, friction, level, q, memory, T1, T_C, h):
-    """One step with a hand torque: steering by torque, or free (``T1 = 0``).
+def step(c, friction, level, q, memory, robot, hand, hand_speed, T_C, h):
+    """One step with the hands' torque, or with a handwheel angle that a robot prescribes.
 
     Parameters
     ----------
@@ -88,8 +79,14 @@ def step_torque(c, friction, level, q, memory, T1, T_C, h):
         Handwheel angle and speed, column angle and speed [rad, rad/s]; advanced in place.
     memory : (M,) array
         The law's memory; advanced in place.
-    T1, T_C : float
-        Step-mean hand torque and column torque [N m].
+    robot : bool
+        Whether the angle is prescribed.
+    hand : float
+        Step-mean hand torque [N m]; or handwheel angle at the end of the step [rad].
+    hand_speed : float
+        Handwheel speed at the end of the step [rad/s], if the angle is prescribed.
+    T_C : float
+        Step-mean column torque [N m].
     h : float
         Step [s].
 
@@ -99,43 +96,47 @@ def step_torque(c, friction, level, q, memory, T1, T_C, h):
         Step-mean speeds of handwheel and column [rad/s].
     T_F : float
         Step-mean friction torque, positive where it resists a left turn [N m].
+    T1 : float
+        Step-mean hand torque [N m]: the given one, or the one that the robot needs.
     """
     K = c.C_tb + 0.5 * h * c.K_tb
     twist = c.K_tb * (q[HANDWHEEL_ANGLE] - q[COLUMN_ANGLE])
     a11 = 2.0 * c.I1 / h + c.C1 + K
-    r1 = 2.0 * c.I1 / h * q[HANDWHEEL_SPEED] + T1 - twist
-    S = 2.0 * c.I2 / h + c.C2 + K - K * K / a11
-    R = 2.0 * c.I2 / h * q[COLUMN_SPEED] + twist + T_C + K / a11 * r1
-    w2, T_F = step(friction, level, memory, S, R, h, q[COLUMN_SPEED])
-    w1 = (r1 + K * w2) / a11
-    _settle(q, w1, w2, h)
-    return w1, w2, T_F
+    r1 = 2.0 * c.I1 / h * q[HANDWHEEL_SPEED] - twist
+    S = 2.0 * c.I2 / h + c.C2 + K
+    R = 2.0 * c.I2 / h * q[COLUMN_SPEED] + twist + T_C
+    if robot:
+        w1 = (hand - q[HANDWHEEL_ANGLE]) / h
+        R += K * w1
+    else:
+        S -= K * K / a11
+        R += K / a11 * (r1 + hand)
+    w2, T_F = law_step(friction, level, memory, S, R, h, q[COLUMN_SPEED])
+    if robot:
+        T1 = c.I1 * (hand_speed - q[HANDWHEEL_SPEED]) / h + c.C1 * w1 + twist + K * (w1 - w2)
+        q[HANDWHEEL_ANGLE] = hand
+        q[HANDWHEEL_SPEED] = hand_speed
+    else:
+        T1 = hand
+        w1 = (r1 + hand + K * w2) / a11
+        q[HANDWHEEL_ANGLE] += h * w1
+        q[HANDWHEEL_SPEED] = 2.0 * w1 - q[HANDWHEEL_SPEED]
+    # A site that sticks stands still; its rest of momentum is lost in the contact.
+    q[COLUMN_ANGLE] += h * w2
+    q[COLUMN_SPEED] = 2.0 * w2 - q[COLUMN_SPEED] if w2 != 0.0 else 0.0
+    return w1, w2, T_F, T1
+
+
+@kernel
+def step_torque(c, friction, level, q, memory, T1, T_C, h):
+    """:func:`step` under a hand torque: steering by torque, or free (``T1 = 0``). Returns ``w1, w2, T_F``."""
+    return step(c, friction, level, q, memory, False, T1, 0.0, T_C, h)[:3]
 
 
 @kernel
 def step_angle(c, friction, level, q, memory, angle, speed, T_C, h):
-    """One step with a prescribed handwheel: the robot holds ``angle`` and ``speed`` at the end of the step.
-
-    Parameters as in :func:`step_torque`, but with the handwheel angle [rad] and speed [rad/s] at the end of the step.
-
-    Returns
-    -------
-    w1, w2, T_F : float
-        As in :func:`step_torque`.
-    T1 : float
-        Step-mean hand torque that the robot needs [N m].
-    """
-    K = c.C_tb + 0.5 * h * c.K_tb
-    twist = c.K_tb * (q[HANDWHEEL_ANGLE] - q[COLUMN_ANGLE])
-    w1 = (angle - q[HANDWHEEL_ANGLE]) / h
-    S = 2.0 * c.I2 / h + c.C2 + K
-    R = 2.0 * c.I2 / h * q[COLUMN_SPEED] + twist + T_C + K * w1
-    w2, T_F = step(friction, level, memory, S, R, h, q[COLUMN_SPEED])
-    T1 = c.I1 * (speed - q[HANDWHEEL_SPEED]) / h + c.C1 * w1 + twist + K * (w1 - w2)
-    _settle(q, w1, w2, h)
-    q[HANDWHEEL_ANGLE] = angle
-    q[HANDWHEEL_SPEED] = speed
-    return w1, w2, T_F, T1
+    """:func:`step` with a prescribed handwheel angle and speed at its end. Returns ``w1, w2, T_F, T1``."""
+    return step(c, friction, level, q, memory, True, angle, speed, T_C, h)
 
 
 @kernel

@@ -154,12 +154,8 @@ def _step(p, state, hand, hand_speed, before, after, elapsed, disturbance, h):
     q, memory = state[:_ASSIST], state[_MEMORY:]
     state[_HAND_TORQUE + 1] = state[_HAND_TORQUE]
     state[_FRICTION_TORQUE + 1] = state[_FRICTION_TORQUE]
-    if p.robot > 0.0:
-        _, _, T_F, T1 = column.step_angle(p.column, p.friction, level, q, memory, hand, hand_speed, T_C, h)
-        state[_HAND_TORQUE] = T1
-    else:
-        _, _, T_F = column.step_torque(p.column, p.friction, level, q, memory, hand, T_C, h)
-        state[_HAND_TORQUE] = hand
+    _, _, T_F, T1 = column.step(p.column, p.friction, level, q, memory, p.robot > 0.0, hand, hand_speed, T_C, h)
+    state[_HAND_TORQUE] = T1
     state[_FRICTION_TORQUE] = T_F
     for i in range(_SIZE):
         now = state[_RATE + i]

@@ -11,7 +11,7 @@ that holds the speed, a few hundred newtons, acts at the front wheel centres; it
 
 Each lag is a state, so that the chassis is an ordinary differential equation without algebraic loops:
 tyre relaxation  sigma (tan a)' = v_sy - |v_x| tan a;  geometric load transfer and steering compliance with short
-lags; drive force, which integrates until the forces along the body hold the speed.
+lags; drive force, which integrates until the forces along the body hold the speed or the front axle has no more grip.
 
 Source: equations derived here; parameters in the car's data file.
 """
@@ -129,7 +129,7 @@ def derivative(p, strut, c, x, rack, wind_force, wind_moment, dx, out):
     rack : float
         Rack coordinate, positive where it steers left [m].
     wind_force, wind_moment : float
-        Lateral force at the centre of gravity [N] and yaw moment [N m] of the wind.
+        Lateral force at the sprung centre of gravity [N] and yaw moment [N m] of the wind.
     dx : (15,) array
         Receives the derivative.
     out : (9,) array
@@ -196,7 +196,8 @@ def derivative(p, strut, c, x, rack, wind_force, wind_moment, dx, out):
     along = (X_fl + X_fr) + (Fx_rl + Fx_rr) - p.drag
 
     # Lateral and roll motion share the sprung mass: [[m, -m_s h], [-m_s h, I_xr]] [A, phi''] = [side, roll].
-    roll_moment = (p.m_s * GRAVITY * p.h - p.K_f - p.K_r) * phi - (p.C_f + p.C_r) * phi_rate
+    # Tyre forces pass through the roll axis; the wind takes hold of the body above it.
+    roll_moment = (p.m_s * GRAVITY * p.h - p.K_f - p.K_r) * phi - (p.C_f + p.C_r) * phi_rate - p.h * wind_force
     coupling = p.m_s * p.h
     determinant = p.m * p.I_xr - coupling * coupling
     A = (p.I_xr * side_force + coupling * roll_moment) / determinant
@@ -215,8 +216,11 @@ def derivative(p, strut, c, x, rack, wind_force, wind_moment, dx, out):
     axle_f, axle_r = p.m_uf * A, p.m_ur * A
     dx[TRANSFER_F] = (((Y_f - axle_f) * p.h_f + axle_f * p.R_w) / p.t_f - x[TRANSFER_F]) / p.T_load
     dx[TRANSFER_R] = (((Y_r - axle_r) * p.h_r + axle_r * p.R_w) / p.t_r - x[TRANSFER_R]) / p.T_load
-    # At constant speed the forces along the body sum to -m v_y r; the drive moves until they do.
-    dx[DRIVE_FORCE] = -(along + p.m * v_y * r) / p.T_drive
+    # At constant speed the forces along the body sum to -m v_y r; the drive moves until they do. No further than the
+    # front axle's grip: without a bound the drive of steered wheels feeds the yaw that it has to hold against.
+    grip = 2.0 * p.mu * static_f
+    held = min(max(x[DRIVE_FORCE] - along - p.m * v_y * r, -grip), grip)
+    dx[DRIVE_FORCE] = (held - x[DRIVE_FORCE]) / p.T_drive
     c_yaw, s_yaw = math.cos(x[YAW]), math.sin(x[YAW])
     dx[YAW] = r
     dx[X] = p.v_x * c_yaw - v_y * s_yaw

@@ -29,7 +29,7 @@ def test_plain_python_equals_compiled():
 
 def test_a_broken_law_is_caught():
     """The contracts have teeth: LuGre's parameters that create energy fail passivity."""
-    active = friction.models.lugre.LuGre(sigma_0=100.0, sigma_1=20.0, sigma_2=0.0, F_c=0.9, F_s=1.8, v_s=0.1)
+    active = friction.models.lugre.LuGre(sigma_0=100.0, sigma_1=2.0, sigma_2=0.0, F_c=0.9, F_s=1.8, v_s=0.1)
     with pytest.raises(AssertionError):
         contracts.check_passivity(active)
 

@@ -1,0 +1,183 @@
+"""What sets the friction laws apart: their loops, what they do while held, and how far one calibration can go.
+
+Displacement histories show the laws alone. The held-torque test settles where Masing's vibration under held steering
+comes from: LuGre and Masing run with and without a micro-damper, the same one in both.
+"""
+
+import math
+from dataclasses import replace
+from itertools import product
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+import friction
+from friction.defaults import F_C, SIGMA_0
+from steer_env import manoeuvres
+from steer_env.recording import DEGREE, Recording
+from vehicle import plant
+from vehicle.assist import SAMPLE_TIME
+from vehicle.cars import Car
+
+Array = NDArray[np.float64]
+
+SETTLING = 2.0  # from the start of the hold to where its ripple is read [s]
+RISE = 0.5  # of the hand torque in the hold [s]
+
+
+class History(NamedTuple):
+    """A displacement that every law is led through."""
+
+    title: str
+    x: Array  # (T,) [rad]
+    dt: float  # [s]
+
+
+def _through(points: tuple[float, ...], step: float) -> Array:
+    """Straight lines through turning points, in steps of about ``step``; points and step in one unit."""
+    pieces = [
+        np.linspace(a, b, max(round(abs(b - a) / step), 1) + 1)[1:] for a, b in zip(points[:-1], points[1:], strict=True)
+    ]
+    return np.concatenate([[points[0]], *pieces])
+
+
+def _growing_sine() -> History:
+    t = np.arange(0.0, 8.0 + 1e-9, 2e-3)
+    return History("sine that grows to 2 deg at 0.5 Hz", 2.0 * DEGREE * t / t[-1] * np.sin(math.pi * t), 2e-3)
+
+
+def _nested_loops() -> History:
+    x = _through((0.0, 4.0, -4.0, 2.0, -2.0, 1.0, -1.0, 0.5, -0.5, 0.25, -0.25), 0.01)
+    return History("nested loops from 4 deg down, at 0.01 deg/s", x * DEGREE, 1.0)
+
+
+def _held() -> History:
+    x = np.concatenate([_through((0.0, 0.5), 1e-3), np.full(500, 0.5), _through((0.5, 0.3), 1e-3), np.full(500, 0.3)])
+    return History("moved at 1 deg/s, held, moved back, held", x * DEGREE, 1e-3)
+
+
+HISTORIES = {"growing_sine": _growing_sine(), "nested_loops": _nested_loops(), "held": _held()}
+# Samples of the nested loops at the reversal from saturation (4 deg) and where the first loop nested in it begins (2 deg).
+SATURATED_TURN, NESTED_TURN = 400, 1800
+
+
+def characteristics(p: Any) -> dict[str, Array]:
+    """Torque of a law along every history [N m]."""
+    return {name: friction.response(p, history.x, history.dt) for name, history in HISTORIES.items()}
+
+
+class Residual(NamedTuple):
+    """RMS difference to a base law, of the base law's saturated torque [1]."""
+
+    saturated: float  # on the two branches after a reversal from saturation
+    nested: float  # on the loops nested in them
+
+
+def residual(nested: Array, base: Array) -> Residual:
+    """Residual of one law's torque in the nested loops against another's."""
+    part = (nested - base) / np.abs(base).max()
+    branch, loops = part[SATURATED_TURN + 1 : NESTED_TURN], part[NESTED_TURN + 1 :]
+    return Residual(float(np.sqrt(np.mean(branch**2))), float(np.sqrt(np.mean(loops**2))))
+
+
+class Calibration(NamedTuple):
+    """Saturated torque and pre-sliding stiffness that LuGre and Masing share after a saturated reversal."""
+
+    title: str
+    F_c: float  # [N m]
+    sigma_0: float  # [N m/rad]
+
+
+CALIBRATIONS = (
+    Calibration("default friction", F_C, SIGMA_0),
+    Calibration("strong friction", 3.0, 3.0 / (0.5 * DEGREE)),
+)
+DAMPING_RATIOS = (0.0, 0.1, 0.44)  # of the pre-sliding mode; the last is that of the default LuGre law
+HELD_LAWS = ("lugre", "masing")
+
+
+def held_law(law: str, calibration: Calibration, damping_ratio: float, I2: float) -> Any:
+    """LuGre or Masing with a calibration and the micro-damper of a damping ratio at the inertia ``I2`` [kg m2]."""
+    _, F_c, sigma_0 = calibration
+    sigma_1 = 2.0 * damping_ratio * math.sqrt(sigma_0 * I2)
+    if law == "lugre":
+        return friction.make(law, F_c=F_c, sigma_0=sigma_0, sigma_1=sigma_1)
+    return friction.make(law, F_c=F_c, x_c=F_c / (2.0 * sigma_0), sigma_1=sigma_1)
+
+
+class Held(NamedTuple):
+    """One held-torque test."""
+
+    site: str  # a key of SITES
+    calibration: str
+    law: str
+    damping_ratio: float
+    ripple: float  # peak to peak of the torsion-bar torque from ``SETTLING`` into the hold [N m]
+    ripple_fine: float  # the same at a tenth of the step [N m]
+    torque: Array  # (T,) torsion-bar torque [N m], every ``THIN`` samples from the start of the hold
+
+
+SITES = {"car": "car, assist on, held at 2 N m", "column": "column alone, held at two thirds of F_c"}
+THIN = 4
+
+
+def ripple(recording: Recording) -> float:
+    """Peak to peak of the torsion-bar torque from ``SETTLING`` into the hold to its end [N m]."""
+    return float(np.ptp(recording.between(RISE + SETTLING, recording.time[-1])["torsion_bar_torque"]))
+
+
+def _torsion_bar(car: Car, manoeuvre: manoeuvres.Manoeuvre, p: Any, substeps: int) -> Array:
+    whole = manoeuvres.build_plant(car, manoeuvre, p)
+    inputs = manoeuvres.inputs(manoeuvre, manoeuvre.amplitude or 0.0, manoeuvre.duration)
+    record = np.zeros((len(inputs), len(plant.CHANNELS)))
+    plant.run(whole, plant.initial_state(whole), inputs, record, substeps)
+    return record[round(RISE / SAMPLE_TIME) :, plant.CHANNEL["torsion_bar_torque"]]
+
+
+def held_torque(car: Car, law: str) -> list[Held]:
+    """Every held-torque test of LuGre or Masing: on the car and on its column alone, calibrations, dampers."""
+    settled = slice(round(SETTLING / SAMPLE_TIME), None)
+    tests = []
+    for site, calibration, ratio in product(SITES, CALIBRATIONS, DAMPING_RATIOS):
+        torque = 2.0 if site == "car" else calibration.F_c / 1.5
+        manoeuvre = replace(manoeuvres.hold(torque), rig=site == "column")
+        p = held_law(law, calibration, ratio, car.column.I2)
+        coarse, fine = (_torsion_bar(car, manoeuvre, p, substeps) for substeps in (1, 10))
+        ripples = (float(np.ptp(run[settled])) for run in (coarse, fine))
+        tests.append(Held(site, calibration.title, law, ratio, *ripples, coarse[::THIN].copy()))
+    return tests
+
+
+def ringing(torque: Array) -> float:
+    """Frequency of a decaying torque after ``SETTLING`` [Hz]: of its turning points; NaN below four of them."""
+    rate = np.diff(torque[round(SETTLING / SAMPLE_TIME / THIN) :])
+    turns = np.flatnonzero((rate[1:] >= 0.0) != (rate[:-1] >= 0.0))
+    if turns.size < 4:
+        return math.nan
+    return float((turns.size - 1) / (2.0 * (turns[-1] - turns[0]) * THIN * SAMPLE_TIME))
+
+
+class Verdict(NamedTuple):
+    """Ripple of Masing and LuGre at one site and calibration, without a damper and with the same one in both."""
+
+    site: str
+    calibration: str
+    ratio: float  # of the damper
+    masing: float  # [N m]
+    lugre: float
+    masing_damped: float
+    lugre_damped: float
+
+    @property
+    def share_of_damper(self) -> float:
+        """Part of the gap between Masing and LuGre that goes when both get the damper."""
+        return 1.0 - (self.masing_damped - self.lugre_damped) / (self.masing - self.lugre)
+
+
+def verdicts(tests: list[Held], ratio: float) -> list[Verdict]:
+    """What a damper of the given ratio in both laws does, for every site and calibration."""
+    found = {(test.site, test.calibration, test.law, test.damping_ratio): test.ripple for test in tests}
+    places = dict.fromkeys((test.site, test.calibration) for test in tests)
+    pairs = [(law, damping) for damping in (0.0, ratio) for law in ("masing", "lugre")]
+    return [Verdict(*place, ratio, *(found[(*place, *pair)] for pair in pairs)) for place in places]

@@ -1,0 +1,91 @@
+"""Where numbers come from: versions, machine, parameters, all as plain JSON."""
+
+import hashlib
+import inspect
+import os
+import platform
+import re
+import sys
+from datetime import datetime, timezone
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import experiments
+import friction
+import steer_env
+import vehicle
+from friction.law import law_of
+from vehicle.cars import Car
+
+PACKAGES = ("numpy", "numba", "llvmlite", "scipy", "control", "gymnasium", "matplotlib", "jinja2", "rich")
+
+
+def versions() -> dict[str, Any]:
+    """Version of the project and a digest of its sources, of Python and the packages; machine and date."""
+    return {
+        "version": metadata.version("steer-env"),
+        "sources": _digest_of_sources(),
+        "date": datetime.now(timezone.utc).isoformat(timespec="seconds"),
+        "python": platform.python_version(),
+        "platform": platform.platform(),
+        "processor": _processor(),
+        "cores": os.cpu_count(),
+        "packages": {name: metadata.version(name) for name in PACKAGES},
+        "random_numbers": "none: every run is deterministic",
+    }
+
+
+def _digest_of_sources() -> str:
+    """Short digest of every source and data file, whatever version control there is."""
+    digest = hashlib.sha256()
+    for package in (friction, vehicle, steer_env, experiments):
+        root = Path(package.__file__ or "").parent
+        for file in sorted(path for path in root.rglob("*") if path.suffix in {".py", ".json", ".j2"}):
+            digest.update(f"{root.name}/{file.relative_to(root).as_posix()}\0".encode())
+            digest.update(file.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+def _processor() -> str:
+    try:
+        text = Path("/proc/cpuinfo").read_text(encoding="utf-8")
+    except OSError:
+        return platform.processor() or platform.machine()
+    found = re.search(r"^model name\s*:\s*(.+)$", text, re.MULTILINE)
+    return found.group(1) if found else platform.machine()
+
+
+def parameters(p: Any) -> dict[str, dict[str, Any]]:
+    """Every field of a NamedTuple of parameters with its value and the comment that declares it (meaning and unit)."""
+    comments = dict(re.findall(r"^ +(\w+): [^#\n]+#\s*(.+)$", inspect.getsource(type(p)), re.MULTILINE))
+    return {name: {"value": _plain(value), "meaning": comments.get(name, "")} for name, value in p._asdict().items()}
+
+
+def law(p: Any) -> dict[str, Any]:
+    """Name, definition and parameters of a friction law."""
+    return {
+        "law": law_of(p).name,
+        "definition": inspect.getdoc(sys.modules[type(p).__module__]) or "",
+        "parameters": parameters(p),
+    }
+
+
+def car(c: Car) -> dict[str, Any]:
+    """Source, what is assumed, and the parameters of a car, SI."""
+    return {
+        "name": c.name,
+        "description": c.description,
+        "source": c.source,
+        "assumed": list(c.assumed),
+        "chassis": dict(c.chassis),
+        "steering": dict(c.steering),
+        "column": parameters(c.column),
+        "assist": parameters(c.assist),
+    }
+
+
+def _plain(value: Any) -> Any:
+    return value.tolist() if isinstance(value, np.ndarray) else value

@@ -1,0 +1,17 @@
+"""The step-time study runs; its figures are for ``python -m experiments.step_time`` to print, not for a test to time."""
+
+import tempfile
+
+from experiments import step_time
+from steer_env import REGISTERED
+
+
+def test_ratios_cover_every_environment():
+    ratios = step_time.ratios(steps=20, repeats=1)
+    assert set(ratios) == set(REGISTERED)
+    assert all(ratio > 0.0 for ratio in ratios.values())
+
+
+def test_first_step_runs_in_a_new_process():
+    with tempfile.TemporaryDirectory() as cache:
+        assert step_time.first_step("steer_env/AssistWeave-v0", cache) > 0.0

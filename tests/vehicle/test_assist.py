@@ -1,0 +1,266 @@
+"""The sampled assist against closed forms, and the margins of its loop against a simulation of it."""
+
+import cmath
+import math
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+import friction
+from vehicle import assist, column
+from vehicle.margins import boost_gain, margins
+
+DEFAULT = assist.make()
+T = assist.SAMPLE_TIME
+# Motor damping of the loop figures, and a sensor that passes its torque on: command = lead(torque).
+STRAIGHT = {"torques": [0.0, 1e3], "boost": [[0.0, 1e3]] * 2, "speeds": [0.0, 50.0], "damping": [0.0, 0.0]}
+
+
+def command_of(a, x, *inputs):
+    """The command that a sample computes; it stands first in the queue."""
+    assist.sample(a, x, *inputs)
+    return x[assist.QUEUE]
+
+
+def motor_torque(a, requests, substeps=1):
+    """Mean motor torque of every step and the torque at its end under a sequence of requests (N,)."""
+    x, h = np.zeros(assist.STATE_SIZE), T / substeps
+    means, ends = [], []
+    for request in requests:
+        before, after = assist.sample(a, x, 0.0, 0.0, 0.0, request)
+        for j in range(substeps):
+            means.append(assist.motor_step(a, x, before, after, j * h, h))
+            ends.append(x[assist.MOTOR_TORQUE])
+    return np.array(means), np.array(ends)
+
+
+def test_boost_equals_the_table_at_its_nodes():
+    for i, speed in enumerate(DEFAULT.speeds):
+        for j, torque in enumerate(DEFAULT.torques):
+            assert assist.boost_curve(DEFAULT, torque, speed) == (
+                pytest.approx(DEFAULT.boost[i, j], abs=1e-14),
+                DEFAULT.damping[i],
+            )
+
+
+def test_boost_is_linear_between_the_nodes_and_held_beyond():
+    rng = np.random.default_rng(3)
+    speeds, torques = rng.uniform(0.0, 50.0, 200), rng.uniform(0.0, 9.0, 200)
+    for v, t in zip(speeds, torques):
+        expected = np.interp(v, DEFAULT.speeds, [np.interp(t, DEFAULT.torques, row) for row in DEFAULT.boost])
+        boost, damping = assist.boost_curve(DEFAULT, t, v)
+        assert boost == pytest.approx(expected, abs=1e-12)
+        assert damping == pytest.approx(np.interp(v, DEFAULT.speeds, DEFAULT.damping), abs=1e-12)
+
+
+@pytest.mark.parametrize("speed", [0.0, 3.0, 30.0, 70.0])
+def test_boost_is_odd_and_grows(speed):
+    torques = np.linspace(0.0, 10.0, 501)
+    boost = np.array([assist.boost_curve(DEFAULT, t, speed)[0] for t in torques])
+    mirrored = np.array([assist.boost_curve(DEFAULT, -t, speed)[0] for t in torques])
+    np.testing.assert_array_equal(mirrored, -boost)
+    assert np.all(np.diff(boost) >= 0.0)
+    assert np.all(boost >= np.array([assist.boost_curve(DEFAULT, t, speed + 10.0)[0] for t in torques]))
+
+
+def test_lead_filter_is_the_analogue_with_prewarped_corners():
+    """Each factor 1 + s/corner is bilinear with s = corner tan(omega T/2)/tan(corner T/2): exact at its corner."""
+    a = assist.make(**STRAIGHT, lead_zero=15.0, lead_pole=150.0, limit=1e9)
+
+    def response(f):
+        x, omega = np.zeros(assist.STATE_SIZE), 2.0 * math.pi * f
+        n = np.arange(4000)
+        y = np.array([command_of(a, x, u, 0.0, 0.0, 0.0) for u in np.cos(omega * T * n)])[2000:]
+        basis = np.column_stack([np.cos(omega * T * n), np.sin(omega * T * n)])[2000:]
+        real, imaginary = np.linalg.lstsq(basis, y, rcond=None)[0]
+        return real - 1j * imaginary
+
+    def factor(f, corner):
+        return 1.0 + 1j * math.tan(math.pi * f * T) / math.tan(math.pi * corner * T)
+
+    for f in (1.0, 15.0, 40.0, 150.0, 400.0):
+        assert response(f) == pytest.approx(factor(f, 15.0) / factor(f, 150.0), abs=1e-9)
+    for f in (5.0, 15.0, 40.0):  # where the loop crosses over, the warping of the other corner is small
+        analogue = (1.0 + 1j * f / 15.0) / (1.0 + 1j * f / 150.0)
+        assert abs(response(f)) == pytest.approx(abs(analogue), rel=0.02)
+        assert cmath.phase(response(f)) == pytest.approx(cmath.phase(analogue), abs=math.radians(1.0))
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.3e-3, 0.5e-3, 1e-3, 2.3e-3, 4e-3])
+@pytest.mark.parametrize("substeps", [1, 10])
+def test_delay_hold_and_lag_are_exact(delay, substeps):
+    """A request of one sample gives a pulse of one sample, ``delay`` later, through the lag of the motor."""
+    a = assist.make(delay=delay)
+    requests = np.zeros(12)
+    requests[2] = 5.0
+    means, ends = motor_torque(a, requests, substeps)
+    h = T / substeps
+    edges = h * np.arange(means.size + 1)
+
+    def lag(t):
+        """Response to a unit step at 0."""
+        return -np.expm1(-a.bandwidth * np.maximum(t, 0.0))
+
+    def impulse(t):
+        t = np.maximum(t, 0.0)
+        return t + np.expm1(-a.bandwidth * t) / a.bandwidth
+
+    on, off = edges - (2.0 * T + delay), edges - (3.0 * T + delay)
+    np.testing.assert_allclose(ends, 5.0 * (lag(on) - lag(off))[1:], atol=1e-12)
+    np.testing.assert_allclose(means, 5.0 * np.diff(impulse(on) - impulse(off)) / h, atol=1e-10)
+    quiet = edges[1:] <= 2.0 * T + delay - 1e-12
+    assert not ends[quiet].any()
+
+
+def test_command_is_boost_through_lead_less_damping_plus_request():
+    a = assist.make(lead_zero=20.0, lead_pole=20.0)  # equal corners: no lead
+    x = np.zeros(assist.STATE_SIZE)
+    assert command_of(a, x, 2.0, 0.4, 100.0 / 3.6, -0.7) == pytest.approx(2.2 - 0.4 * 1.0 - 0.7, abs=1e-12)
+    assert command_of(a, x, -2.0, -0.4, 100.0 / 3.6, 0.7) == pytest.approx(-(2.2 - 0.4 - 0.7), abs=1e-12)
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_motor_limit(side):
+    a = assist.make(limit=3.0)
+    assert command_of(a, np.zeros(assist.STATE_SIZE), side * 7.0, 0.0, 0.0, 0.0) == side * 3.0
+    _, ends = motor_torque(a, np.full(60, side * 1e3))
+    assert np.abs(ends).max() <= 3.0
+    assert ends[-1] == pytest.approx(side * 3.0, abs=1e-12)
+
+
+LOOP = column.make(K_tb=143.0, I2=0.06, C2=0.8, C_tb=0.0)
+
+
+@pytest.mark.parametrize(("gain", "phase_deg", "gain_db"), [(5.0, 56.0, 13.0), (10.0, 35.0, 7.0)])
+def test_margins_of_the_published_loop(gain, phase_deg, gain_db):
+    m = margins(LOOP, DEFAULT, gain, 0.0)
+    assert m.stable
+    assert math.degrees(m.phase) == pytest.approx(phase_deg, abs=2.0)
+    assert 20.0 * math.log10(m.gain) == pytest.approx(gain_db, abs=0.5)
+
+
+def test_default_car_is_stable_everywhere():
+    """PM >= 30 deg and GM >= 6 dB at every slope of the boost table."""
+    c, seen = column.make(), 0
+    for speed in DEFAULT.speeds:
+        for torque in 0.5 * (DEFAULT.torques[1:] + DEFAULT.torques[:-1]):
+            gain = boost_gain(DEFAULT, torque, speed)
+            m = margins(c, DEFAULT, gain, speed)
+            assert m.stable, (speed, torque)
+            assert m.phase >= math.radians(30.0), (speed, torque)
+            assert m.gain >= 10.0 ** (6.0 / 20.0), (speed, torque)
+            seen += gain > 1.0
+    assert seen > 30
+
+
+def test_boost_gain_is_the_slope():
+    assert boost_gain(DEFAULT, 2.5, 0.0) == pytest.approx(10.0, rel=1e-6)
+    assert boost_gain(DEFAULT, -2.5, 100.0 / 3.6) == pytest.approx(2.8, rel=1e-6)
+    assert boost_gain(DEFAULT, 0.0, 0.0) == pytest.approx(0.8, rel=1e-6)
+
+
+FINE = 50  # steps a sample in the simulation of the loop
+
+
+def growth(gain, sensor_delay=0.0):
+    """Growth per second of the assist loop, hands fixed, simulated step by step with exact linear mechanics.
+
+    Written afresh: continuous column and motor, a sensor delayed by whole 20 us steps, the lead as two prewarped
+    factors, hold and delay of the command on the same fine clock.
+    """
+    c, h = LOOP, T / FINE
+    omega_m = 2.0 * math.pi * 150.0
+    A = np.zeros((4, 4))
+    A[0, 1] = 1.0
+    A[1, :3] = -c.K_tb / c.I2, -c.C2 / c.I2, 1.0 / c.I2
+    A[2, 2:] = -omega_m, omega_m
+    phi = expm(A * h)
+    state = np.array([1e-3, 0.0, 0.0, 0.0])
+    zero, pole = (1.0 / math.tan(math.pi * f * T) for f in (15.0, 150.0))
+    lag, wait = round(sensor_delay / h), round(0.5e-3 / h)
+    angles = [1e-3] * (lag + 1)
+    u = y = 0.0
+    pending = [0.0]
+    size = []
+    for i in range(600 * FINE):
+        if i % FINE == 0:
+            now = -gain * c.K_tb * angles[-1 - lag]
+            y = ((1.0 + zero) * now + (1.0 - zero) * u - (1.0 - pole) * y) / (1.0 + pole)
+            u = now
+            pending.append(y - 3.0 * state[1])
+        if i % FINE == wait:
+            state[3] = pending[-1]
+        state = phi @ state
+        angles.append(state[0])
+        size.append(abs(state[0]))
+    half = len(size) // 2
+    return math.log(max(size[half:]) / max(size[half // 2 : half])) / (0.45 * half * h)
+
+
+@pytest.mark.parametrize("gain", [5.0, 10.0])
+def test_margins_separate_stable_from_unstable_in_simulation(gain):
+    m = margins(LOOP, DEFAULT, gain, 0.0)
+    assert growth(0.97 * gain * m.gain) < 0.0 < growth(1.03 * gain * m.gain)
+    delay = m.phase / (2.0 * math.pi * m.phase_crossover)
+    assert growth(gain, 0.96 * delay) < 0.0 < growth(gain, 1.04 * delay)
+
+
+@pytest.mark.parametrize("offset", [0.0, 0.5e-3, 1.7e-3])
+def test_margins_hold_for_the_kernels(offset):
+    """The sampled controller and the column as the plant steps them, at the gain margin."""
+    a = assist.make(delay=offset, damping=[3.0] * 6)
+    m = margins(LOOP, a, 1.0, 0.0)
+
+    def grows(gain):
+        b = assist.make(
+            delay=offset, speeds=[0, 1], torques=[0, 1e6], boost=[[0, 1e6 * gain]] * 2, damping=[3, 3], limit=1e9
+        )
+        p, substeps = friction.make("viscous", sigma_2=0.0), 20
+        x, q, size = np.zeros(assist.STATE_SIZE), np.array([0.0, 0.0, 1e-3, 0.0]), []
+        for _ in range(400):
+            before, after = assist.sample(b, x, -LOOP.K_tb * q[2], q[3], 0.0, 0.0)
+            for j in range(substeps):
+                motor = assist.motor_step(b, x, before, after, j * T / substeps, T / substeps)
+                column.step_angle(LOOP, p, 1.0, q, np.zeros(0), 0.0, 0.0, motor, T / substeps)
+            size.append(abs(q[2]))
+        return max(size[300:]) > max(size[150:250])
+
+    assert not grows(0.97 * m.gain)
+    assert grows(1.03 * m.gain)
+
+
+def test_no_boost_has_infinite_margins():
+    m = margins(column.make(), DEFAULT, 0.0, 0.0)
+    assert m.stable
+    assert m.phase == m.gain == math.inf
+
+
+@pytest.mark.parametrize(
+    ("keys", "message"),
+    [
+        ({"speeds": [0.0, 0.0, 1.0]}, "speeds"),
+        ({"speeds": [1.0]}, "speeds"),
+        ({"torques": [0.5, 1.0]}, "torques"),
+        ({"torques": [0.0, math.nan]}, "torques"),
+        ({"boost": [[0.0, 1.0]]}, "boost"),
+        ({"boost": -np.array(assist.make().boost)}, "boost"),
+        ({"boost": np.array(assist.make().boost) + 1.0}, "boost"),
+        ({"damping": [1.0]}, "damping"),
+        ({"damping": [-1.0] * 6}, "damping"),
+        ({"lead_zero": 0.0}, "lead_zero"),
+        ({"lead_pole": 451.0}, "lead_pole"),
+        ({"delay": -1e-3}, "delay"),
+        ({"delay": 5e-3}, "delay"),
+        ({"bandwidth": 0.0}, "bandwidth"),
+        ({"limit": math.inf}, "limit"),
+    ],
+)
+def test_bad_parameter(keys, message):
+    with pytest.raises(ValueError, match=rf"^{message}\b.*got"):
+        assist.make(**keys)
+
+
+def test_parameters_are_read_only():
+    with pytest.raises(ValueError, match="read-only"):
+        DEFAULT.boost[0, 1] = 2.0
