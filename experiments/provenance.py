@@ -2,12 +2,14 @@
 
 import hashlib
 import inspect
+import json
 import os
 import platform
 import re
 import sys
 from datetime import datetime, timezone
 from importlib import metadata
+from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -74,12 +76,13 @@ def law(p: Any) -> dict[str, Any]:
 
 
 def car(c: Car) -> dict[str, Any]:
-    """Source, what is assumed, and the parameters of a car, SI."""
+    """Source, what is assumed, and the parameters of a packaged car, SI."""
+    data = json.loads(files(vehicle).joinpath("data", f"{c.name}.json").read_text(encoding="utf-8"))
     return {
         "name": c.name,
         "description": c.description,
         "source": c.source,
-        "assumed": list(c.assumed),
+        "assumed": data["assumed"],
         "chassis": dict(c.chassis),
         "steering": dict(c.steering),
         "column": parameters(c.column),

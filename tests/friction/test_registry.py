@@ -1,6 +1,5 @@
 """A law from one file is picked up everywhere; compiled code is cached, and never stale."""
 
-import importlib
 import json
 import os
 import subprocess
@@ -11,25 +10,9 @@ import numpy as np
 import pytest
 
 import friction
-from friction import kernel, law
 from tests.friction import contracts
 
 ROOT = Path(__file__).parents[2]
-
-
-@pytest.fixture(scope="module")
-def toy():
-    """The toy law, registered for these tests only; the kernels go back to their cache folder as well."""
-    registries = (law._by_name, law._by_class, kernel._digests, kernel._dispatchers)
-    before = [dict(registry) for registry in registries]
-    module = importlib.import_module("tests.friction.toy_law")
-    yield module
-    del sys.modules[module.__name__]
-    for registry, entries in zip(registries, before):
-        registry.clear()
-        registry.update(entries)
-    for dispatcher in kernel._dispatchers:
-        kernel._cache(dispatcher)
 
 
 def test_toy_law_is_found(toy):
