@@ -84,6 +84,10 @@ class SteerEnv(gym.Env):
         self._now = 0
         self._action = 0.0
         self._renderer: Any = None
+        if render_mode is not None:
+            from steer_env.render import Renderer  # here, for matplotlib is slow to import
+
+            self._renderer = Renderer()
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -97,6 +101,7 @@ class SteerEnv(gym.Env):
         self._action = 0.0
         if self._renderer is not None:
             self._renderer.clear()
+            self._renderer.add(self._now_channels)
         info = self._channels()
         return self._look(info), info
 
@@ -154,11 +159,6 @@ class SteerEnv(gym.Env):
         if self.render_mode is None:
             gym.logger.warn("render() draws nothing: make the environment with render_mode='rgb_array'")
             return None
-        from steer_env.render import Renderer
-
-        if self._renderer is None:
-            self._renderer = Renderer()
-            self._renderer.add(self._now_channels)
         return self._renderer.frame(getattr(self.task, "path", None))
 
     def close(self) -> None:

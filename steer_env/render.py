@@ -37,6 +37,9 @@ class Renderer:
         """The picture (360, 720, 3) now."""
         x, y, yaw, angle, torque, acceleration = self._trace[-1] if self._trace else (0.0,) * 6
         trace = np.array(self._trace) if self._trace else np.zeros((1, 6))
+        reach = np.maximum(
+            [10.0, 2.0], 1.1 * np.abs(np.column_stack((np.degrees(trace[:, 3]), trace[:, 4]))).max(axis=0)
+        )
         road, loop = self._road, self._loop
         road.clear()
         road.set(
@@ -55,6 +58,7 @@ class Renderer:
         loop.clear()
         loop.plot(np.degrees(trace[:, 3]), trace[:, 4], color="tab:orange", lw=1.0)
         loop.plot(np.degrees(angle), torque, "o", color="tab:red")
+        loop.set(xlim=(-reach[0], reach[0]), ylim=(-reach[1], reach[1]))
         loop.set(xlabel="handwheel angle [deg]", ylabel="hand torque [N m]")
         loop.set_title(f"{np.degrees(angle):+.1f} deg, {torque:+.2f} N m", fontsize=10)
         loop.grid(alpha=0.3)

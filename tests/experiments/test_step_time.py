@@ -1,4 +1,4 @@
-"""The step-time study runs; its figures are for ``python -m experiments.step_time`` to print, not for a test to time."""
+"""The step-time study runs; its figures are for ``python -m experiments.step_time`` to print, not a test to time."""
 
 import tempfile
 

@@ -27,8 +27,8 @@ def test_a_circle_closes():
 @pytest.mark.parametrize("offset", [-1.5, 0.0, 1.5])
 @pytest.mark.parametrize("s", [0.4, 20.7, 300.2])
 def test_offset_and_heading_on_a_circle(s, offset):
-    """Left of a left turn is inside. The arc is taken to second order: 2e-4 m over a metre at 100 m radius; off the path
-    the projection falls on the tangent, which shifts the heading by offset/radius of a metre."""
+    """Left of a left turn is inside. The arc is taken to second order, 2e-4 m over a metre at 100 m radius; off the
+    path the projection falls on the tangent, which shifts the heading by offset/radius of a metre."""
     points = path.from_curvature(np.full(400, 0.01))
     angle = s / 100.0
     x, y = (100.0 - offset) * np.sin(angle), 100.0 - (100.0 - offset) * np.cos(angle)
