@@ -44,7 +44,9 @@ def replaced_directory(out: Path, contents: frozenset[str]) -> Iterator[Path]:
             raise ValueError(f"{out} is a file: give a directory")
         others = sorted(entry.name for entry in out.iterdir() if entry.name not in contents)
         if others:
-            raise ValueError(f"{out} holds other files ({others[0]}): give a new directory, which is replaced as a whole")
+            raise ValueError(
+                f"{out} holds other files ({others[0]}): give a new directory, which is replaced as a whole"
+            )
     out.parent.mkdir(parents=True, exist_ok=True)
     part = Path(tempfile.mkdtemp(prefix=f".{out.name}.", dir=out.parent))
     try:

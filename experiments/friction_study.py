@@ -6,7 +6,7 @@ comes from: LuGre and Masing run with and without a micro-damper, the same one i
 
 import math
 from dataclasses import replace
-from itertools import product
+from itertools import pairwise, product
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -36,9 +36,7 @@ class History(NamedTuple):
 
 def _through(points: tuple[float, ...], step: float) -> Array:
     """Straight lines through turning points, in steps of about ``step``; points and step in one unit."""
-    pieces = [
-        np.linspace(a, b, max(round(abs(b - a) / step), 1) + 1)[1:] for a, b in zip(points[:-1], points[1:], strict=True)
-    ]
+    pieces = [np.linspace(a, b, max(round(abs(b - a) / step), 1) + 1)[1:] for a, b in pairwise(points)]
     return np.concatenate([[points[0]], *pieces])
 
 
@@ -58,7 +56,7 @@ def _held() -> History:
 
 
 HISTORIES = {"growing_sine": _growing_sine(), "nested_loops": _nested_loops(), "held": _held()}
-# Samples of the nested loops at the reversal from saturation (4 deg) and where the first loop nested in it begins (2 deg).
+# Samples of the nested loops: the reversal from saturation at 4 deg, and the first inside it, at 2 deg.
 SATURATED_TURN, NESTED_TURN = 400, 1800
 
 

@@ -1,6 +1,6 @@
 """What a step of an environment costs, beside CartPole-v1 in the same run, and how long the first one takes.
 
-    python -m experiments.step_time
+python -m experiments.step_time
 """
 
 import os

@@ -37,9 +37,8 @@ class Renderer:
         """The picture (360, 720, 3) now."""
         x, y, yaw, angle, torque, acceleration = self._trace[-1] if self._trace else (0.0,) * 6
         trace = np.array(self._trace) if self._trace else np.zeros((1, 6))
-        reach = np.maximum(
-            [10.0, 2.0], 1.1 * np.abs(np.column_stack((np.degrees(trace[:, 3]), trace[:, 4]))).max(axis=0)
-        )
+        angles, torques = np.degrees(trace[:, 3]), trace[:, 4]
+        reach = max(10.0, 1.1 * np.abs(angles).max()), max(2.0, 1.1 * np.abs(torques).max())
         road, loop = self._road, self._loop
         road.clear()
         road.set(
@@ -56,7 +55,7 @@ class Renderer:
         road.add_patch(Polygon(_CAR @ turn.T + (x, y), color="tab:blue"))
         road.set_title(f"lateral acceleration {acceleration:+.2f} m/s²", fontsize=10)
         loop.clear()
-        loop.plot(np.degrees(trace[:, 3]), trace[:, 4], color="tab:orange", lw=1.0)
+        loop.plot(angles, torques, color="tab:orange", lw=1.0)
         loop.plot(np.degrees(angle), torque, "o", color="tab:red")
         loop.set(xlim=(-reach[0], reach[0]), ylim=(-reach[1], reach[1]))
         loop.set(xlabel="handwheel angle [deg]", ylabel="hand torque [N m]")

@@ -95,6 +95,23 @@ def test_lane_keeping_ends_outside_the_lane():
     assert info["reward_terms"]["departure"] == -10.0
 
 
+@pytest.mark.parametrize("law", ["coulomb", "lugre"])
+def test_a_plain_preview_driver_keeps_the_lane(law):
+    """Curvature ahead, offset and heading make a wanted acceleration; the default car takes 0.132 rad for 1 m/s2."""
+    env = gym.make("steer_env/DriverLaneKeeping-v0", friction=law)
+    observation, _ = env.reset(seed=1)
+    truncated, total = False, 0.0
+    while not truncated:
+        angle, speed, *_, offset, heading, _, _, ahead, _, _ = observation.tolist()
+        wanted = 27.8**2 * ahead - offset - 27.0 * heading
+        torque = 1.1 * wanted + 6.0 * (0.132 * wanted - angle) - 0.3 * speed
+        action = np.clip([torque / 10.0], -1.0, 1.0).astype(np.float32)
+        observation, reward, terminated, truncated, _ = env.step(action)
+        total += reward
+        assert not terminated
+    assert total > 0.0
+
+
 def test_weave_truncates_after_its_duration():
     env = gym.make("steer_env/AssistWeave-v0", control_dt=0.1)
     env.reset(seed=0)

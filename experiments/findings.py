@@ -1,0 +1,161 @@
+"""What the report's sentences rest on: comparisons between laws, computed from the results; the words are the page's."""
+
+import math
+from typing import Any, NamedTuple
+
+from experiments import battery, friction_study, real_time
+from experiments.friction_study import Residual, Verdict
+from experiments.real_time import Row
+from experiments.results import Cell, Results
+from friction.law import law_of
+from vehicle.assist import SAMPLE_TIME
+
+TARGETS = 30.0, 6.0  # usual least phase [deg] and gain [dB] margin of an assist loop; assumed
+MATTERS = 0.05  # share of a metric from which on a difference is called one that matters; assumed
+_WORDS = {"0g": "0 g", "0p1g": "0.1 g", "0nm": "0 N m"}
+
+
+def number(x: float | None, digits: int = 3) -> str:
+    """A number for reading; a dash where there is none."""
+    if x is None or math.isnan(x):
+        return "–"
+    if math.isinf(x):
+        return "∞" if x > 0 else "−∞"
+    text = f"{x:.0f}" if abs(x) >= 10**digits else f"{x:.{digits}g}"
+    mantissa, _, exponent = text.partition("e")
+    return (mantissa + (f" · 10^{int(exponent)}" if exponent else "")).replace("-", "−")
+
+
+def percent(x: float | None, digits: int = 2) -> str:
+    """A share in per cent."""
+    return number(None if x is None else 100.0 * x, digits) + " %"
+
+
+def label(metric: str) -> str:
+    """A metric's name for reading."""
+    return " ".join(_WORDS.get(word, word) for word in metric.split("_"))
+
+
+def plain(value: Any) -> str:
+    """A parameter's value for reading."""
+    if isinstance(value, list):
+        return "[" + ", ".join(plain(x) for x in value) + "]"
+    return f"{value:.6g}".replace("-", "−") if isinstance(value, float) else str(value)
+
+
+def dry(results: Results) -> list[str]:
+    """The laws with dry friction, without the base law."""
+    return [law for law, p in results.laws.items() if law != results.base and law_of(p).name != "viscous"]
+
+
+def viscous(results: Results) -> list[str]:
+    """The laws without dry friction, without the base law."""
+    return [law for law, p in results.laws.items() if law != results.base and law_of(p).name == "viscous"]
+
+
+class Feel(NamedTuple):
+    """What the law changes in one test; None where there is no law to compare."""
+
+    table: dict[str, dict[str, battery.Difference]]  # metric -> law
+    dry: battery.Largest | None
+    viscous: battery.Largest | None
+
+    @property
+    def matters(self) -> bool:
+        """Whether the choice among dry laws changes a metric by a share that matters."""
+        return self.dry is not None and self.dry.share > MATTERS
+
+
+def feel(results: Results, test: str) -> Feel:
+    """Differences between the laws in one test."""
+    table = battery.differences(results.drives[test], results.base)
+    return Feel(table, battery.largest(table, dry(results)), battery.largest(table, viscous(results)))
+
+
+def residuals(results: Results) -> dict[str, Residual]:
+    """Distance of every law from the base law on the saturated branch and on nested loops."""
+    base = results.torques[results.base]["nested_loops"]
+    return {law: friction_study.residual(found["nested_loops"], base) for law, found in results.torques.items()}
+
+
+class HeldTorque(NamedTuple):
+    """Where Masing's vibration under held torque comes from."""
+
+    worst: Verdict  # where Masing's ripple without a damper is largest; with the light damper
+    frequency: float  # of what rings there [Hz]
+    step_change: float  # of that ripple, by a tenth of the step [1]
+    removed: dict[
+        float, tuple[float, float]
+    ]  # damping ratio -> least and largest part of the gap that the damper takes
+
+    @property
+    def damper_explains(self) -> bool:
+        """Whether the heavier damper closes nearly all of the gap everywhere."""
+        return self.removed[friction_study.DAMPING_RATIOS[-1]][0] > 0.9
+
+
+def held_torque(results: Results) -> HeldTorque | None:
+    """The held-torque test; None unless the report has both of its laws."""
+    if {test.law for test in results.held} != set(friction_study.HELD_LAWS):
+        return None
+    ratios = friction_study.DAMPING_RATIOS[1:]
+    verdicts = {ratio: friction_study.verdicts(results.held, ratio) for ratio in ratios}
+    worst = max(verdicts[ratios[0]], key=lambda verdict: verdict.masing)
+    masing = next(test for test in results.held if test[:4] == (worst.site, worst.calibration, "masing", 0.0))
+    shares = {ratio: [verdict.share_of_damper for verdict in found] for ratio, found in verdicts.items()}
+    return HeldTorque(
+        worst,
+        friction_study.ringing(masing.torque),
+        abs(masing.ripple_fine / masing.ripple - 1.0),
+        {ratio: (min(found), max(found)) for ratio, found in shares.items()},
+    )
+
+
+def at_sample(results: Results) -> dict[str, Row]:
+    """The midpoint frame of every law at the step of the controller, or the nearest there is."""
+    rows = {law: [row for row in table if row.scheme == "midpoint"] for law, table in results.tables.items()}
+    return {law: min(found, key=lambda row: abs(row.step - SAMPLE_TIME)) for law, found in rows.items()}
+
+
+def by_time(results: Results) -> list[str]:
+    """The laws, the quickest step first."""
+    rows = at_sample(results)
+    return sorted(rows, key=lambda law: rows[law].ns_per_step or math.inf)
+
+
+def usable(results: Results, scheme: str) -> dict[float | None, list[str]]:
+    """Laws by the longest usable step of a scheme, the longest first; None where there is none."""
+    groups: dict[float | None, list[str]] = {}
+    for law, rows in results.tables.items():
+        groups.setdefault(real_time.usable_step(rows, scheme), []).append(law)
+    return dict(sorted(groups.items(), key=lambda pair: -(pair[0] or 0.0)))
+
+
+def least_margin(results: Results) -> tuple[str, Cell]:
+    """Speed and cell of the assist loop with the least phase margin."""
+    cells = [(speed, cell) for speed, found in results.margins.items() for cell in found]
+    return min(cells, key=lambda pair: pair[1].phase_deg)
+
+
+def on_target(cell: Cell) -> bool:
+    """Whether a cell is stable with the usual margins."""
+    return cell.stable and cell.phase_deg >= TARGETS[0] and cell.gain_db >= TARGETS[1]
+
+
+def widest_interval(results: Results) -> float:
+    """Half the widest interval of any metric, relative to its value."""
+    values = [v for drives in results.drives.values() for drive in drives.values() for v in drive.values.values()]
+    return max(((v.high - v.low) / 2.0 / abs(v.value) for v in values if v.value), default=math.nan)
+
+
+def refusals(results: Results, test: str) -> dict[str, list[str]]:
+    """Reason -> what was refused for it, as "metric (law, law)"."""
+    refused: dict[tuple[str, str], list[str]] = {}
+    for law, drive in results.drives[test].items():
+        for name, value in drive.values.items():
+            if value.reason:
+                refused.setdefault((value.reason, name), []).append(law)
+    reasons: dict[str, list[str]] = {}
+    for (reason, name), laws in refused.items():
+        reasons.setdefault(reason, []).append(f"{label(name)} ({', '.join(laws)})")
+    return reasons

@@ -1,0 +1,137 @@
+"""The evaluation report: what the choice of a friction law does to feel, accuracy and real-time cost.
+
+``build`` writes ``index.html`` (self-contained) and ``metrics.json`` into a directory beside the target, and puts that
+in the target's place when everything is done.
+"""
+
+import os
+from base64 import b64encode
+from pathlib import Path
+from typing import Any
+
+import jinja2
+
+from experiments import figures, findings, friction_study, provenance, real_time
+from experiments.evaluation import entries
+from experiments.files import replaced_directory, write_json
+from experiments.results import Notify, Results, Scope, collect
+from steer_env import metrics
+
+CONTENTS = frozenset({"index.html", "metrics.json"})
+EVERYTHING = Scope()
+PREFIXES = {"weave": "", "slow_ramp": "slow_ramp."}  # of the metrics in metrics.json
+
+
+def metrics_json(results: Results, source: dict[str, Any]) -> dict[str, Any]:
+    """The machine-readable half: metrics of the weave under their names, of the slow ramp with a prefix."""
+    return {
+        "metrics": {
+            law: {
+                prefix + name: entry
+                for test, prefix in PREFIXES.items()
+                if test in results.drives
+                for name, entry in entries(results.drives[test][law].values).items()
+            }
+            for law in results.laws
+        },
+        "real_time": {
+            "case": "column alone, hand torque 2.5 N m at 0.5 Hz",
+            "units": {"step": "s", "error": "1", "ns_per_step": "ns", "worst_step_ns": "ns", "whole_car": "ns"},
+            "laws": {law: [row._asdict() for row in rows] for law, rows in results.tables.items()},
+            "whole_car": results.sample_ns,
+        },
+        "provenance": source,
+    }
+
+
+def provenance_of(results: Results) -> dict[str, Any]:
+    """Versions, laws, car and manoeuvres of a report."""
+    return {
+        **provenance.versions(),
+        "laws": {law: provenance.law(p) for law, p in results.laws.items()},
+        "car": provenance.car(results.car),
+        "manoeuvres": {
+            test: {
+                "definition": manoeuvre.definition,
+                "source": manoeuvre.source,
+                "amplitude_rad": {law: drive.amplitude for law, drive in results.drives[test].items()},
+            }
+            for test, manoeuvre in results.manoeuvres.items()
+        },
+    }
+
+
+def render(results: Results, source: dict[str, Any]) -> str:
+    """The page."""
+    environment = jinja2.Environment(
+        loader=jinja2.PackageLoader("experiments"),
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        undefined=jinja2.StrictUndefined,
+    )
+    environment.filters |= {"number": findings.number, "label": findings.label, "percent": findings.percent}
+    return environment.get_template("report.html.j2").render(
+        r=results,
+        source=source,
+        findings=findings,
+        study=friction_study,
+        timing=real_time,
+        definitions={name: metrics.definition(name) for name in metrics.available()},
+        images={name: _image(svg) for name, svg in _figures(results).items()},
+    )
+
+
+def _figures(results: Results) -> dict[str, str]:
+    """SVG of every figure, by name."""
+    drawn = {
+        "characteristics": figures.characteristics(results.torques),
+        "reversal": figures.reversal_and_hold(results.torques),
+        "real_time": figures.real_time(results.tables),
+        "margins": figures.margins(results.margins, findings.TARGETS),
+    }
+    if results.held:
+        drawn |= {site: figures.held_torque(results.held, site) for site in friction_study.SITES}
+    for test, drives in results.drives.items():
+        loops = {law: drive.cycle for law, drive in drives.items() if drive.cycle}
+        if results.base in loops:
+            drawn[test] = figures.cross_plots(loops, results.base)
+    return drawn
+
+
+def _image(svg: str) -> str:
+    return "data:image/svg+xml;base64," + b64encode(svg.encode()).decode()
+
+
+def build(
+    out: str | os.PathLike[str],
+    laws: dict[str, Any],
+    scope: Scope = EVERYTHING,
+    notify: Notify = lambda part, what: None,
+) -> Results:
+    """Write the report to a directory, which appears, or is replaced, whole or not at all.
+
+    Parameters
+    ----------
+    out : path
+        New, empty, or an earlier report.
+    laws : mapping of str to parameters
+        Label -> parameters of a friction law.
+    scope : Scope
+        How much of everything.
+    notify : callable
+        Gets the part that is done, from 0 to 1, and what comes next.
+
+    Raises
+    ------
+    ValueError
+        If ``out`` holds other files, or a manoeuvre cannot be driven.
+    """
+    with replaced_directory(Path(out), CONTENTS) as part:
+        results = collect(laws, scope, notify)
+        notify(0.96, "drawing")
+        source = provenance_of(results)
+        (part / "index.html").write_text(render(results, source), encoding="utf-8")
+        write_json(part / "metrics.json", metrics_json(results, source))
+    notify(1.0, "done")
+    return results

@@ -1,0 +1,146 @@
+"""Everything that the report rests on, computed side by side in a few processes: nothing is worded or drawn here."""
+
+import math
+import multiprocessing
+import os
+import signal
+from collections.abc import Callable, Iterator
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from contextlib import contextmanager
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+from experiments import battery, friction_study, real_time
+from friction.law import law_of
+from steer_env.manoeuvres import Manoeuvre
+from vehicle import cars, margins
+
+Notify = Callable[[float, str], None]  # gets the part that is done and what comes next
+
+
+class Scope(NamedTuple):
+    """How much of everything; the defaults are the report's, less is for tests."""
+
+    car: str = "compact"
+    cycles: tuple[tuple[str, int], ...] = (("weave", 12), ("slow_ramp", 5))
+    steps: tuple[float, ...] = real_time.STEPS  # of the real-time table [s]
+    speeds_kph: tuple[float, ...] = (0.0, 50.0, 100.0)  # of the assist loop's margins; 0 is parking
+    workers: int | None = None  # processes; None: as many as there are processors, up to four
+
+
+class Cell(NamedTuple):
+    """Margins of the assist loop in one cell of the boost table."""
+
+    torque: float  # middle of the cell [N m]
+    gain: float  # [1]
+    phase_deg: float
+    gain_db: float
+    crossover_hz: float
+    stable: bool
+
+
+class LawResult(NamedTuple):
+    """Everything that one law contributes, but for times."""
+
+    drives: dict[str, battery.Drive]
+    torques: dict[str, Any]  # of friction_study.characteristics
+    rows: list[real_time.Row]
+    held: list[friction_study.Held]
+
+
+class Results(NamedTuple):
+    """What the report says, before it is said."""
+
+    laws: dict[str, Any]  # label -> parameters
+    base: str
+    car: cars.Car
+    manoeuvres: dict[str, Manoeuvre]  # by test
+    drives: dict[str, dict[str, battery.Drive]]  # test -> law
+    torques: dict[str, dict[str, Any]]
+    held: list[friction_study.Held]
+    tables: dict[str, list[real_time.Row]]
+    sample_ns: dict[str, float]  # whole car [ns]
+    margins: dict[str, list[Cell]]  # by speed
+
+
+def _of_law(scope: Scope, p: Any, held: bool) -> LawResult:
+    car, name = cars.load(scope.car), law_of(p).name
+    return LawResult(
+        {test: battery.drive(car, p, test, n) for test, n in scope.cycles},
+        friction_study.characteristics(p),
+        real_time.accuracy(p, scope.steps),
+        friction_study.held_torque(car, name) if held and name in friction_study.HELD_LAWS else [],
+    )
+
+
+def _of_assist(car: str, speed_kph: float) -> list[Cell]:
+    loaded = cars.load(car)
+    cells = []
+    for low, high in pairwise(loaded.assist.torques):
+        torque = 0.5 * float(low + high)
+        gain = margins.boost_gain(loaded.assist, torque, speed_kph / 3.6)
+        if gain > 1e-6:  # the table is flat at its end
+            m = margins.margins(loaded.column, loaded.assist, gain, speed_kph / 3.6)
+            decibel = 20.0 * math.log10(m.gain)
+            cells.append(Cell(torque, gain, math.degrees(m.phase), decibel, float(m.phase_crossover), m.stable))
+    return cells
+
+
+@contextmanager
+def _pool(workers: int) -> Iterator[ProcessPoolExecutor]:
+    """Processes, as compiling holds the interpreter's lock; an error or Ctrl-C ends them at once."""
+    others = set(multiprocessing.active_children())
+    pool = ProcessPoolExecutor(
+        workers, multiprocessing.get_context("spawn"), signal.signal, (signal.SIGINT, signal.SIG_IGN)
+    )
+    try:
+        yield pool
+        pool.shutdown()
+    except BaseException:
+        pool.shutdown(wait=False, cancel_futures=True)
+        for process in set(multiprocessing.active_children()) - others:
+            process.terminate()
+        raise
+
+
+def collect(laws: dict[str, Any], scope: Scope, notify: Notify) -> Results:
+    """Run everything for the given laws (label -> parameters).
+
+    The laws run side by side; times are taken afterwards, with the machine to themselves.
+
+    Raises
+    ------
+    ValueError
+        Unknown car, or a manoeuvre that cannot be driven.
+    """
+    car = cars.load(scope.car)
+    first = {law_of(p).name: law for law, p in reversed(laws.items())}
+    found: dict[Any, Any] = {}
+    with _pool(scope.workers or min(_processors(), 4)) as pool:
+        jobs: dict[Any, Any] = {
+            pool.submit(_of_law, scope, p, held=first[law_of(p).name] == law): law for law, p in laws.items()
+        }
+        jobs |= {pool.submit(_of_assist, scope.car, kph): kph for kph in scope.speeds_kph}
+        for i, job in enumerate(as_completed(jobs), start=1):
+            found[jobs[job]] = job.result()
+            notify(0.75 * i / len(jobs), "driving" if i < len(jobs) else "timing")
+    of_law: dict[str, LawResult] = {law: found[law] for law in laws}
+    tables = real_time.timed(
+        {law: (p, of_law[law].rows) for law, p in laws.items()}, lambda part: notify(0.75 + 0.2 * part, "timing")
+    )
+    return Results(
+        laws=laws,
+        base="lugre" if "lugre" in laws else next(iter(laws)),
+        car=car,
+        manoeuvres={test: battery.manoeuvre(test, n) for test, n in scope.cycles},
+        drives={test: {law: of_law[law].drives[test] for law in laws} for test, _ in scope.cycles},
+        torques={law: of_law[law].torques for law in laws},
+        held=[test for law in laws for test in of_law[law].held],
+        tables=tables,
+        sample_ns=real_time.plant_samples(car, laws),
+        margins={"parking" if kph == 0 else f"{kph:g} km/h": found[kph] for kph in scope.speeds_kph},
+    )
+
+
+def _processors() -> int:
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
