@@ -1,0 +1,1 @@
+"""Studies, the report and the command line."""

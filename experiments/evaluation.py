@@ -3,7 +3,7 @@
 import math
 from typing import Any
 
-from experiments.friction_study import ripple
+from experiments.friction_study import held_ripple
 from steer_env import metrics
 from steer_env.metrics import Value
 from steer_env.recording import Recording
@@ -28,7 +28,7 @@ def evaluate(recording: Recording) -> dict[str, Value]:
         values = metrics.weave(recording, frequency)
         return {name: value for name, value in values.items() if metrics.definition(name).validity is None}
     if manoeuvre == "hold":
-        return {HOLD_RIPPLE: Value(ripple(recording), math.nan, math.nan, "N m")}
+        return {HOLD_RIPPLE: Value(held_ripple(recording), math.nan, math.nan, "N m")}
     raise ValueError(f"no metrics for manoeuvre {manoeuvre!r}; there are some for weave, slow-ramp, rig, hold")
 
 

@@ -25,7 +25,7 @@ _PALETTE = ("#0072B2", "#D55E00", "#009E73", "#000000", "#CC79A7", "#E69F00", "#
 _DASHES: tuple[Any, ...] = ("-", (0, (5, 1.5)), (0, (1.5, 1.2)), "-.", (0, (7, 2, 1.5, 2, 1.5, 2)))
 _FIRST = ("lugre", "masing", "dahl", "coulomb", "viscous")  # keep their colours whatever else is drawn
 
-STYLE = {
+STYLE: Any = {
     "font.family": "sans-serif",
     "font.size": 9,
     "axes.titlesize": 9.5,
@@ -42,6 +42,9 @@ STYLE = {
     "svg.hashsalt": "steer-env",  # the same figure is the same file
     "path.simplify_threshold": 0.3,
 }
+
+
+_styled = matplotlib.rc_context(STYLE)  # as a decorator
 
 
 def styles(laws: Iterable[str]) -> dict[str, Style]:
@@ -70,71 +73,72 @@ def _figure(width: float, height: float) -> Figure:
     return Figure(figsize=(width, height), layout="constrained")
 
 
+@_styled
 def characteristics(torques: dict[str, dict[str, Array]]) -> str:
     """Torque over displacement for every law: a growing sine above, nested loops below."""
-    with matplotlib.rc_context(STYLE):
-        style = styles(torques)
-        figure = _figure(9.6, 4.6)
-        grid = figure.subplots(2, len(torques), sharex="row", sharey="row", squeeze=False)
-        for row, name in zip(grid, ("growing_sine", "nested_loops")):
-            x = HISTORIES[name].x / DEGREE
-            for axes, law in zip(row, torques):
-                axes.plot(x, torques[law][name], color=style[law]["color"], linewidth=1.0)
-                axes.set_title(law if name == "growing_sine" else "")
-                axes.set_xlabel("displacement [deg]")
-            row[0].set_ylabel("torque [N m]")
-        return _svg(figure)
+    style = styles(torques)
+    figure = _figure(9.6, 4.6)
+    grid = figure.subplots(2, len(torques), sharex="row", sharey="row", squeeze=False)
+    for row, name in zip(grid, ("growing_sine", "nested_loops")):
+        x = HISTORIES[name].x / DEGREE
+        for axes, law in zip(row, torques):
+            axes.plot(x, torques[law][name], color=style[law]["color"], linewidth=1.0)
+            axes.set_title(law if name == "growing_sine" else "")
+            axes.set_xlabel("displacement [deg]")
+        row[0].set_ylabel("torque [N m]")
+    return _svg(figure)
 
 
+@_styled
 def reversal_and_hold(torques: dict[str, dict[str, Array]]) -> str:
     """Zoom on the last reversal of the growing sine, over displacement and over time, and the held displacement."""
-    with matplotlib.rc_context(STYLE):
-        figure = _figure(9.6, 3.2)
-        over_x, over_t, held = figure.subplots(1, 3)
-        sine, hold = HISTORIES["growing_sine"], HISTORIES["held"]
-        turn = int(np.argmax(sine.x))
-        part = slice(turn - 100, turn + 120)
-        for law, style in styles(torques).items():
-            over_x.plot(sine.x[part] / DEGREE, torques[law]["growing_sine"][part], **style)
-            over_t.plot((np.arange(sine.x.size)[part] - turn) * sine.dt, torques[law]["growing_sine"][part], **style)
-            held.plot(np.arange(hold.x.size) * hold.dt, torques[law]["held"], **style)
-        over_x.set(title="reversal of the sine", xlabel="displacement [deg]", ylabel="torque [N m]")
-        over_t.set(title="the same over time", xlabel="time from the reversal [s]")
-        held.set(title="displacement held", xlabel="time [s]")
-        at_rest = np.flatnonzero(np.diff(hold.x) == 0.0) * hold.dt
-        for part_at_rest in np.split(at_rest, np.flatnonzero(np.diff(at_rest) > 1.5 * hold.dt) + 1):
-            held.axvspan(part_at_rest[0], part_at_rest[-1], color="#f0f0f0", zorder=0)
-        _legend(figure, over_x)
-        return _svg(figure)
+    figure = _figure(9.6, 3.2)
+    over_x, over_t, held = figure.subplots(1, 3)
+    sine, hold = HISTORIES["growing_sine"], HISTORIES["held"]
+    turn = int(np.argmax(sine.x))
+    part = slice(turn - 100, turn + 120)
+    for law, style in styles(torques).items():
+        over_x.plot(sine.x[part] / DEGREE, torques[law]["growing_sine"][part], **style)
+        over_t.plot((np.arange(sine.x.size)[part] - turn) * sine.dt, torques[law]["growing_sine"][part], **style)
+        held.plot(np.arange(hold.x.size) * hold.dt, torques[law]["held"], **style)
+    over_x.set(title="reversal of the sine", xlabel="displacement [deg]", ylabel="torque [N m]")
+    over_t.set(title="the same over time", xlabel="time from the reversal [s]")
+    held.set(title="displacement held", xlabel="time [s]")
+    at_rest = np.flatnonzero(np.diff(hold.x) == 0.0) * hold.dt
+    for part_at_rest in np.split(at_rest, np.flatnonzero(np.diff(at_rest) > 1.5 * hold.dt) + 1):
+        held.axvspan(part_at_rest[0], part_at_rest[-1], color="#f0f0f0", zorder=0)
+    _legend(figure, over_x)
+    return _svg(figure)
 
 
+@_styled
 def held_torque(tests: list[Held], site: str) -> str:
     """Torsion-bar torque after the hold has begun, for every calibration and damper."""
-    with matplotlib.rc_context(STYLE):
-        figure = _figure(9.6, 4.2)
-        grid = figure.subplots(len(CALIBRATIONS), len(DAMPING_RATIOS), sharex=True, sharey="row", squeeze=False)
-        style = styles(test.law for test in tests)
-        for row, calibration in zip(grid, CALIBRATIONS):
-            for axes, ratio in zip(row, DAMPING_RATIOS):
-                for test in tests:
-                    if (test.site, test.calibration, test.damping_ratio) == (site, calibration.title, ratio):
-                        t = np.arange(test.torque.size) * THIN * SAMPLE_TIME
-                        axes.plot(t, test.torque - test.torque[-1], linewidth=1.0, **_without_dash(style[test.law]))
-                axes.axvspan(SETTLING, t[-1], color="#f0f0f0", zorder=0)
-                damper = f"damping ratio {ratio:g}" if ratio else "no micro-damper"
-                axes.set_title(f"{calibration.title}, {damper}", fontsize=8.5)
-            row[0].set_ylabel("torque − last [N m]")
-        for axes in grid[-1]:
-            axes.set_xlabel("time held [s]")
-        _legend(figure, grid[0, 0])
-        figure.suptitle(SITES[site], fontsize=9)
-        return _svg(figure)
+    figure = _figure(9.6, 4.2)
+    grid = figure.subplots(len(CALIBRATIONS), len(DAMPING_RATIOS), sharex=True, sharey="row", squeeze=False)
+    style = styles(test.law for test in tests)
+    for row, calibration in zip(grid, CALIBRATIONS):
+        for axes, ratio in zip(row, DAMPING_RATIOS):
+            for test in tests:
+                if (test.site, test.calibration, test.damping_ratio) == (site, calibration.title, ratio):
+                    t = np.arange(test.torque.size) * THIN * SAMPLE_TIME
+                    axes.plot(t, test.torque - test.torque[-1], linewidth=1.0, **_without_dash(style[test.law]))
+            axes.axvspan(SETTLING, t[-1], color="#f0f0f0", zorder=0)
+            damper = f"damping ratio {ratio:g}" if ratio else "no micro-damper"
+            axes.set_title(f"{calibration.title}, {damper}", fontsize=8.5)
+        row[0].set_ylabel("torque − last [N m]")
+    for axes in grid[-1]:
+        axes.set_xlabel("time held [s]")
+    _legend(figure, grid[0, 0])
+    figure.suptitle(SITES[site], fontsize=9)
+    return _svg(figure)
 
 
 def _without_dash(style: Style) -> Style:
     return {**style, "linestyle": "-"}
 
 
+@_styled
 def cross_plots(loops: dict[str, dict[str, Array]], base: str) -> str:
     """Torque over handwheel angle and over lateral acceleration; below, the torque less the base law's.
 
@@ -144,55 +148,54 @@ def cross_plots(loops: dict[str, dict[str, Array]], base: str) -> str:
     base : str
         The law that the others are compared with, at the same phase of the cycle.
     """
-    with matplotlib.rc_context(STYLE):
-        figure = _figure(9.6, 6.2)
-        grid = figure.subplots(2, 2, sharex="col", height_ratios=(2, 1))
-        for law, style in styles(loops).items():
-            cycle = {name: np.append(values, values[0]) for name, values in loops[law].items()}
-            gap = cycle[TORQUE] - np.append(loops[base][TORQUE], loops[base][TORQUE][0])
-            for (above, below), x in zip(grid.T, (cycle[ANGLE] / DEGREE, cycle[AY] / G)):
-                above.plot(x, cycle[TORQUE], **style)
-                below.plot(x, gap, **style)
-        grid[0, 0].set(ylabel="handwheel torque [N m]", title="torque over handwheel angle")
-        grid[0, 1].set(title="torque over lateral acceleration")
-        grid[1, 0].set(xlabel="handwheel angle [deg]", ylabel=f"torque less {base}'s [N m]")
-        grid[1, 1].set(xlabel="lateral acceleration [g]")
-        _legend(figure, grid[0, 0])
-        return _svg(figure)
+    figure = _figure(9.6, 6.2)
+    grid = figure.subplots(2, 2, sharex="col", height_ratios=(2, 1))
+    for law, style in styles(loops).items():
+        cycle = {name: np.append(values, values[0]) for name, values in loops[law].items()}
+        gap = cycle[TORQUE] - np.append(loops[base][TORQUE], loops[base][TORQUE][0])
+        for (above, below), x in zip(grid.T, (cycle[ANGLE] / DEGREE, cycle[AY] / G)):
+            above.plot(x, cycle[TORQUE], **style)
+            below.plot(x, gap, **style)
+    grid[0, 0].set(ylabel="handwheel torque [N m]", title="torque over handwheel angle")
+    grid[0, 1].set(title="torque over lateral acceleration")
+    grid[1, 0].set(xlabel="handwheel angle [deg]", ylabel=f"torque less {base}'s [N m]")
+    grid[1, 1].set(xlabel="lateral acceleration [g]")
+    _legend(figure, grid[0, 0])
+    return _svg(figure)
 
 
+@_styled
 def real_time(tables: dict[str, list[Row]]) -> str:
     """Error over step for every scheme; a cross at the top where a run does not stay bounded."""
-    with matplotlib.rc_context(STYLE):
-        figure = _figure(9.6, 3.4)
-        grid = figure.subplots(1, len(SCHEMES), sharex=True, sharey=True)
-        for axes, scheme in zip(grid, SCHEMES):
-            for law, style in styles(tables).items():
-                rows = [row for row in tables[law] if row.scheme == scheme]
-                kept = [row for row in rows if row.bounded]
-                axes.loglog([1e3 * row.step for row in kept], [100 * (row.error or 0.0) for row in kept], **style)
-                lost = [1e3 * row.step for row in rows if not row.bounded]
-                axes.plot(lost, [200.0] * len(lost), "x", color=style["color"], markersize=6)
-            axes.axhline(100 * USABLE, color="#999999", linewidth=0.8)
-            axes.set(title=scheme, xlabel="step [ms]")
-            axes.set_xticks([0.1, 1.0, 10.0], ["0.1", "1", "10"])
-        grid[0].set(ylabel="RMS error of friction torque [%]", ylim=(None, 400.0))
-        _legend(figure, grid[0])
-        return _svg(figure)
+    figure = _figure(9.6, 3.4)
+    grid = figure.subplots(1, len(SCHEMES), sharex=True, sharey=True)
+    for axes, scheme in zip(grid, SCHEMES):
+        for law, style in styles(tables).items():
+            rows = [row for row in tables[law] if row.scheme == scheme]
+            kept = [row for row in rows if row.bounded]
+            axes.loglog([1e3 * row.step for row in kept], [100 * (row.error or 0.0) for row in kept], **style)
+            lost = [1e3 * row.step for row in rows if not row.bounded]
+            axes.plot(lost, [200.0] * len(lost), "x", color=style["color"], markersize=6)
+        axes.axhline(100 * USABLE, color="#999999", linewidth=0.8)
+        axes.set(title=scheme, xlabel="step [ms]")
+        axes.set_xticks([0.1, 1.0, 10.0], ["0.1", "1", "10"])
+    grid[0].set(ylabel="RMS error of friction torque [%]", ylim=(None, 400.0))
+    _legend(figure, grid[0])
+    return _svg(figure)
 
 
+@_styled
 def margins(points: dict[str, list[Any]], targets: tuple[float, float]) -> str:
     """Phase margin [deg] and gain margin [dB] over torsion-bar torque, one line a speed."""
-    with matplotlib.rc_context(STYLE):
-        figure = _figure(9.6, 3.0)
-        panels = figure.subplots(1, 2, sharex=True)
-        for (speed, cells), colour, marker in zip(points.items(), _PALETTE, "osD^v"):
-            torque = [cell.torque for cell in cells]
-            for axes, values in zip(panels, zip(*((cell.phase_deg, cell.gain_db) for cell in cells))):
-                axes.plot(torque, values, marker=marker, markersize=4, color=colour, label=speed)
-        for axes, target, label in zip(panels, targets, ("phase margin [deg]", "gain margin [dB]")):
-            axes.axhline(target, color="#999999", linewidth=0.8)
-            axes.annotate("usual target", (0.01, target), xycoords=("axes fraction", "data"), fontsize=8, va="bottom")
-            axes.set(xlabel="torsion-bar torque [N m]", ylabel=label, ylim=(0.0, None))
-        _legend(figure, panels[0])
-        return _svg(figure)
+    figure = _figure(9.6, 3.0)
+    panels = figure.subplots(1, 2, sharex=True)
+    for (speed, cells), colour, marker in zip(points.items(), _PALETTE, "osD^v"):
+        torque = [cell.torque for cell in cells]
+        for axes, values in zip(panels, zip(*((cell.phase_deg, cell.gain_db) for cell in cells))):
+            axes.plot(torque, values, marker=marker, markersize=4, color=colour, label=speed)
+    for axes, target, label in zip(panels, targets, ("phase margin [deg]", "gain margin [dB]")):
+        axes.axhline(target, color="#999999", linewidth=0.8)
+        axes.annotate("usual target", (0.01, target), xycoords=("axes fraction", "data"), fontsize=8, va="bottom")
+        axes.set(xlabel="torsion-bar torque [N m]", ylabel=label, ylim=(0.0, None))
+    _legend(figure, panels[0])
+    return _svg(figure)

@@ -1,4 +1,4 @@
-"""What the report's sentences rest on: comparisons between laws, computed from the results; the words are the page's."""
+"""What the report's sentences rest on: comparisons between laws, computed; the words are the page's."""
 
 import math
 from typing import Any, NamedTuple

@@ -120,7 +120,7 @@ SITES = {"car": "car, assist on, held at 2 N m", "column": "column alone, held a
 THIN = 4
 
 
-def ripple(recording: Recording) -> float:
+def held_ripple(recording: Recording) -> float:
     """Peak to peak of the torsion-bar torque from ``SETTLING`` into the hold to its end [N m]."""
     return float(np.ptp(recording.between(RISE + SETTLING, recording.time[-1])["torsion_bar_torque"]))
 
@@ -142,8 +142,8 @@ def held_torque(car: Car, law: str) -> list[Held]:
         manoeuvre = replace(manoeuvres.hold(torque), rig=site == "column")
         p = held_law(law, calibration, ratio, car.column.I2)
         coarse, fine = (_torsion_bar(car, manoeuvre, p, substeps) for substeps in (1, 10))
-        ripples = (float(np.ptp(run[settled])) for run in (coarse, fine))
-        tests.append(Held(site, calibration.title, law, ratio, *ripples, coarse[::THIN].copy()))
+        ripple, ripple_fine = (float(np.ptp(run[settled])) for run in (coarse, fine))
+        tests.append(Held(site, calibration.title, law, ratio, ripple, ripple_fine, coarse[::THIN].copy()))
     return tests
 
 

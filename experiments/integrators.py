@@ -125,7 +125,7 @@ class Scheme(NamedTuple):
 
     step: Any  # kernel of one step -> T_F, w
     loop: Any  # kernel over all steps
-    hand: Callable[[NDArray[np.float64], float], NDArray[np.float64]]  # nodes, omega -> of unit amplitude, each step
+    hand: Callable[[NDArray, float], NDArray]  # nodes, omega -> of unit amplitude, each step
 
 
 SCHEMES = {

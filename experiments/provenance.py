@@ -19,6 +19,7 @@ import experiments
 import friction
 import steer_env
 import vehicle
+from friction import defaults
 from friction.law import law_of
 from vehicle.cars import Car
 
@@ -64,6 +65,11 @@ def parameters(p: Any) -> dict[str, dict[str, Any]]:
     """Every field of a NamedTuple of parameters with its value and the comment that declares it (meaning and unit)."""
     comments = dict(re.findall(r"^ +(\w+): [^#\n]+#\s*(.+)$", inspect.getsource(type(p)), re.MULTILINE))
     return {name: {"value": _plain(value), "meaning": comments.get(name, "")} for name, value in p._asdict().items()}
+
+
+def calibration() -> str:
+    """Source of the calibration that the laws' defaults share."""
+    return inspect.getdoc(defaults) or ""
 
 
 def law(p: Any) -> dict[str, Any]:

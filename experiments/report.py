@@ -49,6 +49,7 @@ def provenance_of(results: Results) -> dict[str, Any]:
     return {
         **provenance.versions(),
         "laws": {law: provenance.law(p) for law, p in results.laws.items()},
+        "calibration": provenance.calibration(),
         "car": provenance.car(results.car),
         "manoeuvres": {
             test: {

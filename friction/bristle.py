@@ -30,7 +30,16 @@ def decay(X):
 
 
 @kernel
-def displaced(z, z_g, w, h):
-    """Deflection after ``h`` at constant speed ``w``, with steady deflection ``z_g``."""
+def held(z, limit):
+    """Deflection no larger than break-away allows: where the load has fallen, the bristle has slipped already.
+
+    Without this a bristle left beyond its steady deflection would give back more than it stored.
+    """
+    return min(max(z, -limit), limit)
+
+
+@kernel
+def displaced(z, z_g, limit, w, h):
+    """Deflection after ``h`` at constant speed ``w``, with steady deflection ``z_g``, held within ``limit``."""
     E, p1, _, _, _ = decay(abs(w) * h / z_g)
-    return z * E + h * w * p1
+    return held(held(z, limit) * E + h * w * p1, limit)

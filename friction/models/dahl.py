@@ -10,7 +10,7 @@ import math
 from typing import NamedTuple
 
 from friction import defaults
-from friction.bristle import decay, displaced
+from friction.bristle import decay, displaced, held
 from friction.check import positive
 from friction.kernel import kernel
 from friction.law import register
@@ -32,19 +32,20 @@ def make(*, sigma_0: float = defaults.SIGMA_0, F_c: float = defaults.F_C) -> Dah
 def mean_torque(p, level, memory, w, h):
     slope = p.sigma_0 * h / (level * p.F_c)
     _, p1, p2, d1, d2 = decay(slope * abs(w))
-    z = memory[0]
+    z = held(memory[0], level * p.F_c / p.sigma_0)
     F = p.sigma_0 * (z * p1 + h * w * p2)
     return F, p.sigma_0 * (h * p2 + (z * d1 + h * w * d2) * math.copysign(slope, w))
 
 
 @kernel
 def advance(p, level, memory, w, h):
-    memory[0] = displaced(memory[0], level * p.F_c / p.sigma_0, w, h)
+    z_g = level * p.F_c / p.sigma_0
+    memory[0] = displaced(memory[0], z_g, z_g, w, h)
 
 
 @kernel
 def torque(p, level, memory, w):
-    return p.sigma_0 * memory[0]
+    return p.sigma_0 * held(memory[0], level * p.F_c / p.sigma_0)
 
 
 @kernel

@@ -9,7 +9,7 @@ import math
 from typing import NamedTuple
 
 from friction import defaults
-from friction.bristle import decay, displaced
+from friction.bristle import decay, displaced, held
 from friction.check import not_negative, positive
 from friction.kernel import kernel
 from friction.law import register
@@ -77,7 +77,7 @@ def saturation(p, level, w):
 @kernel
 def mean_torque(p, level, memory, w, h):
     G, dG = saturation(p, level, w)
-    z = memory[0]
+    z = held(memory[0], level * p.F_s / p.sigma_0)
     X = p.sigma_0 * abs(w) * h / G
     dX = p.sigma_0 * h / G * (math.copysign(1.0, w) - abs(w) * dG / G)
     E, p1, p2, d1, d2 = decay(X)
@@ -92,14 +92,15 @@ def mean_torque(p, level, memory, w, h):
 @kernel
 def advance(p, level, memory, w, h):
     G, _ = saturation(p, level, w)
-    memory[0] = displaced(memory[0], G / p.sigma_0, w, h)
+    memory[0] = displaced(memory[0], G / p.sigma_0, level * p.F_s / p.sigma_0, w, h)
 
 
 @kernel
 def torque(p, level, memory, w):
     G, _ = saturation(p, level, w)
-    z_rate = w - p.sigma_0 * abs(w) * memory[0] / G
-    return p.sigma_0 * memory[0] + p.sigma_1 * z_rate + p.sigma_2 * w
+    z = held(memory[0], level * p.F_s / p.sigma_0)
+    z_rate = w - p.sigma_0 * abs(w) * z / G
+    return p.sigma_0 * z + p.sigma_1 * z_rate + p.sigma_2 * w
 
 
 @kernel

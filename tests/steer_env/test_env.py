@@ -1,5 +1,6 @@
 """The registered environments: Gymnasium's checks, reproducibility, bad input, documentation."""
 
+import pickle
 import re
 import warnings
 
@@ -206,6 +207,26 @@ def test_docstring_tables_match_the_spaces(name):
     scale = re.search(r"\| 0 \|.*\| (\d+) \| N m \|", env.__doc__.split("## Action")[1])
     assert scale is not None
     assert float(scale[1]) == env.task.action_scale
+
+
+@pytest.mark.parametrize("name", IDS)
+def test_specification_survives_pickling(name):
+    env = pickle.loads(pickle.dumps(gym.make(name, friction="masing").spec)).make()
+    assert np.array_equal(run(env, 20), run(gym.make(name, friction="masing"), 20))
+
+
+@pytest.mark.parametrize("name", IDS)
+def test_gymnasium_vectorises(name):
+    """Gymnasium's own vector environment seeds lane i with seed + i."""
+    vector = gym.make_vec(name, num_envs=2, vectorization_mode="sync", friction="masing")
+    observations, _ = vector.reset(seed=5)
+    single = gym.make(name, friction="masing")
+    assert np.array_equal(observations[1], single.reset(seed=6)[0])
+    for _ in range(10):
+        observations, *_ = vector.step(np.tile(ACTION, (2, 1)))
+        observation, *_ = single.step(ACTION)
+    assert np.array_equal(observations[1], observation)
+    vector.close()
 
 
 @pytest.mark.parametrize("name", IDS)
