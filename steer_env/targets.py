@@ -3,6 +3,8 @@
 import math
 from typing import NamedTuple
 
+from vehicle.single_track import GRAVITY
+
 
 class ReferenceFeel(NamedTuple):
     """A torque that grows with lateral acceleration, softens, and carries a little friction and damping.
@@ -19,7 +21,7 @@ class ReferenceFeel(NamedTuple):
 
     def torque(self, lateral_acceleration: float, handwheel_speed: float) -> float:
         """Hand torque [N m] at a lateral acceleration [m/s2] and a handwheel speed [rad/s]; odd in both."""
-        a = lateral_acceleration / (9.81 * self.softening)
+        a = lateral_acceleration / (GRAVITY * self.softening)
         return (
             self.gradient * self.softening * math.tanh(a)
             + self.friction * math.tanh(handwheel_speed / self.friction_speed)

@@ -77,7 +77,7 @@ def hands_fixed_loop(c: Column, a: Assist, gain: float, speed: float) -> control
 def margins(c: Column, a: Assist, gain: float, speed: float) -> Margins:
     """Phase and gain margin of :func:`hands_fixed_loop`, and whether the closed loop is stable."""
     loop = hands_fixed_loop(c, a, gain, speed)
-    omega = np.geomspace(1.0, 0.999 * math.pi / SAMPLE_TIME, 20000)
+    omega = np.geomspace(1.0, 0.999 * math.pi / SAMPLE_TIME, 2000)
     response = control.frequency_response(loop, omega)
     gain_margin, phase_margin, _, _, crossover, _ = control.stability_margins(response)
     closed = control.feedback(loop, 1)

@@ -1,7 +1,7 @@
 """Single-track chassis at constant speed, with the two front wheels that load the rack kept apart.
 
     m (v_y' + v_x r) - m_s h phi'' = sum F_y                                       (lateral)
-    I_z r' = a F_yf - b F_yr + track/2 (F_xR - F_xL)                               (yaw)
+    I_z r' = a F_yf - b F_yr + track/2 (F_xR - F_xL) + sum M_z + M_wind            (yaw)
     (I_x + m_s h^2) phi'' - m_s h (v_y' + v_x r) = m_s g h phi - K phi - C phi'    (roll)
 
 ISO 8855 axes: x forward, y left, z up; left turns are positive. v_y and r belong to the point of the roll axis below
@@ -22,7 +22,7 @@ from typing import NamedTuple
 from friction.kernel import kernel
 from vehicle import strut_map, tyre
 
-GRAVITY = 9.81  # [m/s2]
+GRAVITY = 9.80665  # standard gravity [m/s2]
 AIR_DENSITY = 1.2  # [kg/m3]
 
 # Where each state stands in the chassis' slice of the state array, with its unit.

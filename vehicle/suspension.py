@@ -112,7 +112,7 @@ def rack_force(pose: Pose, load: WheelLoad) -> Array:
     F_rack = -sum(F . dp/drack + M . dphi/drack) at fixed strut length. At fixed *travel* the strut
     changes length as the wheel steers, and its spring, which carries the wheel load along the
     inclined axis, does work too. Leaving that out loses the self-centring of the wheel load (S1,
-    3.7 kN a wheel, 30 mm of rack: -44 N for +270 N). The balance in the travel direction eliminates
+    3.7 kN a wheel, 30 mm of rack: -43.5 N for +269.9 N). The balance in the travel direction eliminates
     the spring and gives the sum above: d/drack = d/drack|travel - d/dtravel (dl/drack)/(dl/dtravel).
 
     Parameters

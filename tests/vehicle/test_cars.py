@@ -1,0 +1,133 @@
+"""Cars: what a data file may hold, the numbers that follow from it, and clear refusals of everything else."""
+
+import copy
+import json
+import math
+from importlib.resources import files
+
+import pytest
+
+import friction
+from vehicle import cars
+
+CAR = cars.load()
+DATA = json.loads(files("vehicle").joinpath("data", "compact.json").read_text(encoding="utf-8"))
+
+
+def changed(section, **values):
+    data = copy.deepcopy(DATA)
+    (data if section is None else data[section]).update(values)
+    return data
+
+
+def without(section, key):
+    data = copy.deepcopy(DATA)
+    del (data if section is None else data[section])[key]
+    return data
+
+
+def test_steering_ratio_and_arm():
+    """50 mm of rack per turn on a 7.96 mm pinion; 0.4986 deg/mm is an arm of 114.9 mm."""
+    assert cars.rack_ratio(CAR) == pytest.approx(14.44, abs=0.01)
+    assert cars.degrees_per_millimetre(CAR) == pytest.approx(0.4986, abs=1e-4)
+    assert 1.0 / math.radians(1e3 * cars.degrees_per_millimetre(CAR)) == pytest.approx(0.1149, abs=1e-4)
+    assert 2.0 * math.pi * CAR.steering["pinion_radius"] == pytest.approx(0.050, abs=1e-4)
+
+
+def test_parameters_of_the_plant_by_hand():
+    p = CAR.plant(speed=20.0, road_friction=0.5)
+    c = p.chassis
+    assert (c.v_x, c.mu, c.m, c.m_ur, c.a, c.b) == (20.0, 0.5, 1225.9, pytest.approx(65.7), 0.884, 1.509)
+    assert c.h == pytest.approx(0.594 - (0.069 * 1.509 + 0.10 * 0.884) / 2.393, abs=2e-3)
+    assert c.I_xr == pytest.approx(244.0 + 1094.5 * c.h**2)
+    assert c.K_f == pytest.approx(0.5 * 21898.0 * 1.390**2 + 12880.0)
+    assert c.C_r == pytest.approx(0.5 * 1459.0 * 1.423**2)
+    assert c.drag == pytest.approx(0.5 * 1.2 * 0.70 * 400.0)
+    assert c.K_rack == pytest.approx(15e3 / 0.1149**2, rel=2e-3)
+    assert p.friction_load * 0.9 == pytest.approx(0.03 * 0.00796)
+    # a body that stands up: the springs outweigh the moment of its weight about the roll axis
+    assert c.K_f + c.K_r > 5.0 * c.m_s * 9.81 * c.h
+
+
+def test_wheels_stand_at_the_front_track():
+    assert CAR.strut.points["wheel_centre"][1] == pytest.approx(0.5 * 1.390)
+
+
+def test_friction_by_name_or_by_parameters():
+    p = friction.make("coulomb", F_c=1.5)
+    assert CAR.plant(p).friction is p
+    assert CAR.plant(robot=True).robot == 1.0
+    assert CAR.plant().robot == 0.0
+
+
+def test_packaged_cars_load_once():
+    assert cars.load("compact") is cars.load("compact")
+    assert cars.available() == ("compact",)
+    assert cars.from_data(DATA).chassis == CAR.chassis
+
+
+def test_sections_of_column_and_assist_take_part_of_the_keys():
+    car = cars.from_data(changed("column", K_tb=143.0))
+    assert car.column.K_tb == 143.0
+    assert car.column.I1 == CAR.column.I1
+    assert cars.from_data(changed("assist", delay=1e-3)).assist.delay == 1
+
+
+@pytest.mark.parametrize(
+    ("data", "message"),
+    [
+        (changed(None, engine=1.0), "car has no key 'engine'; it takes: name, "),
+        (changed("chassis", wheels=4.0), "chassis has no key 'wheels'; it takes: mass, "),
+        (changed("steering", ratio=14.4), "steering has no key 'ratio'; it takes: pinion_radius, "),
+        (changed("column", I3=0.1), "column has no key 'I3'; it takes: I1, "),
+        (changed("assist", gain=1.0), "assist has no key 'gain'; it takes: speeds, "),
+        (without(None, "tyre"), "car lacks the key 'tyre'"),
+        (without("chassis", "yaw_inertia"), "chassis lacks the key 'yaw_inertia'"),
+        (without("steering", "rack_limit"), "steering lacks the key 'rack_limit'"),
+        (changed(None, chassis=None), "chassis must hold keys and values, got None"),
+        (changed(None, column=[1.0]), "column must hold keys and values, got "),
+        (changed("chassis", mass=-1.0), "chassis.mass must be finite and greater than 0, got -1.0"),
+        (changed("chassis", mass="heavy"), "chassis.mass must be a number, got 'heavy'"),
+        (changed("chassis", front_spring=math.nan), "chassis.front_spring must be finite"),
+        (changed("chassis", front_damper=-1.0), "chassis.front_damper must be finite and at least 0, got -1.0"),
+        (changed("chassis", sprung_mass=1200.0), "chassis.mass must exceed sprung_mass"),
+        (changed("chassis", front_track=10.0), "track is 10.0; allowed: "),
+        (changed("steering", pinion_radius=0.0), "steering.pinion_radius must be finite and greater than 0"),
+        (changed("steering", friction_load=-0.1), "steering.friction_load must be finite and at least 0"),
+        (changed("column", I2=0.0), "I2 must be finite and greater than 0"),
+        (changed("assist", bandwidth=-5.0), "bandwidth must be finite and greater than 0"),
+        (changed(None, tyre="slick"), "tyre must be one of pacejka_2006_205_60r15, got 'slick'"),
+        (changed(None, strut="s2"), "no strut named 's2'; packaged: s1"),
+        ("compact", "car must hold keys and values, got 'compact'"),
+    ],
+)
+def test_bad_data(data, message):
+    with pytest.raises(ValueError) as caught:  # noqa: PT011, the whole message is compared
+        cars.from_data(data)
+    assert str(caught.value).startswith(message)
+
+
+@pytest.mark.parametrize("speed", [2.9, 70.1, -20.0, 0.0, math.nan, math.inf, "fast"])
+def test_bad_speed(speed):
+    with pytest.raises(ValueError, match=r"^speed \[m/s\] must be .*got"):
+        CAR.plant(speed=speed)
+
+
+@pytest.mark.parametrize("road_friction", [0.0, 0.09, 1.3, math.nan])
+def test_bad_road_friction(road_friction):
+    with pytest.raises(ValueError, match=r"^road_friction must be .*got"):
+        CAR.plant(road_friction=road_friction)
+
+
+def test_unknown_car_and_law():
+    with pytest.raises(ValueError, match=r"^vehicle must be one of compact, got 'van'$"):
+        cars.load("van")
+    with pytest.raises(ValueError, match="unknown friction law 'glue'; available: "):
+        CAR.plant("glue")
+    with pytest.raises(ValueError, match="is not a set of friction parameters"):
+        CAR.plant(3.0)
+
+
+def test_speeds_at_the_ends_are_taken():
+    assert CAR.plant(speed=cars.SPEED_MIN).chassis.v_x == 3.0
+    assert CAR.plant(speed=cars.SPEED_MAX).chassis.v_x == 70.0
