@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from experiments.friction_study import CALIBRATIONS, DAMPING_RATIOS, HISTORIES, SETTLING, SITES, THIN, Held
+from experiments.friction_study import CALIBRATIONS, DAMPING_RATIOS, HISTORIES, SETTLING, THIN, Held
 from experiments.integrators import SCHEMES
 from experiments.real_time import USABLE, Row
 from steer_env.metrics import ANGLE, AY, TORQUE, G
@@ -20,6 +20,8 @@ from vehicle.assist import SAMPLE_TIME
 Array = NDArray[np.float64]
 Style = dict[str, Any]
 
+SECOND_CYCLE = (1000, 1500)  # samples of the growing sine around a reversal before saturation
+
 # Okabe and Ito's palette, which colour-blind readers tell apart; the dashes serve print in grey.
 _PALETTE = ("#0072B2", "#D55E00", "#009E73", "#000000", "#CC79A7", "#E69F00", "#56B4E9")
 _DASHES: tuple[Any, ...] = ("-", (0, (5, 1.5)), (0, (1.5, 1.2)), "-.", (0, (7, 2, 1.5, 2, 1.5, 2)))
@@ -27,6 +29,7 @@ _FIRST = ("lugre", "masing", "dahl", "coulomb", "viscous")  # keep their colours
 
 STYLE: Any = {
     "font.family": "sans-serif",
+    "font.sans-serif": ["Helvetica Neue", "Helvetica", "Arial", "Liberation Sans", "DejaVu Sans"],  # as the page
     "font.size": 9,
     "axes.titlesize": 9.5,
     "axes.titleweight": "bold",
@@ -52,7 +55,12 @@ def styles(laws: Iterable[str]) -> dict[str, Style]:
     laws = list(laws)
     order = [*_FIRST, *(law for law in laws if law not in _FIRST)]
     return {
-        law: {"color": _PALETTE[i % len(_PALETTE)], "linestyle": _DASHES[i % len(_DASHES)], "label": law}
+        law: {
+            "color": _PALETTE[i % len(_PALETTE)],
+            "linestyle": _DASHES[i % len(_DASHES)],
+            "label": law,
+            "zorder": 3.0 - 0.1 * i,
+        }
         for i, law in enumerate(order)
         if law in laws
     }
@@ -91,51 +99,48 @@ def characteristics(torques: dict[str, dict[str, Array]]) -> str:
 
 @_styled
 def reversal_and_hold(torques: dict[str, dict[str, Array]]) -> str:
-    """Zoom on the last reversal of the growing sine, over displacement and over time, and the held displacement."""
+    """A reversal of the growing sine, over displacement and over time, and a displacement that is held."""
     figure = _figure(9.6, 3.2)
     over_x, over_t, held = figure.subplots(1, 3)
     sine, hold = HISTORIES["growing_sine"], HISTORIES["held"]
-    turn = int(np.argmax(sine.x))
-    part = slice(turn - 100, turn + 120)
+    turn = SECOND_CYCLE[0] + int(np.argmax(sine.x[slice(*SECOND_CYCLE)]))
+    part = slice(turn - 80, turn + 81)
     for law, style in styles(torques).items():
-        over_x.plot(sine.x[part] / DEGREE, torques[law]["growing_sine"][part], **style)
-        over_t.plot((np.arange(sine.x.size)[part] - turn) * sine.dt, torques[law]["growing_sine"][part], **style)
         held.plot(np.arange(hold.x.size) * hold.dt, torques[law]["held"], **style)
-    over_x.set(title="reversal of the sine", xlabel="displacement [deg]", ylabel="torque [N m]")
+        if torques[law]["held"][-1] != 0.0:  # laws with a memory: the others jump, or follow the speed alone
+            torque = torques[law]["growing_sine"]
+            over_x.plot(sine.x[part] / DEGREE, (torque - torque[turn])[part], **style)
+            over_t.plot((np.arange(torque.size) - turn)[part] * sine.dt, (torque - torque[turn])[part], **style)
+    over_x.set(title="reversal", xlabel="displacement [deg]", ylabel="torque less that at the reversal [N m]")
     over_t.set(title="the same over time", xlabel="time from the reversal [s]")
-    held.set(title="displacement held", xlabel="time [s]")
+    held.set(title="displacement held", xlabel="time [s]", ylabel="torque [N m]")
     at_rest = np.flatnonzero(np.diff(hold.x) == 0.0) * hold.dt
     for part_at_rest in np.split(at_rest, np.flatnonzero(np.diff(at_rest) > 1.5 * hold.dt) + 1):
         held.axvspan(part_at_rest[0], part_at_rest[-1], color="#f0f0f0", zorder=0)
-    _legend(figure, over_x)
+    _legend(figure, held)
     return _svg(figure)
 
 
 @_styled
-def held_torque(tests: list[Held], site: str) -> str:
-    """Torsion-bar torque after the hold has begun, for every calibration and damper."""
-    figure = _figure(9.6, 4.2)
+def held_torque(tests: list[Held], assist: str) -> str:
+    """Torsion-bar torque after the hold has begun, less its final mean, for every calibration and damper."""
+    figure = _figure(9.6, 4.0)
     grid = figure.subplots(len(CALIBRATIONS), len(DAMPING_RATIOS), sharex=True, sharey="row", squeeze=False)
     style = styles(test.law for test in tests)
     for row, calibration in zip(grid, CALIBRATIONS):
         for axes, ratio in zip(row, DAMPING_RATIOS):
-            for test in tests:
-                if (test.site, test.calibration, test.damping_ratio) == (site, calibration.title, ratio):
+            for test in reversed([test for test in tests if test[:2] == (assist, calibration.title)]):
+                if test.damping_ratio == ratio:
                     t = np.arange(test.torque.size) * THIN * SAMPLE_TIME
-                    axes.plot(t, test.torque - test.torque[-1], linewidth=1.0, **_without_dash(style[test.law]))
+                    torque = test.torque - test.torque[t > t[-1] - 1.0].mean()
+                    axes.plot(t, torque, **{**style[test.law], "linestyle": "-", "linewidth": 1.0})
             axes.axvspan(SETTLING, t[-1], color="#f0f0f0", zorder=0)
-            damper = f"damping ratio {ratio:g}" if ratio else "no micro-damper"
-            axes.set_title(f"{calibration.title}, {damper}", fontsize=8.5)
-        row[0].set_ylabel("torque − last [N m]")
+            axes.set_title(f"{calibration.title}, " + (f"damping ratio {ratio:g}" if ratio else "no micro-damper"))
+        row[0].set_ylabel("torque [N m]")
     for axes in grid[-1]:
         axes.set_xlabel("time held [s]")
     _legend(figure, grid[0, 0])
-    figure.suptitle(SITES[site], fontsize=9)
     return _svg(figure)
-
-
-def _without_dash(style: Style) -> Style:
-    return {**style, "linestyle": "-"}
 
 
 @_styled
@@ -170,16 +175,16 @@ def real_time(tables: dict[str, list[Row]]) -> str:
     figure = _figure(9.6, 3.4)
     grid = figure.subplots(1, len(SCHEMES), sharex=True, sharey=True)
     for axes, scheme in zip(grid, SCHEMES):
-        for law, style in styles(tables).items():
+        for (law, style), height in zip(styles(tables).items(), np.geomspace(300.0, 5000.0, len(tables))):
             rows = [row for row in tables[law] if row.scheme == scheme]
             kept = [row for row in rows if row.bounded]
             axes.loglog([1e3 * row.step for row in kept], [100 * (row.error or 0.0) for row in kept], **style)
             lost = [1e3 * row.step for row in rows if not row.bounded]
-            axes.plot(lost, [200.0] * len(lost), "x", color=style["color"], markersize=6)
+            axes.plot(lost, [height] * len(lost), "x", color=style["color"], markersize=5)
         axes.axhline(100 * USABLE, color="#999999", linewidth=0.8)
         axes.set(title=scheme, xlabel="step [ms]")
         axes.set_xticks([0.1, 1.0, 10.0], ["0.1", "1", "10"])
-    grid[0].set(ylabel="RMS error of friction torque [%]", ylim=(None, 400.0))
+    grid[0].set(ylabel="RMS error of friction torque [%]", ylim=(None, 1e4))
     _legend(figure, grid[0])
     return _svg(figure)
 

@@ -12,23 +12,30 @@ from vehicle.assist import SAMPLE_TIME
 
 TARGETS = 30.0, 6.0  # usual least phase [deg] and gain [dB] margin of an assist loop; assumed
 MATTERS = 0.05  # share of a metric from which on a difference is called one that matters; assumed
+_SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _WORDS = {"0g": "0 g", "0p1g": "0.1 g", "0nm": "0 N m"}
 
 
-def number(x: float | None, digits: int = 3) -> str:
-    """A number for reading; a dash where there is none."""
+def number(x: float | None, digits: int = 3, pad: bool = False) -> str:
+    """A number for reading, ``pad`` with all its digits; a dash where there is none."""
     if x is None or math.isnan(x):
         return "–"
     if math.isinf(x):
         return "∞" if x > 0 else "−∞"
-    text = f"{x:.0f}" if abs(x) >= 10**digits else f"{x:.{digits}g}"
+    text = f"{x:.0f}" if abs(x) >= 10**digits else f"{x:{'#' if pad else ''}.{digits}g}"
     mantissa, _, exponent = text.partition("e")
-    return (mantissa + (f" · 10^{int(exponent)}" if exponent else "")).replace("-", "−")
+    power = f"·10{str(int(exponent)).translate(_SUPERSCRIPT)}" if exponent else ""
+    return mantissa.rstrip(".").replace("-", "−") + power
 
 
 def percent(x: float | None, digits: int = 2) -> str:
     """A share in per cent."""
     return number(None if x is None else 100.0 * x, digits) + " %"
+
+
+def change(x: float) -> str:
+    """A signed share in per cent, to a hundredth."""
+    return "–" if math.isnan(x) else f"{100.0 * x:+.2f} %".replace("-", "−")
 
 
 def label(metric: str) -> str:
@@ -82,6 +89,7 @@ class HeldTorque(NamedTuple):
     """Where Masing's vibration under held torque comes from."""
 
     worst: Verdict  # where Masing's ripple without a damper is largest; with the light damper
+    unassisted: Verdict  # the same without assist
     frequency: float  # of what rings there [Hz]
     step_change: float  # of that ripple, by a tenth of the step [1]
     removed: dict[
@@ -93,6 +101,11 @@ class HeldTorque(NamedTuple):
         """Whether the heavier damper closes nearly all of the gap everywhere."""
         return self.removed[friction_study.DAMPING_RATIOS[-1]][0] > 0.9
 
+    @property
+    def fed_by_assist(self) -> bool:
+        """Whether the vibration lasts with assist and dies out without."""
+        return self.worst.masing.lasting > 0.9 and self.unassisted.masing.lasting < 0.5
+
 
 def held_torque(results: Results) -> HeldTorque | None:
     """The held-torque test; None unless the report has both of its laws."""
@@ -100,13 +113,15 @@ def held_torque(results: Results) -> HeldTorque | None:
         return None
     ratios = friction_study.DAMPING_RATIOS[1:]
     verdicts = {ratio: friction_study.verdicts(results.held, ratio) for ratio in ratios}
-    worst = max(verdicts[ratios[0]], key=lambda verdict: verdict.masing)
-    masing = next(test for test in results.held if test[:4] == (worst.site, worst.calibration, "masing", 0.0))
+    light = verdicts[ratios[0]]
+    worst = max(light, key=lambda verdict: verdict.masing.ripple)
+    unassisted = next(v for v in light if v.masing[:2] == ("off", worst.masing.calibration))
     shares = {ratio: [verdict.share_of_damper for verdict in found] for ratio, found in verdicts.items()}
     return HeldTorque(
         worst,
-        friction_study.ringing(masing.torque),
-        abs(masing.ripple_fine / masing.ripple - 1.0),
+        unassisted,
+        friction_study.ringing(worst.masing.torque),
+        abs(worst.masing.ripple_fine / worst.masing.ripple - 1.0),
         {ratio: (min(found), max(found)) for ratio, found in shares.items()},
     )
 
@@ -129,6 +144,11 @@ def usable(results: Results, scheme: str) -> dict[float | None, list[str]]:
     for law, rows in results.tables.items():
         groups.setdefault(real_time.usable_step(rows, scheme), []).append(law)
     return dict(sorted(groups.items(), key=lambda pair: -(pair[0] or 0.0)))
+
+
+def bounded(results: Results, laws: list[str], scheme: str) -> bool:
+    """Whether a scheme stays bounded at every step with every one of the laws."""
+    return all(row.bounded for law in laws for row in results.tables[law] if row.scheme == scheme)
 
 
 def least_margin(results: Results) -> tuple[str, Cell]:

@@ -5,7 +5,6 @@ comes from: LuGre and Masing run with and without a micro-damper, the same one i
 """
 
 import math
-from dataclasses import replace
 from itertools import pairwise, product
 from typing import Any, NamedTuple
 
@@ -16,12 +15,13 @@ import friction
 from friction.defaults import F_C, SIGMA_0
 from steer_env import manoeuvres
 from steer_env.recording import DEGREE, Recording
-from vehicle import plant
+from vehicle import assist, plant
 from vehicle.assist import SAMPLE_TIME
 from vehicle.cars import Car
 
 Array = NDArray[np.float64]
 
+HELD_TORQUE = 2.0  # of the hands [N m]
 SETTLING = 2.0  # from the start of the hold to where its ripple is read [s]
 RISE = 0.5  # of the hand torque in the hold [s]
 
@@ -41,8 +41,9 @@ def _through(points: tuple[float, ...], step: float) -> Array:
 
 
 def _growing_sine() -> History:
-    t = np.arange(0.0, 8.0 + 1e-9, 2e-3)
-    return History("sine that grows to 2 deg at 0.5 Hz", 2.0 * DEGREE * t / t[-1] * np.sin(math.pi * t), 2e-3)
+    t = np.arange(0.0, 4.0 + 5e-4, 1e-3)
+    x = 2.0 * DEGREE * t / t[-1] * np.sin(2.0 * math.pi * t)
+    return History("sine at 1 Hz that grows to 2 deg", x, 1e-3)
 
 
 def _nested_loops() -> History:
@@ -105,19 +106,21 @@ def held_law(law: str, calibration: Calibration, damping_ratio: float, I2: float
 
 
 class Held(NamedTuple):
-    """One held-torque test."""
+    """One held-torque test on the car."""
 
-    site: str  # a key of SITES
+    assist: str  # a key of ASSIST
     calibration: str
     law: str
     damping_ratio: float
     ripple: float  # peak to peak of the torsion-bar torque from ``SETTLING`` into the hold [N m]
     ripple_fine: float  # the same at a tenth of the step [N m]
+    lasting: float  # ripple in the last second over that in the first second after ``SETTLING`` [1]
     torque: Array  # (T,) torsion-bar torque [N m], every ``THIN`` samples from the start of the hold
 
 
-SITES = {"car": "car, assist on, held at 2 N m", "column": "column alone, held at two thirds of F_c"}
+ASSIST = {"on": "assist on", "off": "assist off"}
 THIN = 4
+_SECOND = round(1.0 / SAMPLE_TIME)
 
 
 def held_ripple(recording: Recording) -> float:
@@ -125,25 +128,37 @@ def held_ripple(recording: Recording) -> float:
     return float(np.ptp(recording.between(RISE + SETTLING, recording.time[-1])["torsion_bar_torque"]))
 
 
-def _torsion_bar(car: Car, manoeuvre: manoeuvres.Manoeuvre, p: Any, substeps: int) -> Array:
+def _torsion_bar(car: Car, p: Any, assisted: bool, substeps: int) -> Array:
+    manoeuvre = manoeuvres.hold(HELD_TORQUE)
     whole = manoeuvres.build_plant(car, manoeuvre, p)
-    inputs = manoeuvres.inputs(manoeuvre, manoeuvre.amplitude or 0.0, manoeuvre.duration)
+    if not assisted:
+        boost, damping = (np.zeros_like(table) for table in (whole.assist.boost, whole.assist.damping))
+        whole = whole._replace(assist=assist.make(boost=boost, damping=damping))
+    inputs = manoeuvres.inputs(manoeuvre, HELD_TORQUE, manoeuvre.duration)
     record = np.zeros((len(inputs), len(plant.CHANNELS)))
     plant.run(whole, plant.initial_state(whole), inputs, record, substeps)
     return record[round(RISE / SAMPLE_TIME) :, plant.CHANNEL["torsion_bar_torque"]]
 
 
 def held_torque(car: Car, law: str) -> list[Held]:
-    """Every held-torque test of LuGre or Masing: on the car and on its column alone, calibrations, dampers."""
-    settled = slice(round(SETTLING / SAMPLE_TIME), None)
+    """Every held-torque test of LuGre or Masing: with and without assist, both calibrations, every damper."""
     tests = []
-    for site, calibration, ratio in product(SITES, CALIBRATIONS, DAMPING_RATIOS):
-        torque = 2.0 if site == "car" else calibration.F_c / 1.5
-        manoeuvre = replace(manoeuvres.hold(torque), rig=site == "column")
+    for state, calibration, ratio in product(ASSIST, CALIBRATIONS, DAMPING_RATIOS):
         p = held_law(law, calibration, ratio, car.column.I2)
-        coarse, fine = (_torsion_bar(car, manoeuvre, p, substeps) for substeps in (1, 10))
-        ripple, ripple_fine = (float(np.ptp(run[settled])) for run in (coarse, fine))
-        tests.append(Held(site, calibration.title, law, ratio, ripple, ripple_fine, coarse[::THIN].copy()))
+        coarse, fine = (_torsion_bar(car, p, state == "on", substeps) for substeps in (1, 10))
+        settled, settled_fine = (run[round(SETTLING / SAMPLE_TIME) :] for run in (coarse, fine))
+        tests.append(
+            Held(
+                state,
+                calibration.title,
+                law,
+                ratio,
+                ripple=float(np.ptp(settled)),
+                ripple_fine=float(np.ptp(settled_fine)),
+                lasting=float(np.ptp(settled[-_SECOND:]) / np.ptp(settled[:_SECOND])),
+                torque=coarse[::THIN].copy(),
+            )
+        )
     return tests
 
 
@@ -157,25 +172,25 @@ def ringing(torque: Array) -> float:
 
 
 class Verdict(NamedTuple):
-    """Ripple of Masing and LuGre at one site and calibration, without a damper and with the same one in both."""
+    """Masing and LuGre in one state of the assist and one calibration, undamped and with the same damper in both."""
 
-    site: str
-    calibration: str
-    ratio: float  # of the damper
-    masing: float  # [N m]
-    lugre: float
-    masing_damped: float
-    lugre_damped: float
+    masing: Held
+    lugre: Held
+    masing_damped: Held
+    lugre_damped: Held
 
     @property
     def share_of_damper(self) -> float:
-        """Part of the gap between Masing and LuGre that goes when both get the damper."""
-        return 1.0 - (self.masing_damped - self.lugre_damped) / (self.masing - self.lugre)
+        """Part of the gap between Masing's ripple and LuGre's that goes when both get the damper."""
+        left = self.masing_damped.ripple - self.lugre_damped.ripple
+        return 1.0 - left / (self.masing.ripple - self.lugre.ripple)
 
 
 def verdicts(tests: list[Held], ratio: float) -> list[Verdict]:
-    """What a damper of the given ratio in both laws does, for every site and calibration."""
-    found = {(test.site, test.calibration, test.law, test.damping_ratio): test.ripple for test in tests}
-    places = dict.fromkeys((test.site, test.calibration) for test in tests)
+    """What a damper of the given ratio in both laws does, in every state of the assist and every calibration."""
+    found = {test[:4]: test for test in tests}
     pairs = [(law, damping) for damping in (0.0, ratio) for law in ("masing", "lugre")]
-    return [Verdict(*place, ratio, *(found[(*place, *pair)] for pair in pairs)) for place in places]
+    return [
+        Verdict(*(found[(state, calibration.title, *pair)] for pair in pairs))
+        for state, calibration in product(ASSIST, CALIBRATIONS)
+    ]

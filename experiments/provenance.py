@@ -69,14 +69,14 @@ def parameters(p: Any) -> dict[str, dict[str, Any]]:
 
 def calibration() -> str:
     """Source of the calibration that the laws' defaults share."""
-    return inspect.getdoc(defaults) or ""
+    return _prose(defaults)
 
 
 def law(p: Any) -> dict[str, Any]:
     """Name, definition and parameters of a friction law."""
     return {
         "law": law_of(p).name,
-        "definition": inspect.getdoc(sys.modules[type(p).__module__]) or "",
+        "definition": _prose(sys.modules[type(p).__module__]),
         "parameters": parameters(p),
     }
 
@@ -94,6 +94,10 @@ def car(c: Car) -> dict[str, Any]:
         "column": parameters(c.column),
         "assist": parameters(c.assist),
     }
+
+
+def _prose(module: Any) -> str:
+    return (inspect.getdoc(module) or "").replace("``", "")
 
 
 def _plain(value: Any) -> Any:

@@ -71,7 +71,7 @@ def render(results: Results, source: dict[str, Any]) -> str:
         lstrip_blocks=True,
         undefined=jinja2.StrictUndefined,
     )
-    environment.filters |= {"number": findings.number, "label": findings.label, "percent": findings.percent}
+    environment.filters |= {f.__name__: f for f in (findings.number, findings.percent, findings.change, findings.label)}
     return environment.get_template("report.html.j2").render(
         r=results,
         source=source,
@@ -92,7 +92,7 @@ def _figures(results: Results) -> dict[str, str]:
         "margins": figures.margins(results.margins, findings.TARGETS),
     }
     if results.held:
-        drawn |= {site: figures.held_torque(results.held, site) for site in friction_study.SITES}
+        drawn |= {f"held_{state}": figures.held_torque(results.held, state) for state in friction_study.ASSIST}
     for test, drives in results.drives.items():
         loops = {law: drive.cycle for law, drive in drives.items() if drive.cycle}
         if results.base in loops:

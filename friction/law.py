@@ -10,6 +10,7 @@ Every kernel takes ``(p, level, memory, ...)``: the parameters, a factor on the 
 """
 
 import inspect
+import math
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -196,8 +197,8 @@ def _newton(p, level, memory, S, R, h, guess):
     there turns a step that leaves it into a bisection, so the kink at zero cannot make it cycle.
     """
     excess = R - torque(p, level, memory, 0.0)
-    if not abs(excess) > 0.0:
-        return excess  # zero; or not a number, which must not be lost
+    if not 0.0 < abs(excess) < math.inf:
+        return excess  # zero; or not finite, which must not be lost
     side = 1.0 if excess > 0.0 else -1.0
     low = 0.0
     high = -1.0  # not known yet

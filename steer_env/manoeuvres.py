@@ -194,7 +194,8 @@ def drive(car: Car, manoeuvre: Manoeuvre, friction: Any = "lugre") -> Recording:
     Raises
     ------
     ValueError
-        Unknown law, an amplitude that cannot be found, or a run that does not stay finite (the state is named).
+        Unknown law, an amplitude that cannot be found, a car that spins, where its constant forward speed has lost
+        its meaning, or a run that does not stay finite (the state is named).
     """
     p = build_plant(car, manoeuvre, friction)
     amplitude = find_amplitude(p, manoeuvre) if manoeuvre.amplitude is None else manoeuvre.amplitude
@@ -202,6 +203,8 @@ def drive(car: Car, manoeuvre: Manoeuvre, friction: Any = "lugre") -> Recording:
     record = _run(p, u)
     if not np.isfinite(record[-1]).all():
         raise ValueError(f"{manoeuvre.name} diverged: {plant.first_non_finite(p, plant.initial_state(p), u)} first")
+    if np.abs(record[:, plant.CHANNEL["lateral_speed"]]).max() > manoeuvre.speed:
+        raise ValueError(f"{manoeuvre.name}: the car spins; ask for less than {amplitude:g}, or for less speed")
     channels = {name: record[:, i].copy() for name, i in plant.CHANNEL.items()}
     channels["vehicle_speed"] = np.full(len(u), manoeuvre.speed)
     return Recording(

@@ -9,7 +9,7 @@ from inspect import signature
 from typing import Any, NamedTuple
 
 from friction import defaults, resolve
-from friction.check import not_negative, number, positive
+from friction.check import number
 from vehicle import assist, column, strut_map, tyre
 from vehicle.plant import Plant
 from vehicle.single_track import AIR_DENSITY, SingleTrack
@@ -152,6 +152,14 @@ def _known(where: str, given: Any, allowed: Iterable[str]) -> None:
             raise ValueError(f"{where} has no key {key!r}; it takes: {', '.join(allowed)}")
 
 
+# Beyond these the plant's tables or its 1 ms step would answer, but wrongly.
+_LIMITS = {
+    "rack_limit": (0.0, 0.075),  # [m]; the strut's table ends there
+    "compliance_time": (0.004, math.inf),  # [s]; two chassis nodes
+    "speed_hold_time": (0.004, math.inf),  # [s]
+}
+
+
 def _require(where: str, given: Any, allowed: tuple[str, ...]) -> None:
     _known(where, given, allowed)
     for key in allowed:
@@ -161,10 +169,12 @@ def _require(where: str, given: Any, allowed: tuple[str, ...]) -> None:
 
 def _numbers(where: str, given: dict, allowed: tuple[str, ...]) -> dict[str, float]:
     _require(where, given, allowed)
-    return {
-        key: (not_negative if key in _MAY_BE_ZERO else positive)(f"{where}.{key}", value)
-        for key, value in given.items()
-    }
+    checked = {}
+    for key, value in given.items():
+        low, high = _LIMITS.get(key, (0.0, math.inf))
+        above = low == 0.0 and key not in _MAY_BE_ZERO
+        checked[key] = number(f"{where}.{key}", value, minimum=low, maximum=high, above=above)
+    return checked
 
 
 def from_data(data: dict[str, Any]) -> Car:

@@ -3,6 +3,8 @@
 The figures of the last test are printed by ``steer-env run weave --friction lugre``.
 """
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -77,9 +79,12 @@ def test_unknown_manoeuvre():
         manoeuvres.make("weav")
 
 
-def test_an_acceleration_out_of_reach_is_refused():
-    from dataclasses import replace
+def test_a_spin_is_refused():
+    with pytest.raises(ValueError, match="hold: the car spins; ask for less than 10"):
+        manoeuvres.drive(CAR, replace(manoeuvres.hold(10.0), speed=30.0, duration=10.0), "lugre")
 
+
+def test_an_acceleration_out_of_reach_is_refused():
     with pytest.raises(ValueError, match="no handwheel amplitude reaches 30"):
         manoeuvres.drive(CAR, replace(manoeuvres.weave(), lateral_acceleration=30.0))
 

@@ -1,0 +1,172 @@
+"""Command line ``steer-env``: a bad value ends in one line on stderr and exit code 2, never in a traceback."""
+
+import argparse
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, NoReturn
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+import friction
+from experiments import provenance
+from experiments.evaluation import entries, evaluate
+from experiments.files import write_json
+from friction.check import number
+from steer_env import manoeuvres
+from steer_env.metrics import Value
+from vehicle import cars
+from vehicle.assist import SAMPLE_TIME
+
+KPH = 1.0 / 3.6  # [m/s]
+DEFAULT_RATE = {"slow-ramp": 100.0}  # of the file [Hz]; the others are written as simulated
+FRICTION = "LAW[,key=value...], a list of numbers as a:b:c"
+
+
+class Friction:
+    """A friction law from the command line: its label and its parameters."""
+
+    def __init__(self, text: str) -> None:
+        self.label = text
+        name, *pairs = text.split(",")
+        given: dict[str, Any] = {}
+        for pair in pairs:
+            key, equals, value = pair.partition("=")
+            if not equals or key in given:
+                raise argparse.ArgumentTypeError(f"expected {FRICTION}, each key once, got {text!r}")
+            given[key] = value.split(":") if ":" in value else value
+        try:
+            self.parameters = friction.make(name, **given)
+        except ValueError as error:
+            raise argparse.ArgumentTypeError(str(error)) from None
+
+
+class _Parser(argparse.ArgumentParser):
+    def error(self, message: str) -> NoReturn:
+        self.exit(2, f"{self.prog}: {message} (try --help)\n")
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = _Parser(prog="steer-env", description="Steering feel with a selectable friction law.")
+    commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
+    laws = ", ".join(friction.available())
+
+    text = "Drive a manoeuvre; write the recording as CSV and its metrics as JSON, and print the metrics."
+    run = commands.add_parser("run", help=text, description=text)
+    run.add_argument(
+        "manoeuvre", metavar="MANOEUVRE", choices=manoeuvres.available(), help=", ".join(manoeuvres.available())
+    )
+    run.add_argument(
+        "--friction", metavar="LAW", type=Friction, default="lugre", help=f"{FRICTION}; laws: {laws} (default lugre)"
+    )
+    run.add_argument("--vehicle", default="compact", help=f"{', '.join(cars.available())} (default compact)")
+    run.add_argument("--speed_kph", metavar="KPH", help="held speed [km/h] (default: the manoeuvre's)")
+    run.add_argument(
+        "--rate_hz", metavar="HZ", help="sampling rate of the file, low-passed before (default 1000, slow-ramp 100)"
+    )
+    run.add_argument("--out", metavar="FILE.csv", help="the JSON goes beside it (default MANOEUVRE.csv)")
+    run.set_defaults(function=_run)
+
+    text = "Drive the battery with every law, run the studies, and write index.html and metrics.json."
+    report = commands.add_parser("report", help=text, description=text)
+    report.add_argument(
+        "--friction", metavar="LAW", type=Friction, nargs="+", help=f"{FRICTION}; default: all laws ({laws})"
+    )
+    report.add_argument("--out", metavar="DIR", default="report", help="replaced as a whole (default report)")
+    report.set_defaults(function=_report)
+    return parser
+
+
+@contextmanager
+def _progress(what: str) -> Iterator[Callable[[float, str], None]]:
+    """A bar on stderr, if that is a terminal; yields what sets the part that is done and what comes next."""
+    console = Console(stderr=True)
+    columns = TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn()
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
+        task = progress.add_task(what, total=1.0)
+        yield lambda part, text: progress.update(task, completed=part, description=text)
+
+
+def _run(args: argparse.Namespace) -> None:
+    out = Path(args.out or f"{args.manoeuvre}.csv")
+    if out.suffix != ".csv":
+        raise ValueError(f"--out must end in .csv, got {str(out)!r}")
+    manoeuvre = manoeuvres.make(args.manoeuvre)
+    if args.speed_kph is not None:
+        low, high = cars.SPEED_MIN / KPH, cars.SPEED_MAX / KPH
+        manoeuvre = replace(manoeuvre, speed=KPH * number("--speed_kph", args.speed_kph, minimum=low, maximum=high))
+    fastest = 1.0 / SAMPLE_TIME
+    wanted = args.rate_hz or DEFAULT_RATE.get(manoeuvre.name, fastest)
+    rate = number("--rate_hz", wanted, minimum=20.0, maximum=fastest)
+    with _progress("driving") as notify:
+        recording = manoeuvres.drive(cars.load(args.vehicle), manoeuvre, args.friction.parameters)
+        if rate < fastest:
+            recording = recording.filtered(0.4 * rate).resampled(rate)
+        notify(0.4, "metrics")
+        values = evaluate(recording)
+        notify(0.5, f"writing {out}")
+        recording.to_csv(out)
+    write_json(
+        out.with_suffix(".json"),
+        {
+            "metrics": entries(values),
+            "meta": dict(recording.meta),
+            "friction": provenance.law(args.friction.parameters),
+            "versions": provenance.versions(),
+        },
+    )
+    _print(values, f"{manoeuvre.name}, {args.friction.label}, {recording.meta['vehicle']}")
+
+
+def _print(values: dict[str, Value], title: str) -> None:
+    console = Console()
+    table = Table("metric", title=title, title_justify="left")
+    for heading in ("value", "95 % interval"):
+        table.add_column(heading, justify="right", no_wrap=True)
+    table.add_column("unit", no_wrap=True)
+    for name, value in values.items():
+        if not value.reason:
+            interval = f"{value.low:.4g} .. {value.high:.4g}" if value.low == value.low else ""
+            table.add_row(name, f"{value.value:.4g}", interval, value.unit)
+    console.print(table)
+    for name, value in values.items():
+        if value.reason:
+            console.print(f"{name} refused: {value.reason}", highlight=False, soft_wrap=True)
+
+
+def _report(args: argparse.Namespace) -> None:
+    from experiments import report  # draws with matplotlib, which the other commands need not wait for
+
+    first = ("lugre", "masing")  # the two that the literature compares
+    laws = args.friction or [
+        Friction(name) for name in sorted(friction.available(), key=lambda name: name not in first)
+    ]
+    labels = [law.label for law in laws]
+    for label in labels:
+        if labels.count(label) > 1:
+            raise ValueError(f"--friction names {label!r} twice")
+    with _progress("compiling and driving") as notify:
+        report.build(args.out, {law.label: law.parameters for law in laws}, notify=notify)
+    print(Path(args.out) / "index.html")
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run a command; the exit code is 0, 2 for a bad value, 130 where it was interrupted."""
+    args = _parser().parse_args(argv)
+    try:
+        args.function(args)
+    except (ValueError, OSError) as error:
+        print(f"steer-env {args.command}: {error}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print(f"steer-env {args.command}: interrupted, nothing was changed", file=sys.stderr)
+        return 130
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
