@@ -1,6 +1,7 @@
 """Command line ``steer-env``: a bad value ends in one line on stderr and exit code 2, never in a traceback."""
 
 import argparse
+import math
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -124,15 +125,15 @@ def _run(args: argparse.Namespace) -> None:
 
 def _print(values: dict[str, Value], title: str) -> None:
     console = Console()
-    table = Table("metric", title=title, title_justify="left")
-    for heading in ("value", "95 % interval"):
-        table.add_column(heading, justify="right", no_wrap=True)
-    table.add_column("unit", no_wrap=True)
+    table = Table(title=title, title_justify="left", box=None, pad_edge=False, padding=(0, 2, 0, 0))
+    for heading, justify in {"metric": "left", "value": "right", "95 % interval": "right", "unit": "left"}.items():
+        table.add_column(heading, justify=justify, no_wrap=True)  # type: ignore[arg-type]
     for name, value in values.items():
         if not value.reason:
-            interval = f"{value.low:.4g} .. {value.high:.4g}" if value.low == value.low else ""
+            interval = "" if math.isnan(value.low) else f"{value.low:.4g} .. {value.high:.4g}"
             table.add_row(name, f"{value.value:.4g}", interval, value.unit)
-    console.print(table)
+    if table.row_count:
+        console.print(table)
     for name, value in values.items():
         if value.reason:
             console.print(f"{name} refused: {value.reason}", highlight=False, soft_wrap=True)
@@ -163,7 +164,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(f"steer-env {args.command}: {error}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
-        print(f"steer-env {args.command}: interrupted, nothing was changed", file=sys.stderr)
+        print(f"steer-env {args.command}: interrupted", file=sys.stderr)
         return 130
     return 0
 
