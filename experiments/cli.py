@@ -65,9 +65,12 @@ def _parser() -> argparse.ArgumentParser:
         "--friction", metavar="LAW", type=Friction, default="lugre", help=f"{FRICTION}; laws: {laws} (default lugre)"
     )
     run.add_argument("--vehicle", default="compact", help=f"{', '.join(cars.available())} (default compact)")
-    run.add_argument("--speed_kph", metavar="KPH", help="held speed [km/h] (default: the manoeuvre's)")
+    run.add_argument("--speed_kph", "--speed-kph", metavar="KPH", help="held speed [km/h] (default: the manoeuvre's)")
     run.add_argument(
-        "--rate_hz", metavar="HZ", help="sampling rate of the file, low-passed before (default 1000, slow-ramp 100)"
+        "--rate_hz",
+        "--rate-hz",
+        metavar="HZ",
+        help="sampling rate of the file, low-passed before (default 1000, slow-ramp 100)",
     )
     run.add_argument("--out", metavar="FILE.csv", help="the JSON goes beside it (default MANOEUVRE.csv)")
     run.set_defaults(function=_run)
@@ -96,6 +99,8 @@ def _run(args: argparse.Namespace) -> None:
     out = Path(args.out or f"{args.manoeuvre}.csv")
     if out.suffix != ".csv":
         raise ValueError(f"--out must end in .csv, got {str(out)!r}")
+    if not out.parent.is_dir():
+        raise ValueError(f"--out {out}: there is no directory {out.parent}")
     manoeuvre = manoeuvres.make(args.manoeuvre)
     if args.speed_kph is not None:
         low, high = cars.SPEED_MIN / KPH, cars.SPEED_MAX / KPH

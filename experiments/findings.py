@@ -85,6 +85,12 @@ def residuals(results: Results) -> dict[str, Residual]:
     return {law: friction_study.residual(found["nested_loops"], base) for law, found in results.torques.items()}
 
 
+def calibrated(results: Results) -> bool:
+    """Whether some dry law equals the base law on the saturated branches far better than on nested loops."""
+    found = residuals(results)
+    return any(found[law].saturated < 0.01 and found[law].nested > 2.0 * found[law].saturated for law in dry(results))
+
+
 class HeldTorque(NamedTuple):
     """Where Masing's vibration under held torque comes from."""
 

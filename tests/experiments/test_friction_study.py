@@ -1,0 +1,71 @@
+"""What the study says about the laws, pinned loosely enough for other processors."""
+
+import numpy as np
+import pytest
+
+import friction
+from experiments import friction_study as study
+from vehicle import cars
+
+
+@pytest.fixture(scope="module")
+def held():
+    car = cars.load()
+    return [test for law in study.HELD_LAWS for test in study.held_torque(car, law)]
+
+
+def test_one_calibration_holds_on_the_saturated_branches_only():
+    torques = {law: study.characteristics(friction.make(law))["nested_loops"] for law in ("lugre", "masing", "dahl")}
+    masing, dahl = (study.residual(torques[law], torques["lugre"]) for law in ("masing", "dahl"))
+    assert dahl.saturated < dahl.nested < 1e-3  # LuGre without its damper, which hardly acts at this speed
+    assert masing.saturated < 0.01  # ten elements stand for a smooth curve
+    assert 0.02 < masing.nested < 0.05
+
+
+def test_the_nested_loops_turn_where_the_residual_thinks():
+    x = study.HISTORIES["nested_loops"].x / study.DEGREE
+    assert (x[study.SATURATED_TURN], x[study.NESTED_TURN]) == pytest.approx((4.0, 2.0))
+
+
+def test_torque_stays_while_a_displacement_is_held():
+    torque = study.characteristics(friction.make("masing"))["held"]
+    assert torque[-1] == torque[-400] != 0.0
+    # LuGre's damper lets go at once; the bristle stays
+    torque = study.characteristics(friction.make("lugre"))["held"]
+    assert torque[-1] == torque[-400] != 0.0
+
+
+def test_the_step_does_not_cause_the_ripple(held):
+    for test in held:
+        assert test.ripple_fine == pytest.approx(test.ripple, rel=0.02, abs=1e-8)
+
+
+def test_masing_rings_without_a_damper_as_long_as_there_is_assist(held):
+    on, off = ((s, study.CALIBRATIONS[1].title, "masing", 0.0) for s in study.ASSIST)
+    found = {test[:4]: test for test in held}
+    assert 0.1 < found[on].ripple < 0.3
+    assert found[on].lasting > 0.9
+    assert found[off].lasting < 0.5
+    assert 4.0 < study.ringing(found[on].torque) < 10.0
+
+
+def test_a_damper_in_both_laws_closes_the_gap(held):
+    light, heavy = (study.verdicts(held, ratio) for ratio in study.DAMPING_RATIOS[1:])
+    assert all(verdict.masing.ripple > 2.0 * verdict.lugre.ripple for verdict in light)
+    assert all(0.3 < verdict.share_of_damper < 1.0 for verdict in light)
+    assert all(verdict.share_of_damper > 0.9 for verdict in heavy)
+
+
+def test_both_laws_of_the_held_test_unload_alike_after_saturation():
+    x = np.linspace(0.0, 6.0, 601) * study.DEGREE
+    path = np.concatenate([x, x[::-1][1:]])
+    for calibration in study.CALIBRATIONS:
+        lugre, masing = (study.held_law(law, calibration, 0.0, 0.05) for law in study.HELD_LAWS)
+        gap = friction.response(lugre, path, 1.0)[601:] - friction.response(masing, path, 1.0)[601:]
+        assert np.sqrt(np.mean(gap**2)) < 0.01 * calibration.F_c
+
+
+def test_ringing_of_a_known_sine():
+    t = np.arange(0.0, 5.0, study.THIN * 1e-3)
+    assert study.ringing(np.exp(-t) * np.sin(2.0 * np.pi * 6.0 * t)) == pytest.approx(6.0, rel=0.01)
+    assert np.isnan(study.ringing(np.zeros_like(t)))
