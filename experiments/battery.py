@@ -54,8 +54,8 @@ def _site_loss(recording: Recording, period: float) -> float:
 class Difference(NamedTuple):
     """A metric of one law less that of the base law, with its 95 % interval; NaN if either is refused."""
 
-    value: float
-    half_width: float
+    value: float  # [unit of the metric]
+    half_width: float  # of the interval [unit of the metric]
     share: float  # of the base law's value, or of the width of the usual range if that is larger [1]
 
 
@@ -83,7 +83,7 @@ def differences(drives: dict[str, Drive], base: str) -> dict[str, dict[str, Diff
 class Largest(NamedTuple):
     """The metric that the law changes most."""
 
-    share: float
+    share: float  # as in ``Difference`` [1]
     law: str
     metric: str
 

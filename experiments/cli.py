@@ -65,7 +65,7 @@ def _parser() -> argparse.ArgumentParser:
         "--friction", metavar="LAW", type=Friction, default="lugre", help=f"{FRICTION}; laws: {laws} (default lugre)"
     )
     run.add_argument("--vehicle", default="compact", help=f"{', '.join(cars.available())} (default compact)")
-    run.add_argument("--speed_kph", "--speed-kph", metavar="KPH", help="held speed [km/h] (default: the manoeuvre's)")
+    run.add_argument("--speed_kph", metavar="KPH", help="held speed [km/h] (default: the manoeuvre's)")
     run.add_argument(
         "--rate_hz",
         "--rate-hz",

@@ -111,7 +111,7 @@ class Held(NamedTuple):
     assist: str  # a key of ASSIST
     calibration: str
     law: str
-    damping_ratio: float
+    damping_ratio: float  # of the pre-sliding mode [1]
     ripple: float  # peak to peak of the torsion-bar torque from ``SETTLING`` into the hold [N m]
     ripple_fine: float  # the same at a tenth of the step [N m]
     lasting: float  # ripple in the last second over that in the first second after ``SETTLING`` [1]

@@ -104,18 +104,21 @@ def backward_euler_step(c, p, q, memory, work, T1, K_road, h):
 
 @kernel
 def midpoint(c, p, q, memory, work, T1, K_road, h, T_F, w):
+    """The frame over a hand torque for each step; torque and speed of each step go to ``T_F`` and ``w``."""
     for i in range(T_F.size):
         T_F[i], w[i] = midpoint_step(c, p, q, memory, work, T1[i], K_road, h)
 
 
 @kernel
 def explicit_euler(c, p, q, memory, work, T1, K_road, h, T_F, w):
+    """Explicit Euler, as :func:`midpoint`."""
     for i in range(T_F.size):
         T_F[i], w[i] = explicit_euler_step(c, p, q, memory, work, T1[i], K_road, h)
 
 
 @kernel
 def backward_euler(c, p, q, memory, work, T1, K_road, h, T_F, w):
+    """Backward Euler, as :func:`midpoint`."""
     for i in range(T_F.size):
         T_F[i], w[i] = backward_euler_step(c, p, q, memory, work, T1[i], K_road, h)
 

@@ -33,9 +33,9 @@ class Cell(NamedTuple):
 
     torque: float  # middle of the cell [N m]
     gain: float  # [1]
-    phase_deg: float
-    gain_db: float
-    crossover_hz: float
+    phase_deg: float  # [deg]
+    gain_db: float  # [dB]
+    crossover_hz: float  # [Hz]
     stable: bool
 
 

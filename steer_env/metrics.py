@@ -58,9 +58,9 @@ class RefusedError(ValueError):
 class Value(NamedTuple):
     """A metric of a recording: mean and 95 % interval over the cycles [unit]; NaN with a reason if refused."""
 
-    value: float
-    low: float
-    high: float
+    value: float  # mean over the cycles [unit]
+    low: float  # lower end of the interval [unit]
+    high: float  # upper end [unit]
     unit: str
     reason: str = ""
 

@@ -46,9 +46,9 @@ class Assist(NamedTuple):
     torques: NDArray[np.float64]  # (T,) torsion-bar torques of the boost table, from zero [N m]
     boost: NDArray[np.float64]  # (V, T) assist at the column [N m]
     damping: NDArray[np.float64]  # (V,) motor damping at the column [N m s/rad]
-    lead_b0: float  # lead filter, y = b0 u + x; x <- b1 u - a1 y
-    lead_b1: float
-    lead_a1: float
+    lead_b0: float  # lead filter, y = b0 u + x; x <- b1 u - a1 y [1]
+    lead_b1: float  # [1]
+    lead_a1: float  # [1]
     delay: int  # whole samples between measurement and effect
     offset: float  # the rest of that time [s]
     bandwidth: float  # motor torque loop [rad/s]

@@ -61,7 +61,7 @@ class Car(NamedTuple):
     description: str
     source: str
     chassis: dict[str, float]  # as in the data file, SI
-    steering: dict[str, float]
+    steering: dict[str, float]  # as in the data file, SI
     column: column.Column
     assist: assist.Assist
     tyre: tyre.Tyre

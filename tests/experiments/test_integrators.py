@@ -77,25 +77,22 @@ def test_the_frame_is_bounded_at_10_ms(law, exact):
 
 
 @pytest.mark.parametrize("law", MARK)
-def test_the_frame_is_of_second_order(law):
-    for case in CASES[law]:
-        if case.frequency < 1.0:
-            continue  # the reference at 0.1 ms takes ten times as long there, and the errors are far below the mark
-        means = reference(case, 1e-4)
-        coarse, fine = (relative_error(case, "midpoint", h, means) for h in (1e-3, 1e-4))
-        assert coarse > 50.0 * fine  # a hundredfold for order two; order one would give ten
+def test_the_frame_is_of_second_order(law, exact):
+    for case, means in zip(CASES[law], exact[law], strict=True):
+        fine, _ = integrate(case, "midpoint", 1e-4)
+        error = np.sqrt(np.mean((fine.reshape(-1, 10).mean(axis=1) - means) ** 2)) / np.abs(means).max()
+        # a hundredfold for order two, ten for order one; kinks scatter it
+        assert relative_error(case, "midpoint", 1e-3, means) > 50.0 * error
 
 
 def test_explicit_euler_diverges_for_lugre_between_2_and_7_ms():
-    """The literature's complaint holds for explicit steps: all cases are well behaved at 2 ms, none is at 1/150 s."""
+    """The literature's complaint holds for explicit steps: every case is well behaved at 2 ms, none is at 1/150 s."""
     for case in CASES["lugre"]:
         peak = np.abs(integrate(case, "midpoint", 1e-4)[0]).max()
         assert np.abs(integrate(case, "explicit Euler", 2e-3)[0]).max() < 2.0 * peak
         with np.errstate(over="ignore", invalid="ignore"):
-            assert not np.isfinite(integrate(case, "explicit Euler", 1.0 / 150.0)[0]).all()
-    with np.errstate(over="ignore", invalid="ignore"):  # the first to go: three cases at 1/300 s
-        last = [integrate(case, "explicit Euler", 1.0 / 300.0)[0][-1] for case in CASES["lugre"]]
-    assert np.count_nonzero(~np.isfinite(last)) == 3
+            worst = np.abs(integrate(case, "explicit Euler", 1.0 / 150.0)[0]).max()
+        assert not worst < 10.0 * peak  # NaN where it has overflown
 
 
 @pytest.mark.parametrize("law", MARK)

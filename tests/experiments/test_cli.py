@@ -1,0 +1,125 @@
+"""The command line: what it writes, and one line for every mistake."""
+
+import json
+import os
+
+import pytest
+
+import friction
+from experiments.cli import main
+from experiments.evaluation import evaluate
+from steer_env import manoeuvres, metrics
+from steer_env.recording import Recording
+
+
+def test_run_writes_csv_and_json_that_agree(tmp_path, capsys):
+    out = tmp_path / "weave.csv"
+    assert main(["run", "weave", "--friction", "masing,elements=5", "--rate_hz", "100", "--out", str(out)]) == 0
+    recording = Recording.from_csv(out)
+    assert recording.rate == pytest.approx(100.0)
+    assert out.read_text().split("\n")[6].startswith("time_s,handwheel_angle_deg,")
+
+    data = json.loads((tmp_path / "weave.json").read_text())
+    assert set(data) == {"metrics", "meta", "friction", "versions"}
+    assert len(data["friction"]["parameters"]["k"]["value"]) == 5
+    assert data["meta"]["manoeuvre"] == "weave"
+    assert tuple(data["metrics"]) == metrics.available("weave")
+    for name, value in evaluate(recording).items():  # the file holds degrees: the last digit may differ
+        entry = data["metrics"][name]
+        assert entry["value"] == pytest.approx(value.value, rel=1e-9)
+        assert entry["ci"] == pytest.approx([value.low, value.high], rel=1e-6)
+        assert entry["unit"] == value.unit
+    printed = capsys.readouterr()
+    assert all(name in printed.out for name in data["metrics"])
+    assert printed.err == ""  # no progress bar where there is no terminal
+
+
+def test_run_speed_and_ripple_of_a_hold(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert main(["run", "hold", "--friction", "masing", "--speed_kph", "80"]) == 0
+    data = json.loads((tmp_path / "hold.json").read_text())
+    assert data["meta"]["speed_m_s"] == pytest.approx(80.0 / 3.6)
+    assert data["metrics"]["torsion_bar_ripple"]["ci"] == [None, None]  # one event has no scatter
+    assert evaluate(Recording.from_csv("hold.csv"))["torsion_bar_ripple"].value == pytest.approx(
+        data["metrics"]["torsion_bar_ripple"]["value"], rel=1e-6
+    )
+    assert "torsion_bar_ripple" in capsys.readouterr().out
+
+
+def test_refusals_are_null_with_a_reason_and_printed(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr("experiments.cli.manoeuvres.make", lambda name: manoeuvres.weave(cycles=3))
+    assert main(["run", "weave", "--friction", "masing", "--rate_hz", "50", "--out", str(tmp_path / "weave.csv")]) == 0
+    data = json.loads((tmp_path / "weave.json").read_text())["metrics"]
+    printed = capsys.readouterr().out
+    for name, entry in data.items():
+        assert (entry["value"], entry["ci"]) == (None, [None, None])
+        assert f"{name} refused: {entry['reason']}" in printed
+        assert "steer" in entry["reason"]  # what to do
+
+
+def test_a_rig_has_the_metrics_that_need_no_car(tmp_path, capsys):
+    assert main(["run", "rig", "--friction", "masing", "--rate_hz", "50", "--out", str(tmp_path / "rig.csv")]) == 0
+    data = json.loads((tmp_path / "rig.json").read_text())["metrics"]
+    assert set(data) == {"peak_handwheel_torque", "peak_handwheel_angle", "friction_loss"}
+    assert all(entry["value"] > 0.0 for entry in data.values())
+    assert "friction_loss" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ([], "required: COMMAND"),
+        (["run"], "required: MANOEUVRE"),
+        (["run", "loop"], "invalid choice: 'loop' (choose from"),
+        (["run", "weave", "--speed"], "expected one argument"),
+        (["run", "weave", "--friction", "lugr"], "unknown friction law 'lugr'; available: coulomb"),
+        (["run", "weave", "--friction", "lugre,F=1"], "has no parameter 'F'; it takes: sigma_0"),
+        (["run", "weave", "--friction", "lugre,F_c=-1"], "F_c must be finite and greater than 0, got '-1'"),
+        (["run", "weave", "--friction", "lugre,F_c"], "expected LAW[,key=value...]"),
+        (["run", "weave", "--friction", "lugre,F_c=1,F_c=2"], "each key once"),
+        (["run", "weave", "--friction", "masing,k=1:2,y=0.1"], "got 2 and 1"),
+        (["run", "weave", "--vehicle", "lorry"], "vehicle must be one of compact, got 'lorry'"),
+        (["run", "weave", "--speed_kph", "fast"], "--speed_kph must be a number, got 'fast'"),
+        (["run", "weave", "--speed_kph", "500"], "at most 252, got '500'"),
+        (["run", "weave", "--rate_hz", "5000"], "--rate_hz must be finite and at least 20 and at most 1000"),
+        (["run", "weave", "--out", "weave.json"], "--out must end in .csv"),
+        (["run", "weave", "--out", "no/such/weave.csv"], "there is no directory no/such"),
+        (["report", "--friction"], "expected at least one argument"),
+        (["report", "--friction", "lugre", "lugre"], "--friction names 'lugre' twice"),
+        (["report", "--friction", "lugre", "--out", os.devnull], "is a file: give a directory"),
+    ],
+)
+def test_a_bad_value_is_one_line_and_exit_code_2(arguments, message, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    try:
+        code = main(arguments)
+    except SystemExit as stop:
+        code = stop.code
+    printed = capsys.readouterr()
+    assert code == 2
+    assert printed.out == ""
+    assert message in printed.err
+    assert printed.err.count("\n") == 1
+    assert not list(tmp_path.iterdir())
+
+
+def test_ctrl_c_ends_with_130(monkeypatch, capsys, tmp_path):
+    def interrupt(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("experiments.cli.manoeuvres.drive", interrupt)
+    assert main(["run", "weave", "--out", str(tmp_path / "weave.csv")]) == 130
+    assert capsys.readouterr().err == "steer-env run: interrupted\n"
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("command", [[], ["run"], ["report"]])
+def test_help(command, capsys):
+    with pytest.raises(SystemExit) as stop:
+        main([*command, "--help"])
+    assert stop.value.code == 0
+    text = capsys.readouterr().out
+    assert "usage: steer-env" in text
+    if command:
+        assert "--out" in text
+        assert all(law in text for law in friction.available())

@@ -1,0 +1,194 @@
+"""The report on a reduced set: whole, self-contained, and nothing half-written whatever interrupts it."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from html.parser import HTMLParser
+
+import pytest
+
+import friction
+from experiments import battery, findings, report
+from experiments.files import replaced_directory
+from experiments.results import Scope
+from steer_env import metrics
+
+LAWS = {law: friction.make(law) for law in ("lugre", "masing")}
+SCOPE = Scope(cycles=(("weave", 6), ("slow_ramp", 5)), steps=(1e-3, 1e-2), speeds_kph=(0.0,), workers=1)
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    out = tmp_path_factory.mktemp("made") / "report"
+    seen = []
+    results = report.build(out, LAWS, SCOPE, lambda part, what: seen.append(part))
+    assert seen == sorted(seen)
+    assert seen[-1] == 1.0
+    return out, results
+
+
+class Page(HTMLParser):
+    """Tags with their attributes, and the text."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.tags, self.open, self.words = [], [], []
+        self.feed(text)
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append((tag, dict(attrs)))
+        if tag not in {"meta", "img", "br"}:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        self.words.append(data)
+
+
+def test_the_page_is_well_formed_and_needs_nothing_from_outside(made):
+    text = (made[0] / "index.html").read_text(encoding="utf-8")
+    page = Page(text)
+    assert page.open == []
+    images = [attrs["src"] for tag, attrs in page.tags if tag == "img"]
+    assert len(images) == len(set(images)) == 8
+    assert all(src.startswith("data:image/svg+xml;base64,") for src in images)
+    assert all(attrs["alt"] for tag, attrs in page.tags if tag == "img")
+    assert not {"script", "link", "iframe"} & {tag for tag, _ in page.tags}
+    assert "url(" not in text
+    ids = [attrs["id"] for _, attrs in page.tags if "id" in attrs]
+    links = {attrs["href"] for tag, attrs in page.tags if tag == "a"}
+    assert len(ids) == len(set(ids))
+    assert links <= {f"#{name}" for name in ids}
+
+
+def test_the_page_says_everything_in_plain_words(made):
+    words = " ".join(" ".join(Page((made[0] / "index.html").read_text(encoding="utf-8")).words).split())
+    for heading in ("Summary", "1 Friction", "2 Held", "3 Feel", "4 Real time", "5 Assist", "6 Provenance", "Glossary"):
+        assert heading in words
+    for name in metrics.available():
+        assert findings.label(name) in words
+    assert not {"nan", "None", "Undefined", "inf"} & set(words.split())
+    assert "Masing vibrates under held torque where no micro-damper is there to stop it" in words
+
+
+def test_metrics_json(made):
+    data = json.loads((made[0] / "metrics.json").read_text(encoding="utf-8"))
+    assert set(data) == {"metrics", "real_time", "provenance"}
+    names = {*metrics.available("weave"), *(f"slow_ramp.{name}" for name in metrics.available("slow_ramp"))}
+    for law in LAWS:
+        assert set(data["metrics"][law]) == names
+        for entry in data["metrics"][law].values():
+            assert set(entry) == {"value", "ci", "unit"}
+            assert entry["ci"][0] <= entry["value"] <= entry["ci"][1]
+        assert {row["scheme"] for row in data["real_time"]["laws"][law]} == {
+            "midpoint",
+            "explicit Euler",
+            "backward Euler",
+        }
+        assert data["provenance"]["laws"][law]["parameters"]
+    assert data["provenance"]["version"]
+    assert data["provenance"]["random_numbers"].startswith("none")
+
+
+def test_refused_metrics_are_null_with_a_reason(made):
+    _, results = made
+    drive = results.drives["weave"]["lugre"]
+    refused = {**drive.values, "yaw_lag": metrics.Value(float("nan"), float("nan"), float("nan"), "ms", "no yaw rate")}
+    drives = {**results.drives, "weave": {**results.drives["weave"], "lugre": drive._replace(values=refused)}}
+    changed = results._replace(drives=drives)
+    source = report.provenance_of(changed)
+    entry = report.metrics_json(changed, source)["metrics"]["lugre"]["yaw_lag"]
+    assert entry == {"value": None, "ci": [None, None], "unit": "ms", "reason": "no yaw rate"}
+    assert "Refused: yaw lag (lugre): no yaw rate." in report.render(changed, source)
+
+
+def test_one_law_alone_makes_a_page_too(made):
+    _, results = made
+    alone = results._replace(
+        laws={"masing": LAWS["masing"]},
+        base="masing",
+        drives={test: {"masing": drives["masing"]} for test, drives in results.drives.items()},
+        torques={"masing": results.torques["masing"]},
+        tables={"masing": results.tables["masing"]},
+        held=[test for test in results.held if test.law == "masing"],
+    )
+    assert "made without one of them" in report.render(alone, report.provenance_of(alone))
+
+
+def test_shares_are_of_the_value_or_of_the_usual_range():
+    value, base = (metrics.Value(x, x - 0.1, x + 0.1, "ms") for x in (2.0, 1.0))
+    found = battery.difference("yaw_lag", value, base)  # usual range 50 to 120 ms
+    assert found.value == 1.0
+    assert found.half_width == pytest.approx(0.1 * 2**0.5)
+    assert found.share == pytest.approx(1.0 / 70.0)
+
+
+def test_an_error_half_way_leaves_the_old_report(made, tmp_path, monkeypatch):
+    _, results = made
+    out = tmp_path / "report"
+    out.mkdir()
+    (out / "index.html").write_text("old")
+    monkeypatch.setattr(report, "collect", lambda *_: results)
+    monkeypatch.setattr(report, "render", lambda *_: "new")
+
+    def fail(*_):
+        raise RuntimeError("disk on fire")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(report, "write_json", fail)  # the page is written by then
+        with pytest.raises(RuntimeError, match="disk on fire"):
+            report.build(out, LAWS, SCOPE)
+    assert [path.name for path in tmp_path.rglob("*")] == ["report", "index.html"]
+    assert (out / "index.html").read_text() == "old"
+    report.build(out, LAWS, SCOPE)
+    assert (out / "index.html").read_text() == "new"
+    assert sorted(path.name for path in tmp_path.rglob("*")) == ["index.html", "metrics.json", "report"]
+
+
+def test_an_interrupted_swap_puts_the_old_report_back(tmp_path, monkeypatch):
+    out = tmp_path / "report"
+    out.mkdir()
+    (out / "index.html").write_text("old")
+    rename = os.rename
+
+    def interrupted(source, target):
+        if target == out and not str(source).endswith(".old"):
+            raise KeyboardInterrupt
+        rename(source, target)
+
+    monkeypatch.setattr("experiments.files.os.rename", interrupted)
+    with pytest.raises(KeyboardInterrupt), replaced_directory(out, report.CONTENTS) as part:
+        (part / "index.html").write_text("new")
+    assert [path.name for path in tmp_path.rglob("*")] == ["report", "index.html"]
+    assert (out / "index.html").read_text() == "old"
+
+
+def test_a_directory_with_other_files_is_not_replaced(tmp_path):
+    (tmp_path / "thesis.tex").write_text("years of work")
+    with pytest.raises(ValueError, match=r"holds other files \(thesis\.tex\)"):
+        report.build(tmp_path, LAWS, SCOPE)
+    assert (tmp_path / "thesis.tex").read_text() == "years of work"
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="sends SIGINT to one process")
+def test_ctrl_c_leaves_the_old_report_and_no_process(tmp_path):
+    out = tmp_path / "report"
+    out.mkdir()
+    (out / "index.html").write_text("old")
+    command = [sys.executable, "-m", "experiments.cli", "report", "--out", str(out)]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
+        while len(list(tmp_path.iterdir())) == 1:  # until it builds beside the old one
+            time.sleep(0.05)
+            assert process.poll() is None
+        time.sleep(1.0)  # the workers start
+        process.send_signal(signal.SIGINT)
+        _, errors = process.communicate(timeout=20.0)  # ends only when no worker holds the pipe any more
+    assert process.returncode == 130
+    assert errors == "steer-env report: interrupted\n"
+    assert [path.name for path in tmp_path.rglob("*")] == ["report", "index.html"]
+    assert (out / "index.html").read_text() == "old"
