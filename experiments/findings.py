@@ -30,12 +30,12 @@ def number(x: float | None, digits: int = 3, pad: bool = False) -> str:
 
 def percent(x: float | None, digits: int = 2) -> str:
     """A share in per cent."""
-    return number(None if x is None else 100.0 * x, digits) + " %"
+    return number(None if x is None else 100.0 * x, digits) + "\u00a0%"
 
 
 def change(x: float) -> str:
     """A signed share in per cent, to a hundredth."""
-    return "–" if math.isnan(x) else f"{100.0 * x:+.2f} %".replace("-", "−")
+    return "–" if math.isnan(x) else f"{100.0 * x:+.2f}\u00a0%".replace("-", "−")
 
 
 def label(metric: str) -> str:

@@ -67,9 +67,13 @@ def parameters(p: Any) -> dict[str, dict[str, Any]]:
     return {name: {"value": _plain(value), "meaning": comments.get(name, "")} for name, value in p._asdict().items()}
 
 
-def calibration() -> str:
-    """Source of the calibration that the laws' defaults share."""
-    return _prose(defaults)
+def calibration() -> dict[str, Any]:
+    """The calibration that the laws' defaults share: its source, and every value with what it rests on."""
+    comments = re.findall(r"^([A-Z]\w*) = [^#\n]+#\s*(.+)$", inspect.getsource(defaults), re.MULTILINE)
+    return {
+        "source": _prose(defaults),
+        "values": {name: {"value": getattr(defaults, name), "meaning": text} for name, text in comments},
+    }
 
 
 def law(p: Any) -> dict[str, Any]:

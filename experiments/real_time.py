@@ -19,7 +19,6 @@ from experiments.integrators import SCHEMES, Case, arguments, integrate, referen
 from friction.kernel import bind, kernel
 from steer_env import manoeuvres
 from vehicle import column, plant
-from vehicle.assist import SAMPLE_TIME
 from vehicle.cars import Car
 
 STEPS = (1e-4, 2e-4, 5e-4, 1e-3, 2e-3, 5e-3, 1e-2)  # [s], whole multiples of the first
@@ -164,11 +163,3 @@ def usable_step(rows: list[Row], scheme: str) -> float | None:
             break
         longest = row.step
     return longest
-
-
-def at(rows: list[Row], scheme: str = "midpoint", step: float = SAMPLE_TIME) -> Row:
-    """The row of a scheme and step; ValueError if the table has none."""
-    for row in rows:
-        if row.scheme == scheme and row.step == step:
-            return row
-    raise ValueError(f"no row for {scheme} at {step:g} s")

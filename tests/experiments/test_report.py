@@ -17,7 +17,8 @@ from experiments.results import Scope
 from steer_env import metrics
 
 LAWS = {law: friction.make(law) for law in ("lugre", "masing")}
-SCOPE = Scope(cycles=(("weave", 6), ("slow_ramp", 5)), steps=(1e-3, 1e-2), speeds_kph=(0.0,), workers=1)
+SCOPE = Scope(cycles=(("weave", 6), ("slow_ramp", 5)), steps=(1e-3, 1e-2), speeds_kph=(0.0,), workers=2)
+FIGURES = ("characteristics", "reversal", "real_time", "margins", "held_on", "held_off", "weave", "slow_ramp")
 
 
 @pytest.fixture(scope="module")
@@ -55,7 +56,7 @@ def test_the_page_is_well_formed_and_needs_nothing_from_outside(made):
     page = Page(text)
     assert page.open == []
     images = [attrs["src"] for tag, attrs in page.tags if tag == "img"]
-    assert len(images) == len(set(images)) == 8
+    assert len(images) == len(set(images)) == len(FIGURES)
     assert all(src.startswith("data:image/svg+xml;base64,") for src in images)
     assert all(attrs["alt"] for tag, attrs in page.tags if tag == "img")
     assert not {"script", "link", "iframe"} & {tag for tag, _ in page.tags}
@@ -95,7 +96,8 @@ def test_metrics_json(made):
     assert data["provenance"]["random_numbers"].startswith("none")
 
 
-def test_refused_metrics_are_null_with_a_reason(made):
+def test_refused_metrics_are_null_with_a_reason(made, monkeypatch):
+    monkeypatch.setattr(report, "_figures", lambda _: dict.fromkeys(FIGURES, "<svg/>"))
     _, results = made
     drive = results.drives["weave"]["lugre"]
     refused = {**drive.values, "yaw_lag": metrics.Value(float("nan"), float("nan"), float("nan"), "ms", "no yaw rate")}
