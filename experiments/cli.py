@@ -2,7 +2,9 @@
 
 import argparse
 import math
+import signal
 import sys
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
@@ -103,16 +105,18 @@ def _run(args: argparse.Namespace) -> None:
         raise ValueError(f"--out {out}: there is no directory {out.parent}")
     manoeuvre = manoeuvres.make(args.manoeuvre)
     if args.speed_kph is not None:
+        if manoeuvre.rig:
+            raise ValueError(f"--speed_kph has no effect on {manoeuvre.name}, which stands on a rig; leave it out")
         low, high = cars.SPEED_MIN / KPH, cars.SPEED_MAX / KPH
         manoeuvre = replace(manoeuvre, speed=KPH * number("--speed_kph", args.speed_kph, minimum=low, maximum=high))
     fastest = 1.0 / SAMPLE_TIME
-    wanted = args.rate_hz or DEFAULT_RATE.get(manoeuvre.name, fastest)
+    wanted = DEFAULT_RATE.get(manoeuvre.name, fastest) if args.rate_hz is None else args.rate_hz
     rate = number("--rate_hz", wanted, minimum=20.0, maximum=fastest)
     with _progress("driving") as notify:
         recording = manoeuvres.drive(cars.load(args.vehicle), manoeuvre, args.friction.parameters)
+        notify(0.4, "metrics")
         if rate < fastest:
             recording = recording.filtered(0.4 * rate).resampled(rate)
-        notify(0.4, "metrics")
         values = evaluate(recording)
         notify(0.5, f"writing {out}")
         recording.to_csv(out)
@@ -163,6 +167,9 @@ def _report(args: argparse.Namespace) -> None:
 def main(argv: Sequence[str] | None = None) -> int:
     """Run a command; the exit code is 0, 2 for a bad value, 130 where it was interrupted."""
     args = _parser().parse_args(argv)
+    if threading.current_thread() is threading.main_thread():
+        # A polite end, as Ctrl-C is: workers stop and nothing half-written stays.
+        signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         args.function(args)
     except (ValueError, OSError) as error:

@@ -9,5 +9,6 @@ saturation, ``F = F_C (1 - 2 exp(-x sigma_0/F_C))``.
 F_C = 0.9  # saturated torque [N m]
 SIGMA_0 = 100.0  # pre-sliding stiffness [N m/rad]; F_C/SIGMA_0 = 0.52 deg, assumed within 0.5-1.0 deg
 SIGMA_1 = 2.0  # micro-damping [N m s/rad]; assumed, damping ratio 0.44 of the pre-sliding mode at 0.052 kg m2
-# Linear damper that loses as much per cycle as F_C in a 12.5 deg, 0.2 Hz weave: 4 F_C/(pi omega A).
-SIGMA_2_EQUIVALENT = 4.2  # [N m s/rad]
+# Linear damper that loses as much per cycle as F_C, 4 F_C/(pi omega A), in the weave to 2 m/s2 at 100 km/h: 15.1 deg
+# at 0.2 Hz.
+SIGMA_2_EQUIVALENT = 3.46  # [N m s/rad]

@@ -121,7 +121,7 @@ def make(name: str, **parameters: Any) -> Any:
     ValueError
         Unknown name or key (the valid ones are listed), or a value that the law does not allow.
     """
-    if name not in _by_name:
+    if not isinstance(name, str) or name not in _by_name:
         raise ValueError(f"unknown friction law {name!r}; available: {', '.join(available())}")
     constructor = _by_name[name].make
     valid = tuple(inspect.signature(constructor).parameters)

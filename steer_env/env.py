@@ -15,6 +15,8 @@ from steer_env.tasks import Task
 from vehicle import cars, plant
 from vehicle.assist import SAMPLE_TIME
 
+FAILURE = -100.0  # reward of a step that ends in a state that is not finite: worse than any way of driving on
+
 
 @kernel
 def _observe(row, observed, situation, bound, out):
@@ -42,7 +44,7 @@ class SteerEnv(gym.Env):
         "rgb_array" makes ``render()`` draw the car on its road and the live torque-angle loop.
 
     Any other keyword is an error. ``info`` holds every plant channel under its name in SI, and ``reward_terms``.
-    A state that turns non-finite ends the episode; ``info["non_finite_state"]`` names it.
+    A state that turns non-finite ends the episode with a reward of -100; ``info["non_finite_state"]`` names it.
     """
 
     metadata = {"render_modes": ["rgb_array"], "render_fps": 25}  # noqa: RUF012 (Gymnasium's own form)
@@ -82,6 +84,7 @@ class SteerEnv(gym.Env):
         self._run = bind(plant.run, self.plant, self._state, self._inputs, self._row, 1)
         self._observe = bind(_observe, self._now_channels, self._observed, self._situation, bound, bound)
         self._now = 0
+        self._over = True
         self._action = 0.0
         self._renderer: Any = None
         if render_mode is not None:
@@ -98,6 +101,7 @@ class SteerEnv(gym.Env):
         self._state[:] = self._straight
         self._row[:] = 0.0
         self._now = 0
+        self._over = False
         self._action = 0.0
         if self._renderer is not None:
             self._renderer.clear()
@@ -123,7 +127,7 @@ class SteerEnv(gym.Env):
                 raise ValueError(f"action must be a finite number in [-1, 1], got {value}")
             value = math.copysign(1.0, value)
         end = self._now + self._samples
-        if end > len(self._inputs):
+        if self._over or end > len(self._inputs):
             raise RuntimeError("the episode is over or has not begun: call reset")
         u = self._inputs[self._now : end]
         u[:, self.task.action_input] = self.task.action_scale * value
@@ -140,7 +144,9 @@ class SteerEnv(gym.Env):
             # Runs are reproducible to the bit, so the episode's inputs lead to the same end, sample by sample.
             past = self._inputs[:end]
             info["non_finite_state"] = plant.first_non_finite(self.plant, self._straight, past) or "reward"
-            return np.nan_to_num(observation), 0.0, True, truncated, info
+            self._over = True
+            return np.nan_to_num(observation), FAILURE, True, truncated, info
+        self._over = terminated
         if self._renderer is not None:
             self._renderer.add(self._now_channels)
         return observation, reward, terminated, truncated, info

@@ -3,7 +3,7 @@
 import gymnasium as gym
 
 from steer_env.env import SteerEnv
-from steer_env.tasks import AssistWeave, LaneKeeping
+from steer_env.tasks import LaneKeeping, Weave
 
 
 class DriverLaneKeeping(SteerEnv):
@@ -40,7 +40,8 @@ class DriverLaneKeeping(SteerEnv):
     crosswind (300 N, 1 s) and the rack disturbance (60 N, 20 ms) are drawn from the environment's generator.
 
     ## End
-    Terminates when the car leaves its lane (1.75 m) or points across it; truncates after 30 s.
+    Terminates when the car leaves its lane (1.75 m) or points across it, or if a state turns non-finite, with a
+    reward of -100; truncates after 30 s.
 
     ## Arguments
     As :class:`steer_env.env.SteerEnv`. `reset` takes no options.
@@ -52,7 +53,7 @@ class DriverLaneKeeping(SteerEnv):
     make_task = LaneKeeping
 
 
-class AssistWeaveEnv(SteerEnv):
+class AssistWeave(SteerEnv):
     """Shape the feel of an on-centre weave with assist torque: a robot steers, the action adds to the boost curve.
 
     ## Action
@@ -82,10 +83,11 @@ class AssistWeaveEnv(SteerEnv):
 
     ## Start
     Straight ahead at the held speed; the 0.2 Hz weave grows over its first cycle. Its amplitude is drawn from 80 to
-    120 % of 12.5 deg, or fixed with `reset(options={"amplitude": radians})`.
+    120 % of 15 deg, which is 2 m/s2 for the default car at 100 km/h, whatever `speed` is; or fixed with
+    `reset(options={"amplitude": radians})`.
 
     ## End
-    Never terminates, unless a state turns non-finite; truncates after 20 s.
+    Terminates only if a state turns non-finite, with a reward of -100; truncates after 20 s.
 
     ## Arguments
     As :class:`steer_env.env.SteerEnv`.
@@ -94,12 +96,12 @@ class AssistWeaveEnv(SteerEnv):
     v0: first version.
     """
 
-    make_task = AssistWeave
+    make_task = Weave
 
 
 REGISTERED = {
     "steer_env/DriverLaneKeeping-v0": "steer_env.ids:DriverLaneKeeping",
-    "steer_env/AssistWeave-v0": "steer_env.ids:AssistWeaveEnv",
+    "steer_env/AssistWeave-v0": "steer_env.ids:AssistWeave",
 }
 
 

@@ -150,7 +150,7 @@ class LaneKeeping:
         return terms, out_of_lane
 
 
-class AssistWeave:
+class Weave:
     """Shape the hand torque of an on-centre weave: a robot steers, the action adds to the boost curve."""
 
     robot: ClassVar[bool] = True
@@ -162,7 +162,7 @@ class AssistWeave:
         Observation("motor_torque", "N m", 80.0),
     )
     situation: ClassVar[tuple[Observation, ...]] = ()
-    nominal_amplitude: ClassVar[float] = math.radians(12.5)  # 2 m/s2 at 100 km/h on the compact car
+    nominal_amplitude: ClassVar[float] = math.radians(15.0)  # 2 m/s2 at 100 km/h on the compact car
 
     def __init__(self) -> None:
         self.duration = 20.0

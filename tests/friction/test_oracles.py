@@ -77,7 +77,7 @@ def test_viscous_torque_and_coasting():
 
 
 def test_viscous_default_loses_as_much_per_weave_cycle_as_coulomb():
-    A, omega = math.radians(12.5), 2.0 * math.pi * 0.2
+    A, omega = math.radians(15.1), 2.0 * math.pi * 0.2
     assert math.pi * friction.make("viscous").sigma_2 * omega * A**2 == pytest.approx(4.0 * 0.9 * A, rel=0.01)
 
 

@@ -94,6 +94,8 @@ def test_lane_keeping_ends_outside_the_lane():
         if terminated:
             break
     assert info["reward_terms"]["departure"] == -10.0
+    with pytest.raises(RuntimeError, match="call reset"):
+        env.unwrapped.step(ACTION)
 
 
 @pytest.mark.parametrize("law", ["coulomb", "lugre"])
@@ -187,7 +189,7 @@ def test_a_state_that_turns_nan_ends_the_episode_and_is_named():
     env.step(ACTION)
     observation, reward, terminated, _, info = env.step(ACTION)
     assert terminated
-    assert reward == 0.0
+    assert reward == -100.0
     assert env.observation_space.contains(observation)
     assert info["non_finite_state"] == "handwheel_angle [rad]"
 

@@ -91,9 +91,9 @@ def test_an_acceleration_out_of_reach_is_refused():
 
 # name: (value with LuGre, the range that the default car must lie in)
 ON_CENTRE = {
-    "torque_gradient_at_0g": (13.56, (10.0, 15.0)),  # N m/g
-    "torque_at_0g": (0.940, (0.6, 1.3)),  # N m
-    "lateral_acceleration_at_0nm": (0.0555, (0.03, 0.09)),  # g
+    "torque_gradient_at_0g": (13.58, (10.0, 15.0)),  # N m/g
+    "torque_at_0g": (0.9391, (0.6, 1.3)),  # N m
+    "lateral_acceleration_at_0nm": (0.05543, (0.03, 0.09)),  # g
     "steering_sensitivity_at_0p1g": (1.391, (1.3, 1.9)),  # g/100 deg
 }
 
@@ -103,7 +103,7 @@ def test_on_centre_feel_of_the_default_car(weaves, name):
     pinned, (low, high) = ON_CENTRE[name]
     value = metrics.weave(weaves["lugre"])[name]
     assert low < value.value < high
-    assert value.value == pytest.approx(pinned, rel=2e-3)
+    assert value.value == pytest.approx(pinned, rel=5e-4)
 
 
 def test_laws_agree_where_they_must_and_differ_where_they_must(weaves):
@@ -116,5 +116,8 @@ def test_laws_agree_where_they_must_and_differ_where_they_must(weaves):
     # The car's response to the wheel is not friction's business.
     gains = [sets[law]["yaw_rate_gain"].value for law in LAWS]
     assert max(gains) / min(gains) - 1.0 < 0.02
+    # Where the hand reverses, Masing's corner and LuGre's rounding part by more than a hand can miss, 20 mN m.
+    parted = weaves["masing"]["handwheel_torque"] - weaves["lugre"]["handwheel_torque"]
+    assert np.abs(parted[10_000:-10_000]).max() > 0.02
     # What the hand feels off the plateau of the loop is.
     assert abs(sets["lugre"]["torque_deadband"].value - sets["viscous"]["torque_deadband"].value) > 0.02
