@@ -13,6 +13,7 @@ import friction
 from tests.friction import contracts
 
 ROOT = Path(__file__).parents[2]
+C = friction.make("viscous").sigma_2
 
 
 def test_toy_law_is_found(toy):
@@ -92,8 +93,8 @@ def test_an_edited_law_is_compiled_afresh(tmp_path):
         return fresh_process(cache, "outside", "import outside", tmp_path)
 
     first, doubled, again = run(source), run(source.replace("p.sigma_2", "2.0 * p.sigma_2")), run(source)
-    assert first["torque"] == pytest.approx(50.0 * 4.2 / 104.2)
-    assert doubled["torque"] == pytest.approx(50.0 * 8.4 / 108.4)
+    assert first["torque"] == pytest.approx(50.0 * C / (100.0 + C))
+    assert doubled["torque"] == pytest.approx(50.0 * 2.0 * C / (100.0 + 2.0 * C))
     assert doubled["folder"] != first["folder"]
     assert again == first | {"compiled": 0, "loaded": 1}
     assert fresh_process(cache)["folder"] not in (first["folder"], doubled["folder"])
@@ -102,7 +103,7 @@ def test_an_edited_law_is_compiled_afresh(tmp_path):
 def test_without_a_writable_cache_it_compiles_in_memory():
     report = fresh_process("/proc/nonexistent")
     assert report["folder"] == "None"
-    assert report["torque"] == pytest.approx(50.0 * 4.2 / 104.2)
+    assert report["torque"] == pytest.approx(50.0 * C / (100.0 + C))
     assert report["loaded"] == 0
 
 
@@ -110,4 +111,4 @@ def test_a_law_typed_at_a_prompt_works(tmp_path):
     """No source file to stamp: its kernels are compiled in memory, and only its callers are cached."""
     source = Path(friction.models.viscous.__file__).read_text().replace('"viscous"', '"typed"')
     report = fresh_process(tmp_path, "typed", f"exec({source!r})")
-    assert report["torque"] == pytest.approx(50.0 * 4.2 / 104.2)
+    assert report["torque"] == pytest.approx(50.0 * C / (100.0 + C))
