@@ -98,6 +98,7 @@ class SteerEnv(gym.Env):
         """Start an episode from straight running; ``options`` fixes what the task would draw (see the id)."""
         super().reset(seed=seed)
         self._inputs = self.task.start(self.np_random, self.plant.chassis.v_x, options or {})
+        self._acted = self._inputs[:, self.task.action_input]
         self._state[:] = self._straight
         self._row[:] = 0.0
         self._now = 0
@@ -129,8 +130,8 @@ class SteerEnv(gym.Env):
         end = self._now + self._samples
         if self._over or end > len(self._inputs):
             raise RuntimeError("the episode is over or has not begun: call reset")
+        self._acted[self._now : end] = self.task.action_scale * value
         u = self._inputs[self._now : end]
-        u[:, self.task.action_input] = self.task.action_scale * value
         finite = self._run(self.plant, self._state, u, self._row, 1)
         self._now = end
         info = self._channels()
