@@ -141,10 +141,10 @@ class LaneKeeping:
         out_of_lane = abs(offset) > self.lane_half_width or abs(heading) > 0.5 * math.pi
         terms = {
             "progress": dt,
-            "offset": -dt * (offset / 0.5) ** 2,
-            "heading": -dt * (heading / 0.1) ** 2,
-            "effort": -dt * 0.1 * action**2,
-            "smoothness": -dt * 0.1 * (change / (dt * 10.0)) ** 2,
+            "offset": -dt * offset * offset / 0.5**2,
+            "heading": -dt * heading * heading / 0.1**2,
+            "effort": -dt * 0.1 * action * action,
+            "smoothness": -0.1 * change * change / (dt * 10.0**2),
             "departure": -10.0 if out_of_lane else 0.0,
         }
         return terms, out_of_lane

@@ -236,10 +236,11 @@ def run(p, state, inputs, record, substeps):
                 state[_PHASE] = 0.0
         if i <= last or i == inputs.shape[0] - 1:
             _report(p, state, row)
-    for i in range(state.size):
-        if not abs(state[i]) < math.inf:
-            return False
-    return True
+    finite = True
+    for value in state:
+        if not abs(value) < math.inf:
+            finite = False
+    return finite
 
 
 @kernel
