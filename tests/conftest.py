@@ -4,8 +4,13 @@ import importlib
 import sys
 
 import pytest
+from hypothesis import settings
 
 from friction import kernel, law
+
+# The same examples at every run: a failure is a change of the code, not a throw of the dice.
+settings.register_profile("suite", derandomize=True, deadline=None)
+settings.load_profile("suite")
 
 
 @pytest.fixture(scope="module")
