@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import friction
+from friction import law
 from tests.friction import contracts
 
 SETS = {name: friction.make(name) for name in friction.available()} | {
@@ -28,10 +29,20 @@ def test_plain_python_equals_compiled():
 
 
 def test_a_broken_law_is_caught():
-    """The contracts have teeth: LuGre's parameters that create energy fail passivity."""
-    active = friction.models.lugre.LuGre(sigma_0=100.0, sigma_1=2.0, sigma_2=0.0, F_c=0.9, F_s=1.8, v_s=0.1)
+    """The contracts have teeth: a law that drives fails passivity."""
+    motor = friction.models.lugre.LuGre(sigma_0=100.0, sigma_1=2.0, sigma_2=-5.0, F_c=0.9, F_s=0.9, v_s=0.1)
     with pytest.raises(AssertionError):
-        contracts.check_passivity(active)
+        contracts.check_passivity(motor)
+
+
+def test_the_refused_lugre_set_does_create_energy():
+    """Stuck at break-away and torn off at 10 rad/s, it gives back more than the bristle held."""
+    active = friction.models.lugre.LuGre(sigma_0=100.0, sigma_1=2.0, sigma_2=0.0, F_c=0.9, F_s=1.8, v_s=0.1)
+    memory, w, h = np.array([1.8 / 100.0]), 10.0, 1e-3
+    before = law.stored_energy(active, memory)
+    torque, _ = law.mean_torque(active, 1.0, memory, w, h)
+    law.advance(active, 1.0, memory, w, h)
+    assert torque * w * h < law.stored_energy(active, memory) - before - 0.05
 
 
 def test_memory_is_zero_at_rest():
