@@ -18,7 +18,9 @@ from typing import Any
 
 import numba
 import numba.core.config
+import numpy as np
 import platformdirs
+from numba.extending import overload
 
 config: Any = numba.core.config  # its names are made at run time
 config.SLP_VECTORIZE = 1  # for the whole process: straight-line kernels such as the strut's splines run a third faster
@@ -100,9 +102,34 @@ def kernel(function: Callable) -> Any:
     if not COMPILED:
         return function
     _add_sources(function)
-    dispatcher = numba.njit(nogil=True, error_model="numpy", forceinline=True)(function)
+    # No C callback: nothing takes one, and unpacking a hundred parameters for it is a tenth of the compile time.
+    dispatcher = numba.njit(nogil=True, error_model="numpy", forceinline=True, no_cfunc_wrapper=True)(function)
     _cache(dispatcher)
     return dispatcher
+
+
+def dispatch(point: Callable, choose: Callable[[type, str], Any]) -> None:
+    """Make compiled code take, for a call of ``point(p, ...)``, the function for the class of the parameters ``p``.
+
+    ``choose(class, name of the point)`` returns it, or None. It is looked up at compile time and compiled as part of
+    the caller, so nothing is passed at run time and everything caches; plain Python runs the body of ``point``.
+    """
+    if not COMPILED:
+        return
+
+    def chosen(p, *_):
+        function = choose(getattr(p, "instance_class", type(None)), point.__name__)
+        return getattr(function, "py_func", function)
+
+    overload(point, strict=False)(chosen)
+
+
+def record(parameters: Any) -> np.recarray:
+    """A ``NamedTuple`` of floats as a record array (1,), whose element ``[0]`` serves the kernels in its place.
+
+    A kernel takes the record by its address; the tuple would be unpacked, float by float, at every call from Python.
+    """
+    return np.rec.array([tuple(parameters)], dtype=[(key, np.float64) for key in parameters._fields])
 
 
 def include_sources(*functions: Callable) -> None:

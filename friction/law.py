@@ -14,10 +14,7 @@ import math
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from numba.core import types as nb
-from numba.extending import overload
-
-from friction.kernel import COMPILED, include_sources, kernel
+from friction.kernel import dispatch, include_sources, kernel
 
 
 class Law(NamedTuple):
@@ -175,19 +172,8 @@ def solve(p, level, memory, S, R, h, guess):
     return law_of(p).solve(p, level, memory, S, R, h, guess)
 
 
-def _compile_dispatch(point: Any) -> None:
-    def choose(p, *_):
-        law = _by_class.get(p.instance_class) if isinstance(p, nb.NamedTuple | nb.NamedUniTuple) else None
-        function = getattr(law, point.__name__, None)
-        # numba compiles the plain function as part of the caller, so nothing is passed at run time
-        return getattr(function, "py_func", function)
-
-    overload(point, strict=False)(choose)
-
-
-if COMPILED:
-    for _point in (advance, torque, rate, stored_energy, mean_torque, solve):
-        _compile_dispatch(_point)
+for _point in (advance, torque, rate, stored_energy, mean_torque, solve):
+    dispatch(_point, lambda parameters, name: getattr(_by_class.get(parameters), name, None))
 
 
 def _newton(p, level, memory, S, R, h, guess):

@@ -15,14 +15,7 @@ from friction.kernel import bind, kernel
 from steer_env import manoeuvres, path
 from steer_env.targets import ReferenceFeel
 from vehicle.assist import SAMPLE_TIME
-from vehicle.plant import (
-    ASSIST_REQUEST,
-    HAND,
-    INPUTS,
-    RACK_DISTURBANCE,
-    WIND_FORCE,
-    WIND_MOMENT,
-)
+from vehicle.chassis import ASSIST_REQUEST, HAND, INPUTS, RACK_DISTURBANCE, WIND_FORCE, WIND_MOMENT
 
 Array = NDArray[np.float64]
 

@@ -7,7 +7,8 @@ from the last two nodes. All of it is of second order. The controller is sampled
 
     T_C = T_motor - r_p (F_rack + F_disturbance)         friction level = 1 + |F_rack| load gain
 
-The state is one flat array. Names, units and places of states, inputs and channels are declared here and nowhere else.
+The state is one flat array: the column, the assist and what the rules remember as declared here, then the chassis with
+its own (:mod:`vehicle.chassis`, where the inputs are declared too), then the friction law's memory.
 """
 
 import math
@@ -18,8 +19,9 @@ from numpy.typing import NDArray
 
 from friction.kernel import kernel
 from friction.law import law_of
-from vehicle import assist, column, single_track
+from vehicle import assist, chassis, column, single_track
 from vehicle.assist import SAMPLE_TIME
+from vehicle.chassis import ASSIST_REQUEST, HAND, HAND_SPEED, INPUTS, RACK_DISTURBANCE, Names
 
 _COLUMN_STATES = (
     ("handwheel_angle", "rad"),
@@ -34,6 +36,7 @@ _ASSIST_STATES = (
 )
 # What the multi-step rules remember.
 _BEFORE = (
+    ("steps_since_node", "1"),
     ("rack_force", "N"),
     ("rack_force_before", "N"),
     ("hand_torque_mean", "N m"),
@@ -41,42 +44,17 @@ _BEFORE = (
     ("friction_torque_mean", "N m"),
     ("friction_torque_mean_before", "N m"),
 )
-STATES: tuple[tuple[str, str], ...] = (
-    *_COLUMN_STATES,
-    *_ASSIST_STATES,
-    *single_track.STATES,
-    *((f"{name}_derivative", f"{unit}/s") for name, unit in single_track.STATES),
-    *((f"{name}_derivative_before", f"{unit}/s") for name, unit in single_track.STATES),
-    *single_track.OUTPUTS,
-    *((f"{name}_before", unit) for name, unit in single_track.OUTPUTS),
-    ("steps_since_node", "1"),
-    *_BEFORE,
-)
+_HEAD = (*_COLUMN_STATES, *_ASSIST_STATES, *_BEFORE)
 _ASSIST = len(_COLUMN_STATES)
-_CHASSIS = _ASSIST + len(_ASSIST_STATES)
-_SIZE = len(single_track.STATES)
-_RATE = _CHASSIS + _SIZE
-_RATE_BEFORE = _RATE + _SIZE
-_OUT = _RATE_BEFORE + _SIZE
-_OUT_BEFORE = _OUT + len(single_track.OUTPUTS)
-_PHASE = _OUT_BEFORE + len(single_track.OUTPUTS)
+_PHASE = _ASSIST + len(_ASSIST_STATES)
 _RACK_FORCE = _PHASE + 1
 _HAND_TORQUE = _RACK_FORCE + 2
 _FRICTION_TORQUE = _RACK_FORCE + 4
-_MEMORY = len(STATES)  # the friction law's memory is the tail
+# Then come the chassis' states x, their derivatives at the last node and at the one before, the outputs of both nodes,
+# and the friction law's memory.
+_CHASSIS = len(_HEAD)
 
-# One row of inputs holds for a sample of 1 ms.
-INPUTS = (
-    ("hand", "N m or rad"),  # hand torque, or handwheel angle at the end of the sample
-    ("hand_speed", "rad/s"),  # handwheel speed at the end of the sample, if the angle is prescribed
-    ("assist_request", "N m"),  # added to the controller's command
-    ("wind_force", "N"),
-    ("wind_moment", "N m"),
-    ("rack_disturbance", "N"),  # from the road, positive where it resists a left turn
-)
-HAND, HAND_SPEED, ASSIST_REQUEST, WIND_FORCE, WIND_MOMENT, RACK_DISTURBANCE = range(len(INPUTS))
-
-CHANNELS: tuple[tuple[str, str], ...] = (
+_OWN_CHANNELS: Names = (
     ("handwheel_angle", "rad"),
     ("handwheel_speed", "rad/s"),
     ("handwheel_torque", "N m"),
@@ -86,18 +64,11 @@ CHANNELS: tuple[tuple[str, str], ...] = (
     ("motor_torque", "N m"),
     ("friction_torque", "N m"),
     ("rack_force", "N"),
-    ("lateral_speed", "m/s"),
-    ("yaw_rate", "rad/s"),
-    ("roll_angle", "rad"),
-    ("yaw_angle", "rad"),
-    ("x", "m"),
-    ("y", "m"),
-    ("drive_force", "N"),
-    *single_track.OUTPUTS,
 )
+_OWN = len(_OWN_CHANNELS)
+# The channels that every plant begins with; :func:`channels` tells all of a plant's.
+CHANNELS: Names = (*_OWN_CHANNELS, *single_track.CHANNELS)
 CHANNEL = {name: i for i, (name, _) in enumerate(CHANNELS)}
-_OUTPUTS = len(single_track.OUTPUTS)
-_OUTPUT = len(CHANNELS) - _OUTPUTS
 
 STEPS_PER_NODE = 2  # column steps for each evaluation of the chassis
 STOP_STIFFNESS = 2e6  # of the rack's end stops, assumed [N/m]
@@ -109,7 +80,7 @@ class Plant(NamedTuple):
     column: column.Column
     assist: assist.Assist
     friction: Any  # parameters of a friction law
-    chassis: single_track.SingleTrack
+    chassis: Any  # parameters of a chassis
     strut: Any  # strut_map.StrutMap
     tyre: Any  # tyre.MagicFormula, of all four wheels
     pinion_radius: float  # rack travel per column angle [m/rad]
@@ -119,54 +90,73 @@ class Plant(NamedTuple):
 
 
 @kernel
-def _evaluate(p, state, wind_force, wind_moment):
+def _places(p):
+    """Where the chassis' derivatives, its outputs and the friction law's memory begin, each before its forerunner."""
+    n, m = chassis.state_size(p.chassis), chassis.output_size(p.chassis)
+    rate = _CHASSIS + n
+    out = rate + 2 * n
+    return rate, rate + n, out, out + m, out + 2 * m
+
+
+@kernel
+def _evaluate(p, state, u):
     """A new node: chassis derivative, outputs and rack force at the present state, the last ones kept beside them."""
-    for i in range(_SIZE):
-        state[_RATE_BEFORE + i] = state[_RATE + i]
-    for i in range(_OUTPUTS):
-        state[_OUT_BEFORE + i] = state[_OUT + i]
+    rate, rate_before, out, out_before, memory = _places(p)
+    for i in range(rate_before - rate):
+        state[rate_before + i] = state[rate + i]
+    for i in range(out_before - out):
+        state[out_before + i] = state[out + i]
     state[_RACK_FORCE + 1] = state[_RACK_FORCE]
     rack = p.pinion_radius * state[column.COLUMN_ANGLE]
-    force = single_track.derivative(
+    force = chassis.derivative(
         p.chassis,
         p.strut,
         p.tyre[0],
-        state[_CHASSIS:_RATE],
+        state[_CHASSIS:rate],
         rack,
-        wind_force,
-        wind_moment,
-        state[_RATE:_RATE_BEFORE],
-        state[_OUT:_OUT_BEFORE],
+        p.pinion_radius * state[column.COLUMN_SPEED],
+        u,
+        state[rate:rate_before],
+        state[out:out_before],
     )
     beyond = max(abs(rack) - p.rack_limit, 0.0)
     state[_RACK_FORCE] = force + math.copysign(STOP_STIFFNESS * beyond, rack)
 
 
 @kernel
-def _step(p, state, hand, hand_speed, before, after, elapsed, disturbance, h):
+def _step(p, state, hand, hand_speed, before, after, elapsed, u, h):
     """Column, motor and chassis over one step; a node's evaluation is still to come."""
+    rate, rate_before, out, out_before, memory = _places(p)
     # The middle of this step, in node intervals after the last node.
     s = (state[_PHASE] + 0.5) / STEPS_PER_NODE
-    force = state[_RACK_FORCE] + s * (state[_RACK_FORCE] - state[_RACK_FORCE + 1]) + disturbance
-    motor = assist.motor_step(p.assist, state[_ASSIST:_CHASSIS], before, after, elapsed, h)
+    force = state[_RACK_FORCE] + s * (state[_RACK_FORCE] - state[_RACK_FORCE + 1]) + u[RACK_DISTURBANCE]
+    motor = assist.motor_step(p.assist, state[_ASSIST:_PHASE], before, after, elapsed, h)
     T_C = motor - p.pinion_radius * force
     level = 1.0 + p.friction_load * abs(force)
-    q, memory = state[:_ASSIST], state[_MEMORY:]
     state[_HAND_TORQUE + 1] = state[_HAND_TORQUE]
     state[_FRICTION_TORQUE + 1] = state[_FRICTION_TORQUE]
-    _, _, T_F, T1 = column.step(p.column, p.friction, level, q, memory, p.robot > 0.0, hand, hand_speed, T_C, h)
+    _, _, T_F, T1 = column.step(
+        p.column, p.friction, level, state[:_ASSIST], state[memory:], p.robot > 0.0, hand, hand_speed, T_C, h
+    )
     state[_HAND_TORQUE] = T1
     state[_FRICTION_TORQUE] = T_F
-    for i in range(_SIZE):
-        now = state[_RATE + i]
-        state[_CHASSIS + i] += h * (now + s * (now - state[_RATE_BEFORE + i]))
+    chassis.advance(
+        p.chassis,
+        state[_CHASSIS:rate],
+        state[rate:rate_before],
+        state[rate_before:out],
+        state[out:out_before],
+        s,
+        h,
+        u,
+    )
     state[_PHASE] += 1.0
 
 
 @kernel
 def _report(p, state, row):
     """Fill a row of channels at the present moment."""
-    chassis = state[_CHASSIS:_RATE]
+    rate, _, out, out_before, memory = _places(p)
     s = state[_PHASE] / STEPS_PER_NODE
     row[0] = state[column.HANDWHEEL_ANGLE]
     row[1] = state[column.HANDWHEEL_SPEED]
@@ -178,15 +168,9 @@ def _report(p, state, row):
     row[6] = state[_ASSIST + assist.MOTOR_TORQUE]
     row[7] = 1.5 * state[_FRICTION_TORQUE] - 0.5 * state[_FRICTION_TORQUE + 1]
     row[8] = state[_RACK_FORCE] + s * (state[_RACK_FORCE] - state[_RACK_FORCE + 1])
-    row[9] = chassis[single_track.LATERAL_SPEED]
-    row[10] = chassis[single_track.YAW_RATE]
-    row[11] = chassis[single_track.ROLL]
-    row[12] = chassis[single_track.YAW]
-    row[13] = chassis[single_track.X]
-    row[14] = chassis[single_track.Y]
-    row[15] = chassis[single_track.DRIVE_FORCE]
-    for i in range(_OUTPUTS):
-        row[_OUTPUT + i] = state[_OUT + i] + s * (state[_OUT + i] - state[_OUT_BEFORE + i])
+    chassis.report(
+        p.chassis, state[_CHASSIS:rate], state[out:out_before], state[out_before:memory], s, row[_OWN:]
+    )
 
 
 @kernel
@@ -198,7 +182,7 @@ def run(p, state, inputs, record, substeps):
     p : Plant
     state : (S,) array
         Advanced in place; from :func:`initial_state`.
-    inputs : (N, 6) array
+    inputs : (N, I) array
         As in ``INPUTS``.
     record : (M, C) array
         Receives the channels at the end of each sample; where there are fewer rows than samples, the last row ends up
@@ -219,10 +203,10 @@ def run(p, state, inputs, record, substeps):
         twist = p.column.K_tb * (state[column.HANDWHEEL_ANGLE] - state[column.COLUMN_ANGLE])
         before, after = assist.sample(
             p.assist,
-            state[_ASSIST:_CHASSIS],
+            state[_ASSIST:_PHASE],
             twist,
             state[column.COLUMN_SPEED],
-            p.chassis.v_x,
+            chassis.speed(p.chassis, state[_CHASSIS:]),
             u[ASSIST_REQUEST],
         )
         start, start_speed = state[column.HANDWHEEL_ANGLE], state[column.HANDWHEEL_SPEED]
@@ -230,9 +214,9 @@ def run(p, state, inputs, record, substeps):
             hand, hand_speed = u[HAND], u[HAND_SPEED]
             if p.robot > 0.0 and j + 1 < substeps:
                 hand, hand_speed = _hermite((j + 1) / substeps, start, start_speed, hand, hand_speed)
-            _step(p, state, hand, hand_speed, before, after, j * h, u[RACK_DISTURBANCE], h)
+            _step(p, state, hand, hand_speed, before, after, j * h, u, h)
             if state[_PHASE] == STEPS_PER_NODE:
-                _evaluate(p, state, u[WIND_FORCE], u[WIND_MOMENT])
+                _evaluate(p, state, u)
                 state[_PHASE] = 0.0
         if i <= last or i == inputs.shape[0] - 1:
             _report(p, state, row)
@@ -255,35 +239,57 @@ def _hermite(s, x0, v0, x1, v1):
     return x, v
 
 
+def channels(p: Plant) -> Names:
+    """Names and units of a plant's channels; ``CHANNELS`` come first."""
+    return (*_OWN_CHANNELS, *chassis.chassis_of(p.chassis).channels)
+
+
 def initial_state(p: Plant) -> NDArray[np.float64]:
     """State of the plant running straight at its speed, hands at zero, friction at rest.
 
     Five seconds of straight running, some fifty time constants of the speed hold, bring the drive to its balance.
     """
-    state = np.zeros(_MEMORY + law_of(p.friction).memory_size(p.friction))
+    kind = chassis.chassis_of(p.chassis)
+    start = kind.start(p.chassis)
+    memory = int(_places(p)[4])
+    state = np.zeros(memory + law_of(p.friction).memory_size(p.friction))
+    state[_CHASSIS : _CHASSIS + len(start)] = start
     straight = np.zeros((5000, len(INPUTS)))
-    run(p, state, straight, np.zeros((1, len(CHANNELS))), 1)
-    for place in (single_track.X, single_track.Y):
-        state[_CHASSIS + place] = 0.0
+    run(p, state, straight, np.zeros((1, len(channels(p)))), 1)
+    for place, (name, _) in enumerate(kind.states):
+        if name in ("x", "y", "distance"):
+            state[_CHASSIS + place] = 0.0
     return state
 
 
-def state_name(index: int) -> str:
-    """Name and unit of a state by its place; the tail is the friction law's memory."""
-    if index >= _MEMORY:
-        return f"friction_memory_{index - _MEMORY}"
-    name, unit = STATES[index]
-    return f"{name} [{unit}]"
+def states(p: Plant) -> Names:
+    """Names and units of a plant's states, in their places."""
+    kind = chassis.chassis_of(p.chassis)
+    return (
+        *_HEAD,
+        *kind.states,
+        *((f"{name}_derivative", f"{unit}/s") for name, unit in kind.states),
+        *((f"{name}_derivative_before", f"{unit}/s") for name, unit in kind.states),
+        *kind.outputs,
+        *((f"{name}_before", unit) for name, unit in kind.outputs),
+        *((f"friction_memory_{i}", "") for i in range(law_of(p.friction).memory_size(p.friction))),
+    )
+
+
+def state_name(p: Plant, index: int) -> str:
+    """Name and unit of a state by its place."""
+    name, unit = states(p)[index]
+    return f"{name} [{unit}]" if unit else name
 
 
 def first_non_finite(
     p: Plant, state: NDArray[np.float64], inputs: NDArray[np.float64], substeps: int = 1
 ) -> str | None:
     """Which state goes non-finite first when ``inputs`` are run from ``state`` (left unchanged); None if none does."""
-    trial, row = state.copy(), np.zeros((1, len(CHANNELS)))
+    trial, row = state.copy(), np.zeros((1, len(channels(p))))
     for i in range(len(inputs)):
         run(p, trial, inputs[i : i + 1], row, substeps)
         bad = np.flatnonzero(~np.isfinite(trial))
         if bad.size:
-            return state_name(int(bad[0]))
+            return state_name(p, int(bad[0]))
     return None

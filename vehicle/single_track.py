@@ -20,7 +20,8 @@ import math
 from typing import NamedTuple
 
 from friction.kernel import kernel
-from vehicle import strut_map, tyre
+from vehicle import chassis, strut_map, tyre
+from vehicle.chassis import WIND_FORCE, WIND_MOMENT
 
 GRAVITY = 9.80665  # standard gravity [m/s2]
 AIR_DENSITY = 1.2  # [kg/m3]
@@ -73,6 +74,11 @@ OUTPUTS = (
     ("front_lateral_force", "N"),
     ("rear_lateral_force", "N"),
 )
+
+
+# Published, in this order: these states, then the outputs.
+PUBLISHED = (LATERAL_SPEED, YAW_RATE, ROLL, YAW, X, Y, DRIVE_FORCE)
+CHANNELS = (*(STATES[i] for i in PUBLISHED), *OUTPUTS)
 
 
 class SingleTrack(NamedTuple):
@@ -236,3 +242,66 @@ def derivative(p, strut, c, x, rack, wind_force, wind_moment, dx, out):
     out[7] = Y_f
     out[8] = Y_r
     return rack_force
+
+
+_SIZE = len(STATES)
+_OUTPUTS = len(OUTPUTS)
+_LEAD = len(PUBLISHED)
+
+
+@kernel
+def _evaluate(p, strut, c, x, rack, rack_rate, u, dx, out):
+    return derivative(p, strut, c, x, rack, u[WIND_FORCE], u[WIND_MOMENT], dx, out)
+
+
+@kernel
+def _advance(p, x, rate, before, out, s, h, u):
+    chassis.extrapolated_step(x, rate, before, s, h)
+
+
+@kernel
+def _report(p, x, out, before, s, row):
+    row[0] = x[LATERAL_SPEED]
+    row[1] = x[YAW_RATE]
+    row[2] = x[ROLL]
+    row[3] = x[YAW]
+    row[4] = x[X]
+    row[5] = x[Y]
+    row[6] = x[DRIVE_FORCE]
+    for i in range(_OUTPUTS):
+        row[_LEAD + i] = out[i] + s * (out[i] - before[i])
+
+
+@kernel
+def _speed(p, x):
+    return p.v_x
+
+
+@kernel
+def _state_size(p):
+    return _SIZE
+
+
+@kernel
+def _output_size(p):
+    return _OUTPUTS
+
+
+def _start(p: SingleTrack) -> list[float]:
+    return [0.0] * _SIZE
+
+
+chassis.register(
+    "single_track",
+    SingleTrack,
+    states=STATES,
+    outputs=OUTPUTS,
+    channels=CHANNELS,
+    start=_start,
+    derivative=_evaluate,
+    advance=_advance,
+    report=_report,
+    speed=_speed,
+    state_size=_state_size,
+    output_size=_output_size,
+)

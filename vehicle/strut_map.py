@@ -15,9 +15,9 @@ from vehicle.suspension import MacPherson, load_coefficients
 
 
 class StrutMap(NamedTuple):
-    """Spline coefficients of a left wheel on a uniform grid; the channels are the fields of ``Knuckle``."""
+    """Spline coefficients of a left wheel on a uniform grid; the channels are the fields of ``Knuckle``, ``Travel``."""
 
-    table: NDArray[np.float64]  # (rack cells + 3, travel cells + 3, 8)
+    table: NDArray[np.float64]  # (rack cells + 3, travel cells + 3, 13)
     rack_min: float  # [m]
     rack_cells_per_metre: float  # [1/m]
     travel_min: float  # [m]
@@ -35,6 +35,16 @@ class Knuckle(NamedTuple):
     F_z: float  # [1]
     M_x: float  # [rad/m]
     M_z: float  # [rad/m]
+
+
+class Travel(NamedTuple):
+    """What a wheel does as it moves up in the body: derivatives by travel at fixed rack."""
+
+    centre_x: float  # of the wheel centre, forward [1]
+    contact_y: float  # of the contact, to the left [1]
+    pitch: float  # of the carrier, about y [rad/m]
+    compression: float  # the strut is shorter by this than in the design position [m]
+    compression_rate: float  # its derivative [1]
 
 
 def build(
@@ -66,7 +76,11 @@ def build(
     pose = strut.solve(-rack + step_r * sites_r[:, None], -travel + step_t * sites_t)
     work = load_coefficients(pose)
     forces = (work.F_x_contact, work.F_x_centre, work.F_y, work.F_z)
-    values = np.stack([pose.steer_angle, pose.inclination, *forces, work.M_x, work.M_z], -1)
+    up = pose.per_travel
+    motion = (up.wheel_centre[..., 0], up.contact[..., 1], up.rotation[..., 1])
+    compression = strut.solve(0.0, 0.0).strut_length - pose.strut_length
+    knuckle = (pose.steer_angle, pose.inclination, *forces, work.M_x, work.M_z)
+    values = np.stack([*knuckle, *motion, compression, -up.strut_length], -1)
     along_r = np.linalg.solve(basis_r, values.reshape(len(sites_r), -1)).reshape(values.shape)
     table = np.linalg.solve(basis_t, along_r)
     return StrutMap(np.ascontiguousarray(table), -rack, 1 / step_r, -travel, 1 / step_t)
@@ -122,21 +136,43 @@ def _patch(table, i, j, k, r, t):
 
 
 @kernel
+def _place(m, rack, travel):
+    """First spline and the weights of four, along rack and travel."""
+    i, u = _cell((rack - m.rack_min) * m.rack_cells_per_metre, m.table.shape[0] - 3)
+    j, v = _cell((travel - m.travel_min) * m.travel_cells_per_metre, m.table.shape[1] - 3)
+    return i, j, _weights(u), _weights(v)
+
+
+@kernel
 def left(m, rack, travel):
     """The left wheel: ``Knuckle`` at rack [m] and its travel [m]."""
     c = m.table
-    i, u = _cell((rack - m.rack_min) * m.rack_cells_per_metre, c.shape[0] - 3)
-    j, v = _cell((travel - m.travel_min) * m.travel_cells_per_metre, c.shape[1] - 3)
-    r, t = _weights(u), _weights(v)
+    i, j, r, t = _place(m, rack, travel)
+    k = i - i  # not a literal: numba would compile the patch once for each channel
     return Knuckle(
-        _patch(c, i, j, 0, r, t),
-        _patch(c, i, j, 1, r, t),
-        _patch(c, i, j, 2, r, t),
-        _patch(c, i, j, 3, r, t),
-        _patch(c, i, j, 4, r, t),
-        _patch(c, i, j, 5, r, t),
-        _patch(c, i, j, 6, r, t),
-        _patch(c, i, j, 7, r, t),
+        _patch(c, i, j, k, r, t),
+        _patch(c, i, j, k + 1, r, t),
+        _patch(c, i, j, k + 2, r, t),
+        _patch(c, i, j, k + 3, r, t),
+        _patch(c, i, j, k + 4, r, t),
+        _patch(c, i, j, k + 5, r, t),
+        _patch(c, i, j, k + 6, r, t),
+        _patch(c, i, j, k + 7, r, t),
+    )
+
+
+@kernel
+def left_travel(m, rack, travel):
+    """The left wheel: ``Travel`` at rack [m] and its travel [m]."""
+    c = m.table
+    i, j, r, t = _place(m, rack, travel)
+    k = i - i + 8
+    return Travel(
+        _patch(c, i, j, k, r, t),
+        _patch(c, i, j, k + 1, r, t),
+        _patch(c, i, j, k + 2, r, t),
+        _patch(c, i, j, k + 3, r, t),
+        _patch(c, i, j, k + 4, r, t),
     )
 
 

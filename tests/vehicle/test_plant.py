@@ -8,13 +8,14 @@ from scipy.integrate import DOP853
 
 import friction
 from friction.law import law_of, rate, torque
-from vehicle import cars, plant, single_track
-from vehicle.plant import CHANNEL, CHANNELS, INPUTS, STATES
+from vehicle import cars, chassis, plant, single_track
+from vehicle.chassis import INPUTS
+from vehicle.plant import CHANNEL, CHANNELS
 
 CAR = cars.load()
 KPH = 1.0 / 3.6
 T = 1e-3
-NAMES = [name for name, _ in STATES]
+NAMES = [name for name, _ in plant.states(CAR.plant())]
 CHASSIS = slice(NAMES.index("lateral_speed"), NAMES.index("y") + 1)
 
 
@@ -57,7 +58,7 @@ def reference(p, u, robot):
         """Derivative of handwheel, column, motor, chassis, friction; and hand torque, rack force, friction torque."""
         th1, v1, th2, v2, T_m = y[:5]
         rack = p.pinion_radius * th2
-        wind = row[plant.WIND_FORCE], row[plant.WIND_MOMENT]
+        wind = row[chassis.WIND_FORCE], row[chassis.WIND_MOMENT]
         force = single_track.derivative(p.chassis, p.strut, p.tyre[0], y[5:last], rack, *wind, dx, out)
         F = force + row[plant.RACK_DISTURBANCE]
         level = 1.0 + p.friction_load * abs(F)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import friction
-from vehicle import cars, plant, single_track
+from vehicle import cars, chassis, plant, single_track
 from vehicle.single_track import OUTPUTS, STATES
 from vehicle.suspension import WheelLoad, load_coefficients, rack_force
 
@@ -31,7 +31,7 @@ INERTIA = C["roll_inertia"] + C["sprung_mass"] * ARM**2  # about the roll axis
 COUPLING = C["sprung_mass"] * ARM
 MASSES = np.array([[C["mass"], -COUPLING], [-COUPLING, INERTIA]])
 KPH = 1.0 / 3.6
-FIRST = [name for name, _ in plant.STATES].index(STATES[0][0])
+FIRST = [name for name, _ in plant.states(CAR.plant())].index(STATES[0][0])
 CHASSIS = slice(FIRST, FIRST + len(STATES))
 
 
@@ -189,7 +189,7 @@ def settled(angle, v=100.0 * KPH, law=None, seconds=15.0, wind=0.0):
     t = np.arange(1, len(u) + 1) * 1e-3
     u[:, plant.HAND] = angle * np.where(t < 1.0, t - np.sin(2 * math.pi * t) / (2 * math.pi), 1.0)
     u[:, plant.HAND_SPEED] = angle * np.where(t < 1.0, 1.0 - np.cos(2 * math.pi * t), 0.0)
-    u[:, plant.WIND_FORCE] = wind
+    u[:, chassis.WIND_FORCE] = wind
     state, row = plant.initial_state(p), np.zeros((1, len(plant.CHANNELS)))
     assert plant.run(p, state, u, row, 1)
     return dict(zip(plant.CHANNEL, row[0])), state, p
