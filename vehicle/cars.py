@@ -2,22 +2,32 @@
 
 import json
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from functools import lru_cache
 from importlib.resources import files
 from inspect import signature
 from typing import Any, NamedTuple
 
 from friction import defaults, resolve
+from friction import make as make_law
 from friction.check import number
-from vehicle import assist, column, strut_map, tyre
+from friction.kernel import record
+from vehicle import assist, column, drivetrain, road, strut_map, tyre
 from vehicle.plant import Plant
-from vehicle.single_track import AIR_DENSITY, SingleTrack
+from vehicle.single_track import AIR_DENSITY, GRAVITY, SingleTrack
 from vehicle.suspension import MacPherson
+from vehicle.two_track import Body, TwoTrack
 
-# The speed range in which a rolling tyre and a chassis at constant speed make sense.
-SPEED_MIN, SPEED_MAX = 3.0, 70.0  # [m/s]
+# Speeds [m/s]: a single track rolls at constant speed; two tracks stand, park and reverse as well.
+SPEED_MIN, SPEED_MAX = 3.0, 70.0
+SPEEDS = {"single_track": (SPEED_MIN, SPEED_MAX), "two_track": (-10.0, SPEED_MAX)}
 LOAD_TIME = 0.02  # time constant of the geometric load transfer, assumed [s]
+
+# A standing tyre, after Gough: torsion up to mu F_z^1.5/(3 sqrt p), which is 144 N m at mu 0.9, 3700 N and 2.2 bar.
+TORSION_FRICTION, TORSION_LOAD, PRESSURE = 0.9, 4000.0, 220e3  # [1], [N], [Pa]
+TORSION_TWIST = 0.05  # turning of the patch that takes up two thirds of it, assumed [rad]
+TORSION_WAY = 0.1  # rolling that wipes it out, about half a contact length, assumed [m]
+SLIP_DAMPING = (0.012, 0.06)  # of standing tyres, some 0.3 of critical on a wheel, on the car; assumed [s/m]
 
 _CHASSIS = (
     "mass",
@@ -40,6 +50,16 @@ _CHASSIS = (
     "drag_area",
     "compliance_time",
     "speed_hold_time",
+    "pitch_inertia",
+    "wheel_inertia",
+    "front_bump_clearance",
+    "rear_bump_clearance",
+    "bump_stiffness",
+    "rear_bump_steer",
+    "rear_camber_gain",
+    "rear_lateral_compliance",
+    "front_lift_area",
+    "rear_lift_area",
 )
 _STEERING = ("pinion_radius", "compliance", "friction_load", "rack_limit")
 _MAY_BE_ZERO = {
@@ -51,7 +71,16 @@ _MAY_BE_ZERO = {
     "drag_area",
     "friction_load",
 }
-_SECTIONS = ("name", "description", "source", "assumed", "tyre", "strut", "chassis", "steering", "column", "assist")
+_SIGNED = {"rear_bump_steer", "rear_camber_gain", "rear_lateral_compliance", "front_lift_area", "rear_lift_area"}
+# Sections whose keys are the keyword arguments of a constructor, which checks them.
+_MADE: dict[str, Callable[..., Any]] = {
+    "column": column.make,
+    "assist": assist.make,
+    "drivetrain": drivetrain.make,
+    "brakes": drivetrain.make_brakes,
+    "speed_hold": drivetrain.make_speed_hold,
+}
+_SECTIONS = ("name", "description", "source", "assumed", "tyre", "strut", "chassis", "steering", *_MADE)
 
 
 class Car(NamedTuple):
@@ -64,12 +93,21 @@ class Car(NamedTuple):
     steering: dict[str, float]  # as in the data file, SI
     column: column.Column
     assist: assist.Assist
+    drivetrain: drivetrain.Drivetrain
+    brakes: drivetrain.Brakes
+    speed_hold: drivetrain.SpeedHold
     tyre: tyre.Tyre
     strut: MacPherson
     strut_map: strut_map.StrutMap
 
     def plant(
-        self, friction: Any = "lugre", speed: float = 100.0 / 3.6, robot: bool = False, road_friction: float = 1.0
+        self,
+        friction: Any = "lugre",
+        speed: float = 100.0 / 3.6,
+        robot: bool = False,
+        road_friction: float = 1.0,
+        chassis: str = "single_track",
+        road: road.Road | None = None,
     ) -> Plant:
         """The plant of this car with a friction law, at a speed.
 
@@ -78,33 +116,58 @@ class Car(NamedTuple):
         friction : str or parameters
             A law's name, for its defaults, or parameters from ``friction.make``.
         speed : float
-            Held speed [m/s].
+            Held speed, 3 to 70 m/s; on two tracks from 0, or back at up to 10 m/s [m/s].
         robot : bool
             Whether the handwheel angle is prescribed; else the hand torque is.
         road_friction : float
             Relative to the tyre's measurements, 0.1 to 1.2.
+        chassis : {"single_track", "two_track"}
+        road : Road, optional
+            Heights, friction of each side, grade and bank, for ``chassis="two_track"``; level and dry by default.
 
         Raises
         ------
         ValueError
-            Unknown law, or a value outside its range.
+            Unknown law or chassis, or a value outside its range.
         """
-        v_x = number("speed [m/s]", speed, minimum=SPEED_MIN, maximum=SPEED_MAX)
-        s, c = self.steering, self.chassis
+        if chassis not in SPEEDS:
+            raise ValueError(f"chassis must be one of {', '.join(SPEEDS)}, got {chassis!r}")
+        if road is not None and chassis != "two_track":
+            raise ValueError(f"road needs chassis='two_track', got chassis={chassis!r}")
+        low, high = SPEEDS[chassis]
+        v_x = number("speed [m/s]", speed, minimum=low, maximum=high)
+        mu = number("road_friction", road_friction, minimum=0.1, maximum=1.2)
         # Symmetric, or the car would pull to one side; and without the longitudinal shift, which at zero slip would
         # brake by 4 % of the load (the rolling resistance of the set is 1 %) and above 8 kN even drive.
         coefficients = self.tyre.symmetric().coefficients._replace(PHX1=0.0, PHX2=0.0)
-        pose = self.strut.solve(0.0, 0.0)
-        roll_centre = float(pose.roll_centre_height)
-        # The king-pin stiffness of both wheels, seen at the rack through the arm at centre.
-        arm = 1.0 / float(pose.per_rack.rotation[..., 2])
+        s = self.steering
+        return Plant(
+            column=self.column,
+            assist=self.assist,
+            friction=resolve(friction),
+            chassis=self._single_track(v_x, mu) if chassis == "single_track" else self._two_track(v_x, mu, road),
+            strut=self.strut_map,
+            tyre=record(coefficients),
+            pinion_radius=s["pinion_radius"],
+            friction_load=s["friction_load"] * s["pinion_radius"] / defaults.F_C,
+            rack_limit=s["rack_limit"],
+            robot=1.0 if robot else 0.0,
+        )
+
+    def _rack_stiffness(self) -> float:
+        """Steering compliance seen at the rack, through the arm at centre, for both wheels [N/m]."""
+        return self.steering["compliance"] * float(self.strut.solve(0.0, 0.0).per_rack.rotation[..., 2]) ** 2
+
+    def _single_track(self, v_x: float, mu: float) -> SingleTrack:
+        c = self.chassis
+        roll_centre = float(self.strut.solve(0.0, 0.0).roll_centre_height)
         axle_height = (roll_centre * c["rear_axle"] + c["rear_roll_centre"] * c["front_axle"]) / (
             c["front_axle"] + c["rear_axle"]
         )
         h = c["sprung_height"] - axle_height
-        chassis = SingleTrack(
+        return SingleTrack(
             v_x=v_x,
-            mu=number("road_friction", road_friction, minimum=0.1, maximum=1.2),
+            mu=mu,
             m=c["mass"],
             m_s=c["sprung_mass"],
             m_uf=c["front_unsprung_mass"],
@@ -125,23 +188,81 @@ class Car(NamedTuple):
             R_w=self.strut.loaded_radius,
             drag=0.5 * AIR_DENSITY * c["drag_area"] * v_x * v_x,
             sigma_y=self.tyre.relaxation_length,
-            K_rack=s["compliance"] / arm**2,
+            K_rack=self._rack_stiffness(),
             T_rack=c["compliance_time"],
             T_load=LOAD_TIME,
             T_drive=c["speed_hold_time"],
         )
-        return Plant(
-            column=self.column,
-            assist=self.assist,
-            friction=resolve(friction),
-            chassis=chassis,
-            strut=self.strut_map,
-            tyre=tyre.record(coefficients),
-            pinion_radius=s["pinion_radius"],
-            friction_load=s["friction_load"] * s["pinion_radius"] / defaults.F_C,
-            rack_limit=s["rack_limit"],
-            robot=1.0 if robot else 0.0,
+
+    def _two_track(self, v_x: float, mu: float, ground: road.Road | None) -> TwoTrack:
+        c, tyres, R_l = self.chassis, self.tyre, self.strut.loaded_radius
+        ground = ground or road.make_road()
+        ground = ground._replace(friction=mu * ground.friction)
+        m, m_s, a, b = c["mass"], c["sprung_mass"], c["front_axle"], c["rear_axle"]
+        m_f, m_r = 0.5 * c["front_unsprung_mass"], 0.5 * (m - m_s - c["front_unsprung_mass"])
+        # The sprung centre of gravity, from that of the whole car.
+        h = (m_s * c["sprung_height"] + (m - m_s) * R_l) / m
+        x_s, z_s, z_w = -2.0 * (m_f * a - m_r * b) / m_s, c["sprung_height"] - h, R_l - h
+        g_x, g_y, g_z = (
+            -GRAVITY * math.sin(ground.grade),
+            -GRAVITY * math.cos(ground.grade) * math.sin(ground.bank),
+            -GRAVITY * math.cos(ground.grade) * math.cos(ground.bank),
         )
+        F_zf, F_zr = 0.5 * GRAVITY * m * b / (a + b), 0.5 * GRAVITY * m * a / (a + b)
+        slope = float(self.strut.solve(0.0, 0.0).per_travel.strut_length)  # negative: shorter in bump
+        body = Body(
+            speed=v_x,
+            m=m,
+            m_f=m_f,
+            m_r=m_r,
+            a=a,
+            b=b,
+            I_x=c["roll_inertia"] + m_s * z_s**2 + (m - m_s) * z_w**2,
+            I_y=c["pitch_inertia"] + m_s * (x_s**2 + z_s**2) + (m - m_s) * z_w**2,
+            I_z=c["yaw_inertia"],
+            I_xz=m_s * x_s * z_s + 2.0 * (m_f * a - m_r * b) * z_w,
+            I_w=c["wheel_inertia"],
+            h=h,
+            t_f=c["front_track"],
+            t_r=c["rear_track"],
+            R_l=R_l,
+            R_e=R_l + 2.0 / 3.0 * F_zf / tyres.vertical_stiffness,
+            K_t=tyres.vertical_stiffness,
+            F_zf=F_zf,
+            F_zr=F_zr,
+            S_f=(m_f * GRAVITY - F_zf) / slope,
+            K_f=c["front_spring"] / slope**2,
+            C_f=c["front_damper"] / slope**2,
+            S_r=F_zr - m_r * GRAVITY,
+            K_r=c["rear_spring"],
+            C_r=c["rear_damper"],
+            B_f=c["front_anti_roll"] / c["front_track"] ** 2,
+            B_r=c["rear_anti_roll"] / c["rear_track"] ** 2,
+            clear_f=c["front_bump_clearance"],
+            clear_r=c["rear_bump_clearance"],
+            K_stop=c["bump_stiffness"],
+            steer_r=c["rear_bump_steer"],
+            camber_r=c["rear_camber_gain"],
+            give_r=c["rear_lateral_compliance"],
+            path_r=2.0 * c["rear_roll_centre"] / c["rear_track"],
+            K_rack=self._rack_stiffness(),
+            T_rack=c["compliance_time"],
+            sigma_x=tyres.longitudinal_relaxation_length,
+            sigma_y=tyres.relaxation_length,
+            d_x=SLIP_DAMPING[0],
+            d_y=SLIP_DAMPING[1],
+            torsion_load=TORSION_LOAD,
+            sigma_z=TORSION_WAY,
+            g_x=g_x,
+            g_y=g_y,
+            g_z=g_z,
+            drag=0.5 * AIR_DENSITY * c["drag_area"],
+            lift_f=0.5 * AIR_DENSITY * c["front_lift_area"],
+            lift_r=0.5 * AIR_DENSITY * c["rear_lift_area"],
+        )
+        saturated = TORSION_FRICTION * TORSION_LOAD**1.5 / (3.0 * math.sqrt(PRESSURE))
+        torsion = make_law("dahl", sigma_0=saturated / TORSION_TWIST, F_c=saturated)
+        return TwoTrack(record(body), torsion, self.drivetrain, self.brakes, self.speed_hold, ground)
 
 
 def _known(where: str, given: Any, allowed: Iterable[str]) -> None:
@@ -172,6 +293,8 @@ def _numbers(where: str, given: dict, allowed: tuple[str, ...]) -> dict[str, flo
     checked = {}
     for key, value in given.items():
         low, high = _LIMITS.get(key, (0.0, math.inf))
+        if key in _SIGNED:
+            low = -math.inf
         above = low == 0.0 and key not in _MAY_BE_ZERO
         checked[key] = number(f"{where}.{key}", value, minimum=low, maximum=high, above=above)
     return checked
@@ -192,7 +315,7 @@ def from_data(data: dict[str, Any]) -> Car:
         raise ValueError(
             f"chassis.mass must exceed sprung_mass + front_unsprung_mass, the rear axle is left {rest:g} kg"
         )
-    for section, make in (("column", column.make), ("assist", assist.make)):
+    for section, make in _MADE.items():
         _known(section, data[section], signature(make).parameters)
     strut = MacPherson.load(data["strut"]).at_track(chassis["front_track"])
     return Car(
@@ -201,8 +324,7 @@ def from_data(data: dict[str, Any]) -> Car:
         source=data["source"],
         chassis=chassis,
         steering=_numbers("steering", data["steering"], _STEERING),
-        column=column.make(**data["column"]),
-        assist=assist.make(**data["assist"]),
+        **{section: make(**data[section]) for section, make in _MADE.items()},
         tyre=tyre.load(data["tyre"]),
         strut=strut,
         strut_map=strut_map.build(strut),

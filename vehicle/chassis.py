@@ -77,7 +77,7 @@ def register(name: str, parameters: type, **fields: Any) -> None:
         States of running straight at the held speed, to be settled by the plant.
     derivative : ``(p, strut, tyre, x, rack, rack_rate, u, dx, out) -> rack force``
         Time derivative of the states and the outputs, at a row ``u`` of inputs.
-    advance : ``(p, x, rate, rate_before, out, s, h, u) -> None``
+    advance : ``(p, x, rate, rate_before, out, out_before, s, h, u) -> None``
         One step ``h`` whose middle lies ``s`` node intervals after the last node.
     report : ``(p, x, out, out_before, s, row) -> None``
         Fill the channels, ``s`` node intervals after the last node.
@@ -109,9 +109,9 @@ def derivative(p, strut, tyre, x, rack, rack_rate, u, dx, out):
     return chassis_of(p).derivative(p, strut, tyre, x, rack, rack_rate, u, dx, out)
 
 
-def advance(p, x, rate, rate_before, out, s, h, u):
+def advance(p, x, rate, rate_before, out, out_before, s, h, u):
     """One step of the states between nodes."""
-    chassis_of(p).advance(p, x, rate, rate_before, out, s, h, u)
+    chassis_of(p).advance(p, x, rate, rate_before, out, out_before, s, h, u)
 
 
 def report(p, x, out, out_before, s, row):

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from friction.kernel import kernel
 from friction.law import law_of
-from vehicle import assist, chassis, column, single_track
+from vehicle import assist, chassis, column, single_track, two_track  # noqa: F401 (both register themselves)
 from vehicle.assist import SAMPLE_TIME
 from vehicle.chassis import ASSIST_REQUEST, HAND, HAND_SPEED, INPUTS, RACK_DISTURBANCE, Names
 
@@ -146,6 +146,7 @@ def _step(p, state, hand, hand_speed, before, after, elapsed, u, h):
         state[rate:rate_before],
         state[rate_before:out],
         state[out:out_before],
+        state[out_before:memory],
         s,
         h,
         u,

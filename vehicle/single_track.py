@@ -255,7 +255,7 @@ def _evaluate(p, strut, c, x, rack, rack_rate, u, dx, out):
 
 
 @kernel
-def _advance(p, x, rate, before, out, s, h, u):
+def _advance(p, x, rate, before, out, out_before, s, h, u):
     chassis.extrapolated_step(x, rate, before, s, h)
 
 
