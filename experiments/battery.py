@@ -24,7 +24,7 @@ class Drive(NamedTuple):
     values: dict[str, Value]
     cycle: dict[str, Array]  # (1000,) mean settled cycle of angle, torque, lateral acceleration [SI]; empty if refused
     amplitude: float  # of the handwheel angle [rad]
-    friction_loss: float  # at the friction site, each cycle [J]
+    site_loss: float  # at the friction site, each cycle [J]
 
 
 def manoeuvre(test: str, cycles: int) -> manoeuvres.Manoeuvre:

@@ -1,6 +1,7 @@
 """Command line ``steer-env``: a bad value ends in one line on stderr and exit code 2, never in a traceback."""
 
 import argparse
+import importlib
 import math
 import signal
 import sys
@@ -8,6 +9,7 @@ import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
+from importlib import metadata
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -53,13 +55,35 @@ class _Parser(argparse.ArgumentParser):
         self.exit(2, f"{self.prog}: {message} (try --help)\n")
 
 
+def _outside() -> _Parser:
+    """The option that makes friction laws from elsewhere known, which comes before all others."""
+    parser = _Parser(prog="steer-env", add_help=False, allow_abbrev=False)
+    text = "Python module that registers friction laws, from the working directory or installed; may be repeated"
+    parser.add_argument("--import", dest="modules", metavar="MODULE", action="append", default=[], help=text)
+    return parser
+
+
+def _import(argv: Sequence[str] | None) -> None:
+    """Import what ``--import`` names, so that ``--friction`` knows its laws; worker processes do by their classes."""
+    parser = _outside()
+    for module in parser.parse_known_args(argv)[0].modules:
+        sys.path.insert(0, str(Path.cwd()))
+        try:
+            importlib.import_module(module)
+        except Exception as error:  # whatever the module does
+            parser.error(f"--import {module}: {error}")
+
+
 def _parser() -> argparse.ArgumentParser:
-    parser = _Parser(prog="steer-env", description="Steering feel with a selectable friction law.")
+    parser = _Parser(
+        prog="steer-env", description="Steering feel with a selectable friction law.", parents=[_outside()]
+    )
+    parser.add_argument("--version", action="version", version=f"%(prog)s {metadata.version('steer-env')}")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
     laws = ", ".join(friction.available())
 
     text = "Drive a manoeuvre; write the recording as CSV and its metrics as JSON, and print the metrics."
-    run = commands.add_parser("run", help=text, description=text)
+    run = commands.add_parser("run", help=text, description=text, parents=[_outside()])
     run.add_argument(
         "manoeuvre", metavar="MANOEUVRE", choices=manoeuvres.available(), help=", ".join(manoeuvres.available())
     )
@@ -72,13 +96,13 @@ def _parser() -> argparse.ArgumentParser:
         "--rate_hz",
         "--rate-hz",
         metavar="HZ",
-        help="sampling rate of the file, low-passed before (default 1000, slow-ramp 100)",
+        help="sampling rate of the CSV, low-passed before (default 1000, slow-ramp 100); metrics are of the full rate",
     )
     run.add_argument("--out", metavar="FILE.csv", help="the JSON goes beside it (default MANOEUVRE.csv)")
     run.set_defaults(function=_run)
 
     text = "Drive the battery with every law, run the studies, and write index.html and metrics.json."
-    report = commands.add_parser("report", help=text, description=text)
+    report = commands.add_parser("report", help=text, description=text, parents=[_outside()])
     report.add_argument(
         "--friction", metavar="LAW", type=Friction, nargs="+", help=f"{FRICTION}; default: all laws ({laws})"
     )
@@ -88,12 +112,15 @@ def _parser() -> argparse.ArgumentParser:
 
 
 @contextmanager
-def _progress(what: str) -> Iterator[Callable[[float, str], None]]:
-    """A bar on stderr, if that is a terminal; yields what sets the part that is done and what comes next."""
+def _progress(what: str, total: float | None = 1.0) -> Iterator[Callable[[float, str], None]]:
+    """A bar on stderr, if that is a terminal; yields what sets the part that is done and what comes next.
+
+    Without a total it only shows that something goes on.
+    """
     console = Console(stderr=True)
     columns = TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn()
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
-        task = progress.add_task(what, total=1.0)
+        task = progress.add_task(what, total=total)
         yield lambda part, text: progress.update(task, completed=part, description=text)
 
 
@@ -112,14 +139,12 @@ def _run(args: argparse.Namespace) -> None:
     fastest = 1.0 / SAMPLE_TIME
     wanted = DEFAULT_RATE.get(manoeuvre.name, fastest) if args.rate_hz is None else args.rate_hz
     rate = number("--rate_hz", wanted, minimum=20.0, maximum=fastest)
-    with _progress("driving") as notify:
+    with _progress("driving", total=None) as notify:
         recording = manoeuvres.drive(cars.load(args.vehicle), manoeuvre, args.friction.parameters)
-        notify(0.4, "metrics")
-        if rate < fastest:
-            recording = recording.filtered(0.4 * rate).resampled(rate)
+        notify(0.0, "metrics")
         values = evaluate(recording)
-        notify(0.5, f"writing {out}")
-        recording.to_csv(out)
+        notify(0.0, f"writing {out}")
+        (recording.filtered(0.4 * rate).resampled(rate) if rate < fastest else recording).to_csv(out)
     write_json(
         out.with_suffix(".json"),
         {
@@ -166,6 +191,7 @@ def _report(args: argparse.Namespace) -> None:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run a command; the exit code is 0, 2 for a bad value, 130 where it was interrupted."""
+    _import(argv)
     args = _parser().parse_args(argv)
     if threading.current_thread() is threading.main_thread():
         # A polite end, as Ctrl-C is: workers stop and nothing half-written stays.

@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 from experiments.friction_study import CALIBRATIONS, DAMPING_RATIOS, HISTORIES, SETTLING, THIN, Held
 from experiments.integrators import SCHEMES
 from experiments.real_time import USABLE, Row
-from steer_env.metrics import ANGLE, AY, TORQUE, G
+from steer_env.metrics import ANGLE, AY, TORQUE
 from steer_env.recording import DEGREE
 from vehicle.assist import SAMPLE_TIME
+from vehicle.single_track import GRAVITY
 
 Array = NDArray[np.float64]
 Style = dict[str, Any]
@@ -158,7 +159,7 @@ def cross_plots(loops: dict[str, dict[str, Array]], base: str) -> str:
     for law, style in styles(loops).items():
         cycle = {name: np.append(values, values[0]) for name, values in loops[law].items()}
         gap = cycle[TORQUE] - np.append(loops[base][TORQUE], loops[base][TORQUE][0])
-        for (above, below), x in zip(grid.T, (cycle[ANGLE] / DEGREE, cycle[AY] / G)):
+        for (above, below), x in zip(grid.T, (cycle[ANGLE] / DEGREE, cycle[AY] / GRAVITY)):
             above.plot(x, cycle[TORQUE], **style)
             below.plot(x, gap, **style)
     grid[0, 0].set(ylabel="handwheel torque [N m]", title="torque over handwheel angle")

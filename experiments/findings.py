@@ -7,10 +7,11 @@ from experiments import battery, friction_study, real_time
 from experiments.friction_study import Residual, Verdict
 from experiments.real_time import Row
 from experiments.results import Cell, Results
-from friction.law import law_of
+from steer_env.manoeuvres import Manoeuvre
 from vehicle.assist import SAMPLE_TIME
 
 TARGETS = 30.0, 6.0  # usual least phase [deg] and gain [dB] margin of an assist loop; assumed
+CHEAP = 0.01  # share of a step's own length that a step may take to compute and count as cheap; assumed
 MATTERS = 0.05  # share of a metric from which on a difference is called one that matters; assumed
 _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _WORDS = {"0g": "0 g", "0p1g": "0.1 g", "0nm": "0 N m"}
@@ -52,12 +53,12 @@ def plain(value: Any) -> str:
 
 def dry(results: Results) -> list[str]:
     """The laws with dry friction, without the base law."""
-    return [law for law, p in results.laws.items() if law != results.base and law_of(p).name != "viscous"]
+    return [law for law, p in results.laws.items() if law != results.base and friction_study.dry(p)]
 
 
-def viscous(results: Results) -> list[str]:
+def undry(results: Results) -> list[str]:
     """The laws without dry friction, without the base law."""
-    return [law for law, p in results.laws.items() if law != results.base and law_of(p).name == "viscous"]
+    return [law for law, p in results.laws.items() if law != results.base and not friction_study.dry(p)]
 
 
 class Feel(NamedTuple):
@@ -65,7 +66,7 @@ class Feel(NamedTuple):
 
     table: dict[str, dict[str, battery.Difference]]  # metric -> law
     dry: battery.Largest | None
-    viscous: battery.Largest | None
+    undry: battery.Largest | None
 
     @property
     def matters(self) -> bool:
@@ -76,13 +77,19 @@ class Feel(NamedTuple):
 def feel(results: Results, test: str) -> Feel:
     """Differences between the laws in one test."""
     table = battery.differences(results.drives[test], results.base)
-    return Feel(table, battery.largest(table, dry(results)), battery.largest(table, viscous(results)))
+    return Feel(table, battery.largest(table, dry(results)), battery.largest(table, undry(results)))
 
 
 def residuals(results: Results) -> dict[str, Residual]:
     """Distance of every law from the base law on the saturated branch and on nested loops."""
     base = results.torques[results.base]["nested_loops"]
     return {law: friction_study.residual(found["nested_loops"], base) for law, found in results.torques.items()}
+
+
+def parts_most(results: Results) -> tuple[str, float] | None:
+    """The dry law that is farthest from the base law on nested loops, and how far; None if there is no other."""
+    found = residuals(results)
+    return max(((law, found[law].nested) for law in dry(results)), key=lambda pair: pair[1], default=None)
 
 
 def calibrated(results: Results) -> bool:
@@ -101,6 +108,16 @@ class HeldTorque(NamedTuple):
     removed: dict[
         float, tuple[float, float]
     ]  # damping ratio -> least and largest part of the gap that the damper takes
+
+    @property
+    def vibrates(self) -> bool:
+        """Whether Masing's ripple is well above LuGre's where neither has a damper."""
+        return self.worst.masing.ripple > 2.0 * self.worst.lugre.ripple
+
+    @property
+    def of_the_step(self) -> bool:
+        """Whether the step has a part in the ripple."""
+        return self.step_change > 0.02
 
     @property
     def damper_explains(self) -> bool:
@@ -136,6 +153,30 @@ def at_sample(results: Results) -> dict[str, Row]:
     """The midpoint frame of every law at the step of the controller, or the nearest there is."""
     rows = {law: [row for row in table if row.scheme == "midpoint"] for law, table in results.tables.items()}
     return {law: min(found, key=lambda row: abs(row.step - SAMPLE_TIME)) for law, found in rows.items()}
+
+
+def cheap(row: Row) -> bool:
+    """Whether the worst step leaves real time alone."""
+    return row.bounded and row.worst_step_ns is not None and 1e-9 * row.worst_step_ns < CHEAP * row.step
+
+
+def accurate(rows: list[Row]) -> bool:
+    """Whether all errors are usable."""
+    return all(row.error is not None and row.error < real_time.USABLE for row in rows)
+
+
+def cheapest(results: Results, scheme: str) -> bool:
+    """Whether a scheme takes the shortest mean step, of those timed, with every law."""
+    for rows in results.tables.values():
+        times = [(row.ns_per_step, row.scheme) for row in rows if row.ns_per_step is not None]
+        if times and min(times)[1] != scheme:
+            return False
+    return True
+
+
+def title(manoeuvre: Manoeuvre) -> str:
+    """A manoeuvre by its name, frequency and speed."""
+    return f"{manoeuvre.name.replace('-', ' ')} at {manoeuvre.frequency:g} Hz and {3.6 * manoeuvre.speed:.4g} km/h"
 
 
 def by_time(results: Results) -> list[str]:

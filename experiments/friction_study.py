@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 
 import friction
 from friction.defaults import F_C, SIGMA_0
+from friction.law import advance, law_of, torque
 from steer_env import manoeuvres
 from steer_env.recording import DEGREE, Recording
-from vehicle import assist, plant
+from vehicle import plant
 from vehicle.assist import SAMPLE_TIME
 from vehicle.cars import Car
 
@@ -24,6 +25,7 @@ Array = NDArray[np.float64]
 HELD_TORQUE = 2.0  # of the hands [N m]
 SETTLING = 2.0  # from the start of the hold to where its ripple is read [s]
 RISE = 0.5  # of the hand torque in the hold [s]
+NO_TORQUE = 1e-6  # below this a creeping law counts as free [N m]; a damper of 1 kN m s/rad is
 
 
 class History(NamedTuple):
@@ -80,6 +82,23 @@ def residual(nested: Array, base: Array) -> Residual:
     return Residual(float(np.sqrt(np.mean(branch**2))), float(np.sqrt(np.mean(loops**2))))
 
 
+def _creep_torque(p: Any, distance: float) -> float:
+    """Torque of a law that creeps at 1 nrad/s, from rest, after a distance [rad]."""
+    memory, w = np.zeros(law_of(p).memory_size(p)), 1e-9
+    advance(p, 1.0, memory, w, distance / w)
+    return torque(p, 1.0, memory, w)
+
+
+def dry(p: Any) -> bool:
+    """Whether a law has dry friction: a torque that stays as the speed of a slide goes to zero."""
+    return _creep_torque(p, 100.0) > NO_TORQUE
+
+
+def set_valued(p: Any) -> bool:
+    """Whether the torque of a law jumps where motion begins."""
+    return _creep_torque(p, 0.0) > NO_TORQUE
+
+
 class Calibration(NamedTuple):
     """Saturated torque and pre-sliding stiffness that LuGre and Masing share after a saturated reversal."""
 
@@ -132,8 +151,8 @@ def _torsion_bar(car: Car, p: Any, assisted: bool, substeps: int) -> Array:
     manoeuvre = manoeuvres.hold(HELD_TORQUE)
     whole = manoeuvres.build_plant(car, manoeuvre, p)
     if not assisted:
-        boost, damping = (np.zeros_like(table) for table in (whole.assist.boost, whole.assist.damping))
-        whole = whole._replace(assist=assist.make(boost=boost, damping=damping))
+        a = whole.assist
+        whole = whole._replace(assist=a._replace(boost=0.0 * a.boost, damping=0.0 * a.damping))
     inputs = manoeuvres.inputs(manoeuvre, HELD_TORQUE, manoeuvre.duration)
     record = np.zeros((len(inputs), len(plant.CHANNELS)))
     plant.run(whole, plant.initial_state(whole), inputs, record, substeps)
@@ -182,8 +201,8 @@ class Verdict(NamedTuple):
     @property
     def share_of_damper(self) -> float:
         """Part of the gap between Masing's ripple and LuGre's that goes when both get the damper."""
-        left = self.masing_damped.ripple - self.lugre_damped.ripple
-        return 1.0 - left / (self.masing.ripple - self.lugre.ripple)
+        gap, left = self.masing.ripple - self.lugre.ripple, self.masing_damped.ripple - self.lugre_damped.ripple
+        return 1.0 - left / gap if gap else math.nan
 
 
 def verdicts(tests: list[Held], ratio: float) -> list[Verdict]:

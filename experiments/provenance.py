@@ -25,6 +25,23 @@ from vehicle.cars import Car
 
 PACKAGES = ("numpy", "numba", "llvmlite", "scipy", "control", "gymnasium", "matplotlib", "jinja2", "rich")
 
+# Of the numbers in a car's data file: unit -> names.
+_NAMES = {
+    "kg": "mass sprung_mass front_unsprung_mass",
+    "kg m2": "roll_inertia yaw_inertia pitch_inertia wheel_inertia",
+    "m": "front_axle rear_axle sprung_height front_track rear_track rear_roll_centre pinion_radius rack_limit"
+    " front_bump_clearance rear_bump_clearance",
+    "m2": "drag_area front_lift_area rear_lift_area",
+    "s": "compliance_time speed_hold_time",
+    "N/m": "front_spring rear_spring bump_stiffness",
+    "N s/m": "front_damper rear_damper",
+    "N m/rad": "front_anti_roll rear_anti_roll compliance",
+    "rad/m": "rear_bump_steer rear_camber_gain",
+    "rad/N": "rear_lateral_compliance",
+    "1": "friction_load",
+}
+UNITS = {name: unit for unit, names in _NAMES.items() for name in names.split()}
+
 
 def versions() -> dict[str, Any]:
     """Version of the project and a digest of its sources, of Python and the packages; machine and date."""
@@ -46,7 +63,7 @@ def _digest_of_sources() -> str:
     digest = hashlib.sha256()
     for package in (friction, vehicle, steer_env, experiments):
         root = Path(package.__file__ or "").parent
-        for file in sorted(path for path in root.rglob("*") if path.suffix in {".py", ".json", ".j2"}):
+        for file in sorted(path for path in root.rglob("*") if path.suffix in {".py", ".json", ".j2", ".css"}):
             digest.update(f"{root.name}/{file.relative_to(root).as_posix()}\0".encode())
             digest.update(file.read_bytes())
     return digest.hexdigest()[:16]
@@ -93,11 +110,15 @@ def car(c: Car) -> dict[str, Any]:
         "description": c.description,
         "source": c.source,
         "assumed": data["assumed"],
-        "chassis": dict(c.chassis),
-        "steering": dict(c.steering),
+        "chassis": _with_units(c.chassis),
+        "steering": _with_units(c.steering),
         "column": parameters(c.column),
         "assist": parameters(c.assist),
     }
+
+
+def _with_units(values: dict[str, float]) -> dict[str, dict[str, Any]]:
+    return {name: {"value": value, "unit": UNITS[name]} for name, value in values.items()}
 
 
 def _prose(module: Any) -> str:

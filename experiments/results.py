@@ -73,7 +73,8 @@ def _of_law(scope: Scope, p: Any, held: bool) -> LawResult:
     )
 
 
-def _of_assist(car: str, speed_kph: float) -> list[Cell]:
+def assist_cells(car: str, speed_kph: float) -> list[Cell]:
+    """Margins of a packaged car's assist loop in every cell of its boost table that assists, at a speed."""
     loaded = cars.load(car)
     cells = []
     for low, high in pairwise(loaded.assist.torques):
@@ -120,7 +121,7 @@ def collect(laws: dict[str, Any], scope: Scope, notify: Notify) -> Results:
         jobs: dict[Any, Any] = {
             pool.submit(_of_law, scope, p, held=first[law_of(p).name] == law): law for law, p in laws.items()
         }
-        jobs |= {pool.submit(_of_assist, scope.car, kph): kph for kph in scope.speeds_kph}
+        jobs |= {pool.submit(assist_cells, scope.car, kph): kph for kph in scope.speeds_kph}
         for i, job in enumerate(as_completed(jobs), start=1):
             found[jobs[job]] = job.result()
             notify(0.75 * i / len(jobs), "driving" if i < len(jobs) else "timing")

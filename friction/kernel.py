@@ -103,7 +103,8 @@ def kernel(function: Callable) -> Any:
         return function
     _add_sources(function)
     # No C callback: nothing takes one, and unpacking a hundred parameters for it is a tenth of the compile time.
-    dispatcher = numba.njit(nogil=True, error_model="numpy", forceinline=True, no_cfunc_wrapper=True)(function)
+    options: dict[str, Any] = {"no_cfunc_wrapper": True}  # missing in numba's own annotations
+    dispatcher = numba.njit(nogil=True, error_model="numpy", forceinline=True, **options)(function)
     _cache(dispatcher)
     return dispatcher
 

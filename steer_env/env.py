@@ -13,6 +13,7 @@ from friction.check import number
 from friction.kernel import bind, kernel
 from steer_env.tasks import Task
 from vehicle import cars, plant
+from vehicle import tyre as tyres
 from vehicle.assist import SAMPLE_TIME
 
 FAILURE = -100.0  # reward of a step that ends in a state that is not finite: worse than any way of driving on
@@ -37,7 +38,11 @@ class SteerEnv(gym.Env):
     speed : float, default 100/3.6
         Held speed, 3 to 70 [m/s].
     vehicle : str, default "compact"
-        A packaged car (``vehicle.cars.available()``).
+        A packaged car (``vehicle.cars.available()``) or your own in a ``.toml`` or ``.json`` file.
+    chassis : {"single_track", "two_track"}, default "single_track"
+        Constant speed and first-order roll, or ten degrees of freedom with drivetrain and brakes.
+    tyre : str, optional
+        A packaged tyre or a ``.tir`` file in place of the car's own.
     control_dt : float, default 0.01
         Time between actions, a whole number of milliseconds up to 100 ms [s].
     render_mode : None or "rgb_array"
@@ -56,6 +61,8 @@ class SteerEnv(gym.Env):
         friction: Any = "lugre",
         speed: float = 100.0 / 3.6,
         vehicle: str = "compact",
+        chassis: str = "single_track",
+        tyre: str | None = None,
         control_dt: float = 0.01,
         render_mode: str | None = None,
     ) -> None:
@@ -68,19 +75,25 @@ class SteerEnv(gym.Env):
         self.render_mode = render_mode
         self.control_dt = dt
         self.task = task = self.make_task()
-        self.plant = cars.load(vehicle).plant(resolve(friction), speed=speed, robot=task.robot)
+        self.speed = number("speed [m/s]", speed, minimum=cars.SPEED_MIN, maximum=cars.SPEED_MAX)
+        car = cars.load(vehicle)
+        if tyre is not None:
+            car = car._replace(tyre=tyres.load(tyre))
+        self.plant = car.plant(resolve(friction), speed=self.speed, robot=task.robot, chassis=chassis)
         bound = np.array([o.bound for o in (*task.channels, *task.situation)], np.float32)
         self.action_space = gym.spaces.Box(-1.0, 1.0, (1,), np.float32)
         self.observation_space = gym.spaces.Box(-bound, bound, dtype=np.float32)
         self._straight = plant.initial_state(self.plant)
         self._state = self._straight.copy()
-        self._row = np.zeros((1, len(plant.CHANNELS)))
+        self._row = np.zeros((1, len(plant.channels(self.plant))))
         self._now_channels = self._row[0]
+        self._straight_channels = self._now_channels.copy()
+        plant.report(self.plant, self._straight, self._straight_channels)
         self._situation = np.zeros(len(task.situation))
         self._observed = np.array([plant.CHANNEL[o.name] for o in task.channels])
         self._bound = bound
         self._inputs = np.zeros((0, len(plant.INPUTS)))
-        self._names = tuple(plant.CHANNEL)
+        self._names = tuple(name for name, _ in plant.channels(self.plant))
         self._run = bind(plant.run, self.plant, self._state, self._inputs, self._row, 1)
         self._observe = bind(_observe, self._now_channels, self._observed, self._situation, bound, bound)
         self._now = 0
@@ -97,10 +110,10 @@ class SteerEnv(gym.Env):
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
         """Start an episode from straight running; ``options`` fixes what the task would draw (see the id)."""
         super().reset(seed=seed)
-        self._inputs = self.task.start(self.np_random, self.plant.chassis.v_x, options or {})
+        self._inputs = self.task.start(self.np_random, self.speed, options or {})
         self._acted = self._inputs[:, self.task.action_input]
         self._state[:] = self._straight
-        self._row[:] = 0.0
+        self._row[:] = self._straight_channels
         self._now = 0
         self._over = False
         self._action = 0.0

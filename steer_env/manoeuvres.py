@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from friction.check import positive
+from friction.law import law_of
 from steer_env.recording import Recording
 from vehicle import plant
 from vehicle.assist import SAMPLE_TIME
@@ -29,7 +30,7 @@ class Manoeuvre:
     """
 
     name: str
-    definition: str
+    hands: str  # what they do
     source: str
     speed: float  # [m/s]
     duration: float  # [s]
@@ -39,6 +40,12 @@ class Manoeuvre:
     lateral_acceleration: float | None = None  # peak to reach [m/s2]
     frequency: float | None = None  # of a periodic manoeuvre [Hz]
     rig: bool = False  # steering on a rig: no rack load, assist off
+
+    @property
+    def definition(self) -> str:
+        """What is driven, in words."""
+        aim = f", amplitude for {self.lateral_acceleration:g} m/s2" if self.lateral_acceleration else ""
+        return f"{self.hands}{aim} {'on a rig' if self.rig else f'at {3.6 * self.speed:.4g} km/h'}."
 
 
 def sine(t: Array, amplitude: float, frequency: float) -> tuple[Array, Array]:
@@ -63,7 +70,7 @@ def weave(frequency: float = 0.2, cycles: int = 12) -> Manoeuvre:
     """On-centre weave; the first and last cycle are for the metrics to drop."""
     return Manoeuvre(
         name="weave",
-        definition=f"Sine of handwheel angle at {frequency:g} Hz, {cycles} cycles, amplitude for 2 m/s2 at 100 km/h.",
+        hands=f"Sine of handwheel angle at {frequency:g} Hz, {cycles} cycles",
         source="after ISO 13674-1",
         speed=100.0 / 3.6,
         duration=cycles / frequency,
@@ -78,7 +85,6 @@ def slow_ramp(frequency: float = 0.02, cycles: int = 5) -> Manoeuvre:
     return replace(
         weave(frequency, cycles),
         name="slow-ramp",
-        definition=f"Sine of handwheel angle at {frequency:g} Hz, {cycles} cycles, amplitude for 2 m/s2 at 50 km/h.",
         source="after the slow-ramp test of steering-feel practice",
         speed=50.0 / 3.6,
     )
@@ -88,7 +94,7 @@ def hold(torque: float = 2.0) -> Manoeuvre:
     """Held-torque test: the hands pull to a torque and hold it; what still moves is the friction law's doing."""
     return Manoeuvre(
         name="hold",
-        definition=f"Hand torque rises to {torque:g} N m in 0.5 s and is held for 5 s at 50 km/h.",
+        hands=f"Hand torque rises to {torque:g} N m in 0.5 s and is held for 5 s",
         source="after the held-steering comparison of LuGre and Masing, JSME D&D 2021, paper 557",
         speed=50.0 / 3.6,
         duration=5.5,
@@ -102,7 +108,7 @@ def rig(frequency: float = 0.2, cycles: int = 5, amplitude: float = 0.35) -> Man
     """Steering on a rig: rack unloaded, assist off, so the hand feels friction and inertia alone."""
     return Manoeuvre(
         name="rig",
-        definition=f"Sine of handwheel angle, {np.degrees(amplitude):.0f} deg at {frequency:g} Hz, {cycles} cycles.",
+        hands=f"Sine of handwheel angle, {np.degrees(amplitude):.0f} deg at {frequency:g} Hz, {cycles} cycles",
         source="steering-rig practice",
         speed=10.0,
         duration=cycles / frequency,
@@ -167,6 +173,11 @@ def find_amplitude(p: plant.Plant, manoeuvre: Manoeuvre) -> float:
     raise ValueError(f"{manoeuvre.name}: no handwheel amplitude reaches {target:g} m/s2 at {manoeuvre.speed:g} m/s")
 
 
+def _text(value: Any) -> str:
+    """A friction parameter as the command line takes it: a number, or numbers joined by colons."""
+    return ":".join(map(repr, np.ravel(value).tolist()))
+
+
 def _run(p: plant.Plant, u: Array) -> Array:
     record = np.zeros((len(u), len(plant.CHANNELS)))
     state = plant.initial_state(p)
@@ -187,7 +198,7 @@ def drive(car: Car, manoeuvre: Manoeuvre, friction: Any = "lugre") -> Recording:
     Returns
     -------
     Recording
-        Channels in SI with their units; its ``meta`` names the manoeuvre, car, law, speed and amplitude.
+        Channels in SI with their units; ``meta`` names manoeuvre, car, law with its parameters, speed and amplitude.
 
     Raises
     ------
@@ -212,7 +223,8 @@ def drive(car: Car, manoeuvre: Manoeuvre, friction: Any = "lugre") -> Recording:
         meta={
             "manoeuvre": manoeuvre.name,
             "vehicle": car.name,
-            "friction": friction if isinstance(friction, str) else type(friction).__name__.lower(),
+            "friction": law_of(p.friction).name,
+            "friction_parameters": ",".join(f"{key}={_text(value)}" for key, value in p.friction._asdict().items()),
             "speed_m_s": manoeuvre.speed,
             "amplitude_rad" if manoeuvre.robot else "amplitude_nm": amplitude,
             "frequency_hz": manoeuvre.frequency,

@@ -26,8 +26,8 @@ from scipy import stats
 from scipy.interpolate import CubicSpline
 
 from steer_env.recording import DEGREE, Recording
+from vehicle.single_track import GRAVITY as G
 
-G = 9.80665  # standard gravity [m/s2]
 ANGLE, TORQUE, AY = "handwheel_angle", "handwheel_torque", "lateral_acceleration"
 YAW, SPEED = "yaw_rate", "vehicle_speed"
 CHANNELS = {ANGLE: "rad", TORQUE: "N m", AY: "m/s2", YAW: "rad/s", SPEED: "m/s"}
@@ -392,8 +392,8 @@ def peak_handwheel_angle(loops: Loops) -> np.ndarray:
 
 
 @metric("J", validity=None, source="energy balance")
-def friction_loss(loops: Loops) -> np.ndarray:
-    """Work of the hands that a cycle does not give back: area of the loop torque over handwheel angle."""
+def loop_area(loops: Loops) -> np.ndarray:
+    """Area of the loop torque over handwheel angle: work of the hands that a cycle does not give back."""
     loops.fundamental(TORQUE)
     torque, angle = loops.cycles(TORQUE), loops.cycles(ANGLE)
     return np.sum(torque * (np.roll(angle, -1, axis=1) - np.roll(angle, 1, axis=1)), axis=1) / 2

@@ -8,9 +8,9 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 from numpy.typing import NDArray
 
+from steer_env.tasks import LaneKeeping
 from vehicle.plant import CHANNEL
 
-LANE = 1.75  # half width [m]
 AHEAD = 60.0  # shown in front of the car [m]
 _CAR = np.array([[-1.9, -0.84], [2.0, -0.84], [2.4, -0.5], [2.4, 0.5], [2.0, 0.84], [-1.9, 0.84]])  # outline [m]
 
@@ -46,7 +46,8 @@ class Renderer:
         )
         if path is not None:
             x_path, y_path, direction = path[:, :3].T
-            for side, style in ((LANE, "-"), (0.0, ":"), (-LANE, "-")):
+            edge = LaneKeeping.lane_half_width
+            for side, style in zip((-edge, 0.0, edge), "-:-"):
                 road.plot(
                     x_path - side * np.sin(direction), y_path + side * np.cos(direction), style, color="0.6", lw=1.2
                 )

@@ -2,10 +2,13 @@
 
 import json
 import math
+import re
+import sys
 from collections.abc import Callable, Iterable
 from functools import lru_cache
-from importlib.resources import files
 from inspect import signature
+from os import PathLike, fspath
+from pathlib import Path
 from typing import Any, NamedTuple
 
 from friction import defaults, resolve
@@ -17,6 +20,13 @@ from vehicle.plant import Plant
 from vehicle.single_track import AIR_DENSITY, GRAVITY, SingleTrack
 from vehicle.suspension import MacPherson
 from vehicle.two_track import Body, TwoTrack
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
+
+DATA = Path(__file__).parent / "data"
 
 # Speeds [m/s]: a single track rolls at constant speed; two tracks stand, park and reverse as well.
 SPEED_MIN, SPEED_MAX = 3.0, 70.0
@@ -333,22 +343,72 @@ def from_data(data: dict[str, Any]) -> Car:
 
 def available() -> tuple[str, ...]:
     """Names of the packaged cars."""
-    return ("compact",)
+    names = (file.stem for file in DATA.glob("*.json"))
+    return tuple(sorted(name for name in names if not name.startswith(("macpherson_", "tyre_"))))
+
+
+def load(name: str | PathLike[str] = "compact") -> Car:
+    """A packaged car by name, or a car of your own from a ``.toml`` or ``.json`` file.
+
+    A file has the sections of the packaged ones (``vehicle/data``), in SI. With a key ``base`` it takes what it lacks
+    from that packaged car. A tyre file (``tyre = "my.tir"``) is looked for beside the car's file.
+
+    Raises
+    ------
+    ValueError
+        An unknown name, with those there are; or in a file, with its name and line: a syntax error, an unknown or
+        missing key, a value outside its range.
+    OSError
+        A file that cannot be read.
+    """
+    text = fspath(name)
+    if text.endswith((".toml", ".json")):
+        return _from_file(Path(text))
+    return _packaged(text)
 
 
 @lru_cache
-def load(name: str = "compact") -> Car:
-    """A packaged car by name; ValueError, listing the names, for any other."""
+def _packaged(name: str) -> Car:
+    return from_data(_data(name))
+
+
+def _data(name: str) -> dict[str, Any]:
     if name not in available():
-        raise ValueError(f"vehicle must be one of {', '.join(available())}, got {name!r}")
-    return from_data(json.loads(files(__package__).joinpath("data", f"{name}.json").read_text(encoding="utf-8")))
+        raise ValueError(f"vehicle must be a .toml or .json file or one of {', '.join(available())}, got {name!r}")
+    return json.loads((DATA / f"{name}.json").read_text(encoding="utf-8"))
+
+
+def _from_file(path: Path) -> Car:
+    text = path.read_text(encoding="utf-8")
+    try:
+        data = tomllib.loads(text) if path.suffix == ".toml" else json.loads(text)
+    except ValueError as error:  # both parsers tell the line
+        raise ValueError(f"{path}: {error}") from None
+    try:
+        if isinstance(data, dict) and "base" in data:
+            if data["base"] not in available():
+                raise ValueError(f"base must be one of {', '.join(available())}, got {data['base']!r}")
+            base = _data(data.pop("base"))
+            _known("car", data, _SECTIONS)
+            sections = {key: {**base[key], **value} for key, value in data.items() if isinstance(value, dict)}
+            data = {**base, "name": path.stem, **data, **sections}
+        if isinstance(data, dict) and str(data.get("tyre", "")).endswith(".tir"):
+            data["tyre"] = str(path.parent / data["tyre"])
+        return from_data(data)
+    except ValueError as error:
+        raise ValueError(f"{path}:{_line(text, str(error))} {error}") from None
+
+
+def _line(text: str, message: str) -> str:
+    """Number of the first line that sets a key which the message names, with a colon; nothing if none does."""
+    named = set(re.findall(r"\w+", message.split(";")[0]))
+    for i, line in enumerate(text.splitlines(), 1):
+        key = re.match(r"""\s*["']?(\w+)["']?\s*[=:]\s*(?!\{)""", line)
+        if key and key.group(1) in named:
+            return f"{i}:"
+    return ""
 
 
 def rack_ratio(car: Car) -> float:
     """Overall steering ratio at centre: handwheel angle per road-wheel angle [1]."""
     return 1.0 / (car.steering["pinion_radius"] * float(car.strut.solve(0.0, 0.0).per_rack.rotation[..., 2]))
-
-
-def degrees_per_millimetre(car: Car) -> float:
-    """Road-wheel angle per rack travel at centre [deg/mm]."""
-    return math.degrees(float(car.strut.solve(0.0, 0.0).per_rack.rotation[..., 2])) / 1000.0

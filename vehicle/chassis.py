@@ -1,8 +1,8 @@
 """What a chassis is to the plant, and the registry of them.
 
-A chassis is a ``NamedTuple`` of parameters and a few kernels; as with friction laws, the class of the parameters selects
-the kernels at compile time. The plant calls ``derivative`` at every node, ``advance`` at every step between nodes and
-``report`` where channels are wanted. Its inputs, one row for each sample of 1 ms, are declared here.
+A chassis is a ``NamedTuple`` of parameters and a few kernels; as with friction laws, the class of the parameters
+selects the kernels at compile time. The plant calls ``derivative`` at every node, ``advance`` at every step between
+nodes and ``report`` where channels are wanted. Its inputs, one row for each sample of 1 ms, are declared here.
 """
 
 from collections.abc import Callable
@@ -49,7 +49,7 @@ class Chassis(NamedTuple):
     states: Names
     outputs: Names
     channels: Names
-    start: Callable[[Any], list[float]]
+    start: Callable
     derivative: Callable
     advance: Callable
     report: Callable
@@ -140,6 +140,6 @@ for _point in (derivative, advance, report, speed, state_size, output_size):
 
 @kernel
 def extrapolated_step(x, rate, before, s, h):
-    """Advance by the rate that the last two nodes extrapolate to the middle of the step: Adams-Bashforth, second order."""
+    """Advance by the rate that the last two nodes extrapolate to the middle of the step (Adams-Bashforth)."""
     for i in range(x.size):
         x[i] += h * (rate[i] + s * (rate[i] - before[i]))

@@ -372,6 +372,9 @@ def axle_spin_step(I, J, omega_l, omega_r, torque_l, torque_r, capacity_l, capac
         Spins at the end [rad/s] and mean brake torques [N m].
     """
     S, c = I / h, 0.25 * J / h
+    if capacity_l == 0.0 and capacity_r == 0.0:
+        mean, half = (torque_l + torque_r) / (2.0 * S + 4.0 * c), (torque_l - torque_r) / (2.0 * S)
+        return omega_l + (mean + half), omega_r + (mean - half), 0.0, 0.0
     before = omega_l + omega_r
     R_l, R_r = S * omega_l + c * before + torque_l, S * omega_r + c * before + torque_r
     low, high = -math.inf, math.inf

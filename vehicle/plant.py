@@ -101,7 +101,7 @@ def _places(p):
 @kernel
 def _evaluate(p, state, u):
     """A new node: chassis derivative, outputs and rack force at the present state, the last ones kept beside them."""
-    rate, rate_before, out, out_before, memory = _places(p)
+    rate, rate_before, out, out_before, _ = _places(p)
     for i in range(rate_before - rate):
         state[rate_before + i] = state[rate + i]
     for i in range(out_before - out):
@@ -155,7 +155,7 @@ def _step(p, state, hand, hand_speed, before, after, elapsed, u, h):
 
 
 @kernel
-def _report(p, state, row):
+def report(p, state, row):
     """Fill a row of channels at the present moment."""
     rate, _, out, out_before, memory = _places(p)
     s = state[_PHASE] / STEPS_PER_NODE
@@ -169,9 +169,7 @@ def _report(p, state, row):
     row[6] = state[_ASSIST + assist.MOTOR_TORQUE]
     row[7] = 1.5 * state[_FRICTION_TORQUE] - 0.5 * state[_FRICTION_TORQUE + 1]
     row[8] = state[_RACK_FORCE] + s * (state[_RACK_FORCE] - state[_RACK_FORCE + 1])
-    chassis.report(
-        p.chassis, state[_CHASSIS:rate], state[out:out_before], state[out_before:memory], s, row[_OWN:]
-    )
+    chassis.report(p.chassis, state[_CHASSIS:rate], state[out:out_before], state[out_before:memory], s, row[_OWN:])
 
 
 @kernel
@@ -220,7 +218,7 @@ def run(p, state, inputs, record, substeps):
                 _evaluate(p, state, u)
                 state[_PHASE] = 0.0
         if i <= last or i == inputs.shape[0] - 1:
-            _report(p, state, row)
+            report(p, state, row)
     finite = True
     for value in state:
         if not abs(value) < math.inf:

@@ -86,6 +86,40 @@ def build(
     return StrutMap(np.ascontiguousarray(table), -rack, 1 / step_r, -travel, 1 / step_t)
 
 
+def linear(
+    steer: float, inclination: float = 0.0, path: float = 0.0, rack: float = 0.075, travel: float = 0.080
+) -> StrutMap:
+    """A table of linear kinematics instead of a solved strut: both wheels steer alike, about their contact centres.
+
+    Parameters
+    ----------
+    steer : float
+        Steer angle by rack [rad/m]; of the loads on the wheel only M_z works on the rack.
+    inclination : float
+        By travel, of the left wheel [rad/m].
+    path : float
+        Way of the left contact to the left by travel, twice the roll centre's height over the track [1].
+    rack, travel : float
+        Range on either side of zero [m].
+
+    Raises
+    ------
+    ValueError
+        A range that is not positive.
+
+    The strut is the wheel's travel itself; no anti-dive.
+    """
+    for name, size in (("rack", rack), ("travel", travel)):
+        if not size > 0.0:
+            raise ValueError(f"{name} is {size!r}; allowed: positive [m]")
+    nodes = np.array([-3.0, -1.0, 1.0, 3.0])  # of the four splines on one cell; a spline of a line is the line
+    q, s = np.meshgrid(rack * nodes, travel * nodes, indexing="ij")
+    zero = 0.0 * q
+    knuckle = (steer * q, inclination * s, zero, zero, zero, zero, zero, zero + steer)
+    motion = (zero, zero + path, zero, s, zero + 1.0)
+    return StrutMap(np.stack([*knuckle, *motion], -1), -rack, 0.5 / rack, -travel, 0.5 / travel)
+
+
 def _basis(cells: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Sites (cells + 3,) in cells and the values there of the cubic B-splines (cells + 3, cells + 3).
 

@@ -107,7 +107,7 @@ CHANNELS = (
 SPIN_BLEND = 1.0  # rolling speed at which pneumatic trail and rolling resistance are whole, assumed [m/s]
 DAMPED_BELOW = 3.0  # rolling speed at which the tyres' structural damping has faded, assumed [m/s]
 LARGEST_SLIP = 2.0  # a sliding patch carries no more of its past than this, assumed [1]
-FASTEST_ROLLING = 400.0  # rate at which rolling wipes out torsion: beyond, nothing is left, and the rule is stable [1/s]
+FASTEST_ROLLING = 400.0  # at which rolling wipes out torsion: no more is left beyond, and the rule is stable [1/s]
 STOP_SOFTNESS = 0.01  # travel over which a bump stop takes up its stiffness, assumed [m]
 
 
@@ -196,6 +196,13 @@ def _limited(rate, slip):
 
 
 @kernel
+def _turned(angle):
+    """Cosine and sine of an angle within a right angle; a root is cheaper than a second series."""
+    s = math.sin(angle)
+    return math.sqrt(1.0 - s * s), s
+
+
+@kernel
 def _pair(out, i):
     """Sum over the wheels that is the same to the bit for the mirrored car."""
     return (out[i] + out[i + 1]) + (out[i + 2] + out[i + 3])
@@ -229,7 +236,7 @@ def derivative(p, strut, c, x, rack, rack_rate, u, dx, out):
     """
     d = p.body[0]
     v_x, v_y, v_z, w_x, w_y, w_z = x[U], x[V], x[W], x[P], x[Q], x[R]
-    c_r, s_r, c_p, s_p = math.cos(x[ROLL]), math.sin(x[ROLL]), math.cos(x[PITCH]), math.sin(x[PITCH])
+    (c_r, s_r), (c_p, s_p) = _turned(x[ROLL]), _turned(x[PITCH])
     # Body to road frame.
     a11, a12, a13 = c_p, s_p * s_r, s_p * c_r
     a22, a23 = c_r, -s_r
@@ -288,7 +295,7 @@ def derivative(p, strut, c, x, rack, rack_rate, u, dx, out):
         # Velocities of the wheel centre along x and of the contact along y: they define slip, and forces work on them.
         centre = V_x + W_y * r_z - W_z * r_y + (a13 + centre_x) * s_rate
         contact = V_y + W_z * r_x - W_x * (r_z - radius) + (a23 + contact_y) * s_rate
-        c_s, s_s = math.cos(steer), math.sin(steer)
+        c_s, s_s = _turned(steer)
         rolling = centre * c_s + contact * s_s
         slip_x, slip_y = rolling - d.R_e * x[SPIN + i], contact * c_s - centre * s_s
 
@@ -296,9 +303,7 @@ def derivative(p, strut, c, x, rack, rack_rate, u, dx, out):
         slow = 1.0 - min(abs(rolling) / DAMPED_BELOW, 1.0)
         kappa = x[KAPPA + i] - d.d_x * slow * slow * slip_x
         tan_a = x[ALPHA + i] + d.d_y * slow * slow * slip_y
-        F_x, F_y, M_x, M_y, M_z = tyre.forces(
-            c, kappa, math.atan(tan_a), inclination + x[ROLL], F_z, abs(rolling), mu
-        )
+        F_x, F_y, M_x, M_y, M_z = tyre.forces(c, kappa, math.atan(tan_a), inclination + x[ROLL], F_z, abs(rolling), mu)
         whole = _fade(rolling, SPIN_BLEND)
         M_y *= whole
         level = max(mu * math.sqrt(F_z / d.torsion_load) * F_z / d.torsion_load, 1e-9)
@@ -309,7 +314,7 @@ def derivative(p, strut, c, x, rack, rack_rate, u, dx, out):
         if not front and d.give_r != 0.0:
             # Compliance steer needs the force first; only the damping at standstill went without it.
             steer += d.give_r * F_y
-            c_s, s_s = math.cos(steer), math.sin(steer)
+            c_s, s_s = _turned(steer)
             rolling = centre * c_s + contact * s_s
             slip_x, slip_y = rolling - d.R_e * x[SPIN + i], contact * c_s - centre * s_s
         dx[KAPPA + i] = _limited((-slip_x - abs(rolling) * x[KAPPA + i]) / d.sigma_x, x[KAPPA + i])
@@ -336,12 +341,7 @@ def derivative(p, strut, c, x, rack, rack_rate, u, dx, out):
         out[_MY + i] = r_z * X_i - r_x * F_z + M_x * s_s + brake - drive
         out[_MZ_SUM + i] = r_x * Y_i - r_y * X_i + M_z
         out[_Q + i] = (
-            a33 * F_z
-            + (a13 + centre_x) * X_i
-            + (a23 + contact_y) * Y_i
-            + carrier_pitch * brake
-            - spring
-            + m_i * d.g_z
+            a33 * F_z + (a13 + centre_x) * X_i + (a23 + contact_y) * Y_i + carrier_pitch * brake - spring + m_i * d.g_z
         )
         dx[SPIN + i] = road_torque + drive - brake
         if front:

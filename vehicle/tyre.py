@@ -1,296 +1,53 @@
-"""Magic Formula tyre: steady-state forces and moments at combined slip.
+"""A tyre for users: checked inputs, symmetry, inflation pressure, packaged sets and property files.
 
-Every force is a sine or cosine of one curve with stiffness B, shape C, peak D and curvature E:
-
-    F = D sin(C atan(B x - E (B x - atan(B x)))) + S_V,    x = slip + S_H
-
-    F_x = G_xa F_x0(kappa)      F_y = G_yk F_y0(alpha) + S_Vyk      M_z = -t (F_y - S_Vyk) + M_zr + s dF_x
-
-The weights G and the lever s couple the slips; t is the pneumatic trail, M_zr the residual torque.
-
-Axes: ISO 8855, x forward, y left, z up; alpha > 0 gives F_y < 0 and M_z > 0. A tyre that rolls backwards is the same
-tyre seen from behind: kappa, alpha, camber, F_x, F_y, M_x and M_y change sign, M_z does not.
-
-Source: Pacejka, Tyre and Vehicle Dynamics, 2nd ed. 2006, section 4.3.2, without turn slip; M_y as in MF-Tyre 5.2.
-Deviations, the first three of which reproduce an independent library to ten digits at kappa = camber = 0:
-
-* F_y0 takes alpha itself; weights, trail and residual torque take tan(alpha). M_zr carries cos(alpha) twice.
-* The asymmetry of E_y follows the sign of alpha, not of alpha + S_H; a short ramp keeps F_y continuous straight ahead.
-* s acts on dF_x, the part of F_x that kappa adds: M_z at pure slip was fitted with the drag at kappa = 0 in it.
-* A load under 1e-6 N gives zeros; the book's small epsilons in denominators are then not needed.
+The equations are kernels on flat coefficients, in ``magic_formula``; their names serve from here too. A property file
+brings scaling factors and pressure terms beside the coefficients: both are folded into the coefficients when a tyre is
+made, so that they cost nothing in a simulation.
 """
 
 import json
 import math
+import os
 from dataclasses import dataclass, field, replace
-from importlib.resources import files
-from typing import NamedTuple
+from importlib.resources import as_file, files
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from friction.check import number, positive
 from friction.kernel import kernel
+from vehicle import folding, tir
+from vehicle.folding import PressureTerms
+from vehicle.magic_formula import cornering_stiffness, forces, forces_slip, longitudinal_stiffness
+from vehicle.tyre_coefficients import ASYMMETRY, MagicFormula, record
 
-
-class MagicFormula(NamedTuple):
-    """Coefficients under their .tir keys. A key that a file lacks is 0, which drops its term (PKY4: 2, as in MF 5.2).
-
-    ``df = F_z/FNOMIN - 1`` and ``g = sin(camber)`` are the load and camber that the terms multiply.
-    """
-
-    FNOMIN: float  # nominal load [N]
-    UNLOADED_RADIUS: float  # free radius R_0 [m]
-    LONGVL: float  # speed of the measurements [m/s]
-    WIDTH: float = 0.0  # section width [m]
-    NOMPRES: float = 0.0  # inflation pressure [Pa]
-    PCX1: float = 0.0  # F_x: shape C [-]
-    PDX1: float = 0.0  # F_x: peak friction [-]
-    PDX2: float = 0.0  # F_x: peak friction, by df [-]
-    PDX3: float = 0.0  # F_x: peak friction, relative loss by g^2 [-]
-    PEX1: float = 0.0  # F_x: curvature E [-]
-    PEX2: float = 0.0  # F_x: curvature, by df [-]
-    PEX3: float = 0.0  # F_x: curvature, by df^2 [-]
-    PEX4: float = 0.0  # F_x: curvature, relative, driving less than braking [-]
-    PKX1: float = 0.0  # F_x: slip stiffness over F_z [-]
-    PKX2: float = 0.0  # F_x: slip stiffness over F_z, by df [-]
-    PKX3: float = 0.0  # F_x: slip stiffness, exponent of df [-]
-    PHX1: float = 0.0  # F_x: shift of kappa [-]
-    PHX2: float = 0.0  # F_x: shift of kappa, by df [-]
-    PVX1: float = 0.0  # F_x: shift of force over F_z [-]
-    PVX2: float = 0.0  # F_x: shift of force over F_z, by df [-]
-    RBX1: float = 0.0  # G_xa: stiffness B [1/rad]
-    RBX2: float = 0.0  # G_xa: fall of B with kappa [-]
-    RBX3: float = 0.0  # G_xa: stiffness B, by g^2 [1/rad]
-    RCX1: float = 0.0  # G_xa: shape C [-]
-    REX1: float = 0.0  # G_xa: curvature E [-]
-    REX2: float = 0.0  # G_xa: curvature, by df [-]
-    RHX1: float = 0.0  # G_xa: shift of alpha [rad]
-    PCY1: float = 0.0  # F_y: shape C [-]
-    PDY1: float = 0.0  # F_y: peak friction, with the sign that the file gives it [-]
-    PDY2: float = 0.0  # F_y: peak friction, by df [-]
-    PDY3: float = 0.0  # F_y: peak friction, relative loss by g^2 [-]
-    PEY1: float = 0.0  # F_y: curvature E [-]
-    PEY2: float = 0.0  # F_y: curvature, by df [-]
-    PEY3: float = 0.0  # F_y: curvature, relative, alpha > 0 less than alpha < 0 [-]
-    PEY4: float = 0.0  # F_y: curvature, relative, the same by g [-]
-    PEY5: float = 0.0  # F_y: curvature, relative, by g^2 [-]
-    PKY1: float = 0.0  # F_y: largest cornering stiffness over FNOMIN [1/rad]
-    PKY2: float = 0.0  # F_y: load of the largest cornering stiffness over FNOMIN [-]
-    PKY3: float = 0.0  # F_y: cornering stiffness, relative loss by g^2 [-]
-    PKY4: float = 2.0  # F_y: cornering stiffness, shape over load [-]
-    PKY5: float = 0.0  # F_y: load of the largest cornering stiffness, by g^2 [-]
-    PKY6: float = 0.0  # F_y: camber stiffness over F_z [1/rad]
-    PKY7: float = 0.0  # F_y: camber stiffness over F_z, by df [1/rad]
-    PHY1: float = 0.0  # F_y: shift of alpha [rad]
-    PHY2: float = 0.0  # F_y: shift of alpha, by df [rad]
-    PVY1: float = 0.0  # F_y: shift of force over F_z [-]
-    PVY2: float = 0.0  # F_y: shift of force over F_z, by df [-]
-    PVY3: float = 0.0  # F_y: shift of force over F_z, by g [-]
-    PVY4: float = 0.0  # F_y: shift of force over F_z, by g df [-]
-    RBY1: float = 0.0  # G_yk: stiffness B [-]
-    RBY2: float = 0.0  # G_yk: fall of B with alpha [1/rad]
-    RBY3: float = 0.0  # G_yk: alpha at the top of that fall [rad]
-    RBY4: float = 0.0  # G_yk: stiffness B, by g^2 [-]
-    RCY1: float = 0.0  # G_yk: shape C [-]
-    REY1: float = 0.0  # G_yk: curvature E [-]
-    REY2: float = 0.0  # G_yk: curvature, by df [-]
-    RHY1: float = 0.0  # G_yk: shift of kappa [-]
-    RHY2: float = 0.0  # G_yk: shift of kappa, by df [-]
-    RVY1: float = 0.0  # S_Vyk: peak over the peak of F_y [-]
-    RVY2: float = 0.0  # S_Vyk: peak, by df [-]
-    RVY3: float = 0.0  # S_Vyk: peak, by g [-]
-    RVY4: float = 0.0  # S_Vyk: fall with alpha [1/rad]
-    RVY5: float = 0.0  # S_Vyk: shape over kappa [-]
-    RVY6: float = 0.0  # S_Vyk: stiffness over kappa [-]
-    QBZ1: float = 0.0  # t: stiffness B [1/rad]
-    QBZ2: float = 0.0  # t: stiffness, by df [1/rad]
-    QBZ3: float = 0.0  # t: stiffness, by df^2 [1/rad]
-    QBZ5: float = 0.0  # t: stiffness, relative, by |g| [-]
-    QBZ6: float = 0.0  # t: stiffness, relative, by g^2 [-]
-    QCZ1: float = 0.0  # t: shape C [-]
-    QDZ1: float = 0.0  # t: peak over R_0 F_z/FNOMIN [-]
-    QDZ2: float = 0.0  # t: peak, by df [-]
-    QDZ3: float = 0.0  # t: peak, relative, by |g| [-]
-    QDZ4: float = 0.0  # t: peak, relative, by g^2 [-]
-    QEZ1: float = 0.0  # t: curvature E [-]
-    QEZ2: float = 0.0  # t: curvature, by df [-]
-    QEZ3: float = 0.0  # t: curvature, by df^2 [-]
-    QEZ4: float = 0.0  # t: curvature, relative, alpha > 0 more than alpha < 0 [-]
-    QEZ5: float = 0.0  # t: curvature, relative, the same by g [-]
-    QHZ1: float = 0.0  # t: shift of alpha [rad]
-    QHZ2: float = 0.0  # t: shift of alpha, by df [rad]
-    QHZ3: float = 0.0  # t: shift of alpha, by g [rad]
-    QHZ4: float = 0.0  # t: shift of alpha, by g df [rad]
-    QBZ9: float = 0.0  # M_zr: fall with alpha [1/rad]
-    QBZ10: float = 0.0  # M_zr: fall with alpha, by B C of F_y [-]
-    QDZ6: float = 0.0  # M_zr: peak over R_0 F_z [-]
-    QDZ7: float = 0.0  # M_zr: peak, by df [-]
-    QDZ8: float = 0.0  # M_zr: peak, by g [-]
-    QDZ9: float = 0.0  # M_zr: peak, by g df [-]
-    QDZ10: float = 0.0  # M_zr: peak, by g |g| [-]
-    QDZ11: float = 0.0  # M_zr: peak, by g |g| df [-]
-    SSZ1: float = 0.0  # s: lever over R_0 [-]
-    SSZ2: float = 0.0  # s: lever, by F_y/FNOMIN [-]
-    SSZ3: float = 0.0  # s: lever, by g [-]
-    SSZ4: float = 0.0  # s: lever, by g df [-]
-    QSX1: float = 0.0  # M_x over R_0 F_z: constant [-]
-    QSX2: float = 0.0  # M_x over R_0 F_z: loss by g [-]
-    QSX3: float = 0.0  # M_x over R_0 F_z: by F_y/FNOMIN [-]
-    QSY1: float = 0.0  # M_y over R_0 F_z: rolling resistance [-]
-    QSY2: float = 0.0  # M_y over R_0 F_z: by F_x/FNOMIN [-]
-    QSY3: float = 0.0  # M_y over R_0 F_z: by |v_x|/LONGVL [-]
-    QSY4: float = 0.0  # M_y over R_0 F_z: by (v_x/LONGVL)^4 [-]
-
-
-# Ply steer, conicity and every other term that tells left from right: reversing them all mirrors the tyre.
-ASYMMETRY = (
-    *("PHY1", "PHY2", "PVY1", "PVY2", "PEY3", "RHX1", "RBY3", "RVY1", "RVY2"),
-    *("QHZ1", "QHZ2", "QEZ4", "QDZ6", "QDZ7", "SSZ1", "QSX1"),
-)
-
-
-def record(c: MagicFormula) -> np.recarray:
-    """The coefficients as a record array (1,), whose element ``[0]`` serves the kernels in place of ``c``.
-
-    A kernel takes the record by its address; the tuple would be unpacked, a hundred floats at every call from Python.
-    """
-    return np.rec.array([tuple(c)], dtype=[(key, np.float64) for key in c._fields])
-
-
-_RAMP = 5e-3  # |alpha| where the asymmetry of E_y is full [rad]; assumed
-_A_MU = 10.0  # how slowly vertical shifts fade on a slippery road (book: lambda'_mu) [-]
+__all__ = [
+    "ASYMMETRY",
+    "EXAMPLES",
+    "Limits",
+    "MagicFormula",
+    "PressureTerms",
+    "Tyre",
+    "cornering_stiffness",
+    "forces",
+    "forces_slip",
+    "from_file",
+    "load",
+    "longitudinal_stiffness",
+    "record",
+    "save",
+    "to_file",
+]
 
 
 @kernel
-def _curve(x, E):
-    """Argument of the outer arc tangent, for x = B (slip + S_H)."""
-    return x - E * (x - math.atan(x)) if E != 0.0 else x
-
-
-@kernel
-def _weight(B, C, E, slip, S_H):
-    """G of combined slip: one where ``slip`` is zero."""
-    G = math.cos(C * math.atan(_curve(B * (slip + S_H), E)))
-    return G / math.cos(C * math.atan(_curve(B * S_H, E))) if S_H != 0.0 else G
-
-
-@kernel
-def _cornering(c, F_z, g2):
-    """K_y, negative [N/rad]."""
-    u = F_z / (c.FNOMIN * (c.PKY2 + c.PKY5 * g2))
-    bend = 2.0 * u / (1.0 + u * u) if c.PKY4 == 2.0 else math.sin(c.PKY4 * math.atan(u))
-    return c.PKY1 * c.FNOMIN * bend / (1.0 + c.PKY3 * g2)
-
-
-@kernel
-def cornering_stiffness(c, F_z):
-    """Size of the slope of F_y over alpha at camber 0 where alpha + S_H = 0 [N/rad]."""
-    return abs(_cornering(c, F_z, 0.0))
-
-
-@kernel
-def longitudinal_stiffness(c, F_z):
-    """Slope of F_x over kappa where kappa + S_H = 0 [N per unit slip]."""
-    df = F_z / c.FNOMIN - 1.0
-    return F_z * (c.PKX1 + c.PKX2 * df) * math.exp(c.PKX3 * df)
-
-
-@kernel
-def forces(c, kappa, alpha, camber, F_z, v_x, mu=1.0):
-    """F_x, F_y [N], M_x, M_y, M_z [N m]: one evaluation of :meth:`Tyre.forces`, which describes the arguments.
-
-    Unchecked, for any ``v_x`` and ``F_z >= 0``; at standstill the caller must blend the result out.
-    """
-    if F_z < 1e-6:
-        return 0.0, 0.0, 0.0, 0.0, 0.0
-    way = 1.0 if v_x >= 0.0 else -1.0
-    kappa, alpha, g = way * kappa, way * alpha, way * math.sin(camber)
-    g2, g_abs = g * g, abs(g)
-    tan_a = math.tan(alpha)
-    cos_a = 1.0 / math.sqrt(1.0 + tan_a * tan_a)
-    per_load = 1.0 / c.FNOMIN
-    df = F_z * per_load - 1.0
-    fade = _A_MU * mu / (1.0 + (_A_MU - 1.0) * mu) if mu != 1.0 else 1.0
-
-    # Longitudinal; without shifts nothing is left to compute at kappa = 0
-    F_x = dF_x = K_x = S_Vk = 0.0
-    S_H = c.PHX1 + c.PHX2 * df
-    S_V = F_z * (c.PVX1 + c.PVX2 * df) * fade
-    if kappa != 0.0 or S_H != 0.0 or S_V != 0.0:
-        D = (c.PDX1 + c.PDX2 * df) * (1.0 - c.PDX3 * g2) * mu * F_z
-        K_x = longitudinal_stiffness(c, F_z)
-        B = K_x / (c.PCX1 * D)
-        E_0 = c.PEX1 + c.PEX2 * df + c.PEX3 * df * df
-        E = min(E_0 * (1.0 - c.PEX4 * math.copysign(1.0, kappa + S_H)), 1.0)
-        F_x = D * math.sin(c.PCX1 * math.atan(_curve(B * (kappa + S_H), E))) + S_V
-        B_a = c.RBX1 + c.RBX3 * g2
-        if kappa != 0.0:
-            dF_x = F_x - S_V
-            if S_H != 0.0:
-                E = min(E_0 * (1.0 - c.PEX4 * math.copysign(1.0, S_H)), 1.0)
-                dF_x -= D * math.sin(c.PCX1 * math.atan(_curve(B * S_H, E)))
-            y = c.RBX2 * kappa
-            B_a /= math.sqrt(1.0 + y * y)  # cos(atan(y)) = 1/sqrt(1 + y^2), here and below
-        G = _weight(B_a, c.RCX1, min(c.REX1 + c.REX2 * df, 1.0), tan_a, c.RHX1)
-        F_x, dF_x = G * F_x, G * dF_x
-
-    # Lateral at kappa = 0
-    K_y = _cornering(c, F_z, g2)
-    per_K = 1.0 / K_y
-    S_Vg = F_z * (c.PVY3 + c.PVY4 * df) * g * fade
-    S_V = F_z * (c.PVY1 + c.PVY2 * df) * fade + S_Vg
-    S_H = c.PHY1 + c.PHY2 * df + (F_z * (c.PKY6 + c.PKY7 * df) * g - S_Vg) * per_K
-    D = (c.PDY1 + c.PDY2 * df) * (1.0 - c.PDY3 * g2) * mu * F_z
-    BC = K_y / D
-    hand = min(max(alpha / _RAMP, -1.0), 1.0)
-    E = min((c.PEY1 + c.PEY2 * df) * (1.0 + c.PEY5 * g2 - (c.PEY3 + c.PEY4 * g) * hand), 1.0)
-    F_y = D * math.sin(c.PCY1 * math.atan(_curve(BC / c.PCY1 * (alpha + S_H), E))) + S_V
-
-    # Slip angles of trail and residual torque
-    a_t = tan_a + c.QHZ1 + c.QHZ2 * df + (c.QHZ3 + c.QHZ4 * df) * g
-    a_r2 = (tan_a + S_H + S_V * per_K) ** 2
-
-    # What kappa does to them; at kappa = 0 each factor is exactly one and each term exactly zero
-    if kappa != 0.0:
-        y = c.RBY2 * (tan_a - c.RBY3)
-        B = (c.RBY1 + c.RBY4 * g2) / math.sqrt(1.0 + y * y)
-        F_y *= _weight(B, c.RCY1, min(c.REY1 + c.REY2 * df, 1.0), kappa, c.RHY1 + c.RHY2 * df)
-        y = c.RVY4 * tan_a
-        D *= (c.RVY1 + c.RVY2 * df + c.RVY3 * g) / math.sqrt(1.0 + y * y)
-        S_Vk = D * math.sin(c.RVY5 * math.atan(c.RVY6 * kappa))
-        y = K_x * per_K * kappa
-        a_t = math.copysign(math.sqrt(a_t * a_t + y * y), a_t)
-        a_r2 += y * y
-
-    # Aligning
-    B = (c.QBZ1 + c.QBZ2 * df + c.QBZ3 * df * df) * (1.0 + c.QBZ5 * g_abs + c.QBZ6 * g2) / mu
-    E = c.QEZ1 + c.QEZ2 * df + c.QEZ3 * df * df
-    y = c.QEZ4 + c.QEZ5 * g
-    if y != 0.0:
-        E *= 1.0 + y * (2.0 / math.pi) * math.atan(B * c.QCZ1 * a_t)
-    R_0 = c.UNLOADED_RADIUS
-    t = F_z * per_load * R_0 * (c.QDZ1 + c.QDZ2 * df) * (1.0 + c.QDZ3 * g_abs + c.QDZ4 * g2) * cos_a
-    t *= math.cos(c.QCZ1 * math.atan(_curve(B * a_t, min(E, 1.0))))
-    B = c.QBZ9 / mu + c.QBZ10 * BC
-    D = c.QDZ6 + c.QDZ7 * df + (c.QDZ8 + c.QDZ9 * df + (c.QDZ10 + c.QDZ11 * df) * g_abs) * g
-    M_z = F_z * R_0 * D * mu * cos_a * cos_a / math.sqrt(1.0 + B * B * a_r2) - t * F_y
-    F_y += S_Vk
-    y = F_y * per_load
-    M_z += R_0 * (c.SSZ1 + c.SSZ2 * y + (c.SSZ3 + c.SSZ4 * df) * g) * dF_x
-    M_x = R_0 * F_z * (c.QSX1 - c.QSX2 * g + c.QSX3 * y)
-    v = abs(v_x) / c.LONGVL
-    M_y = -R_0 * F_z * (c.QSY1 + c.QSY2 * F_x * per_load + c.QSY3 * v + c.QSY4 * (v * v) * (v * v))
-    return way * F_x, way * F_y, way * M_x, way * M_y, M_z
-
-
-@kernel
-def _forces_of_arrays(c, kappa, alpha, camber, F_z, v_x, mu, out):
+def _forces_of_arrays(c, kappa, alpha, camber, F_z, v_x, mu, turn_slip, out):
     for i in range(out.shape[1]):
-        out[:, i] = forces(c, kappa[i], alpha[i], camber[i], F_z[i], v_x[i], mu[i])
+        out[:, i] = forces(c[0], kappa[i], alpha[i], camber[i], F_z[i], v_x[i], mu[i], turn_slip[i])
 
 
 class Limits(NamedTuple):
-    """Inputs that :meth:`Tyre.forces` takes, by magnitude; assumed, the data set names none."""
+    """Inputs that :meth:`Tyre.forces` takes, by magnitude; assumed, except where a property file names its ranges."""
 
     kappa: float = 1.5  # longitudinal slip [-]
     alpha: float = 1.5  # slip angle [rad]
@@ -298,6 +55,7 @@ class Limits(NamedTuple):
     load: float = 3.0  # F_z over FNOMIN: beyond, the quadratics in df turn over [-]
     v_x_low: float = 1.0  # slip has no meaning at standstill [m/s]
     v_x_high: float = 100.0  # [m/s]
+    turn_slip: float = 10.0  # a turn on a radius of 0.1 m [1/m]
 
 
 @dataclass(frozen=True)
@@ -317,11 +75,14 @@ class Tyre:
     relaxation_length: float = 0.55  # lateral, assumed [m]
     longitudinal_relaxation_length: float = 0.3  # assumed [m]
     vertical_stiffness: float = 200e3  # assumed [N/m]
+    pressure: PressureTerms = field(default_factory=PressureTerms)
 
     def __post_init__(self) -> None:
         c = self.coefficients
         for key, value in c._asdict().items():
             number(key, value)
+        if c.FITTYP not in (52.0, 60.0, 61.0):
+            raise ValueError(f"FITTYP must be 52, 60 or 61, got {c.FITTYP!r}")
         for key in ("FNOMIN", "UNLOADED_RADIUS", "LONGVL", "PCX1", "PDX1", "PKX1", "PCY1", "PKY2"):
             positive(key, getattr(c, key))
         for key in ("relaxation_length", "longitudinal_relaxation_length", "vertical_stiffness"):
@@ -346,7 +107,37 @@ class Tyre:
         """The same tyre on the other side: its F_y(alpha, camber) is exactly -F_y(-alpha, -camber) of this one."""
         return self._scale_asymmetry(-1.0)
 
-    def forces(self, kappa, alpha, camber, F_z, v_x, mu=1.0) -> tuple[np.ndarray, ...]:
+    def at_pressure(self, p: float) -> "Tyre":
+        """This tyre at inflation pressure ``p`` [Pa]: coefficients, relaxation lengths and vertical stiffness.
+
+        Raises
+        ------
+        ValueError
+            ``p`` is not positive, the tyre names no pressure, or ``p`` turns the sign of a coefficient.
+        """
+        p = positive("inflation pressure [Pa]", p)
+        c, now = self.coefficients, self.pressure.inflation
+        if not (c.NOMPRES > 0.0 and now > 0.0):
+            raise ValueError(f"{self.name} has no nominal inflation pressure, so none can be chosen")
+        if not any(self.pressure[1:]) and p != now:
+            raise ValueError(f"{self.name} has no pressure terms: it holds at {now:g} Pa only, got {p:g}")
+        old, new = (self.pressure.factors(each / c.NOMPRES - 1.0) for each in (now, p))
+        for key, factor in (old | new).items():
+            if not (new[key] > 0.0 and old[key] > 0.0):
+                raise ValueError(
+                    f"inflation pressure {p:g} Pa is outside the fit of {self.name}: factor {factor:g} of {key}"
+                )
+        ratio = {key: new[key] / old[key] for key in new}
+        return replace(
+            self,
+            coefficients=c._replace(**{k: getattr(c, k) * f for k, f in ratio.items() if not k.startswith("C_")}),
+            relaxation_length=self.relaxation_length * _stiffness_ratio(c, ratio) / ratio["C_y"],
+            longitudinal_relaxation_length=self.longitudinal_relaxation_length * ratio["PKX1"] / ratio["C_x"],
+            vertical_stiffness=self.vertical_stiffness * ratio["C_z"],
+            pressure=self.pressure._replace(inflation=p),
+        )
+
+    def forces(self, kappa, alpha, camber, F_z, v_x, mu=1.0, turn_slip=0.0) -> tuple[np.ndarray, ...]:
         """Steady-state forces and moments of the road on the tyre, ISO 8855.
 
         Parameters
@@ -359,6 +150,8 @@ class Tyre:
             Load [N] and speed along x: its sign, and its size in the rolling resistance [m/s].
         mu : float or array
             Friction of the road over that of the measurements; scales the peaks of F_x, F_y and M_zr [-].
+        turn_slip : float or array
+            Yaw rate of the wheel over ``|v_x|``, positive turning left; no effect without its coefficients [1/m].
 
         Returns
         -------
@@ -371,7 +164,7 @@ class Tyre:
             An input that is not finite or outside :attr:`limits`, or shapes that do not broadcast.
         """
         top = self.limits
-        arrays = [np.asarray(value, dtype=float) for value in (kappa, alpha, camber, F_z, v_x, mu)]
+        arrays = [np.asarray(value, dtype=float) for value in (kappa, alpha, camber, F_z, v_x, mu, turn_slip)]
         for name, value, low, high, unit in (
             ("kappa", arrays[0], -top.kappa, top.kappa, ""),
             ("alpha", arrays[1], -top.alpha, top.alpha, " rad"),
@@ -379,30 +172,147 @@ class Tyre:
             ("F_z", arrays[3], 0.0, top.load * self.coefficients.FNOMIN, " N"),
             ("|v_x|", np.abs(arrays[4]), top.v_x_low, top.v_x_high, " m/s"),
             ("mu", arrays[5], 0.01, 2.0, ""),
+            ("turn_slip", arrays[6], -top.turn_slip, top.turn_slip, " 1/m"),
         ):
             wrong = value[~((value >= low) & (value <= high))]  # NaN is wrong too
             if wrong.size:
                 raise ValueError(f"{name} must be within {low:g} to {high:g}{unit}, got {float(wrong[0])!r}")
         shape = np.broadcast_shapes(*(array.shape for array in arrays))
         out = np.empty((5, math.prod(shape)))
-        _forces_of_arrays(self.coefficients, *(np.broadcast_to(array, shape).ravel() for array in arrays), out)
+        _forces_of_arrays(record(self.coefficients), *(np.broadcast_to(array, shape).ravel() for array in arrays), out)
         return tuple(out.reshape(5, *shape))
 
 
-_PACKAGED = {"pacejka_2006_205_60r15": "tyre_205_60R15_pacejka2006.json"}
+def _stiffness_ratio(c: MagicFormula, ratio: dict[str, float]) -> float:
+    """What pressure does to the cornering stiffness at the nominal load."""
+    changed = c._replace(PKY1=c.PKY1 * ratio["PKY1"], PKY2=c.PKY2 * ratio["PKY2"])
+    return cornering_stiffness(changed, c.FNOMIN) / cornering_stiffness(c, c.FNOMIN)
 
 
-def load(name: str = "pacejka_2006_205_60r15", symmetric: bool = False) -> Tyre:
-    """A packaged tyre; ``symmetric`` as in :meth:`Tyre.symmetric`.
+def from_file(file: tir.PropertyFile, name: str = "tyre") -> Tyre:
+    """The tyre that a property file describes, at its inflation pressure (INFLPRES, else NOMPRES).
+
+    Scaling factors are folded into the coefficients. Relaxation lengths are those at the nominal load: 5.2 by PTX and
+    PTY, the others cornering and slip stiffness over the stiffness of the carcass; ranges become :class:`Limits`,
+    where they are narrower than what the equations bear. Absent, these keep the defaults of :class:`Tyre`.
 
     Raises
     ------
     ValueError
-        Unknown name.
+        Coefficients that :class:`Tyre` refuses, or pressure terms without a NOMPRES.
     """
-    if name not in _PACKAGED:
-        raise ValueError(f"tyre must be one of {', '.join(_PACKAGED)}, got {name!r}")
-    data = json.loads(files(__package__).joinpath("data", _PACKAGED[name]).read_text(encoding="utf-8"))
-    coefficients = MagicFormula(**{key: float(value) for key, value in data["coefficients"].items()})
-    tyre = Tyre(name, data["source"], coefficients)
+    c, pressure = folding.coefficients(file)
+    tyre = Tyre(
+        name,
+        f"property file, FITTYP {file.version}, measured on side {file.sections['MODEL'].get('TYRESIDE', 'unknown')}",
+        c,
+        _limits(file, c),
+        pressure=pressure,
+        **folding.carcass(file, c),
+    )
+    inflation = file.get("OPERATING_CONDITIONS", "INFLPRES", c.NOMPRES)
+    return tyre.at_pressure(inflation) if inflation > 0.0 and any(pressure[1:]) else tyre
+
+
+def _limits(file: tir.PropertyFile, c: MagicFormula) -> Limits:
+    """The ranges of a file, by magnitude; tan(alpha) and the fits in camber and load bear no more than the defaults."""
+    most = Limits()
+
+    def within(section: str, low: str, high: str, widest: float, per: float = 1.0) -> float:
+        given = [abs(file.get(section, key)) / per for key in (low, high) if key in file.sections.get(section, {})]
+        given = [value for value in given if value > 0.0]
+        return min([*given, widest])
+
+    return most._replace(
+        kappa=within("LONG_SLIP_RANGE", "KPUMIN", "KPUMAX", most.kappa),
+        alpha=within("SLIP_ANGLE_RANGE", "ALPMIN", "ALPMAX", most.alpha),
+        camber=within("INCLINATION_ANGLE_RANGE", "CAMMIN", "CAMMAX", most.camber),
+        load=within("VERTICAL_FORCE_RANGE", "FZMAX", "FZMAX", most.load, c.FNOMIN),
+    )
+
+
+def to_file(tyre: Tyre) -> tir.PropertyFile:
+    """A property file for the coefficients as they are, with every scaling factor 1, in SI units.
+
+    Pressure terms are in the coefficients already: the nominal pressure of the file is the present one.
+
+    Raises
+    ------
+    ValueError
+        A tyre whose file scaled the friction: its vertical shifts fade by another law than a file can name.
+    """
+    c = tyre.coefficients
+    version = 62 if c.TURN_SLIP and c.FITTYP == 61.0 else int(c.FITTYP)
+    if (c.LMUX, c.LMUY) != (1.0, 1.0):
+        raise ValueError(f"{tyre.name} has LMUX or LMUY in its coefficients: copy its property file instead")
+    values = c._asdict()
+    if version != 60:
+        values["QDZ3"] = c.QDZ3G
+    R_0, top, p = c.UNLOADED_RADIUS, tyre.limits, tyre.pressure.inflation
+    if version == 52:  # PTY2 = 1 puts the peak of the sine at the nominal load
+        values |= {"PTX1": tyre.longitudinal_relaxation_length / R_0, "PTY1": tyre.relaxation_length / R_0, "PTY2": 1.0}
+    sections: dict[str, dict[str, Any]] = {
+        "MDI_HEADER": {"FILE_TYPE": "tir", "FILE_VERSION": 3.0, "FILE_FORMAT": "ASCII"},
+        "UNITS": {"LENGTH": "meter", "FORCE": "newton", "ANGLE": "radians", "MASS": "kg", "TIME": "second"},
+        "MODEL": {"FITTYP": float(version), "TYRESIDE": "LEFT", "LONGVL": c.LONGVL},
+        "DIMENSION": {"UNLOADED_RADIUS": R_0, "WIDTH": c.WIDTH},
+        "OPERATING_CONDITIONS": {"INFLPRES": p, "NOMPRES": p} if p > 0.0 else {},
+        "VERTICAL": {"FNOMIN": c.FNOMIN, "VERTICAL_STIFFNESS": tyre.vertical_stiffness},
+        "STRUCTURAL": {
+            "LONGITUDINAL_STIFFNESS": longitudinal_stiffness(c, c.FNOMIN) / tyre.longitudinal_relaxation_length,
+            "LATERAL_STIFFNESS": cornering_stiffness(c, c.FNOMIN) / tyre.relaxation_length,
+        },
+        "VERTICAL_FORCE_RANGE": {"FZMIN": 0.0, "FZMAX": top.load * c.FNOMIN},
+        "LONG_SLIP_RANGE": {"KPUMIN": -top.kappa, "KPUMAX": top.kappa},
+        "SLIP_ANGLE_RANGE": {"ALPMIN": -top.alpha, "ALPMAX": top.alpha},
+        "INCLINATION_ANGLE_RANGE": {"CAMMIN": -top.camber, "CAMMAX": top.camber},
+        tir.SCALING: dict.fromkeys(tir.coefficients(tir.SCALING, version), 1.0),
+    }
+    for section in tir.COEFFICIENTS:
+        sections[section] = {key: values.get(key, 0.0) for key in tir.coefficients(section, version)}
+    if version == 52:
+        del sections["STRUCTURAL"]
+    return tir.PropertyFile(version, {name: entries for name, entries in sections.items() if entries})
+
+
+def save(tyre: Tyre, path: str | os.PathLike) -> None:
+    """Write a tyre as a property file: :func:`tir.write` of :func:`to_file`, which name what they refuse."""
+    tir.write(path, to_file(tyre))
+
+
+_PACKAGED = {"pacejka_2006_205_60r15": "tyre_205_60R15_pacejka2006.json"}
+EXAMPLES = ("example_mf52", "example_mf61", "example_mf62")  # of the formats: plausible numbers that nobody measured
+
+
+def load(name: str | os.PathLike = "pacejka_2006_205_60r15", symmetric: bool = False) -> Tyre:
+    """A packaged tyre by its name, or one from a property file by its path, which ends in ``.tir``.
+
+    ``symmetric`` as in :meth:`Tyre.symmetric`.
+
+    Raises
+    ------
+    ValueError
+        Unknown name; a file that :func:`tir.read` or :func:`from_file` refuses.
+    OSError
+        No such file.
+    """
+    name = os.fspath(name)
+    if name.lower().endswith(".tir"):
+        file = tir.read(name)
+        try:
+            tyre = from_file(file, os.path.splitext(os.path.basename(name))[0])
+        except ValueError as problem:
+            raise ValueError(f"{name}: {problem}") from None
+    elif name in EXAMPLES:
+        with as_file(files(__package__).joinpath("data", f"{name}.tir")) as path:
+            tyre = from_file(tir.read(path), name)
+    elif name in _PACKAGED:
+        data = json.loads(files(__package__).joinpath("data", _PACKAGED[name]).read_text(encoding="utf-8"))
+        coefficients = MagicFormula(**{key: float(value) for key, value in data["coefficients"].items()})
+        tyre = Tyre(name, data["source"], coefficients, pressure=PressureTerms(inflation=coefficients.NOMPRES))
+    else:
+        raise ValueError(
+            f"tyre must be one of {', '.join(_PACKAGED)}, got {name!r}; "
+            f"or an example of the formats, {', '.join(EXAMPLES)}, or a path that ends in .tir"
+        )
     return tyre.symmetric() if symmetric else tyre

@@ -22,6 +22,15 @@ def test_one_calibration_holds_on_the_saturated_branches_only():
     assert 0.02 < masing.nested < 0.05
 
 
+def test_dry_and_set_valued_are_read_off_any_law(toy):
+    found = {law: (study.dry(friction.make(law)), study.set_valued(friction.make(law))) for law in friction.available()}
+    assert found.pop("viscous") == (False, False)
+    assert found.pop("coulomb") == (True, True)
+    assert "toy_jenkins" in found
+    assert set(found.values()) == {(True, False)}
+    assert not study.dry(friction.make("viscous", sigma_2=100.0))
+
+
 def test_the_nested_loops_turn_where_the_residual_thinks():
     x = study.HISTORIES["nested_loops"].x / study.DEGREE
     assert (x[study.SATURATED_TURN], x[study.NESTED_TURN]) == pytest.approx((4.0, 2.0))

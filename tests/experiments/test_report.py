@@ -11,10 +11,11 @@ from html.parser import HTMLParser
 import pytest
 
 import friction
-from experiments import battery, findings, report
+from experiments import battery, findings, provenance, report
 from experiments.files import replaced_directory
-from experiments.results import Scope
+from experiments.results import Scope, _pool
 from steer_env import metrics
+from vehicle import cars
 
 LAWS = {law: friction.make(law) for law in ("lugre", "masing")}
 SCOPE = Scope(cycles=(("weave", 6), ("slow_ramp", 5)), steps=(1e-3, 1e-2), speeds_kph=(0.0,), workers=2)
@@ -29,6 +30,11 @@ def made(tmp_path_factory):
     assert seen == sorted(seen)
     assert seen[-1] == 1.0
     return out, results
+
+
+@pytest.fixture(scope="module")
+def source(made):
+    return report.provenance_of(made[1])
 
 
 class Page(HTMLParser):
@@ -109,6 +115,64 @@ def test_refused_metrics_are_null_with_a_reason(made, monkeypatch):
     assert "Refused: yaw lag (lugre): no yaw rate." in report.render(changed, source)
 
 
+def row_of(law, **changes):
+    """A change of the results: the midpoint row of a law at 1 ms."""
+
+    def change(results):
+        rows = [row._replace(**changes) if row[:2] == ("midpoint", 1e-3) else row for row in results.tables[law]]
+        return results._replace(tables={**results.tables, law: rows})
+
+    return change
+
+
+def held(which, **changes):
+    """A change of the results: the held-torque tests that are chosen."""
+    return lambda results: results._replace(held=[t._replace(**changes) if which(t) else t for t in results.held])
+
+
+def bare(test):
+    return test.damping_ratio == 0.0
+
+
+@pytest.mark.parametrize(
+    ("change", "gone", "instead"),
+    [
+        (row_of("masing", ns_per_step=1e4), "LuGre costs extra time, but little", "LuGre costs no extra time"),
+        (row_of("masing", ns_per_step=1e4), "as an exponential and a Newton step cost more", "does not cost more than"),
+        (row_of("masing", ns_per_step=1.0), "The cheapest step with every law", "Explicit Euler: usable"),
+        (row_of("lugre", worst_step_ns=1e6), "LuGre costs extra time, but little", "LuGre costs extra time;"),
+        (row_of("lugre", worst_step_ns=1e6), "hardly: 0.", "yes: 0."),
+        (row_of("masing", worst_step_ns=1e6), "Masing does not break real time", "Masing strains real time"),
+        (row_of("masing", error=0.5), "neither costs accuracy that matters", "50\u00a0% RMS."),
+        (
+            held(lambda test: bare(test) and test.law == "masing", ripple=1e-9),
+            "yes, unless a micro-damper is there",
+            "Masing does not vibrate more than LuGre",
+        ),
+        (held(bare, ripple_fine=1.0), "the step does not cause it", "the step has a part in it"),
+        (held(lambda test: not bare(test) and test.law == "masing", ripple=1.0), "closes nearly all", "leaves a gap"),
+        (held(lambda test: test.assist == "off", lasting=1.0), "so the vibration lasts", "Masing's elements below"),
+    ],
+)
+def test_a_claim_changes_with_its_number(made, source, monkeypatch, change, gone, instead):
+    monkeypatch.setattr(report, "_figures", lambda _: dict.fromkeys(FIGURES, "<svg/>"))
+    before, after = (report.render(results, source) for results in (sure(made[1]), change(sure(made[1]))))
+    assert gone in before
+    assert gone not in after
+    assert instead in after
+
+
+def sure(results):
+    """The results with times that no slow spell of the machine has a say in."""
+    times = {"midpoint": 200.0, "explicit Euler": 10.0, "backward Euler": 1000.0}
+
+    def timed(law, row):
+        ns = times[row.scheme] / (2.0 if law == "masing" else 1.0)
+        return row._replace(ns_per_step=ns, worst_step_ns=2.0 * ns) if row.bounded else row
+
+    return results._replace(tables={law: [timed(law, row) for row in rows] for law, rows in results.tables.items()})
+
+
 def test_one_law_alone_makes_a_page_too(made):
     _, results = made
     alone = results._replace(
@@ -120,6 +184,18 @@ def test_one_law_alone_makes_a_page_too(made):
         held=[test for test in results.held if test.law == "masing"],
     )
     assert "made without one of them" in report.render(alone, report.provenance_of(alone))
+
+
+def test_a_law_from_outside_reaches_the_worker_processes(toy):
+    with _pool(1) as pool:
+        found = pool.submit(friction.response, friction.make("toy_jenkins"), [0.0, 0.1], 1e-3).result()
+    assert found.tolist() == [0.0, 0.9]
+
+
+def test_every_number_of_the_car_has_its_unit():
+    car = cars.load()
+    assert set(provenance.UNITS) == {*car.chassis, *car.steering}
+    assert provenance.car(car)["chassis"]["mass"] == {"value": car.chassis["mass"], "unit": "kg"}
 
 
 def test_shares_are_of_the_value_or_of_the_usual_range():

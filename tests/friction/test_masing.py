@@ -1,4 +1,4 @@
-"""Masing's rules, which are exact: branches, memory, work, the step equation; and Dahl beside it."""
+"""Masing's step equation, constructors, and Dahl beside it; ``experiments.oracles`` has branches, memory and work."""
 
 import math
 
@@ -6,30 +6,9 @@ import numpy as np
 import pytest
 
 import friction
+from experiments.oracles import DYADIC, at_rest, exponential
 from friction import law
 from friction.models.masing import Masing, from_virgin_curve, virgin_torque
-from tests.friction.contracts import at_rest
-
-# Binary fractions, with which sums of displacements are exact: equality to the bit is owed.
-DYADIC = friction.make("masing", k=[64.0, 32.0, 16.0, 8.0], y=[1 / 512, 1 / 256, 3 / 256, 1 / 32])
-DT = 1 / 1024
-
-
-def dyadic(*numerators):
-    return np.array(numerators) / 1024
-
-
-def loop_work(p, A):
-    """Work of a settled cycle between ``-A`` and ``A``: the torque is straight between these vertices."""
-    up = np.unique(np.r_[-A, np.minimum(-A + 2.0 * p.y, A), A])
-    x = np.r_[0.0, A, -up, up]
-    torque = friction.response(p, x, 1e-3)
-    return np.trapezoid(torque[1:], x[1:])
-
-
-def virgin_area(p, A):
-    """Integral of the virgin curve to ``A``."""
-    return np.sum(p.k * np.where(A < p.y, 0.5 * A**2, p.y * (A - 0.5 * p.y)))
 
 
 def mean_torque(p, memory, w, h):
@@ -41,46 +20,9 @@ def mean_torque(p, memory, w, h):
     return side * np.sum(p.k * (springs + damper))
 
 
-@pytest.mark.parametrize("x_r", [0.001, 0.006, 0.02, 0.1])
-def test_branch_after_reversal(x_r):
-    p = friction.make("masing")
-    x = np.r_[0.0, np.linspace(x_r, -x_r, 101)]
-    expected = virgin_torque(p, x_r) - 2.0 * virgin_torque(p, (x_r - x[1:]) / 2.0)
-    # a step's rounding, some 1e-16 of the way, passes through 100 steps and a stiffness of 230 N m/rad
-    np.testing.assert_allclose(friction.response(p, x, 1e-3)[1:], expected, rtol=0.0, atol=2e-15 + 1e-14 * x_r * 230.0)
-
-
 def test_virgin_branch():
-    x = dyadic(*range(64))
-    np.testing.assert_array_equal(friction.response(DYADIC, x, DT), virgin_torque(DYADIC, x))
-
-
-def test_return_point_memory_and_wiping_out():
-    plain = friction.response(DYADIC, dyadic(0, 20, -8, 20, 25), DT)
-    nested = friction.response(DYADIC, dyadic(0, 20, -8, 10, 2, 7, 5, 7, 2, 10, -8, 20, 25), DT)
-    assert nested[2] == nested[10] == plain[2]  # every inner loop closes where it was left
-    assert nested[3] == nested[9]
-    assert nested[4] == nested[8]
-    assert nested[5] == nested[7]
-    np.testing.assert_array_equal(nested[11:], plain[3:])  # and the way out has forgotten it
-    virgin = virgin_torque(DYADIC, 25 / 1024)
-    assert plain[4] == virgin  # past the first tip the virgin curve goes on
-
-
-def test_saturation_wipes_out_everything():
-    start = dyadic(0, 3, -17, 5, 100, 90)
-    other = dyadic(0, -40, 100, 90)
-    assert friction.response(DYADIC, start, DT)[-1] == friction.response(DYADIC, other, DT)[-1]
-
-
-@pytest.mark.parametrize("A", [0.0005, 0.004, 0.012, 0.05])
-@pytest.mark.parametrize("p", [friction.make("masing"), DYADIC, friction.make("masing", k=[50.0], y=[0.003])])
-def test_work_per_cycle(p, A):
-    f = virgin_torque(p, A)
-    rounding = 1e-14 * 4.0 * A * f  # dozens of roundings of the largest product
-    elements = 4.0 * np.sum(p.k * p.y * np.maximum(A - p.y, 0.0))
-    assert abs(8.0 * virgin_area(p, A) - 4.0 * A * f - elements) <= rounding
-    assert abs(loop_work(p, A) - elements) <= rounding
+    x = np.arange(64) / 1024
+    np.testing.assert_array_equal(friction.response(DYADIC, x, 1 / 1024), virgin_torque(DYADIC, x))
 
 
 def test_step_equation_is_solved_exactly():
@@ -136,19 +78,6 @@ def test_exponential_virgin_curve(elements):
 
 
 # Beside Dahl, on the same virgin curve F_c (1 - exp(-x/z_c))
-
-
-def exponential(x_c, x):
-    """Many elements on ``1 - exp(-x/x_c)``, with knots at ``x``; the class itself takes any number of them."""
-    slopes = np.diff(-np.expm1(-x / x_c), prepend=0.0) / np.diff(x, prepend=0.0)
-    return Masing(slopes - np.append(slopes[1:], 0.0), x, 0.0)
-
-
-@pytest.mark.parametrize(("ratio", "expected"), [(0.0115, 2.011), (1.146, 2.255), (11.46, 1.106)])
-def test_work_ratio_of_dahl_to_masing(ratio, expected):
-    dahl = 4.0 * (ratio - math.tanh(ratio))  # checked in test_oracles
-    masing = loop_work(exponential(1.0, np.linspace(0.0, ratio, 2001)[1:]), ratio)
-    assert dahl / masing == pytest.approx(expected, abs=5.1e-4)  # the digits printed; chords leave 1/2000^2
 
 
 def saturated_branches(p, z_c):

@@ -11,7 +11,8 @@ from gymnasium.utils.env_checker import check_env
 
 import friction
 from steer_env import REGISTERED
-from vehicle import plant
+from vehicle import plant, two_track
+from vehicle import tyre as tyres
 
 IDS = tuple(REGISTERED)
 ACTION = np.array([0.1], np.float32)
@@ -32,10 +33,11 @@ def run(env, steps, seed=3):
     return np.concatenate([np.ravel(part) for part in seen])
 
 
+@pytest.mark.parametrize("chassis", ["single_track", "two_track"])
 @pytest.mark.parametrize("law", friction.available())
 @pytest.mark.parametrize("name", IDS)
-def test_gymnasium_accepts(name, law):
-    env = gym.make(name, friction=law, render_mode="rgb_array")
+def test_gymnasium_accepts(name, law, chassis):
+    env = gym.make(name, friction=law, chassis=chassis, render_mode="rgb_array")
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         check_env(env.unwrapped)
@@ -76,8 +78,9 @@ def test_control_dt_changes_the_sampling_and_not_the_car(name):
         assert {key: a[key] for key in plant.CHANNEL} == {key: b[key] for key in plant.CHANNEL}
 
 
-def test_left_is_positive():
-    env = gym.make("steer_env/DriverLaneKeeping-v0").unwrapped
+@pytest.mark.parametrize("chassis", ["single_track", "two_track"])
+def test_left_is_positive(chassis):
+    env = gym.make("steer_env/DriverLaneKeeping-v0", chassis=chassis).unwrapped
     env.reset(seed=0)
     env._inputs[:] = 0.0  # no wind, smooth road
     for _ in range(30):
@@ -113,6 +116,20 @@ def test_a_plain_preview_driver_keeps_the_lane(law):
         total += reward
         assert not terminated
     assert total > 0.0
+
+
+def test_own_car_and_tyre(tmp_path):
+    """A file each, as a user brings them; the two-track chassis publishes all that the single track does, and more."""
+    (tmp_path / "mycar.toml").write_text('base = "compact"\n[chassis]\nmass = 1400.0\n', encoding="utf-8")
+    tyres.save(tyres.load(), tmp_path / "some.tir")
+    arguments = {"vehicle": str(tmp_path / "mycar.toml"), "tyre": str(tmp_path / "some.tir")}
+    env = gym.make("steer_env/DriverLaneKeeping-v0", chassis="two_track", **arguments)
+    _, info = env.reset(seed=0)
+    assert set(plant.CHANNEL) < set(info)
+    assert info["longitudinal_speed"] == pytest.approx(100.0 / 3.6, rel=0.01)
+    lift = 0.5 * 1.2 * 0.15 * info["longitudinal_speed"] ** 2
+    loads = sum(info[f"wheel_load_{wheel}"] for wheel in two_track.WHEELS)
+    assert loads == pytest.approx(1400.0 * 9.80665 - lift, rel=1e-5)  # not quite settled
 
 
 def test_weave_truncates_after_its_duration():

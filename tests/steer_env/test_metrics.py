@@ -73,7 +73,7 @@ def linear_car_answers(frequency=0.2, size=1.0):
         "work_sensitivity": sensitivity / (0.1 * gradient),
         "peak_handwheel_torque": torque,
         "peak_handwheel_angle": angle,
-        "friction_loss": np.pi * torque * angle * DEGREE * np.sin(LEAD),
+        "loop_area": np.pi * torque * angle * DEGREE * np.sin(LEAD),
     }
 
 
@@ -137,7 +137,7 @@ def rough_car_answers(friction=0.6, slip=0.4 * DEGREE):
         "steering_stiffness": 8.0 * DEGREE,
         "yaw_rate_gain": 0.25,
         "peak_handwheel_torque": 8.0 * ANGLE_PEAK + friction,
-        "friction_loss": 4 * friction * (ANGLE_PEAK - slip),
+        "loop_area": 4 * friction * (ANGLE_PEAK - slip),
     }
 
 
@@ -279,9 +279,9 @@ def test_refused_one_by_one():
     """A swapped sign, a missing channel and a level out of reach cost the metrics that need them, no more."""
     clean = linear_car()
     swapped = refusals(changed(clean, handwheel_torque=-clean["handwheel_torque"]))
-    assert {"torque_at_0g", "steering_stiffness", "friction_loss", "peak_handwheel_torque"} <= swapped.keys()
+    assert {"torque_at_0g", "steering_stiffness", "loop_area", "peak_handwheel_torque"} <= swapped.keys()
     assert {"yaw_rate_gain", "angle_hysteresis", "peak_handwheel_angle"}.isdisjoint(swapped)
-    assert swapped["friction_loss"].startswith("handwheel_torque does not follow handwheel_angle: check the signs")
+    assert swapped["loop_area"].startswith("handwheel_torque does not follow handwheel_angle: check the signs")
     missing = refusals(without(clean, "yaw_rate"))
     assert missing == dict.fromkeys(("yaw_rate_gain", "yaw_lag"), "the recording has no channel 'yaw_rate': record it")
     small = refusals(linear_car(size=0.45))
@@ -293,7 +293,7 @@ def test_refused_one_by_one():
     assert set(metrics.available("weave")) - large.keys() == {
         "peak_handwheel_torque",
         "peak_handwheel_angle",
-        "friction_loss",
+        "loop_area",
     }
     quick = refusals(changed(clean, handwheel_angle=0.2 * clean["handwheel_angle"]))
     assert "handwheel_angle does not span 0 +- 0.0698 rad: steer further" in quick["steering_stiffness"]

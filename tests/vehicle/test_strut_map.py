@@ -116,3 +116,19 @@ def test_sizes_are_checked(name, value):
 def test_a_range_out_of_reach_is_refused():
     with pytest.raises(ValueError, match="reachable"):
         strut_map.build(STRUT, rack=0.1)
+
+
+@given(RACK, TRAVEL)
+def test_linear_kinematics(rack, travel):
+    m = strut_map.linear(6.0, inclination=0.4, path=-0.05)
+    assert m.table.flags.c_contiguous
+    expected = (6.0 * rack, 0.4 * travel, 0.0, 0.0, 0.0, 0.0, 0.0, 6.0)
+    np.testing.assert_allclose(strut_map.left(m, rack, travel), expected, rtol=0, atol=1e-14)
+    np.testing.assert_allclose(strut_map.left_travel(m, rack, travel), (0.0, -0.05, 0.0, travel, 1.0), atol=1e-15)
+    assert strut_map.right(m, rack, travel).steer_angle == pytest.approx(6.0 * rack)  # both wheels alike
+
+
+@pytest.mark.parametrize("name", ["rack", "travel"])
+def test_linear_checks_its_range(name):
+    with pytest.raises(ValueError, match=f"^{name} is -1.0; allowed: positive"):
+        strut_map.linear(6.0, **{name: -1.0})
