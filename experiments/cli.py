@@ -24,7 +24,7 @@ from experiments.files import write_json
 from friction.check import number
 from steer_env import manoeuvres
 from steer_env.metrics import Value
-from vehicle import cars
+from vehicle import cars, tyre
 from vehicle.assist import SAMPLE_TIME
 
 KPH = 1.0 / 3.6  # [m/s]
@@ -90,7 +90,10 @@ def _parser() -> argparse.ArgumentParser:
     run.add_argument(
         "--friction", metavar="LAW", type=Friction, default="lugre", help=f"{FRICTION}; laws: {laws} (default lugre)"
     )
-    run.add_argument("--vehicle", default="compact", help=f"{', '.join(cars.available())} (default compact)")
+    names = ", ".join(cars.available())
+    run.add_argument("--vehicle", default="compact", help=f"{names}, or a .toml or .json file (default compact)")
+    run.add_argument("--tyre", metavar="FILE.tir", help="in place of the car's own; or the name of a packaged tyre")
+    run.add_argument("--chassis", choices=tuple(cars.SPEEDS), help="default single_track; parking needs two_track")
     run.add_argument("--speed_kph", metavar="KPH", help="held speed [km/h] (default: the manoeuvre's)")
     run.add_argument(
         "--rate_hz",
@@ -98,7 +101,13 @@ def _parser() -> argparse.ArgumentParser:
         metavar="HZ",
         help="sampling rate of the CSV, low-passed before (default 1000, slow-ramp 100); metrics are of the full rate",
     )
-    run.add_argument("--out", metavar="FILE.csv", help="the JSON goes beside it (default MANOEUVRE.csv)")
+    text = "FILE.csv, or a directory for MANOEUVRE.csv, made if need be; the JSON goes beside it (default .)"
+    run.add_argument("--out", metavar="PATH", default=".", help=text)
+    run.add_argument(
+        "--compare",
+        choices=("commonroad",),
+        help="step-steer on two tracks: also the cross-validation against CommonRoad's multi-body model, as table and SVG",
+    )
     run.set_defaults(function=_run)
 
     text = "Drive the battery with every law, run the studies, and write index.html and metrics.json."
@@ -125,13 +134,26 @@ def _progress(what: str, total: float | None = 1.0) -> Iterator[Callable[[float,
 
 
 def _run(args: argparse.Namespace) -> None:
-    out = Path(args.out or f"{args.manoeuvre}.csv")
-    if out.suffix != ".csv":
-        raise ValueError(f"--out must end in .csv, got {str(out)!r}")
-    if not out.parent.is_dir():
-        raise ValueError(f"--out {out}: there is no directory {out.parent}")
+    out = Path(args.out)
+    if out.suffix == ".csv":
+        if not out.parent.is_dir():
+            raise ValueError(f"--out {out}: there is no directory {out.parent}")
+    elif out.suffix:
+        raise ValueError(f"--out must be a directory or end in .csv, got {str(out)!r}")
+    else:
+        out.mkdir(parents=True, exist_ok=True)
+        out /= f"{args.manoeuvre}.csv"
     manoeuvre = manoeuvres.make(args.manoeuvre)
+    if args.chassis not in (None, manoeuvre.chassis):
+        if manoeuvre.chassis == "two_track":
+            raise ValueError(f"--chassis {args.chassis} cannot stand still; {manoeuvre.name} needs two_track")
+        manoeuvre = replace(manoeuvre, chassis=args.chassis)
+    car = cars.load(args.vehicle)
+    if args.tyre is not None:
+        car = car._replace(tyre=tyre.load(args.tyre))
     if args.speed_kph is not None:
+        if manoeuvre.speed == 0.0:
+            raise ValueError(f"--speed_kph has no place in {manoeuvre.name}, which is driven at standstill; leave it out")
         if manoeuvre.rig:
             raise ValueError(f"--speed_kph has no effect on {manoeuvre.name}, which stands on a rig; leave it out")
         low, high = cars.SPEED_MIN / KPH, cars.SPEED_MAX / KPH
@@ -140,7 +162,7 @@ def _run(args: argparse.Namespace) -> None:
     wanted = DEFAULT_RATE.get(manoeuvre.name, fastest) if args.rate_hz is None else args.rate_hz
     rate = number("--rate_hz", wanted, minimum=20.0, maximum=fastest)
     with _progress("driving", total=None) as notify:
-        recording = manoeuvres.drive(cars.load(args.vehicle), manoeuvre, args.friction.parameters)
+        recording = manoeuvres.drive(car, manoeuvre, args.friction.parameters)
         notify(0.0, "metrics")
         values = evaluate(recording)
         notify(0.0, f"writing {out}")
@@ -154,7 +176,9 @@ def _run(args: argparse.Namespace) -> None:
             "versions": provenance.versions(),
         },
     )
-    _print(values, f"{manoeuvre.name}, {args.friction.label}, {recording.meta['vehicle']}")
+    _print(values, f"{manoeuvre.name}, {args.friction.label}, {recording.meta['vehicle']}, {manoeuvre.chassis}")
+    if args.compare:
+        _compare(args, out.parent)
 
 
 def _print(values: dict[str, Value], title: str) -> None:

@@ -40,12 +40,15 @@ class Manoeuvre:
     lateral_acceleration: float | None = None  # peak to reach [m/s2]
     frequency: float | None = None  # of a periodic manoeuvre [Hz]
     rig: bool = False  # steering on a rig: no rack load, assist off
+    lock: bool = False  # the amplitude is all that the rack has
+    chassis: str = "single_track"  # two_track where the car must be able to stand
 
     @property
     def definition(self) -> str:
         """What is driven, in words."""
         aim = f", amplitude for {self.lateral_acceleration:g} m/s2" if self.lateral_acceleration else ""
-        return f"{self.hands}{aim} {'on a rig' if self.rig else f'at {3.6 * self.speed:.4g} km/h'}."
+        place = "on a rig" if self.rig else f"at {3.6 * self.speed:.4g} km/h" if self.speed else "at standstill"
+        return f"{self.hands}{aim} {place}."
 
 
 def sine(t: Array, amplitude: float, frequency: float) -> tuple[Array, Array]:
@@ -64,6 +67,13 @@ def ramp_and_hold(t: Array, amplitude: float, rise: float) -> tuple[Array, Array
     """Smooth rise to a level that is held; value and rate."""
     s = np.clip(t / rise, 0.0, 1.0)
     return amplitude * s * s * (3.0 - 2.0 * s), amplitude * 6.0 * s * (1.0 - s) / rise
+
+
+def triangle(t: Array, amplitude: float, frequency: float) -> tuple[Array, Array]:
+    """Triangle wave with rounded corners: nearly constant speed from end to end; value and rate."""
+    omega, blunt = 2.0 * np.pi * frequency, 0.995
+    s, scale = blunt * np.sin(omega * t), amplitude / np.arcsin(blunt)
+    return scale * np.arcsin(s), scale * blunt * omega * np.cos(omega * t) / np.sqrt(1.0 - s * s)
 
 
 def weave(frequency: float = 0.2, cycles: int = 12) -> Manoeuvre:
@@ -119,7 +129,42 @@ def rig(frequency: float = 0.2, cycles: int = 5, amplitude: float = 0.35) -> Man
     )
 
 
-_MANOEUVRES: dict[str, Callable[[], Manoeuvre]] = {"weave": weave, "slow-ramp": slow_ramp, "hold": hold, "rig": rig}
+def step_steer(start: float = 0.5, rise: float = 0.2) -> Manoeuvre:
+    """Step steer: the handwheel turns as fast as people do, and stays."""
+    return Manoeuvre(
+        name="step-steer",
+        hands=f"Handwheel angle rises in {rise:g} s and stays",
+        source="after ISO 7401",
+        speed=80.0 / 3.6,
+        duration=6.0,
+        hand=lambda t, amplitude: ramp_and_hold(t - start, amplitude, rise),
+        lateral_acceleration=4.0,
+    )
+
+
+def parking(frequency: float = 1.0 / 24.0, cycles: int = 2) -> Manoeuvre:
+    """Parking: from lock to lock with the car standing, at some 80 deg/s."""
+    return Manoeuvre(
+        name="parking",
+        hands=f"Handwheel from lock to lock in {0.5 / frequency:g} s, {cycles} cycles, service brake released",
+        source="parking test of steering-feel practice, 60 to 90 deg/s",
+        speed=0.0,
+        duration=cycles / frequency,
+        hand=lambda t, amplitude: triangle(t, amplitude, frequency),
+        frequency=frequency,
+        lock=True,
+        chassis="two_track",
+    )
+
+
+_MANOEUVRES: dict[str, Callable[[], Manoeuvre]] = {
+    "weave": weave,
+    "slow-ramp": slow_ramp,
+    "step-steer": step_steer,
+    "parking": parking,
+    "hold": hold,
+    "rig": rig,
+}
 
 
 def available() -> tuple[str, ...]:
@@ -136,7 +181,7 @@ def make(name: str) -> Manoeuvre:
 
 def build_plant(car: Car, manoeuvre: Manoeuvre, friction: Any) -> plant.Plant:
     """The plant that a manoeuvre needs: robot or free hands, on the road or on the rig."""
-    p = car.plant(friction, speed=manoeuvre.speed, robot=manoeuvre.robot)
+    p = car.plant(friction, speed=manoeuvre.speed, robot=manoeuvre.robot, chassis=manoeuvre.chassis)
     if not manoeuvre.rig:
         return p
     a = p.assist
@@ -152,7 +197,9 @@ def inputs(manoeuvre: Manoeuvre, amplitude: float, duration: float) -> Array:
 
 
 def find_amplitude(p: plant.Plant, manoeuvre: Manoeuvre) -> float:
-    """Handwheel amplitude for which the second cycle peaks at the manoeuvre's lateral acceleration [rad].
+    """Handwheel amplitude that reaches the manoeuvre's lateral acceleration [rad].
+
+    The second cycle's peak counts, or the mean of the last second where the manoeuvre has no cycles.
 
     Raises
     ------
@@ -160,17 +207,27 @@ def find_amplitude(p: plant.Plant, manoeuvre: Manoeuvre) -> float:
         If the car does not reach that acceleration.
     """
     target = positive("lateral_acceleration", manoeuvre.lateral_acceleration)
-    cycle = 1.0 / positive("frequency", manoeuvre.frequency)
+    duration = 2.0 / manoeuvre.frequency if manoeuvre.frequency else manoeuvre.duration
     amplitude = 0.2
     for _ in range(10):  # the response is nearly proportional, so each round leaves a small part of the error
-        record = _run(p, inputs(manoeuvre, amplitude, 2.0 * cycle))
-        reached = 0.5 * float(np.ptp(record[len(record) // 2 :, plant.CHANNEL["lateral_acceleration"]]))
+        record = _run(p, inputs(manoeuvre, amplitude, duration))
+        acceleration = record[:, plant.CHANNEL["lateral_acceleration"]]
+        if manoeuvre.frequency:
+            reached = 0.5 * float(np.ptp(acceleration[len(record) // 2 :]))
+        else:
+            reached = float(np.mean(acceleration[-round(1.0 / SAMPLE_TIME) :]))
         if abs(reached / target - 1.0) < 1e-5:
             return amplitude
         amplitude *= target / reached
-        if not amplitude < 6.0:
+        if not 0.0 < amplitude < 6.0:
             break
     raise ValueError(f"{manoeuvre.name}: no handwheel amplitude reaches {target:g} m/s2 at {manoeuvre.speed:g} m/s")
+
+
+def _amplitude(p: plant.Plant, manoeuvre: Manoeuvre) -> float:
+    if manoeuvre.amplitude is not None:
+        return manoeuvre.amplitude
+    return p.rack_limit / p.pinion_radius if manoeuvre.lock else find_amplitude(p, manoeuvre)
 
 
 def _text(value: Any) -> str:
@@ -179,7 +236,7 @@ def _text(value: Any) -> str:
 
 
 def _run(p: plant.Plant, u: Array) -> Array:
-    record = np.zeros((len(u), len(plant.CHANNELS)))
+    record = np.zeros((len(u), len(plant.channels(p))))
     state = plant.initial_state(p)
     plant.run(p, state, u, record, 1)
     return record
@@ -203,26 +260,28 @@ def drive(car: Car, manoeuvre: Manoeuvre, friction: Any = "lugre") -> Recording:
     Raises
     ------
     ValueError
-        Unknown law, an amplitude that cannot be found, a car that spins, where its constant forward speed has lost
-        its meaning, or a run that does not stay finite (the state is named).
+        Unknown law, an amplitude that cannot be found, a car that spins, or a run that does not stay finite (the state
+        is named).
     """
     p = build_plant(car, manoeuvre, friction)
-    amplitude = find_amplitude(p, manoeuvre) if manoeuvre.amplitude is None else manoeuvre.amplitude
+    amplitude = _amplitude(p, manoeuvre)
     u = inputs(manoeuvre, amplitude, manoeuvre.duration)
     record = _run(p, u)
     if not np.isfinite(record[-1]).all():
         raise ValueError(f"{manoeuvre.name} diverged: {plant.first_non_finite(p, plant.initial_state(p), u)} first")
-    if np.abs(record[:, plant.CHANNEL["lateral_speed"]]).max() > manoeuvre.speed:
+    names = plant.channels(p)
+    channels = {name: record[:, i].copy() for i, (name, _) in enumerate(names)}
+    channels["vehicle_speed"] = channels.get("longitudinal_speed", np.full(len(u), manoeuvre.speed))
+    if manoeuvre.speed and np.any(np.abs(channels["lateral_speed"]) > channels["vehicle_speed"]):
         raise ValueError(f"{manoeuvre.name}: the car spins; ask for less than {amplitude:g}, or for less speed")
-    channels = {name: record[:, i].copy() for name, i in plant.CHANNEL.items()}
-    channels["vehicle_speed"] = np.full(len(u), manoeuvre.speed)
     return Recording(
         time=SAMPLE_TIME * np.arange(1, len(u) + 1),
         channels=channels,
-        units={**dict(plant.CHANNELS), "vehicle_speed": "m/s"},
+        units={**dict(names), "vehicle_speed": "m/s"},
         meta={
             "manoeuvre": manoeuvre.name,
             "vehicle": car.name,
+            "chassis": manoeuvre.chassis,
             "friction": law_of(p.friction).name,
             "friction_parameters": ",".join(f"{key}={_text(value)}" for key, value in p.friction._asdict().items()),
             "speed_m_s": manoeuvre.speed,

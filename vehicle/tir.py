@@ -257,6 +257,8 @@ def _version(model, lines, error) -> int:
 
 def _check(section, key, value, version, error) -> None:
     """Raise for a key that the model would have to ignore and for a value that is no finite number."""
+    if key == "FE_METHOD" and str(value).upper() == "YES":
+        raise error("expected 'NO', for slips combine by the weights G, not by a friction ellipse; got 'YES'")
     if section not in _SETS:
         if key in _NUMBERS and not (isinstance(value, float) and abs(value) < float("inf")):
             raise error(f"expected a number, got {value!r}")

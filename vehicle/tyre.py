@@ -194,7 +194,7 @@ def from_file(file: tir.PropertyFile, name: str = "tyre") -> Tyre:
 
     Scaling factors are folded into the coefficients. Relaxation lengths are those at the nominal load: 5.2 by PTX and
     PTY, the others cornering and slip stiffness over the stiffness of the carcass; ranges become :class:`Limits`,
-    where they are narrower than what the equations bear. Absent, these keep the defaults of :class:`Tyre`.
+    where they are narrower than what the equations bear. Absent or 0, these keep the defaults of :class:`Tyre`.
 
     Raises
     ------

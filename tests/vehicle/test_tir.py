@@ -492,6 +492,7 @@ def edited(tmp_path, path, old, new):
         (V61, "LFZO   ", "LMUV = 0.1\nLFZO   ", "LMUV: expected 0, .* version 61 do not honour it; got 0.1", 0),
         (V52, "LGYR                     = 1.0", "LGYR = 0.5", "LGYR: expected 1, .* do not honour it; got 0.5", 0),
         (V52, "QBZ5   ", "PPZ1 = 0.5\nQBZ5   ", "PPZ1: expected 0, .* version 52 do not honour it; got 0.5", 0),
+        (V52, "VXLOW ", "FE_METHOD = 'YES'\nVXLOW ", "FE_METHOD: expected 'NO'", 0),
         (V61, "[MODEL]", "[MODEL]\nnonsense", "NONSENSE: expected .SECTION., KEY = value, or a comment", 1),
         (V61, "[MDI_HEADER]", "KEY = 1\n[MDI_HEADER]", "KEY: expected .SECTION.", 0),
     ],
