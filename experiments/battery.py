@@ -1,6 +1,7 @@
 """The test battery of the report: weave and slow ramp with every law, and what the law changes in each metric."""
 
 import math
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -32,9 +33,9 @@ def manoeuvre(test: str, cycles: int) -> manoeuvres.Manoeuvre:
     return TESTS[test](cycles=cycles)
 
 
-def drive(car: Car, p: Any, test: str, cycles: int) -> Drive:
+def drive(car: Car, p: Any, test: str, cycles: int, chassis: str = "single_track") -> Drive:
     """Drive a test and read its metrics; ValueError where the manoeuvre cannot be driven."""
-    recording = manoeuvres.drive(car, manoeuvre(test, cycles), p)
+    recording = manoeuvres.drive(car, replace(manoeuvre(test, cycles), chassis=chassis), p)
     frequency = recording.meta["frequency_hz"]
     try:
         loops = Loops(recording, frequency, fewest=1)

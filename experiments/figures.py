@@ -205,3 +205,36 @@ def margins(points: dict[str, list[Any]], targets: tuple[float, float]) -> str:
         axes.set(xlabel="torsion-bar torque [N m]", ylabel=label, ylim=(0.0, None))
     _legend(figure, panels[0])
     return _svg(figure)
+
+
+@_styled
+def chassis(cycles: dict[str, dict[str, Array]]) -> str:
+    """The same weave on both chassis: torque, rack force and roll over their natural partners."""
+    figure = _figure(9.6, 3.2)
+    panels = figure.subplots(1, 3)
+    pairs = (
+        ("torque over lateral acceleration", AY, GRAVITY, "lateral acceleration [g]", TORQUE, 1.0, "torque [N m]"),
+        ("rack force over handwheel angle", ANGLE, DEGREE, "handwheel angle [deg]", "rack_force", 1.0, "rack force [N]"),
+        ("roll over lateral acceleration", AY, GRAVITY, "lateral acceleration [g]", "roll_angle", DEGREE, "roll [deg]"),
+    )
+    for axes, (title, x, per_x, x_label, y, per_y, y_label) in zip(panels, pairs):
+        for (name, cycle), colour, dash in zip(cycles.items(), _PALETTE, _DASHES):
+            axes.plot(cycle[x] / per_x, cycle[y] / per_y, color=colour, linestyle=dash, label=name)
+        axes.set(title=title, xlabel=x_label, ylabel=y_label)
+    _legend(figure, panels[0])
+    return _svg(figure)
+
+
+@_styled
+def parking(found: dict[str, Any]) -> str:
+    """Rack force and hand torque over the handwheel angle, from lock to lock and back."""
+    figure = _figure(9.6, 3.2)
+    panels = figure.subplots(1, 2)
+    for (state, drive), colour, dash in zip(found.items(), _PALETTE, _DASHES):
+        angle = np.append(drive.angle, drive.angle[0]) / DEGREE
+        for axes, y in zip(panels, (1e-3 * drive.rack_force, drive.torque)):
+            axes.plot(angle, np.append(y, y[0]), color=colour, linestyle=dash, label=state)
+    for axes, label in zip(panels, ("rack force [kN]", "handwheel torque [N m]")):
+        axes.set(xlabel="handwheel angle [deg]", ylabel=label)
+    _legend(figure, panels[0])
+    return _svg(figure)

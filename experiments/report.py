@@ -11,11 +11,12 @@ from typing import Any
 
 import jinja2
 
-from experiments import figures, findings, friction_study, provenance, real_time
+from experiments import figures, findings, friction_study, provenance, real_time, vehicle_study
 from experiments.evaluation import entries
 from experiments.files import replaced_directory, write_json
 from experiments.results import Notify, Results, Scope, collect
 from steer_env import metrics
+from vehicle import plant
 
 CONTENTS = frozenset({"index.html", "metrics.json"})
 EVERYTHING = Scope()
@@ -40,7 +41,15 @@ def metrics_json(results: Results, source: dict[str, Any]) -> dict[str, Any]:
             "laws": {law: [row._asdict() for row in rows] for law, rows in results.tables.items()},
             "whole_car": results.sample_ns,
         },
+        **({"vehicle": _vehicle_json(results.vehicle)} if results.vehicle else {}),
         "provenance": source,
+    }
+
+
+def _vehicle_json(study: vehicle_study.Study) -> dict[str, Any]:
+    return {
+        "weave_peaks": {"units": {name: unit for name, unit in plant.CHANNELS if name in vehicle_study.SHOWN}, **{row.title: row.values for row in study.peaks}},
+        "parking": {state: entries(found.values) for state, found in study.parking.items()},
     }
 
 
@@ -93,6 +102,8 @@ def _figures(results: Results) -> dict[str, str]:
     }
     if results.held:
         drawn |= {f"held_{state}": figures.held_torque(results.held, state) for state in friction_study.ASSIST}
+    if results.vehicle:
+        drawn |= {"chassis": figures.chassis(results.vehicle.cycles), "parking": figures.parking(results.vehicle.parking)}
     for test, drives in results.drives.items():
         loops = {law: drive.cycle for law, drive in drives.items() if drive.cycle}
         if results.base in loops:

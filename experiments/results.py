@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from itertools import pairwise
 from typing import Any, NamedTuple
 
-from experiments import battery, friction_study, real_time
+from experiments import battery, friction_study, real_time, vehicle_study
 from friction.law import law_of
 from steer_env.manoeuvres import Manoeuvre
 from vehicle import cars, margins
@@ -25,6 +25,7 @@ class Scope(NamedTuple):
     cycles: tuple[tuple[str, int], ...] = (("weave", 12), ("slow_ramp", 5))
     steps: tuple[float, ...] = real_time.STEPS  # of the real-time table [s]
     speeds_kph: tuple[float, ...] = (0.0, 50.0, 100.0)  # of the assist loop's margins; 0 is parking
+    vehicle: bool = True  # whether to study the full vehicle
     workers: int | None = None  # processes; None: as many as there are processors, up to four
 
 
@@ -61,6 +62,7 @@ class Results(NamedTuple):
     tables: dict[str, list[real_time.Row]]
     sample_ns: dict[str, float]  # whole car [ns]
     margins: dict[str, list[Cell]]  # by speed
+    vehicle: vehicle_study.Study | None  # with the base law
 
 
 def _of_law(scope: Scope, p: Any, held: bool) -> LawResult:
@@ -85,6 +87,10 @@ def assist_cells(car: str, speed_kph: float) -> list[Cell]:
             decibel = 20.0 * math.log10(m.gain)
             cells.append(Cell(torque, gain, math.degrees(m.phase), decibel, float(m.phase_crossover), m.stable))
     return cells
+
+
+def _of_vehicle(car: str, p: Any) -> vehicle_study.Study:
+    return vehicle_study.collect(cars.load(car), p)
 
 
 @contextmanager
@@ -115,12 +121,14 @@ def collect(laws: dict[str, Any], scope: Scope, notify: Notify) -> Results:
         Unknown car, or a manoeuvre that cannot be driven.
     """
     car = cars.load(scope.car)
+    base = "lugre" if "lugre" in laws else next(iter(laws))
     first = {law_of(p).name: law for law, p in reversed(laws.items())}
     found: dict[Any, Any] = {}
     with _pool(scope.workers or min(_processors(), 4)) as pool:
-        jobs: dict[Any, Any] = {
-            pool.submit(_of_law, scope, p, held=first[law_of(p).name] == law): law for law, p in laws.items()
-        }
+        jobs: dict[Any, Any] = {}
+        if scope.vehicle:  # first, as it compiles longest
+            jobs[pool.submit(_of_vehicle, scope.car, laws[base])] = vehicle_study
+        jobs |= {pool.submit(_of_law, scope, p, held=first[law_of(p).name] == law): law for law, p in laws.items()}
         jobs |= {pool.submit(assist_cells, scope.car, kph): kph for kph in scope.speeds_kph}
         for i, job in enumerate(as_completed(jobs), start=1):
             found[jobs[job]] = job.result()
@@ -131,7 +139,7 @@ def collect(laws: dict[str, Any], scope: Scope, notify: Notify) -> Results:
     )
     return Results(
         laws=laws,
-        base="lugre" if "lugre" in laws else next(iter(laws)),
+        base=base,
         car=car,
         manoeuvres={test: battery.manoeuvre(test, n) for test, n in scope.cycles},
         drives={test: {law: of_law[law].drives[test] for law in laws} for test, _ in scope.cycles},
@@ -139,6 +147,7 @@ def collect(laws: dict[str, Any], scope: Scope, notify: Notify) -> Results:
         held=[test for law in laws for test in of_law[law].held],
         tables=tables,
         sample_ns=real_time.plant_samples(car, laws),
+        vehicle=found.get(vehicle_study),
         margins={"parking" if kph == 0 else f"{kph:g} km/h": found[kph] for kph in scope.speeds_kph},
     )
 

@@ -164,14 +164,14 @@ def derivative(p, strut, c, x, rack, wind_force, wind_moment, dx, out):
     left = strut_map.left(strut, tie_rods, -half_f * phi)
     right = strut_map.right(strut, tie_rods, half_f * phi)
 
-    Fx_fl, Fy_fl, Mx_fl, My_fl, Mz_fl = tyre.forces(
-        c, 0.0, math.atan(x[SLIP_FL]), left.inclination + phi, load_fl, p.v_x, p.mu
+    Fx_fl, Fy_fl, Mx_fl, My_fl, Mz_fl = tyre.forces_slip(
+        c, 0.0, x[SLIP_FL], left.inclination + phi, load_fl, p.v_x, p.mu
     )
-    Fx_fr, Fy_fr, Mx_fr, My_fr, Mz_fr = tyre.forces(
-        c, 0.0, math.atan(x[SLIP_FR]), right.inclination + phi, load_fr, p.v_x, p.mu
+    Fx_fr, Fy_fr, Mx_fr, My_fr, Mz_fr = tyre.forces_slip(
+        c, 0.0, x[SLIP_FR], right.inclination + phi, load_fr, p.v_x, p.mu
     )
-    Fx_rl, Fy_rl, _, My_rl, Mz_rl = tyre.forces(c, 0.0, math.atan(x[SLIP_RL]), 0.0, load_rl, p.v_x, p.mu)
-    Fx_rr, Fy_rr, _, My_rr, Mz_rr = tyre.forces(c, 0.0, math.atan(x[SLIP_RR]), 0.0, load_rr, p.v_x, p.mu)
+    Fx_rl, Fy_rl, _, My_rl, Mz_rl = tyre.forces_slip(c, 0.0, x[SLIP_RL], 0.0, load_rl, p.v_x, p.mu)
+    Fx_rr, Fy_rr, _, My_rr, Mz_rr = tyre.forces_slip(c, 0.0, x[SLIP_RR], 0.0, load_rr, p.v_x, p.mu)
 
     # An open differential halves the drive; its torque is reacted inboard, so it acts at the wheel centres, and so does
     # rolling resistance, which a free wheel's bearing cannot take as a torque.

@@ -185,7 +185,7 @@ def _stop(stiffness, clearance, s):
 @kernel
 def _fade(v, whole):
     """From 0 at standstill to 1 at ``whole`` and beyond, odd and smooth."""
-    s = min(max(v / whole, -1.0), 1.0)
+    s = min(max(v * (1.0 / whole), -1.0), 1.0)
     return s * (1.5 - 0.5 * s * s)
 
 
@@ -259,6 +259,8 @@ def derivative(p, strut, c, x, rack, rack_rate, u, dx, out):
     drive_f, drive_r = drivetrain.axle_torques(p.drive, gear, engaged, throttle, omega_f, omega_r)
     brake_f, brake_r = drivetrain.brake_torques(p.brakes, pedal, u[HAND_BRAKE])
 
+    per_x, per_y, per_z, per_radius = 1.0 / d.sigma_x, 1.0 / d.sigma_y, 1.0 / d.sigma_z, 1.0 / d.R_e
+    per_load = 1.0 / d.torsion_load
     rack_force_left = rack_force_right = 0.0
     for i in range(4):
         front, side = i < 2, 1.0 if i % 2 == 0 else -1.0
@@ -300,25 +302,26 @@ def derivative(p, strut, c, x, rack, rack_rate, u, dx, out):
         slip_x, slip_y = rolling - d.R_e * x[SPIN + i], contact * c_s - centre * s_s
 
         # Forces of the relaxed slips; the tyre's structure damps them at standstill, where rolling does not.
-        slow = 1.0 - min(abs(rolling) / DAMPED_BELOW, 1.0)
+        slow = 1.0 - min(abs(rolling) * (1.0 / DAMPED_BELOW), 1.0)
         kappa = x[KAPPA + i] - d.d_x * slow * slow * slip_x
         tan_a = x[ALPHA + i] + d.d_y * slow * slow * slip_y
-        F_x, F_y, M_x, M_y, M_z = tyre.forces(c, kappa, math.atan(tan_a), inclination + x[ROLL], F_z, abs(rolling), mu)
+        F_x, F_y, M_x, M_y, M_z = tyre.forces_slip(c, kappa, tan_a, inclination + x[ROLL], F_z, abs(rolling), mu)
         whole = _fade(rolling, SPIN_BLEND)
         M_y *= whole
-        level = max(mu * math.sqrt(F_z / d.torsion_load) * F_z / d.torsion_load, 1e-9)
+        relative = F_z * per_load
+        level = max(mu * relative * math.sqrt(relative), 1e-9)
         memory, memory_rate = x[TORSION + i : TORSION + i + 1], dx[TORSION + i : TORSION + i + 1]
         M_z = M_z * whole - law.torque(p.torsion, level, memory, turning)
         law.rate(p.torsion, level, memory, turning, memory_rate)
-        memory_rate[0] -= min(abs(rolling) / d.sigma_z, FASTEST_ROLLING) * memory[0]
+        memory_rate[0] -= min(abs(rolling) * per_z, FASTEST_ROLLING) * memory[0]
         if not front and d.give_r != 0.0:
             # Compliance steer needs the force first; only the damping at standstill went without it.
             steer += d.give_r * F_y
             c_s, s_s = _turned(steer)
             rolling = centre * c_s + contact * s_s
             slip_x, slip_y = rolling - d.R_e * x[SPIN + i], contact * c_s - centre * s_s
-        dx[KAPPA + i] = _limited((-slip_x - abs(rolling) * x[KAPPA + i]) / d.sigma_x, x[KAPPA + i])
-        dx[ALPHA + i] = _limited((slip_y - abs(rolling) * x[ALPHA + i]) / d.sigma_y, x[ALPHA + i])
+        dx[KAPPA + i] = _limited((-slip_x - abs(rolling) * x[KAPPA + i]) * per_x, x[KAPPA + i])
+        dx[ALPHA + i] = _limited((slip_y - abs(rolling) * x[ALPHA + i]) * per_y, x[ALPHA + i])
 
         # A brake that slides gives its capacity; one that holds, what the wheel needs to stand still.
         road_torque = M_y - d.R_e * F_x
@@ -326,7 +329,7 @@ def derivative(p, strut, c, x, rack, rack_rate, u, dx, out):
         if x[SPIN + i] == 0.0:
             brake = min(max(road_torque + drive, -capacity), capacity)
         if front:
-            braked = -brake / d.R_e  # the part of F_x that the brake holds
+            braked = -brake * per_radius  # the part of F_x that the brake holds
             force = strut_map.rack_force(knuckle, side * braked, side * (F_x - braked), F_y, side * F_z, M_x, M_z)
             if side > 0.0:
                 rack_force_left = force
