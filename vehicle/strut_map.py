@@ -17,7 +17,7 @@ from vehicle.suspension import MacPherson, load_coefficients
 class StrutMap(NamedTuple):
     """Spline coefficients of a left wheel on a uniform grid; the channels are the fields of ``Knuckle``, ``Travel``."""
 
-    table: NDArray[np.float64]  # (rack cells + 3, travel cells + 3, 13)
+    table: NDArray[np.float64]  # (rack cells + 3, travel cells + 3, 14)
     rack_min: float  # [m]
     rack_cells_per_metre: float  # [1/m]
     travel_min: float  # [m]
@@ -42,7 +42,8 @@ class Travel(NamedTuple):
 
     centre_x: float  # of the wheel centre, forward [1]
     contact_y: float  # of the contact, to the left [1]
-    pitch: float  # of the carrier, about y [rad/m]
+    roll: float  # of the carrier, about x [rad/m]
+    pitch: float  # about y [rad/m]
     compression: float  # the strut is shorter by this than in the design position [m]
     compression_rate: float  # its derivative [1]
 
@@ -77,7 +78,7 @@ def build(
     work = load_coefficients(pose)
     forces = (work.F_x_contact, work.F_x_centre, work.F_y, work.F_z)
     up = pose.per_travel
-    motion = (up.wheel_centre[..., 0], up.contact[..., 1], up.rotation[..., 1])
+    motion = (up.wheel_centre[..., 0], up.contact[..., 1], up.rotation[..., 0], up.rotation[..., 1])
     compression = strut.solve(0.0, 0.0).strut_length - pose.strut_length
     knuckle = (pose.steer_angle, pose.inclination, *forces, work.M_x, work.M_z)
     values = np.stack([*knuckle, *motion, compression, -up.strut_length], -1)
@@ -116,7 +117,7 @@ def linear(
     q, s = np.meshgrid(rack * nodes, travel * nodes, indexing="ij")
     zero = 0.0 * q
     knuckle = (steer * q, inclination * s, zero, zero, zero, zero, zero, zero + steer)
-    motion = (zero, zero + path, zero, s, zero + 1.0)
+    motion = (zero, zero + path, zero + inclination, zero, s, zero + 1.0)
     return StrutMap(np.stack([*knuckle, *motion], -1), -rack, 0.5 / rack, -travel, 0.5 / travel)
 
 
@@ -207,6 +208,7 @@ def left_travel(m, rack, travel):
         _patch(c, i, j, k + 2, r, t),
         _patch(c, i, j, k + 3, r, t),
         _patch(c, i, j, k + 4, r, t),
+        _patch(c, i, j, k + 5, r, t),
     )
 
 

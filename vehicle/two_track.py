@@ -272,16 +272,17 @@ def derivative(p, strut, c, x, rack, rack_rate, u, dx, out):
             path = strut_map.left_travel(strut, side * tie_rods, s)
             steer, inclination = knuckle.steer_angle, knuckle.inclination
             turning = W_z + knuckle.M_z * rack_rate
-            centre_x, contact_y, carrier_pitch = path.centre_x, path.contact_y, path.pitch
+            centre_x, contact_y, carrier_pitch, lean = path.centre_x, path.contact_y, path.pitch, path.roll
             spring = d.S_f + d.K_f * path.compression + d.C_f * path.compression_rate * s_rate
             spring = path.compression_rate * spring + d.B_f * (s - other) + _stop(d.K_stop, d.clear_f, s)
             arm, half, load, m_i, capacity, drive = d.a, 0.5 * d.t_f, d.F_zf, d.m_f, brake_f, 0.5 * drive_f
         else:
             steer, inclination, turning = d.steer_r * s, d.camber_r * s, W_z
-            centre_x, contact_y, carrier_pitch = 0.0, d.path_r, 0.0
+            centre_x, contact_y, carrier_pitch, lean = 0.0, d.path_r, 0.0, d.camber_r
             spring = d.S_r + d.K_r * s + d.C_r * s_rate + d.B_r * (s - other) + _stop(d.K_stop, d.clear_r, s)
             arm, half, load, m_i, capacity, drive = -d.b, 0.5 * d.t_r, d.F_zr, d.m_r, brake_r, 0.5 * drive_r
-        steer, inclination, contact_y = side * steer, side * inclination, side * contact_y
+        steer, contact_y, lean = side * steer, side * contact_y, side * lean
+        camber = side * inclination + x[ROLL]  # to the road, as far as pitch and roll are small
 
         # Wheel centre from O in the road frame, height over the road, load.
         y_i, z_i = side * half, d.R_l - d.h + s
@@ -290,13 +291,16 @@ def derivative(p, strut, c, x, rack, rack_rate, u, dx, out):
         r_z = a31 * arm + a32 * y_i + a33 * z_i
         track = 0 if side > 0.0 else 1
         ground, _ = road.height(p.road, track, x[DISTANCE] + arm)
-        radius = x[Z] + r_z - ground
-        F_z = max(load + d.K_t * (d.R_l - radius), 0.0)
+        # A leaning wheel meets the road in its own plane, off the line below its centre. Of second order in camber: the
+        # loaded radius is below (1 + camber^2/2), so that F_z at ``aside`` is its tyre spring's virtual work.
+        below = x[Z] + r_z - ground
+        aside, longer = below * camber, 1.0 + 0.5 * camber * camber
+        F_z = max(load + d.K_t * (d.R_l - below * longer), 0.0) * longer
         mu = road.friction(p.road, track, x[DISTANCE] + arm)
 
         # Velocities of the wheel centre along x and of the contact along y: they define slip, and forces work on them.
-        centre = V_x + W_y * r_z - W_z * r_y + (a13 + centre_x) * s_rate
-        contact = V_y + W_z * r_x - W_x * (r_z - radius) + (a23 + contact_y) * s_rate
+        centre = V_x + W_y * r_z - W_z * (r_y + aside) + (a13 + centre_x) * s_rate
+        contact = V_y + W_z * r_x - W_x * (r_z - below) + (a23 + contact_y) * s_rate
         c_s, s_s = _turned(steer)
         rolling = centre * c_s + contact * s_s
         slip_x, slip_y = rolling - d.R_e * x[SPIN + i], contact * c_s - centre * s_s
@@ -305,7 +309,7 @@ def derivative(p, strut, c, x, rack, rack_rate, u, dx, out):
         slow = 1.0 - min(abs(rolling) * (1.0 / DAMPED_BELOW), 1.0)
         kappa = x[KAPPA + i] - d.d_x * slow * slow * slip_x
         tan_a = x[ALPHA + i] + d.d_y * slow * slow * slip_y
-        F_x, F_y, M_x, M_y, M_z = tyre.forces_slip(c, kappa, tan_a, inclination + x[ROLL], F_z, abs(rolling), mu)
+        F_x, F_y, M_x, M_y, M_z = tyre.forces_slip(c, kappa, tan_a, camber, F_z, abs(rolling), mu)
         whole = _fade(rolling, SPIN_BLEND)
         M_y *= whole
         relative = F_z * per_load
@@ -340,11 +344,17 @@ def derivative(p, strut, c, x, rack, rack_rate, u, dx, out):
         out[_LOAD + i] = F_z
         out[_FX + i], out[_FY + i], out[_MZ + i], out[_SPIN_TORQUE + i] = F_x, F_y, M_z, road_torque
         out[_X + i], out[_Y + i] = X_i, Y_i
-        out[_MX + i] = r_y * F_z - (r_z - radius) * Y_i + M_x * c_s
+        out[_MX + i] = (r_y + aside) * F_z - (r_z - below) * Y_i + M_x * c_s
         out[_MY + i] = r_z * X_i - r_x * F_z + M_x * s_s + brake - drive
-        out[_MZ_SUM + i] = r_x * Y_i - r_y * X_i + M_z
+        out[_MZ_SUM + i] = r_x * Y_i - (r_y + aside) * X_i + M_z
         out[_Q + i] = (
-            a33 * F_z + (a13 + centre_x) * X_i + (a23 + contact_y) * Y_i + carrier_pitch * brake - spring + m_i * d.g_z
+            a33 * F_z
+            + lean * (aside * F_z + M_x)
+            + (a13 + centre_x) * X_i
+            + (a23 + contact_y) * Y_i
+            + carrier_pitch * brake
+            - spring
+            + m_i * d.g_z
         )
         dx[SPIN + i] = road_torque + drive - brake
         if front:
