@@ -1,4 +1,4 @@
-"""What the full vehicle adds: the weave on both chassis and why it differs, parking, and the cross-validation.
+"""What the full vehicle adds: the weave on both chassis and why it differs, and parking.
 
     python -m experiments.vehicle_study
 """

@@ -18,7 +18,7 @@ def weaves():
     return {law: manoeuvres.drive(CAR, manoeuvres.weave(), law) for law in LAWS}
 
 
-@pytest.mark.parametrize("hand", [manoeuvres.weave().hand, manoeuvres.hold().hand])
+@pytest.mark.parametrize("hand", [m().hand for m in (manoeuvres.weave, manoeuvres.hold, manoeuvres.parking)])
 def test_the_rate_is_the_derivative(hand):
     t = np.linspace(0.01, 9.0, 500)
     step = 1e-6
@@ -49,6 +49,26 @@ def test_rig_carries_friction_alone():
     speed = 0.35 * 2.0 * np.pi * 0.2
     torque = np.abs(recording["handwheel_torque"][middle & settled]).mean()
     assert torque == pytest.approx(0.9 + 0.6 * speed, rel=0.01)
+
+
+@pytest.mark.parametrize("chassis", ["single_track", "two_track"])
+def test_step_steer_reaches_its_acceleration(chassis):
+    recording = manoeuvres.drive(CAR, replace(manoeuvres.step_steer(), chassis=chassis))
+    late = recording.time > 5.0
+    assert recording["lateral_acceleration"][late].mean() == pytest.approx(4.0, rel=1e-3)
+    assert 200.0 < np.degrees(recording["handwheel_speed"].max()) < 500.0
+    assert recording["vehicle_speed"][late].mean() == pytest.approx(80.0 / 3.6, rel=0.01)
+    assert recording.meta["chassis"] == chassis
+
+
+def test_parking_goes_from_lock_to_lock():
+    recording = manoeuvres.drive(CAR, manoeuvres.parking(cycles=1))
+    lock = CAR.steering["rack_limit"] / CAR.steering["pinion_radius"]
+    assert np.abs(recording["handwheel_angle"]).max() == pytest.approx(lock, rel=1e-6)
+    moving = np.abs(recording["handwheel_angle"]) < 0.8 * lock
+    rate = np.degrees(np.abs(recording["handwheel_speed"][moving]))
+    assert 60.0 < rate.min() < rate.max() < 90.0
+    assert np.abs(recording["vehicle_speed"]).max() < 0.05
 
 
 def test_hold_settles_to_its_torque():

@@ -124,8 +124,22 @@ def test_linear_kinematics(rack, travel):
     assert m.table.flags.c_contiguous
     expected = (6.0 * rack, 0.4 * travel, 0.0, 0.0, 0.0, 0.0, 0.0, 6.0)
     np.testing.assert_allclose(strut_map.left(m, rack, travel), expected, rtol=0, atol=1e-14)
-    np.testing.assert_allclose(strut_map.left_travel(m, rack, travel), (0.0, -0.05, 0.0, travel, 1.0), atol=1e-15)
+    np.testing.assert_allclose(strut_map.left_travel(m, rack, travel), (0.0, -0.05, 0.4, 0.0, travel, 1.0), atol=1e-15)
     assert strut_map.right(m, rack, travel).steer_angle == pytest.approx(6.0 * rack)  # both wheels alike
+
+
+def test_travel_equals_differences_of_the_solution():
+    """Motion by travel at fixed rack: the wheel centre, the contact carried by the knuckle, its turning, the strut."""
+    m, h = strut_map.build(STRUT), 1e-5
+    for rack, travel in ((0.0, 0.0), (0.03, 0.02), (-0.05, -0.03)):
+        low, pose, high = (STRUT.solve(rack, travel + d) for d in (-h, 0.0, h))
+        centre = (high.wheel_centre - low.wheel_centre) / (2.0 * h)
+        turn = ((high.rotation - low.rotation) / (2.0 * h)) @ pose.rotation.T  # the cross-product matrix of the turning
+        contact = centre + turn @ (pose.contact - pose.wheel_centre)
+        length = (high.strut_length - low.strut_length) / (2.0 * h)
+        compression = STRUT.solve(0.0, 0.0).strut_length - pose.strut_length
+        expected = (centre[0], contact[1], turn[2, 1], turn[0, 2], compression, -length)
+        np.testing.assert_allclose(strut_map.left_travel(m, rack, travel), expected, rtol=1e-5, atol=2e-6)
 
 
 @pytest.mark.parametrize("name", ["rack", "travel"])

@@ -1,0 +1,57 @@
+"""The study of the full vehicle, and the readings of step steer and parking, against closed forms."""
+
+import numpy as np
+import pytest
+
+from experiments import vehicle_study
+from experiments.evaluation import evaluate
+from steer_env.recording import Recording
+from vehicle import cars
+
+
+@pytest.fixture(scope="module")
+def study():
+    return vehicle_study.collect(cars.load(), "lugre")
+
+
+def test_what_two_tracks_add_explains_the_difference(study):
+    """With all of it off, the single track's weave is left: lateral motion and hand torque within 1 %."""
+    single, two, *_, none = (row.values for row in study.peaks)
+    for name in ("lateral_acceleration", "yaw_rate", "handwheel_torque"):
+        assert none[name] == pytest.approx(single[name], rel=0.01), name
+        assert two[name] != pytest.approx(single[name], rel=0.01), name
+    assert len(study.peaks) == 3 + len(vehicle_study.SWITCHES)
+
+
+def test_parking_of_the_default_car(study):
+    """2.5 to 4 kN between the locks; about 2 Gough moments over the arm of 0.115 m at centre."""
+    assisted, unassisted = study.parking["assisted"].values, study.parking["unassisted"].values
+    for found in (assisted, unassisted):
+        assert 2500.0 < found["rack_force_at_centre"].value < found["rack_force_peak"].value < 4000.0
+    load = 0.5 * 1225.9 * 9.80665 * 1.509 / 2.393
+    gough = 0.9 * load**1.5 / (3.0 * np.sqrt(220e3))
+    assert assisted["rack_force_at_centre"].value == pytest.approx(2.0 * gough / 0.1149, rel=0.05)
+    # without assist the hands carry the rack force through the pinion, and the friction
+    expected = unassisted["rack_force_at_centre"].value * 0.00796 * 1.03 + 0.9
+    assert unassisted["handwheel_torque_at_centre"].value == pytest.approx(expected, rel=0.05)
+    assert assisted["handwheel_torque_peak"].value < 6.0
+    assert unassisted["motor_torque_peak"].value == 0.0
+
+
+def test_step_response_of_a_second_order_system():
+    """Damping 0.6, 6 rad/s: overshoot, peak time and 90 % time in closed form, from the middle of a short ramp."""
+    zeta, omega, gain, rise = 0.6, 6.0, 0.3, 0.002
+    t = np.arange(1, 6001) * 1e-3
+    s, damped = np.clip(t - 1.0, 0.0, None), omega * np.sqrt(1.0 - zeta**2)
+    shape = 1.0 - np.exp(-zeta * omega * s) * (np.cos(damped * s) + zeta * omega / damped * np.sin(damped * s))
+    angle = 0.5 * np.clip((t - 1.0) / rise, 0.0, 1.0)
+    channels = {"handwheel_angle": angle, "yaw_rate": 0.5 * gain * shape, "lateral_acceleration": 3.0 * shape}
+    units = {"handwheel_angle": "rad", "yaw_rate": "rad/s", "lateral_acceleration": "m/s2"}
+    found = evaluate(Recording(t, channels, units, {"manoeuvre": "step-steer"}))
+    assert found["yaw_rate_gain"].value == pytest.approx(gain, rel=1e-3)
+    assert found["ay_gain"].value == pytest.approx(6.0, rel=1e-3)
+    assert found["yaw_rate_overshoot"].value == pytest.approx(np.exp(-np.pi * zeta / np.sqrt(1.0 - zeta**2)), abs=1e-3)
+    assert found["yaw_rate_peak_time"].value == pytest.approx(np.pi / damped, abs=3e-3)
+    assert found["yaw_rate_time_to_90"].value == pytest.approx(s[np.argmax(shape >= 0.9)], abs=3e-3)
+    mirrored = {name: -x for name, x in channels.items()}
+    assert evaluate(Recording(t, mirrored, units, {"manoeuvre": "step-steer"})) == found
