@@ -83,12 +83,10 @@ class SteerEnv(gym.Env):
         bound = np.array([o.bound for o in (*task.channels, *task.situation)], np.float32)
         self.action_space = gym.spaces.Box(-1.0, 1.0, (1,), np.float32)
         self.observation_space = gym.spaces.Box(-bound, bound, dtype=np.float32)
-        self._straight = plant.initial_state(self.plant)
+        self._straight, self._straight_channels = plant.settled(self.plant)
         self._state = self._straight.copy()
         self._row = np.zeros((1, len(plant.channels(self.plant))))
         self._now_channels = self._row[0]
-        self._straight_channels = self._now_channels.copy()
-        plant.report(self.plant, self._straight, self._straight_channels)
         self._situation = np.zeros(len(task.situation))
         self._observed = np.array([plant.CHANNEL[o.name] for o in task.channels])
         self._bound = bound

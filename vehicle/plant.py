@@ -155,7 +155,7 @@ def _step(p, state, hand, hand_speed, before, after, elapsed, u, h):
 
 
 @kernel
-def report(p, state, row):
+def _report(p, state, row):
     """Fill a row of channels at the present moment."""
     rate, _, out, out_before, memory = _places(p)
     s = state[_PHASE] / STEPS_PER_NODE
@@ -218,7 +218,7 @@ def run(p, state, inputs, record, substeps):
                 _evaluate(p, state, u)
                 state[_PHASE] = 0.0
         if i <= last or i == inputs.shape[0] - 1:
-            report(p, state, row)
+            _report(p, state, row)
     finite = True
     for value in state:
         if not abs(value) < math.inf:
@@ -244,7 +244,12 @@ def channels(p: Plant) -> Names:
 
 
 def initial_state(p: Plant) -> NDArray[np.float64]:
-    """State of the plant running straight at its speed, hands at zero, friction at rest.
+    """State of the plant running straight at its speed, hands at zero, friction at rest."""
+    return settled(p)[0]
+
+
+def settled(p: Plant) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """State (S,) of running straight, as :func:`initial_state`, and its channels (C,).
 
     Five seconds of straight running, some fifty time constants of the speed hold, bring the drive to its balance.
     """
@@ -253,12 +258,13 @@ def initial_state(p: Plant) -> NDArray[np.float64]:
     memory = int(_places(p)[4])
     state = np.zeros(memory + law_of(p.friction).memory_size(p.friction))
     state[_CHASSIS : _CHASSIS + len(start)] = start
-    straight = np.zeros((5000, len(INPUTS)))
-    run(p, state, straight, np.zeros((1, len(channels(p)))), 1)
+    row = np.zeros((1, len(channels(p))))
+    run(p, state, np.zeros((5000, len(INPUTS))), row, 1)
     for place, (name, _) in enumerate(kind.states):
         if name in ("x", "y", "distance"):
             state[_CHASSIS + place] = 0.0
-    return state
+    row[0, [CHANNEL["x"], CHANNEL["y"]]] = 0.0
+    return state, row[0]
 
 
 def states(p: Plant) -> Names:

@@ -121,7 +121,7 @@ def _slip_rate(p, v_x, v_y, c, s, slip):
 
 
 @kernel
-def derivative(p, strut, c, x, rack, wind_force, wind_moment, dx, out):
+def derivative(p, strut, c, x, rack, rack_rate, u, dx, out):
     """Time derivative of the chassis and the rack force that it makes.
 
     Parameters
@@ -132,10 +132,10 @@ def derivative(p, strut, c, x, rack, wind_force, wind_moment, dx, out):
         The tyres; without left-right asymmetry, so that straight running is straight to the last bit.
     x : (15,) array
         States, as in ``STATES``.
-    rack : float
-        Rack coordinate, positive where it steers left [m].
-    wind_force, wind_moment : float
-        Lateral force at the sprung centre of gravity [N] and yaw moment [N m] of the wind.
+    rack, rack_rate : float
+        Rack coordinate, positive where it steers left [m]; its rate has no effect here [m/s].
+    u : (I,) array
+        Inputs, as in ``vehicle.chassis.INPUTS``; the wind's force takes hold of the sprung centre of gravity.
     dx : (15,) array
         Receives the derivative.
     out : (9,) array
@@ -148,6 +148,7 @@ def derivative(p, strut, c, x, rack, wind_force, wind_moment, dx, out):
     """
     v_y, r, phi, phi_rate = x[LATERAL_SPEED], x[YAW_RATE], x[ROLL], x[ROLL_RATE]
     half_f, half_r = 0.5 * p.t_f, 0.5 * p.t_r
+    wind_force, wind_moment = u[WIND_FORCE], u[WIND_MOMENT]
 
     # Wheel loads: static, plus the part through springs and dampers, plus the part through the roll centres.
     static_f = 0.5 * GRAVITY * p.m * p.b / (p.a + p.b)
@@ -250,11 +251,6 @@ _LEAD = len(PUBLISHED)
 
 
 @kernel
-def _evaluate(p, strut, c, x, rack, rack_rate, u, dx, out):
-    return derivative(p, strut, c, x, rack, u[WIND_FORCE], u[WIND_MOMENT], dx, out)
-
-
-@kernel
 def _advance(p, x, rate, before, out, out_before, s, h, u):
     chassis.extrapolated_step(x, rate, before, s, h)
 
@@ -298,7 +294,7 @@ chassis.register(
     outputs=OUTPUTS,
     channels=CHANNELS,
     start=_start,
-    derivative=_evaluate,
+    derivative=derivative,
     advance=_advance,
     report=_report,
     speed=_speed,

@@ -5,11 +5,11 @@ position; unsprung masses m_i at r_i move along the body's z with travel s_i. Wi
 
     T = m v^2/2 + w I w/2 + sum m_i s_i' (v_z + w_x y_i - w_y x_i) + sum m_i s_i'^2/2 + sum I_w spin_i^2/2
     G = dT/dv,  H = dT/dw,  h_i = dT/ds_i'
-    G' = F - w x G         H' = N - w x H - v x G         h_i' = Q_i
+    G' = F - w x G         H' = N - w x H         h_i' = Q_i + m_i (v_x w_y - v_y w_x)
 
-the equations are Lagrange's in quasi-velocities for an inertia frozen in the design position, so momentum and energy
-books close exactly. Generalised forces are virtual work of the tyre forces on the velocities that define slip and
-compression: spring, damper, anti-roll bar and bump stop act along the travel; lateral forces work on the contact's path
+the equations are Lagrange's in quasi-velocities, of first order in the travel: -v x G of a frozen inertia and the
+moving masses' own v cancel, and the energy books close exactly. Generalised forces are virtual work of the tyre forces
+on the velocities that define slip and compression: spring, damper, anti-roll bar and bump stop act along the travel; lateral forces work on the contact's path
 (roll centre), longitudinal forces on the wheel centre's, brake torques on the carrier's pitch (anti-dive). The front
 path is the strut's own solution, the rear one linear. A spin is the wheel's absolute turning speed about its axle.
 
@@ -107,7 +107,8 @@ CHANNELS = (
 SPIN_BLEND = 1.0  # rolling speed at which pneumatic trail and rolling resistance are whole, assumed [m/s]
 DAMPED_BELOW = 3.0  # rolling speed at which the tyres' structural damping has faded, assumed [m/s]
 LARGEST_SLIP = 2.0  # a sliding patch carries no more of its past than this, assumed [1]
-FASTEST_ROLLING = 400.0  # at which rolling wipes out torsion: no more is left beyond, and the rule is stable [1/s]
+FASTEST_FADING = 400.0  # of torsion, for the sake of the 2 ms nodes [1/s]
+FORGETTING = 100.0  # rate at which a tyre that comes to rest forgets slip that its force cannot hold, assumed [1/s]
 STOP_SOFTNESS = 0.01  # travel over which a bump stop takes up its stiffness, assumed [m]
 
 
@@ -193,6 +194,13 @@ def _fade(v, whole):
 def _limited(rate, slip):
     """Rate of a slip that may not grow beyond its limit."""
     return 0.0 if abs(slip) > LARGEST_SLIP and rate * slip > 0.0 else rate
+
+
+@kernel
+def _let_go(slip, force, stiffness, rolling):
+    """Rate at which a tyre that comes to rest sliding forgets slip beyond what its force bends the carcass to."""
+    beyond = abs(slip) - max(2.0 * abs(force) / (stiffness + 1.0), abs(rolling) / SPIN_BLEND)
+    return -math.copysign(FORGETTING * max(beyond, 0.0), slip)
 
 
 @kernel
@@ -302,8 +310,9 @@ def derivative(p, strut, c, x, rack, rack_rate, u, dx, out):
         centre = V_x + W_y * r_z - W_z * (r_y + aside) + (a13 + centre_x) * s_rate
         contact = V_y + W_z * r_x - W_x * (r_z - below) + (a23 + contact_y) * s_rate
         c_s, s_s = _turned(steer)
+        ahead = centre - below * (W_y + carrier_pitch * s_rate)  # of the contact, along x
         rolling = centre * c_s + contact * s_s
-        slip_x, slip_y = rolling - d.R_e * x[SPIN + i], contact * c_s - centre * s_s
+        slip_x, slip_y = rolling - d.R_e * x[SPIN + i], contact * c_s - ahead * s_s
 
         # Forces of the relaxed slips; the tyre's structure damps them at standstill, where rolling does not.
         slow = 1.0 - min(abs(rolling) * (1.0 / DAMPED_BELOW), 1.0)
@@ -317,15 +326,22 @@ def derivative(p, strut, c, x, rack, rack_rate, u, dx, out):
         memory, memory_rate = x[TORSION + i : TORSION + i + 1], dx[TORSION + i : TORSION + i + 1]
         M_z = M_z * whole - law.torque(p.torsion, level, memory, turning)
         law.rate(p.torsion, level, memory, turning, memory_rate)
-        memory_rate[0] -= min(abs(rolling) * per_z, FASTEST_ROLLING) * memory[0]
+        memory_rate[0] -= abs(rolling) * per_z * memory[0]
+        # Fast rolling, or fast turning under a small load, leaves nothing of it anyway: keep the rule stable.
+        fastest = abs(rolling) * per_z + abs(turning) * p.torsion.sigma_0 / (level * p.torsion.F_c)
+        memory_rate[0] *= min(FASTEST_FADING / (fastest + 1e-9), 1.0)
         if not front and d.give_r != 0.0:
             # Compliance steer needs the force first; only the damping at standstill went without it.
             steer += d.give_r * F_y
             c_s, s_s = _turned(steer)
             rolling = centre * c_s + contact * s_s
-            slip_x, slip_y = rolling - d.R_e * x[SPIN + i], contact * c_s - centre * s_s
+            slip_x, slip_y = rolling - d.R_e * x[SPIN + i], contact * c_s - ahead * s_s
         dx[KAPPA + i] = _limited((-slip_x - abs(rolling) * x[KAPPA + i]) * per_x, x[KAPPA + i])
         dx[ALPHA + i] = _limited((slip_y - abs(rolling) * x[ALPHA + i]) * per_y, x[ALPHA + i])
+
+        if abs(rolling) < LARGEST_SLIP * SPIN_BLEND:
+            dx[KAPPA + i] += _let_go(x[KAPPA + i], F_x, tyre.longitudinal_stiffness(c, F_z), rolling)
+            dx[ALPHA + i] += _let_go(x[ALPHA + i], F_y, tyre.cornering_stiffness(c, F_z), rolling)
 
         # A brake that slides gives its capacity; one that holds, what the wheel needs to stand still.
         road_torque = M_y - d.R_e * F_x
@@ -345,21 +361,31 @@ def derivative(p, strut, c, x, rack, rack_rate, u, dx, out):
         out[_FX + i], out[_FY + i], out[_MZ + i], out[_SPIN_TORQUE + i] = F_x, F_y, M_z, road_torque
         out[_X + i], out[_Y + i] = X_i, Y_i
         out[_MX + i] = (r_y + aside) * F_z - (r_z - below) * Y_i + M_x * c_s
-        out[_MY + i] = r_z * X_i - r_x * F_z + M_x * s_s + brake - drive
+        # F_x acts at the wheel centre, its moment about the axle being the wheel's own; F_y acts on the ground.
+        grounded = below * F_y * s_s
+        out[_MY + i] = r_z * X_i + grounded - r_x * F_z + M_x * s_s + brake - drive
         out[_MZ_SUM + i] = r_x * Y_i - (r_y + aside) * X_i + M_z
         out[_Q + i] = (
             a33 * F_z
             + lean * (aside * F_z + M_x)
             + (a13 + centre_x) * X_i
             + (a23 + contact_y) * Y_i
-            + carrier_pitch * brake
+            + carrier_pitch * (brake + grounded)
             - spring
-            + m_i * d.g_z
+            + m_i * (d.g_z + w_y * v_x - w_x * v_y)
         )
         dx[SPIN + i] = road_torque + drive - brake
         if front:
             out[1 + i] = steer
     rack_force = rack_force_left + rack_force_right
+
+    # The shafts give the wheels, and the body the other way, less than the engine gives where it speeds up.
+    engine = 0.0
+    J_f, J_r = _reflected(p, x, omega_f, omega_r)
+    for i, J in ((SPIN, J_f), (SPIN + 2, J_r)):
+        mean, half = 0.5 * (dx[i] + dx[i + 1]) / (d.I_w + 0.5 * J), 0.5 * (dx[i] - dx[i + 1]) / d.I_w
+        engine += J * mean
+        dx[i], dx[i + 1] = mean + half, mean - half
 
     # What acts on the whole car, in the road frame, then in the body's.
     c_y, s_y = math.cos(x[YAW]), math.sin(x[YAW])
@@ -371,7 +397,7 @@ def derivative(p, strut, c, x, rack, rack_rate, u, dx, out):
     F_y = side_force + d.m * (d.g_y * c_y - d.g_x * s_y)
     F_z = _pair(out, _LOAD) + (d.lift_f + d.lift_r) * speed_2 + d.m * d.g_z
     N_x = _pair(out, _MX)
-    N_y = _pair(out, _MY) + (d.b * d.lift_r - d.a * d.lift_f) * speed_2
+    N_y = _pair(out, _MY) + engine + (d.b * d.lift_r - d.a * d.lift_f) * speed_2
     N_z = _pair(out, _MZ_SUM) + u[WIND_MOMENT]
     f_x, f_y, f_z = a11 * F_x + a31 * F_z, a12 * F_x + a22 * F_y + a32 * F_z, a13 * F_x + a23 * F_y + a33 * F_z
     n_x, n_y, n_z = a11 * N_x + a31 * N_z, a12 * N_x + a22 * N_y + a32 * N_z, a13 * N_x + a23 * N_y + a33 * N_z
@@ -390,8 +416,8 @@ def derivative(p, strut, c, x, rack, rack_rate, u, dx, out):
     f_x -= w_y * G_z - w_z * G_y
     f_y -= w_z * G_x - w_x * G_z
     f_z -= w_x * G_y - w_y * G_x
-    n_x -= w_y * H_z - w_z * H_y + v_y * rising
-    n_y -= w_z * H_x - w_x * H_z - v_x * rising
+    n_x -= w_y * H_z - w_z * H_y
+    n_y -= w_z * H_x - w_x * H_z
     n_z -= w_x * H_y - w_y * H_x
 
     # Accelerations, the travels eliminated: s_i'' = Q_i/m_i - v_z' - y_i w_x' + x_i w_y'.
@@ -415,10 +441,6 @@ def derivative(p, strut, c, x, rack, rack_rate, u, dx, out):
     dx[TRAVEL_RATE + 1] = out[_Q + 1] / d.m_f - front + half_f * lean
     dx[TRAVEL_RATE + 2] = out[_Q + 2] / d.m_r - rear - half_r * lean
     dx[TRAVEL_RATE + 3] = out[_Q + 3] / d.m_r - rear + half_r * lean
-    J_f, J_r = _reflected(p, x, omega_f, omega_r)
-    for i, J in ((SPIN, J_f), (SPIN + 2, J_r)):
-        mean, half = 0.5 * (dx[i] + dx[i + 1]) / (d.I_w + 0.5 * J), 0.5 * (dx[i] - dx[i + 1]) / d.I_w
-        dx[i], dx[i + 1] = mean + half, mean - half
     dx[COMPLIANCE] = (rack_force / d.K_rack - x[COMPLIANCE]) / d.T_rack
     dx[DISTANCE] = V_x
     dx[GEAR] = dx[SHIFT] = 0.0  # events, not motion: see _advance

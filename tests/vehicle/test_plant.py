@@ -8,7 +8,7 @@ from scipy.integrate import DOP853
 
 import friction
 from friction.law import law_of, rate, torque
-from vehicle import cars, chassis, plant, single_track
+from vehicle import cars, plant, single_track
 from vehicle.chassis import INPUTS
 from vehicle.plant import CHANNEL, CHANNELS
 
@@ -58,8 +58,7 @@ def reference(p, u, robot):
         """Derivative of handwheel, column, motor, chassis, friction; and hand torque, rack force, friction torque."""
         th1, v1, th2, v2, T_m = y[:5]
         rack = p.pinion_radius * th2
-        wind = row[chassis.WIND_FORCE], row[chassis.WIND_MOMENT]
-        force = single_track.derivative(p.chassis, p.strut, p.tyre[0], y[5:last], rack, *wind, dx, out)
+        force = single_track.derivative(p.chassis, p.strut, p.tyre[0], y[5:last], rack, 0.0, row, dx, out)
         F = force + row[plant.RACK_DISTURBANCE]
         level = 1.0 + p.friction_load * abs(F)
         T_F = torque(p.friction, level, y[last:], v2)

@@ -38,7 +38,9 @@ CHASSIS = slice(FIRST, FIRST + len(STATES))
 def code(p, x, rack, wind=(0.0, 0.0)):
     """Derivative (15,), outputs (9,) and rack force of the module under test."""
     dx, out = np.empty(len(STATES)), np.empty(len(OUTPUTS))
-    force = single_track.derivative(p.chassis, p.strut, p.tyre[0], np.asarray(x, float), rack, *wind, dx, out)
+    u = np.zeros(len(chassis.INPUTS))
+    u[[chassis.WIND_FORCE, chassis.WIND_MOMENT]] = wind
+    force = single_track.derivative(p.chassis, p.strut, p.tyre[0], np.asarray(x, float), rack, 0.0, u, dx, out)
     return dx, out, force
 
 

@@ -1,0 +1,99 @@
+"""The linear single track: closed form against simulation, and both chassis against it for small inputs."""
+
+import math
+
+import control
+import numpy as np
+import pytest
+
+import friction
+from tests.vehicle.test_single_track import linearised
+from vehicle import cars, linear, plant
+from vehicle.single_track import GRAVITY as G
+
+CAR = cars.load()
+C = CAR.chassis
+L = C["front_axle"] + C["rear_axle"]
+KPH = 1.0 / 3.6
+STEER = CAR.steering["pinion_radius"] * float(CAR.strut.solve(0.0, 0.0).per_rack.rotation[..., 2])
+OPTIONS = [{}, {"roll": False}, {"compliance": False}, {"aligning": False}, {"rear_camber": 1.0}]
+
+
+def understeer(model, gains):
+    """Of road-wheel angle over lateral acceleration beyond the path's, from gains of yaw rate and acceleration."""
+    return (1.0 - L * gains[0] / model.speed) / gains[1]
+
+
+@pytest.mark.parametrize("options", OPTIONS)
+@pytest.mark.parametrize("v", [5.0, 100.0 * KPH, 50.0])
+def test_understeer_gradient_is_that_of_a_simulation(v, options):
+    model = linear.from_car(CAR, v, **options)
+    system = model.state_space()
+    assert np.all(system.poles().real < 0.0)
+    t = np.linspace(0.0, 40.0 / np.abs(system.poles().real).min(), 2001)
+    _, y = control.forced_response(system, t, np.full_like(t, 0.01))
+    gains = y[1:, -1] / 0.01
+    assert y[2, -1] == pytest.approx(v * y[1, -1], rel=1e-9)
+    assert model.understeer_gradient() == pytest.approx(understeer(model, gains), rel=1e-6)
+
+
+def test_textbook_model():
+    """Without aligning torque, compliance and roll K is m (b/C_f - a/C_r)/L, and the eigenvalues are Pacejka's."""
+    v = 30.0
+    model = linear.from_car(CAR, v, aligning=False, compliance=False, roll=False)._replace(
+        steer_force=0.0, steer_moment=0.0
+    )
+    m, a, b, C_f, C_r, I_z = *model[1:2], *model[3:7], model.yaw_inertia
+    assert model.understeer_gradient() == pytest.approx(m * (b / C_f - a / C_r) / L, rel=1e-12)
+    damping = (I_z * (C_f + C_r) + m * (a * a * C_f + b * b * C_r)) / (m * v * I_z)
+    stiffness = (C_f * C_r * L * L - m * v * v * (a * C_f - b * C_r)) / (m * v * v * I_z)
+    np.testing.assert_allclose(np.poly(model.state_space().poles()), [1.0, damping, stiffness], rtol=1e-9)
+
+
+def test_handwheel_input_and_unknown_input():
+    model = linear.from_car(CAR, 20.0)
+    ratio = model.state_space("handwheel").dcgain() / model.state_space().dcgain()
+    np.testing.assert_allclose(ratio, STEER, rtol=1e-6)
+    with pytest.raises(ValueError, match="'road_wheel' or 'handwheel', got 'rack'"):
+        model.state_space("rack")
+    with pytest.raises(ValueError, match="speed"):
+        linear.from_car(CAR, 0.0)
+
+
+@pytest.mark.parametrize("v", [10.0, 100.0 * KPH, 50.0])
+def test_single_track_agrees(v):
+    """Steady gains to 1e-3 with every effect in the model; below 0.2 Hz 1 %, above roll and relaxation come in."""
+    model = linear.from_car(CAR, v).state_space()
+    full = linearised(CAR.plant(speed=v))  # per rack travel
+    per_rack = STEER / CAR.steering["pinion_radius"]
+    np.testing.assert_allclose(full.dcgain()[:2, 0] / per_rack, model.dcgain()[1:, 0], rtol=1e-3)
+    for hertz, within in ((0.05, 0.002), (0.2, 0.02)):
+        s = 2j * math.pi * hertz
+        np.testing.assert_allclose(np.abs(full(s)[:2, 0] / per_rack / model(s)[1:, 0]), 1.0, atol=within)
+
+
+def settled(chassis, v, angle):
+    """Gains of yaw rate and lateral acceleration by the pinion's road-wheel angle at the end of a small ramp."""
+    p = CAR.plant(friction.make("viscous", sigma_2=0.0), v, robot=True, chassis=chassis)
+    u, t = np.zeros((15_000, len(plant.INPUTS))), np.minimum(np.arange(1, 15_001) * 1e-3, 1.0)
+    u[:, plant.HAND] = angle * (t - np.sin(2.0 * math.pi * t) / (2.0 * math.pi))
+    u[:, plant.HAND_SPEED] = angle * (1.0 - np.cos(2.0 * math.pi * t))
+    row = np.zeros((1, len(plant.channels(p))))
+    assert plant.run(p, plant.initial_state(p), u, row, 1)
+    row = dict(zip((name for name, _ in plant.channels(p)), row[0]))
+    return np.array([row["yaw_rate"], row["lateral_acceleration"]]) / (STEER * row["column_angle"])
+
+
+LEAN = 1.0 - 0.5 * C["rear_camber_gain"] * C["rear_track"]  # of two_track's rear wheels over the body's roll
+
+
+@pytest.mark.parametrize(
+    ("chassis", "camber", "expected", "within"), [("single_track", 0.0, 2.96, 1e-3), ("two_track", LEAN, 2.86, 0.09)]
+)
+def test_understeer_of_a_car(chassis, camber, expected, within):
+    """At 100 km/h in deg/g, from 15 s of simulation at 0.03 m/s2; two_track also rolls on its tyres."""
+    v = 100.0 * KPH
+    model = linear.from_car(CAR, v, rear_camber=camber)
+    found = understeer(model, settled(chassis, v, 3e-3))
+    assert found == pytest.approx(model.understeer_gradient(), rel=within)
+    assert math.degrees(found) * G == pytest.approx(expected, abs=0.01)
