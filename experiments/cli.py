@@ -20,7 +20,7 @@ from rich.table import Table
 import friction
 from experiments import provenance
 from experiments.evaluation import entries, evaluate
-from experiments.files import write_json
+from experiments.files import write_json, write_text
 from friction.check import number
 from steer_env import manoeuvres
 from steer_env.metrics import Value
@@ -106,7 +106,7 @@ def _parser() -> argparse.ArgumentParser:
     run.add_argument(
         "--compare",
         choices=("commonroad",),
-        help="step-steer on two tracks: also the cross-validation against CommonRoad's multi-body model, as table and SVG",
+        help="step-steer on two tracks: also our car with CommonRoad's parameters against their model, table and SVG",
     )
     run.set_defaults(function=_run)
 
@@ -134,6 +134,8 @@ def _progress(what: str, total: float | None = 1.0) -> Iterator[Callable[[float,
 
 
 def _run(args: argparse.Namespace) -> None:
+    if args.compare:
+        _check_comparable(args)
     out = Path(args.out)
     if out.suffix == ".csv":
         if not out.parent.is_dir():
@@ -153,7 +155,7 @@ def _run(args: argparse.Namespace) -> None:
         car = car._replace(tyre=tyre.load(args.tyre))
     if args.speed_kph is not None:
         if manoeuvre.speed == 0.0:
-            raise ValueError(f"--speed_kph has no place in {manoeuvre.name}, which is driven at standstill; leave it out")
+            raise ValueError(f"--speed_kph has no place in {manoeuvre.name}, which stands still; leave it out")
         if manoeuvre.rig:
             raise ValueError(f"--speed_kph has no effect on {manoeuvre.name}, which stands on a rig; leave it out")
         low, high = cars.SPEED_MIN / KPH, cars.SPEED_MAX / KPH
@@ -179,6 +181,30 @@ def _run(args: argparse.Namespace) -> None:
     _print(values, f"{manoeuvre.name}, {args.friction.label}, {recording.meta['vehicle']}, {manoeuvre.chassis}")
     if args.compare:
         _compare(args, out.parent)
+
+
+def _check_comparable(args: argparse.Namespace) -> None:
+    """ValueError unless there is a stored run of ``--compare`` for what is asked for."""
+    from experiments import cross_validation  # integrates with scipy, which no other command needs
+
+    car = cross_validation.load().about["car"]
+    allowed = {"MANOEUVRE": "step-steer", "--chassis": "two_track", "--vehicle": car}
+    given = dict(zip(allowed, (args.manoeuvre, args.chassis or "single_track", args.vehicle)))
+    for name, needed in allowed.items():
+        if given[name] != needed:
+            raise ValueError(f"--compare {args.compare} needs {name} {needed}, got {given[name]}")
+
+
+def _compare(args: argparse.Namespace, directory: Path) -> None:
+    """Print the comparison in the step steers, and write it with its figure into a directory."""
+    from experiments import cross_validation, figures
+
+    with _progress("comparing", total=None):
+        results = cross_validation.collect(cross_validation.STEPS)
+    path = directory / f"{args.manoeuvre}-{args.compare}"
+    write_text(path.with_suffix(".svg"), figures.cross_validation(results))
+    write_json(path.with_suffix(".json"), cross_validation.entries(results))
+    print(f"\n{cross_validation.table(results)}\n\n{path.with_suffix('.svg')}")
 
 
 def _print(values: dict[str, Value], title: str) -> None:

@@ -36,14 +36,16 @@ def evaluate(recording: Recording) -> dict[str, Value]:
         return parking(recording)
     if manoeuvre == "hold":
         return {HOLD_RIPPLE: _plain(held_ripple(recording), "N m")}
-    raise ValueError(f"no metrics for manoeuvre {manoeuvre!r}; there are some for weave, slow-ramp, step-steer, parking, rig, hold")
+    raise ValueError(
+        f"no metrics for manoeuvre {manoeuvre!r}; there are some for weave, slow-ramp, step-steer, parking, rig, hold"
+    )
 
 
 def step_response(recording: Recording) -> dict[str, Value]:
     """Response of yaw rate and lateral acceleration, timed from where the handwheel has turned half of its way."""
     angle = recording["handwheel_angle"]
     middle = int(np.argmax(np.abs(angle) >= 0.5 * abs(angle[-1])))
-    values = {}
+    values: dict[str, Value] = {}
     for name, unit, short in (("yaw_rate", "1/s", "yaw_rate"), ("lateral_acceleration", "m/s2/rad", "ay")):
         response = recording[name] * np.sign(angle[-1])
         last = recording.time > recording.time[-1] - 1.0

@@ -1,7 +1,7 @@
 """Figures of the report as SVG text: one colour and one dash for each law throughout."""
 
 import io
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import matplotlib
@@ -214,7 +214,7 @@ def chassis(cycles: dict[str, dict[str, Array]]) -> str:
     panels = figure.subplots(1, 3)
     pairs = (
         ("torque over lateral acceleration", AY, GRAVITY, "lateral acceleration [g]", TORQUE, 1.0, "torque [N m]"),
-        ("rack force over handwheel angle", ANGLE, DEGREE, "handwheel angle [deg]", "rack_force", 1.0, "rack force [N]"),
+        ("rack force over handwheel angle", ANGLE, DEGREE, "handwheel angle [deg]", "rack_force", 1, "rack force [N]"),
         ("roll over lateral acceleration", AY, GRAVITY, "lateral acceleration [g]", "roll_angle", DEGREE, "roll [deg]"),
     )
     for axes, (title, x, per_x, x_label, y, per_y, y_label) in zip(panels, pairs):
@@ -237,4 +237,27 @@ def parking(found: dict[str, Any]) -> str:
     for axes, label in zip(panels, ("rack force [kN]", "handwheel torque [N m]")):
         axes.set(xlabel="handwheel angle [deg]", ylabel=label)
     _legend(figure, panels[0])
+    return _svg(figure)
+
+
+@_styled
+def cross_validation(results: Mapping[str, Mapping[str, Any]]) -> str:
+    """Yaw rate and lateral acceleration of both models, a column a manoeuvre of ``results``."""
+    figure = _figure(9.6, 4.6)
+    grid = figure.subplots(2, len(results), sharex="col", sharey="row", squeeze=False)
+    for column, result in zip(grid.T, results.values()):
+        published, reconciled = result["published"], result["reconciled"]
+        lines = (
+            (published.theirs, "CommonRoad as published", {"color": _PALETTE[1], "linewidth": 1.0}),
+            (reconciled.theirs, "CommonRoad reconciled", {"color": _PALETTE[3], "linewidth": 1.0}),
+            (published.ours, "two tracks", {"color": _PALETTE[6], "linestyle": (0, (2, 3)), "linewidth": 1.8}),
+        )
+        for run, label, style in lines:
+            column[0].plot(run.time, run["yaw_rate"] / DEGREE, label=label, **style)
+            column[1].plot(run.time, run["lateral_acceleration"], label=label, **style)
+        column[0].set_title(f"{run.meta['manoeuvre']}, {run.meta['speed_m_s']:g} m/s")
+        column[1].set_xlabel("time [s]")
+    grid[0, 0].set_ylabel("yaw rate [deg/s]")
+    grid[1, 0].set_ylabel("lateral acceleration [m/s²]")
+    _legend(figure, grid[0, 0])
     return _svg(figure)

@@ -10,14 +10,19 @@ from pathlib import Path
 from typing import Any
 
 
-def write_json(path: Path, data: Any) -> None:
-    """Write strict JSON beside ``path`` and then rename it; NaN and infinity are errors."""
+def write_text(path: Path, text: str) -> None:
+    """Write text beside ``path`` and then rename it."""
     part = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
-        part.write_text(json.dumps(data, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+        part.write_text(text, encoding="utf-8")
         os.replace(part, path)
     finally:
         part.unlink(missing_ok=True)
+
+
+def write_json(path: Path, data: Any) -> None:
+    """Write strict JSON, whole or not at all; NaN and infinity are errors."""
+    write_text(path, json.dumps(data, indent=1, allow_nan=False) + "\n")
 
 
 @contextmanager

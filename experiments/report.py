@@ -11,7 +11,7 @@ from typing import Any
 
 import jinja2
 
-from experiments import figures, findings, friction_study, provenance, real_time, vehicle_study
+from experiments import cross_validation, figures, findings, friction_study, provenance, real_time, vehicle_study
 from experiments.evaluation import entries
 from experiments.files import replaced_directory, write_json
 from experiments.results import Notify, Results, Scope, collect
@@ -41,15 +41,22 @@ def metrics_json(results: Results, source: dict[str, Any]) -> dict[str, Any]:
             "laws": {law: [row._asdict() for row in rows] for law, rows in results.tables.items()},
             "whole_car": results.sample_ns,
         },
-        **({"vehicle": _vehicle_json(results.vehicle)} if results.vehicle else {}),
+        **({"vehicle": _vehicle_json(results)} if results.vehicle else {}),
         "provenance": source,
     }
 
 
-def _vehicle_json(study: vehicle_study.Study) -> dict[str, Any]:
+def _vehicle_json(results: Results) -> dict[str, Any]:
+    study, compared = results.vehicle, results.cross_validation
+    assert study is not None
+    assert compared is not None
     return {
-        "weave_peaks": {"units": {name: unit for name, unit in plant.CHANNELS if name in vehicle_study.SHOWN}, **{row.title: row.values for row in study.peaks}},
+        "weave_peaks": {
+            "units": {name: unit for name, unit in plant.CHANNELS if name in vehicle_study.SHOWN},
+            **{row.title: row.values for row in study.peaks},
+        },
         "parking": {state: entries(found.values) for state, found in study.parking.items()},
+        "cross_validation": cross_validation.entries(compared),
     }
 
 
@@ -87,6 +94,7 @@ def render(results: Results, source: dict[str, Any]) -> str:
         findings=findings,
         study=friction_study,
         timing=real_time,
+        crossing=cross_validation,
         definitions={name: metrics.definition(name) for name in metrics.available()},
         images={name: _image(svg) for name, svg in _figures(results).items()},
     )
@@ -103,7 +111,11 @@ def _figures(results: Results) -> dict[str, str]:
     if results.held:
         drawn |= {f"held_{state}": figures.held_torque(results.held, state) for state in friction_study.ASSIST}
     if results.vehicle:
-        drawn |= {"chassis": figures.chassis(results.vehicle.cycles), "parking": figures.parking(results.vehicle.parking)}
+        drawn["chassis"] = figures.chassis(results.vehicle.cycles)
+        drawn["parking"] = figures.parking(results.vehicle.parking)
+    if results.cross_validation:
+        shown = {name: found for name, found in results.cross_validation.items() if name in cross_validation.SHOWN}
+        drawn["cross_validation"] = figures.cross_validation(shown)
     for test, drives in results.drives.items():
         loops = {law: drive.cycle for law, drive in drives.items() if drive.cycle}
         if results.base in loops:

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from itertools import pairwise
 from typing import Any, NamedTuple
 
-from experiments import battery, friction_study, real_time, vehicle_study
+from experiments import battery, cross_validation, friction_study, real_time, vehicle_study
 from friction.law import law_of
 from steer_env.manoeuvres import Manoeuvre
 from vehicle import cars, margins
@@ -63,6 +63,7 @@ class Results(NamedTuple):
     sample_ns: dict[str, float]  # whole car [ns]
     margins: dict[str, list[Cell]]  # by speed
     vehicle: vehicle_study.Study | None  # with the base law
+    cross_validation: dict[str, dict[str, cross_validation.Comparison]] | None  # manoeuvre -> case; with the vehicle
 
 
 def _of_law(scope: Scope, p: Any, held: bool) -> LawResult:
@@ -128,6 +129,7 @@ def collect(laws: dict[str, Any], scope: Scope, notify: Notify) -> Results:
         jobs: dict[Any, Any] = {}
         if scope.vehicle:  # first, as it compiles longest
             jobs[pool.submit(_of_vehicle, scope.car, laws[base])] = vehicle_study
+            jobs[pool.submit(cross_validation.collect)] = cross_validation
         jobs |= {pool.submit(_of_law, scope, p, held=first[law_of(p).name] == law): law for law, p in laws.items()}
         jobs |= {pool.submit(assist_cells, scope.car, kph): kph for kph in scope.speeds_kph}
         for i, job in enumerate(as_completed(jobs), start=1):
@@ -148,6 +150,7 @@ def collect(laws: dict[str, Any], scope: Scope, notify: Notify) -> Results:
         tables=tables,
         sample_ns=real_time.plant_samples(car, laws),
         vehicle=found.get(vehicle_study),
+        cross_validation=found.get(cross_validation),
         margins={"parking" if kph == 0 else f"{kph:g} km/h": found[kph] for kph in scope.speeds_kph},
     )
 

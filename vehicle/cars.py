@@ -28,9 +28,9 @@ else:
 
 DATA = Path(__file__).parent / "data"
 
-# Speeds [m/s]: a single track rolls at constant speed; two tracks stand, park and reverse as well.
+# Held speeds [m/s]: a single track rolls at constant speed; two tracks stand and park as well.
 SPEED_MIN, SPEED_MAX = 3.0, 70.0
-SPEEDS = {"single_track": (SPEED_MIN, SPEED_MAX), "two_track": (-10.0, SPEED_MAX)}
+SPEEDS = {"single_track": (SPEED_MIN, SPEED_MAX), "two_track": (0.0, SPEED_MAX)}
 LOAD_TIME = 0.02  # time constant of the geometric load transfer, assumed [s]
 
 # A standing tyre, after Gough: torsion up to mu F_z^1.5/(3 sqrt p), which is 144 N m at mu 0.9, 3700 N and 2.2 bar.
@@ -126,7 +126,7 @@ class Car(NamedTuple):
         friction : str or parameters
             A law's name, for its defaults, or parameters from ``friction.make``.
         speed : float
-            Held speed, 3 to 70 m/s; on two tracks from 0, or back at up to 10 m/s [m/s].
+            Held speed, 3 to 70; on two tracks from 0 [m/s].
         robot : bool
             Whether the handwheel angle is prescribed; else the hand torque is.
         road_friction : float
@@ -206,6 +206,17 @@ class Car(NamedTuple):
 
     def _two_track(self, v_x: float, mu: float, ground: road.Road | None) -> TwoTrack:
         c, tyres, R_l = self.chassis, self.tyre, self.strut.loaded_radius
+        # What the nodes of 2 ms can follow, found by trial.
+        for name, value, least in (
+            (
+                "wheel_inertia times the tyre's longitudinal relaxation length [kg m3]",
+                c["wheel_inertia"] * tyres.longitudinal_relaxation_length,
+                0.13,
+            ),
+            ("the tyre's lateral relaxation length [m]", tyres.relaxation_length, 0.15),
+            ("the inverse of the tyre's vertical stiffness [m/N]", 1.0 / tyres.vertical_stiffness, 1.0 / 1.5e6),
+        ):
+            number(f"{name} on two tracks", value, minimum=least)
         ground = ground or road.make_road()
         ground = ground._replace(friction=mu * ground.friction)
         m, m_s, a, b = c["mass"], c["sprung_mass"], c["front_axle"], c["rear_axle"]
@@ -288,6 +299,8 @@ _LIMITS = {
     "rack_limit": (0.0, 0.075),  # [m]; the strut's table ends there
     "compliance_time": (0.004, math.inf),  # [s]; two chassis nodes
     "speed_hold_time": (0.004, math.inf),  # [s]
+    "front_damper": (0.0, 12e3),  # [N s/m]; beyond, a wheel is too fast for two tracks' nodes of 2 ms
+    "rear_damper": (0.0, 12e3),  # [N s/m]
 }
 
 

@@ -154,11 +154,11 @@ def make(
     )
 
 
-def make_brakes(*, front: float = 1900.0, rear: float = 330.0, hand: float = 600.0) -> Brakes:
+def make_brakes(*, front: float = 1900.0, rear: float = 330.0, hand: float = 900.0) -> Brakes:
     """Checked brakes; torques of each wheel [N m] as in :class:`Brakes`, the defaults assumed for the compact car.
 
     The full pedal is good for 1.2 g of the compact car, and its share keeps the rear wheels from locking first up to
-    some 0.95 g; the hand brake holds the car on a grade of 30 %.
+    some 0.95 g; the hand brake locks the rear wheels.
 
     Raises
     ------

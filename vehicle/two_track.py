@@ -9,9 +9,10 @@ position; unsprung masses m_i at r_i move along the body's z with travel s_i. Wi
 
 the equations are Lagrange's in quasi-velocities, of first order in the travel: -v x G of a frozen inertia and the
 moving masses' own v cancel, and the energy books close exactly. Generalised forces are virtual work of the tyre forces
-on the velocities that define slip and compression: spring, damper, anti-roll bar and bump stop act along the travel; lateral forces work on the contact's path
-(roll centre), longitudinal forces on the wheel centre's, brake torques on the carrier's pitch (anti-dive). The front
-path is the strut's own solution, the rear one linear. A spin is the wheel's absolute turning speed about its axle.
+on the velocities that define slip and compression: spring, damper, anti-roll bar and bump stop act along the travel;
+lateral forces work on the contact's path (roll centre), longitudinal forces on the wheel centre's, brake torques on the
+carrier's pitch (anti-dive). The front path is the strut's own solution, the rear one linear. A spin is the wheel's
+absolute turning speed about its axle.
 
 Rotations: yaw, then pitch, then roll. "Road frame" is the body's frame without pitch and roll; tyre forces act there.
 Each tyre relaxes along both slips; its torsion about z is a friction law's, driven by the patch's turning and carried
@@ -298,7 +299,7 @@ def derivative(p, strut, c, x, rack, rack_rate, u, dx, out):
         r_y = a22 * y_i + a23 * z_i
         r_z = a31 * arm + a32 * y_i + a33 * z_i
         track = 0 if side > 0.0 else 1
-        ground, _ = road.height(p.road, track, x[DISTANCE] + arm)
+        ground, slope = road.height(p.road, track, x[DISTANCE] + arm)
         # A leaning wheel meets the road in its own plane, off the line below its centre. Of second order in camber: the
         # loaded radius is below (1 + camber^2/2), so that F_z at ``aside`` is its tyre spring's virtual work.
         below = x[Z] + r_z - ground
@@ -350,19 +351,21 @@ def derivative(p, strut, c, x, rack, rack_rate, u, dx, out):
             brake = min(max(road_torque + drive, -capacity), capacity)
         if front:
             braked = -brake * per_radius  # the part of F_x that the brake holds
-            force = strut_map.rack_force(knuckle, side * braked, side * (F_x - braked), F_y, side * F_z, M_x, M_z)
+            force = strut_map.rack_force(
+                knuckle, side * braked, side * (F_x - braked - F_z * slope), F_y, side * F_z, M_x, M_z
+            )
             if side > 0.0:
                 rack_force_left = force
             else:
                 rack_force_right = force
 
-        X_i, Y_i = F_x * c_s - F_y * s_s, F_x * s_s + F_y * c_s
+        X_i, Y_i = F_x * c_s - F_y * s_s - F_z * slope, F_x * s_s + F_y * c_s  # the road pushes square to itself
         out[_LOAD + i] = F_z
         out[_FX + i], out[_FY + i], out[_MZ + i], out[_SPIN_TORQUE + i] = F_x, F_y, M_z, road_torque
         out[_X + i], out[_Y + i] = X_i, Y_i
         out[_MX + i] = (r_y + aside) * F_z - (r_z - below) * Y_i + M_x * c_s
-        # F_x acts at the wheel centre, its moment about the axle being the wheel's own; F_y acts on the ground.
-        grounded = below * F_y * s_s
+        # F_x acts at the wheel centre, its moment about the axle being the wheel's own; the rest on the ground.
+        grounded = below * (F_y * s_s + F_z * slope)
         out[_MY + i] = r_z * X_i + grounded - r_x * F_z + M_x * s_s + brake - drive
         out[_MZ_SUM + i] = r_x * Y_i - (r_y + aside) * X_i + M_z
         out[_Q + i] = (
@@ -496,7 +499,8 @@ def _report(p, x, out, before, s, row):
         row[k] = x[i]
         k += 1
     for i in _EXTRA_OUTPUTS:
-        row[k] = out[i] + s * (out[i] - before[i])
+        pedal = i == _THROTTLE or i == _PEDAL  # they end at 0 and 1
+        row[k] = out[i] if pedal else out[i] + s * (out[i] - before[i])
         k += 1
 
 

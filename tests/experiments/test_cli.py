@@ -24,7 +24,7 @@ def test_run_writes_csv_and_json_that_agree(tmp_path, capsys):
     assert main(["run", "weave", "--friction", "masing,elements=5", "--rate_hz", "100", "--out", str(out)]) == 0
     recording = Recording.from_csv(out)
     assert recording.rate == pytest.approx(100.0)
-    assert out.read_text().split("\n")[7].startswith("time_s,handwheel_angle_deg,")
+    assert out.read_text().split("\n")[8].startswith("time_s,handwheel_angle_deg,")
 
     data = json.loads((tmp_path / "weave.json").read_text())
     assert set(data) == {"metrics", "meta", "friction", "versions"}
@@ -85,6 +85,20 @@ def test_a_rig_has_the_metrics_that_need_no_car(tmp_path, capsys):
     assert "loop_area" in capsys.readouterr().out
 
 
+def test_step_steer_compared_with_commonroad(tmp_path, capsys):
+    options = ["--chassis", "two_track", "--vehicle", "bmw_320i", "--compare", "commonroad"]
+    assert main(["run", "step-steer", *options, "--out", str(tmp_path)]) == 0
+    printed = capsys.readouterr().out
+    for name in ("step_20", "step_30"):
+        assert f"| {name} | published |" in printed
+        assert f"| {name} | reconciled |" in printed
+    data = json.loads((tmp_path / "step-steer-commonroad.json").read_text())
+    assert set(data["manoeuvres"]) == {"step_20", "step_30"}
+    assert data["reference"]["version"] == "3.0.2"
+    assert "step, 20 m/s" in (tmp_path / "step-steer-commonroad.svg").read_text()
+    assert (tmp_path / "step-steer.csv").exists()
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -102,8 +116,15 @@ def test_a_rig_has_the_metrics_that_need_no_car(tmp_path, capsys):
         (["run", "weave", "--speed_kph", "fast"], "--speed_kph must be a number, got 'fast'"),
         (["run", "weave", "--speed_kph", "500"], "at most 252, got '500'"),
         (["run", "weave", "--rate_hz", "5000"], "--rate_hz must be finite and at least 20 and at most 1000"),
-        (["run", "weave", "--out", "weave.json"], "--out must end in .csv"),
+        (["run", "weave", "--out", "weave.json"], "--out must be a directory or end in .csv"),
         (["run", "weave", "--out", "no/such/weave.csv"], "there is no directory no/such"),
+        (["run", "weave", "--compare", "commonroad"], "--compare commonroad needs MANOEUVRE step-steer, got weave"),
+        (["run", "step-steer", "--compare", "commonroad"], "needs --chassis two_track, got single_track"),
+        (
+            ["run", "step-steer", "--chassis", "two_track", "--compare", "commonroad"],
+            "--compare commonroad needs --vehicle bmw_320i, got compact",
+        ),
+        (["run", "step-steer", "--compare", "carsim"], "invalid choice: 'carsim'"),
         (["--import"], "expected one argument"),
         (["run", "weave", "--import", "no_such_law"], "--import no_such_law: No module named 'no_such_law'"),
         (["report", "--friction"], "expected at least one argument"),

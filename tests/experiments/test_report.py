@@ -11,7 +11,7 @@ from html.parser import HTMLParser
 import pytest
 
 import friction
-from experiments import battery, findings, provenance, report
+from experiments import battery, cross_validation, findings, provenance, report
 from experiments.files import replaced_directory
 from experiments.results import Scope, _pool
 from steer_env import metrics
@@ -19,7 +19,10 @@ from vehicle import cars
 
 LAWS = {law: friction.make(law) for law in ("lugre", "masing")}
 SCOPE = Scope(cycles=(("weave", 6), ("slow_ramp", 5)), steps=(1e-3, 1e-2), speeds_kph=(0.0,), workers=2)
-FIGURES = ("characteristics", "reversal", "real_time", "margins", "held_on", "held_off", "weave", "slow_ramp")
+FIGURES = (
+    *("characteristics", "reversal", "real_time", "margins", "held_on", "held_off", "weave", "slow_ramp"),
+    *("chassis", "parking", "cross_validation"),
+)
 
 
 @pytest.fixture(scope="module")
@@ -75,7 +78,8 @@ def test_the_page_is_well_formed_and_needs_nothing_from_outside(made):
 
 def test_the_page_says_everything_in_plain_words(made):
     words = " ".join(" ".join(Page((made[0] / "index.html").read_text(encoding="utf-8")).words).split())
-    for heading in ("Summary", "1 Friction", "2 Held", "3 Feel", "4 Real time", "5 Assist", "6 Provenance", "Glossary"):
+    headings = "Summary", "1 Friction", "2 Held", "3 Feel", "4 Real time", "5 Assist", "6 Vehicle", "7 Provenance"
+    for heading in (*headings, "Parking", "Cross-validation", "Glossary"):
         assert heading in words
     for name in metrics.available():
         assert findings.label(name) in words
@@ -85,7 +89,9 @@ def test_the_page_says_everything_in_plain_words(made):
 
 def test_metrics_json(made):
     data = json.loads((made[0] / "metrics.json").read_text(encoding="utf-8"))
-    assert set(data) == {"metrics", "real_time", "provenance"}
+    assert set(data) == {"metrics", "real_time", "vehicle", "provenance"}
+    assert set(data["vehicle"]) == {"weave_peaks", "parking", "cross_validation"}
+    assert set(data["vehicle"]["cross_validation"]["manoeuvres"]) == set(cross_validation.MANOEUVRES)
     names = {*metrics.available("weave"), *(f"slow_ramp.{name}" for name in metrics.available("slow_ramp"))}
     for law in LAWS:
         assert set(data["metrics"][law]) == names
@@ -182,8 +188,26 @@ def test_one_law_alone_makes_a_page_too(made):
         torques={"masing": results.torques["masing"]},
         tables={"masing": results.tables["masing"]},
         held=[test for test in results.held if test.law == "masing"],
+        vehicle=None,
+        cross_validation=None,
     )
-    assert "made without one of them" in report.render(alone, report.provenance_of(alone))
+    page = report.render(alone, report.provenance_of(alone))
+    assert "made without one of them" in page
+    assert "6 Provenance" in page
+    assert "Cross-validation" not in page
+
+
+def test_the_cross_validation_says_what_its_numbers_say(made, source, monkeypatch):
+    monkeypatch.setattr(report, "_figures", lambda _: dict.fromkeys(FIGURES, "<svg/>"))
+    before = report.render(made[1], source)
+    found = made[1].cross_validation
+    missed = found["step_20"]["reconciled"]._replace(rms={"yaw_rate": 0.5, "lateral_acceleration": 0.0})
+    step = {**found["step_20"], "reconciled": missed}
+    after = report.render(made[1]._replace(cross_validation={**found, "step_20": step}), source)
+    assert "nothing changed in ours, all are kept" in before
+    assert ">missed</td>" not in before
+    assert "7 of 8 are kept, with at most 50\u00a0% RMS" in after
+    assert after.count(">missed</td>") == 2
 
 
 def test_a_law_from_outside_reaches_the_worker_processes(toy):

@@ -3,6 +3,7 @@
 import copy
 import json
 import math
+from dataclasses import replace
 from importlib.resources import files
 
 import pytest
@@ -93,13 +94,25 @@ def test_two_track_parameters_by_hand():
     assert (uphill.g_x, uphill.g_y, uphill.g_z) == pytest.approx((-0.97902, 0.48768, -9.74546), abs=1e-4)
 
 
+def test_two_tracks_refuse_what_their_nodes_cannot_follow():
+    for key, factor, message in (
+        ("longitudinal_relaxation_length", 0.4, "wheel_inertia times the tyre's longitudinal relaxation length"),
+        ("relaxation_length", 0.2, "the tyre's lateral relaxation length"),
+        ("vertical_stiffness", 10.0, "the inverse of the tyre's vertical stiffness"),
+    ):
+        tyre = replace(CAR.tyre, **{key: factor * getattr(CAR.tyre, key)})
+        CAR._replace(tyre=tyre).plant()
+        with pytest.raises(ValueError, match=rf"^{message} .* on two tracks must be finite and at least"):
+            CAR._replace(tyre=tyre).plant(chassis="two_track")
+
+
 def test_chassis_and_road():
     with pytest.raises(ValueError, match=r"^chassis must be one of single_track, two_track, got 'bicycle'$"):
         CAR.plant(chassis="bicycle")
     with pytest.raises(ValueError, match=r"^road needs chassis='two_track'"):
         CAR.plant(road=road.flat())
-    with pytest.raises(ValueError, match=r"^speed \[m/s\] must be .*at least -10 .*got -11"):
-        CAR.plant(speed=-11.0, chassis="two_track")
+    with pytest.raises(ValueError, match=r"^speed \[m/s\] must be .*at least 0 .*got -1"):
+        CAR.plant(speed=-1.0, chassis="two_track")
 
 
 TOML = """base = "compact"
@@ -173,7 +186,10 @@ def test_sections_of_column_and_assist_take_part_of_the_keys():
         (changed("chassis", mass=-1.0), "chassis.mass must be finite and greater than 0, got -1.0"),
         (changed("chassis", mass="heavy"), "chassis.mass must be a number, got 'heavy'"),
         (changed("chassis", front_spring=math.nan), "chassis.front_spring must be finite"),
-        (changed("chassis", front_damper=-1.0), "chassis.front_damper must be finite and at least 0, got -1.0"),
+        (
+            changed("chassis", front_damper=-1.0),
+            "chassis.front_damper must be finite and at least 0 and at most 12000, got -1.0",
+        ),
         (changed("chassis", sprung_mass=1200.0), "chassis.mass must exceed sprung_mass"),
         (changed("chassis", front_track=10.0), "track is 10.0; allowed: "),
         (changed("steering", pinion_radius=0.0), "steering.pinion_radius must be finite and greater than 0"),

@@ -703,7 +703,7 @@ def test_abuse_stays_finite(law):
     rng = np.random.default_rng(1)
     for k in range(12):
         n, robot = 3000, bool(k % 2)
-        p = make(rng.uniform(-10.0, 70.0), law, robot, road_friction=rng.uniform(0.1, 0.9))
+        p = make(rng.uniform(0.0, 70.0), law, robot, road_friction=rng.uniform(0.1, 0.9))
         u, t, w = inputs(n), np.arange(1, n + 1) * T, 4.0 * math.pi
         steps = np.repeat(rng.uniform(-1.0, 1.0, (5, n // 500)), 500, axis=1)
         if robot:
