@@ -24,7 +24,7 @@ from experiments.files import write_json, write_text
 from friction.check import number
 from steer_env import manoeuvres
 from steer_env.metrics import Value
-from vehicle import cars, tyre
+from vehicle import cars, road, tyre
 from vehicle.assist import SAMPLE_TIME
 
 KPH = 1.0 / 3.6  # [m/s]
@@ -93,6 +93,10 @@ def _parser() -> argparse.ArgumentParser:
     names = ", ".join(cars.available())
     run.add_argument("--vehicle", default="compact", help=f"{names}, or a .toml or .json file (default compact)")
     run.add_argument("--tyre", metavar="FILE.tir", help="in place of the car's own; or the name of a packaged tyre")
+    run.add_argument(
+        "--road", metavar="CLASS", choices=tuple(road.ROUGHNESS), help="ISO 8608 road A to H, for two_track"
+    )
+    run.add_argument("--seed", metavar="N", type=int, default=0, help="of the road (default 0)")
     run.add_argument("--chassis", choices=tuple(cars.SPEEDS), help="default single_track; parking needs two_track")
     run.add_argument("--speed_kph", metavar="KPH", help="held speed [km/h] (default: the manoeuvre's)")
     run.add_argument(
@@ -150,6 +154,10 @@ def _run(args: argparse.Namespace) -> None:
         if manoeuvre.chassis == "two_track":
             raise ValueError(f"--chassis {args.chassis} cannot stand still; {manoeuvre.name} needs two_track")
         manoeuvre = replace(manoeuvre, chassis=args.chassis)
+    if args.road is not None:
+        if manoeuvre.chassis != "two_track":
+            raise ValueError("--road needs --chassis two_track")
+        manoeuvre = replace(manoeuvre, road=road.iso8608(args.seed, args.road))
     car = cars.load(args.vehicle)
     if args.tyre is not None:
         car = car._replace(tyre=tyre.load(args.tyre))

@@ -1,6 +1,6 @@
 """What the full vehicle adds: the weave on both chassis and why it differs, and parking.
 
-    python -m experiments.vehicle_study
+python -m experiments.vehicle_study
 """
 
 from collections.abc import Iterable

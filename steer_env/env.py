@@ -15,6 +15,7 @@ from steer_env.tasks import Task
 from vehicle import cars, plant
 from vehicle import tyre as tyres
 from vehicle.assist import SAMPLE_TIME
+from vehicle.road import Road
 
 FAILURE = -100.0  # reward of a step that ends in a state that is not finite: worse than any way of driving on
 
@@ -43,6 +44,9 @@ class SteerEnv(gym.Env):
         Constant speed and first-order roll, or ten degrees of freedom with drivetrain and brakes.
     tyre : str, optional
         A packaged tyre or a ``.tir`` file in place of the car's own.
+    road : vehicle.road.Road, optional
+        Heights, friction of each side, grade and bank under ``chassis="two_track"``, for example
+        ``vehicle.road.iso8608(seed, "C")``; level and dry by default.
     control_dt : float, default 0.01
         Time between actions, a whole number of milliseconds up to 100 ms [s].
     render_mode : None or "rgb_array"
@@ -63,6 +67,7 @@ class SteerEnv(gym.Env):
         vehicle: str = "compact",
         chassis: str = "single_track",
         tyre: str | None = None,
+        road: Road | None = None,
         control_dt: float = 0.01,
         render_mode: str | None = None,
     ) -> None:
@@ -79,7 +84,7 @@ class SteerEnv(gym.Env):
         car = cars.load(vehicle)
         if tyre is not None:
             car = car._replace(tyre=tyres.load(tyre))
-        self.plant = car.plant(resolve(friction), speed=self.speed, robot=task.robot, chassis=chassis)
+        self.plant = car.plant(resolve(friction), speed=self.speed, robot=task.robot, chassis=chassis, road=road)
         bound = np.array([o.bound for o in (*task.channels, *task.situation)], np.float32)
         self.action_space = gym.spaces.Box(-1.0, 1.0, (1,), np.float32)
         self.observation_space = gym.spaces.Box(-bound, bound, dtype=np.float32)

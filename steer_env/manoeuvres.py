@@ -18,6 +18,7 @@ from steer_env.recording import Recording
 from vehicle import plant
 from vehicle.assist import SAMPLE_TIME
 from vehicle.cars import Car
+from vehicle.road import Road
 
 Array = NDArray[np.float64]
 
@@ -42,6 +43,7 @@ class Manoeuvre:
     rig: bool = False  # steering on a rig: no rack load, assist off
     lock: bool = False  # the amplitude is all that the rack has
     chassis: str = "single_track"  # two_track where the car must be able to stand
+    road: Road | None = None  # heights, split friction, grade, bank; two_track only
 
     @property
     def definition(self) -> str:
@@ -181,7 +183,9 @@ def make(name: str) -> Manoeuvre:
 
 def build_plant(car: Car, manoeuvre: Manoeuvre, friction: Any) -> plant.Plant:
     """The plant that a manoeuvre needs: robot or free hands, on the road or on the rig."""
-    p = car.plant(friction, speed=manoeuvre.speed, robot=manoeuvre.robot, chassis=manoeuvre.chassis)
+    p = car.plant(
+        friction, speed=manoeuvre.speed, robot=manoeuvre.robot, chassis=manoeuvre.chassis, road=manoeuvre.road
+    )
     if not manoeuvre.rig:
         return p
     a = p.assist

@@ -15,3 +15,9 @@ def test_ratios_cover_every_environment():
 def test_first_step_runs_in_a_new_process():
     with tempfile.TemporaryDirectory() as cache:
         assert step_time.first_step("steer_env/AssistWeave-v0", cache) > 0.0
+
+
+def test_substeps_cover_friction_and_both_chassis():
+    times = step_time.substeps(n=200, repeats=1)
+    assert set(times) == {"friction", "single_track", "two_track"}
+    assert times["two_track"] > times["friction"] > 0.0
