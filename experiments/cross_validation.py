@@ -139,6 +139,7 @@ UNITS = {
 
 
 def sample_times(manoeuvre: Manoeuvre, dt: float) -> Array:
+    """From zero to the manoeuvre's end [s]."""
     return dt * np.arange(0.0, round(manoeuvre.duration / dt) + 1.0)
 
 
@@ -152,6 +153,7 @@ def _meta(manoeuvre: Manoeuvre) -> dict[str, Any]:
 
 
 def recording_of(times: Array, values: Iterable[Array], manoeuvre: Manoeuvre) -> Recording:
+    """Recording of the values of ``UNITS``, in that order."""
     return Recording(times, dict(zip(UNITS, values)), UNITS, _meta(manoeuvre))
 
 
@@ -393,7 +395,7 @@ class Row(NamedTuple):
 
     manoeuvre: str
     case: str
-    rms: dict[str, float]
+    rms: dict[str, float]  # over the peak [1]
     steady: dict[str, float]  # of the wheel loads the largest only
     verdict: str  # "pass", "explained": a mark is missed, but kept once reconciled; or "FAIL"
 

@@ -165,7 +165,7 @@ def test_reset_options_fix_the_case():
         ({"speed": 200.0}, r"speed \[m/s\] must be .*at most 70, got 200"),
         ({"speed": 0.0}, r"speed \[m/s\] must be .*at least 3"),
         ({"speed": float("nan")}, r"speed \[m/s\] must be .*got nan"),
-        ({"vehicle": "tank"}, r"vehicle must be one of compact, got 'tank'"),
+        ({"vehicle": "tank"}, r"vehicle must be a .toml or .json file or one of bmw_320i, .*, got 'tank'"),
         ({"control_dt": 0.0015}, r"whole number of milliseconds, got 0\.0015"),
         ({"control_dt": 1.0}, r"control_dt \[s\] must be .*at most 0\.1"),
     ],

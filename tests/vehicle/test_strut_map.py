@@ -99,7 +99,7 @@ def test_compiled_equals_plain_python(monkeypatch):
     rng = np.random.default_rng(2)
     points = list(zip(rng.uniform(-0.09, 0.09, 300), rng.uniform(-0.09, 0.09, 300)))
     compiled = [tuple(wheel(MAP, *point)) for point in points for wheel in (strut_map.left, strut_map.right)]
-    for name in ("_cell", "_weights", "_row", "_patch", "left", "right"):
+    for name in ("_cell", "_weights", "_row", "_patch", "_place", "left", "right"):
         function = getattr(strut_map, name)
         monkeypatch.setattr(strut_map, name, getattr(function, "py_func", function))
     plain = [tuple(wheel(MAP, *point)) for point in points for wheel in (strut_map.left, strut_map.right)]
