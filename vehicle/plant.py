@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from friction.kernel import kernel
+from friction.kernel import kernel, part
 from friction.law import law_of
 from vehicle import assist, chassis, column, single_track, two_track  # noqa: F401 (both register themselves)
 from vehicle.assist import SAMPLE_TIME
@@ -98,7 +98,7 @@ def _places(p):
     return rate, rate + n, out, out + m, out + 2 * m
 
 
-@kernel
+@part
 def _evaluate(p, state, u):
     """A new node: chassis derivative, outputs and rack force at the present state, the last ones kept beside them."""
     rate, rate_before, out, out_before, _ = _places(p)
@@ -123,7 +123,7 @@ def _evaluate(p, state, u):
     state[_RACK_FORCE] = force + math.copysign(STOP_STIFFNESS * beyond, rack)
 
 
-@kernel
+@part
 def _step(p, state, hand, hand_speed, before, after, elapsed, u, h):
     """Column, motor and chassis over one step; a node's evaluation is still to come."""
     rate, rate_before, out, out_before, memory = _places(p)
@@ -154,7 +154,7 @@ def _step(p, state, hand, hand_speed, before, after, elapsed, u, h):
     state[_PHASE] += 1.0
 
 
-@kernel
+@part
 def _report(p, state, row):
     """Fill a row of channels at the present moment."""
     rate, _, out, out_before, memory = _places(p)
@@ -226,7 +226,7 @@ def run(p, state, inputs, record, substeps):
     return finite
 
 
-@kernel
+@part
 def _hermite(s, x0, v0, x1, v1):
     """Position and speed within a sample, from both ends."""
     T = SAMPLE_TIME
