@@ -2,6 +2,7 @@
 
 import argparse
 import importlib
+import json
 import math
 import signal
 import sys
@@ -28,7 +29,7 @@ from vehicle import cars, road, tyre
 from vehicle.assist import SAMPLE_TIME
 
 KPH = 1.0 / 3.6  # [m/s]
-DEFAULT_RATE = {"slow-ramp": 100.0}  # of the file [Hz]; the others are written as simulated
+DEFAULT_RATE = {"slow-ramp": 100.0, "parking": 100.0}  # of the file [Hz]; the others are written as simulated
 FRICTION = "LAW[,key=value...], a list of numbers as a:b:c"
 
 
@@ -103,7 +104,7 @@ def _parser() -> argparse.ArgumentParser:
         "--rate_hz",
         "--rate-hz",
         metavar="HZ",
-        help="sampling rate of the CSV, low-passed before (default 1000, slow-ramp 100); metrics are of the full rate",
+        help="sampling rate of the CSV, low-passed before (default 1000; slow-ramp, parking 100); metrics: full rate",
     )
     text = "FILE.csv, or a directory for MANOEUVRE.csv, made if need be; the JSON goes beside it (default .)"
     run.add_argument("--out", metavar="PATH", default=".", help=text)
@@ -113,6 +114,11 @@ def _parser() -> argparse.ArgumentParser:
         help="step-steer on two tracks: also our car with CommonRoad's parameters against their model, table and SVG",
     )
     run.set_defaults(function=_run)
+
+    text = "Print a packaged car with every key that a car file may set, in SI, as JSON."
+    car = commands.add_parser("car", help=text, description=text)
+    car.add_argument("name", metavar="NAME", choices=cars.available(), help=", ".join(cars.available()))
+    car.set_defaults(function=lambda args: print(json.dumps(cars.every_key(args.name), indent=2)))
 
     text = "Drive the battery with every law, run the studies, and write index.html and metrics.json."
     report = commands.add_parser("report", help=text, description=text, parents=[_outside()])
@@ -186,7 +192,9 @@ def _run(args: argparse.Namespace) -> None:
             "versions": provenance.versions(),
         },
     )
-    _print(values, f"{manoeuvre.name}, {args.friction.label}, {recording.meta['vehicle']}, {manoeuvre.chassis}")
+    about = manoeuvre.name, args.friction.label, f"{car.name} on {car.tyre.name}", manoeuvre.chassis
+    _print(values, ", ".join(about))
+    print(out)
     if args.compare:
         _compare(args, out.parent)
 
@@ -201,6 +209,9 @@ def _check_comparable(args: argparse.Namespace) -> None:
     for name, needed in allowed.items():
         if given[name] != needed:
             raise ValueError(f"--compare {args.compare} needs {name} {needed}, got {given[name]}")
+    for name, value in (("--tyre", args.tyre), ("--speed_kph", args.speed_kph), ("--road", args.road)):
+        if value is not None:
+            raise ValueError(f"--compare {args.compare} has its own tyre, speeds and road; leave out {name}")
 
 
 def _compare(args: argparse.Namespace, directory: Path) -> None:

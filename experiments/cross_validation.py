@@ -9,6 +9,7 @@ Ours is driven by the same road-wheel angle and torques, with their parameters. 
 prints the table; exit code 1 where a mark is missed with all of them out.
 """
 
+import argparse
 import json
 import sys
 from collections.abc import Iterable, Mapping
@@ -472,6 +473,7 @@ def table(results: Mapping[str, Mapping[str, Comparison]]) -> str:
 
 def main() -> int:
     """Print the table; exit code 1 where a mark is missed with the peculiarities out."""
+    argparse.ArgumentParser(prog="python -m experiments.cross_validation", description=main.__doc__).parse_args()
     results = collect()
     print(table(results))
     return 0 if all(result["reconciled"].passed for result in results.values()) else 1

@@ -72,7 +72,7 @@ def parking(recording: Recording) -> dict[str, Value]:
     return {
         "rack_force_at_centre": _plain(float(np.abs(force[centre]).mean()), "N"),
         "rack_force_peak": _plain(float(np.abs(force[inside]).max()), "N"),
-        "rack_force_mean_outward": _plain(float(np.abs(force[outward]).mean()), "N"),
+        "rack_force_mean_towards_lock": _plain(float(np.abs(force[outward]).mean()), "N"),
         "handwheel_torque_at_centre": _plain(float(np.abs(torque[centre]).mean()), "N m"),
         "handwheel_torque_peak": _plain(float(np.abs(torque[inside]).max()), "N m"),
         "motor_torque_peak": _plain(float(np.abs(recording["motor_torque"][settled][inside]).max()), "N m"),

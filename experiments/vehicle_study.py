@@ -3,6 +3,7 @@
 python -m experiments.vehicle_study
 """
 
+import argparse
 from collections.abc import Iterable
 from typing import Any, NamedTuple
 
@@ -110,6 +111,7 @@ def collect(car: Car, friction: Any) -> Study:
 
 def main() -> None:
     """Print the figures."""
+    argparse.ArgumentParser(prog="python -m experiments.vehicle_study", description=__doc__).parse_args()
     study = collect(cars.load(), "lugre")
     print(f"weave at 100 km/h, 0.2 Hz, {np.degrees(study.amplitude):.2f} deg: peaks of a settled cycle")
     print(f"{'':45s}" + "".join(f"{name:>22s}" for name in SHOWN))

@@ -131,6 +131,8 @@ def make(name: str, **parameters: Any) -> Any:
 def resolve(friction: Any) -> Any:
     """Parameters from a law's name (its defaults) or from parameters, which pass unchanged."""
     if isinstance(friction, str):
+        if "," in friction:
+            raise ValueError(f"parameters of a law go through friction.make(name, key=value), got {friction!r}")
         return make(friction)
     law_of(friction)
     return friction

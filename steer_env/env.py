@@ -1,5 +1,6 @@
 """One environment class; a task object makes it lane keeping, a weave, or what is to come."""
 
+import inspect
 import math
 from collections.abc import Callable
 from typing import Any
@@ -41,7 +42,8 @@ class SteerEnv(gym.Env):
     vehicle : str, default "compact"
         A packaged car (``vehicle.cars.available()``) or your own in a ``.toml`` or ``.json`` file.
     chassis : {"single_track", "two_track"}, default "single_track"
-        Constant speed and first-order roll, or ten degrees of freedom with drivetrain and brakes.
+        Constant speed and first-order roll; or a body with six degrees of freedom, wheels that travel and spin,
+        drivetrain and brakes.
     tyre : str, optional
         A packaged tyre or a ``.tir`` file in place of the car's own.
     road : vehicle.road.Road, optional
@@ -70,7 +72,11 @@ class SteerEnv(gym.Env):
         road: Road | None = None,
         control_dt: float = 0.01,
         render_mode: str | None = None,
+        **unknown: Any,
     ) -> None:
+        if unknown:
+            known = [key for key in inspect.signature(SteerEnv).parameters if key != "unknown"]
+            raise TypeError(f"unknown keyword {next(iter(unknown))!r}; the environments take: {', '.join(known)}")
         dt = number("control_dt [s]", control_dt, minimum=SAMPLE_TIME, maximum=0.1)
         self._samples = round(dt / SAMPLE_TIME)
         if not math.isclose(self._samples * SAMPLE_TIME, dt):

@@ -17,7 +17,7 @@ class DriverLaneKeeping(SteerEnv):
     | 0 | hand torque | 10 | N m |
 
     ## Observation
-    `Box(12,)` in SI, clipped to the bounds.
+    `Box(13,)` in SI, clipped to the bounds.
 
     | index | observation | bound | unit |
     |---|---|---|---|

@@ -144,6 +144,13 @@ def step_steer(start: float = 0.5, rise: float = 0.2) -> Manoeuvre:
     )
 
 
+def _from_rest(t: Array, amplitude: float, frequency: float) -> tuple[Array, Array]:
+    """Triangle wave whose first quarter is a smooth rise, so that the handwheel starts without a jerk."""
+    quarter = 0.25 / frequency
+    first, then = ramp_and_hold(t, amplitude, quarter), triangle(t, amplitude, frequency)
+    return np.where(t < quarter, first[0], then[0]), np.where(t < quarter, first[1], then[1])
+
+
 def parking(frequency: float = 1.0 / 24.0, cycles: int = 2) -> Manoeuvre:
     """Parking: from lock to lock with the car standing, at some 80 deg/s."""
     return Manoeuvre(
@@ -152,7 +159,7 @@ def parking(frequency: float = 1.0 / 24.0, cycles: int = 2) -> Manoeuvre:
         source="parking test of steering-feel practice, 60 to 90 deg/s",
         speed=0.0,
         duration=cycles / frequency,
-        hand=lambda t, amplitude: triangle(t, amplitude, frequency),
+        hand=lambda t, amplitude: _from_rest(t, amplitude, frequency),
         frequency=frequency,
         lock=True,
         chassis="two_track",
@@ -286,6 +293,7 @@ def drive(car: Car, manoeuvre: Manoeuvre, friction: Any = "lugre") -> Recording:
             "manoeuvre": manoeuvre.name,
             "vehicle": car.name,
             "chassis": manoeuvre.chassis,
+            "tyre": car.tyre.name,
             "friction": law_of(p.friction).name,
             "friction_parameters": ",".join(f"{key}={_text(value)}" for key, value in p.friction._asdict().items()),
             "speed_m_s": manoeuvre.speed,

@@ -297,6 +297,12 @@ def _known(where: str, given: Any, allowed: Iterable[str]) -> None:
 # Beyond these the plant's tables or its 1 ms step would answer, but wrongly.
 _LIMITS = {
     "rack_limit": (0.0, 0.075),  # [m]; the strut's table ends there
+    "mass": (100.0, 10e3),  # [kg]; here and below, what can be a car at all in SI units
+    "front_track": (0.5, 3.0),  # [m]
+    "rear_track": (0.5, 3.0),  # [m]
+    "front_axle": (0.1, 5.0),  # [m]
+    "rear_axle": (0.1, 5.0),  # [m]
+    "sprung_height": (0.1, 2.0),  # [m]
     "compliance_time": (0.004, math.inf),  # [s]; two chassis nodes
     "speed_hold_time": (0.004, math.inf),  # [s]
     "front_damper": (0.0, 12e3),  # [N s/m]; beyond, a wheel is too fast for two tracks' nodes of 2 ms
@@ -319,6 +325,8 @@ def _numbers(where: str, given: dict, allowed: tuple[str, ...]) -> dict[str, flo
         if key in _SIGNED:
             low = -math.inf
         above = low == 0.0 and key not in _MAY_BE_ZERO
+        if isinstance(value, str | bool):  # float() takes them
+            raise ValueError(f"{where}.{key} must be a number, got {value!r}")
         checked[key] = number(f"{where}.{key}", value, minimum=low, maximum=high, above=above)
     return checked
 
@@ -338,15 +346,25 @@ def from_data(data: dict[str, Any]) -> Car:
         raise ValueError(
             f"chassis.mass must exceed sprung_mass + front_unsprung_mass, the rear axle is left {rest:g} kg"
         )
+    if rest > 3.0 * chassis["front_unsprung_mass"]:
+        raise ValueError(
+            "chassis.mass leaves the rear axle an unsprung mass of"
+            f" {rest:g} kg, more than 3 times front_unsprung_mass; change sprung_mass with it"
+        )
     for section, make in _MADE.items():
         _known(section, data[section], signature(make).parameters)
+    steering = _numbers("steering", data["steering"], _STEERING)
+    assumed = {*data, *chassis, *steering}
+    for key in data["assumed"]:
+        if key not in assumed:
+            raise ValueError(f"assumed names {key!r}, which is neither a section nor a key of chassis or steering")
     strut = MacPherson.load(data["strut"]).at_track(chassis["front_track"])
     return Car(
         name=data["name"],
         description=data["description"],
         source=data["source"],
         chassis=chassis,
-        steering=_numbers("steering", data["steering"], _STEERING),
+        steering=steering,
         **{section: make(**data[section]) for section, make in _MADE.items()},
         tyre=tyre.load(data["tyre"]),
         strut=strut,
@@ -374,6 +392,8 @@ def load(name: str | PathLike[str] = "compact") -> Car:
     OSError
         A file that cannot be read.
     """
+    if not isinstance(name, str | PathLike):
+        raise ValueError(f"vehicle must be a name or a path, got a {type(name).__name__}")
     text = fspath(name)
     if text.endswith((".toml", ".json")):
         return _from_file(Path(text))
@@ -392,12 +412,19 @@ def _data(name: str) -> dict[str, Any]:
 
 
 def _from_file(path: Path) -> Car:
-    text = path.read_text(encoding="utf-8")
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError:
+        raise ValueError(f"{path}: expected text in UTF-8") from None
     try:
         data = tomllib.loads(text) if path.suffix == ".toml" else json.loads(text)
     except ValueError as error:  # both parsers tell the line
         raise ValueError(f"{path}: {error}") from None
     try:
+        if isinstance(data, dict) and "base" not in data and not set(_SECTIONS) <= set(data):
+            _known("car", data, _SECTIONS)
+            lacking = ", ".join(key for key in _SECTIONS if key not in data)
+            raise ValueError(f"car lacks {lacking}; give them, or a base: {', '.join(available())}")
         if isinstance(data, dict) and "base" in data:
             if data["base"] not in available():
                 raise ValueError(f"base must be one of {', '.join(available())}, got {data['base']!r}")
@@ -408,18 +435,28 @@ def _from_file(path: Path) -> Car:
         if isinstance(data, dict) and str(data.get("tyre", "")).endswith(".tir"):
             data["tyre"] = str(path.parent / data["tyre"])
         return from_data(data)
-    except ValueError as error:
+    except (ValueError, OSError) as error:
         raise ValueError(f"{path}:{_line(text, str(error))} {error}") from None
 
 
 def _line(text: str, message: str) -> str:
     """Number of the first line that sets a key which the message names, with a colon; nothing if none does."""
     named = set(re.findall(r"\w+", message.split(";")[0]))
-    for i, line in enumerate(text.splitlines(), 1):
-        key = re.match(r"""\s*["']?(\w+)["']?\s*[=:]\s*(?!\{)""", line)
-        if key and key.group(1) in named:
-            return f"{i}:"
+    for pattern in (r"""\s*["']?(\w+)["']?\s*[=:]\s*(?!\{)""", r"""\s*(?:\[|["'])(\w+)"""):  # keys, then sections
+        for i, line in enumerate(text.splitlines(), 1):
+            key = re.match(pattern, line)
+            if key and key.group(1) in named:
+                return f"{i}:"
     return ""
+
+
+def every_key(name: str) -> dict[str, Any]:
+    """The data of a packaged car with the defaults of every section: all that a car file may set, SI."""
+    data = _data(name)
+    for section, make in _MADE.items():
+        defaults = {key: p.default for key, p in signature(make).parameters.items()}
+        data[section] = {**defaults, **data[section]}
+    return data
 
 
 def rack_ratio(car: Car) -> float:

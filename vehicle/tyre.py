@@ -87,7 +87,10 @@ class Tyre:
             positive(key, getattr(c, key))
         for key in ("relaxation_length", "longitudinal_relaxation_length", "vertical_stiffness"):
             positive(key, getattr(self, key))
-        positive("|PDY1|", abs(c.PDY1))
+        # What can be a tyre at all: a file in other units than it says ends here.
+        number("UNLOADED_RADIUS", c.UNLOADED_RADIUS, minimum=0.05, maximum=2.0)
+        for key, value in (("PDX1", c.PDX1), ("|PDY1|", abs(c.PDY1))):
+            number(key, value, minimum=0.05, maximum=5.0)
         if c.PKY1 * math.sin(c.PKY4 * math.atan(1.0 / c.PKY2)) >= 0.0:
             raise ValueError(f"PKY1 must be negative (ISO 8855: alpha > 0 gives F_y < 0), got {c.PKY1!r}")
 
@@ -201,6 +204,8 @@ def from_file(file: tir.PropertyFile, name: str = "tyre") -> Tyre:
     ValueError
         Coefficients that :class:`Tyre` refuses, or pressure terms without a NOMPRES.
     """
+    for section, key in (("VERTICAL", "FNOMIN"), ("DIMENSION", "UNLOADED_RADIUS")):
+        positive(key, file.get(section, key))
     c, pressure = folding.coefficients(file)
     tyre = Tyre(
         name,
@@ -276,7 +281,9 @@ def to_file(tyre: Tyre) -> tir.PropertyFile:
 
 
 def save(tyre: Tyre, path: str | os.PathLike) -> None:
-    """Write a tyre as a property file: :func:`tir.write` of :func:`to_file`, which name what they refuse."""
+    """Write a tyre as a property file ``*.tir``: :func:`tir.write` of :func:`to_file`, which name what they refuse."""
+    if not os.fspath(path).lower().endswith(".tir"):
+        raise ValueError(f"path must end in .tir, got {os.fspath(path)!r}")
     tir.write(path, to_file(tyre))
 
 

@@ -24,7 +24,7 @@ def test_run_writes_csv_and_json_that_agree(tmp_path, capsys):
     assert main(["run", "weave", "--friction", "masing,elements=5", "--rate_hz", "100", "--out", str(out)]) == 0
     recording = Recording.from_csv(out)
     assert recording.rate == pytest.approx(100.0)
-    assert out.read_text().split("\n")[8].startswith("time_s,handwheel_angle_deg,")
+    assert out.read_text().split("\n")[9].startswith("time_s,handwheel_angle_deg,")
 
     data = json.loads((tmp_path / "weave.json").read_text())
     assert set(data) == {"metrics", "meta", "friction", "versions"}
@@ -191,3 +191,23 @@ def test_help(command, capsys):
     if command:
         assert "--out" in text
         assert all(law in text for law in friction.available())
+
+
+def test_car_prints_every_key_of_a_file(capsys, tmp_path):
+    """What it prints is a car file, and the same car."""
+    assert main(["car", "bmw_320i"]) == 0
+    text = capsys.readouterr().out
+    data = json.loads(text)
+    assert {"K_tb", "I1"} <= set(data["column"])
+    assert {"boost", "lead_pole", "delay"} <= set(data["assist"])
+    (tmp_path / "mine.json").write_text(text, encoding="utf-8")
+    mine, car = cars.load(tmp_path / "mine.json"), cars.load("bmw_320i")
+    assert mine.chassis == car.chassis
+    assert mine.column == car.column
+    assert all(np.array_equal(a, b) for a, b in zip(mine.assist, car.assist))
+
+
+def test_compare_takes_no_option_that_it_would_ignore(capsys):
+    command = ["run", "step-steer", "--chassis", "two_track", "--vehicle", "bmw_320i", "--compare", "commonroad"]
+    assert main([*command, "--tyre", "example_mf52"]) == 2
+    assert "leave out --tyre" in capsys.readouterr().err
