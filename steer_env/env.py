@@ -18,7 +18,8 @@ from vehicle import tyre as tyres
 from vehicle.assist import SAMPLE_TIME
 from vehicle.road import Road
 
-FAILURE = -100.0  # reward of a step that ends in a state that is not finite: worse than any way of driving on
+FAILURE = -100.0  # reward of a step that ends in a state that is not finite, or upside down: worse than driving on
+ROLLED_OVER = 1.0  # roll angle from which on no car comes back [rad]
 
 
 @kernel
@@ -55,7 +56,8 @@ class SteerEnv(gym.Env):
         "rgb_array" makes ``render()`` draw the car on its road and the live torque-angle loop.
 
     Any other keyword is an error. ``info`` holds every plant channel under its name in SI, and ``reward_terms``.
-    A state that turns non-finite ends the episode with a reward of -100; ``info["non_finite_state"]`` names it.
+    A state that turns non-finite ends the episode with a reward of -100; ``info["non_finite_state"]`` names it. So does
+    a car on two tracks that rolls over; ``info["rolled_over"]`` is then True.
     """
 
     metadata = {"render_modes": ["rgb_array"], "render_fps": 25}  # noqa: RUF012 (Gymnasium's own form)
@@ -169,6 +171,9 @@ class SteerEnv(gym.Env):
             info["non_finite_state"] = plant.first_non_finite(self.plant, self._straight, past) or "reward"
             self._over = True
             return np.nan_to_num(observation), FAILURE, True, truncated, info
+        if abs(info["roll_angle"]) > ROLLED_OVER:
+            info["rolled_over"] = True
+            reward, terminated = FAILURE, True
         self._over = terminated
         if self._renderer is not None:
             self._renderer.add(self._now_channels)

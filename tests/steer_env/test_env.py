@@ -118,9 +118,18 @@ def test_a_plain_preview_driver_keeps_the_lane(law):
     assert total > 0.0
 
 
+def test_a_car_that_rolls_over_ends_the_episode():
+    env = gym.make("steer_env/DriverLaneKeeping-v0", chassis="two_track").unwrapped
+    env.reset(seed=0)
+    names = [name for name, _ in plant.states(env.plant)]
+    env._state[names.index("roll_angle")] = 1.2
+    _, reward, terminated, _, info = env.step(ACTION)
+    assert (reward, terminated, info["rolled_over"]) == (-100.0, True, True)
+
+
 def test_own_car_and_tyre(tmp_path):
     """A file each, as a user brings them; the two-track chassis publishes all that the single track does, and more."""
-    (tmp_path / "mycar.toml").write_text('base = "compact"\n[chassis]\nmass = 1400.0\n', encoding="utf-8")
+    (tmp_path / "mycar.toml").write_text('base = "compact"\n[chassis]\nmass = 1400.0\nsprung_mass = 1268.6\n', encoding="utf-8")
     tyres.save(tyres.load(), tmp_path / "some.tir")
     arguments = {"vehicle": str(tmp_path / "mycar.toml"), "tyre": str(tmp_path / "some.tir")}
     env = gym.make("steer_env/DriverLaneKeeping-v0", chassis="two_track", **arguments)

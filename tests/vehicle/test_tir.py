@@ -8,6 +8,7 @@ import dataclasses
 import json
 import math
 import os
+import re
 import subprocess
 import sys
 from importlib.resources import files
@@ -546,3 +547,24 @@ def test_nothing_is_written_that_cannot_be_read(tmp_path):
 def test_missing_file_is_named(tmp_path):
     with pytest.raises(FileNotFoundError, match=r"none\.tir"):
         tyre.load(tmp_path / "none.tir")
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "message"),
+    [
+        ("FNOMIN", "0", "FNOMIN must be finite and greater than 0"),
+        ("UNLOADED_RADIUS", "313.8", "UNLOADED_RADIUS must be finite and at least 0.05 and at most 2"),
+        ("PDX1", "1210.0", "PDX1 must be finite and at least 0.05 and at most 5"),
+    ],
+)
+def test_numbers_that_no_tyre_has_are_refused(tmp_path, key, value, message):
+    text = V61.read_text(encoding="utf-8")
+    path = tmp_path / "odd.tir"
+    path.write_text(re.sub(rf"(?m)^({key}\s*=\s*)\S+", rf"\g<1>{value}", text), encoding="utf-8")
+    with pytest.raises(ValueError, match=rf"odd.tir: {message}"):
+        tyre.load(path)
+
+
+def test_save_wants_its_ending(tmp_path):
+    with pytest.raises(ValueError, match=r"^path must end in .tir, got"):
+        tyre.save(tyre.load(), tmp_path / "tyre.txt")
