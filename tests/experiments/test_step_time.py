@@ -20,4 +20,4 @@ def test_first_step_runs_in_a_new_process():
 def test_substeps_cover_friction_and_both_chassis():
     times = step_time.substeps(n=200, repeats=1)
     assert set(times) == {"friction", "single_track", "two_track"}
-    assert times["two_track"] > times["friction"] > 0.0
+    assert all(seconds > 0.0 for seconds in times.values())
