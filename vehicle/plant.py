@@ -255,7 +255,7 @@ def settled(p: Plant) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """
     kind = chassis.chassis_of(p.chassis)
     start = kind.start(p.chassis)
-    memory = int(_places(p)[4])
+    memory = _CHASSIS + 3 * len(kind.states) + 2 * len(kind.outputs)
     state = np.zeros(memory + law_of(p.friction).memory_size(p.friction))
     state[_CHASSIS : _CHASSIS + len(start)] = start
     row = np.zeros((1, len(channels(p))))

@@ -129,7 +129,8 @@ def test_a_car_that_rolls_over_ends_the_episode():
 
 def test_own_car_and_tyre(tmp_path):
     """A file each, as a user brings them; the two-track chassis publishes all that the single track does, and more."""
-    (tmp_path / "mycar.toml").write_text('base = "compact"\n[chassis]\nmass = 1400.0\nsprung_mass = 1268.6\n', encoding="utf-8")
+    car = 'base = "compact"\n[chassis]\nmass = 1400.0\nsprung_mass = 1268.6\n'
+    (tmp_path / "mycar.toml").write_text(car, encoding="utf-8")
     tyres.save(tyres.load(), tmp_path / "some.tir")
     arguments = {"vehicle": str(tmp_path / "mycar.toml"), "tyre": str(tmp_path / "some.tir")}
     env = gym.make("steer_env/DriverLaneKeeping-v0", chassis="two_track", **arguments)
