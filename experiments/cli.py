@@ -97,7 +97,7 @@ def _parser() -> argparse.ArgumentParser:
     run.add_argument(
         "--road", metavar="CLASS", choices=tuple(road.ROUGHNESS), help="ISO 8608 road A to H, for two_track"
     )
-    run.add_argument("--seed", metavar="N", type=int, default=0, help="of the road (default 0)")
+    run.add_argument("--seed", metavar="N", type=int, help="of the road (default 0)")
     run.add_argument("--chassis", choices=tuple(cars.SPEEDS), help="default single_track; parking needs two_track")
     run.add_argument("--speed_kph", metavar="KPH", help="held speed [km/h] (default: the manoeuvre's)")
     run.add_argument(
@@ -160,10 +160,12 @@ def _run(args: argparse.Namespace) -> None:
         if manoeuvre.chassis == "two_track":
             raise ValueError(f"--chassis {args.chassis} cannot stand still; {manoeuvre.name} needs two_track")
         manoeuvre = replace(manoeuvre, chassis=args.chassis)
+    if args.road is None and args.seed is not None:
+        raise ValueError("--seed draws a road; give its class with --road")
     if args.road is not None:
         if manoeuvre.chassis != "two_track":
             raise ValueError("--road needs --chassis two_track")
-        manoeuvre = replace(manoeuvre, road=road.iso8608(args.seed, args.road))
+        manoeuvre = replace(manoeuvre, road=road.iso8608(args.seed or 0, args.road))
     car = cars.load(args.vehicle)
     if args.tyre is not None:
         car = car._replace(tyre=tyre.load(args.tyre))

@@ -25,7 +25,7 @@ from vehicle.assist import SAMPLE_TIME
 
 FIRST_STEP = (
     "import time; t = time.perf_counter(); import gymnasium, steer_env; "
-    "e = gymnasium.make({name!r}); e.reset(seed=0); e.step(e.action_space.sample()); "
+    "e = gymnasium.make({name!r}, chassis={chassis!r}); e.reset(seed=0); e.step(e.action_space.sample()); "
     "print(time.perf_counter() - t)"
 )
 
@@ -54,10 +54,10 @@ def ratios(steps: int = 2000, repeats: int = 5) -> dict[str, float]:
     return {name: step_time(gym.make(name), action, steps, repeats) / reference for name in REGISTERED}
 
 
-def first_step(name: str, cache: str) -> float:
+def first_step(name: str, cache: str, chassis: str = "single_track") -> float:
     """Seconds from the start of the imports to the end of the first step in a new process with this cache folder."""
     environment = {**os.environ, "NUMBA_CACHE_DIR": cache}
-    command = [sys.executable, "-c", FIRST_STEP.format(name=name)]
+    command = [sys.executable, "-c", FIRST_STEP.format(name=name, chassis=chassis)]
     return float(subprocess.run(command, env=environment, check=True, capture_output=True, text=True).stdout)
 
 
@@ -99,6 +99,9 @@ if __name__ == "__main__":
         with tempfile.TemporaryDirectory() as cache:
             cold, warm = first_step(name, cache), first_step(name, cache)
         print(f"{name:32s} {ratio:.2f} x CartPole-v1   first step: cold {cold:.1f} s, warm cache {warm:.1f} s")
+    with tempfile.TemporaryDirectory() as cache:
+        cold = first_step("steer_env/AssistWeave-v0", cache, "two_track")
+    print(f"steer_env/AssistWeave-v0 on two tracks: first step cold {cold:.1f} s")
     times = substeps()
     for name, seconds in times.items():
         print(

@@ -281,7 +281,8 @@ class Car(NamedTuple):
             lift_f=0.5 * AIR_DENSITY * c["front_lift_area"],
             lift_r=0.5 * AIR_DENSITY * c["rear_lift_area"],
         )
-        saturated = TORSION_FRICTION * TORSION_LOAD**1.5 / (3.0 * math.sqrt(PRESSURE))
+        pressure = tyres.coefficients.NOMPRES or PRESSURE  # that of the file, if it tells
+        saturated = TORSION_FRICTION * TORSION_LOAD**1.5 / (3.0 * math.sqrt(pressure))
         torsion = make_law("dahl", sigma_0=saturated / TORSION_TWIST, F_c=saturated)
         return TwoTrack(record(body), torsion, self.drivetrain, self.brakes, self.speed_hold, ground)
 

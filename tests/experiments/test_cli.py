@@ -211,3 +211,8 @@ def test_compare_takes_no_option_that_it_would_ignore(capsys):
     command = ["run", "step-steer", "--chassis", "two_track", "--vehicle", "bmw_320i", "--compare", "commonroad"]
     assert main([*command, "--tyre", "example_mf52"]) == 2
     assert "leave out --tyre" in capsys.readouterr().err
+
+
+def test_a_seed_without_a_road_is_refused(capsys):
+    assert main(["run", "weave", "--seed", "3"]) == 2
+    assert "give its class with --road" in capsys.readouterr().err
