@@ -12,7 +12,7 @@ prints the table; exit code 1 where a mark is missed with all of them out.
 import argparse
 import json
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
 from types import SimpleNamespace
@@ -471,9 +471,9 @@ def table(results: Mapping[str, Mapping[str, Comparison]]) -> str:
     return "\n".join(lines)
 
 
-def main() -> int:
+def main(argv: Sequence[str] | None = None) -> int:
     """Print the table; exit code 1 where a mark is missed with the peculiarities out."""
-    argparse.ArgumentParser(prog="python -m experiments.cross_validation", description=main.__doc__).parse_args()
+    argparse.ArgumentParser(prog="python -m experiments.cross_validation", description=main.__doc__).parse_args(argv)
     results = collect()
     print(table(results))
     return 0 if all(result["reconciled"].passed for result in results.values()) else 1

@@ -13,6 +13,7 @@ import os
 import platform
 import tempfile
 from collections.abc import Callable
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,7 @@ import numba
 import numba.core.config
 import numpy as np
 import platformdirs
+from numba.core.registry import CPUDispatcher
 from numba.extending import overload
 
 config: Any = numba.core.config  # its names are made at run time
@@ -79,19 +81,35 @@ def cache_directory() -> Path | None:
 
 
 def _cache(dispatcher: Any) -> None:
-    """Point a dispatcher at the current cache folder, or at none."""
+    """Point a kernel at the current cache folder, or at none."""
     _dispatchers[dispatcher] = len(_digests)
     folder = cache_directory()
     if folder is None:
         return
     previous = config.CACHE_DIR
-    config.CACHE_DIR = str(folder)  # read once, when the dispatcher chooses its locator
     try:
-        dispatcher.enable_caching()
+        for part, kernel_ in ((folder, dispatcher), (folder / "inner", dispatcher.inner)):
+            config.CACHE_DIR = str(part)  # read once, when the dispatcher chooses its locator
+            kernel_.enable_caching()
     except RuntimeError:
         pass  # no source file to stamp (a kernel typed at a prompt): compile in memory
     finally:
         config.CACHE_DIR = previous
+
+
+class _Kernel(CPUDispatcher):
+    """A kernel as Python calls it; compiled callers take ``inner``, which lacks the entry point for Python.
+
+    Unpacking a hundred parameters for an entry point that nothing calls would be a sixth of the compile time.
+    """
+
+    @cached_property
+    def inner(self) -> CPUDispatcher:
+        return CPUDispatcher(self.py_func, targetoptions={**self.targetoptions, "no_cpython_wrapper": True})
+
+    @property
+    def _numba_type_(self) -> numba.types.Dispatcher:
+        return numba.types.Dispatcher(self.inner)  # type: ignore[arg-type]  # numba's annotations see a method
 
 
 def part(function: Callable) -> Any:
@@ -107,9 +125,11 @@ def kernel(function: Callable, inlining: dict[str, Any] = {"forceinline": True})
     if not COMPILED:
         return function
     _add_sources(function)
-    # No C callback: nothing takes one, and unpacking a hundred parameters for it is a tenth of the compile time.
-    options: dict[str, Any] = {"no_cfunc_wrapper": True, **inlining}  # the first is missing in numba's annotations
-    dispatcher = numba.njit(nogil=True, error_model="numpy", **options)(function)
+    options = {"nopython": True, "nogil": True, "error_model": "numpy", **inlining}
+    # No C callback: nothing takes one. No reference counts: kernels own no arrays, and one that allocates is refused.
+    # Both would go through every number of the parameters: a quarter of the compile time.
+    options |= {"no_cfunc_wrapper": True, "_nrt": False}
+    dispatcher = _Kernel(function, targetoptions=options)
     _cache(dispatcher)
     return dispatcher
 

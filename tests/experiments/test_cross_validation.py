@@ -112,7 +112,7 @@ def test_a_mark_missed_with_everything_out_is_a_failure(monkeypatch, capsys):
     assert {row.verdict for row in cross_validation.rows({"step_20": missed})} == {"FAIL"}
     for results, code in (({"step_20": missed}, 1), ({"step_20": comparison("step_20")}, 0)):
         monkeypatch.setattr(cross_validation, "collect", lambda results=results: results)
-        assert cross_validation.main() == code
+        assert cross_validation.main([]) == code
     assert "| step_20 | reconciled |" in capsys.readouterr().out
 
 
