@@ -7,16 +7,15 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.evaluation import evaluate
 from steer_env import manoeuvres, metrics
-from steer_env.metrics import ANGLE, AY, TORQUE, Loops, Value
+from steer_env.metrics import Value, evaluate
+from steer_env.metrics.loops import Loops
+from steer_env.metrics.reading import ANGLE, AY, TORQUE
 from steer_env.recording import Recording
 from vehicle.assist import SAMPLE_TIME
 from vehicle.cars import Car
 
 Array = NDArray[np.float64]
-
-TESTS = {"weave": manoeuvres.weave, "slow_ramp": manoeuvres.slow_ramp}  # by the name that the metrics give them
 
 
 class Drive(NamedTuple):
@@ -30,7 +29,7 @@ class Drive(NamedTuple):
 
 def manoeuvre(test: str, cycles: int) -> manoeuvres.Manoeuvre:
     """Weave or slow ramp with a number of cycles."""
-    return TESTS[test](cycles=cycles)
+    return manoeuvres.make(test, cycles=cycles)
 
 
 def drive(car: Car, p: Any, test: str, cycles: int, chassis: str = "single_track") -> Drive:
@@ -38,7 +37,7 @@ def drive(car: Car, p: Any, test: str, cycles: int, chassis: str = "single_track
     recording = manoeuvres.drive(car, replace(manoeuvre(test, cycles), chassis=chassis), p)
     frequency = recording.meta["frequency_hz"]
     try:
-        loops = Loops(recording, frequency, fewest=1)
+        loops = Loops(recording, recording.meta, fewest=1)
         cycle = {name: loops.cycles(name).mean(axis=0) for name in (ANGLE, TORQUE, AY)}
     except ValueError:  # evaluate says why in every metric's reason
         cycle = {}

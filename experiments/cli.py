@@ -20,11 +20,11 @@ from rich.table import Table
 
 import friction
 from experiments import provenance
-from experiments.evaluation import entries, evaluate
+from experiments.evaluation import entries
 from experiments.files import write_json, write_text
 from friction.check import number
 from steer_env import manoeuvres
-from steer_env.metrics import Value
+from steer_env.metrics import Value, evaluate
 from vehicle import cars, road, tyre
 from vehicle.assist import SAMPLE_TIME
 

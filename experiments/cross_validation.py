@@ -24,7 +24,7 @@ from scipy.integrate import solve_ivp
 
 from friction import make as make_law
 from friction.kernel import record
-from steer_env.manoeuvres import ramp_and_hold, sine
+from steer_env.manoeuvres.shapes import ramp_and_hold, sine
 from steer_env.recording import Recording
 from vehicle import cars, commonroad, strut_map, two_track
 from vehicle.chassis import BRAKE, COAST, INPUTS, THROTTLE

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from experiments.friction_study import CALIBRATIONS, DAMPING_RATIOS, HISTORIES, SETTLING, THIN, Held
 from experiments.integrators import SCHEMES
 from experiments.real_time import USABLE, Row
-from steer_env.metrics import ANGLE, AY, TORQUE
+from steer_env.metrics.reading import ANGLE, AY, TORQUE
 from steer_env.recording import DEGREE
 from vehicle.assist import SAMPLE_TIME
 from vehicle.single_track import GRAVITY

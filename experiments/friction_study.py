@@ -15,7 +15,8 @@ import friction
 from friction.defaults import F_C, SIGMA_0
 from friction.law import advance, law_of, torque
 from steer_env import manoeuvres
-from steer_env.recording import DEGREE, Recording
+from steer_env.metrics.hold import RISE, SETTLING
+from steer_env.recording import DEGREE
 from vehicle import plant
 from vehicle.assist import SAMPLE_TIME
 from vehicle.cars import Car
@@ -23,8 +24,6 @@ from vehicle.cars import Car
 Array = NDArray[np.float64]
 
 HELD_TORQUE = 2.0  # of the hands [N m]
-SETTLING = 2.0  # from the start of the hold to where its ripple is read [s]
-RISE = 0.5  # of the hand torque in the hold [s]
 NO_TORQUE = 1e-6  # below this a creeping law counts as free [N m]; a damper of 1 kN m s/rad is
 
 
@@ -142,13 +141,8 @@ THIN = 4
 _SECOND = round(1.0 / SAMPLE_TIME)
 
 
-def held_ripple(recording: Recording) -> float:
-    """Peak to peak of the torsion-bar torque from ``SETTLING`` into the hold to its end [N m]."""
-    return float(np.ptp(recording.between(RISE + SETTLING, recording.time[-1])["torsion_bar_torque"]))
-
-
 def _torsion_bar(car: Car, p: Any, assisted: bool, substeps: int) -> Array:
-    manoeuvre = manoeuvres.hold(HELD_TORQUE)
+    manoeuvre = manoeuvres.make("hold", torque=HELD_TORQUE)
     whole = manoeuvres.build_plant(car, manoeuvre, p)
     if not assisted:
         a = whole.assist

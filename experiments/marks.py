@@ -223,10 +223,11 @@ FEEL = {
 
 def feel_rows() -> Iterator[Row]:
     """On-centre feel of the default car: weave at 100 km/h, 0.2 Hz, 2 m/s2, LuGre."""
-    found = metrics.weave(manoeuvres.drive(cars.load(), manoeuvres.weave(), "lugre"))
+    found = metrics.evaluate(manoeuvres.drive(cars.load(), manoeuvres.make("weave"), "lugre"))
     for name, (low, high) in FEEL.items():
-        value, _, _, unit, _ = found[name]
-        yield Row(label(name), f"{value:.4g}", f"{low:g} to {high:g} {unit}", _verdict(low <= value <= high))
+        value = found[name].value
+        aim = f"{low:g} to {high:g} {found[name].unit}"
+        yield Row(label(name), f"{value:.4g}", aim, _verdict(low <= value <= high))
 
 
 MARKS: dict[str, Callable[[], Iterator[Row]]] = {

@@ -142,7 +142,7 @@ def _no_garbage_collection() -> Iterator[None]:
 
 def plant_samples(car: Car, laws: dict[str, Any]) -> dict[str, float]:
     """Time that the whole car, driver to tyre, takes for one sample of 1 ms in a weave, for every law [ns]."""
-    weave = manoeuvres.weave()
+    weave = manoeuvres.make("weave")
     inputs = manoeuvres.inputs(weave, 0.25, 2.0)
     record = np.zeros((len(inputs), len(plant.CHANNELS)))
     plants = {law: manoeuvres.build_plant(car, weave, p) for law, p in laws.items()}

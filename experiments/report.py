@@ -20,7 +20,7 @@ from vehicle import plant
 
 CONTENTS = frozenset({"index.html", "metrics.json"})
 EVERYTHING = Scope()
-PREFIXES = {"weave": "", "slow_ramp": "slow_ramp."}  # of the metrics in metrics.json
+PREFIXES = {"weave": "", "slow-ramp": "slow_ramp."}  # of the metrics in metrics.json
 
 
 def metrics_json(results: Results, source: dict[str, Any]) -> dict[str, Any]:

@@ -22,7 +22,7 @@ class Scope(NamedTuple):
     """How much of everything; the defaults are the report's, less is for tests."""
 
     car: str = "compact"
-    cycles: tuple[tuple[str, int], ...] = (("weave", 12), ("slow_ramp", 5))
+    cycles: tuple[tuple[str, int], ...] = (("weave", 12), ("slow-ramp", 5))
     steps: tuple[float, ...] = real_time.STEPS  # of the real-time table [s]
     speeds_kph: tuple[float, ...] = (0.0, 50.0, 100.0)  # of the assist loop's margins; 0 is parking
     vehicle: bool = True  # whether to study the full vehicle

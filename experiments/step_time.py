@@ -77,7 +77,7 @@ def substeps(friction: str = "lugre", n: int = 20_000, repeats: int = 7) -> dict
     p = make(friction)
     memory = np.zeros(law.law_of(p).memory_size(p))
     runs: dict[str, Callable[[], Any]] = {"friction": lambda: _friction_alone(p, memory, 0.0, n)}
-    weave = manoeuvres.weave()
+    weave = manoeuvres.make("weave")
     u = manoeuvres.inputs(weave, 0.26, n * SAMPLE_TIME)
     for chassis in cars.SPEEDS:
         whole = manoeuvres.build_plant(cars.load(), replace(weave, chassis=chassis), p)

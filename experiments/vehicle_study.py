@@ -10,9 +10,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.evaluation import entries, parking
+from experiments.evaluation import entries
 from steer_env import manoeuvres
-from steer_env.metrics import Value
+from steer_env.metrics import Value, evaluate
 from steer_env.recording import Recording
 from vehicle import cars, plant
 from vehicle.assist import SAMPLE_TIME
@@ -84,15 +84,15 @@ def park(car: Car, friction: Any, assisted: bool = True) -> Parking:
     if not assisted:
         a = car.assist
         car = car._replace(assist=a._replace(boost=0.0 * a.boost, damping=0.0 * a.damping))
-    recording: Recording = manoeuvres.drive(car, manoeuvres.parking(), friction)
+    recording: Recording = manoeuvres.drive(car, manoeuvres.make("parking"), friction)
     period = round(1.0 / recording.meta["frequency_hz"] / SAMPLE_TIME)
     names = ("handwheel_angle", "rack_force", "handwheel_torque")
-    return Parking(parking(recording), *(recording[name][-period::10] for name in names))
+    return Parking(evaluate(recording), *(recording[name][-period::10] for name in names))
 
 
 def collect(car: Car, friction: Any) -> Study:
     """Drive everything with one friction law."""
-    weave = manoeuvres.weave(cycles=4)
+    weave = manoeuvres.make("weave", cycles=4)
     single, two = (car.plant(friction, robot=True, chassis=chassis) for chassis in ("single_track", "two_track"))
     amplitude = manoeuvres.find_amplitude(single, weave)
     u = manoeuvres.inputs(weave, amplitude, weave.duration)

@@ -160,7 +160,7 @@ class Weave:
     def __init__(self) -> None:
         self.duration = 20.0
         self.reference = ReferenceFeel()
-        self._manoeuvre = manoeuvres.weave()
+        self._manoeuvre = manoeuvres.make("weave")
 
     def start(self, rng: np.random.Generator, speed: float, options: dict[str, Any]) -> Array:
         _allowed(options, ("amplitude",))

@@ -13,8 +13,9 @@ import experiments
 import friction
 from experiments import provenance
 from experiments.cli import Friction, main
-from experiments.evaluation import entries, evaluate
+from experiments.evaluation import entries
 from steer_env import manoeuvres, metrics
+from steer_env.metrics import evaluate
 from steer_env.recording import Recording
 from vehicle import cars
 
@@ -31,7 +32,7 @@ def test_run_writes_csv_and_json_that_agree(tmp_path, capsys):
     assert len(data["friction"]["parameters"]["k"]["value"]) == 5
     assert data["meta"]["manoeuvre"] == "weave"
     assert tuple(data["metrics"]) == metrics.available("weave")
-    driven = manoeuvres.drive(cars.load(), manoeuvres.weave(), friction.make("masing", elements=5))
+    driven = manoeuvres.drive(cars.load(), manoeuvres.make("weave"), friction.make("masing", elements=5))
     assert data["metrics"] == entries(evaluate(driven))  # of the full rate, whatever that of the file
     for name, value in evaluate(recording).items():  # straight lines between the samples cut 1e-4 off a peak
         assert data["metrics"][name]["value"] == pytest.approx(value.value, rel=5e-4)
@@ -45,7 +46,7 @@ def test_run_writes_csv_and_json_that_agree(tmp_path, capsys):
 )
 def test_a_file_names_the_law_with_its_parameters_as_the_command_line_takes_them(law, tmp_path):
     p = Friction(law).parameters
-    manoeuvres.drive(cars.load(), manoeuvres.rig(cycles=1), p).to_csv(tmp_path / "rig.csv")
+    manoeuvres.drive(cars.load(), manoeuvres.make("rig", cycles=1), p).to_csv(tmp_path / "rig.csv")
     meta = Recording.from_csv(tmp_path / "rig.csv").meta
     again = Friction(f"{meta['friction']},{meta['friction_parameters']}").parameters
     assert type(again) is type(p)
@@ -67,7 +68,8 @@ def test_run_speed_and_ripple_of_a_hold(tmp_path, monkeypatch, capsys):
 
 
 def test_refusals_are_null_with_a_reason_and_printed(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr("experiments.cli.manoeuvres.make", lambda name: manoeuvres.weave(cycles=3))
+    short = manoeuvres.make("weave", cycles=3)
+    monkeypatch.setattr("experiments.cli.manoeuvres.make", lambda name: short)
     assert main(["run", "weave", "--friction", "masing", "--rate_hz", "50", "--out", str(tmp_path / "weave.csv")]) == 0
     data = json.loads((tmp_path / "weave.json").read_text())["metrics"]
     printed = capsys.readouterr().out

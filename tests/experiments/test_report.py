@@ -18,9 +18,9 @@ from steer_env import metrics
 from vehicle import cars
 
 LAWS = {law: friction.make(law) for law in ("lugre", "masing")}
-SCOPE = Scope(cycles=(("weave", 6), ("slow_ramp", 5)), steps=(1e-3, 1e-2), speeds_kph=(0.0,), workers=2)
+SCOPE = Scope(cycles=(("weave", 6), ("slow-ramp", 5)), steps=(1e-3, 1e-2), speeds_kph=(0.0,), workers=2)
 FIGURES = (
-    *("characteristics", "reversal", "real_time", "margins", "held_on", "held_off", "weave", "slow_ramp"),
+    *("characteristics", "reversal", "real_time", "margins", "held_on", "held_off", "weave", "slow-ramp"),
     *("chassis", "parking", "cross_validation"),
 )
 
@@ -92,7 +92,7 @@ def test_metrics_json(made):
     assert set(data) == {"metrics", "real_time", "vehicle", "provenance"}
     assert set(data["vehicle"]) == {"weave_peaks", "parking", "cross_validation"}
     assert set(data["vehicle"]["cross_validation"]["manoeuvres"]) == set(cross_validation.MANOEUVRES)
-    names = {*metrics.available("weave"), *(f"slow_ramp.{name}" for name in metrics.available("slow_ramp"))}
+    names = {*metrics.available("weave"), *(f"slow_ramp.{name}" for name in metrics.available("slow-ramp"))}
     for law in LAWS:
         assert set(data["metrics"][law]) == names
         for entry in data["metrics"][law].values():

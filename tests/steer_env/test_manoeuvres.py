@@ -7,7 +7,8 @@ import pytest
 
 import friction
 from steer_env import manoeuvres, metrics
-from vehicle import cars
+from steer_env.manoeuvres import driving
+from vehicle import cars, plant
 
 CAR = cars.load()
 LAWS = friction.available()
@@ -15,10 +16,10 @@ LAWS = friction.available()
 
 @pytest.fixture(scope="module")
 def weaves():
-    return {law: manoeuvres.drive(CAR, manoeuvres.weave(), law) for law in LAWS}
+    return {law: manoeuvres.drive(CAR, manoeuvres.make("weave"), law) for law in LAWS}
 
 
-@pytest.mark.parametrize("hand", [m().hand for m in (manoeuvres.weave, manoeuvres.hold, manoeuvres.parking)])
+@pytest.mark.parametrize("hand", [manoeuvres.make(name).hand for name in ("weave", "hold", "parking")])
 def test_the_rate_is_the_derivative(hand):
     t = np.linspace(0.01, 9.0, 500)
     step = 1e-6
@@ -35,13 +36,13 @@ def test_weave_reaches_its_acceleration(weaves):
 
 def test_the_robot_keeps_the_handwheel_on_its_sine(weaves):
     recording = weaves["lugre"]
-    angle, _ = manoeuvres.weave().hand(recording.time, recording.meta["amplitude_rad"])
+    angle, _ = manoeuvres.make("weave").hand(recording.time, recording.meta["amplitude_rad"])
     assert np.array_equal(recording["handwheel_angle"], angle)
 
 
 def test_rig_carries_friction_alone():
     """Unloaded and unassisted, the column follows the hand and the hand feels the saturated friction and C2."""
-    recording = manoeuvres.drive(CAR, manoeuvres.rig(), "coulomb")
+    recording = manoeuvres.drive(CAR, manoeuvres.make("rig"), "coulomb")
     assert np.all(recording["rack_force"] == 0.0)
     assert np.all(recording["motor_torque"] == 0.0)
     middle = np.abs(recording["handwheel_angle"]) < 0.05
@@ -53,7 +54,7 @@ def test_rig_carries_friction_alone():
 
 @pytest.mark.parametrize("chassis", ["single_track", "two_track"])
 def test_step_steer_reaches_its_acceleration(chassis):
-    recording = manoeuvres.drive(CAR, replace(manoeuvres.step_steer(), chassis=chassis))
+    recording = manoeuvres.drive(CAR, replace(manoeuvres.make("step-steer"), chassis=chassis))
     late = recording.time > 5.0
     assert recording["lateral_acceleration"][late].mean() == pytest.approx(4.0, rel=1e-3)
     assert 200.0 < np.degrees(recording["handwheel_speed"].max()) < 500.0
@@ -62,7 +63,7 @@ def test_step_steer_reaches_its_acceleration(chassis):
 
 
 def test_parking_goes_from_lock_to_lock():
-    recording = manoeuvres.drive(CAR, manoeuvres.parking(cycles=1))
+    recording = manoeuvres.drive(CAR, manoeuvres.make("parking", cycles=1))
     lock = CAR.steering["rack_limit"] / CAR.steering["pinion_radius"]
     assert np.abs(recording["handwheel_angle"]).max() == pytest.approx(lock, rel=1e-6)
     moving = (np.abs(recording["handwheel_angle"]) < 0.8 * lock) & (recording.time > 6.0)  # after the rise
@@ -72,7 +73,7 @@ def test_parking_goes_from_lock_to_lock():
 
 
 def test_hold_settles_to_its_torque():
-    recording = manoeuvres.drive(CAR, manoeuvres.hold(), "lugre")
+    recording = manoeuvres.drive(CAR, manoeuvres.make("hold"), "lugre")
     assert np.all(recording["handwheel_torque"][1000:] == 2.0)
     late = recording.time > 4.5
     assert np.ptp(recording["torsion_bar_torque"][late]) < 0.05
@@ -81,21 +82,21 @@ def test_hold_settles_to_its_torque():
 
 def test_mirror_image():
     """Steering right instead of left changes every sign and nothing else."""
-    weave = manoeuvres.weave(cycles=1)
+    weave = manoeuvres.make("weave", cycles=1)
     p = manoeuvres.build_plant(CAR, weave, "masing")
-    left, right = (manoeuvres._run(p, manoeuvres.inputs(weave, a, 5.0)) for a in (0.2, -0.2))
+    left, right = (driving.run(p, weave, manoeuvres.inputs(weave, a, 5.0)) for a in (0.2, -0.2))
     for name in ("handwheel_torque", "column_angle", "rack_force", "yaw_rate", "lateral_acceleration", "roll_angle"):
-        i = manoeuvres.plant.CHANNEL[name]
+        i = plant.CHANNEL[name]
         assert np.array_equal(left[:, i], -right[:, i]), name
-    loads = [manoeuvres.plant.CHANNEL[f"wheel_load_front_{side}"] for side in ("left", "right")]
+    loads = [plant.CHANNEL[f"wheel_load_front_{side}"] for side in ("left", "right")]
     assert np.array_equal(left[:, loads], right[:, loads[::-1]])
 
 
 def test_the_definition_names_the_speed_and_the_aim_that_are_driven():
-    weave = manoeuvres.weave()
+    weave = manoeuvres.make("weave")
     assert weave.definition.endswith("amplitude for 2 m/s2 at 100 km/h.")
     assert replace(weave, speed=80 / 3.6, lateral_acceleration=3.0).definition.endswith("for 3 m/s2 at 80 km/h.")
-    assert manoeuvres.rig().definition.endswith("5 cycles on a rig.")
+    assert manoeuvres.make("rig").definition.endswith("5 cycles on a rig.")
 
 
 def test_unknown_manoeuvre():
@@ -105,17 +106,17 @@ def test_unknown_manoeuvre():
 
 def test_a_spin_is_refused():
     with pytest.raises(ValueError, match="hold: the car spins; ask for less than 10"):
-        manoeuvres.drive(CAR, replace(manoeuvres.hold(10.0), speed=30.0, duration=10.0), "lugre")
+        manoeuvres.drive(CAR, replace(manoeuvres.make("hold", torque=10.0), speed=30.0, duration=10.0), "lugre")
 
 
 def test_an_acceleration_out_of_reach_is_refused():
     with pytest.raises(ValueError, match="no handwheel amplitude reaches 30"):
-        manoeuvres.drive(CAR, replace(manoeuvres.weave(), lateral_acceleration=30.0))
+        manoeuvres.drive(CAR, replace(manoeuvres.make("weave"), lateral_acceleration=30.0))
 
 
 def test_laws_agree_where_they_must_and_differ_where_they_must(weaves):
     """Dry laws share one calibration, so on-centre torque agrees within 5 %; without dry friction the loop changes."""
-    sets = {law: metrics.weave(recording) for law, recording in weaves.items()}
+    sets = {law: metrics.evaluate(recording) for law, recording in weaves.items()}
     dry = [law for law in LAWS if law != "viscous"]
     for name in ("torque_at_0g", "steering_sensitivity_at_0p1g", "yaw_rate_gain"):
         values = [sets[law][name].value for law in dry]

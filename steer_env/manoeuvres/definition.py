@@ -1,0 +1,88 @@
+"""What a manoeuvre is, and the registry of them."""
+
+import inspect
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vehicle.road import Road
+
+Array = NDArray[np.float64]
+Reach = Callable[[Array], float]  # lateral acceleration (T,) at 1 kHz [m/s2] -> what counts as reached [m/s2]
+
+
+def last_second(acceleration: Array) -> float:
+    """Mean over the last second."""
+    return float(np.mean(acceleration[-1000:]))
+
+
+def half_span(acceleration: Array) -> float:
+    """Half of highest less lowest over the second half."""
+    return 0.5 * float(np.ptp(acceleration[acceleration.size // 2 :]))
+
+
+@dataclass(frozen=True)
+class Manoeuvre:
+    """One manoeuvre.
+
+    ``hand(t, amplitude)`` gives the handwheel angle [rad] and speed [rad/s] (robot) or the hand torque [N m] and zero.
+    """
+
+    name: str
+    hands: str  # what they do
+    source: str
+    speed: float  # [m/s]
+    duration: float  # [s]
+    hand: Callable[[Array, float], tuple[Array, Array]]
+    robot: bool = True
+    released: float | None = None  # when a robot lets go of the handwheel [s]; from then on ``hand`` is a torque
+    amplitude: float | None = None  # [rad] or [N m]; None: found for the lateral acceleration
+    lateral_acceleration: float | None = None  # to reach [m/s2]
+    reach: Reach = last_second  # reads from a run of ``trial`` what it reached
+    trial: float | None = None  # duration of the run that finds the amplitude [s]; None: the whole
+    frequency: float | None = None  # of a periodic manoeuvre [Hz]
+    rig: bool = False  # steering on a rig: no rack load, assist off
+    lock: bool = False  # the amplitude is all that the rack has
+    chassis: str = "single_track"  # two_track where the car must be able to stand or to change its speed
+    road: Road | None = None  # heights, split friction, grade, bank; two_track only
+    others: Mapping[int, Callable[[Array], Array]] = field(default_factory=dict)  # further plant inputs over time
+    meta: Mapping[str, Any] = field(default_factory=dict)  # conditions that the metrics need, units in the names
+
+    @property
+    def definition(self) -> str:
+        """What is driven, in words."""
+        aim = f", amplitude for {self.lateral_acceleration:g} m/s2" if self.lateral_acceleration else ""
+        place = "on a rig" if self.rig else f"at {3.6 * self.speed:.4g} km/h" if self.speed else "at standstill"
+        return f"{self.hands}{aim} {place}."
+
+
+_makers: dict[str, Callable[..., Manoeuvre]] = {}
+
+
+def register(name: str) -> Callable[[Callable[..., Manoeuvre]], Callable[..., Manoeuvre]]:
+    """Make a manoeuvre known under a name: a function that gives it, its options with their standard values."""
+
+    def keep(maker: Callable[..., Manoeuvre]) -> Callable[..., Manoeuvre]:
+        _makers[name] = maker
+        return maker
+
+    return keep
+
+
+def available() -> tuple[str, ...]:
+    """Names of the manoeuvres."""
+    return tuple(_makers)
+
+
+def make(name: str, **options: Any) -> Manoeuvre:
+    """A manoeuvre by name, as the standard has it but for the options; ValueError for a name or option there is not."""
+    if name not in _makers:
+        raise ValueError(f"unknown manoeuvre {name!r}; available: {', '.join(available())}")
+    allowed = inspect.signature(_makers[name]).parameters
+    for key in options:
+        if key not in allowed:
+            raise ValueError(f"{name} has no option {key!r}; there are {', '.join(allowed) or 'none'}")
+    return _makers[name](**options)

@@ -1,0 +1,131 @@
+"""Driving a manoeuvre: the plant that it needs, the amplitude that it asks for, and the recording."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from friction.check import positive
+from friction.law import law_of
+from steer_env.manoeuvres.definition import Manoeuvre
+from steer_env.recording import Recording
+from vehicle import plant
+from vehicle.assist import SAMPLE_TIME
+from vehicle.cars import Car
+
+Array = NDArray[np.float64]
+
+
+def build_plant(car: Car, manoeuvre: Manoeuvre, friction: Any) -> plant.Plant:
+    """The plant that a manoeuvre needs: robot or free hands, on the road or on the rig."""
+    p = car.plant(
+        friction, speed=manoeuvre.speed, robot=manoeuvre.robot, chassis=manoeuvre.chassis, road=manoeuvre.road
+    )
+    if not manoeuvre.rig:
+        return p
+    a = p.assist
+    return p._replace(pinion_radius=0.0, assist=a._replace(boost=0.0 * a.boost, damping=0.0 * a.damping))
+
+
+def inputs(manoeuvre: Manoeuvre, amplitude: float, duration: float) -> Array:
+    """Rows of plant inputs, one a millisecond; each row holds the hand at the end of its sample."""
+    t: Array = SAMPLE_TIME * np.arange(1.0, round(duration / SAMPLE_TIME) + 1.0)
+    u = np.zeros((t.size, len(plant.INPUTS)))
+    u[:, plant.HAND], u[:, plant.HAND_SPEED] = manoeuvre.hand(t, amplitude)
+    for place, value in manoeuvre.others.items():
+        u[:, place] = value(t)
+    return u
+
+
+def find_amplitude(p: plant.Plant, manoeuvre: Manoeuvre) -> float:
+    """Handwheel amplitude that reaches the manoeuvre's lateral acceleration [rad].
+
+    Raises
+    ------
+    ValueError
+        If the car does not reach that acceleration.
+    """
+    target = positive("lateral_acceleration", manoeuvre.lateral_acceleration)
+    amplitude = 0.2
+    for _ in range(10):  # the response is nearly proportional, so each round leaves a small part of the error
+        record = run(p, manoeuvre, inputs(manoeuvre, amplitude, manoeuvre.trial or manoeuvre.duration))
+        reached = manoeuvre.reach(record[:, plant.CHANNEL["lateral_acceleration"]])
+        if abs(reached / target - 1.0) < 1e-5:
+            return amplitude
+        amplitude *= target / reached
+        if not 0.0 < amplitude < 6.0:
+            break
+    raise ValueError(f"{manoeuvre.name}: no handwheel amplitude reaches {target:g} m/s2 at {manoeuvre.speed:g} m/s")
+
+
+def _amplitude(p: plant.Plant, manoeuvre: Manoeuvre) -> float:
+    if manoeuvre.amplitude is not None:
+        return manoeuvre.amplitude
+    return p.rack_limit / p.pinion_radius if manoeuvre.lock else find_amplitude(p, manoeuvre)
+
+
+def _text(value: Any) -> str:
+    """A friction parameter as the command line takes it: a number, or numbers joined by colons."""
+    return ":".join(map(repr, np.ravel(value).tolist()))
+
+
+def run(p: plant.Plant, manoeuvre: Manoeuvre, u: Array) -> Array:
+    """Channels (T, C) of a plant that starts straight and gets inputs (T, I)."""
+    record = np.zeros((len(u), len(plant.channels(p))))
+    state = plant.initial_state(p)
+    held = len(u) if manoeuvre.released is None else round(manoeuvre.released / SAMPLE_TIME)
+    plant.run(p, state, u[:held], record[:held], 1)
+    if held < len(u):
+        plant.run(p._replace(robot=0.0), state, u[held:], record[held:], 1)
+    return record
+
+
+def drive(car: Car, manoeuvre: Manoeuvre, friction: Any = "lugre") -> Recording:
+    """Drive a manoeuvre and record every channel at 1 kHz.
+
+    Parameters
+    ----------
+    car : Car
+    manoeuvre : Manoeuvre
+    friction : str or parameters
+        A law's name, for its defaults, or parameters from ``friction.make``.
+
+    Returns
+    -------
+    Recording
+        Channels in SI with their units; ``meta`` names manoeuvre, car, law with its parameters, speed and amplitude.
+
+    Raises
+    ------
+    ValueError
+        Unknown law, an amplitude that cannot be found, a car that spins, or a run that does not stay finite (the state
+        is named).
+    """
+    p = build_plant(car, manoeuvre, friction)
+    amplitude = _amplitude(p, manoeuvre)
+    u = inputs(manoeuvre, amplitude, manoeuvre.duration)
+    record = run(p, manoeuvre, u)
+    if not np.isfinite(record[-1]).all():
+        raise ValueError(f"{manoeuvre.name} diverged: {plant.first_non_finite(p, plant.initial_state(p), u)} first")
+    names = plant.channels(p)
+    channels = {name: record[:, i].copy() for i, (name, _) in enumerate(names)}
+    channels["vehicle_speed"] = channels.get("longitudinal_speed", np.full(len(u), manoeuvre.speed))
+    if manoeuvre.speed and np.any(np.abs(channels["lateral_speed"]) > channels["vehicle_speed"]):
+        raise ValueError(f"{manoeuvre.name}: the car spins; ask for less than {amplitude:g}, or for less speed")
+    return Recording(
+        time=SAMPLE_TIME * np.arange(1, len(u) + 1),
+        channels=channels,
+        units={**dict(names), "vehicle_speed": "m/s"},
+        meta={
+            "manoeuvre": manoeuvre.name,
+            "vehicle": car.name,
+            "chassis": manoeuvre.chassis,
+            "tyre": car.tyre.name,
+            "friction": law_of(p.friction).name,
+            "friction_parameters": ",".join(f"{key}={_text(value)}" for key, value in p.friction._asdict().items()),
+            "speed_m_s": manoeuvre.speed,
+            "amplitude_rad" if manoeuvre.robot else "amplitude_nm": amplitude,
+            "frequency_hz": manoeuvre.frequency,
+            **manoeuvre.meta,
+        },
+    )

@@ -1,0 +1,20 @@
+"""Parking, lock to lock."""
+
+from steer_env.manoeuvres.definition import Manoeuvre, register
+from steer_env.manoeuvres.shapes import triangle_from_rest
+
+
+@register("parking")
+def parking(frequency: float = 1.0 / 24.0, cycles: int = 2) -> Manoeuvre:
+    """Parking: from lock to lock with the car standing, at some 80 deg/s."""
+    return Manoeuvre(
+        name="parking",
+        hands=f"Handwheel from lock to lock in {0.5 / frequency:g} s, {cycles} cycles, service brake released",
+        source="parking test of steering-feel practice, 60 to 90 deg/s",
+        speed=0.0,
+        duration=cycles / frequency,
+        hand=lambda t, amplitude: triangle_from_rest(t, amplitude, frequency),
+        frequency=frequency,
+        lock=True,
+        chassis="two_track",
+    )

@@ -1,0 +1,22 @@
+"""Steering on a rig."""
+
+import numpy as np
+
+from steer_env.manoeuvres.definition import Manoeuvre, register
+from steer_env.manoeuvres.shapes import sine
+
+
+@register("rig")
+def rig(frequency: float = 0.2, cycles: int = 5, amplitude: float = 0.35) -> Manoeuvre:
+    """Steering on a rig: rack unloaded, assist off, so the hand feels friction and inertia alone."""
+    return Manoeuvre(
+        name="rig",
+        hands=f"Sine of handwheel angle, {np.degrees(amplitude):.0f} deg at {frequency:g} Hz, {cycles} cycles",
+        source="steering-rig practice",
+        speed=10.0,
+        duration=cycles / frequency,
+        hand=lambda t, amplitude: sine(t, amplitude, frequency),
+        amplitude=amplitude,
+        frequency=frequency,
+        rig=True,
+    )

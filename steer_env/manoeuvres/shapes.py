@@ -1,0 +1,38 @@
+"""What hands do over time: values and rates that start and end without a jerk."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+def sine(t: Array, amplitude: float, frequency: float) -> tuple[Array, Array]:
+    """Sine that grows over its first cycle, so that the handwheel starts without a jerk; value and rate."""
+    omega = 2.0 * np.pi * frequency
+    s = np.clip(t * frequency, 0.0, 1.0)
+    envelope = s * s * (3.0 - 2.0 * s)
+    growth = 6.0 * s * (1.0 - s) * frequency
+    return (
+        amplitude * envelope * np.sin(omega * t),
+        amplitude * (envelope * omega * np.cos(omega * t) + growth * np.sin(omega * t)),
+    )
+
+
+def ramp_and_hold(t: Array, amplitude: float, rise: float) -> tuple[Array, Array]:
+    """Smooth rise to a level that is held; value and rate."""
+    s = np.clip(t / rise, 0.0, 1.0)
+    return amplitude * s * s * (3.0 - 2.0 * s), amplitude * 6.0 * s * (1.0 - s) / rise
+
+
+def triangle(t: Array, amplitude: float, frequency: float) -> tuple[Array, Array]:
+    """Triangle wave with rounded corners: nearly constant speed from end to end; value and rate."""
+    omega, blunt = 2.0 * np.pi * frequency, 0.995
+    s, scale = blunt * np.sin(omega * t), amplitude / np.arcsin(blunt)
+    return scale * np.arcsin(s), scale * blunt * omega * np.cos(omega * t) / np.sqrt(1.0 - s * s)
+
+
+def triangle_from_rest(t: Array, amplitude: float, frequency: float) -> tuple[Array, Array]:
+    """Triangle wave whose first quarter is a smooth rise, so that the handwheel starts without a jerk."""
+    quarter = 0.25 / frequency
+    first, then = ramp_and_hold(t, amplitude, quarter), triangle(t, amplitude, frequency)
+    return np.where(t < quarter, first[0], then[0]), np.where(t < quarter, first[1], then[1])

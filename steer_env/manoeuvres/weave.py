@@ -1,0 +1,21 @@
+"""On-centre weave."""
+
+from steer_env.manoeuvres.definition import Manoeuvre, half_span, register
+from steer_env.manoeuvres.shapes import sine
+
+
+@register("weave")
+def weave(frequency: float = 0.2, cycles: int = 12) -> Manoeuvre:
+    """On-centre weave; the first and last cycle are for the metrics to drop."""
+    return Manoeuvre(
+        name="weave",
+        hands=f"Sine of handwheel angle at {frequency:g} Hz, {cycles} cycles",
+        source="after ISO 13674-1",
+        speed=100.0 / 3.6,
+        duration=cycles / frequency,
+        hand=lambda t, amplitude: sine(t, amplitude, frequency),
+        lateral_acceleration=2.0,
+        reach=half_span,
+        trial=2.0 / frequency,
+        frequency=frequency,
+    )

@@ -1,0 +1,42 @@
+"""Steering metrics: one file a kind of test, each metric with its definition, source, validity and interval.
+
+``evaluate(recording)`` reads a recording by the manoeuvre that its meta names. Every module in this folder is imported,
+which registers its tests and metrics.
+"""
+
+import importlib
+import pkgutil
+
+from steer_env.metrics.definitions import (
+    UNITS,
+    Metric,
+    RefusedError,
+    Value,
+    available,
+    conditions,
+    definition,
+    evaluate,
+    metric,
+    procedure,
+    tests,
+)
+from steer_env.metrics.reading import CHANNELS, Reading
+
+for _module in pkgutil.iter_modules(__path__):
+    importlib.import_module(f"{__name__}.{_module.name}")
+
+__all__ = [
+    "CHANNELS",
+    "UNITS",
+    "Metric",
+    "Reading",
+    "RefusedError",
+    "Value",
+    "available",
+    "conditions",
+    "definition",
+    "evaluate",
+    "metric",
+    "procedure",
+    "tests",
+]

@@ -1,0 +1,207 @@
+"""What a metric is, how a test is read, and the one registry of both.
+
+A test is a manoeuvre as it is evaluated: its name, the class that reads a recording of it, and the conditions that the
+recording's meta may override. A metric is a function from that reading to one value a repeat (a cycle, a step, ...),
+in SI; its docstring is its definition, from which the documentation and the report's glossary are made.
+"""
+
+import inspect
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from steer_env.metrics.confidence import interval
+from steer_env.recording import DEGREE, Recording
+from vehicle.single_track import GRAVITY as G
+
+Array = NDArray[np.float64]
+
+# Reporting unit -> its number for one SI unit.
+UNITS = dict.fromkeys(("1", "s", "Hz", "N", "N m", "J", "W", "m", "m/s", "m/s2", "1/s", "dB", "kg"), 1.0)
+UNITS |= {"ms": 1e3, "g": 1 / G, "N m/g": G, "deg": 1 / DEGREE, "deg/s": 1 / DEGREE, "deg/g": G / DEGREE, "km/h": 3.6}
+UNITS |= {"N m/deg": DEGREE, "g/100 deg": 100 * DEGREE / G, "g/(100 N m deg)": 100 * DEGREE / G, "%": 100.0}
+
+SPEED_SPREAD = 0.03  # of the mean speed around the one asked for
+
+
+class RefusedError(ValueError):
+    """A metric has no meaning for this recording; the text says why and how to get it."""
+
+
+class Value(NamedTuple):
+    """A metric of a recording: mean over the repeats and its 95 % interval; NaN with a reason if refused."""
+
+    value: float  # mean over the repeats [unit]
+    low: float  # lower end of the interval; NaN where there is one repeat [unit]
+    high: float  # upper end [unit]
+    unit: str
+    reason: str = ""
+    repeats: tuple[float, ...] = ()  # the values of which it is the mean [unit]
+
+
+@dataclass(frozen=True)
+class Metric:
+    """What a metric is; declared by :func:`metric` above the function that reads it."""
+
+    name: str
+    unit: str  # of the reported value, a key of UNITS
+    definition: str
+    source: str
+    usual: tuple[float, float] | None  # range of passenger cars [unit]
+    validity: tuple[float, float] | None  # peak lateral acceleration from and up to which it may be read [g]; None: any
+    tests: tuple[str, ...]  # that report it
+    read: Callable[[Any], Any]  # reading of a test -> value, or values (n,) of its repeats [SI]
+
+
+@dataclass(frozen=True)
+class Procedure:
+    """How a recording of a test is read."""
+
+    name: str
+    read: Callable[..., Any]  # (recording, conditions) -> reading; RefusedError where the data cannot carry one
+    conditions: Mapping[str, Any]  # as the test has them, with the unit in the name
+    constant_speed: bool
+
+
+_metrics: dict[str, Metric] = {}
+_procedures: dict[str, Procedure] = {}
+
+
+def procedure(name: str, read: Callable[..., Any], *, constant_speed: bool = True, **conditions: Any) -> None:
+    """Register how recordings of a test are read.
+
+    Parameters
+    ----------
+    name : str
+        Of the manoeuvre.
+    read : callable
+        ``read(recording, conditions)`` gives what the metrics of the test take; it raises :class:`RefusedError` where
+        no metric can be read.
+    constant_speed : bool
+        Whether the mean of ``vehicle_speed`` must be within 3 % of ``speed_m_s``.
+    conditions
+        Defaults of what the test prescribes: ``speed_m_s``, ``frequency_hz``, ...; a recording's meta comes first.
+    """
+    _procedures[name] = Procedure(name, read, conditions, constant_speed)
+
+
+def metric(
+    unit: str,
+    *tests: str,
+    usual: tuple[float, float] | None = None,
+    validity: tuple[float, float] | None = None,
+    source: str,
+) -> Callable[[Callable[[Any], Any]], Callable[[Any], Any]]:
+    """Register a function under its name, with its docstring as definition; the rest as in :class:`Metric`."""
+
+    def register(function: Callable[[Any], Any]) -> Callable[[Any], Any]:
+        name, text = function.__name__, " ".join((inspect.getdoc(function) or "").split())
+        if name in _metrics or not text or unit not in UNITS:
+            raise ValueError(f"metric {name!r} needs a name of its own, a docstring and a unit out of {list(UNITS)}")
+        _metrics[name] = Metric(name, unit, text, source, usual, validity, tests, function)
+        return function
+
+    return register
+
+
+def tests() -> tuple[str, ...]:
+    """Names of the tests that have metrics."""
+    return tuple(_procedures)
+
+
+def conditions(test: str) -> dict[str, Any]:
+    """What the test prescribes, with units in the names; ValueError for a test that there is not."""
+    return dict(_procedure(test).conditions)
+
+
+def available(test: str | None = None) -> tuple[str, ...]:
+    """Names of the metrics of a test, or of all; ValueError for a test that there is not."""
+    if test is not None:
+        _procedure(test)
+    return tuple(name for name, entry in _metrics.items() if test in (None, *entry.tests))
+
+
+def definition(name: str) -> Metric:
+    """Unit, definition, source, usual range and validity of a metric; ValueError if there is none of that name."""
+    if name not in _metrics:
+        raise ValueError(f"no metric {name!r}; there are {', '.join(_metrics)}")
+    return _metrics[name]
+
+
+def evaluate(recording: Recording, test: str | None = None, **given: Any) -> dict[str, Value]:
+    """Every metric of a test, for a recording from a simulation or from a car.
+
+    Parameters
+    ----------
+    recording : Recording
+        In SI, left positive; a missing channel costs the metrics that need it.
+    test : str, optional
+        Name out of :func:`tests`; by default the manoeuvre that the recording's meta names.
+    given
+        Conditions that differ from those of the meta and of the test, e.g. ``speed_m_s=22.2``.
+
+    Returns
+    -------
+    dict of str to Value
+        One entry for every name of ``available(test)``; what is refused says so in its reason.
+
+    Raises
+    ------
+    ValueError
+        For a test or a condition that there is not.
+    """
+    entry = _procedure(test or str(recording.meta.get("manoeuvre")))
+    unknown = given.keys() - entry.conditions.keys()
+    if unknown:
+        allowed = ", ".join(entry.conditions) or "none"
+        raise ValueError(f"{entry.name} has no condition {sorted(unknown)[0]!r}; there are {allowed}")
+    meta = {key: recording.meta[key] for key in entry.conditions if recording.meta.get(key) is not None}
+    asked = {**entry.conditions, **meta, **given}
+    try:
+        if entry.constant_speed:
+            _check_speed(recording, asked)
+        reading = entry.read(recording, asked)
+    except ValueError as error:  # a recording that cannot be filtered says what to do, too
+        return {name: _refusal(_metrics[name], error) for name in available(entry.name)}
+    return {name: _value(_metrics[name], reading) for name in available(entry.name)}
+
+
+def _procedure(test: str) -> Procedure:
+    if test not in _procedures:
+        raise ValueError(f"no metrics for manoeuvre {test!r}; there are some for {', '.join(_procedures)}")
+    return _procedures[test]
+
+
+def _check_speed(recording: Recording, asked: Mapping[str, Any]) -> None:
+    speed = asked.get("speed_m_s")
+    if speed and recording.units.get("vehicle_speed") == "m/s":
+        found = float(np.nanmean(recording["vehicle_speed"]))
+        if not abs(found / speed - 1) <= SPEED_SPREAD:
+            raise RefusedError(
+                f"vehicle_speed is {3.6 * found:.4g} km/h in the mean, not {3.6 * speed:.4g} km/h +- "
+                f"{SPEED_SPREAD:.0%}: drive at that speed, or say that the test was at speed_m_s={found:.4g}"
+            )
+
+
+def _value(entry: Metric, reading: Any) -> Value:
+    """Mean over the repeats and its interval, or the reason for none."""
+    try:
+        if entry.validity:
+            low, high = entry.validity
+            peak = reading.peak_acceleration()
+            if not low <= peak <= high:
+                advice = f"below {low:g} g: steer further" if peak < low else f"above {high:g} g: steer less far"
+                raise RefusedError(f"lateral_acceleration peaks at {peak:.3f} g, {advice}")
+        values = np.atleast_1d(np.asarray(entry.read(reading), dtype=float)) * UNITS[entry.unit]
+        if not np.all(np.isfinite(values)):
+            raise RefusedError("the recording holds no finite value of it")
+    except RefusedError as refused:
+        return _refusal(entry, refused)
+    return Value(float(values.mean()), *interval(values), entry.unit, repeats=tuple(values.tolist()))
+
+
+def _refusal(entry: Metric, error: ValueError) -> Value:
+    return Value(np.nan, np.nan, np.nan, entry.unit, str(error))

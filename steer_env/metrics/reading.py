@@ -1,0 +1,42 @@
+"""A recording as metrics read it: units checked, every channel low-passed alike and with zero phase."""
+
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from steer_env.metrics.definitions import RefusedError
+from steer_env.recording import Recording
+from vehicle import plant
+
+ANGLE, TORQUE, AY = "handwheel_angle", "handwheel_torque", "lateral_acceleration"
+YAW, SPEED = "yaw_rate", "vehicle_speed"
+CHANNELS = {**dict(plant.CHANNELS), SPEED: "m/s"}  # name -> unit
+
+
+class Reading:
+    """Channels (T,) of a recording by name, low-passed at ``cutoff`` [Hz], and its ``time`` (T,) [s].
+
+    A channel that is missing or has another unit refuses the metrics that ask for it.
+    """
+
+    def __init__(self, recording: Recording, cutoff: float) -> None:
+        self.time, self.recording = recording.time, recording
+        self._smooth = cache(lambda name: self._channel(name).filtered(cutoff)[name])
+
+    def __getitem__(self, name: str) -> NDArray[np.float64]:
+        try:
+            return self._smooth(name)
+        except ValueError as error:  # what keeps a channel from being filtered refuses its metrics, not the others
+            raise RefusedError(str(error)) from None
+
+    def _channel(self, name: str) -> Recording:
+        unit = self.recording.units.get(name)
+        if unit is None:
+            raise RefusedError(f"the recording has no channel {name!r}: record it, or map it from the name it has")
+        if unit != CHANNELS[name]:
+            raise RefusedError(f"{name} is in {unit!r}: give it in {CHANNELS[name]!r}")
+        return Recording(self.time, {name: self.recording[name]}, {name: unit})
+
+    def __contains__(self, name: str) -> bool:
+        return name in self.recording.units
