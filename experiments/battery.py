@@ -1,47 +1,65 @@
-"""The test battery of the report: weave and slow ramp with every law, and what the law changes in each metric."""
+"""The test battery of the report: every manoeuvre with every law, and what the law changes in each metric."""
 
 import math
-from dataclasses import replace
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from experiments import validation
 from steer_env import manoeuvres, metrics
-from steer_env.metrics import Value, evaluate
-from steer_env.metrics.loops import Loops
-from steer_env.metrics.reading import ANGLE, AY, TORQUE
+from steer_env.metrics import RefusedError, Value
+from steer_env.metrics.confidence import difference as gap_between
 from steer_env.recording import Recording
 from vehicle.assist import SAMPLE_TIME
 from vehicle.cars import Car
 
 Array = NDArray[np.float64]
 
+POINTS = 500  # of a curve
+
 
 class Drive(NamedTuple):
     """One law in one test."""
 
     values: dict[str, Value]
-    cycle: dict[str, Array]  # (1000,) mean settled cycle of angle, torque, lateral acceleration [SI]; empty if refused
-    amplitude: float  # of the handwheel angle [rad]
-    site_loss: float  # at the friction site, each cycle [J]
+    curves: validation.Curves  # as in ``validation.curves``, thinned; empty if refused
+    amplitude: float  # of the handwheel angle [rad], or of the hand torque [N m]
+    site_loss: float | None  # at the friction site, each cycle [J]; of a periodic test
+    failure: str = ""  # why the test could not be driven
 
 
-def manoeuvre(test: str, cycles: int) -> manoeuvres.Manoeuvre:
-    """Weave or slow ramp with a number of cycles."""
-    return manoeuvres.make(test, cycles=cycles)
-
-
-def drive(car: Car, p: Any, test: str, cycles: int, chassis: str = "single_track") -> Drive:
-    """Drive a test and read its metrics; ValueError where the manoeuvre cannot be driven."""
-    recording = manoeuvres.drive(car, replace(manoeuvre(test, cycles), chassis=chassis), p)
-    frequency = recording.meta["frequency_hz"]
+def drive(car: Car, p: Any, test: str, options: Mapping[str, Any] | None = None) -> Drive:
+    """Drive a test and read its metrics; one that cannot be driven says why in every metric's place."""
     try:
-        loops = Loops(recording, recording.meta, fewest=1)
-        cycle = {name: loops.cycles(name).mean(axis=0) for name in (ANGLE, TORQUE, AY)}
-    except ValueError:  # evaluate says why in every metric's reason
-        cycle = {}
-    return Drive(evaluate(recording), cycle, recording.meta["amplitude_rad"], _site_loss(recording, 1.0 / frequency))
+        recording = manoeuvres.drive(car, manoeuvres.make(test, **(options or {})), p)
+    except ValueError as error:
+        refused = {
+            name: Value(np.nan, np.nan, np.nan, metrics.definition(name).unit, str(error))
+            for name in metrics.available(test)
+        }
+        return Drive(refused, {}, math.nan, None, str(error))
+    meta = recording.meta
+    return Drive(
+        metrics.evaluate(recording),
+        _thin(recording),
+        meta["amplitude_rad"] if "amplitude_rad" in meta else meta["amplitude_nm"],
+        _site_loss(recording, 1.0 / meta["frequency_hz"]) if meta["frequency_hz"] else None,
+    )
+
+
+def _thin(recording: Recording) -> validation.Curves:
+    try:
+        curves = validation.curves(recording, metrics.procedure_of(recording))
+    except RefusedError:  # every metric says why
+        return {}
+    return {name: thinned(values, POINTS).astype(np.float32) for name, values in curves.items()}
+
+
+def thinned(values: Array, points: int) -> Array:
+    """At most so many of the rows, the first and the last among them."""
+    return values[np.linspace(0, len(values) - 1, min(len(values), points)).round().astype(int)]
 
 
 def _site_loss(recording: Recording, period: float) -> float:
@@ -60,12 +78,13 @@ class Difference(NamedTuple):
 
 
 def difference(name: str, value: Value, base: Value) -> Difference:
-    """What the law changes; the two intervals add as those of independent readings."""
+    """What the law changes, with the interval of two independent readings."""
     usual = metrics.definition(name).usual
     scale = max(abs(base.value), usual[1] - usual[0] if usual else 0.0)
-    gap = value.value - base.value
-    half = math.hypot(value.high - value.low, base.high - base.low) / 2.0
-    return Difference(gap, half, gap / scale if scale > 0.0 else math.nan)
+    if value.reason or base.reason:
+        return Difference(math.nan, math.nan, math.nan)
+    gap, low, high = gap_between(np.array(base.repeats), np.array(value.repeats))
+    return Difference(gap, 0.5 * (high - low), gap / scale if scale > 0.0 else math.nan)
 
 
 def differences(drives: dict[str, Drive], base: str) -> dict[str, dict[str, Difference]]:

@@ -3,7 +3,6 @@
 import argparse
 import importlib
 import json
-import math
 import signal
 import sys
 import threading
@@ -16,15 +15,15 @@ from typing import Any, NoReturn
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-from rich.table import Table
 
 import friction
-from experiments import provenance
+from experiments import evaluate_cli, provenance
 from experiments.evaluation import entries
 from experiments.files import write_json, write_text
+from experiments.tables import print_metrics
 from friction.check import number
 from steer_env import manoeuvres
-from steer_env.metrics import Value, evaluate
+from steer_env.metrics import evaluate
 from vehicle import cars, road, tyre
 from vehicle.assist import SAMPLE_TIME
 
@@ -115,6 +114,8 @@ def _parser() -> argparse.ArgumentParser:
     )
     run.set_defaults(function=_run)
 
+    evaluate_cli.add(commands, _outside())
+
     text = "Print a packaged car with every key that a car file may set, in SI, as JSON."
     car = commands.add_parser("car", help=text, description=text)
     car.add_argument("name", metavar="NAME", choices=cars.available(), help=", ".join(cars.available()))
@@ -195,7 +196,7 @@ def _run(args: argparse.Namespace) -> None:
         },
     )
     about = manoeuvre.name, args.friction.label, f"{car.name} on {car.tyre.name}", manoeuvre.chassis
-    _print(values, ", ".join(about))
+    print_metrics(values, ", ".join(about))
     print(out)
     if args.compare:
         _compare(args, out.parent)
@@ -226,22 +227,6 @@ def _compare(args: argparse.Namespace, directory: Path) -> None:
     write_text(path.with_suffix(".svg"), figures.cross_validation(results))
     write_json(path.with_suffix(".json"), cross_validation.entries(results))
     print(f"\n{cross_validation.table(results)}\n\n{path.with_suffix('.svg')}")
-
-
-def _print(values: dict[str, Value], title: str) -> None:
-    console = Console()
-    table = Table(title=title, title_justify="left", box=None, pad_edge=False, padding=(0, 2, 0, 0))
-    for heading, justify in {"metric": "left", "value": "right", "95 % interval": "right", "unit": "left"}.items():
-        table.add_column(heading, justify=justify, no_wrap=True)  # type: ignore[arg-type]
-    for name, value in values.items():
-        if not value.reason:
-            interval = "" if math.isnan(value.low) else f"{value.low:.4g} .. {value.high:.4g}"
-            table.add_row(name, f"{value.value:.4g}", interval, value.unit)
-    if table.row_count:
-        console.print(table)
-    for name, value in values.items():
-        if value.reason:
-            console.print(f"{name} refused: {value.reason}", highlight=False, soft_wrap=True)
 
 
 def _report(args: argparse.Namespace) -> None:

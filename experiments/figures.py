@@ -150,15 +150,15 @@ def cross_plots(loops: dict[str, dict[str, Array]], base: str) -> str:
 
     Parameters
     ----------
-    loops : law -> channel -> (1000,) mean cycle, SI
+    loops : law -> channel -> (n,) mean cycle, closed, SI
     base : str
         The law that the others are compared with, at the same phase of the cycle.
     """
     figure = _figure(9.6, 6.2)
     grid = figure.subplots(2, 2, sharex="col", height_ratios=(2, 1))
     for law, style in styles(loops).items():
-        cycle = {name: np.append(values, values[0]) for name, values in loops[law].items()}
-        gap = cycle[TORQUE] - np.append(loops[base][TORQUE], loops[base][TORQUE][0])
+        cycle = loops[law]
+        gap = cycle[TORQUE] - loops[base][TORQUE]
         for (above, below), x in zip(grid.T, (cycle[ANGLE] / DEGREE, cycle[AY] / GRAVITY)):
             above.plot(x, cycle[TORQUE], **style)
             below.plot(x, gap, **style)

@@ -74,6 +74,9 @@ class Feel(NamedTuple):
         return self.dry is not None and self.dry.share > MATTERS
 
 
+FEEL = ("weave", "slow-ramp")  # tests that the summary words
+
+
 def feel(results: Results, test: str) -> Feel:
     """Differences between the laws in one test."""
     table = battery.differences(results.drives[test], results.base)
@@ -176,7 +179,11 @@ def cheapest(results: Results, scheme: str) -> bool:
 
 def title(manoeuvre: Manoeuvre) -> str:
     """A manoeuvre by its name, frequency and speed."""
-    return f"{manoeuvre.name.replace('-', ' ')} at {manoeuvre.frequency:g} Hz and {3.6 * manoeuvre.speed:.4g} km/h"
+    frequency = f" at {manoeuvre.frequency:.3g} Hz" if manoeuvre.frequency else ""
+    if manoeuvre.rig or not manoeuvre.speed:
+        return manoeuvre.name.replace("-", " ") + frequency
+    speed = f"{3.6 * manoeuvre.speed:.4g} km/h"
+    return manoeuvre.name.replace("-", " ") + (f"{frequency} and {speed}" if frequency else f" at {speed}")
 
 
 def by_time(results: Results) -> list[str]:
@@ -212,7 +219,8 @@ def on_target(cell: Cell) -> bool:
 def widest_interval(results: Results) -> float:
     """Half the widest interval of any metric, relative to its value."""
     values = [v for drives in results.drives.values() for drive in drives.values() for v in drive.values.values()]
-    return max(((v.high - v.low) / 2.0 / abs(v.value) for v in values if v.value), default=math.nan)
+    widths = ((v.high - v.low) / 2.0 / abs(v.value) for v in values if v.value)
+    return max((width for width in widths if math.isfinite(width)), default=math.nan)
 
 
 def refusals(results: Results, test: str) -> dict[str, list[str]]:

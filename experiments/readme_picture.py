@@ -12,5 +12,5 @@ from vehicle import cars
 
 if __name__ == "__main__":
     car = cars.load()
-    loops = {law: drive(car, friction.make(law), "weave", 5).cycle for law in friction.available()}
+    loops = {law: drive(car, friction.make(law), "weave", {"cycles": 5}).curves for law in friction.available()}
     Path("docs/feel.svg").write_text(cross_plots(loops, "lugre"), encoding="utf-8")

@@ -9,29 +9,38 @@ from base64 import b64encode
 from pathlib import Path
 from typing import Any
 
-import jinja2
-
-from experiments import cross_validation, figures, findings, friction_study, provenance, real_time, vehicle_study
+from experiments import (
+    assessment,
+    cross_validation,
+    figures,
+    findings,
+    friction_study,
+    plots,
+    provenance,
+    real_time,
+    targets,
+    vehicle_study,
+)
 from experiments.evaluation import entries
 from experiments.files import replaced_directory, write_json
 from experiments.results import Notify, Results, Scope, collect
 from steer_env import metrics
+from steer_env.metrics.reading import TORQUE
 from vehicle import plant
 
 CONTENTS = frozenset({"index.html", "metrics.json"})
 EVERYTHING = Scope()
-PREFIXES = {"weave": "", "slow-ramp": "slow_ramp."}  # of the metrics in metrics.json
+WANTED = "compact"  # targets that the summary holds the laws against
 
 
 def metrics_json(results: Results, source: dict[str, Any]) -> dict[str, Any]:
-    """The machine-readable half: metrics of the weave under their names, of the slow ramp with a prefix."""
+    """The machine-readable half: metrics of the weave under their names, of other tests with that of the test ahead."""
     return {
         "metrics": {
             law: {
-                prefix + name: entry
-                for test, prefix in PREFIXES.items()
-                if test in results.drives
-                for name, entry in entries(results.drives[test][law].values).items()
+                ("" if test == "weave" else f"{test.replace('-', '_')}.") + name: entry
+                for test, drives in results.drives.items()
+                for name, entry in entries(drives[law].values).items()
             }
             for law in results.laws
         },
@@ -71,7 +80,9 @@ def provenance_of(results: Results) -> dict[str, Any]:
             test: {
                 "definition": manoeuvre.definition,
                 "source": manoeuvre.source,
-                "amplitude_rad": {law: drive.amplitude for law, drive in results.drives[test].items()},
+                "amplitude_rad" if manoeuvre.robot else "amplitude_nm": {
+                    law: None if drive.failure else drive.amplitude for law, drive in results.drives[test].items()
+                },
             }
             for test, manoeuvre in results.manoeuvres.items()
         },
@@ -80,23 +91,23 @@ def provenance_of(results: Results) -> dict[str, Any]:
 
 def render(results: Results, source: dict[str, Any]) -> str:
     """The page."""
-    environment = jinja2.Environment(
-        loader=jinja2.PackageLoader("experiments"),
-        autoescape=True,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        undefined=jinja2.StrictUndefined,
-    )
-    environment.filters |= {f.__name__: f for f in (findings.number, findings.percent, findings.change, findings.label)}
-    return environment.get_template("report.html.j2").render(
-        r=results,
-        source=source,
-        findings=findings,
-        study=friction_study,
-        timing=real_time,
-        crossing=cross_validation,
-        definitions={name: metrics.definition(name) for name in metrics.available()},
-        images={name: _image(svg) for name, svg in _figures(results).items()},
+    return (
+        assessment.environment()
+        .get_template("report.html.j2")
+        .render(
+            r=results,
+            source=source,
+            findings=findings,
+            study=friction_study,
+            timing=real_time,
+            crossing=cross_validation,
+            definitions={name: metrics.definition(name) for test in results.drives for name in metrics.available(test)},
+            images={name: _image(svg) for name, svg in _figures(results).items()},
+            plots=_plots(results),
+            script=plots.script(),
+            wanted=targets.load(WANTED),
+            light=targets.light,
+        )
     )
 
 
@@ -116,10 +127,21 @@ def _figures(results: Results) -> dict[str, str]:
     if results.cross_validation:
         shown = {name: found for name, found in results.cross_validation.items() if name in cross_validation.SHOWN}
         drawn["cross_validation"] = figures.cross_validation(shown)
+    return drawn
+
+
+def _plots(results: Results) -> dict[str, str]:
+    """Interactive plots by test; of loops with the torque less the base law's."""
+    drawn = {}
     for test, drives in results.drives.items():
-        loops = {law: drive.cycle for law, drive in drives.items() if drive.cycle}
-        if results.base in loops:
-            drawn[test] = figures.cross_plots(loops, results.base)
+        curves = {law: drive.curves for law, drive in drives.items() if drive.curves}
+        pairs = metrics.procedure_by_name(test).plots
+        shown = plots.panels(curves, pairs)
+        if results.base in curves and "time" not in curves[results.base]:
+            torques = [pair for pair in pairs if pair[1] == TORQUE]
+            shown = shown[: len(torques)] + plots.apart(curves, results.base, torques)
+        if shown:
+            drawn[test] = plots.draw(shown, height=330)
     return drawn
 
 

@@ -4,7 +4,7 @@ import math
 import multiprocessing
 import os
 import signal
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
 from itertools import pairwise
@@ -12,17 +12,23 @@ from typing import Any, NamedTuple
 
 from experiments import battery, cross_validation, friction_study, real_time, vehicle_study
 from friction.law import law_of
+from steer_env import manoeuvres
 from steer_env.manoeuvres import Manoeuvre
 from vehicle import cars, margins
 
 Notify = Callable[[float, str], None]  # gets the part that is done and what comes next
 
 
+# Every manoeuvre, those that feel is judged by first.
+_FIRST = ("weave", "slow-ramp")
+EVERY_TEST: dict[str, dict[str, Any]] = {name: {} for name in (*_FIRST, *manoeuvres.available())}
+
+
 class Scope(NamedTuple):
     """How much of everything; the defaults are the report's, less is for tests."""
 
     car: str = "compact"
-    cycles: tuple[tuple[str, int], ...] = (("weave", 12), ("slow-ramp", 5))
+    tests: Mapping[str, Mapping[str, Any]] = EVERY_TEST  # with the manoeuvres' options
     steps: tuple[float, ...] = real_time.STEPS  # of the real-time table [s]
     speeds_kph: tuple[float, ...] = (0.0, 50.0, 100.0)  # of the assist loop's margins; 0 is parking
     vehicle: bool = True  # whether to study the full vehicle
@@ -69,7 +75,7 @@ class Results(NamedTuple):
 def _of_law(scope: Scope, p: Any, held: bool) -> LawResult:
     car, name = cars.load(scope.car), law_of(p).name
     return LawResult(
-        {test: battery.drive(car, p, test, n) for test, n in scope.cycles},
+        {test: battery.drive(car, p, test, options) for test, options in scope.tests.items()},
         friction_study.characteristics(p),
         real_time.accuracy(p, scope.steps),
         friction_study.held_torque(car, name) if held and name in friction_study.HELD_LAWS else [],
@@ -143,8 +149,8 @@ def collect(laws: dict[str, Any], scope: Scope, notify: Notify) -> Results:
         laws=laws,
         base=base,
         car=car,
-        manoeuvres={test: battery.manoeuvre(test, n) for test, n in scope.cycles},
-        drives={test: {law: of_law[law].drives[test] for law in laws} for test, _ in scope.cycles},
+        manoeuvres={test: manoeuvres.make(test, **options) for test, options in scope.tests.items()},
+        drives={test: {law: of_law[law].drives[test] for law in laws} for test in scope.tests},
         torques={law: of_law[law].torques for law in laws},
         held=[test for law in laws for test in of_law[law].held],
         tables=tables,

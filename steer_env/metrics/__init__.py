@@ -10,6 +10,7 @@ import pkgutil
 from steer_env.metrics.definitions import (
     UNITS,
     Metric,
+    Procedure,
     RefusedError,
     Value,
     available,
@@ -18,6 +19,9 @@ from steer_env.metrics.definitions import (
     evaluate,
     metric,
     procedure,
+    procedure_by_name,
+    procedure_of,
+    read,
     tests,
 )
 from steer_env.metrics.reading import CHANNELS, Reading
@@ -29,6 +33,7 @@ __all__ = [
     "CHANNELS",
     "UNITS",
     "Metric",
+    "Procedure",
     "Reading",
     "RefusedError",
     "Value",
@@ -38,5 +43,8 @@ __all__ = [
     "evaluate",
     "metric",
     "procedure",
+    "procedure_by_name",
+    "procedure_of",
+    "read",
     "tests",
 ]

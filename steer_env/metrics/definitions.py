@@ -24,6 +24,8 @@ UNITS = dict.fromkeys(("1", "s", "Hz", "N", "N m", "J", "W", "m", "m/s", "m/s2",
 UNITS |= {"ms": 1e3, "g": 1 / G, "N m/g": G, "deg": 1 / DEGREE, "deg/s": 1 / DEGREE, "deg/g": G / DEGREE, "km/h": 3.6}
 UNITS |= {"N m/deg": DEGREE, "g/100 deg": 100 * DEGREE / G, "g/(100 N m deg)": 100 * DEGREE / G, "%": 100.0}
 
+_SHOWN = ("handwheel_angle", "handwheel_torque", "yaw_rate", "lateral_acceleration")
+HISTORIES = tuple(("time", name) for name in _SHOWN)
 SPEED_SPREAD = 0.03  # of the mean speed around the one asked for
 
 
@@ -64,13 +66,21 @@ class Procedure:
     read: Callable[..., Any]  # (recording, conditions) -> reading; RefusedError where the data cannot carry one
     conditions: Mapping[str, Any]  # as the test has them, with the unit in the name
     constant_speed: bool
+    plots: tuple[tuple[str, str], ...]  # pairs (x, y) of channels, or "time" for x, that show the test
 
 
 _metrics: dict[str, Metric] = {}
 _procedures: dict[str, Procedure] = {}
 
 
-def procedure(name: str, read: Callable[..., Any], *, constant_speed: bool = True, **conditions: Any) -> None:
+def procedure(
+    name: str,
+    read: Callable[..., Any],
+    *,
+    constant_speed: bool = True,
+    plots: tuple[tuple[str, str], ...] = HISTORIES,
+    **conditions: Any,
+) -> None:
     """Register how recordings of a test are read.
 
     Parameters
@@ -82,10 +92,12 @@ def procedure(name: str, read: Callable[..., Any], *, constant_speed: bool = Tru
         no metric can be read.
     constant_speed : bool
         Whether the mean of ``vehicle_speed`` must be within 3 % of ``speed_m_s``.
+    plots : tuple of (str, str)
+        Channels over each other, or over "time", that show the test; over time where not given.
     conditions
         Defaults of what the test prescribes: ``speed_m_s``, ``frequency_hz``, ...; a recording's meta comes first.
     """
-    _procedures[name] = Procedure(name, read, conditions, constant_speed)
+    _procedures[name] = Procedure(name, read, conditions, constant_speed, plots)
 
 
 def metric(
@@ -114,13 +126,13 @@ def tests() -> tuple[str, ...]:
 
 def conditions(test: str) -> dict[str, Any]:
     """What the test prescribes, with units in the names; ValueError for a test that there is not."""
-    return dict(_procedure(test).conditions)
+    return dict(procedure_by_name(test).conditions)
 
 
 def available(test: str | None = None) -> tuple[str, ...]:
     """Names of the metrics of a test, or of all; ValueError for a test that there is not."""
     if test is not None:
-        _procedure(test)
+        procedure_by_name(test)
     return tuple(name for name, entry in _metrics.items() if test in (None, *entry.tests))
 
 
@@ -153,7 +165,23 @@ def evaluate(recording: Recording, test: str | None = None, **given: Any) -> dic
     ValueError
         For a test or a condition that there is not.
     """
-    entry = _procedure(test or str(recording.meta.get("manoeuvre")))
+    names = available(procedure_of(recording, test).name)
+    try:
+        reading = read(recording, test, **given)
+    except RefusedError as error:
+        return {name: _refusal(_metrics[name], error) for name in names}
+    return {name: _value(_metrics[name], reading) for name in names}
+
+
+def read(recording: Recording, test: str | None = None, **given: Any) -> Any:
+    """What the metrics of a test take; arguments and errors as in :func:`evaluate`.
+
+    Raises
+    ------
+    RefusedError
+        Where no metric can be read; the text says why.
+    """
+    entry = procedure_of(recording, test)
     unknown = given.keys() - entry.conditions.keys()
     if unknown:
         allowed = ", ".join(entry.conditions) or "none"
@@ -163,13 +191,18 @@ def evaluate(recording: Recording, test: str | None = None, **given: Any) -> dic
     try:
         if entry.constant_speed:
             _check_speed(recording, asked)
-        reading = entry.read(recording, asked)
+        return entry.read(recording, asked)
     except ValueError as error:  # a recording that cannot be filtered says what to do, too
-        return {name: _refusal(_metrics[name], error) for name in available(entry.name)}
-    return {name: _value(_metrics[name], reading) for name in available(entry.name)}
+        raise RefusedError(str(error)) from None
 
 
-def _procedure(test: str) -> Procedure:
+def procedure_of(recording: Recording, test: str | None = None) -> Procedure:
+    """How a test is read, by default that of the recording's manoeuvre; ValueError for one that there is not."""
+    return procedure_by_name(test or str(recording.meta.get("manoeuvre")))
+
+
+def procedure_by_name(test: str) -> Procedure:
+    """How a test is read; ValueError for one that there is not."""
     if test not in _procedures:
         raise ValueError(f"no metrics for manoeuvre {test!r}; there are some for {', '.join(_procedures)}")
     return _procedures[test]

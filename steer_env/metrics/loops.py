@@ -67,6 +67,11 @@ class Loops:
         start = SAMPLES + shift
         return self._samples(name)[start : start + self.count * SAMPLES].reshape(self.count, SAMPLES)
 
+    def mean_cycle(self, name: str) -> np.ndarray:
+        """Mean (SAMPLES,) of the settled cycles, closed by its first sample."""
+        mean = self.cycles(name).mean(axis=0)
+        return np.append(mean, mean[0])
+
     def fundamental(self, name: str) -> np.ndarray:
         """Complex amplitude (n,) of the first harmonic; refused if it runs against that of the handwheel angle."""
         angle, harmonic = self._harmonic(ANGLE), self._harmonic(name)
@@ -154,12 +159,13 @@ def _cycle_starts(time: np.ndarray, angle: np.ndarray, frequency: float) -> np.n
     return starts[first - 1 : last + 3]
 
 
-procedure("weave", partial(Loops, fewest=3), speed_m_s=100 / 3.6, frequency_hz=0.2)
+LOOPS = ((ANGLE, TORQUE), (AY, TORQUE), (ANGLE, AY))
+procedure("weave", partial(Loops, fewest=3), plots=LOOPS, speed_m_s=100 / 3.6, frequency_hz=0.2)
 # Two cycles do, with a wide interval. The vehicle's lag is next to nothing: the loops widen with friction; at 0.2 Hz
 # they need not.
-procedure("slow-ramp", partial(Loops, fewest=2), speed_m_s=50 / 3.6, frequency_hz=0.02)
+procedure("slow-ramp", partial(Loops, fewest=2), plots=LOOPS, speed_m_s=50 / 3.6, frequency_hz=0.02)
 # The car stands on a rig: what is read over its motion has no meaning.
-procedure("rig", partial(Loops, fewest=3), constant_speed=False, frequency_hz=0.2)
+procedure("rig", partial(Loops, fewest=3), plots=LOOPS[:1], constant_speed=False, frequency_hz=0.2)
 
 
 def _loop_metric(

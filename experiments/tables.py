@@ -1,0 +1,38 @@
+"""Tables of metrics for the terminal."""
+
+import math
+from collections.abc import Mapping
+
+from rich.console import Console
+from rich.table import Table
+
+from experiments.targets import Light
+from steer_env.metrics import Value
+
+_STYLES = {"green": "green", "amber": "yellow", "red": "red"}
+
+
+def print_metrics(values: Mapping[str, Value], title: str, lights: Mapping[str, Light | None] | None = None) -> None:
+    """Print metrics with their intervals, with lights if there are any, then what is refused and why."""
+    console = Console()
+    table = Table(title=title, title_justify="left", box=None, pad_edge=False, padding=(0, 2, 0, 0))
+    headings = {"metric": "left", "value": "right", "95 % interval": "right", "unit": "left"}
+    for heading, justify in {**headings, **({"light": "left"} if lights else {})}.items():
+        table.add_column(heading, justify=justify, no_wrap=True)  # type: ignore[arg-type]
+    for name, value in values.items():
+        if not value.reason:
+            interval = "" if math.isnan(value.low) else f"{value.low:.4g} .. {value.high:.4g}"
+            cells = [name, f"{value.value:.4g}", interval, value.unit]
+            table.add_row(*cells, *([_light(lights.get(name))] if lights else []))
+    if table.row_count:
+        console.print(table)
+    for name, value in values.items():
+        if value.reason:
+            console.print(f"{name} refused: {value.reason}", highlight=False, soft_wrap=True)
+
+
+def _light(light: Light | None) -> str:
+    if light is None:
+        return ""
+    style = _STYLES[light.colour]
+    return f"[{style}]{light.colour}[/{style}]" + (", not sure" if light.sure is False else "")

@@ -1,0 +1,155 @@
+"""Simulation against measurement, or any two recordings of a test: cross plots with tolerance boundaries.
+
+In the manner of ISO 19364 and ISO 22140: every channel may be off by a part of its value and by a fixed amount. The box
+of both tolerances of a cross plot, swept along the measured curve, is the band in which the simulated curve has to lie.
+No conformance is claimed.
+"""
+
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import signal
+
+from steer_env import metrics
+from steer_env.metrics import UNITS, Procedure, RefusedError
+from steer_env.metrics.reading import ANGLE
+from steer_env.recording import Recording
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
+
+Array = NDArray[np.float64]
+Curves = dict[str, Array]  # channel, or "time" -> (n,) [SI]
+
+FOLDER = Path(__file__).parent / "data" / "tolerances"
+RATE = 100.0  # of curves over time [Hz]
+CUTOFF = 10.0  # of their low-pass [Hz]
+
+
+class Tolerance(NamedTuple):
+    """What a channel may be off by."""
+
+    relative: float  # of its value [1]
+    absolute: float  # [SI]
+
+    def at(self, values: Array) -> Array:
+        """Half width around each value."""
+        return self.absolute + self.relative * np.abs(values)
+
+
+class Pair(NamedTuple):
+    """One cross plot: the reference's curve, the other's, and the boundaries [SI]."""
+
+    x: str
+    y: str
+    reference: Array  # (n, 2)
+    other: Array  # (m, 2)
+    left: Array  # (n, 2) boundary to the left of the reference, along its run
+    right: Array  # (n, 2)
+    inside: float  # share of the other's points within the boundaries [1]
+    worst: float  # largest distance of a point from the reference, in tolerances: up to 1 is inside [1]
+
+
+def tolerances(name: str = "default") -> dict[str, Tolerance]:
+    """Tolerances by channel, packaged or from a TOML file; ValueError naming what is wrong in it."""
+    path = Path(name) if name.endswith(".toml") else FOLDER / f"{name}.toml"
+    if not path.is_file():
+        raise ValueError(f"no tolerances {name!r}; give a .toml file")
+    try:
+        data = tomllib.loads(path.read_text(encoding="utf-8"))
+    except tomllib.TOMLDecodeError as error:
+        raise ValueError(f"{path}: {error}") from None
+    return {channel: _tolerance(f"{path}, {channel}", entry) for channel, entry in data.get("channels", {}).items()}
+
+
+def _tolerance(where: str, entry: Any) -> Tolerance:
+    if not isinstance(entry, dict) or entry.keys() != {"relative", "absolute", "unit"}:
+        raise ValueError(f"{where}: expected relative, absolute and unit, got {entry!r}")
+    if entry["unit"] not in UNITS:
+        raise ValueError(f"{where}: expected a unit out of {', '.join(UNITS)}, got {entry['unit']!r}")
+    for key in ("relative", "absolute"):
+        if type(entry[key]) not in (int, float) or not 0.0 <= entry[key] < float("inf"):
+            raise ValueError(f"{where}, {key}: expected a number from 0 on, got {entry[key]!r}")
+    if not entry["relative"] + entry["absolute"] > 0.0:
+        raise ValueError(f"{where}: no tolerance at all cannot be kept; give relative or absolute")
+    return Tolerance(float(entry["relative"]), float(entry["absolute"]) / UNITS[entry["unit"]])
+
+
+def compare(
+    reference: Recording,
+    other: Recording,
+    test: str | None = None,
+    allowed: Mapping[str, Tolerance] | None = None,
+    **given: Any,
+) -> list[Pair]:
+    """The cross plots of a test for two recordings; pairs that either lacks are left out.
+
+    Raises
+    ------
+    ValueError
+        Where the test cannot be read from one of them, or none of its cross plots is there.
+    """
+    allowed = tolerances() if allowed is None else allowed
+    procedure = metrics.procedure_of(reference, test)
+    first, second = (curves(recording, procedure, **given) for recording in (reference, other))
+    if "time" in first:
+        second = _aligned(first, second)
+    pairs = [
+        _pair(x, y, first, second, allowed)
+        for x, y in procedure.plots
+        if {x, y} <= first.keys() & second.keys() & allowed.keys()
+    ]
+    if not pairs:
+        needed = "; ".join(f"{y} over {x}" for x, y in procedure.plots)
+        raise ValueError(f"none of the cross plots of {procedure.name} is in both recordings: {needed}")
+    return pairs
+
+
+def curves(recording: Recording, procedure: Procedure, **given: Any) -> Curves:
+    """What of a recording is plotted: the mean settled cycle where the test has one, else channels over time."""
+    names = {name for pair in procedure.plots for name in pair} - {"time"}
+    reading = metrics.read(recording, procedure.name, **given)
+    if hasattr(reading, "mean_cycle"):
+        found: Curves = {}
+        for name in names:
+            try:
+                found[name] = reading.mean_cycle(name)
+            except RefusedError:
+                continue
+        return found
+    present = sorted(names & recording.units.keys())
+    kept = Recording(recording.time, {n: recording[n] for n in present}, {n: recording.units[n] for n in present})
+    if kept.rate >= 4.0 * CUTOFF:
+        kept = kept.filtered(CUTOFF)
+    kept = kept.resampled(RATE)
+    return {"time": kept.time - kept.time[0], **kept.channels}
+
+
+def _aligned(first: Curves, second: Curves) -> Curves:
+    """The second curves, shifted in time to where the handwheel angles agree best, over the time that both have."""
+    if ANGLE not in first or ANGLE not in second:
+        return second
+    a, b = (curve[ANGLE] - curve[ANGLE].mean() for curve in (first, second))
+    lag = signal.correlation_lags(a.size, b.size)[signal.correlate(a, b).argmax()]
+    time = second["time"] + lag / RATE
+    inside = (time >= -0.5 / RATE) & (time <= first["time"][-1] + 0.5 / RATE)
+    return {name: (time if name == "time" else values)[inside] for name, values in second.items()}
+
+
+def _pair(x: str, y: str, first: Curves, second: Curves, allowed: Mapping[str, Tolerance]) -> Pair:
+    reference, other = (np.column_stack((curve[x], curve[y])) for curve in (first, second))
+    half = np.column_stack([allowed[name].at(reference[:, k]) for k, name in enumerate((x, y))])
+    distance = np.array([np.min(np.max(np.abs(reference - point) / half, axis=1)) for point in other])
+    way = np.gradient(reference, axis=0) / half
+    corner = np.sign(np.column_stack((-way[:, 1], way[:, 0]))) * half  # of the box, to the left of the way
+    return Pair(
+        *(x, y, reference, other, reference + corner, reference - corner),
+        float(np.mean(distance <= 1.0)),
+        float(distance.max()),
+    )
