@@ -126,8 +126,8 @@ class Recording:
     def delayed(self, name: str, seconds: float) -> "Recording":
         """A channel moved to later by ``seconds``, to earlier if negative, on straight lines between its samples.
 
-        All channels are trimmed at the end where the moved one has nothing. What would be read across missing
-        rows or next to a NaN becomes NaN.
+        All channels are trimmed at the end where the moved one has nothing. What would be read in a gap of the
+        channel is NaN; a channel sampled more slowly than the others, with NaN between, is read between its own.
 
         Raises
         ------
@@ -259,7 +259,15 @@ def steps(time: np.ndarray) -> np.ndarray:
 
 
 def on_time(at: np.ndarray, time: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Straight lines through ``values`` at ``time``, read ``at``; NaN across missing rows and outside."""
+    """Straight lines through ``values`` at ``time``, read ``at``; NaN outside and in gaps.
+
+    The samples that are not NaN count as the channel's own; a gap is a step of theirs longer than 1.5 times their
+    median one. So a channel that has a sample in every tenth row only is whole.
+    """
+    there = ~np.isnan(values)
+    time, values = time[there], values[there]
+    if time.size < 2:
+        return np.full(at.size, np.nan)
     read = np.interp(at, time, values, left=np.nan, right=np.nan)
     k = np.clip(np.searchsorted(time, at, side="right") - 1, 0, time.size - 2)
     slack = 1e-6 * np.median(np.diff(time))  # a sample is met in spite of rounding

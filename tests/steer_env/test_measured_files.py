@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy import io
 
-from steer_env import mapping, metrics
+from steer_env import mapping, metrics, recording_csv
 from steer_env.recording import DEGREE, Recording
 from steer_env.recording_files import read, write
 from vehicle.single_track import GRAVITY
@@ -76,6 +76,16 @@ def test_empty_cells_are_gaps(tmp_path, separator):
     found = read(path)
     np.testing.assert_array_equal(found["a"], [np.nan, 2, np.nan, 5])
     np.testing.assert_array_equal(found["b"], [1, np.nan, np.nan, np.nan])
+
+
+def test_gaps_and_decimal_commas_do_not_need_the_slow_reader(tmp_path, monkeypatch):
+    monkeypatch.setattr(recording_csv, "_load_slowly", lambda *_: pytest.fail("read slowly"))
+    path = tmp_path / "run.csv"
+    path.write_text("Time [s];a [m];b [m];\n0,0;;1;\n0,5;1,5;;\n\n1;;;\n")
+    found = read(path)
+    np.testing.assert_array_equal(found.time, [0, 0.5, 1])
+    np.testing.assert_array_equal(found["a"], [np.nan, 1.5, np.nan])
+    np.testing.assert_array_equal(found["b"], [1, np.nan, np.nan])
 
 
 def test_a_number_that_only_the_slow_reader_takes(tmp_path):

@@ -151,6 +151,23 @@ def test_a_delay_invents_nothing_where_rows_are_missing(weave):
     np.testing.assert_allclose(moved["yaw_rate"][~lost], 0.1 * np.sin(np.pi * (moved.time[~lost] - 0.1)), atol=1e-12)
 
 
+def test_a_delay_of_a_slower_channel_reads_between_its_own_samples(weave):
+    """A value in every tenth row, NaN between; one of them lost makes a gap of two of its steps."""
+    sparse = np.full(1001, np.nan)
+    sparse[::10] = weave.time[::10]
+    sparse[500] = np.nan
+    slow = dataclasses.replace(weave, channels={**weave.channels, "yaw_rate": sparse})
+    moved = slow.delayed("yaw_rate", 0.043)
+    gap = (moved.time > 4.9 + 0.043) & (moved.time < 5.1 + 0.043)
+    np.testing.assert_array_equal(np.isnan(moved["yaw_rate"]), gap)
+    np.testing.assert_allclose(moved["yaw_rate"][~gap], moved.time[~gap] - 0.043, atol=1e-12)
+    np.testing.assert_allclose(slow.bridged(0.3)["yaw_rate"], weave.time, atol=1e-12)
+
+
+def test_a_delay_of_a_channel_without_samples(weave):
+    assert np.isnan(holes(weave, slice(None)).delayed("yaw_rate", 0.1)["yaw_rate"]).all()
+
+
 def test_what_a_delay_refuses(weave):
     with pytest.raises(ValueError, match="delay of 'yaw_rate' is 20 s; of 10 s in all, fewer than two samples remain"):
         weave.delayed("yaw_rate", 20.0)
