@@ -22,7 +22,7 @@ from experiments.evaluation import entries
 from experiments.files import write_json, write_text
 from experiments.tables import print_metrics
 from friction.check import number
-from steer_env import manoeuvres
+from steer_env import manoeuvres, recording_files
 from steer_env.metrics import evaluate
 from vehicle import cars, road, tyre
 from vehicle.assist import SAMPLE_TIME
@@ -185,7 +185,7 @@ def _run(args: argparse.Namespace) -> None:
         notify(0.0, "metrics")
         values = evaluate(recording)
         notify(0.0, f"writing {out}")
-        (recording.filtered(0.4 * rate).resampled(rate) if rate < fastest else recording).to_csv(out)
+        recording_files.write(recording.filtered(0.4 * rate).resampled(rate) if rate < fastest else recording, out)
     write_json(
         out.with_suffix(".json"),
         {

@@ -9,11 +9,11 @@ from rich.table import Table
 
 from experiments import targets
 from experiments.tables import print_metrics
-from steer_env import metrics
+from steer_env import mapping, metrics, recording_files
 from steer_env.recording import Recording
 
 KPH = 1.0 / 3.6  # [m/s]
-FORMATS = ".csv, .mf4 or .mat"
+FORMATS = ", ".join(recording_files.FORMATS)
 
 
 def add(commands: Any, common: argparse.ArgumentParser) -> None:
@@ -44,15 +44,16 @@ def _recording_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--speed_kph", metavar="KPH", type=float, help="at which the test was driven")
     parser.add_argument("--frequency_hz", metavar="HZ", type=float, help="at which it was steered")
     parser.add_argument("--timing_ms", metavar="MS", type=float, default=0.0, help="unknown delay between channels, +-")
+    parser.add_argument("--between", metavar=("T0", "T1"), type=float, nargs=2, help="the part that is the test [s]")
     parser.add_argument("--out", metavar="DIR", help="index.html and evaluation.json; replaced as a whole")
 
 
 def _read(path: str, args: argparse.Namespace) -> Recording:
-    """A recording from a file, as the mapping has it and with drop-outs bridged."""
-    from steer_env import mapping, recording_files
-
-    found = recording_files.read(path, mapping.combined(args.mapping, args.entries))
-    return found.bridged()
+    """A recording from a file, as the mapping has it and with short drop-outs bridged."""
+    chosen = mapping.load(args.mapping) if args.mapping else mapping.Mapping()
+    chosen = chosen.with_entries(mapping.parse_entry(text) for text in args.entries)
+    found = recording_files.read(path, chosen)
+    return (found.between(*args.between) if args.between else found).bridged()
 
 
 def _given(args: argparse.Namespace) -> dict[str, float]:

@@ -1,40 +1,18 @@
-"""A recording: named channels over one time base, simulated or measured, in memory and as a CSV file.
+"""A recording: named channels over one time base, simulated or measured, and what is done with it in memory.
 
-In memory everything is SI with angles in radians. A file carries degrees for angles and SI for the
-rest, and every column names its unit: ``time_s,handwheel_angle_deg,handwheel_torque_Nm,...``.
+In memory everything is SI with angles in radians; :mod:`steer_env.recording_files` reads and writes files.
 """
 
-import json
-import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-DEGREE = np.pi / 180
+from friction.check import number
+from steer_env.units import DEGREE, FILE_UNITS
 
-# Unit in memory -> (suffix of the file's column, value in memory of one file unit).
-FILE_UNITS = {
-    "rad": ("deg", DEGREE),
-    "rad/s": ("deg_s", DEGREE),
-    "rad/s2": ("deg_s2", DEGREE),
-    "m": ("m", 1.0),
-    "m/s": ("m_s", 1.0),
-    "m/s2": ("m_s2", 1.0),
-    "1/m": ("1_m", 1.0),
-    "s": ("s", 1.0),
-    "N": ("N", 1.0),
-    "N m": ("Nm", 1.0),
-    "W": ("W", 1.0),
-    "J": ("J", 1.0),
-    "A": ("A", 1.0),
-    "V": ("V", 1.0),
-    "K": ("K", 1.0),
-    "1": ("1", 1.0),
-}
-_LONGEST_SUFFIX_FIRST = sorted(((s, unit) for unit, (s, _) in FILE_UNITS.items()), key=lambda pair: -len(pair[0]))
+__all__ = ["DEGREE", "FILE_UNITS", "Recording", "check_meta", "on_time", "steps"]
 
 ORDER = 2  # of the low-pass; run forwards and backwards it attenuates like order 4, without phase
 SAMPLES_PER_CUTOFF = 4.0  # slowest sampling rate, as a multiple of the cutoff
@@ -43,6 +21,19 @@ SAMPLES_PER_CUTOFF = 4.0  # slowest sampling rate, as a multiple of the cutoff
 @dataclass(frozen=True, eq=False)
 class Recording:
     """Channels sampled at common instants; the arrays are read-only copies, so a recording does not change.
+
+    Every operation returns a new recording, treats all channels alike and keeps units and meta:
+
+    * ``between(t0, t1)`` cuts out a part.
+    * ``without(*names)`` leaves channels out.
+    * ``without_offset(name, value)`` subtracts a sensor's offset from a channel.
+    * ``delayed(name, seconds)`` shifts a channel in time and trims all to what is left.
+    * ``bridged(longest)`` closes short gaps, NaN or missing rows, by straight lines and refuses long ones.
+    * ``resampled(rate)`` reads straight lines at a uniform rate.
+    * ``filtered(cutoff_hz)`` is a low-pass without phase.
+
+    A measured recording goes through them in this order. A row counts as missing where a step is longer than
+    1.5 times the median step.
 
     Parameters
     ----------
@@ -85,10 +76,7 @@ class Recording:
             if unit not in FILE_UNITS:
                 raise ValueError(f"channel {name!r} has unit {unit!r}; known units are {list(FILE_UNITS)}")
         for key, value in self.meta.items():
-            if not key or key != key.strip() or ":" in key or len(key.splitlines()) != 1:
-                raise ValueError(f"meta key {key!r} must be a single line without a colon or spaces around it")
-            if not (value is None or isinstance(value, str | int | float)):
-                raise ValueError(f"meta {key!r} is {value!r}; allowed are text, numbers, true, false and None")
+            check_meta(key, value)
         object.__setattr__(self, "time", time)
         object.__setattr__(self, "channels", channels)
         object.__setattr__(self, "units", dict(self.units))
@@ -107,7 +95,13 @@ class Recording:
         uniform = np.linspace(self.time[0], self.time[-1], self.time.size)
         step = uniform[1] - uniform[0]
         if np.max(np.abs(self.time - uniform)) > 0.2 * step:  # time stamps may be rounded
-            raise ValueError("the time steps are not uniform: call resampled(rate) first")
+            taken = np.diff(self.time)
+            k = int(np.argmax(taken))
+            raise ValueError(
+                f"the time steps are not uniform: from {self.time[k]:g} to {self.time[k + 1]:g} s is "
+                f"{taken[k] / np.median(taken):.3g} times the median step; call bridged() if rows are missing, "
+                "else resampled(rate)"
+            )
         return float(1 / step)
 
     def between(self, t0: float, t1: float) -> "Recording":
@@ -118,10 +112,101 @@ class Recording:
         kept = {name: values[inside] for name, values in self.channels.items()}
         return replace(self, time=self.time[inside], channels=kept)
 
+    def without(self, *names: str) -> "Recording":
+        """All channels but these; ValueError if there is no such channel."""
+        for name in names:
+            self[name]
+        kept = {name: values for name, values in self.channels.items() if name not in names}
+        return replace(self, channels=kept, units={name: self.units[name] for name in kept})
+
+    def without_offset(self, name: str, value: float) -> "Recording":
+        """A channel less ``value``, a sensor's reading at zero in the channel's unit."""
+        return self._with(name, self[name] - number(f"offset of {name!r}", value))
+
+    def delayed(self, name: str, seconds: float) -> "Recording":
+        """A channel moved to later by ``seconds``, to earlier if negative, on straight lines between its samples.
+
+        All channels are trimmed at the end where the moved one has nothing. What would be read in a gap of the
+        channel is NaN; a channel sampled more slowly than the others, with NaN between, is read between its own.
+
+        Raises
+        ------
+        ValueError
+            If there is no such channel, or fewer than two samples are left.
+        """
+        seconds = number(f"delay of {name!r}", seconds)
+        read_at = self.time - seconds
+        slack = 1e-6 * (self.time[1] - self.time[0])  # a delay of whole steps loses no more to rounding
+        inside = np.flatnonzero((read_at >= self.time[0] - slack) & (read_at <= self.time[-1] + slack))
+        if inside.size < 2:
+            span = self.time[-1] - self.time[0]
+            raise ValueError(f"delay of {name!r} is {seconds:g} s; of {span:g} s in all, fewer than two samples remain")
+        moved = on_time(np.clip(read_at, self.time[0], self.time[-1]), self.time, self[name])
+        return self._with(name, moved).between(self.time[inside[0]], self.time[inside[-1]])
+
+    def bridged(self, longest: float = 0.1) -> "Recording":
+        """Gaps closed by straight lines between their neighbours, missing rows put in at even steps.
+
+        Parameters
+        ----------
+        longest : float
+            Longest gap that is closed, missing samples times the median step [s].
+
+        Raises
+        ------
+        ValueError
+            If a gap is longer, or lies at either end of a channel, with the channel, the place and the length.
+        """
+        longest = number("longest", longest, minimum=0.0)
+        count, step = steps(self.time), float(np.median(np.diff(self.time)))
+        missing = (count - 1) * step
+        if np.any(missing > longest * (1 + 1e-9)):
+            k = int(np.argmax(missing))
+            raise ValueError(
+                f"rows are missing in every channel from {self.time[k]:g} to {self.time[k + 1]:g} s: {missing[k]:g} s, "
+                f"allowed is longest={longest:g} s; raise longest, or cut the recording there with between(t0, t1)"
+            )
+        start = np.concatenate([[0], np.cumsum(count)])  # place of each sample among all rows
+        time = np.interp(np.arange(start[-1] + 1), start, self.time)
+        time[start] = self.time
+        filled = {}
+        for name, values in self.channels.items():
+            there = np.flatnonzero(~np.isnan(values))
+            if there.size < values.size:
+                self._refuse_gaps(name, there, start, step, longest)
+            filled[name] = np.interp(time, self.time[there], values[there])
+            filled[name][start[there]] = values[there]
+        return replace(self, time=time, channels=filled)
+
+    def _refuse_gaps(self, name: str, there: np.ndarray, start: np.ndarray, step: float, longest: float) -> None:
+        """ValueError if samples ``there`` leave a gap at an end or one longer than ``longest``."""
+        if there.size < 2:
+            raise ValueError(f"channel {name!r} has {there.size} samples: leave it out with without({name!r})")
+        first, last = self.time[there[0]], self.time[there[-1]]
+        for missing, where in ((first - self.time[0], "begins"), (self.time[-1] - last, "ends")):
+            if missing:
+                raise ValueError(
+                    f"channel {name!r} has a gap of {missing:g} s where the recording {where}; cut it off with "
+                    f"between({first:.10g}, {last:.10g}), or leave the channel out with without({name!r})"
+                )
+        gaps = (np.diff(start[there]) - 1) * step
+        k = int(np.argmax(gaps))
+        if gaps[k] > longest * (1 + 1e-9):
+            raise ValueError(
+                f"channel {name!r} has a gap from {self.time[there[k]]:g} to {self.time[there[k + 1]]:g} s: "
+                f"{gaps[k]:g} s, allowed is longest={longest:g} s; raise longest, "
+                f"cut the recording there with between(t0, t1), or leave the channel out with without({name!r})"
+            )
+
+    def _with(self, name: str, values: np.ndarray) -> "Recording":
+        return replace(self, channels={**self.channels, name: values})
+
     def resampled(self, rate: float) -> "Recording":
         """Straight lines between the samples, read at a uniform ``rate`` [Hz] from the first sample on.
 
-        Nothing is smoothed: before going to a lower rate, call ``filtered`` with less than half of it.
+        Lines run across missing rows of any length: call ``bridged`` first to have long ones refused. Next to a NaN
+        the result is NaN. Nothing is smoothed: before going to a lower rate, call ``filtered`` with less than half
+        of it.
         """
         span = self.time[-1] - self.time[0]
         if not (np.isfinite(rate) and rate * span >= 1):
@@ -156,108 +241,46 @@ class Recording:
             raise ValueError(f"{self.time.size} samples are too few for a low-pass at {cutoff_hz:g} Hz: needs {run_in}")
         for name, values in self.channels.items():
             if not np.all(np.isfinite(values)):
-                raise ValueError(f"channel {name!r} has samples that are not finite: repair or leave out the channel")
+                raise ValueError(
+                    f"channel {name!r} has samples that are not finite: close gaps with bridged(), "
+                    f"or leave the channel out with without({name!r})"
+                )
         from scipy import signal  # here, for it takes longer to import than an environment to start
 
         low_pass = signal.butter(ORDER, cutoff_hz, fs=self.rate, output="sos")
         smooth = {name: signal.sosfiltfilt(low_pass, v, padlen=run_in) for name, v in self.channels.items()}
         return replace(self, channels=smooth)
 
-    def to_csv(self, path: str | os.PathLike[str]) -> None:
-        """Write ``# key: value`` lines of meta, a header that names the units, and one row a sample.
 
-        The file appears whole or not at all: it is written beside ``path`` and then renamed.
-
-        Raises
-        ------
-        ValueError
-            If the name of a channel ends so that its column would be read back with another unit.
-        """
-        columns, header = [self.time], ["time_s"]
-        for name, values in self.channels.items():
-            suffix, size = FILE_UNITS[self.units[name]]
-            column = f"{name}_{suffix}"
-            if _name_and_unit(column) != (name, self.units[name]) or "," in name or len(name.splitlines()) != 1:
-                raise ValueError(f"channel {name!r} in {self.units[name]!r} cannot be a column: rename the channel")
-            columns.append(values / size)
-            header.append(column)
-        rows = np.column_stack(columns)
-        path = Path(path)
-        part = path.with_name(f".{path.name}.{os.getpid()}.part")
-        try:
-            with open(part, "w", encoding="utf-8", newline="\n") as file:
-                file.writelines(f"# {key}: {_meta_text(value)}\n" for key, value in self.meta.items())
-                file.write(",".join(header) + "\n")
-                file.writelines(",".join(map(repr, row.tolist())) + "\n" for row in rows)
-            os.replace(part, path)
-        finally:
-            part.unlink(missing_ok=True)
-
-    @classmethod
-    def from_csv(cls, path: str | os.PathLike[str]) -> "Recording":
-        """Read what ``to_csv`` writes, or a table of that form from elsewhere.
-
-        Raises
-        ------
-        ValueError
-            Naming the file, the line, the column and what was expected there.
-        """
-        with open(path, encoding="utf-8-sig") as file:
-            lines = [line.rstrip("\n") for line in file]
-        first = next((k for k, line in enumerate(lines) if not line.startswith("#")), len(lines))
-        meta = {}
-        for number, line in enumerate(lines[:first], start=1):
-            key, colon, value = line[1:].partition(":")
-            if not colon:
-                raise _unreadable(path, number, 1, "'# key: value'", line)
-            meta[key.strip()] = _meta_value(value.strip())
-        header = [column.strip() for column in lines[first].split(",")] if first < len(lines) else [""]
-        units = _read_header(path, first + 1, header)
-        table = _read_rows(path, first + 2, header, lines[first + 1 :])
-        channels = {name: values * FILE_UNITS[unit][1] for (name, unit), values in zip(units.items(), table[1:])}
-        return cls(table[0], channels, units, meta)
+def steps(time: np.ndarray) -> np.ndarray:
+    """Number of median steps from each sample to the next, (T - 1,); above 1 where rows are missing."""
+    step = np.diff(time)
+    return np.maximum(np.rint(step / np.median(step) - 1e-9), 1.0).astype(int)
 
 
-def _unreadable(path: Any, line: int, column: int | str, expected: str, got: object) -> ValueError:
-    return ValueError(f"{path}, line {line}, column {column!r}: expected {expected}, got {got!r}")
+def on_time(at: np.ndarray, time: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Straight lines through ``values`` at ``time``, read ``at``; NaN outside and in gaps.
+
+    The samples that are not NaN count as the channel's own; a gap is a step of theirs longer than 1.5 times their
+    median one. So a channel that has a sample in every tenth row only is whole.
+    """
+    there = ~np.isnan(values)
+    time, values = time[there], values[there]
+    if time.size < 2:
+        return np.full(at.size, np.nan)
+    read = np.interp(at, time, values, left=np.nan, right=np.nan)
+    k = np.clip(np.searchsorted(time, at, side="right") - 1, 0, time.size - 2)
+    slack = 1e-6 * np.median(np.diff(time))  # a sample is met in spite of rounding
+    read[(steps(time)[k] > 1) & (at > time[k] + slack) & (at < time[k + 1] - slack)] = np.nan
+    return read
 
 
-def _read_header(path: Any, line: int, header: list[str]) -> dict[str, str]:
-    """Units of the channels that the header names after ``time_s``."""
-    if header[0] != "time_s":
-        raise _unreadable(path, line, 1, "'time_s'", header[0])
-    units: dict[str, str] = {}
-    for k, column in enumerate(header[1:], start=2):
-        pair = _name_and_unit(column)
-        if pair is None:
-            suffixes = ", ".join(f"_{suffix}" for suffix, _ in FILE_UNITS.values())
-            raise _unreadable(path, line, k, f"a name that ends in its unit ({suffixes})", column)
-        if pair[0] in units:
-            raise _unreadable(path, line, k, "each channel once", column)
-        units[pair[0]] = pair[1]
-    return units
-
-
-def _read_rows(path: Any, line: int, header: list[str], lines: list[str]) -> np.ndarray:
-    """The table below the header, one row a column of the file, (C, T), in the file's units."""
-    rows: list[list[float]] = []
-    for number, text in enumerate(lines, start=line):
-        cells = text.split(",")
-        if len(cells) != len(header):
-            where = header[min(len(cells), len(header) - 1)]
-            raise _unreadable(path, number, where, f"{len(header)} values", len(cells))
-        row: list[float] = []
-        for column, cell in zip(header, cells):
-            try:
-                row.append(float(cell))
-            except ValueError:
-                raise _unreadable(path, number, column, "a number", cell) from None
-        if not np.isfinite(row[0]) or (rows and row[0] <= rows[-1][0]):
-            raise _unreadable(path, number, "time_s", "a finite time after that of the line before", cells[0])
-        rows.append(row)
-    if len(rows) < 2:
-        raise _unreadable(path, line + len(rows), "time_s", "at least two rows", len(rows))
-    return np.array(rows).T
+def check_meta(key: Any, value: Any) -> None:
+    """ValueError unless the key is one line of text without a colon and the value plain."""
+    if not (isinstance(key, str) and key and key == key.strip() and ":" not in key and len(key.splitlines()) == 1):
+        raise ValueError(f"meta key {key!r} must be a single line without a colon or spaces around it")
+    if not (value is None or isinstance(value, str | int | float)):
+        raise ValueError(f"meta {key!r} is {value!r}; allowed are text, numbers, true, false and None")
 
 
 def _frozen(values: Any, name: str) -> np.ndarray:
@@ -267,27 +290,3 @@ def _frozen(values: Any, name: str) -> np.ndarray:
         raise ValueError(f"{name!r} has shape {array.shape}; expected one value a sample, (T,)")
     array.flags.writeable = False
     return array
-
-
-def _name_and_unit(column: str) -> tuple[str, str] | None:
-    """Channel and unit of a file's column, None if it does not end in a known unit."""
-    for suffix, unit in _LONGEST_SUFFIX_FIRST:
-        name = column.removesuffix(f"_{suffix}")
-        if name and name != column:
-            return name, unit
-    return None
-
-
-def _meta_value(text: str) -> Any:
-    """What is written in JSON is read as such, anything else is text."""
-    try:
-        value = json.loads(text)
-    except ValueError:
-        return text
-    return value if value is None or isinstance(value, str | int | float) else text
-
-
-def _meta_text(value: Any) -> str:
-    """Bare text where it reads back as itself, JSON otherwise."""
-    plain = isinstance(value, str) and value == value.strip() and len(value.splitlines()) <= 1
-    return value if plain and _meta_value(value) == value else json.dumps(value)

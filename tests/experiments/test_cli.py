@@ -14,16 +14,15 @@ import friction
 from experiments import provenance
 from experiments.cli import Friction, main
 from experiments.evaluation import entries
-from steer_env import manoeuvres, metrics
+from steer_env import manoeuvres, metrics, recording_files
 from steer_env.metrics import evaluate
-from steer_env.recording import Recording
 from vehicle import cars
 
 
 def test_run_writes_csv_and_json_that_agree(tmp_path, capsys):
     out = tmp_path / "weave.csv"
     assert main(["run", "weave", "--friction", "masing,elements=5", "--rate_hz", "100", "--out", str(out)]) == 0
-    recording = Recording.from_csv(out)
+    recording = recording_files.read(out)
     assert recording.rate == pytest.approx(100.0)
     assert out.read_text().split("\n")[9].startswith("time_s,handwheel_angle_deg,")
 
@@ -46,8 +45,8 @@ def test_run_writes_csv_and_json_that_agree(tmp_path, capsys):
 )
 def test_a_file_names_the_law_with_its_parameters_as_the_command_line_takes_them(law, tmp_path):
     p = Friction(law).parameters
-    manoeuvres.drive(cars.load(), manoeuvres.make("rig", cycles=1), p).to_csv(tmp_path / "rig.csv")
-    meta = Recording.from_csv(tmp_path / "rig.csv").meta
+    recording_files.write(manoeuvres.drive(cars.load(), manoeuvres.make("rig", cycles=1), p), tmp_path / "rig.csv")
+    meta = recording_files.read(tmp_path / "rig.csv").meta
     again = Friction(f"{meta['friction']},{meta['friction_parameters']}").parameters
     assert type(again) is type(p)
     for value, expected in zip(again, p, strict=True):
@@ -61,7 +60,7 @@ def test_run_speed_and_ripple_of_a_hold(tmp_path, monkeypatch, capsys):
     assert data["meta"]["speed_m_s"] == pytest.approx(80.0 / 3.6)
     assert data["metrics"]["torsion_bar_ripple"]["ci"] == [None, None]  # one event has no scatter
     # the file holds degrees: the last digit may differ
-    assert evaluate(Recording.from_csv("hold.csv"))["torsion_bar_ripple"].value == pytest.approx(
+    assert evaluate(recording_files.read("hold.csv"))["torsion_bar_ripple"].value == pytest.approx(
         data["metrics"]["torsion_bar_ripple"]["value"], rel=1e-6
     )
     assert "torsion_bar_ripple" in capsys.readouterr().out
@@ -179,7 +178,7 @@ def test_a_law_from_the_working_directory(tmp_path):
         check=False,
     )
     assert (run.returncode, run.stderr) == (0, "")
-    meta = Recording.from_csv(tmp_path / "rig.csv").meta
+    meta = recording_files.read(tmp_path / "rig.csv").meta
     assert (meta["friction"], meta["friction_parameters"]) == ("outside", "sigma_2=0.5")
 
 

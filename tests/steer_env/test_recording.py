@@ -1,15 +1,12 @@
-"""Recordings: checks at construction, what is derived from them, and the file format."""
+"""Recordings: checks at construction and what is derived from them."""
 
 import dataclasses
-import os
 import pickle
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
-from steer_env.recording import DEGREE, FILE_UNITS, Recording
+from steer_env.recording import DEGREE, Recording
 
 UNITS = {"handwheel_angle": "rad", "handwheel_torque": "N m", "lateral_acceleration": "m/s2", "yaw_rate": "rad/s"}
 
@@ -96,10 +93,13 @@ def test_what_the_low_pass_refuses(weave):
     with pytest.raises(ValueError, match="cutoff_hz is 0; it must be positive"):
         weave.filtered(0)
     gap = Recording(weave.time, {"yaw_rate": np.full(1001, np.nan)}, {"yaw_rate": "rad/s"})
-    with pytest.raises(ValueError, match="channel 'yaw_rate' has samples that are not finite"):
+    with pytest.raises(
+        ValueError,
+        match=r"'yaw_rate' has samples that are not finite: close gaps with bridged\(\), or .* without\('yaw_rate'\)",
+    ):
         gap.filtered(5.0)
     uneven = Recording(weave.time**2, weave.channels, weave.units)
-    with pytest.raises(ValueError, match=r"not uniform: call resampled\(rate\) first"):
+    with pytest.raises(ValueError, match=r"not uniform: from 99.8001 to 100 s is 2 times .* call bridged\(\) if rows"):
         uneven.filtered(5.0)
 
 
@@ -107,93 +107,142 @@ def test_time_stamps_may_be_rounded(weave):
     assert Recording(np.round(np.arange(1001) / 128, 3), weave.channels, UNITS).rate == pytest.approx(128, rel=1e-3)
 
 
-def test_every_column_names_its_unit(weave, tmp_path):
-    weave.to_csv(tmp_path / "weave.csv")
-    lines = (tmp_path / "weave.csv").read_text().splitlines()
-    assert lines[:4] == ["# manoeuvre: weave", "# speed_kph: 100.0", "# cycles: 5", "# mirrored: false"]
-    assert lines[4] == "time_s,handwheel_angle_deg,handwheel_torque_Nm,lateral_acceleration_m_s2,yaw_rate_deg_s"
-    assert float(lines[55].split(",")[1]) == pytest.approx(0.3 / DEGREE)  # a quarter period on, in degrees
-    assert len(lines) == 5 + weave.time.size
+def test_channels_are_left_out(weave):
+    rest = weave.without("yaw_rate", "handwheel_torque")
+    assert list(rest.channels) == list(rest.units) == ["handwheel_angle", "lateral_acceleration"]
+    assert rest.meta == weave.meta
+    with pytest.raises(ValueError, match="no channel 'yaw'"):
+        weave.without("yaw")
 
 
-@given(st.lists(st.floats(allow_infinity=True, allow_nan=True), min_size=2, max_size=8), st.sampled_from([*FILE_UNITS]))
-def test_round_trip(tmp_path_factory, values, unit):
-    """To 1e-12: nothing is lost but the last bit in going to degrees and back."""
-    path = tmp_path_factory.getbasetemp() / "round_trip.csv"
-    limited = np.clip(values, -1e300, 1e300)
-    written = Recording(np.arange(limited.size) / 3, {"some_channel": limited}, {"some_channel": unit})
-    written.to_csv(path)
-    read = Recording.from_csv(path)
-    np.testing.assert_array_equal(read.time, written.time)
-    np.testing.assert_allclose(read["some_channel"], limited, rtol=1e-12, atol=1e-300)
-    assert read.units == written.units
+def test_an_offset_is_taken_off_one_channel(weave):
+    zeroed = weave.without_offset("handwheel_angle", 2 * DEGREE)
+    np.testing.assert_array_equal(zeroed["handwheel_angle"], weave["handwheel_angle"] - 2 * DEGREE)
+    np.testing.assert_array_equal(zeroed["yaw_rate"], weave["yaw_rate"])
+    with pytest.raises(ValueError, match="offset of 'yaw_rate' must be finite"):
+        weave.without_offset("yaw_rate", np.nan)
+    with pytest.raises(ValueError, match="no channel 'yaw'"):
+        weave.without_offset("yaw", 1.0)
 
 
-@given(st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False) | st.text(st.characters(codec="utf-8")))
-def test_meta_round_trip(tmp_path_factory, value):
-    path = tmp_path_factory.getbasetemp() / "meta.csv"
-    Recording(np.arange(2.0), {}, {}, {"key": value, "other key": "1.5"}).to_csv(path)
-    meta = Recording.from_csv(path).meta
-    assert meta == {"key": value, "other key": "1.5"}
-    assert type(meta["key"]) is type(value)
+@pytest.mark.parametrize("seconds", [0.03, -0.03, 0.0125, -0.0125, 0.0])
+def test_a_delay_moves_one_channel_and_trims_all(weave, seconds):
+    moved = weave.delayed("yaw_rate", seconds)
+    inside = (weave.time - seconds > -1e-9) & (weave.time - seconds < 10 + 1e-9)
+    np.testing.assert_array_equal(moved.time, weave.time[inside])
+    np.testing.assert_array_equal(moved["handwheel_angle"], weave["handwheel_angle"][inside])
+    expected = 0.1 * np.sin(np.pi * (moved.time - seconds))
+    np.testing.assert_allclose(moved["yaw_rate"], expected, atol=0.1 * (np.pi * 0.01) ** 2 / 8)  # a chord
+    assert np.isfinite(moved["yaw_rate"]).all()
 
 
-def test_a_name_that_reads_as_another_unit_is_refused(tmp_path):
-    ambiguous = Recording(np.arange(2.0), {"speed_m": np.arange(2.0)}, {"speed_m": "s"})
-    with pytest.raises(ValueError, match="channel 'speed_m' in 's' cannot be a column: rename"):
-        ambiguous.to_csv(tmp_path / "a.csv")
-    assert not list(tmp_path.iterdir())
+def test_a_delay_back_and_forth_gives_the_samples_again(weave):
+    again = weave.delayed("yaw_rate", 0.05).delayed("yaw_rate", -0.05)
+    np.testing.assert_allclose(again["yaw_rate"], weave.between(0.05, 9.95)["yaw_rate"], atol=1e-12)
 
 
-@pytest.mark.parametrize("step", ["write", "rename"])
-def test_interrupted_write_leaves_the_old_file(weave, tmp_path, monkeypatch, step):
-    path = tmp_path / "weave.csv"
-    path.write_text("old")
+def test_a_delay_invents_nothing_where_rows_are_missing(weave):
+    """Whole before and after the gap of 4.00 to 6.00 s; what comes out of the gap is NaN."""
+    kept = (weave.time <= 4.0) | (weave.time >= 6.0)
+    holed = dataclasses.replace(weave, time=weave.time[kept], channels={n: v[kept] for n, v in weave.channels.items()})
+    moved = holed.delayed("yaw_rate", 0.1)
+    lost = np.isnan(moved["yaw_rate"])
+    np.testing.assert_allclose(moved.time[lost], np.arange(600, 610) / 100)
+    np.testing.assert_allclose(moved["yaw_rate"][~lost], 0.1 * np.sin(np.pi * (moved.time[~lost] - 0.1)), atol=1e-12)
 
-    def interrupt(*_):
-        raise KeyboardInterrupt
 
-    with monkeypatch.context() as patch:
-        if step == "rename":
-            patch.setattr(os, "replace", interrupt)
-        else:
-            patch.setattr("steer_env.recording._meta_text", interrupt)
-        with pytest.raises(KeyboardInterrupt):
-            weave.to_csv(path)
-    assert [file.name for file in tmp_path.iterdir()] == ["weave.csv"]
-    assert path.read_text() == "old"
-    weave.to_csv(path)
-    assert path.read_text() != "old"
+def test_a_delay_of_a_slower_channel_reads_between_its_own_samples(weave):
+    """A value in every tenth row, NaN between; one of them lost makes a gap of two of its steps."""
+    sparse = np.full(1001, np.nan)
+    sparse[::10] = weave.time[::10]
+    sparse[500] = np.nan
+    slow = dataclasses.replace(weave, channels={**weave.channels, "yaw_rate": sparse})
+    moved = slow.delayed("yaw_rate", 0.043)
+    gap = (moved.time > 4.9 + 0.043) & (moved.time < 5.1 + 0.043)
+    np.testing.assert_array_equal(np.isnan(moved["yaw_rate"]), gap)
+    np.testing.assert_allclose(moved["yaw_rate"][~gap], moved.time[~gap] - 0.043, atol=1e-12)
+    np.testing.assert_allclose(slow.bridged(0.3)["yaw_rate"], weave.time, atol=1e-12)
+
+
+def test_a_delay_of_a_channel_without_samples(weave):
+    assert np.isnan(holes(weave, slice(None)).delayed("yaw_rate", 0.1)["yaw_rate"]).all()
+
+
+def test_what_a_delay_refuses(weave):
+    with pytest.raises(ValueError, match="delay of 'yaw_rate' is 20 s; of 10 s in all, fewer than two samples remain"):
+        weave.delayed("yaw_rate", 20.0)
+    with pytest.raises(ValueError, match="delay of 'yaw_rate' must be finite, got nan"):
+        weave.delayed("yaw_rate", np.nan)
+
+
+def holes(weave, where, name="yaw_rate"):
+    """The weave with NaN in a channel at some samples."""
+    values = weave[name].copy()
+    values[where] = np.nan
+    return dataclasses.replace(weave, channels={**weave.channels, name: values})
+
+
+def test_a_burst_of_nan_is_bridged_by_a_line(weave):
+    burst = slice(301, 311)  # ten samples: 0.1 s
+    mended = holes(weave, burst).bridged()
+    line = np.interp(weave.time[burst], weave.time[[300, 311]], weave["yaw_rate"][[300, 311]])
+    np.testing.assert_allclose(mended["yaw_rate"][burst], line, rtol=1e-12)
+    rest = np.delete(np.arange(1001), np.r_[burst])
+    np.testing.assert_array_equal(mended["yaw_rate"][rest], weave["yaw_rate"][rest])
+    np.testing.assert_array_equal(mended["handwheel_angle"], weave["handwheel_angle"])
+    assert mended.units == weave.units
+    assert mended.meta == weave.meta
+
+
+def test_missing_rows_are_put_in(weave):
+    kept = np.delete(np.arange(1001), np.r_[200:210, 500])
+    short = dataclasses.replace(weave, time=weave.time[kept], channels={n: v[kept] for n, v in weave.channels.items()})
+    with pytest.raises(ValueError, match=r"from 1.99 to 2.1 s is 11 times the median step; call bridged\(\) if rows"):
+        _ = short.rate
+    mended = short.bridged()
+    np.testing.assert_allclose(mended.time, weave.time, atol=1e-12)
+    assert mended.rate == pytest.approx(100.0)
+    np.testing.assert_array_equal(mended["yaw_rate"][kept], weave["yaw_rate"][kept])
+    np.testing.assert_allclose(mended["yaw_rate"], weave["yaw_rate"], atol=0.1 * (np.pi * 0.11) ** 2 / 8)
+
+
+def test_nan_beside_missing_rows_is_one_gap(weave):
+    """Six missing rows and six NaN: 0.06 s each, 0.12 s together."""
+    part = holes(weave, slice(206, 212))
+    kept = np.delete(np.arange(1001), np.r_[200:206])
+    part = dataclasses.replace(part, time=part.time[kept], channels={n: v[kept] for n, v in part.channels.items()})
+    with pytest.raises(ValueError, match=r"'yaw_rate' has a gap from 1.99 to 2.12 s: 0.12 s, allowed is longest=0.1 s"):
+        part.bridged()
+    np.testing.assert_allclose(part.bridged(0.12).time, weave.time, atol=1e-12)
 
 
 @pytest.mark.parametrize(
-    ("text", "message"),
+    ("where", "message"),
     [
-        ("", "line 1, column 1: expected 'time_s', got ''"),
-        ("t,yaw_rate_deg_s\n0,1\n1,2\n", "line 1, column 1: expected 'time_s', got 't'"),
-        ("# weave\ntime_s\n", "line 1, column 1: expected '# key: value', got '# weave'"),
-        (
-            "time_s,yaw_rate\n0,1\n1,2\n",
-            r"line 1, column 2: expected a name that ends in its unit \(_deg, .*'yaw_rate'",
-        ),
-        ("time_s,a_deg,a_m\n0,1,1\n", "line 1, column 3: expected each channel once, got 'a_m'"),
-        ("# k: v\ntime_s,a_deg\n0,1\n1,x\n", "line 4, column 'a_deg': expected a number, got 'x'"),
-        ("time_s,a_deg,b_m\n0,1,2\n1,2\n", "line 3, column 'b_m': expected 3 values, got 2"),
-        ("time_s,a_deg\n0,1\n1,2,3\n", "line 3, column 'a_deg': expected 2 values, got 3"),
-        ("time_s,a_deg\n0,1\n0,2\n", "line 3, column 'time_s': expected a finite time after that of the line before"),
-        ("time_s,a_deg\n0,1\nnan,2\n", "line 3, column 'time_s': expected a finite time"),
-        ("time_s,a_deg\n0,1\n", "line 3, column 'time_s': expected at least two rows, got 1"),
+        (slice(301, 312), r"'yaw_rate' has a gap from 3 to 3.12 s: 0.11 s, .* raise longest, cut .* between\(t0, t1\)"),
+        (slice(0, 3), r"gap of 0.03 s where the recording begins; cut it off with between\(0.03, 10\)"),
+        (slice(999, None), r"gap of 0.02 s where the recording ends; cut it off with between\(0, 9.98\)"),
+        (slice(None), r"channel 'yaw_rate' has 0 samples: leave it out with without\('yaw_rate'\)"),
     ],
 )
-def test_what_a_file_is_refused_for(tmp_path, text, message):
-    path = tmp_path / "run.csv"
-    path.write_text(text)
-    with pytest.raises(ValueError, match=f"run.csv, {message}"):
-        Recording.from_csv(path)
+def test_gaps_that_are_refused(weave, where, message):
+    with pytest.raises(ValueError, match=message):
+        holes(weave, where).bridged()
+    if "cut it off" in message:
+        assert np.isfinite(holes(weave, where).between(0.03, 9.98).bridged()["yaw_rate"]).all()
 
 
-def test_a_table_from_a_spreadsheet_is_read(tmp_path):
-    """Byte-order mark, Windows line ends, spaces, no meta."""
-    path = tmp_path / "run.csv"
-    path.write_bytes("\ufefftime_s, handwheel_angle_deg\r\n0, 180\r\n0.5, -90\r\n".encode())
-    np.testing.assert_allclose(Recording.from_csv(path)["handwheel_angle"], [np.pi, -np.pi / 2])
+def test_a_long_drop_out_is_refused(weave):
+    kept = np.delete(np.arange(1001), np.r_[200:300])
+    short = dataclasses.replace(weave, time=weave.time[kept], channels={n: v[kept] for n, v in weave.channels.items()})
+    with pytest.raises(ValueError, match=r"missing in every channel from 1.99 to 3 s: 1 s, allowed is longest=0.1 s; "):
+        short.bridged()
+    with pytest.raises(ValueError, match="longest must be finite and at least 0, got -1"):
+        short.bridged(-1)
+
+
+def test_nothing_to_bridge_changes_nothing(weave):
+    same = weave.bridged(0.0)
+    np.testing.assert_array_equal(same.time, weave.time)
+    for name in UNITS:
+        np.testing.assert_array_equal(same[name], weave[name])

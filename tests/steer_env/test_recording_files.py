@@ -1,0 +1,204 @@
+"""Recordings to and from files: what is written is read back, what comes from elsewhere is read or refused."""
+
+import os
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from steer_env import mapping, metrics
+from steer_env.recording import DEGREE, FILE_UNITS, Recording
+from steer_env.recording_files import FORMATS, read, write
+
+UNITS = {"handwheel_angle": "rad", "handwheel_torque": "N m", "lateral_acceleration": "m/s2", "yaw_rate": "rad/s"}
+SUFFIXES = [*FORMATS]
+
+
+@pytest.fixture
+def weave():
+    """A weave whose torque and yaw rate lead and lag, so that there are metrics to read."""
+    time = np.arange(5001) / 100
+    phase = 2 * np.pi * 0.2 * time
+    channels = dict(
+        zip(UNITS, (0.3 * np.sin(phase), 3 * np.sin(phase + 0.2), 2 * np.sin(phase - 0.2), np.sin(phase - 0.1) / 10))
+    )
+    return Recording(time, channels, UNITS, {"manoeuvre": "weave", "speed_kph": 100.0, "cycles": 5, "mirrored": False})
+
+
+def mapped(*entries, **meta):
+    return mapping.Mapping(meta=meta).with_entries(mapping.parse_entry(text) for text in entries)
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_a_recording_is_the_same_through_every_format(weave, tmp_path, suffix):
+    """To 1e-12: nothing is lost but the last bit in going to degrees and back; times, forces and metres are exact."""
+    path = tmp_path / f"weave{suffix}"
+    write(weave, path)
+    back = read(path)
+    np.testing.assert_array_equal(back.time, weave.time)
+    for name, unit in UNITS.items():
+        np.testing.assert_allclose(back[name], weave[name], rtol=1e-15 if "rad" not in unit else 1e-12)
+    assert back.units == weave.units
+    assert back.meta == weave.meta
+    assert [type(value) for value in back.meta.values()] == [str, float, int, bool]
+    assert [file.name for file in tmp_path.iterdir()] == [path.name]
+    expected, found = metrics.weave(weave), metrics.weave(back)
+    assert not expected["torque_at_0g"].reason
+    for name, value in expected.items():
+        np.testing.assert_allclose(found[name][:3], value[:3], rtol=1e-9, atol=1e-12)
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_gaps_and_odd_meta_survive(tmp_path, suffix):
+    written = Recording(
+        [0.0, 0.1, 0.4],
+        {
+            "yaw_rate": [1.0, np.nan, -0.0],
+            "torque in the shaft" if suffix != ".mat" else "shaft": [np.inf, 1e300, 5e-324],
+        },
+        {"yaw_rate": "rad/s", "torque in the shaft" if suffix != ".mat" else "shaft": "N m"},
+        {"driver": "Ørsted <a & b>\n\x01", "none": None, "number": "1.5"},
+    )
+    write(written, tmp_path / f"run{suffix}")
+    back = read(tmp_path / f"run{suffix}")
+    assert back.meta == written.meta
+    for name in written.channels:
+        np.testing.assert_allclose(back[name], written[name], rtol=1e-15)
+
+
+@pytest.mark.parametrize("name", ["run.txt", "run", "run.mf4.gz"])
+def test_other_suffixes_are_refused(weave, tmp_path, name):
+    for act in (lambda: write(weave, tmp_path / name), lambda: read(tmp_path / name)):
+        with pytest.raises(ValueError, match=r"recordings end in \.csv, \.mat, \.mf4, \.mdf, got '"):
+            act()
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_a_missing_file_is_an_os_error(tmp_path, suffix):
+    with pytest.raises(FileNotFoundError):
+        read(tmp_path / f"none{suffix}")
+
+
+def test_every_column_names_its_unit(weave, tmp_path):
+    write(weave, tmp_path / "weave.csv")
+    lines = (tmp_path / "weave.csv").read_text().splitlines()
+    assert lines[:4] == ["# manoeuvre: weave", "# speed_kph: 100.0", "# cycles: 5", "# mirrored: false"]
+    assert lines[4] == "time_s,handwheel_angle_deg,handwheel_torque_Nm,lateral_acceleration_m_s2,yaw_rate_deg_s"
+    assert float(lines[130].split(",")[1]) == pytest.approx(0.3 / DEGREE)  # a quarter period on, in degrees
+    assert len(lines) == 5 + weave.time.size
+
+
+@given(st.lists(st.floats(allow_infinity=True, allow_nan=True), min_size=2, max_size=8), st.sampled_from([*FILE_UNITS]))
+def test_round_trip(tmp_path_factory, values, unit):
+    """To 1e-12: nothing is lost but the last bit in going to degrees and back."""
+    path = tmp_path_factory.getbasetemp() / "round_trip.csv"
+    limited = np.clip(values, -1e300, 1e300)
+    written = Recording(np.arange(limited.size) / 3, {"some_channel": limited}, {"some_channel": unit})
+    write(written, path)
+    back = read(path)
+    np.testing.assert_array_equal(back.time, written.time)
+    np.testing.assert_allclose(back["some_channel"], limited, rtol=1e-12, atol=1e-300)
+    assert back.units == written.units
+
+
+@given(st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False) | st.text(st.characters(codec="utf-8")))
+def test_meta_round_trip(tmp_path_factory, value):
+    path = tmp_path_factory.getbasetemp() / "meta.csv"
+    write(Recording(np.arange(2.0), {}, {}, {"key": value, "other key": "1.5"}), path)
+    meta = read(path).meta
+    assert meta == {"key": value, "other key": "1.5"}
+    assert type(meta["key"]) is type(value)
+
+
+def test_a_name_that_reads_as_another_unit_is_refused(tmp_path):
+    ambiguous = Recording(np.arange(2.0), {"speed_m": np.arange(2.0)}, {"speed_m": "s"})
+    for suffix in (".csv", ".mat"):
+        with pytest.raises(ValueError, match="channel 'speed_m' in 's' cannot be a column: rename"):
+            write(ambiguous, tmp_path / f"a{suffix}")
+    assert not list(tmp_path.iterdir())
+    write(ambiguous, tmp_path / "a.mf4")  # which keeps units apart
+    assert read(tmp_path / "a.mf4").units == ambiguous.units
+
+
+@pytest.mark.parametrize("name", ["a,b", "a;b", "a\tb", "a\nb", " a", "(a"])
+def test_names_that_no_column_can_have(tmp_path, name):
+    channels, units = {name: np.arange(2.0)}, {name: "s"}
+    if name == "(a":  # reads back as itself
+        write(Recording(np.arange(2.0), channels, units), tmp_path / "a.csv")
+        assert list(read(tmp_path / "a.csv").channels) == [name]
+    else:
+        with pytest.raises(ValueError, match="cannot be a column: rename the channel"):
+            write(Recording(np.arange(2.0), channels, units), tmp_path / "a.csv")
+    with pytest.raises(ValueError, match="cannot be a variable in MATLAB: rename the channel"):
+        write(Recording(np.arange(2.0), channels, units), tmp_path / "a.mat")
+
+
+@pytest.mark.parametrize("step", ["write", "rename"])
+def test_interrupted_write_leaves_the_old_file(weave, tmp_path, monkeypatch, step):
+    path = tmp_path / "weave.csv"
+    path.write_text("old")
+
+    def interrupt(*_):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        if step == "rename":
+            patch.setattr(os, "replace", interrupt)
+        else:
+            patch.setattr("steer_env.recording_csv._meta_text", interrupt)
+        with pytest.raises(KeyboardInterrupt):
+            write(weave, path)
+    assert [file.name for file in tmp_path.iterdir()] == ["weave.csv"]
+    assert path.read_text() == "old"
+    write(weave, path)
+    assert path.read_text() != "old"
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", r"no time among the columns  \(only one column: .*\): expected time_s or Time \[s\], or a mapping with"),
+        (
+            "yaw_rate_deg_s,t\n1,0\n2,1\n",
+            r"column 't' names no unit; give it in a mapping, \[channels.time\] from = \"t\"",
+        ),
+        ("a_m,yaw_rate_deg_s\n0,1\n1,2\n", "no time among the columns a_m, yaw_rate_deg_s: expected"),
+        ("# weave\ntime_s\n", "line 1, column 1: expected '# key: value', got '# weave'"),
+        (
+            "time_s,yaw_rate\n0,1\n1,2\n",
+            r"column 'yaw_rate' names no unit; .* \[channels.yaw_rate\] from = \"yaw_rate\", unit = \"...\", with",
+        ),
+        (
+            "time_s,yaw_rate [furlong]\n0,1\n1,2\n",
+            "column 'yaw_rate .furlong.' has the unit 'furlong', which is not under",
+        ),
+        ("time_s,foo,bar\n0,1,2\n1,2,3\n", "none of the columns foo, bar can be read: each needs numbers and a unit"),
+        ("time_s,a_deg,a_m\n0,1,1\n", "'a_deg' and 'a_m' are both 'a': name one of them in a mapping"),
+        ("# k: v\ntime_s,a_deg\n0,1\n1,x\n", "line 4, column 'a_deg': expected a number, got 'x'"),
+        ("time_s,a_deg,b_m\n0,1,2\n1,2\n", "line 3, column 'b_m': expected 3 values separated by ',', got 2"),
+        ("time_s,a_deg\n0,1\n1,2,3\n", "line 3, column 'a_deg': expected 2 values separated by ',', got 3"),
+        ("time_s;a_deg\n0,1\n1,3\n", "line 2, column 'a_deg': expected 2 values separated by ';', got 1"),
+        (
+            "time_s|a_deg\n0|1\n1|3\n",
+            r"no time among the columns time_s\|a_deg \(only one column: separate columns by , ",
+        ),
+        ("time_s a_deg\n0 1\n1 3\n", r"no time among the columns time_s a_deg \(only one column"),
+        ("time_s,a_deg,b_m\n0,1,2\n1,2,3\n2,3", "line 4, column 'b_m': expected 3 values separated by ',', got 2"),
+        ("time_s,a_deg\n0,1\n0,2\n", "line 3, column 'time_s': expected a finite time after that of the line before"),
+        ("time_s,a_deg\n0,1\nnan,2\n", "line 3, column 'time_s': expected a finite time"),
+        ("time_s,a_deg\n0,1\n", "line 3, column 'time_s': expected at least two rows, got 1"),
+    ],
+)
+def test_what_a_file_is_refused_for(tmp_path, text, message):
+    path = tmp_path / "run.csv"
+    path.write_text(text)
+    with pytest.raises(ValueError, match=f"run.csv: {message}"):
+        read(path)
+
+
+def test_a_table_from_a_spreadsheet_is_read(tmp_path):
+    """Byte-order mark, Windows line ends, spaces, no meta."""
+    path = tmp_path / "run.csv"
+    path.write_bytes("\ufefftime_s, handwheel_angle_deg\r\n0, 180\r\n0.5, -90\r\n".encode())
+    np.testing.assert_allclose(read(path)["handwheel_angle"], [np.pi, -np.pi / 2])
