@@ -4,6 +4,7 @@ import math
 import multiprocessing
 import os
 import signal
+import threading
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
@@ -117,6 +118,24 @@ def _pool(workers: int) -> Iterator[ProcessPoolExecutor]:
         raise
 
 
+@contextmanager
+def _uninterrupted() -> Iterator[None]:
+    """Hold Ctrl-C and SIGTERM back to the end of the block: a worker half started would stay behind."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    held: list[int] = []
+    signals = signal.SIGINT, signal.SIGTERM
+    handlers = [signal.signal(number, lambda number, frame: held.append(number)) for number in signals]
+    try:
+        yield
+    finally:
+        for number, handler in zip(signals, handlers):
+            signal.signal(number, handler)
+        if held:
+            signal.raise_signal(held[0])
+
+
 def collect(laws: dict[str, Any], scope: Scope, notify: Notify) -> Results:
     """Run everything for the given laws (label -> parameters).
 
@@ -133,11 +152,12 @@ def collect(laws: dict[str, Any], scope: Scope, notify: Notify) -> Results:
     found: dict[Any, Any] = {}
     with _pool(scope.workers or min(_processors(), 4)) as pool:
         jobs: dict[Any, Any] = {}
-        if scope.vehicle:  # first, as it compiles longest
-            jobs[pool.submit(_of_vehicle, scope.car, laws[base])] = vehicle_study
-            jobs[pool.submit(cross_validation.collect)] = cross_validation
-        jobs |= {pool.submit(_of_law, scope, p, held=first[law_of(p).name] == law): law for law, p in laws.items()}
-        jobs |= {pool.submit(assist_cells, scope.car, kph): kph for kph in scope.speeds_kph}
+        with _uninterrupted():
+            if scope.vehicle:  # first, as it compiles longest
+                jobs[pool.submit(_of_vehicle, scope.car, laws[base])] = vehicle_study
+                jobs[pool.submit(cross_validation.collect)] = cross_validation
+            jobs |= {pool.submit(_of_law, scope, p, held=first[law_of(p).name] == law): law for law, p in laws.items()}
+            jobs |= {pool.submit(assist_cells, scope.car, kph): kph for kph in scope.speeds_kph}
         for i, job in enumerate(as_completed(jobs), start=1):
             found[jobs[job]] = job.result()
             notify(0.75 * i / len(jobs), "driving" if i < len(jobs) else "timing")

@@ -9,6 +9,7 @@ import time
 from html.parser import HTMLParser
 
 import pytest
+from scipy import stats
 
 import friction
 from experiments import battery, cross_validation, findings, provenance, report
@@ -228,10 +229,10 @@ def test_every_number_of_the_car_has_its_unit():
 
 
 def test_shares_are_of_the_value_or_of_the_usual_range():
-    value, base = (metrics.Value(x, x - 0.1, x + 0.1, "ms") for x in (2.0, 1.0))
+    value, base = (metrics.Value(x, x, x, "ms", repeats=(x - 0.1, x + 0.1)) for x in (2.0, 1.0))
     found = battery.difference("yaw_lag", value, base)  # usual range 50 to 120 ms
     assert found.value == 1.0
-    assert found.half_width == pytest.approx(0.1 * 2**0.5)
+    assert found.half_width == pytest.approx(0.1 * 2**0.5 * stats.t.ppf(0.975, 2))  # Welch, equal variances
     assert found.share == pytest.approx(1.0 / 70.0)
 
 

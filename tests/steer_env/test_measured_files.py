@@ -164,11 +164,14 @@ def test_a_mapping_makes_a_measured_file_the_same_as_a_simulated_one(weave, tmp_
     cut = weave.between(0.0, 49.951)
     for name, values in cut.channels.items():
         np.testing.assert_allclose(found[name], values, rtol=1e-9, atol=1e-12)
-    for name, value in metrics.weave(cut).items():
-        np.testing.assert_allclose(metrics.weave(found)[name][:3], value[:3], rtol=1e-6, atol=1e-9)
+    for name, value in metrics.evaluate(cut, "weave").items():
+        np.testing.assert_allclose(metrics.evaluate(found, "weave")[name][:3], value[:3], rtol=1e-6, atol=1e-9)
     swapped = read(path, mapping.load(toml).with_entries([mapping.parse_entry("yaw_rate=Gyro[rad/s],sign=-1")]))
     np.testing.assert_array_equal(swapped["yaw_rate"], -found["yaw_rate"])
-    assert "yaw_rate does not follow handwheel_angle: check the signs" in metrics.weave(swapped)["yaw_lag"].reason
+    assert (
+        "yaw_rate does not follow handwheel_angle: check the signs"
+        in metrics.evaluate(swapped, "weave")["yaw_lag"].reason
+    )
 
 
 def test_the_offset_is_a_reading_of_the_sensor(tmp_path):

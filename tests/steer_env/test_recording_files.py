@@ -43,7 +43,7 @@ def test_a_recording_is_the_same_through_every_format(weave, tmp_path, suffix):
     assert back.meta == weave.meta
     assert [type(value) for value in back.meta.values()] == [str, float, int, bool]
     assert [file.name for file in tmp_path.iterdir()] == [path.name]
-    expected, found = metrics.weave(weave), metrics.weave(back)
+    expected, found = metrics.evaluate(weave, "weave"), metrics.evaluate(back, "weave")
     assert not expected["torque_at_0g"].reason
     for name, value in expected.items():
         np.testing.assert_allclose(found[name][:3], value[:3], rtol=1e-9, atol=1e-12)
