@@ -102,12 +102,15 @@ def _of_vehicle(car: str, p: Any) -> vehicle_study.Study:
 
 
 @contextmanager
-def _pool(workers: int) -> Iterator[ProcessPoolExecutor]:
-    """Processes, as compiling holds the interpreter's lock; an error or Ctrl-C ends them at once."""
+def pool_of(workers: int | None = None) -> Iterator[ProcessPoolExecutor]:
+    """Processes, by default one a processor and up to four, as compiling holds the interpreter's lock.
+
+    An error or Ctrl-C ends them at once.
+    """
     others = set(multiprocessing.active_children())
-    pool = ProcessPoolExecutor(
-        workers, multiprocessing.get_context("spawn"), signal.signal, (signal.SIGINT, signal.SIG_IGN)
-    )
+    workers = workers or min(_processors(), 4)
+    context = multiprocessing.get_context("spawn")
+    pool = ProcessPoolExecutor(workers, context, signal.signal, (signal.SIGINT, signal.SIG_IGN))
     try:
         yield pool
         pool.shutdown()
@@ -119,7 +122,7 @@ def _pool(workers: int) -> Iterator[ProcessPoolExecutor]:
 
 
 @contextmanager
-def _uninterrupted() -> Iterator[None]:
+def uninterrupted() -> Iterator[None]:
     """Hold Ctrl-C and SIGTERM back to the end of the block: a worker half started would stay behind."""
     if threading.current_thread() is not threading.main_thread():
         yield
@@ -150,9 +153,9 @@ def collect(laws: dict[str, Any], scope: Scope, notify: Notify) -> Results:
     base = "lugre" if "lugre" in laws else next(iter(laws))
     first = {law_of(p).name: law for law, p in reversed(laws.items())}
     found: dict[Any, Any] = {}
-    with _pool(scope.workers or min(_processors(), 4)) as pool:
+    with pool_of(scope.workers) as pool:
         jobs: dict[Any, Any] = {}
-        with _uninterrupted():
+        with uninterrupted():
             if scope.vehicle:  # first, as it compiles longest
                 jobs[pool.submit(_of_vehicle, scope.car, laws[base])] = vehicle_study
                 jobs[pool.submit(cross_validation.collect)] = cross_validation

@@ -15,7 +15,7 @@ _STYLES = {"green": "green", "amber": "yellow", "red": "red"}
 def print_metrics(values: Mapping[str, Value], title: str, lights: Mapping[str, Light | None] | None = None) -> None:
     """Print metrics with their intervals, with lights if there are any, then what is refused and why."""
     console = Console()
-    table = Table(title=title, title_justify="left", box=None, pad_edge=False, padding=(0, 2, 0, 0))
+    table = Table(title=title, title_justify="left", box=None, pad_edge=False, padding=(0, 1, 0, 0))
     headings = {"metric": "left", "value": "right", "95 % interval": "right", "unit": "left"}
     for heading, justify in {**headings, **({"light": "left"} if lights else {})}.items():
         table.add_column(heading, justify=justify, no_wrap=True)  # type: ignore[arg-type]
@@ -35,4 +35,4 @@ def _light(light: Light | None) -> str:
     if light is None:
         return ""
     style = _STYLES[light.colour]
-    return f"[{style}]{light.colour}[/{style}]" + (", not sure" if light.sure is False else "")
+    return f"[{style}]{light.colour}[/{style}]" + ("?" if light.sure is False else "")

@@ -132,10 +132,10 @@ def curves(recording: Recording, procedure: Procedure, **given: Any) -> Curves:
 
 
 def _aligned(first: Curves, second: Curves) -> Curves:
-    """The second curves, shifted in time to where the handwheel angles agree best, over the time that both have."""
+    """The second curves, shifted in time to where the handwheel speeds agree best, over the time that both have."""
     if ANGLE not in first or ANGLE not in second:
         return second
-    a, b = (curve[ANGLE] - curve[ANGLE].mean() for curve in (first, second))
+    a, b = (np.gradient(curve[ANGLE]) for curve in (first, second))  # of a step the angle itself says less
     lag = signal.correlation_lags(a.size, b.size)[signal.correlate(a, b).argmax()]
     time = second["time"] + lag / RATE
     inside = (time >= -0.5 / RATE) & (time <= first["time"][-1] + 0.5 / RATE)

@@ -12,8 +12,9 @@ import pytest
 import experiments
 import friction
 from experiments import provenance
-from experiments.cli import Friction, main
+from experiments.cli import main
 from experiments.evaluation import entries
+from experiments.options import Friction
 from steer_env import manoeuvres, metrics, recording_files
 from steer_env.metrics import evaluate
 from vehicle import cars
@@ -68,7 +69,7 @@ def test_run_speed_and_ripple_of_a_hold(tmp_path, monkeypatch, capsys):
 
 def test_refusals_are_null_with_a_reason_and_printed(tmp_path, monkeypatch, capsys):
     short = manoeuvres.make("weave", cycles=3)
-    monkeypatch.setattr("experiments.cli.manoeuvres.make", lambda name: short)
+    monkeypatch.setattr("experiments.run_cli.manoeuvres.make", lambda name: short)
     assert main(["run", "weave", "--friction", "masing", "--rate_hz", "50", "--out", str(tmp_path / "weave.csv")]) == 0
     data = json.loads((tmp_path / "weave.json").read_text())["metrics"]
     printed = capsys.readouterr().out
@@ -117,7 +118,7 @@ def test_step_steer_compared_with_commonroad(tmp_path, capsys):
         (["run", "weave", "--speed_kph", "fast"], "--speed_kph must be a number, got 'fast'"),
         (["run", "weave", "--speed_kph", "500"], "at most 252, got '500'"),
         (["run", "weave", "--rate_hz", "5000"], "--rate_hz must be finite and at least 20 and at most 1000"),
-        (["run", "weave", "--out", "weave.json"], "--out must be a directory or end in .csv"),
+        (["run", "weave", "--out", "weave.json"], "--out must be a directory or end in one of .csv"),
         (["run", "weave", "--out", "no/such/weave.csv"], "there is no directory no/such"),
         (["run", "weave", "--compare", "commonroad"], "--compare commonroad needs MANOEUVRE step-steer, got weave"),
         (["run", "step-steer", "--compare", "commonroad"], "needs --chassis two_track, got single_track"),
@@ -151,7 +152,7 @@ def test_ctrl_c_ends_with_130(monkeypatch, capsys, tmp_path):
     def interrupt(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("experiments.cli.manoeuvres.drive", interrupt)
+    monkeypatch.setattr("experiments.run_cli.manoeuvres.drive", interrupt)
     assert main(["run", "weave", "--out", str(tmp_path / "weave.csv")]) == 130
     assert capsys.readouterr().err == "steer-env run: interrupted\n"
     assert not list(tmp_path.iterdir())

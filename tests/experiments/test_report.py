@@ -14,7 +14,7 @@ from scipy import stats
 import friction
 from experiments import battery, cross_validation, findings, provenance, report
 from experiments.files import replaced_directory
-from experiments.results import Scope, _pool
+from experiments.results import Scope, pool_of
 from steer_env import metrics
 from vehicle import cars
 
@@ -217,7 +217,7 @@ def test_the_cross_validation_says_what_its_numbers_say(made, source, monkeypatc
 
 
 def test_a_law_from_outside_reaches_the_worker_processes(toy):
-    with _pool(1) as pool:
+    with pool_of(1) as pool:
         found = pool.submit(friction.response, friction.make("toy_jenkins"), [0.0, 0.1], 1e-3).result()
     assert found.tolist() == [0.0, 0.9]
 

@@ -1,0 +1,192 @@
+"""Targets, comparison and validation of recordings, and the commands for them."""
+
+import json
+
+import numpy as np
+import pytest
+
+from experiments import assessment, targets, validation
+from experiments.cli import main
+from experiments.targets import Band, Light, light
+from steer_env import manoeuvres, metrics, recording_files
+from steer_env.metrics import Value
+from steer_env.recording import Recording
+from vehicle import cars
+
+BAND = Band(good=(1.0, 2.0), fair=(0.5, 2.5))
+
+
+@pytest.fixture(scope="module")
+def weaves():
+    weave = manoeuvres.make("weave", cycles=6)
+    return {law: manoeuvres.drive(cars.load(), weave, law) for law in ("lugre", "viscous")}
+
+
+@pytest.mark.parametrize(
+    ("value", "low", "high", "expected"),
+    [
+        (1.5, 1.2, 1.8, Light("green", True)),
+        (1.0, 1.0, 1.0, Light("green", True)),
+        (1.1, 0.9, 1.3, Light("green", False)),
+        (0.7, 0.6, 0.8, Light("amber", True)),
+        (2.2, 0.7, 2.4, Light("amber", False)),  # both ends amber, green between
+        (3.0, 2.6, 3.4, Light("red", True)),
+        (0.4, 0.1, 0.7, Light("red", False)),
+        (1.5, np.nan, np.nan, Light("green", None)),
+    ],
+)
+def test_lights(value, low, high, expected):
+    assert light(Value(value, low, high, "N m"), BAND) == expected
+
+
+def test_a_refused_value_gets_no_light():
+    assert light(Value(np.nan, np.nan, np.nan, "N m", "too few cycles"), BAND) is None
+
+
+def test_packaged_targets_load():
+    for name in targets.available():
+        found = targets.load(name)
+        assert found.bands["weave"]["torque_at_0g"].good == (0.6, 2.0)
+
+
+HEAD = 'name = "a"\ndescription = "b"\nsource = "c"\n'
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ('name = "a"\n', "description: expected a text"),
+        (HEAD + "[weaves]\n", r"\[weaves\]: expected a table of a test out of .*weave"),
+        (HEAD + "[weave]\ntorque = 1", "torque: weave has no such metric; there are torque_at_0g"),
+        (HEAD + "[weave]\ntorque_at_0g = 1", "expected unit, good and fair, got 1"),
+        (HEAD + '[weave]\ntorque_at_0g = {unit="Nm", good=[1, 2], fair=[0, 3]}', "expected unit 'N m', got 'Nm'"),
+        (HEAD + '[weave]\ntorque_at_0g = {unit="N m", good=[2, 1], fair=[0, 3]}', r"good: expected \[low, high\]"),
+        (HEAD + '[weave]\ntorque_at_0g = {unit="N m", good=[1, 4], fair=[0, 3]}', "must lie in fair"),
+        ("name = ", "Invalid value"),
+    ],
+)
+def test_bad_targets_are_refused(text, message, tmp_path):
+    path = tmp_path / "bad.toml"
+    path.write_text(text)
+    with pytest.raises(ValueError, match=message):
+        targets.load(str(path))
+    with pytest.raises(ValueError, match="no targets 'sedan'; there are compact"):
+        targets.load("sedan")
+
+
+def test_a_recording_lies_within_its_own_tolerances(weaves):
+    for pair in validation.compare(weaves["lugre"], weaves["lugre"]):
+        assert pair.inside == 1.0
+        assert pair.worst == pytest.approx(0.0, abs=1e-12)
+
+
+def test_a_torque_beyond_its_tolerance_leaves_the_boundaries(weaves):
+    """A torque 1.5 times as large leaves its 10 % + 0.15 N m; the acceleration over the angle stays."""
+    clean = weaves["lugre"]
+    torque = 1.5 * clean["handwheel_torque"]
+    strong = Recording(clean.time, {**clean.channels, "handwheel_torque": torque}, clean.units, clean.meta)
+    found = {(pair.x, pair.y): pair for pair in validation.compare(clean, strong)}
+    assert found["handwheel_angle", "handwheel_torque"].inside < 0.7
+    assert found["handwheel_angle", "handwheel_torque"].worst > 2.0
+    assert found["handwheel_angle", "lateral_acceleration"].inside == 1.0
+
+
+def test_boundaries_are_corners_of_the_tolerance_box():
+    x = np.linspace(0.0, 1.0, 11)
+    curves = {"handwheel_angle": x, "handwheel_torque": 2.0 * x}
+    allowed = {
+        "handwheel_angle": validation.Tolerance(0.0, 0.1),
+        "handwheel_torque": validation.Tolerance(0.1, 0.3),
+    }
+    pair = validation._pair("handwheel_angle", "handwheel_torque", curves, curves, allowed)
+    np.testing.assert_allclose(pair.left, np.column_stack((x - 0.1, 2.0 * x + 0.3 + 0.2 * x)))
+    np.testing.assert_allclose(pair.right, np.column_stack((x + 0.1, 2.0 * x - 0.3 - 0.2 * x)))
+
+
+def test_histories_are_aligned_in_time():
+    t = np.arange(0.0, 8.0, 0.01)
+    units = {"handwheel_angle": "rad", "yaw_rate": "rad/s", "vehicle_speed": "m/s"}
+
+    def step(start):
+        angle = 0.3 * np.clip((t - start) / 0.2, 0.0, 1.0)
+        yaw = 0.1 * (1.0 - np.exp(-np.clip(t - start, 0.0, None) / 0.2))
+        channels = {"handwheel_angle": angle, "yaw_rate": yaw, "vehicle_speed": np.full(t.size, 80 / 3.6)}
+        return Recording(t, channels, units, {"manoeuvre": "step-steer"})
+
+    for pair in validation.compare(step(1.0), step(1.73)):
+        assert pair.inside == 1.0, pair.y
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("[channels]\nyaw_rate = 1", "expected relative, absolute and unit"),
+        ('[channels]\nyaw_rate = {relative=0.1, absolute=0.1, unit="rpm"}', "expected a unit out of"),
+        ('[channels]\nyaw_rate = {relative=-0.1, absolute=0.1, unit="deg/s"}', "relative: expected a number from 0"),
+        ('[channels]\nyaw_rate = {relative=0, absolute=0, unit="deg/s"}', "no tolerance at all"),
+    ],
+)
+def test_bad_tolerances_are_refused(text, message, tmp_path):
+    path = tmp_path / "bad.toml"
+    path.write_text(text)
+    with pytest.raises(ValueError, match=message):
+        validation.tolerances(str(path))
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".mf4", ".mat"])
+def test_evaluate_gives_the_numbers_of_run(suffix, weaves, tmp_path, capsys):
+    recording_files.write(weaves["lugre"], tmp_path / f"weave{suffix}")
+    out = tmp_path / "out"
+    assert main(["evaluate", str(tmp_path / f"weave{suffix}"), "--targets", "compact", "--out", str(out)]) == 0
+    data = json.loads((out / "evaluation.json").read_text())
+    for name, value in metrics.evaluate(weaves["lugre"]).items():
+        assert data["metrics"]["weave"][name]["value"] == pytest.approx(value.value, rel=1e-9), name
+    assert data["lights"]["weave"]["torque_at_0g"] == {"colour": "green", "sure": True}
+    assert "torque_at_0g" in capsys.readouterr().out
+    page = (out / "index.html").read_text()
+    assert "Half the height of the loop torque" in page  # the definition
+    assert "plotly-graph-div" in page
+
+
+def test_two_recordings_side_by_side(weaves, tmp_path, capsys):
+    files = [tmp_path / f"{law}.csv" for law in weaves]
+    for path, recording in zip(files, weaves.values()):
+        recording_files.write(recording, path)
+    assert main(["evaluate", "--compare", *map(str, files), "--out", str(tmp_path / "out")]) == 0
+    a, b = (metrics.evaluate(recording)["torque_deadband"].value for recording in weaves.values())
+    found = json.loads((tmp_path / "out" / "evaluation.json").read_text())["differences"]["torque_deadband"]
+    assert found["value"] == pytest.approx(b - a, rel=1e-6)
+    assert found["ci"][0] <= found["value"] <= found["ci"][1]
+    assert "viscous less lugre" in capsys.readouterr().out
+    assert main(["validate", *map(str, files), "--out", str(tmp_path / "valid")]) == 0
+    assert "100.0% inside" in capsys.readouterr().out
+    assert "Within the tolerances" in (tmp_path / "valid" / "index.html").read_text()
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ([], "give one FILE, or two with --compare A B"),
+        (["FILE", "--targets", "sedan"], "no targets 'sedan'"),
+        (["FILE", "--speed_kph", "80"], "not 80 km/h +- 3%"),
+        (["FILE", "--map", "torque"], "torque"),
+        (["missing.csv"], "missing.csv"),
+    ],
+)
+def test_bad_options_end_in_one_line(options, message, weaves, tmp_path, capsys):
+    path = tmp_path / "weave.csv"
+    recording_files.write(weaves["lugre"].between(0.0, 12.0), path)
+    main(["evaluate", *(str(path) if option == "FILE" else option for option in options)])
+    printed = capsys.readouterr()
+    assert message in printed.out + printed.err
+    assert "Traceback" not in printed.err
+
+
+def test_the_difference_of_noisy_recordings_covers_the_truth():
+    """Means 1 apart, ten repeats each: Welch's interval holds 1 in 95 % of 400 trials (90 % but for a rare chance)."""
+    rng = np.random.default_rng(1)
+    covered = 0
+    for _ in range(400):
+        _, low, high = assessment.difference(rng.normal(2.0, 0.3, 10), rng.normal(3.0, 0.6, 10))
+        covered += low <= 1.0 <= high
+    assert covered >= 360
