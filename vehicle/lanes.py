@@ -308,8 +308,10 @@ if COMPILED:
     _define(where, FOUR, (MASK, FOUR, FOUR), ir.IRBuilder.select)
     _define(minimum, FOUR, (FOUR, FOUR), lambda build, x, y: build.select(_compare("<", build, y, x), y, x))
     _define(maximum, FOUR, (FOUR, FOUR), lambda build, x, y: build.select(_compare(">", build, y, x), y, x))
-    for _point, _name, _count in ((fabs, "fabs", 1), (sqrt, "sqrt", 1), (copysign, "copysign", 2), (power, "pow", 2)):
-        _define(_point, FOUR, (FOUR,) * _count, partial(_call, _name))
+    _define(fabs, FOUR, (FOUR,), partial(_call, "fabs"))
+    _define(sqrt, FOUR, (FOUR,), partial(_call, "sqrt"))
+    _define(copysign, FOUR, (FOUR, FOUR), partial(_call, "copysign"))
+    _define(power, FOUR, (FOUR, FOUR), partial(_call, "pow"))
     _define(exp, FOUR, (FOUR,), _exp)
     _define(atan, FOUR, (FOUR,), _atan)
     _define(sin, FOUR, (FOUR,), partial(_wave, 0.0))
