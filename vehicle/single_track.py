@@ -258,7 +258,7 @@ def _advance(p, x, rate, before, out, out_before, s, h, u):
 
 
 @kernel
-def _report(p, x, out, before, s, row):
+def _report(p, x, out, before, s, u, row):
     row[0] = x[LATERAL_SPEED]
     row[1] = x[YAW_RATE]
     row[2] = x[ROLL]

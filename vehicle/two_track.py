@@ -104,17 +104,21 @@ OUTPUTS = (
     *_each("moment_y", "N m"),
     *_each("moment_z", "N m"),
     *_each("travel_force", "N"),
+    ("hold_throttle", "1"),  # the speed hold's part of the throttle
+    ("hold_pedal", "1"),
 )
 _LOAD = 3
 _SPEED = len(single_track.OUTPUTS)
 _THROTTLE, _PEDAL, _DRIVE = _SPEED + 4, _SPEED + 5, _SPEED + 6
 _FX = _SPEED + 8
 _FY, _MZ, _SPIN_TORQUE, _X, _Y, _MX, _MY, _MZ_SUM, _Q = range(_FX + 4, _FX + 40, 4)
+_HOLD = _Q + 4
 _SIZE, _OUTPUTS, _LEAD = len(STATES), len(OUTPUTS), len(single_track.PUBLISHED)
 
 # Published: what the single track publishes, then these states and outputs.
 _EXTRA_STATES = (PITCH, Z, *range(TRAVEL, TRAVEL + 4), *range(SPIN, ALPHA + 4), GEAR)
 _EXTRA_OUTPUTS = (_SPEED, *range(_SPEED + 3, _SPIN_TORQUE))
+_PLACE = _LEAD + _SPEED + len(_EXTRA_STATES) + _EXTRA_OUTPUTS.index(_THROTTLE)  # of the pedals among the channels
 CHANNELS = (
     *single_track.CHANNELS,
     *(STATES[i] for i in _EXTRA_STATES),
@@ -191,6 +195,20 @@ class TwoTrack(NamedTuple):
     brakes: drivetrain.Brakes
     hold: drivetrain.SpeedHold
     road: road.Road
+
+
+@kernel
+def _unit(x):
+    """Within 0 and 1."""
+    return min(max(x, 0.0), 1.0)
+
+
+@kernel
+def _pressed(out, before, s, u):
+    """Throttle and brake pedal under a row of inputs, ``s`` node intervals after the last node."""
+    throttle = _unit(out[_HOLD] + s * (out[_HOLD] - before[_HOLD]))
+    pedal = _unit(out[_HOLD + 1] + s * (out[_HOLD + 1] - before[_HOLD + 1]))
+    return _unit(throttle + u[THROTTLE]), _unit(pedal + u[BRAKE])
 
 
 # Helpers of the four wheels, which run side by side as :mod:`vehicle.lanes` has them.
@@ -306,9 +324,10 @@ def derivative(p, strut, c, x, rack, rack_rate, u, dx, out):
         demand, dx[INTEGRAL] = drivetrain.longitudinal_demand(p.hold, v_x, d.speed + u[TARGET_SPEED], x[INTEGRAL])
         mass = d.m + 4.0 * d.I_w / (d.R_e * d.R_e)
         throttle, pedal = drivetrain.split(p.drive, p.brakes, gear, engaged, demand, mass, d.R_e, omega_f, omega_r)
-    throttle, pedal = min(throttle + u[THROTTLE], 1.0), min(pedal + u[BRAKE], 1.0)
+    out[_HOLD], out[_HOLD + 1] = throttle, pedal
+    throttle, pedal = _unit(throttle + u[THROTTLE]), _unit(pedal + u[BRAKE])
     drive_f, drive_r = drivetrain.axle_torques(p.drive, gear, engaged, throttle, omega_f, omega_r)
-    brake_f, brake_r = drivetrain.brake_torques(p.brakes, pedal, u[HAND_BRAKE])
+    brake_f, brake_r = drivetrain.brake_torques(p.brakes, pedal, _unit(u[HAND_BRAKE]))
 
     # Kinematics of the wheels in the body. A right strut is the left one in a mirror.
     side, front = four(1.0, -1.0, 1.0, -1.0), four(1.0, 1.0, 0.0, 0.0) > 0.0
@@ -531,7 +550,8 @@ def _advance(p, x, rate, before, out, out_before, s, h, u):
     chassis.extrapolated_step(x, rate, before, s, h)
     omega_f, omega_r = 0.5 * (spins[0] + spins[1]), 0.5 * (spins[2] + spins[3])
     J_f, J_r = _reflected(p, x, omega_f, omega_r)
-    hold_f, hold_r = drivetrain.brake_torques(p.brakes, out[_PEDAL], u[HAND_BRAKE])
+    _, pedal = _pressed(out, out_before, s, u)
+    hold_f, hold_r = drivetrain.brake_torques(p.brakes, pedal, u[HAND_BRAKE])
     for i, drive, J, hold in ((0, _DRIVE, J_f, hold_f), (2, _DRIVE + 1, J_r, hold_r)):
         half = 0.5 * (out[drive] + s * (out[drive] - out_before[drive]))
         k = _SPIN_TORQUE + i
@@ -544,7 +564,7 @@ def _advance(p, x, rate, before, out, out_before, s, h, u):
 
 
 @kernel
-def _report(p, x, out, before, s, row):
+def _report(p, x, out, before, s, u, row):
     row[0] = out[_SPEED + 1] + s * (out[_SPEED + 1] - before[_SPEED + 1])
     row[1] = out[_SPEED + 2] + s * (out[_SPEED + 2] - before[_SPEED + 2])
     row[2] = x[ROLL]
@@ -560,9 +580,9 @@ def _report(p, x, out, before, s, row):
         row[k] = x[i]
         k += 1
     for i in _EXTRA_OUTPUTS:
-        pedal = i == _THROTTLE or i == _PEDAL  # they end at 0 and 1
-        row[k] = out[i] if pedal else out[i] + s * (out[i] - before[i])
+        row[k] = out[i] + s * (out[i] - before[i])
         k += 1
+    row[_PLACE], row[_PLACE + 1] = _pressed(out, before, s, u)
 
 
 @kernel
