@@ -3,7 +3,8 @@
 Within a step the column runs by the implicit midpoint rule with the law's exact mean torque. The chassis is slower by
 far: its tyres and struts are evaluated at every second step, its states follow the two-step Adams-Bashforth polynomial
 through those nodes at every step, and what couples back (the rack force) and what is reported is extrapolated linearly
-from the last two nodes. All of it is of second order. The controller is sampled every millisecond whatever the step.
+from the last two nodes. All of it is of second order, in the inputs too. The controller is sampled every millisecond
+whatever the step.
 
     T_C = T_motor - r_p (F_rack + F_disturbance)         friction level = 1 + |F_rack| load gain
 
@@ -21,7 +22,7 @@ from friction.kernel import kernel, part
 from friction.law import law_of
 from vehicle import assist, chassis, column, single_track, two_track  # noqa: F401 (both register themselves)
 from vehicle.assist import SAMPLE_TIME
-from vehicle.chassis import ASSIST_REQUEST, COAST, HAND, HAND_SPEED, INPUTS, RACK_DISTURBANCE, Names
+from vehicle.chassis import ASSIST_REQUEST, HAND, HAND_SPEED, INPUTS, RACK_DISTURBANCE, Names
 
 _COLUMN_STATES = (
     ("handwheel_angle", "rad"),
@@ -114,10 +115,9 @@ def _evaluate(p, state, u):
     # The rule gives a change of an input between nodes the effect of one midway. Taken instead of the present value,
     # the mean since the last node and half of the change since then give it the whole effect, and a ramp no delay.
     seen = state[_SINCE:_AT_NODE]
-    for i in range(seen.size):
-        seen[i] = seen[i] + 0.5 * (u[i] - state[_AT_NODE + i])
+    for i in range(u.size):
+        seen[i] += 0.5 * (u[i] - state[_AT_NODE + i])
         state[_AT_NODE + i] = u[i]
-    seen[COAST] = u[COAST]  # a switch
     rack = p.pinion_radius * state[column.COLUMN_ANGLE]
     force = chassis.derivative(
         p.chassis,

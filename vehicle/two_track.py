@@ -320,7 +320,7 @@ def derivative(p, strut, c, x, rack, rack_rate, u, dx, out):
     gear, engaged = x[GEAR], x[SHIFT] <= 0.0
     throttle = pedal = 0.0
     dx[INTEGRAL] = 0.0
-    if u[COAST] == 0.0:
+    if u[COAST] <= 0.0:
         demand, dx[INTEGRAL] = drivetrain.longitudinal_demand(p.hold, v_x, d.speed + u[TARGET_SPEED], x[INTEGRAL])
         mass = d.m + 4.0 * d.I_w / (d.R_e * d.R_e)
         throttle, pedal = drivetrain.split(p.drive, p.brakes, gear, engaged, demand, mass, d.R_e, omega_f, omega_r)
