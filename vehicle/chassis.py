@@ -76,11 +76,11 @@ def register(name: str, parameters: type, **fields: Any) -> None:
     start : parameters -> list
         States of running straight at the held speed, to be settled by the plant.
     derivative : ``(p, strut, tyre, x, rack, rack_rate, u, dx, out) -> rack force``
-        Time derivative of the states and the outputs, at a row ``u`` of inputs.
+        Time derivative of the states and the outputs, at a row ``u`` of inputs, which may pass their bounds by half.
     advance : ``(p, x, rate, rate_before, out, out_before, s, h, u) -> None``
-        One step ``h`` whose middle lies ``s`` node intervals after the last node.
-    report : ``(p, x, out, out_before, s, row) -> None``
-        Fill the channels, ``s`` node intervals after the last node.
+        One step ``h`` whose middle lies ``s`` node intervals after the last node, under a row ``u`` of inputs.
+    report : ``(p, x, out, out_before, s, u, row) -> None``
+        Fill the channels, ``s`` node intervals after the last node, at a row ``u`` of inputs.
     speed : ``(p, x) -> float``
         Forward speed that the assist sees [m/s].
     state_size, output_size : ``(p) -> int``
@@ -114,9 +114,9 @@ def advance(p, x, rate, rate_before, out, out_before, s, h, u):
     chassis_of(p).advance(p, x, rate, rate_before, out, out_before, s, h, u)
 
 
-def report(p, x, out, out_before, s, row):
+def report(p, x, out, out_before, s, u, row):
     """Channels of the chassis."""
-    chassis_of(p).report(p, x, out, out_before, s, row)
+    chassis_of(p).report(p, x, out, out_before, s, u, row)
 
 
 def speed(p, x):

@@ -371,10 +371,10 @@ def axle_spin_step(I, J, omega_l, omega_r, torque_l, torque_r, capacity_l, capac
     omega_l, omega_r, T_b_l, T_b_r : float
         Spins at the end [rad/s] and mean brake torques [N m].
     """
-    S, c = I / h, 0.25 * J / h
     if capacity_l == 0.0 and capacity_r == 0.0:
-        mean, half = (torque_l + torque_r) / (2.0 * S + 4.0 * c), (torque_l - torque_r) / (2.0 * S)
+        mean, half = h * (torque_l + torque_r) / (2.0 * I + J), h * (torque_l - torque_r) / (2.0 * I)
         return omega_l + (mean + half), omega_r + (mean - half), 0.0, 0.0
+    S, c = I / h, 0.25 * J / h
     before = omega_l + omega_r
     R_l, R_r = S * omega_l + c * before + torque_l, S * omega_r + c * before + torque_r
     low, high = -math.inf, math.inf

@@ -1,65 +1,231 @@
-"""Four arc tangents, or two sines and two cosines, in the time of one and a half: vectors for straight-line kernels.
+"""Four numbers at once, one for each wheel: arithmetic and elementary functions on vectors of four lanes.
 
-The Magic Formula spends half its time in elementary functions that do not wait for each other. There is no loop that a
-compiler could turn into vectors, so the vectors are written out, as LLVM instructions of four lanes; LLVM makes of them
-what the processor has, fused multiply-add included. Each lane is the same operations whatever stands in the others, so
-a result depends on its own argument alone; signs are put on at the end, so symmetry is exact to the last bit.
+The four wheels run through the same equations, and no compiler turns a loop over them into vectors by itself. So the
+kernels write them once, for numbers as wide as they come: compiled these are LLVM vectors of four lanes, of which LLVM
+makes what the processor has, fused multiply-add included. A plain number beside a vector counts for all four lanes. A
+lane never sees the others, so a wheel's result depends on that wheel alone; signs are put on at the end, so symmetry
+is exact to the last bit.
 
-Without the compiler (``NUMBA_DISABLE_JIT=1``) the functions of ``math`` serve; they differ in the last bit.
+Conditions of each lane go to ``where``; a branch is taken where ``any_of`` the lanes needs it, and must leave the
+results of the others as they are. Without the compiler (``NUMBA_DISABLE_JIT=1``) numpy serves, for numbers and for
+arrays of four; elementary functions then differ in the last bit.
 
 Source: intervals and polynomial of the arc tangent: S. Moshier and Sun Microsystems, fdlibm ``s_atan.c``; the sine:
-Taylor to the 21st power after reduction by multiples of pi in three parts (Cody and Waite).
+Taylor to the 21st power after reduction by multiples of pi in three parts (Cody and Waite); the exponential: Taylor to
+the 13th power after reduction by multiples of log 2.
 """
 
 import math
+import operator
+from collections.abc import Callable
+from functools import partial
 from typing import Any
+
+import numpy as np
 
 from friction.kernel import COMPILED
 
 
-def atan4(a: float, b: float, c: float, d: float) -> tuple[float, float, float, float]:
-    """Arc tangents of four numbers, to one unit in the last place."""
-    return math.atan(a), math.atan(b), math.atan(c), math.atan(d)
+def four(a: Any, b: Any, c: Any, d: Any) -> Any:
+    """A vector of four numbers."""
+    return np.array([a, b, c, d])
 
 
-def waves(a: float, b: float, c: float, d: float) -> tuple[float, float, float, float]:
-    """``sin(a), sin(b), cos(c), cos(d)``, to 4e-16 absolute for arguments up to 100."""
-    return math.sin(a), math.sin(b), math.cos(c), math.cos(d)
+def alike(x: Any) -> Any:
+    """A number in all four lanes; :func:`one` takes it out again."""
+    return x
+
+
+def one(x: Any) -> Any:
+    """The number of the first lane, where all are alike."""
+    return x
+
+
+def lanes(x: Any) -> Any:
+    """The four numbers of a vector."""
+    return tuple(x)
+
+
+def beside(x: Any) -> Any:
+    """The lanes changed in pairs: what the other wheel of the axle has."""
+    return x[[1, 0, 3, 2]]
+
+
+def take(array: Any, i: int) -> Any:
+    """Four elements of a contiguous array from the ``i``-th of all, whatever its shape."""
+    return array.reshape(-1)[i : i + 4].copy()
+
+
+def put(array: Any, i: int, x: Any) -> None:
+    """Store into four elements of a contiguous array from ``i``."""
+    array[i : i + 4] = x
+
+
+def where(condition: Any, then: Any, otherwise: Any) -> Any:
+    """One of two numbers in each lane."""
+    return np.where(condition, then, otherwise)
+
+
+def any_of(condition: Any) -> Any:
+    """Whether the condition holds in any lane."""
+    return np.any(condition)
+
+
+def minimum(x: Any, limit: Any) -> Any:
+    """``min`` in each lane; an ``x`` that is not a number stays."""
+    return np.where(limit < x, limit, x)
+
+
+def maximum(x: Any, limit: Any) -> Any:
+    """``max`` in each lane; an ``x`` that is not a number stays."""
+    return np.where(limit > x, limit, x)
+
+
+def fabs(x: Any) -> Any:
+    """Absolute values."""
+    return np.fabs(x)
+
+
+def copysign(size: Any, sign: Any) -> Any:
+    """Sizes of the first with the signs of the second."""
+    return np.copysign(size, sign)
+
+
+def sqrt(x: Any) -> Any:
+    """Square roots."""
+    return np.sqrt(x)
+
+
+def power(x: Any, y: Any) -> Any:
+    """``x**y``; no faster than four numbers in turn."""
+    return np.power(x, y)
+
+
+def exp(x: Any) -> Any:
+    """Exponentials, to 4e-16 of them for arguments up to 700."""
+    return np.exp(x)
+
+
+def atan(x: Any) -> Any:
+    """Arc tangents, to one unit in the last place."""
+    return np.arctan(x)
+
+
+def sin(x: Any) -> Any:
+    """Sines, to 4e-16 absolute for arguments up to 100."""
+    return np.sin(x)
+
+
+def cos(x: Any) -> Any:
+    """Cosines, to 4e-16 absolute for arguments up to 100."""
+    return np.cos(x)
 
 
 if COMPILED:
     from llvmlite import ir
     from numba.core import cgutils, types
-    from numba.extending import intrinsic
+    from numba.core.typeconv import Conversion
+    from numba.core.typing.templates import AbstractTemplate, infer_global, signature
+    from numba.extending import lower_builtin, lower_cast, models, register_model
 
-    _DOUBLE, _INT = ir.DoubleType(), ir.IntType(32)
-    _FOUR = ir.VectorType(_DOUBLE, 4)
-    _TUPLE = types.UniTuple(types.float64, 4)
-    _ARGUMENTS = (types.float64,) * 4
+    _DOUBLE, _INT, _LONG, _BIT = ir.DoubleType(), ir.IntType(32), ir.IntType(64), ir.IntType(1)
+    _FOUR, _LONGS, _BITS = (ir.VectorType(kind, 4) for kind in (_DOUBLE, _LONG, _BIT))
 
-    def _constant(*values: float) -> Any:
-        return ir.Constant(
-            _FOUR, [ir.Constant(_DOUBLE, value) for value in (values if len(values) == 4 else values * 4)]
-        )
+    class Four(types.Type):
+        """numba's type of four numbers; where it meets a plain number, that is widened."""
 
-    def _pack(build, arguments):
+        def can_convert_from(self, typing_context, other):
+            return Conversion.safe if isinstance(other, types.Number) else None
+
+        def unify(self, typing_context, other):
+            return self if isinstance(other, types.Number) else None
+
+    class Mask(types.Type):
+        """numba's type of four conditions."""
+
+    FOUR, MASK = Four("Four"), Mask("Mask")
+
+    @register_model(Four)
+    class _FourModel(models.PrimitiveModel):
+        def __init__(self, manager, kind):
+            super().__init__(manager, kind, _FOUR)
+
+    @register_model(Mask)
+    class _MaskModel(models.PrimitiveModel):
+        def __init__(self, manager, kind):
+            super().__init__(manager, kind, _BITS)
+
+    def _constant(value: float, kind: Any = _FOUR) -> Any:
+        return ir.Constant(kind, [ir.Constant(kind.element, value)] * 4)
+
+    def _pack(build, *numbers):
         vector = ir.Constant(_FOUR, ir.Undefined)
-        for lane, argument in enumerate(arguments):
-            vector = build.insert_element(vector, argument, ir.Constant(_INT, lane))
+        for i, number in enumerate(numbers):
+            vector = build.insert_element(vector, number, ir.Constant(_INT, i))
         return vector
 
-    def _unpack(context, build, vector):
-        lanes = [build.extract_element(vector, ir.Constant(_INT, lane)) for lane in range(4)]
-        return context.make_tuple(build, _TUPLE, lanes)
+    def _unpack(build, vector):
+        return [build.extract_element(vector, ir.Constant(_INT, i)) for i in range(4)]
 
-    def _call(build, name, *arguments):
+    def _shuffle(places, build, vector):
+        return build.shuffle_vector(vector, vector, ir.Constant(ir.VectorType(_INT, 4), places))
+
+    def _splat(build, number):
+        return _shuffle((0, 0, 0, 0), build, _pack(build, number))
+
+    @lower_cast(types.Number, FOUR)
+    def _widen(context, build, old, new, value):
+        return _splat(build, context.cast(build, value, old, types.float64))
+
+    def _define(point: Any, result: Any, kinds: tuple[Any, ...], generate: Callable) -> None:
+        """What compiled code takes for ``point`` on arguments of these kinds; numbers turn into them."""
+
+        def generic(template, arguments, _):
+            known = len(arguments) == len(kinds) and (kinds[0] in arguments or types.float64 in kinds)
+            return signature(result, *kinds) if known else None
+
+        infer_global(point)(type("Template", (AbstractTemplate,), {"generic": generic}))
+        lower_builtin(point, *kinds)(lambda context, build, _, arguments: generate(build, *arguments))
+
+    def _address(context, build, kind, array, i):
+        """Of four elements from ``i``, which stand as arrays do: aligned to one number only."""
+        data = context.make_array(kind)(context, build, array).data
+        return build.bitcast(build.gep(data, [i]), _FOUR.as_pointer())
+
+    def _array(arguments):
+        """Types of an array and a place in it, or None."""
+        fits = isinstance(arguments[0], types.Array) and arguments[0].layout == "C"
+        return (arguments[0], types.intp) if fits and arguments[0].dtype == types.float64 else None
+
+    @infer_global(take)
+    class _Take(AbstractTemplate):
+        def generic(self, arguments, _):
+            kinds = _array(arguments)
+            return signature(FOUR, *kinds) if kinds else None
+
+    @lower_builtin(take, types.Array, types.intp)
+    def _load(context, build, kind, arguments):
+        return build.load(_address(context, build, kind.args[0], *arguments), align=8)
+
+    @infer_global(put)
+    class _Put(AbstractTemplate):
+        def generic(self, arguments, _):
+            kinds = _array(arguments)
+            return signature(types.none, *kinds, FOUR) if kinds else None
+
+    @lower_builtin(put, types.Array, types.intp, FOUR)
+    def _store(context, build, kind, arguments):
+        build.store(arguments[2], _address(context, build, kind.args[0], *arguments[:2]), align=8)
+        return context.get_dummy_value()
+
+    def _call(name, build, *arguments):
         kind = ir.FunctionType(_FOUR, [_FOUR] * len(arguments))
         return build.call(cgutils.get_or_insert_function(build.module, kind, f"llvm.{name}.v4f64"), arguments)
 
     def _polynomial(build, x, coefficients):
         value = _constant(coefficients[-1])
         for coefficient in reversed(coefficients[:-1]):
-            value = _call(build, "fmuladd", x, value, _constant(coefficient))
+            value = _call("fmuladd", build, x, value, _constant(coefficient))
         return value
 
     # atan x = at(middle of the interval) + atan((x - middle)/(1 + x middle)), from the outermost interval inwards
@@ -72,54 +238,88 @@ if COMPILED:
         *(-5.83357013379057348645e-02, -3.65315727442169155270e-02),
     )
 
-    @intrinsic
-    def _atan4(typing_context, a, b, c, d):
-        def generate(context, build, signature, arguments):
-            x = _pack(build, arguments)
-            z, one = _call(build, "fabs", x), _constant(1.0)
-            above, below, base = _constant(-1.0), z, _constant(0.5 * math.pi)
-            for top, middle, at in (
-                (2.4375, 1.5, 9.82793723247329054082e-01),
-                (1.1875, 1.0, 0.25 * math.pi),
-                (0.6875, 0.5, 4.63647609000806093515e-01),
-                (0.4375, 0.0, 0.0),
-            ):
-                inside = build.fcmp_ordered("<", z, _constant(top))
-                centre = _constant(middle)
-                above = build.select(inside, build.fsub(z, centre), above)
-                below = build.select(inside, _call(build, "fmuladd", centre, z, one), below)
-                base = build.select(inside, _constant(at), base)
-            t = build.fdiv(above, below)
-            u = build.fmul(t, t)
-            w = build.fmul(u, u)
-            tail = _call(build, "fmuladd", u, _polynomial(build, w, _ODD), build.fmul(w, _polynomial(build, w, _EVEN)))
-            size = build.fadd(base, _call(build, "fmuladd", build.fneg(t), tail, t))
-            return _unpack(context, build, _call(build, "copysign", size, x))
-
-        return _TUPLE(*_ARGUMENTS), generate
+    def _atan(build, x):
+        z, one = _call("fabs", build, x), _constant(1.0)
+        above, below, base = _constant(-1.0), z, _constant(0.5 * math.pi)
+        for top, middle, at in (
+            (2.4375, 1.5, 9.82793723247329054082e-01),
+            (1.1875, 1.0, 0.25 * math.pi),
+            (0.6875, 0.5, 4.63647609000806093515e-01),
+            (0.4375, 0.0, 0.0),
+        ):
+            inside = _compare("<", build, z, _constant(top))
+            centre = _constant(middle)
+            above = build.select(inside, build.fsub(z, centre), above)
+            below = build.select(inside, _call("fmuladd", build, centre, z, one), below)
+            base = build.select(inside, _constant(at), base)
+        t = build.fdiv(above, below)
+        u = build.fmul(t, t)
+        w = build.fmul(u, u)
+        tail = _call("fmuladd", build, u, _polynomial(build, w, _ODD), build.fmul(w, _polynomial(build, w, _EVEN)))
+        size = build.fadd(base, _call("fmuladd", build, build.fneg(t), tail, t))
+        return _call("copysign", build, size, x)
 
     _PI = (3.140625, 9.67502593994140625e-4, 1.5099579909783764e-7)  # its sum; multiples of the first two are exact
     _SINE = tuple((-1.0) ** n / math.factorial(2 * n + 1) for n in range(1, 11))
 
-    @intrinsic
-    def _waves(typing_context, a, b, c, d):
-        def generate(context, build, signature, arguments):
-            x = _pack(build, arguments)
-            z, half = _call(build, "fabs", x), _constant(0.0, 0.0, 0.5, 0.5)
-            k = _call(build, "rint", build.fsub(build.fmul(z, _constant(1.0 / math.pi)), half))
-            turns = build.fadd(k, half)  # of pi, to the nearest zero of the wave
-            r = z
-            for part in _PI:
-                r = _call(build, "fmuladd", turns, _constant(-part), r)
-            u = build.fmul(r, r)
-            s = _call(build, "fmuladd", build.fmul(r, u), _polynomial(build, u, _SINE), r)
-            pairs = build.fmul(k, _constant(0.5))
-            odd = build.fcmp_ordered("!=", pairs, _call(build, "rint", pairs))
-            s = build.select(odd, build.fneg(s), s)  # next to the k-th zero, up or down
-            sign = _call(build, "copysign", _constant(1.0), x)
-            sines = ir.Constant(ir.VectorType(ir.IntType(1), 4), [1, 1, 0, 0])
-            return _unpack(context, build, build.fmul(s, build.select(sines, sign, _constant(-1.0))))
+    def _wave(half, build, x):
+        """Sine for ``half`` 0, cosine for 1/2: next to the k-th zero of the wave it goes up or down."""
+        z = _call("fabs", build, x)
+        k = _call("rint", build, build.fsub(build.fmul(z, _constant(1.0 / math.pi)), _constant(half)))
+        turns = build.fadd(k, _constant(half))  # of pi, to the nearest zero
+        r = z
+        for part in _PI:
+            r = _call("fmuladd", build, turns, _constant(-part), r)
+        u = build.fmul(r, r)
+        s = _call("fmuladd", build, build.fmul(r, u), _polynomial(build, u, _SINE), r)
+        pairs = build.fmul(k, _constant(0.5))
+        odd = _compare("!=", build, pairs, _call("rint", build, pairs))
+        s = build.select(odd, build.fneg(s), s)
+        return build.fneg(s) if half else build.fmul(s, _call("copysign", build, _constant(1.0), x))
 
-        return _TUPLE(*_ARGUMENTS), generate
+    _LOG_2 = (0.693147180369123816490, 1.90821492927058770002e-10)  # its sum; multiples of the first are exact
+    _EXP = tuple(1.0 / math.factorial(n) for n in range(14))
+    _ROUND = 1.5 * 2.0**52  # added to a number it leaves the nearest integer in the last bits
 
-    atan4, waves = _atan4, _waves  # type: ignore[assignment]
+    def _exp(build, x):
+        shifted = _call("fmuladd", build, x, _constant(1.0 / math.log(2.0)), _constant(_ROUND))
+        k = build.fsub(shifted, _constant(_ROUND))
+        for part in _LOG_2:
+            x = _call("fmuladd", build, k, _constant(-part), x)
+        power = build.add(build.bitcast(shifted, _LONGS), _constant(1023, _LONGS))  # 2^k by its bits
+        power = build.bitcast(build.shl(power, _constant(52, _LONGS)), _FOUR)
+        return build.fmul(_polynomial(build, x, _EXP), power)
+
+    def _compare(sign, build, x, y):
+        return build.fcmp_ordered(sign, x, y)
+
+    def _any(build, bits):
+        return build.icmp_unsigned("!=", build.bitcast(bits, ir.IntType(4)), ir.Constant(ir.IntType(4), 0))
+
+    for _point, _name in (("add", "fadd"), ("sub", "fsub"), ("mul", "fmul"), ("truediv", "fdiv")):
+        for _prefix in ("", "i"):
+            _define(getattr(operator, _prefix + _point), FOUR, (FOUR, FOUR), getattr(ir.IRBuilder, _name))
+    _define(operator.neg, FOUR, (FOUR,), ir.IRBuilder.fneg)
+    for _point, _name in (("lt", "<"), ("le", "<="), ("gt", ">"), ("ge", ">="), ("eq", "==")):
+        _define(getattr(operator, _point), MASK, (FOUR, FOUR), partial(_compare, _name))
+    _define(operator.ne, MASK, (FOUR, FOUR), lambda build, x, y: build.fcmp_unordered("!=", x, y))
+    _define(operator.and_, MASK, (MASK, MASK), ir.IRBuilder.and_)
+    _define(any_of, types.boolean, (MASK,), _any)
+    _define(where, FOUR, (MASK, FOUR, FOUR), ir.IRBuilder.select)
+    _define(minimum, FOUR, (FOUR, FOUR), lambda build, x, y: build.select(_compare("<", build, y, x), y, x))
+    _define(maximum, FOUR, (FOUR, FOUR), lambda build, x, y: build.select(_compare(">", build, y, x), y, x))
+    _define(fabs, FOUR, (FOUR,), partial(_call, "fabs"))
+    _define(sqrt, FOUR, (FOUR,), partial(_call, "sqrt"))
+    _define(copysign, FOUR, (FOUR, FOUR), partial(_call, "copysign"))
+    _define(power, FOUR, (FOUR, FOUR), partial(_call, "pow"))
+    _define(exp, FOUR, (FOUR,), _exp)
+    _define(atan, FOUR, (FOUR,), _atan)
+    _define(sin, FOUR, (FOUR,), partial(_wave, 0.0))
+    _define(cos, FOUR, (FOUR,), partial(_wave, 0.5))
+    _define(four, FOUR, (types.float64,) * 4, _pack)
+    _define(alike, FOUR, (types.float64,), _splat)
+    _define(beside, FOUR, (FOUR,), partial(_shuffle, (1, 0, 3, 2)))
+    _define(one, types.float64, (FOUR,), lambda build, x: _unpack(build, x)[0])
+    _define(
+        lanes, types.UniTuple(types.float64, 4), (FOUR,), lambda build, x: cgutils.pack_array(build, _unpack(build, x))
+    )

@@ -3,7 +3,8 @@
 Within a step the column runs by the implicit midpoint rule with the law's exact mean torque. The chassis is slower by
 far: its tyres and struts are evaluated at every second step, its states follow the two-step Adams-Bashforth polynomial
 through those nodes at every step, and what couples back (the rack force) and what is reported is extrapolated linearly
-from the last two nodes. All of it is of second order. The controller is sampled every millisecond whatever the step.
+from the last two nodes. All of it is of second order, in the inputs too. The controller is sampled every millisecond
+whatever the step.
 
     T_C = T_motor - r_p (F_rack + F_disturbance)         friction level = 1 + |F_rack| load gain
 
@@ -43,6 +44,8 @@ _BEFORE = (
     ("hand_torque_mean_before", "N m"),
     ("friction_torque_mean", "N m"),
     ("friction_torque_mean_before", "N m"),
+    *((f"{name}_since_node", unit) for name, unit in INPUTS),  # mean, as far as the steps since the last node have come
+    *((f"{name}_at_node", unit) for name, unit in INPUTS),
 )
 _HEAD = (*_COLUMN_STATES, *_ASSIST_STATES, *_BEFORE)
 _ASSIST = len(_COLUMN_STATES)
@@ -50,6 +53,8 @@ _PHASE = _ASSIST + len(_ASSIST_STATES)
 _RACK_FORCE = _PHASE + 1
 _HAND_TORQUE = _RACK_FORCE + 2
 _FRICTION_TORQUE = _RACK_FORCE + 4
+_SINCE = _FRICTION_TORQUE + 2
+_AT_NODE = _SINCE + len(INPUTS)
 # Then come the chassis' states x, their derivatives at the last node and at the one before, the outputs of both nodes,
 # and the friction law's memory.
 _CHASSIS = len(_HEAD)
@@ -107,6 +112,12 @@ def _evaluate(p, state, u):
     for i in range(out_before - out):
         state[out_before + i] = state[out + i]
     state[_RACK_FORCE + 1] = state[_RACK_FORCE]
+    # The rule gives a change of an input between nodes the effect of one midway. Taken instead of the present value,
+    # the mean since the last node and half of the change since then give it the whole effect, and a ramp no delay.
+    seen = state[_SINCE:_AT_NODE]
+    for i in range(u.size):
+        seen[i] += 0.5 * (u[i] - state[_AT_NODE + i])
+        state[_AT_NODE + i] = u[i]
     rack = p.pinion_radius * state[column.COLUMN_ANGLE]
     force = chassis.derivative(
         p.chassis,
@@ -115,10 +126,12 @@ def _evaluate(p, state, u):
         state[_CHASSIS:rate],
         rack,
         p.pinion_radius * state[column.COLUMN_SPEED],
-        u,
+        seen,
         state[rate:rate_before],
         state[out:out_before],
     )
+    for i in range(seen.size):
+        seen[i] = 0.0
     beyond = max(abs(rack) - p.rack_limit, 0.0)
     state[_RACK_FORCE] = force + math.copysign(STOP_STIFFNESS * beyond, rack)
 
@@ -151,11 +164,13 @@ def _step(p, state, hand, hand_speed, before, after, elapsed, u, h):
         h,
         u,
     )
+    for i in range(u.size):
+        state[_SINCE + i] += u[i] * (1.0 / STEPS_PER_NODE)
     state[_PHASE] += 1.0
 
 
 @part
-def _report(p, state, row):
+def _report(p, state, u, row):
     """Fill a row of channels at the present moment."""
     rate, _, out, out_before, memory = _places(p)
     s = state[_PHASE] / STEPS_PER_NODE
@@ -169,7 +184,7 @@ def _report(p, state, row):
     row[6] = state[_ASSIST + assist.MOTOR_TORQUE]
     row[7] = 1.5 * state[_FRICTION_TORQUE] - 0.5 * state[_FRICTION_TORQUE + 1]
     row[8] = state[_RACK_FORCE] + s * (state[_RACK_FORCE] - state[_RACK_FORCE + 1])
-    chassis.report(p.chassis, state[_CHASSIS:rate], state[out:out_before], state[out_before:memory], s, row[_OWN:])
+    chassis.report(p.chassis, state[_CHASSIS:rate], state[out:out_before], state[out_before:memory], s, u, row[_OWN:])
 
 
 @kernel
@@ -218,7 +233,7 @@ def run(p, state, inputs, record, substeps):
                 _evaluate(p, state, u)
                 state[_PHASE] = 0.0
         if i <= last or i == inputs.shape[0] - 1:
-            _report(p, state, row)
+            _report(p, state, u, row)
     finite = True
     for value in state:
         if not abs(value) < math.inf:

@@ -22,6 +22,7 @@ from typing import NamedTuple
 from friction.kernel import kernel
 from vehicle import chassis, strut_map, tyre
 from vehicle.chassis import WIND_FORCE, WIND_MOMENT
+from vehicle.lanes import alike, four, lanes, take
 
 GRAVITY = 9.80665  # standard gravity [m/s2]
 AIR_DENSITY = 1.2  # [kg/m3]
@@ -165,14 +166,15 @@ def derivative(p, strut, c, x, rack, rack_rate, u, dx, out):
     left = strut_map.left(strut, tie_rods, -half_f * phi)
     right = strut_map.right(strut, tie_rods, half_f * phi)
 
-    Fx_fl, Fy_fl, Mx_fl, My_fl, Mz_fl = tyre.forces_slip(
-        c, 0.0, x[SLIP_FL], left.inclination + phi, load_fl, p.v_x, p.mu
-    )
-    Fx_fr, Fy_fr, Mx_fr, My_fr, Mz_fr = tyre.forces_slip(
-        c, 0.0, x[SLIP_FR], right.inclination + phi, load_fr, p.v_x, p.mu
-    )
-    Fx_rl, Fy_rl, _, My_rl, Mz_rl = tyre.forces_slip(c, 0.0, x[SLIP_RL], 0.0, load_rl, p.v_x, p.mu)
-    Fx_rr, Fy_rr, _, My_rr, Mz_rr = tyre.forces_slip(c, 0.0, x[SLIP_RR], 0.0, load_rr, p.v_x, p.mu)
+    slips = take(x, SLIP_FL)
+    camber = four(left.inclination + phi, right.inclination + phi, 0.0, 0.0)
+    loads = four(load_fl, load_fr, load_rl, load_rr)
+    F_x, F_y, M_x, M_y, M_z = tyre.forces_of_four(c, alike(0.0), slips, camber, loads, alike(p.v_x), alike(p.mu))
+    Fx_fl, Fx_fr, Fx_rl, Fx_rr = lanes(F_x)
+    Fy_fl, Fy_fr, Fy_rl, Fy_rr = lanes(F_y)
+    Mx_fl, Mx_fr, _, _ = lanes(M_x)
+    My_fl, My_fr, My_rl, My_rr = lanes(M_y)
+    Mz_fl, Mz_fr, Mz_rl, Mz_rr = lanes(M_z)
 
     # An open differential halves the drive; its torque is reacted inboard, so it acts at the wheel centres, and so does
     # rolling resistance, which a free wheel's bearing cannot take as a torque.
@@ -256,7 +258,7 @@ def _advance(p, x, rate, before, out, out_before, s, h, u):
 
 
 @kernel
-def _report(p, x, out, before, s, row):
+def _report(p, x, out, before, s, u, row):
     row[0] = x[LATERAL_SPEED]
     row[1] = x[YAW_RATE]
     row[2] = x[ROLL]

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from friction.kernel import kernel
+from vehicle.lanes import lanes, take
 from vehicle.suspension import MacPherson, load_coefficients
 
 
@@ -154,19 +155,27 @@ def _weights(t):
 
 
 @kernel
-def _row(table, i, j, k, t):
-    """Channel k along the travel."""
-    return t[0] * table[i, j, k] + t[1] * table[i, j + 1, k] + t[2] * table[i, j + 2, k] + t[3] * table[i, j + 3, k]
+def _row(table, i, t):
+    """Four channels along the travel, from the ``i``-th number of the table."""
+    n = table.shape[2]
+    return (
+        t[0] * take(table, i)
+        + t[1] * take(table, i + n)
+        + t[2] * take(table, i + 2 * n)
+        + t[3] * take(table, i + 3 * n)
+    )
 
 
 @kernel
 def _patch(table, i, j, k, r, t):
-    """Channel k, written out: a loop over channels or splines takes longer."""
+    """Four channels from the k-th on, which stand side by side in the table."""
+    n = table.shape[1] * table.shape[2]
+    i = i * n + j * table.shape[2] + k
     return (
-        r[0] * _row(table, i, j, k, t)
-        + r[1] * _row(table, i + 1, j, k, t)
-        + r[2] * _row(table, i + 2, j, k, t)
-        + r[3] * _row(table, i + 3, j, k, t)
+        r[0] * _row(table, i, t)
+        + r[1] * _row(table, i + n, t)
+        + r[2] * _row(table, i + 2 * n, t)
+        + r[3] * _row(table, i + 3 * n, t)
     )
 
 
@@ -181,35 +190,21 @@ def _place(m, rack, travel):
 @kernel
 def left(m, rack, travel):
     """The left wheel: ``Knuckle`` at rack [m] and its travel [m]."""
-    c = m.table
     i, j, r, t = _place(m, rack, travel)
-    k = i - i  # not a literal: numba would compile the patch once for each channel
-    return Knuckle(
-        _patch(c, i, j, k, r, t),
-        _patch(c, i, j, k + 1, r, t),
-        _patch(c, i, j, k + 2, r, t),
-        _patch(c, i, j, k + 3, r, t),
-        _patch(c, i, j, k + 4, r, t),
-        _patch(c, i, j, k + 5, r, t),
-        _patch(c, i, j, k + 6, r, t),
-        _patch(c, i, j, k + 7, r, t),
-    )
+    k = i - i  # not a literal: numba would compile the patch once for each place
+    steer, inclination, F_x_contact, F_x_centre = lanes(_patch(m.table, i, j, k, r, t))
+    F_y, F_z, M_x, M_z = lanes(_patch(m.table, i, j, k + 4, r, t))
+    return Knuckle(steer, inclination, F_x_contact, F_x_centre, F_y, F_z, M_x, M_z)
 
 
 @kernel
 def left_travel(m, rack, travel):
     """The left wheel: ``Travel`` at rack [m] and its travel [m]."""
-    c = m.table
     i, j, r, t = _place(m, rack, travel)
-    k = i - i + 8
-    return Travel(
-        _patch(c, i, j, k, r, t),
-        _patch(c, i, j, k + 1, r, t),
-        _patch(c, i, j, k + 2, r, t),
-        _patch(c, i, j, k + 3, r, t),
-        _patch(c, i, j, k + 4, r, t),
-        _patch(c, i, j, k + 5, r, t),
-    )
+    k = i - i
+    centre_x, contact_y, roll, pitch = lanes(_patch(m.table, i, j, k + 8, r, t))
+    _, _, compression, compression_rate = lanes(_patch(m.table, i, j, k + 10, r, t))
+    return Travel(centre_x, contact_y, roll, pitch, compression, compression_rate)
 
 
 @kernel

@@ -30,6 +30,22 @@ from friction import law
 from friction.kernel import kernel
 from vehicle import chassis, drivetrain, road, single_track, strut_map, tyre
 from vehicle.chassis import BRAKE, COAST, HAND_BRAKE, TARGET_SPEED, THROTTLE, WIND_FORCE, WIND_MOMENT
+from vehicle.lanes import (
+    any_of,
+    beside,
+    copysign,
+    cos,
+    fabs,
+    four,
+    lanes,
+    maximum,
+    minimum,
+    put,
+    sin,
+    sqrt,
+    take,
+    where,
+)
 
 WHEELS = ("front_left", "front_right", "rear_left", "rear_right")
 
@@ -88,17 +104,21 @@ OUTPUTS = (
     *_each("moment_y", "N m"),
     *_each("moment_z", "N m"),
     *_each("travel_force", "N"),
+    ("hold_throttle", "1"),  # the speed hold's part of the throttle
+    ("hold_pedal", "1"),
 )
 _LOAD = 3
 _SPEED = len(single_track.OUTPUTS)
 _THROTTLE, _PEDAL, _DRIVE = _SPEED + 4, _SPEED + 5, _SPEED + 6
 _FX = _SPEED + 8
 _FY, _MZ, _SPIN_TORQUE, _X, _Y, _MX, _MY, _MZ_SUM, _Q = range(_FX + 4, _FX + 40, 4)
+_HOLD = _Q + 4
 _SIZE, _OUTPUTS, _LEAD = len(STATES), len(OUTPUTS), len(single_track.PUBLISHED)
 
 # Published: what the single track publishes, then these states and outputs.
 _EXTRA_STATES = (PITCH, Z, *range(TRAVEL, TRAVEL + 4), *range(SPIN, ALPHA + 4), GEAR)
 _EXTRA_OUTPUTS = (_SPEED, *range(_SPEED + 3, _SPIN_TORQUE))
+_PLACE = _LEAD + _SPEED + len(_EXTRA_STATES) + _EXTRA_OUTPUTS.index(_THROTTLE)  # of the pedals among the channels
 CHANNELS = (
     *single_track.CHANNELS,
     *(STATES[i] for i in _EXTRA_STATES),
@@ -178,43 +198,81 @@ class TwoTrack(NamedTuple):
 
 
 @kernel
+def _unit(x):
+    """Within 0 and 1."""
+    return min(max(x, 0.0), 1.0)
+
+
+@kernel
+def _pressed(out, before, s, u):
+    """Throttle and brake pedal under a row of inputs, ``s`` node intervals after the last node."""
+    throttle = _unit(out[_HOLD] + s * (out[_HOLD] - before[_HOLD]))
+    pedal = _unit(out[_HOLD + 1] + s * (out[_HOLD + 1] - before[_HOLD + 1]))
+    return _unit(throttle + u[THROTTLE]), _unit(pedal + u[BRAKE])
+
+
+# Helpers of the four wheels, which run side by side as :mod:`vehicle.lanes` has them.
+
+
+@kernel
+def _axles(front, rear):
+    """What both wheels of each axle have."""
+    return four(front, front, rear, rear)
+
+
+@kernel
+def _front(left, right):
+    """What only the front wheels have."""
+    return four(left, right, 0.0, 0.0)
+
+
+@kernel
 def _stop(stiffness, clearance, s):
     """Force of bump and rebound stop on the wheel at travel ``s``, downwards in bump."""
-    beyond = max(abs(s) - clearance, 0.0)
-    return math.copysign(stiffness * beyond * beyond / (beyond + STOP_SOFTNESS), s)
+    beyond = maximum(fabs(s) - clearance, 0.0)
+    return copysign(stiffness * beyond * beyond / (beyond + STOP_SOFTNESS), s)
 
 
 @kernel
 def _fade(v, whole):
     """From 0 at standstill to 1 at ``whole`` and beyond, odd and smooth."""
-    s = min(max(v * (1.0 / whole), -1.0), 1.0)
+    s = minimum(maximum(v * (1.0 / whole), -1.0), 1.0)
     return s * (1.5 - 0.5 * s * s)
 
 
 @kernel
 def _limited(rate, slip):
     """Rate of a slip that may not grow beyond its limit."""
-    return 0.0 if abs(slip) > LARGEST_SLIP and rate * slip > 0.0 else rate
+    return where((fabs(slip) > LARGEST_SLIP) & (rate * slip > 0.0), 0.0, rate)
 
 
 @kernel
 def _let_go(slip, force, stiffness, rolling):
     """Rate at which a tyre that comes to rest sliding forgets slip beyond what its force bends the carcass to."""
-    beyond = abs(slip) - max(2.0 * abs(force) / (stiffness + 1.0), abs(rolling) / SPIN_BLEND)
-    return -math.copysign(FORGETTING * max(beyond, 0.0), slip)
+    beyond = fabs(slip) - maximum(2.0 * fabs(force) / (stiffness + 1.0), rolling / SPIN_BLEND)
+    rate = copysign(FORGETTING * maximum(beyond, 0.0), -slip)
+    return where(rolling < LARGEST_SLIP * SPIN_BLEND, rate, 0.0)
 
 
 @kernel
 def _turned(angle):
     """Cosine and sine of an angle within a right angle; a root is cheaper than a second series."""
-    s = math.sin(angle)
-    return math.sqrt(1.0 - s * s), s
+    s = sin(angle)
+    return sqrt(1.0 - s * s), s
 
 
 @kernel
-def _pair(out, i):
+def _pair(x):
     """Sum over the wheels that is the same to the bit for the mirrored car."""
-    return (out[i] + out[i + 1]) + (out[i + 2] + out[i + 3])
+    fl, fr, rl, rr = lanes(x)
+    return (fl + fr) + (rl + rr)
+
+
+@kernel
+def _torsion(p, level, memory, turning, rate):
+    """Torque of one tyre's torsion on the road; its memory's rate by the turning alone goes to ``rate``."""
+    law.rate(p, level, memory, turning, rate)
+    return law.torque(p, level, memory, turning)
 
 
 @kernel
@@ -245,7 +303,9 @@ def derivative(p, strut, c, x, rack, rack_rate, u, dx, out):
     """
     d = p.body[0]
     v_x, v_y, v_z, w_x, w_y, w_z = x[U], x[V], x[W], x[P], x[Q], x[R]
-    (c_r, s_r), (c_p, s_p) = _turned(x[ROLL]), _turned(x[PITCH])
+    angles = four(x[ROLL], x[PITCH], x[YAW], 0.0)
+    c_r, c_p, c_y, _ = lanes(cos(angles))
+    s_r, s_p, s_y, _ = lanes(sin(angles))
     # Body to road frame.
     a11, a12, a13 = c_p, s_p * s_r, s_p * c_r
     a22, a23 = c_r, -s_r
@@ -260,127 +320,148 @@ def derivative(p, strut, c, x, rack, rack_rate, u, dx, out):
     gear, engaged = x[GEAR], x[SHIFT] <= 0.0
     throttle = pedal = 0.0
     dx[INTEGRAL] = 0.0
-    if u[COAST] == 0.0:
+    if u[COAST] <= 0.0:
         demand, dx[INTEGRAL] = drivetrain.longitudinal_demand(p.hold, v_x, d.speed + u[TARGET_SPEED], x[INTEGRAL])
         mass = d.m + 4.0 * d.I_w / (d.R_e * d.R_e)
         throttle, pedal = drivetrain.split(p.drive, p.brakes, gear, engaged, demand, mass, d.R_e, omega_f, omega_r)
-    throttle, pedal = min(throttle + u[THROTTLE], 1.0), min(pedal + u[BRAKE], 1.0)
+    out[_HOLD], out[_HOLD + 1] = throttle, pedal
+    throttle, pedal = _unit(throttle + u[THROTTLE]), _unit(pedal + u[BRAKE])
     drive_f, drive_r = drivetrain.axle_torques(p.drive, gear, engaged, throttle, omega_f, omega_r)
-    brake_f, brake_r = drivetrain.brake_torques(p.brakes, pedal, u[HAND_BRAKE])
+    brake_f, brake_r = drivetrain.brake_torques(p.brakes, pedal, _unit(u[HAND_BRAKE]))
 
-    per_x, per_y, per_z, per_radius = 1.0 / d.sigma_x, 1.0 / d.sigma_y, 1.0 / d.sigma_z, 1.0 / d.R_e
-    per_load = 1.0 / d.torsion_load
-    rack_force_left = rack_force_right = 0.0
-    for i in range(4):
-        front, side = i < 2, 1.0 if i % 2 == 0 else -1.0
-        s, s_rate = x[TRAVEL + i], x[TRAVEL_RATE + i]
-        other = x[TRAVEL + i + (1 if side > 0.0 else -1)]
-        knuckle = strut_map.Knuckle(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-        if front:
-            knuckle = strut_map.left(strut, side * tie_rods, s)
-            path = strut_map.left_travel(strut, side * tie_rods, s)
-            steer, inclination = knuckle.steer_angle, knuckle.inclination
-            turning = W_z + knuckle.M_z * rack_rate
-            centre_x, contact_y, carrier_pitch, lean = path.centre_x, path.contact_y, path.pitch, path.roll
-            spring = d.S_f + d.K_f * path.compression + d.C_f * path.compression_rate * s_rate
-            spring = path.compression_rate * spring + d.B_f * (s - other) + _stop(d.K_stop, d.clear_f, s)
-            arm, half, load, m_i, capacity, drive = d.a, 0.5 * d.t_f, d.F_zf, d.m_f, brake_f, 0.5 * drive_f
-        else:
-            steer, inclination, turning = d.steer_r * s, d.camber_r * s, W_z
-            centre_x, contact_y, carrier_pitch, lean = 0.0, d.path_r, 0.0, d.camber_r
-            spring = d.S_r + d.K_r * s + d.C_r * s_rate + d.B_r * (s - other) + _stop(d.K_stop, d.clear_r, s)
-            arm, half, load, m_i, capacity, drive = -d.b, 0.5 * d.t_r, d.F_zr, d.m_r, brake_r, 0.5 * drive_r
-        steer, contact_y, lean = side * steer, side * contact_y, side * lean
-        camber = side * inclination + x[ROLL]  # to the road, as far as pitch and roll are small
+    # Kinematics of the wheels in the body. A right strut is the left one in a mirror.
+    side, front = four(1.0, -1.0, 1.0, -1.0), four(1.0, 1.0, 0.0, 0.0) > 0.0
+    s, s_rate = take(x, TRAVEL), take(x, TRAVEL_RATE)
+    travel_l, travel_r = x[TRAVEL], x[TRAVEL + 1]
+    left, right = strut_map.left(strut, tie_rods, travel_l), strut_map.left(strut, -tie_rods, travel_r)
+    knuckle = strut_map.Knuckle(
+        _front(left.steer_angle, right.steer_angle),
+        _front(left.inclination, right.inclination),
+        _front(left.F_x_contact, right.F_x_contact),
+        _front(left.F_x_centre, right.F_x_centre),
+        _front(left.F_y, right.F_y),
+        _front(left.F_z, right.F_z),
+        _front(left.M_x, right.M_x),
+        _front(left.M_z, right.M_z),
+    )
+    up_l, up_r = strut_map.left_travel(strut, tie_rods, travel_l), strut_map.left_travel(strut, -tie_rods, travel_r)
+    centre_x, carrier_pitch = _front(up_l.centre_x, up_r.centre_x), _front(up_l.pitch, up_r.pitch)
+    contact_y = side * four(up_l.contact_y, up_r.contact_y, d.path_r, d.path_r)
+    lean = side * four(up_l.roll, up_r.roll, d.camber_r, d.camber_r)
+    compression = where(front, _front(up_l.compression, up_r.compression), s)
+    compression_rate = four(up_l.compression_rate, up_r.compression_rate, 1.0, 1.0)
+    steer = side * where(front, knuckle.steer_angle, d.steer_r * s)
+    camber = side * where(front, knuckle.inclination, d.camber_r * s) + x[ROLL]  # to the road, at small pitch and roll
+    turning = W_z + knuckle.M_z * rack_rate
+    spring = (
+        _axles(d.S_f, d.S_r) + _axles(d.K_f, d.K_r) * compression + _axles(d.C_f, d.C_r) * compression_rate * s_rate
+    )
+    spring = compression_rate * spring + _axles(d.B_f, d.B_r) * (s - beside(s))
+    spring += _stop(d.K_stop, _axles(d.clear_f, d.clear_r), s)
 
-        # Wheel centre from O in the road frame, height over the road, load.
-        y_i, z_i = side * half, d.R_l - d.h + s
-        r_x = a11 * arm + a12 * y_i + a13 * z_i
-        r_y = a22 * y_i + a23 * z_i
-        r_z = a31 * arm + a32 * y_i + a33 * z_i
-        track = 0 if side > 0.0 else 1
-        ground, slope = road.height(p.road, track, x[DISTANCE] + arm)
-        # A leaning wheel meets the road in its own plane, off the line below its centre. Of second order in camber: the
-        # loaded radius is below (1 + camber^2/2), so that F_z at ``aside`` is its tyre spring's virtual work.
-        below = x[Z] + r_z - ground
-        aside, longer = below * camber, 1.0 + 0.5 * camber * camber
-        F_z = max(load + d.K_t * (d.R_l - below * longer), 0.0) * longer
-        mu = road.friction(p.road, track, x[DISTANCE] + arm)
+    # Wheel centre from O in the road frame, height over the road, load.
+    arm, y_i, z_i = _axles(d.a, -d.b), side * _axles(0.5 * d.t_f, 0.5 * d.t_r), d.R_l - d.h + s
+    r_x = a11 * arm + a12 * y_i + a13 * z_i
+    r_y = a22 * y_i + a23 * z_i
+    r_z = a31 * arm + a32 * y_i + a33 * z_i
+    ground, slope, mu = road.under_wheels(p.road, x[DISTANCE] + d.a, x[DISTANCE] - d.b)
+    # A leaning wheel meets the road in its own plane, off the line below its centre. Of second order in camber: the
+    # loaded radius is below (1 + camber^2/2), so that F_z at ``aside`` is its tyre spring's virtual work.
+    below = x[Z] + r_z - ground
+    aside, longer = below * camber, 1.0 + 0.5 * camber * camber
+    F_z = maximum(_axles(d.F_zf, d.F_zr) + d.K_t * (d.R_l - below * longer), 0.0) * longer
 
-        # Velocities of the wheel centre along x and of the contact along y: they define slip, and forces work on them.
-        centre = V_x + W_y * r_z - W_z * (r_y + aside) + (a13 + centre_x) * s_rate
-        contact = V_y + W_z * r_x - W_x * (r_z - below) + (a23 + contact_y) * s_rate
+    # Velocities of the wheel centre along x and of the contact along y: they define slip, and forces work on them.
+    centre = V_x + W_y * r_z - W_z * (r_y + aside) + (a13 + centre_x) * s_rate
+    contact = V_y + W_z * r_x - W_x * (r_z - below) + (a23 + contact_y) * s_rate
+    ahead = centre - below * (W_y + carrier_pitch * s_rate)  # of the contact, along x
+    c_s, s_s = _turned(steer)
+    spin, rolling = take(x, SPIN), centre * c_s + contact * s_s
+    slip_x, slip_y = rolling - d.R_e * spin, contact * c_s - ahead * s_s
+
+    # Forces of the relaxed slips; the tyre's structure damps them at standstill, where rolling does not.
+    kappa, tan_a = take(x, KAPPA), take(x, ALPHA)
+    fast = fabs(rolling)
+    slow = 1.0 - minimum(fast * (1.0 / DAMPED_BELOW), 1.0)
+    slow *= slow
+    F_x, F_y, M_x, M_y, M_z = tyre.forces_of_four(
+        c, kappa - d.d_x * slow * slip_x, tan_a + d.d_y * slow * slip_y, camber, F_z, fast, mu
+    )
+    whole = _fade(rolling, SPIN_BLEND)
+    M_y *= whole
+
+    # Torsion about z. Fast rolling, or fast turning under a small load, leaves nothing of it: keep the rule stable.
+    relative = F_z * (1.0 / d.torsion_load)
+    level = maximum(mu * relative * sqrt(relative), 1e-9)
+    level_fl, level_fr, level_rl, level_rr = lanes(level)
+    turning_fl, turning_fr, turning_rl, turning_rr = lanes(turning)
+    k = TORSION
+    torsion = four(
+        _torsion(p.torsion, level_fl, x[k : k + 1], turning_fl, dx[k : k + 1]),
+        _torsion(p.torsion, level_fr, x[k + 1 : k + 2], turning_fr, dx[k + 1 : k + 2]),
+        _torsion(p.torsion, level_rl, x[k + 2 : k + 3], turning_rl, dx[k + 2 : k + 3]),
+        _torsion(p.torsion, level_rr, x[k + 3 : k + 4], turning_rr, dx[k + 3 : k + 4]),
+    )
+    M_z = M_z * whole - torsion
+    carried = fast * (1.0 / d.sigma_z)
+    fastest = carried + fabs(turning) * (p.torsion.sigma_0 / p.torsion.F_c) / level
+    put(dx, k, (take(dx, k) - carried * take(x, k)) * minimum(FASTEST_FADING / (fastest + 1e-9), 1.0))
+
+    if d.give_r != 0.0:
+        # Compliance steer needs the force first; only the damping at standstill went without it.
+        steer += _axles(0.0, d.give_r) * F_y
         c_s, s_s = _turned(steer)
-        ahead = centre - below * (W_y + carrier_pitch * s_rate)  # of the contact, along x
         rolling = centre * c_s + contact * s_s
-        slip_x, slip_y = rolling - d.R_e * x[SPIN + i], contact * c_s - ahead * s_s
+        slip_x, slip_y = rolling - d.R_e * spin, contact * c_s - ahead * s_s
+        fast = fabs(rolling)
+    kappa_rate = _limited((-slip_x - fast * kappa) * (1.0 / d.sigma_x), kappa)
+    alpha_rate = _limited((slip_y - fast * tan_a) * (1.0 / d.sigma_y), tan_a)
+    if any_of(fast < LARGEST_SLIP * SPIN_BLEND):
+        K_x, K_y = tyre.stiffnesses(c, F_z)
+        kappa_rate += _let_go(kappa, F_x, K_x, fast)
+        alpha_rate += _let_go(tan_a, F_y, K_y, fast)
+    put(dx, KAPPA, kappa_rate)
+    put(dx, ALPHA, alpha_rate)
 
-        # Forces of the relaxed slips; the tyre's structure damps them at standstill, where rolling does not.
-        slow = 1.0 - min(abs(rolling) * (1.0 / DAMPED_BELOW), 1.0)
-        kappa = x[KAPPA + i] - d.d_x * slow * slow * slip_x
-        tan_a = x[ALPHA + i] + d.d_y * slow * slow * slip_y
-        F_x, F_y, M_x, M_y, M_z = tyre.forces_slip(c, kappa, tan_a, camber, F_z, abs(rolling), mu)
-        whole = _fade(rolling, SPIN_BLEND)
-        M_y *= whole
-        relative = F_z * per_load
-        level = max(mu * relative * math.sqrt(relative), 1e-9)
-        memory, memory_rate = x[TORSION + i : TORSION + i + 1], dx[TORSION + i : TORSION + i + 1]
-        M_z = M_z * whole - law.torque(p.torsion, level, memory, turning)
-        law.rate(p.torsion, level, memory, turning, memory_rate)
-        memory_rate[0] -= abs(rolling) * per_z * memory[0]
-        # Fast rolling, or fast turning under a small load, leaves nothing of it anyway: keep the rule stable.
-        fastest = abs(rolling) * per_z + abs(turning) * p.torsion.sigma_0 / (level * p.torsion.F_c)
-        memory_rate[0] *= min(FASTEST_FADING / (fastest + 1e-9), 1.0)
-        if not front and d.give_r != 0.0:
-            # Compliance steer needs the force first; only the damping at standstill went without it.
-            steer += d.give_r * F_y
-            c_s, s_s = _turned(steer)
-            rolling = centre * c_s + contact * s_s
-            slip_x, slip_y = rolling - d.R_e * x[SPIN + i], contact * c_s - ahead * s_s
-        dx[KAPPA + i] = _limited((-slip_x - abs(rolling) * x[KAPPA + i]) * per_x, x[KAPPA + i])
-        dx[ALPHA + i] = _limited((slip_y - abs(rolling) * x[ALPHA + i]) * per_y, x[ALPHA + i])
+    # A brake that slides gives its capacity; one that holds, what the wheel needs to stand still.
+    capacity, drive = _axles(brake_f, brake_r), _axles(0.5 * drive_f, 0.5 * drive_r)
+    road_torque = M_y - d.R_e * F_x
+    held = minimum(maximum(road_torque + drive, -capacity), capacity)
+    brake = where(spin == 0.0, held, copysign(capacity, spin))
+    braked = -brake * (1.0 / d.R_e)  # the part of F_x that the brake holds
+    rack_left, rack_right, _, _ = lanes(
+        strut_map.rack_force(knuckle, side * braked, side * (F_x - braked - F_z * slope), F_y, side * F_z, M_x, M_z)
+    )
+    rack_force = rack_left + rack_right
 
-        if abs(rolling) < LARGEST_SLIP * SPIN_BLEND:
-            dx[KAPPA + i] += _let_go(x[KAPPA + i], F_x, tyre.longitudinal_stiffness(c, F_z), rolling)
-            dx[ALPHA + i] += _let_go(x[ALPHA + i], F_y, tyre.cornering_stiffness(c, F_z), rolling)
-
-        # A brake that slides gives its capacity; one that holds, what the wheel needs to stand still.
-        road_torque = M_y - d.R_e * F_x
-        brake = math.copysign(capacity, x[SPIN + i])
-        if x[SPIN + i] == 0.0:
-            brake = min(max(road_torque + drive, -capacity), capacity)
-        if front:
-            braked = -brake * per_radius  # the part of F_x that the brake holds
-            force = strut_map.rack_force(
-                knuckle, side * braked, side * (F_x - braked - F_z * slope), F_y, side * F_z, M_x, M_z
-            )
-            if side > 0.0:
-                rack_force_left = force
-            else:
-                rack_force_right = force
-
-        X_i, Y_i = F_x * c_s - F_y * s_s - F_z * slope, F_x * s_s + F_y * c_s  # the road pushes square to itself
-        out[_LOAD + i] = F_z
-        out[_FX + i], out[_FY + i], out[_MZ + i], out[_SPIN_TORQUE + i] = F_x, F_y, M_z, road_torque
-        out[_X + i], out[_Y + i] = X_i, Y_i
-        out[_MX + i] = (r_y + aside) * F_z - (r_z - below) * Y_i + M_x * c_s
-        # F_x acts at the wheel centre, its moment about the axle being the wheel's own; the rest on the ground.
-        grounded = below * (F_y * s_s + F_z * slope)
-        out[_MY + i] = r_z * X_i + grounded - r_x * F_z + M_x * s_s + brake - drive
-        out[_MZ_SUM + i] = r_x * Y_i - (r_y + aside) * X_i + M_z
-        out[_Q + i] = (
-            a33 * F_z
-            + lean * (aside * F_z + M_x)
-            + (a13 + centre_x) * X_i
-            + (a23 + contact_y) * Y_i
-            + carrier_pitch * (brake + grounded)
-            - spring
-            + m_i * (d.g_z + w_y * v_x - w_x * v_y)
-        )
-        dx[SPIN + i] = road_torque + drive - brake
-        if front:
-            out[1 + i] = steer
-    rack_force = rack_force_left + rack_force_right
+    X_i, Y_i = F_x * c_s - F_y * s_s - F_z * slope, F_x * s_s + F_y * c_s  # the road pushes square to itself
+    moment_x = (r_y + aside) * F_z - (r_z - below) * Y_i + M_x * c_s
+    # F_x acts at the wheel centre, its moment about the axle being the wheel's own; the rest on the ground.
+    grounded = below * (F_y * s_s + F_z * slope)
+    moment_y = r_z * X_i + grounded - r_x * F_z + M_x * s_s + brake - drive
+    moment_z = r_x * Y_i - (r_y + aside) * X_i + M_z
+    travel_force = (
+        a33 * F_z
+        + lean * (aside * F_z + M_x)
+        + (a13 + centre_x) * X_i
+        + (a23 + contact_y) * Y_i
+        + carrier_pitch * (brake + grounded)
+        - spring
+        + _axles(d.m_f, d.m_r) * (d.g_z + w_y * v_x - w_x * v_y)
+    )
+    out[1], out[2], _, _ = lanes(steer)
+    put(out, _LOAD, F_z)
+    put(out, _FX, F_x)
+    put(out, _FY, F_y)
+    put(out, _MZ, M_z)
+    put(out, _SPIN_TORQUE, road_torque)
+    put(out, _X, X_i)
+    put(out, _Y, Y_i)
+    put(out, _MX, moment_x)
+    put(out, _MY, moment_y)
+    put(out, _MZ_SUM, moment_z)
+    put(out, _Q, travel_force)
+    put(dx, SPIN, road_torque + drive - brake)
 
     # The shafts give the wheels, and the body the other way, less than the engine gives where it speeds up.
     engine = 0.0
@@ -391,17 +472,16 @@ def derivative(p, strut, c, x, rack, rack_rate, u, dx, out):
         dx[i], dx[i + 1] = mean + half, mean - half
 
     # What acts on the whole car, in the road frame, then in the body's.
-    c_y, s_y = math.cos(x[YAW]), math.sin(x[YAW])
     speed_2 = V_x * V_x
     wind = u[WIND_FORCE]
-    side_force = _pair(out, _Y) + wind
-    along = _pair(out, _X) - math.copysign(d.drag * speed_2, V_x)
+    side_force = _pair(Y_i) + wind
+    along = _pair(X_i) - math.copysign(d.drag * speed_2, V_x)
     F_x = along + d.m * (d.g_x * c_y + d.g_y * s_y)
     F_y = side_force + d.m * (d.g_y * c_y - d.g_x * s_y)
-    F_z = _pair(out, _LOAD) + (d.lift_f + d.lift_r) * speed_2 + d.m * d.g_z
-    N_x = _pair(out, _MX)
-    N_y = _pair(out, _MY) + engine + (d.b * d.lift_r - d.a * d.lift_f) * speed_2
-    N_z = _pair(out, _MZ_SUM) + u[WIND_MOMENT]
+    F_z = _pair(F_z) + (d.lift_f + d.lift_r) * speed_2 + d.m * d.g_z
+    N_x = _pair(moment_x)
+    N_y = _pair(moment_y) + engine + (d.b * d.lift_r - d.a * d.lift_f) * speed_2
+    N_z = _pair(moment_z) + u[WIND_MOMENT]
     f_x, f_y, f_z = a11 * F_x + a31 * F_z, a12 * F_x + a22 * F_y + a32 * F_z, a13 * F_x + a23 * F_y + a33 * F_z
     n_x, n_y, n_z = a11 * N_x + a31 * N_z, a12 * N_x + a22 * N_y + a32 * N_z, a13 * N_x + a23 * N_y + a33 * N_z
 
@@ -414,7 +494,7 @@ def derivative(p, strut, c, x, rack, rack_rate, u, dx, out):
     I_xx = d.I_x + 2.0 * (d.m_f * half_f * half_f + d.m_r * half_r * half_r)
     I_yy = d.I_y + 2.0 * (d.m_f * d.a * d.a + d.m_r * d.b * d.b)
     H_x = I_xx * w_x - d.I_xz * w_z + (d.m_f * half_f * tilt_f + d.m_r * half_r * tilt_r)
-    H_y = I_yy * w_y - (d.m_f * d.a * up_f - d.m_r * d.b * up_r) + d.I_w * _pair(x, SPIN)
+    H_y = I_yy * w_y - (d.m_f * d.a * up_f - d.m_r * d.b * up_r) + d.I_w * _pair(spin)
     H_z = d.I_z * w_z - d.I_xz * w_x
     f_x -= w_y * G_z - w_z * G_y
     f_y -= w_z * G_x - w_x * G_z
@@ -470,7 +550,8 @@ def _advance(p, x, rate, before, out, out_before, s, h, u):
     chassis.extrapolated_step(x, rate, before, s, h)
     omega_f, omega_r = 0.5 * (spins[0] + spins[1]), 0.5 * (spins[2] + spins[3])
     J_f, J_r = _reflected(p, x, omega_f, omega_r)
-    hold_f, hold_r = drivetrain.brake_torques(p.brakes, out[_PEDAL], u[HAND_BRAKE])
+    _, pedal = _pressed(out, out_before, s, u)
+    hold_f, hold_r = drivetrain.brake_torques(p.brakes, pedal, u[HAND_BRAKE])
     for i, drive, J, hold in ((0, _DRIVE, J_f, hold_f), (2, _DRIVE + 1, J_r, hold_r)):
         half = 0.5 * (out[drive] + s * (out[drive] - out_before[drive]))
         k = _SPIN_TORQUE + i
@@ -483,7 +564,7 @@ def _advance(p, x, rate, before, out, out_before, s, h, u):
 
 
 @kernel
-def _report(p, x, out, before, s, row):
+def _report(p, x, out, before, s, u, row):
     row[0] = out[_SPEED + 1] + s * (out[_SPEED + 1] - before[_SPEED + 1])
     row[1] = out[_SPEED + 2] + s * (out[_SPEED + 2] - before[_SPEED + 2])
     row[2] = x[ROLL]
@@ -499,9 +580,9 @@ def _report(p, x, out, before, s, row):
         row[k] = x[i]
         k += 1
     for i in _EXTRA_OUTPUTS:
-        pedal = i == _THROTTLE or i == _PEDAL  # they end at 0 and 1
-        row[k] = out[i] if pedal else out[i] + s * (out[i] - before[i])
+        row[k] = out[i] + s * (out[i] - before[i])
         k += 1
+    row[_PLACE], row[_PLACE + 1] = _pressed(out, before, s, u)
 
 
 @kernel

@@ -18,7 +18,7 @@ from friction.check import number, positive
 from friction.kernel import kernel
 from vehicle import folding, tir
 from vehicle.folding import PressureTerms
-from vehicle.magic_formula import cornering_stiffness, forces, forces_slip, longitudinal_stiffness
+from vehicle.magic_formula import cornering_stiffness, forces, forces_of_four, longitudinal_stiffness, stiffnesses
 from vehicle.tyre_coefficients import ASYMMETRY, MagicFormula, record
 
 __all__ = [
@@ -30,12 +30,13 @@ __all__ = [
     "Tyre",
     "cornering_stiffness",
     "forces",
-    "forces_slip",
+    "forces_of_four",
     "from_file",
     "load",
     "longitudinal_stiffness",
     "record",
     "save",
+    "stiffnesses",
     "to_file",
 ]
 

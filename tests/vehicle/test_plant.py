@@ -215,8 +215,8 @@ def test_every_law_runs_and_mirrors_exactly(law):
         ("hand", True, "handwheel_angle [rad]"),
         ("hand_speed", True, "handwheel_speed [rad/s]"),
         ("assist_request", True, "column_angle [rad]"),
-        ("wind_force", False, "lateral_speed_derivative [m/s/s]"),
-        ("wind_moment", True, "yaw_rate_derivative [rad/s/s]"),
+        ("wind_force", False, "wind_force_at_node [N]"),
+        ("wind_moment", True, "wind_moment_at_node [N m]"),
     ],
 )
 def test_first_non_finite_state_is_named(name, robot, expected):

@@ -17,7 +17,10 @@ import numpy as np
 import pytest
 from numpy import abs, arccos, arctan, cos, exp, pi, sign, sin, sqrt, tan
 
+from friction.kernel import kernel
 from vehicle import tir, tyre
+from vehicle.lanes import alike, one, put, take
+from vehicle.magic_formula import forces_of_four
 
 DATA = files("vehicle").joinpath("data")
 V52, V61, V62 = (DATA.joinpath(f"{name}.tir") for name in tyre.EXAMPLES)
@@ -343,14 +346,40 @@ def test_half_turn_about_z(name):
         np.testing.assert_array_equal(back[2:], turn @ [M_x, M_y, M_z])
 
 
-@pytest.mark.parametrize("name", ["pacejka_2006_205_60r15", *tyre.EXAMPLES])
-def test_tangent_in_place_of_the_angle(name):
-    subject = tyre.load(name)
-    for kappa, alpha, gamma, F_z, v_x in points(8, 60):
-        got = tyre.forces_slip(tyre.record(subject.coefficients)[0], kappa, math.tan(alpha), gamma, F_z, v_x, 0.9)
-        np.testing.assert_allclose(
-            got, subject.forces(kappa, alpha, gamma, F_z, v_x, 0.9), rtol=1e-12, atol=1e-12 * F_z
+@kernel
+def side_by_side(c, x, together, alone):
+    """Forces at four points, columns of ``x``, in the four lanes and each by itself in all of them."""
+    kappa, tan_a, camber, F_z, v_x, mu = take(x, 0), take(x, 4), take(x, 8), take(x, 12), take(x, 16), take(x, 20)
+    F_x, F_y, M_x, M_y, M_z = forces_of_four(c[0], kappa, tan_a, camber, F_z, v_x, mu)
+    put(together, 0, F_x)
+    put(together, 4, F_y)
+    put(together, 8, M_x)
+    put(together, 12, M_y)
+    put(together, 16, M_z)
+    for i in range(4):
+        kappa, tan_a, camber, F_z, v_x, mu = x[0, i], x[1, i], x[2, i], x[3, i], x[4, i], x[5, i]
+        F_x, F_y, M_x, M_y, M_z = forces_of_four(
+            c[0], alike(kappa), alike(tan_a), alike(camber), alike(F_z), alike(v_x), alike(mu)
         )
+        alone[0, i], alone[1, i], alone[2, i] = one(F_x), one(F_y), one(M_x)
+        alone[3, i], alone[4, i] = one(M_y), one(M_z)
+
+
+@pytest.mark.parametrize("name", ["pacejka_2006_205_60r15", *tyre.EXAMPLES])
+def test_four_tyres_are_four_times_one(name):
+    """To the last bit, whatever the others do; and the same forces as by the slip angle instead of its tangent."""
+    subject = tyre.load(name)
+    rows = np.array([(*point, 0.9 if i % 3 else 1.0) for i, point in enumerate(points(8, 60))])
+    rows[5::7, 3] = 0.0
+    angles = rows[:, 1].copy()
+    rows[:, 1] = np.tan(angles)
+    for i in range(0, 60, 4):
+        together, alone = np.empty((2, 5, 4))
+        side_by_side(tyre.record(subject.coefficients), rows[i : i + 4].T.copy(), together.reshape(-1), alone)
+        np.testing.assert_array_equal(together, alone)
+        kappa, _, gamma, F_z, v_x, mu = rows[i : i + 4].T
+        by_angle = subject.forces(kappa, angles[i : i + 4], gamma, F_z, v_x, mu)
+        np.testing.assert_allclose(together, by_angle, rtol=1e-12, atol=1e-8)
 
 
 @pytest.mark.parametrize("name", tyre.EXAMPLES)

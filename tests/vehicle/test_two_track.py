@@ -533,7 +533,7 @@ def reference(p, u, state=None):
         _, (T1, force, T_F) = rates(end, y, now, queue[-2])
         hand = robot_angle(end)
         row[:9] = [hand[0], hand[1], T1, y[2], y[3], c.K_tb * (hand[0] - y[2]), y[4], T_F, force]
-        two_track._report(p.chassis, y[5:last], out, out, 0.0, row[9:])
+        two_track._report(p.chassis, y[5:last], out, out, 0.0, now, row[9:])
         record[i] = row
     return record
 
@@ -558,15 +558,31 @@ def test_weave_against_scipy():
 
 
 def test_braked_weave_against_scipy():
-    """0.35 g on and off again: a node sees inputs one to two samples late, which is of first order in their rate."""
+    """0.35 g on and off again: a moving pedal costs no accuracy, though nodes are rarer than rows of inputs."""
     p, u, t = make(), weave(True), np.arange(2000) * T
     _, state = run(p, inputs(1000, coast=1.0))
     u[:, BRAKE], u[:, COAST] = 0.3 * np.sin(np.pi * np.clip((t - 0.2) / 1.6, 0.0, 1.0)) ** 2, 1.0
     largest, rms = errors(p, u, (1, 2, 4), state)
     for name, i in CHANNEL.items():
-        assert largest[0][i] <= (1.0 if name == "friction_torque" else 0.5), name
-    i = CHANNEL["longitudinal_acceleration"]
-    assert math.log2(rms[1][i] / rms[2][i]) == pytest.approx(1.0, abs=0.1)
+        assert largest[0][i] <= (1.0 if name == "friction_torque" else 0.03), name
+        # below 1e-5 the pedal's steps from row to row show, which the continuous brake torque does not smooth
+        if rms[0][i] > 1e-5 and name not in ("friction_torque", "handwheel_torque", "column_speed"):
+            assert math.log2(rms[0][i] / rms[2][i]) / 2.0 > 1.8, name
+
+
+def test_jump_of_an_input_has_its_whole_effect():
+    """A gust of one row or more, from any row on, at any step: its impulse on the car, before the tyres answer."""
+    p = make(road_friction=0.1)
+    p = p._replace(tyre=tyre.record(TYRE.coefficients._replace(PKY1=1e-6 * TYRE.coefficients.PKY1)))
+    for substeps in (1, 2, 3):
+        calm, _ = run(p, inputs(30, coast=1.0), substeps=substeps)
+        for start in (10, 11):
+            for rows in (1, 2, 5):
+                u = inputs(30, coast=1.0)
+                u[start : start + rows, WIND_FORCE] = 1000.0
+                blown, _ = run(p, u, substeps=substeps)
+                gain = (at(blown, "lateral_speed") - at(calm, "lateral_speed"))[-1]
+                assert gain == pytest.approx(1000.0 * rows * T / C["mass"], rel=0.02), (substeps, start, rows)
 
 
 # What a car must do -------------------------------------------------------------------------------------------------

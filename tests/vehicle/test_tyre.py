@@ -6,13 +6,12 @@ import subprocess
 import sys
 from pathlib import Path
 
-import numba
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vehicle import lanes, tyre
+from vehicle import tyre
 from vehicle.tyre import MagicFormula
 
 LEFT = tyre.load()
@@ -271,25 +270,3 @@ def test_every_asymmetry_is_a_coefficient_and_symmetric_has_none():
     assert all(getattr(SYMMETRIC.coefficients, key) == 0.0 for key in tyre.ASYMMETRY)
     rest = set(MagicFormula._fields) - set(tyre.ASYMMETRY)
     assert all(getattr(SYMMETRIC.coefficients, key) == getattr(LEFT.coefficients, key) for key in rest)
-
-
-@numba.njit
-def in_lanes(x, arcs, waves):
-    for i in range(x.size):
-        arcs[i] = lanes.atan4(x[i], -x[i], 3.0 * x[i], 1.0)
-        waves[i] = lanes.waves(x[i], -x[i], x[i], -x[i])
-
-
-def test_lanes_are_the_elementary_functions():
-    x = np.concatenate([np.linspace(-90, 90, 30001), np.linspace(-3, 3, 30001), 10.0 ** np.linspace(-300, 1.9, 999)])
-    arcs, waves = np.empty((2, x.size, 4))
-    in_lanes(x, arcs, waves)
-    np.testing.assert_allclose(arcs.T, np.arctan([x, -x, 3 * x, np.ones_like(x)]), rtol=4.5e-16, atol=0)
-    np.testing.assert_allclose(waves.T, [np.sin(x), -np.sin(x), np.cos(x), np.cos(x)], rtol=0, atol=4e-16)
-    assert (arcs[:, 0] == -arcs[:, 1]).all()
-    assert (waves[:, 0] == -waves[:, 1]).all()
-    assert (waves[:, 2] == waves[:, 3]).all()
-    far, nothing = np.array([1e300, math.nan, 0.0]), np.empty((3, 4))
-    in_lanes(far, arcs[:3], nothing)
-    np.testing.assert_array_equal(arcs[:3, 0], [math.pi / 2, math.nan, 0.0])
-    np.testing.assert_array_equal(nothing[1:, 2], [math.nan, 1.0])
