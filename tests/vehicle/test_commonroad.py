@@ -69,7 +69,7 @@ def test_chassis_by_hand():
     assert c["mass"] * c["rear_axle"] / (P.a + P.b) == pytest.approx(P.m_s * P.b / (P.a + P.b) + P.m_uf)
     assert (c["front_anti_roll"], c["rear_anti_roll"]) == (-P.K_tsf, -P.K_tsr)
     assert c["rear_camber_gain"] == pytest.approx(0.9055, abs=1e-4)  # in bump the top leans inward
-    assert set(c) == set(cars._CHASSIS)
+    assert set(c) == {*cars._CHASSIS, *cars._SIZE}
 
 
 def test_changes_are_taken_and_checked():
