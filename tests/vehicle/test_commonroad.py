@@ -108,7 +108,7 @@ def test_what_is_read_and_what_is_left_out():
     read = {name for names in READS.values() for name in names}
     tyre = {f"tire.{name}" for name in vars(P.tire)}
     assert tyre - read == {"tire.p_hx1", "tire.p_vx1", "tire.p_hy1", "tire.p_vy1"}
-    out = {"l", "w", "I_xz_s", "K_ras", "K_rad", "h_cg", "h_raf", "I_uf", "I_ur", "K_lt", "T_sb", "T_se", "D_f"}
+    out = {"I_xz_s", "K_ras", "K_rad", "h_cg", "h_raf", "I_uf", "I_ur", "K_lt", "T_sb", "T_se", "D_f"}
     assert set(vars(P)) - read - {"steering", "longitudinal", "tire", "trailer"} == out | {"E_f", "E_r"}
 
 
