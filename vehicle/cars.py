@@ -71,6 +71,8 @@ _CHASSIS = (
     "front_lift_area",
     "rear_lift_area",
 )
+# Overall size, which lane-change courses need and no equation of motion does.
+_SIZE = ("length", "width")
 _STEERING = ("pinion_radius", "compliance", "friction_load", "rack_limit")
 _MAY_BE_ZERO = {
     "front_anti_roll",
@@ -303,6 +305,8 @@ _LIMITS = {
     "rear_track": (0.5, 3.0),  # [m]
     "front_axle": (0.1, 5.0),  # [m]
     "rear_axle": (0.1, 5.0),  # [m]
+    "length": (1.0, 15.0),  # [m]
+    "width": (0.5, 3.0),  # [m]
     "sprung_height": (0.1, 2.0),  # [m]
     "compliance_time": (0.004, math.inf),  # [s]; two chassis nodes
     "speed_hold_time": (0.004, math.inf),  # [s]
@@ -311,15 +315,15 @@ _LIMITS = {
 }
 
 
-def _require(where: str, given: Any, allowed: tuple[str, ...]) -> None:
-    _known(where, given, allowed)
+def _require(where: str, given: Any, allowed: tuple[str, ...], optional: tuple[str, ...] = ()) -> None:
+    _known(where, given, (*allowed, *optional))
     for key in allowed:
         if key not in given:
             raise ValueError(f"{where} lacks the key {key!r}")
 
 
-def _numbers(where: str, given: dict, allowed: tuple[str, ...]) -> dict[str, float]:
-    _require(where, given, allowed)
+def _numbers(where: str, given: dict, allowed: tuple[str, ...], optional: tuple[str, ...] = ()) -> dict[str, float]:
+    _require(where, given, allowed, optional)
     checked = {}
     for key, value in given.items():
         low, high = _LIMITS.get(key, (0.0, math.inf))
@@ -341,7 +345,7 @@ def from_data(data: dict[str, Any]) -> Car:
         An unknown or missing key, or a value outside its range, named with its section.
     """
     _require("car", data, _SECTIONS)
-    chassis = _numbers("chassis", data["chassis"], _CHASSIS)
+    chassis = _numbers("chassis", data["chassis"], _CHASSIS, _SIZE)
     rest = chassis["mass"] - chassis["sprung_mass"] - chassis["front_unsprung_mass"]
     if rest <= 0.0:
         raise ValueError(

@@ -49,6 +49,8 @@ _RENAMED = {
     "rear_anti_roll": ("K_tsr", -1.0),
     "rear_roll_centre": ("h_rar", 1.0),
     "rear_camber_gain": ("D_r", -1.0),  # theirs is the left wheel's inclination over rebound
+    "length": ("l", 1.0),
+    "width": ("w", 1.0),
 }
 
 # Nominal load of the tyre, assumed: only the range of loads that Tyre takes follows from it.

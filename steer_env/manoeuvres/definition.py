@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from vehicle import plant
+from vehicle.cars import Car
 from vehicle.road import Road
 
 Array = NDArray[np.float64]
@@ -47,6 +49,11 @@ class Manoeuvre:
     rig: bool = False  # steering on a rig: no rack load, assist off
     lock: bool = False  # the amplitude is all that the rack has
     chassis: str = "single_track"  # two_track where the car must be able to stand or to change its speed
+    # Closes the loop in place of ``hand``: called every 10 ms with time [s] and channels (C,), it gives handwheel angle
+    # [rad] and speed [rad/s] 10 ms later.
+    driver: Callable[[Car, plant.Plant], Callable[[float, Array], tuple[float, float]]] | None = None
+    ends_at: float | None = None  # x at which a closed loop ends, before its duration is over [m]
+    coasts_from: float | None = None  # x from which a closed loop runs with the speed hold off; two_track only [m]
     road: Road | None = None  # heights, split friction, grade, bank; two_track only
     others: Mapping[int, Callable[[Array], Array]] = field(default_factory=dict)  # further plant inputs over time
     meta: Mapping[str, Any] = field(default_factory=dict)  # conditions that the metrics need, units in the names

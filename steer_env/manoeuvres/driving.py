@@ -7,13 +7,20 @@ from numpy.typing import NDArray
 
 from friction.check import positive
 from friction.law import law_of
+from steer_env.lane_change import outline
 from steer_env.manoeuvres.definition import Manoeuvre
 from steer_env.recording import Recording
-from vehicle import plant
+from vehicle import chassis, plant
 from vehicle.assist import SAMPLE_TIME
 from vehicle.cars import Car
 
 Array = NDArray[np.float64]
+
+HOLD = 10  # samples between calls of a driver
+
+
+class LostControlError(ValueError):
+    """The car spun in a manoeuvre, or a driver lost it altogether."""
 
 
 def build_plant(car: Car, manoeuvre: Manoeuvre, friction: Any) -> plant.Plant:
@@ -80,6 +87,34 @@ def run(p: plant.Plant, manoeuvre: Manoeuvre, u: Array) -> Array:
     return record
 
 
+def run_closed(car: Car, p: plant.Plant, manoeuvre: Manoeuvre) -> Array:
+    """Channels (T, C) of a plant that starts straight, with the manoeuvre's driver at the handwheel.
+
+    Between the driver's samples the handwheel angle is a cubic that meets angle and speed at both ends. A manoeuvre
+    without a driver is a ValueError.
+    """
+    if manoeuvre.driver is None:
+        raise ValueError(f"{manoeuvre.name} has no driver; run it with its inputs")
+    driver, u = manoeuvre.driver(car, p), inputs(manoeuvre, 0.0, manoeuvre.duration)
+    state, row = plant.settled(p)
+    record, x = np.zeros((len(u), row.size)), plant.CHANNEL["x"]
+    s = np.arange(1.0, HOLD + 1.0) / HOLD
+    hermite = np.array([(1 + 2 * s) * (1 - s) ** 2, s * (1 - s) ** 2, s * s * (3 - 2 * s), s * s * (s - 1)]).T
+    slopes = np.array([6 * s * (s - 1), (1 - s) * (1 - 3 * s), 6 * s * (1 - s), s * (3 * s - 2)]).T
+    span, hand, done = HOLD * SAMPLE_TIME, (0.0, 0.0), 0
+    for done in range(HOLD, len(u) + 1, HOLD):
+        last, hand = hand, driver((done - HOLD) * SAMPLE_TIME, row)
+        ends, part = np.array([last[0], span * last[1], hand[0], span * hand[1]]), slice(done - HOLD, done)
+        u[part, plant.HAND], u[part, plant.HAND_SPEED] = hermite @ ends, slopes @ ends / span
+        if manoeuvre.coasts_from is not None and row[x] >= manoeuvre.coasts_from:
+            u[part, chassis.COAST] = 1.0
+        finite = plant.run(p, state, u[part], record[part], 1)
+        row = record[done - 1]
+        if not finite or (manoeuvre.ends_at is not None and row[x] >= manoeuvre.ends_at):
+            break
+    return record[:done]
+
+
 def drive(car: Car, manoeuvre: Manoeuvre, friction: Any = "lugre") -> Recording:
     """Drive a manoeuvre and record every channel at 1 kHz.
 
@@ -102,18 +137,26 @@ def drive(car: Car, manoeuvre: Manoeuvre, friction: Any = "lugre") -> Recording:
         is named).
     """
     p = build_plant(car, manoeuvre, friction)
-    amplitude = _amplitude(p, manoeuvre)
-    u = inputs(manoeuvre, amplitude, manoeuvre.duration)
-    record = run(p, manoeuvre, u)
-    if not np.isfinite(record[-1]).all():
-        raise ValueError(f"{manoeuvre.name} diverged: {plant.first_non_finite(p, plant.initial_state(p), u)} first")
+    if manoeuvre.driver is None:
+        amplitude = _amplitude(p, manoeuvre)
+        u = inputs(manoeuvre, amplitude, manoeuvre.duration)
+        record = run(p, manoeuvre, u)
+        if not np.isfinite(record[-1]).all():
+            raise ValueError(f"{manoeuvre.name} diverged: {plant.first_non_finite(p, plant.initial_state(p), u)} first")
+        steered = {"amplitude_rad" if manoeuvre.robot else "amplitude_nm": amplitude}
+        advice = f"ask for less than {amplitude:g}, or for less speed"
+    else:
+        record, advice = run_closed(car, p, manoeuvre), "ask for less speed"
+        if not np.isfinite(record[-1]).all():
+            raise LostControlError(f"{manoeuvre.name} diverged: {advice}")
+        steered = {f"vehicle_{key}_m": value for key, value in outline(car)._asdict().items()}
     names = plant.channels(p)
     channels = {name: record[:, i].copy() for i, (name, _) in enumerate(names)}
-    channels["vehicle_speed"] = channels.get("longitudinal_speed", np.full(len(u), manoeuvre.speed))
+    channels["vehicle_speed"] = channels.get("longitudinal_speed", np.full(len(record), manoeuvre.speed))
     if manoeuvre.speed and np.any(np.abs(channels["lateral_speed"]) > channels["vehicle_speed"]):
-        raise ValueError(f"{manoeuvre.name}: the car spins; ask for less than {amplitude:g}, or for less speed")
+        raise LostControlError(f"{manoeuvre.name}: the car spins; {advice}")
     return Recording(
-        time=SAMPLE_TIME * np.arange(1, len(u) + 1),
+        time=SAMPLE_TIME * np.arange(1, len(record) + 1),
         channels=channels,
         units={**dict(names), "vehicle_speed": "m/s"},
         meta={
@@ -124,7 +167,7 @@ def drive(car: Car, manoeuvre: Manoeuvre, friction: Any = "lugre") -> Recording:
             "friction": law_of(p.friction).name,
             "friction_parameters": ",".join(f"{key}={_text(value)}" for key, value in p.friction._asdict().items()),
             "speed_m_s": manoeuvre.speed,
-            "amplitude_rad" if manoeuvre.robot else "amplitude_nm": amplitude,
+            **steered,
             "frequency_hz": manoeuvre.frequency,
             **manoeuvre.meta,
         },

@@ -69,7 +69,7 @@ def test_chassis_by_hand():
     assert c["mass"] * c["rear_axle"] / (P.a + P.b) == pytest.approx(P.m_s * P.b / (P.a + P.b) + P.m_uf)
     assert (c["front_anti_roll"], c["rear_anti_roll"]) == (-P.K_tsf, -P.K_tsr)
     assert c["rear_camber_gain"] == pytest.approx(0.9055, abs=1e-4)  # in bump the top leans inward
-    assert set(c) == set(cars._CHASSIS)
+    assert set(c) == {*cars._CHASSIS, *cars._SIZE}
 
 
 def test_changes_are_taken_and_checked():
@@ -108,7 +108,7 @@ def test_what_is_read_and_what_is_left_out():
     read = {name for names in READS.values() for name in names}
     tyre = {f"tire.{name}" for name in vars(P.tire)}
     assert tyre - read == {"tire.p_hx1", "tire.p_vx1", "tire.p_hy1", "tire.p_vy1"}
-    out = {"l", "w", "I_xz_s", "K_ras", "K_rad", "h_cg", "h_raf", "I_uf", "I_ur", "K_lt", "T_sb", "T_se", "D_f"}
+    out = {"I_xz_s", "K_ras", "K_rad", "h_cg", "h_raf", "I_uf", "I_ur", "K_lt", "T_sb", "T_se", "D_f"}
     assert set(vars(P)) - read - {"steering", "longitudinal", "tire", "trailer"} == out | {"E_f", "E_r"}
 
 

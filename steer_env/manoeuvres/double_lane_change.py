@@ -1,0 +1,51 @@
+"""Double lane change."""
+
+from typing import Any
+
+import numpy as np
+
+from steer_env import lane_change
+from steer_env.manoeuvres.definition import Manoeuvre, register
+from vehicle.cars import Car
+from vehicle.plant import Plant
+
+APPROACH, RUN_OUT = 60.0, 15.0  # straight before the first cone, and driven behind the last; assumed [m]
+LONGEST = 60.0  # time for a run [s]
+
+
+@register("double-lane-change")
+def double_lane_change(edition: str = "2018", mirrored: bool = False, **driver: float) -> Manoeuvre:
+    """Double lane change: a preview driver takes the car to the next lane and back at constant speed."""
+    return lane_change_manoeuvre(
+        "double-lane-change",
+        edition,
+        mirrored,
+        driver,
+        hands="A preview driver steers to the next lane and back",
+        source=f"after ISO 3888-1:{edition}",
+        speed=80.0 / 3.6,
+    )
+
+
+def lane_change_manoeuvre(
+    name: str, edition: str, mirrored: bool, driver: dict[str, float], **fields: Any
+) -> Manoeuvre:
+    """A closed-loop manoeuvre through a course; ``driver`` are options of :func:`steer_env.drivers.preview`."""
+
+    def at_the_wheel(car: Car, p: Plant):
+        from steer_env import drivers  # here, for python-control takes longer to import than an environment to start
+
+        size = lane_change.outline(car)
+        path = lane_change.path(lane_change.course(name, size.width, edition, mirrored), size)
+        return drivers.preview(car, p, path + np.array([APPROACH, 0.0]), **driver)
+
+    length = lane_change.course(name, 1.8, edition).length
+    return Manoeuvre(
+        name=name,
+        duration=LONGEST,
+        hand=lambda t, amplitude: (np.zeros_like(t), np.zeros_like(t)),
+        driver=at_the_wheel,
+        ends_at=APPROACH + length + RUN_OUT,
+        meta={"edition": edition, "mirrored": mirrored, "entry_x_m": APPROACH, "entry_y_m": 0.0, "entry_yaw_rad": 0.0},
+        **fields,
+    )

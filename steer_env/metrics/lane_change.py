@@ -1,0 +1,279 @@
+"""Lane changes through cones: whether the car passes, at what speed, and how the hands and the car work for it.
+
+A recording is laid into the axes of the course (:mod:`steer_env.lane_change`) by where the meta, or the conditions
+given, have its first cones. A pass lasts from the car's front at the first cones to its rear at the last; each pass in
+a recording is a repeat. Driving back beside the course does not count.
+"""
+
+from collections.abc import Mapping
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from scipy.integrate import trapezoid
+from scipy.interpolate import CubicSpline
+
+from steer_env import lane_change
+from steer_env.metrics.definitions import SPEED_SPREAD, Array, RefusedError, metric, procedure
+from steer_env.metrics.reading import ANGLE, AY, SPEED, TORQUE, YAW, Reading
+from steer_env.recording import DEGREE, Recording
+
+RATE = "handwheel_speed"
+CUTOFF = 10.0  # low-pass [Hz]
+STEP = 0.001  # at which a pass is read [s]
+PEAK_WINDOW = 0.08  # half width of the parabola that a peak is read from; assumed [s]
+SPEED_WINDOW = 0.1  # half width of the mean that a speed is read from; assumed [s]
+LAGS = np.arange(-0.2, 0.601, 0.005)  # at which yaw rate and handwheel are compared; assumed [s]
+LEAST_ANGLE = 5 * DEGREE  # of the handwheel in a lane change; assumed [rad]
+TESTS = ("double-lane-change", "obstacle-avoidance")
+
+_NEEDED = {
+    "entry_x_m": "x of the first cones in the recording's axes",
+    "entry_y_m": "y of the middle between the first cones",
+    "edition": "year of the standard whose course it is",
+    "vehicle_width_m": "overall width of the car without mirrors",
+    "vehicle_length_m": "overall length of the car",
+}
+
+
+class Passes:
+    """The passes through a course in a recording.
+
+    Raises RefusedError if the meta lacks where the course is, if position or direction is missing, if no pass begins,
+    or if the car enters a double lane change at another speed than ``speed_m_s``.
+    """
+
+    def __init__(self, recording: Recording, asked: Mapping[str, Any], name: str) -> None:
+        for key, meaning in _NEEDED.items():
+            if asked[key] is None:
+                raise RefusedError(f"{key} is not known ({meaning}): give it in the meta or as a condition, {key}=...")
+        self._car = lane_change.Outline(asked["vehicle_length_m"], asked["vehicle_width_m"], asked["vehicle_centre_m"])
+        self._course = lane_change.course(name, self._car.width, asked["edition"], bool(asked["mirrored"]))
+        if "yaw_angle" in recording.units:  # may jump by a turn
+            channels = {**recording.channels, "yaw_angle": np.unwrap(recording["yaw_angle"])}
+            recording = Recording(recording.time, channels, recording.units)
+        self._smooth = Reading(recording, CUTOFF)
+        self._time = self._smooth.time
+        east, north = self._smooth["x"] - asked["entry_x_m"], self._smooth["y"] - asked["entry_y_m"]
+        c, s = np.cos(asked["entry_yaw_rad"]), np.sin(asked["entry_yaw_rad"])
+        yaw = self._smooth["yaw_angle"] - asked["entry_yaw_rad"]
+        self._pose = CubicSpline(self._time, np.column_stack([c * east + s * north, c * north - s * east, yaw]))
+        self._find(self._pose(self._time)[:, 0] + self._car.centre)
+        if asked.get("speed_m_s") and SPEED in self._smooth and self._times.size:
+            found = self.speed(0)
+            if np.any(np.abs(found / asked["speed_m_s"] - 1.0) > SPEED_SPREAD):
+                speeds = ", ".join(f"{3.6 * v:.4g}" for v in found)
+                raise RefusedError(
+                    f"the car enters at {speeds} km/h, not at {3.6 * asked['speed_m_s']:.4g} km/h +- {SPEED_SPREAD:.0%}"
+                    f": enter at that speed, or say that the test was at speed_m_s={found.mean():.4g}"
+                )
+
+    def _find(self, x: Array) -> None:
+        """Note the passes that reach the last cones, from where the outline's middle is; refused where none begins."""
+        ahead, length = 0.5 * self._car.length, self._course.length
+        inside = (x + ahead > 0.0) & (x - ahead < length)
+        begins, times = [], []
+        for k in np.flatnonzero(inside[1:] & ~inside[:-1]).tolist():
+            if x[k] + ahead > 0.0:
+                continue  # comes from the far end
+            left = np.flatnonzero(~inside[k + 1 :])
+            j = k + 1 + left[0] if left.size else -1
+            begins.append(k)
+            if j > 0 and x[j] - ahead >= length:
+                times.append([_crossing(self._time, x + ahead, k), _crossing(self._time, x - ahead - length, j - 1)])
+        if not begins:
+            raise RefusedError(
+                "the car's front never passes the first cones: start the recording before them, and check entry_x_m, "
+                "entry_y_m and entry_yaw_rad"
+            )
+        self._begun, self._times = len(begins), np.array(times).reshape(-1, 2)
+
+    @property
+    def times(self) -> Array:
+        """Begin and end of the passes (n, 2) that reach the last cones [s]; refused where none does."""
+        if not self._times.size:
+            raise RefusedError("no pass reaches the last cones: record to behind them")
+        return self._times
+
+    def _instants(self) -> list[Array]:
+        return [np.linspace(a, b, int(np.ceil((b - a) / STEP)) + 1) for a, b in self.times]
+
+    @cached_property
+    def margins(self) -> list[Array]:
+        """Least distance to each cone (N,), pass by pass [m]."""
+        found = []
+        for t in self._instants():
+            sides = lane_change.cone_margins(self._course, self._car, *self._pose(t).T)
+            found.append(np.concatenate(sides, axis=1).min(axis=0))
+        return found
+
+    def completed(self) -> Array:
+        """Whether the passes begun reach the last cones, the middle of the outline between the lanes' edges (n,)."""
+        found = [0.0] * (self._begun - len(self._times))
+        if not self._times.size:
+            return np.array(found)
+        for t in self._instants():
+            x, y, yaw = self._pose(t).T
+            x, y = x + self._car.centre * np.cos(yaw), y + self._car.centre * np.sin(yaw)
+            in_lane = [
+                (gate.right < y) & (y < gate.left) | (x < gate.start) | (x > gate.end) for gate in self._course.gates
+            ]
+            found.append(float(np.all(in_lane)))
+        return np.array(found)
+
+    def samples(self, name: str) -> list[tuple[Array, Array]]:
+        """Instants and values of a channel, pass by pass."""
+        curve = CubicSpline(self._time, self._smooth[name])
+        return [(t, curve(t)) for t in self._instants()]
+
+    def steered(self, name: str) -> list[tuple[Array, Array]]:
+        """As :meth:`samples`; refused where the handwheel hardly turns or the channel runs against it."""
+        read = self.samples(name)
+        for _, correlation in self._lags(name):
+            if correlation < 0.0:
+                raise RefusedError(f"{name} runs against {ANGLE}: check the signs, a left turn is positive in both")
+        return read
+
+    def peak(self, name: str) -> Array:
+        """Largest size of a channel (n,), from a parabola through what lies around it."""
+        found = []
+        for t, values in self.steered(name):
+            k = int(np.argmax(np.abs(values)))
+            near = np.abs(t - t[k]) <= PEAK_WINDOW
+            parabola = np.polynomial.Polynomial.fit(t[near], values[near] * np.sign(values[k]), 2)
+            found.append(np.max(parabola(t[near])))
+        return np.array(found)
+
+    def speed(self, end: int) -> Array:
+        """Mean speed around the begin (0) or the end (1) of the passes (n,) [m/s]."""
+        speed, half = self._smooth[SPEED], SPEED_WINDOW
+        return np.array([speed[np.abs(self._time - t) <= half * (1 + 1e-9)].mean() for t in self.times[:, end]])
+
+    def lag(self, name: str) -> Array:
+        """Delay of a channel behind the handwheel angle (n,) at which they correlate best [s]."""
+        self.steered(name)
+        return np.array([lag for lag, _ in self._lags(name)])
+
+    def _lags(self, name: str) -> list[tuple[float, float]]:
+        """Lag [s] and correlation [1] of the strongest, pass by pass; a rate is compared with the handwheel's."""
+        angle, other = (CubicSpline(self._time, self._smooth[key]) for key in (ANGLE, name))
+        steering = angle.derivative() if name == RATE else angle
+        found = []
+        for t0, t1 in self.times:
+            t = np.arange(max(t0, self._time[0] - LAGS[0]), min(t1, self._time[-1] - LAGS[-1]), 5 * STEP)
+            if t.size < 2 or np.max(np.abs(angle(t))) < LEAST_ANGLE:
+                raise RefusedError(f"{ANGLE} stays below {LEAST_ANGLE / DEGREE:g} deg: steer through the course")
+            a, b = steering(t), other(t + LAGS[:, None])
+            a, b = a - a.mean(), b - b.mean(axis=1, keepdims=True)
+            size = np.linalg.norm(a) * np.linalg.norm(b, axis=1)
+            if not np.all(size > 0.0):
+                raise RefusedError(f"{name} does not change while the car passes: check the channel")
+            r = b @ a / size
+            k = int(np.clip(np.argmax(np.abs(r)), 1, LAGS.size - 2))
+            before, here, after = r[k - 1 : k + 2]
+            bend = before - 2.0 * here + after
+            found.append((LAGS[k] + (0.5 * (before - after) / bend if bend else 0.0) * (LAGS[1] - LAGS[0]), here))
+        return found
+
+
+def _crossing(time: Array, values: Array, k: int) -> float:
+    """When values rise through zero after sample ``k`` [s]."""
+    return float(time[k] - values[k] * (time[k + 1] - time[k]) / (values[k + 1] - values[k]))
+
+
+_PLACE = dict.fromkeys(_NEEDED) | {"entry_yaw_rad": 0.0, "mirrored": False, "vehicle_centre_m": 0.0}
+procedure(
+    "double-lane-change",
+    lambda recording, asked: Passes(recording, asked, "double-lane-change"),
+    constant_speed=False,
+    speed_m_s=80 / 3.6,
+    **_PLACE,
+)
+procedure(
+    "obstacle-avoidance",
+    lambda recording, asked: Passes(recording, asked, "obstacle-avoidance"),
+    constant_speed=False,
+    **_PLACE,
+)
+
+SOURCE = "after ISO 3888-1 and ISO 3888-2"
+PRACTICE = "lane-change tests of steering-feel practice"
+
+
+@metric("1", *TESTS, source=SOURCE)
+def course_completed(passes: Passes) -> Array:
+    """1 for a pass that reaches the last cones with the middle of the car between the lanes' edges, 0 for another."""
+    return passes.completed()
+
+
+@metric("1", *TESTS, source=SOURCE)
+def cones_hit(passes: Passes) -> Array:
+    """Number of cones whose base the outline of the car, a rectangle, sweeps over."""
+    return np.array([np.count_nonzero(margins < 0.0) for margins in passes.margins])
+
+
+@metric("m", *TESTS, source=SOURCE)
+def smallest_cone_margin(passes: Passes) -> Array:
+    """Least distance between the outline of the car and a cone; negative as deep as a cone gets into the outline."""
+    return np.array([margins.min() for margins in passes.margins])
+
+
+@metric("km/h", *TESTS, source=SOURCE)
+def lane_change_entry_speed(passes: Passes) -> Array:
+    """Speed as the front of the car passes the first cones, mean over 0.2 s."""
+    return passes.speed(0)
+
+
+@metric("km/h", *TESTS, source=SOURCE)
+def lane_change_exit_speed(passes: Passes) -> Array:
+    """Speed as the rear of the car passes the last cones, mean over 0.2 s."""
+    return passes.speed(1)
+
+
+@metric("m/s2", *TESTS, source=PRACTICE)
+def lane_change_lateral_acceleration(passes: Passes) -> Array:
+    """Largest lateral acceleration, to either side."""
+    return passes.peak(AY)
+
+
+@metric("deg/s", *TESTS, source=PRACTICE)
+def lane_change_yaw_rate(passes: Passes) -> Array:
+    """Largest yaw rate, to either side."""
+    return passes.peak(YAW)
+
+
+@metric("deg", *TESTS, source=PRACTICE)
+def lane_change_handwheel_angle(passes: Passes) -> Array:
+    """Largest handwheel angle, to either side."""
+    return passes.peak(ANGLE)
+
+
+@metric("deg/s", *TESTS, source=PRACTICE)
+def lane_change_handwheel_speed(passes: Passes) -> Array:
+    """Largest handwheel speed, in either direction."""
+    return passes.peak(RATE)
+
+
+@metric("N m", *TESTS, source=PRACTICE)
+def lane_change_handwheel_torque(passes: Passes) -> Array:
+    """Largest hand torque, to either side."""
+    return passes.peak(TORQUE)
+
+
+@metric("N m", *TESTS, source=PRACTICE)
+def lane_change_torque_rms(passes: Passes) -> Array:
+    """Root mean square of the hand torque."""
+    return np.array([np.sqrt(trapezoid(T**2, t) / (t[-1] - t[0])) for t, T in passes.steered(TORQUE)])
+
+
+@metric("J", *TESTS, source=PRACTICE)
+def lane_change_steering_effort(passes: Passes) -> Array:
+    """Integral of |hand torque x handwheel speed| over time: work of the hands on the handwheel and against it."""
+    pairs = zip(passes.steered(TORQUE), passes.steered(RATE))
+    return np.array([trapezoid(np.abs(T * rate), t) for (t, T), (_, rate) in pairs])
+
+
+@metric("ms", *TESTS, source=PRACTICE)
+def lane_change_yaw_lag(passes: Passes) -> Array:
+    """Delay of the yaw rate behind the handwheel angle at which the two correlate best, between -0.2 and 0.6 s."""
+    return passes.lag(YAW)
