@@ -25,7 +25,7 @@ class Drive(NamedTuple):
 
     values: dict[str, Value]
     curves: validation.Curves  # as in ``validation.curves``, thinned; empty if refused
-    amplitude: float  # of the handwheel angle [rad], or of the hand torque [N m]
+    amplitude: float  # of the handwheel angle [rad], or of the hand torque [N m]; NaN for a driver
     site_loss: float | None  # at the friction site, each cycle [J]; of a periodic test
     failure: str = ""  # why the test could not be driven
 
@@ -44,7 +44,7 @@ def drive(car: Car, p: Any, test: str, options: Mapping[str, Any] | None = None)
     return Drive(
         metrics.evaluate(recording),
         _thin(recording),
-        meta["amplitude_rad"] if "amplitude_rad" in meta else meta["amplitude_nm"],
+        meta.get("amplitude_rad", meta.get("amplitude_nm", math.nan)),
         _site_loss(recording, 1.0 / meta["frequency_hz"]) if meta["frequency_hz"] else None,
     )
 

@@ -4,6 +4,7 @@
 in the target's place when everything is done.
 """
 
+import math
 import os
 from base64 import b64encode
 from pathlib import Path
@@ -81,7 +82,7 @@ def provenance_of(results: Results) -> dict[str, Any]:
                 "definition": manoeuvre.definition,
                 "source": manoeuvre.source,
                 "amplitude_rad" if manoeuvre.robot else "amplitude_nm": {
-                    law: None if drive.failure else drive.amplitude for law, drive in results.drives[test].items()
+                    law: drive.amplitude if math.isfinite(drive.amplitude) else None for law, drive in results.drives[test].items()
                 },
             }
             for test, manoeuvre in results.manoeuvres.items()

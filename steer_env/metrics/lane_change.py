@@ -181,11 +181,13 @@ def _crossing(time: Array, values: Array, k: int) -> float:
     return float(time[k] - values[k] * (time[k + 1] - time[k]) / (values[k + 1] - values[k]))
 
 
-_PLACE = dict.fromkeys(_NEEDED) | {"entry_yaw_rad": 0.0, "mirrored": False, "vehicle_centre_m": 0.0}
+_PLACE: dict[str, Any] = dict.fromkeys(_NEEDED) | {"entry_yaw_rad": 0.0, "mirrored": False, "vehicle_centre_m": 0.0}
+PLOTS = (("x", "y"), ("time", ANGLE), ("time", TORQUE), ("time", AY))
 procedure(
     "double-lane-change",
     lambda recording, asked: Passes(recording, asked, "double-lane-change"),
     constant_speed=False,
+    plots=PLOTS,
     speed_m_s=80 / 3.6,
     **_PLACE,
 )
@@ -193,6 +195,7 @@ procedure(
     "obstacle-avoidance",
     lambda recording, asked: Passes(recording, asked, "obstacle-avoidance"),
     constant_speed=False,
+    plots=PLOTS,
     **_PLACE,
 )
 
