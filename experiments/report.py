@@ -82,7 +82,8 @@ def provenance_of(results: Results) -> dict[str, Any]:
                 "definition": manoeuvre.definition,
                 "source": manoeuvre.source,
                 "amplitude_rad" if manoeuvre.robot else "amplitude_nm": {
-                    law: drive.amplitude if math.isfinite(drive.amplitude) else None for law, drive in results.drives[test].items()
+                    law: drive.amplitude if math.isfinite(drive.amplitude) else None
+                    for law, drive in results.drives[test].items()
                 },
             }
             for test, manoeuvre in results.manoeuvres.items()
