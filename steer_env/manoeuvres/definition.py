@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from vehicle import plant
+from vehicle.cars import Car
 from vehicle.road import Road
 
 Array = NDArray[np.float64]
@@ -49,6 +51,9 @@ class Manoeuvre:
     chassis: str = "single_track"  # two_track where the car must be able to stand or to change its speed
     road: Road | None = None  # heights, split friction, grade, bank; two_track only
     others: Mapping[int, Callable[[Array], Array]] = field(default_factory=dict)  # further plant inputs over time
+    # Closes the loop in place of ``hand``: (car, plant) -> function of the time [s] and the last row of channels (C,),
+    # asked every 10 ms for the hand at the end of the next 10 ms: angle [rad] and speed [rad/s], or torque [N m] and 0.
+    driver: Callable[[Car, plant.Plant], Callable[[float, Array], tuple[float, float]]] | None = None
     meta: Mapping[str, Any] = field(default_factory=dict)  # conditions that the metrics need, units in the names
 
     @property

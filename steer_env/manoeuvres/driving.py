@@ -14,6 +14,7 @@ from vehicle.assist import SAMPLE_TIME
 from vehicle.cars import Car
 
 Array = NDArray[np.float64]
+DRIVER_SAMPLES = 10  # of the plant between two looks of a driver
 
 
 def build_plant(car: Car, manoeuvre: Manoeuvre, friction: Any) -> plant.Plant:
@@ -80,6 +81,37 @@ def run(p: plant.Plant, manoeuvre: Manoeuvre, u: Array) -> Array:
     return record
 
 
+def run_driver(car: Car, p: plant.Plant, manoeuvre: Manoeuvre, u: Array) -> Array:
+    """Channels (T, C) of a plant whose hand follows the manoeuvre's driver; the hand's columns of ``u`` are filled."""
+    if manoeuvre.driver is None:
+        return run(p, manoeuvre, u)
+    decide = manoeuvre.driver(car, p)
+    state, row = plant.settled(p)
+    record = np.zeros((len(u), row.size))
+    hand = (0.0, 0.0)
+    for i in range(0, len(u), DRIVER_SAMPLES):
+        part = u[i : i + DRIVER_SAMPLES]
+        s = np.arange(1.0, len(part) + 1.0) / DRIVER_SAMPLES
+        after = decide(SAMPLE_TIME * i, row)
+        if manoeuvre.robot:  # a cubic through both angles and speeds
+            T = DRIVER_SAMPLES * SAMPLE_TIME
+            rise, v0, v1 = after[0] - hand[0], T * hand[1], T * after[1]
+            c2, c3 = 3.0 * rise - 2.0 * v0 - v1, v0 + v1 - 2.0 * rise
+            part[:, plant.HAND] = hand[0] + s * (v0 + s * (c2 + s * c3))
+            part[:, plant.HAND_SPEED] = (v0 + s * (2.0 * c2 + s * 3.0 * c3)) / T
+        else:
+            part[:, plant.HAND] = hand[0] + s * (after[0] - hand[0])
+        hand = after
+        plant.run(p, state, part, record[i : i + DRIVER_SAMPLES], 1)
+        row = record[min(i + DRIVER_SAMPLES, len(u)) - 1]
+    return record
+
+
+def steering_ratio(car: Car) -> float:
+    """Handwheel angle over the road wheels' at centre, without compliance [1]."""
+    return 1.0 / (car.steering["pinion_radius"] * float(car.strut.solve(0.0, 0.0).per_rack.rotation[2]))
+
+
 def drive(car: Car, manoeuvre: Manoeuvre, friction: Any = "lugre") -> Recording:
     """Drive a manoeuvre and record every channel at 1 kHz.
 
@@ -104,7 +136,7 @@ def drive(car: Car, manoeuvre: Manoeuvre, friction: Any = "lugre") -> Recording:
     p = build_plant(car, manoeuvre, friction)
     amplitude = _amplitude(p, manoeuvre)
     u = inputs(manoeuvre, amplitude, manoeuvre.duration)
-    record = run(p, manoeuvre, u)
+    record = run_driver(car, p, manoeuvre, u)
     if not np.isfinite(record[-1]).all():
         raise ValueError(f"{manoeuvre.name} diverged: {plant.first_non_finite(p, plant.initial_state(p), u)} first")
     names = plant.channels(p)
@@ -126,6 +158,8 @@ def drive(car: Car, manoeuvre: Manoeuvre, friction: Any = "lugre") -> Recording:
             "speed_m_s": manoeuvre.speed,
             "amplitude_rad" if manoeuvre.robot else "amplitude_nm": amplitude,
             "frequency_hz": manoeuvre.frequency,
+            "wheelbase_m": car.chassis["front_axle"] + car.chassis["rear_axle"],
+            "steering_ratio": steering_ratio(car),
             **manoeuvre.meta,
         },
     )
