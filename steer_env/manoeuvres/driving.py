@@ -156,7 +156,7 @@ def drive(car: Car, manoeuvre: Manoeuvre, friction: Any = "lugre") -> Recording:
             "friction": law_of(p.friction).name,
             "friction_parameters": ",".join(f"{key}={_text(value)}" for key, value in p.friction._asdict().items()),
             "speed_m_s": manoeuvre.speed,
-            "amplitude_rad" if manoeuvre.robot else "amplitude_nm": amplitude,
+            "amplitude_rad" if manoeuvre.robot else "amplitude_nm": None if manoeuvre.driver else amplitude,
             "frequency_hz": manoeuvre.frequency,
             "wheelbase_m": car.chassis["front_axle"] + car.chassis["rear_axle"],
             "steering_ratio": steering_ratio(car),

@@ -79,7 +79,8 @@ def steady_circle(
 
     return Manoeuvre(
         name="steady-circle",
-        hands=f"Handwheel holds a circle of {radius:g} m while the speed rises by {climb:g} m/s2, left and right, from",
+        hands=f"Handwheel holds a circle of {radius:g} m while the speed rises by {climb:g} m/s2, left and right, "
+        "entered",
         source="after ISO 4138, constant radius",
         speed=slow,
         duration=2 * repeats * each,
