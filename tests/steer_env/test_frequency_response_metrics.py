@@ -24,10 +24,10 @@ def sweep_angle():
     return 0.25 * np.concatenate([rest, *[sweep * fade, rest] * 5])
 
 
-def random_angle(seed=1, duration=240.0):
+def random_angle(seed=1, duration=240.0, fine=FINE):
     """Gaussian noise from 0.1 to 2.5 Hz."""
-    noise = np.random.default_rng(seed).standard_normal(round(duration * FINE))
-    f = np.fft.rfftfreq(noise.size, 1 / FINE)
+    noise = np.random.default_rng(seed).standard_normal(round(duration * fine))
+    f = np.fft.rfftfreq(noise.size, 1 / fine)
     band = np.fft.irfft(np.where((f > 0.1) & (f < 2.5), np.fft.rfft(noise), 0), noise.size)
     return 0.25 * band / band.std()
 
@@ -38,9 +38,9 @@ def second_order(gain, damping, natural):
     return signal.TransferFunction([gain * omega**2], [1.0, 2 * damping * omega, omega**2])
 
 
-def driven(angle, rate, test):
+def driven(angle, rate, test, fine=FINE):
     """The systems driven by an angle, at a lower rate."""
-    time = np.arange(angle.size) / FINE
+    time = np.arange(angle.size) / fine
     channels = {
         "handwheel_angle": angle,
         "yaw_rate": signal.lsim(second_order(*YAW), angle, time)[1],
@@ -48,7 +48,7 @@ def driven(angle, rate, test):
         "handwheel_torque": TORQUE[0] * (angle + TORQUE[1] * np.gradient(angle, time)),
         "vehicle_speed": np.full(angle.size, 80 / 3.6),
     }
-    every = round(FINE / rate)
+    every = round(fine / rate)
     return recording(time[::every], {name: x[::every] for name, x in channels.items()}, manoeuvre=test)
 
 
@@ -125,7 +125,7 @@ def test_coverage_of_noise():
     expected = without_coherence(answers())
 
     def trial(seed):
-        return driven(random_angle(seed, duration=180.0), 100.0, "random-steer")
+        return driven(random_angle(seed, duration=180.0, fine=200.0), 100.0, "random-steer", fine=200.0)
 
     assert min(covers(trial, expected).values()) >= 0.85
 
