@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import friction
+from experiments import linear_check
 from experiments.findings import TARGETS, label, on_target
 from experiments.integrators import TWELVE, Case, integrate, relative_error, twelve_cases, twelve_references
 from experiments.oracles import ORACLES
@@ -230,6 +231,12 @@ def feel_rows() -> Iterator[Row]:
         yield Row(label(name), f"{value:.4g}", aim, _verdict(low <= value <= high))
 
 
+def linear_rows() -> Iterator[Row]:
+    """Metrics of the linear car at 80 km/h, driven by our manoeuvres at 1 kHz, against python-control's own."""
+    for what, error in linear_check.errors():
+        yield _error(what, error, 0.01)
+
+
 MARKS: dict[str, Callable[[], Iterator[Row]]] = {
     "friction": friction_rows,
     "column": column_rows,
@@ -239,6 +246,7 @@ MARKS: dict[str, Callable[[], Iterator[Row]]] = {
     "straight": straight_rows,
     "assist": assist_rows,
     "feel": feel_rows,
+    "linear": linear_rows,
 }
 
 

@@ -15,7 +15,6 @@ from vehicle.assist import SAMPLE_TIME
 from vehicle.cars import Car
 
 Array = NDArray[np.float64]
-
 HOLD = 10  # samples between calls of a driver
 
 
@@ -115,6 +114,11 @@ def run_closed(car: Car, p: plant.Plant, manoeuvre: Manoeuvre) -> Array:
     return record[:done]
 
 
+def steering_ratio(car: Car) -> float:
+    """Handwheel angle over the road wheels' at centre, without compliance [1]."""
+    return 1.0 / (car.steering["pinion_radius"] * float(car.strut.solve(0.0, 0.0).per_rack.rotation[2]))
+
+
 def drive(car: Car, manoeuvre: Manoeuvre, friction: Any = "lugre") -> Recording:
     """Drive a manoeuvre and record every channel at 1 kHz.
 
@@ -169,6 +173,8 @@ def drive(car: Car, manoeuvre: Manoeuvre, friction: Any = "lugre") -> Recording:
             "speed_m_s": manoeuvre.speed,
             **steered,
             "frequency_hz": manoeuvre.frequency,
+            "wheelbase_m": car.chassis["front_axle"] + car.chassis["rear_axle"],
+            "steering_ratio": steering_ratio(car),
             **manoeuvre.meta,
         },
     )

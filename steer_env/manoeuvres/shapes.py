@@ -36,3 +36,26 @@ def triangle_from_rest(t: Array, amplitude: float, frequency: float) -> tuple[Ar
     quarter = 0.25 / frequency
     first, then = ramp_and_hold(t, amplitude, quarter), triangle(t, amplitude, frequency)
     return np.where(t < quarter, first[0], then[0]), np.where(t < quarter, first[1], then[1])
+
+
+def eased(t: Array, duration: float, ease: float) -> tuple[Array, Array]:
+    """Clock that starts and stops smoothly within ``ease`` [s], runs at 1 between and has gone ``duration``; rate."""
+
+    def gone(s: Array) -> Array:  # integral of the smooth rise of the rate
+        x = np.clip(s / ease, 0.0, 1.0)
+        return ease * (x**3 - 0.5 * x**4) + np.maximum(s - ease, 0.0)
+
+    up, down = np.clip(t / ease, 0.0, 1.0), np.clip((t - duration) / ease, 0.0, 1.0)
+    return gone(t) - gone(t - duration), up * up * (3.0 - 2.0 * up) - down * down * (3.0 - 2.0 * down)
+
+
+def excursion(t: Array, amplitude: float, rise: float, hold: float, back: float) -> tuple[Array, Array]:
+    """Smooth rise from zero at t = 0, hold and smooth return; value and rate."""
+    out, home = ramp_and_hold(t, amplitude, rise), ramp_and_hold(t - rise - hold, amplitude, back)
+    return out[0] - home[0], out[1] - home[1]
+
+
+def straight_ramp(t: Array, amplitude: float, rise: float, ease: float = 0.5) -> tuple[Array, Array]:
+    """Ramp of constant rate from zero to a level that is held, its corners eased within ``ease`` [s]; value, rate."""
+    clock, rate = eased(t, rise, ease)
+    return amplitude * clock / rise, amplitude * rate / rise

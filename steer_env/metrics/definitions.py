@@ -22,6 +22,7 @@ Array = NDArray[np.float64]
 # Reporting unit -> its number for one SI unit.
 UNITS = dict.fromkeys(("1", "s", "Hz", "N", "N m", "J", "W", "m", "m/s", "m/s2", "1/s", "dB", "kg"), 1.0)
 UNITS |= {"ms": 1e3, "g": 1 / G, "N m/g": G, "deg": 1 / DEGREE, "deg/s": 1 / DEGREE, "deg/g": G / DEGREE, "km/h": 3.6}
+UNITS["deg s"] = 1 / DEGREE
 UNITS |= {"N m/deg": DEGREE, "g/100 deg": 100 * DEGREE / G, "g/(100 N m deg)": 100 * DEGREE / G, "%": 100.0}
 
 _SHOWN = ("handwheel_angle", "handwheel_torque", "yaw_rate", "lateral_acceleration")

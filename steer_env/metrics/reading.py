@@ -10,8 +10,8 @@ from steer_env.recording import Recording
 from vehicle import plant
 
 ANGLE, TORQUE, AY = "handwheel_angle", "handwheel_torque", "lateral_acceleration"
-YAW, SPEED = "yaw_rate", "vehicle_speed"
-CHANNELS = {**dict(plant.CHANNELS), SPEED: "m/s"}  # name -> unit
+YAW, SPEED, SIDESLIP, ROLL = "yaw_rate", "vehicle_speed", "sideslip_angle", "roll_angle"
+CHANNELS = {**dict(plant.CHANNELS), SPEED: "m/s", SIDESLIP: "rad"}  # name -> unit
 
 
 class Reading:
@@ -29,6 +29,10 @@ class Reading:
             return self._smooth(name)
         except ValueError as error:  # what keeps a channel from being filtered refuses its metrics, not the others
             raise RefusedError(str(error)) from None
+
+    def sideslip(self) -> NDArray[np.float64]:
+        """Sideslip angle (T,): as recorded, or from lateral and forward speed [rad]."""
+        return self[SIDESLIP] if SIDESLIP in self else np.arctan2(self["lateral_speed"], self[SPEED])
 
     def _channel(self, name: str) -> Recording:
         unit = self.recording.units.get(name)

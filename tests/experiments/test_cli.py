@@ -25,7 +25,7 @@ def test_run_writes_csv_and_json_that_agree(tmp_path, capsys):
     assert main(["run", "weave", "--friction", "masing,elements=5", "--rate_hz", "100", "--out", str(out)]) == 0
     recording = recording_files.read(out)
     assert recording.rate == pytest.approx(100.0)
-    assert out.read_text().split("\n")[9].startswith("time_s,handwheel_angle_deg,")
+    assert out.read_text().split("\n")[11].startswith("time_s,handwheel_angle_deg,")
 
     data = json.loads((tmp_path / "weave.json").read_text())
     assert set(data) == {"metrics", "meta", "friction", "versions"}

@@ -103,6 +103,50 @@ feel: On-centre feel of the default car: weave at 100 km/h, 0.2 Hz, 2 m/s2, LuGr
   torque at 0 g                  0.9391   0.6 to 1.3 N m        pass
   lateral acceleration at 0 N m  0.05543  0.03 to 0.09 g        pass
   steering sensitivity at 0.1 g  1.391    1.3 to 1.9 g/100 deg  pass
+
+linear: Metrics of the linear car at 80 km/h, driven by our manoeuvres at 1 kHz, against python-control's own.
+  frequency-response, yaw_rate: gain                           3.1e-05  <= 0.01  pass
+  frequency-response, yaw_rate: phase                          1.7e-05  <= 0.01  pass
+  frequency-response, yaw_rate: phase lag at 1hz               5.5e-06  <= 0.01  pass
+  frequency-response, yaw_rate: equivalent time                6.4e-05  <= 0.01  pass
+  frequency-response, yaw_rate: steady state gain              8.0e-06  <= 0.01  pass
+  frequency-response, yaw_rate: resonance frequency            1.3e-04  <= 0.01  pass
+  frequency-response, yaw_rate: resonance ratio                2.8e-04  <= 0.01  pass
+  frequency-response, lateral_acceleration: gain               2.8e-05  <= 0.01  pass
+  frequency-response, lateral_acceleration: phase              2.0e-05  <= 0.01  pass
+  frequency-response, lateral_acceleration: phase lag at 1hz   1.3e-05  <= 0.01  pass
+  frequency-response, lateral_acceleration: steady state gain  2.9e-06  <= 0.01  pass
+  frequency-response, lateral_acceleration: bandwidth          1.3e-04  <= 0.01  pass
+  random-steer, yaw_rate: gain                                 1.6e-03  <= 0.01  pass
+  random-steer, yaw_rate: phase                                1.6e-03  <= 0.01  pass
+  random-steer, yaw_rate: phase lag at 1hz                     2.5e-03  <= 0.01  pass
+  random-steer, yaw_rate: equivalent time                      8.3e-04  <= 0.01  pass
+  random-steer, yaw_rate: steady state gain                    1.3e-04  <= 0.01  pass
+  random-steer, yaw_rate: resonance frequency                  2.3e-03  <= 0.01  pass
+  random-steer, yaw_rate: resonance ratio                      6.0e-04  <= 0.01  pass
+  random-steer, lateral_acceleration: gain                     2.7e-03  <= 0.01  pass
+  random-steer, lateral_acceleration: phase                    3.0e-03  <= 0.01  pass
+  random-steer, lateral_acceleration: phase lag at 1hz         2.8e-03  <= 0.01  pass
+  random-steer, lateral_acceleration: steady state gain        1.5e-04  <= 0.01  pass
+  random-steer, lateral_acceleration: bandwidth                4.3e-04  <= 0.01  pass
+  unit step, yaw_rate: gain                                    6.8e-04  <= 0.01  pass
+  unit step, yaw_rate: overshoot                               3.0e-04  <= 0.01  pass
+  unit step, yaw_rate: peak time                               3.5e-03  <= 0.01  pass
+  unit step, yaw_rate: settling time                           3.5e-04  <= 0.01  pass
+  unit step, lateral_acceleration: gain                        4.1e-04  <= 0.01  pass
+  unit step, lateral_acceleration: overshoot                   4.5e-04  <= 0.01  pass
+  unit step, lateral_acceleration: peak time                   1.1e-03  <= 0.01  pass
+  unit step, lateral_acceleration: settling time               2.6e-03  <= 0.01  pass
+  step-steer, yaw_rate: gain                                   6.8e-04  <= 0.01  pass
+  step-steer, yaw_rate: rise time                              2.7e-03  <= 0.01  pass
+  step-steer, yaw_rate: overshoot                              3.1e-04  <= 0.01  pass
+  step-steer, yaw_rate: peak time                              3.1e-03  <= 0.01  pass
+  step-steer, yaw_rate: settling time                          1.4e-05  <= 0.01  pass
+  step-steer, lateral_acceleration: gain                       4.1e-04  <= 0.01  pass
+  step-steer, lateral_acceleration: rise time                  8.0e-04  <= 0.01  pass
+  step-steer, lateral_acceleration: overshoot                  4.5e-04  <= 0.01  pass
+  step-steer, lateral_acceleration: peak time                  9.1e-04  <= 0.01  pass
+  step-steer, lateral_acceleration: settling time              1.4e-03  <= 0.01  pass
 """
 
 import re

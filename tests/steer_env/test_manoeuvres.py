@@ -12,6 +12,17 @@ from vehicle import cars, plant
 
 CAR = cars.load()
 LAWS = friction.available()
+HANDS = (
+    "weave",
+    "hold",
+    "parking",
+    "step-steer",
+    "sine",
+    "frequency-response",
+    "random-steer",
+    "steady-circle-speed",
+    "transition",
+)
 
 
 @pytest.fixture(scope="module")
@@ -19,7 +30,7 @@ def weaves():
     return {law: manoeuvres.drive(CAR, manoeuvres.make("weave"), law) for law in LAWS}
 
 
-@pytest.mark.parametrize("hand", [manoeuvres.make(name).hand for name in ("weave", "hold", "parking")])
+@pytest.mark.parametrize("hand", [manoeuvres.make(name).hand for name in HANDS])
 def test_the_rate_is_the_derivative(hand):
     t = np.linspace(0.01, 9.0, 500)
     step = 1e-6
@@ -55,8 +66,10 @@ def test_rig_carries_friction_alone():
 @pytest.mark.parametrize("chassis", ["single_track", "two_track"])
 def test_step_steer_reaches_its_acceleration(chassis):
     recording = manoeuvres.drive(CAR, replace(manoeuvres.make("step-steer"), chassis=chassis))
-    late = recording.time > 5.0
+    late = (recording.time > 5.0) & (recording.time <= 6.0)
     assert recording["lateral_acceleration"][late].mean() == pytest.approx(4.0, rel=1e-3)
+    right = (recording.time > 15.0) & (recording.time <= 16.0)
+    assert recording["lateral_acceleration"][right].mean() == pytest.approx(-4.0, rel=0.02)  # friction remembers
     assert 200.0 < np.degrees(recording["handwheel_speed"].max()) < 500.0
     assert recording["vehicle_speed"][late].mean() == pytest.approx(80.0 / 3.6, rel=0.01)
     assert recording.meta["chassis"] == chassis

@@ -1,0 +1,189 @@
+"""Frequency responses of a car to its handwheel: what the swept sine and random steering have in common.
+
+    S_xy = (H + H_1 d + H_2 d^2) S_xx        coherence^2 = |S_xy|^2/(S_xx S_yy)
+
+The spectra are sums over segments of the recording: whole sweeps, or Welch's overlapping segments. H is fitted to them
+at the distances d from a frequency, by least squares within a triangle of +-0.1 Hz: a mean alone would flatten the
+resonance. Coherence is of means over the triangle. Leaving out one segment after the other gives the jackknife's
+pseudo-values n v - (n - 1) v_i, of which a metric is the mean; they are its repeats. Segments that overlap by half
+under Hann's window are nearly independent (Welch 1967), so they count as such.
+
+Source: Bendat, Piersol, Random Data, 2010, sections 6.2 and 9.2; the local polynomial after Pintelon, Schoukens, System
+Identification, 2012, section 7.2; Efron, Tibshirani 1993, chapter 11.
+"""
+
+from collections.abc import Callable, Mapping
+from functools import cache
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import signal, stats
+
+from steer_env.metrics import events
+from steer_env.metrics.definitions import RefusedError
+from steer_env.metrics.reading import ANGLE, Reading
+from steer_env.recording import Recording
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complexfloating[Any, Any]]
+Segments = Callable[[Array, Array], list[slice]]  # (time, angle) -> parts of the recording
+
+CUTOFF = 10.0  # low-pass, of input and output alike [Hz]
+SPACING, TRIANGLE = 0.05, 0.1  # of the frequencies read, half width of the fit around each [Hz]; assumed
+COHERENT = 0.9  # squared coherence from which on a response means something; assumed, common practice
+EXCITED = 0.01  # of the median power of the handwheel angle: less is no excitation; assumed
+
+
+class Curve(NamedTuple):
+    """A frequency response with 95 % intervals, for figures; every field (F,)."""
+
+    frequency: Array  # [Hz]
+    response: Complex  # output over input [SI]
+    coherence: Array  # squared [1]
+    gain_low: Array  # lower end for the size of the response [SI]
+    gain_high: Array  # upper end [SI]
+    phase_low: Array  # lower end for its phase [rad]
+    phase_high: Array  # upper end [rad]
+
+
+class Spectra:
+    """Spectra of the segments of a recording, and what is read from them.
+
+    Parameters
+    ----------
+    recording : Recording
+    asked : mapping
+        Conditions ``lowest_hz``, ``highest_hz``: what is read.
+    segments : callable
+        Finds the segments from time and handwheel angle.
+    window : str
+        Of a segment.
+    fewest : int
+        Segments needed.
+    what : str
+        Says so where there are fewer.
+    """
+
+    def __init__(
+        self,
+        recording: Recording,
+        asked: Mapping[str, Any],
+        segments: Segments,
+        window: str,
+        fewest: int,
+        what: str,
+    ) -> None:
+        self.rate, self._window = recording.rate, window
+        self._smooth = Reading(recording, CUTOFF)
+        self._parts = segments(self._smooth.time, self._smooth[ANGLE])
+        self.count = len(self._parts)
+        if self.count < fewest:
+            raise RefusedError(f"{self.count} {what}")
+        low, high = asked["lowest_hz"], asked["highest_hz"]
+        self.frequency = low + SPACING * np.arange(round((high - low) / SPACING) + 1)
+        self._power = cache(self._powers)
+        power = self._power(ANGLE, ANGLE)[..., 0].real.sum(axis=0)
+        weak = self.frequency[power < EXCITED * np.median(power)]
+        if weak.size:
+            raise RefusedError(
+                f"{ANGLE} is not excited at {weak[0]:.2f} Hz: steer from {low:g} to {high:g} Hz, "
+                "or say lowest_hz and highest_hz"
+            )
+
+    def _powers(self, x: str, y: str) -> Complex:
+        """Moments (n, F, 5) of the cross power of each segment around each frequency; of the power where x is y."""
+        found = []
+        for part in self._parts:
+            length = part.stop - part.start
+            f, density = signal.csd(
+                self._smooth[x][part],
+                self._smooth[y][part],
+                fs=self.rate,
+                window=self._window,
+                nperseg=length,  # and no padding: at these frequencies an offset does not leak
+                detrend="constant",
+            )
+            near = f < self.frequency[-1] + 2 * TRIANGLE
+            distance = (f[near] - self.frequency[:, None]) / TRIANGLE
+            weight = np.clip(1.0 - np.abs(distance), 0.0, None)
+            terms = (weight * density[near])[..., None] * distance[..., None] ** np.arange(5)
+            found.append(terms.sum(axis=1))  # energy per frequency times bins per frequency
+        return np.array(found)
+
+    def responses(self, name: str) -> tuple[Complex, Complex]:
+        """Response (F,) of all segments, and (n, F) with each of them left out, over the handwheel angle."""
+        place = np.add.outer(np.arange(3), np.arange(3))
+        xx, xy = self._power(ANGLE, ANGLE).real, self._power(ANGLE, name)[..., :3]
+
+        def fit(xx: Array, xy: Complex) -> Complex:
+            return np.linalg.solve(xx[..., place].astype(complex), xy[..., None])[..., 0, 0]
+
+        return fit(xx.sum(axis=0), xy.sum(axis=0)), fit(xx.sum(axis=0) - xx, xy.sum(axis=0) - xy)
+
+    def coherences(self, name: str) -> tuple[Array, Array]:
+        """Squared coherence (F,) of all segments, and (n, F) with each of them left out."""
+        powers = [self._power(*pair)[..., 0] for pair in ((ANGLE, ANGLE), (name, name), (ANGLE, name))]
+        (xx, yy, xy), (a, b, c) = [p.sum(axis=0) for p in powers], [p.sum(axis=0) - p for p in powers]
+        return np.abs(xy) ** 2 / (xx.real * yy.real), np.abs(c) ** 2 / (a.real * b.real)
+
+    def check(self, name: str, low: float | None = None, high: float | None = None) -> None:
+        """RefusedError where the output is not coherent with the handwheel angle from ``low`` to ``high`` [Hz]."""
+        low, high = self.frequency[0] if low is None else low, self.frequency[-1] if high is None else high
+        inside = (self.frequency > low - SPACING) & (self.frequency < high + SPACING)
+        coherence = np.where(inside, self.coherences(name)[0], 1.0)
+        k = int(np.argmin(coherence))
+        if not coherence[k] >= COHERENT:
+            raise RefusedError(
+                f"coherence of {name} is {coherence[k]:.2f} at {self.frequency[k]:.2f} Hz, below {COHERENT:g}: "
+                "steer further, keep other inputs away, or record longer"
+            )
+
+    def pseudo_values(self, name: str, read: Callable[[Array, Complex], float]) -> Array:
+        """Jackknife's pseudo-values (n,) of ``read(frequency, response)``."""
+        response, without = self.responses(name)
+        return self._jackknife(read(self.frequency, response), [read(self.frequency, h) for h in without])
+
+    def _jackknife(self, whole: Any, without: Any) -> Array:
+        return self.count * np.asarray(whole) - (self.count - 1) * np.asarray(without)
+
+    def lowest_coherence(self, name: str) -> Array:
+        """Pseudo-values (n,) of the squared coherence where it is lowest."""
+        whole, without = self.coherences(name)
+        k = int(np.argmin(whole))
+        return self._jackknife(whole[k], without[:, k])
+
+    def curve(self, name: str) -> Curve:
+        """Response of a channel to the handwheel angle with its interval."""
+        response, without = self.responses(name)
+        t = stats.t.ppf(0.975, self.count - 1)
+        gain = self._jackknife(np.log(np.abs(response)), np.log(np.abs(without)))
+        turn = self._jackknife(0.0, np.angle(without / response))  # the phase around that of all segments
+        phase = np.unwrap(np.angle(response))
+        (g, dg), (p, dp) = ((v.mean(axis=0), t * stats.sem(v, axis=0)) for v in (gain, turn))
+        return Curve(
+            self.frequency,
+            response,
+            self.coherences(name)[0],
+            np.exp(g - dg),
+            np.exp(g + dg),
+            phase + p - dp,
+            phase + p + dp,
+        )
+
+
+def sweeps(time: Array, angle: Array) -> list[slice]:
+    """The stretches of steering between rests of a second or more, with up to two seconds of rest after each."""
+    each = time[1] - time[0]
+    middle = float(np.median(angle))
+    steered = np.abs(angle - middle) > 0.05 * np.abs(angle - middle).max()
+    found = [(i, j) for i, j in events.runs(steered, gap=round(1.0 / each)) if (j - i) * each > 10.0]
+    ends = [i for i, _ in found[1:]] + [angle.size + round(0.5 / each)]
+    before = round(0.5 / each)
+    return [slice(max(i - before, 0), min(j + round(2.0 / each), end - before)) for (i, j), end in zip(found, ends)]
+
+
+def welch(time: Array, angle: Array, length: float = 25.0) -> list[slice]:
+    """Segments of ``length`` [s] that overlap by half."""
+    size = round(length / (time[1] - time[0]))
+    return [slice(i, i + size) for i in range(0, angle.size - size + 1, size // 2)]

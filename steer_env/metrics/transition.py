@@ -1,0 +1,149 @@
+"""Transition: how the car leaves straight ahead when the handwheel turns slowly, to both sides.
+
+Every ramp of the handwheel out of straight ahead is a repeat. Slopes are those of straight lines over a fixed range of
+lateral acceleration: near centre from 0.1 to 0.5 m/s2, at 1 m/s2 from 0.75 to 1.25 m/s2. A dead band is where the line
+of the response near centre, drawn back, meets zero: half of the width in which angle or torque change and the car does
+not answer. Zero is the sensor's: ramps to both sides are needed, in equal numbers, so that an offset drops out.
+"""
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+from steer_env.metrics import ramps
+from steer_env.metrics.definitions import RefusedError, metric, procedure
+from steer_env.metrics.reading import ANGLE, AY, TORQUE, YAW, Reading
+from steer_env.recording import DEGREE, Recording
+from vehicle.single_track import GRAVITY as G
+
+CUTOFF = 2.0  # low-pass; the test is quasi-static [Hz]
+CENTRE, AT_1 = (0.1, 0.5), (0.75, 1.25)  # lateral acceleration of the fits; assumed [m/s2]
+QUICKEST = 5 * DEGREE  # handwheel speed of a ramp [rad/s]
+SOURCE = "after ISO 13674-2"
+
+
+class Transitions:
+    """The ramps out of straight ahead; readings have one value each, (n,)."""
+
+    def __init__(self, recording: Recording, asked: Mapping[str, Any]) -> None:
+        self._smooth = Reading(recording, CUTOFF)
+        angle = self._smooth[ANGLE]
+        self.ramps = ramps.find(self._smooth.time, angle)
+        sides = [ramp.side for ramp in self.ramps]
+        if not sides or sides.count(1.0) != sides.count(-1.0):
+            raise RefusedError(
+                f"{sides.count(1.0)} ramps of {ANGLE} to the left and {sides.count(-1.0)} to the right: "
+                "steer as often to one side as to the other, an offset drops out then"
+            )
+        for ramp in self.ramps:
+            turned, took = np.ptp(angle[ramp.start : ramp.end]), np.ptp(self._smooth.time[ramp.start : ramp.end])
+            if turned > 1.02 * QUICKEST * took:
+                raise RefusedError(
+                    f"{ANGLE} turns by {turned / took / DEGREE:.1f} deg/s: steer at {QUICKEST / DEGREE:.0f} or less"
+                )
+
+    def line(self, y: str, x: str, level: tuple[float, float]) -> np.ndarray:
+        """Offset and slope (n, 2) of y over x, with the side, while the lateral acceleration is in a range [SI]."""
+        found = []
+        for ramp in self.ramps:
+            # A dead band may begin before the handwheel is seen to move, but the response is behind it.
+            band = ramps.within(ramp.side * self._smooth[AY][ramp.start : ramp.end], *level)
+            if band is None:
+                raise RefusedError(
+                    f"lateral_acceleration does not go from {level[0]:g} to {level[1]:g} m/s2 in every ramp: "
+                    "steer further, and slowly; check the signs, a left turn is positive"
+                )
+            u, v = (ramp.side * self._smooth[name][ramp.start : ramp.end][band] for name in (x, y))
+            slope, offset = np.polyfit(u, v, 1)
+            found.append((offset, slope))
+        if np.mean(found, axis=0)[1] <= 0:
+            raise RefusedError(f"{y} does not rise with {x}: check the signs, a left turn is positive in both")
+        return np.array(found)
+
+    def zero(self, response: str, hand: str) -> np.ndarray:
+        """Angle or torque (n,) where the line of a response over it, drawn back, is zero."""
+        if hand == TORQUE:  # the noisier of the two is fitted over the other
+            return self.line(hand, response, CENTRE)[:, 0]
+        offset, slope = self.line(response, hand, CENTRE).T
+        return -offset / slope
+
+    def slope(self, y: str, x: str, level: tuple[float, float]) -> np.ndarray:
+        """Slope (n,) of y over x."""
+        return self.line(y, x, level)[:, 1]
+
+    def at_1(self, name: str) -> np.ndarray:
+        """A channel (n,) at 1 m/s2, on the line over the lateral acceleration."""
+        offset, slope = self.line(name, AY, AT_1).T
+        return offset + slope
+
+    def peak_acceleration(self) -> float:
+        """Mean over the ramps of the highest lateral acceleration [g]."""
+        return float(np.mean([np.abs(self._smooth[AY][ramp.start : ramp.end]).max() for ramp in self.ramps])) / G
+
+
+procedure("transition", Transitions, speed_m_s=100 / 3.6)
+
+
+def _transition_metric(unit: str, **more: Any) -> Callable:
+    return metric(unit, "transition", **{"validity": (0.05, 0.35), "source": SOURCE, **more})
+
+
+@_transition_metric("deg")
+def yaw_rate_transition_angle_deadband(transitions: Transitions) -> np.ndarray:
+    """Handwheel angle at which the line of the yaw rate near centre leaves zero."""
+    return transitions.zero(YAW, ANGLE)
+
+
+@_transition_metric("deg")
+def lateral_acceleration_transition_angle_deadband(transitions: Transitions) -> np.ndarray:
+    """Handwheel angle at which the line of the lateral acceleration near centre leaves zero."""
+    return transitions.zero(AY, ANGLE)
+
+
+@_transition_metric("N m")
+def yaw_rate_transition_torque_deadband(transitions: Transitions) -> np.ndarray:
+    """Handwheel torque at which the line over the yaw rate near centre starts from zero."""
+    return transitions.zero(YAW, TORQUE)
+
+
+@_transition_metric("N m")
+def lateral_acceleration_transition_torque_deadband(transitions: Transitions) -> np.ndarray:
+    """Handwheel torque at which the line over the lateral acceleration near centre starts from zero."""
+    return transitions.zero(AY, TORQUE)
+
+
+@_transition_metric("N m/g")
+def transition_torque_gradient_near_centre(transitions: Transitions) -> np.ndarray:
+    """Slope of the torque over the lateral acceleration from 0.1 to 0.5 m/s2."""
+    return transitions.slope(TORQUE, AY, CENTRE)
+
+
+@_transition_metric("N m/g")
+def transition_torque_gradient_at_1m_s2(transitions: Transitions) -> np.ndarray:
+    """Slope of the torque over the lateral acceleration from 0.75 to 1.25 m/s2."""
+    return transitions.slope(TORQUE, AY, AT_1)
+
+
+@_transition_metric("N m")
+def transition_torque_at_1m_s2(transitions: Transitions) -> np.ndarray:
+    """Handwheel torque at 1 m/s2."""
+    return transitions.at_1(TORQUE)
+
+
+@_transition_metric("g/100 deg")
+def transition_sensitivity_near_centre(transitions: Transitions) -> np.ndarray:
+    """Slope of the lateral acceleration over the handwheel angle from 0.1 to 0.5 m/s2."""
+    return transitions.slope(AY, ANGLE, CENTRE)
+
+
+@_transition_metric("g/100 deg")
+def transition_sensitivity_at_1m_s2(transitions: Transitions) -> np.ndarray:
+    """Slope of the lateral acceleration over the handwheel angle from 0.75 to 1.25 m/s2."""
+    return transitions.slope(AY, ANGLE, AT_1)
+
+
+@_transition_metric("1/s")
+def transition_yaw_rate_gain(transitions: Transitions) -> np.ndarray:
+    """Slope of the yaw rate over the handwheel angle while the lateral acceleration goes from 0.1 to 0.5 m/s2."""
+    return transitions.slope(YAW, ANGLE, CENTRE)

@@ -1,0 +1,107 @@
+"""Steps, sines, sweeps, noise, circles and transitions as driven by the default car: what their metrics say."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from steer_env import manoeuvres, metrics
+from steer_env.manoeuvres import driving
+from vehicle import cars
+
+CAR = cars.load()
+# Metrics of the default car with LuGre: range in which they are plausible for a compact car, and refused ones.
+PLAUSIBLE = {
+    "step-steer": {
+        "yaw_rate_step_gain": (0.2, 0.4),
+        "yaw_rate_time_to_90": (0.08, 0.25),
+        "yaw_rate_overshoot": (0.05, 0.4),
+        "lateral_acceleration_time_to_90": (0.2, 0.5),
+        "steady_step_sideslip": (-3.0, 0.0),
+        "tb_factor": (0.1, 1.0),
+    },
+    "sine": {"yaw_rate_sine_lag": (20.0, 100.0), "lateral_acceleration_sine_lag": (80.0, 250.0)},
+    "frequency-response": {
+        "yaw_rate_resonance_frequency": (0.6, 1.6),
+        "yaw_rate_bandwidth": (1.5, 3.0),
+        "yaw_rate_equivalent_time": (0.08, 0.25),
+        "lateral_acceleration_bandwidth": (0.6, 2.0),
+    },
+    "random-steer": {"yaw_rate_resonance_frequency": (0.6, 1.6), "yaw_rate_lowest_coherence": (0.95, 1.0)},
+    "steady-circle": {"understeer_gradient": (1.0, 5.0), "roll_gradient": (3.0, 9.0), "sideslip_gradient": (-8, 0)},
+    "steady-circle-speed": {"understeer_gradient": (1.0, 5.0), "characteristic_speed": (60.0, 120.0)},
+    "transition": {
+        "lateral_acceleration_transition_torque_deadband": (0.2, 1.5),
+        "lateral_acceleration_transition_angle_deadband": (0.0, 3.0),
+        "transition_sensitivity_at_1m_s2": (0.8, 1.8),
+    },
+}
+REFUSED = {
+    "random-steer": {"yaw_rate_bandwidth", "torque_gain_at_1hz", "torque_phase_lead_at_1hz"},
+    "steady-circle": {"critical_speed"},
+    "steady-circle-speed": {"critical_speed"},
+}
+
+
+@pytest.fixture(scope="module")
+def recordings():
+    return {name: manoeuvres.drive(CAR, manoeuvres.make(name), "lugre") for name in PLAUSIBLE}
+
+
+@pytest.mark.parametrize("name", PLAUSIBLE)
+def test_the_metrics_of_the_default_car_are_plausible(recordings, name):
+    found = metrics.evaluate(recordings[name])
+    assert {key for key, value in found.items() if value.reason} == REFUSED.get(name, set())
+    for key, (low, high) in PLAUSIBLE[name].items():
+        assert low < found[key].value < high, key
+
+
+def test_both_circles_agree_on_understeer(recordings):
+    """Two methods and two chassis: within 15 %."""
+    by_radius, by_speed = (
+        metrics.evaluate(recordings[name])["understeer_gradient"].value
+        for name in ("steady-circle", "steady-circle-speed")
+    )
+    assert by_radius == pytest.approx(by_speed, rel=0.15)
+
+
+def test_the_driver_holds_the_circle(recordings):
+    """Speed over yaw rate within 3 % of the radius from 1 to 6 m/s2 but for a hundredth of the time, on both sides."""
+    circle = recordings["steady-circle"]
+    rising = np.gradient(circle["vehicle_speed"], circle.time) > 0.2
+    level = np.abs(circle["lateral_acceleration"])
+    turning = rising & (level > 1.0) & (level < 6.0)
+    radius = circle["vehicle_speed"][turning] / circle["yaw_rate"][turning]
+    assert np.quantile(np.abs(np.abs(radius) - 100.0), 0.99) < 3.0
+    assert {1.0, -1.0} == set(np.sign(radius))
+
+
+def test_transition_is_slow_and_random_steering_is_in_its_band(recordings):
+    rate = np.degrees(np.abs(recordings["transition"]["handwheel_speed"]))
+    assert rate[recordings["transition"].time < 12.0].max() < 5.0
+    angle = recordings["random-steer"]["handwheel_angle"]
+    power, f = np.abs(np.fft.rfft(angle)) ** 2, np.fft.rfftfreq(angle.size, 1e-3)
+    assert power[(f > 0.1) & (f < 2.5)].sum() > 0.99 * power.sum()
+    again = manoeuvres.make("random-steer").hand(recordings["random-steer"].time, 1.0)[0]
+    other = manoeuvres.make("random-steer", seed=1).hand(recordings["random-steer"].time, 1.0)[0]
+    assert np.array_equal(again, manoeuvres.make("random-steer").hand(recordings["random-steer"].time, 1.0)[0])
+    assert abs(np.corrcoef(again, other)[0, 1]) < 0.2
+
+
+def test_sides_and_repeats_of_the_step():
+    both = manoeuvres.make("step-steer", repeats=2)
+    right = manoeuvres.make("step-steer", left=False)
+    t = np.arange(0.0, both.duration, 0.01)
+    angle = both.hand(t, 0.5)[0]
+    assert [np.interp(x, t, angle) for x in (3.0, 13.0, 23.0, 33.0)] == pytest.approx([0.5, -0.5, 0.5, -0.5])
+    p = manoeuvres.build_plant(CAR, right, "viscous")
+    assert driving.find_amplitude(p, right) > 0.0
+    with pytest.raises(ValueError, match="no step with left=False, right=False"):
+        manoeuvres.make("step-steer", left=False, right=False)
+
+
+def test_a_driver_with_torque_is_interpolated():
+    """A hand torque that rises by 1 N m a second, told every 10 ms, arrives as a straight line."""
+    hold = replace(manoeuvres.make("hold"), duration=1.0, driver=lambda car, p: lambda t, row: (1.0 * (t + 0.01), 0.0))
+    recording = manoeuvres.drive(CAR, hold, "viscous")
+    assert recording["handwheel_torque"] == pytest.approx(recording.time, abs=1e-9)
