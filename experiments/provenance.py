@@ -29,8 +29,8 @@ PACKAGES = ("numpy", "numba", "llvmlite", "scipy", "control", "gymnasium", "matp
 _NAMES = {
     "kg": "mass sprung_mass front_unsprung_mass",
     "kg m2": "roll_inertia yaw_inertia pitch_inertia wheel_inertia",
-    "m": "front_axle rear_axle sprung_height front_track rear_track rear_roll_centre pinion_radius rack_limit"
-    " front_bump_clearance rear_bump_clearance",
+    "m": "length width front_axle rear_axle sprung_height front_track rear_track rear_roll_centre pinion_radius"
+    " rack_limit front_bump_clearance rear_bump_clearance",
     "m2": "drag_area front_lift_area rear_lift_area",
     "s": "compliance_time speed_hold_time",
     "N/m": "front_spring rear_spring bump_stiffness",

@@ -109,6 +109,8 @@ def run_closed(car: Car, p: plant.Plant, manoeuvre: Manoeuvre) -> Array:
             u[part, chassis.COAST] = 1.0
         finite = plant.run(p, state, u[part], record[part], 1)
         row = record[done - 1]
+        if not finite:
+            row[:] = np.nan  # a state that no channel shows may be the one
         if not finite or (manoeuvre.ends_at is not None and row[x] >= manoeuvre.ends_at):
             break
     return record[:done]
