@@ -28,7 +28,6 @@ from numba.core.registry import CPUDispatcher
 from numba.extending import overload
 
 config: Any = numba.core.config  # its names are made at run time
-config.SLP_VECTORIZE = 1  # for the whole process: straight-line kernels such as the strut's splines run a third faster
 COMPILED = not config.DISABLE_JIT  # False under NUMBA_DISABLE_JIT=1: kernels are plain Python
 
 _dispatchers: dict[Any, int] = {}  # kernel -> number of sources known when its cache folder was chosen

@@ -245,8 +245,7 @@ def _steady(c, kappa, alpha, tan_a, camber, F_z, v_x, mu, turn_slip):
         E = minimum(c.REY1 + c.REY2 * df, 1.0)
         B_k = (c.RBY1 + c.RBY4 * g2) * _shrink(c.RBY2 * (a - c.RBY3))
         G_y = cos(c.RCY1 * atan(_curve(B_k * (kappa + S_H), E))) / cos(c.RCY1 * atan(_curve(B_k * S_H, E)))
-        F_y *= G_y
-        F_t *= G_y
+        F_y, F_t = G_y * F_y, G_y * F_t
         S_Vk = c.RVY1 + c.RVY2 * df + c.RVY3 * g
         S_Vk *= D_y * _shrink(c.RVY4 * a) * sin(c.RVY5 * atan(c.RVY6 * kappa))
 
@@ -271,7 +270,7 @@ def _steady(c, kappa, alpha, tan_a, camber, F_z, v_x, mu, turn_slip):
     if book:
         M_zr *= cos_a
     M_z = M_zr - t * F_t
-    F_y += S_Vk
+    F_y = F_y + S_Vk  # not in place, as numpy's arrays may be shared
     y = F_y * per_load
     M_z += R_0 * (c.SSZ1 + c.SSZ2 * y + (c.SSZ3 + c.SSZ4 * df) * g) * dF_x
 

@@ -1,7 +1,12 @@
 """The two-track chassis against mechanics written a second time, closed forms, scipy, and what a car must do."""
 
+import json
 import math
+import os
+import subprocess
+import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -451,6 +456,34 @@ def test_pitch_under_drive_and_braking_by_closed_form(pedal, throttle):
 
     assert phi == pytest.approx((sunk[0] - sunk[1]) / L, rel=0.04)
     assert np.sign(taken) == -np.sign(gain[0]) if pedal else abs(taken) < 0.02 * abs(gain[0])
+
+
+def derivatives():
+    """Derivatives and outputs at random states of a moving and of a standing car."""
+    rng, rows = np.random.default_rng(2), []
+    for v in (20.0, 0.0):
+        p = make(v)
+        for _ in range(3):
+            x = np.array(two_track.start(p.chassis))
+            x[:6] += rng.normal(size=6) * 0.1
+            x[TRAVEL : TRAVEL + 24] += rng.normal(size=24) * 0.01
+            rows.append(np.concatenate(code(p, x, 0.01, 0.1)[:2]))
+    return np.array(rows)
+
+
+def test_plain_python_equals_compiled():
+    script = "import json; from tests.vehicle import test_two_track as t; print(json.dumps(t.derivatives().tolist()))"
+    root = str(Path(__file__).parents[2])
+    run = subprocess.run(
+        [sys.executable, "-c", script],
+        cwd=root,
+        env=os.environ | {"NUMBA_DISABLE_JIT": "1", "PYTHONPATH": root},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    compiled = derivatives()
+    np.testing.assert_allclose(json.loads(run.stdout), compiled, rtol=1e-9, atol=1e-11 * np.abs(compiled).max())
 
 
 # The plant ----------------------------------------------------------------------------------------------------------
