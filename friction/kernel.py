@@ -15,15 +15,12 @@ import tempfile
 from collections.abc import Callable
 from functools import cached_property
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numba
 import numba.core.config
 import numpy as np
 import platformdirs
-from numba.core.codegen import JITCodeLibrary
-from numba.core.compiler import Compiler
 from numba.core.registry import CPUDispatcher
 from numba.extending import overload
 
@@ -99,50 +96,15 @@ def _cache(dispatcher: Any) -> None:
         config.CACHE_DIR = previous
 
 
-class _Inlined(JITCodeLibrary):
-    """A kernel for its callers, which inline it: optimised, but not turned into machine code, which nothing would run.
-
-    On disk goes LLVM's bitcode.
-    """
-
-    @property
-    def codegen(self) -> Any:
-        """numba stores a function's Python objects through this, at an address that only machine code has."""
-        return SimpleNamespace(set_env=lambda name, env: None)  # kernels use none
-
-    def finalize(self) -> None:
-        for library in dict.fromkeys(self._linking_libraries):
-            self._final_module.link_in(library._get_module_for_linking(), preserve=True)
-        self._optimize_final_module()
-        self._finalize_dynamic_globals()
-        self._finalized = True
-
-    def get_pointer_to_function(self, name: str) -> int:
-        self._ensure_finalized()
-        return 0  # numba's word for none
-
-    def serialize_using_object_code(self) -> Any:
-        return self.serialize_using_bitcode()
-
-
-class _InlinedCompiler(Compiler):
-    """numba's compiler, with :class:`_Inlined` for the result."""
-
-    def __init__(self, typing_context, target_context, library, arguments, *rest):
-        library = _Inlined(target_context.codegen(), "inlined")
-        super().__init__(typing_context, target_context, library, arguments, *rest)
-
-
 class _Kernel(CPUDispatcher):
-    """A kernel as Python calls it; compiled callers take ``inner``, which lacks machine code and the entry for Python.
+    """A kernel as Python calls it; compiled callers take ``inner``, which lacks the entry point for Python.
 
-    Unpacking a hundred parameters for an entry that nothing calls would be a sixth of the compile time.
+    Unpacking a hundred parameters for an entry point that nothing calls would be a sixth of the compile time.
     """
 
     @cached_property
     def inner(self) -> CPUDispatcher:
-        options = {**self.targetoptions, "no_cpython_wrapper": True}
-        return CPUDispatcher(self.py_func, targetoptions=options, pipeline_class=_InlinedCompiler)
+        return CPUDispatcher(self.py_func, targetoptions={**self.targetoptions, "no_cpython_wrapper": True})
 
     @property
     def _numba_type_(self) -> numba.types.Dispatcher:
