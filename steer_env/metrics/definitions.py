@@ -7,12 +7,13 @@ in SI; its docstring is its definition, from which the documentation and the rep
 
 import inspect
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from friction.check import not_negative
 from steer_env.metrics.confidence import interval
 from steer_env.recording import DEGREE, Recording
 from vehicle.single_track import GRAVITY as G
@@ -24,6 +25,7 @@ UNITS = dict.fromkeys(("1", "s", "Hz", "N", "N m", "J", "W", "m", "m/s", "m/s2",
 UNITS |= {"ms": 1e3, "g": 1 / G, "N m/g": G, "deg": 1 / DEGREE, "deg/s": 1 / DEGREE, "deg/g": G / DEGREE, "km/h": 3.6}
 UNITS |= {"N m/deg": DEGREE, "g/100 deg": 100 * DEGREE / G, "g/(100 N m deg)": 100 * DEGREE / G, "%": 100.0}
 
+REFERENCE = "handwheel_angle"  # against which the other channels' timing counts
 SPEED_SPREAD = 0.03  # of the mean speed around the one asked for
 
 
@@ -131,7 +133,7 @@ def definition(name: str) -> Metric:
     return _metrics[name]
 
 
-def evaluate(recording: Recording, test: str | None = None, **given: Any) -> dict[str, Value]:
+def evaluate(recording: Recording, test: str | None = None, *, timing: float = 0.0, **given: Any) -> dict[str, Value]:
     """Every metric of a test, for a recording from a simulation or from a car.
 
     Parameters
@@ -140,6 +142,10 @@ def evaluate(recording: Recording, test: str | None = None, **given: Any) -> dic
         In SI, left positive; a missing channel costs the metrics that need it.
     test : str, optional
         Name out of :func:`tests`; by default the manoeuvre that the recording's meta names.
+    timing : float
+        To which the channels are known to be simultaneous [s]. A channel that may be late by so much looks like a
+        car's lag, so each interval is widened by what the metric changes when one channel after the other is shifted
+        by +-timing against the handwheel angle.
     given
         Conditions that differ from those of the meta and of the test, e.g. ``speed_m_s=22.2``.
 
@@ -151,8 +157,9 @@ def evaluate(recording: Recording, test: str | None = None, **given: Any) -> dic
     Raises
     ------
     ValueError
-        For a test or a condition that there is not.
+        For a test or a condition that there is not, or a timing below zero.
     """
+    not_negative("timing", timing)
     entry = _procedure(test or str(recording.meta.get("manoeuvre")))
     unknown = given.keys() - entry.conditions.keys()
     if unknown:
@@ -160,13 +167,37 @@ def evaluate(recording: Recording, test: str | None = None, **given: Any) -> dic
         raise ValueError(f"{entry.name} has no condition {sorted(unknown)[0]!r}; there are {allowed}")
     meta = {key: recording.meta[key] for key in entry.conditions if recording.meta.get(key) is not None}
     asked = {**entry.conditions, **meta, **given}
+    repeats = _repeats(entry, recording, asked)
+    slack = dict.fromkeys(repeats, 0.0)
+    for channel in recording.channels if timing else ():
+        if channel != REFERENCE:
+            shifted = [_repeats(entry, _shifted(recording, channel, by), asked) for by in (-timing, timing)]
+            for name, found in repeats.items():
+                slack[name] += max(_change(found, other[name]) for other in shifted)
+    return {name: _value(_metrics[name], found, slack[name]) for name, found in repeats.items()}
+
+
+def _repeats(entry: Procedure, recording: Recording, asked: Mapping[str, Any]) -> dict[str, Array | ValueError]:
+    """Values (n,) of the repeats of every metric in its reporting unit, or why there are none."""
     try:
         if entry.constant_speed:
             _check_speed(recording, asked)
         reading = entry.read(recording, asked)
     except ValueError as error:  # a recording that cannot be filtered says what to do, too
-        return {name: _refusal(_metrics[name], error) for name in available(entry.name)}
-    return {name: _value(_metrics[name], reading) for name in available(entry.name)}
+        return dict.fromkeys(available(entry.name), error)
+    return {name: _read(_metrics[name], reading) for name in available(entry.name)}
+
+
+def _shifted(recording: Recording, channel: str, seconds: float) -> Recording:
+    later = np.interp(recording.time - seconds, recording.time, recording[channel])
+    return replace(recording, channels={**recording.channels, channel: later})
+
+
+def _change(found: Array | ValueError, other: Array | ValueError) -> float:
+    """Of the mean; without limit where the other was refused."""
+    if isinstance(found, ValueError) or isinstance(other, ValueError):
+        return np.inf
+    return float(abs(other.mean() - found.mean()))
 
 
 def _procedure(test: str) -> Procedure:
@@ -186,8 +217,7 @@ def _check_speed(recording: Recording, asked: Mapping[str, Any]) -> None:
             )
 
 
-def _value(entry: Metric, reading: Any) -> Value:
-    """Mean over the repeats and its interval, or the reason for none."""
+def _read(entry: Metric, reading: Any) -> Array | ValueError:
     try:
         if entry.validity:
             low, high = entry.validity
@@ -199,9 +229,16 @@ def _value(entry: Metric, reading: Any) -> Value:
         if not np.all(np.isfinite(values)):
             raise RefusedError("the recording holds no finite value of it")
     except RefusedError as refused:
-        return _refusal(entry, refused)
-    return Value(float(values.mean()), *interval(values), entry.unit, repeats=tuple(values.tolist()))
+        return refused
+    return values
 
 
-def _refusal(entry: Metric, error: ValueError) -> Value:
-    return Value(np.nan, np.nan, np.nan, entry.unit, str(error))
+def _value(entry: Metric, repeats: Array | ValueError, slack: float) -> Value:
+    """Mean over the repeats and its interval, wider by ``slack`` at either end, or the reason for none."""
+    if isinstance(repeats, ValueError):
+        return Value(np.nan, np.nan, np.nan, entry.unit, str(repeats))
+    mean = float(repeats.mean())
+    low, high = interval(repeats)
+    if slack and not np.isfinite(low):  # one repeat
+        low = high = mean
+    return Value(mean, low - slack, high + slack, entry.unit, repeats=tuple(repeats.tolist()))
