@@ -275,7 +275,7 @@ def loop_width(panels: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> str:
                 F_c = [width.F_c for width in curve]
                 axes.plot(F_c, [width.total for width in curve], "o-", color=colour, markersize=3, label=car)
                 axes.plot(F_c, [width.rest for width in curve], color=colour, linewidth=1.0, linestyle=(0, (4, 2)))
-            axes.set_title(test if row is grid[0] else "")
+            axes.set_title(test if axes in grid[0] else "")
         row[0].set_ylabel(f"{metric}, signed [N m]")
     for axes in grid[-1]:
         axes.set_xlabel("friction torque [N m]")

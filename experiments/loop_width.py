@@ -155,27 +155,30 @@ def verdict(curve: Sequence[Width]) -> Verdict:
 
 
 def sentence(curves: Curves, test: str = WEAVE) -> str:
-    """What the curves say of one test, in words."""
+    """What the curves say of one test, in words; laws that agree to a hundredth of a newton metre are named once."""
     lines = []
     for metric in WIDTHS:
         mine = {key: verdict(curve) for key, curve in curves.items() if (key.test, key.metric) == (test, metric)}
-        signed = all(found.signed for found in mine.values())
-        folding = {key: found for key, found in mine.items() if not found.unsigned}
+        signed = [key for key, found in mine.items() if not found.signed]
         text = f"{metric} in the {test}: the signed width "
-        text += (
-            "grows with friction in every car and law"
-            if signed
-            else "is not monotone: "
-            + ", ".join(f"{key.car} ({key.law})" for key, found in mine.items() if not found.signed)
-        )
-        if folding:
-            text += "; its size first falls, to zero where friction balances lag and damping: " + ", ".join(
-                f"{key.car} ({key.law}) at {found.zero:.2f} N m" for key, found in folding.items()
-            )
+        text += f"does not always grow with friction ({_named(signed)})" if signed else "grows with friction throughout"
+        folds: dict[tuple[str, str], list[Key]] = {}
+        for key, found in mine.items():
+            if not found.unsigned:
+                folds.setdefault((key.car, f"{found.zero:.2f}"), []).append(key)
+        if folds:
+            text += "; its size first falls, to zero where friction balances lag and damping, at a friction torque of "
+            text += ", ".join(f"{zero} N m ({_named(keys)})" for (_, zero), keys in folds.items())
         else:
-            text += ", and so does its size"
+            text += "; so does its size"
         lines.append(text + ".")
     return "\n".join(lines)
+
+
+def _named(keys: Sequence[Key]) -> str:
+    """Cars and laws of some curves."""
+    cars_of, laws_of = (list(dict.fromkeys(found)) for found in zip(*((key.car, key.law) for key in keys)))
+    return f"{', '.join(cars_of)}: {', '.join(laws_of)}"
 
 
 def table(curves: Curves) -> str:

@@ -210,8 +210,9 @@ def drifting(given: Recording, rng: np.random.Generator) -> Recording:
 
 
 def delayed(given: Recording, name: str, seconds: float) -> Recording:
-    """One channel later by ``seconds``; its first value stands until then."""
-    return changed(given, **{name: np.interp(given.time - seconds, given.time, given[name])})
+    """One channel later by ``seconds``; all are trimmed where it has nothing."""
+    moved = changed(given, **{name: np.interp(given.time - seconds, given.time, given[name])})
+    return moved.between(given.time[0] + max(seconds, 0.0), given.time[-1] + min(seconds, 0.0))
 
 
 def late(given: Recording, rng: np.random.Generator) -> Recording:
@@ -253,17 +254,18 @@ def long_drop_out(given: Recording, rng: np.random.Generator) -> Recording:
 
 def bridged(given: Recording, longest: float = LONGEST) -> Recording:
     """Gaps of up to ``longest`` [s] filled by straight lines; ValueError for a longer one, and at either end."""
+    step = float(np.median(np.diff(given.time)))
     channels = {}
     for name, values in given.channels.items():
         known = np.isfinite(values)
         there = given.time[known]
-        gap = np.diff(there, prepend=given.time[0], append=given.time[-1])
-        step = np.median(np.diff(given.time))
-        if gap.max() > longest + step:
-            where = np.append(given.time[0], there)[gap.argmax()]
+        edges = np.concatenate([[given.time[0] - step], there, [given.time[-1] + step]])
+        gaps = np.diff(edges) - step
+        if gaps.max() > longest * (1 + 1e-6) or not (known[0] and known[-1]):
+            k = gaps.argmax()
             raise ValueError(
-                f"channel {name!r} drops out for {gap.max() - step:.2g} s at {where:.4g} s, over {longest:g} s: "
-                "cut it out with between(t0, t1), or leave out the channel"
+                f"channel {name!r} has a gap from {edges[k]:g} to {edges[k + 1]:g} s: {gaps[k]:g} s, allowed is "
+                f"longest={longest:g} s; cut the recording there with between(t0, t1), or leave the channel out"
             )
         channels[name] = np.interp(given.time, there, values[known])
     return replace(given, channels=channels)
@@ -291,7 +293,7 @@ FAULTS: dict[str, Fault] = {
     "delay": Fault(50.0, before=(late,), timing=DELAY),
     "50 Hz": Fault(200.0, before=(logged_at_50_hz,)),
     "1 kHz": Fault(1000.0),
-    "long": Fault(after=(long_drop_out,), refused="drops out for 2 s"),
+    "long": Fault(after=(long_drop_out,), refused="cut the recording there with between(t0, t1)"),
 }
 
 

@@ -235,6 +235,8 @@ def _read(entry: Metric, reading: Any) -> Array | ValueError:
 
 def _value(entry: Metric, repeats: Array | ValueError, slack: float) -> Value:
     """Mean over the repeats and its interval, wider by ``slack`` at either end, or the reason for none."""
+    if np.isinf(slack) and not isinstance(repeats, ValueError):
+        repeats = RefusedError("it can be read or not within the timing given: align the channels more closely")
     if isinstance(repeats, ValueError):
         return Value(np.nan, np.nan, np.nan, entry.unit, str(repeats))
     mean = float(repeats.mean())
