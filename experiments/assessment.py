@@ -41,6 +41,7 @@ def assess(
     test: str | None = None,
     wanted: targets.Targets | None = None,
     allowed: Mapping[str, validation.Tolerance] | None = None,
+    timing: float = 0.0,
     **given: Any,
 ) -> Assessment:
     """Assess one recording, or compare a second with the first.
@@ -55,6 +56,8 @@ def assess(
         Bands to hold the values against.
     allowed : mapping of str to Tolerance, optional
         Tolerances by channel; with them the second recording is held against the boundaries of the first.
+    timing : float
+        To which the channels are known to be simultaneous, as for :func:`steer_env.metrics.evaluate` [s].
     given
         Conditions as for :func:`steer_env.metrics.evaluate`.
 
@@ -65,7 +68,9 @@ def assess(
     """
     first = next(iter(recordings.values()))
     procedure = metrics.procedure_of(first, test)
-    values = {label: metrics.evaluate(found, procedure.name, **given) for label, found in recordings.items()}
+    values = {
+        label: metrics.evaluate(found, procedure.name, timing=timing, **given) for label, found in recordings.items()
+    }
     bands = wanted.bands.get(procedure.name, {}) if wanted else {}
     if wanted and not bands:
         there = ", ".join(wanted.bands)

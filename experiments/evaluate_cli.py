@@ -9,6 +9,7 @@ from rich.table import Table
 
 from experiments import targets
 from experiments.tables import print_metrics
+from friction.check import number
 from steer_env import mapping, metrics, recording_files
 from steer_env.recording import Recording
 
@@ -72,10 +73,8 @@ def _assess(paths: list[str], args: argparse.Namespace, tolerances: str | None) 
     recordings = {label: _read(path, args) for label, path in zip(labels, paths)}
     wanted = targets.load(args.targets) if args.targets else None
     allowed = validation.tolerances(tolerances) if tolerances else None
-    given = _given(args)
-    if args.timing_ms:
-        given["timing"] = 1e-3 * args.timing_ms
-    found = assessment.assess(recordings, args.manoeuvre, wanted, allowed, **given)
+    timing = 1e-3 * number("--timing_ms", args.timing_ms, minimum=0.0)
+    found = assessment.assess(recordings, args.manoeuvre, wanted, allowed, timing, **_given(args))
     for label in labels:
         print_metrics(found.values[label], f"{found.test}, {label}", found.lights[label])
     if found.differences:

@@ -261,3 +261,23 @@ def cross_validation(results: Mapping[str, Mapping[str, Any]]) -> str:
     grid[1, 0].set_ylabel("lateral acceleration [m/s²]")
     _legend(figure, grid[0, 0])
     return _svg(figure)
+
+
+@_styled
+def loop_width(panels: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> str:
+    """Signed widths over friction, a row a metric and a column a test; thin and dashed the part of lag and damping."""
+    figure = _figure(9.6, 5.4)
+    grid = figure.subplots(len(panels), len(next(iter(panels.values()))), sharex=True, sharey="row", squeeze=False)
+    for row, (metric, of_test) in zip(grid, panels.items()):
+        for axes, (test, of_car) in zip(row, of_test.items()):
+            axes.axhline(0.0, color="#999999", linewidth=0.8)
+            for (car, curve), colour in zip(of_car.items(), _PALETTE):
+                F_c = [width.F_c for width in curve]
+                axes.plot(F_c, [width.total for width in curve], "o-", color=colour, markersize=3, label=car)
+                axes.plot(F_c, [width.rest for width in curve], color=colour, linewidth=1.0, linestyle=(0, (4, 2)))
+            axes.set_title(test if axes in grid[0] else "")
+        row[0].set_ylabel(f"{metric}, signed [N m]")
+    for axes in grid[-1]:
+        axes.set_xlabel("friction torque [N m]")
+    _legend(figure, grid[0, 0])
+    return _svg(figure)

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import friction
-from experiments import linear_check
+from experiments import linear_check, synthetic
 from experiments.findings import TARGETS, label, on_target
 from experiments.integrators import TWELVE, Case, integrate, relative_error, twelve_cases, twelve_references
 from experiments.oracles import ORACLES
@@ -237,6 +237,26 @@ def linear_rows() -> Iterator[Row]:
         yield _error(what, error, 0.01)
 
 
+TRIALS, COVERED = 200, 0.9
+
+
+def synthetic_rows(trials: int = TRIALS, covered: float = COVERED) -> Iterator[Row]:
+    """Known answers behind faults: trials whose own 95 % interval holds the answer [%], a column a fault."""
+    refusing = [name for name, fault in synthetic.FAULTS.items() if fault.refused]
+    others = [name for name in synthetic.FAULTS if name not in refusing]
+    yield Row("faults", ", ".join(others), "", "")
+    for case, of_fault in synthetic.collect(trials).items():
+        for name in of_fault[others[0]]:
+            shares = [of_fault[fault][name].covered for fault in others]
+            measured = " ".join(f"{100 * share:3.0f}" for share in shares)
+            yield Row(f"{case}: {label(name)}", measured, f">= {100 * covered:.0f} %", _verdict(min(shares) >= covered))
+        for fault in refusing:
+            found, why = of_fault[fault].values(), synthetic.FAULTS[fault].refused
+            right = all(entry.refused == 1.0 and all(why in text for text in entry.reasons) for entry in found)
+            measured = f"refused: {why}" if right else "not refused"
+            yield Row(f"{case}: {fault}", measured, "refused, and why", _verdict(right))
+
+
 MARKS: dict[str, Callable[[], Iterator[Row]]] = {
     "friction": friction_rows,
     "column": column_rows,
@@ -247,6 +267,7 @@ MARKS: dict[str, Callable[[], Iterator[Row]]] = {
     "assist": assist_rows,
     "feel": feel_rows,
     "linear": linear_rows,
+    "synthetic": synthetic_rows,
 }
 
 

@@ -7,12 +7,13 @@ in SI; its docstring is its definition, from which the documentation and the rep
 
 import inspect
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from friction.check import not_negative
 from steer_env.metrics.confidence import interval
 from steer_env.recording import DEGREE, Recording
 from vehicle.single_track import GRAVITY as G
@@ -27,6 +28,7 @@ UNITS |= {"N m/deg": DEGREE, "g/100 deg": 100 * DEGREE / G, "g/(100 N m deg)": 1
 
 _SHOWN = ("handwheel_angle", "handwheel_torque", "yaw_rate", "lateral_acceleration")
 HISTORIES = tuple(("time", name) for name in _SHOWN)
+REFERENCE = "handwheel_angle"  # against which the other channels' timing counts
 SPEED_SPREAD = 0.03  # of the mean speed around the one asked for
 
 
@@ -144,7 +146,7 @@ def definition(name: str) -> Metric:
     return _metrics[name]
 
 
-def evaluate(recording: Recording, test: str | None = None, **given: Any) -> dict[str, Value]:
+def evaluate(recording: Recording, test: str | None = None, *, timing: float = 0.0, **given: Any) -> dict[str, Value]:
     """Every metric of a test, for a recording from a simulation or from a car.
 
     Parameters
@@ -153,6 +155,10 @@ def evaluate(recording: Recording, test: str | None = None, **given: Any) -> dic
         In SI, left positive; a missing channel costs the metrics that need it.
     test : str, optional
         Name out of :func:`tests`; by default the manoeuvre that the recording's meta names.
+    timing : float
+        To which the channels are known to be simultaneous [s]. A channel that may be late by so much looks like a
+        car's lag, so each interval is widened by what the metric changes when one channel after the other is shifted
+        by +-timing against the handwheel angle.
     given
         Conditions that differ from those of the meta and of the test, e.g. ``speed_m_s=22.2``.
 
@@ -164,14 +170,18 @@ def evaluate(recording: Recording, test: str | None = None, **given: Any) -> dic
     Raises
     ------
     ValueError
-        For a test or a condition that there is not.
+        For a test or a condition that there is not, or a timing below zero.
     """
+    not_negative("timing", timing)
     names = available(procedure_of(recording, test).name)
-    try:
-        reading = read(recording, test, **given)
-    except RefusedError as error:
-        return {name: _refusal(_metrics[name], error) for name in names}
-    return {name: _value(_metrics[name], reading) for name in names}
+    repeats = _repeats(names, recording, test, given)
+    slack = dict.fromkeys(names, 0.0)
+    for channel in recording.channels if timing else ():
+        if channel != REFERENCE:
+            shifted = [_repeats(names, _shifted(recording, channel, by), test, given) for by in (-timing, timing)]
+            for name, found in repeats.items():
+                slack[name] += max(_change(found, other[name]) for other in shifted)
+    return {name: _value(_metrics[name], found, slack[name]) for name, found in repeats.items()}
 
 
 def read(recording: Recording, test: str | None = None, **given: Any) -> Any:
@@ -197,6 +207,29 @@ def read(recording: Recording, test: str | None = None, **given: Any) -> Any:
         raise RefusedError(str(error)) from None
 
 
+def _repeats(
+    names: tuple[str, ...], recording: Recording, test: str | None, given: Mapping[str, Any]
+) -> dict[str, Array | RefusedError]:
+    """Values (n,) of the repeats of every metric in its reporting unit, or why there are none."""
+    try:
+        reading = read(recording, test, **given)
+    except RefusedError as error:
+        return dict.fromkeys(names, error)
+    return {name: _read(_metrics[name], reading) for name in names}
+
+
+def _shifted(recording: Recording, channel: str, seconds: float) -> Recording:
+    later = np.interp(recording.time - seconds, recording.time, recording[channel])
+    return replace(recording, channels={**recording.channels, channel: later})
+
+
+def _change(found: Array | RefusedError, other: Array | RefusedError) -> float:
+    """Of the mean; without limit where the other was refused."""
+    if isinstance(found, RefusedError) or isinstance(other, RefusedError):
+        return np.inf
+    return float(abs(other.mean() - found.mean()))
+
+
 def procedure_of(recording: Recording, test: str | None = None) -> Procedure:
     """How a test is read, by default that of the recording's manoeuvre; ValueError for one that there is not."""
     return procedure_by_name(test or str(recording.meta.get("manoeuvre")))
@@ -220,8 +253,7 @@ def _check_speed(recording: Recording, asked: Mapping[str, Any]) -> None:
             )
 
 
-def _value(entry: Metric, reading: Any) -> Value:
-    """Mean over the repeats and its interval, or the reason for none."""
+def _read(entry: Metric, reading: Any) -> Array | RefusedError:
     try:
         if entry.validity:
             low, high = entry.validity
@@ -233,9 +265,18 @@ def _value(entry: Metric, reading: Any) -> Value:
         if not np.all(np.isfinite(values)):
             raise RefusedError("the recording holds no finite value of it")
     except RefusedError as refused:
-        return _refusal(entry, refused)
-    return Value(float(values.mean()), *interval(values), entry.unit, repeats=tuple(values.tolist()))
+        return refused
+    return values
 
 
-def _refusal(entry: Metric, error: ValueError) -> Value:
-    return Value(np.nan, np.nan, np.nan, entry.unit, str(error))
+def _value(entry: Metric, repeats: Array | RefusedError, slack: float) -> Value:
+    """Mean over the repeats and its interval, wider by ``slack`` at either end, or the reason for none."""
+    if np.isinf(slack) and not isinstance(repeats, RefusedError):
+        repeats = RefusedError("it can be read or not within the timing given: align the channels more closely")
+    if isinstance(repeats, RefusedError):
+        return Value(np.nan, np.nan, np.nan, entry.unit, str(repeats))
+    mean = float(repeats.mean())
+    low, high = interval(repeats)
+    if slack and not np.isfinite(low):  # one repeat
+        low = high = mean
+    return Value(mean, low - slack, high + slack, entry.unit, repeats=tuple(repeats.tolist()))

@@ -28,6 +28,10 @@ from steer_env.recording import DEGREE, Recording
 from vehicle.single_track import GRAVITY as G
 
 CUTOFF = 5.0  # low-pass [Hz]
+PEAK_CUTOFF = (
+    10.0  # of what peaks are read from: at 5 Hz, the corner that dry friction leaves in the torque shifts [Hz]
+)
+SAMPLES_PER_CUTOFF = 40.0  # of the splines through the low-passed channels; more only take time
 SAMPLES = 1000  # a cycle
 WINDOW = {AY: 0.05 * G, ANGLE: 4 * DEGREE}  # half width of a slope's window; assumed
 FEWEST_IN_WINDOW = 8  # samples for a parabola; assumed
@@ -53,26 +57,40 @@ class Loops:
         self.period = np.diff(starts)[1:-1]  # [s]
         # The dropped cycles stay as margins: a branch may begin up to half a cycle before its cycle.
         time = np.interp(np.arange((self.count + 2) * SAMPLES) / SAMPLES, np.arange(self.count + 3), starts)
-        self._samples = cache(lambda name: CubicSpline(self._smooth.time, self._smooth[name])(time))
+        sharp = Reading(recording, min(PEAK_CUTOFF, recording.rate / 4))
+        self._raw, self._sharp = (cache(partial(_interpolated, of, time)) for of in (self._smooth, sharp))
+        self._samples = cache(lambda name: self._without_drift(self._raw(name)))
+        # Several metrics ask for the same.
+        self.fundamental, self.peak = cache(self._fundamental), cache(self._peak)
+        self.at, self.slope = cache(self._at), cache(self._slope)
         span = np.ptp(self.cycles(AY if AY in self._smooth else ANGLE), axis=1)
         if np.any(np.abs(span - np.median(span)) > SPREAD * np.median(span)):
             raise RefusedError(f"the cycles' amplitudes are over {SPREAD:.0%} apart: hold angle and speed")
         if SPEED in self._smooth:
-            speed = self.cycles(SPEED).mean(axis=1)
+            speed = self._settled(self._raw(SPEED)).mean(axis=1)
             if np.any(np.abs(speed - speed.mean()) > SPEED_SPREAD * np.abs(speed.mean())):
                 raise RefusedError(f"{SPEED} differs between cycles by over {SPEED_SPREAD:.0%}: hold it constant")
 
     def cycles(self, name: str, shift: int = 0) -> np.ndarray:
         """Samples (n, SAMPLES) of a channel, from ``shift`` samples after the handwheel angle's rising crossing."""
-        start = SAMPLES + shift
-        return self._samples(name)[start : start + self.count * SAMPLES].reshape(self.count, SAMPLES)
+        return self._settled(self._samples(name), shift)
 
     def mean_cycle(self, name: str) -> np.ndarray:
         """Mean (SAMPLES,) of the settled cycles, closed by its first sample."""
         mean = self.cycles(name).mean(axis=0)
         return np.append(mean, mean[0])
 
-    def fundamental(self, name: str) -> np.ndarray:
+    def _settled(self, samples: np.ndarray, shift: int = 0) -> np.ndarray:
+        start = SAMPLES + shift
+        return samples[start : start + self.count * SAMPLES].reshape(self.count, SAMPLES)
+
+    def _without_drift(self, samples: np.ndarray) -> np.ndarray:
+        """Samples less the straight line that the means of the cycles move along: it would open every loop."""
+        means, order = self._settled(samples).mean(axis=1), np.arange(self.count) - (self.count - 1) / 2
+        rise = order @ means / max(order @ order, 1.0)  # one cycle shows none
+        return samples - rise * (np.arange(samples.size) - samples.size / 2) / SAMPLES
+
+    def _fundamental(self, name: str) -> np.ndarray:
         """Complex amplitude (n,) of the first harmonic; refused if it runs against that of the handwheel angle."""
         angle, harmonic = self._harmonic(ANGLE), self._harmonic(name)
         if np.mean(harmonic * angle.conj()).real <= 0:
@@ -86,23 +104,24 @@ class Loops:
         """Peak of the lateral acceleration, in the mean of the cycles [g]."""
         return float(self.peak(AY).mean()) / G
 
-    def _of_branches(self, y: str, x: str, read: Callable[[np.ndarray, np.ndarray], float]) -> np.ndarray:
-        """read(y, x) of the samples on the falling and on the rising branch of x in each cycle, (n, 2)."""
+    def _branches(self, y: str, x: str) -> tuple[np.ndarray, np.ndarray]:
+        """Samples of y and x, each (2 n, SAMPLES/2), on the falling and the rising branch of x in each cycle."""
         self.fundamental(y)
         peak = round(-np.angle(self.fundamental(x).mean()) / (2 * np.pi) * SAMPLES)
-        branches = (self.cycles(name, peak).reshape(-1, SAMPLES // 2) for name in (y, x))
-        return np.array([read(u, v) for u, v in zip(*branches)]).reshape(-1, 2)
+        u, v = (self.cycles(name, peak).reshape(-1, SAMPLES // 2) for name in (y, x))
+        return u, v
 
-    def at(self, y: str, x: str, level: float) -> np.ndarray:
+    def _at(self, y: str, x: str, level: float) -> np.ndarray:
         """y, (n, 2), where the falling and the rising branch of x cross ``level``; the mean of crossings in noise."""
-
-        def read(u: np.ndarray, v: np.ndarray) -> float:
-            k = np.flatnonzero((v[1:] >= level) != (v[:-1] >= level))
-            if k.size % 2 == 0:
-                raise RefusedError(f"{x} does not cross {level:.3g} {CHANNELS[x]} on each branch: centre the weave")
-            return np.mean(u[k] + (level - v[k]) / (v[k + 1] - v[k]) * (u[k + 1] - u[k]))
-
-        return self._of_branches(y, x, read)
+        u, v = self._branches(y, x)
+        above = v >= level
+        row, k = np.nonzero(above[:, 1:] != above[:, :-1])
+        crossings = np.bincount(row, minlength=len(v))
+        if np.any(crossings % 2 == 0):
+            raise RefusedError(f"{x} does not cross {level:.3g} {CHANNELS[x]} on each branch: centre the weave")
+        v0, u0 = v[row, k], u[row, k]
+        read = u0 + (level - v0) / (v[row, k + 1] - v0) * (u[row, k + 1] - u0)
+        return (np.bincount(row, read) / crossings).reshape(-1, 2)
 
     def width(self, y: str, x: str) -> np.ndarray:
         """Width (n,) of the loop y(x) at x = 0: y on the rising minus y on the falling branch."""
@@ -112,29 +131,40 @@ class Loops:
         """y (n,) on the mean of the branches at x = level."""
         return (self.at(y, x, level) - self.at(y, x, -level)).mean(axis=1) / 2
 
-    def slope(self, y: str, x: str, level: float = 0.0) -> np.ndarray:
+    def _slope(self, y: str, x: str, level: float = 0.0) -> np.ndarray:
         """dy/dx (n,) on the mean of the branches at x = level, in the window of x."""
         window = WINDOW[x]
-
-        def read(u: np.ndarray, v: np.ndarray, centre: float) -> float:
+        u, v = self._branches(y, x)
+        slopes = []
+        for centre in (level, -level):
             part = (v - centre) / window
             near = np.abs(part) <= 1
-            if part.max() < 1 or part.min() > -1 or near.sum() < FEWEST_IN_WINDOW:
+            if part.max(axis=1).min() < 1 or part.min(axis=1).max() > -1 or near.sum(axis=1).min() < FEWEST_IN_WINDOW:
                 raise RefusedError(f"{x} does not span {centre:.3g} +- {window:.3g} {CHANNELS[x]}: steer further")
-            return np.polynomial.polynomial.polyfit(part[near], u[near], 2)[1] / window
+            powers = np.stack([near, near * part, near * part**2])  # the normal equations; all within one
+            moments = np.einsum("ibt,jbt->bij", powers, powers)
+            slopes.append(np.linalg.solve(moments, np.einsum("ibt,bt->bi", powers, u)[..., None])[:, 1, 0] / window)
+        return np.mean(np.reshape(slopes, (2, -1, 2)), axis=(0, 2))
 
-        return np.mean([self._of_branches(y, x, partial(read, centre=c)) for c in (level, -level)], axis=(0, 2))
+    def _peak(self, name: str) -> np.ndarray:
+        """Half of highest minus lowest (n,), read where the mean of the other cycles has its extremes.
 
-    def peak(self, name: str) -> np.ndarray:
-        """Half of highest minus lowest (n,), read at the extremes of the mean cycle, where noise has averaged out."""
+        At the extremes of a mean that has the cycle in it, noise would be read for signal.
+        """
         self.fundamental(name)
-        cycles = self.cycles(name)
-        mean = cycles.mean(axis=0)
-        return (cycles[:, mean.argmax()] - cycles[:, mean.argmin()]) / 2
+        where, each = self.cycles(name), np.arange(self.count)
+        others = where.sum(axis=0) - where if self.count > 1 else where
+        cycles = self._settled(self._without_drift(self._sharp(name)))
+        return (cycles[each, others.argmax(axis=1)] - cycles[each, others.argmin(axis=1)]) / 2
 
     def lag(self, name: str) -> np.ndarray:
         """Delay (n,) of a channel's first harmonic behind that of the handwheel angle [s]."""
         return np.angle(self.fundamental(ANGLE) * self.fundamental(name).conj()) / (2 * np.pi) * self.period
+
+
+def _interpolated(smooth: Reading, time: np.ndarray, name: str) -> np.ndarray:
+    thin = slice(None, None, max(int(smooth.recording.rate / (SAMPLES_PER_CUTOFF * CUTOFF)), 1))
+    return CubicSpline(smooth.time[thin], smooth[name][thin])(time)
 
 
 def _cycle_starts(time: np.ndarray, angle: np.ndarray, frequency: float) -> np.ndarray:
