@@ -41,7 +41,6 @@ NOISE = {
 OFFSETS = {TORQUE: 0.1, AY: 0.05, YAW: 0.2 * DEGREE}
 DRIFT = {TORQUE: 0.1, AY: 0.05}
 DELAY = 0.010  # [s]
-LONGEST = 0.1  # gap that is bridged [s]
 
 
 def recording(
@@ -209,16 +208,10 @@ def drifting(given: Recording, rng: np.random.Generator) -> Recording:
     return changed(given, **{name: given[name] + size * rng.choice([-1, 1]) * share for name, size in known.items()})
 
 
-def delayed(given: Recording, name: str, seconds: float) -> Recording:
-    """One channel later by ``seconds``; all are trimmed where it has nothing."""
-    moved = changed(given, **{name: np.interp(given.time - seconds, given.time, given[name])})
-    return moved.between(given.time[0] + max(seconds, 0.0), given.time[-1] + min(seconds, 0.0))
-
-
 def late(given: Recording, rng: np.random.Generator) -> Recording:
     """One channel behind the others by 10 ms: which one, changes."""
     known = [name for name in (TORQUE, AY, YAW) if name in given.channels]
-    return delayed(given, str(rng.choice(known)), DELAY)
+    return given.delayed(str(rng.choice(known)), DELAY)
 
 
 def logged_at_50_hz(given: Recording, rng: np.random.Generator) -> Recording:
@@ -252,25 +245,6 @@ def long_drop_out(given: Recording, rng: np.random.Generator) -> Recording:
     return _dropping_out(given, rng, 2.0, 1)
 
 
-def bridged(given: Recording, longest: float = LONGEST) -> Recording:
-    """Gaps of up to ``longest`` [s] filled by straight lines; ValueError for a longer one, and at either end."""
-    step = float(np.median(np.diff(given.time)))
-    channels = {}
-    for name, values in given.channels.items():
-        known = np.isfinite(values)
-        there = given.time[known]
-        edges = np.concatenate([[given.time[0] - step], there, [given.time[-1] + step]])
-        gaps = np.diff(edges) - step
-        if gaps.max() > longest * (1 + 1e-6) or not (known[0] and known[-1]):
-            k = gaps.argmax()
-            raise ValueError(
-                f"channel {name!r} has a gap from {edges[k]:g} to {edges[k + 1]:g} s: {gaps[k]:g} s, allowed is "
-                f"longest={longest:g} s; cut the recording there with between(t0, t1), or leave the channel out"
-            )
-        channels[name] = np.interp(given.time, there, values[known])
-    return replace(given, channels=channels)
-
-
 class Fault(NamedTuple):
     """What goes wrong between the car and the file, and what the evaluation is told of it."""
 
@@ -283,7 +257,7 @@ class Fault(NamedTuple):
 
 
 def _late_lateral_acceleration(given: Recording, rng: np.random.Generator) -> Recording:
-    return delayed(given, AY, DELAY)
+    return given.delayed(AY, DELAY)
 
 
 FAULTS: dict[str, Fault] = {
@@ -315,11 +289,11 @@ def _trial(clean: Recording, fault: Fault, seed: int) -> dict[str, metrics.Value
     for spoil in fault.after:
         found = spoil(found, rng)
     try:
-        found = bridged(found)
+        found = found.bridged()
     except ValueError as error:
         return str(error)
     if fault.declared:
-        found = delayed(found, fault.declared, -DELAY)
+        found = found.delayed(fault.declared, -DELAY)
     return metrics.evaluate(found, timing=fault.timing)
 
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy import special, stats
 
 LEVEL = 0.95
-RESAMPLES = 4999
+RESAMPLES = 1999
 FEWEST = 8  # repeats for a bootstrap; assumed
 
 

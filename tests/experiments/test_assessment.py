@@ -108,7 +108,7 @@ def test_histories_are_aligned_in_time():
     units = {"handwheel_angle": "rad", "yaw_rate": "rad/s", "vehicle_speed": "m/s"}
 
     def step(start):
-        angle = 0.3 * np.clip((t - start) / 0.2, 0.0, 1.0)
+        angle = 0.3 * np.clip((t - start) / 0.05, 0.0, 1.0)
         yaw = 0.1 * (1.0 - np.exp(-np.clip(t - start, 0.0, None) / 0.2))
         channels = {"handwheel_angle": angle, "yaw_rate": yaw, "vehicle_speed": np.full(t.size, 80 / 3.6)}
         return Recording(t, channels, units, {"manoeuvre": "step-steer"})
