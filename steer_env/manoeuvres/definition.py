@@ -38,7 +38,7 @@ class Manoeuvre:
     duration: float  # [s]
     hand: Callable[[Array, float], tuple[Array, Array]]
     robot: bool = True
-    released: float | None = None  # when a robot lets go of the handwheel [s]; from then on ``hand`` is a torque
+    released: tuple[float, ...] = ()  # a robot lets go, grips, lets go ... [s]; while free ``hand`` is a torque
     amplitude: float | None = None  # [rad] or [N m]; None: found for the lateral acceleration
     lateral_acceleration: float | None = None  # to reach [m/s2]
     reach: Reach = last_second  # reads from a run of ``trial`` what it reached
