@@ -60,7 +60,7 @@ def crosswind(
     """
     strength = positive("wind", (20.0 if seed is None else 5.0) if wind is None else wind)
     if seed is None and (length + LENGTH) / speed > 0.5 * EVENT:
-        raise ValueError(f"length is {length} m: at {3.6 * speed:.0f} km/h a gust must be over in {0.5 * EVENT:g} s")
+        raise ValueError(f"length is {length:g} m: at {3.6 * speed:.0f} km/h a gust must be over in {0.5 * EVENT:g} s")
     profile: Callable[[Array], Array]
     if seed is None:
         profile = partial(_gusts, wind=strength, length=length, events=events, speed=speed)

@@ -17,7 +17,7 @@ from steer_env.metrics.definitions import RefusedError, metric, procedure
 from steer_env.metrics.reading import ANGLE, AY, SPEED, TORQUE, YAW, Reading
 from steer_env.recording import DEGREE, Recording
 
-CUTOFF = 5.0  # low-pass [Hz]
+CUTOFF = 10.0  # low-pass, as a gust takes hold within 0.15 s [Hz]
 BEFORE = 1.0  # the gust that is taken for straight running [s]
 AFTER = 2.0  # the start of the gust at which deviation and course are read [s]
 WINDOW = 3.0  # after the start of the gust in which peaks are looked for [s]; assumed
@@ -89,7 +89,7 @@ class Crosswind:
     def rms(self, name: str) -> np.ndarray:
         """Root mean square (n,) about the mean: of each gust's window, or of each segment of random wind."""
         if self._gusts:
-            return np.array([np.sqrt(np.mean(y**2)) for _, y in self._parts(name)])
+            return np.array([np.sqrt(np.trapezoid(y**2, t) / np.ptp(t)) for t, y in self._parts(name)])
         parts = ((self.time >= start) & (self.time < start + SEGMENT) for start in self.start)
         return np.array([self.smooth[name][part].std() for part in parts])
 

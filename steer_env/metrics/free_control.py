@@ -12,7 +12,7 @@ import numpy as np
 from steer_env.metrics import decay
 from steer_env.metrics.definitions import RefusedError, metric, procedure
 from steer_env.metrics.events import Pulses, Releases
-from steer_env.metrics.reading import ANGLE, YAW
+from steer_env.metrics.reading import ANGLE, TORQUE, YAW
 from steer_env.recording import Recording
 
 FREE = 4.0  # that the hands must stay off [s]
@@ -37,6 +37,8 @@ class FreeControl:
         """Yaw rate (n,) that was held before a release, or its peak from a pulse [rad/s]."""
         if isinstance(self.events, Releases):
             return self.events.held(YAW)
+        if np.any(self.events.mean(YAW, -0.3, 0.1) <= 0):  # before the car can have swung back
+            raise RefusedError(f"{YAW} does not follow {TORQUE}: check the signs, a left turn is positive in both")
         return np.array([-decay.lowest(*self._turned(k, -0.3, 0.7))[1] for k in range(len(self.events))])
 
     def _turned(self, event: int, begin: float, end: float) -> tuple[np.ndarray, np.ndarray]:

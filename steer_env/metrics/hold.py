@@ -1,6 +1,7 @@
 """Held torque: what still moves while the hands pull with a constant torque.
 
-The hold is where the hand torque stays longest within 5 % of what it is in most of the time that the hands pull.
+The hold is where the hand torque stays longest within 5 % of what it is in most of the time that the hands pull; it
+begins where the rise to it ends, which is told from its middle, as noise hides the end of a smooth rise.
 """
 
 import numpy as np
@@ -13,10 +14,12 @@ from steer_env.metrics.reading import TORQUE, Reading
 from steer_env.recording import Recording
 
 CUTOFF = 40.0  # low-pass, above what a friction law makes vibrate [Hz]
-HAND = 5.0  # low-pass of the hand torque, to find the hold [Hz]
+HAND = 10.0  # low-pass of the hand torque, to find the hold [Hz]
 BAND = 0.05  # of the held torque in which it is held; assumed
-ROUNDING = 0.07  # from there until hands that come smoothly to the level in half a second are at it [s]; assumed
+# A smooth rise s = 3 x^2 - 2 x^3 is at its end 0.94 times its time from one to three quarters after three quarters.
+TAIL = 0.94
 SETTLING = 2.0  # until what the rise excites has died out [s]
+EDGE = 0.1  # before the hands let go, which the low-pass blurs [s]
 CLEAR = 3.0  # times the span of the noise that a ripple must exceed; assumed
 TWIST = "torsion_bar_torque"
 
@@ -36,7 +39,9 @@ class Hold:
                 f"{TORQUE} is held within {BAND:.0%} for {time[last - 1] - time[first]:.2g} s: hold it for "
                 f"{SETTLING + 1:g} s or longer"
             )
-        self.inside = (time >= time[first] + ROUNDING + SETTLING) & (time <= time[last - 1])
+        start = _end_of_rise(time[:first], torque[:first] / level, time[first])
+        end = time[last - 1] - (EDGE if last < time.size else 0.0)
+        self.inside = (time >= start + SETTLING) & (time <= end)
         self.time = time[self.inside]
 
     def span(self, name: str) -> float:
@@ -49,6 +54,16 @@ class Hold:
                 f"{name} spans {span:.2g} N m, of which noise alone would make {noise:.2g}: use a better sensor"
             )
         return span
+
+
+def _end_of_rise(time: np.ndarray, part: np.ndarray, begin: float) -> float:
+    """When torque that rises to 1 is held, from where it passes its quarters; ``begin`` where it does not rise."""
+    below = [np.flatnonzero(part < level) for level in (0.25, 0.75)]
+    if below[0].size == 0 or below[1][-1] + 1 == time.size:
+        return begin
+    k = [int(samples[-1]) for samples in below]
+    quarter, three = (float(np.interp(level, part[i : i + 2], time[i : i + 2])) for i, level in zip(k, (0.25, 0.75)))
+    return three + TAIL * (three - quarter)
 
 
 procedure("hold", Hold, constant_speed=False)

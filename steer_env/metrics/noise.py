@@ -13,7 +13,8 @@ def in_band(reading: Reading, name: str, cutoff: float) -> float:
     All that is above the cutoff is taken for noise of a white spectrum, and its median size for its deviation, so that
     a few jumps do not count.
     """
-    above = reading.recording[name] - reading[name]
+    smooth = reading[name]  # first, for it refuses what cannot be read
+    above = reading.recording[name] - smooth
     low_pass = signal.butter(ORDER, cutoff, fs=reading.recording.rate, output="sos")
     gain = np.abs(signal.sosfreqz(low_pass, 4096)[1]) ** 2  # forwards and backwards
     deviation = 1.4826 * float(np.median(np.abs(above - np.median(above))))

@@ -3,7 +3,8 @@
 A repeat is a half sweep: from the last sample at one end of the handwheel's travel to the first at the other, without
 5 % of the way from the centre to the lock at each end. The way into the first lock does not count. Values are positive
 where they resist the turning handwheel (rack force) or follow it (torques, power), so noise does not add to a mean.
-A peak is the highest mean over a twentieth of the way from the centre to the lock, which no single sample makes.
+A peak is the mean over the twentieth of the way from the centre to the lock where the mean of all half sweeps is
+highest, so that neither a single sample nor the noise of one sweep makes it.
 """
 
 from collections.abc import Mapping
@@ -11,18 +12,18 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from scipy import signal
+from scipy import signal, stats
 
 from steer_env.metrics.definitions import RefusedError, metric, procedure
 from steer_env.metrics.noise import in_band
 from steer_env.metrics.reading import ANGLE, SPEED, TORQUE, Reading
-from steer_env.recording import Recording
+from steer_env.recording import ORDER, Recording
 
 CUTOFF = 10.0  # low-pass [Hz]
 END = 0.95  # of the way from centre to lock that counts
 CENTRE = 0.05  # of that way, around the centre
 PARTS = 38  # of a half sweep, each a twentieth of the way from centre to lock
-SMOOTH = 1.0  # window of the moving parabola about which the rest is ripple: it follows up to some 1 Hz [s]; assumed
+RIPPLE = 1.0  # high-pass above which effort is ripple [Hz]; assumed
 STANDING = 0.3  # speed up to which the car stands [m/s]; assumed
 FEWEST = 2  # half sweeps
 SOURCE = "parking test of steering-feel practice"
@@ -63,22 +64,25 @@ class Sweeps:
         return np.array([values[part].mean() for values, part in zip(self.effort(name), inside)])
 
     def peak(self, efforts: list[np.ndarray]) -> np.ndarray:
-        """Highest mean (n,) over a part of the travel."""
-        edges, found = np.linspace(-END, END, PARTS + 1), []
-        for travel, values in zip(self.travel, efforts):
-            place = np.clip(np.digitize(travel, edges) - 1, 0, PARTS - 1)
-            count, total = np.bincount(place), np.bincount(place, values)
-            found.append((total[count > 0] / count[count > 0]).max())
-        return np.array(found)
+        """Mean (n,) over the part of the travel where all half sweeps together are highest."""
+        edges = np.linspace(-END, END, PARTS + 1)
+        pairs = zip(self.travel, efforts)
+        found = np.array([stats.binned_statistic(travel, values, "mean", edges)[0] for travel, values in pairs])
+        together = found.mean(axis=0)  # NaN where a sweep has no sample
+        if np.isnan(together).all():
+            raise RefusedError("the sweeps are too fast for their sampling: record faster, or steer more slowly")
+        return found[:, np.nanargmax(together)]
 
     def ripple(self, name: str) -> np.ndarray:
-        """Root mean square (n,) about a moving parabola, without what the noise makes of it."""
+        """Root mean square (n,) above a high-pass, without what the noise makes of it."""
         noise, found = in_band(self._smooth, name, CUTOFF), []
-        window = 2 * round(0.5 * SMOOTH * self._smooth.recording.rate) + 1
+        rate = self._smooth.recording.rate
+        high_pass = signal.butter(ORDER, RIPPLE, "highpass", fs=rate, output="sos")
+        run_in = round(rate / RIPPLE)
         for values in self.effort(name):
-            if values.size <= window:
-                raise RefusedError(f"a half sweep takes less than {SMOOTH:g} s: steer more slowly")
-            found.append(np.mean((values - signal.savgol_filter(values, window, 2)) ** 2) - noise**2)
+            if values.size <= run_in:
+                raise RefusedError(f"a half sweep takes less than {1 / RIPPLE:g} s: steer more slowly")
+            found.append(np.mean(signal.sosfiltfilt(high_pass, values, padlen=run_in) ** 2) - noise**2)
         return np.sqrt(np.maximum(found, 0.0))
 
     def rate(self) -> np.ndarray:
@@ -136,7 +140,7 @@ def handwheel_torque_peak(sweeps: Sweeps) -> np.ndarray:
 
 @_parking("N m", "parking")
 def handwheel_torque_ripple(sweeps: Sweeps) -> np.ndarray:
-    """Root mean square of the hand torque between some 1 and 10 Hz: about a moving parabola of one second.
+    """Root mean square of the hand torque between 1 and 10 Hz, with zero phase, in a half sweep.
 
     White noise, judged from what is above 10 Hz, is taken off.
     """

@@ -342,9 +342,9 @@ def test_every_metric_is_declared():
         assert entry.usual is None or entry.usual[0] < entry.usual[1]
         assert set(entry.tests) <= set(metrics.tests())
     assert set(metrics.available("slow-ramp")) < set(metrics.available("weave")) < set(metrics.available())
-    with pytest.raises(ValueError, match="no metrics for manoeuvre 'weav'; there are some for hold, weave"):
+    with pytest.raises(ValueError, match=r"no metrics for manoeuvre 'weav'; there are some for .*weave"):
         metrics.available("weav")
-    with pytest.raises(ValueError, match="no metric 'torque'; there are torsion_bar_ripple"):
+    with pytest.raises(ValueError, match=r"no metric 'torque'; there are .*torsion_bar_ripple"):
         metrics.definition("torque")
     with pytest.raises(ValueError, match="weave has no condition 'frequency'; there are speed_m_s, frequency_hz"):
         weave(linear_car(), frequency=0.2)
