@@ -15,7 +15,8 @@ import friction
 from friction.defaults import F_C, SIGMA_0
 from friction.law import advance, law_of, torque
 from steer_env import manoeuvres
-from steer_env.metrics.hold import RISE, SETTLING
+from steer_env.manoeuvres.hold import RISE
+from steer_env.metrics.hold import SETTLING
 from steer_env.recording import DEGREE
 from vehicle import plant
 from vehicle.assist import SAMPLE_TIME

@@ -134,6 +134,16 @@ def _drive_by_name(args: argparse.Namespace, name: str, out: Path) -> Run:
 def _manoeuvre(args: argparse.Namespace, name: str) -> Manoeuvre:
     """A manoeuvre as the options have it."""
     manoeuvre = manoeuvres.make(name)
+    if args.speed_kph is not None:
+        if manoeuvre.speed == 0.0:
+            raise ValueError(f"--speed_kph has no place in {manoeuvre.name}, which stands still; leave it out")
+        if manoeuvre.rig:
+            raise ValueError(f"--speed_kph has no effect on {manoeuvre.name}, which stands on a rig; leave it out")
+        low, high = cars.SPEED_MIN / KPH, cars.SPEED_MAX / KPH
+        speed = KPH * number("--speed_kph", args.speed_kph, minimum=low, maximum=high)
+        # A gust or a course may depend on it.
+        manoeuvre = manoeuvres.make(name, speed=speed) if "speed" in manoeuvres.options(name) else manoeuvre
+        manoeuvre = replace(manoeuvre, speed=speed)
     if args.chassis not in (None, manoeuvre.chassis):
         if manoeuvre.chassis == "two_track":
             raise ValueError(f"--chassis {args.chassis} will not do; {manoeuvre.name} needs two_track")
@@ -144,13 +154,6 @@ def _manoeuvre(args: argparse.Namespace, name: str) -> Manoeuvre:
         if manoeuvre.chassis != "two_track":
             raise ValueError("--road needs --chassis two_track")
         manoeuvre = replace(manoeuvre, road=road.iso8608(args.seed or 0, args.road))
-    if args.speed_kph is not None:
-        if manoeuvre.speed == 0.0:
-            raise ValueError(f"--speed_kph has no place in {manoeuvre.name}, which stands still; leave it out")
-        if manoeuvre.rig:
-            raise ValueError(f"--speed_kph has no effect on {manoeuvre.name}, which stands on a rig; leave it out")
-        low, high = cars.SPEED_MIN / KPH, cars.SPEED_MAX / KPH
-        manoeuvre = replace(manoeuvre, speed=KPH * number("--speed_kph", args.speed_kph, minimum=low, maximum=high))
     return manoeuvre
 
 

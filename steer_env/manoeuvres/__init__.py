@@ -8,10 +8,10 @@ conformance is claimed. Every module in this folder is imported, which registers
 import importlib
 import pkgutil
 
-from steer_env.manoeuvres.definition import Manoeuvre, available, make, register
+from steer_env.manoeuvres.definition import Manoeuvre, available, make, options, register
 from steer_env.manoeuvres.driving import build_plant, drive, find_amplitude, inputs
 
 for _module in pkgutil.iter_modules(__path__):
     importlib.import_module(f"{__name__}.{_module.name}")
 
-__all__ = ["Manoeuvre", "available", "build_plant", "drive", "find_amplitude", "inputs", "make", "register"]
+__all__ = ["Manoeuvre", "available", "build_plant", "drive", "find_amplitude", "inputs", "make", "options", "register"]

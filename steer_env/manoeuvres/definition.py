@@ -40,7 +40,7 @@ class Manoeuvre:
     duration: float  # [s]
     hand: Callable[[Array, float], tuple[Array, Array]]
     robot: bool = True
-    released: float | None = None  # when a robot lets go of the handwheel [s]; from then on ``hand`` is a torque
+    released: tuple[float, ...] = ()  # a robot lets go, grips, lets go ... [s]; while free ``hand`` is a torque
     amplitude: float | None = None  # [rad] or [N m]; None: found for the lateral acceleration
     lateral_acceleration: float | None = None  # to reach [m/s2]
     reach: Reach = last_second  # reads from a run of ``trial`` what it reached
@@ -84,12 +84,17 @@ def available() -> tuple[str, ...]:
     return tuple(_makers)
 
 
-def make(name: str, **options: Any) -> Manoeuvre:
-    """A manoeuvre by name, as the standard has it but for the options; ValueError for a name or option there is not."""
+def options(name: str) -> tuple[str, ...]:
+    """Options of a manoeuvre; ValueError for a name that there is not."""
     if name not in _makers:
         raise ValueError(f"unknown manoeuvre {name!r}; available: {', '.join(available())}")
-    allowed = inspect.signature(_makers[name]).parameters
-    for key in options:
+    return tuple(inspect.signature(_makers[name]).parameters)
+
+
+def make(name: str, **chosen: Any) -> Manoeuvre:
+    """A manoeuvre by name, as the standard has it but for the options; ValueError for a name or option there is not."""
+    allowed = options(name)
+    for key in chosen:
         if key not in allowed:
             raise ValueError(f"{name} has no option {key!r}; there are {', '.join(allowed) or 'none'}")
-    return _makers[name](**options)
+    return _makers[name](**chosen)

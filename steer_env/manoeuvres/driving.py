@@ -1,5 +1,6 @@
 """Driving a manoeuvre: the plant that it needs, the amplitude that it asks for, and the recording."""
 
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -10,12 +11,13 @@ from friction.law import law_of
 from steer_env.lane_change import outline
 from steer_env.manoeuvres.definition import Manoeuvre
 from steer_env.recording import Recording
-from vehicle import chassis, plant
+from vehicle import chassis, column, plant
 from vehicle.assist import SAMPLE_TIME
 from vehicle.cars import Car
 
 Array = NDArray[np.float64]
 HOLD = 10  # samples between calls of a driver
+REGRIP = 1.0  # in which a robot that grips again is back at its prescribed angle, assumed [s]
 
 
 class LostControlError(ValueError):
@@ -79,10 +81,14 @@ def run(p: plant.Plant, manoeuvre: Manoeuvre, u: Array) -> Array:
     """Channels (T, C) of a plant that starts straight and gets inputs (T, I)."""
     record = np.zeros((len(u), len(plant.channels(p))))
     state = plant.initial_state(p)
-    held = len(u) if manoeuvre.released is None else round(manoeuvre.released / SAMPLE_TIME)
-    plant.run(p, state, u[:held], record[:held], 1)
-    if held < len(u):
-        plant.run(p._replace(robot=0.0), state, u[held:], record[held:], 1)
+    changes = [min(round(t / SAMPLE_TIME), len(u)) for t in manoeuvre.released]
+    for k, (start, end) in enumerate(pairwise([0, *changes, len(u)])):
+        if start == end:
+            continue
+        rows, free = u[start:end], k % 2 == 1
+        if k and not free:
+            rows = _regripped(rows, state[column.HANDWHEEL_ANGLE], state[column.HANDWHEEL_SPEED])
+        plant.run(p._replace(robot=0.0) if free else p, state, rows, record[start:end], 1)
     return record
 
 
@@ -119,6 +125,16 @@ def run_closed(car: Car, p: plant.Plant, manoeuvre: Manoeuvre) -> Array:
 def steering_ratio(car: Car) -> float:
     """Handwheel angle over the road wheels' at centre, without compliance [1]."""
     return 1.0 / (car.steering["pinion_radius"] * float(car.strut.solve(0.0, 0.0).per_rack.rotation[2]))
+
+
+def _regripped(u: Array, angle: float, speed: float) -> Array:
+    """Inputs that lead a handwheel from where it is back to what the robot prescribes, without a jerk in its speed."""
+    u = u.copy()
+    s = np.clip(np.arange(1.0, len(u) + 1.0) * SAMPLE_TIME / REGRIP, 0.0, 1.0)
+    off, off_speed = angle - u[0, plant.HAND], REGRIP * (speed - u[0, plant.HAND_SPEED])
+    u[:, plant.HAND] += off * (1.0 - s * s * (3.0 - 2.0 * s)) + off_speed * s * (1.0 - s) ** 2
+    u[:, plant.HAND_SPEED] += (off_speed * (1.0 - s) * (1.0 - 3.0 * s) - 6.0 * off * s * (1.0 - s)) / REGRIP
+    return u
 
 
 def drive(car: Car, manoeuvre: Manoeuvre, friction: Any = "lugre") -> Recording:

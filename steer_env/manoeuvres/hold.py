@@ -3,17 +3,19 @@
 from steer_env.manoeuvres.definition import Manoeuvre, register
 from steer_env.manoeuvres.shapes import ramp_and_hold
 
+RISE = 0.5  # of the torque [s]
+
 
 @register("hold")
 def hold(torque: float = 2.0) -> Manoeuvre:
     """Held-torque test: the hands pull to a torque and hold it; what still moves is the friction law's doing."""
     return Manoeuvre(
         name="hold",
-        hands=f"Hand torque rises to {torque:g} N m in 0.5 s and is held for 5 s",
+        hands=f"Hand torque rises to {torque:g} N m in {RISE:g} s and is held for 5 s",
         source="after the held-steering comparison of LuGre and Masing, JSME D&D 2021, paper 557",
         speed=50.0 / 3.6,
-        duration=5.5,
-        hand=lambda t, amplitude: ramp_and_hold(t, amplitude, 0.5),
+        duration=RISE + 5.0,
+        hand=lambda t, amplitude: ramp_and_hold(t, amplitude, RISE),
         robot=False,
         amplitude=torque,
     )

@@ -1,68 +1,166 @@
-"""Parking: effort of the sweeps between the locks with the car standing."""
+"""Parking: effort of the sweeps between the locks with the car standing.
+
+A repeat is a half sweep: from the last sample at one end of the handwheel's travel to the first at the other, without
+5 % of the way from the centre to the lock at each end. The way into the first lock does not count. Values are positive
+where they resist the turning handwheel (rack force) or follow it (torques, power), so noise does not add to a mean.
+A peak is the mean over the twentieth of the way from the centre to the lock where the mean of all half sweeps is
+highest, so that neither a single sample nor the noise of one sweep makes it.
+"""
 
 from collections.abc import Mapping
+from functools import partial
 from typing import Any
 
 import numpy as np
+from scipy import signal, stats
 
-from steer_env.metrics.definitions import metric, procedure
-from steer_env.metrics.reading import ANGLE, TORQUE, Reading
-from steer_env.recording import Recording
+from steer_env.metrics.definitions import RefusedError, metric, procedure
+from steer_env.metrics.noise import in_band
+from steer_env.metrics.reading import ANGLE, SPEED, TORQUE, Reading
+from steer_env.recording import ORDER, Recording
 
 CUTOFF = 10.0  # low-pass [Hz]
+END = 0.95  # of the way from centre to lock that counts
+CENTRE = 0.05  # of that way, around the centre
+PARTS = 38  # of a half sweep, each a twentieth of the way from centre to lock
+RIPPLE = 1.0  # high-pass above which effort is ripple [Hz]; assumed
+STANDING = 0.3  # speed up to which the car stands [m/s]; assumed
+FEWEST = 2  # half sweeps
 SOURCE = "parking test of steering-feel practice"
 
 
 class Sweeps:
-    """The last cycle between its locks; the rack's end stops are left out by 5 % of the angle."""
+    """Half sweeps from lock to lock; refused where there are fewer than two, or the car moves."""
 
     def __init__(self, recording: Recording, asked: Mapping[str, Any]) -> None:
-        self._smooth = Reading(recording, CUTOFF)
-        settled = self._smooth.time > self._smooth.time[-1] - 1.0 / asked["frequency_hz"]
-        angle, rate = (np.where(settled, self._smooth[name], np.nan) for name in (ANGLE, "handwheel_speed"))
-        lock = np.nanmax(np.abs(angle))
-        self.inside, self.centre = np.abs(angle) < 0.95 * lock, np.abs(angle) < 0.05 * lock
-        self.outward = self.inside & (rate * angle > 0.0)
+        self._smooth, self.time = Reading(recording, CUTOFF), recording.time
+        if SPEED in self._smooth and np.abs(self._smooth[SPEED]).max() > STANDING:
+            raise RefusedError(f"{SPEED} exceeds {STANDING:g} m/s: let the car stand")
+        angle = self._smooth[ANGLE]
+        lock = 0.5 * np.ptp(angle)
+        travel = (angle - 0.5 * (angle.max() + angle.min())) / max(lock, 1e-9)
+        ends = np.flatnonzero(np.abs(travel) >= END)
+        crossed = np.flatnonzero(travel[ends[:-1]] * travel[ends[1:]] < 0) if lock > 0 else np.zeros(0, int)
+        self._sweeps = [slice(int(a) + 1, int(b)) for a, b in zip(ends[crossed], ends[crossed + 1])]
+        if len(self._sweeps) < FEWEST:
+            raise RefusedError(f"{len(self._sweeps)} half sweeps from lock to lock: steer {FEWEST} or more")
+        self.side = [np.sign(travel[sweep.stop] - travel[sweep.start]) for sweep in self._sweeps]
+        self.travel = [side * travel[sweep] for side, sweep in zip(self.side, self._sweeps)]  # -1 to 1
 
-    def size(self, name: str, where: np.ndarray) -> np.ndarray:
-        """Size of a channel where it is asked for."""
-        return np.abs(self._smooth[name][where])
+    def along(self, name: str) -> list[np.ndarray]:
+        """A channel in each half sweep, positive in the direction of the turning handwheel."""
+        return [side * self._smooth[name][sweep] for side, sweep in zip(self.side, self._sweeps)]
+
+    def effort(self, name: str) -> list[np.ndarray]:
+        """The same of what must follow the handwheel; refused where it runs against it."""
+        found = self.along(name)
+        if any(values.mean() < 0 for values in found):
+            raise RefusedError(f"{name} runs against the turning {ANGLE}: check the signs, left is positive in both")
+        return found
+
+    def mean(self, name: str, low: float = -END, high: float = END) -> np.ndarray:
+        """Mean (n,) between two parts of the travel, -1 where a half sweep begins and 1 where it ends."""
+        inside = ((travel > low) & (travel < high) for travel in self.travel)
+        return np.array([values[part].mean() for values, part in zip(self.effort(name), inside)])
+
+    def peak(self, efforts: list[np.ndarray]) -> np.ndarray:
+        """Mean (n,) over the part of the travel where all half sweeps together are highest."""
+        edges = np.linspace(-END, END, PARTS + 1)
+        pairs = zip(self.travel, efforts)
+        found = np.array([stats.binned_statistic(travel, values, "mean", edges)[0] for travel, values in pairs])
+        together = found.mean(axis=0)  # NaN where a sweep has no sample
+        if np.isnan(together).all():
+            raise RefusedError("the sweeps are too fast for their sampling: record faster, or steer more slowly")
+        return found[:, np.nanargmax(together)]
+
+    def ripple(self, name: str) -> np.ndarray:
+        """Root mean square (n,) above a high-pass, without what the noise makes of it."""
+        noise, found = in_band(self._smooth, name, CUTOFF), []
+        rate = self._smooth.recording.rate
+        high_pass = signal.butter(ORDER, RIPPLE, "highpass", fs=rate, output="sos")
+        run_in = round(rate / RIPPLE)
+        for values in self.effort(name):
+            if values.size <= run_in:
+                raise RefusedError(f"a half sweep takes less than {1 / RIPPLE:g} s: steer more slowly")
+            found.append(np.mean(signal.sosfiltfilt(high_pass, values, padlen=run_in) ** 2) - noise**2)
+        return np.sqrt(np.maximum(found, 0.0))
+
+    def rate(self) -> np.ndarray:
+        """Mean speed (n,) of the handwheel [rad/s]."""
+        ends = [(sweep.start, sweep.stop - 1) for sweep in self._sweeps]
+        return np.array([abs(np.diff(self._smooth[ANGLE][[a, b]])[0]) / (self.time[b] - self.time[a]) for a, b in ends])
 
 
-procedure("parking", Sweeps, constant_speed=False, frequency_hz=1.0 / 24.0)
+procedure("parking", Sweeps, constant_speed=False)
+
+_parking = partial(metric, source=SOURCE)
 
 
-@metric("N", "parking", source=SOURCE)
-def rack_force_at_centre(sweeps: Sweeps) -> float:
-    """Mean size of the rack force within 5 % of the angle of the lock."""
-    return sweeps.size("rack_force", sweeps.centre).mean()
+@_parking("deg/s", "parking", usual=(60.0, 90.0))
+def parking_handwheel_rate(sweeps: Sweeps) -> np.ndarray:
+    """Mean speed of the handwheel."""
+    return sweeps.rate()
 
 
-@metric("N", "parking", source=SOURCE)
-def rack_force_peak(sweeps: Sweeps) -> float:
-    """Largest rack force short of the end stops."""
-    return sweeps.size("rack_force", sweeps.inside).max()
+@_parking("N", "parking")
+def rack_force_at_centre(sweeps: Sweeps) -> np.ndarray:
+    """Mean rack force within 5 % of the travel around the centre."""
+    return sweeps.mean("rack_force", -CENTRE, CENTRE)
 
 
-@metric("N", "parking", source=SOURCE)
-def rack_force_mean_towards_lock(sweeps: Sweeps) -> float:
-    """Mean size of the rack force on the way from centre to the locks."""
-    return sweeps.size("rack_force", sweeps.outward).mean()
+@_parking("N", "parking")
+def rack_force_peak(sweeps: Sweeps) -> np.ndarray:
+    """Highest mean rack force over a twentieth of the way from centre to lock, short of the end stops."""
+    return sweeps.peak(sweeps.effort("rack_force"))
 
 
-@metric("N m", "parking", source=SOURCE)
-def handwheel_torque_at_centre(sweeps: Sweeps) -> float:
-    """Mean size of the hand torque within 5 % of the angle of the lock."""
-    return sweeps.size(TORQUE, sweeps.centre).mean()
+@_parking("N", "parking")
+def rack_force_mean_towards_lock(sweeps: Sweeps) -> np.ndarray:
+    """Mean rack force on the way from the centre to the lock."""
+    return sweeps.mean("rack_force", 0.0)
 
 
-@metric("N m", "parking", source=SOURCE)
-def handwheel_torque_peak(sweeps: Sweeps) -> float:
-    """Largest hand torque short of the end stops."""
-    return sweeps.size(TORQUE, sweeps.inside).max()
+@_parking("N m", "parking")
+def handwheel_torque_at_centre(sweeps: Sweeps) -> np.ndarray:
+    """Mean hand torque within 5 % of the travel around the centre."""
+    return sweeps.mean(TORQUE, -CENTRE, CENTRE)
 
 
-@metric("N m", "parking", source=SOURCE)
-def motor_torque_peak(sweeps: Sweeps) -> float:
-    """Largest torque of the assist motor, at the column, short of the end stops."""
-    return sweeps.size("motor_torque", sweeps.inside).max()
+@_parking("N m", "parking")
+def handwheel_torque_mean(sweeps: Sweeps) -> np.ndarray:
+    """Mean hand torque of a half sweep: the effort of parking."""
+    return sweeps.mean(TORQUE)
+
+
+@_parking("N m", "parking")
+def handwheel_torque_peak(sweeps: Sweeps) -> np.ndarray:
+    """Highest mean hand torque over a twentieth of the way from centre to lock, short of the end stops."""
+    return sweeps.peak(sweeps.effort(TORQUE))
+
+
+@_parking("N m", "parking")
+def handwheel_torque_ripple(sweeps: Sweeps) -> np.ndarray:
+    """Root mean square of the hand torque between 1 and 10 Hz, with zero phase, in a half sweep.
+
+    White noise, judged from what is above 10 Hz, is taken off.
+    """
+    return sweeps.ripple(TORQUE)
+
+
+@_parking("N m", "parking")
+def motor_torque_peak(sweeps: Sweeps) -> np.ndarray:
+    """Highest mean torque of the assist motor, at the column, over a twentieth of the way from centre to lock."""
+    return sweeps.peak(sweeps.effort("motor_torque"))
+
+
+@_parking("N m", "parking")
+def motor_torque_mean(sweeps: Sweeps) -> np.ndarray:
+    """Mean torque of the assist motor, at the column."""
+    return sweeps.mean("motor_torque")
+
+
+@_parking("W", "parking")
+def motor_power_peak(sweeps: Sweeps) -> np.ndarray:
+    """Highest mean mechanical power of the assist motor over a twentieth of the way from centre to lock."""
+    speed, torque = sweeps.along("column_speed"), sweeps.effort("motor_torque")
+    return sweeps.peak([a * b for a, b in zip(speed, torque)])

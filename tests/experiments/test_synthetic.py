@@ -5,7 +5,7 @@ import pytest
 from scipy import stats
 
 from experiments import marks, synthetic
-from experiments.synthetic import CASES, DELAY, FAULTS, Fault, bridged, coverage, delayed, linear_car
+from experiments.synthetic import CASES, DELAY, FAULTS, Fault, coverage, linear_car
 from steer_env import metrics
 from steer_env.metrics import definitions
 
@@ -41,7 +41,7 @@ def test_a_bias_is_found():
 
 def test_an_unknown_delay_needs_the_timing():
     """10 ms of the lateral acceleration is a bias without it; with it, the lag's interval reaches to the truth."""
-    late = delayed(CASES["weave, linear car"](100.0)[0], "lateral_acceleration", DELAY)
+    late = CASES["weave, linear car"](100.0)[0].delayed("lateral_acceleration", DELAY)
     sure, unsure = metrics.evaluate(late), metrics.evaluate(late, timing=DELAY)
     assert sure["lateral_acceleration_lag"].low == pytest.approx(160.0, abs=0.2)
     assert unsure["lateral_acceleration_lag"].value == sure["lateral_acceleration_lag"].value
@@ -93,9 +93,9 @@ def test_faults_do_what_they_say():
     holes = synthetic.drop_outs(clean, rng)
     lost = {name: np.count_nonzero(np.isnan(values)) for name, values in holes.channels.items()}
     assert all(5 <= count <= 30 for count in lost.values())
-    assert bridged(holes)["yaw_rate"] == pytest.approx(clean["yaw_rate"], abs=1e-4)
+    assert holes.bridged()["yaw_rate"] == pytest.approx(clean["yaw_rate"], abs=1e-4)
     with pytest.raises(ValueError, match=r"gap from .* s: 2 s, allowed is longest=0.1 s; cut the recording there"):
-        bridged(synthetic.long_drop_out(clean, rng))
+        synthetic.long_drop_out(clean, rng).bridged()
     fast = linear_car(cycles=5, rate=200.0)
     slow = synthetic.logged_at_50_hz(fast, rng)
     assert slow.rate == pytest.approx(50.0)

@@ -1,0 +1,41 @@
+"""Steering release from a steady turn."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from steer_env.manoeuvres.definition import Manoeuvre, register
+from steer_env.manoeuvres.shapes import ramp_and_hold
+
+Array = NDArray[np.float64]
+
+RISE, HELD, FREE, PAUSE = 1.5, 2.5, 5.0, 2.0  # of one event; the pause is for a new grip and running straight [s]
+EVENT = RISE + HELD + FREE + PAUSE  # [s]
+
+
+def turns(t: Array, amplitude: float) -> tuple[Array, Array]:
+    """Handwheel turned left, held and let go, then the same to the right, and so on; angle and speed, 0 while free."""
+    event, s = np.divmod(t, EVENT)
+    angle, speed = ramp_and_hold(s, amplitude, RISE)
+    held = np.where(s <= RISE + HELD, 1.0 - 2.0 * (event % 2.0), 0.0)
+    return held * angle, held * speed
+
+
+def let_go(events: int) -> tuple[float, ...]:
+    """When the hands let go, grip again, let go ... [s]."""
+    return tuple(k * EVENT + RISE + HELD + free for k in range(events) for free in (0.0, FREE))
+
+
+@register("release")
+def release(lateral_acceleration: float = 1.0, events: int = 4) -> Manoeuvre:
+    """Steering release: from a steady turn the hands let go, left and right in turn."""
+    return Manoeuvre(
+        name="release",
+        hands=f"Handwheel turned in {RISE:g} s, held, let go for {FREE:g} s, left and right, {events} times",
+        source="after ISO 17288-1",
+        speed=100.0 / 3.6,
+        duration=events * EVENT,
+        hand=turns,
+        released=let_go(events),
+        lateral_acceleration=lateral_acceleration,
+        trial=RISE + HELD,
+    )

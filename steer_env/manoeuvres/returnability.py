@@ -1,0 +1,21 @@
+"""Return of the handwheel at low speed."""
+
+import numpy as np
+
+from steer_env.manoeuvres.definition import Manoeuvre, register
+from steer_env.manoeuvres.release import EVENT, let_go, turns
+
+
+@register("returnability")
+def returnability(angle: float = 0.5 * np.pi, events: int = 4) -> Manoeuvre:
+    """Returnability: at low speed the handwheel is held a quarter turn to the side and let go."""
+    return Manoeuvre(
+        name="returnability",
+        hands=f"Handwheel held at {np.degrees(angle):.0f} deg and let go, left and right in turn, {events} times",
+        source="workshop check of the handwheel's return",
+        speed=35.0 / 3.6,
+        duration=events * EVENT,
+        hand=turns,
+        released=let_go(events),
+        amplitude=angle,
+    )

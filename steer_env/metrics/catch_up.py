@@ -1,0 +1,102 @@
+"""Catch-up: how fast the handwheel may be turned before the assist falls behind and the hands feel it.
+
+Sweeps to and fro at several speeds; each is read in the middle half of its travel, where the speed is nearly constant
+and the handwheel's inertia takes nothing on the mean. Compared with slow sweeps over the same angles, to the same side.
+"""
+
+from collections.abc import Mapping
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from steer_env.metrics.definitions import RefusedError, metric, procedure
+from steer_env.metrics.reading import ANGLE, TORQUE, Reading
+from steer_env.recording import DEGREE, Recording
+
+CUTOFF = 10.0  # low-pass [Hz]
+MIDDLE = 0.5  # of the travel that is read; assumed
+FULL = 0.9  # of the travel that a sweep must have; assumed
+SLOW = 60.0 * DEGREE  # speed up to which a sweep counts as quasi-static [rad/s]; assumed
+CATCH_UP = 2.5  # torque above the quasi-static one at which the hands feel it [N m]; 2 to 3 in practice
+AT = 500.0 * DEGREE  # speed at which the excess is reported [rad/s]; assumed
+FEWEST = 4  # samples in the middle of a sweep; assumed
+SOURCE = "catch-up test of steering-feel practice"
+
+
+class FastSweeps:
+    """Speed and mean torque of each sweep, and by how much it exceeds the slow sweeps to the same side."""
+
+    def __init__(self, recording: Recording, asked: Mapping[str, Any]) -> None:
+        smooth, time = Reading(recording, CUTOFF), recording.time
+        angle, torque = smooth[ANGLE], smooth[TORQUE]
+        half = 0.5 * np.ptp(angle)
+        travel = (angle - 0.5 * (angle.max() + angle.min())) / max(half, 1e-9)
+        far = np.flatnonzero(np.abs(travel) >= FULL)
+        crossed = np.flatnonzero(travel[far[:-1]] * travel[far[1:]] < 0)
+        rate, effort, side = [], [], []
+        for a, b in zip(far[crossed], far[crossed + 1]):
+            inside = np.arange(a, b + 1)[np.abs(travel[a : b + 1]) <= MIDDLE]
+            if inside.size < FEWEST:
+                raise RefusedError(f"{inside.size} samples in mid-sweep: record faster than {recording.rate:g} Hz")
+            sign = np.sign(travel[b] - travel[a])
+            slope = np.polynomial.polynomial.polyfit(time[inside] - time[inside[0]], angle[inside], 1)[1]
+            # Over the angle, not over time, so that a fast and a slow sweep weigh the same angles alike.
+            mean = np.trapezoid(torque[inside], angle[inside]) / (angle[inside[-1]] - angle[inside[0]])
+            rate.append(sign * slope)
+            effort.append(sign * mean)
+            side.append(sign)
+        self.rate, self.effort, self.side = np.array(rate), np.array(effort), np.array(side)
+        self.sides = [s for s in (1.0, -1.0) if np.any((self.side == s) & (self.rate <= SLOW))]
+        if not self.sides:
+            raise RefusedError(f"no sweep at {SLOW / DEGREE:g} deg/s or slower to compare with: steer some first")
+        self.quasi_static = np.array([self.effort[(self.side == s) & (self.rate <= SLOW)].mean() for s in self.sides])
+        if np.any(self.quasi_static <= 0):
+            raise RefusedError(f"{TORQUE} runs against the turning {ANGLE}: check the signs, left is positive in both")
+
+    def series(self) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Speed, ascending, and excess of torque of the sweeps to each side."""
+        found = []
+        for side, slow in zip(self.sides, self.quasi_static):
+            k = np.flatnonzero(self.side == side)
+            k = k[np.argsort(self.rate[k])]
+            found.append((self.rate[k], self.effort[k] - slow))
+        return found
+
+
+procedure("catch-up", FastSweeps, speed_m_s=0.0)
+
+_catch_up = partial(metric, source=SOURCE)
+
+
+@_catch_up("deg/s", "catch-up")
+def catch_up_rate(sweeps: FastSweeps) -> np.ndarray:
+    """Handwheel speed at which the torque exceeds that of slow sweeps over the same angles by 2.5 N m; one a side."""
+    found = []
+    for rate, excess in sweeps.series():
+        above = np.flatnonzero(excess >= CATCH_UP)
+        if above.size == 0:
+            raise RefusedError(
+                f"not reached up to {rate.max() / DEGREE:.0f} deg/s, where the excess is {excess[-1]:.2g} of "
+                f"{CATCH_UP:g} N m: steer faster, or take it that the assist follows"
+            )
+        k = int(above[0])
+        found.append(np.interp(CATCH_UP, excess[k - 1 : k + 1], rate[k - 1 : k + 1]))
+    return np.array(found)
+
+
+@_catch_up("N m", "catch-up")
+def torque_excess_at_500_deg_s(sweeps: FastSweeps) -> np.ndarray:
+    """Hand torque above that of slow sweeps over the same angles at a handwheel speed of 500 deg/s; one a side."""
+    found = []
+    for rate, excess in sweeps.series():
+        if rate.max() < AT:
+            raise RefusedError(f"the fastest sweep is at {rate.max() / DEGREE:.0f} deg/s: steer at 500 or faster")
+        found.append(np.interp(AT, rate, excess))
+    return np.array(found)
+
+
+@_catch_up("N m", "catch-up")
+def quasi_static_torque(sweeps: FastSweeps) -> np.ndarray:
+    """Mean hand torque of the sweeps at 60 deg/s or slower, in the middle half of their travel; one a side."""
+    return sweeps.quasi_static

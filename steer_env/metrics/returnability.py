@@ -1,0 +1,65 @@
+"""Returnability: how far and how fast the handwheel comes back from a quarter turn at low speed.
+
+In the workshop it must be back within 20 deg. Angles are counted positive to the side from which the handwheel returns.
+"""
+
+import numpy as np
+
+from steer_env.metrics import decay
+from steer_env.metrics.definitions import RefusedError, metric, procedure
+from steer_env.metrics.free_hands import Releases
+from steer_env.metrics.reading import ANGLE
+from steer_env.recording import DEGREE, Recording
+
+FREE = 4.0  # that the hands must stay off [s]
+FASTEST_READ = (80.0 * DEGREE, 30.0 * DEGREE)  # between these the return rate is read [rad]
+SOURCE = "workshop check at 35 km/h from 90 deg (Hyundai); times assumed"
+
+
+class Returns:
+    """Releases of a handwheel that was held at about ``angle_rad``."""
+
+    def __init__(self, recording: Recording, asked: dict[str, float]) -> None:
+        self.releases = Releases(recording, FREE)
+        held, wanted = self.releases.held(ANGLE), asked["angle_rad"]
+        if np.any(np.abs(held / wanted - 1) > 0.1):
+            found = ", ".join(f"{a / DEGREE:.0f}" for a in held)
+            raise RefusedError(
+                f"{ANGLE} was held at {found} deg, not {wanted / DEGREE:.0f} +- 10%: hold it there, or say angle_rad"
+            )
+
+    def part(self, event: int) -> tuple[np.ndarray, np.ndarray]:
+        """Time [s] and handwheel angle [rad] after a release."""
+        return self.releases.part(ANGLE, event, -0.2, FREE)
+
+
+procedure("returnability", Returns, speed_m_s=35 / 3.6, angle_rad=0.5 * np.pi)
+
+
+@metric("deg", "returnability", source=SOURCE)
+def handwheel_angle_after_1s(returns: Returns) -> np.ndarray:
+    """Mean handwheel angle from 0.9 to 1.1 s after the release."""
+    return returns.releases.mean(ANGLE, 0.9, 1.1)
+
+
+@metric("deg", "returnability", usual=(0.0, 20.0), source=SOURCE)
+def handwheel_angle_after_3s(returns: Returns) -> np.ndarray:
+    """Mean handwheel angle from 2.9 to 3.1 s after the release."""
+    return returns.releases.mean(ANGLE, 2.9, 3.1)
+
+
+@metric("deg/s", "returnability", source=SOURCE)
+def handwheel_return_rate(returns: Returns) -> np.ndarray:
+    """Mean speed of the handwheel on its way back from 80 to 30 deg."""
+    rates = []
+    for k in range(len(returns.releases)):
+        first, last = (decay.first_below(*returns.part(k), level, ANGLE) for level in FASTEST_READ)
+        rates.append((FASTEST_READ[0] - FASTEST_READ[1]) / (last - first))
+    return np.array(rates)
+
+
+@metric("deg", "returnability", source=SOURCE)
+def handwheel_return_overshoot(returns: Returns) -> np.ndarray:
+    """How far the handwheel goes beyond straight ahead; 0 where it stops short of it."""
+    lowest = (decay.lowest(*returns.part(k))[1] for k in range(len(returns.releases)))
+    return np.array([max(-angle, 0.0) for angle in lowest])
