@@ -114,7 +114,7 @@ def residual_handwheel_angle(free: FreeControl) -> np.ndarray:
 
 
 @_both("s", "release", "pulse")
-def yaw_rate_settling_time(free: FreeControl) -> np.ndarray:
+def free_yaw_rate_settling_time(free: FreeControl) -> np.ndarray:
     """Time after the hands let go from which the yaw rate stays within 10 % of its excitation around what remains.
 
     The excitation is the yaw rate held before a release, or the peak that a pulse brought.
