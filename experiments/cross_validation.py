@@ -268,7 +268,7 @@ def drive_two_track(
     if not run.success:
         raise RuntimeError(f"{manoeuvre} on two tracks ends after {run.t[-1]:g} s: {run.message}")
     x, names = run.y, [name for name, _ in two_track.OUTPUTS]
-    rates, outputs = zip(*((derivative(t, state), out.copy()) for t, state in zip(times, x.T)))
+    rates, outputs = zip(*((derivative(t, state), out.copy()) for t, state in zip(times, np.ascontiguousarray(x.T))))
     rate, given = np.array(rates).T, dict(zip(names, np.array(outputs).T))
     sideways = rate[two_track.V] + rate[two_track.R] * x_s - rate[two_track.P] * z_s
     v_x, r = x[two_track.U], given["yaw_rate"]
