@@ -5,7 +5,7 @@ import pytest
 from scipy import stats
 
 from experiments import marks, synthetic
-from experiments.synthetic import CASES, DELAY, FAULTS, Fault, bridged, changed, coverage, delayed, linear_car
+from experiments.synthetic import CASES, DELAY, FAULTS, Fault, bridged, coverage, delayed, linear_car
 from steer_env import metrics
 from steer_env.metrics import definitions
 
