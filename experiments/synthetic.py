@@ -5,8 +5,9 @@ would have stored. Each trial adds fresh noise, and asks whether the truth lies 
 """
 
 import multiprocessing
+import zlib
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from typing import Any, NamedTuple
@@ -279,7 +280,7 @@ class Coverage(NamedTuple):
     reasons: tuple[str, ...]  # of the refusals, the most frequent first
 
 
-def _trial(clean: Recording, fault: Fault, seed: int) -> dict[str, metrics.Value] | str:
+def _trial(clean: Recording, fault: Fault, seed: Sequence[int]) -> dict[str, metrics.Value] | str:
     """Metrics of one trial, or why there are none."""
     rng = np.random.default_rng(seed)
     found = clean
@@ -297,12 +298,14 @@ def _trial(clean: Recording, fault: Fault, seed: int) -> dict[str, metrics.Value
     return metrics.evaluate(found, timing=fault.timing)
 
 
-def coverage(clean: Recording, answers: Mapping[str, float], fault: Fault, trials: int) -> dict[str, Coverage]:
-    """Every metric with an answer, over seeded trials of one fault."""
+def coverage(
+    clean: Recording, answers: Mapping[str, float], fault: Fault, trials: int, stream: int = 0
+) -> dict[str, Coverage]:
+    """Every metric with an answer, over seeded trials of one fault; another ``stream`` draws other noise."""
     held: Counter[str] = Counter()
     reasons: dict[str, Counter[str]] = {name: Counter() for name in answers}
     for seed in range(trials):
-        values = _trial(clean, fault, seed)
+        values = _trial(clean, fault, (stream, seed))
         for name, truth in answers.items():
             reason = values if isinstance(values, str) else values[name].reason
             if reason:
@@ -320,7 +323,8 @@ def coverage(clean: Recording, answers: Mapping[str, float], fault: Fault, trial
 def _job(job: tuple[str, str, int]) -> dict[str, Coverage]:
     case, name, trials = job
     fault = FAULTS[name]
-    return coverage(*CASES[case](fault.rate), fault, trials)
+    stream = zlib.crc32(f"{case}, {name}".encode())  # no luck is shared between faults
+    return coverage(*CASES[case](fault.rate), fault, trials, stream)
 
 
 def collect(trials: int, workers: int | None = None) -> dict[str, dict[str, dict[str, Coverage]]]:

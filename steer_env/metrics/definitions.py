@@ -277,6 +277,6 @@ def _value(entry: Metric, repeats: Array | RefusedError, slack: float) -> Value:
         return Value(np.nan, np.nan, np.nan, entry.unit, str(repeats))
     mean = float(repeats.mean())
     low, high = interval(repeats)
-    if slack and not np.isfinite(low):  # one repeat
-        low = high = mean
-    return Value(mean, low - slack, high + slack, entry.unit, repeats=tuple(repeats.tolist()))
+    if slack:
+        low, high = (low - slack, high + slack) if repeats.size > 1 else (mean - slack, mean + slack)
+    return Value(mean, low, high, entry.unit, repeats=tuple(repeats.tolist()))

@@ -147,15 +147,16 @@ class Loops:
         return np.mean(np.reshape(slopes, (2, -1, 2)), axis=(0, 2))
 
     def _peak(self, name: str) -> np.ndarray:
-        """Half of highest minus lowest (n,), read where the mean of the other cycles has its extremes.
+        """Half the difference (n,) of samples half a cycle apart, where it is largest in the mean of the cycles.
 
-        At the extremes of a mean that has the cycle in it, noise would be read for signal.
+        Two extremes looked for apart would read more of the noise for signal.
         """
         self.fundamental(name)
-        where, each = self.cycles(name), np.arange(self.count)
-        others = where.sum(axis=0) - where if self.count > 1 else where
+        half = SAMPLES // 2
+        mean = self.cycles(name).mean(axis=0)
+        k = np.abs(mean[:half] - mean[half:]).argmax()
         cycles = self._settled(self._without_drift(self._sharp(name)))
-        return (cycles[each, others.argmax(axis=1)] - cycles[each, others.argmin(axis=1)]) / 2
+        return np.abs(cycles[:, k] - cycles[:, k + half]) / 2
 
     def lag(self, name: str) -> np.ndarray:
         """Delay (n,) of a channel's first harmonic behind that of the handwheel angle [s]."""
@@ -310,13 +311,13 @@ def work_sensitivity(loops: Loops) -> np.ndarray:
 
 @_loop_metric("N m", validity=None, tests=("weave", "rig"), source="common use")
 def peak_handwheel_torque(loops: Loops) -> np.ndarray:
-    """Half the difference of the torques where the mean of the cycles is highest and lowest."""
+    """Half the difference of the torques half a cycle apart, where it is largest in the mean of the cycles."""
     return loops.peak(TORQUE)
 
 
 @_loop_metric("deg", validity=None, tests=("weave", "rig"), source="common use")
 def peak_handwheel_angle(loops: Loops) -> np.ndarray:
-    """Half the difference of the handwheel angles where the mean of the cycles is highest and lowest."""
+    """Half the difference of the handwheel angles half a cycle apart, where it is largest in the mean of the cycles."""
     return loops.peak(ANGLE)
 
 
