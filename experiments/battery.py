@@ -18,6 +18,8 @@ from vehicle.cars import Car
 Array = NDArray[np.float64]
 
 POINTS = 500  # of a curve
+PER_SECOND = 12.0  # points of a long history [1/s]
+MATTERS = 0.05  # share of a metric from which on a difference is called one that matters; assumed
 
 
 class Drive(NamedTuple):
@@ -54,7 +56,8 @@ def _thin(recording: Recording) -> validation.Curves:
         curves = validation.curves(recording, metrics.procedure_of(recording))
     except RefusedError:  # every metric says why
         return {}
-    return {name: thinned(values, POINTS).astype(np.float32) for name, values in curves.items()}
+    points = max(POINTS, round(PER_SECOND * curves["time"][-1])) if "time" in curves else POINTS
+    return {name: thinned(values, points).astype(np.float32) for name, values in curves.items()}
 
 
 def thinned(values: Array, points: int) -> Array:
@@ -75,6 +78,16 @@ class Difference(NamedTuple):
     value: float  # [unit of the metric]
     half_width: float  # of the interval [unit of the metric]
     share: float  # of the base law's value, or of the width of the usual range if that is larger [1]
+
+    @property
+    def real(self) -> bool:
+        """Whether the interval leaves out zero; a difference of single events counts as real."""
+        return math.isfinite(self.share) and not abs(self.value) <= self.half_width
+
+    @property
+    def matters(self) -> bool:
+        """Whether it is real and large enough to matter."""
+        return self.real and abs(self.share) > MATTERS
 
 
 def difference(name: str, value: Value, base: Value) -> Difference:
@@ -113,6 +126,6 @@ def largest(table: dict[str, dict[str, Difference]], laws: list[str]) -> Largest
         Largest(abs(row[law].share), law, name)
         for name, row in table.items()
         for law in laws
-        if law in row and math.isfinite(row[law].share)
+        if law in row and row[law].real
     ]
     return max(shares, default=None)

@@ -4,6 +4,7 @@ import math
 from typing import Any, NamedTuple
 
 from experiments import battery, friction_study, real_time
+from experiments.battery import MATTERS
 from experiments.friction_study import Residual, Verdict
 from experiments.real_time import Row
 from experiments.results import Cell, Results
@@ -12,7 +13,6 @@ from vehicle.assist import SAMPLE_TIME
 
 TARGETS = 30.0, 6.0  # usual least phase [deg] and gain [dB] margin of an assist loop; assumed
 CHEAP = 0.01  # share of a step's own length that a step may take to compute and count as cheap; assumed
-MATTERS = 0.05  # share of a metric from which on a difference is called one that matters; assumed
 _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _WORDS = {"0g": "0 g", "0p1g": "0.1 g", "0nm": "0 N m"}
 

@@ -14,7 +14,7 @@ from steer_env.metrics import CHANNELS
 from steer_env.recording import FILE_UNITS
 
 Array = NDArray[np.float64]
-POINTS = 1200  # of a line, at most
+POINTS = 3000  # of a line, at most
 _DASHES = ("solid", "dash", "dot", "dashdot", "longdash")
 _NAMES = {"rad": "deg", "rad/s": "deg/s", "rad/s2": "deg/s²", "m/s2": "m/s²"}
 

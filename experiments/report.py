@@ -16,6 +16,7 @@ from experiments import (
     figures,
     findings,
     friction_study,
+    loop_width,
     plots,
     provenance,
     real_time,
@@ -103,6 +104,7 @@ def render(results: Results, source: dict[str, Any]) -> str:
             study=friction_study,
             timing=real_time,
             crossing=cross_validation,
+            width=loop_width,
             definitions={name: metrics.definition(name) for test in results.drives for name in metrics.available(test)},
             images={name: _image(svg) for name, svg in _figures(results).items()},
             plots=_plots(results),
@@ -129,6 +131,8 @@ def _figures(results: Results) -> dict[str, str]:
     if results.cross_validation:
         shown = {name: found for name, found in results.cross_validation.items() if name in cross_validation.SHOWN}
         drawn["cross_validation"] = figures.cross_validation(shown)
+    if results.loop_width:
+        drawn["loop_width"] = figures.loop_width(loop_width.panels(results.loop_width))
     return drawn
 
 

@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from itertools import pairwise
 from typing import Any, NamedTuple
 
-from experiments import battery, cross_validation, friction_study, real_time, vehicle_study
+from experiments import battery, cross_validation, friction_study, loop_width, real_time, vehicle_study
 from friction.law import law_of
 from steer_env import manoeuvres
 from steer_env.manoeuvres import Manoeuvre
@@ -33,6 +33,7 @@ class Scope(NamedTuple):
     steps: tuple[float, ...] = real_time.STEPS  # of the real-time table [s]
     speeds_kph: tuple[float, ...] = (0.0, 50.0, 100.0)  # of the assist loop's margins; 0 is parking
     vehicle: bool = True  # whether to study the full vehicle
+    widths: tuple[float, ...] = loop_width.LEVELS  # of friction, for the loop widths; none: not studied
     workers: int | None = None  # processes; None: as many as there are processors, up to four
 
 
@@ -71,6 +72,7 @@ class Results(NamedTuple):
     margins: dict[str, list[Cell]]  # by speed
     vehicle: vehicle_study.Study | None  # with the base law
     cross_validation: dict[str, dict[str, cross_validation.Comparison]] | None  # manoeuvre -> case; with the vehicle
+    loop_width: loop_width.Curves | None
 
 
 def _of_law(scope: Scope, p: Any, held: bool) -> LawResult:
@@ -159,6 +161,8 @@ def collect(laws: dict[str, Any], scope: Scope, notify: Notify) -> Results:
             if scope.vehicle:  # first, as it compiles longest
                 jobs[pool.submit(_of_vehicle, scope.car, laws[base])] = vehicle_study
                 jobs[pool.submit(cross_validation.collect)] = cross_validation
+            if scope.widths:
+                jobs[pool.submit(loop_width.collect, [scope.car], ["lugre"], levels=scope.widths)] = loop_width
             jobs |= {pool.submit(_of_law, scope, p, held=first[law_of(p).name] == law): law for law, p in laws.items()}
             jobs |= {pool.submit(assist_cells, scope.car, kph): kph for kph in scope.speeds_kph}
         for i, job in enumerate(as_completed(jobs), start=1):
@@ -180,6 +184,7 @@ def collect(laws: dict[str, Any], scope: Scope, notify: Notify) -> Results:
         sample_ns=real_time.plant_samples(car, laws),
         vehicle=found.get(vehicle_study),
         cross_validation=found.get(cross_validation),
+        loop_width=found.get(loop_width),
         margins={"parking" if kph == 0 else f"{kph:g} km/h": found[kph] for kph in scope.speeds_kph},
     )
 

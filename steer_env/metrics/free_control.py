@@ -122,7 +122,7 @@ def free_yaw_rate_settling_time(free: FreeControl) -> np.ndarray:
     return free.settling()
 
 
-@_release("%", "release")
+@_release("%", "release", usual=(-20.0, 20.0))
 def yaw_rate_after_1s(free: FreeControl) -> np.ndarray:
     """Mean yaw rate from 0.9 to 1.1 s after the release over that held before it."""
     return free.events.mean(YAW, 0.9, 1.1) / free.excitation()
@@ -155,7 +155,7 @@ def pulse_overshoot(free: FreeControl) -> np.ndarray:
     return -free.opposite()[1] / free.excitation()
 
 
-@_pulse("deg", "pulse")
+@_pulse("deg", "pulse", usual=(-2.0, 2.0))
 def heading_after_pulse(free: FreeControl) -> np.ndarray:
     """Change of heading from before the pulse to 4 s after it: integral of the yaw rate."""
     free._checked()

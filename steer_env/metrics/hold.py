@@ -69,7 +69,7 @@ def _end_of_rise(time: np.ndarray, part: np.ndarray, begin: float) -> float:
 procedure("hold", Hold, constant_speed=False)
 
 
-@metric("N m", "hold", source="after JSME D&D 2021, paper 557")
+@metric("N m", "hold", usual=(0.0, 0.05), source="after JSME D&D 2021, paper 557")
 def torsion_bar_ripple(hold: Hold) -> float:
     """Highest less lowest torsion-bar torque from two seconds into the hold to its end, low-passed at 40 Hz."""
     return hold.span(TWIST)

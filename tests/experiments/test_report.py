@@ -20,10 +20,10 @@ from vehicle import cars
 
 LAWS = {law: friction.make(law) for law in ("lugre", "masing")}
 TESTS = {"weave": {"cycles": 6}, "slow-ramp": {}, "step-steer": {}, "hold": {}}
-SCOPE = Scope(tests=TESTS, steps=(1e-3, 1e-2), speeds_kph=(0.0,), workers=2)
+SCOPE = Scope(tests=TESTS, widths=(0.0, 1.0, 2.0), steps=(1e-3, 1e-2), speeds_kph=(0.0,), workers=2)
 FIGURES = (
     *("characteristics", "reversal", "real_time", "margins", "held_on", "held_off"),
-    *("chassis", "parking", "cross_validation"),
+    *("chassis", "parking", "cross_validation", "loop_width"),
 )
 
 
