@@ -6,7 +6,6 @@ from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import signal
 
 from friction.check import positive
 from steer_env.manoeuvres.definition import Manoeuvre, register
@@ -42,6 +41,8 @@ def _random(t: Array, wind: float, seed: int, speed: float) -> Array:
     """Side force over time: first-order noise of wind with standard deviation ``wind``, from zero."""
     keep = np.exp(-SAMPLE_TIME / CORRELATION)
     drawn = np.random.default_rng(seed).standard_normal(t.size)
+    from scipy import signal  # here, for it takes longer to import than an environment to start
+
     return side_force(signal.lfilter([wind * np.sqrt(1.0 - keep**2)], [1.0, -keep], drawn), speed)
 
 

@@ -1,7 +1,6 @@
 """Random steering."""
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from steer_env.manoeuvres.definition import Array, Manoeuvre, register
 from steer_env.manoeuvres.shapes import ramp_and_hold
@@ -34,6 +33,8 @@ def random_steer(
     rng = np.random.default_rng(seed)
     spectrum = rng.standard_normal(frequency.size) + 1j * rng.standard_normal(frequency.size)
     noise = np.fft.irfft(np.where((frequency >= lowest) & (frequency <= highest), spectrum, 0.0), samples)
+    from scipy.interpolate import CubicSpline  # here, as importing it takes a tenth of a start
+
     curve = CubicSpline(np.arange(samples) / RATE, noise / (np.sqrt(2.0) * np.std(noise)))
 
     def hand(t: Array, amplitude: float) -> tuple[Array, Array]:
