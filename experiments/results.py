@@ -125,7 +125,10 @@ def pool_of(workers: int | None = None) -> Iterator[ProcessPoolExecutor]:
 
 @contextmanager
 def uninterrupted() -> Iterator[None]:
-    """Hold Ctrl-C and SIGTERM back to the end of the block: a worker half started would stay behind."""
+    """Hold Ctrl-C and SIGTERM back to the end of the block.
+
+    A worker half started would stay behind; an interrupt in the middle of compiling can be lost in a callback of LLVM's.
+    """
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -151,7 +154,8 @@ def collect(laws: dict[str, Any], scope: Scope, notify: Notify) -> Results:
     ValueError
         Unknown car, or a manoeuvre that cannot be driven.
     """
-    car = cars.load(scope.car)
+    with uninterrupted():
+        car = cars.load(scope.car)  # compiles
     base = "lugre" if "lugre" in laws else next(iter(laws))
     first = {law_of(p).name: law for law, p in reversed(laws.items())}
     found: dict[Any, Any] = {}

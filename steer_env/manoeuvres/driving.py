@@ -95,8 +95,8 @@ def run(p: plant.Plant, manoeuvre: Manoeuvre, u: Array) -> Array:
 def run_closed(car: Car, p: plant.Plant, manoeuvre: Manoeuvre) -> Array:
     """Channels (T, C) of a plant that starts straight, with the manoeuvre's driver at the handwheel.
 
-    Between the driver's samples the handwheel angle is a cubic that meets angle and speed at both ends. A manoeuvre
-    without a driver is a ValueError.
+    Between the driver's samples the handwheel angle is a cubic that meets angle and speed at both ends, a hand torque a
+    straight line. A manoeuvre without a driver is a ValueError.
     """
     if manoeuvre.driver is None:
         raise ValueError(f"{manoeuvre.name} has no driver; run it with its inputs")
@@ -109,8 +109,12 @@ def run_closed(car: Car, p: plant.Plant, manoeuvre: Manoeuvre) -> Array:
     span, hand, done = HOLD * SAMPLE_TIME, (0.0, 0.0), 0
     for done in range(HOLD, len(u) + 1, HOLD):
         last, hand = hand, driver((done - HOLD) * SAMPLE_TIME, row)
-        ends, part = np.array([last[0], span * last[1], hand[0], span * hand[1]]), slice(done - HOLD, done)
-        u[part, plant.HAND], u[part, plant.HAND_SPEED] = hermite @ ends, slopes @ ends / span
+        part = slice(done - HOLD, done)
+        if manoeuvre.robot:
+            ends = np.array([last[0], span * last[1], hand[0], span * hand[1]])
+            u[part, plant.HAND], u[part, plant.HAND_SPEED] = hermite @ ends, slopes @ ends / span
+        else:
+            u[part, plant.HAND] = last[0] + s * (hand[0] - last[0])
         if manoeuvre.coasts_from is not None and row[x] >= manoeuvre.coasts_from:
             u[part, chassis.COAST] = 1.0
         finite = plant.run(p, state, u[part], record[part], 1)
