@@ -127,7 +127,7 @@ def pool_of(workers: int | None = None) -> Iterator[ProcessPoolExecutor]:
 def uninterrupted() -> Iterator[None]:
     """Hold Ctrl-C and SIGTERM back to the end of the block.
 
-    A worker half started would stay behind; an interrupt in the middle of compiling can be lost in a callback of LLVM's.
+    A worker half started would stay behind; an interrupt in the middle of compiling can be lost in a callback.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
