@@ -52,8 +52,8 @@ class Pair(NamedTuple):
     other: Array  # (m, 2)
     left: Array  # (n, 2) boundary to the left of the reference, along its run
     right: Array  # (n, 2)
-    inside: float  # share of the other's points within the boundaries [1]
-    worst: float  # largest distance of a point from the reference, in tolerances: up to 1 is inside [1]
+    inside: float  # share of both curves' points within tolerance of the other curve [1]
+    worst: float  # largest distance of a point from the other curve, in tolerances: up to 1 is inside [1]
 
 
 def tolerances(name: str = "default") -> dict[str, Tolerance]:
@@ -100,6 +100,7 @@ def compare(
     first, second = (curves(recording, procedure, **given) for recording in (reference, other))
     if "time" in first:
         second = _aligned(first, second)
+        first = _between(first, second["time"][0], second["time"][-1])
     pairs = [
         _pair(x, y, first, second, allowed)
         for x, y in procedure.plots
@@ -138,14 +139,38 @@ def _aligned(first: Curves, second: Curves) -> Curves:
     a, b = (np.gradient(curve[ANGLE]) for curve in (first, second))  # of a step the angle itself says less
     lag = signal.correlation_lags(a.size, b.size)[signal.correlate(a, b).argmax()]
     time = second["time"] + lag / RATE
-    inside = (time >= -0.5 / RATE) & (time <= first["time"][-1] + 0.5 / RATE)
-    return {name: (time if name == "time" else values)[inside] for name, values in second.items()}
+    return _between({**second, "time": time}, 0.0, first["time"][-1])
+
+
+def _between(curve: Curves, start: float, end: float) -> Curves:
+    inside = (curve["time"] >= start - 0.5 / RATE) & (curve["time"] <= end + 0.5 / RATE)
+    return {name: values[inside] for name, values in curve.items()}
+
+
+def _distance(points: Array, curve: Array, at_curve: Array | None, at_points: Array | None = None) -> Array:
+    """Of points (m, 2) from a curve (n, 2), straight between its samples, in tolerances; these belong to either."""
+    found = np.empty(len(points))
+    step = np.diff(curve, axis=0)
+    for k, point in enumerate(points):
+        half = at_curve[:-1] if at_curve is not None else at_points[k]  # type: ignore[index]
+        off, way = (curve[:-1] - point) / half, step / half
+        # Nearest in the larger of two ratios: at an end, where either is zero, or where both are of one size.
+        places = [np.zeros(len(way)), np.ones(len(way))]
+        for a, b in ((off[:, 0], way[:, 0]), (off[:, 1], way[:, 1]), *_even(off, way)):
+            places.append(np.clip(np.divide(-a, b, out=np.zeros_like(a), where=b != 0.0), 0.0, 1.0))
+        found[k] = min(np.min(np.max(np.abs(off + s[:, None] * way), axis=1)) for s in places)
+    return found
+
+
+def _even(off: Array, way: Array) -> list[tuple[Array, Array]]:
+    return [(off[:, 0] - off[:, 1], way[:, 0] - way[:, 1]), (off[:, 0] + off[:, 1], way[:, 0] + way[:, 1])]
 
 
 def _pair(x: str, y: str, first: Curves, second: Curves, allowed: Mapping[str, Tolerance]) -> Pair:
     reference, other = (np.column_stack((curve[x], curve[y])) for curve in (first, second))
     half = np.column_stack([allowed[name].at(reference[:, k]) for k, name in enumerate((x, y))])
-    distance = np.array([np.min(np.max(np.abs(reference - point) / half, axis=1)) for point in other])
+    # Both ways: the other curve has to stay in the band, and to reach as far as the reference does.
+    distance = np.append(_distance(other, reference, half), _distance(reference, other, None, half))
     way = np.gradient(reference, axis=0) / half
     corner = np.sign(np.column_stack((-way[:, 1], way[:, 0]))) * half  # of the box, to the left of the way
     return Pair(

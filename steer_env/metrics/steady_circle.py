@@ -82,7 +82,10 @@ class Circles:
 
     def understeer(self, level: tuple[float, float] = LINEAR) -> np.ndarray:
         """Understeer gradients (n,), at the road wheels [rad s2/m]."""
-        path = self._geometry("wheelbase_m") / self._asked["speed_m_s"] ** 2 if self.constant == "speed" else 0.0
+        path = 0.0
+        if self.constant == "speed":
+            speed = self._smooth[SPEED].mean() if SPEED in self._smooth else self._asked["speed_m_s"]
+            path = self._geometry("wheelbase_m") / speed**2
         return self.gradient(ANGLE, level) / self._geometry("steering_ratio") - path
 
     def _geometry(self, name: str) -> float:

@@ -36,6 +36,8 @@ class Transitions:
                 f"{sides.count(1.0)} ramps of {ANGLE} to the left and {sides.count(-1.0)} to the right: "
                 "steer as often to one side as to the other, an offset drops out then"
             )
+        ends = [[self._smooth[AY][r.end - 1] for r in self.ramps if r.side == side] for side in (1.0, -1.0)]
+        self._centre = float(np.mean(ends))  # of the lateral acceleration, between both sides' ends: the sensor's zero
         for ramp in self.ramps:
             turned, took = np.ptp(angle[ramp.start : ramp.end]), np.ptp(self._smooth.time[ramp.start : ramp.end])
             if turned > 1.02 * QUICKEST * took:
@@ -48,7 +50,7 @@ class Transitions:
         found = []
         for ramp in self.ramps:
             # A dead band may begin before the handwheel is seen to move, but the response is behind it.
-            band = ramps.within(ramp.side * self._smooth[AY][ramp.start : ramp.end], *level)
+            band = ramps.within(ramp.side * (self._smooth[AY][ramp.start : ramp.end] - self._centre), *level)
             if band is None:
                 raise RefusedError(
                     f"lateral_acceleration does not go from {level[0]:g} to {level[1]:g} m/s2 in every ramp: "

@@ -91,6 +91,27 @@ def test_a_torque_beyond_its_tolerance_leaves_the_boundaries(weaves):
     assert found["handwheel_angle", "lateral_acceleration"].inside == 1.0
 
 
+def test_a_weaker_response_is_outside_too(weaves):
+    """A loop that stays inside the measured one but does not reach its ends is not within the tolerances."""
+    clean = weaves["lugre"]
+    small = Recording(
+        clean.time,
+        {n: 0.6 * v if n != "vehicle_speed" else v for n, v in clean.channels.items()},
+        clean.units,
+        clean.meta,
+    )
+    assert min(pair.inside for pair in validation.compare(clean, small)) < 0.9
+
+
+def test_a_delay_counts_as_it_is():
+    """5 ms of 20 ms is within the tolerance, however steep the history between its samples."""
+    t = np.arange(0.0, 2.0, 0.01)
+    curve = {"time": t, "yaw_rate": 20.0 * np.clip(t - 0.5, 0.0, 1.0)}
+    late = {"time": t, "yaw_rate": np.interp(t - 0.005, t, curve["yaw_rate"])}
+    allowed = {"time": validation.Tolerance(0.0, 0.02), "yaw_rate": validation.Tolerance(0.0, 1e-4)}
+    assert validation._pair("time", "yaw_rate", curve, late, allowed).worst <= 0.51  # at the corners a sample more
+
+
 def test_boundaries_are_corners_of_the_tolerance_box():
     x = np.linspace(0.0, 1.0, 11)
     curves = {"handwheel_angle": x, "handwheel_torque": 2.0 * x}
