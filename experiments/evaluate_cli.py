@@ -39,8 +39,11 @@ def _recording_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--manoeuvre", metavar="TEST", choices=metrics.tests(), help=", ".join(metrics.tests()))
     text = f"bands for the metrics: {', '.join(targets.available())}, or a .toml file"
     parser.add_argument("--targets", metavar="NAME", help=text)
-    parser.add_argument("--mapping", metavar="FILE.toml", help="names, units, signs, delays of the file's channels")
-    text = "one channel's mapping, e.g. handwheel_angle=SWA[deg],sign=-1,delay_ms=10; may be repeated"
+    text = (
+        "names, units, signs, delays of a file's channels; one for each recording, in order, those left over need none"
+    )
+    parser.add_argument("--mapping", metavar="FILE.toml", nargs="+", default=[], help=text)
+    text = "one channel of the first recording, e.g. handwheel_angle=SWA[deg],sign=-1,delay_ms=10; may be repeated"
     parser.add_argument("--map", dest="entries", metavar="ENTRY", action="append", default=[], help=text)
     parser.add_argument("--speed_kph", metavar="KPH", type=float, help="at which the test was driven")
     parser.add_argument("--frequency_hz", metavar="HZ", type=float, help="at which it was steered")
@@ -49,11 +52,14 @@ def _recording_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", metavar="DIR", help="index.html and evaluation.json; replaced as a whole")
 
 
-def _read(path: str, args: argparse.Namespace) -> Recording:
+def _read(path: str, place: int, args: argparse.Namespace) -> Recording:
     """A recording from a file, as the mapping has it and with short drop-outs bridged."""
-    chosen = mapping.load(args.mapping) if args.mapping else mapping.Mapping()
-    chosen = chosen.with_entries(mapping.parse_entry(text) for text in args.entries)
+    chosen = mapping.load(args.mapping[place]) if place < len(args.mapping) else mapping.Mapping()
+    if place == 0:
+        chosen = chosen.with_entries(mapping.parse_entry(text) for text in args.entries)
     found = recording_files.read(path, chosen)
+    if args.manoeuvre is None and found.meta.get("manoeuvre") is None:
+        raise ValueError(f"{path} does not name its test: give --manoeuvre, one of {', '.join(metrics.tests())}")
     return (found.between(*args.between) if args.between else found).bridged()
 
 
@@ -70,11 +76,15 @@ def _assess(paths: list[str], args: argparse.Namespace, tolerances: str | None) 
         labels = paths
     if len(set(labels)) < len(labels):
         raise ValueError(f"{paths[0]} is given twice")
-    recordings = {label: _read(path, args) for label, path in zip(labels, paths)}
+    if len(args.mapping) > len(paths):
+        raise ValueError(f"{len(args.mapping)} mappings for {len(paths)} recordings")
+    recordings = {label: _read(path, place, args) for place, (label, path) in enumerate(zip(labels, paths))}
     wanted = targets.load(args.targets) if args.targets else None
     allowed = validation.tolerances(tolerances) if tolerances else None
     timing = 1e-3 * number("--timing_ms", args.timing_ms, minimum=0.0)
     found = assessment.assess(recordings, args.manoeuvre, wanted, allowed, timing, **_given(args))
+    if wanted and not found.bands:
+        print(f"targets {wanted.name!r} have no bands for {found.test}; they have some for {', '.join(wanted.bands)}")
     for label in labels:
         print_metrics(found.values[label], f"{found.test}, {label}", found.lights[label])
     if found.differences:

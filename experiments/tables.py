@@ -26,6 +26,10 @@ def print_metrics(values: Mapping[str, Value], title: str, lights: Mapping[str, 
             table.add_row(*cells, *([_light(lights.get(name))] if lights else []))
     if table.row_count:
         console.print(table)
+    reasons = {value.reason for value in values.values()}
+    if len(values) > 1 and len(reasons) == 1 and "" not in reasons:
+        console.print(f"every metric refused: {reasons.pop()}", highlight=False, soft_wrap=True)
+        return
     for name, value in values.items():
         if value.reason:
             console.print(f"{name} refused: {value.reason}", highlight=False, soft_wrap=True)

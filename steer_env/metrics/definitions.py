@@ -249,7 +249,8 @@ def _check_speed(recording: Recording, asked: Mapping[str, Any]) -> None:
         if not abs(found / speed - 1) <= SPEED_SPREAD:
             raise RefusedError(
                 f"vehicle_speed is {3.6 * found:.4g} km/h in the mean, not {3.6 * speed:.4g} km/h +- "
-                f"{SPEED_SPREAD:.0%}: drive at that speed, or say that the test was at speed_m_s={found:.4g}"
+                f"{SPEED_SPREAD:.0%}: drive at that speed, or say that the test was at {3.6 * found:.4g} km/h "
+                f"(speed_m_s={found:.4g})"
             )
 
 

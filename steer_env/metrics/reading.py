@@ -13,6 +13,9 @@ ANGLE, TORQUE, AY = "handwheel_angle", "handwheel_torque", "lateral_acceleration
 YAW, SPEED, SIDESLIP, ROLL = "yaw_rate", "vehicle_speed", "sideslip_angle", "roll_angle"
 CHANNELS = {**dict(plant.CHANNELS), SPEED: "m/s", SIDESLIP: "rad"}  # name -> unit
 
+# Beyond these a channel is in another unit than it says (degrees for radians, km/h for m/s); assumed, in SI.
+PLAUSIBLE = {ANGLE: 20.0, TORQUE: 100.0, AY: 30.0, YAW: 5.0, SPEED: 120.0}
+
 
 class Reading:
     """Channels (T,) of a recording by name, low-passed at ``cutoff`` [Hz], and its ``time`` (T,) [s].
@@ -40,7 +43,13 @@ class Reading:
             raise RefusedError(f"the recording has no channel {name!r}: record it, or map it from the name it has")
         if unit != CHANNELS[name]:
             raise RefusedError(f"{name} is in {unit!r}: give it in {CHANNELS[name]!r}")
-        return Recording(self.time, {name: self.recording[name]}, {name: unit})
+        values = self.recording[name]
+        most, limit = np.max(np.abs(values), where=np.isfinite(values), initial=0.0), PLAUSIBLE.get(name, np.inf)
+        if most > limit:
+            raise RefusedError(
+                f"{name} gets to {most:.4g} {unit}, beyond {limit:g}: check the unit that it is given in"
+            )
+        return Recording(self.time, {name: values}, {name: unit})
 
     def __contains__(self, name: str) -> bool:
         return name in self.recording.units

@@ -184,6 +184,27 @@ def test_two_recordings_side_by_side(weaves, tmp_path, capsys):
     assert "Within the tolerances" in (tmp_path / "valid" / "index.html").read_text()
 
 
+def test_the_mapping_is_the_first_recordings(weaves, tmp_path, capsys):
+    """A measured file with its own names against a simulated one, which needs no mapping."""
+    measured, simulated = tmp_path / "measured.csv", tmp_path / "simulated.csv"
+    recording_files.write(weaves["viscous"], simulated)
+    lines = simulated.read_text().splitlines()
+    first = next(k for k, line in enumerate(lines) if not line.startswith("#"))
+    lines[first] = lines[first].replace("handwheel_angle_deg", "SWA_deg")
+    measured.write_text("\n".join(lines) + "\n")
+    (tmp_path / "own.toml").write_text('[channels.handwheel_angle]\nfrom = "SWA"\nunit = "deg"\n')
+    options = ["validate", str(measured), str(simulated), "--mapping", str(tmp_path / "own.toml")]
+    assert main(options) == 0
+    assert "100.0% inside" in capsys.readouterr().out
+
+
+def test_a_file_that_names_no_test_needs_its_name(weaves, tmp_path, capsys):
+    clean = weaves["lugre"]
+    recording_files.write(Recording(clean.time, clean.channels, clean.units), tmp_path / "bare.csv")
+    assert main(["evaluate", str(tmp_path / "bare.csv")]) == 2
+    assert "does not name its test: give --manoeuvre, one of" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [

@@ -73,9 +73,9 @@ def test_refusals_are_null_with_a_reason_and_printed(tmp_path, monkeypatch, caps
     assert main(["run", "weave", "--friction", "masing", "--rate_hz", "50", "--out", str(tmp_path / "weave.csv")]) == 0
     data = json.loads((tmp_path / "weave.json").read_text())["metrics"]
     printed = capsys.readouterr().out
-    for name, entry in data.items():
+    for entry in data.values():
         assert (entry["value"], entry["ci"]) == (None, [None, None])
-        assert f"{name} refused: {entry['reason']}" in printed
+        assert f"every metric refused: {entry['reason']}" in printed
         assert "steer" in entry["reason"]  # what to do
 
 

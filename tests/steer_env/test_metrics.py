@@ -224,6 +224,12 @@ def test_refused_one_by_one():
     assert pulled["angle_deadband"] == "handwheel_torque does not cross 0 N m on each branch: centre the weave"
 
 
+def test_degrees_given_as_radians_are_refused():
+    clean = linear_car()
+    wrong = refusals(changed(clean, handwheel_angle=np.degrees(clean["handwheel_angle"]) * 2.0))
+    assert wrong["yaw_lag"] == "handwheel_angle gets to 34 rad, beyond 20: check the unit that it is given in"
+
+
 def test_wrong_unit_is_refused():
     clean = linear_car()
     wrong = Recording(clean.time, clean.channels, {**clean.units, "handwheel_angle": "1"})
