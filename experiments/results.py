@@ -125,10 +125,7 @@ def pool_of(workers: int | None = None) -> Iterator[ProcessPoolExecutor]:
 
 @contextmanager
 def uninterrupted() -> Iterator[None]:
-    """Hold Ctrl-C and SIGTERM back to the end of the block.
-
-    A worker half started would stay behind; an interrupt in the middle of compiling can be lost in a callback.
-    """
+    """Hold Ctrl-C and SIGTERM back to the end of the block: a worker half started would stay behind."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -154,8 +151,7 @@ def collect(laws: dict[str, Any], scope: Scope, notify: Notify) -> Results:
     ValueError
         Unknown car, or a manoeuvre that cannot be driven.
     """
-    with uninterrupted():
-        car = cars.load(scope.car)  # compiles
+    car = cars.load(scope.car)
     base = "lugre" if "lugre" in laws else next(iter(laws))
     first = {law_of(p).name: law for law, p in reversed(laws.items())}
     found: dict[Any, Any] = {}

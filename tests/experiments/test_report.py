@@ -1,5 +1,6 @@
 """The report on a reduced set: whole, self-contained, and nothing half-written whatever interrupts it."""
 
+import functools
 import json
 import os
 import signal
@@ -289,7 +290,9 @@ def test_ctrl_c_leaves_the_old_report_and_no_process(tmp_path):
     out.mkdir()
     (out / "index.html").write_text("old")
     command = [sys.executable, "-m", "experiments.cli", "report", "--out", str(out)]
-    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
+    # A suite that runs in the background hands on that Ctrl-C is ignored.
+    heard = functools.partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, preexec_fn=heard) as process:
         while len(list(tmp_path.iterdir())) == 1:  # until it builds beside the old one
             time.sleep(0.05)
             assert process.poll() is None
