@@ -2,7 +2,8 @@
 
 from steer_env.env import SteerEnv
 from steer_env.ids import REGISTERED, register
+from steer_env.vector import SteerVectorEnv
 
-__all__ = ["REGISTERED", "SteerEnv"]
+__all__ = ["REGISTERED", "SteerEnv", "SteerVectorEnv"]
 
 register()

@@ -44,9 +44,23 @@ def winding(rng: np.random.Generator, length: float, peak: float) -> NDArray[np.
     return from_curvature(curvature * np.clip(s / 50.0, 0.0, 1.0))
 
 
+def through(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """A path (N, 4) as of :func:`from_curvature` through points (M, 2) [m], along a cubic spline."""
+    from scipy import interpolate  # here, for it takes longer to import than an environment to start
+
+    chord = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))))
+    spline = interpolate.CubicSpline(chord, points)
+    fine = np.linspace(0.0, chord[-1], 1 + int(10.0 * chord[-1] / SPACING))
+    speed = np.hypot(*spline(fine, 1).T)
+    length = np.concatenate(([0.0], np.cumsum(0.5 * np.diff(fine) * (speed[1:] + speed[:-1]))))
+    u = np.interp(np.arange(0.0, length[-1], SPACING), length, fine)
+    (x1, y1), (x2, y2) = spline(u, 1).T, spline(u, 2).T
+    return np.column_stack((spline(u), np.arctan2(y1, x1), (x1 * y2 - y1 * x2) / np.hypot(x1, y1) ** 3))
+
+
 @kernel
-def locate(path, x, y, yaw, guess, preview, out):
-    """Where a car stands on a path.
+def see(path, x, y, yaw, guess, step, out):
+    """Where a car stands on a path, and where the path goes from there.
 
     Parameters
     ----------
@@ -56,10 +70,11 @@ def locate(path, x, y, yaw, guess, preview, out):
         Position [m] and direction [rad] of the car.
     guess : float
         Arc length near which to look [m]; the last result, or zero.
-    preview : (K,) array
-        Distances ahead at which the curvature is wanted [m].
+    step : float
+        Distance between the points to see ahead, the first one step away [m].
     out : (2 + K,) array
-        Receives lateral offset (left of the path positive) [m], heading error [rad], curvatures ahead [1/m].
+        Receives lateral offset (left of the path positive) [m], heading error [rad], and for K points of the path ahead
+        how far to the left of the car's axis they lie [m].
 
     Returns
     -------
@@ -87,8 +102,15 @@ def locate(path, x, y, yaw, guess, preview, out):
     error = yaw - path[i, _YAW] - k * part
     out[1] = error - 2.0 * math.pi * math.floor(error / (2.0 * math.pi) + 0.5)
     position = SPACING * i + along
-    for j in range(preview.size):
-        u = min(max((position + preview[j]) / SPACING, 0.0), float(last))
-        n = min(int(u), last - 1)
-        out[2 + j] = path[n, _CURVATURE] + (u - n) * (path[n + 1, _CURVATURE] - path[n, _CURVATURE])
+    c_car, s_car = math.cos(yaw), math.sin(yaw)
+    for j in range(out.size - 2):
+        # Behind the last point the path goes on straight.
+        ahead = max(position + (j + 1) * step, 0.0)
+        n = min(int(ahead / SPACING), last)
+        part = ahead - SPACING * n
+        k = path[n, _CURVATURE] if n < last else 0.0
+        c, s = math.cos(path[n, _YAW]), math.sin(path[n, _YAW])
+        left = 0.5 * k * part * part
+        to_x, to_y = path[n, _X] + part * c - left * s - x, path[n, _Y] + part * s + left * c - y
+        out[2 + j] = to_y * c_car - to_x * s_car
     return position

@@ -166,6 +166,14 @@ class Car(NamedTuple):
             robot=1.0 if robot else 0.0,
         )
 
+    def loaded(self, mass: float) -> "Car":
+        """The car with mass added to its body [kg], spread as the body's own is."""
+        c = self.chassis
+        body, whole = (c["sprung_mass"] + mass) / c["sprung_mass"], (c["mass"] + mass) / c["mass"]
+        changed = {"mass": c["mass"] + mass, "sprung_mass": c["sprung_mass"] + mass}
+        changed |= {key: body * c[key] for key in ("roll_inertia", "pitch_inertia")}  # of the body
+        return self._replace(chassis={**c, **changed, "yaw_inertia": whole * c["yaw_inertia"]})  # of the whole car
+
     def _rack_stiffness(self) -> float:
         """Steering compliance seen at the rack, through the arm at centre, for both wheels [N/m]."""
         return self.steering["compliance"] * float(self.strut.solve(0.0, 0.0).per_rack.rotation[..., 2]) ** 2
@@ -220,7 +228,6 @@ class Car(NamedTuple):
         ):
             number(f"{name} on two tracks", value, minimum=least)
         ground = ground or road.make_road()
-        ground = ground._replace(friction=mu * ground.friction)
         m, m_s, a, b = c["mass"], c["sprung_mass"], c["front_axle"], c["rear_axle"]
         m_f, m_r = 0.5 * c["front_unsprung_mass"], 0.5 * (m - m_s - c["front_unsprung_mass"])
         # The sprung centre of gravity, from that of the whole car.
@@ -235,6 +242,7 @@ class Car(NamedTuple):
         slope = float(self.strut.solve(0.0, 0.0).per_travel.strut_length)  # negative: shorter in bump
         body = Body(
             speed=v_x,
+            mu=mu,
             m=m,
             m_f=m_f,
             m_r=m_r,

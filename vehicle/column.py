@@ -1,6 +1,7 @@
 """The steering column with two degrees of freedom, stepped by the implicit midpoint rule.
 
     I1 th1'' + C1 th1' + C_tb (th1' - th2') + K_tb (th1 - th2) = T1                (1)
+    T1 = T_hand - I_arm th1'' - C_arm th1' - K_arm th1                             (arms, if any hold the wheel)
     I2 th2'' + C2 th2' + C_tb (th2' - th1') + K_tb (th2 - th1) = T_C - T_F(th2')   (2)
 
 th1 is the handwheel angle, th2 the column angle below the torsion bar, T1 the hand torque, T_C the torque of assist
@@ -34,6 +35,9 @@ class Column(NamedTuple):
     C_tb: float  # torsion-bar damping [N m s/rad]
     C1: float  # viscous damping of the handwheel [N m s/rad]
     C2: float  # viscous damping below the torsion bar [N m s/rad]
+    I_arm: float = 0.0  # of arms that hold the handwheel [kg m2]
+    C_arm: float = 0.0  # [N m s/rad]
+    K_arm: float = 0.0  # to where the body is [N m/rad]
 
 
 def make(
@@ -83,7 +87,8 @@ def step(c, friction, level, q, memory, robot, hand, hand_speed, T_C, h):
     robot : bool
         Whether the angle is prescribed.
     hand : float
-        Step-mean hand torque [N m]; or handwheel angle at the end of the step [rad].
+        Step-mean hand torque [N m], of arms what they add to their impedance; or handwheel angle at the end of the
+        step [rad].
     hand_speed : float
         Handwheel speed at the end of the step [rad/s], if the angle is prescribed.
     T_C : float
@@ -98,12 +103,13 @@ def step(c, friction, level, q, memory, robot, hand, hand_speed, T_C, h):
     T_F : float
         Step-mean friction torque, positive where it resists a left turn [N m].
     T1 : float
-        Step-mean hand torque [N m]: the given one, or the one that the robot needs.
+        Step-mean hand torque [N m]: the given one less what arms take, or the one that the robot needs.
     """
     K = c.C_tb + 0.5 * h * c.K_tb
     twist = c.K_tb * (q[HANDWHEEL_ANGLE] - q[COLUMN_ANGLE])
-    a11 = 2.0 * c.I1 / h + c.C1 + K
-    r1 = 2.0 * c.I1 / h * q[HANDWHEEL_SPEED] - twist
+    inertia = 2.0 * (c.I1 + c.I_arm) / h
+    a11 = inertia + c.C1 + c.C_arm + 0.5 * h * c.K_arm + K
+    r1 = inertia * q[HANDWHEEL_SPEED] - c.K_arm * q[HANDWHEEL_ANGLE] - twist
     S = 2.0 * c.I2 / h + c.C2 + K
     R = 2.0 * c.I2 / h * q[COLUMN_SPEED] + twist + T_C
     if robot:
@@ -118,8 +124,9 @@ def step(c, friction, level, q, memory, robot, hand, hand_speed, T_C, h):
         q[HANDWHEEL_ANGLE] = hand
         q[HANDWHEEL_SPEED] = hand_speed
     else:
-        T1 = hand
         w1 = (r1 + hand + K * w2) / a11
+        change = 2.0 * (w1 - q[HANDWHEEL_SPEED])
+        T1 = hand - c.I_arm * change / h - c.C_arm * w1 - c.K_arm * (q[HANDWHEEL_ANGLE] + 0.5 * h * w1)
         q[HANDWHEEL_ANGLE] += h * w1
         q[HANDWHEEL_SPEED] = 2.0 * w1 - q[HANDWHEEL_SPEED]
     # A site that sticks stands still; its rest of momentum is lost in the contact.
@@ -142,6 +149,6 @@ def step_angle(c, friction, level, q, memory, angle, speed, T_C, h):
 
 @kernel
 def energy(c, q):
-    """Kinetic energy and energy of the torsion bar [J]."""
+    """Kinetic energy and energy of the torsion bar, without arms [J]."""
     twist = q[HANDWHEEL_ANGLE] - q[COLUMN_ANGLE]
     return 0.5 * (c.I1 * q[HANDWHEEL_SPEED] ** 2 + c.I2 * q[COLUMN_SPEED] ** 2 + c.K_tb * twist * twist)

@@ -6,13 +6,14 @@ through those nodes at every step, and what couples back (the rack force) and wh
 from the last two nodes. All of it is of second order, in the inputs too. The controller is sampled every millisecond
 whatever the step.
 
-    T_C = T_motor - r_p (F_rack + F_disturbance)         friction level = 1 + |F_rack| load gain
+    T_C = T_motor - r_p (F_rack + F_disturbance)         friction level = level at rest (1 + |F_rack| load gain)
 
 The state is one flat array: the column, the assist and what the rules remember as declared here, then the chassis with
 its own (:mod:`vehicle.chassis`, where the inputs are declared too), then the friction law's memory.
 """
 
 import math
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -92,6 +93,7 @@ class Plant(NamedTuple):
     friction_load: float  # rise of the friction level per rack force [1/N]
     rack_limit: float  # rack travel at the end stops [m]
     robot: float  # 1 where the handwheel angle is prescribed, 0 where the hand torque is
+    friction_level: float = 1.0  # factor on the law's saturated friction, as wear or temperature change it [1]
 
 
 @kernel
@@ -145,7 +147,7 @@ def _step(p, state, hand, hand_speed, before, after, elapsed, u, h):
     force = state[_RACK_FORCE] + s * (state[_RACK_FORCE] - state[_RACK_FORCE + 1]) + u[RACK_DISTURBANCE]
     motor = assist.motor_step(p.assist, state[_ASSIST:_PHASE], before, after, elapsed, h)
     T_C = motor - p.pinion_radius * force
-    level = 1.0 + p.friction_load * abs(force)
+    level = p.friction_level * (1.0 + p.friction_load * abs(force))
     state[_HAND_TORQUE + 1] = state[_HAND_TORQUE]
     state[_FRICTION_TORQUE + 1] = state[_FRICTION_TORQUE]
     _, _, T_F, T1 = column.step(
@@ -176,8 +178,9 @@ def _report(p, state, u, row):
     s = state[_PHASE] / STEPS_PER_NODE
     row[0] = state[column.HANDWHEEL_ANGLE]
     row[1] = state[column.HANDWHEEL_SPEED]
-    # Means over the last two steps, extrapolated to their end; a hand torque is its own value.
-    row[2] = 1.5 * state[_HAND_TORQUE] - 0.5 * state[_HAND_TORQUE + 1] if p.robot > 0.0 else state[_HAND_TORQUE]
+    # Means over the last two steps, extrapolated to their end; a hand torque that is given is its own value.
+    given = p.robot == 0.0 and p.column.K_arm == 0.0
+    row[2] = state[_HAND_TORQUE] if given else 1.5 * state[_HAND_TORQUE] - 0.5 * state[_HAND_TORQUE + 1]
     row[3] = state[column.COLUMN_ANGLE]
     row[4] = state[column.COLUMN_SPEED]
     row[5] = p.column.K_tb * (state[column.HANDWHEEL_ANGLE] - state[column.COLUMN_ANGLE])
@@ -263,10 +266,11 @@ def initial_state(p: Plant) -> NDArray[np.float64]:
     return settled(p)[0]
 
 
-def settled(p: Plant) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def settled(p: Plant, run: Callable = run) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """State (S,) of running straight, as :func:`initial_state`, and its channels (C,).
 
-    Five seconds of straight running, some fifty time constants of the speed hold, bring the drive to its balance.
+    Five seconds of straight running, some fifty time constants of the speed hold, bring the drive to its balance;
+    ``run`` does what :func:`run` does.
     """
     kind = chassis.chassis_of(p.chassis)
     start = kind.start(p.chassis)

@@ -137,6 +137,7 @@ class Body(NamedTuple):
     """Numbers of the chassis, as a record for the kernels; built and checked by :mod:`vehicle.cars`."""
 
     speed: float  # held speed [m/s]
+    mu: float  # factor on the road's friction [1]
     m: float  # mass [kg]
     m_f: float  # unsprung mass of each front wheel [kg]
     m_r: float  # of each rear wheel [kg]
@@ -365,6 +366,7 @@ def derivative(p, strut, c, x, rack, rack_rate, u, dx, out):
     r_y = a22 * y_i + a23 * z_i
     r_z = a31 * arm + a32 * y_i + a33 * z_i
     ground, slope, mu = road.under_wheels(p.road, x[DISTANCE] + d.a, x[DISTANCE] - d.b)
+    mu *= d.mu
     # A leaning wheel meets the road in its own plane, off the line below its centre. Of second order in camber: the
     # loaded radius is below (1 + camber^2/2), so that F_z at ``aside`` is its tyre spring's virtual work.
     below = x[Z] + r_z - ground

@@ -30,14 +30,14 @@ def double_lane_change(edition: str = "2018", mirrored: bool = False, **driver: 
 def lane_change_manoeuvre(
     name: str, edition: str, mirrored: bool, driver: dict[str, float], **fields: Any
 ) -> Manoeuvre:
-    """A closed-loop manoeuvre through a course; ``driver`` are options of :func:`steer_env.drivers.preview`."""
+    """A closed-loop manoeuvre through a course; ``driver`` are options of :func:`steer_env.drivers.lq.preview`."""
 
     def at_the_wheel(car: Car, p: Plant):
-        from steer_env import drivers  # here, for python-control takes longer to import than an environment to start
+        from steer_env.drivers import lq  # here, for python-control takes longer to import than an environment to start
 
         size = lane_change.outline(car)
         path = lane_change.path(lane_change.course(name, size.width, edition, mirrored), size)
-        return drivers.preview(car, p, path + np.array([APPROACH, 0.0]), **driver)
+        return lq.preview(car, p, path + np.array([APPROACH, 0.0]), **driver)
 
     length = lane_change.course(name, 1.8, edition).length
     return Manoeuvre(

@@ -12,20 +12,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from friction.check import number
+from steer_env.drivers.definition import ARM_DAMPING, ARM_FREQUENCY, DELAY, MUSCLE_LAG, SAMPLE
 from vehicle import chassis, linear, plant
 from vehicle.cars import Car
 
 Array = NDArray[np.float64]
 Driver = Callable[[float, Array], tuple[float, float]]  # time [s], channels (C,) -> angle [rad], speed [rad/s]
 
-SAMPLE = 0.01  # [s]
-# Published preview drivers look 1.0 to 1.5 s ahead and lag by some 0.2 s (MacAdam 1981); these are assumed within.
 PREVIEW_TIME = 1.5  # [s]
-DELAY = 0.12  # from seeing to the muscles' command [s]
-MUSCLE_LAG = 0.05  # of the muscles behind their command, assumed [s]
-ARM_FREQUENCY = 4.0  # natural frequency of the arms on the handwheel, assumed [Hz]
-ARM_DAMPING = 0.7  # assumed [1]
-EFFORT = 0.03  # lateral offset that is as bad as one radian of handwheel angle, assumed [m/rad]
+EFFORT = 0.03  # lateral offset that is as bad as one radian of handwheel angle, without arms, assumed [m/rad]
 
 
 def held_speed(p: plant.Plant) -> float:

@@ -1,0 +1,441 @@
+"""Episodes side by side: the engine under the single and the vector environment, which therefore agree to the bit.
+
+A lane is one episode: a plant's numbers and state, a case of the task, and what the kernels remember. One step of all
+lanes runs in compiled code without the GIL, so that a thread pool over lanes needs no threading layer of numba's:
+
+    script (inputs from case and action) -> plant -> look -> judge -> observe
+
+in rounds of at most one node of 10 ms; persons act at the nodes. Randomness comes from each lane's own generator.
+"""
+
+import math
+import os
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from friction import resolve
+from friction.check import number
+from friction.kernel import bind, kernel
+from steer_env import drivers
+from steer_env.manoeuvres.shapes import ramp_and_hold
+from steer_env.randomise import RANGES, SENSOR_NOISE, Conditions, Randomise
+from steer_env.tasks import definition as tasks
+from steer_env.tasks.definition import NODE, PEAK, PER_NODE, RMS, Now, Setting, Task
+from vehicle import cars, fleet, plant
+from vehicle import tyre as tyres
+from vehicle.assist import SAMPLE_TIME
+from vehicle.chassis import HAND, HAND_SPEED, INPUTS
+from vehicle.road import Road
+
+Array = NDArray[np.float64]
+
+FAILURE = -100.0  # reward of a step that ends in a state that is not finite, or upside down: worse than driving on
+ROLLED_OVER = 1.0  # roll angle from which on no car comes back [rad]
+NOISE_BLOCK = 128  # control steps of noise drawn at once
+
+_ROLL = plant.CHANNEL["roll_angle"]
+_POSE = [plant.CHANNEL[name] for name in ("x", "y", "yaw_angle")]
+
+
+@kernel
+def _script(nodes, columns, clocks, released, action_input, scale, actions, rows, robot, inputs, low, high):
+    """Inputs of the coming samples: the case's, straight lines between the nodes, and the action.
+
+    A handwheel angle comes with its speed and is a cubic that meets both. Once released, nobody holds the handwheel:
+    ``robot`` is the place of that parameter among the plant's numbers.
+    """
+    for i in range(low, high):
+        free = released[i] >= 0 and clocks[i] >= released[i]
+        if free:
+            rows[i, robot] = 0.0
+        for j in range(inputs.shape[1]):
+            u, sample = inputs[i, j], clocks[i] + j + 1
+            for k in range(u.size):
+                u[k] = 0.0
+            node = min((sample - 1) // PER_NODE, nodes.shape[1] - 2)
+            s = (sample - node * PER_NODE) / PER_NODE
+            start, end = nodes[i, node], nodes[i, node + 1]
+            for k in range(columns.size):
+                u[columns[k]] = start[k] + s * (end[k] - start[k])
+            if columns.size > 1 and columns[1] == HAND_SPEED:
+                rise, before, after = end[0] - start[0], start[1] * NODE, end[1] * NODE
+                a, b = before - rise, rise - after
+                u[HAND] = start[0] + s * rise + s * (1.0 - s) * ((1.0 - s) * a + s * b)
+                u[HAND_SPEED] = (rise + (1.0 - 2.0 * s) * ((1.0 - s) * a + s * b) + s * (1.0 - s) * (b - a)) / NODE
+            if free:
+                u[HAND] = 0.0
+                u[HAND_SPEED] = 0.0
+            u[action_input] += scale * actions[i]
+
+
+@kernel
+def _judge(
+    rules, kinds, channels, speed, paths, values, sizes, speeds, clocks, actions, rates, dt, memory, situations, rewards,
+    costs, now, figures, ended, low, high,
+):  # fmt: skip
+    """Look at the lanes and, over the last ``dt`` [s] if it is not zero, judge those that have not ended.
+
+    ``speed`` is the place of the forward speed among the channels, or -1 where the speed is held.
+    """
+    for i in range(low, high):
+        row, situation = channels[i], situations[i]
+        if speed >= 0:
+            speeds[i] = row[speed]
+        moment = Now(clocks[i] * SAMPLE_TIME, dt, speeds[i], actions[i], rates[i])
+        known = values[i, : sizes[i, 1]]
+        tasks.look(rules, row, paths[i, : sizes[i, 0]], known, moment, memory[i], situation)
+        if dt > 0.0 and not ended[i]:
+            ended[i] = tasks.judge(rules, row, situation, known, moment, memory[i], rewards[i], costs[i], now[i])
+            for k in range(kinds.size):
+                size = abs(now[i, k])
+                if kinds[k] == PEAK:
+                    figures[i, k] = max(figures[i, k], size)
+                else:
+                    figures[i, k] += dt * size * size if kinds[k] == RMS else size
+
+
+@kernel
+def _conclude(
+    channels, observed, speeds, situations, noise, bound, delays, latest, ring, out, rewards, costs, reward_weights,
+    cost_weights, earned, low, high,
+):  # fmt: skip
+    """Reward and cost, and the observation with its noise, as old as the delay, clipped to the bounds."""
+    n = observed.size
+    for i in range(low, high):
+        earned[i, 0] = earned[i, 1] = 0.0
+        for k in range(reward_weights.size):
+            earned[i, 0] += reward_weights[k] * rewards[i, k]
+        for k in range(cost_weights.size):
+            earned[i, 1] += cost_weights[k] * costs[i, k]
+        latest[i] = (latest[i] + 1) % ring.shape[1]
+        seen = ring[i, latest[i]]
+        for k in range(bound.size):
+            value = channels[i, observed[k]] if k < n else (speeds[i] if k == n else situations[i, k - n - 1])
+            seen[k] = min(max(value + noise[i, k], -bound[k]), bound[k])
+        past = ring[i, (latest[i] - delays[i]) % ring.shape[1]]
+        for k in range(bound.size):
+            out[i, k] = past[k]
+
+
+class _Pool:
+    """Work on slices of lanes in threads, kept for the process that made them."""
+
+    def __init__(self, n: int, threads: int) -> None:
+        edges = np.linspace(0, n, min(threads, n) + 1).round().astype(int).tolist()
+        self._slices = list(zip(edges[:-1], edges[1:]))
+        self._executor: ThreadPoolExecutor | None = None
+        self._process = 0
+
+    def run(self, work: Callable[[int, int], None]) -> None:
+        """``work(low, high)`` for every slice; the first one in this thread."""
+        if len(self._slices) == 1:
+            return work(*self._slices[0])
+        if self._process != os.getpid():  # threads do not survive a fork
+            self._executor, self._process = ThreadPoolExecutor(len(self._slices) - 1), os.getpid()
+        assert self._executor is not None
+        others = [self._executor.submit(work, low, high) for low, high in self._slices[1:]]
+        work(*self._slices[0])
+        for other in others:
+            other.result()
+
+    def close(self) -> None:
+        """Let the threads go."""
+        if self._executor is not None and self._process == os.getpid():
+            self._executor.shutdown()
+        self._executor, self._process = None, 0
+
+
+def _weights(task: Task, given: Mapping[str, float] | None) -> dict[str, float]:
+    """Weight of every reward term; ValueError for an unknown one."""
+    found = {term.name: term.weight for term in task.rewards}
+    for name, value in (given or {}).items():
+        if name not in found:
+            raise ValueError(f"{task.name} has no reward term {name!r}; there are {', '.join(found)}")
+        found[name] = number(f"weights[{name!r}]", value)
+    return found
+
+
+class Lanes:
+    """``n`` episodes of a task; arguments as :class:`steer_env.env.SteerEnv`, which describes them."""
+
+    def __init__(
+        self,
+        task: Task,
+        n: int,
+        *,
+        friction: Any = "lugre",
+        speed: float | None = None,
+        vehicle: str = "compact",
+        chassis: str | None = None,
+        tyre: str | None = None,
+        road: Road | None = None,
+        control_dt: float = 0.01,
+        driver: Any = None,
+        randomise: Mapping[str, Any] | None = None,
+        weights: Mapping[str, float] | None = None,
+        threads: int = 1,
+    ) -> None:
+        self.task, self.n, self.observed = task, n, task.observed
+        chassis = task.chassis[0] if chassis is None else chassis
+        if chassis not in cars.SPEEDS:
+            raise ValueError(f"chassis must be one of {', '.join(cars.SPEEDS)}, got {chassis!r}")
+        if chassis not in task.chassis:
+            raise ValueError(f"{task.name} needs chassis={' or '.join(map(repr, task.chassis))}, got {chassis!r}")
+        if driver is not None and not task.person:
+            raise ValueError(f"{task.name} has no driver model in its loop, so driver={driver!r} has no place in it")
+        self.control_dt = dt = number("control_dt [s]", control_dt, minimum=SAMPLE_TIME, maximum=0.1)
+        self._samples = samples = round(dt / SAMPLE_TIME)
+        if not math.isclose(samples * SAMPLE_TIME, dt) or (PER_NODE % samples and samples % PER_NODE):
+            raise ValueError(f"control_dt must be 1, 2 or 5 ms or a multiple of 10 ms, got {control_dt!r} s")
+        self._round = min(samples, PER_NODE)
+        limits = cars.SPEEDS[chassis]
+        given = task.speed if speed is None else speed
+        self.speed = number("speed [m/s]", given, minimum=limits[0], maximum=limits[1])
+        self.car = cars.load(vehicle)
+        if tyre is not None:
+            self.car = self.car._replace(tyre=tyres.load(tyre))
+        self._chassis, self._road = chassis, road
+        self._driver = drivers.resolve("preview" if driver is None else driver) if task.person else None
+        self._randomise = Randomise(randomise, resolve(friction), self.speed, limits)
+        self.weights = _weights(task, weights)
+
+        usual = self._randomise.usual
+        template = self._template = self._plant(usual, task.robot)
+        self.channels = plant.channels(template)
+        names = [name for name, _ in self.channels]
+        self._speed = names.index("longitudinal_speed") if "longitudinal_speed" in names else -1
+        self.states = tuple(name for name, _ in plant.states(template))
+        self._pose = [self.states.index(name) for name in ("x", "y", "yaw_angle")]
+        self._robot = fleet.places(template)["robot"].start
+        self._rows = np.tile(fleet.numbers(template), (n, 1))
+        self.state, self._before = np.zeros((2, n, len(self.states)))
+        self.row = np.zeros((n, len(self.channels)))
+        self._inputs = np.zeros((n, self._round, len(INPUTS)))
+        self._finite = np.ones(n, bool)
+        self._advance = bind(fleet.run, template, self._rows, self.state, self._inputs, self.row, self._finite, 0, n)
+        self._usual = self._settle(template)
+
+        o, f = len(self.observed), len(task.figures)
+        self.bound = np.array([quantity.bound for quantity in self.observed], np.float32)
+        self._bound = self.bound.astype(float)
+        self._observed = np.array([plant.CHANNEL[name] for name in task.channels])
+        self._columns = np.array(task.scripted, np.int64)
+        self._kinds = np.array([figure.kind for figure in task.figures])
+        self.reward_weights = np.array([self.weights[term.name] for term in task.rewards])
+        self.cost_weights = np.array([term.weight for term in task.costs])
+        self.situation, self._memory = np.zeros((n, len(task.situation))), np.zeros((n, task.memory))
+        self.rewards, self.costs = np.zeros((n, len(task.rewards))), np.zeros((n, len(task.costs)))
+        self._now, self._figures = np.zeros((2, n, f))
+        self.earned = np.zeros((n, 2))  # reward and cost of the last step
+        self._nodes, self._paths, self._values = np.zeros((n, 2, len(task.scripted))), np.zeros((n, 0, 4)), np.zeros((n, 0))
+        self._sizes = np.zeros((n, 2), np.int64)  # of path and values
+        self._clocks, self._ends, self._released = np.zeros((3, n), np.int64)  # samples
+        self._speeds, self._actions, self._rates = np.zeros((3, n))
+        self._noise, self._noise_factor = np.zeros((n, o)), np.zeros(n)
+        self._noise_size = np.array([SENSOR_NOISE.get(quantity.name, 0.0) for quantity in self.observed])
+        self._noise_blocks: dict[int, Array] = {}
+        self._steps, self._latest, self._delays = np.zeros((3, n), np.int64)
+        self._ring = np.zeros((n, 1 + round(self._randomise.longest_delay / dt), o))
+        self.observation = np.zeros((n, o), np.float32)
+        self.ended, self.truncated = np.zeros((2, n), bool)
+        self.over = np.ones(n, bool)
+        self.conditions: list[Conditions] = [usual] * n
+        self._persons = drivers.Crew(self._driver, self.car, n, self.steering_stiffness) if self._driver else None
+        self._script = bind(_script, *self._scripted(), 0, n)
+        self._judge = bind(_judge, *self._judged(0.0), 0, n)
+        self._conclude = bind(_conclude, *self._concluded(), 0, n)
+        self._pool = _Pool(n, threads)
+
+    # Arguments of the kernels; the arrays of the cases grow, so they are looked up at each call.
+
+    def _scripted(self) -> tuple[Any, ...]:
+        return (
+            self._nodes, self._columns, self._clocks, self._released, self.task.action.input, self.task.action.scale,
+            self._actions, self._rows, self._robot, self._inputs,
+        )  # fmt: skip
+
+    def _judged(self, dt: float) -> tuple[Any, ...]:
+        return (
+            self.task.rules, self._kinds, self.row, self._speed, self._paths, self._values, self._sizes, self._speeds,
+            self._clocks, self._actions, self._rates, dt, self._memory, self.situation, self.rewards, self.costs,
+            self._now, self._figures, self.ended,
+        )  # fmt: skip
+
+    def _concluded(self) -> tuple[Any, ...]:
+        return (
+            self.row, self._observed, self._speeds, self.situation, self._noise, self._bound, self._delays, self._latest,
+            self._ring, self.observation, self.rewards, self.costs, self.reward_weights, self.cost_weights, self.earned,
+        )  # fmt: skip
+
+    def _plant(self, drawn: Conditions, robot: bool) -> plant.Plant:
+        p = self.car.loaded(drawn.load).plant(
+            drawn.friction,
+            speed=drawn.speed,
+            robot=robot,
+            road_friction=drawn.road_friction,
+            chassis=self._chassis,
+            road=self._road,
+        )
+        p = p._replace(friction_level=drawn.friction_level)
+        return p if self._driver is None else drivers.gripped(p, self._driver.arm)
+
+    def _run(self, p: plant.Plant) -> Callable[..., None]:
+        """Runs one plant as :func:`vehicle.plant.run` does, by the lanes' own kernel: no other has to be compiled."""
+        numbers, finite = fleet.numbers(p)[None], np.ones(1, bool)
+
+        def run(_: Any, state: Array, inputs: Array, channels: Array, substeps: int) -> None:
+            self._advance(self._template, numbers, state[None], inputs[None], channels, finite, 0, 1)
+
+        return run
+
+    def _settle(self, p: plant.Plant) -> tuple[Array, Array, Array]:
+        """Numbers, settled state and channels of a plant."""
+        return (fleet.numbers(p), *plant.settled(p, self._run(p)))
+
+    def steering_stiffness(self, speed: float) -> float:
+        """Hand torque over handwheel angle [N m/rad] in steady turns at a speed [m/s], beyond friction."""
+        p = self._plant(self._randomise.usual._replace(speed=speed), robot=True)
+        state, row = plant.settled(p, self._run(p))
+        channels, held = row[None].copy(), []
+        for start in (0.0, 0.1):  # turned further the same way, friction drops out of the difference
+            t = SAMPLE_TIME * np.arange(1.0, 2001.0)
+            u = np.zeros((t.size, len(INPUTS)))
+            u[:, HAND], u[:, HAND_SPEED] = ramp_and_hold(t, 0.1, 1.0)
+            u[:, HAND] += start
+            self._run(p)(p, state, u, channels, 1)
+            held.append(channels[0, plant.CHANNEL["handwheel_torque"]])
+        return float(held[1] - held[0]) / 0.1
+
+    def start(self, i: int, rng: np.random.Generator, options: Mapping[str, Any]) -> None:
+        """Begin an episode in lane ``i``; ``options`` fix what would be drawn. ValueError for an unknown one."""
+        task = self.task
+        for key in options:
+            if key not in RANGES and key not in task.options:
+                raise ValueError(f"unknown reset option {key!r}; {task.name} takes: {', '.join([*task.options, *RANGES])}")
+        drawn = self._randomise.draw(rng, {key: value for key, value in options.items() if key in RANGES})
+        own = {key: task.checked(key, value) for key, value in options.items() if key in task.options}
+        case = task.start(rng, Setting(self.car, drawn.speed), own)
+        self._rows[i], self.state[i], self.row[i] = self._begin(drawn)
+        self.state[i, self._pose] = case.pose
+        self.row[i, _POSE] = case.pose
+        self._keep(i, case)
+        self._speeds[i] = drawn.speed
+        self._clocks[i] = self._steps[i] = 0
+        self._actions[i] = self._rates[i] = self._memory[i] = self._figures[i] = 0.0
+        self.rewards[i] = self.costs[i] = 0.0
+        self._ends[i] = (len(case.nodes) - 1) * PER_NODE
+        self._released[i] = -1 if case.released is None else round(case.released / SAMPLE_TIME)
+        self.over[i] = self.ended[i] = self.truncated[i] = False
+        self.conditions[i] = drawn
+        self._noise_factor[i] = drawn.sensor_noise
+        self._delays[i] = min(round(drawn.delay / self.control_dt), self._ring.shape[1] - 1)
+        if self._persons is not None:
+            self._persons.start(i, drawn.speed)
+        self._draw_noise(i, rng)
+        self._judge(*self._judged(0.0), i, i + 1)
+        self._ring[i] = 0.0
+        self._conclude(*self._concluded(), i, i + 1)
+        self._ring[i] = self._ring[i, self._latest[i]]
+        self.observation[i] = self._ring[i, 0]
+
+    def _begin(self, drawn: Conditions) -> tuple[Array, Array, Array]:
+        usual = self._randomise.usual
+        if drawn.friction is usual.friction and drawn[:4] == usual[:4]:
+            return self._usual
+        return self._settle(self._plant(drawn, self.task.robot))
+
+    def _keep(self, i: int, case: tasks.Case) -> None:
+        """Put a case into the lanes' arrays, which grow with the largest."""
+        path = np.zeros((0, 4)) if case.path is None else case.path
+        values = np.zeros(0) if case.values is None else case.values
+        for name, array in (("_nodes", case.nodes), ("_paths", path), ("_values", values)):
+            held = getattr(self, name)
+            if len(array) > held.shape[1]:
+                larger = np.zeros((self.n, len(array), *held.shape[2:]))
+                larger[:, : held.shape[1]] = held
+                setattr(self, name, held := larger)
+            held[i, : len(array)] = array
+        self._sizes[i] = len(path), len(values)
+
+    def _draw_noise(self, i: int, rng: np.random.Generator) -> None:
+        """Noise of the coming observation of lane ``i``, from blocks of its generator."""
+        if self._noise_factor[i] == 0.0:
+            self._noise[i] = 0.0
+            return
+        place = self._steps[i] % NOISE_BLOCK
+        if place == 0:
+            self._noise_blocks[i] = rng.standard_normal((NOISE_BLOCK, self._noise_size.size))
+        self._noise[i] = self._noise_factor[i] * self._noise_size * self._noise_blocks[i][place]
+
+    def step(self, actions: Array, generators: Sequence[np.random.Generator]) -> None:
+        """Hold the clipped actions (n,) for ``control_dt`` in every lane.
+
+        ``observation``, ``earned``, ``ended`` and ``truncated`` then tell what came of it. A lane that is over runs on
+        without a meaning, and draws nothing from its generator.
+        """
+        self._rates[:] = (actions - self._actions) / self.control_dt
+        self._actions[:] = actions
+        self._steps += 1
+        if self._noise_factor.any():
+            for i in np.flatnonzero(~self.over):
+                self._draw_noise(i, generators[i])
+        self._pool.run(self._work)
+        self.truncated[:] = self._clocks + self._samples > self._ends
+        rolled = np.abs(self.row[:, _ROLL]) > ROLLED_OVER
+        if not self._finite.all() or rolled.any():
+            failed = ~self._finite
+            self.earned[failed | rolled, 0] = FAILURE
+            self.ended |= failed | rolled
+            self.observation[failed] = np.nan_to_num(self.observation[failed])
+
+    def _work(self, low: int, high: int) -> None:
+        part = slice(low, high)
+        self._before[part] = self.state[part]
+        self.rewards[part] = self.costs[part] = 0.0
+        self.ended[part] = False
+        for _ in range(self._samples // self._round):
+            if self._persons is not None:
+                self._persons.hold(self.row, self.situation, self._clocks, self._nodes, low, high)
+            self._script(*self._scripted(), low, high)
+            self._advance(self._template, self._rows, self.state, self._inputs, self.row, self._finite, low, high)
+            self._clocks[part] += self._round
+            self._judge(*self._judged(self._round * SAMPLE_TIME), low, high)
+        self._conclude(*self._concluded(), low, high)
+
+    def figures(self, i: int) -> dict[str, float]:
+        """Figures of the episode in lane ``i`` so far, by name."""
+        time = max(self._clocks[i] * SAMPLE_TIME, SAMPLE_TIME)
+        return {
+            figure.name: math.sqrt(value / time) if figure.kind == RMS else value
+            for figure, value in zip(self.task.figures, self._figures[i].tolist())
+        }
+
+    def failure(self, i: int) -> dict[str, Any]:
+        """Why lane ``i`` failed in the last step, for its info; empty if it did not."""
+        if not self._finite[i]:
+            return {"non_finite_state": self._first_non_finite(i)}
+        return {"rolled_over": True} if abs(self.row[i, _ROLL]) > ROLLED_OVER else {}
+
+    def _first_non_finite(self, i: int) -> str:
+        """Runs are reproducible to the bit: the last step's inputs lead from its start to the same end."""
+        state, row, finite = self._before[i : i + 1].copy(), self.row[i : i + 1].copy(), np.ones(1, bool)
+        for k in range(self._round):
+            u = self._inputs[i : i + 1, k : k + 1].copy()
+            self._advance(self._template, self._rows[i : i + 1], state, u, row, finite, 0, 1)
+            bad = np.flatnonzero(~np.isfinite(state[0]))
+            if bad.size:
+                return plant.state_name(self._template, int(bad[0]))
+        return "one of an earlier round of the step"
+
+    @property
+    def path(self) -> Array | None:
+        """The path (P, 4) of lane 0, or None."""
+        return self._paths[0, : self._sizes[0, 0]] if self._sizes[0, 0] else None
+
+    def close(self) -> None:
+        """Let the threads go."""
+        self._pool.close()

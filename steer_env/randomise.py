@@ -1,0 +1,130 @@
+"""Conditions of an episode that are drawn anew at every reset: load, road, friction, speed, sensors."""
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+import friction
+from friction.check import number
+from friction.law import law_of
+from steer_env.tasks.definition import Task
+from vehicle import cars
+
+# Name: smallest and largest value, what it is.
+RANGES = {
+    "load": (0.0, 500.0, "mass added to the body [kg]"),
+    "road_friction": (0.1, 1.2, "of the road, relative to the tyre's measurements [1]"),
+    "friction_level": (0.1, 5.0, "factor on the law's saturated friction [1]"),
+    "speed": (0.0, cars.SPEED_MAX, "held speed [m/s]"),
+    "sensor_noise": (0.0, 10.0, "factor on the sensors' noise, SENSOR_NOISE [1]"),
+    "delay": (0.0, 0.2, "of the observation, in whole control steps [s]"),
+}
+# Standard deviations of white noise at each control step, as good production sensors have; assumed [SI].
+SENSOR_NOISE = {
+    "handwheel_angle": 0.001,
+    "handwheel_speed": 0.02,
+    "torsion_bar_torque": 0.02,
+    "lateral_acceleration": 0.05,
+    "yaw_rate": 0.002,
+    "lateral_speed": 0.05,
+    "column_speed": 0.02,
+    "motor_torque": 0.1,
+    "lateral_offset": 0.02,
+    "heading_error": 0.002,
+}
+
+
+class Conditions(NamedTuple):
+    """Of one episode."""
+
+    load: float
+    road_friction: float
+    friction_level: float
+    speed: float
+    sensor_noise: float
+    delay: float
+    friction: Any  # the law's parameters
+
+
+class Randomise:
+    """Checked ranges of an environment, and the draws from them.
+
+    Parameters
+    ----------
+    ranges : mapping
+        Key of ``RANGES`` to (low, high); and under ``"friction"`` a mapping of the law's own parameters, such as
+        ``{"F_c": (0.5, 1.5)}``.
+    law : parameters
+        Of the environment's friction law.
+    speed : float
+        Held where it is not drawn [m/s].
+    limits : (float, float)
+        Speeds that the chassis allows [m/s].
+
+    Raises
+    ------
+    ValueError
+        An unknown key, a range that is no pair or inverted, or a value out of what is possible.
+    """
+
+    def __init__(self, ranges: Mapping[str, Any] | None, law: Any, speed: float, limits: tuple[float, float]) -> None:
+        self._limits = {name: (low, high) for name, (low, high, _) in RANGES.items()} | {"speed": limits}
+        self._usual = Conditions(0.0, 1.0, 1.0, speed, 0.0, 0.0, law)
+        if ranges is None:
+            ranges = {}
+        if not isinstance(ranges, Mapping):
+            raise ValueError(f"randomise must map names to (low, high), got {ranges!r}")
+        for key in ranges:
+            if key not in RANGES and key != "friction":
+                raise ValueError(f"randomise has no {key!r}; it takes: {', '.join(RANGES)}, friction")
+        self._ranges = {name: self._pair(name, pair) for name, pair in ranges.items() if name != "friction"}
+        self._law: dict[str, tuple[float, float]] = {}
+        own = ranges.get("friction", {})
+        if not isinstance(own, Mapping):
+            raise ValueError(f"randomise['friction'] must map the law's parameters to (low, high), got {own!r}")
+        self._law = {name: self._pair(f"friction.{name}", pair) for name, pair in own.items()}
+        for end in (0, 1):  # both ends must make a law
+            self._make(law, {name: pair[end] for name, pair in self._law.items()})
+
+    @property
+    def longest_delay(self) -> float:
+        """Longest delay that can be drawn [s]."""
+        return self._ranges.get("delay", (0.0, 0.0))[1]
+
+    def _pair(self, name: str, pair: Any) -> tuple[float, float]:
+        try:
+            low, high = pair
+        except (TypeError, ValueError):
+            raise ValueError(f"randomise[{name!r}] must be (low, high), got {pair!r}") from None
+        least, most = self._limits.get(name, (-np.inf, np.inf))
+        low, high = (number(f"randomise[{name!r}]", value, minimum=least, maximum=most) for value in (low, high))
+        if low > high:
+            raise ValueError(f"randomise[{name!r}] must be (low, high) with low <= high, got {pair!r}")
+        return low, high
+
+    @staticmethod
+    def _make(law: Any, drawn: Mapping[str, float]) -> Any:
+        if not drawn:
+            return law
+        usual = {key: value for key, value in law._asdict().items() if np.ndim(value) == 0}
+        return friction.make(law_of(law).name, **{**usual, **drawn})
+
+    def draw(self, rng: np.random.Generator, fixed: Mapping[str, Any]) -> Conditions:
+        """Conditions of an episode; ``fixed`` are reset options, which override what is drawn."""
+        drawn = {name: float(rng.uniform(*pair)) for name, pair in self._ranges.items()}
+        law = self._make(self._usual.friction, {name: float(rng.uniform(*pair)) for name, pair in self._law.items()})
+        for name, value in fixed.items():
+            low, high = self._limits[name]
+            drawn[name] = number(f"reset option {name!r}", value, minimum=low, maximum=high)
+        return self._usual._replace(friction=law, **drawn)
+
+    @property
+    def usual(self) -> Conditions:
+        """Conditions where nothing is drawn."""
+        return self._usual
+
+
+def options_of(task: Task) -> dict[str, str]:
+    """What ``reset(options=...)`` takes for a task, with meanings."""
+    return {name: meaning for name, (_, _, meaning) in {**RANGES, **task.options}.items()}

@@ -1,0 +1,168 @@
+"""Many environments of one kind in one: the same kernels over lanes, in threads."""
+
+import os
+from collections.abc import Mapping
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+from numpy.typing import NDArray
+
+from steer_env.env import check_keywords, clipped
+from steer_env.lanes import Lanes
+from steer_env.tasks import Task
+from vehicle.road import Road
+
+PER_THREAD = 16  # lanes that are worth a thread
+
+
+class SteerVectorEnv(VectorEnv):
+    """``num_envs`` environments of an id, each lane to the bit what the single environment is with the lane's seed.
+
+    ``gymnasium.make_vec(id, num_envs=N)`` makes it. Arguments as :class:`steer_env.env.SteerEnv`, and
+
+    num_envs : int
+    autoreset_mode : gymnasium.vector.AutoresetMode or its value, default NEXT_STEP
+        NEXT_STEP resets a finished lane at the next step, whose action it ignores; SAME_STEP at once, with
+        ``info["final_obs"]`` and ``info["final_info"]``; DISABLED leaves it to ``reset(options={"reset_mask": mask})``.
+    threads : int, optional
+        As many as there are processors, but one for each 16 lanes at most.
+
+    ``reset(seed=s)`` seeds lane i with s + i. Infos hold arrays of the channels, as Gymnasium's vector environments do.
+    """
+
+    metadata = {"render_modes": [], "autoreset_mode": AutoresetMode.NEXT_STEP}  # noqa: RUF012 (Gymnasium's own form)
+    task: Task
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        *,
+        friction: Any = "lugre",
+        speed: float | None = None,
+        vehicle: str = "compact",
+        chassis: str | None = None,
+        tyre: str | None = None,
+        road: Road | None = None,
+        control_dt: float = 0.01,
+        driver: Any = None,
+        randomise: Mapping[str, Any] | None = None,
+        weights: Mapping[str, float] | None = None,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+        threads: int | None = None,
+        render_mode: None = None,
+        **unknown: Any,
+    ) -> None:
+        check_keywords(SteerVectorEnv, unknown)
+        if not isinstance(num_envs, int) or num_envs < 1:
+            raise ValueError(f"num_envs must be a whole number of at least 1, got {num_envs!r}")
+        if threads is not None and (not isinstance(threads, int) or threads < 1):
+            raise ValueError(f"threads must be a whole number of at least 1, got {threads!r}")
+        if render_mode is not None:
+            raise ValueError(f"a vector environment draws nothing; render a single one, got render_mode={render_mode!r}")
+        self.num_envs = num_envs
+        self.autoreset_mode = AutoresetMode(autoreset_mode)
+        self.metadata = {**self.metadata, "autoreset_mode": self.autoreset_mode}
+        self.lanes = Lanes(
+            self.task,
+            num_envs,
+            friction=friction,
+            speed=speed,
+            vehicle=vehicle,
+            chassis=chassis,
+            tyre=tyre,
+            road=road,
+            control_dt=control_dt,
+            driver=driver,
+            randomise=randomise,
+            weights=weights,
+            threads=threads or min(os.cpu_count() or 1, -(-num_envs // PER_THREAD)),
+        )
+        self.control_dt = self.lanes.control_dt
+        self.single_action_space = gym.spaces.Box(-1.0, 1.0, (1,), np.float32)
+        self.single_observation_space = gym.spaces.Box(-self.lanes.bound, self.lanes.bound, dtype=np.float32)
+        self.action_space = batch_space(self.single_action_space, num_envs)
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self._names = tuple(name for name, _ in self.lanes.channels)
+        self._all = np.ones(num_envs, bool)
+        self._generators: list[np.random.Generator] = []
+
+    def reset(
+        self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[NDArray[np.float32], dict[str, Any]]:
+        """Start an episode in every lane, or in those of ``options["reset_mask"]``."""
+        n, chosen = self.num_envs, dict(options or {})
+        mask = chosen.pop("reset_mask", self._all)
+        if not isinstance(mask, np.ndarray) or mask.shape != (n,) or mask.dtype != np.bool_ or not mask.any():
+            raise ValueError(f"reset_mask must be a boolean array ({n},) with at least one True, got {mask!r}")
+        seeds = [None if seed is None else seed + i for i in range(n)] if seed is None or isinstance(seed, int) else seed
+        if len(seeds) != n:
+            raise ValueError(f"seed must be a number or {n} of them, got {len(seeds)}")
+        if not self._generators:
+            self._generators = [gym.utils.seeding.np_random()[0] for _ in range(n)] if None in seeds else [None] * n  # type: ignore[list-item]
+        for i in np.flatnonzero(mask):
+            if seeds[i] is not None:
+                self._generators[i] = gym.utils.seeding.np_random(seeds[i])[0]
+            self.lanes.start(i, self._generators[i], chosen)
+        return self.lanes.observation.copy(), self._channels(mask)
+
+    def step(
+        self, actions: Any
+    ) -> tuple[NDArray[np.float32], NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
+        """Hold actions (num_envs, 1) in [-1, 1] (clipped) for ``control_dt``.
+
+        Raises
+        ------
+        ValueError
+            Actions of another shape, or not finite.
+        RuntimeError
+            Without a ``reset`` before, or with a finished lane in DISABLED mode.
+        """
+        lanes, mode = self.lanes, self.autoreset_mode
+        if not isinstance(actions, np.ndarray) or actions.shape != (self.num_envs, 1):
+            raise ValueError(f"actions must be an array of shape ({self.num_envs}, 1), got {actions!r}")
+        actions = clipped(actions)
+        stale = lanes.over.copy()
+        if not self._generators or (mode == AutoresetMode.DISABLED and stale.any()):
+            raise RuntimeError("an episode is over or has not begun: call reset")
+        lanes.step(actions[:, 0], self._generators)
+        rewards, costs = lanes.earned.T.copy()
+        for i in np.flatnonzero(stale):
+            lanes.start(i, self._generators[i], {})
+            rewards[i] = costs[i] = 0.0
+        terminated, truncated = lanes.ended.copy(), lanes.truncated.copy()
+        info = self._channels(self._all)
+        info["cost"], info["_cost"] = costs, self._all
+        done = terminated | truncated
+        if done.any():
+            lanes.over[done] = True
+            ends: dict[str, Any] = {}
+            for i in np.flatnonzero(done):
+                self._add_info(ends, {"metrics": lanes.figures(i), **lanes.failure(i)}, i)
+            if mode == AutoresetMode.SAME_STEP:
+                channels = {key: value for key, value in info.items() if not key.startswith("_")}
+                final = {**{key: np.where(done, value, 0.0) for key, value in channels.items()}, **ends}
+                final |= {f"_{key}": done for key in channels}
+                info["final_info"], info["_final_info"] = final, done
+                observations = np.full(self.num_envs, None, object)
+                for i in np.flatnonzero(done):
+                    observations[i] = lanes.observation[i].copy()
+                    lanes.start(i, self._generators[i], {})
+                info["final_obs"], info["_final_obs"] = observations, done
+                info |= self._channels(self._all)
+            else:
+                info |= ends
+        return lanes.observation.copy(), rewards, terminated, truncated, info
+
+    def _channels(self, mask: NDArray[np.bool_]) -> dict[str, Any]:
+        columns = self.lanes.row.T.copy()
+        info: dict[str, Any] = dict(zip(self._names, columns))
+        for name in self._names:
+            info[f"_{name}"] = mask
+        return info
+
+    def close_extras(self, **kwargs: Any) -> None:
+        """Let the threads go."""
+        self.lanes.close()
