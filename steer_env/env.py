@@ -128,12 +128,12 @@ class SteerEnv(gym.Env):
         if lanes.over[0]:
             raise RuntimeError("the episode is over or has not begun: call reset")
         lanes.step(action, (self.np_random,))
-        reward, cost = lanes.earned[0].tolist()
-        terminated, truncated = bool(lanes.ended[0]), bool(lanes.truncated[0])
+        *_, reward, cost, terminated, truncated, _ = lanes.book.item()
         info = self._channels()
-        info["reward_terms"] = dict(zip(self._reward_names, (lanes.reward_weights * lanes.rewards[0]).tolist()))
+        terms = lanes.weighted[0].tolist()
+        info["reward_terms"] = dict(zip(self._reward_names, terms))
         info["cost"] = cost
-        info["cost_terms"] = dict(zip(self._cost_names, (lanes.cost_weights * lanes.costs[0]).tolist()))
+        info["cost_terms"] = dict(zip(self._cost_names, terms[len(self._reward_names) :]))
         if terminated or truncated:
             lanes.over[0] = True
             info["metrics"] = lanes.figures(0)

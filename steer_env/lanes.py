@@ -17,7 +17,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from friction import resolve
 from friction.check import number
 from friction.kernel import bind, kernel
 from steer_env import drivers
@@ -41,19 +40,43 @@ _ROLL = plant.CHANNEL["roll_angle"]
 _POSE = [plant.CHANNEL[name] for name in ("x", "y", "yaw_angle")]
 
 
+# What there is to know of a lane beside its arrays.
+_BOOK = np.dtype(
+    [
+        ("clock", np.int64),  # samples since the start
+        ("end", np.int64),  # of the episode [samples]
+        ("released", np.int64),  # when the hands let go [samples]; negative: never
+        ("points", np.int64),  # of the path
+        ("values", np.int64),  # of the case
+        ("latest", np.int64),  # place of the newest observation in the ring
+        ("delay", np.int64),  # of the observation [control steps]
+        ("speed", np.float64),  # forward [m/s]
+        ("action", np.float64),
+        ("rate", np.float64),  # of the action [1/s]
+        ("reward", np.float64),
+        ("cost", np.float64),
+        ("ended", np.bool_),
+        ("truncated", np.bool_),
+        ("failed", np.bool_),  # a state is not finite, or the car is upside down
+    ],
+    align=True,
+)
+
+
 @kernel
-def _script(nodes, columns, clocks, released, action_input, scale, actions, rows, robot, inputs, low, high):
+def _script(book, nodes, columns, action_input, scale, rows, robot, inputs, low, high):
     """Inputs of the coming samples: the case's, straight lines between the nodes, and the action.
 
     A handwheel angle comes with its speed and is a cubic that meets both. Once released, nobody holds the handwheel:
     ``robot`` is the place of that parameter among the plant's numbers.
     """
     for i in range(low, high):
-        free = released[i] >= 0 and clocks[i] >= released[i]
+        lane = book[i]
+        free = lane.released >= 0 and lane.clock >= lane.released
         if free:
             rows[i, robot] = 0.0
         for j in range(inputs.shape[1]):
-            u, sample = inputs[i, j], clocks[i] + j + 1
+            u, sample = inputs[i, j], lane.clock + j + 1
             for k in range(u.size):
                 u[k] = 0.0
             node = min((sample - 1) // PER_NODE, nodes.shape[1] - 2)
@@ -69,54 +92,85 @@ def _script(nodes, columns, clocks, released, action_input, scale, actions, rows
             if free:
                 u[HAND] = 0.0
                 u[HAND_SPEED] = 0.0
-            u[action_input] += scale * actions[i]
+            u[action_input] += scale * lane.action
+
+
+@kernel
+def _act(book, actions, dt, state, before, terms, low, high):
+    """Begin a step of ``dt`` [s] with clipped actions (L,)."""
+    for i in range(low, high):
+        lane = book[i]
+        lane.rate = (actions[i] - lane.action) / dt
+        lane.action = actions[i]
+        lane.ended = False
+        for k in range(state.shape[1]):
+            before[i, k] = state[i, k]
+        for k in range(terms.shape[1]):
+            terms[i, k] = 0.0
 
 
 @kernel
 def _judge(
-    rules, kinds, channels, speed, paths, values, sizes, speeds, clocks, actions, rates, dt, memory, situations, rewards,
-    costs, now, figures, ended, low, high,
-):  # fmt: skip
-    """Look at the lanes and, over the last ``dt`` [s] if it is not zero, judge those that have not ended.
+    book, rules, kinds, channels, speed, paths, values, memory, situations, terms, split, figures, samples, low, high
+):
+    """Let ``samples`` pass, look at the lanes, and judge those that have not ended.
 
-    ``speed`` is the place of the forward speed among the channels, or -1 where the speed is held.
+    ``speed`` is the place of the forward speed among the channels, or -1 where the speed is held. Of the terms, those
+    before ``split`` are of the reward, the others of the cost. Figures hold present values and what they add up to.
     """
+    dt = samples * SAMPLE_TIME
     for i in range(low, high):
-        row, situation = channels[i], situations[i]
+        lane, row, situation = book[i], channels[i], situations[i]
+        lane.clock += samples
         if speed >= 0:
-            speeds[i] = row[speed]
-        moment = Now(clocks[i] * SAMPLE_TIME, dt, speeds[i], actions[i], rates[i])
-        known = values[i, : sizes[i, 1]]
-        tasks.look(rules, row, paths[i, : sizes[i, 0]], known, moment, memory[i], situation)
-        if dt > 0.0 and not ended[i]:
-            ended[i] = tasks.judge(rules, row, situation, known, moment, memory[i], rewards[i], costs[i], now[i])
+            lane.speed = row[speed]
+        now = Now(lane.clock * SAMPLE_TIME, dt, lane.speed, lane.action, lane.rate)
+        known = values[i, : lane.values]
+        tasks.look(rules, row, paths[i, : lane.points], known, now, memory[i], situation)
+        if samples > 0 and not lane.ended:
+            present, whole = figures[i, 0], figures[i, 1]
+            lane.ended = tasks.judge(
+                rules, row, situation, known, now, memory[i], terms[i, :split], terms[i, split:], present
+            )
             for k in range(kinds.size):
-                size = abs(now[i, k])
+                size = abs(present[k])
                 if kinds[k] == PEAK:
-                    figures[i, k] = max(figures[i, k], size)
+                    whole[k] = max(whole[k], size)
                 else:
-                    figures[i, k] += dt * size * size if kinds[k] == RMS else size
+                    whole[k] += dt * size * size if kinds[k] == RMS else size
 
 
 @kernel
 def _conclude(
-    channels, observed, speeds, situations, noise, bound, delays, latest, ring, out, rewards, costs, reward_weights,
-    cost_weights, earned, low, high,
-):  # fmt: skip
-    """Reward and cost, and the observation with its noise, as old as the delay, clipped to the bounds."""
+    book, terms, weights, split, weighted, finite, step, channels, observed, situations, noise, bound, ring, out, low, high
+):
+    """Reward and cost, whether it is over, and the observation: with noise, as old as the delay, clipped to the bounds.
+
+    ``step`` is the samples that the next step will take.
+    """
     n = observed.size
     for i in range(low, high):
-        earned[i, 0] = earned[i, 1] = 0.0
-        for k in range(reward_weights.size):
-            earned[i, 0] += reward_weights[k] * rewards[i, k]
-        for k in range(cost_weights.size):
-            earned[i, 1] += cost_weights[k] * costs[i, k]
-        latest[i] = (latest[i] + 1) % ring.shape[1]
-        seen = ring[i, latest[i]]
+        lane, row = book[i], channels[i]
+        lane.reward = lane.cost = 0.0
+        for k in range(weights.size):
+            weighted[i, k] = weights[k] * terms[i, k]
+            if k < split:
+                lane.reward += weighted[i, k]
+            else:
+                lane.cost += weighted[i, k]
+        lane.truncated = lane.clock + step > lane.end
+        lane.failed = not finite[i] or abs(row[_ROLL]) > ROLLED_OVER or not abs(lane.reward) < math.inf
+        if lane.failed:
+            lane.reward = FAILURE
+            lane.ended = True
+        lane.latest = (lane.latest + 1) % ring.shape[1]
+        seen = ring[i, lane.latest]
         for k in range(bound.size):
-            value = channels[i, observed[k]] if k < n else (speeds[i] if k == n else situations[i, k - n - 1])
-            seen[k] = min(max(value + noise[i, k], -bound[k]), bound[k])
-        past = ring[i, (latest[i] - delays[i]) % ring.shape[1]]
+            value = row[observed[k]] if k < n else (lane.speed if k == n else situations[i, k - n - 1])
+            value += noise[i, k]
+            # NaN of a failed lane becomes zero.
+            seen[k] = min(max(value, -bound[k]), bound[k]) if abs(value) <= math.inf else 0.0
+        past = ring[i, (lane.latest - lane.delay) % ring.shape[1]]
         for k in range(bound.size):
             out[i, k] = past[k]
 
@@ -200,8 +254,8 @@ class Lanes:
             self.car = self.car._replace(tyre=tyres.load(tyre))
         self._chassis, self._road = chassis, road
         self._driver = drivers.resolve("preview" if driver is None else driver) if task.person else None
-        self._randomise = Randomise(randomise, resolve(friction), self.speed, limits)
-        self.weights = _weights(task, weights)
+        self._randomise = Randomise(randomise, friction, self.speed, limits)
+        weights_of = _weights(task, weights)
 
         usual = self._randomise.usual
         template = self._template = self._plant(usual, task.robot)
@@ -212,63 +266,63 @@ class Lanes:
         self._pose = [self.states.index(name) for name in ("x", "y", "yaw_angle")]
         self._robot = fleet.places(template)["robot"].start
         self._rows = np.tile(fleet.numbers(template), (n, 1))
-        self.state, self._before = np.zeros((2, n, len(self.states)))
+        self.state, self._before = np.zeros((n, len(self.states))), np.zeros((n, len(self.states)))
         self.row = np.zeros((n, len(self.channels)))
         self._inputs = np.zeros((n, self._round, len(INPUTS)))
         self._finite = np.ones(n, bool)
         self._advance = bind(fleet.run, template, self._rows, self.state, self._inputs, self.row, self._finite, 0, n)
         self._usual = self._settle(template)
 
-        o, f = len(self.observed), len(task.figures)
+        o, terms = len(self.observed), (*task.rewards, *task.costs)
+        self.book = np.zeros(n, _BOOK)
         self.bound = np.array([quantity.bound for quantity in self.observed], np.float32)
         self._bound = self.bound.astype(float)
         self._observed = np.array([plant.CHANNEL[name] for name in task.channels])
         self._columns = np.array(task.scripted, np.int64)
         self._kinds = np.array([figure.kind for figure in task.figures])
-        self.reward_weights = np.array([self.weights[term.name] for term in task.rewards])
-        self.cost_weights = np.array([term.weight for term in task.costs])
+        self._weights = np.array([weights_of[term.name] for term in task.rewards] + [term.weight for term in task.costs])
+        self._split = len(task.rewards)
+        self._terms, self.weighted = np.zeros((n, len(terms))), np.zeros((n, len(terms)))
         self.situation, self._memory = np.zeros((n, len(task.situation))), np.zeros((n, task.memory))
-        self.rewards, self.costs = np.zeros((n, len(task.rewards))), np.zeros((n, len(task.costs)))
-        self._now, self._figures = np.zeros((2, n, f))
-        self.earned = np.zeros((n, 2))  # reward and cost of the last step
+        self._figures = np.zeros((n, 2, len(task.figures)))
         self._nodes, self._paths, self._values = np.zeros((n, 2, len(task.scripted))), np.zeros((n, 0, 4)), np.zeros((n, 0))
-        self._sizes = np.zeros((n, 2), np.int64)  # of path and values
-        self._clocks, self._ends, self._released = np.zeros((3, n), np.int64)  # samples
-        self._speeds, self._actions, self._rates = np.zeros((3, n))
-        self._noise, self._noise_factor = np.zeros((n, o)), np.zeros(n)
+        self._actions = np.zeros(n, np.float32)
+        self._noise, self._noise_factor, self._noisy = np.zeros((n, o)), np.zeros(n), False
         self._noise_size = np.array([SENSOR_NOISE.get(quantity.name, 0.0) for quantity in self.observed])
         self._noise_blocks: dict[int, Array] = {}
-        self._steps, self._latest, self._delays = np.zeros((3, n), np.int64)
+        self._steps = np.zeros(n, np.int64)
         self._ring = np.zeros((n, 1 + round(self._randomise.longest_delay / dt), o))
         self.observation = np.zeros((n, o), np.float32)
-        self.ended, self.truncated = np.zeros((2, n), bool)
         self.over = np.ones(n, bool)
         self.conditions: list[Conditions] = [usual] * n
         self._persons = drivers.Crew(self._driver, self.car, n, self.steering_stiffness) if self._driver else None
+        self._act = bind(_act, *self._acted(), 0, n)
         self._script = bind(_script, *self._scripted(), 0, n)
-        self._judge = bind(_judge, *self._judged(0.0), 0, n)
+        self._judge = bind(_judge, *self._judged(), 0, 0, n)
         self._conclude = bind(_conclude, *self._concluded(), 0, n)
         self._pool = _Pool(n, threads)
 
     # Arguments of the kernels; the arrays of the cases grow, so they are looked up at each call.
 
+    def _acted(self) -> tuple[Any, ...]:
+        return self.book, self._actions, self.control_dt, self.state, self._before, self._terms
+
     def _scripted(self) -> tuple[Any, ...]:
+        action = self.task.action
         return (
-            self._nodes, self._columns, self._clocks, self._released, self.task.action.input, self.task.action.scale,
-            self._actions, self._rows, self._robot, self._inputs,
+            self.book, self._nodes, self._columns, action.input, action.scale, self._rows, self._robot, self._inputs
         )  # fmt: skip
 
-    def _judged(self, dt: float) -> tuple[Any, ...]:
+    def _judged(self) -> tuple[Any, ...]:
         return (
-            self.task.rules, self._kinds, self.row, self._speed, self._paths, self._values, self._sizes, self._speeds,
-            self._clocks, self._actions, self._rates, dt, self._memory, self.situation, self.rewards, self.costs,
-            self._now, self._figures, self.ended,
+            self.book, self.task.rules, self._kinds, self.row, self._speed, self._paths, self._values, self._memory,
+            self.situation, self._terms, self._split, self._figures,
         )  # fmt: skip
 
     def _concluded(self) -> tuple[Any, ...]:
         return (
-            self.row, self._observed, self._speeds, self.situation, self._noise, self._bound, self._delays, self._latest,
-            self._ring, self.observation, self.rewards, self.costs, self.reward_weights, self.cost_weights, self.earned,
+            self.book, self._terms, self._weights, self._split, self.weighted, self._finite, self._samples, self.row,
+            self._observed, self.situation, self._noise, self._bound, self._ring, self.observation,
         )  # fmt: skip
 
     def _plant(self, drawn: Conditions, robot: bool) -> plant.Plant:
@@ -323,23 +377,25 @@ class Lanes:
         self.state[i, self._pose] = case.pose
         self.row[i, _POSE] = case.pose
         self._keep(i, case)
-        self._speeds[i] = drawn.speed
-        self._clocks[i] = self._steps[i] = 0
-        self._actions[i] = self._rates[i] = self._memory[i] = self._figures[i] = 0.0
-        self.rewards[i] = self.costs[i] = 0.0
-        self._ends[i] = (len(case.nodes) - 1) * PER_NODE
-        self._released[i] = -1 if case.released is None else round(case.released / SAMPLE_TIME)
-        self.over[i] = self.ended[i] = self.truncated[i] = False
+        lane = self.book[i : i + 1]
+        lane[:] = 0
+        lane["end"] = (len(case.nodes) - 1) * PER_NODE
+        lane["released"] = -1 if case.released is None else round(case.released / SAMPLE_TIME)
+        lane["points"] = 0 if case.path is None else len(case.path)
+        lane["values"] = 0 if case.values is None else len(case.values)
+        lane["speed"] = drawn.speed
+        lane["delay"] = min(round(drawn.delay / self.control_dt), self._ring.shape[1] - 1)
+        self._memory[i] = self._figures[i] = self._terms[i] = 0.0
+        self._finite[i], self.over[i], self._steps[i] = True, False, 0
         self.conditions[i] = drawn
         self._noise_factor[i] = drawn.sensor_noise
-        self._delays[i] = min(round(drawn.delay / self.control_dt), self._ring.shape[1] - 1)
+        self._noisy = bool(self._noise_factor.any())
         if self._persons is not None:
             self._persons.start(i, drawn.speed)
         self._draw_noise(i, rng)
-        self._judge(*self._judged(0.0), i, i + 1)
-        self._ring[i] = 0.0
+        self._judge(*self._judged(), 0, i, i + 1)
         self._conclude(*self._concluded(), i, i + 1)
-        self._ring[i] = self._ring[i, self._latest[i]]
+        self._ring[i] = self._ring[i, lane["latest"][0]]
         self.observation[i] = self._ring[i, 0]
 
     def _begin(self, drawn: Conditions) -> tuple[Array, Array, Array]:
@@ -359,7 +415,6 @@ class Lanes:
                 larger[:, : held.shape[1]] = held
                 setattr(self, name, held := larger)
             held[i, : len(array)] = array
-        self._sizes[i] = len(path), len(values)
 
     def _draw_noise(self, i: int, rng: np.random.Generator) -> None:
         """Noise of the coming observation of lane ``i``, from blocks of its generator."""
@@ -371,47 +426,35 @@ class Lanes:
             self._noise_blocks[i] = rng.standard_normal((NOISE_BLOCK, self._noise_size.size))
         self._noise[i] = self._noise_factor[i] * self._noise_size * self._noise_blocks[i][place]
 
-    def step(self, actions: Array, generators: Sequence[np.random.Generator]) -> None:
+    def step(self, actions: NDArray[np.float32], generators: Sequence[np.random.Generator]) -> None:
         """Hold the clipped actions (n,) for ``control_dt`` in every lane.
 
-        ``observation``, ``earned``, ``ended`` and ``truncated`` then tell what came of it. A lane that is over runs on
-        without a meaning, and draws nothing from its generator.
+        ``observation`` and ``book`` then tell what came of it. A lane that is over runs on without a meaning, and draws
+        nothing from its generator.
         """
-        self._rates[:] = (actions - self._actions) / self.control_dt
         self._actions[:] = actions
-        self._steps += 1
-        if self._noise_factor.any():
+        if self._noisy:
+            self._steps += 1
             for i in np.flatnonzero(~self.over):
                 self._draw_noise(i, generators[i])
         self._pool.run(self._work)
-        self.truncated[:] = self._clocks + self._samples > self._ends
-        rolled = np.abs(self.row[:, _ROLL]) > ROLLED_OVER
-        if not self._finite.all() or rolled.any():
-            failed = ~self._finite
-            self.earned[failed | rolled, 0] = FAILURE
-            self.ended |= failed | rolled
-            self.observation[failed] = np.nan_to_num(self.observation[failed])
 
     def _work(self, low: int, high: int) -> None:
-        part = slice(low, high)
-        self._before[part] = self.state[part]
-        self.rewards[part] = self.costs[part] = 0.0
-        self.ended[part] = False
+        self._act(*self._acted(), low, high)
         for _ in range(self._samples // self._round):
             if self._persons is not None:
-                self._persons.hold(self.row, self.situation, self._clocks, self._nodes, low, high)
+                self._persons.hold(self.row, self.situation, self.book, self._nodes, low, high)
             self._script(*self._scripted(), low, high)
             self._advance(self._template, self._rows, self.state, self._inputs, self.row, self._finite, low, high)
-            self._clocks[part] += self._round
-            self._judge(*self._judged(self._round * SAMPLE_TIME), low, high)
+            self._judge(*self._judged(), self._round, low, high)
         self._conclude(*self._concluded(), low, high)
 
     def figures(self, i: int) -> dict[str, float]:
         """Figures of the episode in lane ``i`` so far, by name."""
-        time = max(self._clocks[i] * SAMPLE_TIME, SAMPLE_TIME)
+        time = max(self.book["clock"][i], 1) * SAMPLE_TIME
         return {
             figure.name: math.sqrt(value / time) if figure.kind == RMS else value
-            for figure, value in zip(self.task.figures, self._figures[i].tolist())
+            for figure, value in zip(self.task.figures, self._figures[i, 1].tolist())
         }
 
     def failure(self, i: int) -> dict[str, Any]:
@@ -434,7 +477,8 @@ class Lanes:
     @property
     def path(self) -> Array | None:
         """The path (P, 4) of lane 0, or None."""
-        return self._paths[0, : self._sizes[0, 0]] if self._sizes[0, 0] else None
+        points = self.book["points"][0]
+        return self._paths[0, :points] if points else None
 
     def close(self) -> None:
         """Let the threads go."""

@@ -8,7 +8,6 @@ import numpy as np
 import friction
 from friction.check import number
 from friction.law import law_of
-from steer_env.tasks.definition import Task
 from vehicle import cars
 
 # Name: smallest and largest value, what it is.
@@ -55,8 +54,8 @@ class Randomise:
     ranges : mapping
         Key of ``RANGES`` to (low, high); and under ``"friction"`` a mapping of the law's own parameters, such as
         ``{"F_c": (0.5, 1.5)}``.
-    law : parameters
-        Of the environment's friction law.
+    law : str or parameters
+        The environment's friction; what is not drawn follows a name's defaults, or stays as the parameters have it.
     speed : float
         Held where it is not drawn [m/s].
     limits : (float, float)
@@ -70,7 +69,10 @@ class Randomise:
 
     def __init__(self, ranges: Mapping[str, Any] | None, law: Any, speed: float, limits: tuple[float, float]) -> None:
         self._limits = {name: (low, high) for name, (low, high, _) in RANGES.items()} | {"speed": limits}
-        self._usual = Conditions(0.0, 1.0, 1.0, speed, 0.0, 0.0, law)
+        usual = friction.resolve(law)
+        self._usual = Conditions(0.0, 1.0, 1.0, speed, 0.0, 0.0, usual)
+        self._name = law_of(usual).name
+        self._given = {} if isinstance(law, str) else {k: v for k, v in usual._asdict().items() if np.ndim(v) == 0}
         if ranges is None:
             ranges = {}
         if not isinstance(ranges, Mapping):
@@ -85,7 +87,7 @@ class Randomise:
             raise ValueError(f"randomise['friction'] must map the law's parameters to (low, high), got {own!r}")
         self._law = {name: self._pair(f"friction.{name}", pair) for name, pair in own.items()}
         for end in (0, 1):  # both ends must make a law
-            self._make(law, {name: pair[end] for name, pair in self._law.items()})
+            self._make({name: pair[end] for name, pair in self._law.items()})
 
     @property
     def longest_delay(self) -> float:
@@ -103,17 +105,13 @@ class Randomise:
             raise ValueError(f"randomise[{name!r}] must be (low, high) with low <= high, got {pair!r}")
         return low, high
 
-    @staticmethod
-    def _make(law: Any, drawn: Mapping[str, float]) -> Any:
-        if not drawn:
-            return law
-        usual = {key: value for key, value in law._asdict().items() if np.ndim(value) == 0}
-        return friction.make(law_of(law).name, **{**usual, **drawn})
+    def _make(self, drawn: Mapping[str, float]) -> Any:
+        return friction.make(self._name, **{**self._given, **drawn}) if drawn else self._usual.friction
 
     def draw(self, rng: np.random.Generator, fixed: Mapping[str, Any]) -> Conditions:
         """Conditions of an episode; ``fixed`` are reset options, which override what is drawn."""
         drawn = {name: float(rng.uniform(*pair)) for name, pair in self._ranges.items()}
-        law = self._make(self._usual.friction, {name: float(rng.uniform(*pair)) for name, pair in self._law.items()})
+        law = self._make({name: float(rng.uniform(*pair)) for name, pair in self._law.items()})
         for name, value in fixed.items():
             low, high = self._limits[name]
             drawn[name] = number(f"reset option {name!r}", value, minimum=low, maximum=high)
@@ -123,8 +121,3 @@ class Randomise:
     def usual(self) -> Conditions:
         """Conditions where nothing is drawn."""
         return self._usual
-
-
-def options_of(task: Task) -> dict[str, str]:
-    """What ``reset(options=...)`` takes for a task, with meanings."""
-    return {name: meaning for name, (_, _, meaning) in {**RANGES, **task.options}.items()}

@@ -128,11 +128,12 @@ class SteerVectorEnv(VectorEnv):
         if not self._generators or (mode == AutoresetMode.DISABLED and stale.any()):
             raise RuntimeError("an episode is over or has not begun: call reset")
         lanes.step(actions[:, 0], self._generators)
-        rewards, costs = lanes.earned.T.copy()
+        book = lanes.book
+        rewards, costs, terminated, truncated = (book[key].copy() for key in ("reward", "cost", "ended", "truncated"))
         for i in np.flatnonzero(stale):
             lanes.start(i, self._generators[i], {})
             rewards[i] = costs[i] = 0.0
-        terminated, truncated = lanes.ended.copy(), lanes.truncated.copy()
+            terminated[i] = truncated[i] = False
         info = self._channels(self._all)
         info["cost"], info["_cost"] = costs, self._all
         done = terminated | truncated

@@ -20,15 +20,17 @@ _ANGLE, _LATERAL_SPEED, _YAW_RATE = (CHANNEL[name] for name in ("handwheel_angle
 
 
 @kernel
-def _hold(eyes, gains, executed, reflex, feed, channels, situations, clocks, nodes, memory, low, high):
+def _hold(eyes, gains, executed, reflex, feed, channels, situations, book, nodes, memory, low, high):
     """Hand torque beside the arms' impedance, a node ahead, of the lanes that stand at a node."""
     for i in range(low, high):
-        if clocks[i] % PER_NODE != 0:
+        clock = book[i].clock
+        if clock % PER_NODE != 0:
             continue
         row = channels[i]
         late = late_error(memory[i], memory[i, 0] - row[_ANGLE])
         angle, speed = intend(eyes, gains[i], executed, situations[i], row[_LATERAL_SPEED], row[_YAW_RATE], memory[i])
-        nodes[i, min(clocks[i] // PER_NODE + 1, nodes.shape[1] - 1), 0] = feed[i, 0] * angle + feed[i, 1] * speed + reflex * late
+        node = min(clock // PER_NODE + 1, nodes.shape[1] - 1)
+        nodes[i, node, 0] = feed[i, 0] * angle + feed[i, 1] * speed + reflex * late
 
 
 @kernel
@@ -75,10 +77,10 @@ class Crew:
         self._feed[i] = arm.stiffness + held, arm.damping
         self._memory[i] = 0.0
 
-    def hold(self, channels: Array, situations: Array, clocks: NDArray[np.int64], nodes: Array, low: int, high: int) -> None:
+    def hold(self, channels: Array, situations: Array, book: Any, nodes: Array, low: int, high: int) -> None:
         """As persons: write the hand torque of the coming node into the first column of the lanes' nodes."""
         _hold(
-            self.driver.eyes, self._gains, self._executed, self.driver.arm.reflex, self._feed, channels, situations, clocks,
+            self.driver.eyes, self._gains, self._executed, self.driver.arm.reflex, self._feed, channels, situations, book,
             nodes, self._memory, low, high,
         )  # fmt: skip
 
