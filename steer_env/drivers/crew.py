@@ -7,7 +7,7 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
-from friction.kernel import kernel
+from friction.kernel import bind, kernel
 from steer_env.drivers.definition import INTENT, MEMORY, Arm, Driver, execution, gains_of, intend, late_error, resolve
 from steer_env.tasks.common import SIGHT
 from steer_env.tasks.definition import DRIVING, NODE, PER_NODE
@@ -63,6 +63,7 @@ class Crew:
         self._memory = np.zeros((n, MEMORY + 1))
         self._feed = np.zeros((n, 2))
         self._gains: Array | None = None
+        self._bound: Callable[..., None] | None = None
 
     def start(self, i: int, speed: float) -> None:
         """A new episode in lane ``i`` at a speed [m/s], to the nearest metre a second of which the driver knows the car."""
@@ -79,10 +80,13 @@ class Crew:
 
     def hold(self, channels: Array, situations: Array, book: Any, nodes: Array, low: int, high: int) -> None:
         """As persons: write the hand torque of the coming node into the first column of the lanes' nodes."""
-        _hold(
+        arguments = (
             self.driver.eyes, self._gains, self._executed, self.driver.arm.reflex, self._feed, channels, situations, book,
             nodes, self._memory, low, high,
         )  # fmt: skip
+        if self._bound is None:
+            self._bound = bind(_hold, *arguments)
+        self._bound(*arguments)
 
     def torque(self, seen: Array, places: NDArray[np.int64]) -> Array:
         """As controllers: hand torque (n,) [N m] from observations (n, O)."""
