@@ -8,7 +8,8 @@ import pytest
 
 import friction
 from experiments import entry_speed
-from steer_env import drivers, lane_change, manoeuvres, metrics
+from steer_env import lane_change, manoeuvres, metrics
+from steer_env.drivers import lq
 from vehicle import cars, linear
 
 CAR = cars.load()
@@ -108,12 +109,12 @@ def test_preview_gains_are_those_of_the_shift_register(model):
 
     The car's part is rebuilt from what the driver tells: A - B K is needed only through g.
     """
-    K, g, arms = drivers.gains(model, preview_time=0.45, delay=0.05)
+    K, g, arms = lq.gains(model, preview_time=0.45, delay=0.05)
     body, n, N = model.state_space("handwheel"), 12, 45
     A = np.zeros((8, 8))
     A[:2, :2], A[:2, 4:5], A[2, [0, 3]], A[3, 1] = body.A, body.B, (1.0, model.speed), 1.0
     # what the arms do in continuous time, from what they do in 10 ms
-    omega, lag = 2.0 * np.pi * drivers.ARM_FREQUENCY, drivers.MUSCLE_LAG
+    omega, lag = 2.0 * np.pi * lq.ARM_FREQUENCY, lq.MUSCLE_LAG
     A[4, 5], A[5, 4:7], A[6, 6:] = 1.0, (-(omega**2), -1.4 * omega, omega**2), (-1.0 / lag, 1.0 / lag)
     step = control.c2d(control.ss(A[:7, :7], A[:7, 7:], np.eye(7), np.zeros((7, 1))), 0.01)
     assert np.allclose(arms, np.hstack([step.A[4:, 4:], step.B[4:]]))
@@ -122,7 +123,7 @@ def test_preview_gains_are_those_of_the_shift_register(model):
     whole[n:-1, n + 1 :], B[11] = np.eye(N), 1.0
     error = np.zeros(n + N + 1)
     error[2], error[n] = 1.0, -1.0
-    direct = control.dlqr(whole, B, np.outer(error, error), drivers.EFFORT**2)[0][0]
+    direct = control.dlqr(whole, B, np.outer(error, error), lq.EFFORT**2)[0][0]
     assert np.allclose(direct[:n], K, atol=1e-6 * np.abs(K).max())
     assert np.allclose(direct[n + 1 :], -g, atol=1e-6 * np.abs(g).max())
     assert direct[n] == pytest.approx(0.0, abs=1e-6 * np.abs(g).max())  # what is beside the car is too late
@@ -131,19 +132,19 @@ def test_preview_gains_are_those_of_the_shift_register(model):
 @pytest.mark.parametrize("speed", [40.0, 80.0, 100.0])
 def test_the_preview_is_long_enough(speed):
     """A path moved aside or turned moves the car with it: gains ahead sum up to those on offset and heading, to 5 %."""
-    K, g, _ = drivers.gains(linear.from_car(CAR, speed * KPH))
+    K, g, _ = lq.gains(linear.from_car(CAR, speed * KPH))
     assert g.sum() == pytest.approx(K[2], rel=0.05)
-    ahead = speed * KPH * drivers.SAMPLE * np.arange(1, g.size + 1)
+    ahead = speed * KPH * lq.SAMPLE * np.arange(1, g.size + 1)
     assert g @ ahead == pytest.approx(K[3], rel=0.05)
 
 
 def test_gains_refuse(model):
     with pytest.raises(ValueError, match="preview_time"):
-        drivers.gains(model, preview_time=0.3)
+        lq.gains(model, preview_time=0.3)
     with pytest.raises(ValueError, match="delay"):
-        drivers.gains(model, delay=-0.1)
+        lq.gains(model, delay=-0.1)
     with pytest.raises(ValueError, match="effort"):
-        drivers.gains(model, effort=0.0)
+        lq.gains(model, effort=0.0)
 
 
 @pytest.fixture(scope="module")
@@ -214,7 +215,7 @@ def test_a_driver_follows_a_gentle_path():
     x = np.arange(-100.0, 600.0)
     path = np.column_stack([x, np.sin(2.0 * np.pi * np.clip(x, 0.0, 525.0) / 150.0)])
     test = replace(
-        manoeuvres.make("double-lane-change"), driver=lambda car, p: drivers.preview(car, p, path), ends_at=450.0
+        manoeuvres.make("double-lane-change"), driver=lambda car, p: lq.preview(car, p, path), ends_at=450.0
     )
     recording = manoeuvres.drive(CAR, test, "lugre")
     late = recording.time > 3.0

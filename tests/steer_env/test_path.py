@@ -5,12 +5,12 @@ import pytest
 
 from steer_env import path
 
-PREVIEW = np.array([0.0, 10.0])
+STEP = 10.0  # between the points seen ahead [m]
 
 
 def where(points, x, y, yaw, guess=0.0):
-    out = np.zeros(2 + PREVIEW.size)
-    return path.locate(points, x, y, yaw, guess, PREVIEW, out), out
+    out = np.zeros(2 + 3)
+    return path.see(points, x, y, yaw, guess, STEP, out), out
 
 
 def test_a_circle_closes():
@@ -36,7 +36,11 @@ def test_offset_and_heading_on_a_circle(s, offset):
     assert out[0] == pytest.approx(offset, abs=2e-4)
     assert out[1] == pytest.approx(0.05, abs=0.02 * abs(offset) / 1.5 + 1e-6)
     assert position == pytest.approx(s, abs=0.02 * s / 100.0 + 0.02)
-    assert out[2:] == pytest.approx([0.01, 0.01])
+    ahead = angle + STEP * np.arange(1, 4) / 100.0
+    to_x, to_y = 100.0 * np.sin(ahead) - x, 100.0 * (1.0 - np.cos(ahead)) - y
+    left = to_y * np.cos(angle + 0.05) - to_x * np.sin(angle + 0.05)
+    # What is nearest is found to (offset/radius) of a metre: so far ahead, that turns into this much.
+    assert out[2:] == pytest.approx(left, abs=2e-3 + 0.02 * abs(offset) * 0.4)
 
 
 def test_mirror_image():
@@ -50,7 +54,7 @@ def test_mirror_image():
 
 def test_beyond_both_ends_the_path_is_straight():
     points = path.from_curvature(np.zeros(11))
-    assert where(points, -5.0, 1.0, 0.0)[1][0] == pytest.approx(1.0)
+    assert where(points, -5.0, 1.0, 0.0)[1] == pytest.approx([1.0, 0.0, -1.0, -1.0, -1.0])
     position, out = where(points, 25.0, -2.0, 0.1)
     assert position == pytest.approx(25.0)
     assert out[:2] == pytest.approx([-2.0, 0.1])
@@ -66,3 +70,13 @@ def test_winding_road_is_seeded_bounded_and_starts_straight():
     assert np.array_equal(one, two)
     assert np.abs(one[:, 3]).max() <= 0.004
     assert one[0, 3] == 0.0
+
+
+def test_a_path_through_points_keeps_to_them():
+    """A circle of 50 m radius from points half a metre apart: their cubic spline leaves it by some 1e-7 m."""
+    angle = np.arange(0.0, 2.0, 0.01)
+    found = path.through(50.0 * np.column_stack([np.sin(angle), 1.0 - np.cos(angle)]))
+    s = np.arange(len(found)) * path.SPACING
+    assert found[:, 0] == pytest.approx(50.0 * np.sin(s / 50.0), abs=1e-5)
+    assert found[:, 2] == pytest.approx(s / 50.0, abs=1e-4)
+    assert found[5:-5, 3] == pytest.approx(0.02, rel=1e-3)

@@ -1,0 +1,211 @@
+"""The vector environment is the single one, lane by lane and to the bit."""
+
+import os
+import pickle
+import warnings
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.vector import AutoresetMode
+
+from steer_env import REGISTERED
+from steer_env.drivers import Controller
+
+IDS = tuple(REGISTERED)
+WEAVE, COURSE = "steer_env/AssistWeave-v0", "steer_env/DriverDoubleLaneChange-v0"
+RANDOM = {
+    "load": (0, 300),
+    "road_friction": (0.6, 1.0),
+    "friction_level": (0.5, 1.5),
+    "sensor_noise": (0, 1),
+    "delay": (0, 0.03),
+    "friction": {"F_c": (0.5, 1.5)},
+}
+LANES = 4
+
+
+def make(name, n=LANES, **arguments):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        return gym.make_vec(name, num_envs=n, **arguments)
+
+
+@pytest.mark.parametrize("law", ["lugre", "masing"])
+@pytest.mark.parametrize("name", IDS)
+def test_equal_to_single_environments_to_the_bit(name, law):
+    """Through resets of lanes at different times, with everything drawn that can be; two threads against none."""
+    friction = RANDOM["friction"] if law == "lugre" else {"F_c": (0.5, 1.5), "x_c": (0.001, 0.002)}
+    arguments = {"friction": law, "randomise": {**RANDOM, "friction": friction}, "control_dt": 0.02}
+    vector, single = make(name, threads=2, **arguments), [gym.make(name, **arguments) for _ in range(LANES)]
+    observations, infos = vector.reset(seed=7)
+    for i, env in enumerate(single):
+        observation, info = env.reset(seed=7 + i)
+        assert np.array_equal(observation, observations[i])
+        assert all(infos[key][i] == value for key, value in info.items())
+    rng, over = np.random.default_rng(0), np.zeros(LANES, bool)
+    for _ in range(300):
+        actions = rng.uniform(-0.4, 0.4, (LANES, 1)).astype(np.float32)
+        observations, rewards, terminated, truncated, infos = vector.step(actions)
+        for i, env in enumerate(single):
+            if over[i]:
+                (observation, info), reward, ended, cut = env.reset(), 0.0, False, False
+            else:
+                observation, reward, ended, cut, info = env.step(actions[i])
+                assert infos["cost"][i] == info["cost"]
+            assert np.array_equal(observation, observations[i])
+            assert (reward, ended, cut) == (rewards[i], terminated[i], truncated[i])
+            assert infos["lateral_acceleration"][i] == info["lateral_acceleration"]
+            if ended or cut:
+                assert {key: values[i] for key, values in infos["metrics"].items() if key[0] != "_"} == info["metrics"]
+        over = terminated | truncated
+
+
+def runs(env, seed=3, steps=200):
+    """Observations of an episode's beginning."""
+    seen, rng = [env.reset(seed=seed)[0]], np.random.default_rng(1)
+    for _ in range(steps):
+        seen.append(env.step(rng.uniform(-0.3, 0.3, (LANES, 1)).astype(np.float32))[0].copy())
+    return np.array(seen)
+
+
+def test_same_in_subprocesses():
+    """Gymnasium's own workers, spawned or forked, step the same episodes."""
+    here = runs(make(WEAVE, randomise=RANDOM))
+    workers = gym.make_vec(
+        WEAVE, num_envs=LANES, vectorization_mode="async", randomise=RANDOM, vector_kwargs={"context": "spawn"}
+    )
+    assert np.array_equal(runs(workers), here)
+    workers.close()
+
+
+def test_threads_survive_a_fork():
+    vector = make(WEAVE, threads=2)
+    here = runs(vector)
+    child = os.fork()
+    if child == 0:
+        os._exit(0 if np.array_equal(runs(vector), here) else 1)
+    assert os.waitpid(child, 0)[1] == 0
+    assert np.array_equal(runs(vector), here)
+
+
+def ending(mode):
+    """A vector environment about to end its weave's last step in every lane."""
+    vector = make(WEAVE, n=2, control_dt=0.1, autoreset_mode=mode)
+    vector.reset(seed=0)
+    for _ in range(199):
+        *_, truncated, _ = vector.step(np.zeros((2, 1), np.float32))
+        assert not truncated.any()
+    return vector
+
+
+def test_autoreset_at_the_next_step():
+    vector = ending("NextStep")
+    last, _, _, truncated, info = vector.step(np.zeros((2, 1), np.float32))
+    assert truncated.all()
+    assert set(info["metrics"]) >= {"rms_feel_error", "_rms_feel_error"}
+    first, rewards, _, truncated, _ = vector.step(np.ones((2, 1), np.float32))
+    assert not truncated.any()
+    assert not rewards.any()
+    assert not np.array_equal(first, last)
+
+
+def test_autoreset_at_once():
+    other = ending("NextStep")
+    last = other.step(np.zeros((2, 1), np.float32))[0]
+    after = other.step(np.zeros((2, 1), np.float32))[0]
+    vector = ending(AutoresetMode.SAME_STEP)
+    first, _, _, truncated, info = vector.step(np.zeros((2, 1), np.float32))
+    assert truncated.all()
+    assert info["_final_obs"].all()
+    assert np.array_equal(np.stack(info["final_obs"]), last)
+    assert np.array_equal(first, after)
+    assert info["final_info"]["metrics"]["rms_feel_error"].shape == (2,)
+    assert info["final_info"]["handwheel_angle"].shape == (2,)
+
+
+def test_no_autoreset():
+    vector = ending(AutoresetMode.DISABLED)
+    vector.step(np.zeros((2, 1), np.float32))
+    with pytest.raises(RuntimeError, match="call reset"):
+        vector.step(np.zeros((2, 1), np.float32))
+    before = vector.lanes.observation[1].copy()
+    after, _ = vector.reset(options={"reset_mask": np.array([True, False])})
+    assert np.array_equal(after[1], before)
+    with pytest.raises(RuntimeError, match="call reset"):
+        vector.step(np.zeros((2, 1), np.float32))
+    vector.reset(options={"reset_mask": np.array([False, True])})
+    vector.step(np.zeros((2, 1), np.float32))
+
+
+def test_seeds_one_by_one():
+    vector = make(WEAVE, n=2)
+    one, _ = vector.reset(seed=[5, 9], options={"amplitude": 0.2})
+    other, _ = vector.reset(seed=[5, 9], options={"amplitude": 0.2})
+    assert np.array_equal(one, other)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"num_envs": 0}, "num_envs must be a whole number of at least 1, got 0"),
+        ({"threads": 0}, "threads must be a whole number of at least 1, got 0"),
+        ({"autoreset_mode": "never"}, "never"),
+        ({"render_mode": "rgb_array"}, "render a single one"),
+    ],
+)
+def test_bad_arguments(arguments, message):
+    with pytest.raises(ValueError, match=message):
+        gym.make_vec(WEAVE, **arguments)
+
+
+def test_bad_calls():
+    vector = make(WEAVE, n=2)
+    with pytest.raises(RuntimeError, match="call reset"):
+        vector.step(np.zeros((2, 1), np.float32))
+    vector.reset(seed=0)
+    for actions, message in (
+        (np.zeros(2, np.float32), r"shape \(2, 1\)"),
+        (np.array([[0.0], [np.nan]], np.float32), "finite number.*got nan"),
+        ([[0.0], [0.0]], r"shape \(2, 1\)"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            vector.step(actions)
+    with pytest.raises(ValueError, match="reset_mask must be a boolean array"):
+        vector.reset(options={"reset_mask": np.array([1, 0])})
+    with pytest.raises(ValueError, match="seed must be a number or 2 of them"):
+        vector.reset(seed=[1, 2, 3])
+    with pytest.raises(TypeError, match="unknown keyword 'frictoin'"):
+        gym.make_vec(WEAVE, num_envs=2, frictoin="lugre")
+
+
+def test_specification_survives_pickling():
+    vector = make(WEAVE, n=2, friction="masing")
+    again = gym.make_vec(pickle.loads(pickle.dumps(vector.spec)))
+    assert np.array_equal(again.reset(seed=2)[0], vector.reset(seed=2)[0])
+    assert again.num_envs == 2
+
+
+def test_a_controller_drives_every_lane():
+    """The preview driver takes four cars of different load through the cones, ends and begins anew."""
+    vector = make(COURSE, randomise={"load": (0, 300)}, control_dt=0.01)
+    driver = Controller(vector)
+    observations, _ = vector.reset(seed=0)
+    ends = 0
+    for _ in range(1000):
+        observations, _, terminated, truncated, info = vector.step(driver.act(observations))
+        done = terminated | truncated
+        if done.any():
+            ends += int(done.sum())
+            assert not info["metrics"]["cones_hit"][done].any()
+            driver.reset(done)
+    assert ends == LANES
+
+
+def test_a_thousand_lanes():
+    vector = gym.make_vec(WEAVE, num_envs=1024, friction="masing")
+    vector.reset(seed=0)
+    for _ in range(20):
+        observations, rewards, *_ = vector.step(np.zeros((1024, 1), np.float32))
+    assert np.isfinite(observations).all()
+    assert np.unique(rewards).size > 1000  # each its own amplitude
