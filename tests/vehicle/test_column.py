@@ -12,6 +12,7 @@ from vehicle import column
 
 # Every term of equations (1) and (2) in play.
 FULL = column.make(C1=0.05)
+HELD = FULL._replace(I_arm=0.09, C_arm=1.1, K_arm=22.0)
 LAWS = {"viscous": friction.make("viscous", sigma_2=0.8), "lugre": friction.make("lugre")}
 ROAD = 20.0  # stiffness of a road spring at the column, about the default car's at 100 km/h [N m/rad]
 OMEGA = 2.0 * math.pi * 1.5
@@ -62,7 +63,8 @@ def reference(c, p, drive, nodes):
         T_F = law.torque(p, 1.0, x[4 : 4 + size], v2)
         bar = c.K_tb * (th1 - th2) + c.C_tb * (v1 - v2)
         if drive == "torque":
-            a1 = (hand_torque(t) - c.C1 * v1 - bar) / c.I1
+            arms = c.C_arm * v1 + c.K_arm * th1
+            a1 = (hand_torque(t) - arms - c.C1 * v1 - bar) / (c.I1 + c.I_arm)
         a2 = (column_torque(t) - T_F - c.C2 * v2 + bar) / c.I2
         return [v1, a1, v2, a2, *rates, T_F, c.I1 * a1 + c.C1 * v1 + bar]
 
@@ -88,8 +90,7 @@ def simulate(c, p, drive, n):
     x = np.zeros((6, n + 1))
     for i in range(n):
         if drive == "torque":
-            _, _, T_F = column.step_torque(c, p, 1.0, q, memory, T1[i], T_C[i], h)
-            needed = T1[i]
+            _, _, T_F, needed = column.step(c, p, 1.0, q, memory, False, T1[i], 0.0, T_C[i], h)
         else:
             end = edges[i + 1]
             _, _, T_F, needed = column.step_angle(c, p, 1.0, q, memory, hand_angle(end), hand_speed(end), T_C[i], h)
@@ -99,16 +100,16 @@ def simulate(c, p, drive, n):
     return x
 
 
-@pytest.mark.parametrize("drive", ["torque", "angle"])
+@pytest.mark.parametrize(("drive", "c"), [("torque", FULL), ("torque", HELD), ("angle", FULL)])
 @pytest.mark.parametrize("name", LAWS)
-def test_equations_and_second_order(name, drive):
+def test_equations_and_second_order(name, drive, c):
     coarse = np.linspace(0.0, DURATION, 501)
-    exact = reference(FULL, LAWS[name], drive, coarse)
+    exact = reference(c, LAWS[name], drive, coarse)
     # what is prescribed is met exactly: the hand torque, or the handwheel's angle and speed
-    free = slice(0, 5) if drive == "torque" else slice(2, 6)
+    free = slice(2, 6) if drive == "angle" else slice(0, 6 if c is HELD else 5)
     errors = []
     for finer in (1, 2, 4, 8, 16):
-        x = simulate(FULL, LAWS[name], drive, 500 * finer)[:, ::finer]
+        x = simulate(c, LAWS[name], drive, 500 * finer)[:, ::finer]
         errors.append(np.sqrt(np.mean((x - exact)[free] ** 2, axis=1)) / np.abs(exact[free]).max(axis=1))
     assert np.all(errors[1] < 1.5e-4)  # at 1 ms
     # Where LuGre's kinks at standstill fall within a step scatters the order of one halving, so four are taken.

@@ -1,0 +1,90 @@
+"""Adapter for Stable-Baselines3, which does not take Gymnasium's vector environments. Needs the extra ``train``."""
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from gymnasium.vector import AutoresetMode
+from numpy.typing import NDArray
+from stable_baselines3.common.vec_env import VecEnv
+from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices
+
+
+class SteerVecEnv(VecEnv):
+    """``num_envs`` environments of an id for Stable-Baselines3.
+
+    A finished lane begins anew at once; its info has ``terminal_observation``, ``TimeLimit.truncated`` and ``metrics``,
+    every info the step's ``cost``. VecMonitor, VecNormalize, EvalCallback and the like go around it.
+
+    Parameters
+    ----------
+    env_id : str
+        Of a driver's or an assist's task.
+    num_envs : int
+    arguments :
+        As :class:`steer_env.vector.SteerVectorEnv`.
+    """
+
+    def __init__(self, env_id: str, num_envs: int, **arguments: Any) -> None:
+        self.vector: Any = gym.make_vec(env_id, num_envs, autoreset_mode=AutoresetMode.SAME_STEP, **arguments)
+        super().__init__(num_envs, self.vector.single_observation_space, self.vector.single_action_space)
+        self._actions: NDArray[np.float32] | None = None
+
+    def reset(self) -> NDArray[np.float32]:
+        """Start an episode in every lane, with the seeds and options that ``seed`` and ``set_options`` left."""
+        options = self._options[0] if self._options else {}
+        if any(other != options for other in self._options):
+            raise ValueError("the lanes of a vector environment share their reset options")
+        observations, _ = self.vector.reset(seed=self._seeds if any(s is not None for s in self._seeds) else None, options=options)
+        self.reset_infos = [{} for _ in range(self.num_envs)]
+        self._reset_seeds()
+        self._reset_options()
+        return observations
+
+    def step_async(self, actions: NDArray[np.float32]) -> None:
+        """Keep the actions (num_envs, 1) for ``step_wait``."""
+        self._actions = actions
+
+    def step_wait(self) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
+        """Observations, rewards, whether episodes ended, infos."""
+        observations, rewards, terminated, truncated, info = self.vector.step(self._actions)
+        infos: list[dict[str, Any]] = [{"cost": cost} for cost in info["cost"].tolist()]
+        done = terminated | truncated
+        for i in np.flatnonzero(done):
+            metrics = info["final_info"]["metrics"]
+            infos[i] |= {
+                "terminal_observation": info["final_obs"][i],
+                "TimeLimit.truncated": bool(truncated[i] and not terminated[i]),
+                "metrics": {key: float(values[i]) for key, values in metrics.items() if not key.startswith("_")},
+            }
+        return observations, rewards.astype(np.float32), done, infos
+
+    def close(self) -> None:
+        """Let the threads go."""
+        self.vector.close()
+
+    def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:
+        """An attribute of the vector environment, once for every lane that is asked for."""
+        return [getattr(self.vector, attr_name) for _ in self._get_indices(indices)]
+
+    def set_attr(self, attr_name: str, value: Any, indices: VecEnvIndices = None) -> None:
+        """Set an attribute of the vector environment; the lanes share it."""
+        if len(list(self._get_indices(indices))) != self.num_envs:
+            raise ValueError(f"the lanes share {attr_name!r}: it cannot be set for some of them")
+        setattr(self.vector, attr_name, value)
+
+    def env_method(self, method_name: str, *args: Any, indices: VecEnvIndices = None, **kwargs: Any) -> list[Any]:
+        """Refused: lanes are no objects with methods of their own."""
+        raise NotImplementedError(f"lanes of a vector environment have no method {method_name!r} of their own")
+
+    def env_is_wrapped(self, wrapper_class: type, indices: VecEnvIndices = None) -> list[bool]:
+        """False for every lane: nothing is around it."""
+        return [False for _ in self._get_indices(indices)]
+
+    def get_images(self) -> Sequence[NDArray[np.uint8] | None]:
+        """No pictures: a vector environment draws nothing."""
+        return [None] * self.num_envs
+
+    def _get_indices(self, indices: VecEnvIndices) -> Iterable[int]:
+        return range(self.num_envs) if indices is None else super()._get_indices(indices)
