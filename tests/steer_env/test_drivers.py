@@ -1,0 +1,200 @@
+"""Driver models: their gains against direct calculations, and what they do at the wheel."""
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+import friction
+import steer_env  # noqa: F401 (registers the ids)
+from steer_env import drivers
+from steer_env.drivers import lq
+from steer_env.drivers.definition import INTENT, MEMORY, command, execution, gains_of, intend
+from steer_env.tasks.common import PREVIEW, SIGHT
+from vehicle import cars, linear
+
+CAR = cars.load("compact")
+SPEED = 22.0  # [m/s]
+EYED = ("macadam", "preview", "robot", "two_point")
+
+
+def drive(env, driver, **reset):
+    """Channels of an episode under a driver (T, C) and its last info."""
+    controller, rows = drivers.Controller(env, driver), []
+    observation, info = env.reset(seed=0, **reset)
+    over = False
+    while not over:
+        observation, _, terminated, truncated, info = env.step(controller.act(observation))
+        rows.append([info[name] for name in ("x", "y", "handwheel_angle", "handwheel_torque")])
+        over = terminated or truncated
+    return np.array(rows), info
+
+
+def sight_of(lateral):
+    """What is seen of a path at lateral places (1 + points,) in the car's frame, the first beside the car."""
+    return np.array([-lateral[0], 0.0, *lateral[1:]])
+
+
+def test_all_are_there():
+    assert set(drivers.available()) == {*EYED, "free"}
+    assert len(SIGHT) == 2 + len(PREVIEW)
+
+
+@pytest.mark.parametrize("law", friction.available())
+def test_preview_takes_the_default_car_through_the_double_lane_change(law):
+    """ISO 3888-1 at 80 km/h without a cone, arms between driver and handwheel, whatever the friction."""
+    env = gym.make("steer_env/DriverDoubleLaneChange-v0", friction=law)
+    for mirrored in (0, 1):
+        _, info = drive(env, "preview", options={"mirrored": mirrored, "entry_offset": 0.2, "entry_heading": 0.01})
+        assert info["metrics"]["cones_hit"] == 0.0
+        assert info["cost"] == 0.0
+
+
+@pytest.mark.parametrize("driver", EYED)
+def test_a_mirrored_course_is_driven_mirrored_to_the_bit(driver):
+    env = gym.make("steer_env/DriverDoubleLaneChange-v0")
+    one, _ = drive(env, driver, options={"mirrored": 0, "entry_offset": 0.1, "entry_heading": -0.005})
+    other, _ = drive(env, driver, options={"mirrored": 1, "entry_offset": -0.1, "entry_heading": 0.005})
+    assert np.array_equal(one, other * [1.0, -1.0, -1.0, -1.0])
+
+
+@pytest.mark.parametrize("driver", EYED)
+@pytest.mark.parametrize("name", ["DriverLaneKeeping", "DriverWindingRoad"])
+def test_every_driver_keeps_the_lane(name, driver):
+    _, info = drive(gym.make(f"steer_env/{name}-v0"), driver)
+    assert info["metrics"]["peak_lateral_offset"] < 0.6
+    assert info["metrics"]["rms_hand_torque"] < 2.5
+
+
+@pytest.mark.parametrize("co_contraction", [0.2, 0.5, 1.0])
+@pytest.mark.parametrize("law", ["lugre", "masing", "viscous"])
+def test_arms_in_the_loop_are_stable(law, co_contraction):
+    """Tensed or nearly relaxed, the person in the loop keeps the lane without swinging."""
+    driver = drivers.make("preview", co_contraction=co_contraction)
+    env = gym.make("steer_env/AssistLaneKeeping-v0", driver=driver, friction=law)
+    env.reset(seed=0)
+    over = False
+    while not over:
+        *_, terminated, over, info = env.step(np.zeros(1, np.float32))
+        assert not terminated
+    assert info["metrics"]["peak_lateral_offset"] < 0.4
+    assert info["metrics"]["rms_handwheel_speed"] < 0.5
+
+
+def test_tensed_arms_follow_the_path_better():
+    offsets = []
+    for co_contraction in (0.2, 1.0):
+        env = gym.make("steer_env/AssistLaneKeeping-v0", driver=drivers.make("preview", co_contraction=co_contraction))
+        env.reset(seed=0)
+        over = False
+        while not over:
+            *_, over, info = env.step(np.zeros(1, np.float32))
+        offsets.append(info["metrics"]["rms_lateral_offset"])
+    assert offsets[1] < offsets[0]
+
+
+@pytest.mark.parametrize("law", ["coulomb", "lugre", "masing"])
+def test_a_handwheel_that_is_let_go_settles(law):
+    """Hands off after a steady turn: it comes back by more than half, and stands still."""
+    env = gym.make("steer_env/AssistRelease-v0", friction=law)
+    env.reset(seed=0, options={"amplitude": 0.4})
+    over, angles = False, []
+    while not over:
+        *_, over, info = env.step(np.zeros(1, np.float32))
+        angles.append(info["handwheel_angle"])
+    assert max(angles) == pytest.approx(0.4, rel=1e-3)
+    assert abs(angles[-1]) < 0.2
+    assert np.ptp(angles[-100:]) < 0.01
+
+
+def test_free_hands_give_nothing():
+    env = gym.make("steer_env/DriverLaneKeeping-v0")
+    observation, _ = env.reset(seed=0)
+    assert drivers.Controller(env, "free").act(observation).tolist() == [0.0]
+
+
+def test_preview_commands_as_the_optimum_on_every_sample():
+    """On a path that is straight between what is seen, the few points give what all 150 of the optimum do."""
+    rng = np.random.default_rng(0)
+    driver = drivers.make("preview", effort=0.1)
+    model = linear.from_car(CAR, SPEED)
+    K, g, arms = lq.gains(model, PREVIEW[-1], effort=0.1)
+    lateral, z, v_y, r = rng.normal(size=1 + len(PREVIEW)), rng.normal(size=INTENT), 0.3, -0.1
+    path = np.interp(lq.SAMPLE * np.arange(1, g.size + 1), [0.0, *PREVIEW], lateral)
+    wanted = g @ path - K[:2] @ [v_y, r] - K[4:] @ z
+    found = command(driver.eyes, gains_of(driver, CAR, SPEED), sight_of(lateral), v_y, r, z, np.zeros(1))
+    assert found == pytest.approx(wanted, rel=1e-12)
+    np.testing.assert_allclose(execution(), arms, atol=1e-9)
+
+
+def test_macadam_is_the_least_squares_angle():
+    """Against a simulation of the linear car with an angle held, and numpy's least squares."""
+    from scipy.integrate import solve_ivp
+
+    body = linear.from_car(CAR, SPEED).state_space("handwheel")
+    v_y, r, times = 0.2, 0.05, np.array([t for t in PREVIEW if t <= 1.3 + 1e-9])
+
+    def ways(angle, start):
+        def rate(t, x):
+            return [*(body.A @ x[:2] + body.B[:, 0] * angle), x[0] + SPEED * x[3], x[1]]
+
+        return solve_ivp(rate, (0.0, 2.0), [*start, 0.0, 0.0], t_eval=times, rtol=1e-10, atol=1e-12).y[2]
+
+    lateral = np.array([0.0, *0.02 * np.array(PREVIEW) ** 2 * SPEED**2 / 5.0])
+    unit, free = ways(1.0, (0.0, 0.0)), ways(0.0, (v_y, r))
+    wanted = np.linalg.lstsq(unit[:, None], lateral[1 : 1 + times.size] - free, rcond=None)[0][0]
+    driver = drivers.make("macadam")
+    found = command(
+        driver.eyes, gains_of(driver, CAR, SPEED), sight_of(lateral), v_y, r, np.zeros(INTENT), np.zeros(1)
+    )
+    assert found == pytest.approx(wanted, rel=1e-7)
+
+
+def test_two_points_ask_for_the_cars_own_angle_in_a_steady_turn():
+    """On a circle the near and far angle are known; small enough, the linear car turns with just what they ask for."""
+    curvature = 1e-5
+    ahead = SPEED * np.array([0.0, *PREVIEW])
+    driver = drivers.make("two_point")
+    gains = gains_of(driver, CAR, SPEED)
+    asked = command(
+        driver.eyes, gains, sight_of(0.5 * curvature * ahead**2), 0.0, 0.0, np.zeros(INTENT), np.zeros(1)
+    )
+    turning = -np.linalg.solve(*(lambda s: (s.A, s.B))(linear.from_car(CAR, SPEED).state_space("handwheel")))[1, 0]
+    integral = gains[2] * 0.01 * 0.5 * curvature * 8.0  # of the first sample
+    # Between the points seen the near point's parabola is a chord.
+    assert asked - integral == pytest.approx(curvature * SPEED / turning, rel=0.02)
+
+
+def test_a_command_takes_its_time():
+    """A unit step asked for reaches the intended angle after the delay, and arrives without much overshoot."""
+    driver = drivers.make("free")
+    memory, intended = np.zeros(MEMORY + 1), []
+    for _ in range(100):
+        angle, _ = intend(driver.eyes, np.zeros(0), execution(), np.zeros(17), 0.0, 0.0, memory)
+        memory[INTENT - 1] = 1.0
+        intended.append(angle)
+    assert max(intended[:12]) == 0.0
+    assert 0.99 < intended[-1] < 1.01
+    assert max(intended) < 1.1
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: drivers.make("chauffeur"), "unknown driver 'chauffeur'; available: free, macadam, preview, robot"),
+        (lambda: drivers.make("preview", co_contraction=1.5), "co_contraction must be .*at most 1, got 1.5"),
+        (lambda: drivers.make("preview", effort=0.0), r"effort \[m/rad\] must be .*greater than 0"),
+        (lambda: drivers.make("macadam", preview_time=9.0), r"preview_time \[s\] must be .*at most 1.5"),
+        (lambda: drivers.make("two_point", near=0.0), r"near \[m\] must be .*at least 2"),
+        (lambda: gym.make("steer_env/AssistLaneKeeping-v0", driver=3), "driver must be one of free, .*got 3"),
+        (lambda: gym.make("steer_env/AssistWeave-v0", driver="preview"), "AssistWeave has no driver model in its loop"),
+        (lambda: drivers.Controller(gym.make("steer_env/AssistWeave-v0")), "no driver model can act in AssistWeave"),
+        (lambda: drivers.Controller(gym.make("steer_env/DriverParking-v0")), "no driver model can act in DriverParking"),
+        (
+            lambda: drivers.Controller(gym.make("steer_env/DriverLaneKeeping-v0", control_dt=0.02)),
+            "act every 10 ms; make the environment with control_dt=0.01, not 0.02",
+        ),
+    ],
+)
+def test_bad_calls(call, message):
+    with pytest.raises(ValueError, match=message):
+        call()
