@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import NoReturn
 
 import friction
-from experiments import evaluate_cli, run_cli
+from experiments import evaluate_cli, run_cli, train_cli
 from experiments.options import FRICTION, Friction, progress
 from vehicle import cars
 
@@ -51,6 +51,7 @@ def _parser() -> argparse.ArgumentParser:
 
     run_cli.add(commands, _outside())
     evaluate_cli.add(commands, _outside())
+    train_cli.add(commands, _outside())
 
     text = "Print a packaged car with every key that a car file may set, in SI, as JSON."
     car = commands.add_parser("car", help=text, description=text)

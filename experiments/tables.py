@@ -7,6 +7,7 @@ from rich.console import Console
 from rich.table import Table
 
 from experiments.targets import Light
+from experiments.trials import Estimate
 from steer_env.metrics import Value
 
 _STYLES = {"green": "green", "amber": "yellow", "red": "red"}
@@ -40,3 +41,16 @@ def _light(light: Light | None) -> str:
         return ""
     style = _STYLES[light.colour]
     return f"[{style}]{light.colour}[/{style}]" + ("?" if light.sure is False else "")
+
+
+def print_estimates(values: Mapping[str, Mapping[str, Estimate]], units: Mapping[str, str], title: str) -> None:
+    """Print figures with their intervals, a column for each label."""
+    table = Table(title=title, title_justify="left", box=None, pad_edge=False, padding=(0, 1, 0, 0))
+    table.add_column("figure", no_wrap=True)
+    for label in values:
+        table.add_column(label, justify="right")
+    table.add_column("unit", no_wrap=True)
+    for name in next(iter(values.values())):
+        cells = (found[name] for found in values.values())
+        table.add_row(name, *(f"{e.value:.3g} ({e.low:.3g} .. {e.high:.3g})" for e in cells), units[name])
+    Console().print(table)

@@ -1,0 +1,88 @@
+"""Friction shift: a policy that was trained on one law, on every other, beside the first baseline that needs no training."""
+
+from collections.abc import Callable, Sequence
+from importlib import metadata
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from experiments import policy, policy_report, provenance, trials
+from experiments.assessment import environment
+from experiments.files import replaced_directory, write_json
+from experiments.options import Friction
+from experiments.trials import Estimate
+
+CONTENTS = frozenset({"index.html", "shift.json"})
+
+
+class Shift(NamedTuple):
+    """The same held-out episodes on every law."""
+
+    env_id: str
+    trained: str  # law of the training
+    episodes: int
+    values: dict[str, dict[str, dict[str, Estimate]]]  # law -> controller -> figure
+    lost: dict[str, Estimate]  # law -> the policy's reward less its reward on the law of the training, seed by seed
+    gained: dict[str, Estimate]  # law -> the policy's reward less the baseline's
+    units: dict[str, str]
+
+
+def collect(
+    path: Path, laws: Sequence[Friction], episodes: int, notify: Callable[[float, str], None] = lambda *_: None
+) -> Shift:
+    """Drive the policy and the first baseline on the law of the training and on others."""
+    about = policy.about(path)
+    env_id, home = about["env"], Friction(about["friction"])
+    baseline, make = next(iter(policy_report.baselines(env_id).items()), ("", None))
+    controllers: dict[str, Any] = {"policy": lambda env: policy.Policy(path, env)}
+    if make is not None:
+        controllers[baseline] = make
+    chosen = {law.label: law for law in (home, *laws)}
+    found: dict[str, policy_report.Evaluation] = {}
+    for k, (label, law) in enumerate(chosen.items()):
+        notify(k / len(chosen), label)
+        made = {**about["settings"]["environment"], "friction": law.parameters}
+        found[label] = policy_report.evaluate(env_id, controllers, episodes, **made)
+    own = found[home.label].found["policy"].reward
+    return Shift(
+        env_id,
+        home.label,
+        episodes,
+        {label: each.values for label, each in found.items()},
+        {label: trials.mean(each.found["policy"].reward - own) for label, each in found.items()},
+        {label: each.gaps[baseline]["reward"] for label, each in found.items() if baseline},
+        found[home.label].units,
+    )
+
+
+def as_json(found: Shift) -> dict[str, Any]:
+    """The table for a machine."""
+    return {
+        "env": found.env_id,
+        "trained": found.trained,
+        "episodes": found.episodes,
+        "first_seed": trials.HELD_OUT,
+        "laws": {
+            law: {
+                "metrics": {
+                    name: {figure: policy_report.entry(e, found.units[figure]) for figure, e in values.items()}
+                    for name, values in controllers.items()
+                },
+                "lost": policy_report.entry(found.lost[law], ""),
+                **({"gained": policy_report.entry(found.gained[law], "")} if law in found.gained else {}),
+            }
+            for law, controllers in found.values.items()
+        },
+        "provenance": provenance.versions(),
+    }
+
+
+def write(out: Path, found: Shift) -> None:
+    """Write ``index.html`` and ``shift.json`` into a directory, which appears or is replaced as a whole."""
+    page = (
+        environment()
+        .get_template("shift.html.j2")
+        .render(f=found, version=metadata.version("steer-env"), first_seed=trials.HELD_OUT)
+    )
+    with replaced_directory(out, CONTENTS) as part:
+        (part / "index.html").write_text(page, encoding="utf-8")
+        write_json(part / "shift.json", as_json(found))

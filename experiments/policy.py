@@ -1,0 +1,103 @@
+"""Trained policies: a file of Stable-Baselines3 that also holds how to scale the observation, and who made it."""
+
+import json
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from friction.check import number
+from steer_env import REGISTERED
+
+Array = NDArray[np.float64]
+
+ALGORITHMS = ("ppo", "sac", "recurrent-ppo")
+ABOUT = "steer_env.json"  # beside the members of Stable-Baselines3's archive
+
+
+def algorithm(name: str) -> Any:
+    """Class of an algorithm by its name; ValueError for an unknown one or without the extra ``train``."""
+    if name not in ALGORITHMS:
+        raise ValueError(f"unknown algorithm {name!r}; there are {', '.join(ALGORITHMS)}")
+    try:
+        if name == "recurrent-ppo":
+            from sb3_contrib import RecurrentPPO
+
+            return RecurrentPPO
+        import stable_baselines3
+    except ModuleNotFoundError as error:
+        raise ValueError(f"training needs {error.name}: pip install 'steer-env[train]'") from None
+    return {"ppo": stable_baselines3.PPO, "sac": stable_baselines3.SAC}[name]
+
+
+def save(path: Path, model: Any, about: dict[str, Any]) -> None:
+    """Write a model with what there is to know of it: environment, algorithm, scaling of the observation, how made."""
+    part = path.with_name(f".{path.name}.part.zip")
+    model.save(part)
+    with zipfile.ZipFile(part, "a") as archive:
+        archive.writestr(ABOUT, json.dumps(about, indent=1, allow_nan=False))
+    part.replace(path)
+
+
+def about(path: Path) -> dict[str, Any]:
+    """What the file says of itself; ValueError for one that is not of ours."""
+    try:
+        with zipfile.ZipFile(path) as archive:
+            return json.loads(archive.read(ABOUT))
+    except (OSError, zipfile.BadZipFile) as error:
+        raise ValueError(f"{path} is no policy: {error}") from None
+    except KeyError:
+        raise ValueError(f"{path} does not say what it was trained for; `steer-env train` writes files that do") from None
+
+
+class Policy:
+    """A trained policy as a controller: ``reset(lanes)`` and ``act(observation)``, single or vector.
+
+    Parameters
+    ----------
+    path : Path
+        From ``steer-env train``.
+    env : gym.Env or gym.vector.VectorEnv
+        Of the id that it was trained for, or another with the same observations.
+
+    Raises
+    ------
+    ValueError
+        A file that is no policy, or an environment whose observations are others.
+    """
+
+    def __init__(self, path: Path, env: Any) -> None:
+        self.about = about(path)
+        names = [quantity.name for quantity in env.unwrapped.lanes.observed]
+        if names != self.about["observations"]:
+            raise ValueError(f"{path} was trained for {self.about['env']}, whose observations {env.unwrapped} has not")
+        import torch
+
+        torch.set_num_threads(1)  # networks of this size lose by more
+        self._model = algorithm(self.about["algorithm"]).load(path, device="cpu")
+        scaling = self.about["scaling"]
+        self._mean, self._deviation = np.array(scaling["mean"]), np.array(scaling["deviation"])
+        self._clip = number("clip", scaling["clip"], minimum=0.0)
+        self._state: Any = None
+        self._fresh = np.ones(env.unwrapped.lanes.n, bool)
+
+    def reset(self, lanes: Any = slice(None)) -> None:
+        """Forget the episodes of some lanes (mask or indices), or of all."""
+        self._fresh[lanes] = True
+
+    def act(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
+        """The policy's mean action (1,) for an observation (O,), or (L, 1) for (L, O)."""
+        seen = np.clip((np.atleast_2d(observation) - self._mean) / self._deviation, -self._clip, self._clip)
+        action, self._state = self._model.predict(
+            seen.astype(np.float32), state=self._state, episode_start=self._fresh, deterministic=True
+        )
+        self._fresh[:] = False
+        return action[0] if observation.ndim == 1 else action
+
+
+def check_id(env_id: str) -> None:
+    """ValueError for an id that is not registered."""
+    if env_id not in REGISTERED:
+        raise ValueError(f"unknown environment {env_id!r}; there are {', '.join(REGISTERED)}")

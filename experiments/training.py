@@ -1,0 +1,220 @@
+"""Training policies with Stable-Baselines3: settings kept with the id, checkpoints, resume, evaluation on other seeds."""
+
+import csv
+import json
+import time
+from collections.abc import Callable
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import experiments
+from experiments import policy, provenance, trials
+from experiments.files import write_json
+from experiments.options import Friction
+from friction.check import number
+from friction import toml
+
+# Of the clock; a checkpoint costs a fraction of a second, an evaluation some seconds.
+CHECKPOINT_EVERY, EVALUATE_EVERY = 60.0, 60.0  # [s]
+VALIDATED = 32  # episodes of each evaluation while training
+
+
+def settings(env_id: str, algo: str) -> dict[str, Any]:
+    """Settings of an id for an algorithm: ``environment`` (arguments of make) and ``algorithm``, from its data file.
+
+    Raises
+    ------
+    ValueError
+        Unknown id or algorithm.
+    """
+    policy.check_id(env_id)
+    policy.algorithm(algo)
+    folder = files(experiments) / "data" / "training"
+    common = toml.loads((folder / "default.toml").read_text(encoding="utf-8"))
+    own = folder / f"{env_id.removeprefix('steer_env/')}.toml"
+    given = toml.loads(own.read_text(encoding="utf-8")) if own.is_file() else {}
+    return {
+        "environment": {**common.get("environment", {}), **given.get("environment", {})},
+        "algorithm": {**common[algo], **given.get(algo, {})},
+    }
+
+
+class _Clock:
+    """Ends training by the clock or by steps, writes checkpoints, and keeps the best policy by validation."""
+
+    def __init__(self, run: "Training", minutes: float | None, steps: int | None, notify: Callable[[float, str], None]) -> None:
+        self._run, self._minutes, self._steps, self._notify = run, minutes, steps, notify
+        self._begun = time.monotonic()
+        self._saved = self._begun
+        self._evaluated = self._begun - EVALUATE_EVERY  # the first one at once: an untrained policy's
+
+    @property
+    def elapsed(self) -> float:
+        """Wall time of training, evaluations left out, of all sessions [s]."""
+        return self._run.seconds + time.monotonic() - self._begun
+
+    def __call__(self, model: Any) -> bool:
+        part = self.elapsed / (60.0 * self._minutes) if self._minutes else model.num_timesteps / (self._steps or 1)
+        self._notify(min(part, 1.0), f"{model.num_timesteps} steps")
+        if time.monotonic() - self._evaluated >= EVALUATE_EVERY:
+            begin = time.monotonic()
+            self._run.validate(model, self.elapsed)
+            lost = time.monotonic() - begin
+            self._begun += lost
+            self._evaluated = time.monotonic()
+            self._saved += lost
+        if time.monotonic() - self._saved >= CHECKPOINT_EVERY:
+            self._run.checkpoint(model, self.elapsed)
+            self._saved = time.monotonic()
+        return part < 1.0
+
+
+class Training:
+    """One run of training, kept in a directory.
+
+    Parameters
+    ----------
+    env_id : str
+    algo : {"ppo", "sac", "recurrent-ppo"}
+    out : Path
+        Receives ``policy.zip`` (the best by validation), ``learning.csv``, ``settings.json``, ``checkpoint/`` and
+        ``tensorboard/``.
+    seed : int
+    resume : bool
+        Go on from ``out``'s checkpoint.
+    friction : Friction
+        Law to train on.
+
+    Raises
+    ------
+    ValueError
+        A directory that holds another run and is not resumed, or none to resume.
+    """
+
+    def __init__(self, env_id: str, algo: str, out: Path, *, seed: int = 0, resume: bool = False, friction: Friction) -> None:
+        self.settings = settings(env_id, algo)
+        self.env_id, self.algo, self.out, self.seed, self.friction = env_id, algo, out, seed, friction
+        self.seconds, self.best = 0.0, -np.inf
+        self._resume = resume
+        kept = out / "checkpoint" / "state.json"
+        if resume and not kept.is_file():
+            raise ValueError(f"{out} holds no checkpoint to resume")
+        if resume:
+            state = json.loads(kept.read_text(encoding="utf-8"))
+            for key, value in (("env", env_id), ("algo", algo)):
+                if state[key] != value:
+                    raise ValueError(f"the checkpoint in {out} is of {key} {state[key]}, not {value}")
+            self.seed, self.seconds, self.best = state["seed"], state["seconds"], state["best"]
+        elif out.exists() and any(out.iterdir()):
+            raise ValueError(f"{out} is not empty: give a new directory, or resume the run in it")
+        out.mkdir(parents=True, exist_ok=True)
+        write_json(out / "settings.json", {"env": env_id, "algo": algo, "seed": self.seed, **self.settings})
+
+    def run(self, minutes: float | None = None, steps: int | None = None, notify: Callable[[float, str], None] = lambda *_: None) -> None:
+        """Train for a time, or for a number of steps, which another machine repeats.
+
+        Whatever ends it early leaves a checkpoint.
+        """
+        import torch
+        from stable_baselines3.common.callbacks import BaseCallback
+        from stable_baselines3.common.vec_env import VecMonitor, VecNormalize
+
+        from steer_env.sb3 import SteerVecEnv
+
+        if (minutes is None) == (steps is None):
+            raise ValueError("give minutes or steps")
+        if minutes is not None:
+            number("minutes", minutes, minimum=0.0, above=True)
+        torch.set_num_threads(1)  # networks of this size lose by more
+        chosen = dict(self.settings["algorithm"])
+        lanes, gamma = int(chosen.pop("num_envs")), chosen["gamma"]
+        raw = SteerVecEnv(self.env_id, lanes, friction=self.friction.parameters, **self.settings["environment"])
+        self._observations = [quantity.name for quantity in raw.vector.lanes.observed]
+        kept = self.out / "checkpoint"
+        if self._resume:
+            self._env = VecNormalize.load(str(kept / "scaling.pkl"), VecMonitor(raw))
+            model = policy.algorithm(self.algo).load(kept / "model.zip", env=self._env, device="cpu")
+        else:
+            self._env = VecNormalize(VecMonitor(raw), gamma=gamma)
+            network = {"net_arch": chosen.pop("net_arch"), **chosen.pop("policy_kwargs", {})}
+            model = policy.algorithm(self.algo)(
+                "MlpLstmPolicy" if self.algo == "recurrent-ppo" else "MlpPolicy",
+                self._env,
+                seed=self.seed,
+                device="cpu",
+                policy_kwargs=network,
+                tensorboard_log=str(self.out / "tensorboard"),
+                **chosen,
+            )
+        clock = _Clock(self, minutes, steps, notify)
+
+        class Callback(BaseCallback):
+            """Hands over to the clock."""
+
+            def _on_step(self) -> bool:
+                return clock(self.model)
+
+        try:
+            model.learn(10**12, callback=Callback(), reset_num_timesteps=not self._resume, tb_log_name=self.algo)
+        finally:
+            self.checkpoint(model, clock.elapsed)
+            raw.close()
+        self.validate(model, clock.elapsed)
+
+    def _about(self, model: Any) -> dict[str, Any]:
+        scaling = self._env.obs_rms
+        return {
+            "env": self.env_id,
+            "algorithm": self.algo,
+            "seed": self.seed,
+            "steps": model.num_timesteps,
+            "friction": self.friction.label,
+            "settings": self.settings,
+            "observations": self._observations,
+            "scaling": {
+                "mean": scaling.mean.tolist(),
+                "deviation": np.sqrt(scaling.var + self._env.epsilon).tolist(),
+                "clip": self._env.clip_obs,
+            },
+            "versions": provenance.versions(),
+        }
+
+    def checkpoint(self, model: Any, seconds: float) -> None:
+        """Keep what resuming needs."""
+        folder = self.out / "checkpoint"
+        folder.mkdir(exist_ok=True)
+        model.save(folder / "model.zip")
+        self._env.save(str(folder / "scaling.pkl"))
+        state = {"env": self.env_id, "algo": self.algo, "seed": self.seed, "seconds": seconds, "best": self.best}
+        write_json(folder / "state.json", {**state, "best": self.best if np.isfinite(self.best) else -1e300})
+
+    def validate(self, model: Any, seconds: float) -> None:
+        """Let the policy as it is drive the validation's seeds; keep it if it is the best so far."""
+        latest = self.out / "latest.zip"
+        policy.save(latest, model, self._about(model))
+        found = trials.collect(
+            self.env_id,
+            lambda env: policy.Policy(latest, env),
+            VALIDATED,
+            trials.VALIDATION,
+            friction=self.friction.parameters,
+            **self.settings["environment"],
+        )
+        reward = float(found.reward.mean())
+        row = {"seconds": round(seconds, 1), "steps": model.num_timesteps, "reward": reward, "cost": float(found.cost.mean())}
+        row |= {name: float(values.mean()) for name, values in found.metrics.items()}
+        path = self.out / "learning.csv"
+        new = not path.exists()
+        with path.open("a", newline="", encoding="utf-8") as file:
+            writer = csv.DictWriter(file, row)
+            if new:
+                writer.writeheader()
+            writer.writerow(row)
+        if reward > self.best:
+            self.best = reward
+            latest.replace(self.out / "policy.zip")
+        else:
+            latest.unlink()

@@ -1,0 +1,99 @@
+"""Controllers on held-out episodes: the same seeds for each, every figure with its interval."""
+
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple, Protocol
+
+import gymnasium as gym
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+
+Array = NDArray[np.float64]
+
+HELD_OUT = 1_000_000  # first seed of the episodes that no training sees
+VALIDATION = 2_000_000  # of those by which training chooses what it keeps
+LEVEL = 0.95
+
+
+class Controller(Protocol):
+    """What acts: a driver model, an assist, a trained policy."""
+
+    def reset(self, lanes: Any = ...) -> None:
+        """Forget the episodes of some lanes, or of all."""
+
+    def act(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Actions (L, 1) for observations (L, O)."""
+
+
+class Trials(NamedTuple):
+    """Episodes of one controller, each array (N,) in the order of the seeds."""
+
+    reward: Array
+    cost: Array
+    metrics: dict[str, Array]
+
+
+class Estimate(NamedTuple):
+    """A figure with its 95 % interval."""
+
+    value: float
+    low: float
+    high: float
+
+
+def collect(
+    env_id: str, make: Callable[[Any], Controller], episodes: int, first_seed: int = HELD_OUT, **arguments: Any
+) -> Trials:
+    """One episode of each seed from ``first_seed`` on, all side by side."""
+    env: Any = gym.make_vec(env_id, num_envs=episodes, **arguments)
+    controller = make(env)
+    controller.reset()
+    observation, _ = env.reset(seed=first_seed)
+    reward, cost, going = np.zeros(episodes), np.zeros(episodes), np.ones(episodes, bool)
+    metrics: dict[str, Array] = {}
+    while going.any():
+        observation, rewards, terminated, truncated, info = env.step(controller.act(observation))
+        reward += np.where(going, rewards, 0.0)
+        cost += np.where(going, info["cost"], 0.0)
+        ended = going & (terminated | truncated)
+        for name, values in info.get("metrics", {}).items():
+            if not name.startswith("_"):
+                metrics.setdefault(name, np.zeros(episodes))[ended] = values[ended]
+        going &= ~ended
+    env.close()
+    return Trials(reward, cost, metrics)
+
+
+def mean(values: Array) -> Estimate:
+    """Mean with Student's interval."""
+    value, n = float(np.mean(values)), values.size
+    if n < 2:
+        return Estimate(value, np.nan, np.nan)
+    half = float(stats.t.ppf(0.5 + 0.5 * LEVEL, n - 1) * np.std(values, ddof=1) / np.sqrt(n))
+    return Estimate(value, value - half, value + half)
+
+
+def share(hits: NDArray[np.bool_]) -> Estimate:
+    """Share of the episodes with Wilson's interval."""
+    result = stats.binomtest(int(hits.sum()), hits.size)
+    interval = result.proportion_ci(LEVEL, "wilson")
+    return Estimate(float(result.statistic), float(interval.low), float(interval.high))
+
+
+def summary(found: Trials) -> dict[str, Estimate]:
+    """Every figure of the trials: reward, cost, the task's metrics, and the share of episodes that hit no cone."""
+    values = {"reward": mean(found.reward), "cost": mean(found.cost)}
+    values |= {name: mean(column) for name, column in found.metrics.items()}
+    if "cones_hit" in found.metrics:
+        values["clean_share"] = share(found.metrics["cones_hit"] == 0.0)
+    return values
+
+
+def differences(found: Trials, reference: Trials) -> dict[str, Estimate]:
+    """``found`` less ``reference``, seed by seed."""
+    pairs: Mapping[str, tuple[Array, Array]] = {
+        "reward": (found.reward, reference.reward),
+        "cost": (found.cost, reference.cost),
+        **{name: (column, reference.metrics[name]) for name, column in found.metrics.items()},
+    }
+    return {name: mean(one - other) for name, (one, other) in pairs.items()}
