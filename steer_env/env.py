@@ -43,7 +43,8 @@ class SteerEnv(gym.Env):
     weights : mapping, optional
         Weights of reward terms in place of the task's.
     render_mode : None, "rgb_array" or "human"
-        Draws the car on its road from above, the handwheel and the live torque-angle loop.
+        Draws the car on its road from above, the handwheel and the live torque-angle loop; "human" in a window that
+        keeps pace with the simulated time. Needs the extra ``render``.
 
     Any other keyword is an error. ``reset(options=...)`` fixes what would be drawn: a key of ``RANGES``, or of the task.
     ``info`` holds every plant channel under its name in SI, ``reward_terms``, ``cost`` and ``cost_terms``, and at an

@@ -480,6 +480,15 @@ class Lanes:
         points = self.book["points"][0]
         return self._paths[0, :points] if points else None
 
+    @property
+    def scenery(self) -> tasks.Scenery:
+        """What a picture shows of lane 0 besides its path."""
+        if self.task.scenery is None:
+            return tasks.Scenery()
+        return self.task.scenery(
+            self.row[0], self.situation[0], self._values[0, : self.book["values"][0]], self._memory[0]
+        )
+
     def close(self) -> None:
         """Let the threads go."""
         self._pool.close()

@@ -1,12 +1,16 @@
 """Fixtures that several packages' tests share."""
 
 import importlib
+import os
 import sys
 
 import pytest
 from hypothesis import settings
 
 from friction import kernel, law
+
+# Windows of render_mode="human" that no screen has to show.
+os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
 
 # The same examples at every run: a failure is a change of the code, not a throw of the dice.
 settings.register_profile("suite", derandomize=True, deadline=None)

@@ -95,6 +95,13 @@ class Case(NamedTuple):
     released: float | None = None  # time from which nobody holds the handwheel [s]
 
 
+class Scenery(NamedTuple):
+    """What a picture shows of a case besides its path."""
+
+    cones: Array | None = None  # (N, 3) x, y [m], 1 where touched
+    wanted_angle: float | None = None  # of the handwheel [rad]
+
+
 SPEED = Quantity("speed", "m/s", 100.0, "forward speed")  # observed in every task
 # Plant channels that tasks observe, with their bounds.
 CHANNELS = {
@@ -140,6 +147,7 @@ class Task:
     options: Mapping[str, tuple[float, float, str]] = field(default_factory=dict)  # of reset: low, high, meaning [unit]
     memory: int = 0  # floats that the kernels remember
     lane_half_width: float | None = None  # of the path's lane, for the picture [m]
+    scenery: Callable[[Array, Array, Array, Array], Scenery] | None = None  # of (row, situation, values, memory)
 
     @property
     def observed(self) -> tuple[Quantity, ...]:

@@ -21,6 +21,7 @@ from steer_env.tasks.definition import (
     SUM,
     Case,
     Figure,
+    Scenery,
     Setting,
     Task,
     Term,
@@ -152,6 +153,11 @@ def _judge_assist(rules, row, situation, values, now, memory, rewards, costs, fi
     return _ended(rules, row, situation, values)
 
 
+def _scenery(row: Array, situation: Array, values: Array, memory: Array) -> Scenery:
+    cones = values[_FIRST:].reshape(-1, 2)
+    return Scenery(cones=np.column_stack([cones, memory[FOLLOWING_MEMORY : FOLLOWING_MEMORY + len(cones)]]))
+
+
 _LOSSES = (
     Term("cones", -10.0, "1", "cones touched for the first time"),
     Term("departure", -100.0, "1", f"more than {LEFT_COURSE:g} m from the path, or across it"),
@@ -179,6 +185,7 @@ _SHARED: dict[str, Any] = {
     ),
     "options": _OPTIONS,
     "memory": FOLLOWING_MEMORY + CONES,
+    "scenery": _scenery,
 }
 
 _TASKS = {

@@ -21,6 +21,7 @@ from steer_env.tasks.definition import (
     Case,
     Figure,
     Quantity,
+    Scenery,
     Setting,
     Task,
     Term,
@@ -109,6 +110,10 @@ def _judge(rules, row, situation, values, now, memory, rewards, costs, figures):
     return False
 
 
+def _scenery(row: np.ndarray, situation: np.ndarray, values: np.ndarray, memory: np.ndarray) -> Scenery:
+    return Scenery(wanted_angle=float(row[_ANGLE] + situation[0]))
+
+
 _ACTION_TERMS = (
     Term("effort", -0.01, "s", "squared action"),
     Term("smoothness", -0.01 / RATE_SCALE**2, "1/s", "squared rate of the action"),
@@ -134,6 +139,7 @@ DRIVER = register(
         speed=0.0,
         chassis=_TWO_TRACK,
         memory=MEMORY,
+        scenery=_scenery,
     ),
     _look_targets,
     _judge_targets,

@@ -1,0 +1,188 @@
+"""A surface to draw on in antialiased lines, shapes and text, off screen or in a window, by pygame-ce."""
+
+import math
+import os
+from collections.abc import Sequence
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Colour = tuple[int, int, int]
+Box = tuple[int, int, int, int]  # left, top, width, height
+
+FINE = 2  # shapes are drawn so much larger and scaled down: pygame has no antialiased polygons
+_RGB = (0xFF, 0xFF00, 0xFF0000, 0)  # where a pixel has its red, green and blue: in the order of an array
+
+
+def _pygame() -> Any:
+    """The module; DependencyNotInstalled without it."""
+    os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
+    try:
+        import pygame  # here, for only pictures need it
+    except ImportError as error:
+        message = "render_mode draws with pygame-ce, which is not installed: pip install 'steer-env[render]'"
+        raise gym.error.DependencyNotInstalled(message) from error
+    return pygame
+
+
+def _font_file(bold: bool) -> str:
+    """DejaVu Sans as matplotlib brings it: the same text on every machine."""
+    package = find_spec("matplotlib")
+    if package is None or package.origin is None:
+        raise gym.error.DependencyNotInstalled("pictures take their font from matplotlib: pip install matplotlib")
+    name = "DejaVuSans-Bold.ttf" if bold else "DejaVuSans.ttf"
+    return str(Path(package.origin).parent / "mpl-data" / "fonts" / "ttf" / name)
+
+
+class Canvas:
+    """A picture of ``width`` by ``height`` pixels; points are (x, y) from its upper left corner, y downward.
+
+    Shapes go into fields, text lies above them all. Off screen nothing of a window system is touched; :meth:`show`
+    opens a window. The width is a multiple of four, or the rows of an array would be padded.
+    """
+
+    def __init__(self, width: int, height: int) -> None:
+        self._pygame = pygame = _pygame()
+        self.width, self.height = width, height
+        self._fine = pygame.Surface((FINE * width, FINE * height), 0, 32)
+        self._picture = pygame.Surface((width, height), 0, 32)
+        self._bytes = pygame.Surface((width, height), 0, 24, _RGB)
+        self._fields: list[Box] = []
+        self._texts: list[tuple[Any, tuple[float, float]]] = []
+        self._fonts: dict[tuple[int, bool], Any] = {}
+        self._written: dict[tuple[Any, ...], Any] = {}
+        self._window: Any = None
+        self._clock: Any = None
+
+    def begin(self, colour: Colour) -> None:
+        """An empty picture."""
+        self._picture.fill(colour)
+        self._fields.clear()
+        self._texts.clear()
+
+    def panel(self, box: Box, colour: Colour, border: Colour) -> None:
+        """A rectangle below all fields."""
+        self._picture.fill(colour, box)
+        self._pygame.draw.rect(self._picture, border, box, 1)
+
+    def field(self, box: Box, colour: Colour) -> None:
+        """From here on shapes are drawn inside this box."""
+        left, top, width, height = (FINE * value for value in box)
+        self._fields.append(box)
+        self._fine.set_clip((left, top, width, height))
+        self._fine.fill(colour)
+
+    def polygon(self, points: ArrayLike, colour: Colour) -> None:
+        """A filled polygon (N, 2)."""
+        self._pygame.draw.polygon(self._fine, colour, (FINE * np.asarray(points)).tolist())
+
+    def lines(self, points: ArrayLike, colour: Colour, width: float = 1.0) -> None:
+        """A line through points (N, 2)."""
+        points = FINE * np.asarray(points)
+        if len(points) > 1:
+            self._pygame.draw.lines(self._fine, colour, False, points.tolist(), max(1, round(FINE * width)))
+
+    def segments(self, starts: ArrayLike, ends: ArrayLike, colour: Colour, width: float = 1.0) -> None:
+        """Straight lines between points (N, 2) each."""
+        wide = max(1, round(FINE * width))
+        for start, end in zip((FINE * np.asarray(starts)).tolist(), (FINE * np.asarray(ends)).tolist()):
+            self._pygame.draw.line(self._fine, colour, start, end, wide)
+
+    def circle(self, centre: Sequence[float], radius: float, colour: Colour, width: float = 0.0) -> None:
+        """A circle; filled without a line width, which lies inside the radius."""
+        place = [FINE * float(value) for value in centre]
+        self._pygame.draw.circle(self._fine, colour, place, FINE * radius, round(FINE * width))
+
+    def arc(
+        self, centre: Sequence[float], radius: float, start: float, end: float, colour: Colour, width: float
+    ) -> None:
+        """A band around a radius from one angle to another, from twelve o'clock counter-clockwise [rad]."""
+        angles = np.linspace(start, end, 2 + int(30.0 * abs(end - start)))
+        radii = np.repeat([radius - 0.5 * width, radius + 0.5 * width], angles.size)
+        self.polygon(around(centre, radii, np.concatenate([angles, angles[::-1]])), colour)
+
+    def text(
+        self, words: str, place: Sequence[float], colour: Colour, size: int = 13, bold: bool = False, align: float = 0.0
+    ) -> float:
+        """Words with their middle at the height of ``place``; to its right (align 0), around it (0.5), to its left (1).
+
+        Returns
+        -------
+        float
+            Their width.
+        """
+        image = self._image(words, colour, size, bold)
+        width, height = image.get_size()
+        self._texts.append((image, (round(place[0] - align * width), round(place[1] - 0.5 * height))))
+        return float(width)
+
+    def _image(self, words: str, colour: Colour, size: int, bold: bool) -> Any:
+        key = (words, colour, size, bold)
+        if key not in self._written:
+            if len(self._written) > 500:
+                self._written.clear()
+            if not self._pygame.font.get_init():  # also where another environment's close() has ended it for all
+                self._pygame.font.init()
+                self._fonts.clear()
+            if (size, bold) not in self._fonts:
+                self._fonts[size, bold] = self._pygame.font.Font(_font_file(bold), size)
+            self._written[key] = self._fonts[size, bold].render(words, True, colour)
+        return self._written[key]
+
+    def _finished(self) -> Any:
+        for left, top, width, height in self._fields:
+            fine = self._fine.subsurface((FINE * left, FINE * top, FINE * width, FINE * height))
+            part = self._picture.subsurface((left, top, width, height))
+            self._pygame.transform.smoothscale(fine, (width, height), part)
+        self._picture.blits(self._texts, False)
+        return self._picture
+
+    def array(self) -> NDArray[np.uint8]:
+        """The picture as (height, width, 3)."""
+        self._bytes.blit(self._finished(), (0, 0))
+        return np.frombuffer(self._bytes.get_buffer(), np.uint8).reshape(self.height, self.width, 3).copy()
+
+    def show(self, title: str, period: float) -> bool:
+        """Show the picture in a window, ``period`` after the last one [s]; False once the user has closed it."""
+        pygame = self._pygame
+        if self._window is None:
+            try:
+                pygame.display.init()
+                self._window = pygame.display.set_mode((self.width, self.height))
+            except pygame.error as error:
+                message = (
+                    f"render_mode='human' needs a window, and there is none ({error}); use render_mode='rgb_array'"
+                )
+                raise RuntimeError(message) from error
+            pygame.display.set_caption(title)
+            self._clock = pygame.time.Clock()
+        if any(event.type == pygame.QUIT for event in pygame.event.get()):
+            self.close()
+            return False
+        self._clock.tick(1.0 / period)
+        self._window.blit(self._finished(), (0, 0))
+        pygame.display.flip()
+        return True
+
+    def close(self) -> None:
+        """Close the window, if there is one."""
+        if self._window is not None:
+            self._window = None
+            self._pygame.display.quit()
+
+
+def around(centre: Sequence[float], radius: ArrayLike, angle: ArrayLike) -> NDArray[np.float64]:
+    """Points (N, 2) of a picture at a radius from a centre, from twelve o'clock counter-clockwise [rad]."""
+    angle = np.asarray(angle, float)
+    return np.asarray(centre, float) - (np.array([np.sin(angle), np.cos(angle)]) * np.asarray(radius, float)).T
+
+
+def nice_step(span: float, parts: float) -> float:
+    """The largest 1, 2 or 5 times a power of ten that divides a span into at least so many parts."""
+    rough = span / parts
+    power = 10.0 ** math.floor(math.log10(rough))
+    return next(power * factor for factor in (5.0, 2.0, 1.0) if power * factor <= rough * (1.0 + 1e-9))
