@@ -1,4 +1,4 @@
-"""Friction shift: a policy that was trained on one law, on every other, beside the first baseline that needs no training."""
+"""Friction shift: a policy that was trained on one law, on every other law, beside a baseline without training."""
 
 from collections.abc import Callable, Sequence
 from importlib import metadata

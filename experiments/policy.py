@@ -49,7 +49,9 @@ def about(path: Path) -> dict[str, Any]:
     except (OSError, zipfile.BadZipFile) as error:
         raise ValueError(f"{path} is no policy: {error}") from None
     except KeyError:
-        raise ValueError(f"{path} does not say what it was trained for; `steer-env train` writes files that do") from None
+        raise ValueError(
+            f"{path} does not say what it was trained for; `steer-env train` writes files that do"
+        ) from None
 
 
 class Policy:

@@ -102,7 +102,8 @@ def frames(env_id: str, make: Maker, **arguments: Any) -> list[str]:
         env = gym.make(env_id, render_mode="rgb_array", **arguments)
     except ValueError:
         return []
-    shown, over = [], False
+    shown: list[Any] = []
+    over = False
     controller = make(env)
     observation, _ = env.reset(seed=trials.HELD_OUT)
     while not over:
@@ -129,7 +130,11 @@ def learning_curve(path: Path) -> str:
         rows = list(csv.DictReader(file))
     minutes = np.array([float(row["seconds"]) / 60.0 for row in rows])
     shown = [
-        plots.Panel("time of training [min]", name, [plots.Line(name, minutes, np.array([float(r[name]) for r in rows]), "#0072b2")])
+        plots.Panel(
+            "time of training [min]",
+            name,
+            [plots.Line(name, minutes, np.array([float(r[name]) for r in rows]), "#0072b2")],
+        )
         for name in ("reward", "cost")
     ]
     return plots.draw(shown)
@@ -139,7 +144,9 @@ def write(out: Path, found: Evaluation, controllers: Mapping[str, Maker], curve:
     """Write ``index.html`` and ``evaluation.json`` into a directory, which appears or is replaced as a whole."""
     names = list(found.values)
     best = max(names[1:], key=lambda name: found.values[name]["reward"].value, default=names[0])
-    pictures = {name: frames(found.env_id, controllers[name], **found.about) for name in dict.fromkeys([names[0], best])}
+    pictures = {
+        name: frames(found.env_id, controllers[name], **found.about) for name in dict.fromkeys([names[0], best])
+    }
     page = (
         environment()
         .get_template("policies.html.j2")

@@ -21,7 +21,9 @@ def add(commands: Any, common: argparse.ArgumentParser) -> None:
     length.add_argument("--minutes", metavar="N", type=float, help="wall time of training (default 15)")
     length.add_argument("--steps", metavar="N", type=int, help="steps of all lanes together; repeatable elsewhere")
     train.add_argument("--seed", metavar="N", type=int, default=0, help="default 0")
-    train.add_argument("--friction", metavar="LAW", type=Friction, default=Friction("lugre"), help=f"{FRICTION} (default lugre)")
+    train.add_argument(
+        "--friction", metavar="LAW", type=Friction, default=Friction("lugre"), help=f"{FRICTION} (default lugre)"
+    )
     train.add_argument("--resume", action="store_true", help="go on from the checkpoint in --out")
     train.add_argument("--episodes", metavar="N", type=int, default=200, help="of the evaluation (default 200)")
     train.add_argument("--out", metavar="DIR", default="training", help="default training")
@@ -32,7 +34,9 @@ def add(commands: Any, common: argparse.ArgumentParser) -> None:
     evaluate.add_argument("file", metavar="FILE", help="a policy.zip of train, or the name of a baseline")
     _env(evaluate)
     _evaluation(evaluate, "evaluation")
-    evaluate.add_argument("--friction", metavar="LAW", type=Friction, help=f"{FRICTION} (default: that of the training)")
+    evaluate.add_argument(
+        "--friction", metavar="LAW", type=Friction, help=f"{FRICTION} (default: that of the training)"
+    )
     evaluate.set_defaults(function=_evaluate)
 
     text = "Take a policy that was trained on one friction law to every other law; write the table."
@@ -40,7 +44,11 @@ def add(commands: Any, common: argparse.ArgumentParser) -> None:
     shift.add_argument("file", metavar="FILE", help="a policy.zip of train")
     _evaluation(shift, "shift")
     shift.add_argument(
-        "--friction", metavar="LAW", type=Friction, nargs="+", help=f"{FRICTION}; default: {', '.join(friction.available())}"
+        "--friction",
+        metavar="LAW",
+        type=Friction,
+        nargs="+",
+        help=f"{FRICTION}; default: {', '.join(friction.available())}",
     )
     shift.set_defaults(function=_shift)
 
@@ -63,7 +71,9 @@ def _train(args: argparse.Namespace) -> None:
     with progress("training") as notify:
         run.run(None if args.steps else args.minutes or 15.0, args.steps, notify)
     made = {**run.settings["environment"], "friction": args.friction.parameters}
-    _report(args.env, {"policy": _policy(out / "policy.zip")}, args.episodes, out / "report", made, out / "learning.csv")
+    _report(
+        args.env, {"policy": _policy(out / "policy.zip")}, args.episodes, out / "report", made, out / "learning.csv"
+    )
 
 
 def _policy(path: Path) -> policy_report.Maker:

@@ -1,4 +1,4 @@
-"""Training policies with Stable-Baselines3: settings kept with the id, checkpoints, resume, evaluation on other seeds."""
+"""Training policies with Stable-Baselines3: settings kept with the id, checkpoints, resume, validation."""
 
 import csv
 import json
@@ -14,8 +14,8 @@ import experiments
 from experiments import policy, provenance, trials
 from experiments.files import write_json
 from experiments.options import Friction
-from friction.check import number
 from friction import toml
+from friction.check import number
 
 # Of the clock; a checkpoint costs a fraction of a second, an evaluation some seconds.
 CHECKPOINT_EVERY, EVALUATE_EVERY = 60.0, 60.0  # [s]
@@ -45,7 +45,9 @@ def settings(env_id: str, algo: str) -> dict[str, Any]:
 class _Clock:
     """Ends training by the clock or by steps, writes checkpoints, and keeps the best policy by validation."""
 
-    def __init__(self, run: "Training", minutes: float | None, steps: int | None, notify: Callable[[float, str], None]) -> None:
+    def __init__(
+        self, run: "Training", minutes: float | None, steps: int | None, notify: Callable[[float, str], None]
+    ) -> None:
         self._run, self._minutes, self._steps, self._notify = run, minutes, steps, notify
         self._begun = time.monotonic()
         self._saved = self._begun
@@ -94,7 +96,9 @@ class Training:
         A directory that holds another run and is not resumed, or none to resume.
     """
 
-    def __init__(self, env_id: str, algo: str, out: Path, *, seed: int = 0, resume: bool = False, friction: Friction) -> None:
+    def __init__(
+        self, env_id: str, algo: str, out: Path, *, seed: int = 0, resume: bool = False, friction: Friction
+    ) -> None:
         self.settings = settings(env_id, algo)
         self.env_id, self.algo, self.out, self.seed, self.friction = env_id, algo, out, seed, friction
         self.seconds, self.best = 0.0, -np.inf
@@ -113,7 +117,12 @@ class Training:
         out.mkdir(parents=True, exist_ok=True)
         write_json(out / "settings.json", {"env": env_id, "algo": algo, "seed": self.seed, **self.settings})
 
-    def run(self, minutes: float | None = None, steps: int | None = None, notify: Callable[[float, str], None] = lambda *_: None) -> None:
+    def run(
+        self,
+        minutes: float | None = None,
+        steps: int | None = None,
+        notify: Callable[[float, str], None] = lambda *_: None,
+    ) -> None:
         """Train for a time, or for a number of steps, which another machine repeats.
 
         Whatever ends it early leaves a checkpoint.
@@ -165,7 +174,7 @@ class Training:
         self.validate(model, clock.elapsed)
 
     def _about(self, model: Any) -> dict[str, Any]:
-        scaling = self._env.obs_rms
+        scaling: Any = self._env.obs_rms
         return {
             "env": self.env_id,
             "algorithm": self.algo,
@@ -204,7 +213,12 @@ class Training:
             **self.settings["environment"],
         )
         reward = float(found.reward.mean())
-        row = {"seconds": round(seconds, 1), "steps": model.num_timesteps, "reward": reward, "cost": float(found.cost.mean())}
+        row = {
+            "seconds": round(seconds, 1),
+            "steps": model.num_timesteps,
+            "reward": reward,
+            "cost": float(found.cost.mean()),
+        }
         row |= {name: float(values.mean()) for name, values in found.metrics.items()}
         path = self.out / "learning.csv"
         new = not path.exists()

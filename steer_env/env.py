@@ -46,7 +46,7 @@ class SteerEnv(gym.Env):
         Draws the car on its road from above, the handwheel and the live torque-angle loop; "human" in a window that
         keeps pace with the simulated time. Needs the extra ``render``.
 
-    Any other keyword is an error. ``reset(options=...)`` fixes what would be drawn: a key of ``RANGES``, or of the task.
+    Any other keyword is an error. ``reset(options=...)`` fixes what would be drawn: keys of ``RANGES`` and the task's.
     ``info`` holds every plant channel under its name in SI, ``reward_terms``, ``cost`` and ``cost_terms``, and at an
     episode's end ``metrics``. A state that turns non-finite ends the episode with a reward of -100;
     ``info["non_finite_state"]`` names it. So does a car that rolls over; ``info["rolled_over"]`` is then True.
@@ -129,7 +129,8 @@ class SteerEnv(gym.Env):
         if lanes.over[0]:
             raise RuntimeError("the episode is over or has not begun: call reset")
         lanes.step(action, (self.np_random,))
-        *_, reward, cost, terminated, truncated, _ = lanes.book.item()
+        book: Any = lanes.book.item()
+        *_, reward, cost, terminated, truncated, _ = book
         info = self._channels()
         terms = lanes.weighted[0].tolist()
         info["reward_terms"] = dict(zip(self._reward_names, terms))

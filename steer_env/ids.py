@@ -1,6 +1,7 @@
 """The registered environments: a class for each task, single and vector, with its documentation drawn from the task."""
 
 import textwrap
+from collections.abc import Sequence
 
 import gymnasium as gym
 
@@ -13,7 +14,7 @@ from steer_env.vector import SteerVectorEnv
 VERSION = "v0"
 
 
-def _table(head: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:
+def _table(head: tuple[str, ...], rows: Sequence[tuple[str, ...]]) -> str:
     lines = [head, ("---",) * len(head), *rows]
     return "\n".join(f"| {' | '.join(line)} |" for line in lines)
 
@@ -52,7 +53,7 @@ def _documentation(task: Task) -> str:
         ),
         "## Arguments",
         f"As `steer_env.SteerEnv`. Defaults: {3.6 * task.speed:g} km/h, chassis {task.chassis[0]!r}.",
-        '`reset(options={...})` fixes what would be drawn:',
+        "`reset(options={...})` fixes what would be drawn:",
         _table(("option", "meaning"), options),
         "## Version history\n\nv0: first version.",
     ]

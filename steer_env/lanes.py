@@ -12,6 +12,7 @@ import math
 import os
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -142,7 +143,22 @@ def _judge(
 
 @kernel
 def _conclude(
-    book, terms, weights, split, weighted, finite, step, channels, observed, situations, noise, bound, ring, out, low, high
+    book,
+    terms,
+    weights,
+    split,
+    weighted,
+    finite,
+    step,
+    channels,
+    observed,
+    situations,
+    noise,
+    bound,
+    ring,
+    out,
+    low,
+    high,
 ):
     """Reward and cost, whether it is over, and the observation: with noise, as old as the delay, clipped to the bounds.
 
@@ -180,7 +196,7 @@ class _Pool:
 
     def __init__(self, n: int, threads: int) -> None:
         edges = np.linspace(0, n, min(threads, n) + 1).round().astype(int).tolist()
-        self._slices = list(zip(edges[:-1], edges[1:]))
+        self._slices = list(pairwise(edges))
         self._executor: ThreadPoolExecutor | None = None
         self._process = 0
 
@@ -280,12 +296,18 @@ class Lanes:
         self._observed = np.array([plant.CHANNEL[name] for name in task.channels])
         self._columns = np.array(task.scripted, np.int64)
         self._kinds = np.array([figure.kind for figure in task.figures])
-        self._weights = np.array([weights_of[term.name] for term in task.rewards] + [term.weight for term in task.costs])
+        self._weights = np.array(
+            [weights_of[term.name] for term in task.rewards] + [term.weight for term in task.costs]
+        )
         self._split = len(task.rewards)
         self._terms, self.weighted = np.zeros((n, len(terms))), np.zeros((n, len(terms)))
         self.situation, self._memory = np.zeros((n, len(task.situation))), np.zeros((n, task.memory))
         self._figures = np.zeros((n, 2, len(task.figures)))
-        self._nodes, self._paths, self._values = np.zeros((n, 2, len(task.scripted))), np.zeros((n, 0, 4)), np.zeros((n, 0))
+        self._nodes, self._paths, self._values = (
+            np.zeros((n, 2, len(task.scripted))),
+            np.zeros((n, 0, 4)),
+            np.zeros((n, 0)),
+        )
         self._actions = np.zeros(n, np.float32)
         self._noise, self._noise_factor, self._noisy = np.zeros((n, o)), np.zeros(n), False
         self._noise_size = np.array([SENSOR_NOISE.get(quantity.name, 0.0) for quantity in self.observed])
@@ -369,7 +391,9 @@ class Lanes:
         task = self.task
         for key in options:
             if key not in RANGES and key not in task.options:
-                raise ValueError(f"unknown reset option {key!r}; {task.name} takes: {', '.join([*task.options, *RANGES])}")
+                raise ValueError(
+                    f"unknown reset option {key!r}; {task.name} takes: {', '.join([*task.options, *RANGES])}"
+                )
         drawn = self._randomise.draw(rng, {key: value for key, value in options.items() if key in RANGES})
         own = {key: task.checked(key, value) for key, value in options.items() if key in task.options}
         case = task.start(rng, Setting(self.car, drawn.speed), own)
@@ -435,7 +459,7 @@ class Lanes:
         self._actions[:] = actions
         if self._noisy:
             self._steps += 1
-            for i in np.flatnonzero(~self.over):
+            for i in np.flatnonzero(~self.over).tolist():
                 self._draw_noise(i, generators[i])
         self._pool.run(self._work)
 

@@ -36,7 +36,9 @@ class SteerVecEnv(VecEnv):
         options = self._options[0] if self._options else {}
         if any(other != options for other in self._options):
             raise ValueError("the lanes of a vector environment share their reset options")
-        observations, _ = self.vector.reset(seed=self._seeds if any(s is not None for s in self._seeds) else None, options=options)
+        observations, _ = self.vector.reset(
+            seed=self._seeds if any(s is not None for s in self._seeds) else None, options=options
+        )
         self.reset_infos = [{} for _ in range(self.num_envs)]
         self._reset_seeds()
         self._reset_options()

@@ -61,7 +61,9 @@ class SteerVectorEnv(VectorEnv):
         if threads is not None and (not isinstance(threads, int) or threads < 1):
             raise ValueError(f"threads must be a whole number of at least 1, got {threads!r}")
         if render_mode is not None:
-            raise ValueError(f"a vector environment draws nothing; render a single one, got render_mode={render_mode!r}")
+            raise ValueError(
+                f"a vector environment draws nothing; render a single one, got render_mode={render_mode!r}"
+            )
         self.num_envs = num_envs
         self.autoreset_mode = AutoresetMode(autoreset_mode)
         self.metadata = {**self.metadata, "autoreset_mode": self.autoreset_mode}
@@ -97,12 +99,14 @@ class SteerVectorEnv(VectorEnv):
         mask = chosen.pop("reset_mask", self._all)
         if not isinstance(mask, np.ndarray) or mask.shape != (n,) or mask.dtype != np.bool_ or not mask.any():
             raise ValueError(f"reset_mask must be a boolean array ({n},) with at least one True, got {mask!r}")
-        seeds = [None if seed is None else seed + i for i in range(n)] if seed is None or isinstance(seed, int) else seed
+        seeds = (
+            [None if seed is None else seed + i for i in range(n)] if seed is None or isinstance(seed, int) else seed
+        )
         if len(seeds) != n:
             raise ValueError(f"seed must be a number or {n} of them, got {len(seeds)}")
         if not self._generators:
             self._generators = [gym.utils.seeding.np_random()[0] for _ in range(n)] if None in seeds else [None] * n  # type: ignore[list-item]
-        for i in np.flatnonzero(mask):
+        for i in np.flatnonzero(mask).tolist():
             if seeds[i] is not None:
                 self._generators[i] = gym.utils.seeding.np_random(seeds[i])[0]
             self.lanes.start(i, self._generators[i], chosen)
@@ -130,7 +134,7 @@ class SteerVectorEnv(VectorEnv):
         lanes.step(actions[:, 0], self._generators)
         book = lanes.book
         rewards, costs, terminated, truncated = (book[key].copy() for key in ("reward", "cost", "ended", "truncated"))
-        for i in np.flatnonzero(stale):
+        for i in np.flatnonzero(stale).tolist():
             lanes.start(i, self._generators[i], {})
             rewards[i] = costs[i] = 0.0
             terminated[i] = truncated[i] = False
@@ -140,7 +144,7 @@ class SteerVectorEnv(VectorEnv):
         if done.any():
             lanes.over[done] = True
             ends: dict[str, Any] = {}
-            for i in np.flatnonzero(done):
+            for i in np.flatnonzero(done).tolist():
                 self._add_info(ends, {"metrics": lanes.figures(i), **lanes.failure(i)}, i)
             if mode == AutoresetMode.SAME_STEP:
                 channels = {key: value for key, value in info.items() if not key.startswith("_")}
@@ -148,7 +152,7 @@ class SteerVectorEnv(VectorEnv):
                 final |= {f"_{key}": done for key in channels}
                 info["final_info"], info["_final_info"] = final, done
                 observations = np.full(self.num_envs, None, object)
-                for i in np.flatnonzero(done):
+                for i in np.flatnonzero(done).tolist():
                     observations[i] = lanes.observation[i].copy()
                     lanes.start(i, self._generators[i], {})
                 info["final_obs"], info["_final_obs"] = observations, done

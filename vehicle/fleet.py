@@ -41,8 +41,13 @@ def _parts(name: str, value: Any) -> list[tuple[str, Array]]:
     if isinstance(value, SHARED):
         return []
     if isinstance(value, tuple):
-        return [part for key in value._fields for part in _parts(f"{name}.{key}" if name else key, getattr(value, key))]
-    return [(name, np.ascontiguousarray(value).view(np.float64).ravel() if np.ndim(value) else np.array([float(value)]))]
+        fields: Any = value
+        return [
+            part for key in fields._fields for part in _parts(f"{name}.{key}" if name else key, getattr(value, key))
+        ]
+    return [
+        (name, np.ascontiguousarray(value).view(np.float64).ravel() if np.ndim(value) else np.array([float(value)]))
+    ]
 
 
 def lane(template, rows, i):
@@ -79,8 +84,8 @@ def _lane(context, template, rows, i):
         if isinstance(kind, types.BaseTuple):
             if getattr(kind, "instance_class", None) in SHARED:
                 return value, at
-            members = []
-            for k, member in enumerate(kind):
+            members: list[Any] = []
+            for k, member in enumerate(kind):  # type: ignore[arg-type,var-annotated]  # numba declares no members
                 filled, at = fill(context, builder, member, builder.extract_value(value, k), at)
                 members.append(filled)
             return context.make_tuple(builder, kind, members), at
@@ -99,7 +104,7 @@ if COMPILED:
 
     @overload(lane, strict=False)
     def _chosen(template, rows, i):
-        return lambda template, rows, i: _lane(template, rows, i)
+        return lambda template, rows, i: _lane(template, rows, i)  # type: ignore[call-arg]  # numba gives the context
 
 
 @kernel

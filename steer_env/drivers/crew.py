@@ -3,14 +3,12 @@
 from collections.abc import Callable
 from typing import Any
 
-import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
 from friction.kernel import bind, kernel
-from steer_env.drivers.definition import INTENT, MEMORY, Arm, Driver, execution, gains_of, intend, late_error, resolve
-from steer_env.tasks.common import SIGHT
-from steer_env.tasks.definition import DRIVING, NODE, PER_NODE
+from steer_env.drivers.definition import MEMORY, Arm, Driver, execution, gains_of, intend, late_error, resolve
+from steer_env.tasks.definition import NODE, PER_NODE
 from vehicle.cars import Car
 from vehicle.plant import CHANNEL, Plant
 
@@ -66,7 +64,7 @@ class Crew:
         self._bound: Callable[..., None] | None = None
 
     def start(self, i: int, speed: float) -> None:
-        """A new episode in lane ``i`` at a speed [m/s], to the nearest metre a second of which the driver knows the car."""
+        """A new episode in lane ``i`` at a speed [m/s]; the driver knows the car to the nearest metre a second."""
         arm, known = self.driver.arm, max(round(speed), 3.0)
         if known not in self._known:
             held = self._stiffness(known) if arm.stiffness > 0.0 else 0.0
@@ -81,8 +79,8 @@ class Crew:
     def hold(self, channels: Array, situations: Array, book: Any, nodes: Array, low: int, high: int) -> None:
         """As persons: write the hand torque of the coming node into the first column of the lanes' nodes."""
         arguments = (
-            self.driver.eyes, self._gains, self._executed, self.driver.arm.reflex, self._feed, channels, situations, book,
-            nodes, self._memory, low, high,
+            self.driver.eyes, self._gains, self._executed, self.driver.arm.reflex, self._feed, channels, situations,
+            book, nodes, self._memory, low, high,
         )  # fmt: skip
         if self._bound is None:
             self._bound = bind(_hold, *arguments)
@@ -91,10 +89,10 @@ class Crew:
     def torque(self, seen: Array, places: NDArray[np.int64]) -> Array:
         """As controllers: hand torque (n,) [N m] from observations (n, O)."""
         out, arm = np.zeros(len(seen)), self.driver.arm
+        held = np.array([arm.stiffness, arm.damping])
         _act(
-            self.driver.eyes, self._gains, self._executed, arm.reflex, self._feed, np.array([arm.stiffness, arm.damping]),
-            seen, places, self._memory, out,
-        )  # fmt: skip
+            self.driver.eyes, self._gains, self._executed, arm.reflex, self._feed, held, seen, places, self._memory, out
+        )
         return out
 
 
@@ -124,9 +122,13 @@ class Controller:
         task, names = lanes.task, [quantity.name for quantity in lanes.observed]
         needed = ("handwheel_angle", "handwheel_speed", "lateral_speed", "yaw_rate", "lateral_offset")
         if any(name not in names for name in needed) or task.person:
-            raise ValueError(f"no driver model can act in {task.name}: it needs a path to see and the hand torque to give")
+            raise ValueError(
+                f"no driver model can act in {task.name}: it needs a path to see and the hand torque to give"
+            )
         if lanes.control_dt != NODE:
-            raise ValueError(f"driver models act every 10 ms; make the environment with control_dt=0.01, not {lanes.control_dt}")
+            raise ValueError(
+                f"driver models act every 10 ms; make the environment with control_dt=0.01, not {lanes.control_dt}"
+            )
         self._places = np.array([names.index(name) for name in needed])
         self._speed = names.index("speed")
         self._scale = task.action.scale
@@ -140,7 +142,7 @@ class Controller:
     def act(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
         """Action (1,) for an observation (O,), or (L, 1) for (L, O)."""
         seen = np.atleast_2d(observation).astype(float)
-        for i in np.flatnonzero(self._fresh):
+        for i in np.flatnonzero(self._fresh).tolist():
             self._crew.start(i, seen[i, self._speed])
         self._fresh[:] = False
         action = np.clip(self._crew.torque(seen, self._places) / self._scale, -1.0, 1.0).astype(np.float32)

@@ -8,7 +8,7 @@ a handwheel angle. The command waits for ``delay``, muscles lag behind it, and w
 The arms hold the handwheel by their impedance to the intended angle, with the torque that this angle is known to take,
 and a reflex on the error that is ``REFLEX_DELAY`` old:
 
-    T_hand = K_arm (angle - th1) + C_arm (angle' - th1') - I_arm th1'' + K_steer angle + K_reflex (angle - th1)(t - delay)
+    T1 = K_arm (angle - th1) + C_arm (angle' - th1') - I_arm th1'' + K_steer angle + K_reflex (angle - th1)(t - delay)
 
 A model is one file: parameters (their class selects the kernel), a function that gives the gains for a car at a speed,
 and the kernel from what is seen to the command. Sources: structure and ranges of arms after Pick, Cole, Dynamic

@@ -22,7 +22,9 @@ from vehicle.chassis import ASSIST_REQUEST, HAND
 Array = NDArray[np.float64]
 
 PER_NODE = 10  # samples of 1 ms
-NODE = PER_NODE * SAMPLE_TIME  # a case's inputs are given at this spacing, persons act at it, and every step is judged at it [s]
+NODE = (
+    PER_NODE * SAMPLE_TIME
+)  # a case's inputs are given at this spacing, persons act at it, and every step is judged at it [s]
 
 
 class Quantity(NamedTuple):
@@ -65,7 +67,9 @@ class Action(NamedTuple):
 
 
 HAND_TORQUE = Action("hand torque, left positive", "N m", 10.0, HAND)
-ASSIST_TORQUE = Action("assist torque at the column, left positive, on top of the boost curve's", "N m", 5.0, ASSIST_REQUEST)
+ASSIST_TORQUE = Action(
+    "assist torque at the column, left positive, on top of the boost curve's", "N m", 5.0, ASSIST_REQUEST
+)
 
 
 class Now(NamedTuple):
@@ -154,7 +158,9 @@ class Task:
         """Every observation in its place."""
         return (*(CHANNELS[name] for name in self.channels), SPEED, *self.situation)
 
-    def chosen(self, rng: np.random.Generator, options: Mapping[str, float], name: str, low: float, high: float) -> float:
+    def chosen(
+        self, rng: np.random.Generator, options: Mapping[str, float], name: str, low: float, high: float
+    ) -> float:
         """An option of the case: drawn evenly from its usual range, or as ``reset`` fixed it."""
         drawn = float(rng.uniform(low, high))  # drawn either way: the same stream of numbers
         return drawn if name not in options else self.checked(name, options[name])

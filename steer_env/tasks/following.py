@@ -1,15 +1,17 @@
 """Kernels of every task that follows a path: what is seen of it, and what leaving it costs."""
 
 import math
-from typing import NamedTuple
 
 from friction.kernel import kernel
 from steer_env import path as paths
-from steer_env.tasks.common import COSTS, FIGURES, MEMORY, judge_common
+from steer_env.tasks.common import FIGURES, MEMORY, judge_common
 from steer_env.tasks.definition import PEAK, RMS, Figure, Term
 from vehicle.plant import CHANNEL
 
-OFFSET_SCALE, HEADING_SCALE = 0.5, 0.1  # of an offset [m] and a heading error [rad] that cost as much as driving on earns
+OFFSET_SCALE, HEADING_SCALE = (
+    0.5,
+    0.1,
+)  # of an offset [m] and a heading error [rad] that cost as much as driving on earns
 RATE_SCALE = 10.0  # of the action [1/s]
 
 FOLLOWING_REWARDS = (

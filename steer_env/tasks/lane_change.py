@@ -175,13 +175,13 @@ _SHARED: dict[str, Any] = {
     "costs": _COSTS,
     "figures": _FIGURES,
     "begins": (
-        f"{APPROACH:g} m before the first cone at the held speed, up to 0.2 m beside the middle and 0.01 rad askew; the side "
-        "lane lies to the left or to the right. All of it is drawn. The course fits the car's width; the path is the "
-        "smoothest that leaves half of each lane's clearance."
+        f"{APPROACH:g} m before the first cone at the held speed, up to 0.2 m beside the middle, 0.01 rad askew; the "
+        "side lane lies to the left or to the right. All of it is drawn. The course fits the car's width; the path is "
+        "the smoothest that leaves half of each lane's clearance."
     ),
     "ends": (
-        f"Terminates {RUN_OUT:g} m behind the last cone, or {LEFT_COURSE:g} m from the path or across it; truncates after "
-        f"{SLACK:g} times the time for the course."
+        f"Terminates {RUN_OUT:g} m behind the last cone, or {LEFT_COURSE:g} m from the path or across it; truncates "
+        f"after {SLACK:g} times the time for the course."
     ),
     "options": _OPTIONS,
     "memory": FOLLOWING_MEMORY + CONES,

@@ -96,11 +96,14 @@ _OPTIONS = {
 }
 _DEPARTURE = Term("departure", -10.0, "1", "leaving the lane")
 _BEGINS = (
-    "Straight ahead in the middle of the lane at the held speed. The road (curvatures up to {:g} m/s2 at that speed), the "
-    f"crosswind ({WIND:g} N, {WIND_CORRELATION:g} s) and the rack force of the surface ({ROAD:g} N, "
+    "Straight ahead in the middle of the lane at the held speed. The road (curvatures up to {:g} m/s2 at that speed), "
+    f"the crosswind ({WIND:g} N, {WIND_CORRELATION:g} s) and the rack force of the surface ({ROAD:g} N, "
     f"{1e3 * ROAD_CORRELATION:g} ms) are drawn."
 )
-_ENDS = f"Terminates when the car leaves its lane ({LANE_HALF_WIDTH:g} m) or points across it; truncates after {DURATION:g} s."
+_ENDS = (
+    f"Terminates when the car leaves its lane ({LANE_HALF_WIDTH:g} m) or points across it; "
+    f"truncates after {DURATION:g} s."
+)
 
 
 @kernel
@@ -129,8 +132,18 @@ def _judge_assist(rules, row, situation, values, now, memory, rewards, costs, fi
 
 
 for _name, _summary, _peak, _speed in (
-    ("DriverLaneKeeping", "Keep a car in its lane on a motorway by hand torque, in crosswind and on a rough surface.", 1.0, 100.0),
-    ("DriverWindingRoad", "Drive along a winding country road by hand torque, in crosswind and on a rough surface.", 4.0, 70.0),
+    (
+        "DriverLaneKeeping",
+        "Keep a car in its lane on a motorway by hand torque, in crosswind and on a rough surface.",
+        1.0,
+        100.0,
+    ),
+    (
+        "DriverWindingRoad",
+        "Drive along a winding country road by hand torque, in crosswind and on a rough surface.",
+        4.0,
+        70.0,
+    ),
 ):
     register(
         Task(

@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from friction.kernel import kernel
 from steer_env import manoeuvres
@@ -59,7 +60,7 @@ def lock(setting: Setting) -> float:
 
 def _targets(rng: np.random.Generator, setting: Setting, options: Mapping[str, float]) -> Case:
     """Smooth moves between angles drawn from nine tenths of lock to lock, each as fast as the fastest or slower."""
-    t = NODE * np.arange(round(DURATION / NODE) + 1)
+    t: NDArray[np.float64] = NODE * np.arange(round(DURATION / NODE) + 1.0)
     end = 0.9 * lock(setting)
     angle, each, last = np.zeros(t.size), DURATION / MOVES, 0.0
     for k in range(MOVES):
@@ -150,11 +151,15 @@ ASSIST = register(
         name="AssistParking",
         summary="Give parking an even, light hand torque by assist torque; a robot turns from lock to lock.",
         rules=Robot(WANTED),
-        action=Action("assist torque at the column, left positive, on top of the boost curve's", "N m", 20.0, ASSIST_REQUEST),
+        action=Action(
+            "assist torque at the column, left positive, on top of the boost curve's", "N m", 20.0, ASSIST_REQUEST
+        ),
         channels=ASSISTING,
         situation=(),
         rewards=(
-            Term("feel", -1.0, "(N m)2 s", f"squared difference of the hand torque from {WANTED:g} N m the way it turns"),
+            Term(
+                "feel", -1.0, "(N m)2 s", f"squared difference of the hand torque from {WANTED:g} N m the way it turns"
+            ),
             *_ACTION_TERMS,
         ),
         costs=COSTS,

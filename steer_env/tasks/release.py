@@ -10,7 +10,18 @@ from steer_env import manoeuvres
 from steer_env.manoeuvres.release import FREE, HELD, RISE
 from steer_env.tasks import scripted
 from steer_env.tasks.common import COSTS, FIGURES, MEMORY, judge_common
-from steer_env.tasks.definition import ASSIST_TORQUE, ASSISTING, RMS, Case, Figure, Quantity, Setting, Task, Term, register
+from steer_env.tasks.definition import (
+    ASSIST_TORQUE,
+    ASSISTING,
+    RMS,
+    Case,
+    Figure,
+    Quantity,
+    Setting,
+    Task,
+    Term,
+    register,
+)
 from steer_env.tasks.feel import RATE_SCALE
 from vehicle.plant import CHANNEL
 

@@ -12,5 +12,5 @@ HANDS = (HAND, HAND_SPEED)
 
 def nodes(manoeuvre: Manoeuvre, amplitude: float, duration: float) -> NDArray[np.float64]:
     """Handwheel angle [rad] and speed [rad/s] (N + 1, 2) at the nodes."""
-    t = NODE * np.arange(round(duration / NODE) + 1)
+    t: NDArray[np.float64] = NODE * np.arange(round(duration / NODE) + 1.0)
     return np.column_stack(manoeuvre.hand(t, amplitude))

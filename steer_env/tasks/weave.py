@@ -51,8 +51,8 @@ TASK = register(
         figures=(*FIGURES, FEEL_FIGURE),
         start=_start,
         begins=(
-            "Straight ahead at the held speed; the 0.2 Hz weave grows over its first cycle. Its amplitude is drawn from 80 to "
-            "120 % of 15 deg, which is 2 m/s2 for the default car at 100 km/h, whatever the speed is."
+            "Straight ahead at the held speed; the 0.2 Hz weave grows over its first cycle. Its amplitude is drawn "
+            "from 80 to 120 % of 15 deg, which is 2 m/s2 for the default car at 100 km/h, whatever the speed is."
         ),
         ends=f"Truncates after {DURATION:g} s.",
         speed=100.0 / 3.6,

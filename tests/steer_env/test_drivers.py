@@ -143,9 +143,7 @@ def test_macadam_is_the_least_squares_angle():
     unit, free = ways(1.0, (0.0, 0.0)), ways(0.0, (v_y, r))
     wanted = np.linalg.lstsq(unit[:, None], lateral[1 : 1 + times.size] - free, rcond=None)[0][0]
     driver = drivers.make("macadam")
-    found = command(
-        driver.eyes, gains_of(driver, CAR, SPEED), sight_of(lateral), v_y, r, np.zeros(INTENT), np.zeros(1)
-    )
+    found = command(driver.eyes, gains_of(driver, CAR, SPEED), sight_of(lateral), v_y, r, np.zeros(INTENT), np.zeros(1))
     assert found == pytest.approx(wanted, rel=1e-7)
 
 
@@ -155,9 +153,7 @@ def test_two_points_ask_for_the_cars_own_angle_in_a_steady_turn():
     ahead = SPEED * np.array([0.0, *PREVIEW])
     driver = drivers.make("two_point")
     gains = gains_of(driver, CAR, SPEED)
-    asked = command(
-        driver.eyes, gains, sight_of(0.5 * curvature * ahead**2), 0.0, 0.0, np.zeros(INTENT), np.zeros(1)
-    )
+    asked = command(driver.eyes, gains, sight_of(0.5 * curvature * ahead**2), 0.0, 0.0, np.zeros(INTENT), np.zeros(1))
     turning = -np.linalg.solve(*(lambda s: (s.A, s.B))(linear.from_car(CAR, SPEED).state_space("handwheel")))[1, 0]
     integral = gains[2] * 0.01 * 0.5 * curvature * 8.0  # of the first sample
     # Between the points seen the near point's parabola is a chord.
@@ -188,7 +184,10 @@ def test_a_command_takes_its_time():
         (lambda: gym.make("steer_env/AssistLaneKeeping-v0", driver=3), "driver must be one of free, .*got 3"),
         (lambda: gym.make("steer_env/AssistWeave-v0", driver="preview"), "AssistWeave has no driver model in its loop"),
         (lambda: drivers.Controller(gym.make("steer_env/AssistWeave-v0")), "no driver model can act in AssistWeave"),
-        (lambda: drivers.Controller(gym.make("steer_env/DriverParking-v0")), "no driver model can act in DriverParking"),
+        (
+            lambda: drivers.Controller(gym.make("steer_env/DriverParking-v0")),
+            "no driver model can act in DriverParking",
+        ),
         (
             lambda: drivers.Controller(gym.make("steer_env/DriverLaneKeeping-v0", control_dt=0.02)),
             "act every 10 ms; make the environment with control_dt=0.01, not 0.02",

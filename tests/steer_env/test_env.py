@@ -166,7 +166,10 @@ def test_reset_options_fix_the_case():
         ({"driver": "nobody"}, r"driver"),
         ({"weights": {"feell": 1.0}}, r"no reward term 'feell'; there are"),
         ({"randomise": {"wind": (0, 1)}}, r"randomise has no 'wind'; it takes: load, .*, friction"),
-        ({"randomise": {"load": (200, 100)}}, r"randomise\['load'\] must be \(low, high\) with low <= high, got \(200, 100\)"),
+        (
+            {"randomise": {"load": (200, 100)}},
+            r"randomise\['load'\] must be \(low, high\) with low <= high, got \(200, 100\)",
+        ),
         ({"randomise": {"load": 3}}, r"randomise\['load'\] must be \(low, high\), got 3"),
         ({"randomise": {"load": (0, 9000)}}, r"randomise\['load'\] must be .*at most 500, got 9000"),
         ({"randomise": {"friction": {"F_x": (1, 2)}}}, r"'lugre' has no parameter 'F_x'"),

@@ -214,9 +214,7 @@ def test_a_driver_follows_a_gentle_path():
     """A sine of 1 m over 150 m at 80 km/h, 0.9 m/s2 at its crests, to 3 cm after the first 3 s."""
     x = np.arange(-100.0, 600.0)
     path = np.column_stack([x, np.sin(2.0 * np.pi * np.clip(x, 0.0, 525.0) / 150.0)])
-    test = replace(
-        manoeuvres.make("double-lane-change"), driver=lambda car, p: lq.preview(car, p, path), ends_at=450.0
-    )
+    test = replace(manoeuvres.make("double-lane-change"), driver=lambda car, p: lq.preview(car, p, path), ends_at=450.0)
     recording = manoeuvres.drive(CAR, test, "lugre")
     late = recording.time > 3.0
     assert recording["y"][late] == pytest.approx(np.interp(recording["x"][late], *path.T), abs=0.03)
