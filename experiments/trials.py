@@ -28,17 +28,17 @@ class Controller(Protocol):
 class Trials(NamedTuple):
     """Episodes of one controller, each array (N,) in the order of the seeds."""
 
-    reward: Array
-    cost: Array
-    metrics: dict[str, Array]
+    reward: Array  # sum over the episode
+    cost: Array  # sum over the episode
+    metrics: dict[str, Array]  # of the task, at the end
 
 
 class Estimate(NamedTuple):
     """A figure with its 95 % interval."""
 
-    value: float
-    low: float
-    high: float
+    value: float  # [the figure's unit]
+    low: float  # [the figure's unit]
+    high: float  # [the figure's unit]
 
 
 def collect(

@@ -37,12 +37,12 @@ SENSOR_NOISE = {
 class Conditions(NamedTuple):
     """Of one episode."""
 
-    load: float
-    road_friction: float
-    friction_level: float
-    speed: float
-    sensor_noise: float
-    delay: float
+    load: float  # [kg]
+    road_friction: float  # [1]
+    friction_level: float  # [1]
+    speed: float  # [m/s]
+    sensor_noise: float  # [1]
+    delay: float  # [s]
     friction: Any  # the law's parameters
 
 

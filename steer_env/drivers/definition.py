@@ -100,7 +100,7 @@ class Eyes(NamedTuple):
     """A registered model of seeing; :func:`register` tells the meaning of the fields."""
 
     parameters: type
-    gains: Callable[[Any, Car, float], Array]
+    gains: Callable[[Any, Car, float], Array]  # parameters, car, speed -> (G,)
     command: Callable
 
 

@@ -40,7 +40,7 @@ class Term(NamedTuple):
     """A term of the reward or of the cost: weight times a quantity that ``judge`` gives, integrated over the step."""
 
     name: str
-    weight: float
+    weight: float  # [1/unit of the quantity]
     unit: str  # of the quantity
     meaning: str
 
