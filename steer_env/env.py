@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from friction import resolve
+from friction.bounds import within
 from friction.check import number
 from friction.kernel import bind, kernel
 from steer_env.tasks import Task
@@ -28,7 +29,7 @@ def _observe(row, observed, situation, bound, out):
     n = observed.size
     for i in range(out.size):
         value = row[observed[i]] if i < n else situation[i - n]
-        out[i] = min(max(value, -bound[i]), bound[i])
+        out[i] = within(value, -bound[i], bound[i])
 
 
 class SteerEnv(gym.Env):
