@@ -1,15 +1,14 @@
 """What steps cost: of an environment beside CartPole-v1, of the plant beside its friction law alone, and the first one.
 
-python -m experiments.step_time
+``python -m experiments.marks time`` prints them.
 """
 
 import math
 import os
 import subprocess
 import sys
-import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -24,38 +23,48 @@ from vehicle import cars, plant
 from vehicle.assist import SAMPLE_TIME
 
 FIRST_STEP = (
-    "import time; t = time.perf_counter(); import gymnasium, steer_env; "
+    "import time, gymnasium, steer_env; "
     "e = gymnasium.make({name!r}, chassis={chassis!r}); e.reset(seed=0); e.step(e.action_space.sample()); "
-    "print(time.perf_counter() - t)"
+    "print(time.process_time())"
 )
 
 
-def step_time(env: gym.Env, action: object, steps: int = 2000, repeats: int = 5) -> float:
-    """Seconds per ``step``, the best of several repeats; resets are not counted."""
-    best = float("inf")
-    for _ in range(repeats):
-        env.reset(seed=0)
-        spent = 0.0
-        start = time.perf_counter()
-        for _ in range(steps):
-            _, _, terminated, truncated, _ = env.step(action)
-            if terminated or truncated:
-                spent += time.perf_counter() - start
-                env.reset()
-                start = time.perf_counter()
-        best = min(best, (spent + time.perf_counter() - start) / steps)
-    return best
+def _best(runs: Mapping[str, Callable[[], float]], repeats: int) -> dict[str, float]:
+    """The least of what each run returns, over repeats in turn.
+
+    Many short ones: where other programs run too, some repeat of each meets the machine undisturbed.
+    """
+    times = [{name: run() for name, run in runs.items()} for _ in range(repeats)]
+    return {name: min(each[name] for each in times) for name in runs}
 
 
-def ratios(steps: int = 2000, repeats: int = 5) -> dict[str, float]:
-    """Step time of each environment at its defaults over that of CartPole-v1, measured in turn in this process."""
-    reference = step_time(gym.make("CartPole-v1"), 1, steps, repeats)
-    action = np.array([0.02], np.float32)
-    return {name: step_time(gym.make(name), action, steps, repeats) / reference for name in REGISTERED}
+def _step_time(env: gym.Env, action: object, steps: int) -> float:
+    """Seconds per ``step``; resets are not counted."""
+    env.reset(seed=0)
+    spent = 0.0
+    start = time.perf_counter()
+    for _ in range(steps):
+        _, _, terminated, truncated, _ = env.step(action)
+        if terminated or truncated:
+            spent += time.perf_counter() - start
+            env.reset()
+            start = time.perf_counter()
+    return (spent + time.perf_counter() - start) / steps
+
+
+def ratios(steps: int = 200, repeats: int = 200) -> dict[str, float]:
+    """Step time of each environment at its defaults over that of CartPole-v1, in this process."""
+    actions = {"CartPole-v1": 1, **dict.fromkeys(REGISTERED, np.array([0.02], np.float32))}
+    runs = {name: partial(_step_time, gym.make(name), action, steps) for name, action in actions.items()}
+    times = _best(runs, repeats)
+    return {name: times[name] / times["CartPole-v1"] for name in REGISTERED}
 
 
 def first_step(name: str, cache: str, chassis: str = "single_track") -> float:
-    """Seconds from the start of the imports to the end of the first step in a new process with this cache folder."""
+    """Processor time of a new process with this cache folder to the end of its first step, imports and all [s].
+
+    That is what a clock shows where nothing else runs: all of it is one thread's work.
+    """
     environment = {**os.environ, "NUMBA_CACHE_DIR": cache}
     command = [sys.executable, "-c", FIRST_STEP.format(name=name, chassis=chassis)]
     return float(subprocess.run(command, env=environment, check=True, capture_output=True, text=True).stdout)
@@ -69,10 +78,10 @@ def _friction_alone(p, memory, w, steps):
     return w
 
 
-def substeps(friction: str = "lugre", n: int = 20_000, repeats: int = 7) -> dict[str, float]:
-    """Seconds per 1 ms step of the friction law alone and of the whole plant on each chassis, in turn in this process.
+def substeps(friction: str = "lugre", n: int = 2000, repeats: int = 100) -> dict[str, float]:
+    """Seconds per 1 ms step of the friction law alone and of the whole plant on each chassis, in this process.
 
-    The best of several repeats; the plants weave at 100 km/h on one core.
+    The plants weave at 100 km/h on one core.
     """
     p = make(friction)
     memory = np.zeros(law.law_of(p).memory_size(p))
@@ -83,27 +92,10 @@ def substeps(friction: str = "lugre", n: int = 20_000, repeats: int = 7) -> dict
         whole = manoeuvres.build_plant(cars.load(), replace(weave, chassis=chassis), p)
         state, row = plant.initial_state(whole), np.zeros((1, len(plant.channels(whole))))
         runs[chassis] = partial(plant.run, whole, state, u, row, 1)
-    for run in runs.values():  # compiles
+
+    def timed(run: Callable[[], Any]) -> float:
+        start = time.perf_counter()
         run()
-    best = dict.fromkeys(runs, math.inf)
-    for _ in range(repeats):
-        for name, run in runs.items():
-            start = time.perf_counter()
-            run()
-            best[name] = min(best[name], (time.perf_counter() - start) / n)
-    return best
+        return (time.perf_counter() - start) / n
 
-
-if __name__ == "__main__":
-    for name, ratio in ratios().items():
-        with tempfile.TemporaryDirectory() as cache:
-            cold, warm = first_step(name, cache), first_step(name, cache)
-        print(f"{name:32s} {ratio:.2f} x CartPole-v1   first step: cold {cold:.1f} s, warm cache {warm:.1f} s")
-    with tempfile.TemporaryDirectory() as cache:
-        cold = first_step("steer_env/AssistWeave-v0", cache, "two_track")
-    print(f"steer_env/AssistWeave-v0 on two tracks: first step cold {cold:.1f} s")
-    times = substeps()
-    for name, seconds in times.items():
-        print(
-            f"1 ms of {name:24s} {1e9 * seconds:6.0f} ns   {seconds / times['friction']:5.2f} x the friction law alone"
-        )
+    return _best({name: partial(timed, run) for name, run in runs.items()}, repeats)

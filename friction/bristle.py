@@ -2,6 +2,7 @@
 
 import math
 
+from friction.bounds import within
 from friction.kernel import kernel
 
 
@@ -35,7 +36,7 @@ def held(z, limit):
 
     Without this a bristle left beyond its steady deflection would give back more than it stored.
     """
-    return min(max(z, -limit), limit)
+    return within(z, -limit, limit)
 
 
 @kernel

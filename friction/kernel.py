@@ -21,7 +21,27 @@ import numba
 import numba.core.config
 import numpy as np
 import platformdirs
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler import CompilerBase
+from numba.core.compiler_machinery import PassManager, register_pass
 from numba.core.registry import CPUDispatcher
+from numba.core.typed_passes import (
+    AnnotateTypes,
+    NativeLowering,
+    NoPythonBackend,
+    NoPythonSupportedFeatureValidation,
+    NopythonTypeInference,
+    PreLowerStripPhis,
+)
+from numba.core.untyped_passes import (
+    DeadBranchPrune,
+    FixupArgs,
+    GenericRewrites,
+    InlineInlinables,
+    IRProcessing,
+    ReconstructSSA,
+    TranslateByteCode,
+)
 from numba.extending import overload
 
 config: Any = numba.core.config  # its names are made at run time
@@ -87,24 +107,103 @@ def _cache(dispatcher: Any) -> None:
         return
     previous = config.CACHE_DIR
     try:
-        for part, kernel_ in ((folder, dispatcher), (folder / "inner", dispatcher.inner)):
-            config.CACHE_DIR = str(part)  # read once, when the dispatcher chooses its locator
-            kernel_.enable_caching()
+        config.CACHE_DIR = str(folder)  # read once, when the dispatcher chooses its locator
+        dispatcher.enable_caching()
     except RuntimeError:
         pass  # no source file to stamp (a kernel typed at a prompt): compile in memory
     finally:
         config.CACHE_DIR = previous
 
 
-class _Kernel(CPUDispatcher):
-    """A kernel as Python calls it; compiled callers take ``inner``, which lacks the entry point for Python.
+class _Typing:
+    """numba's typing context with a memory: for the type of ``x * y`` it tries thirty rules, each time anew."""
+
+    known: dict[Any, Any] = {}  # noqa: RUF012 (of the process, as numba's context is)
+
+    def __init__(self, context: Any) -> None:
+        self.context = context
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.context, name)
+
+    def resolve_function_type(self, function: Any, arguments: Any, keywords: Any) -> Any:
+        """Signature of a call, remembered for operators and other functions that are not kernels themselves."""
+        kind = self.context._lookup_global(function) or function
+        if keywords or not (isinstance(kind, numba.types.Function) and all(each.is_precise() for each in arguments)):
+            return self.context.resolve_function_type(function, arguments, keywords)
+        key = kind, arguments  # a kind that gains a rule is another one
+        if key not in self.known:
+            self.known[key] = self.context.resolve_function_type(function, arguments, keywords)
+        return self.known[key]
+
+
+class _Compiler(CompilerBase):
+    """numba's compiler without the passes for what no kernel has: closures, ``with``, array expressions, objects."""
+
+    lowering: type = NativeLowering
+
+    def __init__(self, typing_context: Any, *rest: Any) -> None:
+        super().__init__(_Typing(typing_context), *rest)
+
+    def define_pipelines(self) -> list[PassManager]:
+        passes = PassManager("kernel")
+        for each in (
+            *(TranslateByteCode, FixupArgs, IRProcessing, GenericRewrites, InlineInlinables, DeadBranchPrune),
+            *(ReconstructSSA, NopythonTypeInference, PreLowerStripPhis, NoPythonSupportedFeatureValidation),
+            *(AnnotateTypes, self.lowering, NoPythonBackend),
+        ):
+            passes.add_pass(each, each.__name__)
+        passes.finalize()
+        return [passes]
+
+
+class _Draft(JITCodeLibrary):
+    """Code for compiled callers alone, which take it in as it is: it is optimised and translated once, as part of them.
+
+    numba would do both for each kernel on its own too.
+    """
+
+    def _optimize_final_module(self) -> None:
+        pass
+
+    def _finalize_final_module(self) -> None:
+        self._finalized = True
+
+
+@register_pass(mutates_CFG=True, analysis_only=False)
+class _Drafting(NativeLowering):
+    """Lowering to a :class:`_Draft`, without an entry point for Python.
 
     Unpacking a hundred parameters for an entry point that nothing calls would be a sixth of the compile time.
     """
 
+    _name = "drafting"
+
+    def run_pass(self, state: Any) -> bool:
+        state.library = _Draft(state.targetctx.codegen(), state.func_id.func_qualname)
+        state.flags.no_cpython_wrapper = state.flags.no_cfunc_wrapper = state.flags.no_compile = True
+        super().run_pass(state)
+        entry: Any = [].append  # numba tells functions apart by their entry points; any will do where none is called
+        state.targetctx.insert_user_function(entry, state.cr.fndesc, [state.library])
+        state.cr = state.cr._replace(cfunc=entry)
+        return True
+
+
+class _Drafter(_Compiler):
+    lowering = _Drafting
+
+
+class _Kernel(CPUDispatcher):
+    """A kernel as Python calls it; compiled callers take ``inner``."""
+
     @cached_property
     def inner(self) -> CPUDispatcher:
-        return CPUDispatcher(self.py_func, targetoptions={**self.targetoptions, "no_cpython_wrapper": True})
+        return CPUDispatcher(self.py_func, targetoptions=self.targetoptions, pipeline_class=_Drafter)
+
+    def add_overload(self, cres: Any) -> None:
+        super().add_overload(cres)
+        for environment in cres._find_referenced_environments():  # what a ``print`` in a draft needs
+            cres.library.codegen.set_env(environment.env_name, environment)
 
     @property
     def _numba_type_(self) -> numba.types.Dispatcher:
@@ -128,7 +227,7 @@ def kernel(function: Callable, inlining: dict[str, Any] = {"forceinline": True})
     # No C callback: nothing takes one. No reference counts: kernels own no arrays, and one that allocates is refused.
     # Both would go through every number of the parameters: a quarter of the compile time.
     options |= {"no_cfunc_wrapper": True, "_nrt": False}
-    dispatcher = _Kernel(function, targetoptions=options)
+    dispatcher = _Kernel(function, targetoptions=options, pipeline_class=_Compiler)
     _cache(dispatcher)
     return dispatcher
 
@@ -143,10 +242,15 @@ def dispatch(point: Callable, choose: Callable[[type, str], Any]) -> None:
         return
 
     def chosen(p, *_):
-        function = choose(getattr(p, "instance_class", type(None)), point.__name__)
-        return getattr(function, "py_func", function)
+        return plain(choose(getattr(p, "instance_class", type(None)), point.__name__))
 
-    overload(point, strict=False)(chosen)
+    options: Any = {"pipeline_class": _Drafter}
+    overload(point, jit_options=options, strict=False)(chosen)
+
+
+def plain(function: Any) -> Any:
+    """A kernel as plain Python, for so few calls that compiling it would take longer."""
+    return getattr(function, "py_func", function)
 
 
 def record(parameters: Any) -> np.recarray:

@@ -208,7 +208,7 @@ def _newton(p, level, memory, S, R, h, guess):
             return side * new
         if new <= low or (high > 0.0 and new >= high):
             new = 0.5 * (low + high) if high > 0.0 else 2.0 * s
-            if new in (low, high):  # the bracket is down to neighbouring floats
+            if high > 0.0 and not low < new < high:  # the bracket is down to neighbouring floats
                 break
         s = new
     return side * s

@@ -17,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from friction.bounds import within
 from friction.check import number, positive
 from friction.kernel import kernel
 
@@ -168,7 +169,7 @@ def sample(a, x, torsion_bar_torque, column_speed, vehicle_speed, request):
     before = x[QUEUE + a.delay]
     for i in range(QUEUE + a.delay, QUEUE, -1):
         x[i] = x[i - 1]
-    x[QUEUE] = min(max(lead - damping * column_speed + request, -a.limit), a.limit)
+    x[QUEUE] = within(lead - damping * column_speed + request, -a.limit, a.limit)
     return before, x[QUEUE + a.delay]
 
 
@@ -183,7 +184,7 @@ def _follow(a, x, command, h, lost):
 @kernel
 def motor_step(a, x, before, after, elapsed, h):
     """Mean motor torque [N m] over a step of ``h`` that starts ``elapsed`` after the last sample [s]."""
-    first = min(max(a.offset - elapsed, 0.0), h)
+    first = within(a.offset - elapsed, 0.0, h)
     rest = h - first
     lost = -math.expm1(-a.bandwidth * first)
     impulse = _follow(a, x, before, first, lost)

@@ -19,6 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from friction.bounds import within
 from friction.check import not_negative, number, numbers, positive
 from friction.kernel import kernel
 
@@ -260,7 +261,7 @@ def throttle_for(d, gear, torque, omega_front, omega_rear):
     i, omega_e = _gear(d, gear, omega_front, omega_rear)
     full, drag = _curves(d, omega_e)
     wanted = torque / (i * d.efficiency) if torque > 0.0 else torque * d.efficiency / i
-    return min(max((wanted + drag) / (full + drag), 0.0), 1.0)
+    return within((wanted + drag) / (full + drag), 0.0, 1.0)
 
 
 @kernel
@@ -422,7 +423,7 @@ def longitudinal_demand(s, speed, target, integral):
     """
     error = target - speed
     wanted = s.proportional * error + integral
-    demand = min(max(wanted, -s.deceleration), s.acceleration)
+    demand = within(wanted, -s.deceleration, s.acceleration)
     if (wanted - demand) * error > 0.0:
         return demand, 0.0
     return demand, s.integral * error / (1.0 + (error / s.band) ** 2)

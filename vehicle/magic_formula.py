@@ -122,15 +122,20 @@ def _upright(c, alpha, F_z, mu, fade):
 
 @kernel
 def _steady(c, kappa, alpha, tan_a, camber, F_z, v_x, mu, turn_slip):
-    """:func:`forces` of four tyres, for slip angles known by themselves and by their tangents; one turn slip."""
+    """:func:`forces` of four tyres, for slip angles known by themselves and by their tangents; one turn slip.
+
+    None for ``kappa`` or the turn slip leaves out at compile time what zeros skip at run time: numba does so where a
+    branch asks for None first.
+    """
     lifted = F_z < 1e-6
     F_z = maximum(F_z, 1e-6)
     book = c.FITTYP == 60.0  # else MF-Tyre, which takes angles where the book takes their sine or tangent
     way = where(v_x >= 0.0, alike(1.0), -1.0)
-    kappa, alpha, tan_a, g = way * kappa, way * alpha, way * tan_a, way * (sin(camber) if book else camber)
+    alpha, tan_a, g = way * alpha, way * tan_a, way * (sin(camber) if book else camber)
+    slip = alike(0.0) if kappa is None else way * kappa
+    slips = kappa is not None and any_of(slip != 0.0)
     a = tan_a if book else alpha
     g2, g_abs = g * g, fabs(g)
-    slips = any_of(kappa != 0.0)
     cos_a = _shrink(tan_a)
     per_load = 1.0 / c.FNOMIN
     R_0 = c.UNLOADED_RADIUS
@@ -144,13 +149,13 @@ def _steady(c, kappa, alpha, tan_a, camber, F_z, v_x, mu, turn_slip):
         fade_y = (1.0 + y * c.LMUY) * mu / (1.0 + y * c.LMUY * mu)
 
     # Spin over R_0, of the turn and of camber, positive where both turn the contact to the left as seen from above
-    spins = turn_slip != 0.0 and c.TURN_SLIP != 0.0
+    spins = turn_slip is not None and turn_slip != 0.0 and c.TURN_SLIP != 0.0
     spin = alike(0.0)
     camber_share = zeta_1 = zeta_2 = zeta_3 = zeta_5 = zeta_6 = alike(1.0)
-    if spins:
+    if turn_slip is not None and spins:
         camber_share = 1.0 - c.PECP1 * (1.0 + c.PECP2 * df)
-        spin = R_0 * turn_slip + camber_share * (1.0 + kappa) * cos_a * (g if book else sin(g))
-        zeta_1 = _shrink(c.PDXP1 * (1.0 + c.PDXP2 * df) * _shrink(c.PDXP3 * kappa) * spin)
+        spin = R_0 * turn_slip + camber_share * (1.0 + slip) * cos_a * (g if book else sin(g))
+        zeta_1 = _shrink(c.PDXP1 * (1.0 + c.PDXP2 * df) * _shrink(c.PDXP3 * slip) * spin)
         y = fabs(spin)
         y = c.PDYP1 * (1.0 + c.PDYP2 * df) * _shrink(c.PDYP3 * tan_a) * (y + c.PDYP4 * sqrt(y))
         zeta_2 = _shrink(y)
@@ -166,11 +171,11 @@ def _steady(c, kappa, alpha, tan_a, camber, F_z, v_x, mu, turn_slip):
         D_x = (c.PDX1 + c.PDX2 * df) * (1.0 - c.PDX3 * g2) * mu * F_z * zeta_1
         K_x = _slip_stiffness(c, F_z, df)
         B_x = K_x / (c.PCX1 * D_x)
-        x = B_x * (kappa + shift)
+        x = B_x * (slip + shift)
         E_0 = c.PEX1 + c.PEX2 * df + c.PEX3 * df * df
         E = minimum(E_0 * (1.0 - c.PEX4 * copysign(1.0, x)), 1.0)
         dF_x = D_x * sin(c.PCX1 * atan(_curve(x, E)))
-        B_w = (c.RBX1 + c.RBX3 * g2) * _shrink(c.RBX2 * kappa)
+        B_w = (c.RBX1 + c.RBX3 * g2) * _shrink(c.RBX2 * slip)
         E_w = minimum(c.REX1 + c.REX2 * df, 1.0)
         G_x = cos(c.RCX1 * atan(_curve(B_w * (a + c.RHX1), E_w)))
         if c.RHX1 != 0.0:
@@ -193,7 +198,7 @@ def _steady(c, kappa, alpha, tan_a, camber, F_z, v_x, mu, turn_slip):
     K_yg = F_z * (c.PKY6 + c.PKY7 * df)
     if c.FITTYP == 52.0:
         S_H += c.PHY3 * g
-    elif spins and c.PHYP1 != 0.0:
+    elif turn_slip is not None and spins and c.PHYP1 != 0.0:
         y = c.PHYP1 * (c.PHYP2 + c.PHYP3 * df)
         x = K_yg / (camber_share * y * _cornering(c, F_z, alike(0.0)) * zeta_3) * spin
         x = _curve(x, minimum(alike(c.PHYP4), 1.0))
@@ -218,13 +223,13 @@ def _steady(c, kappa, alpha, tan_a, camber, F_z, v_x, mu, turn_slip):
     a_t = a_e = a + c.QHZ1 + c.QHZ2 * df + (c.QHZ3 + c.QHZ4 * df) * g
     a_r = a + S_H + S_V * per_K
     a_r2 = a_r * a_r
-    if slips:
-        y = K_x * per_K * kappa
+    if kappa is not None and slips:
+        y = K_x * per_K * slip
         if book:
             a_t = a_e = copysign(sqrt(a_t * a_t + y * y), a_t)
             a_r2 += y * y
         else:
-            slipping, y2 = kappa != 0.0, y * y
+            slipping, y2 = slip != 0.0, y * y
             x = sin(a_t) / cos(a_t)
             a_t = where(slipping, copysign(atan(sqrt(x * x + y2)), a_t), a_t)
             x = sin(a_r) / cos(a_r)
@@ -240,14 +245,14 @@ def _steady(c, kappa, alpha, tan_a, camber, F_z, v_x, mu, turn_slip):
 
     # What kappa does to F_y; at kappa = 0 each factor is exactly one and each term exactly zero
     G_y, S_Vk = alike(1.0), alike(0.0)
-    if slips:
+    if kappa is not None and slips:
         S_H = c.RHY1 + c.RHY2 * df
         E = minimum(c.REY1 + c.REY2 * df, 1.0)
         B_k = (c.RBY1 + c.RBY4 * g2) * _shrink(c.RBY2 * (a - c.RBY3))
-        G_y = cos(c.RCY1 * atan(_curve(B_k * (kappa + S_H), E))) / cos(c.RCY1 * atan(_curve(B_k * S_H, E)))
+        G_y = cos(c.RCY1 * atan(_curve(B_k * (slip + S_H), E))) / cos(c.RCY1 * atan(_curve(B_k * S_H, E)))
         F_y, F_t = G_y * F_y, G_y * F_t
         S_Vk = c.RVY1 + c.RVY2 * df + c.RVY3 * g
-        S_Vk *= D_y * _shrink(c.RVY4 * a) * sin(c.RVY5 * atan(c.RVY6 * kappa))
+        S_Vk *= D_y * _shrink(c.RVY4 * a) * sin(c.RVY5 * atan(c.RVY6 * slip))
 
     # Aligning
     B = (c.QBZ9 * per_mu + c.QBZ10 * c.PCY1 * B_y) * zeta_6
@@ -255,7 +260,7 @@ def _steady(c, kappa, alpha, tan_a, camber, F_z, v_x, mu, turn_slip):
     D = (c.QDZ6 + c.QDZ7 * df) * zeta_2
     y = (c.QDZ8 + c.QDZ9 * df + (c.QDZ10 + c.QDZ11 * df) * g_abs) * g
     M_spin = alike(0.0)
-    if spins and c.QCRP1 != 0.0:
+    if turn_slip is not None and spins and c.QCRP1 != 0.0:
         M_turn = c.QCRP1 * fabs(D_y) / zeta_2 * R_0 * sqrt(u)
         C = c.QDRP1
         M_spin = M_turn / math.sin(0.5 * math.pi * C)
@@ -312,6 +317,6 @@ def forces(c, kappa, alpha, camber, F_z, v_x, mu=1.0, turn_slip=0.0):
 def forces_of_four(c, kappa, tan_alpha, camber, F_z, v_x, mu):
     """:func:`forces` of four tyres without turn slip, for the tangents of the slip angles, v_y/|v_x|.
 
-    These are what relaxed slip angles have for states.
+    These are what relaxed slip angles have for states. ``kappa`` None is 0 of all four, and compiles in half the time.
     """
-    return _steady(c, kappa, atan(tan_alpha), tan_alpha, camber, F_z, v_x, mu, 0.0)
+    return _steady(c, kappa, atan(tan_alpha), tan_alpha, camber, F_z, v_x, mu, None)

@@ -19,6 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from friction.bounds import within
 from friction.kernel import kernel, part
 from friction.law import law_of
 from vehicle import assist, chassis, column, single_track, two_track  # noqa: F401 (both register themselves)
@@ -134,8 +135,8 @@ def _evaluate(p, state, u):
     )
     for i in range(seen.size):
         seen[i] = 0.0
-    beyond = max(abs(rack) - p.rack_limit, 0.0)
-    state[_RACK_FORCE] = force + math.copysign(STOP_STIFFNESS * beyond, rack)
+    beyond = rack - within(rack, -p.rack_limit, p.rack_limit)
+    state[_RACK_FORCE] = force + STOP_STIFFNESS * beyond
 
 
 @part
@@ -216,7 +217,7 @@ def run(p, state, inputs, record, substeps):
     last = record.shape[0] - 1
     for i in range(inputs.shape[0]):
         u = inputs[i]
-        row = record[min(i, last)]
+        row = record[i if i < last else last]
         twist = p.column.K_tb * (state[column.HANDWHEEL_ANGLE] - state[column.COLUMN_ANGLE])
         before, after = assist.sample(
             p.assist,

@@ -19,7 +19,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.special import k1
 
 from friction.check import number, positive
 from friction.kernel import kernel
@@ -192,6 +191,8 @@ def iso8608(
     ValueError
         Naming the parameter, the value and what is allowed.
     """
+    from scipy.special import k1  # here, for it is slow to import
+
     if road_class not in ROUGHNESS:
         raise ValueError(f"road_class must be one of {', '.join(ROUGHNESS)}, got {road_class!r}")
     spacing = number("spacing", spacing, minimum=0.01, maximum=1.0)

@@ -19,6 +19,7 @@ Source: equations derived here; parameters in the car's data file.
 import math
 from typing import NamedTuple
 
+from friction.bounds import within
 from friction.kernel import kernel
 from vehicle import chassis, strut_map, tyre
 from vehicle.chassis import WIND_FORCE, WIND_MOMENT
@@ -156,8 +157,8 @@ def derivative(p, strut, c, x, rack, rack_rate, u, dx, out):
     static_r = 0.5 * GRAVITY * p.m * p.a / (p.a + p.b)
     spring_f = (p.K_f * phi + p.C_f * phi_rate) / p.t_f
     spring_r = (p.K_r * phi + p.C_r * phi_rate) / p.t_r
-    transfer_f = min(max(spring_f + x[TRANSFER_F], -static_f), static_f)  # no further than wheel lift
-    transfer_r = min(max(spring_r + x[TRANSFER_R], -static_r), static_r)
+    transfer_f = within(spring_f + x[TRANSFER_F], -static_f, static_f)  # no further than wheel lift
+    transfer_r = within(spring_r + x[TRANSFER_R], -static_r, static_r)
     load_fl, load_fr = static_f - transfer_f, static_f + transfer_f
     load_rl, load_rr = static_r - transfer_r, static_r + transfer_r
 
@@ -169,7 +170,7 @@ def derivative(p, strut, c, x, rack, rack_rate, u, dx, out):
     slips = take(x, SLIP_FL)
     camber = four(left.inclination + phi, right.inclination + phi, 0.0, 0.0)
     loads = four(load_fl, load_fr, load_rl, load_rr)
-    F_x, F_y, M_x, M_y, M_z = tyre.forces_of_four(c, alike(0.0), slips, camber, loads, alike(p.v_x), alike(p.mu))
+    F_x, F_y, M_x, M_y, M_z = tyre.forces_of_four(c, None, slips, camber, loads, alike(p.v_x), alike(p.mu))
     Fx_fl, Fx_fr, Fx_rl, Fx_rr = lanes(F_x)
     Fy_fl, Fy_fr, Fy_rl, Fy_rr = lanes(F_y)
     Mx_fl, Mx_fr, _, _ = lanes(M_x)
@@ -228,7 +229,7 @@ def derivative(p, strut, c, x, rack, rack_rate, u, dx, out):
     # At constant speed the forces along the body sum to -m v_y r; the drive moves until they do. No further than the
     # front axle's grip: without a bound the drive of steered wheels feeds the yaw that it has to hold against.
     grip = 2.0 * p.mu * static_f
-    held = min(max(x[DRIVE_FORCE] - along - p.m * v_y * r, -grip), grip)
+    held = within(x[DRIVE_FORCE] - along - p.m * v_y * r, -grip, grip)
     dx[DRIVE_FORCE] = (held - x[DRIVE_FORCE]) / p.T_drive
     c_yaw, s_yaw = math.cos(x[YAW]), math.sin(x[YAW])
     dx[YAW] = r

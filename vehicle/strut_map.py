@@ -5,12 +5,13 @@ Beyond its range the table answers as at the edge: a linear extrapolation would 
 of the linkage, where no pose exists, and the stops of a car lie inside the range anyway.
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from friction.kernel import kernel
+from friction.kernel import kernel, plain
 from vehicle.lanes import lanes, take
 from vehicle.suspension import MacPherson, load_coefficients
 
@@ -130,8 +131,8 @@ def _basis(cells: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     sites = np.sort(np.append(np.arange(cells + 1.0), [0.5, cells - 0.5]))
     basis = np.zeros((cells + 3, cells + 3))
     for row, site in zip(basis, sites):
-        cell, part = _cell(site, cells)
-        row[cell : cell + 4] = _weights(part)
+        cell, part = plain(_cell)(site, cells)
+        row[cell : cell + 4] = plain(_weights)(part)
     return sites, basis
 
 
@@ -141,7 +142,7 @@ def _cell(u, cells):
     if u >= cells:
         return cells - 1, 1.0
     if u > 0.0:
-        cell = int(u)
+        cell = math.floor(u)
         return cell, u - cell
     return 0, (0.0 if u <= 0.0 else u)
 

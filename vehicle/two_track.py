@@ -27,6 +27,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from friction import law
+from friction.bounds import within
 from friction.kernel import kernel
 from vehicle import chassis, drivetrain, road, single_track, strut_map, tyre
 from vehicle.chassis import BRAKE, COAST, HAND_BRAKE, TARGET_SPEED, THROTTLE, WIND_FORCE, WIND_MOMENT
@@ -201,7 +202,7 @@ class TwoTrack(NamedTuple):
 @kernel
 def _unit(x):
     """Within 0 and 1."""
-    return min(max(x, 0.0), 1.0)
+    return within(x, 0.0, 1.0)
 
 
 @kernel

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from friction import defaults
+from friction.bounds import within
 from friction.check import not_negative, number, numbers, positive
 from friction.kernel import kernel
 from friction.law import register
@@ -133,7 +134,7 @@ def solve(p, level, memory, S, R, h, guess):
     K = 0.0
     for i in range(n):
         limit = level * p.y[i]
-        memory[i] = min(max(memory[i], -limit), limit)  # the level may have fallen since the last step
+        memory[i] = within(memory[i], -limit, limit)  # the level may have fallen since the last step
         rest += p.k[i] * memory[i]
         K += p.k[i]
     if R == rest:
@@ -168,8 +169,8 @@ def advance(p, level, memory, w, h):
     D = w * h
     for i in range(p.k.size):
         limit = level * p.y[i]
-        e = min(max(memory[i], -limit), limit)  # the level may have fallen since the last step
-        memory[i] = min(max(e + D, -limit), limit)
+        e = within(memory[i], -limit, limit)  # the level may have fallen since the last step
+        memory[i] = within(e + D, -limit, limit)
 
 
 @kernel
@@ -179,7 +180,7 @@ def torque(p, level, memory, w):
     elastic = 0.0
     for i in range(p.k.size):
         limit = level * p.y[i]
-        e = min(max(memory[i], -limit), limit)
+        e = within(memory[i], -limit, limit)
         T += p.k[i] * e
         K += p.k[i]
         if w * e < limit * abs(w):

@@ -365,6 +365,24 @@ def side_by_side(c, x, together, alone):
         alone[3, i], alone[4, i] = one(M_y), one(M_z)
 
 
+@kernel
+def rolling(c, x, with_zeros, with_none):
+    tan_a, camber, F_z, v_x, mu = take(x, 4), take(x, 8), take(x, 12), take(x, 16), take(x, 20)
+    for i, force in enumerate(forces_of_four(c[0], alike(0.0), tan_a, camber, F_z, v_x, mu)):
+        put(with_zeros, 4 * i, force + alike(0.0))
+    for i, force in enumerate(forces_of_four(c[0], None, tan_a, camber, F_z, v_x, mu)):
+        put(with_none, 4 * i, force + alike(0.0))
+
+
+@pytest.mark.parametrize("name", ["pacejka_2006_205_60r15", *tyre.EXAMPLES])
+def test_no_slip_is_a_slip_of_zero(name):
+    rows = np.array([(*point, 0.9 if i % 3 else 1.0) for i, point in enumerate(points(8, 60))])
+    for four in rows[: len(rows) // 4 * 4].reshape(-1, 4, 6):
+        with_zeros, with_none = np.zeros((5, 4)), np.ones((5, 4))
+        rolling(tyre.record(tyre.load(name).coefficients), np.ascontiguousarray(four.T), with_zeros, with_none)
+        np.testing.assert_array_equal(with_none, with_zeros)
+
+
 @pytest.mark.parametrize("name", ["pacejka_2006_205_60r15", *tyre.EXAMPLES])
 def test_four_tyres_are_four_times_one(name):
     """To the last bit, whatever the others do; and the same forces as by the slip angle instead of its tangent."""

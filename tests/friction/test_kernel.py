@@ -1,0 +1,26 @@
+"""A kernel inside another one prints and raises as it does alone."""
+
+import pytest
+
+from friction.kernel import kernel
+
+
+@kernel
+def checked(x):
+    if x > 2.0:
+        raise ValueError("too large")
+    print("took", x)
+    return 2.0 * x
+
+
+@kernel
+def calling(x):
+    return checked(x) + 1.0
+
+
+@pytest.mark.parametrize("outermost", [checked, calling])
+def test_a_kernel_prints_and_raises_wherever_it_is_called(outermost, capfd):
+    assert outermost(1.0) == 2.0 + (outermost is calling)
+    assert capfd.readouterr().out.split() == ["took", "1.0"]
+    with pytest.raises(ValueError, match="too large"):
+        outermost(3.0)
