@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from friction.bounds import within
 from friction.check import number
 from friction.kernel import bind, kernel
 from steer_env import drivers
@@ -80,7 +81,7 @@ def _script(book, nodes, columns, action_input, scale, rows, robot, inputs, low,
             u, sample = inputs[i, j], lane.clock + j + 1
             for k in range(u.size):
                 u[k] = 0.0
-            node = min((sample - 1) // PER_NODE, nodes.shape[1] - 2)
+            node = within((sample - 1) // PER_NODE, 0, nodes.shape[1] - 2)
             s = (sample - node * PER_NODE) / PER_NODE
             start, end = nodes[i, node], nodes[i, node + 1]
             for k in range(columns.size):
@@ -136,7 +137,8 @@ def _judge(
             for k in range(kinds.size):
                 size = abs(present[k])
                 if kinds[k] == PEAK:
-                    whole[k] = max(whole[k], size)
+                    if size > whole[k]:
+                        whole[k] = size
                 else:
                     whole[k] += dt * size * size if kinds[k] == RMS else size
 
@@ -185,7 +187,7 @@ def _conclude(
             value = row[observed[k]] if k < n else (lane.speed if k == n else situations[i, k - n - 1])
             value += noise[i, k]
             # NaN of a failed lane becomes zero.
-            seen[k] = min(max(value, -bound[k]), bound[k]) if abs(value) <= math.inf else 0.0
+            seen[k] = within(value, -bound[k], bound[k]) if abs(value) <= math.inf else 0.0
         past = ring[i, (lane.latest - lane.delay) % ring.shape[1]]
         for k in range(bound.size):
             out[i, k] = past[k]

@@ -5,6 +5,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from friction.bounds import within
 from friction.kernel import kernel
 
 SPACING = 1.0  # of the path's points [m]
@@ -82,7 +83,7 @@ def see(path, x, y, yaw, guess, step, out):
         Arc length of the nearest point [m].
     """
     last = path.shape[0] - 1
-    i = min(max(int(guess / SPACING), 0), last)
+    i = within(int(guess / SPACING), 0, last)
     along = 0.0
     for _ in range(path.shape[0]):
         c, s = math.cos(path[i, _YAW]), math.sin(path[i, _YAW])
@@ -93,7 +94,7 @@ def see(path, x, y, yaw, guess, step, out):
             i -= 1
         else:
             break
-    part = min(max(along, 0.0), SPACING)
+    part = within(along, 0.0, SPACING)
     k = path[i, _CURVATURE]
     # On the arc of the point's curvature: the tangent turns, and the curve leaves the tangent, by its second order.
     c, s = math.cos(path[i, _YAW]), math.sin(path[i, _YAW])
@@ -105,8 +106,8 @@ def see(path, x, y, yaw, guess, step, out):
     c_car, s_car = math.cos(yaw), math.sin(yaw)
     for j in range(out.size - 2):
         # Behind the last point the path goes on straight.
-        ahead = max(position + (j + 1) * step, 0.0)
-        n = min(int(ahead / SPACING), last)
+        ahead = within(position + (j + 1) * step, 0.0, math.inf)
+        n = within(int(ahead / SPACING), 0, last)
         part = ahead - SPACING * n
         k = path[n, _CURVATURE] if n < last else 0.0
         c, s = math.cos(path[n, _YAW]), math.sin(path[n, _YAW])

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from friction.bounds import within
 from friction.kernel import bind, kernel
 from steer_env.drivers.definition import MEMORY, Arm, Driver, execution, gains_of, intend, late_error, resolve
 from steer_env.tasks.definition import NODE, PER_NODE
@@ -27,7 +28,7 @@ def _hold(eyes, gains, executed, reflex, feed, channels, situations, book, nodes
         row = channels[i]
         late = late_error(memory[i], memory[i, 0] - row[_ANGLE])
         angle, speed = intend(eyes, gains[i], executed, situations[i], row[_LATERAL_SPEED], row[_YAW_RATE], memory[i])
-        node = min(clock // PER_NODE + 1, nodes.shape[1] - 1)
+        node = within(clock // PER_NODE + 1, 0, nodes.shape[1] - 1)
         nodes[i, node, 0] = feed[i, 0] * angle + feed[i, 1] * speed + reflex * late
 
 

@@ -2,6 +2,7 @@
 
 import math
 
+from friction.bounds import within
 from friction.kernel import kernel
 from steer_env.tasks.definition import PEAK, RMS, SUM, Figure, Quantity, Term
 from vehicle.plant import CHANNEL
@@ -43,7 +44,7 @@ def judge_common(row, now, memory, costs, figures):
     """Adds the common costs and figures; they stand first in both."""
     torque, acceleration = row[_TORQUE], row[_ACCELERATION]
     # A car that stands has no sideslip angle.
-    sideslip = abs(row[_LATERAL_SPEED]) / max(now.speed, 1.0)
+    sideslip = abs(row[_LATERAL_SPEED]) / within(now.speed, 1.0, math.inf)
     jerk = (acceleration - memory[0]) / now.dt
     memory[0] = acceleration
     if abs(torque) > HAND_TORQUE_LIMIT:

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from friction.bounds import within
 from friction.kernel import kernel
 from steer_env import manoeuvres
 from steer_env.manoeuvres.shapes import ramp_and_hold
@@ -80,7 +81,7 @@ def _lock_to_lock(rng: np.random.Generator, setting: Setting, options: Mapping[s
 @kernel
 def _look_targets(rules, row, path, values, now, memory, situation):
     for k in range(situation.size):
-        place = min(int((now.time + PREVIEW[k]) / NODE + 0.5), values.size - 1)
+        place = within(int((now.time + PREVIEW[k]) / NODE + 0.5), 0, values.size - 1)
         situation[k] = values[place] - row[_ANGLE]
 
 

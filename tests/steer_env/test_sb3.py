@@ -1,0 +1,98 @@
+"""The adapter for Stable-Baselines3: what its wrappers, callbacks and algorithms expect."""
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from stable_baselines3 import PPO
+from stable_baselines3.common.callbacks import EvalCallback
+from stable_baselines3.common.evaluation import evaluate_policy
+from stable_baselines3.common.vec_env import VecCheckNan, VecFrameStack, VecMonitor, VecNormalize
+
+from steer_env.sb3 import SteerVecEnv
+
+WEAVE = "steer_env/AssistWeave-v0"
+
+
+def to_the_end(env, action):
+    """Steps until an episode ends: the last observations before, and what that step gave."""
+    env.reset()
+    for _ in range(10_000):
+        result = env.step(action)
+        if result[2].any():
+            return result
+    raise AssertionError
+
+
+def test_a_truncated_episode_tells_its_last_observation_and_the_time_limit():
+    env = SteerVecEnv(WEAVE, 2, control_dt=0.1)
+    env.seed(3)
+    observations, _, done, infos = to_the_end(env, np.zeros((2, 1), np.float32))
+    assert done.all()
+    single = gym.make(WEAVE, control_dt=0.1)
+    single.reset(seed=4)
+    for _ in range(200):
+        last, *_, info = single.step(np.zeros(1, np.float32))
+    assert np.array_equal(infos[1]["terminal_observation"], last)
+    assert infos[1]["TimeLimit.truncated"] is True
+    assert infos[1]["metrics"] == info["metrics"]
+    assert infos[1]["cost"] == info["cost"]
+    assert np.array_equal(observations[1], single.reset()[0])
+
+
+def test_a_terminated_episode_is_no_time_limit():
+    env = SteerVecEnv("steer_env/DriverLaneKeeping-v0", 1)
+    *_, infos = to_the_end(env, np.full((1, 1), 0.5, np.float32))
+    assert infos[0]["TimeLimit.truncated"] is False
+
+
+def test_seeds_repeat():
+    env = SteerVecEnv(WEAVE, 3)
+    env.seed(5)
+    first = env.reset()
+    env.seed(5)
+    assert np.array_equal(env.reset(), first)
+    assert not np.array_equal(env.step(np.zeros((3, 1), np.float32))[0], first)
+    single = gym.make(WEAVE)
+    assert np.array_equal(first[2], single.reset(seed=7)[0])
+
+
+def test_reset_options_reach_every_lane():
+    env = SteerVecEnv(WEAVE, 2)
+    env.set_options({"amplitude": 0.1})
+    env.reset()
+    for _ in range(1000):
+        env.step(np.zeros((2, 1), np.float32))
+    assert np.abs(env.vector.lanes.row[:, 0]).max() <= 0.1 + 1e-9
+    env.set_options([{"amplitude": 0.1}, {"amplitude": 0.2}])
+    with pytest.raises(ValueError, match="share their reset options"):
+        env.reset()
+
+
+def test_wrappers_callbacks_and_an_algorithm_work_around_it(tmp_path):
+    """A short PPO with every usual wrapper; the monitor's returns are the environment's."""
+    env = VecNormalize(VecMonitor(VecCheckNan(SteerVecEnv(WEAVE, 4, control_dt=0.1), raise_exception=True)))
+    trial = VecNormalize(
+        VecMonitor(VecCheckNan(SteerVecEnv(WEAVE, 2, control_dt=0.1))), training=False, norm_reward=False
+    )
+    watched = EvalCallback(trial, eval_freq=100, n_eval_episodes=2, log_path=str(tmp_path), verbose=0)
+    model = PPO("MlpPolicy", env, n_steps=64, batch_size=64, n_epochs=1, device="cpu", seed=0)
+    model.learn(512, callback=watched)
+    assert np.isfinite(watched.last_mean_reward)
+    rewards, lengths = evaluate_policy(model, trial, n_eval_episodes=2, return_episode_rewards=True)
+    assert lengths == [200, 200]
+    assert all(np.isfinite(rewards))
+    stacked = VecFrameStack(SteerVecEnv(WEAVE, 2), 3)
+    assert stacked.reset().shape == (2, 3 * 8)
+
+
+def test_what_lanes_cannot_do_is_refused():
+    env = SteerVecEnv(WEAVE, 2)
+    assert env.get_attr("control_dt") == [0.01, 0.01]
+    assert env.env_is_wrapped(gym.Wrapper) == [False, False]
+    with pytest.raises(NotImplementedError, match="no method 'shout'"):
+        env.env_method("shout")
+    with pytest.raises(ValueError, match="share 'control_dt'"):
+        env.set_attr("control_dt", 0.02, indices=[0])
+    with pytest.raises(ValueError, match="finite number"):
+        env.step(np.array([[np.nan], [0.0]], np.float32))
+    env.close()
