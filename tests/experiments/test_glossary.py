@@ -1,7 +1,10 @@
-"""The page of tests and metrics is what their definitions say."""
+"""The pages of metrics and environments are what their definitions say."""
+
+import pytest
 
 from experiments import glossary
 
 
-def test_the_page_is_up_to_date():
-    assert glossary.PATH.read_text(encoding="utf-8") == glossary.page(), "run python -m experiments.glossary"
+@pytest.mark.parametrize("path", glossary.PAGES, ids=lambda path: path.name)
+def test_the_page_is_up_to_date(path):
+    assert path.read_text(encoding="utf-8") == glossary.PAGES[path](), "run python -m experiments.glossary"
