@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from steer_env.lanes import Lanes
 from steer_env.tasks import Task
-from vehicle.road import Road
 
 
 class SteerEnv(gym.Env):
@@ -55,40 +54,11 @@ class SteerEnv(gym.Env):
     metadata = {"render_modes": ["rgb_array", "human"], "render_fps": 25}  # noqa: RUF012 (Gymnasium's own form)
     task: Task
 
-    def __init__(
-        self,
-        *,
-        friction: Any = "lugre",
-        speed: float | None = None,
-        vehicle: str = "compact",
-        chassis: str | None = None,
-        tyre: str | None = None,
-        road: Road | None = None,
-        control_dt: float = 0.01,
-        driver: Any = None,
-        randomise: Mapping[str, Any] | None = None,
-        weights: Mapping[str, float] | None = None,
-        render_mode: str | None = None,
-        **unknown: Any,
-    ) -> None:
-        check_keywords(SteerEnv, unknown)
+    def __init__(self, *, render_mode: str | None = None, **arguments: Any) -> None:
         if render_mode is not None and render_mode not in self.metadata["render_modes"]:
             raise ValueError(f"render_mode must be None or one of {self.metadata['render_modes']}, got {render_mode!r}")
         self.render_mode = render_mode
-        self.lanes = Lanes(
-            self.task,
-            1,
-            friction=friction,
-            speed=speed,
-            vehicle=vehicle,
-            chassis=chassis,
-            tyre=tyre,
-            road=road,
-            control_dt=control_dt,
-            driver=driver,
-            randomise=randomise,
-            weights=weights,
-        )
+        self.lanes = lanes_of(self.task, 1, arguments, ("render_mode",))
         self.control_dt = self.lanes.control_dt
         self.action_space = gym.spaces.Box(-1.0, 1.0, (1,), np.float32)
         self.observation_space = gym.spaces.Box(-self.lanes.bound, self.lanes.bound, dtype=np.float32)
@@ -161,11 +131,13 @@ class SteerEnv(gym.Env):
             self._renderer = None
 
 
-def check_keywords(kind: type, unknown: Mapping[str, Any]) -> None:
-    """TypeError for a keyword that the environments do not take."""
-    if unknown:
-        known = [key for key in inspect.signature(kind).parameters if key != "unknown"]
-        raise TypeError(f"unknown keyword {next(iter(unknown))!r}; the environments take: {', '.join(known)}")
+def lanes_of(task: Task, n: int, arguments: Mapping[str, Any], others: tuple[str, ...], **more: Any) -> Lanes:
+    """Lanes from the arguments of an environment; TypeError for one that neither they nor the environment take."""
+    known = [key for key in inspect.signature(Lanes).parameters if key not in ("task", "n", *more)]
+    for key in arguments:
+        if key not in known:
+            raise TypeError(f"unknown keyword {key!r}; the environments take: {', '.join([*known, *others])}")
+    return Lanes(task, n, **arguments, **more)
 
 
 def clipped(actions: NDArray[Any]) -> NDArray[Any]:

@@ -1,7 +1,6 @@
 """Many environments of one kind in one: the same kernels over lanes, in threads."""
 
 import os
-from collections.abc import Mapping
 from typing import Any
 
 import gymnasium as gym
@@ -10,10 +9,8 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from steer_env.env import check_keywords, clipped
-from steer_env.lanes import Lanes
+from steer_env.env import clipped, lanes_of
 from steer_env.tasks import Task
-from vehicle.road import Road
 
 PER_THREAD = 16  # lanes that are worth a thread
 
@@ -40,48 +37,23 @@ class SteerVectorEnv(VectorEnv):
         self,
         num_envs: int = 1,
         *,
-        friction: Any = "lugre",
-        speed: float | None = None,
-        vehicle: str = "compact",
-        chassis: str | None = None,
-        tyre: str | None = None,
-        road: Road | None = None,
-        control_dt: float = 0.01,
-        driver: Any = None,
-        randomise: Mapping[str, Any] | None = None,
-        weights: Mapping[str, float] | None = None,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         threads: int | None = None,
         render_mode: None = None,
-        **unknown: Any,
+        **arguments: Any,
     ) -> None:
-        check_keywords(SteerVectorEnv, unknown)
         if not isinstance(num_envs, int) or num_envs < 1:
             raise ValueError(f"num_envs must be a whole number of at least 1, got {num_envs!r}")
         if threads is not None and (not isinstance(threads, int) or threads < 1):
             raise ValueError(f"threads must be a whole number of at least 1, got {threads!r}")
         if render_mode is not None:
-            raise ValueError(
-                f"a vector environment draws nothing; render a single one, got render_mode={render_mode!r}"
-            )
+            raise ValueError(f"a vector environment draws nothing; render a single one, got {render_mode!r}")
         self.num_envs = num_envs
         self.autoreset_mode = AutoresetMode(autoreset_mode)
         self.metadata = {**self.metadata, "autoreset_mode": self.autoreset_mode}
-        self.lanes = Lanes(
-            self.task,
-            num_envs,
-            friction=friction,
-            speed=speed,
-            vehicle=vehicle,
-            chassis=chassis,
-            tyre=tyre,
-            road=road,
-            control_dt=control_dt,
-            driver=driver,
-            randomise=randomise,
-            weights=weights,
-            threads=threads or min(os.cpu_count() or 1, -(-num_envs // PER_THREAD)),
-        )
+        threads = threads or min(os.cpu_count() or 1, -(-num_envs // PER_THREAD))
+        others = ("num_envs", "autoreset_mode", "threads")
+        self.lanes = lanes_of(self.task, num_envs, arguments, others, threads=threads)
         self.control_dt = self.lanes.control_dt
         self.single_action_space = gym.spaces.Box(-1.0, 1.0, (1,), np.float32)
         self.single_observation_space = gym.spaces.Box(-self.lanes.bound, self.lanes.bound, dtype=np.float32)
