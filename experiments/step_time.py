@@ -19,7 +19,8 @@ import numpy as np
 
 from friction import law, make
 from friction.kernel import kernel
-from steer_env import REGISTERED, manoeuvres
+from steer_env import manoeuvres
+from steer_env.ids import DRIVEN
 from vehicle import cars, plant
 from vehicle.assist import SAMPLE_TIME
 
@@ -48,10 +49,10 @@ def step_time(env: gym.Env, action: object, steps: int = 2000, repeats: int = 5)
 
 
 def ratios(steps: int = 2000, repeats: int = 5) -> dict[str, float]:
-    """Step time of each environment at its defaults over that of CartPole-v1, measured in turn in this process."""
+    """Step time of each driving environment at its defaults over that of CartPole-v1, in turn in this process."""
     reference = step_time(gym.make("CartPole-v1"), 1, steps, repeats)
     action = np.array([0.02], np.float32)
-    return {name: step_time(gym.make(name), action, steps, repeats) / reference for name in REGISTERED}
+    return {name: step_time(gym.make(name), action, steps, repeats) / reference for name in DRIVEN}
 
 
 def first_step(name: str, cache: str, chassis: str = "single_track") -> float:

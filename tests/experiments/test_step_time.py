@@ -3,12 +3,12 @@
 import tempfile
 
 from experiments import step_time
-from steer_env import REGISTERED
+from steer_env.ids import DRIVEN
 
 
 def test_ratios_cover_every_environment():
     ratios = step_time.ratios(steps=20, repeats=1)
-    assert set(ratios) == set(REGISTERED)
+    assert set(ratios) == set(DRIVEN)
     assert all(ratio > 0.0 for ratio in ratios.values())
 
 
