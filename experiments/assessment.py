@@ -12,10 +12,10 @@ from typing import Any, NamedTuple
 import jinja2
 import numpy as np
 
-from experiments import findings, plots, targets, validation
+from experiments import findings, plots, validation
 from experiments.evaluation import entries
 from experiments.files import replaced_directory, write_json
-from steer_env import metrics
+from steer_env import bands, metrics
 from steer_env.metrics import RefusedError, Value
 from steer_env.metrics.confidence import difference
 from steer_env.recording import Recording
@@ -28,9 +28,9 @@ class Assessment(NamedTuple):
 
     test: str
     values: dict[str, dict[str, Value]]  # label of the recording -> metric
-    lights: dict[str, dict[str, targets.Light | None]]  # label -> metric with a band
-    bands: dict[str, targets.Band]
-    targets: targets.Targets | None
+    lights: dict[str, dict[str, bands.Light | None]]  # label -> metric with a band
+    bands: dict[str, bands.Band]
+    targets: bands.Targets | None
     differences: dict[str, tuple[float, float, float]]  # second less first with its 95 % interval [unit of the metric]
     pairs: list[validation.Pair]  # cross plots with boundaries, the first recording being the reference
     curves: dict[str, validation.Curves]
@@ -39,7 +39,7 @@ class Assessment(NamedTuple):
 def assess(
     recordings: Mapping[str, Recording],
     test: str | None = None,
-    wanted: targets.Targets | None = None,
+    wanted: bands.Targets | None = None,
     allowed: Mapping[str, validation.Tolerance] | None = None,
     timing: float = 0.0,
     **given: Any,
@@ -71,7 +71,7 @@ def assess(
     values = {
         label: metrics.evaluate(found, procedure.name, timing=timing, **given) for label, found in recordings.items()
     }
-    bands = wanted.bands.get(procedure.name, {}) if wanted else {}
+    held = wanted.bands.get(procedure.name, {}) if wanted else {}
     differences = {}
     if len(values) == 2:
         a, b = values.values()
@@ -93,8 +93,8 @@ def assess(
     return Assessment(
         procedure.name,
         values,
-        {label: targets.lights(found, bands) for label, found in values.items()},
-        bands,
+        {label: bands.lights(found, held) for label, found in values.items()},
+        held,
         wanted,
         differences,
         pairs,
@@ -141,7 +141,7 @@ def environment() -> jinja2.Environment:
 def render(found: Assessment, recordings: Mapping[str, Recording]) -> str:
     """The page: values with lights, differences, plots, definitions."""
     labels = list(recordings)
-    bands = [plots.boundaries(pair, (labels[0], labels[1])) for pair in found.pairs]
+    limits = [plots.boundaries(pair, (labels[0], labels[1])) for pair in found.pairs]
     drawn = plots.panels(found.curves, metrics.procedure_of(recordings[labels[0]], found.test).plots)
     return (
         environment()
@@ -153,7 +153,7 @@ def render(found: Assessment, recordings: Mapping[str, Recording]) -> str:
             definitions={name: metrics.definition(name) for name in metrics.available(found.test)},
             script=plots.script(),
             figure=plots.draw(drawn) if drawn else "",
-            boundaries=plots.draw(bands) if bands else "",
+            boundaries=plots.draw(limits) if limits else "",
             version=metadata.version("steer-env"),
         )
     )

@@ -7,10 +7,9 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from experiments import targets
 from experiments.tables import print_metrics
 from friction.check import number
-from steer_env import mapping, metrics, recording_files
+from steer_env import bands, mapping, metrics, recording_files
 from steer_env.recording import Recording
 
 KPH = 1.0 / 3.6  # [m/s]
@@ -37,7 +36,7 @@ def add(commands: Any, common: argparse.ArgumentParser) -> None:
 
 def _recording_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--manoeuvre", metavar="TEST", choices=metrics.tests(), help=", ".join(metrics.tests()))
-    text = f"bands for the metrics: {', '.join(targets.available())}, or a .toml file"
+    text = f"bands for the metrics: {', '.join(bands.available())}, or a .toml file"
     parser.add_argument("--targets", metavar="NAME", help=text)
     text = (
         "names, units, signs, delays of a file's channels; one for each recording, in order, those left over need none"
@@ -79,7 +78,7 @@ def _assess(paths: list[str], args: argparse.Namespace, tolerances: str | None) 
     if len(args.mapping) > len(paths):
         raise ValueError(f"{len(args.mapping)} mappings for {len(paths)} recordings")
     recordings = {label: _read(path, place, args) for place, (label, path) in enumerate(zip(labels, paths))}
-    wanted = targets.load(args.targets) if args.targets else None
+    wanted = bands.load(args.targets) if args.targets else None
     allowed = validation.tolerances(tolerances) if tolerances else None
     timing = 1e-3 * number("--timing_ms", args.timing_ms, minimum=0.0)
     found = assessment.assess(recordings, args.manoeuvre, wanted, allowed, timing, **_given(args))

@@ -10,8 +10,8 @@ from experiments.real_time import Row
 from experiments.results import Cell, Results
 from steer_env.manoeuvres import Manoeuvre
 from vehicle.assist import SAMPLE_TIME
+from vehicle.margins import TARGETS
 
-TARGETS = 30.0, 6.0  # usual least phase [deg] and gain [dB] margin of an assist loop; assumed
 CHEAP = 0.01  # share of a step's own length that a step may take to compute and count as cheap; assumed
 _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _WORDS = {"0g": "0 g", "0p1g": "0.1 g", "0nm": "0 N m"}

@@ -20,13 +20,12 @@ from experiments import (
     plots,
     provenance,
     real_time,
-    targets,
     vehicle_study,
 )
 from experiments.evaluation import entries
 from experiments.files import replaced_directory, write_json
 from experiments.results import Notify, Results, Scope, collect
-from steer_env import metrics
+from steer_env import bands, metrics
 from steer_env.metrics.reading import TORQUE
 from vehicle import plant
 
@@ -109,8 +108,8 @@ def render(results: Results, source: dict[str, Any]) -> str:
             images={name: _image(svg) for name, svg in _figures(results).items()},
             plots=_plots(results),
             script=plots.script(),
-            wanted=targets.load(WANTED),
-            light=targets.light,
+            wanted=bands.load(WANTED),
+            light=bands.light,
         )
     )
 

@@ -18,7 +18,8 @@ import numpy as np
 
 from friction import law, make
 from friction.kernel import kernel
-from steer_env import REGISTERED, manoeuvres
+from steer_env import manoeuvres
+from steer_env.ids import DRIVEN
 from vehicle import cars, plant
 from vehicle.assist import SAMPLE_TIME
 
@@ -53,11 +54,11 @@ def _step_time(env: gym.Env, action: object, steps: int) -> float:
 
 
 def ratios(steps: int = 200, repeats: int = 200) -> dict[str, float]:
-    """Step time of each environment at its defaults over that of CartPole-v1, in this process."""
-    actions = {"CartPole-v1": 1, **dict.fromkeys(REGISTERED, np.array([0.02], np.float32))}
+    """Step time of each driving environment at its defaults over that of CartPole-v1, in this process."""
+    actions = {"CartPole-v1": 1, **dict.fromkeys(DRIVEN, np.array([0.02], np.float32))}
     runs = {name: partial(_step_time, gym.make(name), action, steps) for name, action in actions.items()}
     times = _best(runs, repeats)
-    return {name: times[name] / times["CartPole-v1"] for name in REGISTERED}
+    return {name: times[name] / times["CartPole-v1"] for name in DRIVEN}
 
 
 def first_step(name: str, cache: str, chassis: str = "single_track") -> float:

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from rich.console import Console
 from rich.table import Table
 
-from experiments.targets import Light
 from experiments.trials import Estimate
+from steer_env.bands import Light
 from steer_env.metrics import Value
 
 _STYLES = {"green": "green", "amber": "yellow", "red": "red"}

@@ -11,14 +11,14 @@ from friction.law import advance, law_of, resolve, torque
 
 
 @kernel
-def _follow(p, memory, x, dt, out):
+def _follow(p, level, memory, x, dt, out):
     for i in range(1, x.size):
         w = (x[i] - x[i - 1]) / dt
-        advance(p, 1.0, memory, w, dt)
-        out[i] = torque(p, 1.0, memory, w)
+        advance(p, level, memory, w, dt)
+        out[i] = torque(p, level, memory, w)
 
 
-def response(law: Any, x: ArrayLike, dt: float) -> NDArray[np.float64]:
+def response(law: Any, x: ArrayLike, dt: float, level: float = 1.0) -> NDArray[np.float64]:
     """Friction torque at the samples of a displacement history, straight lines between the samples.
 
     Parameters
@@ -29,6 +29,8 @@ def response(law: Any, x: ArrayLike, dt: float) -> NDArray[np.float64]:
         Displacement [rad].
     dt : float
         Time between samples [s].
+    level : float
+        Factor on the saturated friction [1].
 
     Returns
     -------
@@ -38,10 +40,10 @@ def response(law: Any, x: ArrayLike, dt: float) -> NDArray[np.float64]:
     Raises
     ------
     ValueError
-        If ``law`` is none, ``x`` is not a finite one-dimensional history, or ``dt`` is not positive.
+        If ``law`` is none, ``x`` is not a finite one-dimensional history, or ``dt`` or ``level`` is not positive.
     """
     p = resolve(law)
     path = numbers("x", x)
     out = np.zeros_like(path)
-    _follow(p, np.zeros(law_of(p).memory_size(p)), path, positive("dt", dt), out)
+    _follow(p, positive("level", level), np.zeros(law_of(p).memory_size(p)), path, positive("dt", dt), out)
     return out

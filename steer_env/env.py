@@ -1,7 +1,7 @@
 """One environment class; a task makes it lane keeping, a weave, or what is to come."""
 
 import inspect
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import gymnasium as gym
@@ -133,11 +133,15 @@ class SteerEnv(gym.Env):
 
 def lanes_of(task: Task, n: int, arguments: Mapping[str, Any], others: tuple[str, ...], **more: Any) -> Lanes:
     """Lanes from the arguments of an environment; TypeError for one that neither they nor the environment take."""
-    known = [key for key in inspect.signature(Lanes).parameters if key not in ("task", "n", *more)]
-    for key in arguments:
-        if key not in known:
-            raise TypeError(f"unknown keyword {key!r}; the environments take: {', '.join([*known, *others])}")
+    own = [key for key in inspect.signature(Lanes).parameters if key not in ("task", "n", *more)]
+    check_keywords([key for key in arguments if key not in own], (*own, *others))
     return Lanes(task, n, **arguments, **more)
+
+
+def check_keywords(unknown: Iterable[str], known: Iterable[str]) -> None:
+    """TypeError for a keyword that an environment does not take."""
+    for key in unknown:
+        raise TypeError(f"unknown keyword {key!r}; the environment takes: {', '.join(known)}")
 
 
 def clipped(actions: NDArray[Any]) -> NDArray[Any]:

@@ -1,4 +1,7 @@
-"""The registered environments: a class for each task, single and vector, with its documentation drawn from the task."""
+"""The registered environments: a class for each task, single and vector, with its documentation drawn from the task.
+
+Those that tune are made in :mod:`steer_env.tuning.ids`.
+"""
 
 import textwrap
 from collections.abc import Sequence
@@ -14,7 +17,8 @@ from steer_env.vector import SteerVectorEnv
 VERSION = "v0"
 
 
-def _table(head: tuple[str, ...], rows: Sequence[tuple[str, ...]]) -> str:
+def table(head: tuple[str, ...], rows: Sequence[tuple[str, ...]]) -> str:
+    """A table in Markdown."""
     lines = [head, ("---",) * len(head), *rows]
     return "\n".join(f"| {' | '.join(line)} |" for line in lines)
 
@@ -34,17 +38,17 @@ def _documentation(task: Task) -> str:
         task.summary,
         "## Action",
         "`Box(-1, 1, (1,))`, held for `control_dt`.",
-        _table(("index", "action", "at 1", "unit"), [("0", action.meaning, f"{action.scale:g}", action.unit)]),
+        table(("index", "action", "at 1", "unit"), [("0", action.meaning, f"{action.scale:g}", action.unit)]),
         "## Observation",
         f"`Box({len(observations)},)` in SI, clipped to the bounds.",
-        _table(("index", "observation", "bound", "unit"), observations),
+        table(("index", "observation", "bound", "unit"), observations),
         "## Reward",
         'Sum of the terms: weight times quantity over the step. They are in `info["reward_terms"]`.',
-        _table(("term", "weight", "unit", "quantity"), terms),
+        table(("term", "weight", "unit", "quantity"), terms),
         '## Cost\n\nFor constraint learning, in `info["cost"]` and `info["cost_terms"]`.',
-        _table(("term", "weight", "unit", "quantity"), costs),
+        table(("term", "weight", "unit", "quantity"), costs),
         '## Metrics\n\nOf the whole episode, in `info["metrics"]` at its end.',
-        _table(("figure", "unit", "over the episode", "of"), figures),
+        table(("figure", "unit", "over the episode", "of"), figures),
         "## Start",
         textwrap.fill(task.begins, 118),
         "## End",
@@ -54,22 +58,28 @@ def _documentation(task: Task) -> str:
         "## Arguments",
         f"As `steer_env.SteerEnv`. Defaults: {3.6 * task.speed:g} km/h, chassis {task.chassis[0]!r}.",
         "`reset(options={...})` fixes what would be drawn:",
-        _table(("option", "meaning"), options),
+        table(("option", "meaning"), options),
         "## Version history\n\nv0: first version.",
     ]
     return "\n\n".join(sections) + "\n"
 
 
-REGISTERED: dict[str, str] = {}
+DRIVEN: dict[str, str] = {}  # a step is a moment of a drive; each has a vector environment of its own
 
 for _name in tasks.available():
     _fields = {"task": tasks.task(_name), "__doc__": _documentation(tasks.task(_name)), "__module__": __name__}
     globals()[_name] = type(_name, (SteerEnv,), _fields)
     globals()[f"{_name}Vector"] = type(f"{_name}Vector", (SteerVectorEnv,), _fields)
-    REGISTERED[f"steer_env/{_name}-{VERSION}"] = f"{__name__}:{_name}"
+    DRIVEN[f"steer_env/{_name}-{VERSION}"] = f"{__name__}:{_name}"
+
+# A step is a whole evaluation. By name, for the metrics take longer to import than everything else.
+TUNED = {f"steer_env/{_name}-{VERSION}": f"steer_env.tuning.ids:{_name}" for _name in ("TuneOnCentre", "TuneAllRound")}
+REGISTERED = DRIVEN | TUNED
 
 
 def register() -> None:
     """Register the ids with Gymnasium."""
-    for name, entry_point in REGISTERED.items():
+    for name, entry_point in DRIVEN.items():
         gym.register(name, entry_point=entry_point, vector_entry_point=f"{entry_point}Vector")
+    for name, entry_point in TUNED.items():
+        gym.register(name, entry_point=entry_point)

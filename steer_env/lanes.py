@@ -22,8 +22,8 @@ from friction.bounds import within
 from friction.check import number
 from friction.kernel import bind, kernel
 from steer_env import drivers
-from steer_env.manoeuvres.shapes import ramp_and_hold
-from steer_env.randomise import RANGES, SENSOR_NOISE, Conditions, Randomise
+from steer_env.manoeuvres.driving import steering_stiffness
+from steer_env.randomise import LIMITS, RANGES, SENSOR_NOISE, Conditions, Randomise
 from steer_env.tasks import definition as tasks
 from steer_env.tasks.definition import NODE, PEAK, PER_NODE, RMS, Now, Setting, Task
 from vehicle import cars, fleet, plant
@@ -272,7 +272,7 @@ class Lanes:
             self.car = self.car._replace(tyre=tyres.load(tyre))
         self._chassis, self._road = chassis, road
         self._driver = drivers.resolve("preview" if driver is None else driver) if task.person else None
-        self._randomise = Randomise(randomise, friction, self.speed, limits)
+        self._randomise = Randomise(randomise, friction, self.speed, LIMITS | {"speed": limits})
         weights_of = _weights(task, weights)
 
         usual = self._randomise.usual
@@ -377,16 +377,7 @@ class Lanes:
     def steering_stiffness(self, speed: float) -> float:
         """Hand torque over handwheel angle [N m/rad] in steady turns at a speed [m/s], beyond friction."""
         p = self._plant(self._randomise.usual._replace(speed=speed), robot=True)
-        state, row = plant.settled(p, self._run(p))
-        channels, held = row[None].copy(), []
-        for start in (0.0, 0.1):  # turned further the same way, friction drops out of the difference
-            t = SAMPLE_TIME * np.arange(1.0, 2001.0)
-            u = np.zeros((t.size, len(INPUTS)))
-            u[:, HAND], u[:, HAND_SPEED] = ramp_and_hold(t, 0.1, 1.0)
-            u[:, HAND] += start
-            self._run(p)(p, state, u, channels, 1)
-            held.append(channels[0, plant.CHANNEL["handwheel_torque"]])
-        return float(held[1] - held[0]) / 0.1
+        return steering_stiffness(p, self._run(p))
 
     def start(self, i: int, rng: np.random.Generator, options: Mapping[str, Any]) -> None:
         """Begin an episode in lane ``i``; ``options`` fix what would be drawn. ValueError for an unknown one."""

@@ -19,6 +19,7 @@ RANGES = {
     "sensor_noise": (0.0, 10.0, "factor on the sensors' noise, SENSOR_NOISE [1]"),
     "delay": (0.0, 0.2, "of the observation, in whole control steps [s]"),
 }
+LIMITS = {name: (low, high) for name, (low, high, _) in RANGES.items()}
 # Standard deviations of white noise at each control step, as good production sensors have; assumed [SI].
 SENSOR_NOISE = {
     "handwheel_angle": 0.001,
@@ -58,8 +59,8 @@ class Randomise:
         The environment's friction; what is not drawn follows a name's defaults, or stays as the parameters have it.
     speed : float
         Held where it is not drawn [m/s].
-    limits : (float, float)
-        Speeds that the chassis allows [m/s].
+    limits : mapping of str to (float, float)
+        Keys of ``RANGES`` that the environment knows, with what it allows: ``LIMITS``, but for the speeds of a chassis.
 
     Raises
     ------
@@ -67,8 +68,10 @@ class Randomise:
         An unknown key, a range that is no pair or inverted, or a value out of what is possible.
     """
 
-    def __init__(self, ranges: Mapping[str, Any] | None, law: Any, speed: float, limits: tuple[float, float]) -> None:
-        self._limits = {name: (low, high) for name, (low, high, _) in RANGES.items()} | {"speed": limits}
+    def __init__(
+        self, ranges: Mapping[str, Any] | None, law: Any, speed: float, limits: Mapping[str, tuple[float, float]]
+    ) -> None:
+        self._limits = limits
         usual = friction.resolve(law)
         self._usual = Conditions(0.0, 1.0, 1.0, speed, 0.0, 0.0, usual)
         self._name = law_of(usual).name
@@ -78,8 +81,8 @@ class Randomise:
         if not isinstance(ranges, Mapping):
             raise ValueError(f"randomise must map names to (low, high), got {ranges!r}")
         for key in ranges:
-            if key not in RANGES and key != "friction":
-                raise ValueError(f"randomise has no {key!r}; it takes: {', '.join(RANGES)}, friction")
+            if key not in limits and key != "friction":
+                raise ValueError(f"randomise has no {key!r}; it takes: {', '.join(limits)}, friction")
         self._ranges = {name: self._pair(name, pair) for name, pair in ranges.items() if name != "friction"}
         self._law: dict[str, tuple[float, float]] = {}
         own = ranges.get("friction", {})

@@ -130,6 +130,13 @@ def make(
     )
 
 
+def lead_corners(a: Assist) -> tuple[float, float]:
+    """Zero and pole of the phase lead [Hz], as :func:`make` took them."""
+    pole = (1.0 + a.lead_a1) / (1.0 - a.lead_a1)
+    zero = 1.0 / (a.lead_b0 * (1.0 / pole + 1.0) - 1.0)
+    return math.atan(zero) / (math.pi * SAMPLE_TIME), math.atan(pole) / (math.pi * SAMPLE_TIME)
+
+
 @kernel
 def _bracket(grid, x):
     """Cell of ``x`` in an ascending grid and its place in it, held at the ends."""

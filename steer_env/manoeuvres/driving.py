@@ -1,7 +1,8 @@
 """Driving a manoeuvre: the plant that it needs, the amplitude that it asks for, and the recording."""
 
+from collections.abc import Callable
 from itertools import pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +11,7 @@ from friction.check import positive
 from friction.law import law_of
 from steer_env.lane_change import outline
 from steer_env.manoeuvres.definition import Manoeuvre
+from steer_env.manoeuvres.shapes import ramp_and_hold
 from steer_env.recording import Recording
 from vehicle import chassis, column, plant
 from vehicle.assist import SAMPLE_TIME
@@ -24,10 +26,15 @@ class LostControlError(ValueError):
     """The car spun in a manoeuvre, or a driver lost it altogether."""
 
 
-def build_plant(car: Car, manoeuvre: Manoeuvre, friction: Any) -> plant.Plant:
+def build_plant(car: Car, manoeuvre: Manoeuvre, friction: Any, road_friction: float = 1.0) -> plant.Plant:
     """The plant that a manoeuvre needs: robot or free hands, on the road or on the rig."""
     p = car.plant(
-        friction, speed=manoeuvre.speed, robot=manoeuvre.robot, chassis=manoeuvre.chassis, road=manoeuvre.road
+        friction,
+        speed=manoeuvre.speed,
+        robot=manoeuvre.robot,
+        road_friction=road_friction,
+        chassis=manoeuvre.chassis,
+        road=manoeuvre.road,
     )
     if not manoeuvre.rig:
         return p
@@ -77,10 +84,10 @@ def _text(value: Any) -> str:
     return ":".join(map(repr, np.ravel(value).tolist()))
 
 
-def run(p: plant.Plant, manoeuvre: Manoeuvre, u: Array) -> Array:
-    """Channels (T, C) of a plant that starts straight and gets inputs (T, I)."""
+def run(p: plant.Plant, manoeuvre: Manoeuvre, u: Array, straight: Array | None = None) -> Array:
+    """Channels (T, C) of a plant that starts straight, from that state if it is known, and gets inputs (T, I)."""
     record = np.zeros((len(u), len(plant.channels(p))))
-    state = plant.initial_state(p)
+    state = plant.initial_state(p) if straight is None else straight.copy()
     changes = [min(round(t / SAMPLE_TIME), len(u)) for t in manoeuvre.released]
     for k, (start, end) in enumerate(pairwise([0, *changes, len(u)])):
         if start == end:
@@ -126,6 +133,23 @@ def run_closed(car: Car, p: plant.Plant, manoeuvre: Manoeuvre) -> Array:
     return record[:done]
 
 
+def steering_stiffness(p: plant.Plant, run: Callable = plant.run) -> float:
+    """Hand torque over handwheel angle [N m/rad] of a robot's plant in steady turns, beyond friction.
+
+    ``run`` does what :func:`vehicle.plant.run` does.
+    """
+    state, row = plant.settled(p, run)
+    record, held = row[None].copy(), []
+    for start in (0.0, 0.1):  # turned further the same way, friction drops out of the difference
+        t = SAMPLE_TIME * np.arange(1.0, 2001.0)
+        u = np.zeros((t.size, len(plant.INPUTS)))
+        u[:, plant.HAND], u[:, plant.HAND_SPEED] = ramp_and_hold(t, 0.1, 1.0)
+        u[:, plant.HAND] += start
+        run(p, state, u, record, 1)
+        held.append(record[0, plant.CHANNEL["handwheel_torque"]])
+    return float(held[1] - held[0]) / 0.1
+
+
 def steering_ratio(car: Car) -> float:
     """Handwheel angle over the road wheels' at centre, without compliance [1]."""
     return 1.0 / (car.steering["pinion_radius"] * float(car.strut.solve(0.0, 0.0).per_rack.rotation[2]))
@@ -162,13 +186,33 @@ def drive(car: Car, manoeuvre: Manoeuvre, friction: Any = "lugre") -> Recording:
         Unknown law, an amplitude that cannot be found, a car that spins, or a run that does not stay finite (the state
         is named).
     """
-    p = build_plant(car, manoeuvre, friction)
+    return drive_plant(car, build_plant(car, manoeuvre, friction), manoeuvre)
+
+
+class Course(NamedTuple):
+    """What an open-loop manoeuvre does to a plant; plants that differ in their assist can share it."""
+
+    amplitude: float  # [rad], of a torque [N m]
+    inputs: Array  # (T, I) one row a sample, as the plant's
+    straight: Array  # (S,) state of running straight
+
+
+def course(p: plant.Plant, manoeuvre: Manoeuvre) -> Course:
+    """The course of a manoeuvre, with the amplitude that it asks for; ValueError where none reaches it."""
+    amplitude = _amplitude(p, manoeuvre)
+    return Course(amplitude, inputs(manoeuvre, amplitude, manoeuvre.duration), plant.initial_state(p))
+
+
+def drive_plant(car: Car, p: plant.Plant, manoeuvre: Manoeuvre, prepared: Course | None = None) -> Recording:
+    """:func:`drive` with a plant from :func:`build_plant`, whose parameters may have been changed since.
+
+    An open loop follows a course of its own, or one that was prepared, perhaps with another assist.
+    """
     if manoeuvre.driver is None:
-        amplitude = _amplitude(p, manoeuvre)
-        u = inputs(manoeuvre, amplitude, manoeuvre.duration)
-        record = run(p, manoeuvre, u)
+        amplitude, u, straight = prepared or course(p, manoeuvre)
+        record = run(p, manoeuvre, u, straight)
         if not np.isfinite(record[-1]).all():
-            raise ValueError(f"{manoeuvre.name} diverged: {plant.first_non_finite(p, plant.initial_state(p), u)} first")
+            raise ValueError(f"{manoeuvre.name} diverged: {plant.first_non_finite(p, straight, u)} first")
         steered = {"amplitude_rad" if manoeuvre.robot else "amplitude_nm": amplitude}
         advice = f"ask for less than {amplitude:g}, or for less speed"
     else:

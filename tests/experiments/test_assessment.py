@@ -5,10 +5,10 @@ import json
 import numpy as np
 import pytest
 
-from experiments import assessment, targets, validation
+from experiments import assessment, validation
 from experiments.cli import main
-from experiments.targets import Band, Light, light
-from steer_env import manoeuvres, metrics, recording_files
+from steer_env import bands, manoeuvres, metrics, recording_files
+from steer_env.bands import Band, Light, light
 from steer_env.metrics import Value
 from steer_env.recording import Recording
 from vehicle import cars
@@ -44,8 +44,8 @@ def test_a_refused_value_gets_no_light():
 
 
 def test_packaged_targets_load():
-    for name in targets.available():
-        found = targets.load(name)
+    for name in bands.available():
+        found = bands.load(name)
         assert found.bands["weave"]["torque_at_0g"].good == (0.6, 2.0)
 
 
@@ -69,9 +69,9 @@ def test_bad_targets_are_refused(text, message, tmp_path):
     path = tmp_path / "bad.toml"
     path.write_text(text)
     with pytest.raises(ValueError, match=message):
-        targets.load(str(path))
+        bands.load(str(path))
     with pytest.raises(ValueError, match="no targets 'sedan'; there are compact"):
-        targets.load("sedan")
+        bands.load("sedan")
 
 
 def test_a_recording_lies_within_its_own_tolerances(weaves):

@@ -10,11 +10,12 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 import friction
-from steer_env import REGISTERED, randomise, tasks
+from steer_env import randomise, tasks
+from steer_env.ids import DRIVEN
 from vehicle import plant, two_track
 from vehicle import tyre as tyres
 
-IDS = tuple(REGISTERED)
+IDS = tuple(DRIVEN)
 # Every id on every chassis that it runs on.
 RUNS = [(f"steer_env/{name}-v0", chassis) for name in tasks.available() for chassis in tasks.task(name).chassis]
 ACTION = np.array([0.1], np.float32)

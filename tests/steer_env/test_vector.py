@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from gymnasium.vector import AutoresetMode
 
-from steer_env import REGISTERED
 from steer_env.drivers import Controller
+from steer_env.ids import DRIVEN
 
-IDS = tuple(REGISTERED)
+IDS = tuple(DRIVEN)
 WEAVE, COURSE = "steer_env/AssistWeave-v0", "steer_env/DriverDoubleLaneChange-v0"
 RANDOM = {
     "load": (0, 300),

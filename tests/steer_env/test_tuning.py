@@ -1,0 +1,384 @@
+"""The tuning environments: Gymnasium's checks, the car's own set, physical sense, bad input, documentation."""
+
+import math
+import re
+import warnings
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+
+import friction
+from steer_env import manoeuvres, metrics
+from steer_env.ids import REGISTERED, TUNED
+from steer_env.metrics import Value
+from steer_env.tuning import env as tuning_env
+from steer_env.tuning import parameters, reward, scenarios
+from steer_env.tuning.scenarios import SCENARIOS
+from vehicle import assist, cars
+from vehicle.margins import Margins, boost_gain, margins, worst_margins
+
+IDS = tuple(TUNED)
+ON_CENTRE, ALL_ROUND = IDS
+EVERYTHING = {"load": (0, 300), "road_friction": (0.8, 1.0), "friction_level": (0.5, 2), "speed": (20, 40)}
+ONLY = {"steer_env/TuneOnCentre-v0": {"boost_low_speed", "damping_low_speed"}, "steer_env/TuneAllRound-v0": set()}
+
+
+def make(name, **arguments):
+    return gym.make(name, **arguments).unwrapped
+
+
+def action(env, **wanted):
+    """The car's own set but for some parameters in [-1, 1]."""
+    found = env.baseline_action
+    for name, value in wanted.items():
+        found[env.scenario.parameters.index(name)] = value
+    return found
+
+
+@pytest.fixture(scope="module")
+def tried():
+    """Metrics by set of the all-round scenario at its defaults."""
+    env = make(ALL_ROUND)
+    sets = {"own": {}, "boosted": {"boost_level": 0.5}, "weak": {"boost_level": -0.5}, "damped": {"damping_level": 1.0}}
+    sets |= {"late": {"boost_progression": 0.5}, "light parking": {"boost_low_speed": 1.0}}
+    env.reset(seed=0)
+    found = {}
+    for name, wanted in sets.items():
+        *_, info = env.step(action(env, **wanted))
+        found[name] = {key: value for key, (value, _) in info["evaluated"].items()} | info["margins"]
+    return found
+
+
+def test_every_scenario_is_registered():
+    assert [name.split("/")[1].split("-")[0] for name in IDS] == list(SCENARIOS)
+    assert set(IDS) < set(REGISTERED)
+
+
+@pytest.mark.parametrize("law", friction.available())
+@pytest.mark.parametrize("name", IDS)
+def test_checkers_accept(name, law):
+    from stable_baselines3.common.env_checker import check_env as check_for_sb3
+
+    env = make(name, friction=law, randomise={"load": (0, 300)})
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        check_env(env)
+    check_for_sb3(env)
+
+
+def test_own_set_gives_the_cars_metrics():
+    """To the rounding of the lead's corners, as the battery drives and reads them; the weave thinned to 100 Hz."""
+    env = make(ALL_ROUND)
+    env.reset(seed=0)
+    *_, info = env.step(env.baseline_action)
+    found = info["evaluated"]
+    for drive in env.scenario.drives:
+        recording = manoeuvres.drive(cars.load(), drive.manoeuvre)
+        thinned = metrics.evaluate(scenarios.thinned(recording, drive.every))
+        for name, value in thinned.items():
+            assert found[name][0] == pytest.approx(value.value, rel=1e-8, abs=1e-8), name
+        for name, value in metrics.evaluate(recording).items():  # what the thinning costs
+            assert found[name][0] == pytest.approx(value.value, rel=5e-4), name
+    assert set(found) == set(env.scenario.metrics)
+    assert len(env.scenario.metrics) == len(set(env.scenario.metrics))
+    whole = metrics.evaluate(manoeuvres.drive(cars.load(), manoeuvres.make("weave")))  # twelve cycles, not five
+    for name, value in whole.items():
+        assert found[name][0] == pytest.approx(value.value, rel=6e-3), name
+
+
+@pytest.mark.parametrize("car", cars.available())
+def test_own_set_is_the_cars_assist(car):
+    own = cars.load(car).assist
+    for scenario in SCENARIOS.values():
+        zero = np.zeros(len(scenario.parameters), np.float32)
+        same = parameters.tuned(own, parameters.values(own, scenario.parameters, zero))
+        for name, a, b in zip(own._fields, own, same):
+            assert np.allclose(a, b, rtol=1e-14, atol=1e-16), name
+
+
+def test_more_boost_is_lighter(tried):
+    for name in ("torque_gradient_at_0p1g", "torque_at_0p1g", "steady_step_torque", "handwheel_torque_peak"):
+        assert tried["boosted"][name] < tried["own"][name] < tried["weak"][name], name
+    assert tried["boosted"]["gain_db"] < tried["own"]["gain_db"] < tried["weak"]["gain_db"]
+
+
+def test_later_boost_is_heavier_on_centre(tried):
+    assert tried["late"]["torque_at_0p1g"] > tried["own"]["torque_at_0p1g"]
+
+
+def test_more_damping_overshoots_less_or_is_slower(tried):
+    own, damped = tried["own"], tried["damped"]
+    assert damped["yaw_rate_time_to_half"] > own["yaw_rate_time_to_half"]
+    assert damped["yaw_rate_after_1s"] > own["yaw_rate_after_1s"] + 5.0
+    assert damped["handwheel_return_rate"] < own["handwheel_return_rate"]
+
+
+def test_boost_at_standstill_leaves_100_kph_alone(tried):
+    own, light = tried["own"], tried["light parking"]
+    assert light["handwheel_torque_peak"] < own["handwheel_torque_peak"]
+    assert light["torque_at_0p1g"] == pytest.approx(own["torque_at_0p1g"], rel=1e-12)
+
+
+@pytest.mark.parametrize("speed", [0.0, 10.0, 100.0 / 3.6])
+def test_worst_margins_are_those_of_every_slope(speed):
+    car = cars.load()
+    c, a = car.column, car.assist
+    slopes = {round(boost_gain(a, t, speed), 6) for t in 0.5 * (a.torques[1:] + a.torques[:-1])}
+    each = [margins(c, a, slope, speed) for slope in slopes if slope > 0.0]
+    worst = worst_margins(c, a, speed)
+    assert worst.phase == pytest.approx(min(m.phase for m in each), rel=1e-3)
+    assert worst.gain == pytest.approx(min(m.gain for m in each), rel=1e-3)
+    assert worst.stable
+    stiff = a._replace(boost=1.05 * worst.gain * a.boost)
+    assert not worst_margins(c, stiff, speed).stable
+    none = worst_margins(c, a._replace(boost=0.0 * a.boost), speed)
+    assert none.phase == none.gain == math.inf
+    assert none.stable
+
+
+def test_lead_corners_are_those_given():
+    a = assist.make(lead_zero=12.0, lead_pole=310.0)
+    assert assist.lead_corners(a) == pytest.approx((12.0, 310.0), rel=1e-12)
+
+
+@pytest.mark.parametrize("name", IDS)
+def test_every_action_makes_an_assist(name):
+    env, rng = make(name), np.random.default_rng(0)
+    n = env.action_space.shape[0]
+    corners = np.array(np.meshgrid(*[(-1.0, 1.0)] * n)).reshape(n, -1).T
+    for tried in (*corners, *rng.uniform(-1.0, 1.0, (50, n))):
+        a = parameters.tuned(env.car.assist, parameters.values(env.car.assist, env.scenario.parameters, tried))
+        assert (np.diff(a.boost, axis=1) >= 0.0).all()
+        assert a.boost.flags.writeable == env.car.assist.boost.flags.writeable  # else the plant compiles anew
+    # A corner that would leave what the lead can be stays at its end.
+    high = assist.make(lead_pole=400.0)
+    assert parameters.PARAMETERS["lead_pole"].value(high, 1.0) == parameters.HIGHEST_CORNER
+
+
+def test_reward_is_the_distance_to_the_bands():
+    env = make(ON_CENTRE)
+    env.reset(seed=0)
+    _, earned, _, _, info = env.step(action(env, boost_level=1.0))
+    assert earned == pytest.approx(sum(info["reward_terms"].values()))
+    low, high = env.targets.bands["weave"]["torque_at_0p1g"].good
+    torque = info["evaluated"]["torque_at_0p1g"][0]
+    assert torque < low
+    assert info["reward_terms"]["torque_at_0p1g"] == pytest.approx((torque - low) / (high - low))
+    assert info["reward_terms"]["lateral_acceleration_at_0nm"] == 0.0
+    assert info["cost"] == sum(info["cost_terms"].values()) == 0.0
+    doubled = make(ON_CENTRE, weights={"torque_at_0p1g": 2.0})
+    doubled.reset(seed=0)
+    *_, other = doubled.step(action(env, boost_level=1.0))
+    assert other["reward_terms"]["torque_at_0p1g"] == 2.0 * info["reward_terms"]["torque_at_0p1g"]
+
+
+def test_lost_margins_cost():
+    env = make(ALL_ROUND)
+    env.reset(seed=0)
+    wild = action(env, boost_level=1.0, boost_low_speed=1.0, lead_zero=1.0)
+    *_, info = env.step(wild)
+    assert info["cost_terms"] == {"phase_margin": 1.0, "gain_margin": 1.0}  # unstable at standstill
+    assert info["reward_terms"]["gain_margin"] == -reward.MARGIN_WEIGHT
+    half = reward.lacking(Margins(math.radians(15.0), 10.0 ** (7.5 / 20.0), 20.0, True))
+    assert half == {"phase_margin": pytest.approx(0.5), "gain_margin": 0.0}
+
+
+def test_refused_metrics_cost_most_and_are_observed_as_zero():
+    env = make(ALL_ROUND)
+    env.reset(seed=0, options={"friction_level": 5.0})
+    observation, _, _, _, info = env.step(env.baseline_action)
+    assert "turn further" in info["refused"]["handwheel_return_rate"]
+    assert info["evaluated"]["handwheel_return_rate"] == (None, "deg/s")
+    assert env.observation_space.contains(observation)
+    names = [quantity.name for quantity in tuning_env.observed(env.scenario)]
+    assert observation[names.index("handwheel_return_rate")] == 0.0
+    assert 0.0 < observation[names.index("refused")] < 1.0
+    band = env.terms["torque_at_0g"].band
+    assert reward.distance(Value(math.nan, math.nan, math.nan, "N m", "why"), band) == reward.FAR
+    assert reward.distance(Value(100.0, math.nan, math.nan, "N m"), band) == reward.FAR
+
+
+def test_a_run_that_fails_is_refused(monkeypatch):
+    def diverges(*_):
+        raise ValueError("weave diverged: handwheel_angle [rad] first")
+
+    env = make(ON_CENTRE)
+    env.reset(seed=0)
+    monkeypatch.setattr(scenarios, "drive_plant", diverges)
+    observation, total, terminated, _, info = env.step(env.baseline_action)
+    assert set(info["refused"].values()) == {"weave diverged: handwheel_angle [rad] first"}
+    assert total == -reward.FAR * sum(term.weight for term in env.terms.values())
+    assert env.observation_space.contains(observation)
+    assert not terminated
+
+
+def episode(env, seed):
+    rng, seen = np.random.default_rng(0), []
+    observation, info = env.reset(seed=seed)
+    seen.append(observation)
+    truncated = False
+    while not truncated:
+        tried = rng.uniform(-1.0, 1.0, env.action_space.shape).astype(np.float32)
+        observation, total, terminated, truncated, info = env.step(tried)
+        assert not terminated
+        seen += [observation, [total]]
+    return np.concatenate(seen), info
+
+
+def test_same_seed_same_run():
+    env, other = (make(ON_CENTRE, randomise={**EVERYTHING, "friction": {"F_c": (0.6, 1.2)}}) for _ in range(2))
+    first, _ = episode(env, 3)
+    assert np.array_equal(first, episode(other, 3)[0])
+    assert np.array_equal(first, episode(env, 3)[0])
+    assert not np.array_equal(first, episode(env, 4)[0])
+
+
+def test_an_episode_ends_with_its_best_set():
+    env = make(ON_CENTRE)
+    seen, info = episode(env, 0)
+    rewards = seen[env.observation_space.shape[0] :].reshape(tuning_env.SETS, -1)[:, -1]
+    assert info["best"]["reward"] == pytest.approx(rewards.max(), rel=1e-6)
+    assert set(info["metrics"]) == set(env.scenario.metrics)
+    with pytest.raises(RuntimeError, match="call reset"):
+        env.step(env.baseline_action)
+
+
+def test_context_is_observed():
+    env = make(ON_CENTRE, randomise=EVERYTHING)
+    fixed = {"load": 200.0, "road_friction": 0.9, "friction_level": 2.0, "speed": 30.0}
+    observation, info = env.reset(seed=1, options=fixed)
+    context = info["context"]
+    assert observation[:6] == pytest.approx(list(context.values()), rel=1e-6)
+    assert not observation[6:].any()
+    assert context["mass"] == pytest.approx(cars.load().chassis["mass"] + 200.0)
+    assert context["speed"] == 30.0
+    assert context["friction_torque"] == pytest.approx(1.8, rel=1e-4)  # F_c 0.9 N m at twice the level
+    _, info = make(ON_CENTRE, friction=friction.make("coulomb", F_c=0.5)).reset(seed=0)
+    assert info["context"]["friction_torque"] == pytest.approx(0.5)
+    assert info["context"]["friction_stiffness"] == pytest.approx(500.0)  # all of it in the first mrad
+
+
+def test_parameters_are_physical():
+    env = make(ALL_ROUND)
+    assert env.parameters["lead_zero"] == ("Hz", pytest.approx(5.0), pytest.approx(15.0), pytest.approx(45.0))
+    env.reset(seed=0)
+    for _, low, own, high in env.parameters.values():
+        assert low < own < high
+    *_, info = env.step(action(env, damping_level=0.5))
+    assert info["parameters"]["damping_level"] == pytest.approx(2.0)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error", "message"),
+    [
+        ({"frictoin": "lugre"}, TypeError, "unknown keyword 'frictoin'; the environments take: friction, speed"),
+        ({"control_dt": 0.01}, TypeError, "unknown keyword 'control_dt'"),
+        ({"friction": "lugree"}, ValueError, r"unknown friction law 'lugree'.*lugre"),
+        ({"speed": 5.0}, ValueError, r"speed \[m/s\] must be finite and at least 12 and at most 50, got 5"),
+        ({"speed": math.nan}, ValueError, r"speed \[m/s\] must be .*got nan"),
+        ({"vehicle": "tank"}, ValueError, "vehicle must be a .toml or .json file or one of"),
+        ({"chassis": "bike"}, ValueError, "chassis must be one of single_track, two_track, got 'bike'"),
+        ({"targets": "sedan"}, ValueError, "no targets 'sedan'; there are compact"),
+        ({"weights": {"torque": 1.0}}, ValueError, "has no reward term 'torque'; there are torque_at_0g"),
+        ({"weights": {"torque_at_0g": -1.0}}, ValueError, r"weights\['torque_at_0g'\] must be finite and at least 0"),
+        ({"randomise": {"load": (300, 0)}}, ValueError, r"randomise\['load'\] must be \(low, high\) with low <= high"),
+        ({"randomise": {"delay": (0, 0.1)}}, ValueError, "randomise has no 'delay'; it takes: load, road_friction"),
+        ({"randomise": {"road_friction": (0.1, 1)}}, ValueError, r"randomise\['road_friction'\] must be .*at least 0"),
+        ({"randomise": {"friction": {"F": (0, 1)}}}, ValueError, "no parameter 'F'"),
+    ],
+)
+@pytest.mark.parametrize("name", IDS)
+def test_bad_arguments(name, arguments, error, message):
+    with pytest.raises(error, match=message):
+        gym.make(name, **arguments)
+
+
+def test_nothing_is_drawn():
+    with pytest.raises(ValueError, match="render_mode must be None, got 'rgb_array'"):
+        type(make(ON_CENTRE))(render_mode="rgb_array")
+
+
+@pytest.mark.parametrize(
+    ("bad", "message"),
+    [
+        (np.array([np.nan, 0, 0, 0, 0], np.float32), "got nan"),
+        (np.array([0, 0, np.inf, 0, 0], np.float32), "got inf"),
+        (np.zeros(4, np.float32), r"shape \(5,\)"),
+        ([0.0] * 5, r"shape \(5,\), got \[0\.0"),
+    ],
+)
+def test_bad_actions(bad, message):
+    env = make(ON_CENTRE)
+    with pytest.raises(RuntimeError, match="call reset"):
+        env.step(env.baseline_action)
+    env.reset(seed=0)
+    with pytest.raises(ValueError, match=message):
+        env.step(bad)
+
+
+def test_bad_options():
+    env = make(ON_CENTRE)
+    with pytest.raises(ValueError, match="unknown reset option 'sensor_noise'; TuneOnCentre takes: load, road"):
+        env.reset(options={"sensor_noise": 1.0})
+    with pytest.raises(ValueError, match="reset option 'load' must be finite and at least 0 and at most 500, got 900"):
+        env.reset(options={"load": 900})
+
+
+def test_targets_of_ones_own(tmp_path):
+    head = 'name = "mine"\ndescription = "d"\nsource = "s"\n'
+    path = tmp_path / "mine.toml"
+    path.write_text(head + '[weave]\nloop_area = {unit="J", good=[0.1, 0.2], fair=[0, 0.3]}\n', encoding="utf-8")
+    env = make(ON_CENTRE, targets=str(path))
+    assert set(env.terms) == {"loop_area"}
+    env.reset(seed=0)
+    _, total, *_, info = env.step(env.baseline_action)
+    assert total == pytest.approx(-(info["evaluated"]["loop_area"][0] - 0.2) / 0.1)
+    path.write_text(head + '[pulse]\npulse_overshoot = {unit="%", good=[1, 2], fair=[0, 3]}\n', encoding="utf-8")
+    with pytest.raises(ValueError, match="targets 'mine' have no bands for weave"):
+        make(ON_CENTRE, targets=str(path))
+
+
+@pytest.mark.parametrize("name", IDS)
+def test_docstring_tables_match_the_spaces(name):
+    env = make(name)
+    observations = env.__doc__.split("## Observation")[1].split("##")[0]
+    rows = re.findall(r"^\| (\d+) \| .* \| ([0-9.]+) \| (.*) \|$", observations, flags=re.MULTILINE)
+    assert [int(index) for index, *_ in rows] == list(range(env.observation_space.shape[0]))
+    assert [float(bound) for _, bound, _ in rows] == pytest.approx(env.observation_space.high.tolist())
+    assert [unit for *_, unit in rows] == [quantity.unit for quantity in tuning_env.observed(env.scenario)]
+    actions = env.__doc__.split("## Action")[1].split("##")[0]
+    rows = re.findall(r"^\| (\d+) \| `(\w+)`: .* \| (\S+) \| (\S+) \| (\S+) \| (\S+) \|$", actions, flags=re.MULTILINE)
+    assert len(rows) == env.action_space.shape[0]
+    for (_, parameter, *ends, unit), (key, known) in zip(rows, env.parameters.items()):
+        assert (parameter, unit) == (key, known[0])
+        assert [float(end) for end in ends] == pytest.approx(known[1:], rel=1e-3)
+    terms = re.findall(r"^\| `(\w+)` \| [0-9.]+ \| .* \|$", env.__doc__.split("## Reward")[1], flags=re.MULTILINE)
+    assert [term for term in terms if term not in KNOWN_OPTIONS] == [*env.terms, *reward.MARGIN_TERMS]
+    assert set(parameters.PARAMETERS) - set(env.scenario.parameters) == ONLY[name]
+
+
+KNOWN_OPTIONS = set(tuning_env.KNOWN)
+
+
+@pytest.mark.parametrize("mode", ["sync", "async"])
+def test_gymnasium_vectorises(mode):
+    """Gymnasium's own vector environments seed lane i with seed + i."""
+    vector = gym.make_vec(ON_CENTRE, num_envs=2, vectorization_mode=mode, randomise=EVERYTHING)
+    observations, _ = vector.reset(seed=5)
+    single = make(ON_CENTRE, randomise=EVERYTHING)
+    assert np.array_equal(observations[1], single.reset(seed=6)[0])
+    tried = np.full((2, 5), 0.2, np.float32)
+    observations, rewards, _, _, infos = vector.step(tried)
+    observation, total, *_, info = single.step(tried[1])
+    assert np.array_equal(observations[1], observation)
+    assert rewards[1] == total
+    assert infos["evaluated"]["torque_at_0g"][1] == info["evaluated"]["torque_at_0g"]
+    vector.close()
+
+
+def test_make_vec_needs_no_mode():
+    vector = gym.make_vec(ON_CENTRE, num_envs=2)
+    assert vector.action_space.shape == (2, 5)
+    vector.close()
