@@ -11,10 +11,11 @@ import pygame
 import pytest
 from gymnasium.utils.env_checker import check_env
 
-from steer_env import REGISTERED, canvas, render
+from steer_env import canvas, render
 from steer_env.canvas import Canvas, nice_step
+from steer_env.ids import DRIVEN
 
-IDS = tuple(REGISTERED)
+IDS = tuple(DRIVEN)
 LANE_CHANGE = "steer_env/DriverDoubleLaneChange-v0"
 STRAIGHT_ENTRY = {"entry_offset": 0.0, "entry_heading": 0.0}
 

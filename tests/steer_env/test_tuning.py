@@ -273,7 +273,7 @@ def test_parameters_are_physical():
 @pytest.mark.parametrize(
     ("arguments", "error", "message"),
     [
-        ({"frictoin": "lugre"}, TypeError, "unknown keyword 'frictoin'; the environments take: friction, speed"),
+        ({"frictoin": "lugre"}, TypeError, "unknown keyword 'frictoin'; the environment takes: friction, speed"),
         ({"control_dt": 0.01}, TypeError, "unknown keyword 'control_dt'"),
         ({"friction": "lugree"}, ValueError, r"unknown friction law 'lugree'.*lugre"),
         ({"speed": 5.0}, ValueError, r"speed \[m/s\] must be finite and at least 12 and at most 50, got 5"),
