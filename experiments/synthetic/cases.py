@@ -50,4 +50,5 @@ CASES: dict[str, Case] = {
     "crosswind, free": Case(crosswind.free),
     "double lane change": Case(lane_change.double_lane_change),
     "double lane change, hit": Case(lane_change.hitting),
+    "obstacle avoidance": Case(lane_change.obstacle_avoidance),
 }

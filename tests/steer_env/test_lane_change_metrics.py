@@ -5,11 +5,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from experiments.synthetic.lane_change import FRONT, PLACE, REAR, SPEED, double_lane_change
+from experiments.synthetic.lane_change import (
+    FRONT,
+    REAR,
+    SPEED,
+    double_lane_change,
+    hitting,
+    lane_change,
+    obstacle_avoidance,
+)
 from experiments.synthetic.recordings import changed, mirrored
 from steer_env import metrics
 from steer_env.recording import Recording
-from tests.steer_env.checks import refusals
+from tests.steer_env.checks import check, refusals
 
 
 def evaluate(recording, **given):
@@ -21,22 +29,17 @@ def placed(recording, **meta):
     return replace(recording, meta={**recording.meta, **meta})
 
 
-@pytest.mark.parametrize("aside", [0.2, 0.4])
+@pytest.mark.parametrize("case", [double_lane_change, hitting, obstacle_avoidance])
 @pytest.mark.parametrize("rate", [50.0, 200.0, 1000.0])
-def test_closed_forms(rate, aside):
-    """Within 0.2 % or 2 mm: a parabola for a sine over 0.16 s, and the low-pass."""
-    recording, answers = double_lane_change(rate, passes=2, aside=aside)
-    found = evaluate(recording)
-    assert found.keys() == answers.keys() == set(metrics.available("double-lane-change"))
-    for name, value in found.items():
-        assert value.reason == ""
-        assert len(value.repeats) == 2
-        assert value.value == pytest.approx(answers[name], rel=2e-3, abs=2e-3), name
+def test_closed_forms(rate, case):
+    """Within 0.2 %: a parabola for a sine over 0.16 s, and the low-pass; 2 mm of the margin, in short lane changes."""
+    found = check(*case(rate), {"rest": 2e-3, "smallest_cone_margin": 2e-2})
+    assert all(len(value.repeats) == 4 for value in found.values())
 
 
 def test_course_elsewhere_turned_and_mirrored():
     """A course at another place and in another direction, a yaw angle that jumps by a turn, and the mirror image."""
-    recording, _ = double_lane_change(200.0, passes=1)
+    recording, _ = lane_change(200.0, "double-lane-change", passes=1)
     plain = evaluate(recording)
     turn, along, across = 2.9, recording["x"] - 60.0, recording["y"]
     moved = changed(
@@ -54,14 +57,14 @@ def test_course_elsewhere_turned_and_mirrored():
 
 def test_speeds_at_both_ends():
     """A speed that falls by 0.5 m/s2 is read where the car's ends pass the cones; a mean over 0.2 s keeps it."""
-    recording, _ = double_lane_change(200.0, passes=1)
+    recording, _ = lane_change(200.0, "double-lane-change", passes=1)
     found = evaluate(changed(recording, vehicle_speed=30.0 - 0.5 * recording.time), speed_m_s=28.7)
     begin, end = (60.0 - FRONT) / SPEED, (60.0 + 125.0 - REAR) / SPEED
     assert found["lane_change_entry_speed"].value == pytest.approx(3.6 * (30.0 - 0.5 * begin), abs=0.01)
     assert found["lane_change_exit_speed"].value == pytest.approx(3.6 * (30.0 - 0.5 * end), abs=0.01)
 
 
-CLEAN, _ = double_lane_change(100.0, passes=1)
+CLEAN, _ = lane_change(100.0, "double-lane-change", passes=1)
 
 
 @pytest.mark.parametrize("key", ["entry_x_m", "entry_y_m", "edition", "vehicle_width_m", "vehicle_length_m"])
@@ -70,7 +73,7 @@ def test_a_course_that_is_not_known_is_refused(key):
     refused = refusals(recording)
     assert refused.keys() == set(metrics.available("double-lane-change"))
     assert all(reason.startswith(f"{key} is not known (") and f"{key}=..." in reason for reason in refused.values())
-    assert not refusals(recording, **{key: PLACE[key]})
+    assert not refusals(recording, **{key: CLEAN.meta[key]})
 
 
 @pytest.mark.parametrize(
