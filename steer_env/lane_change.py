@@ -128,31 +128,28 @@ def _row(gate: Gate, spacing: float) -> Array:
     return np.linspace(gate.start, gate.end, math.ceil((gate.end - gate.start) / spacing) + 1)
 
 
-def cone_margins(course: Course, car: Outline, x: Array, y: Array, yaw: Array) -> tuple[Array, Array]:
-    """Distances from the car's outline to the left and to the right cones, negative inside it.
+def cone_margins(cones: Array, car: Outline, x: Array, y: Array, yaw: Array) -> Array:
+    """Distances of cones from the car's outline, negative inside it.
 
     Parameters
     ----------
-    course : Course
+    cones : (..., 2) array
+        x, y of cones in the course's axes [m].
     car : Outline
-    x, y, yaw : (T,) arrays
+    x, y, yaw : arrays that broadcast with (...,)
         Position [m] and direction [rad] of the car in the course's axes.
 
     Returns
     -------
-    two (T, N) arrays
+    (...,) array
         [m]
     """
-
-    def distance(cones: Array) -> Array:
-        ahead, left = cones[:, 0] - x[:, None], cones[:, 1] - y[:, None]
-        c, s = np.cos(yaw)[:, None], np.sin(yaw)[:, None]
-        past_end = np.abs(c * ahead + s * left - car.centre) - 0.5 * car.length
-        past_side = np.abs(c * left - s * ahead) - 0.5 * car.width
-        outside = np.hypot(np.maximum(past_end, 0.0), np.maximum(past_side, 0.0))
-        return np.where(outside > 0.0, outside, np.maximum(past_end, past_side))
-
-    return distance(course.left), distance(course.right)
+    ahead, left = cones[..., 0] - x, cones[..., 1] - y
+    c, s = np.cos(yaw), np.sin(yaw)
+    past_end = np.abs(c * ahead + s * left - car.centre) - 0.5 * car.length
+    past_side = np.abs(c * left - s * ahead) - 0.5 * car.width
+    outside = np.hypot(np.maximum(past_end, 0.0), np.maximum(past_side, 0.0))
+    return np.where(outside > 0.0, outside, np.maximum(past_end, past_side))
 
 
 SPACING = 1.0  # of the stations of a path [m]

@@ -5,6 +5,7 @@ In memory everything is SI with angles in radians; :mod:`steer_env.recording_fil
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -89,7 +90,7 @@ class Recording:
         except KeyError:
             raise ValueError(f"no channel {name!r} in this recording; it has {', '.join(self.channels)}") from None
 
-    @property
+    @cached_property
     def rate(self) -> float:
         """Sampling rate [Hz]; ValueError unless every sample is within a fifth of a step of a uniform grid."""
         uniform = np.linspace(self.time[0], self.time[-1], self.time.size)
@@ -229,27 +230,38 @@ class Recording:
             If the time steps are not uniform, sampling is slower than four times the cutoff, the
             recording is shorter than the filter's run-in, or a channel has a sample that is not finite.
         """
-        if not (np.isfinite(cutoff_hz) and cutoff_hz > 0):
-            raise ValueError(f"cutoff_hz is {cutoff_hz}; it must be positive and finite")
-        if self.rate < SAMPLES_PER_CUTOFF * cutoff_hz * (1 - 1e-9):
-            raise ValueError(
-                f"sampling at {self.rate:.4g} Hz is too slow for a low-pass at {cutoff_hz:g} Hz; "
-                f"record at {SAMPLES_PER_CUTOFF * cutoff_hz:g} Hz or faster"
-            )
-        run_in = int(np.ceil(self.rate / cutoff_hz))
-        if self.time.size <= run_in:
-            raise ValueError(f"{self.time.size} samples are too few for a low-pass at {cutoff_hz:g} Hz: needs {run_in}")
-        for name, values in self.channels.items():
-            if not np.all(np.isfinite(values)):
-                raise ValueError(
-                    f"channel {name!r} has samples that are not finite: close gaps with bridged(), "
-                    f"or leave the channel out with without({name!r})"
-                )
-        from scipy import signal  # here, for it takes longer to import than an environment to start
-
-        low_pass = signal.butter(ORDER, cutoff_hz, fs=self.rate, output="sos")
-        smooth = {name: signal.sosfiltfilt(low_pass, v, padlen=run_in) for name, v in self.channels.items()}
+        smooth = {name: low_passed(name, v, cutoff_hz, self.rate) for name, v in self.channels.items()}
         return replace(self, channels=smooth)
+
+
+def low_passed(name: str, values: np.ndarray, cutoff_hz: float, rate: float) -> np.ndarray:
+    """A channel (T,) as :meth:`Recording.filtered` has it; its name is for errors."""
+    if not (np.isfinite(cutoff_hz) and cutoff_hz > 0):
+        raise ValueError(f"cutoff_hz is {cutoff_hz}; it must be positive and finite")
+    if rate < SAMPLES_PER_CUTOFF * cutoff_hz * (1 - 1e-9):
+        raise ValueError(
+            f"sampling at {rate:.4g} Hz is too slow for a low-pass at {cutoff_hz:g} Hz; "
+            f"record at {SAMPLES_PER_CUTOFF * cutoff_hz:g} Hz or faster"
+        )
+    run_in = int(np.ceil(rate / cutoff_hz))
+    if values.size <= run_in:
+        raise ValueError(f"{values.size} samples are too few for a low-pass at {cutoff_hz:g} Hz: needs {run_in}")
+    if not np.all(np.isfinite(values)):
+        raise ValueError(
+            f"channel {name!r} has samples that are not finite: close gaps with bridged(), "
+            f"or leave the channel out with without({name!r})"
+        )
+    from scipy import signal  # here, for it takes longer to import than an environment to start
+
+    return np.asarray(signal.sosfiltfilt(low_pass(cutoff_hz, rate), values, padlen=run_in))
+
+
+@lru_cache(maxsize=64)
+def low_pass(cutoff_hz: float, rate: float) -> np.ndarray:
+    """The Butterworth low-pass that runs over a channel forwards and backwards, as second-order sections (1, 6)."""
+    from scipy import signal  # here, for it takes longer to import than an environment to start
+
+    return np.asarray(signal.butter(ORDER, cutoff_hz, fs=rate, output="sos"))
 
 
 def steps(time: np.ndarray) -> np.ndarray:

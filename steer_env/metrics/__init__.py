@@ -9,6 +9,7 @@ import pkgutil
 
 from steer_env.metrics.definitions import (
     UNITS,
+    Bounded,
     Metric,
     Procedure,
     RefusedError,
@@ -32,6 +33,7 @@ for _module in pkgutil.iter_modules(__path__):
 __all__ = [
     "CHANNELS",
     "UNITS",
+    "Bounded",
     "Metric",
     "Procedure",
     "Reading",

@@ -1,7 +1,8 @@
 """The 95 % interval of a mean over few repeats, and of a difference of two.
 
-From eight repeats on by the bootstrap: percentiles of the means of resamples, taken further out to make up for the few
-values (plain percentiles of ten cover some 90 %). Fewer cannot be resampled usefully; Student's t serves there.
+From sixteen repeats on by the bootstrap: percentiles of the means of resamples, taken further out to make up for the
+few values (plain percentiles of ten cover some 90 %). Fewer cannot be resampled usefully (eight normal values are
+covered in 94 % of the cases); Student's t serves there.
 
 Source: Hesterberg, The American Statistician 69 (2015) 371, expanded percentile intervals.
 """
@@ -14,7 +15,7 @@ from scipy import special, stats
 
 LEVEL = 0.95
 RESAMPLES = 1999
-FEWEST = 8  # repeats for a bootstrap; assumed
+FEWEST = 16  # repeats for a bootstrap; assumed
 
 
 @cache

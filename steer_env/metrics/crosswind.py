@@ -13,7 +13,8 @@ import numpy as np
 from scipy.integrate import cumulative_trapezoid
 
 from steer_env.metrics import decay
-from steer_env.metrics.definitions import RefusedError, metric, procedure
+from steer_env.metrics.definitions import Bounded, RefusedError, metric, procedure
+from steer_env.metrics.noise import in_band
 from steer_env.metrics.reading import ANGLE, AY, SPEED, TORQUE, YAW, Reading
 from steer_env.recording import DEGREE, Recording
 
@@ -22,6 +23,7 @@ BEFORE = 1.0  # the gust that is taken for straight running [s]
 AFTER = 2.0  # the start of the gust at which deviation and course are read [s]
 WINDOW = 3.0  # after the start of the gust in which peaks are looked for [s]; assumed
 SEGMENT = 10.0  # of random wind, one repeat [s]; assumed
+LOGGER = 1.5  # samples by which a logger's filter against aliases delays its channels at most; assumed
 CLEAR = 5.0  # standard deviations before the gust that a peak must exceed; assumed
 TURNED = 3.0 * DEGREE  # that a handwheel which is held may turn; assumed
 
@@ -73,25 +75,39 @@ class Crosswind:
         return np.sign([np.trapezoid(y[t < 1.0], t[t < 1.0]) for t, y in self._parts(AY)])
 
     def peak(self, name: str) -> np.ndarray:
-        """Largest excursion (n,), positive with the gust; of all gusts that to the same side."""
-        parts = [(t, side * y) for side, (t, y) in zip(self.side, self._parts(name))]
-        high, low = (np.array([-decay.lowest(t, -sign * y)[1] for t, y in parts]) for sign in (1, -1))
-        return high if high.mean() >= low.mean() else -low
+        """Largest excursion (n,), positive with the gust; of all gusts that to the same side.
 
-    def drift(self) -> list[np.ndarray]:
-        """Lateral speed [m/s] and deviation [m], each (n,), from the line before, two seconds after the gust began."""
+        Each is read where the mean of the gusts is largest: a largest of its own would be one of the noise.
+        """
+        parts = [(t, side * y) for side, (t, y) in zip(self.side, self._parts(name))]
+        time = min((t for t, _ in parts), key=len)
+        mean = np.mean([np.interp(time, t, y) for t, y in parts], axis=0)
+        sign = -1.0 if mean.max() >= -mean.min() else 1.0
+        at = decay.lowest(time, sign * mean)[0]
+        return np.array([sign * decay.lowest(t, sign * y, at=at)[1] for t, y in parts])
+
+    def drift(self) -> list[Bounded]:
+        """Lateral speed [m/s] and deviation [m] from the line before, each (n,), two seconds after the gust began.
+
+        When it began is known to what a logger delays its channels by.
+        """
+        instants = AFTER + LOGGER / self.smooth.recording.rate * np.array([0.0, -1.0, 1.0])
         ends = []
         for side, (t, y) in zip(self.side, self._parts(AY)):
             speed = cumulative_trapezoid(side * y, t, initial=0.0)
-            ends.append([np.interp(AFTER, t, x) for x in (speed, cumulative_trapezoid(speed, t, initial=0.0))])
-        return list(np.array(ends).T)
+            ends.append([np.interp(instants, t, x) for x in (speed, cumulative_trapezoid(speed, t, initial=0.0))])
+        found = np.moveaxis(np.array(ends), 0, -1)  # what, instant, gust
+        late = np.abs(np.diff(found.mean(axis=-1)[:, :2]))[:, 0], np.abs(np.diff(found.mean(axis=-1)[:, ::2]))[:, 0]
+        return [Bounded(values[0], slack, slack) for values, slack in zip(found, np.maximum(*late))]
 
     def rms(self, name: str) -> np.ndarray:
-        """Root mean square (n,) about the mean: of each gust's window, or of each segment of random wind."""
+        """Root mean square (n,) about the mean, without what noise makes: of each gust's window, or of each segment."""
         if self._gusts:
-            return np.array([np.sqrt(np.trapezoid(y**2, t) / np.ptp(t)) for t, y in self._parts(name)])
-        parts = ((self.time >= start) & (self.time < start + SEGMENT) for start in self.start)
-        return np.array([self.smooth[name][part].std() for part in parts])
+            square = np.array([np.trapezoid(y**2, t) / np.ptp(t) for t, y in self._parts(name)])
+        else:
+            parts = ((self.time >= start) & (self.time < start + SEGMENT) for start in self.start)
+            square = np.array([self.smooth[name][part].var() for part in parts])
+        return np.sqrt(np.maximum(square - in_band(self.smooth, name, CUTOFF) ** 2, 0.0))
 
 
 for _name, _fixed in (("crosswind", True), ("crosswind-free", False)):
@@ -108,42 +124,52 @@ _both = partial(metric, source="after ISO 12021")
 
 
 @_both("m", "crosswind", "crosswind-free")
-def crosswind_lateral_deviation(wind: Crosswind) -> np.ndarray:
-    """Way aside of the line driven before, 2 s after the gust began: lateral acceleration integrated twice."""
+def crosswind_lateral_deviation(wind: Crosswind) -> Bounded:
+    """Way aside of the line driven before, 2 s after the gust began: lateral acceleration integrated twice.
+
+    The interval has what one and a half samples, for the logger's delay, change.
+    """
     return wind.drift()[1]
 
 
 @_both("deg", "crosswind", "crosswind-free")
-def crosswind_course_deviation(wind: Crosswind) -> np.ndarray:
+def crosswind_course_deviation(wind: Crosswind) -> Bounded:
     """Change of the course angle 2 s after the gust began: lateral acceleration integrated, over the speed."""
-    return wind.drift()[0] / wind.speed
+    gained, below, above = wind.drift()[0]
+    return Bounded(gained / wind.speed, below / wind.speed, above / wind.speed)
 
 
 @_both("deg/s", "crosswind", "crosswind-free")
 def crosswind_yaw_rate_peak(wind: Crosswind) -> np.ndarray:
-    """Largest yaw rate in the 3 s from the start of the gust; positive where it turns the car with the wind."""
+    """Largest yaw rate in the 3 s from the start of the gust, where the mean of the gusts has it.
+
+    Positive where it turns the car with the wind.
+    """
     return wind.peak(YAW)
 
 
 @_both("m/s2", "crosswind", "crosswind-free")
 def crosswind_lateral_acceleration_peak(wind: Crosswind) -> np.ndarray:
-    """Largest lateral acceleration in the 3 s from the start of the gust."""
+    """Largest lateral acceleration in the 3 s from the start of the gust, where the mean of the gusts has it."""
     return wind.peak(AY)
 
 
 @_both("deg/s", "crosswind", "crosswind-free")
 def crosswind_yaw_rate_rms(wind: Crosswind) -> np.ndarray:
-    """Root mean square of the yaw rate in the 3 s from the start of a gust, or in each 10 s of random wind."""
+    """Root mean square of the yaw rate in the 3 s from the start of a gust, or in each 10 s of random wind.
+
+    White noise, judged from what is above 10 Hz, is taken off.
+    """
     return wind.rms(YAW)
 
 
 @_both("N m", "crosswind")
 def crosswind_handwheel_torque_peak(wind: Crosswind) -> np.ndarray:
-    """Size of the largest hand torque that keeps the handwheel straight, on the side where it is larger on the mean."""
+    """Size of the largest hand torque that keeps the handwheel straight, where the mean of the gusts has it."""
     return np.abs(wind.peak(TORQUE))
 
 
 @_both("deg", "crosswind-free")
 def crosswind_handwheel_angle_peak(wind: Crosswind) -> np.ndarray:
-    """Size of the largest turn of the free handwheel, on the side where it is larger on the mean."""
+    """Size of the largest turn of the free handwheel, where the mean of the gusts has it."""
     return np.abs(wind.peak(ANGLE))

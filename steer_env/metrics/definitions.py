@@ -29,11 +29,24 @@ UNITS |= {"N m/deg": DEGREE, "g/100 deg": 100 * DEGREE / G, "g/(100 N m deg)": 1
 _SHOWN = ("handwheel_angle", "handwheel_torque", "yaw_rate", "lateral_acceleration")
 HISTORIES = tuple(("time", name) for name in _SHOWN)
 REFERENCE = "handwheel_angle"  # against which the other channels' timing counts
+ROUNDING = 1e-9  # of a value: less is no change
 SPEED_SPREAD = 0.03  # of the mean speed around the one asked for
+
+
+class Blurred(Recording):
+    """A recording whose readings run each low-pass twice: what a metric then changes is what the low-pass does."""
 
 
 class RefusedError(ValueError):
     """A metric has no meaning for this recording; the text says why and how to get it."""
+
+
+class Bounded(NamedTuple):
+    """Repeats of a metric that all may be wrong alike, by what their scatter does not show."""
+
+    values: Array  # (n,) [SI]
+    below: float  # how far below their mean the truth may lie for that [SI]
+    above: float  # how far above [SI]
 
 
 class Value(NamedTuple):
@@ -58,7 +71,7 @@ class Metric:
     usual: tuple[float, float] | None  # range of passenger cars [unit]
     validity: tuple[float, float] | None  # peak lateral acceleration from and up to which it may be read [g]; None: any
     tests: tuple[str, ...]  # that report it
-    read: Callable[[Any], Any]  # reading of a test -> value, or values (n,) of its repeats [SI]
+    read: Callable[[Any], Any]  # reading of a test -> value, values (n,) of its repeats, or Bounded [SI]
 
 
 @dataclass(frozen=True)
@@ -162,6 +175,9 @@ def evaluate(recording: Recording, test: str | None = None, *, timing: float = 0
     given
         Conditions that differ from those of the meta and of the test, e.g. ``speed_m_s=22.2``.
 
+    Where a metric has repeats, its interval is widened by what the metric changes when every low-pass runs twice: what
+    the first one took is about as much.
+
     Returns
     -------
     dict of str to Value
@@ -175,13 +191,16 @@ def evaluate(recording: Recording, test: str | None = None, *, timing: float = 0
     not_negative("timing", timing)
     names = available(procedure_of(recording, test).name)
     repeats = _repeats(names, recording, test, given)
-    slack = dict.fromkeys(names, 0.0)
+    slack: dict[str, float] = dict.fromkeys(names, 0.0)
+    blurred = Blurred(recording.time, recording.channels, recording.units, recording.meta)
+    again = _repeats(names, blurred, test, given)
+    blur = {name: _change(found, again[name]) for name, found in repeats.items()}
     for channel in recording.channels if timing else ():
         if channel != REFERENCE:
             shifted = [_repeats(names, _shifted(recording, channel, by), test, given) for by in (-timing, timing)]
             for name, found in repeats.items():
                 slack[name] += max(_change(found, other[name]) for other in shifted)
-    return {name: _value(_metrics[name], found, slack[name]) for name, found in repeats.items()}
+    return {name: _value(_metrics[name], found, slack[name], blur[name]) for name, found in repeats.items()}
 
 
 def read(recording: Recording, test: str | None = None, **given: Any) -> Any:
@@ -209,7 +228,7 @@ def read(recording: Recording, test: str | None = None, **given: Any) -> Any:
 
 def _repeats(
     names: tuple[str, ...], recording: Recording, test: str | None, given: Mapping[str, Any]
-) -> dict[str, Array | RefusedError]:
+) -> dict[str, Bounded | RefusedError]:
     """Values (n,) of the repeats of every metric in its reporting unit, or why there are none."""
     try:
         reading = read(recording, test, **given)
@@ -223,11 +242,11 @@ def _shifted(recording: Recording, channel: str, seconds: float) -> Recording:
     return replace(recording, channels={**recording.channels, channel: later})
 
 
-def _change(found: Array | RefusedError, other: Array | RefusedError) -> float:
+def _change(found: Bounded | RefusedError, other: Bounded | RefusedError) -> float:
     """Of the mean; without limit where the other was refused."""
     if isinstance(found, RefusedError) or isinstance(other, RefusedError):
         return np.inf
-    return float(abs(other.mean() - found.mean()))
+    return float(abs(other.values.mean() - found.values.mean()))
 
 
 def procedure_of(recording: Recording, test: str | None = None) -> Procedure:
@@ -254,7 +273,7 @@ def _check_speed(recording: Recording, asked: Mapping[str, Any]) -> None:
             )
 
 
-def _read(entry: Metric, reading: Any) -> Array | RefusedError:
+def _read(entry: Metric, reading: Any) -> Bounded | RefusedError:
     try:
         if entry.validity:
             low, high = entry.validity
@@ -262,22 +281,32 @@ def _read(entry: Metric, reading: Any) -> Array | RefusedError:
             if not low <= peak <= high:
                 advice = f"below {low:g} g: steer further" if peak < low else f"above {high:g} g: steer less far"
                 raise RefusedError(f"lateral_acceleration peaks at {peak:.3f} g, {advice}")
-        values = np.atleast_1d(np.asarray(entry.read(reading), dtype=float)) * UNITS[entry.unit]
+        found = entry.read(reading)
+        values, below, above = found if isinstance(found, Bounded) else (found, 0.0, 0.0)
+        scale = UNITS[entry.unit]
+        values = np.atleast_1d(np.asarray(values, dtype=float)) * scale
         if not np.all(np.isfinite(values)):
             raise RefusedError("the recording holds no finite value of it")
     except RefusedError as refused:
         return refused
-    return values
+    return Bounded(values, below * scale, above * scale)
 
 
-def _value(entry: Metric, repeats: Array | RefusedError, slack: float) -> Value:
-    """Mean over the repeats and its interval, wider by ``slack`` at either end, or the reason for none."""
-    if np.isinf(slack) and not isinstance(repeats, RefusedError):
-        repeats = RefusedError("it can be read or not within the timing given: align the channels more closely")
-    if isinstance(repeats, RefusedError):
-        return Value(np.nan, np.nan, np.nan, entry.unit, str(repeats))
+def _value(entry: Metric, found: Bounded | RefusedError, slack: float, blur: float) -> Value:
+    """Mean over the repeats and its interval, or the reason for none.
+
+    The interval is wider by ``slack`` at either end and, where it comes from repeats, by ``blur``.
+    """
+    if np.isinf(slack) and not isinstance(found, RefusedError):
+        found = RefusedError("it can be read or not within the timing given: align the channels more closely")
+    if isinstance(found, RefusedError):
+        return Value(np.nan, np.nan, np.nan, entry.unit, str(found))
+    repeats = found.values
     mean = float(repeats.mean())
     low, high = interval(repeats)
-    if slack:
-        low, high = (low - slack, high + slack) if repeats.size > 1 else (mean - slack, mean + slack)
+    if repeats.size > 1 and np.isfinite(blur) and blur > ROUNDING * abs(mean):
+        slack += blur
+    below, above = slack + found.below, slack + found.above
+    if below or above:
+        low, high = (low - below, high + above) if repeats.size > 1 else (mean - below, mean + above)
     return Value(mean, low, high, entry.unit, repeats=tuple(repeats.tolist()))

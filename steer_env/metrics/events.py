@@ -4,6 +4,8 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.integrate import cumulative_trapezoid
+from scipy.interpolate import CubicHermiteSpline
 
 from steer_env.metrics.definitions import RefusedError
 
@@ -23,6 +25,13 @@ def runs(mask: NDArray[np.bool_], gap: int = 0) -> list[tuple[int, int]]:
         else:
             joined.append((i, j))
     return joined
+
+
+def integral(x: Array, y: Array) -> CubicHermiteSpline:
+    """Integral over x of a smooth y (T,), sampled evenly, to be read at any place: no sample falls in or out."""
+    step, slope = x[1] - x[0], np.gradient(y, x)
+    total = cumulative_trapezoid(y, x, initial=0.0) - step**2 / 12.0 * (slope - slope[0])
+    return CubicHermiteSpline(x, total, y)
 
 
 def crossing(x: Array, y: Array, level: float) -> float:
@@ -49,12 +58,13 @@ def peak(x: Array, y: Array, base: float = 0.0) -> tuple[float, float]:
         raise RefusedError(f"{j - i} samples at the peak are too few: sample faster, or steer further")
     half = max(x[j - 1] - x[k], x[k] - x[i])
     u = (x[i:j] - x[k]) / half
-    fit = np.polynomial.Polynomial.fit(u, y[i:j], 3, domain=[-1, 1])
-    c, b, a = (float(x) for x in np.asarray(fit.deriv().coef, dtype=float))
+    powers = u ** np.arange(4)[:, None]
+    fit = np.linalg.solve(powers @ powers.T, powers @ y[i:j])
+    c, b, a = (fit[1:] * [1.0, 2.0, 3.0]).tolist()
     root = b * b - 4.0 * a * c
     if not (b < 0.0 < root):
         raise RefusedError("the response has no clear peak inside what is read")
     top = 2.0 * c / (-b + np.sqrt(root))  # the zero of the slope that is a maximum, for small a too
     if not u[0] <= top <= u[-1]:
         raise RefusedError("the response has no clear peak inside what is read")
-    return float(x[k] + top * half), float(fit(top))
+    return float(x[k] + top * half), float(fit @ top ** np.arange(4))

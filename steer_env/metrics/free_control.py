@@ -5,7 +5,7 @@ towards the side of the turn or of the pulse, so that what a sensor's offset doe
 Ranges of time and bands are assumed.
 """
 
-from functools import partial
+from functools import cache, partial
 
 import numpy as np
 
@@ -28,6 +28,7 @@ class FreeControl:
 
     def __init__(self, recording: Recording, asked: object, kind: type[Releases | Pulses]) -> None:
         self.events = kind(recording, FREE)
+        self.decays = cache(self._decays)
 
     def peak_acceleration(self) -> float:
         """Largest lateral acceleration [g]."""
@@ -67,7 +68,7 @@ class FreeControl:
         found = [decay.lowest(*self.events.part(YAW, k, 0.0, 1.5)) for k in range(len(self.events))]
         return np.array([t for t, _ in found]), np.array([y for _, y in found])
 
-    def decays(self) -> list[decay.Decay]:
+    def _decays(self) -> list[decay.Decay]:
         """The oscillation after each event, from its first extreme on the other side."""
         begin, found = self.opposite()[0], []
         for k, t in enumerate(begin):

@@ -3,11 +3,13 @@
 Both are found in the hand torque, low-passed with zero phase: half the height of its fall is where it was before.
 """
 
+from functools import cache
+
 import numpy as np
 from numpy.typing import NDArray
 
 from steer_env.metrics.definitions import RefusedError
-from steer_env.metrics.events import runs
+from steer_env.metrics.events import integral, runs
 from steer_env.metrics.reading import ANGLE, AY, TORQUE, Reading
 from steer_env.recording import Recording
 from vehicle.single_track import GRAVITY as G
@@ -32,6 +34,8 @@ class Events:
         self.smooth, self.free = Reading(recording, CUTOFF), free
         self.time = recording.time
         self.start, self.side = np.zeros(0), np.zeros(0)
+        self._integral = cache(lambda name: integral(self.time, self.smooth[name]))
+        self.zero = cache(self._zero)  # what a channel counts from, at an event
 
     def part(self, name: str, event: int, begin: float, end: float) -> tuple[Array, Array]:
         """Time from the start of an event [s] and the channel, from ``begin`` to ``end`` after it."""
@@ -39,11 +43,16 @@ class Events:
         inside = (t >= begin) & (t <= end)
         if inside.sum() < 5:
             raise RefusedError(f"{inside.sum()} samples from {begin:g} to {end:g} s after an event: record longer")
-        return t[inside], self.side[event] * self.smooth[name][inside]
+        return t[inside], self.side[event] * (self.smooth[name][inside] - self.zero(name, event))
 
     def mean(self, name: str, begin: float, end: float) -> Array:
         """Mean (n,) of a channel from ``begin`` to ``end`` after each event."""
-        return np.array([self.part(name, k, begin, end)[1].mean() for k in range(self.start.size)])
+        zero = np.array([self.zero(name, event) for event in range(len(self))])
+        total = self._integral(name)
+        return self.side * ((total(self.start + end) - total(self.start + begin)) / (end - begin) - zero)
+
+    def _zero(self, name: str, event: int) -> float:
+        return 0.0
 
     def __len__(self) -> int:
         return self.start.size
@@ -130,11 +139,10 @@ class Pulses(Events):
             )
         self.start, self.side, self._begin = np.array(start), np.array(side), np.array(begin)
 
-    def part(self, name: str, event: int, begin: float, end: float) -> tuple[Array, Array]:
-        """As for any events, less the mean before the pulse."""
-        t, y = super().part(name, event, begin, end)
+    def _zero(self, name: str, event: int) -> float:
+        """Mean before the pulse."""
         straight = (self.time > self._begin[event] - 0.5) & (self.time < self._begin[event])
-        return t, y - self.side[event] * self.smooth[name][straight].mean()
+        return float(self.smooth[name][straight].mean())
 
     def peak_acceleration(self) -> float:
         """Largest lateral acceleration of the pulses [g]."""

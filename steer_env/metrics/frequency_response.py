@@ -13,7 +13,7 @@ import numpy as np
 from steer_env.metrics import events
 from steer_env.metrics.definitions import RefusedError, metric, procedure
 from steer_env.metrics.reading import AY, TORQUE, YAW
-from steer_env.metrics.spectra import Array, Complex, Curve, Spectra, sweeps, welch
+from steer_env.metrics.spectra import STILL, Array, Complex, Curve, Spectra, sweeps, welch
 from steer_env.recording import Recording
 
 CONDITIONS: dict[str, Any] = {"speed_m_s": 80 / 3.6, "lowest_hz": 0.2, "highest_hz": 2.0}
@@ -21,7 +21,12 @@ SOURCE = "after ISO 7401 and ISO/TR 8726"
 
 _READ = {
     "frequency-response": partial(
-        Spectra, segments=sweeps, window="boxcar", fewest=3, what="sweeps with two seconds straight between: drive 3"
+        Spectra,
+        segments=sweeps,
+        window="boxcar",
+        fewest=3,
+        what="sweeps with two seconds straight between: drive 3",
+        still=STILL,
     ),
     "random-steer": partial(
         Spectra, segments=welch, window="hann", fewest=8, what="segments of 25 s, half overlapping: record 113 s"

@@ -7,7 +7,7 @@ begins where the rise to it ends, which is told from its middle, as noise hides 
 import numpy as np
 from scipy import stats
 
-from steer_env.metrics.definitions import RefusedError, metric, procedure
+from steer_env.metrics.definitions import Bounded, RefusedError, metric, procedure
 from steer_env.metrics.events import runs
 from steer_env.metrics.noise import in_band
 from steer_env.metrics.reading import TORQUE, Reading
@@ -44,16 +44,20 @@ class Hold:
         self.inside = (time >= start + SETTLING) & (time <= end)
         self.time = time[self.inside]
 
-    def span(self, name: str) -> float:
-        """Highest less lowest of a channel; refused where the span of the noise is a third of it or more."""
+    def span(self, name: str) -> Bounded:
+        """Highest less lowest of a channel; refused where the span of the noise is a third of it or more.
+
+        Noise adds up to its own span, and takes from both ends no more than two deviations each.
+        """
         span = float(np.ptp(self.smooth[name][self.inside]))
         alike = 2 * CUTOFF * (self.time[-1] - self.time[0])  # samples that noise of this band makes independent
-        noise = 2 * stats.norm.isf(0.5 / alike) * in_band(self.smooth, name, CUTOFF)
+        deviation = in_band(self.smooth, name, CUTOFF)
+        noise = 2 * stats.norm.isf(0.5 / alike) * deviation
         if span < CLEAR * noise:
             raise RefusedError(
                 f"{name} spans {span:.2g} N m, of which noise alone would make {noise:.2g}: use a better sensor"
             )
-        return span
+        return Bounded(np.array([span]), noise, 2 * np.sqrt(2) * deviation)
 
 
 def _end_of_rise(time: np.ndarray, part: np.ndarray, begin: float) -> float:
@@ -70,6 +74,9 @@ procedure("hold", Hold, constant_speed=False)
 
 
 @metric("N m", "hold", usual=(0.0, 0.05), source="after JSME D&D 2021, paper 557")
-def torsion_bar_ripple(hold: Hold) -> float:
-    """Highest less lowest torsion-bar torque from two seconds into the hold to its end, low-passed at 40 Hz."""
+def torsion_bar_ripple(hold: Hold) -> Bounded:
+    """Highest less lowest torsion-bar torque from two seconds into the hold to its end, low-passed at 40 Hz.
+
+    The interval reaches down by the span that noise alone would have, judged from what is above 40 Hz.
+    """
     return hold.span(TWIST)

@@ -2,28 +2,37 @@
 
 A recording is laid into the axes of the course (:mod:`steer_env.lane_change`) by where the meta, or the conditions
 given, have its first cones. A pass lasts from the car's front at the first cones to its rear at the last; each pass in
-a recording is a repeat. Driving back beside the course does not count.
+a recording is a repeat. Driving back beside the course does not count. The channels count less their mean from two to
+one second before the pass, where the car runs straight.
 """
 
 from collections.abc import Mapping
-from functools import cached_property
+from dataclasses import replace
+from functools import cache, cached_property
 from typing import Any
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+from numpy.typing import NDArray
+from scipy import stats
 from scipy.integrate import trapezoid
 from scipy.interpolate import CubicSpline
 
 from steer_env import lane_change
-from steer_env.metrics.definitions import SPEED_SPREAD, Array, RefusedError, metric, procedure
+from steer_env.metrics.definitions import SPEED_SPREAD, Array, Bounded, RefusedError, metric, procedure
+from steer_env.metrics.noise import in_band
 from steer_env.metrics.reading import ANGLE, AY, SPEED, TORQUE, YAW, Reading
 from steer_env.recording import DEGREE, Recording
 
 RATE = "handwheel_speed"
 CUTOFF = 10.0  # low-pass [Hz]
-STEP = 0.001  # at which a pass is read [s]
+STEP = 0.001  # at which the place of the car in a pass is read [s]
+BESIDE = 1.0  # ahead of the outline and behind it from which on a cone counts; assumed [m]
 PEAK_WINDOW = 0.08  # half width of the parabola that a peak is read from; assumed [s]
 SPEED_WINDOW = 0.1  # half width of the mean that a speed is read from; assumed [s]
-LAGS = np.arange(-0.2, 0.601, 0.005)  # at which yaw rate and handwheel are compared; assumed [s]
+STRAIGHT = (-2.0, -1.0)  # before the first cones, where what a sensor reads is its zero; assumed [s]
+LAG_STEP = 0.005  # at which the channels in a pass are read [s]
+LAGS = LAG_STEP * np.arange(-40, 121)  # at which yaw rate and handwheel are compared; assumed [s]
 LEAST_ANGLE = 5 * DEGREE  # of the handwheel in a lane change; assumed [rad]
 TESTS = ("double-lane-change", "obstacle-avoidance")
 
@@ -51,13 +60,14 @@ class Passes:
         self._course = lane_change.course(name, self._car.width, asked["edition"], bool(asked["mirrored"]))
         if "yaw_angle" in recording.units:  # may jump by a turn
             channels = {**recording.channels, "yaw_angle": np.unwrap(recording["yaw_angle"])}
-            recording = Recording(recording.time, channels, recording.units)
+            recording = replace(recording, channels=channels)
         self._smooth = Reading(recording, CUTOFF)
         self._time = self._smooth.time
         east, north = self._smooth["x"] - asked["entry_x_m"], self._smooth["y"] - asked["entry_y_m"]
         c, s = np.cos(asked["entry_yaw_rad"]), np.sin(asked["entry_yaw_rad"])
         yaw = self._smooth["yaw_angle"] - asked["entry_yaw_rad"]
         self._pose = CubicSpline(self._time, np.column_stack([c * east + s * north, c * north - s * east, yaw]))
+        self._lags, self._samples = cache(self._correlated), cache(self._read)
         self._find(self._pose(self._time)[:, 0] + self._car.centre)
         if asked.get("speed_m_s") and SPEED in self._smooth and self._times.size:
             found = self.speed(0)
@@ -95,25 +105,52 @@ class Passes:
             raise RefusedError("no pass reaches the last cones: record to behind them")
         return self._times
 
-    def _instants(self) -> list[Array]:
-        return [np.linspace(a, b, int(np.ceil((b - a) / STEP)) + 1) for a, b in self.times]
+    def _instants(self, step: float = STEP) -> list[Array]:
+        return [np.linspace(a, b, int(np.ceil((b - a) / step)) + 1) for a, b in self.times]
+
+    @cached_property
+    def _distances(self) -> list[tuple[Array, NDArray[np.int64]]]:
+        """Distances [m] of the outline from the cones beside it, and the cones' numbers, each (K,), pass by pass."""
+        cones, found = np.concatenate([self._course.left, self._course.right]), []
+        reach = 0.5 * self._car.length + abs(self._car.centre) + BESIDE
+        for pose in self._poses:
+            instant, cone = np.nonzero(np.abs(pose[:, :1] - cones[:, 0]) <= reach)
+            found.append((lane_change.cone_margins(cones[cone], self._car, *pose[instant].T), cone))
+        return found
+
+    @cached_property
+    def _poses(self) -> list[Array]:
+        """Position and direction (T, 3) in the course's axes, pass by pass [m, m, rad]."""
+        return [self._pose(t) for t in self._instants()]
 
     @cached_property
     def margins(self) -> list[Array]:
-        """Least distance to each cone (N,), pass by pass [m]."""
-        found = []
-        for t in self._instants():
-            sides = lane_change.cone_margins(self._course, self._car, *self._pose(t).T)
-            found.append(np.concatenate(sides, axis=1).min(axis=0))
+        """Least distance to each cone (N,), pass by pass [m]; without limit where the car was never beside it."""
+        count, found = len(self._course.left) + len(self._course.right), []
+        for distances, cone in self._distances:
+            least = np.full(count, np.inf)
+            np.minimum.at(least, cone, distances)
+            found.append(least)
         return found
+
+    @cached_property
+    def low(self) -> float:
+        """By how much noise of position and direction makes a least distance too small, on the mean [m].
+
+        The least of the distances that it makes alike, of which two a period of the cutoff are independent.
+        """
+        aside = max(in_band(self._smooth, name, CUTOFF) for name in ("x", "y"))
+        noise = float(np.hypot(aside, 0.5 * self._car.length * in_band(self._smooth, "yaw_angle", CUTOFF)))
+        alike = np.mean([np.count_nonzero(d < d.min() + 4.0 * noise) for d, _ in self._distances])
+        return noise * float(stats.norm.isf(0.5 / max(2.0 * CUTOFF * STEP * float(alike), 1.0)))
 
     def completed(self) -> Array:
         """Whether the passes begun reach the last cones, the middle of the outline between the lanes' edges (n,)."""
         found = [0.0] * (self._begun - len(self._times))
         if not self._times.size:
             return np.array(found)
-        for t in self._instants():
-            x, y, yaw = self._pose(t).T
+        for pose in self._poses:
+            x, y, yaw = pose.T
             x, y = x + self._car.centre * np.cos(yaw), y + self._car.centre * np.sin(yaw)
             in_lane = [
                 (gate.right < y) & (y < gate.left) | (x < gate.start) | (x > gate.end) for gate in self._course.gates
@@ -121,18 +158,28 @@ class Passes:
             found.append(float(np.all(in_lane)))
         return np.array(found)
 
-    def samples(self, name: str) -> list[tuple[Array, Array]]:
-        """Instants and values of a channel, pass by pass."""
-        curve = CubicSpline(self._time, self._smooth[name])
-        return [(t, curve(t)) for t in self._instants()]
+    def _read(self, name: str) -> list[tuple[Array, Array]]:
+        """Instants and values of a channel, less those of straight running, pass by pass."""
+        curve, found = CubicSpline(self._time, self._smooth[name]), []
+        for t in self._instants(LAG_STEP):
+            before = (self._time >= t[0] + STRAIGHT[0]) & (self._time <= t[0] + STRAIGHT[1])
+            if self._time[0] > t[0] + STRAIGHT[0] or before.sum() < 2:
+                raise RefusedError(
+                    f"the recording begins {t[0] - self._time[0]:.2g} s before the first cones: record "
+                    f"{-STRAIGHT[0]:g} s of straight running before them"
+                )
+            found.append((t, curve(t) - self._smooth[name][before].mean()))
+        return found
 
     def steered(self, name: str) -> list[tuple[Array, Array]]:
-        """As :meth:`samples`; refused where the handwheel hardly turns or the channel runs against it."""
-        read = self.samples(name)
+        """Instants and values of a channel, pass by pass.
+
+        Refused where the handwheel hardly turns or the channel runs against it.
+        """
         for _, correlation in self._lags(name):
             if correlation < 0.0:
                 raise RefusedError(f"{name} runs against {ANGLE}: check the signs, a left turn is positive in both")
-        return read
+        return self._samples(name)
 
     def peak(self, name: str) -> Array:
         """Largest size of a channel (n,), from a parabola through what lies around it."""
@@ -144,6 +191,11 @@ class Passes:
             found.append(np.max(parabola(t[near])))
         return np.array(found)
 
+    def rms(self, name: str) -> Array:
+        """Root mean square of a channel (n,), without what noise makes of it."""
+        square = np.array([trapezoid(y**2, t) / (t[-1] - t[0]) for t, y in self.steered(name)])
+        return np.sqrt(np.maximum(square - in_band(self._smooth, name, CUTOFF) ** 2, 0.0))
+
     def speed(self, end: int) -> Array:
         """Mean speed around the begin (0) or the end (1) of the passes (n,) [m/s]."""
         speed, half = self._smooth[SPEED], SPEED_WINDOW
@@ -154,16 +206,17 @@ class Passes:
         self.steered(name)
         return np.array([lag for lag, _ in self._lags(name)])
 
-    def _lags(self, name: str) -> list[tuple[float, float]]:
+    def _correlated(self, name: str) -> list[tuple[float, float]]:
         """Lag [s] and correlation [1] of the strongest, pass by pass; a rate is compared with the handwheel's."""
         angle, other = (CubicSpline(self._time, self._smooth[key]) for key in (ANGLE, name))
         steering = angle.derivative() if name == RATE else angle
         found = []
         for t0, t1 in self.times:
-            t = np.arange(max(t0, self._time[0] - LAGS[0]), min(t1, self._time[-1] - LAGS[-1]), 5 * STEP)
+            t = np.arange(max(t0, self._time[0] - LAGS[0]), min(t1, self._time[-1] - LAGS[-1]), LAG_STEP)
             if t.size < 2 or np.max(np.abs(angle(t))) < LEAST_ANGLE:
                 raise RefusedError(f"{ANGLE} stays below {LEAST_ANGLE / DEGREE:g} deg: steer through the course")
-            a, b = steering(t), other(t + LAGS[:, None])
+            late = t[0] + LAGS[0] + LAG_STEP * np.arange(t.size + LAGS.size - 1)
+            a, b = steering(t), sliding_window_view(other(late), t.size)
             a, b = a - a.mean(), b - b.mean(axis=1, keepdims=True)
             size = np.linalg.norm(a) * np.linalg.norm(b, axis=1)
             if not np.all(size > 0.0):
@@ -172,7 +225,7 @@ class Passes:
             k = int(np.clip(np.argmax(np.abs(r)), 1, LAGS.size - 2))
             before, here, after = r[k - 1 : k + 2]
             bend = before - 2.0 * here + after
-            found.append((LAGS[k] + (0.5 * (before - after) / bend if bend else 0.0) * (LAGS[1] - LAGS[0]), here))
+            found.append((LAGS[k] + (0.5 * (before - after) / bend if bend else 0.0) * LAG_STEP, here))
         return found
 
 
@@ -210,15 +263,25 @@ def course_completed(passes: Passes) -> Array:
 
 
 @metric("1", *TESTS, source=SOURCE)
-def cones_hit(passes: Passes) -> Array:
-    """Number of cones whose base the outline of the car, a rectangle, sweeps over."""
-    return np.array([np.count_nonzero(margins < 0.0) for margins in passes.margins])
+def cones_hit(passes: Passes) -> Bounded:
+    """Number of cones whose base the outline of the car, a rectangle, sweeps over.
+
+    The interval has those that the noise of the position makes doubtful.
+    """
+    fewest, hit, most = (
+        np.array([np.count_nonzero(margins < limit) for margins in passes.margins])
+        for limit in (-passes.low, 0.0, passes.low)
+    )
+    return Bounded(hit, float(np.mean(hit - fewest)), float(np.mean(most - hit)))
 
 
 @metric("m", *TESTS, source=SOURCE)
-def smallest_cone_margin(passes: Passes) -> Array:
-    """Least distance between the outline of the car and a cone; negative as deep as a cone gets into the outline."""
-    return np.array([margins.min() for margins in passes.margins])
+def smallest_cone_margin(passes: Passes) -> Bounded:
+    """Least distance between the outline of the car and a cone; negative as deep as a cone gets into the outline.
+
+    A least value is low by noise: the interval reaches up by as much.
+    """
+    return Bounded(np.array([margins.min() for margins in passes.margins]), 0.0, passes.low)
 
 
 @metric("km/h", *TESTS, source=SOURCE)
@@ -265,8 +328,8 @@ def lane_change_handwheel_torque(passes: Passes) -> Array:
 
 @metric("N m", *TESTS, source=PRACTICE)
 def lane_change_torque_rms(passes: Passes) -> Array:
-    """Root mean square of the hand torque."""
-    return np.array([np.sqrt(trapezoid(T**2, t) / (t[-1] - t[0])) for t, T in passes.steered(TORQUE)])
+    """Root mean square of the hand torque; white noise, judged from what is above 10 Hz, is taken off."""
+    return passes.rms(TORQUE)
 
 
 @metric("J", *TESTS, source=PRACTICE)

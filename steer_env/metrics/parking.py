@@ -12,14 +12,15 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from scipy import signal, stats
+from scipy import signal
+from scipy.integrate import cumulative_trapezoid
 
 from steer_env.metrics.definitions import RefusedError, metric, procedure
-from steer_env.metrics.noise import in_band
 from steer_env.metrics.reading import ANGLE, SPEED, TORQUE, Reading
-from steer_env.recording import ORDER, Recording
+from steer_env.recording import Recording
 
 CUTOFF = 10.0  # low-pass [Hz]
+AT_LOCK = 0.998  # of the largest angle, beyond which samples tell where the lock is; assumed
 END = 0.95  # of the way from centre to lock that counts
 CENTRE = 0.05  # of that way, around the centre
 PARTS = 38  # of a half sweep, each a twentieth of the way from centre to lock
@@ -37,14 +38,17 @@ class Sweeps:
         if SPEED in self._smooth and np.abs(self._smooth[SPEED]).max() > STANDING:
             raise RefusedError(f"{SPEED} exceeds {STANDING:g} m/s: let the car stand")
         angle = self._smooth[ANGLE]
-        lock = 0.5 * np.ptp(angle)
-        travel = (angle - 0.5 * (angle.max() + angle.min())) / max(lock, 1e-9)
+        left, right = (
+            sign * np.median(side[side >= AT_LOCK * side.max()]) for sign, side in ((1, angle), (-1, -angle))
+        )
+        lock = 0.5 * (left - right)
+        travel = (angle - 0.5 * (left + right)) / max(lock, 1e-9)
         ends = np.flatnonzero(np.abs(travel) >= END)
         crossed = np.flatnonzero(travel[ends[:-1]] * travel[ends[1:]] < 0) if lock > 0 else np.zeros(0, int)
-        self._sweeps = [slice(int(a) + 1, int(b)) for a, b in zip(ends[crossed], ends[crossed + 1])]
+        self._sweeps = [slice(int(a), int(b) + 1) for a, b in zip(ends[crossed], ends[crossed + 1])]
         if len(self._sweeps) < FEWEST:
             raise RefusedError(f"{len(self._sweeps)} half sweeps from lock to lock: steer {FEWEST} or more")
-        self.side = [np.sign(travel[sweep.stop] - travel[sweep.start]) for sweep in self._sweeps]
+        self.side = [np.sign(travel[sweep.stop - 1] - travel[sweep.start]) for sweep in self._sweeps]
         self.travel = [side * travel[sweep] for side, sweep in zip(self.side, self._sweeps)]  # -1 to 1
 
     def along(self, name: str) -> list[np.ndarray]:
@@ -58,38 +62,50 @@ class Sweeps:
             raise RefusedError(f"{name} runs against the turning {ANGLE}: check the signs, left is positive in both")
         return found
 
+    def _between(self, efforts: list[np.ndarray], edges: np.ndarray) -> np.ndarray:
+        """Means over time (n, E - 1) from one place of the travel to the next, on straight lines between samples."""
+        found = []
+        for travel, values, sweep in zip(self.travel, efforts, self._sweeps):
+            time = self.time[sweep]
+            at = np.interp(edges, np.maximum.accumulate(travel), time)
+            found.append(np.diff(np.interp(at, time, cumulative_trapezoid(values, time, initial=0.0))) / np.diff(at))
+        return np.array(found)
+
     def mean(self, name: str, low: float = -END, high: float = END) -> np.ndarray:
         """Mean (n,) between two parts of the travel, -1 where a half sweep begins and 1 where it ends."""
-        inside = ((travel > low) & (travel < high) for travel in self.travel)
-        return np.array([values[part].mean() for values, part in zip(self.effort(name), inside)])
+        return self._between(self.effort(name), np.array([low, high]))[:, 0]
 
     def peak(self, efforts: list[np.ndarray]) -> np.ndarray:
         """Mean (n,) over the part of the travel where all half sweeps together are highest."""
-        edges = np.linspace(-END, END, PARTS + 1)
-        pairs = zip(self.travel, efforts)
-        found = np.array([stats.binned_statistic(travel, values, "mean", edges)[0] for travel, values in pairs])
-        together = found.mean(axis=0)  # NaN where a sweep has no sample
-        if np.isnan(together).all():
+        if min(map(len, efforts)) < PARTS:
             raise RefusedError("the sweeps are too fast for their sampling: record faster, or steer more slowly")
-        return found[:, np.nanargmax(together)]
+        found = self._between(efforts, np.linspace(-END, END, PARTS + 1))
+        return found[:, np.argmax(found.mean(axis=0))]
 
     def ripple(self, name: str) -> np.ndarray:
-        """Root mean square (n,) above a high-pass, without what the noise makes of it."""
-        noise, found = in_band(self._smooth, name, CUTOFF), []
-        rate = self._smooth.recording.rate
-        high_pass = signal.butter(ORDER, RIPPLE, "highpass", fs=rate, output="sos")
-        run_in = round(rate / RIPPLE)
-        for values in self.effort(name):
-            if values.size <= run_in:
+        """Root mean square (n,) from 1 to 10 Hz, without what the noise makes of it."""
+        rate, found = self._smooth.recording.rate, []
+        self.effort(name)
+        for side, sweep in zip(self.side, self._sweeps):
+            edge = (sweep.stop - sweep.start) // 10
+            values = side * self._smooth.recording[name][sweep.start + edge : sweep.stop - edge]
+            if values.size <= rate / RIPPLE:
                 raise RefusedError(f"a half sweep takes less than {1 / RIPPLE:g} s: steer more slowly")
-            inner = slice(values.size // 10, values.size - values.size // 10)  # away from the reversals' wind-up
-            found.append(np.mean(signal.sosfiltfilt(high_pass, values, padlen=run_in)[inner] ** 2) - noise**2)
+            f, density = signal.periodogram(values, rate, window="hann", detrend="linear")
+            inside = (f >= RIPPLE) & (f <= CUTOFF)
+            noise = np.median(density[f > CUTOFF]) / np.log(2.0)  # a density is distributed exponentially
+            found.append((density[inside] - noise).sum() * f[1])
         return np.sqrt(np.maximum(found, 0.0))
 
     def rate(self) -> np.ndarray:
         """Mean speed (n,) of the handwheel [rad/s]."""
         ends = [(sweep.start, sweep.stop - 1) for sweep in self._sweeps]
         return np.array([abs(np.diff(self._smooth[ANGLE][[a, b]])[0]) / (self.time[b] - self.time[a]) for a, b in ends])
+
+
+def _end(angle: np.ndarray) -> float:
+    """Where the handwheel is at a lock: a single highest angle would be one of the noise."""
+    return float(np.median(angle[angle >= AT_LOCK * angle.max()]))
 
 
 procedure("parking", Sweeps, constant_speed=False)
@@ -141,7 +157,7 @@ def handwheel_torque_peak(sweeps: Sweeps) -> np.ndarray:
 
 @_parking("N m", "parking")
 def handwheel_torque_ripple(sweeps: Sweeps) -> np.ndarray:
-    """Root mean square of the hand torque between 1 and 10 Hz, with zero phase, in the middle 80 % of a half sweep.
+    """Root mean square of the hand torque between 1 and 10 Hz in the middle 80 % of a half sweep, under Hann's window.
 
     White noise, judged from what is above 10 Hz, is taken off.
     """

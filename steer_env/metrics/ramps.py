@@ -31,11 +31,17 @@ def find(time: Array, values: Array, part: float = 0.5) -> list[Ramp]:
         for i, j in events.runs(side * values > 0.05 * size, gap=second // 4):
             if j - i < second or (side * values[i:j]).max() < part * size:
                 continue
-            mean = np.convolve(side * values[i:j], np.ones(second) / second, mode="valid")
+            mean = running_mean(side * values[i:j], second)
             reached = np.flatnonzero(side * values[i:j] >= 0.995 * mean.max())
             if reached.size and reached[0] > 0:
                 found.append(Ramp(i, i + int(reached[0]) + 1, side))
     return sorted(found)
+
+
+def running_mean(values: Array, count: int) -> Array:
+    """Mean of every ``count`` samples in a row of a channel (T,)."""
+    total = np.cumsum(np.append(0.0, values))
+    return (total[count:] - total[:-count]) / count
 
 
 def within(values: Array, low: float, high: float) -> slice | None:

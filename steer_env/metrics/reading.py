@@ -5,8 +5,8 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from steer_env.metrics.definitions import RefusedError
-from steer_env.recording import Recording
+from steer_env.metrics.definitions import Blurred, RefusedError
+from steer_env.recording import Recording, low_passed
 from vehicle import plant
 
 ANGLE, TORQUE, AY = "handwheel_angle", "handwheel_torque", "lateral_acceleration"
@@ -20,12 +20,20 @@ PLAUSIBLE = {ANGLE: 20.0, TORQUE: 100.0, AY: 30.0, YAW: 5.0, SPEED: 120.0}
 class Reading:
     """Channels (T,) of a recording by name, low-passed at ``cutoff`` [Hz], and its ``time`` (T,) [s].
 
-    A channel that is missing or has another unit refuses the metrics that ask for it.
+    A channel that is missing or has another unit refuses the metrics that ask for it. Of a :class:`Blurred` recording
+    the low-pass runs twice; ``passes`` says how often.
     """
 
     def __init__(self, recording: Recording, cutoff: float) -> None:
         self.time, self.recording = recording.time, recording
-        self._smooth = cache(lambda name: self._channel(name).filtered(cutoff)[name])
+        self.passes = 2 if isinstance(recording, Blurred) else 1
+        self._smooth = cache(lambda name: self._filtered(name, cutoff))
+
+    def _filtered(self, name: str, cutoff: float) -> NDArray[np.float64]:
+        values = self._channel(name)
+        for _ in range(self.passes):
+            values = low_passed(name, values, cutoff, self.recording.rate)
+        return values
 
     def __getitem__(self, name: str) -> NDArray[np.float64]:
         try:
@@ -37,7 +45,7 @@ class Reading:
         """Sideslip angle (T,): as recorded, or from lateral and forward speed [rad]."""
         return self[SIDESLIP] if SIDESLIP in self else np.arctan2(self["lateral_speed"], self[SPEED])
 
-    def _channel(self, name: str) -> Recording:
+    def _channel(self, name: str) -> NDArray[np.float64]:
         unit = self.recording.units.get(name)
         if unit is None:
             raise RefusedError(f"the recording has no channel {name!r}: record it, or map it from the name it has")
@@ -49,7 +57,7 @@ class Reading:
             raise RefusedError(
                 f"{name} gets to {most:.4g} {unit}, beyond {limit:g}: check the unit that it is given in"
             )
-        return Recording(self.time, {name: values}, {name: unit})
+        return values
 
     def __contains__(self, name: str) -> bool:
         return name in self.recording.units

@@ -79,11 +79,12 @@ class HalfWaves:
         return values[np.concatenate([np.arange(len(burst)) >= 2 for burst in self.bursts])]
 
     def first_ratio(self, name: str) -> np.ndarray:
-        """Gain of the first half wave over the mean of those settled on its side, (bursts,)."""
+        """Gain of the first half wave over the mean of those settled on its side, (bursts,), less a sensor's zero."""
         gains, ratios, start = self.peaks(name)[1], [], 0
         for burst in self.bursts:
             of = gains[start : start + len(burst)]
-            ratios.append(of[0] / of[2::2].mean())
+            zero = 0.5 * (of[2::2].mean() - of[3::2].mean())  # what one side has more than the other
+            ratios.append((of[0] - zero) / (of[2::2].mean() - zero))
             start += len(burst)
         return np.array(ratios)
 

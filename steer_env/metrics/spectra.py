@@ -31,6 +31,7 @@ Segments = Callable[[Array, Array], list[slice]]  # (time, angle) -> parts of th
 
 CUTOFF = 10.0  # low-pass, of input and output alike [Hz]
 SPACING, TRIANGLE = 0.05, 0.1  # of the frequencies read, half width of the fit around each [Hz]; assumed
+STILL = 0.5  # before a sweep that belongs to its segment [s]
 COHERENT = 0.9  # squared coherence from which on a response means something; assumed, common practice
 EXCITED = 0.01  # of the median power of the handwheel angle: less is no excitation; assumed
 
@@ -63,6 +64,9 @@ class Spectra:
         Segments needed.
     what : str
         Says so where there are fewer.
+    still : float
+        Time that every segment begins with before the handwheel moves [s]. A straight line through what a channel reads
+        there is taken off: the drift of its sensor.
     """
 
     def __init__(
@@ -73,8 +77,9 @@ class Spectra:
         window: str,
         fewest: int,
         what: str,
+        still: float = 0.0,
     ) -> None:
-        self.rate, self._window = recording.rate, window
+        self.rate, self._window, self._still = recording.rate, window, still
         self._smooth = Reading(recording, CUTOFF)
         self._parts = segments(self._smooth.time, self._smooth[ANGLE])
         self.count = len(self._parts)
@@ -82,7 +87,9 @@ class Spectra:
             raise RefusedError(f"{self.count} {what}")
         low, high = asked["lowest_hz"], asked["highest_hz"]
         self.frequency = low + SPACING * np.arange(round((high - low) / SPACING) + 1)
-        self._power = cache(self._powers)
+        self._power, self._transform = cache(self._powers), cache(self._transforms)
+        self._weights = cache(self._weigh)
+        self.responses, self.coherences = cache(self._responses), cache(self._coherences)
         power = self._power(ANGLE, ANGLE)[..., 0].real.sum(axis=0)
         weak = self.frequency[power < EXCITED * np.median(power)]
         if weak.size:
@@ -91,27 +98,46 @@ class Spectra:
                 "or say lowest_hz and highest_hz"
             )
 
-    def _powers(self, x: str, y: str) -> Complex:
-        """Moments (n, F, 5) of the cross power of each segment around each frequency; of the power where x is y."""
-        found = []
+    def _transforms(self, name: str) -> list[Complex]:
+        """Of each segment less its mean, from 0 Hz to beyond the frequencies read; its size squared is a density."""
+        channel, time = self._smooth[name], self._smooth.time
+        rest = [np.arange(part.start, part.start + round(self._still * self.rate)) for part in self._parts]
+        still = np.concatenate(rest)
+        if still.size:  # a sensor's drift would be most of what there is at low frequencies
+            channel = channel - np.polyval(np.polyfit(time[still], channel[still], 1), time)
+        found: list[Complex] = []
         for part in self._parts:
-            length = part.stop - part.start
-            f, density = signal.csd(
-                self._smooth[x][part],
-                self._smooth[y][part],
-                fs=self.rate,
-                window=self._window,
-                nperseg=length,  # and no padding: at these frequencies an offset does not leak
-                detrend="constant",
-            )
-            near = f < self.frequency[-1] + 2 * TRIANGLE
-            distance = (f[near] - self.frequency[:, None]) / TRIANGLE
-            weight = np.clip(1.0 - np.abs(distance), 0.0, None)
-            terms = (weight * density[near])[..., None] * distance[..., None] ** np.arange(5)
-            found.append(terms.sum(axis=1))  # energy per frequency times bins per frequency
+            window, near, _ = self._weights(part.stop - part.start)
+            values = channel[part] - channel[part].mean()
+            found.append(np.fft.rfft(window * values)[:near])  # no padding: so an offset does not leak
+        return found
+
+    def _weigh(self, size: int) -> tuple[Array, int, Array]:
+        """Window of a segment (T,), bins read of its transform, and what sums these to moments (bins, F, 5)."""
+        window = signal.get_window(self._window, size)
+        f = np.fft.rfftfreq(size, 1.0 / self.rate)
+        near = int(np.count_nonzero(f < self.frequency[-1] + 2 * TRIANGLE))
+        distance = (f[:near, None] - self.frequency) / TRIANGLE
+        weight = np.clip(1.0 - np.abs(distance), 0.0, None)
+        return (
+            window * np.sqrt(2.0 / (self.rate * np.sum(window**2))),
+            near,
+            weight[..., None] * distance[..., None] ** np.arange(5),
+        )
+
+    def _powers(self, x: str, y: str) -> Complex:
+        """Moments (n, F, 5) of the cross power of each segment around each frequency; of the power where x is y.
+
+        Energy per frequency times bins per frequency.
+        """
+        found = []
+        for part, u, v in zip(self._parts, self._transform(x), self._transform(y)):
+            weights = self._weights(part.stop - part.start)[2]
+            power = (u.conj() * v) @ weights.reshape(len(u), -1).astype(complex)
+            found.append(power.reshape(weights.shape[1:]))
         return np.array(found)
 
-    def responses(self, name: str) -> tuple[Complex, Complex]:
+    def _responses(self, name: str) -> tuple[Complex, Complex]:
         """Response (F,) of all segments, and (n, F) with each of them left out, over the handwheel angle."""
         place = np.add.outer(np.arange(3), np.arange(3))
         xx, xy = self._power(ANGLE, ANGLE).real, self._power(ANGLE, name)[..., :3]
@@ -121,7 +147,7 @@ class Spectra:
 
         return fit(xx.sum(axis=0), xy.sum(axis=0)), fit(xx.sum(axis=0) - xx, xy.sum(axis=0) - xy)
 
-    def coherences(self, name: str) -> tuple[Array, Array]:
+    def _coherences(self, name: str) -> tuple[Array, Array]:
         """Squared coherence (F,) of all segments, and (n, F) with each of them left out."""
         powers = [self._power(*pair)[..., 0] for pair in ((ANGLE, ANGLE), (name, name), (ANGLE, name))]
         (xx, yy, xy), (a, b, c) = [p.sum(axis=0) for p in powers], [p.sum(axis=0) - p for p in powers]
@@ -178,8 +204,8 @@ def sweeps(time: Array, angle: Array) -> list[slice]:
     middle = float(np.median(angle))
     steered = np.abs(angle - middle) > 0.05 * np.abs(angle - middle).max()
     found = [(i, j) for i, j in events.runs(steered, gap=round(1.0 / each)) if (j - i) * each > 10.0]
-    ends = [i for i, _ in found[1:]] + [angle.size + round(0.5 / each)]
-    before = round(0.5 / each)
+    ends = [i for i, _ in found[1:]] + [angle.size + round(STILL / each)]
+    before = round(STILL / each)
     return [slice(max(i - before, 0), min(j + round(2.0 / each), end - before)) for (i, j), end in zip(found, ends)]
 
 

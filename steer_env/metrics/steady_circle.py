@@ -10,9 +10,11 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+from scipy.stats import norm
 
 from steer_env.metrics import ramps
-from steer_env.metrics.definitions import SPEED_SPREAD, RefusedError, metric, procedure
+from steer_env.metrics.definitions import SPEED_SPREAD, Bounded, RefusedError, metric, procedure
+from steer_env.metrics.noise import white
 from steer_env.metrics.reading import ANGLE, AY, ROLL, SPEED, TORQUE, YAW, Reading
 from steer_env.recording import Recording
 
@@ -104,10 +106,18 @@ class Circles:
             raise RefusedError("the car is neutral within the scatter of the repeats: repeat more often")
         return np.sqrt(self._geometry("wheelbase_m") / np.abs(K))
 
-    def highest(self) -> float:
-        """Highest size of the lateral acceleration in a mean over a second [m/s2]."""
-        second = max(round(1.0 / (self._smooth.time[1] - self._smooth.time[0])), 1)
-        return float(np.abs(np.convolve(self._smooth[AY], np.ones(second) / second, mode="valid")).max())
+    def highest(self) -> Bounded:
+        """Highest lateral acceleration (n,) of each circle in a mean over a second [m/s2].
+
+        Of seconds that are alike the highest is one that noise favours: by so much the truth may lie below.
+        """
+        time, ay = self._smooth.time, self._smooth.recording[AY]
+        second = max(round(1.0 / (time[1] - time[0])), 1)
+        noise = white(self._smooth, AY, CUTOFF) / np.sqrt(second)
+        ends = [ramp.start for ramp in self.ramps[1:]] + [time.size]
+        means = [ramps.running_mean(r.side * ay[r.start : end], second) for r, end in zip(self.ramps, ends)]
+        alike = np.mean([np.count_nonzero(mean > mean.max() - 4.0 * noise) for mean in means]) / second
+        return Bounded(np.array([mean.max() for mean in means]), noise * norm.isf(0.5 / max(2.0 * alike, 1.0)), 0.0)
 
 
 procedure(
@@ -192,6 +202,9 @@ def critical_speed(circles: Circles) -> np.ndarray:
 
 
 @_circle_metric("g")
-def highest_lateral_acceleration(circles: Circles) -> float:
-    """Highest lateral acceleration of the recording, in a mean over a second; the car may be capable of more."""
+def highest_lateral_acceleration(circles: Circles) -> Bounded:
+    """Highest lateral acceleration of each circle, in a mean over a second; the car may be capable of more.
+
+    The interval reaches down by what noise adds to the highest of alike seconds.
+    """
     return circles.highest()

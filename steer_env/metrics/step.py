@@ -6,17 +6,23 @@ direction of the step. Steady is the mean over the last second in which the hand
 """
 
 from collections.abc import Callable, Mapping
+from copy import copy
+from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy import stats
 
 from steer_env.metrics import events
-from steer_env.metrics.definitions import RefusedError, metric, procedure
+from steer_env.metrics.definitions import Bounded, RefusedError, metric, procedure
 from steer_env.metrics.reading import ANGLE, AY, SPEED, TORQUE, YAW, Reading
 from steer_env.recording import DEGREE, Recording
 from vehicle.single_track import GRAVITY as G
 
 CUTOFF = 25.0  # low-pass; a quarter of the sampling rate where that is lower [Hz]
+CALM = 5.0  # low-pass of what settles [Hz]; assumed
+BAND = 0.05  # of the steady value in which a response has settled
+AROUND = 0.1  # half width of the parabola that a settling time is read from; assumed [s]
 SLOWEST = 150 * DEGREE  # handwheel speed of a step: the standard's 200 deg/s less what the low-pass takes; assumed
 FAST = 0.2  # of the highest handwheel speed: the handwheel moves; assumed
 BEFORE, HOLD, STEADY = 0.5, 3.0, 1.0  # straight before, held at least, read as steady; assumed [s]
@@ -40,6 +46,14 @@ class Steps:
         self._smooth = Reading(recording, min(CUTOFF, recording.rate / 4))
         self.time, self._speed = self._smooth.time, asked["speed_m_s"]
         self.steps = _find(self.time, self._smooth[ANGLE])
+        self.steady = cache(self._steady)
+
+    def _low_passed(self, cutoff: float) -> "Steps":
+        """The same steps, read through another low-pass [Hz]."""
+        other = copy(self)
+        other._smooth = Reading(self._smooth.recording, min(cutoff, self._smooth.recording.rate / 4))
+        other.steady = cache(other._steady)
+        return other
 
     def response(
         self, channel: str | Callable[[Reading], np.ndarray], step: Step, centred: bool = True
@@ -49,7 +63,7 @@ class Steps:
         offset = values[step.before].mean() if centred else 0.0
         return self.time[step.after] - step.start, (values[step.after] - offset) * np.sign(step.size)
 
-    def steady(self, channel: str | Callable[[Reading], np.ndarray], centred: bool = True) -> np.ndarray:
+    def _steady(self, channel: str | Callable[[Reading], np.ndarray], centred: bool = True) -> np.ndarray:
         """Steady values (n,)."""
         found = []
         for step in self.steps:
@@ -92,17 +106,36 @@ class Steps:
 
         return self._each(channel, read)
 
-    def settling_time(self, channel: str) -> np.ndarray:
-        """Until the response stays within 5 % of the steady value [s]."""
+    def settling_time(self, channel: str) -> Bounded:
+        """Until the response stays within 5 % of the steady value [s].
 
-        def read(t: np.ndarray, y: np.ndarray) -> float:
-            outside = np.abs(y - 1.0) - 0.05
-            k = int(np.flatnonzero(outside > 0)[-1])
-            if t[k] > t[-1] - STEADY:
+        The mean of the steps says which crossing is the last, a parabola through each of them around it when that is. A
+        swing that noise may take into the band or out of it brings the crossing before or after it into the interval.
+        """
+        calm = self._low_passed(CALM)
+        steady, each = calm.steady(channel), [calm.response(channel, step) for step in self.steps]
+        t = each[int(np.argmin([len(y) for _, y in each]))][0]
+        y = np.array([np.interp(t, at, values / level) for (at, values), level in zip(each, steady)]) - 1.0
+        mean = y.mean(axis=0)
+        late = t > t[-1] - STEADY
+        doubt = 2.0 * float(np.median(stats.sem(y[:, late]))) if len(y) > 1 else 0.0
+
+        def last(band: float) -> float:
+            k = int(np.flatnonzero(np.abs(mean) > band)[-1])
+            if late[k]:
                 raise RefusedError(f"{channel} does not settle within 5 %: hold the handwheel longer")
-            return events.crossing(t[k : k + 2], -outside[k : k + 2], 0.0)
+            return events.crossing(t[k : k + 2], -np.abs(mean[k : k + 2]), -band)
 
-        return self._each(channel, read)
+        at = last(BAND)
+        near = np.abs(t - at) <= AROUND
+        side = np.sign(mean[near][0])
+        level, slope, _ = np.polynomial.polynomial.polyfit(t[near] - at, side * y[:, near].T - BAND, 2)
+        slope = slope.mean()
+        if not slope < 0.0:
+            raise RefusedError(f"{channel} touches the band of 5 % only: whether it has left it cannot be told")
+        jumps = (abs(last(band) - at) for band in (BAND + doubt, max(BAND - doubt, 0.5 * BAND)))
+        below, above = (jump if jump > 3.0 * doubt / -slope else 0.0 for jump in jumps)
+        return Bounded(at - level / slope, below, above)
 
     def peak_acceleration(self) -> float:
         """Steady lateral acceleration, or yaw rate times speed where it is not recorded [g]."""
@@ -194,8 +227,11 @@ def yaw_rate_overshoot(steps: Steps) -> np.ndarray:
 
 
 @_step_metric("s", source="common use")
-def yaw_rate_settling_time(steps: Steps) -> np.ndarray:
-    """Time from half of the handwheel angle until the yaw rate stays within 5 % of its steady value."""
+def yaw_rate_settling_time(steps: Steps) -> Bounded:
+    """Time from half of the handwheel angle until the yaw rate stays within 5 % of its steady value.
+
+    Low-passed at 5 Hz.
+    """
     return steps.settling_time(YAW)
 
 
@@ -230,8 +266,11 @@ def lateral_acceleration_overshoot(steps: Steps) -> np.ndarray:
 
 
 @_step_metric("s", source="common use")
-def lateral_acceleration_settling_time(steps: Steps) -> np.ndarray:
-    """Time from half of the handwheel angle until the lateral acceleration stays within 5 % of its steady value."""
+def lateral_acceleration_settling_time(steps: Steps) -> Bounded:
+    """Time from half of the handwheel angle until the lateral acceleration stays within 5 % of its steady value.
+
+    Low-passed at 5 Hz.
+    """
     return steps.settling_time(AY)
 
 

@@ -1,76 +1,37 @@
-"""Crosswind against motions in closed form, clean and through sensors."""
+"""Crosswind against motions in closed form."""
 
 import numpy as np
 import pytest
 
 import friction
+from experiments.synthetic.crosswind import SPEED, free, gusts
+from experiments.synthetic.faults import noisy
+from experiments.synthetic.recordings import changed, mirrored, recording
 from steer_env import manoeuvres, metrics
 from steer_env.manoeuvres import crosswind as wind
 from steer_env.recording import DEGREE
-from tests.steer_env import sensors
+from tests.steer_env.checks import burst, check, refusals
 from vehicle import cars
 from vehicle.chassis import WIND_FORCE, WIND_MOMENT
-
-SPEED, COUNT, INTERVAL, START, WIDTH = 100 / 3.6, 8, 8.0, 2.0, 1.0  # [m/s], [s]
-META = {"gust_start_s": START, "gust_interval_s": INTERVAL, "gust_count": COUNT, "speed_m_s": SPEED}
-
-
-def gusts(rate, test="crosswind"):
-    """Lateral acceleration and yaw rate as one period of 1 - cos, left and right in turn; offsets of every sensor."""
-    push, turn, torque, angle = 2.0, 4.0 * DEGREE, -0.6, -3.0 * DEGREE
-    time = np.arange(round((START + COUNT * INTERVAL) * rate)) / rate
-    event, s = np.divmod(time - START, INTERVAL)
-    shape = np.where((event >= 0) & (s < WIDTH), 0.5 * (1 - np.cos(2 * np.pi * s / WIDTH)), 0.0) * (1 - 2 * (event % 2))
-    fixed = test == "crosswind"
-    clean = sensors.recording(
-        test,
-        time,
-        META,
-        handwheel_angle=0.3 * DEGREE + (0.0 if fixed else angle) * shape,
-        handwheel_torque=0.1 + (torque if fixed else 0.0) * shape,
-        yaw_rate=0.2 * DEGREE + turn * shape,
-        lateral_acceleration=0.05 + push * shape,
-        vehicle_speed=np.full(time.size, SPEED),
-    )
-    gained = push * WIDTH / 2  # lateral speed after the gust, from its middle on as if at once
-    own = {"crosswind_handwheel_torque_peak": -torque} if fixed else {"crosswind_handwheel_angle_peak": -angle / DEGREE}
-    return clean, {
-        "crosswind_lateral_deviation": gained * (2.0 - WIDTH / 2),
-        "crosswind_course_deviation": gained / SPEED / DEGREE,
-        "crosswind_yaw_rate_peak": turn / DEGREE,
-        "crosswind_lateral_acceleration_peak": push,
-        "crosswind_yaw_rate_rms": turn * np.sqrt(3 / 8 * WIDTH / 3.0) / DEGREE,
-        **own,
-    }
-
-
-def free(rate):
-    return gusts(rate, "crosswind-free")
 
 
 def constant(rate):
     """A steady sine of yaw rate, as random wind that is the same in each 10 s."""
     time = np.arange(round(60 * rate)) / rate
     yaw = DEGREE * np.sin(2 * np.pi * 0.3 * time)
-    return sensors.recording("crosswind-free", time, yaw_rate=yaw, vehicle_speed=np.full(time.size, SPEED))
+    return recording("crosswind-free", time, yaw_rate=yaw, vehicle_speed=np.full(time.size, SPEED))
 
 
 @pytest.mark.parametrize("rate", [50.0, 200.0, 1000.0])
 @pytest.mark.parametrize("synthetic", [gusts, free])
 def test_closed_forms(synthetic, rate):
-    """Within 1 %: the low-pass takes 0.2 % of 1 - cos at 1 Hz, the parabola 0.3 % of its top."""
-    sensors.check_clean(synthetic, rate, {"rest": 1e-2})
-
-
-@pytest.mark.parametrize("rate", [50.0, 200.0])
-@pytest.mark.parametrize("synthetic", [gusts, free])
-def test_intervals_hold_the_truth(synthetic, rate):
-    sensors.check_coverage(synthetic, rate)
+    """Within 1 %: the low-pass takes 0.2 % of 1 - cos at 1 Hz, the parabola 0.1 % of its top."""
+    check(*synthetic(rate), {"rest": 1e-2})
 
 
 def test_left_and_right_are_alike():
     clean = gusts(200.0)[0]
-    plain, other = metrics.evaluate(clean), metrics.evaluate(sensors.mirrored(clean))
+    plain, other = metrics.evaluate(clean), metrics.evaluate(mirrored(clean))
     for name, value in plain.items():
         assert other[name].value == pytest.approx(value.value, rel=1e-9), name
 
@@ -81,32 +42,34 @@ def test_random_wind_has_an_rms_and_no_events():
     assert len(found["crosswind_yaw_rate_rms"].repeats) == 6
     others = [value.reason for name, value in found.items() if name != "crosswind_yaw_rate_rms"]
     assert all("say when the gust came" in text for text in others)
-    assert "under 20 s of random wind" in sensors.reasons(constant(100.0).between(0, 15))["crosswind_yaw_rate_rms"]
+    assert "under 20 s of random wind" in refusals(constant(100.0).between(0, 15))["crosswind_yaw_rate_rms"]
 
 
 def test_bad_recordings_are_refused():
     clean = gusts(100.0)[0]
     every = set(metrics.available("crosswind"))
-    turned = sensors.changed(clean, handwheel_angle=10 * DEGREE * np.sin(clean.time))
+    turned = changed(clean, handwheel_angle=10 * DEGREE * np.sin(clean.time))
     for reason, bad in {
         "check gust_start_s, gust_interval_s and gust_count": clean.between(1.5, 60.0),
-        "in the mean, not 100 km/h": sensors.changed(clean, vehicle_speed=0.8 * clean["vehicle_speed"]),
+        "in the mean, not 100 km/h": changed(clean, vehicle_speed=0.8 * clean["vehicle_speed"]),
         "handwheel_angle is not held: keep it to 3 deg": turned,
     }.items():
-        found = sensors.reasons(bad)
+        found = refusals(bad)
         assert found.keys() == every
         assert all(reason in text for text in found.values()), (reason, found)
     assert not metrics.evaluate(turned, "crosswind-free")["crosswind_yaw_rate_peak"].reason
-    assert sensors.reasons(clean, gust_start_s=0.1).keys() == every
-    without = sensors.reasons(sensors.without(clean, "handwheel_torque"))
+    assert refusals(clean, gust_start_s=0.1).keys() == every
+    without = refusals(clean.without("handwheel_torque"))
     assert without.keys() == {"crosswind_handwheel_torque_peak"}
-    assert sensors.reasons(sensors.burst(clean, "yaw_rate")).keys() == {
+    assert refusals(burst(clean, "yaw_rate")).keys() == {
         "crosswind_yaw_rate_peak",
         "crosswind_yaw_rate_rms",
     }
-    assert sensors.reasons(sensors.without(clean, "lateral_acceleration")).keys() == every - {"crosswind_yaw_rate_rms"}
-    weak = sensors.changed(clean, yaw_rate=0.02 * clean["yaw_rate"])
-    assert "does not stand out of its noise" in sensors.reasons(sensors.noisy(weak, 0))["crosswind_yaw_rate_peak"]
+    assert refusals(clean.without("lateral_acceleration")).keys() == every - {"crosswind_yaw_rate_rms"}
+    weak = changed(clean, yaw_rate=0.02 * clean["yaw_rate"])
+    assert (
+        "does not stand out of its noise" in refusals(noisy(weak, np.random.default_rng(0)))["crosswind_yaw_rate_peak"]
+    )
 
 
 def test_the_side_force():

@@ -1,139 +1,18 @@
-"""Release, pulse and returnability against responses in closed form, clean and through sensors."""
+"""Release, pulse and returnability against responses in closed form."""
 
 import numpy as np
 import pytest
-from scipy import integrate, optimize
 
 import friction
+from experiments.synthetic.free_hands import EVENT, HELD, pulse, release, returnability
+from experiments.synthetic.recordings import changed, mirrored
 from steer_env import manoeuvres, metrics
 from steer_env.metrics import decay
 from steer_env.recording import DEGREE
-from tests.steer_env import sensors
+from tests.steer_env.checks import burst, check, refusals
 from vehicle import cars
 
-ZETA, FREQUENCY = 0.3, 0.9  # of the yaw rate of a free car [1, Hz]
-EVENT, HELD, EVENTS = 11.0, 4.0, 4  # [s]
 LAWS = friction.available()
-
-
-def second_order(s, zeta=ZETA, frequency=FREQUENCY):
-    """From 1 to 0 with the slope starting from 0."""
-    omega = 2 * np.pi * frequency
-    damped = omega * np.sqrt(1 - zeta**2)
-    s = np.clip(s, 0.0, None)
-    return np.exp(-zeta * omega * s) * (np.cos(damped * s) + zeta * omega / damped * np.sin(damped * s))
-
-
-def overshoot(zeta):
-    return np.exp(-np.pi * zeta / np.sqrt(1 - zeta**2))
-
-
-def held_and_released(rate):
-    """Time, side, what is held, 0 to 1, and the time since the release, of events left and right in turn."""
-    time = (np.arange(round(EVENTS * EVENT * rate)) + 0.5) / rate  # the release is midway between two samples
-    event, s = np.divmod(time, EVENT)
-    rise = np.clip(s / 1.5, 0, 1)
-    return time, 1 - 2 * (event % 2), rise * rise * (3 - 2 * rise), s - HELD
-
-
-def release(rate):
-    """Yaw rate of a second-order system that comes to rest at a small value to the other side."""
-    held, rest, angle, angle_rest = 2.0 * DEGREE, -0.2 * DEGREE, 8.0 * DEGREE, -0.8 * DEGREE
-    time, side, rise, s = held_and_released(rate)
-    free = s >= 0
-    back = np.exp(-np.clip(s, 0, None) / 0.08)
-    clean = sensors.recording(
-        "release",
-        time,
-        handwheel_angle=side * np.where(free, angle_rest + (angle - angle_rest) * back, angle * rise),
-        handwheel_torque=side * np.where(free, 0.0, 1.8 * rise),
-        yaw_rate=side * np.where(free, rest + (held - rest) * second_order(s), held * rise),
-        lateral_acceleration=side * np.where(free, second_order(s), rise),
-        vehicle_speed=np.full(time.size, 100 / 3.6),
-    )
-    t = np.linspace(0, 4, 400_001)
-    y = rest + (held - rest) * second_order(t)
-    outside = t[np.abs(y - rest) > 0.1 * held]
-    return clean, {
-        "free_damping_ratio": ZETA,
-        "free_natural_frequency": FREQUENCY,
-        "residual_yaw_rate": y[(t >= 3)].mean() / DEGREE,
-        "residual_handwheel_angle": angle_rest / DEGREE,
-        "free_yaw_rate_settling_time": outside[-1],
-        "yaw_rate_after_1s": 100 * y[(t >= 0.9) & (t <= 1.1)].mean() / held,
-        "release_overshoot": 100 * overshoot(ZETA),
-        "yaw_rate_time_to_half": optimize.brentq(lambda x: rest + (held - rest) * second_order(x) - held / 2, 0, 0.6),
-    }
-
-
-def pulse(rate):
-    """Yaw rate of a second-order system, an impulse response from the middle of the pulse on, low-passed by nature.
-
-    The torque is a half sine of 0.4 s; it falls through half of its peak 1/3 of 0.4 s after its middle.
-    """
-    width, size, interval = 0.4, 5.0 * DEGREE, 7.0
-    time = np.arange(round((EVENTS * interval + 1) * rate)) / rate
-    event, s = np.divmod(time - 1.0, interval)
-    side = np.where(event >= 0, 1 - 2 * (event % 2), 0.0)
-    omega = 2 * np.pi * FREQUENCY
-    damped = omega * np.sqrt(1 - ZETA**2)
-
-    def response(x):
-        x = np.clip(x - width / 2, 0, None)
-        return size * np.exp(-ZETA * omega * x) * np.sin(damped * x)
-
-    angle, rest = response(s), 0.5 * DEGREE
-    clean = sensors.recording(
-        "pulse",
-        time,
-        handwheel_angle=side * (angle + rest * np.clip(s, 0, 1) ** 2 * (interval - 1.0 - s).clip(0, 1)),
-        handwheel_torque=side * np.where(s < width, 2.5 * np.sin(np.pi * s / width), 0.0),
-        yaw_rate=side * response(s),
-        lateral_acceleration=side * 27.8 * response(s),
-        vehicle_speed=np.full(time.size, 100 / 3.6),
-    )
-    fallen = width * 5 / 6  # where times count from
-    t = np.linspace(0, 4, 400_001)
-    y = response(t + fallen)
-    first = (np.pi / 2 - np.arctan(ZETA / np.sqrt(1 - ZETA**2))) / damped  # of the peak, after the middle
-    peak = response(first + width / 2)
-    return clean, {
-        "free_damping_ratio": ZETA,
-        "free_natural_frequency": FREQUENCY,
-        "residual_yaw_rate": y[t >= 3].mean() / DEGREE,
-        "residual_handwheel_angle": (rest + y[t >= 3].mean()) / DEGREE,
-        "free_yaw_rate_settling_time": t[np.abs(y - y[t >= 3].mean()) > 0.1 * peak][-1],
-        "pulse_yaw_rate_peak": peak / DEGREE,
-        "pulse_overshoot": 100 * overshoot(ZETA),
-        "heading_after_pulse": integrate.quad(response, 0, 4 + fallen, limit=200)[0] / DEGREE,
-    }
-
-
-def returnability(rate):
-    """The handwheel swings back beyond straight ahead and comes to rest 5 deg short of it."""
-    time, side, rise, s = held_and_released(rate)
-    free, held, rest, zeta = s >= 0, 90 * DEGREE, 5 * DEGREE, 0.5
-
-    def angle(x):
-        return rest + (held - rest) * second_order(x, zeta, 0.4)
-
-    clean = sensors.recording(
-        "returnability",
-        time,
-        handwheel_angle=side * np.where(free, angle(s), held * rise),
-        handwheel_torque=side * np.where(free, 0.0, 2.6 * rise),
-        vehicle_speed=np.full(time.size, 35 / 3.6),
-    )
-    t = np.linspace(0.9, 1.1, 1001)
-    begin, end = (optimize.brentq(lambda x, level: angle(x) - level * DEGREE, 0, 0.8, (level,)) for level in (80, 30))
-    return clean, {
-        "handwheel_angle_after_1s": angle(t).mean() / DEGREE,
-        "handwheel_angle_after_3s": angle(t + 2.0).mean() / DEGREE,
-        "handwheel_return_rate": 50 / (end - begin),
-        "handwheel_return_overshoot": ((held - rest) * overshoot(zeta) - rest) / DEGREE,
-    }
-
-
 TESTS = {"release": release, "pulse": pulse, "returnability": returnability}
 
 
@@ -141,25 +20,15 @@ TESTS = {"release": release, "pulse": pulse, "returnability": returnability}
 @pytest.mark.parametrize("test", TESTS)
 def test_closed_forms(test, rate):
     """Within 1 %: the low-pass takes 0.1 % at 0.9 Hz and blurs the corner at the release; 2 % for times."""
-    sensors.check_clean(
-        TESTS[test], rate, {"rest": 1e-2, "yaw_rate_time_to_half": 2e-2, "free_yaw_rate_settling_time": 2e-2}
-    )
-
-
-@pytest.mark.parametrize("rate", [50.0, 200.0])
-@pytest.mark.parametrize("test", TESTS)
-def test_intervals_hold_the_truth(test, rate):
-    sensors.check_coverage(TESTS[test], rate)
+    check(*TESTS[test](rate), {"rest": 1e-2, "yaw_rate_time_to_half": 2e-2, "free_yaw_rate_settling_time": 2e-2})
 
 
 @pytest.mark.parametrize("test", TESTS)
 def test_left_and_right_are_alike_and_offsets_drop_out(test):
     clean = TESTS[test](200.0)[0]
-    plain, other = metrics.evaluate(clean), metrics.evaluate(sensors.mirrored(clean))
+    plain, other = metrics.evaluate(clean), metrics.evaluate(mirrored(clean))
     offset = {"handwheel_angle": 0.5 * DEGREE, "handwheel_torque": 0.1, "yaw_rate": 0.1 * DEGREE}
-    shifted = metrics.evaluate(
-        sensors.changed(clean, **{n: clean[n] + x for n, x in offset.items() if n in clean.channels})
-    )
+    shifted = metrics.evaluate(changed(clean, **{n: clean[n] + x for n, x in offset.items() if n in clean.channels}))
     for name, value in plain.items():
         assert other[name].value == pytest.approx(value.value, rel=1e-9), name
         allowed = 0.5 if value.unit == "%" else 0.01  # of the second order in the offset over what was held
@@ -171,15 +40,15 @@ def test_bad_recordings_are_refused(test):
     clean = TESTS[test](100.0)[0]
     every = set(metrics.available(test))
     whole = {
-        "no channel 'handwheel_torque'": sensors.without(clean, "handwheel_torque"),
-        "'handwheel_torque' has samples that are not finite": sensors.burst(clean, "handwheel_torque"),
-        "in the mean, not": sensors.changed(clean, vehicle_speed=0.9 * clean["vehicle_speed"]),
+        "no channel 'handwheel_torque'": clean.without("handwheel_torque"),
+        "'handwheel_torque' has samples that are not finite": burst(clean, "handwheel_torque"),
+        "in the mean, not": changed(clean, vehicle_speed=0.9 * clean["vehicle_speed"]),
         "record at 20 Hz or faster": TESTS[test](15.0)[0],
         "hands": clean.between(0.0, 5.0),
     }
-    whole["let go" if test != "pulse" else "free hands"] = sensors.changed(clean, handwheel_torque=1.0 + 0 * clean.time)
+    whole["let go" if test != "pulse" else "free hands"] = changed(clean, handwheel_torque=1.0 + 0 * clean.time)
     for reason, bad in whole.items():
-        found = sensors.reasons(bad)
+        found = refusals(bad)
         assert found.keys() == every, reason
         assert all(reason in text for text in found.values()) or reason == "hands", (reason, found)
 
@@ -187,7 +56,7 @@ def test_bad_recordings_are_refused(test):
 def test_wrong_signs_are_refused():
     for test, channel in (("release", "yaw_rate"), ("pulse", "yaw_rate"), ("returnability", "handwheel_torque")):
         clean = TESTS[test](100.0)[0]
-        found = sensors.reasons(sensors.changed(clean, **{channel: -clean[channel]}))
+        found = refusals(changed(clean, **{channel: -clean[channel]}))
         assert any("check the signs" in text for text in found.values()), (test, found)
         free = {"residual_handwheel_angle", "yaw_rate_after_1s"}
         assert found.keys() >= set(metrics.available(test)) - (set() if test == "release" else free)
@@ -196,24 +65,20 @@ def test_wrong_signs_are_refused():
 def test_a_missing_channel_costs_what_needs_it():
     for test in ("release", "pulse"):
         clean = TESTS[test](100.0)[0]
-        for bad in (sensors.without(clean, "yaw_rate"), sensors.burst(clean, "yaw_rate")):
-            assert "free_damping_ratio" in sensors.reasons(bad)
-    assert metrics.evaluate(sensors.without(release(100.0)[0], "yaw_rate"))["free_damping_ratio"].reason.startswith(
-        "the rec"
-    )
+        for bad in (clean.without("yaw_rate"), burst(clean, "yaw_rate")):
+            assert "free_damping_ratio" in refusals(bad)
+    assert metrics.evaluate(release(100.0)[0].without("yaw_rate"))["free_damping_ratio"].reason.startswith("the rec")
 
 
 def test_a_turn_that_is_not_steady_or_too_small_is_refused():
     clean = release(100.0)[0]
-    drifting = sensors.changed(clean, handwheel_torque=clean["handwheel_torque"] * np.exp(0.5 * (clean.time % EVENT)))
-    assert "in the second before the release: hold it steady" in sensors.reasons(drifting)["free_damping_ratio"]
-    small = sensors.changed(clean, lateral_acceleration=0.1 * clean["lateral_acceleration"])
-    assert "below 0.03 g: steer further" in sensors.reasons(small)["release_overshoot"]
+    drifting = changed(clean, handwheel_torque=clean["handwheel_torque"] * np.exp(0.5 * (clean.time % EVENT)))
+    assert "in the second before the release: hold it steady" in refusals(drifting)["free_damping_ratio"]
+    small = changed(clean, lateral_acceleration=0.1 * clean["lateral_acceleration"])
+    assert "below 0.03 g: steer further" in refusals(small)["release_overshoot"]
     far = returnability(100.0)[0]
-    assert (
-        "was held at 90, 90, 90, 90 deg, not 60" in sensors.reasons(far, angle_rad=60 * DEGREE)["handwheel_return_rate"]
-    )
-    short = sensors.changed(far, handwheel_angle=0.85 * far["handwheel_angle"])
+    assert "was held at 90, 90, 90, 90 deg, not 60" in refusals(far, angle_rad=60 * DEGREE)["handwheel_return_rate"]
+    short = changed(far, handwheel_angle=0.85 * far["handwheel_angle"])
     found = metrics.evaluate(short, angle_rad=0.85 * 90 * DEGREE)
     assert "does not fall through the level of 1.4: turn further" in found["handwheel_return_rate"].reason
 
@@ -234,9 +99,7 @@ def test_a_car_that_still_weaves_has_no_residual():
     clean = release(100.0)[0]
     weave = 0.5 * DEGREE * np.sin(2 * np.pi * 0.9 * clean.time) * (clean.time % EVENT > HELD)
     weaving = clean["yaw_rate"] + weave
-    assert (
-        "hands let go: the car weaves" in sensors.reasons(sensors.changed(clean, yaw_rate=weaving))["residual_yaw_rate"]
-    )
+    assert "hands let go: the car weaves" in refusals(changed(clean, yaw_rate=weaving))["residual_yaw_rate"]
 
 
 @pytest.fixture(scope="module")

@@ -59,15 +59,13 @@ def test_course_refuses():
 def test_cone_margins_by_hand():
     """A car of 4 m by 2 m whose middle is 1 m ahead of its reference point."""
     cones = np.array([[1.0, 1.5], [4.0, 2.0], [1.0, 0.6], [2.9, 0.0], [-1.5, 0.0]])
-    course = lane_change.Course((), cones, cones * [1, -1])
     car, zero = lane_change.Outline(4.0, 2.0, 1.0), np.zeros(1)
     expected = [0.5, np.hypot(1, 1), -0.4, -0.1, 0.5]
-    for found in lane_change.cone_margins(course, car, zero, zero, zero):
-        assert np.allclose(found, [expected])
+    for side in (1, -1):
+        assert np.allclose(lane_change.cone_margins(cones * [1, side], car, zero, zero, zero), expected)
     # driven to (2, 1) and turned by a quarter: what was ahead is to the left now
-    turned = lane_change.Course((), cones @ [[0, 1], [-1, 0]] + [2, 1], cones[:1])
-    found, _ = lane_change.cone_margins(turned, car, zero + 2.0, zero + 1.0, zero + np.pi / 2)
-    assert np.allclose(found, [expected])
+    turned = cones @ [[0, 1], [-1, 0]] + [2, 1]
+    assert np.allclose(lane_change.cone_margins(turned, car, zero + 2.0, zero + 1.0, zero + np.pi / 2), expected)
 
 
 def test_outline_of_packaged_cars_and_of_one_without_sizes():
@@ -87,9 +85,10 @@ def test_the_path_keeps_half_of_the_clearance(name, vehicle):
     car = lane_change.outline(cars.load(vehicle))
     course = lane_change.course(name, car.width)
     x, y = lane_change.path(course, car)[1:-1].T
-    margins = lane_change.cone_margins(course, car, x, y, np.arctan(np.gradient(y, x)))
+    cones, yaw = np.concatenate([course.left, course.right])[:, None], np.arctan(np.gradient(y, x))
+    margins = lane_change.cone_margins(cones, car, x, y, yaw)
     least = 0.25 * min(gate.left - gate.right - car.width for gate in course.gates)
-    assert min(side.min() for side in margins) == pytest.approx(least, abs=0.01)
+    assert margins.min() == pytest.approx(least, abs=0.01)
     assert y[0] == 0.0
     assert np.ptp(y[-2:]) == pytest.approx(0.0, abs=1e-3)
 

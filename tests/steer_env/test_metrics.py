@@ -3,15 +3,8 @@
 import numpy as np
 import pytest
 
-from experiments import synthetic
-from experiments.synthetic import (
-    AY_PEAK,
-    changed,
-    linear_car,
-    linear_car_answers,
-    rough_car,
-    rough_car_answers,
-)
+from experiments.synthetic.loops import AY_PEAK, linear_car, linear_car_answers, rough_car, rough_car_answers
+from experiments.synthetic.recordings import changed, mirrored
 from steer_env import metrics
 from steer_env.metrics import definitions
 from steer_env.recording import DEGREE, Recording
@@ -26,15 +19,6 @@ def weave(recording, **given):
 
 def slow_ramp(recording):
     return metrics.evaluate(recording, "slow-ramp", speed_m_s=100 / 3.6)
-
-
-def noisy(clean, seed):
-    return synthetic.noisy(clean, np.random.default_rng(seed))
-
-
-def without(clean, name):
-    units = {key: unit for key, unit in clean.units.items() if key != name}
-    return Recording(clean.time, {key: clean[key] for key in units}, units)
 
 
 @pytest.mark.parametrize("size", [0.8, 1.0, 1.5])
@@ -102,31 +86,10 @@ def test_gradients_of_a_curved_car_do_not_depend_on_amplitude():
         assert large[name].value == pytest.approx(small[name].value, rel=5e-3), name
 
 
-@pytest.mark.parametrize(
-    ("test", "car", "answers"),
-    [
-        (weave, linear_car(), linear_car_answers()),
-        (slow_ramp, linear_car(0.02, cycles=4), linear_car_answers(0.02)),
-        (slow_ramp, rough_car(), rough_car_answers()),
-    ],
-    ids=["weave", "slow ramp", "slow ramp with friction"],
-)
-def test_interval_covers_the_truth(test, car, answers):
-    """A 95 % interval holds the truth in at least 85 % of 50 trials (an exact one does but for a chance of 0.3 %)."""
-    trials = [test(noisy(car, seed)) for seed in range(50)]
-    covered = {}
-    for name in trials[0]:
-        if name in answers:
-            covered[name] = np.mean([trial[name].low <= answers[name] <= trial[name].high for trial in trials])
-            print(f"{name:30} {answers[name]:9.4f} {trials[0][name].unit:16} covered {covered[name]:4.0%}")
-    assert min(covered.values()) >= 0.85
-
-
 def test_left_and_right_are_alike():
     """The mirrored recording has the same metrics; only where its cycles begin differs, by half a period."""
     car = rough_car(frequency=0.2, cycles=10, triangle=False)
-    mirrored = Recording(car.time, {n: v if n == "vehicle_speed" else -v for n, v in car.channels.items()}, car.units)
-    left, right = weave(car), weave(mirrored)
+    left, right = weave(car), weave(mirrored(car))
     for name, value in left.items():
         assert right[name].value == pytest.approx(value.value, rel=1e-6, abs=1e-9), name
 
@@ -172,7 +135,7 @@ def refusals(recording, **options):
         (linear_car(cycles=1), "no whole cycle"),
         (linear_car(0.3), "say frequency_hz=0.3"),
         (changed(linear_car(), handwheel_angle=np.zeros(5001)), "no whole cycle"),
-        (without(linear_car(), "handwheel_angle"), "no channel 'handwheel_angle'"),
+        (linear_car().without("handwheel_angle"), "no channel 'handwheel_angle'"),
         (linear_car(rate=15.0), "record at 20 Hz or faster"),
         (
             changed(linear_car(), handwheel_angle=np.full(5001, np.nan)),
@@ -204,7 +167,7 @@ def test_refused_one_by_one():
     missing = refusals(changed(clean, yaw_rate=burst))
     assert missing.keys() == {"yaw_rate_gain", "yaw_lag"}
     assert "'yaw_rate' has samples that are not finite" in missing["yaw_lag"]
-    missing = refusals(without(clean, "yaw_rate"))
+    missing = refusals(clean.without("yaw_rate"))
     assert missing.keys() == {"yaw_rate_gain", "yaw_lag"}
     assert missing["yaw_lag"].startswith("the recording has no channel 'yaw_rate': record it")
     small = refusals(linear_car(size=0.45))

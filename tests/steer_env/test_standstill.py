@@ -1,4 +1,4 @@
-"""Parking, catch-up and hold against efforts in closed form, clean and through sensors."""
+"""Parking, catch-up and hold against efforts in closed form."""
 
 from dataclasses import replace
 
@@ -6,128 +6,45 @@ import numpy as np
 import pytest
 
 import friction
+from experiments.synthetic.faults import noisy
+from experiments.synthetic.recordings import changed, mirrored, recording
+from experiments.synthetic.standstill import SLOW_TORQUE, catch_up, hold, parking
 from steer_env import manoeuvres, metrics
 from steer_env.metrics import events, noise
 from steer_env.metrics.reading import Reading
 from steer_env.recording import DEGREE, Recording
-from tests.steer_env import sensors
+from tests.steer_env.checks import burst, check, refusals
 from vehicle import cars
 
 LAWS = friction.available()
-LOCK, SWEEP, COUNT = 500 * DEGREE, 12.0, 6  # of the handwheel, time from lock to lock [s], half sweeps
-
-
-def parking(rate):
-    """Effort F0 + F1 u^2 to the side that is turned to, u from -1 to 1 between the locks, with a ripple of the torque.
-
-    The handwheel turns at a constant speed, and pauses for half a second at the locks. Means over u, up to 0.95.
-    """
-    period = SWEEP + 0.5
-    time = (np.arange(round((COUNT + 1) * period * rate)) + 0.5) / rate
-    sweep, s = np.divmod(time, period)
-    side = 1 - 2 * (sweep % 2)
-    u = np.clip(2 * s / SWEEP - 1, -1, 1) * np.where(sweep > 0, 1.0, 0.5) + np.where(sweep > 0, 0.0, 0.5)
-    turning = np.where(s < SWEEP, side, side * np.exp(-(s - SWEEP) / 0.1))
-    ripple, frequency = 0.2, 10 / 3  # a whole period in a twentieth of the way to the lock
-    speed = 2 * LOCK / SWEEP
-    clean = sensors.recording(
-        "parking",
-        time,
-        handwheel_angle=side * LOCK * u,
-        handwheel_torque=turning * (3.0 + 1.0 * u**2 + ripple * np.sin(2 * np.pi * frequency * s)),
-        rack_force=turning * (2500.0 + 1200.0 * u**2),
-        motor_torque=turning * (20.0 + 8.0 * u**2),
-        column_speed=np.where(s < SWEEP, side * speed, 0.0),
-        vehicle_speed=np.zeros(time.size),
-    )
-    mean, centre, last = 0.95**2 / 3, 0.05**2 / 3, (0.95**3 - 0.9**3) / 3 / 0.05  # of u^2
-    return clean, {
-        "parking_handwheel_rate": speed / DEGREE,
-        "rack_force_at_centre": 2500.0 + 1200.0 * centre,
-        "rack_force_peak": 2500.0 + 1200.0 * last,
-        "rack_force_mean_towards_lock": 2500.0 + 1200.0 * mean,
-        "handwheel_torque_at_centre": 3.0 + centre,
-        "handwheel_torque_mean": 3.0 + mean,
-        "handwheel_torque_peak": 3.0 + last,
-        "handwheel_torque_ripple": ripple / np.sqrt(2) / (1 + 0.3**4) / (1 + (1 / 3) ** 4),  # both passes
-        "motor_torque_peak": 20.0 + 8.0 * last,
-        "motor_torque_mean": 20.0 + 8.0 * mean,
-        "motor_power_peak": speed * (20.0 + 8.0 * last),
-    }
-
-
-SLOW_TORQUE, DAMPING, KNEE = 3.0, 1.5, 4.0  # [N m], [N m s/rad], speed above which the assist falls behind [rad/s]
-
-
-def catch_up(rate, fastest=700.0):
-    """Torque that is constant up to a speed and rises in proportion beyond it; sweeps of constant speed.
-
-    The torque turns over with the handwheel within some hundredths of a second, as a real one does.
-    """
-    amplitude = 270 * DEGREE
-    speeds = DEGREE * np.repeat([40.0, *np.arange(100.0, fastest + 1, 100.0)], 4)
-    knots = np.append(0.0, np.cumsum(2 * amplitude / speeds))
-    time = np.arange(0.5 / rate, knots[-1], 1 / rate)
-    k = np.clip(np.searchsorted(knots, time) - 1, 0, speeds.size - 1)
-    s = (time - knots[k]) / (knots[k + 1] - knots[k])
-    side = 1 - 2 * (k % 2)
-    effort = SLOW_TORQUE + DAMPING * np.clip(speeds[k] - KNEE, 0, None)
-    clean = sensors.recording(
-        "catch-up",
-        time,
-        handwheel_angle=side * amplitude * (2 * s - 1),
-        handwheel_torque=side * effort * np.tanh(np.minimum(s, 1 - s) / 0.03),
-    )
-    return clean, {
-        # between the sweeps at 300 and at 400 deg/s, both above the knee
-        "catch_up_rate": (KNEE + 2.5 / DAMPING) / DEGREE,
-        "torque_excess_at_500_deg_s": DAMPING * (500 * DEGREE - KNEE),
-        "quasi_static_torque": SLOW_TORQUE,
-    }
-
-
-def hold(rate):
-    """A torque held for six seconds after a pause, with a ripple of the torsion bar, and let go."""
-    time = (np.arange(round(10 * rate)) + 0.5) / rate
-    s = np.clip((time - 2.0) / 0.5, 0, 1)
-    torque = 2.0 * s * s * (3 - 2 * s) * (time < 8.5)
-    twist = torque + 0.15 * np.sin(2 * np.pi * 8.0 * time) * (time > 2.5)
-    clean = sensors.recording("hold", time, handwheel_torque=torque, torsion_bar_torque=twist)
-    return clean, {"torsion_bar_ripple": 0.3}
 
 
 @pytest.mark.parametrize("rate", [50.0, 200.0, 1000.0])
 def test_parking_in_closed_form(rate):
-    """Within 0.3 %; the ripple within 1 %, as digital filters differ from the closed form."""
-    sensors.check_clean(parking, rate, {"rest": 3e-3, "handwheel_torque_ripple": 1e-2})
+    """Within 0.03 %."""
+    check(*parking(rate), {"rest": 3e-4})
 
 
 @pytest.mark.parametrize("rate", [50.0, 200.0, 1000.0])
 def test_catch_up_in_closed_form(rate):
     """Within 1 %: sweeps at 100 deg/s take 5 s, at 700 deg/s the middle half is 19 samples at 50 Hz."""
-    sensors.check_clean(catch_up, rate, {"rest": 1e-2})
+    check(*catch_up(rate), {"rest": 1e-2})
 
 
 @pytest.mark.parametrize("rate", [200.0, 1000.0])
 def test_hold_in_closed_form(rate):
     """Within 1 %: the low-pass at 40 Hz takes 0.2 % at 8 Hz; at 50 Hz there is none."""
-    sensors.check_clean(hold, rate, {"rest": 1e-2})
-    assert "record at 160 Hz or faster" in sensors.reasons(hold(50.0)[0])["torsion_bar_ripple"]
-
-
-@pytest.mark.parametrize("rate", [50.0, 200.0])
-@pytest.mark.parametrize("synthetic", [parking, catch_up])
-def test_intervals_hold_the_truth(synthetic, rate):
-    sensors.check_coverage(synthetic, rate)
+    check(*hold(rate), {"rest": 1e-2})
+    assert "record at 160 Hz or faster" in refusals(hold(50.0)[0])["torsion_bar_ripple"]
 
 
 def test_a_ripple_stands_out_of_the_noise_or_is_refused():
     """At 1 kHz noise of 0.05 N m spans 0.09 N m in 40 Hz: a ripple of 0.3 is read, too high by a quarter at most."""
     clean = hold(1000.0)[0]
     for seed in range(10):
-        assert 0.3 < metrics.evaluate(sensors.noisy(clean, seed))["torsion_bar_ripple"].value < 0.38
-    small = sensors.changed(clean, torsion_bar_torque=0.5 * (clean["torsion_bar_torque"] + clean["handwheel_torque"]))
-    found = metrics.evaluate(sensors.noisy(small, 0))["torsion_bar_ripple"]
+        assert 0.3 < metrics.evaluate(noisy(clean, np.random.default_rng(seed)))["torsion_bar_ripple"].value < 0.38
+    small = changed(clean, torsion_bar_torque=0.5 * (clean["torsion_bar_torque"] + clean["handwheel_torque"]))
+    found = metrics.evaluate(noisy(small, np.random.default_rng(0)))["torsion_bar_ripple"]
     assert "of which noise alone would make 0.0" in found.reason
 
 
@@ -136,7 +53,7 @@ def test_noise_in_band_is_judged_from_above(rate):
     """White noise of 0.05 N m through a low-pass at 10 Hz, within 5 %; jumps do not count."""
     time = np.arange(round(200 * rate)) / rate
     white = 0.05 * np.random.default_rng(1).standard_normal(time.size) + np.where(time % 20 < 10, 0.0, 1.0)
-    reading = Reading(sensors.recording("hold", time, handwheel_torque=white), 10.0)
+    reading = Reading(recording("hold", time, handwheel_torque=white), 10.0)
     quiet = (time % 10 > 1) & (time % 10 < 9)
     truth = (reading["handwheel_torque"] - np.where(time % 20 < 10, 0.0, 1.0))[quiet].std()
     assert noise.in_band(reading, "handwheel_torque", 10.0) == pytest.approx(truth, rel=0.05)
@@ -145,7 +62,7 @@ def test_noise_in_band_is_judged_from_above(rate):
 def test_left_and_right_are_alike():
     for synthetic in (parking, catch_up, hold):
         clean = synthetic(200.0)[0]
-        plain, other = metrics.evaluate(clean), metrics.evaluate(sensors.mirrored(clean))
+        plain, other = metrics.evaluate(clean), metrics.evaluate(mirrored(clean))
         for name, value in plain.items():
             assert other[name].value == pytest.approx(value.value, rel=1e-9), name
 
@@ -154,20 +71,20 @@ def test_bad_parking_is_refused():
     clean = parking(100.0)[0]
     every = set(metrics.available("parking"))
     for reason, bad in {
-        "no channel 'handwheel_angle'": sensors.without(clean, "handwheel_angle"),
-        "samples that are not finite": sensors.burst(clean, "handwheel_angle"),
-        "vehicle_speed exceeds 0.3 m/s: let the car stand": sensors.changed(clean, vehicle_speed=1 + 0 * clean.time),
-        "0 half sweeps from lock to lock": sensors.changed(clean, handwheel_angle=0 * clean.time),
+        "no channel 'handwheel_angle'": clean.without("handwheel_angle"),
+        "samples that are not finite": burst(clean, "handwheel_angle"),
+        "vehicle_speed exceeds 0.3 m/s: let the car stand": changed(clean, vehicle_speed=1 + 0 * clean.time),
+        "0 half sweeps from lock to lock": changed(clean, handwheel_angle=0 * clean.time),
         "1 half sweeps from lock to lock: steer 2 or more": clean.between(0.0, 26.0),
         "record at 40 Hz or faster": parking(30.0)[0],
     }.items():
-        found = sensors.reasons(bad)
+        found = refusals(bad)
         assert found.keys() == every
         assert all(reason in text for text in found.values()), (reason, found)
     for channel, count in (("handwheel_torque", 4), ("rack_force", 3), ("motor_torque", 3), ("column_speed", 1)):
-        for bad in (sensors.without(clean, channel), sensors.burst(clean, channel)):
-            assert len(sensors.reasons(bad)) == count, channel
-    swapped = sensors.reasons(sensors.changed(clean, handwheel_torque=-clean["handwheel_torque"]))
+        for bad in (clean.without(channel), burst(clean, channel)):
+            assert len(refusals(bad)) == count, channel
+    swapped = refusals(changed(clean, handwheel_torque=-clean["handwheel_torque"]))
     assert len(swapped) == 4
     assert all("check the signs" in text for text in swapped.values())
 
@@ -180,11 +97,11 @@ def test_catch_up_that_is_not_reached_or_cannot_be_read():
     clean = catch_up(200.0)[0]
     for reason, bad in {
         "no sweep at 60 deg/s or slower to compare with": clean.between(55.0, clean.time[-1]),
-        "check the signs": sensors.changed(clean, handwheel_torque=-clean["handwheel_torque"]),
-        "samples that are not finite": sensors.burst(clean, "handwheel_torque"),
-        "no channel 'handwheel_torque'": sensors.without(clean, "handwheel_torque"),
+        "check the signs": changed(clean, handwheel_torque=-clean["handwheel_torque"]),
+        "samples that are not finite": burst(clean, "handwheel_torque"),
+        "no channel 'handwheel_torque'": clean.without("handwheel_torque"),
     }.items():
-        found = sensors.reasons(bad)
+        found = refusals(bad)
         assert found.keys() == set(metrics.available("catch-up"))
         assert all(reason in text for text in found.values()), (reason, found)
 
@@ -193,12 +110,12 @@ def test_bad_holds_are_refused():
     clean = hold(200.0)[0]
     for reason, bad in {
         "is held within 5% for 2.": clean.between(0.0, 5.0),
-        "no channel 'torsion_bar_torque'": sensors.without(clean, "torsion_bar_torque"),
-        "no channel 'handwheel_torque'": sensors.without(clean, "handwheel_torque"),
-        "samples that are not finite": sensors.burst(clean, "torsion_bar_torque"),
-        "is held within 5% for 0 s": sensors.changed(clean, handwheel_torque=0 * clean.time),
+        "no channel 'torsion_bar_torque'": clean.without("torsion_bar_torque"),
+        "no channel 'handwheel_torque'": clean.without("handwheel_torque"),
+        "samples that are not finite": burst(clean, "torsion_bar_torque"),
+        "is held within 5% for 0 s": changed(clean, handwheel_torque=0 * clean.time),
     }.items():
-        assert reason in sensors.reasons(bad)["torsion_bar_ripple"], reason
+        assert reason in refusals(bad)["torsion_bar_ripple"], reason
 
 
 def test_runs():

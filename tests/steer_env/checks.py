@@ -1,0 +1,37 @@
+"""What the exact checks of metrics share: whether every answer is found, what is refused, and a gap in a channel."""
+
+import numpy as np
+import pytest
+
+from experiments.synthetic.recordings import changed
+from steer_env import metrics
+
+
+def check(clean, answers, tolerance, without=()):
+    """Every metric of the test is answered within a relative tolerance (one a name, or "rest"), but those ``without``.
+
+    An answer that is text is part of the reason for which the metric is refused.
+    """
+    found = metrics.evaluate(clean)
+    assert found.keys() - set(without) == answers.keys()
+    for name, answer in answers.items():
+        value = found[name]
+        if isinstance(answer, str):
+            assert answer in value.reason, name
+            continue
+        assert (value.reason, value.unit) == ("", metrics.definition(name).unit), name
+        allowed = tolerance.get(name, tolerance["rest"])
+        assert value.value == pytest.approx(answer, rel=allowed, abs=allowed * 1e-2), name
+    return found
+
+
+def refusals(clean, test=None, **given):
+    """Reasons by name."""
+    return {name: value.reason for name, value in metrics.evaluate(clean, test, **given).items() if value.reason}
+
+
+def burst(clean, name):
+    """The recording with a gap in one channel."""
+    values = clean[name].copy()
+    values[values.size // 2 : values.size // 2 + 5] = np.nan
+    return changed(clean, **{name: values})
