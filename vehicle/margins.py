@@ -34,12 +34,57 @@ def boost_gain(a: Assist, torque: float, speed: float) -> float:
 
 @lru_cache
 def _discrete(c: Column, bandwidth: float, time: float) -> control.StateSpace:
-    """Column and motor under a command that is constant for a time [s]; many assists share them."""
-    K, C = c.K_tb, c.C2 + c.C_tb
-    A = [[0.0, 1.0, 0.0], [-K / c.I2, -C / c.I2, 1.0 / c.I2], [0.0, 0.0, -bandwidth]]
-    # outputs: column angle times torsion-bar stiffness (minus the sensor's torque), column speed
-    plant = control.ss(A, [[0.0], [0.0], [bandwidth]], [[K, 0.0, 0.0], [0.0, 1.0, 0.0]], 0.0)
-    return control.c2d(plant, time, "zoh") if time > 0.0 else control.ss(np.eye(3), np.zeros((3, 1)), plant.C, 0.0)
+    """Column and motor, hands fixed, under inputs that are constant for a time [s]; many assists share them."""
+    A = [[0.0, -1.0, 0.0], [c.K_tb / c.I2, -(c.C2 + c.C_tb) / c.I2, 1.0 / c.I2], [0.0, 0.0, -bandwidth]]
+    B = [[0.0, 1.0, 0.0], [0.0, c.C_tb / c.I2, 1.0 / c.I2], [bandwidth, 0.0, 0.0]]
+    C = np.array([[c.K_tb, 0.0, 0.0], [0.0, 1.0, 0.0]])
+    if time == 0.0:
+        return control.ss(np.eye(3), np.zeros((3, 3)), C, 0.0)
+    return control.c2d(control.ss(A, B, C, 0.0), time, "zoh")
+
+
+def hands_fixed_plant(c: Column, a: Assist, speed: float) -> control.StateSpace:
+    """From the assist request to the sensor, under a prescribed handwheel motion: motor damping closed, boost open.
+
+    Parameters
+    ----------
+    c, a : parameters of column and assist
+    speed : float
+        Vehicle speed, for the motor damping [m/s].
+
+    Returns
+    -------
+    control.StateSpace
+        Discrete at 1 ms. Inputs, held over a sample: request [N m], handwheel speed [rad/s], torque on the column from
+        rack and friction [N m]. Outputs: torsion-bar torque [N m], column speed [rad/s]. States: twist of the torsion
+        bar [rad], column speed, motor torque, then the commands of the last delay + 1 samples, the newest first.
+    """
+    damping = boost_curve(a, 0.0, speed)[1]
+    # The command changes within the sample: the old one acts for the offset, the new one for the rest.
+    rest, first = _discrete(c, a.bandwidth, SAMPLE_TIME - a.offset), _discrete(c, a.bandwidth, a.offset)
+    n = a.delay + 1
+    phi, gamma = np.zeros((3 + n, 3 + n)), np.zeros((3 + n, 3))
+    phi[:3, :3] = rest.A @ first.A
+    phi[:3, 2 + n] = rest.A @ first.B[:, 0]
+    phi[4:, 3:-1] = np.eye(n - 1)
+    gamma[:3, 1:] = rest.A @ first.B[:, 1:] + rest.B[:, 1:]
+    gamma[3, 0] = 1.0
+    if a.delay:
+        phi[:3, 1 + n] += rest.B[:, 0]
+    else:
+        gamma[:3, 0] = rest.B[:, 0]
+    phi[:, 1] -= damping * gamma[:, 0]
+    return control.ss(phi, gamma, np.hstack([rest.C, np.zeros((2, n))]), 0.0, SAMPLE_TIME)
+
+
+def assisted_plant(c: Column, a: Assist, gain: float, speed: float) -> control.StateSpace:
+    """:func:`hands_fixed_plant` with the boost closed through its lead, at a local gain of the curve [1]."""
+    plant = hands_fixed_plant(c, a, speed)
+    T, request = plant.C[:1], plant.B[:, :1]
+    feed = gain * (a.lead_b1 - a.lead_a1 * a.lead_b0)
+    phi = np.block([[plant.A + gain * a.lead_b0 * request @ T, request], [feed * T, np.array([[-a.lead_a1]])]])
+    gamma = np.vstack([plant.B, np.zeros((1, 3))])
+    return control.ss(phi, gamma, np.hstack([plant.C, np.zeros((2, 1))]), 0.0, SAMPLE_TIME)
 
 
 def hands_fixed_loop(c: Column, a: Assist, gain: float, speed: float) -> control.StateSpace:
@@ -58,26 +103,8 @@ def hands_fixed_loop(c: Column, a: Assist, gain: float, speed: float) -> control
     control.StateSpace
         Discrete at 1 ms; negative feedback around it is the assist loop.
     """
-    damping = boost_curve(a, 0.0, speed)[1]
-    # The command changes within the sample: the old one acts for the offset, the new one for the rest.
-    rest, old = _discrete(c, a.bandwidth, SAMPLE_TIME - a.offset), _discrete(c, a.bandwidth, a.offset)
-    # states: plant, then the commands of the last delay + 1 samples, the newest first
-    n = a.delay + 1
-    phi = np.zeros((3 + n, 3 + n))
-    phi[:3, :3] = rest.A @ old.A
-    phi[:3, [2 + n]] = rest.A @ old.B
-    phi[4:, 3:-1] = np.eye(n - 1)
-    gamma = np.zeros((3 + n, 1))
-    gamma[3] = 1.0
-    if a.delay:
-        phi[:3, [1 + n]] += rest.B
-    else:
-        gamma[:3] = rest.B
-    delayed = control.ss(phi, gamma, np.hstack([rest.C, np.zeros((2, n))]), 0.0, SAMPLE_TIME)
-    selection = control.ss([], [], [], [[0.0, damping]], SAMPLE_TIME)
-    damped = control.feedback(delayed, selection)
     lead = control.ss(-a.lead_a1, a.lead_b1 - a.lead_a1 * a.lead_b0, 1.0, a.lead_b0, SAMPLE_TIME)
-    return gain * lead * damped[0, 0]
+    return -gain * lead * hands_fixed_plant(c, a, speed)[0, 0]
 
 
 def margins(c: Column, a: Assist, gain: float, speed: float) -> Margins:

@@ -102,9 +102,15 @@ def _look(rules, row, path, values, now, memory, situation):
 
 
 @kernel
+def wanted_torque(torque, handwheel_speed):
+    """Hand torque [N m] that parking should take, one way or the other as the handwheel turns [rad/s]."""
+    return torque * math.tanh(handwheel_speed / TURNING)
+
+
+@kernel
 def _judge(rules, row, situation, values, now, memory, rewards, costs, figures):
     judge_common(row, now, memory, costs, figures)
-    error = row[_TORQUE] - rules.torque * math.tanh(row[_SPEED] / TURNING)
+    error = row[_TORQUE] - wanted_torque(rules.torque, row[_SPEED])
     figures[figures.size - 1] = error
     rewards[0] += now.dt * error * error
     rewards[1] += now.dt * now.action * now.action

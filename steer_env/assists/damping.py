@@ -1,0 +1,34 @@
+"""Motor damping on top of the table's own: T = -gain w, w the column speed.
+
+The gain is a compromise: a handwheel let go comes to the middle the better the larger it is, and what is felt of a
+weave and a lane change gets the worse.
+"""
+
+from typing import Any
+
+from friction.check import not_negative
+from steer_env.assists.definition import Array, Baseline, register
+
+
+class Damping(Baseline):
+    """Damping of the column.
+
+    Parameters
+    ----------
+    env : assist environment
+    gain : float
+        [N m s/rad]
+    """
+
+    needs = ("column_speed",)
+
+    def __init__(self, env: Any, *, gain: float = 0.5) -> None:
+        super().__init__(env)
+        self.gain = not_negative("gain [N m s/rad]", gain)
+
+    def torque(self, seen: Array) -> Array:
+        """Against the column speed [N m]."""
+        return -self.gain * seen[:, 0]
+
+
+register("damping", Damping)

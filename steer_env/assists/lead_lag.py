@@ -1,0 +1,141 @@
+"""Lead-lag feedback of the torsion-bar torque, on top of the boost curve and its own lead.
+
+    H(s) = gain (1 + s/lag_zero)/(1 + s/lag_pole) (1 + s/lead_zero)/(1 + s/lead_pole),    request = H T_tb
+
+by Tustin's rule at the control step. ``gain`` is lowered until the margins hold at every slope of the boost curve at
+the speed, in both loops that the feedback is part of: the one opened at the torsion bar's torque, boost and feedback
+together, as :func:`vehicle.margins.margins` has it for the boost alone; and the one opened at the request, boost
+closed. The first is read off its frequency response, the hold over a control step taken as the mean over its samples,
+the copies of the signal above half the control rate left out; the second is exact. The corners are chosen for
+AssistLaneChange and AssistLaneKeeping: from 1 Hz up the feedback takes what the road and friction put on the torsion
+bar, below it leaves the weight of the steering. Without a lag (equal corners) by default: one that raises low
+frequencies makes steering lighter than the reference feel.
+"""
+
+import itertools
+import math
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from friction.check import number, positive
+from steer_env.assists.definition import register
+from steer_env.assists.linear import Linear, LinearBaseline, Response, response, sampled, slopes
+from vehicle.assist import SAMPLE_TIME
+from vehicle.cars import Car
+
+if TYPE_CHECKING:
+    import control
+
+STEPS = 50  # in which the gain grows to what was asked for
+POINTS = 2000  # of the frequency responses
+
+
+def compensator(gain: float, lag: tuple[float, float], lead: tuple[float, float], dt: float) -> "control.StateSpace":
+    """H at a control step [s], from corners (zero, pole) of lag and lead [Hz]."""
+    import control
+
+    s = control.tf("s")
+    H = 1.0
+    for zero, pole in (lag, lead):
+        H = H * (1.0 + s / (2.0 * math.pi * zero)) / (1.0 + s / (2.0 * math.pi * pole))
+    return gain * control.ss(control.c2d(H, dt, "tustin"))
+
+
+class Loops(NamedTuple):
+    """Frequency responses (P,) at one slope of the boost curve; open loops, for negative feedback."""
+
+    boost: Response  # at the torsion bar's torque, of the boost alone
+    added: Response  # at the torsion bar's torque, what H adds
+    request: Response  # at the request, boost closed
+
+
+def loops(car: Car, H: "control.StateSpace", slope: float, speed: float) -> Loops:
+    """The loops that a compensator is part of, at a slope of the boost curve [1] and a speed [m/s]."""
+    from vehicle.margins import hands_fixed_loop, hands_fixed_plant
+
+    dt = float(H.dt)
+    n = round(dt / SAMPLE_TIME)
+    fast, slow = (np.exp(1j * np.geomspace(1.0, 0.999 * math.pi / step, POINTS) * step) for step in (SAMPLE_TIME, dt))
+    hold = np.mean([fast**-k for k in range(n)], axis=0)
+    plant = response(hands_fixed_plant(car.column, car.assist, speed)[0, 0], fast)
+    return Loops(
+        response(hands_fixed_loop(car.column, car.assist, slope, speed), fast),
+        -response(H, fast**n) * hold * plant,
+        -response(H, slow) * response(sampled(car, slope, speed, dt)[0, 0], slow),
+    )
+
+
+def margins(loop: Response) -> tuple[float, float]:
+    """Phase margin [rad] and gain margin, up or down [1], of an open loop's frequency response.
+
+    The smallest of all crossings, straight lines between the points; infinite without any.
+    """
+    size, phase = np.abs(loop), np.unwrap(np.angle(loop))
+    at = np.flatnonzero(np.diff(size > 1.0))
+    turned = phase[at] + (phase[at + 1] - phase[at]) * (1.0 - size[at]) / (size[at + 1] - size[at])
+    up = np.flatnonzero(np.diff(loop.imag > 0.0))
+    share = loop.imag[up] / (loop.imag[up] - loop.imag[up + 1])
+    real = loop.real[up] + share * (loop.real[up + 1] - loop.real[up])
+    factors = np.maximum(-real[real < 0.0], -1.0 / real[real < 0.0])
+    phases = np.abs((turned % (2.0 * math.pi)) - math.pi)
+    return min(phases.tolist(), default=math.inf), min(factors.tolist(), default=math.inf)
+
+
+class LeadLag(LinearBaseline):
+    """Lead-lag feedback of the torsion-bar torque.
+
+    Parameters
+    ----------
+    env : assist environment
+    gain : float
+        At low frequencies, as far as the margins allow; negative for heavier steering [1].
+    lag, lead : (float, float)
+        Zero and pole, below half the control rate [Hz].
+    phase_margin : float
+        At least [rad].
+    gain_margin : float
+        At least, a factor [1].
+    """
+
+    needs = ("speed", "torsion_bar_torque")
+
+    def __init__(
+        self,
+        env: Any,
+        *,
+        gain: float = 0.2,
+        lag: tuple[float, float] = (20.0, 20.0),
+        lead: tuple[float, float] = (1.0, 30.0),
+        phase_margin: float = math.radians(30.0),
+        gain_margin: float = 2.0,
+    ) -> None:
+        super().__init__(env)
+        self.gain = number("gain", gain)
+        self.lag, self.lead = self._corners("lag", lag), self._corners("lead", lead)
+        self.phase_margin = positive("phase_margin [rad]", phase_margin)
+        self.gain_margin = number("gain_margin", gain_margin, minimum=1.0)
+
+    def _corners(self, name: str, pair: Any) -> tuple[float, float]:
+        if np.shape(pair) != (2,):
+            raise ValueError(f"{name} [Hz] must be a pair, zero and pole, got {pair!r}")
+        zero, pole = (number(f"{name} [Hz]", f, minimum=0.0, maximum=0.49 / self.control_dt, above=True) for f in pair)
+        return zero, pole
+
+    def design(self, speed: float) -> Linear:
+        """The lead-lag for a speed [m/s], its gain as large as the margins allow."""
+        H = compensator(self.gain, self.lag, self.lead, self.control_dt)
+        found = [loops(self.lanes.car, H, slope, speed) for slope in slopes(self.lanes.car, speed)]
+
+        def allowed(share: float) -> bool:
+            opened = [loop for one in found for loop in (one.boost + share * one.added, share * one.request)]
+            pairs = map(margins, opened)
+            return all(phase >= self.phase_margin and factor >= self.gain_margin for phase, factor in pairs)
+
+        # From no feedback up: the loop that grows from a stable one with room to -1 all the way stays stable.
+        shares = np.linspace(0.0, 1.0, STEPS + 1)
+        share = max(itertools.takewhile(allowed, shares), default=0.0)
+        return Linear(H.A, H.B, np.zeros(len(H.A)), share * H.C[0], share * H.D[0])
+
+
+register("lead_lag", LeadLag)

@@ -1,0 +1,261 @@
+"""Baseline assists: contracts that all of them keep, the friction observer, and the margins of the designed loops."""
+
+import itertools
+import math
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+import friction
+from steer_env import assists
+from steer_env.assists import lead_lag
+from steer_env.assists.linear import response, sampled, slopes
+from steer_env.tasks.release import RELEASED
+
+NAMES = assists.available()
+SCENARIOS = ("Weave", "Release", "LaneChange", "LaneKeeping", "Parking")
+LAWS = friction.available()
+_made: dict = {}
+
+
+def environment(scenario, law="lugre", lanes=None):
+    """An assist environment, made once; every test resets it."""
+    key = scenario, law, lanes
+    if key not in _made:
+        name = f"steer_env/Assist{scenario}-v0"
+        _made[key] = (
+            gym.make(name, friction=law).unwrapped
+            if lanes is None
+            else gym.make_vec(name, num_envs=lanes, friction=law)
+        )
+    return _made[key]
+
+
+def watched(scenario, steps, seed=5):
+    """Observations (steps, O) of an episode's beginning under the table alone."""
+    env = environment(scenario)
+    seen = [env.reset(seed=seed)[0]]
+    for _ in range(steps - 1):
+        seen.append(env.step(np.zeros(1, np.float32))[0])
+    return np.array(seen)
+
+
+def acted(baseline, seen):
+    baseline.reset()
+    return np.array([baseline.act(one) for one in seen])
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_lanes_act_as_one_alone(name):
+    seen = [watched("Weave", 300, seed) for seed in (1, 2, 3)]
+    together = acted(assists.make(name, environment("Weave", lanes=3)), np.stack(seen, axis=1))
+    assert together.shape == (300, 3, 1)
+    assert together.dtype == np.float32
+    for i, alone in enumerate(seen):
+        assert np.array_equal(acted(assists.make(name, environment("Weave")), alone), together[:, i])
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_lane_starts_afresh_by_itself(name):
+    seen = np.stack([watched("Weave", 200, seed) for seed in (1, 2)], axis=1)
+    baseline = assists.make(name, environment("Weave", lanes=2))
+    before = acted(baseline, seen)
+    baseline.reset(np.array([False, True]))
+    after = np.array([baseline.act(np.stack([seen[-1, 0], one])) for one in seen[:, 1]])
+    assert np.array_equal(after[:, 1], before[:, 1])
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("scenario", SCENARIOS)
+def test_mirrored_observations_mirror_the_action(name, scenario):
+    env = environment(scenario)
+    seen = watched(scenario, 200)
+    even = [quantity.name in ("speed", "released") for quantity in env.lanes.observed]
+    actions = acted(assists.make(name, env), seen)
+    assert np.array_equal(acted(assists.make(name, env), np.where(even, seen, -seen)), -actions)
+    assert name == "boost" or scenario != "Weave" or np.abs(actions).max() > 0.0
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_actions_stay_within_their_span(name):
+    env = environment("Release")
+    baseline = assists.make(name, env)
+    rng = np.random.default_rng(0)
+    for bound in (env.observation_space.high, -env.observation_space.high):
+        for one in [bound] * 5 + [(bound * rng.uniform(-1.0, 1.0, bound.shape)).astype(np.float32) for _ in range(200)]:
+            action = baseline.act(one)
+            assert action.shape == (1,)
+            assert abs(action[0]) <= 1.0
+
+
+@pytest.mark.parametrize("law", ["lugre", "masing"])
+@pytest.mark.parametrize("scenario", SCENARIOS)
+@pytest.mark.parametrize("name", NAMES)
+def test_every_baseline_drives_every_task(name, scenario, law):
+    env = environment(scenario, law)
+    baseline = assists.make(name, env)
+    observation, _ = env.reset(seed=2)
+    over = False
+    while not over:
+        observation, reward, terminated, over, info = env.step(baseline.act(observation))
+        assert math.isfinite(reward)
+        assert "non_finite_state" not in info
+        if terminated:
+            assert scenario == "LaneChange"  # at the end of its course
+            break
+    assert info.get("rolled_over") is None
+    if scenario == "LaneChange":
+        assert info["metrics"]["peak_lateral_offset"] < 2.0
+    assert info["metrics"]["rms_handwheel_speed"] < 2.0
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_the_observer_is_the_laws_response(law):
+    env = environment("Weave")
+    seen = watched("Weave", 400)
+    speeds = seen[:, [quantity.name for quantity in env.lanes.observed].index("column_speed")].astype(float)
+    baseline = assists.make("friction_compensation", env, law=law)
+    observed = []
+    for one in seen:
+        baseline.act(one)
+        observed.append(baseline.observed[0])
+    x = np.concatenate([[0.0], np.cumsum(speeds * env.control_dt)])
+    # The displacement is summed here and differenced there, which leaves rounding.
+    np.testing.assert_allclose(observed, friction.response(law, x, env.control_dt)[1:], rtol=0.0, atol=1e-9)
+
+
+def let_go(plant, name, **options):
+    """Column speed (T,) of a release from 0.3 rad under a baseline."""
+    env = environment("Release", plant)
+    baseline = assists.make(name, env, **options)
+    observation, _ = env.reset(seed=0, options={"amplitude": 0.3})
+    speed, over = [], False
+    while not over:
+        observation, _, _, over, info = env.step(baseline.act(observation))
+        speed.append(info["column_speed"])
+    return np.array(speed)
+
+
+@pytest.mark.parametrize("share", [0.4, 0.7])
+@pytest.mark.parametrize(("plant", "observer"), list(itertools.product(LAWS, LAWS)))
+def test_friction_compensation_comes_to_rest(plant, observer, share):
+    """No limit cycle, held or let go, whatever friction the car has and the observer believes in."""
+    speed = let_go(plant, "friction_compensation", law=observer, share=share)
+    held = speed[round(RELEASED / 0.01) - 80 : round(RELEASED / 0.01) - 5]
+    assert np.ptp(held) < 1e-3
+    # The slowest swing of a car without dry friction has decayed to a hundredth of the 0.6 rad/s it starts with.
+    assert np.ptp(speed[-100:]) < 6e-3
+
+
+def test_compensation_and_lqg_bring_the_feel_nearer_to_the_reference():
+    env = environment("Weave", lanes=8)
+
+    def error(name):
+        baseline = assists.make(name, env)
+        observation, _ = env.reset(seed=0)
+        over = np.zeros(8, bool)
+        while not over.any():
+            observation, _, _, over, info = env.step(baseline.act(observation))
+        return info["metrics"]["rms_feel_error"].mean()
+
+    plain = error("boost")
+    assert plain == pytest.approx(0.30, abs=0.02)
+    assert error("friction_compensation") < 0.97 * plain
+    assert error("lead_lag") < 0.97 * plain
+    assert error("lqg") < 0.6 * plain
+
+
+@pytest.mark.parametrize("control_dt", [0.001, 0.01])
+@pytest.mark.parametrize("speed", [0.0, 22.0, 28.0])
+def test_margins_of_the_lead_lag(speed, control_dt):
+    import control
+
+    env = gym.make("steer_env/AssistWeave-v0", control_dt=control_dt).unwrapped
+    baseline = assists.make("lead_lag", env, gain=1.0)
+    design, car = baseline.design(speed), env.lanes.car
+    H = control.ss(design.A, design.B, design.C[None], design.D[None], control_dt)
+    smallest_phase, smallest_gain = math.inf, math.inf
+    for slope in slopes(car, speed):
+        loops = lead_lag.loops(car, H, slope, speed)
+        for loop in (loops.boost + loops.added, loops.request):
+            phase, gain = lead_lag.margins(loop)
+            smallest_phase, smallest_gain = min(smallest_phase, phase), min(smallest_gain, gain)
+        closed = control.feedback(-H * sampled(car, slope, speed, control_dt)[0, 0], 1)
+        assert np.abs(closed.poles()).max() < 1.0
+    assert smallest_phase >= math.radians(30.0)
+    assert smallest_gain >= 2.0
+    # The gain is as large as it may be: one of both is used up, to the step of the search.
+    assert smallest_phase < math.radians(31.5) or smallest_gain < 2.1
+
+
+def test_margins_as_the_library_has_them():
+    import control
+
+    from vehicle.margins import hands_fixed_loop
+
+    env = environment("Weave")
+    loop = hands_fixed_loop(env.lanes.car.column, env.lanes.car.assist, 2.8, 28.0)
+    omega = np.geomspace(1.0, 3100.0, 4000)
+    z = np.exp(1j * omega * 1e-3)
+    np.testing.assert_allclose(response(loop, z[::500]), loop(z[::500]), rtol=1e-8)
+    gain, phase, *_ = control.stability_margins(control.frequency_response(loop, omega))
+    found = lead_lag.margins(response(loop, z))
+    assert math.degrees(found[0]) == pytest.approx(phase, abs=0.1)
+    assert found[1] == pytest.approx(gain, rel=1e-3)
+
+
+@pytest.mark.parametrize("speed", [0.0, 22.0, 28.0])
+def test_margins_of_the_lqg(speed):
+    """At the request, at every slope of the boost curve, as long as its authority is not used up."""
+    env = environment("Weave")
+    car, d = env.lanes.car, assists.make("lqg", env).design(speed)
+    A, B = d.A + np.outer(d.E, d.C), d.B[:, :2] + np.outer(d.E, d.D[:2])
+    z = np.exp(1j * np.geomspace(1.0, 0.999 * math.pi / 0.01, 2000) * 0.01)
+    for slope in slopes(car, speed):
+        plant = sampled(car, slope, speed, 0.01)
+        feedback = d.C @ np.linalg.inv(z[:, None, None] * np.eye(len(A)) - A) @ B + d.D[:2]
+        through = plant.C @ np.linalg.inv(z[:, None, None] * np.eye(len(plant.A)) - plant.A) @ plant.B[:, :1]
+        phase, gain = lead_lag.margins(-(feedback[:, None] @ through)[:, 0, 0])
+        assert phase >= math.radians(30.0)
+        assert gain >= 2.0
+        request = plant.B[:, :1]
+        whole = np.block([[plant.A + request @ d.D[None, :2] @ plant.C, request @ d.C[None]], [B @ plant.C, A]])
+        assert np.abs(np.linalg.eigvals(whole)).max() < 1.0
+
+
+def test_bad_input():
+    env = environment("Weave")
+    with pytest.raises(ValueError, match=r"unknown baseline assist 'pid'; available: boost"):
+        assists.make("pid", env)
+    with pytest.raises(ValueError, match=r"has no option 'gian'; it takes: gain"):
+        assists.make("damping", env, gian=1.0)
+    with pytest.raises(ValueError, match=r"has no option 'gain'; it takes: none"):
+        assists.make("boost", env, gain=1.0)
+    for share in (-0.1, 1.1, math.nan):
+        with pytest.raises(ValueError, match=r"share must be finite and at least 0 and at most 1"):
+            assists.make("friction_compensation", env, share=share)
+    with pytest.raises(ValueError, match=r"unknown friction law 'coulombe'"):
+        assists.make("friction_compensation", env, law="coulombe")
+    with pytest.raises(ValueError, match=r"gain .* at least 0"):
+        assists.make("damping", env, gain=-1.0)
+    with pytest.raises(ValueError, match=r"lead \[Hz\] must be a pair"):
+        assists.make("lead_lag", env, lead=3.0)
+    with pytest.raises(ValueError, match=r"\(11,\)|\(8,\)"):
+        assists.make("boost", env).act(np.zeros(3, np.float32))
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_another_environment_is_refused(name):
+    for other in ("steer_env/DriverLaneKeeping-v0", "CartPole-v1"):
+        env = gym.make(other)
+        with pytest.raises(ValueError, match=r"whose action is an assist torque, got"):
+            assists.make(name, env)
+
+
+def test_a_missing_observation_is_named(monkeypatch):
+    env = environment("Weave")
+    kept = tuple(quantity for quantity in env.lanes.observed if quantity.name != "column_speed")
+    monkeypatch.setattr(env.lanes, "observed", kept)
+    with pytest.raises(ValueError, match=r"AssistWeave does not observe column_speed; it has: handwheel_angle"):
+        assists.make("damping", env)
