@@ -65,6 +65,10 @@ class SteerEnv(gym.Env):
         self._names = tuple(name for name, _ in self.lanes.channels)
         self._reward_names = tuple(term.name for term in self.task.rewards)
         self._cost_names = tuple(term.name for term in self.task.costs)
+        # Views of the one lane.
+        self._row, self._terms, self._observation = (
+            array[0] for array in (self.lanes.row, self.lanes.weighted, self.lanes.observation)
+        )
         self._renderer: Any = None
         if render_mode is not None:
             from steer_env.render import Renderer  # here, for what draws is slow to import
@@ -102,7 +106,7 @@ class SteerEnv(gym.Env):
         book: Any = lanes.book.item()
         *_, reward, cost, terminated, truncated, _ = book
         info = self._channels()
-        terms = lanes.weighted[0].tolist()
+        terms = self._terms.tolist()
         info["reward_terms"] = dict(zip(self._reward_names, terms))
         info["cost"] = cost
         info["cost_terms"] = dict(zip(self._cost_names, terms[len(self._reward_names) :]))
@@ -112,10 +116,10 @@ class SteerEnv(gym.Env):
             info |= lanes.failure(0)
         if self._renderer is not None:
             self._renderer.add()
-        return lanes.observation[0].copy(), reward, terminated, truncated, info
+        return self._observation.copy(), reward, terminated, truncated, info
 
     def _channels(self) -> dict[str, Any]:
-        return dict(zip(self._names, self.lanes.row[0].tolist()))
+        return dict(zip(self._names, self._row.tolist()))
 
     def render(self) -> NDArray[np.uint8] | None:
         """A frame (H, W, 3) of the episode so far if ``render_mode`` is "rgb_array"; "human" shows it in a window."""

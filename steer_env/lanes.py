@@ -66,14 +66,25 @@ _BOOK = np.dtype(
 
 
 @kernel
-def _script(book, nodes, columns, action_input, scale, rows, robot, inputs, low, high):
-    """Inputs of the coming samples: the case's, straight lines between the nodes, and the action.
+def _script(
+    book, actions, dt, begins, state, past, terms, nodes, columns, action_input, scale, rows, robot, inputs, low, high
+):
+    """Begin a step of ``dt`` [s], if it ``begins``, and give the inputs of the coming samples.
 
-    A handwheel angle comes with its speed and is a cubic that meets both. Once released, nobody holds the handwheel:
-    ``robot`` is the place of that parameter among the plant's numbers.
+    They are the case's, straight lines between the nodes, and the action. A handwheel angle comes with its speed and is
+    a cubic that meets both. Once released, nobody holds the handwheel: ``robot`` is the place of that parameter among
+    the plant's numbers.
     """
     for i in range(low, high):
         lane = book[i]
+        if begins:
+            lane.rate = (actions[i] - lane.action) / dt
+            lane.action = actions[i]
+            lane.ended = False
+            for k in range(state.shape[1]):
+                past[i, k] = state[i, k]
+            for k in range(terms.shape[1]):
+                terms[i, k] = 0.0
         free = lane.released >= 0 and lane.clock >= lane.released
         if free:
             rows[i, robot] = 0.0
@@ -95,20 +106,6 @@ def _script(book, nodes, columns, action_input, scale, rows, robot, inputs, low,
                 u[HAND] = 0.0
                 u[HAND_SPEED] = 0.0
             u[action_input] += scale * lane.action
-
-
-@kernel
-def _act(book, actions, dt, state, before, terms, low, high):
-    """Begin a step of ``dt`` [s] with clipped actions (L,)."""
-    for i in range(low, high):
-        lane = book[i]
-        lane.rate = (actions[i] - lane.action) / dt
-        lane.action = actions[i]
-        lane.ended = False
-        for k in range(state.shape[1]):
-            before[i, k] = state[i, k]
-        for k in range(terms.shape[1]):
-            terms[i, k] = 0.0
 
 
 @kernel
@@ -205,7 +202,8 @@ class _Pool:
     def run(self, work: Callable[[int, int], None]) -> None:
         """``work(low, high)`` for every slice; the first one in this thread."""
         if len(self._slices) == 1:
-            return work(*self._slices[0])
+            work(*self._slices[0])
+            return
         if self._process != os.getpid():  # threads do not survive a fork
             self._executor, self._process = ThreadPoolExecutor(len(self._slices) - 1), os.getpid()
         assert self._executor is not None
@@ -264,6 +262,7 @@ class Lanes:
         if not math.isclose(samples * SAMPLE_TIME, dt) or (PER_NODE % samples and samples % PER_NODE):
             raise ValueError(f"control_dt must be 1, 2 or 5 ms or a multiple of 10 ms, got {control_dt!r} s")
         self._round = min(samples, PER_NODE)
+        self._rounds = samples // self._round
         limits = cars.SPEEDS[chassis]
         given = task.speed if speed is None else speed
         self.speed = number("speed [m/s]", given, minimum=limits[0], maximum=limits[1])
@@ -293,6 +292,7 @@ class Lanes:
 
         o, terms = len(self.observed), (*task.rewards, *task.costs)
         self.book = np.zeros(n, _BOOK)
+        self._records = self.book.view(np.recarray)  # whose fields plain Python, too, finds as kernels do
         self.bound = np.array([quantity.bound for quantity in self.observed], np.float32)
         self._bound = self.bound.astype(float)
         self._observed = np.array([plant.CHANNEL[name] for name in task.channels])
@@ -320,33 +320,29 @@ class Lanes:
         self.over = np.ones(n, bool)
         self.conditions: list[Conditions] = [usual] * n
         self._persons = drivers.Crew(self._driver, self.car, n, self.steering_stiffness) if self._driver else None
-        self._act = bind(_act, *self._acted(), 0, n)
-        self._script = bind(_script, *self._scripted(), 0, n)
-        self._judge = bind(_judge, *self._judged(), 0, 0, n)
-        self._conclude = bind(_conclude, *self._concluded(), 0, n)
+        self._arrange()
+        self._script = bind(_script, *self._begin_with, *self._scripted, 0, n)
+        self._judge = bind(_judge, *self._judged, 0, 0, n)
+        self._conclude = bind(_conclude, *self._concluded, 0, n)
         self._pool = _Pool(n, threads)
 
-    # Arguments of the kernels; the arrays of the cases grow, so they are looked up at each call.
-
-    def _acted(self) -> tuple[Any, ...]:
-        return self.book, self._actions, self.control_dt, self.state, self._before, self._terms
-
-    def _scripted(self) -> tuple[Any, ...]:
+    def _arrange(self) -> None:
+        """Arguments of the kernels; anew where an array of the cases has grown."""
         action = self.task.action
-        return (
-            self.book, self._nodes, self._columns, action.input, action.scale, self._rows, self._robot, self._inputs
+        step = self._records, self._actions, self.control_dt
+        self._begin_with, self._go_on_with = (*step, True), (*step, False)
+        self._scripted = (
+            self.state, self._before, self._terms, self._nodes, self._columns, action.input, action.scale, self._rows,
+            self._robot, self._inputs,
         )  # fmt: skip
-
-    def _judged(self) -> tuple[Any, ...]:
-        return (
-            self.book, self.task.rules, self._kinds, self.row, self._speed, self._paths, self._values, self._memory,
+        self._advanced = self._template, self._rows, self.state, self._inputs, self.row, self._finite
+        self._judged = (
+            self._records, self.task.rules, self._kinds, self.row, self._speed, self._paths, self._values, self._memory,
             self.situation, self._terms, self._split, self._figures,
         )  # fmt: skip
-
-    def _concluded(self) -> tuple[Any, ...]:
-        return (
-            self.book, self._terms, self._weights, self._split, self.weighted, self._finite, self._samples, self.row,
-            self._observed, self.situation, self._noise, self._bound, self._ring, self.observation,
+        self._concluded = (
+            self._records, self._terms, self._weights, self._split, self.weighted, self._finite, self._samples,
+            self.row, self._observed, self.situation, self._noise, self._bound, self._ring, self.observation,
         )  # fmt: skip
 
     def _plant(self, drawn: Conditions, robot: bool) -> plant.Plant:
@@ -410,8 +406,8 @@ class Lanes:
         if self._persons is not None:
             self._persons.start(i, drawn.speed)
         self._draw_noise(i, rng)
-        self._judge(*self._judged(), 0, i, i + 1)
-        self._conclude(*self._concluded(), i, i + 1)
+        self._judge(*self._judged, 0, i, i + 1)
+        self._conclude(*self._concluded, i, i + 1)
         self._ring[i] = self._ring[i, lane["latest"][0]]
         self.observation[i] = self._ring[i, 0]
 
@@ -431,6 +427,7 @@ class Lanes:
                 larger = np.zeros((self.n, len(array), *held.shape[2:]))
                 larger[:, : held.shape[1]] = held
                 setattr(self, name, held := larger)
+                self._arrange()
             held[i, : len(array)] = array
 
     def _draw_noise(self, i: int, rng: np.random.Generator) -> None:
@@ -457,14 +454,15 @@ class Lanes:
         self._pool.run(self._work)
 
     def _work(self, low: int, high: int) -> None:
-        self._act(*self._acted(), low, high)
-        for _ in range(self._samples // self._round):
+        step = self._begin_with
+        for _ in range(self._rounds):
             if self._persons is not None:
-                self._persons.hold(self.row, self.situation, self.book, self._nodes, low, high)
-            self._script(*self._scripted(), low, high)
-            self._advance(self._template, self._rows, self.state, self._inputs, self.row, self._finite, low, high)
-            self._judge(*self._judged(), self._round, low, high)
-        self._conclude(*self._concluded(), low, high)
+                self._persons.hold(self.row, self.situation, self._records, self._nodes, low, high)
+            self._script(*step, *self._scripted, low, high)
+            self._advance(*self._advanced, low, high)
+            self._judge(*self._judged, self._round, low, high)
+            step = self._go_on_with
+        self._conclude(*self._concluded, low, high)
 
     def figures(self, i: int) -> dict[str, float]:
         """Figures of the episode in lane ``i`` so far, by name."""
