@@ -44,7 +44,7 @@ def _light(light: Light | None) -> str:
 
 
 def print_estimates(values: Mapping[str, Mapping[str, Estimate]], units: Mapping[str, str], title: str) -> None:
-    """Print figures with their intervals, a column for each label."""
+    """Print figures, a column for each label; their intervals are in the reports."""
     table = Table(title=title, title_justify="left", box=None, pad_edge=False, padding=(0, 1, 0, 0))
     table.add_column("figure", no_wrap=True)
     for label in values:
@@ -52,5 +52,5 @@ def print_estimates(values: Mapping[str, Mapping[str, Estimate]], units: Mapping
     table.add_column("unit", no_wrap=True)
     for name in next(iter(values.values())):
         cells = (found[name] for found in values.values())
-        table.add_row(name, *(f"{e.value:.3g} ({e.low:.3g} .. {e.high:.3g})" for e in cells), units[name])
+        table.add_row(name, *(f"{e.value:.3g}" for e in cells), units[name])
     Console().print(table)

@@ -101,7 +101,7 @@ class Training:
     ) -> None:
         self.settings = settings(env_id, algo)
         self.env_id, self.algo, self.out, self.seed, self.friction = env_id, algo, out, seed, friction
-        self.seconds, self.best = 0.0, -np.inf
+        self.seconds, self.best, self.validated = 0.0, -np.inf, -1  # the last in steps
         self._resume = resume
         kept = out / "checkpoint" / "state.json"
         if resume and not kept.is_file():
@@ -171,7 +171,8 @@ class Training:
         finally:
             self.checkpoint(model, clock.elapsed)
             raw.close()
-        self.validate(model, clock.elapsed)
+        if self.validated != model.num_timesteps:
+            self.validate(model, clock.elapsed)
 
     def _about(self, model: Any) -> dict[str, Any]:
         scaling: Any = self._env.obs_rms
@@ -212,6 +213,7 @@ class Training:
             friction=self.friction.parameters,
             **self.settings["environment"],
         )
+        self.validated = model.num_timesteps
         reward = float(found.reward.mean())
         row = {
             "seconds": round(seconds, 1),

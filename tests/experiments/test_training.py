@@ -1,0 +1,198 @@
+"""Training, its files, its evaluation and its commands, in runs of seconds."""
+
+import csv
+import json
+import zipfile
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+from experiments import friction_shift, policy, policy_report, trials
+from experiments.cli import main
+from experiments.options import Friction
+from experiments.training import Training, settings
+
+WEAVE = "steer_env/AssistWeave-v0"
+LUGRE = Friction("lugre")
+
+
+@pytest.fixture(scope="module")
+def trained(tmp_path_factory):
+    """A run of a few thousand steps."""
+    out = tmp_path_factory.mktemp("training") / "run"
+    Training(WEAVE, "ppo", out, seed=1, friction=LUGRE).run(steps=8192)
+    return out
+
+
+def test_a_run_leaves_policy_curve_checkpoint_and_settings(trained):
+    about = policy.about(trained / "policy.zip")
+    assert (about["env"], about["algorithm"], about["seed"], about["friction"]) == (WEAVE, "ppo", 1, "lugre")
+    with (trained / "learning.csv").open(encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    assert float(rows[0]["steps"]) < 100
+    assert float(rows[-1]["steps"]) >= 8192
+    assert {"reward", "cost", "rms_feel_error"} <= rows[0].keys()
+    assert json.loads((trained / "settings.json").read_text())["environment"]["randomise"]["load"] == [0, 300]
+    assert (trained / "checkpoint" / "model.zip").is_file()
+    assert any((trained / "tensorboard").rglob("events*"))
+
+
+def test_the_same_seed_and_steps_train_the_same_policy(trained, tmp_path):
+    Training(WEAVE, "ppo", tmp_path / "again", seed=1, friction=LUGRE).run(steps=8192)
+    rewards = []
+    for out in (trained, tmp_path / "again"):
+        with (out / "learning.csv").open(encoding="utf-8") as file:
+            rewards.append([row["reward"] for row in csv.DictReader(file)][-1])
+    assert rewards[0] == rewards[1]
+
+
+def test_a_policy_acts_alike_in_single_and_vector_environments(trained):
+    path = trained / "policy.zip"
+    single, vector = gym.make(WEAVE), gym.make_vec(WEAVE, num_envs=3)
+    one, many = policy.Policy(path, single), policy.Policy(path, vector)
+    observations, _ = vector.reset(seed=0)
+    observation, _ = single.reset(seed=1)
+    actions = many.act(observations)
+    assert actions.shape == (3, 1)
+    assert one.act(observation) == pytest.approx(actions[1], abs=1e-6)
+    assert np.abs(actions).max() <= 1.0
+
+
+def test_resume_goes_on(trained, tmp_path):
+    out = tmp_path / "run"
+    first = Training(WEAVE, "ppo", out, friction=LUGRE)
+    first.run(steps=8192)
+    second = Training(WEAVE, "ppo", out, friction=LUGRE, resume=True)
+    assert second.seconds > 0.0
+    second.run(steps=16384)
+    with (out / "learning.csv").open(encoding="utf-8") as file:
+        steps = [int(row["steps"]) for row in csv.DictReader(file)]
+    assert steps[-1] >= 16384
+    with pytest.raises(ValueError, match="is not empty: give a new directory, or resume"):
+        Training(WEAVE, "ppo", out, friction=LUGRE)
+    with pytest.raises(ValueError, match="is of algo ppo, not sac"):
+        Training(WEAVE, "sac", out, friction=LUGRE, resume=True)
+    with pytest.raises(ValueError, match="holds no checkpoint"):
+        Training(WEAVE, "ppo", tmp_path / "other", friction=LUGRE, resume=True)
+
+
+def test_what_breaks_training_leaves_a_checkpoint(tmp_path, monkeypatch):
+    from steer_env.sb3 import SteerVecEnv
+
+    steps = []
+
+    def broken(self):
+        steps.append(1)
+        if len(steps) == 30:
+            raise RuntimeError("a thread died")
+        return whole(self)
+
+    whole = SteerVecEnv.step_wait
+    monkeypatch.setattr(SteerVecEnv, "step_wait", broken)
+    with pytest.raises(RuntimeError, match="a thread died"):
+        Training(WEAVE, "ppo", tmp_path / "run", friction=LUGRE).run(steps=10**6)
+    assert (tmp_path / "run" / "checkpoint" / "model.zip").is_file()
+
+
+@pytest.mark.parametrize("algo", ["sac", "recurrent-ppo"])
+def test_other_algorithms_train_too(algo, tmp_path):
+    run = Training(WEAVE, algo, tmp_path / "run", friction=LUGRE)
+    run.settings["algorithm"] |= {"num_envs": 4}
+    if algo == "sac":
+        run.settings["algorithm"] |= {"learning_starts": 64, "gradient_steps": 1, "buffer_size": 10_000}
+    else:
+        run.settings["algorithm"] |= {"n_steps": 64, "batch_size": 64, "n_epochs": 1}
+    run.run(steps=400)
+    vector = gym.make_vec(WEAVE, num_envs=2)
+    found = policy.Policy(tmp_path / "run" / "policy.zip", vector)
+    observations, _ = vector.reset(seed=0)
+    for _ in range(3):
+        assert found.act(observations).shape == (2, 1)
+
+
+def test_trials_are_those_of_single_environments():
+    found = trials.collect(WEAVE, lambda env: policy_report.baselines(WEAVE)["boost"](env), 3, 7, control_dt=0.1)
+    for i in range(3):
+        env, total, over = gym.make(WEAVE, control_dt=0.1), 0.0, False
+        env.reset(seed=7 + i)
+        while not over:
+            _, reward, _, over, info = env.step(np.zeros(1, np.float32))
+            total += reward
+        assert found.reward[i] == pytest.approx(total, rel=1e-12)
+        assert found.metrics["rms_feel_error"][i] == info["metrics"]["rms_feel_error"]
+
+
+def test_estimates():
+    assert trials.mean(np.array([1.0, 2.0, 3.0])) == pytest.approx((2.0, 2.0 - 2.4841377, 2.0 + 2.4841377))
+    low, high = trials.share(np.arange(200) >= 4)[1:]
+    assert (low, high) == pytest.approx((0.9497, 0.9922), abs=2e-4)  # Wilson's for 196 of 200
+
+
+def test_evaluation_writes_its_report(trained, tmp_path, capsys):
+    out = tmp_path / "evaluation"
+    assert (
+        main(["evaluate-policy", str(trained / "policy.zip"), "--env", WEAVE, "--episodes", "3", "--out", str(out)])
+        == 0
+    )
+    found = json.loads((out / "evaluation.json").read_text())
+    assert set(found["metrics"]) >= {"policy", "boost", "lqg"}
+    assert found["metrics"]["policy"]["rms_feel_error"]["unit"] == "N m"
+    page = (out / "index.html").read_text(encoding="utf-8")
+    assert "Against the baselines" in page
+    assert page.count("data:image/png;base64,") == 8
+    assert "rms_feel_error" in capsys.readouterr().out
+    assert main(["evaluate-policy", "boost", "--env", WEAVE, "--episodes", "2", "--out", str(tmp_path / "boost")]) == 0
+
+
+def test_friction_shift(trained, tmp_path):
+    found = friction_shift.collect(trained / "policy.zip", [Friction("coulomb"), Friction("lugre,F_c=1.5")], 3)
+    assert list(found.values) == ["lugre", "coulomb", "lugre,F_c=1.5"]
+    assert found.lost["lugre"].value == 0.0
+    assert found.lost["coulomb"].value != 0.0
+    friction_shift.write(tmp_path / "shift", found)
+    assert "coulomb" in (tmp_path / "shift" / "index.html").read_text(encoding="utf-8")
+    assert json.loads((tmp_path / "shift" / "shift.json").read_text())["laws"]["coulomb"]["lost"]["unit"] == ""
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["train", "--env", "steer_env/DriverFlying-v0"], "unknown environment 'steer_env/DriverFlying-v0'; there are"),
+        (["train", "--env", WEAVE, "--minutes", "-1"], "minutes must be .*greater than 0"),
+        (["train", "--env", WEAVE, "--algo", "dqn"], "invalid choice: 'dqn'"),
+        (["train", "--env", WEAVE, "--minutes", "1", "--steps", "5"], "not allowed with"),
+        (["evaluate-policy", "nobody", "--env", WEAVE], "neither a policy.zip nor a baseline .*boost"),
+        (["evaluate-policy", "nothing.zip", "--env", WEAVE], "nothing.zip is no policy"),
+        (["friction-shift", "nothing.zip"], "nothing.zip is no policy"),
+    ],
+)
+def test_bad_commands(arguments, message, tmp_path, monkeypatch, capsys):
+    import re
+
+    monkeypatch.chdir(tmp_path)
+    try:
+        code = main(arguments)
+    except SystemExit as end:
+        code = end.code
+    assert code == 2
+    assert re.search(message, capsys.readouterr().err)
+
+
+def test_files_of_others_are_refused(tmp_path):
+    with zipfile.ZipFile(tmp_path / "other.zip", "w") as archive:
+        archive.writestr("data", "{}")
+    with pytest.raises(ValueError, match="does not say what it was trained for"):
+        policy.about(tmp_path / "other.zip")
+
+
+def test_a_policy_of_another_task_is_refused(trained):
+    with pytest.raises(ValueError, match="was trained for steer_env/AssistWeave-v0, whose observations"):
+        policy.Policy(trained / "policy.zip", gym.make("steer_env/DriverLaneKeeping-v0"))
+
+
+def test_settings_of_an_id_stand_over_the_common_ones():
+    assert settings("steer_env/DriverDoubleLaneChange-v0", "ppo")["algorithm"]["gamma"] == 0.99
+    assert settings("steer_env/DriverParking-v0", "ppo")["environment"] == {"control_dt": 0.01}
+    with pytest.raises(ValueError, match="unknown algorithm 'dqn'"):
+        settings(WEAVE, "dqn")
