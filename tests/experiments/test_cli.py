@@ -59,7 +59,8 @@ def test_run_speed_and_ripple_of_a_hold(tmp_path, monkeypatch, capsys):
     assert main(["run", "hold", "--friction", "masing", "--speed_kph", "80"]) == 0
     data = json.loads((tmp_path / "hold.json").read_text())
     assert data["meta"]["speed_m_s"] == pytest.approx(80.0 / 3.6)
-    assert data["metrics"]["torsion_bar_ripple"]["ci"] == [None, None]  # one event has no scatter
+    low, high = data["metrics"]["torsion_bar_ripple"]["ci"]  # of one event: what its noise may do
+    assert low <= data["metrics"]["torsion_bar_ripple"]["value"] <= high < 1.01 * low
     # the file holds degrees: the last digit may differ
     assert evaluate(recording_files.read("hold.csv"))["torsion_bar_ripple"].value == pytest.approx(
         data["metrics"]["torsion_bar_ripple"]["value"], rel=1e-6
