@@ -80,7 +80,7 @@ def _dropping_out(given: Recording, rng: np.random.Generator, longest: float, co
     for name, values in given.channels.items():
         holes = values.copy()
         for length in longest * np.append(rng.random(count - 1), 1.0):
-            begin = given.time[0] + (0.1 + 0.8 * rng.random()) * (given.time[-1] - given.time[0])
+            begin = given.time[0] + (0.1 + 0.8 * rng.random()) * (given.time[-1] - given.time[0] - length)
             holes[(given.time >= begin) & (given.time < begin + length)] = np.nan
         channels[name] = holes
     return replace(given, channels=channels)

@@ -75,14 +75,14 @@ def catch_up(rate: float, fastest: float = 700.0) -> Made:
     }
 
 
-def hold(rate: float) -> Made:
-    """A torque held for six seconds after a pause, with a ripple of the torsion bar, and let go."""
+def hold(rate: float, ripple: float = 0.3) -> Made:
+    """A torque held for six seconds after a pause, with a ripple of the torsion bar [N m], and let go."""
     time = (np.arange(round(10 * rate)) + 0.5) / rate
     torque = 2.0 * smooth_step((time - 2.0) / 0.5) * (time < 8.5)
-    twist = torque + 0.15 * np.sin(2 * np.pi * 8.0 * time) * (time > 2.5)
-    return recording("hold", time, handwheel_torque=torque, torsion_bar_torque=twist), {"torsion_bar_ripple": 0.3}
+    twist = torque + 0.5 * ripple * np.sin(2 * np.pi * 8.0 * time) * (time > 2.5)
+    return recording("hold", time, handwheel_torque=torque, torsion_bar_torque=twist), {"torsion_bar_ripple": ripple}
 
 
 def held(rate: float) -> Made:
-    """The same at 200 Hz or faster, as a ripple up to 40 Hz asks for."""
-    return hold(max(rate, 200.0))
+    """The same at 200 Hz or faster, as ripples up to 40 Hz ask for, and with one that stands out of the noise then."""
+    return hold(max(rate, 200.0), ripple=0.8)

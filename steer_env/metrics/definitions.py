@@ -53,7 +53,7 @@ class Value(NamedTuple):
     """A metric of a recording: mean over the repeats and its 95 % interval; NaN with a reason if refused."""
 
     value: float  # mean over the repeats [unit]
-    low: float  # lower end of the interval; NaN where there is one repeat [unit]
+    low: float  # lower end of the interval; NaN where there is one repeat, and no bound [unit]
     high: float  # upper end [unit]
     unit: str
     reason: str = ""

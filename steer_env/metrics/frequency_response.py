@@ -29,7 +29,12 @@ _READ = {
         still=STILL,
     ),
     "random-steer": partial(
-        Spectra, segments=welch, window="hann", fewest=8, what="segments of 25 s, half overlapping: record 113 s"
+        Spectra,
+        segments=welch,
+        window="hann",
+        fewest=8,
+        what="segments of 25 s, half overlapping: record 113 s",
+        together=2,
     ),
 }
 for _test, _read in _READ.items():

@@ -28,7 +28,7 @@ RATE = "handwheel_speed"
 CUTOFF = 10.0  # low-pass [Hz]
 STEP = 0.001  # at which the place of the car in a pass is read [s]
 BESIDE = 1.0  # ahead of the outline and behind it from which on a cone counts; assumed [m]
-PEAK_WINDOW = 0.08  # half width of the parabola that a peak is read from; assumed [s]
+PEAK_WINDOW = 0.08  # half width of the fourth-order polynomial that a peak is read from; assumed [s]
 SPEED_WINDOW = 0.1  # half width of the mean that a speed is read from; assumed [s]
 STRAIGHT = (-2.0, -1.0)  # before the first cones, where what a sensor reads is its zero; assumed [s]
 LAG_STEP = 0.005  # at which the channels in a pass are read [s]
@@ -182,13 +182,13 @@ class Passes:
         return self._samples(name)
 
     def peak(self, name: str) -> Array:
-        """Largest size of a channel (n,), from a parabola through what lies around it."""
+        """Largest size of a channel (n,), of a polynomial through what lies around it."""
         found = []
         for t, values in self.steered(name):
             k = int(np.argmax(np.abs(values)))
             near = np.abs(t - t[k]) <= PEAK_WINDOW
-            parabola = np.polynomial.Polynomial.fit(t[near], values[near] * np.sign(values[k]), 2)
-            found.append(np.max(parabola(t[near])))
+            top = np.polynomial.Polynomial.fit(t[near], values[near] * np.sign(values[k]), 4)
+            found.append(np.max(top(t[near])))
         return np.array(found)
 
     def rms(self, name: str) -> Array:

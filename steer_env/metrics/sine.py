@@ -79,14 +79,17 @@ class HalfWaves:
         return values[np.concatenate([np.arange(len(burst)) >= 2 for burst in self.bursts])]
 
     def first_ratio(self, name: str) -> np.ndarray:
-        """Gain of the first half wave over the mean of those settled on its side, (bursts,), less a sensor's zero."""
-        gains, ratios, start = self.peaks(name)[1], [], 0
-        for burst in self.bursts:
-            of = gains[start : start + len(burst)]
-            zero = 0.5 * (of[2::2].mean() - of[3::2].mean())  # what one side has more than the other
-            ratios.append((of[0] - zero) / (of[2::2].mean() - zero))
-            start += len(burst)
-        return np.array(ratios)
+        """Gain of the first half wave over the mean of those settled on its side, (bursts,), less a sensor's zero.
+
+        What one side has more than the other is that zero; between bursts it may move evenly.
+        """
+        gains = self.peaks(name)[1]
+        time, _, side = np.array([half for burst in self.bursts for half in burst]).T
+        basis = np.column_stack([side, np.ones(time.size), time - time.mean()])[:, : 3 if len(self.bursts) > 1 else 2]
+        fit = np.linalg.lstsq(self.settled(basis), self.settled(gains * side), rcond=None)[0]
+        gains = gains - side * (basis[:, 1:] @ fit[1:])
+        parts = np.split(gains, np.cumsum([len(burst) for burst in self.bursts])[:-1])
+        return np.array([of[0] / of[2::2].mean() for of in parts])
 
     def angle_at_zero(self, name: str) -> np.ndarray:
         """Handwheel angle, positive where it runs ahead, where a channel crosses zero before a settled half wave."""
