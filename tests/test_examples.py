@@ -1,0 +1,33 @@
+"""The examples run, in short."""
+
+import importlib.util
+from pathlib import Path
+
+import numpy as np
+
+FOLDER = Path(__file__).parents[1] / "examples"
+
+
+def load(name):
+    spec = importlib.util.spec_from_file_location(name, FOLDER / f"{name}.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_train_a_policy(tmp_path):
+    found = load("train_a_policy").main(64 * 128, str(tmp_path / "frame.png"))
+    assert 0.2 < found["boost table"] < 0.4
+    assert np.isfinite(found["policy"])
+    assert (tmp_path / "frame.png").stat().st_size > 10_000
+
+
+def test_compare_drivers():
+    found = load("compare_drivers").main(("lugre",), ("preview", "macadam"))
+    assert found["lugre", "preview"]["cones_hit"] == 0.0
+    assert found["lugre", "macadam"]["steering_work"] > 0.0
+
+
+def test_tune_assist():
+    own, best = load("tune_assist").main(40)
+    assert best > own
