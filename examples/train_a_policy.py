@@ -1,6 +1,6 @@
 """Train an assist policy with Stable-Baselines3, compare it with the boost table on held-out seeds, draw a frame.
 
-python examples/train_a_policy.py [STEPS]     half a million steps take about a minute; needs the extras train and render
+python examples/train_a_policy.py [STEPS]     half a million take about a minute; needs the extras train and render
 """
 
 import sys
