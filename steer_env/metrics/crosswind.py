@@ -103,7 +103,7 @@ class Crosswind:
     def rms(self, name: str) -> np.ndarray:
         """Root mean square (n,) about the mean, without what noise makes: of each gust's window, or of each segment."""
         if self._gusts:
-            square = np.array([np.trapezoid(y**2, t) / np.ptp(t) for t, y in self._parts(name)])
+            square = np.array([np.trapezoid(y**2, t) / WINDOW for t, y in self._parts(name)])  # at rest at both ends
         else:
             parts = ((self.time >= start) & (self.time < start + SEGMENT) for start in self.start)
             square = np.array([self.smooth[name][part].var() for part in parts])
