@@ -40,7 +40,7 @@ def collect(
     found: dict[str, policy_report.Evaluation] = {}
     for k, (label, law) in enumerate(chosen.items()):
         notify(k / len(chosen), label)
-        made = {**about["settings"]["environment"], "friction": law.parameters}
+        made = {**policy.conditions(about), "friction": law.parameters}
         found[label] = policy_report.evaluate(env_id, controllers, episodes, **made)
     own = found[home.label].found["policy"].reward
     return Shift(

@@ -54,7 +54,7 @@ def axis(name: str) -> tuple[str, float]:
 def panels(curves: Mapping[str, validation.Curves], pairs: Sequence[tuple[str, str]]) -> list[Panel]:
     """A panel for each pair (x, y) of channels, with a line for every label that has both."""
     found = []
-    styles = dict(zip(curves, zip(_colours(list(curves)), _DASHES * len(curves))))
+    styles = dict(zip(curves, zip(colours(list(curves)), _DASHES * len(curves))))
     for x, y in pairs:
         (x_title, x_size), (y_title, y_size) = axis(x), axis(y)
         lines = [
@@ -81,10 +81,10 @@ def boundaries(pair: validation.Pair, labels: tuple[str, str]) -> Panel:
     """A cross plot of two recordings with the band that the first one's tolerances make."""
     (x_title, x_size), (y_title, y_size) = axis(pair.x), axis(pair.y)
     size = np.array((x_size, y_size))
-    colours = _colours(list(labels))
+    shades = colours(list(labels))
     lines = [
         Line(label, thinned(curve, POINTS)[:, 0] / x_size, thinned(curve, POINTS)[:, 1] / y_size, colour, dash)
-        for label, curve, colour, dash in zip(labels, (pair.reference, pair.other), colours, _DASHES)
+        for label, curve, colour, dash in zip(labels, (pair.reference, pair.other), shades, _DASHES)
     ]
     return Panel(x_title, y_title, lines, (thinned(pair.left, POINTS) / size, thinned(pair.right, POINTS) / size))
 
@@ -127,5 +127,6 @@ def draw(shown: Sequence[Panel], height: int = 380, columns: int = 2) -> str:
     )
 
 
-def _colours(labels: list[str]) -> list[str]:
+def colours(labels: list[str]) -> list[str]:
+    """A colour for each label."""
     return [figures.styles(labels)[label]["color"] for label in labels]

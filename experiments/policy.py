@@ -1,13 +1,17 @@
 """Trained policies: a file of Stable-Baselines3 that also holds how to scale the observation, and who made it."""
 
 import json
+import math
 import zipfile
+from collections.abc import Mapping
+from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+import experiments
 from friction.check import number
 from steer_env import REGISTERED
 
@@ -15,6 +19,7 @@ Array = NDArray[np.float64]
 
 ALGORITHMS = ("ppo", "sac", "recurrent-ppo")
 ABOUT = "steer_env.json"  # beside the members of Stable-Baselines3's archive
+SHIPPED = "shipped"  # stands for the file that is shipped with an id
 
 
 def algorithm(name: str) -> Any:
@@ -54,8 +59,24 @@ def about(path: Path) -> dict[str, Any]:
         ) from None
 
 
+def shipped(env_id: str) -> Path:
+    """The policy that is shipped with an id; ValueError where there is none."""
+    check_id(env_id)
+    path = Path(str(files(experiments) / "data" / "policies" / f"{env_id.removeprefix('steer_env/')}.zip"))
+    if not path.is_file():
+        raise ValueError(f"no policy is shipped with {env_id}; `steer-env train` makes one")
+    return path
+
+
+def conditions(about: Mapping[str, Any]) -> dict[str, Any]:
+    """Arguments of make that a policy was trained under, but for the control time, which is its own affair."""
+    return {key: value for key, value in about["settings"]["environment"].items() if key != "control_dt"}
+
+
 class Policy:
     """A trained policy as a controller: ``reset(lanes)`` and ``act(observation)``, single or vector.
+
+    It decides at the control time of its training and holds its action in between.
 
     Parameters
     ----------
@@ -67,7 +88,7 @@ class Policy:
     Raises
     ------
     ValueError
-        A file that is no policy, or an environment whose observations are others.
+        A file that is no policy, or an environment whose observations are others or that steps too slowly.
     """
 
     def __init__(self, path: Path, env: Any) -> None:
@@ -75,28 +96,43 @@ class Policy:
         names = [quantity.name for quantity in env.unwrapped.lanes.observed]
         if names != self.about["observations"]:
             raise ValueError(f"{path} was trained for {self.about['env']}, whose observations {env.unwrapped} has not")
+        own, step = self.about["settings"]["environment"]["control_dt"], env.unwrapped.lanes.control_dt
+        self._hold = round(own / step)
+        if not math.isclose(self._hold * step, own):
+            raise ValueError(f"{path} decides every {own} s; control_dt must be that or a whole part of it, not {step}")
         import torch
 
         torch.set_num_threads(1)  # networks of this size lose by more
-        self._model = algorithm(self.about["algorithm"]).load(path, device="cpu")
+        # Without the seed, which loading would start anew for the whole process.
+        self._model = algorithm(self.about["algorithm"]).load(path, device="cpu", seed=None)
         scaling = self.about["scaling"]
         self._mean, self._deviation = np.array(scaling["mean"]), np.array(scaling["deviation"])
         self._clip = number("clip", scaling["clip"], minimum=0.0)
         self._state: Any = None
-        self._fresh = np.ones(env.unwrapped.lanes.n, bool)
+        n = env.unwrapped.lanes.n
+        self._fresh, self._since = np.ones(n, bool), np.zeros(n, np.int64)
+        self._action = np.zeros((n, 1), np.float32)
 
     def reset(self, lanes: Any = slice(None)) -> None:
         """Forget the episodes of some lanes (mask or indices), or of all."""
         self._fresh[lanes] = True
+        self._since[lanes] = 0
 
     def act(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
         """The policy's mean action (1,) for an observation (O,), or (L, 1) for (L, O)."""
-        seen = np.clip((np.atleast_2d(observation) - self._mean) / self._deviation, -self._clip, self._clip)
-        action, self._state = self._model.predict(
-            seen.astype(np.float32), state=self._state, episode_start=self._fresh, deterministic=True
-        )
-        self._fresh[:] = False
-        return action[0] if observation.ndim == 1 else action
+        deciding = self._since % self._hold == 0
+        self._since += 1
+        if deciding.any():
+            seen = np.clip((np.atleast_2d(observation) - self._mean) / self._deviation, -self._clip, self._clip)
+            action, state = self._model.predict(
+                seen.astype(np.float32), state=self._state, episode_start=self._fresh, deterministic=True
+            )
+            self._action[deciding] = action[deciding]
+            if state is not None and self._state is not None:  # layers, lanes, units
+                state = tuple(np.where(deciding[:, None], new, old) for new, old in zip(state, self._state))
+            self._state = state
+            self._fresh &= ~deciding
+        return self._action[0].copy() if observation.ndim == 1 else self._action.copy()
 
 
 def check_id(env_id: str) -> None:

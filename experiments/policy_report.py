@@ -122,25 +122,30 @@ def _picture(frame: Any) -> str:
     return "data:image/png;base64," + base64.b64encode(file.getvalue()).decode()
 
 
-def learning_curve(path: Path) -> str:
-    """Reward on the validation's seeds over the time of training, as a plot; empty without the file."""
-    if not path.is_file():
-        return ""
-    with path.open(encoding="utf-8", newline="") as file:
-        rows = list(csv.DictReader(file))
-    minutes = np.array([float(row["seconds"]) / 60.0 for row in rows])
+def learning_curves(curves: Mapping[str, Path]) -> str:
+    """Means over the validation's seeds over the time of training, of each run, as a plot."""
+    runs = {}
+    for name, path in curves.items():
+        with path.open(encoding="utf-8", newline="") as file:
+            rows = list(csv.DictReader(file))
+        runs[name] = {key: np.array([float(row[key]) for row in rows]) for key in rows[0]}
+    first = next(iter(runs.values()))
+    own = "cones_hit" if "cones_hit" in first else "rms_feel_error" if "rms_feel_error" in first else "cost"
     shown = [
         plots.Panel(
             "time of training [min]",
-            name,
-            [plots.Line(name, minutes, np.array([float(r[name]) for r in rows]), "#0072b2")],
+            figure,
+            [
+                plots.Line(name, run["seconds"] / 60.0, run[figure], colour)
+                for colour, (name, run) in zip(plots.colours(list(runs)), runs.items())
+            ],
         )
-        for name in ("reward", "cost")
+        for figure in ("reward", own)
     ]
     return plots.draw(shown)
 
 
-def write(out: Path, found: Evaluation, controllers: Mapping[str, Maker], curve: Path | None = None) -> None:
+def write(out: Path, found: Evaluation, controllers: Mapping[str, Maker], curves: Mapping[str, Path]) -> None:
     """Write ``index.html`` and ``evaluation.json`` into a directory, which appears or is replaced as a whole."""
     names = list(found.values)
     best = max(names[1:], key=lambda name: found.values[name]["reward"].value, default=names[0])
@@ -155,8 +160,8 @@ def write(out: Path, found: Evaluation, controllers: Mapping[str, Maker], curve:
             names=names,
             figures=list(found.values[names[0]]),
             pictures=pictures,
-            curve=learning_curve(curve) if curve else "",
-            script=plots.script() if curve else "",
+            curve=learning_curves(curves) if curves else "",
+            script=plots.script() if curves else "",
             version=metadata.version("steer-env"),
             first_seed=trials.HELD_OUT,
         )

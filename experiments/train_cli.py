@@ -29,9 +29,14 @@ def add(commands: Any, common: argparse.ArgumentParser) -> None:
     train.add_argument("--out", metavar="DIR", default="training", help="default training")
     train.set_defaults(function=_train)
 
-    text = "Evaluate a policy, or a baseline, on held-out seeds against the baselines; write a report."
+    text = "Evaluate policies, or a baseline, on held-out seeds against the baselines; write a report."
     evaluate = commands.add_parser("evaluate-policy", help=text, description=text, parents=[common])
-    evaluate.add_argument("file", metavar="FILE", help="a policy.zip of train, or the name of a baseline")
+    evaluate.add_argument(
+        "file",
+        metavar="FILE",
+        nargs="+",
+        help=f"a policy.zip of train, {policy.SHIPPED!r} for the one that comes with the id, or the name of a baseline",
+    )
     _env(evaluate)
     _evaluation(evaluate, "evaluation")
     evaluate.add_argument(
@@ -41,7 +46,8 @@ def add(commands: Any, common: argparse.ArgumentParser) -> None:
 
     text = "Take a policy that was trained on one friction law to every other law; write the table."
     shift = commands.add_parser("friction-shift", help=text, description=text, parents=[common])
-    shift.add_argument("file", metavar="FILE", help="a policy.zip of train")
+    shift.add_argument("file", metavar="FILE", help=f"a policy.zip of train; {policy.SHIPPED!r} with --env ID")
+    shift.add_argument("--env", metavar="ID", help="whose shipped policy is meant")
     _evaluation(shift, "shift")
     shift.add_argument(
         "--friction",
@@ -70,14 +76,17 @@ def _train(args: argparse.Namespace) -> None:
     run = Training(args.env, args.algo, out, seed=args.seed, resume=args.resume, friction=args.friction)
     with progress("training") as notify:
         run.run(None if args.steps else args.minutes or 15.0, args.steps, notify)
-    made = {**run.settings["environment"], "friction": args.friction.parameters}
-    _report(
-        args.env, {"policy": _policy(out / "policy.zip")}, args.episodes, out / "report", made, out / "learning.csv"
-    )
+    made = {**policy.conditions({"settings": run.settings}), "friction": args.friction.parameters}
+    _report(args.env, {"policy": _policy(out / "policy.zip")}, args.episodes, out / "report", made, _curves([out]))
 
 
 def _policy(path: Path) -> policy_report.Maker:
     return lambda env: policy.Policy(path, env)
+
+
+def _curves(runs: list[Path]) -> dict[str, Path]:
+    """Learning curves of the runs of training that have one, by name."""
+    return {run.name: run / "learning.csv" for run in runs if (run / "learning.csv").is_file()}
 
 
 def _report(
@@ -86,37 +95,48 @@ def _report(
     episodes: int,
     out: Path,
     made: dict[str, Any],
-    curve: Path | None = None,
+    curves: dict[str, Path],
 ) -> None:
     """Evaluate controllers and the baselines, print the table, write the report."""
     controllers = {**controllers, **{k: v for k, v in policy_report.baselines(env_id).items() if k not in controllers}}
     with progress("evaluating") as notify:
         found = policy_report.evaluate(env_id, controllers, episodes, notify, **made)
     print_estimates(found.values, found.units, f"{env_id}, {episodes} held-out episodes")
-    policy_report.write(out, found, controllers, curve)
+    policy_report.write(out, found, controllers, curves)
     print(out / "index.html")
 
 
 def _evaluate(args: argparse.Namespace) -> None:
     policy.check_id(args.env)
+    known = policy_report.baselines(args.env)
+    controllers: dict[str, policy_report.Maker] = {}
     made: dict[str, Any] = {}
-    if args.file.endswith(".zip"):
-        path = Path(args.file)
-        about = policy.about(path)
-        made = {**about["settings"]["environment"], "friction": Friction(about["friction"]).parameters}
-        controllers = {"policy": _policy(path)}
-    else:
-        known = policy_report.baselines(args.env)
-        if args.file not in known:
-            raise ValueError(f"{args.file!r} is neither a policy.zip nor a baseline of {args.env}: {', '.join(known)}")
-        controllers = {args.file: known[args.file]}
+    runs: list[Path] = []
+    for name in args.file:
+        if name in known:
+            controllers[name] = known[name]
+        elif name == policy.SHIPPED or name.endswith(".zip"):
+            path = policy.shipped(args.env) if name == policy.SHIPPED else Path(name)
+            about = policy.about(path)
+            own = {**policy.conditions(about), "friction": Friction(about["friction"]).parameters}
+            if made and str(own) != str(made):
+                raise ValueError(f"{path} was trained under other conditions than {runs[0] / 'policy.zip'}")
+            made = own
+            runs.append(path.parent)
+            controllers["policy" if len(args.file) == 1 else path.parent.name or str(path)] = _policy(path)
+        else:
+            raise ValueError(f"{name!r} is neither a policy.zip nor a baseline of {args.env}: {', '.join(known)}")
+    if len(controllers) < len(args.file):
+        raise ValueError("policies are told apart by the names of their directories, of which two are alike")
     if args.friction:
         made["friction"] = args.friction.parameters
-    _report(args.env, controllers, args.episodes, Path(args.out), made)
+    _report(args.env, controllers, args.episodes, Path(args.out), made, _curves(runs))
 
 
 def _shift(args: argparse.Namespace) -> None:
-    path = Path(args.file)
+    if args.file == policy.SHIPPED and args.env is None:
+        raise ValueError("--env tells whose shipped policy is meant")
+    path = policy.shipped(args.env) if args.file == policy.SHIPPED else Path(args.file)
     about = policy.about(path)
     laws = args.friction or [Friction(name) for name in friction.available()]
     with progress("evaluating") as notify:

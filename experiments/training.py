@@ -19,11 +19,14 @@ from friction.check import number
 
 # Of the clock; a checkpoint costs a fraction of a second, an evaluation some seconds.
 CHECKPOINT_EVERY, EVALUATE_EVERY = 60.0, 60.0  # [s]
+EVALUATE_STEPS = 200_000  # in a training by steps: by the clock, the policy that is kept would depend on the machine
 VALIDATED = 32  # episodes of each evaluation while training
 
 
 def settings(env_id: str, algo: str) -> dict[str, Any]:
-    """Settings of an id for an algorithm: ``environment`` (arguments of make) and ``algorithm``, from its data file.
+    """Settings of an id for an algorithm: ``environment`` (arguments of make) and ``algorithm``, from data files.
+
+    What all ids share, then what drivers share, then what the id has of its own.
 
     Raises
     ------
@@ -33,13 +36,15 @@ def settings(env_id: str, algo: str) -> dict[str, Any]:
     policy.check_id(env_id)
     policy.algorithm(algo)
     folder = files(experiments) / "data" / "training"
-    common = toml.loads((folder / "default.toml").read_text(encoding="utf-8"))
-    own = folder / f"{env_id.removeprefix('steer_env/')}.toml"
-    given = toml.loads(own.read_text(encoding="utf-8")) if own.is_file() else {}
-    return {
-        "environment": {**common.get("environment", {}), **given.get("environment", {})},
-        "algorithm": {**common[algo], **given.get(algo, {})},
-    }
+    name = env_id.removeprefix("steer_env/")
+    found: dict[str, Any] = {"environment": {}, "algorithm": {}}
+    for file in ("default", "driver" if name.startswith("Driver") else "", name):
+        path = folder / f"{file}.toml"
+        if path.is_file():
+            given = toml.loads(path.read_text(encoding="utf-8"))
+            found["environment"] |= given.get("environment", {})
+            found["algorithm"] |= given.get(algo, {})
+    return found
 
 
 class _Clock:
@@ -51,7 +56,7 @@ class _Clock:
         self._run, self._minutes, self._steps, self._notify = run, minutes, steps, notify
         self._begun = time.monotonic()
         self._saved = self._begun
-        self._evaluated = self._begun - EVALUATE_EVERY  # the first one at once: an untrained policy's
+        self._next = 0.0  # evaluation, as a part of the training; the first one at once: an untrained policy's
 
     @property
     def elapsed(self) -> float:
@@ -61,12 +66,13 @@ class _Clock:
     def __call__(self, model: Any) -> bool:
         part = self.elapsed / (60.0 * self._minutes) if self._minutes else model.num_timesteps / (self._steps or 1)
         self._notify(min(part, 1.0), f"{model.num_timesteps} steps")
-        if time.monotonic() - self._evaluated >= EVALUATE_EVERY:
+        if part >= self._next:
+            every = EVALUATE_EVERY / (60.0 * self._minutes) if self._minutes else EVALUATE_STEPS / (self._steps or 1)
+            self._next = part + every
             begin = time.monotonic()
             self._run.validate(model, self.elapsed)
             lost = time.monotonic() - begin
             self._begun += lost
-            self._evaluated = time.monotonic()
             self._saved += lost
         if time.monotonic() - self._saved >= CHECKPOINT_EVERY:
             self._run.checkpoint(model, self.elapsed)
@@ -112,6 +118,7 @@ class Training:
                 if state[key] != value:
                     raise ValueError(f"the checkpoint in {out} is of {key} {state[key]}, not {value}")
             self.seed, self.seconds, self.best = state["seed"], state["seconds"], state["best"]
+            self._trained = state["steps"]
         elif out.exists() and any(out.iterdir()):
             raise ValueError(f"{out} is not empty: give a new directory, or resume the run in it")
         out.mkdir(parents=True, exist_ok=True)
@@ -145,7 +152,10 @@ class Training:
         kept = self.out / "checkpoint"
         if self._resume:
             self._env = VecNormalize.load(str(kept / "scaling.pkl"), VecMonitor(raw))
-            model = policy.algorithm(self.algo).load(kept / "model.zip", env=self._env, device="cpu")
+            # Another seed, or the cases and the noise of the beginning would come again.
+            model = policy.algorithm(self.algo).load(
+                kept / "model.zip", env=self._env, device="cpu", seed=(self.seed + self._trained) % 2**32
+            )
         else:
             self._env = VecNormalize(VecMonitor(raw), gamma=gamma)
             network = {"net_arch": chosen.pop("net_arch"), **chosen.pop("policy_kwargs", {})}
@@ -159,6 +169,12 @@ class Training:
                 **chosen,
             )
         clock = _Clock(self, minutes, steps, notify)
+        length = f"--minutes {minutes:g}" if minutes else f"--steps {steps}"
+        self._command = f"steer-env train --env {self.env_id} --algo {self.algo} --seed {self.seed} {length}"
+        if self.friction.label != "lugre":
+            self._command += f" --friction {self.friction.label}"
+        if self._resume:
+            self._command += " --resume"
 
         class Callback(BaseCallback):
             """Hands over to the clock."""
@@ -181,6 +197,7 @@ class Training:
             "algorithm": self.algo,
             "seed": self.seed,
             "steps": model.num_timesteps,
+            "command": self._command,
             "friction": self.friction.label,
             "settings": self.settings,
             "observations": self._observations,
@@ -198,8 +215,15 @@ class Training:
         folder.mkdir(exist_ok=True)
         model.save(folder / "model.zip")
         self._env.save(str(folder / "scaling.pkl"))
-        state = {"env": self.env_id, "algo": self.algo, "seed": self.seed, "seconds": seconds, "best": self.best}
-        write_json(folder / "state.json", {**state, "best": self.best if np.isfinite(self.best) else -1e300})
+        state = {
+            "env": self.env_id,
+            "algo": self.algo,
+            "seed": self.seed,
+            "steps": model.num_timesteps,
+            "seconds": seconds,
+            "best": self.best if np.isfinite(self.best) else -1e300,
+        }
+        write_json(folder / "state.json", state)
 
     def validate(self, model: Any, seconds: float) -> None:
         """Let the policy as it is drive the validation's seeds; keep it if it is the best so far."""
@@ -211,7 +235,7 @@ class Training:
             VALIDATED,
             trials.VALIDATION,
             friction=self.friction.parameters,
-            **self.settings["environment"],
+            **policy.conditions({"settings": self.settings}),
         )
         self.validated = model.num_timesteps
         reward = float(found.reward.mean())

@@ -59,6 +59,27 @@ def test_a_policy_acts_alike_in_single_and_vector_environments(trained):
     assert np.abs(actions).max() <= 1.0
 
 
+def test_a_policy_holds_its_action_between_its_own_steps(tmp_path):
+    env_id = "steer_env/DriverDoubleLaneChange-v0"
+    Training(env_id, "ppo", tmp_path / "run", friction=LUGRE).run(steps=2)
+    path = tmp_path / "run" / "policy.zip"
+    vector = gym.make_vec(env_id, num_envs=2)
+    found = policy.Policy(path, vector)
+    found.reset()
+    observations, _ = vector.reset(seed=0)
+    actions = []
+    for k in range(12):
+        if k == 7:
+            found.reset([1])  # whose own steps count from here
+        actions.append(found.act(observations)[:, 0])
+        observations, *_ = vector.step(actions[-1][:, None])
+    moved = np.diff(np.array(actions), axis=0) != 0.0
+    assert np.flatnonzero(moved[:, 0]).tolist() == [4, 9]
+    assert np.flatnonzero(moved[:, 1]).tolist() == [4, 6]
+    with pytest.raises(ValueError, match="decides every 0.05 s; control_dt must be that or a whole part of it"):
+        policy.Policy(path, gym.make(env_id, control_dt=0.02))
+
+
 def test_resume_goes_on(trained, tmp_path):
     out = tmp_path / "run"
     first = Training(WEAVE, "ppo", out, friction=LUGRE)
@@ -140,7 +161,8 @@ def test_evaluation_writes_its_report(trained, tmp_path, capsys):
     assert found["metrics"]["policy"]["rms_feel_error"]["unit"] == "N m"
     page = (out / "index.html").read_text(encoding="utf-8")
     assert "Against the baselines" in page
-    assert page.count("data:image/png;base64,") == 8
+    assert page.count("<img src=") == 8
+    assert "<h2>Learning</h2>" in page
     assert "rms_feel_error" in capsys.readouterr().out
     assert main(["evaluate-policy", "boost", "--env", WEAVE, "--episodes", "2", "--out", str(tmp_path / "boost")]) == 0
 
@@ -192,7 +214,10 @@ def test_a_policy_of_another_task_is_refused(trained):
 
 
 def test_settings_of_an_id_stand_over_the_common_ones():
-    assert settings("steer_env/DriverDoubleLaneChange-v0", "ppo")["algorithm"]["gamma"] == 0.99
-    assert settings("steer_env/DriverParking-v0", "ppo")["environment"] == {"control_dt": 0.01}
+    found = settings("steer_env/DriverDoubleLaneChange-v0", "ppo")
+    assert found["environment"]["control_dt"] == 0.05  # of all drivers
+    assert found["environment"]["randomise"]["road_friction"] == [0.8, 1.0]  # its own
+    assert found["algorithm"]["net_arch"] == [64, 64]  # of all ids
+    assert settings("steer_env/AssistParking-v0", "ppo")["environment"] == {"control_dt": 0.01}
     with pytest.raises(ValueError, match="unknown algorithm 'dqn'"):
         settings(WEAVE, "dqn")
