@@ -7,8 +7,10 @@ in a callee of another file would serve stale code; here the directory is named 
 every source file of the packages that a kernel can reach, so any change starts a fresh one.
 """
 
+import gc
 import hashlib
 import marshal
+import operator
 import os
 import platform
 import tempfile
@@ -21,9 +23,11 @@ import numba
 import numba.core.config
 import numpy as np
 import platformdirs
+from llvmlite.ir import IRBuilder
 from numba.core.codegen import JITCodeLibrary
-from numba.core.compiler import CompilerBase
+from numba.core.compiler import CompilerBase, Flags
 from numba.core.compiler_machinery import PassManager, register_pass
+from numba.core.lowering import Lower
 from numba.core.registry import CPUDispatcher
 from numba.core.typed_passes import (
     AnnotateTypes,
@@ -43,6 +47,7 @@ from numba.core.untyped_passes import (
     TranslateByteCode,
 )
 from numba.extending import overload
+from numba.np.arrayobj import fix_integer_index, load_item, store_item
 
 config: Any = numba.core.config  # its names are made at run time
 COMPILED = not config.DISABLE_JIT  # False under NUMBA_DISABLE_JIT=1: kernels are plain Python
@@ -137,13 +142,110 @@ class _Typing:
         return self.known[key]
 
 
+# What two operands of one type compile to, as numba's own rules have it in its error model "numpy".
+_SHORT: dict[tuple[Any, Any], Callable] = {}
+_SIGNS = (("lt", "<"), ("le", "<="), ("gt", ">"), ("ge", ">="), ("eq", "=="), ("ne", "!="))
+
+
+def _comparison(instruction: Callable, sign: str) -> Callable:
+    return lambda builder, x, y: instruction(builder, sign, x, y)
+
+
+def short_arithmetic(kind: Any) -> None:
+    """Let kernels add, subtract, multiply and divide a type of floats, or of vectors of them, the short way."""
+    for name, instruction in (("add", "fadd"), ("sub", "fsub"), ("mul", "fmul"), ("truediv", "fdiv")):
+        _SHORT[getattr(operator, name), kind] = getattr(IRBuilder, instruction)
+
+
+short_arithmetic(numba.float64)
+for _name in ("add", "sub", "mul"):
+    _SHORT[getattr(operator, _name), numba.int64] = getattr(IRBuilder, _name)
+for _name, _sign in _SIGNS:
+    _compare = IRBuilder.fcmp_unordered if _name == "ne" else IRBuilder.fcmp_ordered
+    _SHORT[getattr(operator, _name), numba.float64] = _comparison(_compare, _sign)
+    _SHORT[getattr(operator, _name), numba.int64] = _comparison(IRBuilder.icmp_signed, _sign)
+
+
+class _Lower(Lower):
+    """numba's lowering, with a short way for what kernels are made of: arithmetic of floats and elements of vectors.
+
+    numba looks each up among its rules, three times in vain, and builds a whole array to read one element.
+    """
+
+    def lower_binop(self, resty: Any, expr: Any, op: Any) -> Any:
+        signature = self.fndesc.calltypes[expr]
+        kind, other = signature.args
+        make = _SHORT.get((op, kind)) if kind == other else None
+        if make is None:
+            return super().lower_binop(resty, expr, op)
+        x, y = (self._cast_var(side, kind) for side in (expr.lhs, expr.rhs))
+        return self.context.cast(self.builder, make(self.builder, x, y), signature.return_type, resty)
+
+    def lower_getitem(self, resty: Any, expr: Any, value: Any, index: Any, signature: Any) -> Any:
+        if not self._is_vector(signature):
+            return super().lower_getitem(resty, expr, value, index, signature)
+        found = load_item(self.context, self.builder, signature.args[0], self._element(value, index, signature))
+        return self.context.cast(self.builder, found, signature.return_type, resty)
+
+    def lower_setitem(self, target_var: Any, index_var: Any, value_var: Any, signature: Any) -> Any:
+        if not self._is_vector(signature):
+            return super().lower_setitem(target_var, index_var, value_var, signature)
+        kind = signature.args[0]
+        value = self._cast_var(value_var, kind.dtype)
+        store_item(self.context, self.builder, kind, value, self._element(target_var, index_var, signature))
+
+    def _is_vector(self, signature: Any) -> bool:
+        kind, index = signature.args[:2]
+        return (
+            isinstance(kind, numba.types.Array)
+            and (kind.ndim, kind.layout) == (1, "C")
+            and isinstance(kind.dtype, numba.types.Number)
+            and isinstance(index, numba.types.Integer)
+            and not self.context.enable_boundscheck
+        )
+
+    def _element(self, array: Any, index: Any, signature: Any) -> Any:
+        """Address of an element of a vector; indices count from the end where they are negative."""
+        kind, builder = signature.args[0], self.builder
+        model, whole = self.context.data_model_manager[kind], self.loadvar(array.name)
+        size = builder.extract_value(model.get(builder, whole, "shape"), 0)
+        place = fix_integer_index(
+            self.context, builder, signature.args[1], self._cast_var(index, signature.args[1]), size
+        )
+        return builder.gep(model.get(builder, whole, "data"), [place], inbounds=True)
+
+
+@register_pass(mutates_CFG=True, analysis_only=False)
+class _Lowering(NativeLowering):
+    """Lowering by :class:`_Lower`."""
+
+    _name = "lowering"
+
+    @property
+    def lowering_class(self) -> type:
+        return _Lower
+
+
+class _Flags(Flags):
+    """numba's, compared by what is set: it asks every option of both for its value, some six thousand times."""
+
+    __slots__ = ()
+
+    def __hash__(self) -> int:
+        return len(self._values)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Flags) and self._values == other._values
+
+
 class _Compiler(CompilerBase):
     """numba's compiler without the passes for what no kernel has: closures, ``with``, array expressions, objects."""
 
-    lowering: type = NativeLowering
+    lowering: type = _Lowering
 
     def __init__(self, typing_context: Any, *rest: Any) -> None:
         super().__init__(_Typing(typing_context), *rest)
+        self.state.flags = _Flags(self.state.flags)
 
     def define_pipelines(self) -> list[PassManager]:
         passes = PassManager("kernel")
@@ -171,7 +273,7 @@ class _Draft(JITCodeLibrary):
 
 
 @register_pass(mutates_CFG=True, analysis_only=False)
-class _Drafting(NativeLowering):
+class _Drafting(_Lowering):
     """Lowering to a :class:`_Draft`, without an entry point for Python.
 
     Unpacking a hundred parameters for an entry point that nothing calls would be a sixth of the compile time.
@@ -195,6 +297,16 @@ class _Drafter(_Compiler):
 
 class _Kernel(CPUDispatcher):
     """A kernel as Python calls it; compiled callers take ``inner``."""
+
+    def compile(self, signature: Any) -> Any:
+        """As numba's, without the garbage collector: what it would go through again and again stays in use."""
+        collecting = gc.isenabled()
+        gc.disable()
+        try:
+            return super().compile(signature)
+        finally:
+            if collecting:
+                gc.enable()
 
     @cached_property
     def inner(self) -> CPUDispatcher:

@@ -23,7 +23,7 @@ from typing import Any
 
 import numpy as np
 
-from friction.kernel import COMPILED
+from friction.kernel import COMPILED, short_arithmetic
 
 
 def four(a: Any, b: Any, c: Any, d: Any) -> Any:
@@ -299,6 +299,7 @@ if COMPILED:
     for _point, _name in (("add", "fadd"), ("sub", "fsub"), ("mul", "fmul"), ("truediv", "fdiv")):
         for _prefix in ("", "i"):
             _define(getattr(operator, _prefix + _point), FOUR, (FOUR, FOUR), getattr(ir.IRBuilder, _name))
+    short_arithmetic(FOUR)
     _define(operator.neg, FOUR, (FOUR,), ir.IRBuilder.fneg)
     for _point, _name in (("lt", "<"), ("le", "<="), ("gt", ">"), ("ge", ">="), ("eq", "==")):
         _define(getattr(operator, _point), MASK, (FOUR, FOUR), partial(_compare, _name))

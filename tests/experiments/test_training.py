@@ -76,7 +76,7 @@ def test_a_policy_holds_its_action_between_its_own_steps(tmp_path):
     moved = np.diff(np.array(actions), axis=0) != 0.0
     assert np.flatnonzero(moved[:, 0]).tolist() == [4, 9]
     assert np.flatnonzero(moved[:, 1]).tolist() == [4, 6]
-    with pytest.raises(ValueError, match="decides every 0.05 s; control_dt must be that or a whole part of it"):
+    with pytest.raises(ValueError, match=r"decides every 0\.05 s; control_dt must be that or a whole part of it"):
         policy.Policy(path, gym.make(env_id, control_dt=0.02))
 
 
