@@ -16,7 +16,7 @@ from experiments import findings, plots, validation
 from experiments.evaluation import entries
 from experiments.files import replaced_directory, write_json
 from steer_env import bands, metrics
-from steer_env.metrics import RefusedError, Value
+from steer_env.metrics import RefusedError, Value, frequency_response
 from steer_env.metrics.confidence import difference
 from steer_env.recording import Recording
 
@@ -143,6 +143,7 @@ def render(found: Assessment, recordings: Mapping[str, Recording]) -> str:
     labels = list(recordings)
     limits = [plots.boundaries(pair, (labels[0], labels[1])) for pair in found.pairs]
     drawn = plots.panels(found.curves, metrics.procedure_of(recordings[labels[0]], found.test).plots)
+    responses = plots.responses(recordings, found.test) if found.test in frequency_response.TESTS else []
     return (
         environment()
         .get_template("evaluation.html.j2")
@@ -153,6 +154,7 @@ def render(found: Assessment, recordings: Mapping[str, Recording]) -> str:
             definitions={name: metrics.definition(name) for name in metrics.available(found.test)},
             script=plots.script(),
             figure=plots.draw(drawn) if drawn else "",
+            responses=plots.draw(responses, 300, 3) if responses else "",
             boundaries=plots.draw(limits) if limits else "",
             version=metadata.version("steer-env"),
         )

@@ -85,21 +85,21 @@ def _report(args: argparse.Namespace) -> None:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run a command; the exit code is 0, 2 for a bad value, 130 where it was interrupted."""
+    """Run a command; the exit code is 0, 1 where a recording gives no metric, 2 for a bad value, 130 on interruption."""
     _import(argv)
     args = _parser().parse_args(argv)
     if threading.current_thread() is threading.main_thread():
         # A polite end, as Ctrl-C is: workers stop and nothing half-written stays.
         signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
-        args.function(args)
+        return args.function(args) or 0
     except (ValueError, OSError) as error:
-        print(f"steer-env {args.command}: {error}", file=sys.stderr)
+        named = isinstance(error, OSError) and error.filename is not None
+        print(f"steer-env {args.command}: {f'{error.filename}: {error.strerror}' if named else error}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
         print(f"steer-env {args.command}: interrupted", file=sys.stderr)
         return 130
-    return 0
 
 
 if __name__ == "__main__":

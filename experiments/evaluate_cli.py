@@ -18,7 +18,10 @@ FORMATS = ", ".join(recording_files.FORMATS)
 
 def add(commands: Any, common: argparse.ArgumentParser) -> None:
     """Add the commands to a parser's."""
-    text = "Read the metrics of a recording, measured or simulated; with --compare those of two, and their differences."
+    text = (
+        "Read the metrics of a recording, measured or simulated; with --compare those of two, and their differences. "
+        "The exit code is 1 where a recording gives none."
+    )
     one = commands.add_parser("evaluate", help=text, description=text, parents=[common])
     one.add_argument("file", metavar="FILE", nargs="?", help=FORMATS)
     one.add_argument("--compare", metavar=("A", "B"), nargs=2, help="two recordings; differences are B less A")
@@ -67,7 +70,7 @@ def _given(args: argparse.Namespace) -> dict[str, float]:
     return {name: value for name, value in given.items() if value is not None}
 
 
-def _assess(paths: list[str], args: argparse.Namespace, tolerances: str | None) -> None:
+def _assess(paths: list[str], args: argparse.Namespace, tolerances: str | None) -> int:
     from experiments import assessment, validation  # draws
 
     labels = [Path(path).stem for path in paths]
@@ -94,16 +97,17 @@ def _assess(paths: list[str], args: argparse.Namespace, tolerances: str | None) 
         out = Path(args.out)
         assessment.write(out, found, recordings)
         print(out / "index.html")
+    return int(any(all(value.reason for value in values.values()) for values in found.values.values()))
 
 
-def _evaluate(args: argparse.Namespace) -> None:
+def _evaluate(args: argparse.Namespace) -> int:
     if (args.file is None) == (args.compare is None):
         raise ValueError("give one FILE, or two with --compare A B")
-    _assess([args.file] if args.file else args.compare, args, None)
+    return _assess([args.file] if args.file else args.compare, args, None)
 
 
-def _validate(args: argparse.Namespace) -> None:
-    _assess([args.measured, args.simulated], args, args.tolerances)
+def _validate(args: argparse.Namespace) -> int:
+    return _assess([args.measured, args.simulated], args, args.tolerances)
 
 
 def _print_differences(found: Any, labels: list[str]) -> None:

@@ -10,8 +10,8 @@ from plotly.subplots import make_subplots
 
 from experiments import figures, validation
 from experiments.battery import thinned
-from steer_env.metrics import CHANNELS
-from steer_env.recording import FILE_UNITS
+from steer_env.metrics import CHANNELS, UNITS, RefusedError, frequency_response
+from steer_env.recording import FILE_UNITS, Recording
 
 Array = NDArray[np.float64]
 POINTS = 3000  # of a line, at most
@@ -36,6 +36,7 @@ class Panel(NamedTuple):
     y: str
     lines: list[Line]
     band: tuple[Array, Array] | None = None  # two boundaries (n, 2) [reporting unit]
+    logarithmic: bool = False  # x
 
 
 def script() -> str:
@@ -89,6 +90,41 @@ def boundaries(pair: validation.Pair, labels: tuple[str, str]) -> Panel:
     return Panel(x_title, y_title, lines, (thinned(pair.left, POINTS) / size, thinned(pair.right, POINTS) / size))
 
 
+# Gains of the frequency responses to the handwheel angle, in what their metrics are reported in.
+_GAINS = {"yaw_rate": "1/s", "lateral_acceleration": "g/100 deg", "handwheel_torque": "N m/deg"}
+
+
+def responses(recordings: Mapping[str, Recording], test: str) -> list[Panel]:
+    """Gain, phase and coherence over frequency of each output that some recording carries, with 95 % intervals."""
+    found = []
+    for name, unit in _GAINS.items():
+        curves = {}
+        for label, recording in recordings.items():
+            try:
+                curves[label] = frequency_response.curve(recording, name, test)
+            except RefusedError:
+                continue  # its metrics say why
+        rows = [Panel("frequency [Hz]", y, [], None, True) for y in _response_titles(name, unit)]
+        for (label, c), colour in zip(curves.items(), colours(list(curves))):
+            size = UNITS[unit]
+            phase = np.unwrap(np.angle(c.response))
+            drawn = (
+                (size * np.abs(c.response), size * c.gain_low, size * c.gain_high),
+                tuple(np.degrees(each) for each in (phase, c.phase_low, c.phase_high)),
+                (c.coherence,),
+            )
+            for panel, (middle, *edges) in zip(rows, drawn):
+                panel.lines.append(Line(label, c.frequency, middle, colour))
+                panel.lines.extend(Line(f"{label}, 95 %", c.frequency, edge, colour, "dot") for edge in edges)
+        found += rows if curves else []
+    return found
+
+
+def _response_titles(name: str, unit: str) -> tuple[str, str, str]:
+    shown = name.replace("_", " ")
+    return f"{shown}, gain [{unit}]", "phase [deg]", "squared coherence [1]"
+
+
 def draw(shown: Sequence[Panel], height: int = 380, columns: int = 2) -> str:
     """Panels side by side as HTML; a click on a label hides its lines in all of them."""
     columns = min(columns, len(shown))
@@ -111,7 +147,7 @@ def draw(shown: Sequence[Panel], height: int = 380, columns: int = 2) -> str:
                 showlegend=line.label not in known, **place,
             )  # fmt: skip
             known.add(line.label)
-        figure.update_xaxes(title_text=panel.x, **place)
+        figure.update_xaxes(title_text=panel.x, type="log" if panel.logarithmic else "linear", **place)
         figure.update_yaxes(title_text=panel.y, **place)
     font = {"family": "Helvetica Neue, Helvetica, Arial, Liberation Sans, sans-serif", "size": 12, "color": "#1d2530"}
     figure.update_layout(

@@ -55,7 +55,7 @@ def open_table(path: str | PathLike[str]) -> Table:
                 raise _unreadable(above, 1, "'# key: value'", header.rstrip("\n"))
             meta[key.strip()] = _meta_value(value.strip())
         else:
-            header = ""
+            raise ValueError("no header: expected a line that names the columns, time_s or Time [s] among them")
     separator = next((s for s in (";", "\t") if s in header), ",")
     columns = [column(_bare(cell)) for cell in header.rstrip("\n").split(separator)]
     if len(columns) > 1 and not columns[-1].label:  # a separator at the end of each line

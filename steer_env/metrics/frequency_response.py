@@ -37,6 +37,7 @@ _READ = {
         together=2,
     ),
 }
+TESTS = tuple(_READ)
 for _test, _read in _READ.items():
     procedure(_test, _read, **CONDITIONS)
 

@@ -78,6 +78,7 @@ def test_refusals_are_null_with_a_reason_and_printed(tmp_path, monkeypatch, caps
         assert (entry["value"], entry["ci"]) == (None, [None, None])
         assert f"every metric refused: {entry['reason']}" in printed
         assert "steer" in entry["reason"]  # what to do
+    assert main(["evaluate", str(tmp_path / "weave.csv")]) == 1
 
 
 def test_a_rig_has_the_metrics_that_need_no_car(tmp_path, capsys):

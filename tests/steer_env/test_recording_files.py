@@ -158,7 +158,8 @@ def test_interrupted_write_leaves_the_old_file(weave, tmp_path, monkeypatch, ste
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", r"no time among the columns  \(only one column: .*\): expected time_s or Time \[s\], or a mapping with"),
+        ("", r"no header: expected a line that names the columns, time_s or Time \[s\] among them"),
+        ("# manoeuvre: weave\n", "no header: expected a line that names the columns"),
         (
             "yaw_rate_deg_s,t\n1,0\n2,1\n",
             r"column 't' names no unit; give it in a mapping, \[channels.time\] from = \"t\"",
