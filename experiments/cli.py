@@ -85,7 +85,7 @@ def _report(args: argparse.Namespace) -> None:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run a command; the exit code is 0, 1 where a recording gives no metric, 2 for a bad value, 130 on interruption."""
+    """Run a command; the exit code is 0, 1 where a recording gives no metric, 2 for a bad value, 130 interrupted."""
     _import(argv)
     args = _parser().parse_args(argv)
     if threading.current_thread() is threading.main_thread():

@@ -7,6 +7,7 @@ import pytest
 
 from experiments import assessment, validation
 from experiments.cli import main
+from experiments.synthetic.frequency_response import swept_sine
 from steer_env import bands, manoeuvres, metrics, recording_files
 from steer_env.bands import Band, Light, light
 from steer_env.metrics import Value
@@ -232,3 +233,13 @@ def test_the_difference_of_noisy_recordings_covers_the_truth():
         _, low, high = assessment.difference(rng.normal(2.0, 0.3, 10), rng.normal(3.0, 0.6, 10))
         covered += low <= 1.0 <= high
     assert covered >= 360
+
+
+def test_frequency_responses_are_drawn():
+    made, _ = swept_sine(50.0)
+    page = assessment.render(assessment.assess({"made": made}), {"made": made})
+    assert "Frequency responses to the handwheel angle" in page
+    assert page.count("squared coherence [1]") == 3  # of yaw rate, lateral acceleration and torque
+    kept = ("handwheel_angle", "yaw_rate", "lateral_acceleration", "vehicle_speed")
+    bare = Recording(made.time, {n: made[n] for n in kept}, {n: made.units[n] for n in kept}, made.meta)
+    assert assessment.render(assessment.assess({"bare": bare}), {"bare": bare}).count("squared coherence [1]") == 2
