@@ -94,8 +94,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         return args.function(args) or 0
     except (ValueError, OSError) as error:
-        named = isinstance(error, OSError) and error.filename is not None
-        print(f"steer-env {args.command}: {f'{error.filename}: {error.strerror}' if named else error}", file=sys.stderr)
+        message = f"{error.filename}: {error.strerror}" if isinstance(error, OSError) and error.filename else error
+        print(f"steer-env {args.command}: {message}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
         print(f"steer-env {args.command}: interrupted", file=sys.stderr)

@@ -33,7 +33,7 @@ def collect(
     about = policy.about(path)
     env_id, home = about["env"], Friction(about["friction"])
     baseline, make = next(iter(policy_report.baselines(env_id).items()), ("", None))
-    controllers: dict[str, Any] = {"policy": lambda env: policy.Policy(path, env)}
+    controllers: dict[str, Any] = {"policy": policy.load(path)}
     if make is not None:
         controllers[baseline] = make
     chosen = {law.label: law for law in (home, *laws)}

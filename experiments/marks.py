@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import friction
-from experiments import linear_check, step_time
+from experiments import linear_check, policy, policy_report, step_time
 from experiments.findings import TARGETS, label, on_target
 from experiments.integrators import TWELVE, Case, integrate, relative_error, twelve_cases, twelve_references
 from experiments.oracles import ORACLES
@@ -269,6 +269,40 @@ def _time(what: str, value: float, most: float, unit: str) -> Row:
     return Row(what, f"{measured} {unit}", f"<= {most:g} {unit}", _verdict(value <= most))
 
 
+CASES, CLEAN, BETTER, SHARE = 200, 0.95, 0.2, 0.15
+DRIVER, ASSIST = f"steer_env/DriverDoubleLaneChange-{VERSION}", f"steer_env/AssistWeave-{VERSION}"
+
+
+def policy_rows(cases: int = CASES) -> Iterator[Row]:
+    """Shipped policies on held-out episodes: the driver's beside the preview driver, the assist's beside the table."""
+    driving = _shipped(DRIVER, "preview", cases)
+    clean = driving.values["policy"]["clean_share"].value
+    yield Row("double lane changes without a cone", f"{clean:.1%}", f">= {CLEAN:.0%}", _verdict(clean >= CLEAN))
+    cost, reward = (driving.gaps["preview"][name] for name in ("cost", "reward"))
+    yield Row("cost less the preview driver's", f"{cost.high:.3f} at most", "< 0", _verdict(cost.high < 0.0))
+    yield Row("reward less the preview driver's", f"{reward.low:.2f} at least", "> 0", _verdict(reward.low > 0.0))
+    for name in friction.available():
+        if name == policy.about(policy.shipped(ASSIST))["friction"]:
+            continue
+        feeling = _shipped(ASSIST, "boost", cases, friction=name)
+        less = -feeling.gaps["boost"]["rms_feel_error"].high / feeling.values["boost"]["rms_feel_error"].value
+        limits = feeling.values["policy"]["cost"].value
+        yield Row(
+            f"feel error on {name} below the boost table's",
+            f"{less:.0%} at least, cost {limits:.3g}",
+            f">= {BETTER:.0%}, cost 0",
+            _verdict(less >= BETTER and limits == 0.0),
+        )
+    share = step_time.training_share(ASSIST)
+    yield Row("environment in PPO's wall time, 64 lanes", f"{share:.1%}", f"< {SHARE:.0%}", _verdict(share < SHARE))
+
+
+def _shipped(env_id: str, baseline: str, cases: int, **more: Any) -> policy_report.Evaluation:
+    path = policy.shipped(env_id)
+    controllers = {"policy": policy.load(path), baseline: policy_report.baselines(env_id)[baseline]}
+    return policy_report.evaluate(env_id, controllers, cases, **policy.conditions(policy.about(path)), **more)
+
+
 TRIALS, COVERED = 200, 0.9
 
 
@@ -297,6 +331,7 @@ MARKS: dict[str, Callable[[], Iterator[Row]]] = {
     "feel": feel_rows,
     "linear": linear_rows,
     "time": time_rows,
+    "policies": policy_rows,
     "synthetic": synthetic_rows,
 }
 

@@ -3,7 +3,7 @@
 import json
 import math
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -133,6 +133,11 @@ class Policy:
             self._state = state
             self._fresh &= ~deciding
         return self._action[0].copy() if observation.ndim == 1 else self._action.copy()
+
+
+def load(path: Path) -> Callable[[Any], Policy]:
+    """What makes controllers of a policy."""
+    return lambda env: Policy(path, env)
 
 
 def check_id(env_id: str) -> None:

@@ -89,7 +89,7 @@ def _run(args: argparse.Namespace) -> None:
     with progress("driving", total=None):
         done = drive(args, _manoeuvre(args, args.manoeuvre), out)
     print_metrics(done.values, done.title)
-    print(done.path, done.path.with_suffix(".json"), sep="\n")
+    print(out, out.with_suffix(".json"), sep="\n")
     if args.compare:
         _compare(args, out.parent)
 

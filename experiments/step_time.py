@@ -71,6 +71,33 @@ def first_step(name: str, cache: str, chassis: str = "single_track") -> float:
     return float(subprocess.run(command, env=environment, check=True, capture_output=True, text=True).stdout)
 
 
+def training_share(env_id: str, rollouts: int = 3) -> float:
+    """Part of PPO's wall time at the id's settings, but 64 lanes, that the environment takes. Needs the extra train."""
+    from stable_baselines3.common.vec_env import VecMonitor, VecNormalize
+
+    from experiments.training import new_model, settings
+    from steer_env.sb3 import SteerVecEnv
+
+    spent = 0.0
+
+    class Timed(SteerVecEnv):
+        def step_wait(self) -> Any:
+            nonlocal spent
+            start = time.perf_counter()
+            found = super().step_wait()
+            spent += time.perf_counter() - start
+            return found
+
+    given = settings(env_id, "ppo")
+    lanes = Timed(env_id, 64, **given["environment"])
+    model = new_model("ppo", VecNormalize(VecMonitor(lanes)), given["algorithm"], seed=0)
+    steps = 64 * given["algorithm"]["n_steps"]
+    model.learn(steps)
+    spent, start = 0.0, time.perf_counter()
+    model.learn(rollouts * steps)
+    return spent / (time.perf_counter() - start)
+
+
 @kernel
 def _friction_alone(p, memory, w, steps):
     """LuGre's step equation in a loop, as the column would have it in a weave."""

@@ -77,11 +77,7 @@ def _train(args: argparse.Namespace) -> None:
     with progress("training") as notify:
         run.run(None if args.steps else args.minutes or 15.0, args.steps, notify)
     made = {**policy.conditions({"settings": run.settings}), "friction": args.friction.parameters}
-    _report(args.env, {"policy": _policy(out / "policy.zip")}, args.episodes, out / "report", made, _curves([out]))
-
-
-def _policy(path: Path) -> policy_report.Maker:
-    return lambda env: policy.Policy(path, env)
+    _report(args.env, {"policy": policy.load(out / "policy.zip")}, args.episodes, out / "report", made, _curves([out]))
 
 
 def _curves(runs: list[Path]) -> dict[str, Path]:
@@ -123,7 +119,7 @@ def _evaluate(args: argparse.Namespace) -> None:
                 raise ValueError(f"{path} was trained under other conditions than {runs[0] / 'policy.zip'}")
             made = own
             runs.append(path.parent)
-            controllers["policy" if len(args.file) == 1 else path.parent.name or str(path)] = _policy(path)
+            controllers["policy" if len(args.file) == 1 else path.parent.name or str(path)] = policy.load(path)
         else:
             raise ValueError(f"{name!r} is neither a policy.zip nor a baseline of {args.env}: {', '.join(known)}")
     if len(controllers) < len(args.file):

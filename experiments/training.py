@@ -47,6 +47,23 @@ def settings(env_id: str, algo: str) -> dict[str, Any]:
     return found
 
 
+def new_model(algo: str, env: Any, chosen: dict[str, Any], seed: int, logs: str | None = None) -> Any:
+    """An algorithm of Stable-Baselines3 with the settings of an id."""
+    import torch
+
+    torch.set_num_threads(1)  # networks of this size lose by more
+    own = {"num_envs", "net_arch", "policy_kwargs"}
+    return policy.algorithm(algo)(
+        "MlpLstmPolicy" if algo == "recurrent-ppo" else "MlpPolicy",
+        env,
+        seed=seed,
+        device="cpu",
+        policy_kwargs={"net_arch": chosen["net_arch"], **chosen.get("policy_kwargs", {})},
+        tensorboard_log=logs,
+        **{key: value for key, value in chosen.items() if key not in own},
+    )
+
+
 class _Clock:
     """Ends training by the clock or by steps, writes checkpoints, and keeps the best policy by validation."""
 
@@ -134,7 +151,6 @@ class Training:
 
         Whatever ends it early leaves a checkpoint.
         """
-        import torch
         from stable_baselines3.common.callbacks import BaseCallback
         from stable_baselines3.common.vec_env import VecMonitor, VecNormalize
 
@@ -144,10 +160,10 @@ class Training:
             raise ValueError("give minutes or steps")
         if minutes is not None:
             number("minutes", minutes, minimum=0.0, above=True)
-        torch.set_num_threads(1)  # networks of this size lose by more
-        chosen = dict(self.settings["algorithm"])
-        lanes, gamma = int(chosen.pop("num_envs")), chosen["gamma"]
-        raw = SteerVecEnv(self.env_id, lanes, friction=self.friction.parameters, **self.settings["environment"])
+        chosen = self.settings["algorithm"]
+        raw = SteerVecEnv(
+            self.env_id, chosen["num_envs"], friction=self.friction.parameters, **self.settings["environment"]
+        )
         self._observations = [quantity.name for quantity in raw.vector.lanes.observed]
         kept = self.out / "checkpoint"
         if self._resume:
@@ -157,17 +173,8 @@ class Training:
                 kept / "model.zip", env=self._env, device="cpu", seed=(self.seed + self._trained) % 2**32
             )
         else:
-            self._env = VecNormalize(VecMonitor(raw), gamma=gamma)
-            network = {"net_arch": chosen.pop("net_arch"), **chosen.pop("policy_kwargs", {})}
-            model = policy.algorithm(self.algo)(
-                "MlpLstmPolicy" if self.algo == "recurrent-ppo" else "MlpPolicy",
-                self._env,
-                seed=self.seed,
-                device="cpu",
-                policy_kwargs=network,
-                tensorboard_log=str(self.out / "tensorboard"),
-                **chosen,
-            )
+            self._env = VecNormalize(VecMonitor(raw), gamma=chosen["gamma"])
+            model = new_model(self.algo, self._env, chosen, self.seed, str(self.out / "tensorboard"))
         clock = _Clock(self, minutes, steps, notify)
         length = f"--minutes {minutes:g}" if minutes else f"--steps {steps}"
         self._command = f"steer-env train --env {self.env_id} --algo {self.algo} --seed {self.seed} {length}"
@@ -231,7 +238,7 @@ class Training:
         policy.save(latest, model, self._about(model))
         found = trials.collect(
             self.env_id,
-            lambda env: policy.Policy(latest, env),
+            policy.load(latest),
             VALIDATED,
             trials.VALIDATION,
             friction=self.friction.parameters,
