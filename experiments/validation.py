@@ -5,7 +5,6 @@ of both tolerances of a cross plot, swept along the measured curve, is the band 
 No conformance is claimed.
 """
 
-import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -14,15 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import signal
 
+from friction import toml
 from steer_env import metrics
 from steer_env.metrics import UNITS, Procedure, RefusedError
 from steer_env.metrics.reading import ANGLE
 from steer_env.recording import Recording
-
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib
 
 Array = NDArray[np.float64]
 Curves = dict[str, Array]  # channel, or "time" -> (n,) [SI]
@@ -62,8 +57,8 @@ def tolerances(name: str = "default") -> dict[str, Tolerance]:
     if not path.is_file():
         raise ValueError(f"no tolerances {name!r}; give a .toml file")
     try:
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
-    except tomllib.TOMLDecodeError as error:
+        data = toml.loads(path.read_text(encoding="utf-8"))
+    except toml.TOMLDecodeError as error:
         raise ValueError(f"{path}: {error}") from None
     return {channel: _tolerance(f"{path}, {channel}", entry) for channel, entry in data.get("channels", {}).items()}
 

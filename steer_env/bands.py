@@ -1,18 +1,13 @@
 """Target bands of metrics as data files with their provenance, and what light a value gets."""
 
 import math
-import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from friction import toml
 from steer_env import metrics
 from steer_env.metrics import Value
-
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib
 
 FOLDER = Path(__file__).parent / "data" / "targets"
 COLOURS = ("green", "amber", "red")
@@ -59,8 +54,8 @@ def load(name: str) -> Targets:
     if not path.is_file():
         raise ValueError(f"no targets {name!r}; there are {', '.join(available())}, or give a .toml file")
     try:
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
-    except tomllib.TOMLDecodeError as error:
+        data = toml.loads(path.read_text(encoding="utf-8"))
+    except toml.TOMLDecodeError as error:
         raise ValueError(f"{path}: {error}") from None
     texts = {}
     for key in ("name", "description", "source"):

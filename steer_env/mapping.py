@@ -15,7 +15,6 @@ A mapping is a small TOML file; every key but ``[channels.NAME]`` itself may be 
 ``[channels.time]`` names the time base, where a file calls it otherwise; it takes ``from`` and ``unit`` only.
 """
 
-import sys
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
@@ -23,15 +22,11 @@ from os import PathLike
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from friction import toml
 from friction.check import number
 from steer_env.recording import check_meta
 from steer_env.units import SPELLINGS, understood
 from vehicle import plant, two_track
-
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib
 
 # Channels that have a name of their own -> unit in memory.
 KNOWN = {**dict(plant.CHANNELS), **dict(two_track.CHANNELS), "vehicle_speed": "m/s"}
@@ -74,7 +69,7 @@ def load(path: str | PathLike[str]) -> Mapping:
         A file that cannot be read.
     """
     try:
-        return from_data(tomllib.loads(Path(path).read_text(encoding="utf-8-sig")))
+        return from_data(toml.loads(Path(path).read_text(encoding="utf-8-sig")))
     except UnicodeDecodeError:
         raise ValueError(f"{path}: expected text in UTF-8") from None
     except ValueError as error:

@@ -3,7 +3,6 @@
 import json
 import math
 import re
-import sys
 from collections.abc import Callable, Iterable
 from functools import lru_cache
 from inspect import signature
@@ -11,7 +10,7 @@ from os import PathLike, fspath
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from friction import defaults, resolve
+from friction import defaults, resolve, toml
 from friction import make as make_law
 from friction.check import number
 from friction.kernel import record
@@ -20,11 +19,6 @@ from vehicle.plant import Plant
 from vehicle.single_track import AIR_DENSITY, GRAVITY, SingleTrack
 from vehicle.suspension import MacPherson
 from vehicle.two_track import Body, TwoTrack
-
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib
 
 DATA = Path(__file__).parent / "data"
 
@@ -430,7 +424,7 @@ def _from_file(path: Path) -> Car:
     except UnicodeDecodeError:
         raise ValueError(f"{path}: expected text in UTF-8") from None
     try:
-        data = tomllib.loads(text) if path.suffix == ".toml" else json.loads(text)
+        data = toml.loads(text) if path.suffix == ".toml" else json.loads(text)
     except ValueError as error:  # both parsers tell the line
         raise ValueError(f"{path}: {error}") from None
     try:
