@@ -281,3 +281,19 @@ def loop_width(panels: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> str:
         axes.set_xlabel("friction torque [N m]")
     _legend(figure, grid[0, 0])
     return _svg(figure)
+
+
+@_styled
+def learning(tasks: Mapping[str, tuple[str, Mapping[str, Mapping[str, Array]]]]) -> str:
+    """Learning curves: for each task the title of its figure and the runs: columns reward, figure and steps."""
+    figure = _figure(9.6, 2.4 * len(tasks))
+    grid = figure.subplots(len(tasks), 2, squeeze=False)
+    for (task, (title, runs)), row in zip(tasks.items(), grid):
+        for axes, column, label in zip(row, ("reward", "figure"), ("reward", title)):
+            for k, (name, run) in enumerate(runs.items()):
+                axes.plot(1e-6 * run["steps"], run[column], color=_PALETTE[k], linestyle=_DASHES[k], label=name)
+            axes.set_xlabel("steps of training [millions]")
+            axes.set_ylabel(label)
+        row[0].set_title(task)
+    _legend(figure, grid[0][0])
+    return _svg(figure)

@@ -4,7 +4,6 @@ import json
 import math
 import zipfile
 from collections.abc import Callable, Mapping
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +19,7 @@ Array = NDArray[np.float64]
 ALGORITHMS = ("ppo", "sac", "recurrent-ppo")
 ABOUT = "steer_env.json"  # beside the members of Stable-Baselines3's archive
 SHIPPED = "shipped"  # stands for the file that is shipped with an id
+SHIPPED_IN = Path(experiments.__file__).parent / "data" / "policies"
 
 
 def algorithm(name: str) -> Any:
@@ -62,10 +62,16 @@ def about(path: Path) -> dict[str, Any]:
 def shipped(env_id: str) -> Path:
     """The policy that is shipped with an id; ValueError where there is none."""
     check_id(env_id)
-    path = Path(str(files(experiments) / "data" / "policies" / f"{env_id.removeprefix('steer_env/')}.zip"))
+    path = SHIPPED_IN / env_id.removeprefix("steer_env/") / "policy.zip"
     if not path.is_file():
         raise ValueError(f"no policy is shipped with {env_id}; `steer-env train` makes one")
     return path
+
+
+def learning_curves(path: Path) -> dict[str, Path]:
+    """Files with the learning curves beside a policy: of its own run, or of each seed of a shipped one."""
+    own = path.with_name("learning.csv")
+    return {path.parent.name: own} if own.is_file() else {f.stem: f for f in sorted(path.parent.glob("seed-*.csv"))}
 
 
 def conditions(about: Mapping[str, Any]) -> dict[str, Any]:

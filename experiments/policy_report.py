@@ -4,7 +4,7 @@ import base64
 import csv
 import io
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from functools import partial
 from importlib import metadata
 from pathlib import Path
@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import gymnasium as gym
 import matplotlib.image
 import numpy as np
+from numpy.typing import NDArray
 
 from experiments import plots, provenance, trials
 from experiments.assessment import environment
@@ -23,6 +24,7 @@ from steer_env import assists, drivers, tasks
 CONTENTS = frozenset({"index.html", "evaluation.json"})
 FRAMES = 4  # of the first held-out episode
 
+Array = NDArray[np.float64]
 Maker = Callable[[Any], Controller]
 
 
@@ -122,25 +124,31 @@ def _picture(frame: Any) -> str:
     return "data:image/png;base64," + base64.b64encode(file.getvalue()).decode()
 
 
-def learning_curves(curves: Mapping[str, Path]) -> str:
-    """Means over the validation's seeds over the time of training, of each run, as a plot."""
-    runs = {}
-    for name, path in curves.items():
-        with path.open(encoding="utf-8", newline="") as file:
-            rows = list(csv.DictReader(file))
-        runs[name] = {key: np.array([float(row[key]) for row in rows]) for key in rows[0]}
-    first = next(iter(runs.values()))
-    own = "cones_hit" if "cones_hit" in first else "rms_feel_error" if "rms_feel_error" in first else "cost"
+def read_curve(path: Path) -> dict[str, Array]:
+    """Columns of a learning curve: seconds and steps of training, then figures of the validation's episodes."""
+    with path.open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    return {key: np.array([float(row[key]) for row in rows]) for key in rows[0]}
+
+
+def aim(figures: Collection[str]) -> str:
+    """The figure of a task that its training is for."""
+    return next((name for name in ("cones_hit", "rms_feel_error", "rms_lateral_offset") if name in figures), "cost")
+
+
+def _learning(curves: Mapping[str, Path]) -> str:
+    """Means over the validation's seeds over the steps of training, of each run, as a plot."""
+    runs = {name: read_curve(path) for name, path in curves.items()}
     shown = [
         plots.Panel(
-            "time of training [min]",
-            figure,
+            "steps of training",
+            figure.replace("_", " "),
             [
-                plots.Line(name, run["seconds"] / 60.0, run[figure], colour)
+                plots.Line(name, run["steps"], run[figure], colour)
                 for colour, (name, run) in zip(plots.colours(list(runs)), runs.items())
             ],
         )
-        for figure in ("reward", own)
+        for figure in ("reward", aim(next(iter(runs.values()))))
     ]
     return plots.draw(shown)
 
@@ -160,7 +168,7 @@ def write(out: Path, found: Evaluation, controllers: Mapping[str, Maker], curves
             names=names,
             figures=list(found.values[names[0]]),
             pictures=pictures,
-            curve=learning_curves(curves) if curves else "",
+            curve=_learning(curves) if curves else "",
             script=plots.script() if curves else "",
             version=metadata.version("steer-env"),
             first_seed=trials.HELD_OUT,

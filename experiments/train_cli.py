@@ -1,6 +1,7 @@
 """The commands ``train``, ``evaluate-policy`` and ``friction-shift``."""
 
 import argparse
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -77,17 +78,14 @@ def _train(args: argparse.Namespace) -> None:
     with progress("training") as notify:
         run.run(None if args.steps else args.minutes or 15.0, args.steps, notify)
     made = {**policy.conditions({"settings": run.settings}), "friction": args.friction.parameters}
-    _report(args.env, {"policy": policy.load(out / "policy.zip")}, args.episodes, out / "report", made, _curves([out]))
-
-
-def _curves(runs: list[Path]) -> dict[str, Path]:
-    """Learning curves of the runs of training that have one, by name."""
-    return {run.name: run / "learning.csv" for run in runs if (run / "learning.csv").is_file()}
+    path = out / "policy.zip"
+    controllers = {"policy": policy.load(path)}
+    _report(args.env, controllers, args.episodes, out / "report", made, policy.learning_curves(path))
 
 
 def _report(
     env_id: str,
-    controllers: dict[str, policy_report.Maker],
+    controllers: Mapping[str, policy_report.Maker],
     episodes: int,
     out: Path,
     made: dict[str, Any],
@@ -107,7 +105,7 @@ def _evaluate(args: argparse.Namespace) -> None:
     known = policy_report.baselines(args.env)
     controllers: dict[str, policy_report.Maker] = {}
     made: dict[str, Any] = {}
-    runs: list[Path] = []
+    paths: list[Path] = []
     for name in args.file:
         if name in known:
             controllers[name] = known[name]
@@ -116,9 +114,9 @@ def _evaluate(args: argparse.Namespace) -> None:
             about = policy.about(path)
             own = {**policy.conditions(about), "friction": Friction(about["friction"]).parameters}
             if made and str(own) != str(made):
-                raise ValueError(f"{path} was trained under other conditions than {runs[0] / 'policy.zip'}")
+                raise ValueError(f"{path} was trained under other conditions than {paths[0]}")
             made = own
-            runs.append(path.parent)
+            paths.append(path)
             controllers["policy" if len(args.file) == 1 else path.parent.name or str(path)] = policy.load(path)
         else:
             raise ValueError(f"{name!r} is neither a policy.zip nor a baseline of {args.env}: {', '.join(known)}")
@@ -126,7 +124,8 @@ def _evaluate(args: argparse.Namespace) -> None:
         raise ValueError("policies are told apart by the names of their directories, of which two are alike")
     if args.friction:
         made["friction"] = args.friction.parameters
-    _report(args.env, controllers, args.episodes, Path(args.out), made, _curves(runs))
+    curves = {name: file for path in paths for name, file in policy.learning_curves(path).items()}
+    _report(args.env, controllers, args.episodes, Path(args.out), made, curves)
 
 
 def _shift(args: argparse.Namespace) -> None:

@@ -1,8 +1,12 @@
 """The registered environments: Gymnasium's checks, reproducibility, bad input, documentation."""
 
+import os
 import pickle
 import re
+import subprocess
+import sys
 import warnings
+from pathlib import Path
 
 import gymnasium as gym
 import numpy as np
@@ -10,6 +14,7 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 import friction
+from friction.kernel import COMPILED
 from steer_env import randomise, tasks
 from steer_env.ids import DRIVEN
 from vehicle import plant, two_track
@@ -67,6 +72,27 @@ def test_same_seed_same_run(name):
     assert np.array_equal(run(one, 200), run(two, 200))  # and again after a reset
     # A cycle of the weave looks much the same; its amplitude does not.
     assert not np.array_equal(run(one, 200, seed=4), run(two, 200))
+
+
+RUN = """
+import gymnasium, steer_env, tests.steer_env.test_env as t
+print(*[x.hex() for name in t.PLAIN for x in t.run(gymnasium.make(name, friction="masing"), 5).tolist()])
+"""
+PLAIN = ("steer_env/AssistWeave-v0", "steer_env/DriverDoubleLaneChange-v0")
+
+
+@pytest.mark.skipif(not COMPILED, reason="nothing is compiled")
+def test_plain_python_drives_the_same_to_the_bit():
+    done = subprocess.run(
+        [sys.executable, "-c", RUN],
+        cwd=Path(__file__).parents[2],
+        env=os.environ | {"NUMBA_DISABLE_JIT": "1"},
+        check=True,
+        capture_output=True,
+        text=True,
+    )
+    compiled = [x for name in PLAIN for x in run(gym.make(name, friction="masing"), 5).tolist()]
+    assert [float.fromhex(x) for x in done.stdout.split()] == compiled
 
 
 @pytest.mark.parametrize("name", IDS)
