@@ -4,6 +4,7 @@ import csv
 import json
 import time
 from collections.abc import Callable
+from importlib import metadata
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -213,7 +214,8 @@ class Training:
                 "deviation": np.sqrt(scaling.var + self._env.epsilon).tolist(),
                 "clip": self._env.clip_obs,
             },
-            "versions": provenance.versions(),
+            "versions": {**provenance.versions(), "random_numbers": f"seed {self.seed}"},
+            "trained_with": {name: metadata.version(name) for name in ("stable-baselines3", "torch")},
         }
 
     def checkpoint(self, model: Any, seconds: float) -> None:
