@@ -48,7 +48,10 @@ class SteerEnv(gym.Env):
     Any other keyword is an error. ``reset(options=...)`` fixes what would be drawn: keys of ``RANGES`` and the task's.
     ``info`` holds every plant channel under its name in SI, ``reward_terms``, ``cost`` and ``cost_terms``, and at an
     episode's end ``metrics``. A state that turns non-finite ends the episode with a reward of -100;
-    ``info["non_finite_state"]`` names it. So does a car that rolls over; ``info["rolled_over"]`` is then True.
+    ``info["non_finite_state"]`` names it. So does a car that rolls over or goes more sideways than ahead;
+    ``info["rolled_over"]`` or ``info["spun"]`` is then True. Where a task ends within a control step, reward, cost and
+    metrics count up to there; the observation is that of the step's end. ``reset`` has what was drawn in
+    ``info["conditions"]``.
     """
 
     metadata = {"render_modes": ["rgb_array", "human"], "render_fps": 25}  # noqa: RUF012 (Gymnasium's own form)
@@ -83,7 +86,8 @@ class SteerEnv(gym.Env):
         self.lanes.start(0, self.np_random, options or {})
         if self._renderer is not None:
             self._renderer.start()
-        return self.lanes.observation[0].copy(), self._channels()
+        conditions = self.lanes.conditions[0]._asdict()
+        return self.lanes.observation[0].copy(), {**self._channels(), "conditions": conditions}
 
     def step(self, action: Any) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
         """Hold an action in [-1, 1] (clipped, as a motor or an arm would) for ``control_dt``.
@@ -96,8 +100,8 @@ class SteerEnv(gym.Env):
             Without a ``reset`` before.
         """
         lanes = self.lanes
-        if not isinstance(action, np.ndarray) or action.shape != (1,):
-            raise ValueError(f"action must be an array of shape (1,), got {action!r}")
+        if not isinstance(action, np.ndarray) or action.shape != (1,) or action.dtype.kind not in "fiu":
+            raise ValueError(f"action must be an array of shape (1,) of real numbers, got {action!r}")
         if not -1.0 <= action[0] <= 1.0:
             action = clipped(action)
         if lanes.over[0]:
@@ -150,6 +154,8 @@ def check_keywords(unknown: Iterable[str], known: Iterable[str]) -> None:
 
 def clipped(actions: NDArray[Any]) -> NDArray[Any]:
     """Actions clipped to [-1, 1]; ValueError where one is not finite."""
-    if not np.isfinite(actions).all():
-        raise ValueError(f"action must be a finite number in [-1, 1], got {actions[~np.isfinite(actions)][0]}")
+    bad = np.flatnonzero(~np.isfinite(actions))
+    if bad.size:
+        of_lane = f" of lane {bad[0]}" if actions.size > 1 else ""
+        raise ValueError(f"action{of_lane} must be finite (it is clipped to [-1, 1]), got {actions.ravel()[bad[0]]}")
     return np.clip(actions, -1.0, 1.0)

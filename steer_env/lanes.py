@@ -34,10 +34,12 @@ from vehicle.road import Road
 
 Array = NDArray[np.float64]
 
-FAILURE = -100.0  # reward of a step that ends in a state that is not finite, or upside down: worse than driving on
+FAILURE = -100.0  # reward of a step that ends upside down, spun, or not finite: worse than driving on
 ROLLED_OVER = 1.0  # roll angle from which on no car comes back [rad]
+SLOW = 3.0  # forward speed below which a car that slides sideways has not spun [m/s]
 NOISE_BLOCK = 128  # control steps of noise drawn at once
 
+_LATERAL_SPEED = plant.CHANNEL["lateral_speed"]
 _ROLL = plant.CHANNEL["roll_angle"]
 _POSE = [plant.CHANNEL[name] for name in ("x", "y", "yaw_angle")]
 
@@ -46,6 +48,7 @@ _POSE = [plant.CHANNEL[name] for name in ("x", "y", "yaw_angle")]
 _BOOK = np.dtype(
     [
         ("clock", np.int64),  # samples since the start
+        ("judged", np.int64),  # samples that were judged: those before the end
         ("end", np.int64),  # of the episode [samples]
         ("released", np.int64),  # when the hands let go [samples]; negative: never
         ("points", np.int64),  # of the path
@@ -59,7 +62,7 @@ _BOOK = np.dtype(
         ("cost", np.float64),
         ("ended", np.bool_),
         ("truncated", np.bool_),
-        ("failed", np.bool_),  # a state is not finite, or the car is upside down
+        ("failed", np.bool_),  # a state is not finite, or the car is upside down or goes sideways
     ],
     align=True,
 )
@@ -67,13 +70,14 @@ _BOOK = np.dtype(
 
 @kernel
 def _script(
-    book, actions, dt, begins, state, past, terms, nodes, columns, action_input, scale, rows, robot, inputs, low, high
-):
+    book, actions, dt, begins, state, past, finite, terms, nodes, columns, action_input, scale, rows, robot, inputs,
+    low, high,
+):  # fmt: skip
     """Begin a step of ``dt`` [s], if it ``begins``, and give the inputs of the coming samples.
 
     They are the case's, straight lines between the nodes, and the action. A handwheel angle comes with its speed and is
     a cubic that meets both. Once released, nobody holds the handwheel: ``robot`` is the place of that parameter among
-    the plant's numbers.
+    the plant's numbers. State and inputs of a lane that has failed stay as they led there.
     """
     for i in range(low, high):
         lane = book[i]
@@ -81,10 +85,12 @@ def _script(
             lane.rate = (actions[i] - lane.action) / dt
             lane.action = actions[i]
             lane.ended = False
-            for k in range(state.shape[1]):
-                past[i, k] = state[i, k]
             for k in range(terms.shape[1]):
                 terms[i, k] = 0.0
+        if not finite[i]:
+            continue
+        for k in range(state.shape[1]):
+            past[i, k] = state[i, k]
         free = lane.released >= 0 and lane.clock >= lane.released
         if free:
             rows[i, robot] = 0.0
@@ -110,9 +116,10 @@ def _script(
 
 @kernel
 def _judge(
-    book, rules, kinds, channels, speed, paths, values, memory, situations, terms, split, figures, samples, low, high
-):
-    """Let ``samples`` pass, look at the lanes, and judge those that have not ended.
+    book, rules, kinds, channels, finite, speed, paths, values, memory, situations, terms, split, figures, samples,
+    low, high,
+):  # fmt: skip
+    """Let ``samples`` pass, look at the lanes, and judge those that have not ended and are finite.
 
     ``speed`` is the place of the forward speed among the channels, or -1 where the speed is held. Of the terms, those
     before ``split`` are of the reward, the others of the cost. Figures hold present values and what they add up to.
@@ -126,7 +133,8 @@ def _judge(
         now = Now(lane.clock * SAMPLE_TIME, dt, lane.speed, lane.action, lane.rate)
         known = values[i, : lane.values]
         tasks.look(rules, row, paths[i, : lane.points], known, now, memory[i], situation)
-        if samples > 0 and not lane.ended:
+        if samples > 0 and finite[i] and not lane.ended:
+            lane.judged += samples
             present, whole = figures[i, 0], figures[i, 1]
             lane.ended = tasks.judge(
                 rules, row, situation, known, now, memory[i], terms[i, :split], terms[i, split:], present
@@ -174,7 +182,9 @@ def _conclude(
             else:
                 lane.cost += weighted[i, k]
         lane.truncated = lane.clock + step > lane.end
-        lane.failed = not finite[i] or abs(row[_ROLL]) > ROLLED_OVER or not abs(lane.reward) < math.inf
+        upset = abs(row[_ROLL]) > ROLLED_OVER or abs(row[_LATERAL_SPEED]) > within(lane.speed, SLOW, math.inf)
+        # What came after the task's own end does not count.
+        lane.failed = not lane.ended and (upset or not finite[i] or not abs(lane.reward) < math.inf)
         if lane.failed:
             lane.reward = FAILURE
             lane.ended = True
@@ -222,6 +232,8 @@ class _Pool:
 def _weights(task: Task, given: Mapping[str, float] | None) -> dict[str, float]:
     """Weight of every reward term; ValueError for an unknown one."""
     found = {term.name: term.weight for term in task.rewards}
+    if not isinstance(given, Mapping | None):
+        raise ValueError(f"weights must map reward terms to numbers, got {given!r}")
     for name, value in (given or {}).items():
         if name not in found:
             raise ValueError(f"{task.name} has no reward term {name!r}; there are {', '.join(found)}")
@@ -263,7 +275,8 @@ class Lanes:
             raise ValueError(f"control_dt must be 1, 2 or 5 ms or a multiple of 10 ms, got {control_dt!r} s")
         self._round = min(samples, PER_NODE)
         self._rounds = samples // self._round
-        limits = cars.SPEEDS[chassis]
+        (low, high), (least, most) = cars.SPEEDS[chassis], task.speeds
+        limits = max(low, least), min(high, most)
         given = task.speed if speed is None else speed
         self.speed = number("speed [m/s]", given, minimum=limits[0], maximum=limits[1])
         self.car = cars.load(vehicle)
@@ -315,7 +328,7 @@ class Lanes:
         self._noise_size = np.array([SENSOR_NOISE.get(quantity.name, 0.0) for quantity in self.observed])
         self._noise_blocks: dict[int, Array] = {}
         self._steps = np.zeros(n, np.int64)
-        self._ring = np.zeros((n, 1 + round(self._randomise.longest_delay / dt), o))
+        self._ring = np.zeros((n, 1 + round(LIMITS["delay"][1] / dt), o))
         self.observation = np.zeros((n, o), np.float32)
         self.over = np.ones(n, bool)
         self.conditions: list[Conditions] = [usual] * n
@@ -332,13 +345,13 @@ class Lanes:
         step = self._records, self._actions, self.control_dt
         self._begin_with, self._go_on_with = (*step, True), (*step, False)
         self._scripted = (
-            self.state, self._before, self._terms, self._nodes, self._columns, action.input, action.scale, self._rows,
-            self._robot, self._inputs,
+            self.state, self._before, self._finite, self._terms, self._nodes, self._columns, action.input, action.scale,
+            self._rows, self._robot, self._inputs,
         )  # fmt: skip
         self._advanced = self._template, self._rows, self.state, self._inputs, self.row, self._finite
         self._judged = (
-            self._records, self.task.rules, self._kinds, self.row, self._speed, self._paths, self._values, self._memory,
-            self.situation, self._terms, self._split, self._figures,
+            self._records, self.task.rules, self._kinds, self.row, self._finite, self._speed, self._paths, self._values,
+            self._memory, self.situation, self._terms, self._split, self._figures,
         )  # fmt: skip
         self._concluded = (
             self._records, self._terms, self._weights, self._split, self.weighted, self._finite, self._samples,
@@ -378,7 +391,11 @@ class Lanes:
     def start(self, i: int, rng: np.random.Generator, options: Mapping[str, Any]) -> None:
         """Begin an episode in lane ``i``; ``options`` fix what would be drawn. ValueError for an unknown one."""
         task = self.task
-        for key in options:
+        if not isinstance(options, Mapping):
+            raise ValueError(f"reset options must map names to values, got {options!r}")
+        for key, value in options.items():
+            if isinstance(value, str | bool):
+                raise ValueError(f"reset option {key!r} must be a number, got {value!r}")
             if key not in RANGES and key not in task.options:
                 raise ValueError(
                     f"unknown reset option {key!r}; {task.name} takes: {', '.join([*task.options, *RANGES])}"
@@ -397,7 +414,7 @@ class Lanes:
         lane["points"] = 0 if case.path is None else len(case.path)
         lane["values"] = 0 if case.values is None else len(case.values)
         lane["speed"] = drawn.speed
-        lane["delay"] = min(round(drawn.delay / self.control_dt), self._ring.shape[1] - 1)
+        lane["delay"] = round(drawn.delay / self.control_dt)
         self._memory[i] = self._figures[i] = self._terms[i] = 0.0
         self._finite[i], self.over[i], self._steps[i] = True, False, 0
         self.conditions[i] = drawn
@@ -466,7 +483,7 @@ class Lanes:
 
     def figures(self, i: int) -> dict[str, float]:
         """Figures of the episode in lane ``i`` so far, by name."""
-        time = max(self.book["clock"][i], 1) * SAMPLE_TIME
+        time = max(self.book["judged"][i], 1) * SAMPLE_TIME
         return {
             figure.name: math.sqrt(value / time) if figure.kind == RMS else value
             for figure, value in zip(self.task.figures, self._figures[i, 1].tolist())
@@ -474,9 +491,11 @@ class Lanes:
 
     def failure(self, i: int) -> dict[str, Any]:
         """Why lane ``i`` failed in the last step, for its info; empty if it did not."""
+        if not self.book["failed"][i]:
+            return {}
         if not self._finite[i]:
             return {"non_finite_state": self._first_non_finite(i)}
-        return {"rolled_over": True} if abs(self.row[i, _ROLL]) > ROLLED_OVER else {}
+        return {"rolled_over": True} if abs(self.row[i, _ROLL]) > ROLLED_OVER else {"spun": True}
 
     def _first_non_finite(self, i: int) -> str:
         """Runs are reproducible to the bit: the last step's inputs lead from its start to the same end."""
@@ -487,7 +506,7 @@ class Lanes:
             bad = np.flatnonzero(~np.isfinite(state[0]))
             if bad.size:
                 return plant.state_name(self._template, int(bad[0]))
-        return "one of an earlier round of the step"
+        return "the reward"
 
     @property
     def path(self) -> Array | None:

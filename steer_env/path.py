@@ -85,13 +85,16 @@ def see(path, x, y, yaw, guess, step, out):
     last = path.shape[0] - 1
     i = within(int(guess / SPACING), 0, last)
     along = 0.0
+    back = False
     for _ in range(path.shape[0]):
         c, s = math.cos(path[i, _YAW]), math.sin(path[i, _YAW])
         along = (x - path[i, _X]) * c + (y - path[i, _Y]) * s
-        if along >= SPACING and i < last:
+        # Outside a curve a car may be beyond one point's metre and before the next point: it stands between them.
+        if along >= SPACING and i < last and not back:
             i += 1
         elif along < 0.0 and i > 0:
             i -= 1
+            back = True
         else:
             break
     part = within(along, 0.0, SPACING)

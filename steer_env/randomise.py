@@ -1,6 +1,7 @@
 """Conditions of an episode that are drawn anew at every reset: load, road, friction, speed, sensors."""
 
 from collections.abc import Mapping
+from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -8,6 +9,7 @@ import numpy as np
 import friction
 from friction.check import number
 from friction.law import law_of
+from steer_env.tasks.common import SIGHT
 from vehicle import cars
 
 # Name: smallest and largest value, what it is.
@@ -17,7 +19,7 @@ RANGES = {
     "friction_level": (0.1, 5.0, "factor on the law's saturated friction [1]"),
     "speed": (0.0, cars.SPEED_MAX, "held speed [m/s]"),
     "sensor_noise": (0.0, 10.0, "factor on the sensors' noise, SENSOR_NOISE [1]"),
-    "delay": (0.0, 0.2, "of the observation, in whole control steps [s]"),
+    "delay": (0.0, 0.2, "of the observation, rounded to whole control steps [s]"),
 }
 LIMITS = {name: (low, high) for name, (low, high, _) in RANGES.items()}
 # Standard deviations of white noise at each control step, as good production sensors have; assumed [SI].
@@ -32,6 +34,8 @@ SENSOR_NOISE = {
     "motor_torque": 0.1,
     "lateral_offset": 0.02,
     "heading_error": 0.002,
+    "speed": 0.05,
+    **{quantity.name: 0.05 for quantity in SIGHT[2:]},
 }
 
 
@@ -89,13 +93,8 @@ class Randomise:
         if not isinstance(own, Mapping):
             raise ValueError(f"randomise['friction'] must map the law's parameters to (low, high), got {own!r}")
         self._law = {name: self._pair(f"friction.{name}", pair) for name, pair in own.items()}
-        for end in (0, 1):  # both ends must make a law
-            self._make({name: pair[end] for name, pair in self._law.items()})
-
-    @property
-    def longest_delay(self) -> float:
-        """Longest delay that can be drawn [s]."""
-        return self._ranges.get("delay", (0.0, 0.0))[1]
+        for corner in product(*self._law.values()):  # each must make a law
+            self._make(dict(zip(self._law, corner)))
 
     def _pair(self, name: str, pair: Any) -> tuple[float, float]:
         try:

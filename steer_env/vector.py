@@ -82,7 +82,7 @@ class SteerVectorEnv(VectorEnv):
             if seeds[i] is not None:
                 self._generators[i] = gym.utils.seeding.np_random(seeds[i])[0]
             self.lanes.start(i, self._generators[i], chosen)
-        return self.lanes.observation.copy(), self._channels(mask)
+        return self.lanes.observation.copy(), self._begun(self._channels(mask), mask)
 
     def step(
         self, actions: Any
@@ -97,8 +97,12 @@ class SteerVectorEnv(VectorEnv):
             Without a ``reset`` before, or with a finished lane in DISABLED mode.
         """
         lanes, mode = self.lanes, self.autoreset_mode
-        if not isinstance(actions, np.ndarray) or actions.shape != (self.num_envs, 1):
-            raise ValueError(f"actions must be an array of shape ({self.num_envs}, 1), got {actions!r}")
+        if (
+            not isinstance(actions, np.ndarray)
+            or actions.shape != (self.num_envs, 1)
+            or actions.dtype.kind not in "fiu"
+        ):
+            raise ValueError(f"actions must be an array of shape ({self.num_envs}, 1) of real numbers, got {actions!r}")
         actions = clipped(actions)
         stale = lanes.over.copy()
         if not self._generators or (mode == AutoresetMode.DISABLED and stale.any()):
@@ -110,7 +114,7 @@ class SteerVectorEnv(VectorEnv):
             lanes.start(i, self._generators[i], {})
             rewards[i] = costs[i] = 0.0
             terminated[i] = truncated[i] = False
-        info = self._channels(self._all)
+        info = self._begun(self._channels(self._all), stale)
         info["cost"], info["_cost"] = costs, self._all
         done = terminated | truncated
         if done.any():
@@ -128,7 +132,7 @@ class SteerVectorEnv(VectorEnv):
                     observations[i] = lanes.observation[i].copy()
                     lanes.start(i, self._generators[i], {})
                 info["final_obs"], info["_final_obs"] = observations, done
-                info |= self._channels(self._all)
+                info = self._begun(info | self._channels(self._all), done)
             else:
                 info |= ends
         return lanes.observation.copy(), rewards, terminated, truncated, info
@@ -138,6 +142,12 @@ class SteerVectorEnv(VectorEnv):
         info: dict[str, Any] = dict(zip(self._names, columns))
         for name in self._names:
             info[f"_{name}"] = mask
+        return info
+
+    def _begun(self, info: dict[str, Any], mask: NDArray[np.bool_]) -> dict[str, Any]:
+        """The info with the conditions of the lanes that have just begun."""
+        for i in np.flatnonzero(mask).tolist():
+            self._add_info(info, {"conditions": self.lanes.conditions[i]._asdict()}, i)
         return info
 
     def close_extras(self, **kwargs: Any) -> None:

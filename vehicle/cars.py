@@ -161,7 +161,7 @@ class Car(NamedTuple):
         )
 
     def loaded(self, mass: float) -> "Car":
-        """The car with mass added to its body [kg], spread as the body's own is."""
+        """The car with mass added at its centre of gravity [kg], spread around it as the body's own is."""
         c = self.chassis
         body, whole = (c["sprung_mass"] + mass) / c["sprung_mass"], (c["mass"] + mass) / c["mass"]
         changed = {"mass": c["mass"] + mass, "sprung_mass": c["sprung_mass"] + mass}

@@ -26,7 +26,7 @@ def _hold(eyes, gains, executed, reflex, feed, channels, situations, book, nodes
         if clock % PER_NODE != 0:
             continue
         row = channels[i]
-        late = late_error(memory[i], memory[i, 0] - row[_ANGLE])
+        late = late_error(memory[i], memory[i, 0] - row[_ANGLE], 1)
         angle, speed = intend(eyes, gains[i], executed, situations[i], row[_LATERAL_SPEED], row[_YAW_RATE], memory[i])
         node = within(clock // PER_NODE + 1, 0, nodes.shape[1] - 1)
         nodes[i, node, 0] = feed[i, 0] * angle + feed[i, 1] * speed + reflex * late
@@ -37,7 +37,7 @@ def _act(eyes, gains, executed, reflex, feed, arm, seen, places, memory, out):
     """Hand torque of every lane from its observation, the arms' impedance in it."""
     for i in range(seen.shape[0]):
         angle_now, speed_now = seen[i, places[0]], seen[i, places[1]]
-        late = late_error(memory[i], memory[i, 0] - angle_now)
+        late = late_error(memory[i], memory[i, 0] - angle_now, 0)
         sight = seen[i, places[4] :]
         angle, speed = intend(eyes, gains[i], executed, sight, seen[i, places[2]], seen[i, places[3]], memory[i])
         out[i] = feed[i, 0] * angle + feed[i, 1] * speed + reflex * late - arm[0] * angle_now - arm[1] * speed_now

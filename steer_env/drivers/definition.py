@@ -204,9 +204,9 @@ def intend(parameters, gains, execution, sight, lateral_speed, yaw_rate, memory)
 
 
 @kernel
-def late_error(memory, error):
-    """The error of the angle [rad] that the reflex answers to now; takes in the present one."""
-    late = memory[INTENT]
+def late_error(memory, error, ahead):
+    """The error of the angle [rad] that the reflex answers to ``ahead`` samples from now; takes in the present one."""
+    late = memory[INTENT + ahead]
     for k in range(INTENT, MEMORY - 1):
         memory[k] = memory[k + 1]
     memory[MEMORY - 1] = error

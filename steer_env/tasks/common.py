@@ -4,7 +4,7 @@ import math
 
 from friction.bounds import within
 from friction.kernel import kernel
-from steer_env.tasks.definition import PEAK, RMS, SUM, Figure, Quantity, Term
+from steer_env.tasks.definition import NODE, PEAK, RMS, SUM, Figure, Quantity, Term
 from vehicle.plant import CHANNEL
 
 HAND_TORQUE_LIMIT = 8.0  # beyond it steering is heavy work at speed, assumed [N m]
@@ -23,7 +23,7 @@ FIGURES = (
     Figure("rms_handwheel_speed", "rad/s", RMS, "how busy they are"),
     Figure("steering_work", "J", SUM, "of the hands, either way"),
 )
-MEMORY = 1  # floats at the start of a task's memory: the last lateral acceleration
+MEMORY = 2  # floats at the start of a task's memory: the last node's lateral acceleration, and whether there was one
 
 PREVIEW = tuple(0.1 * k for k in range(1, 16))  # [s]; published preview drivers look 1.0 to 1.5 s ahead
 SIGHT = (
@@ -45,14 +45,15 @@ def judge_common(row, now, memory, costs, figures):
     torque, acceleration = row[_TORQUE], row[_ACCELERATION]
     # A car that stands has no sideslip angle.
     sideslip = abs(row[_LATERAL_SPEED]) / within(now.speed, 1.0, math.inf)
-    jerk = (acceleration - memory[0]) / now.dt
-    memory[0] = acceleration
     if abs(torque) > HAND_TORQUE_LIMIT:
         costs[0] += now.dt
     if sideslip > SIDESLIP_LIMIT:
         costs[1] += now.dt
-    if abs(jerk) > JERK_LIMIT:
-        costs[2] += now.dt
+    nodes = now.time / NODE
+    if abs(nodes - math.floor(nodes + 0.5)) < 0.01:  # between them the channel is extrapolated, with kinks
+        if memory[1] > 0.0 and abs(acceleration - memory[0]) > JERK_LIMIT * NODE:
+            costs[2] += NODE
+        memory[0], memory[1] = acceleration, 1.0
     figures[0] = acceleration
     figures[1] = sideslip
     figures[2] = torque

@@ -6,6 +6,7 @@ selects the kernels at compile time, as with friction laws. Docstrings, spaces a
 declaration. Kernels know nothing of the law or the chassis: they read channels, so they compile once.
 """
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
@@ -144,6 +145,7 @@ class Task:
     begins: str  # how an episode starts, in words
     ends: str  # what ends it
     speed: float  # held, by default [m/s]
+    speeds: tuple[float, float] = (3.0, math.inf)  # that make sense, where the chassis allows them [m/s]
     scripted: tuple[int, ...] = ()  # plant inputs that the case prescribes
     robot: bool = False  # handwheel angle prescribed
     person: bool = False  # a driver model holds the handwheel and follows the path

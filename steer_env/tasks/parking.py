@@ -41,6 +41,7 @@ WANTED = 3.0  # hand torque while turning, in the middle of the 2 to 4 N m of pr
 TURNING = 0.2  # handwheel speed that brings 76 % of it [rad/s]
 
 _ANGLE, _SPEED, _TORQUE = (CHANNEL[name] for name in ("handwheel_angle", "handwheel_speed", "handwheel_torque"))
+_CREEPING = (0.0, 3.0)  # [m/s]
 _TWO_TRACK = ("two_track",)  # only there a car can stand
 
 
@@ -65,10 +66,10 @@ def _targets(rng: np.random.Generator, setting: Setting, options: Mapping[str, f
     end = 0.9 * lock(setting)
     angle, each, last = np.zeros(t.size), DURATION / MOVES, 0.0
     for k in range(MOVES):
-        to = float(rng.uniform(-end, end))
-        least = 1.5 * abs(to - last) / FASTEST  # the smooth rise is half as fast again as its mean
+        most = each * FASTEST / 1.5  # the smooth rise is half as fast again as its mean
+        to = min(max(float(rng.uniform(-end, end)), last - most), last + most)
         rise = float(rng.uniform(0.5, 1.0)) * 0.8 * each
-        angle += ramp_and_hold(t - k * each, to - last, min(max(rise, least), each))[0]
+        angle += ramp_and_hold(t - k * each, to - last, max(rise, abs(to - last) / most * each))[0]
         last = to
     return Case(np.zeros((t.size, 0)), values=angle)
 
@@ -145,6 +146,7 @@ DRIVER = register(
         begins=f"At a standstill, wheels straight; {MOVES} targets are drawn within nine tenths of lock to lock.",
         ends=f"Truncates after {DURATION:g} s.",
         speed=0.0,
+        speeds=_CREEPING,
         chassis=_TWO_TRACK,
         memory=MEMORY,
         scenery=_scenery,
@@ -175,6 +177,7 @@ ASSIST = register(
         begins="At a standstill, wheels straight; a robot turns the handwheel to 60 to 95 % of both locks.",
         ends=f"Truncates after {DURATION:g} s, one cycle.",
         speed=0.0,
+        speeds=_CREEPING,
         scripted=scripted.HANDS,
         robot=True,
         chassis=_TWO_TRACK,

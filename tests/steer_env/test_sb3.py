@@ -93,6 +93,6 @@ def test_what_lanes_cannot_do_is_refused():
         env.env_method("shout")
     with pytest.raises(ValueError, match="share 'control_dt'"):
         env.set_attr("control_dt", 0.02, indices=[0])
-    with pytest.raises(ValueError, match="finite number"):
+    with pytest.raises(ValueError, match="must be finite"):
         env.step(np.array([[np.nan], [0.0]], np.float32))
     env.close()

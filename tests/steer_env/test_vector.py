@@ -42,7 +42,10 @@ def test_equal_to_single_environments_to_the_bit(name, law):
     for i, env in enumerate(single):
         observation, info = env.reset(seed=7 + i)
         assert np.array_equal(observation, observations[i])
+        drawn = info.pop("conditions")
         assert all(infos[key][i] == value for key, value in info.items())
+        assert all(map(np.array_equal, infos["conditions"]["friction"][i], drawn.pop("friction")))
+        assert {key: infos["conditions"][key][i] for key in drawn} == drawn
     rng, over = np.random.default_rng(0), np.zeros(LANES, bool)
     for _ in range(300):
         actions = rng.uniform(-0.4, 0.4, (LANES, 1)).astype(np.float32)
@@ -166,7 +169,7 @@ def test_bad_calls():
     vector.reset(seed=0)
     for actions, message in (
         (np.zeros(2, np.float32), r"shape \(2, 1\)"),
-        (np.array([[0.0], [np.nan]], np.float32), "finite number.*got nan"),
+        (np.array([[0.0], [np.nan]], np.float32), "of lane 1 must be finite.*got nan"),
         ([[0.0], [0.0]], r"shape \(2, 1\)"),
     ):
         with pytest.raises(ValueError, match=message):
