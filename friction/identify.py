@@ -15,6 +15,7 @@ from friction.response import response
 
 BAND = 0.02  # of the range of x [1]: a smaller swing is noise to the search for reversals, though it drives the law
 FLAT = 0.02  # rise over the last quarter of a saturated branch, of its whole rise [1]
+DETOUR = 0.02  # way beyond that of the branches [1]; noise adds about as much to the saturated torque of a bristle
 LEAST = 20  # samples to weigh
 RANGE = np.log(1e4)  # of a parameter about its start
 
@@ -65,13 +66,17 @@ def fit(x: ArrayLike, torque: ArrayLike, law: str = "lugre", *, dt: float) -> Fi
     turns = _turns(path)
     swing = np.ptp(np.percentile(T, (1, 99)))  # width of the plateau, without outliers
     rises = [math.copysign(1.0, path[b] - path[a]) * (T[a : b + 1] - T[a]) for a, b in pairwise(turns)]
-    if sum(map(np.mean, rises)) <= 0.0:
-        raise ValueError("torque must rise as x rises, as friction resists; got the opposite: pass -torque")
+    mean_rise = np.mean(np.concatenate(rises))
+    if mean_rise <= 0.0:
+        raise ValueError(
+            f"torque must rise as x rises, as friction resists, got {mean_rise:g} N m on the mean after a reversal: "
+            "if its sign is swapped, pass -torque"
+        )
     ways = [np.abs(path[a : b + 1] - path[a]) for a, b in pairwise(turns)]
     saturated = [_saturates(way, rise, 0.25 * swing) for way, rise in zip(ways, rises)]
 
-    start = turns[1 + (saturated[:-1].index(True) if any(saturated[:-1]) else 0)]
-    weighed = np.arange(T.size) >= start
+    branch = 1 + (saturated[:-1].index(True) if any(saturated[:-1]) else 0)  # the first to be weighed
+    weighed = np.arange(T.size) >= turns[branch]
     remembers = law_of(default).memory_size(default) > 0
     if not remembers:  # such a law does not say what it does at rest
         weighed &= np.diff(path, prepend=path[0]) != 0.0
@@ -91,11 +96,14 @@ def fit(x: ArrayLike, torque: ArrayLike, law: str = "lugre", *, dt: float) -> Fi
     kept = [f"{name} = {value:g}" for name, value in kept if np.ndim(value) == 0]
     if kept:
         warnings.append(f"a quasi-static record does not determine {', '.join(kept)}: kept at the default")
-    if "F_c" in intervals and not any(saturated):
-        warnings.append("the torque never saturates: F_c is a lower bound; record wider loops")
+    if "F_c" in intervals and not any(saturated[branch:]):
+        warnings.append("the weighed torque never saturates, so F_c is a lower bound: record wider loops")
         intervals["F_c"] = intervals["F_c"][0], math.inf
-    if remembers and not any(saturated[:-1]):
+    if remembers and not saturated[branch - 1]:
         warnings.append("no reversal from saturation: the memory at the start is taken as none, which biases the rest")
+    detour = np.sum(np.abs(np.diff(path))) / sum(way[-1] for way in ways) - 1.0
+    if detour > DETOUR:
+        warnings.append(f"x runs {detour:.1%} further than from reversal to reversal: filter x, its noise raises F_c")
     residual = (response(parameters, path, step) + offset - T)[weighed]
     return Fit(law, parameters, intervals, offset, math.sqrt(np.mean(residual**2)), tuple(warnings))
 
@@ -122,15 +130,15 @@ def _turns(x: NDArray) -> list[int]:
 def _saturates(way: NDArray, rise: NDArray, least: float) -> bool:
     """Whether the torque of a branch has risen by ``least`` and is flat over the last quarter of its way."""
     last = way >= 0.75 * way[-1]
-    u = way[last] - np.mean(way[last])
-    end = np.mean(rise[last])
-    return bool(end >= least and abs(u @ rise[last] / (u @ u)) * 0.25 * way[-1] <= FLAT * end)
+    u, end = way[last] - np.mean(way[last]), np.mean(rise[last])
+    return bool(end >= least and abs(u @ rise[last]) * 0.25 * way[-1] < FLAT * end * (u @ u))
 
 
 def _stiffness(ways: list[NDArray], rises: list[NDArray], quarter: float) -> float:
-    """Chord of a branch over the first quarter of the swing [N m/rad], median of the branches that rise so far."""
-    reached = [(rise[i], way[i]) for way, rise in zip(ways[1:], rises[1:]) if rise[i := np.argmax(rise >= quarter)] > 0]
-    return float(np.median([rise / way for rise, way in reached]))
+    """Chord after a reversal up to a quarter of the swing [N m/rad], median of the branches that rise so far."""
+    ends = [np.argmax(rise >= quarter) for rise in rises[1:]]
+    chords = [rise[i] / way[i] for way, rise, i in zip(ways[1:], rises[1:], ends) if way[i] > 0.0]
+    return float(np.median(chords)) if chords else 4.0 * quarter / max(map(np.max, ways))
 
 
 def _least_squares(
@@ -145,7 +153,8 @@ def _least_squares(
         return (response(made(q), x, dt) + q[-1] - T)[weighed]
 
     q = np.append(np.log(list(first.values())), np.median(T))
-    bounds = q - [*[RANGE] * len(first), math.inf], q + [*[RANGE] * len(first), math.inf]
+    reach = np.append(np.full(len(first), RANGE), math.inf)
+    bounds = q - reach, q + reach
     scale = 0.1 * np.ptp(T)  # where the loss turns from square to linear: far out, then three standard deviations
     for _ in range(2):
         found = least_squares(residuals, q, bounds=bounds, loss="soft_l1", f_scale=scale, xtol=1e-10, ftol=1e-12)
