@@ -19,7 +19,7 @@ DETOUR = 0.02  # way beyond that of the branches [1]; noise adds about as much t
 LEAST = 20  # samples to weigh
 RANGE = np.log(1e4)  # of a parameter about its start
 
-Bound = float | NDArray[np.float64]
+Bound = float | NDArray[np.float64]  # an array for a curve
 
 
 class Fit(NamedTuple):
@@ -92,8 +92,8 @@ def fit(x: ArrayLike, torque: ArrayLike, law: str = "lugre", *, dt: float) -> Fi
         parameters, offset, intervals = _least_squares(law, first, path, T, step, weighed)
 
     warnings = []
-    kept = [(name, value) for name, value in parameters._asdict().items() if name not in intervals]
-    kept = [f"{name} = {value:g}" for name, value in kept if np.ndim(value) == 0]
+    others = {name: value for name, value in parameters._asdict().items() if name not in intervals}
+    kept = [f"{name} = {value:g}" for name, value in others.items() if np.ndim(value) == 0]
     if kept:
         warnings.append(f"a quasi-static record does not determine {', '.join(kept)}: kept at the default")
     if "F_c" in intervals and not any(saturated[branch:]):

@@ -226,7 +226,7 @@ def fit_elements(x: NDArray, T: NDArray, dt: float, weighed: NDArray) -> tuple[M
     used = np.flatnonzero(F[:-2])
     y, F = y[used], F[used]
     shares = np.minimum(y[:, None] / y, 1.0)  # of each element's torque in the virgin torque at each yield
-    half = half_widths(A[:, [*used, -1]], residual, np.column_stack([shares, np.zeros(y.size)]))
+    half = half_widths(A[:, np.append(used, -1)], residual, np.column_stack([shares, np.zeros(y.size)]))
     low, high = np.maximum(shares @ F - half, 0.0), shares @ F + half
     return _elements(F / y, y, 0.0), offset, {"F_c": (low[-1], high[-1]), "virgin_torque": (low, high)}
 
