@@ -219,7 +219,7 @@ def fit_elements(x: NDArray, T: NDArray, dt: float, weighed: NDArray) -> tuple[M
     y = np.geomspace(1e-3 * widest, widest, MAX_ELEMENTS)
     ones = np.ones(np.count_nonzero(weighed))
     A = np.column_stack([*(response(_elements(1.0 / each, each, 0.0), x, dt)[weighed] for each in y), ones, -ones])
-    R = np.linalg.qr(np.column_stack([A, T[weighed]]), mode="r")  # the same squares in as many rows as columns
+    _, R = np.linalg.qr(np.column_stack([A, T[weighed]]))  # the same squares in as many rows as columns
     F, _ = nnls(R[:, :-1], R[:, -1])
     residual = A @ F - T[weighed]
     offset = F[-2] - F[-1]
