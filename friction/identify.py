@@ -50,6 +50,12 @@ def fit(x: ArrayLike, torque: ArrayLike, law: str = "lugre", *, dt: float) -> Fi
     dt : float
         Time between samples [s].
 
+    Returns
+    -------
+    Fit
+        Intervals cover noise of the torque, not a law that does not fit. That of ``F_c`` is open above where the
+        weighed torque never saturates; Masing's are those of ``F_c`` and of the ``virgin_torque`` at its yields.
+
     Raises
     ------
     ValueError
@@ -144,7 +150,7 @@ def _stiffness(ways: list[NDArray], rises: list[NDArray], quarter: float) -> flo
 def _least_squares(
     law: str, first: dict[str, float], x: NDArray, T: NDArray, dt: float, weighed: NDArray
 ) -> tuple[Any, float, dict[str, tuple[Bound, Bound]]]:
-    """Parameters, offset and intervals by robust least squares on the parameters' logarithms."""
+    """Parameters, offset and intervals by robust least squares on the parameters' logarithms, started at ``first``."""
 
     def made(q: NDArray) -> Any:
         return make(law, **dict(zip(first, np.exp(q[:-1]).tolist())))
@@ -155,11 +161,11 @@ def _least_squares(
     q = np.append(np.log(list(first.values())), np.median(T))
     reach = np.append(np.full(len(first), RANGE), math.inf)
     bounds = q - reach, q + reach
-    scale = 0.1 * np.ptp(T)  # where the loss turns from square to linear: far out, then three standard deviations
+    scale = 0.1 * np.ptp(T)  # where the loss turns from square to linear: first far out
     for _ in range(2):
         found = least_squares(residuals, q, bounds=bounds, loss="soft_l1", f_scale=scale, xtol=1e-10, ftol=1e-12)
         q = found.x
-        scale = max(3.0 * 1.4826 * np.median(np.abs(found.fun)), 1e-6 * np.ptp(T))
+        scale = max(3.0 * 1.4826 * np.median(np.abs(found.fun)), 1e-6 * np.ptp(T))  # then at three deviations
     half = half_widths(found.jac, found.fun, np.eye(q.size))
     with np.errstate(over="ignore"):
         low, high = np.exp(q - half), np.exp(q + half)
