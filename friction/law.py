@@ -24,6 +24,7 @@ class Law(NamedTuple):
     parameters: type
     make: Callable[..., Any]
     memory_size: Callable[[Any], int]
+    fitted: tuple[str, ...] | Callable
     advance: Callable
     torque: Callable
     rate: Callable
@@ -48,6 +49,7 @@ def register(
     stored_energy: Callable,
     mean_torque: Callable | None = None,
     solve: Callable | None = None,
+    fitted: tuple[str, ...] | Callable = (),
 ) -> None:
     """Make a law known under a name; one call at the end of the law's file.
 
@@ -74,6 +76,10 @@ def register(
     solve : ``(p, level, memory, S, R, h, guess) -> float``, optional
         The speed ``w`` that solves ``S w + mean_torque(w) = R``. Without it, a safeguarded Newton
         iteration on ``mean_torque`` does.
+    fitted : tuple of str, or ``(x, torque, dt, weighed) -> (parameters, offset, intervals)``, optional
+        For ``friction.fit``: the positive parameters that a quasi-static record determines; ``F_c`` is the saturated
+        torque, ``sigma_0`` half the stiffness after a saturated reversal. Or a way of the law's own, from the record
+        and the samples that count, ``(T,)`` bool, to what ``friction.identify.Fit`` holds.
 
     Raises
     ------
@@ -85,9 +91,10 @@ def register(
         raise ValueError(f"friction law {name!r} is already registered by {known.parameters.__module__}")
     if mean_torque is None and solve is None:
         raise ValueError(f"friction law {name!r} needs mean_torque or solve")
-    law = Law(name, parameters, make, memory_size, advance, torque, rate, stored_energy, mean_torque, solve or _newton)
+    kernels = (advance, torque, rate, stored_energy, mean_torque, solve or _newton)
+    law = Law(name, parameters, make, memory_size, fitted, *kernels)
     _by_name[name] = _by_class[parameters] = law
-    include_sources(*(function for function in law[4:] if function is not None))
+    include_sources(*(function for function in kernels if function is not None))
 
 
 def available() -> tuple[str, ...]:

@@ -60,4 +60,5 @@ register(
     rate=rate,
     stored_energy=stored_energy,
     solve=solve,
+    fitted=("F_c",),
 )

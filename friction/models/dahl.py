@@ -68,4 +68,5 @@ register(
     rate=rate,
     stored_energy=stored_energy,
     mean_torque=mean_torque,
+    fitted=("sigma_0", "F_c"),
 )

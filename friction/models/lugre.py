@@ -124,4 +124,5 @@ register(
     rate=rate,
     stored_energy=stored_energy,
     mean_torque=mean_torque,
+    fitted=("sigma_0", "F_c"),
 )

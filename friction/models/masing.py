@@ -15,12 +15,15 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.optimize import nnls
 
 from friction import defaults
 from friction.bounds import within
 from friction.check import not_negative, number, numbers, positive
+from friction.confidence import half_widths
 from friction.kernel import kernel
 from friction.law import register
+from friction.response import response
 
 MAX_ELEMENTS = 32
 
@@ -202,6 +205,32 @@ def stored_energy(p, memory):
     return E
 
 
+def fit_elements(x: NDArray, T: NDArray, dt: float, weighed: NDArray) -> tuple[Masing, float, dict[str, tuple]]:
+    """Elements by non-negative least squares on a fixed grid of yields: no initial guess, no local minimum.
+
+    The grid ends where an element only just yields, at half the widest swing of the weighed samples: a stiffer part
+    is a spring to the record, and counts with the torque that it has reached. Intervals: ``F_c``, and ``virgin_torque``
+    at each yield, as neighbouring elements trade stiffness freely and only their sum is determined.
+
+    Source: Rizos, Fassois, Chaos 14 (2004) 431-445 (Maxwell slip as a regression); Lawson, Hanson, Solving Least
+    Squares Problems, 1974.
+    """
+    widest = 0.5 * np.ptp(x[weighed])
+    y = np.geomspace(1e-3 * widest, widest, MAX_ELEMENTS)
+    ones = np.ones(np.count_nonzero(weighed))
+    A = np.column_stack([*(response(_elements(1.0 / each, each, 0.0), x, dt)[weighed] for each in y), ones, -ones])
+    _, R = np.linalg.qr(np.column_stack([A, T[weighed]]))  # the same squares in as many rows as columns
+    F, _ = nnls(R[:, :-1], R[:, -1])
+    residual = A @ F - T[weighed]
+    offset = F[-2] - F[-1]
+    used = np.flatnonzero(F[:-2])
+    y, F = y[used], F[used]
+    shares = np.minimum(y[:, None] / y, 1.0)  # of each element's torque in the virgin torque at each yield
+    half = half_widths(A[:, np.append(used, -1)], residual, np.column_stack([shares, np.zeros(y.size)]))
+    low, high = np.maximum(shares @ F - half, 0.0), shares @ F + half
+    return _elements(F / y, y, 0.0), offset, {"F_c": (low[-1], high[-1]), "virgin_torque": (low, high)}
+
+
 register(
     "masing",
     Masing,
@@ -212,4 +241,5 @@ register(
     rate=rate,
     stored_energy=stored_energy,
     solve=solve,
+    fitted=fit_elements,
 )

@@ -54,4 +54,5 @@ register(
     rate=rate,
     stored_energy=stored_energy,
     solve=solve,
+    fitted=("sigma_2",),
 )

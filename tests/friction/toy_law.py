@@ -69,4 +69,5 @@ register(
     rate=rate,
     stored_energy=stored_energy,
     mean_torque=mean_torque,
+    fitted=("k", "F_c"),
 )
