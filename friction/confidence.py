@@ -2,7 +2,6 @@
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import stdtrit
 
 
 def half_widths(J: NDArray, residual: NDArray, rows: NDArray) -> NDArray[np.float64]:
@@ -27,6 +26,8 @@ def half_widths(J: NDArray, residual: NDArray, rows: NDArray) -> NDArray[np.floa
 
     Source: Bayley, Hammersley, J. R. Statistical Society Suppl. 8 (1946) 184-197.
     """
+    from scipy.special import stdtrit  # here, for it takes longer to import than all laws
+
     n, m = J.shape
     power = np.abs(np.fft.rfft(residual, 2 * n)) ** 2  # of twice the length: the end does not meet the start
     r = np.fft.irfft(power)[:n]

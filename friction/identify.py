@@ -6,7 +6,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import least_squares
 
 from friction.check import numbers, positive
 from friction.confidence import half_widths
@@ -151,6 +150,7 @@ def _least_squares(
     law: str, first: dict[str, float], x: NDArray, T: NDArray, dt: float, weighed: NDArray
 ) -> tuple[Any, float, dict[str, tuple[Bound, Bound]]]:
     """Parameters, offset and intervals by robust least squares on the parameters' logarithms, started at ``first``."""
+    from scipy.optimize import least_squares  # here, for it takes longer to import than all laws
 
     def made(q: NDArray) -> Any:
         return make(law, **dict(zip(first, np.exp(q[:-1]).tolist())))

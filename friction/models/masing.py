@@ -15,7 +15,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import nnls
 
 from friction import defaults
 from friction.bounds import within
@@ -215,6 +214,8 @@ def fit_elements(x: NDArray, T: NDArray, dt: float, weighed: NDArray) -> tuple[M
     Source: Rizos, Fassois, Chaos 14 (2004) 431-445 (Maxwell slip as a regression); Lawson, Hanson, Solving Least
     Squares Problems, 1974.
     """
+    from scipy.optimize import nnls  # here, for it takes longer to import than all laws
+
     widest = 0.5 * np.ptp(x[weighed])
     y = np.geomspace(1e-3 * widest, widest, MAX_ELEMENTS)
     ones = np.ones(np.count_nonzero(weighed))
