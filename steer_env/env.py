@@ -86,8 +86,7 @@ class SteerEnv(gym.Env):
         self.lanes.start(0, self.np_random, options or {})
         if self._renderer is not None:
             self._renderer.start()
-        conditions = self.lanes.conditions[0]._asdict()
-        return self.lanes.observation[0].copy(), {**self._channels(), "conditions": conditions}
+        return self.lanes.observation[0].copy(), {**self._channels(), "conditions": self.lanes.drawn(0)}
 
     def step(self, action: Any) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
         """Hold an action in [-1, 1] (clipped, as a motor or an arm would) for ``control_dt``.

@@ -12,6 +12,7 @@ import math
 import os
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from copy import deepcopy
 from itertools import pairwise
 from typing import Any
 
@@ -480,6 +481,10 @@ class Lanes:
             self._judge(*self._judged, self._round, low, high)
             step = self._go_on_with
         self._conclude(*self._concluded, low, high)
+
+    def drawn(self, i: int) -> dict[str, Any]:
+        """Conditions of the episode in lane ``i``, for its info, which shares nothing."""
+        return deepcopy(self.conditions[i]._asdict())
 
     def figures(self, i: int) -> dict[str, float]:
         """Figures of the episode in lane ``i`` so far, by name."""

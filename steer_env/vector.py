@@ -147,7 +147,7 @@ class SteerVectorEnv(VectorEnv):
     def _begun(self, info: dict[str, Any], mask: NDArray[np.bool_]) -> dict[str, Any]:
         """The info with the conditions of the lanes that have just begun."""
         for i in np.flatnonzero(mask).tolist():
-            self._add_info(info, {"conditions": self.lanes.conditions[i]._asdict()}, i)
+            self._add_info(info, {"conditions": self.lanes.drawn(i)}, i)
         return info
 
     def close_extras(self, **kwargs: Any) -> None:

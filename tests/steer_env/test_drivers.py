@@ -8,7 +8,7 @@ import friction
 import steer_env  # noqa: F401 (registers the ids)
 from steer_env import drivers
 from steer_env.drivers import lq
-from steer_env.drivers.definition import INTENT, MEMORY, command, execution, gains_of, intend
+from steer_env.drivers.definition import INTENT, MEMORY, REFLEX, command, execution, gains_of, intend, late_error
 from steer_env.tasks.common import PREVIEW, SIGHT
 from vehicle import cars, linear
 
@@ -171,6 +171,14 @@ def test_a_command_takes_its_time():
     assert max(intended[:12]) == 0.0
     assert 0.99 < intended[-1] < 1.01
     assert max(intended) < 1.1
+
+
+@pytest.mark.parametrize("ahead", [0, 1])
+def test_a_reflex_answers_to_an_error_50_ms_old(ahead):
+    """A controller acts at once, a person a node ahead."""
+    memory = np.zeros(MEMORY + 1)
+    answers = [late_error(memory, 1.0 if k == 3 else 0.0, ahead) for k in range(12)]
+    assert np.flatnonzero(answers).tolist() == [3 + REFLEX - ahead]
 
 
 @pytest.mark.parametrize(

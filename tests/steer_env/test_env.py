@@ -17,7 +17,8 @@ import friction
 from friction.kernel import COMPILED
 from steer_env import randomise, tasks
 from steer_env.ids import DRIVEN
-from vehicle import plant, two_track
+from steer_env.tasks import parking
+from vehicle import cars, plant, two_track
 from vehicle import tyre as tyres
 
 IDS = tuple(DRIVEN)
@@ -138,6 +139,46 @@ def test_a_car_that_rolls_over_ends_the_episode():
     assert (reward, terminated, info["rolled_over"]) == (-100.0, True, True)
 
 
+def test_a_car_that_spins_ends_the_episode():
+    """Hands off at 60 m/s, the default car does."""
+    env = gym.make("steer_env/AssistRelease-v0", speed=60.0)
+    env.reset(seed=0)
+    ended = False
+    while not ended:
+        _, reward, ended, truncated, info = env.step(0 * ACTION)
+        assert not truncated
+    assert (reward, info["spun"]) == (-100.0, True)
+    assert all(np.isfinite(value) for value in info["metrics"].values())
+
+
+def test_metrics_end_with_the_episode_whatever_the_control_step():
+    """A hand torque of 5 N m until the car leaves its lane."""
+    found = []
+    for control_dt in (0.01, 0.05, 0.1):
+        env = gym.make("steer_env/DriverLaneKeeping-v0", control_dt=control_dt)
+        env.reset(seed=2)
+        ended = False
+        while not ended:
+            *_, ended, _, info = env.step(np.array([0.5], np.float32))
+        found.append(info["metrics"])
+    assert found[0]["rms_hand_torque"] == pytest.approx(5.0, rel=1e-3)
+    assert found[1] == pytest.approx(found[0], rel=1e-3)
+    assert found[2] == pytest.approx(found[0], rel=1e-3)
+
+
+def test_short_control_steps_find_no_jerk_of_their_own():
+    for control_dt, steps in ((0.001, 3000), (0.002, 1500), (0.01, 300)):
+        env = gym.make("steer_env/DriverLaneKeeping-v0", control_dt=control_dt)
+        env.reset(seed=3)
+        assert sum(env.step(0 * ACTION)[4]["cost_terms"]["comfort"] for _ in range(steps)) == 0.0
+
+
+def test_parking_targets_keep_to_their_fastest():
+    for seed in range(100):
+        case = parking.DRIVER.start(np.random.default_rng(seed), tasks.definition.Setting(cars.load(), 0.0), {})
+        assert np.abs(np.diff(case.values)).max() <= parking.FASTEST * tasks.definition.NODE * (1.0 + 1e-9)
+
+
 def test_own_car_and_tyre(tmp_path):
     """A file each, as a user brings them; the two-track chassis publishes all that the single track does, and more."""
     car = 'base = "compact"\n[chassis]\nmass = 1400.0\nsprung_mass = 1268.6\n'
@@ -192,6 +233,8 @@ def test_reset_options_fix_the_case():
         ({"chassis": "hovercraft"}, r"chassis must be one of single_track, two_track, got 'hovercraft'"),
         ({"driver": "nobody"}, r"driver"),
         ({"weights": {"feell": 1.0}}, r"no reward term 'feell'; there are"),
+        ({"weights": [1.0]}, r"weights must map reward terms to numbers, got \[1\.0\]"),
+        ({"randomise": {"friction": {"F_c": (1, 2), "F_s": (1, 2)}}}, r"(F_s|sigma_2) must be at least"),
         ({"randomise": {"wind": (0, 1)}}, r"randomise has no 'wind'; it takes: load, .*, friction"),
         (
             {"randomise": {"load": (200, 100)}},
@@ -317,6 +360,9 @@ def test_noise_has_its_size_and_a_delay_its_age():
     for _ in range(1500):
         seen.append(env.step(0 * ACTION)[0])
         true.append(clean.step(0 * ACTION)[0])
+    clean.reset(seed=0, options={"amplitude": 0.2, "delay": 0.05})  # an option needs no range to be drawn from
+    late = [clean.step(0 * ACTION)[0] for _ in range(100)]
+    assert np.array_equal(late[5:], true[:95])
     errors = np.array(seen)[5:] - np.array(true)[:-5]
     for k, quantity in enumerate(env.lanes.observed):
         assert errors[:, k].std() == pytest.approx(randomise.SENSOR_NOISE.get(quantity.name, 0.0), rel=0.08, abs=1e-6)

@@ -43,6 +43,17 @@ def test_offset_and_heading_on_a_circle(s, offset):
     assert out[2:] == pytest.approx(left, abs=2e-3 + 0.02 * abs(offset) * 0.4)
 
 
+def test_outside_a_curve_there_is_one_nearest_point():
+    """There a car is beyond one point's metre before it comes to the next point."""
+    P, R, out = path.from_curvature(np.full(700, 0.01)), 100.0, np.zeros(4)
+    for s in np.linspace(300.0, 310.0, 1001):
+        for offset in (-4.0, -1.0, -0.1, 1.0):
+            a, r = s / R, R - offset
+            place = path.see(P, r * np.sin(a), R - r * np.cos(a), a, s - 0.2, 2.0, out)
+            assert place == pytest.approx(s, abs=0.1)
+            assert out[:2] == pytest.approx((offset, 0.0), abs=1e-3)
+
+
 def test_mirror_image():
     rng = np.random.default_rng(1)
     points = path.winding(rng, 300.0, 0.005)
