@@ -227,6 +227,7 @@ def write(out: Path, found: Evaluation, controllers: Mapping[str, Maker], curves
             figures=list(found.values[names[0]]),
             pictures=pictures,
             conditions=conditions(found.about),
+            others="the baselines" if set(names[1:]) <= baselines(found.env_id).keys() else "the others",
             shade=shade,
             curve=_learning(curves, found.units) if curves else "",
             script=plots.script() if curves else "",

@@ -47,13 +47,16 @@ def _light(light: Light | None) -> str:
 def print_estimates(values: Mapping[str, Mapping[str, Estimate]], units: Mapping[str, str], title: str) -> None:
     """Print figures, a column for each label, whose headings fold; their intervals are in the reports."""
     table = Table(title=title, title_justify="left", box=None, pad_edge=False, padding=(0, 1, 0, 0))
-    table.add_column("figure", no_wrap=True)
+    table.add_column("figure", overflow="fold")
     for label in values:
-        table.add_column(label.replace("_", " "), justify="right", overflow="fold")
+        heading = label.replace("_", " ")
+        # The figure's name wraps rather than a word of these.
+        least = min(max(len(word) for word in heading.split()), 12)
+        table.add_column(heading, justify="right", overflow="fold", min_width=least)
     table.add_column("unit", no_wrap=True)
     for name in next(iter(values.values())):
         cells = (found[name] for found in values.values())
-        table.add_row(name, *(f"{e.value:.3g}" for e in cells), units[name])
+        table.add_row(name.replace("_", " "), *(f"{e.value:.3g}" for e in cells), units[name])
     Console().print(table)
 
 

@@ -257,7 +257,9 @@ def test_evaluation_writes_its_report(trained, tmp_path, capsys):
     assert '"name":"policy"' in page  # of the learning curve
     assert page.count("<img src=") == 8
     assert "<h2>Learning</h2>" in page
-    assert "rms_feel_error" in capsys.readouterr().out
+    printed = capsys.readouterr().out
+    for name in ("rms feel error", "damping", "compensation"):
+        assert name in printed
     assert main(["evaluate-policy", "boost", "--env", WEAVE, "--episodes", "2", "--out", str(tmp_path / "boost")]) == 0
 
 
