@@ -1,4 +1,4 @@
-"""Friction shift: a policy that was trained on one law, on every other law, beside a baseline without training."""
+"""Friction shift: a policy that was trained on one law, on every other law, beside the baselines without training."""
 
 from collections.abc import Callable, Sequence
 from importlib import metadata
@@ -22,20 +22,18 @@ class Shift(NamedTuple):
     episodes: int
     values: dict[str, dict[str, dict[str, Estimate]]]  # law -> controller -> figure
     lost: dict[str, Estimate]  # law -> the policy's reward less its reward on the law of the training, seed by seed
-    gained: dict[str, Estimate]  # law -> the policy's reward less the baseline's
+    gained: dict[str, dict[str, Estimate]]  # law -> baseline -> the policy's reward less the baseline's
     units: dict[str, str]
+    conditions: dict[str, str]  # besides the law, in words
 
 
 def collect(
     path: Path, laws: Sequence[Friction], episodes: int, notify: Callable[[float, str], None] = lambda *_: None
 ) -> Shift:
-    """Drive the policy and the first baseline on the law of the training and on others."""
+    """Drive the policy and every baseline of its id on the law of the training and on others."""
     about = policy.about(path)
-    env_id, home = about["env"], Friction(about["friction"])
-    baseline, make = next(iter(policy_report.baselines(env_id).items()), ("", None))
-    controllers: dict[str, Any] = {"policy": policy.load(path)}
-    if make is not None:
-        controllers[baseline] = make
+    env_id, home = about["env"], policy.law(about["friction"], path)
+    controllers: dict[str, Any] = {"policy": policy.load(path), **policy_report.baselines(env_id)}
     chosen = {law.label: law for law in (home, *laws)}
     found: dict[str, policy_report.Evaluation] = {}
     for k, (label, law) in enumerate(chosen.items()):
@@ -49,8 +47,9 @@ def collect(
         episodes,
         {label: each.values for label, each in found.items()},
         {label: trials.mean(each.found["policy"].reward - own) for label, each in found.items()},
-        {label: each.gaps[baseline]["reward"] for label, each in found.items() if baseline},
+        {label: {name: gaps["reward"] for name, gaps in each.gaps.items()} for label, each in found.items()},
         found[home.label].units,
+        policy_report.conditions(policy.conditions(about)),
     )
 
 
@@ -68,7 +67,7 @@ def as_json(found: Shift) -> dict[str, Any]:
                     for name, values in controllers.items()
                 },
                 "lost": policy_report.entry(found.lost[law], ""),
-                **({"gained": policy_report.entry(found.gained[law], "")} if law in found.gained else {}),
+                "gained": {name: policy_report.entry(e, "") for name, e in found.gained[law].items()},
             }
             for law, controllers in found.values.items()
         },
@@ -81,7 +80,14 @@ def write(out: Path, found: Shift) -> None:
     page = (
         environment()
         .get_template("shift.html.j2")
-        .render(f=found, version=metadata.version("steer-env"), first_seed=trials.HELD_OUT)
+        .render(
+            f=found,
+            names=list(found.values[found.trained]),
+            conditions=found.conditions,
+            shade=policy_report.shade,
+            version=metadata.version("steer-env"),
+            first_seed=trials.HELD_OUT,
+        )
     )
     with replaced_directory(out, CONTENTS) as part:
         (part / "index.html").write_text(page, encoding="utf-8")

@@ -4,14 +4,22 @@ python -m experiments.glossary
 """
 
 import inspect
+import re
 from collections.abc import Callable
 from pathlib import Path
 
 import gymnasium as gym
 from gymnasium.envs.registration import load_env_creator
 
-from steer_env import REGISTERED, manoeuvres, metrics
+from steer_env import REGISTERED, manoeuvres, metrics, tasks
 from steer_env.env import SteerEnv
+from steer_env.ids import DRIVEN, table
+from steer_env.randomise import RANGES, SENSOR_NOISE
+from steer_env.tasks.definition import CHANNELS
+from steer_env.tuning import scenarios
+from steer_env.tuning.env import KNOWN, TuneEnv
+from steer_env.vector import SteerVectorEnv
+from vehicle import cars
 
 DOCS = Path(__file__).parents[1] / "docs"
 _METRICS = """# Tests and metrics
@@ -24,8 +32,21 @@ ranges are for passenger cars, engineering judgement.
 _ENVIRONMENTS = """# Environments
 
 Written by `python -m experiments.glossary` from the tasks in `steer_env/tasks/`. `import steer_env` registers the ids;
-`gymnasium.make(id)` makes one, `gymnasium.make_vec(id, num_envs=N)` many in one. Every id takes the arguments that are
-listed at the end.
+`gymnasium.make(id)` makes one, `gymnasium.make_vec(id, num_envs=N)` many in one. At the end stand the sensors' noise
+and the arguments: those of the ids that are driven, those of the two that tune (a step is a set of assist parameters
+with its tests), and those of many environments in one.
+"""
+_SENSORS = """
+## Sensor noise
+
+Standard deviation of the white noise on each observation at every control step with `sensor_noise` at 1, as good
+production sensors have; assumed. What is not listed has none.
+"""
+_VECTOR = """
+## Many environments in one
+
+`gymnasium.make_vec("steer_env/AssistWeave-v0", num_envs=64, threads=2, autoreset_mode="SameStep")` runs 64 lanes in two
+threads and begins a finished lane anew at once. The ids that tune have no vector environment of their own.
 """
 
 
@@ -52,12 +73,54 @@ def _documentation(name: str) -> str:
     return (load_env_creator(entry_point).__doc__ or "").strip()
 
 
+def _options(name: str) -> str:
+    """The reset options of an id with their ranges; on the chassis that is its default."""
+    if name in DRIVEN:
+        task = tasks.task(_short(name))
+        known = {**task.options, **RANGES, "speed": (*cars.SPEEDS[task.chassis[0]], RANGES["speed"][2])}
+    else:
+        scenario = next(s for s in (scenarios.ON_CENTRE, scenarios.ALL_ROUND) if s.name == _short(name))
+        known = {key: RANGES[key] for key in KNOWN} | {"speed": (*scenarios.SPEEDS, RANGES["speed"][2])}
+        known["road_friction"] = (scenario.slipperiest, *RANGES["road_friction"][1:])
+    rows = [(f"`{key}`", f"{low:g} to {high:g}", meaning) for key, (low, high, meaning) in known.items()]
+    return table(("option", "range", "meaning"), rows)
+
+
+def _short(name: str) -> str:
+    """Name of the task or scenario of an id."""
+    return name.removeprefix("steer_env/").rpartition("-")[0]
+
+
+def _folded(text: str) -> str:
+    """The rows of the places of a path, which are alike, as one."""
+    rows = re.findall(r"^\| (\d+) \| path ([\d.]+)s: ([^|]*) \|(.*)\n", text, re.MULTILINE)
+    if not rows:
+        return text
+    (first, one, meaning, rest), (_, two, _, _), (last, end, _, _) = rows[0], rows[1], rows[-1]
+    found = f"| {first}-{last} | path at {one}, {two} ... {end} s: {meaning.replace(f'{one} s ', '')} |{rest}\n"
+    whole = re.compile(r"(^\| \d+ \| path [\d.]+s: .*\n)+", re.MULTILINE)
+    return whole.sub(lambda _: found, text, count=1)
+
+
+def _section(name: str) -> str:
+    """Documentation of an id: its docstring with the ranges of the options, the path's rows folded."""
+    text = _folded(_documentation(name))
+    options = re.compile(r"(?<=fixes what would be drawn:\n\n)(\|.*\n)+")
+    return options.sub(lambda _: _options(name) + "\n", text, count=1).replace("\n## ", "\n### ")
+
+
 def environments_page() -> str:
     """Every id with its tables as Markdown."""
     sections = [_ENVIRONMENTS, *(f"- [`{name}`](#{_anchor(name)})" for name in REGISTERED)]
     for name in REGISTERED:
-        sections.append(f"\n## `{name}`\n\n" + _documentation(name).replace("\n## ", "\n### "))
-    sections.append(f"\n## Arguments\n\n```text\n{inspect.getdoc(SteerEnv)}\n```")
+        sections.append(f"\n## `{name}`\n\n" + _section(name))
+    units = {name: quantity.unit for name, quantity in CHANNELS.items()}
+    units |= {q.name: q.unit for task in tasks.available() for q in tasks.task(task).situation}
+    noise = [(name.replace("_", " "), f"{deviation:g}", units[name]) for name, deviation in SENSOR_NOISE.items()]
+    sections += [_SENSORS, table(("observation", "deviation", "unit"), noise)]
+    for title, made in (("that are driven", SteerEnv), ("that tune", TuneEnv)):
+        sections.append(f"\n## Arguments of the ids {title}\n\n```text\n{inspect.getdoc(made)}\n```")
+    sections += [_VECTOR, f"```text\n{inspect.getdoc(SteerVectorEnv)}\n```"]
     return "\n".join(sections) + "\n"
 
 

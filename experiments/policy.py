@@ -1,7 +1,9 @@
 """Trained policies: a file of Stable-Baselines3 that also holds how to scale the observation, and who made it."""
 
+import argparse
 import json
 import math
+import os
 import zipfile
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -11,8 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 import experiments
+from experiments.options import Friction
 from friction.check import number
-from steer_env import REGISTERED
+from steer_env import REGISTERED, tasks
+from steer_env.ids import DRIVEN
 
 Array = NDArray[np.float64]
 
@@ -51,6 +55,8 @@ def about(path: Path) -> dict[str, Any]:
     try:
         with zipfile.ZipFile(path) as archive:
             return json.loads(archive.read(ABOUT))
+    except FileNotFoundError:
+        raise ValueError(f"no file {path}") from None
     except (OSError, zipfile.BadZipFile) as error:
         raise ValueError(f"{path} is no policy: {error}") from None
     except KeyError:
@@ -68,10 +74,11 @@ def shipped(env_id: str) -> Path:
     return path
 
 
-def learning_curves(path: Path) -> dict[str, Path]:
-    """Files with the learning curves beside a policy: of its own run, or of each seed of a shipped one."""
+def learning_curves(path: Path, name: str = "policy") -> dict[str, Path]:
+    """Files with the learning curves beside a policy of this name: of its own run, or of each seed of a shipped one."""
     own = path.with_name("learning.csv")
-    return {path.parent.name: own} if own.is_file() else {f.stem: f for f in sorted(path.parent.glob("seed-*.csv"))}
+    seeds = sorted(path.parent.glob("seed-*.csv"))
+    return {name: own} if own.is_file() else {f"{name}, {f.stem.replace('-', ' ')}": f for f in seeds}
 
 
 def conditions(about: Mapping[str, Any]) -> dict[str, Any]:
@@ -99,9 +106,13 @@ class Policy:
 
     def __init__(self, path: Path, env: Any) -> None:
         self.about = about(path)
-        names = [quantity.name for quantity in env.unwrapped.lanes.observed]
-        if names != self.about["observations"]:
-            raise ValueError(f"{path} was trained for {self.about['env']}, whose observations {env.unwrapped} has not")
+        spec = env.unwrapped.spec
+        check_observations(
+            path,
+            self.about,
+            spec.id if spec else type(env.unwrapped).__name__,
+            [quantity.name for quantity in env.unwrapped.lanes.observed],
+        )
         own, step = self.about["settings"]["environment"]["control_dt"], env.unwrapped.lanes.control_dt
         self._hold = round(own / step)
         if not math.isclose(self._hold * step, own):
@@ -150,3 +161,58 @@ def check_id(env_id: str) -> None:
     """ValueError for an id that is not registered."""
     if env_id not in REGISTERED:
         raise ValueError(f"unknown environment {env_id!r}; there are {', '.join(REGISTERED)}")
+
+
+def check_driven(env_id: str) -> str:
+    """Name of the task of an id that policies drive; ValueError for an unknown id, or one whose steps are tests."""
+    check_id(env_id)
+    if env_id not in DRIVEN:
+        raise ValueError(
+            f"each step of {env_id} is a set of assist parameters with its tests, which no policy here is for; "
+            f"there are {', '.join(DRIVEN)}"
+        )
+    return env_id.removeprefix("steer_env/").rpartition("-")[0]
+
+
+def check_observations(path: Path, about: Mapping[str, Any], env_id: str, names: list[str] | None = None) -> None:
+    """ValueError where a policy does not know an environment's observations (``names``, or those of the id)."""
+    if names is None:
+        names = [quantity.name for quantity in tasks.task(check_driven(env_id)).observed]
+    if names != about["observations"]:
+        raise ValueError(
+            f"{path} was trained for {about['env']}, evaluated on {env_id}, whose observations are others: "
+            f"give {about['env']}"
+        )
+
+
+def law(label: str, path: Path) -> Friction:
+    """The friction law that a file or a run names; ValueError for one that is not known here."""
+    try:
+        return Friction(label)
+    except argparse.ArgumentTypeError as error:
+        raise ValueError(
+            f"{path} was trained on friction {label}: {error}; --import names the module of a law of your own"
+        ) from None
+
+
+def usable(out: Path, contents: frozenset[str] | None = None) -> None:
+    """ValueError for a directory that could not be written, so that it is known before the work and not after.
+
+    ``contents`` are the names that :func:`experiments.files.replaced_directory` will replace; None leaves what the
+    directory holds to the caller.
+    """
+    out = out.resolve()
+    if out.exists():
+        if not out.is_dir():
+            raise ValueError(f"{out} is a file: give a directory")
+        others = sorted(entry.name for entry in out.iterdir() if contents is not None and entry.name not in contents)
+        if others:
+            raise ValueError(
+                f"{out} holds other files ({others[0]}): give a new directory, which is replaced as a whole"
+            )
+    place = out if out.exists() and contents is None else out.parent
+    there = next(folder for folder in (place, *place.parents) if folder.exists())
+    if not there.is_dir():
+        raise ValueError(f"{out} cannot be made, for {there} is a file: give another directory")
+    if not os.access(there, os.W_OK | os.X_OK):
+        raise ValueError(f"{out} cannot be written, for {there} is closed to you: give another directory")

@@ -4,6 +4,7 @@ import base64
 import csv
 import io
 import math
+import re
 from collections.abc import Callable, Collection, Mapping
 from functools import partial
 from importlib import metadata
@@ -15,14 +16,29 @@ import matplotlib.image
 import numpy as np
 from numpy.typing import NDArray
 
+import friction
 from experiments import plots, provenance, trials
 from experiments.assessment import environment
 from experiments.files import replaced_directory, write_json
+from experiments.findings import label, plain
 from experiments.trials import Controller, Estimate, Trials
+from friction.law import law_of
 from steer_env import assists, drivers, tasks
+from steer_env.randomise import RANGES
 
 CONTENTS = frozenset({"index.html", "evaluation.json"})
 FRAMES = 4  # of the first held-out episode
+
+# Of these figures more (1) or less (-1) is better; the others only tell how.
+SENSES = {
+    "reward": 1.0,
+    "cost": -1.0,
+    "cones_hit": -1.0,
+    "rms_feel_error": -1.0,
+    "rms_lateral_offset": -1.0,
+    "peak_lateral_offset": -1.0,
+}
+ROUNDING = 1e-9  # of a figure: a difference below it is none
 
 Array = NDArray[np.float64]
 Maker = Callable[[Any], Controller]
@@ -74,6 +90,48 @@ def evaluate(
         {name: trials.differences(found[first], trial) for name, trial in found.items() if name != first},
         units,
     )
+
+
+def conditions(made: Mapping[str, Any]) -> dict[str, str]:
+    """How an environment was made, in words with units: name of the condition -> its value."""
+    words = {}
+    for key, value in made.items():
+        if key == "friction":
+            words["friction"] = _law(value)
+        elif key == "randomise":
+            for name, pair in value.items():
+                if name == "friction":
+                    words |= {f"friction's {own}": _range(ends) for own, ends in pair.items()}
+                else:
+                    unit = re.search(r"\[([^\]]+)\]$", RANGES[name][2])
+                    words[name.replace("_", " ")] = _range(pair, unit[1] if unit and unit[1] != "1" else "")
+        else:
+            words[key.replace("_", " ")] = plain(value)
+    return words
+
+
+def _range(pair: Any, unit: str = "") -> str:
+    low, high = pair
+    return f"{low:g} to {high:g} {unit}".rstrip()
+
+
+def _law(law: Any) -> str:
+    """Name of a law with the parameters that are not its defaults."""
+    if isinstance(law, str):
+        return law
+    name = law_of(law).name
+    usual = friction.make(name)._asdict()
+    own = {key: value for key, value in law._asdict().items() if str(value) != str(usual[key])}
+    return ", ".join([name, *(f"{key} {plain(x) if np.ndim(x) == 0 else 'of its own'}" for key, x in own.items())])
+
+
+def shade(figure: str, gap: Estimate, *compared: Estimate) -> str:
+    """How a difference between ``compared`` is shown: "better", "worse", "differs" or, if it may be none, ""."""
+    if not (gap.low > 0.0 or gap.high < 0.0) or abs(gap.value) <= ROUNDING * max(
+        1.0, *(abs(e.value) for e in compared)
+    ):
+        return ""
+    return {1.0: "better", -1.0: "worse"}.get(math.copysign(1.0, gap.value) * SENSES.get(figure, 0.0), "differs")
 
 
 def entry(e: Estimate, unit: str) -> dict[str, Any]:
@@ -136,15 +194,15 @@ def aim(figures: Collection[str]) -> str:
     return next((name for name in ("cones_hit", "rms_feel_error", "rms_lateral_offset") if name in figures), "cost")
 
 
-def _learning(curves: Mapping[str, Path]) -> str:
+def _learning(curves: Mapping[str, Path], units: Mapping[str, str]) -> str:
     """Means over the validation's seeds over the steps of training, of each run, as a plot."""
     runs = {name: read_curve(path) for name, path in curves.items()}
     shown = [
         plots.Panel(
             "steps of training",
-            figure.replace("_", " "),
+            label(figure) + (f" [{units[figure]}]" if units.get(figure, "1") not in ("", "1") else ""),
             [
-                plots.Line(name, run["steps"], run[figure], colour)
+                plots.Line(name.replace("_", " "), run["steps"], run[figure], colour)
                 for colour, (name, run) in zip(plots.colours(list(runs)), runs.items())
             ],
         )
@@ -168,7 +226,10 @@ def write(out: Path, found: Evaluation, controllers: Mapping[str, Maker], curves
             names=names,
             figures=list(found.values[names[0]]),
             pictures=pictures,
-            curve=_learning(curves) if curves else "",
+            conditions=conditions(found.about),
+            others="the baselines" if set(names[1:]) <= baselines(found.env_id).keys() else "the others",
+            shade=shade,
+            curve=_learning(curves, found.units) if curves else "",
             script=plots.script() if curves else "",
             version=metadata.version("steer-env"),
             first_seed=trials.HELD_OUT,

@@ -65,6 +65,21 @@ def new_model(algo: str, env: Any, chosen: dict[str, Any], seed: int, logs: str 
     )
 
 
+def _checkpoint(out: Path) -> dict[str, Any]:
+    """What a run says of itself at its checkpoint, with its ``settings``; ValueError where it says too little."""
+    kept, chosen = out / "checkpoint" / "state.json", out / "settings.json"
+    if not kept.is_file():
+        raise ValueError(f"{out} holds no checkpoint to resume")
+    state = json.loads(kept.read_text(encoding="utf-8"))
+    for key in ("env", "algo", "seed", "friction", "seconds", "steps", "best"):
+        if key not in state:
+            raise ValueError(f"{kept} does not say its {key}, as older versions did not: train anew")
+    if not chosen.is_file():
+        raise ValueError(f"{out} holds a checkpoint but no settings.json, without which it cannot be resumed")
+    read = json.loads(chosen.read_text(encoding="utf-8"))
+    return {**state, "settings": {key: read[key] for key in ("environment", "algorithm")}}
+
+
 class _Clock:
     """Ends training by the clock or by steps, writes checkpoints, and keeps the best policy by validation."""
 
@@ -104,43 +119,58 @@ class Training:
     Parameters
     ----------
     env_id : str
-    algo : {"ppo", "sac", "recurrent-ppo"}
+    algo : {"ppo", "sac", "recurrent-ppo"}, optional
+        The checkpoint's, or else "ppo".
     out : Path
         Receives ``policy.zip`` (the best by validation), ``learning.csv``, ``settings.json``, ``checkpoint/`` and
         ``tensorboard/``.
-    seed : int
+    seed : int, optional
+        The checkpoint's, or else 0.
     resume : bool
-        Go on from ``out``'s checkpoint.
-    friction : Friction
-        Law to train on.
+        Go on from ``out``'s checkpoint, with its settings.
+    friction : Friction, optional
+        Law to train on; the checkpoint's, or else LuGre.
 
     Raises
     ------
     ValueError
-        A directory that holds another run and is not resumed, or none to resume.
+        A directory that holds another run and is not resumed, or none to resume; or something else to train than
+        what the checkpoint is of.
     """
 
     def __init__(
-        self, env_id: str, algo: str, out: Path, *, seed: int = 0, resume: bool = False, friction: Friction
+        self,
+        env_id: str,
+        algo: str | None,
+        out: Path,
+        *,
+        seed: int | None = None,
+        resume: bool = False,
+        friction: Friction | None = None,
     ) -> None:
-        self.settings = settings(env_id, algo)
-        self.env_id, self.algo, self.out, self.seed, self.friction = env_id, algo, out, seed, friction
+        policy.check_driven(env_id)
+        state: dict[str, Any] = {"algo": "ppo", "seed": 0, "friction": "lugre"}
         self.seconds, self.best, self.validated = 0.0, -np.inf, -1  # the last in steps
-        self._resume = resume
-        kept = out / "checkpoint" / "state.json"
-        if resume and not kept.is_file():
-            raise ValueError(f"{out} holds no checkpoint to resume")
+        self._resume, self._trained = resume, 0
         if resume:
-            state = json.loads(kept.read_text(encoding="utf-8"))
-            for key, value in (("env", env_id), ("algo", algo)):
-                if state[key] != value:
-                    raise ValueError(f"the checkpoint in {out} is of {key} {state[key]}, not {value}")
-            self.seed, self.seconds, self.best = state["seed"], state["seconds"], state["best"]
-            self._trained = state["steps"]
-        elif out.exists() and any(out.iterdir()):
-            raise ValueError(f"{out} is not empty: give a new directory, or resume the run in it")
-        out.mkdir(parents=True, exist_ok=True)
-        write_json(out / "settings.json", {"env": env_id, "algo": algo, "seed": self.seed, **self.settings})
+            state = _checkpoint(out)
+            asked = {"env": env_id, "algo": algo, "seed": seed, "friction": friction and friction.label}
+            for key, value in asked.items():
+                if value is not None and state[key] != value:
+                    raise ValueError(
+                        f"the checkpoint in {out} is of {key} {state[key]}, not {value}: resume with "
+                        f"--{key} {state[key]}, or train in another directory"
+                    )
+            self.seconds, self.best, self._trained = state["seconds"], state["best"], state["steps"]
+        else:
+            policy.usable(out)
+            if out.exists() and any(out.iterdir()):
+                raise ValueError(f"{out} is not empty: give a new directory, or resume the run in it")
+        self.env_id, self.out = env_id, out
+        self.algo: str = algo or state["algo"]
+        self.seed: int = state["seed"] if seed is None else seed
+        self.friction = friction or policy.law(state["friction"], out)
+        self.settings: dict[str, Any] = state["settings"] if resume else settings(env_id, self.algo)
 
     def run(
         self,
@@ -148,9 +178,23 @@ class Training:
         steps: int | None = None,
         notify: Callable[[float, str], None] = lambda *_: None,
     ) -> None:
-        """Train for a time, or for a number of steps, which another machine repeats.
+        """Train for a time, or for a number of steps, which another machine repeats; all sessions count together.
 
         Whatever ends it early leaves a checkpoint.
+
+        Parameters
+        ----------
+        minutes : float, optional
+            Wall time of training, evaluations left out [min].
+        steps : int, optional
+            Of all lanes together, at least 1.
+        notify : callable
+            Receives the part that is done and what to show.
+
+        Raises
+        ------
+        ValueError
+            Both or none of the lengths, one out of its range, or one that the checkpoint has used up.
         """
         from stable_baselines3.common.callbacks import BaseCallback
         from stable_baselines3.common.vec_env import VecMonitor, VecNormalize
@@ -161,6 +205,12 @@ class Training:
             raise ValueError("give minutes or steps")
         if minutes is not None:
             number("minutes", minutes, minimum=0.0, above=True)
+            if self._resume and self.seconds >= 60.0 * minutes:
+                raise ValueError(
+                    f"already trained for {self.seconds / 60.0:.2g} min: give more minutes than {minutes:g}"
+                )
+        elif number("steps", steps, minimum=1.0) <= self._trained:
+            raise ValueError(f"already trained for {self._trained} steps: give more steps than {steps}")
         chosen = self.settings["algorithm"]
         raw = SteerVecEnv(
             self.env_id, chosen["num_envs"], friction=self.friction.parameters, **self.settings["environment"]
@@ -176,6 +226,10 @@ class Training:
         else:
             self._env = VecNormalize(VecMonitor(raw), gamma=chosen["gamma"])
             model = new_model(self.algo, self._env, chosen, self.seed, str(self.out / "tensorboard"))
+        # Not before: what fails until here leaves nothing behind.
+        self.out.mkdir(parents=True, exist_ok=True)
+        if not self._resume:
+            write_json(self.out / "settings.json", {**self._identity, **self.settings})
         clock = _Clock(self, minutes, steps, notify)
         length = f"--minutes {minutes:g}" if minutes else f"--steps {steps}"
         self._command = f"steer-env train --env {self.env_id} --algo {self.algo} --seed {self.seed} {length}"
@@ -193,10 +247,16 @@ class Training:
         try:
             model.learn(10**12, callback=Callback(), reset_num_timesteps=not self._resume, tb_log_name=self.algo)
         finally:
-            self.checkpoint(model, clock.elapsed)
+            seconds = clock.elapsed
+            self.checkpoint(model, seconds)
             raw.close()
         if self.validated != model.num_timesteps:
-            self.validate(model, clock.elapsed)
+            self.validate(model, seconds)
+            self.checkpoint(model, seconds)  # again, for the best may be another now
+
+    @property
+    def _identity(self) -> dict[str, Any]:
+        return {"env": self.env_id, "algo": self.algo, "seed": self.seed, "friction": self.friction.label}
 
     def _about(self, model: Any) -> dict[str, Any]:
         scaling: Any = self._env.obs_rms
@@ -225,9 +285,7 @@ class Training:
         model.save(folder / "model.zip")
         self._env.save(str(folder / "scaling.pkl"))
         state = {
-            "env": self.env_id,
-            "algo": self.algo,
-            "seed": self.seed,
+            **self._identity,
             "steps": model.num_timesteps,
             "seconds": seconds,
             "best": self.best if np.isfinite(self.best) else -1e300,

@@ -90,6 +90,14 @@ def test_resume_goes_on(trained, tmp_path):
     with (out / "learning.csv").open(encoding="utf-8") as file:
         steps = [int(row["steps"]) for row in csv.DictReader(file)]
     assert steps[-1] >= 16384
+    third = Training(WEAVE, None, out, resume=True)
+    with pytest.raises(ValueError, match=r"already trained for \d+ steps: give more steps than 16384"):
+        third.run(steps=16384)
+    with pytest.raises(ValueError, match=r"already trained for .* min: give more minutes than 1e-05"):
+        third.run(minutes=1e-5)
+    for more in ({"seed": 5}, {"friction": Friction("coulomb")}):
+        with pytest.raises(ValueError, match=r"is of (seed 0, not 5|friction lugre, not coulomb)"):
+            Training(WEAVE, "ppo", out, resume=True, **more)
     with pytest.raises(ValueError, match="is not empty: give a new directory, or resume"):
         Training(WEAVE, "ppo", out, friction=LUGRE)
     with pytest.raises(ValueError, match="is of algo ppo, not sac"):
@@ -114,6 +122,89 @@ def test_what_breaks_training_leaves_a_checkpoint(tmp_path, monkeypatch):
     with pytest.raises(RuntimeError, match="a thread died"):
         Training(WEAVE, "ppo", tmp_path / "run", friction=LUGRE).run(steps=10**6)
     assert (tmp_path / "run" / "checkpoint" / "model.zip").is_file()
+
+
+def test_a_checkpoint_keeps_law_seed_settings_and_the_best(tmp_path):
+    out = tmp_path / "run"
+    first = Training(WEAVE, None, out, seed=3, friction=Friction("coulomb"))
+    assert not out.exists()  # nothing before the work
+    first.settings["algorithm"] |= {"num_envs": 4, "n_steps": 16, "batch_size": 64}
+    first.run(steps=64)
+    state = json.loads((out / "checkpoint" / "state.json").read_text())
+    assert (state["friction"], state["seed"], state["algo"]) == ("coulomb", 3, "ppo")
+    assert json.loads((out / "settings.json").read_text())["friction"] == "coulomb"
+    with (out / "learning.csv").open(encoding="utf-8") as file:
+        assert state["best"] == max(float(row["reward"]) for row in csv.DictReader(file))
+    second = Training(WEAVE, None, out, resume=True)
+    assert (second.friction.label, second.seed, second.settings) == ("coulomb", 3, first.settings)
+    state.pop("friction")
+    (out / "checkpoint" / "state.json").write_text(json.dumps(state))
+    with pytest.raises(ValueError, match="does not say its friction"):
+        Training(WEAVE, None, out, resume=True)
+
+
+def _as_trained_on(source, folder, **changes):
+    """A copy of a policy that says something else of itself."""
+    folder.mkdir()
+    with zipfile.ZipFile(source) as old, zipfile.ZipFile(folder / "policy.zip", "w") as new:
+        for name in old.namelist():
+            data = old.read(name)
+            new.writestr(name, json.dumps(json.loads(data) | changes) if name == policy.ABOUT else data)
+    return str(folder / "policy.zip")
+
+
+def test_policies_of_several_laws_are_compared_on_one(trained, tmp_path, capsys):
+    ours = str(trained / "policy.zip")
+    other = _as_trained_on(ours, tmp_path / "other", friction="masing")
+    command = ["evaluate-policy", ours, other, "--episodes", "1", "--out", str(tmp_path / "out")]
+    assert main(command) == 2
+    error = capsys.readouterr().err
+    assert "trained with friction lugre" in error
+    assert "with friction masing: give --friction" in error
+    assert not (tmp_path / "out").exists()
+    assert main([*command, "--friction", "coulomb"]) == 0
+    page = (tmp_path / "out" / "index.html").read_text(encoding="utf-8")
+    assert "1 episode: no interval" in page
+    assert "friction coulomb" in page
+    assert "run against the others" in page
+    settings = {"environment": {"control_dt": 0.01, "randomise": {"load": [0, 100]}}}
+    third = _as_trained_on(ours, tmp_path / "third", settings=settings)
+    assert main(["evaluate-policy", ours, third, "--out", str(tmp_path / "out")]) == 2
+    assert "with load 0 to 300 kg, " in capsys.readouterr().err
+
+
+def test_friction_shift_command(trained, tmp_path, capsys):
+    path, out = str(trained / "policy.zip"), tmp_path / "shift"
+    assert main(["friction-shift", path, "--friction", "coulomb", "--episodes", "2", "--out", str(out)]) == 0
+    printed = capsys.readouterr().out
+    for name in ("friction compensation", "lqg", "rms feel error [N m]", "±"):
+        assert name in printed
+    assert "…" not in printed
+    assert "beside boost, damping" in (out / "index.html").read_text(encoding="utf-8")
+    assert main(["friction-shift", path, "--env", "steer_env/AssistRelease-v0"]) == 2
+    assert "was trained for steer_env/AssistWeave-v0, not steer_env/AssistRelease-v0" in capsys.readouterr().err
+
+
+def test_evaluation_on_another_task_names_both(trained, tmp_path, capsys):
+    command = ["evaluate-policy", str(trained / "policy.zip"), "--out", str(tmp_path / "out")]
+    assert main([*command, "--env", "steer_env/DriverParking-v0"]) == 2
+    assert "was trained for steer_env/AssistWeave-v0, evaluated on steer_env/DriverParking" in capsys.readouterr().err
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "mine.txt").write_text("")
+    assert main(command) == 2
+    assert "holds other files (mine.txt)" in capsys.readouterr().err
+
+
+def test_differences_are_shaded_by_what_is_better():
+    def estimate(value, half=0.1):
+        return trials.Estimate(value, value - half, value + half)
+
+    one = estimate(1.0)
+    assert policy_report.shade("reward", estimate(0.5), one, one) == "better"
+    assert policy_report.shade("rms_feel_error", estimate(0.5), one, one) == "worse"
+    assert policy_report.shade("steering_work", estimate(0.5), one, one) == "differs"
+    assert policy_report.shade("reward", estimate(0.05), one, one) == ""
+    assert policy_report.shade("cost", trials.Estimate(1e-17, 1e-18, 2e-17), estimate(0.0), estimate(0.0)) == ""
 
 
 @pytest.mark.parametrize("algo", ["sac", "recurrent-ppo"])
@@ -160,10 +251,15 @@ def test_evaluation_writes_its_report(trained, tmp_path, capsys):
     assert set(found["metrics"]) >= {"policy", "boost", "lqg"}
     assert found["metrics"]["policy"]["rms_feel_error"]["unit"] == "N m"
     page = (out / "index.html").read_text(encoding="utf-8")
-    assert "Against the baselines" in page
+    assert "policy less boost, damping, friction compensation" in page
+    assert "load 0 to 300 kg; speed 22 to 33 m/s; friction level 0.5 to 2; friction lugre" in page
+    assert "Wilson" not in page  # no cones, no clean share
+    assert '"name":"policy"' in page  # of the learning curve
     assert page.count("<img src=") == 8
     assert "<h2>Learning</h2>" in page
-    assert "rms_feel_error" in capsys.readouterr().out
+    printed = capsys.readouterr().out
+    for name in ("rms feel error", "damping", "compensation"):
+        assert name in printed
     assert main(["evaluate-policy", "boost", "--env", WEAVE, "--episodes", "2", "--out", str(tmp_path / "boost")]) == 0
 
 
@@ -182,23 +278,37 @@ def test_friction_shift(trained, tmp_path):
     [
         (["train", "--env", "steer_env/DriverFlying-v0"], "unknown environment 'steer_env/DriverFlying-v0'; there are"),
         (["train", "--env", WEAVE, "--minutes", "-1"], "minutes must be .*greater than 0"),
+        (["train", "--env", WEAVE, "--minutes", "nan"], "minutes must be finite"),
+        (["train", "--env", WEAVE, "--steps", "0"], "--steps: must be a whole number of at least 1, got '0'"),
+        (["train", "--env", WEAVE, "--episodes", "0"], "--episodes: must be a whole number of at least 1 and at most"),
+        (["train", "--env", WEAVE, "--seed", "-1"], "--seed: must be a whole number of at least 0"),
+        (["train", "--env", WEAVE, "--out", "file/run"], "cannot be made, for .*file is a file"),
+        (["train", "--env", WEAVE, "--out", "file"], "file is a file: give a directory"),
+        (["train", "--env", "steer_env/TuneOnCentre-v0"], "which no policy here is for"),
+        (["evaluate-policy", "boost", "--env", WEAVE, "--out", "file"], "file is a file: give a directory"),
+        (["evaluate-policy", "boost", "boost", "--env", WEAVE], "'boost' is given twice"),
+        (["evaluate-policy", "boost"], "--env must tell the environment"),
+        (["friction-shift", "lqg"], "a baseline, which no law trained: it cannot be shifted"),
+        (["friction-shift", "weave"], "'weave' is no policy: give a policy.zip"),
         (["train", "--env", WEAVE, "--algo", "dqn"], "invalid choice: 'dqn'"),
         (["train", "--env", WEAVE, "--minutes", "1", "--steps", "5"], "not allowed with"),
         (["evaluate-policy", "nobody", "--env", WEAVE], "neither a policy.zip nor a baseline .*boost"),
-        (["evaluate-policy", "nothing.zip", "--env", WEAVE], "nothing.zip is no policy"),
-        (["friction-shift", "nothing.zip"], "nothing.zip is no policy"),
+        (["evaluate-policy", "nothing.zip", "--env", WEAVE], "no file nothing.zip"),
+        (["friction-shift", "nothing.zip"], "no file nothing.zip"),
     ],
 )
 def test_bad_commands(arguments, message, tmp_path, monkeypatch, capsys):
     import re
 
     monkeypatch.chdir(tmp_path)
+    (tmp_path / "file").write_text("")
     try:
         code = main(arguments)
     except SystemExit as end:
         code = end.code
     assert code == 2
     assert re.search(message, capsys.readouterr().err)
+    assert [path.name for path in tmp_path.iterdir()] == ["file"]  # nothing written
 
 
 def test_files_of_others_are_refused(tmp_path):
@@ -209,7 +319,9 @@ def test_files_of_others_are_refused(tmp_path):
 
 
 def test_a_policy_of_another_task_is_refused(trained):
-    with pytest.raises(ValueError, match="was trained for steer_env/AssistWeave-v0, whose observations"):
+    with pytest.raises(
+        ValueError, match="was trained for steer_env/AssistWeave-v0, evaluated on steer_env/DriverLaneK"
+    ):
         policy.Policy(trained / "policy.zip", gym.make("steer_env/DriverLaneKeeping-v0"))
 
 
