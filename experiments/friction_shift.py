@@ -5,13 +5,29 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
+
+import friction
 from experiments import policy, policy_report, provenance, trials
 from experiments.assessment import environment
 from experiments.files import replaced_directory, write_json
 from experiments.options import Friction
 from experiments.trials import Estimate
+from friction.law import law_of
 
 CONTENTS = frozenset({"index.html", "shift.json"})
+
+
+# The record from which laws are identified: slow sweeps of a steering held in a rig, the widest first.
+AMPLITUDES, PERIOD, SAMPLE, NOISE = (3.0, 3.0, 1.0, 0.5), 20.0, 0.01, 0.02  # [deg], [s], [s], [N m]
+FITS = 2.0 * NOISE  # residual beyond which a law does not describe the record [N m]
+
+
+class Labelled(NamedTuple):
+    """A law with the parameters it has here, as :class:`experiments.options.Friction`."""
+
+    label: str
+    parameters: Any
 
 
 class Shift(NamedTuple):
@@ -27,14 +43,30 @@ class Shift(NamedTuple):
     conditions: dict[str, str]  # besides the law, in words
 
 
+def identified(home: Friction) -> list[Labelled]:
+    """Every law that describes a noisy quasi-static record of ``home``, with the parameters identified from it."""
+    phase = 2.0 * np.pi * np.arange(0.0, 1.0, SAMPLE / PERIOD)
+    x = np.concatenate([np.radians(amplitude) * np.sin(phase) for amplitude in AMPLITUDES])
+    torque = friction.response(home.parameters, x, SAMPLE) + np.random.default_rng(0).normal(0.0, NOISE, x.size)
+    fits = [
+        friction.fit(x, torque, name, dt=SAMPLE)
+        for name in friction.available()
+        if law_of(friction.make(name)).fitted  # others say nothing of what a record determines
+    ]
+    return [Labelled(f"{found.law}, identified", found.parameters) for found in fits if found.residual < FITS]
+
+
 def collect(
-    path: Path, laws: Sequence[Friction], episodes: int, notify: Callable[[float, str], None] = lambda *_: None
+    path: Path,
+    laws: Sequence[Friction | Labelled],
+    episodes: int,
+    notify: Callable[[float, str], None] = lambda *_: None,
 ) -> Shift:
     """Drive the policy and every baseline of its id on the law of the training and on others."""
     about = policy.about(path)
     env_id, home = about["env"], policy.law(about["friction"], path)
     controllers: dict[str, Any] = {"policy": policy.load(path), **policy_report.baselines(env_id)}
-    chosen = {law.label: law for law in (home, *laws)}
+    chosen: dict[str, Friction | Labelled] = {law.label: law for law in (home, *laws)}
     found: dict[str, policy_report.Evaluation] = {}
     for k, (label, law) in enumerate(chosen.items()):
         notify(k / len(chosen), label)

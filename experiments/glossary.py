@@ -15,7 +15,6 @@ from steer_env import REGISTERED, manoeuvres, metrics, tasks
 from steer_env.env import SteerEnv
 from steer_env.ids import DRIVEN, table
 from steer_env.randomise import RANGES, SENSOR_NOISE
-from steer_env.tasks.definition import CHANNELS
 from steer_env.tuning import scenarios
 from steer_env.tuning.env import KNOWN, TuneEnv
 from steer_env.vector import SteerVectorEnv
@@ -114,9 +113,10 @@ def environments_page() -> str:
     sections = [_ENVIRONMENTS, *(f"- [`{name}`](#{_anchor(name)})" for name in REGISTERED)]
     for name in REGISTERED:
         sections.append(f"\n## `{name}`\n\n" + _section(name))
-    units = {name: quantity.unit for name, quantity in CHANNELS.items()}
-    units |= {q.name: q.unit for task in tasks.available() for q in tasks.task(task).situation}
-    noise = [(name.replace("_", " "), f"{deviation:g}", units[name]) for name, deviation in SENSOR_NOISE.items()]
+    units = {quantity.name: quantity.unit for task in tasks.available() for quantity in tasks.task(task).observed}
+    # The points of the path are alike: the first stands for all.
+    shown = {re.sub("^path_.*", "path, each point", name): name for name in reversed(SENSOR_NOISE)}
+    noise = [(label.replace("_", " "), f"{SENSOR_NOISE[name]:g}", units[name]) for label, name in shown.items()][::-1]
     sections += [_SENSORS, table(("observation", "deviation", "unit"), noise)]
     for title, made in (("that are driven", SteerEnv), ("that tune", TuneEnv)):
         sections.append(f"\n## Arguments of the ids {title}\n\n```text\n{inspect.getdoc(made)}\n```")

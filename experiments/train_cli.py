@@ -62,7 +62,8 @@ def add(commands: Any, common: argparse.ArgumentParser) -> None:
         metavar="LAW",
         type=Friction,
         nargs="+",
-        help=f"{FRICTION}; default: {', '.join(friction.available())}",
+        help=f"{FRICTION}; default: {', '.join(friction.available())}, and those that fit a noisy record of the "
+        "training's law, identified from it",
     )
     shift.set_defaults(function=_shift)
 
@@ -193,7 +194,10 @@ def _shift(args: argparse.Namespace) -> None:
     if args.env not in (None, about["env"]):
         raise ValueError(f"{path} was trained for {about['env']}, not {args.env}: leave --env away")
     policy.usable(Path(args.out), friction_shift.CONTENTS)
-    laws = args.friction or [Friction(name) for name in friction.available()]
+    laws = args.friction or [
+        *(Friction(name) for name in friction.available()),
+        *friction_shift.identified(policy.law(about["friction"], path)),
+    ]
     with progress("evaluating") as notify:
         found = friction_shift.collect(path, laws, args.episodes, notify)
     aim = policy_report.aim(found.units)

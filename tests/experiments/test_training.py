@@ -263,6 +263,13 @@ def test_evaluation_writes_its_report(trained, tmp_path, capsys):
     assert main(["evaluate-policy", "boost", "--env", WEAVE, "--episodes", "2", "--out", str(tmp_path / "boost")]) == 0
 
 
+def test_identified_laws_are_near_the_one_that_was_recorded():
+    found = {law.label: law.parameters for law in friction_shift.identified(LUGRE)}
+    assert list(found) == ["dahl, identified", "lugre, identified", "masing, identified"]  # others do not describe it
+    assert found["lugre, identified"].F_c == pytest.approx(LUGRE.parameters.F_c, rel=0.01)
+    assert found["lugre, identified"].sigma_0 == pytest.approx(LUGRE.parameters.sigma_0, rel=0.01)
+
+
 def test_friction_shift(trained, tmp_path):
     found = friction_shift.collect(trained / "policy.zip", [Friction("coulomb"), Friction("lugre,F_c=1.5")], 3)
     assert list(found.values) == ["lugre", "coulomb", "lugre,F_c=1.5"]
