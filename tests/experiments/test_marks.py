@@ -166,6 +166,16 @@ time: Steps of the environments beside CartPole-v1, 1 ms of plant beside LuGre's
   first step, compiled                                    12.1 s  <= 10 s    FAIL
   first step, from the cache                              1.5 s   <= 2 s     pass
   first step on two tracks, compiled                      14.9 s  no mark
+
+policies: Shipped policies on held-out episodes: the driver's beside the preview driver, the assist's beside the table.
+  double lane changes without a cone             100.0%                >= 95%          pass
+  cost less the preview driver's                 -0.152 at most        < 0             pass
+  reward less the preview driver's               1.44 at least         > 0             pass
+  feel error on coulomb below the boost table's  69% at least, cost 0  >= 20%, cost 0  pass
+  feel error on dahl below the boost table's     76% at least, cost 0  >= 20%, cost 0  pass
+  feel error on masing below the boost table's   76% at least, cost 0  >= 20%, cost 0  pass
+  feel error on viscous below the boost table's  76% at least, cost 0  >= 20%, cost 0  pass
+  environment in PPO's wall time, 64 lanes       9.1%                  < 15%           pass
 """
 
 import re
