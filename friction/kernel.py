@@ -15,7 +15,7 @@ import os
 import platform
 import tempfile
 from collections.abc import Callable
-from functools import cached_property
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
 
@@ -52,7 +52,6 @@ from numba.np.arrayobj import fix_integer_index, load_item, store_item
 config: Any = numba.core.config  # its names are made at run time
 COMPILED = not config.DISABLE_JIT  # False under NUMBA_DISABLE_JIT=1: kernels are plain Python
 
-_dispatchers: dict[Any, int] = {}  # kernel -> number of sources known when its cache folder was chosen
 _digests: dict[str, str] = {}  # package folder or foreign law -> digest, in order of import
 
 
@@ -64,6 +63,7 @@ def _digest_of(files: list[Path]) -> str:
     return digest.hexdigest()
 
 
+@cache
 def _package_root(file: Path) -> Path | None:
     """Topmost folder with an ``__init__.py`` that holds ``file``; None for a lone module."""
     root = None
@@ -106,7 +106,6 @@ def cache_directory() -> Path | None:
 
 def _cache(dispatcher: Any) -> None:
     """Point a kernel at the current cache folder, or at none."""
-    _dispatchers[dispatcher] = len(_digests)
     folder = cache_directory()
     if folder is None:
         return
@@ -298,8 +297,16 @@ class _Drafter(_Compiler):
 class _Kernel(CPUDispatcher):
     """A kernel as Python calls it; compiled callers take ``inner``."""
 
+    known = 0  # sources when the cache folder was chosen
+
     def compile(self, signature: Any) -> Any:
-        """As numba's, without the garbage collector: what it would go through again and again stays in use."""
+        """As numba's, without the garbage collector: what it would go through again and again stays in use.
+
+        The cache folder is chosen here: a law that came later is a source too, since callers inline it.
+        """
+        if self.known != len(_digests):
+            self.known = len(_digests)
+            _cache(self)
         collecting = gc.isenabled()
         gc.disable()
         try:
@@ -339,9 +346,7 @@ def kernel(function: Callable, inlining: dict[str, Any] = {"forceinline": True})
     # No C callback: nothing takes one. No reference counts: kernels own no arrays, and one that allocates is refused.
     # Both would go through every number of the parameters: a quarter of the compile time.
     options |= {"no_cfunc_wrapper": True, "_nrt": False}
-    dispatcher = _Kernel(function, targetoptions=options, pipeline_class=_Compiler)
-    _cache(dispatcher)
-    return dispatcher
+    return _Kernel(function, targetoptions=options, pipeline_class=_Compiler)
 
 
 def dispatch(point: Callable, choose: Callable[[type, str], Any]) -> None:
@@ -374,17 +379,11 @@ def record(parameters: Any) -> np.recarray:
 
 
 def include_sources(*functions: Callable) -> None:
-    """Make the cache depend on a law from outside the packages too.
-
-    Compiled callers inline the law, so every kernel older than it moves to a folder named after it.
-    """
+    """Make the cache depend on a law from outside the packages too."""
     if not COMPILED:
         return
     for function in functions:
         _add_sources(function)
-    for dispatcher, known in _dispatchers.items():
-        if known < len(_digests):
-            _cache(dispatcher)
 
 
 def bind(function: Any, *arguments: Any) -> Callable:
