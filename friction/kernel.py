@@ -297,15 +297,15 @@ class _Drafter(_Compiler):
 class _Kernel(CPUDispatcher):
     """A kernel as Python calls it; compiled callers take ``inner``."""
 
-    known = 0  # sources when the cache folder was chosen
+    known: tuple[str, ...] = ()  # sources when the cache folder was chosen
 
     def compile(self, signature: Any) -> Any:
         """As numba's, without the garbage collector: what it would go through again and again stays in use.
 
         The cache folder is chosen here: a law that came later is a source too, since callers inline it.
         """
-        if self.known != len(_digests):
-            self.known = len(_digests)
+        if self.known != tuple(_digests):
+            self.known = tuple(_digests)
             _cache(self)
         collecting = gc.isenabled()
         gc.disable()

@@ -19,8 +19,8 @@ settings.load_profile("suite")
 
 @pytest.fixture(scope="module")
 def toy():
-    """The toy law, registered for one module's tests only; the kernels go back to their cache folder as well."""
-    registries = (law._by_name, law._by_class, kernel._digests, kernel._dispatchers)
+    """The toy law, registered for one module's tests only."""
+    registries = (law._by_name, law._by_class, kernel._digests)
     before = [dict(registry) for registry in registries]
     module = importlib.import_module("tests.friction.toy_law")
     yield module
@@ -28,5 +28,3 @@ def toy():
     for registry, entries in zip(registries, before):
         registry.clear()
         registry.update(entries)
-    for dispatcher in kernel._dispatchers:
-        kernel._cache(dispatcher)
