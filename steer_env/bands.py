@@ -50,6 +50,8 @@ def load(name: str) -> Targets:
         Naming the file and what was expected, for a name or test or metric that there is not, another unit, or bands
         that do not lie in each other.
     """
+    if not isinstance(name, str):
+        raise ValueError(f"targets must be one of {', '.join(available())}, or a .toml file, got {name!r}")
     path = Path(name) if name.endswith(".toml") else FOLDER / f"{name}.toml"
     if not path.is_file():
         raise ValueError(f"no targets {name!r}; there are {', '.join(available())}, or give a .toml file")

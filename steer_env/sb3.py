@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 from stable_baselines3.common.vec_env import VecEnv
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices
 
+from steer_env.ids import DRIVEN
+
 
 class SteerVecEnv(VecEnv):
     """``num_envs`` environments of an id for Stable-Baselines3.
@@ -23,10 +25,17 @@ class SteerVecEnv(VecEnv):
         Of a driver's or an assist's task.
     num_envs : int
     arguments :
-        As :class:`steer_env.vector.SteerVectorEnv`.
+        As :class:`steer_env.vector.SteerVectorEnv`, but for its ``autoreset_mode``.
+
+    Raises
+    ------
+    ValueError
+        An id that tunes, of which a single environment serves, or one of somebody else.
     """
 
     def __init__(self, env_id: str, num_envs: int, **arguments: Any) -> None:
+        if env_id not in DRIVEN:
+            raise ValueError(f"{env_id!r} is none of the ids that are driven, which are: {', '.join(DRIVEN)}")
         self.vector: Any = gym.make_vec(env_id, num_envs, autoreset_mode=AutoresetMode.SAME_STEP, **arguments)
         super().__init__(num_envs, self.vector.single_observation_space, self.vector.single_action_space)
         self._actions: NDArray[np.float32] | None = None

@@ -68,6 +68,12 @@ def test_reset_options_reach_every_lane():
         env.reset()
 
 
+def test_ids_that_are_not_driven_are_refused():
+    for name in ("steer_env/TuneOnCentre-v0", "CartPole-v1"):
+        with pytest.raises(ValueError, match=f"'{name}' is none of the ids that are driven"):
+            SteerVecEnv(name, 2)
+
+
 def test_wrappers_callbacks_and_an_algorithm_work_around_it(tmp_path):
     """A short PPO with every usual wrapper; the monitor's returns are the environment's."""
     env = VecNormalize(VecMonitor(VecCheckNan(SteerVecEnv(WEAVE, 4, control_dt=0.1), raise_exception=True)))

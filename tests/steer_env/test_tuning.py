@@ -281,6 +281,7 @@ def test_parameters_are_physical():
         ({"vehicle": "tank"}, ValueError, "vehicle must be a .toml or .json file or one of"),
         ({"chassis": "bike"}, ValueError, "chassis must be one of single_track, two_track, got 'bike'"),
         ({"targets": "sedan"}, ValueError, "no targets 'sedan'; there are compact"),
+        ({"targets": {"torque_at_0g": (1, 2)}}, ValueError, "targets must be one of compact, or a .toml file"),
         ({"weights": {"torque": 1.0}}, ValueError, "has no reward term 'torque'; there are torque_at_0g"),
         ({"weights": {"torque_at_0g": -1.0}}, ValueError, r"weights\['torque_at_0g'\] must be finite and at least 0"),
         ({"randomise": {"load": (300, 0)}}, ValueError, r"randomise\['load'\] must be \(low, high\) with low <= high"),
