@@ -44,7 +44,7 @@ def algorithm(name: str) -> Any:
 def save(path: Path, model: Any, about: dict[str, Any]) -> None:
     """Write a model with what there is to know of it: environment, algorithm, scaling of the observation, how made."""
     part = path.with_name(f".{path.name}.part.zip")
-    model.save(part)
+    model.save(part, exclude=["tensorboard_log"])  # a path of the machine that trained
     with zipfile.ZipFile(part, "a") as archive:
         archive.writestr(ABOUT, json.dumps(about, indent=1, allow_nan=False))
     part.replace(path)
