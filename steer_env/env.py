@@ -20,7 +20,7 @@ class SteerEnv(gym.Env):
     friction : str or parameters, default "lugre"
         A law's name (``friction.available()``), for its defaults, or parameters from ``friction.make``.
     speed : float, optional
-        Held speed, 3 to 70, on two tracks from 0 [m/s]; the task's own by default.
+        Held speed, 3 to 70, when parking 0 to 3 [m/s]; the task's own by default.
     vehicle : str, default "compact"
         A packaged car (``vehicle.cars.available()``) or your own in a ``.toml`` or ``.json`` file.
     chassis : {"single_track", "two_track"}, optional

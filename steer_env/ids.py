@@ -53,7 +53,7 @@ def _documentation(task: Task) -> str:
         textwrap.fill(task.begins, 118),
         "## End",
         textwrap.fill(
-            f"{task.ends} Terminates with a reward of -100 if a state turns non-finite or the car rolls over.", 118
+            f"{task.ends} Terminates with a reward of -100 if a state turns non-finite or the car rolls or spins.", 118
         ),
         "## Arguments",
         f"As `steer_env.SteerEnv`. Defaults: {3.6 * task.speed:g} km/h, chassis {task.chassis[0]!r}.",
