@@ -25,6 +25,29 @@ def write_json(path: Path, data: Any) -> None:
     write_text(path, json.dumps(data, indent=1, allow_nan=False) + "\n")
 
 
+def usable(out: Path, contents: frozenset[str] | None = None) -> None:
+    """ValueError for a directory that could not be written, so that it is known before the work and not after.
+
+    ``contents`` are the names that :func:`replaced_directory` will replace; None leaves what the directory holds to
+    the caller.
+    """
+    out = out.resolve()
+    if out.exists():
+        if not out.is_dir():
+            raise ValueError(f"{out} is a file: give a directory")
+        others = sorted(entry.name for entry in out.iterdir() if contents is not None and entry.name not in contents)
+        if others:
+            raise ValueError(
+                f"{out} holds other files ({others[0]}): give a new directory, which is replaced as a whole"
+            )
+    place = out if out.exists() and contents is None else out.parent
+    there = next(folder for folder in (place, *place.parents) if folder.exists())
+    if not there.is_dir():
+        raise ValueError(f"{out} cannot be made, for {there} is a file: give another directory")
+    if not os.access(there, os.W_OK | os.X_OK):
+        raise ValueError(f"{out} cannot be written, for {there} is closed to you: give another directory")
+
+
 @contextmanager
 def replaced_directory(out: Path, contents: frozenset[str]) -> Iterator[Path]:
     """A new directory beside ``out`` to write into, which takes its place when the block ends without an error.
@@ -41,17 +64,10 @@ def replaced_directory(out: Path, contents: frozenset[str]) -> Iterator[Path]:
     Raises
     ------
     ValueError
-        If ``out`` is no directory or holds other files.
+        As :func:`usable`.
     """
     out = out.resolve()
-    if out.exists():
-        if not out.is_dir():
-            raise ValueError(f"{out} is a file: give a directory")
-        others = sorted(entry.name for entry in out.iterdir() if entry.name not in contents)
-        if others:
-            raise ValueError(
-                f"{out} holds other files ({others[0]}): give a new directory, which is replaced as a whole"
-            )
+    usable(out, contents)
     out.parent.mkdir(parents=True, exist_ok=True)
     part = Path(tempfile.mkdtemp(prefix=f".{out.name}.", dir=out.parent))
     try:

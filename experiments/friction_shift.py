@@ -18,7 +18,7 @@ from friction.law import law_of
 CONTENTS = frozenset({"index.html", "shift.json"})
 
 
-# The record from which laws are identified: slow sweeps of a steering held in a rig, the widest first.
+# The record from which laws are identified: slow sweeps of a steering held in a rig, the widest first; assumed.
 AMPLITUDES, PERIOD, SAMPLE, NOISE = (3.0, 3.0, 1.0, 0.5), 20.0, 0.01, 0.02  # [deg], [s], [s], [N m]
 FITS = 2.0 * NOISE  # residual beyond which a law does not describe the record [N m]
 

@@ -3,7 +3,6 @@
 import argparse
 import json
 import math
-import os
 import zipfile
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -193,26 +192,3 @@ def law(label: str, path: Path) -> Friction:
         raise ValueError(
             f"{path} was trained on friction {label}: {error}; --import names the module of a law of your own"
         ) from None
-
-
-def usable(out: Path, contents: frozenset[str] | None = None) -> None:
-    """ValueError for a directory that could not be written, so that it is known before the work and not after.
-
-    ``contents`` are the names that :func:`experiments.files.replaced_directory` will replace; None leaves what the
-    directory holds to the caller.
-    """
-    out = out.resolve()
-    if out.exists():
-        if not out.is_dir():
-            raise ValueError(f"{out} is a file: give a directory")
-        others = sorted(entry.name for entry in out.iterdir() if contents is not None and entry.name not in contents)
-        if others:
-            raise ValueError(
-                f"{out} holds other files ({others[0]}): give a new directory, which is replaced as a whole"
-            )
-    place = out if out.exists() and contents is None else out.parent
-    there = next(folder for folder in (place, *place.parents) if folder.exists())
-    if not there.is_dir():
-        raise ValueError(f"{out} cannot be made, for {there} is a file: give another directory")
-    if not os.access(there, os.W_OK | os.X_OK):
-        raise ValueError(f"{out} cannot be written, for {there} is closed to you: give another directory")

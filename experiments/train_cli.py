@@ -8,6 +8,7 @@ from typing import Any
 
 import friction
 from experiments import friction_shift, policy, policy_report, trials
+from experiments.files import usable
 from experiments.options import FRICTION, Friction, progress
 from experiments.tables import print_estimates, print_laws
 from friction.check import number
@@ -26,7 +27,7 @@ def add(commands: Any, common: argparse.ArgumentParser) -> None:
     train.add_argument("--algo", choices=policy.ALGORITHMS, help=f"{kept} ppo")
     length = train.add_mutually_exclusive_group()
     length.add_argument("--minutes", metavar="N", type=_minutes, help="wall time of all sessions together (default 15)")
-    text = "steps of all lanes and all sessions together; repeatable elsewhere"
+    text = "steps of all lanes and all sessions together; can be repeated"
     length.add_argument("--steps", metavar="N", type=_whole(1), help=text)
     train.add_argument("--seed", metavar="N", type=_whole(0, 2**32 - 1), help=f"{kept} 0")
     train.add_argument("--friction", metavar="LAW", type=Friction, help=f"{FRICTION} ({kept} lugre)")
@@ -101,7 +102,7 @@ def _train(args: argparse.Namespace) -> None:
 
     out = Path(args.out)
     run = Training(args.env, args.algo, out, seed=args.seed, resume=args.resume, friction=args.friction)
-    policy.usable(out / "report", policy_report.CONTENTS)
+    usable(out / "report", policy_report.CONTENTS)
     with progress("training") as notify:
         run.run(None if args.steps else args.minutes or 15.0, args.steps, notify)
     made = {**policy.conditions({"settings": run.settings}), "friction": run.friction.parameters}
@@ -134,7 +135,7 @@ def _evaluate(args: argparse.Namespace) -> None:
         raise ValueError("--env must tell the environment where no policy.zip does")
     env_id = args.env or policy.about(Path(own))["env"]  # type: ignore[arg-type]
     policy.check_driven(env_id)
-    policy.usable(Path(args.out), policy_report.CONTENTS)
+    usable(Path(args.out), policy_report.CONTENTS)
     known = policy_report.baselines(env_id)
     controllers: dict[str, policy_report.Maker] = {}
     made: dict[str, Any] = {}
@@ -193,7 +194,7 @@ def _shift(args: argparse.Namespace) -> None:
     about = policy.about(path)
     if args.env not in (None, about["env"]):
         raise ValueError(f"{path} was trained for {about['env']}, not {args.env}: leave --env away")
-    policy.usable(Path(args.out), friction_shift.CONTENTS)
+    usable(Path(args.out), friction_shift.CONTENTS)
     laws = args.friction or [
         *(Friction(name) for name in friction.available()),
         *friction_shift.identified(policy.law(about["friction"], path)),

@@ -13,7 +13,7 @@ import numpy as np
 
 import experiments
 from experiments import policy, provenance, trials
-from experiments.files import write_json
+from experiments.files import usable, write_json
 from experiments.options import Friction
 from friction import toml
 from friction.check import number
@@ -163,7 +163,7 @@ class Training:
                     )
             self.seconds, self.best, self._trained = state["seconds"], state["best"], state["steps"]
         else:
-            policy.usable(out)
+            usable(out)
             if out.exists() and any(out.iterdir()):
                 raise ValueError(f"{out} is not empty: give a new directory, or resume the run in it")
         self.env_id, self.out = env_id, out
@@ -178,7 +178,7 @@ class Training:
         steps: int | None = None,
         notify: Callable[[float, str], None] = lambda *_: None,
     ) -> None:
-        """Train for a time, or for a number of steps, which another machine repeats; all sessions count together.
+        """Train for a time, or for a number of steps, which can be repeated; all sessions count together.
 
         Whatever ends it early leaves a checkpoint.
 

@@ -37,7 +37,7 @@ Array = NDArray[np.float64]
 
 FAILURE = -100.0  # reward of a step that ends upside down, spun, or not finite: worse than driving on
 ROLLED_OVER = 1.0  # roll angle from which on no car comes back [rad]
-SLOW = 3.0  # forward speed below which a car that slides sideways has not spun [m/s]
+SLOW = 3.0  # forward speed below which a car that slides sideways has not spun; assumed [m/s]
 NOISE_BLOCK = 128  # control steps of noise drawn at once
 
 _LATERAL_SPEED = plant.CHANNEL["lateral_speed"]

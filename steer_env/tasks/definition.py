@@ -145,7 +145,7 @@ class Task:
     begins: str  # how an episode starts, in words
     ends: str  # what ends it
     speed: float  # held, by default [m/s]
-    speeds: tuple[float, float] = (3.0, math.inf)  # that make sense, where the chassis allows them [m/s]
+    speeds: tuple[float, float] = (3.0, math.inf)  # that make sense, assumed, where the chassis allows them [m/s]
     scripted: tuple[int, ...] = ()  # plant inputs that the case prescribes
     robot: bool = False  # handwheel angle prescribed
     person: bool = False  # a driver model holds the handwheel and follows the path

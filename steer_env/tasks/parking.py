@@ -41,7 +41,7 @@ WANTED = 3.0  # hand torque while turning, in the middle of the 2 to 4 N m of pr
 TURNING = 0.2  # handwheel speed that brings 76 % of it [rad/s]
 
 _ANGLE, _SPEED, _TORQUE = (CHANNEL[name] for name in ("handwheel_angle", "handwheel_speed", "handwheel_torque"))
-_CREEPING = (0.0, 3.0)  # [m/s]
+_CREEPING = (0.0, 3.0)  # speeds, assumed [m/s]
 _TWO_TRACK = ("two_track",)  # only there a car can stand
 
 
