@@ -5,9 +5,8 @@ python examples/compare_drivers.py
 
 import gymnasium as gym
 
-import friction
 import steer_env  # noqa: F401 (registers the ids)
-from steer_env import drivers
+from steer_env import drivers, friction
 
 ENV = "steer_env/DriverDoubleLaneChange-v0"
 

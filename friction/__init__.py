@@ -1,8 +1,10 @@
 """Friction laws behind one interface: ``available``, ``make``, ``response``, ``fit``."""
 
-from friction import models
-from friction.identify import Fit, fit
-from friction.law import Law, available, law_of, make, register, resolve
-from friction.response import response
+if __name__ != "steer_env.friction":
+    raise ImportError(
+        f"import this package as steer_env.friction, not as {__name__}: the bare name is no longer a package of its own"
+    )
 
-__all__ = ["Fit", "Law", "available", "fit", "law_of", "make", "models", "register", "resolve", "response"]
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

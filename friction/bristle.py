@@ -2,8 +2,8 @@
 
 import math
 
-from friction.bounds import within
-from friction.kernel import kernel
+from steer_env.friction.numerics.bounds import within
+from steer_env.friction.numerics.kernel import kernel
 
 
 @kernel

@@ -7,10 +7,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from friction.check import numbers, positive
-from friction.confidence import half_widths
-from friction.law import law_of, make
-from friction.response import response
+from steer_env.friction.confidence import half_widths
+from steer_env.friction.law import law_of, make
+from steer_env.friction.numerics.check import numbers, positive
+from steer_env.friction.response import response
 
 BAND = 0.02  # of the range of x [1]: a smaller swing is noise to the search for reversals, though it drives the law
 FLAT = 0.02  # rise over the last quarter of a saturated branch, of its whole rise [1]
@@ -22,7 +22,7 @@ Bound = float | NDArray[np.float64]  # an array for a curve
 
 
 class Fit(NamedTuple):
-    """What :func:`fit` found: the record is ``friction.response(parameters, x, dt) + offset`` and a residual."""
+    """What :func:`fit` found: the record is ``steer_env.friction.response(parameters, x, dt) + offset`` and a residual."""
 
     law: str
     parameters: Any  # as from friction.make

@@ -14,7 +14,8 @@ import math
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from friction.kernel import dispatch, include_sources, kernel
+from steer_env.friction.numerics.kernel import dispatch, include_sources, kernel
+from steer_env.friction.numerics.registry import Registry
 
 
 class Law(NamedTuple):
@@ -33,8 +34,7 @@ class Law(NamedTuple):
     solve: Callable
 
 
-_by_name: dict[str, Law] = {}
-_by_class: dict[type, Law] = {}
+LAWS: Registry[Law] = Registry("friction law", "steer_env.friction.models")
 
 
 def register(
@@ -79,27 +79,24 @@ def register(
     fitted : tuple of str, or ``(x, torque, dt, weighed) -> (parameters, offset, intervals)``, optional
         For ``friction.fit``: the positive parameters that a quasi-static record determines; ``F_c`` is the saturated
         torque, ``sigma_0`` half the stiffness after a saturated reversal. Or a way of the law's own, from the record
-        and the samples that count, ``(T,)`` bool, to what ``friction.identify.Fit`` holds.
+        and the samples that count, ``(T,)`` bool, to what ``steer_env.friction.identify.Fit`` holds.
 
     Raises
     ------
     ValueError
-        If the name is taken by another class, or the law brings neither ``mean_torque`` nor ``solve``.
+        If the name is taken, or the law brings neither ``mean_torque`` nor ``solve``.
     """
-    known = _by_name.get(name)
-    if known is not None and known.parameters is not parameters:
-        raise ValueError(f"friction law {name!r} is already registered by {known.parameters.__module__}")
     if mean_torque is None and solve is None:
         raise ValueError(f"friction law {name!r} needs mean_torque or solve")
     kernels = (advance, torque, rate, stored_energy, mean_torque, solve or _newton)
     law = Law(name, parameters, make, memory_size, fitted, *kernels)
-    _by_name[name] = _by_class[parameters] = law
+    LAWS.register(name, law, parameters)
     include_sources(*(function for function in kernels if function is not None))
 
 
 def available() -> tuple[str, ...]:
     """Names of the registered laws, in alphabetical order."""
-    return tuple(sorted(_by_name))
+    return LAWS.available()
 
 
 def law_of(p: Any) -> Law:
@@ -110,11 +107,11 @@ def law_of(p: Any) -> Law:
     ValueError
         If ``p`` is not an instance of a registered parameter class.
     """
-    try:
-        return _by_class[type(p)]
-    except KeyError:
+    law = LAWS.of(type(p))
+    if law is None:
         names = ", ".join(available())
-        raise ValueError(f"{p!r} is not a set of friction parameters; make one with friction.make({names})") from None
+        raise ValueError(f"{p!r} is not a set of friction parameters; make one with friction.make({names})")
+    return law
 
 
 def make(name: str, **parameters: Any) -> Any:
@@ -125,9 +122,7 @@ def make(name: str, **parameters: Any) -> Any:
     ValueError
         Unknown name or key (the valid ones are listed), or a value that the law does not allow.
     """
-    if not isinstance(name, str) or name not in _by_name:
-        raise ValueError(f"unknown friction law {name!r}; available: {', '.join(available())}")
-    constructor = _by_name[name].make
+    constructor = LAWS[name].make
     valid = tuple(inspect.signature(constructor).parameters)
     for key in parameters:
         if key not in valid:
@@ -182,7 +177,7 @@ def solve(p, level, memory, S, R, h, guess):
 
 
 for _point in (advance, torque, rate, stored_energy, mean_torque, solve):
-    dispatch(_point, lambda parameters, name: getattr(_by_class.get(parameters), name, None))
+    dispatch(_point, lambda parameters, name: getattr(LAWS.of(parameters), name, None))
 
 
 def _newton(p, level, memory, S, R, h, guess):

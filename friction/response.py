@@ -5,9 +5,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from friction.check import numbers, positive
-from friction.kernel import kernel
-from friction.law import advance, law_of, resolve, torque
+from steer_env.friction.law import advance, law_of, resolve, torque
+from steer_env.friction.numerics.check import numbers, positive
+from steer_env.friction.numerics.kernel import kernel
 
 
 @kernel

@@ -1,9 +1,9 @@
-"""Gymnasium environments for steering feel; importing the package registers them."""
+"""Gymnasium environments for steering feel; importing the package registers their ids and little more."""
 
-from steer_env.env import SteerEnv
-from steer_env.ids import REGISTERED, register
-from steer_env.vector import SteerVectorEnv
+import lazy_loader
 
-__all__ = ["REGISTERED", "SteerEnv", "SteerVectorEnv"]
+from steer_env.registration import register
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
 
 register()

@@ -8,7 +8,7 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
-from steer_env.lanes import Lanes
+from steer_env.batch import Lanes
 from steer_env.tasks import Task
 
 
@@ -22,15 +22,15 @@ class SteerEnv(gym.Env):
     speed : float, optional
         Held speed, 3 to 70, when parking 0 to 3 [m/s]; the task's own by default.
     vehicle : str, default "compact"
-        A packaged car (``vehicle.cars.available()``) or your own in a ``.toml`` or ``.json`` file.
+        A packaged car (``steer_env.vehicle.cars.available()``) or your own in a ``.toml`` or ``.json`` file.
     chassis : {"single_track", "two_track"}, optional
         Constant speed and first-order roll; or a body with six degrees of freedom, wheels that travel and spin,
         drivetrain and brakes. The task's own by default.
     tyre : str, optional
         A packaged tyre or a ``.tir`` file in place of the car's own.
-    road : vehicle.road.Road, optional
+    road : steer_env.vehicle.road.Road, optional
         Heights, friction of each side, grade and bank under ``chassis="two_track"``, for example
-        ``vehicle.road.iso8608(seed, "C")``; level and dry by default.
+        ``steer_env.vehicle.road.iso8608(seed, "C")``; level and dry by default.
     control_dt : float, default 0.01
         Time between actions: 1, 2 or 5 ms or a multiple of 10 ms, up to 100 ms [s].
     driver : str or Driver, optional
@@ -74,7 +74,7 @@ class SteerEnv(gym.Env):
         )
         self._renderer: Any = None
         if render_mode is not None:
-            from steer_env.render import Renderer  # here, for what draws is slow to import
+            from steer_env.rendering.renderer import Renderer  # here, for what draws is slow to import
 
             self._renderer = Renderer(self.lanes, render_mode, self.metadata["render_fps"])
 

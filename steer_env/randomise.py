@@ -6,11 +6,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-import friction
-from friction.check import number
-from friction.law import law_of
-from steer_env.tasks.common import SIGHT
-from vehicle import cars
+from steer_env import friction
+from steer_env.friction.law import law_of
+from steer_env.friction.numerics.check import number
+from steer_env.tasks.common.terms import SIGHT
+from steer_env.vehicle import cars
 
 # Name: smallest and largest value, what it is.
 RANGES = {

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from stable_baselines3.common.vec_env import VecEnv
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices
 
-from steer_env.ids import DRIVEN
+from steer_env.registration import DRIVEN
 
 
 class SteerVecEnv(VecEnv):

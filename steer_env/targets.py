@@ -1,28 +1,115 @@
-"""Reference feel: the hand torque that a good steering would ask for, as a function of what the car does.
-
-A torque that grows with lateral acceleration, softens, and carries a little friction and damping. The slope on centre
-is near the 23 N m/g that drivers have preferred (Segel, 1964); the rest is assumed, within the passenger-car ranges of
-the weave metrics.
-"""
+"""Target bands of metrics as data files with their provenance, and what light a value gets."""
 
 import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
 
-from friction.kernel import kernel
-from vehicle.single_track import GRAVITY
+from steer_env import metrics
+from steer_env.friction.numerics import toml
+from steer_env.metrics import Value
 
-GRADIENT = 20.0  # on centre [N m/g]
-SOFTENING = 0.12  # lateral acceleration at which the slope has fallen to 42 % [g]
-FRICTION = 0.5  # half width of the loop [N m]
-FRICTION_SPEED = 0.05  # handwheel speed that spans the half width to 76 % [rad/s]
-DAMPING = 0.2  # [N m s/rad]
+FOLDER = Path(__file__).parent / "data" / "targets"
+COLOURS = ("green", "amber", "red")
 
 
-@kernel
-def reference_torque(lateral_acceleration, handwheel_speed):
-    """Hand torque [N m] at a lateral acceleration [m/s2] and a handwheel speed [rad/s]; odd in both."""
-    a = lateral_acceleration / (GRAVITY * SOFTENING)
-    return (
-        GRADIENT * SOFTENING * math.tanh(a)
-        + FRICTION * math.tanh(handwheel_speed / FRICTION_SPEED)
-        + DAMPING * handwheel_speed
-    )
+class Band(NamedTuple):
+    """Where a metric of a test should be [unit of the metric]."""
+
+    good: tuple[float, float]  # green inside
+    fair: tuple[float, float]  # amber inside, red beyond
+
+
+class Targets(NamedTuple):
+    """Bands by test and metric."""
+
+    name: str
+    description: str
+    source: str
+    bands: dict[str, dict[str, Band]]
+
+
+class Light(NamedTuple):
+    """What a value gets."""
+
+    colour: str  # one of COLOURS
+    sure: bool | None  # whether the whole 95 % interval gets the same; None where there is no interval
+
+
+def available() -> tuple[str, ...]:
+    """Names of the packaged targets."""
+    return tuple(sorted(path.stem for path in FOLDER.glob("*.toml")))
+
+
+def load(name: str) -> Targets:
+    """Targets by packaged name or from a TOML file.
+
+    Raises
+    ------
+    ValueError
+        Naming the file and what was expected, for a name or test or metric that there is not, another unit, or bands
+        that do not lie in each other.
+    """
+    if not isinstance(name, str):
+        raise ValueError(f"targets must be one of {', '.join(available())}, or a .toml file, got {name!r}")
+    path = Path(name) if name.endswith(".toml") else FOLDER / f"{name}.toml"
+    if not path.is_file():
+        raise ValueError(f"no targets {name!r}; there are {', '.join(available())}, or give a .toml file")
+    try:
+        data = toml.loads(path.read_text(encoding="utf-8"))
+    except toml.TOMLDecodeError as error:
+        raise ValueError(f"{path}: {error}") from None
+    texts = {}
+    for key in ("name", "description", "source"):
+        texts[key] = data.pop(key, None)
+        if not isinstance(texts[key], str) or not texts[key]:
+            raise ValueError(f"{path}, {key}: expected a text, got {texts[key]!r}")
+    bands = {}
+    for test, entries in data.items():
+        if test not in metrics.tests() or not isinstance(entries, dict):
+            raise ValueError(f"{path}, [{test}]: expected a table of a test out of {', '.join(metrics.tests())}")
+        bands[test] = {key: _band(f"{path}, [{test}] {key}", test, key, entry) for key, entry in entries.items()}
+    return Targets(**texts, bands=bands)
+
+
+def _band(where: str, test: str, name: str, entry: Any) -> Band:
+    if name not in metrics.available(test):
+        raise ValueError(f"{where}: {test} has no such metric; there are {', '.join(metrics.available(test))}")
+    if not isinstance(entry, dict) or entry.keys() != {"unit", "good", "fair"}:
+        raise ValueError(f"{where}: expected unit, good and fair, got {entry!r}")
+    unit = metrics.definition(name).unit
+    if entry["unit"] != unit:
+        raise ValueError(f"{where}: expected unit {unit!r}, got {entry['unit']!r}")
+    ends = []
+    for key in ("good", "fair"):
+        pair = entry[key]
+        numbers = isinstance(pair, list) and len(pair) == 2 and all(type(x) in (int, float) for x in pair)
+        if not numbers or not pair[0] < pair[1]:
+            raise ValueError(f"{where}, {key}: expected [low, high], got {pair!r}")
+        ends.append((float(pair[0]), float(pair[1])))
+    band = Band(*ends)
+    if not band.fair[0] <= band.good[0] or not band.good[1] <= band.fair[1]:
+        raise ValueError(f"{where}: good {list(band.good)} must lie in fair {list(band.fair)}")
+    return band
+
+
+def light(value: Value, band: Band) -> Light | None:
+    """Green inside the good band, amber inside the fair one, red beyond; None for a value that is refused."""
+    if value.reason:
+        return None
+
+    def colour(x: float) -> str:
+        inside = [low <= x <= high for low, high in band]
+        return COLOURS[inside.index(True)] if True in inside else "red"
+
+    own = colour(value.value)
+    if math.isnan(value.low):
+        return Light(own, None)
+    # The bands lie in each other, so ends of one colour have no better one between them but where they flank it.
+    flanks = value.low < band.good[0] and value.high > band.good[1]
+    return Light(own, not flanks and colour(value.low) == colour(value.high) == own)
+
+
+def lights(values: Mapping[str, Value], bands: Mapping[str, Band]) -> dict[str, Light | None]:
+    """Lights of the metrics that have a band."""
+    return {name: light(values[name], band) for name, band in bands.items() if name in values}

@@ -7,7 +7,8 @@ import sys
 import pytest
 from hypothesis import settings
 
-from friction import kernel, law
+from steer_env.friction import law
+from steer_env.friction.numerics import kernel
 
 # Windows of render_mode="human" that no screen has to show.
 os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
@@ -20,7 +21,7 @@ settings.load_profile("suite")
 @pytest.fixture(scope="module")
 def toy():
     """The toy law, registered for one module's tests only."""
-    registries = (law._by_name, law._by_class, kernel._digests)
+    registries = (law.LAWS._things, law.LAWS._by_class, kernel._digests)
     before = [dict(registry) for registry in registries]
     module = importlib.import_module("tests.friction.toy_law")
     yield module

@@ -1,5 +1,10 @@
 """The car: tyre, strut, column, assist, chassis, and the plant that couples them."""
 
-from vehicle import cars, plant, suspension, tyre
+if __name__ != "steer_env.vehicle":
+    raise ImportError(
+        f"import this package as steer_env.vehicle, not as {__name__}: the bare name is no longer a package of its own"
+    )
 
-__all__ = ["cars", "plant", "suspension", "tyre"]
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

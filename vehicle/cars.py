@@ -10,15 +10,19 @@ from os import PathLike, fspath
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from friction import defaults, resolve, toml
-from friction import make as make_law
-from friction.check import number
-from friction.kernel import record
-from vehicle import assist, column, drivetrain, road, strut_map, tyre
-from vehicle.plant import Plant
-from vehicle.single_track import AIR_DENSITY, GRAVITY, SingleTrack
-from vehicle.suspension import MacPherson
-from vehicle.two_track import Body, TwoTrack
+from steer_env.friction import defaults, resolve
+from steer_env.friction import make as make_law
+from steer_env.friction.numerics import toml
+from steer_env.friction.numerics.check import number
+from steer_env.friction.numerics.kernel import record
+from steer_env.vehicle import road, tyre
+from steer_env.vehicle.chassis.common import drivetrain
+from steer_env.vehicle.chassis.single_track import AIR_DENSITY, GRAVITY, SingleTrack
+from steer_env.vehicle.chassis.two_track import Body, TwoTrack
+from steer_env.vehicle.plant import Plant
+from steer_env.vehicle.steering import column, eps
+from steer_env.vehicle.suspension import kinematics_table
+from steer_env.vehicle.suspension.macpherson import MacPherson
 
 DATA = Path(__file__).parent / "data"
 
@@ -81,7 +85,7 @@ _SIGNED = {"rear_bump_steer", "rear_camber_gain", "rear_lateral_compliance", "fr
 # Sections whose keys are the keyword arguments of a constructor, which checks them.
 _MADE: dict[str, Callable[..., Any]] = {
     "column": column.make,
-    "assist": assist.make,
+    "assist": eps.make,
     "drivetrain": drivetrain.make,
     "brakes": drivetrain.make_brakes,
     "speed_hold": drivetrain.make_speed_hold,
@@ -98,13 +102,13 @@ class Car(NamedTuple):
     chassis: dict[str, float]  # as in the data file, SI
     steering: dict[str, float]  # as in the data file, SI
     column: column.Column
-    assist: assist.Assist
+    assist: eps.Assist
     drivetrain: drivetrain.Drivetrain
     brakes: drivetrain.Brakes
     speed_hold: drivetrain.SpeedHold
     tyre: tyre.Tyre
     strut: MacPherson
-    strut_map: strut_map.StrutMap
+    strut_map: kinematics_table.StrutMap
 
     def plant(
         self,
@@ -375,7 +379,7 @@ def from_data(data: dict[str, Any]) -> Car:
         **{section: make(**data[section]) for section, make in _MADE.items()},
         tyre=tyre.load(data["tyre"]),
         strut=strut,
-        strut_map=strut_map.build(strut),
+        strut_map=kinematics_table.build(strut),
     )
 
 

@@ -12,8 +12,8 @@ Source: Althoff and Würsching, CommonRoad: Vehicle Models, 2020, tables 6 and 7
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from friction.check import number
-from vehicle.tyre import MagicFormula, Tyre
+from steer_env.friction.numerics.check import number
+from steer_env.vehicle.tyre.tyre import MagicFormula, Tyre
 
 # Chassis values that their parameters lack; assumed.
 ASSUMED = {
@@ -81,7 +81,7 @@ def chassis(parameters: Any, changes: Mapping[str, float] | None = None) -> dict
     Returns
     -------
     dict of str to float
-        As :mod:`vehicle.cars` takes it; theirs, then what they lack (``ASSUMED``), then the changes [SI].
+        As :mod:`steer_env.vehicle.cars` takes it; theirs, then what they lack (``ASSUMED``), then the changes [SI].
 
     Raises
     ------
@@ -132,7 +132,7 @@ def car_data(
     Raises
     ------
     ValueError
-        As in :func:`chassis`; the rest is for ``vehicle.cars.from_data`` to check.
+        As in :func:`chassis`; the rest is for ``steer_env.vehicle.cars.from_data`` to check.
     """
     empty: dict[str, Any] = {"steering": {}, "column": {}, "assist": {}, "drivetrain": {}, "brakes": {}}
     return {

@@ -21,11 +21,11 @@ import control
 import numpy as np
 from numpy.typing import NDArray
 
-from friction.check import positive
-from vehicle import tyre
-from vehicle.cars import Car
-from vehicle.single_track import AIR_DENSITY, GRAVITY
-from vehicle.suspension import Pose, load_coefficients
+from steer_env.friction.numerics.check import positive
+from steer_env.vehicle import tyre
+from steer_env.vehicle.cars import Car
+from steer_env.vehicle.chassis.single_track import AIR_DENSITY, GRAVITY
+from steer_env.vehicle.suspension.macpherson import Pose, load_coefficients
 
 
 class LinearSingleTrack(NamedTuple):

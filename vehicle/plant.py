@@ -9,7 +9,7 @@ whatever the step.
     T_C = T_motor - r_p (F_rack + F_disturbance)         friction level = level at rest (1 + |F_rack| load gain)
 
 The state is one flat array: the column, the assist and what the rules remember as declared here, then the chassis with
-its own (:mod:`vehicle.chassis`, where the inputs are declared too), then the friction law's memory.
+its own (:mod:`steer_env.vehicle.chassis.common.interface`, where the inputs are declared too), then the friction law's memory.
 """
 
 import math
@@ -19,12 +19,14 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from friction.bounds import within
-from friction.kernel import kernel, part
-from friction.law import law_of
-from vehicle import assist, chassis, column, single_track, two_track  # noqa: F401 (both register themselves)
-from vehicle.assist import SAMPLE_TIME
-from vehicle.chassis import ASSIST_REQUEST, HAND, HAND_SPEED, INPUTS, RACK_DISTURBANCE, Names
+from steer_env.friction.law import law_of
+from steer_env.friction.numerics.bounds import within
+from steer_env.friction.numerics.kernel import kernel, part
+from steer_env.vehicle import chassis
+from steer_env.vehicle.chassis import single_track, two_track  # noqa: F401 (both register themselves)
+from steer_env.vehicle.chassis.common.interface import ASSIST_REQUEST, HAND, HAND_SPEED, INPUTS, RACK_DISTURBANCE, Names
+from steer_env.vehicle.steering import column, eps
+from steer_env.vehicle.steering.eps import SAMPLE_TIME
 
 _COLUMN_STATES = (
     ("handwheel_angle", "rad"),
@@ -35,7 +37,7 @@ _COLUMN_STATES = (
 _ASSIST_STATES = (
     ("lead_filter", "N m"),
     ("motor_torque", "N m"),
-    *((f"command_{i}", "N m") for i in range(assist.MAX_DELAY + 1)),
+    *((f"command_{i}", "N m") for i in range(eps.MAX_DELAY + 1)),
 )
 # What the multi-step rules remember.
 _BEFORE = (
@@ -82,10 +84,10 @@ STOP_STIFFNESS = 2e6  # of the rack's end stops, assumed [N/m]
 
 
 class Plant(NamedTuple):
-    """Everything that the kernels need; built by :func:`vehicle.cars.Car.plant`."""
+    """Everything that the kernels need; built by :func:`steer_env.vehicle.cars.Car.plant`."""
 
     column: column.Column
-    assist: assist.Assist
+    assist: eps.Assist
     friction: Any  # parameters of a friction law
     chassis: Any  # parameters of a chassis
     strut: Any  # strut_map.StrutMap
@@ -146,7 +148,7 @@ def _step(p, state, hand, hand_speed, before, after, elapsed, u, h):
     # The middle of this step, in node intervals after the last node.
     s = (state[_PHASE] + 0.5) / STEPS_PER_NODE
     force = state[_RACK_FORCE] + s * (state[_RACK_FORCE] - state[_RACK_FORCE + 1]) + u[RACK_DISTURBANCE]
-    motor = assist.motor_step(p.assist, state[_ASSIST:_PHASE], before, after, elapsed, h)
+    motor = eps.motor_step(p.assist, state[_ASSIST:_PHASE], before, after, elapsed, h)
     T_C = motor - p.pinion_radius * force
     level = p.friction_level * (1.0 + p.friction_load * abs(force))
     state[_HAND_TORQUE + 1] = state[_HAND_TORQUE]
@@ -185,7 +187,7 @@ def _report(p, state, u, row):
     row[3] = state[column.COLUMN_ANGLE]
     row[4] = state[column.COLUMN_SPEED]
     row[5] = p.column.K_tb * (state[column.HANDWHEEL_ANGLE] - state[column.COLUMN_ANGLE])
-    row[6] = state[_ASSIST + assist.MOTOR_TORQUE]
+    row[6] = state[_ASSIST + eps.MOTOR_TORQUE]
     row[7] = 1.5 * state[_FRICTION_TORQUE] - 0.5 * state[_FRICTION_TORQUE + 1]
     row[8] = state[_RACK_FORCE] + s * (state[_RACK_FORCE] - state[_RACK_FORCE + 1])
     chassis.report(p.chassis, state[_CHASSIS:rate], state[out:out_before], state[out_before:memory], s, u, row[_OWN:])
@@ -219,7 +221,7 @@ def run(p, state, inputs, record, substeps):
         u = inputs[i]
         row = record[i if i < last else last]
         twist = p.column.K_tb * (state[column.HANDWHEEL_ANGLE] - state[column.COLUMN_ANGLE])
-        before, after = assist.sample(
+        before, after = eps.sample(
             p.assist,
             state[_ASSIST:_PHASE],
             twist,

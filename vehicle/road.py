@@ -20,9 +20,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from friction.check import number, positive
-from friction.kernel import kernel
-from vehicle.lanes import alike, four
+from steer_env.friction.numerics.check import number, positive
+from steer_env.friction.numerics.kernel import kernel
+from steer_env.vehicle.simd import alike, four
 
 LEFT, RIGHT = 0, 1
 ROUGHNESS = {name: 16e-6 * 4.0**i for i, name in enumerate("ABCDEFGH")}  # G(n_0) of the classes [m3]

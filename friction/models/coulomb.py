@@ -7,10 +7,10 @@ exactly, without drift and without a regularised slope.
 import math
 from typing import NamedTuple
 
-from friction import defaults
-from friction.check import positive
-from friction.kernel import kernel
-from friction.law import register
+from steer_env.friction import defaults
+from steer_env.friction.law import register
+from steer_env.friction.numerics.check import positive
+from steer_env.friction.numerics.kernel import kernel
 
 
 class Coulomb(NamedTuple):

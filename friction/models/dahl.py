@@ -9,11 +9,11 @@ TOR-0158(3107-18)-1, 1968, with exponent 1.
 import math
 from typing import NamedTuple
 
-from friction import defaults
-from friction.bristle import decay, displaced, held
-from friction.check import positive
-from friction.kernel import kernel
-from friction.law import register
+from steer_env.friction import defaults
+from steer_env.friction.bristle import decay, displaced, held
+from steer_env.friction.law import register
+from steer_env.friction.numerics.check import positive
+from steer_env.friction.numerics.kernel import kernel
 
 
 class Dahl(NamedTuple):

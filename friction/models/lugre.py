@@ -8,11 +8,11 @@ Source: Canudas de Wit, Olsson, Åström, Lischinsky, IEEE Trans. Automatic Cont
 import math
 from typing import NamedTuple
 
-from friction import defaults
-from friction.bristle import decay, displaced, held
-from friction.check import not_negative, positive
-from friction.kernel import kernel
-from friction.law import register
+from steer_env.friction import defaults
+from steer_env.friction.bristle import decay, displaced, held
+from steer_env.friction.law import register
+from steer_env.friction.numerics.check import not_negative, positive
+from steer_env.friction.numerics.kernel import kernel
 
 
 class LuGre(NamedTuple):
@@ -59,7 +59,7 @@ def make(
     if p.sigma_2 < least * (1 - 1e-12):
         raise ValueError(
             f"sigma_2 must be at least sigma_1 (F_s - F_c)/F_c = {least:g} N m s/rad for a passive LuGre law, "
-            f"got {p.sigma_2:g}; lower sigma_1 or F_s (an active set for study: friction.models.lugre.LuGre itself)"
+            f"got {p.sigma_2:g}; lower sigma_1 or F_s (an active set for study: steer_env.friction.models.lugre.LuGre itself)"
         )
     return p
 

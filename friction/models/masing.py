@@ -16,13 +16,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from friction import defaults
-from friction.bounds import within
-from friction.check import not_negative, number, numbers, positive
-from friction.confidence import half_widths
-from friction.kernel import kernel
-from friction.law import register
-from friction.response import response
+from steer_env.friction import defaults
+from steer_env.friction.confidence import half_widths
+from steer_env.friction.law import register
+from steer_env.friction.numerics.bounds import within
+from steer_env.friction.numerics.check import not_negative, number, numbers, positive
+from steer_env.friction.numerics.kernel import kernel
+from steer_env.friction.response import response
 
 MAX_ELEMENTS = 32
 

@@ -2,10 +2,10 @@
 
 from typing import NamedTuple
 
-from friction import defaults
-from friction.check import not_negative
-from friction.kernel import kernel
-from friction.law import register
+from steer_env.friction import defaults
+from steer_env.friction.law import register
+from steer_env.friction.numerics.check import not_negative
+from steer_env.friction.numerics.kernel import kernel
 
 
 class Viscous(NamedTuple):

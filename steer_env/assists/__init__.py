@@ -1,11 +1,5 @@
-"""Baseline assist controllers. Every module in this folder is imported, which registers its baseline."""
+"""Baseline assist controllers, one file each."""
 
-import importlib
-import pkgutil
+import lazy_loader
 
-from steer_env.assists.definition import Baseline, available, make, register
-
-for _module in pkgutil.iter_modules(__path__):
-    importlib.import_module(f"{__name__}.{_module.name}")
-
-__all__ = ["Baseline", "available", "make", "register"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -13,13 +13,13 @@ from typing import Any
 
 import numpy as np
 
-from friction.check import not_negative, positive
-from steer_env.assists.definition import Array, Baseline, register
+from steer_env.assists.common.definition import Array, Baseline, register
+from steer_env.friction.numerics.check import not_negative, positive
 
 STANDING = 3.0  # v_0, speed at which half of the return is there, assumed [m/s]
 
 
-class Return(Baseline):
+class ActiveReturn(Baseline):
     """Active return.
 
     Parameters
@@ -55,4 +55,4 @@ class Return(Baseline):
         return -self.saturation * s / np.sqrt(1.0 + s * s) / (1.0 + held * held) * share
 
 
-register("return", Return)
+register("active_return", ActiveReturn)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from steer_env.assists.definition import Array, Baseline, register
+from steer_env.assists.common.definition import Array, Baseline, register
 
 
 class Boost(Baseline):

@@ -6,8 +6,8 @@ weave and a lane change gets the worse.
 
 from typing import Any
 
-from friction.check import not_negative
-from steer_env.assists.definition import Array, Baseline, register
+from steer_env.assists.common.definition import Array, Baseline, register
+from steer_env.friction.numerics.check import not_negative
 
 
 class Damping(Baseline):

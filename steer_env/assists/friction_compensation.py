@@ -1,7 +1,7 @@
 """Friction compensation: a friction law runs along as an observer, and a share of its torque is fed back.
 
 At every control step the law's own kernels carry its memory over the displacement of the step, at the observed column
-speed, and give the torque now, exact for that history (:func:`friction.response` of it is the same):
+speed, and give the torque now, exact for that history (:func:`steer_env.friction.response` of it is the same):
 
     z <- advance(z, w, dt),    T_obs = torque(z, w),    T <- limit(T + limit(T_obs - T, k |w| dt), T_max)
     grip <- max(|T_tb|, grip exp(-dt/tau)),    request = share T grip^2/(grip^2 + hold^2)
@@ -28,12 +28,12 @@ from typing import Any
 
 import numpy as np
 
-import friction
-from friction import defaults
-from friction.check import number
-from friction.kernel import bind, kernel
-from friction.law import advance, law_of, torque
-from steer_env.assists.definition import Array, Baseline, register
+from steer_env import friction
+from steer_env.assists.common.definition import Array, Baseline, register
+from steer_env.friction import defaults
+from steer_env.friction.law import advance, law_of, torque
+from steer_env.friction.numerics.check import number
+from steer_env.friction.numerics.kernel import bind, kernel
 
 STIFFNESS = 2.0 * defaults.SIGMA_0  # slope of the default laws right after a reversal from saturation [N m/rad]
 LIMIT = 2.0 * defaults.F_C  # of the torque before the share [N m]

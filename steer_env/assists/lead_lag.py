@@ -4,7 +4,7 @@
 
 by Tustin's rule at the control step. ``gain`` is lowered until the margins hold at every slope of the boost curve at
 the speed, in both loops that the feedback is part of: the one opened at the torsion bar's torque, boost and feedback
-together, as :func:`vehicle.margins.margins` has it for the boost alone; and the one opened at the request, boost
+together, as :func:`steer_env.vehicle.steering.margins.margins` has it for the boost alone; and the one opened at the request, boost
 closed. The first is read off its frequency response, the hold over a control step taken as the mean over its samples,
 the copies of the signal above half the control rate left out; the second is exact. The corners are chosen for
 AssistLaneChange and AssistLaneKeeping: from 1 Hz up the feedback takes what the road and friction put on the torsion
@@ -18,11 +18,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from friction.check import number, positive
-from steer_env.assists.definition import register
-from steer_env.assists.linear import Linear, LinearBaseline, Response, response, sampled, slopes
-from vehicle.assist import SAMPLE_TIME
-from vehicle.cars import Car
+from steer_env.assists.common.definition import register
+from steer_env.assists.common.linear import Linear, LinearBaseline, Response, response, sampled, slopes
+from steer_env.friction.numerics.check import number, positive
+from steer_env.vehicle.cars import Car
+from steer_env.vehicle.steering.eps import SAMPLE_TIME
 
 if TYPE_CHECKING:
     import control
@@ -52,7 +52,7 @@ class Loops(NamedTuple):
 
 def loops(car: Car, H: "control.StateSpace", slope: float, speed: float) -> Loops:
     """The loops that a compensator is part of, at a slope of the boost curve [1] and a speed [m/s]."""
-    from vehicle.margins import hands_fixed_loop, hands_fixed_plant
+    from steer_env.vehicle.steering.margins import hands_fixed_loop, hands_fixed_plant
 
     dt = float(H.dt)
     n = round(dt / SAMPLE_TIME)

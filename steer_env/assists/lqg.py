@@ -1,6 +1,6 @@
 """LQG: hand torque that follows the reference feel, as well as a linear controller can.
 
-The model is the assisted column between control steps (:func:`steer_env.assists.linear.sampled`): its state x, driven
+The model is the assisted column between control steps (:func:`steer_env.assists.common.linear.sampled`): its state x, driven
 by the request u, the handwheel's speed w1 and the torque d of rack and friction on the column. Both are disturbances
 that wander at random, so that the estimate of d is integral action. From the torsion bar's torque T and the column
 speed a Kalman filter estimates x, w1 and d; around the steady state at which T is the reference r under these, the
@@ -10,7 +10,7 @@ regulator is optimal for the sum of (T - r)^2 + (effort (u - u_s))^2:
 
 Linearised: the boost curve, by its slope at ``linearised_at``; friction slides at constant torque and the rack's
 stiffness is left out, both for d to take up; the handwheel's motion is given, as firm hands give it; hand torque is
-torsion-bar torque, which leaves out the handwheel's inertia. The reference (:mod:`steer_env.targets`, or parking's
+torsion-bar torque, which leaves out the handwheel's inertia. The reference (:mod:`steer_env.reference_feel`, or parking's
 own) is taken as it is, nonlinear, from lateral acceleration and handwheel speed.
 
 The reference brings next to no damping, and stiffness that lags with the lateral acceleration. A torque that followed
@@ -25,13 +25,13 @@ from typing import Any
 
 import numpy as np
 
-from friction.check import not_negative, number, positive
-from friction.kernel import kernel
-from steer_env.assists.definition import Array, register
-from steer_env.assists.linear import Linear, LinearBaseline, sampled
+from steer_env.assists.common.definition import Array, register
+from steer_env.assists.common.linear import Linear, LinearBaseline, sampled
+from steer_env.friction.numerics.check import not_negative, number, positive
+from steer_env.friction.numerics.kernel import kernel
 from steer_env.randomise import SENSOR_NOISE
-from steer_env.targets import reference_torque
-from steer_env.tasks.parking import Robot, wanted_torque
+from steer_env.reference_feel import reference_torque
+from steer_env.tasks.assist_parking import Robot, wanted_torque
 
 
 @kernel
@@ -98,7 +98,7 @@ class LQG(LinearBaseline):
         """Filter and regulator for a speed [m/s]."""
         import control
 
-        from vehicle.margins import boost_gain
+        from steer_env.vehicle.steering.margins import boost_gain
 
         car = self.lanes.car
         plant = sampled(car, boost_gain(car.assist, self.linearised_at, speed), speed, self.control_dt)

@@ -5,9 +5,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from friction.kernel import kernel
-from steer_env.drivers.definition import FREE, Driver, register, register_eyes
-from vehicle.cars import Car
+from steer_env.drivers.common.definition import FREE, Driver, register, register_eyes
+from steer_env.friction.numerics.kernel import kernel
+from steer_env.vehicle.cars import Car
 
 
 class Closed(NamedTuple):

@@ -5,11 +5,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from friction.check import number
-from friction.kernel import kernel
-from steer_env.drivers.definition import Driver, arm, register, register_eyes
-from steer_env.tasks.common import PREVIEW
-from vehicle.cars import Car
+from steer_env.drivers.common.definition import Driver, arm, register, register_eyes
+from steer_env.friction.numerics.check import number
+from steer_env.friction.numerics.kernel import kernel
+from steer_env.tasks.common.terms import PREVIEW
+from steer_env.vehicle.cars import Car
 
 Array = NDArray[np.float64]
 
@@ -33,7 +33,7 @@ def _gains(p: MacAdam, car: Car, speed: float) -> Array:
     """
     from scipy import linalg  # here, for it takes longer to import than an environment to start
 
-    from vehicle import linear
+    from steer_env.vehicle import linear
 
     body = linear.from_car(car, speed).state_space("handwheel")
     A = np.zeros((5, 5))  # v_y, r, y, psi, the angle held

@@ -5,11 +5,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from friction.check import positive
-from friction.kernel import kernel
-from steer_env.drivers.definition import INTENT, ROBOT, Driver, arm, register, register_eyes
-from steer_env.tasks.common import PREVIEW
-from vehicle.cars import Car
+from steer_env.drivers.common.definition import INTENT, Driver, arm, register, register_eyes
+from steer_env.friction.numerics.check import positive
+from steer_env.friction.numerics.kernel import kernel
+from steer_env.tasks.common.terms import PREVIEW
+from steer_env.vehicle.cars import Car
 
 Array = NDArray[np.float64]
 
@@ -25,8 +25,10 @@ class Preview(NamedTuple):
 
 def _gains(p: Preview, car: Car, speed: float) -> Array:
     """On the offset and the path's points, on lateral speed and yaw rate, on z."""
-    from steer_env.drivers import lq  # here, for python-control takes longer to import than an environment to start
-    from vehicle import linear
+    from steer_env.drivers.common import (
+        lq,  # here, for python-control takes longer to import than an environment to start
+    )
+    from steer_env.vehicle import linear
 
     K, g, _ = lq.gains(linear.from_car(car, speed), PREVIEW[-1], effort=p.effort)
     # The path between the points that are seen is straight, so that the gains on it add up in theirs.
@@ -55,10 +57,4 @@ def preview(effort: float = EFFORT, co_contraction: float = 0.5) -> Driver:
     return Driver("preview", Preview(positive("effort [m/rad]", effort)), arm(co_contraction))
 
 
-def robot(effort: float = EFFORT) -> Driver:
-    """The preview driver with hands that hold the handwheel as a robot does."""
-    return Driver("robot", Preview(positive("effort [m/rad]", effort)), ROBOT)
-
-
 register("preview", preview)
-register("robot", robot)

@@ -6,11 +6,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from friction.check import number, positive
-from friction.kernel import kernel
-from steer_env.drivers.definition import SAMPLE, Driver, arm, register, register_eyes
-from steer_env.tasks.common import PREVIEW
-from vehicle.cars import Car
+from steer_env.drivers.common.definition import SAMPLE, Driver, arm, register, register_eyes
+from steer_env.friction.numerics.check import number, positive
+from steer_env.friction.numerics.kernel import kernel
+from steer_env.tasks.common.terms import PREVIEW
+from steer_env.vehicle.cars import Car
 
 Array = NDArray[np.float64]
 
@@ -33,7 +33,7 @@ def _gains(p: TwoPoint, car: Car, speed: float) -> Array:
 
     Source: Salvucci, Gray, A two-point visual control model of steering, Perception 33 (2004); gains rescaled here.
     """
-    from vehicle import linear
+    from steer_env.vehicle import linear
 
     system = linear.from_car(car, speed).state_space("handwheel")
     steady = -np.linalg.solve(system.A, system.B)[1, 0]  # yaw rate by angle

@@ -3,9 +3,9 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from steer_env.manoeuvres.definition import Manoeuvre, register
-from steer_env.manoeuvres.shapes import ramp_and_hold
-from steer_env.recording import DEGREE
+from steer_env.manoeuvres.common.definition import Manoeuvre, register
+from steer_env.manoeuvres.common.shapes import ramp_and_hold
+from steer_env.recording.recording import DEGREE
 
 Array = NDArray[np.float64]
 

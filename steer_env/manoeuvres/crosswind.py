@@ -1,16 +1,15 @@
-"""Straight running in crosswind: gusts of a side-wind strip, or random wind; hands fixed or free."""
+"""Straight running in crosswind: gusts of a side-wind strip, or random wind; hands fixed."""
 
 from collections.abc import Callable
-from dataclasses import replace
 from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from friction.check import positive
-from steer_env.manoeuvres.definition import Manoeuvre, register
-from vehicle.assist import SAMPLE_TIME
-from vehicle.chassis import WIND_FORCE, WIND_MOMENT
+from steer_env.friction.numerics.check import positive
+from steer_env.manoeuvres.common.definition import Manoeuvre, register
+from steer_env.vehicle.chassis.common.interface import WIND_FORCE, WIND_MOMENT
+from steer_env.vehicle.steering.eps import SAMPLE_TIME
 
 Array = NDArray[np.float64]
 
@@ -82,18 +81,3 @@ def crosswind(
         others={WIND_FORCE: profile, WIND_MOMENT: lambda t: ARM * profile(t)},
         meta={**meta, "wind_m_s": strength},
     )
-
-
-@register("crosswind-free")
-def crosswind_free(
-    wind: float | None = None,
-    length: float = 25.0,
-    events: int = 4,
-    speed: float = 100.0 / 3.6,
-    seed: int | None = None,
-    duration: float = 60.0,
-) -> Manoeuvre:
-    """Crosswind, hands free: the same wind with the hands off."""
-    fixed = crosswind(wind, length, events, speed, seed, duration)
-    hands = fixed.hands.replace("Handwheel held straight", "Hands off")
-    return replace(fixed, name="crosswind-free", hands=hands, robot=False)

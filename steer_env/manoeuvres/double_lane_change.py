@@ -4,10 +4,10 @@ from typing import Any
 
 import numpy as np
 
-from steer_env import lane_change
-from steer_env.manoeuvres.definition import Manoeuvre, register
-from vehicle.cars import Car
-from vehicle.plant import Plant
+from steer_env.courses import iso3888
+from steer_env.manoeuvres.common.definition import Manoeuvre, register
+from steer_env.vehicle.cars import Car
+from steer_env.vehicle.plant import Plant
 
 APPROACH, RUN_OUT = 60.0, 15.0  # straight before the first cone, and driven behind the last; assumed [m]
 LONGEST = 60.0  # time for a run [s]
@@ -30,16 +30,18 @@ def double_lane_change(edition: str = "2018", mirrored: bool = False, **driver: 
 def lane_change_manoeuvre(
     name: str, edition: str, mirrored: bool, driver: dict[str, float], **fields: Any
 ) -> Manoeuvre:
-    """A closed-loop manoeuvre through a course; ``driver`` are options of :func:`steer_env.drivers.lq.preview`."""
+    """A closed-loop manoeuvre through a course; ``driver`` are options of :func:`steer_env.drivers.common.lq.preview`."""
 
     def at_the_wheel(car: Car, p: Plant):
-        from steer_env.drivers import lq  # here, for python-control takes longer to import than an environment to start
+        from steer_env.drivers.common import (
+            lq,  # here, for python-control takes longer to import than an environment to start
+        )
 
-        size = lane_change.outline(car)
-        path = lane_change.path(lane_change.course(name, size.width, edition, mirrored), size)
+        size = iso3888.outline(car)
+        path = iso3888.path(iso3888.course(name, size.width, edition, mirrored), size)
         return lq.preview(car, p, path + np.array([APPROACH, 0.0]), **driver)
 
-    length = lane_change.course(name, 1.8, edition).length
+    length = iso3888.course(name, 1.8, edition).length
     return Manoeuvre(
         name=name,
         duration=LONGEST,

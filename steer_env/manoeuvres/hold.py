@@ -1,7 +1,7 @@
 """Held torque."""
 
-from steer_env.manoeuvres.definition import Manoeuvre, register
-from steer_env.manoeuvres.shapes import ramp_and_hold
+from steer_env.manoeuvres.common.definition import Manoeuvre, register
+from steer_env.manoeuvres.common.shapes import ramp_and_hold
 
 RISE = 0.5  # of the torque [s]
 

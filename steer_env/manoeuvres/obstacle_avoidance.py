@@ -1,6 +1,6 @@
 """Obstacle avoidance."""
 
-from steer_env.manoeuvres.definition import Manoeuvre, register
+from steer_env.manoeuvres.common.definition import Manoeuvre, register
 from steer_env.manoeuvres.double_lane_change import APPROACH, lane_change_manoeuvre
 
 

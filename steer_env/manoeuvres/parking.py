@@ -1,7 +1,7 @@
 """Parking, lock to lock."""
 
-from steer_env.manoeuvres.definition import Manoeuvre, register
-from steer_env.manoeuvres.shapes import triangle_from_rest
+from steer_env.manoeuvres.common.definition import Manoeuvre, register
+from steer_env.manoeuvres.common.shapes import triangle_from_rest
 
 
 @register("parking")

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from steer_env.manoeuvres.definition import Manoeuvre, register
+from steer_env.manoeuvres.common.definition import Manoeuvre, register
 
 Array = NDArray[np.float64]
 

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from steer_env.manoeuvres.definition import Array, Manoeuvre, register
-from steer_env.manoeuvres.shapes import ramp_and_hold
+from steer_env.manoeuvres.common.definition import Array, Manoeuvre, register
+from steer_env.manoeuvres.common.shapes import ramp_and_hold
 
 RATE, FADE = 50.0, 2.0  # samples of the noise, joined by a spline [Hz]; smooth start and end [s]
 

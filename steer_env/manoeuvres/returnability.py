@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from steer_env.manoeuvres.definition import Manoeuvre, register
+from steer_env.manoeuvres.common.definition import Manoeuvre, register
 from steer_env.manoeuvres.release import EVENT, let_go, turns
 
 

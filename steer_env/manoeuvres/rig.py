@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from steer_env.manoeuvres.definition import Manoeuvre, register
-from steer_env.manoeuvres.shapes import sine
+from steer_env.manoeuvres.common.definition import Manoeuvre, register
+from steer_env.manoeuvres.common.shapes import sine
 
 
 @register("rig")

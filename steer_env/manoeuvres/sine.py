@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from steer_env.manoeuvres.definition import Array, Manoeuvre, half_span, register
-from steer_env.manoeuvres.shapes import eased
+from steer_env.manoeuvres.common.definition import Array, Manoeuvre, half_span, register
+from steer_env.manoeuvres.common.shapes import eased
 
 START, EASE, REST = 1.0, 0.2, 3.0  # straight before, smooth start and end of the sine, straight after [s]
 

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from steer_env.manoeuvres.definition import Manoeuvre, register
+from steer_env.manoeuvres.common.definition import Manoeuvre, register
 from steer_env.manoeuvres.weave import weave
 
 

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from steer_env.manoeuvres.definition import Array, Manoeuvre, register
-from steer_env.manoeuvres.shapes import straight_ramp
+from steer_env.manoeuvres.common.definition import Array, Manoeuvre, register
+from steer_env.manoeuvres.common.shapes import straight_ramp
 
 FIND = 4.0  # lateral acceleration for which the rate of the handwheel is found [m/s2]
 START, BACK, REST = 2.0, 8.0, 4.0  # straight before, return, straight between the sides [s]

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from steer_env.manoeuvres.definition import Array, Manoeuvre, last_second, register
-from steer_env.manoeuvres.shapes import excursion
+from steer_env.manoeuvres.common.definition import Array, Manoeuvre, last_second, register
+from steer_env.manoeuvres.common.shapes import excursion
 
 BACK = 1.0  # time of the return to straight [s]
 

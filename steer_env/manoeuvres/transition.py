@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from steer_env.manoeuvres.definition import Array, Manoeuvre, register
-from steer_env.manoeuvres.shapes import straight_ramp
+from steer_env.manoeuvres.common.definition import Array, Manoeuvre, register
+from steer_env.manoeuvres.common.shapes import straight_ramp
 
 START, HOLD, BACK, REST = 2.0, 1.5, 5.0, 3.0  # straight before, held, return, straight between [s]
 

@@ -1,7 +1,7 @@
 """On-centre weave."""
 
-from steer_env.manoeuvres.definition import Manoeuvre, half_span, register
-from steer_env.manoeuvres.shapes import sine
+from steer_env.manoeuvres.common.definition import Manoeuvre, half_span, register
+from steer_env.manoeuvres.common.shapes import sine
 
 
 @register("weave")

@@ -7,7 +7,7 @@ which registers its tests and metrics.
 import importlib
 import pkgutil
 
-from steer_env.metrics.definitions import (
+from steer_env.metrics.common.definitions import (
     UNITS,
     Bounded,
     Metric,
@@ -25,7 +25,7 @@ from steer_env.metrics.definitions import (
     read,
     tests,
 )
-from steer_env.metrics.reading import CHANNELS, Reading
+from steer_env.metrics.common.reading import CHANNELS, Reading
 
 for _module in pkgutil.iter_modules(__path__):
     importlib.import_module(f"{__name__}.{_module.name}")

@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from steer_env.metrics.definitions import RefusedError, metric, procedure
-from steer_env.metrics.reading import ANGLE, TORQUE, Reading
-from steer_env.recording import DEGREE, Recording
+from steer_env.metrics.common.definitions import RefusedError, metric, procedure
+from steer_env.metrics.common.reading import ANGLE, TORQUE, Reading
+from steer_env.recording.recording import DEGREE, Recording
 
 CUTOFF = 10.0  # low-pass [Hz]
 MIDDLE = 0.5  # of the travel that is read; assumed

@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
 
-from steer_env.metrics import decay
-from steer_env.metrics.definitions import Bounded, RefusedError, metric, procedure
-from steer_env.metrics.noise import in_band
-from steer_env.metrics.reading import ANGLE, AY, SPEED, TORQUE, YAW, Reading
-from steer_env.recording import DEGREE, Recording
+from steer_env.metrics.common import decay
+from steer_env.metrics.common.definitions import Bounded, RefusedError, metric, procedure
+from steer_env.metrics.common.noise import in_band
+from steer_env.metrics.common.reading import ANGLE, AY, SPEED, TORQUE, YAW, Reading
+from steer_env.recording.recording import DEGREE, Recording
 
 CUTOFF = 10.0  # low-pass, as a gust takes hold within 0.15 s [Hz]
 BEFORE = 1.0  # the gust that is taken for straight running [s]

@@ -9,11 +9,11 @@ from functools import cache, partial
 
 import numpy as np
 
-from steer_env.metrics import decay
-from steer_env.metrics.definitions import RefusedError, metric, procedure
-from steer_env.metrics.free_hands import Pulses, Releases
-from steer_env.metrics.reading import ANGLE, TORQUE, YAW
-from steer_env.recording import Recording
+from steer_env.metrics.common import decay
+from steer_env.metrics.common.definitions import RefusedError, metric, procedure
+from steer_env.metrics.common.free_hands import Pulses, Releases
+from steer_env.metrics.common.reading import ANGLE, TORQUE, YAW
+from steer_env.recording.recording import Recording
 
 FREE = 4.0  # that the hands must stay off [s]
 RESIDUAL = (3.0, 4.0)  # where what remains is read [s]

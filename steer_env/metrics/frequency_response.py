@@ -10,11 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from steer_env.metrics import events
-from steer_env.metrics.definitions import RefusedError, metric, procedure
-from steer_env.metrics.reading import AY, TORQUE, YAW
-from steer_env.metrics.spectra import STILL, Array, Complex, Curve, Spectra, sweeps, welch
-from steer_env.recording import Recording
+from steer_env.metrics.common import events
+from steer_env.metrics.common.definitions import RefusedError, metric, procedure
+from steer_env.metrics.common.reading import AY, TORQUE, YAW
+from steer_env.metrics.common.spectra import STILL, Array, Complex, Curve, Spectra, sweeps, welch
+from steer_env.recording.recording import Recording
 
 CONDITIONS: dict[str, Any] = {"speed_m_s": 80 / 3.6, "lowest_hz": 0.2, "highest_hz": 2.0}
 SOURCE = "after ISO 7401 and ISO/TR 8726"

@@ -7,11 +7,11 @@ begins where the rise to it ends, which is told from its middle, as noise hides 
 import numpy as np
 from scipy import stats
 
-from steer_env.metrics.definitions import Bounded, RefusedError, metric, procedure
-from steer_env.metrics.events import runs
-from steer_env.metrics.noise import in_band
-from steer_env.metrics.reading import TORQUE, Reading
-from steer_env.recording import Recording
+from steer_env.metrics.common.definitions import Bounded, RefusedError, metric, procedure
+from steer_env.metrics.common.events import runs
+from steer_env.metrics.common.noise import in_band
+from steer_env.metrics.common.reading import TORQUE, Reading
+from steer_env.recording.recording import Recording
 
 CUTOFF = 40.0  # low-pass, above what a friction law makes vibrate [Hz]
 HAND = 10.0  # low-pass of the hand torque, to find the hold [Hz]

@@ -1,6 +1,6 @@
 """Lane changes through cones: whether the car passes, at what speed, and how the hands and the car work for it.
 
-A recording is laid into the axes of the course (:mod:`steer_env.lane_change`) by where the meta, or the conditions
+A recording is laid into the axes of the course (:mod:`steer_env.courses.iso3888`) by where the meta, or the conditions
 given, have its first cones. A pass lasts from the car's front at the first cones to its rear at the last; each pass in
 a recording is a repeat. Driving back beside the course does not count. The channels count less their mean from two to
 one second before the pass, where the car runs straight.
@@ -18,11 +18,11 @@ from scipy import stats
 from scipy.integrate import trapezoid
 from scipy.interpolate import CubicSpline
 
-from steer_env import lane_change
-from steer_env.metrics.definitions import SPEED_SPREAD, Array, Bounded, RefusedError, metric, procedure
-from steer_env.metrics.noise import in_band
-from steer_env.metrics.reading import ANGLE, AY, SPEED, TORQUE, YAW, Reading
-from steer_env.recording import DEGREE, Recording
+from steer_env.courses import iso3888
+from steer_env.metrics.common.definitions import SPEED_SPREAD, Array, Bounded, RefusedError, metric, procedure
+from steer_env.metrics.common.noise import in_band
+from steer_env.metrics.common.reading import ANGLE, AY, SPEED, TORQUE, YAW, Reading
+from steer_env.recording.recording import DEGREE, Recording
 
 RATE = "handwheel_speed"
 CUTOFF = 10.0  # low-pass [Hz]
@@ -56,8 +56,8 @@ class Passes:
         for key, meaning in _NEEDED.items():
             if asked[key] is None:
                 raise RefusedError(f"{key} is not known ({meaning}): give it in the meta or as a condition, {key}=...")
-        self._car = lane_change.Outline(asked["vehicle_length_m"], asked["vehicle_width_m"], asked["vehicle_centre_m"])
-        self._course = lane_change.course(name, self._car.width, asked["edition"], bool(asked["mirrored"]))
+        self._car = iso3888.Outline(asked["vehicle_length_m"], asked["vehicle_width_m"], asked["vehicle_centre_m"])
+        self._course = iso3888.course(name, self._car.width, asked["edition"], bool(asked["mirrored"]))
         if "yaw_angle" in recording.units:  # may jump by a turn
             channels = {**recording.channels, "yaw_angle": np.unwrap(recording["yaw_angle"])}
             recording = replace(recording, channels=channels)
@@ -115,7 +115,7 @@ class Passes:
         reach = 0.5 * self._car.length + abs(self._car.centre) + BESIDE
         for pose in self._poses:
             instant, cone = np.nonzero(np.abs(pose[:, :1] - cones[:, 0]) <= reach)
-            found.append((lane_change.cone_margins(cones[cone], self._car, *pose[instant].T), cone))
+            found.append((iso3888.cone_margins(cones[cone], self._car, *pose[instant].T), cone))
         return found
 
     @cached_property

@@ -15,9 +15,9 @@ import numpy as np
 from scipy import signal
 from scipy.integrate import cumulative_trapezoid
 
-from steer_env.metrics.definitions import RefusedError, metric, procedure
-from steer_env.metrics.reading import ANGLE, SPEED, TORQUE, Reading
-from steer_env.recording import Recording
+from steer_env.metrics.common.definitions import RefusedError, metric, procedure
+from steer_env.metrics.common.reading import ANGLE, SPEED, TORQUE, Reading
+from steer_env.recording.recording import Recording
 
 CUTOFF = 10.0  # low-pass [Hz]
 AT_LOCK = 0.998  # of the largest angle, beyond which samples tell where the lock is; assumed

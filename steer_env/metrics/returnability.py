@@ -5,11 +5,11 @@ In the workshop it must be back within 20 deg. Angles are counted positive to th
 
 import numpy as np
 
-from steer_env.metrics import decay
-from steer_env.metrics.definitions import RefusedError, metric, procedure
-from steer_env.metrics.free_hands import Releases
-from steer_env.metrics.reading import ANGLE
-from steer_env.recording import DEGREE, Recording
+from steer_env.metrics.common import decay
+from steer_env.metrics.common.definitions import RefusedError, metric, procedure
+from steer_env.metrics.common.free_hands import Releases
+from steer_env.metrics.common.reading import ANGLE
+from steer_env.recording.recording import DEGREE, Recording
 
 FREE = 4.0  # that the hands must stay off [s]
 FASTEST_READ = (80.0 * DEGREE, 30.0 * DEGREE)  # between these the return rate is read [rad]

@@ -10,11 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from steer_env.metrics import events
-from steer_env.metrics.definitions import RefusedError, metric, procedure
-from steer_env.metrics.reading import ANGLE, AY, TORQUE, YAW, Reading
-from steer_env.recording import Recording
-from vehicle.single_track import GRAVITY as G
+from steer_env.metrics.common import events
+from steer_env.metrics.common.definitions import RefusedError, metric, procedure
+from steer_env.metrics.common.reading import ANGLE, AY, TORQUE, YAW, Reading
+from steer_env.recording.recording import Recording
+from steer_env.vehicle.chassis.single_track import GRAVITY as G
 
 CUTOFF = 5.0  # low-pass [Hz]
 SPREAD = 0.2  # of the half waves' amplitudes around their median; assumed

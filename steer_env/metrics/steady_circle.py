@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 from scipy.stats import norm
 
-from steer_env.metrics import ramps
-from steer_env.metrics.definitions import SPEED_SPREAD, Bounded, RefusedError, metric, procedure
-from steer_env.metrics.noise import white
-from steer_env.metrics.reading import ANGLE, AY, ROLL, SPEED, TORQUE, YAW, Reading
-from steer_env.recording import Recording
+from steer_env.metrics.common import ramps
+from steer_env.metrics.common.definitions import SPEED_SPREAD, Bounded, RefusedError, metric, procedure
+from steer_env.metrics.common.noise import white
+from steer_env.metrics.common.reading import ANGLE, AY, ROLL, SPEED, TORQUE, YAW, Reading
+from steer_env.recording.recording import Recording
 
 CUTOFF = 1.0  # low-pass; the tests are quasi-static [Hz]
 LINEAR, HIGH = (1.0, 4.0), (5.5, 6.5)  # lateral acceleration of the fits; assumed [m/s2]

@@ -13,11 +13,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy import stats
 
-from steer_env.metrics import events
-from steer_env.metrics.definitions import Bounded, RefusedError, metric, procedure
-from steer_env.metrics.reading import ANGLE, AY, SPEED, TORQUE, YAW, Reading
-from steer_env.recording import DEGREE, Recording
-from vehicle.single_track import GRAVITY as G
+from steer_env.metrics.common import events
+from steer_env.metrics.common.definitions import Bounded, RefusedError, metric, procedure
+from steer_env.metrics.common.reading import ANGLE, AY, SPEED, TORQUE, YAW, Reading
+from steer_env.recording.recording import DEGREE, Recording
+from steer_env.vehicle.chassis.single_track import GRAVITY as G
 
 CUTOFF = 25.0  # low-pass; a quarter of the sampling rate where that is lower [Hz]
 CALM = 5.0  # low-pass of what settles [Hz]; assumed

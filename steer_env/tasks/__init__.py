@@ -1,6 +1,5 @@
-"""Tasks of the environments; importing the package registers them."""
+"""Tasks of the environments, one file each."""
 
-from steer_env.tasks import lane_change, lane_keeping, parking, release, weave  # noqa: F401 (they register themselves)
-from steer_env.tasks.definition import Case, Quantity, Setting, Task, available, register, task
+import lazy_loader
 
-__all__ = ["Case", "Quantity", "Setting", "Task", "available", "register", "task"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,6 +1,5 @@
 """Environments that tune the assist: one step tries one set of parameters."""
 
-from steer_env.tuning.env import TuneEnv
-from steer_env.tuning.ids import TuneAllRound, TuneOnCentre
+import lazy_loader
 
-__all__ = ["TuneAllRound", "TuneEnv", "TuneOnCentre"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -4,12 +4,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from friction.response import response
-from steer_env.manoeuvres.driving import steering_stiffness
+from steer_env.friction.response import response
+from steer_env.manoeuvres.common.driving import steering_stiffness
 from steer_env.randomise import Conditions
 from steer_env.tasks import Quantity
-from steer_env.tasks.definition import SPEED
-from vehicle.cars import Car
+from steer_env.tasks.common.definition import SPEED
+from steer_env.vehicle.cars import Car
 
 SLIDING_SPEED = 0.1  # of the column, at which its friction is read [rad/s]
 FIRST_TURN = 1e-3  # from rest, over which its stiffness is read [rad]

@@ -9,18 +9,17 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
-from friction.check import number
-from steer_env import bands
 from steer_env.env import check_keywords, clipped
+from steer_env.friction.numerics.check import number
 from steer_env.metrics import Value, definition
 from steer_env.randomise import LIMITS, Conditions, Randomise
 from steer_env.tasks import Quantity
 from steer_env.tuning import context, reward, scenarios
 from steer_env.tuning.parameters import PARAMETERS, tuned, values
 from steer_env.tuning.scenarios import Scenario
-from vehicle import cars
-from vehicle import tyre as tyres
-from vehicle.margins import Margins, worst_margins
+from steer_env.vehicle import cars
+from steer_env.vehicle import tyre as tyres
+from steer_env.vehicle.steering.margins import Margins, worst_margins
 
 SETS = 8  # in an episode
 SPEED = 100.0 / 3.6  # by default [m/s]
@@ -53,13 +52,13 @@ class TuneEnv(gym.Env):
     speed : float, default 100/3.6
         Of the tests that have none of their own, 12 to 50 [m/s].
     vehicle : str, default "compact"
-        A packaged car (``vehicle.cars.available()``) or your own in a ``.toml`` or ``.json`` file.
+        A packaged car (``steer_env.vehicle.cars.available()``) or your own in a ``.toml`` or ``.json`` file.
     chassis : {"single_track", "two_track"}, default "single_track"
         Parking stands on two tracks anyway.
     tyre : str, optional
         A packaged tyre or a ``.tir`` file in place of the car's own.
     targets : str, default "compact"
-        Packaged target bands (``steer_env.bands.available()``) or your own in a ``.toml`` file.
+        Packaged target bands (``steer_env.targets.available()``) or your own in a ``.toml`` file.
     randomise : mapping, optional
         What to draw anew at every reset: load, road_friction, friction_level, speed to (low, high), and under
         "friction" the law's own parameters, as in ``{"load": (0, 300), "friction": {"F_c": (0.6, 1.2)}}``.
@@ -106,7 +105,7 @@ class TuneEnv(gym.Env):
         self._limits["road_friction"] = self.scenario.slipperiest, LIMITS["road_friction"][1]
         self.speed = number("speed [m/s]", speed, minimum=low, maximum=high)
         self._randomise = Randomise(randomise, friction, self.speed, self._limits)
-        self.targets = bands.load(targets)
+        self.targets = targets.load(targets)
         self.terms = reward.terms(self.scenario, self.targets, weights)
         self._quantities = observed(self.scenario)
         bound = np.array([quantity.bound for quantity in self._quantities], np.float32)

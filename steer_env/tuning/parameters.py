@@ -15,13 +15,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from vehicle import assist
-from vehicle.assist import Assist
+from steer_env.vehicle.steering import eps
+from steer_env.vehicle.steering.eps import Assist
 
 Array = NDArray[np.float64]
 
 HIGH_SPEED = 100.0 / 3.6  # from which on a factor at standstill has no effect [m/s]
-HIGHEST_CORNER = 450.0  # of the lead that :func:`vehicle.assist.make` takes [Hz]
+HIGHEST_CORNER = 450.0  # of the lead that :func:`steer_env.vehicle.steering.eps.make` takes [Hz]
 
 
 class Parameter(NamedTuple):
@@ -40,7 +40,7 @@ class Parameter(NamedTuple):
 
 
 def _corner(which: int, a: Assist) -> float:
-    return assist.lead_corners(a)[which]
+    return eps.lead_corners(a)[which]
 
 
 PARAMETERS = {
@@ -64,20 +64,20 @@ def values(a: Assist, names: tuple[str, ...], action: Array) -> dict[str, float]
 
 
 def tuned(a: Assist, p: Mapping[str, float]) -> Assist:
-    """The assist of a car with a value for every parameter, checked by :func:`vehicle.assist.make`."""
+    """The assist of a car with a value for every parameter, checked by :func:`steer_env.vehicle.steering.eps.make`."""
     fading = np.maximum(1.0 - a.speeds / HIGH_SPEED, 0.0)
     t = a.torques
     read_at = np.zeros_like(t)  # of the own curve
     read_at[1:] = t[1:] * (t[1:] / t[-1]) ** (p["boost_progression"] - 1.0)
     boost: Any = np.array([np.interp(read_at, t, row) for row in a.boost])
-    return assist.make(
+    return eps.make(
         speeds=a.speeds,
         torques=t,
         boost=(p["boost_level"] * p["boost_low_speed"] ** fading)[:, None] * boost,
         damping=p["damping_level"] * p["damping_low_speed"] ** fading * a.damping,
         lead_zero=p["lead_zero"],
         lead_pole=p["lead_pole"],
-        delay=a.delay * assist.SAMPLE_TIME + a.offset,
+        delay=a.delay * eps.SAMPLE_TIME + a.offset,
         bandwidth=a.bandwidth / (2.0 * np.pi),
         limit=a.limit,
     )

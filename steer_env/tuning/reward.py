@@ -4,12 +4,12 @@ import math
 from collections.abc import Mapping
 from typing import NamedTuple
 
-from friction.check import not_negative
-from steer_env.bands import Band, Targets
+from steer_env.friction.numerics.check import not_negative
 from steer_env.metrics import Value
+from steer_env.targets import Band, Targets
 from steer_env.tuning.scenarios import Scenario
-from vehicle.margins import TARGETS as MARGINS
-from vehicle.margins import Margins
+from steer_env.vehicle.steering.margins import TARGETS as MARGINS
+from steer_env.vehicle.steering.margins import Margins
 
 FAR = 3.0  # bands off that count at most, and for a metric that is refused; assumed
 MARGIN_WEIGHT = 5.0  # of a margin that lacks everything, against a metric one band off; assumed

@@ -8,13 +8,13 @@ from numpy.typing import NDArray
 
 from steer_env import manoeuvres, metrics
 from steer_env.manoeuvres import Manoeuvre
-from steer_env.manoeuvres.driving import Course, build_plant, course, drive_plant
+from steer_env.manoeuvres.common.driving import Course, build_plant, course, drive_plant
 from steer_env.metrics import Value
 from steer_env.randomise import Conditions
-from steer_env.recording import Recording
-from vehicle.assist import Assist
-from vehicle.cars import Car
-from vehicle.plant import Plant
+from steer_env.recording.recording import Recording
+from steer_env.vehicle.cars import Car
+from steer_env.vehicle.plant import Plant
+from steer_env.vehicle.steering.eps import Assist
 
 Array = NDArray[np.float64]
 

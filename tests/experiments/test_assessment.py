@@ -5,14 +5,16 @@ import json
 import numpy as np
 import pytest
 
-from experiments import assessment, validation
-from experiments.cli import main
-from experiments.synthetic.frequency_response import swept_sine
-from steer_env import bands, manoeuvres, metrics, recording_files
-from steer_env.bands import Band, Light, light
+from steer_env import manoeuvres, metrics, targets
+from steer_env.experiments.cli.main import main
+from steer_env.experiments.report import assessment
+from steer_env.experiments.studies import simulation_vs_measurement
 from steer_env.metrics import Value
-from steer_env.recording import Recording
-from vehicle import cars
+from steer_env.recording import files
+from steer_env.recording.recording import Recording
+from steer_env.synthetic.frequency_response import swept_sine
+from steer_env.targets import Band, Light, light
+from steer_env.vehicle import cars
 
 BAND = Band(good=(1.0, 2.0), fair=(0.5, 2.5))
 
@@ -45,8 +47,8 @@ def test_a_refused_value_gets_no_light():
 
 
 def test_packaged_targets_load():
-    for name in bands.available():
-        found = bands.load(name)
+    for name in targets.available():
+        found = targets.load(name)
         assert found.bands["weave"]["torque_at_0g"].good == (0.6, 2.0)
 
 
@@ -70,13 +72,13 @@ def test_bad_targets_are_refused(text, message, tmp_path):
     path = tmp_path / "bad.toml"
     path.write_text(text)
     with pytest.raises(ValueError, match=message):
-        bands.load(str(path))
+        targets.load(str(path))
     with pytest.raises(ValueError, match="no targets 'sedan'; there are compact"):
-        bands.load("sedan")
+        targets.load("sedan")
 
 
 def test_a_recording_lies_within_its_own_tolerances(weaves):
-    for pair in validation.compare(weaves["lugre"], weaves["lugre"]):
+    for pair in simulation_vs_measurement.compare(weaves["lugre"], weaves["lugre"]):
         assert pair.inside == 1.0
         assert pair.worst == pytest.approx(0.0, abs=1e-12)
 
@@ -86,7 +88,7 @@ def test_a_torque_beyond_its_tolerance_leaves_the_boundaries(weaves):
     clean = weaves["lugre"]
     torque = 1.5 * clean["handwheel_torque"]
     strong = Recording(clean.time, {**clean.channels, "handwheel_torque": torque}, clean.units, clean.meta)
-    found = {(pair.x, pair.y): pair for pair in validation.compare(clean, strong)}
+    found = {(pair.x, pair.y): pair for pair in simulation_vs_measurement.compare(clean, strong)}
     assert found["handwheel_angle", "handwheel_torque"].inside < 0.7
     assert found["handwheel_angle", "handwheel_torque"].worst > 2.0
     assert found["handwheel_angle", "lateral_acceleration"].inside == 1.0
@@ -101,7 +103,7 @@ def test_a_weaker_response_is_outside_too(weaves):
         clean.units,
         clean.meta,
     )
-    assert min(pair.inside for pair in validation.compare(clean, small)) < 0.9
+    assert min(pair.inside for pair in simulation_vs_measurement.compare(clean, small)) < 0.9
 
 
 def test_a_delay_counts_as_it_is():
@@ -109,18 +111,23 @@ def test_a_delay_counts_as_it_is():
     t = np.arange(0.0, 2.0, 0.01)
     curve = {"time": t, "yaw_rate": 20.0 * np.clip(t - 0.5, 0.0, 1.0)}
     late = {"time": t, "yaw_rate": np.interp(t - 0.005, t, curve["yaw_rate"])}
-    allowed = {"time": validation.Tolerance(0.0, 0.02), "yaw_rate": validation.Tolerance(0.0, 1e-4)}
-    assert validation._pair("time", "yaw_rate", curve, late, allowed).worst <= 0.51  # at the corners a sample more
+    allowed = {
+        "time": simulation_vs_measurement.Tolerance(0.0, 0.02),
+        "yaw_rate": simulation_vs_measurement.Tolerance(0.0, 1e-4),
+    }
+    assert (
+        simulation_vs_measurement._pair("time", "yaw_rate", curve, late, allowed).worst <= 0.51
+    )  # at the corners a sample more
 
 
 def test_boundaries_are_corners_of_the_tolerance_box():
     x = np.linspace(0.0, 1.0, 11)
     curves = {"handwheel_angle": x, "handwheel_torque": 2.0 * x}
     allowed = {
-        "handwheel_angle": validation.Tolerance(0.0, 0.1),
-        "handwheel_torque": validation.Tolerance(0.1, 0.3),
+        "handwheel_angle": simulation_vs_measurement.Tolerance(0.0, 0.1),
+        "handwheel_torque": simulation_vs_measurement.Tolerance(0.1, 0.3),
     }
-    pair = validation._pair("handwheel_angle", "handwheel_torque", curves, curves, allowed)
+    pair = simulation_vs_measurement._pair("handwheel_angle", "handwheel_torque", curves, curves, allowed)
     np.testing.assert_allclose(pair.left, np.column_stack((x - 0.1, 2.0 * x + 0.3 + 0.2 * x)))
     np.testing.assert_allclose(pair.right, np.column_stack((x + 0.1, 2.0 * x - 0.3 - 0.2 * x)))
 
@@ -135,7 +142,7 @@ def test_histories_are_aligned_in_time():
         channels = {"handwheel_angle": angle, "yaw_rate": yaw, "vehicle_speed": np.full(t.size, 80 / 3.6)}
         return Recording(t, channels, units, {"manoeuvre": "step-steer"})
 
-    for pair in validation.compare(step(1.0), step(1.73)):
+    for pair in simulation_vs_measurement.compare(step(1.0), step(1.73)):
         assert pair.inside == 1.0, pair.y
 
 
@@ -152,12 +159,12 @@ def test_bad_tolerances_are_refused(text, message, tmp_path):
     path = tmp_path / "bad.toml"
     path.write_text(text)
     with pytest.raises(ValueError, match=message):
-        validation.tolerances(str(path))
+        simulation_vs_measurement.tolerances(str(path))
 
 
 @pytest.mark.parametrize("suffix", [".csv", ".mf4", ".mat"])
 def test_evaluate_gives_the_numbers_of_run(suffix, weaves, tmp_path, capsys):
-    recording_files.write(weaves["lugre"], tmp_path / f"weave{suffix}")
+    files.write(weaves["lugre"], tmp_path / f"weave{suffix}")
     out = tmp_path / "out"
     assert main(["evaluate", str(tmp_path / f"weave{suffix}"), "--targets", "compact", "--out", str(out)]) == 0
     data = json.loads((out / "evaluation.json").read_text())
@@ -173,7 +180,7 @@ def test_evaluate_gives_the_numbers_of_run(suffix, weaves, tmp_path, capsys):
 def test_two_recordings_side_by_side(weaves, tmp_path, capsys):
     files = [tmp_path / f"{law}.csv" for law in weaves]
     for path, recording in zip(files, weaves.values()):
-        recording_files.write(recording, path)
+        files.write(recording, path)
     assert main(["evaluate", "--compare", *map(str, files), "--out", str(tmp_path / "out")]) == 0
     a, b = (metrics.evaluate(recording)["torque_deadband"].value for recording in weaves.values())
     found = json.loads((tmp_path / "out" / "evaluation.json").read_text())["differences"]["torque_deadband"]
@@ -188,7 +195,7 @@ def test_two_recordings_side_by_side(weaves, tmp_path, capsys):
 def test_the_mapping_is_the_first_recordings(weaves, tmp_path, capsys):
     """A measured file with its own names against a simulated one, which needs no mapping."""
     measured, simulated = tmp_path / "measured.csv", tmp_path / "simulated.csv"
-    recording_files.write(weaves["viscous"], simulated)
+    files.write(weaves["viscous"], simulated)
     lines = simulated.read_text().splitlines()
     first = next(k for k, line in enumerate(lines) if not line.startswith("#"))
     lines[first] = lines[first].replace("handwheel_angle_deg", "SWA_deg")
@@ -201,7 +208,7 @@ def test_the_mapping_is_the_first_recordings(weaves, tmp_path, capsys):
 
 def test_a_file_that_names_no_test_needs_its_name(weaves, tmp_path, capsys):
     clean = weaves["lugre"]
-    recording_files.write(Recording(clean.time, clean.channels, clean.units), tmp_path / "bare.csv")
+    files.write(Recording(clean.time, clean.channels, clean.units), tmp_path / "bare.csv")
     assert main(["evaluate", str(tmp_path / "bare.csv")]) == 2
     assert "does not name its test: give --manoeuvre, one of" in capsys.readouterr().err
 
@@ -218,7 +225,7 @@ def test_a_file_that_names_no_test_needs_its_name(weaves, tmp_path, capsys):
 )
 def test_bad_options_end_in_one_line(options, message, weaves, tmp_path, capsys):
     path = tmp_path / "weave.csv"
-    recording_files.write(weaves["lugre"].between(0.0, 12.0), path)
+    files.write(weaves["lugre"].between(0.0, 12.0), path)
     main(["evaluate", *(str(path) if option == "FILE" else option for option in options)])
     printed = capsys.readouterr()
     assert message in printed.out + printed.err

@@ -9,21 +9,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import experiments
-import friction
-from experiments import provenance
-from experiments.cli import main
-from experiments.evaluation import entries
-from experiments.options import Friction
-from steer_env import manoeuvres, metrics, recording_files
+from steer_env import experiments, friction, manoeuvres, metrics
+from steer_env.experiments.cli.main import main
+from steer_env.experiments.output import provenance
+from steer_env.experiments.output.metrics_json import entries
+from steer_env.experiments.output.options import Friction
 from steer_env.metrics import evaluate
-from vehicle import cars
+from steer_env.recording import files
+from steer_env.vehicle import cars
 
 
 def test_run_writes_csv_and_json_that_agree(tmp_path, capsys):
     out = tmp_path / "weave.csv"
     assert main(["run", "weave", "--friction", "masing,elements=5", "--rate_hz", "100", "--out", str(out)]) == 0
-    recording = recording_files.read(out)
+    recording = files.read(out)
     assert recording.rate == pytest.approx(100.0)
     assert out.read_text().split("\n")[11].startswith("time_s,handwheel_angle_deg,")
 
@@ -46,8 +45,8 @@ def test_run_writes_csv_and_json_that_agree(tmp_path, capsys):
 )
 def test_a_file_names_the_law_with_its_parameters_as_the_command_line_takes_them(law, tmp_path):
     p = Friction(law).parameters
-    recording_files.write(manoeuvres.drive(cars.load(), manoeuvres.make("rig", cycles=1), p), tmp_path / "rig.csv")
-    meta = recording_files.read(tmp_path / "rig.csv").meta
+    files.write(manoeuvres.drive(cars.load(), manoeuvres.make("rig", cycles=1), p), tmp_path / "rig.csv")
+    meta = files.read(tmp_path / "rig.csv").meta
     again = Friction(f"{meta['friction']},{meta['friction_parameters']}").parameters
     assert type(again) is type(p)
     for value, expected in zip(again, p, strict=True):
@@ -62,7 +61,7 @@ def test_run_speed_and_ripple_of_a_hold(tmp_path, monkeypatch, capsys):
     low, high = data["metrics"]["torsion_bar_ripple"]["ci"]  # of one event: what its noise may do
     assert low <= data["metrics"]["torsion_bar_ripple"]["value"] <= high < 1.01 * low
     # the file holds degrees: the last digit may differ
-    assert evaluate(recording_files.read("hold.csv"))["torsion_bar_ripple"].value == pytest.approx(
+    assert evaluate(files.read("hold.csv"))["torsion_bar_ripple"].value == pytest.approx(
         data["metrics"]["torsion_bar_ripple"]["value"], rel=1e-6
     )
     assert "torsion_bar_ripple" in capsys.readouterr().out
@@ -70,7 +69,7 @@ def test_run_speed_and_ripple_of_a_hold(tmp_path, monkeypatch, capsys):
 
 def test_refusals_are_null_with_a_reason_and_printed(tmp_path, monkeypatch, capsys):
     short = manoeuvres.make("weave", cycles=3)
-    monkeypatch.setattr("experiments.run_cli.manoeuvres.make", lambda name: short)
+    monkeypatch.setattr("steer_env.experiments.cli.run.manoeuvres.make", lambda name: short)
     assert main(["run", "weave", "--friction", "masing", "--rate_hz", "50", "--out", str(tmp_path / "weave.csv")]) == 0
     data = json.loads((tmp_path / "weave.json").read_text())["metrics"]
     printed = capsys.readouterr().out
@@ -154,7 +153,7 @@ def test_ctrl_c_ends_with_130(monkeypatch, capsys, tmp_path):
     def interrupt(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("experiments.run_cli.manoeuvres.drive", interrupt)
+    monkeypatch.setattr("steer_env.experiments.cli.run.manoeuvres.drive", interrupt)
     assert main(["run", "weave", "--out", str(tmp_path / "weave.csv")]) == 130
     assert capsys.readouterr().err == "steer-env run: interrupted\n"
     assert not list(tmp_path.iterdir())
@@ -170,7 +169,15 @@ def test_version(capsys):
 def test_a_law_from_the_working_directory(tmp_path):
     source = Path(friction.models.viscous.__file__).read_text().replace('"viscous"', '"outside"')
     (tmp_path / "outside_law.py").write_text(source)
-    command = [sys.executable, "-m", "experiments.cli", "run", "rig", "--friction", "outside,sigma_2=0.5"]
+    command = [
+        sys.executable,
+        "-m",
+        "steer_env.experiments.cli.main",
+        "run",
+        "rig",
+        "--friction",
+        "outside,sigma_2=0.5",
+    ]
     environment = os.environ | {"PYTHONPATH": str(Path(experiments.__file__).parents[1])}
     run = subprocess.run(
         [*command, "--import", "outside_law"],
@@ -181,7 +188,7 @@ def test_a_law_from_the_working_directory(tmp_path):
         check=False,
     )
     assert (run.returncode, run.stderr) == (0, "")
-    meta = recording_files.read(tmp_path / "rig.csv").meta
+    meta = files.read(tmp_path / "rig.csv").meta
     assert (meta["friction"], meta["friction_parameters"]) == ("outside", "sigma_2=0.5")
 
 

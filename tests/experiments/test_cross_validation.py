@@ -8,8 +8,9 @@ from functools import cache
 import numpy as np
 import pytest
 
-from experiments import cross_validation, figures
-from experiments.cross_validation import (
+from steer_env.experiments.drawing import figures
+from steer_env.experiments.studies import commonroad_cross_validation
+from steer_env.experiments.studies.commonroad_cross_validation import (
     MANOEUVRES,
     MARK_RMS,
     MARK_STEADY,
@@ -28,8 +29,8 @@ comparison = cache(compare)
 
 
 def test_nothing_needs_their_package():
-    modules = "experiments.cross_validation, experiments.report, experiments.cli"
-    code = f"import sys; sys.modules['vehiclemodels'] = None; import {modules}; experiments.cross_validation.load()"
+    modules = "steer_env.experiments.studies.commonroad_cross_validation, steer_env.experiments.report.build, steer_env.experiments.cli.main"
+    code = f"import sys; sys.modules['vehiclemodels'] = None; import {modules}; steer_env.experiments.studies.commonroad_cross_validation.load()"
     subprocess.run([sys.executable, "-c", code], check=True)
 
 
@@ -90,14 +91,14 @@ def test_unknown_kind():
 
 def test_table_entries_and_figure():
     results = {name: comparison(name) for name in ("step_30", "brake_30")}
-    rows = cross_validation.rows(results)
+    rows = commonroad_cross_validation.rows(results)
     assert [row.verdict for row in rows] == ["explained", "pass", "explained", "pass"]
-    assert cross_validation.table(results).count("\n") == 3 + len(rows)
-    assert cross_validation.extent(results, "published").kept == []
-    reconciled = cross_validation.extent(results, "reconciled")
+    assert commonroad_cross_validation.table(results).count("\n") == 3 + len(rows)
+    assert commonroad_cross_validation.extent(results, "published").kept == []
+    reconciled = commonroad_cross_validation.extent(results, "reconciled")
     assert reconciled.kept == ["step_30", "brake_30"]
-    assert reconciled.steady < MARK_STEADY < cross_validation.extent(results, "published").steady
-    entries = json.loads(json.dumps(cross_validation.entries(results), allow_nan=False))
+    assert reconciled.steady < MARK_STEADY < commonroad_cross_validation.extent(results, "published").steady
+    entries = json.loads(json.dumps(commonroad_cross_validation.entries(results), allow_nan=False))
     given = entries["manoeuvres"]["brake_30"]["published"]
     assert not given["passed"]
     for name, value in given["steady"].items():
@@ -109,10 +110,10 @@ def test_table_entries_and_figure():
 
 def test_a_mark_missed_with_everything_out_is_a_failure(monkeypatch, capsys):
     missed = {case: result._replace(rms={"yaw_rate": 0.06}) for case, result in comparison("step_20").items()}
-    assert {row.verdict for row in cross_validation.rows({"step_20": missed})} == {"FAIL"}
+    assert {row.verdict for row in commonroad_cross_validation.rows({"step_20": missed})} == {"FAIL"}
     for results, code in (({"step_20": missed}, 1), ({"step_20": comparison("step_20")}, 0)):
-        monkeypatch.setattr(cross_validation, "collect", lambda results=results: results)
-        assert cross_validation.main([]) == code
+        monkeypatch.setattr(commonroad_cross_validation, "collect", lambda results=results: results)
+        assert commonroad_cross_validation.main([]) == code
     assert "| step_20 | reconciled |" in capsys.readouterr().out
 
 

@@ -5,8 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from steer_env import manoeuvres, metrics, recording_files
-from vehicle import cars
+from steer_env import manoeuvres, metrics
+from steer_env.recording import files
+from steer_env.vehicle import cars
 
 FOLDER = Path(__file__).parents[2] / "examples"
 SHIPPED = (FOLDER / "weave_example.csv").read_bytes()
@@ -14,7 +15,7 @@ SHIPPED = (FOLDER / "weave_example.csv").read_bytes()
 
 def mapped():
     """The file as its mapping says, gaps bridged."""
-    return recording_files.read(FOLDER / "weave_example.csv", FOLDER / "weave_example.toml").bridged()
+    return files.read(FOLDER / "weave_example.csv", FOLDER / "weave_example.toml").bridged()
 
 
 def test_the_script_makes_the_shipped_file():

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-import friction
-from experiments import friction_study as study
-from vehicle import cars
+from steer_env import friction
+from steer_env.experiments.studies import friction_laws as study
+from steer_env.vehicle import cars
 
 
 @pytest.fixture(scope="module")

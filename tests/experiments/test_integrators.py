@@ -1,6 +1,6 @@
 """Twelve cases for LuGre and Masing: order of the step frame, and what simpler schemes make of them.
 
-``python -m experiments.integrators`` prints the table; its pinned errors at 1 ms, % of F_c:
+``python -m steer_env.experiments.studies.integrators`` prints the table; its pinned errors at 1 ms, % of F_c:
 
     law     F_c [N m]  distance [deg]  f [Hz]  midpoint  explicit Euler  backward Euler
     lugre         0.3            0.05     0.2    0.0005          0.0797          0.0686
@@ -32,8 +32,15 @@
 import numpy as np
 import pytest
 
-from experiments.integrators import SCHEMES, TWELVE, integrate, relative_error, twelve_cases, twelve_references
-from experiments.marks import MOST
+from steer_env.experiments.studies.integrators import (
+    SCHEMES,
+    TWELVE,
+    integrate,
+    relative_error,
+    twelve_cases,
+    twelve_references,
+)
+from steer_env.experiments.verification.requirements import MOST
 
 CASES = {law: twelve_cases(law) for law in MOST}
 # The pinned table, by row: {law: [(midpoint, explicit Euler, backward Euler), ...]} in %.

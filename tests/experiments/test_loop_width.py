@@ -5,13 +5,14 @@ from dataclasses import replace
 
 import pytest
 
-from experiments import figures, loop_width
-from experiments.loop_width import AT_0G, DEADBAND, SLOW, WEAVE, Key, Width, verdict
-from friction import defaults
 from steer_env import manoeuvres
+from steer_env.experiments.drawing import figures
+from steer_env.experiments.studies import loop_width
+from steer_env.experiments.studies.loop_width import AT_0G, DEADBAND, SLOW, WEAVE, Key, Width, verdict
+from steer_env.friction import defaults
+from steer_env.metrics.common.reading import ANGLE, AY, TORQUE
 from steer_env.metrics.loops import Loops
-from steer_env.metrics.reading import ANGLE, AY, TORQUE
-from vehicle import cars
+from steer_env.vehicle import cars
 
 
 @pytest.fixture(scope="module")

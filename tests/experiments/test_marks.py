@@ -1,4 +1,4 @@
-"""Every mark is kept; the tables as ``python -m experiments.marks`` prints them are pinned here.
+"""Every mark is kept; the tables as ``python -m steer_env.experiments.verification.requirements`` prints them are pinned here.
 
 friction: Friction laws against their closed forms.
   LuGre at constant speed from rest               1.7e-14  <= 1e-12 of the largest torque    pass
@@ -182,8 +182,8 @@ import re
 
 import pytest
 
-from experiments import marks
-from friction.kernel import COMPILED
+from steer_env.experiments.verification import requirements
+from steer_env.friction.numerics.kernel import COMPILED
 
 PINNED = {text.partition(":")[0]: text for text in (__doc__ or "").strip().split("\n\n")[1:]}
 
@@ -202,7 +202,7 @@ def masked_times(text):
 @pytest.mark.skipif(not COMPILED, reason="nothing is compiled")
 def test_times():
     """Ratios of one run may pass their marks by a quarter, which the caches of a busy machine make of them."""
-    found = marks.table("time")
+    found = requirements.table("time")
     assert masked_times(found) == masked_times(PINNED["time"])
     ratios = re.findall(r" ([\d.]+) x  +<= ([\d.]+) x", found)
     assert ratios
@@ -217,7 +217,7 @@ def test_policies():
     def masked(text):
         return re.sub(r"  +-?[\d.]+( ?%)?( at (least|most))?(, cost 0)?  ", "  <value>  ", text)
 
-    found, pinned = (masked(text).splitlines() for text in (marks.table("policies"), PINNED["policies"]))
+    found, pinned = (masked(text).splitlines() for text in (requirements.table("policies"), PINNED["policies"]))
     assert found[:-1] == pinned[:-1]
     assert [line.partition("<value>")[0] for line in found] == [line.partition("<value>")[0] for line in pinned]
 
@@ -225,9 +225,9 @@ def test_policies():
 APART = ("synthetic", "time", "policies")  # see test_synthetic.py, and above
 
 
-@pytest.mark.parametrize("name", [name for name in marks.MARKS if name not in APART])
+@pytest.mark.parametrize("name", [name for name in requirements.MARKS if name not in APART])
 def test_mark(name):
-    text = marks.table(name)
+    text = requirements.table(name)
     assert "FAIL" not in text
     assert masked(text) == masked(PINNED[name])
 
@@ -236,19 +236,19 @@ def test_mark(name):
 def test_the_exit_code_says_whether_a_mark_is_missed(monkeypatch, capsys, error, code):
     def rows():
         """Something measured."""
-        yield marks._error("size", [0.1, error], 1.0, "m")
+        yield requirements._error("size", [0.1, error], 1.0, "m")
 
-    monkeypatch.setitem(marks.MARKS, "something", rows)
-    assert marks.main(["something"]) == code
+    monkeypatch.setitem(requirements.MARKS, "something", rows)
+    assert requirements.main(["something"]) == code
     assert ("FAIL" if code else "pass") in capsys.readouterr().out
 
 
 def test_a_deviation_from_a_source_is_named_and_nothing_else_passes():
-    found = {x: marks._printed("toe", x, "0.198", known="0.197").verdict for x in (0.1978, 0.1968, 0.1955)}
+    found = {x: requirements._printed("toe", x, "0.198", known="0.197").verdict for x in (0.1978, 0.1968, 0.1955)}
     assert list(found.values()) == ["pass", "deviates", "FAIL"]
 
 
 def test_an_unknown_mark_lists_the_known(capsys):
     with pytest.raises(SystemExit, match="2"):
-        marks.main(["weight"])
+        requirements.main(["weight"])
     assert "unknown mark 'weight'; there are friction, column" in capsys.readouterr().err

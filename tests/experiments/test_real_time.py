@@ -5,10 +5,10 @@ import json
 import numpy as np
 import pytest
 
-import friction
-from experiments import real_time
-from experiments.real_time import Row, accuracy, plant_samples, timed, usable_step
-from vehicle import cars
+from steer_env import friction
+from steer_env.experiments.studies import real_time
+from steer_env.experiments.studies.real_time import Row, accuracy, plant_samples, timed, usable_step
+from steer_env.vehicle import cars
 
 STEPS = (1e-3, 1e-2)
 

@@ -12,12 +12,13 @@ from html.parser import HTMLParser
 import pytest
 from scipy import stats
 
-import friction
-from experiments import battery, cross_validation, findings, provenance, report
-from experiments.files import replaced_directory
-from experiments.results import Scope, pool_of
-from steer_env import metrics
-from vehicle import cars
+from steer_env import friction, metrics
+from steer_env.experiments.output import provenance
+from steer_env.experiments.output.files import replaced_directory
+from steer_env.experiments.report import build, findings
+from steer_env.experiments.report.results import Scope, pool_of
+from steer_env.experiments.studies import battery, commonroad_cross_validation
+from steer_env.vehicle import cars
 
 LAWS = {law: friction.make(law) for law in ("lugre", "masing")}
 TESTS = {"weave": {"cycles": 6}, "slow-ramp": {}, "step-steer": {}, "hold": {}}
@@ -32,7 +33,7 @@ FIGURES = (
 def made(tmp_path_factory):
     out = tmp_path_factory.mktemp("made") / "report"
     seen = []
-    results = report.build(out, LAWS, SCOPE, lambda part, what: seen.append(part))
+    results = build.build(out, LAWS, SCOPE, lambda part, what: seen.append(part))
     assert seen == sorted(seen)
     assert seen[-1] == 1.0
     return out, results
@@ -40,7 +41,7 @@ def made(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def source(made):
-    return report.provenance_of(made[1])
+    return build.provenance_of(made[1])
 
 
 class Page(HTMLParser):
@@ -96,7 +97,7 @@ def test_metrics_json(made):
     data = json.loads((made[0] / "metrics.json").read_text(encoding="utf-8"))
     assert set(data) == {"metrics", "real_time", "vehicle", "provenance"}
     assert set(data["vehicle"]) == {"weave_peaks", "parking", "cross_validation"}
-    assert set(data["vehicle"]["cross_validation"]["manoeuvres"]) == set(cross_validation.MANOEUVRES)
+    assert set(data["vehicle"]["cross_validation"]["manoeuvres"]) == set(commonroad_cross_validation.MANOEUVRES)
     prefixes = {"weave": "", "slow-ramp": "slow_ramp.", "step-steer": "step_steer.", "hold": "hold."}
     names = {prefix + name for test, prefix in prefixes.items() for name in metrics.available(test)}
     for law in LAWS:
@@ -116,16 +117,16 @@ def test_metrics_json(made):
 
 
 def test_refused_metrics_are_null_with_a_reason(made, monkeypatch):
-    monkeypatch.setattr(report, "_figures", lambda _: dict.fromkeys(FIGURES, "<svg/>"))
+    monkeypatch.setattr(build, "_figures", lambda _: dict.fromkeys(FIGURES, "<svg/>"))
     _, results = made
     drive = results.drives["weave"]["lugre"]
     refused = {**drive.values, "yaw_lag": metrics.Value(float("nan"), float("nan"), float("nan"), "ms", "no yaw rate")}
     drives = {**results.drives, "weave": {**results.drives["weave"], "lugre": drive._replace(values=refused)}}
     changed = results._replace(drives=drives)
-    source = report.provenance_of(changed)
-    entry = report.metrics_json(changed, source)["metrics"]["lugre"]["yaw_lag"]
+    source = build.provenance_of(changed)
+    entry = build.metrics_json(changed, source)["metrics"]["lugre"]["yaw_lag"]
     assert entry == {"value": None, "ci": [None, None], "unit": "ms", "reason": "no yaw rate"}
-    assert "Refused: yaw lag (lugre): no yaw rate." in report.render(changed, source)
+    assert "Refused: yaw lag (lugre): no yaw rate." in build.render(changed, source)
 
 
 def row_of(law, **changes):
@@ -168,8 +169,8 @@ def bare(test):
     ],
 )
 def test_a_claim_changes_with_its_number(made, source, monkeypatch, change, gone, instead):
-    monkeypatch.setattr(report, "_figures", lambda _: dict.fromkeys(FIGURES, "<svg/>"))
-    before, after = (report.render(results, source) for results in (sure(made[1]), change(sure(made[1]))))
+    monkeypatch.setattr(build, "_figures", lambda _: dict.fromkeys(FIGURES, "<svg/>"))
+    before, after = (build.render(results, source) for results in (sure(made[1]), change(sure(made[1]))))
     assert gone in before
     assert gone not in after
     assert instead in after
@@ -198,19 +199,19 @@ def test_one_law_alone_makes_a_page_too(made):
         vehicle=None,
         cross_validation=None,
     )
-    page = report.render(alone, report.provenance_of(alone))
+    page = build.render(alone, build.provenance_of(alone))
     assert "made without one of them" in page
     assert "6 Provenance" in page
     assert "Cross-validation" not in page
 
 
 def test_the_cross_validation_says_what_its_numbers_say(made, source, monkeypatch):
-    monkeypatch.setattr(report, "_figures", lambda _: dict.fromkeys(FIGURES, "<svg/>"))
-    before = report.render(made[1], source)
+    monkeypatch.setattr(build, "_figures", lambda _: dict.fromkeys(FIGURES, "<svg/>"))
+    before = build.render(made[1], source)
     found = made[1].cross_validation
     missed = found["step_20"]["reconciled"]._replace(rms={"yaw_rate": 0.5, "lateral_acceleration": 0.0})
     step = {**found["step_20"], "reconciled": missed}
-    after = report.render(made[1]._replace(cross_validation={**found, "step_20": step}), source)
+    after = build.render(made[1]._replace(cross_validation={**found, "step_20": step}), source)
     assert "nothing changed in ours, all are kept" in before
     assert ">missed</td>" not in before
     assert "7 of 8 are kept, with at most 50\u00a0% RMS" in after
@@ -242,19 +243,19 @@ def test_an_error_half_way_leaves_the_old_report(made, tmp_path, monkeypatch):
     out = tmp_path / "report"
     out.mkdir()
     (out / "index.html").write_text("old")
-    monkeypatch.setattr(report, "collect", lambda *_: results)
-    monkeypatch.setattr(report, "render", lambda *_: "new")
+    monkeypatch.setattr(build, "collect", lambda *_: results)
+    monkeypatch.setattr(build, "render", lambda *_: "new")
 
     def fail(*_):
         raise RuntimeError("disk on fire")
 
     with monkeypatch.context() as patch:
-        patch.setattr(report, "write_json", fail)  # the page is written by then
+        patch.setattr(build, "write_json", fail)  # the page is written by then
         with pytest.raises(RuntimeError, match="disk on fire"):
-            report.build(out, LAWS, SCOPE)
+            build.build(out, LAWS, SCOPE)
     assert [path.name for path in tmp_path.rglob("*")] == ["report", "index.html"]
     assert (out / "index.html").read_text() == "old"
-    report.build(out, LAWS, SCOPE)
+    build.build(out, LAWS, SCOPE)
     assert (out / "index.html").read_text() == "new"
     assert sorted(path.name for path in tmp_path.rglob("*")) == ["index.html", "metrics.json", "report"]
 
@@ -270,8 +271,8 @@ def test_an_interrupted_swap_puts_the_old_report_back(tmp_path, monkeypatch):
             raise KeyboardInterrupt
         rename(source, target)
 
-    monkeypatch.setattr("experiments.files.os.rename", interrupted)
-    with pytest.raises(KeyboardInterrupt), replaced_directory(out, report.CONTENTS) as part:
+    monkeypatch.setattr("steer_env.experiments.output.files.os.rename", interrupted)
+    with pytest.raises(KeyboardInterrupt), replaced_directory(out, build.CONTENTS) as part:
         (part / "index.html").write_text("new")
     assert [path.name for path in tmp_path.rglob("*")] == ["report", "index.html"]
     assert (out / "index.html").read_text() == "old"
@@ -280,7 +281,7 @@ def test_an_interrupted_swap_puts_the_old_report_back(tmp_path, monkeypatch):
 def test_a_directory_with_other_files_is_not_replaced(tmp_path):
     (tmp_path / "thesis.tex").write_text("years of work")
     with pytest.raises(ValueError, match=r"holds other files \(thesis\.tex\)"):
-        report.build(tmp_path, LAWS, SCOPE)
+        build.build(tmp_path, LAWS, SCOPE)
     assert (tmp_path / "thesis.tex").read_text() == "years of work"
 
 
@@ -289,7 +290,7 @@ def test_ctrl_c_leaves_the_old_report_and_no_process(tmp_path):
     out = tmp_path / "report"
     out.mkdir()
     (out / "index.html").write_text("old")
-    command = [sys.executable, "-m", "experiments.cli", "report", "--out", str(out)]
+    command = [sys.executable, "-m", "steer_env.experiments.cli.main", "report", "--out", str(out)]
     # A suite that runs in the background hands on that Ctrl-C is ignored.
     heard = functools.partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, preexec_fn=heard) as process:

@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from experiments import marks
-from experiments.synthetic import faults, loops
-from experiments.synthetic.cases import CASES
-from experiments.synthetic.coverage import Coverage, collect, coverage, made
-from experiments.synthetic.faults import DELAY, FAULTS, Fault
-from experiments.synthetic.loops import linear_car
 from steer_env import metrics
-from steer_env.metrics import definitions
+from steer_env.experiments.verification import requirements
+from steer_env.metrics.common import definitions
+from steer_env.synthetic import faults, loops
+from steer_env.synthetic.cases import CASES
+from steer_env.synthetic.coverage import Coverage, collect, coverage, made
+from steer_env.synthetic.faults import DELAY, FAULTS, Fault
+from steer_env.synthetic.loops import linear_car
 
 TRIALS = 2  # of a case behind a fault; the mark has 200
 
@@ -34,8 +34,8 @@ def test_every_case():
 def test_the_mark_names_the_lowest(monkeypatch):
     kept, lost = Coverage(0.97, 0.0, 0.1), Coverage(0.85, 0.0, 0.1)
     found = {"a case": {"offset": {"yaw_lag": kept, "loop_area": lost}, "long": {"yaw_lag": kept._replace(kept=1.0)}}}
-    monkeypatch.setattr(marks, "collect", lambda trials: found)
-    rows = list(marks.synthetic_rows())
+    monkeypatch.setattr(requirements, "collect", lambda trials: found)
+    rows = list(requirements.synthetic_rows())
     assert [(row.what, row.verdict) for row in rows] == [("a case: offset", "FAIL"), ("a case: long", "pass")]
     assert rows[0].measured == "85.0 %, loop area"
 

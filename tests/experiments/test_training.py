@@ -8,10 +8,10 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from experiments import friction_shift, policy, policy_report, trials
-from experiments.cli import main
-from experiments.options import Friction
-from experiments.training import Training, settings
+from steer_env.experiments.cli.main import main
+from steer_env.experiments.learning import friction_shift, held_out, policy, policy_report
+from steer_env.experiments.learning.training import Training, settings
+from steer_env.experiments.output.options import Friction
 
 WEAVE = "steer_env/AssistWeave-v0"
 LUGRE = Friction("lugre")
@@ -197,14 +197,14 @@ def test_evaluation_on_another_task_names_both(trained, tmp_path, capsys):
 
 def test_differences_are_shaded_by_what_is_better():
     def estimate(value, half=0.1):
-        return trials.Estimate(value, value - half, value + half)
+        return held_out.Estimate(value, value - half, value + half)
 
     one = estimate(1.0)
     assert policy_report.shade("reward", estimate(0.5), one, one) == "better"
     assert policy_report.shade("rms_feel_error", estimate(0.5), one, one) == "worse"
     assert policy_report.shade("steering_work", estimate(0.5), one, one) == "differs"
     assert policy_report.shade("reward", estimate(0.05), one, one) == ""
-    assert policy_report.shade("cost", trials.Estimate(1e-17, 1e-18, 2e-17), estimate(0.0), estimate(0.0)) == ""
+    assert policy_report.shade("cost", held_out.Estimate(1e-17, 1e-18, 2e-17), estimate(0.0), estimate(0.0)) == ""
 
 
 @pytest.mark.parametrize("algo", ["sac", "recurrent-ppo"])
@@ -224,7 +224,7 @@ def test_other_algorithms_train_too(algo, tmp_path):
 
 
 def test_trials_are_those_of_single_environments():
-    found = trials.collect(WEAVE, lambda env: policy_report.baselines(WEAVE)["boost"](env), 3, 7, control_dt=0.1)
+    found = held_out.collect(WEAVE, lambda env: policy_report.baselines(WEAVE)["boost"](env), 3, 7, control_dt=0.1)
     for i in range(3):
         env, total, over = gym.make(WEAVE, control_dt=0.1), 0.0, False
         env.reset(seed=7 + i)
@@ -236,8 +236,8 @@ def test_trials_are_those_of_single_environments():
 
 
 def test_estimates():
-    assert trials.mean(np.array([1.0, 2.0, 3.0])) == pytest.approx((2.0, 2.0 - 2.4841377, 2.0 + 2.4841377))
-    low, high = trials.share(np.arange(200) >= 4)[1:]
+    assert held_out.mean(np.array([1.0, 2.0, 3.0])) == pytest.approx((2.0, 2.0 - 2.4841377, 2.0 + 2.4841377))
+    low, high = held_out.share(np.arange(200) >= 4)[1:]
     assert (low, high) == pytest.approx((0.9497, 0.9922), abs=2e-4)  # Wilson's for 196 of 200
 
 

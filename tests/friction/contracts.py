@@ -17,9 +17,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-import friction
-from friction import law
-from friction.kernel import bind
+from steer_env import friction
+from steer_env.friction import law
+from steer_env.friction.numerics.kernel import bind
 
 ROOT = Path(__file__).parents[2]
 

@@ -5,9 +5,9 @@ import re
 import numpy as np
 import pytest
 
-import friction
-from friction import law
-from friction.models.masing import from_virgin_curve
+from steer_env import friction
+from steer_env.friction import law
+from steer_env.friction.models.masing import from_virgin_curve
 
 NAN, INF = float("nan"), float("inf")
 
@@ -111,7 +111,7 @@ def test_response(friction_law, x, dt, contains):
 def test_register():
     dahl = friction.law_of(friction.make("dahl"))
     kernels = {field: getattr(dahl, field) for field in law.Law._fields[2:-2]}
-    with refused(["'lugre'", "already registered", "friction.models.lugre"]):
+    with refused(["'lugre'", "already registered", "steer_env.friction.models.lugre"]):
         law.register("lugre", dahl.parameters, **kernels, mean_torque=dahl.mean_torque)
     with refused(["'rust'", "mean_torque or solve"]):
         law.register("rust", dahl.parameters, **kernels)

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from friction import law
-from friction.kernel import bind
-from friction.models.lugre import LuGre
+from steer_env.friction import law
+from steer_env.friction.models.lugre import LuGre
+from steer_env.friction.numerics.kernel import bind
 
 P = LuGre(sigma_0=1e5, sigma_1=math.sqrt(1e5), sigma_2=0.4, F_c=1.0, F_s=1.5, v_s=1e-3)  # N/m, N s/m, N, m/s
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-import friction
-from friction import law
+from steer_env import friction
+from steer_env.friction import law
 from tests.friction import contracts
 
 SETS = {name: friction.make(name) for name in friction.available()} | {

@@ -5,9 +5,9 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-import friction
-from friction import law
-from friction.models.masing import virgin_torque
+from steer_env import friction
+from steer_env.friction import law
+from steer_env.friction.models.masing import virgin_torque
 from tests.friction.test_bad_input import refused
 
 DT = 0.01  # [s]

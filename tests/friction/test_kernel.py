@@ -2,7 +2,7 @@
 
 import pytest
 
-from friction.kernel import kernel
+from steer_env.friction.numerics.kernel import kernel
 
 
 @kernel

@@ -1,14 +1,14 @@
-"""Masing's step equation, constructors, and Dahl beside it; ``experiments.oracles`` has branches, memory and work."""
+"""Masing's step equation, constructors, and Dahl beside it; ``steer_env.experiments.verification.friction_oracles`` has branches, memory and work."""
 
 import math
 
 import numpy as np
 import pytest
 
-import friction
-from experiments.oracles import DYADIC, at_rest, exponential
-from friction import law
-from friction.models.masing import Masing, from_virgin_curve, virgin_torque
+from steer_env import friction
+from steer_env.experiments.verification.friction_oracles import DYADIC, at_rest, exponential
+from steer_env.friction import law
+from steer_env.friction.models.masing import Masing, from_virgin_curve, virgin_torque
 
 
 def mean_torque(p, memory, w, h):

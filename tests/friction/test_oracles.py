@@ -1,12 +1,12 @@
-"""Coulomb and viscous friction; ``experiments.oracles`` has the closed forms of the other laws."""
+"""Coulomb and viscous friction; ``steer_env.experiments.verification.friction_oracles`` has the closed forms of the other laws."""
 
 import math
 
 import numpy as np
 import pytest
 
-import friction
-from friction import law
+from steer_env import friction
+from steer_env.friction import law
 
 
 @pytest.mark.parametrize("R", [0.3, -0.3, 0.9, -0.9])

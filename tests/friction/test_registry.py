@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import friction
+from steer_env import friction
 from tests.friction import contracts
 
 ROOT = Path(__file__).parents[2]
@@ -49,7 +49,7 @@ REPORT = """
 import json, sys, numpy as np
 import friction
 from friction import law
-from friction.kernel import cache_directory
+from steer_env.friction.numerics.kernel import cache_directory
 {imports}
 p = friction.make({name!r})
 w, T = law.step(p, 1.0, np.zeros(law.law_of(p).memory_size(p)), 100.0, 50.0, 1e-3, 0.0)

@@ -8,9 +8,9 @@ It brings ``mean_torque`` only, so the shared Newton iteration has to cope with 
 import math
 from typing import NamedTuple
 
-from friction.check import positive
-from friction.kernel import kernel
-from friction.law import register
+from steer_env.friction.law import register
+from steer_env.friction.numerics.check import positive
+from steer_env.friction.numerics.kernel import kernel
 
 
 class Jenkins(NamedTuple):

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from experiments.synthetic.recordings import changed
 from steer_env import metrics
+from steer_env.synthetic.recordings import changed
 
 
 def check(clean, answers, tolerance, without=()):

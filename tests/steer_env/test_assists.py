@@ -7,11 +7,10 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-import friction
-from steer_env import assists
+from steer_env import assists, friction
 from steer_env.assists import lead_lag
-from steer_env.assists.linear import response, sampled, slopes
-from steer_env.tasks.release import RELEASED
+from steer_env.assists.common.linear import response, sampled, slopes
+from steer_env.tasks.assist_release import RELEASED
 
 NAMES = assists.available()
 SCENARIOS = ("Weave", "Release", "LaneChange", "LaneKeeping", "Parking")
@@ -192,7 +191,7 @@ def test_margins_of_the_lead_lag(speed, control_dt):
 def test_margins_as_the_library_has_them():
     import control
 
-    from vehicle.margins import hands_fixed_loop
+    from steer_env.vehicle.steering.margins import hands_fixed_loop
 
     env = environment("Weave")
     loop = hands_fixed_loop(env.lanes.car.column, env.lanes.car.assist, 2.8, 28.0)

@@ -3,16 +3,15 @@
 import numpy as np
 import pytest
 
-import friction
-from experiments.synthetic.crosswind import SPEED, free, gusts
-from experiments.synthetic.faults import noisy
-from experiments.synthetic.recordings import changed, mirrored, recording
-from steer_env import manoeuvres, metrics
+from steer_env import friction, manoeuvres, metrics
 from steer_env.manoeuvres import crosswind as wind
-from steer_env.recording import DEGREE
+from steer_env.recording.recording import DEGREE
+from steer_env.synthetic.crosswind import SPEED, free, gusts
+from steer_env.synthetic.faults import noisy
+from steer_env.synthetic.recordings import changed, mirrored, recording
+from steer_env.vehicle import cars
+from steer_env.vehicle.chassis.common.interface import WIND_FORCE, WIND_MOMENT
 from tests.steer_env.checks import burst, check, refusals
-from vehicle import cars
-from vehicle.chassis import WIND_FORCE, WIND_MOMENT
 
 
 def constant(rate):

@@ -4,13 +4,12 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-import friction
 import steer_env  # noqa: F401 (registers the ids)
-from steer_env import drivers
-from steer_env.drivers import lq
-from steer_env.drivers.definition import INTENT, MEMORY, REFLEX, command, execution, gains_of, intend, late_error
-from steer_env.tasks.common import PREVIEW, SIGHT
-from vehicle import cars, linear
+from steer_env import drivers, friction
+from steer_env.drivers.common import lq
+from steer_env.drivers.common.definition import INTENT, MEMORY, REFLEX, command, execution, gains_of, intend, late_error
+from steer_env.tasks.common.terms import PREVIEW, SIGHT
+from steer_env.vehicle import cars, linear
 
 CAR = cars.load("compact")
 SPEED = 22.0  # [m/s]

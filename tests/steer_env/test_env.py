@@ -13,13 +13,13 @@ import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 
-import friction
-from friction.kernel import COMPILED
-from steer_env import randomise, tasks
-from steer_env.ids import DRIVEN
-from steer_env.tasks import parking
-from vehicle import cars, plant, two_track
-from vehicle import tyre as tyres
+from steer_env import friction, randomise, tasks
+from steer_env.friction.numerics.kernel import COMPILED
+from steer_env.registration import DRIVEN
+from steer_env.tasks import driver_parking as parking
+from steer_env.vehicle import cars, plant
+from steer_env.vehicle import tyre as tyres
+from steer_env.vehicle.chassis import two_track
 
 IDS = tuple(DRIVEN)
 # Every id on every chassis that it runs on.
@@ -175,8 +175,8 @@ def test_short_control_steps_find_no_jerk_of_their_own():
 
 def test_parking_targets_keep_to_their_fastest():
     for seed in range(100):
-        case = parking.DRIVER.start(np.random.default_rng(seed), tasks.definition.Setting(cars.load(), 0.0), {})
-        assert np.abs(np.diff(case.values)).max() <= parking.FASTEST * tasks.definition.NODE * (1.0 + 1e-9)
+        case = parking.TASK.start(np.random.default_rng(seed), tasks.common.definition.Setting(cars.load(), 0.0), {})
+        assert np.abs(np.diff(case.values)).max() <= parking.FASTEST * tasks.common.definition.NODE * (1.0 + 1e-9)
 
 
 def test_own_car_and_tyre(tmp_path):

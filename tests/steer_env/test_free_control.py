@@ -3,14 +3,13 @@
 import numpy as np
 import pytest
 
-import friction
-from experiments.synthetic.free_hands import EVENT, HELD, pulse, release, returnability
-from experiments.synthetic.recordings import changed, mirrored
-from steer_env import manoeuvres, metrics
-from steer_env.metrics import decay
-from steer_env.recording import DEGREE
+from steer_env import friction, manoeuvres, metrics
+from steer_env.metrics.common import decay
+from steer_env.recording.recording import DEGREE
+from steer_env.synthetic.free_hands import EVENT, HELD, pulse, release, returnability
+from steer_env.synthetic.recordings import changed, mirrored
+from steer_env.vehicle import cars
 from tests.steer_env.checks import burst, check, refusals
-from vehicle import cars
 
 LAWS = friction.available()
 TESTS = {"release": release, "pulse": pulse, "returnability": returnability}

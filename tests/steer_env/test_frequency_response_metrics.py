@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from experiments.synthetic.frequency_response import driven, random_angle, random_steer, swept_sine
-from experiments.synthetic.recordings import changed
 from steer_env import metrics
 from steer_env.metrics.frequency_response import curve
-from steer_env.recording import DEGREE
+from steer_env.recording.recording import DEGREE
+from steer_env.synthetic.frequency_response import driven, random_angle, random_steer, swept_sine
+from steer_env.synthetic.recordings import changed
 from tests.steer_env.checks import burst, check, refusals
 
 TESTS = ("frequency-response", "random-steer")

@@ -6,11 +6,11 @@ import control
 import numpy as np
 import pytest
 
-import friction
-from experiments import entry_speed
-from steer_env import lane_change, manoeuvres, metrics
-from steer_env.drivers import lq
-from vehicle import cars, linear
+from steer_env import friction, manoeuvres, metrics
+from steer_env.courses import iso3888
+from steer_env.drivers.common import lq
+from steer_env.experiments.studies import entry_speed
+from steer_env.vehicle import cars, linear
 
 CAR = cars.load()
 KPH = 1.0 / 3.6
@@ -18,75 +18,75 @@ KPH = 1.0 / 3.6
 
 def test_double_lane_change_by_hand():
     """A car of 1.8 m: lanes of 2.23, 2.41 and 2.59 m, right edges 3.5 m apart, 125 m in all."""
-    course = lane_change.course("double-lane-change", 1.8)
+    course = iso3888.course("double-lane-change", 1.8)
     expected = [(0, 15, -1.115, 1.115), (45, 70, 2.385, 4.795), (95, 110, -1.115, 1.475), (110, 125, -1.115, 1.475)]
     assert np.allclose(course.gates, expected)
     assert course.length == 125.0
     assert course.left.shape == course.right.shape == (17, 2)  # at most 5 m apart, the last two lanes share a cone
     assert np.allclose(course.left[[0, 3, 4, 9, 10, 16]], [(0, 1.115), (15, 1.115), (45, 4.795), (70, 4.795), (95, 1.475), (125, 1.475)])  # fmt: skip # noqa: E501
     assert np.allclose(course.right[[1, 5, 12]], [(5, -1.115), (50, 2.385), (105, -1.115)])
-    for old, new in zip(lane_change.course("double-lane-change", 1.8, "1999"), course):
+    for old, new in zip(iso3888.course("double-lane-change", 1.8, "1999"), course):
         assert np.array_equal(old, new)
 
 
 def test_obstacle_avoidance_by_hand():
     """Lanes of 2.23 and 2.8 m, 1 m between them; the way out is 3 m wide, and was 2.59 m in 2002."""
-    course = lane_change.course("obstacle-avoidance", 1.8)
+    course = iso3888.course("obstacle-avoidance", 1.8)
     assert np.allclose(course.gates, [(0, 12, -1.115, 1.115), (25.5, 36.5, 2.115, 4.915), (49, 61, -1.885, 1.115)])
-    assert np.allclose(lane_change.course("obstacle-avoidance", 1.8, "2002").gates[2], (49, 61, -1.475, 1.115))
-    assert lane_change.course("obstacle-avoidance", 2.3).gates[2].right == pytest.approx(1.39 - 3.24)  # not 3 m
+    assert np.allclose(iso3888.course("obstacle-avoidance", 1.8, "2002").gates[2], (49, 61, -1.475, 1.115))
+    assert iso3888.course("obstacle-avoidance", 2.3).gates[2].right == pytest.approx(1.39 - 3.24)  # not 3 m
     assert course.left.shape == course.right.shape == (15, 2)
 
 
-@pytest.mark.parametrize("name", lane_change.EDITIONS)
+@pytest.mark.parametrize("name", iso3888.EDITIONS)
 def test_mirrored_course(name):
-    course, other = (lane_change.course(name, 1.7, mirrored=mirrored) for mirrored in (False, True))
+    course, other = (iso3888.course(name, 1.7, mirrored=mirrored) for mirrored in (False, True))
     assert np.array_equal(other.left, course.right * [1, -1])
     assert np.array_equal(other.right, course.left * [1, -1])
-    car = lane_change.outline(CAR)
-    assert np.array_equal(lane_change.path(other, car), lane_change.path(course, car) * [1, -1])
+    car = iso3888.outline(CAR)
+    assert np.array_equal(iso3888.path(other, car), iso3888.path(course, car) * [1, -1])
 
 
 def test_course_refuses():
     with pytest.raises(ValueError, match=r"no edition '2020'; there are 2018, 1999"):
-        lane_change.course("double-lane-change", 1.8, "2020")
+        iso3888.course("double-lane-change", 1.8, "2020")
     with pytest.raises(ValueError, match="no course for 'weave'"):
-        lane_change.course("weave", 1.8)
+        iso3888.course("weave", 1.8)
     with pytest.raises(ValueError, match="vehicle width"):
-        lane_change.course("double-lane-change", 0.0)
+        iso3888.course("double-lane-change", 0.0)
 
 
 def test_cone_margins_by_hand():
     """A car of 4 m by 2 m whose middle is 1 m ahead of its reference point."""
     cones = np.array([[1.0, 1.5], [4.0, 2.0], [1.0, 0.6], [2.9, 0.0], [-1.5, 0.0]])
-    car, zero = lane_change.Outline(4.0, 2.0, 1.0), np.zeros(1)
+    car, zero = iso3888.Outline(4.0, 2.0, 1.0), np.zeros(1)
     expected = [0.5, np.hypot(1, 1), -0.4, -0.1, 0.5]
     for side in (1, -1):
-        assert np.allclose(lane_change.cone_margins(cones * [1, side], car, zero, zero, zero), expected)
+        assert np.allclose(iso3888.cone_margins(cones * [1, side], car, zero, zero, zero), expected)
     # driven to (2, 1) and turned by a quarter: what was ahead is to the left now
     turned = cones @ [[0, 1], [-1, 0]] + [2, 1]
-    assert np.allclose(lane_change.cone_margins(turned, car, zero + 2.0, zero + 1.0, zero + np.pi / 2), expected)
+    assert np.allclose(iso3888.cone_margins(turned, car, zero + 2.0, zero + 1.0, zero + np.pi / 2), expected)
 
 
 def test_outline_of_packaged_cars_and_of_one_without_sizes():
-    assert lane_change.outline(CAR)[:2] == (4.298, 1.674)
+    assert iso3888.outline(CAR)[:2] == (4.298, 1.674)
     bare = CAR._replace(chassis={key: value for key, value in CAR.chassis.items() if key not in ("length", "width")})
-    size = lane_change.outline(bare)
+    size = iso3888.outline(bare)
     assert size.length == pytest.approx(0.884 + 1.509 + 1.75)
     assert size.width == pytest.approx(1.423 + 0.205)
     with pytest.raises(ValueError, match=r"chassis\.width"):
         cars.from_data({**cars.every_key("compact"), "chassis": {**CAR.chassis, "width": 16.74}})
 
 
-@pytest.mark.parametrize("name", lane_change.EDITIONS)
+@pytest.mark.parametrize("name", iso3888.EDITIONS)
 @pytest.mark.parametrize("vehicle", cars.available())
 def test_the_path_keeps_half_of_the_clearance(name, vehicle):
     """To a centimetre: stations are a metre apart, and an outline's distance to a cone is not its offset across it."""
-    car = lane_change.outline(cars.load(vehicle))
-    course = lane_change.course(name, car.width)
-    x, y = lane_change.path(course, car)[1:-1].T
+    car = iso3888.outline(cars.load(vehicle))
+    course = iso3888.course(name, car.width)
+    x, y = iso3888.path(course, car)[1:-1].T
     cones, yaw = np.concatenate([course.left, course.right])[:, None], np.arctan(np.gradient(y, x))
-    margins = lane_change.cone_margins(cones, car, x, y, yaw)
+    margins = iso3888.cone_margins(cones, car, x, y, yaw)
     least = 0.25 * min(gate.left - gate.right - car.width for gate in course.gates)
     assert margins.min() == pytest.approx(least, abs=0.01)
     assert y[0] == 0.0
@@ -95,7 +95,7 @@ def test_the_path_keeps_half_of_the_clearance(name, vehicle):
 
 def test_a_car_that_does_not_fit_is_refused():
     with pytest.raises(ValueError, match=r"2\.5 m wide does not pass a lane of 2\.23 m"):
-        lane_change.path(lane_change.course("double-lane-change", 1.8), lane_change.Outline(4.0, 2.5, 0.0))
+        iso3888.path(iso3888.course("double-lane-change", 1.8), iso3888.Outline(4.0, 2.5, 0.0))
 
 
 @pytest.fixture(scope="module")

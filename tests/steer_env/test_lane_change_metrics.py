@@ -5,7 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from experiments.synthetic.lane_change import (
+from steer_env import metrics
+from steer_env.recording.recording import Recording
+from steer_env.synthetic.lane_change import (
     FRONT,
     REAR,
     SPEED,
@@ -14,9 +16,7 @@ from experiments.synthetic.lane_change import (
     lane_change,
     obstacle_avoidance,
 )
-from experiments.synthetic.recordings import changed, mirrored
-from steer_env import metrics
-from steer_env.recording import Recording
+from steer_env.synthetic.recordings import changed, mirrored
 from tests.steer_env.checks import check, refusals
 
 

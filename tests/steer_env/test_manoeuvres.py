@@ -5,10 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-import friction
-from steer_env import manoeuvres, metrics
-from steer_env.manoeuvres import driving
-from vehicle import cars, plant
+from steer_env import friction, manoeuvres, metrics
+from steer_env.manoeuvres.common import driving
+from steer_env.vehicle import cars, plant
 
 CAR = cars.load()
 LAWS = friction.available()

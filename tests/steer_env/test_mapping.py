@@ -4,8 +4,8 @@ import re
 
 import pytest
 
-from steer_env.mapping import KNOWN, Entry, Mapping, load, parse_entry
-from vehicle import cars, plant
+from steer_env.recording.channel_mapping import KNOWN, Entry, Mapping, load, parse_entry
+from steer_env.vehicle import cars, plant
 
 
 def test_every_channel_of_both_chassis_is_known():

@@ -9,14 +9,15 @@ import numpy as np
 import pytest
 from scipy import io
 
-from steer_env import mapping, metrics, recording_csv
-from steer_env.recording import DEGREE, Recording
-from steer_env.recording_files import read, write
-from vehicle.single_track import GRAVITY
+from steer_env import metrics
+from steer_env.recording import channel_mapping, csv_file
+from steer_env.recording.files import read, write
+from steer_env.recording.recording import DEGREE, Recording
+from steer_env.vehicle.chassis.single_track import GRAVITY
 
 
 def mapped(*entries, **meta):
-    return mapping.Mapping(meta=meta).with_entries(mapping.parse_entry(text) for text in entries)
+    return channel_mapping.Mapping(meta=meta).with_entries(channel_mapping.parse_entry(text) for text in entries)
 
 
 def refusal(path, given=None):
@@ -79,7 +80,7 @@ def test_empty_cells_are_gaps(tmp_path, separator):
 
 
 def test_gaps_and_decimal_commas_do_not_need_the_slow_reader(tmp_path, monkeypatch):
-    monkeypatch.setattr(recording_csv, "_load_slowly", lambda *_: pytest.fail("read slowly"))
+    monkeypatch.setattr(csv_file, "_load_slowly", lambda *_: pytest.fail("read slowly"))
     path = tmp_path / "run.csv"
     path.write_text("Time [s];a [m];b [m];\n0,0;;1;\n0,5;1,5;;\n\n1;;;\n")
     found = read(path)
@@ -166,7 +167,9 @@ def test_a_mapping_makes_a_measured_file_the_same_as_a_simulated_one(weave, tmp_
         np.testing.assert_allclose(found[name], values, rtol=1e-9, atol=1e-12)
     for name, value in metrics.evaluate(cut, "weave").items():
         np.testing.assert_allclose(metrics.evaluate(found, "weave")[name][:3], value[:3], rtol=1e-6, atol=1e-9)
-    swapped = read(path, mapping.load(toml).with_entries([mapping.parse_entry("yaw_rate=Gyro[rad/s],sign=-1")]))
+    swapped = read(
+        path, channel_mapping.load(toml).with_entries([channel_mapping.parse_entry("yaw_rate=Gyro[rad/s],sign=-1")])
+    )
     np.testing.assert_array_equal(swapped["yaw_rate"], -found["yaw_rate"])
     assert (
         "yaw_rate does not follow handwheel_angle: check the signs"
@@ -205,7 +208,7 @@ def test_a_mapping_reads_what_it_names_and_known_channels(tmp_path):
             "column 'Torque' names no unit; give it in a mapping, [channels.handwheel_angle] from",
         ),
         (
-            mapping.Entry("yaw_rate", "SWA [deg]", None),
+            channel_mapping.Entry("yaw_rate", "SWA [deg]", None),
             "column 'SWA [deg]' is in 'deg', yaw_rate needs 'rad/s': correct it, [channels.yaw_rate]",
         ),
         ("handwheel_torque=Torque[Nm],delay_ms=9000", "delay of 'handwheel_torque' is -9 s; of 1 s in all, fewer than"),
@@ -214,7 +217,7 @@ def test_a_mapping_reads_what_it_names_and_known_channels(tmp_path):
 def test_mappings_that_do_not_fit_the_file(tmp_path, entry, message):
     path = tmp_path / "run.csv"
     path.write_text("Time [s];SWA [deg];SWA [rad];Torque;T [K]\n0;1;1;1;1\n1;2;2;1;1\n")
-    given = mapped(entry) if isinstance(entry, str) else mapping.Mapping().with_entries([entry])
+    given = mapped(entry) if isinstance(entry, str) else channel_mapping.Mapping().with_entries([entry])
     assert message in refusal(path, given)
     assert set(read(path, mapped("handwheel_angle=SWA[rad]")).channels) == {"handwheel_angle"}
 

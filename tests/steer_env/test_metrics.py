@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from experiments.synthetic.loops import AY_PEAK, linear_car, linear_car_answers, rough_car, rough_car_answers
-from experiments.synthetic.recordings import changed, mirrored
 from steer_env import metrics
-from steer_env.metrics import definitions
-from steer_env.recording import DEGREE, Recording
+from steer_env.metrics.common import definitions
+from steer_env.recording.recording import DEGREE, Recording
+from steer_env.synthetic.loops import AY_PEAK, linear_car, linear_car_answers, rough_car, rough_car_answers
+from steer_env.synthetic.recordings import changed, mirrored
 
 G = 9.80665
 RATE = 100.0  # Hz

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from steer_env import manoeuvres, metrics
-from steer_env.manoeuvres import driving
-from vehicle import cars
+from steer_env.manoeuvres.common import driving
+from steer_env.vehicle import cars
 
 CAR = cars.load()
 # Metrics of the default car with LuGre: range in which they are plausible for a compact car, and refused ones.

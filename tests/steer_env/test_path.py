@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from steer_env import path
+from steer_env.courses import path
 
 STEP = 10.0  # between the points seen ahead [m]
 

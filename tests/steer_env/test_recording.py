@@ -6,7 +6,7 @@ import pickle
 import numpy as np
 import pytest
 
-from steer_env.recording import DEGREE, Recording
+from steer_env.recording.recording import DEGREE, Recording
 
 UNITS = {"handwheel_angle": "rad", "handwheel_torque": "N m", "lateral_acceleration": "m/s2", "yaw_rate": "rad/s"}
 

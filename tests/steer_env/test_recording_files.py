@@ -7,9 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from steer_env import mapping, metrics
-from steer_env.recording import DEGREE, FILE_UNITS, Recording
-from steer_env.recording_files import FORMATS, read, write
+from steer_env import metrics
+from steer_env.recording import channel_mapping
+from steer_env.recording.files import FORMATS, read, write
+from steer_env.recording.recording import DEGREE, FILE_UNITS, Recording
 
 UNITS = {"handwheel_angle": "rad", "handwheel_torque": "N m", "lateral_acceleration": "m/s2", "yaw_rate": "rad/s"}
 SUFFIXES = [*FORMATS]
@@ -27,7 +28,7 @@ def weave():
 
 
 def mapped(*entries, **meta):
-    return mapping.Mapping(meta=meta).with_entries(mapping.parse_entry(text) for text in entries)
+    return channel_mapping.Mapping(meta=meta).with_entries(channel_mapping.parse_entry(text) for text in entries)
 
 
 @pytest.mark.parametrize("suffix", SUFFIXES)
@@ -146,7 +147,7 @@ def test_interrupted_write_leaves_the_old_file(weave, tmp_path, monkeypatch, ste
         if step == "rename":
             patch.setattr(os, "replace", interrupt)
         else:
-            patch.setattr("steer_env.recording_csv._meta_text", interrupt)
+            patch.setattr("steer_env.recording.csv_file._meta_text", interrupt)
         with pytest.raises(KeyboardInterrupt):
             write(weave, path)
     assert [file.name for file in tmp_path.iterdir()] == ["weave.csv"]

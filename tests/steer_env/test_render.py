@@ -11,9 +11,9 @@ import pygame
 import pytest
 from gymnasium.utils.env_checker import check_env
 
-from steer_env import canvas, render
-from steer_env.canvas import Canvas, nice_step
-from steer_env.ids import DRIVEN
+from steer_env.registration import DRIVEN
+from steer_env.rendering import canvas, renderer
+from steer_env.rendering.canvas import Canvas, nice_step
 
 IDS = tuple(DRIVEN)
 LANE_CHANGE = "steer_env/DriverDoubleLaneChange-v0"
@@ -45,7 +45,7 @@ def test_frames(name):
         acted(env, 60, 0.1)
         frames.append((start, env.render()))
     for frame in frames[0]:
-        assert frame.shape == (render.HEIGHT, render.WIDTH, 3)
+        assert frame.shape == (renderer.HEIGHT, renderer.WIDTH, 3)
         assert frame.dtype == np.uint8
         assert len(np.unique(frame.reshape(-1, 3), axis=0)) > 50
     assert (frames[0][0] != frames[0][1]).any(axis=2).mean() > 0.002
@@ -66,9 +66,9 @@ def test_a_mirrored_road_makes_a_mirrored_picture():
     for mirrored in (0.0, 1.0):
         env.reset(seed=0, options={"mirrored": mirrored, **STRAIGHT_ENTRY})
         acted(env, 400)  # the side lane is ahead
-        cones.append(places(env.render(), render.CONE, render.ROAD))
-    middle = 0.5 * (render.ROAD[2] - 1)
-    upper = [found[found[:, 0] < 0.4 * render.ROAD[3], 1] - middle for found in cones]
+        cones.append(places(env.render(), renderer.CONE, renderer.ROAD))
+    middle = 0.5 * (renderer.ROAD[2] - 1)
+    upper = [found[found[:, 0] < 0.4 * renderer.ROAD[3], 1] - middle for found in cones]
     assert upper[0].mean() < -10.0  # pixels: 3.5 m to the left
     assert upper[0].mean() == pytest.approx(-upper[1].mean(), abs=1.0)
     assert len(cones[0]) == pytest.approx(len(cones[1]), rel=0.1)
@@ -81,16 +81,16 @@ def test_left_is_counter_clockwise_on_the_handwheel(side):
     info = acted(env, 40, 0.4 * side)
     assert 0.3 < side * info["handwheel_angle"] < 3.0
     frame, middle = env.render(), 122
-    for colour in (render.HAND, render.MOTOR):
-        arc = places(frame, colour, (*render.DIAL[:2], 2 * middle, render.DIAL[3]))
+    for colour in (renderer.HAND, renderer.MOTOR):
+        arc = places(frame, colour, (*renderer.DIAL[:2], 2 * middle, renderer.DIAL[3]))
         assert side * (arc[:, 1].mean() - middle) < -5.0
     # The mark at the rim's top stands where the angle says.
-    x = render.DIAL[0] + middle - 73.0 * math.sin(info["handwheel_angle"])
-    y = render.DIAL[1] + 0.5 * render.DIAL[3] + 14.0 - 73.0 * math.cos(info["handwheel_angle"])
+    x = renderer.DIAL[0] + middle - 73.0 * math.sin(info["handwheel_angle"])
+    y = renderer.DIAL[1] + 0.5 * renderer.DIAL[3] + 14.0 - 73.0 * math.cos(info["handwheel_angle"])
     assert frame[int(y), int(x)].min() > 200
     # So do the front wheels: their upper halves, ahead of the axle, lie to the side.
-    wheels = places(frame, render.INK, render.ROAD)
-    front = wheels[wheels[:, 0] < 0.5 * render.ROAD[3]]
+    wheels = places(frame, renderer.INK, renderer.ROAD)
+    front = wheels[wheels[:, 0] < 0.5 * renderer.ROAD[3]]
     axle = np.median(front[:, 0])
     assert side * (front[front[:, 0] < axle, 1].mean() - front[front[:, 0] > axle, 1].mean()) < -1.0
 
@@ -98,12 +98,12 @@ def test_left_is_counter_clockwise_on_the_handwheel(side):
 def test_touched_cones_change_their_colour():
     env = gym.make(LANE_CHANGE, render_mode="rgb_array")
     env.reset(seed=0, options={"entry_offset": 0.6, "entry_heading": 0.0})
-    assert not len(places(env.render(), render.TOUCHED, render.ROAD))
+    assert not len(places(env.render(), renderer.TOUCHED, renderer.ROAD))
     for _ in range(600):
         *_, info = env.step(np.zeros(1, np.float32))
         if info["cost_terms"]["cones"]:
             break
-    assert len(places(env.render(), render.TOUCHED, render.ROAD)) > 20
+    assert len(places(env.render(), renderer.TOUCHED, renderer.ROAD)) > 20
 
 
 def test_a_state_that_is_not_finite_leaves_a_picture():
@@ -113,7 +113,7 @@ def test_a_state_that_is_not_finite_leaves_a_picture():
     *_, terminated, _, info = env.step(np.zeros(1, np.float32))
     assert terminated
     assert "non_finite_state" in info
-    assert env.render().shape == (render.HEIGHT, render.WIDTH, 3)
+    assert env.render().shape == (renderer.HEIGHT, renderer.WIDTH, 3)
 
 
 @pytest.mark.parametrize("mode", ["rgb_array", "human"])
@@ -197,7 +197,7 @@ def test_fonts_outlive_another_environment_that_ends_pygame():
 
 def test_steps_of_scales():
     assert [nice_step(span, 5.0) for span in (10.0, 24.0, 25.0, 49.0, 50.0)] == [2.0, 2.0, 5.0, 5.0, 10.0]
-    scales = [render._full_scale(peak) for peak in (0.0, 5.0, 5.1, 19.0, 21.0, 60.0)]
+    scales = [renderer._full_scale(peak) for peak in (0.0, 5.0, 5.1, 19.0, 21.0, 60.0)]
     assert scales == [5.0, 5.0, 10.0, 20.0, 50.0, 100.0]
-    assert [render._signed(value, 1) for value in (-0.04, 0.0, 1.0, -2.25)] == ["+0.0", "+0.0", "+1.0", "−2.2"]
+    assert [renderer._signed(value, 1) for value in (-0.04, 0.0, 1.0, -2.25)] == ["+0.0", "+0.0", "+1.0", "−2.2"]
     assert canvas.around((0.0, 0.0), 1.0, 0.5 * math.pi) == pytest.approx([-1.0, 0.0])  # counter-clockwise is left

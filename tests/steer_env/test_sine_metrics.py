@@ -2,9 +2,9 @@
 
 import pytest
 
-from experiments.synthetic.recordings import changed, mirrored
-from experiments.synthetic.sine import sine_answers, sines
 from steer_env import metrics
+from steer_env.synthetic.recordings import changed, mirrored
+from steer_env.synthetic.sine import sine_answers, sines
 from tests.steer_env.checks import burst, check, refusals
 
 

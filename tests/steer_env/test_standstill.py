@@ -5,16 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-import friction
-from experiments.synthetic.faults import noisy
-from experiments.synthetic.recordings import changed, mirrored, recording
-from experiments.synthetic.standstill import SLOW_TORQUE, catch_up, hold, parking
-from steer_env import manoeuvres, metrics
-from steer_env.metrics import events, noise
-from steer_env.metrics.reading import Reading
-from steer_env.recording import DEGREE, Recording
+from steer_env import friction, manoeuvres, metrics
+from steer_env.metrics.common import events, noise
+from steer_env.metrics.common.reading import Reading
+from steer_env.recording.recording import DEGREE, Recording
+from steer_env.synthetic.faults import noisy
+from steer_env.synthetic.recordings import changed, mirrored, recording
+from steer_env.synthetic.standstill import SLOW_TORQUE, catch_up, hold, parking
+from steer_env.vehicle import cars
 from tests.steer_env.checks import burst, check, refusals
-from vehicle import cars
 
 LAWS = friction.available()
 

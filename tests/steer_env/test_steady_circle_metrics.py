@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from experiments.synthetic.recordings import changed, mirrored
-from experiments.synthetic.steady_circle import circles, constant_radius, constant_speed, oversteering
 from steer_env import metrics
+from steer_env.synthetic.recordings import changed, mirrored
+from steer_env.synthetic.steady_circle import circles, constant_radius, constant_speed, oversteering
 from tests.steer_env.checks import burst, check, refusals
 
 

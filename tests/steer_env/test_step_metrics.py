@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from experiments.synthetic.recordings import changed, mirrored
-from experiments.synthetic.step import SIZE, SPEED, YAW, step_answers, steps
 from steer_env import metrics
+from steer_env.synthetic.recordings import changed, mirrored
+from steer_env.synthetic.step import SIZE, SPEED, YAW, step_answers, steps
 from tests.steer_env.checks import burst, check, refusals
 
 

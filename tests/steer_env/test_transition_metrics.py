@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from experiments.synthetic.recordings import changed, mirrored
-from experiments.synthetic.transition import transition_answers, transitions
 from steer_env import metrics
-from steer_env.recording import DEGREE
+from steer_env.recording.recording import DEGREE
+from steer_env.synthetic.recordings import changed, mirrored
+from steer_env.synthetic.transition import transition_answers, transitions
 from tests.steer_env.checks import burst, check, refusals
 
 

@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 
-import friction
-from steer_env import manoeuvres, metrics
-from steer_env.ids import REGISTERED, TUNED
+from steer_env import friction, manoeuvres, metrics
 from steer_env.metrics import Value
+from steer_env.registration import REGISTERED, TUNED
 from steer_env.tuning import env as tuning_env
 from steer_env.tuning import parameters, reward, scenarios
 from steer_env.tuning.scenarios import SCENARIOS
-from vehicle import assist, cars
-from vehicle.margins import Margins, boost_gain, margins, worst_margins
+from steer_env.vehicle import cars
+from steer_env.vehicle.steering import eps
+from steer_env.vehicle.steering.margins import Margins, boost_gain, margins, worst_margins
 
 IDS = tuple(TUNED)
 ON_CENTRE, ALL_ROUND = IDS
@@ -139,8 +139,8 @@ def test_worst_margins_are_those_of_every_slope(speed):
 
 
 def test_lead_corners_are_those_given():
-    a = assist.make(lead_zero=12.0, lead_pole=310.0)
-    assert assist.lead_corners(a) == pytest.approx((12.0, 310.0), rel=1e-12)
+    a = eps.make(lead_zero=12.0, lead_pole=310.0)
+    assert eps.lead_corners(a) == pytest.approx((12.0, 310.0), rel=1e-12)
 
 
 @pytest.mark.parametrize("name", IDS)
@@ -153,7 +153,7 @@ def test_every_action_makes_an_assist(name):
         assert (np.diff(a.boost, axis=1) >= 0.0).all()
         assert a.boost.flags.writeable == env.car.assist.boost.flags.writeable  # else the plant compiles anew
     # A corner that would leave what the lead can be stays at its end.
-    high = assist.make(lead_pole=400.0)
+    high = eps.make(lead_pole=400.0)
     assert parameters.PARAMETERS["lead_pole"].value(high, 1.0) == parameters.HIGHEST_CORNER
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from steer_env.units import FILE_UNITS, file_unit, split, understood
+from steer_env.recording.units import FILE_UNITS, file_unit, split, understood
 
 
 @pytest.mark.parametrize(

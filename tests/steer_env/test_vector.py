@@ -10,7 +10,7 @@ import pytest
 from gymnasium.vector import AutoresetMode
 
 from steer_env.drivers import Controller
-from steer_env.ids import DRIVEN
+from steer_env.registration import DRIVEN
 
 IDS = tuple(DRIVEN)
 WEAVE, COURSE = "steer_env/AssistWeave-v0", "steer_env/DriverDoubleLaneChange-v0"

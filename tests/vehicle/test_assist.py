@@ -8,38 +8,38 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-import friction
-from vehicle import assist, column
-from vehicle.margins import boost_gain, hands_fixed_loop, margins
+from steer_env import friction
+from steer_env.vehicle.steering import column, eps
+from steer_env.vehicle.steering.margins import boost_gain, hands_fixed_loop, margins
 
-DEFAULT = assist.make()
-T = assist.SAMPLE_TIME
+DEFAULT = eps.make()
+T = eps.SAMPLE_TIME
 # Motor damping of the loop figures, and a sensor that passes its torque on: command = lead(torque).
 STRAIGHT = {"torques": [0.0, 1e3], "boost": [[0.0, 1e3]] * 2, "speeds": [0.0, 50.0], "damping": [0.0, 0.0]}
 
 
 def command_of(a, x, *inputs):
     """The command that a sample computes; it stands first in the queue."""
-    assist.sample(a, x, *inputs)
-    return x[assist.QUEUE]
+    eps.sample(a, x, *inputs)
+    return x[eps.QUEUE]
 
 
 def motor_torque(a, requests, substeps=1):
     """Mean motor torque of every step and the torque at its end under a sequence of requests (N,)."""
-    x, h = np.zeros(assist.STATE_SIZE), T / substeps
+    x, h = np.zeros(eps.STATE_SIZE), T / substeps
     means, ends = [], []
     for request in requests:
-        before, after = assist.sample(a, x, 0.0, 0.0, 0.0, request)
+        before, after = eps.sample(a, x, 0.0, 0.0, 0.0, request)
         for j in range(substeps):
-            means.append(assist.motor_step(a, x, before, after, j * h, h))
-            ends.append(x[assist.MOTOR_TORQUE])
+            means.append(eps.motor_step(a, x, before, after, j * h, h))
+            ends.append(x[eps.MOTOR_TORQUE])
     return np.array(means), np.array(ends)
 
 
 def test_boost_equals_the_table_at_its_nodes():
     for i, speed in enumerate(DEFAULT.speeds):
         for j, torque in enumerate(DEFAULT.torques):
-            assert assist.boost_curve(DEFAULT, torque, speed) == (
+            assert eps.boost_curve(DEFAULT, torque, speed) == (
                 pytest.approx(DEFAULT.boost[i, j], abs=1e-14),
                 DEFAULT.damping[i],
             )
@@ -50,7 +50,7 @@ def test_boost_is_linear_between_the_nodes_and_held_beyond():
     speeds, torques = rng.uniform(0.0, 50.0, 200), rng.uniform(0.0, 9.0, 200)
     for v, t in zip(speeds, torques):
         expected = np.interp(v, DEFAULT.speeds, [np.interp(t, DEFAULT.torques, row) for row in DEFAULT.boost])
-        boost, damping = assist.boost_curve(DEFAULT, t, v)
+        boost, damping = eps.boost_curve(DEFAULT, t, v)
         assert boost == pytest.approx(expected, abs=1e-12)
         assert damping == pytest.approx(np.interp(v, DEFAULT.speeds, DEFAULT.damping), abs=1e-12)
 
@@ -58,19 +58,19 @@ def test_boost_is_linear_between_the_nodes_and_held_beyond():
 @pytest.mark.parametrize("speed", [0.0, 3.0, 30.0, 70.0])
 def test_boost_is_odd_and_grows(speed):
     torques = np.linspace(0.0, 10.0, 501)
-    boost = np.array([assist.boost_curve(DEFAULT, t, speed)[0] for t in torques])
-    mirrored = np.array([assist.boost_curve(DEFAULT, -t, speed)[0] for t in torques])
+    boost = np.array([eps.boost_curve(DEFAULT, t, speed)[0] for t in torques])
+    mirrored = np.array([eps.boost_curve(DEFAULT, -t, speed)[0] for t in torques])
     np.testing.assert_array_equal(mirrored, -boost)
     assert np.all(np.diff(boost) >= 0.0)
-    assert np.all(boost >= np.array([assist.boost_curve(DEFAULT, t, speed + 10.0)[0] for t in torques]))
+    assert np.all(boost >= np.array([eps.boost_curve(DEFAULT, t, speed + 10.0)[0] for t in torques]))
 
 
 def test_lead_filter_is_the_analogue_with_prewarped_corners():
     """Each factor 1 + s/corner is bilinear with s = corner tan(omega T/2)/tan(corner T/2): exact at its corner."""
-    a = assist.make(**STRAIGHT, lead_zero=15.0, lead_pole=150.0, limit=1e9)
+    a = eps.make(**STRAIGHT, lead_zero=15.0, lead_pole=150.0, limit=1e9)
 
     def response(f):
-        x, omega = np.zeros(assist.STATE_SIZE), 2.0 * math.pi * f
+        x, omega = np.zeros(eps.STATE_SIZE), 2.0 * math.pi * f
         n = np.arange(4000)
         y = np.array([command_of(a, x, u, 0.0, 0.0, 0.0) for u in np.cos(omega * T * n)])[2000:]
         basis = np.column_stack([np.cos(omega * T * n), np.sin(omega * T * n)])[2000:]
@@ -92,7 +92,7 @@ def test_lead_filter_is_the_analogue_with_prewarped_corners():
 @pytest.mark.parametrize("substeps", [1, 10])
 def test_delay_hold_and_lag_are_exact(delay, substeps):
     """A request of one sample gives a pulse of one sample, ``delay`` later, through the lag of the motor."""
-    a = assist.make(delay=delay)
+    a = eps.make(delay=delay)
     requests = np.zeros(12)
     requests[2] = 5.0
     means, ends = motor_torque(a, requests, substeps)
@@ -115,16 +115,16 @@ def test_delay_hold_and_lag_are_exact(delay, substeps):
 
 
 def test_command_is_boost_through_lead_less_damping_plus_request():
-    a = assist.make(lead_zero=20.0, lead_pole=20.0)  # equal corners: no lead
-    x = np.zeros(assist.STATE_SIZE)
+    a = eps.make(lead_zero=20.0, lead_pole=20.0)  # equal corners: no lead
+    x = np.zeros(eps.STATE_SIZE)
     assert command_of(a, x, 2.0, 0.4, 100.0 / 3.6, -0.7) == pytest.approx(2.2 - 0.4 * 1.0 - 0.7, abs=1e-12)
     assert command_of(a, x, -2.0, -0.4, 100.0 / 3.6, 0.7) == pytest.approx(-(2.2 - 0.4 - 0.7), abs=1e-12)
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_motor_limit(side):
-    a = assist.make(limit=3.0)
-    assert command_of(a, np.zeros(assist.STATE_SIZE), side * 7.0, 0.0, 0.0, 0.0) == side * 3.0
+    a = eps.make(limit=3.0)
+    assert command_of(a, np.zeros(eps.STATE_SIZE), side * 7.0, 0.0, 0.0, 0.0) == side * 3.0
     _, ends = motor_torque(a, np.full(60, side * 1e3))
     assert np.abs(ends).max() <= 3.0
     assert ends[-1] == pytest.approx(side * 3.0, abs=1e-12)
@@ -224,19 +224,19 @@ def test_margins_separate_stable_from_unstable_in_simulation(gain):
 @pytest.mark.parametrize("offset", [0.0, 0.5e-3, 1.7e-3])
 def test_margins_hold_for_the_kernels(offset):
     """The sampled controller and the column as the plant steps them, at the gain margin."""
-    a = assist.make(delay=offset, damping=[3.0] * 6)
+    a = eps.make(delay=offset, damping=[3.0] * 6)
     m = margins(LOOP, a, 1.0, 0.0)
 
     def grows(gain):
-        b = assist.make(
+        b = eps.make(
             delay=offset, speeds=[0, 1], torques=[0, 1e6], boost=[[0, 1e6 * gain]] * 2, damping=[3, 3], limit=1e9
         )
         p, substeps = friction.make("viscous", sigma_2=0.0), 20
-        x, q, size = np.zeros(assist.STATE_SIZE), np.array([0.0, 0.0, 1e-3, 0.0]), []
+        x, q, size = np.zeros(eps.STATE_SIZE), np.array([0.0, 0.0, 1e-3, 0.0]), []
         for _ in range(400):
-            before, after = assist.sample(b, x, -LOOP.K_tb * q[2], q[3], 0.0, 0.0)
+            before, after = eps.sample(b, x, -LOOP.K_tb * q[2], q[3], 0.0, 0.0)
             for j in range(substeps):
-                motor = assist.motor_step(b, x, before, after, j * T / substeps, T / substeps)
+                motor = eps.motor_step(b, x, before, after, j * T / substeps, T / substeps)
                 column.step_angle(LOOP, p, 1.0, q, np.zeros(0), 0.0, 0.0, motor, T / substeps)
             size.append(abs(q[2]))
         return max(size[300:]) > max(size[150:250])
@@ -259,8 +259,8 @@ def test_no_boost_has_infinite_margins():
         ({"torques": [0.5, 1.0]}, "torques"),
         ({"torques": [0.0, math.nan]}, "torques"),
         ({"boost": [[0.0, 1.0]]}, "boost"),
-        ({"boost": -np.array(assist.make().boost)}, "boost"),
-        ({"boost": np.array(assist.make().boost) + 1.0}, "boost"),
+        ({"boost": -np.array(eps.make().boost)}, "boost"),
+        ({"boost": np.array(eps.make().boost) + 1.0}, "boost"),
         ({"damping": [1.0]}, "damping"),
         ({"damping": [-1.0] * 6}, "damping"),
         ({"lead_zero": 0.0}, "lead_zero"),
@@ -273,7 +273,7 @@ def test_no_boost_has_infinite_margins():
 )
 def test_bad_parameter(keys, message):
     with pytest.raises(ValueError, match=rf"^{message}\b.*got"):
-        assist.make(**keys)
+        eps.make(**keys)
 
 
 def test_parameters_are_read_only():

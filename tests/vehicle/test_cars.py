@@ -8,11 +8,11 @@ from importlib.resources import files
 
 import pytest
 
-import friction
-from vehicle import cars, road
+from steer_env import friction
+from steer_env.vehicle import cars, road
 
 CAR = cars.load()
-DATA = json.loads(files("vehicle").joinpath("data", "compact.json").read_text(encoding="utf-8"))
+DATA = json.loads(files("steer_env.vehicle").joinpath("data", "compact.json").read_text(encoding="utf-8"))
 
 
 def changed(section, **values):
@@ -77,7 +77,7 @@ def test_every_car_stands_on_its_wheels(name):
     assert 2.0 * (b.F_zf + b.F_zr) == pytest.approx(b.m * 9.80665, rel=1e-12)
     slope = -float(car.strut.solve(0.0, 0.0).per_travel.strut_length)
     assert b.S_f * slope + b.m_f * 9.80665 == pytest.approx(b.F_zf, rel=1e-12)
-    data = json.loads(files("vehicle").joinpath("data", f"{name}.json").read_text(encoding="utf-8"))
+    data = json.loads(files("steer_env.vehicle").joinpath("data", f"{name}.json").read_text(encoding="utf-8"))
     assert set(data["assumed"]) <= {*data, *data["chassis"], *data["steering"]}
 
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-import friction
-from friction import law
-from vehicle import column
+from steer_env import friction
+from steer_env.friction import law
+from steer_env.vehicle.steering import column
 
 # Every term of equations (1) and (2) in play.
 FULL = column.make(C1=0.05)

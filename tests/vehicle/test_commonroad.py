@@ -10,7 +10,7 @@ import pytest
 from vehiclemodels.utils import tire_model
 from vehiclemodels.vehicle_parameters import setup_vehicle_parameters
 
-from vehicle import cars, commonroad
+from steer_env.vehicle import cars, commonroad
 
 P = setup_vehicle_parameters(vehicle_id=2)
 FILES = {"bmw_320i": 2, "vw_vanagon": 3}
@@ -139,7 +139,7 @@ def test_vehicle_4_and_strangers_are_refused():
 @pytest.mark.parametrize(("name", "vehicle"), FILES.items())
 def test_files_hold_their_numbers(name, vehicle):
     """The packaged files are ``car_data`` rounded, with the roll centre and drag area that they list as assumed."""
-    data = json.loads(files("vehicle").joinpath("data", f"{name}.json").read_text(encoding="utf-8"))
+    data = json.loads(files("steer_env.vehicle").joinpath("data", f"{name}.json").read_text(encoding="utf-8"))
     p = setup_vehicle_parameters(vehicle_id=vehicle)
     own = {key: data["chassis"][key] for key in data["assumed"] if key in data["chassis"]}
     made = commonroad.car_data(

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from friction.kernel import COMPILED
-from vehicle import drivetrain
-from vehicle.drivetrain import RPM
+from steer_env.friction.numerics.kernel import COMPILED
+from steer_env.vehicle.chassis.common import drivetrain
+from steer_env.vehicle.chassis.common.drivetrain import RPM
 
 D, B, S = drivetrain.make(), drivetrain.make_brakes(), drivetrain.make_speed_hold()
 GEARS = range(1, D.ratios.size + 1)

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-import friction
-from vehicle import cars, fleet, plant, road
+from steer_env import friction
+from steer_env.vehicle import cars, plant, plant_batch, road
 
 CAR = cars.load("compact")
 
@@ -20,15 +20,17 @@ def same(one, other):
 @pytest.mark.parametrize("law", friction.available())
 def test_a_plant_comes_back_from_its_numbers(law, chassis):
     template = CAR.plant(law, chassis=chassis)
-    rows = np.array([fleet.numbers(template), fleet.numbers(CAR.loaded(200.0).plant(law, speed=20.0, chassis=chassis))])
-    assert same(fleet.lane(template, rows, 0), template)
-    other = fleet.lane(template, rows, 1)
+    rows = np.array(
+        [plant_batch.numbers(template), plant_batch.numbers(CAR.loaded(200.0).plant(law, speed=20.0, chassis=chassis))]
+    )
+    assert same(plant_batch.lane(template, rows, 0), template)
+    other = plant_batch.lane(template, rows, 1)
     assert same(other._replace(tyre=template.tyre), CAR.loaded(200.0).plant(law, speed=20.0, chassis=chassis))
 
 
 def test_places_are_those_of_the_numbers():
     p = CAR.plant("masing", chassis="two_track", road=road.iso8608(1, "C"))
-    numbers, places = fleet.numbers(p), fleet.places(p)
+    numbers, places = plant_batch.numbers(p), plant_batch.places(p)
     assert numbers[places["column.K_tb"]] == p.column.K_tb
     assert numbers[places["robot"]] == p.robot
     assert np.array_equal(numbers[places["friction.k"]], p.friction.k)
@@ -48,12 +50,12 @@ def test_lanes_run_as_their_plants_alone(law, chassis):
     ]
     settled = [plant.settled(p) for p in plants]
     states, channels = (np.array([pair[k] for pair in settled]) for k in (0, 1))
-    rows, finite = np.array([fleet.numbers(p) for p in plants]), np.zeros(3, bool)
+    rows, finite = np.array([plant_batch.numbers(p) for p in plants]), np.zeros(3, bool)
     inputs = np.zeros((3, 40, len(plant.INPUTS)))
     inputs[:, :, plant.HAND] = rng.uniform(-3.0, 3.0, (3, 40))
     third = states[2].copy()
     for _ in range(10):
-        fleet.run(plants[0], rows, states, inputs, channels, finite, 0, 2)
+        plant_batch.run(plants[0], rows, states, inputs, channels, finite, 0, 2)
     assert finite.tolist() == [True, True, False]
     assert np.array_equal(states[2], third)
     for i in range(2):

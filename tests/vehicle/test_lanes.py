@@ -2,8 +2,8 @@ import math
 
 import numpy as np
 
-from friction.kernel import kernel
-from vehicle.lanes import (
+from steer_env.friction.numerics.kernel import kernel
+from steer_env.vehicle.simd import (
     alike,
     any_of,
     atan,

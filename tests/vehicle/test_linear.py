@@ -6,10 +6,10 @@ import control
 import numpy as np
 import pytest
 
-import friction
+from steer_env import friction
+from steer_env.vehicle import cars, linear, plant
+from steer_env.vehicle.chassis.single_track import GRAVITY as G
 from tests.vehicle.test_single_track import linearised
-from vehicle import cars, linear, plant
-from vehicle.single_track import GRAVITY as G
 
 CAR = cars.load()
 C = CAR.chassis

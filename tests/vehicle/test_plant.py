@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 from scipy.integrate import DOP853
 
-import friction
-from friction.law import law_of, rate, torque
-from vehicle import cars, plant, single_track
-from vehicle.chassis import INPUTS
-from vehicle.plant import CHANNEL, CHANNELS
+from steer_env import friction
+from steer_env.friction.law import law_of, rate, torque
+from steer_env.vehicle import cars, plant
+from steer_env.vehicle.chassis import single_track
+from steer_env.vehicle.chassis.common.interface import INPUTS
+from steer_env.vehicle.plant import CHANNEL, CHANNELS
 
 CAR = cars.load()
 KPH = 1.0 / 3.6

@@ -10,9 +10,9 @@ from scipy import signal
 from scipy.integrate import quad
 from scipy.special import k1
 
-from friction.kernel import COMPILED
-from vehicle import road
-from vehicle.road import LEFT, RIGHT
+from steer_env.friction.numerics.kernel import COMPILED
+from steer_env.vehicle import road
+from steer_env.vehicle.road import LEFT, RIGHT
 
 WAVY = road.make_road(heights=np.cumsum(np.sin(np.outer([3.0, 4.0], 2.0 * np.pi * np.arange(60) / 60)), axis=1) * 1e-3)
 

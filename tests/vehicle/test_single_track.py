@@ -7,10 +7,11 @@ import control
 import numpy as np
 import pytest
 
-import friction
-from vehicle import cars, chassis, plant, single_track
-from vehicle.single_track import OUTPUTS, STATES
-from vehicle.suspension import WheelLoad, load_coefficients, rack_force
+from steer_env import friction
+from steer_env.vehicle import cars, chassis, plant
+from steer_env.vehicle.chassis import single_track
+from steer_env.vehicle.chassis.single_track import OUTPUTS, STATES
+from steer_env.vehicle.suspension.macpherson import WheelLoad, load_coefficients, rack_force
 
 CAR = cars.load()
 C, G = CAR.chassis, single_track.GRAVITY

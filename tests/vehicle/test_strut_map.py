@@ -5,11 +5,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vehicle import strut_map
-from vehicle.suspension import MacPherson, WheelLoad, load_coefficients, rack_force
+from steer_env.vehicle.suspension import kinematics_table
+from steer_env.vehicle.suspension.macpherson import MacPherson, WheelLoad, load_coefficients, rack_force
 
 STRUT = MacPherson.load("s1").at_track(1.390)
-MAP = strut_map.build(STRUT)
+MAP = kinematics_table.build(STRUT)
 RACK = st.floats(-0.075, 0.075)
 TRAVEL = st.floats(-0.080, 0.080)
 
@@ -34,27 +34,27 @@ def test_table_equals_solution(rack_range, travel_range, angle_error, work_error
         travel_range[0] + rng.uniform(0, 8e-3, 1000),
     )
     truth = exact(rack, travel)
-    table = np.array([strut_map.left(MAP, *point) for point in zip(rack, travel)])
+    table = np.array([kinematics_table.left(MAP, *point) for point in zip(rack, travel)])
     error = np.abs(table - truth).max(axis=0)
     assert (error[:2] < angle_error).all()
     assert (error[2:] < work_error * np.abs(truth[:, 2:]).max(axis=0)).all()
 
 
 def test_straight_ahead_is_exact():
-    np.testing.assert_allclose(strut_map.left(MAP, 0.0, 0.0), exact(0.0, 0.0), rtol=1e-10, atol=1e-13)
+    np.testing.assert_allclose(kinematics_table.left(MAP, 0.0, 0.0), exact(0.0, 0.0), rtol=1e-10, atol=1e-13)
 
 
 def test_error_falls_with_the_fourth_order():
     rack = np.linspace(-0.0497, 0.0497, 200)
     truth = exact(rack, 0.0)[:, 0]
-    maps = [strut_map.build(STRUT, rack_cells=cells) for cells in (20, 40)]
-    coarse, fine = (np.abs([strut_map.left(m, q, 0.0).steer_angle for q in rack] - truth).max() for m in maps)
+    maps = [kinematics_table.build(STRUT, rack_cells=cells) for cells in (20, 40)]
+    coarse, fine = (np.abs([kinematics_table.left(m, q, 0.0).steer_angle for q in rack] - truth).max() for m in maps)
     assert np.log2(coarse / fine) == pytest.approx(4.0, abs=0.7)
 
 
 @given(RACK, TRAVEL)
 def test_right_is_the_mirror_of_left_to_the_last_bit(rack, travel):
-    left, right = strut_map.left(MAP, rack, travel), strut_map.right(MAP, -rack, travel)
+    left, right = kinematics_table.left(MAP, rack, travel), kinematics_table.right(MAP, -rack, travel)
     assert tuple(right) == tuple(s * v for s, v in zip((-1, -1, -1, -1, 1, -1, 1, 1), left))
 
 
@@ -63,8 +63,8 @@ def test_rack_force_equals_suspension(rack, travel_left, travel_right):
     load = (900.0, -700.0, 2500.0, 3700.0, 80.0, -60.0)
     full = WheelLoad(*load[:5], 0.0, load[5])
     left, right = STRUT.solve_pair(rack, travel_left, travel_right)
-    force_left = strut_map.rack_force(strut_map.left(MAP, rack, travel_left), *load)
-    force_right = strut_map.rack_force(strut_map.right(MAP, rack, travel_right), *load)
+    force_left = kinematics_table.rack_force(kinematics_table.left(MAP, rack, travel_left), *load)
+    force_right = kinematics_table.rack_force(kinematics_table.right(MAP, rack, travel_right), *load)
     # 1e-5 of what these loads exert together, some 10 kN
     assert force_left == pytest.approx(float(rack_force(left, full)), abs=0.1)
     assert force_right == pytest.approx(float(rack_force(right, full)), abs=0.1)
@@ -73,36 +73,38 @@ def test_rack_force_equals_suspension(rack, travel_left, travel_right):
 def test_straight_running_cancels_exactly():
     load = (-300.0, 1500.0, 0.0, 3700.0, 0.0, 0.0)
     for travel in (-0.031, 0.0, 0.047):
-        left = strut_map.rack_force(strut_map.left(MAP, 0.0, travel), *load)
-        assert left + strut_map.rack_force(strut_map.right(MAP, 0.0, travel), *load) == 0.0
+        left = kinematics_table.rack_force(kinematics_table.left(MAP, 0.0, travel), *load)
+        assert left + kinematics_table.rack_force(kinematics_table.right(MAP, 0.0, travel), *load) == 0.0
         assert left != 0.0
 
 
 @pytest.mark.parametrize(("rack", "travel"), [(1.0, 0.02), (-1.0, 0.02), (0.01, 9.0), (0.01, -9.0), (np.inf, -np.inf)])
 def test_beyond_the_range_the_edge_answers(rack, travel):
-    edge = strut_map.left(MAP, min(max(rack, -0.075), 0.075), min(max(travel, -0.08), 0.08))
-    np.testing.assert_allclose(strut_map.left(MAP, rack, travel), edge, rtol=1e-12)
+    edge = kinematics_table.left(MAP, min(max(rack, -0.075), 0.075), min(max(travel, -0.08), 0.08))
+    np.testing.assert_allclose(kinematics_table.left(MAP, rack, travel), edge, rtol=1e-12)
 
 
 def test_continuous_over_the_cells_and_the_edge():
     for rack in (0.0, 0.001, 0.0743, 0.075):
-        before, after = strut_map.left(MAP, rack - 1e-12, 0.0), strut_map.left(MAP, rack + 1e-12, 0.0)
+        before, after = kinematics_table.left(MAP, rack - 1e-12, 0.0), kinematics_table.left(MAP, rack + 1e-12, 0.0)
         np.testing.assert_allclose(before, after, rtol=0, atol=1e-8)
 
 
 @pytest.mark.parametrize("point", [(np.nan, 0.0), (0.0, np.nan)])
 def test_not_a_number_stays_one(point):
-    assert np.isnan(strut_map.left(MAP, *point)).all()
+    assert np.isnan(kinematics_table.left(MAP, *point)).all()
 
 
 def test_compiled_equals_plain_python(monkeypatch):
     rng = np.random.default_rng(2)
     points = list(zip(rng.uniform(-0.09, 0.09, 300), rng.uniform(-0.09, 0.09, 300)))
-    compiled = [tuple(wheel(MAP, *point)) for point in points for wheel in (strut_map.left, strut_map.right)]
+    compiled = [
+        tuple(wheel(MAP, *point)) for point in points for wheel in (kinematics_table.left, kinematics_table.right)
+    ]
     for name in ("_cell", "_weights", "_row", "_patch", "_place", "left", "right"):
-        function = getattr(strut_map, name)
-        monkeypatch.setattr(strut_map, name, getattr(function, "py_func", function))
-    plain = [tuple(wheel(MAP, *point)) for point in points for wheel in (strut_map.left, strut_map.right)]
+        function = getattr(kinematics_table, name)
+        monkeypatch.setattr(kinematics_table, name, getattr(function, "py_func", function))
+    plain = [tuple(wheel(MAP, *point)) for point in points for wheel in (kinematics_table.left, kinematics_table.right)]
     assert compiled == plain
 
 
@@ -110,27 +112,29 @@ def test_compiled_equals_plain_python(monkeypatch):
 @pytest.mark.parametrize("value", [0, -1, float("nan")])
 def test_sizes_are_checked(name, value):
     with pytest.raises(ValueError, match=f"{name} is"):
-        strut_map.build(STRUT, **{name: value})
+        kinematics_table.build(STRUT, **{name: value})
 
 
 def test_a_range_out_of_reach_is_refused():
     with pytest.raises(ValueError, match="reachable"):
-        strut_map.build(STRUT, rack=0.1)
+        kinematics_table.build(STRUT, rack=0.1)
 
 
 @given(RACK, TRAVEL)
 def test_linear_kinematics(rack, travel):
-    m = strut_map.linear(6.0, inclination=0.4, path=-0.05)
+    m = kinematics_table.linear(6.0, inclination=0.4, path=-0.05)
     assert m.table.flags.c_contiguous
     expected = (6.0 * rack, 0.4 * travel, 0.0, 0.0, 0.0, 0.0, 0.0, 6.0)
-    np.testing.assert_allclose(strut_map.left(m, rack, travel), expected, rtol=0, atol=1e-14)
-    np.testing.assert_allclose(strut_map.left_travel(m, rack, travel), (0.0, -0.05, 0.4, 0.0, travel, 1.0), atol=1e-15)
-    assert strut_map.right(m, rack, travel).steer_angle == pytest.approx(6.0 * rack)  # both wheels alike
+    np.testing.assert_allclose(kinematics_table.left(m, rack, travel), expected, rtol=0, atol=1e-14)
+    np.testing.assert_allclose(
+        kinematics_table.left_travel(m, rack, travel), (0.0, -0.05, 0.4, 0.0, travel, 1.0), atol=1e-15
+    )
+    assert kinematics_table.right(m, rack, travel).steer_angle == pytest.approx(6.0 * rack)  # both wheels alike
 
 
 def test_travel_equals_differences_of_the_solution():
     """Motion by travel at fixed rack: the wheel centre, the contact carried by the knuckle, its turning, the strut."""
-    m, h = strut_map.build(STRUT), 1e-5
+    m, h = kinematics_table.build(STRUT), 1e-5
     for rack, travel in ((0.0, 0.0), (0.03, 0.02), (-0.05, -0.03)):
         low, pose, high = (STRUT.solve(rack, travel + d) for d in (-h, 0.0, h))
         centre = (high.wheel_centre - low.wheel_centre) / (2.0 * h)
@@ -139,10 +143,10 @@ def test_travel_equals_differences_of_the_solution():
         length = (high.strut_length - low.strut_length) / (2.0 * h)
         compression = STRUT.solve(0.0, 0.0).strut_length - pose.strut_length
         expected = (centre[0], contact[1], turn[2, 1], turn[0, 2], compression, -length)
-        np.testing.assert_allclose(strut_map.left_travel(m, rack, travel), expected, rtol=1e-5, atol=2e-6)
+        np.testing.assert_allclose(kinematics_table.left_travel(m, rack, travel), expected, rtol=1e-5, atol=2e-6)
 
 
 @pytest.mark.parametrize("name", ["rack", "travel"])
 def test_linear_checks_its_range(name):
     with pytest.raises(ValueError, match=f"^{name} is -1.0; allowed: positive"):
-        strut_map.linear(6.0, **{name: -1.0})
+        kinematics_table.linear(6.0, **{name: -1.0})

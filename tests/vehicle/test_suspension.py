@@ -5,7 +5,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vehicle.suspension import POINTS, MacPherson, WheelLoad, load_coefficients, mirrored, rack_force
+from steer_env.vehicle.suspension.macpherson import (
+    POINTS,
+    MacPherson,
+    WheelLoad,
+    load_coefficients,
+    mirrored,
+    rack_force,
+)
 
 STRUT = MacPherson.load("s1")
 RACK = st.floats(-0.075, 0.075)

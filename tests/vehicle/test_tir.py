@@ -17,12 +17,13 @@ import numpy as np
 import pytest
 from numpy import abs, arccos, arctan, cos, exp, pi, sign, sin, sqrt, tan
 
-from friction.kernel import kernel
-from vehicle import tir, tyre
-from vehicle.lanes import alike, one, put, take
-from vehicle.magic_formula import forces_of_four
+from steer_env.friction.numerics.kernel import kernel
+from steer_env.vehicle import tyre
+from steer_env.vehicle.simd import alike, one, put, take
+from steer_env.vehicle.tyre import tir
+from steer_env.vehicle.tyre.magic_formula import forces_of_four
 
-DATA = files("vehicle").joinpath("data")
+DATA = files("steer_env.vehicle").joinpath("data")
 V52, V61, V62 = (DATA.joinpath(f"{name}.tir") for name in tyre.EXAMPLES)
 V = 20.0
 
@@ -418,7 +419,7 @@ def test_plain_python_agrees_with_compiled(name):
     run = subprocess.run(
         [sys.executable, "-c", script],
         input=json.dumps(arguments),
-        env=os.environ | {"NUMBA_DISABLE_JIT": "1", "PYTHONPATH": str(files("vehicle").joinpath(".."))},
+        env=os.environ | {"NUMBA_DISABLE_JIT": "1", "PYTHONPATH": str(files("steer_env.vehicle").joinpath(".."))},
         capture_output=True,
         text=True,
         check=True,

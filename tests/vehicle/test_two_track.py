@@ -13,15 +13,21 @@ import pytest
 from numba.core.runtime import _nrt_python, rtsys
 from scipy.integrate import DOP853
 
-import friction
-from friction.law import law_of, rate, torque
-from tests.vehicle.test_plant import robot_angle, weave
-from vehicle import cars, plant, road, two_track, tyre
-from vehicle.chassis import BRAKE, COAST, HAND_BRAKE, INPUTS, THROTTLE, WIND_FORCE, WIND_MOMENT
-from vehicle.plant import HAND, HAND_SPEED
-from vehicle.single_track import GRAVITY as G
-from vehicle.suspension import load_coefficients
-from vehicle.two_track import (
+from steer_env import friction
+from steer_env.friction.law import law_of, rate, torque
+from steer_env.vehicle import cars, plant, road, tyre
+from steer_env.vehicle.chassis import two_track
+from steer_env.vehicle.chassis.common.interface import (
+    BRAKE,
+    COAST,
+    HAND_BRAKE,
+    INPUTS,
+    THROTTLE,
+    WIND_FORCE,
+    WIND_MOMENT,
+)
+from steer_env.vehicle.chassis.single_track import GRAVITY as G
+from steer_env.vehicle.chassis.two_track import (
     ALPHA,
     KAPPA,
     OUTPUTS,
@@ -35,6 +41,9 @@ from vehicle.two_track import (
     WHEELS,
     YAW,
 )
+from steer_env.vehicle.plant import HAND, HAND_SPEED
+from steer_env.vehicle.suspension.macpherson import load_coefficients
+from tests.vehicle.test_plant import robot_angle, weave
 
 CAR = cars.load()
 C = CAR.chassis

@@ -11,8 +11,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vehicle import tyre
-from vehicle.tyre import MagicFormula
+from steer_env.vehicle import tyre
+from steer_env.vehicle.tyre.tyre import MagicFormula
 
 LEFT = tyre.load()
 SYMMETRIC = tyre.load(symmetric=True)

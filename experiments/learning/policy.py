@@ -1,0 +1,193 @@
+"""Trained policies: a file of Stable-Baselines3 that also holds how to scale the observation, and who made it."""
+
+import argparse
+import json
+import math
+import zipfile
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from steer_env import REGISTERED, experiments, tasks
+from steer_env.experiments.output.options import Friction
+from steer_env.friction.numerics.check import number
+from steer_env.registration import DRIVEN
+
+Array = NDArray[np.float64]
+
+ALGORITHMS = ("ppo", "sac", "recurrent-ppo")
+ABOUT = "steer_env.json"  # beside the members of Stable-Baselines3's archive
+SHIPPED = "shipped"  # stands for the file that is shipped with an id
+SHIPPED_IN = Path(experiments.__file__).parent / "data" / "policies"
+
+
+def algorithm(name: str) -> Any:
+    """Class of an algorithm by its name; ValueError for an unknown one or without the extra ``train``."""
+    if name not in ALGORITHMS:
+        raise ValueError(f"unknown algorithm {name!r}; there are {', '.join(ALGORITHMS)}")
+    try:
+        if name == "recurrent-ppo":
+            from sb3_contrib import RecurrentPPO
+
+            return RecurrentPPO
+        import stable_baselines3
+    except ModuleNotFoundError as error:
+        raise ValueError(f"training needs {error.name}: pip install 'steer-env[train]'") from None
+    return {"ppo": stable_baselines3.PPO, "sac": stable_baselines3.SAC}[name]
+
+
+def save(path: Path, model: Any, about: dict[str, Any]) -> None:
+    """Write a model with what there is to know of it: environment, algorithm, scaling of the observation, how made."""
+    part = path.with_name(f".{path.name}.part.zip")
+    model.save(part, exclude=["tensorboard_log"])  # a path of the machine that trained
+    with zipfile.ZipFile(part, "a") as archive:
+        archive.writestr(ABOUT, json.dumps(about, indent=1, allow_nan=False))
+    part.replace(path)
+
+
+def about(path: Path) -> dict[str, Any]:
+    """What the file says of itself; ValueError for one that is not of ours."""
+    try:
+        with zipfile.ZipFile(path) as archive:
+            return json.loads(archive.read(ABOUT))
+    except FileNotFoundError:
+        raise ValueError(f"no file {path}") from None
+    except (OSError, zipfile.BadZipFile) as error:
+        raise ValueError(f"{path} is no policy: {error}") from None
+    except KeyError:
+        raise ValueError(
+            f"{path} does not say what it was trained for; `steer-env train` writes files that do"
+        ) from None
+
+
+def shipped(env_id: str) -> Path:
+    """The policy that is shipped with an id; ValueError where there is none."""
+    check_id(env_id)
+    path = SHIPPED_IN / env_id.removeprefix("steer_env/") / "policy.zip"
+    if not path.is_file():
+        raise ValueError(f"no policy is shipped with {env_id}; `steer-env train` makes one")
+    return path
+
+
+def learning_curves(path: Path, name: str = "policy") -> dict[str, Path]:
+    """Files with the learning curves beside a policy of this name: of its own run, or of each seed of a shipped one."""
+    own = path.with_name("learning.csv")
+    seeds = sorted(path.parent.glob("seed-*.csv"))
+    return {name: own} if own.is_file() else {f"{name}, {f.stem.replace('-', ' ')}": f for f in seeds}
+
+
+def conditions(about: Mapping[str, Any]) -> dict[str, Any]:
+    """Arguments of make that a policy was trained under, but for the control time, which is its own affair."""
+    return {key: value for key, value in about["settings"]["environment"].items() if key != "control_dt"}
+
+
+class Policy:
+    """A trained policy as a controller: ``reset(lanes)`` and ``act(observation)``, single or vector.
+
+    It decides at the control time of its training and holds its action in between.
+
+    Parameters
+    ----------
+    path : Path
+        From ``steer-env train``.
+    env : gym.Env or gym.vector.VectorEnv
+        Of the id that it was trained for, or another with the same observations.
+
+    Raises
+    ------
+    ValueError
+        A file that is no policy, or an environment whose observations are others or that steps too slowly.
+    """
+
+    def __init__(self, path: Path, env: Any) -> None:
+        self.about = about(path)
+        spec = env.unwrapped.spec
+        check_observations(
+            path,
+            self.about,
+            spec.id if spec else type(env.unwrapped).__name__,
+            [quantity.name for quantity in env.unwrapped.lanes.observed],
+        )
+        own, step = self.about["settings"]["environment"]["control_dt"], env.unwrapped.lanes.control_dt
+        self._hold = round(own / step)
+        if not math.isclose(self._hold * step, own):
+            raise ValueError(f"{path} decides every {own} s; control_dt must be that or a whole part of it, not {step}")
+        import torch
+
+        torch.set_num_threads(1)  # networks of this size lose by more
+        # Without the seed, which loading would start anew for the whole process.
+        self._model = algorithm(self.about["algorithm"]).load(path, device="cpu", seed=None)
+        scaling = self.about["scaling"]
+        self._mean, self._deviation = np.array(scaling["mean"]), np.array(scaling["deviation"])
+        self._clip = number("clip", scaling["clip"], minimum=0.0)
+        self._state: Any = None
+        n = env.unwrapped.lanes.n
+        self._fresh, self._since = np.ones(n, bool), np.zeros(n, np.int64)
+        self._action = np.zeros((n, 1), np.float32)
+
+    def reset(self, lanes: Any = slice(None)) -> None:
+        """Forget the episodes of some lanes (mask or indices), or of all."""
+        self._fresh[lanes] = True
+        self._since[lanes] = 0
+
+    def act(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
+        """The policy's mean action (1,) for an observation (O,), or (L, 1) for (L, O)."""
+        deciding = self._since % self._hold == 0
+        self._since += 1
+        if deciding.any():
+            seen = np.clip((np.atleast_2d(observation) - self._mean) / self._deviation, -self._clip, self._clip)
+            action, state = self._model.predict(
+                seen.astype(np.float32), state=self._state, episode_start=self._fresh, deterministic=True
+            )
+            self._action[deciding] = action[deciding]
+            if state is not None and self._state is not None:  # layers, lanes, units
+                state = tuple(np.where(deciding[:, None], new, old) for new, old in zip(state, self._state))
+            self._state = state
+            self._fresh &= ~deciding
+        return self._action[0].copy() if observation.ndim == 1 else self._action.copy()
+
+
+def load(path: Path) -> Callable[[Any], Policy]:
+    """What makes controllers of a policy."""
+    return lambda env: Policy(path, env)
+
+
+def check_id(env_id: str) -> None:
+    """ValueError for an id that is not registered."""
+    if env_id not in REGISTERED:
+        raise ValueError(f"unknown environment {env_id!r}; there are {', '.join(REGISTERED)}")
+
+
+def check_driven(env_id: str) -> str:
+    """Name of the task of an id that policies drive; ValueError for an unknown id, or one whose steps are tests."""
+    check_id(env_id)
+    if env_id not in DRIVEN:
+        raise ValueError(
+            f"each step of {env_id} is a set of assist parameters with its tests, which no policy here is for; "
+            f"there are {', '.join(DRIVEN)}"
+        )
+    return env_id.removeprefix("steer_env/").rpartition("-")[0]
+
+
+def check_observations(path: Path, about: Mapping[str, Any], env_id: str, names: list[str] | None = None) -> None:
+    """ValueError where a policy does not know an environment's observations (``names``, or those of the id)."""
+    if names is None:
+        names = [quantity.name for quantity in tasks.task(check_driven(env_id)).observed]
+    if names != about["observations"]:
+        raise ValueError(
+            f"{path} was trained for {about['env']}, evaluated on {env_id}, whose observations are others: "
+            f"give {about['env']}"
+        )
+
+
+def law(label: str, path: Path) -> Friction:
+    """The friction law that a file or a run names; ValueError for one that is not known here."""
+    try:
+        return Friction(label)
+    except argparse.ArgumentTypeError as error:
+        raise ValueError(
+            f"{path} was trained on friction {label}: {error}; --import names the module of a law of your own"
+        ) from None

@@ -1,0 +1,241 @@
+"""Policies beside the baselines on held-out seeds: table with intervals, differences, learning curve, frames."""
+
+import base64
+import csv
+import io
+import math
+import re
+from collections.abc import Callable, Collection, Mapping
+from functools import partial
+from importlib import metadata
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import gymnasium as gym
+import matplotlib.image
+import numpy as np
+from numpy.typing import NDArray
+
+from steer_env import assists, drivers, friction, tasks
+from steer_env.experiments.drawing import plots
+from steer_env.experiments.learning import held_out
+from steer_env.experiments.learning.held_out import Controller, Estimate, Trials
+from steer_env.experiments.output import provenance
+from steer_env.experiments.output.files import replaced_directory, write_json
+from steer_env.experiments.report.assessment import environment
+from steer_env.experiments.report.findings import label, plain
+from steer_env.friction.law import law_of
+from steer_env.randomise import RANGES
+
+CONTENTS = frozenset({"index.html", "evaluation.json"})
+FRAMES = 4  # of the first held-out episode
+
+# Of these figures more (1) or less (-1) is better; the others only tell how.
+SENSES = {
+    "reward": 1.0,
+    "cost": -1.0,
+    "cones_hit": -1.0,
+    "rms_feel_error": -1.0,
+    "rms_lateral_offset": -1.0,
+    "peak_lateral_offset": -1.0,
+}
+ROUNDING = 1e-9  # of a figure: a difference below it is none
+
+Array = NDArray[np.float64]
+Maker = Callable[[Any], Controller]
+
+
+def baselines(env_id: str) -> dict[str, Maker]:
+    """Classical controllers of an id by name: driver models where a path is seen, assists where the assist acts."""
+    task = tasks.task(env_id.removeprefix("steer_env/").rpartition("-")[0])
+    if task.name.startswith("Assist"):
+        return {name: partial(assists.make, name) for name in assists.available()}
+    if any(quantity.name == "lateral_offset" for quantity in task.situation):
+        return {name: partial(drivers.Controller, driver=name) for name in drivers.available() if name != "free"}
+    return {}
+
+
+class Evaluation(NamedTuple):
+    """Controllers on the same held-out episodes; the first one is what is evaluated."""
+
+    env_id: str
+    about: dict[str, Any]  # how the environment was made
+    episodes: int
+    found: dict[str, Trials]
+    values: dict[str, dict[str, Estimate]]  # controller -> figure
+    gaps: dict[str, dict[str, Estimate]]  # baseline -> figure: the first controller's less the baseline's
+    units: dict[str, str]
+
+
+def evaluate(
+    env_id: str,
+    controllers: Mapping[str, Maker],
+    episodes: int,
+    notify: Callable[[float, str], None] = lambda *_: None,
+    **arguments: Any,
+) -> Evaluation:
+    """Every controller on the same episodes."""
+    found = {}
+    for k, (name, make) in enumerate(controllers.items()):
+        notify(k / len(controllers), name)
+        found[name] = held_out.collect(env_id, make, episodes, **arguments)
+    first = next(iter(found))
+    task = tasks.task(env_id.removeprefix("steer_env/").rpartition("-")[0])
+    units = {"reward": "", "cost": "", "clean_share": "1"} | {figure.name: figure.unit for figure in task.figures}
+    return Evaluation(
+        env_id,
+        arguments,
+        episodes,
+        found,
+        {name: held_out.summary(trial) for name, trial in found.items()},
+        {name: held_out.differences(found[first], trial) for name, trial in found.items() if name != first},
+        units,
+    )
+
+
+def conditions(made: Mapping[str, Any]) -> dict[str, str]:
+    """How an environment was made, in words with units: name of the condition -> its value."""
+    words = {}
+    for key, value in made.items():
+        if key == "friction":
+            words["friction"] = _law(value)
+        elif key == "randomise":
+            for name, pair in value.items():
+                if name == "friction":
+                    words |= {f"friction's {own}": _range(ends) for own, ends in pair.items()}
+                else:
+                    unit = re.search(r"\[([^\]]+)\]$", RANGES[name][2])
+                    words[name.replace("_", " ")] = _range(pair, unit[1] if unit and unit[1] != "1" else "")
+        else:
+            words[key.replace("_", " ")] = plain(value)
+    return words
+
+
+def _range(pair: Any, unit: str = "") -> str:
+    low, high = pair
+    return f"{low:g} to {high:g} {unit}".rstrip()
+
+
+def _law(law: Any) -> str:
+    """Name of a law with the parameters that are not its defaults."""
+    if isinstance(law, str):
+        return law
+    name = law_of(law).name
+    usual = friction.make(name)._asdict()
+    own = {key: value for key, value in law._asdict().items() if str(value) != str(usual[key])}
+    return ", ".join([name, *(f"{key} {plain(x) if np.ndim(x) == 0 else 'of its own'}" for key, x in own.items())])
+
+
+def shade(figure: str, gap: Estimate, *compared: Estimate) -> str:
+    """How a difference between ``compared`` is shown: "better", "worse", "differs" or, if it may be none, ""."""
+    if not (gap.low > 0.0 or gap.high < 0.0) or abs(gap.value) <= ROUNDING * max(
+        1.0, *(abs(e.value) for e in compared)
+    ):
+        return ""
+    return {1.0: "better", -1.0: "worse"}.get(math.copysign(1.0, gap.value) * SENSES.get(figure, 0.0), "differs")
+
+
+def entry(e: Estimate, unit: str) -> dict[str, Any]:
+    """A figure for a machine."""
+    return {"value": e.value, "ci": [x if math.isfinite(x) else None for x in (e.low, e.high)], "unit": unit}
+
+
+def as_json(found: Evaluation) -> dict[str, Any]:
+    """The evaluation for a machine."""
+
+    def entries(values: Mapping[str, Estimate]) -> dict[str, Any]:
+        return {name: entry(e, found.units[name]) for name, e in values.items()}
+
+    return {
+        "env": found.env_id,
+        "arguments": {key: str(value) for key, value in found.about.items()},
+        "episodes": found.episodes,
+        "first_seed": held_out.HELD_OUT,
+        "metrics": {label: entries(values) for label, values in found.values.items()},
+        "differences": {label: entries(values) for label, values in found.gaps.items()},
+        "provenance": provenance.versions(),
+    }
+
+
+def frames(env_id: str, make: Maker, **arguments: Any) -> list[str]:
+    """Pictures of the first held-out episode, evenly over its time, as data for a page; none without the extra."""
+    try:
+        env = gym.make(env_id, render_mode="rgb_array", **arguments)
+    except ValueError:
+        return []
+    shown: list[Any] = []
+    over = False
+    controller = make(env)
+    observation, _ = env.reset(seed=held_out.HELD_OUT)
+    while not over:
+        observation, _, terminated, truncated, _ = env.step(controller.act(observation))
+        over = terminated or truncated
+        shown.append(None if len(shown) % 20 else env.render())
+    drawn = [frame for frame in shown if frame is not None]
+    env.close()
+    chosen = np.linspace(0, len(drawn) - 1, FRAMES + 2)[1:-1].round().astype(int)
+    return [_picture(np.asarray(drawn[k])) for k in chosen]
+
+
+def _picture(frame: Any) -> str:
+    file = io.BytesIO()
+    matplotlib.image.imsave(file, frame, format="png")
+    return "data:image/png;base64," + base64.b64encode(file.getvalue()).decode()
+
+
+def read_curve(path: Path) -> dict[str, Array]:
+    """Columns of a learning curve: seconds and steps of training, then figures of the validation's episodes."""
+    with path.open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    return {key: np.array([float(row[key]) for row in rows]) for key in rows[0]}
+
+
+def aim(figures: Collection[str]) -> str:
+    """The figure of a task that its training is for."""
+    return next((name for name in ("cones_hit", "rms_feel_error", "rms_lateral_offset") if name in figures), "cost")
+
+
+def _learning(curves: Mapping[str, Path], units: Mapping[str, str]) -> str:
+    """Means over the validation's seeds over the steps of training, of each run, as a plot."""
+    runs = {name: read_curve(path) for name, path in curves.items()}
+    shown = [
+        plots.Panel(
+            "steps of training",
+            label(figure) + (f" [{units[figure]}]" if units.get(figure, "1") not in ("", "1") else ""),
+            [
+                plots.Line(name.replace("_", " "), run["steps"], run[figure], colour)
+                for colour, (name, run) in zip(plots.colours(list(runs)), runs.items())
+            ],
+        )
+        for figure in ("reward", aim(next(iter(runs.values()))))
+    ]
+    return plots.draw(shown)
+
+
+def write(out: Path, found: Evaluation, controllers: Mapping[str, Maker], curves: Mapping[str, Path]) -> None:
+    """Write ``index.html`` and ``evaluation.json`` into a directory, which appears or is replaced as a whole."""
+    names = list(found.values)
+    best = max(names[1:], key=lambda name: found.values[name]["reward"].value, default=names[0])
+    pictures = {
+        name: frames(found.env_id, controllers[name], **found.about) for name in dict.fromkeys([names[0], best])
+    }
+    page = (
+        environment()
+        .get_template("policies.html.j2")
+        .render(
+            f=found,
+            names=names,
+            figures=list(found.values[names[0]]),
+            pictures=pictures,
+            conditions=conditions(found.about),
+            others="the baselines" if set(names[1:]) <= baselines(found.env_id).keys() else "the others",
+            shade=shade,
+            curve=_learning(curves, found.units) if curves else "",
+            script=plots.script() if curves else "",
+            version=metadata.version("steer-env"),
+            first_seed=held_out.HELD_OUT,
+        )
+    )
+    with replaced_directory(out, CONTENTS) as part:
+        (part / "index.html").write_text(page, encoding="utf-8")
+        write_json(part / "evaluation.json", as_json(found))

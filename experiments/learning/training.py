@@ -1,0 +1,328 @@
+"""Training policies with Stable-Baselines3: settings kept with the id, checkpoints, resume, validation."""
+
+import csv
+import json
+import time
+from collections.abc import Callable
+from importlib import metadata
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from steer_env import experiments
+from steer_env.experiments.learning import held_out, policy
+from steer_env.experiments.output import provenance
+from steer_env.experiments.output.files import usable, write_json
+from steer_env.experiments.output.options import Friction
+from steer_env.friction.numerics import toml
+from steer_env.friction.numerics.check import number
+
+# Of the clock; a checkpoint costs a fraction of a second, an evaluation some seconds.
+CHECKPOINT_EVERY, EVALUATE_EVERY = 60.0, 60.0  # [s]
+EVALUATE_STEPS = 200_000  # in a training by steps: by the clock, the policy that is kept would depend on the machine
+VALIDATED = 32  # episodes of each evaluation while training
+
+
+def settings(env_id: str, algo: str) -> dict[str, Any]:
+    """Settings of an id for an algorithm: ``environment`` (arguments of make) and ``algorithm``, from data files.
+
+    What all ids share, then what drivers share, then what the id has of its own.
+
+    Raises
+    ------
+    ValueError
+        Unknown id or algorithm.
+    """
+    policy.check_id(env_id)
+    policy.algorithm(algo)
+    folder = files(experiments) / "data" / "training"
+    name = env_id.removeprefix("steer_env/")
+    found: dict[str, Any] = {"environment": {}, "algorithm": {}}
+    for file in ("default", "driver" if name.startswith("Driver") else "", name):
+        path = folder / f"{file}.toml"
+        if path.is_file():
+            given = toml.loads(path.read_text(encoding="utf-8"))
+            found["environment"] |= given.get("environment", {})
+            found["algorithm"] |= given.get(algo, {})
+    return found
+
+
+def new_model(algo: str, env: Any, chosen: dict[str, Any], seed: int, logs: str | None = None) -> Any:
+    """An algorithm of Stable-Baselines3 with the settings of an id."""
+    import torch
+
+    torch.set_num_threads(1)  # networks of this size lose by more
+    own = {"num_envs", "net_arch", "policy_kwargs"}
+    return policy.algorithm(algo)(
+        "MlpLstmPolicy" if algo == "recurrent-ppo" else "MlpPolicy",
+        env,
+        seed=seed,
+        device="cpu",
+        policy_kwargs={"net_arch": chosen["net_arch"], **chosen.get("policy_kwargs", {})},
+        tensorboard_log=logs,
+        **{key: value for key, value in chosen.items() if key not in own},
+    )
+
+
+def _checkpoint(out: Path) -> dict[str, Any]:
+    """What a run says of itself at its checkpoint, with its ``settings``; ValueError where it says too little."""
+    kept, chosen = out / "checkpoint" / "state.json", out / "settings.json"
+    if not kept.is_file():
+        raise ValueError(f"{out} holds no checkpoint to resume")
+    state = json.loads(kept.read_text(encoding="utf-8"))
+    for key in ("env", "algo", "seed", "friction", "seconds", "steps", "best"):
+        if key not in state:
+            raise ValueError(f"{kept} does not say its {key}, as older versions did not: train anew")
+    if not chosen.is_file():
+        raise ValueError(f"{out} holds a checkpoint but no settings.json, without which it cannot be resumed")
+    read = json.loads(chosen.read_text(encoding="utf-8"))
+    return {**state, "settings": {key: read[key] for key in ("environment", "algorithm")}}
+
+
+class _Clock:
+    """Ends training by the clock or by steps, writes checkpoints, and keeps the best policy by validation."""
+
+    def __init__(
+        self, run: "Training", minutes: float | None, steps: int | None, notify: Callable[[float, str], None]
+    ) -> None:
+        self._run, self._minutes, self._steps, self._notify = run, minutes, steps, notify
+        self._begun = time.monotonic()
+        self._saved = self._begun
+        self._next = 0.0  # evaluation, as a part of the training; the first one at once: an untrained policy's
+
+    @property
+    def elapsed(self) -> float:
+        """Wall time of training, evaluations left out, of all sessions [s]."""
+        return self._run.seconds + time.monotonic() - self._begun
+
+    def __call__(self, model: Any) -> bool:
+        part = self.elapsed / (60.0 * self._minutes) if self._minutes else model.num_timesteps / (self._steps or 1)
+        self._notify(min(part, 1.0), f"{model.num_timesteps} steps")
+        if part >= self._next:
+            every = EVALUATE_EVERY / (60.0 * self._minutes) if self._minutes else EVALUATE_STEPS / (self._steps or 1)
+            self._next = part + every
+            begin = time.monotonic()
+            self._run.validate(model, self.elapsed)
+            lost = time.monotonic() - begin
+            self._begun += lost
+            self._saved += lost
+        if time.monotonic() - self._saved >= CHECKPOINT_EVERY:
+            self._run.checkpoint(model, self.elapsed)
+            self._saved = time.monotonic()
+        return part < 1.0
+
+
+class Training:
+    """One run of training, kept in a directory.
+
+    Parameters
+    ----------
+    env_id : str
+    algo : {"ppo", "sac", "recurrent-ppo"}, optional
+        The checkpoint's, or else "ppo".
+    out : Path
+        Receives ``policy.zip`` (the best by validation), ``learning.csv``, ``settings.json``, ``checkpoint/`` and
+        ``tensorboard/``.
+    seed : int, optional
+        The checkpoint's, or else 0.
+    resume : bool
+        Go on from ``out``'s checkpoint, with its settings.
+    friction : Friction, optional
+        Law to train on; the checkpoint's, or else LuGre.
+
+    Raises
+    ------
+    ValueError
+        A directory that holds another run and is not resumed, or none to resume; or something else to train than
+        what the checkpoint is of.
+    """
+
+    def __init__(
+        self,
+        env_id: str,
+        algo: str | None,
+        out: Path,
+        *,
+        seed: int | None = None,
+        resume: bool = False,
+        friction: Friction | None = None,
+    ) -> None:
+        policy.check_driven(env_id)
+        state: dict[str, Any] = {"algo": "ppo", "seed": 0, "friction": "lugre"}
+        self.seconds, self.best, self.validated = 0.0, -np.inf, -1  # the last in steps
+        self._resume, self._trained = resume, 0
+        if resume:
+            state = _checkpoint(out)
+            asked = {"env": env_id, "algo": algo, "seed": seed, "friction": friction and friction.label}
+            for key, value in asked.items():
+                if value is not None and state[key] != value:
+                    raise ValueError(
+                        f"the checkpoint in {out} is of {key} {state[key]}, not {value}: resume with "
+                        f"--{key} {state[key]}, or train in another directory"
+                    )
+            self.seconds, self.best, self._trained = state["seconds"], state["best"], state["steps"]
+        else:
+            usable(out)
+            if out.exists() and any(out.iterdir()):
+                raise ValueError(f"{out} is not empty: give a new directory, or resume the run in it")
+        self.env_id, self.out = env_id, out
+        self.algo: str = algo or state["algo"]
+        self.seed: int = state["seed"] if seed is None else seed
+        self.friction = friction or policy.law(state["friction"], out)
+        self.settings: dict[str, Any] = state["settings"] if resume else settings(env_id, self.algo)
+
+    def run(
+        self,
+        minutes: float | None = None,
+        steps: int | None = None,
+        notify: Callable[[float, str], None] = lambda *_: None,
+    ) -> None:
+        """Train for a time, or for a number of steps, which can be repeated; all sessions count together.
+
+        Whatever ends it early leaves a checkpoint.
+
+        Parameters
+        ----------
+        minutes : float, optional
+            Wall time of training, evaluations left out [min].
+        steps : int, optional
+            Of all lanes together, at least 1.
+        notify : callable
+            Receives the part that is done and what to show.
+
+        Raises
+        ------
+        ValueError
+            Both or none of the lengths, one out of its range, or one that the checkpoint has used up.
+        """
+        from stable_baselines3.common.callbacks import BaseCallback
+        from stable_baselines3.common.vec_env import VecMonitor, VecNormalize
+
+        from steer_env.sb3 import SteerVecEnv
+
+        if (minutes is None) == (steps is None):
+            raise ValueError("give minutes or steps")
+        if minutes is not None:
+            number("minutes", minutes, minimum=0.0, above=True)
+            if self._resume and self.seconds >= 60.0 * minutes:
+                raise ValueError(
+                    f"already trained for {self.seconds / 60.0:.2g} min: give more minutes than {minutes:g}"
+                )
+        elif number("steps", steps, minimum=1.0) <= self._trained:
+            raise ValueError(f"already trained for {self._trained} steps: give more steps than {steps}")
+        chosen = self.settings["algorithm"]
+        raw = SteerVecEnv(
+            self.env_id, chosen["num_envs"], friction=self.friction.parameters, **self.settings["environment"]
+        )
+        self._observations = [quantity.name for quantity in raw.vector.lanes.observed]
+        kept = self.out / "checkpoint"
+        if self._resume:
+            self._env = VecNormalize.load(str(kept / "scaling.pkl"), VecMonitor(raw))
+            # Another seed, or the cases and the noise of the beginning would come again.
+            model = policy.algorithm(self.algo).load(
+                kept / "model.zip", env=self._env, device="cpu", seed=(self.seed + self._trained) % 2**32
+            )
+        else:
+            self._env = VecNormalize(VecMonitor(raw), gamma=chosen["gamma"])
+            model = new_model(self.algo, self._env, chosen, self.seed, str(self.out / "tensorboard"))
+        # Not before: what fails until here leaves nothing behind.
+        self.out.mkdir(parents=True, exist_ok=True)
+        if not self._resume:
+            write_json(self.out / "settings.json", {**self._identity, **self.settings})
+        clock = _Clock(self, minutes, steps, notify)
+        length = f"--minutes {minutes:g}" if minutes else f"--steps {steps}"
+        self._command = f"steer-env train --env {self.env_id} --algo {self.algo} --seed {self.seed} {length}"
+        if self.friction.label != "lugre":
+            self._command += f" --friction {self.friction.label}"
+        if self._resume:
+            self._command += " --resume"
+
+        class Callback(BaseCallback):
+            """Hands over to the clock."""
+
+            def _on_step(self) -> bool:
+                return clock(self.model)
+
+        try:
+            model.learn(10**12, callback=Callback(), reset_num_timesteps=not self._resume, tb_log_name=self.algo)
+        finally:
+            seconds = clock.elapsed
+            self.checkpoint(model, seconds)
+            raw.close()
+        if self.validated != model.num_timesteps:
+            self.validate(model, seconds)
+            self.checkpoint(model, seconds)  # again, for the best may be another now
+
+    @property
+    def _identity(self) -> dict[str, Any]:
+        return {"env": self.env_id, "algo": self.algo, "seed": self.seed, "friction": self.friction.label}
+
+    def _about(self, model: Any) -> dict[str, Any]:
+        scaling: Any = self._env.obs_rms
+        return {
+            "env": self.env_id,
+            "algorithm": self.algo,
+            "seed": self.seed,
+            "steps": model.num_timesteps,
+            "command": self._command,
+            "friction": self.friction.label,
+            "settings": self.settings,
+            "observations": self._observations,
+            "scaling": {
+                "mean": scaling.mean.tolist(),
+                "deviation": np.sqrt(scaling.var + self._env.epsilon).tolist(),
+                "clip": self._env.clip_obs,
+            },
+            "versions": {**provenance.versions(), "random_numbers": f"seed {self.seed}"},
+            "trained_with": {name: metadata.version(name) for name in ("stable-baselines3", "torch")},
+        }
+
+    def checkpoint(self, model: Any, seconds: float) -> None:
+        """Keep what resuming needs."""
+        folder = self.out / "checkpoint"
+        folder.mkdir(exist_ok=True)
+        model.save(folder / "model.zip")
+        self._env.save(str(folder / "scaling.pkl"))
+        state = {
+            **self._identity,
+            "steps": model.num_timesteps,
+            "seconds": seconds,
+            "best": self.best if np.isfinite(self.best) else -1e300,
+        }
+        write_json(folder / "state.json", state)
+
+    def validate(self, model: Any, seconds: float) -> None:
+        """Let the policy as it is drive the validation's seeds; keep it if it is the best so far."""
+        latest = self.out / "latest.zip"
+        policy.save(latest, model, self._about(model))
+        found = held_out.collect(
+            self.env_id,
+            policy.load(latest),
+            VALIDATED,
+            held_out.VALIDATION,
+            friction=self.friction.parameters,
+            **policy.conditions({"settings": self.settings}),
+        )
+        self.validated = model.num_timesteps
+        reward = float(found.reward.mean())
+        row = {
+            "seconds": round(seconds, 1),
+            "steps": model.num_timesteps,
+            "reward": reward,
+            "cost": float(found.cost.mean()),
+        }
+        row |= {name: float(values.mean()) for name, values in found.metrics.items()}
+        path = self.out / "learning.csv"
+        new = not path.exists()
+        with path.open("a", newline="", encoding="utf-8") as file:
+            writer = csv.DictWriter(file, row)
+            if new:
+                writer.writeheader()
+            writer.writerow(row)
+        if reward > self.best:
+            self.best = reward
+            latest.replace(self.out / "policy.zip")
+        else:
+            latest.unlink()

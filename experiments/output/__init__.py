@@ -1,0 +1,1 @@
+"""Writing results: files, provenance, metrics as JSON, options that several commands share."""

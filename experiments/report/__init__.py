@@ -1,0 +1,1 @@
+"""The evaluation report: simulated results, findings, glossary, pages."""

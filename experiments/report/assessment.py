@@ -1,0 +1,170 @@
+"""Recordings of a test assessed: metrics with lights, two recordings side by side, simulation against measurement.
+
+What comes from a car and what comes from a simulation goes the same way.
+"""
+
+import math
+from collections.abc import Mapping
+from importlib import metadata
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import jinja2
+import numpy as np
+
+from steer_env import metrics, targets
+from steer_env.experiments.drawing import plots
+from steer_env.experiments.output.files import replaced_directory, write_json
+from steer_env.experiments.output.metrics_json import entries
+from steer_env.experiments.report import findings
+from steer_env.experiments.studies import simulation_vs_measurement
+from steer_env.metrics import RefusedError, Value, frequency_response
+from steer_env.metrics.common.confidence import difference
+from steer_env.recording.recording import Recording
+
+CONTENTS = frozenset({"index.html", "evaluation.json"})
+
+
+class Assessment(NamedTuple):
+    """Metrics of one or two recordings of a test, and what is made of them."""
+
+    test: str
+    values: dict[str, dict[str, Value]]  # label of the recording -> metric
+    lights: dict[str, dict[str, targets.Light | None]]  # label -> metric with a band
+    bands: dict[str, targets.Band]
+    targets: targets.Targets | None
+    differences: dict[str, tuple[float, float, float]]  # second less first with its 95 % interval [unit of the metric]
+    pairs: list[simulation_vs_measurement.Pair]  # cross plots with boundaries, the first recording being the reference
+    curves: dict[str, simulation_vs_measurement.Curves]
+
+
+def assess(
+    recordings: Mapping[str, Recording],
+    test: str | None = None,
+    wanted: targets.Targets | None = None,
+    allowed: Mapping[str, simulation_vs_measurement.Tolerance] | None = None,
+    timing: float = 0.0,
+    **given: Any,
+) -> Assessment:
+    """Assess one recording, or compare a second with the first.
+
+    Parameters
+    ----------
+    recordings : mapping of str to Recording
+        Label -> recording; the first is the reference.
+    test : str, optional
+        By default the manoeuvre that the first recording's meta names.
+    wanted : Targets, optional
+        Bands to hold the values against.
+    allowed : mapping of str to Tolerance, optional
+        Tolerances by channel; with them the second recording is held against the boundaries of the first.
+    timing : float
+        To which the channels are known to be simultaneous, as for :func:`steer_env.metrics.evaluate` [s].
+    given
+        Conditions as for :func:`steer_env.metrics.evaluate`.
+
+    Raises
+    ------
+    ValueError
+        For a test, a condition or cross plots that there are not.
+    """
+    first = next(iter(recordings.values()))
+    procedure = metrics.procedure_of(first, test)
+    values = {
+        label: metrics.evaluate(found, procedure.name, timing=timing, **given) for label, found in recordings.items()
+    }
+    held = wanted.bands.get(procedure.name, {}) if wanted else {}
+    differences = {}
+    if len(values) == 2:
+        a, b = values.values()
+        differences = {
+            name: difference(np.array(a[name].repeats), np.array(b[name].repeats))
+            for name in a
+            if not a[name].reason and not b[name].reason
+        }
+    curves = {}
+    for label, recording in recordings.items():
+        try:
+            curves[label] = simulation_vs_measurement.curves(recording, procedure, **given)
+        except RefusedError:
+            continue  # every metric says why
+    pairs = []
+    if allowed:
+        reference, other = recordings.values()
+        pairs = simulation_vs_measurement.compare(reference, other, procedure.name, allowed, **given)
+    return Assessment(
+        procedure.name,
+        values,
+        {label: targets.lights(found, held) for label, found in values.items()},
+        held,
+        wanted,
+        differences,
+        pairs,
+        curves,
+    )
+
+
+def as_json(found: Assessment) -> dict[str, Any]:
+    """The assessment for a machine."""
+
+    def finite(x: float) -> float | None:
+        return x if math.isfinite(x) else None
+
+    return {
+        "manoeuvre": found.test,
+        "metrics": {label: entries(values) for label, values in found.values.items()},
+        "targets": found.targets.name if found.targets else None,
+        "lights": {
+            label: {name: light._asdict() if light else None for name, light in lights.items()}
+            for label, lights in found.lights.items()
+        },
+        "differences": {
+            name: {"value": finite(gap), "ci": [finite(low), finite(high)], "unit": metrics.definition(name).unit}
+            for name, (gap, low, high) in found.differences.items()
+        },
+        "cross_plots": [{"x": p.x, "y": p.y, "inside": p.inside, "worst": p.worst} for p in found.pairs],
+        "version": metadata.version("steer-env"),
+    }
+
+
+def environment() -> jinja2.Environment:
+    """Templates with the filters for numbers and names."""
+    found = jinja2.Environment(
+        loader=jinja2.PackageLoader("steer_env.experiments.report"),
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        undefined=jinja2.StrictUndefined,
+    )
+    found.filters |= {f.__name__: f for f in (findings.number, findings.percent, findings.change, findings.label)}
+    return found
+
+
+def render(found: Assessment, recordings: Mapping[str, Recording]) -> str:
+    """The page: values with lights, differences, plots, definitions."""
+    labels = list(recordings)
+    limits = [plots.boundaries(pair, (labels[0], labels[1])) for pair in found.pairs]
+    drawn = plots.panels(found.curves, metrics.procedure_of(recordings[labels[0]], found.test).plots)
+    responses = plots.responses(recordings, found.test) if found.test in frequency_response.TESTS else []
+    return (
+        environment()
+        .get_template("evaluation.html.j2")
+        .render(
+            f=found,
+            labels=labels,
+            metas={label: recording.meta for label, recording in recordings.items()},
+            definitions={name: metrics.definition(name) for name in metrics.available(found.test)},
+            script=plots.script(),
+            figure=plots.draw(drawn) if drawn else "",
+            responses=plots.draw(responses, 300, 3) if responses else "",
+            boundaries=plots.draw(limits) if limits else "",
+            version=metadata.version("steer-env"),
+        )
+    )
+
+
+def write(out: Path, found: Assessment, recordings: Mapping[str, Recording]) -> None:
+    """Write ``index.html`` and ``evaluation.json`` into a directory, which appears or is replaced as a whole."""
+    with replaced_directory(out, CONTENTS) as part:
+        (part / "index.html").write_text(render(found, recordings), encoding="utf-8")
+        write_json(part / "evaluation.json", as_json(found))

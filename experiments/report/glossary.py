@@ -1,0 +1,137 @@
+"""Pages drawn from the one place that defines their content: docs/metrics.md and docs/environments.md.
+
+python -m steer_env.experiments.report.glossary
+"""
+
+import inspect
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+import gymnasium as gym
+from gymnasium.envs.registration import load_env_creator
+
+from steer_env import REGISTERED, manoeuvres, metrics, tasks
+from steer_env.env import SteerEnv
+from steer_env.environments import table
+from steer_env.randomise import RANGES, SENSOR_NOISE
+from steer_env.registration import DRIVEN
+from steer_env.tuning import scenarios
+from steer_env.tuning.env import KNOWN, TuneEnv
+from steer_env.vector import SteerVectorEnv
+from steer_env.vehicle import cars
+
+DOCS = Path(__file__).parents[2] / "docs"
+_METRICS = """# Tests and metrics
+
+Written by `python -m steer_env.experiments.report.glossary` from the definitions in `steer_env/manoeuvres/` and `steer_env/metrics/`; no
+conformance with any standard is claimed. A value is the mean over the repeats of a recording (cycles, steps, sweeps,
+segments), with a 95 % interval where there are several. What a recording cannot carry is refused with a reason. Usual
+ranges are for passenger cars, engineering judgement.
+"""
+_ENVIRONMENTS = """# Environments
+
+Written by `python -m steer_env.experiments.report.glossary` from the tasks in `steer_env/tasks/`. `import steer_env` registers the ids;
+`gymnasium.make(id)` makes one, `gymnasium.make_vec(id, num_envs=N)` many in one. At the end stand the sensors' noise
+and the arguments: those of the ids that are driven, those of the two that tune (a step is a set of assist parameters
+with its tests), and those of many environments in one.
+"""
+_SENSORS = """
+## Sensor noise
+
+Standard deviation of the white noise on each observation at every control step with `sensor_noise` at 1, as good
+production sensors have; assumed. What is not listed has none.
+"""
+_VECTOR = """
+## Many environments in one
+
+`gymnasium.make_vec("steer_env/AssistWeave-v0", num_envs=64, threads=2, autoreset_mode="SameStep")` runs 64 lanes in two
+threads and begins a finished lane anew at once. The ids that tune have no vector environment of their own.
+"""
+
+
+def metrics_page() -> str:
+    """Tests and metrics as Markdown."""
+    parts = [_METRICS]
+    for test in metrics.tests():
+        about = manoeuvres.make(test) if test in manoeuvres.available() else None
+        parts.append(f"\n## {test}\n")
+        if about:
+            parts.append(f"{about.definition} {about.source[0].upper()}{about.source[1:]}.\n")
+        parts.append("| metric | unit | definition | usual | source |\n|---|---|---|---|---|")
+        for name in metrics.available(test):
+            entry = metrics.definition(name)
+            usual = f"{entry.usual[0]:g} to {entry.usual[1]:g}" if entry.usual and test == "weave" else ""
+            text = entry.definition.replace("+-", "±").replace("|", "\\|")
+            parts.append(f"| `{name}` | {entry.unit} | {text} | {usual} | {entry.source} |")
+    return "\n".join(parts) + "\n"
+
+
+def _documentation(name: str) -> str:
+    entry_point = gym.spec(name).entry_point
+    assert isinstance(entry_point, str)
+    return (load_env_creator(entry_point).__doc__ or "").strip()
+
+
+def _options(name: str) -> str:
+    """The reset options of an id with their ranges; on the chassis that is its default."""
+    if name in DRIVEN:
+        task = tasks.task(_short(name))
+        known = {**task.options, **RANGES, "speed": (*cars.SPEEDS[task.chassis[0]], RANGES["speed"][2])}
+    else:
+        scenario = next(s for s in (scenarios.ON_CENTRE, scenarios.ALL_ROUND) if s.name == _short(name))
+        known = {key: RANGES[key] for key in KNOWN} | {"speed": (*scenarios.SPEEDS, RANGES["speed"][2])}
+        known["road_friction"] = (scenario.slipperiest, *RANGES["road_friction"][1:])
+    rows = [(f"`{key}`", f"{low:g} to {high:g}", meaning) for key, (low, high, meaning) in known.items()]
+    return table(("option", "range", "meaning"), rows)
+
+
+def _short(name: str) -> str:
+    """Name of the task or scenario of an id."""
+    return name.removeprefix("steer_env/").rpartition("-")[0]
+
+
+def _folded(text: str) -> str:
+    """The rows of the places of a path, which are alike, as one."""
+    rows = re.findall(r"^\| (\d+) \| path ([\d.]+)s: ([^|]*) \|(.*)\n", text, re.MULTILINE)
+    if not rows:
+        return text
+    (first, one, meaning, rest), (_, two, _, _), (last, end, _, _) = rows[0], rows[1], rows[-1]
+    found = f"| {first}-{last} | path at {one}, {two} ... {end} s: {meaning.replace(f'{one} s ', '')} |{rest}\n"
+    whole = re.compile(r"(^\| \d+ \| path [\d.]+s: .*\n)+", re.MULTILINE)
+    return whole.sub(lambda _: found, text, count=1)
+
+
+def _section(name: str) -> str:
+    """Documentation of an id: its docstring with the ranges of the options, the path's rows folded."""
+    text = _folded(_documentation(name))
+    options = re.compile(r"(?<=fixes what would be drawn:\n\n)(\|.*\n)+")
+    return options.sub(lambda _: _options(name) + "\n", text, count=1).replace("\n## ", "\n### ")
+
+
+def environments_page() -> str:
+    """Every id with its tables as Markdown."""
+    sections = [_ENVIRONMENTS, *(f"- [`{name}`](#{_anchor(name)})" for name in REGISTERED)]
+    for name in REGISTERED:
+        sections.append(f"\n## `{name}`\n\n" + _section(name))
+    units = {quantity.name: quantity.unit for task in tasks.available() for quantity in tasks.task(task).observed}
+    # The points of the path are alike: the first stands for all.
+    shown = {re.sub("^path_.*", "path, each point", name): name for name in reversed(SENSOR_NOISE)}
+    noise = [(label.replace("_", " "), f"{SENSOR_NOISE[name]:g}", units[name]) for label, name in shown.items()][::-1]
+    sections += [_SENSORS, table(("observation", "deviation", "unit"), noise)]
+    for title, made in (("that are driven", SteerEnv), ("that tune", TuneEnv)):
+        sections.append(f"\n## Arguments of the ids {title}\n\n```text\n{inspect.getdoc(made)}\n```")
+    sections += [_VECTOR, f"```text\n{inspect.getdoc(SteerVectorEnv)}\n```"]
+    return "\n".join(sections) + "\n"
+
+
+def _anchor(name: str) -> str:
+    """Of a heading, as GitHub makes it."""
+    return name.lower().replace("/", "")
+
+
+PAGES: dict[Path, Callable[[], str]] = {DOCS / "metrics.md": metrics_page, DOCS / "environments.md": environments_page}
+
+if __name__ == "__main__":
+    for path, page in PAGES.items():
+        path.write_text(page(), encoding="utf-8")

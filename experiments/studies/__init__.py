@@ -1,0 +1,1 @@
+"""Studies: friction laws, vehicle, integrators, real time, cross-validation."""

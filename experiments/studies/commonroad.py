@@ -1,0 +1,345 @@
+"""CommonRoad's multi-body model as an oracle for our two tracks; ``steer_env.experiments.studies.commonroad_cross_validation`` compares.
+
+``vehiclemodels.vehicle_dynamics_mb`` has 29 states: body, two axles joined to it by springs, and four wheels, on
+steady-state Magic Formula tyres. Its axes are SAE (y right, z down, nose up positive); everything here is ISO 8855.
+Every difference beyond the marks has a name and a switch on their side: a value (``QUIRKS``) or a few lines of code
+(``CODE``).
+
+    python -m steer_env.experiments.studies.commonroad
+
+prints what each switch does by itself; with ``--write`` it writes the stored reference of the comparison instead.
+
+Source: commonroad-vehicle-models 3.0.2 (BSD). Its bounds of 0.4 rad/s of steering and 11.5 m/s2 are not reached here.
+"""
+
+import argparse
+import copy
+import dataclasses
+import inspect
+import json
+import os
+import sys
+from collections.abc import Callable, Iterable, Mapping
+from functools import lru_cache
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+from vehiclemodels.init_mb import init_mb
+from vehiclemodels.vehicle_dynamics_mb import vehicle_dynamics_mb
+from vehiclemodels.vehicle_parameters import setup_vehicle_parameters
+
+from steer_env.experiments.studies.commonroad_cross_validation import (
+    MANOEUVRES,
+    REFERENCE,
+    STORED,
+    Manoeuvre,
+    acceleration,
+    difference,
+    interval,
+    longest_step,
+    recording_of,
+    road_wheel_angle,
+    sample_times,
+    steady,
+)
+from steer_env.recording.recording import Recording
+
+Array = NDArray[np.float64]
+
+VEHICLE, CAR = 2, "bmw_320i"  # of the reference: theirs by its number, and ours with its parameters
+
+
+def _jump(p: Any) -> None:
+    """p_hy1 and p_vy1 times sign(gamma): 2 % of the load, one way or the other, where a wheel passes upright."""
+    p.tire.p_hy1 = p.tire.p_vy1 = 0.0
+
+
+def _drag(p: Any) -> None:
+    """p_hx1, and p_vx1 inside the sine: a drag at zero slip of 1 % of the load."""
+    p.tire.p_hx1 = p.tire.p_vx1 = 0.0
+
+
+def _one_sided(p: Any) -> None:
+    """Shifts of combined slip, the same on both sides: they tell left from right, and give F_y at alpha = 0."""
+    p.tire.r_hx1 = p.tire.r_hy1 = p.tire.r_by3 = p.tire.r_vy1 = 0.0
+
+
+def _load_point(p: Any) -> None:
+    """K_lt shifts the wheel load sideways by K_lt F_y."""
+    p.K_lt = 0.0
+
+
+def _joint(p: Any) -> None:
+    """Body and axles are joined sideways by a spring and damper, which follow the tyres' force after some 0.06 s."""
+    p.K_ras *= 100.0
+    p.K_rad *= 10.0
+
+
+QUIRKS: dict[str, Callable[[Any], None]] = {
+    "jump": _jump,
+    "drag": _drag,
+    "one-sided": _one_sided,
+    "load point": _load_point,
+    "joint": _joint,
+}
+
+
+def reconciled(parameters: Any, quirks: Iterable[str] = tuple(QUIRKS)) -> Any:
+    """A copy of their parameters without the named peculiarities, all of ``QUIRKS`` by default.
+
+    What takes more than values is in ``CODE``; camber thrust against the lean stays, ``steer_env.vehicle.commonroad.tyre`` has it
+    too. KeyError for an unknown name.
+    """
+    p = copy.deepcopy(parameters)
+    for name in quirks:
+        QUIRKS[name](p)
+    return p
+
+
+_BALANCE = "    #dynamics common with single-track model\n"
+
+
+def _before_balance(*lines: str) -> dict[str, str]:
+    """Lines to run when all forces are known; SAE axes."""
+    return {_BALANCE: "".join(f"    {line}\n" for line in lines) + _BALANCE}
+
+
+# Lines of their code and what to put there: what their model lacks, or has otherwise than ours.
+CODE: dict[str, Mapping[str, str]] = {
+    # Their slip angles take the lateral speed of the sprung centre of gravity for that of the axle, without the roll
+    # rate times the height between them; states 16 and 21 are the axles' own.
+    "axle slip": {
+        "(x[10] + p.a*x[5] - x[14]*(p.R_w - x[16]))": "(x[15] - x[14]*(p.R_w - x[16]))",
+        "(x[10] - p.b*x[5] - x[19]*(p.R_w - x[21]))": "(x[20] - x[19]*(p.R_w - x[21]))",
+    },
+    # Yaw is balanced about the sprung centre of gravity: here about the whole car's.
+    "centres": _before_balance(
+        "sumY = (F_y_LF + F_y_RF)*math.cos(x[2]) + (F_x_LF + F_x_RF)*math.sin(x[2]) + F_y_LR + F_y_RR",
+        "sumN -= (p.m_uf*p.a - p.m_ur*p.b)/p.m*sumY",
+    ),
+    # The lean of the body carries the centre of gravity out of the middle of the tracks, where F_x turns the car.
+    "lean": _before_balance("sumN += sumX*math.sin(x[6])*p.m_s/p.m*(p.h_s - p.R_w)"),
+    # Their wheels have no momentum of spin.
+    "spin": _before_balance(
+        "momentum = p.I_y_w*(x[23] + x[24] + x[25] + x[26])",
+        "sumL -= x[5]*momentum",
+        "sumN += x[7]*momentum",
+    ),
+    # Their axles are beams with a roll centre fixed in the middle. Independent wheels hand all roll moments to the
+    # body, except for the load (and its shift), the springs, and what the links, along the body's y, put on the wheels.
+    "beams": _before_balance(
+        "Y_f = (F_y_LF + F_y_RF)*math.cos(x[2]) + (F_x_LF + F_x_RF)*math.sin(x[2])",
+        "link_f = 0.5*p.T_f*math.sin(x[6])*(F_y_LF - F_y_RF) - (p.h_raf - x[16])*Y_f",
+        "link_r = 0.5*p.T_r*math.sin(x[6])*(F_y_LR - F_y_RR) - (p.h_rar - x[21])*(F_y_LR + F_y_RR)",
+        "shift_f = p.K_lt*(F_z_LF*F_y_LF + F_z_RF*F_y_RF)",
+        "shift_r = p.K_lt*(F_z_LR*F_y_LR + F_z_RR*F_y_RR)",
+        "sumL_uf = 0.5*p.T_f*(F_SRF - F_SLF + F_z_LF - F_z_RF) + link_f - shift_f",
+        "sumL_ur = 0.5*p.T_r*(F_SRR - F_SLR + F_z_LR - F_z_RR) + link_r - shift_r",
+        "sumL += F_RAF*(p.R_w - p.h_raf) - Y_f*(p.R_w - x[16]) - link_f",
+        "sumL += F_RAR*(p.R_w - p.h_rar) - (F_y_LR + F_y_RR)*(p.R_w - x[21]) - link_r",
+    ),
+    # Their loads act below the wheel centres: a leaning wheel carries its own in its plane, height times camber aside.
+    # Virtual work on the camber, x[6] + D (x[6] - x[13]) T/2, shares the moment out between body and axle.
+    "contact": _before_balance(
+        "lean_f = (p.R_w - x[16])*(gamma_LF*F_z_LF + gamma_RF*F_z_RF)",
+        "lean_r = (p.R_w - x[21])*(gamma_LR*F_z_LR + gamma_RR*F_z_RR)",
+        "sumL += (1 + 0.5*p.D_f*p.T_f)*lean_f + (1 + 0.5*p.D_r*p.T_r)*lean_r",
+        "sumL_uf -= 0.5*p.D_f*p.T_f*lean_f",
+        "sumL_ur -= 0.5*p.D_r*p.T_r*lean_r",
+        "sumN += (p.R_w - x[16])*(gamma_LF*F_x_LF + gamma_RF*F_x_RF)",
+        "sumN += (p.R_w - x[21])*(gamma_LR*F_x_LR + gamma_RR*F_x_RR)",
+    ),
+    # The whole F_x pitches the body at the sprung height: here the sprung share at the wheel centres, and the torques.
+    "pitch": _before_balance(
+        "sumM_s += p.m*p.R_w*u[1] - sumX*(p.m_s/p.m*(p.R_w - x[16]) + (1 - p.m_s/p.m)*(p.h_s - x[11]))"
+    ),
+}
+
+
+@lru_cache
+def _dynamics(code: tuple[str, ...]) -> Callable[[list[float], list[float], Any], list[float]]:
+    if not code:
+        return vehicle_dynamics_mb
+    source = inspect.getsource(sys.modules[vehicle_dynamics_mb.__module__])
+    for name in code:
+        for theirs, new in CODE[name].items():
+            if theirs not in source:
+                raise RuntimeError(f"vehicle_dynamics_mb is not that of version 3.0.2: no line with {theirs!r}")
+            source = source.replace(theirs, new)
+    scope: dict[str, Any] = {}
+    exec(source, scope)
+    return scope["vehicle_dynamics_mb"]
+
+
+def _wheel_loads(p: Any, x: Array) -> Array:
+    """(4, T) loads from the axles' heights and roll, as the model has them [N]."""
+    loads = []
+    for roll, height, track in ((x[13], x[16], p.T_f), (x[18], x[21], p.T_r)):
+        middle, side = height + p.R_w * (np.cos(roll) - 1.0), 0.5 * track * np.sin(roll)
+        loads += [p.K_zt * (middle - side), p.K_zt * (middle + side)]
+    return np.array(loads)
+
+
+def drive(
+    parameters: Any, manoeuvre: Manoeuvre, code: Iterable[str] = (), dt: float = 0.005, tolerance: float = 1e-8
+) -> Recording:
+    """Drive their multi-body model.
+
+    Parameters
+    ----------
+    parameters : vehiclemodels.vehicle_parameters.VehicleParameters
+        Of vehicle 1, 2 or 3.
+    manoeuvre : Manoeuvre
+    code : iterable of str
+        Names from ``CODE``: not their model, but their code with lines changed, to show what these amount to.
+    dt : float
+        Between the samples of the recording [s].
+    tolerance : float
+        Relative, of the integration (LSODA); absolute it is a hundredth of it.
+
+    Returns
+    -------
+    Recording
+        Channels in SI and ISO 8855, as ``cross_validation.UNITS`` names them. ``speed`` and ``lateral_speed`` belong
+        to the sprung centre of gravity, along the body's x and y. ``lateral_acceleration`` is the sum of the tyres'
+        forces along y over the whole mass; ``sprung_lateral_acceleration`` is v_y' + v_x r. Roll is positive to the
+        right, pitch nose down.
+
+    Raises
+    ------
+    KeyError
+        An unknown name of code.
+    RuntimeError
+        A wheel locks, or the integration fails, with the solver's reason.
+    """
+    p, dynamics = parameters, _dynamics(tuple(code))
+
+    def derivative(t: float, state: Any) -> list[float]:
+        x = state.tolist()
+        lost = x.pop()
+        angle, rate = road_wheel_angle(manoeuvre, t)
+        x[2] = -float(angle)
+        u = [-float(rate), acceleration(manoeuvre, t, x[3], lost)]
+        return [*dynamics(x, u, p), manoeuvre.speed - x[3]]
+
+    times = sample_times(manoeuvre, dt)
+    start = [*init_mb([0.0, 0.0, 0.0, manoeuvre.speed, 0.0, 0.0, 0.0], p), 0.0]
+
+    def grip(t: float, x: Any) -> float:
+        return p.R_w * min(x[23:27]) - 0.5 * x[3]
+
+    grip.terminal = True  # type: ignore[attr-defined]
+    run = solve_ivp(
+        derivative,
+        (0.0, times[-1]),
+        start,
+        "LSODA",
+        times,
+        events=grip,
+        max_step=longest_step(manoeuvre),
+        rtol=tolerance,
+        atol=0.01 * tolerance,
+    )
+    if run.t.size < times.size:
+        reason = "a wheel locks" if run.success else run.message
+        raise RuntimeError(f"{manoeuvre} on CommonRoad's model ends after {run.t[-1]:g} s: {reason}")
+    x = run.y
+    rates = np.array([derivative(t, state) for t, state in zip(times, x.T)]).T
+    angle = road_wheel_angle(manoeuvre, times)[0]
+    # The forces of joints and springs are internal: what the masses gain is what the tyres give.
+    v_x, r = x[3], x[5]
+    sideways = [m * (rates[i] + v_x * r) for m, i in ((p.m_s, 10), (p.m_uf, 15), (p.m_ur, 20))]
+    command = [acceleration(manoeuvre, t, v, lost) for t, v, lost in zip(times, v_x, x[29])]
+    values = [
+        *(angle, command, v_x, -x[10], -r),
+        *(rates[3] - r * x[10], -sum(sideways) / p.m, -(rates[10] + v_x * r)),
+        *(x[6], -x[8]),
+        *_wheel_loads(p, x),
+        *x[23:27],
+        *(x[0], -x[1], -x[4]),
+    ]
+    return recording_of(times, values, manoeuvre)
+
+
+def alone(manoeuvre: Manoeuvre, parameters: Any, dt: float = 0.01) -> dict[str, tuple[float, float, float]]:
+    """What each switch does by itself, put back into the reconciled model.
+
+    Returns
+    -------
+    dict of str to (float, float, float)
+        RMS over peak of the change in yaw rate and lateral acceleration, and the largest relative change of the steady
+        values, side-slip apart [1].
+    """
+    plain = drive(reconciled(parameters), manoeuvre, CODE, dt)
+    base = steady(plain, parameters)
+    changes = {}
+    for name in (*QUIRKS, *CODE):
+        p = reconciled(parameters, [quirk for quirk in QUIRKS if quirk != name])
+        run = drive(p, manoeuvre, [code for code in CODE if code != name], dt)
+        ends = steady(run, parameters)
+        moved = max(abs(value / base[key] - 1.0) for key, value in ends.items() if key != "sideslip_angle")
+        changes[name] = (difference(run, plain, "yaw_rate"), difference(run, plain, "lateral_acceleration"), moved)
+    return changes
+
+
+def histories(name: str, parameters: Any) -> dict[str, Recording]:
+    """Their side of one of ``MANOEUVRES``, published and reconciled, sampled as the reference is."""
+    manoeuvre = MANOEUVRES[name]
+    dt = interval(manoeuvre)
+    return {
+        "published": drive(parameters, manoeuvre, dt=dt),
+        "reconciled": drive(reconciled(parameters), manoeuvre, CODE, dt),
+    }
+
+
+def numbers(parameters: Any) -> dict[str, Any]:
+    """Their parameters by name, those of the tyre nested; other models' and the driver's bounds are left out."""
+    values = dataclasses.asdict(parameters)
+    return {key: value for key, value in values.items() if key not in ("steering", "longitudinal", "trailer")}
+
+
+def write(path: Path = REFERENCE) -> None:
+    """Write the reference; the file appears whole or not at all."""
+    p = setup_vehicle_parameters(vehicle_id=VEHICLE)
+    about = {
+        "source": f"commonroad-vehicle-models, vehicle {VEHICLE} (BMW 320i), multi-body model",
+        "licence": "BSD",
+        "version": metadata.version("commonroad-vehicle-models"),
+        "command": "python -m steer_env.experiments.studies.commonroad --write",
+        "car": CAR,
+        "parameters": numbers(p),
+    }
+    arrays = {
+        f"{name}.{case}": np.array([run[channel] for channel in STORED], np.float32)
+        for name in MANOEUVRES
+        for case, run in histories(name, p).items()
+    }
+    part = path.with_name(f".{path.name}.{os.getpid()}.part.npz")
+    try:
+        np.savez_compressed(part, about=np.array(json.dumps(about)), **arrays)  # type: ignore[arg-type]
+        os.replace(part, path)
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def main() -> None:
+    """Print what each difference does by itself, or write the reference."""
+    parser = argparse.ArgumentParser(prog="python -m steer_env.experiments.studies.commonroad")
+    parser.add_argument("--write", action="store_true", help=f"write {REFERENCE} and print nothing")
+    if parser.parse_args().write:
+        return write()
+    p = setup_vehicle_parameters(vehicle_id=VEHICLE)
+    print("Each difference alone [%]: RMS of yaw rate / of a_y / largest change of a steady value but side-slip\n")
+    print(f"| manoeuvre | {' | '.join((*QUIRKS, *CODE))} |")
+    print("|---" * (1 + len(QUIRKS) + len(CODE)) + "|")
+    for name, manoeuvre in MANOEUVRES.items():
+        cells = (" / ".join(f"{100.0 * value:.1f}" for value in values) for values in alone(manoeuvre, p).values())
+        print(f"| {name} | {' | '.join(cells)} |", flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,220 @@
+"""How wide the on-centre loops are against the level of friction, and which part of that is friction at all.
+
+python -m steer_env.experiments.studies.loop_width
+
+The split: what the torsion bar and the assist carry together is friction and the rest, which is rack force, motor
+damping and inertia. So with the boost curve b the torque of the same motion without friction is
+
+    T_rest = T - T_tb + g^-1(g(T_tb) - T_F),    g(T) = T + b(T),
+
+and the loop's width is that of T_rest, from vehicle lag and motor damping, plus what is left, from friction. Widths are
+signed: positive where the torque on the rising branch is above that on the falling one. The assist's lag of some
+milliseconds is neglected.
+"""
+
+import argparse
+import math
+import multiprocessing
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
+from itertools import product
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import PchipInterpolator
+
+from steer_env import friction, manoeuvres
+from steer_env.experiments.drawing import figures
+from steer_env.friction import defaults
+from steer_env.metrics.common.reading import ANGLE, AY, TORQUE
+from steer_env.metrics.loops import Loops
+from steer_env.recording.recording import Recording
+from steer_env.vehicle import cars
+from steer_env.vehicle.steering.eps import Assist, boost_curve
+
+Array = NDArray[np.float64]
+
+LEVELS = (0.0, 0.125, 0.25, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0)  # times the default F_c
+NONE = 1e-6  # stands for no friction, as no dry law takes zero
+LAWS = ("lugre", "masing")
+WEAVE, SLOW, SLOW_AT_SPEED = "weave, 0.2 Hz, 100 km/h", "slow ramp, 0.02 Hz, 50 km/h", "slow ramp, 0.02 Hz, 100 km/h"
+TESTS = {  # title -> manoeuvre, cycles, speed [km/h]
+    WEAVE: ("weave", 4, 100.0),
+    SLOW: ("slow-ramp", 3, 50.0),
+    SLOW_AT_SPEED: ("slow-ramp", 3, 100.0),
+}
+AT_0G, DEADBAND = "torque at 0 g", "torque dead band"
+WIDTHS = {AT_0G: (AY, 0.5), DEADBAND: (ANGLE, 1.0)}  # metric -> abscissa, part of the loop's height at its zero
+RISE = 1e-3  # change between levels that counts [N m]
+
+
+class Width(NamedTuple):
+    """A loop's width at one level of friction, signed."""
+
+    F_c: float  # saturated friction torque [N m]
+    total: float  # [N m]
+    rest: float  # of the same motion without friction torque: vehicle lag and motor damping [N m]
+
+    @property
+    def friction(self) -> float:
+        """The part of friction [N m]."""
+        return self.total - self.rest
+
+
+class Key(NamedTuple):
+    """Which curve of widths over friction."""
+
+    car: str
+    law: str
+    test: str
+    metric: str
+
+
+Curves = dict[Key, list[Width]]
+
+
+def law_at(law: str, level: float) -> Any:
+    """A law at ``level`` times the default saturated torque, every torque in proportion and no displacement changed."""
+    part = level or NONE
+    F_c, sigma_0 = part * defaults.F_C, part * defaults.SIGMA_0
+    if law == "lugre":
+        return friction.make(law, F_c=F_c, sigma_0=sigma_0, sigma_1=part * defaults.SIGMA_1)
+    return friction.make(law, F_c=F_c, x_c=F_c / (2.0 * sigma_0))
+
+
+def without_friction(recording: Recording, assist: Assist) -> Recording:
+    """The recording with the hand torque that the same motion would have taken without friction torque."""
+    speed = float(recording["vehicle_speed"].mean())
+    torque = np.linspace(-2.0, 2.0, 4001) * assist.torques[-1]
+    carried = torque + np.array([boost_curve(assist, T, speed)[0] for T in torque])
+    bar = recording["torsion_bar_torque"]
+    rest = np.interp(np.interp(bar, torque, carried) - recording["friction_torque"], carried, torque)
+    channels = {**recording.channels, TORQUE: recording[TORQUE] - bar + rest}
+    return replace(recording, channels=channels)
+
+
+def _drive(job: tuple[str, str, str, float]) -> dict[str, Width]:
+    """Widths of one drive, by metric."""
+    name, law, test, level = job
+    manoeuvre, cycles, kph = TESTS[test]
+    car, p = cars.load(name), law_at(law, level)
+    whole = manoeuvres.drive(car, replace(manoeuvres.make(manoeuvre, cycles=cycles), speed=kph / 3.6), p)
+    loops = [Loops(r, r.meta, fewest=1) for r in (whole, without_friction(whole, car.assist))]
+    return {
+        metric: Width(level * defaults.F_C, *(share * float(loop.width(TORQUE, x).mean()) for loop in loops))
+        for metric, (x, share) in WIDTHS.items()
+    }
+
+
+def collect(
+    car_names: Sequence[str] | None = None,
+    laws: Sequence[str] = LAWS,
+    tests: Sequence[str] = tuple(TESTS),
+    levels: Sequence[float] = LEVELS,
+    workers: int = 1,
+) -> Curves:
+    """Widths over friction of every car, law, test and metric; ``workers`` processes if more than one."""
+    keys = list(product(car_names or cars.available(), laws, tests))
+    jobs = [(*key, level) for key in keys for level in levels]
+    if workers > 1:
+        with ProcessPoolExecutor(workers, multiprocessing.get_context("spawn")) as pool:
+            found = list(pool.map(_drive, jobs))
+    else:
+        found = list(map(_drive, jobs))
+    curves: Curves = {}
+    for (car, law, test, _), widths in zip(jobs, found):
+        for metric, width in widths.items():
+            curves.setdefault(Key(car, law, test, metric), []).append(width)
+    return curves
+
+
+class Verdict(NamedTuple):
+    """Whether a width tells how much friction there is."""
+
+    signed: bool  # whether the signed width grows with friction at every level
+    unsigned: bool  # whether its size does
+    zero: float  # friction at which the signed width changes sign [N m]; NaN if it does not
+    rest: float  # width without friction: vehicle lag and motor damping [N m]
+
+
+def verdict(curve: Sequence[Width]) -> Verdict:
+    """Monotone or not, from the numbers of one curve."""
+    F_c, total, rest = (np.array([getattr(w, name) for w in curve]) for name in ("F_c", "total", "rest"))
+    fine = PchipInterpolator(F_c, total)  # monotone where the points are: it adds no turn of its own
+    roots = fine.roots(extrapolate=False)
+    return Verdict(
+        bool(np.all(np.diff(total) > RISE)),
+        bool(np.all(np.diff(np.abs(fine(np.linspace(F_c[0], F_c[-1], 1001)))) > 0.0)),
+        float(roots[0]) if roots.size else math.nan,
+        float(rest[0]),
+    )
+
+
+def sentence(curves: Curves, test: str = WEAVE) -> str:
+    """What the curves say of one test, in words; laws that agree to a hundredth of a newton metre are named once."""
+    lines = []
+    for metric in WIDTHS:
+        mine = {key: verdict(curve) for key, curve in curves.items() if (key.test, key.metric) == (test, metric)}
+        signed = [key for key, found in mine.items() if not found.signed]
+        text = f"{metric} in the {test}: the signed width "
+        text += f"does not always grow with friction ({_named(signed)})" if signed else "grows with friction throughout"
+        folds: dict[tuple[str, str], list[Key]] = {}
+        for key, found in mine.items():
+            if not found.unsigned:
+                folds.setdefault((key.car, f"{found.zero:.2f}"), []).append(key)
+        if folds:
+            text += "; its size first falls, to zero where friction balances lag and damping, at a friction torque of "
+            text += ", ".join(f"{zero} N m ({_named(keys)})" for (_, zero), keys in folds.items())
+        else:
+            text += "; so does its size"
+        lines.append(text + ".")
+    return "\n".join(lines)
+
+
+def _named(keys: Sequence[Key]) -> str:
+    """Cars and laws of some curves."""
+    cars_of, laws_of = (list(dict.fromkeys(found)) for found in zip(*((key.car, key.law) for key in keys)))
+    return f"{', '.join(cars_of)}: {', '.join(laws_of)}"
+
+
+def table(curves: Curves) -> str:
+    """Widths of every curve as text: total = lag and damping + friction [N m]."""
+    lines = []
+    for key, curve in curves.items():
+        lines.append(f"{key.car}, {key.law}, {key.test}: {key.metric} [N m]")
+        lines.append("  F_c               " + " ".join(f"{w.F_c:7.3f}" for w in curve))
+        for label, name in (("total", "total"), ("lag and damping", "rest"), ("friction", "friction")):
+            lines.append(f"  {label:17s} " + " ".join(f"{getattr(w, name):7.3f}" for w in curve))
+    return "\n".join(lines)
+
+
+def panels(curves: Curves, law: str = LAWS[0]) -> dict[str, dict[str, dict[str, list[Width]]]]:
+    """Curves of one law as the figure takes them: metric, test, car."""
+    found: dict[str, dict[str, dict[str, list[Width]]]] = {}
+    for key, curve in curves.items():
+        if key.law == law:
+            found.setdefault(key.metric, {}).setdefault(key.test, {})[key.car] = curve
+    return found
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Print the table and the verdict; with --figure, write the figure."""
+    parser = argparse.ArgumentParser(
+        prog="python -m steer_env.experiments.studies.loop_width", description=(__doc__ or "").split("\n")[0]
+    )
+    parser.add_argument("--cars", nargs="+", choices=cars.available(), default=list(cars.available()))
+    parser.add_argument("--figure", type=Path, metavar="FILE.svg")
+    options = parser.parse_args(argv)
+    curves = collect(options.cars, workers=2)
+    print(table(curves))
+    for test in TESTS:
+        print("\n" + sentence(curves, test))
+    if options.figure:
+        options.figure.write_text(figures.loop_width(panels(curves)), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

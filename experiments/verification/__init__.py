@@ -1,0 +1,1 @@
+"""Every requirement with its measured value, and the independent calculations that the values are held against."""

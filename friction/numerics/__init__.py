@@ -1,0 +1,1 @@
+"""What the four packages share: compilation of kernels, checks of values, bounds, the registry, TOML."""

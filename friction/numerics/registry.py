@@ -1,0 +1,101 @@
+"""One registry for everything that is chosen by name: one thing per file in a folder, named as the file is."""
+
+import importlib
+import pkgutil
+from collections.abc import Callable
+from typing import Any, Generic, TypeVar
+
+T = TypeVar("T")
+
+
+def _same(file: str) -> str:
+    return file
+
+
+def dashed(file: str) -> str:
+    """``step_steer`` -> ``step-steer``, as manoeuvres are called on the command line."""
+    return file.replace("_", "-")
+
+
+def camel_case(file: str) -> str:
+    """``assist_weave`` -> ``AssistWeave``, as Gymnasium's ids are written."""
+    return "".join(part.capitalize() for part in file.split("_"))
+
+
+def listed(package: str, name_of: Callable[[str], str] = _same) -> dict[str, str]:
+    """Name of each thing in a folder -> name of its module, in alphabetical order; imports none of them."""
+    folder = importlib.import_module(package).__path__
+    files = sorted(module.name for module in pkgutil.iter_modules(folder) if module.name != "common")
+    return {name_of(file): f"{package}.{file}" for file in files}
+
+
+class Registry(Generic[T]):
+    """Things of one kind by name.
+
+    A folder holds one module (or package) for each thing; ``common`` holds what they share. The names are those of
+    the files, so listing them imports nothing. A module is imported when its thing is first asked for, and registers
+    it then. Things from elsewhere register under a name of their own.
+
+    Parameters
+    ----------
+    kind : str
+        What the things are, for messages: ``"friction law"``.
+    package : str
+        Import name of the folder's package.
+    name_of : callable
+        File name without suffix -> name of the thing.
+    """
+
+    def __init__(self, kind: str, package: str, name_of: Callable[[str], str] = _same) -> None:
+        self.kind, self.package, self._name_of = kind, package, name_of
+        self._things: dict[str, T] = {}
+        self._by_class: dict[type, T] = {}
+
+    def _files(self) -> dict[str, str]:
+        """Name of each thing in the folder -> name of its module."""
+        return listed(self.package, self._name_of)
+
+    def available(self) -> tuple[str, ...]:
+        """Names in alphabetical order."""
+        return tuple(sorted({*self._files(), *self._things}))
+
+    def register(self, name: str, thing: T, parameters: type | None = None) -> T:
+        """Make a thing known; ``parameters`` is the class by which :meth:`of` finds it.
+
+        Raises
+        ------
+        ValueError
+            If the name is taken.
+        """
+        known = self._things.get(name)
+        if known is not None and known != thing:
+            where = getattr(getattr(known, "parameters", known), "__module__", "another module")
+            raise ValueError(f"{self.kind} {name!r} is already registered by {where}")
+        self._things[name] = thing
+        if parameters is not None:
+            self._by_class[parameters] = thing
+        return thing
+
+    def __getitem__(self, name: str) -> T:
+        """The thing called ``name``.
+
+        Raises
+        ------
+        ValueError
+            Unknown name; the message lists the valid ones.
+        """
+        if isinstance(name, str) and name not in self._things and name in (files := self._files()):
+            importlib.import_module(files[name])
+            if name not in self._things:
+                raise RuntimeError(f"{files[name]} registers no {self.kind} {name!r}")
+        if not isinstance(name, str) or name not in self._things:
+            raise ValueError(f"unknown {self.kind} {name!r}; available: {', '.join(self.available())}")
+        return self._things[name]
+
+    def of(self, parameters: Any) -> T | None:
+        """The thing that the class ``parameters`` belongs to; None if it belongs to none."""
+        return self._by_class.get(parameters)
+
+    def all(self) -> dict[str, T]:
+        """Every thing by name; imports them all."""
+        return {name: self[name] for name in self.available()}

@@ -1,0 +1,21 @@
+from . import assists, drivers, experiments, friction, manoeuvres, metrics, recording, targets, tasks, tuning, vehicle
+from .env import SteerEnv
+from .registration import REGISTERED
+from .vector import SteerVectorEnv
+
+__all__ = [
+    "REGISTERED",
+    "SteerEnv",
+    "SteerVectorEnv",
+    "assists",
+    "drivers",
+    "experiments",
+    "friction",
+    "manoeuvres",
+    "metrics",
+    "recording",
+    "targets",
+    "tasks",
+    "tuning",
+    "vehicle",
+]

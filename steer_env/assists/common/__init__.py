@@ -1,0 +1,1 @@
+"""What baseline assist controllers share."""

@@ -1,0 +1,120 @@
+"""A path to follow: curvature over arc length, integrated to a curve, and the kernel that finds the car on it."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from steer_env.friction.numerics.bounds import within
+from steer_env.friction.numerics.kernel import kernel
+
+SPACING = 1.0  # of the path's points [m]
+
+
+# Columns of a path, an array (N, 4) of points one metre apart: position [m], direction [rad], curvature [1/m].
+_X, _Y, _YAW, _CURVATURE = range(4)
+
+
+def from_curvature(curvature: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Curve from the origin along x with the given curvatures (N,) [1/m], one metre apart and linear between.
+
+    Returns
+    -------
+    (N, 4) array
+        x, y [m], direction [rad] and curvature [1/m], left positive.
+    """
+    yaw = np.concatenate(([0.0], np.cumsum(0.5 * SPACING * (curvature[1:] + curvature[:-1]))))
+    middle = yaw[:-1] + SPACING * (3.0 * curvature[:-1] + curvature[1:]) / 8.0  # of a clothoid
+    # Simpson's rule over each interval
+    dx = SPACING * (np.cos(yaw[:-1]) + 4.0 * np.cos(middle) + np.cos(yaw[1:])) / 6.0
+    dy = SPACING * (np.sin(yaw[:-1]) + 4.0 * np.sin(middle) + np.sin(yaw[1:])) / 6.0
+    x, y = (np.concatenate(([0.0], np.cumsum(d))) for d in (dx, dy))
+    return np.column_stack((x, y, yaw, curvature))
+
+
+def winding(rng: np.random.Generator, length: float, peak: float) -> NDArray[np.float64]:
+    """Random road: curvature as a sum of sines of 80 to 400 m with random phases, bounded by ``peak`` [1/m].
+
+    It starts straight: the first 50 m grow from zero curvature.
+    """
+    s = np.arange(0.0, length + SPACING, SPACING)
+    wavelengths = np.array([80.0, 120.0, 180.0, 270.0, 400.0])
+    weights = wavelengths / wavelengths.sum()
+    phases = rng.uniform(0.0, 2.0 * np.pi, wavelengths.size)
+    curvature = peak * np.sin(2.0 * np.pi * s[:, None] / wavelengths + phases) @ weights
+    return from_curvature(curvature * np.clip(s / 50.0, 0.0, 1.0))
+
+
+def through(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """A path (N, 4) as of :func:`from_curvature` through points (M, 2) [m], along a cubic spline."""
+    from scipy import interpolate  # here, for it takes longer to import than an environment to start
+
+    chord = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))))
+    spline = interpolate.CubicSpline(chord, points)
+    fine = np.linspace(0.0, chord[-1], 1 + int(10.0 * chord[-1] / SPACING))
+    speed = np.hypot(*spline(fine, 1).T)
+    length = np.concatenate(([0.0], np.cumsum(0.5 * np.diff(fine) * (speed[1:] + speed[:-1]))))
+    u = np.interp(np.arange(0.0, length[-1], SPACING), length, fine)
+    (x1, y1), (x2, y2) = spline(u, 1).T, spline(u, 2).T
+    return np.column_stack((spline(u), np.arctan2(y1, x1), (x1 * y2 - y1 * x2) / np.hypot(x1, y1) ** 3))
+
+
+@kernel
+def see(path, x, y, yaw, guess, step, out):
+    """Where a car stands on a path, and where the path goes from there.
+
+    Parameters
+    ----------
+    path : (N, 4) array
+        As from :func:`from_curvature`.
+    x, y, yaw : float
+        Position [m] and direction [rad] of the car.
+    guess : float
+        Arc length near which to look [m]; the last result, or zero.
+    step : float
+        Distance between the points to see ahead, the first one step away [m].
+    out : (2 + K,) array
+        Receives lateral offset (left of the path positive) [m], heading error [rad], and for K points of the path ahead
+        how far to the left of the car's axis they lie [m].
+
+    Returns
+    -------
+    float
+        Arc length of the nearest point [m].
+    """
+    last = path.shape[0] - 1
+    i = within(int(guess / SPACING), 0, last)
+    along = 0.0
+    back = False
+    for _ in range(path.shape[0]):
+        c, s = math.cos(path[i, _YAW]), math.sin(path[i, _YAW])
+        along = (x - path[i, _X]) * c + (y - path[i, _Y]) * s
+        # Outside a curve a car may be beyond one point's metre and before the next point: it stands between them.
+        if along >= SPACING and i < last and not back:
+            i += 1
+        elif along < 0.0 and i > 0:
+            i -= 1
+            back = True
+        else:
+            break
+    part = within(along, 0.0, SPACING)
+    k = path[i, _CURVATURE]
+    # On the arc of the point's curvature: the tangent turns, and the curve leaves the tangent, by its second order.
+    c, s = math.cos(path[i, _YAW]), math.sin(path[i, _YAW])
+    across = (y - path[i, _Y]) * c - (x - path[i, _X]) * s
+    out[0] = across - 0.5 * k * part * part
+    error = yaw - path[i, _YAW] - k * part
+    out[1] = error - 2.0 * math.pi * math.floor(error / (2.0 * math.pi) + 0.5)
+    position = SPACING * i + along
+    c_car, s_car = math.cos(yaw), math.sin(yaw)
+    for j in range(out.size - 2):
+        # Behind the last point the path goes on straight.
+        ahead = within(position + (j + 1) * step, 0.0, math.inf)
+        n = within(int(ahead / SPACING), 0, last)
+        part = ahead - SPACING * n
+        k = path[n, _CURVATURE] if n < last else 0.0
+        c, s = math.cos(path[n, _YAW]), math.sin(path[n, _YAW])
+        left = 0.5 * k * part * part
+        to_x, to_y = path[n, _X] + part * c - left * s - x, path[n, _Y] + part * s + left * c - y
+        out[2 + j] = to_y * c_car - to_x * s_car
+    return position

@@ -1,0 +1,146 @@
+"""Drivers: what turns the handwheel in a closed loop with the car.
+
+A driver is called every ``SAMPLE`` with the time and the car's channels, and answers with the handwheel angle and
+speed at the end of the sample that begins.
+"""
+
+import math
+from collections.abc import Callable
+
+import control
+import numpy as np
+from numpy.typing import NDArray
+
+from steer_env.drivers.common.definition import ARM_DAMPING, ARM_FREQUENCY, DELAY, MUSCLE_LAG, SAMPLE
+from steer_env.friction.numerics.check import number
+from steer_env.vehicle import chassis, linear, plant
+from steer_env.vehicle.cars import Car
+
+Array = NDArray[np.float64]
+Driver = Callable[[float, Array], tuple[float, float]]  # time [s], channels (C,) -> angle [rad], speed [rad/s]
+
+PREVIEW_TIME = 1.5  # [s]
+EFFORT = 0.03  # lateral offset that is as bad as one radian of handwheel angle, without arms, assumed [m/rad]
+
+
+def held_speed(p: plant.Plant) -> float:
+    """The speed at which a plant starts [m/s]."""
+    kind = chassis.chassis_of(p.chassis)
+    return float(kind.speed(p.chassis, np.array(kind.start(p.chassis), dtype=float)))
+
+
+def gains(
+    model: linear.LinearSingleTrack,
+    preview_time: float = PREVIEW_TIME,
+    delay: float = DELAY,
+    effort: float = EFFORT,
+) -> tuple[Array, Array, Array]:
+    """Gains of the LQ preview driver, and how the arms follow its command.
+
+    The car moves by the linear single track; the command reaches the muscles ``delay`` later, which lag behind it, and
+    the arms turn the handwheel as a second-order lag behind them. Sampled at 10 ms, with states
+    z = (v_y, r, y, psi, angle, angle', muscles, commands on their way),
+
+        z+ = A z + B u,    u = -K z + sum g_i y_path(k + i),    least sum of (y - y_path)^2 + (effort u)^2
+
+    with K from the Riccati equation and g_i = (R + B'P B)^-1 B' (A - B K)'^(i-1) q, q the cost's row of y: what the
+    shift register of Sharp's preview gives, without its hundred states.
+
+    Returns
+    -------
+    K : (Z,) array
+        On z.
+    g : (N,) array
+        On the path's lateral offset 1 to N samples ahead.
+    arms : (3, 4) array
+        Handwheel angle, its speed and the muscles a sample later, from these and the command that arrives.
+
+    Raises
+    ------
+    ValueError
+        A preview not longer than the delay and the arms' lag, or a value out of range.
+
+    Source: Sharp, Valtetsis, Optimal preview car steering control, Vehicle System Dynamics 35 (supplement), 2001.
+    Deviations: delay and arms are in the model; the offset alone is penalised, not the heading.
+    """
+    samples = round(number("delay [s]", delay, minimum=SAMPLE, maximum=0.5) / SAMPLE)
+    ahead = round(number("preview_time [s]", preview_time, minimum=delay + 0.3, maximum=5.0) / SAMPLE)
+    R = number("effort [m/rad]", effort, minimum=0.0, above=True) ** 2
+    body, v = model.state_space("handwheel"), model.speed
+    omega = 2.0 * math.pi * ARM_FREQUENCY
+    A, B = np.zeros((7, 7)), np.zeros((7, 1))
+    A[:2, :2], A[:2, 4:5] = body.A, body.B
+    A[2, [0, 3]], A[3, 1] = (1.0, v), 1.0
+    A[4, 5], A[5, 4:] = 1.0, (-(omega**2), -2.0 * ARM_DAMPING * omega, omega**2)
+    A[6, 6], B[6] = -1.0 / MUSCLE_LAG, 1.0 / MUSCLE_LAG
+    sampled = control.c2d(control.ss(A, B, np.eye(7), np.zeros((7, 1))), SAMPLE)
+    n = 7 + samples
+    whole, enters = np.zeros((n, n)), np.zeros((n, 1))
+    whole[:7, :7], whole[:7, 7:8] = sampled.A, sampled.B
+    whole[7:-1, 8:], enters[-1] = np.eye(samples - 1), 1.0
+    offset = np.zeros(n)
+    offset[2] = 1.0
+    K, P, _ = control.dlqr(whole, enters, np.outer(offset, offset), R)
+    closed = whole - enters @ K
+    g, column = np.zeros(ahead), enters[:, 0] / (enters.T @ P @ enters + R)[0, 0]
+    for i in range(ahead):
+        g[i] = column @ offset
+        column = closed @ column
+    return K[0], g, np.column_stack([sampled.A[4:, 4:], sampled.B[4:]])
+
+
+class _Preview:
+    """A preview driver with what it remembers: handwheel angle and speed, muscles, and the commands on their way."""
+
+    def __init__(self, p: plant.Plant, path: Array, K: Array, g: Array, arms: Array) -> None:
+        at = {name: i for i, (name, _) in enumerate(plant.channels(p))}
+        self._pose = [at[name] for name in ("x", "y", "yaw_angle")]
+        self._motion = [at[name] for name in ("lateral_speed", "yaw_rate")]
+        self._speed = at.get("longitudinal_speed")
+        self._held, self._path, self._g, self._arms = held_speed(p), path, g, arms
+        # The car's own frame: its y and psi are zero in it.
+        self._on_motion, self._on_memory = K[:2], K[4:]
+        self._memory = np.zeros(K.size - 4)
+        self._times = SAMPLE * np.arange(1, g.size + 1)
+
+    def __call__(self, time: float, row: Array) -> tuple[float, float]:
+        x, y, yaw = row[self._pose]
+        speed = self._held if self._speed is None else row[self._speed]
+        ahead, left = self._path[:, 0] - x, self._path[:, 1] - y
+        c, s = math.cos(yaw), math.sin(yaw)
+        seen = np.interp(speed * self._times, c * ahead + s * left, c * left - s * ahead)
+        command = self._g @ seen - self._on_motion @ row[self._motion] - self._on_memory @ self._memory
+        hand = self._arms @ self._memory[:4]
+        self._memory = np.concatenate((hand, self._memory[4:], [command]))
+        return float(hand[0]), float(hand[1])
+
+
+def preview(
+    car: Car,
+    p: plant.Plant,
+    path: Array,
+    preview_time: float = PREVIEW_TIME,
+    delay: float = DELAY,
+    effort: float = EFFORT,
+) -> Driver:
+    """A driver who follows a path by looking ahead.
+
+    Parameters
+    ----------
+    car : Car
+    p : Plant
+        Of that car; the gains are for the speed at which it starts.
+    path : (N, 2) array
+        x, y of the centre of gravity [m]. Ahead of the car and behind it, the path must not turn back.
+    preview_time, delay : float
+        How far the driver looks ahead, and how late the hands act [s].
+    effort : float
+        Lateral offset that is as bad as one radian of handwheel angle [m/rad].
+
+    Raises
+    ------
+    ValueError
+        As :func:`gains`.
+    """
+    model = linear.from_car(car, held_speed(p))
+    return _Preview(p, path, *gains(model, preview_time, delay, effort))

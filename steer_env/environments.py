@@ -1,0 +1,76 @@
+"""The environment classes of the ids, one for each task, single and vector, with documentation drawn from the task.
+
+A class is made when it is first asked for, so that one environment does not wait for the others. Those that tune are
+made in :mod:`steer_env.tuning.registration`.
+"""
+
+import textwrap
+from collections.abc import Sequence
+from functools import cache
+
+from steer_env import tasks
+from steer_env.env import SteerEnv
+from steer_env.randomise import RANGES
+from steer_env.tasks import Task
+from steer_env.vector import SteerVectorEnv
+
+
+def table(head: tuple[str, ...], rows: Sequence[tuple[str, ...]]) -> str:
+    """A table in Markdown."""
+    lines = [head, ("---",) * len(head), *rows]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+
+
+def _documentation(task: Task) -> str:
+    """A docstring in Gymnasium's form."""
+    action = task.action
+    observations = [
+        (str(i), q.name.replace("_", " ") + (f": {q.meaning}" if q.meaning else ""), f"{q.bound:.6g}", q.unit)
+        for i, q in enumerate(task.observed)
+    ]
+    terms = [(f"`{t.name}`", f"{t.weight:.6g}", t.unit, t.meaning) for t in task.rewards]
+    costs = [(f"`{t.name}`", f"{t.weight:.6g}", t.unit, t.meaning) for t in task.costs]
+    figures = [(f"`{f.name}`", f.unit, ("rms", "peak", "sum")[f.kind], f.meaning) for f in task.figures]
+    options = [(f"`{key}`", meaning) for key, (_, _, meaning) in {**task.options, **RANGES}.items()]
+    sections = [
+        task.summary,
+        "## Action",
+        "`Box(-1, 1, (1,))`, held for `control_dt`.",
+        table(("index", "action", "at 1", "unit"), [("0", action.meaning, f"{action.scale:g}", action.unit)]),
+        "## Observation",
+        f"`Box({len(observations)},)` in SI, clipped to the bounds.",
+        table(("index", "observation", "bound", "unit"), observations),
+        "## Reward",
+        'Sum of the terms: weight times quantity over the step. They are in `info["reward_terms"]`.',
+        table(("term", "weight", "unit", "quantity"), terms),
+        '## Cost\n\nFor constraint learning, in `info["cost"]` and `info["cost_terms"]`.',
+        table(("term", "weight", "unit", "quantity"), costs),
+        '## Metrics\n\nOf the whole episode, in `info["metrics"]` at its end.',
+        table(("figure", "unit", "over the episode", "of"), figures),
+        "## Start",
+        textwrap.fill(task.begins, 118),
+        "## End",
+        textwrap.fill(
+            f"{task.ends} Terminates with a reward of -100 if a state turns non-finite or the car rolls or spins.", 118
+        ),
+        "## Arguments",
+        f"As `steer_env.SteerEnv`. Defaults: {3.6 * task.speed:g} km/h, chassis {task.chassis[0]!r}.",
+        "`reset(options={...})` fixes what would be drawn:",
+        table(("option", "meaning"), options),
+        "## Version history\n\nv0: first version.",
+    ]
+    return "\n\n".join(sections) + "\n"
+
+
+@cache
+def _classes(name: str) -> tuple[type[SteerEnv], type[SteerVectorEnv]]:
+    """Single and vector environment of a task."""
+    fields = {"task": tasks.task(name), "__doc__": _documentation(tasks.task(name)), "__module__": __name__}
+    return type(name, (SteerEnv,), fields), type(f"{name}Vector", (SteerVectorEnv,), fields)
+
+
+def __getattr__(name: str) -> type:
+    for task in tasks.available():
+        if name in (task, f"{task}Vector"):
+            return _classes(task)[name != task]
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -1,0 +1,1 @@
+"""What manoeuvres share: their declaration, shapes of handwheel motion, and the simulation of one."""

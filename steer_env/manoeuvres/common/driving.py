@@ -1,0 +1,247 @@
+"""Driving a manoeuvre: the plant that it needs, the amplitude that it asks for, and the recording."""
+
+from collections.abc import Callable
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from steer_env.courses.iso3888 import outline
+from steer_env.friction.law import law_of
+from steer_env.friction.numerics.check import positive
+from steer_env.manoeuvres.common.definition import Manoeuvre
+from steer_env.manoeuvres.common.shapes import ramp_and_hold
+from steer_env.recording.recording import Recording
+from steer_env.vehicle import chassis, plant
+from steer_env.vehicle.cars import Car
+from steer_env.vehicle.steering import column
+from steer_env.vehicle.steering.eps import SAMPLE_TIME
+
+Array = NDArray[np.float64]
+HOLD = 10  # samples between calls of a driver
+REGRIP = 1.0  # in which a robot that grips again is back at its prescribed angle, assumed [s]
+
+
+class LostControlError(ValueError):
+    """The car spun in a manoeuvre, or a driver lost it altogether."""
+
+
+def build_plant(car: Car, manoeuvre: Manoeuvre, friction: Any, road_friction: float = 1.0) -> plant.Plant:
+    """The plant that a manoeuvre needs: robot or free hands, on the road or on the rig."""
+    p = car.plant(
+        friction,
+        speed=manoeuvre.speed,
+        robot=manoeuvre.robot,
+        road_friction=road_friction,
+        chassis=manoeuvre.chassis,
+        road=manoeuvre.road,
+    )
+    if not manoeuvre.rig:
+        return p
+    a = p.assist
+    return p._replace(pinion_radius=0.0, assist=a._replace(boost=0.0 * a.boost, damping=0.0 * a.damping))
+
+
+def inputs(manoeuvre: Manoeuvre, amplitude: float, duration: float) -> Array:
+    """Rows of plant inputs, one a millisecond; each row holds the hand at the end of its sample."""
+    t: Array = SAMPLE_TIME * np.arange(1.0, round(duration / SAMPLE_TIME) + 1.0)
+    u = np.zeros((t.size, len(plant.INPUTS)))
+    u[:, plant.HAND], u[:, plant.HAND_SPEED] = manoeuvre.hand(t, amplitude)
+    for place, value in manoeuvre.others.items():
+        u[:, place] = value(t)
+    return u
+
+
+def find_amplitude(p: plant.Plant, manoeuvre: Manoeuvre) -> float:
+    """Handwheel amplitude that reaches the manoeuvre's lateral acceleration [rad].
+
+    Raises
+    ------
+    ValueError
+        If the car does not reach that acceleration.
+    """
+    target = positive("lateral_acceleration", manoeuvre.lateral_acceleration)
+    amplitude = 0.2
+    for _ in range(10):  # the response is nearly proportional, so each round leaves a small part of the error
+        record = run(p, manoeuvre, inputs(manoeuvre, amplitude, manoeuvre.trial or manoeuvre.duration))
+        reached = manoeuvre.reach(record[:, plant.CHANNEL["lateral_acceleration"]])
+        if abs(reached / target - 1.0) < 1e-5:
+            return amplitude
+        amplitude *= target / reached
+        if not 0.0 < amplitude < 6.0:
+            break
+    raise ValueError(f"{manoeuvre.name}: no handwheel amplitude reaches {target:g} m/s2 at {manoeuvre.speed:g} m/s")
+
+
+def _amplitude(p: plant.Plant, manoeuvre: Manoeuvre) -> float:
+    if manoeuvre.amplitude is not None:
+        return manoeuvre.amplitude
+    return p.rack_limit / p.pinion_radius if manoeuvre.lock else find_amplitude(p, manoeuvre)
+
+
+def _text(value: Any) -> str:
+    """A friction parameter as the command line takes it: a number, or numbers joined by colons."""
+    return ":".join(map(repr, np.ravel(value).tolist()))
+
+
+def run(p: plant.Plant, manoeuvre: Manoeuvre, u: Array, straight: Array | None = None) -> Array:
+    """Channels (T, C) of a plant that starts straight, from that state if it is known, and gets inputs (T, I)."""
+    record = np.zeros((len(u), len(plant.channels(p))))
+    state = plant.initial_state(p) if straight is None else straight.copy()
+    changes = [min(round(t / SAMPLE_TIME), len(u)) for t in manoeuvre.released]
+    for k, (start, end) in enumerate(pairwise([0, *changes, len(u)])):
+        if start == end:
+            continue
+        rows, free = u[start:end], k % 2 == 1
+        if k and not free:
+            rows = _regripped(rows, state[column.HANDWHEEL_ANGLE], state[column.HANDWHEEL_SPEED])
+        plant.run(p._replace(robot=0.0) if free else p, state, rows, record[start:end], 1)
+    return record
+
+
+def run_closed(car: Car, p: plant.Plant, manoeuvre: Manoeuvre) -> Array:
+    """Channels (T, C) of a plant that starts straight, with the manoeuvre's driver at the handwheel.
+
+    Between the driver's samples the handwheel angle is a cubic that meets angle and speed at both ends, a hand torque a
+    straight line. A manoeuvre without a driver is a ValueError.
+    """
+    if manoeuvre.driver is None:
+        raise ValueError(f"{manoeuvre.name} has no driver; run it with its inputs")
+    driver, u = manoeuvre.driver(car, p), inputs(manoeuvre, 0.0, manoeuvre.duration)
+    state, row = plant.settled(p)
+    record, x = np.zeros((len(u), row.size)), plant.CHANNEL["x"]
+    s = np.arange(1.0, HOLD + 1.0) / HOLD
+    hermite = np.array([(1 + 2 * s) * (1 - s) ** 2, s * (1 - s) ** 2, s * s * (3 - 2 * s), s * s * (s - 1)]).T
+    slopes = np.array([6 * s * (s - 1), (1 - s) * (1 - 3 * s), 6 * s * (1 - s), s * (3 * s - 2)]).T
+    span, hand, done = HOLD * SAMPLE_TIME, (0.0, 0.0), 0
+    for done in range(HOLD, len(u) + 1, HOLD):
+        last, hand = hand, driver((done - HOLD) * SAMPLE_TIME, row)
+        part = slice(done - HOLD, done)
+        if manoeuvre.robot:
+            ends = np.array([last[0], span * last[1], hand[0], span * hand[1]])
+            u[part, plant.HAND], u[part, plant.HAND_SPEED] = hermite @ ends, slopes @ ends / span
+        else:
+            u[part, plant.HAND] = last[0] + s * (hand[0] - last[0])
+        if manoeuvre.coasts_from is not None and row[x] >= manoeuvre.coasts_from:
+            u[part, chassis.COAST] = 1.0
+        finite = plant.run(p, state, u[part], record[part], 1)
+        row = record[done - 1]
+        if not finite:
+            row[:] = np.nan  # a state that no channel shows may be the one
+        if not finite or (manoeuvre.ends_at is not None and row[x] >= manoeuvre.ends_at):
+            break
+    return record[:done]
+
+
+def steering_stiffness(p: plant.Plant, run: Callable = plant.run) -> float:
+    """Hand torque over handwheel angle [N m/rad] of a robot's plant in steady turns, beyond friction.
+
+    ``run`` does what :func:`steer_env.vehicle.plant.run` does.
+    """
+    state, row = plant.settled(p, run)
+    record, held = row[None].copy(), []
+    for start in (0.0, 0.1):  # turned further the same way, friction drops out of the difference
+        t = SAMPLE_TIME * np.arange(1.0, 2001.0)
+        u = np.zeros((t.size, len(plant.INPUTS)))
+        u[:, plant.HAND], u[:, plant.HAND_SPEED] = ramp_and_hold(t, 0.1, 1.0)
+        u[:, plant.HAND] += start
+        run(p, state, u, record, 1)
+        held.append(record[0, plant.CHANNEL["handwheel_torque"]])
+    return float(held[1] - held[0]) / 0.1
+
+
+def steering_ratio(car: Car) -> float:
+    """Handwheel angle over the road wheels' at centre, without compliance [1]."""
+    return 1.0 / (car.steering["pinion_radius"] * float(car.strut.solve(0.0, 0.0).per_rack.rotation[2]))
+
+
+def _regripped(u: Array, angle: float, speed: float) -> Array:
+    """Inputs that lead a handwheel from where it is back to what the robot prescribes, without a jerk in its speed."""
+    u = u.copy()
+    s = np.clip(np.arange(1.0, len(u) + 1.0) * SAMPLE_TIME / REGRIP, 0.0, 1.0)
+    off, off_speed = angle - u[0, plant.HAND], REGRIP * (speed - u[0, plant.HAND_SPEED])
+    u[:, plant.HAND] += off * (1.0 - s * s * (3.0 - 2.0 * s)) + off_speed * s * (1.0 - s) ** 2
+    u[:, plant.HAND_SPEED] += (off_speed * (1.0 - s) * (1.0 - 3.0 * s) - 6.0 * off * s * (1.0 - s)) / REGRIP
+    return u
+
+
+def drive(car: Car, manoeuvre: Manoeuvre, friction: Any = "lugre") -> Recording:
+    """Drive a manoeuvre and record every channel at 1 kHz.
+
+    Parameters
+    ----------
+    car : Car
+    manoeuvre : Manoeuvre
+    friction : str or parameters
+        A law's name, for its defaults, or parameters from ``friction.make``.
+
+    Returns
+    -------
+    Recording
+        Channels in SI with their units; ``meta`` names manoeuvre, car, law with its parameters, speed and amplitude.
+
+    Raises
+    ------
+    ValueError
+        Unknown law, an amplitude that cannot be found, a car that spins, or a run that does not stay finite (the state
+        is named).
+    """
+    return drive_plant(car, build_plant(car, manoeuvre, friction), manoeuvre)
+
+
+class Course(NamedTuple):
+    """What an open-loop manoeuvre does to a plant; plants that differ in their assist can share it."""
+
+    amplitude: float  # [rad], of a torque [N m]
+    inputs: Array  # (T, I) one row a sample, as the plant's
+    straight: Array  # (S,) state of running straight
+
+
+def course(p: plant.Plant, manoeuvre: Manoeuvre) -> Course:
+    """The course of a manoeuvre, with the amplitude that it asks for; ValueError where none reaches it."""
+    amplitude = _amplitude(p, manoeuvre)
+    return Course(amplitude, inputs(manoeuvre, amplitude, manoeuvre.duration), plant.initial_state(p))
+
+
+def drive_plant(car: Car, p: plant.Plant, manoeuvre: Manoeuvre, prepared: Course | None = None) -> Recording:
+    """:func:`drive` with a plant from :func:`build_plant`, whose parameters may have been changed since.
+
+    An open loop follows a course of its own, or one that was prepared, perhaps with another assist.
+    """
+    if manoeuvre.driver is None:
+        amplitude, u, straight = prepared or course(p, manoeuvre)
+        record = run(p, manoeuvre, u, straight)
+        if not np.isfinite(record[-1]).all():
+            raise ValueError(f"{manoeuvre.name} diverged: {plant.first_non_finite(p, straight, u)} first")
+        steered = {"amplitude_rad" if manoeuvre.robot else "amplitude_nm": amplitude}
+        advice = f"ask for less than {amplitude:g}, or for less speed"
+    else:
+        record, advice = run_closed(car, p, manoeuvre), "ask for less speed"
+        if not np.isfinite(record[-1]).all():
+            raise LostControlError(f"{manoeuvre.name} diverged: {advice}")
+        steered = {f"vehicle_{key}_m": value for key, value in outline(car)._asdict().items()}
+    names = plant.channels(p)
+    channels = {name: record[:, i].copy() for i, (name, _) in enumerate(names)}
+    channels["vehicle_speed"] = channels.get("longitudinal_speed", np.full(len(record), manoeuvre.speed))
+    if manoeuvre.speed and np.any(np.abs(channels["lateral_speed"]) > channels["vehicle_speed"]):
+        raise LostControlError(f"{manoeuvre.name}: the car spins; {advice}")
+    return Recording(
+        time=SAMPLE_TIME * np.arange(1, len(record) + 1),
+        channels=channels,
+        units={**dict(names), "vehicle_speed": "m/s"},
+        meta={
+            "manoeuvre": manoeuvre.name,
+            "vehicle": car.name,
+            "chassis": manoeuvre.chassis,
+            "tyre": car.tyre.name,
+            "friction": law_of(p.friction).name,
+            "friction_parameters": ",".join(f"{key}={_text(value)}" for key, value in p.friction._asdict().items()),
+            "speed_m_s": manoeuvre.speed,
+            **steered,
+            "frequency_hz": manoeuvre.frequency,
+            "wheelbase_m": car.chassis["front_axle"] + car.chassis["rear_axle"],
+            "steering_ratio": steering_ratio(car),
+            **manoeuvre.meta,
+        },
+    )

@@ -1,0 +1,1 @@
+"""What metrics share: their declaration, filtered channels, events, spectra, intervals."""

@@ -1,0 +1,231 @@
+"""Frequency responses of a car to its handwheel: what the swept sine and random steering have in common.
+
+    S_xy = (H + H_1 d + H_2 d^2) S_xx        coherence^2 = |S_xy|^2/(S_xx S_yy)
+
+The spectra are sums over segments of the recording: whole sweeps, or Welch's overlapping segments. H is fitted to them
+at the distances d from a frequency, by least squares within a triangle of +-0.1 Hz: a mean alone would flatten the
+resonance. Coherence is of means over the triangle. Leaving out one segment after the other gives the jackknife's
+pseudo-values n v - (n - 1) v_i, of which a metric is the mean; they are its repeats. Segments that overlap by half
+under Hann's window are nearly independent (Welch 1967) but for phases; two neighbours at a time are left out. What the
+window smears of a bent response is taken back by the curvature of the fit.
+
+Source: Bendat, Piersol, Random Data, 2010, sections 6.2 and 9.2; the local polynomial after Pintelon, Schoukens, System
+Identification, 2012, section 7.2; Efron, Tibshirani 1993, chapter 11.
+"""
+
+from collections.abc import Callable, Mapping
+from functools import cache
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import signal, stats
+
+from steer_env.metrics.common import events
+from steer_env.metrics.common.definitions import RefusedError
+from steer_env.metrics.common.reading import ANGLE, Reading
+from steer_env.recording.recording import Recording
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complexfloating[Any, Any]]
+Segments = Callable[[Array, Array], list[slice]]  # (time, angle) -> parts of the recording
+
+CUTOFF = 10.0  # low-pass, of input and output alike [Hz]
+SPACING, TRIANGLE = 0.05, 0.1  # of the frequencies read, half width of the fit around each [Hz]; assumed
+STILL = 0.5  # before a sweep that belongs to its segment [s]
+COHERENT = 0.9  # squared coherence from which on a response means something; assumed, common practice
+EXCITED = 0.01  # of the median power of the handwheel angle: less is no excitation; assumed
+
+
+class Curve(NamedTuple):
+    """A frequency response with 95 % intervals, for figures; every field (F,)."""
+
+    frequency: Array  # [Hz]
+    response: Complex  # output over input [SI]
+    coherence: Array  # squared [1]
+    gain_low: Array  # lower end for the size of the response [SI]
+    gain_high: Array  # upper end [SI]
+    phase_low: Array  # lower end for its phase [rad]
+    phase_high: Array  # upper end [rad]
+
+
+class Spectra:
+    """Spectra of the segments of a recording, and what is read from them.
+
+    Parameters
+    ----------
+    recording : Recording
+    asked : mapping
+        Conditions ``lowest_hz``, ``highest_hz``: what is read.
+    segments : callable
+        Finds the segments from time and handwheel angle.
+    window : str
+        Of a segment.
+    fewest : int
+        Segments needed.
+    what : str
+        Says so where there are fewer.
+    still : float
+        Time that every segment begins with before the handwheel moves [s]. A straight line through what a channel reads
+        there is taken off: the drift of its sensor.
+    together : int
+        Segments in a row that count as one repeat.
+    """
+
+    def __init__(
+        self,
+        recording: Recording,
+        asked: Mapping[str, Any],
+        segments: Segments,
+        window: str,
+        fewest: int,
+        what: str,
+        still: float = 0.0,
+        together: int = 1,
+    ) -> None:
+        self.rate, self._window, self._still = recording.rate, window, still
+        self._smooth = Reading(recording, CUTOFF)
+        self._parts = segments(self._smooth.time, self._smooth[ANGLE])
+        if len(self._parts) < fewest:
+            raise RefusedError(f"{len(self._parts)} {what}")
+        self.count, self._together = len(self._parts) // together, together
+        low, high = asked["lowest_hz"], asked["highest_hz"]
+        self.frequency = low + SPACING * np.arange(round((high - low) / SPACING) + 1)
+        self._power, self._transform = cache(self._powers), cache(self._transforms)
+        self._weights = cache(self._weigh)
+        self.responses, self.coherences = cache(self._responses), cache(self._coherences)
+        power = self._power(ANGLE, ANGLE)[..., 0].real.sum(axis=0)
+        weak = self.frequency[power < EXCITED * np.median(power)]
+        if weak.size:
+            raise RefusedError(
+                f"{ANGLE} is not excited at {weak[0]:.2f} Hz: steer from {low:g} to {high:g} Hz, "
+                "or say lowest_hz and highest_hz"
+            )
+
+    def _transforms(self, name: str) -> list[Complex]:
+        """Of each segment less its mean, from 0 Hz to beyond the frequencies read; its size squared is a density."""
+        channel, time = self._smooth[name], self._smooth.time
+        rest = [np.arange(part.start, part.start + round(self._still * self.rate)) for part in self._parts]
+        still = np.concatenate(rest)
+        if still.size:  # a sensor's drift would be most of what there is at low frequencies
+            channel = channel - np.polyval(np.polyfit(time[still], channel[still], 1), time)
+        found: list[Complex] = []
+        for part in self._parts:
+            window, near, _ = self._weights(part.stop - part.start)
+            values = channel[part] - channel[part].mean()
+            found.append(np.fft.rfft(window * values)[:near])  # no padding: so an offset does not leak
+        return found
+
+    def _weigh(self, size: int) -> tuple[Array, int, Array]:
+        """Window of a segment (T,), bins read of its transform, and what sums these to moments (bins, F, 5)."""
+        window = signal.get_window(self._window, size)
+        f = np.fft.rfftfreq(size, 1.0 / self.rate)
+        near = int(np.count_nonzero(f < self.frequency[-1] + 2 * TRIANGLE))
+        distance = (f[:near, None] - self.frequency) / TRIANGLE
+        weight = np.clip(1.0 - np.abs(distance), 0.0, None)
+        return (
+            window * np.sqrt(2.0 / (self.rate * np.sum(window**2))),
+            near,
+            weight[..., None] * distance[..., None] ** np.arange(5),
+        )
+
+    def _powers(self, x: str, y: str) -> Complex:
+        """Moments (n, F, 5) of the cross power of each segment around each frequency; of the power where x is y.
+
+        Energy per frequency times bins per frequency.
+        """
+        found = []
+        for part, u, v in zip(self._parts, self._transform(x), self._transform(y)):
+            weights = self._weights(part.stop - part.start)[2]
+            power = (u.conj() * v) @ weights.reshape(len(u), -1).astype(complex)
+            found.append(power.reshape(weights.shape[1:]))
+        # of segments that overlap, neighbours are left out together
+        return np.add.reduceat(np.array(found), np.arange(0, len(found) - self._together + 1, self._together))
+
+    def _resolution(self) -> float:
+        """Second moment of the window's power over frequency, by which it smears a bent response [triangles squared].
+
+        That of its slope over that of the window, by Parseval; none where the segment ends at rest.
+        """
+        part = self._parts[0]
+        window = self._weights(part.stop - part.start)[0]
+        moment = np.sum(np.diff(window) ** 2) * self.rate**2 / (4.0 * np.pi**2 * np.sum(window**2))
+        return float(moment) / TRIANGLE**2
+
+    def _responses(self, name: str) -> tuple[Complex, Complex]:
+        """Response (F,) of all segments, and (n, F) with each of them left out, over the handwheel angle."""
+        place = np.add.outer(np.arange(3), np.arange(3))
+        xx, xy = self._power(ANGLE, ANGLE).real, self._power(ANGLE, name)[..., :3]
+
+        def fit(xx: Array, xy: Complex) -> Complex:
+            found = np.linalg.solve(xx[..., place].astype(complex), xy[..., None])[..., 0]
+            return found[..., 0] - self._resolution() * found[..., 2]
+
+        return fit(xx.sum(axis=0), xy.sum(axis=0)), fit(xx.sum(axis=0) - xx, xy.sum(axis=0) - xy)
+
+    def _coherences(self, name: str) -> tuple[Array, Array]:
+        """Squared coherence (F,) of all segments, and (n, F) with each of them left out."""
+        powers = [self._power(*pair)[..., 0] for pair in ((ANGLE, ANGLE), (name, name), (ANGLE, name))]
+        (xx, yy, xy), (a, b, c) = [p.sum(axis=0) for p in powers], [p.sum(axis=0) - p for p in powers]
+        return np.abs(xy) ** 2 / (xx.real * yy.real), np.abs(c) ** 2 / (a.real * b.real)
+
+    def check(self, name: str, low: float | None = None, high: float | None = None) -> None:
+        """RefusedError where the output is not coherent with the handwheel angle from ``low`` to ``high`` [Hz]."""
+        low, high = self.frequency[0] if low is None else low, self.frequency[-1] if high is None else high
+        inside = (self.frequency > low - SPACING) & (self.frequency < high + SPACING)
+        coherence = np.where(inside, self.coherences(name)[0], 1.0)
+        k = int(np.argmin(coherence))
+        if not coherence[k] >= COHERENT:
+            raise RefusedError(
+                f"coherence of {name} is {coherence[k]:.2f} at {self.frequency[k]:.2f} Hz, below {COHERENT:g}: "
+                "steer further, keep other inputs away, or record longer"
+            )
+
+    def pseudo_values(self, name: str, read: Callable[[Array, Complex], float]) -> Array:
+        """Jackknife's pseudo-values (n,) of ``read(frequency, response)``."""
+        response, without = self.responses(name)
+        return self._jackknife(read(self.frequency, response), [read(self.frequency, h) for h in without])
+
+    def _jackknife(self, whole: Any, without: Any) -> Array:
+        return self.count * np.asarray(whole) - (self.count - 1) * np.asarray(without)
+
+    def lowest_coherence(self, name: str) -> Array:
+        """Pseudo-values (n,) of the squared coherence where it is lowest."""
+        whole, without = self.coherences(name)
+        k = int(np.argmin(whole))
+        return self._jackknife(whole[k], without[:, k])
+
+    def curve(self, name: str) -> Curve:
+        """Response of a channel to the handwheel angle with its interval."""
+        response, without = self.responses(name)
+        t = stats.t.ppf(0.975, self.count - 1)
+        gain = self._jackknife(np.log(np.abs(response)), np.log(np.abs(without)))
+        turn = self._jackknife(0.0, np.angle(without / response))  # the phase around that of all segments
+        phase = np.unwrap(np.angle(response))
+        (g, dg), (p, dp) = ((v.mean(axis=0), t * stats.sem(v, axis=0)) for v in (gain, turn))
+        return Curve(
+            self.frequency,
+            response,
+            self.coherences(name)[0],
+            np.exp(g - dg),
+            np.exp(g + dg),
+            phase + p - dp,
+            phase + p + dp,
+        )
+
+
+def sweeps(time: Array, angle: Array) -> list[slice]:
+    """The stretches of steering between rests of a second or more, with up to two seconds of rest after each."""
+    each = time[1] - time[0]
+    middle = float(np.median(angle))
+    steered = np.abs(angle - middle) > 0.05 * np.abs(angle - middle).max()
+    found = [(i, j) for i, j in events.runs(steered, gap=round(1.0 / each)) if (j - i) * each > 10.0]
+    ends = [i for i, _ in found[1:]] + [angle.size + round(STILL / each)]
+    before = round(STILL / each)
+    return [slice(max(i - before, 0), min(j + round(2.0 / each), end - before)) for (i, j), end in zip(found, ends)]
+
+
+def welch(time: Array, angle: Array, length: float = 25.0) -> list[slice]:
+    """Segments of ``length`` [s] that overlap by half."""
+    size = round(length / (time[1] - time[0]))
+    return [slice(i, i + size) for i in range(0, angle.size - size + 1, size // 2)]

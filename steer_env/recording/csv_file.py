@@ -1,0 +1,168 @@
+"""Recordings as text: ``# key: value`` lines of meta, a header that names the units, one row a sample.
+
+    # manoeuvre: weave
+    time_s,handwheel_angle_deg,handwheel_torque_Nm,...
+    0.001,0.0,0.0,...
+
+Tables from elsewhere may lack the meta, put units in brackets, be separated by semicolons (then a comma is a decimal
+comma) or tabs, and leave cells empty, which are gaps.
+"""
+
+import json
+import re
+import warnings
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import islice
+from os import PathLike
+from typing import IO, Any
+
+import numpy as np
+
+from steer_env.recording.table import Column, Table, Values, column, label
+
+_BLOCK = 10_000  # rows turned into text at a time, to spare memory
+
+
+def save(
+    file: IO[bytes], time: np.ndarray, channels: list[tuple[str, str, np.ndarray]], meta: Mapping[str, Any]
+) -> None:
+    """Write name, unit in memory and values in file units of each channel; numbers read back as they were."""
+    header = ["time_s"]
+    for name, unit, _ in channels:
+        header.append(label(name, unit))
+        if len(name.splitlines()) != 1 or re.search("[,;\t]", name) or header[-1] != _bare(header[-1]):
+            raise ValueError(f"channel {name!r} in {unit!r} cannot be a column: rename the channel")
+    for key, value in meta.items():
+        file.write(f"# {key}: {_meta_text(value)}\n".encode())
+    file.write((",".join(header) + "\n").encode())
+    for start in range(0, time.size, _BLOCK):
+        rows = np.column_stack([values[start : start + _BLOCK] for values in (time, *(v for _, _, v in channels))])
+        file.write("".join([",".join(map(repr, row)) + "\n" for row in rows.tolist()]).encode())
+
+
+def open_table(path: str | PathLike[str]) -> Table:
+    """Header and meta; the rows are read by the table's ``load``."""
+    encoding = _encoding(path)
+    meta: dict[str, Any] = {}
+    header, above = "", 0
+    with open(path, encoding=encoding) as file:
+        for header in file:
+            if not header.startswith("#"):
+                break
+            above += 1
+            key, colon, value = header[1:].partition(":")
+            if not colon:
+                raise _unreadable(above, 1, "'# key: value'", header.rstrip("\n"))
+            meta[key.strip()] = _meta_value(value.strip())
+        else:
+            raise ValueError("no header: expected a line that names the columns, time_s or Time [s] among them")
+    separator = next((s for s in (";", "\t") if s in header), ",")
+    columns = [column(_bare(cell)) for cell in header.rstrip("\n").split(separator)]
+    if len(columns) > 1 and not columns[-1].label:  # a separator at the end of each line
+        columns.pop()
+
+    def load(places: Sequence[int]) -> list[Values]:
+        return _load(path, encoding, above + 1, separator, columns, places)
+
+    return Table(columns, meta, True, load)
+
+
+def _load(
+    path: Any, encoding: str, above: int, separator: str, columns: list[Column], places: Sequence[int]
+) -> list[Values]:
+    """The columns of ``places``, the first of which is the time; fast, and slowly only to say what is wrong."""
+    with open(path, encoding=encoding) as file, warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # no rows at all
+        lines = _whole(_numerals(islice(file, above, None), separator), separator, len(columns))
+        try:
+            table = np.loadtxt(lines, delimiter=separator, comments=None, usecols=places, ndmin=2).T
+        except ValueError:
+            return _load_slowly(path, encoding, above, separator, columns, places)
+    if table.size and table.shape[1] > 1 and np.all(np.diff(table[0]) > 0):
+        return list(table)
+    return _load_slowly(path, encoding, above, separator, columns, places)
+
+
+def _load_slowly(
+    path: Any, encoding: str, above: int, separator: str, columns: list[Column], places: Sequence[int]
+) -> list[Values]:
+    rows: list[list[float]] = []
+    labels = [entry.label for entry in columns]
+    number = above
+    with open(path, encoding=encoding) as file:
+        for number, text in enumerate(_numerals(islice(file, above, None), separator), start=above + 1):
+            if not text.strip():
+                continue
+            cells = text.rstrip("\n").split(separator)
+            if len(cells) == len(labels) + 1 and not cells[-1].strip():
+                cells.pop()
+            if len(cells) != len(labels):
+                where = labels[min(len(cells), len(labels) - 1)]
+                raise _unreadable(number, where, f"{len(labels)} values separated by {separator!r}", len(cells))
+            row: list[float] = []
+            for place in places:
+                try:
+                    row.append(float(cells[place].strip() or "nan"))
+                except ValueError:
+                    raise _unreadable(number, labels[place], "a number", cells[place]) from None
+            if not np.isfinite(row[0]) or (rows and row[0] <= rows[-1][0]):
+                expected = "a finite time after that of the line before"
+                raise _unreadable(number, labels[places[0]], expected, cells[places[0]])
+            rows.append(row)
+    if len(rows) < 2:
+        raise _unreadable(number + 1, labels[places[0]], "at least two rows", len(rows))
+    return list(np.array(rows).T)
+
+
+def _numerals(lines: Iterator[str], separator: str) -> Iterator[str]:
+    """Lines with decimal points."""
+    return (line.replace(",", ".") for line in lines) if separator == ";" else lines
+
+
+def _whole(lines: Iterator[str], separator: str, count: int) -> Iterator[str]:
+    """Lines that are not blank, with NaN in empty cells; ValueError at one with another number of cells."""
+    empty = re.compile(rf"(?<![^{separator}])(?={separator}|\s*$)")
+    twice, ends = 2 * separator, (separator, separator + "\n")
+    for line in lines:
+        extra = line.count(separator) + 1 - count
+        if extra == 0 or (extra == 1 and line.rstrip(" \n").endswith(separator)):
+            # Looking first is quicker than the expression.
+            yield empty.sub("nan", line) if twice in line or line.startswith(separator) or line.endswith(ends) else line
+        elif line.strip():
+            raise ValueError(f"{count + extra} cells")
+
+
+def _unreadable(line: int, place: int | str, expected: str, got: object) -> ValueError:
+    return ValueError(f"line {line}, column {place!r}: expected {expected}, got {got!r}")
+
+
+def _encoding(path: Any) -> str:
+    """UTF-8 if the head of the file is, else Latin-1, in which older tools write degree signs and powers."""
+    with open(path, encoding="utf-8-sig") as file:
+        try:
+            for _ in islice(file, 1000):
+                pass
+        except UnicodeDecodeError:
+            return "latin-1"
+    return "utf-8-sig"
+
+
+def _bare(cell: str) -> str:
+    """A header's cell without spaces and quotation marks around it."""
+    cell = cell.strip()
+    return cell[1:-1].strip() if len(cell) > 1 and cell[0] == cell[-1] == '"' else cell
+
+
+def _meta_value(text: str) -> Any:
+    """What is written in JSON is read as such, anything else is text."""
+    try:
+        value = json.loads(text)
+    except ValueError:
+        return text
+    return value if value is None or isinstance(value, str | int | float) else text
+
+
+def _meta_text(value: Any) -> str:
+    """Bare text where it reads back as itself, JSON otherwise."""
+    plain = isinstance(value, str) and value == value.strip() and len(value.splitlines()) <= 1
+    return value if plain and _meta_value(value) == value else json.dumps(value)

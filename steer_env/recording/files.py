@@ -1,0 +1,210 @@
+"""Recordings from and to files: .csv, .mat (MATLAB v5) and, with the extra ``mdf``, .mf4 and .mdf.
+
+Files carry degrees for angles and SI for the rest, and name the unit of every column. What is written is read back the
+same but for the last bit in going to degrees and back. Measured files with other names, units, signs and delays are
+read through a mapping (:mod:`steer_env.recording.channel_mapping`).
+"""
+
+import os
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from steer_env.recording import channel_mapping as mappings
+from steer_env.recording import csv_file, mat_file, mdf_file
+from steer_env.recording.channel_mapping import KNOWN, Entry, Mapping, did_you_mean
+from steer_env.recording.recording import Recording
+from steer_env.recording.table import Column, Values
+from steer_env.recording.units import FILE_UNITS, SPELLINGS, understood
+
+FORMATS: dict[str, Any] = {
+    ".csv": csv_file,
+    ".mat": mat_file,
+    ".mf4": mdf_file,
+    ".mdf": mdf_file,
+}
+MOST_NAMED = 10  # columns that meta lists as not read
+
+
+class _Choice(NamedTuple):
+    place: int  # among the file's columns
+    name: str  # of the channel
+    unit: str  # in memory
+    size: float  # value in memory of one unit of the file [unit in memory]
+    entry: Entry
+
+
+def read(path: str | os.PathLike[str], mapping: Mapping | str | os.PathLike[str] | None = None) -> Recording:
+    """A recording from a file, by its suffix.
+
+    Read are the channels that the mapping names and those that bear a known name (``mapping.KNOWN``); if the mapping
+    names none, all whose unit is understood, and the meta key ``not_read`` lists the others. Where a channel comes
+    late by the mapping, all are trimmed to the time that is left.
+
+    Parameters
+    ----------
+    path : str or path
+        A file that ends in .csv, .mat, .mf4 or .mdf.
+    mapping : Mapping or path of a .toml file, optional
+        Names, units, signs, delays and offsets; and meta, which goes over that of the file.
+
+    Raises
+    ------
+    ValueError
+        Naming the file, in .csv the line and the column, what was expected there and what to do.
+    OSError
+        A file that cannot be read.
+    """
+    form = _format(path)
+    if not isinstance(mapping, Mapping):
+        mapping = Mapping() if mapping is None else mappings.load(mapping)
+    with open(path, "rb"):  # the formats' readers report a missing file in ways of their own
+        pass
+    try:
+        table = form.open_table(path)
+        time = [_time(table.columns, mapping)] if table.timed else []
+        if "time" in mapping.channels and not table.timed:
+            raise ValueError("this format has a time base of its own: remove [channels.time] from the mapping")
+        choices, left = _choose(table.columns, mapping, [choice.place for choice in time])
+        loaded = table.load([choice.place for choice in time + choices])
+        instants = _samples(table.columns, time[0], loaded[0]) * time[0].size if time else loaded[0]
+        channels, units = {}, {}
+        for choice, values in zip(choices, loaded[1:]):
+            if isinstance(values, str) and choice.name not in {**KNOWN, **mapping.channels}:
+                left.append(table.columns[choice.place].label)
+                continue
+            raw = _samples(table.columns, choice, values)
+            channels[choice.name] = choice.entry.sign * ((raw - choice.entry.offset) * choice.size)
+            units[choice.name] = choice.unit
+        if left and not channels:
+            raise ValueError(
+                f"none of the columns {_listed(left)} can be read: each needs numbers and a unit ({SPELLINGS}); "
+                "name those that are wanted, and their units, in a mapping"
+            )
+        meta = {**table.meta, **({"not_read": _listed(left)} if left else {}), **mapping.meta}
+        recording = Recording(np.asarray(instants), channels, units, meta)
+        for choice in choices:
+            if choice.entry.delay:
+                recording = recording.delayed(choice.name, -choice.entry.delay)
+        return recording
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+
+
+def write(recording: Recording, path: str | os.PathLike[str]) -> None:
+    """Write a recording to a file, by its suffix.
+
+    The file appears whole or not at all: it is written beside ``path`` and then renamed.
+
+    Raises
+    ------
+    ValueError
+        If the suffix is none of .csv, .mat, .mf4 and .mdf, or a channel's name cannot be written there.
+    """
+    form = _format(path)
+    channels = [
+        (name, recording.units[name], values / FILE_UNITS[recording.units[name]][1])
+        for name, values in recording.channels.items()
+    ]
+    path = Path(path)
+    part = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        with open(part, "w+b") as file:
+            form.save(file, recording.time, channels, recording.meta)
+        os.replace(part, path)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def _format(path: str | os.PathLike[str]) -> Any:
+    suffix = Path(path).suffix.lower()
+    if suffix not in FORMATS:
+        raise ValueError(f"{path}: recordings end in {', '.join(FORMATS)}, got {suffix!r}")
+    return FORMATS[suffix]
+
+
+def _time(columns: list[Column], mapping: Mapping) -> _Choice:
+    """The time's column: that of the mapping, else one called time or t, else the first if it is in seconds."""
+    entry = mapping.channels.get("time")
+    if entry is not None:
+        return _choice(columns, _find(columns, entry), entry, "s")
+    named = [k for k, column in enumerate(columns) if column.name.lower() in ("time", "t")]
+    place = named[0] if named else 0
+    if not named and (not columns or (understood(columns[0].unit or "") or ("",))[0] != "s"):
+        labels = [column.label for column in columns]
+        hint = " (only one column: separate columns by , or ; or tabs)" if len(columns) == 1 else ""
+        raise ValueError(
+            f"no time among the columns {_listed(labels)}{hint}: expected time_s or Time [s], "
+            'or a mapping with [channels.time] from = "...", unit = "s"'
+        )
+    return _choice(columns, place, Entry("time", columns[place].label, None), "s")
+
+
+def _choose(columns: list[Column], mapping: Mapping, used: list[int]) -> tuple[list[_Choice], list[str]]:
+    """What to read, and the labels of what is left out for its unit; ``used`` are columns that are taken already."""
+    mapped = [
+        _choice(columns, _find(columns, entry), entry, KNOWN.get(name))
+        for name, entry in mapping.channels.items()
+        if name != "time"
+    ]
+    by_name = {choice.name: choice for choice in mapped}
+    used = used + [choice.place for choice in mapped]
+    left = []
+    for place, column in enumerate(columns):
+        known = column.name in KNOWN
+        if place in used or column.name in mapping.channels or (mapped and not known):
+            continue
+        if not known and (column.name == "time" or understood(column.unit or "") is None):
+            left.append(column.label)
+            continue
+        if column.name in by_name:
+            twice = [columns[by_name[column.name].place].label, column.label]
+            raise ValueError(f"{twice[0]!r} and {twice[1]!r} are both {column.name!r}: name one of them in a mapping")
+        by_name[column.name] = _choice(columns, place, Entry(column.name, column.label, None))
+    return list(by_name.values()), left
+
+
+def _find(columns: list[Column], entry: Entry) -> int:
+    """The place of an entry's column, by its label or else by its name without the unit."""
+    for texts in ([column.label for column in columns], [column.name for column in columns]):
+        places = [place for place, text in enumerate(texts) if text == entry.source]
+        if len(places) > 1 and entry.unit is not None:
+            wanted = understood(entry.unit)
+            places = [k for k in places if understood(columns[k].unit or "") == wanted] or places
+        if len(places) == 1:
+            return places[0]
+        if places:
+            twice = _listed([columns[place].label for place in places])
+            raise ValueError(f"{entry.source!r} for {entry.name} may be any of {twice}: give its unit as well")
+    names = [column.name for column in columns]
+    raise ValueError(f"no channel {entry.source!r} for {entry.name}; {did_you_mean(entry.source, names)}")
+
+
+def _choice(columns: list[Column], place: int, entry: Entry, expected: str | None = None) -> _Choice:
+    """A column for an entry; ValueError unless its unit is understood and, in memory, the one ``expected``."""
+    column = columns[place]
+    text = column.unit if entry.unit is None else entry.unit
+    found = understood(text or "")
+    remedy = f'[channels.{entry.name}] from = "{column.label}", unit = "..."'
+    if found is None:
+        problem = "names no unit" if not text else f"has the unit {text!r}, which is not understood"
+        raise ValueError(f"column {column.label!r} {problem}; give it in a mapping, {remedy}, with one of {SPELLINGS}")
+    if found[0] != (expected or found[0]):
+        raise ValueError(
+            f"column {column.label!r} is in {text!r}, {entry.name} needs {expected!r}: correct it, {remedy}"
+        )
+    return _Choice(place, entry.name, *found, entry)
+
+
+def _samples(columns: list[Column], choice: _Choice, values: Values) -> np.ndarray:
+    if isinstance(values, str):
+        raise ValueError(f"column {columns[choice.place].label!r}, wanted as {choice.name}, {values}")
+    return values
+
+
+def _listed(labels: list[str]) -> str:
+    more = f" and {len(labels) - MOST_NAMED} more" if len(labels) > MOST_NAMED else ""
+    return ", ".join(labels[:MOST_NAMED]) + more

@@ -1,0 +1,141 @@
+"""Recordings as measurement data files, ASAM MDF 4, through asammdf; meta is JSON in the file's comment.
+
+A file from elsewhere may sample its channels at different instants. They are read at those of the channel with the
+most samples, the others on straight lines between their own samples, within the span that all of them cover. Where a
+channel lacks rows of its own (a step longer than 1.5 times its median step) or marks samples as invalid it has a gap.
+"""
+
+import gc
+import json
+import sys
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from os import PathLike
+from typing import IO, Any
+
+import numpy as np
+
+from steer_env.recording.recording import on_time
+from steer_env.recording.table import Column, Table, Values, column
+from steer_env.recording.units import file_unit
+
+TIME = 1  # sync type of a master channel; others are angle, distance and index
+
+
+def save(
+    file: IO[bytes], time: np.ndarray, channels: list[tuple[str, str, np.ndarray]], meta: Mapping[str, Any]
+) -> None:
+    """Write name, unit in memory and values in file units of each channel, in double precision."""
+    asammdf = _asammdf()
+    if not channels:
+        raise ValueError("a recording without channels cannot be an MDF file: write .csv")
+    with asammdf.MDF(version="4.10") as mdf:
+        mdf.header.comment = json.dumps(dict(meta))
+        signals = [asammdf.Signal(values, time, unit=file_unit(unit), name=name) for name, unit, values in channels]
+        mdf.append(signals, common_timebase=True)
+        mdf.save(file)
+
+
+def open_table(path: str | PathLike[str]) -> Table:
+    """Every channel with a time base is a column; one whose name occurs in several groups bears the group's number."""
+    columns: list[Column] = []
+    places: list[tuple[None, int, int]] = []
+    with _opened(path) as mdf:
+        found = [(group, k, channel) for group in _timed(mdf) for k, channel in _channels(mdf, group)]
+        occurrences = Counter(channel.name for _, _, channel in found)
+        for group, k, channel in found:
+            unit = mdf.get_channel_unit(group=group, index=k)
+            name = channel.name if occurrences[channel.name] == 1 else f"{channel.name} (group {group})"
+            columns.append(Column(name, name, unit) if unit else column(name))
+            places.append((None, group, k))
+        meta = _meta(mdf.header)
+
+    def load(chosen: Sequence[int]) -> list[Values]:
+        with _opened(path) as mdf:
+            signals = mdf.select([places[k] for k in chosen], copy_master=False) if chosen else []
+        return _on_one_time([columns[k].label for k in chosen], signals)
+
+    return Table(columns, meta, False, load)
+
+
+def _asammdf() -> Any:
+    try:
+        import asammdf  # here, for it is an extra and takes long to import
+    except ImportError:
+        raise ValueError("MDF files need the package asammdf: pip install 'steer-env[mdf]'") from None
+    return asammdf
+
+
+@contextmanager
+def _opened(path: Any) -> Iterator[Any]:
+    """An MDF file for reading; whatever goes wrong in it is a ValueError, as a damaged file fails in any way."""
+    asammdf = _asammdf()
+    try:
+        with asammdf.MDF(path) as mdf:
+            yield mdf
+        return
+    except Exception as error:
+        problem = str(error)
+    # A file half opened is closed by asammdf once more, in vain, with a traceback on the terminal.
+    hook, sys.unraisablehook = sys.unraisablehook, lambda _: None
+    try:
+        gc.collect()
+    finally:
+        sys.unraisablehook = hook
+    raise ValueError(f"cannot be read as an MDF file ({problem}); is it complete?")
+
+
+def _timed(mdf: Any) -> list[int]:
+    """Groups whose master channel is the time."""
+    masters = mdf.masters_db
+    return [g for g in masters if getattr(mdf.groups[g].channels[masters[g]], "sync_type", TIME) == TIME]
+
+
+def _channels(mdf: Any, group: int) -> list[tuple[int, Any]]:
+    return [(k, c) for k, c in enumerate(mdf.groups[group].channels) if k != mdf.masters_db[group]]
+
+
+def _on_one_time(labels: list[str], signals: list[Any]) -> list[Values]:
+    """The time and each signal at it, or why there is none."""
+    values: list[Values] = []
+    for label, signal in zip(labels, signals):
+        if signal.samples.ndim != 1 or signal.samples.dtype.kind not in "fiub":
+            values.append("holds no plain numbers")
+        elif signal.samples.size < 2:
+            values.append(f"has {signal.samples.size} samples")
+        else:
+            late = np.diff(signal.timestamps) <= 0
+            if late.any() or not np.isfinite(signal.timestamps).all():
+                k = int(np.argmax(late)) + 1
+                raise ValueError(
+                    f"the time of {label!r} must ascend strictly; sample {k} is {signal.timestamps[k]} s "
+                    f"after {signal.timestamps[k - 1]} s; repair the file"
+                )
+            samples = signal.samples.astype(float)
+            if signal.invalidation_bits is not None:
+                samples[np.asarray(signal.invalidation_bits, dtype=bool)] = np.nan
+            values.append(samples)
+    usable = [(k, signals[k].timestamps) for k, v in enumerate(values) if isinstance(v, np.ndarray)]
+    if not usable:
+        return [np.empty(0), *values]
+    _, time = max(usable, key=lambda pair: pair[1].size)
+    first, last = max(usable, key=lambda pair: pair[1][0]), min(usable, key=lambda pair: pair[1][-1])
+    time = time[(time >= first[1][0]) & (time <= last[1][-1])]
+    if time.size < 2:
+        raise ValueError(
+            f"{labels[first[0]]!r} begins at {first[1][0]:g} s, {labels[last[0]]!r} ends at {last[1][-1]:g} s: "
+            "the channels have no time in common; name those that are wanted in a mapping"
+        )
+    for k, own in usable:
+        if not np.array_equal(own, time):
+            values[k] = on_time(time, own, np.asarray(values[k]))
+    return [time, *values]
+
+
+def _meta(header: Any) -> dict[str, Any]:
+    try:
+        meta = json.loads(header.description)
+    except (AttributeError, ValueError):  # MDF 3, or somebody else's comment
+        return {}
+    return meta if isinstance(meta, dict) else {}

@@ -1,0 +1,304 @@
+"""A recording: named channels over one time base, simulated or measured, and what is done with it in memory.
+
+In memory everything is SI with angles in radians; :mod:`steer_env.recording.files` reads and writes files.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property, lru_cache
+from typing import Any
+
+import numpy as np
+
+from steer_env.friction.numerics.check import number
+from steer_env.recording.units import DEGREE, FILE_UNITS
+
+__all__ = ["DEGREE", "FILE_UNITS", "Recording", "check_meta", "on_time", "steps"]
+
+ORDER = 2  # of the low-pass; run forwards and backwards it attenuates like order 4, without phase
+SAMPLES_PER_CUTOFF = 4.0  # slowest sampling rate, as a multiple of the cutoff
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """Channels sampled at common instants; the arrays are read-only copies, so a recording does not change.
+
+    Every operation returns a new recording, treats all channels alike and keeps units and meta:
+
+    * ``between(t0, t1)`` cuts out a part.
+    * ``without(*names)`` leaves channels out.
+    * ``without_offset(name, value)`` subtracts a sensor's offset from a channel.
+    * ``delayed(name, seconds)`` shifts a channel in time and trims all to what is left.
+    * ``bridged(longest)`` closes short gaps, NaN or missing rows, by straight lines and refuses long ones.
+    * ``resampled(rate)`` reads straight lines at a uniform rate.
+    * ``filtered(cutoff_hz)`` is a low-pass without phase.
+
+    A measured recording goes through them in this order. A row counts as missing where a step is longer than
+    1.5 times the median step.
+
+    Parameters
+    ----------
+    time : (T,) array, T >= 2
+        Strictly ascending [s]; not necessarily uniform.
+    channels : mapping of str to (T,) array
+        In SI with angles in radians, signs after ISO 8855, left positive. Gaps are NaN.
+    units : mapping of str to str
+        Unit of each channel, a key of ``FILE_UNITS``.
+    meta : mapping of str to str, int, float, bool or None
+        How the recording came about: manoeuvre, friction law, speed, ... with the unit in the key.
+
+    Raises
+    ------
+    ValueError
+        If the lengths differ, the time is not finite and ascending, or a unit or meta value is not known.
+    """
+
+    time: np.ndarray
+    channels: Mapping[str, np.ndarray]
+    units: Mapping[str, str]
+    meta: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        time = _frozen(self.time, "time")
+        if time.size < 2 or not np.all(np.isfinite(time)):
+            raise ValueError(f"time needs at least two samples, all finite; got {time.size} samples")
+        if np.any(np.diff(time) <= 0):
+            k = int(np.argmax(np.diff(time) <= 0)) + 1
+            raise ValueError(f"time must ascend strictly; sample {k} is {time[k]} s after {time[k - 1]} s")
+        channels = {name: _frozen(values, name) for name, values in self.channels.items()}
+        for name, values in channels.items():
+            if values.size != time.size:
+                raise ValueError(f"channel {name!r} has {values.size} samples, time has {time.size}")
+        if "time" in channels:
+            raise ValueError("no channel may be called 'time': that is the time base")
+        if set(self.units) != set(channels):
+            raise ValueError(f"units must name the channels {sorted(channels)}; got {sorted(self.units)}")
+        for name, unit in self.units.items():
+            if unit not in FILE_UNITS:
+                raise ValueError(f"channel {name!r} has unit {unit!r}; known units are {list(FILE_UNITS)}")
+        for key, value in self.meta.items():
+            check_meta(key, value)
+        object.__setattr__(self, "time", time)
+        object.__setattr__(self, "channels", channels)
+        object.__setattr__(self, "units", dict(self.units))
+        object.__setattr__(self, "meta", dict(self.meta))
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        """Samples of a channel, (T,), in its unit; ValueError with the names there are if there is none."""
+        try:
+            return self.channels[name]
+        except KeyError:
+            raise ValueError(f"no channel {name!r} in this recording; it has {', '.join(self.channels)}") from None
+
+    @cached_property
+    def rate(self) -> float:
+        """Sampling rate [Hz]; ValueError unless every sample is within a fifth of a step of a uniform grid."""
+        uniform = np.linspace(self.time[0], self.time[-1], self.time.size)
+        step = uniform[1] - uniform[0]
+        if np.max(np.abs(self.time - uniform)) > 0.2 * step:  # time stamps may be rounded
+            taken = np.diff(self.time)
+            k = int(np.argmax(taken))
+            raise ValueError(
+                f"the time steps are not uniform: from {self.time[k]:g} to {self.time[k + 1]:g} s is "
+                f"{taken[k] / np.median(taken):.3g} times the median step; call bridged() if rows are missing, "
+                "else resampled(rate)"
+            )
+        return float(1 / step)
+
+    def between(self, t0: float, t1: float) -> "Recording":
+        """The samples with ``t0 <= time <= t1`` [s]; ValueError if fewer than two."""
+        inside = (self.time >= t0) & (self.time <= t1)
+        if np.count_nonzero(inside) < 2:
+            raise ValueError(f"no samples from {t0} to {t1} s; time runs from {self.time[0]} to {self.time[-1]} s")
+        kept = {name: values[inside] for name, values in self.channels.items()}
+        return replace(self, time=self.time[inside], channels=kept)
+
+    def without(self, *names: str) -> "Recording":
+        """All channels but these; ValueError if there is no such channel."""
+        for name in names:
+            self[name]
+        kept = {name: values for name, values in self.channels.items() if name not in names}
+        return replace(self, channels=kept, units={name: self.units[name] for name in kept})
+
+    def without_offset(self, name: str, value: float) -> "Recording":
+        """A channel less ``value``, a sensor's reading at zero in the channel's unit."""
+        return self._with(name, self[name] - number(f"offset of {name!r}", value))
+
+    def delayed(self, name: str, seconds: float) -> "Recording":
+        """A channel moved to later by ``seconds``, to earlier if negative, on straight lines between its samples.
+
+        All channels are trimmed at the end where the moved one has nothing. What would be read in a gap of the
+        channel is NaN; a channel sampled more slowly than the others, with NaN between, is read between its own.
+
+        Raises
+        ------
+        ValueError
+            If there is no such channel, or fewer than two samples are left.
+        """
+        seconds = number(f"delay of {name!r}", seconds)
+        read_at = self.time - seconds
+        slack = 1e-6 * (self.time[1] - self.time[0])  # a delay of whole steps loses no more to rounding
+        inside = np.flatnonzero((read_at >= self.time[0] - slack) & (read_at <= self.time[-1] + slack))
+        if inside.size < 2:
+            span = self.time[-1] - self.time[0]
+            raise ValueError(f"delay of {name!r} is {seconds:g} s; of {span:g} s in all, fewer than two samples remain")
+        moved = on_time(np.clip(read_at, self.time[0], self.time[-1]), self.time, self[name])
+        return self._with(name, moved).between(self.time[inside[0]], self.time[inside[-1]])
+
+    def bridged(self, longest: float = 0.1) -> "Recording":
+        """Gaps closed by straight lines between their neighbours, missing rows put in at even steps.
+
+        Parameters
+        ----------
+        longest : float
+            Longest gap that is closed, missing samples times the median step [s].
+
+        Raises
+        ------
+        ValueError
+            If a gap is longer, or lies at either end of a channel, with the channel, the place and the length.
+        """
+        longest = number("longest", longest, minimum=0.0)
+        count, step = steps(self.time), float(np.median(np.diff(self.time)))
+        missing = (count - 1) * step
+        if np.any(missing > longest * (1 + 1e-9)):
+            k = int(np.argmax(missing))
+            raise ValueError(
+                f"rows are missing in every channel from {self.time[k]:g} to {self.time[k + 1]:g} s: {missing[k]:g} s, "
+                f"allowed is longest={longest:g} s; raise longest, or cut the recording there with between(t0, t1)"
+            )
+        start = np.concatenate([[0], np.cumsum(count)])  # place of each sample among all rows
+        time = np.interp(np.arange(start[-1] + 1), start, self.time)
+        time[start] = self.time
+        filled = {}
+        for name, values in self.channels.items():
+            there = np.flatnonzero(~np.isnan(values))
+            if there.size < values.size:
+                self._refuse_gaps(name, there, start, step, longest)
+            filled[name] = np.interp(time, self.time[there], values[there])
+            filled[name][start[there]] = values[there]
+        return replace(self, time=time, channels=filled)
+
+    def _refuse_gaps(self, name: str, there: np.ndarray, start: np.ndarray, step: float, longest: float) -> None:
+        """ValueError if samples ``there`` leave a gap at an end or one longer than ``longest``."""
+        if there.size < 2:
+            raise ValueError(f"channel {name!r} has {there.size} samples: leave it out with without({name!r})")
+        first, last = self.time[there[0]], self.time[there[-1]]
+        for missing, where in ((first - self.time[0], "begins"), (self.time[-1] - last, "ends")):
+            if missing:
+                raise ValueError(
+                    f"channel {name!r} has a gap of {missing:g} s where the recording {where}; cut it off with "
+                    f"between({first:.10g}, {last:.10g}), or leave the channel out with without({name!r})"
+                )
+        gaps = (np.diff(start[there]) - 1) * step
+        k = int(np.argmax(gaps))
+        if gaps[k] > longest * (1 + 1e-9):
+            raise ValueError(
+                f"channel {name!r} has a gap from {self.time[there[k]]:g} to {self.time[there[k + 1]]:g} s: "
+                f"{gaps[k]:g} s, allowed is longest={longest:g} s; raise longest, "
+                f"cut the recording there with between(t0, t1), or leave the channel out with without({name!r})"
+            )
+
+    def _with(self, name: str, values: np.ndarray) -> "Recording":
+        return replace(self, channels={**self.channels, name: values})
+
+    def resampled(self, rate: float) -> "Recording":
+        """Straight lines between the samples, read at a uniform ``rate`` [Hz] from the first sample on.
+
+        Lines run across missing rows of any length: call ``bridged`` first to have long ones refused. Next to a NaN
+        the result is NaN. Nothing is smoothed: before going to a lower rate, call ``filtered`` with less than half
+        of it.
+        """
+        span = self.time[-1] - self.time[0]
+        if not (np.isfinite(rate) and rate * span >= 1):
+            raise ValueError(f"rate is {rate} Hz; it must give at least two samples in {span} s")
+        time = self.time[0] + np.arange(int(rate * span + 1e-9) + 1) / rate
+        read = {name: np.interp(time, self.time, values) for name, values in self.channels.items()}
+        return replace(self, time=time, channels=read)
+
+    def filtered(self, cutoff_hz: float) -> "Recording":
+        """Zero-phase Butterworth low-pass of every channel alike, so that no loop between two of them is skewed.
+
+        Parameters
+        ----------
+        cutoff_hz : float
+            Frequency at which the amplitude is halved (-6 dB: 3 dB forwards, 3 dB backwards) [Hz].
+
+        Raises
+        ------
+        ValueError
+            If the time steps are not uniform, sampling is slower than four times the cutoff, the
+            recording is shorter than the filter's run-in, or a channel has a sample that is not finite.
+        """
+        smooth = {name: low_passed(name, v, cutoff_hz, self.rate) for name, v in self.channels.items()}
+        return replace(self, channels=smooth)
+
+
+def low_passed(name: str, values: np.ndarray, cutoff_hz: float, rate: float) -> np.ndarray:
+    """A channel (T,) as :meth:`Recording.filtered` has it; its name is for errors."""
+    if not (np.isfinite(cutoff_hz) and cutoff_hz > 0):
+        raise ValueError(f"cutoff_hz is {cutoff_hz}; it must be positive and finite")
+    if rate < SAMPLES_PER_CUTOFF * cutoff_hz * (1 - 1e-9):
+        raise ValueError(
+            f"sampling at {rate:.4g} Hz is too slow for a low-pass at {cutoff_hz:g} Hz; "
+            f"record at {SAMPLES_PER_CUTOFF * cutoff_hz:g} Hz or faster"
+        )
+    run_in = int(np.ceil(rate / cutoff_hz))
+    if values.size <= run_in:
+        raise ValueError(f"{values.size} samples are too few for a low-pass at {cutoff_hz:g} Hz: needs {run_in}")
+    if not np.all(np.isfinite(values)):
+        raise ValueError(
+            f"channel {name!r} has samples that are not finite: close gaps with bridged(), "
+            f"or leave the channel out with without({name!r})"
+        )
+    from scipy import signal  # here, for it takes longer to import than an environment to start
+
+    return np.asarray(signal.sosfiltfilt(low_pass(cutoff_hz, rate), values, padlen=run_in))
+
+
+@lru_cache(maxsize=64)
+def low_pass(cutoff_hz: float, rate: float) -> np.ndarray:
+    """The Butterworth low-pass that runs over a channel forwards and backwards, as second-order sections (1, 6)."""
+    from scipy import signal  # here, for it takes longer to import than an environment to start
+
+    return np.asarray(signal.butter(ORDER, cutoff_hz, fs=rate, output="sos"))
+
+
+def steps(time: np.ndarray) -> np.ndarray:
+    """Number of median steps from each sample to the next, (T - 1,); above 1 where rows are missing."""
+    step = np.diff(time)
+    return np.maximum(np.rint(step / np.median(step) - 1e-9), 1.0).astype(int)
+
+
+def on_time(at: np.ndarray, time: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Straight lines through ``values`` at ``time``, read ``at``; NaN outside and in gaps.
+
+    The samples that are not NaN count as the channel's own; a gap is a step of theirs longer than 1.5 times their
+    median one. So a channel that has a sample in every tenth row only is whole.
+    """
+    there = ~np.isnan(values)
+    time, values = time[there], values[there]
+    if time.size < 2:
+        return np.full(at.size, np.nan)
+    read = np.interp(at, time, values, left=np.nan, right=np.nan)
+    k = np.clip(np.searchsorted(time, at, side="right") - 1, 0, time.size - 2)
+    slack = 1e-6 * np.median(np.diff(time))  # a sample is met in spite of rounding
+    read[(steps(time)[k] > 1) & (at > time[k] + slack) & (at < time[k + 1] - slack)] = np.nan
+    return read
+
+
+def check_meta(key: Any, value: Any) -> None:
+    """ValueError unless the key is one line of text without a colon and the value plain."""
+    if not (isinstance(key, str) and key and key == key.strip() and ":" not in key and len(key.splitlines()) == 1):
+        raise ValueError(f"meta key {key!r} must be a single line without a colon or spaces around it")
+    if not (value is None or isinstance(value, str | int | float)):
+        raise ValueError(f"meta {key!r} is {value!r}; allowed are text, numbers, true, false and None")
+
+
+def _frozen(values: Any, name: str) -> np.ndarray:
+    """A read-only (T,) copy in double precision."""
+    array = np.array(values, dtype=float)
+    if array.ndim != 1:
+        raise ValueError(f"{name!r} has shape {array.shape}; expected one value a sample, (T,)")
+    array.flags.writeable = False
+    return array

@@ -1,0 +1,100 @@
+"""Units: those of recordings in memory, those of their files, and the spellings that other files use.
+
+In memory everything is SI with angles in radians. A file carries degrees for angles and SI for the rest.
+"""
+
+import re
+
+from steer_env.vehicle.chassis.single_track import GRAVITY
+
+DEGREE = 0.017453292519943295  # [rad]
+
+# Unit in memory -> (suffix of the file's column, value in memory of one file unit).
+FILE_UNITS = {
+    "rad": ("deg", DEGREE),
+    "rad/s": ("deg_s", DEGREE),
+    "rad/s2": ("deg_s2", DEGREE),
+    "m": ("m", 1.0),
+    "m/s": ("m_s", 1.0),
+    "m/s2": ("m_s2", 1.0),
+    "1/m": ("1_m", 1.0),
+    "s": ("s", 1.0),
+    "N": ("N", 1.0),
+    "N m": ("Nm", 1.0),
+    "W": ("W", 1.0),
+    "J": ("J", 1.0),
+    "A": ("A", 1.0),
+    "V": ("V", 1.0),
+    "K": ("K", 1.0),
+    "1": ("1", 1.0),
+}
+
+# Spelling, as `_plain` leaves it -> (unit in memory, value in memory of one). Added to the above in both forms.
+_OTHERS = {
+    "°": ("rad", DEGREE),
+    "°/s": ("rad/s", DEGREE),
+    "°/s2": ("rad/s2", DEGREE),
+    "degree": ("rad", DEGREE),
+    "degrees": ("rad", DEGREE),
+    "mrad": ("rad", 1e-3),
+    "mm": ("m", 1e-3),
+    "cm": ("m", 1e-2),
+    "km": ("m", 1e3),
+    "mm/s": ("m/s", 1e-3),
+    "km/h": ("m/s", 1 / 3.6),
+    "kmh": ("m/s", 1 / 3.6),
+    "kph": ("m/s", 1 / 3.6),
+    "mph": ("m/s", 0.44704),
+    "g": ("m/s2", GRAVITY),
+    "ms": ("s", 1e-3),
+    "us": ("s", 1e-6),
+    "sec": ("s", 1.0),
+    "kN": ("N", 1e3),
+    "kNm": ("N m", 1e3),
+    "kW": ("W", 1e3),
+    "mA": ("A", 1e-3),
+    "mV": ("V", 1e-3),
+    "%": ("1", 1e-2),
+    "-": ("1", 1.0),
+}
+_SPELLINGS = {suffix.replace("_", "/"): (unit, size) for unit, (suffix, size) in FILE_UNITS.items()}
+_SPELLINGS |= {unit.replace(" ", ""): (unit, 1.0) for unit in FILE_UNITS}
+_SPELLINGS |= _OTHERS
+_ANY_CASE = {text.lower(): text for text in _SPELLINGS if len(text) > 2}  # "MS" and "NM" may mean something else
+_SUFFIXES = sorted((text.replace("/", "_") for text in _SPELLINGS if text != "-"), key=lambda text: -len(text))
+_BRACKETED = re.compile(r"(.*\S)\s*(?:\[([^\[\]]*)\]|\(([^()]*)\))")
+
+SPELLINGS = ", ".join(_SPELLINGS)  # for messages
+
+
+def understood(text: str) -> tuple[str, float] | None:
+    """Unit in memory and the value there of one ``text``, such as "deg/s", "°/s", "deg_s" or "N*m"; None if unknown."""
+    plain = _plain(text)
+    return _SPELLINGS.get(plain) or _SPELLINGS.get(_ANY_CASE.get(plain.lower(), ""))
+
+
+def file_unit(unit: str) -> str:
+    """How a file that keeps units apart from names spells the file unit of a unit in memory."""
+    return unit.replace("rad", "deg")
+
+
+def split(column: str) -> tuple[str, str | None]:
+    """Name and unit of a column such as "SWA [deg]", "SWA (deg)" or "SWA_deg"; None for one that names no unit.
+
+    What stands in brackets counts as the unit whether it is understood or not, a suffix only if it is.
+    """
+    bracketed = _BRACKETED.fullmatch(column)
+    if bracketed:
+        return bracketed[1], bracketed[2] if bracketed[2] is not None else bracketed[3]
+    for suffix in _SUFFIXES:
+        name = column.removesuffix(f"_{suffix}")
+        if name and name != column:
+            return name, suffix
+    return column, None
+
+
+def _plain(text: str) -> str:
+    """The spelling without spaces, dots, carets and other ways to write a product, a power or a degree."""
+    for old, new in (("²", "2"), ("º", "°"), ("µ", "u"), ("μ", "u"), ("_", "/")):
+        text = text.replace(old, new)
+    return re.sub(r"[\s^*·.]", "", text).replace("/s/s", "/s2")

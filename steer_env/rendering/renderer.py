@@ -1,0 +1,381 @@
+"""Pictures of an episode: the car on its road from above, the handwheel with its torques, the live loop of feel.
+
+Lengths of the picture are in pixels, y downward; the world's axes are ISO 8855: x forward, y to the left. The car
+drives upward, so that left stays left.
+"""
+
+import math
+from collections import deque
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from steer_env.batch import Lanes
+from steer_env.courses.iso3888 import outline
+from steer_env.friction.law import law_of
+from steer_env.rendering.canvas import Canvas, Colour, around, nice_step
+from steer_env.vehicle.plant import CHANNEL
+from steer_env.vehicle.steering.eps import SAMPLE_TIME
+
+Array = NDArray[np.float64]
+
+WIDTH, HEIGHT = 960, 540
+ROAD, DIAL, LOOP = (14, 62, 430, 464), (458, 62, 488, 226), (458, 302, 488, 224)  # left, top, width, height
+HISTORY, SPACING = 10.0, 0.01  # of trace and loop [s]
+
+PAPER, PANEL, RULE, GRID = (244, 245, 248), (255, 255, 255), (208, 213, 221), (235, 238, 243)
+INK, MUTED = (31, 41, 55), (107, 114, 128)
+SURFACE, EDGE, GUIDE = (229, 232, 238), (140, 149, 163), (176, 184, 197)
+BODY, OUTLINE, GLASS, TRACE = (112, 135, 174), (55, 71, 99), (222, 231, 243), (150, 170, 205)
+HAND, MOTOR, WANTED = (37, 99, 235), (13, 148, 136), (168, 50, 210)
+CONE, TOUCHED = (245, 130, 32), (190, 18, 60)
+
+# What is kept of every moment, in SI.
+_NAMES = (
+    "x", "y", "yaw_angle", "handwheel_angle", "handwheel_torque", "motor_torque", "lateral_acceleration",
+    "road_wheel_angle_left", "road_wheel_angle_right",
+)  # fmt: skip
+_PLACES = [CHANNEL[name] for name in _NAMES]
+_X, _Y, _YAW, _ANGLE, _TORQUE, _MOTOR, _ACCELERATION, _LEFT, _RIGHT = range(len(_NAMES))
+_SHOWN = [_ANGLE, _TORQUE, _MOTOR]
+
+_RUN_ON = 100  # points one metre apart by which a path goes on straight at both ends
+_FOLLOWING = 1.0  # time constant with which the view turns with the car where there is no path [s]
+_DIAL_REACH = math.radians(120.0)  # of an arc at full scale
+_WHEEL = np.array([[0.31, 0.1], [0.31, -0.1], [-0.31, -0.1], [-0.31, 0.1]])  # of a 205/60 R15 tyre [m]
+_WINDSCREEN = np.array([[0.17, 0.40], [0.17, -0.40], [0.04, -0.33], [0.04, 0.33]])  # parts of length and width
+_REAR_WINDOW = np.array([[-0.28, 0.29], [-0.28, -0.29], [-0.37, -0.33], [-0.37, 0.33]])
+
+
+class Renderer:
+    """Draws lane 0 of ``lanes``.
+
+    Parameters
+    ----------
+    lanes : Lanes
+    mode : {"rgb_array", "human"}
+        An array off screen, which needs no window system; or a window that follows the simulated time as it passes.
+        Whoever closes the window goes on without one.
+    fps : float
+        Frames per simulated second in a window [1/s].
+
+    Raises
+    ------
+    gymnasium.error.DependencyNotInstalled
+        Without pygame-ce.
+    """
+
+    def __init__(self, lanes: Lanes, mode: str, fps: float) -> None:
+        self._lanes, self._window, self._period = lanes, mode == "human", 1.0 / fps
+        self._canvas = Canvas(WIDTH, HEIGHT)
+        self._size = outline(lanes.car)
+        self._history: deque[Array] = deque(maxlen=round(HISTORY / SPACING))
+        self._open = self._window
+        self._forget()
+
+    def _forget(self) -> None:
+        self._now = np.zeros(len(_NAMES))
+        self._peaks = np.zeros(len(_SHOWN))
+        self._history.clear()
+        self._kept = self._shown = -math.inf  # when a moment was kept and a frame shown last [s]
+        self._time = self._heading = self._reward = 0.0
+        self._path: Array | None = None
+
+    def start(self) -> None:
+        """An episode has begun."""
+        self._forget()
+        path = self._lanes.path
+        if path is not None:
+            self._path = _run_on(path[:, :3])
+        self._heading = float(self._lanes.row[0, CHANNEL["yaw_angle"]])
+        self._take()
+        if self._open:
+            self._show()
+
+    def add(self) -> None:
+        """A step has passed; where a frame is due in the window, show it."""
+        self._reward += float(self._lanes.book["reward"][0])
+        self._take()
+        if self._open and self._time - self._shown >= self._period - 0.5 * SAMPLE_TIME:
+            self._show()
+
+    def frame(self) -> NDArray[np.uint8] | None:
+        """The picture (540, 960, 3) now; None with a window, which shows what is due by itself."""
+        if self._window:
+            return None
+        self._draw()
+        return self._canvas.array()
+
+    def close(self) -> None:
+        """Close the window."""
+        self._open = False
+        self._canvas.close()
+
+    def _show(self) -> None:
+        self._draw()
+        passed, self._shown = self._time - self._shown, self._time
+        self._open = self._canvas.show(f"steer-env: {self._lanes.task.name}", passed)
+
+    def _take(self) -> None:
+        """Keep the present moment. One that is not finite leaves the last picture as it was."""
+        now = self._lanes.row[0, _PLACES]
+        if self._lanes.book["failed"][0] or not np.isfinite(now).all():
+            return
+        time = float(self._lanes.book["clock"][0]) * SAMPLE_TIME
+        self._heading += -math.expm1((self._time - time) / _FOLLOWING) * (now[_YAW] - self._heading)
+        self._now, self._time = now, time
+        np.maximum(self._peaks, np.abs(now[_SHOWN]), out=self._peaks)
+        if time - self._kept >= SPACING - 0.5 * SAMPLE_TIME:
+            self._history.append(now)
+            self._kept = time
+
+    def _draw(self) -> None:
+        canvas = self._canvas
+        canvas.begin(PAPER)
+        for box in (ROAD, DIAL, LOOP):
+            canvas.panel(box, PANEL, RULE)
+        history = np.array([*self._history, self._now])
+        cones, wanted = self._lanes.scenery
+        self._draw_status()
+        self._draw_road(history, cones)
+        self._draw_dial(wanted if wanted is not None and math.isfinite(wanted) else None)
+        self._draw_loop(history)
+
+    def _draw_status(self) -> None:
+        lanes, canvas = self._lanes, self._canvas
+        book, action = lanes.book[0], lanes.task.action
+        canvas.text(lanes.task.name, (16, 32), INK, 17, bold=True)
+        given = float(book["action"])
+        for x, label, words in (
+            (318, "friction law", law_of(lanes.conditions[0].friction).name),
+            (438, "speed", f"{_signed(3.6 * float(book['speed']), 1, plus='')} km/h"),
+            (548, "time", f"{self._time:.2f} s"),
+            (638, "action", f"{_signed(given, 2)}  ({_signed(given * action.scale, 2)} {action.unit})"),
+            (842, "reward so far", _signed(self._reward, 2)),
+        ):
+            canvas.text(label, (x, 22), MUTED, 11)
+            canvas.text(words, (x, 40), INK, 14)
+
+    def _draw_road(self, history: Array, cones: Array | None) -> None:
+        canvas, path = self._canvas, self._path
+        left, top, width, height = ROAD
+        canvas.field((left + 1, top + 1, width - 2, height - 2), PANEL)
+        speed = self._lanes.conditions[0].speed
+        span = min(7.0 + 1.35 * speed, 90.0)  # of the world that the panel's height shows [m]
+        share = 0.5 if speed == 0.0 else 0.2 if path is not None else 0.4  # of it behind the car
+        view = _View((left + 0.5 * width, top + (1.0 - share) * height), height / span, self._now, self._heading)
+        if path is not None:
+            nearest = int(np.argmin(np.hypot(*(path[:, :2] - self._now[:2]).T)))
+            low, high = max(nearest - int(span), 0), min(nearest + int(span) + 1, len(path) - 1)
+            behind, ahead = (
+                path[max(nearest - int(share * span), 0)],
+                path[min(nearest + int(0.7 * span), len(path) - 1)],
+            )
+            view.heading = math.atan2(ahead[1] - behind[1], ahead[0] - behind[0])
+            path = path[low:high]
+        self._draw_grid(view, span)
+        if path is not None:
+            self._draw_lane(view, path, low)
+        near = history[np.abs(history[:, :2] - self._now[:2]).max(axis=1) < 2.0 * span]
+        canvas.lines(view(near[:, :2]), TRACE, 2.0)
+        if cones is not None:
+            self._draw_cones(view, cones)
+        self._draw_car(view)
+        bar = nice_step(span, 5.0)
+        end = left + 14 + bar * view.scale
+        y = top + height - 16
+        canvas.segments(
+            [(left + 14, y), (left + 14, y - 4), (end, y - 4)], [(end, y), (left + 14, y + 4), (end, y + 4)], INK
+        )
+        canvas.text(f"{bar:g} m", (end + 8, y), INK, 12)
+
+    def _draw_grid(self, view: "_View", span: float) -> None:
+        step = nice_step(span, 5.0)
+        reach = 1.5 * span
+        for axis in (0, 1):
+            at = step * np.arange(math.ceil((self._now[axis] - reach) / step), (self._now[axis] + reach) / step)
+            starts, ends = np.empty((2, at.size, 2))
+            starts[:, axis] = ends[:, axis] = at
+            starts[:, 1 - axis], ends[:, 1 - axis] = self._now[1 - axis] - reach, self._now[1 - axis] + reach
+            self._canvas.segments(view(starts), view(ends), GRID)
+
+    def _draw_lane(self, view: "_View", path: Array, first: int) -> None:
+        half = self._lanes.task.lane_half_width
+        points, normal = path[:, :2], np.column_stack([-np.sin(path[:, 2]), np.cos(path[:, 2])])
+        if half is not None:
+            edges = [view(points + side * half * normal) for side in (1.0, -1.0)]
+            self._canvas.polygon(np.concatenate([edges[0], edges[1][::-1]]), SURFACE)
+            for edge in edges:
+                self._canvas.lines(edge, EDGE, 2.0)
+        seen = view(points)
+        dashes = np.arange(-first % 3, len(seen) - 1, 3)  # they stay where they are on the road
+        self._canvas.segments(seen[dashes], seen[dashes + 1], GUIDE, 1.5)
+
+    def _draw_cones(self, view: "_View", cones: Array) -> None:
+        radius = max(0.2 * view.scale, 3.5)
+        for place, touched in zip(view(cones[:, :2]), cones[:, 2] > 0.0):
+            if abs(place - view.centre).max() > HEIGHT:
+                continue
+            self._canvas.circle(place, radius, TOUCHED if touched else CONE)
+            if touched:
+                arm = (radius + 2.0) * np.array([[1.0, 1.0], [1.0, -1.0]])
+                self._canvas.segments(place - arm, place + arm, TOUCHED, 1.5)
+        hit = int(cones[:, 2].sum())
+        words = f"{hit} of {len(cones)} cones touched"
+        self._canvas.text(
+            words, (ROAD[0] + ROAD[2] - 12, ROAD[1] + ROAD[3] - 16), TOUCHED if hit else MUTED, 12, align=1.0
+        )
+
+    def _draw_car(self, view: "_View") -> None:
+        canvas, size, car = self._canvas, self._size, self._lanes.car.chassis
+
+        def placed(points: Array) -> Array:
+            return view(self._now[:2] + _turned(points, self._now[_YAW]))
+
+        t = np.linspace(0.0, 2.0 * np.pi, 48, endpoint=False)
+        rounded = 0.5 * np.sign([np.cos(t), np.sin(t)]).T * np.abs([np.cos(t), np.sin(t)]).T ** 0.4
+        extent, ahead = np.array([size.length, size.width]), np.array([size.centre, 0.0])
+        body = placed(rounded * extent + ahead)
+        canvas.polygon(body, BODY)
+        canvas.lines(np.concatenate([body, body[:1]]), OUTLINE, 1.5)
+        for window in (_WINDSCREEN, _REAR_WINDOW):
+            canvas.polygon(placed(window * extent + ahead), GLASS)
+        front, rear = car["front_axle"], -car["rear_axle"]
+        for x, y, angle in (
+            (front, 0.5 * car["front_track"], self._now[_LEFT]),
+            (front, -0.5 * car["front_track"], self._now[_RIGHT]),
+            (rear, 0.5 * car["rear_track"], 0.0),
+            (rear, -0.5 * car["rear_track"], 0.0),
+        ):
+            canvas.polygon(placed(_turned(_WHEEL, angle) + np.array([x, y])), INK)
+
+    def _draw_dial(self, wanted: float | None) -> None:
+        canvas, now = self._canvas, self._now
+        left, top, width, height = DIAL
+        canvas.field((left + 4, top + 8, 238, height - 16), PANEL)
+        centre, angle = (left + 122.0, top + 0.5 * height + 14.0), float(now[_ANGLE])
+        canvas.circle(centre, 78.0, INK, 10.0)
+        for turn, half in ((0.5 * math.pi, 5.0), (math.pi, 6.0), (-0.5 * math.pi, 5.0)):  # spokes
+            along, across = (
+                around((0.0, 0.0), 72.0, angle + turn),
+                around((0.0, 0.0), half, angle + turn + 0.5 * math.pi),
+            )
+            canvas.polygon(np.array([across, along + across, along - across, -across]) + centre, INK)
+        canvas.circle(centre, 21.0, INK)
+        canvas.arc(centre, 73.0, angle - 0.12, angle + 0.12, PANEL, 5.0)  # the mark at the rim's top
+        if wanted is not None:
+            canvas.polygon(around(centre, [67.0, 52.0, 52.0], np.array([0.0, 0.13, -0.13]) + wanted), WANTED)
+        full = [_full_scale(peak) for peak in self._peaks[1:]]
+        for radius, value, scale, colour in ((92.0, now[_TORQUE], full[0], HAND), (109.0, now[_MOTOR], full[1], MOTOR)):
+            self._draw_arc(centre, radius, float(value) / scale, colour)
+        right = left + width - 16
+        rows: list[tuple[str, str, Colour | None, str]] = [
+            ("handwheel angle", f"{_signed(math.degrees(angle), 1)} deg", None, ""),
+            ("hand torque", f"{_signed(now[_TORQUE], 2)} N m", HAND, f"full arc {full[0]:g} N m"),
+            ("motor torque", f"{_signed(now[_MOTOR], 2)} N m", MOTOR, f"full arc {full[1]:g} N m"),
+            ("lateral acceleration", f"{_signed(now[_ACCELERATION], 2)} m/s²", None, ""),
+        ]
+        if wanted is not None:
+            rows.insert(1, ("wanted angle", f"{_signed(math.degrees(wanted), 1)} deg", WANTED, ""))
+        y = top + 0.5 * height - 0.5 * sum(40 if note else 26 for *_, note in rows) + 13
+        for label, words, swatch, note in rows:
+            if swatch is not None:
+                canvas.text("●", (left + 244, y - 1), swatch, 13)
+            canvas.text(label, (left + 260, y), MUTED, 12)
+            canvas.text(words, (right, y), INK, 14, align=1.0)
+            if note:
+                canvas.text(note, (left + 260, y + 15), MUTED, 10)
+            y += 40 if note else 26
+
+    def _draw_arc(self, centre: tuple[float, float], radius: float, part: float, colour: Colour) -> None:
+        """A torque's part of full scale, from twelve o'clock; left, and so counter-clockwise, positive."""
+        canvas = self._canvas
+        canvas.arc(centre, radius, -_DIAL_REACH, _DIAL_REACH, GRID, 9.0)
+        end = _DIAL_REACH * part
+        head = math.copysign(min(0.16, abs(end)), end)
+        canvas.arc(centre, radius, 0.0, end - head, colour, 6.0)
+        canvas.polygon(around(centre, radius + np.array([-6.5, 6.5, 0.0]), [end - head, end - head, end]), colour)
+        canvas.lines(around(centre, [radius - 6.0, radius + 6.0], [0.0, 0.0]), MUTED)
+
+    def _draw_loop(self, history: Array) -> None:
+        canvas = self._canvas
+        left, top, width, height = LOOP[0] + 52, LOOP[1] + 30, LOOP[2] - 72, LOOP[3] - 74
+        canvas.field((left - 6, top - 6, width + 12, height + 12), PANEL)
+        peaks = np.maximum([math.degrees(self._peaks[0]), self._peaks[1]], [5.0, 1.0])
+        middle, scales = np.array([left + 0.5 * width, top + 0.5 * height]), np.empty(2)
+        for axis, (length, peak) in enumerate(zip((width, height), peaks.tolist())):
+            step = nice_step(peak, 2.0)
+            reach = step * math.ceil(1.02 * peak / step)
+            scales[axis] = (0.5, -0.5)[axis] * length / reach
+            for k in range(-round(reach / step), round(reach / step) + 1):
+                value, colour = k * step, GRID if k else GUIDE
+                place = middle[axis] + value * scales[axis]
+                words = f"{value:g}".replace("-", "−")
+                if axis == 0:
+                    canvas.segments([(place, top)], [(place, top + height)], colour)
+                    canvas.text(words, (place, top + height + 12), MUTED, 11, align=0.5)
+                else:
+                    canvas.segments([(left, place)], [(left + width, place)], colour)
+                    canvas.text(words, (left - 8, place), MUTED, 11, align=1.0)
+        canvas.text("hand torque [N m]", (LOOP[0] + 12, LOOP[1] + 14), INK, 12)
+        canvas.text(f"last {HISTORY:g} s", (LOOP[0] + LOOP[2] - 20, LOOP[1] + 14), MUTED, 11, align=1.0)
+        canvas.text("handwheel angle [deg]", (left + 0.5 * width, LOOP[1] + LOOP[3] - 15), INK, 12, align=0.5)
+        points = middle + np.column_stack([np.degrees(history[:, _ANGLE]), history[:, _TORQUE]]) * scales
+        ages = np.array_split(np.arange(len(points)), 5)
+        for age, places in zip((0.25, 0.4, 0.6, 0.8, 1.0), ages):  # what is older is paler
+            if places.size:
+                canvas.lines(points[places[0] : places[-1] + 2], _mixed(PANEL, HAND, age), 1.5)
+        canvas.circle(points[-1], 4.5, HAND)
+
+
+class _View:
+    """From the world [m] to the picture: the car at ``centre``, the direction ``heading`` upward."""
+
+    def __init__(self, centre: tuple[float, float], scale: float, now: Array, heading: float) -> None:
+        self.centre, self.scale, self.heading = np.array(centre), scale, heading
+        self._focus = now[:2]
+
+    def __call__(self, points: Array) -> Array:
+        ahead_left = _turned(points - self._focus, -self.heading)
+        return self.centre - self.scale * ahead_left[:, ::-1]
+
+
+def _turned(points: ArrayLike, angle: float) -> Array:
+    """Points (N, 2), turned to the left [rad]."""
+    c, s = math.cos(angle), math.sin(angle)
+    return np.asarray(points) @ np.array([[c, s], [-s, c]])
+
+
+def _run_on(path: Array) -> Array:
+    """A path (P, 3) of x, y, direction that goes on straight at both ends."""
+    steps = np.arange(1.0, _RUN_ON + 1.0)
+
+    def straight(point: Array, distances: Array) -> Array:
+        x, y, direction = point
+        return np.column_stack(
+            [x + distances * np.cos(direction), y + distances * np.sin(direction), np.full(steps.size, direction)]
+        )
+
+    return np.concatenate([straight(path[0], -steps[::-1]), path, straight(path[-1], steps)])
+
+
+def _full_scale(peak: float) -> float:
+    """The next of 5, 10, 20, 50, ... that holds a peak."""
+    scale = 5.0
+    for factor in (2.0, 2.0, 2.5) * 20:
+        if peak <= scale:
+            break
+        scale *= factor
+    return scale
+
+
+def _signed(value: Any, digits: int, plus: str = "+") -> str:
+    """A number with its sign; zero has none of its own."""
+    return f"{round(float(value), digits) + 0.0:{plus}.{digits}f}".replace("-", "−")
+
+
+def _mixed(a: Colour, b: Colour, part: float) -> Colour:
+    """A colour between two."""
+    red, green, blue = (round(x + part * (y - x)) for x, y in zip(a, b))
+    return red, green, blue

@@ -1,0 +1,156 @@
+"""Loops in closed form: a linear car, whose loops are ellipses, and one that rubs, whose loops are parallelograms."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from steer_env import metrics
+from steer_env.recording.recording import DEGREE, Recording
+from steer_env.synthetic.recordings import Answers, Array, Made
+from steer_env.synthetic.recordings import recording as recorded
+from steer_env.vehicle.chassis.single_track import GRAVITY as G
+
+# A linear car: every channel a sine, so that every loop is an ellipse.
+ANGLE_PEAK, TORQUE_PEAK, AY_PEAK, YAW_PEAK = 17 * DEGREE, 3.2, 2.0, 0.075  # rad, N m, m/s2, rad/s
+LEAD, AY_LAG, YAW_LAG = 0.25, 0.150, 0.080  # of the torque [rad], of the responses at 0.2 Hz [s]
+# A car without lag: torque, lateral acceleration and yaw rate by handwheel angle [N m/rad, m/s2/rad, 1/s].
+STIFFNESS, AY_GAIN, YAW_GAIN = 8.0, 7.0, 0.25
+SPEED = 100 / 3.6
+
+
+def _recording(time: Array, angle: Array, torque: Array, ay: Array, yaw: Array) -> Recording:
+    """The channels that the loops need, all (T,) in SI."""
+    return recorded(
+        "weave",
+        time,
+        {"speed_m_s": SPEED},
+        handwheel_angle=angle,
+        handwheel_torque=torque,
+        lateral_acceleration=ay,
+        yaw_rate=yaw,
+        vehicle_speed=np.full(time.size, SPEED),
+    )
+
+
+def linear_car(frequency: float = 0.2, cycles: int = 10, size: float = 1.0, rate: float = 100.0) -> Recording:
+    """``cycles`` of an elliptical weave; ``size`` scales its amplitude."""
+    omega = 2 * np.pi * frequency
+    time = np.arange(round(cycles / frequency * rate) + 1) / rate
+    return _recording(
+        time,
+        size * ANGLE_PEAK * np.sin(omega * time),
+        size * TORQUE_PEAK * np.sin(omega * time + LEAD),
+        size * AY_PEAK * np.sin(omega * (time - AY_LAG)),
+        size * YAW_PEAK * np.sin(omega * (time - YAW_LAG)),
+    )
+
+
+def linear_car_answers(frequency: float = 0.2, size: float = 1.0) -> Answers:
+    """Closed forms for the ellipses, in the reporting units.
+
+    With y = B sin(p + b) over x = A sin(p): width 2 B sin(b) at x = 0, 2 A sin(b) at y = 0; mean branch (B/A) cos(b) x.
+    """
+    ay_lag, yaw_lag = 2 * np.pi * frequency * AY_LAG, 2 * np.pi * frequency * YAW_LAG
+    angle, torque, ay = size * ANGLE_PEAK / DEGREE, size * TORQUE_PEAK, size * AY_PEAK / G  # deg, N m, g
+    gradient = torque / ay * np.cos(LEAD + ay_lag)
+    sensitivity = 100 * ay / angle / np.cos(ay_lag)
+    return {
+        "torque_at_0g": torque * np.sin(LEAD + ay_lag),
+        "torque_at_0p1g": 0.1 * gradient,
+        "torque_gradient_at_0g": gradient,
+        "torque_gradient_at_0p1g": gradient,
+        "torque_gradient_ratio": 1.0,
+        "lateral_acceleration_at_0nm": ay * np.sin(LEAD + ay_lag),
+        "angle_hysteresis": 2 * angle * np.sin(ay_lag),
+        "angle_deadband": 2 * angle * np.sin(LEAD),
+        "torque_deadband": 2 * torque * np.sin(LEAD),
+        "steering_stiffness": torque / angle * np.cos(LEAD),
+        "steering_sensitivity_at_0p1g": sensitivity,
+        "minimum_steering_sensitivity": sensitivity,
+        "yaw_rate_gain": YAW_PEAK / ANGLE_PEAK * np.cos(yaw_lag),
+        "yaw_lag": 1e3 * YAW_LAG,
+        "lateral_acceleration_lag": 1e3 * AY_LAG,
+        "work_sensitivity": sensitivity / (0.1 * gradient),
+        "peak_handwheel_torque": torque,
+        "peak_handwheel_angle": angle,
+        "loop_area": np.pi * torque * angle * DEGREE * np.sin(LEAD),
+    }
+
+
+def rough_car(
+    friction: float = 0.6,
+    slip: float = 0.4 * DEGREE,
+    frequency: float = 0.02,
+    cycles: int = 5,
+    triangle: bool = True,
+    rate: float = 100.0,
+) -> Recording:
+    """Torque k angle plus a spring that slips at ``friction`` [N m] after ``slip`` [rad]; no lag anywhere."""
+    time = np.arange(round(cycles / frequency * rate) + 1) / rate
+    phase = frequency * time
+    wave = np.abs((4 * phase + 3) % 4 - 2) - 1 if triangle else np.sin(2 * np.pi * phase)
+    angle = ANGLE_PEAK * wave
+    torque, spring = np.empty_like(angle), 0.0
+    for k in range(angle.size):
+        spring += friction / slip * (angle[k] - angle[max(k - 1, 0)])
+        spring = min(max(spring, -friction), friction)
+        torque[k] = STIFFNESS * angle[k] + spring
+    return _recording(time, angle, torque, AY_GAIN * angle, YAW_GAIN * angle)
+
+
+def rough_car_answers(friction: float = 0.6, slip: float = 0.4 * DEGREE) -> Answers:
+    """Branches are k angle +- friction away from the turning points; the loop is a parallelogram."""
+    gradient, sensitivity = STIFFNESS / AY_GAIN * G, 100 * AY_GAIN * DEGREE / G
+    return {
+        "torque_at_0g": friction,
+        "torque_at_0p1g": 0.1 * gradient,
+        "torque_gradient_at_0g": gradient,
+        "torque_gradient_at_0p1g": gradient,
+        "torque_gradient_ratio": 1.0,
+        "lateral_acceleration_at_0nm": friction / STIFFNESS * AY_GAIN / G,
+        "angle_hysteresis": 0.0,
+        "angle_deadband": 2 * friction / STIFFNESS / DEGREE,
+        "torque_deadband": 2 * friction,
+        "steering_stiffness": STIFFNESS * DEGREE,
+        "steering_sensitivity_at_0p1g": sensitivity,
+        "minimum_steering_sensitivity": sensitivity,
+        "yaw_rate_gain": YAW_GAIN,
+        "yaw_lag": 0.0,
+        "lateral_acceleration_lag": 0.0,
+        "work_sensitivity": sensitivity / (0.1 * gradient),
+        "peak_handwheel_torque": STIFFNESS * ANGLE_PEAK + friction,
+        "peak_handwheel_angle": ANGLE_PEAK / DEGREE,
+        "loop_area": 4 * friction * (ANGLE_PEAK - slip),
+    }
+
+
+def _as(test: str, clean: Recording, answers: Answers) -> Made:
+    """The recording says of which test it is, and the answers are those that the test reports."""
+    named = replace(clean, meta={**clean.meta, "manoeuvre": test})
+    return named, {name: answers[name] for name in metrics.available(test) if name in answers}
+
+
+def weave_of_a_linear_car(rate: float) -> Made:
+    """Ellipses at 0.2 Hz, ten settled cycles."""
+    return _as("weave", linear_car(cycles=12, rate=rate), linear_car_answers())
+
+
+def weave_of_a_rough_car(rate: float) -> Made:
+    """Parallelograms at 0.2 Hz, ten settled cycles."""
+    return _as("weave", rough_car(frequency=0.2, cycles=12, triangle=False, rate=rate), rough_car_answers())
+
+
+def slow_ramp_of_a_linear_car(rate: float) -> Made:
+    """Ellipses at 0.02 Hz, three settled cycles."""
+    return _as("slow-ramp", linear_car(0.02, cycles=5, rate=rate), linear_car_answers(0.02))
+
+
+def slow_ramp_of_a_rough_car(rate: float) -> Made:
+    """Parallelograms at 0.02 Hz by a triangle wave, three settled cycles."""
+    return _as("slow-ramp", rough_car(rate=rate), rough_car_answers())
+
+
+def rig(rate: float) -> Made:
+    """Parallelograms at 0.2 Hz of a car that stands on a rig."""
+    clean, answers = _as("rig", rough_car(frequency=0.2, cycles=12, triangle=False, rate=rate), rough_car_answers())
+    return clean.without("lateral_acceleration", "yaw_rate", "vehicle_speed"), answers

@@ -1,0 +1,3 @@
+from .common.definition import Quantity, Task, available, register, task
+
+__all__ = ["Quantity", "Task", "available", "register", "task"]

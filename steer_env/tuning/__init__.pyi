@@ -1,0 +1,4 @@
+from .env import TuneEnv
+from .registration import TuneAllRound, TuneOnCentre
+
+__all__ = ["TuneAllRound", "TuneEnv", "TuneOnCentre"]

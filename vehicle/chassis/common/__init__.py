@@ -1,0 +1,1 @@
+"""The two chassis models, one file or folder each, and what they share."""

@@ -1,0 +1,1 @@
+"""The steering system: column, electric power steering, margins of its loop."""

@@ -1,0 +1,200 @@
+"""Column EPS as it is built: a controller sampled at 1 kHz, a delay, and a motor with a lag and a limit.
+
+At each sample the torsion-bar torque goes through the boost curve of the speed and a phase lead, motor damping is taken
+off, a request from outside (an assist policy) is added, and the sum is limited. The command takes effect ``delay``
+later, is held for one sample, and the motor follows with a first-order lag. Torques are referred to the column axis; a
+positive assist turns left.
+
+    command = limit(lead(boost(T_s, v)) - D(v) w + request),   T_m' = omega_m (command(t - delay) - T_m)
+
+Source: boost table, lead, damping and loop figures of a compact car's column EPS (assumed, anchored on its hand
+torques); gain and phase margin of the loop are computed in :mod:`steer_env.vehicle.steering.margins`.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from steer_env.friction.numerics.bounds import within
+from steer_env.friction.numerics.check import number, positive
+from steer_env.friction.numerics.kernel import kernel
+
+SAMPLE_TIME = 1e-3  # [s]
+MAX_DELAY = 4  # whole samples that the queue holds
+
+# Where the controller's state stands in its slice of the state array; the delayed commands follow the motor torque.
+LEAD_STATE, MOTOR_TORQUE, QUEUE = range(3)
+STATE_SIZE = QUEUE + MAX_DELAY + 1
+
+TABLE_SPEEDS = tuple(kph / 3.6 for kph in (0.0, 20.0, 40.0, 80.0, 100.0, 140.0))
+TABLE_TORQUES = (0.0, 0.5, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0)
+TABLE_ASSIST = (
+    (0.0, 0.40, 1.80, 8.0, 18.0, 28.0, 35.0, 38.0, 38.0),
+    (0.0, 0.35, 1.50, 6.5, 14.0, 22.0, 28.0, 31.0, 31.0),
+    (0.0, 0.30, 1.10, 4.5, 9.5, 15.0, 20.0, 23.0, 23.0),
+    (0.0, 0.25, 0.80, 2.8, 6.0, 10.0, 14.0, 16.0, 16.0),
+    (0.0, 0.20, 0.60, 2.2, 5.0, 8.5, 12.0, 14.0, 14.0),
+    (0.0, 0.15, 0.45, 1.6, 3.6, 6.5, 9.5, 11.0, 11.0),
+)
+
+
+class Assist(NamedTuple):
+    """Parameters as the kernels take them; :func:`make` checks."""
+
+    speeds: NDArray[np.float64]  # (V,) speeds of the boost table [m/s]
+    torques: NDArray[np.float64]  # (T,) torsion-bar torques of the boost table, from zero [N m]
+    boost: NDArray[np.float64]  # (V, T) assist at the column [N m]
+    damping: NDArray[np.float64]  # (V,) motor damping at the column [N m s/rad]
+    lead_b0: float  # lead filter, y = b0 u + x; x <- b1 u - a1 y [1]
+    lead_b1: float  # [1]
+    lead_a1: float  # [1]
+    delay: int  # whole samples between measurement and effect
+    offset: float  # the rest of that time [s]
+    bandwidth: float  # motor torque loop [rad/s]
+    limit: float  # motor peak torque at the column [N m]
+
+
+def make(
+    *,
+    speeds: ArrayLike = TABLE_SPEEDS,
+    torques: ArrayLike = TABLE_TORQUES,
+    boost: ArrayLike = TABLE_ASSIST,
+    damping: ArrayLike = (3.0, 2.5, 2.0, 1.0, 1.0, 1.0),
+    lead_zero: float = 15.0,
+    lead_pole: float = 150.0,
+    delay: float = 0.5e-3,
+    bandwidth: float = 150.0,
+    limit: float = 3.5 * 20.5,
+) -> Assist:
+    """Checked assist parameters; the defaults are the compact car's.
+
+    Parameters
+    ----------
+    speeds : (V,) array_like
+        Vehicle speeds of the table, ascending [m/s].
+    torques : (T,) array_like
+        Torsion-bar torques of the table, ascending from zero [N m]; the curve is odd and flat beyond the last.
+    boost : (V, T) array_like
+        Assist torque at the column, not negative, zero in the first column [N m].
+    damping : (V,) array_like
+        Motor damping at the column [N m s/rad].
+    lead_zero, lead_pole : float
+        Corner frequencies of the phase lead, below 450 Hz [Hz].
+    delay : float
+        Time from measurement to effect, at most 4 ms [s]; with the hold, which counts for half a sample, 1 ms in all.
+    bandwidth : float
+        Corner of the motor's torque loop [Hz].
+    limit : float
+        Peak torque of the motor at the column [N m]; 3.5 N m through 20.5:1.
+
+    Raises
+    ------
+    ValueError
+        Naming the value and what is allowed.
+    """
+    v, t, b, d = (np.array(x, float) for x in (speeds, torques, boost, damping))
+    for name, axis in (("speeds", v), ("torques", t)):
+        if axis.ndim != 1 or axis.size < 2 or not np.isfinite(axis).all() or np.any(np.diff(axis) <= 0.0):
+            raise ValueError(f"{name} must be finite and ascending, at least two values, got {axis}")
+    if t[0] != 0.0:
+        raise ValueError(f"torques must start at zero, got {t[0]:g}")
+    if b.shape != (v.size, t.size) or not np.isfinite(b).all() or np.any(b < 0.0) or np.any(b[:, 0] != 0.0):
+        shape = (v.size, t.size)
+        raise ValueError(f"boost must be finite, not negative, zero at zero torque, of shape {shape}, got {b}")
+    if d.shape != v.shape or not np.isfinite(d).all() or np.any(d < 0.0):
+        raise ValueError(f"damping must hold {v.size} finite values of at least 0, got {d}")
+    latency = number("delay", delay, minimum=0.0, maximum=MAX_DELAY * SAMPLE_TIME)
+    samples = int(latency / SAMPLE_TIME + 1e-9)
+    for array in (v, t, b, d):
+        array.flags.writeable = False
+    # Tustin's rule on (1 + s/z)/(1 + s/p), corners pre-warped
+    zero, pole = (
+        math.tan(math.pi * number(name, f, minimum=0.0, maximum=450.0, above=True) * SAMPLE_TIME)
+        for name, f in (("lead_zero", lead_zero), ("lead_pole", lead_pole))
+    )
+    gain = (1.0 / zero + 1.0) / (1.0 / pole + 1.0)
+    return Assist(
+        v,
+        t,
+        b,
+        d,
+        lead_b0=gain,
+        lead_b1=(1.0 - 1.0 / zero) / (1.0 + 1.0 / pole),
+        lead_a1=(1.0 - 1.0 / pole) / (1.0 + 1.0 / pole),
+        delay=samples,
+        offset=max(latency - samples * SAMPLE_TIME, 0.0),
+        bandwidth=2.0 * math.pi * positive("bandwidth", bandwidth),
+        limit=positive("limit", limit),
+    )
+
+
+def lead_corners(a: Assist) -> tuple[float, float]:
+    """Zero and pole of the phase lead [Hz], as :func:`make` took them."""
+    pole = (1.0 + a.lead_a1) / (1.0 - a.lead_a1)
+    zero = 1.0 / (a.lead_b0 * (1.0 / pole + 1.0) - 1.0)
+    return math.atan(zero) / (math.pi * SAMPLE_TIME), math.atan(pole) / (math.pi * SAMPLE_TIME)
+
+
+@kernel
+def _bracket(grid, x):
+    """Cell of ``x`` in an ascending grid and its place in it, held at the ends."""
+    last = grid.size - 1
+    if x <= grid[0]:
+        return 0, 0.0
+    if x >= grid[last]:
+        return last - 1, 1.0
+    i = 0
+    while grid[i + 1] < x:
+        i += 1
+    return i, (x - grid[i]) / (grid[i + 1] - grid[i])
+
+
+@kernel
+def boost_curve(a, torque, speed):
+    """Boost at a torsion-bar torque [N m] and vehicle speed [m/s], odd in the torque; and the motor damping there."""
+    i, u = _bracket(a.speeds, speed)
+    j, s = _bracket(a.torques, abs(torque))
+    low = a.boost[i, j] + s * (a.boost[i, j + 1] - a.boost[i, j])
+    high = a.boost[i + 1, j] + s * (a.boost[i + 1, j + 1] - a.boost[i + 1, j])
+    return math.copysign(low + u * (high - low), torque), a.damping[i] + u * (a.damping[i + 1] - a.damping[i])
+
+
+@kernel
+def sample(a, x, torsion_bar_torque, column_speed, vehicle_speed, request):
+    """One sample of the controller; ``x`` is its slice of the state, changed in place.
+
+    Returns
+    -------
+    before, after : float
+        The commands [N m] that act until ``offset`` has passed since the sample, and from then on.
+    """
+    assist, damping = boost_curve(a, torsion_bar_torque, vehicle_speed)
+    lead = a.lead_b0 * assist + x[LEAD_STATE]
+    x[LEAD_STATE] = a.lead_b1 * assist - a.lead_a1 * lead
+    before = x[QUEUE + a.delay]
+    for i in range(QUEUE + a.delay, QUEUE, -1):
+        x[i] = x[i - 1]
+    x[QUEUE] = within(lead - damping * column_speed + request, -a.limit, a.limit)
+    return before, x[QUEUE + a.delay]
+
+
+@kernel
+def _follow(a, x, command, h, lost):
+    """Impulse of the motor torque over ``h`` under a constant command, exact for the lag [N m s]."""
+    gap = x[MOTOR_TORQUE] - command
+    x[MOTOR_TORQUE] -= gap * lost
+    return command * h + gap * lost / a.bandwidth
+
+
+@kernel
+def motor_step(a, x, before, after, elapsed, h):
+    """Mean motor torque [N m] over a step of ``h`` that starts ``elapsed`` after the last sample [s]."""
+    first = within(a.offset - elapsed, 0.0, h)
+    rest = h - first
+    lost = -math.expm1(-a.bandwidth * first)
+    impulse = _follow(a, x, before, first, lost)
+    if rest != first:  # the default offset splits the step in halves, which lose alike
+        lost = -math.expm1(-a.bandwidth * rest)
+    return (impulse + _follow(a, x, after, rest, lost)) / h

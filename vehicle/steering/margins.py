@@ -1,0 +1,156 @@
+"""Stability margins of the assist loop, opened at the torsion-bar torque.
+
+The loop is the sampled one that the plant runs: the mechanics with the motor's lag between hold and sampler, the delay
+in whole samples, motor damping closed, and the boost curve replaced by its local gain.
+"""
+
+import math
+from functools import lru_cache
+from typing import NamedTuple
+
+import control
+import numpy as np
+
+from steer_env.vehicle.steering.column import Column
+from steer_env.vehicle.steering.eps import SAMPLE_TIME, Assist, boost_curve
+
+TARGETS = 30.0, 6.0  # usual least phase [deg] and gain [dB] margin of an assist loop; assumed
+
+
+class Margins(NamedTuple):
+    """Margins of one operating point; infinite where the loop has no such crossing."""
+
+    phase: float  # [rad]
+    gain: float  # factor [1]
+    phase_crossover: float  # frequency of unit gain, where the phase margin is read [Hz]
+    stable: bool  # the closed loop's poles lie inside the unit circle
+
+
+def boost_gain(a: Assist, torque: float, speed: float) -> float:
+    """Local slope of the boost curve [1] at a torsion-bar torque [N m] and a vehicle speed [m/s]."""
+    step = 1e-6
+    return (boost_curve(a, torque + step, speed)[0] - boost_curve(a, torque - step, speed)[0]) / (2.0 * step)
+
+
+@lru_cache
+def _discrete(c: Column, bandwidth: float, time: float) -> control.StateSpace:
+    """Column and motor, hands fixed, under inputs that are constant for a time [s]; many assists share them."""
+    A = [[0.0, -1.0, 0.0], [c.K_tb / c.I2, -(c.C2 + c.C_tb) / c.I2, 1.0 / c.I2], [0.0, 0.0, -bandwidth]]
+    B = [[0.0, 1.0, 0.0], [0.0, c.C_tb / c.I2, 1.0 / c.I2], [bandwidth, 0.0, 0.0]]
+    C = np.array([[c.K_tb, 0.0, 0.0], [0.0, 1.0, 0.0]])
+    if time == 0.0:
+        return control.ss(np.eye(3), np.zeros((3, 3)), C, 0.0)
+    return control.c2d(control.ss(A, B, C, 0.0), time, "zoh")
+
+
+def hands_fixed_plant(c: Column, a: Assist, speed: float) -> control.StateSpace:
+    """From the assist request to the sensor, under a prescribed handwheel motion: motor damping closed, boost open.
+
+    Parameters
+    ----------
+    c, a : parameters of column and assist
+    speed : float
+        Vehicle speed, for the motor damping [m/s].
+
+    Returns
+    -------
+    control.StateSpace
+        Discrete at 1 ms. Inputs, held over a sample: request [N m], handwheel speed [rad/s], torque on the column from
+        rack and friction [N m]. Outputs: torsion-bar torque [N m], column speed [rad/s]. States: twist of the torsion
+        bar [rad], column speed, motor torque, then the commands of the last delay + 1 samples, the newest first.
+    """
+    damping = boost_curve(a, 0.0, speed)[1]
+    # The command changes within the sample: the old one acts for the offset, the new one for the rest.
+    rest, first = _discrete(c, a.bandwidth, SAMPLE_TIME - a.offset), _discrete(c, a.bandwidth, a.offset)
+    n = a.delay + 1
+    phi, gamma = np.zeros((3 + n, 3 + n)), np.zeros((3 + n, 3))
+    phi[:3, :3] = rest.A @ first.A
+    phi[:3, 2 + n] = rest.A @ first.B[:, 0]
+    phi[4:, 3:-1] = np.eye(n - 1)
+    gamma[:3, 1:] = rest.A @ first.B[:, 1:] + rest.B[:, 1:]
+    gamma[3, 0] = 1.0
+    if a.delay:
+        phi[:3, 1 + n] += rest.B[:, 0]
+    else:
+        gamma[:3, 0] = rest.B[:, 0]
+    phi[:, 1] -= damping * gamma[:, 0]
+    return control.ss(phi, gamma, np.hstack([rest.C, np.zeros((2, n))]), 0.0, SAMPLE_TIME)
+
+
+def assisted_plant(c: Column, a: Assist, gain: float, speed: float) -> control.StateSpace:
+    """:func:`hands_fixed_plant` with the boost closed through its lead, at a local gain of the curve [1]."""
+    plant = hands_fixed_plant(c, a, speed)
+    T, request = plant.C[:1], plant.B[:, :1]
+    feed = gain * (a.lead_b1 - a.lead_a1 * a.lead_b0)
+    phi = np.block([[plant.A + gain * a.lead_b0 * request @ T, request], [feed * T, np.array([[-a.lead_a1]])]])
+    gamma = np.vstack([plant.B, np.zeros((1, 3))])
+    return control.ss(phi, gamma, np.hstack([plant.C, np.zeros((2, 1))]), 0.0, SAMPLE_TIME)
+
+
+def hands_fixed_loop(c: Column, a: Assist, gain: float, speed: float) -> control.StateSpace:
+    """Open loop at the torsion-bar torque, handwheel held, friction sliding at constant torque.
+
+    Parameters
+    ----------
+    c, a : parameters of column and assist
+    gain : float
+        Local gain of the boost curve [1].
+    speed : float
+        Vehicle speed, for the motor damping [m/s].
+
+    Returns
+    -------
+    control.StateSpace
+        Discrete at 1 ms; negative feedback around it is the assist loop.
+    """
+    lead = control.ss(-a.lead_a1, a.lead_b1 - a.lead_a1 * a.lead_b0, 1.0, a.lead_b0, SAMPLE_TIME)
+    return -gain * lead * hands_fixed_plant(c, a, speed)[0, 0]
+
+
+def margins(c: Column, a: Assist, gain: float, speed: float) -> Margins:
+    """Phase and gain margin of :func:`hands_fixed_loop`, and whether the closed loop is stable."""
+    loop = hands_fixed_loop(c, a, gain, speed)
+    omega = np.geomspace(1.0, 0.999 * math.pi / SAMPLE_TIME, 2000)
+    response = control.frequency_response(loop, omega)
+    gain_margin, phase_margin, _, _, crossover, _ = control.stability_margins(response)
+    closed = control.feedback(loop, 1)
+    return Margins(
+        math.radians(phase_margin),
+        float(gain_margin),
+        crossover / (2.0 * math.pi),
+        bool(np.all(np.abs(closed.poles()) < 1.0)),
+    )
+
+
+def worst_margins(c: Column, a: Assist, speed: float) -> Margins:
+    """Smallest phase and gain margin over the slopes of the boost curve at a speed [m/s].
+
+    As :func:`margins` of every slope, from one frequency response, in a hundredth of the time. Stable is what is so at
+    every slope; a loop that has no crossing at any of them has infinite margins.
+    """
+    loop = hands_fixed_loop(c, a, 1.0, speed)
+    A, B, C, D = loop.A, loop.B, loop.C, loop.D
+    slopes = np.unique([boost_gain(a, torque, speed) for torque in 0.5 * (a.torques[1:] + a.torques[:-1])])
+    slopes = slopes[slopes > 0.0]
+    omega = np.geomspace(1.0, 0.999 * math.pi / SAMPLE_TIME, 1000)
+    z = np.exp(1j * omega * SAMPLE_TIME)
+    inverse = np.linalg.solve(z[:, None, None] * np.eye(len(A)) - A, np.broadcast_to(B, (z.size, *B.shape)))
+    response = (C @ inverse + D)[:, 0, 0]
+    size, angle = np.log(np.abs(response)), np.unwrap(np.angle(response))
+    phase, crossover, gain = math.inf, math.nan, math.inf
+    for slope in slopes:
+        above = size + math.log(slope)
+        for i in np.flatnonzero(np.signbit(above[1:]) != np.signbit(above[:-1])):
+            s = above[i] / (above[i] - above[i + 1])
+            turned = angle[i] + s * (angle[i + 1] - angle[i])
+            left = abs(math.remainder(turned + math.pi, 2.0 * math.pi))  # to -180 deg
+            if left < phase:
+                phase, crossover = left, float(omega[i] * (omega[i + 1] / omega[i]) ** s) / (2.0 * math.pi)
+    imaginary = response.imag
+    for i in np.flatnonzero(np.signbit(imaginary[1:]) != np.signbit(imaginary[:-1])) if slopes.size else ():
+        s = imaginary[i] / (imaginary[i] - imaginary[i + 1])
+        real = response.real[i] + s * (response.real[i + 1] - response.real[i])
+        if real < 0.0:
+            gain = min(gain, -1.0 / (slopes[-1] * real))
+    poles = [np.abs(np.linalg.eigvals(A - slope / (1.0 + slope * D[0, 0]) * B @ C)).max() for slope in slopes]
+    return Margins(phase, float(gain), crossover, all(pole < 1.0 for pole in poles))

@@ -1,0 +1,223 @@
+"""A strut as a table for simulation: cubic B-splines over rack and travel, scalar kernels to read them.
+
+The exact solution of :mod:`steer_env.vehicle.suspension.macpherson` costs a millisecond, the table fifty nanoseconds.
+Beyond its range the table answers as at the edge: a linear extrapolation would run through the end
+of the linkage, where no pose exists, and the stops of a car lie inside the range anyway.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from steer_env.friction.numerics.kernel import kernel, plain
+from steer_env.vehicle.simd import lanes, take
+from steer_env.vehicle.suspension.macpherson import MacPherson, load_coefficients
+
+
+class StrutMap(NamedTuple):
+    """Spline coefficients of a left wheel on a uniform grid; the channels are the fields of ``Knuckle``, ``Travel``."""
+
+    table: NDArray[np.float64]  # (rack cells + 3, travel cells + 3, 14)
+    rack_min: float  # [m]
+    rack_cells_per_metre: float  # [1/m]
+    travel_min: float  # [m]
+    travel_cells_per_metre: float  # [1/m]
+
+
+class Knuckle(NamedTuple):
+    """One wheel as the simulation needs it: its angles, and the work of each unit load per metre of rack."""
+
+    steer_angle: float  # left positive [rad]
+    inclination: float  # ISO 8855 [rad]
+    F_x_contact: float  # of a brake force [1]
+    F_x_centre: float  # of a drive force or rolling resistance [1]
+    F_y: float  # [1]
+    F_z: float  # [1]
+    M_x: float  # [rad/m]
+    M_z: float  # [rad/m]
+
+
+class Travel(NamedTuple):
+    """What a wheel does as it moves up in the body: derivatives by travel at fixed rack."""
+
+    centre_x: float  # of the wheel centre, forward [1]
+    contact_y: float  # of the contact, to the left [1]
+    roll: float  # of the carrier, about x [rad/m]
+    pitch: float  # about y [rad/m]
+    compression: float  # the strut is shorter by this than in the design position [m]
+    compression_rate: float  # its derivative [1]
+
+
+def build(
+    strut: MacPherson,
+    rack: float = 0.075,
+    travel: float = 0.080,
+    rack_cells: int = 150,
+    travel_cells: int = 20,
+) -> StrutMap:
+    """Tabulate a strut over +-rack by +-travel [m].
+
+    The cells hold the angles of the default car to 3e-7 rad and the work to 5e-6 of its largest
+    value, at the inner wheel's lock; near straight ahead both are a hundred times closer.
+
+    Raises
+    ------
+    ValueError
+        The strut does not reach the range (the message says how far it does), or a size is not positive.
+    """
+    for name, cells in (("rack_cells", rack_cells), ("travel_cells", travel_cells)):
+        if not cells >= 2:
+            raise ValueError(f"{name} is {cells!r}; allowed: 2 or more")
+    for name, size in (("rack", rack), ("travel", travel)):
+        if not size > 0.0:
+            raise ValueError(f"{name} is {size!r}; allowed: positive [m]")
+    sites_r, basis_r = _basis(rack_cells)
+    sites_t, basis_t = _basis(travel_cells)
+    step_r, step_t = 2 * rack / rack_cells, 2 * travel / travel_cells
+    pose = strut.solve(-rack + step_r * sites_r[:, None], -travel + step_t * sites_t)
+    work = load_coefficients(pose)
+    forces = (work.F_x_contact, work.F_x_centre, work.F_y, work.F_z)
+    up = pose.per_travel
+    motion = (up.wheel_centre[..., 0], up.contact[..., 1], up.rotation[..., 0], up.rotation[..., 1])
+    compression = strut.solve(0.0, 0.0).strut_length - pose.strut_length
+    knuckle = (pose.steer_angle, pose.inclination, *forces, work.M_x, work.M_z)
+    values = np.stack([*knuckle, *motion, compression, -up.strut_length], -1)
+    along_r = np.linalg.solve(basis_r, values.reshape(len(sites_r), -1)).reshape(values.shape)
+    table = np.linalg.solve(basis_t, along_r)
+    return StrutMap(np.ascontiguousarray(table), -rack, 1 / step_r, -travel, 1 / step_t)
+
+
+def linear(
+    steer: float, inclination: float = 0.0, path: float = 0.0, rack: float = 0.075, travel: float = 0.080
+) -> StrutMap:
+    """A table of linear kinematics instead of a solved strut: both wheels steer alike, about their contact centres.
+
+    Parameters
+    ----------
+    steer : float
+        Steer angle by rack [rad/m]; of the loads on the wheel only M_z works on the rack.
+    inclination : float
+        By travel, of the left wheel [rad/m].
+    path : float
+        Way of the left contact to the left by travel, twice the roll centre's height over the track [1].
+    rack, travel : float
+        Range on either side of zero [m].
+
+    Raises
+    ------
+    ValueError
+        A range that is not positive.
+
+    The strut is the wheel's travel itself; no anti-dive.
+    """
+    for name, size in (("rack", rack), ("travel", travel)):
+        if not size > 0.0:
+            raise ValueError(f"{name} is {size!r}; allowed: positive [m]")
+    nodes = np.array([-3.0, -1.0, 1.0, 3.0])  # of the four splines on one cell; a spline of a line is the line
+    q, s = np.meshgrid(rack * nodes, travel * nodes, indexing="ij")
+    zero = 0.0 * q
+    knuckle = (steer * q, inclination * s, zero, zero, zero, zero, zero, zero + steer)
+    motion = (zero, zero + path, zero + inclination, zero, s, zero + 1.0)
+    return StrutMap(np.stack([*knuckle, *motion], -1), -rack, 0.5 / rack, -travel, 0.5 / travel)
+
+
+def _basis(cells: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Sites (cells + 3,) in cells and the values there of the cubic B-splines (cells + 3, cells + 3).
+
+    All nodes, and the middle of the first and the last cell: as many sites as splines, and accuracy to the edge.
+    """
+    sites = np.sort(np.append(np.arange(cells + 1.0), [0.5, cells - 0.5]))
+    basis = np.zeros((cells + 3, cells + 3))
+    for row, site in zip(basis, sites):
+        cell, part = plain(_cell)(site, cells)
+        row[cell : cell + 4] = plain(_weights)(part)
+    return sites, basis
+
+
+@kernel
+def _cell(u, cells):
+    """Cell that holds u (counted in cells) and the place in it, 0..1; the edge if beyond, nan if nan."""
+    if u >= cells:
+        return cells - 1, 1.0
+    if u > 0.0:
+        cell = math.floor(u)
+        return cell, u - cell
+    return 0, (0.0 if u <= 0.0 else u)
+
+
+@kernel
+def _weights(t):
+    """The four uniform cubic B-splines on a cell."""
+    s = 1.0 - t
+    near, far = t * t * (3.0 * t - 6.0) + 4.0, s * s * (3.0 * s - 6.0) + 4.0
+    return s * s * s / 6.0, near / 6.0, far / 6.0, t * t * t / 6.0
+
+
+@kernel
+def _row(table, i, t):
+    """Four channels along the travel, from the ``i``-th number of the table."""
+    n = table.shape[2]
+    return (
+        t[0] * take(table, i)
+        + t[1] * take(table, i + n)
+        + t[2] * take(table, i + 2 * n)
+        + t[3] * take(table, i + 3 * n)
+    )
+
+
+@kernel
+def _patch(table, i, j, k, r, t):
+    """Four channels from the k-th on, which stand side by side in the table."""
+    n = table.shape[1] * table.shape[2]
+    i = i * n + j * table.shape[2] + k
+    return (
+        r[0] * _row(table, i, t)
+        + r[1] * _row(table, i + n, t)
+        + r[2] * _row(table, i + 2 * n, t)
+        + r[3] * _row(table, i + 3 * n, t)
+    )
+
+
+@kernel
+def _place(m, rack, travel):
+    """First spline and the weights of four, along rack and travel."""
+    i, u = _cell((rack - m.rack_min) * m.rack_cells_per_metre, m.table.shape[0] - 3)
+    j, v = _cell((travel - m.travel_min) * m.travel_cells_per_metre, m.table.shape[1] - 3)
+    return i, j, _weights(u), _weights(v)
+
+
+@kernel
+def left(m, rack, travel):
+    """The left wheel: ``Knuckle`` at rack [m] and its travel [m]."""
+    i, j, r, t = _place(m, rack, travel)
+    k = i - i  # not a literal: numba would compile the patch once for each place
+    steer, inclination, F_x_contact, F_x_centre = lanes(_patch(m.table, i, j, k, r, t))
+    F_y, F_z, M_x, M_z = lanes(_patch(m.table, i, j, k + 4, r, t))
+    return Knuckle(steer, inclination, F_x_contact, F_x_centre, F_y, F_z, M_x, M_z)
+
+
+@kernel
+def left_travel(m, rack, travel):
+    """The left wheel: ``Travel`` at rack [m] and its travel [m]."""
+    i, j, r, t = _place(m, rack, travel)
+    k = i - i
+    centre_x, contact_y, roll, pitch = lanes(_patch(m.table, i, j, k + 8, r, t))
+    _, _, compression, compression_rate = lanes(_patch(m.table, i, j, k + 10, r, t))
+    return Travel(centre_x, contact_y, roll, pitch, compression, compression_rate)
+
+
+@kernel
+def right(m, rack, travel):
+    """The right wheel: the left one in a mirror, at the opposite rack position; exact to the last bit."""
+    k = left(m, -rack, travel)
+    return Knuckle(-k.steer_angle, -k.inclination, -k.F_x_contact, -k.F_x_centre, k.F_y, -k.F_z, k.M_x, k.M_z)
+
+
+@kernel
+def rack_force(k, F_x_contact, F_x_centre, F_y, F_z, M_x, M_z):
+    """Rack force of one wheel [N], positive where it resists a left turn; loads as in ``suspension.WheelLoad``."""
+    return -(
+        k.F_x_contact * F_x_contact + k.F_x_centre * F_x_centre + k.F_y * F_y + k.F_z * F_z + k.M_x * M_x + k.M_z * M_z
+    )

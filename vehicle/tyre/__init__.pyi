@@ -1,0 +1,20 @@
+from .coefficients import ASYMMETRY, MagicFormula, record
+from .magic_formula import cornering_stiffness, forces_of_four, longitudinal_stiffness, stiffnesses
+from .tyre import EXAMPLES, Limits, Tyre, from_file, load, save, to_file
+
+__all__ = [
+    "ASYMMETRY",
+    "EXAMPLES",
+    "Limits",
+    "MagicFormula",
+    "Tyre",
+    "cornering_stiffness",
+    "forces_of_four",
+    "from_file",
+    "load",
+    "longitudinal_stiffness",
+    "record",
+    "save",
+    "stiffnesses",
+    "to_file",
+]

@@ -1,0 +1,189 @@
+"""What a property file multiplies into the coefficients: scaling factors and pressure; and the carcass beside them.
+
+All of it is constant in a simulation, so it is folded into the coefficients once and costs the kernels nothing.
+
+Source of where each factor stands: the publications that ``magic_formula`` names, by version.
+"""
+
+import math
+from typing import Any, NamedTuple
+
+from steer_env.friction.numerics.check import positive
+from steer_env.vehicle.tyre import tir
+from steer_env.vehicle.tyre.coefficients import MagicFormula
+from steer_env.vehicle.tyre.magic_formula import A_MU, cornering_stiffness, longitudinal_stiffness
+
+
+class PressureTerms(NamedTuple):
+    """How coefficients follow the inflation pressure p, by their .tir keys: ``dp = p/NOMPRES - 1``."""
+
+    inflation: float = 0.0  # p that the coefficients hold for; 0 where nothing is known [Pa]
+    PPX1: float = 0.0  # slip stiffness of F_x, by dp [-]
+    PPX2: float = 0.0  # slip stiffness of F_x, by dp^2 [-]
+    PPX3: float = 0.0  # peak of F_x, by dp [-]
+    PPX4: float = 0.0  # peak of F_x, by dp^2 [-]
+    PPY1: float = 0.0  # cornering stiffness, by dp [-]
+    PPY2: float = 0.0  # load of the largest cornering stiffness, by dp [-]
+    PPY3: float = 0.0  # peak of F_y, by dp [-]
+    PPY4: float = 0.0  # peak of F_y, by dp^2 [-]
+    PPY5: float = 0.0  # camber stiffness, by dp [-]
+    PPZ1: float = 0.0  # trail, loss by dp [-]
+    PPZ2: float = 0.0  # residual torque of camber, by dp [-]
+    PPMX1: float = 0.0  # M_x of camber, by dp [-]
+    QSY8: float = 0.0  # rolling resistance, exponent of p/NOMPRES [-]
+    PFZ1: float = 0.0  # vertical stiffness, by dp [-]
+    PCFX3: float = 0.0  # longitudinal stiffness of the carcass, by dp [-]
+    PCFY3: float = 0.0  # lateral stiffness of the carcass, by dp [-]
+
+    def factors(self, dp: float) -> dict[str, float]:
+        """What ``dp`` multiplies coefficients with, by key; the carcass under ``C_x``, ``C_y``, ``C_z``."""
+        F_x = 1.0 + self.PPX3 * dp + self.PPX4 * dp * dp
+        F_y = 1.0 + self.PPY3 * dp + self.PPY4 * dp * dp
+        pairs = (
+            ("PKX1 PKX2", 1.0 + self.PPX1 * dp + self.PPX2 * dp * dp),
+            ("PDX1 PDX2", F_x),
+            ("PKY1", 1.0 + self.PPY1 * dp),
+            ("PKY2 PKY5", 1.0 + self.PPY2 * dp),
+            ("PDY1 PDY2", F_y),
+            ("PKY6 PKY7", 1.0 + self.PPY5 * dp),
+            ("QDZ1 QDZ2", 1.0 - self.PPZ1 * dp),
+            ("QDZ8 QDZ9", 1.0 + self.PPZ2 * dp),
+            ("QSX2", 1.0 + self.PPMX1 * dp),
+            ("QSY1 QSY2 QSY3 QSY4 QSY5 QSY6", (1.0 + dp) ** self.QSY8),
+            ("C_x", 1.0 + self.PCFX3 * dp),
+            ("C_y", 1.0 + self.PCFY3 * dp),
+            ("C_z", 1.0 + self.PFZ1 * dp),
+        )
+        return {key: factor for keys, factor in pairs for key in keys.split()}
+
+
+# Coefficients that a scaling factor multiplies; ``^2`` where squared, ``||`` where its size counts.
+_SCALES = {
+    "LCX": "PCX1",
+    "LMUX": "PDX1 PDX2",
+    "LEX": "PEX1 PEX2 PEX3",
+    "LKX": "PKX1 PKX2",
+    "LHX": "PHX1 PHX2",
+    "LVX": "PVX1 PVX2",
+    "LGAX": "PDX3^2",
+    "LCY": "PCY1",
+    "LMUY": "PDY1 PDY2 QDZ6 QDZ7 QDZ8 QDZ9 QDZ10 QDZ11",
+    "LEY": "PEY1 PEY2",
+    "LKY": "PKY1 QBZ1 QBZ2 QBZ3 QBZ9",
+    "LKYC": "PKY6 PKY7 PVY3 PVY4",
+    "LKZC": "QDZ8 QDZ9 QDZ10 QDZ11",
+    "LHY": "PHY1 PHY2",
+    "LVY": "PVY1 PVY2",
+    "LGAY": "PDY3^2 PEY4 PKY3|| PHY3 PVY3 PVY4",
+    "LTR": "QDZ1 QDZ2",
+    "LRES": "QDZ6 QDZ7",
+    "LGAZ": "QBZ4 QBZ5|| QDZ3 QDZ3G QDZ4^2 QDZ8 QDZ9 QHZ3 QHZ4 QEZ5",
+    "LXAL": "RBX1 RBX3",
+    "LYKA": "RBY1 RBY4",
+    "LVYKA": "RVY1 RVY2 RVY3",
+    "LS": "SSZ1 SSZ2 SSZ3 SSZ4",
+    "LMX": "QSX1 QSX2 QSX3 QSX4 QSX10 QSX12 QSX13 QSX14",
+    "LVMX": "QSX1",
+    "LMY": "QSY1 QSY2 QSY3 QSY4 QSY5 QSY6",
+    "LMP": "QCRP1",
+}
+
+
+def _numbers(file: tir.PropertyFile) -> tuple[dict[str, float], dict[str, float]]:
+    """Coefficients and scaling factors that the file's version uses, by key; 0 and 1 where the file lacks them."""
+    version = file.version
+    raw = {key: file.get(section, key) for section in tir.COEFFICIENTS for key in tir.coefficients(section, version)}
+    scale = {key: file.get(tir.SCALING, key, 1.0) for key in tir.coefficients(tir.SCALING, version)}
+    return raw, scale
+
+
+def coefficients(file: tir.PropertyFile) -> tuple[MagicFormula, PressureTerms]:
+    """Coefficients at the nominal pressure with every scaling factor in them, and how they follow the pressure.
+
+    Raises
+    ------
+    ValueError
+        A factor of load or friction that is not positive; pressure terms without a NOMPRES.
+    """
+    version = file.version
+    raw, scale = _numbers(file)
+    c = MagicFormula(
+        FNOMIN=file.get("VERTICAL", "FNOMIN"),
+        UNLOADED_RADIUS=file.get("DIMENSION", "UNLOADED_RADIUS"),
+        LONGVL=file.get("MODEL", "LONGVL"),
+        WIDTH=file.get("DIMENSION", "WIDTH"),
+        NOMPRES=file.get("OPERATING_CONDITIONS", "NOMPRES"),
+        FITTYP=float(min(version, 61)),
+    )
+    k = {key: value for key, value in raw.items() if key in c._fields}
+    for key, default in (("PKY4", 2.0), ("QSY7", 1.0)):
+        if not any(key in entries for entries in file.sections.values()):
+            k[key] = default
+    k["TURN_SLIP"] = float(any(raw.get(key) for key in tir.coefficients("TURNSLIP_COEFFICIENTS", version)))
+    if version != 60:  # MF-Tyre lets camber itself act here, the book its size
+        k["QDZ3G"], k["QDZ3"] = k["QDZ3"], 0.0
+
+    for axis, keys in (("X", ("PVX1", "PVX2")), ("Y", ("PVY1", "PVY2", "PVY3", "PVY4"))):
+        mu = k[f"LMU{axis}"] = positive(f"LMU{axis}", scale[f"LMU{axis}"])
+        for key in keys:  # vertical shifts fade by the book's law of the friction, under 5.2 by friction itself
+            k[key] *= mu if version == 52 else A_MU * mu / (1.0 + (A_MU - 1.0) * mu)
+    for key in ("QBZ1", "QBZ2", "QBZ3", "QBZ9"):
+        k[key] /= scale["LMUY"]
+    for factor, targets in _SCALES.items():
+        value = scale.get(factor, 1.0)
+        powers = {"": value, "^2": value**2, "||": abs(value)}
+        for target in targets.split():
+            key = target.removesuffix("^2").removesuffix("||")
+            if key in k:
+                k[key] *= powers[target[len(key) :]]
+    _scale_load(k, version, positive("LFZO", scale["LFZO"]))
+    c = c._replace(FNOMIN=c.FNOMIN * scale["LFZO"], **k)
+
+    terms = {key: raw[key] for key in PressureTerms._fields if key in raw}
+    terms["PFZ1"] = file.get("VERTICAL", "PFZ1")
+    terms |= {key: file.get("STRUCTURAL", key) for key in ("PCFX3", "PCFY3")}
+    if any(terms.values()) and not c.NOMPRES > 0.0:
+        raise ValueError(f"NOMPRES must be given with pressure terms, got {c.NOMPRES!r}")
+    return c, PressureTerms(inflation=c.NOMPRES, **terms)
+
+
+def _scale_load(k: dict[str, float], version: int, LFZO: float) -> None:
+    """Let ``FNOMIN`` be the scaled nominal load in terms that stay with the true one.
+
+    The book puts the scaled load everywhere; MF-Tyre keeps the true one in trail, lever, M_x and M_y.
+    """
+    if version == 60:
+        return
+    for key in ("QDZ1", "QDZ2", "SSZ2", "QSX3", "QSX6", "QSX9", "QSX11", "QSY2", "QSY6"):
+        if key in k:
+            k[key] *= LFZO
+    if version >= 61:
+        for key in ("QSY1", "QSY2", "QSY3", "QSY4", "QSY5", "QSY6"):
+            k[key] *= LFZO ** (k["QSY7"] - 1.0)
+
+
+def carcass(file: tir.PropertyFile, c: MagicFormula) -> dict[str, Any]:
+    """Relaxation lengths [m] and vertical stiffness [N/m] at the nominal load, as far as the file has them."""
+    raw, scale = _numbers(file)
+    found = {}
+    C_z = file.get("VERTICAL", "VERTICAL_STIFFNESS") * scale["LCZ"]
+    F_0 = c.FNOMIN / scale["LFZO"]
+    if file.version == 52:
+        u = F_0 / c.FNOMIN
+        df = u - 1.0
+        sigma_x = (raw["PTX1"] + raw["PTX2"] * df) * math.exp(-raw["PTX3"] * df) * c.UNLOADED_RADIUS
+        sigma_y = 0.0
+        if raw["PTY2"] != 0.0:
+            sigma_y = raw["PTY1"] * math.sin(2.0 * math.atan(u / raw["PTY2"])) * c.UNLOADED_RADIUS * scale["LFZO"]
+    else:
+        C_x, C_y = (file.get("STRUCTURAL", f"{way}_STIFFNESS") for way in ("LONGITUDINAL", "LATERAL"))
+        sigma_x = longitudinal_stiffness(c, F_0) / C_x if C_x > 0.0 else 0.0
+        sigma_y = cornering_stiffness(c, F_0) / C_y if C_y > 0.0 else 0.0
+    for key, value in (
+        ("longitudinal_relaxation_length", sigma_x * scale["LSGKP"]),
+        ("relaxation_length", sigma_y * scale["LSGAL"]),
+        ("vertical_stiffness", C_z),
+    ):
+        if value != 0.0:
+            found[key] = value
+    return found

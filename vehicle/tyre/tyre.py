@@ -1,0 +1,332 @@
+"""A tyre for users: checked inputs, symmetry, inflation pressure, packaged sets and property files.
+
+The equations are kernels on flat coefficients, in ``magic_formula``; their names serve from here too. A property file
+brings scaling factors and pressure terms beside the coefficients: both are folded into the coefficients when a tyre is
+made, so that they cost nothing in a simulation.
+"""
+
+import json
+import math
+import os
+from dataclasses import dataclass, field, replace
+from importlib.resources import as_file, files
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from steer_env.friction.numerics.check import number, positive
+from steer_env.friction.numerics.kernel import kernel
+from steer_env.vehicle.tyre import scaling, tir
+from steer_env.vehicle.tyre.coefficients import ASYMMETRY, MagicFormula, record
+from steer_env.vehicle.tyre.magic_formula import (
+    cornering_stiffness,
+    forces,
+    forces_of_four,
+    longitudinal_stiffness,
+    stiffnesses,
+)
+from steer_env.vehicle.tyre.scaling import PressureTerms
+
+__all__ = [
+    "ASYMMETRY",
+    "EXAMPLES",
+    "Limits",
+    "MagicFormula",
+    "PressureTerms",
+    "Tyre",
+    "cornering_stiffness",
+    "forces",
+    "forces_of_four",
+    "from_file",
+    "load",
+    "longitudinal_stiffness",
+    "record",
+    "save",
+    "stiffnesses",
+    "to_file",
+]
+
+
+@kernel
+def _forces_of_arrays(c, kappa, alpha, camber, F_z, v_x, mu, turn_slip, out):
+    for i in range(out.shape[1]):
+        out[:, i] = forces(c[0], kappa[i], alpha[i], camber[i], F_z[i], v_x[i], mu[i], turn_slip[i])
+
+
+class Limits(NamedTuple):
+    """Inputs that :meth:`Tyre.forces` takes, by magnitude; assumed, except where a property file names its ranges."""
+
+    kappa: float = 1.5  # longitudinal slip [-]
+    alpha: float = 1.5  # slip angle [rad]
+    camber: float = 0.2618  # 15 degrees: beyond, the fitted growth of friction by camber is absurd [rad]
+    load: float = 3.0  # F_z over FNOMIN: beyond, the quadratics in df turn over [-]
+    v_x_low: float = 1.0  # slip has no meaning at standstill [m/s]
+    v_x_high: float = 100.0  # [m/s]
+    turn_slip: float = 10.0  # a turn on a radius of 0.1 m [1/m]
+
+
+@dataclass(frozen=True)
+class Tyre:
+    """Coefficients, their source, and what a transient model needs beside them.
+
+    Raises
+    ------
+    ValueError
+        A number that is not finite or has the wrong sign, or a set whose F_y does not oppose alpha in ISO 8855.
+    """
+
+    name: str
+    source: str
+    coefficients: MagicFormula
+    limits: Limits = field(default_factory=Limits)
+    relaxation_length: float = 0.55  # lateral, assumed [m]
+    longitudinal_relaxation_length: float = 0.3  # assumed [m]
+    vertical_stiffness: float = 200e3  # assumed [N/m]
+    pressure: PressureTerms = field(default_factory=PressureTerms)
+
+    def __post_init__(self) -> None:
+        c = self.coefficients
+        for key, value in c._asdict().items():
+            number(key, value)
+        if c.FITTYP not in (52.0, 60.0, 61.0):
+            raise ValueError(f"FITTYP must be 52, 60 or 61, got {c.FITTYP!r}")
+        for key in ("FNOMIN", "UNLOADED_RADIUS", "LONGVL", "PCX1", "PDX1", "PKX1", "PCY1", "PKY2"):
+            positive(key, getattr(c, key))
+        for key in ("relaxation_length", "longitudinal_relaxation_length", "vertical_stiffness"):
+            positive(key, getattr(self, key))
+        # What can be a tyre at all: a file in other units than it says ends here.
+        number("UNLOADED_RADIUS", c.UNLOADED_RADIUS, minimum=0.05, maximum=2.0)
+        for key, value in (("PDX1", c.PDX1), ("|PDY1|", abs(c.PDY1))):
+            number(key, value, minimum=0.05, maximum=5.0)
+        if c.PKY1 * math.sin(c.PKY4 * math.atan(1.0 / c.PKY2)) >= 0.0:
+            raise ValueError(f"PKY1 must be negative (ISO 8855: alpha > 0 gives F_y < 0), got {c.PKY1!r}")
+
+    def _scale_asymmetry(self, factor: float) -> "Tyre":
+        c = self.coefficients
+        scaled = {key: factor * getattr(c, key) + 0.0 for key in ASYMMETRY}  # + 0.0: no negative zeros
+        return replace(self, coefficients=c._replace(**scaled))
+
+    def symmetric(self) -> "Tyre":
+        """This tyre without :data:`ASYMMETRY`: F_y, M_x, M_z exactly odd and F_x, M_y exactly even in (alpha, camber).
+
+        PHX and PVX stay, and with them a drag at kappa = 0: they shift kappa, and do not tell left from right.
+        """
+        return self._scale_asymmetry(0.0)
+
+    def mirrored(self) -> "Tyre":
+        """The same tyre on the other side: its F_y(alpha, camber) is exactly -F_y(-alpha, -camber) of this one."""
+        return self._scale_asymmetry(-1.0)
+
+    def at_pressure(self, p: float) -> "Tyre":
+        """This tyre at inflation pressure ``p`` [Pa]: coefficients, relaxation lengths and vertical stiffness.
+
+        Raises
+        ------
+        ValueError
+            ``p`` is not positive, the tyre names no pressure, or ``p`` turns the sign of a coefficient.
+        """
+        p = positive("inflation pressure [Pa]", p)
+        c, now = self.coefficients, self.pressure.inflation
+        if not (c.NOMPRES > 0.0 and now > 0.0):
+            raise ValueError(f"{self.name} has no nominal inflation pressure, so none can be chosen")
+        if not any(self.pressure[1:]) and p != now:
+            raise ValueError(f"{self.name} has no pressure terms: it holds at {now:g} Pa only, got {p:g}")
+        old, new = (self.pressure.factors(each / c.NOMPRES - 1.0) for each in (now, p))
+        for key, factor in (old | new).items():
+            if not (new[key] > 0.0 and old[key] > 0.0):
+                raise ValueError(
+                    f"inflation pressure {p:g} Pa is outside the fit of {self.name}: factor {factor:g} of {key}"
+                )
+        ratio = {key: new[key] / old[key] for key in new}
+        return replace(
+            self,
+            coefficients=c._replace(**{k: getattr(c, k) * f for k, f in ratio.items() if not k.startswith("C_")}),
+            relaxation_length=self.relaxation_length * _stiffness_ratio(c, ratio) / ratio["C_y"],
+            longitudinal_relaxation_length=self.longitudinal_relaxation_length * ratio["PKX1"] / ratio["C_x"],
+            vertical_stiffness=self.vertical_stiffness * ratio["C_z"],
+            pressure=self.pressure._replace(inflation=p),
+        )
+
+    def forces(self, kappa, alpha, camber, F_z, v_x, mu=1.0, turn_slip=0.0) -> tuple[np.ndarray, ...]:
+        """Steady-state forces and moments of the road on the tyre, ISO 8855.
+
+        Parameters
+        ----------
+        kappa, alpha : float or array
+            Slip ``(omega R_e - v_x)/|v_x|``, -1 for a locked wheel [-], and slip angle ``atan(v_y/|v_x|)`` [rad].
+        camber : float or array
+            Inclination about x, positive where the top leans to the right [rad].
+        F_z, v_x : float or array
+            Load [N] and speed along x: its sign, and its size in the rolling resistance [m/s].
+        mu : float or array
+            Friction of the road over that of the measurements; scales the peaks of F_x, F_y and M_zr [-].
+        turn_slip : float or array
+            Yaw rate of the wheel over ``|v_x|``, positive turning left; no effect without its coefficients [1/m].
+
+        Returns
+        -------
+        F_x, F_y, M_x, M_y, M_z : array of the shape that the inputs broadcast to
+            Forces [N] and moments about the contact centre [N m].
+
+        Raises
+        ------
+        ValueError
+            An input that is not finite or outside :attr:`limits`, or shapes that do not broadcast.
+        """
+        top = self.limits
+        arrays = [np.asarray(value, dtype=float) for value in (kappa, alpha, camber, F_z, v_x, mu, turn_slip)]
+        for name, value, low, high, unit in (
+            ("kappa", arrays[0], -top.kappa, top.kappa, ""),
+            ("alpha", arrays[1], -top.alpha, top.alpha, " rad"),
+            ("camber", arrays[2], -top.camber, top.camber, " rad"),
+            ("F_z", arrays[3], 0.0, top.load * self.coefficients.FNOMIN, " N"),
+            ("|v_x|", np.abs(arrays[4]), top.v_x_low, top.v_x_high, " m/s"),
+            ("mu", arrays[5], 0.01, 2.0, ""),
+            ("turn_slip", arrays[6], -top.turn_slip, top.turn_slip, " 1/m"),
+        ):
+            wrong = value[~((value >= low) & (value <= high))]  # NaN is wrong too
+            if wrong.size:
+                raise ValueError(f"{name} must be within {low:g} to {high:g}{unit}, got {float(wrong[0])!r}")
+        shape = np.broadcast_shapes(*(array.shape for array in arrays))
+        out = np.empty((5, math.prod(shape)))
+        _forces_of_arrays(record(self.coefficients), *(np.broadcast_to(array, shape).ravel() for array in arrays), out)
+        return tuple(out.reshape(5, *shape))
+
+
+def _stiffness_ratio(c: MagicFormula, ratio: dict[str, float]) -> float:
+    """What pressure does to the cornering stiffness at the nominal load."""
+    changed = c._replace(PKY1=c.PKY1 * ratio["PKY1"], PKY2=c.PKY2 * ratio["PKY2"])
+    return cornering_stiffness(changed, c.FNOMIN) / cornering_stiffness(c, c.FNOMIN)
+
+
+def from_file(file: tir.PropertyFile, name: str = "tyre") -> Tyre:
+    """The tyre that a property file describes, at its inflation pressure (INFLPRES, else NOMPRES).
+
+    Scaling factors are folded into the coefficients. Relaxation lengths are those at the nominal load: 5.2 by PTX and
+    PTY, the others cornering and slip stiffness over the stiffness of the carcass; ranges become :class:`Limits`,
+    where they are narrower than what the equations bear. Absent or 0, these keep the defaults of :class:`Tyre`.
+
+    Raises
+    ------
+    ValueError
+        Coefficients that :class:`Tyre` refuses, or pressure terms without a NOMPRES.
+    """
+    for section, key in (("VERTICAL", "FNOMIN"), ("DIMENSION", "UNLOADED_RADIUS")):
+        positive(key, file.get(section, key))
+    c, pressure = scaling.coefficients(file)
+    tyre = Tyre(
+        name,
+        f"property file, FITTYP {file.version}, measured on side {file.sections['MODEL'].get('TYRESIDE', 'unknown')}",
+        c,
+        _limits(file, c),
+        pressure=pressure,
+        **scaling.carcass(file, c),
+    )
+    inflation = file.get("OPERATING_CONDITIONS", "INFLPRES", c.NOMPRES)
+    return tyre.at_pressure(inflation) if inflation > 0.0 and any(pressure[1:]) else tyre
+
+
+def _limits(file: tir.PropertyFile, c: MagicFormula) -> Limits:
+    """The ranges of a file, by magnitude; tan(alpha) and the fits in camber and load bear no more than the defaults."""
+    most = Limits()
+
+    def within(section: str, low: str, high: str, widest: float, per: float = 1.0) -> float:
+        given = [abs(file.get(section, key)) / per for key in (low, high) if key in file.sections.get(section, {})]
+        given = [value for value in given if value > 0.0]
+        return min([*given, widest])
+
+    return most._replace(
+        kappa=within("LONG_SLIP_RANGE", "KPUMIN", "KPUMAX", most.kappa),
+        alpha=within("SLIP_ANGLE_RANGE", "ALPMIN", "ALPMAX", most.alpha),
+        camber=within("INCLINATION_ANGLE_RANGE", "CAMMIN", "CAMMAX", most.camber),
+        load=within("VERTICAL_FORCE_RANGE", "FZMAX", "FZMAX", most.load, c.FNOMIN),
+    )
+
+
+def to_file(tyre: Tyre) -> tir.PropertyFile:
+    """A property file for the coefficients as they are, with every scaling factor 1, in SI units.
+
+    Pressure terms are in the coefficients already: the nominal pressure of the file is the present one.
+
+    Raises
+    ------
+    ValueError
+        A tyre whose file scaled the friction: its vertical shifts fade by another law than a file can name.
+    """
+    c = tyre.coefficients
+    version = 62 if c.TURN_SLIP and c.FITTYP == 61.0 else int(c.FITTYP)
+    if (c.LMUX, c.LMUY) != (1.0, 1.0):
+        raise ValueError(f"{tyre.name} has LMUX or LMUY in its coefficients: copy its property file instead")
+    values = c._asdict()
+    if version != 60:
+        values["QDZ3"] = c.QDZ3G
+    R_0, top, p = c.UNLOADED_RADIUS, tyre.limits, tyre.pressure.inflation
+    if version == 52:  # PTY2 = 1 puts the peak of the sine at the nominal load
+        values |= {"PTX1": tyre.longitudinal_relaxation_length / R_0, "PTY1": tyre.relaxation_length / R_0, "PTY2": 1.0}
+    sections: dict[str, dict[str, Any]] = {
+        "MDI_HEADER": {"FILE_TYPE": "tir", "FILE_VERSION": 3.0, "FILE_FORMAT": "ASCII"},
+        "UNITS": {"LENGTH": "meter", "FORCE": "newton", "ANGLE": "radians", "MASS": "kg", "TIME": "second"},
+        "MODEL": {"FITTYP": float(version), "TYRESIDE": "LEFT", "LONGVL": c.LONGVL},
+        "DIMENSION": {"UNLOADED_RADIUS": R_0, "WIDTH": c.WIDTH},
+        "OPERATING_CONDITIONS": {"INFLPRES": p, "NOMPRES": p} if p > 0.0 else {},
+        "VERTICAL": {"FNOMIN": c.FNOMIN, "VERTICAL_STIFFNESS": tyre.vertical_stiffness},
+        "STRUCTURAL": {
+            "LONGITUDINAL_STIFFNESS": longitudinal_stiffness(c, c.FNOMIN) / tyre.longitudinal_relaxation_length,
+            "LATERAL_STIFFNESS": cornering_stiffness(c, c.FNOMIN) / tyre.relaxation_length,
+        },
+        "VERTICAL_FORCE_RANGE": {"FZMIN": 0.0, "FZMAX": top.load * c.FNOMIN},
+        "LONG_SLIP_RANGE": {"KPUMIN": -top.kappa, "KPUMAX": top.kappa},
+        "SLIP_ANGLE_RANGE": {"ALPMIN": -top.alpha, "ALPMAX": top.alpha},
+        "INCLINATION_ANGLE_RANGE": {"CAMMIN": -top.camber, "CAMMAX": top.camber},
+        tir.SCALING: dict.fromkeys(tir.coefficients(tir.SCALING, version), 1.0),
+    }
+    for section in tir.COEFFICIENTS:
+        sections[section] = {key: values.get(key, 0.0) for key in tir.coefficients(section, version)}
+    if version == 52:
+        del sections["STRUCTURAL"]
+    return tir.PropertyFile(version, {name: entries for name, entries in sections.items() if entries})
+
+
+def save(tyre: Tyre, path: str | os.PathLike) -> None:
+    """Write a tyre as a property file ``*.tir``: :func:`tir.write` of :func:`to_file`, which name what they refuse."""
+    if not os.fspath(path).lower().endswith(".tir"):
+        raise ValueError(f"path must end in .tir, got {os.fspath(path)!r}")
+    tir.write(path, to_file(tyre))
+
+
+_PACKAGED = {"pacejka_2006_205_60r15": "tyre_205_60R15_pacejka2006.json"}
+EXAMPLES = ("example_mf52", "example_mf61", "example_mf62")  # of the formats: plausible numbers that nobody measured
+
+
+def load(name: str | os.PathLike = "pacejka_2006_205_60r15", symmetric: bool = False) -> Tyre:
+    """A packaged tyre by its name, or one from a property file by its path, which ends in ``.tir``.
+
+    ``symmetric`` as in :meth:`Tyre.symmetric`.
+
+    Raises
+    ------
+    ValueError
+        Unknown name; a file that :func:`tir.read` or :func:`from_file` refuses.
+    OSError
+        No such file.
+    """
+    name = os.fspath(name)
+    if name.lower().endswith(".tir"):
+        file = tir.read(name)
+        try:
+            tyre = from_file(file, os.path.splitext(os.path.basename(name))[0])
+        except ValueError as problem:
+            raise ValueError(f"{name}: {problem}") from None
+    elif name in EXAMPLES:
+        with as_file(files("steer_env.vehicle").joinpath("data", f"{name}.tir")) as path:
+            tyre = from_file(tir.read(path), name)
+    elif name in _PACKAGED:
+        data = json.loads(files("steer_env.vehicle").joinpath("data", _PACKAGED[name]).read_text(encoding="utf-8"))
+        coefficients = MagicFormula(**{key: float(value) for key, value in data["coefficients"].items()})
+        tyre = Tyre(name, data["source"], coefficients, pressure=PressureTerms(inflation=coefficients.NOMPRES))
+    else:
+        raise ValueError(
+            f"tyre must be one of {', '.join(_PACKAGED)}, got {name!r}; "
+            f"or an example of the formats, {', '.join(EXAMPLES)}, or a path that ends in .tir"
+        )
+    return tyre.symmetric() if symmetric else tyre
