@@ -17,7 +17,13 @@ from steer_env.experiments.output.files import replaced_directory, write_json
 from steer_env.experiments.output.metrics_json import entries
 from steer_env.experiments.report import assessment, findings
 from steer_env.experiments.report.results import Notify, Results, Scope, collect
-from steer_env.experiments.studies import commonroad_cross_validation, friction_laws, full_vehicle, loop_width, real_time
+from steer_env.experiments.studies import (
+    commonroad_cross_validation,
+    friction_laws,
+    full_vehicle,
+    loop_width,
+    real_time,
+)
 from steer_env.metrics.common.reading import TORQUE
 from steer_env.vehicle import plant
 

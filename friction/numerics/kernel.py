@@ -63,12 +63,6 @@ def _digest_of(files: list[Path]) -> str:
     return digest.hexdigest()
 
 
-def _python_files(root: Path) -> list[Path]:
-    """Sources below a folder, through links (``Path.rglob`` follows none before Python 3.13)."""
-    walk = os.walk(root, followlinks=True)
-    return [Path(folder, name) for folder, _, names in walk for name in names if name.endswith(".py")]
-
-
 @cache
 def _package_root(file: Path) -> Path | None:
     """Topmost folder with an ``__init__.py`` that holds ``file``; None for a lone module."""
@@ -82,7 +76,7 @@ def _package_root(file: Path) -> Path | None:
 
 def _add_sources(function: Callable) -> None:
     """Count the sources behind ``function``, once."""
-    file = Path(function.__code__.co_filename)
+    file = Path(function.__code__.co_filename).resolve()  # the folder itself, not the link to it
     if not file.is_file():  # typed at a prompt: the code object is all there is
         key, digest = repr(function), hashlib.sha256(marshal.dumps(function.__code__)).hexdigest()
     else:
@@ -90,7 +84,7 @@ def _add_sources(function: Callable) -> None:
         key = str(root or file)
         if key in _digests:
             return
-        digest = _digest_of(_python_files(root) if root else [file])
+        digest = _digest_of(list(root.rglob("*.py")) if root else [file])
     _digests[key] = digest
 
 
