@@ -1,6 +1,4 @@
 """Studies, the report, training and the command line."""
 
 if __name__ != "steer_env.experiments":
-    raise ImportError(
-        f"import this package as steer_env.experiments, not as {__name__}: the bare name is no longer a package of its own"
-    )
+    raise ImportError("import this package as steer_env.experiments; the bare name is no longer a package of its own")

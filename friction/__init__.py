@@ -1,9 +1,7 @@
 """Friction laws behind one interface: ``available``, ``make``, ``response``, ``fit``."""
 
 if __name__ != "steer_env.friction":
-    raise ImportError(
-        f"import this package as steer_env.friction, not as {__name__}: the bare name is no longer a package of its own"
-    )
+    raise ImportError("import this package as steer_env.friction; the bare name is no longer a package of its own")
 
 import lazy_loader
 

@@ -1,16 +1,17 @@
 """The house rules that a machine can check: format, lint, types, direction of imports, what is installed."""
 
 import ast
+import os
 import re
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
-import tomllib
+import setuptools
 
 ROOT = Path(__file__).parents[1]
-PACKAGES = ("friction", "vehicle", "steer_env", "experiments")
+PACKAGES = ("friction", "vehicle", "experiments", "steer_env")
 
 
 @pytest.mark.parametrize(
@@ -33,19 +34,41 @@ def test_tools_are_content(command):
 
 
 def test_core_does_not_import_torch():
-    names = "friction, vehicle, steer_env.vehicle.steering.margins, steer_env, steer_env.experiments.cli.main, steer_env.experiments.report.build"
-    code = f"import sys, {names}; assert not {{'torch', 'stable_baselines3'}} & set(sys.modules)"
-    subprocess.run([sys.executable, "-c", code], check=True)
+    names = ("vehicle.steering.margins", "experiments.cli.main", "experiments.report.build", "environments")
+    modules = ", ".join(f"steer_env.{name}" for name in names)
+    code = f"import sys, {modules}; assert not {{'torch', 'stable_baselines3'}} & set(sys.modules)"
+    subprocess.run([sys.executable, "-c", code], check=True, cwd=ROOT)
 
 
 def test_every_package_is_installed_and_tests_are_not():
-    listed = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]["packages"]
-    found = {
-        ".".join(path.parent.relative_to(ROOT).parts)
+    """``packages.find`` follows the links that put the four folders into one namespace."""
+    found = set(setuptools.find_packages(str(ROOT), include=["steer_env*"]))
+    folders = {
+        ".".join(["steer_env"] * (package != "steer_env") + list(path.parent.relative_to(ROOT).parts))
         for package in PACKAGES
         for path in (ROOT / package).rglob("__init__.py")
     }
-    assert set(listed) == found
+    assert found == folders
+
+
+@pytest.mark.parametrize("package", PACKAGES[:-1])
+def test_a_bare_name_is_refused_in_one_sentence(package):
+    done = subprocess.run([sys.executable, "-c", f"import {package}"], capture_output=True, text=True, cwd=ROOT)
+    assert done.returncode == 1
+    assert f"import this package as steer_env.{package}" in done.stderr.splitlines()[-1]
+
+
+@pytest.mark.parametrize("name", ["friction", "vehicle", "experiments"])
+def test_a_folder_of_the_user_with_our_name_does_no_harm(name, tmp_path):
+    """Nothing of the project takes a generic name: a script beside a ``vehicle.py`` or a folder ``friction`` runs."""
+    (tmp_path / name).mkdir()
+    (tmp_path / name / "__init__.py").write_text("raise RuntimeError('the user's own')")
+    (tmp_path / f"{name}.py").write_text("raise RuntimeError('the user's own')")
+    script = tmp_path / "script.py"
+    script.write_text("import steer_env.experiments.cli.main, steer_env.environments\nprint('runs')\n")
+    environment = os.environ | {"PYTHONPATH": str(ROOT)}
+    done = subprocess.run([sys.executable, script], capture_output=True, text=True, cwd=tmp_path, env=environment)
+    assert done.stdout == "runs\n", done.stderr
 
 
 @pytest.mark.parametrize("package", PACKAGES)

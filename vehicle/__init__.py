@@ -1,9 +1,7 @@
 """The car: tyre, strut, column, assist, chassis, and the plant that couples them."""
 
 if __name__ != "steer_env.vehicle":
-    raise ImportError(
-        f"import this package as steer_env.vehicle, not as {__name__}: the bare name is no longer a package of its own"
-    )
+    raise ImportError("import this package as steer_env.vehicle; the bare name is no longer a package of its own")
 
 import lazy_loader
 

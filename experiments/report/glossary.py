@@ -21,7 +21,7 @@ from steer_env.tuning.env import KNOWN, TuneEnv
 from steer_env.vector import SteerVectorEnv
 from steer_env.vehicle import cars
 
-DOCS = Path(__file__).parents[2] / "docs"
+DOCS = Path(__file__).resolve().parents[2] / "docs"
 _METRICS = """# Tests and metrics
 
 Written by `python -m steer_env.experiments.report.glossary` from the definitions in `steer_env/manoeuvres/` and `steer_env/metrics/`; no

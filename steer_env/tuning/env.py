@@ -13,6 +13,7 @@ from steer_env.env import check_keywords, clipped
 from steer_env.friction.numerics.check import number
 from steer_env.metrics import Value, definition
 from steer_env.randomise import LIMITS, Conditions, Randomise
+from steer_env.targets import load as load_targets
 from steer_env.tasks import Quantity
 from steer_env.tuning import context, reward, scenarios
 from steer_env.tuning.parameters import PARAMETERS, tuned, values
@@ -105,7 +106,7 @@ class TuneEnv(gym.Env):
         self._limits["road_friction"] = self.scenario.slipperiest, LIMITS["road_friction"][1]
         self.speed = number("speed [m/s]", speed, minimum=low, maximum=high)
         self._randomise = Randomise(randomise, friction, self.speed, self._limits)
-        self.targets = targets.load(targets)
+        self.targets = load_targets(targets)
         self.terms = reward.terms(self.scenario, self.targets, weights)
         self._quantities = observed(self.scenario)
         bound = np.array([quantity.bound for quantity in self._quantities], np.float32)

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from steer_env import manoeuvres, metrics, targets
+from steer_env import recording as recordings
 from steer_env.experiments.cli.main import main
 from steer_env.experiments.report import assessment
 from steer_env.experiments.studies import simulation_vs_measurement
 from steer_env.metrics import Value
-from steer_env.recording import files
 from steer_env.recording.recording import Recording
 from steer_env.synthetic.frequency_response import swept_sine
 from steer_env.targets import Band, Light, light
@@ -164,7 +164,7 @@ def test_bad_tolerances_are_refused(text, message, tmp_path):
 
 @pytest.mark.parametrize("suffix", [".csv", ".mf4", ".mat"])
 def test_evaluate_gives_the_numbers_of_run(suffix, weaves, tmp_path, capsys):
-    files.write(weaves["lugre"], tmp_path / f"weave{suffix}")
+    recordings.write(weaves["lugre"], tmp_path / f"weave{suffix}")
     out = tmp_path / "out"
     assert main(["evaluate", str(tmp_path / f"weave{suffix}"), "--targets", "compact", "--out", str(out)]) == 0
     data = json.loads((out / "evaluation.json").read_text())
@@ -180,7 +180,7 @@ def test_evaluate_gives_the_numbers_of_run(suffix, weaves, tmp_path, capsys):
 def test_two_recordings_side_by_side(weaves, tmp_path, capsys):
     files = [tmp_path / f"{law}.csv" for law in weaves]
     for path, recording in zip(files, weaves.values()):
-        files.write(recording, path)
+        recordings.write(recording, path)
     assert main(["evaluate", "--compare", *map(str, files), "--out", str(tmp_path / "out")]) == 0
     a, b = (metrics.evaluate(recording)["torque_deadband"].value for recording in weaves.values())
     found = json.loads((tmp_path / "out" / "evaluation.json").read_text())["differences"]["torque_deadband"]
@@ -195,7 +195,7 @@ def test_two_recordings_side_by_side(weaves, tmp_path, capsys):
 def test_the_mapping_is_the_first_recordings(weaves, tmp_path, capsys):
     """A measured file with its own names against a simulated one, which needs no mapping."""
     measured, simulated = tmp_path / "measured.csv", tmp_path / "simulated.csv"
-    files.write(weaves["viscous"], simulated)
+    recordings.write(weaves["viscous"], simulated)
     lines = simulated.read_text().splitlines()
     first = next(k for k, line in enumerate(lines) if not line.startswith("#"))
     lines[first] = lines[first].replace("handwheel_angle_deg", "SWA_deg")
@@ -208,7 +208,7 @@ def test_the_mapping_is_the_first_recordings(weaves, tmp_path, capsys):
 
 def test_a_file_that_names_no_test_needs_its_name(weaves, tmp_path, capsys):
     clean = weaves["lugre"]
-    files.write(Recording(clean.time, clean.channels, clean.units), tmp_path / "bare.csv")
+    recordings.write(Recording(clean.time, clean.channels, clean.units), tmp_path / "bare.csv")
     assert main(["evaluate", str(tmp_path / "bare.csv")]) == 2
     assert "does not name its test: give --manoeuvre, one of" in capsys.readouterr().err
 
@@ -225,7 +225,7 @@ def test_a_file_that_names_no_test_needs_its_name(weaves, tmp_path, capsys):
 )
 def test_bad_options_end_in_one_line(options, message, weaves, tmp_path, capsys):
     path = tmp_path / "weave.csv"
-    files.write(weaves["lugre"].between(0.0, 12.0), path)
+    recordings.write(weaves["lugre"].between(0.0, 12.0), path)
     main(["evaluate", *(str(path) if option == "FILE" else option for option in options)])
     printed = capsys.readouterr()
     assert message in printed.out + printed.err

@@ -47,8 +47,8 @@ def test_toy_law_equals_masing_with_one_element(toy):
 
 REPORT = """
 import json, sys, numpy as np
-import friction
-from friction import law
+from steer_env import friction
+from steer_env.friction import law
 from steer_env.friction.numerics.kernel import cache_directory
 {imports}
 p = friction.make({name!r})

@@ -1,5 +1,5 @@
 from .coefficients import ASYMMETRY, MagicFormula, record
-from .magic_formula import cornering_stiffness, forces_of_four, longitudinal_stiffness, stiffnesses
+from .magic_formula import cornering_stiffness, forces, forces_of_four, longitudinal_stiffness, stiffnesses
 from .tyre import EXAMPLES, Limits, Tyre, from_file, load, save, to_file
 
 __all__ = [
@@ -9,6 +9,7 @@ __all__ = [
     "MagicFormula",
     "Tyre",
     "cornering_stiffness",
+    "forces",
     "forces_of_four",
     "from_file",
     "load",
