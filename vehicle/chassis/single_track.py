@@ -23,7 +23,7 @@ from steer_env.friction.numerics.bounds import within
 from steer_env.friction.numerics.kernel import kernel
 from steer_env.vehicle import chassis, tyre
 from steer_env.vehicle.chassis.common.interface import WIND_FORCE, WIND_MOMENT
-from steer_env.vehicle.simd import alike, four, lanes, take
+from steer_env.vehicle.simd import broadcast, load, pack, unpack
 from steer_env.vehicle.suspension import kinematics_table
 
 GRAVITY = 9.80665  # standard gravity [m/s2]
@@ -168,15 +168,15 @@ def derivative(p, strut, c, x, rack, rack_rate, u, dx, out):
     left = kinematics_table.left(strut, tie_rods, -half_f * phi)
     right = kinematics_table.right(strut, tie_rods, half_f * phi)
 
-    slips = take(x, SLIP_FL)
-    camber = four(left.inclination + phi, right.inclination + phi, 0.0, 0.0)
-    loads = four(load_fl, load_fr, load_rl, load_rr)
-    F_x, F_y, M_x, M_y, M_z = tyre.forces_of_four(c, None, slips, camber, loads, alike(p.v_x), alike(p.mu))
-    Fx_fl, Fx_fr, Fx_rl, Fx_rr = lanes(F_x)
-    Fy_fl, Fy_fr, Fy_rl, Fy_rr = lanes(F_y)
-    Mx_fl, Mx_fr, _, _ = lanes(M_x)
-    My_fl, My_fr, My_rl, My_rr = lanes(M_y)
-    Mz_fl, Mz_fr, Mz_rl, Mz_rr = lanes(M_z)
+    slips = load(x, SLIP_FL)
+    camber = pack(left.inclination + phi, right.inclination + phi, 0.0, 0.0)
+    loads = pack(load_fl, load_fr, load_rl, load_rr)
+    F_x, F_y, M_x, M_y, M_z = tyre.forces_of_four(c, None, slips, camber, loads, broadcast(p.v_x), broadcast(p.mu))
+    Fx_fl, Fx_fr, Fx_rl, Fx_rr = unpack(F_x)
+    Fy_fl, Fy_fr, Fy_rl, Fy_rr = unpack(F_y)
+    Mx_fl, Mx_fr, _, _ = unpack(M_x)
+    My_fl, My_fr, My_rl, My_rr = unpack(M_y)
+    Mz_fl, Mz_fr, Mz_rl, Mz_rr = unpack(M_z)
 
     # An open differential halves the drive; its torque is reacted inboard, so it acts at the wheel centres, and so does
     # rolling resistance, which a free wheel's bearing cannot take as a torque.

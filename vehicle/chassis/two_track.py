@@ -43,18 +43,18 @@ from steer_env.vehicle.chassis.common.interface import (
 )
 from steer_env.vehicle.simd import (
     any_of,
-    beside,
     copysign,
     cos,
     fabs,
-    four,
-    lanes,
+    load,
     maximum,
     minimum,
-    put,
+    pack,
     sin,
     sqrt,
-    take,
+    store,
+    swap_sides,
+    unpack,
     where,
 )
 from steer_env.vehicle.suspension import kinematics_table
@@ -230,13 +230,13 @@ def _pressed(out, before, s, u):
 @kernel
 def _axles(front, rear):
     """What both wheels of each axle have."""
-    return four(front, front, rear, rear)
+    return pack(front, front, rear, rear)
 
 
 @kernel
 def _front(left, right):
     """What only the front wheels have."""
-    return four(left, right, 0.0, 0.0)
+    return pack(left, right, 0.0, 0.0)
 
 
 @kernel
@@ -277,7 +277,7 @@ def _turned(angle):
 @kernel
 def _pair(x):
     """Sum over the wheels that is the same to the bit for the mirrored car."""
-    fl, fr, rl, rr = lanes(x)
+    fl, fr, rl, rr = unpack(x)
     return (fl + fr) + (rl + rr)
 
 
@@ -316,9 +316,9 @@ def derivative(p, strut, c, x, rack, rack_rate, u, dx, out):
     """
     d = p.body[0]
     v_x, v_y, v_z, w_x, w_y, w_z = x[U], x[V], x[W], x[P], x[Q], x[R]
-    angles = four(x[ROLL], x[PITCH], x[YAW], 0.0)
-    c_r, c_p, c_y, _ = lanes(cos(angles))
-    s_r, s_p, s_y, _ = lanes(sin(angles))
+    angles = pack(x[ROLL], x[PITCH], x[YAW], 0.0)
+    c_r, c_p, c_y, _ = unpack(cos(angles))
+    s_r, s_p, s_y, _ = unpack(sin(angles))
     # Body to road frame.
     a11, a12, a13 = c_p, s_p * s_r, s_p * c_r
     a22, a23 = c_r, -s_r
@@ -343,8 +343,8 @@ def derivative(p, strut, c, x, rack, rack_rate, u, dx, out):
     brake_f, brake_r = drivetrain.brake_torques(p.brakes, pedal, _unit(u[HAND_BRAKE]))
 
     # Kinematics of the wheels in the body. A right strut is the left one in a mirror.
-    side, front = four(1.0, -1.0, 1.0, -1.0), four(1.0, 1.0, 0.0, 0.0) > 0.0
-    s, s_rate = take(x, TRAVEL), take(x, TRAVEL_RATE)
+    side, front = pack(1.0, -1.0, 1.0, -1.0), pack(1.0, 1.0, 0.0, 0.0) > 0.0
+    s, s_rate = load(x, TRAVEL), load(x, TRAVEL_RATE)
     travel_l, travel_r = x[TRAVEL], x[TRAVEL + 1]
     left, right = kinematics_table.left(strut, tie_rods, travel_l), kinematics_table.left(strut, -tie_rods, travel_r)
     knuckle = kinematics_table.Knuckle(
@@ -362,17 +362,17 @@ def derivative(p, strut, c, x, rack, rack_rate, u, dx, out):
         kinematics_table.left_travel(strut, -tie_rods, travel_r),
     )
     centre_x, carrier_pitch = _front(up_l.centre_x, up_r.centre_x), _front(up_l.pitch, up_r.pitch)
-    contact_y = side * four(up_l.contact_y, up_r.contact_y, d.path_r, d.path_r)
-    lean = side * four(up_l.roll, up_r.roll, d.camber_r, d.camber_r)
+    contact_y = side * pack(up_l.contact_y, up_r.contact_y, d.path_r, d.path_r)
+    lean = side * pack(up_l.roll, up_r.roll, d.camber_r, d.camber_r)
     compression = where(front, _front(up_l.compression, up_r.compression), s)
-    compression_rate = four(up_l.compression_rate, up_r.compression_rate, 1.0, 1.0)
+    compression_rate = pack(up_l.compression_rate, up_r.compression_rate, 1.0, 1.0)
     steer = side * where(front, knuckle.steer_angle, d.steer_r * s)
     camber = side * where(front, knuckle.inclination, d.camber_r * s) + x[ROLL]  # to the road, at small pitch and roll
     turning = W_z + knuckle.M_z * rack_rate
     spring = (
         _axles(d.S_f, d.S_r) + _axles(d.K_f, d.K_r) * compression + _axles(d.C_f, d.C_r) * compression_rate * s_rate
     )
-    spring = compression_rate * spring + _axles(d.B_f, d.B_r) * (s - beside(s))
+    spring = compression_rate * spring + _axles(d.B_f, d.B_r) * (s - swap_sides(s))
     spring += _stop(d.K_stop, _axles(d.clear_f, d.clear_r), s)
 
     # Wheel centre from O in the road frame, height over the road, load.
@@ -393,11 +393,11 @@ def derivative(p, strut, c, x, rack, rack_rate, u, dx, out):
     contact = V_y + W_z * r_x - W_x * (r_z - below) + (a23 + contact_y) * s_rate
     ahead = centre - below * (W_y + carrier_pitch * s_rate)  # of the contact, along x
     c_s, s_s = _turned(steer)
-    spin, rolling = take(x, SPIN), centre * c_s + contact * s_s
+    spin, rolling = load(x, SPIN), centre * c_s + contact * s_s
     slip_x, slip_y = rolling - d.R_e * spin, contact * c_s - ahead * s_s
 
     # Forces of the relaxed slips; the tyre's structure damps them at standstill, where rolling does not.
-    kappa, tan_a = take(x, KAPPA), take(x, ALPHA)
+    kappa, tan_a = load(x, KAPPA), load(x, ALPHA)
     fast = fabs(rolling)
     slow = 1.0 - minimum(fast * (1.0 / DAMPED_BELOW), 1.0)
     slow *= slow
@@ -410,10 +410,10 @@ def derivative(p, strut, c, x, rack, rack_rate, u, dx, out):
     # Torsion about z. Fast rolling, or fast turning under a small load, leaves nothing of it: keep the rule stable.
     relative = F_z * (1.0 / d.torsion_load)
     level = maximum(mu * relative * sqrt(relative), 1e-9)
-    level_fl, level_fr, level_rl, level_rr = lanes(level)
-    turning_fl, turning_fr, turning_rl, turning_rr = lanes(turning)
+    level_fl, level_fr, level_rl, level_rr = unpack(level)
+    turning_fl, turning_fr, turning_rl, turning_rr = unpack(turning)
     k = TORSION
-    torsion = four(
+    torsion = pack(
         _torsion(p.torsion, level_fl, x[k : k + 1], turning_fl, dx[k : k + 1]),
         _torsion(p.torsion, level_fr, x[k + 1 : k + 2], turning_fr, dx[k + 1 : k + 2]),
         _torsion(p.torsion, level_rl, x[k + 2 : k + 3], turning_rl, dx[k + 2 : k + 3]),
@@ -422,7 +422,7 @@ def derivative(p, strut, c, x, rack, rack_rate, u, dx, out):
     M_z = M_z * whole - torsion
     carried = fast * (1.0 / d.sigma_z)
     fastest = carried + fabs(turning) * (p.torsion.sigma_0 / p.torsion.F_c) / level
-    put(dx, k, (take(dx, k) - carried * take(x, k)) * minimum(FASTEST_FADING / (fastest + 1e-9), 1.0))
+    store(dx, k, (load(dx, k) - carried * load(x, k)) * minimum(FASTEST_FADING / (fastest + 1e-9), 1.0))
 
     if d.give_r != 0.0:
         # Compliance steer needs the force first; only the damping at standstill went without it.
@@ -437,8 +437,8 @@ def derivative(p, strut, c, x, rack, rack_rate, u, dx, out):
         K_x, K_y = tyre.stiffnesses(c, F_z)
         kappa_rate += _let_go(kappa, F_x, K_x, fast)
         alpha_rate += _let_go(tan_a, F_y, K_y, fast)
-    put(dx, KAPPA, kappa_rate)
-    put(dx, ALPHA, alpha_rate)
+    store(dx, KAPPA, kappa_rate)
+    store(dx, ALPHA, alpha_rate)
 
     # A brake that slides gives its capacity; one that holds, what the wheel needs to stand still.
     capacity, drive = _axles(brake_f, brake_r), _axles(0.5 * drive_f, 0.5 * drive_r)
@@ -446,7 +446,7 @@ def derivative(p, strut, c, x, rack, rack_rate, u, dx, out):
     held = minimum(maximum(road_torque + drive, -capacity), capacity)
     brake = where(spin == 0.0, held, copysign(capacity, spin))
     braked = -brake * (1.0 / d.R_e)  # the part of F_x that the brake holds
-    rack_left, rack_right, _, _ = lanes(
+    rack_left, rack_right, _, _ = unpack(
         kinematics_table.rack_force(
             knuckle, side * braked, side * (F_x - braked - F_z * slope), F_y, side * F_z, M_x, M_z
         )
@@ -468,19 +468,19 @@ def derivative(p, strut, c, x, rack, rack_rate, u, dx, out):
         - spring
         + _axles(d.m_f, d.m_r) * (d.g_z + w_y * v_x - w_x * v_y)
     )
-    out[1], out[2], _, _ = lanes(steer)
-    put(out, _LOAD, F_z)
-    put(out, _FX, F_x)
-    put(out, _FY, F_y)
-    put(out, _MZ, M_z)
-    put(out, _SPIN_TORQUE, road_torque)
-    put(out, _X, X_i)
-    put(out, _Y, Y_i)
-    put(out, _MX, moment_x)
-    put(out, _MY, moment_y)
-    put(out, _MZ_SUM, moment_z)
-    put(out, _Q, travel_force)
-    put(dx, SPIN, road_torque + drive - brake)
+    out[1], out[2], _, _ = unpack(steer)
+    store(out, _LOAD, F_z)
+    store(out, _FX, F_x)
+    store(out, _FY, F_y)
+    store(out, _MZ, M_z)
+    store(out, _SPIN_TORQUE, road_torque)
+    store(out, _X, X_i)
+    store(out, _Y, Y_i)
+    store(out, _MX, moment_x)
+    store(out, _MY, moment_y)
+    store(out, _MZ_SUM, moment_z)
+    store(out, _Q, travel_force)
+    store(dx, SPIN, road_torque + drive - brake)
 
     # The shafts give the wheels, and the body the other way, less than the engine gives where it speeds up.
     engine = 0.0

@@ -37,16 +37,16 @@ import math
 
 from steer_env.friction.numerics.kernel import kernel
 from steer_env.vehicle.simd import (
-    alike,
     any_of,
     atan,
+    broadcast,
     copysign,
     cos,
     exp,
     fabs,
+    first,
     maximum,
     minimum,
-    one,
     power,
     sin,
     sqrt,
@@ -93,19 +93,19 @@ def _slip_stiffness(c, F_z, df):
 @kernel
 def stiffnesses(c, F_z):
     """:func:`longitudinal_stiffness` and :func:`cornering_stiffness` of four tyres."""
-    return _slip_stiffness(c, F_z, F_z / c.FNOMIN - 1.0), fabs(_cornering(c, F_z, alike(0.0)))
+    return _slip_stiffness(c, F_z, F_z / c.FNOMIN - 1.0), fabs(_cornering(c, F_z, broadcast(0.0)))
 
 
 @kernel
 def longitudinal_stiffness(c, F_z):
     """Slope of F_x over kappa where kappa + S_H = 0 [N per unit slip]."""
-    return one(stiffnesses(c, alike(F_z))[0])
+    return first(stiffnesses(c, broadcast(F_z))[0])
 
 
 @kernel
 def cornering_stiffness(c, F_z):
     """Size of the slope of F_y over alpha at camber 0 where alpha + S_H = 0 [N/rad]."""
-    return one(stiffnesses(c, alike(F_z))[1])
+    return first(stiffnesses(c, broadcast(F_z))[1])
 
 
 @kernel
@@ -116,7 +116,7 @@ def _upright(c, alpha, F_z, mu, fade):
     D = (c.PDY1 + c.PDY2 * df) * mu * F_z
     E = minimum((c.PEY1 + c.PEY2 * df) * (1.0 - c.PEY3 * copysign(1.0, x)), 1.0)
     S_V = F_z * (c.PVY1 + c.PVY2 * df) * fade
-    x *= _cornering(c, F_z, alike(0.0)) / (D * c.PCY1)
+    x *= _cornering(c, F_z, broadcast(0.0)) / (D * c.PCY1)
     return D * sin(c.PCY1 * atan(_curve(x, E))) + S_V
 
 
@@ -130,9 +130,9 @@ def _steady(c, kappa, alpha, tan_a, camber, F_z, v_x, mu, turn_slip):
     lifted = F_z < 1e-6
     F_z = maximum(F_z, 1e-6)
     book = c.FITTYP == 60.0  # else MF-Tyre, which takes angles where the book takes their sine or tangent
-    way = where(v_x >= 0.0, alike(1.0), -1.0)
+    way = where(v_x >= 0.0, broadcast(1.0), -1.0)
     alpha, tan_a, g = way * alpha, way * tan_a, way * (sin(camber) if book else camber)
-    slip = alike(0.0) if kappa is None else way * kappa
+    slip = broadcast(0.0) if kappa is None else way * kappa
     slips = kappa is not None and any_of(slip != 0.0)
     a = tan_a if book else alpha
     g2, g_abs = g * g, fabs(g)
@@ -141,7 +141,7 @@ def _steady(c, kappa, alpha, tan_a, camber, F_z, v_x, mu, turn_slip):
     R_0 = c.UNLOADED_RADIUS
     u = F_z * per_load
     df = u - 1.0
-    fade_x = fade_y = per_mu = alike(1.0)
+    fade_x = fade_y = per_mu = broadcast(1.0)
     if any_of(mu != 1.0):
         per_mu = 1.0 / mu
         y = A_MU - 1.0 if c.FITTYP != 52.0 else 0.0
@@ -150,8 +150,8 @@ def _steady(c, kappa, alpha, tan_a, camber, F_z, v_x, mu, turn_slip):
 
     # Spin over R_0, of the turn and of camber, positive where both turn the contact to the left as seen from above
     spins = turn_slip is not None and turn_slip != 0.0 and c.TURN_SLIP != 0.0
-    spin = alike(0.0)
-    camber_share = zeta_1 = zeta_2 = zeta_3 = zeta_5 = zeta_6 = alike(1.0)
+    spin = broadcast(0.0)
+    camber_share = zeta_1 = zeta_2 = zeta_3 = zeta_5 = zeta_6 = broadcast(1.0)
     if turn_slip is not None and spins:
         camber_share = 1.0 - c.PECP1 * (1.0 + c.PECP2 * df)
         spin = R_0 * turn_slip + camber_share * (1.0 + slip) * cos_a * (g if book else sin(g))
@@ -164,7 +164,7 @@ def _steady(c, kappa, alpha, tan_a, camber, F_z, v_x, mu, turn_slip):
         zeta_6 = _shrink(c.QBRP1 * spin)
 
     # F_x at pure slip, and its weight
-    F_x = dF_x = K_x = alike(0.0)
+    F_x = dF_x = K_x = broadcast(0.0)
     shift = c.PHX1 + c.PHX2 * df
     S_Vx = F_z * (c.PVX1 + c.PVX2 * df) * fade_x * zeta_1
     if slips or any_of(shift != 0.0) or any_of(S_Vx != 0.0):
@@ -200,8 +200,8 @@ def _steady(c, kappa, alpha, tan_a, camber, F_z, v_x, mu, turn_slip):
         S_H += c.PHY3 * g
     elif turn_slip is not None and spins and c.PHYP1 != 0.0:
         y = c.PHYP1 * (c.PHYP2 + c.PHYP3 * df)
-        x = K_yg / (camber_share * y * _cornering(c, F_z, alike(0.0)) * zeta_3) * spin
-        x = _curve(x, minimum(alike(c.PHYP4), 1.0))
+        x = K_yg / (camber_share * y * _cornering(c, F_z, broadcast(0.0)) * zeta_3) * spin
+        x = _curve(x, minimum(broadcast(c.PHYP4), 1.0))
         S_H += y / c.PHYP1 * sin(c.PHYP1 * atan(x)) - S_Vg * per_K
     else:
         S_H += (K_yg * g - S_Vg) * per_K
@@ -244,7 +244,7 @@ def _steady(c, kappa, alpha, tan_a, camber, F_z, v_x, mu, turn_slip):
     t *= cos(c.QCZ1 * atan(_curve(B * a_t, E)))
 
     # What kappa does to F_y; at kappa = 0 each factor is exactly one and each term exactly zero
-    G_y, S_Vk = alike(1.0), alike(0.0)
+    G_y, S_Vk = broadcast(1.0), broadcast(0.0)
     if kappa is not None and slips:
         S_H = c.RHY1 + c.RHY2 * df
         E = minimum(c.REY1 + c.REY2 * df, 1.0)
@@ -259,13 +259,13 @@ def _steady(c, kappa, alpha, tan_a, camber, F_z, v_x, mu, turn_slip):
     fall = 1.0 / sqrt(1.0 + B * B * a_r2)  # cos(atan(B alpha_r))
     D = (c.QDZ6 + c.QDZ7 * df) * zeta_2
     y = (c.QDZ8 + c.QDZ9 * df + (c.QDZ10 + c.QDZ11 * df) * g_abs) * g
-    M_spin = alike(0.0)
+    M_spin = broadcast(0.0)
     if turn_slip is not None and spins and c.QCRP1 != 0.0:
         M_turn = c.QCRP1 * fabs(D_y) / zeta_2 * R_0 * sqrt(u)
         C = c.QDRP1
         M_spin = M_turn / math.sin(0.5 * math.pi * C)
         x = F_z * R_0 * (c.QDZ8 + c.QDZ9 * df) / (c.LMUY * camber_share * C * M_spin) * spin
-        M_spin *= sin(C * atan(_curve(x, minimum(alike(c.QDRP2), 1.0))))
+        M_spin *= sin(C * atan(_curve(x, minimum(broadcast(c.QDRP2), 1.0))))
         if any_of(M_spin != 0.0):
             x = minimum(M_turn * (2.0 / math.pi) * atan(c.QCRP2 * fabs(spin)) * G_y / fabs(M_spin), 1.0)
             # A share of the right angle: acos x by its half angle
@@ -306,11 +306,11 @@ def forces(c, kappa, alpha, camber, F_z, v_x, mu=1.0, turn_slip=0.0):
 
     Unchecked, for any ``v_x`` and ``F_z >= 0``; at standstill the caller must blend the result out.
     """
-    tan_a = alike(math.tan(alpha))
+    tan_a = broadcast(math.tan(alpha))
     F_x, F_y, M_x, M_y, M_z = _steady(
-        c, alike(kappa), alike(alpha), tan_a, alike(camber), alike(F_z), alike(v_x), alike(mu), turn_slip
+        c, broadcast(kappa), broadcast(alpha), tan_a, broadcast(camber), broadcast(F_z), broadcast(v_x), broadcast(mu), turn_slip
     )
-    return one(F_x), one(F_y), one(M_x), one(M_y), one(M_z)
+    return first(F_x), first(F_y), first(M_x), first(M_y), first(M_z)
 
 
 @kernel
