@@ -23,8 +23,15 @@ from steer_env.friction.law import law_of
 from steer_env.friction.numerics.bounds import within
 from steer_env.friction.numerics.kernel import kernel, part
 from steer_env.vehicle import chassis
-from steer_env.vehicle.chassis import single_track, two_track  # noqa: F401 (both register themselves)
-from steer_env.vehicle.chassis.common.interface import ASSIST_REQUEST, HAND, HAND_SPEED, INPUTS, RACK_DISTURBANCE, Names
+from steer_env.vehicle.chassis.common.interface import (
+    ASSIST_REQUEST,
+    COMMON_CHANNELS,
+    HAND,
+    HAND_SPEED,
+    INPUTS,
+    RACK_DISTURBANCE,
+    Names,
+)
 from steer_env.vehicle.steering import column, eps
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
 
@@ -76,7 +83,7 @@ _OWN_CHANNELS: Names = (
 )
 _OWN = len(_OWN_CHANNELS)
 # The channels that every plant begins with; :func:`channels` tells all of a plant's.
-CHANNELS: Names = (*_OWN_CHANNELS, *single_track.CHANNELS)
+CHANNELS: Names = (*_OWN_CHANNELS, *COMMON_CHANNELS)
 CHANNEL = {name: i for i, (name, _) in enumerate(CHANNELS)}
 
 STEPS_PER_NODE = 2  # column steps for each evaluation of the chassis

@@ -22,12 +22,10 @@ from typing import NamedTuple
 from steer_env.friction.numerics.bounds import within
 from steer_env.friction.numerics.kernel import kernel
 from steer_env.vehicle import chassis, tyre
-from steer_env.vehicle.chassis.common.interface import WIND_FORCE, WIND_MOMENT
+from steer_env.vehicle.chassis.common.interface import COMMON_CHANNELS, COMMON_OUTPUTS, WIND_FORCE, WIND_MOMENT
+from steer_env.vehicle.constants import GRAVITY
 from steer_env.vehicle.simd import broadcast, load, pack, unpack
 from steer_env.vehicle.suspension import kinematics_table
-
-GRAVITY = 9.80665  # standard gravity [m/s2]
-AIR_DENSITY = 1.2  # [kg/m3]
 
 # Where each state stands in the chassis' slice of the state array, with its unit.
 STATES = (
@@ -65,23 +63,8 @@ STATES = (
     Y,
 ) = range(len(STATES))
 
-# What the chassis reports besides its states, in this order.
-OUTPUTS = (
-    ("lateral_acceleration", "m/s2"),
-    ("road_wheel_angle_left", "rad"),
-    ("road_wheel_angle_right", "rad"),
-    ("wheel_load_front_left", "N"),
-    ("wheel_load_front_right", "N"),
-    ("wheel_load_rear_left", "N"),
-    ("wheel_load_rear_right", "N"),
-    ("front_lateral_force", "N"),
-    ("rear_lateral_force", "N"),
-)
-
-
-# Published, in this order: these states, then the outputs.
-PUBLISHED = (LATERAL_SPEED, YAW_RATE, ROLL, YAW, X, Y, DRIVE_FORCE)
-CHANNELS = (*(STATES[i] for i in PUBLISHED), *OUTPUTS)
+# Channels that the state supplies, in the order of COMMON_CHANNELS; the outputs follow.
+_REPORTED = (LATERAL_SPEED, YAW_RATE, ROLL, YAW, X, Y, DRIVE_FORCE)
 
 
 class SingleTrack(NamedTuple):
@@ -142,7 +125,7 @@ def derivative(p, strut, c, x, rack, rack_rate, u, dx, out):
     dx : (15,) array
         Receives the derivative.
     out : (9,) array
-        Receives the values of ``OUTPUTS``.
+        Receives the values of ``COMMON_OUTPUTS``.
 
     Returns
     -------
@@ -250,8 +233,8 @@ def derivative(p, strut, c, x, rack, rack_rate, u, dx, out):
 
 
 _SIZE = len(STATES)
-_OUTPUTS = len(OUTPUTS)
-_LEAD = len(PUBLISHED)
+_OUTPUTS = len(COMMON_OUTPUTS)
+_LEAD = len(_REPORTED)
 
 
 @kernel
@@ -295,8 +278,8 @@ chassis.register(
     "single_track",
     SingleTrack,
     states=STATES,
-    outputs=OUTPUTS,
-    channels=CHANNELS,
+    outputs=COMMON_OUTPUTS,
+    channels=COMMON_CHANNELS,
     start=_start,
     derivative=derivative,
     advance=_advance,

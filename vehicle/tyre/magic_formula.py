@@ -308,7 +308,15 @@ def forces(c, kappa, alpha, camber, F_z, v_x, mu=1.0, turn_slip=0.0):
     """
     tan_a = broadcast(math.tan(alpha))
     F_x, F_y, M_x, M_y, M_z = _steady(
-        c, broadcast(kappa), broadcast(alpha), tan_a, broadcast(camber), broadcast(F_z), broadcast(v_x), broadcast(mu), turn_slip
+        c,
+        broadcast(kappa),
+        broadcast(alpha),
+        tan_a,
+        broadcast(camber),
+        broadcast(F_z),
+        broadcast(v_x),
+        broadcast(mu),
+        turn_slip,
     )
     return first(F_x), first(F_y), first(M_x), first(M_y), first(M_z)
 
