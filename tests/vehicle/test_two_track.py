@@ -371,7 +371,9 @@ def test_engine_speeding_up_is_carried_by_the_body():
 
 def tossed():
     """A car without friction, dampers and air."""
-    p = changed(make(15.0), C_f=0.0, C_r=0.0, drag=0.0, lift_f=0.0, lift_r=0.0, clearance_f=0.01, clearance_r=0.01, T_rack=1e12)
+    p = changed(
+        make(15.0), C_f=0.0, C_r=0.0, drag=0.0, lift_f=0.0, lift_r=0.0, clearance_f=0.01, clearance_r=0.01, T_rack=1e12
+    )
     gone = {key: 0.0 for key in TYRE.coefficients._fields if key[0] in "PQRS"} | {"PKY1": -1e-12, "PDX1": 1e-12}
     gone |= {key: getattr(TYRE.coefficients, key) for key in ("PCX1", "PCY1", "PKY2", "PKY4", "PDY1")}
     return p._replace(tyre=tyre.record(TYRE.coefficients._replace(**gone)))
