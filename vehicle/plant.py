@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from steer_env.friction.law import law_of
 from steer_env.friction.numerics.bounds import within
+from steer_env.friction.numerics.interpolation import hermite
 from steer_env.friction.numerics.kernel import kernel, part
 from steer_env.vehicle import chassis
 from steer_env.vehicle.chassis.common.interface import (
@@ -240,7 +241,9 @@ def run(p, state, inputs, record, substeps):
         for j in range(substeps):
             hand, hand_speed = u[HAND], u[HAND_SPEED]
             if p.robot > 0.0 and j + 1 < substeps:
-                hand, hand_speed = _hermite((j + 1) / substeps, start, start_speed, hand, hand_speed)
+                T = SAMPLE_TIME
+                hand, slope = hermite((j + 1) / substeps, start, hand, start_speed * T, hand_speed * T)
+                hand_speed = slope / T
             _step(p, state, hand, hand_speed, before, after, j * h, u, h)
             if state[_PHASE] == STEPS_PER_NODE:
                 _evaluate(p, state, u)
@@ -252,18 +255,6 @@ def run(p, state, inputs, record, substeps):
         if not abs(value) < math.inf:
             finite = False
     return finite
-
-
-@part
-def _hermite(s, x0, v0, x1, v1):
-    """Position and speed within a sample, from both ends."""
-    T = SAMPLE_TIME
-    rise = x1 - x0
-    a = v0 * T - rise
-    b = rise - v1 * T
-    x = x0 + s * rise + s * (1.0 - s) * ((1.0 - s) * a + s * b)
-    v = (rise + (1.0 - 2.0 * s) * ((1.0 - s) * a + s * b) + s * (1.0 - s) * (b - a)) / T
-    return x, v
 
 
 def channels(p: Plant) -> Names:

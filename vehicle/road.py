@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from steer_env.friction.numerics.check import number, positive
+from steer_env.friction.numerics.interpolation import hermite
 from steer_env.friction.numerics.kernel import kernel
 from steer_env.vehicle.simd import broadcast, pack
 
@@ -225,13 +226,9 @@ def height(r, side, distance):
     j = i + 1 if i + 1 < size else 0
     k = j + 1 if j + 1 < size else 0
     start, end = z[side, i], z[side, j]
-    rise = end - start
-    # What the node slopes, half the difference of the neighbours, have beyond the chord's.
-    a = 0.5 * (end - z[side, i - 1]) - rise
-    b = rise - 0.5 * (z[side, k] - start)
-    here = (1.0 - s) * a + s * b
-    value = start + s * rise + s * (1.0 - s) * here
-    return value, (rise + (1.0 - 2.0 * s) * here + s * (1.0 - s) * (b - a)) / r.spacing
+    # Catmull-Rom: the slope at a grid point is half the difference of its neighbours (R1).
+    value, slope = hermite(s, start, end, 0.5 * (end - z[side, i - 1]), 0.5 * (z[side, k] - start))
+    return value, slope / r.spacing
 
 
 @kernel

@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from steer_env.friction.numerics.bounds import within
 from steer_env.friction.numerics.check import number, positive
+from steer_env.friction.numerics.interpolation import bracket
 from steer_env.friction.numerics.kernel import kernel
 
 SAMPLE_TIME = 1e-3  # [s]
@@ -138,24 +139,10 @@ def lead_corners(a: Assist) -> tuple[float, float]:
 
 
 @kernel
-def _bracket(grid, x):
-    """Cell of ``x`` in an ascending grid and its place in it, held at the ends."""
-    last = grid.size - 1
-    if x <= grid[0]:
-        return 0, 0.0
-    if x >= grid[last]:
-        return last - 1, 1.0
-    i = 0
-    while grid[i + 1] < x:
-        i += 1
-    return i, (x - grid[i]) / (grid[i + 1] - grid[i])
-
-
-@kernel
 def boost_curve(a, torque, speed):
     """Boost at a torsion-bar torque [N m] and vehicle speed [m/s], odd in the torque; and the motor damping there."""
-    i, u = _bracket(a.speeds, speed)
-    j, s = _bracket(a.torques, abs(torque))
+    i, u = bracket(a.speeds, speed)
+    j, s = bracket(a.torques, abs(torque))
     low = a.boost[i, j] + s * (a.boost[i, j + 1] - a.boost[i, j])
     high = a.boost[i + 1, j] + s * (a.boost[i + 1, j + 1] - a.boost[i + 1, j])
     return math.copysign(low + u * (high - low), torque), a.damping[i] + u * (a.damping[i + 1] - a.damping[i])
