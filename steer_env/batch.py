@@ -369,7 +369,7 @@ class Lanes:
             chassis=self._chassis,
             road=self._road,
         )
-        p = p._replace(friction_level=drawn.friction_level)
+        p = p._replace(friction_torque_scale=drawn.friction_level)
         return p if self._driver is None else drivers.gripped(p, self._driver.arm)
 
     def _run(self, p: plant.Plant) -> Callable[..., None]:

@@ -413,7 +413,7 @@ def test_pure_slip_is_the_limit_of_combined_slip(name):
 def test_plain_python_agrees_with_compiled(name):
     arguments = [[*point, 0.9, phit] for point, phit in zip(points(13, 30), [0.0, 0.2] * 15)]
     script = (
-        "import json, sys; import numpy as np; from vehicle import tyre;"
+        "import json, sys; import numpy as np; from steer_env.vehicle import tyre;"
         f"print(json.dumps(np.array(tyre.load({name!r}).forces(*np.array(json.load(sys.stdin)).T)).tolist()))"
     )
     run = subprocess.run(

@@ -25,9 +25,14 @@ from steer_env.friction.numerics.kernel import kernel
 SAMPLE_TIME = 1e-3  # [s]
 MAX_DELAY = 4  # whole samples that the queue holds
 
-# Where the controller's state stands in its slice of the state array; the delayed commands follow the motor torque.
+STATES = (
+    ("lead_filter", "N m"),
+    ("motor_torque", "N m"),
+    *((f"command_{i}", "N m") for i in range(MAX_DELAY + 1)),  # i samples old
+)
+# Positions of these states; ``QUEUE`` is that of the newest command.
 LEAD_STATE, MOTOR_TORQUE, QUEUE = range(3)
-STATE_SIZE = QUEUE + MAX_DELAY + 1
+STATE_SIZE = len(STATES)
 
 TABLE_SPEEDS = tuple(kph / 3.6 for kph in (0.0, 20.0, 40.0, 80.0, 100.0, 140.0))
 TABLE_TORQUES = (0.0, 0.5, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0)
