@@ -166,7 +166,7 @@ _FULL = 12.0  # acceleration that full throttle and full pedal stand for, any be
 
 def _two_track(
     p: Any, speed: float, relaxation_length: float
-) -> tuple[two_track.TwoTrack, kinematics_table.StrutMap, Any]:
+) -> tuple[two_track.TwoTrack, kinematics_table.KinematicsTable, Any]:
     """Our car with their parameters, its tyre as a record last; what their model has no counterpart of is off.
 
     Their car sinks by the static compression of its tyres, which the heights do not count: h_s, the wheel centres and

@@ -20,8 +20,8 @@ def _curvature_driver(sign: Callable[[float], float], radius: float) -> Callable
     """Driver that holds a curvature: what a neutral car needs, and the integral of the error."""
 
     def build(car: Car, p: plant.Plant) -> Callable[[float, Array], tuple[float, float]]:
-        ratio = p.pinion_radius * float(car.strut.solve(0.0, 0.0).per_rack.rotation[2])
-        neutral = (car.chassis["front_axle"] + car.chassis["rear_axle"]) / ratio  # handwheel angle over curvature
+        # Handwheel angle over curvature.
+        neutral = (car.chassis["front_axle"] + car.chassis["rear_axle"]) / car.steering_gain()
         names = [name for name, _ in plant.channels(p)]
         yaw, speed = names.index("yaw_rate"), names.index("longitudinal_speed")
         angle, integral = 0.0, 0.0

@@ -82,7 +82,7 @@ def second_derivation(v, mu, x, rack, wind):
     grip = mu * 2.0 * STATIC[0]
     travel = (v + 1j * v_y) * np.exp(1j * x[12])
     dx = [A - v * r, moment / C["yaw_inertia"], phi_rate, roll_acceleration, *slip_rates.ravel()]
-    dx += [(give - e) / C["compliance_time"], *((lever - transfer) / cars.LOAD_TIME)]
+    dx += [(give - e) / C["compliance_time"], *((lever - transfer) / single_track.LOAD_TIME)]
     dx += [(min(max(needed, -grip), grip) - drive) / C["speed_hold_time"], r, travel.real, travel.imag]
     steer = [float(pose.steer_angle) for pose in poses]
     out = [side / C["mass"], *steer, *loads.ravel(), *F.imag.sum(axis=1)]
@@ -158,7 +158,7 @@ def linear_model(v):
     rates = [A - v * r, yaw / C["yaw_inertia"], phi_rate, roll_acceleration]
     rates += [(v_y + C["front_axle"] * r - v * (steer + s_f)) / sigma, (v_y - C["rear_axle"] * r - v * s_r) / sigma]
     rates += [(force / rack_stiffness - e) / C["compliance_time"]]
-    rates += [(lever[0] - T_f) / cars.LOAD_TIME, (lever[1] - T_r) / cars.LOAD_TIME]
+    rates += [(lever[0] - T_f) / single_track.LOAD_TIME, (lever[1] - T_r) / single_track.LOAD_TIME]
     rates, out = np.array(rates), np.array([r, side / C["mass"], phi, force, steer])
     return control.ss(rates[:, :9], rates[:, 9:], out[:, :9], out[:, 9:])
 

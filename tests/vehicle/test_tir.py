@@ -23,7 +23,7 @@ from steer_env.vehicle.simd import broadcast, first, load, store
 from steer_env.vehicle.tyre import tir
 from steer_env.vehicle.tyre.magic_formula import forces_of_four
 
-DATA = files("steer_env.vehicle").joinpath("data")
+DATA = files("steer_env.vehicle").joinpath("data", "tyres")
 V52, V61, V62 = (DATA.joinpath(f"{name}.tir") for name in tyre.EXAMPLES)
 V = 20.0
 
@@ -419,7 +419,7 @@ def test_plain_python_agrees_with_compiled(name):
     run = subprocess.run(
         [sys.executable, "-c", script],
         input=json.dumps(arguments),
-        env=os.environ | {"NUMBA_DISABLE_JIT": "1", "PYTHONPATH": str(files("steer_env.vehicle").joinpath(".."))},
+        env=os.environ | {"NUMBA_DISABLE_JIT": "1", "PYTHONPATH": str(files("steer_env.vehicle").joinpath("..", ".."))},
         capture_output=True,
         text=True,
         check=True,

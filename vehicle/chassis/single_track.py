@@ -17,15 +17,27 @@ Source: equations derived here; parameters in the car's data file.
 """
 
 import math
-from typing import NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from steer_env.friction.numerics.bounds import within
 from steer_env.friction.numerics.kernel import kernel
 from steer_env.vehicle import chassis, tyre
-from steer_env.vehicle.chassis.common.interface import COMMON_CHANNELS, COMMON_OUTPUTS, WIND_FORCE, WIND_MOMENT
-from steer_env.vehicle.constants import GRAVITY
+from steer_env.vehicle.chassis.common.interface import (
+    COMMON_CHANNELS,
+    COMMON_OUTPUTS,
+    SPEED_MAX,
+    SPEED_MIN,
+    WIND_FORCE,
+    WIND_MOMENT,
+)
+from steer_env.vehicle.constants import AIR_DENSITY, GRAVITY
 from steer_env.vehicle.simd import broadcast, load, pack, unpack
 from steer_env.vehicle.suspension import kinematics_table
+
+if TYPE_CHECKING:
+    from steer_env.vehicle.cars import Car
+
+LOAD_TIME = 0.02  # time constant of the geometric load transfer, assumed [s]
 
 # Where each state stands in the chassis' slice of the state array, with its unit.
 STATES = (
@@ -113,7 +125,7 @@ def derivative(p, strut, c, x, rack, rack_rate, u, dx, out):
     Parameters
     ----------
     p : SingleTrack
-    strut : strut_map.StrutMap
+    strut : kinematics_table.KinematicsTable
     c : tyre.MagicFormula
         The tyres; without left-right asymmetry, so that straight running is straight to the last bit.
     x : (15,) array
@@ -121,7 +133,8 @@ def derivative(p, strut, c, x, rack, rack_rate, u, dx, out):
     rack, rack_rate : float
         Rack coordinate, positive where it steers left [m]; its rate has no effect here [m/s].
     u : (I,) array
-        Inputs, as in ``steer_env.vehicle.chassis.common.interface.INPUTS``; the wind's force takes hold of the sprung centre of gravity.
+        Inputs, as in ``steer_env.vehicle.chassis.common.interface.INPUTS``; the wind force acts at the sprung centre of
+        gravity.
     dx : (15,) array
         Receives the derivative.
     out : (9,) array
@@ -274,12 +287,54 @@ def _start(p: SingleTrack) -> list[float]:
     return [0.0] * _SIZE
 
 
+def _from_car(car: "Car", v_x: float, mu: float, road: Any) -> SingleTrack:
+    """Parameters of a car at a held speed [m/s] on a level road with a friction factor."""
+    if road is not None:
+        raise ValueError("road needs chassis='two_track', got chassis='single_track'")
+    c = car.chassis
+    roll_centre = float(car.strut.solve(0.0, 0.0).roll_centre_height)
+    axle_height = (roll_centre * c["rear_axle"] + c["rear_roll_centre"] * c["front_axle"]) / (
+        c["front_axle"] + c["rear_axle"]
+    )
+    h = c["sprung_height"] - axle_height
+    return SingleTrack(
+        v_x=v_x,
+        mu=mu,
+        m=c["mass"],
+        m_s=c["sprung_mass"],
+        m_uf=c["front_unsprung_mass"],
+        m_ur=c["mass"] - c["sprung_mass"] - c["front_unsprung_mass"],
+        a=c["front_axle"],
+        b=c["rear_axle"],
+        I_xr=c["roll_inertia"] + c["sprung_mass"] * h * h,
+        I_z=c["yaw_inertia"],
+        h=h,
+        t_f=c["front_track"],
+        t_r=c["rear_track"],
+        K_f=0.5 * c["front_spring"] * c["front_track"] ** 2 + c["front_anti_roll"],
+        K_r=0.5 * c["rear_spring"] * c["rear_track"] ** 2 + c["rear_anti_roll"],
+        C_f=0.5 * c["front_damper"] * c["front_track"] ** 2,
+        C_r=0.5 * c["rear_damper"] * c["rear_track"] ** 2,
+        h_f=roll_centre,
+        h_r=c["rear_roll_centre"],
+        R_w=car.strut.loaded_radius,
+        drag=0.5 * AIR_DENSITY * c["drag_area"] * v_x * v_x,
+        sigma_y=car.tyre.relaxation_length,
+        K_rack=car.rack_stiffness(),
+        T_rack=c["compliance_time"],
+        T_load=LOAD_TIME,
+        T_drive=c["speed_hold_time"],
+    )
+
+
 chassis.register(
     "single_track",
     SingleTrack,
     states=STATES,
     outputs=COMMON_OUTPUTS,
     channels=COMMON_CHANNELS,
+    speeds=(SPEED_MIN, SPEED_MAX),
+    from_car=_from_car,
     start=_start,
     derivative=derivative,
     advance=_advance,

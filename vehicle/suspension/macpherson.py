@@ -30,7 +30,7 @@ STRIDES = (0.010, 0.001)  # of the path to a pose: the short one where the long 
 LARGEST_STEP = 0.3  # Newton step of a path that goes on; a larger one has met the end of the range [m, rad]
 FARTHEST = 1.0  # rack or travel that is worth a try [m] (assumed)
 STRUT = [3, 4, 6]  # rows of the strut: across, across, along
-DATA = Path(__file__).parents[1] / "data"
+DATA = Path(__file__).parents[1] / "data" / "struts"
 MIRROR = np.array([1.0, -1.0, 1.0])  # of a point or force across the mid-plane; of a rotation: -MIRROR
 
 
@@ -149,6 +149,11 @@ def mirrored(pose: Pose) -> Pose:
     )
 
 
+def available() -> tuple[str, ...]:
+    """Names of the packaged struts."""
+    return tuple(sorted(file.stem for file in DATA.glob("*.json")))
+
+
 class MacPherson:
     """A left MacPherson strut by its hard points; immutable.
 
@@ -196,11 +201,10 @@ class MacPherson:
 
     @classmethod
     def load(cls, name: str = "s1") -> "MacPherson":
-        """The packaged set ``name``; ValueError lists the sets there are."""
-        sets = {file.stem.removeprefix("macpherson_"): file for file in DATA.glob("macpherson_*.json")}
-        if name not in sets:
-            raise ValueError(f"no strut named {name!r}; packaged: {', '.join(sorted(sets))}")
-        data = json.loads(sets[name].read_text(encoding="utf-8"))
+        """The packaged set ``name``; ValueError lists the packaged sets."""
+        if name not in available():
+            raise ValueError(f"no strut named {name!r}; packaged: {', '.join(available())}")
+        data = json.loads((DATA / f"{name}.json").read_text(encoding="utf-8"))
         return cls(data["points_m"], data["loaded_radius_m"])
 
     def at_track(self, track: float) -> "MacPherson":

@@ -151,11 +151,6 @@ def steering_stiffness(p: plant.Plant, run: Callable = plant.run) -> float:
     return float(held[1] - held[0]) / 0.1
 
 
-def steering_ratio(car: Car) -> float:
-    """Handwheel angle over the road wheels' at centre, without compliance [1]."""
-    return 1.0 / (car.steering["pinion_radius"] * float(car.strut.solve(0.0, 0.0).per_rack.rotation[2]))
-
-
 def _regripped(u: Array, angle: float, speed: float) -> Array:
     """Inputs that lead a handwheel from where it is back to what the robot prescribes, without a jerk in its speed."""
     u = u.copy()
@@ -241,7 +236,7 @@ def drive_plant(car: Car, p: plant.Plant, manoeuvre: Manoeuvre, prepared: Course
             **steered,
             "frequency_hz": manoeuvre.frequency,
             "wheelbase_m": car.chassis["front_axle"] + car.chassis["rear_axle"],
-            "steering_ratio": steering_ratio(car),
+            "steering_ratio": car.steering_ratio(),
             **manoeuvre.meta,
         },
     )

@@ -41,6 +41,7 @@ INPUTS = (
 
 Names = tuple[tuple[str, str], ...]
 
+SPEED_MIN, SPEED_MAX = 3.0, 70.0  # held speeds that every chassis accepts [m/s]
 WHEELS = ("front_left", "front_right", "rear_left", "rear_right")
 
 
@@ -81,6 +82,8 @@ class Chassis(NamedTuple):
     states: Names
     outputs: Names
     channels: Names
+    speeds: tuple[float, float]
+    from_car: Callable
     start: Callable
     derivative: Callable
     advance: Callable
@@ -104,6 +107,11 @@ def register(name: str, parameters: type, **fields: Any) -> None:
         Of the states, and of what ``derivative`` reports besides.
     channels : names with units
         What ``report`` fills; every chassis begins with those of the single track.
+    speeds : (float, float)
+        Lowest and highest held speed that the chassis accepts [m/s].
+    from_car : ``(car, speed, road_friction, road) -> parameters``
+        Parameters of a car, already checked, on a road (None: level and dry); ValueError for a road that the chassis
+        cannot take.
     start : parameters -> list
         States of running straight at the held speed, to be settled by the plant.
     derivative : ``(p, strut, tyre, x, rack, rack_rate, u, dx, out) -> rack force``
@@ -119,7 +127,7 @@ def register(name: str, parameters: type, **fields: Any) -> None:
     """
     chassis = Chassis(name, parameters, **fields)
     CHASSIS.register(name, chassis, parameters)
-    include_sources(*chassis[6:])
+    include_sources(*chassis[8:])
 
 
 def available() -> tuple[str, ...]:

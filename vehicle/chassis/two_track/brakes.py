@@ -51,8 +51,9 @@ def _shrink(R, capacity):
 def wheel_step(I, omega, torque, capacity, h):
     """One step of a wheel with a set-valued brake, ``I omega' = torque - T_b`` with ``|T_b| <= capacity``.
 
-    As in :func:`steer_env.friction.law.step` with the Coulomb law, ``S w + T_b = R``, but for the spin at the end instead of the
-    mean one: a brake that stops the mean spin would send the wheel off backwards at the speed it came with.
+    The step is that of :func:`steer_env.friction.law.step` with the Coulomb law, ``S w + T_b = R``, but for the angular
+    velocity at the end of the step instead of the mean one. A brake that stops the mean angular velocity would leave
+    the wheel turning backwards at its initial speed.
 
     Parameters
     ----------

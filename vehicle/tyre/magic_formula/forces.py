@@ -15,8 +15,8 @@ from steer_env.vehicle.tyre.magic_formula.point import direction, operating_poin
 def _steady(c, kappa, alpha, tan_a, camber, F_z, v_x, mu, turn_slip):
     """:func:`forces` of four tyres, for slip angles given by themselves and by their tangents; one turn slip.
 
-    None for ``kappa`` or the turn slip removes at compile time what zeros skip at run time: numba removes a branch whose
-    condition asks for None first.
+    None for ``kappa`` or the turn slip removes at compile time what zeros skip at run time: numba removes a branch
+    whose condition asks for None first.
     """
     way = direction(v_x)
     p = operating_point(c, way, kappa, alpha, tan_a, camber, F_z, mu)
