@@ -8,7 +8,7 @@ from steer_env.manoeuvres.common.definition import Array, Manoeuvre, register
 from steer_env.vehicle import plant
 from steer_env.vehicle.cars import Car
 from steer_env.vehicle.chassis.common.interface import TARGET_SPEED
-from steer_env.vehicle.chassis.single_track import GRAVITY as G
+from steer_env.vehicle.constants import GRAVITY as G
 
 ENTRY, SLOWING, REST = 4.0, 12.0, 4.0  # into the circle, back to the first speed while leaving it, straight on [s]
 PERIOD = 0.01  # of the driver [s]

@@ -25,7 +25,7 @@ from scipy.interpolate import CubicSpline
 from steer_env.metrics.common.definitions import SPEED_SPREAD, RefusedError, metric, procedure
 from steer_env.metrics.common.reading import ANGLE, AY, CHANNELS, SPEED, TORQUE, YAW, Reading
 from steer_env.recording.recording import DEGREE, Recording
-from steer_env.vehicle.chassis.single_track import GRAVITY as G
+from steer_env.vehicle.constants import GRAVITY as G
 
 CUTOFF = 5.0  # low-pass [Hz]
 PEAK_CUTOFF = (

@@ -14,7 +14,7 @@ from steer_env.metrics.common import events
 from steer_env.metrics.common.definitions import RefusedError, metric, procedure
 from steer_env.metrics.common.reading import ANGLE, AY, TORQUE, YAW, Reading
 from steer_env.recording.recording import Recording
-from steer_env.vehicle.chassis.single_track import GRAVITY as G
+from steer_env.vehicle.constants import GRAVITY as G
 
 CUTOFF = 5.0  # low-pass [Hz]
 SPREAD = 0.2  # of the half waves' amplitudes around their median; assumed

@@ -17,7 +17,7 @@ from steer_env.metrics.common import events
 from steer_env.metrics.common.definitions import Bounded, RefusedError, metric, procedure
 from steer_env.metrics.common.reading import ANGLE, AY, SPEED, TORQUE, YAW, Reading
 from steer_env.recording.recording import DEGREE, Recording
-from steer_env.vehicle.chassis.single_track import GRAVITY as G
+from steer_env.vehicle.constants import GRAVITY as G
 
 CUTOFF = 25.0  # low-pass; a quarter of the sampling rate where that is lower [Hz]
 CALM = 5.0  # low-pass of what settles [Hz]; assumed

@@ -5,7 +5,7 @@ In memory everything is SI with angles in radians. A file carries degrees for an
 
 import re
 
-from steer_env.vehicle.chassis.single_track import GRAVITY
+from steer_env.vehicle.constants import GRAVITY
 
 DEGREE = 0.017453292519943295  # [rad]
 

@@ -5,7 +5,7 @@ from scipy.optimize import brentq
 
 from steer_env.recording.recording import DEGREE, Recording
 from steer_env.synthetic.recordings import Answers, Array, Made, overshoot, recording, second_order
-from steer_env.vehicle.chassis.single_track import GRAVITY as G
+from steer_env.vehicle.constants import GRAVITY as G
 
 SIZE, RISE, HOLD, STRAIGHT = 0.6, 0.2, 5.0, 4.0  # rad, s
 YAW, AY, SLIP, TORQUE = (0.18, 0.45, 5.0), (4.0, 0.65, 5.0), (-0.02, 0.7, 4.0), (3.4, 0.8, 9.0)  # steady, zeta, omega

@@ -4,7 +4,7 @@ import numpy as np
 
 from steer_env.recording.recording import DEGREE, Recording
 from steer_env.synthetic.recordings import Answers, Made, recording
-from steer_env.vehicle.chassis.single_track import GRAVITY as G
+from steer_env.vehicle.constants import GRAVITY as G
 
 PEAK, RISE = 16 * DEGREE, 10.0  # rad, s
 DEAD = {"yaw_rate": 0.4 * DEGREE, "lateral_acceleration": 0.6 * DEGREE}  # handwheel angle [rad]

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from steer_env.friction.numerics.check import not_negative
 from steer_env.metrics.common.confidence import interval
 from steer_env.recording.recording import DEGREE, Recording
-from steer_env.vehicle.chassis.single_track import GRAVITY as G
+from steer_env.vehicle.constants import GRAVITY as G
 
 Array = NDArray[np.float64]
 
