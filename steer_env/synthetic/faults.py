@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy import signal
 
-from steer_env.metrics.common.reading import AY, TORQUE, YAW
+from steer_env.metrics.common.filtered_channels import AY, TORQUE, YAW
 from steer_env.recording.recording import DEGREE, Recording
 from steer_env.synthetic.recordings import changed
 
