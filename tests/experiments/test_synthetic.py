@@ -10,7 +10,7 @@ from steer_env.metrics.common import definitions
 from steer_env.metrics.common import evaluate as evaluation
 from steer_env.synthetic import faults, loops
 from steer_env.synthetic.cases import CASES
-from steer_env.synthetic.coverage import Coverage, collect, coverage, made
+from steer_env.synthetic.coverage import Coverage, collect, coverage, examples
 from steer_env.synthetic.faults import DELAY, FAULTS, Fault
 from steer_env.synthetic.loops import linear_car
 
@@ -50,7 +50,7 @@ def test_an_interval_that_is_too_narrow_is_found(monkeypatch):
         return (3 * low + high) / 4, (3 * high + low) / 4
 
     monkeypatch.setattr(evaluation, "interval", halved)
-    found = coverage(made(CASES["weave, linear car"], 50.0), Fault(), 40)
+    found = coverage(examples(CASES["weave, linear car"], 50.0), Fault(), 40)
     assert np.mean([entry.kept for entry in found.values()]) < 0.85
 
 
