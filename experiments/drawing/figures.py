@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from steer_env.experiments.studies.friction_laws import CALIBRATIONS, DAMPING_RATIOS, HISTORIES, SETTLING, THIN, Held
 from steer_env.experiments.studies.integrators import SCHEMES
 from steer_env.experiments.studies.real_time import USABLE, Row
-from steer_env.metrics.common.reading import ANGLE, AY, TORQUE
+from steer_env.metrics.common.filtered_channels import ANGLE, AY, TORQUE
 from steer_env.recording.recording import DEGREE
 from steer_env.vehicle.constants import GRAVITY
 from steer_env.vehicle.steering.eps import SAMPLE_TIME

@@ -18,7 +18,8 @@ from steer_env.experiments.output.files import replaced_directory, write_json
 from steer_env.experiments.output.metrics_json import entries
 from steer_env.experiments.report import findings
 from steer_env.experiments.studies import simulation_vs_measurement
-from steer_env.metrics import RefusedError, Value, frequency_response
+from steer_env.metrics import RefusedError, Value
+from steer_env.metrics.common import frequency_response
 from steer_env.metrics.common.confidence import difference
 from steer_env.recording.recording import Recording
 
@@ -69,11 +70,11 @@ def assess(
         For a test, a condition or cross plots that there are not.
     """
     first = next(iter(recordings.values()))
-    procedure = metrics.procedure_of(first, test)
+    evaluation = metrics.evaluation_of(first, test)
     values = {
-        label: metrics.evaluate(found, procedure.name, timing=timing, **given) for label, found in recordings.items()
+        label: metrics.evaluate(found, evaluation.name, timing=timing, **given) for label, found in recordings.items()
     }
-    held = wanted.bands.get(procedure.name, {}) if wanted else {}
+    held = wanted.bands.get(evaluation.name, {}) if wanted else {}
     differences = {}
     if len(values) == 2:
         a, b = values.values()
@@ -85,15 +86,15 @@ def assess(
     curves = {}
     for label, recording in recordings.items():
         try:
-            curves[label] = simulation_vs_measurement.curves(recording, procedure, **given)
+            curves[label] = simulation_vs_measurement.curves(recording, evaluation, **given)
         except RefusedError:
             continue  # every metric says why
     pairs = []
     if allowed:
         reference, other = recordings.values()
-        pairs = simulation_vs_measurement.compare(reference, other, procedure.name, allowed, **given)
+        pairs = simulation_vs_measurement.compare(reference, other, evaluation.name, allowed, **given)
     return Assessment(
-        procedure.name,
+        evaluation.name,
         values,
         {label: targets.lights(found, held) for label, found in values.items()},
         held,
@@ -144,7 +145,7 @@ def render(found: Assessment, recordings: Mapping[str, Recording]) -> str:
     """The page: values with lights, differences, plots, definitions."""
     labels = list(recordings)
     limits = [plots.boundaries(pair, (labels[0], labels[1])) for pair in found.pairs]
-    drawn = plots.panels(found.curves, metrics.procedure_of(recordings[labels[0]], found.test).plots)
+    drawn = plots.panels(found.curves, metrics.evaluation_of(recordings[labels[0]], found.test).plots)
     responses = plots.responses(recordings, found.test) if found.test in frequency_response.TESTS else []
     return (
         environment()

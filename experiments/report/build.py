@@ -24,7 +24,7 @@ from steer_env.experiments.studies import (
     loop_width,
     real_time,
 )
-from steer_env.metrics.common.reading import TORQUE
+from steer_env.metrics.common.filtered_channels import TORQUE
 from steer_env.vehicle import plant
 
 CONTENTS = frozenset({"index.html", "metrics.json"})
@@ -140,7 +140,7 @@ def _plots(results: Results) -> dict[str, str]:
     drawn = {}
     for test, drives in results.drives.items():
         curves = {law: drive.curves for law, drive in drives.items() if drive.curves}
-        pairs = metrics.procedure_by_name(test).plots
+        pairs = metrics.evaluation_by_name(test).plots
         shown = plots.panels(curves, pairs)
         if results.base in curves and "time" not in curves[results.base]:
             torques = [pair for pair in pairs if pair[1] == TORQUE]
