@@ -1,7 +1,7 @@
 """The environment classes of the tasks, single and vector, with documentation generated from the task.
 
 A class is made when it is first asked for, so that an id imports only its own task. The classes of the tuning
-environments are made in :mod:`steer_env.tuning.registration`.
+environments are made in :mod:`steer_env.tuning.environments`.
 """
 
 import textwrap
