@@ -54,8 +54,8 @@ def _documentation(scenario: Scenario) -> str:
         _filled(scenario.summary),
         "## Action",
         _filled(
-            f"`Box(-1, 1, ({len(actions)},))`: a parameter set of the assist. The values below are those of the packaged "
-            "compact car; for every car 0 is its own value, which 1 multiplies and -1 divides by the same factor."
+            f"`Box(-1, 1, ({len(actions)},))`: a parameter set of the assist. The values below are those of the "
+            "packaged compact car; 0 is every car's own value, 1 multiplies and -1 divides it by the same factor."
         ),
         table(("index", "parameter", "at -1", "at 0", "at 1", "unit"), actions),
         "## Observation",
@@ -63,18 +63,18 @@ def _documentation(scenario: Scenario) -> str:
         table(("index", "observation", "bound", "unit"), observations),
         "## Reward",
         _filled(
-            "The reward is minus the sum of the weighted terms. The term of a metric is its distance from its band over "
-            f"the band's width: 0 inside the band, at most {reward.MAX_DISTANCE:g}, and {reward.MAX_DISTANCE:g} for a "
-            "refused metric. The term of a margin is its shortfall below its least value over that value, and 1 if the "
+            "The reward is minus the sum of the weighted terms. The term of a metric is its distance from its band "
+            f"over the band's width: 0 inside the band, at most {reward.MAX_DISTANCE:g}, and {reward.MAX_DISTANCE:g} for "
+            "a refused metric. The term of a margin is its shortfall below its least value over that value, and 1 if the "
             'loop is unstable. The terms are in `info["reward_terms"]`; the bands are those of `targets="compact"`.'
         ),
         table(("term", "weight", "band", "unit"), [*terms, *margins]),
-        '## Cost\n\nFor constrained learning: `info["cost_terms"]` are the shortfalls of both margins, `info["cost"]` is '
-        "their sum.",
+        '## Cost\n\nFor constrained learning: `info["cost_terms"]` are the shortfalls of both margins, `info["cost"]` '
+        "is their sum.",
         "## Tests",
         _filled(
-            "The tests are those of the battery with fewer events. The robot's handwheel angles are found with the car's "
-            "own assist and are the same for every parameter set; each set is simulated at 1 kHz."
+            "The tests are those of the battery with fewer events. The robot's handwheel angles are found with the "
+            "car's own assist and are the same for every parameter set; each set is simulated at 1 kHz."
         ),
         table(("test", "hands", "speed"), drives),
         "## Metrics",

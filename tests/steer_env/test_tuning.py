@@ -206,7 +206,7 @@ def test_a_run_that_fails_is_refused(monkeypatch):
 
     env = make(ON_CENTRE)
     env.reset(seed=0)
-    monkeypatch.setattr(scenarios, "drive_plant", diverges)
+    monkeypatch.setattr(driving, "drive_plant", diverges)
     observation, total, terminated, _, info = env.step(env.baseline_action)
     assert set(info["refused"].values()) == {"weave diverged: handwheel_angle [rad] first"}
     assert total == -reward.MAX_DISTANCE * sum(term.weight for term in env.terms.values())
