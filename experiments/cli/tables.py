@@ -9,12 +9,12 @@ from rich.text import Text
 
 from steer_env.experiments.learning.held_out import Estimate
 from steer_env.metrics import Value
-from steer_env.targets import Light
+from steer_env.targets import Rating
 
 _STYLES = {"green": "green", "amber": "yellow", "red": "red"}
 
 
-def print_metrics(values: Mapping[str, Value], title: str, lights: Mapping[str, Light | None] | None = None) -> None:
+def print_metrics(values: Mapping[str, Value], title: str, lights: Mapping[str, Rating | None] | None = None) -> None:
     """Print metrics with their intervals, with lights if there are any, then what is refused and why."""
     console = Console()
     table = Table(title=title, title_justify="left", box=None, pad_edge=False, padding=(0, 1, 0, 0))
@@ -37,7 +37,7 @@ def print_metrics(values: Mapping[str, Value], title: str, lights: Mapping[str, 
             console.print(f"{name} refused: {value.reason}", highlight=False, soft_wrap=True)
 
 
-def _light(light: Light | None) -> str:
+def _light(light: Rating | None) -> str:
     if light is None:
         return ""
     style = _STYLES[light.colour]

@@ -31,7 +31,7 @@ class Assessment(NamedTuple):
 
     test: str
     values: dict[str, dict[str, Value]]  # label of the recording -> metric
-    lights: dict[str, dict[str, targets.Light | None]]  # label -> metric with a band
+    lights: dict[str, dict[str, targets.Rating | None]]  # label -> metric with a band
     bands: dict[str, targets.Band]
     targets: targets.Targets | None
     differences: dict[str, tuple[float, float, float]]  # second less first with its 95 % interval [unit of the metric]
@@ -96,7 +96,7 @@ def assess(
     return Assessment(
         evaluation.name,
         values,
-        {label: targets.lights(found, held) for label, found in values.items()},
+        {label: targets.ratings(found, held) for label, found in values.items()},
         held,
         wanted,
         differences,
