@@ -16,8 +16,10 @@ from steer_env import friction, metrics
 from steer_env.experiments.output import provenance
 from steer_env.experiments.output.files import replaced_directory
 from steer_env.experiments.report import build, findings
-from steer_env.experiments.report.results import Scope, pool_of
-from steer_env.experiments.studies import battery, commonroad_cross_validation
+from steer_env.experiments.report.results import Scope
+from steer_env.experiments.studies.common import battery
+from steer_env.experiments.studies.common.commonroad_manoeuvres import MANOEUVRES
+from steer_env.experiments.studies.common.processes import pool_of
 from steer_env.vehicle import cars
 
 LAWS = {law: friction.make(law) for law in ("lugre", "masing")}
@@ -97,7 +99,7 @@ def test_metrics_json(made):
     data = json.loads((made[0] / "metrics.json").read_text(encoding="utf-8"))
     assert set(data) == {"metrics", "real_time", "vehicle", "provenance"}
     assert set(data["vehicle"]) == {"weave_peaks", "parking", "cross_validation"}
-    assert set(data["vehicle"]["cross_validation"]["manoeuvres"]) == set(commonroad_cross_validation.MANOEUVRES)
+    assert set(data["vehicle"]["cross_validation"]["manoeuvres"]) == set(MANOEUVRES)
     prefixes = {"weave": "", "slow-ramp": "slow_ramp.", "step-steer": "step_steer.", "hold": "hold."}
     names = {prefix + name for test, prefix in prefixes.items() for name in metrics.available(test)}
     for law in LAWS:
@@ -117,7 +119,7 @@ def test_metrics_json(made):
 
 
 def test_refused_metrics_are_null_with_a_reason(made, monkeypatch):
-    monkeypatch.setattr(build, "_figures", lambda _: dict.fromkeys(FIGURES, "<svg/>"))
+    monkeypatch.setattr(build, "_pictures", lambda _: dict.fromkeys(FIGURES, "<svg/>"))
     _, results = made
     drive = results.drives["weave"]["lugre"]
     refused = {**drive.values, "yaw_lag": metrics.Value(float("nan"), float("nan"), float("nan"), "ms", "no yaw rate")}
@@ -169,7 +171,7 @@ def bare(test):
     ],
 )
 def test_a_claim_changes_with_its_number(made, source, monkeypatch, change, gone, instead):
-    monkeypatch.setattr(build, "_figures", lambda _: dict.fromkeys(FIGURES, "<svg/>"))
+    monkeypatch.setattr(build, "_pictures", lambda _: dict.fromkeys(FIGURES, "<svg/>"))
     before, after = (build.render(results, source) for results in (sure(made[1]), change(sure(made[1]))))
     assert gone in before
     assert gone not in after
@@ -206,7 +208,7 @@ def test_one_law_alone_makes_a_page_too(made):
 
 
 def test_the_cross_validation_says_what_its_numbers_say(made, source, monkeypatch):
-    monkeypatch.setattr(build, "_figures", lambda _: dict.fromkeys(FIGURES, "<svg/>"))
+    monkeypatch.setattr(build, "_pictures", lambda _: dict.fromkeys(FIGURES, "<svg/>"))
     before = build.render(made[1], source)
     found = made[1].cross_validation
     missed = found["step_20"]["reconciled"]._replace(rms={"yaw_rate": 0.5, "lateral_acceleration": 0.0})
