@@ -38,7 +38,7 @@ class History(NamedTuple):
     dt: float  # [s]
 
 
-def _through(points: tuple[float, ...], step: float) -> Array:
+def through(points: tuple[float, ...], step: float) -> Array:
     """Straight lines through turning points, in steps of about ``step``, which has the unit of the points."""
     pieces = [np.linspace(a, b, max(round(abs(b - a) / step), 1) + 1)[1:] for a, b in pairwise(points)]
     return np.concatenate([[points[0]], *pieces])
@@ -51,12 +51,12 @@ def _growing_sine() -> History:
 
 
 def _nested_loops() -> History:
-    x = _through((0.0, 4.0, -4.0, 2.0, -2.0, 1.0, -1.0, 0.5, -0.5, 0.25, -0.25), 0.01)
+    x = through((0.0, 4.0, -4.0, 2.0, -2.0, 1.0, -1.0, 0.5, -0.5, 0.25, -0.25), 0.01)
     return History("nested loops from 4 deg down to 0.25 deg, at 0.01 deg/s", x * DEGREE, 1.0)
 
 
 def _held() -> History:
-    x = np.concatenate([_through((0.0, 0.5), 1e-3), np.full(500, 0.5), _through((0.5, 0.3), 1e-3), np.full(500, 0.3)])
+    x = np.concatenate([through((0.0, 0.5), 1e-3), np.full(500, 0.5), through((0.5, 0.3), 1e-3), np.full(500, 0.3)])
     return History("a displacement that moves at 1 deg/s, rests, moves back and rests", x * DEGREE, 1e-3)
 
 
