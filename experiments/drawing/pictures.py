@@ -110,7 +110,7 @@ def held_torque(tests: Sequence[Any], sample_time: float, settling: float) -> st
 
 @styled
 def readme(
-    x: Array, loops: Mapping[str, tuple[str, Array]], weaves: Mapping[str, tuple[str, Mapping[str, Array]]]
+    x: Array, loops: Mapping[str, tuple[str, Array]], weave: Mapping[str, Array], frictionless: Mapping[str, Array]
 ) -> str:
     """Friction torque over one displacement, a panel for each law; beside them the hand torque in a weave.
 
@@ -119,21 +119,24 @@ def readme(
     x : (T,) array
         Displacement [rad].
     loops : title -> (law, (T,) friction torque [N m])
-    weaves : label -> (law, channel -> (n,) mean cycle, SI)
+    weave, frictionless : channel -> (n,) mean cycle, closed, SI
+        The weave with LuGre friction and without friction.
     """
     figure = new_figure(9.6, 2.9)
-    *panels, weave = figure.subplots(1, len(loops) + 1, width_ratios=[1.0] * len(loops) + [1.5])
+    *panels, last = figure.subplots(1, len(loops) + 1, width_ratios=[1.0] * len(loops) + [1.5])
     for axes, (title, (law, torque)) in zip(panels, loops.items()):
         axes.plot(x / DEGREE, torque, color=styles([law])[law]["color"], linewidth=1.2)
         axes.set(title=title, xlabel="displacement [deg]", ylim=(-1.05, 1.05))
-        axes.sharey(panels[0])
         axes.tick_params(labelleft=axes is panels[0])
     panels[0].set_ylabel("friction torque [N m]")
-    for label, (law, cycle) in weaves.items():
-        style = {**styles([law])[law], "label": label}
-        weave.plot(cycle[ANGLE] / DEGREE, cycle[TORQUE], **style)
-    weave.set(title="in the car: a weave at 100 km/h", xlabel="handwheel angle [deg]", ylabel="hand torque [N m]")
-    weave.legend(loc="lower right", fontsize=8)
+    lines = (
+        (weave, {"color": PALETTE[0], "label": "with friction (LuGre)"}),
+        (frictionless, {"color": "#777777", "linestyle": DASHES[1], "label": "without friction"}),
+    )
+    for cycle, style in lines:
+        last.plot(cycle[ANGLE] / DEGREE, cycle[TORQUE], **style)
+    last.set(title="in the car: a weave at 100 km/h", xlabel="handwheel angle [deg]", ylabel="hand torque [N m]")
+    last.legend(loc="lower right", fontsize=8)
     return svg(figure)
 
 

@@ -13,7 +13,9 @@ def number(x: float | None, digits: int = 3, pad: bool = False) -> str:
         return "–"
     if math.isinf(x):
         return "∞" if x > 0 else "−∞"
-    text = f"{x:.0f}" if abs(x) >= 10**digits else f"{x:{'#' if pad else ''}.{digits}g}"
+    text = f"{x:{'#' if pad else ''}.{digits}g}"
+    if "e+" in text:
+        text = f"{x:.0f}"
     mantissa, _, exponent = text.partition("e")
     power = f"·10{str(int(exponent)).translate(_SUPERSCRIPT)}" if exponent else ""
     return mantissa.rstrip(".").replace("-", "−") + power

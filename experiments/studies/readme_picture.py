@@ -1,4 +1,4 @@
-"""Draw docs/feel.svg, the picture of the README: friction laws under the same displacement, and in a weave."""
+"""Draw docs/feel.svg, the picture of the README: friction laws under the same displacement, and friction in a weave."""
 
 import argparse
 from collections.abc import Sequence
@@ -11,12 +11,11 @@ from steer_env.experiments.drawing import pictures
 from steer_env.experiments.output.files import write_text
 from steer_env.experiments.studies.common.battery import drive
 from steer_env.experiments.studies.friction_laws import through
+from steer_env.experiments.studies.loop_width import law_at
 from steer_env.vehicle import cars
 
 # Titles of the panels of loops; Dahl is left out, as its curves coincide with LuGre's at this speed.
 LOOPS = {"coulomb": "Coulomb", "lugre": "LuGre", "masing": "Masing"}
-# Labels in the weave; Dahl and Masing are left out, as their curves coincide with LuGre's.
-WEAVES = {"coulomb": "Coulomb", "lugre": "LuGre, Dahl, Masing", "viscous": "viscous (no dry friction)"}
 # Turning points of the displacement: one-sided cycles on the way out, then a full cycle [deg].
 TURNS = (0.0, 0.6, 0.2, 0.6, 0.2, 0.6, 0.2, 0.6, 1.2, -1.2, 1.2)
 STEP, SPEED = 2e-3, 1.0  # between samples [deg], [deg/s]
@@ -31,7 +30,5 @@ def main(argv: Sequence[str] | None = None) -> None:
     x = np.radians(through(TURNS, STEP))
     loops = {title: (law, friction.response(friction.make(law), x, STEP / SPEED)) for law, title in LOOPS.items()}
     car = cars.load()
-    weaves = {
-        label: (law, drive(car, friction.make(law), "weave", {"cycles": 5}).curves) for law, label in WEAVES.items()
-    }
-    write_text(args.out, pictures.readme(x, loops, weaves))
+    weaves = [drive(car, law_at("lugre", level), "weave", {"cycles": 5}).curves for level in (1.0, 0.0)]
+    write_text(args.out, pictures.readme(x, loops, *weaves))
