@@ -9,7 +9,7 @@ from steer_env import manoeuvres, metrics, targets
 from steer_env import recording as recordings
 from steer_env.experiments.cli.main import main
 from steer_env.experiments.report import assessment
-from steer_env.experiments.studies import simulation_vs_measurement
+from steer_env.experiments.studies.common import simulation_vs_measurement
 from steer_env.metrics import Value
 from steer_env.recording.recording import Recording
 from steer_env.synthetic.frequency_response import swept_sine
@@ -152,7 +152,7 @@ def test_histories_are_aligned_in_time():
         ("[channels]\nyaw_rate = 1", "expected relative, absolute and unit"),
         ('[channels]\nyaw_rate = {relative=0.1, absolute=0.1, unit="rpm"}', "expected a unit out of"),
         ('[channels]\nyaw_rate = {relative=-0.1, absolute=0.1, unit="deg/s"}', "relative: expected a number from 0"),
-        ('[channels]\nyaw_rate = {relative=0, absolute=0, unit="deg/s"}', "no tolerance at all"),
+        ('[channels]\nyaw_rate = {relative=0, absolute=0, unit="deg/s"}', "relative and absolute are both 0"),
     ],
 )
 def test_bad_tolerances_are_refused(text, message, tmp_path):

@@ -1,4 +1,4 @@
-"""Every mark is kept; the tables as ``python -m steer_env.experiments.verification.requirements`` prints them are pinned here.
+"""Every requirement is kept; the tables as ``steer-env verify`` prints them are pinned here.
 
 friction: Friction laws against their closed forms.
   LuGre at constant speed from rest               1.7e-14  <= 1e-12 of the largest torque    pass
@@ -70,11 +70,11 @@ strut: Strut S1 against its table, to the last digit. Its points, rounded to 0.1
   right at 50, 60, 70 mm [deg]      -27.02 -33.69 -41.61        -27.02 -33.69 -41.61        pass
   Ackermann share at 10, 70 mm [%]  23 41                       23 41                       pass
 
-rack: Rack force by virtual work against the six equations of statics of the knuckle, 300 random cases a side.
+rack: Rack force by virtual work against the six equations of statics of the knuckle, 300 random cases on each side.
   left wheel   5.1e-15  <= 1e-09 of its contributions  pass
   right wheel  5.8e-15  <= 1e-09 of its contributions  pass
 
-straight: Ten minutes without a push: the column at rest, and the car straight ahead at 100 km/h, hands off.
+straight: Ten minutes without a disturbance: the column at rest, and the car straight ahead at 100 km/h, hands off.
   coulomb, at rest: speed and torque      0.0e+00  <= 1e-12 SI  pass
   coulomb, straight: any lateral channel  9.8e-18  <= 1e-12 SI  pass
   dahl, at rest: speed and torque         0.0e+00  <= 1e-12 SI  pass
@@ -104,7 +104,7 @@ feel: On-centre feel of the default car: weave at 100 km/h, 0.2 Hz, 2 m/s2, LuGr
   lateral acceleration at 0 N m  0.05543  0.03 to 0.09 g        pass
   steering sensitivity at 0.1 g  1.391    1.3 to 1.9 g/100 deg  pass
 
-linear: Metrics of the linear car at 80 km/h, driven by our manoeuvres at 1 kHz, against python-control's own.
+linear: Metrics of the linear car at 80 km/h, driven by our manoeuvres at 1 kHz, against those of python-control.
   frequency-response, yaw_rate: gain                           3.1e-05  <= 0.01  pass
   frequency-response, yaw_rate: phase                          1.7e-05  <= 0.01  pass
   frequency-response, yaw_rate: phase lag at 1hz               5.5e-06  <= 0.01  pass
@@ -148,7 +148,7 @@ linear: Metrics of the linear car at 80 km/h, driven by our manoeuvres at 1 kHz,
   step-steer, lateral_acceleration: peak time                  9.1e-04  <= 0.01  pass
   step-steer, lateral_acceleration: settling time              1.4e-03  <= 0.01  pass
 
-time: Steps of the environments beside CartPole-v1, 1 ms of plant beside LuGre's step alone, and the first step.
+time: Environment steps relative to CartPole-v1, 1 ms of plant relative to LuGre's step alone, and the first step.
   steer_env/DriverDoubleLaneChange-v0, over CartPole-v1   1.8 x   <= 2 x     pass
   steer_env/DriverObstacleAvoidance-v0, over CartPole-v1  2.5 x   <= 3 x     pass
   steer_env/AssistLaneChange-v0, over CartPole-v1         2.0 x   <= 2 x     pass
@@ -165,90 +165,99 @@ time: Steps of the environments beside CartPole-v1, 1 ms of plant beside LuGre's
   1 ms on two_track                                       650 ns  <= 700 ns  pass
   first step, compiled                                    7.4 s   <= 10 s    pass
   first step, from the cache                              1.5 s   <= 2 s     pass
-  first step on two tracks, compiled                      11.3 s  no mark
+  first step on two tracks, compiled                      11.3 s  no limit
 
-policies: Shipped policies on held-out episodes: the driver's beside the preview driver, the assist's beside the table.
-  double lane changes without a cone             100.0%                >= 95%          pass
-  cost less the preview driver's                 -0.152 at most        < 0             pass
-  reward less the preview driver's               1.44 at least         > 0             pass
-  feel error on coulomb below the boost table's  69% at least, cost 0  >= 20%, cost 0  pass
-  feel error on dahl below the boost table's     76% at least, cost 0  >= 20%, cost 0  pass
-  feel error on masing below the boost table's   76% at least, cost 0  >= 20%, cost 0  pass
-  feel error on viscous below the boost table's  76% at least, cost 0  >= 20%, cost 0  pass
-  environment in PPO's wall time, 64 lanes       12.4%                 < 15%           pass
+policies: Shipped policies on held-out episodes, against the preview driver and against the boost table.
+  double lane changes without a cone                   100.0%                >= 95%          pass
+  cost less the preview driver's                       -0.152 at most        < 0             pass
+  reward less the preview driver's                     1.44 at least         > 0             pass
+  feel error on coulomb below the boost table's        69% at least, cost 0  >= 20%, cost 0  pass
+  feel error on dahl below the boost table's           76% at least, cost 0  >= 20%, cost 0  pass
+  feel error on masing below the boost table's         76% at least, cost 0  >= 20%, cost 0  pass
+  feel error on viscous below the boost table's        76% at least, cost 0  >= 20%, cost 0  pass
+  environment in PPO's wall time, 64 sub-environments  12.4%                 < 15%           pass
 """
 
 import re
 
 import pytest
 
+from steer_env.experiments.cli.main import main
 from steer_env.experiments.verification import requirements
+from steer_env.experiments.verification.requirements import feel
+from steer_env.experiments.verification.requirements.common import rows
 from steer_env.friction.numerics.kernel import COMPILED
 
 PINNED = {text.partition(":")[0]: text for text in (__doc__ or "").strip().split("\n\n")[1:]}
 
 
 def masked(text):
-    """Errors are held by their limits alone: below those, rounding differs between processors."""
+    """The limits hold the errors: below those, rounding differs between processors."""
     return re.sub(r"\d\.\de[+-]\d\d", "<error>", text)
 
 
 def masked_times(text):
-    """Times are the machine's and its other users', so their verdicts go as well."""
-    text = re.sub(r" +[\d.]+ (s|ns)  +(<= [\d.]+ \1|no mark).*", r"  <time>  \2", text)
+    """Times depend on the machine and on what else runs there, and so do their verdicts."""
+    text = re.sub(r" +[\d.]+ (s|ns)  +(<= [\d.]+ \1|no limit).*", r"  <time>  \2", text)
     return re.sub(r" +[\d.]+ x  +(<= [\d.]+ x) +\w+", r"  <ratio>  \1", text)
 
 
+@pytest.mark.whole
 @pytest.mark.skipif(not COMPILED, reason="nothing is compiled")
-def test_times():
-    """Ratios of one run may pass their marks by a quarter, which the caches of a busy machine make of them."""
+def test_times_are_printed():
+    """They are reported, not tested."""
     found = requirements.table("time")
-    assert masked_times(found) == masked_times(PINNED["time"])
-    ratios = re.findall(r" ([\d.]+) x  +<= ([\d.]+) x", found)
-    assert ratios
-    for ratio, most in ratios:
-        assert float(ratio) <= 1.25 * float(most), found
+    print(found)
+    assert sorted(masked_times(found).splitlines()) == sorted(masked_times(PINNED["time"]).splitlines())
 
 
+@pytest.mark.whole
 @pytest.mark.skipif(not COMPILED, reason="hours without")
 def test_policies():
-    """What the policies reach is held by the limits: their networks' sums differ between processors."""
+    """The limits hold what the policies reach: the sums in their networks differ between processors."""
 
     def masked(text):
         return re.sub(r"  +-?[\d.]+( ?%)?( at (least|most))?(, cost 0)?  ", "  <value>  ", text)
 
     found, pinned = (masked(text).splitlines() for text in (requirements.table("policies"), PINNED["policies"]))
-    assert found[:-1] == pinned[:-1]
+    assert found[:-1] == pinned[:-1]  # the last row is a time
     assert [line.partition("<value>")[0] for line in found] == [line.partition("<value>")[0] for line in pinned]
 
 
 APART = ("synthetic", "time", "policies")  # see test_synthetic.py, and above
+LONG = ("column", "linear", "straight")
 
 
-@pytest.mark.parametrize("name", [name for name in requirements.MARKS if name not in APART])
-def test_mark(name):
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=[pytest.mark.whole] * (name in LONG))
+        for name in requirements.groups()
+        if name not in APART
+    ],
+)
+def test_a_group_of_requirements_is_kept(name):
     text = requirements.table(name)
     assert "FAIL" not in text
     assert masked(text) == masked(PINNED[name])
 
 
 @pytest.mark.parametrize(("error", "code"), [(0.5, 0), (2.0, 1), (float("nan"), 1)])
-def test_the_exit_code_says_whether_a_mark_is_missed(monkeypatch, capsys, error, code):
-    def rows():
+def test_the_exit_code_says_whether_a_requirement_is_missed(monkeypatch, capsys, error, code):
+    def measure():
         """Something measured."""
-        yield requirements._error("size", [0.1, error], 1.0, "m")
+        yield rows.at_most("size", [0.1, error], 1.0, "m")
 
-    monkeypatch.setitem(requirements.MARKS, "something", rows)
-    assert requirements.main(["something"]) == code
+    monkeypatch.setattr(feel, "rows", measure)
+    assert main(["verify", "feel"]) == code
     assert ("FAIL" if code else "pass") in capsys.readouterr().out
 
 
 def test_a_deviation_from_a_source_is_named_and_nothing_else_passes():
-    found = {x: requirements._printed("toe", x, "0.198", known="0.197").verdict for x in (0.1978, 0.1968, 0.1955)}
+    found = {x: rows.as_printed("toe", x, "0.198", known="0.197").verdict for x in (0.1978, 0.1968, 0.1955)}
     assert list(found.values()) == ["pass", "deviates", "FAIL"]
 
 
-def test_an_unknown_mark_lists_the_known(capsys):
-    with pytest.raises(SystemExit, match="2"):
-        requirements.main(["weight"])
-    assert "unknown mark 'weight'; there are friction, column" in capsys.readouterr().err
+def test_an_unknown_group_lists_the_known(capsys):
+    assert main(["verify", "weight"]) == 2
+    assert "unknown group 'weight'; there are assist, column" in capsys.readouterr().err

@@ -1,8 +1,8 @@
 """Simulation against measurement, or any two recordings of a test: cross plots with tolerance boundaries.
 
-In the manner of ISO 19364 and ISO 22140: every channel may be off by a part of its value and by a fixed amount. The box
-of both tolerances of a cross plot, swept along the measured curve, is the band in which the simulated curve has to lie.
-No conformance is claimed.
+The form follows ISO 19364 and ISO 22140: every channel may be off by a share of its value and by a fixed amount. The
+tolerances of both channels of a cross plot make a box; swept along the measured curve it covers the band in which the
+simulated curve has to lie. No conformance is claimed.
 """
 
 from collections.abc import Mapping
@@ -22,13 +22,13 @@ from steer_env.recording.recording import Recording
 Array = NDArray[np.float64]
 Curves = dict[str, Array]  # channel, or "time" -> (n,) [SI]
 
-FOLDER = Path(__file__).parents[1] / "data" / "tolerances"
+FOLDER = Path(__file__).parents[2] / "data" / "tolerances"
 RATE = 100.0  # of curves over time [Hz]
 CUTOFF = 10.0  # of their low-pass [Hz]
 
 
 class Tolerance(NamedTuple):
-    """What a channel may be off by."""
+    """How far a channel may be off."""
 
     relative: float  # of its value [1]
     absolute: float  # [SI]
@@ -52,7 +52,7 @@ class Pair(NamedTuple):
 
 
 def tolerances(name: str = "default") -> dict[str, Tolerance]:
-    """Tolerances by channel, packaged or from a TOML file; ValueError naming what is wrong in it."""
+    """Tolerances by channel, packaged or from a TOML file; ValueError that names the first error in the file."""
     path = Path(name) if name.endswith(".toml") else FOLDER / f"{name}.toml"
     if not path.is_file():
         raise ValueError(f"no tolerances {name!r}; give a .toml file")
@@ -72,7 +72,7 @@ def _tolerance(where: str, entry: Any) -> Tolerance:
         if type(entry[key]) not in (int, float) or not 0.0 <= entry[key] < float("inf"):
             raise ValueError(f"{where}, {key}: expected a number from 0 on, got {entry[key]!r}")
     if not entry["relative"] + entry["absolute"] > 0.0:
-        raise ValueError(f"{where}: no tolerance at all cannot be kept; give relative or absolute")
+        raise ValueError(f"{where}: relative and absolute are both 0: give at least one above 0")
     return Tolerance(float(entry["relative"]), float(entry["absolute"]) / UNITS[entry["unit"]])
 
 
@@ -83,12 +83,12 @@ def compare(
     allowed: Mapping[str, Tolerance] | None = None,
     **given: Any,
 ) -> list[Pair]:
-    """The cross plots of a test for two recordings; pairs that either lacks are left out.
+    """The cross plots of a test for two recordings, except pairs of channels that either of them lacks.
 
     Raises
     ------
     ValueError
-        Where the test cannot be read from one of them, or none of its cross plots is there.
+        If a recording cannot be read as this test, or both have the channels of none of its cross plots.
     """
     allowed = tolerances() if allowed is None else allowed
     evaluation = metrics.evaluation_of(reference, test)
@@ -108,7 +108,7 @@ def compare(
 
 
 def curves(recording: Recording, evaluation: ManoeuvreEvaluation, **given: Any) -> Curves:
-    """What of a recording is plotted: the mean settled cycle where the test has one, else channels over time."""
+    """Curves of a recording for the plots: its mean settled cycle if the test is periodic, else time histories."""
     names = {name for pair in evaluation.plots for name in pair} - {"time"}
     reading = metrics.read(recording, evaluation.name, **given)
     if hasattr(reading, "mean_cycle"):
@@ -128,10 +128,10 @@ def curves(recording: Recording, evaluation: ManoeuvreEvaluation, **given: Any) 
 
 
 def _aligned(first: Curves, second: Curves) -> Curves:
-    """The second curves, shifted in time to where the handwheel speeds agree best, over the time that both have."""
+    """The second curves, shifted in time so that the handwheel speeds agree best, over the time that both cover."""
     if ANGLE not in first or ANGLE not in second:
         return second
-    a, b = (np.gradient(curve[ANGLE]) for curve in (first, second))  # of a step the angle itself says less
+    a, b = (np.gradient(curve[ANGLE]) for curve in (first, second))  # the angle of a step varies too little to align by
     lag = signal.correlation_lags(a.size, b.size)[signal.correlate(a, b).argmax()]
     time = second["time"] + lag / RATE
     return _between({**second, "time": time}, 0.0, first["time"][-1])
@@ -143,13 +143,16 @@ def _between(curve: Curves, start: float, end: float) -> Curves:
 
 
 def _distance(points: Array, curve: Array, at_curve: Array | None, at_points: Array | None = None) -> Array:
-    """Of points (m, 2) from a curve (n, 2), straight between its samples, in tolerances; these belong to either."""
+    """Distance of points (m, 2) from a curve (n, 2) that is straight between its samples, in tolerances.
+
+    The tolerances are those at the curve (n, 2) or, if that is None, those at the points (m, 2).
+    """
     found = np.empty(len(points))
     step = np.diff(curve, axis=0)
     for k, point in enumerate(points):
         half = at_curve[:-1] if at_curve is not None else at_points[k]  # type: ignore[index]
         off, way = (curve[:-1] - point) / half, step / half
-        # Nearest in the larger of two ratios: at an end, where either is zero, or where both are of one size.
+        # The larger of two ratios is least at an end, where one of them is zero, or where both have the same size.
         places = [np.zeros(len(way)), np.ones(len(way))]
         for a, b in ((off[:, 0], way[:, 0]), (off[:, 1], way[:, 1]), *_even(off, way)):
             places.append(np.clip(np.divide(-a, b, out=np.zeros_like(a), where=b != 0.0), 0.0, 1.0))
@@ -164,7 +167,7 @@ def _even(off: Array, way: Array) -> list[tuple[Array, Array]]:
 def _pair(x: str, y: str, first: Curves, second: Curves, allowed: Mapping[str, Tolerance]) -> Pair:
     reference, other = (np.column_stack((curve[x], curve[y])) for curve in (first, second))
     half = np.column_stack([allowed[name].at(reference[:, k]) for k, name in enumerate((x, y))])
-    # Both ways: the other curve has to stay in the band, and to reach as far as the reference does.
+    # Both ways: the other curve has to stay in the band, and also to reach as far as the reference.
     distance = np.append(_distance(other, reference, half), _distance(reference, other, None, half))
     way = np.gradient(reference, axis=0) / half
     corner = np.sign(np.column_stack((-way[:, 1], way[:, 0]))) * half  # of the box, to the left of the way

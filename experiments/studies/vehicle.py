@@ -1,10 +1,7 @@
-"""What the full vehicle adds: the weave on both chassis and why it differs, and parking.
-
-python -m steer_env.experiments.studies.vehicle
-"""
+"""Effects of the full vehicle: the same weave on both chassis, the causes of the difference, and parking."""
 
 import argparse
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,13 +17,13 @@ from steer_env.vehicle.steering.eps import SAMPLE_TIME
 
 Array = NDArray[np.float64]
 
-# What two tracks have and a single one has not: title -> factors on fields of two_track.Body. Stiffer tyres or lighter
-# wheels than these would need a shorter step.
+# Effects that only the two-track model has: title -> factors on fields of two_track.Body, which take the effect out.
+# Stiffer tyres or lighter wheels than these would need a shorter step.
 SWITCHES: dict[str, dict[str, float]] = {
     "rear wheels kept upright": {},
     "tyres twice as stiff": {"K_t": 2.0},
-    "half the momentum of wheel spin": {"I_w": 0.5},
-    "no torsion of the contact patch": {"sigma_z": 1e-3},
+    "half the angular momentum of the wheels": {"I_w": 0.5},
+    "no bore torque of the contact patch": {"sigma_z": 1e-3},
     "no drag, lift, rolling resistance": {"drag": 0.0, "lift_f": 0.0, "lift_r": 0.0},
 }
 UPRIGHT, RESISTANCE = "rear wheels kept upright", "no drag, lift, rolling resistance"
@@ -50,7 +47,7 @@ class Parking(NamedTuple):
 
 
 class Study(NamedTuple):
-    """What the page "Vehicle" shows."""
+    """Results of the study, which the section "Vehicle" of the report shows."""
 
     amplitude: float  # of the handwheel in the weave [rad]
     peaks: list[Peaks]  # single track, two tracks, then two tracks with each switch
@@ -63,7 +60,7 @@ def _switched(p: plant.Plant, car: Car, titles: Iterable[str]) -> plant.Plant:
     for title in titles:
         for field, factor in SWITCHES[title].items():
             body[field] *= factor
-        if title == UPRIGHT:  # the camber that travel gives undoes the body's roll
+        if title == UPRIGHT:  # the camber from wheel travel cancels the roll of the body
             body["camber_r"] = 2.0 / car.chassis["rear_track"]
         if title == RESISTANCE:
             for key in ("QSY1", "QSY2", "QSY3", "QSY4"):
@@ -75,12 +72,12 @@ def _weave(p: plant.Plant, u: Array, period: int) -> dict[str, Array]:
     """Channels of the last cycle."""
     record = np.zeros((len(u), len(plant.channels(p))))
     if not plant.run(p, plant.initial_state(p), u, record, 1):
-        raise ValueError("the weave diverged")
+        raise ValueError("the simulation of the weave diverged")
     return {name: record[-period:, plant.CHANNEL[name]] for name in ("handwheel_angle", *SHOWN)}
 
 
 def park(car: Car, friction: Any, assisted: bool = True) -> Parking:
-    """Lock to lock at standstill, with the assist or with the motor off."""
+    """Turn from lock to lock at standstill, with the assist on or off."""
     if not assisted:
         a = car.assist
         car = car._replace(assist=a._replace(boost=0.0 * a.boost, damping=0.0 * a.damping))
@@ -91,7 +88,7 @@ def park(car: Car, friction: Any, assisted: bool = True) -> Parking:
 
 
 def collect(car: Car, friction: Any) -> Study:
-    """Drive everything with one friction law."""
+    """Drive the weaves and the parking with one friction law."""
     weave = manoeuvres.make("weave", cycles=4)
     single, two = (car.plant(friction, robot=True, chassis=chassis) for chassis in ("single_track", "two_track"))
     amplitude = manoeuvres.find_amplitude(single, weave)
@@ -109,9 +106,9 @@ def collect(car: Car, friction: Any) -> Study:
     )
 
 
-def main() -> None:
-    """Print the figures."""
-    argparse.ArgumentParser(prog="python -m steer_env.experiments.studies.vehicle", description=__doc__).parse_args()
+def main(argv: Sequence[str] | None = None) -> None:
+    """Print the peaks of the weave on both chassis, with each effect taken out, and the metrics of parking."""
+    argparse.ArgumentParser(prog="steer-env study vehicle", description=main.__doc__).parse_args(argv)
     study = collect(cars.load(), "lugre")
     print(f"weave at 100 km/h, 0.2 Hz, {np.degrees(study.amplitude):.2f} deg: peaks of a settled cycle")
     print(f"{'':45s}" + "".join(f"{name:>22s}" for name in SHOWN))
@@ -121,7 +118,3 @@ def main() -> None:
         print(f"\nparking, {state}")
         for name, entry in entries(found.values).items():
             print(f"  {name:30s} {entry['value']:10.4g} {entry['unit']}")
-
-
-if __name__ == "__main__":
-    main()

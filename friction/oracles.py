@@ -1,6 +1,7 @@
-"""Closed forms of the friction laws: how far the kernels are off each, and how far they may be.
+"""Closed forms of the friction laws: the error of the kernels against each, and its limit.
 
-Work is summed from exact step means, so where a limit is 1e-11 or less only rounding is left.
+Work is summed from exact step means, so where a limit is 1e-11 or less only rounding contributes. The tests and
+``steer-env verify friction`` evaluate the errors.
 """
 
 import math
@@ -25,7 +26,7 @@ class Oracle(NamedTuple):
     what: str
     limit: float  # [unit]
     unit: str
-    errors: Callable[[], Iterable[float]]  # of every case [unit]
+    errors: Callable[[], Iterable[float]]  # errors of all cases [unit]
 
 
 ORACLES: dict[str, Oracle] = {}
@@ -40,8 +41,10 @@ def _oracle(what: str, limit: float, unit: str) -> Callable[[Callable[[], Iterab
 
 
 STRIBECK = friction.make("lugre", sigma_1=1.0, sigma_2=0.6, F_c=0.9, F_s=1.35, v_s=0.02)
-ACTIVE = LuGre(sigma_0=100.0, sigma_1=2.0, sigma_2=0.1, F_c=0.9, F_s=1.5, v_s=0.05)  # not passive: a formula only
-# Binary fractions, with which sums of displacements are exact: equality to the bit is owed.
+ACTIVE = LuGre(
+    sigma_0=100.0, sigma_1=2.0, sigma_2=0.1, F_c=0.9, F_s=1.5, v_s=0.05
+)  # not passive; it only serves the formula
+# Binary fractions, with which sums of displacements are exact, so that results must be equal to the bit.
 DYADIC = friction.make("masing", k=[64.0, 32.0, 16.0, 8.0], y=[1 / 512, 1 / 256, 3 / 256, 1 / 32])
 RATIOS = (0.1, 1.0, 10.0)  # amplitude over pre-sliding distance
 
@@ -62,7 +65,7 @@ def _cycle(p: Any, memory: Array, displacements: Array, speed: float) -> float:
 
 
 def _settled_work(p: Any, memory: Array, displacements: Array, speed: float, ratio: float) -> float:
-    """Work of a cycle [J] once the transient, which fades as exp(-4 ratio) in each, is gone."""
+    """Work of a settled cycle [J]; the transient decays by exp(-4 ratio) in each cycle."""
     return [_cycle(p, memory, displacements, speed) for _ in range(1 + math.ceil(10.0 / ratio))][-1]
 
 
@@ -87,7 +90,7 @@ def lugre_triangle() -> Iterable[float]:
         work = _settled_work(p, memory, np.repeat([A / 4.0, -A / 4.0], 8), v, ratio)
         yield abs(memory[0] / -tip - 1.0)
         expected = 4.0 * (G * (A - tip) + p.sigma_1 * v * tip + p.sigma_2 * v * A)
-        # at small amplitudes the works of both branches cancel down to A^3: relative to the torque at work
+        # at small amplitudes the works of the branches cancel down to A^3: the error is relative to torque times path
         yield abs(work - expected) / (4.0 * A * (G + (p.sigma_1 + p.sigma_2) * v))
 
 
@@ -103,14 +106,14 @@ def lugre_sliding_linearisation() -> Iterable[float]:
         h = 2.0 * math.pi / omega / n
         waves = np.exp(1j * omega * h * (np.arange(n) + 0.5))
         memory = np.array([g])
-        for _ in range(2 + math.ceil(3.0 * pace)):  # transients die as exp(-t v_0/g): 18 time constants
+        for _ in range(2 + math.ceil(3.0 * pace)):  # transients decay as exp(-t v_0/g): 18 time constants
             F = []
             for wave in waves:
                 w = v_0 + ripple * wave.real
                 F.append(law.mean_torque(p, 1.0, memory, w, h)[0])
                 law.advance(p, 1.0, memory, w, h)
         gain = 2.0 * np.mean(np.array(F) * waves.conj()) / ripple
-        # speed held over a step: (omega h)^2/24 = 2e-6; ripple squared: 1e-8; both relative to the branches' sizes
+        # constant speed in a step: (omega h)^2/24 = 2e-6; square of the ripple: 1e-8; both relative to the branches
         yield abs(gain - expected) / (abs(expected - p.sigma_2) + p.sigma_2)
 
 
@@ -128,7 +131,7 @@ def dahl_work() -> Iterable[float]:
 
 @_oracle("Dahl's drift under a force cycle", 1e-13, "of the force")
 def dahl_drift() -> Iterable[float]:
-    """z_c ln[(1 - f_1^2)/(1 - f_2^2)] a cycle between f_1 and f_2, in units of F_c."""
+    """Drift in each cycle between the forces f_1 and f_2, in units of F_c: z_c ln[(1 - f_1^2)/(1 - f_2^2)]."""
     p, z_c = friction.make("dahl", sigma_0=100.0, F_c=0.9), 0.009
     for f_1, f_2 in ((-0.3, 0.8), (0.2, 0.9), (0.5, 0.6)):
         up = z_c * math.log((1.0 - f_1) / (1.0 - f_2))
@@ -156,7 +159,7 @@ def masing_branch() -> Iterable[float]:
 
 @_oracle("Masing, return points and wiping out", 0.0, "N m")
 def masing_memory() -> Iterable[float]:
-    """Every inner loop closes where it was left, and past its tip the way out has forgotten it."""
+    """Every inner loop closes where it began; past its tip the torque continues as if the loop had not been."""
 
     def torque(*path: int) -> Array:
         return friction.response(DYADIC, np.array(path) / 1024, 1 / 1024)
@@ -165,12 +168,12 @@ def masing_memory() -> Iterable[float]:
     nested = torque(0, 20, -8, 10, 2, 7, 5, 7, 2, 10, -8, 20, 25)
     yield from np.abs(nested[[10, 9, 8, 7]] - nested[[2, 3, 4, 5]])
     yield from np.abs(nested[[2, 11, 12]] - plain[[2, 3, 4]])
-    yield abs(plain[4] - virgin_torque(DYADIC, 25 / 1024))  # past the first tip the virgin curve goes on
-    yield abs(torque(0, 3, -17, 5, 100, 90)[-1] - torque(0, -40, 100, 90)[-1])  # saturation wipes out everything
+    yield abs(plain[4] - virgin_torque(DYADIC, 25 / 1024))  # past the first tip the torque follows the virgin curve
+    yield abs(torque(0, 3, -17, 5, 100, 90)[-1] - torque(0, -40, 100, 90)[-1])  # saturation wipes out all memory
 
 
 def masing_loop_work(p: Masing, A: float) -> float:
-    """Work of a settled cycle between ``-A`` and ``A`` [J]: the torque is straight between these vertices."""
+    """Work of a settled cycle between ``-A`` and ``A`` [J], exact as the torque is straight between these vertices."""
     up = np.unique(np.r_[-A, np.minimum(-A + 2.0 * p.y, A), A])
     x = np.r_[0.0, A, -up, up]
     return float(np.trapezoid(friction.response(p, x, 1e-3)[1:], x[1:]))
@@ -188,14 +191,14 @@ def masing_work() -> Iterable[float]:
 
 
 def exponential(x_c: float, x: Array) -> Masing:
-    """Many elements on ``1 - exp(-x/x_c)``, with knots at ``x``; the class itself takes any number of them."""
+    """A Masing law with many elements on ``1 - exp(-x/x_c)``, with knots at ``x``."""
     slopes = np.diff(-np.expm1(-x / x_c), prepend=0.0) / np.diff(x, prepend=0.0)
     return Masing(slopes - np.append(slopes[1:], 0.0), x, 0.0)
 
 
 @_oracle("Dahl's work over Masing's, 2.011, 2.255, 1.106", 5.1e-4, "")
 def work_ratio() -> Iterable[float]:
-    """At A/z_c = 0.0115, 1.146, 11.46 on one virgin curve; the digits printed, chords leave 1/2000^2."""
+    """At A/z_c = 0.0115, 1.146, 11.46 on one virgin curve, to the printed digits; the chords leave 1/2000^2."""
     for ratio, expected in ((0.0115, 2.011), (1.146, 2.255), (11.46, 1.106)):
         masing = masing_loop_work(exponential(1.0, np.linspace(0.0, ratio, 2001)[1:]), ratio)
         yield abs(4.0 * (ratio - math.tanh(ratio)) / masing - expected)
@@ -203,7 +206,10 @@ def work_ratio() -> Iterable[float]:
 
 @_oracle("Coulomb oscillator, 2 F_c/k a half cycle", 2e-6, "rad")
 def coulomb_oscillator() -> Iterable[float]:
-    """Until |x| <= F_c/k, where it sticks. A step across a turning point covers at most a h^2/2 = 4e-7 rad."""
+    """The amplitude falls until |x| <= F_c/k, where the mass sticks.
+
+    A step across a turning point covers at most a h^2/2 = 4e-7 rad.
+    """
     m, k, F, x_0, h = 0.05, 8.0, 0.1, 0.51, 1e-4
     p, memory = friction.make("coulomb", F_c=F), np.zeros(0)
     x, v, w, last, turns = x_0, 0.0, 0.0, 0.0, 0

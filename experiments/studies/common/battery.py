@@ -1,4 +1,4 @@
-"""The test battery of the report: every manoeuvre with every law, and what the law changes in each metric."""
+"""The test battery of the report: each manoeuvre with each law, and how the metrics of the laws differ."""
 
 import math
 from collections.abc import Mapping
@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from steer_env import manoeuvres, metrics
-from steer_env.experiments.studies import simulation_vs_measurement
+from steer_env.experiments.drawing.plots import thinned
+from steer_env.experiments.studies.common import simulation_vs_measurement
 from steer_env.metrics import RefusedError, Value
 from steer_env.metrics.common.confidence import difference as gap_between
 from steer_env.recording.recording import Recording
@@ -19,21 +20,21 @@ Array = NDArray[np.float64]
 
 POINTS = 500  # of a curve
 PER_SECOND = 12.0  # points of a long history [1/s]
-MATTERS = 0.05  # share of a metric from which on a difference is called one that matters; assumed
+MATTERS = 0.05  # share of a metric above which a difference is said to matter; assumed
 
 
 class Drive(NamedTuple):
     """One law in one test."""
 
     values: dict[str, Value]
-    curves: simulation_vs_measurement.Curves  # as in ``validation.curves``, thinned; empty if refused
+    curves: simulation_vs_measurement.Curves  # as in ``simulation_vs_measurement.curves``, thinned; empty if refused
     amplitude: float  # of the handwheel angle [rad], or of the hand torque [N m]; NaN for a driver
-    site_loss: float | None  # at the friction site, each cycle [J]; of a periodic test
+    site_loss: float | None  # loss at the friction site in each cycle [J]; None unless the test is periodic
     failure: str = ""  # why the test could not be driven
 
 
 def drive(car: Car, p: Any, test: str, options: Mapping[str, Any] | None = None) -> Drive:
-    """Drive a test and read its metrics; one that cannot be driven says why in every metric's place."""
+    """Drive a test and evaluate its metrics; every metric of a test that cannot be driven carries the reason."""
     try:
         recording = manoeuvres.drive(car, manoeuvres.make(test, **(options or {})), p)
     except ValueError as error:
@@ -54,26 +55,21 @@ def drive(car: Car, p: Any, test: str, options: Mapping[str, Any] | None = None)
 def _thin(recording: Recording) -> simulation_vs_measurement.Curves:
     try:
         curves = simulation_vs_measurement.curves(recording, metrics.evaluation_of(recording))
-    except RefusedError:  # every metric says why
+    except RefusedError:  # the metrics give the reason
         return {}
     points = max(POINTS, round(PER_SECOND * curves["time"][-1])) if "time" in curves else POINTS
     return {name: thinned(values, points).astype(np.float32) for name, values in curves.items()}
 
 
-def thinned(values: Array, points: int) -> Array:
-    """At most so many of the rows, the first and the last among them."""
-    return values[np.linspace(0, len(values) - 1, min(len(values), points)).round().astype(int)]
-
-
 def _site_loss(recording: Recording, period: float) -> float:
-    """Work that friction takes in the last cycle but one [J]."""
+    """Work done against friction in the last cycle but one [J]."""
     end = recording.time[-1] - period
     power = recording["friction_torque"] * recording["column_speed"]
     return float(np.sum(power[(recording.time > end - period) & (recording.time <= end)]) * SAMPLE_TIME)
 
 
 class Difference(NamedTuple):
-    """A metric of one law less that of the base law, with its 95 % interval; NaN if either is refused."""
+    """A metric with one law less the metric with the base law, with its 95 % interval; NaN if either is refused."""
 
     value: float  # [unit of the metric]
     half_width: float  # of the interval [unit of the metric]
@@ -81,7 +77,7 @@ class Difference(NamedTuple):
 
     @property
     def real(self) -> bool:
-        """Whether the interval leaves out zero; a difference of single events counts as real."""
+        """Whether the interval excludes zero; a difference of single events counts as real."""
         return math.isfinite(self.share) and not abs(self.value) <= self.half_width
 
     @property
@@ -91,7 +87,7 @@ class Difference(NamedTuple):
 
 
 def difference(name: str, value: Value, base: Value) -> Difference:
-    """What the law changes, with the interval of two independent readings."""
+    """Difference between two values of a metric, with the interval of independent readings."""
     usual = metrics.definition(name).usual
     scale = max(abs(base.value), usual[1] - usual[0] if usual else 0.0)
     if value.reason or base.reason:
@@ -113,7 +109,7 @@ def differences(drives: dict[str, Drive], base: str) -> dict[str, dict[str, Diff
 
 
 class Largest(NamedTuple):
-    """The metric that the law changes most."""
+    """The metric in which a law differs most from the base law."""
 
     share: float  # as in ``Difference`` [1]
     law: str
