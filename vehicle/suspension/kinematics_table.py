@@ -149,7 +149,7 @@ def _cell(u, cells):
 
 @kernel
 def _weights(t):
-    """The four uniform cubic B-splines on a cell."""
+    """The four uniform cubic B-splines on a cell (S8)."""
     s = 1.0 - t
     near, far = t * t * (3.0 * t - 6.0) + 4.0, s * s * (3.0 * s - 6.0) + 4.0
     return s * s * s / 6.0, near / 6.0, far / 6.0, t * t * t / 6.0

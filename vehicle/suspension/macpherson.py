@@ -72,7 +72,7 @@ class Pose(NamedTuple):
         return self.contact[..., 1] * path[..., 1] / path[..., 2]
 
     def at_fixed_strut(self) -> Motion:
-        """Derivative with respect to the rack at fixed strut length: a turn about the king-pin axis."""
+        """Derivative with respect to the rack at fixed strut length, a turn about the king-pin axis (S6)."""
         slope = self.per_rack.strut_length / self.per_travel.strut_length
         centre, contact, turn = (u - slope[..., None] * v for u, v in zip(self.per_rack[:3], self.per_travel[:3]))
         return Motion(centre, contact, turn, np.zeros_like(slope))
@@ -107,7 +107,7 @@ def load_coefficients(pose: Pose) -> WheelLoad:
 
 
 def rack_force(pose: Pose, load: WheelLoad) -> Array:
-    """Rack force of one front wheel, by virtual work on its knuckle.
+    """Rack force of one front wheel, by virtual work on its knuckle (S7).
 
     F_rack = -sum(F . dp/drack + M . dphi/drack) at fixed strut length. At fixed *travel* the strut
     changes length as the wheel steers, and its spring, which carries the wheel load along the
@@ -272,13 +272,13 @@ class MacPherson:
         lengths = np.linalg.norm(links, axis=-1)
         residual = np.empty((*rack.shape, 7))
         force, lever = np.zeros((2, *rack.shape, 7, 3))
-        residual[..., :3] = lengths - self._lengths
+        residual[..., :3] = lengths - self._lengths  # (S1), (S2)
         force[..., :3, :] = links / lengths[..., None]
         lever[..., 2, :] = tie
-        residual[..., STRUT] = (strut @ top[..., None])[..., 0] - self._offsets
+        residual[..., STRUT] = (strut @ top[..., None])[..., 0] - self._offsets  # (S3), (S5)
         force[..., STRUT, :] = -strut
         lever[..., STRUT, :] = top[..., None, :]
-        residual[..., 5] = ball[..., 2] + wheel[..., 2] - self._height - travel
+        residual[..., 5] = ball[..., 2] + wheel[..., 2] - self._height - travel  # (S4)
         force[..., 5, 2] = 1.0
         lever[..., 5, :] = wheel
         return residual, np.concatenate([force, np.cross(lever, force)], -1)
