@@ -15,7 +15,7 @@ from steer_env.experiments.studies.integrators import SCHEMES
 from steer_env.experiments.studies.real_time import USABLE, Row
 from steer_env.metrics.common.filtered_channels import ANGLE, AY, TORQUE
 from steer_env.recording.recording import DEGREE
-from steer_env.vehicle.chassis.single_track import GRAVITY
+from steer_env.vehicle.constants import GRAVITY
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
 
 Array = NDArray[np.float64]

@@ -29,7 +29,7 @@ from steer_env.recording.recording import Recording
 from steer_env.vehicle import cars, commonroad
 from steer_env.vehicle.chassis import two_track
 from steer_env.vehicle.chassis.common.interface import BRAKE, COAST, INPUTS, THROTTLE
-from steer_env.vehicle.chassis.single_track import GRAVITY
+from steer_env.vehicle.constants import GRAVITY
 from steer_env.vehicle.suspension import kinematics_table
 from steer_env.vehicle.suspension.macpherson import MacPherson
 
@@ -213,9 +213,9 @@ def _two_track(
         lift_f=0.0,
         lift_r=0.0,
     )
-    torsion = make_law("dahl", sigma_0=1e-4, F_c=1e-6)  # nothing, with the usual twist
+    bore_friction = make_law("dahl", sigma_0=1e-4, F_c=1e-6)  # nothing, with the usual twist
     strut = kinematics_table.linear(_PER_RACK, -p.D_f, 2.0 * (p.h_raf - sunk_f) / p.T_f)
-    return plant.chassis._replace(body=record(body), torsion=torsion), strut, plant.tyre[0]
+    return plant.chassis._replace(body=record(body), bore_friction=bore_friction), strut, plant.tyre[0]
 
 
 def drive_two_track(
@@ -258,7 +258,7 @@ def drive_two_track(
 
     times = sample_times(manoeuvre, dt)
     start = [*two_track.start(car), 0.0]
-    start[two_track.SHIFT] = -1.0  # engaged, whatever the solver rounds
+    start[two_track.SHIFT_TIME] = -1.0  # engaged, whatever the solver rounds
     run = solve_ivp(
         derivative,
         (0.0, times[-1]),
@@ -283,7 +283,7 @@ def drive_two_track(
         *(given["longitudinal_acceleration"], given["lateral_acceleration"], sideways + v_x * r),
         *(x[two_track.ROLL], x[two_track.PITCH]),
         *(given[f"wheel_load_{wheel}"] for wheel in two_track.WHEELS),
-        *x[two_track.SPIN : two_track.SPIN + 4],
+        *x[two_track.OMEGA : two_track.OMEGA + 4],
         *(x[two_track.X], x[two_track.Y], x[two_track.YAW]),
     ]
     return recording_of(times, values, manoeuvre)

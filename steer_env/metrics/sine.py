@@ -14,7 +14,7 @@ from steer_env.metrics.common import events
 from steer_env.metrics.common.definitions import RefusedError, metric, register_evaluation
 from steer_env.metrics.common.filtered_channels import ANGLE, AY, TORQUE, YAW, FilteredChannels
 from steer_env.recording.recording import Recording
-from steer_env.vehicle.chassis.single_track import GRAVITY as G
+from steer_env.vehicle.constants import GRAVITY as G
 
 CUTOFF = 5.0  # low-pass [Hz]
 SPREAD = 0.2  # largest deviation of a half wave's amplitude from their median, as a fraction of it; assumed [1]

@@ -18,7 +18,7 @@ from steer_env.metrics.common import events
 from steer_env.metrics.common.definitions import Bounded, RefusedError, metric, register_evaluation
 from steer_env.metrics.common.filtered_channels import ANGLE, AY, SPEED, TORQUE, YAW, FilteredChannels
 from steer_env.recording.recording import DEGREE, Recording
-from steer_env.vehicle.chassis.single_track import GRAVITY as G
+from steer_env.vehicle.constants import GRAVITY as G
 
 CUTOFF = 25.0  # low-pass; a quarter of the sampling rate where that is lower [Hz]
 SETTLING_CUTOFF = 5.0  # low-pass of the responses whose settling time is read; assumed [Hz]

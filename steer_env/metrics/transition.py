@@ -16,7 +16,7 @@ from steer_env.metrics.common import ramps
 from steer_env.metrics.common.definitions import RefusedError, metric, register_evaluation
 from steer_env.metrics.common.filtered_channels import ANGLE, AY, TORQUE, YAW, FilteredChannels
 from steer_env.recording.recording import DEGREE, Recording
-from steer_env.vehicle.chassis.single_track import GRAVITY as G
+from steer_env.vehicle.constants import GRAVITY as G
 
 CUTOFF = 2.0  # low-pass; the test is quasi-static [Hz]
 CENTRE, AT_1 = (0.1, 0.5), (0.75, 1.25)  # ranges of lateral acceleration of the fits; assumed [m/s2]

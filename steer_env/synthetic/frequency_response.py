@@ -8,7 +8,7 @@ from scipy.optimize import brentq
 
 from steer_env.recording.recording import DEGREE, Recording
 from steer_env.synthetic.recordings import Answers, Array, Example, recording
-from steer_env.vehicle.chassis.single_track import GRAVITY as G
+from steer_env.vehicle.constants import GRAVITY as G
 
 FINE = 1000.0  # rate at which the sweeps are computed [Hz]
 YAW, AY = (0.28, 0.45, 1.3), (6.0, 0.8, 1.2)  # gain [SI], damping ratio [1], natural frequency [Hz]

@@ -8,7 +8,7 @@ from steer_env import metrics
 from steer_env.recording.recording import DEGREE, Recording
 from steer_env.synthetic.recordings import Answers, Array, Example
 from steer_env.synthetic.recordings import recording as recorded
-from steer_env.vehicle.chassis.single_track import GRAVITY as G
+from steer_env.vehicle.constants import GRAVITY as G
 
 # A linear car: every channel is a sine, so that every loop is an ellipse.
 ANGLE_PEAK, TORQUE_PEAK, AY_PEAK, YAW_PEAK = 17 * DEGREE, 3.2, 2.0, 0.075  # rad, N m, m/s2, rad/s

@@ -4,7 +4,7 @@ import numpy as np
 
 from steer_env.recording.recording import DEGREE, Recording
 from steer_env.synthetic.recordings import Answers, Array, Example, recording
-from steer_env.vehicle.chassis.single_track import GRAVITY as G
+from steer_env.vehicle.constants import GRAVITY as G
 
 ANGLE, FREQUENCY = 0.65, 0.5  # [rad], [Hz]
 YAW, AY, TORQUE = (0.2, 0.05), (4.0, 0.15), (3.1, 0.02)  # peak [SI], delay [s]

@@ -6,7 +6,7 @@ import numpy as np
 
 from steer_env.recording.recording import DEGREE, Recording
 from steer_env.synthetic.recordings import Answers, Example, recording
-from steer_env.vehicle.chassis.single_track import GRAVITY as G
+from steer_env.vehicle.constants import GRAVITY as G
 
 RATIO, WHEELBASE, RADIUS, SPEED = 15.0, 2.5, 100.0, 80 / 3.6
 K, OVERSTEER = 0.0045, -0.002  # understeer gradients [rad s2/m]

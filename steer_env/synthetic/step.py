@@ -5,7 +5,7 @@ from scipy.optimize import brentq
 
 from steer_env.recording.recording import DEGREE, Recording
 from steer_env.synthetic.recordings import Answers, Array, Example, overshoot, recording, second_order
-from steer_env.vehicle.chassis.single_track import GRAVITY as G
+from steer_env.vehicle.constants import GRAVITY as G
 
 SIZE, RISE, HOLD, STRAIGHT = 0.6, 0.2, 5.0, 4.0  # angle [rad], times [s]
 # Steady value [SI], damping ratio [1], natural frequency [rad/s].

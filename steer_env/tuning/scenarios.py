@@ -78,7 +78,9 @@ def ready(scenario: Scenario, car: Car, chassis: str, drawn: Conditions) -> tupl
             m = replace(m, chassis=chassis)
         if drive.held:
             m = replace(m, speed=drawn.speed)
-        p = build_plant(loaded, m, drawn.friction, drawn.road_friction)._replace(friction_level=drawn.friction_level)
+        p = build_plant(loaded, m, drawn.friction, drawn.road_friction)._replace(
+            friction_torque_scale=drawn.friction_level
+        )
         found.append(Ready(drive._replace(manoeuvre=m), loaded, p, open_loop(p, m)))
     return tuple(found)
 

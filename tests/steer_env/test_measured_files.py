@@ -13,7 +13,7 @@ from steer_env import metrics
 from steer_env.recording import channel_mapping, csv_file
 from steer_env.recording.files import read, write
 from steer_env.recording.recording import DEGREE, Recording
-from steer_env.vehicle.chassis.single_track import GRAVITY
+from steer_env.vehicle.constants import GRAVITY
 
 
 def mapped(*entries, **meta):

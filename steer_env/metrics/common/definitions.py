@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from steer_env.metrics.common.registry import EVALUATIONS, tests
 from steer_env.recording.recording import DEGREE, Recording
-from steer_env.vehicle.chassis.single_track import GRAVITY as G
+from steer_env.vehicle.constants import GRAVITY as G
 
 Array = NDArray[np.float64]
 

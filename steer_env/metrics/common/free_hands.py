@@ -13,7 +13,7 @@ from steer_env.metrics.common.definitions import RefusedError
 from steer_env.metrics.common.events import integral, runs
 from steer_env.metrics.common.filtered_channels import ANGLE, AY, TORQUE, FilteredChannels
 from steer_env.recording.recording import Recording
-from steer_env.vehicle.chassis.single_track import GRAVITY as G
+from steer_env.vehicle.constants import GRAVITY as G
 
 Array = NDArray[np.float64]
 

@@ -23,7 +23,7 @@ from scipy.interpolate import CubicSpline
 from steer_env.metrics.common.definitions import SPEED_SPREAD, RefusedError
 from steer_env.metrics.common.filtered_channels import ANGLE, AY, CHANNELS, SPEED, FilteredChannels
 from steer_env.recording.recording import DEGREE, Recording
-from steer_env.vehicle.chassis.single_track import GRAVITY as G
+from steer_env.vehicle.constants import GRAVITY as G
 
 CUTOFF = 5.0  # low-pass [Hz]
 PEAK_CUTOFF = 10.0  # low-pass of the channels whose peaks are read; 5 Hz moves the corner from dry friction [Hz]

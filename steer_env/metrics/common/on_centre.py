@@ -12,7 +12,7 @@ from scipy import stats
 from steer_env.metrics.common.definitions import metric
 from steer_env.metrics.common.filtered_channels import ANGLE, AY, TORQUE, YAW
 from steer_env.metrics.common.loops import Loops
-from steer_env.vehicle.chassis.single_track import GRAVITY as G
+from steer_env.vehicle.constants import GRAVITY as G
 
 LINEAR = 0.35  # peak lateral acceleration up to which on-centre metrics are meaningful [g]
 PLOTS = ((ANGLE, TORQUE), (AY, TORQUE), (ANGLE, AY))
