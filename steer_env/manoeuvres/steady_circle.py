@@ -5,6 +5,7 @@ from collections.abc import Callable
 import numpy as np
 
 from steer_env.manoeuvres.common.definition import Array, Manoeuvre, register
+from steer_env.manoeuvres.common.driving import road_wheel_gain
 from steer_env.vehicle import plant
 from steer_env.vehicle.cars import Car
 from steer_env.vehicle.chassis.common.interface import TARGET_SPEED
@@ -21,8 +22,8 @@ def _curvature_driver(sign: Callable[[float], float], radius: float) -> Callable
     """Driver that holds a curvature with the angle that a neutral car needs and with the integral of the error."""
 
     def build(car: Car, p: plant.Plant) -> Callable[[float, Array], tuple[float, float]]:
-        ratio = p.pinion_radius * float(car.strut.solve(0.0, 0.0).per_rack.rotation[2])
-        neutral = (car.chassis["front_axle"] + car.chassis["rear_axle"]) / ratio  # angle per curvature [rad m]
+        wheelbase = car.chassis["front_axle"] + car.chassis["rear_axle"]
+        neutral = wheelbase / road_wheel_gain(car)  # handwheel angle of a neutral car per curvature [rad m]
         names = [name for name, _ in plant.channels(p)]
         yaw, speed = names.index("yaw_rate"), names.index("longitudinal_speed")
         angle, integral = 0.0, 0.0

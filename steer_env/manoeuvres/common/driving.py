@@ -156,7 +156,12 @@ def steering_stiffness(p: plant.Plant, run: Callable = plant.run) -> float:
 
 def steering_ratio(car: Car) -> float:
     """Handwheel angle over road-wheel angle at the centre, without compliance [1]."""
-    return 1.0 / (car.steering["pinion_radius"] * float(car.strut.solve(0.0, 0.0).per_rack.rotation[2]))
+    return 1.0 / road_wheel_gain(car)
+
+
+def road_wheel_gain(car: Car) -> float:
+    """Road-wheel angle over handwheel angle at the centre, without compliance [1]."""
+    return car.steering["pinion_radius"] * float(car.strut.solve(0.0, 0.0).per_rack.rotation[2])
 
 
 def _regripped(u: Array, angle: float, speed: float) -> Array:
