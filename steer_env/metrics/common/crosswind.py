@@ -144,7 +144,7 @@ def crosswind_lateral_deviation(wind: Crosswind) -> Bounded:
 
 @crosswind_metric("deg", "crosswind", "crosswind-free")
 def crosswind_course_deviation(wind: Crosswind) -> Bounded:
-    """Change of the course angle 2 s after the gust began: the integral of lateral acceleration, divided by the speed."""
+    """Change of the course angle 2 s after the gust began: the integral of lateral acceleration divided by speed."""
     gained, below, above = wind.drift()[0]
     return Bounded(gained / wind.speed, below / wind.speed, above / wind.speed)
 
@@ -160,7 +160,7 @@ def crosswind_yaw_rate_peak(wind: Crosswind) -> np.ndarray:
 
 @crosswind_metric("m/s2", "crosswind", "crosswind-free")
 def crosswind_lateral_acceleration_peak(wind: Crosswind) -> np.ndarray:
-    """Largest lateral acceleration in the 3 s from the start of the gust, read where the mean of the gusts is largest."""
+    """Largest lateral acceleration in the 3 s from the start of a gust, read where the mean of the gusts is largest."""
     return wind.peak(AY)
 
 
