@@ -5,7 +5,7 @@ import pytest
 from scipy import stats
 
 from steer_env import metrics
-from steer_env.experiments.verification import requirements
+from steer_env.experiments.verification.requirements import synthetic
 from steer_env.metrics.common import definitions
 from steer_env.metrics.common import evaluate as evaluation
 from steer_env.synthetic import faults, loops
@@ -33,11 +33,11 @@ def test_every_case():
     assert not {key: share for key, share in pooled.items() if share < least}
 
 
-def test_the_mark_names_the_lowest(monkeypatch):
+def test_the_requirement_names_the_lowest(monkeypatch):
     kept, lost = Coverage(0.97, 0.0, 0.1), Coverage(0.85, 0.0, 0.1)
     found = {"a case": {"offset": {"yaw_lag": kept, "loop_area": lost}, "long": {"yaw_lag": kept._replace(kept=1.0)}}}
-    monkeypatch.setattr(requirements, "collect", lambda trials: found)
-    rows = list(requirements.synthetic_rows())
+    monkeypatch.setattr(synthetic, "collect", lambda trials: found)
+    rows = list(synthetic.rows())
     assert [(row.what, row.verdict) for row in rows] == [("a case: offset", "FAIL"), ("a case: long", "pass")]
     assert rows[0].measured == "85.0 %, loop area"
 
