@@ -379,7 +379,7 @@ def test_specification_survives_pickling(name):
 
 @pytest.mark.parametrize("name", IDS)
 def test_gymnasium_vectorises(name):
-    """Gymnasium's own vector environment seeds lane i with seed + i."""
+    """Gymnasium's own vector environment seeds sub-environment i with seed + i."""
     vector = gym.make_vec(name, num_envs=2, vectorization_mode="sync", friction="masing")
     observations, _ = vector.reset(seed=5)
     single = gym.make(name, friction="masing")
