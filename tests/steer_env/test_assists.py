@@ -225,7 +225,7 @@ def test_margins_of_the_lqg(speed):
 
 def test_bad_input():
     env = environment("Weave")
-    with pytest.raises(ValueError, match=r"unknown baseline assist 'pid'; available: boost"):
+    with pytest.raises(ValueError, match=r"unknown baseline assist 'pid'; available: active_return, boost"):
         assists.make("pid", env)
     with pytest.raises(ValueError, match=r"has no option 'gian'; it takes: gain"):
         assists.make("damping", env, gian=1.0)

@@ -72,6 +72,7 @@ def runs(env, seed=3, steps=200):
     return np.array(seen)
 
 
+@pytest.mark.whole
 def test_same_in_subprocesses():
     """Gymnasium's own workers, spawned or forked, step the same episodes."""
     here = runs(make(WEAVE, randomise=RANDOM))
