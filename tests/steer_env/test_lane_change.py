@@ -234,7 +234,6 @@ def test_maximum_entry_speed():
     assert not entry_speed.passes(CAR, "lugre", replace(test, speed=speed + 1.0))
 
 
-@pytest.mark.whole
 def test_maximum_entry_speed_refuses():
     with pytest.raises(ValueError, match="weave has no driver"):
         entry_speed.maximum_entry_speed(CAR, "lugre", "weave")
