@@ -180,6 +180,7 @@ def path(course: Course, car: Outline) -> Array:
     """
     from scipy import optimize  # here, because importing it takes longer than starting an environment
 
+    # A mirrored course is solved as its image and the path mirrored back, so that both are bit-identical.
     mirrored = course.gates[1].left + course.gates[1].right < 0.0
     gates = [Gate(g.start, g.end, -g.left, -g.right) if mirrored else g for g in course.gates]
     x = np.arange(-RUN_IN, course.length + RUN_OUT + 0.5 * SPACING, SPACING)
