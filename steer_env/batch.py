@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from steer_env import drivers
 from steer_env.friction.numerics.bounds import within
 from steer_env.friction.numerics.check import number
+from steer_env.friction.numerics.interpolation import hermite
 from steer_env.friction.numerics.kernel import bind, kernel
 from steer_env.manoeuvres.common.driving import steering_stiffness
 from steer_env.randomise import LIMITS, RANGES, SENSOR_NOISE, Conditions, Randomise
@@ -105,10 +106,8 @@ def _script(
             for k in range(columns.size):
                 u[columns[k]] = start[k] + s * (end[k] - start[k])
             if columns.size > 1 and columns[1] == HAND_SPEED:
-                rise, before, after = end[0] - start[0], start[1] * NODE, end[1] * NODE
-                a, b = before - rise, rise - after
-                u[HAND] = start[0] + s * rise + s * (1.0 - s) * ((1.0 - s) * a + s * b)
-                u[HAND_SPEED] = (rise + (1.0 - 2.0 * s) * ((1.0 - s) * a + s * b) + s * (1.0 - s) * (b - a)) / NODE
+                u[HAND], slope = hermite(s, start[0], end[0], start[1] * NODE, end[1] * NODE)
+                u[HAND_SPEED] = slope / NODE
             if free:
                 u[HAND] = 0.0
                 u[HAND_SPEED] = 0.0
@@ -370,7 +369,7 @@ class Lanes:
             chassis=self._chassis,
             road=self._road,
         )
-        p = p._replace(friction_level=drawn.friction_level)
+        p = p._replace(friction_torque_scale=drawn.friction_level)
         return p if self._driver is None else drivers.gripped(p, self._driver.arm)
 
     def _run(self, p: plant.Plant) -> Callable[..., None]:

@@ -8,7 +8,7 @@ the weave metrics.
 import math
 
 from steer_env.friction.numerics.kernel import kernel
-from steer_env.vehicle.chassis.single_track import GRAVITY
+from steer_env.vehicle.constants import GRAVITY
 
 GRADIENT = 20.0  # on centre [N m/g]
 SOFTENING = 0.12  # lateral acceleration at which the slope has fallen to 42 % [g]

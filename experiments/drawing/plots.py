@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from plotly.subplots import make_subplots
 
 from steer_env.experiments.drawing.style import colours
-from steer_env.metrics import CHANNELS, UNITS, RefusedError, frequency_response
+from steer_env.metrics import CHANNELS, UNITS, RefusedError, frequency_response_curve
 from steer_env.recording.recording import FILE_UNITS, Recording
 
 Array = NDArray[np.float64]
@@ -109,7 +109,7 @@ def responses(recordings: Mapping[str, Recording], test: str) -> list[Panel]:
         curves = {}
         for label, recording in recordings.items():
             try:
-                curves[label] = frequency_response.curve(recording, name, test)
+                curves[label] = frequency_response_curve(recording, name, test)
             except RefusedError:
                 continue  # the metrics give the reason
         rows = [Panel("frequency [Hz]", y, [], None, True) for y in _response_titles(name, unit)]

@@ -17,7 +17,8 @@ from steer_env.experiments.output.files import replaced_directory, write_json
 from steer_env.experiments.output.metrics_json import entries
 from steer_env.experiments.output.pages import environment
 from steer_env.experiments.studies.common import simulation_vs_measurement
-from steer_env.metrics import RefusedError, Value, frequency_response
+from steer_env.metrics import RefusedError, Value
+from steer_env.metrics.common import frequency_response
 from steer_env.metrics.common.confidence import difference
 from steer_env.recording.recording import Recording
 
@@ -29,7 +30,7 @@ class Assessment(NamedTuple):
 
     test: str
     values: dict[str, dict[str, Value]]  # label of the recording -> metric
-    ratings: dict[str, dict[str, targets.Light | None]]  # label -> metric with a target band
+    ratings: dict[str, dict[str, targets.Rating | None]]  # label -> metric with a target band
     bands: dict[str, targets.Band]
     targets: targets.Targets | None
     differences: dict[str, tuple[float, float, float]]  # second less first with its 95 % interval [unit of the metric]
@@ -68,11 +69,11 @@ def assess(
         For an unknown test or condition, or if no cross plot is possible.
     """
     first = next(iter(recordings.values()))
-    procedure = metrics.procedure_of(first, test)
+    evaluation = metrics.evaluation_of(first, test)
     values = {
-        label: metrics.evaluate(found, procedure.name, timing=timing, **given) for label, found in recordings.items()
+        label: metrics.evaluate(found, evaluation.name, timing=timing, **given) for label, found in recordings.items()
     }
-    held = wanted.bands.get(procedure.name, {}) if wanted else {}
+    held = wanted.bands.get(evaluation.name, {}) if wanted else {}
     differences = {}
     if len(values) == 2:
         a, b = values.values()
@@ -84,17 +85,17 @@ def assess(
     curves = {}
     for label, recording in recordings.items():
         try:
-            curves[label] = simulation_vs_measurement.curves(recording, procedure, **given)
+            curves[label] = simulation_vs_measurement.curves(recording, evaluation, **given)
         except RefusedError:
             continue  # the metrics give the reason
     pairs = []
     if allowed:
         reference, other = recordings.values()
-        pairs = simulation_vs_measurement.compare(reference, other, procedure.name, allowed, **given)
+        pairs = simulation_vs_measurement.compare(reference, other, evaluation.name, allowed, **given)
     return Assessment(
-        procedure.name,
+        evaluation.name,
         values,
-        {label: targets.lights(found, held) for label, found in values.items()},
+        {label: targets.ratings(found, held) for label, found in values.items()},
         held,
         wanted,
         differences,
@@ -130,7 +131,7 @@ def render(found: Assessment, recordings: Mapping[str, Recording]) -> str:
     """The page: values with ratings, differences, plots, definitions."""
     labels = list(recordings)
     limits = [plots.boundaries(pair, (labels[0], labels[1])) for pair in found.pairs]
-    drawn = plots.panels(found.curves, metrics.procedure_of(recordings[labels[0]], found.test).plots)
+    drawn = plots.panels(found.curves, metrics.evaluation_of(recordings[labels[0]], found.test).plots)
     responses = plots.responses(recordings, found.test) if found.test in frequency_response.TESTS else []
     return (
         environment(__package__)

@@ -20,7 +20,7 @@ from steer_env.experiments.report import findings
 from steer_env.experiments.report.results import Notify, Results, Scope, collect
 from steer_env.experiments.studies import cross_validation, friction_laws, loop_width, real_time, vehicle
 from steer_env.experiments.studies.common import commonroad_reference
-from steer_env.metrics.common.reading import TORQUE
+from steer_env.metrics.common.filtered_channels import TORQUE
 from steer_env.vehicle import plant
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
 
@@ -105,7 +105,7 @@ def render(results: Results, source: dict[str, Any]) -> str:
             plots=_plots(results),
             script=plots.script(),
             wanted=targets.load(WANTED),
-            light=targets.light,
+            rate=targets.rating,
         )
     )
 
@@ -139,7 +139,7 @@ def _plots(results: Results) -> dict[str, str]:
     drawn = {}
     for test, drives in results.drives.items():
         curves = {law: drive.curves for law, drive in drives.items() if drive.curves}
-        pairs = metrics.procedure_by_name(test).plots
+        pairs = metrics.evaluation_by_name(test).plots
         shown = plots.panels(curves, pairs)
         if results.base in curves and "time" not in curves[results.base]:
             torques = [pair for pair in pairs if pair[1] == TORQUE]

@@ -27,8 +27,8 @@ from scipy.interpolate import PchipInterpolator
 from steer_env import friction, manoeuvres
 from steer_env.experiments.drawing import pictures
 from steer_env.friction import defaults
-from steer_env.metrics.common.reading import ANGLE, AY, TORQUE
-from steer_env.metrics.loops import Loops
+from steer_env.metrics.common.filtered_channels import ANGLE, AY, TORQUE
+from steer_env.metrics.common.loops import Loops
 from steer_env.recording.recording import Recording
 from steer_env.vehicle import cars
 from steer_env.vehicle.steering.eps import Assist, boost_curve

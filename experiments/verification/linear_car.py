@@ -8,11 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from steer_env import manoeuvres
-from steer_env.metrics import CHANNELS, evaluate
-from steer_env.metrics.frequency_response import curve
+from steer_env.metrics import CHANNELS, evaluate, frequency_response_curve
 from steer_env.recording.recording import DEGREE, Recording
 from steer_env.vehicle import cars
-from steer_env.vehicle.chassis.single_track import GRAVITY as G
+from steer_env.vehicle.constants import GRAVITY as G
 from steer_env.vehicle.linear import from_car
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
 
@@ -65,7 +64,7 @@ def _frequency_errors(model: control.StateSpace) -> Iterator[tuple[str, float]]:
         recording = drive(model, test, **options)
         found = {name: value.value for name, value in evaluate(recording).items()}
         for name in OUTPUTS:
-            seen, own = curve(recording, name), model[name, "handwheel_angle"]
+            seen, own = frequency_response_curve(recording, name), model[name, "handwheel_angle"]
             true = _response(own, seen.frequency)
             yield f"{test}, {name}: gain", float(np.abs(np.abs(seen.response / true) - 1.0).max())
             yield f"{test}, {name}: phase", float(np.abs(np.angle(seen.response / true)).max())

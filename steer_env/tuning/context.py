@@ -42,7 +42,7 @@ def context(car: Car, chassis: str, drawn: Conditions) -> Context:
     loaded = car.loaded(drawn.load)
     p = loaded.plant(
         drawn.friction, speed=drawn.speed, robot=True, road_friction=drawn.road_friction, chassis=chassis
-    )._replace(friction_level=drawn.friction_level)
+    )._replace(friction_torque_scale=drawn.friction_level)
     turned = np.arange(0.0, TURN + FIRST_TURN, FIRST_TURN)
     torque = response(drawn.friction, turned, FIRST_TURN / SLIDING_SPEED, drawn.friction_level)
     return Context(

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from steer_env import manoeuvres, metrics
 from steer_env.manoeuvres import Manoeuvre
-from steer_env.manoeuvres.common.driving import Course, build_plant, course, drive_plant
+from steer_env.manoeuvres.common.driving import OpenLoop, build_plant, drive_plant, open_loop
 from steer_env.metrics import Value
 from steer_env.randomise import Conditions
 from steer_env.recording.recording import Recording
@@ -35,7 +35,7 @@ class Ready(NamedTuple):
     drive: Drive  # with the context's speed and chassis
     car: Car  # with its load
     plant: Plant  # with the car's own assist
-    course: Course  # with which the car's own assist reaches the test's lateral acceleration
+    course: OpenLoop  # with which the car's own assist reaches the test's lateral acceleration
 
 
 @dataclass(frozen=True)
@@ -78,8 +78,8 @@ def ready(scenario: Scenario, car: Car, chassis: str, drawn: Conditions) -> tupl
             m = replace(m, chassis=chassis)
         if drive.held:
             m = replace(m, speed=drawn.speed)
-        p = build_plant(loaded, m, drawn.friction, drawn.road_friction)._replace(friction_level=drawn.friction_level)
-        found.append(Ready(drive._replace(manoeuvre=m), loaded, p, course(p, m)))
+        p = build_plant(loaded, m, drawn.friction, drawn.road_friction)._replace(friction_torque_scale=drawn.friction_level)
+        found.append(Ready(drive._replace(manoeuvre=m), loaded, p, open_loop(p, m)))
     return tuple(found)
 
 

@@ -10,8 +10,8 @@ from steer_env.experiments.drawing import pictures
 from steer_env.experiments.studies import loop_width
 from steer_env.experiments.studies.loop_width import AT_0G, DEADBAND, SLOW, WEAVE, Key, Width, verdict
 from steer_env.friction import defaults
-from steer_env.metrics.common.reading import ANGLE, AY, TORQUE
-from steer_env.metrics.loops import Loops
+from steer_env.metrics.common.filtered_channels import ANGLE, AY, TORQUE
+from steer_env.metrics.common.loops import Loops
 from steer_env.vehicle import cars
 
 

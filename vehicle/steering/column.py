@@ -22,7 +22,13 @@ from steer_env.friction.law import step as law_step
 from steer_env.friction.numerics.check import not_negative, positive
 from steer_env.friction.numerics.kernel import kernel
 
-# Where the column's state stands in the state array.
+STATES = (
+    ("handwheel_angle", "rad"),
+    ("handwheel_speed", "rad/s"),
+    ("column_angle", "rad"),
+    ("column_speed", "rad/s"),
+)
+# Positions of these states, with which the state array of a plant begins.
 HANDWHEEL_ANGLE, HANDWHEEL_SPEED, COLUMN_ANGLE, COLUMN_SPEED = range(4)
 
 

@@ -10,7 +10,7 @@ from rich.text import Text
 from steer_env.experiments.cli.common.messages import in_options
 from steer_env.experiments.learning.held_out import Estimate
 from steer_env.metrics import Value, definition
-from steer_env.targets import Light
+from steer_env.targets import Rating
 
 _STYLES = {"green": "green", "amber": "yellow", "red": "red"}
 
@@ -19,7 +19,7 @@ def _table(title: str) -> Table:
     return Table(title=title, title_justify="left", box=None, pad_edge=False, padding=(0, 1, 0, 0))
 
 
-def print_metrics(values: Mapping[str, Value], title: str, ratings: Mapping[str, Light | None] | None = None) -> None:
+def print_metrics(values: Mapping[str, Value], title: str, ratings: Mapping[str, Rating | None] | None = None) -> None:
     """Print metrics with their intervals and, if given, their ratings; then what is refused and why."""
     console = Console()
     table = _table(title)
@@ -42,7 +42,7 @@ def print_metrics(values: Mapping[str, Value], title: str, ratings: Mapping[str,
             console.print(f"{name} refused: {in_options(value.reason)}", highlight=False, soft_wrap=True)
 
 
-def _rating(rating: Light | None) -> str:
+def _rating(rating: Rating | None) -> str:
     """A coloured word; a question mark where the interval reaches into another band."""
     if rating is None:
         return ""

@@ -54,7 +54,7 @@ def drive(car: Car, p: Any, test: str, options: Mapping[str, Any] | None = None)
 
 def _thin(recording: Recording) -> simulation_vs_measurement.Curves:
     try:
-        curves = simulation_vs_measurement.curves(recording, metrics.procedure_of(recording))
+        curves = simulation_vs_measurement.curves(recording, metrics.evaluation_of(recording))
     except RefusedError:  # the metrics give the reason
         return {}
     points = max(POINTS, round(PER_SECOND * curves["time"][-1])) if "time" in curves else POINTS

@@ -79,9 +79,9 @@ def _two_track(
         lift_f=0.0,
         lift_r=0.0,
     )
-    torsion = make_law("dahl", sigma_0=1e-4, F_c=1e-6)  # negligible, at the usual bore friction
+    bore_friction = make_law("dahl", sigma_0=1e-4, F_c=1e-6)  # negligible, at the usual bore friction
     strut = kinematics_table.linear(_PER_RACK, -p.D_f, 2.0 * (p.h_raf - sunk_f) / p.T_f)
-    return plant.chassis._replace(body=record(body), torsion=torsion), strut, plant.tyre[0]
+    return plant.chassis._replace(body=record(body), bore_friction=bore_friction), strut, plant.tyre[0]
 
 
 def drive_two_track(
@@ -124,7 +124,7 @@ def drive_two_track(
 
     times = sample_times(manoeuvre, dt)
     start = [*two_track.start(car), 0.0]
-    start[two_track.SHIFT] = -1.0  # engaged, however the solver rounds
+    start[two_track.SHIFT_TIME] = -1.0  # engaged, however the solver rounds
     run = solve_ivp(
         derivative,
         (0.0, times[-1]),
@@ -149,7 +149,7 @@ def drive_two_track(
         *(given["longitudinal_acceleration"], given["lateral_acceleration"], sideways + v_x * r),
         *(x[two_track.ROLL], x[two_track.PITCH]),
         *(given[f"wheel_load_{wheel}"] for wheel in two_track.WHEELS),
-        *x[two_track.SPIN : two_track.SPIN + 4],
+        *x[two_track.OMEGA : two_track.OMEGA + 4],
         *(x[two_track.X], x[two_track.Y], x[two_track.YAW]),
     ]
     return recording_of(times, values, manoeuvre)

@@ -15,8 +15,8 @@ from scipy import signal
 
 from steer_env import metrics
 from steer_env.friction.numerics import toml
-from steer_env.metrics import UNITS, Procedure, RefusedError
-from steer_env.metrics.common.reading import ANGLE
+from steer_env.metrics import UNITS, ManoeuvreEvaluation, RefusedError
+from steer_env.metrics.common.filtered_channels import ANGLE
 from steer_env.recording.recording import Recording
 
 Array = NDArray[np.float64]
@@ -91,26 +91,26 @@ def compare(
         If a recording cannot be read as this test, or both have the channels of none of its cross plots.
     """
     allowed = tolerances() if allowed is None else allowed
-    procedure = metrics.procedure_of(reference, test)
-    first, second = (curves(recording, procedure, **given) for recording in (reference, other))
+    evaluation = metrics.evaluation_of(reference, test)
+    first, second = (curves(recording, evaluation, **given) for recording in (reference, other))
     if "time" in first:
         second = _aligned(first, second)
         first = _between(first, second["time"][0], second["time"][-1])
     pairs = [
         _pair(x, y, first, second, allowed)
-        for x, y in procedure.plots
+        for x, y in evaluation.plots
         if {x, y} <= first.keys() & second.keys() & allowed.keys()
     ]
     if not pairs:
-        needed = "; ".join(f"{y} over {x}" for x, y in procedure.plots)
-        raise ValueError(f"none of the cross plots of {procedure.name} is in both recordings: {needed}")
+        needed = "; ".join(f"{y} over {x}" for x, y in evaluation.plots)
+        raise ValueError(f"none of the cross plots of {evaluation.name} is in both recordings: {needed}")
     return pairs
 
 
-def curves(recording: Recording, procedure: Procedure, **given: Any) -> Curves:
+def curves(recording: Recording, evaluation: ManoeuvreEvaluation, **given: Any) -> Curves:
     """Curves of a recording for the plots: its mean settled cycle if the test is periodic, else time histories."""
-    names = {name for pair in procedure.plots for name in pair} - {"time"}
-    reading = metrics.read(recording, procedure.name, **given)
+    names = {name for pair in evaluation.plots for name in pair} - {"time"}
+    reading = metrics.read(recording, evaluation.name, **given)
     if hasattr(reading, "mean_cycle"):
         found: Curves = {}
         for name in names:

@@ -4,24 +4,24 @@ import numpy as np
 
 from steer_env.friction.numerics.kernel import kernel
 from steer_env.vehicle.simd import (
-    alike,
     any_of,
     atan,
-    beside,
+    broadcast,
     copysign,
     cos,
     exp,
     fabs,
-    four,
-    lanes,
+    first,
+    load,
     maximum,
     minimum,
-    one,
+    pack,
     power,
-    put,
     sin,
     sqrt,
-    take,
+    store,
+    swap_sides,
+    unpack,
     where,
 )
 
@@ -30,11 +30,11 @@ from steer_env.vehicle.simd import (
 def elementary(x, out):
     """Each function at a number, its mirror image, three times it and one, in four lanes."""
     for i in range(x.size):
-        v = four(x[i], -x[i], 3.0 * x[i], 1.0)
-        put(out, 16 * i, atan(v))
-        put(out, 16 * i + 4, sin(v))
-        put(out, 16 * i + 8, cos(v))
-        put(out, 16 * i + 12, exp(v))
+        v = pack(x[i], -x[i], 3.0 * x[i], 1.0)
+        store(out, 16 * i, atan(v))
+        store(out, 16 * i + 4, sin(v))
+        store(out, 16 * i + 8, cos(v))
+        store(out, 16 * i + 12, exp(v))
 
 
 def of(x):
@@ -63,23 +63,23 @@ def test_elementary_functions():
 
 @kernel
 def everything(a, b, out):
-    x, y = take(a, 1), take(b, 0)
+    x, y = load(a, 1), load(b, 0)
     z = (x + y) * 2.0 - x / y
-    z += -beside(x)
+    z += -swap_sides(x)
     z *= y
     z -= 1.0
     z /= 0.5
-    put(out, 0, z)
-    put(out, 4, minimum(x, y))
-    put(out, 8, maximum(x, 0.5))
-    put(out, 12, where((x > 0.0) & (x <= y), copysign(sqrt(fabs(x)), y), alike(7.0)))
-    put(out, 16, power(fabs(x), 1.5))
+    store(out, 0, z)
+    store(out, 4, minimum(x, y))
+    store(out, 8, maximum(x, 0.5))
+    store(out, 12, where((x > 0.0) & (x <= y), copysign(sqrt(fabs(x)), y), broadcast(7.0)))
+    store(out, 16, power(fabs(x), 1.5))
     if any_of(x != x):
         out[20] = 1.0
     if any_of(y >= 1e9):
         out[21] = 1.0
-    out[22] = one(alike(3.0))
-    _, out[23], _, _ = lanes(x)
+    out[22] = first(broadcast(3.0))
+    _, out[23], _, _ = unpack(x)
 
 
 def test_arithmetic_compiled_and_plain():
