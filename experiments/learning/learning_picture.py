@@ -16,6 +16,6 @@ if __name__ == "__main__":
     for folder in sorted(policy.SHIPPED_IN.iterdir()):
         runs = {f.stem.replace("-", " "): read_curve(f) for f in sorted(folder.glob("seed-*.csv"))}
         name = aim(next(iter(runs.values())))
-        unit = {f.name: f.unit for f in tasks.task(folder.name.removesuffix(f"-{VERSION}")).figures}[name]
+        unit = {f.name: f.unit for f in tasks.task(folder.name.removesuffix(f"-{VERSION}")).metrics}[name]
         shown[folder.name] = LearningCurves(f"{name.replace('_', ' ')} [{unit}]", name, runs)
     Path("docs/learning.svg").write_text(learning(shown), encoding="utf-8")

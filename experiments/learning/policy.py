@@ -107,9 +107,9 @@ class Policy:
             path,
             self.about,
             spec.id if spec else type(env.unwrapped).__name__,
-            [quantity.name for quantity in env.unwrapped.lanes.observed],
+            [quantity.name for quantity in env.unwrapped.batch.observed],
         )
-        own, step = self.about["settings"]["environment"]["control_dt"], env.unwrapped.lanes.control_dt
+        own, step = self.about["settings"]["environment"]["control_dt"], env.unwrapped.batch.control_dt
         self._hold = round(own / step)
         if not math.isclose(self._hold * step, own):
             raise ValueError(
@@ -124,7 +124,7 @@ class Policy:
         self._mean, self._deviation = np.array(scaling["mean"]), np.array(scaling["deviation"])
         self._clip = number("clip", scaling["clip"], minimum=0.0)
         self._state: Any = None
-        n = env.unwrapped.lanes.n
+        n = env.unwrapped.batch.n
         self._fresh, self._since = np.ones(n, bool), np.zeros(n, np.int64)
         self._action = np.zeros((n, 1), np.float32)
 

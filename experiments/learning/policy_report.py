@@ -52,7 +52,7 @@ def baselines(env_id: str) -> dict[str, Maker]:
     task = tasks.task(env_id.removeprefix("steer_env/").rpartition("-")[0])
     if task.name.startswith("Assist"):
         return {name: partial(assists.make, name) for name in assists.available()}
-    if any(quantity.name == "lateral_offset" for quantity in task.situation):
+    if any(quantity.name == "lateral_offset" for quantity in task.task_observations):
         return {name: partial(drivers.Controller, driver=name) for name in drivers.available() if name != "free"}
     return {}
 
@@ -83,7 +83,7 @@ def evaluate(
         found[name] = held_out.collect(env_id, make, episodes, **arguments)
     first = next(iter(found))
     task = tasks.task(env_id.removeprefix("steer_env/").rpartition("-")[0])
-    units = {"reward": "", "cost": "", "clean_share": "1"} | {figure.name: figure.unit for figure in task.figures}
+    units = {"reward": "", "cost": "", "clean_share": "1"} | {figure.name: figure.unit for figure in task.metrics}
     return Evaluation(
         env_id,
         arguments,

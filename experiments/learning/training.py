@@ -209,7 +209,7 @@ class Training:
         raw = SteerVecEnv(
             self.env_id, chosen["num_envs"], friction=self.friction.parameters, **self.settings["environment"]
         )
-        self._observations = [quantity.name for quantity in raw.vector.lanes.observed]
+        self._observations = [quantity.name for quantity in raw.vector.batch.observed]
         kept = self.out / "checkpoint"
         if self._resume:
             self._env = VecNormalize.load(str(kept / "scaling.pkl"), VecMonitor(raw))

@@ -16,8 +16,8 @@ from steer_env.env import SteerEnv
 from steer_env.environments import table
 from steer_env.randomise import RANGES, SENSOR_NOISE
 from steer_env.registration import DRIVEN
-from steer_env.tuning import scenarios
-from steer_env.tuning.env import KNOWN, TuneEnv
+from steer_env.tuning.env import DRAWN, TuneEnv
+from steer_env.tuning.scenarios.common.definition import SCENARIOS, SPEEDS
 from steer_env.vector import SteerVectorEnv
 from steer_env.vehicle import cars
 
@@ -79,9 +79,9 @@ def _options(name: str) -> str:
         task = tasks.task(_short(name))
         known = {**task.options, **RANGES, "speed": (*cars.SPEEDS[task.chassis[0]], RANGES["speed"][2])}
     else:
-        scenario = next(s for s in (scenarios.ON_CENTRE, scenarios.ALL_ROUND) if s.name == _short(name))
-        known = {key: RANGES[key] for key in KNOWN} | {"speed": (*scenarios.SPEEDS, RANGES["speed"][2])}
-        known["road_friction"] = (scenario.slipperiest, *RANGES["road_friction"][1:])
+        scenario = SCENARIOS[_short(name)]
+        known = {key: RANGES[key] for key in DRAWN} | {"speed": (*SPEEDS, RANGES["speed"][2])}
+        known["road_friction"] = (scenario.least_road_friction, *RANGES["road_friction"][1:])
     rows = [(f"`{key}`", f"{low:g} to {high:g}", meaning) for key, (low, high, meaning) in known.items()]
     return table(("option", "range", "meaning"), rows)
 

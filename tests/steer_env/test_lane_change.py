@@ -9,6 +9,7 @@ import pytest
 from steer_env import friction, manoeuvres, metrics
 from steer_env.courses import iso3888
 from steer_env.drivers.common import lq
+from steer_env.timing import UPDATE_INTERVAL
 from steer_env.vehicle import cars, linear
 
 CAR = cars.load()
@@ -132,7 +133,7 @@ def test_the_preview_is_long_enough(speed):
     """A path moved aside or turned moves the car with it: gains ahead sum up to those on offset and heading, to 5 %."""
     K, g, _ = lq.gains(linear.from_car(CAR, speed * KPH))
     assert g.sum() == pytest.approx(K[2], rel=0.05)
-    ahead = speed * KPH * lq.SAMPLE * np.arange(1, g.size + 1)
+    ahead = speed * KPH * UPDATE_INTERVAL * np.arange(1, g.size + 1)
     assert g @ ahead == pytest.approx(K[3], rel=0.05)
 
 
