@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from steer_env.experiments.drawing.style import DASHES, PALETTE, legend, new_figure, styled, styles, svg
 from steer_env.metrics.common.filtered_channels import ANGLE, AY, TORQUE
 from steer_env.recording.recording import DEGREE
-from steer_env.vehicle.chassis.single_track import GRAVITY
+from steer_env.vehicle.constants import GRAVITY
 
 Array = NDArray[np.float64]
 

@@ -20,7 +20,7 @@ from steer_env.recording.recording import Recording
 from steer_env.vehicle import cars, commonroad
 from steer_env.vehicle.chassis import two_track
 from steer_env.vehicle.chassis.common.interface import BRAKE, COAST, INPUTS, THROTTLE
-from steer_env.vehicle.chassis.single_track import GRAVITY
+from steer_env.vehicle.constants import GRAVITY
 from steer_env.vehicle.suspension import kinematics_table
 from steer_env.vehicle.suspension.macpherson import MacPherson
 
