@@ -14,7 +14,7 @@ import math
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from steer_env.friction.numerics.kernel import dispatch, include_sources, kernel
+from steer_env.friction.numerics.kernel import dispatch, kernel
 from steer_env.friction.numerics.registry import Registry
 
 
@@ -91,7 +91,6 @@ def register(
     kernels = (advance, torque, rate, stored_energy, mean_torque, solve or _newton)
     law = Law(name, parameters, make, memory_size, fitted, *kernels)
     LAWS.register(name, law, parameters)
-    include_sources(*(function for function in kernels if function is not None))
 
 
 def available() -> tuple[str, ...]:

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from steer_env.friction.numerics.check import not_negative, number, positive
-from steer_env.friction.numerics.kernel import dispatch, include_sources, kernel
+from steer_env.friction.numerics.kernel import dispatch, kernel
 from steer_env.friction.numerics.registry import Registry
 from steer_env.tasks.common.definition import NODE
 from steer_env.vehicle.cars import Car
@@ -120,7 +120,6 @@ def register_eyes(parameters: type, gains: Callable[[Any, Car, float], Array], c
         Handwheel angle [rad] to be on its way now; ``memory`` is one float of the model's own.
     """
     _eyes[parameters] = Eyes(parameters, gains, command)
-    include_sources(command)
 
 
 def register(name: str, maker: Callable[..., Driver]) -> None:

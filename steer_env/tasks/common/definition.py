@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from steer_env.friction.numerics.check import number
-from steer_env.friction.numerics.kernel import dispatch, include_sources
+from steer_env.friction.numerics.kernel import dispatch
 from steer_env.friction.numerics.registry import Registry, camel_case
 from steer_env.vehicle.cars import Car
 from steer_env.vehicle.chassis.common.interface import ASSIST_REQUEST, HAND
@@ -192,7 +192,6 @@ def register(task: Task, look: Callable, judge: Callable) -> Task:
     """
     TASKS.register(task.name, task)
     _kernels[type(task.rules)] = {"look": look, "judge": judge}
-    include_sources(look, judge)
     return task
 
 

@@ -8,7 +8,7 @@ nodes and ``report`` where channels are wanted. Its inputs, one row for each sam
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from steer_env.friction.numerics.kernel import dispatch, include_sources, kernel
+from steer_env.friction.numerics.kernel import dispatch, kernel
 from steer_env.friction.numerics.registry import Registry
 
 # One row of inputs holds for a sample of 1 ms.
@@ -88,7 +88,6 @@ def register(name: str, parameters: type, **fields: Any) -> None:
     """
     chassis = Chassis(name, parameters, **fields)
     CHASSIS.register(name, chassis, parameters)
-    include_sources(*chassis[6:])
 
 
 def available() -> tuple[str, ...]:
