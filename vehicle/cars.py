@@ -14,6 +14,7 @@ from steer_env.friction import defaults, resolve
 from steer_env.friction import make as make_law
 from steer_env.friction.numerics import toml
 from steer_env.friction.numerics.check import number
+from steer_env.friction.numerics.frozen import frozen
 from steer_env.friction.numerics.kernel import record
 from steer_env.vehicle import road, tyre
 from steer_env.vehicle.chassis.common import drivetrain
@@ -151,7 +152,7 @@ class Car(NamedTuple):
         # brake by 4 % of the load (the rolling resistance of the set is 1 %) and above 8 kN even drive.
         coefficients = self.tyre.symmetric().coefficients._replace(PHX1=0.0, PHX2=0.0)
         s = self.steering
-        return Plant(
+        p = Plant(
             column=self.column,
             assist=self.assist,
             friction=resolve(friction),
@@ -163,6 +164,7 @@ class Car(NamedTuple):
             rack_limit=s["rack_limit"],
             robot=1.0 if robot else 0.0,
         )
+        return frozen(p)
 
     def loaded(self, mass: float) -> "Car":
         """The car with mass added at its centre of gravity [kg], spread around it as the body's own is."""

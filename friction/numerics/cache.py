@@ -1,9 +1,10 @@
 """Where machine code is kept between processes: one folder for each kernel, signature and state of its sources.
 
-The folder's name holds the stamp of all that the code depends on (:mod:`steer_env.friction.numerics.stamp`), so nothing
-stale is ever found, checkouts and versions share one parent folder, and two processes that compile the same kernel write
-the same files. numba writes each of them under a temporary name and renames it. A folder for each signature is needed:
-two processes that add different signatures to one index of numba's can exchange their machine code.
+The folder's name holds the stamp of all that the code depends on (:mod:`steer_env.friction.numerics.stamp`), so
+nothing stale is ever found, checkouts and versions share one parent folder, and two processes that compile the same
+kernel write the same files. numba writes each of them under a temporary name and renames it. A folder for each
+signature is needed: two processes that add different signatures to one index of numba's can exchange their machine
+code.
 """
 
 import os
@@ -24,9 +25,9 @@ import platformdirs
 from steer_env.friction.numerics.stamp import stamp
 
 try:  # numba compiles under this lock, and a lock of our own beside it could block two threads for good
-    from numba.core.compiler_lock import global_compiler_lock as _LOCK
+    from numba.core.compiler_lock import global_compiler_lock as _lock
 except ImportError:
-    _LOCK = threading.RLock()  # type: ignore[assignment]
+    _lock = threading.RLock()  # type: ignore[assignment]
 
 FOLDER = "steer-env-kernels"  # in the user's cache folder, or in NUMBA_CACHE_DIR
 NEWEST = 64  # folders of one kernel that are kept, by their last use: the whole suite needs some twenty of the plant's
@@ -94,7 +95,7 @@ def compile_cached(kernel: Any, signature: tuple, compile: Callable[[tuple], Any
     compiler : {"numba", "fast"}
     """
     global _depth
-    with _LOCK:
+    with _lock:
         if signature in kernel.signatures:
             return compile(signature)
         folder = None if _depth else folder_of(kernel, signature, compiler)
@@ -115,9 +116,9 @@ def _carefully(kernel: Any, signature: tuple, compile: Callable[[tuple], Any], f
             return compile(signature)
         if folder is None or kernel.stats.cache_misses[signature]:  # nothing was read: it is the compiler that failed
             raise
-        shutil.rmtree(folder, ignore_errors=True)  # what was read is no machine code
-        _choose(kernel, None)
-        return compile(signature)
+    shutil.rmtree(folder, ignore_errors=True)  # what was read is no machine code
+    _choose(kernel, None if folder.exists() else folder)
+    return _carefully(kernel, signature, compile, None)
 
 
 def _choose(kernel: Any, folder: Path | None) -> None:

@@ -19,6 +19,7 @@ import numpy as np
 from numba.extending import overload
 
 from steer_env.friction.numerics import cache
+from steer_env.friction.numerics.frozen import frozen
 from steer_env.friction.numerics.stamp import POINTS
 
 FAST_VERSIONS = ("0.68",)  # of numba that the fast compiler was tested with, see docs/compatibility.md
@@ -74,8 +75,8 @@ def part(function: Callable) -> Any:
 def dispatch(point: Callable, choose: Callable[[type, str], Any]) -> None:
     """Make compiled code take, for a call of ``point(p, ...)``, the function for the class of the parameters ``p``.
 
-    The choice is made at compile time and the function becomes part of the caller, so that nothing is passed at run time
-    and everything can be cached. Plain Python runs the body of ``point``.
+    The choice is made at compile time and the function becomes part of the caller, so that nothing is passed at run
+    time and everything can be cached. Plain Python runs the body of ``point``.
 
     Parameters
     ----------
@@ -105,7 +106,7 @@ def record(parameters: Any) -> np.recarray:
 
     A kernel takes the record by its address; the tuple would be unpacked, float by float, at every call from Python.
     """
-    return np.rec.array([tuple(parameters)], dtype=[(key, np.float64) for key in parameters._fields])
+    return frozen(np.rec.array([tuple(parameters)], dtype=[(key, np.float64) for key in parameters._fields]))
 
 
 def bind(function: Any, *arguments: Any) -> Callable:

@@ -1,10 +1,11 @@
 """The digest of everything that the machine code of a kernel depends on.
 
-numba's own cache looks at the file that holds the kernel only, and would serve stale code after a change of a callee, of
-a friction law or of a constant in another file. :func:`stamp` follows a kernel instead: through the names that its
-bytecode loads to other kernels, to module constants and arrays (which compiled code freezes), and through the dispatch
-points to the functions that the classes in its signature select. What it cannot decide it either stamps by the whole
-source file or refuses, and the kernel is then compiled without a cache: a stale kernel is worse than a slow one.
+numba's own cache looks at the file that holds the kernel only, and would serve stale code after a change of a callee,
+of a friction law or of a constant in another file. :func:`stamp` follows a kernel instead: through the names that its
+bytecode loads to other kernels, to module constants and arrays (which compiled code freezes), and through the
+dispatch points to the functions that the classes in its signature select. What it cannot decide it either stamps by
+the whole source file or refuses, and the kernel is then compiled without a cache: a stale kernel is worse than a slow
+one.
 
 Functions enter by their bytecode, so that comments, docstrings and positions in a file do not count, and a file that is
 edited while the process runs cannot mislabel what was imported before.
@@ -36,7 +37,7 @@ _FREE = ("NUMBA_CACHE_DIR", "NUMBA_DEBUG_CACHE", "NUMBA_NUM_THREADS")  # setting
 POINTS: dict[Callable, Callable[[type, str], Any]] = {}  # dispatch point -> (class, name of the point) -> function
 
 
-class Undecidable(Exception):
+class UndecidableError(Exception):
     """A kernel refers to something that cannot be stamped."""
 
 
@@ -58,7 +59,7 @@ def stamp(kernel: Any, signature: tuple, compiler: str) -> str:
 
     Raises
     ------
-    Undecidable
+    UndecidableError
         If the kernel refers to a thing of a kind that this module does not know.
     """
     walk = _Walk()
@@ -87,13 +88,13 @@ def _hash(*parts: Any) -> str:
 
 
 def _text(file: Path) -> bytes:
-    """Contents of a source file, or nothing where there is none; Undecidable if it changed after its import."""
+    """Contents of a source file, or nothing where there is none; UndecidableError if it changed after its import."""
     try:
         changed, text = file.stat().st_mtime, file.read_bytes()
     except OSError:
         return b""
     if changed > _START:
-        raise Undecidable(f"{file} changed while the process was running")
+        raise UndecidableError(f"{file} changed while the process was running")
     return text
 
 
@@ -102,7 +103,7 @@ def _name(thing: Any) -> str:
 
 
 def _version(module: str | None) -> str | None:
-    """Version of the package that a module belongs to, if that says all about it; None for the project and its users."""
+    """Version of the package that a module belongs to, where that says all about it; None for all other modules."""
     root = (module or "builtins").partition(".")[0]
     if root in _VERSIONED:
         return f"{root} {_VERSIONED[root].__version__}"
@@ -160,12 +161,11 @@ class _Walk:
         self._kept: list[Any] = []  # so that no id is used twice
 
     def choices(self) -> list[str]:
-        """Digests of what the classes met so far select at the dispatch points met so far, and of what these lead to."""
+        """Digests of what the classes met so far select at the dispatch points met so far, with all that follows."""
         done: dict[tuple[Callable, type], str] = {}
         while True:
-            todo = [
-                (point, kind) for point in self.points for kind in (type(None), *self.classes) if (point, kind) not in done
-            ]
+            pairs = ((point, kind) for point in self.points for kind in (type(None), *self.classes))
+            todo = [pair for pair in pairs if pair not in done]
             if not todo:
                 return sorted(done.values())
             for point, kind in todo:
@@ -185,8 +185,10 @@ class _Walk:
         return _hash(str(kind))
 
     def digest(self, value: Any, strict: bool = True) -> str:
-        """Digest of anything that a kernel refers to; Undecidable for an unknown kind of thing if ``strict``."""
-        if value is None or isinstance(value, bool | int | float | complex | str | bytes) and not isinstance(value, Enum):
+        """Digest of anything that a kernel refers to; UndecidableError for an unknown kind of thing if ``strict``."""
+        if isinstance(value, Enum):
+            return _hash(_name(type(value)), value.name, repr(value.value))
+        if value is None or isinstance(value, bool | int | float | complex | str | bytes):
             return _hash(type(value).__name__, repr(value))
         if isinstance(value, tuple | list):
             if hasattr(value, "_fields"):
@@ -199,8 +201,6 @@ class _Walk:
         if isinstance(value, np.ndarray | np.generic):
             array = np.asarray(value)
             return _hash(_name(type(value)), repr((array.dtype, array.shape)), array.tobytes())
-        if isinstance(value, Enum):
-            return _hash(_name(type(value)), value.name, repr(value.value))
         if isinstance(value, type):
             return self._class(value, strict)
         return self._once(value, lambda thing: self._thing(thing, strict))
@@ -210,7 +210,7 @@ class _Walk:
         self.classes[kind] = None
         plain = issubclass(kind, tuple | Enum | BaseException) or _version(kind.__module__) is not None
         if strict and not plain:
-            raise Undecidable(f"the class {_name(kind)}")
+            raise UndecidableError(f"the class {_name(kind)}")
         return _hash(_name(kind), repr(getattr(kind, "_fields", ())))
 
     def _once(self, value: Any, work: Callable[[Any], str]) -> str:
@@ -242,7 +242,7 @@ class _Walk:
         if isinstance(found, BuiltinFunctionType):
             return _hash(found.__qualname__, _version(found.__module__) or "")
         if strict:
-            raise Undecidable(f"a {_name(type(value))} among what a kernel refers to")
+            raise UndecidableError(f"a {_name(type(value))} among what a kernel refers to")
         return _hash(_name(type(value)))
 
     def _function(self, function: FunctionType, strict: bool) -> str:
@@ -251,7 +251,8 @@ class _Walk:
         cells = zip(code.co_freevars, function.__closure__ or ())
         scope = {**function.__globals__, **{name: cell.cell_contents for name, cell in cells}}
         defaults = self.digest((function.__defaults__, function.__kwdefaults__), strict)
-        return _hash(_name(function), _bytecode(code, function.__doc__), defaults, *self._references(code, scope, strict))
+        references = self._references(code, scope, strict)
+        return _hash(_name(function), _bytecode(code, function.__doc__), defaults, *references)
 
     def _references(self, code: CodeType, scope: dict[str, Any], strict: bool) -> Iterator[str]:
         """Digests of what a code object loads from a scope, with the names."""
@@ -266,7 +267,7 @@ class _Walk:
                 path.append(rest.pop(0))
                 value = getattr(value, path[-1])
             if isinstance(value, ModuleType) and _version(value.__name__) is None and strict:
-                raise Undecidable(f"the module {value.__name__} itself, as {'.'.join(path)}")
+                raise UndecidableError(f"the module {value.__name__} itself, as {'.'.join(path)}")
             yield _hash(".".join(path), self.digest(value, strict))
 
     def _file(self, function: FunctionType) -> str:
@@ -277,7 +278,7 @@ class _Walk:
         module = sys.modules.get(function.__module__)
         text = _text(Path(getattr(module, "__file__", None) or ""))
         if module is None or not text:
-            raise Undecidable(f"{_name(function)} is not a kernel and has no source file")
+            raise UndecidableError(f"{_name(function)} is not a kernel and has no source file")
         references = self._once(module, lambda _: self._module(module, text))
         return _hash(_name(function), references)
 

@@ -1,4 +1,7 @@
-"""Masing's step equation, constructors, and Dahl beside it; ``steer_env.experiments.verification.friction_oracles`` has branches, memory and work."""
+"""Masing's step equation and constructors, and Dahl in comparison.
+
+``steer_env.experiments.verification.friction_oracles`` has branches, memory and work.
+"""
 
 import math
 

@@ -1,4 +1,7 @@
-"""Coulomb and viscous friction; ``steer_env.experiments.verification.friction_oracles`` has the closed forms of the other laws."""
+"""Coulomb and viscous friction.
+
+``steer_env.experiments.verification.friction_oracles`` has the closed forms of the other laws.
+"""
 
 import math
 
