@@ -1,6 +1,6 @@
 PYTHON ?= python3
 
-.PHONY: report test clean
+.PHONY: report test test-matrix clean
 
 # The main job: core packages alone, then the evaluation report in report/index.html.
 report: .venv/.stamp
@@ -21,6 +21,10 @@ test: .venv-test/.stamp
 	.venv-test/bin/python -m pip install --quiet --constraint constraints-train.txt torch
 	.venv-test/bin/python -m pip install --quiet --constraint constraints-train.txt --editable '.[train,test]'
 	touch $@
+
+# A smoke test over versions of numba and with the lower bounds of all dependencies; prints docs/compatibility.md's table.
+test-matrix:
+	$(PYTHON) tests/matrix.py
 
 clean:
 	rm -rf .venv .venv-test report
