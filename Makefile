@@ -1,14 +1,26 @@
 PYTHON ?= python3
+PYTEST = .venv-test/bin/python -m pytest --numprocesses auto --dist loadfile
+SEED := $(shell date +%s)
 
-.PHONY: report test test-matrix clean
+.PHONY: report test test-all test-matrix clean
 
-# The main job: core packages alone, then the evaluation report in report/index.html.
+# The main job: the core packages alone, then the evaluation report in report/index.html.
 report: .venv/.stamp
 	.venv/bin/steer-env report --out report
 
-# Core, test and training packages, then the whole suite.
+# What a contributor runs: core, test and training packages, then everything but the tests marked `whole`.
 test: .venv-test/.stamp
-	.venv-test/bin/python -m pytest
+	$(PYTEST) -m "not whole"
+
+# The whole suite, then the property tests once more with a random seed, which is printed.
+test-all: .venv-test/.stamp
+	$(PYTEST)
+	@echo "property tests with --hypothesis-seed=$(SEED)"
+	$(PYTEST) -m hypothesis --hypothesis-profile=random --hypothesis-seed=$(SEED)
+
+# A short smoke test over several versions of numba and the lowest versions of all dependencies.
+test-matrix:
+	$(PYTHON) tests/matrix.py
 
 .venv/.stamp: pyproject.toml constraints.txt
 	$(PYTHON) -m venv .venv
@@ -21,10 +33,6 @@ test: .venv-test/.stamp
 	.venv-test/bin/python -m pip install --quiet --constraint constraints-train.txt torch
 	.venv-test/bin/python -m pip install --quiet --constraint constraints-train.txt --editable '.[train,test]'
 	touch $@
-
-# A smoke test over versions of numba and with the lower bounds of all dependencies; prints docs/compatibility.md's table.
-test-matrix:
-	$(PYTHON) tests/matrix.py
 
 clean:
 	rm -rf .venv .venv-test report

@@ -17,7 +17,7 @@ from scipy import signal
 from steer_env import manoeuvres
 from steer_env.recording.recording import DEGREE, Recording
 from steer_env.vehicle import cars
-from steer_env.vehicle.chassis.single_track import GRAVITY as G
+from steer_env.vehicle.constants import GRAVITY as G
 
 SEED = 13674
 RATE = 50.0  # Hz

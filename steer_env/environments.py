@@ -1,7 +1,7 @@
-"""The environment classes of the ids, one for each task, single and vector, with documentation drawn from the task.
+"""The environment classes of the tasks, single and vector, with documentation generated from the task.
 
-A class is made when it is first asked for, so that one environment does not wait for the others. Those that tune are
-made in :mod:`steer_env.tuning.registration`.
+A class is made when it is first asked for, so that an id imports only its own task. The classes of the tuning
+environments are made in :mod:`steer_env.tuning.environments`.
 """
 
 import textwrap
@@ -30,31 +30,35 @@ def _documentation(task: Task) -> str:
     ]
     terms = [(f"`{t.name}`", f"{t.weight:.6g}", t.unit, t.meaning) for t in task.rewards]
     costs = [(f"`{t.name}`", f"{t.weight:.6g}", t.unit, t.meaning) for t in task.costs]
-    figures = [(f"`{f.name}`", f.unit, ("rms", "peak", "sum")[f.kind], f.meaning) for f in task.figures]
+    metrics = [(f"`{m.name}`", m.unit, ("rms", "peak", "sum")[m.kind], m.meaning) for m in task.metrics]
     options = [(f"`{key}`", meaning) for key, (_, _, meaning) in {**task.options, **RANGES}.items()]
     sections = [
         task.summary,
         "## Action",
-        "`Box(-1, 1, (1,))`, held for `control_dt`.",
+        "`Box(-1, 1, (1,))`; the action is held for `control_dt`.",
         table(("index", "action", "at 1", "unit"), [("0", action.meaning, f"{action.scale:g}", action.unit)]),
         "## Observation",
-        f"`Box({len(observations)},)` in SI, clipped to the bounds.",
+        f"`Box({len(observations)},)` in SI units, clipped to the bounds.",
         table(("index", "observation", "bound", "unit"), observations),
         "## Reward",
-        'Sum of the terms: weight times quantity over the step. They are in `info["reward_terms"]`.',
+        "The reward is the sum of the terms, each its weight times its quantity over the step. The terms are in "
+        '`info["reward_terms"]`.',
         table(("term", "weight", "unit", "quantity"), terms),
-        '## Cost\n\nFor constraint learning, in `info["cost"]` and `info["cost_terms"]`.',
+        '## Cost\n\nFor constrained learning: the sum is `info["cost"]`, the terms are `info["cost_terms"]`.',
         table(("term", "weight", "unit", "quantity"), costs),
-        '## Metrics\n\nOf the whole episode, in `info["metrics"]` at its end.',
-        table(("figure", "unit", "over the episode", "of"), figures),
+        '## Metrics\n\nThose of the whole episode are in `info["metrics"]` at its end.',
+        table(("metric", "unit", "over the episode", "of"), metrics),
         "## Start",
         textwrap.fill(task.begins, 118),
         "## End",
         textwrap.fill(
-            f"{task.ends} Terminates with a reward of -100 if a state turns non-finite or the car rolls or spins.", 118
+            f"{task.ends} It terminates with a reward of -100 if a state is no longer finite, or the car rolls over or "
+            "spins out.",
+            118,
         ),
         "## Arguments",
-        f"As `steer_env.SteerEnv`. Defaults: {3.6 * task.speed:g} km/h, chassis {task.chassis[0]!r}.",
+        f"Those of `steer_env.SteerEnv`. The default speed is {3.6 * task.speed:g} km/h, the default chassis "
+        f"{task.chassis[0]!r}.",
         "`reset(options={...})` fixes what would be drawn:",
         table(("option", "meaning"), options),
         "## Version history\n\nv0: first version.",

@@ -1,4 +1,4 @@
-"""Conditions of an episode that are drawn anew at every reset: load, road, friction, speed, sensors."""
+"""Conditions of an episode that are drawn at every reset: load, road, friction, speed, sensors."""
 
 from collections.abc import Mapping
 from itertools import product
@@ -7,19 +7,19 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from steer_env import friction
+from steer_env.courses.preview import PREVIEW_NAMES
 from steer_env.friction.law import law_of
 from steer_env.friction.numerics.check import number
-from steer_env.tasks.common.terms import SIGHT
 from steer_env.vehicle import cars
 
-# Name: smallest and largest value, what it is.
+# Name: smallest and largest value, meaning.
 RANGES = {
     "load": (0.0, 500.0, "mass added to the body [kg]"),
-    "road_friction": (0.1, 1.2, "of the road, relative to the tyre's measurements [1]"),
-    "friction_level": (0.1, 5.0, "factor on the law's saturated friction [1]"),
+    "road_friction": (0.1, 1.2, "friction of the road relative to that of the tyre's measurements [1]"),
+    "friction_level": (0.1, 5.0, "factor on the friction torque of the law [1]"),
     "speed": (0.0, cars.SPEED_MAX, "held speed [m/s]"),
-    "sensor_noise": (0.0, 10.0, "factor on the sensors' noise, SENSOR_NOISE [1]"),
-    "delay": (0.0, 0.2, "of the observation, rounded to whole control steps [s]"),
+    "sensor_noise": (0.0, 10.0, "factor on the standard deviations of the sensors' noise [1]"),
+    "delay": (0.0, 0.2, "delay of the observation, rounded to whole control steps [s]"),
 }
 LIMITS = {name: (low, high) for name, (low, high, _) in RANGES.items()}
 # Standard deviations of white noise at each control step, as good production sensors have; assumed [SI].
@@ -35,12 +35,12 @@ SENSOR_NOISE = {
     "lateral_offset": 0.02,
     "heading_error": 0.002,
     "speed": 0.05,
-    **{quantity.name: 0.05 for quantity in SIGHT[2:]},
+    **dict.fromkeys(PREVIEW_NAMES, 0.05),
 }
 
 
 class Conditions(NamedTuple):
-    """Of one episode."""
+    """What is drawn for one episode; :data:`RANGES` tells the meanings."""
 
     load: float  # [kg]
     road_friction: float  # [1]
@@ -57,19 +57,21 @@ class Randomise:
     Parameters
     ----------
     ranges : mapping
-        Key of ``RANGES`` to (low, high); and under ``"friction"`` a mapping of the law's own parameters, such as
+        Keys of ``RANGES`` to (low, high); and under ``"friction"`` a mapping of the law's own parameters, such as
         ``{"F_c": (0.5, 1.5)}``.
     law : str or parameters
-        The environment's friction; what is not drawn follows a name's defaults, or stays as the parameters have it.
+        The environment's friction. Parameters that are not drawn are the defaults of a law given by name, or those
+        given.
     speed : float
-        Held where it is not drawn [m/s].
+        Held speed where it is not drawn [m/s].
     limits : mapping of str to (float, float)
-        Keys of ``RANGES`` that the environment knows, with what it allows: ``LIMITS``, but for the speeds of a chassis.
+        Keys of ``RANGES`` that the environment takes, with the smallest and largest value: ``LIMITS`` with the speeds
+        of the chassis.
 
     Raises
     ------
     ValueError
-        An unknown key, a range that is no pair or inverted, or a value out of what is possible.
+        A key is unknown, a range is not a pair or is inverted, or a value is out of range.
     """
 
     def __init__(
@@ -93,7 +95,7 @@ class Randomise:
         if not isinstance(own, Mapping):
             raise ValueError(f"randomise['friction'] must map the law's parameters to (low, high), got {own!r}")
         self._law = {name: self._pair(f"friction.{name}", pair) for name, pair in own.items()}
-        for corner in product(*self._law.values()):  # each must make a law
+        for corner in product(*self._law.values()):  # each corner must give valid parameters
             self._make(dict(zip(self._law, corner)))
 
     def _pair(self, name: str, pair: Any) -> tuple[float, float]:
@@ -111,7 +113,7 @@ class Randomise:
         return friction.make(self._name, **{**self._given, **drawn}) if drawn else self._usual.friction
 
     def draw(self, rng: np.random.Generator, fixed: Mapping[str, Any]) -> Conditions:
-        """Conditions of an episode; ``fixed`` are reset options, which override what is drawn."""
+        """Conditions of an episode; ``fixed`` are reset options, which replace what is drawn."""
         drawn = {name: float(rng.uniform(*pair)) for name, pair in self._ranges.items()}
         law = self._make({name: float(rng.uniform(*pair)) for name, pair in self._law.items()})
         for name, value in fixed.items():
@@ -121,5 +123,5 @@ class Randomise:
 
     @property
     def usual(self) -> Conditions:
-        """Conditions where nothing is drawn."""
+        """The conditions if nothing is drawn."""
         return self._usual

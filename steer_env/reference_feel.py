@@ -1,19 +1,19 @@
-"""Reference feel: the hand torque that a good steering would ask for, as a function of what the car does.
+"""Reference feel: the hand torque of a good steering system, as a function of the car's motion.
 
-A torque that grows with lateral acceleration, softens, and carries a little friction and damping. The slope on centre
-is near the 23 N m/g that drivers have preferred (Segel, 1964); the rest is assumed, within the passenger-car ranges of
-the weave metrics.
+The torque grows degressively with lateral acceleration and contains a little friction and damping. The gradient on
+centre is near the 23 N m/g that drivers preferred (Segel, 1964); the rest is assumed, within the passenger-car ranges
+of the weave metrics.
 """
 
 import math
 
 from steer_env.friction.numerics.kernel import kernel
-from steer_env.vehicle.chassis.single_track import GRAVITY
+from steer_env.vehicle.constants import GRAVITY
 
 GRADIENT = 20.0  # on centre [N m/g]
-SOFTENING = 0.12  # lateral acceleration at which the slope has fallen to 42 % [g]
-FRICTION = 0.5  # half width of the loop [N m]
-FRICTION_SPEED = 0.05  # handwheel speed that spans the half width to 76 % [rad/s]
+SOFTENING = 0.12  # lateral acceleration at which the gradient has fallen to 42 % [g]
+FRICTION = 0.5  # half width of the torque-angle loop [N m]
+FRICTION_SPEED = 0.05  # handwheel speed at which the friction has reached 76 % [rad/s]
 DAMPING = 0.2  # [N m s/rad]
 
 

@@ -1,4 +1,4 @@
-"""The ids that Gymnasium knows; entry points are strings, so that registering them imports no environment."""
+"""The ids that Gymnasium knows; the entry points are strings, so that registering them imports no environment."""
 
 import gymnasium as gym
 
@@ -6,14 +6,16 @@ from steer_env.friction.numerics.registry import camel_case, listed
 
 VERSION = "v0"
 
-# A step is a moment of a drive; each id has a vector environment of its own.
-DRIVEN = {
-    f"steer_env/{name}-{VERSION}": f"steer_env.environments:{name}" for name in listed("steer_env.tasks", camel_case)
-}
-# A step is a whole evaluation of a set of parameters.
-TUNED = {
-    f"steer_env/{name}-{VERSION}": f"steer_env.tuning.registration:{name}" for name in ("TuneOnCentre", "TuneAllRound")
-}
+
+def _entry_points(package: str, module: str) -> dict[str, str]:
+    """Id -> entry point, for everything in a folder of tasks or scenarios."""
+    return {f"steer_env/{name}-{VERSION}": f"{module}:{name}" for name in listed(package, camel_case)}
+
+
+# A step is one control step of a drive; each id has a vector environment.
+DRIVEN = _entry_points("steer_env.tasks", "steer_env.environments")
+# A step is the evaluation of one parameter set.
+TUNED = _entry_points("steer_env.tuning.scenarios", "steer_env.tuning.environments")
 REGISTERED = DRIVEN | TUNED
 
 

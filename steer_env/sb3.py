@@ -1,4 +1,4 @@
-"""Adapter for Stable-Baselines3, which does not take Gymnasium's vector environments. Needs the extra ``train``."""
+"""Adapter for Stable-Baselines3, which does not accept Gymnasium's vector environments. Needs the extra ``train``."""
 
 from collections.abc import Iterable, Sequence
 from typing import Any
@@ -16,35 +16,37 @@ from steer_env.registration import DRIVEN
 class SteerVecEnv(VecEnv):
     """``num_envs`` environments of an id for Stable-Baselines3.
 
-    A finished lane begins anew at once; its info has ``terminal_observation``, ``TimeLimit.truncated`` and ``metrics``,
-    every info the step's ``cost``. VecMonitor, VecNormalize, EvalCallback and the like go around it.
+    A sub-environment whose episode ends is reset at once; its info then has ``terminal_observation``,
+    ``TimeLimit.truncated`` and ``metrics``. Every info has the step's ``cost``. VecMonitor, VecNormalize, EvalCallback
+    and so on wrap it as usual.
 
     Parameters
     ----------
     env_id : str
-        Of a driver's or an assist's task.
+        Id of a driver's or an assist's task.
     num_envs : int
+        Number of sub-environments.
     arguments :
-        As :class:`steer_env.vector.SteerVectorEnv`, but for its ``autoreset_mode``.
+        As :class:`steer_env.vector.SteerVectorEnv`, without ``autoreset_mode``.
 
     Raises
     ------
     ValueError
-        An id that tunes, of which a single environment serves, or one of somebody else.
+        The id is a tuning environment's, which has no vector form, or not one of this package.
     """
 
     def __init__(self, env_id: str, num_envs: int, **arguments: Any) -> None:
         if env_id not in DRIVEN:
-            raise ValueError(f"{env_id!r} is none of the ids that are driven, which are: {', '.join(DRIVEN)}")
+            raise ValueError(f"env_id must be one of {', '.join(DRIVEN)}, got {env_id!r}")
         self.vector: Any = gym.make_vec(env_id, num_envs, autoreset_mode=AutoresetMode.SAME_STEP, **arguments)
         super().__init__(num_envs, self.vector.single_observation_space, self.vector.single_action_space)
         self._actions: NDArray[np.float32] | None = None
 
     def reset(self) -> NDArray[np.float32]:
-        """Start an episode in every lane, with the seeds and options that ``seed`` and ``set_options`` left."""
+        """Start an episode in every sub-environment, with what ``seed`` and ``set_options`` have set."""
         options = self._options[0] if self._options else {}
         if any(other != options for other in self._options):
-            raise ValueError("the lanes of a vector environment share their reset options")
+            raise ValueError("the sub-environments of a vector environment share their reset options")
         observations, _ = self.vector.reset(
             seed=self._seeds if any(s is not None for s in self._seeds) else None, options=options
         )
@@ -72,29 +74,29 @@ class SteerVecEnv(VecEnv):
         return observations, rewards.astype(np.float32), done, infos
 
     def close(self) -> None:
-        """Let the threads go."""
+        """Stop the threads."""
         self.vector.close()
 
     def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:
-        """An attribute of the vector environment, once for every lane that is asked for."""
+        """An attribute of the vector environment, once for every sub-environment asked for."""
         return [getattr(self.vector, attr_name) for _ in self._get_indices(indices)]
 
     def set_attr(self, attr_name: str, value: Any, indices: VecEnvIndices = None) -> None:
-        """Set an attribute of the vector environment; the lanes share it."""
+        """Set an attribute of the vector environment; its sub-environments share it."""
         if len(list(self._get_indices(indices))) != self.num_envs:
-            raise ValueError(f"the lanes share {attr_name!r}: it cannot be set for some of them")
+            raise ValueError(f"the sub-environments share {attr_name!r}: it cannot be set for some of them only")
         setattr(self.vector, attr_name, value)
 
     def env_method(self, method_name: str, *args: Any, indices: VecEnvIndices = None, **kwargs: Any) -> list[Any]:
-        """Refused: lanes are no objects with methods of their own."""
-        raise NotImplementedError(f"lanes of a vector environment have no method {method_name!r} of their own")
+        """Refused: sub-environments are rows of arrays, not objects with methods."""
+        raise NotImplementedError(f"the sub-environments have no method {method_name!r} of their own")
 
     def env_is_wrapped(self, wrapper_class: type, indices: VecEnvIndices = None) -> list[bool]:
-        """False for every lane: nothing is around it."""
+        """False for every sub-environment: none has a wrapper."""
         return [False for _ in self._get_indices(indices)]
 
     def get_images(self) -> Sequence[NDArray[np.uint8] | None]:
-        """No pictures: a vector environment draws nothing."""
+        """No pictures: a vector environment cannot render."""
         return [None] * self.num_envs
 
     def _get_indices(self, indices: VecEnvIndices) -> Iterable[int]:

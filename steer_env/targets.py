@@ -1,4 +1,4 @@
-"""Target bands of metrics as data files with their provenance, and what light a value gets."""
+"""Target bands of metrics as data files with their provenance, and the rating of a value by its band."""
 
 import math
 from collections.abc import Mapping
@@ -7,17 +7,28 @@ from typing import Any, NamedTuple
 
 from steer_env import metrics
 from steer_env.friction.numerics import toml
+from steer_env.friction.numerics.renamed import renamed
 from steer_env.metrics import Value
 
 FOLDER = Path(__file__).parent / "data" / "targets"
 COLOURS = ("green", "amber", "red")
 
+__getattr__ = renamed(
+    __name__,
+    {
+        "Light": "steer_env.targets:Rating",
+        "light": "steer_env.targets:rating",
+        "lights": "steer_env.targets:ratings",
+        "reference_torque": "steer_env.reference_feel:reference_torque",
+    },
+)
+
 
 class Band(NamedTuple):
-    """Where a metric of a test should be [unit of the metric]."""
+    """The target band of a metric [unit of the metric]."""
 
     good: tuple[float, float]  # green inside
-    fair: tuple[float, float]  # amber inside, red beyond
+    fair: tuple[float, float]  # amber inside, red outside
 
 
 class Targets(NamedTuple):
@@ -29,11 +40,11 @@ class Targets(NamedTuple):
     bands: dict[str, dict[str, Band]]
 
 
-class Light(NamedTuple):
-    """What a value gets."""
+class Rating(NamedTuple):
+    """The rating of a value."""
 
     colour: str  # one of COLOURS
-    sure: bool | None  # whether the whole 95 % interval gets the same; None where there is no interval
+    sure: bool | None  # whether the whole 95 % interval has this colour; None where there is no interval
 
 
 def available() -> tuple[str, ...]:
@@ -47,8 +58,8 @@ def load(name: str) -> Targets:
     Raises
     ------
     ValueError
-        Naming the file and what was expected, for a name or test or metric that there is not, another unit, or bands
-        that do not lie in each other.
+        The name, a test or a metric is unknown, a unit is wrong, or a good band is not inside its fair band. The
+        message names the file and what was expected.
     """
     if not isinstance(name, str):
         raise ValueError(f"targets must be one of {', '.join(available())}, or a .toml file, got {name!r}")
@@ -93,8 +104,8 @@ def _band(where: str, test: str, name: str, entry: Any) -> Band:
     return band
 
 
-def light(value: Value, band: Band) -> Light | None:
-    """Green inside the good band, amber inside the fair one, red beyond; None for a value that is refused."""
+def rating(value: Value, band: Band) -> Rating | None:
+    """Green inside the good band, amber inside the fair one, otherwise red; None for a refused value."""
     if value.reason:
         return None
 
@@ -104,12 +115,13 @@ def light(value: Value, band: Band) -> Light | None:
 
     own = colour(value.value)
     if math.isnan(value.low):
-        return Light(own, None)
-    # The bands lie in each other, so ends of one colour have no better one between them but where they flank it.
+        return Rating(own, None)
+    # The good band is inside the fair one, so an interval whose ends have one colour contains a better one only where
+    # its ends are on both sides of the good band.
     flanks = value.low < band.good[0] and value.high > band.good[1]
-    return Light(own, not flanks and colour(value.low) == colour(value.high) == own)
+    return Rating(own, not flanks and colour(value.low) == colour(value.high) == own)
 
 
-def lights(values: Mapping[str, Value], bands: Mapping[str, Band]) -> dict[str, Light | None]:
-    """Lights of the metrics that have a band."""
-    return {name: light(values[name], band) for name, band in bands.items() if name in values}
+def ratings(values: Mapping[str, Value], bands: Mapping[str, Band]) -> dict[str, Rating | None]:
+    """Ratings of the metrics that have a band."""
+    return {name: rating(values[name], band) for name, band in bands.items() if name in values}

@@ -1,4 +1,4 @@
-"""Many environments of one kind in one: the same kernels over lanes, in threads."""
+"""Many environments of one kind in one object: the same kernels run over all rows of a batch, in threads."""
 
 import os
 from typing import Any
@@ -9,25 +9,28 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from steer_env.env import clipped, lanes_of
+from steer_env.env import batch_of, clipped
 from steer_env.tasks import Task
 
-PER_THREAD = 16  # lanes that are worth a thread
+ROWS_PER_THREAD = 16  # sub-environments that make another thread worthwhile
 
 
 class SteerVectorEnv(VectorEnv):
-    """``num_envs`` environments of an id, each lane to the bit what the single environment is with the lane's seed.
+    """``num_envs`` environments of an id; each is bit-identical to the single environment with the same seed.
 
     ``gymnasium.make_vec(id, num_envs=N)`` makes it. Arguments as :class:`steer_env.env.SteerEnv`, and
 
     num_envs : int
+        Number of sub-environments.
     autoreset_mode : gymnasium.vector.AutoresetMode or its value, default NEXT_STEP
-        NEXT_STEP resets a finished lane at the next step, whose action it ignores; SAME_STEP at once, with
-        ``info["final_obs"]`` and ``info["final_info"]``; DISABLED leaves it to ``reset(options={"reset_mask": mask})``.
+        NEXT_STEP resets a sub-environment at the step after its episode's end and ignores that step's action;
+        SAME_STEP resets it at once, and ``info["final_obs"]`` and ``info["final_info"]`` hold the end; with DISABLED
+        ``reset(options={"reset_mask": mask})`` does it.
     threads : int, optional
-        As many as there are processors, but one for each 16 lanes at most.
+        By default one for each 16 sub-environments, at most as many as there are processors.
 
-    ``reset(seed=s)`` seeds lane i with s + i. Infos hold arrays of the channels, as Gymnasium's vector environments do.
+    ``reset(seed=s)`` seeds sub-environment i with s + i. Infos hold arrays over the sub-environments, as those of
+    Gymnasium's vector environments do.
     """
 
     metadata = {"render_modes": [], "autoreset_mode": AutoresetMode.NEXT_STEP}  # noqa: RUF012 (Gymnasium's own form)
@@ -47,26 +50,28 @@ class SteerVectorEnv(VectorEnv):
         if threads is not None and (not isinstance(threads, int) or threads < 1):
             raise ValueError(f"threads must be a whole number of at least 1, got {threads!r}")
         if render_mode is not None:
-            raise ValueError(f"a vector environment draws nothing; render a single one, got {render_mode!r}")
+            raise ValueError(
+                f"a vector environment cannot render; render a single one, got render_mode={render_mode!r}"
+            )
         self.num_envs = num_envs
         self.autoreset_mode = AutoresetMode(autoreset_mode)
         self.metadata = {**self.metadata, "autoreset_mode": self.autoreset_mode}
-        threads = threads or min(os.cpu_count() or 1, -(-num_envs // PER_THREAD))
+        threads = threads or min(os.cpu_count() or 1, -(-num_envs // ROWS_PER_THREAD))
         others = ("num_envs", "autoreset_mode", "threads")
-        self.lanes = lanes_of(self.task, num_envs, arguments, others, threads=threads)
-        self.control_dt = self.lanes.control_dt
+        self.batch = batch_of(self.task, num_envs, arguments, others, threads=threads)
+        self.control_dt = self.batch.control_dt
         self.single_action_space = gym.spaces.Box(-1.0, 1.0, (1,), np.float32)
-        self.single_observation_space = gym.spaces.Box(-self.lanes.bound, self.lanes.bound, dtype=np.float32)
+        self.single_observation_space = gym.spaces.Box(-self.batch.bound, self.batch.bound, dtype=np.float32)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
-        self._names = tuple(name for name, _ in self.lanes.channels)
+        self._names = self.batch.channels
         self._all = np.ones(num_envs, bool)
         self._generators: list[np.random.Generator] = []
 
     def reset(
         self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
-        """Start an episode in every lane, or in those of ``options["reset_mask"]``."""
+        """Start an episode in every sub-environment, or in those of ``options["reset_mask"]``."""
         n, chosen = self.num_envs, dict(options or {})
         mask = chosen.pop("reset_mask", self._all)
         if not isinstance(mask, np.ndarray) or mask.shape != (n,) or mask.dtype != np.bool_ or not mask.any():
@@ -81,22 +86,22 @@ class SteerVectorEnv(VectorEnv):
         for i in np.flatnonzero(mask).tolist():
             if seeds[i] is not None:
                 self._generators[i] = gym.utils.seeding.np_random(seeds[i])[0]
-            self.lanes.start(i, self._generators[i], chosen)
-        return self.lanes.observation.copy(), self._begun(self._channels(mask), mask)
+            self.batch.start(i, self._generators[i], chosen)
+        return self.batch.arrays.observations.copy(), self._with_conditions(self._channels(mask), mask)
 
     def step(
         self, actions: Any
     ) -> tuple[NDArray[np.float32], NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
-        """Hold actions (num_envs, 1) in [-1, 1] (clipped) for ``control_dt``.
+        """Hold actions (num_envs, 1) in [-1, 1] for ``control_dt``; actions beyond are clipped.
 
         Raises
         ------
         ValueError
-            Actions of another shape, or not finite.
+            The actions have another shape or are not finite.
         RuntimeError
-            Without a ``reset`` before, or with a finished lane in DISABLED mode.
+            There was no ``reset`` yet, or an episode is over in DISABLED mode.
         """
-        lanes, mode = self.lanes, self.autoreset_mode
+        batch, mode = self.batch, self.autoreset_mode
         if (
             not isinstance(actions, np.ndarray)
             or actions.shape != (self.num_envs, 1)
@@ -104,24 +109,25 @@ class SteerVectorEnv(VectorEnv):
         ):
             raise ValueError(f"actions must be an array of shape ({self.num_envs}, 1) of real numbers, got {actions!r}")
         actions = clipped(actions)
-        stale = lanes.over.copy()
-        if not self._generators or (mode == AutoresetMode.DISABLED and stale.any()):
+        over = batch.over.copy()
+        if not self._generators or (mode == AutoresetMode.DISABLED and over.any()):
             raise RuntimeError("an episode is over or has not begun: call reset")
-        lanes.step(actions[:, 0], self._generators)
-        book = lanes.book
-        rewards, costs, terminated, truncated = (book[key].copy() for key in ("reward", "cost", "ended", "truncated"))
-        for i in np.flatnonzero(stale).tolist():
-            lanes.start(i, self._generators[i], {})
+        batch.step(actions[:, 0], self._generators)
+        rewards, costs, terminated, truncated = (
+            batch.episodes[key].copy() for key in ("reward", "cost", "terminated", "truncated")
+        )
+        for i in np.flatnonzero(over).tolist():
+            batch.start(i, self._generators[i], {})
             rewards[i] = costs[i] = 0.0
             terminated[i] = truncated[i] = False
-        info = self._begun(self._channels(self._all), stale)
+        info = self._with_conditions(self._channels(self._all), over)
         info["cost"], info["_cost"] = costs, self._all
         done = terminated | truncated
         if done.any():
-            lanes.over[done] = True
+            batch.over[done] = True
             ends: dict[str, Any] = {}
             for i in np.flatnonzero(done).tolist():
-                self._add_info(ends, {"metrics": lanes.figures(i), **lanes.failure(i)}, i)
+                self._add_info(ends, {"metrics": batch.metrics(i), **batch.failure_info(i)}, i)
             if mode == AutoresetMode.SAME_STEP:
                 channels = {key: value for key, value in info.items() if not key.startswith("_")}
                 final = {**{key: np.where(done, value, 0.0) for key, value in channels.items()}, **ends}
@@ -129,27 +135,27 @@ class SteerVectorEnv(VectorEnv):
                 info["final_info"], info["_final_info"] = final, done
                 observations = np.full(self.num_envs, None, object)
                 for i in np.flatnonzero(done).tolist():
-                    observations[i] = lanes.observation[i].copy()
-                    lanes.start(i, self._generators[i], {})
+                    observations[i] = batch.arrays.observations[i].copy()
+                    batch.start(i, self._generators[i], {})
                 info["final_obs"], info["_final_obs"] = observations, done
-                info = self._begun(info | self._channels(self._all), done)
+                info = self._with_conditions(info | self._channels(self._all), done)
             else:
                 info |= ends
-        return lanes.observation.copy(), rewards, terminated, truncated, info
+        return batch.arrays.observations.copy(), rewards, terminated, truncated, info
 
     def _channels(self, mask: NDArray[np.bool_]) -> dict[str, Any]:
-        columns = self.lanes.row.T.copy()
+        columns = self.batch.arrays.channels.T.copy()
         info: dict[str, Any] = dict(zip(self._names, columns))
         for name in self._names:
             info[f"_{name}"] = mask
         return info
 
-    def _begun(self, info: dict[str, Any], mask: NDArray[np.bool_]) -> dict[str, Any]:
-        """The info with the conditions of the lanes that have just begun."""
+    def _with_conditions(self, info: dict[str, Any], mask: NDArray[np.bool_]) -> dict[str, Any]:
+        """The info with the conditions of the episodes that have just begun."""
         for i in np.flatnonzero(mask).tolist():
-            self._add_info(info, {"conditions": self.lanes.drawn(i)}, i)
+            self._add_info(info, {"conditions": self.batch.conditions_info(i)}, i)
         return info
 
     def close_extras(self, **kwargs: Any) -> None:
-        """Let the threads go."""
-        self.lanes.close()
+        """Stop the threads."""
+        self.batch.close()

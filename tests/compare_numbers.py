@@ -22,7 +22,10 @@ TUNING_STEPS = 2
 VARIANTS = ({"friction": "lugre"}, {"friction": "masing"}, {"friction": "coulomb", "chassis": "two_track"})
 
 # Names in a report's metrics.json that changed: old -> new. Values must not.
-RENAMED: dict[str, str] = {}
+RENAMED: dict[str, str] = {
+    "half the momentum of wheel spin": "half the angular momentum of the wheels",
+    "no torsion of the contact patch": "no bore torque of the contact patch",
+}
 # Branches of metrics.json that hold times, dates or versions, not results.
 NOT_RESULTS = ("real_time", "provenance")
 

@@ -1,7 +1,7 @@
 """Processor time of the first step of an environment, by each compiler and from the cache.
 
-``python tests/compile_time.py`` prints a table in Markdown. The marks: with numba's own compiler at most 25 s, with the fast one at most 10 s, and a
-second task on the same friction law and chassis at most 3 s.
+``python tests/compile_time.py`` prints a table in Markdown. The marks: with numba's own compiler at most 25 s, with the
+fast one at most 10 s, and a second task on the same friction law and chassis at most 3 s.
 """
 
 import os

@@ -17,6 +17,7 @@ os.environ.setdefault("STEER_ENV_QUIET", "1")
 
 # The same examples at every run: a failure is a change of the code, not a throw of the dice.
 settings.register_profile("suite", derandomize=True, deadline=None)
+settings.register_profile("random", deadline=None, print_blob=True)  # `make test-all`, with a seed that it prints
 settings.load_profile("suite")
 
 

@@ -89,3 +89,33 @@ def test_every_public_function_and_numeric_field_is_documented(package):
                     if re.search(r"float|Array", text) and "#" not in lines[field.end_lineno - 1]:
                         bare.append(f"{path.relative_to(ROOT)}:{field.lineno} field {ast.unparse(field)}")
     assert not bare, "\n".join(bare)
+
+
+LONG_FILE, LONG_FUNCTION, MANY_ARGUMENTS = 400, 80, 10
+# Kernels that the class of the parameters selects: their positional arguments are the contract.
+DISPATCHED = {"derivative", "advance", "report", "observe", "evaluate_step"}
+
+
+def sources():
+    """Every source file of the packages with its lines and its syntax tree."""
+    for package in PACKAGES:
+        for path in sorted((ROOT / package).rglob("*.py")):
+            text = path.read_text(encoding="utf-8")
+            yield path.relative_to(ROOT), text.splitlines(), ast.parse(text)
+
+
+def test_files_functions_and_calls_are_short():
+    """A longer function says why in a comment that begins with ``# Long:`` above or within it."""
+    found = []
+    for path, lines, tree in sources():
+        if len(lines) > LONG_FILE:
+            found.append(f"{path} has {len(lines)} lines")
+        for node in ast.walk(tree):
+            if isinstance(node, ast.FunctionDef) and node.end_lineno - node.lineno >= LONG_FUNCTION:
+                if not any("# Long:" in line for line in lines[node.lineno - 2 : node.end_lineno]):
+                    found.append(f"{path}:{node.lineno} {node.name} has {node.end_lineno - node.lineno + 1} lines")
+            if isinstance(node, ast.Call) and len(node.args) > MANY_ARGUMENTS:
+                name = ast.unparse(node.func).rpartition(".")[2]
+                if name not in DISPATCHED:
+                    found.append(f"{path}:{node.lineno} {name} is called with {len(node.args)} positional arguments")
+    assert not found, "\n".join(found)

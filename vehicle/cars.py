@@ -17,9 +17,9 @@ from steer_env.friction.numerics.check import number
 from steer_env.friction.numerics.frozen import frozen
 from steer_env.friction.numerics.kernel import record
 from steer_env.vehicle import road, tyre
-from steer_env.vehicle.chassis.common import drivetrain
-from steer_env.vehicle.chassis.single_track import AIR_DENSITY, GRAVITY, SingleTrack
-from steer_env.vehicle.chassis.two_track import Body, TwoTrack
+from steer_env.vehicle.chassis.single_track import SingleTrack
+from steer_env.vehicle.chassis.two_track import Body, TwoTrack, brakes, drivetrain, speed_hold
+from steer_env.vehicle.constants import AIR_DENSITY, GRAVITY
 from steer_env.vehicle.plant import Plant
 from steer_env.vehicle.steering import column, eps
 from steer_env.vehicle.suspension import kinematics_table
@@ -33,9 +33,9 @@ SPEEDS = {"single_track": (SPEED_MIN, SPEED_MAX), "two_track": (0.0, SPEED_MAX)}
 LOAD_TIME = 0.02  # time constant of the geometric load transfer, assumed [s]
 
 # A standing tyre, after Gough: torsion up to mu F_z^1.5/(3 sqrt p), which is 144 N m at mu 0.9, 3700 N and 2.2 bar.
-TORSION_FRICTION, TORSION_LOAD, PRESSURE = 0.9, 4000.0, 220e3  # [1], [N], [Pa]
-TORSION_TWIST = 0.05  # turning of the patch that takes up two thirds of it, assumed [rad]
-TORSION_WAY = 0.1  # rolling that wipes it out, about half a contact length, assumed [m]
+BORE_FRICTION, BORE_LOAD, PRESSURE = 0.9, 4000.0, 220e3  # [1], [N], [Pa]
+BORE_TWIST = 0.05  # turning of the patch that takes up two thirds of it, assumed [rad]
+BORE_RELAXATION = 0.1  # rolling that wipes it out, about half a contact length, assumed [m]
 SLIP_DAMPING = (0.012, 0.06)  # of standing tyres, some 0.3 of critical on a wheel, on the car; assumed [s/m]
 
 _CHASSIS = (
@@ -88,8 +88,8 @@ _MADE: dict[str, Callable[..., Any]] = {
     "column": column.make,
     "assist": eps.make,
     "drivetrain": drivetrain.make,
-    "brakes": drivetrain.make_brakes,
-    "speed_hold": drivetrain.make_speed_hold,
+    "brakes": brakes.make,
+    "speed_hold": speed_hold.make,
 }
 _SECTIONS = ("name", "description", "source", "assumed", "tyre", "strut", "chassis", "steering", *_MADE)
 
@@ -105,8 +105,8 @@ class Car(NamedTuple):
     column: column.Column
     assist: eps.Assist
     drivetrain: drivetrain.Drivetrain
-    brakes: drivetrain.Brakes
-    speed_hold: drivetrain.SpeedHold
+    brakes: brakes.Brakes
+    speed_hold: speed_hold.SpeedHold
     tyre: tyre.Tyre
     strut: MacPherson
     strut_map: kinematics_table.StrutMap
@@ -269,21 +269,21 @@ class Car(NamedTuple):
             C_r=c["rear_damper"],
             B_f=c["front_anti_roll"] / c["front_track"] ** 2,
             B_r=c["rear_anti_roll"] / c["rear_track"] ** 2,
-            clear_f=c["front_bump_clearance"],
-            clear_r=c["rear_bump_clearance"],
+            clearance_f=c["front_bump_clearance"],
+            clearance_r=c["rear_bump_clearance"],
             K_stop=c["bump_stiffness"],
             steer_r=c["rear_bump_steer"],
             camber_r=c["rear_camber_gain"],
-            give_r=c["rear_lateral_compliance"],
-            path_r=2.0 * c["rear_roll_centre"] / c["rear_track"],
+            compliance_steer_r=c["rear_lateral_compliance"],
+            contact_y_r=2.0 * c["rear_roll_centre"] / c["rear_track"],
             K_rack=self._rack_stiffness(),
             T_rack=c["compliance_time"],
             sigma_x=tyres.longitudinal_relaxation_length,
             sigma_y=tyres.relaxation_length,
             d_x=SLIP_DAMPING[0],
             d_y=SLIP_DAMPING[1],
-            torsion_load=TORSION_LOAD,
-            sigma_z=TORSION_WAY,
+            bore_load=BORE_LOAD,
+            sigma_z=BORE_RELAXATION,
             g_x=g_x,
             g_y=g_y,
             g_z=g_z,
@@ -292,9 +292,9 @@ class Car(NamedTuple):
             lift_r=0.5 * AIR_DENSITY * c["rear_lift_area"],
         )
         pressure = tyres.coefficients.NOMPRES or PRESSURE  # that of the file, if it tells
-        saturated = TORSION_FRICTION * TORSION_LOAD**1.5 / (3.0 * math.sqrt(pressure))
-        torsion = make_law("dahl", sigma_0=saturated / TORSION_TWIST, F_c=saturated)
-        return TwoTrack(record(body), torsion, self.drivetrain, self.brakes, self.speed_hold, ground)
+        saturated = BORE_FRICTION * BORE_LOAD**1.5 / (3.0 * math.sqrt(pressure))
+        bore_friction = make_law("dahl", sigma_0=saturated / BORE_TWIST, F_c=saturated)
+        return TwoTrack(record(body), bore_friction, self.drivetrain, self.brakes, self.speed_hold, ground)
 
 
 def _known(where: str, given: Any, allowed: Iterable[str]) -> None:

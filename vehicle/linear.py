@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from steer_env.friction.numerics.check import positive
 from steer_env.vehicle import tyre
 from steer_env.vehicle.cars import Car
-from steer_env.vehicle.chassis.single_track import AIR_DENSITY, GRAVITY
+from steer_env.vehicle.constants import AIR_DENSITY, GRAVITY
 from steer_env.vehicle.suspension.macpherson import Pose, load_coefficients
 
 

@@ -21,8 +21,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from steer_env.friction.numerics.check import number, positive
+from steer_env.friction.numerics.interpolation import hermite
 from steer_env.friction.numerics.kernel import kernel
-from steer_env.vehicle.simd import alike, four
+from steer_env.vehicle.simd import broadcast, pack
 
 LEFT, RIGHT = 0, 1
 ROUGHNESS = {name: 16e-6 * 4.0**i for i, name in enumerate("ABCDEFGH")}  # G(n_0) of the classes [m3]
@@ -225,13 +226,9 @@ def height(r, side, distance):
     j = i + 1 if i + 1 < size else 0
     k = j + 1 if j + 1 < size else 0
     start, end = z[side, i], z[side, j]
-    rise = end - start
-    # What the node slopes, half the difference of the neighbours, have beyond the chord's.
-    a = 0.5 * (end - z[side, i - 1]) - rise
-    b = rise - 0.5 * (z[side, k] - start)
-    here = (1.0 - s) * a + s * b
-    value = start + s * rise + s * (1.0 - s) * here
-    return value, (rise + (1.0 - 2.0 * s) * here + s * (1.0 - s) * (b - a)) / r.spacing
+    # Catmull-Rom: the slope at a grid point is half the difference of its neighbours (R1).
+    value, slope = hermite(s, start, end, 0.5 * (end - z[side, i - 1]), 0.5 * (z[side, k] - start))
+    return value, slope / r.spacing
 
 
 @kernel
@@ -250,13 +247,13 @@ def friction(r, side, distance):
 @kernel
 def under_wheels(r, front, rear):
     """Height, slope and friction under four wheels, by the distances of both axles."""
-    heights = slopes = alike(0.0)
+    heights = slopes = broadcast(0.0)
     if not r.level:
         (z_fl, s_fl), (z_fr, s_fr) = height(r, LEFT, front), height(r, RIGHT, front)
         (z_rl, s_rl), (z_rr, s_rr) = height(r, LEFT, rear), height(r, RIGHT, rear)
-        heights, slopes = four(z_fl, z_fr, z_rl, z_rr), four(s_fl, s_fr, s_rl, s_rr)
+        heights, slopes = pack(z_fl, z_fr, z_rl, z_rr), pack(s_fl, s_fr, s_rl, s_rr)
     if r.friction.shape[1] == 1:
         left, right = r.friction[LEFT, 0], r.friction[RIGHT, 0]
-        return heights, slopes, four(left, right, left, right)
+        return heights, slopes, pack(left, right, left, right)
     left, right = friction(r, LEFT, front), friction(r, RIGHT, front)
-    return heights, slopes, four(left, right, friction(r, LEFT, rear), friction(r, RIGHT, rear))
+    return heights, slopes, pack(left, right, friction(r, LEFT, rear), friction(r, RIGHT, rear))

@@ -1,18 +1,20 @@
 """Four numbers at once, one for each wheel: arithmetic and elementary functions on vectors of four lanes.
 
-The four wheels run through the same equations, and no compiler turns a loop over them into vectors by itself. So the
-kernels write them once, for numbers as wide as they come: compiled these are LLVM vectors of four lanes, of which LLVM
-makes what the processor has, fused multiply-add included. A plain number beside a vector counts for all four lanes. A
-lane never sees the others, so a wheel's result depends on that wheel alone; signs are put on at the end, so symmetry
-is exact to the last bit.
+The four wheels obey the same equations, and no compiler turns a loop over them into vector instructions by itself. The
+kernels therefore state each equation once, for a vector. Compiled, a vector is an LLVM vector of four doubles, which
+LLVM translates to the vector instructions of the processor, fused multiply-add included. A plain number that meets a
+vector counts for all four lanes. No operation mixes lanes (except :func:`swap_sides`), so the result of a wheel
+depends on that wheel alone. The elementary functions apply the sign of their argument last, so that their symmetry is
+exact to the last bit.
 
-Conditions of each lane go to ``where``; a branch is taken where ``any_of`` the lanes needs it, and must leave the
-results of the others as they are. Without the compiler (``NUMBA_DISABLE_JIT=1``) numpy serves, for numbers and for
-arrays of four; elementary functions then differ in the last bit.
+A condition that differs between the lanes selects results by :func:`where`. A kernel takes a branch if :func:`any_of`
+the lanes needs it; such a branch must leave the results of the other lanes unchanged. Without the compiler
+(``NUMBA_DISABLE_JIT=1``) numpy evaluates numbers and arrays of four; the elementary functions then differ in the last
+bit.
 
-Source: intervals and polynomial of the arc tangent: S. Moshier and Sun Microsystems, fdlibm ``s_atan.c``; the sine:
-Taylor to the 21st power after reduction by multiples of pi in three parts (Cody and Waite); the exponential: Taylor to
-the 13th power after reduction by multiples of log 2.
+Source: S. Moshier and Sun Microsystems, fdlibm ``s_atan.c``, for the intervals and the polynomial of the arc tangent.
+The sine is the Taylor polynomial of degree 21 after a reduction by multiples of pi in three parts (Cody and Waite), the
+exponential that of degree 13 after a reduction by multiples of log 2.
 """
 
 import math
@@ -26,43 +28,43 @@ import numpy as np
 from steer_env.friction.numerics.kernel import COMPILED, short_arithmetic
 
 
-def four(a: Any, b: Any, c: Any, d: Any) -> Any:
-    """A vector of four numbers."""
+def pack(a: Any, b: Any, c: Any, d: Any) -> Any:
+    """The vector of four numbers."""
     return np.array([a, b, c, d])
 
 
-def alike(x: Any) -> Any:
-    """A number in all four lanes; :func:`one` takes it out again."""
-    return x
-
-
-def one(x: Any) -> Any:
-    """The number of the first lane, where all are alike."""
-    return x
-
-
-def lanes(x: Any) -> Any:
+def unpack(x: Any) -> Any:
     """The four numbers of a vector."""
     return tuple(x)
 
 
-def beside(x: Any) -> Any:
-    """The lanes changed in pairs: what the other wheel of the axle has."""
+def broadcast(x: Any) -> Any:
+    """The vector that holds one number in all four lanes; :func:`first` is the inverse."""
+    return x
+
+
+def first(x: Any) -> Any:
+    """The number in the first lane of a vector."""
+    return x
+
+
+def swap_sides(x: Any) -> Any:
+    """The vector with left and right exchanged: each lane receives the value of the other wheel of its axle."""
     return x[[1, 0, 3, 2]]
 
 
-def take(array: Any, i: int) -> Any:
-    """Four elements of a contiguous array from the ``i``-th of all, whatever its shape."""
+def load(array: Any, i: int) -> Any:
+    """Four consecutive elements of a contiguous array, from the flat index ``i``."""
     return array.reshape(-1)[i : i + 4].copy()
 
 
-def put(array: Any, i: int, x: Any) -> None:
-    """Store into four elements of a contiguous array from ``i``."""
+def store(array: Any, i: int, x: Any) -> None:
+    """Write a vector to four consecutive elements of a contiguous array, from ``i``."""
     array[i : i + 4] = x
 
 
 def where(condition: Any, then: Any, otherwise: Any) -> Any:
-    """One of two numbers in each lane."""
+    """One of two values in each lane."""
     return np.where(condition, then, otherwise)
 
 
@@ -72,76 +74,74 @@ def any_of(condition: Any) -> Any:
 
 
 def minimum(x: Any, limit: Any) -> Any:
-    """``min`` in each lane; an ``x`` that is not a number stays."""
+    """``min`` in each lane; NaN in ``x`` stays NaN."""
     return np.where(limit < x, limit, x)
 
 
 def maximum(x: Any, limit: Any) -> Any:
-    """``max`` in each lane; an ``x`` that is not a number stays."""
+    """``max`` in each lane; NaN in ``x`` stays NaN."""
     return np.where(limit > x, limit, x)
 
 
 def fabs(x: Any) -> Any:
-    """Absolute values."""
+    """Absolute value."""
     return np.fabs(x)
 
 
-def copysign(size: Any, sign: Any) -> Any:
-    """Sizes of the first with the signs of the second."""
-    return np.copysign(size, sign)
+def copysign(magnitude: Any, sign: Any) -> Any:
+    """Absolute value of the first argument with the sign of the second."""
+    return np.copysign(magnitude, sign)
 
 
 def sqrt(x: Any) -> Any:
-    """Square roots."""
+    """Square root."""
     return np.sqrt(x)
 
 
 def power(x: Any, y: Any) -> Any:
-    """``x**y``; no faster than four numbers in turn."""
+    """``x**y``; takes as long as four scalar powers."""
     return np.power(x, y)
 
 
 def exp(x: Any) -> Any:
-    """Exponentials, to 4e-16 of them for arguments up to 700."""
+    """Exponential, with a relative error of 4e-16 for arguments up to 700 in magnitude."""
     return np.exp(x)
 
 
 def atan(x: Any) -> Any:
-    """Arc tangents, to one unit in the last place."""
+    """Arc tangent, to one unit in the last place."""
     return np.arctan(x)
 
 
 def sin(x: Any) -> Any:
-    """Sines, to 4e-16 absolute for arguments up to 100."""
+    """Sine, with an absolute error of 4e-16 for arguments up to 100 in magnitude."""
     return np.sin(x)
 
 
 def cos(x: Any) -> Any:
-    """Cosines, to 4e-16 absolute for arguments up to 100."""
+    """Cosine, with an absolute error of 4e-16 for arguments up to 100 in magnitude."""
     return np.cos(x)
 
 
 if COMPILED:
     from llvmlite import ir
-    from numba.core import cgutils, types
-    from numba.core.typeconv import Conversion
-    from numba.core.typing.templates import AbstractTemplate, infer_global, signature
-    from numba.extending import lower_builtin, lower_cast, models, register_model
+    from numba import types
+    from numba.extending import lower_builtin, lower_cast, models, register_model, type_callable
 
     _DOUBLE, _INT, _LONG, _BIT = ir.DoubleType(), ir.IntType(32), ir.IntType(64), ir.IntType(1)
     _FOUR, _LONGS, _BITS = (ir.VectorType(kind, 4) for kind in (_DOUBLE, _LONG, _BIT))
 
     class Four(types.Type):
-        """numba's type of four numbers; where it meets a plain number, that is widened."""
+        """The numba type of a vector of four doubles; a plain number converts to it."""
 
         def can_convert_from(self, typing_context, other):
-            return Conversion.safe if isinstance(other, types.Number) else None
+            return typing_context.can_convert(other, types.float64) if isinstance(other, types.Number) else None
 
         def unify(self, typing_context, other):
             return self if isinstance(other, types.Number) else None
 
     class Mask(types.Type):
-        """numba's type of four conditions."""
+        """The numba type of a vector of four conditions."""
 
     FOUR, MASK = Four("Four"), Mask("Mask")
 
@@ -164,8 +164,14 @@ if COMPILED:
             vector = build.insert_element(vector, number, ir.Constant(_INT, i))
         return vector
 
-    def _unpack(build, vector):
+    def _extract(build, vector):
         return [build.extract_element(vector, ir.Constant(_INT, i)) for i in range(4)]
+
+    def _unpack(build, vector):
+        members = ir.Constant(ir.ArrayType(_DOUBLE, 4), ir.Undefined)
+        for i, number in enumerate(_extract(build, vector)):
+            members = build.insert_value(members, number, i)
+        return members
 
     def _shuffle(places, build, vector):
         return build.shuffle_vector(vector, vector, ir.Constant(ir.VectorType(_INT, 4), places))
@@ -177,50 +183,51 @@ if COMPILED:
     def _widen(context, build, old, new, value):
         return _splat(build, context.cast(build, value, old, types.float64))
 
-    def _define(point: Any, result: Any, kinds: tuple[Any, ...], generate: Callable) -> None:
-        """What compiled code takes for ``point`` on arguments of these kinds; numbers turn into them."""
+    def _define(function: Any, result: Any, kinds: tuple[Any, ...], generate: Callable) -> None:
+        """Let compiled code translate ``function`` on arguments of these types by ``generate``; numbers convert."""
+        count, scalar, name = len(kinds), types.float64 in kinds, getattr(function, "__name__", "")
 
-        def generic(template, arguments, _):
-            known = len(arguments) == len(kinds) and (kinds[0] in arguments or types.float64 in kinds)
-            return signature(result, *kinds) if known else None
+        def typer(context):
+            if count == 1:
+                return lambda x: result(*kinds) if scalar or x == kinds[0] else None
+            if count == 2:
+                return lambda x, y: result(*kinds) if scalar or kinds[0] in (x, y) else None
+            if count == 3:
+                return lambda x, y, z: result(*kinds) if kinds[0] in (x, y, z) else None
+            return lambda a, b, c, d: result(*kinds)
 
-        infer_global(point)(type("Template", (AbstractTemplate,), {"generic": generic}))
-        lower_builtin(point, *kinds)(lambda context, build, _, arguments: generate(build, *arguments))
+        typer.__name__ = name
+        type_callable(function)(typer)
+        lower_builtin(function, *kinds)(lambda context, build, _, arguments: generate(build, *arguments))
 
     def _address(context, build, kind, array, i):
-        """Of four elements from ``i``, which stand as arrays do: aligned to one number only."""
+        """Pointer to four elements from ``i``. An array guarantees the alignment of one number only."""
         data = context.make_array(kind)(context, build, array).data
         return build.bitcast(build.gep(data, [i]), _FOUR.as_pointer())
 
-    def _array(arguments):
-        """Types of an array and a place in it, or None."""
-        fits = isinstance(arguments[0], types.Array) and arguments[0].layout == "C"
-        return (arguments[0], types.intp) if fits and arguments[0].dtype == types.float64 else None
+    def _contiguous(array):
+        return isinstance(array, types.Array) and array.layout == "C" and array.dtype == types.float64
 
-    @infer_global(take)
-    class _Take(AbstractTemplate):
-        def generic(self, arguments, _):
-            kinds = _array(arguments)
-            return signature(FOUR, *kinds) if kinds else None
+    @type_callable(load)
+    def _type_load(context):
+        return lambda array, i: FOUR(array, types.intp) if _contiguous(array) else None
 
-    @lower_builtin(take, types.Array, types.intp)
+    @lower_builtin(load, types.Array, types.intp)
     def _load(context, build, kind, arguments):
         return build.load(_address(context, build, kind.args[0], *arguments), align=8)
 
-    @infer_global(put)
-    class _Put(AbstractTemplate):
-        def generic(self, arguments, _):
-            kinds = _array(arguments)
-            return signature(types.none, *kinds, FOUR) if kinds else None
+    @type_callable(store)
+    def _type_store(context):
+        return lambda array, i, x: types.none(array, types.intp, FOUR) if _contiguous(array) else None
 
-    @lower_builtin(put, types.Array, types.intp, FOUR)
+    @lower_builtin(store, types.Array, types.intp, FOUR)
     def _store(context, build, kind, arguments):
         build.store(arguments[2], _address(context, build, kind.args[0], *arguments[:2]), align=8)
         return context.get_dummy_value()
 
     def _call(name, build, *arguments):
         kind = ir.FunctionType(_FOUR, [_FOUR] * len(arguments))
-        return build.call(cgutils.get_or_insert_function(build.module, kind, f"llvm.{name}.v4f64"), arguments)
+        return build.call(build.module.declare_intrinsic(f"llvm.{name}.v4f64", (), kind), arguments)
 
     def _polynomial(build, x, coefficients):
         value = _constant(coefficients[-1])
@@ -317,10 +324,8 @@ if COMPILED:
     _define(atan, FOUR, (FOUR,), _atan)
     _define(sin, FOUR, (FOUR,), partial(_wave, 0.0))
     _define(cos, FOUR, (FOUR,), partial(_wave, 0.5))
-    _define(four, FOUR, (types.float64,) * 4, _pack)
-    _define(alike, FOUR, (types.float64,), _splat)
-    _define(beside, FOUR, (FOUR,), partial(_shuffle, (1, 0, 3, 2)))
-    _define(one, types.float64, (FOUR,), lambda build, x: _unpack(build, x)[0])
-    _define(
-        lanes, types.UniTuple(types.float64, 4), (FOUR,), lambda build, x: cgutils.pack_array(build, _unpack(build, x))
-    )
+    _define(pack, FOUR, (types.float64,) * 4, _pack)
+    _define(unpack, types.UniTuple(types.float64, 4), (FOUR,), _unpack)
+    _define(broadcast, FOUR, (types.float64,), _splat)
+    _define(first, types.float64, (FOUR,), lambda build, x: _extract(build, x)[0])
+    _define(swap_sides, FOUR, (FOUR,), partial(_shuffle, (1, 0, 3, 2)))

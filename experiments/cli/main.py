@@ -1,20 +1,27 @@
-"""Command line ``steer-env``: a bad value ends in one line on stderr and exit code 2, never in a traceback."""
+"""The command line ``steer-env``.
+
+Each command is one file in this folder with ``add(commands, common)``, found by its name. The modules of the commands
+import what is slow to import inside the functions that run, so that ``--help`` answers at once. A bad value ends in one
+line on standard error and exit code 2, never in a traceback.
+"""
 
 import argparse
 import importlib
-import json
+import os
 import signal
 import sys
 import threading
 from collections.abc import Sequence
 from importlib import metadata
 from pathlib import Path
-from typing import NoReturn
+from typing import Any, NoReturn
 
-from steer_env import friction
-from steer_env.experiments.cli import evaluate, run, train
-from steer_env.experiments.output.options import FRICTION, Friction, progress
-from steer_env.vehicle import cars
+from steer_env.experiments.cli.common.messages import in_options
+from steer_env.friction.numerics.registry import dashed, listed
+
+# Options with a unit, which are also accepted with a dash in place of the underscore.
+WITH_UNIT = {name.replace("_", "-"): name for name in ("--speed_kph", "--frequency_hz", "--timing_ms", "--rate_hz")}
+PIPE_CLOSED = 141  # exit code of a program that SIGPIPE ends, 128 + 13
 
 
 class _Parser(argparse.ArgumentParser):
@@ -22,17 +29,26 @@ class _Parser(argparse.ArgumentParser):
         self.exit(2, f"{self.prog}: {message} (try --help)\n")
 
 
-def _outside() -> _Parser:
-    """The option that makes friction laws from elsewhere known, which comes before all others."""
+class _Version(argparse.Action):
+    def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> NoReturn:
+        print(f"steer-env {metadata.version('steer-env')}")
+        parser.exit()
+
+
+def _common() -> _Parser:
+    """The option that every command has: modules with friction laws of the user's own."""
     parser = _Parser(prog="steer-env", add_help=False, allow_abbrev=False)
     text = "Python module that registers friction laws, from the working directory or installed; may be repeated"
     parser.add_argument("--import", dest="modules", metavar="MODULE", action="append", default=[], help=text)
     return parser
 
 
-def _import(argv: Sequence[str] | None) -> None:
-    """Import what ``--import`` names, so that ``--friction`` knows its laws; worker processes do by their classes."""
-    parser = _outside()
+def _import(argv: Sequence[str]) -> None:
+    """Import the modules that ``--import`` names, before ``--friction`` is read.
+
+    A worker process imports such a module when it receives parameters of its law.
+    """
+    parser = _common()
     for module in parser.parse_known_args(argv)[0].modules:
         sys.path.insert(0, str(Path.cwd()))
         try:
@@ -42,64 +58,61 @@ def _import(argv: Sequence[str] | None) -> None:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = _Parser(
-        prog="steer-env", description="Steering feel with a selectable friction law.", parents=[_outside()]
-    )
-    parser.add_argument("--version", action="version", version=f"%(prog)s {metadata.version('steer-env')}")
+    text = "Simulate, evaluate and report steering feel with a selectable friction law."
+    parser = _Parser(prog="steer-env", description=text, parents=[_common()])
+    parser.add_argument("--version", action=_Version, nargs=0, help="print the version and exit")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
-    laws = ", ".join(friction.available())
-
-    run.add(commands, _outside())
-    evaluate.add(commands, _outside())
-    train.add(commands, _outside())
-
-    text = "Print a packaged car with every key that a car file may set, in SI, as JSON."
-    car = commands.add_parser("car", help=text, description=text)
-    car.add_argument("name", metavar="NAME", choices=cars.available(), help=", ".join(cars.available()))
-    car.set_defaults(function=lambda args: print(json.dumps(cars.every_key(args.name), indent=2)))
-
-    text = "Drive the battery with every law, run the studies, and write index.html and metrics.json."
-    report = commands.add_parser("report", help=text, description=text, parents=[_outside()])
-    report.add_argument(
-        "--friction", metavar="LAW", type=Friction, nargs="+", help=f"{FRICTION}; default: all laws ({laws})"
-    )
-    report.add_argument("--out", metavar="DIR", default="report", help="replaced as a whole (default report)")
-    report.set_defaults(function=_report)
+    for name, module in listed(__package__ or "steer_env.experiments.cli", dashed).items():
+        if name != "main":
+            importlib.import_module(module).add(commands, _common())
     return parser
 
 
-def _report(args: argparse.Namespace) -> None:
-    from steer_env.experiments.report import build  # draws with matplotlib, which the other commands need not wait for
-
-    first = ("lugre", "masing")  # the two that the literature compares
-    laws = args.friction or [
-        Friction(name) for name in sorted(friction.available(), key=lambda name: name not in first)
-    ]
-    labels = [law.label for law in laws]
-    for label in labels:
-        if labels.count(label) > 1:
-            raise ValueError(f"--friction names {label!r} twice")
-    with progress("compiling and driving") as notify:
-        build.build(args.out, {law.label: law.parameters for law in laws}, notify=notify)
-    print(Path(args.out) / "index.html")
+def _underscored(text: str) -> str:
+    """An argument with the underscore that the parser knows."""
+    name, equals, value = text.partition("=")
+    return WITH_UNIT.get(name, name) + equals + value
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run a command; the exit code is 0, 1 where a recording gives no metric, 2 for a bad value, 130 interrupted."""
+def _run(argv: Sequence[str]) -> int:
+    """Run a command; its exit code."""
+    argv = [_underscored(text) for text in argv]
     _import(argv)
     args = _parser().parse_args(argv)
     if threading.current_thread() is threading.main_thread():
-        # A polite end, as Ctrl-C is: workers stop and nothing half-written stays.
+        # SIGTERM is handled as Ctrl-C is: the workers stop and no file stays half-written.
         signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         return args.function(args) or 0
+    except BrokenPipeError:
+        raise
     except (ValueError, OSError) as error:
-        message = f"{error.filename}: {error.strerror}" if isinstance(error, OSError) and error.filename else error
-        print(f"steer-env {args.command}: {message}", file=sys.stderr)
+        message = f"{error.filename}: {error.strerror}" if isinstance(error, OSError) and error.filename else str(error)
+        print(f"steer-env {args.command}: {in_options(message)}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
         print(f"steer-env {args.command}: interrupted", file=sys.stderr)
         return 130
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run a command.
+
+    Returns
+    -------
+    int
+        Exit code: 0; 1 where a recording gives no metric or a requirement is missed; 2 for a bad value; 130 when
+        interrupted; 141 when the reader of standard output has gone, as in ``steer-env ... | head``.
+    """
+    try:
+        try:
+            return _run(sys.argv[1:] if argv is None else argv)
+        finally:
+            sys.stdout.flush()
+    except BrokenPipeError:
+        # Python flushes standard output once more when it exits, which would fail again.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return PIPE_CLOSED
 
 
 if __name__ == "__main__":

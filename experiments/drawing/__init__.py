@@ -1,1 +1,1 @@
-"""Figures as SVG and interactive plots."""
+"""Pictures as SVG, and interactive plots as HTML."""

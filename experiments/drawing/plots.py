@@ -1,20 +1,19 @@
-"""Plots to hover over and zoom into, as HTML that needs no network: cross plots and histories of recordings."""
+"""Interactive plots as HTML that needs no network: cross plots and time histories of recordings."""
 
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import plotly.offline
 from numpy.typing import NDArray
 from plotly.subplots import make_subplots
 
-from steer_env.experiments.drawing import figures
-from steer_env.experiments.studies import simulation_vs_measurement
-from steer_env.experiments.studies.battery import thinned
-from steer_env.metrics import CHANNELS, UNITS, RefusedError, frequency_response
+from steer_env.experiments.drawing.style import colours
+from steer_env.metrics import CHANNELS, UNITS, RefusedError, frequency_response_curve
 from steer_env.recording.recording import FILE_UNITS, Recording
 
 Array = NDArray[np.float64]
+Curves = Mapping[str, Array]  # channel, or "time" -> (n,) [SI]
 POINTS = 3000  # of a line, at most
 _DASHES = ("solid", "dash", "dot", "dashdot", "longdash")
 _NAMES = {"rad": "deg", "rad/s": "deg/s", "rad/s2": "deg/s²", "m/s2": "m/s²"}
@@ -41,19 +40,24 @@ class Panel(NamedTuple):
 
 
 def script() -> str:
-    """The plotting library, to be put once into a page."""
+    """The plotting library, which a page holds once."""
     return plotly.offline.get_plotlyjs()
 
 
 def axis(name: str) -> tuple[str, float]:
-    """A channel's title with the unit that it is shown in, and the size of that unit in SI."""
+    """Title of a channel with the unit that it is shown in, and the size of that unit in SI."""
     if name == "time":
         return "time [s]", 1.0
     unit = CHANNELS[name]
     return f"{name.replace('_', ' ')} [{_NAMES.get(unit, unit)}]", FILE_UNITS[unit][1]
 
 
-def panels(curves: Mapping[str, simulation_vs_measurement.Curves], pairs: Sequence[tuple[str, str]]) -> list[Panel]:
+def thinned(values: Array, points: int) -> Array:
+    """At most ``points`` of the rows, evenly spaced, with the first and the last."""
+    return values[np.linspace(0, len(values) - 1, min(len(values), points)).round().astype(int)]
+
+
+def panels(curves: Mapping[str, Curves], pairs: Sequence[tuple[str, str]]) -> list[Panel]:
     """A panel for each pair (x, y) of channels, with a line for every label that has both."""
     found = []
     styles = dict(zip(curves, zip(colours(list(curves)), _DASHES * len(curves))))
@@ -69,10 +73,8 @@ def panels(curves: Mapping[str, simulation_vs_measurement.Curves], pairs: Sequen
     return found
 
 
-def apart(
-    curves: Mapping[str, simulation_vs_measurement.Curves], base: str, pairs: Sequence[tuple[str, str]]
-) -> list[Panel]:
-    """For each pair (x, y) the gap in y between a label and the base at the same place in the cycle."""
+def apart(curves: Mapping[str, Curves], base: str, pairs: Sequence[tuple[str, str]]) -> list[Panel]:
+    """A panel for each pair (x, y): y of every label less that of the base at the same phase of the cycle."""
     moved = {
         label: {**curve, **{y: curve[y] - curves[base][y] for _, y in pairs}}
         for label, curve in curves.items()
@@ -81,8 +83,11 @@ def apart(
     return [panel._replace(y=panel.y.replace("[", f"less {base}'s [")) for panel in panels(moved, pairs)]
 
 
-def boundaries(pair: simulation_vs_measurement.Pair, labels: tuple[str, str]) -> Panel:
-    """A cross plot of two recordings with the band that the first one's tolerances make."""
+def boundaries(pair: Any, labels: tuple[str, str]) -> Panel:
+    """A cross plot of two recordings with the band that the tolerances make around the first.
+
+    ``pair`` is a :class:`steer_env.experiments.studies.common.simulation_vs_measurement.Pair`.
+    """
     (x_title, x_size), (y_title, y_size) = axis(pair.x), axis(pair.y)
     size = np.array((x_size, y_size))
     shades = colours(list(labels))
@@ -93,20 +98,20 @@ def boundaries(pair: simulation_vs_measurement.Pair, labels: tuple[str, str]) ->
     return Panel(x_title, y_title, lines, (thinned(pair.left, POINTS) / size, thinned(pair.right, POINTS) / size))
 
 
-# Gains of the frequency responses to the handwheel angle, in what their metrics are reported in.
+# Gains of the frequency responses to the handwheel angle, in the units of their metrics.
 _GAINS = {"yaw_rate": "1/s", "lateral_acceleration": "g/100 deg", "handwheel_torque": "N m/deg"}
 
 
 def responses(recordings: Mapping[str, Recording], test: str) -> list[Panel]:
-    """Gain, phase and coherence over frequency of each output that some recording carries, with 95 % intervals."""
+    """Gain, phase and coherence over frequency, with 95 % intervals, for each output that a recording carries."""
     found = []
     for name, unit in _GAINS.items():
         curves = {}
         for label, recording in recordings.items():
             try:
-                curves[label] = frequency_response.curve(recording, name, test)
+                curves[label] = frequency_response_curve(recording, name, test)
             except RefusedError:
-                continue  # its metrics say why
+                continue  # the metrics give the reason
         rows = [Panel("frequency [Hz]", y, [], None, True) for y in _response_titles(name, unit)]
         for (label, c), colour in zip(curves.items(), colours(list(curves))):
             size = UNITS[unit]
@@ -129,7 +134,7 @@ def _response_titles(name: str, unit: str) -> tuple[str, str, str]:
 
 
 def draw(shown: Sequence[Panel], height: int = 380, columns: int = 2) -> str:
-    """Panels side by side as HTML; a click on a label hides its lines in all of them."""
+    """Panels as HTML; a click on a label hides its lines in all of them."""
     columns = min(columns, len(shown))
     rows = -(-len(shown) // columns)
     figure = make_subplots(rows=rows, cols=columns, horizontal_spacing=0.09, vertical_spacing=0.22 / rows)
@@ -164,8 +169,3 @@ def draw(shown: Sequence[Panel], height: int = 380, columns: int = 2) -> str:
         include_plotlyjs=False,
         config={"displaylogo": False, "responsive": True, "displayModeBar": "hover"},
     )
-
-
-def colours(labels: list[str]) -> list[str]:
-    """A colour for each label."""
-    return [figures.styles(labels)[label]["color"] for label in labels]

@@ -1,1 +1,1 @@
-"""Training and evaluation of policies."""
+"""Training of policies, and their evaluation on held-out episodes."""

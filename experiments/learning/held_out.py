@@ -1,4 +1,4 @@
-"""Controllers on held-out episodes: the same seeds for each, every figure with its interval."""
+"""Controllers on held-out episodes: the same seeds for each, and every metric with its interval."""
 
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple, Protocol
@@ -8,43 +8,43 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
+from steer_env.experiments.learning.constants import HELD_OUT
+
 Array = NDArray[np.float64]
 
-HELD_OUT = 1_000_000  # first seed of the episodes that no training sees
-VALIDATION = 2_000_000  # of those by which training chooses what it keeps
-LEVEL = 0.95
+LEVEL = 0.95  # of the intervals
 
 
 class Controller(Protocol):
-    """What acts: a driver model, an assist, a trained policy."""
+    """A controller of a batch of episodes: a driver model, an assist or a trained policy."""
 
     def reset(self, lanes: Any = ...) -> None:
-        """Forget the episodes of some lanes, or of all."""
+        """Forget the episodes of some rows of the batch (mask or indices), or of all."""
 
     def act(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Actions (L, 1) for observations (L, O)."""
+        """Actions (N, 1) for observations (N, O)."""
 
 
-class Trials(NamedTuple):
-    """Episodes of one controller, each array (N,) in the order of the seeds."""
+class Episodes(NamedTuple):
+    """Results of one controller; each array is (N,), in the order of the seeds."""
 
     reward: Array  # sum over the episode
     cost: Array  # sum over the episode
-    metrics: dict[str, Array]  # of the task, at the end
+    metrics: dict[str, Array]  # episode metrics of the task
 
 
 class Estimate(NamedTuple):
-    """A figure with its 95 % interval."""
+    """A value with its 95 % interval."""
 
-    value: float  # [the figure's unit]
-    low: float  # [the figure's unit]
-    high: float  # [the figure's unit]
+    value: float  # [unit of the metric]
+    low: float  # [unit of the metric]
+    high: float  # [unit of the metric]
 
 
 def collect(
     env_id: str, make: Callable[[Any], Controller], episodes: int, first_seed: int = HELD_OUT, **arguments: Any
-) -> Trials:
-    """One episode of each seed from ``first_seed`` on, all side by side."""
+) -> Episodes:
+    """One episode for each seed from ``first_seed`` on, in one vector environment."""
     env: Any = gym.make_vec(env_id, num_envs=episodes, **arguments)
     controller = make(env)
     controller.reset()
@@ -61,7 +61,7 @@ def collect(
                 metrics.setdefault(name, np.zeros(episodes))[ended] = values[ended]
         going &= ~ended
     env.close()
-    return Trials(reward, cost, metrics)
+    return Episodes(reward, cost, metrics)
 
 
 def mean(values: Array) -> Estimate:
@@ -74,14 +74,14 @@ def mean(values: Array) -> Estimate:
 
 
 def share(hits: NDArray[np.bool_]) -> Estimate:
-    """Share of the episodes with Wilson's interval."""
+    """Share of the episodes in which ``hits`` is true, with Wilson's interval."""
     result = stats.binomtest(int(hits.sum()), hits.size)
     interval = result.proportion_ci(LEVEL, "wilson")
     return Estimate(float(result.statistic), float(interval.low), float(interval.high))
 
 
-def summary(found: Trials) -> dict[str, Estimate]:
-    """Every figure of the trials: reward, cost, the task's metrics, and the share of episodes that hit no cone."""
+def summary(found: Episodes) -> dict[str, Estimate]:
+    """Means of reward, cost and the task's metrics, and the share of episodes in which no cone was hit."""
     values = {"reward": mean(found.reward), "cost": mean(found.cost)}
     values |= {name: mean(column) for name, column in found.metrics.items()}
     if "cones_hit" in found.metrics:
@@ -89,8 +89,8 @@ def summary(found: Trials) -> dict[str, Estimate]:
     return values
 
 
-def differences(found: Trials, reference: Trials) -> dict[str, Estimate]:
-    """``found`` less ``reference``, seed by seed."""
+def differences(found: Episodes, reference: Episodes) -> dict[str, Estimate]:
+    """Means of ``found`` less ``reference``, paired by seed."""
     pairs: Mapping[str, tuple[Array, Array]] = {
         "reward": (found.reward, reference.reward),
         "cost": (found.cost, reference.cost),

@@ -1,4 +1,4 @@
-"""Learning curves of the shipped policies, docs/learning.svg: every seed that was tried.
+"""Draw docs/learning.svg, the learning curves of the shipped policies with every seed that was tried.
 
 python -m steer_env.experiments.learning.learning_picture
 """
@@ -6,7 +6,7 @@ python -m steer_env.experiments.learning.learning_picture
 from pathlib import Path
 
 from steer_env import tasks
-from steer_env.experiments.drawing.figures import learning
+from steer_env.experiments.drawing.pictures import LearningCurves, learning
 from steer_env.experiments.learning import policy
 from steer_env.experiments.learning.policy_report import aim, read_curve
 from steer_env.registration import VERSION
@@ -16,9 +16,6 @@ if __name__ == "__main__":
     for folder in sorted(policy.SHIPPED_IN.iterdir()):
         runs = {f.stem.replace("-", " "): read_curve(f) for f in sorted(folder.glob("seed-*.csv"))}
         name = aim(next(iter(runs.values())))
-        unit = {f.name: f.unit for f in tasks.task(folder.name.removesuffix(f"-{VERSION}")).figures}[name]
-        shown[folder.name] = (
-            f"{name.replace('_', ' ')} [{unit}]",
-            {label: {**run, "figure": run[name]} for label, run in runs.items()},
-        )
+        unit = {f.name: f.unit for f in tasks.task(folder.name.removesuffix(f"-{VERSION}")).metrics}[name]
+        shown[folder.name] = LearningCurves(f"{name.replace('_', ' ')} [{unit}]", name, runs)
     Path("docs/learning.svg").write_text(learning(shown), encoding="utf-8")

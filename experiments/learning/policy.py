@@ -1,6 +1,5 @@
-"""Trained policies: a file of Stable-Baselines3 that also holds how to scale the observation, and who made it."""
+"""Trained policies: files of Stable-Baselines3 that also hold the scaling of the observation and how they were made."""
 
-import argparse
 import json
 import math
 import zipfile
@@ -12,20 +11,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from steer_env import REGISTERED, experiments, tasks
+from steer_env.experiments.learning.constants import ALGORITHMS
 from steer_env.experiments.output.options import Friction
 from steer_env.friction.numerics.check import number
 from steer_env.registration import DRIVEN
 
 Array = NDArray[np.float64]
 
-ALGORITHMS = ("ppo", "sac", "recurrent-ppo")
-ABOUT = "steer_env.json"  # beside the members of Stable-Baselines3's archive
-SHIPPED = "shipped"  # stands for the file that is shipped with an id
+ABOUT = "steer_env.json"  # name in the archive, beside the members of Stable-Baselines3
 SHIPPED_IN = Path(experiments.__file__).parent / "data" / "policies"
 
 
 def algorithm(name: str) -> Any:
-    """Class of an algorithm by its name; ValueError for an unknown one or without the extra ``train``."""
+    """Class of an algorithm by name; ValueError for an unknown one, or if the extra ``train`` is missing."""
     if name not in ALGORITHMS:
         raise ValueError(f"unknown algorithm {name!r}; there are {', '.join(ALGORITHMS)}")
     try:
@@ -35,12 +33,12 @@ def algorithm(name: str) -> Any:
             return RecurrentPPO
         import stable_baselines3
     except ModuleNotFoundError as error:
-        raise ValueError(f"training needs {error.name}: pip install 'steer-env[train]'") from None
+        raise ValueError(f"policies need {error.name}: pip install 'steer-env[train]'") from None
     return {"ppo": stable_baselines3.PPO, "sac": stable_baselines3.SAC}[name]
 
 
 def save(path: Path, model: Any, about: dict[str, Any]) -> None:
-    """Write a model with what there is to know of it: environment, algorithm, scaling of the observation, how made."""
+    """Write a model with its description: environment, algorithm, scaling of the observation, how it was trained."""
     part = path.with_name(f".{path.name}.part.zip")
     model.save(part, exclude=["tensorboard_log"])  # a path of the machine that trained
     with zipfile.ZipFile(part, "a") as archive:
@@ -49,7 +47,7 @@ def save(path: Path, model: Any, about: dict[str, Any]) -> None:
 
 
 def about(path: Path) -> dict[str, Any]:
-    """What the file says of itself; ValueError for one that is not of ours."""
+    """The description in a policy file; ValueError for a file that ``steer-env train`` has not written."""
     try:
         with zipfile.ZipFile(path) as archive:
             return json.loads(archive.read(ABOUT))
@@ -64,7 +62,7 @@ def about(path: Path) -> dict[str, Any]:
 
 
 def shipped(env_id: str) -> Path:
-    """The policy that is shipped with an id; ValueError where there is none."""
+    """The policy that is shipped with an id; ValueError if there is none."""
     check_id(env_id)
     path = SHIPPED_IN / env_id.removeprefix("steer_env/") / "policy.zip"
     if not path.is_file():
@@ -73,33 +71,33 @@ def shipped(env_id: str) -> Path:
 
 
 def learning_curves(path: Path, name: str = "policy") -> dict[str, Path]:
-    """Files with the learning curves beside a policy of this name: of its own run, or of each seed of a shipped one."""
+    """Learning curves beside a policy, label -> file: that of its own run, or one for each seed of a shipped policy."""
     own = path.with_name("learning.csv")
     seeds = sorted(path.parent.glob("seed-*.csv"))
     return {name: own} if own.is_file() else {f"{name}, {f.stem.replace('-', ' ')}": f for f in seeds}
 
 
 def conditions(about: Mapping[str, Any]) -> dict[str, Any]:
-    """Arguments of make that a policy was trained under, but for the control time, which is its own affair."""
+    """Arguments of ``make`` in the training of a policy, except the control time, which the policy keeps itself."""
     return {key: value for key, value in about["settings"]["environment"].items() if key != "control_dt"}
 
 
 class Policy:
-    """A trained policy as a controller: ``reset(lanes)`` and ``act(observation)``, single or vector.
+    """A trained policy as a controller, ``reset(lanes)`` and ``act(observation)``, of a single or vector environment.
 
-    It decides at the control time of its training and holds its action in between.
+    It computes a new action at the control time of its training and holds it in between.
 
     Parameters
     ----------
     path : Path
         From ``steer-env train``.
     env : gym.Env or gym.vector.VectorEnv
-        Of the id that it was trained for, or another with the same observations.
+        Of the id that the policy was trained for, or of another id with the same observations.
 
     Raises
     ------
     ValueError
-        A file that is no policy, or an environment whose observations are others or that steps too slowly.
+        If the file is no policy, or the environment has other observations or a control time that does not fit.
     """
 
     def __init__(self, path: Path, env: Any) -> None:
@@ -109,32 +107,34 @@ class Policy:
             path,
             self.about,
             spec.id if spec else type(env.unwrapped).__name__,
-            [quantity.name for quantity in env.unwrapped.lanes.observed],
+            [quantity.name for quantity in env.unwrapped.batch.observed],
         )
-        own, step = self.about["settings"]["environment"]["control_dt"], env.unwrapped.lanes.control_dt
+        own, step = self.about["settings"]["environment"]["control_dt"], env.unwrapped.batch.control_dt
         self._hold = round(own / step)
         if not math.isclose(self._hold * step, own):
-            raise ValueError(f"{path} decides every {own} s; control_dt must be that or a whole part of it, not {step}")
+            raise ValueError(
+                f"{path} acts every {own} s; control_dt must be that or a whole fraction of it, not {step}"
+            )
         import torch
 
-        torch.set_num_threads(1)  # networks of this size lose by more
-        # Without the seed, which loading would start anew for the whole process.
+        torch.set_num_threads(1)  # more threads are slower with networks of this size
+        # Without its seed, as loading would otherwise reseed the whole process.
         self._model = algorithm(self.about["algorithm"]).load(path, device="cpu", seed=None)
         scaling = self.about["scaling"]
         self._mean, self._deviation = np.array(scaling["mean"]), np.array(scaling["deviation"])
         self._clip = number("clip", scaling["clip"], minimum=0.0)
         self._state: Any = None
-        n = env.unwrapped.lanes.n
+        n = env.unwrapped.batch.n
         self._fresh, self._since = np.ones(n, bool), np.zeros(n, np.int64)
         self._action = np.zeros((n, 1), np.float32)
 
     def reset(self, lanes: Any = slice(None)) -> None:
-        """Forget the episodes of some lanes (mask or indices), or of all."""
+        """Forget the episodes of some sub-environments (mask or indices), or of all."""
         self._fresh[lanes] = True
         self._since[lanes] = 0
 
     def act(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
-        """The policy's mean action (1,) for an observation (O,), or (L, 1) for (L, O)."""
+        """The policy's mean action (1,) for an observation (O,), or (N, 1) for (N, O)."""
         deciding = self._since % self._hold == 0
         self._since += 1
         if deciding.any():
@@ -143,7 +143,7 @@ class Policy:
                 seen.astype(np.float32), state=self._state, episode_start=self._fresh, deterministic=True
             )
             self._action[deciding] = action[deciding]
-            if state is not None and self._state is not None:  # layers, lanes, units
+            if state is not None and self._state is not None:  # (layers, sub-environments, units)
                 state = tuple(np.where(deciding[:, None], new, old) for new, old in zip(state, self._state))
             self._state = state
             self._fresh &= ~deciding
@@ -151,7 +151,7 @@ class Policy:
 
 
 def load(path: Path) -> Callable[[Any], Policy]:
-    """What makes controllers of a policy."""
+    """A callable that makes the controller of a policy for an environment."""
     return lambda env: Policy(path, env)
 
 
@@ -162,32 +162,31 @@ def check_id(env_id: str) -> None:
 
 
 def check_driven(env_id: str) -> str:
-    """Name of the task of an id that policies drive; ValueError for an unknown id, or one whose steps are tests."""
+    """Name of the task of an id; ValueError for an unknown id, or for one that tunes parameters."""
     check_id(env_id)
     if env_id not in DRIVEN:
         raise ValueError(
-            f"each step of {env_id} is a set of assist parameters with its tests, which no policy here is for; "
-            f"there are {', '.join(DRIVEN)}"
+            f"{env_id} tunes assist parameters, one set in each step; policies are trained for: {', '.join(DRIVEN)}"
         )
     return env_id.removeprefix("steer_env/").rpartition("-")[0]
 
 
 def check_observations(path: Path, about: Mapping[str, Any], env_id: str, names: list[str] | None = None) -> None:
-    """ValueError where a policy does not know an environment's observations (``names``, or those of the id)."""
+    """ValueError if the observations of an environment (``names``, or those of the id) are not those of the policy."""
     if names is None:
         names = [quantity.name for quantity in tasks.task(check_driven(env_id)).observed]
     if names != about["observations"]:
         raise ValueError(
-            f"{path} was trained for {about['env']}, evaluated on {env_id}, whose observations are others: "
+            f"{path} was trained for {about['env']} and cannot act in {env_id}, whose observations are others: "
             f"give {about['env']}"
         )
 
 
 def law(label: str, path: Path) -> Friction:
-    """The friction law that a file or a run names; ValueError for one that is not known here."""
+    """The friction law that a policy or a run was trained on; ValueError if it is not known here."""
     try:
         return Friction(label)
-    except argparse.ArgumentTypeError as error:
+    except ValueError as error:
         raise ValueError(
-            f"{path} was trained on friction {label}: {error}; --import names the module of a law of your own"
+            f"{path} was trained on friction {label}: {error}; for a law of your own give its module with --import"
         ) from None

@@ -1,4 +1,4 @@
-"""Policies beside the baselines on held-out seeds: table with intervals, differences, learning curve, frames."""
+"""Report of policies and baselines on held-out episodes: means with intervals, differences, learning curves, frames."""
 
 import base64
 import csv
@@ -18,19 +18,21 @@ from numpy.typing import NDArray
 
 from steer_env import assists, drivers, friction, tasks
 from steer_env.experiments.drawing import plots
+from steer_env.experiments.drawing.style import colours
 from steer_env.experiments.learning import held_out
-from steer_env.experiments.learning.held_out import Controller, Estimate, Trials
+from steer_env.experiments.learning.constants import HELD_OUT
+from steer_env.experiments.learning.held_out import Controller, Episodes, Estimate
 from steer_env.experiments.output import provenance
 from steer_env.experiments.output.files import replaced_directory, write_json
-from steer_env.experiments.report.assessment import environment
-from steer_env.experiments.report.findings import label, plain
+from steer_env.experiments.output.pages import environment
+from steer_env.experiments.output.words import label, plain
 from steer_env.friction.law import law_of
 from steer_env.randomise import RANGES
 
 CONTENTS = frozenset({"index.html", "evaluation.json"})
-FRAMES = 4  # of the first held-out episode
+FRAMES = 4  # pictures of the first held-out episode
 
-# Of these figures more (1) or less (-1) is better; the others only tell how.
+# Metrics of which more (1) or less (-1) is better; the others only describe.
 SENSES = {
     "reward": 1.0,
     "cost": -1.0,
@@ -39,31 +41,31 @@ SENSES = {
     "rms_lateral_offset": -1.0,
     "peak_lateral_offset": -1.0,
 }
-ROUNDING = 1e-9  # of a figure: a difference below it is none
+ROUNDING = 1e-9  # relative difference below which two values count as equal
 
 Array = NDArray[np.float64]
 Maker = Callable[[Any], Controller]
 
 
 def baselines(env_id: str) -> dict[str, Maker]:
-    """Classical controllers of an id by name: driver models where a path is seen, assists where the assist acts."""
+    """Classical controllers of an id by name: assists for an assist task, drivers for a task that observes a path."""
     task = tasks.task(env_id.removeprefix("steer_env/").rpartition("-")[0])
     if task.name.startswith("Assist"):
         return {name: partial(assists.make, name) for name in assists.available()}
-    if any(quantity.name == "lateral_offset" for quantity in task.situation):
+    if any(quantity.name == "lateral_offset" for quantity in task.task_observations):
         return {name: partial(drivers.Controller, driver=name) for name in drivers.available() if name != "free"}
     return {}
 
 
 class Evaluation(NamedTuple):
-    """Controllers on the same held-out episodes; the first one is what is evaluated."""
+    """Controllers on the same held-out episodes; the first one is the one that is evaluated."""
 
     env_id: str
     about: dict[str, Any]  # how the environment was made
     episodes: int
-    found: dict[str, Trials]
-    values: dict[str, dict[str, Estimate]]  # controller -> figure
-    gaps: dict[str, dict[str, Estimate]]  # baseline -> figure: the first controller's less the baseline's
+    found: dict[str, Episodes]
+    values: dict[str, dict[str, Estimate]]  # controller -> metric
+    gaps: dict[str, dict[str, Estimate]]  # baseline -> metric: the first controller's less the baseline's
     units: dict[str, str]
 
 
@@ -74,27 +76,27 @@ def evaluate(
     notify: Callable[[float, str], None] = lambda *_: None,
     **arguments: Any,
 ) -> Evaluation:
-    """Every controller on the same episodes."""
+    """Drive every controller in the same episodes."""
     found = {}
     for k, (name, make) in enumerate(controllers.items()):
         notify(k / len(controllers), name)
         found[name] = held_out.collect(env_id, make, episodes, **arguments)
     first = next(iter(found))
     task = tasks.task(env_id.removeprefix("steer_env/").rpartition("-")[0])
-    units = {"reward": "", "cost": "", "clean_share": "1"} | {figure.name: figure.unit for figure in task.figures}
+    units = {"reward": "", "cost": "", "clean_share": "1"} | {figure.name: figure.unit for figure in task.metrics}
     return Evaluation(
         env_id,
         arguments,
         episodes,
         found,
-        {name: held_out.summary(trial) for name, trial in found.items()},
-        {name: held_out.differences(found[first], trial) for name, trial in found.items() if name != first},
+        {name: held_out.summary(episodes_of) for name, episodes_of in found.items()},
+        {name: held_out.differences(found[first], episodes_of) for name, episodes_of in found.items() if name != first},
         units,
     )
 
 
 def conditions(made: Mapping[str, Any]) -> dict[str, str]:
-    """How an environment was made, in words with units: name of the condition -> its value."""
+    """Arguments of an environment in words with units: name of the condition -> its value."""
     words = {}
     for key, value in made.items():
         if key == "friction":
@@ -126,22 +128,22 @@ def _law(law: Any) -> str:
     return ", ".join([name, *(f"{key} {plain(x) if np.ndim(x) == 0 else 'of its own'}" for key, x in own.items())])
 
 
-def shade(figure: str, gap: Estimate, *compared: Estimate) -> str:
-    """How a difference between ``compared`` is shown: "better", "worse", "differs" or, if it may be none, ""."""
+def shade(metric: str, gap: Estimate, *compared: Estimate) -> str:
+    """How a difference between ``compared`` is shown: "better", "worse", "differs", or "" if it may be zero."""
     if not (gap.low > 0.0 or gap.high < 0.0) or abs(gap.value) <= ROUNDING * max(
         1.0, *(abs(e.value) for e in compared)
     ):
         return ""
-    return {1.0: "better", -1.0: "worse"}.get(math.copysign(1.0, gap.value) * SENSES.get(figure, 0.0), "differs")
+    return {1.0: "better", -1.0: "worse"}.get(math.copysign(1.0, gap.value) * SENSES.get(metric, 0.0), "differs")
 
 
 def entry(e: Estimate, unit: str) -> dict[str, Any]:
-    """A figure for a machine."""
+    """A metric as JSON."""
     return {"value": e.value, "ci": [x if math.isfinite(x) else None for x in (e.low, e.high)], "unit": unit}
 
 
 def as_json(found: Evaluation) -> dict[str, Any]:
-    """The evaluation for a machine."""
+    """The evaluation as JSON."""
 
     def entries(values: Mapping[str, Estimate]) -> dict[str, Any]:
         return {name: entry(e, found.units[name]) for name, e in values.items()}
@@ -150,7 +152,7 @@ def as_json(found: Evaluation) -> dict[str, Any]:
         "env": found.env_id,
         "arguments": {key: str(value) for key, value in found.about.items()},
         "episodes": found.episodes,
-        "first_seed": held_out.HELD_OUT,
+        "first_seed": HELD_OUT,
         "metrics": {label: entries(values) for label, values in found.values.items()},
         "differences": {label: entries(values) for label, values in found.gaps.items()},
         "provenance": provenance.versions(),
@@ -158,7 +160,7 @@ def as_json(found: Evaluation) -> dict[str, Any]:
 
 
 def frames(env_id: str, make: Maker, **arguments: Any) -> list[str]:
-    """Pictures of the first held-out episode, evenly over its time, as data for a page; none without the extra."""
+    """Frames of the first held-out episode, evenly over its time, as data URLs; none without the extra ``render``."""
     try:
         env = gym.make(env_id, render_mode="rgb_array", **arguments)
     except ValueError:
@@ -166,7 +168,7 @@ def frames(env_id: str, make: Maker, **arguments: Any) -> list[str]:
     shown: list[Any] = []
     over = False
     controller = make(env)
-    observation, _ = env.reset(seed=held_out.HELD_OUT)
+    observation, _ = env.reset(seed=HELD_OUT)
     while not over:
         observation, _, terminated, truncated, _ = env.step(controller.act(observation))
         over = terminated or truncated
@@ -184,30 +186,30 @@ def _picture(frame: Any) -> str:
 
 
 def read_curve(path: Path) -> dict[str, Array]:
-    """Columns of a learning curve: seconds and steps of training, then figures of the validation's episodes."""
+    """Columns of a learning curve: seconds and steps of training, then means of the validation episodes."""
     with path.open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
     return {key: np.array([float(row[key]) for row in rows]) for key in rows[0]}
 
 
-def aim(figures: Collection[str]) -> str:
-    """The figure of a task that its training is for."""
-    return next((name for name in ("cones_hit", "rms_feel_error", "rms_lateral_offset") if name in figures), "cost")
+def aim(metrics: Collection[str]) -> str:
+    """The metric that the training of a task is for."""
+    return next((name for name in ("cones_hit", "rms_feel_error", "rms_lateral_offset") if name in metrics), "cost")
 
 
 def _learning(curves: Mapping[str, Path], units: Mapping[str, str]) -> str:
-    """Means over the validation's seeds over the steps of training, of each run, as a plot."""
+    """A plot of the validation means of each run over the steps of training."""
     runs = {name: read_curve(path) for name, path in curves.items()}
     shown = [
         plots.Panel(
             "steps of training",
-            label(figure) + (f" [{units[figure]}]" if units.get(figure, "1") not in ("", "1") else ""),
+            label(metric) + (f" [{units[metric]}]" if units.get(metric, "1") not in ("", "1") else ""),
             [
-                plots.Line(name.replace("_", " "), run["steps"], run[figure], colour)
-                for colour, (name, run) in zip(plots.colours(list(runs)), runs.items())
+                plots.Line(name.replace("_", " "), run["steps"], run[metric], colour)
+                for colour, (name, run) in zip(colours(runs), runs.items())
             ],
         )
-        for figure in ("reward", aim(next(iter(runs.values()))))
+        for metric in ("reward", aim(next(iter(runs.values()))))
     ]
     return plots.draw(shown)
 
@@ -220,12 +222,12 @@ def write(out: Path, found: Evaluation, controllers: Mapping[str, Maker], curves
         name: frames(found.env_id, controllers[name], **found.about) for name in dict.fromkeys([names[0], best])
     }
     page = (
-        environment()
+        environment(__package__)
         .get_template("policies.html.j2")
         .render(
             f=found,
             names=names,
-            figures=list(found.values[names[0]]),
+            metrics=list(found.values[names[0]]),
             pictures=pictures,
             conditions=conditions(found.about),
             others="the baselines" if set(names[1:]) <= baselines(found.env_id).keys() else "the others",
@@ -233,7 +235,7 @@ def write(out: Path, found: Evaluation, controllers: Mapping[str, Maker], curves
             curve=_learning(curves, found.units) if curves else "",
             script=plots.script() if curves else "",
             version=metadata.version("steer-env"),
-            first_seed=held_out.HELD_OUT,
+            first_seed=HELD_OUT,
         )
     )
     with replaced_directory(out, CONTENTS) as part:

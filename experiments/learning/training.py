@@ -1,4 +1,4 @@
-"""Training policies with Stable-Baselines3: settings kept with the id, checkpoints, resume, validation."""
+"""Training of policies with Stable-Baselines3: settings by id, checkpoints, resuming, validation."""
 
 import csv
 import json
@@ -13,27 +13,29 @@ import numpy as np
 
 from steer_env import experiments
 from steer_env.experiments.learning import held_out, policy
+from steer_env.experiments.learning.constants import VALIDATION
 from steer_env.experiments.output import provenance
 from steer_env.experiments.output.files import usable, write_json
 from steer_env.experiments.output.options import Friction
 from steer_env.friction.numerics import toml
 from steer_env.friction.numerics.check import number
 
-# Of the clock; a checkpoint costs a fraction of a second, an evaluation some seconds.
-CHECKPOINT_EVERY, EVALUATE_EVERY = 60.0, 60.0  # [s]
-EVALUATE_STEPS = 200_000  # in a training by steps: by the clock, the policy that is kept would depend on the machine
-VALIDATED = 32  # episodes of each evaluation while training
+# Intervals of wall time; a checkpoint takes a fraction of a second, a validation some seconds.
+CHECKPOINT_EVERY, VALIDATE_EVERY = 60.0, 60.0  # [s]
+# With a given number of steps the interval is in steps, so that the policy that is kept does not depend on the machine.
+VALIDATE_STEPS = 200_000
+VALIDATED = 32  # episodes of each validation
 
 
 def settings(env_id: str, algo: str) -> dict[str, Any]:
     """Settings of an id for an algorithm: ``environment`` (arguments of make) and ``algorithm``, from data files.
 
-    What all ids share, then what drivers share, then what the id has of its own.
+    The settings of an id override those of all driver ids, which override those of all ids.
 
     Raises
     ------
     ValueError
-        Unknown id or algorithm.
+        For an unknown id or algorithm.
     """
     policy.check_id(env_id)
     policy.algorithm(algo)
@@ -50,10 +52,10 @@ def settings(env_id: str, algo: str) -> dict[str, Any]:
 
 
 def new_model(algo: str, env: Any, chosen: dict[str, Any], seed: int, logs: str | None = None) -> Any:
-    """An algorithm of Stable-Baselines3 with the settings of an id."""
+    """A new model of Stable-Baselines3 with the settings of an id."""
     import torch
 
-    torch.set_num_threads(1)  # networks of this size lose by more
+    torch.set_num_threads(1)  # more threads are slower with networks of this size
     own = {"num_envs", "net_arch", "policy_kwargs"}
     return policy.algorithm(algo)(
         "MlpLstmPolicy" if algo == "recurrent-ppo" else "MlpPolicy",
@@ -67,14 +69,14 @@ def new_model(algo: str, env: Any, chosen: dict[str, Any], seed: int, logs: str 
 
 
 def _checkpoint(out: Path) -> dict[str, Any]:
-    """What a run says of itself at its checkpoint, with its ``settings``; ValueError where it says too little."""
+    """State of a run at its checkpoint, with its ``settings``; ValueError if something is missing."""
     kept, chosen = out / "checkpoint" / "state.json", out / "settings.json"
     if not kept.is_file():
         raise ValueError(f"{out} holds no checkpoint to resume")
     state = json.loads(kept.read_text(encoding="utf-8"))
     for key in ("env", "algo", "seed", "friction", "seconds", "steps", "best"):
         if key not in state:
-            raise ValueError(f"{kept} does not say its {key}, as older versions did not: train anew")
+            raise ValueError(f"{kept} has no entry {key}, as with older versions: train from the start")
     if not chosen.is_file():
         raise ValueError(f"{out} holds a checkpoint but no settings.json, without which it cannot be resumed")
     read = json.loads(chosen.read_text(encoding="utf-8"))
@@ -82,7 +84,7 @@ def _checkpoint(out: Path) -> dict[str, Any]:
 
 
 class _Clock:
-    """Ends training by the clock or by steps, writes checkpoints, and keeps the best policy by validation."""
+    """Ends the training after a time or a number of steps, and triggers checkpoints and validations on the way."""
 
     def __init__(
         self, run: "Training", minutes: float | None, steps: int | None, notify: Callable[[float, str], None]
@@ -90,18 +92,18 @@ class _Clock:
         self._run, self._minutes, self._steps, self._notify = run, minutes, steps, notify
         self._begun = time.monotonic()
         self._saved = self._begun
-        self._next = 0.0  # evaluation, as a part of the training; the first one at once: an untrained policy's
+        self._next = 0.0  # validation, as a part of the training; the first one is of the untrained policy
 
     @property
     def elapsed(self) -> float:
-        """Wall time of training, evaluations left out, of all sessions [s]."""
+        """Wall time of training in all sessions, without validations [s]."""
         return self._run.seconds + time.monotonic() - self._begun
 
     def __call__(self, model: Any) -> bool:
         part = self.elapsed / (60.0 * self._minutes) if self._minutes else model.num_timesteps / (self._steps or 1)
         self._notify(min(part, 1.0), f"{model.num_timesteps} steps")
         if part >= self._next:
-            every = EVALUATE_EVERY / (60.0 * self._minutes) if self._minutes else EVALUATE_STEPS / (self._steps or 1)
+            every = VALIDATE_EVERY / (60.0 * self._minutes) if self._minutes else VALIDATE_STEPS / (self._steps or 1)
             self._next = part + every
             begin = time.monotonic()
             self._run.validate(model, self.elapsed)
@@ -121,22 +123,22 @@ class Training:
     ----------
     env_id : str
     algo : {"ppo", "sac", "recurrent-ppo"}, optional
-        The checkpoint's, or else "ppo".
+        Default: that of the checkpoint, or else "ppo".
     out : Path
-        Receives ``policy.zip`` (the best by validation), ``learning.csv``, ``settings.json``, ``checkpoint/`` and
+        Directory for ``policy.zip`` (the best by validation), ``learning.csv``, ``settings.json``, ``checkpoint/`` and
         ``tensorboard/``.
     seed : int, optional
-        The checkpoint's, or else 0.
+        Default: that of the checkpoint, or else 0.
     resume : bool
-        Go on from ``out``'s checkpoint, with its settings.
+        Continue from the checkpoint in ``out``, with its settings.
     friction : Friction, optional
-        Law to train on; the checkpoint's, or else LuGre.
+        Law to train on; default: that of the checkpoint, or else LuGre.
 
     Raises
     ------
     ValueError
-        A directory that holds another run and is not resumed, or none to resume; or something else to train than
-        what the checkpoint is of.
+        If the directory holds a run that is not to be resumed, or none to resume, or if the checkpoint is of another
+        id, algorithm, seed or law.
     """
 
     def __init__(
@@ -179,55 +181,46 @@ class Training:
         steps: int | None = None,
         notify: Callable[[float, str], None] = lambda *_: None,
     ) -> None:
-        """Train for a time, or for a number of steps, which can be repeated; all sessions count together.
+        """Train for a time or for a number of steps, both of all sessions together.
 
-        Whatever ends it early leaves a checkpoint.
+        A run of a number of steps can be repeated to the bit. A run that ends early leaves a checkpoint.
 
         Parameters
         ----------
         minutes : float, optional
-            Wall time of training, evaluations left out [min].
+            Wall time of training, without validations [min].
         steps : int, optional
-            Of all lanes together, at least 1.
+            Environment steps, summed over the sub-environments, at least 1.
         notify : callable
-            Receives the part that is done and what to show.
+            Receives the part that is done and a text.
 
         Raises
         ------
         ValueError
-            Both or none of the lengths, one out of its range, or one that the checkpoint has used up.
+            If both or none of the lengths are given, or one is out of range or already reached by the checkpoint.
         """
         from stable_baselines3.common.callbacks import BaseCallback
         from stable_baselines3.common.vec_env import VecMonitor, VecNormalize
 
         from steer_env.sb3 import SteerVecEnv
 
-        if (minutes is None) == (steps is None):
-            raise ValueError("give minutes or steps")
-        if minutes is not None:
-            number("minutes", minutes, minimum=0.0, above=True)
-            if self._resume and self.seconds >= 60.0 * minutes:
-                raise ValueError(
-                    f"already trained for {self.seconds / 60.0:.2g} min: give more minutes than {minutes:g}"
-                )
-        elif number("steps", steps, minimum=1.0) <= self._trained:
-            raise ValueError(f"already trained for {self._trained} steps: give more steps than {steps}")
+        self._check_length(minutes, steps)
         chosen = self.settings["algorithm"]
         raw = SteerVecEnv(
             self.env_id, chosen["num_envs"], friction=self.friction.parameters, **self.settings["environment"]
         )
-        self._observations = [quantity.name for quantity in raw.vector.lanes.observed]
+        self._observations = [quantity.name for quantity in raw.vector.batch.observed]
         kept = self.out / "checkpoint"
         if self._resume:
             self._env = VecNormalize.load(str(kept / "scaling.pkl"), VecMonitor(raw))
-            # Another seed, or the cases and the noise of the beginning would come again.
+            # Another seed, as the episodes and the noise of the first session would otherwise be drawn again.
             model = policy.algorithm(self.algo).load(
                 kept / "model.zip", env=self._env, device="cpu", seed=(self.seed + self._trained) % 2**32
             )
         else:
             self._env = VecNormalize(VecMonitor(raw), gamma=chosen["gamma"])
             model = new_model(self.algo, self._env, chosen, self.seed, str(self.out / "tensorboard"))
-        # Not before: what fails until here leaves nothing behind.
+        # Only here, so that an error above leaves nothing behind.
         self.out.mkdir(parents=True, exist_ok=True)
         if not self._resume:
             write_json(self.out / "settings.json", {**self._identity, **self.settings})
@@ -240,7 +233,7 @@ class Training:
             self._command += " --resume"
 
         class Callback(BaseCallback):
-            """Hands over to the clock."""
+            """Passes each step to the clock."""
 
             def _on_step(self) -> bool:
                 return clock(self.model)
@@ -253,7 +246,20 @@ class Training:
             raw.close()
         if self.validated != model.num_timesteps:
             self.validate(model, seconds)
-            self.checkpoint(model, seconds)  # again, for the best may be another now
+            self.checkpoint(model, seconds)  # again, as the validation may have found a new best
+
+    def _check_length(self, minutes: float | None, steps: int | None) -> None:
+        """ValueError unless exactly one length is given, in its range and beyond what the checkpoint has reached."""
+        if (minutes is None) == (steps is None):
+            raise ValueError("give minutes or steps")
+        if minutes is not None:
+            number("minutes", minutes, minimum=0.0, above=True)
+            if self._resume and self.seconds >= 60.0 * minutes:
+                raise ValueError(
+                    f"already trained for {self.seconds / 60.0:.2g} min: give more minutes than {minutes:g}"
+                )
+        elif number("steps", steps, minimum=1.0) <= self._trained:
+            raise ValueError(f"already trained for {self._trained} steps: give more steps than {steps}")
 
     @property
     def _identity(self) -> dict[str, Any]:
@@ -280,7 +286,7 @@ class Training:
         }
 
     def checkpoint(self, model: Any, seconds: float) -> None:
-        """Keep what resuming needs."""
+        """Write what resuming needs."""
         folder = self.out / "checkpoint"
         folder.mkdir(exist_ok=True)
         model.save(folder / "model.zip")
@@ -294,14 +300,14 @@ class Training:
         write_json(folder / "state.json", state)
 
     def validate(self, model: Any, seconds: float) -> None:
-        """Let the policy as it is drive the validation's seeds; keep it if it is the best so far."""
+        """Evaluate the present policy on the validation seeds, and keep it if it is the best so far."""
         latest = self.out / "latest.zip"
         policy.save(latest, model, self._about(model))
         found = held_out.collect(
             self.env_id,
             policy.load(latest),
             VALIDATED,
-            held_out.VALIDATION,
+            VALIDATION,
             friction=self.friction.parameters,
             **policy.conditions({"settings": self.settings}),
         )

@@ -1,1 +1,1 @@
-"""Writing results: files, provenance, metrics as JSON, options that several commands share."""
+"""Writing results: atomic output, provenance, JSON, templates, numbers in words, progress."""

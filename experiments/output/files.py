@@ -1,4 +1,4 @@
-"""Output that appears whole or not at all."""
+"""Atomic output: a file or directory appears as a whole or not at all."""
 
 import json
 import os
@@ -11,7 +11,7 @@ from typing import Any
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write text beside ``path`` and then rename it."""
+    """Write a text file beside ``path``, then rename it."""
     part = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
         part.write_text(text, encoding="utf-8")
@@ -21,15 +21,14 @@ def write_text(path: Path, text: str) -> None:
 
 
 def write_json(path: Path, data: Any) -> None:
-    """Write strict JSON, whole or not at all; NaN and infinity are errors."""
+    """Write strict JSON, in which NaN and infinity are errors."""
     write_text(path, json.dumps(data, indent=1, allow_nan=False) + "\n")
 
 
 def usable(out: Path, contents: frozenset[str] | None = None) -> None:
-    """ValueError for a directory that could not be written, so that it is known before the work and not after.
+    """ValueError for a directory that cannot be written, to be called before the work that it is for.
 
-    ``contents`` are the names that :func:`replaced_directory` will replace; None leaves what the directory holds to
-    the caller.
+    ``contents`` are the names that :func:`replaced_directory` may replace; with None any content is accepted.
     """
     out = out.resolve()
     if out.exists():
@@ -43,21 +42,21 @@ def usable(out: Path, contents: frozenset[str] | None = None) -> None:
     place = out if out.exists() and contents is None else out.parent
     there = next(folder for folder in (place, *place.parents) if folder.exists())
     if not there.is_dir():
-        raise ValueError(f"{out} cannot be made, for {there} is a file: give another directory")
+        raise ValueError(f"{out} cannot be made, as {there} is a file: give another directory")
     if not os.access(there, os.W_OK | os.X_OK):
-        raise ValueError(f"{out} cannot be written, for {there} is closed to you: give another directory")
+        raise ValueError(f"{out} cannot be written, as you have no permission in {there}: give another directory")
 
 
 @contextmanager
 def replaced_directory(out: Path, contents: frozenset[str]) -> Iterator[Path]:
-    """A new directory beside ``out`` to write into, which takes its place when the block ends without an error.
+    """A new directory beside ``out`` to write into; it replaces ``out`` when the block ends without an error.
 
-    Whatever interrupts the block, ``out`` stays as it was.
+    If the block is interrupted, ``out`` stays as it was.
 
     Parameters
     ----------
     out : Path
-        Not there yet, empty, or an earlier output.
+        A directory that does not exist yet, is empty, or holds an earlier output.
     contents : set of str
         File names of an earlier output; a directory that holds anything else is not replaced.
 
@@ -72,14 +71,14 @@ def replaced_directory(out: Path, contents: frozenset[str]) -> Iterator[Path]:
     part = Path(tempfile.mkdtemp(prefix=f".{out.name}.", dir=out.parent))
     try:
         yield part
-        part.chmod(0o755)  # mkdtemp's are private
+        part.chmod(0o755)  # mkdtemp makes a private directory
         _swap(part, out)
     finally:
         shutil.rmtree(part, ignore_errors=True)
 
 
 def _swap(part: Path, out: Path) -> None:
-    """Put ``part`` in the place of ``out``; if that is interrupted, ``out`` is put back."""
+    """Replace ``out`` by ``part``; if that is interrupted, ``out`` is restored."""
     if not out.exists():
         os.rename(part, out)
         return

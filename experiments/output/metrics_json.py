@@ -1,4 +1,4 @@
-"""Metrics in their form in a JSON file."""
+"""Metrics as JSON."""
 
 import math
 from typing import Any
@@ -7,12 +7,12 @@ from steer_env.metrics import Value
 
 
 def entry(value: Value) -> dict[str, Any]:
-    """A metric as JSON: null for what there is not, and the reason of a refusal."""
+    """A metric as JSON: null for a value that is missing, and the reason of a refusal."""
     value_, low, high = (x if math.isfinite(x) else None for x in value[:3])
     reason = {"reason": value.reason} if value.reason else {}
     return {"value": value_, "ci": [low, high], "unit": value.unit, **reason}
 
 
 def entries(values: dict[str, Value]) -> dict[str, dict[str, Any]]:
-    """Metrics by name as JSON."""
+    """Metrics by name, each as JSON."""
     return {name: entry(value) for name, value in values.items()}

@@ -1,42 +1,56 @@
-"""What several commands share: a friction law as an option, and a progress bar."""
+"""A friction law as text, and a progress bar; quick to import, as the command line needs both before any work."""
 
-import argparse
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
-
-from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-
-from steer_env import friction
 
 FRICTION = "LAW[,key=value...], a list of numbers as a:b:c"
 
 
 class Friction:
-    """A friction law from the command line: its label and its parameters."""
+    """A friction law as the command line takes it.
+
+    Parameters
+    ----------
+    text : str
+        ``LAW[,key=value...]``, a list of numbers as ``a:b:c``.
+
+    Attributes
+    ----------
+    label : str
+        The text.
+    parameters
+        Parameters of the law, from ``steer_env.friction.make``.
+
+    Raises
+    ------
+    ValueError
+        For a text of another form, an unknown law or parameter, or a value out of range.
+    """
 
     def __init__(self, text: str) -> None:
+        from steer_env import friction
+
         self.label = text
         name, *pairs = text.split(",")
         given: dict[str, Any] = {}
         for pair in pairs:
             key, equals, value = pair.partition("=")
             if not equals or key in given:
-                raise argparse.ArgumentTypeError(f"expected {FRICTION}, each key once, got {text!r}")
+                raise ValueError(f"expected {FRICTION}, each key once, got {text!r}")
             given[key] = value.split(":") if ":" in value else value
-        try:
-            self.parameters = friction.make(name, **given)
-        except ValueError as error:
-            raise argparse.ArgumentTypeError(str(error)) from None
+        self.parameters = friction.make(name, **given)
 
 
 @contextmanager
 def progress(what: str, total: float | None = 1.0) -> Iterator[Callable[[float, str], None]]:
-    """A bar on stderr, if that is a terminal; yields what sets the part that is done and what comes next.
+    """A progress bar on standard error, if that is a terminal.
 
-    Without a total it only shows that something goes on.
+    Yields a function of the part that is done and of what comes next. Without a total the bar only moves.
     """
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
     console = Console(stderr=True)
     columns = TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn()
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as shown:

@@ -1,4 +1,4 @@
-"""Where numbers come from: versions, machine, parameters, all as plain JSON."""
+"""Provenance of results as JSON: versions, machine, parameters."""
 
 import hashlib
 import inspect
@@ -23,7 +23,9 @@ from steer_env.vehicle.cars import Car
 
 PACKAGES = ("numpy", "numba", "llvmlite", "scipy", "control", "gymnasium", "matplotlib", "jinja2", "rich")
 
-# Of the numbers in a car's data file: unit -> names.
+SOURCES = frozenset({".py", ".pyi", ".json", ".toml", ".tir", ".npz", ".j2", ".css"})  # suffixes of sources and data
+
+# Unit -> names of the numbers in a car's data file.
 _NAMES = {
     "kg": "mass sprung_mass front_unsprung_mass",
     "kg m2": "roll_inertia yaw_inertia pitch_inertia wheel_inertia",
@@ -42,7 +44,7 @@ UNITS = {name: unit for unit, names in _NAMES.items() for name in names.split()}
 
 
 def versions() -> dict[str, Any]:
-    """Version of the project and a digest of its sources, of Python and the packages; machine and date."""
+    """Versions of the project (with a digest of its sources), of Python and of the packages; machine and date."""
     return {
         "version": metadata.version("steer-env"),
         "sources": _digest_of_sources(),
@@ -57,14 +59,34 @@ def versions() -> dict[str, Any]:
 
 
 def _digest_of_sources() -> str:
-    """Short digest of every source and data file, whatever version control there is."""
+    """Short digest of all source and data files, which does not depend on version control.
+
+    It is the same in a checkout, where three packages are linked folders, and in an installed package.
+    """
     digest = hashlib.sha256()
-    for package in (friction, vehicle, steer_env, experiments):
-        root = Path(package.__file__ or "").parent
-        for file in sorted(path for path in root.rglob("*") if path.suffix in {".py", ".json", ".j2", ".css"}):
-            digest.update(f"{root.name}/{file.relative_to(root).as_posix()}\0".encode())
-            digest.update(file.read_bytes())
+    for name, file in sorted(source_files().items()):
+        digest.update(f"{name}\0".encode())
+        digest.update(file.read_bytes())
     return digest.hexdigest()[:16]
+
+
+def source_files() -> dict[str, Path]:
+    """All source and data files by their path in the package ``steer_env``, each once.
+
+    Each package is listed by itself, as ``Path.rglob`` does not enter linked folders with every version of Python.
+    """
+    found: dict[str, Path] = {}
+    for prefix, package in {
+        "": steer_env,
+        "friction/": friction,
+        "vehicle/": vehicle,
+        "experiments/": experiments,
+    }.items():
+        root = Path(package.__file__ or "").parent
+        for file in root.rglob("*"):
+            if file.suffix in SOURCES and file.is_file():
+                found.setdefault(prefix + file.relative_to(root).as_posix(), file)
+    return found
 
 
 def _processor() -> str:
@@ -77,13 +99,13 @@ def _processor() -> str:
 
 
 def parameters(p: Any) -> dict[str, dict[str, Any]]:
-    """Every field of a NamedTuple of parameters with its value and the comment that declares it (meaning and unit)."""
+    """Every field of a NamedTuple of parameters with its value, and the comment beside it (meaning and unit)."""
     comments = dict(re.findall(r"^ +(\w+): [^#\n]+#\s*(.+)$", inspect.getsource(type(p)), re.MULTILINE))
     return {name: {"value": _plain(value), "meaning": comments.get(name, "")} for name, value in p._asdict().items()}
 
 
 def calibration() -> dict[str, Any]:
-    """The calibration that the laws' defaults share: its source, and every value with what it rests on."""
+    """The calibration that the defaults of the laws share: its source, and every value with its basis."""
     comments = re.findall(r"^([A-Z]\w*) = [^#\n]+#\s*(.+)$", inspect.getsource(defaults), re.MULTILINE)
     return {
         "source": _prose(defaults),
@@ -101,7 +123,7 @@ def law(p: Any) -> dict[str, Any]:
 
 
 def car(c: Car) -> dict[str, Any]:
-    """Source, what is assumed, and the parameters of a packaged car, SI."""
+    """Source, assumptions and parameters of a packaged car, SI."""
     data = json.loads(files(vehicle).joinpath("data", f"{c.name}.json").read_text(encoding="utf-8"))
     return {
         "name": c.name,

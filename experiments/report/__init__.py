@@ -1,1 +1,1 @@
-"""The evaluation report: simulated results, findings, glossary, pages."""
+"""The evaluation report, the assessment of recordings, and the generated pages of the documentation."""

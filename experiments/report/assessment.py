@@ -1,6 +1,6 @@
-"""Recordings of a test assessed: metrics with lights, two recordings side by side, simulation against measurement.
+"""Assessment of one or two recordings of a test: metrics with ratings, differences, simulation against measurement.
 
-What comes from a car and what comes from a simulation goes the same way.
+Measured and simulated recordings are treated alike.
 """
 
 import math
@@ -9,16 +9,16 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import jinja2
 import numpy as np
 
 from steer_env import metrics, targets
 from steer_env.experiments.drawing import plots
 from steer_env.experiments.output.files import replaced_directory, write_json
 from steer_env.experiments.output.metrics_json import entries
-from steer_env.experiments.report import findings
-from steer_env.experiments.studies import simulation_vs_measurement
-from steer_env.metrics import RefusedError, Value, frequency_response
+from steer_env.experiments.output.pages import environment
+from steer_env.experiments.studies.common import simulation_vs_measurement
+from steer_env.metrics import RefusedError, Value
+from steer_env.metrics.common import frequency_response
 from steer_env.metrics.common.confidence import difference
 from steer_env.recording.recording import Recording
 
@@ -26,11 +26,11 @@ CONTENTS = frozenset({"index.html", "evaluation.json"})
 
 
 class Assessment(NamedTuple):
-    """Metrics of one or two recordings of a test, and what is made of them."""
+    """Metrics of one or two recordings of a test, with their ratings, differences and curves."""
 
     test: str
     values: dict[str, dict[str, Value]]  # label of the recording -> metric
-    lights: dict[str, dict[str, targets.Light | None]]  # label -> metric with a band
+    ratings: dict[str, dict[str, targets.Rating | None]]  # label -> metric with a target band
     bands: dict[str, targets.Band]
     targets: targets.Targets | None
     differences: dict[str, tuple[float, float, float]]  # second less first with its 95 % interval [unit of the metric]
@@ -55,25 +55,25 @@ def assess(
     test : str, optional
         By default the manoeuvre that the first recording's meta names.
     wanted : Targets, optional
-        Bands to hold the values against.
+        Target bands that the values are rated by.
     allowed : mapping of str to Tolerance, optional
-        Tolerances by channel; with them the second recording is held against the boundaries of the first.
+        Tolerances by channel; if given, the second recording is compared with the boundaries around the first.
     timing : float
-        To which the channels are known to be simultaneous, as for :func:`steer_env.metrics.evaluate` [s].
+        Bound on the unknown delay between channels, as for :func:`steer_env.metrics.evaluate` [s].
     given
         Conditions as for :func:`steer_env.metrics.evaluate`.
 
     Raises
     ------
     ValueError
-        For a test, a condition or cross plots that there are not.
+        For an unknown test or condition, or if no cross plot is possible.
     """
     first = next(iter(recordings.values()))
-    procedure = metrics.procedure_of(first, test)
+    evaluation = metrics.evaluation_of(first, test)
     values = {
-        label: metrics.evaluate(found, procedure.name, timing=timing, **given) for label, found in recordings.items()
+        label: metrics.evaluate(found, evaluation.name, timing=timing, **given) for label, found in recordings.items()
     }
-    held = wanted.bands.get(procedure.name, {}) if wanted else {}
+    held = wanted.bands.get(evaluation.name, {}) if wanted else {}
     differences = {}
     if len(values) == 2:
         a, b = values.values()
@@ -85,17 +85,17 @@ def assess(
     curves = {}
     for label, recording in recordings.items():
         try:
-            curves[label] = simulation_vs_measurement.curves(recording, procedure, **given)
+            curves[label] = simulation_vs_measurement.curves(recording, evaluation, **given)
         except RefusedError:
-            continue  # every metric says why
+            continue  # the metrics give the reason
     pairs = []
     if allowed:
         reference, other = recordings.values()
-        pairs = simulation_vs_measurement.compare(reference, other, procedure.name, allowed, **given)
+        pairs = simulation_vs_measurement.compare(reference, other, evaluation.name, allowed, **given)
     return Assessment(
-        procedure.name,
+        evaluation.name,
         values,
-        {label: targets.lights(found, held) for label, found in values.items()},
+        {label: targets.ratings(found, held) for label, found in values.items()},
         held,
         wanted,
         differences,
@@ -105,7 +105,7 @@ def assess(
 
 
 def as_json(found: Assessment) -> dict[str, Any]:
-    """The assessment for a machine."""
+    """The assessment as JSON."""
 
     def finite(x: float) -> float | None:
         return x if math.isfinite(x) else None
@@ -115,8 +115,8 @@ def as_json(found: Assessment) -> dict[str, Any]:
         "metrics": {label: entries(values) for label, values in found.values.items()},
         "targets": found.targets.name if found.targets else None,
         "lights": {
-            label: {name: light._asdict() if light else None for name, light in lights.items()}
-            for label, lights in found.lights.items()
+            label: {name: rating._asdict() if rating else None for name, rating in ratings.items()}
+            for label, ratings in found.ratings.items()
         },
         "differences": {
             name: {"value": finite(gap), "ci": [finite(low), finite(high)], "unit": metrics.definition(name).unit}
@@ -127,27 +127,14 @@ def as_json(found: Assessment) -> dict[str, Any]:
     }
 
 
-def environment() -> jinja2.Environment:
-    """Templates with the filters for numbers and names."""
-    found = jinja2.Environment(
-        loader=jinja2.PackageLoader("steer_env.experiments.report"),
-        autoescape=True,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        undefined=jinja2.StrictUndefined,
-    )
-    found.filters |= {f.__name__: f for f in (findings.number, findings.percent, findings.change, findings.label)}
-    return found
-
-
 def render(found: Assessment, recordings: Mapping[str, Recording]) -> str:
-    """The page: values with lights, differences, plots, definitions."""
+    """The page: values with ratings, differences, plots, definitions."""
     labels = list(recordings)
     limits = [plots.boundaries(pair, (labels[0], labels[1])) for pair in found.pairs]
-    drawn = plots.panels(found.curves, metrics.procedure_of(recordings[labels[0]], found.test).plots)
+    drawn = plots.panels(found.curves, metrics.evaluation_of(recordings[labels[0]], found.test).plots)
     responses = plots.responses(recordings, found.test) if found.test in frequency_response.TESTS else []
     return (
-        environment()
+        environment(__package__)
         .get_template("evaluation.html.j2")
         .render(
             f=found,

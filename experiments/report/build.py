@@ -1,7 +1,7 @@
-"""The evaluation report: what the choice of a friction law does to feel, accuracy and real-time cost.
+"""The evaluation report: effects of the friction law on feel, accuracy and real-time cost.
 
-``build`` writes ``index.html`` (self-contained) and ``metrics.json`` into a directory beside the target, and puts that
-in the target's place when everything is done.
+``build`` writes ``index.html`` (self-contained) and ``metrics.json`` into a directory beside the target, which replaces
+the target when everything is done.
 """
 
 import math
@@ -11,29 +11,26 @@ from pathlib import Path
 from typing import Any
 
 from steer_env import metrics, targets
-from steer_env.experiments.drawing import figures, plots
+from steer_env.experiments.drawing import pictures, plots
 from steer_env.experiments.output import provenance
 from steer_env.experiments.output.files import replaced_directory, write_json
 from steer_env.experiments.output.metrics_json import entries
-from steer_env.experiments.report import assessment, findings
+from steer_env.experiments.output.pages import environment
+from steer_env.experiments.report import findings
 from steer_env.experiments.report.results import Notify, Results, Scope, collect
-from steer_env.experiments.studies import (
-    commonroad_cross_validation,
-    friction_laws,
-    full_vehicle,
-    loop_width,
-    real_time,
-)
-from steer_env.metrics.common.reading import TORQUE
+from steer_env.experiments.studies import cross_validation, friction_laws, loop_width, real_time, vehicle
+from steer_env.experiments.studies.common import commonroad_reference
+from steer_env.metrics.common.filtered_channels import TORQUE
 from steer_env.vehicle import plant
+from steer_env.vehicle.steering.eps import SAMPLE_TIME
 
 CONTENTS = frozenset({"index.html", "metrics.json"})
 EVERYTHING = Scope()
-WANTED = "compact"  # targets that the summary holds the laws against
+WANTED = "compact"  # target bands that the summary rates the laws by
 
 
 def metrics_json(results: Results, source: dict[str, Any]) -> dict[str, Any]:
-    """The machine-readable half: metrics of the weave under their names, of other tests with that of the test ahead."""
+    """The numbers of the report: metrics of the weave by name, those of other tests with the test's name ahead."""
     return {
         "metrics": {
             law: {
@@ -60,11 +57,11 @@ def _vehicle_json(results: Results) -> dict[str, Any]:
     assert compared is not None
     return {
         "weave_peaks": {
-            "units": {name: unit for name, unit in plant.CHANNELS if name in full_vehicle.SHOWN},
+            "units": {name: unit for name, unit in plant.CHANNELS if name in vehicle.SHOWN},
             **{row.title: row.values for row in study.peaks},
         },
         "parking": {state: entries(found.values) for state, found in study.parking.items()},
-        "cross_validation": commonroad_cross_validation.entries(compared),
+        "cross_validation": cross_validation.entries(compared),
     }
 
 
@@ -92,7 +89,7 @@ def provenance_of(results: Results) -> dict[str, Any]:
 def render(results: Results, source: dict[str, Any]) -> str:
     """The page."""
     return (
-        assessment.environment()
+        environment(__package__)
         .get_template("report.html.j2")
         .render(
             r=results,
@@ -100,10 +97,11 @@ def render(results: Results, source: dict[str, Any]) -> str:
             findings=findings,
             study=friction_laws,
             timing=real_time,
-            crossing=commonroad_cross_validation,
+            crossing=cross_validation,
+            reference=commonroad_reference,
             width=loop_width,
             definitions={name: metrics.definition(name) for test in results.drives for name in metrics.available(test)},
-            images={name: _image(svg) for name, svg in _figures(results).items()},
+            images={name: _image(svg) for name, svg in _pictures(results).items()},
             plots=_plots(results),
             script=plots.script(),
             wanted=targets.load(WANTED),
@@ -112,35 +110,36 @@ def render(results: Results, source: dict[str, Any]) -> str:
     )
 
 
-def _figures(results: Results) -> dict[str, str]:
-    """SVG of every figure, by name."""
+def _pictures(results: Results) -> dict[str, str]:
+    """Every picture as SVG, by name."""
     drawn = {
-        "characteristics": figures.characteristics(results.torques),
-        "reversal": figures.reversal_and_hold(results.torques),
-        "real_time": figures.real_time(results.tables),
-        "margins": figures.margins(results.margins, findings.TARGETS),
+        "characteristics": pictures.characteristics(friction_laws.HISTORIES, results.torques),
+        "reversal": pictures.reversal_and_hold(friction_laws.HISTORIES, results.torques),
+        "real_time": pictures.real_time(results.tables, real_time.USABLE),
+        "margins": pictures.margins(results.margins, findings.TARGETS),
     }
     if results.held:
-        drawn |= {f"held_{state}": figures.held_torque(results.held, state) for state in friction_laws.ASSIST}
+        step = friction_laws.THIN * SAMPLE_TIME
+        for state in friction_laws.ASSIST:
+            tests = [test for test in results.held if test.assist == state]
+            drawn[f"held_{state}"] = pictures.held_torque(tests, step, friction_laws.SETTLING)
     if results.vehicle:
-        drawn["chassis"] = figures.chassis(results.vehicle.cycles)
-        drawn["parking"] = figures.parking(results.vehicle.parking)
+        drawn["chassis"] = pictures.chassis(results.vehicle.cycles)
+        drawn["parking"] = pictures.parking(results.vehicle.parking)
     if results.cross_validation:
-        shown = {
-            name: found for name, found in results.cross_validation.items() if name in commonroad_cross_validation.SHOWN
-        }
-        drawn["cross_validation"] = figures.cross_validation(shown)
+        shown = {name: found for name, found in results.cross_validation.items() if name in cross_validation.SHOWN}
+        drawn["cross_validation"] = pictures.cross_validation(shown)
     if results.loop_width:
-        drawn["loop_width"] = figures.loop_width(loop_width.panels(results.loop_width))
+        drawn["loop_width"] = pictures.loop_width(loop_width.panels(results.loop_width))
     return drawn
 
 
 def _plots(results: Results) -> dict[str, str]:
-    """Interactive plots by test; of loops with the torque less the base law's."""
+    """Interactive plots by test; for loops also the torque less that of the base law."""
     drawn = {}
     for test, drives in results.drives.items():
         curves = {law: drive.curves for law, drive in drives.items() if drive.curves}
-        pairs = metrics.procedure_by_name(test).plots
+        pairs = metrics.evaluation_by_name(test).plots
         shown = plots.panels(curves, pairs)
         if results.base in curves and "time" not in curves[results.base]:
             torques = [pair for pair in pairs if pair[1] == TORQUE]
@@ -160,7 +159,7 @@ def build(
     scope: Scope = EVERYTHING,
     notify: Notify = lambda part, what: None,
 ) -> Results:
-    """Write the report to a directory, which appears, or is replaced, whole or not at all.
+    """Write the report to a directory, which appears or is replaced as a whole.
 
     Parameters
     ----------
@@ -169,9 +168,9 @@ def build(
     laws : mapping of str to parameters
         Label -> parameters of a friction law.
     scope : Scope
-        How much of everything.
+        Extent of the report.
     notify : callable
-        Gets the part that is done, from 0 to 1, and what comes next.
+        Receives the part that is done, from 0 to 1, and what comes next.
 
     Raises
     ------

@@ -1,68 +1,36 @@
-"""What the report's sentences rest on: comparisons between laws, computed; the words are the page's."""
+"""Comparisons between the laws on which the sentences of the report rest; the templates have the words."""
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-from steer_env.experiments.report.results import Cell, Results
-from steer_env.experiments.studies import battery, friction_laws, real_time
-from steer_env.experiments.studies.battery import MATTERS
+from steer_env.experiments.output.words import label, plain
+from steer_env.experiments.report.results import Results
+from steer_env.experiments.studies import friction_laws, real_time
+from steer_env.experiments.studies.common import battery
+from steer_env.experiments.studies.common.assist_margins import TARGETS, Cell, on_target
+from steer_env.experiments.studies.common.battery import MATTERS
 from steer_env.experiments.studies.friction_laws import Residual, Verdict
 from steer_env.experiments.studies.real_time import Row
 from steer_env.manoeuvres import Manoeuvre
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
-from steer_env.vehicle.steering.margins import TARGETS
 
-CHEAP = 0.01  # share of a step's own length that a step may take to compute and count as cheap; assumed
-_SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
-_WORDS = {"0g": "0 g", "0p1g": "0.1 g", "0nm": "0 N m"}
+__all__ = ["MATTERS", "TARGETS", "on_target", "plain"]  # the templates reach these through this module
 
-
-def number(x: float | None, digits: int = 3, pad: bool = False) -> str:
-    """A number for reading, ``pad`` with all its digits; a dash where there is none."""
-    if x is None or math.isnan(x):
-        return "–"
-    if math.isinf(x):
-        return "∞" if x > 0 else "−∞"
-    text = f"{x:.0f}" if abs(x) >= 10**digits else f"{x:{'#' if pad else ''}.{digits}g}"
-    mantissa, _, exponent = text.partition("e")
-    power = f"·10{str(int(exponent)).translate(_SUPERSCRIPT)}" if exponent else ""
-    return mantissa.rstrip(".").replace("-", "−") + power
-
-
-def percent(x: float | None, digits: int = 2) -> str:
-    """A share in per cent."""
-    return number(None if x is None else 100.0 * x, digits) + "\u00a0%"
-
-
-def change(x: float) -> str:
-    """A signed share in per cent, to a hundredth."""
-    return "–" if math.isnan(x) else f"{100.0 * x:+.2f}\u00a0%".replace("-", "−")
-
-
-def label(metric: str) -> str:
-    """A metric's name for reading."""
-    return " ".join(_WORDS.get(word, word) for word in metric.split("_"))
-
-
-def plain(value: Any) -> str:
-    """A parameter's value for reading."""
-    if isinstance(value, list):
-        return "[" + ", ".join(plain(x) for x in value) + "]"
-    return f"{value:.6g}".replace("-", "−") if isinstance(value, float) else str(value)
+CHEAP = 0.01  # a step whose computing time is below this share of its length counts as cheap; assumed
 
 
 def dry(results: Results) -> list[str]:
-    """The laws with dry friction, without the base law."""
+    """The laws with dry friction, except the base law."""
     return [law for law, p in results.laws.items() if law != results.base and friction_laws.dry(p)]
 
 
 def undry(results: Results) -> list[str]:
-    """The laws without dry friction, without the base law."""
+    """The laws without dry friction, except the base law."""
     return [law for law, p in results.laws.items() if law != results.base and not friction_laws.dry(p)]
 
 
 class Feel(NamedTuple):
-    """What the law changes in one test; None where there is no law to compare."""
+    """Differences between the laws in one test; None where there is no law to compare."""
 
     table: dict[str, dict[str, battery.Difference]]  # metric -> law
     dry: battery.Largest | None
@@ -74,7 +42,7 @@ class Feel(NamedTuple):
         return self.dry is not None and self.dry.share > MATTERS
 
 
-FEEL = ("weave", "slow-ramp")  # tests that the summary words
+FEEL = ("weave", "slow-ramp")  # tests that the summary has a sentence on
 
 
 def feel(results: Results, test: str) -> Feel:
@@ -84,52 +52,51 @@ def feel(results: Results, test: str) -> Feel:
 
 
 def residuals(results: Results) -> dict[str, Residual]:
-    """Distance of every law from the base law on the saturated branch and on nested loops."""
+    """Distance of every law from the base law on the saturated branches and in nested loops."""
     base = results.torques[results.base]["nested_loops"]
     return {law: friction_laws.residual(found["nested_loops"], base) for law, found in results.torques.items()}
 
 
-def parts_most(results: Results) -> tuple[str, float] | None:
-    """The dry law that is farthest from the base law on nested loops, and how far; None if there is no other."""
+def farthest(results: Results) -> tuple[str, float] | None:
+    """The dry law that is farthest from the base law in nested loops, and its distance; None if there is no other."""
     found = residuals(results)
     return max(((law, found[law].nested) for law in dry(results)), key=lambda pair: pair[1], default=None)
 
 
 def calibrated(results: Results) -> bool:
-    """Whether some dry law equals the base law on the saturated branches far better than on nested loops."""
+    """Whether some dry law agrees with the base law on the saturated branches far better than in nested loops."""
     found = residuals(results)
     return any(found[law].saturated < 0.01 and found[law].nested > 2.0 * found[law].saturated for law in dry(results))
 
 
 class HeldTorque(NamedTuple):
-    """Where Masing's vibration under held torque comes from."""
+    """The cause of the vibration of Masing friction under a held torque."""
 
     worst: Verdict  # where Masing's ripple without a damper is largest; with the light damper
     unassisted: Verdict  # the same without assist
-    frequency: float  # of what rings there [Hz]
-    step_change: float  # of that ripple, by a tenth of the step [1]
-    removed: dict[
-        float, tuple[float, float]
-    ]  # damping ratio -> least and largest part of the gap that the damper takes
+    frequency: float  # of the vibration there [Hz]
+    step_change: float  # relative change of that ripple with a tenth of the step [1]
+    # Damping ratio -> least and largest share of the difference between the laws that the damper removes [1].
+    removed: dict[float, tuple[float, float]]
 
     @property
     def vibrates(self) -> bool:
-        """Whether Masing's ripple is well above LuGre's where neither has a damper."""
+        """Whether Masing's ripple is well above LuGre's when neither has a damper."""
         return self.worst.masing.ripple > 2.0 * self.worst.lugre.ripple
 
     @property
     def of_the_step(self) -> bool:
-        """Whether the step has a part in the ripple."""
+        """Whether the step length contributes to the ripple."""
         return self.step_change > 0.02
 
     @property
     def damper_explains(self) -> bool:
-        """Whether the heavier damper closes nearly all of the gap everywhere."""
+        """Whether the stronger damper removes nearly all of the difference in every case."""
         return self.removed[friction_laws.DAMPING_RATIOS[-1]][0] > 0.9
 
     @property
     def fed_by_assist(self) -> bool:
-        """Whether the vibration lasts with assist and dies out without."""
+        """Whether the vibration persists with assist and decays without."""
         return self.worst.masing.lasting > 0.9 and self.unassisted.masing.lasting < 0.5
 
 
@@ -153,23 +120,23 @@ def held_torque(results: Results) -> HeldTorque | None:
 
 
 def at_sample(results: Results) -> dict[str, Row]:
-    """The midpoint frame of every law at the step of the controller, or the nearest there is."""
+    """The midpoint scheme with every law at the step of the controller, or at the nearest step in the table."""
     rows = {law: [row for row in table if row.scheme == "midpoint"] for law, table in results.tables.items()}
     return {law: min(found, key=lambda row: abs(row.step - SAMPLE_TIME)) for law, found in rows.items()}
 
 
 def cheap(row: Row) -> bool:
-    """Whether the worst step leaves real time alone."""
+    """Whether even the worst step takes a small share of real time."""
     return row.bounded and row.worst_step_ns is not None and 1e-9 * row.worst_step_ns < CHEAP * row.step
 
 
 def accurate(rows: list[Row]) -> bool:
-    """Whether all errors are usable."""
+    """Whether all errors are below the usable error."""
     return all(row.error is not None and row.error < real_time.USABLE for row in rows)
 
 
 def cheapest(results: Results, scheme: str) -> bool:
-    """Whether a scheme takes the shortest mean step, of those timed, with every law."""
+    """Whether a scheme has the shortest mean step of all timed rows with every law."""
     for rows in results.tables.values():
         times = [(row.ns_per_step, row.scheme) for row in rows if row.ns_per_step is not None]
         if times and min(times)[1] != scheme:
@@ -178,7 +145,7 @@ def cheapest(results: Results, scheme: str) -> bool:
 
 
 def title(manoeuvre: Manoeuvre) -> str:
-    """A manoeuvre by its name, frequency and speed."""
+    """Name of a manoeuvre with its frequency and speed."""
     frequency = f" at {manoeuvre.frequency:.3g} Hz" if manoeuvre.frequency else ""
     if manoeuvre.rig or not manoeuvre.speed:
         return manoeuvre.name.replace("-", " ") + frequency
@@ -187,13 +154,13 @@ def title(manoeuvre: Manoeuvre) -> str:
 
 
 def by_time(results: Results) -> list[str]:
-    """The laws, the quickest step first."""
+    """The laws, the one with the quickest step first."""
     rows = at_sample(results)
     return sorted(rows, key=lambda law: rows[law].ns_per_step or math.inf)
 
 
 def usable(results: Results, scheme: str) -> dict[float | None, list[str]]:
-    """Laws by the longest usable step of a scheme, the longest first; None where there is none."""
+    """Laws grouped by the longest usable step of a scheme, the longest first; None for laws with none."""
     groups: dict[float | None, list[str]] = {}
     for law, rows in results.tables.items():
         groups.setdefault(real_time.usable_step(rows, scheme), []).append(law)
@@ -201,30 +168,25 @@ def usable(results: Results, scheme: str) -> dict[float | None, list[str]]:
 
 
 def bounded(results: Results, laws: list[str], scheme: str) -> bool:
-    """Whether a scheme stays bounded at every step with every one of the laws."""
+    """Whether a scheme stays bounded at every step length with each of the laws."""
     return all(row.bounded for law in laws for row in results.tables[law] if row.scheme == scheme)
 
 
 def least_margin(results: Results) -> tuple[str, Cell]:
-    """Speed and cell of the assist loop with the least phase margin."""
+    """Speed and cell of the boost table with the least phase margin."""
     cells = [(speed, cell) for speed, found in results.margins.items() for cell in found]
     return min(cells, key=lambda pair: pair[1].phase_deg)
 
 
-def on_target(cell: Cell) -> bool:
-    """Whether a cell is stable with the usual margins."""
-    return cell.stable and cell.phase_deg >= TARGETS[0] and cell.gain_db >= TARGETS[1]
-
-
 def widest_interval(results: Results) -> float:
-    """Half the widest interval of any metric, relative to its value."""
+    """Largest half width of an interval of a metric, relative to the value."""
     values = [v for drives in results.drives.values() for drive in drives.values() for v in drive.values.values()]
     widths = ((v.high - v.low) / 2.0 / abs(v.value) for v in values if v.value)
     return max((width for width in widths if math.isfinite(width)), default=math.nan)
 
 
 def refusals(results: Results, test: str) -> dict[str, list[str]]:
-    """Reason -> what was refused for it, as "metric (law, law)"."""
+    """Reason -> the metrics that are refused for it, each as "metric (law, law)"."""
     refused: dict[tuple[str, str], list[str]] = {}
     for law, drive in results.drives[test].items():
         for name, value in drive.values.items():

@@ -1,4 +1,4 @@
-"""Pages drawn from the one place that defines their content: docs/metrics.md and docs/environments.md.
+"""Write docs/metrics.md and docs/environments.md from the definitions in the code.
 
 python -m steer_env.experiments.report.glossary
 """
@@ -16,37 +16,37 @@ from steer_env.env import SteerEnv
 from steer_env.environments import table
 from steer_env.randomise import RANGES, SENSOR_NOISE
 from steer_env.registration import DRIVEN
-from steer_env.tuning import scenarios
-from steer_env.tuning.env import KNOWN, TuneEnv
+from steer_env.tuning.env import DRAWN, TuneEnv
+from steer_env.tuning.scenarios.common.definition import SCENARIOS, SPEEDS
 from steer_env.vector import SteerVectorEnv
 from steer_env.vehicle import cars
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 _METRICS = """# Tests and metrics
 
-Written by `python -m steer_env.experiments.report.glossary` from the definitions in `steer_env/manoeuvres/` and `steer_env/metrics/`; no
-conformance with any standard is claimed. A value is the mean over the repeats of a recording (cycles, steps, sweeps,
-segments), with a 95 % interval where there are several. What a recording cannot carry is refused with a reason. Usual
-ranges are for passenger cars, engineering judgement.
+`python -m steer_env.experiments.report.glossary` writes this page from the definitions in `steer_env/manoeuvres/` and
+`steer_env/metrics/`. No conformance with any standard is claimed. A value is the mean over the repeats in a recording
+(cycles, steps, sweeps, segments), with a 95 % interval where there are several. A metric that a recording cannot
+support is refused with the reason. Usual ranges are those of passenger cars, by engineering judgement.
 """
 _ENVIRONMENTS = """# Environments
 
-Written by `python -m steer_env.experiments.report.glossary` from the tasks in `steer_env/tasks/`. `import steer_env` registers the ids;
-`gymnasium.make(id)` makes one, `gymnasium.make_vec(id, num_envs=N)` many in one. At the end stand the sensors' noise
-and the arguments: those of the ids that are driven, those of the two that tune (a step is a set of assist parameters
-with its tests), and those of many environments in one.
+`python -m steer_env.experiments.report.glossary` writes this page from the tasks in `steer_env/tasks/`.
+`import steer_env` registers the ids; `gymnasium.make(id)` makes an environment, `gymnasium.make_vec(id, num_envs=N)` a
+vector environment. The last sections give the sensor noise and the arguments of the driving ids, of the two tuning ids
+(in which a step is a set of assist parameters with its tests), and of the vector environments.
 """
 _SENSORS = """
 ## Sensor noise
 
-Standard deviation of the white noise on each observation at every control step with `sensor_noise` at 1, as good
-production sensors have; assumed. What is not listed has none.
+Standard deviation of the white noise that `sensor_noise=1` adds to each observation at every control step; it is that
+of good production sensors, assumed. Observations that are not listed have no noise.
 """
 _VECTOR = """
-## Many environments in one
+## Vector environments
 
-`gymnasium.make_vec("steer_env/AssistWeave-v0", num_envs=64, threads=2, autoreset_mode="SameStep")` runs 64 lanes in two
-threads and begins a finished lane anew at once. The ids that tune have no vector environment of their own.
+`gymnasium.make_vec("steer_env/AssistWeave-v0", num_envs=64, threads=2, autoreset_mode="SameStep")` steps 64
+sub-environments in two threads and resets a finished one in the same step. The tuning ids have no vector environment.
 """
 
 
@@ -74,14 +74,14 @@ def _documentation(name: str) -> str:
 
 
 def _options(name: str) -> str:
-    """The reset options of an id with their ranges; on the chassis that is its default."""
+    """The reset options of an id with their ranges on its default chassis."""
     if name in DRIVEN:
         task = tasks.task(_short(name))
         known = {**task.options, **RANGES, "speed": (*cars.SPEEDS[task.chassis[0]], RANGES["speed"][2])}
     else:
-        scenario = next(s for s in (scenarios.ON_CENTRE, scenarios.ALL_ROUND) if s.name == _short(name))
-        known = {key: RANGES[key] for key in KNOWN} | {"speed": (*scenarios.SPEEDS, RANGES["speed"][2])}
-        known["road_friction"] = (scenario.slipperiest, *RANGES["road_friction"][1:])
+        scenario = SCENARIOS[_short(name)]
+        known = {key: RANGES[key] for key in DRAWN} | {"speed": (*SPEEDS, RANGES["speed"][2])}
+        known["road_friction"] = (scenario.least_road_friction, *RANGES["road_friction"][1:])
     rows = [(f"`{key}`", f"{low:g} to {high:g}", meaning) for key, (low, high, meaning) in known.items()]
     return table(("option", "range", "meaning"), rows)
 
@@ -92,7 +92,7 @@ def _short(name: str) -> str:
 
 
 def _folded(text: str) -> str:
-    """The rows of the places of a path, which are alike, as one."""
+    """The text with the rows for the points of a path, which differ in the time ahead only, as one row."""
     rows = re.findall(r"^\| (\d+) \| path ([\d.]+)s: ([^|]*) \|(.*)\n", text, re.MULTILINE)
     if not rows:
         return text
@@ -103,7 +103,7 @@ def _folded(text: str) -> str:
 
 
 def _section(name: str) -> str:
-    """Documentation of an id: its docstring with the ranges of the options, the path's rows folded."""
+    """Documentation of an id: its docstring with the ranges of the options and one row for the path."""
     text = _folded(_documentation(name))
     options = re.compile(r"(?<=fixes what would be drawn:\n\n)(\|.*\n)+")
     return options.sub(lambda _: _options(name) + "\n", text, count=1).replace("\n## ", "\n### ")
@@ -115,18 +115,18 @@ def environments_page() -> str:
     for name in REGISTERED:
         sections.append(f"\n## `{name}`\n\n" + _section(name))
     units = {quantity.name: quantity.unit for task in tasks.available() for quantity in tasks.task(task).observed}
-    # The points of the path are alike: the first stands for all.
+    # The points of the path have the same noise: the row of the first stands for all.
     shown = {re.sub("^path_.*", "path, each point", name): name for name in reversed(SENSOR_NOISE)}
     noise = [(label.replace("_", " "), f"{SENSOR_NOISE[name]:g}", units[name]) for label, name in shown.items()][::-1]
     sections += [_SENSORS, table(("observation", "deviation", "unit"), noise)]
-    for title, made in (("that are driven", SteerEnv), ("that tune", TuneEnv)):
-        sections.append(f"\n## Arguments of the ids {title}\n\n```text\n{inspect.getdoc(made)}\n```")
+    for title, made in (("driving", SteerEnv), ("tuning", TuneEnv)):
+        sections.append(f"\n## Arguments of the {title} ids\n\n```text\n{inspect.getdoc(made)}\n```")
     sections += [_VECTOR, f"```text\n{inspect.getdoc(SteerVectorEnv)}\n```"]
     return "\n".join(sections) + "\n"
 
 
 def _anchor(name: str) -> str:
-    """Of a heading, as GitHub makes it."""
+    """Anchor of a heading, as GitHub makes it."""
     return name.lower().replace("/", "")
 
 

@@ -1,1 +1,1 @@
-"""Studies: friction laws, vehicle, integrators, real time, cross-validation."""
+"""Studies, one file each with ``main(argv)``, which ``steer-env study`` runs; ``common`` holds what they share."""

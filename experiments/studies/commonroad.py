@@ -1,13 +1,9 @@
-"""CommonRoad's multi-body model as an oracle for our two tracks; ``steer_env.experiments.studies.commonroad_cross_validation`` compares.
+"""CommonRoad's multi-body model as an oracle for our two-track car, which ``cross_validation`` compares with it.
 
-``vehiclemodels.vehicle_dynamics_mb`` has 29 states: body, two axles joined to it by springs, and four wheels, on
+``vehiclemodels.vehicle_dynamics_mb`` has 29 states: the body, two axles that springs join to it, and four wheels, on
 steady-state Magic Formula tyres. Its axes are SAE (y right, z down, nose up positive); everything here is ISO 8855.
-Every difference beyond the marks has a name and a switch on their side: a value (``QUIRKS``) or a few lines of code
-(``CODE``).
-
-    python -m steer_env.experiments.studies.commonroad
-
-prints what each switch does by itself; with ``--write`` it writes the stored reference of the comparison instead.
+Every difference beyond the limits has a name and a switch on their side: a value (``QUIRKS``) or a few lines of code
+(``CODE``). The study prints the effect of each switch; with ``--write`` it writes the stored reference instead.
 
 Source: commonroad-vehicle-models 3.0.2 (BSD). Its bounds of 0.4 rad/s of steering and 11.5 m/s2 are not reached here.
 """
@@ -19,7 +15,7 @@ import inspect
 import json
 import os
 import sys
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import lru_cache
 from importlib import metadata
 from pathlib import Path
@@ -32,25 +28,22 @@ from vehiclemodels.init_mb import init_mb
 from vehiclemodels.vehicle_dynamics_mb import vehicle_dynamics_mb
 from vehiclemodels.vehicle_parameters import setup_vehicle_parameters
 
-from steer_env.experiments.studies.commonroad_cross_validation import (
+from steer_env.experiments.studies.common.commonroad_manoeuvres import (
     MANOEUVRES,
-    REFERENCE,
-    STORED,
     Manoeuvre,
     acceleration,
-    difference,
-    interval,
     longest_step,
     recording_of,
     road_wheel_angle,
     sample_times,
-    steady,
 )
+from steer_env.experiments.studies.common.commonroad_reference import FILE, STORED, interval
+from steer_env.experiments.studies.cross_validation import difference, steady
 from steer_env.recording.recording import Recording
 
 Array = NDArray[np.float64]
 
-VEHICLE, CAR = 2, "bmw_320i"  # of the reference: theirs by its number, and ours with its parameters
+VEHICLE, CAR = 2, "bmw_320i"  # of the reference: their vehicle by its number, and our car with its parameters
 
 
 def _jump(p: Any) -> None:
@@ -59,22 +52,22 @@ def _jump(p: Any) -> None:
 
 
 def _drag(p: Any) -> None:
-    """p_hx1, and p_vx1 inside the sine: a drag at zero slip of 1 % of the load."""
+    """p_hx1, and p_vx1 inside the sine: a drag of 1 % of the load at zero slip."""
     p.tire.p_hx1 = p.tire.p_vx1 = 0.0
 
 
 def _one_sided(p: Any) -> None:
-    """Shifts of combined slip, the same on both sides: they tell left from right, and give F_y at alpha = 0."""
+    """Shifts of combined slip, the same on both sides of the car: left and right turns differ, and F_y(0) is not 0."""
     p.tire.r_hx1 = p.tire.r_hy1 = p.tire.r_by3 = p.tire.r_vy1 = 0.0
 
 
 def _load_point(p: Any) -> None:
-    """K_lt shifts the wheel load sideways by K_lt F_y."""
+    """The wheel load acts K_lt F_y beside the middle of the wheel."""
     p.K_lt = 0.0
 
 
 def _joint(p: Any) -> None:
-    """Body and axles are joined sideways by a spring and damper, which follow the tyres' force after some 0.06 s."""
+    """A spring and a damper join body and axles sideways; they follow the force of the tyres after some 0.06 s."""
     p.K_ras *= 100.0
     p.K_rad *= 10.0
 
@@ -91,8 +84,8 @@ QUIRKS: dict[str, Callable[[Any], None]] = {
 def reconciled(parameters: Any, quirks: Iterable[str] = tuple(QUIRKS)) -> Any:
     """A copy of their parameters without the named peculiarities, all of ``QUIRKS`` by default.
 
-    What takes more than values is in ``CODE``; camber thrust against the lean stays, ``steer_env.vehicle.commonroad.tyre`` has it
-    too. KeyError for an unknown name.
+    Differences that take more than values are in ``CODE``. The camber thrust against the inclination of the wheel
+    stays, as ``steer_env.vehicle.commonroad.tyre`` has it too. KeyError for an unknown name.
     """
     p = copy.deepcopy(parameters)
     for name in quirks:
@@ -104,33 +97,33 @@ _BALANCE = "    #dynamics common with single-track model\n"
 
 
 def _before_balance(*lines: str) -> dict[str, str]:
-    """Lines to run when all forces are known; SAE axes."""
+    """Lines that run when all forces are known; SAE axes."""
     return {_BALANCE: "".join(f"    {line}\n" for line in lines) + _BALANCE}
 
 
-# Lines of their code and what to put there: what their model lacks, or has otherwise than ours.
+# Lines of their code and what replaces them, where their model lacks something or differs from ours.
 CODE: dict[str, Mapping[str, str]] = {
-    # Their slip angles take the lateral speed of the sprung centre of gravity for that of the axle, without the roll
-    # rate times the height between them; states 16 and 21 are the axles' own.
+    # Their slip angles use the lateral speed of the sprung centre of gravity, from which that of the axle differs
+    # by the roll rate times the height between them; x[15] and x[20] are the lateral speeds of the axles.
     "axle slip": {
         "(x[10] + p.a*x[5] - x[14]*(p.R_w - x[16]))": "(x[15] - x[14]*(p.R_w - x[16]))",
         "(x[10] - p.b*x[5] - x[19]*(p.R_w - x[21]))": "(x[20] - x[19]*(p.R_w - x[21]))",
     },
-    # Yaw is balanced about the sprung centre of gravity: here about the whole car's.
+    # Their yaw moments are about the sprung centre of gravity; here they are about that of the whole car.
     "centres": _before_balance(
         "sumY = (F_y_LF + F_y_RF)*math.cos(x[2]) + (F_x_LF + F_x_RF)*math.sin(x[2]) + F_y_LR + F_y_RR",
         "sumN -= (p.m_uf*p.a - p.m_ur*p.b)/p.m*sumY",
     ),
-    # The lean of the body carries the centre of gravity out of the middle of the tracks, where F_x turns the car.
+    # Roll moves the centre of gravity out of the middle of the tracks, so that F_x gives a yaw moment.
     "lean": _before_balance("sumN += sumX*math.sin(x[6])*p.m_s/p.m*(p.h_s - p.R_w)"),
-    # Their wheels have no momentum of spin.
+    # Their wheels have no angular momentum.
     "spin": _before_balance(
         "momentum = p.I_y_w*(x[23] + x[24] + x[25] + x[26])",
         "sumL -= x[5]*momentum",
         "sumN += x[7]*momentum",
     ),
-    # Their axles are beams with a roll centre fixed in the middle. Independent wheels hand all roll moments to the
-    # body, except for the load (and its shift), the springs, and what the links, along the body's y, put on the wheels.
+    # Their axles are beams with a roll centre fixed in the middle. Independent wheels pass all roll moments to the
+    # body, except those of the load (and its shift), of the springs, and of the links, which act along the body's y.
     "beams": _before_balance(
         "Y_f = (F_y_LF + F_y_RF)*math.cos(x[2]) + (F_x_LF + F_x_RF)*math.sin(x[2])",
         "link_f = 0.5*p.T_f*math.sin(x[6])*(F_y_LF - F_y_RF) - (p.h_raf - x[16])*Y_f",
@@ -142,8 +135,9 @@ CODE: dict[str, Mapping[str, str]] = {
         "sumL += F_RAF*(p.R_w - p.h_raf) - Y_f*(p.R_w - x[16]) - link_f",
         "sumL += F_RAR*(p.R_w - p.h_rar) - (F_y_LR + F_y_RR)*(p.R_w - x[21]) - link_r",
     ),
-    # Their loads act below the wheel centres: a leaning wheel carries its own in its plane, height times camber aside.
-    # Virtual work on the camber, x[6] + D (x[6] - x[13]) T/2, shares the moment out between body and axle.
+    # Their loads act below the wheel centres. The load of an inclined wheel acts in the wheel plane, height times
+    # camber to the side. Virtual work on the camber, x[6] + D (x[6] - x[13]) T/2, divides the moment between body
+    # and axle.
     "contact": _before_balance(
         "lean_f = (p.R_w - x[16])*(gamma_LF*F_z_LF + gamma_RF*F_z_RF)",
         "lean_r = (p.R_w - x[21])*(gamma_LR*F_z_LR + gamma_RR*F_z_RR)",
@@ -153,7 +147,8 @@ CODE: dict[str, Mapping[str, str]] = {
         "sumN += (p.R_w - x[16])*(gamma_LF*F_x_LF + gamma_RF*F_x_RF)",
         "sumN += (p.R_w - x[21])*(gamma_LR*F_x_LR + gamma_RR*F_x_RR)",
     ),
-    # The whole F_x pitches the body at the sprung height: here the sprung share at the wheel centres, and the torques.
+    # Their whole F_x pitches the body at the sprung height. Here its sprung share does, at the wheel centres, and the
+    # torques do.
     "pitch": _before_balance(
         "sumM_s += p.m*p.R_w*u[1] - sumX*(p.m_s/p.m*(p.R_w - x[16]) + (1 - p.m_s/p.m)*(p.h_s - x[11]))"
     ),
@@ -176,7 +171,7 @@ def _dynamics(code: tuple[str, ...]) -> Callable[[list[float], list[float], Any]
 
 
 def _wheel_loads(p: Any, x: Array) -> Array:
-    """(4, T) loads from the axles' heights and roll, as the model has them [N]."""
+    """Wheel loads (4, T) from height and roll of the axles, as their model computes them [N]."""
     loads = []
     for roll, height, track in ((x[13], x[16], p.T_f), (x[18], x[21], p.T_r)):
         middle, side = height + p.R_w * (np.cos(roll) - 1.0), 0.5 * track * np.sin(roll)
@@ -195,26 +190,26 @@ def drive(
         Of vehicle 1, 2 or 3.
     manoeuvre : Manoeuvre
     code : iterable of str
-        Names from ``CODE``: not their model, but their code with lines changed, to show what these amount to.
+        Names from ``CODE``: lines of their code that are changed, to show the effect.
     dt : float
         Between the samples of the recording [s].
     tolerance : float
-        Relative, of the integration (LSODA); absolute it is a hundredth of it.
+        Relative tolerance of the integration (LSODA); the absolute one is a hundredth of it.
 
     Returns
     -------
     Recording
-        Channels in SI and ISO 8855, as ``cross_validation.UNITS`` names them. ``speed`` and ``lateral_speed`` belong
-        to the sprung centre of gravity, along the body's x and y. ``lateral_acceleration`` is the sum of the tyres'
-        forces along y over the whole mass; ``sprung_lateral_acceleration`` is v_y' + v_x r. Roll is positive to the
-        right, pitch nose down.
+        Channels in SI and ISO 8855, as ``commonroad_manoeuvres.UNITS`` names them. ``speed`` and ``lateral_speed`` are
+        those of the sprung centre of gravity, along the body's x and y. ``lateral_acceleration`` is the sum of the
+        tyres' forces along y over the whole mass; ``sprung_lateral_acceleration`` is v_y' + v_x r. Roll is positive to
+        the right, pitch nose down.
 
     Raises
     ------
     KeyError
-        An unknown name of code.
+        For an unknown name in ``code``.
     RuntimeError
-        A wheel locks, or the integration fails, with the solver's reason.
+        If a wheel locks or the integration fails, with the reason of the solver.
     """
     p, dynamics = parameters, _dynamics(tuple(code))
 
@@ -250,7 +245,7 @@ def drive(
     x = run.y
     rates = np.array([derivative(t, state) for t, state in zip(times, x.T)]).T
     angle = road_wheel_angle(manoeuvre, times)[0]
-    # The forces of joints and springs are internal: what the masses gain is what the tyres give.
+    # Joints and springs exert internal forces only, so the tyres' forces are those that accelerate the masses.
     v_x, r = x[3], x[5]
     sideways = [m * (rates[i] + v_x * r) for m, i in ((p.m_s, 10), (p.m_uf, 15), (p.m_ur, 20))]
     command = [acceleration(manoeuvre, t, v, lost) for t, v, lost in zip(times, v_x, x[29])]
@@ -266,13 +261,13 @@ def drive(
 
 
 def alone(manoeuvre: Manoeuvre, parameters: Any, dt: float = 0.01) -> dict[str, tuple[float, float, float]]:
-    """What each switch does by itself, put back into the reconciled model.
+    """The effect of each peculiarity alone, put back into the reconciled model.
 
     Returns
     -------
     dict of str to (float, float, float)
         RMS over peak of the change in yaw rate and lateral acceleration, and the largest relative change of the steady
-        values, side-slip apart [1].
+        values except side-slip [1].
     """
     plain = drive(reconciled(parameters), manoeuvre, CODE, dt)
     base = steady(plain, parameters)
@@ -297,19 +292,19 @@ def histories(name: str, parameters: Any) -> dict[str, Recording]:
 
 
 def numbers(parameters: Any) -> dict[str, Any]:
-    """Their parameters by name, those of the tyre nested; other models' and the driver's bounds are left out."""
+    """Their parameters by name, those of the tyre nested, without other models and the bounds of the driver."""
     values = dataclasses.asdict(parameters)
     return {key: value for key, value in values.items() if key not in ("steering", "longitudinal", "trailer")}
 
 
-def write(path: Path = REFERENCE) -> None:
+def write(path: Path = FILE) -> None:
     """Write the reference; the file appears whole or not at all."""
     p = setup_vehicle_parameters(vehicle_id=VEHICLE)
     about = {
         "source": f"commonroad-vehicle-models, vehicle {VEHICLE} (BMW 320i), multi-body model",
         "licence": "BSD",
         "version": metadata.version("commonroad-vehicle-models"),
-        "command": "python -m steer_env.experiments.studies.commonroad --write",
+        "command": "steer-env study commonroad --write",
         "car": CAR,
         "parameters": numbers(p),
     }
@@ -326,20 +321,17 @@ def write(path: Path = REFERENCE) -> None:
         part.unlink(missing_ok=True)
 
 
-def main() -> None:
-    """Print what each difference does by itself, or write the reference."""
-    parser = argparse.ArgumentParser(prog="python -m steer_env.experiments.studies.commonroad")
-    parser.add_argument("--write", action="store_true", help=f"write {REFERENCE} and print nothing")
-    if parser.parse_args().write:
-        return write()
+def main(argv: Sequence[str] | None = None) -> None:
+    """Print the effect of each peculiarity alone, or write the reference."""
+    parser = argparse.ArgumentParser(prog="steer-env study commonroad", description=main.__doc__)
+    parser.add_argument("--write", action="store_true", help=f"write {FILE} and print nothing")
+    if parser.parse_args(argv).write:
+        write()
+        return
     p = setup_vehicle_parameters(vehicle_id=VEHICLE)
-    print("Each difference alone [%]: RMS of yaw rate / of a_y / largest change of a steady value but side-slip\n")
+    print("Each peculiarity alone [%]: RMS of yaw rate / of a_y / largest change of a steady value except side-slip\n")
     print(f"| manoeuvre | {' | '.join((*QUIRKS, *CODE))} |")
     print("|---" * (1 + len(QUIRKS) + len(CODE)) + "|")
     for name, manoeuvre in MANOEUVRES.items():
         cells = (" / ".join(f"{100.0 * value:.1f}" for value in values) for values in alone(manoeuvre, p).values())
         print(f"| {name} | {' | '.join(cells)} |", flush=True)
-
-
-if __name__ == "__main__":
-    main()

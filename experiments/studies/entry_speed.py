@@ -1,9 +1,10 @@
-"""How fast a car may enter a lane-change course: ``python -m steer_env.experiments.studies.entry_speed``.
+"""How fast a car can enter a lane-change course.
 
-The figure is one of car and driver together, for the preview driver is the same for all; a person may pass faster.
+The speed is that of car and driver together. The preview driver is the same for all cars; a person may pass faster.
 """
 
 import argparse
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -15,7 +16,11 @@ from steer_env.vehicle import cars
 from steer_env.vehicle.cars import Car
 
 KPH = 1.0 / 3.6  # [m/s]
-SLOWEST, FASTEST, STRIDE = 30.0 * KPH, 200.0 * KPH, 10.0 * KPH  # speeds tried before the bisection, assumed [m/s]
+SLOWEST, FASTEST, STRIDE = (
+    30.0 * KPH,
+    200.0 * KPH,
+    10.0 * KPH,
+)  # speeds that are tried before the bisection, assumed [m/s]
 
 
 def passes(car: Car, friction: Any, manoeuvre: manoeuvres.Manoeuvre) -> bool:
@@ -33,9 +38,9 @@ def maximum_entry_speed(
     manoeuvre: str | manoeuvres.Manoeuvre = "double-lane-change",
     tolerance: float = 1.0 * KPH,
 ) -> float:
-    """Fastest entry at which the driver passes a lane-change course.
+    """The highest speed at which the driver enters a lane-change course and passes it.
 
-    The speed rises in strides of 10 km/h to the first failure, and is bisected between that and the last pass.
+    The speed is raised in strides of 10 km/h to the first failure, and bisected between that and the last pass.
 
     Parameters
     ----------
@@ -45,22 +50,22 @@ def maximum_entry_speed(
     manoeuvre : str or Manoeuvre
         "double-lane-change" or "obstacle-avoidance", or one with other options.
     tolerance : float
-        Within which the speed is found, 0.01 to 5 [m/s].
+        Accuracy of the speed, 0.01 to 5 [m/s].
 
     Returns
     -------
     float
-        A speed at which the driver passes; ``tolerance`` above it a cone falls [m/s].
+        A speed at which the driver passes; at ``tolerance`` above it a cone falls [m/s].
 
     Raises
     ------
     ValueError
-        If a cone falls at 30 km/h already or none does at 200 km/h, or a value out of range.
+        If a cone falls at 30 km/h already, none falls at 200 km/h, or a value is out of range.
     """
     tolerance = number("tolerance [m/s]", tolerance, minimum=0.01, maximum=5.0)
     test = manoeuvres.make(manoeuvre) if isinstance(manoeuvre, str) else manoeuvre
     if test.driver is None:
-        raise ValueError(f"{test.name} has no driver: an entry speed is found for a closed-loop manoeuvre")
+        raise ValueError(f"{test.name} has no driver: give a closed-loop manoeuvre")
     low, high = 0.0, SLOWEST
     while passes(car, friction, replace(test, speed=high)):
         low, high = high, high + STRIDE
@@ -74,19 +79,18 @@ def maximum_entry_speed(
     return low
 
 
-def main() -> None:
-    """Print the speeds of a car with the laws that are asked for."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--vehicle", default="compact", help=f"{', '.join(cars.available())}, or a file")
-    parser.add_argument("--friction", nargs="+", default=["lugre", "masing"], help="laws by name")
-    args = parser.parse_args()
+def main(argv: Sequence[str] | None = None) -> None:
+    """Print the entry speeds of a car on both chassis and both courses."""
+    parser = argparse.ArgumentParser(prog="steer-env study entry-speed", description=main.__doc__)
+    text = f"{', '.join(cars.available())}, or a file (default compact)"
+    parser.add_argument("--vehicle", metavar="NAME", default="compact", help=text)
+    laws = ["lugre", "masing"]
+    text = f"laws by name (default {' '.join(laws)})"
+    parser.add_argument("--friction", metavar="LAW", nargs="+", default=laws, help=text)
+    args = parser.parse_args(argv)
     for name in ("double-lane-change", "obstacle-avoidance"):
         for chassis in cars.SPEEDS:
             for law in args.friction:
                 test = replace(manoeuvres.make(name), chassis=chassis)
                 speed = maximum_entry_speed(cars.load(args.vehicle), law, test)
                 print(f"{name}, {chassis}, {law}: {speed / KPH:.4g} km/h", flush=True)
-
-
-if __name__ == "__main__":
-    main()

@@ -1,10 +1,13 @@
-"""What sets the friction laws apart: their loops, what they do while held, and how far one calibration can go.
+"""How the friction laws differ: their loops, a held torque, and how far one calibration can make them agree.
 
-Displacement histories show the laws alone. The held-torque test settles where Masing's vibration under held steering
-comes from: LuGre and Masing run with and without a micro-damper, the same one in both.
+Displacement histories show the laws without a car. The held-torque test finds the cause of the vibration that Masing
+friction shows under a held hand torque: LuGre and Masing are driven with and without a micro-damper, which is the same
+in both.
 """
 
+import argparse
 import math
+from collections.abc import Sequence
 from itertools import pairwise, product
 from typing import Any, NamedTuple
 
@@ -17,26 +20,26 @@ from steer_env.friction.law import advance, law_of, torque
 from steer_env.manoeuvres.hold import RISE
 from steer_env.metrics.hold import SETTLING
 from steer_env.recording.recording import DEGREE
-from steer_env.vehicle import plant
+from steer_env.vehicle import cars, plant
 from steer_env.vehicle.cars import Car
 from steer_env.vehicle.steering.eps import SAMPLE_TIME, without_assist
 
 Array = NDArray[np.float64]
 
 HELD_TORQUE = 2.0  # of the hands [N m]
-NO_TORQUE = 1e-6  # below this a creeping law counts as free [N m]; a damper of 1 kN m s/rad is
+NO_TORQUE = 1e-6  # torque of creeping below which a law counts as frictionless, as a damper of 1 kN m s/rad does [N m]
 
 
 class History(NamedTuple):
-    """A displacement that every law is led through."""
+    """A displacement over time that is imposed on every law."""
 
     title: str
     x: Array  # (T,) [rad]
     dt: float  # [s]
 
 
-def _through(points: tuple[float, ...], step: float) -> Array:
-    """Straight lines through turning points, in steps of about ``step``; points and step in one unit."""
+def through(points: tuple[float, ...], step: float) -> Array:
+    """Straight lines through turning points, in steps of about ``step``, which has the unit of the points."""
     pieces = [np.linspace(a, b, max(round(abs(b - a) / step), 1) + 1)[1:] for a, b in pairwise(points)]
     return np.concatenate([[points[0]], *pieces])
 
@@ -44,17 +47,17 @@ def _through(points: tuple[float, ...], step: float) -> Array:
 def _growing_sine() -> History:
     t = np.arange(0.0, 4.0 + 5e-4, 1e-3)
     x = 2.0 * DEGREE * t / t[-1] * np.sin(2.0 * math.pi * t)
-    return History("sine at 1 Hz that grows to 2 deg", x, 1e-3)
+    return History("a sine of 1 Hz that grows to 2 deg", x, 1e-3)
 
 
 def _nested_loops() -> History:
-    x = _through((0.0, 4.0, -4.0, 2.0, -2.0, 1.0, -1.0, 0.5, -0.5, 0.25, -0.25), 0.01)
-    return History("nested loops from 4 deg down, at 0.01 deg/s", x * DEGREE, 1.0)
+    x = through((0.0, 4.0, -4.0, 2.0, -2.0, 1.0, -1.0, 0.5, -0.5, 0.25, -0.25), 0.01)
+    return History("nested loops from 4 deg down to 0.25 deg, at 0.01 deg/s", x * DEGREE, 1.0)
 
 
 def _held() -> History:
-    x = np.concatenate([_through((0.0, 0.5), 1e-3), np.full(500, 0.5), _through((0.5, 0.3), 1e-3), np.full(500, 0.3)])
-    return History("moved at 1 deg/s, held, moved back, held", x * DEGREE, 1e-3)
+    x = np.concatenate([through((0.0, 0.5), 1e-3), np.full(500, 0.5), through((0.5, 0.3), 1e-3), np.full(500, 0.3)])
+    return History("a displacement that moves at 1 deg/s, rests, moves back and rests", x * DEGREE, 1e-3)
 
 
 HISTORIES = {"growing_sine": _growing_sine(), "nested_loops": _nested_loops(), "held": _held()}
@@ -68,28 +71,28 @@ def characteristics(p: Any) -> dict[str, Array]:
 
 
 class Residual(NamedTuple):
-    """RMS difference to a base law, of the base law's saturated torque [1]."""
+    """RMS difference from a base law, relative to the base law's saturated torque [1]."""
 
     saturated: float  # on the two branches after a reversal from saturation
     nested: float  # on the loops nested in them
 
 
 def residual(nested: Array, base: Array) -> Residual:
-    """Residual of one law's torque in the nested loops against another's."""
+    """Residual of one law's torque in the nested loops from that of a base law."""
     part = (nested - base) / np.abs(base).max()
     branch, loops = part[SATURATED_TURN + 1 : NESTED_TURN], part[NESTED_TURN + 1 :]
     return Residual(float(np.sqrt(np.mean(branch**2))), float(np.sqrt(np.mean(loops**2))))
 
 
 def _creep_torque(p: Any, distance: float) -> float:
-    """Torque of a law that creeps at 1 nrad/s, from rest, after a distance [rad]."""
+    """Torque of a law that creeps from rest at 1 nrad/s, after a distance [rad]."""
     memory, w = np.zeros(law_of(p).memory_size(p)), 1e-9
     advance(p, 1.0, memory, w, distance / w)
     return torque(p, 1.0, memory, w)
 
 
 def dry(p: Any) -> bool:
-    """Whether a law has dry friction: a torque that stays as the speed of a slide goes to zero."""
+    """Whether a law has dry friction: a torque that remains as the speed of sliding goes to zero."""
     return _creep_torque(p, 100.0) > NO_TORQUE
 
 
@@ -99,7 +102,7 @@ def set_valued(p: Any) -> bool:
 
 
 class Calibration(NamedTuple):
-    """Saturated torque and pre-sliding stiffness that LuGre and Masing share after a saturated reversal."""
+    """Saturated torque and pre-sliding stiffness that LuGre and Masing share after a reversal from saturation."""
 
     title: str
     F_c: float  # [N m]
@@ -115,7 +118,7 @@ HELD_LAWS = ("lugre", "masing")
 
 
 def held_law(law: str, calibration: Calibration, damping_ratio: float, I2: float) -> Any:
-    """LuGre or Masing with a calibration and the micro-damper of a damping ratio at the inertia ``I2`` [kg m2]."""
+    """LuGre or Masing with a calibration and a micro-damper, given as damping ratio at the inertia ``I2`` [kg m2]."""
     _, F_c, sigma_0 = calibration
     sigma_1 = 2.0 * damping_ratio * math.sqrt(sigma_0 * I2)
     if law == "lugre":
@@ -132,7 +135,7 @@ class Held(NamedTuple):
     damping_ratio: float  # of the pre-sliding mode [1]
     ripple: float  # peak to peak of the torsion-bar torque from ``SETTLING`` into the hold [N m]
     ripple_fine: float  # the same at a tenth of the step [N m]
-    lasting: float  # ripple in the last second over that in the first second after ``SETTLING`` [1]
+    lasting: float  # ripple in the last second over the ripple in the first second after ``SETTLING`` [1]
     torque: Array  # (T,) torsion-bar torque [N m], every ``THIN`` samples from the start of the hold
 
 
@@ -153,7 +156,7 @@ def _torsion_bar(car: Car, p: Any, assisted: bool, substeps: int) -> Array:
 
 
 def held_torque(car: Car, law: str) -> list[Held]:
-    """Every held-torque test of LuGre or Masing: with and without assist, both calibrations, every damper."""
+    """All held-torque tests of LuGre or Masing: with and without assist, both calibrations, every damper."""
     tests = []
     for state, calibration, ratio in product(ASSIST, CALIBRATIONS, DAMPING_RATIOS):
         p = held_law(law, calibration, ratio, car.column.I2)
@@ -175,7 +178,7 @@ def held_torque(car: Car, law: str) -> list[Held]:
 
 
 def ringing(torque: Array) -> float:
-    """Frequency of a decaying torque after ``SETTLING`` [Hz]: of its turning points; NaN below four of them."""
+    """Frequency of a decaying torque after ``SETTLING``, from its turning points [Hz]; NaN with fewer than four."""
     rate = np.diff(torque[round(SETTLING / SAMPLE_TIME / THIN) :])
     turns = np.flatnonzero((rate[1:] >= 0.0) != (rate[:-1] >= 0.0))
     if turns.size < 4:
@@ -184,7 +187,7 @@ def ringing(torque: Array) -> float:
 
 
 class Verdict(NamedTuple):
-    """Masing and LuGre in one state of the assist and one calibration, undamped and with the same damper in both."""
+    """Masing and LuGre with one state of the assist and one calibration, without and with the same damper in both."""
 
     masing: Held
     lugre: Held
@@ -193,16 +196,34 @@ class Verdict(NamedTuple):
 
     @property
     def share_of_damper(self) -> float:
-        """Part of the gap between Masing's ripple and LuGre's that goes when both get the damper."""
+        """Share of the difference between the ripples of Masing and LuGre that vanishes when both get the damper."""
         gap, left = self.masing.ripple - self.lugre.ripple, self.masing_damped.ripple - self.lugre_damped.ripple
         return 1.0 - left / gap if gap else math.nan
 
 
 def verdicts(tests: list[Held], ratio: float) -> list[Verdict]:
-    """What a damper of the given ratio in both laws does, in every state of the assist and every calibration."""
+    """The effect of a damper of the given ratio in both laws, for every state of the assist and every calibration."""
     found = {test[:4]: test for test in tests}
     pairs = [(law, damping) for damping in (0.0, ratio) for law in ("masing", "lugre")]
     return [
         Verdict(*(found[(state, calibration.title, *pair)] for pair in pairs))
         for state, calibration in product(ASSIST, CALIBRATIONS)
     ]
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Print the residuals of every law from LuGre, and the ripple of a held torque with LuGre and with Masing."""
+    argparse.ArgumentParser(prog="steer-env study friction-laws", description=main.__doc__).parse_args(argv)
+    loops = {law: characteristics(friction.make(law))["nested_loops"] for law in friction.available()}
+    print("RMS difference from lugre, % of its saturated torque")
+    print(f"{'':10s}{'saturated branches':>20s}{'nested loops':>14s}")
+    for law, torque_of_law in loops.items():
+        found = residual(torque_of_law, loops["lugre"])
+        print(f"{law:10s}{100.0 * found.saturated:20.2f}{100.0 * found.nested:14.2f}")
+    print("\nripple of a held torque of 2 N m [mN m], by damping ratio of the micro-damper")
+    print(f"{'':36s}" + "".join(f"{ratio:>10g}" for ratio in DAMPING_RATIOS))
+    tests = [test for law in HELD_LAWS for test in held_torque(cars.load(), law)]
+    for state, calibration, law in product(ASSIST, CALIBRATIONS, HELD_LAWS):
+        row = (test for test in tests if test[:3] == (state, calibration.title, law))
+        cells = "".join(f"{1e3 * test.ripple:10.2f}" for test in row)
+        print(f"{ASSIST[state]:12s}{calibration.title:18s}{law:6s}{cells}")

@@ -1,14 +1,15 @@
-"""The column alone under a sine of hand torque, integrated four ways.
+"""The column alone under a sine of hand torque, by three schemes and a reference.
 
-What a step scheme costs and how far off it is, for every law: the project's midpoint frame, explicit Euler and backward
-Euler (kept here for comparison, not for use), and a reference by scipy at tight tolerance. A road spring on the column
-lets the site slide and come back:
+The schemes are the project's midpoint scheme, and explicit and backward Euler, which are here for comparison only. The
+reference is scipy's integration at a tight tolerance. A road spring on the column lets the friction site slide and come
+back:
 
     T1 = A sin(2 pi f t),    T_C = -K_road th2
 """
 
+import argparse
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cache
 from itertools import product
 from typing import Any, NamedTuple
@@ -37,7 +38,7 @@ class Case(NamedTuple):
 
 @kernel
 def midpoint_step(c, p, q, memory, work, T1, K_road, h):
-    """The project's frame; the road torque is extrapolated to the middle of the step, as the plant does it."""
+    """The project's midpoint scheme; as in the plant, the road torque is extrapolated to the middle of the step."""
     now = -K_road * q[column.COLUMN_ANGLE]
     _, w, T_F = column.step_torque(c, p, 1.0, q, memory, T1, 1.5 * now - 0.5 * work[0], h)
     work[0] = now
@@ -46,7 +47,7 @@ def midpoint_step(c, p, q, memory, work, T1, K_road, h):
 
 @kernel
 def explicit_euler_step(c, p, q, memory, work, T1, K_road, h):
-    """Everything at the start of the step."""
+    """Explicit Euler: all torques are those at the start of the step."""
     th1, v1, th2, v2 = q[0], q[1], q[2], q[3]
     T_F = torque(p, 1.0, memory, v2)
     rate(p, 1.0, memory, v2, work)
@@ -70,7 +71,10 @@ def _end_torque(p, memory, work, v, h):
 
 @kernel
 def backward_euler_step(c, p, q, memory, work, T1, K_road, h):
-    """Mechanics at the end of the step; the memory follows its law exactly at that speed. Solved by bisection."""
+    """Backward Euler, solved by bisection: the mechanics are those at the end of the step.
+
+    The memory follows its law exactly at that speed.
+    """
     K = c.C_tb + h * c.K_tb
     a11 = c.I1 / h + c.C1 + K
     S = c.I2 / h + c.C2 + K - K * K / a11 + h * K_road
@@ -100,12 +104,12 @@ def backward_euler_step(c, p, q, memory, work, T1, K_road, h):
     return R - S * v2, v2
 
 
-# Compiled code takes no function as an argument, so every scheme has its own loop over the hand torque of each step.
+# Compiled code takes no function as an argument, so every scheme has its own loop over the steps.
 
 
 @kernel
 def midpoint(c, p, q, memory, work, T1, K_road, h, T_F, w):
-    """The frame over a hand torque for each step; torque and speed of each step go to ``T_F`` and ``w``."""
+    """The midpoint scheme over a hand torque for each step; friction torque and speed go to ``T_F`` and ``w``."""
     for i in range(T_F.size):
         T_F[i], w[i] = midpoint_step(c, p, q, memory, work, T1[i], K_road, h)
 
@@ -125,11 +129,11 @@ def backward_euler(c, p, q, memory, work, T1, K_road, h, T_F, w):
 
 
 class Scheme(NamedTuple):
-    """How to step, and the hand torque of each step that goes with it."""
+    """Kernels of a scheme, and the hand torque that it takes for each step."""
 
     step: Any  # kernel of one step -> T_F, w
     loop: Any  # kernel over all steps
-    hand: Callable[[NDArray, float], NDArray]  # nodes, omega -> of unit amplitude, each step
+    hand: Callable[[NDArray, float], NDArray]  # instants, omega -> torque of each step at unit amplitude
 
 
 SCHEMES = {
@@ -140,7 +144,7 @@ SCHEMES = {
 
 
 def arguments(case: Case, scheme: str, h: float) -> tuple[Any, ...]:
-    """Arguments of a scheme's loop at rest, but for the results; its step takes one hand torque for the array."""
+    """Arguments of a scheme's loop at rest, without the results; its step kernel takes a single hand torque."""
     t = h * np.arange(round(case.duration / h) + 1)
     T1 = case.amplitude * SCHEMES[scheme].hand(t, 2.0 * math.pi * case.frequency)
     size = law_of(case.friction).memory_size(case.friction)
@@ -164,8 +168,8 @@ def integrate(case: Case, scheme: str, h: float) -> tuple[NDArray[np.float64], N
 def reference(case: Case, h: float, tolerance: float = 1e-10) -> NDArray[np.float64]:
     """Mean friction torque over steps of ``h``, (N,) [N m], by scipy's DOP853 on the plain differential equations.
 
-    The impulse of the friction torque is integrated with the states, so its differences are exact means. Set-valued
-    laws have no differential equation: for those the midpoint frame at 2 us, or a fifth of the step, stands in.
+    The impulse of the friction torque is integrated with the states, so its differences are exact means. A set-valued
+    law has no differential equation: its reference is the midpoint scheme at 2 us, or at a fifth of the step.
     """
     p, c = case.friction, case.c
     n = round(case.duration / h)
@@ -208,9 +212,9 @@ def twelve_cases(law: str) -> list[Case]:
     """The cases of ``TWELVE``, two cycles each, for "lugre" or "masing".
 
     The pre-sliding distance is ``F_c/sigma_0`` for LuGre, with a damping ratio of 0.5 of the pre-sliding mode, and the
-    length of the virgin curve for Masing. What is left of the hand torque, 0.3 N m, moves the column at up to 0.3 to
-    0.5 rad/s, as the on-centre weave does (0.33 rad/s). Faster reversals cost accuracy: with 0.5 N m left, 0.7 rad/s,
-    the stiffest LuGre case is 0.12 % off, with 2 N m left, 2.7 rad/s, 0.22 %.
+    length of the virgin curve for Masing. The hand torque exceeds the friction by 0.3 N m, which moves the column at up
+    to 0.3 to 0.5 rad/s, as the on-centre weave does (0.33 rad/s). Faster reversals cost accuracy: with an excess of
+    0.5 N m, 0.7 rad/s, the error of the stiffest LuGre case is 0.12 %; with 2 N m, 2.7 rad/s, it is 0.22 %.
     """
     c = column.make()
     cases = []
@@ -232,9 +236,10 @@ def twelve_references(law: str) -> list[NDArray[np.float64]]:
 
 
 def relative_error(case: Case, scheme: str, h: float, exact: NDArray[np.float64], unit: float | None = None) -> float:
-    """RMS error of the friction torque over steps of ``h`` in a unit [N m], or in peaks of ``exact``; NaN if diverged.
+    """RMS error of the friction torque over steps of ``h``, relative to ``unit`` [N m] or to the peak of ``exact``.
 
-    ``exact`` holds the means over steps of the same length, or of a whole fraction of it, from :func:`reference`.
+    ``exact`` holds the means over steps of that length, or of a whole fraction of it, from :func:`reference`. The
+    error is NaN where the scheme diverges.
     """
     with np.errstate(over="ignore", invalid="ignore"):
         T_F, _ = integrate(case, scheme, h)
@@ -242,7 +247,9 @@ def relative_error(case: Case, scheme: str, h: float, exact: NDArray[np.float64]
         return float(np.sqrt(np.mean((T_F - means) ** 2)) / (unit or np.max(np.abs(exact))))
 
 
-if __name__ == "__main__":
+def main(argv: Sequence[str] | None = None) -> None:
+    """Print the error of every scheme at 1 ms in the twelve cases."""
+    argparse.ArgumentParser(prog="steer-env study integrators", description=main.__doc__).parse_args(argv)
     print("RMS error of the friction torque at 1 ms, % of F_c, against DOP853 at 1e-10\n")
     print("law     F_c [N m]  distance [deg]  f [Hz]  " + "  ".join(f"{scheme:>14s}" for scheme in SCHEMES))
     for law in ("lugre", "masing"):

@@ -1,15 +1,13 @@
-"""How wide the on-centre loops are against the level of friction, and which part of that is friction at all.
+"""Width of the on-centre loops over the level of friction, and the part of the width that friction causes.
 
-python -m steer_env.experiments.studies.loop_width
+Torsion bar and assist together carry the friction torque and the rest, which is rack force, motor damping and inertia.
+So with the boost curve b the hand torque of the same motion without friction torque would be
 
-The split: what the torsion bar and the assist carry together is friction and the rest, which is rack force, motor
-damping and inertia. So with the boost curve b the torque of the same motion without friction is
+    T_rest = T - T_tb + g^-1(g(T_tb) - T_F),    g(T) = T + b(T).
 
-    T_rest = T - T_tb + g^-1(g(T_tb) - T_F),    g(T) = T + b(T),
-
-and the loop's width is that of T_rest, from vehicle lag and motor damping, plus what is left, from friction. Widths are
-signed: positive where the torque on the rising branch is above that on the falling one. The assist's lag of some
-milliseconds is neglected.
+The width of the loop of T_rest comes from vehicle lag and motor damping; the rest of the width comes from friction.
+Widths are signed: positive where the torque on the rising branch is above that on the falling branch. The lag of the
+assist, some milliseconds, is neglected.
 """
 
 import argparse
@@ -27,10 +25,10 @@ from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
 from steer_env import friction, manoeuvres
-from steer_env.experiments.drawing import figures
+from steer_env.experiments.drawing import pictures
 from steer_env.friction import defaults
-from steer_env.metrics.common.reading import ANGLE, AY, TORQUE
-from steer_env.metrics.loops import Loops
+from steer_env.metrics.common.filtered_channels import ANGLE, AY, TORQUE
+from steer_env.metrics.common.loops import Loops
 from steer_env.recording.recording import Recording
 from steer_env.vehicle import cars
 from steer_env.vehicle.steering.eps import Assist, boost_curve
@@ -38,7 +36,7 @@ from steer_env.vehicle.steering.eps import Assist, boost_curve
 Array = NDArray[np.float64]
 
 LEVELS = (0.0, 0.125, 0.25, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0)  # times the default F_c
-NONE = 1e-6  # stands for no friction, as no dry law takes zero
+NONE = 1e-6  # level that stands for no friction, as no dry law accepts zero
 LAWS = ("lugre", "masing")
 WEAVE, SLOW, SLOW_AT_SPEED = "weave, 0.2 Hz, 100 km/h", "slow ramp, 0.02 Hz, 50 km/h", "slow ramp, 0.02 Hz, 100 km/h"
 TESTS = {  # title -> manoeuvre, cycles, speed [km/h]
@@ -47,8 +45,8 @@ TESTS = {  # title -> manoeuvre, cycles, speed [km/h]
     SLOW_AT_SPEED: ("slow-ramp", 3, 100.0),
 }
 AT_0G, DEADBAND = "torque at 0 g", "torque dead band"
-WIDTHS = {AT_0G: (AY, 0.5), DEADBAND: (ANGLE, 1.0)}  # metric -> abscissa, part of the loop's height at its zero
-RISE = 1e-3  # change between levels that counts [N m]
+WIDTHS = {AT_0G: (AY, 0.5), DEADBAND: (ANGLE, 1.0)}  # metric -> abscissa, share of the loop's height at zero abscissa
+RISE = 1e-3  # change between levels that counts as growth [N m]
 
 
 class Width(NamedTuple):
@@ -60,12 +58,12 @@ class Width(NamedTuple):
 
     @property
     def friction(self) -> float:
-        """The part of friction [N m]."""
+        """Part of the width that friction causes [N m]."""
         return self.total - self.rest
 
 
 class Key(NamedTuple):
-    """Which curve of widths over friction."""
+    """Identifies a curve of widths over friction."""
 
     car: str
     law: str
@@ -77,7 +75,7 @@ Curves = dict[Key, list[Width]]
 
 
 def law_at(law: str, level: float) -> Any:
-    """A law at ``level`` times the default saturated torque, every torque in proportion and no displacement changed."""
+    """A law at ``level`` times the default saturated torque: all torques scale, and no displacement changes."""
     part = level or NONE
     F_c, sigma_0 = part * defaults.F_C, part * defaults.SIGMA_0
     if law == "lugre":
@@ -86,7 +84,7 @@ def law_at(law: str, level: float) -> Any:
 
 
 def without_friction(recording: Recording, assist: Assist) -> Recording:
-    """The recording with the hand torque that the same motion would have taken without friction torque."""
+    """The recording with the hand torque that the same motion would take without friction torque."""
     speed = float(recording["vehicle_speed"].mean())
     torque = np.linspace(-2.0, 2.0, 4001) * assist.torques[-1]
     carried = torque + np.array([boost_curve(assist, T, speed)[0] for T in torque])
@@ -97,7 +95,7 @@ def without_friction(recording: Recording, assist: Assist) -> Recording:
 
 
 def _drive(job: tuple[str, str, str, float]) -> dict[str, Width]:
-    """Widths of one drive, by metric."""
+    """Widths in one drive, by metric."""
     name, law, test, level = job
     manoeuvre, cycles, kph = TESTS[test]
     car, p = cars.load(name), law_at(law, level)
@@ -116,7 +114,7 @@ def collect(
     levels: Sequence[float] = LEVELS,
     workers: int = 1,
 ) -> Curves:
-    """Widths over friction of every car, law, test and metric; ``workers`` processes if more than one."""
+    """Widths over friction for every car, law, test and metric, with ``workers`` processes."""
     keys = list(product(car_names or cars.available(), laws, tests))
     jobs = [(*key, level) for key in keys for level in levels]
     if workers > 1:
@@ -132,18 +130,18 @@ def collect(
 
 
 class Verdict(NamedTuple):
-    """Whether a width tells how much friction there is."""
+    """Whether the width determines how much friction there is."""
 
     signed: bool  # whether the signed width grows with friction at every level
-    unsigned: bool  # whether its size does
+    unsigned: bool  # whether its absolute value does
     zero: float  # friction at which the signed width changes sign [N m]; NaN if it does not
     rest: float  # width without friction: vehicle lag and motor damping [N m]
 
 
 def verdict(curve: Sequence[Width]) -> Verdict:
-    """Monotone or not, from the numbers of one curve."""
+    """The verdict on one curve."""
     F_c, total, rest = (np.array([getattr(w, name) for w in curve]) for name in ("F_c", "total", "rest"))
-    fine = PchipInterpolator(F_c, total)  # monotone where the points are: it adds no turn of its own
+    fine = PchipInterpolator(F_c, total)  # monotone between monotone points, so it adds no turn
     roots = fine.roots(extrapolate=False)
     return Verdict(
         bool(np.all(np.diff(total) > RISE)),
@@ -154,7 +152,7 @@ def verdict(curve: Sequence[Width]) -> Verdict:
 
 
 def sentence(curves: Curves, test: str = WEAVE) -> str:
-    """What the curves say of one test, in words; laws that agree to a hundredth of a newton metre are named once."""
+    """The verdicts on one test in words; laws that agree to 0.01 N m are named together."""
     lines = []
     for metric in WIDTHS:
         mine = {key: verdict(curve) for key, curve in curves.items() if (key.test, key.metric) == (test, metric)}
@@ -166,16 +164,17 @@ def sentence(curves: Curves, test: str = WEAVE) -> str:
             if not found.unsigned:
                 folds.setdefault((key.car, f"{found.zero:.2f}"), []).append(key)
         if folds:
-            text += "; its size first falls, to zero where friction balances lag and damping, at a friction torque of "
+            text += "; its absolute value first falls, to zero where friction balances lag and damping, at a friction "
+            text += "torque of "
             text += ", ".join(f"{zero} N m ({_named(keys)})" for (_, zero), keys in folds.items())
         else:
-            text += "; so does its size"
+            text += ", and so does its absolute value"
         lines.append(text + ".")
     return "\n".join(lines)
 
 
 def _named(keys: Sequence[Key]) -> str:
-    """Cars and laws of some curves."""
+    """The cars and laws of some curves."""
     cars_of, laws_of = (list(dict.fromkeys(found)) for found in zip(*((key.car, key.law) for key in keys)))
     return f"{', '.join(cars_of)}: {', '.join(laws_of)}"
 
@@ -192,7 +191,7 @@ def table(curves: Curves) -> str:
 
 
 def panels(curves: Curves, law: str = LAWS[0]) -> dict[str, dict[str, dict[str, list[Width]]]]:
-    """Curves of one law as the figure takes them: metric, test, car."""
+    """Curves of one law by metric, test and car, as the picture takes them."""
     found: dict[str, dict[str, dict[str, list[Width]]]] = {}
     for key, curve in curves.items():
         if key.law == law:
@@ -201,20 +200,16 @@ def panels(curves: Curves, law: str = LAWS[0]) -> dict[str, dict[str, dict[str, 
 
 
 def main(argv: Sequence[str] | None = None) -> None:
-    """Print the table and the verdict; with --figure, write the figure."""
-    parser = argparse.ArgumentParser(
-        prog="python -m steer_env.experiments.studies.loop_width", description=(__doc__ or "").split("\n")[0]
-    )
-    parser.add_argument("--cars", nargs="+", choices=cars.available(), default=list(cars.available()))
-    parser.add_argument("--figure", type=Path, metavar="FILE.svg")
+    """Print the widths over friction and the verdicts; with --figure also draw them."""
+    parser = argparse.ArgumentParser(prog="steer-env study loop-width", description=main.__doc__)
+    names = cars.available()
+    text = f"default: {' '.join(names)}"
+    parser.add_argument("--cars", metavar="NAME", nargs="+", choices=names, default=list(names), help=text)
+    parser.add_argument("--figure", metavar="FILE.svg", type=Path, help="file for the picture")
     options = parser.parse_args(argv)
     curves = collect(options.cars, workers=2)
     print(table(curves))
     for test in TESTS:
         print("\n" + sentence(curves, test))
     if options.figure:
-        options.figure.write_text(figures.loop_width(panels(curves)), encoding="utf-8")
-
-
-if __name__ == "__main__":
-    main()
+        options.figure.write_text(pictures.loop_width(panels(curves)), encoding="utf-8")

@@ -1,32 +1,33 @@
-"""What a friction law costs in real time: error, bounds, mean and worst step for every scheme and step length.
+"""Cost of a friction law in real time: error, boundedness, mean and worst step for every scheme and step length.
 
-One case stands for all: the default car's column under a sine of 2.5 N m of hand torque at 0.5 Hz for 4 s. Errors are
-against :func:`steer_env.experiments.studies.integrators.reference`. Times are wall clock on the machine at hand: the mean step is the
-median over repeats of a whole compiled run. The worst step is freed of what the operating system adds by repeating the
-same deterministic run and keeping, for each step, the shortest time seen, less the shortest of an empty call there.
+All are of one case: the default car's column under a sine of 2.5 N m of hand torque at 0.5 Hz for 4 s. Errors are
+against :func:`steer_env.experiments.studies.integrators.reference`. Times are wall-clock times on this machine. The
+mean step is the median over repeats of a whole compiled run. The worst step excludes what the operating system adds:
+the same deterministic run is repeated, and each step counts with its shortest time, less that of an empty call.
 """
 
+import argparse
 import gc
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from time import perf_counter_ns
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from steer_env import manoeuvres
+from steer_env import friction, manoeuvres
 from steer_env.experiments.studies.integrators import SCHEMES, Case, arguments, integrate, reference
 from steer_env.friction.numerics.kernel import bind, kernel
-from steer_env.vehicle import plant
+from steer_env.vehicle import cars, plant
 from steer_env.vehicle.cars import Car
 from steer_env.vehicle.steering import column
 
 STEPS = (1e-4, 2e-4, 5e-4, 1e-3, 2e-3, 5e-3, 1e-2)  # [s], whole multiples of the first
-BLOWN_UP = 3.0  # a run counts as bounded while torque and speed stay below this many times their true peaks
-USABLE = 0.01  # RMS error up to which a scheme counts as usable, of the friction torque's peak; assumed
+BLOWN_UP = 3.0  # torque and speed of a bounded run stay below this many times their true peaks
+USABLE = 0.01  # RMS error relative to the peak of the friction torque up to which a scheme counts as usable; assumed
 REPEATS = 7
-RUN_IN = 200  # calls
+RUN_IN = 200  # calls before the timed ones
 TIMED = 2.0  # the first cycle of the case, which passes through every regime [s]
 
 
@@ -35,19 +36,19 @@ class Row(NamedTuple):
 
     scheme: str
     step: float  # [s]
-    error: float | None  # RMS, of the friction torque's peak [1]; None where not finite
+    error: float | None  # RMS, relative to the peak of the friction torque [1]; None where not finite
     bounded: bool
     ns_per_step: float | None  # [ns]
     worst_step_ns: float | None  # [ns]
 
 
 def default_case(p: Any) -> Case:
-    """The case of the table for the parameters of a law; the column is the default car's."""
+    """The case of the table with the parameters of a law; the column is that of the default car."""
     return Case(column.make(), p, amplitude=2.5, frequency=0.5, duration=4.0)
 
 
 def accuracy(p: Any, steps: tuple[float, ...] = STEPS) -> list[Row]:
-    """Error and bounds of every scheme at every step, without times."""
+    """Error and boundedness of every scheme at every step length, without times."""
     case = default_case(p)
     finest = steps[0]
     exact = reference(case, finest)
@@ -65,7 +66,7 @@ def accuracy(p: Any, steps: tuple[float, ...] = STEPS) -> list[Row]:
 
 
 class Clock:
-    """The times of one row, gathered over repeats."""
+    """Times of one row, collected over repeats."""
 
     def __init__(self, p: Any, row: Row) -> None:
         self.case = default_case(p)._replace(duration=TIMED)
@@ -82,12 +83,12 @@ class Clock:
         return arguments(self.case, self.row.scheme, self.row.step)
 
     def repeat(self) -> None:
-        """Run once more: whole, and step by step."""
+        """Time one more run as a whole, and one step by step."""
         start = self._fresh()
         none = [result[:0] for result in self.results]
         self.runs.append(_time(self.loop, *start, *self.results) - _time(self.loop, *start, *none))
         for call, shortest in zip(self.calls, self.shortest):
-            # what runs in fills the caches for the first steps
+            # the calls before the timed ones fill the processor's caches
             rounds = [(self._fresh(), self.torques[:RUN_IN], shortest.copy()), (self._fresh(), self.torques, shortest)]
             for (*state, _, K_road, h), torques, kept in rounds:
                 for i, torque in enumerate(torques):
@@ -96,7 +97,7 @@ class Clock:
                         kept[i] = elapsed
 
     def timed(self) -> Row:
-        """The row with its times; what the call itself takes is off both."""
+        """The row with its times, without the time of the call itself."""
         steps, calls = np.array(self.shortest)
         return self.row._replace(
             ns_per_step=max(float(np.median(self.runs)), 0.0) / len(self.torques),
@@ -105,9 +106,9 @@ class Clock:
 
 
 def timed(tables: dict[str, tuple[Any, list[Row]]], notify: Callable[[float], None]) -> dict[str, list[Row]]:
-    """Times for the bounded rows of every law's table; ``notify`` gets the part that is done.
+    """Add the times to the bounded rows of every law's table; ``notify`` gets the part that is done.
 
-    The repeats go round all tables, so that a slow spell of the machine falls on all laws alike.
+    Each repeat goes through all tables, so that a slow moment of the machine affects all laws alike.
     """
     clocks = {(law, row): Clock(p, row) for law, (p, rows) in tables.items() for row in rows if row.bounded}
     with _no_garbage_collection():
@@ -122,7 +123,7 @@ def timed(tables: dict[str, tuple[Any, list[Row]]], notify: Callable[[float], No
 
 @kernel
 def _nothing(c, p, q, memory, work, T1, K_road, h):
-    """A step that does nothing: what calling one costs."""
+    """A step that does nothing, to measure the cost of a call."""
     return 0.0, 0.0
 
 
@@ -142,7 +143,7 @@ def _no_garbage_collection() -> Iterator[None]:
 
 
 def plant_samples(car: Car, laws: dict[str, Any]) -> dict[str, float]:
-    """Time that the whole car, driver to tyre, takes for one sample of 1 ms in a weave, for every law [ns]."""
+    """Computing time of the whole car for one sample of 1 ms in a weave, by law [ns]."""
     weave = manoeuvres.make("weave")
     inputs = manoeuvres.inputs(weave, 0.25, 2.0)
     record = np.zeros((len(inputs), len(plant.CHANNELS)))
@@ -157,10 +158,29 @@ def plant_samples(car: Car, laws: dict[str, Any]) -> dict[str, float]:
 
 
 def usable_step(rows: list[Row], scheme: str) -> float | None:
-    """Longest step up to which a scheme stays bounded and within ``USABLE`` [s]; None if it never is."""
+    """Longest step up to which a scheme is bounded and within ``USABLE`` [s]; None if no step is."""
     longest = None
     for row in sorted((row for row in rows if row.scheme == scheme), key=lambda row: row.step):
         if not row.bounded or row.error is None or row.error > USABLE:
             break
         longest = row.step
     return longest
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Print error, mean step and worst step of every law, scheme and step length."""
+    parser = argparse.ArgumentParser(prog="steer-env study real-time", description=main.__doc__)
+    laws = friction.available()
+    text = f"default: {' '.join(laws)}"
+    parser.add_argument("--friction", metavar="LAW", nargs="+", choices=laws, default=list(laws), help=text)
+    chosen = {law: friction.make(law) for law in parser.parse_args(argv).friction}
+    tables = timed({law: (p, accuracy(p)) for law, p in chosen.items()}, lambda _: None)
+    print("law       scheme          step [ms]  RMS error [%]  mean [ns]  worst [ns]")
+    for law, rows in tables.items():
+        for row in rows:
+            found = f"{100.0 * row.error:13.4f}" if row.error is not None else f"{'not finite':>13s}"
+            times = f"{row.ns_per_step:9.0f}  {row.worst_step_ns:10.0f}" if row.bounded else "  not bounded"
+            print(f"{law:10s}{row.scheme:16s}{1e3 * row.step:9.1f}  {found}  {times}")
+    print("\n1 ms of the whole car [ns]")
+    for law, time in plant_samples(cars.load(), chosen).items():
+        print(f"{law:10s}{time:6.0f}")

@@ -1,1 +1,1 @@
-"""Every requirement with its measured value, and the independent calculations that the values are held against."""
+"""The requirements with their measured values, and the independent calculations that they are compared with."""

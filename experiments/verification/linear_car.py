@@ -1,4 +1,4 @@
-"""The linear single-track car, driven by our manoeuvres and read by our metrics, against python-control's analysis."""
+"""The linear single-track car in our manoeuvres: our metrics against the analysis of python-control."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -8,11 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from steer_env import manoeuvres
-from steer_env.metrics import CHANNELS, evaluate
-from steer_env.metrics.frequency_response import curve
+from steer_env.metrics import CHANNELS, evaluate, frequency_response_curve
 from steer_env.recording.recording import DEGREE, Recording
 from steer_env.vehicle import cars
-from steer_env.vehicle.chassis.single_track import GRAVITY as G
+from steer_env.vehicle.constants import GRAVITY as G
 from steer_env.vehicle.linear import from_car
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
 
@@ -20,7 +19,7 @@ Array = NDArray[Any]
 
 SPEED = 80 / 3.6  # [m/s]
 OUTPUTS = ("yaw_rate", "lateral_acceleration")
-QUICK = 0.01  # rise of the handwheel that stands for a unit step [s]
+QUICK = 0.01  # rise time of the handwheel angle that stands for a unit step [s]
 
 
 def system(car: str = "compact") -> control.StateSpace:
@@ -36,11 +35,11 @@ def drive(model: control.StateSpace, name: str, amplitude: float = 0.3, **option
     model : control.StateSpace
         From :func:`system`.
     name : str
-        Of the manoeuvre.
+        Name of the manoeuvre.
     amplitude : float
-        Of the handwheel angle [rad].
+        Amplitude of the handwheel angle [rad].
     options
-        Of the manoeuvre.
+        Options of the manoeuvre.
     """
     manoeuvre = manoeuvres.make(name, **options)
     time = SAMPLE_TIME * np.arange(round(manoeuvre.duration / SAMPLE_TIME) + 1.0)
@@ -53,19 +52,19 @@ def drive(model: control.StateSpace, name: str, amplitude: float = 0.3, **option
 
 
 def errors() -> Iterator[tuple[str, float]]:
-    """What is compared, and the error relative to python-control's value (of a phase: [rad])."""
+    """Name of each comparison, and the error relative to python-control's value (of a phase: [rad])."""
     model = system()
     yield from _frequency_errors(model)
     yield from _step_errors(model)
 
 
 def _frequency_errors(model: control.StateSpace) -> Iterator[tuple[str, float]]:
-    # Random steering needs its length: what a segment cuts off at its ends is noise to it.
+    # Random steering needs this length, as each segment cuts the response off at its ends, which acts as noise.
     for test, options in (("frequency-response", {}), ("random-steer", {"duration": 1440.0})):
         recording = drive(model, test, **options)
         found = {name: value.value for name, value in evaluate(recording).items()}
         for name in OUTPUTS:
-            seen, own = curve(recording, name), model[name, "handwheel_angle"]
+            seen, own = frequency_response_curve(recording, name), model[name, "handwheel_angle"]
             true = _response(own, seen.frequency)
             yield f"{test}, {name}: gain", float(np.abs(np.abs(seen.response / true) - 1.0).max())
             yield f"{test}, {name}: phase", float(np.abs(np.angle(seen.response / true)).max())
@@ -73,9 +72,8 @@ def _frequency_errors(model: control.StateSpace) -> Iterator[tuple[str, float]]:
             true = _response(own, fine)
             gain, phase = np.abs(true), np.unwrap(np.angle(true))
             expected = {"phase_lag_at_1hz": -np.interp(1.0, fine, phase) / DEGREE}
-            if (
-                phase.min() < -np.pi / 4 - 0.05
-            ):  # without the tyres' relaxation the lateral acceleration hardly gets there
+            # Without the relaxation of the tyres the lateral acceleration hardly reaches this phase.
+            if phase.min() < -np.pi / 4 - 0.05:
                 expected["equivalent_time"] = 1.0 / (2.0 * np.pi * fine[np.argmax(phase <= -np.pi / 4)])
             if name == "yaw_rate":
                 expected["steady_state_gain"] = gain[0]
@@ -93,7 +91,7 @@ def _response(own: control.StateSpace, frequency: Array) -> NDArray[np.complex12
 
 
 def _step_errors(model: control.StateSpace) -> Iterator[tuple[str, float]]:
-    """A quick step against that of the system, and the manoeuvre's own against the analysis of its response."""
+    """A quick step against the system's unit step, and the manoeuvre's step against the analysis of its response."""
     for what, options in (("unit step", {"rise": QUICK}), ("step-steer", {})):
         amplitude = 4.0 / float(model.dcgain()[2, 0])
         recording = drive(model, "step-steer", amplitude, right=False, **options)
@@ -109,9 +107,9 @@ def _step_errors(model: control.StateSpace) -> Iterator[tuple[str, float]]:
             else:
                 final = amplitude * float(own.dcgain())
                 info = control.step_info(one[name], T=one.time - 1.0, yfinal=final, SettlingTimeThreshold=0.05)
-                late = 0.5 * rise  # metrics count from half of the handwheel angle
+                late = 0.5 * rise  # the metrics count from the instant of half the handwheel angle
                 yield f"{what}, {name}: rise time", abs(found[f"{name}_rise_time"] / info["RiseTime"] - 1.0)
-            # an overshoot is a part of the steady value already
+            # the overshoot is relative to the steady value already
             yield f"{what}, {name}: overshoot", abs(found[f"{name}_overshoot"] - info["Overshoot"] / 100.0)
             for key, own_key in (("peak_time", "PeakTime"), ("settling_time", "SettlingTime")):
                 yield (

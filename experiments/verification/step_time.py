@@ -1,6 +1,6 @@
-"""What steps cost: of an environment beside CartPole-v1, of the plant beside its friction law alone, and the first one.
+"""Computing time of steps: an environment against CartPole-v1, the plant against its friction law, and the first step.
 
-``python -m steer_env.experiments.verification.requirements time`` prints them.
+``steer-env verify time`` prints them.
 """
 
 import math
@@ -31,16 +31,16 @@ FIRST_STEP = (
 
 
 def _best(runs: Mapping[str, Callable[[], float]], repeats: int) -> dict[str, float]:
-    """The least of what each run returns, over repeats in turn.
+    """The least value that each run returns in several rounds.
 
-    Many short ones: where other programs run too, some repeat of each meets the machine undisturbed.
+    With many short rounds, some round of each run is undisturbed by other programs.
     """
     times = [{name: run() for name, run in runs.items()} for _ in range(repeats)]
     return {name: min(each[name] for each in times) for name in runs}
 
 
 def _step_time(env: gym.Env, action: object, steps: int) -> float:
-    """Seconds per ``step``; resets are not counted."""
+    """Time of a ``step`` without the resets [s]."""
     env.reset(seed=0)
     spent = 0.0
     start = time.perf_counter()
@@ -62,9 +62,9 @@ def ratios(steps: int = 200, repeats: int = 200) -> dict[str, float]:
 
 
 def first_step(name: str, cache: str, chassis: str = "single_track") -> float:
-    """Processor time of a new process with this cache folder to the end of its first step, imports and all [s].
+    """Processor time of a new process with this cache folder until the end of its first step, with all imports [s].
 
-    That is what a clock shows where nothing else runs: all of it is one thread's work.
+    On an idle machine it equals the wall time, as a single thread does all of the work.
     """
     environment = {**os.environ, "NUMBA_CACHE_DIR": cache}
     command = [sys.executable, "-c", FIRST_STEP.format(name=name, chassis=chassis)]
@@ -72,7 +72,10 @@ def first_step(name: str, cache: str, chassis: str = "single_track") -> float:
 
 
 def training_share(env_id: str, rollouts: int = 3) -> float:
-    """Part of PPO's wall time at the id's settings, but 64 lanes, that the environment takes. Needs the extra train."""
+    """Share of the environment in the wall time of PPO, at the id's settings but with 64 sub-environments.
+
+    Needs the extra ``train``.
+    """
     from stable_baselines3.common.vec_env import VecMonitor, VecNormalize
 
     from steer_env.experiments.learning.training import new_model, settings
@@ -100,16 +103,16 @@ def training_share(env_id: str, rollouts: int = 3) -> float:
 
 @kernel
 def _friction_alone(p, memory, w, steps):
-    """LuGre's step equation in a loop, as the column would have it in a weave."""
+    """LuGre's step equation in a loop, with the torques of the column in a weave."""
     for i in range(steps):
         w, _ = law.step(p, 1.0, memory, 100.0, 20.0 * math.sin(1e-3 * i), 1e-3, w)
     return w
 
 
 def substeps(friction: str = "lugre", n: int = 2000, repeats: int = 100) -> dict[str, float]:
-    """Seconds per 1 ms step of the friction law alone and of the whole plant on each chassis, in this process.
+    """Time of a 1 ms step of the friction law alone and of the whole plant on each chassis, in this process [s].
 
-    The plants weave at 100 km/h on one core.
+    The plants drive a weave at 100 km/h on one core.
     """
     p = make(friction)
     memory = np.zeros(law.law_of(p).memory_size(p))

@@ -1,12 +1,12 @@
-"""Active return: a torque toward the middle that gives way to the driver.
+"""Active return: a torque towards the centre that fades when the driver holds the handwheel.
 
     s = gain (th1 + lead th1')/saturation
     T = -saturation s/sqrt(1 + s^2) 1/(1 + (T_tb/hold)^2) v/(v + v_0)
 
-th1 is the handwheel angle, T_tb the torsion bar's torque: hands that hold the handwheel twist the bar, a handwheel let
-go leaves it slack. v is the car's speed; tyres that stand do not centre, and parking wants no return. The term in th1'
-brakes before the middle. The structure is common practice; the shapes of saturation and fades are assumed, the gains
-chosen for a quarter less cost in AssistRelease without a loss in the other tasks.
+th1 is the handwheel angle, T_tb the torsion bar's torque: hands that hold the handwheel twist the bar, a released
+handwheel does not. v is the car's speed; the tyres of a standing car do not centre, and no return is wanted in parking.
+The term in th1' brakes before the centre. The structure is common practice; the shapes of saturation and fades are
+assumed. The gains are chosen for a quarter less cost in AssistRelease without a loss in the other tasks.
 """
 
 from typing import Any
@@ -16,21 +16,21 @@ import numpy as np
 from steer_env.assists.common.definition import Array, Baseline, register
 from steer_env.friction.numerics.check import not_negative, positive
 
-STANDING = 3.0  # v_0, speed at which half of the return is there, assumed [m/s]
+HALF_SPEED = 3.0  # v_0, speed at which the return has half its size, assumed [m/s]
 
 
 class ActiveReturn(Baseline):
-    """Active return.
+    """Active return to the centre.
 
     Parameters
     ----------
     env : assist environment
     gain : float
-        Stiffness about the middle [N m/rad].
+        Stiffness about the centre [N m/rad].
     saturation : float
         Largest torque [N m].
     lead : float
-        Time over which the handwheel's motion is foreseen [s].
+        Time over which the handwheel's motion is extrapolated [s].
     hold : float
         Torsion-bar torque that halves the return [N m].
     """
@@ -47,11 +47,11 @@ class ActiveReturn(Baseline):
         self.hold = positive("hold [N m]", hold)
 
     def torque(self, seen: Array) -> Array:
-        """Toward the middle [N m]."""
+        """Torque towards the centre [N m]."""
         angle, rate, twist, speed = seen.T
-        # A root and quotients, which IEEE rounds exactly, so that lanes do not depend on their number.
+        # IEEE rounds roots and quotients exactly, so the result does not depend on the number of rows.
         s = self.gain / self.saturation * (angle + self.lead * rate)
-        held, share = twist / self.hold, np.abs(speed) / (np.abs(speed) + STANDING)
+        held, share = twist / self.hold, np.abs(speed) / (np.abs(speed) + HALF_SPEED)
         return -self.saturation * s / np.sqrt(1.0 + s * s) / (1.0 + held * held) * share
 
 

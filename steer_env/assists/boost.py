@@ -1,4 +1,4 @@
-"""The car's boost table alone, as it comes from the maker."""
+"""The car's boost table alone."""
 
 import numpy as np
 
@@ -6,7 +6,7 @@ from steer_env.assists.common.definition import Array, Baseline, register
 
 
 class Boost(Baseline):
-    """No torque on top."""
+    """No torque in addition to the boost table's."""
 
     def torque(self, seen: Array) -> Array:
         """Zero [N m]."""

@@ -1,7 +1,7 @@
-"""Motor damping on top of the table's own: T = -gain w, w the column speed.
+"""Motor damping in addition to the table's own: T = -gain w, w the column speed.
 
-The gain is a compromise: a handwheel let go comes to the middle the better the larger it is, and what is felt of a
-weave and a lane change gets the worse.
+The gain is a compromise: a larger one improves the return of a released handwheel and worsens the feel of a weave and
+a lane change.
 """
 
 from typing import Any
@@ -17,7 +17,7 @@ class Damping(Baseline):
     ----------
     env : assist environment
     gain : float
-        [N m s/rad]
+        Damping [N m s/rad].
     """
 
     needs = ("column_speed",)
@@ -27,7 +27,7 @@ class Damping(Baseline):
         self.gain = not_negative("gain [N m s/rad]", gain)
 
     def torque(self, seen: Array) -> Array:
-        """Against the column speed [N m]."""
+        """Torque against the column speed [N m]."""
         return -self.gain * seen[:, 0]
 
 

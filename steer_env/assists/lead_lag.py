@@ -1,15 +1,15 @@
-"""Lead-lag feedback of the torsion-bar torque, on top of the boost curve and its own lead.
+"""Lead-lag feedback of the torsion-bar torque, in addition to the boost curve and its own lead.
 
     H(s) = gain (1 + s/lag_zero)/(1 + s/lag_pole) (1 + s/lead_zero)/(1 + s/lead_pole),    request = H T_tb
 
-by Tustin's rule at the control step. ``gain`` is lowered until the margins hold at every slope of the boost curve at
-the speed, in both loops that the feedback is part of: the one opened at the torsion bar's torque, boost and feedback
-together, as :func:`steer_env.vehicle.steering.margins.margins` has it for the boost alone; and the one opened at the request, boost
-closed. The first is read off its frequency response, the hold over a control step taken as the mean over its samples,
-the copies of the signal above half the control rate left out; the second is exact. The corners are chosen for
-AssistLaneChange and AssistLaneKeeping: from 1 Hz up the feedback takes what the road and friction put on the torsion
-bar, below it leaves the weight of the steering. Without a lag (equal corners) by default: one that raises low
-frequencies makes steering lighter than the reference feel.
+discretised by Tustin's rule at the control step. ``gain`` is lowered until the margins hold at every slope of the boost
+curve at the speed, in both loops that contain the feedback: the loop opened at the torsion bar's torque, with boost and
+feedback together, as :func:`steer_env.vehicle.steering.margins.margins` opens it for the boost alone; and the loop
+opened at the request, with the boost closed. The margins of the first are read from its frequency response, with the
+hold over a control step taken as the mean over its samples and aliases above half the control rate neglected; the
+second is exact. The corners are chosen for AssistLaneChange and AssistLaneKeeping: above 1 Hz the feedback reduces the
+torque that road and friction cause at the torsion bar, below it the steering torque stays. The default has no lag (its
+corners are equal): a lag that raises the gain at low frequencies makes steering lighter than the reference feel.
 """
 
 import itertools
@@ -27,12 +27,12 @@ from steer_env.vehicle.steering.eps import SAMPLE_TIME
 if TYPE_CHECKING:
     import control
 
-STEPS = 50  # in which the gain grows to what was asked for
-POINTS = 2000  # of the frequency responses
+STEPS = 50  # of the search for the largest gain that keeps the margins
+POINTS = 2000  # of each frequency response
 
 
 def compensator(gain: float, lag: tuple[float, float], lead: tuple[float, float], dt: float) -> "control.StateSpace":
-    """H at a control step [s], from corners (zero, pole) of lag and lead [Hz]."""
+    """H for a control step ``dt`` [s], from the corners (zero, pole) of lag and lead [Hz]."""
     import control
 
     s = control.tf("s")
@@ -45,13 +45,13 @@ def compensator(gain: float, lag: tuple[float, float], lead: tuple[float, float]
 class Loops(NamedTuple):
     """Frequency responses (P,) at one slope of the boost curve; open loops, for negative feedback."""
 
-    boost: Response  # at the torsion bar's torque, of the boost alone
-    added: Response  # at the torsion bar's torque, what H adds
-    request: Response  # at the request, boost closed
+    boost: Response  # opened at the torsion bar's torque, of the boost alone
+    added: Response  # opened at the torsion bar's torque, what H adds to it
+    request: Response  # opened at the request, with the boost closed
 
 
 def loops(car: Car, H: "control.StateSpace", slope: float, speed: float) -> Loops:
-    """The loops that a compensator is part of, at a slope of the boost curve [1] and a speed [m/s]."""
+    """The loops that contain a compensator, at a slope of the boost curve [1] and a speed [m/s]."""
     from steer_env.vehicle.steering.margins import hands_fixed_loop, hands_fixed_plant
 
     dt = float(H.dt)
@@ -67,9 +67,9 @@ def loops(car: Car, H: "control.StateSpace", slope: float, speed: float) -> Loop
 
 
 def margins(loop: Response) -> tuple[float, float]:
-    """Phase margin [rad] and gain margin, up or down [1], of an open loop's frequency response.
+    """Phase margin [rad] and gain margin [1], upwards or downwards, from an open loop's frequency response.
 
-    The smallest of all crossings, straight lines between the points; infinite without any.
+    The smallest of all crossings, with straight lines between the points; infinite without a crossing.
     """
     size, phase = np.abs(loop), np.unwrap(np.angle(loop))
     at = np.flatnonzero(np.diff(size > 1.0))
@@ -89,13 +89,13 @@ class LeadLag(LinearBaseline):
     ----------
     env : assist environment
     gain : float
-        At low frequencies, as far as the margins allow; negative for heavier steering [1].
+        Gain at low frequencies, lowered as far as the margins need it; negative for heavier steering [1].
     lag, lead : (float, float)
-        Zero and pole, below half the control rate [Hz].
+        Zero and pole, both below half the control rate [Hz].
     phase_margin : float
-        At least [rad].
+        Least phase margin [rad].
     gain_margin : float
-        At least, a factor [1].
+        Least gain margin, a factor [1].
     """
 
     needs = ("speed", "torsion_bar_torque")
@@ -118,21 +118,21 @@ class LeadLag(LinearBaseline):
 
     def _corners(self, name: str, pair: Any) -> tuple[float, float]:
         if np.shape(pair) != (2,):
-            raise ValueError(f"{name} [Hz] must be a pair, zero and pole, got {pair!r}")
+            raise ValueError(f"{name} [Hz] must be a pair of zero and pole, got {pair!r}")
         zero, pole = (number(f"{name} [Hz]", f, minimum=0.0, maximum=0.49 / self.control_dt, above=True) for f in pair)
         return zero, pole
 
     def design(self, speed: float) -> Linear:
-        """The lead-lag for a speed [m/s], its gain as large as the margins allow."""
+        """The lead-lag for a speed [m/s], with a gain as large as the margins allow."""
         H = compensator(self.gain, self.lag, self.lead, self.control_dt)
-        found = [loops(self.lanes.car, H, slope, speed) for slope in slopes(self.lanes.car, speed)]
+        found = [loops(self.batch.car, H, slope, speed) for slope in slopes(self.batch.car, speed)]
 
         def allowed(share: float) -> bool:
             opened = [loop for one in found for loop in (one.boost + share * one.added, share * one.request)]
             pairs = map(margins, opened)
             return all(phase >= self.phase_margin and factor >= self.gain_margin for phase, factor in pairs)
 
-        # From no feedback up: the loop that grows from a stable one with room to -1 all the way stays stable.
+        # From no feedback upwards: a loop that grows from a stable one and keeps its distance from -1 stays stable.
         shares = np.linspace(0.0, 1.0, STEPS + 1)
         share = max(itertools.takewhile(allowed, shares), default=0.0)
         return Linear(H.A, H.B, np.zeros(len(H.A)), share * H.C[0], share * H.D[0])

@@ -1,24 +1,25 @@
-"""LQG: hand torque that follows the reference feel, as well as a linear controller can.
+"""LQG: the hand torque follows the reference feel by a linear-quadratic-Gaussian controller.
 
-The model is the assisted column between control steps (:func:`steer_env.assists.common.linear.sampled`): its state x, driven
-by the request u, the handwheel's speed w1 and the torque d of rack and friction on the column. Both are disturbances
-that wander at random, so that the estimate of d is integral action. From the torsion bar's torque T and the column
-speed a Kalman filter estimates x, w1 and d; around the steady state at which T is the reference r under these, the
-regulator is optimal for the sum of (T - r)^2 + (effort (u - u_s))^2:
+The model is the assisted column between control steps (:func:`steer_env.assists.common.linear.sampled`) with state x.
+Its inputs are the request u, the handwheel speed w1 and the torque d of rack and friction on the column. w1 and d are
+modelled as random walks, so that the estimate of d gives integral action. A Kalman filter estimates x, w1 and d from
+the torsion bar's torque T and the column speed. Around the steady state (x_s, u_s) in which T equals the reference r
+under these w1 and d, the regulator minimises the sum of (T - r)^2 + (effort (u - u_s))^2:
 
     (A - I) x_s + B_u u_s = -B_w w1 - B_d d,    C_T x_s = r,    u = u_s - K (x - x_s)
 
-Linearised: the boost curve, by its slope at ``linearised_at``; friction slides at constant torque and the rack's
-stiffness is left out, both for d to take up; the handwheel's motion is given, as firm hands give it; hand torque is
-torsion-bar torque, which leaves out the handwheel's inertia. The reference (:mod:`steer_env.reference_feel`, or parking's
-own) is taken as it is, nonlinear, from lateral acceleration and handwheel speed.
+Linearisation: the boost curve has its slope at ``linearised_at``. Friction slides at constant torque and the rack has
+no stiffness; d represents both. The handwheel's motion is prescribed, as by firm hands. The hand torque is the
+torsion-bar torque, which neglects the handwheel's inertia. The reference (:mod:`steer_env.reference_feel`, or that of
+parking) stays nonlinear, from lateral acceleration and handwheel speed.
 
-The reference brings next to no damping, and stiffness that lags with the lateral acceleration. A torque that followed
-it without limit leaves arms, let alone a handwheel let go, to oscillate: with the whole span, AssistLaneKeeping's
-driver sways at 1.2 Hz, from 0.2 of it on he begins to. So the request stays within 0.1, and is zero while the hands
-are known to be off; parking's reference has no such stiffness and gets the whole span. On centre, where the boost
-curve is flat, it is linearised for the margins: there the filter and regulator of a steeper slope would be next to
-unstable. ``effort`` then leaves 30 deg and 6 dB at every slope of the curve.
+The reference has almost no damping, and a stiffness that lags with the lateral acceleration. If the hand torque
+followed it without limit, the arms would oscillate, and a released handwheel even more: with the action's full scale
+the driver of AssistLaneKeeping oscillates at 1.2 Hz, which begins at 0.2 of it. So the request is limited to 0.1 of the
+full scale, and is zero while the hands are known to be off; the reference of parking has no such stiffness, and the
+request may use the full scale. The boost curve is linearised on centre, where it is flat, because of the margins:
+there, filter and regulator designed for a steeper slope would be almost unstable. ``effort`` then leaves 30 deg and
+6 dB at every slope of the curve.
 """
 
 from typing import Any
@@ -31,15 +32,15 @@ from steer_env.friction.numerics.check import not_negative, number, positive
 from steer_env.friction.numerics.kernel import kernel
 from steer_env.randomise import SENSOR_NOISE
 from steer_env.reference_feel import reference_torque
-from steer_env.tasks.assist_parking import Robot, wanted_torque
+from steer_env.tasks.assist_parking import ParkingFeel, wanted_torque
 
 
 @kernel
-def _refer(standing, seen, y):
-    """Put the torque wanted in every lane into the last column [N m]; ``standing`` is parking's, or negative."""
+def _write_reference(parking_torque, seen, y):
+    """Write the reference torque [N m] of every row as the last column; ``parking_torque`` is negative when driving."""
     for i in range(seen.shape[0]):
-        if standing >= 0.0:
-            y[i, 2] = wanted_torque(standing, seen[i, 4])
+        if parking_torque >= 0.0:
+            y[i, 2] = wanted_torque(parking_torque, seen[i, 4])
         else:
             y[i, 2] = reference_torque(seen[i, 3], seen[i, 4])
 
@@ -51,18 +52,18 @@ class LQG(LinearBaseline):
     ----------
     env : assist environment
     effort : float
-        Torque error that is as bad as a unit of request [1].
+        Torque error that costs as much as a request of 1 N m, over 1 N m [1].
     authority : float
-        Share of the action's span that the request stays within, 0 to 1; 0.1 by default, in parking 1.
+        Largest request over the action's full scale, 0 to 1; by default 0.1, in parking 1.
     linearised_at : float
-        Torsion-bar torque at which the boost curve's slope is taken [N m].
+        Torsion-bar torque at which the slope of the boost curve is taken [N m].
     torque_noise, speed_noise : float
-        Standard deviations of how far the torque d [N m] and the handwheel speed [rad/s] wander in a control step. The
-        sensors' noise is ``steer_env.randomise.SENSOR_NOISE``.
+        Standard deviations of the change of the torque d [N m] and of the handwheel speed [rad/s] in a control step.
+        The sensors' noise is ``steer_env.randomise.SENSOR_NOISE``.
     """
 
     needs = ("speed", "torsion_bar_torque", "column_speed", "lateral_acceleration", "handwheel_speed")
-    welcome = ("released",)
+    optional = ("released",)
 
     def __init__(
         self,
@@ -79,19 +80,20 @@ class LQG(LinearBaseline):
         self.linearised_at = not_negative("linearised_at [N m]", linearised_at)
         self.torque_noise = positive("torque_noise [N m]", torque_noise)
         self.speed_noise = positive("speed_noise [rad/s]", speed_noise)
-        rules = self.lanes.task.rules
-        self._standing = rules.torque if isinstance(rules, Robot) else -1.0
-        usual = 1.0 if isinstance(rules, Robot) else 0.1
+        parameters = self.batch.task.parameters
+        parks = isinstance(parameters, ParkingFeel)
+        self._parking_torque = parameters.torque if parks else -1.0
+        usual = 1.0 if parks else 0.1
         self.authority = usual if authority is None else number("authority", authority, minimum=0.0, maximum=1.0)
 
     def signals(self, seen: Array) -> Array:
         """Torsion-bar torque, column speed and reference (n, 3)."""
         y = seen[:, 1:4].copy()
-        _refer(self._standing, seen, y)
+        _write_reference(self._parking_torque, seen, y)
         return y
 
     def torque(self, seen: Array) -> Array:
-        """What the controller asks for, nothing while the hands are off [N m]."""
+        """Torque that the controller requests, zero while the hands are off [N m]."""
         return super().torque(seen) * (1.0 - seen[:, 5])
 
     def design(self, speed: float) -> Linear:
@@ -100,7 +102,7 @@ class LQG(LinearBaseline):
 
         from steer_env.vehicle.steering.margins import boost_gain
 
-        car = self.lanes.car
+        car = self.batch.car
         plant = sampled(car, boost_gain(car.assist, self.linearised_at, speed), speed, self.control_dt)
         n = len(plant.A)
         A, B, T = plant.A, plant.B[:, :1], plant.C[:1]
@@ -111,8 +113,8 @@ class LQG(LinearBaseline):
         wander = np.diag([self.speed_noise**2, self.torque_noise**2])
         sensors = np.diag([SENSOR_NOISE[name] ** 2 for name in self.needs[1:3]])
         _, P, _ = control.dlqe(whole, np.eye(n + 2)[:, n:], seen, wander, sensors)
-        L = P @ seen.T @ np.linalg.inv(seen @ P @ seen.T + sensors)  # to the estimate after the measurement
-        # Steady state (x_s, u_s) by (w1, d, r), and the request by these and by the estimate of (x, w1, d).
+        L = P @ seen.T @ np.linalg.inv(seen @ P @ seen.T + sensors)  # gain of the estimate after the measurement
+        # Steady state (x_s, u_s) from (w1, d, r), and the request from these and the estimate of (x, w1, d).
         balance = np.block([[A - np.eye(n), B], [T, np.zeros((1, 1))]])
         driven = np.block([[-plant.B[:, 1:], np.zeros((n, 1))], [np.zeros((1, 2)), np.ones((1, 1))]])
         feed = (np.append(K[0], 1.0) @ np.linalg.solve(balance, driven))[:3]

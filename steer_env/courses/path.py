@@ -60,7 +60,7 @@ def through(points: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 @kernel
-def see(path, x, y, yaw, guess, step, out):
+def locate(path, x, y, yaw, guess, step, out):
     """Where a car stands on a path, and where the path goes from there.
 
     Parameters

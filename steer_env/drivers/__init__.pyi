@@ -1,16 +1,16 @@
-from .common.definition import Arm, Driver, arm, available, make, register, register_eyes, resolve
-from .common.driver_batch import Controller, Crew, gripped
+from .common.definition import Arm, Driver, arm, available, make, register, register_preview_model, resolve
+from .common.driver_batch import Controller, DriverBatch, with_arms
 
 __all__ = [
     "Arm",
     "Controller",
-    "Crew",
     "Driver",
+    "DriverBatch",
     "arm",
     "available",
-    "gripped",
     "make",
     "register",
-    "register_eyes",
+    "register_preview_model",
     "resolve",
+    "with_arms",
 ]

@@ -1,13 +1,13 @@
-"""Robot: the preview driver with hands that hold the handwheel as a steering robot does."""
+"""Robot: the preview driver with hands that hold the handwheel as firmly as a steering robot does."""
 
-from steer_env.drivers.common.definition import ROBOT, Driver, register
+from steer_env.drivers.common.definition import ROBOT_ARM, Driver, register
 from steer_env.drivers.preview import EFFORT, Preview
 from steer_env.friction.numerics.check import positive
 
 
 def robot(effort: float = EFFORT) -> Driver:
-    """The preview driver with hands that hold the handwheel as a robot does."""
-    return Driver("robot", Preview(positive("effort [m/rad]", effort)), ROBOT)
+    """The preview driver with hands that hold the handwheel as firmly as a steering robot does."""
+    return Driver("robot", Preview(positive("effort [m/rad]", effort)), ROBOT_ARM)
 
 
 register("robot", robot)

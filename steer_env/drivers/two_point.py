@@ -6,61 +6,64 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from steer_env.drivers.common.definition import SAMPLE, Driver, arm, register, register_eyes
+from steer_env.courses.preview import PREVIEW_TIMES
+from steer_env.drivers.common.definition import Driver, arm, register, register_preview_model
 from steer_env.friction.numerics.check import number, positive
 from steer_env.friction.numerics.kernel import kernel
-from steer_env.tasks.common.terms import PREVIEW
+from steer_env.timing import UPDATE_INTERVAL
 from steer_env.vehicle.cars import Car
 
 Array = NDArray[np.float64]
 
-FAR, NEAR, SUM = 16.0, 4.0, 3.0  # relative gains on both angles and on the near angle's integral
-_FAR_POINT = 8  # place among the points of the one 0.9 s ahead
+FAR, NEAR, NEAR_INTEGRAL = 16.0, 4.0, 3.0  # relative gains on the two angles and on the near angle's integral
+_FAR_POINT = 8  # place of the point 0.9 s ahead among the points
 
 
 class TwoPoint(NamedTuple):
-    """Parameters of the eyes."""
+    """Parameters of the preview model."""
 
     near: float  # distance of the near point [m]
     scale: float  # on all gains [1]
 
 
 def _gains(p: TwoPoint, car: Car, speed: float) -> Array:
-    """On the far angle, the near angle and its integral, and where the near point lies between those that are seen.
+    """Gains on the far angle, the near angle and its integral; distance of the far point and place of the near point.
 
-    In a steady turn of curvature k the angles are k d/2; all gains are scaled so that they then ask for the handwheel
-    angle that the linear car needs.
+    In a steady turn of curvature k the angles at distance d are k d/2. All gains are scaled so that they then command
+    the handwheel angle that the linear car needs.
 
     Source: Salvucci, Gray, A two-point visual control model of steering, Perception 33 (2004); gains rescaled here.
     """
     from steer_env.vehicle import linear
 
     system = linear.from_car(car, speed).state_space("handwheel")
-    steady = -np.linalg.solve(system.A, system.B)[1, 0]  # yaw rate by angle
+    steady = -np.linalg.solve(system.A, system.B)[1, 0]  # yaw rate over handwheel angle
     per_curvature = speed / steady
-    far = speed * PREVIEW[_FAR_POINT]
+    far = speed * PREVIEW_TIMES[_FAR_POINT]
     unit = p.scale * per_curvature / (0.5 * (FAR * far + NEAR * p.near))
-    place = min(max(p.near / (speed * PREVIEW[0]), 1.0), len(PREVIEW) - 1.0)  # number of the point, from one
-    return np.array([unit * FAR, unit * NEAR, unit * SUM, far, place, place * speed * PREVIEW[0]])
+    place = min(
+        max(p.near / (speed * PREVIEW_TIMES[0]), 1.0), len(PREVIEW_TIMES) - 1.0
+    )  # among the points, counted from one
+    return np.array([unit * FAR, unit * NEAR, unit * NEAR_INTEGRAL, far, place, place * speed * PREVIEW_TIMES[0]])
 
 
 @kernel
-def _command(p, gains, sight, lateral_speed, yaw_rate, z, memory):
-    far = math.atan2(sight[2 + _FAR_POINT], gains[3])
+def _command(p, gains, path, lateral_speed, yaw_rate, z, memory):
+    far = math.atan2(path[2 + _FAR_POINT], gains[3])
     n = int(gains[4])
     part = gains[4] - n
-    near = math.atan2(sight[1 + n] + part * (sight[min(2 + n, sight.size - 1)] - sight[1 + n]), gains[5])
-    memory[0] += near * SAMPLE
+    near = math.atan2(path[1 + n] + part * (path[min(2 + n, path.size - 1)] - path[1 + n]), gains[5])
+    memory[0] += near * UPDATE_INTERVAL
     return gains[0] * far + gains[1] * near + gains[2] * memory[0]
 
 
-register_eyes(TwoPoint, _gains, _command)
+register_preview_model(TwoPoint, _gains, _command)
 
 
 def two_point(near: float = 8.0, scale: float = 1.0, co_contraction: float = 0.5) -> Driver:
-    """Near and far point after Salvucci and Gray (2004), arms in between."""
-    eyes = TwoPoint(number("near [m]", near, minimum=2.0, maximum=30.0), positive("scale", scale))
-    return Driver("two_point", eyes, arm(co_contraction))
+    """Near and far point after Salvucci and Gray (2004), through arms."""
+    parameters = TwoPoint(number("near [m]", near, minimum=2.0, maximum=30.0), positive("scale", scale))
+    return Driver("two_point", parameters, arm(co_contraction))
 
 
 register("two_point", two_point)

@@ -1,4 +1,4 @@
-"""Manoeuvres, one file each: what the hands do, defined once for the environments and for the test battery."""
+"""Manoeuvres, one file each: the motion of the hands, defined once for the environments and for the test battery."""
 
 import lazy_loader
 

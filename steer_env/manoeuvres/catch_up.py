@@ -1,4 +1,4 @@
-"""Catch-up: sweeps so fast that the assist may fall behind."""
+"""Catch-up: sweeps of the handwheel that are so fast that the assist may fall behind."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,14 +9,14 @@ from steer_env.recording.recording import DEGREE
 
 Array = NDArray[np.float64]
 
-BLUNT = 0.95  # of the corners: the hands turn round with some 160 rad/s2 at 700 deg/s
-SLOW = 45.0 * DEGREE  # rate of the sweeps that everything is compared with, assumed [rad/s]
+BLUNT = 0.95  # rounding of the corners: the hands reverse with about 160 rad/s2 at 700 deg/s [1]
+SLOW = 45.0 * DEGREE  # rate of the slow sweeps with which the others are compared, assumed [rad/s]
 RATES = tuple(rate * DEGREE for rate in (100.0, 200.0, 300.0, 400.0, 500.0, 600.0, 700.0))
-AMPLITUDE = 270.0 * DEGREE  # assumed
+AMPLITUDE = 270.0 * DEGREE  # assumed [rad]
 
 
 def _sweeps(rates: tuple[float, ...], amplitude: float, cycles: int) -> tuple[Array, Array]:
-    """Knots (K,) of time [s] and phase [rad]: the mid-sweep rate changes where the handwheel turns round."""
+    """Knots (K,) of time [s] and phase [rad]; the rate changes where the handwheel reverses."""
     each = np.concatenate([[SLOW], np.repeat([SLOW, *rates], 2 * cycles), [SLOW]])
     phase = np.pi * np.append(0.5, np.ones(each.size - 2))
     omega = each[:-1] * np.arcsin(BLUNT) / (amplitude * BLUNT)
@@ -27,14 +27,14 @@ def _sweeps(rates: tuple[float, ...], amplitude: float, cycles: int) -> tuple[Ar
 def catch_up(
     rates: tuple[float, ...] = RATES, amplitude: float = AMPLITUDE, speed: float = 0.0, cycles: int = 1
 ) -> Manoeuvre:
-    """Catch-up: sweeps to and fro, slow and then faster and faster, at standstill or rolling slowly."""
+    """Catch-up: sweeps to and fro at increasing speeds, with the car standing or rolling slowly."""
     time, phase = _sweeps(rates, amplitude, cycles)
 
     def hand(t: Array, amplitude: float) -> tuple[Array, Array]:
         now = np.interp(t, time, phase)
         omega = (np.diff(phase) / np.diff(time))[np.clip(np.searchsorted(time, t) - 1, 0, time.size - 2)]
         s, scale = BLUNT * np.sin(now), amplitude / np.arcsin(BLUNT)
-        first = ramp_and_hold(t, amplitude, time[1])  # without a jerk at the start
+        first = ramp_and_hold(t, amplitude, time[1])  # a smooth start
         then = scale * np.arcsin(s), scale * BLUNT * omega * np.cos(now) / np.sqrt(1.0 - s * s)
         return np.where(t < time[1], first[0], then[0]), np.where(t < time[1], first[1], then[1])
 

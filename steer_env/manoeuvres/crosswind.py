@@ -1,4 +1,4 @@
-"""Straight running in crosswind: gusts of a side-wind strip, or random wind; hands fixed."""
+"""Straight running with fixed hands in crosswind: gusts from strips of side wind, or random wind."""
 
 from collections.abc import Callable
 from functools import partial
@@ -13,21 +13,21 @@ from steer_env.vehicle.steering.eps import SAMPLE_TIME
 
 Array = NDArray[np.float64]
 
-# A compact car's side force 1/2 rho A c_Y beta v_res^2 at an angle of attack beta; all assumed.
+# Side force of a compact car, 1/2 rho A c_Y beta v_res^2 at an angle of attack beta; all values assumed.
 AIR, AREA, SIDE_FORCE_SLOPE = 1.2, 2.0, 2.3  # density [kg/m3], frontal area [m2], dc_Y/dbeta [1/rad]
-ARM = 0.3  # centre of pressure ahead of the centre of gravity, assumed [m]
-LENGTH = 4.0  # of the car: over it the wind takes hold, assumed [m]
-START, EVENT = 2.0, 8.0  # of the first gust, and from one to the next, assumed [s]
-CORRELATION = 1.0  # of random wind, assumed [s]
+ARM = 0.3  # distance of the centre of pressure ahead of the centre of gravity, assumed [m]
+LENGTH = 4.0  # length of the car, over which the wind force builds up, assumed [m]
+START, EVENT = 2.0, 8.0  # start of the first gust, and time from one gust to the next, assumed [s]
+CORRELATION = 1.0  # correlation time of random wind, assumed [s]
 
 
 def side_force(wind: Array, speed: float) -> Array:
-    """Side force [N] of a wind across the road [m/s] on a car at a speed [m/s]."""
+    """Side force of a wind across the road [m/s] on a car with a speed [m/s], in N."""
     return 0.5 * AIR * AREA * SIDE_FORCE_SLOPE * np.arctan2(wind, speed) * (speed**2 + wind**2)
 
 
 def _gusts(t: Array, wind: float, length: float, events: int, speed: float) -> Array:
-    """Side force over time: strips of wind, left and right in turn."""
+    """Side force over time from strips of wind, alternately to the left and to the right [N]."""
     event, s = np.divmod(t - START, EVENT)
     rise = np.clip(s * speed / LENGTH, 0.0, 1.0)
     fall = np.clip((s * speed - length) / LENGTH, 0.0, 1.0)
@@ -37,10 +37,10 @@ def _gusts(t: Array, wind: float, length: float, events: int, speed: float) -> A
 
 
 def _random(t: Array, wind: float, seed: int, speed: float) -> Array:
-    """Side force over time: first-order noise of wind with standard deviation ``wind``, from zero."""
+    """Side force over time from random wind [N]: first-order noise with the standard deviation ``wind``, from zero."""
     keep = np.exp(-SAMPLE_TIME / CORRELATION)
     drawn = np.random.default_rng(seed).standard_normal(t.size)
-    from scipy import signal  # here, for it takes longer to import than an environment to start
+    from scipy import signal  # here, because its import takes longer than the start of an environment
 
     return side_force(signal.lfilter([wind * np.sqrt(1.0 - keep**2)], [1.0, -keep], drawn), speed)
 
@@ -54,9 +54,27 @@ def crosswind(
     seed: int | None = None,
     duration: float = 60.0,
 ) -> Manoeuvre:
-    """Crosswind, hands fixed: straight on through strips of side wind, or for ``duration`` in random wind of a seed.
+    """Crosswind, hands fixed: the car runs straight through strips of side wind, or in random wind.
 
-    ``wind`` is that of the strip, 20 m/s, or the standard deviation of random wind, 5 m/s (assumed).
+    Parameters
+    ----------
+    wind : float, optional
+        Wind speed in a strip, 20 by default, or standard deviation of random wind, 5 by default; assumed [m/s].
+    length : float
+        Length of a strip [m].
+    events : int
+        Number of strips.
+    speed : float
+        [m/s].
+    seed : int, optional
+        Seed of random wind; without a seed the wind blows in strips.
+    duration : float
+        Duration in random wind [s].
+
+    Raises
+    ------
+    ValueError
+        If the wind is not positive, or a strip is too long for the time from one gust to the next.
     """
     strength = positive("wind", (20.0 if seed is None else 5.0) if wind is None else wind)
     if seed is None and (length + LENGTH) / speed > 0.5 * EVENT:

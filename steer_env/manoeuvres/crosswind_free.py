@@ -1,4 +1,4 @@
-"""Straight running in crosswind, hands free."""
+"""Straight running in crosswind with free hands."""
 
 from dataclasses import replace
 
@@ -15,7 +15,7 @@ def crosswind_free(
     seed: int | None = None,
     duration: float = 60.0,
 ) -> Manoeuvre:
-    """Crosswind, hands free: the same wind with the hands off."""
+    """Crosswind, hands free: the wind of the manoeuvre crosswind, with the hands off the handwheel."""
     fixed = crosswind(wind, length, events, speed, seed, duration)
     hands = fixed.hands.replace("Handwheel held straight", "Hands off")
     return replace(fixed, name="crosswind-free", hands=hands, robot=False)

@@ -9,13 +9,13 @@ from steer_env.manoeuvres.common.definition import Manoeuvre, register
 from steer_env.vehicle.cars import Car
 from steer_env.vehicle.plant import Plant
 
-APPROACH, RUN_OUT = 60.0, 15.0  # straight before the first cone, and driven behind the last; assumed [m]
-LONGEST = 60.0  # time for a run [s]
+APPROACH, RUN_OUT = 60.0, 15.0  # way straight ahead before the first cone, and way behind the last cone; assumed [m]
+LONGEST = 60.0  # longest duration of a run [s]
 
 
 @register("double-lane-change")
 def double_lane_change(edition: str = "2018", mirrored: bool = False, **driver: float) -> Manoeuvre:
-    """Double lane change: a preview driver takes the car to the next lane and back at constant speed."""
+    """Double lane change: a preview driver steers the car to the next lane and back at constant speed."""
     return lane_change_manoeuvre(
         "double-lane-change",
         edition,
@@ -30,12 +30,14 @@ def double_lane_change(edition: str = "2018", mirrored: bool = False, **driver: 
 def lane_change_manoeuvre(
     name: str, edition: str, mirrored: bool, driver: dict[str, float], **fields: Any
 ) -> Manoeuvre:
-    """A closed-loop manoeuvre through a course; ``driver`` are options of :func:`steer_env.drivers.common.lq.preview`."""
+    """A closed-loop manoeuvre through a course.
 
-    def at_the_wheel(car: Car, p: Plant):
-        from steer_env.drivers.common import (
-            lq,  # here, for python-control takes longer to import than an environment to start
-        )
+    ``driver`` has options of :func:`steer_env.drivers.common.lq.preview`; ``fields`` are those of the manoeuvre.
+    """
+
+    def preview_driver(car: Car, p: Plant):
+        # Here, because the import of python-control takes longer than the start of an environment.
+        from steer_env.drivers.common import lq
 
         size = iso3888.outline(car)
         path = iso3888.path(iso3888.course(name, size.width, edition, mirrored), size)
@@ -46,7 +48,7 @@ def lane_change_manoeuvre(
         name=name,
         duration=LONGEST,
         hand=lambda t, amplitude: (np.zeros_like(t), np.zeros_like(t)),
-        driver=at_the_wheel,
+        driver=preview_driver,
         ends_at=APPROACH + length + RUN_OUT,
         meta={"edition": edition, "mirrored": mirrored, "entry_x_m": APPROACH, "entry_y_m": 0.0, "entry_yaw_rad": 0.0},
         **fields,

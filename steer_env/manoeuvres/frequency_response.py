@@ -5,7 +5,7 @@ import numpy as np
 from steer_env.manoeuvres.common.definition import Array, Manoeuvre, register
 from steer_env.manoeuvres.common.shapes import eased
 
-START, EASE, REST = 1.0, 0.5, 3.0  # straight before, smooth start and end of a sweep, straight after [s]
+START, EASE, REST = 1.0, 0.5, 3.0  # straight ahead, smooth start and end of a sweep, straight ahead after it [s]
 
 
 @register("frequency-response")
@@ -16,17 +16,18 @@ def frequency_response(
     sweeps: int = 4,
     lateral_acceleration: float = 2.0,
 ) -> Manoeuvre:
-    """Swept sine: the handwheel's frequency rises steadily at a constant amplitude, sweep after sweep.
+    """Swept sine: in each sweep the frequency of the handwheel rises linearly at a constant amplitude.
 
     Parameters
     ----------
     lowest, highest : float
         Frequency at the start and at the end of a sweep [Hz]; the metrics read from 0.2 Hz to the highest.
     duration : float
-        Of a sweep; made longer by up to a cycle, so that it ends straight ahead [s].
+        Duration of a sweep [s]; it is increased to whole half waves, so that a sweep ends straight ahead.
     sweeps : int
+        Number of sweeps.
     lateral_acceleration : float
-        Reached in the slow part of the sweep, assumed: the tyres stay nearly linear [m/s2].
+        Lateral acceleration in the slow part of a sweep, assumed: the tyres remain nearly linear [m/s2].
     """
     mean = 0.5 * (lowest + highest)
     duration = np.ceil(2.0 * mean * duration) / (2.0 * mean)  # whole half waves

@@ -3,12 +3,12 @@
 from steer_env.manoeuvres.common.definition import Manoeuvre, register
 from steer_env.manoeuvres.common.shapes import ramp_and_hold
 
-RISE = 0.5  # of the torque [s]
+RISE = 0.5  # rise time of the torque [s]
 
 
 @register("hold")
 def hold(torque: float = 2.0) -> Manoeuvre:
-    """Held-torque test: the hands pull to a torque and hold it; what still moves is the friction law's doing."""
+    """Held torque: the hands pull with a torque and hold it; any motion that remains is caused by the friction law."""
     return Manoeuvre(
         name="hold",
         hands=f"Hand torque rises to {torque:g} N m in {RISE:g} s and is held for 5 s",

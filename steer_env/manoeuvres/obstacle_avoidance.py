@@ -6,7 +6,7 @@ from steer_env.manoeuvres.double_lane_change import APPROACH, lane_change_manoeu
 
 @register("obstacle-avoidance")
 def obstacle_avoidance(edition: str = "2011", mirrored: bool = False) -> Manoeuvre:
-    """Obstacle avoidance: a preview driver swerves around an obstacle with the throttle released on entry."""
+    """Obstacle avoidance: a preview driver swerves around an obstacle and releases the throttle at the entry."""
     return lane_change_manoeuvre(
         "obstacle-avoidance",
         edition,

@@ -5,7 +5,7 @@ import numpy as np
 from steer_env.manoeuvres.common.definition import Array, Manoeuvre, register
 from steer_env.manoeuvres.common.shapes import ramp_and_hold
 
-RATE, FADE = 50.0, 2.0  # samples of the noise, joined by a spline [Hz]; smooth start and end [s]
+RATE, FADE = 50.0, 2.0  # sampling rate of the noise, between whose samples is a spline [Hz]; smooth start and end [s]
 
 
 @register("random-steer")
@@ -16,24 +16,25 @@ def random_steer(
     duration: float = 180.0,
     lateral_acceleration: float = 1.5,
 ) -> Manoeuvre:
-    """Random steering: handwheel angle of band-limited Gaussian noise with a flat spectrum.
+    """Random steering: the handwheel angle is band-limited Gaussian noise with a flat spectrum.
 
     Parameters
     ----------
     seed : int
     lowest, highest : float
-        Band of the noise [Hz]; wider than what is read, 0.2 to 2 Hz.
+        Band of the noise [Hz]; it is wider than the band of the metrics, 0.2 to 2 Hz.
     duration : float
         [s].
     lateral_acceleration : float
-        That of a sine with the power of the lateral acceleration, assumed; peaks are two to three times that [m/s2].
+        Amplitude of a sine with the power of the lateral acceleration, assumed; peaks are two to three times as high
+        [m/s2].
     """
     samples = round(duration * RATE) + 1
     frequency = np.fft.rfftfreq(samples, 1.0 / RATE)
     rng = np.random.default_rng(seed)
     spectrum = rng.standard_normal(frequency.size) + 1j * rng.standard_normal(frequency.size)
     noise = np.fft.irfft(np.where((frequency >= lowest) & (frequency <= highest), spectrum, 0.0), samples)
-    from scipy.interpolate import CubicSpline  # here, as importing it takes a tenth of a start
+    from scipy.interpolate import CubicSpline  # here, because its import takes a tenth of the start of an environment
 
     curve = CubicSpline(np.arange(samples) / RATE, noise / (np.sqrt(2.0) * np.std(noise)))
 

@@ -8,12 +8,17 @@ from steer_env.manoeuvres.common.shapes import ramp_and_hold
 
 Array = NDArray[np.float64]
 
-RISE, HELD, FREE, PAUSE = 1.5, 2.5, 5.0, 2.0  # of one event; the pause is for a new grip and running straight [s]
+RISE, HELD, FREE, PAUSE = (
+    1.5,
+    2.5,
+    5.0,
+    2.0,
+)  # sections of one event; in the pause the robot grips again and runs straight [s]
 EVENT = RISE + HELD + FREE + PAUSE  # [s]
 
 
 def turns(t: Array, amplitude: float) -> tuple[Array, Array]:
-    """Handwheel turned left, held and let go, then the same to the right, and so on; angle and speed, 0 while free."""
+    """Angle and speed of a handwheel that is turned, held and let go, left and right in turn; zero while it is free."""
     event, s = np.divmod(t, EVENT)
     angle, speed = ramp_and_hold(s, amplitude, RISE)
     held = np.where(s <= RISE + HELD, 1.0 - 2.0 * (event % 2.0), 0.0)
@@ -21,13 +26,13 @@ def turns(t: Array, amplitude: float) -> tuple[Array, Array]:
 
 
 def let_go(events: int) -> tuple[float, ...]:
-    """When the hands let go, grip again, let go ... [s]."""
+    """Times at which the hands let go, grip again, let go, ... [s]."""
     return tuple(k * EVENT + RISE + HELD + free for k in range(events) for free in (0.0, FREE))
 
 
 @register("release")
 def release(lateral_acceleration: float = 1.0, events: int = 4) -> Manoeuvre:
-    """Steering release: from a steady turn the hands let go, left and right in turn."""
+    """Steering release: the hands let go of the handwheel in a steady turn; left and right alternate."""
     return Manoeuvre(
         name="release",
         hands=f"Handwheel turned in {RISE:g} s, held, let go for {FREE:g} s, left and right, {events} times",

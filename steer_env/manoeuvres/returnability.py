@@ -8,7 +8,7 @@ from steer_env.manoeuvres.release import EVENT, let_go, turns
 
 @register("returnability")
 def returnability(angle: float = 0.5 * np.pi, events: int = 4) -> Manoeuvre:
-    """Returnability: at low speed the handwheel is held a quarter turn to the side and let go."""
+    """Returnability: at low speed the hands hold the handwheel a quarter turn to the side and let go."""
     return Manoeuvre(
         name="returnability",
         hands=f"Handwheel held at {np.degrees(angle):.0f} deg and let go, left and right in turn, {events} times",

@@ -5,12 +5,12 @@ import numpy as np
 from steer_env.manoeuvres.common.definition import Array, Manoeuvre, half_span, register
 from steer_env.manoeuvres.common.shapes import eased
 
-START, EASE, REST = 1.0, 0.2, 3.0  # straight before, smooth start and end of the sine, straight after [s]
+START, EASE, REST = 1.0, 0.2, 3.0  # straight ahead, smooth start and end of the sine, straight ahead after it [s]
 
 
 @register("sine")
 def sine(frequency: float = 0.5, cycles: int = 3, repeats: int = 1) -> Manoeuvre:
-    """Sine steering: some cycles of full amplitude from the first half wave on, once or more often."""
+    """Sine steering: bursts of a sine with the full amplitude from the first half wave on."""
     each = cycles / frequency + EASE + REST
     omega = 2.0 * np.pi * frequency
 

@@ -1,4 +1,4 @@
-"""Slow ramp: the weave without the vehicle's lag."""
+"""Slow ramp: a weave without the lag of the vehicle."""
 
 from dataclasses import replace
 
@@ -8,7 +8,7 @@ from steer_env.manoeuvres.weave import weave
 
 @register("slow-ramp")
 def slow_ramp(frequency: float = 0.02, cycles: int = 5) -> Manoeuvre:
-    """Weave so slow that vehicle lag and damping stay out of the loop: what is left of its width is friction."""
+    """A weave so slow that lag and damping of the vehicle do not widen the loops; their width is due to friction."""
     return replace(
         weave(frequency, cycles),
         name="slow-ramp",

@@ -8,20 +8,26 @@ from steer_env.manoeuvres.common.definition import Array, Manoeuvre, register
 from steer_env.vehicle import plant
 from steer_env.vehicle.cars import Car
 from steer_env.vehicle.chassis.common.interface import TARGET_SPEED
-from steer_env.vehicle.chassis.single_track import GRAVITY as G
+from steer_env.vehicle.constants import GRAVITY as G
 
-ENTRY, SLOWING, REST = 4.0, 12.0, 4.0  # into the circle, back to the first speed while leaving it, straight on [s]
-PERIOD = 0.01  # of the driver [s]
-CROSSOVER = 3.0  # of the curvature loop of a neutral car, assumed; lower with understeer [rad/s]
-LAG = 0.1  # of the hand, assumed [s]
+ENTRY, SLOWING, REST = (
+    4.0,
+    12.0,
+    4.0,
+)  # entry into the circle, return to the first speed at its exit, straight ahead [s]
+PERIOD = 0.01  # time step of the driver [s]
+CROSSOVER = 3.0  # crossover frequency of the curvature loop of a neutral car, assumed; lower with understeer [rad/s]
+LAG = 0.1  # lag of the hand, assumed [s]
 
 
 def _curvature_driver(sign: Callable[[float], float], radius: float) -> Callable:
-    """Driver that holds a curvature: what a neutral car needs, and the integral of the error."""
+    """Driver that holds a curvature with the angle that a neutral car needs and with the integral of the error."""
 
     def build(car: Car, p: plant.Plant) -> Callable[[float, Array], tuple[float, float]]:
         ratio = p.pinion_radius * float(car.strut.solve(0.0, 0.0).per_rack.rotation[2])
-        neutral = (car.chassis["front_axle"] + car.chassis["rear_axle"]) / ratio  # handwheel angle over curvature
+        neutral = (
+            car.chassis["front_axle"] + car.chassis["rear_axle"]
+        ) / ratio  # handwheel angle per curvature [rad m]
         names = [name for name, _ in plant.channels(p)]
         yaw, speed = names.index("yaw_rate"), names.index("longitudinal_speed")
         angle, integral = 0.0, 0.0
@@ -49,18 +55,18 @@ def steady_circle(
     Parameters
     ----------
     radius : float
-        [m].
+        Radius of the circle [m].
     slow : float
-        Speed at which the circle is entered [m/s].
+        Speed at the entry into the circle [m/s].
     highest : float
-        Lateral acceleration at the end, assumed: short of where the tyres give up on a dry road [g].
+        Lateral acceleration at the end, assumed: below the limit of the tyres on a dry road [g].
     climb : float
-        Rise of the speed [m/s2].
+        Increase of the speed per time [m/s2].
     repeats : int
-        Of left and right.
+        Number of circles to each side.
     """
     rise = (np.sqrt(highest * G * radius) - slow) / climb
-    each = REST + ENTRY + rise + 1.0 + SLOWING  # the end is held for a second
+    each = REST + ENTRY + rise + 1.0 + SLOWING  # the highest speed is held for a second
     times = np.array([REST, REST + ENTRY, REST + ENTRY + rise + 1.0, REST + ENTRY + rise + 5.0])
 
     def smooth(s: float) -> float:

@@ -5,8 +5,8 @@ import numpy as np
 from steer_env.manoeuvres.common.definition import Array, Manoeuvre, register
 from steer_env.manoeuvres.common.shapes import straight_ramp
 
-FIND = 4.0  # lateral acceleration for which the rate of the handwheel is found [m/s2]
-START, BACK, REST = 2.0, 8.0, 4.0  # straight before, return, straight between the sides [s]
+FIND = 4.0  # lateral acceleration with which the rate of the handwheel is found [m/s2]
+START, BACK, REST = 2.0, 8.0, 4.0  # straight ahead, return, straight ahead between the sides [s]
 
 
 @register("steady-circle-speed")
@@ -18,16 +18,16 @@ def steady_circle_speed(
     Parameters
     ----------
     speed_kph : float
-        80 or 100 in the standard's spirit [km/h].
+        80 or 100, in the spirit of the standard [km/h].
     rise : float
         Time from straight ahead to 4 m/s2 [s].
     beyond : float
-        Handwheel angle at the end over that at 4 m/s2, assumed: some 6.5 m/s2 on a dry road [1].
+        Handwheel angle at the end over the angle at 4 m/s2, assumed: about 6.5 m/s2 on a dry road [1].
     repeats : int
-        Of left and right.
+        Number of ramps to each side.
     """
     ramp = beyond * rise
-    each = ramp + 1.0 + BACK + REST  # held for a second
+    each = ramp + 1.0 + BACK + REST  # the largest angle is held for a second
 
     def hand(t: Array, amplitude: float) -> tuple[Array, Array]:
         angle, speed = np.zeros_like(t), np.zeros_like(t)

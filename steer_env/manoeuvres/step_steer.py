@@ -5,7 +5,7 @@ import numpy as np
 from steer_env.manoeuvres.common.definition import Array, Manoeuvre, last_second, register
 from steer_env.manoeuvres.common.shapes import excursion
 
-BACK = 1.0  # time of the return to straight [s]
+BACK = 1.0  # time of the return to straight ahead [s]
 
 
 @register("step-steer")
@@ -18,27 +18,29 @@ def step_steer(
     right: bool = True,
     repeats: int = 1,
 ) -> Manoeuvre:
-    """Step steer: the handwheel turns as fast as people do, and stays; then straight again, and to the other side.
+    """Step steer: the handwheel turns as fast as people turn it and is held, then returns; left and right alternate.
 
     Parameters
     ----------
     start : float
-        Straight ahead before the first step [s].
+        Time straight ahead before the first step [s].
     rise, hold, straight : float
-        Time in which the handwheel turns, is held, and is straight before the next step [s].
+        Times in which the handwheel turns, is held, and is straight before the next step [s].
     left, right : bool
-        Sides; with both, left comes first.
+        Sides of the steps; left comes first.
     repeats : int
-        Steps to each side.
+        Number of steps to each side.
 
     Raises
     ------
     ValueError
-        No side, or no repeat.
+        If there is no side or no repeat.
     """
     sides = ([1.0] * left + [-1.0] * right) * repeats
     if not sides:
-        raise ValueError(f"step-steer: no step with left={left}, right={right}, repeats={repeats}; ask for one")
+        raise ValueError(
+            f"step-steer: no step with left={left}, right={right}, repeats={repeats}: ask for at least one"
+        )
     each = rise + hold + BACK + straight
 
     def hand(t: Array, amplitude: float) -> tuple[Array, Array]:

@@ -5,21 +5,21 @@ import numpy as np
 from steer_env.manoeuvres.common.definition import Array, Manoeuvre, register
 from steer_env.manoeuvres.common.shapes import straight_ramp
 
-START, HOLD, BACK, REST = 2.0, 1.5, 5.0, 3.0  # straight before, held, return, straight between [s]
+START, HOLD, BACK, REST = 2.0, 1.5, 5.0, 3.0  # straight ahead, hold, return, straight ahead between the ramps [s]
 
 
 @register("transition")
 def transition(rise: float = 10.0, repeats: int = 2, lateral_acceleration: float = 2.0) -> Manoeuvre:
-    """Transition: the handwheel leaves straight ahead so slowly that the car follows at once; left, right, left ...
+    """Transition: the handwheel leaves straight ahead so slowly that the car follows at once; left and right alternate.
 
     Parameters
     ----------
     rise : float
-        Time of a ramp; at 100 km/h usual cars get some 1.5 deg/s in 10 s, the standard's limit is 5 deg/s [s].
+        Duration of a ramp [s]. In 10 s at 100 km/h the usual rate is about 1.5 deg/s; the standard's limit is 5 deg/s.
     repeats : int
-        Ramps to each side.
+        Number of ramps to each side.
     lateral_acceleration : float
-        At the end of a ramp, 1.5 to 2 [m/s2].
+        Lateral acceleration at the end of a ramp, 1.5 to 2 [m/s2].
     """
     each = rise + HOLD + BACK + REST
 

@@ -6,7 +6,7 @@ from steer_env.manoeuvres.common.shapes import sine
 
 @register("weave")
 def weave(frequency: float = 0.2, cycles: int = 12) -> Manoeuvre:
-    """On-centre weave; the first and last cycle are for the metrics to drop."""
+    """On-centre weave; the metrics leave out the first and the last cycle."""
     return Manoeuvre(
         name="weave",
         hands=f"Sine of handwheel angle at {frequency:g} Hz, {cycles} cycles",

@@ -1,52 +1,23 @@
-"""Steering metrics: one file a kind of test, each metric with its definition, source, validity and interval.
+"""Steering metrics: one file for each test; every metric has a definition, a source, a validity and an interval.
 
-``evaluate(recording)`` reads a recording by the manoeuvre that its meta names. Every module in this folder is imported,
-which registers its tests and metrics.
+``tests()`` lists the tests; ``evaluate(recording)`` evaluates the manoeuvre that the recording's meta names. A test's
+module is imported when the test is first used. Code outside this folder adds a test with ``register_evaluation``, and a
+metric with ``metric``.
 """
 
-import importlib
-import pkgutil
+import lazy_loader
 
-from steer_env.metrics.common.definitions import (
-    UNITS,
-    Bounded,
-    Metric,
-    Procedure,
-    RefusedError,
-    Value,
-    available,
-    conditions,
-    definition,
-    evaluate,
-    metric,
-    procedure,
-    procedure_by_name,
-    procedure_of,
-    read,
-    tests,
+from steer_env.friction.numerics.renamed import renamed
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+__getattr__ = renamed(
+    __name__,
+    {
+        "Procedure": "steer_env.metrics:ManoeuvreEvaluation",
+        "Reading": "steer_env.metrics:FilteredChannels",
+        "procedure": "steer_env.metrics:register_evaluation",
+        "procedure_by_name": "steer_env.metrics:evaluation_by_name",
+        "procedure_of": "steer_env.metrics:evaluation_of",
+    },
+    __getattr__,
 )
-from steer_env.metrics.common.reading import CHANNELS, Reading
-
-for _module in pkgutil.iter_modules(__path__):
-    importlib.import_module(f"{__name__}.{_module.name}")
-
-__all__ = [
-    "CHANNELS",
-    "UNITS",
-    "Bounded",
-    "Metric",
-    "Procedure",
-    "Reading",
-    "RefusedError",
-    "Value",
-    "available",
-    "conditions",
-    "definition",
-    "evaluate",
-    "metric",
-    "procedure",
-    "procedure_by_name",
-    "procedure_of",
-    "read",
-    "tests",
-]

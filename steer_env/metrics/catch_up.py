@@ -1,7 +1,8 @@
-"""Catch-up: how fast the handwheel may be turned before the assist falls behind and the hands feel it.
+"""Catch-up: the handwheel speed above which the assist falls behind and the hands feel a higher torque.
 
-Sweeps to and fro at several speeds; each is read in the middle half of its travel, where the speed is nearly constant
-and the handwheel's inertia takes nothing on the mean. Compared with slow sweeps over the same angles, to the same side.
+The recording contains sweeps to and fro at several speeds. Each sweep is read in the middle half of its travel, where
+the speed is nearly constant and the inertia of the handwheel has no mean effect. A fast sweep is compared with the slow
+sweeps over the same angles to the same side.
 """
 
 from collections.abc import Mapping
@@ -10,25 +11,25 @@ from typing import Any
 
 import numpy as np
 
-from steer_env.metrics.common.definitions import RefusedError, metric, procedure
-from steer_env.metrics.common.reading import ANGLE, TORQUE, Reading
+from steer_env.metrics.common.definitions import RefusedError, metric, register_evaluation
+from steer_env.metrics.common.filtered_channels import ANGLE, TORQUE, FilteredChannels
 from steer_env.recording.recording import DEGREE, Recording
 
 CUTOFF = 10.0  # low-pass [Hz]
-MIDDLE = 0.5  # of the travel that is read; assumed
-FULL = 0.9  # of the travel that a sweep must have; assumed
-SLOW = 60.0 * DEGREE  # speed up to which a sweep counts as quasi-static [rad/s]; assumed
-CATCH_UP = 2.5  # torque above the quasi-static one at which the hands feel it [N m]; 2 to 3 in practice
-AT = 500.0 * DEGREE  # speed at which the excess is reported [rad/s]; assumed
+MIDDLE = 0.5  # fraction of the travel that is read; assumed [1]
+FULL = 0.9  # fraction of the travel that a sweep must cover; assumed [1]
+SLOW = 60.0 * DEGREE  # highest speed of a quasi-static sweep; assumed [rad/s]
+CATCH_UP = 2.5  # torque above the quasi-static torque that the hands feel, 2 to 3 in practice [N m]
+AT = 500.0 * DEGREE  # speed at which the excess is reported; assumed [rad/s]
 FEWEST = 4  # samples in the middle of a sweep; assumed
 SOURCE = "catch-up test of steering-feel practice"
 
 
 class FastSweeps:
-    """Speed and mean torque of each sweep, and by how much it exceeds the slow sweeps to the same side."""
+    """Speed and mean torque of each sweep, and by how much the torque exceeds that of the slow sweeps to that side."""
 
-    def __init__(self, recording: Recording, asked: Mapping[str, Any]) -> None:
-        smooth, time = Reading(recording, CUTOFF), recording.time
+    def __init__(self, recording: Recording, conditions: Mapping[str, Any]) -> None:
+        smooth, time = FilteredChannels(recording, CUTOFF), recording.time
         angle, torque = smooth[ANGLE], smooth[TORQUE]
         half = 0.5 * np.ptp(angle)
         travel = (angle - 0.5 * (angle.max() + angle.min())) / max(half, 1e-9)
@@ -38,10 +39,12 @@ class FastSweeps:
         for a, b in zip(far[crossed], far[crossed + 1]):
             inside = np.arange(a, b + 1)[np.abs(travel[a : b + 1]) <= MIDDLE]
             if inside.size < FEWEST:
-                raise RefusedError(f"{inside.size} samples in mid-sweep: record faster than {recording.rate:g} Hz")
+                raise RefusedError(
+                    f"{inside.size} samples in the middle of a sweep: record faster than {recording.rate:g} Hz"
+                )
             sign = np.sign(travel[b] - travel[a])
             slope = np.polynomial.polynomial.polyfit(time[inside] - time[inside[0]], angle[inside], 1)[1]
-            # Over the angle, not over time, so that a fast and a slow sweep weigh the same angles alike.
+            # The mean over the angle, not over time, gives the angles the same weight in a fast and in a slow sweep.
             mean = np.trapezoid(torque[inside], angle[inside]) / (angle[inside[-1]] - angle[inside[0]])
             rate.append(sign * slope)
             effort.append(sign * mean)
@@ -55,7 +58,7 @@ class FastSweeps:
             raise RefusedError(f"{TORQUE} runs against the turning {ANGLE}: check the signs, left is positive in both")
 
     def series(self) -> list[tuple[np.ndarray, np.ndarray]]:
-        """Speed, ascending, and excess of torque of the sweeps to each side."""
+        """For each side the speeds of the sweeps, in ascending order, and their excess torques."""
         found = []
         for side, slow in zip(self.sides, self.quasi_static):
             k = np.flatnonzero(self.side == side)
@@ -64,21 +67,21 @@ class FastSweeps:
         return found
 
 
-procedure("catch-up", FastSweeps, speed_m_s=0.0)
+register_evaluation("catch-up", FastSweeps, speed_m_s=0.0)
 
 _catch_up = partial(metric, source=SOURCE)
 
 
 @_catch_up("deg/s", "catch-up")
 def catch_up_rate(sweeps: FastSweeps) -> np.ndarray:
-    """Handwheel speed at which the torque exceeds that of slow sweeps over the same angles by 2.5 N m; one a side."""
+    """Handwheel speed at which the torque exceeds that of slow sweeps over the same angles by 2.5 N m; one per side."""
     found = []
     for rate, excess in sweeps.series():
         above = np.flatnonzero(excess >= CATCH_UP)
         if above.size == 0:
             raise RefusedError(
                 f"not reached up to {rate.max() / DEGREE:.0f} deg/s, where the excess is {excess[-1]:.2g} of "
-                f"{CATCH_UP:g} N m: steer faster, or take it that the assist follows"
+                f"{CATCH_UP:g} N m: steer faster, or conclude that the assist keeps up"
             )
         k = int(above[0])
         found.append(np.interp(CATCH_UP, excess[k - 1 : k + 1], rate[k - 1 : k + 1]))
@@ -87,16 +90,16 @@ def catch_up_rate(sweeps: FastSweeps) -> np.ndarray:
 
 @_catch_up("N m", "catch-up")
 def torque_excess_at_500_deg_s(sweeps: FastSweeps) -> np.ndarray:
-    """Hand torque above that of slow sweeps over the same angles at a handwheel speed of 500 deg/s; one a side."""
+    """Hand torque above that of slow sweeps over the same angles at a handwheel speed of 500 deg/s; one per side."""
     found = []
     for rate, excess in sweeps.series():
         if rate.max() < AT:
-            raise RefusedError(f"the fastest sweep is at {rate.max() / DEGREE:.0f} deg/s: steer at 500 or faster")
+            raise RefusedError(f"the fastest sweep is at {rate.max() / DEGREE:.0f} deg/s: steer at 500 deg/s or faster")
         found.append(np.interp(AT, rate, excess))
     return np.array(found)
 
 
 @_catch_up("N m", "catch-up")
 def quasi_static_torque(sweeps: FastSweeps) -> np.ndarray:
-    """Mean hand torque of the sweeps at 60 deg/s or slower, in the middle half of their travel; one a side."""
+    """Mean hand torque of the sweeps at 60 deg/s or slower, in the middle half of their travel; one per side."""
     return sweeps.quasi_static

@@ -1,10 +1,10 @@
-"""Parking: effort of the sweeps between the locks with the car standing.
+"""Parking: the effort of turning the handwheel from lock to lock while the car stands.
 
-A repeat is a half sweep: from the last sample at one end of the handwheel's travel to the first at the other, without
-5 % of the way from the centre to the lock at each end. The way into the first lock does not count. Values are positive
-where they resist the turning handwheel (rack force) or follow it (torques, power), so noise does not add to a mean.
-A peak is the mean over the twentieth of the way from the centre to the lock where the mean of all half sweeps is
-highest, so that neither a single sample nor the noise of one sweep makes it.
+A repeat is a half sweep, from the last sample at one end of the handwheel's travel to the first sample at the other
+end; 5 % of the way from the centre to the lock is left out at each end. The first turn into a lock does not count.
+Values are positive where they resist the turning handwheel (rack force) or act in its direction (torques, power), so
+that noise does not add to a mean. A peak is the mean over the twentieth of the way from centre to lock in which the
+mean of all half sweeps is highest, so that neither a single sample nor the noise of one sweep determines it.
 """
 
 from collections.abc import Mapping
@@ -15,30 +15,30 @@ import numpy as np
 from scipy import signal
 from scipy.integrate import cumulative_trapezoid
 
-from steer_env.metrics.common.definitions import RefusedError, metric, procedure
-from steer_env.metrics.common.reading import ANGLE, SPEED, TORQUE, Reading
+from steer_env.metrics.common.definitions import RefusedError, metric, register_evaluation
+from steer_env.metrics.common.filtered_channels import ANGLE, SPEED, TORQUE, FilteredChannels
 from steer_env.recording.recording import Recording
 
 CUTOFF = 10.0  # low-pass [Hz]
-AT_LOCK = 0.998  # of the largest angle, beyond which samples tell where the lock is; assumed
-END = 0.95  # of the way from centre to lock that counts
-CENTRE = 0.05  # of that way, around the centre
-PARTS = 38  # of a half sweep, each a twentieth of the way from centre to lock
-RIPPLE = 1.0  # high-pass above which effort is ripple [Hz]; assumed
-STANDING = 0.3  # speed up to which the car stands [m/s]; assumed
+AT_LOCK = 0.998  # samples above this fraction of the largest angle show where the lock is; assumed [1]
+END = 0.95  # fraction of the way from centre to lock that counts [1]
+CENTRE = 0.05  # half width of the range around the centre, as a fraction of the way from centre to lock [1]
+PARTS = 38  # sections of a half sweep, each a twentieth of the way from centre to lock
+RIPPLE = 1.0  # frequency above which effort counts as ripple; assumed [Hz]
+STANDING = 0.3  # highest speed of a car that stands; assumed [m/s]
 FEWEST = 2  # half sweeps
 SOURCE = "parking test of steering-feel practice"
 
 
 class Sweeps:
-    """Half sweeps from lock to lock; refused where there are fewer than two, or the car moves."""
+    """The half sweeps from lock to lock; refused where there are fewer than two, or where the car moves."""
 
-    def __init__(self, recording: Recording, asked: Mapping[str, Any]) -> None:
-        self._smooth, self.time = Reading(recording, CUTOFF), recording.time
+    def __init__(self, recording: Recording, conditions: Mapping[str, Any]) -> None:
+        self._smooth, self.time = FilteredChannels(recording, CUTOFF), recording.time
         if SPEED in self._smooth and np.abs(self._smooth[SPEED]).max() > STANDING:
             raise RefusedError(f"{SPEED} exceeds {STANDING:g} m/s: let the car stand")
         angle = self._smooth[ANGLE]
-        left, right = (
+        left, right = (  # medians, because the largest angle alone would contain noise
             sign * np.median(side[side >= AT_LOCK * side.max()]) for sign, side in ((1, angle), (-1, -angle))
         )
         lock = 0.5 * (left - right)
@@ -49,21 +49,21 @@ class Sweeps:
         if len(self._sweeps) < FEWEST:
             raise RefusedError(f"{len(self._sweeps)} half sweeps from lock to lock: steer {FEWEST} or more")
         self.side = [np.sign(travel[sweep.stop - 1] - travel[sweep.start]) for sweep in self._sweeps]
-        self.travel = [side * travel[sweep] for side, sweep in zip(self.side, self._sweeps)]  # -1 to 1
+        self.travel = [side * travel[sweep] for side, sweep in zip(self.side, self._sweeps)]  # from -1 to 1 [1]
 
     def along(self, name: str) -> list[np.ndarray]:
         """A channel in each half sweep, positive in the direction of the turning handwheel."""
         return [side * self._smooth[name][sweep] for side, sweep in zip(self.side, self._sweeps)]
 
     def effort(self, name: str) -> list[np.ndarray]:
-        """The same of what must follow the handwheel; refused where it runs against it."""
+        """A channel as in :meth:`along` that must act in the handwheel's direction; refused where it opposes it."""
         found = self.along(name)
         if any(values.mean() < 0 for values in found):
             raise RefusedError(f"{name} runs against the turning {ANGLE}: check the signs, left is positive in both")
         return found
 
     def _between(self, efforts: list[np.ndarray], edges: np.ndarray) -> np.ndarray:
-        """Means over time (n, E - 1) from one place of the travel to the next, on straight lines between samples."""
+        """Means over time (n, E - 1) between consecutive places (E,) of the travel, with linear interpolation."""
         found = []
         for travel, values, sweep in zip(self.travel, efforts, self._sweeps):
             time = self.time[sweep]
@@ -72,18 +72,18 @@ class Sweeps:
         return np.array(found)
 
     def mean(self, name: str, low: float = -END, high: float = END) -> np.ndarray:
-        """Mean (n,) between two parts of the travel, -1 where a half sweep begins and 1 where it ends."""
+        """Mean (n,) between two places of the travel, -1 where a half sweep begins and 1 where it ends."""
         return self._between(self.effort(name), np.array([low, high]))[:, 0]
 
     def peak(self, efforts: list[np.ndarray]) -> np.ndarray:
-        """Mean (n,) over the part of the travel where all half sweeps together are highest."""
+        """Mean (n,) over the section of the travel in which the mean of all half sweeps is highest."""
         if min(map(len, efforts)) < PARTS:
-            raise RefusedError("the sweeps are too fast for their sampling: record faster, or steer more slowly")
+            raise RefusedError("the sweeps are too fast for their sampling rate: record faster, or steer more slowly")
         found = self._between(efforts, np.linspace(-END, END, PARTS + 1))
         return found[:, np.argmax(found.mean(axis=0))]
 
     def ripple(self, name: str) -> np.ndarray:
-        """Root mean square (n,) from 1 to 10 Hz, without what the noise makes of it."""
+        """Root mean square (n,) from 1 to 10 Hz, without the noise."""
         rate, found = self._smooth.recording.rate, []
         self.effort(name)
         for side, sweep in zip(self.side, self._sweeps):
@@ -93,7 +93,7 @@ class Sweeps:
                 raise RefusedError(f"a half sweep takes less than {1 / RIPPLE:g} s: steer more slowly")
             f, density = signal.periodogram(values, rate, window="hann", detrend="linear")
             inside = (f >= RIPPLE) & (f <= CUTOFF)
-            noise = np.median(density[f > CUTOFF]) / np.log(2.0)  # a density is distributed exponentially
+            noise = np.median(density[f > CUTOFF]) / np.log(2.0)  # the density of noise has an exponential distribution
             found.append((density[inside] - noise).sum() * f[1])
         return np.sqrt(np.maximum(found, 0.0))
 
@@ -103,12 +103,7 @@ class Sweeps:
         return np.array([abs(np.diff(self._smooth[ANGLE][[a, b]])[0]) / (self.time[b] - self.time[a]) for a, b in ends])
 
 
-def _end(angle: np.ndarray) -> float:
-    """Where the handwheel is at a lock: a single highest angle would be one of the noise."""
-    return float(np.median(angle[angle >= AT_LOCK * angle.max()]))
-
-
-procedure("parking", Sweeps, constant_speed=False)
+register_evaluation("parking", Sweeps, constant_speed=False)
 
 _parking = partial(metric, source=SOURCE)
 
@@ -127,7 +122,7 @@ def rack_force_at_centre(sweeps: Sweeps) -> np.ndarray:
 
 @_parking("N", "parking")
 def rack_force_peak(sweeps: Sweeps) -> np.ndarray:
-    """Highest mean rack force over a twentieth of the way from centre to lock, short of the end stops."""
+    """Highest mean rack force over a twentieth of the way from centre to lock, clear of the end stops."""
     return sweeps.peak(sweeps.effort("rack_force"))
 
 
@@ -145,21 +140,21 @@ def handwheel_torque_at_centre(sweeps: Sweeps) -> np.ndarray:
 
 @_parking("N m", "parking")
 def handwheel_torque_mean(sweeps: Sweeps) -> np.ndarray:
-    """Mean hand torque of a half sweep: the effort of parking."""
+    """Mean hand torque of a half sweep, which is the effort of parking."""
     return sweeps.mean(TORQUE)
 
 
 @_parking("N m", "parking")
 def handwheel_torque_peak(sweeps: Sweeps) -> np.ndarray:
-    """Highest mean hand torque over a twentieth of the way from centre to lock, short of the end stops."""
+    """Highest mean hand torque over a twentieth of the way from centre to lock, clear of the end stops."""
     return sweeps.peak(sweeps.effort(TORQUE))
 
 
 @_parking("N m", "parking")
 def handwheel_torque_ripple(sweeps: Sweeps) -> np.ndarray:
-    """Root mean square of the hand torque between 1 and 10 Hz in the middle 80 % of a half sweep, under Hann's window.
+    """Root mean square of the hand torque between 1 and 10 Hz in the middle 80 % of a half sweep, with Hann's window.
 
-    White noise, judged from what is above 10 Hz, is taken off.
+    White noise, estimated from the part above 10 Hz, is subtracted.
     """
     return sweeps.ripple(TORQUE)
 

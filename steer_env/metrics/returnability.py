@@ -1,39 +1,40 @@
-"""Returnability: how far and how fast the handwheel comes back from a quarter turn at low speed.
+"""Returnability: how far and how fast the handwheel returns from a quarter turn at low speed.
 
-In the workshop it must be back within 20 deg. Angles are counted positive to the side from which the handwheel returns.
+In the workshop check the handwheel must return to within 20 deg. Angles are counted positive to the side from which the
+handwheel returns.
 """
 
 import numpy as np
 
 from steer_env.metrics.common import decay
-from steer_env.metrics.common.definitions import RefusedError, metric, procedure
+from steer_env.metrics.common.definitions import RefusedError, metric, register_evaluation
+from steer_env.metrics.common.filtered_channels import ANGLE
 from steer_env.metrics.common.free_hands import Releases
-from steer_env.metrics.common.reading import ANGLE
 from steer_env.recording.recording import DEGREE, Recording
 
-FREE = 4.0  # that the hands must stay off [s]
-FASTEST_READ = (80.0 * DEGREE, 30.0 * DEGREE)  # between these the return rate is read [rad]
+FREE = 4.0  # time for which the hands must stay off [s]
+RETURN_RANGE = (80.0 * DEGREE, 30.0 * DEGREE)  # angles between which the return rate is read [rad]
 SOURCE = "workshop check at 35 km/h from 90 deg (Hyundai); times assumed"
 
 
 class Returns:
     """Releases of a handwheel that was held at about ``angle_rad``."""
 
-    def __init__(self, recording: Recording, asked: dict[str, float]) -> None:
+    def __init__(self, recording: Recording, conditions: dict[str, float]) -> None:
         self.releases = Releases(recording, FREE)
-        held, wanted = self.releases.held(ANGLE), asked["angle_rad"]
+        held, wanted = self.releases.held(ANGLE), conditions["angle_rad"]
         if np.any(np.abs(held / wanted - 1) > 0.1):
             found = ", ".join(f"{a / DEGREE:.0f}" for a in held)
             raise RefusedError(
                 f"{ANGLE} was held at {found} deg, not {wanted / DEGREE:.0f} +- 10%: hold it there, or say angle_rad"
             )
 
-    def part(self, event: int) -> tuple[np.ndarray, np.ndarray]:
+    def angle(self, event: int) -> tuple[np.ndarray, np.ndarray]:
         """Time [s] and handwheel angle [rad] after a release."""
-        return self.releases.part(ANGLE, event, -0.2, FREE)
+        return self.releases.section(ANGLE, event, -0.2, FREE)
 
 
-procedure("returnability", Returns, speed_m_s=35 / 3.6, angle_rad=0.5 * np.pi)
+register_evaluation("returnability", Returns, speed_m_s=35 / 3.6, angle_rad=0.5 * np.pi)
 
 
 @metric("deg", "returnability", source=SOURCE)
@@ -53,13 +54,13 @@ def handwheel_return_rate(returns: Returns) -> np.ndarray:
     """Mean speed of the handwheel on its way back from 80 to 30 deg."""
     rates = []
     for k in range(len(returns.releases)):
-        first, last = (decay.first_below(*returns.part(k), level, ANGLE) for level in FASTEST_READ)
-        rates.append((FASTEST_READ[0] - FASTEST_READ[1]) / (last - first))
+        first, last = (decay.first_below(*returns.angle(k), level, ANGLE) for level in RETURN_RANGE)
+        rates.append((RETURN_RANGE[0] - RETURN_RANGE[1]) / (last - first))
     return np.array(rates)
 
 
 @metric("deg", "returnability", source=SOURCE)
 def handwheel_return_overshoot(returns: Returns) -> np.ndarray:
-    """How far the handwheel goes beyond straight ahead; 0 where it stops short of it."""
-    lowest = (decay.lowest(*returns.part(k))[1] for k in range(len(returns.releases)))
+    """Largest angle of the handwheel beyond straight ahead; 0 where the handwheel stops short of straight ahead."""
+    lowest = (decay.lowest(*returns.angle(k))[1] for k in range(len(returns.releases)))
     return np.array([max(-angle, 0.0) for angle in lowest])

@@ -1,9 +1,10 @@
 """Transition: how the car leaves straight ahead when the handwheel turns slowly, to both sides.
 
-Every ramp of the handwheel out of straight ahead is a repeat. Slopes are those of straight lines over a fixed range of
-lateral acceleration: near centre from 0.1 to 0.5 m/s2, at 1 m/s2 from 0.75 to 1.25 m/s2. A dead band is where the line
-of the response near centre, drawn back, meets zero: half of the width in which angle or torque change and the car does
-not answer. Zero is the sensor's: ramps to both sides are needed, in equal numbers, so that an offset drops out.
+Every ramp of the handwheel out of straight ahead is a repeat. Slopes are those of straight lines fitted over a fixed
+range of lateral acceleration: near centre from 0.1 to 0.5 m/s2, at 1 m/s2 from 0.75 to 1.25 m/s2. A dead band is the
+handwheel angle or torque at which the line near centre, extended to smaller values, reaches a response of zero; it is
+half of the width in which angle or torque change without a response of the car. Zero is the zero of the sensor, so
+ramps to both sides are needed in equal numbers; an offset then drops out.
 """
 
 from collections.abc import Callable, Mapping
@@ -12,32 +13,33 @@ from typing import Any
 import numpy as np
 
 from steer_env.metrics.common import ramps
-from steer_env.metrics.common.definitions import RefusedError, metric, procedure
-from steer_env.metrics.common.reading import ANGLE, AY, TORQUE, YAW, Reading
+from steer_env.metrics.common.definitions import RefusedError, metric, register_evaluation
+from steer_env.metrics.common.filtered_channels import ANGLE, AY, TORQUE, YAW, FilteredChannels
 from steer_env.recording.recording import DEGREE, Recording
-from steer_env.vehicle.chassis.single_track import GRAVITY as G
+from steer_env.vehicle.constants import GRAVITY as G
 
 CUTOFF = 2.0  # low-pass; the test is quasi-static [Hz]
-CENTRE, AT_1 = (0.1, 0.5), (0.75, 1.25)  # lateral acceleration of the fits; assumed [m/s2]
-QUICKEST = 5 * DEGREE  # handwheel speed of a ramp [rad/s]
+CENTRE, AT_1 = (0.1, 0.5), (0.75, 1.25)  # ranges of lateral acceleration of the fits; assumed [m/s2]
+QUICKEST = 5 * DEGREE  # highest handwheel speed of a ramp [rad/s]
 SOURCE = "after ISO 13674-2"
 
 
 class Transitions:
-    """The ramps out of straight ahead; readings have one value each, (n,)."""
+    """The ramps out of straight ahead; the methods return one value for each ramp, (n,)."""
 
-    def __init__(self, recording: Recording, asked: Mapping[str, Any]) -> None:
-        self._smooth = Reading(recording, CUTOFF)
+    def __init__(self, recording: Recording, conditions: Mapping[str, Any]) -> None:
+        self._smooth = FilteredChannels(recording, CUTOFF)
         angle = self._smooth[ANGLE]
         self.ramps = ramps.find(self._smooth.time, angle)
         sides = [ramp.side for ramp in self.ramps]
         if not sides or sides.count(1.0) != sides.count(-1.0):
             raise RefusedError(
                 f"{sides.count(1.0)} ramps of {ANGLE} to the left and {sides.count(-1.0)} to the right: "
-                "steer as often to one side as to the other, an offset drops out then"
+                "steer equally often to both sides, so that an offset drops out"
             )
         ends = [[self._smooth[AY][r.end - 1] for r in self.ramps if r.side == side] for side in (1.0, -1.0)]
-        self._centre = float(np.mean(ends))  # of the lateral acceleration, between both sides' ends: the sensor's zero
+        # The sensor's zero of the lateral acceleration, midway between its values at the ends of both sides.
+        self._centre = float(np.mean(ends))
         for ramp in self.ramps:
             turned, took = np.ptp(angle[ramp.start : ramp.end]), np.ptp(self._smooth.time[ramp.start : ramp.end])
             if turned > 1.02 * QUICKEST * took:
@@ -46,10 +48,13 @@ class Transitions:
                 )
 
     def line(self, y: str, x: str, level: tuple[float, float]) -> np.ndarray:
-        """Offset and slope (n, 2) of y over x, with the side, while the lateral acceleration is in a range [SI]."""
+        """Offset and slope (n, 2) of y over x while the lateral acceleration is in a range [SI].
+
+        Both channels count positive towards the side of the ramp.
+        """
         found = []
         for ramp in self.ramps:
-            # A dead band may begin before the handwheel is seen to move, but the response is behind it.
+            # A dead band may begin before the handwheel is seen to move, but the response comes after it.
             band = ramps.within(ramp.side * (self._smooth[AY][ramp.start : ramp.end] - self._centre), *level)
             if band is None:
                 raise RefusedError(
@@ -64,8 +69,8 @@ class Transitions:
         return np.array(found)
 
     def zero(self, response: str, hand: str) -> np.ndarray:
-        """Angle or torque (n,) where the line of a response over it, drawn back, is zero."""
-        if hand == TORQUE:  # the noisier of the two is fitted over the other
+        """Handwheel angle or torque (n,) at which the line near centre, extended, gives a response of zero."""
+        if hand == TORQUE:  # the noisier channel is fitted over the other
             return self.line(hand, response, CENTRE)[:, 0]
         offset, slope = self.line(response, hand, CENTRE).T
         return -offset / slope
@@ -75,7 +80,7 @@ class Transitions:
         return self.line(y, x, level)[:, 1]
 
     def at_1(self, name: str) -> np.ndarray:
-        """A channel (n,) at 1 m/s2, on the line over the lateral acceleration."""
+        """Value of a channel (n,) at 1 m/s2, on the line over the lateral acceleration."""
         offset, slope = self.line(name, AY, AT_1).T
         return offset + slope
 
@@ -84,7 +89,7 @@ class Transitions:
         return float(np.mean([np.abs(self._smooth[AY][ramp.start : ramp.end]).max() for ramp in self.ramps])) / G
 
 
-procedure("transition", Transitions, speed_m_s=100 / 3.6)
+register_evaluation("transition", Transitions, speed_m_s=100 / 3.6)
 
 
 def _transition_metric(unit: str, **more: Any) -> Callable:
@@ -93,25 +98,25 @@ def _transition_metric(unit: str, **more: Any) -> Callable:
 
 @_transition_metric("deg")
 def yaw_rate_transition_angle_deadband(transitions: Transitions) -> np.ndarray:
-    """Handwheel angle at which the line of the yaw rate near centre leaves zero."""
+    """Handwheel angle at which the line of the yaw rate near centre starts from zero."""
     return transitions.zero(YAW, ANGLE)
 
 
 @_transition_metric("deg")
 def lateral_acceleration_transition_angle_deadband(transitions: Transitions) -> np.ndarray:
-    """Handwheel angle at which the line of the lateral acceleration near centre leaves zero."""
+    """Handwheel angle at which the line of the lateral acceleration near centre starts from zero."""
     return transitions.zero(AY, ANGLE)
 
 
 @_transition_metric("N m")
 def yaw_rate_transition_torque_deadband(transitions: Transitions) -> np.ndarray:
-    """Handwheel torque at which the line over the yaw rate near centre starts from zero."""
+    """Handwheel torque on the line over the yaw rate near centre, at a yaw rate of zero."""
     return transitions.zero(YAW, TORQUE)
 
 
 @_transition_metric("N m")
 def lateral_acceleration_transition_torque_deadband(transitions: Transitions) -> np.ndarray:
-    """Handwheel torque at which the line over the lateral acceleration near centre starts from zero."""
+    """Handwheel torque on the line over the lateral acceleration near centre, at a lateral acceleration of zero."""
     return transitions.zero(AY, TORQUE)
 
 
@@ -129,7 +134,7 @@ def transition_torque_gradient_at_1m_s2(transitions: Transitions) -> np.ndarray:
 
 @_transition_metric("N m")
 def transition_torque_at_1m_s2(transitions: Transitions) -> np.ndarray:
-    """Handwheel torque at 1 m/s2."""
+    """Handwheel torque at a lateral acceleration of 1 m/s2, on the line fitted there."""
     return transitions.at_1(TORQUE)
 
 
@@ -147,5 +152,5 @@ def transition_sensitivity_at_1m_s2(transitions: Transitions) -> np.ndarray:
 
 @_transition_metric("1/s")
 def transition_yaw_rate_gain(transitions: Transitions) -> np.ndarray:
-    """Slope of the yaw rate over the handwheel angle while the lateral acceleration goes from 0.1 to 0.5 m/s2."""
+    """Slope of the yaw rate over the handwheel angle while the lateral acceleration rises from 0.1 to 0.5 m/s2."""
     return transitions.slope(YAW, ANGLE, CENTRE)

@@ -1,4 +1,4 @@
-"""Recordings, simulated or measured: channels in SI over time, their files, units and channel mappings."""
+"""Recordings, simulated or measured: channels in SI units over time, their files, units and channel mappings."""
 
 import lazy_loader
 

@@ -1,18 +1,18 @@
-"""Mappings: which channel of a measured file is which of ours, in what unit, with what sign, delay and offset.
+"""Mappings: which column of a measured file holds which channel, with its unit, sign, delay and offset.
 
-A mapping is a small TOML file; every key but ``[channels.NAME]`` itself may be left out:
+A mapping is a small TOML file; every key of a section may be left out:
 
     [channels.handwheel_angle]
     from = "SteeringWheelAngle"   # name in the file, with or without its unit; by default the same name as here
-    unit = "deg"                  # where the file does not say, or says it wrongly
+    unit = "deg"                  # needed where the file names no unit, or a wrong one
     sign = -1                     # 1 or -1
-    delay_ms = 10                 # the channel comes this much late; it is shifted back
-    offset = 0.3                  # reading of the sensor at zero, in `unit`, before the sign is turned
+    delay_ms = 10                 # delay of the channel, which is corrected
+    offset = 0.3                  # reading of the sensor at zero, in `unit`, before the sign is changed
     [meta]
     manoeuvre = "weave"
     speed_m_s = 27.8
 
-``[channels.time]`` names the time base, where a file calls it otherwise; it takes ``from`` and ``unit`` only.
+``[channels.time]`` names the time base of a file that uses another name; it takes ``from`` and ``unit`` only.
 """
 
 from collections.abc import Iterable
@@ -25,11 +25,12 @@ from typing import Any, NamedTuple
 from steer_env.friction.numerics import toml
 from steer_env.friction.numerics.check import number
 from steer_env.recording.recording import check_meta
-from steer_env.recording.units import SPELLINGS, understood
+from steer_env.recording.renamed_channels import RENAMED_CHANNELS, announce
+from steer_env.recording.units import SPELLINGS, parse_unit
 from steer_env.vehicle import plant
 from steer_env.vehicle.chassis import two_track
 
-# Channels that have a name of their own -> unit in memory.
+# Known channels -> unit in memory.
 KNOWN = {**dict(plant.CHANNELS), **dict(two_track.CHANNELS), "vehicle_speed": "m/s"}
 
 _KEYS = ("from", "unit", "sign", "delay_ms", "offset")
@@ -39,23 +40,23 @@ _TIME_KEYS = ("from", "unit")
 class Entry(NamedTuple):
     """How one channel is read; made and checked by :func:`entry` or :func:`parse_entry`."""
 
-    name: str  # of the channel in the recording
-    source: str  # its name in the file
-    unit: str | None  # its unit in the file; None: as the file says
+    name: str  # name of the channel in the recording
+    source: str  # name in the file
+    unit: str | None  # unit in the file; None: the unit that the file names
     sign: float = 1.0  # 1 or -1 [1]
-    delay: float = 0.0  # by which the channel comes late [s]
-    offset: float = 0.0  # subtracted before the sign is turned [unit of the file]
+    delay: float = 0.0  # delay of the channel [s]
+    offset: float = 0.0  # subtracted before the sign is changed [unit of the file]
 
 
 @dataclass(frozen=True)
 class Mapping:
-    """Entries by the channel's name, and meta that goes over that of the file."""
+    """Entries by channel name, and meta that replaces the meta of the file."""
 
     channels: dict[str, Entry] = field(default_factory=dict)
     meta: dict[str, Any] = field(default_factory=dict)
 
     def with_entries(self, entries: Iterable[Entry]) -> "Mapping":
-        """Entries added, or put in place of those of the same channel; for flags on top of a file."""
+        """The mapping with further entries, which replace those of the same channel; for flags on the command line."""
         return replace(self, channels={**self.channels, **{entry.name: entry for entry in entries}})
 
 
@@ -65,9 +66,10 @@ def load(path: str | PathLike[str]) -> Mapping:
     Raises
     ------
     ValueError
-        Naming the file, and the key and what is allowed there, or the line of a syntax error.
+        If the file is not a mapping. The message names the file, and the key with what is allowed there or the line of
+        a syntax error.
     OSError
-        A file that cannot be read.
+        If the file cannot be opened.
     """
     try:
         return from_data(toml.loads(Path(path).read_text(encoding="utf-8-sig")))
@@ -78,7 +80,7 @@ def load(path: str | PathLike[str]) -> Mapping:
 
 
 def from_data(data: dict[str, Any]) -> Mapping:
-    """A mapping from the contents of a file; ValueError naming the key and what is allowed there."""
+    """A mapping from the contents of a file; a ValueError names the wrong key and what is allowed there."""
     for key in data:
         if key not in ("channels", "meta"):
             raise ValueError(f"no section {key!r} in a mapping; it takes [channels.NAME] and [meta]")
@@ -88,12 +90,19 @@ def from_data(data: dict[str, Any]) -> Mapping:
     meta = data.get("meta", {})
     for key, value in meta.items():
         check_meta(key, value)
-    return Mapping({name: entry(name, given) for name, given in data.get("channels", {}).items()}, dict(meta))
+    entries = [entry(name, given) for name, given in data.get("channels", {}).items()]
+    return Mapping({found.name: found for found in entries}, dict(meta))
+
+
+def current_name(name: str) -> str:
+    """The present name of a channel that may bear an old one."""
+    return RENAMED_CHANNELS.get(name, name) if name not in KNOWN else name
 
 
 def entry(name: str, given: Any) -> Entry:
-    """An entry from the keys of its section; ValueError naming the key and what is allowed there."""
-    where, allowed = f"channels.{name}", _TIME_KEYS if name == "time" else _KEYS
+    """An entry from the keys of its section; a ValueError names the wrong key and what is allowed there."""
+    where, old, name = f"channels.{name}", name, current_name(name)
+    allowed = _TIME_KEYS if name == "time" else _KEYS
     if not isinstance(given, dict):
         raise ValueError(f"{where} must hold keys and values ({', '.join(allowed)}), got {given!r}")
     for key in given:
@@ -102,15 +111,17 @@ def entry(name: str, given: Any) -> Entry:
     for key in ("from", "unit"):
         if not isinstance(given.get(key, ""), str):
             raise ValueError(f"{where}.{key} must be text, got {given[key]!r}")
-    source, unit, sign = given.get("from") or name, given.get("unit"), given.get("sign", 1)
+    source, unit, sign = given.get("from") or old, given.get("unit"), given.get("sign", 1)
     if unit is not None:
         _check_unit(where, name, unit)
     elif name not in KNOWN and name != "time":
         raise ValueError(
-            f"{where}: no channel is known as {name!r}, {did_you_mean(name, KNOWN)} (with a unit, any name will do)"
+            f"{where}: no channel is known as {name!r}, {did_you_mean(name, KNOWN)} (with a unit, any name is allowed)"
         )
     if isinstance(sign, bool) or sign not in (1, -1):
         raise ValueError(f"{where}.sign must be 1 or -1, got {sign!r}")
+    if name != old:
+        announce(where, [old])
     delay, offset = (_number(f"{where}.{key}", given.get(key, 0.0)) for key in ("delay_ms", "offset"))
     return Entry(name, source, unit, float(sign), delay / 1e3, offset)
 
@@ -118,7 +129,8 @@ def entry(name: str, given: Any) -> Entry:
 def parse_entry(text: str) -> Entry:
     """An entry from its compact form, ``handwheel_angle=SteeringWheelAngle[deg],sign=-1,delay_ms=10``.
 
-    The name in the file may hold brackets, but no comma: such a one needs a mapping file. ValueError as :func:`entry`.
+    The name in the file may contain brackets but no comma; a name with a comma needs a mapping file. Errors are those
+    of :func:`entry`.
     """
     name, equals, rest = (part.strip() for part in text.partition("="))
     if not (name and equals):
@@ -140,7 +152,7 @@ def parse_entry(text: str) -> Entry:
 
 
 def did_you_mean(name: str, names: Iterable[str]) -> str:
-    """Those of ``names`` that are close to ``name``, or the first thirty if none is, as a clause of a message."""
+    """A clause of a message with those of ``names`` that are similar to ``name``, or with the first thirty names."""
     names = list(dict.fromkeys(names))
     close = get_close_matches(name, names)
     if close:
@@ -149,7 +161,7 @@ def did_you_mean(name: str, names: Iterable[str]) -> str:
 
 
 def _check_unit(where: str, name: str, unit: str) -> None:
-    found = understood(unit)
+    found = parse_unit(unit)
     if found is None:
         raise ValueError(f"{where}.unit {unit!r} is not known; known are {SPELLINGS}")
     expected = "s" if name == "time" else KNOWN.get(name, found[0])
@@ -165,6 +177,6 @@ def _read_number(text: str) -> Any:
 
 
 def _number(where: str, value: Any) -> float:
-    if isinstance(value, str | bool):  # float() takes them
+    if isinstance(value, str | bool):  # float() accepts them
         raise ValueError(f"{where} must be a number, got {value!r}")
     return number(where, value)

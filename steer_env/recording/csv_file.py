@@ -1,11 +1,11 @@
-"""Recordings as text: ``# key: value`` lines of meta, a header that names the units, one row a sample.
+"""Recordings as text: lines ``# key: value`` with the meta, a header that names the units, and one row per sample.
 
     # manoeuvre: weave
     time_s,handwheel_angle_deg,handwheel_torque_Nm,...
     0.001,0.0,0.0,...
 
-Tables from elsewhere may lack the meta, put units in brackets, be separated by semicolons (then a comma is a decimal
-comma) or tabs, and leave cells empty, which are gaps.
+Files from other programs may lack the meta, put units in brackets, use semicolons (then a comma is a decimal comma) or
+tabs as separators, and leave cells empty; an empty cell is a gap.
 """
 
 import json
@@ -20,13 +20,13 @@ import numpy as np
 
 from steer_env.recording.table import Column, Table, Values, column, label
 
-_BLOCK = 10_000  # rows turned into text at a time, to spare memory
+_BLOCK = 10_000  # rows that are converted to text at a time, which limits the memory
 
 
 def save(
     file: IO[bytes], time: np.ndarray, channels: list[tuple[str, str, np.ndarray]], meta: Mapping[str, Any]
 ) -> None:
-    """Write name, unit in memory and values in file units of each channel; numbers read back as they were."""
+    """Write the channels (name, unit in memory, values in file units); every number is read back unchanged."""
     header = ["time_s"]
     for name, unit, _ in channels:
         header.append(label(name, unit))
@@ -41,7 +41,7 @@ def save(
 
 
 def open_table(path: str | PathLike[str]) -> Table:
-    """Header and meta; the rows are read by the table's ``load``."""
+    """Read the header and the meta; the table's ``load`` reads the rows."""
     encoding = _encoding(path)
     meta: dict[str, Any] = {}
     header, above = "", 0
@@ -58,7 +58,7 @@ def open_table(path: str | PathLike[str]) -> Table:
             raise ValueError("no header: expected a line that names the columns, time_s or Time [s] among them")
     separator = next((s for s in (";", "\t") if s in header), ",")
     columns = [column(_bare(cell)) for cell in header.rstrip("\n").split(separator)]
-    if len(columns) > 1 and not columns[-1].label:  # a separator at the end of each line
+    if len(columns) > 1 and not columns[-1].label:  # every line ends with a separator
         columns.pop()
 
     def load(places: Sequence[int]) -> list[Values]:
@@ -70,9 +70,12 @@ def open_table(path: str | PathLike[str]) -> Table:
 def _load(
     path: Any, encoding: str, above: int, separator: str, columns: list[Column], places: Sequence[int]
 ) -> list[Values]:
-    """The columns of ``places``, the first of which is the time; fast, and slowly only to say what is wrong."""
+    """The columns at the indices ``places``, the first of which is the time.
+
+    A file that the fast reader refuses is read again slowly, to find the place of the error.
+    """
     with open(path, encoding=encoding) as file, warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)  # no rows at all
+        warnings.simplefilter("ignore", UserWarning)  # a file without rows
         lines = _whole(_numerals(islice(file, above, None), separator), separator, len(columns))
         try:
             table = np.loadtxt(lines, delimiter=separator, comments=None, usecols=places, ndmin=2).T
@@ -86,6 +89,7 @@ def _load(
 def _load_slowly(
     path: Any, encoding: str, above: int, separator: str, columns: list[Column], places: Sequence[int]
 ) -> list[Values]:
+    """The columns of :func:`_load`; a ValueError names the line and the column of an error."""
     rows: list[list[float]] = []
     labels = [entry.label for entry in columns]
     number = above
@@ -115,18 +119,18 @@ def _load_slowly(
 
 
 def _numerals(lines: Iterator[str], separator: str) -> Iterator[str]:
-    """Lines with decimal points."""
+    """Lines in which decimal commas are replaced by points."""
     return (line.replace(",", ".") for line in lines) if separator == ";" else lines
 
 
 def _whole(lines: Iterator[str], separator: str, count: int) -> Iterator[str]:
-    """Lines that are not blank, with NaN in empty cells; ValueError at one with another number of cells."""
+    """Lines that are not blank, with NaN in empty cells; ValueError for a line with a wrong number of cells."""
     empty = re.compile(rf"(?<![^{separator}])(?={separator}|\s*$)")
     twice, ends = 2 * separator, (separator, separator + "\n")
     for line in lines:
         extra = line.count(separator) + 1 - count
         if extra == 0 or (extra == 1 and line.rstrip(" \n").endswith(separator)):
-            # Looking first is quicker than the expression.
+            # This test is faster than the regular expression.
             yield empty.sub("nan", line) if twice in line or line.startswith(separator) or line.endswith(ends) else line
         elif line.strip():
             raise ValueError(f"{count + extra} cells")
@@ -137,7 +141,7 @@ def _unreadable(line: int, place: int | str, expected: str, got: object) -> Valu
 
 
 def _encoding(path: Any) -> str:
-    """UTF-8 if the head of the file is, else Latin-1, in which older tools write degree signs and powers."""
+    """UTF-8 if the first lines are UTF-8, else Latin-1, in which older tools write degree signs and powers."""
     with open(path, encoding="utf-8-sig") as file:
         try:
             for _ in islice(file, 1000):
@@ -154,7 +158,7 @@ def _bare(cell: str) -> str:
 
 
 def _meta_value(text: str) -> Any:
-    """What is written in JSON is read as such, anything else is text."""
+    """The value of a text in JSON; any other text as it is."""
     try:
         value = json.loads(text)
     except ValueError:
@@ -163,6 +167,6 @@ def _meta_value(text: str) -> Any:
 
 
 def _meta_text(value: Any) -> str:
-    """Bare text where it reads back as itself, JSON otherwise."""
+    """Plain text where that is read back unchanged, JSON otherwise."""
     plain = isinstance(value, str) and value == value.strip() and len(value.splitlines()) <= 1
     return value if plain and _meta_value(value) == value else json.dumps(value)

@@ -1,8 +1,9 @@
 """Recordings from and to files: .csv, .mat (MATLAB v5) and, with the extra ``mdf``, .mf4 and .mdf.
 
-Files carry degrees for angles and SI for the rest, and name the unit of every column. What is written is read back the
-same but for the last bit in going to degrees and back. Measured files with other names, units, signs and delays are
-read through a mapping (:mod:`steer_env.recording.channel_mapping`).
+Files contain angles in degrees and all other quantities in SI units, and they name the unit of every column. A
+recording that is written and read again is the same, except for the last bit of an angle, which is converted to degrees
+and back. Measured files with other names, units, signs and delays are read with a mapping
+(:mod:`steer_env.recording.channel_mapping`).
 """
 
 import os
@@ -13,53 +14,59 @@ import numpy as np
 
 from steer_env.recording import channel_mapping as mappings
 from steer_env.recording import csv_file, mat_file, mdf_file
-from steer_env.recording.channel_mapping import KNOWN, Entry, Mapping, did_you_mean
+from steer_env.recording.channel_mapping import KNOWN, Entry, Mapping, current_name, did_you_mean
 from steer_env.recording.recording import Recording
+from steer_env.recording.renamed_channels import announce
 from steer_env.recording.table import Column, Values
-from steer_env.recording.units import FILE_UNITS, SPELLINGS, understood
+from steer_env.recording.units import FILE_UNITS, SPELLINGS, parse_unit
 
+# Suffix -> module with `save` and `open_table`, which returns a table.Table.
 FORMATS: dict[str, Any] = {
     ".csv": csv_file,
     ".mat": mat_file,
     ".mf4": mdf_file,
     ".mdf": mdf_file,
 }
-MOST_NAMED = 10  # columns that meta lists as not read
+MOST_NAMED = 10  # largest number of columns that the meta lists as not read
 
 
 class _Choice(NamedTuple):
-    place: int  # among the file's columns
-    name: str  # of the channel
-    unit: str  # in memory
+    """A column that is read, and how."""
+
+    place: int  # index among the file's columns
+    name: str  # name of the channel
+    unit: str  # unit in memory
     size: float  # value in memory of one unit of the file [unit in memory]
     entry: Entry
 
 
 def read(path: str | os.PathLike[str], mapping: Mapping | str | os.PathLike[str] | None = None) -> Recording:
-    """A recording from a file, by its suffix.
+    """A recording from a file, whose suffix gives the format.
 
-    Read are the channels that the mapping names and those that bear a known name (``mapping.KNOWN``); if the mapping
-    names none, all whose unit is understood, and the meta key ``not_read`` lists the others. Where a channel comes
-    late by the mapping, all are trimmed to the time that is left.
+    The channels that are read are those that the mapping names and those with a known name
+    (``channel_mapping.KNOWN``). If the mapping names no channel, all channels with a known unit are read, and the meta
+    key ``not_read`` lists the others. Where the mapping gives a channel a delay, all channels are trimmed to the time
+    that remains. An old name of a channel is replaced, and a line on standard error says so.
 
     Parameters
     ----------
     path : str or path
         A file that ends in .csv, .mat, .mf4 or .mdf.
     mapping : Mapping or path of a .toml file, optional
-        Names, units, signs, delays and offsets; and meta, which goes over that of the file.
+        Names, units, signs, delays and offsets, and meta that replaces the meta of the file.
 
     Raises
     ------
     ValueError
-        Naming the file, in .csv the line and the column, what was expected there and what to do.
+        If the file cannot be read as a recording. The message names the file, for .csv also the line and the column,
+        what was expected there, and what to do.
     OSError
-        A file that cannot be read.
+        If the file cannot be opened.
     """
     form = _format(path)
     if not isinstance(mapping, Mapping):
         mapping = Mapping() if mapping is None else mappings.load(mapping)
-    with open(path, "rb"):  # the formats' readers report a missing file in ways of their own
+    with open(path, "rb"):  # the readers of the formats report a missing file in different ways
         pass
     try:
         table = form.open_table(path)
@@ -67,6 +74,8 @@ def read(path: str | os.PathLike[str], mapping: Mapping | str | os.PathLike[str]
         if "time" in mapping.channels and not table.timed:
             raise ValueError("this format has a time base of its own: remove [channels.time] from the mapping")
         choices, left = _choose(table.columns, mapping, [choice.place for choice in time])
+        names = [table.columns[choice.place].name for choice in choices if choice.name not in mapping.channels]
+        announce(path, [name for name in names if current_name(name) != name])
         loaded = table.load([choice.place for choice in time + choices])
         instants = _samples(table.columns, time[0], loaded[0]) * time[0].size if time else loaded[0]
         channels, units = {}, {}
@@ -93,14 +102,14 @@ def read(path: str | os.PathLike[str], mapping: Mapping | str | os.PathLike[str]
 
 
 def write(recording: Recording, path: str | os.PathLike[str]) -> None:
-    """Write a recording to a file, by its suffix.
+    """Write a recording to a file, whose suffix gives the format.
 
-    The file appears whole or not at all: it is written beside ``path`` and then renamed.
+    The recording is written to a file beside ``path``, which is then renamed, so ``path`` is never incomplete.
 
     Raises
     ------
     ValueError
-        If the suffix is none of .csv, .mat, .mf4 and .mdf, or a channel's name cannot be written there.
+        If the suffix is none of .csv, .mat, .mf4 and .mdf, or if the format cannot hold a channel's name.
     """
     form = _format(path)
     channels = [
@@ -120,6 +129,7 @@ def write(recording: Recording, path: str | os.PathLike[str]) -> None:
 
 
 def _format(path: str | os.PathLike[str]) -> Any:
+    """The module for a file's suffix."""
     suffix = Path(path).suffix.lower()
     if suffix not in FORMATS:
         raise ValueError(f"{path}: recordings end in {', '.join(FORMATS)}, got {suffix!r}")
@@ -127,13 +137,13 @@ def _format(path: str | os.PathLike[str]) -> Any:
 
 
 def _time(columns: list[Column], mapping: Mapping) -> _Choice:
-    """The time's column: that of the mapping, else one called time or t, else the first if it is in seconds."""
+    """The column of the time: that of the mapping, else one called time or t, else the first if it is in seconds."""
     entry = mapping.channels.get("time")
     if entry is not None:
         return _choice(columns, _find(columns, entry), entry, "s")
     named = [k for k, column in enumerate(columns) if column.name.lower() in ("time", "t")]
     place = named[0] if named else 0
-    if not named and (not columns or (understood(columns[0].unit or "") or ("",))[0] != "s"):
+    if not named and (not columns or (parse_unit(columns[0].unit or "") or ("",))[0] != "s"):
         labels = [column.label for column in columns]
         hint = " (only one column: separate columns by , or ; or tabs)" if len(columns) == 1 else ""
         raise ValueError(
@@ -144,7 +154,10 @@ def _time(columns: list[Column], mapping: Mapping) -> _Choice:
 
 
 def _choose(columns: list[Column], mapping: Mapping, used: list[int]) -> tuple[list[_Choice], list[str]]:
-    """What to read, and the labels of what is left out for its unit; ``used`` are columns that are taken already."""
+    """The columns to read, and the labels of those that are left out because of their unit.
+
+    The columns ``used`` (indices) are already taken.
+    """
     mapped = [
         _choice(columns, _find(columns, entry), entry, KNOWN.get(name))
         for name, entry in mapping.channels.items()
@@ -154,26 +167,27 @@ def _choose(columns: list[Column], mapping: Mapping, used: list[int]) -> tuple[l
     used = used + [choice.place for choice in mapped]
     left = []
     for place, column in enumerate(columns):
-        known = column.name in KNOWN
-        if place in used or column.name in mapping.channels or (mapped and not known):
+        name = current_name(column.name)
+        known = name in KNOWN
+        if place in used or name in mapping.channels or (mapped and not known):
             continue
-        if not known and (column.name == "time" or understood(column.unit or "") is None):
+        if not known and (name == "time" or parse_unit(column.unit or "") is None):
             left.append(column.label)
             continue
-        if column.name in by_name:
-            twice = [columns[by_name[column.name].place].label, column.label]
-            raise ValueError(f"{twice[0]!r} and {twice[1]!r} are both {column.name!r}: name one of them in a mapping")
-        by_name[column.name] = _choice(columns, place, Entry(column.name, column.label, None))
+        if name in by_name:
+            twice = [columns[by_name[name].place].label, column.label]
+            raise ValueError(f"{twice[0]!r} and {twice[1]!r} are both {name!r}: name one of them in a mapping")
+        by_name[name] = _choice(columns, place, Entry(name, column.label, None))
     return list(by_name.values()), left
 
 
 def _find(columns: list[Column], entry: Entry) -> int:
-    """The place of an entry's column, by its label or else by its name without the unit."""
+    """The index of an entry's column, found by its label or else by its name without the unit."""
     for texts in ([column.label for column in columns], [column.name for column in columns]):
         places = [place for place, text in enumerate(texts) if text == entry.source]
         if len(places) > 1 and entry.unit is not None:
-            wanted = understood(entry.unit)
-            places = [k for k in places if understood(columns[k].unit or "") == wanted] or places
+            wanted = parse_unit(entry.unit)
+            places = [k for k in places if parse_unit(columns[k].unit or "") == wanted] or places
         if len(places) == 1:
             return places[0]
         if places:
@@ -184,13 +198,13 @@ def _find(columns: list[Column], entry: Entry) -> int:
 
 
 def _choice(columns: list[Column], place: int, entry: Entry, expected: str | None = None) -> _Choice:
-    """A column for an entry; ValueError unless its unit is understood and, in memory, the one ``expected``."""
+    """A column for an entry; ValueError unless its unit is known and is ``expected`` in memory."""
     column = columns[place]
     text = column.unit if entry.unit is None else entry.unit
-    found = understood(text or "")
+    found = parse_unit(text or "")
     remedy = f'[channels.{entry.name}] from = "{column.label}", unit = "..."'
     if found is None:
-        problem = "names no unit" if not text else f"has the unit {text!r}, which is not understood"
+        problem = "names no unit" if not text else f"has the unit {text!r}, which is not known"
         raise ValueError(f"column {column.label!r} {problem}; give it in a mapping, {remedy}, with one of {SPELLINGS}")
     if found[0] != (expected or found[0]):
         raise ValueError(
@@ -200,11 +214,13 @@ def _choice(columns: list[Column], place: int, entry: Entry, expected: str | Non
 
 
 def _samples(columns: list[Column], choice: _Choice, values: Values) -> np.ndarray:
+    """The samples; ValueError with the reason if there are none."""
     if isinstance(values, str):
         raise ValueError(f"column {columns[choice.place].label!r}, wanted as {choice.name}, {values}")
     return values
 
 
 def _listed(labels: list[str]) -> str:
+    """The labels with commas; only the first ten of them."""
     more = f" and {len(labels) - MOST_NAMED} more" if len(labels) > MOST_NAMED else ""
     return ", ".join(labels[:MOST_NAMED]) + more

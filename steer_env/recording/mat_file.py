@@ -1,6 +1,6 @@
-"""Recordings for MATLAB (v5): a variable a channel that names its unit, ``handwheel_angle_deg``, and ``meta`` as JSON.
+"""Recordings for MATLAB (v5): one variable per channel, named as ``handwheel_angle_deg`` with its unit; JSON ``meta``.
 
-Files from elsewhere may hold the channels in a structure; below more than one, names are joined by dots.
+Files from other programs may hold the channels in a structure; the names in nested structures are joined by dots.
 """
 
 import json
@@ -13,14 +13,14 @@ import numpy as np
 
 from steer_env.recording.table import Table, Values, column, label
 
-LONGEST_NAME = 63  # of a MATLAB variable
+LONGEST_NAME = 63  # longest name of a MATLAB variable [characters]
 
 
 def save(
     file: IO[bytes], time: np.ndarray, channels: list[tuple[str, str, np.ndarray]], meta: Mapping[str, Any]
 ) -> None:
-    """Write name, unit in memory and values in file units of each channel, as columns."""
-    from scipy import io  # here, for few need it
+    """Write the channels (name, unit in memory, values in file units) as column vectors."""
+    from scipy import io  # here, because few programs need it
 
     variables: dict[str, Any] = {"time_s": time}
     for name, unit, values in channels:
@@ -32,7 +32,7 @@ def save(
 
 
 def open_table(path: str | PathLike[str]) -> Table:
-    """Every vector of numbers in the file is a column; the time is one of them."""
+    """Open a file; every vector of numbers in it is a column, and the time is one of them."""
     from scipy import io
 
     try:
@@ -41,7 +41,7 @@ def open_table(path: str | PathLike[str]) -> Table:
         raise ValueError(
             "this is a MATLAB v7.3 file, v5 to v7 can be read; in MATLAB save it with save(name, '-v7')"
         ) from None
-    except Exception as error:  # of damaged files, of as many types as there are parts to damage
+    except Exception as error:  # damaged files raise exceptions of many types
         raise ValueError(f"cannot be read as a MATLAB file ({error}); is it complete?") from None
     content = {name: value for name, value in content.items() if not name.startswith("__")}
     while len(content) == 1 and isinstance(next(iter(content.values())), dict):
@@ -57,6 +57,7 @@ def open_table(path: str | PathLike[str]) -> Table:
 
 
 def _vectors(content: dict[str, Any], above: str) -> list[tuple[str, np.ndarray]]:
+    """Name and values of every vector of numbers, ``above`` being the joined names of the structures around it."""
     found = []
     for name, value in content.items():
         if isinstance(value, dict):
@@ -67,6 +68,7 @@ def _vectors(content: dict[str, Any], above: str) -> list[tuple[str, np.ndarray]
 
 
 def _meta(text: Any) -> dict[str, Any]:
+    """The meta, which is empty if the text is not that of a recording."""
     try:
         meta = json.loads(text)
     except (TypeError, ValueError):

@@ -1,8 +1,8 @@
-"""Recordings as measurement data files, ASAM MDF 4, through asammdf; meta is JSON in the file's comment.
+"""Recordings as measurement data files, ASAM MDF 4, with the package asammdf; the meta is JSON in the file's comment.
 
-A file from elsewhere may sample its channels at different instants. They are read at those of the channel with the
-most samples, the others on straight lines between their own samples, within the span that all of them cover. Where a
-channel lacks rows of its own (a step longer than 1.5 times its median step) or marks samples as invalid it has a gap.
+A file from another program may sample its channels at different instants. The time of the recording is that of the
+channel with the most samples, within the time that all channels cover; the other channels are interpolated linearly. A
+channel has a gap where it lacks samples (a step longer than 1.5 times its median step) or marks them as invalid.
 """
 
 import gc
@@ -16,17 +16,17 @@ from typing import IO, Any
 
 import numpy as np
 
-from steer_env.recording.recording import on_time
+from steer_env.recording.recording import interpolated
 from steer_env.recording.table import Column, Table, Values, column
 from steer_env.recording.units import file_unit
 
-TIME = 1  # sync type of a master channel; others are angle, distance and index
+TIME = 1  # sync type of a master channel that is the time; other types are angle, distance and index
 
 
 def save(
     file: IO[bytes], time: np.ndarray, channels: list[tuple[str, str, np.ndarray]], meta: Mapping[str, Any]
 ) -> None:
-    """Write name, unit in memory and values in file units of each channel, in double precision."""
+    """Write the channels (name, unit in memory, values in file units) in double precision."""
     asammdf = _asammdf()
     if not channels:
         raise ValueError("a recording without channels cannot be an MDF file: write .csv")
@@ -38,7 +38,10 @@ def save(
 
 
 def open_table(path: str | PathLike[str]) -> Table:
-    """Every channel with a time base is a column; one whose name occurs in several groups bears the group's number."""
+    """Open a file; every channel with a time base is a column.
+
+    The label of a channel whose name occurs in several groups contains the number of its group.
+    """
     columns: list[Column] = []
     places: list[tuple[None, int, int]] = []
     with _opened(path) as mdf:
@@ -61,7 +64,7 @@ def open_table(path: str | PathLike[str]) -> Table:
 
 def _asammdf() -> Any:
     try:
-        import asammdf  # here, for it is an extra and takes long to import
+        import asammdf  # here, because it is an extra and slow to import
     except ImportError:
         raise ValueError("MDF files need the package asammdf: pip install 'steer-env[mdf]'") from None
     return asammdf
@@ -69,7 +72,7 @@ def _asammdf() -> Any:
 
 @contextmanager
 def _opened(path: Any) -> Iterator[Any]:
-    """An MDF file for reading; whatever goes wrong in it is a ValueError, as a damaged file fails in any way."""
+    """An MDF file for reading; any exception becomes a ValueError, because damaged files raise many types."""
     asammdf = _asammdf()
     try:
         with asammdf.MDF(path) as mdf:
@@ -77,7 +80,7 @@ def _opened(path: Any) -> Iterator[Any]:
         return
     except Exception as error:
         problem = str(error)
-    # A file half opened is closed by asammdf once more, in vain, with a traceback on the terminal.
+    # When a file that was not completely opened is collected, asammdf fails to close it and prints a traceback.
     hook, sys.unraisablehook = sys.unraisablehook, lambda _: None
     try:
         gc.collect()
@@ -93,11 +96,12 @@ def _timed(mdf: Any) -> list[int]:
 
 
 def _channels(mdf: Any, group: int) -> list[tuple[int, Any]]:
+    """Index and channel of everything in a group except its time."""
     return [(k, c) for k, c in enumerate(mdf.groups[group].channels) if k != mdf.masters_db[group]]
 
 
 def _on_one_time(labels: list[str], signals: list[Any]) -> list[Values]:
-    """The time and each signal at it, or why there is none."""
+    """The time, and each signal at that time or the reason for which it cannot be read."""
     values: list[Values] = []
     for label, signal in zip(labels, signals):
         if signal.samples.ndim != 1 or signal.samples.dtype.kind not in "fiub":
@@ -129,13 +133,14 @@ def _on_one_time(labels: list[str], signals: list[Any]) -> list[Values]:
         )
     for k, own in usable:
         if not np.array_equal(own, time):
-            values[k] = on_time(time, own, np.asarray(values[k]))
+            values[k] = interpolated(time, own, np.asarray(values[k]))
     return [time, *values]
 
 
 def _meta(header: Any) -> dict[str, Any]:
+    """The meta, which is empty if the comment is not that of a recording."""
     try:
         meta = json.loads(header.description)
-    except (AttributeError, ValueError):  # MDF 3, or somebody else's comment
+    except (AttributeError, ValueError):  # MDF 3, or a comment that is not ours
         return {}
     return meta if isinstance(meta, dict) else {}

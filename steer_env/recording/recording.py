@@ -1,6 +1,6 @@
-"""A recording: named channels over one time base, simulated or measured, and what is done with it in memory.
+"""A recording: named channels over one time base, simulated or measured, and the operations on it.
 
-In memory everything is SI with angles in radians; :mod:`steer_env.recording.files` reads and writes files.
+In memory all quantities are in SI units with angles in radians; :mod:`steer_env.recording.files` has the file formats.
 """
 
 from collections.abc import Mapping
@@ -13,9 +13,9 @@ import numpy as np
 from steer_env.friction.numerics.check import number
 from steer_env.recording.units import DEGREE, FILE_UNITS
 
-__all__ = ["DEGREE", "FILE_UNITS", "Recording", "check_meta", "on_time", "steps"]
+__all__ = ["DEGREE", "FILE_UNITS", "Recording", "check_meta", "interpolated", "step_counts"]
 
-ORDER = 2  # of the low-pass; run forwards and backwards it attenuates like order 4, without phase
+ORDER = 2  # of the low-pass, which is applied forwards and backwards: attenuation of order 4, no phase shift
 SAMPLES_PER_CUTOFF = 4.0  # slowest sampling rate, as a multiple of the cutoff
 
 
@@ -23,29 +23,29 @@ SAMPLES_PER_CUTOFF = 4.0  # slowest sampling rate, as a multiple of the cutoff
 class Recording:
     """Channels sampled at common instants; the arrays are read-only copies, so a recording does not change.
 
-    Every operation returns a new recording, treats all channels alike and keeps units and meta:
+    Every operation returns a new recording and keeps units and meta:
 
-    * ``between(t0, t1)`` cuts out a part.
-    * ``without(*names)`` leaves channels out.
+    * ``between(t0, t1)`` keeps the samples of a time range.
+    * ``without(*names)`` removes channels.
     * ``without_offset(name, value)`` subtracts a sensor's offset from a channel.
-    * ``delayed(name, seconds)`` shifts a channel in time and trims all to what is left.
-    * ``bridged(longest)`` closes short gaps, NaN or missing rows, by straight lines and refuses long ones.
-    * ``resampled(rate)`` reads straight lines at a uniform rate.
-    * ``filtered(cutoff_hz)`` is a low-pass without phase.
+    * ``delayed(name, seconds)`` shifts a channel in time and trims all channels to the common time range.
+    * ``bridged(longest)`` closes short gaps (NaN or missing rows) by linear interpolation and refuses long ones.
+    * ``resampled(rate)`` interpolates linearly at a uniform rate.
+    * ``filtered(cutoff_hz)`` applies a low-pass without a phase shift.
 
-    A measured recording goes through them in this order. A row counts as missing where a step is longer than
-    1.5 times the median step.
+    They are applied to a measured recording in this order. A row is missing where a step is longer than 1.5 times
+    the median step.
 
     Parameters
     ----------
     time : (T,) array, T >= 2
         Strictly ascending [s]; not necessarily uniform.
     channels : mapping of str to (T,) array
-        In SI with angles in radians, signs after ISO 8855, left positive. Gaps are NaN.
+        In SI units with angles in radians and signs after ISO 8855, left positive. Gaps are NaN.
     units : mapping of str to str
         Unit of each channel, a key of ``FILE_UNITS``.
     meta : mapping of str to str, int, float, bool or None
-        How the recording came about: manoeuvre, friction law, speed, ... with the unit in the key.
+        Origin of the recording: manoeuvre, friction law, speed, ... with the unit in the key.
 
     Raises
     ------
@@ -84,7 +84,7 @@ class Recording:
         object.__setattr__(self, "meta", dict(self.meta))
 
     def __getitem__(self, name: str) -> np.ndarray:
-        """Samples of a channel, (T,), in its unit; ValueError with the names there are if there is none."""
+        """Samples (T,) of a channel in its unit; ValueError for an unknown name, with the names of all channels."""
         try:
             return self.channels[name]
         except KeyError:
@@ -106,7 +106,7 @@ class Recording:
         return float(1 / step)
 
     def between(self, t0: float, t1: float) -> "Recording":
-        """The samples with ``t0 <= time <= t1`` [s]; ValueError if fewer than two."""
+        """The samples with ``t0 <= time <= t1`` [s]; ValueError if there are fewer than two."""
         inside = (self.time >= t0) & (self.time <= t1)
         if np.count_nonzero(inside) < 2:
             raise ValueError(f"no samples from {t0} to {t1} s; time runs from {self.time[0]} to {self.time[-1]} s")
@@ -114,52 +114,53 @@ class Recording:
         return replace(self, time=self.time[inside], channels=kept)
 
     def without(self, *names: str) -> "Recording":
-        """All channels but these; ValueError if there is no such channel."""
+        """The recording without these channels; ValueError for an unknown name."""
         for name in names:
             self[name]
         kept = {name: values for name, values in self.channels.items() if name not in names}
         return replace(self, channels=kept, units={name: self.units[name] for name in kept})
 
     def without_offset(self, name: str, value: float) -> "Recording":
-        """A channel less ``value``, a sensor's reading at zero in the channel's unit."""
+        """The recording with a sensor's reading at zero, ``value`` in the channel's unit, subtracted from a channel."""
         return self._with(name, self[name] - number(f"offset of {name!r}", value))
 
     def delayed(self, name: str, seconds: float) -> "Recording":
-        """A channel moved to later by ``seconds``, to earlier if negative, on straight lines between its samples.
+        """The recording with a channel shifted to later by ``seconds``, to earlier if negative, interpolated linearly.
 
-        All channels are trimmed at the end where the moved one has nothing. What would be read in a gap of the
-        channel is NaN; a channel sampled more slowly than the others, with NaN between, is read between its own.
+        All channels are trimmed at the end at which the shifted channel has no samples. Values inside a gap of the
+        channel are NaN. A channel that is sampled more slowly than the others, with NaN between its samples, is
+        interpolated between its own samples.
 
         Raises
         ------
         ValueError
-            If there is no such channel, or fewer than two samples are left.
+            If there is no such channel, or if fewer than two samples remain.
         """
         seconds = number(f"delay of {name!r}", seconds)
         read_at = self.time - seconds
-        slack = 1e-6 * (self.time[1] - self.time[0])  # a delay of whole steps loses no more to rounding
+        slack = 1e-6 * (self.time[1] - self.time[0])  # a delay of whole steps loses no further sample to rounding
         inside = np.flatnonzero((read_at >= self.time[0] - slack) & (read_at <= self.time[-1] + slack))
         if inside.size < 2:
             span = self.time[-1] - self.time[0]
             raise ValueError(f"delay of {name!r} is {seconds:g} s; of {span:g} s in all, fewer than two samples remain")
-        moved = on_time(np.clip(read_at, self.time[0], self.time[-1]), self.time, self[name])
+        moved = interpolated(np.clip(read_at, self.time[0], self.time[-1]), self.time, self[name])
         return self._with(name, moved).between(self.time[inside[0]], self.time[inside[-1]])
 
     def bridged(self, longest: float = 0.1) -> "Recording":
-        """Gaps closed by straight lines between their neighbours, missing rows put in at even steps.
+        """The recording with gaps closed by linear interpolation, and with missing rows inserted at even steps.
 
         Parameters
         ----------
         longest : float
-            Longest gap that is closed, missing samples times the median step [s].
+            Longest gap that is closed: the number of missing samples times the median step [s].
 
         Raises
         ------
         ValueError
-            If a gap is longer, or lies at either end of a channel, with the channel, the place and the length.
+            If a gap is longer, or is at either end of a channel; with the channel, the place and the length.
         """
         longest = number("longest", longest, minimum=0.0)
-        count, step = steps(self.time), float(np.median(np.diff(self.time)))
+        count, step = step_counts(self.time), float(np.median(np.diff(self.time)))
         missing = (count - 1) * step
         if np.any(missing > longest * (1 + 1e-9)):
             k = int(np.argmax(missing))
@@ -167,7 +168,7 @@ class Recording:
                 f"rows are missing in every channel from {self.time[k]:g} to {self.time[k + 1]:g} s: {missing[k]:g} s, "
                 f"allowed is longest={longest:g} s; raise longest, or cut the recording there with between(t0, t1)"
             )
-        start = np.concatenate([[0], np.cumsum(count)])  # place of each sample among all rows
+        start = np.concatenate([[0], np.cumsum(count)])  # index of each sample among all rows
         time = np.interp(np.arange(start[-1] + 1), start, self.time)
         time[start] = self.time
         filled = {}
@@ -180,7 +181,7 @@ class Recording:
         return replace(self, time=time, channels=filled)
 
     def _refuse_gaps(self, name: str, there: np.ndarray, start: np.ndarray, step: float, longest: float) -> None:
-        """ValueError if samples ``there`` leave a gap at an end or one longer than ``longest``."""
+        """ValueError if the samples at the indices ``there`` leave a gap at an end, or one longer than ``longest``."""
         if there.size < 2:
             raise ValueError(f"channel {name!r} has {there.size} samples: leave it out with without({name!r})")
         first, last = self.time[there[0]], self.time[there[-1]]
@@ -203,11 +204,11 @@ class Recording:
         return replace(self, channels={**self.channels, name: values})
 
     def resampled(self, rate: float) -> "Recording":
-        """Straight lines between the samples, read at a uniform ``rate`` [Hz] from the first sample on.
+        """The recording interpolated linearly at a uniform ``rate`` [Hz] from the first sample on.
 
-        Lines run across missing rows of any length: call ``bridged`` first to have long ones refused. Next to a NaN
-        the result is NaN. Nothing is smoothed: before going to a lower rate, call ``filtered`` with less than half
-        of it.
+        Missing rows of any length are interpolated: call ``bridged`` first, which refuses long gaps. Beside a NaN the
+        result is NaN. Nothing is smoothed: before a change to a lower rate, call ``filtered`` with less than half of
+        it.
         """
         span = self.time[-1] - self.time[0]
         if not (np.isfinite(rate) and rate * span >= 1):
@@ -217,25 +218,25 @@ class Recording:
         return replace(self, time=time, channels=read)
 
     def filtered(self, cutoff_hz: float) -> "Recording":
-        """Zero-phase Butterworth low-pass of every channel alike, so that no loop between two of them is skewed.
+        """The recording after the same zero-phase Butterworth low-pass of all channels, which skews no loop.
 
         Parameters
         ----------
         cutoff_hz : float
-            Frequency at which the amplitude is halved (-6 dB: 3 dB forwards, 3 dB backwards) [Hz].
+            Frequency at which the amplitude is halved (-6 dB: 3 dB forwards and 3 dB backwards) [Hz].
 
         Raises
         ------
         ValueError
-            If the time steps are not uniform, sampling is slower than four times the cutoff, the
-            recording is shorter than the filter's run-in, or a channel has a sample that is not finite.
+            If the time steps are not uniform, the sampling rate is below four times the cutoff, the recording is
+            shorter than the filter's run-in, or a channel has a sample that is not finite.
         """
         smooth = {name: low_passed(name, v, cutoff_hz, self.rate) for name, v in self.channels.items()}
         return replace(self, channels=smooth)
 
 
 def low_passed(name: str, values: np.ndarray, cutoff_hz: float, rate: float) -> np.ndarray:
-    """A channel (T,) as :meth:`Recording.filtered` has it; its name is for errors."""
+    """A channel (T,) after the low-pass of :meth:`Recording.filtered`; the name appears in errors."""
     if not (np.isfinite(cutoff_hz) and cutoff_hz > 0):
         raise ValueError(f"cutoff_hz is {cutoff_hz}; it must be positive and finite")
     if rate < SAMPLES_PER_CUTOFF * cutoff_hz * (1 - 1e-9):
@@ -251,30 +252,30 @@ def low_passed(name: str, values: np.ndarray, cutoff_hz: float, rate: float) -> 
             f"channel {name!r} has samples that are not finite: close gaps with bridged(), "
             f"or leave the channel out with without({name!r})"
         )
-    from scipy import signal  # here, for it takes longer to import than an environment to start
+    from scipy import signal  # here, because its import takes longer than the start of an environment
 
     return np.asarray(signal.sosfiltfilt(low_pass(cutoff_hz, rate), values, padlen=run_in))
 
 
 @lru_cache(maxsize=64)
 def low_pass(cutoff_hz: float, rate: float) -> np.ndarray:
-    """The Butterworth low-pass that runs over a channel forwards and backwards, as second-order sections (1, 6)."""
-    from scipy import signal  # here, for it takes longer to import than an environment to start
+    """The Butterworth low-pass that is applied forwards and backwards, as second-order sections (1, 6)."""
+    from scipy import signal  # here, because its import takes longer than the start of an environment
 
     return np.asarray(signal.butter(ORDER, cutoff_hz, fs=rate, output="sos"))
 
 
-def steps(time: np.ndarray) -> np.ndarray:
+def step_counts(time: np.ndarray) -> np.ndarray:
     """Number of median steps from each sample to the next, (T - 1,); above 1 where rows are missing."""
     step = np.diff(time)
     return np.maximum(np.rint(step / np.median(step) - 1e-9), 1.0).astype(int)
 
 
-def on_time(at: np.ndarray, time: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Straight lines through ``values`` at ``time``, read ``at``; NaN outside and in gaps.
+def interpolated(at: np.ndarray, time: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Linear interpolation at ``at`` of ``values`` at ``time``; NaN outside and in gaps.
 
-    The samples that are not NaN count as the channel's own; a gap is a step of theirs longer than 1.5 times their
-    median one. So a channel that has a sample in every tenth row only is whole.
+    Only samples that are not NaN count. A gap is a step between them that is longer than 1.5 times their median step,
+    so a channel with a sample in every tenth row has no gap.
     """
     there = ~np.isnan(values)
     time, values = time[there], values[there]
@@ -282,13 +283,13 @@ def on_time(at: np.ndarray, time: np.ndarray, values: np.ndarray) -> np.ndarray:
         return np.full(at.size, np.nan)
     read = np.interp(at, time, values, left=np.nan, right=np.nan)
     k = np.clip(np.searchsorted(time, at, side="right") - 1, 0, time.size - 2)
-    slack = 1e-6 * np.median(np.diff(time))  # a sample is met in spite of rounding
-    read[(steps(time)[k] > 1) & (at > time[k] + slack) & (at < time[k + 1] - slack)] = np.nan
+    slack = 1e-6 * np.median(np.diff(time))  # rounding must not miss a sample
+    read[(step_counts(time)[k] > 1) & (at > time[k] + slack) & (at < time[k + 1] - slack)] = np.nan
     return read
 
 
 def check_meta(key: Any, value: Any) -> None:
-    """ValueError unless the key is one line of text without a colon and the value plain."""
+    """ValueError unless the key is one line of text without a colon, and the value is text, a number or None."""
     if not (isinstance(key, str) and key and key == key.strip() and ":" not in key and len(key.splitlines()) == 1):
         raise ValueError(f"meta key {key!r} must be a single line without a colon or spaces around it")
     if not (value is None or isinstance(value, str | int | float)):

@@ -1,11 +1,12 @@
-"""Units: those of recordings in memory, those of their files, and the spellings that other files use.
+"""Units of recordings in memory and in files, and the spellings that files from other programs use.
 
-In memory everything is SI with angles in radians. A file carries degrees for angles and SI for the rest.
+In memory all quantities are in SI units with angles in radians. A file contains angles in degrees and all other
+quantities in SI units.
 """
 
 import re
 
-from steer_env.vehicle.chassis.single_track import GRAVITY
+from steer_env.vehicle.constants import GRAVITY
 
 DEGREE = 0.017453292519943295  # [rad]
 
@@ -29,7 +30,7 @@ FILE_UNITS = {
     "1": ("1", 1.0),
 }
 
-# Spelling, as `_plain` leaves it -> (unit in memory, value in memory of one). Added to the above in both forms.
+# Further spellings, in the form that `_normalised` returns -> (unit in memory, value in memory of one).
 _OTHERS = {
     "°": ("rad", DEGREE),
     "°/s": ("rad/s", DEGREE),
@@ -60,28 +61,30 @@ _OTHERS = {
 _SPELLINGS = {suffix.replace("_", "/"): (unit, size) for unit, (suffix, size) in FILE_UNITS.items()}
 _SPELLINGS |= {unit.replace(" ", ""): (unit, 1.0) for unit in FILE_UNITS}
 _SPELLINGS |= _OTHERS
-_ANY_CASE = {text.lower(): text for text in _SPELLINGS if len(text) > 2}  # "MS" and "NM" may mean something else
+_ANY_CASE = {
+    text.lower(): text for text in _SPELLINGS if len(text) > 2
+}  # short ones such as "MS" and "NM" may have another meaning
 _SUFFIXES = sorted((text.replace("/", "_") for text in _SPELLINGS if text != "-"), key=lambda text: -len(text))
 _BRACKETED = re.compile(r"(.*\S)\s*(?:\[([^\[\]]*)\]|\(([^()]*)\))")
 
 SPELLINGS = ", ".join(_SPELLINGS)  # for messages
 
 
-def understood(text: str) -> tuple[str, float] | None:
-    """Unit in memory and the value there of one ``text``, such as "deg/s", "°/s", "deg_s" or "N*m"; None if unknown."""
-    plain = _plain(text)
+def parse_unit(text: str) -> tuple[str, float] | None:
+    """Unit in memory of a spelling such as "deg/s", "°/s", "deg_s" or "N*m", and the value of one; None if unknown."""
+    plain = _normalised(text)
     return _SPELLINGS.get(plain) or _SPELLINGS.get(_ANY_CASE.get(plain.lower(), ""))
 
 
 def file_unit(unit: str) -> str:
-    """How a file that keeps units apart from names spells the file unit of a unit in memory."""
+    """Spelling of the file unit for a unit in memory, in files that keep units apart from names."""
     return unit.replace("rad", "deg")
 
 
-def split(column: str) -> tuple[str, str | None]:
-    """Name and unit of a column such as "SWA [deg]", "SWA (deg)" or "SWA_deg"; None for one that names no unit.
+def split_unit(column: str) -> tuple[str, str | None]:
+    """Name and unit of a column such as "SWA [deg]", "SWA (deg)" or "SWA_deg"; the unit is None if there is none.
 
-    What stands in brackets counts as the unit whether it is understood or not, a suffix only if it is.
+    Text in brackets is the unit whether it is known or not; a suffix is a unit only if it is known.
     """
     bracketed = _BRACKETED.fullmatch(column)
     if bracketed:
@@ -93,8 +96,8 @@ def split(column: str) -> tuple[str, str | None]:
     return column, None
 
 
-def _plain(text: str) -> str:
-    """The spelling without spaces, dots, carets and other ways to write a product, a power or a degree."""
+def _normalised(text: str) -> str:
+    """The spelling without spaces, and with one way to write products, powers and degrees."""
     for old, new in (("²", "2"), ("º", "°"), ("µ", "u"), ("μ", "u"), ("_", "/")):
         text = text.replace(old, new)
     return re.sub(r"[\s^*·.]", "", text).replace("/s/s", "/s2")

@@ -1,4 +1,4 @@
-"""A surface to draw on in antialiased lines, shapes and text, off screen or in a window, by pygame-ce."""
+"""A surface for antialiased lines, shapes and text, off screen or in a window, with pygame-ce."""
 
 import math
 import os
@@ -14,15 +14,15 @@ from numpy.typing import ArrayLike, NDArray
 Colour = tuple[int, int, int]
 Box = tuple[int, int, int, int]  # left, top, width, height
 
-FINE = 2  # shapes are drawn so much larger and scaled down: pygame has no antialiased polygons
-_RGB = (0xFF, 0xFF00, 0xFF0000, 0)  # where a pixel has its red, green and blue: in the order of an array
+FINE = 2  # shapes are drawn larger by this factor and scaled down: pygame has no antialiased polygons
+_RGB = (0xFF, 0xFF00, 0xFF0000, 0)  # bit masks of red, green and blue in the order of an array's bytes
 
 
 def _pygame() -> Any:
-    """The module; DependencyNotInstalled without it."""
+    """The module pygame; DependencyNotInstalled if there is none."""
     os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
     try:
-        import pygame  # here, for only pictures need it
+        import pygame  # here, because only pictures need it
     except ImportError as error:
         message = "render_mode draws with pygame-ce, which is not installed: pip install 'steer-env[render]'"
         raise gym.error.DependencyNotInstalled(message) from error
@@ -30,10 +30,10 @@ def _pygame() -> Any:
 
 
 def _font_file(bold: bool) -> str:
-    """DejaVu Sans as matplotlib brings it: the same text on every machine."""
+    """DejaVu Sans from matplotlib, so that text looks the same on every machine."""
     package = find_spec("matplotlib")
     if package is None or package.origin is None:
-        raise gym.error.DependencyNotInstalled("pictures take their font from matplotlib: pip install matplotlib")
+        raise gym.error.DependencyNotInstalled("pictures need a font of matplotlib: pip install matplotlib")
     name = "DejaVuSans-Bold.ttf" if bold else "DejaVuSans.ttf"
     return str(Path(package.origin).parent / "mpl-data" / "fonts" / "ttf" / name)
 
@@ -41,8 +41,8 @@ def _font_file(bold: bool) -> str:
 class Canvas:
     """A picture of ``width`` by ``height`` pixels; points are (x, y) from its upper left corner, y downward.
 
-    Shapes go into fields, text lies above them all. Off screen nothing of a window system is touched; :meth:`show`
-    opens a window. The width is a multiple of four, or the rows of an array would be padded.
+    Shapes are drawn into fields; text lies above all of them. Only :meth:`show` opens a window and needs a window
+    system. The width must be a multiple of four, otherwise the rows of an array would be padded.
     """
 
     def __init__(self, width: int, height: int) -> None:
@@ -59,7 +59,7 @@ class Canvas:
         self._clock: Any = None
 
     def begin(self, colour: Colour) -> None:
-        """An empty picture."""
+        """Begin an empty picture."""
         self._picture.fill(colour)
         self._fields.clear()
         self._texts.clear()
@@ -70,7 +70,7 @@ class Canvas:
         self._pygame.draw.rect(self._picture, border, box, 1)
 
     def field(self, box: Box, colour: Colour) -> None:
-        """From here on shapes are drawn inside this box."""
+        """Begin a field: all later shapes are clipped to this box."""
         left, top, width, height = (FINE * value for value in box)
         self._fields.append(box)
         self._fine.set_clip((left, top, width, height))
@@ -93,7 +93,7 @@ class Canvas:
             self._pygame.draw.line(self._fine, colour, start, end, wide)
 
     def circle(self, centre: Sequence[float], radius: float, colour: Colour, width: float = 0.0) -> None:
-        """A circle; filled without a line width, which lies inside the radius."""
+        """A circle; filled if the line width is zero. The line lies inside the radius."""
         place = [FINE * float(value) for value in centre]
         self._pygame.draw.circle(self._fine, colour, place, FINE * radius, round(FINE * width))
 
@@ -108,12 +108,12 @@ class Canvas:
     def text(
         self, words: str, place: Sequence[float], colour: Colour, size: int = 13, bold: bool = False, align: float = 0.0
     ) -> float:
-        """Words with their middle at the height of ``place``; to its right (align 0), around it (0.5), to its left (1).
+        """Text at the height of ``place``: to the right of it (align 0), centred (0.5) or to the left of it (1).
 
         Returns
         -------
         float
-            Their width.
+            Width of the text.
         """
         image = self._image(words, colour, size, bold)
         width, height = image.get_size()
@@ -125,7 +125,7 @@ class Canvas:
         if key not in self._written:
             if len(self._written) > 500:
                 self._written.clear()
-            if not self._pygame.font.get_init():  # also where another environment's close() has ended it for all
+            if not self._pygame.font.get_init():  # again after another environment's close() has ended it for all
                 self._pygame.font.init()
                 self._fonts.clear()
             if (size, bold) not in self._fonts:
@@ -147,7 +147,7 @@ class Canvas:
         return np.frombuffer(self._bytes.get_buffer(), np.uint8).reshape(self.height, self.width, 3).copy()
 
     def show(self, title: str, period: float) -> bool:
-        """Show the picture in a window, ``period`` after the last one [s]; False once the user has closed it."""
+        """Show the picture in a window, ``period`` [s] after the last; False once the user has closed the window."""
         pygame = self._pygame
         if self._window is None:
             try:
@@ -176,13 +176,13 @@ class Canvas:
 
 
 def around(centre: Sequence[float], radius: ArrayLike, angle: ArrayLike) -> NDArray[np.float64]:
-    """Points (N, 2) of a picture at a radius from a centre, from twelve o'clock counter-clockwise [rad]."""
+    """Points (N, 2) at radii from a centre and at angles from twelve o'clock, counter-clockwise [rad]."""
     angle = np.asarray(angle, float)
     return np.asarray(centre, float) - (np.array([np.sin(angle), np.cos(angle)]) * np.asarray(radius, float)).T
 
 
 def nice_step(span: float, parts: float) -> float:
-    """The largest 1, 2 or 5 times a power of ten that divides a span into at least so many parts."""
+    """The largest 1, 2 or 5 times a power of ten that divides a span into at least ``parts`` parts."""
     rough = span / parts
     power = 10.0 ** math.floor(math.log10(rough))
     return next(power * factor for factor in (5.0, 2.0, 1.0) if power * factor <= rough * (1.0 + 1e-9))

@@ -1,7 +1,7 @@
-"""Pictures of an episode: the car on its road from above, the handwheel with its torques, the live loop of feel.
+"""Pictures of an episode: the car on its road from above, the handwheel with its torques, the live torque-angle loop.
 
-Lengths of the picture are in pixels, y downward; the world's axes are ISO 8855: x forward, y to the left. The car
-drives upward, so that left stays left.
+Lengths in the picture are in pixels, y downward; the axes of the road are ISO 8855: x forward, y to the left. The car
+drives upward, so that left in the picture is left on the road.
 """
 
 import math
@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from steer_env.batch import Lanes
+from steer_env.batch import EnvironmentBatch
 from steer_env.courses.iso3888 import outline
 from steer_env.friction.law import law_of
 from steer_env.rendering.canvas import Canvas, Colour, around, nice_step
@@ -21,8 +21,9 @@ from steer_env.vehicle.steering.eps import SAMPLE_TIME
 Array = NDArray[np.float64]
 
 WIDTH, HEIGHT = 960, 540
-ROAD, DIAL, LOOP = (14, 62, 430, 464), (458, 62, 488, 226), (458, 302, 488, 224)  # left, top, width, height
-HISTORY, SPACING = 10.0, 0.01  # of trace and loop [s]
+# Panels: left, top, width, height.
+ROAD, DIAL, LOOP = (14, 62, 430, 464), (458, 62, 488, 226), (458, 302, 488, 224)
+HISTORY, SPACING = 10.0, 0.01  # length of trace and loop, time between their points [s]
 
 PAPER, PANEL, RULE, GRID = (244, 245, 248), (255, 255, 255), (208, 213, 221), (235, 238, 243)
 INK, MUTED = (31, 41, 55), (107, 114, 128)
@@ -31,7 +32,7 @@ BODY, OUTLINE, GLASS, TRACE = (112, 135, 174), (55, 71, 99), (222, 231, 243), (1
 HAND, MOTOR, WANTED = (37, 99, 235), (13, 148, 136), (168, 50, 210)
 CONE, TOUCHED = (245, 130, 32), (190, 18, 60)
 
-# What is kept of every moment, in SI.
+# Channels that are kept for every point of trace and loop, in SI.
 _NAMES = (
     "x", "y", "yaw_angle", "handwheel_angle", "handwheel_torque", "motor_torque", "lateral_acceleration",
     "road_wheel_angle_left", "road_wheel_angle_right",
@@ -40,36 +41,36 @@ _PLACES = [CHANNEL[name] for name in _NAMES]
 _X, _Y, _YAW, _ANGLE, _TORQUE, _MOTOR, _ACCELERATION, _LEFT, _RIGHT = range(len(_NAMES))
 _SHOWN = [_ANGLE, _TORQUE, _MOTOR]
 
-_RUN_ON = 100  # points one metre apart by which a path goes on straight at both ends
-_FOLLOWING = 1.0  # time constant with which the view turns with the car where there is no path [s]
-_DIAL_REACH = math.radians(120.0)  # of an arc at full scale
+_EXTENSION = 100  # points one metre apart by which a path continues straight at both ends
+_VIEW_LAG = 1.0  # time constant with which the view turns with the car where there is no path [s]
+_FULL_ARC = math.radians(120.0)  # angle of an arc at full scale
 _WHEEL = np.array([[0.31, 0.1], [0.31, -0.1], [-0.31, -0.1], [-0.31, 0.1]])  # of a 205/60 R15 tyre [m]
-_WINDSCREEN = np.array([[0.17, 0.40], [0.17, -0.40], [0.04, -0.33], [0.04, 0.33]])  # parts of length and width
+_WINDSCREEN = np.array([[0.17, 0.40], [0.17, -0.40], [0.04, -0.33], [0.04, 0.33]])  # over the car's length and width
 _REAR_WINDOW = np.array([[-0.28, 0.29], [-0.28, -0.29], [-0.37, -0.33], [-0.37, 0.33]])
 
 
 class Renderer:
-    """Draws lane 0 of ``lanes``.
+    """Draws row 0 of a batch.
 
     Parameters
     ----------
-    lanes : Lanes
+    batch : EnvironmentBatch
     mode : {"rgb_array", "human"}
-        An array off screen, which needs no window system; or a window that follows the simulated time as it passes.
-        Whoever closes the window goes on without one.
+        "rgb_array" draws off screen and needs no window system; "human" draws in a window in step with the simulated
+        time. After the user has closed the window, the simulation goes on without one.
     fps : float
         Frames per simulated second in a window [1/s].
 
     Raises
     ------
     gymnasium.error.DependencyNotInstalled
-        Without pygame-ce.
+        pygame-ce is not installed.
     """
 
-    def __init__(self, lanes: Lanes, mode: str, fps: float) -> None:
-        self._lanes, self._window, self._period = lanes, mode == "human", 1.0 / fps
+    def __init__(self, batch: EnvironmentBatch, mode: str, fps: float) -> None:
+        self._batch, self._window, self._period = batch, mode == "human", 1.0 / fps
         self._canvas = Canvas(WIDTH, HEIGHT)
-        self._size = outline(lanes.car)
+        self._size = outline(batch.car)
         self._history: deque[Array] = deque(maxlen=round(HISTORY / SPACING))
         self._open = self._window
         self._forget()
@@ -78,30 +79,30 @@ class Renderer:
         self._now = np.zeros(len(_NAMES))
         self._peaks = np.zeros(len(_SHOWN))
         self._history.clear()
-        self._kept = self._shown = -math.inf  # when a moment was kept and a frame shown last [s]
+        self._kept = self._shown = -math.inf  # times of the last point of the trace and of the last frame shown [s]
         self._time = self._heading = self._reward = 0.0
         self._path: Array | None = None
 
     def start(self) -> None:
-        """An episode has begun."""
+        """Begin an episode."""
         self._forget()
-        path = self._lanes.path
+        path = self._batch.path
         if path is not None:
-            self._path = _run_on(path[:, :3])
-        self._heading = float(self._lanes.row[0, CHANNEL["yaw_angle"]])
-        self._take()
+            self._path = _extended(path[:, :3])
+        self._heading = float(self._batch.arrays.channels[0, CHANNEL["yaw_angle"]])
+        self._read()
         if self._open:
             self._show()
 
     def add(self) -> None:
-        """A step has passed; where a frame is due in the window, show it."""
-        self._reward += float(self._lanes.book["reward"][0])
-        self._take()
+        """Add a step, and show a frame in the window when one is due."""
+        self._reward += float(self._batch.episodes["reward"][0])
+        self._read()
         if self._open and self._time - self._shown >= self._period - 0.5 * SAMPLE_TIME:
             self._show()
 
     def frame(self) -> NDArray[np.uint8] | None:
-        """The picture (540, 960, 3) now; None with a window, which shows what is due by itself."""
+        """The present picture (540, 960, 3); None with a window, which shows its frames when they are due."""
         if self._window:
             return None
         self._draw()
@@ -115,15 +116,15 @@ class Renderer:
     def _show(self) -> None:
         self._draw()
         passed, self._shown = self._time - self._shown, self._time
-        self._open = self._canvas.show(f"steer-env: {self._lanes.task.name}", passed)
+        self._open = self._canvas.show(f"steer-env: {self._batch.task.name}", passed)
 
-    def _take(self) -> None:
-        """Keep the present moment. One that is not finite leaves the last picture as it was."""
-        now = self._lanes.row[0, _PLACES]
-        if self._lanes.book["failed"][0] or not np.isfinite(now).all():
+    def _read(self) -> None:
+        """Read the present state. One that is not finite leaves the last picture as it was."""
+        now = self._batch.arrays.channels[0, _PLACES]
+        if self._batch.episodes["failed"][0] or not np.isfinite(now).all():
             return
-        time = float(self._lanes.book["clock"][0]) * SAMPLE_TIME
-        self._heading += -math.expm1((self._time - time) / _FOLLOWING) * (now[_YAW] - self._heading)
+        time = float(self._batch.episodes["sample"][0]) * SAMPLE_TIME
+        self._heading += -math.expm1((self._time - time) / _VIEW_LAG) * (now[_YAW] - self._heading)
         self._now, self._time = now, time
         np.maximum(self._peaks, np.abs(now[_SHOWN]), out=self._peaks)
         if time - self._kept >= SPACING - 0.5 * SAMPLE_TIME:
@@ -136,20 +137,20 @@ class Renderer:
         for box in (ROAD, DIAL, LOOP):
             canvas.panel(box, PANEL, RULE)
         history = np.array([*self._history, self._now])
-        cones, wanted = self._lanes.scenery
+        cones, wanted = self._batch.scenery
         self._draw_status()
         self._draw_road(history, cones)
         self._draw_dial(wanted if wanted is not None and math.isfinite(wanted) else None)
         self._draw_loop(history)
 
     def _draw_status(self) -> None:
-        lanes, canvas = self._lanes, self._canvas
-        book, action = lanes.book[0], lanes.task.action
-        canvas.text(lanes.task.name, (16, 32), INK, 17, bold=True)
-        given = float(book["action"])
+        batch, canvas = self._batch, self._canvas
+        episode, action = batch.episodes[0], batch.task.action
+        canvas.text(batch.task.name, (16, 32), INK, 17, bold=True)
+        given = float(episode["action"])
         for x, label, words in (
-            (318, "friction law", law_of(lanes.conditions[0].friction).name),
-            (438, "speed", f"{_signed(3.6 * float(book['speed']), 1, plus='')} km/h"),
+            (318, "friction law", law_of(batch.conditions[0].friction).name),
+            (438, "speed", f"{_signed(3.6 * float(episode['speed']), 1, plus='')} km/h"),
             (548, "time", f"{self._time:.2f} s"),
             (638, "action", f"{_signed(given, 2)}  ({_signed(given * action.scale, 2)} {action.unit})"),
             (842, "reward so far", _signed(self._reward, 2)),
@@ -161,9 +162,9 @@ class Renderer:
         canvas, path = self._canvas, self._path
         left, top, width, height = ROAD
         canvas.field((left + 1, top + 1, width - 2, height - 2), PANEL)
-        speed = self._lanes.conditions[0].speed
-        span = min(7.0 + 1.35 * speed, 90.0)  # of the world that the panel's height shows [m]
-        share = 0.5 if speed == 0.0 else 0.2 if path is not None else 0.4  # of it behind the car
+        speed = self._batch.conditions[0].speed
+        span = min(7.0 + 1.35 * speed, 90.0)  # length of road that the panel's height shows [m]
+        share = 0.5 if speed == 0.0 else 0.2 if path is not None else 0.4  # of this length behind the car
         view = _View((left + 0.5 * width, top + (1.0 - share) * height), height / span, self._now, self._heading)
         if path is not None:
             nearest = int(np.argmin(np.hypot(*(path[:, :2] - self._now[:2]).T)))
@@ -201,7 +202,7 @@ class Renderer:
             self._canvas.segments(view(starts), view(ends), GRID)
 
     def _draw_lane(self, view: "_View", path: Array, first: int) -> None:
-        half = self._lanes.task.lane_half_width
+        half = self._batch.task.lane_half_width
         points, normal = path[:, :2], np.column_stack([-np.sin(path[:, 2]), np.cos(path[:, 2])])
         if half is not None:
             edges = [view(points + side * half * normal) for side in (1.0, -1.0)]
@@ -209,7 +210,7 @@ class Renderer:
             for edge in edges:
                 self._canvas.lines(edge, EDGE, 2.0)
         seen = view(points)
-        dashes = np.arange(-first % 3, len(seen) - 1, 3)  # they stay where they are on the road
+        dashes = np.arange(-first % 3, len(seen) - 1, 3)  # fixed to the road
         self._canvas.segments(seen[dashes], seen[dashes + 1], GUIDE, 1.5)
 
     def _draw_cones(self, view: "_View", cones: Array) -> None:
@@ -228,7 +229,7 @@ class Renderer:
         )
 
     def _draw_car(self, view: "_View") -> None:
-        canvas, size, car = self._canvas, self._size, self._lanes.car.chassis
+        canvas, size, car = self._canvas, self._size, self._batch.car.chassis
 
         def placed(points: Array) -> Array:
             return view(self._now[:2] + _turned(points, self._now[_YAW]))
@@ -263,7 +264,7 @@ class Renderer:
             )
             canvas.polygon(np.array([across, along + across, along - across, -across]) + centre, INK)
         canvas.circle(centre, 21.0, INK)
-        canvas.arc(centre, 73.0, angle - 0.12, angle + 0.12, PANEL, 5.0)  # the mark at the rim's top
+        canvas.arc(centre, 73.0, angle - 0.12, angle + 0.12, PANEL, 5.0)  # the mark at the top of the rim
         if wanted is not None:
             canvas.polygon(around(centre, [67.0, 52.0, 52.0], np.array([0.0, 0.13, -0.13]) + wanted), WANTED)
         full = [_full_scale(peak) for peak in self._peaks[1:]]
@@ -289,10 +290,10 @@ class Renderer:
             y += 40 if note else 26
 
     def _draw_arc(self, centre: tuple[float, float], radius: float, part: float, colour: Colour) -> None:
-        """A torque's part of full scale, from twelve o'clock; left, and so counter-clockwise, positive."""
+        """A torque over full scale as an arc from twelve o'clock; left, and so counter-clockwise, is positive."""
         canvas = self._canvas
-        canvas.arc(centre, radius, -_DIAL_REACH, _DIAL_REACH, GRID, 9.0)
-        end = _DIAL_REACH * part
+        canvas.arc(centre, radius, -_FULL_ARC, _FULL_ARC, GRID, 9.0)
+        end = _FULL_ARC * part
         head = math.copysign(min(0.16, abs(end)), end)
         canvas.arc(centre, radius, 0.0, end - head, colour, 6.0)
         canvas.polygon(around(centre, radius + np.array([-6.5, 6.5, 0.0]), [end - head, end - head, end]), colour)
@@ -323,14 +324,14 @@ class Renderer:
         canvas.text("handwheel angle [deg]", (left + 0.5 * width, LOOP[1] + LOOP[3] - 15), INK, 12, align=0.5)
         points = middle + np.column_stack([np.degrees(history[:, _ANGLE]), history[:, _TORQUE]]) * scales
         ages = np.array_split(np.arange(len(points)), 5)
-        for age, places in zip((0.25, 0.4, 0.6, 0.8, 1.0), ages):  # what is older is paler
+        for age, places in zip((0.25, 0.4, 0.6, 0.8, 1.0), ages):  # older parts are paler
             if places.size:
                 canvas.lines(points[places[0] : places[-1] + 2], _mixed(PANEL, HAND, age), 1.5)
         canvas.circle(points[-1], 4.5, HAND)
 
 
 class _View:
-    """From the world [m] to the picture: the car at ``centre``, the direction ``heading`` upward."""
+    """Maps points of the road [m] to the picture: the car is at ``centre``, the direction ``heading`` points upward."""
 
     def __init__(self, centre: tuple[float, float], scale: float, now: Array, heading: float) -> None:
         self.centre, self.scale, self.heading = np.array(centre), scale, heading
@@ -342,14 +343,14 @@ class _View:
 
 
 def _turned(points: ArrayLike, angle: float) -> Array:
-    """Points (N, 2), turned to the left [rad]."""
+    """Points (N, 2) turned to the left by an angle [rad]."""
     c, s = math.cos(angle), math.sin(angle)
     return np.asarray(points) @ np.array([[c, s], [-s, c]])
 
 
-def _run_on(path: Array) -> Array:
-    """A path (P, 3) of x, y, direction that goes on straight at both ends."""
-    steps = np.arange(1.0, _RUN_ON + 1.0)
+def _extended(path: Array) -> Array:
+    """A path (P, 3) of x, y, direction, continued straight at both ends."""
+    steps = np.arange(1.0, _EXTENSION + 1.0)
 
     def straight(point: Array, distances: Array) -> Array:
         x, y, direction = point
@@ -361,7 +362,7 @@ def _run_on(path: Array) -> Array:
 
 
 def _full_scale(peak: float) -> float:
-    """The next of 5, 10, 20, 50, ... that holds a peak."""
+    """The smallest of 5, 10, 20, 50, ... that is not below a peak."""
     scale = 5.0
     for factor in (2.0, 2.0, 2.5) * 20:
         if peak <= scale:
@@ -371,11 +372,11 @@ def _full_scale(peak: float) -> float:
 
 
 def _signed(value: Any, digits: int, plus: str = "+") -> str:
-    """A number with its sign; zero has none of its own."""
+    """A number with its sign; minus zero becomes zero."""
     return f"{round(float(value), digits) + 0.0:{plus}.{digits}f}".replace("-", "−")
 
 
 def _mixed(a: Colour, b: Colour, part: float) -> Colour:
-    """A colour between two."""
+    """A mixture of two colours; ``part`` is the share of the second."""
     red, green, blue = (round(x + part * (y - x)) for x, y in zip(a, b))
     return red, green, blue

@@ -1,4 +1,4 @@
-"""Every test with a recording whose answers are known: a case a line."""
+"""The cases: for every test a recording whose answers are known."""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -15,15 +15,15 @@ from steer_env.synthetic import (
     step,
     transition,
 )
-from steer_env.synthetic.recordings import Made
+from steer_env.synthetic.recordings import Example
 
 
 class Case(NamedTuple):
-    """A recording with known answers, and what may be said where one is refused."""
+    """A recording with known answers, and the reasons for which a metric of it may be refused."""
 
-    make: Callable[..., Made]  # from the sampling rate [Hz], and a seed where ``anew``
-    anew: bool = False  # whether every trial steers anew
-    refusals: tuple[str, ...] = ()  # right reasons, for there are faults that hide an answer
+    make: Callable[..., Example]  # arguments: the sampling rate [Hz], and a seed if `reseeded`
+    reseeded: bool = False  # whether every trial has a different steering
+    refusals: tuple[str, ...] = ()  # right reasons for a refusal, because some faults hide an answer
 
 
 CASES: dict[str, Case] = {
@@ -35,7 +35,7 @@ CASES: dict[str, Case] = {
     "step steer": Case(step.step_steer),
     "sine": Case(sine.sine),
     "swept sine": Case(frequency_response.swept_sine),
-    "random steer": Case(frequency_response.random_steer, anew=True),
+    "random steer": Case(frequency_response.random_steer, reseeded=True),
     "circle, constant radius": Case(steady_circle.constant_radius),
     "circle, constant speed": Case(steady_circle.constant_speed),
     "circle, oversteering car": Case(steady_circle.oversteering),

@@ -1,4 +1,4 @@
-"""How often the metrics find the known answers of a recording behind a fault, each within its own 95 % interval."""
+"""How often the known answers of a recording are in the metrics' 95 % intervals after a fault."""
 
 import multiprocessing
 import zlib
@@ -12,41 +12,41 @@ from steer_env import metrics
 from steer_env.recording.recording import Recording
 from steer_env.synthetic.cases import CASES, Case
 from steer_env.synthetic.faults import FAULTS, Fault
-from steer_env.synthetic.recordings import Made
+from steer_env.synthetic.recordings import Example
 
 
 class Coverage(NamedTuple):
-    """What became of the trials of one metric under one fault."""
+    """Result of the trials of one metric with one fault."""
 
-    kept: float  # share whose interval holds the truth, or that was refused for a right reason [1]
-    refused: float  # share that was refused, for whatever reason [1]
-    width: float  # median width of the intervals over the size of the truth [1]
+    kept: float  # fraction whose interval contains the truth, or that was refused for a right reason [1]
+    refused: float  # fraction that was refused for any reason [1]
+    width: float  # median width of the intervals, over the size of the truth [1]
 
 
 def trial(clean: Recording, fault: Fault, seed: int | Sequence[int]) -> dict[str, metrics.Value] | str:
-    """Metrics of a recording behind a fault, or why there are none."""
+    """Metrics of a recording after a fault, or the reason for which there are none."""
     try:
-        found = fault.spoil(clean, np.random.default_rng(seed))
+        found = fault.apply(clean, np.random.default_rng(seed))
     except ValueError as error:
         return str(error)
     return metrics.evaluate(found, timing=fault.timing)
 
 
 def coverage(
-    make: Callable[[int], Made], fault: Fault, trials: int, stream: int = 0, refusals: Sequence[str] = ()
+    make: Callable[[int], Example], fault: Fault, trials: int, stream: int = 0, refusals: Sequence[str] = ()
 ) -> dict[str, Coverage]:
-    """Every metric with an answer, over seeded trials of one fault.
+    """Coverage of every metric with an answer, over seeded trials of one fault.
 
     Parameters
     ----------
     make : callable
-        Recording and answers, from the number of the trial.
+        Recording and answers for the number of a trial.
     fault : Fault
     trials : int
     stream : int
-        Another one draws other noise.
+        Number of the random stream; another stream has other noise.
     refusals : sequence of str
-        Parts of reasons that are right for any metric, besides those of the fault and of the answers.
+        Parts of reasons that are right for every metric, besides those of the fault and of the answers.
     """
     kept: dict[str, list[bool]] = {}
     refused: dict[str, list[bool]] = {}
@@ -72,9 +72,9 @@ def coverage(
     }
 
 
-def made(case: Case, rate: float) -> Callable[[int], Made]:
-    """A case at a rate, by the number of the trial."""
-    if case.anew:
+def examples(case: Case, rate: float) -> Callable[[int], Example]:
+    """The recording and answers of a case at a rate, as a function of the number of a trial."""
+    if case.reseeded:
         return lambda k: case.make(rate, k)
     one = case.make(rate)
     return lambda k: one
@@ -83,12 +83,12 @@ def made(case: Case, rate: float) -> Callable[[int], Made]:
 def _job(job: tuple[str, str, int]) -> dict[str, Coverage]:
     name, of, trials = job
     case, fault = CASES[name], FAULTS[of]
-    stream = zlib.crc32(f"{name}, {of}".encode())  # no luck is shared between faults
-    return coverage(made(case, fault.rate), fault, trials, stream, case.refusals)
+    stream = zlib.crc32(f"{name}, {of}".encode())  # every pair of case and fault has its own noise
+    return coverage(examples(case, fault.rate), fault, trials, stream, case.refusals)
 
 
 def collect(trials: int, workers: int | None = None) -> dict[str, dict[str, dict[str, Coverage]]]:
-    """Case, fault, metric: everything, side by side in processes."""
+    """Coverage by case, fault and metric, computed in parallel processes."""
     jobs = [(case, fault, trials) for case in CASES for fault in FAULTS]
     with ProcessPoolExecutor(workers, multiprocessing.get_context("spawn")) as pool:
         found = dict(zip(jobs, pool.map(_job, jobs)))

@@ -1,17 +1,17 @@
-"""Crosswind: a car that each gust pushes aside in one period of 1 - cos, handwheel held or free."""
+"""Crosswind: a car that each gust pushes aside for one period of 1 - cos, with a held or a free handwheel."""
 
 import numpy as np
 
 from steer_env.recording.recording import DEGREE
-from steer_env.synthetic.recordings import Answers, Made, recording
+from steer_env.synthetic.recordings import Answers, Example, recording
 
-SPEED, COUNT, INTERVAL, START, WIDTH = 100 / 3.6, 8, 8.0, 2.0, 1.0  # [m/s], gusts, [s]
+SPEED, COUNT, INTERVAL, START, WIDTH = 100 / 3.6, 8, 8.0, 2.0, 1.0  # speed [m/s], number of gusts, times [s]
 META = {"gust_start_s": START, "gust_interval_s": INTERVAL, "gust_count": COUNT, "speed_m_s": SPEED}
 PUSH, TURN, TORQUE, ANGLE = 2.0, 4.0 * DEGREE, -0.6, -3.0 * DEGREE  # peaks [SI]
 
 
-def gusts(rate: float, test: str = "crosswind") -> Made:
-    """Gusts from the left and the right in turn; offsets of every sensor."""
+def gusts(rate: float, test: str = "crosswind") -> Example:
+    """Gusts to the left and to the right in turn; every sensor has an offset."""
     time = np.arange(round((START + COUNT * INTERVAL) * rate)) / rate
     event, s = np.divmod(time - START, INTERVAL)
     shape = np.where((event >= 0) & (s < WIDTH), 0.5 * (1 - np.cos(2 * np.pi * s / WIDTH)), 0.0) * (1 - 2 * (event % 2))
@@ -26,7 +26,9 @@ def gusts(rate: float, test: str = "crosswind") -> Made:
         lateral_acceleration=0.05 + PUSH * shape,
         vehicle_speed=np.full(time.size, SPEED),
     )
-    gained = PUSH * WIDTH / 2  # lateral speed after the gust, from its middle on as if at once
+    gained = (
+        PUSH * WIDTH / 2
+    )  # lateral speed after the gust; it moves the car as if gained at once in the gust's middle
     answers: Answers = {
         "crosswind_lateral_deviation": gained * (2.0 - WIDTH / 2),
         "crosswind_course_deviation": gained / SPEED / DEGREE,
@@ -39,6 +41,6 @@ def gusts(rate: float, test: str = "crosswind") -> Made:
     return clean, {**answers, "crosswind_handwheel_angle_peak": -ANGLE / DEGREE}
 
 
-def free(rate: float) -> Made:
-    """The same with the hands off."""
+def free(rate: float) -> Example:
+    """Gusts with the hands off."""
     return gusts(rate, "crosswind-free")

@@ -1,4 +1,4 @@
-"""What goes wrong between the car and the file: noise and offsets of sensors, delays, slow logging, gaps."""
+"""Faults between the car and the file: noise and offsets of sensors, delays, slow logging and gaps."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -7,11 +7,11 @@ from typing import NamedTuple
 import numpy as np
 from scipy import signal
 
-from steer_env.metrics.common.reading import AY, TORQUE, YAW
+from steer_env.metrics.common.filtered_channels import AY, TORQUE, YAW
 from steer_env.recording.recording import DEGREE, Recording
 from steer_env.synthetic.recordings import changed
 
-# Standard deviation of a sensor's noise, each sample its own [SI].
+# Standard deviation of a sensor's noise, which is independent from sample to sample [SI].
 NOISE = {
     "handwheel_angle": 0.05 * DEGREE,
     "handwheel_speed": 1.0 * DEGREE,
@@ -29,38 +29,38 @@ NOISE = {
     "y": 0.02,
     "yaw_angle": 0.05 * DEGREE,
 }
-# What a sensor reads at rest, and what that moves by from the first to the last sample [SI].
+# Reading of a sensor at rest, and its change from the first to the last sample [SI].
 OFFSETS = {TORQUE: 0.1, AY: 0.05, YAW: 0.2 * DEGREE}
 DRIFT = {TORQUE: 0.1, AY: 0.05}
 DELAY = 0.010  # [s]
 
 
 def noisy(given: Recording, rng: np.random.Generator) -> Recording:
-    """White noise of every sensor."""
+    """The recording with white noise of every sensor."""
     return changed(given, **{n: v + NOISE[n] * rng.standard_normal(given.time.size) for n, v in given.channels.items()})
 
 
 def offset(given: Recording, rng: np.random.Generator) -> Recording:
-    """Sensors that do not read zero at rest, of either sign."""
+    """The recording with offsets of the sensors, of random sign."""
     known = {name: size for name, size in OFFSETS.items() if name in given.channels}
     return changed(given, **{name: given[name] + size * rng.choice([-1, 1]) for name, size in known.items()})
 
 
 def drifting(given: Recording, rng: np.random.Generator) -> Recording:
-    """Offsets that move evenly from the first to the last sample, in either direction."""
+    """The recording with offsets that change linearly from the first to the last sample, with random sign."""
     share = np.linspace(-0.5, 0.5, given.time.size)
     known = {name: size for name, size in DRIFT.items() if name in given.channels}
     return changed(given, **{name: given[name] + size * rng.choice([-1, 1]) * share for name, size in known.items()})
 
 
 def late(given: Recording, rng: np.random.Generator) -> Recording:
-    """One channel behind the others by 10 ms: which one, changes."""
+    """The recording with one channel, chosen at random, 10 ms later than the others."""
     known = [name for name in (TORQUE, AY, YAW) if name in given.channels]
     return given.delayed(str(rng.choice(known)), DELAY)
 
 
 def logged_at_50_hz(given: Recording, rng: np.random.Generator) -> Recording:
-    """What a logger stores at 50 Hz: each channel through the same causal low-pass at 20 Hz, then every n-th sample."""
+    """The recording of a logger at 50 Hz: every n-th sample after the same causal low-pass at 20 Hz."""
     step = round(given.rate / 50.0)
     low_pass = signal.butter(4, 20.0, fs=given.rate, output="sos")
     start = signal.sosfilt_zi(low_pass)
@@ -69,13 +69,16 @@ def logged_at_50_hz(given: Recording, rng: np.random.Generator) -> Recording:
 
 
 def thinned_to_50_hz(given: Recording, rng: np.random.Generator) -> Recording:
-    """Every n-th sample."""
+    """The recording with every n-th sample."""
     step = slice(None, None, round(given.rate / 50.0))
     return replace(given, time=given.time[step], channels={n: v[step] for n, v in given.channels.items()})
 
 
 def _dropping_out(given: Recording, rng: np.random.Generator, longest: float, count: int) -> Recording:
-    """``count`` gaps in each channel, somewhere in the middle eight tenths; lengths up to ``longest``, one of it."""
+    """The recording with ``count`` gaps in each channel, at random places in the middle 80 %.
+
+    The gaps have random lengths up to ``longest`` [s]; one of them has that length.
+    """
     channels = {}
     for name, values in given.channels.items():
         holes = values.copy()
@@ -87,27 +90,29 @@ def _dropping_out(given: Recording, rng: np.random.Generator, longest: float, co
 
 
 def drop_outs(given: Recording, rng: np.random.Generator) -> Recording:
-    """Six gaps of up to 50 ms in each channel."""
+    """The recording with six gaps of up to 50 ms in each channel."""
     return _dropping_out(given, rng, 0.050, 6)
 
 
 def long_drop_out(given: Recording, rng: np.random.Generator) -> Recording:
-    """A gap of 2 s in each channel."""
+    """The recording with a gap of 2 s in each channel."""
     return _dropping_out(given, rng, 2.0, 1)
 
 
 class Fault(NamedTuple):
-    """What goes wrong, and what the evaluation is told of it."""
+    """A fault, and what the evaluation knows of it."""
 
-    rate: float = 100.0  # of the clean recording [Hz]
-    before: tuple[Callable[[Recording, np.random.Generator], Recording], ...] = ()  # in the sensors and the logger
-    after: tuple[Callable[[Recording, np.random.Generator], Recording], ...] = ()  # on the way to the file
-    declared: bool = False  # whether one channel is late, and said to be
-    timing: float = 0.0  # to which the channels' relative timing is known [s]
-    refused: str = ""  # what every reason says, where there must be no value
+    rate: float = 100.0  # sampling rate of the clean recording [Hz]
+    before: tuple[
+        Callable[[Recording, np.random.Generator], Recording], ...
+    ] = ()  # changes in the sensors and the logger
+    after: tuple[Callable[[Recording, np.random.Generator], Recording], ...] = ()  # changes on the way to the file
+    declared: bool = False  # whether one channel is late and its delay is known
+    timing: float = 0.0  # error of the channels' relative timing that the evaluation assumes [s]
+    refused: str = ""  # part of the reason for which every metric must be refused; empty if none must
 
-    def spoil(self, clean: Recording, rng: np.random.Generator) -> Recording:
-        """The recording as it is evaluated; ValueError where its gaps are too long."""
+    def apply(self, clean: Recording, rng: np.random.Generator) -> Recording:
+        """The recording that is evaluated; ValueError where its gaps are too long."""
         found, behind = clean, AY if AY in clean.channels else TORQUE
         if self.declared:
             found = found.delayed(behind, DELAY)

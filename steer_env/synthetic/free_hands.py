@@ -1,24 +1,24 @@
-"""Release, pulse and returnability of a car whose free hands leave it a system of second order."""
+"""Release, pulse and returnability of a car that is a second-order system when the hands are off."""
 
 import numpy as np
 from scipy import integrate, optimize
 
 from steer_env.recording.recording import DEGREE
-from steer_env.synthetic.recordings import Array, Made, overshoot, recording, second_order, smooth_step
+from steer_env.synthetic.recordings import Array, Example, overshoot, recording, second_order, smooth_step
 
-ZETA, OMEGA = 0.3, 2 * np.pi * 0.9  # of the yaw rate of a free car [1, rad/s]
-EVENT, HELD, EVENTS = 11.0, 4.0, 4  # [s]
+ZETA, OMEGA = 0.3, 2 * np.pi * 0.9  # damping ratio and natural frequency of the yaw rate of a free car [1, rad/s]
+EVENT, HELD, EVENTS = 11.0, 4.0, 4  # duration of an event, time before the release [s]; number of events
 
 
 def _held_and_released(rate: float) -> tuple[Array, Array, Array, Array]:
-    """Time, side, what is held, 0 to 1, and the time since the release, of events left and right in turn."""
+    """Time, side, held fraction (0 to 1) and time since the release, for events left and right in turn."""
     time = (np.arange(round(EVENTS * EVENT * rate)) + 0.5) / rate  # the release is midway between two samples
     event, s = np.divmod(time, EVENT)
     return time, 1 - 2 * (event % 2), smooth_step(s / 1.5), s - HELD
 
 
-def release(rate: float) -> Made:
-    """Yaw rate of a second-order system that comes to rest at a small value to the other side."""
+def release(rate: float) -> Example:
+    """A yaw rate of a second-order system that comes to rest at a small value to the other side."""
     held, rest, angle, angle_rest = 2.0 * DEGREE, -0.2 * DEGREE, 8.0 * DEGREE, -0.8 * DEGREE
     time, side, rise, s = _held_and_released(rate)
     free = s >= 0
@@ -50,10 +50,10 @@ def release(rate: float) -> Made:
     }
 
 
-def pulse(rate: float) -> Made:
-    """Yaw rate of a second-order system, an impulse response from the middle of the pulse on.
+def pulse(rate: float) -> Example:
+    """A yaw rate that is the impulse response of a second-order system from the middle of the pulse on.
 
-    The torque is a half sine of 0.4 s; it falls through half of its peak 1/3 of 0.4 s after its middle.
+    The torque is a half sine of 0.4 s, which falls through half of its peak at 1/3 of 0.4 s after its middle.
     """
     width, size, interval = 0.4, 5.0 * DEGREE, 7.0
     time = np.arange(round((EVENTS * interval + 1) * rate)) / rate
@@ -75,10 +75,10 @@ def pulse(rate: float) -> Made:
         lateral_acceleration=side * 27.8 * yaw,
         vehicle_speed=np.full(time.size, 100 / 3.6),
     )
-    fallen = width * 5 / 6  # where times count from
+    fallen = width * 5 / 6  # the instant from which times count
     t = np.linspace(0, 4, 400_001)
     y = response(t + fallen)
-    first = np.arccos(ZETA) / damped  # of the peak, after the middle
+    first = np.arccos(ZETA) / damped  # time of the peak after the middle
     peak = response(first + width / 2)
     left = y[t >= 3].mean()
     return clean, {
@@ -93,8 +93,8 @@ def pulse(rate: float) -> Made:
     }
 
 
-def returnability(rate: float) -> Made:
-    """The handwheel swings back beyond straight ahead and comes to rest 5 deg short of it."""
+def returnability(rate: float) -> Example:
+    """A handwheel that swings back beyond straight ahead and comes to rest 5 deg short of it."""
     time, side, rise, s = _held_and_released(rate)
     free, held, rest, zeta = s >= 0, 90 * DEGREE, 5 * DEGREE, 0.5
 

@@ -1,4 +1,4 @@
-"""Swept sine and random steering of a car whose responses are systems of second order."""
+"""Swept sine and random steering of a car whose responses are second-order systems."""
 
 from typing import Any
 
@@ -7,25 +7,25 @@ from scipy import signal
 from scipy.optimize import brentq
 
 from steer_env.recording.recording import DEGREE, Recording
-from steer_env.synthetic.recordings import Answers, Array, Made, recording
-from steer_env.vehicle.chassis.single_track import GRAVITY as G
+from steer_env.synthetic.recordings import Answers, Array, Example, recording
+from steer_env.vehicle.constants import GRAVITY as G
 
 FINE = 1000.0  # rate at which the sweeps are computed [Hz]
-YAW, AY = (0.28, 0.45, 1.3), (6.0, 0.8, 1.2)  # gain [SI], damping, natural frequency [Hz]
-TORQUE = 6.0, 0.15  # N m/rad, lead [s]
+YAW, AY = (0.28, 0.45, 1.3), (6.0, 0.8, 1.2)  # gain [SI], damping ratio [1], natural frequency [Hz]
+TORQUE = 6.0, 0.15  # gain [N m/rad], lead [s]
 SPEED = 80 / 3.6
-BAND, DURATION = (0.1, 2.5), 240.0  # of random steering [Hz], [s]
+BAND, DURATION = (0.1, 2.5), 240.0  # band [Hz] and duration [s] of random steering
 
 
 def _response(of: tuple[float, float, float], f: Any) -> Any:
-    """Frequency response of a system of second order."""
+    """Frequency response of a second-order system."""
     gain, damping, natural = of
     s = f / natural
     return gain / (1 - s * s + 2j * damping * s)
 
 
 def driven(angle: Array, rate: float, test: str) -> Recording:
-    """The systems in steady state, driven over and over by an angle (T,) at ``rate`` [Hz]."""
+    """The systems in steady state with an angle (T,) at ``rate`` [Hz] that repeats periodically."""
     f, spectrum = np.fft.rfftfreq(angle.size, 1 / rate), np.fft.rfft(angle)
     responses = {
         "yaw_rate": _response(YAW, f),
@@ -50,7 +50,7 @@ def sweep_angle() -> Array:
 
 
 def random_angle(rate: float, seed: int = 1) -> Array:
-    """Gaussian noise of a flat spectrum from 0.1 to 2.5 Hz; the same steering at any rate."""
+    """Gaussian noise with a flat spectrum from 0.1 to 2.5 Hz; the same steering at every rate."""
     lines = np.arange(round(BAND[0] * DURATION) + 1, round(BAND[1] * DURATION))
     rng = np.random.default_rng(seed)
     size = round(DURATION * rate)
@@ -60,7 +60,7 @@ def random_angle(rate: float, seed: int = 1) -> Array:
 
 
 def response_answers() -> Answers:
-    """Closed forms in the reporting units; without the coherence, which noise does lower: it has no other truth."""
+    """Closed forms in the reporting units, except for the coherence, which noise lowers."""
 
     h = _response
 
@@ -89,13 +89,13 @@ def response_answers() -> Answers:
     }
 
 
-def swept_sine(rate: float) -> Made:
-    """Five sweeps."""
+def swept_sine(rate: float) -> Example:
+    """A recording of five sweeps."""
     fine, every = driven(sweep_angle(), FINE, "frequency-response"), slice(None, None, round(FINE / rate))
     channels = {name: values[every] for name, values in fine.channels.items()}
     return recording("frequency-response", fine.time[every], **channels), response_answers()
 
 
-def random_steer(rate: float, seed: int = 1) -> Made:
-    """Four minutes; every seed steers anew."""
+def random_steer(rate: float, seed: int = 1) -> Example:
+    """A recording of four minutes; every seed gives a different steering."""
     return driven(random_angle(rate, seed), rate, "random-steer"), response_answers()

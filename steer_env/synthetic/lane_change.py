@@ -1,14 +1,18 @@
-"""Lane changes through cones on a path of half cosines, while the hands steer sines."""
+"""Lane changes through cones on a path of half cosines, while the handwheel angle is a sine."""
 
 from typing import NamedTuple
 
 import numpy as np
 
 from steer_env.recording.recording import DEGREE
-from steer_env.synthetic.recordings import Array, Made, half_cosine, recording
+from steer_env.synthetic.recordings import Array, Example, half_cosine, recording
 
 SPEED = 80.0 / 3.6  # [m/s]
-WIDTH, LENGTH, CENTRE = 1.8, 4.5, -0.3  # of the car, and of its middle ahead of where x and y are measured [m]
+WIDTH, LENGTH, CENTRE = (
+    1.8,
+    4.5,
+    -0.3,
+)  # of the car, and place of its middle ahead of the point that x and y describe [m]
 FRONT, REAR = CENTRE + LENGTH / 2, CENTRE - LENGTH / 2
 ANGLE, TORQUE, AY, YAW = 60 * DEGREE, 4.0, 5.0, 15 * DEGREE
 YAW_LAG, AY_LAG = 0.08, 0.12  # [s]
@@ -22,17 +26,17 @@ PLACE = {
 
 
 class Way(NamedTuple):
-    """Where the car runs straight through a course for its width, all in the course's axes."""
+    """The straight sections of the car's path through a course, in the course's axes."""
 
     edition: str
     entry: float  # end of the entry lane [m]
     side: tuple[float, float]  # begin and end of the side lane [m]
     leave: float  # begin of the exit lane [m]
     length: float  # of the course [m]
-    middle: float  # of the side lane, to the left [m]
-    back: float  # in the exit lane, to the left [m]
-    clearance: float  # beside the car in the middle of the side lane [m]
-    cycles: int  # of the hands in a pass
+    middle: float  # lateral position in the side lane, positive to the left [m]
+    back: float  # lateral position in the exit lane, positive to the left [m]
+    clearance: float  # distance of the cones from a car in the middle of the side lane [m]
+    cycles: int  # number of steering cycles in a pass
 
 
 WAYS = {
@@ -41,29 +45,30 @@ WAYS = {
 }
 
 
-def lane_change(rate: float, test: str, passes: int = 4, clearance: float = 0.105, hit: float = 0.0) -> Made:
-    """Passes at 80 km/h, driven backwards between, in half-cosine lane changes that no cone is near.
+def lane_change(rate: float, test: str, passes: int = 4, clearance: float = 0.105, hit: float = 0.0) -> Example:
+    """Passes at 80 km/h with half-cosine lane changes that no cone is near; the car drives backwards between them.
 
-    In the side lane the car keeps a ``clearance`` to the left [m], and hits so many cones. The hands steer some
-    cycles a pass.
+    In the side lane the car has the distance ``clearance`` to the cones on the left [m], and hits ``hit`` cones.
     """
     way, span, run = WAYS[test], 245.0, 245.0 / SPEED
     time = np.arange(int(2 * passes * run * rate)) / rate
-    x = 0.5 * span - np.arcsin(np.cos(np.pi * time / run)) * span / np.pi  # to and fro
+    x = 0.5 * span - np.arcsin(np.cos(np.pi * time / run)) * span / np.pi  # forwards and backwards
     side = way.middle + way.clearance - clearance
 
     def step(start: float, end: float) -> tuple[Array, Array]:
         u = (x - 60.0 - start) / (end - start)
         return half_cosine(u), 0.5 * np.pi / (end - start) * np.sin(np.pi * np.clip(u, 0.0, 1.0))
 
-    # The outline is clear of the lanes while it moves aside.
+    # The outline is outside the lanes while it moves sideways.
     first = step(way.entry - REAR + 0.5, way.side[0] - FRONT - 0.5)
     second = step(way.side[1] - REAR + 0.5, way.leave - FRONT - 0.5)
     omega = 2 * np.pi * way.cycles * SPEED / (way.length + LENGTH)
-    phase = omega * (np.mod(time - (60.0 - FRONT) / SPEED + run / 2, 2 * run) - run / 2)  # from the begin of each pass
+    phase = omega * (
+        np.mod(time - (60.0 - FRONT) / SPEED + run / 2, 2 * run) - run / 2
+    )  # zero at the begin of each pass
 
     def wave(delay: float = 0.0) -> Array:
-        """A sine whose first half cycle is the largest: a largest of equals would be the one that noise favours."""
+        """A sine whose first half cycle is the largest; among equal ones noise would decide which is the largest."""
         p = phase - omega * delay
         return np.sin(p) * np.where(p < np.pi, 1.0, 0.8) * ((p > 0) & (p < 2 * np.pi * way.cycles))
 
@@ -101,16 +106,16 @@ def lane_change(rate: float, test: str, passes: int = 4, clearance: float = 0.10
     }
 
 
-def double_lane_change(rate: float) -> Made:
-    """Passes that hit nothing."""
+def double_lane_change(rate: float) -> Example:
+    """Passes that hit no cone."""
     return lane_change(rate, "double-lane-change")
 
 
-def hitting(rate: float) -> Made:
+def hitting(rate: float) -> Example:
     """Passes that hit the six cones to the left of the side lane."""
     return lane_change(rate, "double-lane-change", clearance=-0.095, hit=6.0)
 
 
-def obstacle_avoidance(rate: float) -> Made:
+def obstacle_avoidance(rate: float) -> Example:
     """Passes through the shorter course."""
     return lane_change(rate, "obstacle-avoidance")

@@ -1,4 +1,4 @@
-"""Loops in closed form: a linear car, whose loops are ellipses, and one that rubs, whose loops are parallelograms."""
+"""Loops in closed form: ellipses of a linear car, and parallelograms of a car with dry friction (a rough car)."""
 
 from dataclasses import replace
 
@@ -6,20 +6,20 @@ import numpy as np
 
 from steer_env import metrics
 from steer_env.recording.recording import DEGREE, Recording
-from steer_env.synthetic.recordings import Answers, Array, Made
+from steer_env.synthetic.recordings import Answers, Array, Example
 from steer_env.synthetic.recordings import recording as recorded
-from steer_env.vehicle.chassis.single_track import GRAVITY as G
+from steer_env.vehicle.constants import GRAVITY as G
 
-# A linear car: every channel a sine, so that every loop is an ellipse.
+# A linear car: every channel is a sine, so that every loop is an ellipse.
 ANGLE_PEAK, TORQUE_PEAK, AY_PEAK, YAW_PEAK = 17 * DEGREE, 3.2, 2.0, 0.075  # rad, N m, m/s2, rad/s
-LEAD, AY_LAG, YAW_LAG = 0.25, 0.150, 0.080  # of the torque [rad], of the responses at 0.2 Hz [s]
-# A car without lag: torque, lateral acceleration and yaw rate by handwheel angle [N m/rad, m/s2/rad, 1/s].
+LEAD, AY_LAG, YAW_LAG = 0.25, 0.150, 0.080  # lead of the torque [rad], lags of the responses at 0.2 Hz [s]
+# A car without lag: torque, lateral acceleration and yaw rate per handwheel angle [N m/rad, m/s2/rad, 1/s].
 STIFFNESS, AY_GAIN, YAW_GAIN = 8.0, 7.0, 0.25
 SPEED = 100 / 3.6
 
 
 def _recording(time: Array, angle: Array, torque: Array, ay: Array, yaw: Array) -> Recording:
-    """The channels that the loops need, all (T,) in SI."""
+    """A recording of the channels that the loops need, all (T,) in SI."""
     return recorded(
         "weave",
         time,
@@ -33,7 +33,7 @@ def _recording(time: Array, angle: Array, torque: Array, ay: Array, yaw: Array) 
 
 
 def linear_car(frequency: float = 0.2, cycles: int = 10, size: float = 1.0, rate: float = 100.0) -> Recording:
-    """``cycles`` of an elliptical weave; ``size`` scales its amplitude."""
+    """A weave with elliptical loops; ``size`` scales its amplitude."""
     omega = 2 * np.pi * frequency
     time = np.arange(round(cycles / frequency * rate) + 1) / rate
     return _recording(
@@ -48,7 +48,8 @@ def linear_car(frequency: float = 0.2, cycles: int = 10, size: float = 1.0, rate
 def linear_car_answers(frequency: float = 0.2, size: float = 1.0) -> Answers:
     """Closed forms for the ellipses, in the reporting units.
 
-    With y = B sin(p + b) over x = A sin(p): width 2 B sin(b) at x = 0, 2 A sin(b) at y = 0; mean branch (B/A) cos(b) x.
+    For y = B sin(p + b) over x = A sin(p) the width is 2 B sin(b) at x = 0 and 2 A sin(b) at y = 0; the mean of the
+    branches is (B/A) cos(b) x.
     """
     ay_lag, yaw_lag = 2 * np.pi * frequency * AY_LAG, 2 * np.pi * frequency * YAW_LAG
     angle, torque, ay = size * ANGLE_PEAK / DEGREE, size * TORQUE_PEAK, size * AY_PEAK / G  # deg, N m, g
@@ -85,7 +86,7 @@ def rough_car(
     triangle: bool = True,
     rate: float = 100.0,
 ) -> Recording:
-    """Torque k angle plus a spring that slips at ``friction`` [N m] after ``slip`` [rad]; no lag anywhere."""
+    """A torque k angle plus a spring that slips at ``friction`` [N m] after ``slip`` [rad]; no channel has a lag."""
     time = np.arange(round(cycles / frequency * rate) + 1) / rate
     phase = frequency * time
     wave = np.abs((4 * phase + 3) % 4 - 2) - 1 if triangle else np.sin(2 * np.pi * phase)
@@ -99,7 +100,7 @@ def rough_car(
 
 
 def rough_car_answers(friction: float = 0.6, slip: float = 0.4 * DEGREE) -> Answers:
-    """Branches are k angle +- friction away from the turning points; the loop is a parallelogram."""
+    """Closed forms for the parallelograms: the branches are k angle +- friction except near the turning points."""
     gradient, sensitivity = STIFFNESS / AY_GAIN * G, 100 * AY_GAIN * DEGREE / G
     return {
         "torque_at_0g": friction,
@@ -124,33 +125,33 @@ def rough_car_answers(friction: float = 0.6, slip: float = 0.4 * DEGREE) -> Answ
     }
 
 
-def _as(test: str, clean: Recording, answers: Answers) -> Made:
-    """The recording says of which test it is, and the answers are those that the test reports."""
+def _as(test: str, clean: Recording, answers: Answers) -> Example:
+    """The recording with the test's name in its meta, and the answers for those metrics that the test reports."""
     named = replace(clean, meta={**clean.meta, "manoeuvre": test})
     return named, {name: answers[name] for name in metrics.available(test) if name in answers}
 
 
-def weave_of_a_linear_car(rate: float) -> Made:
+def weave_of_a_linear_car(rate: float) -> Example:
     """Ellipses at 0.2 Hz, ten settled cycles."""
     return _as("weave", linear_car(cycles=12, rate=rate), linear_car_answers())
 
 
-def weave_of_a_rough_car(rate: float) -> Made:
+def weave_of_a_rough_car(rate: float) -> Example:
     """Parallelograms at 0.2 Hz, ten settled cycles."""
     return _as("weave", rough_car(frequency=0.2, cycles=12, triangle=False, rate=rate), rough_car_answers())
 
 
-def slow_ramp_of_a_linear_car(rate: float) -> Made:
+def slow_ramp_of_a_linear_car(rate: float) -> Example:
     """Ellipses at 0.02 Hz, three settled cycles."""
     return _as("slow-ramp", linear_car(0.02, cycles=5, rate=rate), linear_car_answers(0.02))
 
 
-def slow_ramp_of_a_rough_car(rate: float) -> Made:
+def slow_ramp_of_a_rough_car(rate: float) -> Example:
     """Parallelograms at 0.02 Hz by a triangle wave, three settled cycles."""
     return _as("slow-ramp", rough_car(rate=rate), rough_car_answers())
 
 
-def rig(rate: float) -> Made:
+def rig(rate: float) -> Example:
     """Parallelograms at 0.2 Hz of a car that stands on a rig."""
     clean, answers = _as("rig", rough_car(frequency=0.2, cycles=12, triangle=False, rate=rate), rough_car_answers())
     return clean.without("lateral_acceleration", "yaw_rate", "vehicle_speed"), answers

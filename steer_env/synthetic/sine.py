@@ -1,19 +1,19 @@
-"""Sine steering of a car that answers with a gain and a delay."""
+"""Sine steering of a car whose responses have a gain and a delay."""
 
 import numpy as np
 
 from steer_env.recording.recording import DEGREE, Recording
-from steer_env.synthetic.recordings import Answers, Array, Made, recording
-from steer_env.vehicle.chassis.single_track import GRAVITY as G
+from steer_env.synthetic.recordings import Answers, Array, Example, recording
+from steer_env.vehicle.constants import GRAVITY as G
 
-ANGLE, FREQUENCY = 0.65, 0.5  # rad, Hz
+ANGLE, FREQUENCY = 0.65, 0.5  # [rad], [Hz]
 YAW, AY, TORQUE = (0.2, 0.05), (4.0, 0.15), (3.1, 0.02)  # peak [SI], delay [s]
-FIRST = 1.1  # of the first half wave over the others
+FIRST = 1.1  # ratio of the first half wave to the others [1]
 SPEED = 80 / 3.6
 
 
 def sines(rate: float, bursts: int = 3, cycles: int = 3, size: float = 1.0, frequency: float = FREQUENCY) -> Recording:
-    """Bursts of a sine with rests; the responses are delayed, their first half wave is higher."""
+    """Bursts of a sine with pauses; the responses are delayed, and their first half wave is higher."""
     each = cycles / frequency + 3.0
     time = np.arange(round((1.0 + bursts * each) * rate) + 1) / rate
 
@@ -49,6 +49,6 @@ def sine_answers() -> Answers:
     }
 
 
-def sine(rate: float) -> Made:
-    """Three bursts of three cycles."""
+def sine(rate: float) -> Example:
+    """A recording of three bursts of three cycles."""
     return sines(rate), sine_answers()

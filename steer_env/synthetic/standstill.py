@@ -1,18 +1,19 @@
-"""Parking, catch-up and hold: efforts in closed form of a car that stands."""
+"""Parking, catch-up and hold: efforts of a standing car in closed form."""
 
 import numpy as np
 
 from steer_env.recording.recording import DEGREE
-from steer_env.synthetic.recordings import Made, recording, smooth_step
+from steer_env.synthetic.recordings import Example, recording, smooth_step
 
-LOCK, SWEEP, COUNT = 500 * DEGREE, 12.0, 6  # of the handwheel [rad], time from lock to lock [s], half sweeps
+LOCK, SWEEP, COUNT = 500 * DEGREE, 12.0, 6  # angle at the lock [rad], time from lock to lock [s], number of half sweeps
 SLOW_TORQUE, DAMPING, KNEE = 3.0, 1.5, 4.0  # [N m], [N m s/rad], speed above which the assist falls behind [rad/s]
 
 
-def parking(rate: float) -> Made:
-    """Effort F0 + F1 u^2 to the side that is turned to, u from -1 to 1 between the locks, with a ripple of the torque.
+def parking(rate: float) -> Example:
+    """An effort F0 + F1 u^2 in the direction of turning, with u from -1 to 1 between the locks, and a torque ripple.
 
-    The handwheel turns at a constant speed, and pauses for half a second at the locks. Means over u, up to 0.95.
+    The handwheel turns at a constant speed and pauses for half a second at the locks. The answers are means over u up
+    to 0.95.
     """
     period = SWEEP + 0.5
     time = (np.arange(round((COUNT + 1) * period * rate)) + 0.5) / rate
@@ -20,7 +21,7 @@ def parking(rate: float) -> Made:
     side = 1 - 2 * (sweep % 2)
     u = np.clip(2 * s / SWEEP - 1, -1, 1) * np.where(sweep > 0, 1.0, 0.5) + np.where(sweep > 0, 0.0, 0.5)
     turning = np.where(s < SWEEP, side, side * np.exp(-(s - SWEEP) / 0.1))
-    ripple, frequency = 0.2, 10 / 3  # a whole period in a twentieth of the way to the lock
+    ripple, frequency = 0.2, 10 / 3  # one period in a twentieth of the way to the lock [Hz]
     speed = 2 * LOCK / SWEEP
     clean = recording(
         "parking",
@@ -48,10 +49,10 @@ def parking(rate: float) -> Made:
     }
 
 
-def catch_up(rate: float, fastest: float = 700.0) -> Made:
-    """Torque that is constant up to a speed and rises in proportion beyond it; sweeps of constant speed.
+def catch_up(rate: float, fastest: float = 700.0) -> Example:
+    """Sweeps of constant speed; the torque is constant up to a speed and rises linearly above it.
 
-    The torque turns over with the handwheel within some hundredths of a second, as a real one does.
+    The torque changes its sign with the handwheel speed within some hundredths of a second, as a real torque does.
     """
     amplitude = 270 * DEGREE
     speeds = DEGREE * np.repeat([40.0, *np.arange(100.0, fastest + 1, 100.0)], 4)
@@ -75,14 +76,14 @@ def catch_up(rate: float, fastest: float = 700.0) -> Made:
     }
 
 
-def hold(rate: float, ripple: float = 0.3) -> Made:
-    """A torque held for six seconds after a pause, with a ripple of the torsion bar [N m], and let go."""
+def hold(rate: float, ripple: float = 0.3) -> Example:
+    """A torque that is held for six seconds after a pause and let go, with a ripple of the torsion bar [N m]."""
     time = (np.arange(round(10 * rate)) + 0.5) / rate
     torque = 2.0 * smooth_step((time - 2.0) / 0.5) * (time < 8.5)
     twist = torque + 0.5 * ripple * np.sin(2 * np.pi * 8.0 * time) * (time > 2.5)
     return recording("hold", time, handwheel_torque=torque, torsion_bar_torque=twist), {"torsion_bar_ripple": ripple}
 
 
-def held(rate: float) -> Made:
-    """The same at 200 Hz or faster, as ripples up to 40 Hz ask for, and with one that stands out of the noise then."""
+def held(rate: float) -> Example:
+    """A held torque at 200 Hz or faster, which ripples up to 40 Hz need, with a ripple that exceeds the noise."""
     return hold(max(rate, 200.0), ripple=0.8)

@@ -5,14 +5,14 @@ from collections.abc import Sequence
 import numpy as np
 
 from steer_env.recording.recording import DEGREE, Recording
-from steer_env.synthetic.recordings import Answers, Made, recording
-from steer_env.vehicle.chassis.single_track import GRAVITY as G
+from steer_env.synthetic.recordings import Answers, Example, recording
+from steer_env.vehicle.constants import GRAVITY as G
 
 RATIO, WHEELBASE, RADIUS, SPEED = 15.0, 2.5, 100.0, 80 / 3.6
 K, OVERSTEER = 0.0045, -0.002  # understeer gradients [rad s2/m]
-BEND = 0.002  # of the handwheel angle above 5 m/s2 [rad s4/m2]
+BEND = 0.002  # curvature of the handwheel angle above 5 m/s2 [rad s4/m2]
 SLIP, ROLL, TORQUE, FRICTION = -0.006, 0.011, 0.6, 0.9  # gradients [SI], friction [N m]
-HIGHEST, RISE, HELD = 7.0, 50.0, 3.0  # m/s2, s
+HIGHEST, RISE, HELD = 7.0, 50.0, 3.0  # lateral acceleration [m/s2], times [s]
 GEOMETRY = {"wheelbase_m": WHEELBASE, "steering_ratio": RATIO}
 
 
@@ -25,7 +25,7 @@ def circles(
     highest: float = HIGHEST,
     rise: float = RISE,
 ) -> Recording:
-    """Straight, ramp of the lateral acceleration, held, back; to both sides in turn."""
+    """Ramps of the lateral acceleration from straight ahead that are held and return, to the given sides in turn."""
     start = 0.5 if constant == "radius" else 0.0
     one = np.cumsum([0.0, 4.0, 2.0, rise, HELD, 6.0])
     levels = [0.0, 0.0, start, highest, highest, 0.0]
@@ -55,7 +55,7 @@ def circles(
 
 
 def circle_answers(path: float, understeer: float = K) -> Answers:
-    """Closed forms in the reporting units; a parabola's mean slope from 5.5 to 6.5 is that at 6."""
+    """Closed forms in the reporting units; the mean slope of a parabola from 5.5 to 6.5 is its slope at 6."""
     per_g, bend = G / DEGREE, 2 * BEND * 1.0
     root = 3.6 * np.sqrt(WHEELBASE / abs(understeer))
     return {
@@ -73,16 +73,16 @@ def circle_answers(path: float, understeer: float = K) -> Answers:
     }
 
 
-def constant_radius(rate: float) -> Made:
+def constant_radius(rate: float) -> Example:
     """Four circles of 100 m, two to each side."""
     return circles(rate, "radius"), circle_answers(0.0)
 
 
-def constant_speed(rate: float) -> Made:
+def constant_speed(rate: float) -> Example:
     """Four circles at 80 km/h, two to each side."""
     return circles(rate, "speed"), circle_answers(WHEELBASE / SPEED**2)
 
 
-def oversteering(rate: float) -> Made:
+def oversteering(rate: float) -> Example:
     """Four circles of 100 m by a car that oversteers."""
     return circles(rate, "radius", understeer=OVERSTEER), circle_answers(0.0, OVERSTEER)

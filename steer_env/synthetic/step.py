@@ -1,19 +1,20 @@
-"""Step steer of a car whose responses are systems of second order."""
+"""Step steer of a car whose responses are second-order systems."""
 
 import numpy as np
 from scipy.optimize import brentq
 
 from steer_env.recording.recording import DEGREE, Recording
-from steer_env.synthetic.recordings import Answers, Array, Made, overshoot, recording, second_order
-from steer_env.vehicle.chassis.single_track import GRAVITY as G
+from steer_env.synthetic.recordings import Answers, Array, Example, overshoot, recording, second_order
+from steer_env.vehicle.constants import GRAVITY as G
 
-SIZE, RISE, HOLD, STRAIGHT = 0.6, 0.2, 5.0, 4.0  # rad, s
-YAW, AY, SLIP, TORQUE = (0.18, 0.45, 5.0), (4.0, 0.65, 5.0), (-0.02, 0.7, 4.0), (3.4, 0.8, 9.0)  # steady, zeta, omega
+SIZE, RISE, HOLD, STRAIGHT = 0.6, 0.2, 5.0, 4.0  # angle [rad], times [s]
+# Steady value [SI], damping ratio [1], natural frequency [rad/s].
+YAW, AY, SLIP, TORQUE = (0.18, 0.45, 5.0), (4.0, 0.65, 5.0), (-0.02, 0.7, 4.0), (3.4, 0.8, 9.0)
 SPEED = 80 / 3.6
 
 
 def steps(rate: float, repeats: int = 3, size: float = 1.0, rise: float = RISE) -> Recording:
-    """Steps to the left and to the right in turn, and back; the responses start with half of the handwheel angle."""
+    """Steps to the left and to the right in turn, and back; a response starts when half of the angle is reached."""
     each = RISE + HOLD + 1.0 + STRAIGHT
     time = np.arange(round((1.0 + 2 * repeats * each) * rate) + 1) / rate
     names = {"yaw_rate": YAW, "lateral_acceleration": AY, "sideslip_angle": SLIP, "handwheel_torque": TORQUE}
@@ -31,7 +32,7 @@ def steps(rate: float, repeats: int = 3, size: float = 1.0, rise: float = RISE) 
 
 
 def step_answers() -> Answers:
-    """Closed forms of the systems' steps, in the reporting units."""
+    """Closed forms of the step responses, in the reporting units."""
     found = {
         "yaw_rate_step_gain": YAW[0] / SIZE,
         "lateral_acceleration_step_gain": AY[0] / SIZE * 100 * DEGREE / G,
@@ -48,7 +49,7 @@ def step_answers() -> Answers:
 
         found[f"{name}_time_to_90"] = at(0.9, 0.0, peak)
         found[f"{name}_rise_time"] = at(0.9, 0.0, peak) - at(0.1, 0.0, peak)
-        under = found[f"{name}_overshoot"] ** 2 > 0.05  # whether the second extreme leaves the band, too
+        under = found[f"{name}_overshoot"] ** 2 > 0.05  # whether the second extreme also leaves the band
         found[f"{name}_settling_time"] = at(0.95, 2 * peak, 3 * peak) if under else at(1.05, peak, 2 * peak)
     found["tb_factor"] = found["yaw_rate_peak_time"] * abs(found["steady_step_sideslip"])
     return dict(found)
@@ -58,6 +59,6 @@ def _risen(t: float, zeta: float, omega: float) -> Array:
     return 1.0 - second_order(np.array(t), zeta, omega)
 
 
-def step_steer(rate: float) -> Made:
-    """Six steps, three to each side."""
+def step_steer(rate: float) -> Example:
+    """A recording of six steps, three to each side."""
     return steps(rate), step_answers()

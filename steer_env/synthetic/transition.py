@@ -1,20 +1,26 @@
-"""Transition of a car with dead bands of its own."""
+"""Transition of a car with given dead bands."""
 
 import numpy as np
 
 from steer_env.recording.recording import DEGREE, Recording
-from steer_env.synthetic.recordings import Answers, Made, recording
-from steer_env.vehicle.chassis.single_track import GRAVITY as G
+from steer_env.synthetic.recordings import Answers, Example, recording
+from steer_env.vehicle.constants import GRAVITY as G
 
-PEAK, RISE = 16 * DEGREE, 10.0  # rad, s
+PEAK, RISE = 16 * DEGREE, 10.0  # [rad], [s]
 DEAD = {"yaw_rate": 0.4 * DEGREE, "lateral_acceleration": 0.6 * DEGREE}  # handwheel angle [rad]
-GAIN = {"yaw_rate": 0.28, "lateral_acceleration": 8.0}  # beyond it, over the handwheel angle [SI]
-TORQUE, GRADIENT = 0.7, 1.2  # where the response begins [N m], over the lateral acceleration from there on [N m s2/m]
+GAIN = {
+    "yaw_rate": 0.28,
+    "lateral_acceleration": 8.0,
+}  # slope of a response over the handwheel angle outside the dead band [SI]
+TORQUE, GRADIENT = (
+    0.7,
+    1.2,
+)  # torque at which the response begins [N m], its slope over the lateral acceleration from there [N m s2/m]
 SPEED = 100 / 3.6
 
 
 def transitions(rate: float, repeats: int = 4, rise: float = RISE, peak: float = PEAK) -> Recording:
-    """Slow ramps of the handwheel to the left and to the right in turn; dead bands in angle and torque."""
+    """Slow ramps of the handwheel to the left and to the right in turn, with dead bands in angle and torque."""
     one = np.cumsum([0.0, 3.0, rise, 2.0, 6.0])
     n = 2 * repeats
     time = np.arange(round((n * one[-1] + 3.0) * rate) + 1) / rate
@@ -36,7 +42,7 @@ def transitions(rate: float, repeats: int = 4, rise: float = RISE, peak: float =
 
 
 def transition_answers() -> Answers:
-    """Closed forms in the reporting units; by the yaw rate the torque begins before the acceleration does."""
+    """Closed forms in the reporting units; the yaw rate leaves its dead band before the lateral acceleration does."""
     gap = DEAD["lateral_acceleration"] - DEAD["yaw_rate"]
     sensitivity = GAIN["lateral_acceleration"] * 100 * DEGREE / G
     return {
@@ -53,6 +59,6 @@ def transition_answers() -> Answers:
     }
 
 
-def transition(rate: float) -> Made:
-    """Eight ramps, four to each side."""
+def transition(rate: float) -> Example:
+    """A recording of eight ramps, four to each side."""
     return transitions(rate), transition_answers()

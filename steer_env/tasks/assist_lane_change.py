@@ -1,7 +1,7 @@
 """Assist a driver model through a double lane change after ISO 3888-1."""
 
 from steer_env.tasks.common import cones
-from steer_env.tasks.common.definition import ASSIST_TORQUE, ASSISTING, Task, register
+from steer_env.tasks.common.definition import ASSIST_CHANNELS, ASSIST_TORQUE, Task, register
 from steer_env.tasks.common.feel import FEEL_REWARDS
 from steer_env.tasks.common.path_following import FOLLOWING_REWARDS
 from steer_env.vehicle.chassis.common.interface import HAND
@@ -12,16 +12,16 @@ TASK = register(
     Task(
         name=NAME,
         summary="Assist a driver model through a double lane change after ISO 3888-1.",
-        rules=cones.AssistedCones(cones.LEFT_COURSE),
+        parameters=cones.AssistCones(cones.COURSE_HALF_WIDTH),
         action=ASSIST_TORQUE,
-        channels=ASSISTING,
-        rewards=(*FOLLOWING_REWARDS, *FEEL_REWARDS, *cones.LOSSES),
-        start=cones.starter(NAME, "double-lane-change"),
+        channels=ASSIST_CHANNELS,
+        rewards=(*FOLLOWING_REWARDS, *FEEL_REWARDS, *cones.CONE_REWARDS),
+        draw_setup=cones.setup_drawer(NAME, "double-lane-change"),
         speed=80.0 / 3.6,
-        scripted=(HAND,),
-        person=True,
+        scripted_inputs=(HAND,),
+        driver_in_loop=True,
         **cones.SHARED,
     ),
-    cones.look,
-    cones.judge_assist,
+    cones.observe,
+    cones.evaluate_assist,
 )

@@ -1,10 +1,15 @@
 """Assist a driver model that keeps its lane on a winding road, in crosswind and on a rough surface."""
 
 from steer_env.tasks.common import lane
-from steer_env.tasks.common.definition import ASSIST_TORQUE, ASSISTING, Task, register
+from steer_env.tasks.common.definition import ASSIST_CHANNELS, ASSIST_TORQUE, Task, register
 from steer_env.tasks.common.feel import FEEL_REWARDS
-from steer_env.tasks.common.path_following import FOLLOWING_FIGURES, FOLLOWING_MEMORY, FOLLOWING_REWARDS
-from steer_env.tasks.common.terms import COSTS, SIGHT
+from steer_env.tasks.common.path_following import (
+    FOLLOWING_MEMORY,
+    FOLLOWING_METRICS,
+    FOLLOWING_REWARDS,
+    PATH_OBSERVATIONS,
+)
+from steer_env.tasks.common.terms import COMMON_COSTS
 from steer_env.vehicle.chassis.common.interface import HAND
 
 PEAK = 2.0  # lateral acceleration in the road's curves at the held speed [m/s2]
@@ -13,23 +18,23 @@ TASK = register(
     Task(
         name="AssistLaneKeeping",
         summary="Assist a driver model that keeps its lane on a winding road, in crosswind and on a rough surface.",
-        rules=lane.AssistedLane(lane.LANE_HALF_WIDTH),
+        parameters=lane.AssistLane(lane.LANE_HALF_WIDTH),
         action=ASSIST_TORQUE,
-        channels=ASSISTING,
-        situation=SIGHT,
+        channels=ASSIST_CHANNELS,
+        task_observations=PATH_OBSERVATIONS,
         rewards=(*FOLLOWING_REWARDS, *FEEL_REWARDS, lane.DEPARTURE),
-        costs=COSTS,
-        figures=FOLLOWING_FIGURES,
-        start=lane.starter(PEAK, held=True),
+        costs=COMMON_COSTS,
+        metrics=FOLLOWING_METRICS,
+        draw_setup=lane.setup_drawer(PEAK, driver_in_loop=True),
         begins=lane.BEGINS.format(PEAK),
         ends=lane.ENDS,
         speed=100.0 / 3.6,
-        scripted=(HAND, *lane.DISTURBANCES),
-        person=True,
+        scripted_inputs=(HAND, *lane.DISTURBANCES),
+        driver_in_loop=True,
         options=lane.OPTIONS,
-        memory=FOLLOWING_MEMORY,
+        memory_size=FOLLOWING_MEMORY,
         lane_half_width=lane.LANE_HALF_WIDTH,
     ),
-    lane.look,
-    lane.judge_assist,
+    lane.observe,
+    lane.evaluate_assist,
 )

@@ -1,4 +1,4 @@
-"""Release: the assist brings a handwheel that is let go back to the middle, quickly and without swinging past."""
+"""Release: the assist returns a released handwheel to the centre, quickly and without overshoot."""
 
 from collections.abc import Mapping
 from typing import NamedTuple
@@ -10,89 +10,97 @@ from steer_env.friction.numerics.kernel import kernel
 from steer_env.manoeuvres.release import FREE, HELD, RISE
 from steer_env.tasks.common import scripted
 from steer_env.tasks.common.definition import (
+    ASSIST_CHANNELS,
     ASSIST_TORQUE,
-    ASSISTING,
     RMS,
-    Case,
-    Figure,
+    EpisodeContext,
+    EpisodeMetric,
+    EpisodeSetup,
     Quantity,
-    Setting,
     Task,
     Term,
     register,
 )
-from steer_env.tasks.common.feel import RATE_SCALE
-from steer_env.tasks.common.terms import COSTS, FIGURES, MEMORY, judge_common
+from steer_env.tasks.common.terms import (
+    COMMON_COSTS,
+    COMMON_MEMORY,
+    COMMON_METRICS,
+    action_terms,
+    evaluate_action,
+    evaluate_common,
+)
 from steer_env.vehicle.plant import CHANNEL
 
-RELEASED = RISE + HELD  # [s]
+RELEASE_TIME = RISE + HELD  # [s]
 LOW, HIGH = 0.1, 0.5  # of the amplitude; 0.26 rad is 2 m/s2 at 100 km/h on the compact car [rad]
 
 _ANGLE, _YAW_RATE = CHANNEL["handwheel_angle"], CHANNEL["yaw_rate"]
 
 
 class Release(NamedTuple):
-    """Rules of the task."""
+    """Parameters of the task."""
 
-    released: float  # when the hands let go [s]
+    time: float  # at which the hands let go [s]
 
 
-def _start(rng: np.random.Generator, setting: Setting, options: Mapping[str, float]) -> Case:
+def _draw_setup(rng: np.random.Generator, context: EpisodeContext, options: Mapping[str, float]) -> EpisodeSetup:
     side = 1.0 if rng.random() < 0.5 else -1.0
-    amplitude = TASK.chosen(rng, options, "amplitude", LOW, HIGH)
+    amplitude = TASK.draw_option(rng, options, "amplitude", LOW, HIGH)
     if "amplitude" not in options:
         amplitude *= side
-    return Case(scripted.nodes(manoeuvres.make("release"), amplitude, RELEASED + FREE), released=RELEASED)
+    motion = scripted.hand_motion(manoeuvres.make("release"), amplitude, RELEASE_TIME + FREE)
+    return EpisodeSetup(motion, release_time=RELEASE_TIME)
 
 
 @kernel
-def _look(rules, row, path, values, now, memory, situation):
-    situation[0] = 1.0 if now.time >= rules.released else 0.0
+def _observe(parameters, channels, path, data, step, memory, observations):
+    observations[0] = 1.0 if step.time >= parameters.time else 0.0
 
 
 @kernel
-def _judge(rules, row, situation, values, now, memory, rewards, costs, figures):
-    judge_common(row, now, memory, costs, figures)
-    angle, yaw_rate = row[_ANGLE], row[_YAW_RATE]
-    n = figures.size
-    figures[n - 1] = 0.0
-    if now.time > rules.released:
-        rewards[0] += now.dt * angle * angle
-        rewards[1] += now.dt * yaw_rate * yaw_rate
-        figures[n - 1] = angle
-    rewards[2] += now.dt * now.action * now.action
-    rewards[3] += now.dt * now.rate * now.rate
+def _evaluate(parameters, channels, observations, data, step, memory, rewards, costs, metrics):
+    evaluate_common(channels, step, memory, costs, metrics)
+    angle, yaw_rate = channels[_ANGLE], channels[_YAW_RATE]
+    n = metrics.size
+    metrics[n - 1] = 0.0
+    if step.time > parameters.time:
+        rewards[0] += step.dt * angle * angle
+        rewards[1] += step.dt * yaw_rate * yaw_rate
+        metrics[n - 1] = angle
+    evaluate_action(step, 2, rewards)
     return False
 
 
 TASK = register(
     Task(
         name="AssistRelease",
-        summary="Return a handwheel that is let go in a steady turn to the middle, without swinging past.",
-        rules=Release(RELEASED),
+        summary="Return a handwheel that is released in a steady turn to the centre, without overshoot.",
+        parameters=Release(RELEASE_TIME),
         action=ASSIST_TORQUE,
-        channels=ASSISTING,
-        situation=(Quantity("released", "1", 1.0, "1 once the hands have let go"),),
+        channels=ASSIST_CHANNELS,
+        task_observations=(Quantity("released", "1", 1.0, "1 from the release on, 0 before"),),
         rewards=(
             Term("angle", -1.0 / 0.1**2, "rad2 s", "squared handwheel angle after the release"),
             Term("yaw", -1.0 / 0.05**2, "rad2/s", "squared yaw rate after the release"),
-            Term("effort", -0.01, "s", "squared action"),
-            Term("smoothness", -0.01 / RATE_SCALE**2, "1/s", "squared rate of the action"),
+            *action_terms(0.01),
         ),
-        costs=COSTS,
-        figures=(*FIGURES, Figure("rms_released_angle", "rad", RMS, "handwheel angle, zero before the release")),
-        start=_start,
+        costs=COMMON_COSTS,
+        metrics=(
+            *COMMON_METRICS,
+            EpisodeMetric("rms_released_angle", "rad", RMS, "handwheel angle, taken as zero before the release"),
+        ),
+        draw_setup=_draw_setup,
         begins=(
-            f"Straight ahead at the held speed; a robot turns the handwheel to {LOW:g} to {HIGH:g} rad, left or right, "
-            f"within {RISE:g} s, holds it and lets go after {RELEASED:g} s."
+            f"The car drives straight ahead at the held speed. A robot turns the handwheel to {LOW:g} to {HIGH:g} rad, "
+            f"left or right, within {RISE:g} s, holds it and releases it after {RELEASE_TIME:g} s."
         ),
-        ends=f"Truncates {FREE:g} s after the release.",
+        ends=f"The episode is truncated {FREE:g} s after the release.",
         speed=100.0 / 3.6,
-        scripted=scripted.HANDS,
+        scripted_inputs=scripted.HANDS,
         robot=True,
-        options={"amplitude": (-2.0, 2.0, "handwheel angle held, left positive [rad]")},
-        memory=MEMORY,
+        options={"amplitude": (-2.0, 2.0, "handwheel angle that the robot holds, left positive [rad]")},
+        memory_size=COMMON_MEMORY,
     ),
-    _look,
-    _judge,
+    _observe,
+    _evaluate,
 )

@@ -9,32 +9,39 @@ import numpy as np
 from steer_env import manoeuvres
 from steer_env.friction.numerics.kernel import kernel
 from steer_env.tasks.common import scripted
-from steer_env.tasks.common.definition import ASSIST_TORQUE, ASSISTING, Case, Setting, Task, register
-from steer_env.tasks.common.feel import FEEL_FIGURE, FEEL_REWARDS, judge_feel
-from steer_env.tasks.common.terms import COSTS, FIGURES, MEMORY, judge_common
+from steer_env.tasks.common.definition import (
+    ASSIST_CHANNELS,
+    ASSIST_TORQUE,
+    EpisodeContext,
+    EpisodeSetup,
+    Task,
+    register,
+)
+from steer_env.tasks.common.feel import FEEL_METRIC, FEEL_REWARDS, evaluate_feel
+from steer_env.tasks.common.terms import COMMON_COSTS, COMMON_MEMORY, COMMON_METRICS, evaluate_common
 
 DURATION = 20.0  # [s]
-NOMINAL = math.radians(15.0)  # 2 m/s2 at 100 km/h on the compact car
+NOMINAL = math.radians(15.0)  # amplitude; 2 m/s2 at 100 km/h on the compact car
 
 
 class Weave(NamedTuple):
-    """No rules but the manoeuvre's."""
+    """Parameters of the task; there are none, and the class selects the kernels."""
 
 
-def _start(rng: np.random.Generator, setting: Setting, options: Mapping[str, float]) -> Case:
-    amplitude = TASK.chosen(rng, options, "amplitude", 0.8 * NOMINAL, 1.2 * NOMINAL)
-    return Case(scripted.nodes(manoeuvres.make("weave"), amplitude, DURATION))
+def _draw_setup(rng: np.random.Generator, context: EpisodeContext, options: Mapping[str, float]) -> EpisodeSetup:
+    amplitude = TASK.draw_option(rng, options, "amplitude", 0.8 * NOMINAL, 1.2 * NOMINAL)
+    return EpisodeSetup(scripted.hand_motion(manoeuvres.make("weave"), amplitude, DURATION))
 
 
 @kernel
-def _look(rules, row, path, values, now, memory, situation):
+def _observe(parameters, channels, path, data, step, memory, observations):
     pass
 
 
 @kernel
-def _judge(rules, row, situation, values, now, memory, rewards, costs, figures):
-    judge_common(row, now, memory, costs, figures)
-    figures[figures.size - 1] = judge_feel(row, now, 0, rewards)
+def _evaluate(parameters, channels, observations, data, step, memory, rewards, costs, metrics):
+    evaluate_common(channels, step, memory, costs, metrics)
+    metrics[metrics.size - 1] = evaluate_feel(channels, step, 0, rewards)
     return False
 
 
@@ -42,25 +49,25 @@ TASK = register(
     Task(
         name="AssistWeave",
         summary="Shape the feel of an on-centre weave by assist torque; a robot steers.",
-        rules=Weave(),
+        parameters=Weave(),
         action=ASSIST_TORQUE,
-        channels=ASSISTING,
-        situation=(),
+        channels=ASSIST_CHANNELS,
+        task_observations=(),
         rewards=FEEL_REWARDS,
-        costs=COSTS,
-        figures=(*FIGURES, FEEL_FIGURE),
-        start=_start,
+        costs=COMMON_COSTS,
+        metrics=(*COMMON_METRICS, FEEL_METRIC),
+        draw_setup=_draw_setup,
         begins=(
-            "Straight ahead at the held speed; the 0.2 Hz weave grows over its first cycle. Its amplitude is drawn "
-            "from 80 to 120 % of 15 deg, which is 2 m/s2 for the default car at 100 km/h, whatever the speed is."
+            "The car drives straight ahead at the held speed; the 0.2 Hz weave grows over its first cycle. At every "
+            "speed the amplitude is drawn from 80 to 120 % of 15 deg, which is 2 m/s2 for the default car at 100 km/h."
         ),
-        ends=f"Truncates after {DURATION:g} s.",
+        ends=f"The episode is truncated after {DURATION:g} s.",
         speed=100.0 / 3.6,
-        scripted=scripted.HANDS,
+        scripted_inputs=scripted.HANDS,
         robot=True,
-        options={"amplitude": (0.0, 2.0, "of the handwheel angle [rad]")},
-        memory=MEMORY,
+        options={"amplitude": (0.0, 2.0, "amplitude of the handwheel angle [rad]")},
+        memory_size=COMMON_MEMORY,
     ),
-    _look,
-    _judge,
+    _observe,
+    _evaluate,
 )

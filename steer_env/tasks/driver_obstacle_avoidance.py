@@ -1,7 +1,7 @@
-"""Swerve around an obstacle after ISO 3888-2 by hand torque, throttle released on entry."""
+"""Swerve around an obstacle after ISO 3888-2 by hand torque; the throttle is released on entry."""
 
 from steer_env.tasks.common import cones
-from steer_env.tasks.common.definition import DRIVING, HAND_TORQUE, Task, register
+from steer_env.tasks.common.definition import DRIVER_CHANNELS, HAND_TORQUE, Task, register
 from steer_env.tasks.common.path_following import ACTION_REWARDS, FOLLOWING_REWARDS
 from steer_env.vehicle.chassis.common.interface import COAST
 
@@ -10,17 +10,17 @@ NAME = "DriverObstacleAvoidance"
 TASK = register(
     Task(
         name=NAME,
-        summary="Swerve around an obstacle after ISO 3888-2 by hand torque, throttle released on entry.",
-        rules=cones.Cones(cones.LEFT_COURSE),
+        summary="Swerve around an obstacle after ISO 3888-2 by hand torque; the throttle is released on entry.",
+        parameters=cones.DriverCones(cones.COURSE_HALF_WIDTH),
         action=HAND_TORQUE,
-        channels=DRIVING,
-        rewards=(*FOLLOWING_REWARDS, *ACTION_REWARDS, *cones.LOSSES),
-        start=cones.starter(NAME, "obstacle-avoidance", coasts=True),
+        channels=DRIVER_CHANNELS,
+        rewards=(*FOLLOWING_REWARDS, *ACTION_REWARDS, *cones.CONE_REWARDS),
+        draw_setup=cones.setup_drawer(NAME, "obstacle-avoidance", coasts=True),
         speed=50.0 / 3.6,
-        scripted=(COAST,),
+        scripted_inputs=(COAST,),
         chassis=("two_track", "single_track"),
         **cones.SHARED,
     ),
-    cones.look,
-    cones.judge,
+    cones.observe,
+    cones.evaluate,
 )

@@ -11,93 +11,103 @@ from steer_env.friction.numerics.kernel import kernel
 from steer_env.manoeuvres.common.shapes import ramp_and_hold
 from steer_env.tasks.common.definition import (
     HAND_TORQUE,
-    NODE,
     RMS,
-    STEERING,
-    Case,
-    Figure,
+    STEERING_CHANNELS,
+    EpisodeContext,
+    EpisodeMetric,
+    EpisodeSetup,
     Quantity,
     Scenery,
-    Setting,
     Task,
     Term,
     register,
 )
-from steer_env.tasks.common.standstill import ACTION_TERMS, CREEPING, TWO_TRACK, lock
-from steer_env.tasks.common.terms import COSTS, FIGURES, MEMORY, judge_common
+from steer_env.tasks.common.scripted import update_times
+from steer_env.tasks.common.standstill import ACTION_TERMS, CREEPING, TWO_TRACK, angle_at_lock
+from steer_env.tasks.common.terms import COMMON_COSTS, COMMON_MEMORY, COMMON_METRICS, evaluate_action, evaluate_common
+from steer_env.timing import UPDATE_INTERVAL
 from steer_env.vehicle.plant import CHANNEL
+
+Array = NDArray[np.float64]
 
 DURATION = 24.0  # [s]
 MOVES = 6
-FASTEST = 5.0  # handwheel speed that they ask for [rad/s]
-PREVIEW = (0.0, 0.2, 0.5, 1.0)  # [s]
+FASTEST = 5.0  # largest handwheel speed of the target [rad/s]
+TARGET_TIMES = (0.0, 0.2, 0.5, 1.0)  # at which the target is observed, from now [s]
 
 _ANGLE = CHANNEL["handwheel_angle"]
 
 
-class Targets(NamedTuple):
-    """The driver's rules: none but the targets, which are the case's values, one a node."""
+class ParkingTarget(NamedTuple):
+    """Parameters of the task; there are none. The episode's data are the target angles at every update."""
 
 
-def _targets(rng: np.random.Generator, setting: Setting, options: Mapping[str, float]) -> Case:
-    """Smooth moves between angles drawn from nine tenths of lock to lock, each as fast as the fastest or slower."""
-    t: NDArray[np.float64] = NODE * np.arange(round(DURATION / NODE) + 1.0)
-    end = 0.9 * lock(setting)
-    angle, each, last = np.zeros(t.size), DURATION / MOVES, 0.0
+def _draw_setup(rng: np.random.Generator, context: EpisodeContext, options: Mapping[str, float]) -> EpisodeSetup:
+    """Smooth moves between angles drawn within nine tenths of lock to lock, none faster than ``FASTEST``."""
+    t = update_times(DURATION)
+    end = 0.9 * angle_at_lock(context)
+    target, each, last = np.zeros(t.size), DURATION / MOVES, 0.0
     for k in range(MOVES):
-        most = each * FASTEST / 1.5  # the smooth rise is half as fast again as its mean
+        most = each * FASTEST / 1.5  # the largest speed of the smooth rise is 1.5 times its mean
         to = min(max(float(rng.uniform(-end, end)), last - most), last + most)
         rise = float(rng.uniform(0.5, 1.0)) * 0.8 * each
-        angle += ramp_and_hold(t - k * each, to - last, max(rise, abs(to - last) / most * each))[0]
+        target += ramp_and_hold(t - k * each, to - last, max(rise, abs(to - last) / most * each))[0]
         last = to
-    return Case(np.zeros((t.size, 0)), values=angle)
+    return EpisodeSetup(np.zeros((t.size, 0)), data=target)
 
 
 @kernel
-def _look(rules, row, path, values, now, memory, situation):
-    for k in range(situation.size):
-        place = within(int((now.time + PREVIEW[k]) / NODE + 0.5), 0, values.size - 1)
-        situation[k] = values[place] - row[_ANGLE]
+def _observe(parameters, channels, path, data, step, memory, observations):
+    for k in range(observations.size):
+        update = within(int((step.time + TARGET_TIMES[k]) / UPDATE_INTERVAL + 0.5), 0, data.size - 1)
+        observations[k] = data[update] - channels[_ANGLE]
 
 
 @kernel
-def _judge(rules, row, situation, values, now, memory, rewards, costs, figures):
-    judge_common(row, now, memory, costs, figures)
-    error = situation[0]
-    figures[figures.size - 1] = error
-    rewards[0] += now.dt * error * error
-    rewards[1] += now.dt * now.action * now.action
-    rewards[2] += now.dt * now.rate * now.rate
+def _evaluate(parameters, channels, observations, data, step, memory, rewards, costs, metrics):
+    evaluate_common(channels, step, memory, costs, metrics)
+    error = observations[0]
+    metrics[metrics.size - 1] = error
+    rewards[0] += step.dt * error * error
+    evaluate_action(step, 1, rewards)
     return False
 
 
-def _scenery(row: np.ndarray, situation: np.ndarray, values: np.ndarray, memory: np.ndarray) -> Scenery:
-    return Scenery(wanted_angle=float(row[_ANGLE] + situation[0]))
+def _scenery(channels: Array, observations: Array, data: Array, memory: Array) -> Scenery:
+    return Scenery(wanted_angle=float(channels[_ANGLE] + observations[0]))
 
 
 TASK = register(
     Task(
         name="DriverParking",
         summary="Turn the wheels of a standing car by hand torque, along a target of the handwheel angle.",
-        rules=Targets(),
+        parameters=ParkingTarget(),
         action=HAND_TORQUE,
-        channels=STEERING,
-        situation=tuple(
-            Quantity(f"target_{t:.1f}s", "rad", 25.0, f"target {t:g} s from now less the handwheel angle now")
-            for t in PREVIEW
+        channels=STEERING_CHANNELS,
+        task_observations=tuple(
+            Quantity(
+                f"target_{t:.1f}s", "rad", 25.0, f"target angle {t:g} s from now minus the present handwheel angle"
+            )
+            for t in TARGET_TIMES
         ),
         rewards=(Term("angle", -1.0 / 0.2**2, "rad2 s", "squared error of the handwheel angle"), *ACTION_TERMS),
-        costs=COSTS,
-        figures=(*FIGURES, Figure("rms_angle_error", "rad", RMS, "of the handwheel against the target")),
-        start=_targets,
-        begins=f"At a standstill, wheels straight; {MOVES} targets are drawn within nine tenths of lock to lock.",
-        ends=f"Truncates after {DURATION:g} s.",
+        costs=COMMON_COSTS,
+        metrics=(
+            *COMMON_METRICS,
+            EpisodeMetric("rms_angle_error", "rad", RMS, "handwheel angle minus the target angle"),
+        ),
+        draw_setup=_draw_setup,
+        begins=(
+            f"The car stands with its wheels straight. {MOVES} target angles are drawn within nine tenths of lock to "
+            "lock."
+        ),
+        ends=f"The episode is truncated after {DURATION:g} s.",
         speed=0.0,
-        speeds=CREEPING,
+        speed_range=CREEPING,
         chassis=TWO_TRACK,
-        memory=MEMORY,
+        memory_size=COMMON_MEMORY,
         scenery=_scenery,
     ),
-    _look,
-    _judge,
+    _observe,
+    _evaluate,
 )

@@ -1,4 +1,4 @@
-"""Environments that tune the assist: one step tries one set of parameters."""
+"""Environments for tuning the assist: one step tries one parameter set."""
 
 import lazy_loader
 

@@ -1,4 +1,4 @@
 from .env import TuneEnv
-from .registration import TuneAllRound, TuneOnCentre
+from .environments import TuneAllRound, TuneOnCentre
 
 __all__ = ["TuneAllRound", "TuneEnv", "TuneOnCentre"]

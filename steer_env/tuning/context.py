@@ -1,4 +1,4 @@
-"""What a tuner knows of the case: the car, the road and the friction, identified as on a rig whatever its law."""
+"""What is known of a car to be tuned: load, steering, road, and the friction, measured as on a rig for every law."""
 
 from typing import NamedTuple
 
@@ -11,28 +11,33 @@ from steer_env.tasks import Quantity
 from steer_env.tasks.common.definition import SPEED
 from steer_env.vehicle.cars import Car
 
-SLIDING_SPEED = 0.1  # of the column, at which its friction is read [rad/s]
-FIRST_TURN = 1e-3  # from rest, over which its stiffness is read [rad]
-TURN = 0.2  # from rest, after which it slides [rad]
+SLIDING_SPEED = 0.1  # column speed at which the sliding friction is measured [rad/s]
+FIRST_TURN = 1e-3  # turn from rest over which the stiffness is measured [rad]
+TURN = 0.2  # turn from rest after which the friction slides [rad]
 
 
 class Context(NamedTuple):
-    """Of one episode; the fields are observed in this order."""
+    """The context of one episode; the fields are observed in this order."""
 
     mass: float  # of the car with its load [kg]
     steering_stiffness: float  # hand torque over handwheel angle in steady turns with the car's own assist [N m/rad]
-    speed: float  # of the tests that are driven at the context's speed [m/s]
+    speed: float  # of the tests at the context's speed [m/s]
     road_friction: float  # relative to the tyre's measurements [1]
-    friction_torque: float  # of sliding friction at 0.1 rad/s, at the column and at rest of the rack [N m]
+    friction_torque: float  # sliding friction at 0.1 rad/s, at the column with an unloaded rack [N m]
     friction_stiffness: float  # friction torque over angle, 1 mrad from rest [N m/rad]
 
 
 OBSERVED = (
-    Quantity("mass", "kg", 5000.0, "of the car with its load"),
-    Quantity("steering_stiffness", "N m/rad", 200.0, "hand torque over angle in steady turns, own assist"),
+    Quantity("mass", "kg", 5000.0, "mass of the car with its load"),
+    Quantity(
+        "steering_stiffness",
+        "N m/rad",
+        200.0,
+        "hand torque over angle in steady turns, with the car's own assist",
+    ),
     SPEED,
-    Quantity("road_friction", "1", 2.0, "of the road, relative to the tyre's measurements"),
-    Quantity("friction_torque", "N m", 10.0, "of the column, sliding at 0.1 rad/s, rack unloaded"),
+    Quantity("road_friction", "1", 2.0, "friction of the road relative to that of the tyre's measurements"),
+    Quantity("friction_torque", "N m", 10.0, "friction torque of the column, sliding at 0.1 rad/s, rack unloaded"),
     Quantity("friction_stiffness", "N m/rad", 5000.0, "friction torque over angle, 1 mrad from rest"),
 )
 
@@ -42,7 +47,7 @@ def context(car: Car, chassis: str, drawn: Conditions) -> Context:
     loaded = car.loaded(drawn.load)
     p = loaded.plant(
         drawn.friction, speed=drawn.speed, robot=True, road_friction=drawn.road_friction, chassis=chassis
-    )._replace(friction_level=drawn.friction_level)
+    )._replace(friction_torque_scale=drawn.friction_level)
     turned = np.arange(0.0, TURN + FIRST_TURN, FIRST_TURN)
     torque = response(drawn.friction, turned, FIRST_TURN / SLIDING_SPEED, drawn.friction_level)
     return Context(

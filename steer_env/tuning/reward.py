@@ -1,4 +1,4 @@
-"""What a set earns: distances of its metrics to target bands, and what the assist loop's margins lack."""
+"""Reward of a parameter set: distances of its metrics from target bands, and shortfall of the loop's margins."""
 
 import math
 from collections.abc import Mapping
@@ -7,12 +7,12 @@ from typing import NamedTuple
 from steer_env.friction.numerics.check import not_negative
 from steer_env.metrics import Value
 from steer_env.targets import Band, Targets
-from steer_env.tuning.scenarios import Scenario
+from steer_env.tuning.scenarios.common.definition import Scenario
 from steer_env.vehicle.steering.margins import TARGETS as MARGINS
 from steer_env.vehicle.steering.margins import Margins
 
-FAR = 3.0  # bands off that count at most, and for a metric that is refused; assumed
-MARGIN_WEIGHT = 5.0  # of a margin that lacks everything, against a metric one band off; assumed
+MAX_DISTANCE = 3.0  # largest distance that counts, also for a refused metric; assumed [widths of the band]
+MARGIN_WEIGHT = 5.0  # of a full shortfall of a margin, relative to a metric one band off; assumed
 MARGIN_TERMS = ("phase_margin", "gain_margin")
 
 
@@ -24,12 +24,12 @@ class Term(NamedTuple):
 
 
 def terms(scenario: Scenario, targets: Targets, weights: Mapping[str, float] | None) -> dict[str, Term]:
-    """Every metric of the scenario's tests that the targets have a band for.
+    """Every metric of the scenario's tests for which the targets have a band.
 
     Raises
     ------
     ValueError
-        Targets that have no band for any test of the scenario, or a weight of a term that there is not.
+        The targets have no band for any test of the scenario, or a weight is for an unknown term.
     """
     bands = {name: band for test in scenario.tests for name, band in targets.bands.get(test, {}).items()}
     if not bands:
@@ -43,11 +43,11 @@ def terms(scenario: Scenario, targets: Targets, weights: Mapping[str, float] | N
 
 
 def distance(value: Value, band: Band) -> float:
-    """How far a value is from the good band, over the band's width [1]; ``FAR`` at most, and where it is refused."""
+    """Distance of a value from the good band over the band's width [1]; ``MAX_DISTANCE`` at most and if refused."""
     if value.reason:
-        return FAR
+        return MAX_DISTANCE
     low, high = band.good
-    return min(max(low - value.value, value.value - high, 0.0) / (high - low), FAR)
+    return min(max(low - value.value, value.value - high, 0.0) / (high - low), MAX_DISTANCE)
 
 
 def decibels(gain: float) -> float:
@@ -55,8 +55,8 @@ def decibels(gain: float) -> float:
     return 20.0 * math.log10(gain)
 
 
-def lacking(margins: Margins) -> dict[str, float]:
-    """What each margin lacks of the usual 30 deg and 6 dB, over those [1]; all of it where the loop is unstable."""
+def margin_shortfall(margins: Margins) -> dict[str, float]:
+    """Shortfall of each margin below the usual 30 deg and 6 dB, over these [1]; 1 if the loop is unstable."""
     found = math.degrees(margins.phase), decibels(margins.gain)
     return {
         name: min(max(1.0 - have / least, 0.0), 1.0) if margins.stable else 1.0
@@ -64,7 +64,9 @@ def lacking(margins: Margins) -> dict[str, float]:
     }
 
 
-def earned(wanted: Mapping[str, Term], values: Mapping[str, Value], lacks: Mapping[str, float]) -> dict[str, float]:
+def reward_terms(
+    wanted: Mapping[str, Term], values: Mapping[str, Value], shortfall: Mapping[str, float]
+) -> dict[str, float]:
     """The terms of the reward, by name."""
     found = {name: -term.weight * distance(values[name], term.band) for name, term in wanted.items()}
-    return found | {name: -MARGIN_WEIGHT * lack for name, lack in lacks.items()}
+    return found | {name: -MARGIN_WEIGHT * value for name, value in shortfall.items()}

@@ -9,11 +9,11 @@ from steer_env import manoeuvres, metrics, targets
 from steer_env import recording as recordings
 from steer_env.experiments.cli.main import main
 from steer_env.experiments.report import assessment
-from steer_env.experiments.studies import simulation_vs_measurement
+from steer_env.experiments.studies.common import simulation_vs_measurement
 from steer_env.metrics import Value
 from steer_env.recording.recording import Recording
 from steer_env.synthetic.frequency_response import swept_sine
-from steer_env.targets import Band, Light, light
+from steer_env.targets import Band, Rating, rating
 from steer_env.vehicle import cars
 
 BAND = Band(good=(1.0, 2.0), fair=(0.5, 2.5))
@@ -28,22 +28,22 @@ def weaves():
 @pytest.mark.parametrize(
     ("value", "low", "high", "expected"),
     [
-        (1.5, 1.2, 1.8, Light("green", True)),
-        (1.0, 1.0, 1.0, Light("green", True)),
-        (1.1, 0.9, 1.3, Light("green", False)),
-        (0.7, 0.6, 0.8, Light("amber", True)),
-        (2.2, 0.7, 2.4, Light("amber", False)),  # both ends amber, green between
-        (3.0, 2.6, 3.4, Light("red", True)),
-        (0.4, 0.1, 0.7, Light("red", False)),
-        (1.5, np.nan, np.nan, Light("green", None)),
+        (1.5, 1.2, 1.8, Rating("green", True)),
+        (1.0, 1.0, 1.0, Rating("green", True)),
+        (1.1, 0.9, 1.3, Rating("green", False)),
+        (0.7, 0.6, 0.8, Rating("amber", True)),
+        (2.2, 0.7, 2.4, Rating("amber", False)),  # both ends amber, green between
+        (3.0, 2.6, 3.4, Rating("red", True)),
+        (0.4, 0.1, 0.7, Rating("red", False)),
+        (1.5, np.nan, np.nan, Rating("green", None)),
     ],
 )
-def test_lights(value, low, high, expected):
-    assert light(Value(value, low, high, "N m"), BAND) == expected
+def test_ratings(value, low, high, expected):
+    assert rating(Value(value, low, high, "N m"), BAND) == expected
 
 
-def test_a_refused_value_gets_no_light():
-    assert light(Value(np.nan, np.nan, np.nan, "N m", "too few cycles"), BAND) is None
+def test_a_refused_value_gets_no_rating():
+    assert rating(Value(np.nan, np.nan, np.nan, "N m", "too few cycles"), BAND) is None
 
 
 def test_packaged_targets_load():
@@ -152,7 +152,7 @@ def test_histories_are_aligned_in_time():
         ("[channels]\nyaw_rate = 1", "expected relative, absolute and unit"),
         ('[channels]\nyaw_rate = {relative=0.1, absolute=0.1, unit="rpm"}', "expected a unit out of"),
         ('[channels]\nyaw_rate = {relative=-0.1, absolute=0.1, unit="deg/s"}', "relative: expected a number from 0"),
-        ('[channels]\nyaw_rate = {relative=0, absolute=0, unit="deg/s"}', "no tolerance at all"),
+        ('[channels]\nyaw_rate = {relative=0, absolute=0, unit="deg/s"}', "relative and absolute are both 0"),
     ],
 )
 def test_bad_tolerances_are_refused(text, message, tmp_path):

@@ -69,7 +69,7 @@ def test_run_speed_and_ripple_of_a_hold(tmp_path, monkeypatch, capsys):
 
 def test_refusals_are_null_with_a_reason_and_printed(tmp_path, monkeypatch, capsys):
     short = manoeuvres.make("weave", cycles=3)
-    monkeypatch.setattr("steer_env.experiments.cli.run.manoeuvres.make", lambda name: short)
+    monkeypatch.setattr(manoeuvres, "make", lambda name: short)
     assert main(["run", "weave", "--friction", "masing", "--rate_hz", "50", "--out", str(tmp_path / "weave.csv")]) == 0
     data = json.loads((tmp_path / "weave.json").read_text())["metrics"]
     printed = capsys.readouterr().out
@@ -153,7 +153,7 @@ def test_ctrl_c_ends_with_130(monkeypatch, capsys, tmp_path):
     def interrupt(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("steer_env.experiments.cli.run.manoeuvres.drive", interrupt)
+    monkeypatch.setattr(manoeuvres, "drive", interrupt)
     assert main(["run", "weave", "--out", str(tmp_path / "weave.csv")]) == 130
     assert capsys.readouterr().err == "steer-env run: interrupted\n"
     assert not list(tmp_path.iterdir())

@@ -6,15 +6,12 @@ import numpy as np
 import pytest
 from vehiclemodels.vehicle_parameters import setup_vehicle_parameters
 
-from steer_env.experiments.studies import commonroad, commonroad_cross_validation
+from steer_env.experiments.studies import commonroad
+from steer_env.experiments.studies.common import commonroad_reference
+from steer_env.experiments.studies.common.commonroad_manoeuvres import BRAKE_TIME, MANOEUVRES, Manoeuvre
+from steer_env.experiments.studies.common.commonroad_two_track import drive_two_track
 from steer_env.experiments.studies.commonroad import CODE, QUIRKS, drive, reconciled
-from steer_env.experiments.studies.commonroad_cross_validation import (
-    BRAKE_TIME,
-    MANOEUVRES,
-    Manoeuvre,
-    difference,
-    drive_two_track,
-)
+from steer_env.experiments.studies.cross_validation import difference
 
 P = setup_vehicle_parameters(vehicle_id=2)
 STEP = MANOEUVRES["step_20"]._replace(duration=4.0)
@@ -166,19 +163,19 @@ def test_another_version_of_their_code_is_noticed(monkeypatch):
 def test_the_stored_reference_is_what_their_model_gives(name):
     """To what single precision and the integration leave; the table shows 1e-4."""
     for case, run in commonroad.histories(name, P).items():
-        stored = commonroad_cross_validation.load().histories[name][case]
-        assert set(stored.channels) == {*commonroad_cross_validation.STORED, "road_wheel_angle"}
+        stored = commonroad_reference.load().histories[name][case]
+        assert set(stored.channels) == {*commonroad_reference.STORED, "road_wheel_angle"}
         np.testing.assert_array_equal(stored.time, run.time)
         for channel, values in stored.channels.items():
             np.testing.assert_allclose(values, run[channel], rtol=0.0, atol=1e-5 * np.abs(run[channel]).max())
 
 
 def test_the_reference_has_their_parameters_and_names_what_reconciling_changes(tmp_path, monkeypatch):
-    monkeypatch.setattr(commonroad, "histories", lambda name, p: commonroad_cross_validation.load().histories[name])
+    monkeypatch.setattr(commonroad, "histories", lambda name, p: commonroad_reference.load().histories[name])
     commonroad.write(tmp_path / "again.npz")
     assert [path.name for path in tmp_path.iterdir()] == ["again.npz"]
-    again, stored = commonroad_cross_validation.load(tmp_path / "again.npz"), commonroad_cross_validation.load()
+    again, stored = commonroad_reference.load(tmp_path / "again.npz"), commonroad_reference.load()
     assert again[:2] == stored[:2]
-    assert (tmp_path / "again.npz").read_bytes() == commonroad_cross_validation.REFERENCE.read_bytes()
+    assert (tmp_path / "again.npz").read_bytes() == commonroad_reference.FILE.read_bytes()
     assert stored.about["version"] == "3.0.2"
-    assert list(commonroad_cross_validation.PECULIARITIES) == [*QUIRKS, *CODE]
+    assert list(commonroad_reference.PECULIARITIES) == [*QUIRKS, *CODE]

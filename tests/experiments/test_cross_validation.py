@@ -8,29 +8,27 @@ from functools import cache
 import numpy as np
 import pytest
 
-from steer_env.experiments.drawing import figures
-from steer_env.experiments.studies import commonroad_cross_validation
-from steer_env.experiments.studies.commonroad_cross_validation import (
+from steer_env.experiments.drawing import pictures
+from steer_env.experiments.studies import cross_validation
+from steer_env.experiments.studies.common.commonroad_manoeuvres import (
     MANOEUVRES,
-    MARK_RMS,
-    MARK_STEADY,
-    PECULIARITIES,
     START,
     STEER_RATE,
-    compare,
-    difference,
-    drive_two_track,
-    load,
     road_wheel_angle,
 )
+from steer_env.experiments.studies.common.commonroad_reference import PECULIARITIES, load
+from steer_env.experiments.studies.common.commonroad_two_track import drive_two_track
+from steer_env.experiments.studies.cross_validation import MOST_RMS, MOST_STEADY, compare, difference
 
 STEP = MANOEUVRES["step_20"]._replace(duration=4.0)
 comparison = cache(compare)
 
 
 def test_nothing_needs_their_package():
-    modules = "steer_env.experiments.studies.commonroad_cross_validation, steer_env.experiments.report.build, steer_env.experiments.cli.main"
-    code = f"import sys; sys.modules['vehiclemodels'] = None; import {modules}; steer_env.experiments.studies.commonroad_cross_validation.load()"
+    modules = "studies.cross_validation", "report.build", "cli.main"
+    imports = ", ".join(f"steer_env.experiments.{name}" for name in modules)
+    load = "from steer_env.experiments.studies.common import commonroad_reference; commonroad_reference.load()"
+    code = f"import sys; sys.modules['vehiclemodels'] = None; import {imports}; {load}"
     subprocess.run([sys.executable, "-c", code], check=True)
 
 
@@ -52,8 +50,8 @@ def test_two_tracks_keep_the_marks_once_the_named_differences_are_out(name):
     """With room to spare, in fact."""
     result = comparison(name)["reconciled"]
     assert result.passed
-    assert max(result.rms.values()) < MARK_RMS / 3.0
-    assert max(abs(gap) for *_, gap in result.steady.values()) < MARK_STEADY * 0.75
+    assert max(result.rms.values()) < MOST_RMS / 3.0
+    assert max(abs(gap) for *_, gap in result.steady.values()) < MOST_STEADY * 0.75
 
 
 # Against the model as published [%]: RMS of yaw rate and lateral acceleration, steady yaw rate and roll angle.
@@ -91,29 +89,29 @@ def test_unknown_kind():
 
 def test_table_entries_and_figure():
     results = {name: comparison(name) for name in ("step_30", "brake_30")}
-    rows = commonroad_cross_validation.rows(results)
+    rows = cross_validation.rows(results)
     assert [row.verdict for row in rows] == ["explained", "pass", "explained", "pass"]
-    assert commonroad_cross_validation.table(results).count("\n") == 3 + len(rows)
-    assert commonroad_cross_validation.extent(results, "published").kept == []
-    reconciled = commonroad_cross_validation.extent(results, "reconciled")
+    assert cross_validation.table(results).count("\n") == 3 + len(rows)
+    assert cross_validation.extent(results, "published").kept == []
+    reconciled = cross_validation.extent(results, "reconciled")
     assert reconciled.kept == ["step_30", "brake_30"]
-    assert reconciled.steady < MARK_STEADY < commonroad_cross_validation.extent(results, "published").steady
-    entries = json.loads(json.dumps(commonroad_cross_validation.entries(results), allow_nan=False))
+    assert reconciled.steady < MOST_STEADY < cross_validation.extent(results, "published").steady
+    entries = json.loads(json.dumps(cross_validation.entries(results), allow_nan=False))
     given = entries["manoeuvres"]["brake_30"]["published"]
     assert not given["passed"]
     for name, value in given["steady"].items():
         assert name in entries["units"]
         assert value["difference"] == pytest.approx(comparison("brake_30")["published"].steady[name][2])
-    svg = figures.cross_validation(results)
+    svg = pictures.cross_validation(results)
     assert all(text in svg for text in ("step, 30 m/s", "brake, 30 m/s", "CommonRoad reconciled", "yaw rate [deg/s]"))
 
 
 def test_a_mark_missed_with_everything_out_is_a_failure(monkeypatch, capsys):
     missed = {case: result._replace(rms={"yaw_rate": 0.06}) for case, result in comparison("step_20").items()}
-    assert {row.verdict for row in commonroad_cross_validation.rows({"step_20": missed})} == {"FAIL"}
+    assert {row.verdict for row in cross_validation.rows({"step_20": missed})} == {"FAIL"}
     for results, code in (({"step_20": missed}, 1), ({"step_20": comparison("step_20")}, 0)):
-        monkeypatch.setattr(commonroad_cross_validation, "collect", lambda results=results: results)
-        assert commonroad_cross_validation.main([]) == code
+        monkeypatch.setattr(cross_validation, "collect", lambda results=results: results)
+        assert cross_validation.main([]) == code
     assert "| step_20 | reconciled |" in capsys.readouterr().out
 
 

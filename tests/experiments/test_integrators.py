@@ -1,6 +1,6 @@
 """Twelve cases for LuGre and Masing: order of the step frame, and what simpler schemes make of them.
 
-``python -m steer_env.experiments.studies.integrators`` prints the table; its pinned errors at 1 ms, % of F_c:
+``steer-env study integrators`` prints the table; its pinned errors at 1 ms, % of F_c:
 
     law     F_c [N m]  distance [deg]  f [Hz]  midpoint  explicit Euler  backward Euler
     lugre         0.3            0.05     0.2    0.0005          0.0797          0.0686
@@ -40,7 +40,7 @@ from steer_env.experiments.studies.integrators import (
     twelve_cases,
     twelve_references,
 )
-from steer_env.experiments.verification.requirements import MOST
+from steer_env.experiments.verification.requirements.column import MOST
 
 CASES = {law: twelve_cases(law) for law in MOST}
 # The pinned table, by row: {law: [(midpoint, explicit Euler, backward Euler), ...]} in %.

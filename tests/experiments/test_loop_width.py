@@ -6,12 +6,12 @@ from dataclasses import replace
 import pytest
 
 from steer_env import manoeuvres
-from steer_env.experiments.drawing import figures
+from steer_env.experiments.drawing import pictures
 from steer_env.experiments.studies import loop_width
 from steer_env.experiments.studies.loop_width import AT_0G, DEADBAND, SLOW, WEAVE, Key, Width, verdict
 from steer_env.friction import defaults
-from steer_env.metrics.common.reading import ANGLE, AY, TORQUE
-from steer_env.metrics.loops import Loops
+from steer_env.metrics.common.filtered_channels import ANGLE, AY, TORQUE
+from steer_env.metrics.common.loops import Loops
 from steer_env.vehicle import cars
 
 
@@ -69,10 +69,10 @@ def test_verdict_of_the_default_car(curves):
 
 def test_sentence(curves):
     assert loop_width.sentence(curves) == (
-        "torque at 0 g in the weave, 0.2 Hz, 100 km/h: the signed width grows with friction throughout; so does its "
-        "size.\ntorque dead band in the weave, 0.2 Hz, 100 km/h: the signed width grows with friction throughout; its "
-        "size first falls, to zero where friction balances lag and damping, at a friction torque of 0.36 N m "
-        "(compact: lugre)."
+        "torque at 0 g in the weave, 0.2 Hz, 100 km/h: the signed width grows with friction throughout, and so does "
+        "its absolute value.\ntorque dead band in the weave, 0.2 Hz, 100 km/h: the signed width grows with friction "
+        "throughout; its absolute value first falls, to zero where friction balances lag and damping, at a friction "
+        "torque of 0.36 N m (compact: lugre)."
     )
 
 
@@ -87,7 +87,7 @@ def test_verdict(totals, signed, unsigned, zero):
 
 
 def test_figure_and_table(curves):
-    svg = figures.loop_width(loop_width.panels(curves))
+    svg = pictures.loop_width(loop_width.panels(curves))
     for text in (WEAVE, SLOW, AT_0G, DEADBAND, "compact"):
         assert text in svg
         assert text in loop_width.table(curves)

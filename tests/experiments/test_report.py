@@ -16,8 +16,10 @@ from steer_env import friction, metrics
 from steer_env.experiments.output import provenance
 from steer_env.experiments.output.files import replaced_directory
 from steer_env.experiments.report import build, findings
-from steer_env.experiments.report.results import Scope, pool_of
-from steer_env.experiments.studies import battery, commonroad_cross_validation
+from steer_env.experiments.report.results import Scope
+from steer_env.experiments.studies.common import battery
+from steer_env.experiments.studies.common.commonroad_manoeuvres import MANOEUVRES
+from steer_env.experiments.studies.common.processes import pool_of
 from steer_env.vehicle import cars
 
 LAWS = {law: friction.make(law) for law in ("lugre", "masing")}
@@ -90,14 +92,14 @@ def test_the_page_says_everything_in_plain_words(made):
     for name in {name for test in TESTS for name in metrics.available(test)}:
         assert findings.label(name) in words
     assert not {"nan", "None", "Undefined", "inf"} & set(words.split())
-    assert "Masing vibrates under held torque where no micro-damper is there to stop it" in words
+    assert "Masing friction vibrates under a held torque unless it has a micro-damper" in words
 
 
 def test_metrics_json(made):
     data = json.loads((made[0] / "metrics.json").read_text(encoding="utf-8"))
     assert set(data) == {"metrics", "real_time", "vehicle", "provenance"}
     assert set(data["vehicle"]) == {"weave_peaks", "parking", "cross_validation"}
-    assert set(data["vehicle"]["cross_validation"]["manoeuvres"]) == set(commonroad_cross_validation.MANOEUVRES)
+    assert set(data["vehicle"]["cross_validation"]["manoeuvres"]) == set(MANOEUVRES)
     prefixes = {"weave": "", "slow-ramp": "slow_ramp.", "step-steer": "step_steer.", "hold": "hold."}
     names = {prefix + name for test, prefix in prefixes.items() for name in metrics.available(test)}
     for law in LAWS:
@@ -117,7 +119,7 @@ def test_metrics_json(made):
 
 
 def test_refused_metrics_are_null_with_a_reason(made, monkeypatch):
-    monkeypatch.setattr(build, "_figures", lambda _: dict.fromkeys(FIGURES, "<svg/>"))
+    monkeypatch.setattr(build, "_pictures", lambda _: dict.fromkeys(FIGURES, "<svg/>"))
     _, results = made
     drive = results.drives["weave"]["lugre"]
     refused = {**drive.values, "yaw_lag": metrics.Value(float("nan"), float("nan"), float("nan"), "ms", "no yaw rate")}
@@ -151,25 +153,41 @@ def bare(test):
 @pytest.mark.parametrize(
     ("change", "gone", "instead"),
     [
-        (row_of("masing", ns_per_step=1e4), "LuGre costs extra time, but little", "LuGre costs no extra time"),
-        (row_of("masing", ns_per_step=1e4), "as an exponential and a Newton step cost more", "does not cost more than"),
-        (row_of("masing", ns_per_step=1.0), "The cheapest step with every law", "Explicit Euler: usable"),
-        (row_of("lugre", worst_step_ns=1e6), "LuGre costs extra time, but little", "LuGre costs extra time;"),
+        (
+            row_of("masing", ns_per_step=1e4),
+            "LuGre takes more computing time than Masing",
+            "LuGre takes no more computing time",
+        ),
+        (
+            row_of("masing", ns_per_step=1e4),
+            "as an exponential and a Newton step take more",
+            "does not take more time than",
+        ),
+        (row_of("masing", ns_per_step=1.0), "Its step takes the least time with every law", "Explicit Euler: usable"),
+        (row_of("lugre", worst_step_ns=1e6), "both run in real time", "the worst step is long with LuGre"),
         (row_of("lugre", worst_step_ns=1e6), "hardly: 0.", "yes: 0."),
-        (row_of("masing", worst_step_ns=1e6), "Masing does not break real time", "Masing strains real time"),
-        (row_of("masing", error=0.5), "neither costs accuracy that matters", "50\u00a0% RMS."),
+        (row_of("masing", worst_step_ns=1e6), "Masing runs in real time", "Masing may not run in real time"),
+        (row_of("masing", error=0.5), ", both negligible", "and 50\u00a0%."),
         (
             held(lambda test: bare(test) and test.law == "masing", ripple=1e-9),
-            "yes, unless a micro-damper is there",
-            "Masing does not vibrate more than LuGre",
+            "yes, without a micro-damper",
+            "Masing friction does not vibrate more than LuGre",
         ),
-        (held(bare, ripple_fine=1.0), "the step does not cause it", "the step has a part in it"),
-        (held(lambda test: not bare(test) and test.law == "masing", ripple=1.0), "closes nearly all", "leaves a gap"),
-        (held(lambda test: test.assist == "off", lasting=1.0), "so the vibration lasts", "Masing's elements below"),
+        (held(bare, ripple_fine=1.0), "the step length does not cause it", "the step length contributes to it"),
+        (
+            held(lambda test: not bare(test) and test.law == "masing", ripple=1.0),
+            "removes nearly all",
+            "leaves a difference",
+        ),
+        (
+            held(lambda test: test.assist == "off", lasting=1.0),
+            "so that the vibration persists",
+            "Masing's elements are springs",
+        ),
     ],
 )
 def test_a_claim_changes_with_its_number(made, source, monkeypatch, change, gone, instead):
-    monkeypatch.setattr(build, "_figures", lambda _: dict.fromkeys(FIGURES, "<svg/>"))
+    monkeypatch.setattr(build, "_pictures", lambda _: dict.fromkeys(FIGURES, "<svg/>"))
     before, after = (build.render(results, source) for results in (sure(made[1]), change(sure(made[1]))))
     assert gone in before
     assert gone not in after
@@ -206,15 +224,15 @@ def test_one_law_alone_makes_a_page_too(made):
 
 
 def test_the_cross_validation_says_what_its_numbers_say(made, source, monkeypatch):
-    monkeypatch.setattr(build, "_figures", lambda _: dict.fromkeys(FIGURES, "<svg/>"))
+    monkeypatch.setattr(build, "_pictures", lambda _: dict.fromkeys(FIGURES, "<svg/>"))
     before = build.render(made[1], source)
     found = made[1].cross_validation
     missed = found["step_20"]["reconciled"]._replace(rms={"yaw_rate": 0.5, "lateral_acceleration": 0.0})
     step = {**found["step_20"], "reconciled": missed}
     after = build.render(made[1]._replace(cross_validation={**found, "step_20": step}), source)
-    assert "nothing changed in ours, all are kept" in before
+    assert "nothing changed in ours, all manoeuvres are within" in before
     assert ">missed</td>" not in before
-    assert "7 of 8 are kept, with at most 50\u00a0% RMS" in after
+    assert "7 of 8 manoeuvres are within the limits, with at most 50\u00a0% RMS" in after
     assert after.count(">missed</td>") == 2
 
 

@@ -5,11 +5,12 @@ import pytest
 from scipy import stats
 
 from steer_env import metrics
-from steer_env.experiments.verification import requirements
+from steer_env.experiments.verification.requirements import synthetic
 from steer_env.metrics.common import definitions
+from steer_env.metrics.common import evaluate as evaluation
 from steer_env.synthetic import faults, loops
 from steer_env.synthetic.cases import CASES
-from steer_env.synthetic.coverage import Coverage, collect, coverage, made
+from steer_env.synthetic.coverage import Coverage, collect, coverage, examples
 from steer_env.synthetic.faults import DELAY, FAULTS, Fault
 from steer_env.synthetic.loops import linear_car
 
@@ -31,25 +32,25 @@ def test_every_case():
     assert not {key: share for key, share in pooled.items() if share < least}
 
 
-def test_the_mark_names_the_lowest(monkeypatch):
+def test_the_requirement_names_the_lowest(monkeypatch):
     kept, lost = Coverage(0.97, 0.0, 0.1), Coverage(0.85, 0.0, 0.1)
     found = {"a case": {"offset": {"yaw_lag": kept, "loop_area": lost}, "long": {"yaw_lag": kept._replace(kept=1.0)}}}
-    monkeypatch.setattr(requirements, "collect", lambda trials: found)
-    rows = list(requirements.synthetic_rows())
+    monkeypatch.setattr(synthetic, "collect", lambda trials: found)
+    rows = list(synthetic.rows())
     assert [(row.what, row.verdict) for row in rows] == [("a case: offset", "FAIL"), ("a case: long", "pass")]
     assert rows[0].measured == "85.0 %, loop area"
 
 
 def test_an_interval_that_is_too_narrow_is_found(monkeypatch):
     """Half the width covers two thirds."""
-    inner = definitions.interval
+    inner = evaluation.interval
 
     def halved(values):
         low, high = inner(values)
         return (3 * low + high) / 4, (3 * high + low) / 4
 
-    monkeypatch.setattr(definitions, "interval", halved)
-    found = coverage(made(CASES["weave, linear car"], 50.0), Fault(), 40)
+    monkeypatch.setattr(evaluation, "interval", halved)
+    found = coverage(examples(CASES["weave, linear car"], 50.0), Fault(), 40)
     assert np.mean([entry.kept for entry in found.values()]) < 0.85
 
 
@@ -79,6 +80,7 @@ def test_an_unknown_delay_needs_the_timing():
 
 
 def test_timing_gives_one_repeat_an_interval(monkeypatch):
+    metrics.available()  # imports every test, so that the copy holds their metrics
     monkeypatch.setattr(definitions, "_metrics", dict(definitions._metrics))
 
     @metrics.metric("ms", "weave", source="here")
@@ -95,6 +97,7 @@ def test_timing_gives_one_repeat_an_interval(monkeypatch):
 
 
 def test_a_metric_that_the_timing_may_refuse_is_refused(monkeypatch):
+    metrics.available()  # imports every test, so that the copy holds their metrics
     monkeypatch.setattr(definitions, "_metrics", dict(definitions._metrics))
 
     @metrics.metric("ms", "weave", source="here")

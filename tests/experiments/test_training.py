@@ -76,7 +76,7 @@ def test_a_policy_holds_its_action_between_its_own_steps(tmp_path):
     moved = np.diff(np.array(actions), axis=0) != 0.0
     assert np.flatnonzero(moved[:, 0]).tolist() == [4, 9]
     assert np.flatnonzero(moved[:, 1]).tolist() == [4, 6]
-    with pytest.raises(ValueError, match=r"decides every 0\.05 s; control_dt must be that or a whole part of it"):
+    with pytest.raises(ValueError, match=r"acts every 0\.05 s; control_dt must be that or a whole fraction of it"):
         policy.Policy(path, gym.make(env_id, control_dt=0.02))
 
 
@@ -139,7 +139,7 @@ def test_a_checkpoint_keeps_law_seed_settings_and_the_best(tmp_path):
     assert (second.friction.label, second.seed, second.settings) == ("coulomb", 3, first.settings)
     state.pop("friction")
     (out / "checkpoint" / "state.json").write_text(json.dumps(state))
-    with pytest.raises(ValueError, match="does not say its friction"):
+    with pytest.raises(ValueError, match="has no entry friction"):
         Training(WEAVE, None, out, resume=True)
 
 
@@ -180,7 +180,7 @@ def test_friction_shift_command(trained, tmp_path, capsys):
     for name in ("friction compensation", "lqg", "rms feel error [N m]", "±"):
         assert name in printed
     assert "…" not in printed
-    assert "beside boost, damping" in (out / "index.html").read_text(encoding="utf-8")
+    assert "beside active return, boost, damping" in (out / "index.html").read_text(encoding="utf-8")
     assert main(["friction-shift", path, "--env", "steer_env/AssistRelease-v0"]) == 2
     assert "was trained for steer_env/AssistWeave-v0, not steer_env/AssistRelease-v0" in capsys.readouterr().err
 
@@ -188,7 +188,9 @@ def test_friction_shift_command(trained, tmp_path, capsys):
 def test_evaluation_on_another_task_names_both(trained, tmp_path, capsys):
     command = ["evaluate-policy", str(trained / "policy.zip"), "--out", str(tmp_path / "out")]
     assert main([*command, "--env", "steer_env/DriverParking-v0"]) == 2
-    assert "was trained for steer_env/AssistWeave-v0, evaluated on steer_env/DriverParking" in capsys.readouterr().err
+    assert (
+        "was trained for steer_env/AssistWeave-v0 and cannot act in steer_env/DriverParking" in capsys.readouterr().err
+    )
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "mine.txt").write_text("")
     assert main(command) == 2
@@ -223,7 +225,7 @@ def test_other_algorithms_train_too(algo, tmp_path):
         assert found.act(observations).shape == (2, 1)
 
 
-def test_trials_are_those_of_single_environments():
+def test_episodes_are_those_of_single_environments():
     found = held_out.collect(WEAVE, lambda env: policy_report.baselines(WEAVE)["boost"](env), 3, 7, control_dt=0.1)
     for i in range(3):
         env, total, over = gym.make(WEAVE, control_dt=0.1), 0.0, False
@@ -251,7 +253,7 @@ def test_evaluation_writes_its_report(trained, tmp_path, capsys):
     assert set(found["metrics"]) >= {"policy", "boost", "lqg"}
     assert found["metrics"]["policy"]["rms_feel_error"]["unit"] == "N m"
     page = (out / "index.html").read_text(encoding="utf-8")
-    assert "policy less boost, damping, friction compensation" in page
+    assert "policy less active return, boost, damping, friction compensation" in page
     assert "load 0 to 300 kg; speed 22 to 33 m/s; friction level 0.5 to 2; friction lugre" in page
     assert "Wilson" not in page  # no cones, no clean share
     assert '"name":"policy"' in page  # of the learning curve
@@ -289,13 +291,13 @@ def test_friction_shift(trained, tmp_path):
         (["train", "--env", WEAVE, "--steps", "0"], "--steps: must be a whole number of at least 1, got '0'"),
         (["train", "--env", WEAVE, "--episodes", "0"], "--episodes: must be a whole number of at least 1 and at most"),
         (["train", "--env", WEAVE, "--seed", "-1"], "--seed: must be a whole number of at least 0"),
-        (["train", "--env", WEAVE, "--out", "file/run"], "cannot be made, for .*file is a file"),
+        (["train", "--env", WEAVE, "--out", "file/run"], "cannot be made, as .*file is a file"),
         (["train", "--env", WEAVE, "--out", "file"], "file is a file: give a directory"),
-        (["train", "--env", "steer_env/TuneOnCentre-v0"], "which no policy here is for"),
+        (["train", "--env", "steer_env/TuneOnCentre-v0"], "tunes assist parameters"),
         (["evaluate-policy", "boost", "--env", WEAVE, "--out", "file"], "file is a file: give a directory"),
         (["evaluate-policy", "boost", "boost", "--env", WEAVE], "'boost' is given twice"),
-        (["evaluate-policy", "boost"], "--env must tell the environment"),
-        (["friction-shift", "lqg"], "a baseline, which no law trained: it cannot be shifted"),
+        (["evaluate-policy", "boost"], "--env must name the environment"),
+        (["friction-shift", "lqg"], "a baseline, which was trained on no law"),
         (["friction-shift", "weave"], "'weave' is no policy: give a policy.zip"),
         (["train", "--env", WEAVE, "--algo", "dqn"], "invalid choice: 'dqn'"),
         (["train", "--env", WEAVE, "--minutes", "1", "--steps", "5"], "not allowed with"),
@@ -327,7 +329,7 @@ def test_files_of_others_are_refused(tmp_path):
 
 def test_a_policy_of_another_task_is_refused(trained):
     with pytest.raises(
-        ValueError, match="was trained for steer_env/AssistWeave-v0, evaluated on steer_env/DriverLaneK"
+        ValueError, match="was trained for steer_env/AssistWeave-v0 and cannot act in steer_env/DriverLaneK"
     ):
         policy.Policy(trained / "policy.zip", gym.make("steer_env/DriverLaneKeeping-v0"))
 

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from steer_env.experiments.studies import full_vehicle
+from steer_env.experiments.studies import vehicle
 from steer_env.vehicle import cars
 
 
 @pytest.fixture(scope="module")
 def study():
-    return full_vehicle.collect(cars.load(), "lugre")
+    return vehicle.collect(cars.load(), "lugre")
 
 
 def test_what_two_tracks_add_explains_the_difference(study):
@@ -18,7 +18,7 @@ def test_what_two_tracks_add_explains_the_difference(study):
     for name in ("lateral_acceleration", "yaw_rate", "handwheel_torque"):
         assert none[name] == pytest.approx(single[name], rel=0.01), name
         assert two[name] != pytest.approx(single[name], rel=0.01), name
-    assert len(study.peaks) == 3 + len(full_vehicle.SWITCHES)
+    assert len(study.peaks) == 3 + len(vehicle.SWITCHES)
 
 
 def test_parking_of_the_default_car(study):

@@ -1,7 +1,4 @@
-"""Masing's step equation and constructors, and Dahl in comparison.
-
-``steer_env.experiments.verification.friction_oracles`` has branches, memory and work.
-"""
+"""Masing: step equation, constructors, comparison with Dahl; ``steer_env.friction.oracles`` has the closed forms."""
 
 import math
 
@@ -9,9 +6,9 @@ import numpy as np
 import pytest
 
 from steer_env import friction
-from steer_env.experiments.verification.friction_oracles import DYADIC, at_rest, exponential
 from steer_env.friction import law
 from steer_env.friction.models.masing import Masing, from_virgin_curve, virgin_torque
+from steer_env.friction.oracles import DYADIC, at_rest, exponential
 
 
 def mean_torque(p, memory, w, h):

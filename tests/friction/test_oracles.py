@@ -1,7 +1,4 @@
-"""Coulomb and viscous friction.
-
-``steer_env.experiments.verification.friction_oracles`` has the closed forms of the other laws.
-"""
+"""The closed forms of the laws in ``steer_env.friction.oracles``, and Coulomb and viscous friction by hand."""
 
 import math
 
@@ -10,6 +7,13 @@ import pytest
 
 from steer_env import friction
 from steer_env.friction import law
+from steer_env.friction.oracles import ORACLES
+
+
+@pytest.mark.parametrize("name", ORACLES)
+def test_the_kernels_are_within_the_limits_of_the_closed_forms(name):
+    oracle = ORACLES[name]
+    assert max(oracle.errors()) <= oracle.limit
 
 
 @pytest.mark.parametrize("R", [0.3, -0.3, 0.9, -0.9])

@@ -10,7 +10,7 @@ import pytest
 from steer_env import assists, friction
 from steer_env.assists import lead_lag
 from steer_env.assists.common.linear import response, sampled, slopes
-from steer_env.tasks.assist_release import RELEASED
+from steer_env.tasks.assist_release import RELEASE_TIME
 
 NAMES = assists.available()
 SCENARIOS = ("Weave", "Release", "LaneChange", "LaneKeeping", "Parking")
@@ -70,7 +70,7 @@ def test_a_lane_starts_afresh_by_itself(name):
 def test_mirrored_observations_mirror_the_action(name, scenario):
     env = environment(scenario)
     seen = watched(scenario, 200)
-    even = [quantity.name in ("speed", "released") for quantity in env.lanes.observed]
+    even = [quantity.name in ("speed", "released") for quantity in env.batch.observed]
     actions = acted(assists.make(name, env), seen)
     assert np.array_equal(acted(assists.make(name, env), np.where(even, seen, -seen)), -actions)
     assert name == "boost" or scenario != "Weave" or np.abs(actions).max() > 0.0
@@ -113,7 +113,7 @@ def test_every_baseline_drives_every_task(name, scenario, law):
 def test_the_observer_is_the_laws_response(law):
     env = environment("Weave")
     seen = watched("Weave", 400)
-    speeds = seen[:, [quantity.name for quantity in env.lanes.observed].index("column_speed")].astype(float)
+    speeds = seen[:, [quantity.name for quantity in env.batch.observed].index("column_speed")].astype(float)
     baseline = assists.make("friction_compensation", env, law=law)
     observed = []
     for one in seen:
@@ -141,7 +141,7 @@ def let_go(plant, name, **options):
 def test_friction_compensation_comes_to_rest(plant, observer, share):
     """No limit cycle, held or let go, whatever friction the car has and the observer believes in."""
     speed = let_go(plant, "friction_compensation", law=observer, share=share)
-    held = speed[round(RELEASED / 0.01) - 80 : round(RELEASED / 0.01) - 5]
+    held = speed[round(RELEASE_TIME / 0.01) - 80 : round(RELEASE_TIME / 0.01) - 5]
     assert np.ptp(held) < 1e-3
     # The slowest swing of a car without dry friction has decayed to a hundredth of the 0.6 rad/s it starts with.
     assert np.ptp(speed[-100:]) < 6e-3
@@ -172,7 +172,7 @@ def test_margins_of_the_lead_lag(speed, control_dt):
 
     env = gym.make("steer_env/AssistWeave-v0", control_dt=control_dt).unwrapped
     baseline = assists.make("lead_lag", env, gain=1.0)
-    design, car = baseline.design(speed), env.lanes.car
+    design, car = baseline.design(speed), env.batch.car
     H = control.ss(design.A, design.B, design.C[None], design.D[None], control_dt)
     smallest_phase, smallest_gain = math.inf, math.inf
     for slope in slopes(car, speed):
@@ -194,7 +194,7 @@ def test_margins_as_the_library_has_them():
     from steer_env.vehicle.steering.margins import hands_fixed_loop
 
     env = environment("Weave")
-    loop = hands_fixed_loop(env.lanes.car.column, env.lanes.car.assist, 2.8, 28.0)
+    loop = hands_fixed_loop(env.batch.car.column, env.batch.car.assist, 2.8, 28.0)
     omega = np.geomspace(1.0, 3100.0, 4000)
     z = np.exp(1j * omega * 1e-3)
     np.testing.assert_allclose(response(loop, z[::500]), loop(z[::500]), rtol=1e-8)
@@ -208,7 +208,7 @@ def test_margins_as_the_library_has_them():
 def test_margins_of_the_lqg(speed):
     """At the request, at every slope of the boost curve, as long as its authority is not used up."""
     env = environment("Weave")
-    car, d = env.lanes.car, assists.make("lqg", env).design(speed)
+    car, d = env.batch.car, assists.make("lqg", env).design(speed)
     A, B = d.A + np.outer(d.E, d.C), d.B[:, :2] + np.outer(d.E, d.D[:2])
     z = np.exp(1j * np.geomspace(1.0, 0.999 * math.pi / 0.01, 2000) * 0.01)
     for slope in slopes(car, speed):
@@ -254,7 +254,7 @@ def test_another_environment_is_refused(name):
 
 def test_a_missing_observation_is_named(monkeypatch):
     env = environment("Weave")
-    kept = tuple(quantity for quantity in env.lanes.observed if quantity.name != "column_speed")
-    monkeypatch.setattr(env.lanes, "observed", kept)
+    kept = tuple(quantity for quantity in env.batch.observed if quantity.name != "column_speed")
+    monkeypatch.setattr(env.batch, "observed", kept)
     with pytest.raises(ValueError, match=r"AssistWeave does not observe column_speed; it has: handwheel_angle"):
         assists.make("damping", env)

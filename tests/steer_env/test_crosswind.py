@@ -40,8 +40,8 @@ def test_random_wind_has_an_rms_and_no_events():
     assert found["crosswind_yaw_rate_rms"].value == pytest.approx(np.sqrt(0.5), rel=2e-3)
     assert len(found["crosswind_yaw_rate_rms"].repeats) == 6
     others = [value.reason for name, value in found.items() if name != "crosswind_yaw_rate_rms"]
-    assert all("say when the gust came" in text for text in others)
-    assert "under 20 s of random wind" in refusals(constant(100.0).between(0, 15))["crosswind_yaw_rate_rms"]
+    assert all("say when the gust began" in text for text in others)
+    assert "less than 20 s of random wind" in refusals(constant(100.0).between(0, 15))["crosswind_yaw_rate_rms"]
 
 
 def test_bad_recordings_are_refused():
@@ -50,8 +50,8 @@ def test_bad_recordings_are_refused():
     turned = changed(clean, handwheel_angle=10 * DEGREE * np.sin(clean.time))
     for reason, bad in {
         "check gust_start_s, gust_interval_s and gust_count": clean.between(1.5, 60.0),
-        "in the mean, not 100 km/h": changed(clean, vehicle_speed=0.8 * clean["vehicle_speed"]),
-        "handwheel_angle is not held: keep it to 3 deg": turned,
+        "on average, not 100 km/h": changed(clean, vehicle_speed=0.8 * clean["vehicle_speed"]),
+        "handwheel_angle is not held: keep it within 3 deg": turned,
     }.items():
         found = refusals(bad)
         assert found.keys() == every

@@ -6,14 +6,25 @@ import pytest
 
 import steer_env  # noqa: F401 (registers the ids)
 from steer_env import drivers, friction
+from steer_env.courses.preview import PREVIEW_TIMES
 from steer_env.drivers.common import lq
-from steer_env.drivers.common.definition import INTENT, MEMORY, REFLEX, command, execution, gains_of, intend, late_error
-from steer_env.tasks.common.terms import PREVIEW, SIGHT
+from steer_env.drivers.common.definition import (
+    DELAYED_ERRORS,
+    MEMORY,
+    NEUROMUSCULAR_STATES,
+    command,
+    delayed_error,
+    gains_of,
+    muscle_matrices,
+    neuromuscular_step,
+)
+from steer_env.tasks.common.path_following import PATH_OBSERVATIONS
+from steer_env.timing import UPDATE_INTERVAL
 from steer_env.vehicle import cars, linear
 
 CAR = cars.load("compact")
 SPEED = 22.0  # [m/s]
-EYED = ("macadam", "preview", "robot", "two_point")
+WITH_PREVIEW = ("macadam", "preview", "robot", "two_point")
 
 
 def drive(env, driver, **reset):
@@ -34,8 +45,8 @@ def sight_of(lateral):
 
 
 def test_all_are_there():
-    assert set(drivers.available()) == {*EYED, "free"}
-    assert len(SIGHT) == 2 + len(PREVIEW)
+    assert set(drivers.available()) == {*WITH_PREVIEW, "free"}
+    assert len(PATH_OBSERVATIONS) == 2 + len(PREVIEW_TIMES)
 
 
 @pytest.mark.parametrize("law", friction.available())
@@ -48,7 +59,7 @@ def test_preview_takes_the_default_car_through_the_double_lane_change(law):
         assert info["cost"] == 0.0
 
 
-@pytest.mark.parametrize("driver", EYED)
+@pytest.mark.parametrize("driver", WITH_PREVIEW)
 def test_a_mirrored_course_is_driven_mirrored_to_the_bit(driver):
     env = gym.make("steer_env/DriverDoubleLaneChange-v0")
     one, _ = drive(env, driver, options={"mirrored": 0, "entry_offset": 0.1, "entry_heading": -0.005})
@@ -56,7 +67,7 @@ def test_a_mirrored_course_is_driven_mirrored_to_the_bit(driver):
     assert np.array_equal(one, other * [1.0, -1.0, -1.0, -1.0])
 
 
-@pytest.mark.parametrize("driver", EYED)
+@pytest.mark.parametrize("driver", WITH_PREVIEW)
 @pytest.mark.parametrize("name", ["DriverLaneKeeping", "DriverWindingRoad"])
 def test_every_driver_keeps_the_lane(name, driver):
     _, info = drive(gym.make(f"steer_env/{name}-v0"), driver)
@@ -116,13 +127,13 @@ def test_preview_commands_as_the_optimum_on_every_sample():
     rng = np.random.default_rng(0)
     driver = drivers.make("preview", effort=0.1)
     model = linear.from_car(CAR, SPEED)
-    K, g, arms = lq.gains(model, PREVIEW[-1], effort=0.1)
-    lateral, z, v_y, r = rng.normal(size=1 + len(PREVIEW)), rng.normal(size=INTENT), 0.3, -0.1
-    path = np.interp(lq.SAMPLE * np.arange(1, g.size + 1), [0.0, *PREVIEW], lateral)
+    K, g, arms = lq.gains(model, PREVIEW_TIMES[-1], effort=0.1)
+    lateral, z, v_y, r = rng.normal(size=1 + len(PREVIEW_TIMES)), rng.normal(size=NEUROMUSCULAR_STATES), 0.3, -0.1
+    path = np.interp(UPDATE_INTERVAL * np.arange(1, g.size + 1), [0.0, *PREVIEW_TIMES], lateral)
     wanted = g @ path - K[:2] @ [v_y, r] - K[4:] @ z
-    found = command(driver.eyes, gains_of(driver, CAR, SPEED), sight_of(lateral), v_y, r, z, np.zeros(1))
+    found = command(driver.preview_model, gains_of(driver, CAR, SPEED), sight_of(lateral), v_y, r, z, np.zeros(1))
     assert found == pytest.approx(wanted, rel=1e-12)
-    np.testing.assert_allclose(execution(), arms, atol=1e-9)
+    np.testing.assert_allclose(muscle_matrices(), arms, atol=1e-9)
 
 
 def test_macadam_is_the_least_squares_angle():
@@ -130,7 +141,7 @@ def test_macadam_is_the_least_squares_angle():
     from scipy.integrate import solve_ivp
 
     body = linear.from_car(CAR, SPEED).state_space("handwheel")
-    v_y, r, times = 0.2, 0.05, np.array([t for t in PREVIEW if t <= 1.3 + 1e-9])
+    v_y, r, times = 0.2, 0.05, np.array([t for t in PREVIEW_TIMES if t <= 1.3 + 1e-9])
 
     def ways(angle, start):
         def rate(t, x):
@@ -138,21 +149,37 @@ def test_macadam_is_the_least_squares_angle():
 
         return solve_ivp(rate, (0.0, 2.0), [*start, 0.0, 0.0], t_eval=times, rtol=1e-10, atol=1e-12).y[2]
 
-    lateral = np.array([0.0, *0.02 * np.array(PREVIEW) ** 2 * SPEED**2 / 5.0])
+    lateral = np.array([0.0, *0.02 * np.array(PREVIEW_TIMES) ** 2 * SPEED**2 / 5.0])
     unit, free = ways(1.0, (0.0, 0.0)), ways(0.0, (v_y, r))
     wanted = np.linalg.lstsq(unit[:, None], lateral[1 : 1 + times.size] - free, rcond=None)[0][0]
     driver = drivers.make("macadam")
-    found = command(driver.eyes, gains_of(driver, CAR, SPEED), sight_of(lateral), v_y, r, np.zeros(INTENT), np.zeros(1))
+    found = command(
+        driver.preview_model,
+        gains_of(driver, CAR, SPEED),
+        sight_of(lateral),
+        v_y,
+        r,
+        np.zeros(NEUROMUSCULAR_STATES),
+        np.zeros(1),
+    )
     assert found == pytest.approx(wanted, rel=1e-7)
 
 
 def test_two_points_ask_for_the_cars_own_angle_in_a_steady_turn():
     """On a circle the near and far angle are known; small enough, the linear car turns with just what they ask for."""
     curvature = 1e-5
-    ahead = SPEED * np.array([0.0, *PREVIEW])
+    ahead = SPEED * np.array([0.0, *PREVIEW_TIMES])
     driver = drivers.make("two_point")
     gains = gains_of(driver, CAR, SPEED)
-    asked = command(driver.eyes, gains, sight_of(0.5 * curvature * ahead**2), 0.0, 0.0, np.zeros(INTENT), np.zeros(1))
+    asked = command(
+        driver.preview_model,
+        gains,
+        sight_of(0.5 * curvature * ahead**2),
+        0.0,
+        0.0,
+        np.zeros(NEUROMUSCULAR_STATES),
+        np.zeros(1),
+    )
     turning = -np.linalg.solve(*(lambda s: (s.A, s.B))(linear.from_car(CAR, SPEED).state_space("handwheel")))[1, 0]
     integral = gains[2] * 0.01 * 0.5 * curvature * 8.0  # of the first sample
     # Between the points seen the near point's parabola is a chord.
@@ -164,8 +191,10 @@ def test_a_command_takes_its_time():
     driver = drivers.make("free")
     memory, intended = np.zeros(MEMORY + 1), []
     for _ in range(100):
-        angle, _ = intend(driver.eyes, np.zeros(0), execution(), np.zeros(17), 0.0, 0.0, memory)
-        memory[INTENT - 1] = 1.0
+        angle, _ = neuromuscular_step(
+            driver.preview_model, np.zeros(0), muscle_matrices(), np.zeros(17), 0.0, 0.0, memory
+        )
+        memory[NEUROMUSCULAR_STATES - 1] = 1.0
         intended.append(angle)
     assert max(intended[:12]) == 0.0
     assert 0.99 < intended[-1] < 1.01
@@ -176,8 +205,8 @@ def test_a_command_takes_its_time():
 def test_a_reflex_answers_to_an_error_50_ms_old(ahead):
     """A controller acts at once, a person a node ahead."""
     memory = np.zeros(MEMORY + 1)
-    answers = [late_error(memory, 1.0 if k == 3 else 0.0, ahead) for k in range(12)]
-    assert np.flatnonzero(answers).tolist() == [3 + REFLEX - ahead]
+    answers = [delayed_error(memory, 1.0 if k == 3 else 0.0, ahead) for k in range(12)]
+    assert np.flatnonzero(answers).tolist() == [3 + DELAYED_ERRORS - ahead]
 
 
 @pytest.mark.parametrize(

@@ -17,6 +17,8 @@ from steer_env import friction, randomise, tasks
 from steer_env.friction.numerics.kernel import COMPILED
 from steer_env.registration import DRIVEN
 from steer_env.tasks import driver_parking as parking
+from steer_env.tasks.common.definition import EpisodeContext
+from steer_env.timing import UPDATE_INTERVAL
 from steer_env.vehicle import cars, plant
 from steer_env.vehicle import tyre as tyres
 from steer_env.vehicle.chassis import two_track
@@ -134,7 +136,7 @@ def test_lane_keeping_ends_outside_the_lane():
 def test_a_car_that_rolls_over_ends_the_episode():
     env = gym.make("steer_env/DriverLaneKeeping-v0", chassis="two_track").unwrapped
     env.reset(seed=0)
-    env.lanes.state[0, env.lanes.states.index("roll_angle")] = 1.2
+    env.batch.arrays.states[0, env.batch.states.index("roll_angle")] = 1.2
     _, reward, terminated, _, info = env.step(ACTION)
     assert (reward, terminated, info["rolled_over"]) == (-100.0, True, True)
 
@@ -147,7 +149,7 @@ def test_a_car_that_spins_ends_the_episode():
     while not ended:
         _, reward, ended, truncated, info = env.step(0 * ACTION)
         assert not truncated
-    assert (reward, info["spun"]) == (-100.0, True)
+    assert (reward, info["spun_out"]) == (-100.0, True)
     assert all(np.isfinite(value) for value in info["metrics"].values())
 
 
@@ -175,8 +177,8 @@ def test_short_control_steps_find_no_jerk_of_their_own():
 
 def test_parking_targets_keep_to_their_fastest():
     for seed in range(100):
-        case = parking.TASK.start(np.random.default_rng(seed), tasks.common.definition.Setting(cars.load(), 0.0), {})
-        assert np.abs(np.diff(case.values)).max() <= parking.FASTEST * tasks.common.definition.NODE * (1.0 + 1e-9)
+        setup = parking.TASK.draw_setup(np.random.default_rng(seed), EpisodeContext(cars.load(), 0.0), {})
+        assert np.abs(np.diff(setup.data)).max() <= parking.FASTEST * UPDATE_INTERVAL * (1.0 + 1e-9)
 
 
 def test_own_car_and_tyre(tmp_path):
@@ -281,7 +283,7 @@ def test_a_state_that_turns_nan_ends_the_episode_and_is_named():
     env = gym.make("steer_env/DriverLaneKeeping-v0").unwrapped
     env.reset(seed=0)
     env.step(ACTION)
-    env.lanes._nodes[0, 2:, 2] = np.nan  # the rack disturbance
+    env.batch.arrays.scripted_inputs[0, 2:, 2] = np.nan  # the rack disturbance
     observation, reward, terminated, _, info = env.step(ACTION)
     assert terminated
     assert reward == -100.0
@@ -364,7 +366,7 @@ def test_noise_has_its_size_and_a_delay_its_age():
     late = [clean.step(0 * ACTION)[0] for _ in range(100)]
     assert np.array_equal(late[5:], true[:95])
     errors = np.array(seen)[5:] - np.array(true)[:-5]
-    for k, quantity in enumerate(env.lanes.observed):
+    for k, quantity in enumerate(env.batch.observed):
         assert errors[:, k].std() == pytest.approx(randomise.SENSOR_NOISE.get(quantity.name, 0.0), rel=0.08, abs=1e-6)
         assert abs(errors[:, k].mean()) < 4.0 * randomise.SENSOR_NOISE.get(quantity.name, 0.0) / 38.0 + 1e-6
 

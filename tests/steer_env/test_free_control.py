@@ -41,7 +41,7 @@ def test_bad_recordings_are_refused(test):
     whole = {
         "no channel 'handwheel_torque'": clean.without("handwheel_torque"),
         "'handwheel_torque' has samples that are not finite": burst(clean, "handwheel_torque"),
-        "in the mean, not": changed(clean, vehicle_speed=0.9 * clean["vehicle_speed"]),
+        "on average, not": changed(clean, vehicle_speed=0.9 * clean["vehicle_speed"]),
         "record at 20 Hz or faster": TESTS[test](15.0)[0],
         "hands": clean.between(0.0, 5.0),
     }
@@ -98,7 +98,7 @@ def test_a_car_that_still_weaves_has_no_residual():
     clean = release(100.0)[0]
     weave = 0.5 * DEGREE * np.sin(2 * np.pi * 0.9 * clean.time) * (clean.time % EVENT > HELD)
     weaving = clean["yaw_rate"] + weave
-    assert "hands let go: the car weaves" in refusals(changed(clean, yaw_rate=weaving))["residual_yaw_rate"]
+    assert "hands let go: the car oscillates" in refusals(changed(clean, yaw_rate=weaving))["residual_yaw_rate"]
 
 
 @pytest.fixture(scope="module")

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from steer_env import metrics
-from steer_env.metrics.frequency_response import curve
+from steer_env.metrics import frequency_response_curve
 from steer_env.recording.recording import DEGREE
 from steer_env.synthetic.frequency_response import driven, random_angle, random_steer, swept_sine
 from steer_env.synthetic.recordings import changed
@@ -37,7 +37,7 @@ def test_noise_in_closed_form(rate):
 @pytest.mark.parametrize("record", [swept_sine, random_steer])
 def test_curve(record):
     clean, expected = record(100.0)
-    found = curve(clean, "yaw_rate")
+    found = frequency_response_curve(clean, "yaw_rate")
     at_1 = np.argmin(np.abs(found.frequency - 1.0))
     assert found.frequency[[0, -1]] == pytest.approx([0.2, 2.0])
     assert -np.angle(found.response[at_1]) / DEGREE == pytest.approx(expected["yaw_rate_phase_lag_at_1hz"], rel=0.02)
@@ -46,7 +46,7 @@ def test_curve(record):
     assert found.gain_low[at_1] == pytest.approx(abs(found.response[at_1]), rel=0.02)
     assert np.all((found.coherence > 0.95) & (found.coherence < 1 + 1e-9))
     with pytest.raises(ValueError, match="no frequency response from manoeuvre 'weave'; there is one from freq"):
-        curve(clean, "yaw_rate", "weave")
+        frequency_response_curve(clean, "yaw_rate", "weave")
 
 
 def test_incoherence_is_refused():
@@ -69,7 +69,7 @@ def test_refused_altogether(test):
         (clean.between(0.0, 68.0), short),
         (changed(clean, handwheel_angle=None), "no channel 'handwheel_angle'"),
         (burst(clean, "handwheel_angle"), "not finite"),
-        (changed(clean, vehicle_speed=0 * clean.time + 30.0), "108 km/h in the mean, not 80"),
+        (changed(clean, vehicle_speed=0 * clean.time + 30.0), "108 km/h on average, not 80"),
         (slow, "sweeps" if test == TESTS[0] else "is not excited at"),
     ]
     for bad, reason in cases[: 4 if test == TESTS[1] else 5]:

@@ -9,7 +9,7 @@ import pytest
 from steer_env import friction, manoeuvres, metrics
 from steer_env.courses import iso3888
 from steer_env.drivers.common import lq
-from steer_env.experiments.studies import entry_speed
+from steer_env.timing import UPDATE_INTERVAL
 from steer_env.vehicle import cars, linear
 
 CAR = cars.load()
@@ -133,7 +133,7 @@ def test_the_preview_is_long_enough(speed):
     """A path moved aside or turned moves the car with it: gains ahead sum up to those on offset and heading, to 5 %."""
     K, g, _ = lq.gains(linear.from_car(CAR, speed * KPH))
     assert g.sum() == pytest.approx(K[2], rel=0.05)
-    ahead = speed * KPH * lq.SAMPLE * np.arange(1, g.size + 1)
+    ahead = speed * KPH * UPDATE_INTERVAL * np.arange(1, g.size + 1)
     assert g @ ahead == pytest.approx(K[3], rel=0.05)
 
 
@@ -217,24 +217,3 @@ def test_a_driver_follows_a_gentle_path():
     recording = manoeuvres.drive(CAR, test, "lugre")
     late = recording.time > 3.0
     assert recording["y"][late] == pytest.approx(np.interp(recording["x"][late], *path.T), abs=0.03)
-
-
-def test_a_hopeless_speed_is_lost_control_or_cones():
-    assert not entry_speed.passes(CAR, "lugre", replace(manoeuvres.make("double-lane-change"), speed=150.0 * KPH))
-
-
-def test_maximum_entry_speed():
-    """The driver passes at what is returned and not a tolerance above; the speed is that of a passenger car."""
-    speed = entry_speed.maximum_entry_speed(CAR, "lugre", tolerance=1.0)
-    assert 80.0 * KPH < speed < 130.0 * KPH
-    test = manoeuvres.make("double-lane-change")
-    assert entry_speed.passes(CAR, "lugre", replace(test, speed=speed))
-    assert not entry_speed.passes(CAR, "lugre", replace(test, speed=speed + 1.0))
-
-
-def test_maximum_entry_speed_refuses():
-    with pytest.raises(ValueError, match="weave has no driver"):
-        entry_speed.maximum_entry_speed(CAR, "lugre", "weave")
-    blind = replace(manoeuvres.make("double-lane-change"), driver=lambda car, p: lambda time, row: (0.0, 0.0))
-    with pytest.raises(ValueError, match="a cone falls at 30 km/h already"):
-        entry_speed.maximum_entry_speed(CAR, "lugre", blind)

@@ -127,7 +127,7 @@ def test_a_pass_that_is_broken_off():
     short = CLEAN.between(0.0, 6.0)
     found = evaluate(short)
     assert found["course_completed"].value == 0.0
-    assert found["cones_hit"].reason == "no pass reaches the last cones: record to behind them"
+    assert found["cones_hit"].reason == "no pass reaches the last cones: record until the car is behind them"
 
 
 def test_a_car_beside_the_lanes_has_not_completed_the_course():

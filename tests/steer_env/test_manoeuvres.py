@@ -1,5 +1,7 @@
 """Manoeuvres as driven, and what the friction law changes in them."""
 
+import subprocess
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -141,3 +143,12 @@ def test_laws_agree_where_they_must_and_differ_where_they_must(weaves):
     assert np.abs(parted[10_000:-10_000]).max() > 0.02
     # What the hand feels off the plateau of the loop is.
     assert abs(sets["lugre"]["torque_deadband"].value - sets["viscous"]["torque_deadband"].value) > 0.02
+
+
+def test_listing_the_manoeuvres_imports_none_of_them():
+    code = (
+        "import sys\nfrom steer_env import manoeuvres\n"
+        "assert 'step-steer' in manoeuvres.available()\n"
+        "assert not {'numba', 'scipy', 'steer_env.manoeuvres.step_steer'} & set(sys.modules)\n"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)

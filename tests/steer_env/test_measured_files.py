@@ -13,7 +13,7 @@ from steer_env import metrics
 from steer_env.recording import channel_mapping, csv_file
 from steer_env.recording.files import read, write
 from steer_env.recording.recording import DEGREE, Recording
-from steer_env.vehicle.chassis.single_track import GRAVITY
+from steer_env.vehicle.constants import GRAVITY
 
 
 def mapped(*entries, **meta):
@@ -102,7 +102,7 @@ def test_a_number_that_only_the_slow_reader_takes(tmp_path):
         ("Time [s];SWA [deg]\n0,0;1\n\n1,0;x\n", "line 4, column 'SWA [deg]': expected a number, got 'x'"),
         ("Time [s],SWA [deg]\n0,0,1\n0,5,2\n", "line 2, column 'SWA [deg]': expected 2 values separated by ',', got 3"),
         ("Time [s];SWA [deg]\n0\t1\n1\t2\n", "line 2, column 'SWA [deg]': expected 2 values separated by ';', got 1"),
-        ("Time [h];SWA [deg]\n0;1\n1;2\n", "column 'Time [h]' has the unit 'h', which is not understood; give it in a"),
+        ("Time [h];SWA [deg]\n0;1\n1;2\n", "column 'Time [h]' has the unit 'h', which is not known; give it in a"),
         ("Time [deg];SWA [deg]\n0;1\n1;2\n", "column 'Time [deg]' is in 'deg', time needs 's'"),
         ("Zeit,SWA\n0,1\n1,2\n", "no time among the columns Zeit, SWA: expected time_s or Time [s], or a mapping"),
     ],
@@ -304,7 +304,7 @@ def test_mdf_that_is_refused(tmp_path):
     numbers = signal("SWA", time, time, "deg")
     path = tmp_path / "run.mf4"
     mdf(path, [signal("yaw_rate", time, time, "bananas")])
-    assert "column 'yaw_rate' has the unit 'bananas', which is not understood; give it in a mapping" in refusal(path)
+    assert "column 'yaw_rate' has the unit 'bananas', which is not known; give it in a mapping" in refusal(path)
     mdf(path, [numbers])
     assert "no channel 'Torque' for handwheel_torque" in refusal(path, mapped("handwheel_torque=Torque"))
     assert "this format has a time base of its own: remove [channels.time]" in refusal(path, mapped("time=t[s]"))

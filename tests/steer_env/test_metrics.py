@@ -1,10 +1,14 @@
 """Metrics against loops whose answers are known in closed form."""
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 
 from steer_env import metrics
 from steer_env.metrics.common import definitions
+from steer_env.metrics.common.registry import EVALUATIONS
 from steer_env.recording.recording import DEGREE, Recording
 from steer_env.synthetic.loops import AY_PEAK, linear_car, linear_car_answers, rough_car, rough_car_answers
 from steer_env.synthetic.recordings import changed, mirrored
@@ -141,7 +145,7 @@ def refusals(recording, **options):
             changed(linear_car(), handwheel_angle=np.full(5001, np.nan)),
             "'handwheel_angle' has samples that are not finite",
         ),
-        (changed(linear_car(), vehicle_speed=np.full(5001, 20.0)), "72 km/h in the mean, not 100 km/h +- 3%: drive at"),
+        (changed(linear_car(), vehicle_speed=np.full(5001, 20.0)), "72 km/h on average, not 100 km/h +- 3%: drive at"),
         (changed(linear_car(), vehicle_speed=np.linspace(25, 30, 5001)), "vehicle_speed differs between cycles"),
         (
             changed(linear_car(), lateral_acceleration=linear_car()["lateral_acceleration"] * np.linspace(1, 2, 5001)),
@@ -190,7 +194,7 @@ def test_refused_one_by_one():
 def test_degrees_given_as_radians_are_refused():
     clean = linear_car()
     wrong = refusals(changed(clean, handwheel_angle=np.degrees(clean["handwheel_angle"]) * 2.0))
-    assert wrong["yaw_lag"] == "handwheel_angle gets to 34 rad, beyond 20: check the unit that it is given in"
+    assert wrong["yaw_lag"] == "handwheel_angle reaches 34 rad, which is beyond 20: check the unit that it is given in"
 
 
 def test_wrong_unit_is_refused():
@@ -215,7 +219,7 @@ def test_every_metric_is_declared():
         assert entry.usual is None or entry.usual[0] < entry.usual[1]
         assert set(entry.tests) <= set(metrics.tests())
     assert set(metrics.available("slow-ramp")) < set(metrics.available("weave")) < set(metrics.available())
-    with pytest.raises(ValueError, match=r"no metrics for manoeuvre 'weav'; there are some for .*weave"):
+    with pytest.raises(ValueError, match=r"unknown test 'weav'; available: .*weave"):
         metrics.available("weav")
     with pytest.raises(ValueError, match=r"no metric 'torque'; there are .*torsion_bar_ripple"):
         metrics.definition("torque")
@@ -224,6 +228,7 @@ def test_every_metric_is_declared():
 
 
 def test_a_metric_is_one_function(monkeypatch):
+    metrics.available()  # imports every test, so that the copy holds their metrics
     monkeypatch.setattr(definitions, "_metrics", dict(definitions._metrics))
 
     @metrics.metric("deg", "weave", source="here")
@@ -233,3 +238,48 @@ def test_a_metric_is_one_function(monkeypatch):
 
     assert metrics.definition("mean_angle").definition == "Mean handwheel angle."
     assert weave(linear_car())["mean_angle"].value == pytest.approx(0.0, abs=1e-6)
+
+
+def test_listing_the_tests_imports_none_of_them():
+    code = (
+        "import sys\nfrom steer_env import metrics\n"
+        "assert 'step-steer' in metrics.tests()\n"
+        "assert not {'numba', 'scipy', 'steer_env.metrics.step_steer'} & set(sys.modules)\n"
+        "assert 'tb_factor' in metrics.available('step-steer')\n"
+        "assert 'steer_env.metrics.step_steer' in sys.modules and 'steer_env.metrics.hold' not in sys.modules\n"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_a_test_from_outside(monkeypatch):
+    metrics.available()  # imports every test, so that the copy holds their metrics
+    monkeypatch.setattr(definitions, "_metrics", dict(definitions._metrics))
+    monkeypatch.setattr(EVALUATIONS, "_things", dict(EVALUATIONS._things))
+    metrics.register_evaluation("straight", lambda recording, conditions: (recording, conditions), speed_m_s=30.0)
+
+    @metrics.metric("deg", "straight", source="here")
+    def largest_angle(given):
+        """Largest handwheel angle."""
+        return np.abs(given[0]["handwheel_angle"]).max()
+
+    assert "straight" in metrics.tests()
+    assert metrics.available("straight") == ("largest_angle",)
+    assert metrics.conditions("straight") == {"speed_m_s": 30.0}
+    clean = linear_car()
+    found = metrics.evaluate(clean, "straight")  # the recording's meta says that the test was at 100 km/h
+    assert found["largest_angle"].value == pytest.approx(np.degrees(clean["handwheel_angle"].max()))
+    assert "on average, not 108 km/h" in metrics.evaluate(clean, "straight", speed_m_s=30.0)["largest_angle"].reason
+    with pytest.raises(ValueError, match="test 'weave' is already registered"):
+        metrics.register_evaluation("weave", lambda recording, conditions: None)
+
+
+def test_a_recording_without_a_manoeuvre_asks_for_the_test():
+    clean = linear_car()
+    nameless = Recording(clean.time, clean.channels, clean.units)
+    with pytest.raises(ValueError, match=r"meta names no manoeuvre; say which test it is: .*weave"):
+        metrics.evaluate(nameless)
+
+
+def test_old_names_still_work():
+    with pytest.warns(DeprecationWarning, match="ManoeuvreEvaluation; the old name goes in release 1"):
+        assert metrics.Procedure is metrics.ManoeuvreEvaluation

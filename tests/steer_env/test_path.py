@@ -10,7 +10,7 @@ STEP = 10.0  # between the points seen ahead [m]
 
 def where(points, x, y, yaw, guess=0.0):
     out = np.zeros(2 + 3)
-    return path.see(points, x, y, yaw, guess, STEP, out), out
+    return path.locate(points, x, y, yaw, guess, STEP, out), out
 
 
 def test_a_circle_closes():
@@ -49,7 +49,7 @@ def test_outside_a_curve_there_is_one_nearest_point():
     for s in np.linspace(300.0, 310.0, 1001):
         for offset in (-4.0, -1.0, -0.1, 1.0):
             a, r = s / R, R - offset
-            place = path.see(P, r * np.sin(a), R - r * np.cos(a), a, s - 0.2, 2.0, out)
+            place = path.locate(P, r * np.sin(a), R - r * np.cos(a), a, s - 0.2, 2.0, out)
             assert place == pytest.approx(s, abs=0.1)
             assert out[:2] == pytest.approx((offset, 0.0), abs=1e-3)
 

@@ -11,6 +11,7 @@ from steer_env import metrics
 from steer_env.recording import channel_mapping
 from steer_env.recording.files import FORMATS, read, write
 from steer_env.recording.recording import DEGREE, FILE_UNITS, Recording
+from steer_env.recording.renamed_channels import RENAMED_CHANNELS
 
 UNITS = {"handwheel_angle": "rad", "handwheel_torque": "N m", "lateral_acceleration": "m/s2", "yaw_rate": "rad/s"}
 SUFFIXES = [*FORMATS]
@@ -173,7 +174,7 @@ def test_interrupted_write_leaves_the_old_file(weave, tmp_path, monkeypatch, ste
         ),
         (
             "time_s,yaw_rate [furlong]\n0,1\n1,2\n",
-            "column 'yaw_rate .furlong.' has the unit 'furlong', which is not under",
+            "column 'yaw_rate .furlong.' has the unit 'furlong', which is not known",
         ),
         ("time_s,foo,bar\n0,1,2\n1,2,3\n", "none of the columns foo, bar can be read: each needs numbers and a unit"),
         ("time_s,a_deg,a_m\n0,1,1\n", "'a_deg' and 'a_m' are both 'a': name one of them in a mapping"),
@@ -204,3 +205,18 @@ def test_a_table_from_a_spreadsheet_is_read(tmp_path):
     path = tmp_path / "run.csv"
     path.write_bytes("\ufefftime_s, handwheel_angle_deg\r\n0, 180\r\n0.5, -90\r\n".encode())
     np.testing.assert_allclose(read(path)["handwheel_angle"], [np.pi, -np.pi / 2])
+
+
+def test_old_names_of_channels_are_replaced(tmp_path, capsys, monkeypatch):
+    """One line on standard error names the new name and the release that forgets the old one."""
+    monkeypatch.setitem(RENAMED_CHANNELS, "turn_rate", "yaw_rate")
+    path = tmp_path / "old.csv"
+    path.write_text("time_s,turn_rate_deg_s\n0,1\n1,2\n")
+    found = read(path)
+    assert found.units == {"yaw_rate": "rad/s"}
+    np.testing.assert_allclose(found["yaw_rate"], np.radians([1.0, 2.0]))
+    assert capsys.readouterr().err == f"{path}: turn_rate is now yaw_rate; release 1.0 will not know the old name\n"
+    assert read(path, mapped("turn_rate=turn_rate,sign=-1"))["yaw_rate"][1] == pytest.approx(-np.radians(2.0))
+    assert capsys.readouterr().err.count("turn_rate is now yaw_rate; release 1.0") == 1
+    assert read(path, mapped("yaw_rate=turn_rate"))["yaw_rate"][1] == pytest.approx(np.radians(2.0))
+    assert capsys.readouterr().err == ""

@@ -109,7 +109,7 @@ def test_touched_cones_change_their_colour():
 def test_a_state_that_is_not_finite_leaves_a_picture():
     env = gym.make("steer_env/DriverParking-v0", render_mode="rgb_array").unwrapped
     env.reset(seed=0)
-    env.lanes.state[:] = math.nan
+    env.batch.arrays.states[:] = math.nan
     *_, terminated, _, info = env.step(np.zeros(1, np.float32))
     assert terminated
     assert "non_finite_state" in info

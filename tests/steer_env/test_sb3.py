@@ -62,7 +62,7 @@ def test_reset_options_reach_every_lane():
     env.reset()
     for _ in range(1000):
         env.step(np.zeros((2, 1), np.float32))
-    assert np.abs(env.vector.lanes.row[:, 0]).max() <= 0.1 + 1e-9
+    assert np.abs(env.vector.batch.arrays.channels[:, 0]).max() <= 0.1 + 1e-9
     env.set_options([{"amplitude": 0.1}, {"amplitude": 0.2}])
     with pytest.raises(ValueError, match="share their reset options"):
         env.reset()
@@ -70,7 +70,7 @@ def test_reset_options_reach_every_lane():
 
 def test_ids_that_are_not_driven_are_refused():
     for name in ("steer_env/TuneOnCentre-v0", "CartPole-v1"):
-        with pytest.raises(ValueError, match=f"'{name}' is none of the ids that are driven"):
+        with pytest.raises(ValueError, match=f"env_id must be one of .*got '{name}'"):
             SteerVecEnv(name, 2)
 
 

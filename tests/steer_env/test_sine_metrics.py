@@ -40,7 +40,7 @@ def test_sides_and_offsets():
         (sines(100.0, frequency=0.7), "say frequency_hz=0.7"),
         (changed(sines(100.0), handwheel_angle=None), "no channel 'handwheel_angle'"),
         (burst(sines(100.0), "handwheel_angle"), "not finite"),
-        (changed(sines(100.0), vehicle_speed=0 * sines(100.0).time + 30.0), "108 km/h in the mean, not 80"),
+        (changed(sines(100.0), vehicle_speed=0 * sines(100.0).time + 30.0), "108 km/h on average, not 80"),
     ],
 )
 def test_refused_altogether(bad, reason):

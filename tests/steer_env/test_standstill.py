@@ -7,7 +7,7 @@ import pytest
 
 from steer_env import friction, manoeuvres, metrics
 from steer_env.metrics.common import events, noise
-from steer_env.metrics.common.reading import Reading
+from steer_env.metrics.common.filtered_channels import FilteredChannels
 from steer_env.recording.recording import DEGREE, Recording
 from steer_env.synthetic.faults import noisy
 from steer_env.synthetic.recordings import changed, mirrored, recording
@@ -52,10 +52,10 @@ def test_noise_in_band_is_judged_from_above(rate):
     """White noise of 0.05 N m through a low-pass at 10 Hz, within 5 %; jumps do not count."""
     time = np.arange(round(200 * rate)) / rate
     white = 0.05 * np.random.default_rng(1).standard_normal(time.size) + np.where(time % 20 < 10, 0.0, 1.0)
-    reading = Reading(recording("hold", time, handwheel_torque=white), 10.0)
+    channels = FilteredChannels(recording("hold", time, handwheel_torque=white), 10.0)
     quiet = (time % 10 > 1) & (time % 10 < 9)
-    truth = (reading["handwheel_torque"] - np.where(time % 20 < 10, 0.0, 1.0))[quiet].std()
-    assert noise.in_band(reading, "handwheel_torque", 10.0) == pytest.approx(truth, rel=0.05)
+    truth = (channels["handwheel_torque"] - np.where(time % 20 < 10, 0.0, 1.0))[quiet].std()
+    assert noise.in_band(channels, "handwheel_torque", 10.0) == pytest.approx(truth, rel=0.05)
 
 
 def test_left_and_right_are_alike():
@@ -91,7 +91,8 @@ def test_bad_parking_is_refused():
 def test_catch_up_that_is_not_reached_or_cannot_be_read():
     slow = metrics.evaluate(catch_up(200.0, fastest=300.0)[0])
     assert slow["catch_up_rate"].reason.startswith("not reached up to 300 deg/s, where the excess is 1.9 of 2.5 N m")
-    assert slow["torque_excess_at_500_deg_s"].reason == "the fastest sweep is at 300 deg/s: steer at 500 or faster"
+    too_slow = "the fastest sweep is at 300 deg/s: steer at 500 deg/s or faster"
+    assert slow["torque_excess_at_500_deg_s"].reason == too_slow
     assert slow["quasi_static_torque"].value == pytest.approx(SLOW_TORQUE, rel=1e-2)
     clean = catch_up(200.0)[0]
     for reason, bad in {

@@ -36,11 +36,11 @@ def test_sides_and_offsets(record):
     [
         (circles(100.0, "speed", rise=8.0), "let it rise by 0.5 or less"),
         (circles(100.0, "radius", rise=8.0), "let it rise by 0.5 or less"),
-        (circles(100.0, "speed", highest=3.0), "m/s2, not from 1 to 4 m/s2"),
+        (circles(100.0, "speed", highest=3.0), "not every ramp covers 1 to 4 m/s2"),
         (changed(circles(100.0, "radius"), vehicle_speed=1.2 * circles(100.0, "radius")["vehicle_speed"]), "not 100 m"),
         (changed(circles(100.0, "speed"), lateral_acceleration=None), "no channel 'lateral_acceleration'"),
         (burst(circles(100.0, "speed"), "lateral_acceleration"), "not finite"),
-        (changed(circles(100.0, "speed"), vehicle_speed=np.full(26401, 30.0)), "108 km/h in the mean, not 80"),
+        (changed(circles(100.0, "speed"), vehicle_speed=np.full(26401, 30.0)), "108 km/h on average, not 80"),
         (
             changed(circles(100.0, "speed"), handwheel_angle=-circles(100.0, "speed")["handwheel_angle"]),
             "check the signs",
@@ -57,9 +57,9 @@ def test_refused_one_by_one():
     clean = circles(100.0, "speed")
     low = refusals(circles(100.0, "speed", highest=6.0))
     assert low.keys() - {"critical_speed"} == {n for n in metrics.available() if n.endswith("at_6m_s2")}
-    assert "drive on until it does" in low["understeer_gradient_at_6m_s2"]
+    assert "continue each ramp until it does" in low["understeer_gradient_at_6m_s2"]
     bare = metrics.evaluate(changed(clean), steering_ratio=None)
-    assert bare["understeer_gradient"].reason.startswith("neither meta nor condition says steering_ratio")
+    assert bare["understeer_gradient"].reason.startswith("steering_ratio is not known")
     assert bare["steering_wheel_angle_gradient"].reason == ""
     assert set(refusals(changed(clean, roll_angle=None))) == {"roll_gradient", "critical_speed"}
     assert set(refusals(changed(clean, sideslip_angle=None))) == {"sideslip_gradient", "critical_speed"}

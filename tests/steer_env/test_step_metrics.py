@@ -48,7 +48,7 @@ def test_sideslip_from_speeds():
         (steps(100.0).between(0.0, 4.0), "no step from straight ahead held for 3 s"),
         (steps(100.0).between(1.0, 8.0), "0.5 s straight before it"),
         (changed(steps(100.0), handwheel_angle=None), "no channel 'handwheel_angle'"),
-        (changed(steps(100.0), vehicle_speed=0 * steps(100.0).time + 30.0), "108 km/h in the mean, not 80"),
+        (changed(steps(100.0), vehicle_speed=0 * steps(100.0).time + 30.0), "108 km/h on average, not 80"),
         (burst(steps(100.0), "handwheel_angle"), "not finite"),
     ],
 )

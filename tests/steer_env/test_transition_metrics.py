@@ -37,7 +37,7 @@ def test_sides_and_offsets():
         (transitions(100.0, peak=35 * DEGREE), "above 0.35 g: steer less far"),
         (changed(transitions(100.0), handwheel_angle=None), "no channel 'handwheel_angle'"),
         (burst(transitions(100.0), "lateral_acceleration"), "not finite"),
-        (changed(transitions(100.0), vehicle_speed=np.full(17101, 20.0)), "72 km/h in the mean, not 100"),
+        (changed(transitions(100.0), vehicle_speed=np.full(17101, 20.0)), "72 km/h on average, not 100"),
     ],
 )
 def test_refused_altogether(bad, reason):

@@ -12,15 +12,15 @@ from gymnasium.utils.env_checker import check_env
 from steer_env import friction, manoeuvres, metrics
 from steer_env.metrics import Value
 from steer_env.registration import REGISTERED, TUNED
+from steer_env.tuning import driving, parameters, reward
 from steer_env.tuning import env as tuning_env
-from steer_env.tuning import parameters, reward, scenarios
-from steer_env.tuning.scenarios import SCENARIOS
+from steer_env.tuning.scenarios.common.definition import SCENARIOS
 from steer_env.vehicle import cars
 from steer_env.vehicle.steering import eps
 from steer_env.vehicle.steering.margins import Margins, boost_gain, margins, worst_margins
 
 IDS = tuple(TUNED)
-ON_CENTRE, ALL_ROUND = IDS
+ALL_ROUND, ON_CENTRE = IDS
 EVERYTHING = {"load": (0, 300), "road_friction": (0.8, 1.0), "friction_level": (0.5, 2), "speed": (20, 40)}
 ONLY = {"steer_env/TuneOnCentre-v0": {"boost_low_speed", "damping_low_speed"}, "steer_env/TuneAllRound-v0": set()}
 
@@ -52,7 +52,7 @@ def tried():
 
 
 def test_every_scenario_is_registered():
-    assert [name.split("/")[1].split("-")[0] for name in IDS] == list(SCENARIOS)
+    assert [name.split("/")[1].split("-")[0] for name in IDS] == list(SCENARIOS.available())
     assert set(IDS) < set(REGISTERED)
 
 
@@ -76,7 +76,7 @@ def test_own_set_gives_the_cars_metrics():
     found = info["evaluated"]
     for drive in env.scenario.drives:
         recording = manoeuvres.drive(cars.load(), drive.manoeuvre)
-        thinned = metrics.evaluate(scenarios.thinned(recording, drive.every))
+        thinned = metrics.evaluate(driving.thinned(recording, drive.thinning))
         for name, value in thinned.items():
             assert found[name][0] == pytest.approx(value.value, rel=1e-8, abs=1e-8), name
         for name, value in metrics.evaluate(recording).items():  # what the thinning costs
@@ -91,7 +91,7 @@ def test_own_set_gives_the_cars_metrics():
 @pytest.mark.parametrize("car", cars.available())
 def test_own_set_is_the_cars_assist(car):
     own = cars.load(car).assist
-    for scenario in SCENARIOS.values():
+    for scenario in SCENARIOS.all().values():
         zero = np.zeros(len(scenario.parameters), np.float32)
         same = parameters.tuned(own, parameters.values(own, scenario.parameters, zero))
         for name, a, b in zip(own._fields, own, same):
@@ -160,8 +160,8 @@ def test_every_action_makes_an_assist(name):
 def test_reward_is_the_distance_to_the_bands():
     env = make(ON_CENTRE)
     env.reset(seed=0)
-    _, earned, _, _, info = env.step(action(env, boost_level=1.0))
-    assert earned == pytest.approx(sum(info["reward_terms"].values()))
+    _, total, _, _, info = env.step(action(env, boost_level=1.0))
+    assert total == pytest.approx(sum(info["reward_terms"].values()))
     low, high = env.targets.bands["weave"]["torque_at_0p1g"].good
     torque = info["evaluated"]["torque_at_0p1g"][0]
     assert torque < low
@@ -181,7 +181,7 @@ def test_lost_margins_cost():
     *_, info = env.step(wild)
     assert info["cost_terms"] == {"phase_margin": 1.0, "gain_margin": 1.0}  # unstable at standstill
     assert info["reward_terms"]["gain_margin"] == -reward.MARGIN_WEIGHT
-    half = reward.lacking(Margins(math.radians(15.0), 10.0 ** (7.5 / 20.0), 20.0, True))
+    half = reward.margin_shortfall(Margins(math.radians(15.0), 10.0 ** (7.5 / 20.0), 20.0, True))
     assert half == {"phase_margin": pytest.approx(0.5), "gain_margin": 0.0}
 
 
@@ -196,8 +196,8 @@ def test_refused_metrics_cost_most_and_are_observed_as_zero():
     assert observation[names.index("handwheel_return_rate")] == 0.0
     assert 0.0 < observation[names.index("refused")] < 1.0
     band = env.terms["torque_at_0g"].band
-    assert reward.distance(Value(math.nan, math.nan, math.nan, "N m", "why"), band) == reward.FAR
-    assert reward.distance(Value(100.0, math.nan, math.nan, "N m"), band) == reward.FAR
+    assert reward.distance(Value(math.nan, math.nan, math.nan, "N m", "why"), band) == reward.MAX_DISTANCE
+    assert reward.distance(Value(100.0, math.nan, math.nan, "N m"), band) == reward.MAX_DISTANCE
 
 
 def test_a_run_that_fails_is_refused(monkeypatch):
@@ -206,10 +206,10 @@ def test_a_run_that_fails_is_refused(monkeypatch):
 
     env = make(ON_CENTRE)
     env.reset(seed=0)
-    monkeypatch.setattr(scenarios, "drive_plant", diverges)
+    monkeypatch.setattr(driving, "drive_plant", diverges)
     observation, total, terminated, _, info = env.step(env.baseline_action)
     assert set(info["refused"].values()) == {"weave diverged: handwheel_angle [rad] first"}
-    assert total == -reward.FAR * sum(term.weight for term in env.terms.values())
+    assert total == -reward.MAX_DISTANCE * sum(term.weight for term in env.terms.values())
     assert env.observation_space.contains(observation)
     assert not terminated
 
@@ -360,7 +360,7 @@ def test_docstring_tables_match_the_spaces(name):
     assert set(parameters.PARAMETERS) - set(env.scenario.parameters) == ONLY[name]
 
 
-KNOWN_OPTIONS = set(tuning_env.KNOWN)
+KNOWN_OPTIONS = set(tuning_env.DRAWN)
 
 
 @pytest.mark.parametrize("mode", ["sync", "async"])

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from steer_env.recording.units import FILE_UNITS, file_unit, split, understood
+from steer_env.recording.units import FILE_UNITS, file_unit, parse_unit, split_unit
 
 
 @pytest.mark.parametrize(
@@ -28,25 +28,25 @@ from steer_env.recording.units import FILE_UNITS, file_unit, split, understood
 )
 def test_spellings(spellings, unit, size):
     for text in spellings.split():
-        assert understood(text) == (unit, pytest.approx(size, rel=1e-12)), text
-        assert understood(f" {text} ") == understood(text)
+        assert parse_unit(text) == (unit, pytest.approx(size, rel=1e-12)), text
+        assert parse_unit(f" {text} ") == parse_unit(text)
 
 
 def test_the_spelling_with_a_space():
-    assert understood("N m") == ("N m", 1.0)
+    assert parse_unit("N m") == ("N m", 1.0)
 
 
 @pytest.mark.parametrize("text", ["", " ", "furlong", "MS", "nm", "M", "deg/h", "rad s"])
-def test_what_is_not_understood(text):
-    assert understood(text) is None
+def test_unknown_spellings(text):
+    assert parse_unit(text) is None
 
 
 @pytest.mark.parametrize("unit", FILE_UNITS)
 def test_both_forms_of_every_unit_of_a_recording(unit):
     suffix, size = FILE_UNITS[unit]
-    assert understood(suffix) == understood(file_unit(unit)) == (unit, size)
-    assert understood(unit) == (unit, 1.0)
-    assert split(f"some_channel_{suffix}") == ("some_channel", suffix)
+    assert parse_unit(suffix) == parse_unit(file_unit(unit)) == (unit, size)
+    assert parse_unit(unit) == (unit, 1.0)
+    assert split_unit(f"some_channel_{suffix}") == ("some_channel", suffix)
 
 
 @pytest.mark.parametrize(
@@ -64,4 +64,4 @@ def test_both_forms_of_every_unit_of_a_recording(unit):
     ],
 )
 def test_names_and_units_of_columns(column, expected):
-    assert split(column) == expected
+    assert split_unit(column) == expected

@@ -132,7 +132,7 @@ def test_no_autoreset():
     vector.step(np.zeros((2, 1), np.float32))
     with pytest.raises(RuntimeError, match="call reset"):
         vector.step(np.zeros((2, 1), np.float32))
-    before = vector.lanes.observation[1].copy()
+    before = vector.batch.arrays.observations[1].copy()
     after, _ = vector.reset(options={"reset_mask": np.array([True, False])})
     assert np.array_equal(after[1], before)
     with pytest.raises(RuntimeError, match="call reset"):
@@ -169,7 +169,7 @@ def test_bad_calls():
     vector.reset(seed=0)
     for actions, message in (
         (np.zeros(2, np.float32), r"shape \(2, 1\)"),
-        (np.array([[0.0], [np.nan]], np.float32), "of lane 1 must be finite.*got nan"),
+        (np.array([[0.0], [np.nan]], np.float32), "of sub-environment 1 must be finite.*got nan"),
         ([[0.0], [0.0]], r"shape \(2, 1\)"),
     ):
         with pytest.raises(ValueError, match=message):

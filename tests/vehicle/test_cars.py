@@ -89,7 +89,7 @@ def test_two_track_parameters_by_hand():
     # the roll axis of a free body: the wheels add their mass at its height, not at its width
     assert b.I_x == pytest.approx(244.0 + 1094.5 * (0.594 - h) ** 2 + 131.4 * (0.298 - h) ** 2)
     assert b.B_f == pytest.approx(12880.0 / 1.390**2)
-    assert b.path_r == pytest.approx(0.10 / 0.7115)
+    assert b.contact_y_r == pytest.approx(0.10 / 0.7115)
     uphill = CAR.plant(chassis="two_track", road=road.make_road(grade=0.1, bank=-0.05)).chassis.body[0]
     assert (uphill.g_x, uphill.g_y, uphill.g_z) == pytest.approx((-0.97902, 0.48768, -9.74546), abs=1e-4)
 

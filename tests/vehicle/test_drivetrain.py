@@ -10,10 +10,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from steer_env.friction.numerics.kernel import COMPILED
-from steer_env.vehicle.chassis.common import drivetrain
-from steer_env.vehicle.chassis.common.drivetrain import RPM
+from steer_env.vehicle.chassis.two_track import brakes, drivetrain, speed_hold
+from steer_env.vehicle.chassis.two_track.drivetrain import RPM
 
-D, B, S = drivetrain.make(), drivetrain.make_brakes(), drivetrain.make_speed_hold()
+D, B, S = drivetrain.make(), brakes.make(), speed_hold.make()
 GEARS = range(1, D.ratios.size + 1)
 MASS, RADIUS, DRAG_AREA, ROLLING = 1226.0, 0.298, 0.7, 0.012
 WHEELS = 4.0  # moment of inertia of all wheels together [kg m2]
@@ -35,7 +35,7 @@ def drive(d, pedals_of, v=0.0, gear=1.0, force=0.0, duration=30.0, h=0.005):
         gear, left = drivetrain.shift(d, gear, left, throttle, spin, spin, h)
         throttle, pedal = pedals_of(v, gear, left == 0.0, h)
         torque = sum(drivetrain.axle_torques(d, gear, left == 0.0, throttle, spin, spin))
-        brake = 2.0 * sum(drivetrain.brake_torques(B, pedal, 0.0))
+        brake = 2.0 * sum(brakes.brake_torques(B, pedal, 0.0))
         inertia = WHEELS + drivetrain.reflected_inertia(d, gear, left == 0.0, spin, spin)
         total = (torque - brake) / RADIUS - resistance(v, force)
         v = max(v + h * total / (MASS + inertia / RADIUS**2), 0.0)
@@ -48,10 +48,10 @@ def driver(target, integral=0.0):
 
     def pedals(v, gear, engaged, h):
         nonlocal integral
-        demand, rate = drivetrain.longitudinal_demand(S, v, target, integral)
+        demand, rate = speed_hold.longitudinal_demand(S, v, target, integral)
         integral += h * rate
         mass, spin = MASS + WHEELS / RADIUS**2, v / RADIUS
-        return drivetrain.split(D, B, gear, engaged, demand, mass, RADIUS, spin, spin)
+        return speed_hold.split(D, B, gear, engaged, demand, mass, RADIUS, spin, spin)
 
     return pedals
 
@@ -169,16 +169,16 @@ def test_gears_end_at_the_first_and_the_last():
 
 
 def test_brake_torques():
-    b = drivetrain.make_brakes(front=1000.0, rear=400.0, hand=300.0)
-    assert drivetrain.brake_torques(b, 0.0, 0.0) == (0.0, 0.0)
-    assert drivetrain.brake_torques(b, 0.5, 0.0) == (500.0, 200.0)
-    assert drivetrain.brake_torques(b, 0.5, 1.0) == (500.0, 500.0)
+    b = brakes.make(front=1000.0, rear=400.0, hand=300.0)
+    assert brakes.brake_torques(b, 0.0, 0.0) == (0.0, 0.0)
+    assert brakes.brake_torques(b, 0.5, 0.0) == (500.0, 200.0)
+    assert brakes.brake_torques(b, 0.5, 1.0) == (500.0, 500.0)
 
 
 @given(omega=spins, torque=torques, capacity=capacities)
 def test_wheel_step_is_the_set_valued_brake(omega, torque, capacity):
     I, h = 1.1, 0.001
-    new, T_b = drivetrain.spin_step(I, omega, torque, capacity, h)
+    new, T_b = brakes.wheel_step(I, omega, torque, capacity, h)
     small = 1e-12 * (I / h * abs(omega) + abs(torque) + capacity) + 1e-300
     assert I * (new - omega) == pytest.approx(h * (torque - T_b), abs=h * small)
     assert abs(T_b) <= capacity + small
@@ -187,19 +187,19 @@ def test_wheel_step_is_the_set_valued_brake(omega, torque, capacity):
     gain = 0.5 * I * (new**2 - omega**2)
     work = 0.5 * h * (torque - T_b) * (new + omega)
     assert gain == pytest.approx(work, abs=h * small * (abs(new) + abs(omega)))
-    assert drivetrain.spin_step(I, -omega, -torque, capacity, h) == (-new, -T_b)
+    assert brakes.wheel_step(I, -omega, -torque, capacity, h) == (-new, -T_b)
 
 
 def test_wheel_stops_without_ringing_stays_locked_and_breaks_loose():
     I, h, capacity, omega = 1.0, 0.001, 500.0, 10.0
     for step in range(40):
         before = omega
-        omega, T_b = drivetrain.spin_step(I, omega, -200.0, capacity, h)
+        omega, T_b = brakes.wheel_step(I, omega, -200.0, capacity, h)
         assert omega == pytest.approx(max(10.0 - 0.7 * (step + 1), 0.0), abs=1e-12)
         if before == 0.0:
             assert (omega, T_b) == (0.0, -200.0)
-    assert drivetrain.spin_step(I, 0.0, -capacity, capacity, h) == (0.0, -capacity)
-    assert drivetrain.spin_step(I, 0.0, 600.0, capacity, h) == (pytest.approx(0.1), pytest.approx(500.0))
+    assert brakes.wheel_step(I, 0.0, -capacity, capacity, h) == (0.0, -capacity)
+    assert brakes.wheel_step(I, 0.0, 600.0, capacity, h) == (pytest.approx(0.1), pytest.approx(500.0))
 
 
 def slow_axle(I, J, omega, torque, capacity, h):
@@ -228,7 +228,7 @@ def slow_axle(I, J, omega, torque, capacity, h):
 def test_axle_step_against_every_pattern(J, omega, torque, capacity, slowness):
     I, h = 1.1, 0.001
     omega, torque, capacity = slowness * np.array(omega), np.array(torque), np.array(capacity)
-    step = drivetrain.axle_spin_step(I, J, *omega, *torque, *capacity, h)
+    step = brakes.axle_step(I, J, *omega, *torque, *capacity, h)
     new, T_b = np.array(step[:2]), np.array(step[2:])
     small = 1e-11 * ((I + J) / h * np.abs(omega).sum() + np.abs(torque).sum() + capacity.sum()) + 1e-300
     np.testing.assert_allclose(new, slow_axle(I, J, omega, torque, capacity, h), rtol=0, atol=10 * small * h / I)
@@ -242,20 +242,20 @@ def test_axle_step_against_every_pattern(J, omega, torque, capacity, slowness):
     work = 0.5 * h * np.sum((torque - T_b) * (omega + new))
     scale = h * small * (np.abs(omega).sum() + np.abs(new).sum())
     assert energy(new) - energy(omega) == pytest.approx(work, abs=scale + 1e-300)
-    mirrored = drivetrain.axle_spin_step(I, J, *omega[::-1], *torque[::-1], *capacity[::-1], h)
+    mirrored = brakes.axle_step(I, J, *omega[::-1], *torque[::-1], *capacity[::-1], h)
     assert mirrored == (step[1], step[0], step[3], step[2])
-    assert drivetrain.axle_spin_step(I, J, *-omega, *-torque, *capacity, h) == tuple(-value for value in step)
+    assert brakes.axle_step(I, J, *-omega, *-torque, *capacity, h) == tuple(-value for value in step)
 
 
 def test_axle_without_its_inertia_is_two_wheels():
-    axle = drivetrain.axle_spin_step(1.1, 0.0, 30.0, -0.1, 300.0, 50.0, 900.0, 400.0, 0.001)
-    left = drivetrain.spin_step(1.1, 30.0, 300.0, 900.0, 0.001)
-    right = drivetrain.spin_step(1.1, -0.1, 50.0, 400.0, 0.001)
+    axle = brakes.axle_step(1.1, 0.0, 30.0, -0.1, 300.0, 50.0, 900.0, 400.0, 0.001)
+    left = brakes.wheel_step(1.1, 30.0, 300.0, 900.0, 0.001)
+    right = brakes.wheel_step(1.1, -0.1, 50.0, 400.0, 0.001)
     assert axle == pytest.approx((left[0], right[0], left[1], right[1]), rel=1e-13)
 
 
 def test_locked_axle_stays_locked_to_the_last_bit():
-    state = drivetrain.axle_spin_step(1.1, 20.0, 0.0, 0.0, 500.0, -499.0, 500.0, 500.0, 0.001)
+    state = brakes.axle_step(1.1, 20.0, 0.0, 0.0, 500.0, -499.0, 500.0, 500.0, 0.001)
     assert state == (0.0, 0.0, 500.0, -499.0)
 
 
@@ -284,7 +284,7 @@ def test_speed_hold_does_not_wind_up():
     v, _, _ = drive(D, driver(27.8), v=3.0, duration=60.0)  # full throttle for most of it
     assert np.max(v) < 27.85
     assert v[-1] == pytest.approx(27.8, abs=0.05)
-    _, rate = drivetrain.longitudinal_demand(S, 0.0, 50.0, 0.0)
+    _, rate = speed_hold.longitudinal_demand(S, 0.0, 50.0, 0.0)
     assert rate == 0.0
 
 
@@ -301,18 +301,18 @@ def test_speed_hold_meets_a_grade():
 @pytest.mark.parametrize("demand", [-5.0, -0.2, 0.0, 0.7])
 def test_split_gives_what_is_demanded(demand, gear, engaged):
     spin = 40.0
-    throttle, pedal = drivetrain.split(D, B, gear, engaged, demand, MASS, RADIUS, spin, spin)
+    throttle, pedal = speed_hold.split(D, B, gear, engaged, demand, MASS, RADIUS, spin, spin)
     assert throttle == 0.0 or pedal == 0.0
     if not engaged and demand > 0.0:
         return  # a shift interrupts the drive
     torque = sum(drivetrain.axle_torques(D, gear, engaged, throttle, spin, spin))
-    torque -= 2.0 * sum(drivetrain.brake_torques(B, pedal, 0.0))
+    torque -= 2.0 * sum(brakes.brake_torques(B, pedal, 0.0))
     inertia = drivetrain.reflected_inertia(D, gear, engaged, spin, spin)
     assert torque == pytest.approx(demand * (MASS * RADIUS + inertia / RADIUS), abs=1e-9)
 
 
 def test_split_stops_at_the_full_pedal():
-    assert drivetrain.split(D, B, 3.0, True, -30.0, MASS, RADIUS, 65.0, 65.0) == (0.0, 1.0)
+    assert speed_hold.split(D, B, 3.0, True, -30.0, MASS, RADIUS, 65.0, 65.0) == (0.0, 1.0)
 
 
 # Construction
@@ -321,38 +321,38 @@ def test_split_stops_at_the_full_pedal():
 @pytest.mark.parametrize(
     ("make", "key", "value", "allowed"),
     [
-        ("make", "speeds", [80.0, 70.0], "ascending"),
-        ("make", "full_load", [100.0], "9 values"),
-        ("make", "full_load", [-1.0] * 9, "at least 0"),
-        ("make", "drag", [5.0] * 9, "0 at the idle speed"),
-        ("make", "full_load", [0.0] * 9, "not both be 0"),
-        ("make", "inertia", -0.1, "at least 0"),
-        ("make", "ratios", [1.0, 2.0], "descending"),
-        ("make", "final_drive", 0.0, "greater than 0"),
-        ("make", "efficiency", 1.1, "at most 1"),
-        ("make", "up_shift", [2000.0 * RPM, 9000.0 * RPM], "at most"),
-        ("make", "down_shift", [100.0 * RPM, 2000.0 * RPM], "at least"),
-        ("make", "down_shift", [1100.0 * RPM, 3500.0 * RPM], "hunts"),
-        ("make", "up_shift", [1900.0 * RPM, 6100.0 * RPM], "hunts"),
-        ("make", "up_shift", 300.0, "two speeds"),
-        ("make", "shift_time", math.nan, "finite"),
-        ("make", "front_share", 1.5, "at most 1"),
-        ("make_brakes", "front", 0.0, "greater than 0"),
-        ("make_brakes", "rear", math.inf, "finite"),
-        ("make_brakes", "hand", -1.0, "at least 0"),
-        ("make_speed_hold", "proportional", "fast", "number"),
-        ("make_speed_hold", "integral", -1.0, "at least 0"),
-        ("make_speed_hold", "band", 0.0, "greater than 0"),
+        (drivetrain.make, "speeds", [80.0, 70.0], "ascending"),
+        (drivetrain.make, "full_load", [100.0], "9 values"),
+        (drivetrain.make, "full_load", [-1.0] * 9, "at least 0"),
+        (drivetrain.make, "drag", [5.0] * 9, "0 at the idle speed"),
+        (drivetrain.make, "full_load", [0.0] * 9, "not both be 0"),
+        (drivetrain.make, "inertia", -0.1, "at least 0"),
+        (drivetrain.make, "ratios", [1.0, 2.0], "descending"),
+        (drivetrain.make, "final_drive", 0.0, "greater than 0"),
+        (drivetrain.make, "efficiency", 1.1, "at most 1"),
+        (drivetrain.make, "up_shift", [2000.0 * RPM, 9000.0 * RPM], "at most"),
+        (drivetrain.make, "down_shift", [100.0 * RPM, 2000.0 * RPM], "at least"),
+        (drivetrain.make, "down_shift", [1100.0 * RPM, 3500.0 * RPM], "hunts"),
+        (drivetrain.make, "up_shift", [1900.0 * RPM, 6100.0 * RPM], "hunts"),
+        (drivetrain.make, "up_shift", 300.0, "two speeds"),
+        (drivetrain.make, "shift_time", math.nan, "finite"),
+        (drivetrain.make, "front_share", 1.5, "at most 1"),
+        (brakes.make, "front", 0.0, "greater than 0"),
+        (brakes.make, "rear", math.inf, "finite"),
+        (brakes.make, "hand", -1.0, "at least 0"),
+        (speed_hold.make, "proportional", "fast", "number"),
+        (speed_hold.make, "integral", -1.0, "at least 0"),
+        (speed_hold.make, "band", 0.0, "greater than 0"),
     ],
 )
 def test_bad_values_are_named(make, key, value, allowed):
     with pytest.raises(ValueError, match=rf"(?s){key}.*{allowed}.*got"):
-        getattr(drivetrain, make)(**{key: value})
+        make(**{key: value})
 
 
-@pytest.mark.parametrize("make", ["make", "make_brakes", "make_speed_hold"])
+@pytest.mark.parametrize("make", [drivetrain.make, brakes.make, speed_hold.make])
 def test_arguments_are_keywords_only(make):
-    kinds = {p.kind for p in inspect.signature(getattr(drivetrain, make)).parameters.values()}
+    kinds = {p.kind for p in inspect.signature(make).parameters.values()}
     assert kinds == {inspect.Parameter.KEYWORD_ONLY}
 
 
@@ -367,4 +367,4 @@ def test_plain_python_equals_compiled():
     for _ in range(50):
         w, T, c = rng.uniform(-5.0, 5.0, 2), rng.uniform(-500.0, 500.0, 2), rng.uniform(0.0, 500.0, 2)
         arguments = (1.1, 20.0, *w, *T, *c, 0.001)
-        assert drivetrain.axle_spin_step(*arguments) == drivetrain.axle_spin_step.py_func(*arguments)
+        assert brakes.axle_step(*arguments) == brakes.axle_step.py_func(*arguments)

@@ -8,7 +8,7 @@ import pytest
 
 from steer_env import friction
 from steer_env.vehicle import cars, linear, plant
-from steer_env.vehicle.chassis.single_track import GRAVITY as G
+from steer_env.vehicle.constants import GRAVITY as G
 from tests.vehicle.test_single_track import linearised
 
 CAR = cars.load()

@@ -216,8 +216,8 @@ def test_every_law_runs_and_mirrors_exactly(law):
         ("hand", True, "handwheel_angle [rad]"),
         ("hand_speed", True, "handwheel_speed [rad/s]"),
         ("assist_request", True, "column_angle [rad]"),
-        ("wind_force", False, "wind_force_at_node [N]"),
-        ("wind_moment", True, "wind_moment_at_node [N m]"),
+        ("wind_force", False, "wind_force_at_evaluation [N]"),
+        ("wind_moment", True, "wind_moment_at_evaluation [N m]"),
     ],
 )
 def test_first_non_finite_state_is_named(name, robot, expected):
@@ -302,7 +302,7 @@ def transition(p, substeps=1):
     Left out are states that nothing reads: the car's place and heading, unused places of the command queue, and the
     counter of steps, which is back where it was.
     """
-    idle = {"x", "y", "yaw_angle", "steps_since_node"} | {f"command_{i}" for i in range(p.assist.delay + 1, 5)}
+    idle = {"x", "y", "yaw_angle", "steps_since_evaluation"} | {f"command_{i}" for i in range(p.assist.delay + 1, 5)}
     rest = plant.initial_state(p)
     base = [name.removesuffix("_before").removesuffix("_derivative") for name in NAMES] + ["memory"] * rest.size
     live = [i for i in range(rest.size) if base[i] not in idle]

@@ -10,7 +10,8 @@ import pytest
 from steer_env import friction
 from steer_env.vehicle import cars, chassis, plant
 from steer_env.vehicle.chassis import single_track
-from steer_env.vehicle.chassis.single_track import OUTPUTS, STATES
+from steer_env.vehicle.chassis.common.interface import COMMON_OUTPUTS as OUTPUTS
+from steer_env.vehicle.chassis.single_track import STATES
 from steer_env.vehicle.suspension.macpherson import WheelLoad, load_coefficients, rack_force
 
 CAR = cars.load()

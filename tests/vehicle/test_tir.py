@@ -19,7 +19,7 @@ from numpy import abs, arccos, arctan, cos, exp, pi, sign, sin, sqrt, tan
 
 from steer_env.friction.numerics.kernel import kernel
 from steer_env.vehicle import tyre
-from steer_env.vehicle.simd import alike, one, put, take
+from steer_env.vehicle.simd import broadcast, first, load, store
 from steer_env.vehicle.tyre import tir
 from steer_env.vehicle.tyre.magic_formula import forces_of_four
 
@@ -350,29 +350,29 @@ def test_half_turn_about_z(name):
 @kernel
 def side_by_side(c, x, together, alone):
     """Forces at four points, columns of ``x``, in the four lanes and each by itself in all of them."""
-    kappa, tan_a, camber, F_z, v_x, mu = take(x, 0), take(x, 4), take(x, 8), take(x, 12), take(x, 16), take(x, 20)
+    kappa, tan_a, camber, F_z, v_x, mu = load(x, 0), load(x, 4), load(x, 8), load(x, 12), load(x, 16), load(x, 20)
     F_x, F_y, M_x, M_y, M_z = forces_of_four(c[0], kappa, tan_a, camber, F_z, v_x, mu)
-    put(together, 0, F_x)
-    put(together, 4, F_y)
-    put(together, 8, M_x)
-    put(together, 12, M_y)
-    put(together, 16, M_z)
+    store(together, 0, F_x)
+    store(together, 4, F_y)
+    store(together, 8, M_x)
+    store(together, 12, M_y)
+    store(together, 16, M_z)
     for i in range(4):
         kappa, tan_a, camber, F_z, v_x, mu = x[0, i], x[1, i], x[2, i], x[3, i], x[4, i], x[5, i]
         F_x, F_y, M_x, M_y, M_z = forces_of_four(
-            c[0], alike(kappa), alike(tan_a), alike(camber), alike(F_z), alike(v_x), alike(mu)
+            c[0], broadcast(kappa), broadcast(tan_a), broadcast(camber), broadcast(F_z), broadcast(v_x), broadcast(mu)
         )
-        alone[0, i], alone[1, i], alone[2, i] = one(F_x), one(F_y), one(M_x)
-        alone[3, i], alone[4, i] = one(M_y), one(M_z)
+        alone[0, i], alone[1, i], alone[2, i] = first(F_x), first(F_y), first(M_x)
+        alone[3, i], alone[4, i] = first(M_y), first(M_z)
 
 
 @kernel
 def rolling(c, x, with_zeros, with_none):
-    tan_a, camber, F_z, v_x, mu = take(x, 4), take(x, 8), take(x, 12), take(x, 16), take(x, 20)
-    for i, force in enumerate(forces_of_four(c[0], alike(0.0), tan_a, camber, F_z, v_x, mu)):
-        put(with_zeros, 4 * i, force + alike(0.0))
+    tan_a, camber, F_z, v_x, mu = load(x, 4), load(x, 8), load(x, 12), load(x, 16), load(x, 20)
+    for i, force in enumerate(forces_of_four(c[0], broadcast(0.0), tan_a, camber, F_z, v_x, mu)):
+        store(with_zeros, 4 * i, force + broadcast(0.0))
     for i, force in enumerate(forces_of_four(c[0], None, tan_a, camber, F_z, v_x, mu)):
-        put(with_none, 4 * i, force + alike(0.0))
+        store(with_none, 4 * i, force + broadcast(0.0))
 
 
 @pytest.mark.parametrize("name", ["pacejka_2006_205_60r15", *tyre.EXAMPLES])
@@ -413,7 +413,7 @@ def test_pure_slip_is_the_limit_of_combined_slip(name):
 def test_plain_python_agrees_with_compiled(name):
     arguments = [[*point, 0.9, phit] for point, phit in zip(points(13, 30), [0.0, 0.2] * 15)]
     script = (
-        "import json, sys; import numpy as np; from vehicle import tyre;"
+        "import json, sys; import numpy as np; from steer_env.vehicle import tyre;"
         f"print(json.dumps(np.array(tyre.load({name!r}).forces(*np.array(json.load(sys.stdin)).T)).tolist()))"
     )
     run = subprocess.run(

@@ -26,21 +26,21 @@ from steer_env.vehicle.chassis.common.interface import (
     WIND_FORCE,
     WIND_MOMENT,
 )
-from steer_env.vehicle.chassis.single_track import GRAVITY as G
 from steer_env.vehicle.chassis.two_track import (
-    ALPHA,
+    BORE_ANGLE,
     KAPPA,
+    OMEGA,
     OUTPUTS,
     PITCH,
     ROLL,
-    SPIN,
     STATES,
-    TORSION,
+    TAN_ALPHA,
     TRAVEL,
     TRAVEL_RATE,
     WHEELS,
     YAW,
 )
+from steer_env.vehicle.constants import GRAVITY as G
 from steer_env.vehicle.plant import HAND, HAND_SPEED
 from steer_env.vehicle.suspension.macpherson import load_coefficients
 from tests.vehicle.test_plant import robot_angle, weave
@@ -125,9 +125,9 @@ def random_state(rng, v=25.0, size=1.0):
     x[:6] += size * rng.uniform(-1.0, 1.0, 6) * [2.0, 1.0, 0.3, 0.3, 0.3, 0.3]
     x[ROLL:TRAVEL] += size * rng.uniform(-1.0, 1.0, 6) * [0.01, 0.01, 2.0, 5.0, 5.0, 0.005]
     x[TRAVEL:TRAVEL_RATE] += size * rng.uniform(-0.012, 0.012, 4)
-    x[TRAVEL_RATE:SPIN] += size * rng.uniform(-0.5, 0.5, 4)
-    x[SPIN:KAPPA] *= 1.0 + size * rng.uniform(-0.05, 0.05, 4)
-    x[KAPPA:TORSION] = size * rng.uniform(-0.08, 0.08, 8)
+    x[TRAVEL_RATE:OMEGA] += size * rng.uniform(-0.5, 0.5, 4)
+    x[OMEGA:KAPPA] *= 1.0 + size * rng.uniform(-0.05, 0.05, 4)
+    x[KAPPA:BORE_ANGLE] = size * rng.uniform(-0.08, 0.08, 8)
     return x
 
 
@@ -156,7 +156,7 @@ def wheels(p, x, rack, rack_rate, u):
     pedal = out[OUT["brake_pedal"]]
     brakes = p.chassis.brakes
     brake = np.repeat([pedal * brakes.front, pedal * brakes.rear + u[HAND_BRAKE] * brakes.hand], 2)
-    brake = np.copysign(brake, x[SPIN:KAPPA])
+    brake = np.copysign(brake, x[OMEGA:KAPPA])
     F, N, Q, power, spin, loads, slips = np.zeros(3), np.zeros(3), np.zeros(4), 0.0, np.zeros(4), np.zeros(4), []
     for i in range(4):
         side, s, s_rate = (1.0, -1.0)[i % 2], x[TRAVEL + i], x[TRAVEL_RATE + i]
@@ -166,10 +166,14 @@ def wheels(p, x, rack, rack_rate, u):
             slope = -float(up.strut_length)
             length = float(CAR.strut.solve(0.0, 0.0).strut_length - poses[i].strut_length)
             spring, damper = slope * (d.S_f + d.K_f * length), slope**2 * d.C_f * s_rate
-            bar, stop = d.B_f, d.clear_f
+            bar, stop = d.B_f, d.clearance_f
         else:
-            steer, camber, path = side * d.steer_r * s, side * d.camber_r * s, (0.0 * E_X, side * d.path_r * E_Y, 0.0)
-            spring, damper, bar, stop = d.S_r + d.K_r * s, d.C_r * s_rate, d.B_r, d.clear_r
+            steer, camber, path = (
+                side * d.steer_r * s,
+                side * d.camber_r * s,
+                (0.0 * E_X, side * d.contact_y_r * E_Y, 0.0),
+            )
+            spring, damper, bar, stop = d.S_r + d.K_r * s, d.C_r * s_rate, d.B_r, d.clearance_r
         beyond = max(abs(s) - stop, 0.0)
         spring += math.copysign(d.K_stop * beyond**2 / (beyond + 0.01), s)
         spring += bar * (s - x[TRAVEL + i + (1 if side > 0.0 else -1)])
@@ -186,11 +190,13 @@ def wheels(p, x, rack, rack_rate, u):
         contact = V + np.cross(W, foot) + (R @ E_Z + path[0] + path[1] - path[2] * radius * E_X) * s_rate
         ahead, left = math.cos(steer) * E_X + math.sin(steer) * E_Y, math.cos(steer) * E_Y - math.sin(steer) * E_X
         rolling = centre @ E_X * ahead[0] + contact @ E_Y * ahead[1]
-        slip_x, slip_y = rolling - d.R_e * x[SPIN + i], contact @ left
+        slip_x, slip_y = rolling - d.R_e * x[OMEGA + i], contact @ left
         mu = road.friction(p.chassis.road, i % 2, x[two_track.DISTANCE] + AT[i, 0])
-        values = (x[KAPPA + i], math.atan(x[ALPHA + i]), camber, load, rolling, mu)
+        values = (x[KAPPA + i], math.atan(x[TAN_ALPHA + i]), camber, load, rolling, mu)
         F_x, F_y, M_x, M_y, M_z = (float(value) for value in TYRE.forces(*values))
-        slips.append([(-slip_x - rolling * x[KAPPA + i]) / d.sigma_x, (slip_y - rolling * x[ALPHA + i]) / d.sigma_y])
+        slips.append(
+            [(-slip_x - rolling * x[KAPPA + i]) / d.sigma_x, (slip_y - rolling * x[TAN_ALPHA + i]) / d.sigma_y]
+        )
         force = F_x * ahead + F_y * left + load * E_Z
         moment = M_x * ahead + M_z * E_Z
         held = np.array([F_x * ahead[0], 0.0, 0.0])  # at the wheel's centre, the rest at the contact
@@ -200,8 +206,8 @@ def wheels(p, x, rack, rack_rate, u):
         Q[i] = force @ (R @ E_Z + path[1]) + held @ path[0] + (force - held) @ E_X * carrier[0]
         Q[i] += lean * (aside[1] * load + M_x) + path[2] * brake[i] - spring - damper + M[i] * d.g_z
         spin[i] = M_y - d.R_e * F_x + drive[i] - brake[i]
-        power += F_x * slip_x + F_y * slip_y + moment @ W + M_x * lean * s_rate + M_y * x[SPIN + i] - damper * s_rate
-        power += drive[i] * (x[SPIN + i] - W[1]) - brake[i] * (x[SPIN + i] - W[1] - path[2] * s_rate)
+        power += F_x * slip_x + F_y * slip_y + moment @ W + M_x * lean * s_rate + M_y * x[OMEGA + i] - damper * s_rate
+        power += drive[i] * (x[OMEGA + i] - W[1]) - brake[i] * (x[OMEGA + i] - W[1] - path[2] * s_rate)
         loads[i] = load
     return {"F": F, "N": N, "Q": Q, "power": power, "spin": spin, "loads": loads, "slips": np.array(slips)}
 
@@ -220,17 +226,17 @@ def momenta(x):
     """Linear momentum and angular momentum about O with the inertia of the design position, in body axes."""
     inertia = np.diag([D.I_x, D.I_y, D.I_z]) + np.diag([(M * AT[:, 1] ** 2).sum(), (M * AT[:, 0] ** 2).sum(), 0.0])
     inertia[0, 2] = inertia[2, 0] = -D.I_xz
-    rising = M[:, None] * x[TRAVEL_RATE:SPIN, None] * E_Z
-    H = inertia @ x[3:6] + np.cross(AT, rising).sum(axis=0) + D.I_w * x[SPIN:KAPPA].sum() * E_Y
+    rising = M[:, None] * x[TRAVEL_RATE:OMEGA, None] * E_Z
+    H = inertia @ x[3:6] + np.cross(AT, rising).sum(axis=0) + D.I_w * x[OMEGA:KAPPA].sum() * E_Y
     return D.m * x[:3] + rising.sum(axis=0), H
 
 
 def energy(p, x, rack=0.0):
     """Kinetic energy, and that of weight, springs, bars, stops and tyres."""
     d, (P, H), s = p.chassis.body[0], momenta(x), x[TRAVEL:TRAVEL_RATE]
-    spins = x[SPIN:KAPPA]
-    kinetic = 0.5 * (x[:3] @ P + x[3:6] @ (H - d.I_w * spins.sum() * E_Y) + (M * x[TRAVEL_RATE:SPIN] ** 2).sum())
-    kinetic += 0.5 * (M * x[TRAVEL_RATE:SPIN]) @ (x[2] + x[3] * AT[:, 1] - x[4] * AT[:, 0])
+    spins = x[OMEGA:KAPPA]
+    kinetic = 0.5 * (x[:3] @ P + x[3:6] @ (H - d.I_w * spins.sum() * E_Y) + (M * x[TRAVEL_RATE:OMEGA] ** 2).sum())
+    kinetic += 0.5 * (M * x[TRAVEL_RATE:OMEGA]) @ (x[2] + x[3] * AT[:, 1] - x[4] * AT[:, 0])
     kinetic += 0.5 * d.I_w * (spins**2).sum()
     weight = d.m * (d.g_x * x[two_track.X] + d.g_y * x[two_track.Y] + d.g_z * x[two_track.Z]) + d.g_z * M @ s
     poses = CAR.strut.solve_pair(rack - x[two_track.COMPLIANCE], s[0], s[1])
@@ -238,7 +244,7 @@ def energy(p, x, rack=0.0):
     springs = (d.S_f * length + 0.5 * d.K_f * length**2).sum() + (d.S_r * s[2:] + 0.5 * d.K_r * s[2:] ** 2).sum()
     bars = 0.5 * (d.B_f * (s[0] - s[1]) ** 2 + d.B_r * (s[2] - s[3]) ** 2)
     e = 0.01
-    beyond = np.maximum(np.abs(s) - [d.clear_f, d.clear_f, d.clear_r, d.clear_r], 0.0)
+    beyond = np.maximum(np.abs(s) - [d.clearance_f, d.clearance_f, d.clearance_r, d.clearance_r], 0.0)
     stops = d.K_stop * (0.5 * beyond**2 - e * beyond + e * e * np.log1p(beyond / e)).sum()
     height = x[two_track.Z] + (AT + s[:, None] * E_Z) @ axes(x)[2]
     camber = x[ROLL] + np.append([float(pose.inclination) for pose in poses], d.camber_r * s[2:] * [1.0, -1.0])
@@ -253,10 +259,10 @@ def exact(x, F, N, Q):
     centre = np.array([-(M * AT[:, 0]).sum() / m_s, 0.0, -M.sum() * z_w / m_s])
     yaw = D.I_z - (M * (AT[:, 0] ** 2 + AT[:, 1] ** 2)).sum() - m_s * centre[0] ** 2
     inertia = np.diag([C["roll_inertia"], C["pitch_inertia"], yaw])
-    v, w, s, s_rate = x[:3], x[3:6], x[TRAVEL:TRAVEL_RATE], x[TRAVEL_RATE:SPIN]
+    v, w, s, s_rate = x[:3], x[3:6], x[TRAVEL:TRAVEL_RATE], x[TRAVEL_RATE:OMEGA]
     A, b = np.zeros((10, 10)), np.concatenate([F, N, Q])
     A[3:6, 3:6] += inertia
-    b[3:6] -= np.cross(w, inertia @ w + D.I_w * x[SPIN:KAPPA].sum() * E_Y)
+    b[3:6] -= np.cross(w, inertia @ w + D.I_w * x[OMEGA:KAPPA].sum() * E_Y)
     for i in range(-1, 4):
         mass, r = (m_s, centre) if i < 0 else (M[i], AT[i] + s[i] * E_Z)
         lever = np.cross(np.eye(3), r)  # rows: e_k x r
@@ -283,7 +289,7 @@ def stirred(u_seed, size=1.0, v=25.0, **rest):
     rng = np.random.default_rng(u_seed)
     p = make(v, **rest)
     p = p._replace(chassis=p.chassis._replace(drive=p.chassis.drive._replace(inertia=0.0)))
-    p = changed(p, clear_f=0.005, clear_r=0.005, steer_r=0.3, camber_r=-0.2)
+    p = changed(p, clearance_f=0.005, clearance_r=0.005, steer_r=0.3, camber_r=-0.2)
     x, rack = random_state(rng, v, size), size * rng.uniform(-0.04, 0.04)
     u = np.zeros(len(INPUTS))
     u[[WIND_FORCE, WIND_MOMENT, BRAKE, HAND_BRAKE, COAST]] = [
@@ -304,8 +310,10 @@ def test_forces_momentum_and_power(seed):
     p, x, rack, u, (dx, out, _), w = stirred(seed, **SLOPING)
     np.testing.assert_allclose(each(out, "wheel_load"), w["loads"], rtol=1e-7)  # the strut is a table
     np.testing.assert_allclose(sum(each(out, f"force_{k}").sum() for k in "xy"), w["F"][:2].sum(), rtol=1e-6, atol=0.1)
-    np.testing.assert_allclose(dx[SPIN:KAPPA], w["spin"] / D.I_w, rtol=1e-6, atol=0.01)
-    np.testing.assert_allclose(np.stack([dx[KAPPA:ALPHA], dx[ALPHA:TORSION]], 1), w["slips"], rtol=1e-6, atol=1e-5)
+    np.testing.assert_allclose(dx[OMEGA:KAPPA], w["spin"] / D.I_w, rtol=1e-6, atol=0.01)
+    np.testing.assert_allclose(
+        np.stack([dx[KAPPA:TAN_ALPHA], dx[TAN_ALPHA:BORE_ANGLE]], 1), w["slips"], rtol=1e-6, atol=1e-5
+    )
     F, N, air = external(p, x, w, u)
 
     def in_world(k):
@@ -338,7 +346,7 @@ def test_accelerations_are_those_of_moving_masses_to_first_order():
             F, N, _ = external(p, x, w, u)
             R = axes(x)
             expected = exact(x, R.T @ F, R.T @ N, w["Q"])
-            found = np.concatenate([dx[:6], dx[TRAVEL_RATE:SPIN]])
+            found = np.concatenate([dx[:6], dx[TRAVEL_RATE:OMEGA]])
             worst = max(worst, np.abs(found - expected).max())
         errors.append(worst)
     assert errors[1] < 2e-3
@@ -351,10 +359,10 @@ def test_engine_speeding_up_is_carried_by_the_body():
     x = plant.initial_state(p)[CHASSIS]
     dx, out, _ = code(p, x, u=inputs(1, throttle=1.0, coast=1.0)[0])
     F = each(out, "force_x")
-    shaft = (D.I_w * dx[SPIN:KAPPA] - each(out, "spin_torque"))[:2].sum()
+    shaft = (D.I_w * dx[OMEGA:KAPPA] - each(out, "road_torque"))[:2].sum()
     assert shaft < 0.8 * out[OUT["front_drive_torque"]]  # the rest speeds up the engine
     _, H = momenta(x)
-    change = along(lambda x: momenta(x)[1], x, dx)[1] + np.cross(x[3:6], H)[1] - (D.I_w * dx[SPIN:KAPPA]).sum()
+    change = along(lambda x: momenta(x)[1], x, dx)[1] + np.cross(x[3:6], H)[1] - (D.I_w * dx[OMEGA:KAPPA]).sum()
     r = (AT + x[TRAVEL:TRAVEL_RATE, None] * E_Z) @ axes(x).T
     expected = (r[:, 2] * F - r[:, 0] * each(out, "wheel_load")).sum() - shaft
     expected += (D.b * D.lift_r - D.a * D.lift_f) * (axes(x) @ x[:3])[0] ** 2
@@ -363,7 +371,9 @@ def test_engine_speeding_up_is_carried_by_the_body():
 
 def tossed():
     """A car without friction, dampers and air."""
-    p = changed(make(15.0), C_f=0.0, C_r=0.0, drag=0.0, lift_f=0.0, lift_r=0.0, clear_f=0.01, clear_r=0.01, T_rack=1e12)
+    p = changed(
+        make(15.0), C_f=0.0, C_r=0.0, drag=0.0, lift_f=0.0, lift_r=0.0, clearance_f=0.01, clearance_r=0.01, T_rack=1e12
+    )
     gone = {key: 0.0 for key in TYRE.coefficients._fields if key[0] in "PQRS"} | {"PKY1": -1e-12, "PDX1": 1e-12}
     gone |= {key: getattr(TYRE.coefficients, key) for key in ("PCX1", "PCY1", "PKY2", "PKY4", "PDY1")}
     return p._replace(tyre=tyre.record(TYRE.coefficients._replace(**gone)))
@@ -373,11 +383,11 @@ def test_energy_is_conserved_without_losses():
     """A tossed car by DOP853, 150 kJ in play; of the tyres only the load is left."""
     p, rng = tossed(), np.random.default_rng(3)
     x, u = random_state(rng, 15.0), inputs(1, coast=1.0)[0]
-    x[KAPPA:TORSION], x[two_track.SHIFT], rack = 0.0, 1.0, 0.02  # a running shift opens the clutch
+    x[KAPPA:BORE_ANGLE], x[two_track.SHIFT_TIME], rack = 0.0, 1.0, 0.02  # a running shift opens the clutch
 
     def f(t, x):
         dx = code(p, x, rack, 0.0, u)[0]
-        dx[SPIN:] = 0.0  # spins and slips are left out: they neither store nor take
+        dx[OMEGA:] = 0.0  # spins and slips are left out: they neither store nor take
         return dx
 
     solver, ends = DOP853(f, 0.0, x, 1.0, rtol=1e-11, atol=1e-12), [energy(p, x, rack)]
@@ -385,7 +395,7 @@ def test_energy_is_conserved_without_losses():
         solver.step()
         ends.append(energy(p, solver.y, rack))
     assert np.ptp(ends) < 0.2  # the turning of the tyres' feet in roll is work to second order only
-    assert np.abs(solver.y[TRAVEL:SPIN] - x[TRAVEL:SPIN]).max() > 0.01
+    assert np.abs(solver.y[TRAVEL:OMEGA] - x[TRAVEL:OMEGA]).max() > 0.01
 
 
 # Of the springs along the travel; the front one leans on a strut whose ratio changes.
@@ -430,7 +440,7 @@ def test_roll_and_load_transfer_by_closed_form(circle):
     springs = 0.5 * RATES * track**2 + [C["front_anti_roll"], 0.0]
     tyres = 0.5 * D.K_t * track**2
     centres = np.array([float(CAR.strut.solve(0.0, 0.0).roll_centre_height), C["rear_roll_centre"]])
-    gyroscopic = D.I_w * x[SPIN:KAPPA].sum() * x[two_track.R]  # the wheels' spin, turned: 46 N m
+    gyroscopic = D.I_w * x[OMEGA:KAPPA].sum() * x[two_track.R]  # the wheels' spin, turned: 46 N m
     turned_over = each(code(p, x, p.pinion_radius * at(row, "column_angle"))[1], "moment_x").sum()
     assert turned_over == pytest.approx(-gyroscopic, abs=1.0)
     series = tyres / (tyres + springs)
@@ -455,7 +465,7 @@ def test_pitch_under_drive_and_braking_by_closed_form(pedal, throttle):
     X = each(out, "force_x")
     lift = np.array([D.lift_f, D.lift_r]) * at(row, "longitudinal_speed") ** 2
     arm = D.h + D.R_e - D.R_l  # a spin takes R_e F_x of the moment
-    transfer = (-X.sum() * arm - D.I_w * dx[SPIN:KAPPA].sum() + C["mass"] * G * (D.h - D.R_l) * phi) / L
+    transfer = (-X.sum() * arm - D.I_w * dx[OMEGA:KAPPA].sum() + C["mass"] * G * (D.h - D.R_l) * phi) / L
     gain = 2.0 * loads[[0, 2]] - 2.0 * np.array([D.F_zf, D.F_zr])
     np.testing.assert_allclose(gain + lift, [transfer, -transfer], rtol=0.03)
     up = CAR.strut.solve(0.0, x[TRAVEL]).per_travel
@@ -575,7 +585,7 @@ def reference(p, u, state=None):
         _, (T1, force, T_F) = rates(end, y, now, queue[-2])
         hand = robot_angle(end)
         row[:9] = [hand[0], hand[1], T1, y[2], y[3], c.K_tb * (hand[0] - y[2]), y[4], T_F, force]
-        two_track._report(p.chassis, y[5:last], out, out, 0.0, now, row[9:])
+        two_track.report(p.chassis, y[5:last], out, out, 0.0, now, row[9:])
         record[i] = row
     return record
 
@@ -654,7 +664,7 @@ def test_hand_brake_holds_on_a_grade():
     u = inputs(60_000, hand_brake=1.0, coast=1.0)
     places = [run(p, u, state, last=True)[0][0] for _ in range(11)]
     assert abs(at(places[-1], "x") - at(places[0], "x")) < 1e-6
-    assert np.all(each(places[-1], "wheel_spin")[2:] == 0.0)
+    assert np.all(each(places[-1], "wheel_angular_velocity")[2:] == 0.0)
     rear = each(places[-1], "longitudinal_force").sum()
     assert rear == pytest.approx(C["mass"] * G * math.sin(math.atan(0.15)), rel=1e-3)
 
@@ -666,7 +676,7 @@ def test_stop_rocks_and_stands():
     assert v.min() > -0.7
     assert x.max() - x[-1] < 0.05
     assert np.abs(v[-500:]).max() < 1e-3
-    assert np.all(each(record, "wheel_spin")[600:900] == 0.0)
+    assert np.all(each(record, "wheel_angular_velocity")[600:900] == 0.0)
 
 
 def test_down_the_hill_backwards_and_stop():
@@ -693,7 +703,7 @@ def test_hand_brake_locks_the_rear(angle, hand):
     u = ramp(angle, 4000)
     u[2000:, HAND_BRAKE] = u[2000:, COAST] = 1.0
     record, _ = run(p, u)
-    assert np.all(each(record, "wheel_spin")[2700:, 2:] == 0.0)
+    assert np.all(each(record, "wheel_angular_velocity")[2700:, 2:] == 0.0)
     yaw, drift = at(record, "yaw_angle"), at(record, "lateral_speed")
     if angle == 0.0:
         assert np.all(yaw == 0.0)
@@ -709,7 +719,7 @@ def test_emergency_braking(mu):
     u = inputs(3000, coast=1.0)
     u[500:, BRAKE] = 1.0
     record, _ = run(make(100.0 * KPH, road_friction=mu), u)
-    assert np.all(each(record, "wheel_spin")[2000:, :2] == 0.0)
+    assert np.all(each(record, "wheel_angular_velocity")[2000:, :2] == 0.0)
     a_x = -at(record, "longitudinal_acceleration")[2000:] / (mu * G)
     assert 0.7 < a_x.min() <= a_x.max() < 1.0
     assert np.all(at(record, "y") == 0.0)

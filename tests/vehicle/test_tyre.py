@@ -197,10 +197,10 @@ def test_plain_python_agrees_with_compiled():
     kappa = np.where(np.arange(n) % 2, rng.uniform(-1, 1, n), 0.0)
     arguments = [kappa, rng.uniform(-1, 1, n), rng.uniform(-0.2, 0.2, n), rng.uniform(0, 9e3, n), np.full(n, V)]
     script = (
-        "import json, sys; import numpy as np; from vehicle import tyre;"
+        "import json, sys; import numpy as np; from steer_env.vehicle import tyre;"
         "print(json.dumps(np.array(tyre.load().forces(*np.array(json.load(sys.stdin)))).tolist()))"
     )
-    environment = os.environ | {"NUMBA_DISABLE_JIT": "1", "PYTHONPATH": str(Path(tyre.__file__).parents[1])}
+    environment = os.environ | {"NUMBA_DISABLE_JIT": "1", "PYTHONPATH": str(Path(tyre.__file__).parents[3])}
     run = subprocess.run(
         [sys.executable, "-c", script],
         input=json.dumps(np.array(arguments).tolist()),

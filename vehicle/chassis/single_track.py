@@ -22,12 +22,10 @@ from typing import NamedTuple
 from steer_env.friction.numerics.bounds import within
 from steer_env.friction.numerics.kernel import kernel
 from steer_env.vehicle import chassis, tyre
-from steer_env.vehicle.chassis.common.interface import WIND_FORCE, WIND_MOMENT
-from steer_env.vehicle.simd import alike, four, lanes, take
+from steer_env.vehicle.chassis.common.interface import COMMON_CHANNELS, COMMON_OUTPUTS, WIND_FORCE, WIND_MOMENT
+from steer_env.vehicle.constants import GRAVITY
+from steer_env.vehicle.simd import broadcast, load, pack, unpack
 from steer_env.vehicle.suspension import kinematics_table
-
-GRAVITY = 9.80665  # standard gravity [m/s2]
-AIR_DENSITY = 1.2  # [kg/m3]
 
 # Where each state stands in the chassis' slice of the state array, with its unit.
 STATES = (
@@ -65,23 +63,8 @@ STATES = (
     Y,
 ) = range(len(STATES))
 
-# What the chassis reports besides its states, in this order.
-OUTPUTS = (
-    ("lateral_acceleration", "m/s2"),
-    ("road_wheel_angle_left", "rad"),
-    ("road_wheel_angle_right", "rad"),
-    ("wheel_load_front_left", "N"),
-    ("wheel_load_front_right", "N"),
-    ("wheel_load_rear_left", "N"),
-    ("wheel_load_rear_right", "N"),
-    ("front_lateral_force", "N"),
-    ("rear_lateral_force", "N"),
-)
-
-
-# Published, in this order: these states, then the outputs.
-PUBLISHED = (LATERAL_SPEED, YAW_RATE, ROLL, YAW, X, Y, DRIVE_FORCE)
-CHANNELS = (*(STATES[i] for i in PUBLISHED), *OUTPUTS)
+# Channels that the state supplies, in the order of COMMON_CHANNELS; the outputs follow.
+_REPORTED = (LATERAL_SPEED, YAW_RATE, ROLL, YAW, X, Y, DRIVE_FORCE)
 
 
 class SingleTrack(NamedTuple):
@@ -142,7 +125,7 @@ def derivative(p, strut, c, x, rack, rack_rate, u, dx, out):
     dx : (15,) array
         Receives the derivative.
     out : (9,) array
-        Receives the values of ``OUTPUTS``.
+        Receives the values of ``COMMON_OUTPUTS``.
 
     Returns
     -------
@@ -168,15 +151,15 @@ def derivative(p, strut, c, x, rack, rack_rate, u, dx, out):
     left = kinematics_table.left(strut, tie_rods, -half_f * phi)
     right = kinematics_table.right(strut, tie_rods, half_f * phi)
 
-    slips = take(x, SLIP_FL)
-    camber = four(left.inclination + phi, right.inclination + phi, 0.0, 0.0)
-    loads = four(load_fl, load_fr, load_rl, load_rr)
-    F_x, F_y, M_x, M_y, M_z = tyre.forces_of_four(c, None, slips, camber, loads, alike(p.v_x), alike(p.mu))
-    Fx_fl, Fx_fr, Fx_rl, Fx_rr = lanes(F_x)
-    Fy_fl, Fy_fr, Fy_rl, Fy_rr = lanes(F_y)
-    Mx_fl, Mx_fr, _, _ = lanes(M_x)
-    My_fl, My_fr, My_rl, My_rr = lanes(M_y)
-    Mz_fl, Mz_fr, Mz_rl, Mz_rr = lanes(M_z)
+    slips = load(x, SLIP_FL)
+    camber = pack(left.inclination + phi, right.inclination + phi, 0.0, 0.0)
+    loads = pack(load_fl, load_fr, load_rl, load_rr)
+    F_x, F_y, M_x, M_y, M_z = tyre.forces_of_four(c, None, slips, camber, loads, broadcast(p.v_x), broadcast(p.mu))
+    Fx_fl, Fx_fr, Fx_rl, Fx_rr = unpack(F_x)
+    Fy_fl, Fy_fr, Fy_rl, Fy_rr = unpack(F_y)
+    Mx_fl, Mx_fr, _, _ = unpack(M_x)
+    My_fl, My_fr, My_rl, My_rr = unpack(M_y)
+    Mz_fl, Mz_fr, Mz_rl, Mz_rr = unpack(M_z)
 
     # An open differential halves the drive; its torque is reacted inboard, so it acts at the wheel centres, and so does
     # rolling resistance, which a free wheel's bearing cannot take as a torque.
@@ -250,8 +233,8 @@ def derivative(p, strut, c, x, rack, rack_rate, u, dx, out):
 
 
 _SIZE = len(STATES)
-_OUTPUTS = len(OUTPUTS)
-_LEAD = len(PUBLISHED)
+_OUTPUTS = len(COMMON_OUTPUTS)
+_LEAD = len(_REPORTED)
 
 
 @kernel
@@ -295,8 +278,8 @@ chassis.register(
     "single_track",
     SingleTrack,
     states=STATES,
-    outputs=OUTPUTS,
-    channels=CHANNELS,
+    outputs=COMMON_OUTPUTS,
+    channels=COMMON_CHANNELS,
     start=_start,
     derivative=derivative,
     advance=_advance,

@@ -20,14 +20,20 @@ from numpy.typing import ArrayLike, NDArray
 from steer_env.friction.numerics.bounds import within
 from steer_env.friction.numerics.check import number, positive
 from steer_env.friction.numerics.frozen import frozen
+from steer_env.friction.numerics.interpolation import bracket
 from steer_env.friction.numerics.kernel import kernel
 
 SAMPLE_TIME = 1e-3  # [s]
 MAX_DELAY = 4  # whole samples that the queue holds
 
-# Where the controller's state stands in its slice of the state array; the delayed commands follow the motor torque.
+STATES = (
+    ("lead_filter", "N m"),
+    ("motor_torque", "N m"),
+    *((f"command_{i}", "N m") for i in range(MAX_DELAY + 1)),  # i samples old
+)
+# Positions of these states; ``QUEUE`` is that of the newest command.
 LEAD_STATE, MOTOR_TORQUE, QUEUE = range(3)
-STATE_SIZE = QUEUE + MAX_DELAY + 1
+STATE_SIZE = len(STATES)
 
 TABLE_SPEEDS = tuple(kph / 3.6 for kph in (0.0, 20.0, 40.0, 80.0, 100.0, 140.0))
 TABLE_TORQUES = (0.0, 0.5, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0)
@@ -139,24 +145,10 @@ def lead_corners(a: Assist) -> tuple[float, float]:
 
 
 @kernel
-def _bracket(grid, x):
-    """Cell of ``x`` in an ascending grid and its place in it, held at the ends."""
-    last = grid.size - 1
-    if x <= grid[0]:
-        return 0, 0.0
-    if x >= grid[last]:
-        return last - 1, 1.0
-    i = 0
-    while grid[i + 1] < x:
-        i += 1
-    return i, (x - grid[i]) / (grid[i + 1] - grid[i])
-
-
-@kernel
 def boost_curve(a, torque, speed):
     """Boost at a torsion-bar torque [N m] and vehicle speed [m/s], odd in the torque; and the motor damping there."""
-    i, u = _bracket(a.speeds, speed)
-    j, s = _bracket(a.torques, abs(torque))
+    i, u = bracket(a.speeds, speed)
+    j, s = bracket(a.torques, abs(torque))
     low = a.boost[i, j] + s * (a.boost[i, j + 1] - a.boost[i, j])
     high = a.boost[i + 1, j] + s * (a.boost[i + 1, j + 1] - a.boost[i + 1, j])
     return math.copysign(low + u * (high - low), torque), a.damping[i] + u * (a.damping[i + 1] - a.damping[i])

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from steer_env.friction.numerics.kernel import kernel, plain
-from steer_env.vehicle.simd import lanes, take
+from steer_env.vehicle.simd import load, unpack
 from steer_env.vehicle.suspension.macpherson import MacPherson, load_coefficients
 
 
@@ -160,10 +160,10 @@ def _row(table, i, t):
     """Four channels along the travel, from the ``i``-th number of the table."""
     n = table.shape[2]
     return (
-        t[0] * take(table, i)
-        + t[1] * take(table, i + n)
-        + t[2] * take(table, i + 2 * n)
-        + t[3] * take(table, i + 3 * n)
+        t[0] * load(table, i)
+        + t[1] * load(table, i + n)
+        + t[2] * load(table, i + 2 * n)
+        + t[3] * load(table, i + 3 * n)
     )
 
 
@@ -193,8 +193,8 @@ def left(m, rack, travel):
     """The left wheel: ``Knuckle`` at rack [m] and its travel [m]."""
     i, j, r, t = _place(m, rack, travel)
     k = i - i  # not a literal: numba would compile the patch once for each place
-    steer, inclination, F_x_contact, F_x_centre = lanes(_patch(m.table, i, j, k, r, t))
-    F_y, F_z, M_x, M_z = lanes(_patch(m.table, i, j, k + 4, r, t))
+    steer, inclination, F_x_contact, F_x_centre = unpack(_patch(m.table, i, j, k, r, t))
+    F_y, F_z, M_x, M_z = unpack(_patch(m.table, i, j, k + 4, r, t))
     return Knuckle(steer, inclination, F_x_contact, F_x_centre, F_y, F_z, M_x, M_z)
 
 
@@ -203,8 +203,8 @@ def left_travel(m, rack, travel):
     """The left wheel: ``Travel`` at rack [m] and its travel [m]."""
     i, j, r, t = _place(m, rack, travel)
     k = i - i
-    centre_x, contact_y, roll, pitch = lanes(_patch(m.table, i, j, k + 8, r, t))
-    _, _, compression, compression_rate = lanes(_patch(m.table, i, j, k + 10, r, t))
+    centre_x, contact_y, roll, pitch = unpack(_patch(m.table, i, j, k + 8, r, t))
+    _, _, compression, compression_rate = unpack(_patch(m.table, i, j, k + 10, r, t))
     return Travel(centre_x, contact_y, roll, pitch, compression, compression_rate)
 
 

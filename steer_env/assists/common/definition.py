@@ -1,66 +1,68 @@
 """What a baseline assist is, and the registry of them.
 
-A baseline acts in an assist environment, single or vector: it reads what is observed by name and asks for an assist
-torque on top of the boost table's, as any policy does. It is one file: a class and its registration. Arithmetic is per
-lane, in kernels, so that a lane of many acts to the bit as one alone.
+A baseline acts in an assist environment, single or vector: it reads observations by their names and requests an assist
+torque that is added to the boost table's, as any policy does. It is one file: a class and its registration. It computes
+row by row, so that its actions do not depend on the number of sub-environments.
 """
 
 import inspect
+import warnings
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from steer_env.friction.numerics.registry import Registry
+from steer_env.friction.numerics.renamed import REMOVED_IN
 from steer_env.vehicle.chassis.common.interface import ASSIST_REQUEST
 
 Array = NDArray[np.float64]
 
 
 class Baseline:
-    """An assist controller; a subclass gives :meth:`torque`, and :meth:`begin` if it remembers anything.
+    """An assist controller; a subclass gives :meth:`torque`, and :meth:`begin` if it has a memory.
 
     Parameters
     ----------
     env : gym.Env or gym.vector.VectorEnv
-        Of a task whose action is an assist torque. Observations must come as the environment gives them.
+        Of a task whose action is an assist torque. Observations must be the environment's own, not scaled.
 
     Raises
     ------
     ValueError
-        Another environment, or one that does not observe what the baseline needs.
+        The environment has another action, or does not observe what the baseline needs.
     """
 
     needs: tuple[str, ...] = ()  # observations, in the order in which ``torque`` takes them
-    welcome: tuple[str, ...] = ()  # that come after these, zero where they are not observed
+    optional: tuple[str, ...] = ()  # observations after these, zero where the environment does not have them
 
     def __init__(self, env: Any) -> None:
-        lanes = getattr(env.unwrapped, "lanes", None)
-        if lanes is None or lanes.task.action.input != ASSIST_REQUEST:
-            got = env if lanes is None else lanes.task.name
+        batch = getattr(env.unwrapped, "batch", None)
+        if batch is None or batch.task.action.input != ASSIST_REQUEST:
+            got = env if batch is None else batch.task.name
             raise ValueError(f"a baseline assist needs an environment whose action is an assist torque, got {got}")
-        observed = [quantity.name for quantity in lanes.observed]
+        observed = [quantity.name for quantity in batch.observed]
         for name in self.needs:
             if name not in observed:
-                raise ValueError(f"{lanes.task.name} does not observe {name}; it has: {', '.join(observed)}")
-        self.lanes = lanes
-        self.n, self.scale, self.control_dt = lanes.n, lanes.task.action.scale, lanes.control_dt
-        # A place behind the last is a column of zeros.
-        self._places = [observed.index(name) if name in observed else -1 for name in (*self.needs, *self.welcome)]
+                raise ValueError(f"{batch.task.name} does not observe {name}; it has: {', '.join(observed)}")
+        self.batch = batch
+        self.n, self.scale, self.control_dt = batch.n, batch.task.action.scale, batch.control_dt
+        # Column -1 of what `act` puts together is zero.
+        self._places = [observed.index(name) if name in observed else -1 for name in (*self.needs, *self.optional)]
         self._width = len(observed)
-        self._fresh = np.ones(self.n, bool)
+        self._new = np.ones(self.n, bool)
 
-    def reset(self, lanes: Any = slice(None)) -> None:
-        """Forget the episodes of some lanes (mask or indices), or of all."""
-        self._fresh[lanes] = True
+    def reset(self, rows: Any = slice(None)) -> None:
+        """Forget the episodes of some sub-environments (mask or indices), or of all."""
+        self._new[rows] = True
 
     def act(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Action (1,) for an observation (O,), or (L, 1) for (L, O); within [-1, 1].
+        """Action (1,) for an observation (O,), or (n, 1) for (n, O); within [-1, 1].
 
         Raises
         ------
         ValueError
-            An observation of another shape than the environment's.
+            The observation has another shape than the environment's.
         """
         allowed = [(self.n, self._width)] + [(self._width,)] * (self.n == 1)
         if np.shape(observation) not in allowed:
@@ -68,26 +70,27 @@ class Baseline:
         seen = np.zeros((self.n, self._width + 1))
         seen[:, :-1] = observation
         seen = np.ascontiguousarray(seen[:, self._places])
-        if self._fresh.any():
-            for i in np.flatnonzero(self._fresh):
+        if self._new.any():
+            for i in np.flatnonzero(self._new):
                 self.begin(int(i), seen[i])
-            self._fresh[:] = False
+            self._new[:] = False
         action = np.clip(self.torque(seen) / self.scale, -1.0, 1.0).astype(np.float32)
         return action if observation.ndim == 1 else action[:, None]
 
     def begin(self, i: int, seen: Array) -> None:
-        """A new episode in lane ``i``, of which this is seen first."""
+        """Begin an episode in row ``i`` with its first observations (N,)."""
 
     def torque(self, seen: Array) -> Array:
-        """Torque asked for (n,) [N m] from what is needed (n, N), in SI; it is clipped to what the action spans."""
+        """Requested torque (n,) [N m] from the needed observations (n, N) in SI; :meth:`act` clips it to the action."""
         raise NotImplementedError
 
 
+RENAMED = {"return": "active_return"}  # old name -> new
 BASELINES: Registry[type[Baseline]] = Registry("baseline assist", "steer_env.assists")
 
 
 def register(name: str, baseline: type[Baseline]) -> None:
-    """Make a baseline known: a class that takes the environment and options, by keyword, with standard values."""
+    """Make a baseline known: a class that takes the environment, and options by keyword with standard values."""
     BASELINES.register(name, baseline)
 
 
@@ -102,8 +105,13 @@ def make(name: str, env: Any, **options: Any) -> Baseline:
     Raises
     ------
     ValueError
-        Unknown name or option (the valid ones are listed), a value out of range, or an environment that does not suit.
+        The name or an option is unknown (the message lists the valid ones), a value is out of range, or the baseline
+        cannot act in the environment.
     """
+    if name in RENAMED:
+        text = f"the baseline assist {name!r} is now {RENAMED[name]!r}; the old name goes in release {REMOVED_IN}"
+        warnings.warn(text, DeprecationWarning, stacklevel=2)
+        name = RENAMED[name]
     valid = list(inspect.signature(BASELINES[name]).parameters)[1:]
     for key in options:
         if key not in valid:

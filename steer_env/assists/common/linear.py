@@ -1,9 +1,10 @@
 """Linear baselines: sampled controllers designed for the speed at which an episode starts.
 
-    u = C x + D y, held within what it may ask for;    x <- A x + B y + E u
+    u = C x + D y, limited to its authority;    x <- A x + B y + E u
 
-y is what is observed, u the torque asked for. The model of the design is the assist loop of :mod:`steer_env.vehicle.steering.margins`, the
-handwheel's motion prescribed and the boost curve replaced by its slope, sampled at ``control_dt``.
+y are observations, u is the requested torque. The design model is the assist loop of
+:mod:`steer_env.vehicle.steering.margins` with prescribed handwheel motion, the boost curve replaced by its slope,
+sampled at ``control_dt``.
 """
 
 from collections.abc import Callable
@@ -28,76 +29,78 @@ class Linear(NamedTuple):
 
     A: Array  # (n, n)
     B: Array  # (n, m)
-    E: Array  # (n,) of the torque as it was held within its limit
+    E: Array  # (n,) of the torque after its limit
     C: Array  # (n,)
     D: Array  # (m,)
 
 
 @kernel
-def _step(A, B, E, C, D, limit, seen, x, new, out):
-    """One sample of every lane."""
-    for i in range(seen.shape[0]):
+def _step(controllers, limit, y, x, new, out):
+    """One control step of every row: ``controllers`` is a :class:`Linear` with the rows' matrices one after another."""
+    A, B, E, C, D = controllers
+    for i in range(y.shape[0]):
         u = 0.0
         for j in range(x.shape[1]):
             u += C[i, j] * x[i, j]
-        for j in range(seen.shape[1]):
-            u += D[i, j] * seen[i, j]
+        for j in range(y.shape[1]):
+            u += D[i, j] * y[i, j]
         u = min(max(u, -limit), limit)
         for k in range(x.shape[1]):
             new[k] = E[i, k] * u
             for j in range(x.shape[1]):
                 new[k] += A[i, k, j] * x[i, j]
-            for j in range(seen.shape[1]):
-                new[k] += B[i, k, j] * seen[i, j]
+            for j in range(y.shape[1]):
+                new[k] += B[i, k, j] * y[i, j]
         for k in range(x.shape[1]):
             x[i, k] = new[k]
         out[i] = u
 
 
 class LinearBaseline(Baseline):
-    """A baseline from a design; a subclass gives :meth:`design` and needs the speed first."""
+    """A baseline that is a linear controller; a subclass gives :meth:`design`, and ``speed`` as its first need."""
+
+    authority = 1.0  # largest torque over the action's full scale
 
     def __init__(self, env: Any) -> None:
         super().__init__(env)
         self._designs: dict[float, Linear] = {}
-        self._matrices: list[Array] = []
-        self._bound: Callable[..., None] | None = None
-
-    authority = 1.0  # share of the action's span that it may take
+        self._controllers: Linear | None = None  # of all rows: each matrix has a first axis more
+        self._kernel: Callable[..., None] | None = None
 
     def design(self, speed: float) -> Linear:
         """The controller for a speed [m/s]."""
         raise NotImplementedError
 
     def signals(self, seen: Array) -> Array:
-        """What enters the controller, y (n, m), from what is seen."""
+        """The controller's inputs y (n, m) from the needed observations."""
         return seen[:, 1:].copy()
 
     def begin(self, i: int, seen: Array) -> None:
-        """At rest, with the design for the speed to the nearest metre a second."""
+        """Start at rest, with the design for the speed rounded to whole m/s."""
         speed = float(round(abs(seen[0])))
         if speed not in self._designs:
             self._designs[speed] = self.design(speed)
-        chosen = self._designs[speed]
-        if not self._matrices:
-            self._matrices = [np.zeros((self.n, *matrix.shape)) for matrix in chosen]
-            self._x, self._new = np.zeros((self.n, len(chosen.A))), np.zeros(len(chosen.A))
+        design = self._designs[speed]
+        if self._controllers is None:
+            self._controllers = Linear(*(np.zeros((self.n, *matrix.shape)) for matrix in design))
+            self._x, self._new_x = np.zeros((self.n, len(design.A))), np.zeros(len(design.A))
             self._out = np.zeros(self.n)
-        for held, matrix in zip(self._matrices, chosen):
-            held[i] = matrix
+        for rows, matrix in zip(self._controllers, design):
+            rows[i] = matrix
         self._x[i] = 0.0
 
     def torque(self, seen: Array) -> Array:
-        """What the controller asks for [N m]."""
-        arguments = *self._matrices, self.authority * self.scale, self.signals(seen), self._x, self._new, self._out
-        if self._bound is None:
-            self._bound = bind(_step, *arguments)
-        self._bound(*arguments)
+        """Torque that the controller requests [N m]."""
+        limit = self.authority * self.scale
+        arguments = self._controllers, limit, self.signals(seen), self._x, self._new_x, self._out
+        if self._kernel is None:
+            self._kernel = bind(_step, *arguments)
+        self._kernel(*arguments)
         return self._out.copy()
 
 
 def slopes(car: Car, speed: float) -> list[float]:
-    """Slopes of the boost curve at a speed [m/s], between the torques of the table [1]."""
+    """Slopes of the boost curve [1] at a speed [m/s], one for each interval of the table's torques."""
     from steer_env.vehicle.steering.margins import boost_gain
 
     edges = car.assist.torques
@@ -105,9 +108,10 @@ def slopes(car: Car, speed: float) -> list[float]:
 
 
 def sampled(car: Car, gain: float, speed: float, dt: float) -> "control.StateSpace":
-    """The assisted plant between control steps of ``dt`` [s], inputs held over a step: exact.
+    """The assisted plant sampled at control steps of ``dt`` [s] with inputs that are constant over a step: exact.
 
-    Inputs and outputs as :func:`steer_env.vehicle.steering.margins.assisted_plant`, at a local gain of the boost curve [1].
+    Inputs and outputs are those of :func:`steer_env.vehicle.steering.margins.assisted_plant` at a slope ``gain`` of the
+    boost curve [1].
     """
     import control
 

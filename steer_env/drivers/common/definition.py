@@ -1,18 +1,21 @@
-"""What a driver model is: eyes that give a command every 10 ms, muscles that carry it out late, and arms.
+"""What a driver model is: a preview model that commands an angle every 10 ms, muscles that follow it, and arms.
 
-A model sees the path ahead in the car's frame, as the tasks' ``SIGHT`` has it, lateral speed and yaw rate, and commands
-a handwheel angle. The command waits for ``delay``, muscles lag behind it, and what they intend is a second-order lag:
+The preview model sees the path ahead in the car's frame (lateral offset, heading error and the points of
+``steer_env.courses.preview``), lateral speed and yaw rate, and commands a handwheel angle. The command takes effect
+after ``DELAY``; the muscles follow it with a first-order lag, and the intended angle follows the muscles as a
+second-order lag:
 
-    z = (angle, angle', muscles, commands on their way)         intended angle and speed: the first two of z
+    z = (angle, angle', muscles, commands in the delay line)     intended angle and speed: the first two of z
 
-The arms hold the handwheel by their impedance to the intended angle, with the torque that this angle is known to take,
-and a reflex on the error that is ``REFLEX_DELAY`` old:
+The arms hold the handwheel by their impedance to the intended angle, with the torque that this angle is known to need,
+and a reflex on the error of ``REFLEX_DELAY`` ago:
 
     T1 = K_arm (angle - th1) + C_arm (angle' - th1') - I_arm th1'' + K_steer angle + K_reflex (angle - th1)(t - delay)
 
-A model is one file: parameters (their class selects the kernel), a function that gives the gains for a car at a speed,
-and the kernel from what is seen to the command. Sources: structure and ranges of arms after Pick, Cole, Dynamic
-properties of a driver's arms holding a steering wheel, Proc. IMechE D 221 (2007); values assumed within.
+A driver is one file: a function that makes it, and for a new preview model its parameters (their class selects the
+kernel), a function that gives the gains for a car at a speed, and the kernel that computes the command. Sources:
+structure and ranges of the arms after Pick, Cole, Dynamic properties of a driver's arms holding a steering wheel, Proc.
+IMechE D 221 (2007); values assumed within these ranges.
 """
 
 from collections.abc import Callable
@@ -24,27 +27,26 @@ from numpy.typing import NDArray
 from steer_env.friction.numerics.check import not_negative, number, positive
 from steer_env.friction.numerics.kernel import dispatch, kernel
 from steer_env.friction.numerics.registry import Registry
-from steer_env.tasks.common.definition import NODE
+from steer_env.timing import UPDATE_INTERVAL
 from steer_env.vehicle.cars import Car
 
 Array = NDArray[np.float64]
 
-SAMPLE = NODE  # [s]
 DELAY = 0.12  # from seeing to the muscles' command [s]
-MUSCLE_LAG = 0.05  # of the muscles behind their command, assumed [s]
-ARM_FREQUENCY = 4.0  # natural frequency of what the muscles intend, assumed [Hz]
+MUSCLE_LAG = 0.05  # time constant of the muscles behind their command, assumed [s]
+ARM_FREQUENCY = 4.0  # natural frequency of the intended angle behind the muscles, assumed [Hz]
 ARM_DAMPING = 0.7  # assumed [1]
 REFLEX_DELAY = 0.05  # [s]
 TORQUE_LIMIT = 25.0  # of both hands [N m]
 
-QUEUE = round(DELAY / SAMPLE)  # commands on their way
-REFLEX = round(REFLEX_DELAY / SAMPLE)  # errors on their way
-INTENT = 3 + QUEUE  # size of z
-MEMORY = INTENT + REFLEX
+DELAYED_COMMANDS = round(DELAY / UPDATE_INTERVAL)
+DELAYED_ERRORS = round(REFLEX_DELAY / UPDATE_INTERVAL)
+NEUROMUSCULAR_STATES = 3 + DELAYED_COMMANDS  # size of z
+MEMORY = NEUROMUSCULAR_STATES + DELAYED_ERRORS  # floats of a driver, without the one of its preview model
 
 
 class Arm(NamedTuple):
-    """Arms on the handwheel; :func:`arm` checks."""
+    """Arms on the handwheel; :func:`arm` checks the values."""
 
     inertia: float  # [kg m2]
     damping: float  # [N m s/rad]
@@ -76,7 +78,7 @@ def arm(
     Raises
     ------
     ValueError
-        A value out of range.
+        A value is out of range.
     """
     share = number("co_contraction", co_contraction, minimum=0.0, maximum=1.0)
     ends = [(positive("damping", d), positive("stiffness", k)) for d, k in (relaxed, tensed)]
@@ -84,46 +86,46 @@ def arm(
     return Arm(not_negative("inertia", inertia), damping, stiffness, not_negative("reflex", reflex))
 
 
-# Hands that hold the handwheel as firmly as hands can; the robot of a driver environment.
-ROBOT = Arm(0.0, 4.4, 200.0, 0.0)
-FREE = Arm(0.0, 0.0, 0.0, 0.0)
+# Hands that hold the handwheel as firmly as hands can; for the robot driver.
+ROBOT_ARM = Arm(0.0, 4.4, 200.0, 0.0)
+NO_ARM = Arm(0.0, 0.0, 0.0, 0.0)
 
 
 class Driver(NamedTuple):
-    """A driver model with its arms; :func:`make` checks."""
+    """A driver model with its arms; :func:`make` checks the values."""
 
     name: str
-    eyes: Any  # parameters of a model of seeing; their class selects it
+    preview_model: Any  # its parameters; their class selects it
     arm: Arm
 
 
-class Eyes(NamedTuple):
-    """A registered model of seeing; :func:`register` tells the meaning of the fields."""
+class PreviewModel(NamedTuple):
+    """A registered preview model; :func:`register_preview_model` tells the meaning of the fields."""
 
-    parameters: type
-    gains: Callable[[Any, Car, float], Array]  # parameters, car, speed -> (G,)
+    gains: Callable[[Any, Car, float], Array]
     command: Callable
 
 
-_eyes: dict[type, Eyes] = {}
+PREVIEW_MODELS: dict[type, PreviewModel] = {}  # by the class of their parameters
 DRIVERS: Registry[Callable[..., Driver]] = Registry("driver", "steer_env.drivers")
 
 
-def register_eyes(parameters: type, gains: Callable[[Any, Car, float], Array], command: Callable) -> None:
-    """Make a model of seeing known.
+def register_preview_model(parameters: type, gains: Callable[[Any, Car, float], Array], command: Callable) -> None:
+    """Make a preview model known.
 
     Parameters
     ----------
     parameters : NamedTuple class
     gains : ``(parameters, car, speed) -> (G,) array``
-    command : ``(parameters, gains, sight, lateral_speed, yaw_rate, z, memory) -> float``
-        Handwheel angle [rad] to be on its way now; ``memory`` is one float of the model's own.
+    command : ``(parameters, gains, path, lateral_speed, yaw_rate, z, memory) -> float``
+        Handwheel angle [rad] that enters the delay line now. ``path`` (2 + P,) holds lateral offset, heading error and
+        the lateral positions of the points ahead; ``memory`` is one float of the model's own.
     """
-    _eyes[parameters] = Eyes(parameters, gains, command)
+    PREVIEW_MODELS[parameters] = PreviewModel(gains, command)
 
 
 def register(name: str, maker: Callable[..., Driver]) -> None:
-    """Make a driver known: a function that gives it, its options with their standard values."""
+    """Make a driver known: a function that returns it, its options with their standard values as keywords."""
     DRIVERS.register(name, maker)
 
 
@@ -133,12 +135,12 @@ def available() -> tuple[str, ...]:
 
 
 def make(name: str, **options: Any) -> Driver:
-    """A driver by name; ValueError for a name that there is not, TypeError for an unknown option."""
+    """A driver by name; ValueError for an unknown name, TypeError for an unknown option."""
     return DRIVERS[name](**options)
 
 
 def resolve(driver: Any) -> Driver:
-    """A driver from its name, or as it is."""
+    """A driver by its name, or the driver itself; ValueError for anything else."""
     if isinstance(driver, str):
         return make(driver)
     if not isinstance(driver, Driver):
@@ -147,65 +149,68 @@ def resolve(driver: Any) -> Driver:
 
 
 def gains_of(driver: Driver, car: Car, speed: float) -> Array:
-    """Gains (G,) of a driver's eyes for a car at a speed [m/s]."""
-    return _eyes[type(driver.eyes)].gains(driver.eyes, car, speed)
+    """Gains (G,) of a driver's preview model for a car at a speed [m/s]."""
+    return PREVIEW_MODELS[type(driver.preview_model)].gains(driver.preview_model, car, speed)
 
 
-def command(parameters, gains, sight, lateral_speed, yaw_rate, z, memory):
-    """Handwheel angle [rad] to be on its way now."""
-    return _eyes[type(parameters)].command(parameters, gains, sight, lateral_speed, yaw_rate, z, memory)
+def command(parameters, gains, path, lateral_speed, yaw_rate, z, memory):
+    """Handwheel angle [rad] that enters the delay line now."""
+    return PREVIEW_MODELS[type(parameters)].command(parameters, gains, path, lateral_speed, yaw_rate, z, memory)
 
 
-dispatch(command, lambda parameters, name: getattr(_eyes.get(parameters), name, None))
+dispatch(command, lambda parameters, name: getattr(PREVIEW_MODELS.get(parameters), name, None))
 
 
-def execution() -> Array:
-    """Handwheel angle, its speed and the muscles a sample later (3, 4), from these and the command that arrives."""
-    from scipy import linalg  # here, for it takes longer to import than an environment to start
+def muscle_matrices() -> Array:
+    """Intended angle, its speed and the muscles one update later (3, 4), from these and the command that takes effect.
+
+    Exact for a command that is constant over the update.
+    """
+    from scipy import linalg  # here, because importing it takes longer than starting an environment
 
     omega = 2.0 * np.pi * ARM_FREQUENCY
     A = np.zeros((4, 4))
     A[0, 1], A[1, :3] = 1.0, (-(omega**2), -2.0 * ARM_DAMPING * omega, omega**2)
     A[2, 2], A[2, 3] = -1.0 / MUSCLE_LAG, 1.0 / MUSCLE_LAG
-    return linalg.expm(A * SAMPLE)[:3].copy()
+    return linalg.expm(A * UPDATE_INTERVAL)[:3].copy()
 
 
 @kernel
-def intend(parameters, gains, execution, sight, lateral_speed, yaw_rate, memory):
-    """One sample of a driver: the intended handwheel angle [rad] and speed [rad/s] at its end.
+def neuromuscular_step(parameters, gains, muscles, path, lateral_speed, yaw_rate, memory):
+    """One update of a driver: the intended handwheel angle [rad] and speed [rad/s] at its end.
 
     Parameters
     ----------
-    parameters : of the eyes
+    parameters : of the preview model
     gains : (G,) array
-    execution : (3, 4) array
-        Angle, speed and muscles a sample later, from these and the command that arrives.
-    sight : (17,) array
-        As ``steer_env.tasks.common.terms.SIGHT``.
+    muscles : (3, 4) array
+        As :func:`muscle_matrices`.
+    path : (17,) array
+        As for ``command`` in :func:`register_preview_model`.
     lateral_speed, yaw_rate : float
         [m/s], [rad/s]
     memory : (MEMORY + 1,) array
-        z, the reflex's errors, and the model's own float; changed in place.
+        z, the reflex's errors, and the preview model's own float; changed in place.
     """
-    z = memory[:INTENT]
-    new = command(parameters, gains, sight, lateral_speed, yaw_rate, z, memory[MEMORY:])
-    angle, speed, muscles = 0.0, 0.0, 0.0
+    z = memory[:NEUROMUSCULAR_STATES]
+    new = command(parameters, gains, path, lateral_speed, yaw_rate, z, memory[MEMORY:])
+    angle, speed, activation = 0.0, 0.0, 0.0
     for k in range(4):
-        angle += execution[0, k] * z[k]
-        speed += execution[1, k] * z[k]
-        muscles += execution[2, k] * z[k]
-    z[0], z[1], z[2] = angle, speed, muscles
-    for k in range(3, INTENT - 1):
+        angle += muscles[0, k] * z[k]
+        speed += muscles[1, k] * z[k]
+        activation += muscles[2, k] * z[k]
+    z[0], z[1], z[2] = angle, speed, activation
+    for k in range(3, NEUROMUSCULAR_STATES - 1):
         z[k] = z[k + 1]
-    z[INTENT - 1] = new
+    z[NEUROMUSCULAR_STATES - 1] = new
     return angle, speed
 
 
 @kernel
-def late_error(memory, error, ahead):
-    """The error of the angle [rad] that the reflex answers to ``ahead`` samples from now; takes in the present one."""
-    late = memory[INTENT + ahead]
-    for k in range(INTENT, MEMORY - 1):
+def delayed_error(memory, error, ahead):
+    """Store the present angle error [rad], and return the one that the reflex answers ``ahead`` updates from now."""
+    delayed = memory[NEUROMUSCULAR_STATES + ahead]
+    for k in range(NEUROMUSCULAR_STATES, MEMORY - 1):
         memory[k] = memory[k + 1]
     memory[MEMORY - 1] = error
-    return late
+    return delayed

@@ -1,7 +1,7 @@
-"""Drivers: what turns the handwheel in a closed loop with the car.
+"""Linear-quadratic preview control: its gains, and a driver that prescribes the handwheel angle by it.
 
-A driver is called every ``SAMPLE`` with the time and the car's channels, and answers with the handwheel angle and
-speed at the end of the sample that begins.
+Such a driver is called every ``UPDATE_INTERVAL`` with the time and the car's channels, and returns the handwheel angle
+and speed at the end of the interval that begins.
 """
 
 import math
@@ -11,8 +11,9 @@ import control
 import numpy as np
 from numpy.typing import NDArray
 
-from steer_env.drivers.common.definition import ARM_DAMPING, ARM_FREQUENCY, DELAY, MUSCLE_LAG, SAMPLE
+from steer_env.drivers.common.definition import ARM_DAMPING, ARM_FREQUENCY, DELAY, MUSCLE_LAG
 from steer_env.friction.numerics.check import number
+from steer_env.timing import UPDATE_INTERVAL
 from steer_env.vehicle import chassis, linear, plant
 from steer_env.vehicle.cars import Car
 
@@ -20,7 +21,8 @@ Array = NDArray[np.float64]
 Driver = Callable[[float, Array], tuple[float, float]]  # time [s], channels (C,) -> angle [rad], speed [rad/s]
 
 PREVIEW_TIME = 1.5  # [s]
-EFFORT = 0.03  # lateral offset that is as bad as one radian of handwheel angle, without arms, assumed [m/rad]
+# Lateral offset that costs as much as one radian of handwheel angle, without arms, assumed [m/rad].
+EFFORT = 0.03
 
 
 def held_speed(p: plant.Plant) -> float:
@@ -35,16 +37,16 @@ def gains(
     delay: float = DELAY,
     effort: float = EFFORT,
 ) -> tuple[Array, Array, Array]:
-    """Gains of the LQ preview driver, and how the arms follow its command.
+    """Gains of the linear-quadratic preview driver, and how the arms follow its command.
 
-    The car moves by the linear single track; the command reaches the muscles ``delay`` later, which lag behind it, and
-    the arms turn the handwheel as a second-order lag behind them. Sampled at 10 ms, with states
-    z = (v_y, r, y, psi, angle, angle', muscles, commands on their way),
+    The car is a linear single track. The command reaches the muscles after ``delay``; the muscles follow it with a
+    first-order lag, and the handwheel angle follows the muscles as a second-order lag. Sampled at 10 ms, with states
+    z = (v_y, r, y, psi, angle, angle', muscles, commands in the delay line),
 
         z+ = A z + B u,    u = -K z + sum g_i y_path(k + i),    least sum of (y - y_path)^2 + (effort u)^2
 
-    with K from the Riccati equation and g_i = (R + B'P B)^-1 B' (A - B K)'^(i-1) q, q the cost's row of y: what the
-    shift register of Sharp's preview gives, without its hundred states.
+    with K from the Riccati equation and g_i = (R + B'P B)^-1 B' (A - B K)'^(i-1) q, where q is the cost's row of y.
+    This equals the result of the shift register in Sharp's preview control without its hundred states.
 
     Returns
     -------
@@ -53,18 +55,18 @@ def gains(
     g : (N,) array
         On the path's lateral offset 1 to N samples ahead.
     arms : (3, 4) array
-        Handwheel angle, its speed and the muscles a sample later, from these and the command that arrives.
+        Handwheel angle, its speed and the muscles one update later, from these and the command that takes effect.
 
     Raises
     ------
     ValueError
-        A preview not longer than the delay and the arms' lag, or a value out of range.
+        The preview is not longer than the delay and the arms' lag, or a value is out of range.
 
     Source: Sharp, Valtetsis, Optimal preview car steering control, Vehicle System Dynamics 35 (supplement), 2001.
-    Deviations: delay and arms are in the model; the offset alone is penalised, not the heading.
+    Deviations: the model contains the delay and the arms; the cost contains the lateral offset alone, not the heading.
     """
-    samples = round(number("delay [s]", delay, minimum=SAMPLE, maximum=0.5) / SAMPLE)
-    ahead = round(number("preview_time [s]", preview_time, minimum=delay + 0.3, maximum=5.0) / SAMPLE)
+    samples = round(number("delay [s]", delay, minimum=UPDATE_INTERVAL, maximum=0.5) / UPDATE_INTERVAL)
+    ahead = round(number("preview_time [s]", preview_time, minimum=delay + 0.3, maximum=5.0) / UPDATE_INTERVAL)
     R = number("effort [m/rad]", effort, minimum=0.0, above=True) ** 2
     body, v = model.state_space("handwheel"), model.speed
     omega = 2.0 * math.pi * ARM_FREQUENCY
@@ -73,7 +75,7 @@ def gains(
     A[2, [0, 3]], A[3, 1] = (1.0, v), 1.0
     A[4, 5], A[5, 4:] = 1.0, (-(omega**2), -2.0 * ARM_DAMPING * omega, omega**2)
     A[6, 6], B[6] = -1.0 / MUSCLE_LAG, 1.0 / MUSCLE_LAG
-    sampled = control.c2d(control.ss(A, B, np.eye(7), np.zeros((7, 1))), SAMPLE)
+    sampled = control.c2d(control.ss(A, B, np.eye(7), np.zeros((7, 1))), UPDATE_INTERVAL)
     n = 7 + samples
     whole, enters = np.zeros((n, n)), np.zeros((n, 1))
     whole[:7, :7], whole[:7, 7:8] = sampled.A, sampled.B
@@ -90,7 +92,7 @@ def gains(
 
 
 class _Preview:
-    """A preview driver with what it remembers: handwheel angle and speed, muscles, and the commands on their way."""
+    """A preview driver; its memory is handwheel angle and speed, muscles, and the commands in the delay line."""
 
     def __init__(self, p: plant.Plant, path: Array, K: Array, g: Array, arms: Array) -> None:
         at = {name: i for i, (name, _) in enumerate(plant.channels(p))}
@@ -98,10 +100,10 @@ class _Preview:
         self._motion = [at[name] for name in ("lateral_speed", "yaw_rate")]
         self._speed = at.get("longitudinal_speed")
         self._held, self._path, self._g, self._arms = held_speed(p), path, g, arms
-        # The car's own frame: its y and psi are zero in it.
+        # In the car's frame its own y and psi are zero.
         self._on_motion, self._on_memory = K[:2], K[4:]
         self._memory = np.zeros(K.size - 4)
-        self._times = SAMPLE * np.arange(1, g.size + 1)
+        self._times = UPDATE_INTERVAL * np.arange(1, g.size + 1)
 
     def __call__(self, time: float, row: Array) -> tuple[float, float]:
         x, y, yaw = row[self._pose]
@@ -123,19 +125,19 @@ def preview(
     delay: float = DELAY,
     effort: float = EFFORT,
 ) -> Driver:
-    """A driver who follows a path by looking ahead.
+    """A driver who follows a path by preview control.
 
     Parameters
     ----------
     car : Car
     p : Plant
-        Of that car; the gains are for the speed at which it starts.
+        A plant of that car; the gains are for the speed at which it starts.
     path : (N, 2) array
         x, y of the centre of gravity [m]. Ahead of the car and behind it, the path must not turn back.
     preview_time, delay : float
-        How far the driver looks ahead, and how late the hands act [s].
+        Time that the driver looks ahead, and delay of the hands [s].
     effort : float
-        Lateral offset that is as bad as one radian of handwheel angle [m/rad].
+        Lateral offset that costs as much as one radian of handwheel angle [m/rad].
 
     Raises
     ------

@@ -1,1 +1,1 @@
-"""What manoeuvres share: their declaration, shapes of handwheel motion, and the simulation of one."""
+"""What the manoeuvres share: their declaration, shapes of handwheel motion, and their simulation."""

@@ -1,4 +1,4 @@
-"""What a manoeuvre is, and the registry of them."""
+"""What a manoeuvre is, and how a manoeuvre is registered and made."""
 
 import inspect
 from collections.abc import Callable, Mapping
@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from steer_env.friction.numerics.registry import Registry, dashed
+from steer_env.manoeuvres.common.registry import MANOEUVRES
 from steer_env.vehicle import plant
 from steer_env.vehicle.cars import Car
 from steer_env.vehicle.road import Road
 
 Array = NDArray[np.float64]
-Reach = Callable[[Array], float]  # lateral acceleration (T,) at 1 kHz [m/s2] -> what counts as reached [m/s2]
+Reach = Callable[[Array], float]  # lateral acceleration (T,) at 1 kHz -> the value that it has reached [m/s2]
 
 
 def last_second(acceleration: Array) -> float:
@@ -24,7 +24,7 @@ def last_second(acceleration: Array) -> float:
 
 
 def half_span(acceleration: Array) -> float:
-    """Half of highest less lowest over the second half."""
+    """Half of the difference between the highest and the lowest value in the second half."""
     return 0.5 * float(np.ptp(acceleration[acceleration.size // 2 :]))
 
 
@@ -32,63 +32,69 @@ def half_span(acceleration: Array) -> float:
 class Manoeuvre:
     """One manoeuvre.
 
-    ``hand(t, amplitude)`` gives the handwheel angle [rad] and speed [rad/s] (robot) or the hand torque [N m] and zero.
+    ``hand(t, amplitude)`` returns the handwheel angle [rad] and speed [rad/s] of a steering robot, or the hand torque
+    [N m] and zero.
     """
 
     name: str
-    hands: str  # what they do
+    hands: str  # motion of the hands, in words
     source: str
     speed: float  # [m/s]
     duration: float  # [s]
     hand: Callable[[Array, float], tuple[Array, Array]]
     robot: bool = True
-    released: tuple[float, ...] = ()  # a robot lets go, grips, lets go ... [s]; while free ``hand`` is a torque
-    amplitude: float | None = None  # [rad] or [N m]; None: found for the lateral acceleration
-    lateral_acceleration: float | None = None  # to reach [m/s2]
-    reach: Reach = last_second  # reads from a run of ``trial`` what it reached
-    trial: float | None = None  # duration of the run that finds the amplitude [s]; None: the whole
+    released: tuple[
+        float, ...
+    ] = ()  # times at which a robot lets go, grips, lets go, ... [s]; while it is free, `hand` is a torque
+    amplitude: float | None = None  # [rad] or [N m]; None: found so that the car reaches the lateral acceleration
+    lateral_acceleration: float | None = None  # that the car shall reach [m/s2]
+    reach: Reach = last_second  # the value that a run of the duration `trial` has reached
+    trial: float | None = None  # duration of the runs that find the amplitude [s]; None: the whole duration
     frequency: float | None = None  # of a periodic manoeuvre [Hz]
-    rig: bool = False  # steering on a rig: no rack load, assist off
-    lock: bool = False  # the amplitude is all that the rack has
-    chassis: str = "single_track"  # two_track where the car must be able to stand or to change its speed
-    # Closes the loop in place of ``hand``: called every 10 ms with time [s] and channels (C,), it gives handwheel angle
-    # [rad] and speed [rad/s] 10 ms later.
+    rig: bool = False  # steering on a rig: no rack load, no assist
+    lock: bool = False  # the amplitude is the whole travel of the rack
+    chassis: str = "single_track"  # two_track where the car must stand or change its speed
+    # Closes the loop and replaces `hand`. It is called every 10 ms with the time [s] and the channels (C,), and returns
+    # the handwheel angle [rad] and speed [rad/s] 10 ms later.
     driver: Callable[[Car, plant.Plant], Callable[[float, Array], tuple[float, float]]] | None = None
-    ends_at: float | None = None  # x at which a closed loop ends, before its duration is over [m]
-    coasts_from: float | None = None  # x from which a closed loop runs with the speed hold off; two_track only [m]
-    road: Road | None = None  # heights, split friction, grade, bank; two_track only
-    others: Mapping[int, Callable[[Array], Array]] = field(default_factory=dict)  # further plant inputs over time
-    meta: Mapping[str, Any] = field(default_factory=dict)  # conditions that the metrics need, units in the names
+    ends_at: float | None = None  # x at which a closed loop ends if its duration is not over before [m]
+    coasts_from: float | None = (
+        None  # x from which on the car coasts in a closed loop, without speed control; two_track only [m]
+    )
+    road: Road | None = None  # heights, split friction, grade and bank; two_track only
+    others: Mapping[int, Callable[[Array], Array]] = field(
+        default_factory=dict
+    )  # index of a plant input -> its value over time
+    meta: Mapping[str, Any] = field(
+        default_factory=dict
+    )  # conditions that the metrics need, with the unit in each name
 
     @property
     def definition(self) -> str:
-        """What is driven, in words."""
+        """The manoeuvre in words."""
         aim = f", amplitude for {self.lateral_acceleration:g} m/s2" if self.lateral_acceleration else ""
         place = "on a rig" if self.rig else f"at {3.6 * self.speed:.4g} km/h" if self.speed else "at standstill"
         return f"{self.hands}{aim} {place}."
 
 
-MANOEUVRES: Registry[Callable[..., Manoeuvre]] = Registry("manoeuvre", "steer_env.manoeuvres", dashed)
-
-
 def register(name: str) -> Callable[[Callable[..., Manoeuvre]], Callable[..., Manoeuvre]]:
-    """Make a manoeuvre known under a name: a function that gives it, its options with their standard values."""
+    """Register the decorated function under a name. It returns a manoeuvre; its arguments are the manoeuvre's options.
 
+    The defaults of the arguments are the values of the standard test.
+    """
     return partial(MANOEUVRES.register, name)
 
 
-def available() -> tuple[str, ...]:
-    """Names of the manoeuvres."""
-    return MANOEUVRES.available()
-
-
 def options(name: str) -> tuple[str, ...]:
-    """Options of a manoeuvre; ValueError for a name that there is not."""
+    """Names of the options of a manoeuvre; ValueError for an unknown manoeuvre."""
     return tuple(inspect.signature(MANOEUVRES[name]).parameters)
 
 
 def make(name: str, **chosen: Any) -> Manoeuvre:
-    """A manoeuvre by name, as the standard has it but for the options; ValueError for a name or option there is not."""
+    """A manoeuvre by name, with the values of the standard test except for the chosen options.
+
+    ValueError for an unknown manoeuvre or option.
+    """
     allowed = options(name)
     for key in chosen:
         if key not in allowed:

@@ -1,4 +1,4 @@
-"""Driving a manoeuvre: the plant that it needs, the amplitude that it asks for, and the recording."""
+"""Simulation of a manoeuvre: the plant that it needs, the amplitude of the hands, and the recording."""
 
 from collections.abc import Callable
 from itertools import pairwise
@@ -19,16 +19,16 @@ from steer_env.vehicle.steering import column
 from steer_env.vehicle.steering.eps import SAMPLE_TIME, without_assist
 
 Array = NDArray[np.float64]
-HOLD = 10  # samples between calls of a driver
-REGRIP = 1.0  # in which a robot that grips again is back at its prescribed angle, assumed [s]
+HOLD = 10  # samples between two calls of a driver
+REGRIP = 1.0  # time after which a robot that grips again has its prescribed angle, assumed [s]
 
 
 class LostControlError(ValueError):
-    """The car spun in a manoeuvre, or a driver lost it altogether."""
+    """The car spun in a manoeuvre, or the simulation with a driver diverged."""
 
 
 def build_plant(car: Car, manoeuvre: Manoeuvre, friction: Any, road_friction: float = 1.0) -> plant.Plant:
-    """The plant that a manoeuvre needs: robot or free hands, on the road or on the rig."""
+    """The plant that a manoeuvre needs: with a robot or free hands, on the road or on a rig."""
     p = car.plant(
         friction,
         speed=manoeuvre.speed,
@@ -43,12 +43,12 @@ def build_plant(car: Car, manoeuvre: Manoeuvre, friction: Any, road_friction: fl
 
 
 def inputs(manoeuvre: Manoeuvre, amplitude: float, duration: float) -> Array:
-    """Rows of plant inputs, one a millisecond; each row holds the hand at the end of its sample."""
+    """Plant inputs (T, I), one row per millisecond; a row has the value at the end of its sample."""
     t: Array = SAMPLE_TIME * np.arange(1.0, round(duration / SAMPLE_TIME) + 1.0)
     u = np.zeros((t.size, len(plant.INPUTS)))
     u[:, plant.HAND], u[:, plant.HAND_SPEED] = manoeuvre.hand(t, amplitude)
-    for place, value in manoeuvre.others.items():
-        u[:, place] = value(t)
+    for index, value in manoeuvre.others.items():
+        u[:, index] = value(t)
     return u
 
 
@@ -62,7 +62,7 @@ def find_amplitude(p: plant.Plant, manoeuvre: Manoeuvre) -> float:
     """
     target = positive("lateral_acceleration", manoeuvre.lateral_acceleration)
     amplitude = 0.2
-    for _ in range(10):  # the response is nearly proportional, so each round leaves a small part of the error
+    for _ in range(10):  # the response is nearly proportional, so each round removes most of the error
         record = run(p, manoeuvre, inputs(manoeuvre, amplitude, manoeuvre.trial or manoeuvre.duration))
         reached = manoeuvre.reach(record[:, plant.CHANNEL["lateral_acceleration"]])
         if abs(reached / target - 1.0) < 1e-5:
@@ -80,12 +80,15 @@ def _amplitude(p: plant.Plant, manoeuvre: Manoeuvre) -> float:
 
 
 def _text(value: Any) -> str:
-    """A friction parameter as the command line takes it: a number, or numbers joined by colons."""
+    """A friction parameter in the form of the command line: a number, or numbers joined by colons."""
     return ":".join(map(repr, np.ravel(value).tolist()))
 
 
 def run(p: plant.Plant, manoeuvre: Manoeuvre, u: Array, straight: Array | None = None) -> Array:
-    """Channels (T, C) of a plant that starts straight, from that state if it is known, and gets inputs (T, I)."""
+    """Channels (T, C) of a plant with inputs (T, I) that starts running straight.
+
+    ``straight`` is the state of straight running; it is computed if it is not given.
+    """
     record = np.zeros((len(u), len(plant.channels(p))))
     state = plant.initial_state(p) if straight is None else straight.copy()
     changes = [min(round(t / SAMPLE_TIME), len(u)) for t in manoeuvre.released]
@@ -100,13 +103,13 @@ def run(p: plant.Plant, manoeuvre: Manoeuvre, u: Array, straight: Array | None =
 
 
 def run_closed(car: Car, p: plant.Plant, manoeuvre: Manoeuvre) -> Array:
-    """Channels (T, C) of a plant that starts straight, with the manoeuvre's driver at the handwheel.
+    """Channels (T, C) of a plant that starts running straight, steered by the manoeuvre's driver.
 
-    Between the driver's samples the handwheel angle is a cubic that meets angle and speed at both ends, a hand torque a
-    straight line. A manoeuvre without a driver is a ValueError.
+    Between two calls of the driver the handwheel angle is a cubic with the given angle and speed at both ends; a hand
+    torque is interpolated linearly. ValueError for a manoeuvre without a driver.
     """
     if manoeuvre.driver is None:
-        raise ValueError(f"{manoeuvre.name} has no driver; run it with its inputs")
+        raise ValueError(f"{manoeuvre.name} has no driver: run it with its inputs")
     driver, u = manoeuvre.driver(car, p), inputs(manoeuvre, 0.0, manoeuvre.duration)
     state, row = plant.settled(p)
     record, x = np.zeros((len(u), row.size)), plant.CHANNEL["x"]
@@ -127,20 +130,20 @@ def run_closed(car: Car, p: plant.Plant, manoeuvre: Manoeuvre) -> Array:
         finite = plant.run(p, state, u[part], record[part], 1)
         row = record[done - 1]
         if not finite:
-            row[:] = np.nan  # a state that no channel shows may be the one
+            row[:] = np.nan  # a state that is not finite may appear in no channel
         if not finite or (manoeuvre.ends_at is not None and row[x] >= manoeuvre.ends_at):
             break
     return record[:done]
 
 
 def steering_stiffness(p: plant.Plant, run: Callable = plant.run) -> float:
-    """Hand torque over handwheel angle [N m/rad] of a robot's plant in steady turns, beyond friction.
+    """Slope of hand torque over handwheel angle in steady turns, without friction [N m/rad].
 
-    ``run`` does what :func:`steer_env.vehicle.plant.run` does.
+    The plant is that of a robot; ``run`` has the arguments of :func:`steer_env.vehicle.plant.run`.
     """
     state, row = plant.settled(p, run)
     record, held = row[None].copy(), []
-    for start in (0.0, 0.1):  # turned further the same way, friction drops out of the difference
+    for start in (0.0, 0.1):  # both angles are reached in the same direction, so friction drops out
         t = SAMPLE_TIME * np.arange(1.0, 2001.0)
         u = np.zeros((t.size, len(plant.INPUTS)))
         u[:, plant.HAND], u[:, plant.HAND_SPEED] = ramp_and_hold(t, 0.1, 1.0)
@@ -151,12 +154,12 @@ def steering_stiffness(p: plant.Plant, run: Callable = plant.run) -> float:
 
 
 def steering_ratio(car: Car) -> float:
-    """Handwheel angle over the road wheels' at centre, without compliance [1]."""
+    """Handwheel angle over road-wheel angle at the centre, without compliance [1]."""
     return 1.0 / (car.steering["pinion_radius"] * float(car.strut.solve(0.0, 0.0).per_rack.rotation[2]))
 
 
 def _regripped(u: Array, angle: float, speed: float) -> Array:
-    """Inputs that lead a handwheel from where it is back to what the robot prescribes, without a jerk in its speed."""
+    """Inputs that lead the handwheel smoothly from its angle and speed to those that the robot prescribes."""
     u = u.copy()
     s = np.clip(np.arange(1.0, len(u) + 1.0) * SAMPLE_TIME / REGRIP, 0.0, 1.0)
     off, off_speed = angle - u[0, plant.HAND], REGRIP * (speed - u[0, plant.HAND_SPEED])
@@ -173,43 +176,43 @@ def drive(car: Car, manoeuvre: Manoeuvre, friction: Any = "lugre") -> Recording:
     car : Car
     manoeuvre : Manoeuvre
     friction : str or parameters
-        A law's name, for its defaults, or parameters from ``friction.make``.
+        Name of a law, for its default parameters, or parameters from ``friction.make``.
 
     Returns
     -------
     Recording
-        Channels in SI with their units; ``meta`` names manoeuvre, car, law with its parameters, speed and amplitude.
+        Channels in SI units; ``meta`` names the manoeuvre, the car, the law with its parameters, speed and amplitude.
 
     Raises
     ------
     ValueError
-        Unknown law, an amplitude that cannot be found, a car that spins, or a run that does not stay finite (the state
-        is named).
+        If the law is unknown, no amplitude reaches the lateral acceleration, the car spins, or a state does not stay
+        finite (the message names the state).
     """
     return drive_plant(car, build_plant(car, manoeuvre, friction), manoeuvre)
 
 
-class Course(NamedTuple):
-    """What an open-loop manoeuvre does to a plant; plants that differ in their assist can share it."""
+class OpenLoop(NamedTuple):
+    """The inputs of a plant in an open-loop manoeuvre; plants that differ only in their assist can share them."""
 
-    amplitude: float  # [rad], of a torque [N m]
-    inputs: Array  # (T, I) one row a sample, as the plant's
-    straight: Array  # (S,) state of running straight
+    amplitude: float  # of the handwheel angle [rad] or of the hand torque [N m]
+    inputs: Array  # (T, I) inputs of the plant, one row per sample
+    straight: Array  # (S,) state of straight running
 
 
-def course(p: plant.Plant, manoeuvre: Manoeuvre) -> Course:
-    """The course of a manoeuvre, with the amplitude that it asks for; ValueError where none reaches it."""
+def open_loop(p: plant.Plant, manoeuvre: Manoeuvre) -> OpenLoop:
+    """The inputs of a manoeuvre; ValueError where no amplitude reaches its lateral acceleration."""
     amplitude = _amplitude(p, manoeuvre)
-    return Course(amplitude, inputs(manoeuvre, amplitude, manoeuvre.duration), plant.initial_state(p))
+    return OpenLoop(amplitude, inputs(manoeuvre, amplitude, manoeuvre.duration), plant.initial_state(p))
 
 
-def drive_plant(car: Car, p: plant.Plant, manoeuvre: Manoeuvre, prepared: Course | None = None) -> Recording:
-    """:func:`drive` with a plant from :func:`build_plant`, whose parameters may have been changed since.
+def drive_plant(car: Car, p: plant.Plant, manoeuvre: Manoeuvre, prepared: OpenLoop | None = None) -> Recording:
+    """:func:`drive` with a plant from :func:`build_plant`, whose parameters may have been changed.
 
-    An open loop follows a course of its own, or one that was prepared, perhaps with another assist.
+    In an open loop the inputs are computed for this plant, unless they were prepared, perhaps with another assist.
     """
     if manoeuvre.driver is None:
-        amplitude, u, straight = prepared or course(p, manoeuvre)
+        amplitude, u, straight = prepared or open_loop(p, manoeuvre)
         record = run(p, manoeuvre, u, straight)
         if not np.isfinite(record[-1]).all():
             raise ValueError(f"{manoeuvre.name} diverged: {plant.first_non_finite(p, straight, u)} first")

@@ -1,4 +1,4 @@
-"""What hands do over time: values and rates that start and end without a jerk."""
+"""Shapes of hand motion over time: values and rates that start and end smoothly."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -7,7 +7,7 @@ Array = NDArray[np.float64]
 
 
 def sine(t: Array, amplitude: float, frequency: float) -> tuple[Array, Array]:
-    """Sine that grows over its first cycle, so that the handwheel starts without a jerk; value and rate."""
+    """Value and rate of a sine whose amplitude grows over the first cycle, so that the handwheel starts smoothly."""
     omega = 2.0 * np.pi * frequency
     s = np.clip(t * frequency, 0.0, 1.0)
     envelope = s * s * (3.0 - 2.0 * s)
@@ -19,43 +19,46 @@ def sine(t: Array, amplitude: float, frequency: float) -> tuple[Array, Array]:
 
 
 def ramp_and_hold(t: Array, amplitude: float, rise: float) -> tuple[Array, Array]:
-    """Smooth rise to a level that is held; value and rate."""
+    """Value and rate of a smooth rise to a level that is held."""
     s = np.clip(t / rise, 0.0, 1.0)
     return amplitude * s * s * (3.0 - 2.0 * s), amplitude * 6.0 * s * (1.0 - s) / rise
 
 
 def triangle(t: Array, amplitude: float, frequency: float) -> tuple[Array, Array]:
-    """Triangle wave with rounded corners: nearly constant speed from end to end; value and rate."""
+    """Value and rate of a triangle wave with rounded corners, whose speed is nearly constant from end to end."""
     omega, blunt = 2.0 * np.pi * frequency, 0.995
     s, scale = blunt * np.sin(omega * t), amplitude / np.arcsin(blunt)
     return scale * np.arcsin(s), scale * blunt * omega * np.cos(omega * t) / np.sqrt(1.0 - s * s)
 
 
 def triangle_from_rest(t: Array, amplitude: float, frequency: float) -> tuple[Array, Array]:
-    """Triangle wave whose first quarter is a smooth rise, so that the handwheel starts without a jerk."""
+    """Value and rate of a triangle wave whose first quarter is a smooth rise, so that the handwheel starts smoothly."""
     quarter = 0.25 / frequency
     first, then = ramp_and_hold(t, amplitude, quarter), triangle(t, amplitude, frequency)
     return np.where(t < quarter, first[0], then[0]), np.where(t < quarter, first[1], then[1])
 
 
 def eased(t: Array, duration: float, ease: float) -> tuple[Array, Array]:
-    """Clock that starts and stops smoothly within ``ease`` [s], runs at 1 between and has gone ``duration``; rate."""
+    """Value and rate of a clock that starts and stops smoothly.
 
-    def gone(s: Array) -> Array:  # integral of the smooth rise of the rate
+    The rate rises to 1 and falls to 0 within ``ease`` [s]; at the end the clock shows ``duration`` [s].
+    """
+
+    def elapsed(s: Array) -> Array:  # integral of the smooth rise of the rate
         x = np.clip(s / ease, 0.0, 1.0)
         return ease * (x**3 - 0.5 * x**4) + np.maximum(s - ease, 0.0)
 
     up, down = np.clip(t / ease, 0.0, 1.0), np.clip((t - duration) / ease, 0.0, 1.0)
-    return gone(t) - gone(t - duration), up * up * (3.0 - 2.0 * up) - down * down * (3.0 - 2.0 * down)
+    return elapsed(t) - elapsed(t - duration), up * up * (3.0 - 2.0 * up) - down * down * (3.0 - 2.0 * down)
 
 
 def excursion(t: Array, amplitude: float, rise: float, hold: float, back: float) -> tuple[Array, Array]:
-    """Smooth rise from zero at t = 0, hold and smooth return; value and rate."""
+    """Value and rate of a smooth rise from zero at t = 0, a hold and a smooth return."""
     out, home = ramp_and_hold(t, amplitude, rise), ramp_and_hold(t - rise - hold, amplitude, back)
     return out[0] - home[0], out[1] - home[1]
 
 
 def straight_ramp(t: Array, amplitude: float, rise: float, ease: float = 0.5) -> tuple[Array, Array]:
-    """Ramp of constant rate from zero to a level that is held, its corners eased within ``ease`` [s]; value, rate."""
+    """Value and rate of a linear ramp from zero to a level that is held; the corners are rounded over ``ease`` [s]."""
     clock, rate = eased(t, rise, ease)
     return amplitude * clock / rise, amplitude * rate / rise

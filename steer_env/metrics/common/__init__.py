@@ -1,1 +1,1 @@
-"""What metrics share: their declaration, filtered channels, events, spectra, intervals."""
+"""What the evaluations share: the declaration of metrics, filtered channels, events, spectra and intervals."""

@@ -1,8 +1,9 @@
-"""The 95 % interval of a mean over few repeats, and of a difference of two.
+"""The 95 % interval of a mean over few repeats, and of the difference of two means.
 
-From sixteen repeats on by the bootstrap: percentiles of the means of resamples, taken further out to make up for the
-few values (plain percentiles of ten cover some 90 %). Fewer cannot be resampled usefully (eight normal values are
-covered in 94 % of the cases); Student's t serves there.
+From 16 repeats on, the interval is a bootstrap interval from the percentiles of the means of resamples. The percentiles
+are expanded to correct for the small number of values: plain percentiles of ten values cover the mean in about 90 % of
+the cases. Fewer repeats cannot be resampled usefully (an interval from eight normal values covers the mean in 94 % of
+the cases), so Student's t distribution is used.
 
 Source: Hesterberg, The American Statistician 69 (2015) 371, expanded percentile intervals.
 """
@@ -15,7 +16,7 @@ from scipy import special, stats
 
 LEVEL = 0.95
 RESAMPLES = 1999
-FEWEST = 16  # repeats for a bootstrap; assumed
+FEWEST = 16  # repeats for a bootstrap interval; assumed
 
 
 @cache
@@ -24,12 +25,15 @@ def _resamples(n: int) -> NDArray[np.int64]:
 
 
 def interval(values: NDArray[np.float64]) -> tuple[float, float]:
-    """Lower and upper end for values (n,), one a repeat; NaN for a single one. The draw is seeded, so it repeats."""
+    """Lower and upper end of the interval of the mean of values (n,), one for each repeat.
+
+    The ends are NaN for a single value. The resampling is seeded, so the same values give the same interval.
+    """
     n, mean = values.size, float(values.mean())
     if n < 2:
         return np.nan, np.nan
     error = float(values.std(ddof=1)) / np.sqrt(n)
-    if error <= 1e-12 * abs(mean):  # a simulation repeats itself
+    if error <= 1e-12 * abs(mean):  # the repeats of a simulation are equal
         return mean, mean
     reach = float(special.stdtrit(n - 1, 0.5 + 0.5 * LEVEL))  # quantile of t
     if n < FEWEST:
@@ -40,11 +44,14 @@ def interval(values: NDArray[np.float64]) -> tuple[float, float]:
 
 
 def difference(a: NDArray[np.float64], b: NDArray[np.float64]) -> tuple[float, float, float]:
-    """Mean of ``b`` less mean of ``a`` and its 95 % interval after Welch; NaN ends where either has no repeats."""
+    """Mean of ``b`` minus mean of ``a``, and the ends of its 95 % interval after Welch.
+
+    The ends are NaN where ``a`` or ``b`` has a single value.
+    """
     gap = float(b.mean() - a.mean())
     if min(a.size, b.size) < 2:
         return gap, np.nan, np.nan
-    if max(np.ptp(a), np.ptp(b)) <= 1e-12 * max(abs(a.mean()), abs(b.mean())):  # simulations repeat themselves
+    if max(np.ptp(a), np.ptp(b)) <= 1e-12 * max(abs(a.mean()), abs(b.mean())):  # repeats of a simulation are equal
         return gap, gap, gap
     ends = stats.ttest_ind(b, a, equal_var=False).confidence_interval(LEVEL)
     return gap, float(ends.low), float(ends.high)

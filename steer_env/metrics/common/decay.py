@@ -1,9 +1,9 @@
-"""How an oscillation dies out: a damped cosine about a constant, by least squares; extremes in noise.
+"""Decay of an oscillation: a damped cosine about a constant, fitted by least squares; also extremes in noise.
 
     y = c + exp(-s t) (a cos w t + b sin w t),   damping ratio s / sqrt(s^2 + w^2)
 
-The rate s and the frequency w are searched for; c, a and b follow linearly (variable projection). Unlike the
-logarithmic decrement, the fit takes every sample, so it needs no peak that stands out of the noise.
+The search is over the rate s and the frequency w; c, a and b follow linearly (variable projection). In contrast to the
+logarithmic decrement, the fit uses every sample and needs no peak that stands out of the noise.
 """
 
 from typing import Any, NamedTuple
@@ -16,13 +16,13 @@ from steer_env.metrics.common.definitions import RefusedError
 
 Array = NDArray[np.float64]
 
-EXPLAINED = 0.8  # of the variance that the oscillation must carry; assumed
-SLOWEST, FASTEST = 0.2, 4.0  # frequencies that are searched [Hz]; assumed
-HEAVIEST = 30.0  # rate of decay that is searched [1/s]; assumed
-SAMPLES = 100  # that a fit takes at most: the signal is low-passed
-# Rates of decay and frequencies [1/s, rad/s] out of which the search begins with the best.
+EXPLAINED = 0.8  # fraction of the variance that the oscillation must explain; assumed [1]
+SLOWEST, FASTEST = 0.2, 4.0  # range of frequencies of the search; assumed [Hz]
+HEAVIEST = 30.0  # highest rate of decay; assumed [1/s]
+SAMPLES = 100  # largest number of samples in a fit; the signal is low-passed, so more would add nothing
+# Rates of decay and frequencies [1/s, rad/s]; the search starts at the best pair.
 GRID = np.array([(s, 2 * np.pi * f) for s in (0.3, 1.0, 3.0, 9.0) for f in np.geomspace(SLOWEST, FASTEST, 12)])
-HALF_WIDTH = 0.08  # of the parabola through an extreme [s]; assumed
+HALF_WIDTH = 0.08  # half width of the parabola through an extreme; assumed [s]
 
 
 class Decay(NamedTuple):
@@ -33,26 +33,26 @@ class Decay(NamedTuple):
 
 
 def _basis(t: Array, rate: Any, omega: Any) -> Array:
-    """Of what is linear (..., T, 3), at rates and frequencies (...), orthonormal."""
+    """Orthonormal basis (..., T, 3) of the linear part of the model, for rates and frequencies of shape (...)."""
     wave = np.exp(np.asarray(1j * omega - rate)[..., None] * t)
     return np.linalg.qr(np.stack([np.ones_like(wave.real), wave.real, wave.imag], axis=-1))[0]
 
 
-def _rest(x: Array, t: Array, y: Array) -> Array:
-    """What the best cosine of a rate and a frequency leaves."""
+def _residual(x: Array, t: Array, y: Array) -> Array:
+    """Residual (T,) of the best damped cosine with the rate and frequency ``x``."""
     basis = _basis(t, *x)
     return y - basis @ (y @ basis)
 
 
 def fit(time: Array, y: Array, name: str) -> Decay:
-    """The damped cosine in samples (T,) of a channel ``name`` at ``time`` (T,) [s].
+    """The damped cosine in samples (T,) of the channel ``name`` at ``time`` (T,) [s].
 
-    Raises RefusedError where the cosine leaves more than a fifth of the variance, or does not die out.
+    Raises RefusedError where the cosine leaves more than a fifth of the variance unexplained, or does not decay.
     """
     thin = max(1, time.size // SAMPLES)
     t, y = time[::thin] - time[0], y[::thin]
     start = GRID[np.argmax(np.sum((y @ _basis(t, *GRID.T)) ** 2, axis=-1))]
-    found = optimize.least_squares(_rest, start, method="lm", args=(t, y), x_scale=(1.0, 5.0))
+    found = optimize.least_squares(_residual, start, method="lm", args=(t, y), x_scale=(1.0, 5.0))
     explained = 1 - 2 * found.cost / np.sum((y - y.mean()) ** 2)
     if not (explained >= EXPLAINED and found.x[0] < HEAVIEST and SLOWEST < abs(found.x[1]) / np.pi < 4 * FASTEST):
         raise RefusedError(
@@ -67,9 +67,10 @@ def fit(time: Array, y: Array, name: str) -> Decay:
 
 
 def lowest(time: Array, y: Array, half_width: float = HALF_WIDTH, at: float | None = None) -> tuple[float, float]:
-    """Time [s] and value of the lowest point, at the vertex of a parabola through the samples around it.
+    """Time [s] and value of the lowest point: the vertex of a parabola through the samples around the lowest sample.
 
-    A single lowest sample would be low by the noise. Where it is known to be ``at`` [s], the parabola is read there.
+    The lowest sample itself would be too low because of noise. If the time of the lowest point is known, it is given as
+    ``at`` [s], and the parabola is evaluated there.
     """
     k = int(np.argmin(y if at is None else np.abs(time - at)))
     near = np.abs(time - time[k]) <= half_width
@@ -79,14 +80,14 @@ def lowest(time: Array, y: Array, half_width: float = HALF_WIDTH, at: float | No
     c0, c1, c2 = np.linalg.solve(powers @ powers.T, powers @ y[near]) / half_width ** np.arange(3)
     if at is not None:
         return at, float(c0 + (at - time[k]) * (c1 + (at - time[k]) * c2))
-    if c2 <= 0:  # at the end of the samples, or flat
+    if c2 <= 0:  # the samples end at the lowest point, or are flat
         return float(time[k]), float(y[k])
     place = float(np.clip(-c1 / (2 * c2), -half_width, half_width))
     return float(time[k]) + place, float(c0 + place * (c1 + place * c2))
 
 
 def last_outside(time: Array, y: Array, band: float) -> float:
-    """When ``|y|`` last comes inside ``band`` [s], interpolated; the first instant if it is never outside."""
+    """Time at which ``|y|`` last enters ``band`` [s], interpolated; the first instant if it is never outside."""
     outside = np.flatnonzero(np.abs(y) > band)
     if outside.size == 0:
         return float(time[0])
@@ -98,7 +99,7 @@ def last_outside(time: Array, y: Array, band: float) -> float:
 
 
 def first_below(time: Array, y: Array, level: float, name: str) -> float:
-    """When y first falls through ``level`` [s], interpolated; refused where it does not."""
+    """Time at which y first falls through ``level`` [s], interpolated; RefusedError where it does not."""
     below = np.flatnonzero(y < level)
     if below.size == 0 or below[0] == 0:
         raise RefusedError(

@@ -1,6 +1,7 @@
-"""Events of a recording with free hands: where the hands let go, and where they gave a pulse.
+"""Events of a recording with free hands: where the hands let go of the handwheel, and where they gave a pulse.
 
-Both are found in the hand torque, low-passed with zero phase: half the height of its fall is where it was before.
+Both are found in the hand torque, which is low-passed without a phase shift: the filtered fall passes half its height
+at the same time as the unfiltered one.
 """
 
 from functools import cache
@@ -10,35 +11,36 @@ from numpy.typing import NDArray
 
 from steer_env.metrics.common.definitions import RefusedError
 from steer_env.metrics.common.events import integral, runs
-from steer_env.metrics.common.reading import ANGLE, AY, TORQUE, Reading
+from steer_env.metrics.common.filtered_channels import ANGLE, AY, TORQUE, FilteredChannels
 from steer_env.recording.recording import Recording
-from steer_env.vehicle.chassis.single_track import GRAVITY as G
+from steer_env.vehicle.constants import GRAVITY as G
 
 Array = NDArray[np.float64]
 
 CUTOFF = 5.0  # low-pass [Hz]
-GRIP, FREE = 0.5, 0.25  # of the held torque: above and below it the hands hold and are off; assumed
-FALL = 0.3  # in which the torque goes from the one to the other, with the low-pass [s]; assumed
-BEFORE = (-0.65, -0.15)  # where what is held is read, from the release on [s]; the low-pass blurs 0.15 s
-STEADY = 0.1  # change over the last second of the hold, of what is held; assumed
-LONGEST = 1.5  # of a pulse [s]; assumed
+# Fractions of the held torque: the hands hold the handwheel above the first and are off below the second; assumed [1].
+GRIP, FREE = 0.5, 0.25
+FALL = 0.3  # longest time of the torque from the one to the other, the low-pass included [s]; assumed
+BEFORE = (-0.65, -0.15)  # section in which the held values are read, from the release [s]; the low-pass blurs 0.15 s
+STEADY = 0.1  # largest change over the last second of the hold, as a fraction of the held value; assumed [1]
+LONGEST = 1.5  # longest pulse [s]; assumed
 
 
 class Events:
-    """Alike events of a recording; every channel is counted positive towards the event's own side.
+    """Events of one kind in a recording; every channel is counted positive towards the event's own side.
 
-    ``start`` (n,) are the instants from which times count [s], ``side`` (n,) is 1 for left and -1 for right.
+    ``start`` (n,) are the instants from which times count [s]; ``side`` (n,) is 1 for left and -1 for right.
     """
 
     def __init__(self, recording: Recording, free: float) -> None:
-        self.smooth, self.free = Reading(recording, CUTOFF), free
+        self.smooth, self.free = FilteredChannels(recording, CUTOFF), free
         self.time = recording.time
         self.start, self.side = np.zeros(0), np.zeros(0)
         self._integral = cache(lambda name: integral(self.time, self.smooth[name]))
-        self.zero = cache(self._zero)  # what a channel counts from, at an event
+        self.zero = cache(self._zero)  # (name, event) -> the value from which a channel counts at that event
 
-    def part(self, name: str, event: int, begin: float, end: float) -> tuple[Array, Array]:
-        """Time from the start of an event [s] and the channel, from ``begin`` to ``end`` after it."""
+    def section(self, name: str, event: int, begin: float, end: float) -> tuple[Array, Array]:
+        """Time from the start of an event [s] and the channel, from ``begin`` to ``end`` after the start."""
         t = self.time - self.start[event]
         inside = (t >= begin) & (t <= end)
         if inside.sum() < 5:
@@ -59,9 +61,9 @@ class Events:
 
 
 class Releases(Events):
-    """Where hands that held the handwheel let go for ``free`` seconds or longer.
+    """The places where hands that held the handwheel let go of it for ``free`` seconds or longer.
 
-    Raises RefusedError if there is no such place, or the turn before it was not steady.
+    Raises RefusedError if there is no such place, or if the turn before a release was not steady.
     """
 
     def __init__(self, recording: Recording, free: float) -> None:
@@ -81,20 +83,21 @@ class Releases(Events):
         self.held(ANGLE)
 
     def _let_go(self, size: Array, a: int, b: int, level: float) -> bool:
+        """Whether a run of small torques is a release: long enough, and with a held torque right before it."""
         if a == 0 or self.time[b - 1] - self.time[a] < self.free - FALL or self.time[a] < self.time[0] + 1.3:
             return False
         before = (self.time >= self.time[a] - FALL) & (self.time < self.time[a])
         return bool(size[before].max() > GRIP * level)
 
     def _fall(self, size: Array, a: int) -> float:
-        """Where the size falls through half of what it was in the second before."""
+        """Time at which the size falls through half of its mean in the half second before the fall [s]."""
         before = (self.time > self.time[a] - 0.8) & (self.time < self.time[a] - FALL)
         half = 0.5 * float(size[before].mean())
         k = int(np.flatnonzero(size[: a + 1] >= half)[-1])
         return float(np.interp(-half, -size[k : k + 2], self.time[k : k + 2]))
 
     def held(self, name: str) -> Array:
-        """What a channel was (n,) before the release; refused if it ran against the handwheel or was not steady."""
+        """Mean (n,) of a channel before the release; refused if it opposed the handwheel angle or was not steady."""
         now, earlier = self.mean(name, *BEFORE), self.mean(name, BEFORE[0] - 0.5, BEFORE[1] - 0.5)
         if np.any(now <= 0):
             raise RefusedError(f"{name} does not follow {ANGLE}: check the signs, a left turn is positive in both")
@@ -108,10 +111,10 @@ class Releases(Events):
 
 
 class Pulses(Events):
-    """Where the hands gave a short pulse of torque and then let go for ``free`` seconds or longer.
+    """The places where the hands gave a short pulse of torque and then let go for ``free`` seconds or longer.
 
-    Times count from where the torque has fallen to half its peak; the mean of the half second before the pulse is taken
-    off every channel.
+    Times count from where the torque has fallen to half its peak. The mean of the half second before the pulse is
+    subtracted from every channel.
     """
 
     def __init__(self, recording: Recording, free: float) -> None:
@@ -140,11 +143,11 @@ class Pulses(Events):
         self.start, self.side, self._begin = np.array(start), np.array(side), np.array(begin)
 
     def _zero(self, name: str, event: int) -> float:
-        """Mean before the pulse."""
+        """Mean of a channel in the half second before the pulse."""
         straight = (self.time > self._begin[event] - 0.5) & (self.time < self._begin[event])
         return float(self.smooth[name][straight].mean())
 
     def peak_acceleration(self) -> float:
         """Largest lateral acceleration of the pulses [g]."""
-        parts = (self.part(AY, k, -1.0, 2.0)[1] for k in range(len(self)))
-        return max(float(np.quantile(np.abs(y), 0.99)) for y in parts) / G
+        sections = (self.section(AY, k, -1.0, 2.0)[1] for k in range(len(self)))
+        return max(float(np.quantile(np.abs(y), 0.99)) for y in sections) / G

@@ -1,30 +1,30 @@
-"""How much of a low-passed channel is noise, judged from what the low-pass takes out."""
+"""How much of a low-passed channel is noise, estimated from the part that the low-pass removes."""
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import signal
 
-from steer_env.metrics.common.reading import Reading
+from steer_env.metrics.common.filtered_channels import FilteredChannels
 from steer_env.recording.recording import low_pass
 
 
-def white(reading: Reading, name: str, cutoff: float) -> float:
+def white(channels: FilteredChannels, name: str, cutoff: float) -> float:
     """Standard deviation of the white noise in a channel before its low-pass at ``cutoff`` [Hz], in the channel's unit.
 
-    All that is above the cutoff is taken for noise of a white spectrum, and its median size for its deviation, so that
-    a few jumps do not count.
+    Everything above the cutoff is taken to be white noise. The deviation is estimated from the median of its size, so
+    that a few jumps have no influence.
     """
-    smooth = reading[name]  # first, for it refuses what cannot be read
-    above = reading.recording[name] - smooth
+    smooth = channels[name]  # first, because this refuses a channel that cannot be used
+    above = channels.recording[name] - smooth
     deviation = 1.4826 * float(np.median(np.abs(above - np.median(above))))
-    return deviation / float(np.sqrt(np.mean((1 - _gain(reading, cutoff)) ** 2)))
+    return deviation / float(np.sqrt(np.mean((1 - _gain(channels, cutoff)) ** 2)))
 
 
-def in_band(reading: Reading, name: str, cutoff: float) -> float:
-    """Standard deviation that white noise leaves in a channel low-passed at ``cutoff`` [Hz], in the channel's unit."""
-    return white(reading, name, cutoff) * float(np.sqrt(np.mean(_gain(reading, cutoff) ** 2)))
+def in_band(channels: FilteredChannels, name: str, cutoff: float) -> float:
+    """Standard deviation of the white noise left in a channel low-passed at ``cutoff`` [Hz], in the channel's unit."""
+    return white(channels, name, cutoff) * float(np.sqrt(np.mean(_gain(channels, cutoff) ** 2)))
 
 
-def _gain(reading: Reading, cutoff: float) -> NDArray[np.float64]:
-    """Of the low-pass, forwards and backwards, at frequencies up to half the sampling rate."""
-    return np.abs(signal.sosfreqz(low_pass(cutoff, reading.recording.rate), 4096)[1]) ** (2 * reading.passes)
+def _gain(channels: FilteredChannels, cutoff: float) -> NDArray[np.float64]:
+    """Gain of the low-pass, applied forwards and backwards, at frequencies up to half the sampling rate."""
+    return np.abs(signal.sosfreqz(low_pass(cutoff, channels.recording.rate), 4096)[1]) ** (2 * channels.passes)

@@ -1,4 +1,4 @@
-"""Slow ways from straight ahead into a turn, found in a recording: what the steady circles and the transition share."""
+"""Slow ramps from straight ahead into a turn, found in a recording; the steady circles and the transition use them."""
 
 from typing import NamedTuple
 
@@ -11,7 +11,7 @@ Array = NDArray[np.float64]
 
 
 class Ramp(NamedTuple):
-    """Samples ``[start, end)`` in which a channel goes from small to its largest, and the side it goes to."""
+    """Samples ``[start, end)`` in which a channel rises from a small to its largest size, and the side of the turn."""
 
     start: int
     end: int
@@ -19,10 +19,10 @@ class Ramp(NamedTuple):
 
 
 def find(time: Array, values: Array, part: float = 0.5) -> list[Ramp]:
-    """The ramps in a channel (T,): every stretch on one side of zero that gets to ``part`` of its largest size.
+    """The ramps in a channel (T,): every section on one side of zero that reaches ``part`` of the largest size.
 
-    Each begins where the channel last was within 5 % of the largest size, and ends where it first gets to 99.5 % of
-    the most that it gets to in a mean over a second.
+    A ramp begins where the channel was last within 5 % of the largest size. It ends where the channel first reaches
+    99.5 % of the highest mean over one second.
     """
     second = max(round(1.0 / (time[1] - time[0])), 1)
     size = np.abs(values).max()
@@ -39,12 +39,15 @@ def find(time: Array, values: Array, part: float = 0.5) -> list[Ramp]:
 
 
 def running_mean(values: Array, count: int) -> Array:
-    """Mean of every ``count`` samples in a row of a channel (T,)."""
+    """Mean of every ``count`` consecutive samples of a channel (T,)."""
     total = np.cumsum(np.append(0.0, values))
     return (total[count:] - total[:-count]) / count
 
 
 def within(values: Array, low: float, high: float) -> slice | None:
-    """From where a rising channel (T,) first gets to ``low`` to where it first gets to ``high``; None if nowhere."""
+    """Samples from where a rising channel (T,) first reaches ``low`` to where it first reaches ``high``.
+
+    None if it does not reach ``high``, or reaches it less than eight samples after ``low``.
+    """
     first, last = np.flatnonzero(values >= low), np.flatnonzero(values >= high)
     return slice(int(first[0]), int(last[0]) + 1) if last.size and last[0] - first[0] >= 8 else None

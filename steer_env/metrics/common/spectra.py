@@ -1,13 +1,15 @@
-"""Frequency responses of a car to its handwheel: what the swept sine and random steering have in common.
+"""Spectra of a recording's segments, and frequency responses of the car to its handwheel computed from them.
 
     S_xy = (H + H_1 d + H_2 d^2) S_xx        coherence^2 = |S_xy|^2/(S_xx S_yy)
 
-The spectra are sums over segments of the recording: whole sweeps, or Welch's overlapping segments. H is fitted to them
-at the distances d from a frequency, by least squares within a triangle of +-0.1 Hz: a mean alone would flatten the
-resonance. Coherence is of means over the triangle. Leaving out one segment after the other gives the jackknife's
-pseudo-values n v - (n - 1) v_i, of which a metric is the mean; they are its repeats. Segments that overlap by half
-under Hann's window are nearly independent (Welch 1967) but for phases; two neighbours at a time are left out. What the
-window smears of a bent response is taken back by the curvature of the fit.
+The spectra are sums over segments of the recording: whole sweeps, or Welch's overlapping segments. H at a frequency is
+fitted to the spectra at the distances d from it, by least squares with the weights of a triangle of +-0.1 Hz; a mean
+alone would flatten the resonance. The coherence is that of means over the triangle. The curvature of the fit also
+corrects for the smearing of a curved response by the window.
+
+The repeats of a metric are the jackknife's pseudo-values n v - (n - 1) v_i, where v_i is the value without segment i;
+the metric is their mean. Segments that overlap by half under Hann's window are nearly independent (Welch 1967) except
+for their phases, so two neighbours are left out at a time.
 
 Source: Bendat, Piersol, Random Data, 2010, sections 6.2 and 9.2; the local polynomial after Pintelon, Schoukens, System
 Identification, 2012, section 7.2; Efron, Tibshirani 1993, chapter 11.
@@ -23,73 +25,73 @@ from scipy import signal, stats
 
 from steer_env.metrics.common import events
 from steer_env.metrics.common.definitions import RefusedError
-from steer_env.metrics.common.reading import ANGLE, Reading
+from steer_env.metrics.common.filtered_channels import ANGLE, FilteredChannels
 from steer_env.recording.recording import Recording
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complexfloating[Any, Any]]
-Segments = Callable[[Array, Array], list[slice]]  # (time, angle) -> parts of the recording
+Segments = Callable[[Array, Array], list[slice]]  # (time, angle) -> segments of the recording
 
-CUTOFF = 10.0  # low-pass, of input and output alike [Hz]
-SPACING, TRIANGLE = 0.05, 0.1  # of the frequencies read, half width of the fit around each [Hz]; assumed
-STILL = 0.5  # before a sweep that belongs to its segment [s]
-COHERENT = 0.9  # squared coherence from which on a response means something; assumed, common practice
-EXCITED = 0.01  # of the median power of the handwheel angle: less is no excitation; assumed
+CUTOFF = 10.0  # low-pass of input and output alike [Hz]
+SPACING, TRIANGLE = 0.05, 0.1  # spacing of the frequencies, half width of the fit around each; assumed [Hz]
+STILL = 0.5  # time before a sweep that belongs to its segment [s]
+COHERENT = 0.9  # least squared coherence of a meaningful response; assumed, common practice [1]
+EXCITED = 0.01  # least power of the handwheel angle, as a fraction of its median over frequency; assumed [1]
 
 
 class Curve(NamedTuple):
-    """A frequency response with 95 % intervals, for figures; every field (F,)."""
+    """A frequency response with 95 % intervals, for plots; every field has shape (F,)."""
 
     frequency: Array  # [Hz]
     response: Complex  # output over input [SI]
     coherence: Array  # squared [1]
-    gain_low: Array  # lower end for the size of the response [SI]
+    gain_low: Array  # lower end of the interval of the response's size [SI]
     gain_high: Array  # upper end [SI]
-    phase_low: Array  # lower end for its phase [rad]
+    phase_low: Array  # lower end of the interval of the response's phase [rad]
     phase_high: Array  # upper end [rad]
 
 
 class Spectra:
-    """Spectra of the segments of a recording, and what is read from them.
+    """Spectra of the segments of a recording, and the frequency responses from them.
 
     Parameters
     ----------
     recording : Recording
-    asked : mapping
-        Conditions ``lowest_hz``, ``highest_hz``: what is read.
+    conditions : mapping
+        Conditions ``lowest_hz`` and ``highest_hz``: the band that is read.
     segments : callable
         Finds the segments from time and handwheel angle.
     window : str
-        Of a segment.
+        Window of a segment, a name that scipy knows.
     fewest : int
-        Segments needed.
-    what : str
-        Says so where there are fewer.
+        Least number of segments.
+    shortage : str
+        What is said where there are fewer, after their number.
     still : float
-        Time that every segment begins with before the handwheel moves [s]. A straight line through what a channel reads
-        there is taken off: the drift of its sensor.
+        Time before the handwheel moves with which every segment begins [s]. The straight line through a channel in
+        these times is subtracted: it is the drift of the sensor.
     together : int
-        Segments in a row that count as one repeat.
+        Number of consecutive segments that count as one repeat.
     """
 
     def __init__(
         self,
         recording: Recording,
-        asked: Mapping[str, Any],
+        conditions: Mapping[str, Any],
         segments: Segments,
         window: str,
         fewest: int,
-        what: str,
+        shortage: str,
         still: float = 0.0,
         together: int = 1,
     ) -> None:
         self.rate, self._window, self._still = recording.rate, window, still
-        self._smooth = Reading(recording, CUTOFF)
-        self._parts = segments(self._smooth.time, self._smooth[ANGLE])
-        if len(self._parts) < fewest:
-            raise RefusedError(f"{len(self._parts)} {what}")
-        self.count, self._together = len(self._parts) // together, together
-        low, high = asked["lowest_hz"], asked["highest_hz"]
+        self._smooth = FilteredChannels(recording, CUTOFF)
+        self._segments = segments(self._smooth.time, self._smooth[ANGLE])
+        if len(self._segments) < fewest:
+            raise RefusedError(f"{len(self._segments)} {shortage}")
+        self.count, self._together = len(self._segments) // together, together
+        low, high = conditions["lowest_hz"], conditions["highest_hz"]
         self.frequency = low + SPACING * np.arange(round((high - low) / SPACING) + 1)
         self._power, self._transform = cache(self._powers), cache(self._transforms)
         self._weights = cache(self._weigh)
@@ -103,21 +105,21 @@ class Spectra:
             )
 
     def _transforms(self, name: str) -> list[Complex]:
-        """Of each segment less its mean, from 0 Hz to beyond the frequencies read; its size squared is a density."""
+        """Fourier transform of each segment less its mean, from 0 Hz to above the band; its square is a density."""
         channel, time = self._smooth[name], self._smooth.time
-        rest = [np.arange(part.start, part.start + round(self._still * self.rate)) for part in self._parts]
+        rest = [np.arange(segment.start, segment.start + round(self._still * self.rate)) for segment in self._segments]
         still = np.concatenate(rest)
-        if still.size:  # a sensor's drift would be most of what there is at low frequencies
+        if still.size:  # the drift of a sensor would dominate at low frequencies
             channel = channel - np.polyval(np.polyfit(time[still], channel[still], 1), time)
         found: list[Complex] = []
-        for part in self._parts:
-            window, near, _ = self._weights(part.stop - part.start)
-            values = channel[part] - channel[part].mean()
-            found.append(np.fft.rfft(window * values)[:near])  # no padding: so an offset does not leak
+        for segment in self._segments:
+            window, near, _ = self._weights(segment.stop - segment.start)
+            values = channel[segment] - channel[segment].mean()
+            found.append(np.fft.rfft(window * values)[:near])  # without padding, an offset does not leak
         return found
 
     def _weigh(self, size: int) -> tuple[Array, int, Array]:
-        """Window of a segment (T,), bins read of its transform, and what sums these to moments (bins, F, 5)."""
+        """Window of a segment (T,), number of bins of its transform, and the weights of the moments (bins, F, 5)."""
         window = signal.get_window(self._window, size)
         f = np.fft.rfftfreq(size, 1.0 / self.rate)
         near = int(np.count_nonzero(f < self.frequency[-1] + 2 * TRIANGLE))
@@ -130,30 +132,31 @@ class Spectra:
         )
 
     def _powers(self, x: str, y: str) -> Complex:
-        """Moments (n, F, 5) of the cross power of each segment around each frequency; of the power where x is y.
+        """Moments (n, F, 5) of the cross power of each repeat around each frequency; of the power where x is y.
 
-        Energy per frequency times bins per frequency.
+        Their unit is energy per frequency times bins per frequency.
         """
         found = []
-        for part, u, v in zip(self._parts, self._transform(x), self._transform(y)):
-            weights = self._weights(part.stop - part.start)[2]
+        for segment, u, v in zip(self._segments, self._transform(x), self._transform(y)):
+            weights = self._weights(segment.stop - segment.start)[2]
             power = (u.conj() * v) @ weights.reshape(len(u), -1).astype(complex)
             found.append(power.reshape(weights.shape[1:]))
-        # of segments that overlap, neighbours are left out together
+        # Overlapping neighbours count as one repeat, so that the jackknife leaves them out together.
         return np.add.reduceat(np.array(found), np.arange(0, len(found) - self._together + 1, self._together))
 
     def _resolution(self) -> float:
-        """Second moment of the window's power over frequency, by which it smears a bent response [triangles squared].
+        """Second moment of the window's power over frequency, by which it smears a curved response [triangles squared].
 
-        That of its slope over that of the window, by Parseval; none where the segment ends at rest.
+        By Parseval it is the energy of the window's slope over the energy of the window. It is zero for a segment that
+        ends at rest, whose window is constant.
         """
-        part = self._parts[0]
-        window = self._weights(part.stop - part.start)[0]
+        segment = self._segments[0]
+        window = self._weights(segment.stop - segment.start)[0]
         moment = np.sum(np.diff(window) ** 2) * self.rate**2 / (4.0 * np.pi**2 * np.sum(window**2))
         return float(moment) / TRIANGLE**2
 
     def _responses(self, name: str) -> tuple[Complex, Complex]:
-        """Response (F,) of all segments, and (n, F) with each of them left out, over the handwheel angle."""
+        """Response (F,) to the handwheel angle from all repeats, and (n, F) without each of them."""
         place = np.add.outer(np.arange(3), np.arange(3))
         xx, xy = self._power(ANGLE, ANGLE).real, self._power(ANGLE, name)[..., :3]
 
@@ -164,7 +167,7 @@ class Spectra:
         return fit(xx.sum(axis=0), xy.sum(axis=0)), fit(xx.sum(axis=0) - xx, xy.sum(axis=0) - xy)
 
     def _coherences(self, name: str) -> tuple[Array, Array]:
-        """Squared coherence (F,) of all segments, and (n, F) with each of them left out."""
+        """Squared coherence (F,) of all repeats, and (n, F) without each of them."""
         powers = [self._power(*pair)[..., 0] for pair in ((ANGLE, ANGLE), (name, name), (ANGLE, name))]
         (xx, yy, xy), (a, b, c) = [p.sum(axis=0) for p in powers], [p.sum(axis=0) - p for p in powers]
         return np.abs(xy) ** 2 / (xx.real * yy.real), np.abs(c) ** 2 / (a.real * b.real)
@@ -178,11 +181,11 @@ class Spectra:
         if not coherence[k] >= COHERENT:
             raise RefusedError(
                 f"coherence of {name} is {coherence[k]:.2f} at {self.frequency[k]:.2f} Hz, below {COHERENT:g}: "
-                "steer further, keep other inputs away, or record longer"
+                "steer further, avoid other inputs, or record longer"
             )
 
     def pseudo_values(self, name: str, read: Callable[[Array, Complex], float]) -> Array:
-        """Jackknife's pseudo-values (n,) of ``read(frequency, response)``."""
+        """The jackknife's pseudo-values (n,) of ``read(frequency, response)``."""
         response, without = self.responses(name)
         return self._jackknife(read(self.frequency, response), [read(self.frequency, h) for h in without])
 
@@ -190,17 +193,17 @@ class Spectra:
         return self.count * np.asarray(whole) - (self.count - 1) * np.asarray(without)
 
     def lowest_coherence(self, name: str) -> Array:
-        """Pseudo-values (n,) of the squared coherence where it is lowest."""
+        """Pseudo-values (n,) of the squared coherence at the frequency at which it is lowest."""
         whole, without = self.coherences(name)
         k = int(np.argmin(whole))
         return self._jackknife(whole[k], without[:, k])
 
     def curve(self, name: str) -> Curve:
-        """Response of a channel to the handwheel angle with its interval."""
+        """Response of a channel to the handwheel angle, with its intervals."""
         response, without = self.responses(name)
         t = stats.t.ppf(0.975, self.count - 1)
         gain = self._jackknife(np.log(np.abs(response)), np.log(np.abs(without)))
-        turn = self._jackknife(0.0, np.angle(without / response))  # the phase around that of all segments
+        turn = self._jackknife(0.0, np.angle(without / response))  # phase relative to that from all repeats
         phase = np.unwrap(np.angle(response))
         (g, dg), (p, dp) = ((v.mean(axis=0), t * stats.sem(v, axis=0)) for v in (gain, turn))
         return Curve(
@@ -215,7 +218,7 @@ class Spectra:
 
 
 def sweeps(time: Array, angle: Array) -> list[slice]:
-    """The stretches of steering between rests of a second or more, with up to two seconds of rest after each."""
+    """The sections of steering between rests of a second or more, each with up to two seconds of rest after it."""
     each = time[1] - time[0]
     middle = float(np.median(angle))
     steered = np.abs(angle - middle) > 0.05 * np.abs(angle - middle).max()

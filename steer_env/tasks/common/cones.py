@@ -1,4 +1,4 @@
-"""What lane-change tasks share: the cones of a course after ISO 3888, and the reward of passing them."""
+"""What lane-change tasks share: the cones of a course after ISO 3888, and the terms for touching them."""
 
 import math
 from collections.abc import Mapping
@@ -11,41 +11,42 @@ from numpy.typing import NDArray
 from steer_env.courses import iso3888, path
 from steer_env.friction.numerics.kernel import kernel
 from steer_env.manoeuvres.double_lane_change import APPROACH, RUN_OUT
-from steer_env.tasks.common.definition import NODE, SUM, TASKS, Case, Figure, Scenery, Setting, Term
-from steer_env.tasks.common.feel import judge_feel
+from steer_env.tasks.common.definition import SUM, TASKS, EpisodeContext, EpisodeMetric, EpisodeSetup, Scenery, Term
+from steer_env.tasks.common.feel import evaluate_feel
 from steer_env.tasks.common.path_following import (
-    FOLLOWING_FIGURES,
     FOLLOWING_MEMORY,
-    judge_action,
-    judge_following,
-    lost,
-    see,
+    FOLLOWING_METRICS,
+    PATH_OBSERVATIONS,
+    evaluate_following,
+    left_lane,
+    observe_path,
 )
-from steer_env.tasks.common.terms import COSTS, SIGHT
+from steer_env.tasks.common.terms import COMMON_COSTS, evaluate_action
+from steer_env.timing import UPDATE_INTERVAL
 from steer_env.vehicle.plant import CHANNEL
 
 Array = NDArray[np.float64]
 
-LEFT_COURSE = 4.0  # from the path, where nothing is left to be learnt [m]
-SLACK = 1.5  # time for a run over that at the held speed
-BEHIND, BEYOND = 20.0, 80.0  # of the path, kept before the start and after the end [m]
-CONES = 64  # a course has fewer
+COURSE_HALF_WIDTH = 4.0  # lateral offset from the path that ends an episode: nothing is learnt beyond it [m]
+TIME_RATIO = 1.5  # time for a run over the time that the course takes at the held speed [1]
+BEHIND, BEYOND = 20.0, 80.0  # length of the path before the start and after the end [m]
+MAX_CONES = 64  # a course has fewer
 
-# Layout of the case's values: the course's end, the car's outline, then x, y of the cones.
+# Layout of the episode's data: the course's end, the car's outline, then x, y of the cones.
 _END, _LENGTH, _WIDTH, _CENTRE, _FIRST = range(5)
 _X, _Y, _YAW = CHANNEL["x"], CHANNEL["y"], CHANNEL["yaw_angle"]
 
 
-class Cones(NamedTuple):
-    """The driver's rules."""
+class DriverCones(NamedTuple):
+    """Parameters of the driver's tasks."""
 
-    left_course: float  # [m]
+    half_width: float  # lateral offset that ends an episode [m]
 
 
-class AssistedCones(NamedTuple):
-    """The assist's rules."""
+class AssistCones(NamedTuple):
+    """Parameters of the assist's task."""
 
-    left_course: float  # [m]
+    half_width: float  # lateral offset that ends an episode [m]
 
 
 @lru_cache(maxsize=16)
@@ -68,107 +69,119 @@ def _course(manoeuvre: str, size: iso3888.Outline) -> tuple[Array, Array, float]
     return path.through(points), np.concatenate([course.left, course.right]) + np.array([APPROACH, 0.0]), end
 
 
-def starter(name: str, manoeuvre: str, coasts: bool = False):
-    """Episodes of the task ``name`` through the course of a manoeuvre; ``coasts``: throttle released on entry."""
+def setup_drawer(name: str, manoeuvre: str, coasts: bool = False):
+    """The ``draw_setup`` of a task on a manoeuvre's course; ``coasts``: with the throttle released on entry."""
 
-    def start(rng: np.random.Generator, setting: Setting, options: Mapping[str, float]) -> Case:
+    def draw_setup(rng: np.random.Generator, context: EpisodeContext, options: Mapping[str, float]) -> EpisodeSetup:
         task = TASKS[name]
         side = -1.0 if rng.random() < 0.5 else 1.0
         if "mirrored" in options:
-            side = -1.0 if task.checked("mirrored", options["mirrored"]) else 1.0
-        offset = task.chosen(rng, options, "entry_offset", -0.2, 0.2)
-        heading = task.chosen(rng, options, "entry_heading", -0.01, 0.01)
-        size = iso3888.outline(setting.car)
+            side = -1.0 if task.checked_option("mirrored", options["mirrored"]) else 1.0
+        offset = task.draw_option(rng, options, "entry_offset", -0.2, 0.2)
+        heading = task.draw_option(rng, options, "entry_heading", -0.01, 0.01)
+        size = iso3888.outline(context.car)
         road, cones, end = _course(manoeuvre, size)
-        values = np.concatenate([[end, *size], (cones * [1.0, side]).ravel()])
-        t = NODE * np.arange(math.ceil(SLACK * end / setting.speed / NODE) + 1)
-        column = (t >= APPROACH / setting.speed).astype(float) if coasts else np.zeros(t.size)
-        return Case(column[:, None], path=road * [1.0, side, side, side], values=values, pose=(0.0, offset, heading))
+        data = np.concatenate([[end, *size], (cones * [1.0, side]).ravel()])
+        t = UPDATE_INTERVAL * np.arange(math.ceil(TIME_RATIO * end / context.speed / UPDATE_INTERVAL) + 1)
+        column = (t >= APPROACH / context.speed).astype(float) if coasts else np.zeros(t.size)
+        return EpisodeSetup(
+            column[:, None], path=road * [1.0, side, side, side], data=data, pose=(0.0, offset, heading)
+        )
 
-    return start
-
-
-@kernel
-def look(rules, row, path, values, now, memory, situation):
-    see(row, path, now, memory, situation)
+    return draw_setup
 
 
 @kernel
-def _newly_hit(row, values, memory):
-    """Cones that the car's outline touches for the first time; each is remembered in the memory after the path's."""
-    c, s = math.cos(row[_YAW]), math.sin(row[_YAW])
-    half_length, half_width = 0.5 * values[_LENGTH], 0.5 * values[_WIDTH]
-    hit = 0.0
-    for k in range((values.size - _FIRST) // 2):
-        ahead, left = values[_FIRST + 2 * k] - row[_X], values[_FIRST + 2 * k + 1] - row[_Y]
-        if abs(c * ahead + s * left - values[_CENTRE]) < half_length and abs(c * left - s * ahead) < half_width:
-            hit += 1.0 - memory[FOLLOWING_MEMORY + k]
+def observe(parameters, channels, path, data, step, memory, observations):
+    observe_path(channels, path, step, memory, observations)
+
+
+@kernel
+def _newly_touched(channels, data, memory):
+    """Number of cones that the car's outline touches for the first time; the memory holds 1 for each touched cone."""
+    c, s = math.cos(channels[_YAW]), math.sin(channels[_YAW])
+    half_length, half_width = 0.5 * data[_LENGTH], 0.5 * data[_WIDTH]
+    touched = 0.0
+    for k in range((data.size - _FIRST) // 2):
+        ahead, left = data[_FIRST + 2 * k] - channels[_X], data[_FIRST + 2 * k + 1] - channels[_Y]
+        if abs(c * ahead + s * left - data[_CENTRE]) < half_length and abs(c * left - s * ahead) < half_width:
+            touched += 1.0 - memory[FOLLOWING_MEMORY + k]
             memory[FOLLOWING_MEMORY + k] = 1.0
-    return hit
+    return touched
 
 
 @kernel
-def _ended(rules, row, situation, values):
-    return lost(situation, rules.left_course) or row[_X] >= values[_END]
+def _ended(parameters, channels, observations, data):
+    return left_lane(observations, parameters.half_width) or channels[_X] >= data[_END]
 
 
 @kernel
-def judge(rules, row, situation, values, now, memory, rewards, costs, figures):
-    judge_following(row, situation, now, memory, rewards, costs, figures)
-    judge_action(now, 3, rewards)
-    hit = _newly_hit(row, values, memory)
-    rewards[5] += hit
-    costs[3] += hit
-    figures[5] = hit
-    if lost(situation, rules.left_course):
+def evaluate(parameters, channels, observations, data, step, memory, rewards, costs, metrics):
+    evaluate_following(channels, observations, step, memory, rewards, costs, metrics)
+    evaluate_action(step, 3, rewards)
+    touched = _newly_touched(channels, data, memory)
+    rewards[5] += touched
+    costs[3] += touched
+    metrics[5] = touched
+    if left_lane(observations, parameters.half_width):
         rewards[6] += 1.0
-    return _ended(rules, row, situation, values)
+    return _ended(parameters, channels, observations, data)
 
 
 @kernel
-def judge_assist(rules, row, situation, values, now, memory, rewards, costs, figures):
-    judge_following(row, situation, now, memory, rewards, costs, figures)
-    judge_feel(row, now, 3, rewards)
-    hit = _newly_hit(row, values, memory)
-    rewards[6] += hit
-    costs[3] += hit
-    figures[5] = hit
-    if lost(situation, rules.left_course):
+def evaluate_assist(parameters, channels, observations, data, step, memory, rewards, costs, metrics):
+    evaluate_following(channels, observations, step, memory, rewards, costs, metrics)
+    evaluate_feel(channels, step, 3, rewards)
+    touched = _newly_touched(channels, data, memory)
+    rewards[6] += touched
+    costs[3] += touched
+    metrics[5] = touched
+    if left_lane(observations, parameters.half_width):
         rewards[7] += 1.0
-    return _ended(rules, row, situation, values)
+    return _ended(parameters, channels, observations, data)
 
 
-def _scenery(row: Array, situation: Array, values: Array, memory: Array) -> Scenery:
-    cones = values[_FIRST:].reshape(-1, 2)
+def _scenery(channels: Array, observations: Array, data: Array, memory: Array) -> Scenery:
+    cones = data[_FIRST:].reshape(-1, 2)
     return Scenery(cones=np.column_stack([cones, memory[FOLLOWING_MEMORY : FOLLOWING_MEMORY + len(cones)]]))
 
 
-LOSSES = (
-    Term("cones", -10.0, "1", "cones touched for the first time"),
-    Term("departure", -100.0, "1", f"more than {LEFT_COURSE:g} m from the path, or across it"),
+CONE_REWARDS = (
+    Term("cones", -10.0, "1", "number of cones touched for the first time"),
+    Term(
+        "departure",
+        -100.0,
+        "1",
+        f"1 when the car is more than {COURSE_HALF_WIDTH:g} m from the path or points across it",
+    ),
 )
-_COSTS = (*COSTS, Term("cones", 1.0, "1", "cones touched for the first time"))
-# The common figures are five; hits follow them.
-_FIGURES = (*FOLLOWING_FIGURES[:5], Figure("cones_hit", "1", SUM, "each once"), *FOLLOWING_FIGURES[5:])
+_COSTS = (*COMMON_COSTS, Term("cones", 1.0, "1", "number of cones touched for the first time"))
+# The cones follow the five common metrics.
+_METRICS = (
+    *FOLLOWING_METRICS[:5],
+    EpisodeMetric("cones_hit", "1", SUM, "number of cones touched, each counted once"),
+    *FOLLOWING_METRICS[5:],
+)
 _OPTIONS = {
-    "mirrored": (0.0, 1.0, "1 for a side lane to the right"),
-    "entry_offset": (-1.0, 1.0, "of the start, left positive [m]"),
-    "entry_heading": (-0.1, 0.1, "of the start, left positive [rad]"),
+    "mirrored": (0.0, 1.0, "1 for a side lane to the right, 0 for one to the left"),
+    "entry_offset": (-1.0, 1.0, "lateral offset of the start, left positive [m]"),
+    "entry_heading": (-0.1, 0.1, "heading of the start, left positive [rad]"),
 }
 SHARED: dict[str, Any] = {
-    "situation": SIGHT,
+    "task_observations": PATH_OBSERVATIONS,
     "costs": _COSTS,
-    "figures": _FIGURES,
+    "metrics": _METRICS,
     "begins": (
-        f"{APPROACH:g} m before the first cone at the held speed, up to 0.2 m beside the middle, 0.01 rad askew; the "
-        "side lane lies to the left or to the right. All of it is drawn. The course fits the car's width; the path is "
-        "the smoothest that leaves half of each lane's clearance."
+        f"The car starts {APPROACH:g} m before the first cone at the held speed, at most 0.2 m beside the lane's "
+        "middle and at most 0.01 rad askew; the side lane lies to the left or to the right. All three are drawn. "
+        "The course fits the car's width; the path is the smoothest one that keeps half of each lane's clearance."
     ),
     "ends": (
-        f"Terminates {RUN_OUT:g} m behind the last cone, or {LEFT_COURSE:g} m from the path or across it; truncates "
-        f"after {SLACK:g} times the time for the course."
+        f"The episode terminates {RUN_OUT:g} m behind the last cone, or when the car is more than "
+        f"{COURSE_HALF_WIDTH:g} m from the path or points across it. It is truncated after {TIME_RATIO:g} times the "
+        "time that the course takes at the held speed."
     ),
     "options": _OPTIONS,
-    "memory": FOLLOWING_MEMORY + CONES,
+    "memory_size": FOLLOWING_MEMORY + MAX_CONES,
     "scenery": _scenery,
 }

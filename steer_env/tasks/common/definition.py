@@ -1,9 +1,10 @@
-"""What a task is, the registry of tasks, and the two dispatch points that the lanes' kernel calls.
+"""What a task is, the registry of tasks, and the two dispatch points that the engine's kernels call.
 
-A task is one file: its declaration (action, observations, terms, texts) with a function that draws a case, and two
-kernels, ``look`` (where the car stands in the case) and ``judge`` (what it earned). The class of the task's rules
-selects the kernels at compile time, as with friction laws. Docstrings, spaces and documentation are drawn from the
-declaration. Kernels know nothing of the law or the chassis: they read channels, so they compile once.
+A task is one file: its declaration (action, observations, terms, texts) with a function that draws an episode's setup,
+and two kernels, ``observe`` (where the car is relative to the path or target) and ``evaluate_step`` (reward terms,
+costs and metrics). The class of the task's parameters selects the kernels at compile time, as with friction laws.
+Docstrings, spaces and documentation are generated from the declaration. The kernels read channels and depend neither on
+the friction law nor on the chassis, so they compile once.
 """
 
 import math
@@ -19,27 +20,21 @@ from steer_env.friction.numerics.kernel import dispatch
 from steer_env.friction.numerics.registry import Registry, camel_case
 from steer_env.vehicle.cars import Car
 from steer_env.vehicle.chassis.common.interface import ASSIST_REQUEST, HAND
-from steer_env.vehicle.steering.eps import SAMPLE_TIME
 
 Array = NDArray[np.float64]
 
-PER_NODE = 10  # samples of 1 ms
-NODE = (
-    PER_NODE * SAMPLE_TIME
-)  # a case's inputs are given at this spacing, persons act at it, and every step is judged at it [s]
-
 
 class Quantity(NamedTuple):
-    """Something observed."""
+    """An observation."""
 
     name: str
     unit: str
-    bound: float  # the space spans +- this
+    bound: float  # the observation space spans +- this
     meaning: str = ""
 
 
 class Term(NamedTuple):
-    """A term of the reward or of the cost: weight times a quantity that ``judge`` gives, integrated over the step."""
+    """A term of the reward or of the cost: weight times a quantity of ``evaluate_step``, integrated over the step."""
 
     name: str
     weight: float  # [1/unit of the quantity]
@@ -47,8 +42,8 @@ class Term(NamedTuple):
     meaning: str
 
 
-class Figure(NamedTuple):
-    """A figure of the whole episode, in ``info["metrics"]`` at its end."""
+class EpisodeMetric(NamedTuple):
+    """A metric of the whole episode, in ``info["metrics"]`` at its end."""
 
     name: str
     unit: str
@@ -70,39 +65,39 @@ class Action(NamedTuple):
 
 HAND_TORQUE = Action("hand torque, left positive", "N m", 10.0, HAND)
 ASSIST_TORQUE = Action(
-    "assist torque at the column, left positive, on top of the boost curve's", "N m", 5.0, ASSIST_REQUEST
+    "assist torque at the column, left positive, added to the boost curve's torque", "N m", 5.0, ASSIST_REQUEST
 )
 
 
-class Now(NamedTuple):
-    """The moment at which kernels look and judge."""
+class StepContext(NamedTuple):
+    """The moment at which the kernels observe and evaluate."""
 
     time: float  # since the start [s]
-    dt: float  # since the last judgement [s]
+    dt: float  # since the last evaluation [s]
     speed: float  # forward [m/s]
     action: float  # clipped to [-1, 1]
-    rate: float  # of the action [1/s]
+    action_rate: float  # [1/s]
 
 
-class Setting(NamedTuple):
-    """In what a case is drawn."""
+class EpisodeContext(NamedTuple):
+    """What is known of an episode before its setup is drawn."""
 
     car: Car
-    speed: float  # held [m/s]
+    speed: float  # held speed [m/s]
 
 
-class Case(NamedTuple):
-    """One episode's case."""
+class EpisodeSetup(NamedTuple):
+    """What is particular to one episode."""
 
-    nodes: Array  # (N + 1, M) scripted inputs every ``NODE`` from the start, columns as the task's ``scripted``
+    scripted_inputs: Array  # (U, M) at every update of 10 ms from the start, columns as the task's ``scripted_inputs``
     path: Array | None = None  # (P, 4) as :func:`steer_env.courses.path.from_curvature`
-    values: Array | None = None  # (V,) what the kernels need to know of the case, as the task lays it out
+    data: Array | None = None  # (V,) numbers that the kernels need of the episode, as the task lays them out
     pose: tuple[float, float, float] = (0.0, 0.0, 0.0)  # start: x, y [m], yaw angle [rad]
-    released: float | None = None  # time from which nobody holds the handwheel [s]
+    release_time: float | None = None  # time from which on nobody holds the handwheel [s]
 
 
 class Scenery(NamedTuple):
-    """What a picture shows of a case besides its path."""
+    """What a picture shows of an episode besides its path."""
 
     cones: Array | None = None  # (N, 3) x, y [m], 1 where touched
     wanted_angle: float | None = None  # of the handwheel [rad]
@@ -110,7 +105,7 @@ class Scenery(NamedTuple):
 
 SPEED = Quantity("speed", "m/s", 100.0, "forward speed")  # observed in every task
 # Plant channels that tasks observe, with their bounds.
-CHANNELS = {
+OBSERVABLE_CHANNELS = {
     quantity.name: quantity
     for quantity in (
         Quantity("handwheel_angle", "rad", 12.0),
@@ -124,9 +119,9 @@ CHANNELS = {
         Quantity("rack_force", "N", 15e3),
     )
 }
-STEERING = ("handwheel_angle", "handwheel_speed", "torsion_bar_torque", "lateral_acceleration", "yaw_rate")
-DRIVING = (*STEERING, "lateral_speed")
-ASSISTING = (*STEERING, "column_speed", "motor_torque")
+STEERING_CHANNELS = ("handwheel_angle", "handwheel_speed", "torsion_bar_torque", "lateral_acceleration", "yaw_rate")
+DRIVER_CHANNELS = (*STEERING_CHANNELS, "lateral_speed")
+ASSIST_CHANNELS = (*STEERING_CHANNELS, "column_speed", "motor_torque")
 
 
 @dataclass(frozen=True)
@@ -135,40 +130,40 @@ class Task:
 
     name: str  # of the id, ``<Role><Scenario>``
     summary: str  # what is to be done, for the docstring's first lines
-    rules: Any  # NamedTuple of what the kernels need; its class selects them
+    parameters: Any  # NamedTuple of what the kernels need; its class selects them
     action: Action
-    channels: tuple[str, ...]
-    situation: tuple[Quantity, ...]  # observed besides, from ``look``
+    channels: tuple[str, ...]  # observed first
+    task_observations: tuple[Quantity, ...]  # observed after the channels and the speed, from ``observe``
     rewards: tuple[Term, ...]
     costs: tuple[Term, ...]
-    figures: tuple[Figure, ...]
-    start: Callable[[np.random.Generator, Setting, Mapping[str, float]], Case]
+    metrics: tuple[EpisodeMetric, ...]
+    draw_setup: Callable[[np.random.Generator, EpisodeContext, Mapping[str, float]], EpisodeSetup]
     begins: str  # how an episode starts, in words
-    ends: str  # what ends it
+    ends: str  # what ends an episode, in words
     speed: float  # held, by default [m/s]
-    speeds: tuple[float, float] = (3.0, math.inf)  # that make sense, assumed, where the chassis allows them [m/s]
-    scripted: tuple[int, ...] = ()  # plant inputs that the case prescribes
-    robot: bool = False  # handwheel angle prescribed
-    person: bool = False  # a driver model holds the handwheel and follows the path
+    speed_range: tuple[float, float] = (3.0, math.inf)  # sensible speeds, assumed, where the chassis allows them [m/s]
+    scripted_inputs: tuple[int, ...] = ()  # plant inputs that the setup prescribes
+    robot: bool = False  # whether the handwheel angle is prescribed
+    driver_in_loop: bool = False  # whether a driver model holds the handwheel and follows the path
     chassis: tuple[str, ...] = ("single_track", "two_track")  # that it can run on, the default first
     options: Mapping[str, tuple[float, float, str]] = field(default_factory=dict)  # of reset: low, high, meaning [unit]
-    memory: int = 0  # floats that the kernels remember
+    memory_size: int = 0  # floats that the kernels remember
     lane_half_width: float | None = None  # of the path's lane, for the picture [m]
-    scenery: Callable[[Array, Array, Array, Array], Scenery] | None = None  # of (row, situation, values, memory)
+    scenery: Callable[[Array, Array, Array, Array], Scenery] | None = None  # (channels, observations, data, memory)
 
     @property
     def observed(self) -> tuple[Quantity, ...]:
-        """Every observation in its place."""
-        return (*(CHANNELS[name] for name in self.channels), SPEED, *self.situation)
+        """All observations in their order."""
+        return (*(OBSERVABLE_CHANNELS[name] for name in self.channels), SPEED, *self.task_observations)
 
-    def chosen(
+    def draw_option(
         self, rng: np.random.Generator, options: Mapping[str, float], name: str, low: float, high: float
     ) -> float:
-        """An option of the case: drawn evenly from its usual range, or as ``reset`` fixed it."""
-        drawn = float(rng.uniform(low, high))  # drawn either way: the same stream of numbers
-        return drawn if name not in options else self.checked(name, options[name])
+        """An option of the episode: drawn uniformly from its usual range, or as ``reset`` fixed it."""
+        drawn = float(rng.uniform(low, high))  # drawn in both cases, so that later draws stay the same
+        return drawn if name not in options else self.checked_option(name, options[name])
 
-    def checked(self, name: str, value: Any) -> float:
+    def checked_option(self, name: str, value: Any) -> float:
         """The value of a reset option; ValueError outside its range."""
         low, high, _ = self.options[name]
         return number(f"reset option {name!r}", value, minimum=low, maximum=high)
@@ -178,20 +173,20 @@ TASKS: Registry[Task] = Registry("task", "steer_env.tasks", camel_case)
 _kernels: dict[type, dict[str, Callable]] = {}
 
 
-def register(task: Task, look: Callable, judge: Callable) -> Task:
+def register(task: Task, observe: Callable, evaluate_step: Callable) -> Task:
     """Make a task known.
 
     Parameters
     ----------
     task : Task
-    look : ``(rules, row, path, values, now, memory, situation) -> None``
-        The situation in SI, from the plant's channels ``row`` and the :class:`Case`.
-    judge : ``(rules, row, situation, values, now, memory, rewards, costs, figures) -> bool``
-        Adds the quantity of every reward and cost over the last ``now.dt`` to what the arrays hold, gives every figure
-        its present value (a SUM what it grew by), and tells whether the episode ends.
+    observe : ``(parameters, channels, path, data, step, memory, observations) -> None``
+        Writes the task's observations in SI, from the plant's channels and the :class:`EpisodeSetup`.
+    evaluate_step : ``(parameters, channels, observations, data, step, memory, rewards, costs, metrics) -> bool``
+        Adds the quantity of every reward and cost over the last ``step.dt`` to what the arrays hold, gives every metric
+        its present value (a SUM its increment), and returns whether the episode ends.
     """
     TASKS.register(task.name, task)
-    _kernels[type(task.rules)] = {"look": look, "judge": judge}
+    _kernels[type(task.parameters)] = {"observe": observe, "evaluate_step": evaluate_step}
     return task
 
 
@@ -205,15 +200,17 @@ def task(name: str) -> Task:
     return TASKS[name]
 
 
-def look(rules, row, path, values, now, memory, situation):
-    """Where the car stands in the case."""
-    _kernels[type(rules)]["look"](rules, row, path, values, now, memory, situation)
+def observe(parameters, channels, path, data, step, memory, observations):
+    """Where the car is relative to the path or target."""
+    _kernels[type(parameters)]["observe"](parameters, channels, path, data, step, memory, observations)
 
 
-def judge(rules, row, situation, values, now, memory, rewards, costs, figures):
-    """What the last ``now.dt`` earned."""
-    return _kernels[type(rules)]["judge"](rules, row, situation, values, now, memory, rewards, costs, figures)
+def evaluate_step(parameters, channels, observations, data, step, memory, rewards, costs, metrics):
+    """Reward terms, costs and metrics of the last ``step.dt``; whether the episode ends."""
+    return _kernels[type(parameters)]["evaluate_step"](
+        parameters, channels, observations, data, step, memory, rewards, costs, metrics
+    )
 
 
-for _point in (look, judge):
-    dispatch(_point, lambda rules, name: _kernels.get(rules, {}).get(name))
+for _point in (observe, evaluate_step):
+    dispatch(_point, lambda parameters, name: _kernels.get(parameters, {}).get(name))

@@ -1,16 +1,21 @@
-"""Inputs of a case from a manoeuvre's definition: the same that the test battery drives."""
+"""Scripted inputs from a manoeuvre's definition: the same that the test battery drives."""
 
 import numpy as np
 from numpy.typing import NDArray
 
 from steer_env.manoeuvres.common.definition import Manoeuvre
-from steer_env.tasks.common.definition import NODE
+from steer_env.timing import UPDATE_INTERVAL
 from steer_env.vehicle.chassis.common.interface import HAND, HAND_SPEED
 
 HANDS = (HAND, HAND_SPEED)
 
 
-def nodes(manoeuvre: Manoeuvre, amplitude: float, duration: float) -> NDArray[np.float64]:
-    """Handwheel angle [rad] and speed [rad/s] (N + 1, 2) at the nodes."""
-    t: NDArray[np.float64] = NODE * np.arange(round(duration / NODE) + 1.0)
-    return np.column_stack(manoeuvre.hand(t, amplitude))
+def update_times(duration: float) -> NDArray[np.float64]:
+    """Times (U,) of the updates of an episode, its start and end included [s]."""
+    times: NDArray[np.float64] = UPDATE_INTERVAL * np.arange(round(duration / UPDATE_INTERVAL) + 1.0)
+    return times
+
+
+def hand_motion(manoeuvre: Manoeuvre, amplitude: float, duration: float) -> NDArray[np.float64]:
+    """Handwheel angle [rad] and speed [rad/s] (U, 2) at every update."""
+    return np.column_stack(manoeuvre.hand(update_times(duration), amplitude))

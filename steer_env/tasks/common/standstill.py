@@ -1,17 +1,14 @@
 """What tasks of a standing car share."""
 
-from steer_env.tasks.common.definition import Setting, Term
-from steer_env.tasks.common.feel import RATE_SCALE
+from steer_env.tasks.common.definition import EpisodeContext
+from steer_env.tasks.common.terms import action_terms
 
 CREEPING = (0.0, 3.0)  # speeds, assumed [m/s]
-TWO_TRACK = ("two_track",)  # only there a car can stand
+TWO_TRACK = ("two_track",)  # the only chassis on which a car can stand
 
-ACTION_TERMS = (
-    Term("effort", -0.01, "s", "squared action"),
-    Term("smoothness", -0.01 / RATE_SCALE**2, "1/s", "squared rate of the action"),
-)
+ACTION_TERMS = action_terms(0.01)
 
 
-def lock(setting: Setting) -> float:
+def angle_at_lock(context: EpisodeContext) -> float:
     """Handwheel angle at the rack's end stop [rad]."""
-    return setting.car.steering["rack_limit"] / setting.car.steering["pinion_radius"]
+    return context.car.steering["rack_limit"] / context.car.steering["pinion_radius"]

@@ -1,61 +1,70 @@
-"""Costs and figures that every task has, and what tasks with a path share."""
+"""Costs and metrics that every task has, and the terms for the action."""
 
 import math
 
 from steer_env.friction.numerics.bounds import within
 from steer_env.friction.numerics.kernel import kernel
-from steer_env.tasks.common.definition import NODE, PEAK, RMS, SUM, Figure, Quantity, Term
+from steer_env.tasks.common.definition import PEAK, RMS, SUM, EpisodeMetric, Term
+from steer_env.timing import UPDATE_INTERVAL
 from steer_env.vehicle.plant import CHANNEL
 
-HAND_TORQUE_LIMIT = 8.0  # beyond it steering is heavy work at speed, assumed [N m]
-SIDESLIP_LIMIT = math.radians(5.0)  # lateral over forward speed; passenger-car drivers hold less, assumed
-JERK_LIMIT = 15.0  # lateral, some three times what a brisk lane change asks for on centre, assumed [m/s3]
+HAND_TORQUE_LIMIT = 8.0  # above it steering is heavy work at speed, assumed [N m]
+SIDESLIP_LIMIT = math.radians(5.0)  # lateral over forward speed; passenger-car drivers stay below, assumed
+JERK_LIMIT = 15.0  # lateral, some three times what a brisk lane change needs on centre, assumed [m/s3]
+RATE_SCALE = 10.0  # of the action, in the terms for its smoothness [1/s]
 
-COSTS = (
+COMMON_COSTS = (
     Term("hand_torque", 1.0, "s", f"time with a hand torque above {HAND_TORQUE_LIMIT:g} N m"),
     Term("stability", 1.0, "s", "time with a sideslip angle above 5 deg"),
     Term("comfort", 1.0, "s", f"time with a lateral jerk above {JERK_LIMIT:g} m/s3"),
 )
-FIGURES = (
-    Figure("peak_lateral_acceleration", "m/s2", PEAK, "of the centre of gravity"),
-    Figure("peak_sideslip", "rad", PEAK, "lateral over forward speed"),
-    Figure("rms_hand_torque", "N m", RMS, "what the hands feel"),
-    Figure("rms_handwheel_speed", "rad/s", RMS, "how busy they are"),
-    Figure("steering_work", "J", SUM, "of the hands, either way"),
+COMMON_METRICS = (
+    EpisodeMetric("peak_lateral_acceleration", "m/s2", PEAK, "lateral acceleration of the centre of gravity"),
+    EpisodeMetric("peak_sideslip", "rad", PEAK, "sideslip: lateral over forward speed"),
+    EpisodeMetric("rms_hand_torque", "N m", RMS, "hand torque"),
+    EpisodeMetric("rms_handwheel_speed", "rad/s", RMS, "handwheel speed"),
+    EpisodeMetric("steering_work", "J", SUM, "size of the hands' work in both directions"),
 )
-MEMORY = 2  # floats at the start of a task's memory: the last node's lateral acceleration, and whether there was one
+# Floats at the start of a task's memory: the lateral acceleration at the last update, and whether there was one.
+COMMON_MEMORY = 2
 
-PREVIEW = tuple(0.1 * k for k in range(1, 16))  # [s]; published preview drivers look 1.0 to 1.5 s ahead
-SIGHT = (
-    Quantity("lateral_offset", "m", 5.0, "from the path, left of it positive"),
-    Quantity("heading_error", "rad", math.pi, "against the path, left positive"),
-    *(
-        Quantity(f"path_{t:.1f}s", "m", 30.0, f"lateral place of the path {t:.1f} s ahead in the car's frame")
-        for t in PREVIEW
-    ),
-)
+
+def action_terms(weight: float) -> tuple[Term, Term]:
+    """The reward terms for effort and smoothness of the action; ``weight`` is a positive price."""
+    return (
+        Term("effort", -weight, "s", "squared action"),
+        Term("smoothness", -weight / RATE_SCALE**2, "1/s", "squared rate of the action"),
+    )
+
 
 _TORQUE, _SPEED = CHANNEL["handwheel_torque"], CHANNEL["handwheel_speed"]
 _ACCELERATION, _LATERAL_SPEED = CHANNEL["lateral_acceleration"], CHANNEL["lateral_speed"]
 
 
 @kernel
-def judge_common(row, now, memory, costs, figures):
-    """Adds the common costs and figures; they stand first in both."""
-    torque, acceleration = row[_TORQUE], row[_ACCELERATION]
+def evaluate_common(channels, step, memory, costs, metrics):
+    """Add the common costs and give the common metrics their values; they stand first in both arrays."""
+    torque, acceleration = channels[_TORQUE], channels[_ACCELERATION]
     # A car that stands has no sideslip angle.
-    sideslip = abs(row[_LATERAL_SPEED]) / within(now.speed, 1.0, math.inf)
+    sideslip = abs(channels[_LATERAL_SPEED]) / within(step.speed, 1.0, math.inf)
     if abs(torque) > HAND_TORQUE_LIMIT:
-        costs[0] += now.dt
+        costs[0] += step.dt
     if sideslip > SIDESLIP_LIMIT:
-        costs[1] += now.dt
-    nodes = now.time / NODE
-    if abs(nodes - math.floor(nodes + 0.5)) < 0.01:  # between them the channel is extrapolated, with kinks
-        if memory[1] > 0.0 and abs(acceleration - memory[0]) > JERK_LIMIT * NODE:
-            costs[2] += NODE
+        costs[1] += step.dt
+    updates = step.time / UPDATE_INTERVAL
+    if abs(updates - math.floor(updates + 0.5)) < 0.01:  # between updates the channel is extrapolated, with kinks
+        if memory[1] > 0.0 and abs(acceleration - memory[0]) > JERK_LIMIT * UPDATE_INTERVAL:
+            costs[2] += UPDATE_INTERVAL
         memory[0], memory[1] = acceleration, 1.0
-    figures[0] = acceleration
-    figures[1] = sideslip
-    figures[2] = torque
-    figures[3] = row[_SPEED]
-    figures[4] = abs(torque * row[_SPEED]) * now.dt
+    metrics[0] = acceleration
+    metrics[1] = sideslip
+    metrics[2] = torque
+    metrics[3] = channels[_SPEED]
+    metrics[4] = abs(torque * channels[_SPEED]) * step.dt
+
+
+@kernel
+def evaluate_action(step, first, rewards):
+    """Add the quantities of :func:`action_terms`, which stand from ``first`` on."""
+    rewards[first] += step.dt * step.action * step.action
+    rewards[first + 1] += step.dt * step.action_rate * step.action_rate

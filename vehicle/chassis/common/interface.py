@@ -41,6 +41,37 @@ INPUTS = (
 
 Names = tuple[tuple[str, str], ...]
 
+WHEELS = ("front_left", "front_right", "rear_left", "rear_right")
+
+
+def per_wheel(name: str, unit: str) -> Names:
+    """Names and unit of a quantity that each wheel has."""
+    return tuple((f"{name}_{wheel}", unit) for wheel in WHEELS)
+
+
+# Outputs that every chassis computes first, in this order.
+COMMON_OUTPUTS: Names = (
+    ("lateral_acceleration", "m/s2"),
+    ("road_wheel_angle_left", "rad"),
+    ("road_wheel_angle_right", "rad"),
+    *per_wheel("wheel_load", "N"),
+    ("front_lateral_force", "N"),
+    ("rear_lateral_force", "N"),
+)
+# Channels that every chassis reports first, in this order.
+COMMON_CHANNELS: Names = (
+    ("lateral_speed", "m/s"),
+    ("yaw_rate", "rad/s"),
+    ("roll_angle", "rad"),
+    ("yaw_angle", "rad"),
+    ("x", "m"),
+    ("y", "m"),
+    ("drive_force", "N"),
+    *COMMON_OUTPUTS,
+)
+# Channels that an earlier release called differently: old name -> new name. Readers of recordings map them.
+RENAMED_CHANNELS = {f"wheel_spin_{wheel}": f"wheel_angular_velocity_{wheel}" for wheel in WHEELS}
+
 
 class Chassis(NamedTuple):
     """A registered chassis: see :func:`register` for the meaning of the fields."""

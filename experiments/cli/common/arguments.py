@@ -1,0 +1,56 @@
+"""Types of options, and options that several commands have."""
+
+import argparse
+import math
+from collections.abc import Callable
+
+from steer_env.experiments.learning.constants import HELD_OUT, VALIDATION
+from steer_env.experiments.output.options import FRICTION, Friction
+
+KPH = 1.0 / 3.6  # [m/s]
+MOST_EPISODES = VALIDATION - HELD_OUT  # with more, the evaluation would use the seeds of the validation
+SHIPPED = "shipped"  # stands for the policy that is shipped with an id
+
+__all__ = ["FRICTION", "KPH", "MOST_EPISODES", "SHIPPED", "add_evaluation", "friction_law", "minutes", "whole_number"]
+
+
+def friction_law(text: str) -> Friction:
+    """A friction law with its parameters, ``LAW[,key=value...]``."""
+    try:
+        return Friction(text)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
+
+
+def whole_number(least: int, most: float = math.inf) -> Callable[[str], int]:
+    """A type of options: whole numbers from ``least`` to ``most``."""
+
+    def read(text: str) -> int:
+        try:
+            value = int(text)
+            if least <= value <= most:
+                return value
+        except ValueError:
+            pass
+        upper = f" and at most {most:.0f}" if most < math.inf else ""
+        raise argparse.ArgumentTypeError(f"must be a whole number of at least {least}{upper}, got {text!r}")
+
+    return read
+
+
+def minutes(text: str) -> float:
+    """A duration above zero [min]."""
+    from steer_env.friction.numerics.check import number
+
+    try:
+        return number("minutes", text, minimum=0.0, above=True)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
+
+
+def add_evaluation(parser: argparse.ArgumentParser, out: str) -> None:
+    """Add the options of an evaluation on held-out episodes: how many, and where its report goes."""
+    text = "number of held-out episodes (default 200)"
+    parser.add_argument("--episodes", metavar="N", type=whole_number(1, MOST_EPISODES), default=200, help=text)
+    text = f"directory of the report, replaced as a whole (default {out})"
+    parser.add_argument("--out", metavar="DIR", default=out, help=text)

@@ -1,0 +1,28 @@
+"""Checks that an optional dependency is there, made before a command begins its work."""
+
+from collections.abc import Iterable
+from importlib.util import find_spec
+from pathlib import Path
+
+from steer_env.experiments.cli.common.names import MDF_FORMATS
+
+MODULES = {
+    "train": ("torch", "stable_baselines3"),
+    "mdf": ("asammdf",),
+    "test": ("vehiclemodels",),
+}  # extra -> modules that it brings
+OF_ALGORITHM = {"recurrent-ppo": "sb3_contrib"}
+
+
+def require(extra: str, what: str, *more: str) -> None:
+    """ValueError with the command that installs an extra, unless its modules (and ``more`` of it) are there."""
+    missing = [name for name in (*MODULES[extra], *more) if find_spec(name) is None]
+    if missing:
+        raise ValueError(f"{what} needs {', '.join(missing)}: pip install 'steer-env[{extra}]'")
+
+
+def require_format(paths: Iterable[str | Path]) -> None:
+    """ValueError where a path names an MDF file and the extra that reads and writes those is missing."""
+    for path in paths:
+        if Path(path).suffix.lower() in MDF_FORMATS:
+            require("mdf", str(path))

@@ -1,0 +1,55 @@
+"""Names for help texts and choices, read from listings of files, so that ``--help`` imports no simulation.
+
+``tests/experiments/test_cli_help.py`` compares each list with the registry or table that it stands for.
+"""
+
+from importlib.resources import files
+
+from steer_env.friction.numerics.registry import dashed, listed
+
+FORMATS = (".csv", ".mat", ".mf4", ".mdf")  # of steer_env.recording.files
+MDF_FORMATS = (".mf4", ".mdf")  # those that need the extra mdf
+ROAD_CLASSES = tuple("ABCDEFGH")  # of ISO 8608, as in steer_env.vehicle.road
+SAMPLE_RATE = 1000.0  # of a simulated recording [Hz]
+_NOT_CARS = ("macpherson_", "tyre_")  # JSON files beside the cars that hold a strut or a tyre
+
+
+def laws() -> tuple[str, ...]:
+    """Packaged friction laws."""
+    return tuple(listed("steer_env.friction.models"))
+
+
+def manoeuvres() -> tuple[str, ...]:
+    """Packaged manoeuvres, which are also the tests that metrics are defined for."""
+    return tuple(listed("steer_env.manoeuvres", dashed))
+
+
+def chassis() -> tuple[str, ...]:
+    """Chassis models."""
+    return tuple(listed("steer_env.vehicle.chassis"))
+
+
+def drivers() -> tuple[str, ...]:
+    """Driver models."""
+    return tuple(listed("steer_env.drivers"))
+
+
+def assists() -> tuple[str, ...]:
+    """Assist controllers."""
+    return tuple(listed("steer_env.assists"))
+
+
+def cars() -> tuple[str, ...]:
+    """Packaged cars."""
+    return tuple(name for name in _stems("steer_env.vehicle", ".json") if not name.startswith(_NOT_CARS))
+
+
+def targets() -> tuple[str, ...]:
+    """Packaged sets of target bands."""
+    return _stems("steer_env", ".toml", "targets")
+
+
+def _stems(package: str, suffix: str, *folder: str) -> tuple[str, ...]:
+    """File names without suffix in a data folder of a package."""
+    entries = files(package).joinpath("data", *folder).iterdir()
+    return tuple(sorted(entry.name.removesuffix(suffix) for entry in entries if entry.name.endswith(suffix)))

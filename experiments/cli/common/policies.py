@@ -1,0 +1,36 @@
+"""What the commands that evaluate policies share."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+
+def evaluate_and_report(
+    env_id: str, controllers: Mapping[str, Any], episodes: int, out: Path, made: dict[str, Any], curves: dict[str, Path]
+) -> None:
+    """Evaluate controllers beside the baselines of an id, print the table and write the report.
+
+    Parameters
+    ----------
+    env_id : str
+    controllers : mapping
+        Label -> callable that makes a controller for an environment; the first is the one that is evaluated.
+    episodes : int
+        Held-out episodes.
+    out : Path
+        Directory of the report.
+    made : dict
+        Arguments of ``gymnasium.make_vec``.
+    curves : dict
+        Label -> file of a learning curve.
+    """
+    from steer_env.experiments.cli.common.tables import print_estimates
+    from steer_env.experiments.learning import policy_report
+    from steer_env.experiments.output.options import progress
+
+    controllers = {**controllers, **{k: v for k, v in policy_report.baselines(env_id).items() if k not in controllers}}
+    with progress("evaluating") as notify:
+        found = policy_report.evaluate(env_id, controllers, episodes, notify, **made)
+    print_estimates(found.values, found.units, f"{env_id}, {episodes} held-out episodes")
+    policy_report.write(out, found, controllers, curves)
+    print(out / "index.html")

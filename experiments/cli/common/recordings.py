@@ -1,0 +1,95 @@
+"""What ``evaluate`` and ``validate`` share: options of recorded files, and the assessment that both print and write."""
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from steer_env.experiments.cli.common import names
+from steer_env.experiments.cli.common.arguments import KPH
+from steer_env.experiments.cli.common.extras import require_format
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options that say how files are read and what is made of them."""
+    tests = names.manoeuvres()
+    parser.add_argument("--manoeuvre", metavar="TEST", choices=tests, help=f"the test: {', '.join(tests)}")
+    text = f"target bands for the metrics: {', '.join(names.targets())}, or a .toml file"
+    parser.add_argument("--targets", metavar="NAME", help=text)
+    text = (
+        "names, units, signs and delays of a file's channels; one for each recording in order, the last may have none"
+    )
+    parser.add_argument("--mapping", metavar="FILE.toml", nargs="+", default=[], help=text)
+    text = "one channel of the first recording, e.g. handwheel_angle=SWA[deg],sign=-1,delay_ms=10; may be repeated"
+    parser.add_argument("--map", dest="entries", metavar="ENTRY", action="append", default=[], help=text)
+    text = "speed at which the test was driven [km/h]"
+    parser.add_argument("--speed_kph", metavar="KPH", type=float, help=text)
+    text = "frequency of the steering in the test [Hz]"
+    parser.add_argument("--frequency_hz", metavar="HZ", type=float, help=text)
+    text = "bound on the unknown delay between channels, in either direction [ms] (default 0)"
+    parser.add_argument("--timing_ms", metavar="MS", type=float, default=0.0, help=text)
+    text = "use only this part of the recording [s]"
+    parser.add_argument("--between", metavar=("T0", "T1"), type=float, nargs=2, help=text)
+    text = "directory for index.html and evaluation.json, replaced as a whole"
+    parser.add_argument("--out", metavar="DIR", help=text)
+
+
+def assess(paths: list[str], args: argparse.Namespace, tolerances: str | None) -> int:
+    """Assess recordings, print the result and write it; exit code 1 where a recording gives no metric at all."""
+    require_format(paths)
+
+    from steer_env import targets
+    from steer_env.experiments.cli.common.tables import print_differences, print_metrics
+    from steer_env.experiments.report import assessment
+    from steer_env.experiments.studies.common import simulation_vs_measurement
+    from steer_env.friction.numerics.check import number
+
+    labels = _labels(paths)
+    if len(args.mapping) > len(paths):
+        raise ValueError(f"{len(args.mapping)} mappings are given for {len(paths)} recordings")
+    recordings = {label: _read(path, place, args) for place, (label, path) in enumerate(zip(labels, paths))}
+    wanted = targets.load(args.targets) if args.targets else None
+    allowed = simulation_vs_measurement.tolerances(tolerances) if tolerances else None
+    timing = 1e-3 * number("--timing_ms", args.timing_ms, minimum=0.0)
+    found = assessment.assess(recordings, args.manoeuvre, wanted, allowed, timing, **_conditions(args))
+    if wanted and not found.bands:
+        print(f"targets {wanted.name!r} have no bands for {found.test}; they have some for {', '.join(wanted.bands)}")
+    for label in labels:
+        print_metrics(found.values[label], f"{found.test}, {label}", found.ratings[label])
+    if found.differences:
+        print_differences(found.differences, f"{labels[1]} less {labels[0]}")
+    for pair in found.pairs:
+        print(f"{pair.y} over {pair.x}: {pair.inside:.1%} inside, largest distance {pair.worst:.2f} tolerances")
+    if args.out:
+        out = Path(args.out)
+        assessment.write(out, found, recordings)
+        print(out / "index.html")
+    return int(any(all(value.reason for value in values.values()) for values in found.values.values()))
+
+
+def _labels(paths: list[str]) -> list[str]:
+    """File names without suffix, or the paths where those are the same."""
+    labels = [Path(path).stem for path in paths]
+    if len(set(labels)) < len(labels):
+        labels = paths
+    if len(set(labels)) < len(labels):
+        raise ValueError(f"{paths[0]} is given twice")
+    return labels
+
+
+def _read(path: str, place: int, args: argparse.Namespace) -> Any:
+    """A recording from a file, read through its mapping and with short drop-outs bridged."""
+    from steer_env.recording import channel_mapping, files
+
+    chosen = channel_mapping.load(args.mapping[place]) if place < len(args.mapping) else channel_mapping.Mapping()
+    if place == 0:
+        chosen = chosen.with_entries(channel_mapping.parse_entry(text) for text in args.entries)
+    found = files.read(path, chosen)
+    if args.manoeuvre is None and found.meta.get("manoeuvre") is None:
+        raise ValueError(f"{path} does not name its test: give --manoeuvre, one of {', '.join(names.manoeuvres())}")
+    return (found.between(*args.between) if args.between else found).bridged()
+
+
+def _conditions(args: argparse.Namespace) -> dict[str, float]:
+    """The conditions of the test that the options give, as keywords of :func:`steer_env.metrics.evaluate`."""
+    given = {"speed_m_s": args.speed_kph and KPH * args.speed_kph, "frequency_hz": args.frequency_hz}
+    return {name: value for name, value in given.items() if value is not None}

@@ -1,0 +1,124 @@
+"""Tables for the terminal."""
+
+import math
+from collections.abc import Mapping
+
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from steer_env.experiments.cli.common.messages import in_options
+from steer_env.experiments.learning.held_out import Estimate
+from steer_env.metrics import Value, definition
+from steer_env.targets import Rating
+
+_STYLES = {"green": "green", "amber": "yellow", "red": "red"}
+
+
+def _table(title: str) -> Table:
+    return Table(title=title, title_justify="left", box=None, pad_edge=False, padding=(0, 1, 0, 0))
+
+
+def print_metrics(values: Mapping[str, Value], title: str, ratings: Mapping[str, Rating | None] | None = None) -> None:
+    """Print metrics with their intervals and, if given, their ratings; then what is refused and why."""
+    console = Console()
+    table = _table(title)
+    headings = {"metric": "left", "value": "right", "95 % interval": "right", "unit": "left"}
+    for heading, justify in {**headings, **({"rating": "left"} if ratings else {})}.items():
+        table.add_column(heading, justify=justify, no_wrap=True)  # type: ignore[arg-type]
+    for name, value in values.items():
+        if not value.reason:
+            interval = "" if math.isnan(value.low) else f"{value.low:.4g} .. {value.high:.4g}"
+            cells = [name, f"{value.value:.4g}", interval, value.unit]
+            table.add_row(*cells, *([_rating(ratings.get(name))] if ratings else []))
+    if table.row_count:
+        console.print(table)
+    reasons = {value.reason for value in values.values()}
+    if len(values) > 1 and len(reasons) == 1 and "" not in reasons:
+        console.print(f"every metric refused: {in_options(reasons.pop())}", highlight=False, soft_wrap=True)
+        return
+    for name, value in values.items():
+        if value.reason:
+            console.print(f"{name} refused: {in_options(value.reason)}", highlight=False, soft_wrap=True)
+
+
+def _rating(rating: Rating | None) -> str:
+    """A coloured word; a question mark where the interval reaches into another band."""
+    if rating is None:
+        return ""
+    style = _STYLES[rating.colour]
+    return f"[{style}]{rating.colour}[/{style}]" + ("?" if rating.sure is False else "")
+
+
+def print_differences(differences: Mapping[str, tuple[float, float, float]], title: str) -> None:
+    """Print the differences of metrics (value, lower and upper end of the interval)."""
+    table = _table(title)
+    for heading, justify in {"metric": "left", "difference": "right", "95 % interval": "right", "unit": "left"}.items():
+        table.add_column(heading, justify=justify, no_wrap=True)  # type: ignore[arg-type]
+    for name, (gap, low, high) in differences.items():
+        interval = "" if math.isnan(low) else f"{low:.3g} .. {high:.3g}"
+        table.add_row(name, f"{gap:.3g}", interval, definition(name).unit)
+    Console().print(table)
+
+
+def print_estimates(values: Mapping[str, Mapping[str, Estimate]], units: Mapping[str, str], title: str) -> None:
+    """Print the means of metrics, a column for each controller; the reports have the intervals."""
+    table = _table(title)
+    table.add_column("metric", overflow="fold")
+    for label in values:
+        heading = label.replace("_", " ")
+        # A narrow terminal folds the names of the metrics rather than a word of the headings.
+        least = min(max(len(word) for word in heading.split()), 12)
+        table.add_column(heading, justify="right", overflow="fold", min_width=least)
+    table.add_column("unit", no_wrap=True)
+    for name in next(iter(values.values())):
+        cells = (found[name] for found in values.values())
+        table.add_row(name.replace("_", " "), *(f"{e.value:.3g}" for e in cells), units[name])
+    Console().print(table)
+
+
+def print_laws(
+    values: Mapping[str, Mapping[str, Mapping[str, Estimate]]],
+    change: Mapping[str, Estimate],
+    aim: str,
+    units: Mapping[str, str],
+    title: str,
+) -> None:
+    """Print a policy and the baselines law by law: reward, the change of the policy's reward, and one metric.
+
+    Parameters
+    ----------
+    values : mapping
+        Law -> controller -> metric; the first controller is the policy.
+    change : mapping
+        Law -> the policy's reward less its reward on the law that it was trained on.
+    aim : str
+        Name of the metric that the training is for.
+    units : mapping
+        Metric -> unit.
+    title : str
+    """
+    table = _table(title)
+    unit = f" [{units[aim]}]" if units[aim] not in ("", "1") else ""
+    for heading in ("law", "controller"):
+        table.add_column(heading, overflow="fold")
+    # Text, as rich would take a unit in brackets for markup.
+    for heading in ("reward", "change", aim.replace("_", " ") + unit):
+        table.add_column(Text(heading), justify="right", overflow="fold")
+    for law, controllers in values.items():
+        for place, (name, found) in enumerate(controllers.items()):
+            first = place == 0
+            table.add_row(
+                Text(law if first else ""),
+                name.replace("_", " "),
+                _estimate(found["reward"]),
+                _estimate(change[law]) if first else "",
+                _estimate(found[aim]),
+            )
+    Console().print(table)
+
+
+def _estimate(e: Estimate) -> str:
+    """A mean and half the width of its interval, which is symmetric."""
+    half = 0.5 * (e.high - e.low)
+    return f"{e.value:.3g}" + ("" if math.isnan(half) else f" ± {half:.2g}")

@@ -1,0 +1,106 @@
+"""The command ``evaluate-policy``: policies and baselines on the same held-out episodes."""
+
+import argparse
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from steer_env.experiments.cli.common.arguments import FRICTION, SHIPPED, add_evaluation, friction_law
+from steer_env.experiments.cli.common.extras import require
+from steer_env.registration import DRIVEN
+
+if TYPE_CHECKING:
+    from steer_env.experiments.learning import policy_report
+
+
+def add(commands: Any, common: argparse.ArgumentParser) -> None:
+    """Add the command to a parser's."""
+    text = "Evaluate policies, or a baseline, against the baselines on held-out episodes, and write a report."
+    evaluate = commands.add_parser("evaluate-policy", help=text, description=text, parents=[common])
+    text = (
+        f"a policy.zip that 'steer-env train' wrote, {SHIPPED!r} for the policy that is shipped with the id, or the "
+        "name of a baseline"
+    )
+    evaluate.add_argument("file", metavar="FILE", nargs="+", help=text)
+    text = f"environment (default: that of the first policy.zip): {', '.join(DRIVEN)}"
+    evaluate.add_argument("--env", metavar="ID", help=text)
+    add_evaluation(evaluate, "evaluation")
+    text = f"{FRICTION} (default: that of the training)"
+    evaluate.add_argument("--friction", metavar="LAW", type=friction_law, help=text)
+    evaluate.set_defaults(function=_evaluate)
+
+
+def _is_policy(name: str) -> bool:
+    return name == SHIPPED or name.endswith(".zip")
+
+
+def _evaluate(args: argparse.Namespace) -> None:
+    if any(map(_is_policy, args.file)):
+        require("train", "evaluating a policy")
+
+    from steer_env.experiments.cli.common.policies import evaluate_and_report
+    from steer_env.experiments.learning import policy, policy_report
+    from steer_env.experiments.output.files import usable
+
+    own = next((name for name in args.file if _is_policy(name) and name != SHIPPED), None)
+    if args.env is None and own is None:
+        raise ValueError("--env must name the environment where no policy.zip is given")
+    env_id = args.env or policy.about(Path(own))["env"]  # type: ignore[arg-type]
+    policy.check_driven(env_id)
+    usable(Path(args.out), policy_report.CONTENTS)
+    controllers, paths, made = _controllers(args, env_id)
+    curves = {
+        title: file for label, path in paths.items() for title, file in policy.learning_curves(path, label).items()
+    }
+    evaluate_and_report(env_id, controllers, args.episodes, Path(args.out), made, curves)
+
+
+def _controllers(
+    args: argparse.Namespace, env_id: str
+) -> "tuple[dict[str, policy_report.Maker], dict[str, Path], dict[str, Any]]":
+    """Controllers by label, the files of the policies among them, and the arguments of the environment.
+
+    The policies must have been trained under the same conditions.
+    """
+    from steer_env.experiments.learning import policy, policy_report
+
+    known = policy_report.baselines(env_id)
+    alone = sum(map(_is_policy, args.file)) == 1
+    controllers: dict[str, policy_report.Maker] = {}
+    made: dict[str, Any] = {}
+    words: dict[str, str] = {}
+    paths: dict[str, Path] = {}
+    for name in args.file:
+        if not _is_policy(name):
+            if name not in known:
+                raise ValueError(f"{name!r} is neither a policy.zip nor a baseline of {env_id}: {', '.join(known)}")
+            if name in controllers:
+                raise ValueError(f"{name!r} is given twice: give it once")
+            controllers[name] = known[name]
+            continue
+        path = policy.shipped(env_id) if name == SHIPPED else Path(name)
+        about = policy.about(path)
+        policy.check_observations(path, about, env_id)
+        law = args.friction or policy.law(about["friction"], path)
+        found = policy_report.conditions({**policy.conditions(about), "friction": law.label})
+        if paths:
+            _check_same(next(iter(paths.values())), words, path, found)
+        made, words = {**policy.conditions(about), "friction": law.parameters}, found
+        label = "policy" if alone else path.resolve().parent.name
+        if label in known:
+            raise ValueError(f"the directory of {path} has the name of a baseline, {label}: rename it")
+        if label in paths:
+            raise ValueError(f"policies are labelled by their directories, and {label!r} comes twice: rename one")
+        paths[label], controllers[label] = path, policy.load(path)
+    if args.friction:
+        made["friction"] = args.friction.parameters
+    return controllers, paths, made
+
+
+def _check_same(first: Path, words: Mapping[str, str], second: Path, others: Mapping[str, str]) -> None:
+    """ValueError that names the first condition in which the trainings of two policies differ."""
+    for name in {**words, **others}:
+        one, other = words.get(name, "the default"), others.get(name, "the default")
+        if one != other:
+            advice = "give --friction LAW to compare them on one law" if name == "friction" else "evaluate them apart"
+            raise ValueError(f"{first} was trained with {name} {one}, {second} with {name} {other}: {advice}")

@@ -1,0 +1,39 @@
+"""The command ``report``: the evaluation report of several friction laws."""
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from steer_env.experiments.cli.common import names
+from steer_env.experiments.cli.common.arguments import FRICTION, friction_law
+
+COMPARED = ("lugre", "masing")  # the two laws that the literature compares, which come first
+
+
+def add(commands: Any, common: argparse.ArgumentParser) -> None:
+    """Add the command to a parser's."""
+    text = "Drive every manoeuvre with every law, run the studies, and write index.html and metrics.json."
+    report = commands.add_parser("report", help=text, description=text, parents=[common])
+    text = f"{FRICTION}; default: all laws ({', '.join(names.laws())})"
+    report.add_argument("--friction", metavar="LAW", type=friction_law, nargs="+", help=text)
+    text = "directory, replaced as a whole (default report)"
+    report.add_argument("--out", metavar="DIR", default="report", help=text)
+    report.set_defaults(function=_report)
+
+
+def _report(args: argparse.Namespace) -> None:
+    from steer_env import friction
+    from steer_env.experiments.output.options import Friction, progress
+
+    every_law = sorted(friction.available(), key=lambda name: name not in COMPARED)
+    laws = args.friction or [Friction(name) for name in every_law]
+    labels = [law.label for law in laws]
+    for label in labels:
+        if labels.count(label) > 1:
+            raise ValueError(f"--friction names {label!r} twice")
+
+    from steer_env.experiments.report import build
+
+    with progress("compiling and driving") as notify:
+        build.build(args.out, {law.label: law.parameters for law in laws}, notify=notify)
+    print(Path(args.out) / "index.html")

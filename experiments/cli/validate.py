@@ -1,0 +1,21 @@
+"""The command ``validate``: a simulation against a measurement of the same test."""
+
+import argparse
+from typing import Any
+
+from steer_env.experiments.cli.common import names, recordings
+
+
+def add(commands: Any, common: argparse.ArgumentParser) -> None:
+    """Add the command to a parser's."""
+    text = "Compare a simulation with a measurement of the same test: cross plots with tolerance boundaries."
+    validate = commands.add_parser("validate", help=text, description=text, parents=[common])
+    formats = ", ".join(names.FORMATS)
+    validate.add_argument("measured", metavar="MEASURED", help=f"the measured recording: {formats}")
+    validate.add_argument("simulated", metavar="SIMULATED", help=f"the simulated recording: {formats}")
+    text = "tolerances by channel (default: the packaged ones)"
+    validate.add_argument("--tolerances", metavar="FILE.toml", default="default", help=text)
+    recordings.add_options(validate)
+    validate.set_defaults(
+        function=lambda args: recordings.assess([args.measured, args.simulated], args, args.tolerances)
+    )

@@ -1,0 +1,77 @@
+"""The look that all pictures share: one colour and one dash for each law throughout."""
+
+import io
+from collections.abc import Iterable
+from typing import Any
+
+import matplotlib
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+Style = dict[str, Any]
+
+# Okabe and Ito's palette, which colour-blind readers tell apart; the dashes serve print in grey.
+PALETTE = ("#0072B2", "#D55E00", "#009E73", "#000000", "#CC79A7", "#E69F00", "#56B4E9")
+DASHES: tuple[Any, ...] = ("-", (0, (5, 1.5)), (0, (1.5, 1.2)), "-.", (0, (7, 2, 1.5, 2, 1.5, 2)))
+_FIRST = ("lugre", "masing", "dahl", "coulomb", "viscous")  # these keep their colours whatever else is drawn
+
+STYLE: Any = {
+    "font.family": "sans-serif",
+    "font.sans-serif": ["Helvetica Neue", "Helvetica", "Arial", "Liberation Sans", "DejaVu Sans"],  # as the page
+    "font.size": 9,
+    "axes.titlesize": 9.5,
+    "axes.titleweight": "bold",
+    "axes.titlelocation": "left",
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "grid.color": "#e4e4e4",
+    "grid.linewidth": 0.6,
+    "lines.linewidth": 1.5,
+    "legend.frameon": False,
+    "svg.fonttype": "none",  # text stays text: small files, and the font of the page
+    "svg.hashsalt": "steer-env",  # the same picture is the same file
+    "path.simplify_threshold": 0.3,
+}
+
+styled = matplotlib.rc_context(STYLE)  # as a decorator
+
+
+def styles(laws: Iterable[str]) -> dict[str, Style]:
+    """Colour and dash of every law."""
+    laws = list(laws)
+    order = [*_FIRST, *(law for law in laws if law not in _FIRST)]
+    return {
+        law: {
+            "color": PALETTE[i % len(PALETTE)],
+            "linestyle": DASHES[i % len(DASHES)],
+            "label": law,
+            "zorder": 3.0 - 0.1 * i,
+        }
+        for i, law in enumerate(order)
+        if law in laws
+    }
+
+
+def colours(labels: Iterable[str]) -> list[str]:
+    """Colour of every label."""
+    labels = list(labels)
+    return [styles(labels)[label]["color"] for label in labels]
+
+
+def new_figure(width: float, height: float) -> Figure:
+    """An empty figure of a size [inch]."""
+    return Figure(figsize=(width, height), layout="constrained")
+
+
+def legend(figure: Figure, axes: Axes) -> None:
+    """A legend of one pair of axes above the whole figure."""
+    handles, labels = axes.get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper center", ncols=len(labels))
+
+
+def svg(figure: Figure) -> str:
+    """A figure as SVG text."""
+    file = io.StringIO()
+    figure.savefig(file, format="svg", metadata={"Date": None, "Creator": None})
+    return file.getvalue()

@@ -1,0 +1,7 @@
+"""Constants of training and evaluation that the command line also shows, without anything that is slow to import."""
+
+# Training draws the seeds of its episodes from its own --seed; the episodes below are never among them.
+HELD_OUT = 1_000_000  # first seed of the episodes of an evaluation
+VALIDATION = 2_000_000  # first seed of the episodes by which training chooses the policy that it keeps
+
+ALGORITHMS = ("ppo", "sac", "recurrent-ppo")

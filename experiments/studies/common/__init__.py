@@ -1,0 +1,1 @@
+"""What the studies, the report and the command line share."""

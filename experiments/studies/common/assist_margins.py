@@ -1,0 +1,39 @@
+"""Margins of the assist loop in every cell of a car's boost table."""
+
+import math
+from itertools import pairwise
+from typing import NamedTuple
+
+from steer_env.vehicle import cars
+from steer_env.vehicle.steering import margins
+from steer_env.vehicle.steering.margins import TARGETS
+
+
+class Cell(NamedTuple):
+    """Margins of the assist loop in one cell of the boost table."""
+
+    torque: float  # middle of the cell [N m]
+    gain: float  # [1]
+    phase_deg: float  # [deg]
+    gain_db: float  # [dB]
+    crossover_hz: float  # [Hz]
+    stable: bool
+
+
+def assist_cells(car: str, speed_kph: float) -> list[Cell]:
+    """Margins of a packaged car's assist loop at a speed, in every cell of its boost table that assists."""
+    loaded = cars.load(car)
+    cells = []
+    for low, high in pairwise(loaded.assist.torques):
+        torque = 0.5 * float(low + high)
+        gain = margins.boost_gain(loaded.assist, torque, speed_kph / 3.6)
+        if gain > 1e-6:  # the table is flat at its end
+            m = margins.margins(loaded.column, loaded.assist, gain, speed_kph / 3.6)
+            decibel = 20.0 * math.log10(m.gain)
+            cells.append(Cell(torque, gain, math.degrees(m.phase), decibel, float(m.phase_crossover), m.stable))
+    return cells
+
+
+def on_target(cell: Cell) -> bool:
+    """Whether a cell is stable with the usual margins."""
+    return cell.stable and cell.phase_deg >= TARGETS[0] and cell.gain_db >= TARGETS[1]

@@ -1,0 +1,127 @@
+"""The test battery of the report: each manoeuvre with each law, and how the metrics of the laws differ."""
+
+import math
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from steer_env import manoeuvres, metrics
+from steer_env.experiments.drawing.plots import thinned
+from steer_env.experiments.studies.common import simulation_vs_measurement
+from steer_env.metrics import RefusedError, Value
+from steer_env.metrics.common.confidence import difference as gap_between
+from steer_env.recording.recording import Recording
+from steer_env.vehicle.cars import Car
+from steer_env.vehicle.steering.eps import SAMPLE_TIME
+
+Array = NDArray[np.float64]
+
+POINTS = 500  # of a curve
+PER_SECOND = 12.0  # points of a long history [1/s]
+MATTERS = 0.05  # share of a metric above which a difference is said to matter; assumed
+
+
+class Drive(NamedTuple):
+    """One law in one test."""
+
+    values: dict[str, Value]
+    curves: simulation_vs_measurement.Curves  # as in ``simulation_vs_measurement.curves``, thinned; empty if refused
+    amplitude: float  # of the handwheel angle [rad], or of the hand torque [N m]; NaN for a driver
+    site_loss: float | None  # loss at the friction site in each cycle [J]; None unless the test is periodic
+    failure: str = ""  # why the test could not be driven
+
+
+def drive(car: Car, p: Any, test: str, options: Mapping[str, Any] | None = None) -> Drive:
+    """Drive a test and evaluate its metrics; every metric of a test that cannot be driven carries the reason."""
+    try:
+        recording = manoeuvres.drive(car, manoeuvres.make(test, **(options or {})), p)
+    except ValueError as error:
+        refused = {
+            name: Value(np.nan, np.nan, np.nan, metrics.definition(name).unit, str(error))
+            for name in metrics.available(test)
+        }
+        return Drive(refused, {}, math.nan, None, str(error))
+    meta = recording.meta
+    return Drive(
+        metrics.evaluate(recording),
+        _thin(recording),
+        meta.get("amplitude_rad", meta.get("amplitude_nm", math.nan)),
+        _site_loss(recording, 1.0 / meta["frequency_hz"]) if meta["frequency_hz"] else None,
+    )
+
+
+def _thin(recording: Recording) -> simulation_vs_measurement.Curves:
+    try:
+        curves = simulation_vs_measurement.curves(recording, metrics.evaluation_of(recording))
+    except RefusedError:  # the metrics give the reason
+        return {}
+    points = max(POINTS, round(PER_SECOND * curves["time"][-1])) if "time" in curves else POINTS
+    return {name: thinned(values, points).astype(np.float32) for name, values in curves.items()}
+
+
+def _site_loss(recording: Recording, period: float) -> float:
+    """Work done against friction in the last cycle but one [J]."""
+    end = recording.time[-1] - period
+    power = recording["friction_torque"] * recording["column_speed"]
+    return float(np.sum(power[(recording.time > end - period) & (recording.time <= end)]) * SAMPLE_TIME)
+
+
+class Difference(NamedTuple):
+    """A metric with one law less the metric with the base law, with its 95 % interval; NaN if either is refused."""
+
+    value: float  # [unit of the metric]
+    half_width: float  # of the interval [unit of the metric]
+    share: float  # of the base law's value, or of the width of the usual range if that is larger [1]
+
+    @property
+    def real(self) -> bool:
+        """Whether the interval excludes zero; a difference of single events counts as real."""
+        return math.isfinite(self.share) and not abs(self.value) <= self.half_width
+
+    @property
+    def matters(self) -> bool:
+        """Whether it is real and large enough to matter."""
+        return self.real and abs(self.share) > MATTERS
+
+
+def difference(name: str, value: Value, base: Value) -> Difference:
+    """Difference between two values of a metric, with the interval of independent readings."""
+    usual = metrics.definition(name).usual
+    scale = max(abs(base.value), usual[1] - usual[0] if usual else 0.0)
+    if value.reason or base.reason:
+        return Difference(math.nan, math.nan, math.nan)
+    gap, low, high = gap_between(np.array(base.repeats), np.array(value.repeats))
+    return Difference(gap, 0.5 * (high - low), gap / scale if scale > 0.0 else math.nan)
+
+
+def differences(drives: dict[str, Drive], base: str) -> dict[str, dict[str, Difference]]:
+    """Metric -> law -> difference to the base law."""
+    return {
+        name: {
+            law: difference(name, found.values[name], drives[base].values[name])
+            for law, found in drives.items()
+            if law != base
+        }
+        for name in drives[base].values
+    }
+
+
+class Largest(NamedTuple):
+    """The metric in which a law differs most from the base law."""
+
+    share: float  # as in ``Difference`` [1]
+    law: str
+    metric: str
+
+
+def largest(table: dict[str, dict[str, Difference]], laws: list[str]) -> Largest | None:
+    """The largest share among some laws; None if there is none."""
+    shares = [
+        Largest(abs(row[law].share), law, name)
+        for name, row in table.items()
+        for law in laws
+        if law in row and row[law].real
+    ]
+    return max(shares, default=None)

@@ -1,0 +1,1 @@
+"""The rows that all groups of requirements print."""

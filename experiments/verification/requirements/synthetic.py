@@ -1,0 +1,25 @@
+"""Metrics of synthetic recordings with known answers."""
+
+from collections.abc import Iterator
+
+from steer_env.experiments.output.words import label
+from steer_env.experiments.verification.requirements.common.rows import Row, verdict
+from steer_env.synthetic.coverage import collect
+from steer_env.synthetic.faults import FAULTS
+
+TRIALS = 200  # of each test and fault
+COVERED = 0.9  # least share of the trials whose interval holds the known answer
+
+
+def rows(trials: int = TRIALS) -> Iterator[Row]:
+    """Known answers behind faults: share of the trials whose 95 % interval holds the answer, of the worst metric."""
+    for case, of_fault in collect(trials).items():
+        for fault, of_metric in of_fault.items():
+            name, least = min(of_metric.items(), key=lambda item: item[1].kept)
+            why = FAULTS[fault].refused
+            if why:
+                found, aim, passed = why if least.kept == 1.0 else "not refused", "refused, and why", least.kept == 1.0
+            else:
+                found = f"{100 * least.kept:.1f} %, {label(name)}" + (" (refused)" if least.refused == 1.0 else "")
+                aim, passed = f">= {100 * COVERED:.0f} %", least.kept >= COVERED
+            yield Row(f"{case}: {fault}", found, aim, verdict(passed))

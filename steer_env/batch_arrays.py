@@ -1,0 +1,142 @@
+"""The arrays of a batch of environments, and what all its rows have in common."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from steer_env.tasks.common.definition import Task
+from steer_env.vehicle import plant, plant_batch
+from steer_env.vehicle.chassis.common.interface import INPUTS
+from steer_env.vehicle.plant import Plant
+
+Array = NDArray[np.float64]
+
+# Progress of one episode. Times are counted in samples of 1 ms since its start, where not said otherwise.
+EPISODE = np.dtype(
+    [
+        ("sample", np.int64),  # now
+        ("evaluated", np.int64),  # samples that rewards and metrics cover: those before the task's own end
+        ("end", np.int64),  # when the episode is truncated
+        ("release", np.int64),  # when the hands let go; negative: never
+        ("path_points", np.int64),  # rows of ``paths`` that are in use
+        ("data_size", np.int64),  # elements of ``task_data`` that are in use
+        ("latest", np.int64),  # place of the newest observation in the ring buffer
+        ("delay", np.int64),  # of the observation [control steps]
+        ("speed", np.float64),  # forward [m/s]
+        ("action", np.float64),  # of the present step, clipped to [-1, 1]
+        ("action_rate", np.float64),  # [1/s]
+        ("reward", np.float64),  # of the last step
+        ("cost", np.float64),  # of the last step
+        ("terminated", np.bool_),
+        ("truncated", np.bool_),
+        ("failed", np.bool_),  # a state is not finite, or the car has rolled over or spun out
+    ],
+    align=True,
+)
+
+
+class BatchArrays(NamedTuple):
+    """What differs between the rows of a batch: row i of each array belongs to sub-environment i.
+
+    Kernels take the whole record and a range of rows. Sizes: S states, K numbers of a plant, I plant inputs, C
+    channels, U updates of 10 ms, O observations.
+    """
+
+    episodes: Any  # (n,) records of EPISODE
+    actions: NDArray[np.float32]  # (n,) of the present step, clipped to [-1, 1]
+    plants: Array  # (n, K) numbers of each plant, as steer_env.vehicle.plant_batch.numbers gives them
+    states: Array  # (n, S)
+    previous_states: Array  # (n, S) before the last round of samples
+    finite: NDArray[np.bool_]  # (n,) whether every state is finite
+    inputs: Array  # (n, samples of a round, I)
+    channels: Array  # (n, C)
+    scripted_inputs: Array  # (n, U, inputs that the task scripts) at each update
+    paths: Array  # (n, P, 4) as steer_env.courses.path.from_curvature gives them
+    task_data: Array  # (n, V) numbers of the episode, as the task lays them out
+    task_memory: Array  # (n, M) what the task's kernels remember
+    task_observations: Array  # (n, Q) what the task observes besides channels and speed
+    terms: Array  # (n, rewards and costs) integrals over the present step; with their weights once it is finished
+    metrics: Array  # (n, 2, F) present value, and what has accumulated over the episode
+    noise: Array  # (n, O) of the next observation
+    past_observations: Array  # (n, D, O) ring buffer over control steps
+    observations: NDArray[np.float32]  # (n, O) noisy, delayed and clipped to the bounds
+
+
+class BatchLayout(NamedTuple):
+    """What all rows of a batch share: places in the arrays, weights and time steps."""
+
+    control_dt: float  # [s]
+    samples_per_step: int  # samples of 1 ms in a control step
+    action_input: int  # place among the plant's inputs
+    action_scale: float  # value of that input at action 1 [its unit]
+    robot: int  # place of the plant's parameter ``robot`` among its numbers
+    speed_channel: int  # place of the forward speed among the channels; -1 where the speed is held
+    n_rewards: int  # the first terms are of the reward, the others of the cost
+    scripted: NDArray[np.int64]  # (inputs that the task scripts,) places among the plant's inputs
+    observed_channels: NDArray[np.int64]  # places among the channels
+    metric_kinds: NDArray[np.int64]  # (F,) RMS, PEAK or SUM
+    weights: Array  # (rewards and costs,)
+    bounds: Array  # (O,) the observation space spans +- these
+
+
+def allocate(task: Task, template: Plant, n: int, samples_per_round: int, delay_steps: int) -> BatchArrays:
+    """Arrays for ``n`` episodes of a task with plants of one kind.
+
+    ``delay_steps`` is the largest delay of the observation [control steps]. The arrays of the episodes' setups start
+    empty and grow with :func:`stored`.
+    """
+    states, channels = len(plant.states(template)), len(plant.channels(template))
+    terms, observations = len(task.rewards) + len(task.costs), len(task.observed)
+    return BatchArrays(
+        episodes=np.zeros(n, EPISODE).view(np.recarray),  # a view whose fields plain Python finds as kernels do
+        actions=np.zeros(n, np.float32),
+        plants=np.tile(plant_batch.numbers(template), (n, 1)),
+        states=np.zeros((n, states)),
+        previous_states=np.zeros((n, states)),
+        finite=np.ones(n, bool),
+        inputs=np.zeros((n, samples_per_round, len(INPUTS))),
+        channels=np.zeros((n, channels)),
+        scripted_inputs=np.zeros((n, 2, len(task.scripted_inputs))),
+        paths=np.zeros((n, 0, 4)),
+        task_data=np.zeros((n, 0)),
+        task_memory=np.zeros((n, task.memory_size)),
+        task_observations=np.zeros((n, len(task.task_observations))),
+        terms=np.zeros((n, terms)),
+        metrics=np.zeros((n, 2, len(task.metrics))),
+        noise=np.zeros((n, observations)),
+        past_observations=np.zeros((n, 1 + delay_steps, observations)),
+        observations=np.zeros((n, observations), np.float32),
+    )
+
+
+def layout(task: Task, template: Plant, control_dt: float, samples_per_step: int, weights: Array) -> BatchLayout:
+    """The layout for a task, with the weights of its rewards (R,) in their order; costs keep the task's own."""
+    names = [name for name, _ in plant.channels(template)]
+    return BatchLayout(
+        control_dt=control_dt,
+        samples_per_step=samples_per_step,
+        action_input=task.action.input,
+        action_scale=task.action.scale,
+        robot=plant_batch.places(template)["robot"].start,
+        speed_channel=names.index("longitudinal_speed") if "longitudinal_speed" in names else -1,
+        n_rewards=len(task.rewards),
+        scripted=np.array(task.scripted_inputs, np.int64),
+        observed_channels=np.array([plant.CHANNEL[name] for name in task.channels]),
+        metric_kinds=np.array([metric.kind for metric in task.metrics]),
+        weights=np.concatenate([weights, [term.weight for term in task.costs]]),
+        bounds=np.array([quantity.bound for quantity in task.observed], np.float32).astype(float),
+    )
+
+
+def stored(arrays: BatchArrays, i: int, **setups: Array) -> BatchArrays:
+    """The arrays with values put into row ``i`` of those named; an array that is too short is replaced by a longer."""
+    for name, values in setups.items():
+        held = getattr(arrays, name)
+        if len(values) > held.shape[1]:
+            longer = np.zeros((len(held), len(values), *held.shape[2:]))
+            longer[:, : held.shape[1]] = held
+            arrays = arrays._replace(**{name: longer})
+            held = longer
+        held[i, : len(values)] = values
+    return arrays

@@ -1,0 +1,209 @@
+"""Frequency responses of yaw rate, lateral acceleration and torque to the handwheel, and the metrics of them.
+
+The swept sine and random steering share these metrics. A metric at a frequency is refused where the squared coherence
+at that frequency is below 0.9. All metrics are refused where the handwheel angle is not excited between ``lowest_hz``
+and ``highest_hz``. :func:`frequency_response_curve` returns a response for plots.
+"""
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from steer_env.metrics.common import events
+from steer_env.metrics.common.definitions import RefusedError, evaluation_of, metric, register_evaluation
+from steer_env.metrics.common.filtered_channels import AY, TORQUE, YAW
+from steer_env.metrics.common.spectra import Array, Complex, Curve, Spectra
+from steer_env.recording.recording import Recording
+
+TESTS = ("frequency-response", "random-steer")
+SOURCE = "after ISO 7401 and ISO/TR 8726"
+
+
+def register_frequency_response(name: str, read: Callable[..., Spectra]) -> None:
+    """Register a test that gives frequency responses."""
+    register_evaluation(name, read, speed_m_s=80 / 3.6, lowest_hz=0.2, highest_hz=2.0)
+
+
+def frequency_response_curve(recording: Recording, name: str, test: str | None = None) -> Curve:
+    """Frequency response of a channel to the handwheel angle, with coherence and 95 % intervals.
+
+    Parameters
+    ----------
+    recording : Recording
+    name : str
+        Name of the output channel: yaw_rate, lateral_acceleration, handwheel_torque, ...
+    test : str, optional
+        ``frequency-response`` or ``random-steer``; by default the manoeuvre that the recording's meta names.
+
+    Raises
+    ------
+    RefusedError
+        If the response cannot be computed from the recording.
+    ValueError
+        For another test.
+    """
+    entry = evaluation_of(recording, test)
+    if entry.name not in TESTS:
+        raise ValueError(f"no frequency response from manoeuvre {entry.name!r}; there is one from {', '.join(TESTS)}")
+    conditions = {key: recording.meta.get(key) or value for key, value in entry.conditions.items()}
+    return entry.read(recording, conditions).curve(name)
+
+
+def _at(frequency: Array, values: Array, where: float) -> float:
+    return float(np.interp(where, frequency, values))
+
+
+def _gain(where: float | None, frequency: Array, response: Complex) -> float:
+    return _at(frequency, np.abs(response), frequency[0] if where is None else where)
+
+
+def _lag(where: float, frequency: Array, response: Complex) -> float:
+    return -_at(frequency, np.unwrap(np.angle(response)), where)
+
+
+def _bandwidth(frequency: Array, response: Complex) -> float:
+    gain = np.abs(response)
+    try:
+        return events.crossing(frequency, -(gain / gain[0]), -np.sqrt(0.5))
+    except RefusedError:
+        raise RefusedError(f"the gain does not fall by 3 dB up to {frequency[-1]:.3g} Hz: say highest_hz") from None
+
+
+def _resonance(frequency: Array, response: Complex) -> tuple[float, float]:
+    gain = np.abs(response)
+    try:
+        return events.peak(frequency, gain, base=gain[0])
+    except RefusedError:
+        raise RefusedError(f"no resonance: the gain is highest at the end of the band, {frequency[0]:g} Hz") from None
+
+
+def _equivalent_frequency(frequency: Array, response: Complex) -> float:
+    try:
+        return events.crossing(frequency, -np.unwrap(np.angle(response)), np.pi / 4)
+    except RefusedError:
+        raise RefusedError(
+            f"the phase does not pass -45 deg between {frequency[0]:g} and {frequency[-1]:g} Hz"
+        ) from None
+
+
+def _check(spectra: Spectra, name: str, high: float | None = None) -> None:
+    """Refuse an output that is not coherent up to ``high`` [Hz], or opposes the handwheel at the lowest frequency."""
+    spectra.check(name, high=high)
+    if spectra.responses(name)[0][0].real <= 0:
+        raise RefusedError(f"{name} does not follow handwheel_angle: check the signs, a left turn is positive in both")
+
+
+def _value(spectra: Spectra, name: str, read: Callable[[Array, Complex], float], high: float | None = None) -> Array:
+    _check(spectra, name, high)
+    return spectra.pseudo_values(name, read)
+
+
+def _frequency(spectra: Spectra, name: str, read: Callable[[Array, Complex], float]) -> Array:
+    """Pseudo-values of a frequency up to which the output must be coherent; refused where the signs are wrong."""
+    _check(spectra, name, spectra.frequency[0])
+    _check(spectra, name, read(spectra.frequency, spectra.responses(name)[0]))
+    return spectra.pseudo_values(name, read)
+
+
+def _spectral_metric(unit: str, **more: Any) -> Callable:
+    return metric(unit, *TESTS, **{"source": SOURCE, **more})
+
+
+@_spectral_metric("1/s")
+def yaw_rate_steady_state_gain(spectra: Spectra) -> Array:
+    """Yaw rate over handwheel angle at the lowest frequency that is read, 0.2 Hz."""
+    return _value(spectra, YAW, partial(_gain, None), spectra.frequency[0])
+
+
+@_spectral_metric("Hz")
+def yaw_rate_bandwidth(spectra: Spectra) -> Array:
+    """Frequency at which the gain of the yaw rate is 3 dB below the gain at the lowest frequency."""
+    return _frequency(spectra, YAW, _bandwidth)
+
+
+@_spectral_metric("Hz")
+def yaw_rate_resonance_frequency(spectra: Spectra) -> Array:
+    """Frequency of the highest gain of the yaw rate, from a cubic through the top of the gain."""
+    return _frequency(spectra, YAW, lambda f, h: _resonance(f, h)[0])
+
+
+@_spectral_metric("1")
+def yaw_rate_resonance_ratio(spectra: Spectra) -> Array:
+    """Highest gain of the yaw rate divided by the gain at the lowest frequency."""
+    return _value(spectra, YAW, lambda f, h: _resonance(f, h)[1] / abs(h[0]))
+
+
+@_spectral_metric("deg")
+def yaw_rate_phase_lag_at_1hz(spectra: Spectra) -> Array:
+    """Phase by which the yaw rate lags the handwheel angle at 1 Hz."""
+    return _value(spectra, YAW, partial(_lag, 1.0), 1.0)
+
+
+@_spectral_metric("s")
+def yaw_rate_equivalent_time(spectra: Spectra) -> Array:
+    """T_eq = 1/(2 pi f), where f is the frequency at which the phase of the yaw rate is -45 deg."""
+    _frequency(spectra, YAW, _equivalent_frequency)
+    return spectra.pseudo_values(YAW, lambda f, h: 1.0 / (2.0 * np.pi * _equivalent_frequency(f, h)))
+
+
+@_spectral_metric("1")
+def yaw_rate_lowest_coherence(spectra: Spectra) -> Array:
+    """Lowest squared coherence of yaw rate and handwheel angle in the band."""
+    return spectra.lowest_coherence(YAW)
+
+
+@_spectral_metric("g/100 deg")
+def lateral_acceleration_steady_state_gain(spectra: Spectra) -> Array:
+    """Lateral acceleration over handwheel angle at the lowest frequency that is read, 0.2 Hz."""
+    return _value(spectra, AY, partial(_gain, None), spectra.frequency[0])
+
+
+@_spectral_metric("Hz")
+def lateral_acceleration_bandwidth(spectra: Spectra) -> Array:
+    """Frequency at which the gain of the lateral acceleration is 3 dB below the gain at the lowest frequency."""
+    return _frequency(spectra, AY, _bandwidth)
+
+
+@_spectral_metric("deg")
+def lateral_acceleration_phase_lag_at_1hz(spectra: Spectra) -> Array:
+    """Phase by which the lateral acceleration lags the handwheel angle at 1 Hz."""
+    return _value(spectra, AY, partial(_lag, 1.0), 1.0)
+
+
+@_spectral_metric("s")
+def lateral_acceleration_equivalent_time(spectra: Spectra) -> Array:
+    """T_eq = 1/(2 pi f), where f is the frequency at which the phase of the lateral acceleration is -45 deg."""
+    _frequency(spectra, AY, _equivalent_frequency)
+    return spectra.pseudo_values(AY, lambda f, h: 1.0 / (2.0 * np.pi * _equivalent_frequency(f, h)))
+
+
+@_spectral_metric("1")
+def lateral_acceleration_lowest_coherence(spectra: Spectra) -> Array:
+    """Lowest squared coherence of lateral acceleration and handwheel angle in the band."""
+    return spectra.lowest_coherence(AY)
+
+
+@_spectral_metric("N m/deg", source="common use")
+def torque_steady_state_gain(spectra: Spectra) -> Array:
+    """Handwheel torque over handwheel angle at the lowest frequency that is read, 0.2 Hz."""
+    return _value(spectra, TORQUE, partial(_gain, None), spectra.frequency[0])
+
+
+@_spectral_metric("N m/deg", source="common use")
+def torque_gain_at_1hz(spectra: Spectra) -> Array:
+    """Handwheel torque over handwheel angle at 1 Hz."""
+    return _value(spectra, TORQUE, partial(_gain, 1.0), 1.0)
+
+
+@_spectral_metric("deg", source="common use")
+def torque_phase_lead_at_1hz(spectra: Spectra) -> Array:
+    """Phase by which the handwheel torque leads the handwheel angle at 1 Hz."""
+    return -_value(spectra, TORQUE, partial(_lag, 1.0), 1.0)
+
+
+@_spectral_metric("1", source="common use")
+def torque_lowest_coherence(spectra: Spectra) -> Array:
+    """Lowest squared coherence of handwheel torque and handwheel angle in the band; friction lowers it."""
+    return spectra.lowest_coherence(TORQUE)

@@ -1,0 +1,16 @@
+"""Old names of channels, which files and mappings may use until release 1.0."""
+
+import sys
+from collections.abc import Iterable
+
+from steer_env.friction.numerics.renamed import REMOVED_IN
+
+_WHEELS = ("front_left", "front_right", "rear_left", "rear_right")
+RENAMED_CHANNELS = {f"wheel_spin_{wheel}": f"wheel_angular_velocity_{wheel}" for wheel in _WHEELS}  # old -> new
+
+
+def announce(where: object, old_names: Iterable[str]) -> None:
+    """Print one line on standard error that names the replacements of the old names in a file; none without names."""
+    renamed = [f"{old} is now {RENAMED_CHANNELS[old]}" for old in old_names]
+    if renamed:
+        print(f"{where}: {', '.join(renamed)}; release {REMOVED_IN} will not know the old name", file=sys.stderr)

@@ -1,0 +1,41 @@
+"""Threads that share the rows of a batch; kernels release the GIL, so no threading layer of numba is needed."""
+
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from itertools import pairwise
+
+import numpy as np
+
+
+class ThreadPool:
+    """Runs work on slices of ``n`` rows in ``threads`` threads.
+
+    The threads belong to the process that started them; after a fork the child starts its own.
+    """
+
+    def __init__(self, n: int, threads: int) -> None:
+        slices = min(threads, n)
+        edges = np.linspace(0, n, slices + 1).round().astype(int).tolist()
+        self._slices = list(pairwise(edges))
+        self._executor: ThreadPoolExecutor | None = None
+        self._process = 0
+
+    def run(self, work: Callable[[int, int], None]) -> None:
+        """Call ``work(low, high)`` for every slice; the calling thread takes the first one."""
+        if len(self._slices) == 1:
+            work(*self._slices[0])
+            return
+        if self._process != os.getpid():  # threads do not survive a fork
+            self._executor, self._process = ThreadPoolExecutor(len(self._slices) - 1), os.getpid()
+        assert self._executor is not None
+        others = [self._executor.submit(work, low, high) for low, high in self._slices[1:]]
+        work(*self._slices[0])
+        for other in others:
+            other.result()
+
+    def close(self) -> None:
+        """Stop the threads."""
+        if self._executor is not None and self._process == os.getpid():
+            self._executor.shutdown()
+        self._executor, self._process = None, 0

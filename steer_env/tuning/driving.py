@@ -1,0 +1,69 @@
+"""A parameter set driven through the tests of a scenario, and the metrics of them all."""
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from steer_env import metrics
+from steer_env.manoeuvres.common.driving import OpenLoop, build_plant, drive_plant, open_loop
+from steer_env.metrics import Value
+from steer_env.randomise import Conditions
+from steer_env.recording.recording import Recording
+from steer_env.tuning.scenarios.common.definition import Drive, Scenario
+from steer_env.vehicle.cars import Car
+from steer_env.vehicle.plant import Plant
+from steer_env.vehicle.steering.eps import Assist
+
+
+class PreparedDrive(NamedTuple):
+    """A drive in a context: what is the same for every parameter set."""
+
+    drive: Drive  # with the context's speed and chassis
+    car: Car  # with its load
+    plant: Plant  # with the car's own assist
+    course: OpenLoop  # with which the car's own assist reaches the test's lateral acceleration
+
+
+def prepare(scenario: Scenario, car: Car, chassis: str, drawn: Conditions) -> tuple[PreparedDrive, ...]:
+    """The drives in a context, with amplitudes found for the car's own assist.
+
+    Every parameter set is driven with the same handwheel angles, so that sets are compared on one input and a set
+    costs one run.
+
+    Raises
+    ------
+    ValueError
+        The car does not reach the lateral acceleration of a test.
+    """
+    loaded, prepared = car.loaded(drawn.load), []
+    for drive in scenario.drives:
+        m = drive.manoeuvre
+        if m.chassis == "single_track":  # otherwise the test needs two tracks
+            m = replace(m, chassis=chassis)
+        if drive.at_context_speed:
+            m = replace(m, speed=drawn.speed)
+        p = build_plant(loaded, m, drawn.friction, drawn.road_friction)._replace(friction_torque_scale=drawn.friction_level)
+        prepared.append(PreparedDrive(drive._replace(manoeuvre=m), loaded, p, open_loop(p, m)))
+    return tuple(prepared)
+
+
+def evaluate(drives: tuple[PreparedDrive, ...], assist: Assist) -> dict[str, Value]:
+    """Every metric of the drives with an assist; the metrics of a run that diverges or spins out are refused."""
+    found: dict[str, Value] = {}
+    for drive, car, p, prepared in drives:
+        try:
+            recording = drive_plant(car, p._replace(assist=assist), drive.manoeuvre, prepared)
+        except ValueError as error:
+            names = metrics.available(drive.manoeuvre.name)
+            found |= {n: Value(np.nan, np.nan, np.nan, metrics.definition(n).unit, str(error)) for n in names}
+        else:
+            found |= metrics.evaluate(thinned(recording, drive.thinning))
+    return found
+
+
+def thinned(recording: Recording, thinning: int) -> Recording:
+    """A recording with one of every ``thinning`` samples."""
+    kept = slice(thinning - 1, None, thinning)
+    channels = {name: values[kept] for name, values in recording.channels.items()}
+    return replace(recording, time=recording.time[kept], channels=channels)

@@ -1,0 +1,105 @@
+"""The environment classes of the tuning scenarios, with documentation generated from the scenario.
+
+A class is made when it is first asked for.
+"""
+
+import textwrap
+from functools import cache
+
+from steer_env import targets
+from steer_env.environments import table
+from steer_env.metrics import definition
+from steer_env.randomise import RANGES
+from steer_env.tuning import reward
+from steer_env.tuning.env import DRAWN, SETS, TuneEnv, observed
+from steer_env.tuning.parameters import PARAMETERS
+from steer_env.tuning.scenarios.common.definition import SCENARIOS, Scenario
+from steer_env.vehicle import cars
+from steer_env.vehicle.steering.margins import TARGETS as MARGINS
+
+
+def _filled(text: str) -> str:
+    return textwrap.fill(text, 118)
+
+
+def _documentation(scenario: Scenario) -> str:
+    """A docstring in Gymnasium's form."""
+    a, wanted = cars.load().assist, targets.load("compact")
+    actions = []
+    for i, name in enumerate(scenario.parameters):
+        p = PARAMETERS[name]
+        ends = (f"{p.value(a, at):.4g}" for at in (-1.0, 0.0, 1.0))
+        actions.append((str(i), f"`{name}`: {p.meaning}", *ends, p.unit))
+    observations = [
+        (str(i), q.name.replace("_", " ") + f": {q.meaning}", f"{q.bound:.6g}", q.unit)
+        for i, q in enumerate(observed(scenario))
+    ]
+    terms = [
+        (f"`{name}`", f"{term.weight:g}", f"{term.band.good[0]:g} to {term.band.good[1]:g}", definition(name).unit)
+        for name, term in reward.terms(scenario, wanted, None).items()
+    ]
+    margins = [
+        (f"`{name}`", f"{reward.MARGIN_WEIGHT:g}", f"from {least:g}", unit)
+        for name, least, unit in zip(reward.MARGIN_TERMS, MARGINS, ("deg", "dB"))
+    ]
+    drives = [
+        (
+            drive.manoeuvre.name,
+            drive.manoeuvre.hands,
+            "the context's" if drive.at_context_speed else f"{3.6 * drive.manoeuvre.speed:.4g} km/h",
+        )
+        for drive in scenario.drives
+    ]
+    sections = [
+        _filled(scenario.summary),
+        "## Action",
+        _filled(
+            f"`Box(-1, 1, ({len(actions)},))`: a parameter set of the assist. The values below are those of the "
+            "packaged compact car; 0 is every car's own value, 1 multiplies and -1 divides it by the same factor."
+        ),
+        table(("index", "parameter", "at -1", "at 0", "at 1", "unit"), actions),
+        "## Observation",
+        f"`Box({len(observations)},)`, clipped to the bounds. What concerns the last set is 0 before the first one.",
+        table(("index", "observation", "bound", "unit"), observations),
+        "## Reward",
+        _filled(
+            "The reward is minus the sum of the weighted terms. The term of a metric is its distance from its band "
+            f"over the band's width: 0 inside the band, at most {reward.MAX_DISTANCE:g}, and {reward.MAX_DISTANCE:g} for "
+            "a refused metric. The term of a margin is its shortfall below its least value over that value, and 1 if the "
+            'loop is unstable. The terms are in `info["reward_terms"]`; the bands are those of `targets="compact"`.'
+        ),
+        table(("term", "weight", "band", "unit"), [*terms, *margins]),
+        '## Cost\n\nFor constrained learning: `info["cost_terms"]` are the shortfalls of both margins, `info["cost"]` '
+        "is their sum.",
+        "## Tests",
+        _filled(
+            "The tests are those of the battery with fewer events. The robot's handwheel angles are found with the "
+            "car's own assist and are the same for every parameter set; each set is simulated at 1 kHz."
+        ),
+        table(("test", "hands", "speed"), drives),
+        "## Metrics",
+        _filled(
+            'After each step, `info["evaluated"]` has every metric of the tests (`docs/metrics.md` defines them); at '
+            'the end of the episode, `info["metrics"]` has those of the best parameter set.'
+        ),
+        "## Start\n\nA context is drawn; `options` fix what would be drawn.",
+        f"## End\n\nThe episode is truncated after {SETS} parameter sets.",
+        "## Arguments",
+        "Those of `steer_env.tuning.TuneEnv`. `reset(options={...})` fixes what would be drawn:",
+        table(("option", "meaning"), [(f"`{key}`", RANGES[key][2]) for key in DRAWN]),
+        "## Version history\n\nv0: first version.",
+    ]
+    return "\n\n".join(sections) + "\n"
+
+
+@cache
+def _made(name: str) -> type[TuneEnv]:
+    scenario = SCENARIOS[name]
+    fields = {"scenario": scenario, "__doc__": _documentation(scenario), "__module__": __name__}
+    return type(name, (TuneEnv,), fields)
+
+
+def __getattr__(name: str) -> type[TuneEnv]:
+    if name in SCENARIOS.available():
+        return _made(name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -1,0 +1,1 @@
+"""Tuning scenarios, one file each: which tests a parameter set is driven through."""

@@ -1,0 +1,1 @@
+"""What tuning scenarios share: their declaration and the on-centre test."""

@@ -1,0 +1,116 @@
+"""Help answers at once: no command imports a simulation for it. Missing extras and a closed pipe end in a sentence."""
+
+import subprocess
+import sys
+
+import pytest
+
+from steer_env import assists, drivers, friction, manoeuvres, metrics, targets
+from steer_env.experiments.cli.common import names
+from steer_env.experiments.cli.common.messages import in_options
+from steer_env.experiments.cli.main import main
+from steer_env.friction.numerics.registry import dashed, listed
+from steer_env.recording import files
+from steer_env.vehicle import cars, road
+from steer_env.vehicle.steering.eps import SAMPLE_TIME
+
+COMMANDS = [name for name in listed("steer_env.experiments.cli", dashed) if name != "main"]
+SLOW = ("numba", "scipy", "matplotlib", "torch", "plotly")  # to import
+HELP = """
+import sys, time
+from steer_env.experiments.cli.main import main
+try:
+    main(sys.argv[1:])
+except SystemExit as stop:
+    code = stop.code
+print(code, *(name for name in {slow} if name in sys.modules), f"{{time.process_time():.3f}}", file=sys.stderr)
+"""
+
+
+def _processor_time(*command):
+    done = subprocess.run([sys.executable, "-c", *command], capture_output=True, text=True, check=True)
+    return done.stdout, done.stderr.split()
+
+
+@pytest.mark.parametrize("command", [[], *([name] for name in COMMANDS)], ids=lambda command: " ".join(command))
+def test_help_imports_nothing_slow(command):
+    text, (code, *slow, seconds) = _processor_time(HELP.format(slow=SLOW), *command, "--help")
+    assert (code, slow) == ("0", [])
+    assert "usage: steer-env" in text
+    base = "import sys, time, gymnasium; print(f'{time.process_time():.3f}', file=sys.stderr)"
+    _, (gymnasium,) = _processor_time(base)
+    over = float(seconds) - float(gymnasium)
+    print(f"steer-env {' '.join(command)} --help: {over:.2f} s over import gymnasium")  # a benchmark, not a test
+
+
+def test_names_in_the_help_are_those_of_the_registries():
+    assert names.laws() == friction.available()
+    assert names.manoeuvres() == manoeuvres.available() == tuple(sorted(metrics.tests()))
+    assert names.cars() == cars.available()
+    assert names.chassis() == tuple(sorted(cars.SPEEDS))
+    assert names.targets() == targets.available()
+    assert names.drivers() == drivers.available()
+    assert names.assists() == assists.available()
+    assert tuple(files.FORMATS) == names.FORMATS
+    assert tuple(road.ROUGHNESS) == names.ROAD_CLASSES
+    assert pytest.approx(1.0 / SAMPLE_TIME) == names.SAMPLE_RATE
+
+
+@pytest.mark.parametrize(
+    ("missing", "command", "extra"),
+    [
+        ("torch", ["train", "--env", "steer_env/AssistWeave-v0"], "train"),
+        ("stable_baselines3", ["evaluate-policy", "shipped", "--env", "steer_env/AssistWeave-v0"], "train"),
+        ("stable_baselines3", ["friction-shift", "policy.zip"], "train"),
+        ("sb3_contrib", ["train", "--env", "steer_env/AssistWeave-v0", "--algo", "recurrent-ppo"], "train"),
+        ("torch", ["verify", "policies"], "train"),
+        ("asammdf", ["evaluate", "weave.mf4"], "mdf"),
+        ("asammdf", ["run", "weave", "--out", "weave.mf4"], "mdf"),
+        ("vehiclemodels", ["study", "commonroad"], "test"),
+    ],
+)
+def test_a_missing_extra_is_named_before_the_work_begins(missing, command, extra, monkeypatch, tmp_path, capsys):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(
+        "steer_env.experiments.cli.common.extras.find_spec", lambda name: None if name == missing else object()
+    )
+    assert main(command) == 2
+    error = capsys.readouterr().err
+    assert f"needs {missing}: pip install 'steer-env[{extra}]'" in error
+    assert error.count("\n") == 1
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="pipes of a POSIX shell")
+@pytest.mark.parametrize("command", [["--help"], ["car", "compact"]])
+def test_a_closed_pipe_prints_no_error(command):
+    process = subprocess.Popen(
+        [sys.executable, "-m", "steer_env.experiments.cli.main", *command],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    process.stdout.close()
+    assert process.stderr.read() == ""
+    process.stderr.close()
+    assert process.wait() in (0, 141)
+
+
+def test_messages_name_options():
+    text = "say that the test was at 80 km/h (speed_m_s=22.22), or frequency_hz=0.25 if right"
+    assert in_options(text) == "say that the test was at 80 km/h (--speed_kph 79.99), or --frequency_hz 0.25 if right"
+
+
+@pytest.mark.parametrize("name", listed("steer_env.experiments.studies", dashed))
+def test_every_study_has_help(name, capsys):
+    with pytest.raises(SystemExit) as stop:
+        main(["study", name, "--help"])
+    assert stop.value.code == 0
+    assert f"usage: steer-env study {name}" in capsys.readouterr().out
+
+
+def test_options_with_a_unit_take_a_dash_too(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert main(["run", "weave", "--speed-kph", "500"]) == 2
+    assert main(["run", "weave", "--rate-hz=5000"]) == 2
+    assert capsys.readouterr().err.count("at most") == 2

@@ -1,0 +1,98 @@
+import math
+
+import numpy as np
+
+from steer_env.friction.numerics.kernel import kernel
+from steer_env.vehicle.simd import (
+    any_of,
+    atan,
+    broadcast,
+    copysign,
+    cos,
+    exp,
+    fabs,
+    first,
+    load,
+    maximum,
+    minimum,
+    pack,
+    power,
+    sin,
+    sqrt,
+    store,
+    swap_sides,
+    unpack,
+    where,
+)
+
+
+@kernel
+def elementary(x, out):
+    """Each function at a number, its mirror image, three times it and one, in four lanes."""
+    for i in range(x.size):
+        v = pack(x[i], -x[i], 3.0 * x[i], 1.0)
+        store(out, 16 * i, atan(v))
+        store(out, 16 * i + 4, sin(v))
+        store(out, 16 * i + 8, cos(v))
+        store(out, 16 * i + 12, exp(v))
+
+
+def of(x):
+    out = np.empty(16 * x.size)
+    elementary(x, out)
+    return out.reshape(x.size, 4, 4).transpose(1, 2, 0)
+
+
+def test_elementary_functions():
+    x = np.concatenate([np.linspace(-30, 30, 30001), np.linspace(-1, 1, 30001), 10.0 ** np.linspace(-300, 1.5, 999)])
+    v = np.array([x, -x, 3.0 * x, np.ones_like(x)])
+    arcs, sines, cosines, powers = of(x)
+    np.testing.assert_allclose(arcs, np.arctan(v), rtol=4.5e-16, atol=0)
+    np.testing.assert_allclose(sines, np.sin(v), rtol=0, atol=4e-16)
+    np.testing.assert_allclose(cosines, np.cos(v), rtol=0, atol=4e-16)
+    np.testing.assert_allclose(powers, np.exp(v), rtol=4.5e-16, atol=0)
+    far = np.linspace(-230, 230, 999)
+    np.testing.assert_allclose(of(far)[3, 2], np.exp(3.0 * far), rtol=4.5e-16)
+    assert (arcs[0] == -arcs[1]).all()
+    assert (sines[0] == -sines[1]).all()
+    assert (cosines[0] == cosines[1]).all()
+    np.testing.assert_array_equal(of(np.array([0.0]))[:, 0, 0], [0.0, 0.0, 1.0, 1.0])
+    assert of(np.array([1e300]))[0, 0, 0] == math.pi / 2
+    assert np.isnan(of(np.array([math.nan]))[:, :3]).all()
+
+
+@kernel
+def everything(a, b, out):
+    x, y = load(a, 1), load(b, 0)
+    z = (x + y) * 2.0 - x / y
+    z += -swap_sides(x)
+    z *= y
+    z -= 1.0
+    z /= 0.5
+    store(out, 0, z)
+    store(out, 4, minimum(x, y))
+    store(out, 8, maximum(x, 0.5))
+    store(out, 12, where((x > 0.0) & (x <= y), copysign(sqrt(fabs(x)), y), broadcast(7.0)))
+    store(out, 16, power(fabs(x), 1.5))
+    if any_of(x != x):
+        out[20] = 1.0
+    if any_of(y >= 1e9):
+        out[21] = 1.0
+    out[22] = first(broadcast(3.0))
+    _, out[23], _, _ = unpack(x)
+
+
+def test_arithmetic_compiled_and_plain():
+    """Bit for bit, in each lane, whatever stands in the others; plain Python takes numpy's way."""
+    rng = np.random.default_rng(1)
+    a, b = rng.normal(size=5), rng.normal(size=8)
+    for bad in (False, True):
+        if bad:
+            a[3] = math.nan
+        compiled, plain = np.zeros((2, 24))
+        everything(a, b, compiled)
+        getattr(everything, "py_func", everything)(a, b, plain)
+        np.testing.assert_allclose(compiled[16:20], plain[16:20], rtol=1e-15)  # pow
+        compiled[16:20] = plain[16:20] = 0.0
+        np.testing.assert_array_equal(compiled, plain)
+        assert (compiled[20] == 1.0) == bad

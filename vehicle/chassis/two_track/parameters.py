@@ -1,0 +1,75 @@
+"""Parameters of the two-track chassis as the kernels take them; :mod:`steer_env.vehicle.cars` builds and checks them."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from steer_env.vehicle import road
+from steer_env.vehicle.chassis.two_track.brakes import Brakes
+from steer_env.vehicle.chassis.two_track.drivetrain import Drivetrain
+from steer_env.vehicle.chassis.two_track.speed_hold import SpeedHold
+
+
+class Body(NamedTuple):
+    """Numbers of the chassis; the kernels take them as a record."""
+
+    speed: float  # held speed [m/s]
+    mu: float  # factor on the friction of the road [1]
+    m: float  # mass [kg]
+    m_f: float  # unsprung mass of each front wheel [kg]
+    m_r: float  # of each rear wheel [kg]
+    a: float  # O to front axle [m]
+    b: float  # O to rear axle [m]
+    I_x: float  # roll inertia less the part that moves with the travel, sum of m_i y_i^2 [kg m2]
+    I_y: float  # pitch inertia less sum of m_i x_i^2 [kg m2]
+    I_z: float  # yaw inertia [kg m2]
+    I_xz: float  # product of inertia, positive where mass ahead is high [kg m2]
+    I_w: float  # of a wheel about its axle [kg m2]
+    h: float  # height of O in the design position [m]
+    t_f: float  # front track [m]
+    t_r: float  # rear track [m]
+    R_l: float  # loaded radius in the design position [m]
+    R_e: float  # effective rolling radius [m]
+    K_t: float  # vertical tyre stiffness [N/m]
+    F_zf: float  # load of each front wheel in the design position [N]
+    F_zr: float  # of each rear wheel [N]
+    S_f: float  # force along each front strut in the design position [N]
+    K_f: float  # front spring, along the strut [N/m]
+    C_f: float  # front damper, along the strut [N s/m]
+    S_r: float  # force of each rear spring along the travel in the design position [N]
+    K_r: float  # rear spring, along the travel [N/m]
+    C_r: float  # rear damper, along the travel [N s/m]
+    B_f: float  # front anti-roll bar: force on each wheel over the difference of the travels [N/m]
+    B_r: float  # rear anti-roll bar [N/m]
+    clearance_f: float  # front travel without contact of a bump stop, either way [m]
+    clearance_r: float  # rear [m]
+    K_stop: float  # stiffness of the bump stops [N/m]
+    steer_r: float  # rear steer angle per travel, left wheel [rad/m]
+    camber_r: float  # rear inclination per travel, left wheel [rad/m]
+    compliance_steer_r: float  # rear steer angle per lateral force on the wheel [rad/N]
+    contact_y_r: float  # rear contact-point displacement to the left per travel, left wheel [1]
+    K_rack: float  # compliance between the rack and both road wheels, seen at the rack [N/m]
+    T_rack: float  # time constant of that compliance [s]
+    sigma_x: float  # longitudinal relaxation length [m]
+    sigma_y: float  # lateral relaxation length [m]
+    d_x: float  # structural damping of the tyre at standstill, slip over slip speed [s/m]
+    d_y: float  # lateral [s/m]
+    bore_load: float  # wheel load for which the parameters of the bore friction hold [N]
+    sigma_z: float  # rolling distance over which the bore friction forgets its state [m]
+    g_x: float  # gravity along the x axis of the road at yaw angle 0, from the grade [m/s2]
+    g_y: float  # along its y axis, from the bank [m/s2]
+    g_z: float  # normal to the road, negative [m/s2]
+    drag: float  # air drag over speed squared [kg/m]
+    lift_f: float  # front lift over speed squared [kg/m]
+    lift_r: float  # rear lift over speed squared [kg/m]
+
+
+class TwoTrack(NamedTuple):
+    """Parameters of the chassis, its drive, its brakes, its speed hold and its road."""
+
+    body: np.recarray  # one Body
+    bore_friction: Any  # friction law of the bore torque over the turning of the contact patch
+    drive: Drivetrain
+    brakes: Brakes
+    hold: SpeedHold
+    road: road.Road

@@ -1,0 +1,75 @@
+"""Orientation of the body and its velocities in the road frame.
+
+The rotations are yaw, then pitch, then roll. The road frame is the body frame without pitch and roll: its x axis has
+the yaw angle of the body, and its z axis is normal to the road.
+"""
+
+from typing import NamedTuple
+
+from steer_env.friction.numerics.kernel import kernel, part
+from steer_env.vehicle.chassis.two_track.layout import PITCH, ROLL, YAW, P, Q, R, U, V, W
+from steer_env.vehicle.simd import cos, pack, sin, unpack
+
+
+class Rotation(NamedTuple):
+    """Matrix from the body frame to the road frame, and cosine and sine of the roll, pitch and yaw angle."""
+
+    a11: float
+    a12: float
+    a13: float
+    a22: float  # a21 is 0
+    a23: float
+    a31: float
+    a32: float
+    a33: float
+    c_r: float
+    s_r: float
+    c_p: float
+    s_p: float
+    c_y: float
+    s_y: float
+
+
+class Motion(NamedTuple):
+    """Velocity of O and angular velocity of the body, in the road frame."""
+
+    V_x: float  # [m/s]
+    V_y: float
+    V_z: float
+    W_x: float  # [rad/s]
+    W_y: float
+    W_z: float
+
+
+@part
+def rotation(x):
+    """Rotation of the body at the states ``x``."""
+    angles = pack(x[ROLL], x[PITCH], x[YAW], 0.0)
+    c_r, c_p, c_y, _ = unpack(cos(angles))
+    s_r, s_p, s_y, _ = unpack(sin(angles))
+    return Rotation(
+        a11=c_p, a12=s_p * s_r, a13=s_p * c_r,
+        a22=c_r, a23=-s_r,
+        a31=-s_p, a32=c_p * s_r, a33=c_p * c_r,
+        c_r=c_r, s_r=s_r, c_p=c_p, s_p=s_p, c_y=c_y, s_y=s_y,
+    )  # fmt: skip
+
+
+@kernel
+def to_road(a, x, y, z):
+    """Components in the road frame of a vector in the body frame."""
+    return a.a11 * x + a.a12 * y + a.a13 * z, a.a22 * y + a.a23 * z, a.a31 * x + a.a32 * y + a.a33 * z
+
+
+@kernel
+def to_body(a, x, y, z):
+    """Components in the body frame of a vector in the road frame."""
+    return a.a11 * x + a.a31 * z, a.a12 * x + a.a22 * y + a.a32 * z, a.a13 * x + a.a23 * y + a.a33 * z
+
+
+@part
+def motion(a, x):
+    """Motion of the body at the states ``x``."""
+    V_x, V_y, V_z = to_road(a, x[U], x[V], x[W])
+    W_x, W_y, W_z = to_road(a, x[P], x[Q], x[R])
+    return Motion(V_x, V_y, V_z, W_x, W_y, W_z)

@@ -1,0 +1,108 @@
+"""One step of the two-track states, the channels that the chassis reports, and the state from which it starts."""
+
+from steer_env.friction.numerics.kernel import kernel
+from steer_env.vehicle.chassis.common.interface import COMMON_OUTPUTS, HAND_BRAKE, extrapolated_step
+from steer_env.vehicle.chassis.two_track.brakes import axle_step, brake_torques
+from steer_env.vehicle.chassis.two_track.drivetrain import shift
+from steer_env.vehicle.chassis.two_track.layout import (
+    COMMON_SIZE,
+    DRIVE,
+    GEAR,
+    LATERAL_SPEED,
+    OMEGA,
+    OUTPUT_SIZE,
+    REPORTED_OUTPUTS,
+    REPORTED_STATES,
+    ROAD_TORQUE,
+    ROLL,
+    SHIFT_TIME,
+    STATE_SIZE,
+    THROTTLE,
+    THROTTLE_CHANNEL,
+    YAW,
+    YAW_RATE,
+    U,
+    X,
+    Y,
+    Z,
+)
+from steer_env.vehicle.chassis.two_track.parameters import TwoTrack
+from steer_env.vehicle.chassis.two_track.wheels import engine_inertias, pressed
+
+_COMMON_OUTPUTS = len(COMMON_OUTPUTS)
+_FIRST_OUTPUT = COMMON_SIZE - _COMMON_OUTPUTS  # position of the common outputs among the channels
+
+
+@kernel
+def advance(p, x, rate, rate_before, out, out_before, s, h, u):
+    """Advance every state by the Adams-Bashforth rule, except gear and angular velocities.
+
+    A brake may hold a wheel at rest, so each axle takes a set-valued step; the gear changes at the end of the step.
+    """
+    d = p.body[0]
+    omega = x[OMEGA], x[OMEGA + 1], x[OMEGA + 2], x[OMEGA + 3]
+    extrapolated_step(x, rate, rate_before, s, h)
+    omega_f, omega_r = 0.5 * (omega[0] + omega[1]), 0.5 * (omega[2] + omega[3])
+    J_f, J_r = engine_inertias(p, x, omega_f, omega_r)
+    _, pedal = pressed(out, out_before, s, u)
+    hold_f, hold_r = brake_torques(p.brakes, pedal, u[HAND_BRAKE])
+    for i, drive, J, hold in ((0, DRIVE, J_f, hold_f), (2, DRIVE + 1, J_r, hold_r)):
+        half = 0.5 * (out[drive] + s * (out[drive] - out_before[drive]))
+        k = ROAD_TORQUE + i
+        left = out[k] + s * (out[k] - out_before[k]) + half
+        right = out[k + 1] + s * (out[k + 1] - out_before[k + 1]) + half
+        x[OMEGA + i], x[OMEGA + i + 1], _, _ = axle_step(d.I_w, J, omega[i], omega[i + 1], left, right, hold, hold, h)
+    x[GEAR], x[SHIFT_TIME] = shift(p.drive, x[GEAR], x[SHIFT_TIME], out[THROTTLE], omega_f, omega_r, h)
+
+
+@kernel
+def report(p, x, out, out_before, s, u, row):
+    """Fill the channels ``s`` chassis steps after the last evaluation."""
+    row[0] = out[LATERAL_SPEED] + s * (out[LATERAL_SPEED] - out_before[LATERAL_SPEED])
+    row[1] = out[YAW_RATE] + s * (out[YAW_RATE] - out_before[YAW_RATE])
+    row[2] = x[ROLL]
+    row[3] = x[YAW]
+    row[4] = x[X]
+    row[5] = x[Y]
+    now, then = out[DRIVE] + out[DRIVE + 1], out_before[DRIVE] + out_before[DRIVE + 1]
+    row[6] = (now + s * (now - then)) / p.body[0].R_e
+    for i in range(_COMMON_OUTPUTS):
+        row[_FIRST_OUTPUT + i] = out[i] + s * (out[i] - out_before[i])
+    k = COMMON_SIZE
+    for i in REPORTED_STATES:
+        row[k] = x[i]
+        k += 1
+    for i in REPORTED_OUTPUTS:
+        row[k] = out[i] + s * (out[i] - out_before[i])
+        k += 1
+    row[THROTTLE_CHANNEL], row[THROTTLE_CHANNEL + 1] = pressed(out, out_before, s, u)
+
+
+@kernel
+def speed(p, x):
+    """Forward speed that the assist receives [m/s]."""
+    return abs(x[U])
+
+
+@kernel
+def state_size(p):
+    """Number of states."""
+    return STATE_SIZE
+
+
+@kernel
+def output_size(p):
+    """Number of outputs."""
+    return OUTPUT_SIZE
+
+
+def start(p: TwoTrack) -> list[float]:
+    """States of straight running at the held speed in the design position; the plant settles them."""
+    d = p.body[0]
+    x = [0.0] * STATE_SIZE
+    x[U], x[Z], x[GEAR] = float(d.speed), float(d.h), 1.0
+    omega = x[U] / float(d.R_e)
+    x[OMEGA : OMEGA + 4] = [omega] * 4
+    for _ in p.drive.ratios:
+        x[GEAR], _ = shift(p.drive, x[GEAR], 0.0, 0.2, omega, omega, 1.0)
+    return x

@@ -1,0 +1,110 @@
+"""Where each part of a plant stands in its state array.
+
+The array holds, in this order, the column, the assist, the memory of the multi-step rules, the states of the chassis,
+their derivatives and the outputs at the last two evaluations of the chassis, and the memory of the friction law.
+"""
+
+from typing import Any, NamedTuple
+
+from steer_env.friction.law import law_of
+from steer_env.friction.numerics.kernel import kernel, plain
+from steer_env.vehicle import chassis
+from steer_env.vehicle.chassis.common.interface import INPUTS, Names
+from steer_env.vehicle.steering import column, eps
+
+# What the multi-step rules keep between the steps.
+_STEP_MEMORY: Names = (
+    ("steps_since_evaluation", "1"),
+    ("rack_force", "N"),  # at the last evaluation of the chassis
+    ("rack_force_before", "N"),  # at the one before
+    ("hand_torque_mean", "N m"),  # over the last step
+    ("hand_torque_mean_before", "N m"),
+    ("friction_torque_mean", "N m"),
+    ("friction_torque_mean_before", "N m"),
+)
+# Means of the inputs since the last evaluation, each step divided by the number of steps in a chassis step.
+_MEAN_INPUTS: Names = tuple((f"{name}_mean", unit) for name, unit in INPUTS)
+_LAST_INPUTS: Names = tuple((f"{name}_at_evaluation", unit) for name, unit in INPUTS)
+
+
+class Layout(NamedTuple):
+    """First position of each part; a part that is kept twice has the older values behind the newer ones."""
+
+    column: int
+    assist: int
+    steps: int  # steps since the last evaluation of the chassis
+    rack_force: int  # two values
+    hand_torque: int  # two values
+    friction_torque: int  # two values
+    mean_inputs: int
+    last_inputs: int
+    chassis: int
+    rate: int  # derivative of the chassis states at the last evaluation
+    rate_before: int
+    outputs: int
+    outputs_before: int
+    memory: int  # of the friction law, to the end of the array
+
+
+_ASSIST = len(column.STATES)
+_STEPS = _ASSIST + len(eps.STATES)
+_MEAN = _STEPS + len(_STEP_MEMORY)
+_LAST = _MEAN + len(INPUTS)
+_CHASSIS = _LAST + len(INPUTS)
+
+
+@kernel
+def _arrange(n, m):
+    """The layout for ``n`` states and ``m`` outputs of the chassis."""
+    rate, outputs = _CHASSIS + n, _CHASSIS + 3 * n
+    return Layout(
+        column=0,
+        assist=_ASSIST,
+        steps=_STEPS,
+        rack_force=_STEPS + 1,
+        hand_torque=_STEPS + 3,
+        friction_torque=_STEPS + 5,
+        mean_inputs=_MEAN,
+        last_inputs=_LAST,
+        chassis=_CHASSIS,
+        rate=rate,
+        rate_before=rate + n,
+        outputs=outputs,
+        outputs_before=outputs + m,
+        memory=outputs + 2 * m,
+    )
+
+
+@kernel
+def layout(p):
+    """The layout of a plant, in kernels; compiled code knows its numbers as constants."""
+    return _arrange(chassis.state_size(p.chassis), chassis.output_size(p.chassis))
+
+
+def layout_of(p: Any) -> Layout:
+    """The layout of a plant, in Python."""
+    kind = chassis.chassis_of(p.chassis)
+    return plain(_arrange)(len(kind.states), len(kind.outputs))
+
+
+def size_of(p: Any) -> int:
+    """Length of the state array of a plant."""
+    return layout_of(p).memory + law_of(p.friction).memory_size(p.friction)
+
+
+def states(p: Any) -> Names:
+    """Names and units of the states of a plant, in the order of the array."""
+    kind = chassis.chassis_of(p.chassis)
+    return (
+        *column.STATES,
+        *eps.STATES,
+        *_STEP_MEMORY,
+        *_MEAN_INPUTS,
+        *_LAST_INPUTS,
+        *kind.states,
+        *((f"{name}_derivative", f"{unit}/s") for name, unit in kind.states),
+        *((f"{name}_derivative_before", f"{unit}/s") for name, unit in kind.states),
+        *kind.outputs,
+        *((f"{name}_before", unit) for name, unit in kind.outputs),
+        *((f"friction_memory_{i}", "") for i in range(law_of(p.friction).memory_size(p.friction))),
+    )
