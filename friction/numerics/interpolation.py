@@ -29,7 +29,10 @@ def hermite(s, start, end, start_slope, end_slope):
 
 @kernel
 def bracket(grid, x):
-    """Cell of an ascending grid that holds ``x``, and the position in it from 0 to 1; the nearest end beyond the grid."""
+    """Cell of an ascending grid that holds ``x``, and the position in it from 0 to 1.
+
+    Beyond the grid they are those of its nearest end.
+    """
     last = grid.size - 1
     if x <= grid[0]:
         return 0, 0.0

@@ -33,9 +33,7 @@ def renamed(module: str, names: Mapping[str, str], known: Callable[[str], Any] |
                 return known(name)
             raise AttributeError(f"module {module!r} has no attribute {name!r}")
         place, _, attribute = names[name].partition(":")
-        text = (
-            f"{module}.{name} is now {names[name].replace(':', '.')}; release {REMOVED_IN} removes the old name"
-        )
+        text = f"{module}.{name} is now {names[name].replace(':', '.')}; release {REMOVED_IN} removes the old name"
         warnings.warn(text, DeprecationWarning, stacklevel=2)
         found = importlib.import_module(place)
         return getattr(found, attribute) if attribute else found

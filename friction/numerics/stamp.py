@@ -132,8 +132,19 @@ def _loads(code: CodeType) -> Iterator[tuple[str, ...]]:
 
 
 @functools.cache
-def _names(code: CodeType) -> tuple[tuple[str, ...], ...]:
+def _chains(code: CodeType) -> tuple[tuple[str, ...], ...]:
     return tuple(sorted(set(_loads(code))))
+
+
+@functools.cache
+def _all_names(code: CodeType) -> tuple[str, ...]:
+    """Every name that a code object and the functions within it mention, attributes included."""
+    inner = (name for each in code.co_consts if isinstance(each, CodeType) for name in _all_names(each))
+    return tuple(sorted({*code.co_names, *code.co_freevars, *inner}))
+
+
+def _module_of(thing: Any) -> str:
+    return thing.__name__ if isinstance(thing, ModuleType) else thing.__module__
 
 
 def _bytecode(code: CodeType, doc: str | None) -> str:
@@ -256,9 +267,13 @@ class _Walk:
 
     def _references(self, code: CodeType, scope: dict[str, Any], strict: bool) -> Iterator[str]:
         """Digests of what a code object loads from a scope, with the names."""
-        for chain in _names(code):
+        single = [name for name in _all_names(code) if name in scope]  # the others are builtins, local or attributes
+        dotted = any(
+            isinstance(scope[name], ModuleType | type) and _version(_module_of(scope[name])) is None for name in single
+        )
+        for chain in _chains(code) if dotted else ((name,) for name in single):  # reading the bytecode takes long
             if chain[0] not in scope:
-                continue  # a name of builtins or of a local scope
+                continue
             value, rest = scope[chain[0]], list(chain[1:])
             path = [chain[0]]
             while rest and isinstance(value, ModuleType | type) and hasattr(value, rest[0]):

@@ -101,11 +101,7 @@ def _plant_types(law, chassis):
 
 REACHED = {
     ("lugre", "single_track"): ("friction.models.lugre", "friction.bristle", "vehicle.chassis.single_track"),
-    ("masing", "two_track"): (
-        "friction.models.masing",
-        "vehicle.chassis.two_track",
-        "vehicle.chassis.common.drivetrain",
-    ),
+    ("masing", "two_track"): ("friction.models.masing", "vehicle.chassis.two_track.derivative"),
 }
 SHARED = (
     "friction.law",
