@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 
 from steer_env.friction import defaults, resolve
 from steer_env.friction.numerics.check import number
+from steer_env.friction.numerics.frozen import frozen
 from steer_env.friction.numerics.kernel import record
 from steer_env.friction.numerics.renamed import REMOVED_IN
 from steer_env.vehicle import chassis as chassis_models
@@ -95,7 +96,7 @@ class Car(NamedTuple):
         # zero slip (the rolling resistance of the set is 1 %), and drive above 8 kN.
         coefficients = self.tyre.symmetric().coefficients._replace(PHX1=0.0, PHX2=0.0)
         s = self.steering
-        return Plant(
+        p = Plant(
             column=self.column,
             assist=self.assist,
             friction=resolve(friction),
@@ -107,6 +108,7 @@ class Car(NamedTuple):
             rack_limit=s["rack_limit"],
             robot=1.0 if robot else 0.0,
         )
+        return frozen(p)
 
     def loaded(self, mass: float) -> "Car":
         """The car with a mass added at its centre of gravity [kg], distributed as that of the body."""
