@@ -14,7 +14,7 @@ from steer_env.vehicle import road, tyre
 from steer_env.vehicle.chassis.two_track import brakes, drivetrain, speed_hold
 from steer_env.vehicle.plant import Plant
 from steer_env.vehicle.steering import column, eps
-from steer_env.vehicle.suspension import kinematics_table
+from steer_env.vehicle.suspension.kinematics_table import KinematicsTable
 from steer_env.vehicle.suspension.macpherson import MacPherson
 
 
@@ -54,7 +54,7 @@ class Car(NamedTuple):
     speed_hold: speed_hold.SpeedHold
     tyre: tyre.Tyre
     strut: MacPherson
-    kinematics_table: kinematics_table.KinematicsTable  # of the strut
+    kinematics_table: KinematicsTable  # of the strut
 
     def plant(
         self,
@@ -135,7 +135,7 @@ class Car(NamedTuple):
         return 1.0 / self.steering_gain()
 
     @property
-    def strut_map(self) -> kinematics_table.KinematicsTable:
+    def strut_map(self) -> KinematicsTable:
         """Former name of ``kinematics_table``."""
         text = f"Car.strut_map is now Car.kinematics_table; the old name goes in release {REMOVED_IN}"
         warnings.warn(text, DeprecationWarning, stacklevel=2)

@@ -122,7 +122,10 @@ def make(
     )
     gain = (1.0 / zero + 1.0) / (1.0 / pole + 1.0)
     return Assist(
-        *(frozen(array) for array in (v, t, b, d)),
+        speeds=frozen(v),
+        torques=frozen(t),
+        boost=frozen(b),
+        damping=frozen(d),
         lead_b0=gain,
         lead_b1=(1.0 - 1.0 / zero) / (1.0 + 1.0 / pole),
         lead_a1=(1.0 - 1.0 / pole) / (1.0 + 1.0 / pole),
