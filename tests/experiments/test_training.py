@@ -247,7 +247,8 @@ def test_estimates():
     assert (low, high) == pytest.approx((0.9497, 0.9922), abs=2e-4)  # Wilson's for 196 of 200
 
 
-def test_evaluation_writes_its_report(trained, tmp_path, capsys):
+def test_evaluation_writes_its_report(trained, tmp_path, capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "120")  # a terminal in which no name of a metric is folded
     out = tmp_path / "evaluation"
     assert (
         main(["evaluate-policy", str(trained / "policy.zip"), "--env", WEAVE, "--episodes", "3", "--out", str(out)])
