@@ -1,4 +1,11 @@
-"""The bristle that LuGre and Dahl share: ``dz/dt = v - |v| z/z_g``, integrated exactly at constant speed."""
+"""The bristle that LuGre and Dahl share, integrated exactly at constant speed w over a time h.
+
+    (1)  dz/dt = v - |v| z/z_g
+    (2)  z+ = z E + h w p1,    mean z = z p1 + h w p2,    X = |w| h/z_g
+    (3)  E = exp(-X),    p1 = (1 - E)/X,    p2 = (1 - p1)/X
+
+z_g is the steady deflection [rad], z+ the deflection at the end.
+"""
 
 import math
 
@@ -8,9 +15,9 @@ from steer_env.friction.numerics.kernel import kernel
 
 @kernel
 def decay(X):
-    """``E = exp(-X)``, its means ``p1 = (1 - E)/X`` and ``p2 = (1 - p1)/X``, and the derivatives of both means.
+    """E, p1 and p2 of (3), and the derivatives of p1 and p2 by X.
 
-    Below 0.1 the quotients cancel, so the Taylor series take over; eight terms leave less than 1e-15.
+    Below X = 0.1 the quotients cancel, so the Taylor series are used; eight terms leave an error below 1e-15.
     """
     if X > 0.1:
         E = math.exp(-X)
@@ -19,7 +26,7 @@ def decay(X):
         d1 = (E - p1) / X
         d2 = -(d1 + p2) / X
         return E, p1, p2, d1, d2
-    # p1 = sum (-X)^k/(k+1)!, p2 = sum (-X)^k/(k+2)!, in Horner form; constants in brackets fold into factors
+    # p1 = sum (-X)^k/(k+1)!, p2 = sum (-X)^k/(k+2)!, in Horner form; the compiler folds quotients of constants
     Y = -X
     tail = 1 / 720 + Y * (1 / 5040 + Y * (1 / 40320 + Y * (1 / 362880 + Y * (1 / 3628800))))
     p2 = 1 / 2 + Y * (1 / 6 + Y * (1 / 24 + Y * (1 / 120 + Y * tail)))
@@ -32,15 +39,16 @@ def decay(X):
 
 @kernel
 def held(z, limit):
-    """Deflection no larger than break-away allows: where the load has fallen, the bristle has slipped already.
+    """Deflection cut back to the limit that break-away sets.
 
-    Without this a bristle left beyond its steady deflection would give back more than it stored.
+    Where the torque scale has fallen, the bristle has slipped already; without the cut, a bristle beyond its steady
+    deflection would give back more energy than it stored.
     """
     return within(z, -limit, limit)
 
 
 @kernel
 def displaced(z, z_g, limit, w, h):
-    """Deflection after ``h`` at constant speed ``w``, with steady deflection ``z_g``, held within ``limit``."""
+    """Deflection after ``h`` at constant speed ``w`` by (2), held within ``limit``."""
     E, p1, _, _, _ = decay(abs(w) * h / z_g)
     return held(held(z, limit) * E + h * w * p1, limit)

@@ -1,12 +1,12 @@
 """What a friction law is, the registry of laws, and the step equation that all of them share.
 
-A law is an immutable ``NamedTuple`` of parameters and a few scalar kernels. Inside compiled code
-the class of the parameters selects the kernels, at compile time; in plain Python the functions
-below look the class up. The torque of a law *resists* positive velocity [N m].
+A law is an immutable ``NamedTuple`` of parameters and a few scalar kernels. Inside compiled code the class of the
+parameters selects the kernels, at compile time; in plain Python the functions below look the class up. The torque of a
+law *resists* positive velocity [N m].
 
-Every kernel takes ``(p, level, memory, ...)``: the parameters, a factor on the saturated friction
-(load-dependent friction; 1 leaves the parameters as they are), and the law's memory, a view of
-``memory_size`` floats that is all zero at rest.
+Every kernel takes ``(p, torque_scale, memory, ...)``: the parameters; a factor on the saturated friction, L in
+equations (1 leaves the parameters as they are; friction that depends on load, wear or temperature changes it) [1];
+and the memory of the law, a view of ``memory_size`` floats that are all zero at rest.
 """
 
 import inspect
@@ -14,12 +14,12 @@ import math
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from steer_env.friction.numerics.kernel import dispatch, include_sources, kernel
+from steer_env.friction.numerics.kernel import dispatch, kernel
 from steer_env.friction.numerics.registry import Registry
 
 
 class Law(NamedTuple):
-    """A registered law: see :func:`register` for the meaning of the fields."""
+    """A registered law; :func:`register` explains the fields."""
 
     name: str
     parameters: type
@@ -58,40 +58,40 @@ def register(
     name : str
         Lower-case name for ``friction.make``.
     parameters : NamedTuple class
-        Immutable parameters, floats or ``(N,)`` arrays.
+        The class of the immutable parameters, floats or ``(N,)`` arrays.
     make : callable
-        Checked constructor with keyword arguments only, all with defaults; ValueError on bad values.
+        Checked constructor with keyword arguments only, all with defaults; it raises ValueError for bad values.
     memory_size : callable
         Parameters -> number of floats of memory.
-    advance : ``(p, level, memory, w, h) -> None``
-        Exact change of the memory over ``h`` [s] at constant speed ``w`` [rad/s].
-    torque : ``(p, level, memory, w) -> float``
-        Torque now [N m]; at ``w = 0`` it is the limit of ``mean_torque`` there.
-    rate : ``(p, level, memory, w, out) -> None``
-        Time derivative of the memory at speed ``w`` into ``out``: what a plain ODE solver integrates.
+    advance : ``(p, torque_scale, memory, w, h) -> None``
+        Changes the memory exactly as ``h`` [s] at constant speed ``w`` [rad/s] do.
+    torque : ``(p, torque_scale, memory, w) -> float``
+        Torque at this moment [N m]; at ``w = 0`` it is the limit of ``mean_torque`` there.
+    rate : ``(p, torque_scale, memory, w, out) -> None``
+        Writes the time derivative of the memory at speed ``w`` into ``out``, as a plain ODE solver needs it.
     stored_energy : ``(p, memory) -> float``
         Energy that the memory can give back [J].
-    mean_torque : ``(p, level, memory, w, h) -> (float, float)``, optional
-        Exact mean torque over ``h`` at constant ``w``, and its derivative by ``w``.
-    solve : ``(p, level, memory, S, R, h, guess) -> float``, optional
-        The speed ``w`` that solves ``S w + mean_torque(w) = R``. Without it, a safeguarded Newton
-        iteration on ``mean_torque`` does.
+    mean_torque : ``(p, torque_scale, memory, w, h) -> (float, float)``, optional
+        Exact mean torque over ``h`` at constant ``w`` [N m], and its derivative by ``w`` [N m s/rad].
+    solve : ``(p, torque_scale, memory, S, R, h, w_guess) -> float``, optional
+        The speed ``w`` that solves ``S w + mean_torque(w) = R``. A law without this function is solved by a safeguarded
+        Newton iteration on ``mean_torque``, which starts at ``w_guess``.
     fitted : tuple of str, or ``(x, torque, dt, weighed) -> (parameters, offset, intervals)``, optional
-        For ``friction.fit``: the positive parameters that a quasi-static record determines; ``F_c`` is the saturated
-        torque, ``sigma_0`` half the stiffness after a saturated reversal. Or a way of the law's own, from the record
-        and the samples that count, ``(T,)`` bool, to what ``steer_env.friction.identify.Fit`` holds.
+        For ``friction.fit``: the names of the positive parameters that a quasi-static record determines, where
+        ``F_c`` is the saturated torque and ``sigma_0`` half the stiffness after a saturated reversal. Or a function
+        of the law's own, from the record and the samples that count, ``(T,)`` bool, to what
+        ``steer_env.friction.identify.Fit`` holds.
 
     Raises
     ------
     ValueError
-        If the name is taken, or the law brings neither ``mean_torque`` nor ``solve``.
+        If the name is taken, or the law has neither ``mean_torque`` nor ``solve``.
     """
     if mean_torque is None and solve is None:
         raise ValueError(f"friction law {name!r} needs mean_torque or solve")
     kernels = (advance, torque, rate, stored_energy, mean_torque, solve or _newton)
     law = Law(name, parameters, make, memory_size, fitted, *kernels)
     LAWS.register(name, law, parameters)
-    include_sources(*(function for function in kernels if function is not None))
 
 
 def available() -> tuple[str, ...]:
@@ -120,7 +120,7 @@ def make(name: str, **parameters: Any) -> Any:
     Raises
     ------
     ValueError
-        Unknown name or key (the valid ones are listed), or a value that the law does not allow.
+        For an unknown name or key, with the valid ones, and for a value that the law does not allow.
     """
     constructor = LAWS[name].make
     valid = tuple(inspect.signature(constructor).parameters)
@@ -131,31 +131,31 @@ def make(name: str, **parameters: Any) -> Any:
 
 
 def resolve(friction: Any) -> Any:
-    """Parameters from a law's name (its defaults) or from parameters, which pass unchanged."""
+    """Parameters of a law: the defaults for the name of a law; parameters are returned unchanged."""
     if isinstance(friction, str):
         if "," in friction:
-            raise ValueError(f"parameters of a law go through friction.make(name, key=value), got {friction!r}")
+            raise ValueError(f"pass the parameters of a law through friction.make(name, key=value), got {friction!r}")
         return make(friction)
     law_of(friction)
     return friction
 
 
-# The dispatch points. Plain Python runs the bodies; compiled code takes the law's function itself.
+# The dispatch points. Plain Python runs their bodies; compiled code takes the function of the law instead.
 
 
-def advance(p, level, memory, w, h):
-    """Change of the memory over ``h`` at constant speed ``w``."""
-    law_of(p).advance(p, level, memory, w, h)
+def advance(p, torque_scale, memory, w, h):
+    """Advance the memory over ``h`` [s] at constant speed ``w`` [rad/s]."""
+    law_of(p).advance(p, torque_scale, memory, w, h)
 
 
-def torque(p, level, memory, w):
+def torque(p, torque_scale, memory, w):
     """Torque at this moment [N m]."""
-    return law_of(p).torque(p, level, memory, w)
+    return law_of(p).torque(p, torque_scale, memory, w)
 
 
-def rate(p, level, memory, w, out):
-    """Time derivative of the memory at speed ``w``."""
-    law_of(p).rate(p, level, memory, w, out)
+def rate(p, torque_scale, memory, w, out):
+    """Write the time derivative of the memory at speed ``w`` [rad/s] into ``out``."""
+    law_of(p).rate(p, torque_scale, memory, w, out)
 
 
 def stored_energy(p, memory):
@@ -163,42 +163,43 @@ def stored_energy(p, memory):
     return law_of(p).stored_energy(p, memory)
 
 
-def mean_torque(p, level, memory, w, h):
-    """Exact mean torque over ``h`` at constant ``w``, and its derivative."""
+def mean_torque(p, torque_scale, memory, w, h):
+    """Exact mean torque over ``h`` at constant ``w`` [N m], and its derivative by ``w`` [N m s/rad]."""
     law = law_of(p)
     if law.mean_torque is None:
         raise TypeError(f"friction law {law.name!r} solves its step itself and has no mean_torque")
-    return law.mean_torque(p, level, memory, w, h)
+    return law.mean_torque(p, torque_scale, memory, w, h)
 
 
-def solve(p, level, memory, S, R, h, guess):
-    """Speed ``w`` with ``S w + mean_torque(w) = R``."""
-    return law_of(p).solve(p, level, memory, S, R, h, guess)
+def solve(p, torque_scale, memory, S, R, h, w_guess):
+    """Speed ``w`` [rad/s] with ``S w + mean_torque(w) = R``."""
+    return law_of(p).solve(p, torque_scale, memory, S, R, h, w_guess)
 
 
 for _point in (advance, torque, rate, stored_energy, mean_torque, solve):
     dispatch(_point, lambda parameters, name: getattr(LAWS.of(parameters), name, None))
 
 
-def _newton(p, level, memory, S, R, h, guess):
+def _newton(p, torque_scale, memory, S, R, h, w_guess):
     """Safeguarded Newton iteration for ``S w + mean_torque(w) = R``.
 
-    The root lies on the side of zero that ``R`` minus the torque at rest points to; a bracket kept
-    there turns a step that leaves it into a bisection, so the kink at zero cannot make it cycle.
+    The root lies on the side of zero that ``R`` minus the torque at rest points to. The iteration keeps a bracket on
+    that side and replaces a step that would leave the bracket by a bisection, so the kink at zero cannot make it
+    cycle.
     """
-    excess = R - torque(p, level, memory, 0.0)
+    excess = R - torque(p, torque_scale, memory, 0.0)
     if not 0.0 < abs(excess) < math.inf:
-        return excess  # zero; or not finite, which must not be lost
+        return excess  # zero, or a value that is not finite and must be passed on
     side = 1.0 if excess > 0.0 else -1.0
     low = 0.0
-    high = -1.0  # not known yet
-    s = side * guess
+    high = -1.0  # negative while no upper end of the bracket is known
+    s = side * w_guess
     if s <= 0.0:
-        s = abs(excess) / (S + mean_torque(p, level, memory, side * 0.0, h)[1])
+        s = abs(excess) / (S + mean_torque(p, torque_scale, memory, side * 0.0, h)[1])
         if not s > 0.0:
             s = abs(excess) / S
     for _ in range(100):
-        F, slope = mean_torque(p, level, memory, side * s, h)
+        F, slope = mean_torque(p, torque_scale, memory, side * s, h)
         residual = side * (S * side * s + F - R)
         if residual > 0.0:
             high = s
@@ -217,8 +218,8 @@ def _newton(p, level, memory, S, R, h, guess):
 
 
 @kernel
-def step(p, level, memory, S, R, h, guess):
-    """One step of length ``h`` of ``S w + T = R``: the frame that every law runs in.
+def step(p, torque_scale, memory, S, R, h, w_guess):
+    """One step of length ``h`` [s] of ``S w + T = R``, as it is taken for every law.
 
     Returns
     -------
@@ -227,6 +228,6 @@ def step(p, level, memory, S, R, h, guess):
     T : float
         Mean torque over the step [N m], taken from the balance so that the energy books close exactly.
     """
-    w = solve(p, level, memory, S, R, h, guess)
-    advance(p, level, memory, w, h)
+    w = solve(p, torque_scale, memory, S, R, h, w_guess)
+    advance(p, torque_scale, memory, w, h)
     return w, R - S * w

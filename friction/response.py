@@ -1,5 +1,6 @@
 """Torque of a law along a prescribed displacement."""
 
+import warnings
 from typing import Any
 
 import numpy as np
@@ -7,19 +8,23 @@ from numpy.typing import ArrayLike, NDArray
 
 from steer_env.friction.law import advance, law_of, resolve, torque
 from steer_env.friction.numerics.check import numbers, positive
+from steer_env.friction.numerics.frozen import frozen
 from steer_env.friction.numerics.kernel import kernel
+from steer_env.friction.numerics.renamed import REMOVED_IN
 
 
 @kernel
-def _follow(p, level, memory, x, dt, out):
+def _follow(p, torque_scale, memory, x, dt, out):
     for i in range(1, x.size):
         w = (x[i] - x[i - 1]) / dt
-        advance(p, level, memory, w, dt)
-        out[i] = torque(p, level, memory, w)
+        advance(p, torque_scale, memory, w, dt)
+        out[i] = torque(p, torque_scale, memory, w)
 
 
-def response(law: Any, x: ArrayLike, dt: float, level: float = 1.0) -> NDArray[np.float64]:
-    """Friction torque at the samples of a displacement history, straight lines between the samples.
+def response(
+    law: Any, x: ArrayLike, dt: float, friction_torque_scale: float = 1.0, *, level: float | None = None
+) -> NDArray[np.float64]:
+    """Friction torque at the samples of a displacement history, with straight lines between the samples.
 
     Parameters
     ----------
@@ -29,8 +34,10 @@ def response(law: Any, x: ArrayLike, dt: float, level: float = 1.0) -> NDArray[n
         Displacement [rad].
     dt : float
         Time between samples [s].
-    level : float
+    friction_torque_scale : float
         Factor on the saturated friction [1].
+    level : float, optional
+        The former name of ``friction_torque_scale``, which release 1.0 removes.
 
     Returns
     -------
@@ -40,10 +47,16 @@ def response(law: Any, x: ArrayLike, dt: float, level: float = 1.0) -> NDArray[n
     Raises
     ------
     ValueError
-        If ``law`` is none, ``x`` is not a finite one-dimensional history, or ``dt`` or ``level`` is not positive.
+        If ``law`` is none, ``x`` is not a finite one-dimensional history, or ``dt`` or ``friction_torque_scale`` is not
+        positive.
     """
-    p = resolve(law)
+    if level is not None:
+        text = f"response(level=...) is now response(friction_torque_scale=...); release {REMOVED_IN} removes level"
+        warnings.warn(text, DeprecationWarning, stacklevel=2)
+        friction_torque_scale = level
+    p = frozen(resolve(law))
+    scale = positive("friction_torque_scale", friction_torque_scale)
     path = numbers("x", x)
     out = np.zeros_like(path)
-    _follow(p, positive("level", level), np.zeros(law_of(p).memory_size(p)), path, positive("dt", dt), out)
+    _follow(p, scale, np.zeros(law_of(p).memory_size(p)), path, positive("dt", dt), out)
     return out

@@ -10,6 +10,7 @@ import numpy as np
 from llvmlite import ir
 from numba import types
 from numba.core import cgutils
+from numba.core.imputils import impl_ret_borrowed
 from numba.extending import intrinsic, overload
 from numpy.typing import NDArray
 
@@ -77,7 +78,8 @@ def _lane(context, template, rows, i):
         (stride, _) = cgutils.unpack_tuple(builder, array.strides, 2)
         first = cgutils.pointer_add(builder, array.data, builder.mul(stride, arguments[2]))
         at = builder.bitcast(first, ir.DoubleType().as_pointer())
-        return fill(context, builder, signature.args[0], arguments[0], at)[0]
+        filled = fill(context, builder, signature.args[0], arguments[0], at)[0]
+        return impl_ret_borrowed(context, builder, signature.return_type, filled)  # the arrays stay the template's
 
     def fill(context, builder, kind, value, at):
         """The value with its numbers replaced, and where those that follow stand."""

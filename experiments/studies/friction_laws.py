@@ -22,7 +22,7 @@ from steer_env.metrics.hold import SETTLING
 from steer_env.recording.recording import DEGREE
 from steer_env.vehicle import cars, plant
 from steer_env.vehicle.cars import Car
-from steer_env.vehicle.steering.eps import SAMPLE_TIME
+from steer_env.vehicle.steering.eps import SAMPLE_TIME, without_assist
 
 Array = NDArray[np.float64]
 
@@ -148,8 +148,7 @@ def _torsion_bar(car: Car, p: Any, assisted: bool, substeps: int) -> Array:
     manoeuvre = manoeuvres.make("hold", torque=HELD_TORQUE)
     whole = manoeuvres.build_plant(car, manoeuvre, p)
     if not assisted:
-        a = whole.assist
-        whole = whole._replace(assist=a._replace(boost=0.0 * a.boost, damping=0.0 * a.damping))
+        whole = whole._replace(assist=without_assist(whole.assist))
     inputs = manoeuvres.inputs(manoeuvre, HELD_TORQUE, manoeuvre.duration)
     record = np.zeros((len(inputs), len(plant.CHANNELS)))
     plant.run(whole, plant.initial_state(whole), inputs, record, substeps)

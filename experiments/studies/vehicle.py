@@ -9,11 +9,12 @@ from numpy.typing import NDArray
 
 from steer_env import manoeuvres
 from steer_env.experiments.output.metrics_json import entries
+from steer_env.friction.numerics.frozen import frozen
 from steer_env.metrics import Value, evaluate
 from steer_env.recording.recording import Recording
 from steer_env.vehicle import cars, plant
 from steer_env.vehicle.cars import Car
-from steer_env.vehicle.steering.eps import SAMPLE_TIME
+from steer_env.vehicle.steering.eps import SAMPLE_TIME, without_assist
 
 Array = NDArray[np.float64]
 
@@ -65,7 +66,7 @@ def _switched(p: plant.Plant, car: Car, titles: Iterable[str]) -> plant.Plant:
         if title == RESISTANCE:
             for key in ("QSY1", "QSY2", "QSY3", "QSY4"):
                 tyre[key] = 0.0
-    return p._replace(chassis=p.chassis._replace(body=body), tyre=tyre)
+    return frozen(p._replace(chassis=p.chassis._replace(body=body), tyre=tyre))
 
 
 def _weave(p: plant.Plant, u: Array, period: int) -> dict[str, Array]:
@@ -79,8 +80,7 @@ def _weave(p: plant.Plant, u: Array, period: int) -> dict[str, Array]:
 def park(car: Car, friction: Any, assisted: bool = True) -> Parking:
     """Turn from lock to lock at standstill, with the assist on or off."""
     if not assisted:
-        a = car.assist
-        car = car._replace(assist=a._replace(boost=0.0 * a.boost, damping=0.0 * a.damping))
+        car = car._replace(assist=without_assist(car.assist))
     recording: Recording = manoeuvres.drive(car, manoeuvres.make("parking"), friction)
     period = round(1.0 / recording.meta["frequency_hz"] / SAMPLE_TIME)
     names = ("handwheel_angle", "rack_force", "handwheel_torque")

@@ -1,1 +1,1 @@
-"""The laws, one file each."""
+"""The friction laws: one file for each law, which registers itself; no law imports another one."""

@@ -1,7 +1,10 @@
-"""Coulomb: a set-valued law, ``T = F_c sgn(v)`` in motion and any ``|T| <= F_c`` at rest.
+"""Coulomb friction, a set-valued law.
 
-The step equation is an inclusion with one solution, ``w = sgn(R) max(|R| - F_c, 0)/S``: the site sticks
-exactly, without drift and without a regularised slope.
+    (1)  T = L F_c sgn(v) in motion, and any |T| <= L F_c at rest
+    (2)  w = sgn(R) max(|R| - L F_c, 0)/S
+
+(2) is the only solution of the step equation ``S w + T = R``, which is an inclusion here: the friction site sticks
+exactly, without drift and without a regularised slope. L is ``torque_scale``.
 """
 
 import math
@@ -14,29 +17,29 @@ from steer_env.friction.numerics.kernel import kernel
 
 
 class Coulomb(NamedTuple):
-    """Unchecked parameters; ``friction.make("coulomb", ...)`` checks."""
+    """Parameters, which ``friction.make("coulomb", ...)`` checks and this class does not."""
 
     F_c: float  # sliding torque [N m]
 
 
 def make(*, F_c: float = defaults.F_C) -> Coulomb:
-    """Checked Coulomb parameters; ValueError on a value out of range."""
+    """Checked Coulomb parameters; raises ValueError for a value out of range."""
     return Coulomb(positive("F_c", F_c))
 
 
 @kernel
-def advance(p, level, memory, w, h):
+def advance(p, torque_scale, memory, w, h):
     pass
 
 
 @kernel
-def torque(p, level, memory, w):
-    # At rest the torque is whatever the balance needs; without one (a displacement history) it is taken as zero.
-    return level * p.F_c * math.copysign(1.0, w) if w != 0.0 else 0.0
+def torque(p, torque_scale, memory, w):
+    # At rest the torque is whatever the balance needs; a displacement history has no balance, and zero is assumed.
+    return torque_scale * p.F_c * math.copysign(1.0, w) if w != 0.0 else 0.0  # (1)
 
 
 @kernel
-def rate(p, level, memory, w, out):
+def rate(p, torque_scale, memory, w, out):
     pass
 
 
@@ -46,8 +49,8 @@ def stored_energy(p, memory):
 
 
 @kernel
-def solve(p, level, memory, S, R, h, guess):
-    return math.copysign(max(abs(R) - level * p.F_c, 0.0), R) / S
+def solve(p, torque_scale, memory, S, R, h, w_guess):
+    return math.copysign(max(abs(R) - torque_scale * p.F_c, 0.0), R) / S  # (2)
 
 
 register(

@@ -1,9 +1,12 @@
-"""Dahl: an exponential spring that saturates.
+"""Dahl friction: an exponential spring that saturates, known in steering models as exponential-spring friction.
 
-    T = s0 z,    dz/dt = v - s0 |v| z/F_c,    hence dT/dx = s0 (1 - T sgn(v)/F_c)
+    (1)  T = sigma_0 z
+    (2)  dz/dt = v - sigma_0 |v| z/(L F_c),    hence dT/dx = sigma_0 (1 - T sgn(v)/(L F_c))
+    (3)  mean T over a step = sigma_0 (z p1 + h w p2),    X = sigma_0 |w| h/(L F_c)
 
-It is also the exponential-spring friction of steering models. Source: Dahl, Aerospace Corporation
-TOR-0158(3107-18)-1, 1968, with exponent 1.
+L is ``torque_scale``; p1(X) and p2(X) are those of :mod:`steer_env.friction.bristle`.
+
+Source: Dahl, Aerospace Corporation TOR-0158(3107-18)-1, 1968, with exponent 1.
 """
 
 import math
@@ -17,40 +20,40 @@ from steer_env.friction.numerics.kernel import kernel
 
 
 class Dahl(NamedTuple):
-    """Unchecked parameters; ``friction.make("dahl", ...)`` checks."""
+    """Parameters, which ``friction.make("dahl", ...)`` checks and this class does not."""
 
     sigma_0: float  # stiffness at zero torque [N m/rad]
     F_c: float  # saturated torque [N m]
 
 
 def make(*, sigma_0: float = defaults.SIGMA_0, F_c: float = defaults.F_C) -> Dahl:
-    """Checked Dahl parameters; ValueError on a value out of range."""
+    """Checked Dahl parameters; raises ValueError for a value out of range."""
     return Dahl(positive("sigma_0", sigma_0), positive("F_c", F_c))
 
 
 @kernel
-def mean_torque(p, level, memory, w, h):
-    slope = p.sigma_0 * h / (level * p.F_c)
+def mean_torque(p, torque_scale, memory, w, h):
+    slope = p.sigma_0 * h / (torque_scale * p.F_c)
     _, p1, p2, d1, d2 = decay(slope * abs(w))
-    z = held(memory[0], level * p.F_c / p.sigma_0)
-    F = p.sigma_0 * (z * p1 + h * w * p2)
+    z = held(memory[0], torque_scale * p.F_c / p.sigma_0)
+    F = p.sigma_0 * (z * p1 + h * w * p2)  # (3)
     return F, p.sigma_0 * (h * p2 + (z * d1 + h * w * d2) * math.copysign(slope, w))
 
 
 @kernel
-def advance(p, level, memory, w, h):
-    z_g = level * p.F_c / p.sigma_0
+def advance(p, torque_scale, memory, w, h):
+    z_g = torque_scale * p.F_c / p.sigma_0
     memory[0] = displaced(memory[0], z_g, z_g, w, h)
 
 
 @kernel
-def torque(p, level, memory, w):
-    return p.sigma_0 * held(memory[0], level * p.F_c / p.sigma_0)
+def torque(p, torque_scale, memory, w):
+    return p.sigma_0 * held(memory[0], torque_scale * p.F_c / p.sigma_0)  # (1)
 
 
 @kernel
-def rate(p, level, memory, w, out):
-    out[0] = w - p.sigma_0 * abs(w) * memory[0] / (level * p.F_c)
+def rate(p, torque_scale, memory, w, out):
+    out[0] = w - p.sigma_0 * abs(w) * memory[0] / (torque_scale * p.F_c)  # (2)
 
 
 @kernel

@@ -1,8 +1,21 @@
-"""LuGre: bristles with damping and a Stribeck curve.
+"""LuGre friction: bristles with damping and a Stribeck curve.
 
-    T = s0 z + s1 dz/dt + s2 v,    dz/dt = v - s0 |v| z/G(v),    G(v) = F_c + (F_s - F_c) exp(-(v/v_s)^2)
+    (1)  T = sigma_0 z + sigma_1 dz/dt + sigma_2 v
+    (2)  dz/dt = v - sigma_0 |v| z/G(v)
+    (3)  G(v) = L (F_c + (F_s - F_c) exp(-(v/v_s)^2))
 
-Source: Canudas de Wit, Olsson, Åström, Lischinsky, IEEE Trans. Automatic Control 40 (1995) 419-425.
+Over a step h at constant speed w these have closed forms, with E(X), p1(X) and p2(X) of
+:mod:`steer_env.friction.bristle`:
+
+    (4)  X = sigma_0 |w| h/G(w)
+    (5)  mean z = z p1 + h w p2
+    (6)  mean dz/dt = p1 (w - z X/h)
+    (7)  mean T = sigma_0 (mean z) + sigma_1 (mean dz/dt) + sigma_2 w
+
+L is ``torque_scale``.
+
+Source: Canudas de Wit, Olsson, Åström, Lischinsky, IEEE Trans. Automatic Control 40 (1995) 419-425. The numbers of the
+equations are those of this file. Deviation: a bristle beyond the deflection at break-away is cut back to it.
 """
 
 import math
@@ -16,7 +29,7 @@ from steer_env.friction.numerics.kernel import kernel
 
 
 class LuGre(NamedTuple):
-    """Unchecked parameters, as the kernels take them; ``friction.make("lugre", ...)`` checks."""
+    """Parameters, which ``friction.make("lugre", ...)`` checks and this class does not."""
 
     sigma_0: float  # bristle stiffness [N m/rad]
     sigma_1: float  # bristle damping [N m s/rad]
@@ -35,13 +48,15 @@ def make(
     F_s: float | None = None,
     v_s: float = 0.1,
 ) -> LuGre:
-    """Checked LuGre parameters. ``F_s`` defaults to ``F_c``: steering rigs show no Stribeck effect; ``v_s`` is assumed.
+    """Checked LuGre parameters.
+
+    ``F_s`` defaults to ``F_c``, because steering rigs show no Stribeck effect; the default ``v_s`` is assumed.
 
     Raises
     ------
     ValueError
-        A value out of range, ``F_s < F_c``, or a set that creates energy: with constant ``sigma_1`` the law is
-        passive at all speeds only if ``sigma_2 >= sigma_1 (F_s - F_c)/F_c``.
+        For a value out of range, for ``F_s < F_c``, and for a set that creates energy: with constant ``sigma_1`` the
+        law is passive at all speeds only if ``sigma_2 >= sigma_1 (F_s - F_c)/F_c``.
     """
     F_c = positive("F_c", F_c)
     F_s = F_c if F_s is None else positive("F_s", F_s)
@@ -59,54 +74,55 @@ def make(
     if p.sigma_2 < least * (1 - 1e-12):
         raise ValueError(
             f"sigma_2 must be at least sigma_1 (F_s - F_c)/F_c = {least:g} N m s/rad for a passive LuGre law, "
-            f"got {p.sigma_2:g}; lower sigma_1 or F_s (an active set for study: steer_env.friction.models.lugre.LuGre itself)"
+            f"got {p.sigma_2:g}; lower sigma_1 or F_s, or construct steer_env.friction.models.lugre.LuGre, which does "
+            "not check, to study a set that creates energy"
         )
     return p
 
 
 @kernel
-def saturation(p, level, w):
-    """Steady torque without the viscous part, ``G`` [N m], and its derivative by speed."""
+def saturation(p, torque_scale, w):
+    """Steady torque without the viscous part, G of (3) [N m], and its derivative by speed [N m s/rad]."""
     if p.F_s == p.F_c:
-        return level * p.F_c, 0.0
+        return torque_scale * p.F_c, 0.0
     x = w / p.v_s
-    bump = level * (p.F_s - p.F_c) * math.exp(-x * x)
-    return level * p.F_c + bump, -2.0 * x / p.v_s * bump
+    bump = torque_scale * (p.F_s - p.F_c) * math.exp(-x * x)
+    return torque_scale * p.F_c + bump, -2.0 * x / p.v_s * bump
 
 
 @kernel
-def mean_torque(p, level, memory, w, h):
-    G, dG = saturation(p, level, w)
-    z = held(memory[0], level * p.F_s / p.sigma_0)
-    X = p.sigma_0 * abs(w) * h / G
+def mean_torque(p, torque_scale, memory, w, h):
+    G, dG = saturation(p, torque_scale, w)
+    z = held(memory[0], torque_scale * p.F_s / p.sigma_0)
+    X = p.sigma_0 * abs(w) * h / G  # (4)
     dX = p.sigma_0 * h / G * (math.copysign(1.0, w) - abs(w) * dG / G)
     E, p1, p2, d1, d2 = decay(X)
-    z_mean = z * p1 + h * w * p2
-    z_rate = p1 * (w - z * X / h)  # as E - 1 = -X p1; the difference would cancel in short steps
-    F = p.sigma_0 * z_mean + p.sigma_1 * z_rate + p.sigma_2 * w
+    z_mean = z * p1 + h * w * p2  # (5)
+    z_rate = p1 * (w - z * X / h)  # (6), as E - 1 = -X p1; the difference would cancel in short steps
+    F = p.sigma_0 * z_mean + p.sigma_1 * z_rate + p.sigma_2 * w  # (7)
     dz_mean = h * p2 + (z * d1 + h * w * d2) * dX
     dz_rate = p1 + (w * d1 - z * E / h) * dX
     return F, p.sigma_0 * dz_mean + p.sigma_1 * dz_rate + p.sigma_2
 
 
 @kernel
-def advance(p, level, memory, w, h):
-    G, _ = saturation(p, level, w)
-    memory[0] = displaced(memory[0], G / p.sigma_0, level * p.F_s / p.sigma_0, w, h)
+def advance(p, torque_scale, memory, w, h):
+    G, _ = saturation(p, torque_scale, w)
+    memory[0] = displaced(memory[0], G / p.sigma_0, torque_scale * p.F_s / p.sigma_0, w, h)
 
 
 @kernel
-def torque(p, level, memory, w):
-    G, _ = saturation(p, level, w)
-    z = held(memory[0], level * p.F_s / p.sigma_0)
-    z_rate = w - p.sigma_0 * abs(w) * z / G
-    return p.sigma_0 * z + p.sigma_1 * z_rate + p.sigma_2 * w
+def torque(p, torque_scale, memory, w):
+    G, _ = saturation(p, torque_scale, w)
+    z = held(memory[0], torque_scale * p.F_s / p.sigma_0)
+    z_rate = w - p.sigma_0 * abs(w) * z / G  # (2)
+    return p.sigma_0 * z + p.sigma_1 * z_rate + p.sigma_2 * w  # (1)
 
 
 @kernel
-def rate(p, level, memory, w, out):
-    G, _ = saturation(p, level, w)
-    out[0] = w - p.sigma_0 * abs(w) * memory[0] / G
+def rate(p, torque_scale, memory, w, out):
+    G, _ = saturation(p, torque_scale, w)
+    out[0] = w - p.sigma_0 * abs(w) * memory[0] / G  # (2)
 
 
 @kernel

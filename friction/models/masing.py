@@ -1,10 +1,18 @@
-"""Masing: springs with sliders in parallel (parallel Jenkins elements).
+"""Masing friction: springs with sliders in parallel (parallel Jenkins elements).
 
-    T = sum k_i e_i + s1 sum k_i de_i/dt / sum k_i,    de_i/dt = v unless |e_i| = y_i and v drives it on
+    (1)  T = sum k_i e_i + sigma_1 sum k_i de_i/dt / sum k_i
+    (2)  de_i/dt = v, but 0 where |e_i| = L y_i and v drives the element on
 
-An element is a spring up to its yield displacement and a constant torque after it, so every branch after a
-reversal is the virgin curve scaled by two. The optional micro-damper ``sigma_1`` acts on the elastic motion only,
-as LuGre's does, and so leaves the saturated torque alone.
+An element is a spring up to its yield displacement and a constant torque after it, so every branch after a reversal is
+the virgin curve scaled by two. The optional micro-damper ``sigma_1`` acts on the elastic motion only, as that of LuGre
+does, and so leaves the saturated torque unchanged. L is ``torque_scale``.
+
+The mean torque over a step h is piecewise quadratic in the distance D = |w| h, so the step equation times D becomes
+
+    (3)  B D^2 + A D - C/2 = 0
+    (4)  A = sum over yielded k_i (1 + d) g_i - |R - sum k e|,    d = sigma_1/(h sum k)
+    (5)  B = S/h + sum over springs k_i (1/2 + d)
+    (6)  C = sum over yielded k_i g_i^2,    g_i = L y_i - sgn(R - sum k e) e_i
 
 Source: Masing, 2nd Int. Congress of Applied Mechanics, Zürich 1926; Iwan, J. Applied Mechanics 33 (1966) 893-900.
 """
@@ -21,6 +29,7 @@ from steer_env.friction.confidence import half_widths
 from steer_env.friction.law import register
 from steer_env.friction.numerics.bounds import within
 from steer_env.friction.numerics.check import not_negative, number, numbers, positive
+from steer_env.friction.numerics.frozen import frozen
 from steer_env.friction.numerics.kernel import kernel
 from steer_env.friction.response import response
 
@@ -28,7 +37,10 @@ MAX_ELEMENTS = 32
 
 
 class Masing(NamedTuple):
-    """Unchecked parameters; ``friction.make("masing", ...)`` checks. Elements in ascending order of yield."""
+    """Parameters, which ``friction.make("masing", ...)`` checks and this class does not.
+
+    The elements stand in ascending order of their yield displacements.
+    """
 
     k: NDArray[np.float64]  # (N,) stiffnesses [N m/rad]
     y: NDArray[np.float64]  # (N,) yield displacements [rad]
@@ -46,18 +58,18 @@ def make(
 ) -> Masing:
     """Checked Masing parameters, from explicit elements ``k``, ``y`` or from an exponential virgin curve.
 
-    The virgin curve is ``F_c (1 - exp(-x/x_c))``; by default ``x_c = F_c/(2 SIGMA_0)``, for which the branch after a
-    saturated reversal equals LuGre's and Dahl's, with 10 elements.
+    The virgin curve is ``F_c (1 - exp(-x/x_c))``, by default with 10 elements and ``x_c = F_c/(2 SIGMA_0)``, for which
+    the branch after a saturated reversal equals that of LuGre and Dahl.
 
     Raises
     ------
     ValueError
-        Values out of range, more than 32 elements, or both descriptions at once.
+        For values out of range, more than 32 elements, or both descriptions at once.
     """
     damping = not_negative("sigma_1", sigma_1)
     if k is not None or y is not None:
         if k is None or y is None:
-            raise ValueError(f"k and y come together, got {'y' if k is None else 'k'} alone")
+            raise ValueError(f"k and y must be given together, got {'y' if k is None else 'k'} alone")
         if any(value is not None for value in (F_c, x_c, elements)):
             raise ValueError("give either k and y, or F_c, x_c and elements, not both")
         return _elements(k, y, damping)
@@ -66,8 +78,8 @@ def make(
     n = number("elements", 10 if elements is None else elements, minimum=1, maximum=MAX_ELEMENTS)
     if n != int(n):
         raise ValueError(f"elements must be a whole number from 1 to {MAX_ELEMENTS}, got {elements!r}")
-    # Chords of 1 - exp(-u) are equally far from it where the knots are even in exp(-u/2); the last knot stands
-    # where the rest of the curve is as far off as the chords, and carries the full torque.
+    # The chords of 1 - exp(-u) are equally far from the curve where the knots are spaced evenly in exp(-u/2). The last
+    # knot carries the full torque and stands where the rest of the curve is as far off as the chords are.
     tail = 1.0 / (n + 1.0)
     u = -2.0 * np.log(np.linspace(1.0, tail, int(n) + 1)[1:])
     f = -np.expm1(-u)
@@ -97,7 +109,7 @@ def from_virgin_curve(x: ArrayLike, T: ArrayLike, *, sigma_1: float = 0.0) -> Ma
         raise ValueError(f"x must be positive and ascending, got {xs}")
     slopes = np.diff(Ts, prepend=0.0) / np.diff(xs, prepend=0.0)
     k = slopes - np.append(slopes[1:], 0.0)
-    if np.any(k < -1e-12 * np.abs(slopes).max()):  # points on one line differ by rounding
+    if np.any(k < -1e-12 * np.abs(slopes).max()):  # the slopes of points on one line differ by rounding
         raise ValueError(f"a virgin curve must be concave with slopes that do not fall below zero, got slopes {slopes}")
     return _elements(np.maximum(k, 0.0), xs, not_negative("sigma_1", sigma_1))
 
@@ -111,32 +123,29 @@ def _elements(k: ArrayLike, y: ArrayLike, sigma_1: float) -> Masing:
     if np.any(ys <= 0.0):
         raise ValueError(f"y must be positive, got {ys}")
     order = np.argsort(ys, kind="stable")
-    ks, ys = np.ascontiguousarray(ks[order]), np.ascontiguousarray(ys[order])
-    ks.flags.writeable = ys.flags.writeable = False
-    return Masing(ks, ys, sigma_1)
+    return frozen(Masing(ks[order], ys[order], sigma_1))
 
 
 def virgin_torque(p: Masing, x: float | Sequence[float] | NDArray) -> NDArray[np.float64]:
-    """Torque on first loading to the displacement ``x``, of any shape [rad] -> same shape [N m]."""
+    """Torque on first loading [N m] to the displacements ``x`` [rad], of any shape, which the result has too."""
     xs = np.asarray(x, float)[..., None]
     return np.sum(p.k * np.clip(xs, -p.y, p.y), axis=-1)
 
 
 @kernel
-def solve(p, level, memory, S, R, h, guess):
-    """March over the elements that yield within the step.
+def solve(p, torque_scale, memory, S, R, h, w_guess):
+    """March over the elements that yield within the step, by (3) to (6).
 
-    With D = |w| h and the elements of Y past their yield (gap g_i at the start of the step) the balance times D is
-    (S/h + K/2 + s/h) D^2 + (A - |R|) D - C/2 = 0, where K sums the springs that still follow, A the torques at the
-    start (at yield for Y) and C = sum over Y of k g^2. A spring that yields gives way, so D only grows with Y and no
-    element ever has to leave it: each pass adds the gaps that D passes, until none is left.
+    ``gap`` is g_i, the distance of an element from its yield at the start of the step. A spring that yields gives way,
+    so D only grows with the set of yielded elements and no element ever has to leave the set: each pass adds the
+    elements whose gaps D exceeds, until no element is added.
     """
     n = p.k.size
     rest = 0.0
     K = 0.0
     for i in range(n):
-        limit = level * p.y[i]
-        memory[i] = within(memory[i], -limit, limit)  # the level may have fallen since the last step
+        limit = torque_scale * p.y[i]
+        memory[i] = within(memory[i], -limit, limit)  # the torque scale may have fallen since the last step
         rest += p.k[i] * memory[i]
         K += p.k[i]
     if R == rest:
@@ -148,52 +157,52 @@ def solve(p, level, memory, S, R, h, guess):
     while True:
         yielded = 0
         A = side * (rest - R)
-        B = S / h  # summed afresh: taking the yielded springs from the whole leaves rounding where S/h is small
+        B = S / h  # summed anew: subtracting the yielded springs from the whole leaves rounding where S/h is small
         C = 0.0
         for i in range(n):
-            gap = level * p.y[i] - side * memory[i]
+            gap = torque_scale * p.y[i] - side * memory[i]
             if gap < D:
-                A += p.k[i] * (1.0 + damping) * gap
-                C += p.k[i] * gap * gap
+                A += p.k[i] * (1.0 + damping) * gap  # (4)
+                C += p.k[i] * gap * gap  # (6)
                 yielded += 1
             else:
-                B += p.k[i] * (0.5 + damping)
+                B += p.k[i] * (0.5 + damping)  # (5)
         if yielded <= known:
             return side * D / h
         known = yielded
-        # the root of B D^2 + A D - C/2 = 0 that is positive, in the form that does not cancel
+        # (3): its positive root, in the form that does not cancel
         root = math.sqrt(A * A + 2.0 * B * C)
         D = C / (A + root) if A > 0.0 else (root - A) / (2.0 * B)
 
 
 @kernel
-def advance(p, level, memory, w, h):
+def advance(p, torque_scale, memory, w, h):
     D = w * h
     for i in range(p.k.size):
-        limit = level * p.y[i]
-        e = within(memory[i], -limit, limit)  # the level may have fallen since the last step
+        limit = torque_scale * p.y[i]
+        e = within(memory[i], -limit, limit)  # the torque scale may have fallen since the last step
         memory[i] = within(e + D, -limit, limit)
 
 
 @kernel
-def torque(p, level, memory, w):
+def torque(p, torque_scale, memory, w):
     T = 0.0
     K = 0.0
     elastic = 0.0
     for i in range(p.k.size):
-        limit = level * p.y[i]
+        limit = torque_scale * p.y[i]
         e = within(memory[i], -limit, limit)
         T += p.k[i] * e
         K += p.k[i]
         if w * e < limit * abs(w):
             elastic += p.k[i]
-    return T + p.sigma_1 * w * elastic / K
+    return T + p.sigma_1 * w * elastic / K  # (1)
 
 
 @kernel
-def rate(p, level, memory, w, out):
+def rate(p, torque_scale, memory, w, out):
     for i in range(p.k.size):
-        out[i] = w if w * memory[i] < level * p.y[i] * abs(w) else 0.0
+        out[i] = w if w * memory[i] < torque_scale * p.y[i] * abs(w) else 0.0  # (2)
 
 
 @kernel
@@ -205,28 +214,45 @@ def stored_energy(p, memory):
 
 
 def fit_elements(x: NDArray, T: NDArray, dt: float, weighed: NDArray) -> tuple[Masing, float, dict[str, tuple]]:
-    """Elements by non-negative least squares on a fixed grid of yields: no initial guess, no local minimum.
+    """Elements from a record, by non-negative least squares on a fixed grid of yields.
 
-    The grid ends where an element only just yields, at half the widest swing of the weighed samples: a stiffer part
-    is a spring to the record, and counts with the torque that it has reached. Intervals: ``F_c``, and ``virgin_torque``
-    at each yield, as neighbouring elements trade stiffness freely and only their sum is determined.
+    The method needs no initial guess and has no local minimum. The grid ends where an element only just yields, at half
+    the widest swing of the weighed samples; the record shows a part that yields later as a spring, and that part counts
+    with the torque that it has reached. The intervals are those of ``F_c`` and of ``virgin_torque`` at each yield,
+    because neighbouring elements trade stiffness freely and the record determines only their sum.
+
+    Parameters
+    ----------
+    x : (T,) array
+        Displacement [rad].
+    T : (T,) array
+        Torque [N m].
+    dt : float
+        Time between samples [s].
+    weighed : (T,) array of bool
+        The samples that count.
+
+    Returns
+    -------
+    parameters, offset [N m], intervals
+        As ``steer_env.friction.identify.Fit`` holds them.
 
     Source: Rizos, Fassois, Chaos 14 (2004) 431-445 (Maxwell slip as a regression); Lawson, Hanson, Solving Least
     Squares Problems, 1974.
     """
-    from scipy.optimize import nnls  # here, for it takes longer to import than all laws
+    from scipy.optimize import nnls  # imported here, because that takes longer than the import of all laws
 
     widest = 0.5 * np.ptp(x[weighed])
     y = np.geomspace(1e-3 * widest, widest, MAX_ELEMENTS)
     ones = np.ones(np.count_nonzero(weighed))
     A = np.column_stack([*(response(_elements(1.0 / each, each, 0.0), x, dt)[weighed] for each in y), ones, -ones])
-    _, R = np.linalg.qr(np.column_stack([A, T[weighed]]))  # the same squares in as many rows as columns
+    _, R = np.linalg.qr(np.column_stack([A, T[weighed]]))  # the same sum of squares in as many rows as columns
     F, _ = nnls(R[:, :-1], R[:, -1])
     residual = A @ F - T[weighed]
     offset = F[-2] - F[-1]
     used = np.flatnonzero(F[:-2])
     y, F = y[used], F[used]
-    shares = np.minimum(y[:, None] / y, 1.0)  # of each element's torque in the virgin torque at each yield
+    shares = np.minimum(y[:, None] / y, 1.0)  # the part of each element's torque in the virgin torque at each yield
     half = half_widths(A[:, np.append(used, -1)], residual, np.column_stack([shares, np.zeros(y.size)]))
     low, high = np.maximum(shares @ F - half, 0.0), shares @ F + half
     return _elements(F / y, y, 0.0), offset, {"F_c": (low[-1], high[-1]), "virgin_torque": (low, high)}

@@ -1,4 +1,10 @@
-"""Viscous: a linear damper, ``T = s2 v``; the baseline without dry friction (``sigma_2=0`` for none at all)."""
+"""Viscous friction: a linear damper, the baseline without dry friction.
+
+    (1)  T = sigma_2 v
+    (2)  w = R/(S + sigma_2)
+
+(2) solves the step equation ``S w + T = R``. With ``sigma_2 = 0`` there is no friction at all.
+"""
 
 from typing import NamedTuple
 
@@ -9,28 +15,31 @@ from steer_env.friction.numerics.kernel import kernel
 
 
 class Viscous(NamedTuple):
-    """Unchecked parameters; ``friction.make("viscous", ...)`` checks."""
+    """Parameters, which ``friction.make("viscous", ...)`` checks and this class does not."""
 
     sigma_2: float  # damping [N m s/rad]
 
 
 def make(*, sigma_2: float = defaults.SIGMA_2_EQUIVALENT) -> Viscous:
-    """Checked damper; the default loses as much per weave cycle as the dry laws do. ValueError if negative."""
+    """Checked viscous parameters; raises ValueError for a negative damping.
+
+    The default damper loses as much energy in a cycle of the weave as the dry laws do.
+    """
     return Viscous(not_negative("sigma_2", sigma_2))
 
 
 @kernel
-def advance(p, level, memory, w, h):
+def advance(p, torque_scale, memory, w, h):
     pass
 
 
 @kernel
-def torque(p, level, memory, w):
-    return p.sigma_2 * w
+def torque(p, torque_scale, memory, w):
+    return p.sigma_2 * w  # (1)
 
 
 @kernel
-def rate(p, level, memory, w, out):
+def rate(p, torque_scale, memory, w, out):
     pass
 
 
@@ -40,8 +49,8 @@ def stored_energy(p, memory):
 
 
 @kernel
-def solve(p, level, memory, S, R, h, guess):
-    return R / (S + p.sigma_2)
+def solve(p, torque_scale, memory, S, R, h, w_guess):
+    return R / (S + p.sigma_2)  # (2)
 
 
 register(

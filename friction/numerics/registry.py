@@ -1,8 +1,9 @@
-"""One registry for everything that is chosen by name: one thing per file in a folder, named as the file is."""
+"""The registry of everything that is chosen by name: one thing for each file of a folder, named after the file."""
 
 import importlib
 import pkgutil
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any, Generic, TypeVar
 
 T = TypeVar("T")
@@ -13,17 +14,17 @@ def _same(file: str) -> str:
 
 
 def dashed(file: str) -> str:
-    """``step_steer`` -> ``step-steer``, as manoeuvres are called on the command line."""
+    """``step_steer`` -> ``step-steer``, as the command line names manoeuvres."""
     return file.replace("_", "-")
 
 
 def camel_case(file: str) -> str:
-    """``assist_weave`` -> ``AssistWeave``, as Gymnasium's ids are written."""
+    """``assist_weave`` -> ``AssistWeave``, as in the ids of environments."""
     return "".join(part.capitalize() for part in file.split("_"))
 
 
 def listed(package: str, name_of: Callable[[str], str] = _same) -> dict[str, str]:
-    """Name of each thing in a folder -> name of its module, in alphabetical order; imports none of them."""
+    """Name of each thing in a folder -> name of its module, in alphabetical order; no module is imported."""
     folder = importlib.import_module(package).__path__
     files = sorted(module.name for module in pkgutil.iter_modules(folder) if module.name != "common")
     return {name_of(file): f"{package}.{file}" for file in files}
@@ -32,9 +33,9 @@ def listed(package: str, name_of: Callable[[str], str] = _same) -> dict[str, str
 class Registry(Generic[T]):
     """Things of one kind by name.
 
-    A folder holds one module (or package) for each thing; ``common`` holds what they share. The names are those of
-    the files, so listing them imports nothing. A module is imported when its thing is first asked for, and registers
-    it then. Things from elsewhere register under a name of their own.
+    A folder holds one module (or package) for each thing, and ``common`` what they share. The names are those of the
+    files, so that listing them imports nothing. A module is imported when its thing is first asked for, and registers
+    the thing then. Other modules may register further things.
 
     Parameters
     ----------
@@ -93,8 +94,17 @@ class Registry(Generic[T]):
         return self._things[name]
 
     def of(self, parameters: Any) -> T | None:
-        """The thing that the class ``parameters`` belongs to; None if it belongs to none."""
+        """The thing that was registered with the class ``parameters``; None if there is none."""
         return self._by_class.get(parameters)
+
+    @contextmanager
+    def restored(self) -> Iterator[None]:
+        """A context at whose end everything is forgotten that was registered within, such as the things of a test."""
+        before = dict(self._things), dict(self._by_class)
+        try:
+            yield
+        finally:
+            self._things, self._by_class = before
 
     def all(self) -> dict[str, T]:
         """Every thing by name; imports them all."""

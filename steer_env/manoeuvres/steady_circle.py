@@ -10,11 +10,8 @@ from steer_env.vehicle.cars import Car
 from steer_env.vehicle.chassis.common.interface import TARGET_SPEED
 from steer_env.vehicle.constants import GRAVITY as G
 
-ENTRY, SLOWING, REST = (
-    4.0,
-    12.0,
-    4.0,
-)  # entry into the circle, return to the first speed at its exit, straight ahead [s]
+# Entry into the circle, return to the first speed at its exit, straight ahead [s].
+ENTRY, SLOWING, REST = 4.0, 12.0, 4.0
 PERIOD = 0.01  # time step of the driver [s]
 CROSSOVER = 3.0  # crossover frequency of the curvature loop of a neutral car, assumed; lower with understeer [rad/s]
 LAG = 0.1  # lag of the hand, assumed [s]

@@ -1,4 +1,4 @@
-"""Old names of channels, which files and mappings may use until release 1.0."""
+"""Notice of old names of channels, which files and mappings may use until release 1.0."""
 
 import sys
 from collections.abc import Iterable

@@ -42,7 +42,7 @@ def move(w, distance):
 
 
 speeds = signed(log(-3, 1.5))  # [rad/s]
-levels = log(-1, 1)
+torque_scales = log(-1, 1)
 # Friction follows displacements, so durations are drawn as distances [rad].
 moves = st.lists(st.builds(move, speeds, log(-5, 0)), max_size=8)
 # S, R, h of step equations; the load R would give the drawn speed without friction.
@@ -57,24 +57,24 @@ def at_rest(p):
     return np.zeros(law.law_of(p).memory_size(p))
 
 
-def after(p, history, level=1.0, memory=None):
+def after(p, history, torque_scale=1.0, memory=None):
     """Memory after a history of constant speeds."""
     memory = at_rest(p) if memory is None else memory.copy()
     for w, h in history:
-        law.advance(p, level, memory, w, h)
+        law.advance(p, torque_scale, memory, w, h)
     return memory
 
 
-def size(p, level=1.0):
+def size(p, torque_scale=1.0):
     """Torque of a long slide at 1 rad/s: what rounding is compared with [N m]."""
-    return law.torque(p, level, after(p, [(1.0, 100.0)], level), 1.0)
+    return law.torque(p, torque_scale, after(p, [(1.0, 100.0)], torque_scale), 1.0)
 
 
-def mean_by_quadrature(p, level, memory, w, h):
+def mean_by_quadrature(p, torque_scale, memory, w, h):
     """Mean over the step of ``torque`` along ``advance``: adaptive Simpson, good to about 1e-9 of the torque."""
 
     def f(t):
-        return law.torque(p, level, after(p, [(w, t)], level, memory), w)
+        return law.torque(p, torque_scale, after(p, [(w, t)], torque_scale, memory), w)
 
     def integral(a, b, f_a, f_m, f_b):
         m = 0.5 * (a + b)
@@ -87,7 +87,9 @@ def mean_by_quadrature(p, level, memory, w, h):
 
     # an element may yield at any fraction of the step, so the pieces shrink towards its start
     edges = [0.0, *(h * 10.0**k for k in range(-8, 1))]
-    tolerance = 1e-11 * h * (size(p, level) + abs(f(h)))  # of a piece; a jump of the torque ends in one this small
+    tolerance = (
+        1e-11 * h * (size(p, torque_scale) + abs(f(h)))
+    )  # of a piece; a jump of the torque ends in one this small
     return sum(integral(a, b, f(a), f(0.5 * (a + b)), f(b)) for a, b in pairwise(edges)) / h
 
 
@@ -95,16 +97,16 @@ def check_passivity(p):
     """The work done on the law never falls short of the energy it stores, whatever the load does: it is no motor."""
 
     @settings(examples, max_examples=300)
-    @given(moves, steps, levels, levels)
-    def holds(history, driven, level, other):
-        memory, guess = after(p, history, level), 0.0
+    @given(moves, steps, torque_scales, torque_scales)
+    def holds(history, driven, torque_scale, other):
+        memory, w_guess = after(p, history, torque_scale), 0.0
         energy = law.stored_energy(p, memory)
         for S, R, h in driven:
-            level, other = other, level
-            guess, T = law.step(p, level, memory, S, R, h, guess)
+            torque_scale, other = other, torque_scale
+            w_guess, T = law.step(p, torque_scale, memory, S, R, h, w_guess)
             stored = law.stored_energy(p, memory)
             # T comes from R - S w, so it carries the rounding of R
-            assert T * guess * h - (stored - energy) >= -1e-12 * (abs(R * guess * h) + stored + energy)
+            assert T * w_guess * h - (stored - energy) >= -1e-12 * (abs(R * w_guess * h) + stored + energy)
             assert stored >= 0.0
             energy = stored
 
@@ -115,20 +117,20 @@ def check_odd_symmetry(p):
     """The mirrored history gives the mirrored torque, to the bit: no branch may prefer a side."""
 
     @examples
-    @given(moves, steps, levels)
-    def holds(history, driven, level):
-        memory = after(p, history, level)
-        mirrored = after(p, [(-w, h) for w, h in history], level)
+    @given(moves, steps, torque_scales)
+    def holds(history, driven, torque_scale):
+        memory = after(p, history, torque_scale)
+        mirrored = after(p, [(-w, h) for w, h in history], torque_scale)
         np.testing.assert_array_equal(mirrored, -memory)
         assert law.stored_energy(p, mirrored) == law.stored_energy(p, memory)
-        guess = 0.0
+        w_guess = 0.0
         for S, R, h in driven:
-            w, T = law.step(p, level, memory, S, R, h, guess)
-            assert law.step(p, level, mirrored, S, -R, h, -guess) == (-w, -T)
+            w, T = law.step(p, torque_scale, memory, S, R, h, w_guess)
+            assert law.step(p, torque_scale, mirrored, S, -R, h, -w_guess) == (-w, -T)
             np.testing.assert_array_equal(mirrored, -memory)
-            assert law.torque(p, level, mirrored, -w) == -law.torque(p, level, memory, w)
-            np.testing.assert_array_equal(_rate(p, level, mirrored, -w), -_rate(p, level, memory, w))
-            guess = w
+            assert law.torque(p, torque_scale, mirrored, -w) == -law.torque(p, torque_scale, memory, w)
+            np.testing.assert_array_equal(_rate(p, torque_scale, mirrored, -w), -_rate(p, torque_scale, memory, w))
+            w_guess = w
 
     holds()
 
@@ -137,41 +139,41 @@ def check_rest(p):
     """Without a push nothing moves, exactly; a load that the memory balances is held without creep."""
 
     @examples
-    @given(moves, log(-6, 6), log(-6, -2), speeds, levels)
-    def holds(history, S, h, guess, level):
+    @given(moves, log(-6, 6), log(-6, -2), speeds, torque_scales)
+    def holds(history, S, h, w_guess, torque_scale):
         memory = at_rest(p)
-        assert law.step(p, level, memory, S, 0.0, h, guess) == (0.0, 0.0)
-        assert law.torque(p, level, memory, 0.0) == law.stored_energy(p, memory) == 0.0
+        assert law.step(p, torque_scale, memory, S, 0.0, h, w_guess) == (0.0, 0.0)
+        assert law.torque(p, torque_scale, memory, 0.0) == law.stored_energy(p, memory) == 0.0
         assert not memory.any()
 
-        memory = after(p, history, level)
-        load = law.torque(p, level, memory, 0.0)
+        memory = after(p, history, torque_scale)
+        load = law.torque(p, torque_scale, memory, 0.0)
         held = memory.copy()
-        assert law.step(p, level, held, S, load, h, guess) == (0.0, load)
+        assert law.step(p, torque_scale, held, S, load, h, w_guess) == (0.0, load)
         np.testing.assert_array_equal(held, memory)
-        assert not _rate(p, level, memory, 0.0).any()
+        assert not _rate(p, torque_scale, memory, 0.0).any()
 
     holds()
 
 
 def check_step_equation(p):
-    """``S w + mean torque = R`` is solved for any inertia, load, step and fall of the level, and from any guess."""
+    """``S w + mean torque = R`` is solved for any inertia, load, step, fall of the torque scale and guess of w."""
     exact = law.law_of(p).mean_torque is not None
 
     @settings(examples, max_examples=150 if exact else 50)
-    @given(moves, levels, log(-4, 6), signed(log(-9, 9)), log(-6, -2), signed(log(-12, 6)), levels)
-    def holds(history, before, S, R, h, guess, level):
+    @given(moves, torque_scales, log(-4, 6), signed(log(-9, 9)), log(-6, -2), signed(log(-12, 6)), torque_scales)
+    def holds(history, before, S, R, h, w_guess, torque_scale):
         memory = after(p, history, before)
-        w = law.solve(p, level, memory.copy(), S, R, h, guess)
+        w = law.solve(p, torque_scale, memory.copy(), S, R, h, w_guess)
         if w == 0.0:  # a set-valued law may stick anywhere between its limits from both sides
-            assert law.torque(p, level, memory, -1e-300) <= R <= law.torque(p, level, memory, 1e-300)
+            assert law.torque(p, torque_scale, memory, -1e-300) <= R <= law.torque(p, torque_scale, memory, 1e-300)
             return
         if exact:
-            mean, _ = law.mean_torque(p, level, memory, w, h)
+            mean, _ = law.mean_torque(p, torque_scale, memory, w, h)
         else:
-            mean = mean_by_quadrature(p, level, memory, w, h)
+            mean = mean_by_quadrature(p, torque_scale, memory, w, h)
         # solvers go down to rounding, a hundred of them in the largest term; quadrature is good to 1e-9 of the torque
-        scale = abs(S * w) + abs(R) + abs(mean) + size(p, level)
+        scale = abs(S * w) + abs(R) + abs(mean) + size(p, torque_scale)
         assert abs(S * w + mean - R) <= (1e-13 if exact else 1e-8) * scale
 
     holds()
@@ -183,33 +185,37 @@ def check_mean_torque(p):
         return
 
     @settings(examples, max_examples=30)
-    @given(moves, speeds, log(-5, -1), levels)
-    def holds(history, w, h, level):
-        memory = after(p, history, level)
-        mean, slope = law.mean_torque(p, level, memory, w, h)
+    @given(moves, speeds, log(-5, -1), torque_scales)
+    def holds(history, w, h, torque_scale):
+        memory = after(p, history, torque_scale)
+        mean, slope = law.mean_torque(p, torque_scale, memory, w, h)
         # the quadrature is good to 1e-9
-        assert abs(mean - mean_by_quadrature(p, level, memory, w, h)) <= 1e-8 * (abs(mean) + size(p, level))
+        assert abs(mean - mean_by_quadrature(p, torque_scale, memory, w, h)) <= 1e-8 * (
+            abs(mean) + size(p, torque_scale)
+        )
         # Central difference: 1e-6 of w loses ten digits of the torque to rounding and w**2 F''' 1e-12 to curvature.
         # At w = 0, where |w| has its kink, the difference is one-sided.
         high, low = (1e-9, 0.0) if w == 0.0 else (w * (1 + 1e-6), w * (1 - 1e-6))
-        rise = law.mean_torque(p, level, memory, high, h)[0] - law.mean_torque(p, level, memory, low, h)[0]
-        rounding = 1e-14 * (abs(mean) + size(p, level)) / abs(high - low)
+        rise = (
+            law.mean_torque(p, torque_scale, memory, high, h)[0] - law.mean_torque(p, torque_scale, memory, low, h)[0]
+        )
+        rounding = 1e-14 * (abs(mean) + size(p, torque_scale)) / abs(high - low)
         assert abs(rise / (high - low) - slope) <= 1e-5 * abs(slope) + rounding
 
     holds()
 
 
 def check_semigroup(p):
-    """Two steps at one speed are one longer step, also just after the level has changed."""
+    """Two steps at one speed are one longer step, also just after the torque scale has changed."""
 
     @examples
-    @given(moves, levels, speeds, log(-5, -1), st.floats(0.0, 1.0), levels)
-    def holds(history, before, w, h, part, level):
+    @given(moves, torque_scales, speeds, log(-5, -1), st.floats(0.0, 1.0), torque_scales)
+    def holds(history, before, w, h, part, torque_scale):
         memory = after(p, history, before)
-        split = after(p, [(w, part * h), (w, (1.0 - part) * h)], level, memory)
+        split = after(p, [(w, part * h), (w, (1.0 - part) * h)], torque_scale, memory)
         # a few roundings of the largest memory
-        scale = np.abs(after(p, [(1.0, 100.0)], max(before, level))).max(initial=0.0)
-        np.testing.assert_allclose(split, after(p, [(w, h)], level, memory), rtol=1e-13, atol=1e-14 * scale)
+        scale = np.abs(after(p, [(1.0, 100.0)], max(before, torque_scale))).max(initial=0.0)
+        np.testing.assert_allclose(split, after(p, [(w, h)], torque_scale, memory), rtol=1e-13, atol=1e-14 * scale)
 
     holds()
 
@@ -218,30 +224,32 @@ def check_rate(p):
     """``advance`` is the solution of ``rate``: what a plain ODE solver makes of the law."""
 
     @settings(examples, max_examples=30)
-    @given(moves, signed(log(-3, 0)), log(-3, -1), levels)
-    def holds(history, w, h, level):
-        memory = after(p, history, level)
-        scale = np.abs(after(p, [(1.0, 100.0)], level)).max(initial=1e-12)
+    @given(moves, signed(log(-3, 0)), log(-3, -1), torque_scales)
+    def holds(history, w, h, torque_scale):
+        memory = after(p, history, torque_scale)
+        scale = np.abs(after(p, [(1.0, 100.0)], torque_scale)).max(initial=1e-12)
         if memory.size:
-            solution = solve_ivp(lambda t, m: _rate(p, level, m, w), (0.0, h), memory, rtol=1e-9, atol=1e-10 * scale)
+            solution = solve_ivp(
+                lambda t, m: _rate(p, torque_scale, m, w), (0.0, h), memory, rtol=1e-9, atol=1e-10 * scale
+            )
             # the solver's tolerance, summed over its steps and over its passing of kinks
-            np.testing.assert_allclose(after(p, [(w, h)], level, memory), solution.y[:, -1], atol=1e-6 * scale)
+            np.testing.assert_allclose(after(p, [(w, h)], torque_scale, memory), solution.y[:, -1], atol=1e-6 * scale)
 
     holds()
 
 
-def check_level(p):
-    """The level scales the friction: at equal speeds and times stretched by it, the torque is affine in the level.
+def check_torque_scale(p):
+    """At equal speeds and times stretched by the torque scale, the torque is affine in that scale.
 
-    Displacements then stretch with the level too, which leaves the part in proportion to it (dry friction) and the
+    Displacements then stretch with the scale too, which leaves the part in proportion to it (dry friction) and the
     part without it (damping).
     """
 
     @examples
     @given(moves, speeds, log(-1, 0.3))
-    def holds(history, w, level):
+    def holds(history, w, torque_scale):
         torques = []
-        for stretch in (level, 2.0 * level, 3.0 * level):
+        for stretch in (torque_scale, 2.0 * torque_scale, 3.0 * torque_scale):
             memory = after(p, [(speed, stretch * h) for speed, h in history], stretch)
             torques.append(law.torque(p, stretch, memory, w))
         assert abs(torques[0] - 2.0 * torques[1] + torques[2]) <= 1e-12 * (max(map(abs, torques)) + size(p))
@@ -284,7 +292,7 @@ CHECKS = (
     check_mean_torque,
     check_semigroup,
     check_rate,
-    check_level,
+    check_torque_scale,
     check_convergence,
 )
 
@@ -294,9 +302,9 @@ def trace(p):
     rng = np.random.default_rng(7)
     memory, w, rows = at_rest(p), 0.0, []
     for _ in range(200):
-        S, h, level = 10.0 ** rng.uniform((-1, -5, -0.5), (3, -2, 0.5))
-        w, T = law.step(p, level, memory, S, rng.normal(0.0, 3.0), h, w)
-        rows.append((w, T, law.torque(p, level, memory, w), law.stored_energy(p, memory)))
+        S, h, torque_scale = 10.0 ** rng.uniform((-1, -5, -0.5), (3, -2, 0.5))
+        w, T = law.step(p, torque_scale, memory, S, rng.normal(0.0, 3.0), h, w)
+        rows.append((w, T, law.torque(p, torque_scale, memory, w), law.stored_energy(p, memory)))
     x = np.cumsum(rng.normal(0.0, 3e-3, 200))
     return np.array(rows), friction.response(p, x, 1e-3)
 
@@ -320,9 +328,9 @@ def check_plain_python(sets):
         np.testing.assert_allclose(torques, expected_torques, rtol=1e-12, atol=1e-12, err_msg=repr(p))
 
 
-def _rate(p, level, memory, w):
+def _rate(p, torque_scale, memory, w):
     out = np.zeros_like(memory)
-    law.rate(p, level, memory, w, out)
+    law.rate(p, torque_scale, memory, w, out)
     return out
 
 

@@ -227,6 +227,6 @@ def test_bad_records(x, torque, name, dt, contains):
 
 def test_a_law_that_says_nothing(monkeypatch):
     silent = law.law_of(LAWS[3])._replace(fitted=())
-    monkeypatch.setitem(law._by_class, silent.parameters, silent)
+    monkeypatch.setitem(law.LAWS._by_class, silent.parameters, silent)
     with refused(["'lugre'", "does not say what a record determines", "fitted="]):
         friction.fit(LOOPS, T, dt=DT)

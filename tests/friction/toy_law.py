@@ -24,21 +24,21 @@ def make(*, k: float = 100.0, F_c: float = 0.9) -> Jenkins:
 
 
 @kernel
-def advance(p, level, memory, w, h):
-    y = level * p.F_c / p.k
+def advance(p, torque_scale, memory, w, h):
+    y = torque_scale * p.F_c / p.k
     e = min(max(memory[0], -y), y)
     memory[0] = min(max(e + w * h, -y), y)
 
 
 @kernel
-def torque(p, level, memory, w):
-    F = level * p.F_c
+def torque(p, torque_scale, memory, w):
+    F = torque_scale * p.F_c
     return min(max(p.k * memory[0], -F), F)
 
 
 @kernel
-def rate(p, level, memory, w, out):
-    out[0] = w if w * memory[0] < abs(w) * level * p.F_c / p.k else 0.0
+def rate(p, torque_scale, memory, w, out):
+    out[0] = w if w * memory[0] < abs(w) * torque_scale * p.F_c / p.k else 0.0
 
 
 @kernel
@@ -47,9 +47,9 @@ def stored_energy(p, memory):
 
 
 @kernel
-def mean_torque(p, level, memory, w, h):
+def mean_torque(p, torque_scale, memory, w, h):
     side = math.copysign(1.0, w)
-    F = level * p.F_c
+    F = torque_scale * p.F_c
     start = min(max(side * p.k * memory[0], -F), F)
     gap = F - start
     D = p.k * abs(w) * h  # how far the spring alone would load

@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 
 from steer_env.friction import defaults, resolve
 from steer_env.friction.numerics.check import number
+from steer_env.friction.numerics.frozen import frozen
 from steer_env.friction.numerics.kernel import record
 from steer_env.friction.numerics.renamed import REMOVED_IN
 from steer_env.vehicle import chassis as chassis_models
@@ -13,7 +14,7 @@ from steer_env.vehicle import road, tyre
 from steer_env.vehicle.chassis.two_track import brakes, drivetrain, speed_hold
 from steer_env.vehicle.plant import Plant
 from steer_env.vehicle.steering import column, eps
-from steer_env.vehicle.suspension import kinematics_table
+from steer_env.vehicle.suspension.kinematics_table import KinematicsTable
 from steer_env.vehicle.suspension.macpherson import MacPherson
 
 
@@ -53,7 +54,7 @@ class Car(NamedTuple):
     speed_hold: speed_hold.SpeedHold
     tyre: tyre.Tyre
     strut: MacPherson
-    kinematics_table: kinematics_table.KinematicsTable  # of the strut
+    kinematics_table: KinematicsTable  # of the strut
 
     def plant(
         self,
@@ -95,7 +96,7 @@ class Car(NamedTuple):
         # zero slip (the rolling resistance of the set is 1 %), and drive above 8 kN.
         coefficients = self.tyre.symmetric().coefficients._replace(PHX1=0.0, PHX2=0.0)
         s = self.steering
-        return Plant(
+        p = Plant(
             column=self.column,
             assist=self.assist,
             friction=resolve(friction),
@@ -107,6 +108,7 @@ class Car(NamedTuple):
             rack_limit=s["rack_limit"],
             robot=1.0 if robot else 0.0,
         )
+        return frozen(p)
 
     def loaded(self, mass: float) -> "Car":
         """The car with a mass added at its centre of gravity [kg], distributed as that of the body."""
@@ -133,7 +135,7 @@ class Car(NamedTuple):
         return 1.0 / self.steering_gain()
 
     @property
-    def strut_map(self) -> kinematics_table.KinematicsTable:
+    def strut_map(self) -> KinematicsTable:
         """Former name of ``kinematics_table``."""
         text = f"Car.strut_map is now Car.kinematics_table; the old name goes in release {REMOVED_IN}"
         warnings.warn(text, DeprecationWarning, stacklevel=2)

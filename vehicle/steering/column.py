@@ -77,14 +77,14 @@ def make(
 
 
 @kernel
-def step(c, friction, scale, q, memory, robot, hand, hand_speed, T_C, h):
+def step(c, friction, torque_scale, q, memory, robot, hand, hand_speed, T_C, h):
     """One step with a hand torque, or with a handwheel angle that a robot prescribes.
 
     Parameters
     ----------
     c : Column
     friction : parameters of a friction law
-    scale : float
+    torque_scale : float
         Factor on the saturated friction [1].
     q : (4,) array
         Handwheel angle and speed, column angle and speed [rad, rad/s]; advanced in place.
@@ -124,7 +124,7 @@ def step(c, friction, scale, q, memory, robot, hand, hand_speed, T_C, h):
     else:
         S -= K * K / a11  # (C5)
         R += K / a11 * (r1 + hand)
-    w2, T_F = law_step(friction, scale, memory, S, R, h, q[COLUMN_SPEED])
+    w2, T_F = law_step(friction, torque_scale, memory, S, R, h, q[COLUMN_SPEED])
     if robot:
         # (C7)
         T1 = c.I1 * (hand_speed - q[HANDWHEEL_SPEED]) / h + c.C1 * w1 + twist + K * (w1 - w2)
@@ -143,15 +143,15 @@ def step(c, friction, scale, q, memory, robot, hand, hand_speed, T_C, h):
 
 
 @kernel
-def step_torque(c, friction, scale, q, memory, T1, T_C, h):
+def step_torque(c, friction, torque_scale, q, memory, T1, T_C, h):
     """:func:`step` under a hand torque: steering by torque, or free (``T1 = 0``). Returns ``w1, w2, T_F``."""
-    return step(c, friction, scale, q, memory, False, T1, 0.0, T_C, h)[:3]
+    return step(c, friction, torque_scale, q, memory, False, T1, 0.0, T_C, h)[:3]
 
 
 @kernel
-def step_angle(c, friction, scale, q, memory, angle, speed, T_C, h):
+def step_angle(c, friction, torque_scale, q, memory, angle, speed, T_C, h):
     """:func:`step` with a prescribed handwheel angle and speed at its end. Returns ``w1, w2, T_F, T1``."""
-    return step(c, friction, scale, q, memory, True, angle, speed, T_C, h)
+    return step(c, friction, torque_scale, q, memory, True, angle, speed, T_C, h)
 
 
 @kernel

@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from steer_env.friction.numerics.bounds import within
 from steer_env.friction.numerics.check import number, positive
+from steer_env.friction.numerics.frozen import frozen
 from steer_env.friction.numerics.interpolation import bracket
 from steer_env.friction.numerics.kernel import kernel
 
@@ -114,8 +115,6 @@ def make(
         raise ValueError(f"damping must hold {v.size} finite values of at least 0, got {d}")
     latency = number("delay", delay, minimum=0.0, maximum=MAX_DELAY * SAMPLE_TIME)
     samples = int(latency / SAMPLE_TIME + 1e-9)
-    for array in (v, t, b, d):
-        array.flags.writeable = False
     # Tustin's rule on (1 + s/z)/(1 + s/p), corners pre-warped
     zero, pole = (
         math.tan(math.pi * number(name, f, minimum=0.0, maximum=450.0, above=True) * SAMPLE_TIME)
@@ -123,10 +122,10 @@ def make(
     )
     gain = (1.0 / zero + 1.0) / (1.0 / pole + 1.0)
     return Assist(
-        v,
-        t,
-        b,
-        d,
+        speeds=frozen(v),
+        torques=frozen(t),
+        boost=frozen(b),
+        damping=frozen(d),
         lead_b0=gain,
         lead_b1=(1.0 - 1.0 / zero) / (1.0 + 1.0 / pole),
         lead_a1=(1.0 - 1.0 / pole) / (1.0 + 1.0 / pole),
@@ -135,6 +134,11 @@ def make(
         bandwidth=2.0 * math.pi * positive("bandwidth", bandwidth),
         limit=positive("limit", limit),
     )
+
+
+def without_assist(a: Assist) -> Assist:
+    """The same controller without boost and damping, as if the motor were off."""
+    return frozen(a._replace(boost=0.0 * a.boost, damping=0.0 * a.damping))
 
 
 def lead_corners(a: Assist) -> tuple[float, float]:

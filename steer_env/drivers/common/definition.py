@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from steer_env.friction.numerics.check import not_negative, number, positive
-from steer_env.friction.numerics.kernel import dispatch, include_sources, kernel
+from steer_env.friction.numerics.kernel import dispatch, kernel
 from steer_env.friction.numerics.registry import Registry
 from steer_env.timing import UPDATE_INTERVAL
 from steer_env.vehicle.cars import Car
@@ -122,7 +122,6 @@ def register_preview_model(parameters: type, gains: Callable[[Any, Car, float], 
         the lateral positions of the points ahead; ``memory`` is one float of the model's own.
     """
     PREVIEW_MODELS[parameters] = PreviewModel(gains, command)
-    include_sources(command)
 
 
 def register(name: str, maker: Callable[..., Driver]) -> None:

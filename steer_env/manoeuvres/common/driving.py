@@ -16,7 +16,7 @@ from steer_env.recording.recording import Recording
 from steer_env.vehicle import chassis, plant
 from steer_env.vehicle.cars import Car
 from steer_env.vehicle.steering import column
-from steer_env.vehicle.steering.eps import SAMPLE_TIME
+from steer_env.vehicle.steering.eps import SAMPLE_TIME, without_assist
 
 Array = NDArray[np.float64]
 HOLD = 10  # samples between two calls of a driver
@@ -39,8 +39,7 @@ def build_plant(car: Car, manoeuvre: Manoeuvre, friction: Any, road_friction: fl
     )
     if not manoeuvre.rig:
         return p
-    a = p.assist
-    return p._replace(pinion_radius=0.0, assist=a._replace(boost=0.0 * a.boost, damping=0.0 * a.damping))
+    return p._replace(pinion_radius=0.0, assist=without_assist(p.assist))
 
 
 def inputs(manoeuvre: Manoeuvre, amplitude: float, duration: float) -> Array:

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from steer_env.friction.numerics.check import number
-from steer_env.friction.numerics.kernel import dispatch, include_sources
+from steer_env.friction.numerics.kernel import dispatch
 from steer_env.friction.numerics.registry import Registry, camel_case
 from steer_env.vehicle.cars import Car
 from steer_env.vehicle.chassis.common.interface import ASSIST_REQUEST, HAND
@@ -187,7 +187,6 @@ def register(task: Task, observe: Callable, evaluate_step: Callable) -> Task:
     """
     TASKS.register(task.name, task)
     _kernels[type(task.parameters)] = {"observe": observe, "evaluate_step": evaluate_step}
-    include_sources(observe, evaluate_step)
     return task
 
 

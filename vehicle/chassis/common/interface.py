@@ -9,7 +9,7 @@ sample of 1 ms, and the outputs and channels that all chassis share.
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from steer_env.friction.numerics.kernel import dispatch, include_sources, kernel
+from steer_env.friction.numerics.kernel import dispatch, kernel
 from steer_env.friction.numerics.registry import Registry
 
 # One row of inputs holds for a sample of 1 ms.
@@ -128,7 +128,6 @@ def register(name: str, parameters: type, **fields: Any) -> None:
     """
     chassis = Chassis(name, parameters, **fields)
     CHASSIS.register(name, chassis, parameters)
-    include_sources(*chassis[8:])
 
 
 def available() -> tuple[str, ...]:

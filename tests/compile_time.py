@@ -1,0 +1,47 @@
+"""Processor time of the first step of an environment, by each compiler and from the cache.
+
+``python tests/compile_time.py`` prints a table in Markdown. The marks: with numba's own compiler at most 25 s, with the
+fast one at most 10 s, and a second task on the same friction law and chassis at most 3 s.
+"""
+
+import os
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+ROOT = Path(__file__).parents[1]
+STEP = """
+import time, gymnasium, steer_env
+env = gymnasium.make("steer_env/{task}-v0", chassis="{chassis}")
+env.reset(seed=0)
+env.step(env.action_space.sample())
+print(time.process_time())
+"""
+RUNS = (
+    ("cold", "AssistWeave", "single_track"),
+    ("from the cache", "AssistWeave", "single_track"),
+    ("second task, same law and chassis", "AssistRelease", "single_track"),
+    ("cold, two tracks", "AssistWeave", "two_track"),
+)
+
+
+def first_step(compiler: str, folder: str, task: str, chassis: str) -> float:
+    """Processor time of a new process to the end of its first step, imports and all [s]."""
+    settings = {"NUMBA_CACHE_DIR": folder, "STEER_ENV_COMPILER": compiler, "STEER_ENV_QUIET": "1"}
+    path = {"PYTHONPATH": f"{ROOT}{os.pathsep}{os.environ.get('PYTHONPATH', '')}"}
+    command = [sys.executable, "-c", STEP.format(task=task, chassis=chassis)]
+    environment = {**os.environ, **settings, **path}
+    return float(subprocess.run(command, env=environment, check=True, capture_output=True, text=True).stdout)
+
+
+def main() -> None:
+    print("| first step of AssistWeave, processor time [s] | numba | fast |\n|---|---|---|")
+    with tempfile.TemporaryDirectory() as numba, tempfile.TemporaryDirectory() as fast:
+        for what, task, chassis in RUNS:
+            own, quick = first_step("numba", numba, task, chassis), first_step("fast", fast, task, chassis)
+            print(f"| {what} | {own:.1f} | {quick:.1f} |", flush=True)
+
+
+if __name__ == "__main__":
+    main()

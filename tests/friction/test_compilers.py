@@ -1,0 +1,143 @@
+"""The choice of the compiler, what takes over where the fast one fails, what is said about it, and equal results."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from steer_env.friction.numerics.kernel import COMPILED, FAST_VERSIONS
+
+pytestmark = pytest.mark.skipif(not COMPILED, reason="nothing is compiled")
+
+ROOT = Path(__file__).parents[2]
+
+STEP = """
+from steer_env import friction
+from steer_env.friction import law
+import numpy as np
+print(law.step(friction.make("lugre"), 1.0, np.zeros(1), 100.0, 50.0, 1e-3, 0.0))
+from steer_env.friction.numerics import kernel
+print("fast" if kernel._fast and kernel._fast._works else "numba")
+"""
+
+
+COMPILING = "steer-env: compiling kernels for "  # said where it takes more than a second, which depends on the machine
+
+
+def run(code, folder, **settings):
+    """Exit status, lines of the output and lines of standard error of a new process."""
+    environment = {**os.environ, "STEER_ENV_QUIET": "0", "NUMBA_CACHE_DIR": str(folder), **settings}
+    command = [sys.executable, "-W", "error", "-c", code]
+    done = subprocess.run(command, env=environment, cwd=ROOT, capture_output=True, text=True, check=False)
+    return done.returncode, done.stdout.splitlines(), done.stderr.splitlines()
+
+
+def others(error):
+    """Lines on standard error but the one that says that kernels are compiled."""
+    return [line for line in error if not line.startswith(COMPILING)]
+
+
+def test_both_compilers_can_be_chosen(tmp_path):
+    results = {}
+    for choice in ("numba", "fast"):
+        code, (result, compiler), error = run(STEP, tmp_path, STEER_ENV_COMPILER=choice)
+        assert (code, compiler, others(error)) == (0, choice, [])
+        results[choice] = result
+    assert results["numba"] == results["fast"]
+
+
+def test_another_choice_is_refused(tmp_path):
+    code, _, error = run(STEP, tmp_path, STEER_ENV_COMPILER="gcc")
+    assert code != 0
+    assert error[-1] == (
+        "ValueError: STEER_ENV_COMPILER must be 'numba' or 'fast', or unset for the best choice, got 'gcc'"
+    )
+
+
+VERSION = "import numba; numba.__version__ = '9.99.0'\n"
+RENAMED = "import numba.core.codegen as m; m.Library = m.__dict__.pop('JITCodeLibrary')\n"
+BROKEN = """
+from steer_env.friction.numerics import compiler_fast
+def broken(self, state):
+    raise AttributeError("numba renamed something")
+compiler_fast._Lowering.run_pass = broken
+"""
+
+
+@pytest.mark.parametrize(
+    ("before", "line"),
+    [
+        (VERSION, "steer-env: numba 9.99.0 is not among the versions that the fast compiler was tested with"),
+        (RENAMED, "steer-env: the fast compiler cannot be loaded (ImportError("),
+        (BROKEN, "steer-env: the fast compiler failed ("),
+    ],
+    ids=["untested", "renamed", "broken"],
+)
+def test_numbas_own_compiler_takes_over(tmp_path, before, line):
+    """With one line about it, and the same numbers."""
+    settings = {} if before is VERSION else {"STEER_ENV_COMPILER": "fast"}
+    code, output, error = run(before + STEP, tmp_path, **settings)
+    assert code == 0, error
+    assert output == [run(STEP, tmp_path)[1][0], "numba"]
+    assert len(others(error)) == 1
+    assert others(error)[0].startswith(line)
+    assert run(before + STEP, tmp_path, **settings, STEER_ENV_QUIET="1")[2] == []
+
+
+def test_a_kernel_that_is_wrong_itself_is_no_failure_of_the_compiler(tmp_path):
+    wrong = """
+from steer_env.friction.numerics.kernel import kernel
+@kernel
+def wrong(x):
+    return x.nothing
+try:
+    wrong(1.0)
+except Exception as error:
+    print(type(error).__name__)
+"""
+    code, (kind, _, compiler), error = run(wrong + STEP, tmp_path, STEER_ENV_COMPILER="fast")
+    assert (code, kind, compiler, others(error)) == (0, "TypingError", "fast", [])
+
+
+ROLLOUT = """
+import sys, gymnasium, numpy as np, steer_env
+rows = []
+for name, options in (
+    ("AssistWeave", {"friction": "lugre"}),
+    ("AssistWeave", {"friction": "masing"}),
+    ("DriverObstacleAvoidance", {"chassis": "two_track"}),
+):
+    env = gymnasium.make(f"steer_env/{name}-v0", **options)
+    env.reset(seed=1)
+    env.action_space.seed(1)
+    for _ in range(40):
+        seen, reward, *_ = env.step(env.action_space.sample())
+        rows.append([*np.asarray(seen, float), reward])
+np.save(sys.argv[1], np.concatenate([np.asarray(row) for row in rows]))
+"""
+
+
+@pytest.mark.whole
+def test_both_compilers_give_the_same_rollouts_to_the_bit(tmp_path):
+    """Three environments compiled by each compiler from nothing, which says once that it compiles."""
+    results = []
+    for choice in ("numba", "fast"):
+        file = tmp_path / f"{choice}.npy"
+        code = ROLLOUT.replace("sys.argv[1]", repr(str(file)))
+        status, _, error = run(code, tmp_path / choice, STEER_ENV_COMPILER=choice)
+        assert status == 0, error
+        assert len(error) == 1
+        assert error[0].startswith(COMPILING)
+        assert error[0].endswith("this happens once")
+        assert run(code, tmp_path / choice, STEER_ENV_COMPILER=choice)[2] == []  # from the cache
+        results.append(np.load(file))
+    assert results[0].tobytes() == results[1].tobytes()
+
+
+def test_the_installed_numba_is_one_that_the_fast_compiler_was_tested_with():
+    import numba
+
+    assert ".".join(numba.__version__.split(".")[:2]) in FAST_VERSIONS
