@@ -4,7 +4,7 @@
     (2)  z+ = z E + h w p1,    mean z = z p1 + h w p2,    X = |w| h/z_g
     (3)  E = exp(-X),    p1 = (1 - E)/X,    p2 = (1 - p1)/X
 
-z_g is the steady deflection [rad], z+ the deflection at the end.
+z_g is the steady deflection [rad], z+ the deflection at the end. In docs/model.md (2) and (3) are part of (F8).
 """
 
 import math

@@ -3,7 +3,7 @@
 No LuGre or Masing parameter set of a steering system has been published. The defaults of the dry laws therefore share
 the two things that sources support: the saturated torque F_C (75 N at the rack on a pinion of 7.96 mm give 0.6 N m,
 worm and motor 0.3 N m; the pinion preloads that workshop manuals give for nine cars lie at 0.6-1.9 N m) and the
-branch after a reversal from saturation, ``F = F_C (1 - 2 exp(-x sigma_0/F_C))``.
+branch after a reversal from saturation, ``F = F_C (1 - 2 exp(-x sigma_0/F_C))``, which is (F6) in docs/model.md.
 """
 
 F_C = 0.9  # saturated torque [N m]

@@ -1,4 +1,4 @@
-"""Parameters of a friction law from a measured quasi-static record: ``fit``."""
+"""Parameters of a friction law from a measured quasi-static record: ``fit`` (F12)."""
 
 import math
 from itertools import pairwise

@@ -219,7 +219,7 @@ def _newton(p, torque_scale, memory, S, R, h, w_guess):
 
 @kernel
 def step(p, torque_scale, memory, S, R, h, w_guess):
-    """One step of length ``h`` [s] of ``S w + T = R``, as it is taken for every law.
+    """One step of length ``h`` [s] of ``S w + T = R``, as it is taken for every law (F7).
 
     Returns
     -------

@@ -118,7 +118,7 @@ def layout(task: Task, template: Plant, control_dt: float, samples_per_step: int
         samples_per_step=samples_per_step,
         action_input=task.action.input,
         action_scale=task.action.scale,
-        robot=plant_batch.places(template)["robot"].start,
+        robot=plant_batch.slices(template)["robot"].start,
         speed_channel=names.index("longitudinal_speed") if "longitudinal_speed" in names else -1,
         n_rewards=len(task.rewards),
         scripted=np.array(task.scripted_inputs, np.int64),

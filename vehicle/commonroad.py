@@ -1,10 +1,10 @@
 """CommonRoad's multi-body parameters as a chassis and a tyre of this package.
 
-The functions read attributes only, so they need no part of ``commonroad-vehicle-models``; its
-``setup_vehicle_parameters(vehicle_id)`` makes what they take, for the vehicles 1 to 3.
+The functions only read attributes and do not need the package ``commonroad-vehicle-models``. Its function
+``setup_vehicle_parameters(vehicle_id)`` returns suitable parameters for the vehicles 1 to 3.
 
-Axes: theirs are SAE, y to the right and z down. Forces, slip angles and shifts along y change sign on the way to
-ISO 8855; roll and inclination, about the same x, do not. Their slip is -kappa.
+Axes: CommonRoad uses SAE axes, y to the right and z down. The conversion to ISO 8855 changes the sign of forces, slip
+angles and shifts along y, but not of roll and inclination, which are about the same x. CommonRoad's slip is -kappa.
 
 Source: Althoff and Würsching, CommonRoad: Vehicle Models, 2020, tables 6 and 7; the code of version 3.0.2.
 """
@@ -15,7 +15,7 @@ from typing import Any
 from steer_env.friction.numerics.check import number
 from steer_env.vehicle.tyre.tyre import MagicFormula, Tyre
 
-# Chassis values that their parameters lack; assumed.
+# Chassis values that CommonRoad's parameters lack; assumed.
 ASSUMED = {
     "drag_area": 0.70,  # [m2]
     "compliance_time": 0.005,  # [s]
@@ -29,7 +29,7 @@ ASSUMED = {
     "rear_lift_area": 0.0,  # [m2]
 }
 
-# Chassis values that are theirs under another name, and the factor between the two.
+# Chassis values that CommonRoad has under another name, and the factor between the two.
 _RENAMED = {
     "mass": ("m", 1.0),
     "sprung_mass": ("m_s", 1.0),
@@ -45,17 +45,17 @@ _RENAMED = {
     "rear_spring": ("K_sr", 1.0),
     "front_damper": ("K_sdf", 1.0),
     "rear_damper": ("K_sdr", 1.0),
-    "front_anti_roll": ("K_tsf", -1.0),  # negative with them where it resists roll
+    "front_anti_roll": ("K_tsf", -1.0),  # negative in CommonRoad where it resists roll
     "rear_anti_roll": ("K_tsr", -1.0),
     "rear_roll_centre": ("h_rar", 1.0),
-    "rear_camber_gain": ("D_r", -1.0),  # theirs is the left wheel's inclination over rebound
+    "rear_camber_gain": ("D_r", -1.0),  # CommonRoad: inclination of the left wheel over rebound
     "length": ("l", 1.0),
     "width": ("w", 1.0),
 }
 
-# Nominal load of the tyre, assumed: only the range of loads that Tyre takes follows from it.
+# Nominal load of the tyre, assumed; it only determines the range of loads that Tyre accepts.
 _NOMINAL_LOAD = 4850.0  # [N]
-_LINEAR = 1e5  # PKY2 so large that the stiffness is linear in load to 1e-9
+_LINEAR = 1e5  # PKY2 that makes the stiffness linear in load to 1e-9
 
 
 def _read(parameters: Any, path: str) -> float:
@@ -76,24 +76,24 @@ def chassis(parameters: Any, changes: Mapping[str, float] | None = None) -> dict
     parameters : object
         CommonRoad's ``VehicleParameters`` of vehicle 1, 2 or 3, or anything with the same attributes.
     changes : mapping of chassis keys to numbers, optional
-        Values to take instead [SI].
+        Values that replace them [SI].
 
     Returns
     -------
     dict of str to float
-        As :mod:`steer_env.vehicle.cars` takes it; theirs, then what they lack (``ASSUMED``), then the changes [SI].
+        As :mod:`steer_env.vehicle.cars` takes it: CommonRoad's values, then ``ASSUMED``, then the changes [SI].
 
     Raises
     ------
     ValueError
         An attribute that is missing, None or not a finite number, or a change of an unknown key, named.
 
-    ``front_axle`` and ``rear_axle`` count from the whole car's centre of gravity, ``a`` and ``b`` from the sprung one.
-    Left out: ``h_raf`` and ``D_f``, which the strut has instead; ``K_ras``, ``K_rad``, ``K_lt``, ``E_f``, ``E_r``.
+    ``front_axle`` and ``rear_axle`` refer to the centre of gravity of the whole car, ``a`` and ``b`` to the sprung one.
+    Left out: ``h_raf`` and ``D_f``, which the strut replaces; ``K_ras``, ``K_rad``, ``K_lt``, ``E_f``, ``E_r``.
     """
     known = {key: factor * _read(parameters, name) + 0.0 for key, (name, factor) in _RENAMED.items()} | ASSUMED
     a, b, m, m_uf, m_ur = (_read(parameters, name) for name in ("a", "b", "m", "m_uf", "m_ur"))
-    ahead = (m_uf * a - m_ur * b) / m  # of the whole car's centre of gravity, from the sprung one
+    ahead = (m_uf * a - m_ur * b) / m  # position of the centre of gravity of the whole car ahead of the sprung one
     known |= {"front_axle": a - ahead, "rear_axle": b + ahead}
     for key in changes or {}:
         if key not in known:
@@ -122,17 +122,17 @@ def car_data(
     name, description, source : str
         As in the file.
     sections : mapping of str to mapping
-        ``steering``, which CommonRoad knows nothing of, and what is not default in ``column``, ``assist``,
-        ``drivetrain``, ``brakes`` and ``speed_hold`` [SI]. The drive's front share is theirs.
+        ``steering``, which CommonRoad lacks, and values other than the defaults in ``column``, ``assist``,
+        ``drivetrain``, ``brakes`` and ``speed_hold`` [SI]. The front share of the drive is CommonRoad's.
     assumed : iterable of str
-        What has no source beside the keys of ``ASSUMED``.
+        Further keys without a source, besides those of ``ASSUMED``.
     tyre, strut : str
         Names of packaged sets.
 
     Raises
     ------
     ValueError
-        As in :func:`chassis`; the rest is for ``steer_env.vehicle.cars.from_data`` to check.
+        As in :func:`chassis`; ``steer_env.vehicle.cars.from_data`` checks the rest.
     """
     empty: dict[str, Any] = {"steering": {}, "column": {}, "assist": {}, "drivetrain": {}, "brakes": {}}
     return {
@@ -151,7 +151,7 @@ def car_data(
 
 
 def tyre(parameters: Any, relaxation_length: float = 0.55) -> Tyre:
-    """Their tyre as a Magic Formula of this package, as it acts in their model.
+    """CommonRoad's tyre as a Magic Formula of this package, as it acts in CommonRoad's model.
 
     F_y0 = D sin(C atan(curve(B (alpha - p_hy3 gamma)))) - p_vy3 F_z gamma in ISO 8855, with K_y = p_ky1 F_z.
 
@@ -160,22 +160,22 @@ def tyre(parameters: Any, relaxation_length: float = 0.55) -> Tyre:
     parameters : object
         As in :func:`chassis`; its ``tire``, ``K_zt`` and ``R_w`` are read.
     relaxation_length : float
-        Along both slips; their tyre has none, so a comparison wants a short one. Assumed [m].
+        Along both slips, assumed [m]; CommonRoad's tyre has none, so that a comparison needs a short one.
 
     Returns
     -------
     Tyre
-        Its forces are theirs where ``p_hx1 = p_vx1 = p_hy1 = p_vy1 = 0``, to 1e-8; moments are zero, as with them.
+        Its forces equal CommonRoad's to 1e-8 where ``p_hx1 = p_vx1 = p_hy1 = p_vy1 = 0``; moments are zero there too.
 
     Raises
     ------
     ValueError
         An attribute that is missing, None or not finite; ``p_ky1`` not negative.
 
-    Deviations: the four constants are left out. In their code ``p_vx1`` stands inside the sine, and ``p_hy1`` and
+    Deviations: the four constants are left out. In CommonRoad's code ``p_vx1`` is inside the sine, and ``p_hy1`` and
     ``p_vy1`` are multiplied by sign(gamma), a jump where the wheel is upright; ``p_hx1`` goes with ``p_vx1``. Camber
-    thrust keeps the direction that it has in their model, *against* the wheel's lean: the set's coefficients belong to
-    axes with y to the left and are used with y to the right.
+    thrust keeps the direction that it has in CommonRoad's model, *against* the inclination of the wheel: the
+    coefficients of the set belong to axes with y to the left and are used with y to the right.
     """
 
     def of(name: str) -> float:
@@ -184,7 +184,7 @@ def tyre(parameters: Any, relaxation_length: float = 0.55) -> Tyre:
     coefficients = MagicFormula(
         FNOMIN=_NOMINAL_LOAD,
         UNLOADED_RADIUS=_read(parameters, "R_w"),
-        LONGVL=16.7,  # assumed; only M_y, which is zero, would take it
+        LONGVL=16.7,  # assumed; used only in M_y, which is zero
         FITTYP=52.0,
         PCX1=of("p_cx1"),
         PDX1=of("p_dx1"),
@@ -210,7 +210,7 @@ def tyre(parameters: Any, relaxation_length: float = 0.55) -> Tyre:
         RCY1=of("r_cy1"),
         REY1=of("r_ey1"),
         RHY1=-of("r_hy1"),
-        # Two changes of sign, of F_y and of kappa, cancel in S_Vyk.
+        # Two changes of sign, those of F_y and of kappa, cancel in S_Vyk.
         RVY1=of("r_vy1"),
         RVY3=of("r_vy3"),
         RVY4=of("r_vy4"),

@@ -108,7 +108,8 @@ class LinearSingleTrack(NamedTuple):
     def understeer_gradient(self) -> float:
         """Understeer gradient: road-wheel angle over lateral acceleration beyond that of the path [rad s2/m] (L4).
 
-        It is d delta/dA - L/v^2. With levers a' = a - N_f/C_f, b' = b + N_r/C_r, L' = a' + b', F = m - Y_A and the moment M of all rolling parts,
+        It is d delta/dA - L/v^2. With the levers a' = a - N_f/C_f and b' = b + N_r/C_r, L' = a' + b', F = m - Y_A and
+        the moment M that roll adds over lateral acceleration,
 
             K_A = ((F b' - M)/C_f - (F a' + M)/C_r)/L'        delta = (L/v^2 + K_A) A/(1 + K_d)
 
@@ -203,7 +204,8 @@ def from_car(
     uneven = float((track * transfer * by_load).sum()) if roll else 0.0  # the outer wheels have more rolling resistance
     ahead = 0.5 * (drag - 2.0 * rolling.sum()) + rolling[0]  # longitudinal force on a front wheel
 
-    # Front axle by (alpha_in, A, delta): the rack deflects by e under its force K e; alpha = alpha_in - (steer - delta).
+    # Front axle by (alpha_in, A, delta): the rack deflects by e under its force K e, and
+    # alpha = alpha_in - (steer - delta).
     K = car.steering["compliance"] * float(per_rack[0]) ** 2 if compliance else np.inf
     leaning = (phi * per_roll + [0.0, phi, 0.0, 0.0, 0.0, 0.0, 0.0]) if roll else np.zeros(7)
     response = np.zeros((2, 3))  # Y_f and M_f by alpha_in, A, delta

@@ -1,7 +1,7 @@
-"""Many plants of one kind side by side: what differs between them in the rows of an array, what they share in one.
+"""Many plants of one kind: their individual numbers are the rows of an array, and they share the tables.
 
-A lane's plant is a template with its numbers replaced by those of the lane. Compiled code puts it together in
-registers, so kernels meet the very tuple that a single plant has; the tables of strut and road are shared.
+The plant of a row is a template with its numbers replaced by those of the row. Compiled code assembles it in registers,
+so that the kernels receive the same tuple as for a single plant. All rows share the tables of strut and road.
 """
 
 from typing import Any
@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from llvmlite import ir
 from numba import types
-from numba.core import cgutils
 from numba.core.imputils import impl_ret_borrowed
 from numba.extending import intrinsic, overload
 from numpy.typing import NDArray
@@ -21,16 +20,16 @@ from steer_env.vehicle.suspension.kinematics_table import KinematicsTable
 
 Array = NDArray[np.float64]
 
-SHARED = (KinematicsTable, Road)  # tables too large for a copy in each lane
+SHARED = (KinematicsTable, Road)  # too large for a copy in each row
 
 
 def numbers(p: Any) -> Array:
-    """Numbers of a plant (K,) in the order in which :func:`lane` takes them; what lanes share is left out."""
+    """Numbers of a plant (K,) in the order of :func:`plant_of_row`, without the shared tables."""
     return np.concatenate([np.zeros(0), *(part for _, part in _parts("", p))])
 
 
-def places(p: Any) -> dict[str, slice]:
-    """Where each parameter stands among the numbers, by its dotted name."""
+def slices(p: Any) -> dict[str, slice]:
+    """Slice of each parameter in the numbers, by its dotted name."""
     found, start = {}, 0
     for name, part in _parts("", p):
         found[name] = slice(start, start + part.size)
@@ -51,8 +50,8 @@ def _parts(name: str, value: Any) -> list[tuple[str, Array]]:
     ]
 
 
-def lane(template, rows, i):
-    """The plant of lane ``i``: the template with the numbers (K,) of ``rows[i]``."""
+def plant_of_row(template, rows, i):
+    """The plant of row ``i``: the template with the numbers (K,) of ``rows[i]``."""
     return _filled(template, rows[i], 0)[0]
 
 
@@ -72,17 +71,18 @@ def _filled(value: Any, row: Array, start: int) -> tuple[Any, int]:
 
 
 @intrinsic
-def _lane(context, template, rows, i):
+def _plant_of_row(context, template, rows, i):
     def generate(context, builder, signature, arguments):
         array = context.make_array(signature.args[1])(context, builder, arguments[1])
-        (stride, _) = cgutils.unpack_tuple(builder, array.strides, 2)
-        first = cgutils.pointer_add(builder, array.data, builder.mul(stride, arguments[2]))
+        stride = builder.extract_value(array.strides, 0)  # in bytes
+        start = builder.bitcast(array.data, ir.IntType(8).as_pointer())
+        first = builder.gep(start, [builder.mul(stride, arguments[2])])
         at = builder.bitcast(first, ir.DoubleType().as_pointer())
         filled = fill(context, builder, signature.args[0], arguments[0], at)[0]
         return impl_ret_borrowed(context, builder, signature.return_type, filled)  # the arrays stay the template's
 
     def fill(context, builder, kind, value, at):
-        """The value with its numbers replaced, and where those that follow stand."""
+        """The value with its numbers replaced, and the address of the numbers that follow."""
         if isinstance(kind, types.BaseTuple):
             if getattr(kind, "instance_class", None) in SHARED:
                 return value, at
@@ -104,30 +104,30 @@ def _lane(context, template, rows, i):
 
 if COMPILED:
 
-    @overload(lane, strict=False)
+    @overload(plant_of_row, strict=False)
     def _chosen(template, rows, i):
-        return lambda template, rows, i: _lane(template, rows, i)  # type: ignore[call-arg]  # numba gives the context
+        return lambda template, rows, i: _plant_of_row(template, rows, i)  # type: ignore[call-arg]  # numba gives the context
 
 
 @kernel
 def run(template, rows, states, inputs, channels, finite, low, high):
-    """Advance the lanes from ``low`` to ``high`` by one sample of 1 ms per row of inputs.
+    """Advance the plants of the rows from ``low`` to ``high`` by one sample of 1 ms per row of inputs.
 
     Parameters
     ----------
     template : Plant
-        Whose kind all lanes share.
-    rows : (L, K) array
-        Numbers of each lane's plant.
-    states : (L, S) array
+        A plant of the kind that all rows have.
+    rows : (N, K) array
+        Numbers of the plants.
+    states : (N, S) array
         Advanced in place.
-    inputs : (L, N, I) array
+    inputs : (N, T, I) array
         As in ``steer_env.vehicle.plant.INPUTS``.
-    channels : (L, C) array
+    channels : (N, C) array
         Receives the channels at the end.
-    finite : (L,) array of bool
+    finite : (N,) array of bool
         Receives whether every state is finite.
     """
     for i in range(low, high):
-        p = lane(template, rows, i)
+        p = plant_of_row(template, rows, i)
         finite[i] = plant.run(p, states[i], inputs[i], channels[i : i + 1], 1)

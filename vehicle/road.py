@@ -75,13 +75,13 @@ def make_road(
     Parameters
     ----------
     heights : float, (2,) or (2, N) array_like
-        Heights of the left and the right track over distance, within 10 m [m]. They repeat after N values: the step
-        from the last to the first may not exceed the widest one inside.
+        Heights of the left and the right track over distance, within 10 m [m]. They repeat after N values, and the
+        step from the last to the first may not exceed the largest step between two values.
     friction : float, (2,) or (2, M) array_like
-        Factors on the tyre's friction, of both sides, of each, or over distance, within 0.01 to 2 [1]; they repeat
-        after M values.
+        Factors on the friction of the tyre, one for both sides, one for each, or over distance, within 0.01 to 2 [1];
+        they repeat after M values.
     spacing : float
-        Of both grids [m].
+        Spacing of both grids [m].
     grade, bank : float
         Inclination of the plane that the heights stand on, uphill and left side up positive, within 0.5 [rad].
 
@@ -133,10 +133,10 @@ def bump(
     length : float
         From 0.1 m; sampled 40 times, or every 5 cm if that is finer [m].
     at : float
-        Distance to the bump's middle, at least half its length, at most 5 km [m].
+        Distance to the middle of the bump, at least half its length, at most 5 km [m].
     side : {"both", "left", "right"}
     period : float
-        The bump comes again after this distance, at most 10 km, rounded up to the grid [m].
+        Distance after which the bump repeats, at most 10 km, rounded up to the grid [m].
     friction, grade, bank
         As in :func:`make_road`.
 
@@ -171,9 +171,9 @@ def iso8608(
 ) -> Road:
     """Random road of an ISO 8608 class: an inverse FFT of the class's amplitudes with random phases.
 
-    The sum and the difference of the tracks are independent and share the variance of each wave number by the coherency.
-    The same seed gives the same road to the bit. It starts and ends level for 5 m and reaches its full height after
-    another 20 m, so that a car placed at distance 0 stands on a level road.
+    The sum and the difference of the tracks are independent and share the variance of each wave number by the
+    coherency. The same seed gives the same road to the bit. The road starts and ends level for 5 m and reaches its full
+    height after another 20 m, so that a car placed at distance 0 stands on a level road.
 
     Parameters
     ----------
@@ -181,11 +181,11 @@ def iso8608(
     road_class : {"A", ..., "H"}
         Very good to very poor.
     length : float
-        After which the road repeats, rounded to the grid, 200 m to 100 km [m].
+        Length after which the road repeats, rounded to the grid, 200 m to 100 km [m].
     spacing : float
-        Of the grid, 0.01 to 1 m [m]; waves shorter than two of it are missing.
+        Spacing of the grid, 0.01 to 1 m [m]; waves shorter than two spacings are missing.
     track : float
-        Distance of the left from the right track, 0 for equal ones [m].
+        Distance between the left and the right track, 0 for equal tracks [m].
     friction, grade, bank
         As in :func:`make_road`.
 

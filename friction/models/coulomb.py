@@ -4,7 +4,7 @@
     (2)  w = sgn(R) max(|R| - L F_c, 0)/S
 
 (2) is the only solution of the step equation ``S w + T = R``, which is an inclusion here: the friction site sticks
-exactly, without drift and without a regularised slope. L is ``torque_scale``.
+exactly, without drift and without a regularised slope. L is ``torque_scale``. In docs/model.md (1) is (F1).
 """
 
 import math

@@ -6,7 +6,8 @@
 
 L is ``torque_scale``; p1(X) and p2(X) are those of :mod:`steer_env.friction.bristle`.
 
-Source: Dahl, Aerospace Corporation TOR-0158(3107-18)-1, 1968, with exponent 1.
+Source: Dahl, Aerospace Corporation TOR-0158(3107-18)-1, 1968, with exponent 1. In docs/model.md (1) and (2) are
+(F3), and (3) is (F8).
 """
 
 import math

@@ -16,6 +16,7 @@ L is ``torque_scale``.
 
 Source: Canudas de Wit, Olsson, Åström, Lischinsky, IEEE Trans. Automatic Control 40 (1995) 419-425. The numbers of the
 equations are those of this file. Deviation: a bristle beyond the deflection at break-away is cut back to it.
+In docs/model.md (1) to (3) are (F4), (4) to (7) are (F8), and (F10) is the condition of passivity that `make` checks.
 """
 
 import math

@@ -15,6 +15,7 @@ The mean torque over a step h is piecewise quadratic in the distance D = |w| h, 
     (6)  C = sum over yielded k_i g_i^2,    g_i = L y_i - sgn(R - sum k e) e_i
 
 Source: Masing, 2nd Int. Congress of Applied Mechanics, Zürich 1926; Iwan, J. Applied Mechanics 33 (1966) 893-900.
+In docs/model.md (1) and (2) are (F5), and (3) to (6) are (F9).
 """
 
 import math

@@ -3,7 +3,8 @@
     (1)  T = sigma_2 v
     (2)  w = R/(S + sigma_2)
 
-(2) solves the step equation ``S w + T = R``. With ``sigma_2 = 0`` there is no friction at all.
+(2) solves the step equation ``S w + T = R``. With ``sigma_2 = 0`` there is no friction at all. In
+docs/model.md (1) is (F2).
 """
 
 from typing import NamedTuple

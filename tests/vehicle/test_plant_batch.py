@@ -23,14 +23,14 @@ def test_a_plant_comes_back_from_its_numbers(law, chassis):
     rows = np.array(
         [plant_batch.numbers(template), plant_batch.numbers(CAR.loaded(200.0).plant(law, speed=20.0, chassis=chassis))]
     )
-    assert same(plant_batch.lane(template, rows, 0), template)
-    other = plant_batch.lane(template, rows, 1)
+    assert same(plant_batch.plant_of_row(template, rows, 0), template)
+    other = plant_batch.plant_of_row(template, rows, 1)
     assert same(other._replace(tyre=template.tyre), CAR.loaded(200.0).plant(law, speed=20.0, chassis=chassis))
 
 
-def test_places_are_those_of_the_numbers():
+def test_slices_are_those_of_the_numbers():
     p = CAR.plant("masing", chassis="two_track", road=road.iso8608(1, "C"))
-    numbers, places = plant_batch.numbers(p), plant_batch.places(p)
+    numbers, places = plant_batch.numbers(p), plant_batch.slices(p)
     assert numbers[places["column.K_tb"]] == p.column.K_tb
     assert numbers[places["robot"]] == p.robot
     assert np.array_equal(numbers[places["friction.k"]], p.friction.k)
@@ -41,7 +41,7 @@ def test_places_are_those_of_the_numbers():
 
 @pytest.mark.parametrize("chassis", cars.SPEEDS)
 @pytest.mark.parametrize("law", ["lugre", "masing"])
-def test_lanes_run_as_their_plants_alone(law, chassis):
+def test_rows_run_as_their_plants_alone(law, chassis):
     """Three cars of different load, speed and friction, to the bit, and lanes outside the slice stand still."""
     rng = np.random.default_rng(0)
     plants = [

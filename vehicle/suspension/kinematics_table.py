@@ -1,8 +1,8 @@
-"""A strut as a table for simulation: cubic B-splines over rack and travel, scalar kernels to read them.
+"""Table of the kinematics of a strut: cubic B-splines over rack and travel, and kernels that read them (S8).
 
-The exact solution of :mod:`steer_env.vehicle.suspension.macpherson` costs a millisecond, the table fifty nanoseconds.
-Beyond its range the table answers as at the edge: a linear extrapolation would run through the end
-of the linkage, where no pose exists, and the stops of a car lie inside the range anyway.
+The exact solution of :mod:`steer_env.vehicle.suspension.macpherson` takes a millisecond, the table fifty nanoseconds.
+Beyond the range of the table the values at its edge hold. A linear extrapolation would pass the end of the linkage,
+where no pose exists, and the end stops of a car are inside the range.
 """
 
 import math
@@ -17,7 +17,7 @@ from steer_env.vehicle.suspension.macpherson import MacPherson, load_coefficient
 
 
 class KinematicsTable(NamedTuple):
-    """Spline coefficients of a left wheel on a uniform grid; the channels are the fields of ``Knuckle``, ``Travel``."""
+    """Spline coefficients of a left wheel on a uniform grid; its channels are the fields of ``Knuckle``, ``Travel``."""
 
     table: NDArray[np.float64]  # (rack cells + 3, travel cells + 3, 14)
     rack_min: float  # [m]
@@ -27,7 +27,7 @@ class KinematicsTable(NamedTuple):
 
 
 class Knuckle(NamedTuple):
-    """One wheel as the simulation needs it: its angles, and the work of each unit load per metre of rack."""
+    """Angles of one wheel, and the work of each unit load per metre of rack."""
 
     steer_angle: float  # left positive [rad]
     inclination: float  # ISO 8855 [rad]
@@ -40,13 +40,13 @@ class Knuckle(NamedTuple):
 
 
 class Travel(NamedTuple):
-    """What a wheel does as it moves up in the body: derivatives by travel at fixed rack."""
+    """Motion of a wheel as it moves up in the body: derivatives by travel at fixed rack."""
 
     centre_x: float  # of the wheel centre, forward [1]
     contact_y: float  # of the contact, to the left [1]
     roll: float  # of the carrier, about x [rad/m]
     pitch: float  # about y [rad/m]
-    compression: float  # the strut is shorter by this than in the design position [m]
+    compression: float  # reduction of the strut length from the design position [m]
     compression_rate: float  # its derivative [1]
 
 
@@ -59,8 +59,8 @@ def build(
 ) -> KinematicsTable:
     """Tabulate a strut over +-rack by +-travel [m].
 
-    The cells hold the angles of the default car to 3e-7 rad and the work to 5e-6 of its largest
-    value, at the inner wheel's lock; near straight ahead both are a hundred times closer.
+    At the lock of the inner wheel the table of the default car has errors of 3e-7 rad in the angles and of 5e-6 of its
+    largest value in the work; near straight ahead both are a hundred times smaller.
 
     Raises
     ------
@@ -92,7 +92,7 @@ def build(
 def linear(
     steer: float, inclination: float = 0.0, path: float = 0.0, rack: float = 0.075, travel: float = 0.080
 ) -> KinematicsTable:
-    """A table of linear kinematics instead of a solved strut: both wheels steer alike, about their contact centres.
+    """A table of linear kinematics instead of a solved strut: both wheels steer equally, about their contact centres.
 
     Parameters
     ----------
@@ -101,7 +101,7 @@ def linear(
     inclination : float
         By travel, of the left wheel [rad/m].
     path : float
-        Way of the left contact to the left by travel, twice the roll centre's height over the track [1].
+        Displacement of the left contact to the left per travel, twice the roll-centre height over the track [1].
     rack, travel : float
         Range on either side of zero [m].
 
@@ -110,13 +110,13 @@ def linear(
     ValueError
         A range that is not positive.
 
-    The strut is the wheel's travel itself; no anti-dive.
+    The compression of the strut is the travel itself, and there is no anti-dive.
     """
     for name, size in (("rack", rack), ("travel", travel)):
         if not size > 0.0:
             raise ValueError(f"{name} is {size!r}; allowed: positive [m]")
-    nodes = np.array([-3.0, -1.0, 1.0, 3.0])  # of the four splines on one cell; a spline of a line is the line
-    q, s = np.meshgrid(rack * nodes, travel * nodes, indexing="ij")
+    sites = np.array([-3.0, -1.0, 1.0, 3.0])  # of the four splines on one cell; the spline of a line is the line
+    q, s = np.meshgrid(rack * sites, travel * sites, indexing="ij")
     zero = 0.0 * q
     knuckle = (steer * q, inclination * s, zero, zero, zero, zero, zero, zero + steer)
     motion = (zero, zero + path, zero + inclination, zero, s, zero + 1.0)
@@ -126,7 +126,8 @@ def linear(
 def _basis(cells: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Sites (cells + 3,) in cells and the values there of the cubic B-splines (cells + 3, cells + 3).
 
-    All nodes, and the middle of the first and the last cell: as many sites as splines, and accuracy to the edge.
+    The sites are all grid points and the middles of the first and the last cell: as many sites as splines, and accuracy
+    to the edge.
     """
     sites = np.sort(np.append(np.arange(cells + 1.0), [0.5, cells - 0.5]))
     basis = np.zeros((cells + 3, cells + 3))
@@ -138,7 +139,7 @@ def _basis(cells: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
 
 @kernel
 def _cell(u, cells):
-    """Cell that holds u (counted in cells) and the place in it, 0..1; the edge if beyond, nan if nan."""
+    """Cell that holds u (counted in cells) and the position in it, 0..1; the edge beyond the range, NaN for NaN."""
     if u >= cells:
         return cells - 1, 1.0
     if u > 0.0:
@@ -157,7 +158,7 @@ def _weights(t):
 
 @kernel
 def _row(table, i, t):
-    """Four channels along the travel, from the ``i``-th number of the table."""
+    """Four channels interpolated along the travel, from the flat index ``i`` of the table."""
     n = table.shape[2]
     return (
         t[0] * load(table, i)
@@ -169,7 +170,7 @@ def _row(table, i, t):
 
 @kernel
 def _patch(table, i, j, k, r, t):
-    """Four channels from the k-th on, which stand side by side in the table."""
+    """Four consecutive channels, from the ``k``-th, interpolated along rack and travel."""
     n = table.shape[1] * table.shape[2]
     i = i * n + j * table.shape[2] + k
     return (
@@ -192,7 +193,7 @@ def _place(m, rack, travel):
 def left(m, rack, travel):
     """The left wheel: ``Knuckle`` at rack [m] and its travel [m]."""
     i, j, r, t = _place(m, rack, travel)
-    k = i - i  # not a literal: numba would compile the patch once for each place
+    k = i - i  # not a literal, for which numba would compile the patch once for each value
     steer, inclination, F_x_contact, F_x_centre = unpack(_patch(m.table, i, j, k, r, t))
     F_y, F_z, M_x, M_z = unpack(_patch(m.table, i, j, k + 4, r, t))
     return Knuckle(steer, inclination, F_x_contact, F_x_centre, F_y, F_z, M_x, M_z)
@@ -210,14 +211,14 @@ def left_travel(m, rack, travel):
 
 @kernel
 def right(m, rack, travel):
-    """The right wheel: the left one in a mirror, at the opposite rack position; exact to the last bit."""
+    """The right wheel: the mirror image of the left one at the opposite rack position, exact to the last bit."""
     k = left(m, -rack, travel)
     return Knuckle(-k.steer_angle, -k.inclination, -k.F_x_contact, -k.F_x_centre, k.F_y, -k.F_z, k.M_x, k.M_z)
 
 
 @kernel
 def rack_force(k, F_x_contact, F_x_centre, F_y, F_z, M_x, M_z):
-    """Rack force of one wheel [N], positive where it resists a left turn; loads as in ``suspension.WheelLoad``."""
+    """Rack force of one wheel [N], positive where it resists a left turn (S7); loads as in ``suspension.WheelLoad``."""
     return -(
         k.F_x_contact * F_x_contact + k.F_x_centre * F_x_centre + k.F_y * F_y + k.F_z * F_z + k.M_x * M_x + k.M_z * M_z
     )

@@ -1,8 +1,8 @@
 """MacPherson strut: exact kinematics of the rigid knuckle and the rack force of a tyre load.
 
-Every constraint holds the knuckle by one force: a link along its line, the top mount across the
-strut axis. A row of the Jacobian is that unit force and its moment about the lower ball joint, so
-the matrix that solves the kinematics is also, transposed, the static equilibrium of the knuckle.
+Every constraint acts on the knuckle by one force: a link along its line, the top mount across the strut axis. A row of
+the Jacobian is that unit force and its moment about the lower ball joint. The matrix that solves the kinematics is
+therefore also, transposed, that of the static equilibrium of the knuckle.
 
 Axes: x forward, y left, z up, origin on the mid-plane at design wheel-centre height [m]. Angles in
 radians. Arrays broadcast over a leading shape ``...``; a plain number is the empty shape.
@@ -24,11 +24,11 @@ POINTS = (
     *("wheel_centre", "lower_arm_front_pivot", "lower_arm_rear_pivot", "lower_ball_joint"),
     *("strut_top", "strut_axis_lower_point", "tie_rod_outer", "tie_rod_inner"),
 )
-SHORTEST = 1e-3  # distance below which two points or lines are taken to meet [m] (assumed)
-LOOSE = 1e6  # condition number of the constraints that leaves the knuckle loose (assumed)
-STRIDES = (0.010, 0.001)  # of the path to a pose: the short one where the long one loses its way [m]
-LARGEST_STEP = 0.3  # Newton step of a path that goes on; a larger one has met the end of the range [m, rad]
-FARTHEST = 1.0  # rack or travel that is worth a try [m] (assumed)
+SHORTEST = 1e-3  # distance below which two points or lines count as meeting [m] (assumed)
+LOOSE = 1e6  # condition number of the constraints from which the knuckle counts as loose (assumed)
+STRIDES = (0.010, 0.001)  # of the path to a pose; the short one where the long one does not converge [m]
+LARGEST_STEP = 0.3  # largest Newton step on a path; a larger one indicates the end of the range [m, rad]
+FARTHEST = 1.0  # largest rack or travel that is tried [m] (assumed)
 STRUT = [3, 4, 6]  # rows of the strut: across, across, along
 DATA = Path(__file__).parents[1] / "data" / "struts"
 MIRROR = np.array([1.0, -1.0, 1.0])  # of a point or force across the mid-plane; of a rotation: -MIRROR
@@ -79,12 +79,12 @@ class Pose(NamedTuple):
 
 
 class WheelLoad(NamedTuple):
-    """What the road and the drive shaft do to one knuckle, in the wheel's heading axes.
+    """Loads of road and drive shaft on one knuckle, in the heading axes of the wheel.
 
-    x along the heading in the road plane, y left, z up; floats or arrays (...). A longitudinal
-    force acts at the contact if a brake on the knuckle holds the wheel against it, at the wheel
-    centre if the drive shaft does (or nothing: rolling resistance). ``M_y`` reaches the knuckle
-    through the brake only; of a rolling wheel it is zero here.
+    x is along the heading in the road plane, y left, z up; floats or arrays (...). A longitudinal force acts at the
+    contact if a brake on the knuckle holds the wheel against it, and at the wheel centre if the drive shaft holds it or
+    nothing does (rolling resistance). ``M_y`` reaches the knuckle through the brake only; for a rolling wheel it is
+    zero here.
     """
 
     F_x_contact: ArrayLike = 0.0  # [N]
@@ -109,11 +109,11 @@ def load_coefficients(pose: Pose) -> WheelLoad:
 def rack_force(pose: Pose, load: WheelLoad) -> Array:
     """Rack force of one front wheel, by virtual work on its knuckle (S7).
 
-    F_rack = -sum(F . dp/drack + M . dphi/drack) at fixed strut length. At fixed *travel* the strut
-    changes length as the wheel steers, and its spring, which carries the wheel load along the
-    inclined axis, does work too. Leaving that out loses the self-centring of the wheel load (S1,
-    3.7 kN a wheel, 30 mm of rack: -43.5 N for +269.9 N). The balance in the travel direction eliminates
-    the spring and gives the sum above: d/drack = d/drack|travel - d/dtravel (dl/drack)/(dl/dtravel).
+    F_rack = -sum(F . dp/drack + M . dphi/drack) at fixed strut length. At fixed *travel* the strut changes its length
+    as the wheel steers, and its spring, which carries the wheel load along the inclined axis, does work too. Omitting
+    that work loses the self-centring effect of the wheel load (strut S1, 3.7 kN for each wheel, 30 mm of rack: -43.5 N
+    instead of +269.9 N). The balance in the travel direction eliminates the spring and gives the sum above:
+    d/drack = d/drack|travel - d/dtravel (dl/drack)/(dl/dtravel).
 
     Parameters
     ----------
@@ -132,7 +132,7 @@ def rack_force(pose: Pose, load: WheelLoad) -> Array:
 
 
 def mirrored(pose: Pose) -> Pose:
-    """The pose seen in a mirror on the mid-plane: the right wheel of the opposite rack position."""
+    """The mirror image of a pose on the mid-plane: the right wheel at the opposite rack position."""
 
     def motion(m: Motion, sign: float) -> Motion:
         centre, contact, turn = sign * MIRROR * m.wheel_centre, sign * MIRROR * m.contact, -sign * MIRROR * m.rotation
@@ -167,8 +167,8 @@ class MacPherson:
     Raises
     ------
     ValueError
-        A point is missing, unknown, not finite, meets another one or leaves the knuckle loose;
-        the message names it, its value and what is allowed.
+        A point is missing, unknown or not finite, coincides with another one, or leaves the knuckle loose; the message
+        names the point, its value and what is allowed.
 
     Rigid links and bushings, rack along y. Source: rigid-body constraints, derived here.
     """
@@ -208,7 +208,7 @@ class MacPherson:
         return cls(data["points_m"], data["loaded_radius_m"])
 
     def at_track(self, track: float) -> "MacPherson":
-        """The same strut moved along y, so that the wheel centres stand ``track`` [m] apart."""
+        """The same strut moved along y, so that the distance of the wheel centres is ``track`` [m]."""
         if not 0.5 <= track <= 4.0:
             raise ValueError(f"track is {track!r}; allowed: 0.5 to 4 m")
         shift = track / 2 - self.points["wheel_centre"][1]
@@ -244,7 +244,7 @@ class MacPherson:
         return self.solve(rack, travel_left), mirrored(self.solve(-np.asarray(rack, np.float64), travel_right))
 
     def _require(self, at: dict[str, Array]) -> None:
-        """Refuse hard points that do not make a left front strut, each by a distance that must not vanish."""
+        """Refuse hard points that do not form a left front strut, each by a distance that must not vanish."""
         centre, front, rear, ball, top, low, outer, inner = (at[name] for name in POINTS)
         swing = np.cross(_unit(front - rear), ball - rear)
         lever = np.cross(outer - ball, _unit(inner - outer)) @ _unit(top - ball)
@@ -293,9 +293,9 @@ class MacPherson:
     def _follow(self, rack: Array, travel: Array, stride: float) -> tuple[Array, Array, Array]:
         """Ball joint (..., 3), rotation (..., 3, 3) and whether the pose was reached (...).
 
-        The target moves from the design position by ``stride`` [m] at most, with one Newton step
-        each, and Newton's method then runs out. That keeps to the branch of the design position,
-        which the sign of the determinant confirms; a large step means that the path has ended.
+        The target moves from the design position by strides of at most ``stride`` [m], with one Newton step for each;
+        the iteration then continues to convergence. The path therefore stays on the branch of the design position,
+        which the sign of the determinant confirms. A large step means that the path has ended.
         """
         ball = np.broadcast_to(self._ball, (*rack.shape, 3))
         rotation = np.broadcast_to(np.eye(3), (*rack.shape, 3, 3))

@@ -1,4 +1,4 @@
-"""Coefficients of the Magic Formula, flat, as the kernels in ``magic_formula`` take them."""
+"""Coefficients of the Magic Formula as a flat tuple, as the kernels in ``magic_formula`` take them."""
 
 from typing import Any, NamedTuple
 
@@ -6,10 +6,10 @@ import numpy as np
 
 
 class MagicFormula(NamedTuple):
-    """Coefficients under their .tir keys. A key that a file lacks is 0, which drops its term (PKY4: 2, as in MF 5.2).
+    """Coefficients under their .tir keys. A key that a file lacks is 0, which removes its term (PKY4: 2, as in MF 5.2).
 
     ``df = F_z/FNOMIN - 1`` and ``g`` are the load and camber that the terms multiply, ``g = sin(camber)`` under FITTYP
-    60 and camber elsewhere. Scaling factors and inflation pressure are in the numbers already.
+    60 and camber elsewhere. The numbers already include scaling factors and inflation pressure.
     """
 
     FNOMIN: float  # nominal load [N]
@@ -18,7 +18,7 @@ class MagicFormula(NamedTuple):
     FITTYP: float = 60.0  # which equations: 52, 60 or 61 [-]
     WIDTH: float = 0.0  # section width [m]
     NOMPRES: float = 0.0  # inflation pressure [Pa]
-    LMUX: float = 1.0  # friction along x that the coefficients hold already; shifts fade from there [-]
+    LMUX: float = 1.0  # friction along x that the coefficients already include; shifts fade from there [-]
     LMUY: float = 1.0  # friction along y, likewise [-]
     PCX1: float = 0.0  # F_x: shape C [-]
     PDX1: float = 0.0  # F_x: peak friction [-]
@@ -157,7 +157,7 @@ class MagicFormula(NamedTuple):
     QDRP2: float = 0.0  # torque of spin: curvature E [-]
 
 
-# Ply steer, conicity and every other term that tells left from right: reversing them all mirrors the tyre.
+# Ply steer, conicity and every other term that distinguishes left from right: reversing all of them mirrors the tyre.
 ASYMMETRY = (
     *("PHY1", "PHY2", "PVY1", "PVY2", "PEY3", "RHX1", "RBY3", "RVY1", "RVY2"),
     *("QHZ1", "QHZ2", "QEZ4", "QDZ6", "QDZ7", "SSZ1", "QSX1", "QBZ4", "QDZ3G"),
@@ -165,8 +165,8 @@ ASYMMETRY = (
 
 
 def record(c: MagicFormula) -> Any:
-    """The coefficients as a record array (1,), whose element ``[0]`` serves the kernels in place of ``c``.
+    """The coefficients as a record array (1,), whose element ``[0]`` the kernels take instead of ``c``.
 
-    A kernel takes the record by its address; the tuple would be unpacked, 150 floats at every call from Python.
+    A kernel takes the record by its address; a tuple would be unpacked, 150 floats at every call from Python.
     """
     return np.rec.array([tuple(c)], dtype=[(key, np.float64) for key in c._fields])

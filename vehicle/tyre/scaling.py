@@ -1,8 +1,9 @@
-"""What a property file multiplies into the coefficients: scaling factors and pressure; and the carcass beside them.
+"""Scaling factors, inflation pressure and carcass of a property file.
 
-All of it is constant in a simulation, so it is folded into the coefficients once and costs the kernels nothing.
+All of them are constant in a simulation. They are multiplied into the coefficients once, when a tyre is made, and cost
+the kernels nothing.
 
-Source of where each factor stands: the publications that ``magic_formula`` names, by version.
+Source of the position of each factor: the publications that ``magic_formula`` names, by version.
 """
 
 import math
@@ -15,9 +16,9 @@ from steer_env.vehicle.tyre.magic_formula import A_MU, cornering_stiffness, long
 
 
 class PressureTerms(NamedTuple):
-    """How coefficients follow the inflation pressure p, by their .tir keys: ``dp = p/NOMPRES - 1``."""
+    """Dependence of the coefficients on the inflation pressure p, by .tir keys: ``dp = p/NOMPRES - 1``."""
 
-    inflation: float = 0.0  # p that the coefficients hold for; 0 where nothing is known [Pa]
+    inflation: float = 0.0  # p for which the coefficients hold; 0 if unknown [Pa]
     PPX1: float = 0.0  # slip stiffness of F_x, by dp [-]
     PPX2: float = 0.0  # slip stiffness of F_x, by dp^2 [-]
     PPX3: float = 0.0  # peak of F_x, by dp [-]
@@ -36,7 +37,7 @@ class PressureTerms(NamedTuple):
     PCFY3: float = 0.0  # lateral stiffness of the carcass, by dp [-]
 
     def factors(self, dp: float) -> dict[str, float]:
-        """What ``dp`` multiplies coefficients with, by key; the carcass under ``C_x``, ``C_y``, ``C_z``."""
+        """Factors of the coefficients at ``dp``, by key; those of the carcass under ``C_x``, ``C_y``, ``C_z``."""
         F_x = 1.0 + self.PPX3 * dp + self.PPX4 * dp * dp
         F_y = 1.0 + self.PPY3 * dp + self.PPY4 * dp * dp
         pairs = (
@@ -57,7 +58,7 @@ class PressureTerms(NamedTuple):
         return {key: factor for keys, factor in pairs for key in keys.split()}
 
 
-# Coefficients that a scaling factor multiplies; ``^2`` where squared, ``||`` where its size counts.
+# Coefficients that a scaling factor multiplies; ``^2`` marks its square, ``||`` its absolute value.
 _SCALES = {
     "LCX": "PCX1",
     "LMUX": "PDX1 PDX2",
@@ -90,7 +91,7 @@ _SCALES = {
 
 
 def _numbers(file: tir.PropertyFile) -> tuple[dict[str, float], dict[str, float]]:
-    """Coefficients and scaling factors that the file's version uses, by key; 0 and 1 where the file lacks them."""
+    """Coefficients and scaling factors of the version of the file, by key; 0 and 1 where the file lacks them."""
     version = file.version
     raw = {key: file.get(section, key) for section in tir.COEFFICIENTS for key in tir.coefficients(section, version)}
     scale = {key: file.get(tir.SCALING, key, 1.0) for key in tir.coefficients(tir.SCALING, version)}
@@ -98,7 +99,7 @@ def _numbers(file: tir.PropertyFile) -> tuple[dict[str, float], dict[str, float]
 
 
 def coefficients(file: tir.PropertyFile) -> tuple[MagicFormula, PressureTerms]:
-    """Coefficients at the nominal pressure with every scaling factor in them, and how they follow the pressure.
+    """Coefficients at the nominal pressure that include every scaling factor, and their pressure terms.
 
     Raises
     ------
@@ -120,12 +121,12 @@ def coefficients(file: tir.PropertyFile) -> tuple[MagicFormula, PressureTerms]:
         if not any(key in entries for entries in file.sections.values()):
             k[key] = default
     k["TURN_SLIP"] = float(any(raw.get(key) for key in tir.coefficients("TURNSLIP_COEFFICIENTS", version)))
-    if version != 60:  # MF-Tyre lets camber itself act here, the book its size
+    if version != 60:  # MF-Tyre takes camber itself here, the book its absolute value
         k["QDZ3G"], k["QDZ3"] = k["QDZ3"], 0.0
 
     for axis, keys in (("X", ("PVX1", "PVX2")), ("Y", ("PVY1", "PVY2", "PVY3", "PVY4"))):
         mu = k[f"LMU{axis}"] = positive(f"LMU{axis}", scale[f"LMU{axis}"])
-        for key in keys:  # vertical shifts fade by the book's law of the friction, under 5.2 by friction itself
+        for key in keys:  # vertical shifts fade by (4.E8) of the friction, under 5.2 by the friction itself
             k[key] *= mu if version == 52 else A_MU * mu / (1.0 + (A_MU - 1.0) * mu)
     for key in ("QBZ1", "QBZ2", "QBZ3", "QBZ9"):
         k[key] /= scale["LMUY"]
@@ -148,9 +149,9 @@ def coefficients(file: tir.PropertyFile) -> tuple[MagicFormula, PressureTerms]:
 
 
 def _scale_load(k: dict[str, float], version: int, LFZO: float) -> None:
-    """Let ``FNOMIN`` be the scaled nominal load in terms that stay with the true one.
+    """Correct the terms that use the true nominal load, because ``FNOMIN`` becomes the scaled one.
 
-    The book puts the scaled load everywhere; MF-Tyre keeps the true one in trail, lever, M_x and M_y.
+    The book uses the scaled load everywhere; MF-Tyre uses the true one in trail, lever, M_x and M_y.
     """
     if version == 60:
         return
@@ -163,7 +164,7 @@ def _scale_load(k: dict[str, float], version: int, LFZO: float) -> None:
 
 
 def carcass(file: tir.PropertyFile, c: MagicFormula) -> dict[str, Any]:
-    """Relaxation lengths [m] and vertical stiffness [N/m] at the nominal load, as far as the file has them."""
+    """Relaxation lengths [m] and vertical stiffness [N/m] at the nominal load; only those that the file determines."""
     raw, scale = _numbers(file)
     found = {}
     C_z = file.get("VERTICAL", "VERTICAL_STIFFNESS") * scale["LCZ"]

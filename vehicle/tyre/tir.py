@@ -1,13 +1,13 @@
-"""Tyre property files (.tir) of the Magic Formula: read, check, write. What they mean is in :func:`tyre.from_file`.
+"""Tyre property files (.tir) of the Magic Formula: read, check, write. :func:`tyre.from_file` interprets them.
 
-A file is lines ``KEY = value`` under headings ``[SECTION]``; text is quoted, ``$`` and ``!`` start a comment. FITTYP in
-[MODEL], or PROPERTY_FILE_FORMAT of ADAMS, tells the equations: 5.2 (FITTYP 5, 6, 21, 51, 52; 'PAC2002', 'MF_05'), those
-of the 2006 book (60), 6.1 (61) and 6.2 (62).
+A file has lines ``KEY = value`` under headings ``[SECTION]``; text is quoted, and ``$`` and ``!`` start a comment.
+FITTYP in [MODEL], or PROPERTY_FILE_FORMAT of ADAMS, selects the equations: 5.2 (FITTYP 5, 6, 21, 51, 52; 'PAC2002',
+'MF_05'), those of the 2006 book (60), 6.1 (61) and 6.2 (62).
 
 [UNITS] hold for dimensions, loads, speeds, pressures, stiffnesses and ranges. The coefficients of the formula are in
-radians and ratios whatever [UNITS] say; that is how MF-Tyre and ADAMS take them.
+radians and ratios whatever [UNITS] states, as in MF-Tyre and ADAMS.
 
-Source: the keys as public files and readers have them; the equations that they enter are named in ``magic_formula``.
+Source: the keys of public files and readers; ``magic_formula`` names the equations that they enter.
 """
 
 import os
@@ -37,7 +37,7 @@ _UNITS: dict[str, dict[str, float]] = {
     "PRESSURE": {"pascal": 1.0, "pa": 1.0, "kpa": 1e3, "kilopascal": 1e3, "bar": 1e5, "psi": 6894.757293168},
 }
 
-# Exponents of the units in which a file gives what a tyre takes from it; every other number is kept as it stands.
+# Exponents of the units of the numbers that a tyre takes from a file; every other number is kept unchanged.
 _DIMENSIONS: dict[str, dict[str, int]] = {
     **{key: {"LENGTH": 1} for key in ("UNLOADED_RADIUS", "WIDTH")},
     "LONGVL": {"LENGTH": 1, "TIME": -1},
@@ -94,8 +94,8 @@ _SETS: dict[str, tuple[str, str, str, str]] = {
         "",
     ),
 }
-# The one coefficient that only the 2006 book has, and factors of what this model lacks: friction that falls with the
-# sliding speed, the gyroscopic couple, a scale of the pressure.
+# The one coefficient that only the 2006 book has, and factors of effects that this model lacks: friction that decreases
+# with the sliding speed, the gyroscopic couple, a scale of the pressure.
 _MORE = {"ALIGNING_COEFFICIENTS": {60: ("QBZ6",)}}
 _UNUSED = {"SCALING_COEFFICIENTS": ("LMUV", "LGYR", "LIP", "LKYG"), "LONGITUDINAL_COEFFICIENTS": ("PTX4",)}
 _NEUTRAL = {"LMUV": (0.0,), "PKY4": (2.0,), "QSY7": (0.0, 1.0), "PTX4": None}  # others: factors 1, coefficients 0
@@ -115,7 +115,7 @@ _REQUIRED: dict[str, tuple[str, ...]] = {
     "LATERAL_COEFFICIENTS": ("PCY1", "PDY1", "PKY1", "PKY2"),
     "ALIGNING_COEFFICIENTS": ("QBZ1", "QCZ1", "QDZ1"),
 }
-# Sections of keys and values; any other section is somebody's extension and is kept line by line.
+# Sections of keys and values; any other section is an extension and is kept line by line.
 _KEYED = (
     *("MDI_HEADER", "UNITS", "MODEL", "DIMENSION", "OPERATING_CONDITIONS", "INERTIA", "VERTICAL", "STRUCTURAL"),
     *("CONTACT_PATCH", "INFLATION_PRESSURE_RANGE", "VERTICAL_FORCE_RANGE", "LONG_SLIP_RANGE", "SLIP_ANGLE_RANGE"),
@@ -132,7 +132,7 @@ def coefficients(section: str, version: int) -> tuple[str, ...]:
 
 @dataclass(frozen=True)
 class PropertyFile:
-    """What a file says, in its own units. Equal files have equal versions, sections and extensions."""
+    """Contents of a file, in its own units. Equal files have equal versions, sections and extensions."""
 
     version: int
     sections: Mapping[str, Mapping[str, float | str]]  # by section and key, in the order of the file
@@ -235,7 +235,7 @@ def read(path: str | os.PathLike) -> PropertyFile:
 
 
 def _trimmed(body: list[str]) -> tuple[str, ...]:
-    """Lines without the rulers and blank lines at the end, which belong to the next heading."""
+    """Lines without the comment and blank lines at the end, which belong to the next heading."""
     last = len(body)
     while last and (not body[last - 1].strip() or body[last - 1].lstrip()[0] in "$!"):
         last -= 1
@@ -256,9 +256,9 @@ def _version(model, lines, error) -> int:
 
 
 def _check(section, key, value, version, error) -> None:
-    """Raise for a key that the model would have to ignore and for a value that is no finite number."""
+    """Raise for a key that the model would have to ignore, and for a value that is no finite number."""
     if key == "FE_METHOD" and str(value).upper() == "YES":
-        raise error("expected 'NO', for slips combine by the weights G, not by a friction ellipse; got 'YES'")
+        raise error("expected 'NO', because the weights G combine the slips, not a friction ellipse; got 'YES'")
     if section not in _SETS:
         if key in _NUMBERS and not (isinstance(value, float) and abs(value) < float("inf")):
             raise error(f"expected a number, got {value!r}")
@@ -266,21 +266,21 @@ def _check(section, key, value, version, error) -> None:
     known = coefficients(section, version)
     everywhere = {each for other in VERSIONS for each in coefficients(section, other)} | {*_UNUSED.get(section, ())}
     if key not in everywhere:
-        raise error(f"expected a key of [{section}], which this is not")
+        raise error(f"expected a key of [{section}]")
     if not (isinstance(value, float) and abs(value) < float("inf")):
         raise error(f"expected a number, got {value!r}")
     neutral = _NEUTRAL.get(key, (1.0,) if section == "SCALING_COEFFICIENTS" else (0.0,))
     if key not in known and neutral is not None and value not in neutral:
-        raise error(f"expected {neutral[0]:g}, for the equations of version {version} do not honour it; got {value:g}")
+        raise error(f"expected {neutral[0]:g}, because the equations of version {version} do not use it; got {value:g}")
 
 
 def write(path: str | os.PathLike, file: PropertyFile) -> None:
-    """Write a property file that :func:`read` gives back equal; the path holds the old or the new file, never a part.
+    """Write a property file that :func:`read` returns equal; the path always holds the complete old or new file.
 
     Raises
     ------
     ValueError
-        What :func:`read` would refuse, named by the same message; nothing is written then.
+        The file is one that :func:`read` refuses, with the same message; nothing is written.
     """
     target = Path(path)
     body: list[str] = []

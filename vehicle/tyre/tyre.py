@@ -1,8 +1,8 @@
 """A tyre for users: checked inputs, symmetry, inflation pressure, packaged sets and property files.
 
-The equations are kernels on flat coefficients, in ``magic_formula``; their names serve from here too. A property file
-brings scaling factors and pressure terms beside the coefficients: both are folded into the coefficients when a tyre is
-made, so that they cost nothing in a simulation.
+The equations are kernels on flat coefficients in ``magic_formula``, which this module exports too. A property file also
+has scaling factors and pressure terms. Both are multiplied into the coefficients when a tyre is made, so that they cost
+nothing in a simulation.
 """
 
 import json
@@ -55,12 +55,12 @@ def _forces_of_arrays(c, kappa, alpha, camber, F_z, v_x, mu, turn_slip, out):
 
 
 class Limits(NamedTuple):
-    """Inputs that :meth:`Tyre.forces` takes, by magnitude; assumed, except where a property file names its ranges."""
+    """Largest magnitudes of the inputs of :meth:`Tyre.forces`; assumed, except where a property file names ranges."""
 
     kappa: float = 1.5  # longitudinal slip [-]
     alpha: float = 1.5  # slip angle [rad]
-    camber: float = 0.2618  # 15 degrees: beyond, the fitted growth of friction by camber is absurd [rad]
-    load: float = 3.0  # F_z over FNOMIN: beyond, the quadratics in df turn over [-]
+    camber: float = 0.2618  # 15 degrees; beyond, the fitted growth of friction by camber is not plausible [rad]
+    load: float = 3.0  # F_z over FNOMIN; beyond, the quadratics in df change direction [-]
     v_x_low: float = 1.0  # slip has no meaning at standstill [m/s]
     v_x_high: float = 100.0  # [m/s]
     turn_slip: float = 10.0  # a turn on a radius of 0.1 m [1/m]
@@ -68,7 +68,7 @@ class Limits(NamedTuple):
 
 @dataclass(frozen=True)
 class Tyre:
-    """Coefficients, their source, and what a transient model needs beside them.
+    """Coefficients, their source, and the further parameters of a transient model.
 
     Raises
     ------
@@ -95,7 +95,7 @@ class Tyre:
             positive(key, getattr(c, key))
         for key in ("relaxation_length", "longitudinal_relaxation_length", "vertical_stiffness"):
             positive(key, getattr(self, key))
-        # What can be a tyre at all: a file in other units than it says ends here.
+        # Limits of a plausible tyre, which a file in wrong units exceeds.
         number("UNLOADED_RADIUS", c.UNLOADED_RADIUS, minimum=0.05, maximum=2.0)
         for key, value in (("PDX1", c.PDX1), ("|PDY1|", abs(c.PDY1))):
             number(key, value, minimum=0.05, maximum=5.0)
@@ -110,7 +110,7 @@ class Tyre:
     def symmetric(self) -> "Tyre":
         """This tyre without :data:`ASYMMETRY`: F_y, M_x, M_z exactly odd and F_x, M_y exactly even in (alpha, camber).
 
-        PHX and PVX stay, and with them a drag at kappa = 0: they shift kappa, and do not tell left from right.
+        PHX and PVX remain, and with them a drag at kappa = 0: they shift kappa and do not distinguish left from right.
         """
         return self._scale_asymmetry(0.0)
 
@@ -124,7 +124,7 @@ class Tyre:
         Raises
         ------
         ValueError
-            ``p`` is not positive, the tyre names no pressure, or ``p`` turns the sign of a coefficient.
+            ``p`` is not positive, the tyre names no pressure, or ``p`` changes the sign of a coefficient.
         """
         p = positive("inflation pressure [Pa]", p)
         c, now = self.coefficients, self.pressure.inflation
@@ -158,11 +158,11 @@ class Tyre:
         camber : float or array
             Inclination about x, positive where the top leans to the right [rad].
         F_z, v_x : float or array
-            Load [N] and speed along x: its sign, and its size in the rolling resistance [m/s].
+            Load [N], and speed along x [m/s], of which the sign matters, and the magnitude in the rolling resistance.
         mu : float or array
-            Friction of the road over that of the measurements; scales the peaks of F_x, F_y and M_zr [-].
+            Friction of the road over that of the measurements [-]; it scales the peaks of F_x, F_y and M_zr.
         turn_slip : float or array
-            Yaw rate of the wheel over ``|v_x|``, positive turning left; no effect without its coefficients [1/m].
+            Yaw rate of the wheel over ``|v_x|``, positive turning left [1/m]; without effect if its coefficients are 0.
 
         Returns
         -------
@@ -195,7 +195,7 @@ class Tyre:
 
 
 def _stiffness_ratio(c: MagicFormula, ratio: dict[str, float]) -> float:
-    """What pressure does to the cornering stiffness at the nominal load."""
+    """Ratio by which pressure changes the cornering stiffness at the nominal load."""
     changed = c._replace(PKY1=c.PKY1 * ratio["PKY1"], PKY2=c.PKY2 * ratio["PKY2"])
     return cornering_stiffness(changed, c.FNOMIN) / cornering_stiffness(c, c.FNOMIN)
 
@@ -203,9 +203,9 @@ def _stiffness_ratio(c: MagicFormula, ratio: dict[str, float]) -> float:
 def from_file(file: tir.PropertyFile, name: str = "tyre") -> Tyre:
     """The tyre that a property file describes, at its inflation pressure (INFLPRES, else NOMPRES).
 
-    Scaling factors are folded into the coefficients. Relaxation lengths are those at the nominal load: 5.2 by PTX and
-    PTY, the others cornering and slip stiffness over the stiffness of the carcass; ranges become :class:`Limits`,
-    where they are narrower than what the equations bear. Absent or 0, these keep the defaults of :class:`Tyre`.
+    The coefficients include the scaling factors. Relaxation lengths are those at the nominal load: by PTX and PTY under
+    5.2, otherwise cornering and slip stiffness over the stiffness of the carcass. Ranges become :class:`Limits` where
+    they are narrower than those of the equations. Values that are absent or 0 keep the defaults of :class:`Tyre`.
 
     Raises
     ------
@@ -228,7 +228,7 @@ def from_file(file: tir.PropertyFile, name: str = "tyre") -> Tyre:
 
 
 def _limits(file: tir.PropertyFile, c: MagicFormula) -> Limits:
-    """The ranges of a file, by magnitude; tan(alpha) and the fits in camber and load bear no more than the defaults."""
+    """The ranges of a file, by magnitude, but within the defaults, which bound tan(alpha), camber and load."""
     most = Limits()
 
     def within(section: str, low: str, high: str, widest: float, per: float = 1.0) -> float:
@@ -245,14 +245,14 @@ def _limits(file: tir.PropertyFile, c: MagicFormula) -> Limits:
 
 
 def to_file(tyre: Tyre) -> tir.PropertyFile:
-    """A property file for the coefficients as they are, with every scaling factor 1, in SI units.
+    """A property file of the present coefficients, with every scaling factor 1, in SI units.
 
-    Pressure terms are in the coefficients already: the nominal pressure of the file is the present one.
+    The coefficients already include the pressure terms: the nominal pressure of the file is the present one.
 
     Raises
     ------
     ValueError
-        A tyre whose file scaled the friction: its vertical shifts fade by another law than a file can name.
+        A tyre whose file scaled the friction: no file can express how its vertical shifts fade.
     """
     c = tyre.coefficients
     version = 62 if c.TURN_SLIP and c.FITTYP == 61.0 else int(c.FITTYP)
@@ -289,7 +289,7 @@ def to_file(tyre: Tyre) -> tir.PropertyFile:
 
 
 def save(tyre: Tyre, path: str | os.PathLike) -> None:
-    """Write a tyre as a property file ``*.tir``: :func:`tir.write` of :func:`to_file`, which name what they refuse."""
+    """Write a tyre as a property file ``*.tir``: :func:`tir.write` of :func:`to_file`, with their errors."""
     if not os.fspath(path).lower().endswith(".tir"):
         raise ValueError(f"path must end in .tir, got {os.fspath(path)!r}")
     tir.write(path, to_file(tyre))

@@ -1,0 +1,46 @@
+"""docs/model.md: every equation has a number, a row that names its file, and that number in the file."""
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+PAGE = (ROOT / "docs" / "model.md").read_text(encoding="utf-8")
+NUMBER = re.compile(r"\(([FCEPSTVBDRNL]\d+)\)")
+# Rows of the tables of equations: | (C1), (C2) | `file`: `function` | unit | test |
+ROWS = [
+    (NUMBER.findall(numbers), file)
+    for numbers, file in re.findall(r"^\| ((?:\(\w+\)(?:, )?)+) \| `([^`]+)`", PAGE, re.M)
+]
+
+
+def test_every_number_is_in_a_row():
+    listed = {number for numbers, _ in ROWS for number in numbers}
+    assert listed == set(NUMBER.findall(PAGE))
+
+
+@pytest.mark.parametrize(("numbers", "file"), ROWS, ids=lambda value: value if isinstance(value, str) else None)
+def test_file_names_its_equations(numbers, file):
+    source = (ROOT / file).read_text(encoding="utf-8")
+    assert not [number for number in numbers if f"({number})" not in source]
+
+
+def test_every_named_path_exists():
+    paths = set(re.findall(r"`((?:friction|vehicle|steer_env|experiments|tests)/[\w/.]+)", PAGE))
+    assert not [path for path in sorted(paths) if not (ROOT / path).exists()]
+
+
+def test_every_named_test_exists():
+    for file, name in re.findall(r"`(tests/[\w/]+\.py)::(\w+)`", PAGE):
+        assert f"def {name}(" in (ROOT / file).read_text(encoding="utf-8"), f"{file}::{name}"
+    for name in re.findall(r"`(test_\w+)`", PAGE):
+        assert any(f"def {name}(" in file.read_text(encoding="utf-8") for file in (ROOT / "tests").rglob("*.py")), name
+
+
+@pytest.mark.whole
+@pytest.mark.parametrize("block", re.findall(r"```python\n(.*?)```", PAGE, re.S))
+def test_blocks_run_by_themselves(block):
+    subprocess.run([sys.executable, "-c", block], check=True, cwd=ROOT)
