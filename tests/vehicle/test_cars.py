@@ -1,4 +1,4 @@
-"""Cars: what a data file may hold, the numbers that follow from it, and clear refusals of everything else."""
+"""Cars: the permitted contents of a data file, the numbers that follow from it, and errors for everything else."""
 
 import copy
 import json
@@ -71,7 +71,7 @@ def test_packaged_cars_load_once():
 
 @pytest.mark.parametrize("name", cars.available())
 def test_every_car_stands_on_its_wheels(name):
-    """Loads sum to the weight, springs carry them in the design position, and what has no source is named."""
+    """Loads sum to the weight, springs carry them in the design position, and the file names what has no source."""
     car = cars.load(name)
     b = car.plant(chassis="two_track").chassis.body[0]
     assert 2.0 * (b.F_zf + b.F_zr) == pytest.approx(b.m * 9.80665, rel=1e-12)
@@ -94,7 +94,7 @@ def test_two_track_parameters_by_hand():
     assert (uphill.g_x, uphill.g_y, uphill.g_z) == pytest.approx((-0.97902, 0.48768, -9.74546), abs=1e-4)
 
 
-def test_two_tracks_refuse_what_their_nodes_cannot_follow():
+def test_two_tracks_refuse_what_the_chassis_step_cannot_follow():
     for key, factor, message in (
         ("longitudinal_relaxation_length", 0.4, "wheel_inertia times the tyre's longitudinal relaxation length"),
         ("relaxation_length", 0.2, "the tyre's lateral relaxation length"),

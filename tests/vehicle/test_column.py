@@ -1,4 +1,4 @@
-"""The column against the differential equations, its energy books, symmetry and sticking."""
+"""The column against the differential equations; its energy balance, symmetry and sticking."""
 
 import math
 
@@ -40,7 +40,7 @@ def hand_acceleration(t):
 
 
 def mean_of(f, edges):
-    """Means of a smooth function over the steps, by Gauss's rule with three points."""
+    """Means of a smooth function over the steps, by the rule of Gauss with three points."""
     middle, half = 0.5 * (edges[1:] + edges[:-1]), 0.5 * np.diff(edges)
     return (5.0 * f(middle - half * math.sqrt(0.6)) + 8.0 * f(middle) + 5.0 * f(middle + half * math.sqrt(0.6))) / 18.0
 
@@ -49,8 +49,8 @@ def memory_of(p):
     return np.zeros(law.law_of(p).memory_size(p))
 
 
-def reference(c, p, drive, nodes):
-    """States (4,) and the impulses of friction and hand torque at the nodes, by DOP853 at 1e-11."""
+def reference(c, p, drive, times):
+    """States (4,) and the impulses of friction and hand torque at given times, by DOP853 at 1e-11."""
     size = memory_of(p).size
 
     def derivative(t, x):
@@ -70,10 +70,10 @@ def reference(c, p, drive, nodes):
 
     solution = solve_ivp(
         derivative,
-        (0.0, nodes[-1]),
+        (0.0, times[-1]),
         np.zeros(6 + size),
         method="DOP853",
-        t_eval=nodes,
+        t_eval=times,
         rtol=1e-11,
         atol=1e-13,
         max_step=2e-3,  # short steps meet the kinks of LuGre at standstill
@@ -82,7 +82,7 @@ def reference(c, p, drive, nodes):
 
 
 def simulate(c, p, drive, n):
-    """The same by the project's step."""
+    """The same by the step under test."""
     edges = np.linspace(0.0, DURATION, n + 1)
     h = DURATION / n
     T_C, T1 = mean_of(column_torque, edges), mean_of(hand_torque, edges)
@@ -141,7 +141,7 @@ def twelve_cases(name):
 
 
 @pytest.mark.parametrize("name", ["lugre", "masing"])
-def test_energy_books_close(name):
+def test_energy_balance_closes(name):
     """Work of the hands and the road = energy gained + losses of the dampers + work on the friction, to rounding."""
     c, h = FULL, 1e-3
     for p, amplitude, frequency in twelve_cases(name):
@@ -203,7 +203,7 @@ def test_free_release_decays(name):
 
 
 def test_coulomb_sticks_exactly():
-    """A torque below break-away moves the column by nothing at all; the friction torque is what holds it."""
+    """A torque below break-away does not move the column at all; the friction torque balances it."""
     p = friction.make("coulomb", F_c=0.9)
     c = column.make(C1=0.3)
     q, memory = np.zeros(4), np.zeros(0)
@@ -218,15 +218,15 @@ def test_coulomb_sticks_exactly():
 
 
 @pytest.mark.parametrize("name", ["coulomb", "masing", "lugre", "dahl"])
-def test_friction_level_scales_what_holds(name):
-    """At level 2 the site holds 1.5 F_c by friction alone, at level 1 it runs away."""
+def test_friction_torque_scale_multiplies_the_holding_torque(name):
+    """At a scale of 2 the friction alone holds 1.5 F_c; at a scale of 1 the column runs away."""
     p = friction.make(name)
     c = column.make()
 
-    def travel(level):
+    def travel(scale):
         q, memory = np.zeros(4), memory_of(p)
         for _ in range(2000):
-            column.step_torque(c, p, level, q, memory, 0.0, 1.5 * 0.9, 1e-3)
+            column.step_torque(c, p, scale, q, memory, 0.0, 1.5 * 0.9, 1e-3)
         return q[column.COLUMN_ANGLE]
 
     assert travel(2.0) < 0.1 < 1.0 < travel(1.0)

@@ -1,4 +1,4 @@
-"""CommonRoad's parameters: the tyre against their own functions, what a car takes from them, and clear refusals."""
+"""CommonRoad's parameters: the tyre against CommonRoad's own functions, the resulting car, and errors."""
 
 import copy
 import json
@@ -18,7 +18,7 @@ FILES = {"bmw_320i": 2, "vw_vanagon": 3}
 
 
 def their_forces(p, kappa, alpha, camber, F_z):
-    """F_x and F_y of their tyre in ISO 8855: y turns over, inclination does not, slip is 1 - omega R/v."""
+    """F_x and F_y of CommonRoad's tyre in ISO 8855: y changes sign, inclination does not, slip is 1 - omega R/v."""
     s, a, t = -kappa, -alpha, p.tire
     F_x = tire_model.formula_longitudinal(s, camber, F_z, t)
     F_y, mu_y = tire_model.formula_lateral(a, camber, F_z, t)
@@ -41,7 +41,7 @@ def test_tyre_is_theirs_without_the_four_constants():
 
 @pytest.mark.parametrize(("constant", "force"), [("p_hx1", 0), ("p_vx1", 0), ("p_hy1", 1), ("p_vy1", 1)])
 def test_each_of_the_four_constants_is_a_peculiarity(constant, force):
-    """Drag at zero slip, of p_vx1 inside the sine, hence of an angle; a side force that jumps with the inclination."""
+    """Drag at zero slip, because p_vx1 is inside the sine, and a side force that jumps with the inclination."""
     p = copy.deepcopy(P)
     for name in ("p_hx1", "p_vx1", "p_hy1", "p_vy1", "r_hx1", "r_by3", "r_vy1"):
         setattr(p.tire, name, getattr(P.tire, name) if name == constant else 0.0)
@@ -55,7 +55,7 @@ def test_each_of_the_four_constants_is_a_peculiarity(constant, force):
         assert abs(left) > 0.03 * 4000.0
 
 
-def test_camber_thrust_pushes_against_the_lean_with_them_and_along_it_in_the_tyres_own_axes():
+def test_camber_thrust_opposes_the_inclination_in_commonroad_and_follows_it_in_the_axes_of_the_set():
     tyre = commonroad.tyre(P)
     assert tyre.forces(0.0, 0.0, 0.02, 4000.0, 20.0)[1] > 0.0  # top to the right, force to the left
     own = copy.deepcopy(P)
@@ -80,7 +80,7 @@ def test_changes_are_taken_and_checked():
 
 
 class Listener:
-    """Parameters that note what is read of them."""
+    """Parameters that record which of them are read."""
 
     def __init__(self, inner, read, prefix=""):
         self._inner, self._read, self._prefix = inner, read, prefix

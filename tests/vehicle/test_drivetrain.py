@@ -1,4 +1,4 @@
-"""Torque and power balances of the drivetrain, its shifts, the braked wheel step, and the car that they make."""
+"""Torque and power balances of the drivetrain, its shifts, the step of a braked wheel, and the resulting car."""
 
 import inspect
 import itertools
@@ -28,7 +28,7 @@ def resistance(v, force=0.0):
 
 
 def drive(d, pedals_of, v=0.0, gear=1.0, force=0.0, duration=30.0, h=0.005):
-    """Point mass without slip under ``pedals_of(v, gear, engaged, h)``: speed, gear and throttle, (N,) each."""
+    """Point mass without slip, pedals from ``pedals_of(v, gear, engaged, h)``: speed, gear and throttle, (N,) each."""
     left, throttle, rows = 0.0, 0.0, []
     for _ in range(round(duration / h)):
         spin = v / RADIUS
@@ -44,7 +44,7 @@ def drive(d, pedals_of, v=0.0, gear=1.0, force=0.0, duration=30.0, h=0.005):
 
 
 def driver(target, integral=0.0):
-    """The speed hold as ``drive`` takes it, with its integral at the start."""
+    """The speed hold in the form that ``drive`` takes, with the integral at the start."""
 
     def pedals(v, gear, engaged, h):
         nonlocal integral
@@ -149,7 +149,7 @@ def test_slowly_varying_throttle_shifts_no_more_than_it_must():
     assert np.count_nonzero(np.diff(gears)) <= 2 + 2 * 2  # up at first, then down and up once or twice a period
 
 
-def test_shift_runs_its_time_and_looks_at_nothing_meanwhile():
+def test_a_shift_takes_its_time_and_ignores_inputs_meanwhile():
     gear, left = drivetrain.shift(D, 1.0, 0.0, 0.0, 100.0, 100.0, 0.01)
     assert (gear, left) == (2.0, D.shift_time)
     steps = 0
@@ -203,7 +203,7 @@ def test_wheel_stops_without_ringing_stays_locked_and_breaks_loose():
 
 
 def slow_axle(I, J, omega, torque, capacity, h):
-    """The same inclusion by trying every pattern of sliding and holding wheels; the one nearest to consistent."""
+    """The same inclusion by a trial of every pattern of sliding and holding wheels; the most consistent one."""
     M = (np.eye(2) * I + 0.25 * J) / h
     R = M @ omega + torque
     best = (math.inf, np.zeros(2))

@@ -19,7 +19,7 @@ STRAIGHT = {"torques": [0.0, 1e3], "boost": [[0.0, 1e3]] * 2, "speeds": [0.0, 50
 
 
 def command_of(a, x, *inputs):
-    """The command that a sample computes; it stands first in the queue."""
+    """The command that a sample computes; it is the first in the queue."""
     eps.sample(a, x, *inputs)
     return x[eps.QUEUE]
 
@@ -36,7 +36,7 @@ def motor_torque(a, requests, substeps=1):
     return np.array(means), np.array(ends)
 
 
-def test_boost_equals_the_table_at_its_nodes():
+def test_boost_equals_the_table_at_its_grid_points():
     for i, speed in enumerate(DEFAULT.speeds):
         for j, torque in enumerate(DEFAULT.torques):
             assert eps.boost_curve(DEFAULT, torque, speed) == (
@@ -45,7 +45,7 @@ def test_boost_equals_the_table_at_its_nodes():
             )
 
 
-def test_boost_is_linear_between_the_nodes_and_held_beyond():
+def test_boost_is_linear_between_the_grid_points_and_held_beyond():
     rng = np.random.default_rng(3)
     speeds, torques = rng.uniform(0.0, 50.0, 200), rng.uniform(0.0, 9.0, 200)
     for v, t in zip(speeds, torques):
@@ -223,7 +223,7 @@ def test_margins_separate_stable_from_unstable_in_simulation(gain):
 
 @pytest.mark.parametrize("offset", [0.0, 0.5e-3, 1.7e-3])
 def test_margins_hold_for_the_kernels(offset):
-    """The sampled controller and the column as the plant steps them, at the gain margin."""
+    """The sampled controller and the column with the kernels of the plant, at the gain margin."""
     a = eps.make(delay=offset, damping=[3.0] * 6)
     m = margins(LOOP, a, 1.0, 0.0)
 

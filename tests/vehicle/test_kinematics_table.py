@@ -79,7 +79,7 @@ def test_straight_running_cancels_exactly():
 
 
 @pytest.mark.parametrize(("rack", "travel"), [(1.0, 0.02), (-1.0, 0.02), (0.01, 9.0), (0.01, -9.0), (np.inf, -np.inf)])
-def test_beyond_the_range_the_edge_answers(rack, travel):
+def test_beyond_the_range_the_edge_holds(rack, travel):
     edge = kinematics_table.left(MAP, min(max(rack, -0.075), 0.075), min(max(travel, -0.08), 0.08))
     np.testing.assert_allclose(kinematics_table.left(MAP, rack, travel), edge, rtol=1e-12)
 
@@ -133,7 +133,7 @@ def test_linear_kinematics(rack, travel):
 
 
 def test_travel_equals_differences_of_the_solution():
-    """Motion by travel at fixed rack: the wheel centre, the contact carried by the knuckle, its turning, the strut."""
+    """Motion by travel at fixed rack: wheel centre, contact point fixed to the knuckle, rotation, strut length."""
     m, h = kinematics_table.build(STRUT), 1e-5
     for rack, travel in ((0.0, 0.0), (0.03, 0.02), (-0.05, -0.03)):
         low, pose, high = (STRUT.solve(rack, travel + d) for d in (-h, 0.0, h))

@@ -20,7 +20,7 @@ OPTIONS = [{}, {"roll": False}, {"compliance": False}, {"aligning": False}, {"re
 
 
 def understeer(model, gains):
-    """Of road-wheel angle over lateral acceleration beyond the path's, from gains of yaw rate and acceleration."""
+    """Understeer gradient from the gains of yaw rate and lateral acceleration."""
     return (1.0 - L * gains[0] / model.speed) / gains[1]
 
 
@@ -62,7 +62,7 @@ def test_handwheel_input_and_unknown_input():
 
 @pytest.mark.parametrize("v", [10.0, 100.0 * KPH, 50.0])
 def test_single_track_agrees(v):
-    """Steady gains to 1e-3 with every effect in the model; below 0.2 Hz 1 %, above roll and relaxation come in."""
+    """Gains agree to 1e-3 when steady and to 1 % below 0.2 Hz; above, roll and relaxation matter."""
     model = linear.from_car(CAR, v).state_space()
     full = linearised(CAR.plant(speed=v))  # per rack travel
     per_rack = STEER / CAR.steering["pinion_radius"]
@@ -73,7 +73,7 @@ def test_single_track_agrees(v):
 
 
 def settled(chassis, v, angle):
-    """Gains of yaw rate and lateral acceleration by the pinion's road-wheel angle at the end of a small ramp."""
+    """Gains of yaw rate and lateral acceleration over the road-wheel angle of the pinion at the end of a small ramp."""
     p = CAR.plant(friction.make("viscous", sigma_2=0.0), v, robot=True, chassis=chassis)
     u, t = np.zeros((15_000, len(plant.INPUTS))), np.minimum(np.arange(1, 15_001) * 1e-3, 1.0)
     u[:, plant.HAND] = angle * (t - np.sin(2.0 * math.pi * t) / (2.0 * math.pi))

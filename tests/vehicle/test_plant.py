@@ -1,4 +1,4 @@
-"""The whole plant against scipy, its symmetry and stability, and what it does at the ends of its range."""
+"""The whole plant against scipy; its symmetry, its stability, and its behaviour at the ends of its range."""
 
 import math
 
@@ -38,7 +38,7 @@ def robot_angle(t):
 
 
 def weave(robot, n=2000):
-    """Inputs: a robot's weave, or 2 N m of hand torque at 0.8 Hz, held over each sample."""
+    """Inputs: the weave of a robot, or 2 N m of hand torque at 0.8 Hz, held over each sample."""
     u = np.zeros((n, len(INPUTS)))
     if robot:
         u[:, :2] = [robot_angle((i + 1) * T)[:2] for i in range(n)]
@@ -48,7 +48,7 @@ def weave(robot, n=2000):
 
 
 def reference(p, u, robot):
-    """The continuous plant by DOP853 at 1e-10, sampled controller and all, segment by segment between its events."""
+    """The continuous plant, with the sampled controller, by DOP853 at 1e-10, segment by segment between its events."""
     c, a, n_memory = p.column, p.assist, law_of(p.friction).memory_size(p.friction)
     table = [[np.interp(p.chassis.v_x, a.speeds, a.boost[:, j]) for j in range(a.torques.size)], a.torques]
     damping = np.interp(p.chassis.v_x, a.speeds, a.damping)
@@ -61,9 +61,9 @@ def reference(p, u, robot):
         rack = p.pinion_radius * th2
         force = single_track.derivative(p.chassis, p.strut, p.tyre[0], y[5:last], rack, 0.0, row, dx, out)
         F = force + row[plant.RACK_DISTURBANCE]
-        level = 1.0 + p.friction_load * abs(F)
-        T_F = torque(p.friction, level, y[last:], v2)
-        rate(p.friction, level, y[last:], v2, dz)
+        scale = 1.0 + p.friction_load * abs(F)
+        T_F = torque(p.friction, scale, y[last:], v2)
+        rate(p.friction, scale, y[last:], v2, dz)
         if robot:
             th1, v1, a1 = robot_angle(t)
         bar = c.K_tb * (th1 - th2) + c.C_tb * (v1 - v2)
@@ -82,8 +82,8 @@ def reference(p, u, robot):
             solver.step()
         y, force = solver.y, rates(end, solver.y, row, command)[1][1]
         # the law holds its bristle within break-away, which falls with the rack force
-        level = 1.0 + p.friction_load * abs(force + row[plant.RACK_DISTURBANCE])
-        most = level * p.friction.F_s / p.friction.sigma_0
+        scale = 1.0 + p.friction_load * abs(force + row[plant.RACK_DISTURBANCE])
+        most = scale * p.friction.F_s / p.friction.sigma_0
         return np.append(y[:last], np.clip(y[last:], -most, most))
 
     y = np.concatenate([np.zeros(5), plant.initial_state(p)[CHASSIS], np.zeros(n_memory)])
@@ -165,7 +165,7 @@ def test_weave_against_scipy(robot, load):
 
 
 def disturbed(n, seed=6):
-    """Inputs that stir everything, smooth from sample to sample."""
+    """Inputs that excite everything, smooth from sample to sample."""
     t, rng = T * np.arange(n), np.random.default_rng(seed)
     waves = np.sin(2.0 * math.pi * np.outer(t, rng.uniform(0.3, 4.0, 6)) + rng.uniform(0.0, 6.0, 6))
     return waves * [2.0, 0.0, 1.0, 300.0, 100.0, 60.0]
@@ -173,7 +173,7 @@ def disturbed(n, seed=6):
 
 @pytest.mark.parametrize("substeps", [1, 3])
 def test_same_run_twice_and_in_pieces(substeps):
-    """To the bit, whatever the pieces: what the multi-step rules remember is in the state."""
+    """A run in pieces is equal to the bit, because the state contains the memory of the multi-step rules."""
     p, u = CAR.plant("lugre"), disturbed(997)
     record, state, _ = run(p, u, substeps)
     again, state_again, _ = run(p, u, substeps)
@@ -193,7 +193,7 @@ def test_same_run_twice_and_in_pieces(substeps):
 
 @pytest.mark.parametrize("law", friction.available())
 def test_every_law_runs_and_mirrors_exactly(law):
-    """Finite, and the mirrored inputs give the mirrored run to the last bit, by hand torque and by robot."""
+    """The run is finite, and mirrored inputs give the mirrored run to the last bit, by hand torque and by robot."""
     same = ["x", "drive_force"]
     swap = [name.replace("left", "LEFT").replace("right", "left").replace("LEFT", "right") for name in CHANNEL]
     order = [CHANNEL[name] for name in swap]
@@ -233,7 +233,7 @@ def test_first_non_finite_state_is_named(name, robot, expected):
 
 
 def test_friction_grows_with_the_rack_force():
-    """Sliding Coulomb friction is 0.9 N m and 3 % of the rack force at the pinion's radius."""
+    """Sliding Coulomb friction is 0.9 N m and 3 % of the rack force at the radius of the pinion."""
     p, u = CAR.plant("coulomb", robot=True), weave(True)
     record, _, _ = run(p, u)
     force, speed, T_F = (record[:, CHANNEL[name]] for name in ("rack_force", "column_speed", "friction_torque"))
@@ -248,7 +248,7 @@ def test_friction_grows_with_the_rack_force():
 @pytest.mark.parametrize("law", ["lugre", "masing", "coulomb"])
 @pytest.mark.parametrize("hand", [10.0, -25.0])
 def test_end_stops_hold(law, hand):
-    """At walking pace the hands run the rack into its stop, where it comes to rest in balance with them."""
+    """At walking pace the hands move the rack into its stop, where it comes to rest in balance with them."""
     p, u = CAR.plant(law, speed=3.0), np.zeros((12_000, len(INPUTS)))
     u[:, plant.HAND] = hand
     record, _, fine = run(p, u)
@@ -266,7 +266,7 @@ def test_end_stops_hold(law, hand):
 @pytest.mark.parametrize("mu", [1.0, 0.1])
 @pytest.mark.parametrize("v", [3.0, 10.0, 100.0 * KPH, 70.0])
 def test_lock_to_lock(v, mu):
-    """500 deg either way in eight seconds: the car may spin, but all is finite and the drive within the grip."""
+    """500 deg either way in eight seconds: the car may spin, but all is finite and the drive force within the grip."""
     p, n = CAR.plant("lugre", v, robot=True, road_friction=mu), 8000
     t, u = T * np.arange(1, n + 1), np.zeros((n, len(INPUTS)))
     w, start = 2.0 * math.pi / 8.0, 1.0 - np.exp(-((t / 0.5) ** 4))
@@ -299,8 +299,8 @@ def test_large_hand_torque_stays_finite_or_fails_by_name(v, mu):
 def transition(p, substeps=1):
     """Eigenvalues of the discrete system over two samples, linearised at straight running.
 
-    Left out are states that nothing reads: the car's place and heading, unused places of the command queue, and the
-    counter of steps, which is back where it was.
+    States that nothing reads are left out: position and heading of the car, unused entries of the command queue, and
+    the counter of steps, which returns to its value.
     """
     idle = {"x", "y", "yaw_angle", "steps_since_evaluation"} | {f"command_{i}" for i in range(p.assist.delay + 1, 5)}
     rest = plant.initial_state(p)
@@ -322,7 +322,7 @@ def transition(p, substeps=1):
 @pytest.mark.parametrize("v", [3.0, 10.0, 100.0 * KPH, 70.0])
 @pytest.mark.parametrize("robot", [False, True], ids=["hands off", "robot"])
 def test_straight_running_is_stable_at_one_millisecond(robot, v, mu):
-    """With friction, from the slowest to the fastest speed; the bristle itself, held in place, is all but neutral."""
+    """The plant with friction is stable at all speeds; only the mode of the held bristle is almost neutral."""
     size = np.sort(np.abs(transition(CAR.plant("lugre", v, robot=robot, road_friction=mu))))
     assert size[-1] <= 1.0 + 1e-9
     assert size[-2] < 0.9985
@@ -333,7 +333,7 @@ FREE = [(10.0, -2.979 + 8.066j), (100.0 * KPH, -0.330 + 6.555j), (50.0, 0.512 + 
 
 @pytest.mark.parametrize(("v", "mode"), FREE)
 def test_free_control_without_friction(v, mode):
-    """The weave of the free car is that of the equations, not of the step: it is the same with an eighth of it.
+    """The weave mode of the free car is that of the equations, not of the step: an eighth of the step gives it too.
 
     The values are from a linear model in continuous time (chassis, column, assist with its delay as a Pade form).
     Without friction the default car is hardly damped at 100 km/h and unstable above some 120 km/h.

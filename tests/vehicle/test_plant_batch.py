@@ -1,4 +1,4 @@
-"""Plants side by side: the very numbers of each, whatever the law and the chassis."""
+"""Batches of plants: each row has exactly the numbers of its plant, for every law and chassis."""
 
 import numpy as np
 import pytest
@@ -42,7 +42,7 @@ def test_slices_are_those_of_the_numbers():
 @pytest.mark.parametrize("chassis", cars.SPEEDS)
 @pytest.mark.parametrize("law", ["lugre", "masing"])
 def test_rows_run_as_their_plants_alone(law, chassis):
-    """Three cars of different load, speed and friction, to the bit, and lanes outside the slice stand still."""
+    """Three cars of different load, speed and friction are equal to the bit; rows outside the range do not change."""
     rng = np.random.default_rng(0)
     plants = [
         CAR.loaded(load).plant(friction.make(law, F_c=F_c), speed=speed, road_friction=mu, chassis=chassis)

@@ -1,4 +1,4 @@
-"""Roads: the spectra of the random one against ISO 8608, the bump's geometry, smoothness, repetition and symmetry."""
+"""Roads: spectra of the random road against ISO 8608, geometry of the bump, smoothness, repetition and symmetry."""
 
 import math
 
@@ -43,8 +43,8 @@ def test_heights_equal_the_grid_and_slopes_half_the_difference_of_the_neighbours
 
 @pytest.mark.parametrize("side", [LEFT, RIGHT])
 def test_heights_and_slopes_are_continuous_and_belong_together(side):
-    nodes = np.arange(-60, 120) * WAVY.spacing
-    before, after = heights(WAVY, side, nodes - 1e-9), heights(WAVY, side, nodes + 1e-9)
+    grid = np.arange(-60, 120) * WAVY.spacing
+    before, after = heights(WAVY, side, grid - 1e-9), heights(WAVY, side, grid + 1e-9)
     np.testing.assert_allclose(before, after, atol=1e-7)
     s = np.random.default_rng(2).uniform(-5.0, 5.0, 300)
     central = (heights(WAVY, side, s + 1e-6)[0] - heights(WAVY, side, s - 1e-6)[0]) / 2e-6
@@ -52,7 +52,7 @@ def test_heights_and_slopes_are_continuous_and_belong_together(side):
 
 
 def test_a_quadratic_is_reproduced():
-    """Catmull-Rom's slopes are exact for a parabola."""
+    """The slopes of Catmull-Rom splines are exact for a parabola."""
     x = np.arange(200) * 0.05
     r = road.make_road(heights=np.tile((x * (x[-1] - x)) / 100.0, (2, 1)))
     s = np.linspace(0.1, 9.7, 333)

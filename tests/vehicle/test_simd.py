@@ -28,7 +28,7 @@ from steer_env.vehicle.simd import (
 
 @kernel
 def elementary(x, out):
-    """Each function at a number, its mirror image, three times it and one, in four lanes."""
+    """Each function at a number, at its negative, at three times it and at one, in the four lanes."""
     for i in range(x.size):
         v = pack(x[i], -x[i], 3.0 * x[i], 1.0)
         store(out, 16 * i, atan(v))
@@ -83,7 +83,7 @@ def everything(a, b, out):
 
 
 def test_arithmetic_compiled_and_plain():
-    """Bit for bit, in each lane, whatever stands in the others; plain Python takes numpy's way."""
+    """Compiled and plain results are equal to the bit in each lane, whatever the other lanes hold."""
     rng = np.random.default_rng(1)
     a, b = rng.normal(size=5), rng.normal(size=8)
     for bad in (False, True):

@@ -1,4 +1,4 @@
-"""The chassis against a second derivation in plain numpy, a linear model, and expectations worked out by hand."""
+"""The chassis against a second derivation in plain numpy, a linear model, and results computed by hand."""
 
 import math
 from dataclasses import replace
@@ -188,7 +188,7 @@ def test_frequency_response_is_the_linear_model(v):
 
 
 def settled(angle, v=100.0 * KPH, law=None, seconds=15.0, wind=0.0):
-    """The last row of a robot's run that ramps to a handwheel angle in a second and holds it; and the state."""
+    """The last row of a run with a ramp to a handwheel angle in a second, which then holds; and the state."""
     p = CAR.plant(law or friction.make("viscous", sigma_2=0.0), v, robot=True)
     u = np.zeros((round(seconds * 1e3), len(plant.INPUTS)))
     t = np.arange(1, len(u) + 1) * 1e-3
@@ -231,7 +231,7 @@ def test_lag_of_yaw_and_lateral_acceleration():
 
 @pytest.mark.parametrize("angle", [0.2, 0.6])
 def test_steady_circle_balances(angle):
-    """Forces sum to mass times acceleration, moments to zero, and the power of all wheels is what the air takes."""
+    """Forces sum to mass times acceleration, moments to zero, and the power of all wheels is that of the air drag."""
     row, state, p = settled(angle, law="lugre")
     v = p.chassis.v_x
     x = state[CHASSIS]
@@ -269,7 +269,7 @@ def test_left_turn_signs_and_roll_by_hand():
 
 
 def test_wind_from_the_right():
-    """It pushes the car to the left and leans it to the left, at once and after five seconds."""
+    """The wind moves the car to the left and rolls it to the left, at once and after five seconds."""
     p = CAR.plant()
     x = plant.initial_state(p)[CHASSIS]
     dx, out, _ = code(p, x, 0.0, (500.0, 0.0))
@@ -283,7 +283,7 @@ def test_wind_from_the_right():
     assert row["y"] > 0.0 > row["roll_angle"]
 
 
-def test_compliance_gives_way_to_the_rack_force():
+def test_compliance_deflects_under_the_rack_force():
     p = CAR.plant()
     x = np.zeros(len(STATES))
     x[[layout.SLIP_FL, layout.SLIP_FR]] = -0.03  # both front tyres push left
@@ -296,7 +296,7 @@ def test_compliance_gives_way_to_the_rack_force():
 
 
 def test_slip_follows_over_the_relaxation_length():
-    """Rolling along at a steady lateral speed, a tyre has 63 % of its slip after one relaxation length."""
+    """At a steady lateral speed, a rolling tyre reaches 63 % of its slip after one relaxation length."""
     p = CAR.plant(speed=10.0)
     x = np.zeros(len(STATES))
     x[layout.LATERAL_SPEED] = 0.2
@@ -329,7 +329,7 @@ def test_mirror_symmetry_is_exact_and_loads_sum_to_the_weight(v):
 
 
 def test_ten_minutes_straight():
-    """600 000 steps at 100 km/h: not the last bit of a drift."""
+    """600 000 steps at 100 km/h without a drift, to the last bit."""
     p = CAR.plant("lugre")
     state, record = plant.initial_state(p), np.zeros((600, len(plant.CHANNELS)))
     x_0 = state[CHASSIS].copy()

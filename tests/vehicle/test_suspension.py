@@ -148,7 +148,7 @@ def test_right_wheel_is_the_mirror_image():
 
 
 def statics(points, rack_direction, pose, load):
-    """Rack force from the six equilibrium equations of the knuckle about the origin, nothing shared with the module."""
+    """Rack force from the six equilibrium equations of the knuckle about the origin, without code of the module."""
     c, s = np.cos(pose.steer_angle), np.sin(pose.steer_angle)
     axes = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
     contact = axes @ [load.F_x_contact, load.F_y, load.F_z]

@@ -30,7 +30,7 @@ V = 20.0
 
 
 class Numbers(dict):
-    """Coefficients and factors of a file; what it lacks is neutral."""
+    """Coefficients and factors of a file; those that it lacks are neutral."""
 
     def __missing__(self, key):
         return 1.0 if key.startswith("L") or key == "QSY7" else 2.0 if key == "PKY4" else 0.0
@@ -338,7 +338,7 @@ def test_symmetry_is_exact(name):
 
 @pytest.mark.parametrize("name", ["pacejka_2006_205_60r15", *tyre.EXAMPLES])
 def test_half_turn_about_z(name):
-    """The tyre seen from behind: what is along x or y reverses, M_z and the turn slip are along z and stay."""
+    """The tyre seen from behind: quantities along x or y reverse, M_z and the turn slip along z do not."""
     subject = tyre.load(name)
     turn = np.diag([-1.0, -1.0, 1.0])
     for kappa, alpha, gamma, F_z, v_x in points(7, 60):
@@ -350,7 +350,7 @@ def test_half_turn_about_z(name):
 
 @kernel
 def side_by_side(c, x, together, alone):
-    """Forces at four points, columns of ``x``, in the four lanes and each by itself in all of them."""
+    """Forces at four points, the columns of ``x``, in the four lanes, and each point in all four lanes."""
     kappa, tan_a, camber, F_z, v_x, mu = load(x, 0), load(x, 4), load(x, 8), load(x, 12), load(x, 16), load(x, 20)
     F_x, F_y, M_x, M_y, M_z = forces_of_four(c[0], kappa, tan_a, camber, F_z, v_x, mu)
     store(together, 0, F_x)
@@ -387,7 +387,7 @@ def test_no_slip_is_a_slip_of_zero(name):
 
 @pytest.mark.parametrize("name", ["pacejka_2006_205_60r15", *tyre.EXAMPLES])
 def test_four_tyres_are_four_times_one(name):
-    """To the last bit, whatever the others do; and the same forces as by the slip angle instead of its tangent."""
+    """Each tyre is equal to the bit, whatever the others do, and the slip angle gives the forces of its tangent."""
     subject = tyre.load(name)
     rows = np.array([(*point, 0.9 if i % 3 else 1.0) for i, point in enumerate(points(8, 60))])
     rows[5::7, 3] = 0.0
@@ -435,7 +435,7 @@ def test_plain_python_agrees_with_compiled(name):
 
 @pytest.mark.parametrize("path", [V52, V61, V62], ids=tyre.EXAMPLES)
 def test_round_trip(path, tmp_path):
-    """Every field, scaling factors and extensions included, whatever the layout."""
+    """Every field returns, including scaling factors and extensions, for every layout."""
     file = scaled(tir.read(path), 12)
     tir.write(tmp_path / "copy.tir", file)
     back = tir.read(tmp_path / "copy.tir")

@@ -1,4 +1,4 @@
-"""The two-track chassis against mechanics written a second time, closed forms, scipy, and what a car must do."""
+"""The two-track chassis against a second derivation of the mechanics, closed forms, scipy, and the expected behaviour."""
 
 import json
 import math
@@ -67,7 +67,7 @@ def make(speed=100.0 * KPH, law="lugre", robot=True, **rest):
 
 
 def changed(p, **values):
-    """The plant with other numbers of the body."""
+    """The plant with changed numbers of the body."""
     body = p.chassis.body.copy()
     for name, value in values.items():
         body[name] = value
@@ -83,7 +83,7 @@ def inputs(n, **values):
 
 
 def run(p, u, state=None, last=False, substeps=1):
-    """Record and the state at its end; everything finite."""
+    """Record and final state; everything is finite."""
     state = plant.initial_state(p) if state is None else state
     record = np.zeros((1 if last else len(u), len(CHANNEL)))
     assert plant.run(p, state, u, record, substeps)
@@ -95,7 +95,7 @@ def at(record, name):
 
 
 def each(values, name):
-    """Of the four wheels, from outputs or from a record."""
+    """A quantity of the four wheels, from outputs or from a record."""
     places = OUT if values.shape[-1] == len(OUT) else CHANNEL
     return np.stack([values[..., places[f"{name}_{wheel}"]] for wheel in WHEELS], -1)
 
@@ -109,7 +109,7 @@ def code(p, x, rack=0.0, rack_rate=0.0, u=None):
 
 
 def ramp(angle, n, seconds=1.0):
-    """Robot inputs: to a handwheel angle, smoothly, and hold it."""
+    """Robot inputs: a smooth ramp to a handwheel angle, which then holds."""
     u, t = np.zeros((n, len(INPUTS))), np.minimum(np.arange(1, n + 1) * T / seconds, 1.0)
     u[:, HAND] = angle * (t - np.sin(2.0 * math.pi * t) / (2.0 * math.pi))
     u[:, HAND_SPEED] = angle * (1.0 - np.cos(2.0 * math.pi * t)) / seconds
@@ -120,7 +120,7 @@ def ramp(angle, n, seconds=1.0):
 
 
 def random_state(rng, v=25.0, size=1.0):
-    """Somewhere about straight running, every state stirred."""
+    """A state near straight running, with every entry disturbed."""
     x = np.array(two_track.start(make(v).chassis))
     x[:6] += size * rng.uniform(-1.0, 1.0, 6) * [2.0, 1.0, 0.3, 0.3, 0.3, 0.3]
     x[ROLL:TRAVEL] += size * rng.uniform(-1.0, 1.0, 6) * [0.01, 0.01, 2.0, 5.0, 5.0, 0.005]
@@ -180,10 +180,10 @@ def wheels(p, x, rack, rack_rate, u):
         r = R @ (AT[i] + s * E_Z)
         foot = np.array([r[0], r[1], ground[i] - x[two_track.Z]])
         radius = r[2] - foot[2]
-        lean = float(poses[i].per_travel.rotation[0]) if i < 2 else side * d.camber_r
+        camber_gain = float(poses[i].per_travel.rotation[0]) if i < 2 else side * d.camber_r
         camber += x[ROLL]
-        aside, longer = radius * camber * E_Y, 1.0 + 0.5 * camber**2  # a leaning wheel meets the road in its plane
-        r, foot = r + aside, foot + aside
+        offset, longer = radius * camber * E_Y, 1.0 + 0.5 * camber**2  # a cambered wheel meets the road in its plane
+        r, foot = r + offset, foot + offset
         load = max((d.F_zf, d.F_zf, d.F_zr, d.F_zr)[i] + d.K_t * (d.R_l - radius * longer), 0.0) * longer
         # where the wheel centre goes, and the contact: turned back by the carrier's pitch where F_y has a share along x
         centre = V + np.cross(W, r) + (R @ E_Z + path[0]) * s_rate
@@ -204,9 +204,11 @@ def wheels(p, x, rack, rack_rate, u):
         N += np.cross(r, held) + np.cross(foot, force - held) + moment + (brake[i] - drive[i]) * E_Y
         carrier = path[0] - path[2] * radius * E_X
         Q[i] = force @ (R @ E_Z + path[1]) + held @ path[0] + (force - held) @ E_X * carrier[0]
-        Q[i] += lean * (aside[1] * load + M_x) + path[2] * brake[i] - spring - damper + M[i] * d.g_z
+        Q[i] += camber_gain * (offset[1] * load + M_x) + path[2] * brake[i] - spring - damper + M[i] * d.g_z
         spin[i] = M_y - d.R_e * F_x + drive[i] - brake[i]
-        power += F_x * slip_x + F_y * slip_y + moment @ W + M_x * lean * s_rate + M_y * x[OMEGA + i] - damper * s_rate
+        power += (
+            F_x * slip_x + F_y * slip_y + moment @ W + M_x * camber_gain * s_rate + M_y * x[OMEGA + i] - damper * s_rate
+        )
         power += drive[i] * (x[OMEGA + i] - W[1]) - brake[i] * (x[OMEGA + i] - W[1] - path[2] * s_rate)
         loads[i] = load
     return {"F": F, "N": N, "Q": Q, "power": power, "spin": spin, "loads": loads, "slips": np.array(slips)}
@@ -232,7 +234,7 @@ def momenta(x):
 
 
 def energy(p, x, rack=0.0):
-    """Kinetic energy, and that of weight, springs, bars, stops and tyres."""
+    """Kinetic energy, and the energy of weight, springs, anti-roll bars, bump stops and tyres."""
     d, (P, H), s = p.chassis.body[0], momenta(x), x[TRAVEL:TRAVEL_RATE]
     spins = x[OMEGA:KAPPA]
     kinetic = 0.5 * (x[:3] @ P + x[3:6] @ (H - d.I_w * spins.sum() * E_Y) + (M * x[TRAVEL_RATE:OMEGA] ** 2).sum())
@@ -254,7 +256,7 @@ def energy(p, x, rack=0.0):
 
 
 def exact(x, F, N, Q):
-    """Accelerations of a rigid body and four masses that truly move in it, by Newton and Euler; forces in body axes."""
+    """Accelerations of a rigid body and four masses that move in it, by Newton and Euler; forces in body axes."""
     m_s, z_w = D.m - M.sum(), D.R_l - D.h
     centre = np.array([-(M * AT[:, 0]).sum() / m_s, 0.0, -M.sum() * z_w / m_s])
     yaw = D.I_z - (M * (AT[:, 0] ** 2 + AT[:, 1] ** 2)).sum() - m_s * centre[0] ** 2
@@ -285,7 +287,7 @@ def along(f, x, dx, step=1e-5):
 
 
 def stirred(u_seed, size=1.0, v=25.0, **rest):
-    """A plant without engine inertia at a random state, with inputs, its derivative, and the forces written twice."""
+    """A plant without engine inertia at a random state, its inputs and derivative, and the forces of both derivations."""
     rng = np.random.default_rng(u_seed)
     p = make(v, **rest)
     p = p._replace(chassis=p.chassis._replace(drive=p.chassis.drive._replace(inertia=0.0)))
@@ -306,7 +308,7 @@ SLOPING = {"road": road.make_road(grade=0.1, bank=-0.05)}
 
 @pytest.mark.parametrize("seed", range(20))
 def test_forces_momentum_and_power(seed):
-    """Second derivation of the forces; then P' = F, H' = N about O, and E' = power of what does not conserve energy."""
+    """Second derivation of the forces; then P' = F, H' = N about O, and E' = power of the non-conservative forces."""
     p, x, rack, u, (dx, out, _), w = stirred(seed, **SLOPING)
     np.testing.assert_allclose(each(out, "wheel_load"), w["loads"], rtol=1e-7)  # the strut is a table
     np.testing.assert_allclose(sum(each(out, f"force_{k}").sum() for k in "xy"), w["F"][:2].sum(), rtol=1e-6, atol=0.1)
@@ -337,7 +339,7 @@ def test_forces_momentum_and_power(seed):
 
 
 def test_accelerations_are_those_of_moving_masses_to_first_order():
-    """The inertia is frozen: against masses that truly move the error is of second order in the motion."""
+    """The inertia is constant: against masses that move in the body the error is of second order in the motion."""
     errors = []
     for size in (0.04, 0.01):
         worst = 0.0
@@ -354,7 +356,7 @@ def test_accelerations_are_those_of_moving_masses_to_first_order():
 
 
 def test_engine_speeding_up_is_carried_by_the_body():
-    """In first gear at full throttle the body gets what the wheels get, the other way, not what the engine makes."""
+    """In first gear at full throttle the body receives the opposite of the torque of the wheels, not of the engine."""
     p = make(5.0)
     x = plant.initial_state(p)[CHASSIS]
     dx, out, _ = code(p, x, u=inputs(1, throttle=1.0, coast=1.0)[0])
@@ -380,7 +382,7 @@ def tossed():
 
 
 def test_energy_is_conserved_without_losses():
-    """A tossed car by DOP853, 150 kJ in play; of the tyres only the load is left."""
+    """A car in the air by DOP853 with 150 kJ of energy; of the tyres only the load remains."""
     p, rng = tossed(), np.random.default_rng(3)
     x, u = random_state(rng, 15.0), inputs(1, coast=1.0)[0]
     x[KAPPA:BORE_ANGLE], x[two_track.SHIFT_TIME], rack = 0.0, 1.0, 0.02  # a running shift opens the clutch
@@ -398,7 +400,7 @@ def test_energy_is_conserved_without_losses():
     assert np.abs(solver.y[TRAVEL:OMEGA] - x[TRAVEL:OMEGA]).max() > 0.01
 
 
-# Of the springs along the travel; the front one leans on a strut whose ratio changes.
+# Of the springs along the travel; the ratio of the front strut changes.
 RATES = np.array([C["front_spring"], C["rear_spring"]])
 RATES[0] += D.S_f * np.diff([float(CAR.strut.solve(0.0, s).per_travel.strut_length) for s in (1e-3, -1e-3)])[0] / 2e-3
 
@@ -407,7 +409,7 @@ RATES[0] += D.S_f * np.diff([float(CAR.strut.solve(0.0, s).per_travel.strut_leng
 
 @pytest.mark.parametrize("v", [0.0, 10.0, 30.0])
 def test_loads_carry_weight_and_lift(v):
-    """Settled: static loads by lever arms on a level road, weight's normal component on grade and bank."""
+    """The settled car: static loads by lever arms on a level road, the normal part of the weight on grade and bank."""
     for ground in (road.make_road(), road.make_road(grade=0.05, bank=0.04)):
         record, _ = run(make(v, road=ground), ramp(0.0, 60_000), last=True)
         loads, speed = each(record[0], "wheel_load"), at(record, "longitudinal_speed")[0]
@@ -420,7 +422,7 @@ def test_loads_carry_weight_and_lift(v):
 
 @pytest.fixture(scope="module")
 def circle():
-    """Settled on a circle at 4 m/s2 and 80 km/h."""
+    """The car settled on a circle at 4 m/s2 and 80 km/h."""
     p = make(80.0 * KPH)
     record, state = run(p, ramp(0.635, 30_000, 2.0), last=True)
     return p, record[0], state[CHASSIS]
@@ -444,7 +446,7 @@ def test_roll_and_load_transfer_by_closed_form(circle):
     turned_over = each(code(p, x, p.pinion_radius * at(row, "column_angle"))[1], "moment_x").sum()
     assert turned_over == pytest.approx(-gyroscopic, abs=1.0)
     series = tyres / (tyres + springs)
-    # sum of series (springs phi + Y centre) = m a h + m g h phi: masses lean over the tyres' feet
+    # sum of series (springs phi + Y centre) = m a h + m g h phi: masses move sideways over the contacts
     overturning = C["mass"] * a_y * D.h + gyroscopic
     expected = (overturning - (series * lateral * centres).sum()) / ((series * springs).sum() - C["mass"] * G * D.h)
     moments = series * (springs * expected + lateral * centres)
@@ -455,7 +457,7 @@ def test_roll_and_load_transfer_by_closed_form(circle):
 
 @pytest.mark.parametrize(("pedal", "throttle"), [(0.25, 0.0), (0.0, 0.9)])
 def test_pitch_under_drive_and_braking_by_closed_form(pedal, throttle):
-    """Load transfer m a h/L; pitch from springs and tyres, less what brakes take up through the strut's path."""
+    """Load transfer m a h/L; pitch from springs and tyres, less the part that the brakes support (anti-dive)."""
     p = make(120.0 * KPH if pedal else 10.0)
     record, state = run(p, inputs(3000, coast=1.0, brake=pedal, throttle=throttle), last=True)
     row, x = record[0], state[CHASSIS]
@@ -509,7 +511,7 @@ def test_plain_python_equals_compiled():
 
 
 def disturbed(n, seed=6):
-    """Inputs that stir everything, smooth from sample to sample."""
+    """Inputs that excite everything, smooth from sample to sample."""
     t, rng = T * np.arange(n), np.random.default_rng(seed)
     waves = np.sin(2.0 * math.pi * np.outer(t, rng.uniform(0.3, 4.0, len(INPUTS))) + rng.uniform(0.0, 6.0, len(INPUTS)))
     u = waves * [2.0, 0.0, 1.0, 300.0, 100.0, 60.0, 1.0, 0.2, 0.2, 0.2, 0.0]
@@ -539,7 +541,7 @@ def test_every_law_mirrors_exactly(law):
 
 
 def reference(p, u, state=None):
-    """The continuous plant by DOP853 at 1e-10, sampled controller and all; no locked wheel, no change of gear."""
+    """The continuous plant, with the sampled controller, by DOP853 at 1e-10; no locked wheel, no change of gear."""
     c, a, n_memory = p.column, p.assist, law_of(p.friction).memory_size(p.friction)
     dx, out, dz, row = np.zeros(len(STATES)), np.zeros(len(OUTPUTS)), np.zeros(n_memory), np.zeros(len(CHANNEL))
     last = 5 + dx.size
@@ -549,9 +551,9 @@ def reference(p, u, state=None):
         motion = p.pinion_radius * th2, p.pinion_radius * v2
         force = two_track.derivative(p.chassis, p.strut, p.tyre[0], y[5:last], *motion, u, dx, out)
         F = force + u[plant.RACK_DISTURBANCE]
-        level = 1.0 + p.friction_load * abs(F)
-        T_F = torque(p.friction, level, y[last:], v2)
-        rate(p.friction, level, y[last:], v2, dz)
+        scale = 1.0 + p.friction_load * abs(F)
+        T_F = torque(p.friction, scale, y[last:], v2)
+        rate(p.friction, scale, y[last:], v2, dz)
         th1, v1, a1 = robot_angle(t)
         bar = c.K_tb * (th1 - th2) + c.C_tb * (v1 - v2)
         T1 = c.I1 * a1 + c.C1 * v1 + bar
@@ -562,8 +564,8 @@ def reference(p, u, state=None):
         solver = DOP853(lambda t, y: rates(t, y, u, command)[0], t, y, end, rtol=1e-10, atol=1e-12, first_step=end - t)
         while solver.status == "running":
             solver.step()
-        level = 1.0 + p.friction_load * abs(rates(end, solver.y, u, command)[1][1] + u[plant.RACK_DISTURBANCE])
-        most = level * p.friction.F_s / p.friction.sigma_0  # the law holds its bristle within break-away
+        scale = 1.0 + p.friction_load * abs(rates(end, solver.y, u, command)[1][1] + u[plant.RACK_DISTURBANCE])
+        most = scale * p.friction.F_s / p.friction.sigma_0  # the law holds its bristle within break-away
         return np.append(solver.y[:last], np.clip(solver.y[last:], -most, most))
 
     state = plant.initial_state(p) if state is None else state
@@ -591,7 +593,7 @@ def reference(p, u, state=None):
 
 
 def errors(p, u, substeps, state=None):
-    """Largest error in % of each channel's peak, and its rms, for each number of substeps."""
+    """Largest error in % of the peak of each channel, and its rms, for each number of substeps."""
     exact = reference(p, u, state=state)
     peak = np.maximum(np.abs(exact).max(axis=0), 1e-12)
     found = [run(p, u, None if state is None else state.copy(), substeps=n)[0] - exact for n in substeps]
@@ -610,7 +612,7 @@ def test_weave_against_scipy():
 
 
 def test_braked_weave_against_scipy():
-    """0.35 g on and off again: a moving pedal costs no accuracy, though nodes are rarer than rows of inputs."""
+    """0.35 g on and off again: a moving pedal costs no accuracy, although a chassis step spans two rows of inputs."""
     p, u, t = make(), weave(True), np.arange(2000) * T
     _, state = run(p, inputs(1000, coast=1.0))
     u[:, BRAKE], u[:, COAST] = 0.3 * np.sin(np.pi * np.clip((t - 0.2) / 1.6, 0.0, 1.0)) ** 2, 1.0
@@ -622,8 +624,8 @@ def test_braked_weave_against_scipy():
             assert math.log2(rms[0][i] / rms[2][i]) / 2.0 > 1.8, name
 
 
-def test_jump_of_an_input_has_its_whole_effect():
-    """A gust of one row or more, from any row on, at any step: its impulse on the car, before the tyres answer."""
+def test_a_step_of_an_input_has_its_whole_effect():
+    """A gust of one row or more, from any row on, at any step has its impulse on the car, before the tyres respond."""
     p = make(road_friction=0.1)
     p = p._replace(tyre=tyre.record(TYRE.coefficients._replace(PKY1=1e-6 * TYRE.coefficients.PKY1)))
     for substeps in (1, 2, 3):
@@ -645,7 +647,7 @@ LATERAL = ("handwheel", "column", "torsion_bar", "motor", "rack", "lateral_speed
 
 @pytest.mark.parametrize("v", [100.0 * KPH, 0.0])
 def test_ten_minutes_straight_or_at_rest(v):
-    """Not the last bit of a lateral motion; at rest no creep."""
+    """No lateral motion, to the last bit, and no creep at rest."""
     p = make(v, robot=False)
     state = plant.initial_state(p)
     for _ in range(10):
@@ -658,7 +660,7 @@ def test_ten_minutes_straight_or_at_rest(v):
 
 
 def test_hand_brake_holds_on_a_grade():
-    """15 %: after the car has settled into its tyres it does not move for ten minutes, the rear wheels stand."""
+    """On a grade of 15 % the settled car does not move for ten minutes, and the rear wheels are at rest."""
     p = make(0.0, robot=False, road=road.make_road(grade=math.atan(0.15)))
     state = plant.initial_state(p)
     u = inputs(60_000, hand_brake=1.0, coast=1.0)
@@ -669,8 +671,8 @@ def test_hand_brake_holds_on_a_grade():
     assert rear == pytest.approx(C["mass"] * G * math.sin(math.atan(0.15)), rel=1e-3)
 
 
-def test_stop_rocks_and_stands():
-    """Wheels locked from 30 km/h: mu g, a nod back of at most 5 cm and 0.7 m/s, then rest; nothing gains energy."""
+def test_a_stopped_car_rocks_and_rests():
+    """Wheels locked from 30 km/h: mu g, a rebound of at most 5 cm and 0.7 m/s, then rest; no energy is gained."""
     record, _ = run(make(30.0 * KPH), inputs(6000, coast=1.0, brake=1.0))
     v, x = at(record, "longitudinal_speed"), at(record, "x")
     assert v.min() > -0.7
@@ -680,7 +682,7 @@ def test_stop_rocks_and_stands():
 
 
 def test_down_the_hill_backwards_and_stop():
-    """Coasting up a grade, over standstill and back, then braked: no jump of a force but the brakes' own."""
+    """The car coasts up a grade, stops, rolls back and brakes: no force jumps except that of the brakes."""
     p = make(5.0, road=road.make_road(grade=0.1))
     u = inputs(12_000, coast=1.0)
     u[9000:, BRAKE] = 0.3
@@ -697,7 +699,7 @@ def test_down_the_hill_backwards_and_stop():
 
 @pytest.mark.parametrize(("angle", "hand"), [(0.0, 800.0), (1.0, 1200.0)])
 def test_hand_brake_locks_the_rear(angle, hand):
-    """From 60 km/h: rear wheels stand exactly; straight on it stays straight, in a left turn the tail comes out."""
+    """From 60 km/h the rear wheels lock exactly; a straight run stays straight, in a left turn the rear swings out."""
     p = make(60.0 * KPH)
     p = p._replace(chassis=p.chassis._replace(brakes=p.chassis.brakes._replace(hand=hand)))
     u = ramp(angle, 4000)
@@ -747,7 +749,7 @@ def test_one_sided_road_signs():
 
 @pytest.mark.parametrize(("boost", "low", "high"), [(True, 3.0, 4.5), (False, 22.0, 33.0)])
 def test_parking(boost, low, high):
-    """Lock to lock at up to 60 deg/s, standing: rack force against the turn, hand torque with and without assist."""
+    """Lock to lock at up to 60 deg/s at rest: rack force against the turn, hand torque with and without assist."""
     p = make(0.0)
     if not boost:
         p = p._replace(assist=p.assist._replace(boost=np.zeros_like(p.assist.boost)))
@@ -768,7 +770,7 @@ def test_parking(boost, low, high):
 
 @pytest.mark.parametrize("law", friction.available())
 def test_abuse_stays_finite(law):
-    """Any speed and input at once, on a road too slippery to roll over."""
+    """Any combination of speed and inputs, on a road too slippery to roll over."""
     rng = np.random.default_rng(1)
     for k in range(12):
         n, robot = 3000, bool(k % 2)

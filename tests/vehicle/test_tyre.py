@@ -72,7 +72,7 @@ def test_slopes_over_camber(F_z):
     D_t = F_z / c.FNOMIN * c.UNLOADED_RADIUS * (c.QDZ1 + c.QDZ2 * df)
     assert slope(lambda g: CENTRED.forces(0, 0, g, F_z, V)[1], 0.0) == pytest.approx(K_yg, rel=1e-6)  # (4.E30)
     assert slope(lambda g: CENTRED.forces(0, 0, g, F_z, V)[4], 0.0) == pytest.approx(K_zg - D_t * K_yg, rel=1e-6)
-    assert K_yg < 0  # leaning right pushes right
+    assert K_yg < 0  # an inclination to the right pushes to the right
 
 
 def test_stiffness_over_load_for_any_shape():
@@ -113,13 +113,13 @@ def test_rolling_backwards_is_the_view_from_behind(kappa, alpha, camber, F_z, v_
 
 @given(alphas, cambers, loads)
 def test_pure_slip_is_the_limit_of_combined_slip(alpha, camber, F_z):
-    """The short way at kappa = 0 gives bit for bit what the long way gives next to it."""
+    """The shortened evaluation at kappa = 0 is equal to the bit to the full one near it."""
     assert LEFT.forces(0.0, alpha, camber, F_z, V) == LEFT.forces(1e-300, alpha, camber, F_z, V)
 
 
 @given(kappas, cambers, st.floats(100.0, 9000.0))
 def test_continuous_straight_ahead(kappa, camber, F_z):
-    """A step of E_y at alpha = 0 would show here as up to a newton; the slope itself makes 2e-4 N."""
+    """A step of E_y at alpha = 0 would appear here as up to a newton; the slope alone gives 2e-4 N."""
     before, after = (np.array(LEFT.forces(kappa, a, camber, F_z, V)) for a in (-1e-9, 1e-9))
     assert np.abs(after - before)[:2].max() < 1e-3
 
