@@ -1,4 +1,4 @@
-"""The two-track chassis against a second derivation of the mechanics, closed forms, scipy, and the expected behaviour."""
+"""The two-track chassis against a second derivation, closed forms, scipy, and the expected behaviour of a car."""
 
 import json
 import math
@@ -287,7 +287,7 @@ def along(f, x, dx, step=1e-5):
 
 
 def stirred(u_seed, size=1.0, v=25.0, **rest):
-    """A plant without engine inertia at a random state, its inputs and derivative, and the forces of both derivations."""
+    """Plant without engine inertia at a random state, its inputs and derivative, and the forces of both derivations."""
     rng = np.random.default_rng(u_seed)
     p = make(v, **rest)
     p = p._replace(chassis=p.chassis._replace(drive=p.chassis.drive._replace(inertia=0.0)))
