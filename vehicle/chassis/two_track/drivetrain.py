@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from steer_env.friction.numerics.bounds import within
 from steer_env.friction.numerics.check import not_negative, number, numbers, positive
+from steer_env.friction.numerics.interpolation import bracket
 from steer_env.friction.numerics.kernel import kernel
 
 RPM = math.pi / 30.0  # [rad/s]
@@ -138,16 +139,8 @@ def make(
 
 @kernel
 def _curves(d, omega_e):
-    """Full-load and drag torque at an engine speed, held at the ends [N m]."""
-    last = d.speeds.size - 1
-    if omega_e <= d.speeds[0]:
-        return d.full_load[0], d.drag[0]
-    if omega_e >= d.speeds[last]:
-        return d.full_load[last], d.drag[last]
-    i = 0
-    while d.speeds[i + 1] < omega_e:
-        i += 1
-    s = (omega_e - d.speeds[i]) / (d.speeds[i + 1] - d.speeds[i])
+    """Full-load and drag torque at an engine speed; a curve keeps its end values beyond its ends [N m]."""
+    i, s = bracket(d.speeds, omega_e)
     full = d.full_load[i] + s * (d.full_load[i + 1] - d.full_load[i])
     return full, d.drag[i] + s * (d.drag[i + 1] - d.drag[i])
 
