@@ -131,6 +131,91 @@ def _slope(f: Callable[[float], NDArray], step: float) -> NDArray:
     return (f(step) - f(-step)) / (2.0 * step)
 
 
+class _Tyres(NamedTuple):
+    """Forces and moments of a tyre at static load: F_x, F_y, M_x, M_y, M_z of each axle, by slip and by camber."""
+
+    loads: NDArray  # of a front and of a rear wheel [N]
+    by_slip: list[NDArray]  # of both wheels [N/rad, N m/rad]
+    by_camber: list[NDArray]
+    rolling: NDArray  # longitudinal force of rolling resistance of each wheel, negative [N]
+    rolling_by_load: NDArray  # [1]
+
+
+def _tyres(car: Car, v: float) -> _Tyres:
+    c = car.chassis
+    a, b, R = c["front_axle"], c["rear_axle"], car.strut.loaded_radius
+    coefficients = car.tyre.symmetric().coefficients._replace(PHX1=0.0, PHX2=0.0)  # as in the plant
+    loads = 0.5 * GRAVITY * c["mass"] * np.array([b, a]) / (a + b)
+
+    def wheel(load: float, alpha: float, camber: float) -> NDArray:
+        return np.array(tyre.forces(coefficients, 0.0, alpha, camber, load, v))
+
+    def by(load: float, *unit: float, step: float = 1e-5) -> NDArray:
+        return _slope(lambda s: wheel(load + s * unit[0], s * unit[1], s * unit[2]), step)
+
+    return _Tyres(
+        loads,
+        by_slip=[2.0 * by(load, 0.0, 1.0, 0.0) for load in loads],
+        by_camber=[2.0 * by(load, 0.0, 0.0, 1.0) for load in loads],
+        rolling=np.array([wheel(F, 0.0, 0.0)[3] for F in loads]) / R,
+        rolling_by_load=np.array([by(load, 1.0, 0.0, 0.0, step=1.0)[3] for load in loads]) / R,
+    )
+
+
+def _knuckle(car: Car, rack: float, travel: float) -> NDArray:
+    """Steer angle and inclination of the left front wheel, and work of F_x at the centre, F_y, F_z, M_x, M_z."""
+    pose: Pose = car.strut.solve(rack, travel)
+    work = load_coefficients(pose)
+    values = (pose.steer_angle, pose.inclination, work.F_x_centre, work.F_y, work.F_z, work.M_x, work.M_z)
+    return np.array([float(np.asarray(value)) for value in values])
+
+
+def _roll(car: Car) -> tuple[float, NDArray]:
+    """Roll angle and load transfer of both axles over lateral acceleration, as in ``single_track``."""
+    c = car.chassis
+    m, a, b, track = c["mass"], c["front_axle"], c["rear_axle"], np.array([c["front_track"], c["rear_track"]])
+    centres = np.array([float(car.strut.solve(0.0, 0.0).roll_centre_height), c["rear_roll_centre"]])
+    arm = c["sprung_height"] - (centres[0] * b + centres[1] * a) / (a + b)
+    stiffness = 0.5 * np.array([c["front_spring"], c["rear_spring"]]) * track**2
+    stiffness += [c["front_anti_roll"], c["rear_anti_roll"]]
+    phi = c["sprung_mass"] * arm / (stiffness.sum() - c["sprung_mass"] * GRAVITY * arm)
+    unsprung = np.array([c["front_unsprung_mass"], m - c["sprung_mass"] - c["front_unsprung_mass"]])
+    body = (m * np.array([b, a]) / (a + b) - unsprung) * centres + unsprung * car.strut.loaded_radius
+    return phi, (stiffness * phi + body) / track
+
+
+def _front_response(
+    car: Car, tyres: _Tyres, phi: float, transfer: float, ahead: float, compliance: bool, roll: bool
+) -> tuple[NDArray, float]:
+    """Y_f and M_f by alpha_in, A and delta (2, 3), and the road-wheel angle per rack travel [rad/m].
+
+    The rack deflects by e under its force K e, and alpha = alpha_in - (steer - delta); ``ahead`` is the longitudinal
+    force on a front wheel [N].
+    """
+    k = _knuckle(car, 0.0, 0.0)
+    per_rack = _slope(lambda s: _knuckle(car, s, 0.0), 1e-4)
+    # Rolling to the right lowers the left wheel in its arch.
+    per_roll = -0.5 * car.chassis["front_track"] * _slope(lambda s: _knuckle(car, 0.0, s), 1e-4)
+    K = car.steering["compliance"] * float(per_rack[0]) ** 2 if compliance else np.inf
+    rolled = (phi * per_roll + [0.0, phi, 0.0, 0.0, 0.0, 0.0, 0.0]) if roll else np.zeros(7)
+
+    def axle(e: float, alpha_in: float, A: float, delta: float) -> tuple[float, float, float]:
+        change = A * rolled + (delta / per_rack[0] - e) * per_rack
+        forces = tyres.by_slip[0] * (alpha_in + delta - change[0]) + tyres.by_camber[0] * change[1]
+        work = k[3] * forces[1] + k[5] * forces[2] + k[6] * forces[4]
+        work += 2.0 * (change[2] * ahead + change[4] * tyres.loads[0]) - (
+            2.0 * A * transfer * (k[4] + k[2] * tyres.rolling_by_load[0]) if roll else 0.0
+        )
+        return -work, forces[1] + 2.0 * ahead * change[0], forces[4]
+
+    response = np.zeros((2, 3))
+    for j, unit in enumerate(np.eye(3)):
+        stiff, bent = axle(0.0, *unit), axle(1.0, *unit)
+        e = stiff[0] / (K - (bent[0] - stiff[0]))
+        response[:, j] = [low + e * (high - low) for low, high in zip(stiff[1:], bent[1:])]
+    return response, float(per_rack[0])
+
+
 def from_car(
     car: Car,
     speed: float,
@@ -163,85 +248,31 @@ def from_car(
         A speed that is not above zero.
     """
     v = positive("speed [m/s]", speed)
-    c = car.chassis
-    m, a, b, track = c["mass"], c["front_axle"], c["rear_axle"], np.array([c["front_track"], c["rear_track"]])
-    coefficients = car.tyre.symmetric().coefficients._replace(PHX1=0.0, PHX2=0.0)  # as the plant takes it
-    loads = 0.5 * GRAVITY * m * np.array([b, a]) / (a + b)
-
-    def wheel(load: float, alpha: float, camber: float) -> NDArray:
-        return np.array(tyre.forces(coefficients, 0.0, alpha, camber, load, v))
-
-    def by(load: float, *unit: float, step: float = 1e-5) -> NDArray:
-        return _slope(lambda s: wheel(load + s * unit[0], s * unit[1], s * unit[2]), step)
-
-    by_slip = [2.0 * by(load, 0.0, 1.0, 0.0) for load in loads]  # F_x, F_y, M_x, M_y, M_z
-    by_camber = [2.0 * by(load, 0.0, 0.0, 1.0) for load in loads]
-
-    # The left front knuckle: steer angle, inclination, work of F_x at the centre, F_y, F_z, M_x and M_z on the rack.
-    def knuckle(rack: float, travel: float) -> NDArray:
-        pose: Pose = car.strut.solve(rack, travel)
-        work = load_coefficients(pose)
-        values = (pose.steer_angle, pose.inclination, work.F_x_centre, work.F_y, work.F_z, work.M_x, work.M_z)
-        return np.array([float(np.asarray(value)) for value in values])
-
-    k = knuckle(0.0, 0.0)
-    per_rack = _slope(lambda s: knuckle(s, 0.0), 1e-4)
-    per_roll = -0.5 * track[0] * _slope(lambda s: knuckle(0.0, s), 1e-4)  # the left wheel drops in its arch
-
-    # Roll angle and load transfer of both axles over lateral acceleration, with springs and roll centres as in
-    # single_track.
-    centres = np.array([float(car.strut.solve(0.0, 0.0).roll_centre_height), c["rear_roll_centre"]])
-    arm = c["sprung_height"] - (centres[0] * b + centres[1] * a) / (a + b)
-    stiffness = 0.5 * np.array([c["front_spring"], c["rear_spring"]]) * track**2
-    stiffness += [c["front_anti_roll"], c["rear_anti_roll"]]
-    phi = c["sprung_mass"] * arm / (stiffness.sum() - c["sprung_mass"] * GRAVITY * arm)
-    unsprung = np.array([c["front_unsprung_mass"], m - c["sprung_mass"] - c["front_unsprung_mass"]])
-    body = (m * np.array([b, a]) / (a + b) - unsprung) * centres + unsprung * car.strut.loaded_radius
-    transfer = (stiffness * phi + body) / track
+    c, tyres = car.chassis, _tyres(car, v)
+    phi, transfer = _roll(car)
+    track = np.array([c["front_track"], c["rear_track"]])
     drag = 0.5 * AIR_DENSITY * c["drag_area"] * v * v
-    rolling = np.array([wheel(F, 0.0, 0.0)[3] for F in loads]) / car.strut.loaded_radius  # of each wheel, negative
-    by_load = np.array([by(load, 1.0, 0.0, 0.0, step=1.0)[3] for load in loads]) / car.strut.loaded_radius
-    uneven = float((track * transfer * by_load).sum()) if roll else 0.0  # the outer wheels have more rolling resistance
-    ahead = 0.5 * (drag - 2.0 * rolling.sum()) + rolling[0]  # longitudinal force on a front wheel
-
-    # Front axle by (alpha_in, A, delta): the rack deflects by e under its force K e, and
-    # alpha = alpha_in - (steer - delta).
-    K = car.steering["compliance"] * float(per_rack[0]) ** 2 if compliance else np.inf
-    leaning = (phi * per_roll + [0.0, phi, 0.0, 0.0, 0.0, 0.0, 0.0]) if roll else np.zeros(7)
-    response = np.zeros((2, 3))  # Y_f and M_f by alpha_in, A, delta
-    for j, unit in enumerate(np.eye(3)):
-
-        def axle(
-            e: float, alpha_in: float = unit[0], A: float = unit[1], delta: float = unit[2]
-        ) -> tuple[float, float, float]:
-            change = A * leaning + (delta / per_rack[0] - e) * per_rack
-            forces = by_slip[0] * (alpha_in + delta - change[0]) + by_camber[0] * change[1]
-            work = k[3] * forces[1] + k[5] * forces[2] + k[6] * forces[4]
-            work += 2.0 * (change[2] * ahead + change[4] * loads[0]) - (
-                2.0 * A * transfer[0] * (k[4] + k[2] * by_load[0]) if roll else 0.0
-            )
-            return -work, forces[1] + 2.0 * ahead * change[0], forces[4]
-
-        rest, bent = axle(0.0), axle(1.0)
-        e = rest[0] / (K - (bent[0] - rest[0]))
-        response[:, j] = [low + e * (high - low) for low, high in zip(rest[1:], bent[1:])]
-    lean = rear_camber * phi if roll else 0.0
+    ahead = 0.5 * (drag - 2.0 * tyres.rolling.sum()) + tyres.rolling[0]
+    response, per_rack = _front_response(car, tyres, phi, transfer[0], ahead, compliance, roll)
+    # The outer wheels have more rolling resistance.
+    uneven = float((track * transfer * tyres.rolling_by_load).sum()) if roll else 0.0
+    rear_inclination = rear_camber * phi if roll else 0.0
     turns = 1.0 if aligning else 0.0
     return LinearSingleTrack(
         speed=v,
-        mass=m,
+        mass=c["mass"],
         yaw_inertia=c["yaw_inertia"],
-        front_axle=a,
-        rear_axle=b,
+        front_axle=c["front_axle"],
+        rear_axle=c["rear_axle"],
         front_stiffness=-float(response[0, 0]),
-        rear_stiffness=-float(by_slip[1][1]),
+        rear_stiffness=-float(tyres.by_slip[1][1]),
         front_aligning=turns * float(response[1, 0]),
-        rear_aligning=turns * float(by_slip[1][4]),
+        rear_aligning=turns * float(tyres.by_slip[1][4]),
         front_roll_force=float(response[0, 1]),
-        rear_roll_force=lean * float(by_camber[1][1]),
+        rear_roll_force=rear_inclination * float(tyres.by_camber[1][1]),
         front_roll_moment=turns * float(response[1, 1]) + uneven,
-        rear_roll_moment=turns * lean * float(by_camber[1][4]),
+        rear_roll_moment=turns * rear_inclination * float(tyres.by_camber[1][4]),
         steer_force=float(response[0, 2]),
         steer_moment=float(response[1, 2]),
-        steering_ratio=car.steering["pinion_radius"] * float(per_rack[0]),
+        steering_ratio=car.steering["pinion_radius"] * per_rack,
     )

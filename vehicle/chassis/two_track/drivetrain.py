@@ -103,21 +103,7 @@ def make(
     i = numbers("ratios", ratios)
     if np.any(i <= 0.0) or np.any(np.diff(i) >= 0.0):
         raise ValueError(f"ratios must be greater than 0 and descending, got {i}")
-    up, down = numbers("up_shift", up_shift), numbers("down_shift", down_shift)
-    for name, pair in (("up_shift", up), ("down_shift", down)):
-        if pair.size != 2 or np.any(pair < n[0]) or np.any(pair > n[-1]):
-            raise ValueError(
-                f"{name} must be two speeds, at closed and at full throttle, of at least {n[0]:g} and at most {n[-1]:g}"
-                f" (the ends of speeds), got {pair}"
-            )
-    # Both limits are linear in the throttle, so its ends are enough; a down-shift landing short of the up-shift speed
-    # is the same inequality as an up-shift landing beyond the down-shift speed.
-    step = float(np.max(i[:-1] / i[1:], initial=1.0))
-    if np.any(down * step >= up):
-        raise ValueError(
-            f"down_shift must be below up_shift by more than the widest step of ratios ({step:.3f}), or it hunts,"
-            f" got down_shift {down}, up_shift {up}"
-        )
+    up, down = _shift_limits(up_shift, down_shift, n, i)
     for array in (n, full, closed, i):
         array.flags.writeable = False
     return Drivetrain(
@@ -135,6 +121,28 @@ def make(
         shift_time=not_negative("shift_time", shift_time),
         front_share=number("front_share", front_share, minimum=0.0, maximum=1.0),
     )
+
+
+def _shift_limits(
+    up_shift: ArrayLike, down_shift: ArrayLike, n: NDArray[np.float64], i: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Checked engine speeds of the shifts, for engine speeds ``n`` of the curves and ratios ``i``."""
+    up, down = numbers("up_shift", up_shift), numbers("down_shift", down_shift)
+    for name, pair in (("up_shift", up), ("down_shift", down)):
+        if pair.size != 2 or np.any(pair < n[0]) or np.any(pair > n[-1]):
+            raise ValueError(
+                f"{name} must be two speeds, at closed and at full throttle, of at least {n[0]:g} and at most {n[-1]:g}"
+                f" (the ends of speeds), got {pair}"
+            )
+    # Both limits are linear in the throttle, so that its ends are sufficient. A down-shift that ends below the up-shift
+    # speed is the same inequality as an up-shift that ends above the down-shift speed.
+    step = float(np.max(i[:-1] / i[1:], initial=1.0))
+    if np.any(down * step >= up):
+        raise ValueError(
+            f"down_shift must be below up_shift by more than the widest step of ratios ({step:.3f}), or it hunts,"
+            f" got down_shift {down}, up_shift {up}"
+        )
+    return up, down
 
 
 @kernel
