@@ -180,7 +180,7 @@ def test_friction_shift_command(trained, tmp_path, capsys):
     for name in ("friction compensation", "lqg", "rms feel error [N m]", "±"):
         assert name in printed
     assert "…" not in printed
-    assert "beside boost, damping" in (out / "index.html").read_text(encoding="utf-8")
+    assert "beside active return, boost, damping" in (out / "index.html").read_text(encoding="utf-8")
     assert main(["friction-shift", path, "--env", "steer_env/AssistRelease-v0"]) == 2
     assert "was trained for steer_env/AssistWeave-v0, not steer_env/AssistRelease-v0" in capsys.readouterr().err
 
@@ -251,7 +251,7 @@ def test_evaluation_writes_its_report(trained, tmp_path, capsys):
     assert set(found["metrics"]) >= {"policy", "boost", "lqg"}
     assert found["metrics"]["policy"]["rms_feel_error"]["unit"] == "N m"
     page = (out / "index.html").read_text(encoding="utf-8")
-    assert "policy less boost, damping, friction compensation" in page
+    assert "policy less active return, boost, damping, friction compensation" in page
     assert "load 0 to 300 kg; speed 22 to 33 m/s; friction level 0.5 to 2; friction lugre" in page
     assert "Wilson" not in page  # no cones, no clean share
     assert '"name":"policy"' in page  # of the learning curve
