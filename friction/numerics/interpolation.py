@@ -5,7 +5,7 @@ from steer_env.friction.numerics.kernel import kernel
 
 @kernel
 def hermite(s, start, end, start_slope, end_slope):
-    """Value and slope of the cubic with given values and slopes at the ends of an interval.
+    """Value and slope of the cubic with given values and slopes at the ends of an interval (N5).
 
     Parameters
     ----------

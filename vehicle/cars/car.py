@@ -123,7 +123,7 @@ class Car(NamedTuple):
         return float(self.strut.solve(0.0, 0.0).per_rack.rotation[..., 2])
 
     def rack_stiffness(self) -> float:
-        """Steering compliance of both wheels, seen at the rack straight ahead [N/m] (P3)."""
+        """Steering compliance of both wheels, seen at the rack straight ahead [N/m] (P5)."""
         return self.steering["compliance"] * self.steer_per_rack() ** 2
 
     def steering_gain(self) -> float:

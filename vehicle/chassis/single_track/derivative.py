@@ -161,7 +161,7 @@ def body_rates(p, f, u, x, dx):
     dx[YAW_RATE] = yaw_moment / p.I_z  # (V3)
     dx[ROLL] = phi_rate
     dx[ROLL_RATE] = (coupling * side_force + p.m * roll_moment) / determinant  # (V2)
-    c_yaw, s_yaw = math.cos(x[YAW]), math.sin(x[YAW])
+    c_yaw, s_yaw = math.cos(x[YAW]), math.sin(x[YAW])  # (V12)
     dx[YAW] = r
     dx[X] = p.v_x * c_yaw - v_y * s_yaw
     dx[Y] = p.v_x * s_yaw + v_y * c_yaw

@@ -41,6 +41,7 @@ def from_car(car: "Car", v_x: float, mu: float, road: Any) -> SingleTrack:
         h=h,
         t_f=c["front_track"],
         t_r=c["rear_track"],
+        # (V11)
         K_f=0.5 * c["front_spring"] * c["front_track"] ** 2 + c["front_anti_roll"],
         K_r=0.5 * c["rear_spring"] * c["rear_track"] ** 2 + c["rear_anti_roll"],
         C_f=0.5 * c["front_damper"] * c["front_track"] ** 2,
