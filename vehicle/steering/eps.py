@@ -121,7 +121,10 @@ def make(
     )
     gain = (1.0 / zero + 1.0) / (1.0 / pole + 1.0)
     return Assist(
-        *(frozen(array) for array in (v, t, b, d)),
+        frozen(v),
+        frozen(t),
+        frozen(b),
+        frozen(d),
         lead_b0=gain,
         lead_b1=(1.0 - 1.0 / zero) / (1.0 + 1.0 / pole),
         lead_a1=(1.0 - 1.0 / pole) / (1.0 + 1.0 / pole),
