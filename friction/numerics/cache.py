@@ -124,8 +124,9 @@ def _carefully(kernel: Any, signature: tuple, compile: Callable[[tuple], Any], f
 def _choose(kernel: Any, folder: Path | None) -> None:
     """Point a kernel at a folder of the cache, or at none."""
     if folder is not None:
-        before = numba.config.CACHE_DIR  # type: ignore[attr-defined]  # its names are made at run time
-        numba.config.CACHE_DIR = str(folder)  # read here only, when the kernel looks for its place
+        config: Any = numba.config  # its names are made at run time
+        before = config.CACHE_DIR
+        config.CACHE_DIR = str(folder)  # read here only, when the kernel looks for its place
         try:
             kernel.enable_caching()
             if str(kernel.stats.cache_path).startswith(str(folder)):
@@ -133,7 +134,7 @@ def _choose(kernel: Any, folder: Path | None) -> None:
         except Exception:  # no source file (a kernel typed at a prompt): numba caches none of those
             pass
         finally:
-            numba.config.CACHE_DIR = before
+            config.CACHE_DIR = before
     if kernel.stats.cache_path is not None:
         with suppress(AttributeError):
             kernel._cache.disable()  # numba has no public way back

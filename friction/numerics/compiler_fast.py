@@ -243,7 +243,7 @@ class _Kernel(CPUDispatcher):
         if signature not in self.overloads:
             self.own.compile(signature)
             self.add_overload(self.own.overloads[signature])
-        return self.overloads[signature].entry_point
+        return self.get_overload(signature)
 
     @cached_property
     def own(self) -> Any:

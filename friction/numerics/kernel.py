@@ -92,7 +92,7 @@ def dispatch(point: Callable, choose: Callable[[type, str], Any]) -> None:
     def chosen(p, *_):
         return plain(choose(getattr(p, "instance_class", type(None)), point.__name__))
 
-    options = {"error_model": "numpy"} if _fast is None else _fast.dispatch_options(point)
+    options: Any = {"error_model": "numpy"} if _fast is None else _fast.dispatch_options(point)
     overload(point, jit_options=options, strict=False)(chosen)
 
 
