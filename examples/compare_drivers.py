@@ -1,4 +1,4 @@
-"""Driver models through the double lane change on every friction law: cones touched, work of the hands.
+"""Drive the double lane change with every driver model on every friction law; print touched cones and hand work.
 
 python examples/compare_drivers.py
 """
@@ -13,7 +13,7 @@ ENV = "steer_env/DriverDoubleLaneChange-v0"
 
 def main(laws: tuple[str, ...], models: tuple[str, ...]) -> dict[tuple[str, str], dict[str, float]]:
     """Metrics of one run for each law and driver model."""
-    found = {}
+    results = {}
     for law in laws:
         env = gym.make(ENV, friction=law)
         for model in models:
@@ -23,8 +23,8 @@ def main(laws: tuple[str, ...], models: tuple[str, ...]) -> dict[tuple[str, str]
             while not over:
                 observation, _, terminated, truncated, info = env.step(driver.act(observation))
                 over = terminated or truncated
-            found[law, model] = info["metrics"]
-    return found
+            results[law, model] = info["metrics"]
+    return results
 
 
 if __name__ == "__main__":

@@ -1,10 +1,11 @@
-"""Make weave_example.csv: a weave as a logger would have stored it. SYNTHETIC: simulated, not driven.
+"""Write weave_example.csv: a weave as a data logger would have stored it. SYNTHETIC: simulated, not driven.
 
 python examples/make_example_recording.py [FOLDER]
 
-The default car with LuGre friction weaves at 100 km/h; a logger at 50 Hz low-passes every channel alike. Sensors add
-noise, offsets, the steps of their digits, a lateral acceleration 10 ms late, and two short drop-outs. Names and units
-are those of a measurement; weave_example.toml says how to read them.
+The default car with LuGre friction weaves at 100 km/h. The logger samples at 50 Hz and applies the same low-pass filter
+to every channel. The sensors add noise, offsets and rounding, a delay of 10 ms to the lateral acceleration, and two
+short drop-outs. Names and units are those of a measurement; the channel mapping weave_example.toml tells how to read
+them.
 """
 
 import sys
@@ -20,19 +21,19 @@ from steer_env.vehicle import cars
 from steer_env.vehicle.constants import GRAVITY as G
 
 SEED = 13674
-RATE = 50.0  # Hz
+RATE = 50.0  # [Hz]
 DELAY = 0.010  # of the lateral acceleration [s]
 
 
 class Column(NamedTuple):
     """A column of the file; noise and offset are in its unit."""
 
-    name: str  # with the unit
+    name: str  # with its unit
     channel: str
     size: float  # SI value of one unit
     noise: float  # standard deviation
     offset: float  # reading at zero
-    digits: int  # after the point
+    digits: int  # after the decimal point
 
 
 COLUMNS = (
@@ -42,7 +43,7 @@ COLUMNS = (
     Column("YAWRATE [deg/s]", "yaw_rate", DEGREE, 0.1, -0.15, 2),
     Column("VEHSPD [km/h]", "vehicle_speed", 1 / 3.6, 0.15, 0.0, 1),
 )
-DROP_OUTS = {"SWT [Nm]": (21.30, 0.06), "YAWRATE [deg/s]": (43.74, 0.04)}  # from [s], for [s]
+DROP_OUTS = {"SWT [Nm]": (21.30, 0.06), "YAWRATE [deg/s]": (43.74, 0.04)}  # start [s], duration [s]
 HEADER = (
     "# origin: SYNTHETIC, simulated by examples/make_example_recording.py, not driven\n"
     "# logger: 50 Hz, low-pass at 20 Hz\n"
@@ -50,34 +51,34 @@ HEADER = (
 
 
 def logged(recording: Recording) -> Recording:
-    """Each channel through the same low-pass at 20 Hz, then every n-th sample; the lateral acceleration late."""
+    """Every channel low-passed at 20 Hz and sampled at ``RATE``; the lateral acceleration is delayed."""
     step = round(recording.rate / RATE)
     low_pass = signal.butter(4, 20.0, fs=recording.rate, output="sos")
-    late = np.interp(recording.time - DELAY, recording.time, recording["lateral_acceleration"])
-    channels = {**recording.channels, "lateral_acceleration": late}
+    delayed = np.interp(recording.time - DELAY, recording.time, recording["lateral_acceleration"])
+    channels = {**recording.channels, "lateral_acceleration": delayed}
     zi = signal.sosfilt_zi(low_pass)
-    kept = {
+    filtered = {
         c.channel: signal.sosfilt(low_pass, channels[c.channel], zi=zi * channels[c.channel][0])[0] for c in COLUMNS
     }
     return Recording(
         recording.time[::step],
-        {name: values[::step] for name, values in kept.items()},
-        {name: recording.units[name] for name in kept},
+        {name: values[::step] for name, values in filtered.items()},
+        {name: recording.units[name] for name in filtered},
     )
 
 
 def text() -> str:
-    """The whole file."""
-    found = logged(manoeuvres.drive(cars.load(), manoeuvres.make("weave"), "lugre"))
+    """The text of the file."""
+    recording = logged(manoeuvres.drive(cars.load(), manoeuvres.make("weave"), "lugre"))
     rng = np.random.default_rng(SEED)
-    time = found.time - found.time[0]
+    time = recording.time - recording.time[0]
     cells = [[f"{t:.2f}" for t in time]]
     for column in COLUMNS:
-        values = found[column.channel] / column.size + column.offset + column.noise * rng.standard_normal(time.size)
-        begin, length = DROP_OUTS.get(column.name, (np.inf, 0.0))
-        gone = (time > begin - 1e-9) & (time < begin + length - 1e-9)
-        values = np.round(values, column.digits) + 0.0  # no minus zero
-        cells.append(["NaN" if lost else f"{value:.{column.digits}f}" for value, lost in zip(values, gone)])
+        values = recording[column.channel] / column.size + column.offset + column.noise * rng.standard_normal(time.size)
+        start, duration = DROP_OUTS.get(column.name, (np.inf, 0.0))
+        dropped = (time > start - 1e-9) & (time < start + duration - 1e-9)
+        values = np.round(values, column.digits) + 0.0  # minus zero becomes zero
+        cells.append(["NaN" if lost else f"{value:.{column.digits}f}" for value, lost in zip(values, dropped)])
     rows = (";".join(row) for row in zip(*cells))
     return HEADER + ";".join(["Time [s]", *(column.name for column in COLUMNS)]) + "\n" + "\n".join(rows) + "\n"
 

@@ -1,4 +1,4 @@
-"""Search a better set of assist parameters in the tuning environment, by scipy's differential evolution.
+"""Search for a better parameter set of the assist in the tuning environment by scipy's differential evolution.
 
 python examples/tune_assist.py [EVALUATIONS]
 """
@@ -13,7 +13,7 @@ import steer_env  # noqa: F401 (registers the ids)
 
 
 def main(evaluations: int) -> tuple[float, float]:
-    """Reward of the car's own set, and of the best found."""
+    """Reward of the car's own parameter set, and of the best one found."""
     env = gym.make("steer_env/TuneOnCentre-v0")
 
     def reward(action: np.ndarray) -> float:

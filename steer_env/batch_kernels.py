@@ -29,7 +29,7 @@ def fill_inputs(arrays, layout, begins, low, high):
 
     The inputs are the scripted ones, straight lines between their updates, plus the action. A scripted handwheel angle
     comes with its speed and follows the cubic that meets both at the updates. Once the hands have let go, the handwheel
-    is free. A row that has failed keeps the state and the inputs that led there.
+    is free. A row whose state is not finite keeps the inputs and the previous state that led there.
     """
     for i in range(low, high):
         episode = arrays.episodes[i]
@@ -53,16 +53,22 @@ def fill_inputs(arrays, layout, begins, low, high):
             update = within((sample - 1) // SAMPLES_PER_UPDATE, 0, arrays.scripted_inputs.shape[1] - 2)
             s = (sample - update * SAMPLES_PER_UPDATE) / SAMPLES_PER_UPDATE
             start, end = arrays.scripted_inputs[i, update], arrays.scripted_inputs[i, update + 1]
-            for k in range(layout.scripted.size):
-                u[layout.scripted[k]] = start[k] + s * (end[k] - start[k])
-            if layout.scripted.size > 1 and layout.scripted[1] == HAND_SPEED:
-                begin_slope, end_slope = start[1] * UPDATE_INTERVAL, end[1] * UPDATE_INTERVAL
-                u[HAND], slope = hermite(s, start[0], end[0], begin_slope, end_slope)
-                u[HAND_SPEED] = slope / UPDATE_INTERVAL
+            _interpolate(layout.scripted, start, end, s, u)
             if free:
                 u[HAND] = 0.0
                 u[HAND_SPEED] = 0.0
             u[layout.action_input] += layout.action_scale * episode.action
+
+
+@kernel
+def _interpolate(scripted, start, end, s, u):
+    """Scripted inputs at a share ``s`` of the interval between two updates; places among the inputs u: ``scripted``."""
+    for k in range(scripted.size):
+        u[scripted[k]] = start[k] + s * (end[k] - start[k])
+    if scripted.size > 1 and scripted[1] == HAND_SPEED:  # angles and speeds of both ends
+        begin_slope, end_slope = start[1] * UPDATE_INTERVAL, end[1] * UPDATE_INTERVAL
+        u[HAND], slope = hermite(s, start[0], end[0], begin_slope, end_slope)
+        u[HAND_SPEED] = slope / UPDATE_INTERVAL
 
 
 @kernel

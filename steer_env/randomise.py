@@ -16,7 +16,7 @@ from steer_env.vehicle import cars
 RANGES = {
     "load": (0.0, 500.0, "mass added to the body [kg]"),
     "road_friction": (0.1, 1.2, "friction of the road relative to that of the tyre's measurements [1]"),
-    "friction_level": (0.1, 5.0, "factor on the friction torque of the law [1]"),
+    "friction_level": (0.1, 5.0, "factor on the law's saturated friction torque [1]"),
     "speed": (0.0, cars.SPEED_MAX, "held speed [m/s]"),
     "sensor_noise": (0.0, 10.0, "factor on the standard deviations of the sensors' noise [1]"),
     "delay": (0.0, 0.2, "delay of the observation, rounded to whole control steps [s]"),

@@ -1,17 +1,17 @@
 """Linear single-track (bicycle) model of a car at constant speed, for analysis.
 
-    m (v_y' + v r) = Y_f + Y_r              Y = -C alpha + Y_A A + Y_d delta,   A = v_y' + v r
-    I_z r' = a Y_f - b Y_r + M_f + M_r      M = N alpha + M_A A + M_d delta
-    alpha_f = (v_y + a r)/v - delta         alpha_r = (v_y - b r)/v
+    m (v_y' + v r) = Y_f + Y_r              Y = -C alpha + Y_A A + Y_d delta,   A = v_y' + v r    (L1)
+    I_z r' = a Y_f - b Y_r + M_f + M_r      M = N alpha + M_A A + M_d delta                       (L2)
+    alpha_f = (v_y + a r)/v - delta         alpha_r = (v_y - b r)/v                               (L3)
 
-delta is the road-wheel angle that the rack asks for. C and N are the slopes of both tyres of an axle at static load;
-steering compliance softens the front axle, and what body roll adds (roll camber, roll steer, and through the compliance
-the wheel loads on the rack) follows the lateral acceleration at once. Y_d and M_d are what steering does besides: the
-drive force turns with the wheels, their camber changes, their weight bends the steering. Relaxation of the tyres and
-the time that the body takes to roll are left out: gains agree with the simulated chassis up to some 0.2 Hz.
-Load transfer is of second order: it is not in a
-linear model. Left is positive, as everywhere. Source: the textbook model (Pacejka, Tyre and Vehicle Dynamics, 2006,
-section 1.3), extended by aligning torque, compliance and quasi-static roll; derived here.
+delta is the road-wheel angle that the rack prescribes. C and N are the slopes of both tyres of an axle at static load.
+Steering compliance softens the front axle. The effects of body roll (roll camber, roll steer, and, through the
+compliance, the wheel loads on the rack) follow the lateral acceleration without delay. Y_d and M_d are further effects
+of steering: the drive force turns with the wheels, their camber changes, and their load deflects the steering. The
+model leaves out the relaxation of the tyres and the time that the body takes to roll, so that its gains agree with the
+simulated chassis up to some 0.2 Hz. Load transfer is of second order and therefore not in a linear model. Left is
+positive, as everywhere. Source: the textbook model (Pacejka, Tyre and Vehicle Dynamics, 2006, section 1.3), extended by
+aligning torque, compliance and quasi-static roll; derived here.
 """
 
 from collections.abc import Callable
@@ -106,13 +106,13 @@ class LinearSingleTrack(NamedTuple):
         )
 
     def understeer_gradient(self) -> float:
-        """Road-wheel angle over lateral acceleration beyond that of the path, d delta/dA - L/v^2 [rad s2/m].
+        """Understeer gradient: road-wheel angle over lateral acceleration beyond that of the path [rad s2/m] (L4).
 
-        With levers a' = a - N_f/C_f, b' = b + N_r/C_r, L' = a' + b', F = m - Y_A and the moment M of all that rolls,
+        It is d delta/dA - L/v^2. With levers a' = a - N_f/C_f, b' = b + N_r/C_r, L' = a' + b', F = m - Y_A and the moment M of all rolling parts,
 
             K_A = ((F b' - M)/C_f - (F a' + M)/C_r)/L'        delta = (L/v^2 + K_A) A/(1 + K_d)
 
-        K_d is K_A with Y_d, M_d for -F, M. Without any of it K is the textbook's m (b/C_f - a/C_r)/L.
+        K_d is K_A with Y_d, M_d for -F, M. Without these effects K is the textbook's m (b/C_f - a/C_r)/L.
         """
         a = self.front_axle - self.front_aligning / self.front_stiffness
         b = self.rear_axle + self.rear_aligning / self.rear_stiffness
@@ -153,8 +153,8 @@ def from_car(
     roll : bool
         Whether camber, steer angles and rack force follow the roll of the body.
     rear_camber : float
-        Inclination of the rear wheels over the body's roll: 0 for an axle that stays upright (``single_track``), 1 for
-        wheels that lean with the body (``two_track`` with a ``rear_camber_gain`` of 0) [1].
+        Inclination of the rear wheels over the roll of the body: 0 for an axle that stays upright (``single_track``),
+        1 for wheels that lean with the body (``two_track`` with a ``rear_camber_gain`` of 0) [1].
 
     Raises
     ------
@@ -187,7 +187,8 @@ def from_car(
     per_rack = _slope(lambda s: knuckle(s, 0.0), 1e-4)
     per_roll = -0.5 * track[0] * _slope(lambda s: knuckle(0.0, s), 1e-4)  # the left wheel drops in its arch
 
-    # Roll angle and load transfer of both axles over lateral acceleration, springs and roll centres as single_track.
+    # Roll angle and load transfer of both axles over lateral acceleration, with springs and roll centres as in
+    # single_track.
     centres = np.array([float(car.strut.solve(0.0, 0.0).roll_centre_height), c["rear_roll_centre"]])
     arm = c["sprung_height"] - (centres[0] * b + centres[1] * a) / (a + b)
     stiffness = 0.5 * np.array([c["front_spring"], c["rear_spring"]]) * track**2
@@ -199,10 +200,10 @@ def from_car(
     drag = 0.5 * AIR_DENSITY * c["drag_area"] * v * v
     rolling = np.array([wheel(F, 0.0, 0.0)[3] for F in loads]) / car.strut.loaded_radius  # of each wheel, negative
     by_load = np.array([by(load, 1.0, 0.0, 0.0, step=1.0)[3] for load in loads]) / car.strut.loaded_radius
-    uneven = float((track * transfer * by_load).sum()) if roll else 0.0  # the outer wheels roll harder
+    uneven = float((track * transfer * by_load).sum()) if roll else 0.0  # the outer wheels have more rolling resistance
     ahead = 0.5 * (drag - 2.0 * rolling.sum()) + rolling[0]  # longitudinal force on a front wheel
 
-    # Front axle by (alpha_in, A, delta): the rack yields by e to its force K e; alpha = alpha_in - (steer - delta).
+    # Front axle by (alpha_in, A, delta): the rack deflects by e under its force K e; alpha = alpha_in - (steer - delta).
     K = car.steering["compliance"] * float(per_rack[0]) ** 2 if compliance else np.inf
     leaning = (phi * per_roll + [0.0, phi, 0.0, 0.0, 0.0, 0.0, 0.0]) if roll else np.zeros(7)
     response = np.zeros((2, 3))  # Y_f and M_f by alpha_in, A, delta

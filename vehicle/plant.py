@@ -116,9 +116,7 @@ def _step(p, state, hand, hand_speed, before, after, elapsed, u, h):
     at = layout(p)
     s = (state[at.steps] + 0.5) / STEPS_PER_CHASSIS_STEP  # middle of the step, in chassis steps after the evaluation
     # (N1)
-    force = (
-        state[at.rack_force] + s * (state[at.rack_force] - state[at.rack_force + 1]) + u[RACK_DISTURBANCE]
-    )
+    force = state[at.rack_force] + s * (state[at.rack_force] - state[at.rack_force + 1]) + u[RACK_DISTURBANCE]
     motor = eps.motor_step(p.assist, state[at.assist : at.steps], before, after, elapsed, h)
     T_C = motor - p.pinion_radius * force  # (P2)
     scale = p.friction_torque_scale * (1.0 + p.friction_load * abs(force))  # (F11)

@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 from steer_env.friction.numerics.kernel import COMPILED, kernel
 from steer_env.vehicle import plant
 from steer_env.vehicle.road import Road
-from steer_env.vehicle.suspension.kinematics_table import StrutMap
+from steer_env.vehicle.suspension.kinematics_table import KinematicsTable
 
 Array = NDArray[np.float64]
 
-SHARED = (StrutMap, Road)  # tables too large for a copy in each lane
+SHARED = (KinematicsTable, Road)  # tables too large for a copy in each lane
 
 
 def numbers(p: Any) -> Array:

@@ -1,17 +1,19 @@
 """The road under the wheels: heights and friction of the left and right track over distance, grade and bank.
 
-Both tracks are uniform grids over the travelled distance, which is each wheel's own, and repeat beyond their length.
-Heights are Catmull-Rom splines (C1, through the grid's values), friction is linear between its values.
+Both tracks are uniform grids over the travelled distance of each wheel, and repeat beyond their length. Heights are
+Catmull-Rom splines through the values of the grid, with a continuous slope (R1); friction is linear between the values
+of its grid (R2).
 
-A random road has the displacement spectrum of ISO 8608 and tracks that cohere as on an isotropic surface:
+A random road has the displacement spectrum of ISO 8608 (R3), and its tracks are coherent as on an isotropic surface
+(R4):
 
     G(n) = G(n_0) (n_0/n)^2,  n_0 = 0.1 cycle/m,  0.01 <= n <= 10 cycle/m            one-sided [m3]
     G_lr(n)/G(n) = x K_1(x),  x = 2 pi n track                                    coherency, K_1 a Bessel function
 
 An isotropic surface with the spectrum C (n_x^2 + n_y^2)^(-3/2) has 2 C/n_x^2 along any line; the same integral over n_y
-weighted by cos(2 pi n_y track) is the cross spectrum of two lines; their ratio is Basset's integral for x K_1.
+weighted by cos(2 pi n_y track) is the cross spectrum of two lines; their ratio is the integral of Basset for x K_1.
 Source: ISO 8608, geometric means of its classes; isotropy after Dodds and Robson, J. Sound Vib. 31 (1973). Deviations:
-none within the band; above and below it there is nothing.
+none within the band; outside the band the spectrum is zero.
 """
 
 import math
@@ -29,7 +31,7 @@ LEFT, RIGHT = 0, 1
 ROUGHNESS = {name: 16e-6 * 4.0**i for i, name in enumerate("ABCDEFGH")}  # G(n_0) of the classes [m3]
 REFERENCE_WAVE_NUMBER = 0.1  # n_0 [cycle/m]
 LOWEST_WAVE_NUMBER, HIGHEST_WAVE_NUMBER = 0.01, 10.0  # [cycle/m]
-LEVEL_START, RUN_IN = 5.0, 20.0  # of a random road, at either end: exactly level, and rising to full height [m]
+LEVEL_START, RUN_IN = 5.0, 20.0  # at either end of a random road: exactly level, then rising to full height [m]
 
 
 class Road(NamedTuple):
@@ -44,7 +46,7 @@ class Road(NamedTuple):
 
 
 def _tracks(name: str, values: ArrayLike, minimum: float, maximum: float) -> NDArray[np.float64]:
-    """(2, N) read-only array of both tracks, from one value, one a side, or as it is."""
+    """(2, N) read-only array of both tracks, from one value, one value for each side, or an array of that shape."""
     try:
         given = np.asarray(values, float)
     except (TypeError, ValueError):
@@ -169,7 +171,7 @@ def iso8608(
 ) -> Road:
     """Random road of an ISO 8608 class: an inverse FFT of the class's amplitudes with random phases.
 
-    The sum and the difference of the tracks are independent and share each wave number's variance by the coherency.
+    The sum and the difference of the tracks are independent and share the variance of each wave number by the coherency.
     The same seed gives the same road to the bit. It starts and ends level for 5 m and reaches its full height after
     another 20 m, so that a car placed at distance 0 stands on a level road.
 
@@ -192,7 +194,7 @@ def iso8608(
     ValueError
         Naming the parameter, the value and what is allowed.
     """
-    from scipy.special import k1  # here, for it is slow to import
+    from scipy.special import k1  # here, because its import is slow
 
     if road_class not in ROUGHNESS:
         raise ValueError(f"road_class must be one of {', '.join(ROUGHNESS)}, got {road_class!r}")
@@ -202,8 +204,9 @@ def iso8608(
     x = 2.0 * np.pi * number("track", track, minimum=0.0, maximum=10.0) * n
     band = (n >= LOWEST_WAVE_NUMBER) & (n <= HIGHEST_WAVE_NUMBER) & (n < 0.5 / spacing)
     power, coherency = np.zeros(n.size), np.ones(n.size)
-    power[band] = ROUGHNESS[road_class] * (REFERENCE_WAVE_NUMBER / n[band]) ** 2 / (size * spacing)  # of each wave [m2]
-    coherency[x > 0.0] = np.minimum(x[x > 0.0] * k1(x[x > 0.0]), 1.0)  # rounding may pass 1 next to x = 0
+    # (R3), variance of each wave [m2]
+    power[band] = ROUGHNESS[road_class] * (REFERENCE_WAVE_NUMBER / n[band]) ** 2 / (size * spacing)
+    coherency[x > 0.0] = np.minimum(x[x > 0.0] * k1(x[x > 0.0]), 1.0)  # (R4); rounding may exceed 1 near x = 0
     phases = np.exp(2j * np.pi * np.random.default_rng(seed).random((2, n.size)))
     amplitudes = np.sqrt(power * np.array([1.0 + coherency, 1.0 - coherency]))  # of half the sum and difference
     half_sum, half_difference = np.fft.irfft(0.5 * size * amplitudes * phases, size)
@@ -215,7 +218,7 @@ def iso8608(
 
 @kernel
 def height(r, side, distance):
-    """Height of a track above the road's plane [m] and its slope [1]; ``side`` is 0 left, 1 right."""
+    """Height of a track above the plane of the road [m] and its slope [1]; ``side`` is 0 left, 1 right (R1)."""
     if r.level:
         return 0.0, 0.0
     z, size = r.heights, r.heights.shape[1]
@@ -233,7 +236,7 @@ def height(r, side, distance):
 
 @kernel
 def friction(r, side, distance):
-    """Factor on the tyre's friction [1]; ``side`` is 0 left, 1 right."""
+    """Factor on the friction of the tyre [1]; ``side`` is 0 left, 1 right (R2)."""
     mu, size = r.friction, r.friction.shape[1]
     if size == 1:
         return mu[side, 0]

@@ -20,8 +20,13 @@ CROSSES = (300.0, 5000.0)  # heights of the crosses for runs that are not bounde
 class History(Protocol):
     """A displacement over time."""
 
-    x: Array  # (T,) [rad]
-    dt: float  # [s]
+    @property
+    def x(self) -> Array:
+        """Displacement (T,) [rad]."""
+
+    @property
+    def dt(self) -> float:
+        """Time between the samples [s]."""
 
 
 @styled

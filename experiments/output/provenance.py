@@ -124,7 +124,7 @@ def law(p: Any) -> dict[str, Any]:
 
 def car(c: Car) -> dict[str, Any]:
     """Source, assumptions and parameters of a packaged car, SI."""
-    data = json.loads(files(vehicle).joinpath("data", f"{c.name}.json").read_text(encoding="utf-8"))
+    data = json.loads(files(vehicle).joinpath("data", "cars", f"{c.name}.json").read_text(encoding="utf-8"))
     return {
         "name": c.name,
         "description": c.description,

@@ -105,7 +105,7 @@ def render(results: Results, source: dict[str, Any]) -> str:
             plots=_plots(results),
             script=plots.script(),
             wanted=targets.load(WANTED),
-            light=targets.light,
+            rate=targets.rating,
         )
     )
 

@@ -76,8 +76,8 @@ class HeldTorque(NamedTuple):
     unassisted: Verdict  # the same without assist
     frequency: float  # of the vibration there [Hz]
     step_change: float  # relative change of that ripple with a tenth of the step [1]
-    # Damping ratio -> least and largest share of the difference between the laws that the damper removes [1].
-    removed: dict[float, tuple[float, float]]
+    # Least and largest share of the difference between the laws that the damper removes, by damping ratio.
+    removed: dict[float, tuple[float, float]]  # [1]
 
     @property
     def vibrates(self) -> bool:

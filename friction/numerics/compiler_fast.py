@@ -165,7 +165,7 @@ class _Lowering(NativeLowering):
 
 
 class _Compiler(CompilerBase):
-    """numba's compiler without the passes for closures, ``with``, array expressions and objects, which no kernel has."""
+    """numba's compiler without the passes for closures, ``with``, array expressions and objects; no kernel has them."""
 
     lowering: type = _Lowering
 

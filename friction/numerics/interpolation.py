@@ -5,7 +5,7 @@ from steer_env.friction.numerics.kernel import kernel
 
 @kernel
 def hermite(s, start, end, start_slope, end_slope):
-    """Value and slope of the cubic with given values and slopes at the ends of an interval.
+    """Value and slope of the cubic with given values and slopes at the ends of an interval (N5).
 
     Parameters
     ----------
@@ -29,10 +29,7 @@ def hermite(s, start, end, start_slope, end_slope):
 
 @kernel
 def bracket(grid, x):
-    """Cell of an ascending grid that holds ``x``, and the position in it from 0 to 1.
-
-    Beyond the grid they are those of its nearest end.
-    """
+    """Cell of an ascending grid that holds ``x``, and the position in it from 0 to 1; the nearest end outside."""
     last = grid.size - 1
     if x <= grid[0]:
         return 0, 0.0

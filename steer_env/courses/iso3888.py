@@ -1,8 +1,8 @@
-"""Lane-change courses: gates and cones after ISO 3888-1 and ISO 3888-2, a path through them, and what the car touches.
+"""Lane-change courses: gates and cones after ISO 3888-1 and ISO 3888-2, a path through them, and distances to cones.
 
-Axes of a course: x along the entry lane from its first cone, y to the left from the entry lane's centre line. A course
-goes to the left and comes back; mirrored, to the right. The lanes' limits touch the cones' bases (ISO 3888-2:2011,
-4.2), so a cone stands here for the point of its base that is nearest to the lane.
+Axes of a course: x along the entry lane from its first cone, y to the left from the entry lane's centre line. The side
+lane lies to the left, or to the right on a mirrored course. The lanes' limits touch the cones' bases (ISO 3888-2:2011,
+4.2), so a cone is represented by the point of its base that is nearest to the lane.
 
 Sources, all secondary: lengths, widths and offsets as in public implementations (Project Chrono's double lane change,
 CommonRoad's controllers). For ISO 3888-2 the offset is the gap between the edges of entry and side lane, and the edges
@@ -21,10 +21,11 @@ from steer_env.vehicle.cars import Car
 
 Array = NDArray[np.float64]
 
-EDITIONS = {"double-lane-change": ("2018", "1999"), "obstacle-avoidance": ("2011", "2002")}  # the standard one first
-CONE_SPACING = {"double-lane-change": 5.0, "obstacle-avoidance": 3.0}  # at most, assumed [m]
+# The default edition comes first.
+EDITIONS = {"double-lane-change": ("2018", "1999"), "obstacle-avoidance": ("2011", "2002")}
+CONE_SPACING = {"double-lane-change": 5.0, "obstacle-avoidance": 3.0}  # largest distance of cones, assumed [m]
 EXIT_WIDTH = 3.0  # least width of the exit lane in ISO 3888-2:2011 [m]
-TYRE_WIDTH, OVERHANGS = 0.205, 1.75  # of a car whose data have no overall size; assumed [m]
+TYRE_WIDTH, OVERHANGS = 0.205, 1.75  # for a car whose data have no overall size; assumed [m]
 
 
 class Gate(NamedTuple):
@@ -37,7 +38,7 @@ class Gate(NamedTuple):
 
 
 class Course(NamedTuple):
-    """Gates in the order of driving, and the cones beside them."""
+    """Gates in driving order, and the cones beside them."""
 
     gates: tuple[Gate, ...]
     left: Array  # x, y of the cones to the left of the lanes (N, 2) [m]
@@ -54,13 +55,13 @@ class Outline(NamedTuple):
 
     length: float  # [m]
     width: float  # [m]
-    centre: float  # of the rectangle ahead of the point that x and y follow [m]
+    centre: float  # distance of the rectangle's centre ahead of the centre of gravity [m]
 
 
 def outline(car: Car) -> Outline:
-    """Overall size of a car around its centre of gravity; equal overhangs, assumed.
+    """Overall size of a car around its centre of gravity, with equal overhangs; assumed.
 
-    Where the car's data have no ``length`` or ``width``, wheelbase and wider track take assumed additions.
+    Without a ``length`` or ``width`` in the car's data, the wheelbase or the wider track plus an assumed value is used.
     """
     c = car.chassis
     return Outline(
@@ -79,15 +80,15 @@ def course(manoeuvre: str, width: float, edition: str | None = None, mirrored: b
     width : float
         Of the car, without mirrors [m].
     edition : str, optional
-        Of the standard; the latest by default. ISO 3888-1: "2018" or "1999", alike in all sources seen. ISO 3888-2:
-        "2011", whose exit lane is 3 m wide at least, or "2002".
+        Of the standard; the latest by default. ISO 3888-1: "2018" or "1999", equal in all sources seen. ISO 3888-2:
+        "2011", whose exit lane is at least 3 m wide, or "2002".
     mirrored : bool
         Whether the side lane lies to the right.
 
     Raises
     ------
     ValueError
-        Unknown manoeuvre or edition, or a width that no car has.
+        The manoeuvre or the edition is unknown, or the width is out of range.
     """
     if manoeuvre not in EDITIONS:
         raise ValueError(f"no course for {manoeuvre!r}; there are {', '.join(EDITIONS)}")
@@ -153,36 +154,38 @@ def cone_margins(cones: Array, car: Outline, x: Array, y: Array, yaw: Array) -> 
 
 
 SPACING = 1.0  # of the stations of a path [m]
-RUN_IN, RUN_OUT = 15.0, 15.0  # before and after the course in which the path may leave the straight, assumed [m]
-STRAIGHT = 300.0  # that the path goes on ahead and before [m]
-LEFT_OF_CLEARANCE = 0.5  # part of a lane's clearance beside the car that the path leaves, assumed [1]
+RUN_IN, RUN_OUT = 15.0, 15.0  # distance before and after the course in which the path may curve, assumed [m]
+STRAIGHT = 300.0  # length of the straight lines before and after that [m]
+KEPT_CLEARANCE = 0.5  # share of a lane's clearance beside the car that the path keeps, assumed [1]
 
 
 def path(course: Course, car: Outline) -> Array:
     """The smoothest path of the centre of gravity that takes the car's outline through the gates.
 
-    Least integral of y'''^2 over x, a quintic spline, with the outline along the path's tangent and a part of each
-    lane's clearance left at each cone. (Quintic steps from centre line to centre line within the transitions would ask
-    for 11 and 15 m/s2 at 80 km/h: drivers use the lanes' width and length.) The quadratic programme is one of least
-    distance, solved by non-negative least squares: Lawson, Hanson, Solving Least Squares Problems, 1974, chapter 23.
+    The path minimises the integral of y'''^2 over x, which gives a quintic spline. The outline lies along the path's
+    tangent and keeps a share of each lane's clearance at each cone. (Quintic steps from centre line to centre line
+    within the transitions would need 11 and 15 m/s2 at 80 km/h: drivers use the lanes' width and length.) The quadratic
+    programme is a least-distance problem, solved by non-negative least squares: Lawson, Hanson, Solving Least Squares
+    Problems, 1974, chapter 23.
 
     Returns
     -------
     (N, 2) array
-        x, y in the course's axes, straight long before and after it [m].
+        x, y in the course's axes, with long straight lines before and after it [m].
 
     Raises
     ------
     ValueError
-        If the car does not fit through the gates.
+        The car does not fit through the gates.
     """
-    from scipy import optimize  # here, for it takes longer to import than an environment to start
+    from scipy import optimize  # here, because importing it takes longer than starting an environment
 
+    # A mirrored course is solved as its image and the path mirrored back, so that both are bit-identical.
     mirrored = course.gates[1].left + course.gates[1].right < 0.0
-    gates = [Gate(g.start, g.end, -g.left, -g.right) if mirrored else g for g in course.gates]  # one image, so exact
+    gates = [Gate(g.start, g.end, -g.left, -g.right) if mirrored else g for g in course.gates]
     x = np.arange(-RUN_IN, course.length + RUN_OUT + 0.5 * SPACING, SPACING)
     n = x.size - 1
-    # Rows that give y, y' and y'' at the stations from the third derivative (n,) in between, from rest at the first.
+    # Matrices from the third derivative (n,) between the stations to y, y' and y'' at the stations, zero at the first.
     y, slope, bend = (np.zeros((n + 1, n)) for _ in range(3))
     for i in range(n):
         bend[i + 1], slope[i + 1] = bend[i], slope[i] + SPACING * bend[i]
@@ -194,13 +197,13 @@ def path(course: Course, car: Outline) -> Array:
         clearance = gate.left - gate.right - car.width
         if clearance <= 0.0:
             raise ValueError(f"a car {car.width:g} m wide does not pass a lane of {gate.left - gate.right:g} m")
-        half = 0.5 * car.width + 0.5 * LEFT_OF_CLEARANCE * clearance
+        half = 0.5 * car.width + 0.5 * KEPT_CLEARANCE * clearance
         for cone in _row(gate, SPACING):
             beside = np.flatnonzero(np.abs(cone - x - car.centre) <= 0.5 * car.length)
             sides = y[beside] + (cone - x[beside, None]) * slope[beside]
             rows += [*sides, *-sides]
             least += [gate.right + half] * beside.size + [half - gate.left] * beside.size
-    # Lengths in units of the least third derivative's order of magnitude, or the programme is badly scaled.
+    # In units of the third derivative's order of magnitude; otherwise the programme is badly scaled.
     scale = 1e-3
     E = np.vstack([scale * np.array(rows).T, least])
     size = np.linalg.norm(E, axis=0)

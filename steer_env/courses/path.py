@@ -1,4 +1,4 @@
-"""A path to follow: curvature over arc length, integrated to a curve, and the kernel that finds the car on it."""
+"""A path to follow: curvature over arc length, integrated to a curve, and the kernel that locates the car on it."""
 
 import math
 
@@ -16,7 +16,7 @@ _X, _Y, _YAW, _CURVATURE = range(4)
 
 
 def from_curvature(curvature: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Curve from the origin along x with the given curvatures (N,) [1/m], one metre apart and linear between.
+    """Curve that starts at the origin along x, with curvatures (N,) [1/m] one metre apart and linear between them.
 
     Returns
     -------
@@ -35,7 +35,7 @@ def from_curvature(curvature: NDArray[np.float64]) -> NDArray[np.float64]:
 def winding(rng: np.random.Generator, length: float, peak: float) -> NDArray[np.float64]:
     """Random road: curvature as a sum of sines of 80 to 400 m with random phases, bounded by ``peak`` [1/m].
 
-    It starts straight: the first 50 m grow from zero curvature.
+    The road starts straight: the curvature grows from zero over the first 50 m.
     """
     s = np.arange(0.0, length + SPACING, SPACING)
     wavelengths = np.array([80.0, 120.0, 180.0, 270.0, 400.0])
@@ -46,8 +46,8 @@ def winding(rng: np.random.Generator, length: float, peak: float) -> NDArray[np.
 
 
 def through(points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """A path (N, 4) as of :func:`from_curvature` through points (M, 2) [m], along a cubic spline."""
-    from scipy import interpolate  # here, for it takes longer to import than an environment to start
+    """A path (N, 4), as :func:`from_curvature` gives it, along a cubic spline through points (M, 2) [m]."""
+    from scipy import interpolate  # here, because importing it takes longer than starting an environment
 
     chord = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))))
     spline = interpolate.CubicSpline(chord, points)
@@ -61,7 +61,7 @@ def through(points: NDArray[np.float64]) -> NDArray[np.float64]:
 
 @kernel
 def locate(path, x, y, yaw, guess, step, out):
-    """Where a car stands on a path, and where the path goes from there.
+    """Locate a car relative to a path, and the path ahead relative to the car.
 
     Parameters
     ----------
@@ -70,12 +70,12 @@ def locate(path, x, y, yaw, guess, step, out):
     x, y, yaw : float
         Position [m] and direction [rad] of the car.
     guess : float
-        Arc length near which to look [m]; the last result, or zero.
+        Arc length near which the search starts [m]: the last result, or zero.
     step : float
-        Distance between the points to see ahead, the first one step away [m].
+        Distance between the points ahead; the first is one step away [m].
     out : (2 + K,) array
-        Receives lateral offset (left of the path positive) [m], heading error [rad], and for K points of the path ahead
-        how far to the left of the car's axis they lie [m].
+        Receives the lateral offset, positive where the car is left of the path [m], the heading error [rad], and the
+        lateral positions of K points of the path ahead, positive to the left of the car's axis [m].
 
     Returns
     -------
@@ -89,7 +89,7 @@ def locate(path, x, y, yaw, guess, step, out):
     for _ in range(path.shape[0]):
         c, s = math.cos(path[i, _YAW]), math.sin(path[i, _YAW])
         along = (x - path[i, _X]) * c + (y - path[i, _Y]) * s
-        # Outside a curve a car may be beyond one point's metre and before the next point: it stands between them.
+        # Outside a curve a car may be beyond the metre of one point and before the next: it is between them.
         if along >= SPACING and i < last and not back:
             i += 1
         elif along < 0.0 and i > 0:
@@ -99,7 +99,7 @@ def locate(path, x, y, yaw, guess, step, out):
             break
     part = within(along, 0.0, SPACING)
     k = path[i, _CURVATURE]
-    # On the arc of the point's curvature: the tangent turns, and the curve leaves the tangent, by its second order.
+    # On an arc with the point's curvature the direction changes linearly and the offset from the tangent quadratically.
     c, s = math.cos(path[i, _YAW]), math.sin(path[i, _YAW])
     across = (y - path[i, _Y]) * c - (x - path[i, _X]) * s
     out[0] = across - 0.5 * k * part * part
@@ -108,7 +108,7 @@ def locate(path, x, y, yaw, guess, step, out):
     position = SPACING * i + along
     c_car, s_car = math.cos(yaw), math.sin(yaw)
     for j in range(out.size - 2):
-        # Behind the last point the path goes on straight.
+        # After the last point the path continues straight.
         ahead = within(position + (j + 1) * step, 0.0, math.inf)
         n = within(int(ahead / SPACING), 0, last)
         part = ahead - SPACING * n

@@ -8,12 +8,8 @@ from steer_env.manoeuvres.common.shapes import ramp_and_hold
 
 Array = NDArray[np.float64]
 
-RISE, HELD, FREE, PAUSE = (
-    1.5,
-    2.5,
-    5.0,
-    2.0,
-)  # sections of one event; in the pause the robot grips again and runs straight [s]
+# Sections of one event; in the pause the robot grips again and runs straight [s].
+RISE, HELD, FREE, PAUSE = 1.5, 2.5, 5.0, 2.0
 EVENT = RISE + HELD + FREE + PAUSE  # [s]
 
 

@@ -10,11 +10,8 @@ from steer_env.vehicle.cars import Car
 from steer_env.vehicle.chassis.common.interface import TARGET_SPEED
 from steer_env.vehicle.constants import GRAVITY as G
 
-ENTRY, SLOWING, REST = (
-    4.0,
-    12.0,
-    4.0,
-)  # entry into the circle, return to the first speed at its exit, straight ahead [s]
+# Entry into the circle, return to the first speed at its exit, straight ahead [s].
+ENTRY, SLOWING, REST = 4.0, 12.0, 4.0
 PERIOD = 0.01  # time step of the driver [s]
 CROSSOVER = 3.0  # crossover frequency of the curvature loop of a neutral car, assumed; lower with understeer [rad/s]
 LAG = 0.1  # lag of the hand, assumed [s]
@@ -24,10 +21,8 @@ def _curvature_driver(sign: Callable[[float], float], radius: float) -> Callable
     """Driver that holds a curvature with the angle that a neutral car needs and with the integral of the error."""
 
     def build(car: Car, p: plant.Plant) -> Callable[[float, Array], tuple[float, float]]:
-        ratio = p.pinion_radius * float(car.strut.solve(0.0, 0.0).per_rack.rotation[2])
-        neutral = (
-            car.chassis["front_axle"] + car.chassis["rear_axle"]
-        ) / ratio  # handwheel angle per curvature [rad m]
+        # Handwheel angle per curvature [rad m].
+        neutral = (car.chassis["front_axle"] + car.chassis["rear_axle"]) / car.steering_gain()
         names = [name for name, _ in plant.channels(p)]
         yaw, speed = names.index("yaw_rate"), names.index("longitudinal_speed")
         angle, integral = 0.0, 0.0

@@ -10,5 +10,5 @@ register_crosswind("crosswind", fixed=True)
 
 @crosswind_metric("N m", "crosswind")
 def crosswind_handwheel_torque_peak(wind: Crosswind) -> np.ndarray:
-    """Size of the hand torque that keeps the handwheel straight, at the time of the largest mean of the gusts."""
+    """Size of the largest hand torque to keep the handwheel straight, read where the mean of the gusts is largest."""
     return np.abs(wind.peak(TORQUE))

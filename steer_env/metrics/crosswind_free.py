@@ -10,5 +10,5 @@ register_crosswind("crosswind-free", fixed=False)
 
 @crosswind_metric("deg", "crosswind-free")
 def crosswind_handwheel_angle_peak(wind: Crosswind) -> np.ndarray:
-    """Size of the angle of the free handwheel, at the time of the largest mean of the gusts."""
+    """Size of the largest angle of the free handwheel, read where the mean of the gusts is largest."""
     return np.abs(wind.peak(ANGLE))

@@ -23,7 +23,7 @@ def yaw_rate_after_1s(free: FreeControl) -> np.ndarray:
 
 @_release("%", "release")
 def release_overshoot(free: FreeControl) -> np.ndarray:
-    """Overshoot of the yaw rate beyond the residual yaw rate, divided by the held less the residual yaw rate."""
+    """Overshoot of the yaw rate beyond its residual to the other side, divided by held minus residual yaw rate."""
     rest = free.residual(YAW)
     return (rest - free.opposite()[1]) / (free.excitation() - rest)
 

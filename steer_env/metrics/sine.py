@@ -124,7 +124,7 @@ def yaw_rate_sine_gain(waves: HalfWaves) -> np.ndarray:
 
 @_sine_metric("ms")
 def yaw_rate_sine_lag(waves: HalfWaves) -> np.ndarray:
-    """Time from the peak of the handwheel angle to that of the yaw rate, from the second cycle on."""
+    """Time from the peak of the handwheel angle to the yaw rate's, for each half wave from the second cycle on."""
     return waves.settled(waves.peaks(YAW)[0])
 
 
@@ -142,7 +142,10 @@ def lateral_acceleration_sine_gain(waves: HalfWaves) -> np.ndarray:
 
 @_sine_metric("ms")
 def lateral_acceleration_sine_lag(waves: HalfWaves) -> np.ndarray:
-    """Time from the peak of the handwheel angle to that of the lateral acceleration, from the second cycle on."""
+    """Time from the peak of the handwheel angle to that of the lateral acceleration.
+
+    It is read for each half wave from the second cycle on.
+    """
     return waves.settled(waves.peaks(AY)[0])
 
 
@@ -157,13 +160,13 @@ def lateral_acceleration_first_peak_ratio(waves: HalfWaves) -> np.ndarray:
 
 @_sine_metric("deg", source="common use")
 def lateral_acceleration_sine_hysteresis(waves: HalfWaves) -> np.ndarray:
-    """Width of the loop handwheel angle over lateral acceleration at 0 g: twice the angle at each zero crossing."""
+    """Width in handwheel angle of the loop over lateral acceleration at 0 g: twice the angle at each zero crossing."""
     return 2.0 * waves.angle_at_zero(AY)
 
 
 @_sine_metric("deg", source="common use")
 def yaw_rate_sine_hysteresis(waves: HalfWaves) -> np.ndarray:
-    """Width of the loop handwheel angle over yaw rate at zero: twice the angle at each zero crossing."""
+    """Width in handwheel angle of the loop over yaw rate at zero: twice the angle at each zero crossing."""
     return 2.0 * waves.angle_at_zero(YAW)
 
 

@@ -280,7 +280,7 @@ def lateral_acceleration_settling_time(steps: Steps) -> Bounded:
 
 @_step_metric("N m")
 def steady_step_torque(steps: Steps) -> np.ndarray:
-    """Steady handwheel torque in the direction of the step; the torque left by friction before it is not subtracted."""
+    """Steady handwheel torque in the direction of the step; a torque left by friction before it is not subtracted."""
     return steps.steady(TORQUE, centred=False)
 
 

@@ -25,10 +25,11 @@ from typing import Any, NamedTuple
 from steer_env.friction.numerics import toml
 from steer_env.friction.numerics.check import number
 from steer_env.recording.recording import check_meta
-from steer_env.recording.renamed_channels import RENAMED_CHANNELS, announce
+from steer_env.recording.renamed_channels import announce
 from steer_env.recording.units import SPELLINGS, parse_unit
 from steer_env.vehicle import plant
 from steer_env.vehicle.chassis import two_track
+from steer_env.vehicle.chassis.common.interface import RENAMED_CHANNELS
 
 # Known channels -> unit in memory.
 KNOWN = {**dict(plant.CHANNELS), **dict(two_track.CHANNELS), "vehicle_speed": "m/s"}
@@ -96,7 +97,7 @@ def from_data(data: dict[str, Any]) -> Mapping:
 
 def current_name(name: str) -> str:
     """The present name of a channel that may bear an old one."""
-    return RENAMED_CHANNELS.get(name, name) if name not in KNOWN else name
+    return RENAMED_CHANNELS.get(name, name)
 
 
 def entry(name: str, given: Any) -> Entry:

@@ -1,12 +1,10 @@
-"""Old names of channels, which files and mappings may use until release 1.0."""
+"""Notice of old names of channels, which files and mappings may use until release 1.0."""
 
 import sys
 from collections.abc import Iterable
 
 from steer_env.friction.numerics.renamed import REMOVED_IN
-
-_WHEELS = ("front_left", "front_right", "rear_left", "rear_right")
-RENAMED_CHANNELS = {f"wheel_spin_{wheel}": f"wheel_angular_velocity_{wheel}" for wheel in _WHEELS}  # old -> new
+from steer_env.vehicle.chassis.common.interface import RENAMED_CHANNELS
 
 
 def announce(where: object, old_names: Iterable[str]) -> None:

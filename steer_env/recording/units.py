@@ -61,9 +61,8 @@ _OTHERS = {
 _SPELLINGS = {suffix.replace("_", "/"): (unit, size) for unit, (suffix, size) in FILE_UNITS.items()}
 _SPELLINGS |= {unit.replace(" ", ""): (unit, 1.0) for unit in FILE_UNITS}
 _SPELLINGS |= _OTHERS
-_ANY_CASE = {
-    text.lower(): text for text in _SPELLINGS if len(text) > 2
-}  # short ones such as "MS" and "NM" may have another meaning
+# In any case; but short ones such as "MS" and "NM" may have another meaning.
+_ANY_CASE = {text.lower(): text for text in _SPELLINGS if len(text) > 2}
 _SUFFIXES = sorted((text.replace("/", "_") for text in _SPELLINGS if text != "-"), key=lambda text: -len(text))
 _BRACKETED = re.compile(r"(.*\S)\s*(?:\[([^\[\]]*)\]|\(([^()]*)\))")
 

@@ -8,11 +8,8 @@ from steer_env.recording.recording import DEGREE
 from steer_env.synthetic.recordings import Array, Example, half_cosine, recording
 
 SPEED = 80.0 / 3.6  # [m/s]
-WIDTH, LENGTH, CENTRE = (
-    1.8,
-    4.5,
-    -0.3,
-)  # of the car, and place of its middle ahead of the point that x and y describe [m]
+# Size of the car, and place of its middle ahead of the point that x and y describe [m].
+WIDTH, LENGTH, CENTRE = 1.8, 4.5, -0.3
 FRONT, REAR = CENTRE + LENGTH / 2, CENTRE - LENGTH / 2
 ANGLE, TORQUE, AY, YAW = 60 * DEGREE, 4.0, 5.0, 15 * DEGREE
 YAW_LAG, AY_LAG = 0.08, 0.12  # [s]

@@ -8,14 +8,9 @@ from steer_env.vehicle.constants import GRAVITY as G
 
 PEAK, RISE = 16 * DEGREE, 10.0  # [rad], [s]
 DEAD = {"yaw_rate": 0.4 * DEGREE, "lateral_acceleration": 0.6 * DEGREE}  # handwheel angle [rad]
-GAIN = {
-    "yaw_rate": 0.28,
-    "lateral_acceleration": 8.0,
-}  # slope of a response over the handwheel angle outside the dead band [SI]
-TORQUE, GRADIENT = (
-    0.7,
-    1.2,
-)  # torque at which the response begins [N m], its slope over the lateral acceleration from there [N m s2/m]
+GAIN = {"yaw_rate": 0.28, "lateral_acceleration": 8.0}  # slope over the handwheel angle outside the dead band [SI]
+# Torque at which the response begins [N m], and its slope over the lateral acceleration from there [N m s2/m].
+TORQUE, GRADIENT = 0.7, 1.2
 SPEED = 100 / 3.6
 
 

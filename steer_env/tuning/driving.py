@@ -43,7 +43,9 @@ def prepare(scenario: Scenario, car: Car, chassis: str, drawn: Conditions) -> tu
             m = replace(m, chassis=chassis)
         if drive.at_context_speed:
             m = replace(m, speed=drawn.speed)
-        p = build_plant(loaded, m, drawn.friction, drawn.road_friction)._replace(friction_torque_scale=drawn.friction_level)
+        p = build_plant(loaded, m, drawn.friction, drawn.road_friction)._replace(
+            friction_torque_scale=drawn.friction_level
+        )
         prepared.append(PreparedDrive(drive._replace(manoeuvre=m), loaded, p, open_loop(p, m)))
     return tuple(prepared)
 

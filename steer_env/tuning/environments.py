@@ -64,9 +64,10 @@ def _documentation(scenario: Scenario) -> str:
         "## Reward",
         _filled(
             "The reward is minus the sum of the weighted terms. The term of a metric is its distance from its band "
-            f"over the band's width: 0 inside the band, at most {reward.MAX_DISTANCE:g}, and {reward.MAX_DISTANCE:g} for "
-            "a refused metric. The term of a margin is its shortfall below its least value over that value, and 1 if the "
-            'loop is unstable. The terms are in `info["reward_terms"]`; the bands are those of `targets="compact"`.'
+            f"over the band's width, at most {reward.MAX_DISTANCE:g}; it is 0 inside the band and "
+            f"{reward.MAX_DISTANCE:g} for a refused metric. The term of a margin is its shortfall below its least "
+            "value over that value; it is 1 if the loop is unstable. "
+            'The terms are in `info["reward_terms"]`; the bands are those of `targets="compact"`.'
         ),
         table(("term", "weight", "band", "unit"), [*terms, *margins]),
         '## Cost\n\nFor constrained learning: `info["cost_terms"]` are the shortfalls of both margins, `info["cost"]` '

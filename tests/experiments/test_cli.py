@@ -166,6 +166,7 @@ def test_version(capsys):
     assert capsys.readouterr().out == f"steer-env {provenance.versions()['version']}\n"
 
 
+@pytest.mark.whole
 def test_a_law_from_the_working_directory(tmp_path):
     source = Path(friction.models.viscous.__file__).read_text().replace('"viscous"', '"outside"')
     (tmp_path / "outside_law.py").write_text(source)

@@ -159,6 +159,7 @@ def test_another_version_of_their_code_is_noticed(monkeypatch):
         drive(P, STEP, ["other"])
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("name", MANOEUVRES)
 def test_the_stored_reference_is_what_their_model_gives(name):
     """To what single precision and the integration leave; the table shows 1e-4."""

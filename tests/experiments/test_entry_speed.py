@@ -16,6 +16,7 @@ def test_a_hopeless_speed_is_lost_control_or_cones():
     assert not entry_speed.passes(CAR, "lugre", replace(manoeuvres.make("double-lane-change"), speed=150.0 * KPH))
 
 
+@pytest.mark.whole
 def test_maximum_entry_speed():
     """The driver passes at what is returned and not a tolerance above; the speed is that of a passenger car."""
     speed = entry_speed.maximum_entry_speed(CAR, "lugre", tolerance=1.0)

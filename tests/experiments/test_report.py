@@ -1,8 +1,7 @@
-"""The report on a reduced set: whole, self-contained, and nothing half-written whatever interrupts it."""
+"""The report with a reduced scope: complete, self-contained, and never half-written, whatever interrupts it."""
 
 import functools
 import json
-import os
 import signal
 import subprocess
 import sys
@@ -10,17 +9,13 @@ import time
 from html.parser import HTMLParser
 
 import pytest
-from scipy import stats
 
 from steer_env import friction, metrics
-from steer_env.experiments.output import provenance
-from steer_env.experiments.output.files import replaced_directory
 from steer_env.experiments.report import build, findings
 from steer_env.experiments.report.results import Scope
-from steer_env.experiments.studies.common import battery
 from steer_env.experiments.studies.common.commonroad_manoeuvres import MANOEUVRES
-from steer_env.experiments.studies.common.processes import pool_of
-from steer_env.vehicle import cars
+
+pytestmark = pytest.mark.whole
 
 LAWS = {law: friction.make(law) for law in ("lugre", "masing")}
 TESTS = {"weave": {"cycles": 6}, "slow-ramp": {}, "step-steer": {}, "hold": {}}
@@ -236,26 +231,6 @@ def test_the_cross_validation_says_what_its_numbers_say(made, source, monkeypatc
     assert after.count(">missed</td>") == 2
 
 
-def test_a_law_from_outside_reaches_the_worker_processes(toy):
-    with pool_of(1) as pool:
-        found = pool.submit(friction.response, friction.make("toy_jenkins"), [0.0, 0.1], 1e-3).result()
-    assert found.tolist() == [0.0, 0.9]
-
-
-def test_every_number_of_the_car_has_its_unit():
-    car = cars.load()
-    assert set(provenance.UNITS) == {*car.chassis, *car.steering}
-    assert provenance.car(car)["chassis"]["mass"] == {"value": car.chassis["mass"], "unit": "kg"}
-
-
-def test_shares_are_of_the_value_or_of_the_usual_range():
-    value, base = (metrics.Value(x, x, x, "ms", repeats=(x - 0.1, x + 0.1)) for x in (2.0, 1.0))
-    found = battery.difference("yaw_lag", value, base)  # usual range 50 to 120 ms
-    assert found.value == 1.0
-    assert found.half_width == pytest.approx(0.1 * 2**0.5 * stats.t.ppf(0.975, 2))  # Welch, equal variances
-    assert found.share == pytest.approx(1.0 / 70.0)
-
-
 def test_an_error_half_way_leaves_the_old_report(made, tmp_path, monkeypatch):
     _, results = made
     out = tmp_path / "report"
@@ -276,31 +251,6 @@ def test_an_error_half_way_leaves_the_old_report(made, tmp_path, monkeypatch):
     build.build(out, LAWS, SCOPE)
     assert (out / "index.html").read_text() == "new"
     assert sorted(path.name for path in tmp_path.rglob("*")) == ["index.html", "metrics.json", "report"]
-
-
-def test_an_interrupted_swap_puts_the_old_report_back(tmp_path, monkeypatch):
-    out = tmp_path / "report"
-    out.mkdir()
-    (out / "index.html").write_text("old")
-    rename = os.rename
-
-    def interrupted(source, target):
-        if target == out and not str(source).endswith(".old"):
-            raise KeyboardInterrupt
-        rename(source, target)
-
-    monkeypatch.setattr("steer_env.experiments.output.files.os.rename", interrupted)
-    with pytest.raises(KeyboardInterrupt), replaced_directory(out, build.CONTENTS) as part:
-        (part / "index.html").write_text("new")
-    assert [path.name for path in tmp_path.rglob("*")] == ["report", "index.html"]
-    assert (out / "index.html").read_text() == "old"
-
-
-def test_a_directory_with_other_files_is_not_replaced(tmp_path):
-    (tmp_path / "thesis.tex").write_text("years of work")
-    with pytest.raises(ValueError, match=r"holds other files \(thesis\.tex\)"):
-        build.build(tmp_path, LAWS, SCOPE)
-    assert (tmp_path / "thesis.tex").read_text() == "years of work"
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="sends SIGINT to one process")

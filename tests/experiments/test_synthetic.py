@@ -17,6 +17,7 @@ from steer_env.synthetic.loops import linear_car
 TRIALS = 2  # of a case behind a fault; the mark has 200
 
 
+@pytest.mark.whole
 def test_every_case():
     """Trials behind all faults together: exact intervals miss this in one run of a hundred, for some 250 metrics."""
     found = collect(TRIALS)

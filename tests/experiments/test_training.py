@@ -38,6 +38,7 @@ def test_a_run_leaves_policy_curve_checkpoint_and_settings(trained):
     assert any((trained / "tensorboard").rglob("events*"))
 
 
+@pytest.mark.whole
 def test_the_same_seed_and_steps_train_the_same_policy(trained, tmp_path):
     Training(WEAVE, "ppo", tmp_path / "again", seed=1, friction=LUGRE).run(steps=8192)
     rewards = []
@@ -80,6 +81,7 @@ def test_a_policy_holds_its_action_between_its_own_steps(tmp_path):
         policy.Policy(path, gym.make(env_id, control_dt=0.02))
 
 
+@pytest.mark.whole
 def test_resume_goes_on(trained, tmp_path):
     out = tmp_path / "run"
     first = Training(WEAVE, "ppo", out, friction=LUGRE)
@@ -153,6 +155,7 @@ def _as_trained_on(source, folder, **changes):
     return str(folder / "policy.zip")
 
 
+@pytest.mark.whole
 def test_policies_of_several_laws_are_compared_on_one(trained, tmp_path, capsys):
     ours = str(trained / "policy.zip")
     other = _as_trained_on(ours, tmp_path / "other", friction="masing")
@@ -209,6 +212,7 @@ def test_differences_are_shaded_by_what_is_better():
     assert policy_report.shade("cost", held_out.Estimate(1e-17, 1e-18, 2e-17), estimate(0.0), estimate(0.0)) == ""
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("algo", ["sac", "recurrent-ppo"])
 def test_other_algorithms_train_too(algo, tmp_path):
     run = Training(WEAVE, algo, tmp_path / "run", friction=LUGRE)
@@ -243,7 +247,8 @@ def test_estimates():
     assert (low, high) == pytest.approx((0.9497, 0.9922), abs=2e-4)  # Wilson's for 196 of 200
 
 
-def test_evaluation_writes_its_report(trained, tmp_path, capsys):
+def test_evaluation_writes_its_report(trained, tmp_path, capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "120")  # a terminal in which no name of a metric is folded
     out = tmp_path / "evaluation"
     assert (
         main(["evaluate-policy", str(trained / "policy.zip"), "--env", WEAVE, "--episodes", "3", "--out", str(out)])
@@ -272,6 +277,7 @@ def test_identified_laws_are_near_the_one_that_was_recorded():
     assert found["lugre, identified"].sigma_0 == pytest.approx(LUGRE.parameters.sigma_0, rel=0.01)
 
 
+@pytest.mark.whole
 def test_friction_shift(trained, tmp_path):
     found = friction_shift.collect(trained / "policy.zip", [Friction("coulomb"), Friction("lugre,F_c=1.5")], 3)
     assert list(found.values) == ["lugre", "coulomb", "lugre,F_c=1.5"]

@@ -18,15 +18,15 @@ LAWS = friction.available()
 _made: dict = {}
 
 
-def environment(scenario, law="lugre", lanes=None):
+def environment(scenario, law="lugre", num_envs=None):
     """An assist environment, made once; every test resets it."""
-    key = scenario, law, lanes
+    key = scenario, law, num_envs
     if key not in _made:
         name = f"steer_env/Assist{scenario}-v0"
         _made[key] = (
             gym.make(name, friction=law).unwrapped
-            if lanes is None
-            else gym.make_vec(name, num_envs=lanes, friction=law)
+            if num_envs is None
+            else gym.make_vec(name, num_envs=num_envs, friction=law)
         )
     return _made[key]
 
@@ -46,9 +46,9 @@ def acted(baseline, seen):
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_lanes_act_as_one_alone(name):
+def test_a_row_of_a_batch_acts_as_a_single_environment(name):
     seen = [watched("Weave", 300, seed) for seed in (1, 2, 3)]
-    together = acted(assists.make(name, environment("Weave", lanes=3)), np.stack(seen, axis=1))
+    together = acted(assists.make(name, environment("Weave", num_envs=3)), np.stack(seen, axis=1))
     assert together.shape == (300, 3, 1)
     assert together.dtype == np.float32
     for i, alone in enumerate(seen):
@@ -56,9 +56,9 @@ def test_lanes_act_as_one_alone(name):
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_a_lane_starts_afresh_by_itself(name):
+def test_each_row_starts_anew_by_itself(name):
     seen = np.stack([watched("Weave", 200, seed) for seed in (1, 2)], axis=1)
-    baseline = assists.make(name, environment("Weave", lanes=2))
+    baseline = assists.make(name, environment("Weave", num_envs=2))
     before = acted(baseline, seen)
     baseline.reset(np.array([False, True]))
     after = np.array([baseline.act(np.stack([seen[-1, 0], one])) for one in seen[:, 1]])
@@ -148,7 +148,7 @@ def test_friction_compensation_comes_to_rest(plant, observer, share):
 
 
 def test_compensation_and_lqg_bring_the_feel_nearer_to_the_reference():
-    env = environment("Weave", lanes=8)
+    env = environment("Weave", num_envs=8)
 
     def error(name):
         baseline = assists.make(name, env)
@@ -225,7 +225,7 @@ def test_margins_of_the_lqg(speed):
 
 def test_bad_input():
     env = environment("Weave")
-    with pytest.raises(ValueError, match=r"unknown baseline assist 'pid'; available: boost"):
+    with pytest.raises(ValueError, match=r"unknown baseline assist 'pid'; available: active_return, boost"):
         assists.make("pid", env)
     with pytest.raises(ValueError, match=r"has no option 'gian'; it takes: gain"):
         assists.make("damping", env, gian=1.0)

@@ -78,7 +78,7 @@ def test_every_driver_keeps_the_lane(name, driver):
 @pytest.mark.parametrize("co_contraction", [0.2, 0.5, 1.0])
 @pytest.mark.parametrize("law", ["lugre", "masing", "viscous"])
 def test_arms_in_the_loop_are_stable(law, co_contraction):
-    """Tensed or nearly relaxed, the person in the loop keeps the lane without swinging."""
+    """Tensed or nearly relaxed, the driver in the loop keeps the lane without oscillation."""
     driver = drivers.make("preview", co_contraction=co_contraction)
     env = gym.make("steer_env/AssistLaneKeeping-v0", driver=driver, friction=law)
     env.reset(seed=0)

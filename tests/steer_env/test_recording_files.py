@@ -11,7 +11,7 @@ from steer_env import metrics
 from steer_env.recording import channel_mapping
 from steer_env.recording.files import FORMATS, read, write
 from steer_env.recording.recording import DEGREE, FILE_UNITS, Recording
-from steer_env.recording.renamed_channels import RENAMED_CHANNELS
+from steer_env.vehicle.chassis.common.interface import RENAMED_CHANNELS
 
 UNITS = {"handwheel_angle": "rad", "handwheel_torque": "N m", "lateral_acceleration": "m/s2", "yaw_rate": "rad/s"}
 SUFFIXES = [*FORMATS]
@@ -209,6 +209,8 @@ def test_a_table_from_a_spreadsheet_is_read(tmp_path):
 
 def test_old_names_of_channels_are_replaced(tmp_path, capsys, monkeypatch):
     """One line on standard error names the new name and the release that forgets the old one."""
+    assert {old for old in RENAMED_CHANNELS if old.startswith("wheel_spin_")} == RENAMED_CHANNELS.keys()
+    assert set(RENAMED_CHANNELS.values()) <= channel_mapping.KNOWN.keys()
     monkeypatch.setitem(RENAMED_CHANNELS, "turn_rate", "yaw_rate")
     path = tmp_path / "old.csv"
     path.write_text("time_s,turn_rate_deg_s\n0,1\n1,2\n")

@@ -56,7 +56,7 @@ def test_seeds_repeat():
     assert np.array_equal(first[2], single.reset(seed=7)[0])
 
 
-def test_reset_options_reach_every_lane():
+def test_reset_options_reach_every_sub_environment():
     env = SteerVecEnv(WEAVE, 2)
     env.set_options({"amplitude": 0.1})
     env.reset()
@@ -91,7 +91,7 @@ def test_wrappers_callbacks_and_an_algorithm_work_around_it(tmp_path):
     assert stacked.reset().shape == (2, 3 * 8)
 
 
-def test_what_lanes_cannot_do_is_refused():
+def test_what_sub_environments_cannot_do_is_refused():
     env = SteerVecEnv(WEAVE, 2)
     assert env.get_attr("control_dt") == [0.01, 0.01]
     assert env.env_is_wrapped(gym.Wrapper) == [False, False]

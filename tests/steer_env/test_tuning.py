@@ -22,6 +22,8 @@ from steer_env.vehicle.steering.margins import Margins, boost_gain, margins, wor
 IDS = tuple(TUNED)
 ALL_ROUND, ON_CENTRE = IDS
 EVERYTHING = {"load": (0, 300), "road_friction": (0.8, 1.0), "friction_level": (0.5, 2), "speed": (20, 40)}
+# The default law for a contributor, every law in the whole suite.
+LAWS = [law if law == "lugre" else pytest.param(law, marks=pytest.mark.whole) for law in friction.available()]
 ONLY = {"steer_env/TuneOnCentre-v0": {"boost_low_speed", "damping_low_speed"}, "steer_env/TuneAllRound-v0": set()}
 
 
@@ -56,7 +58,7 @@ def test_every_scenario_is_registered():
     assert set(IDS) < set(REGISTERED)
 
 
-@pytest.mark.parametrize("law", friction.available())
+@pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize("name", IDS)
 def test_checkers_accept(name, law):
     from stable_baselines3.common.env_checker import check_env as check_for_sb3

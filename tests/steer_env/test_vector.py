@@ -1,4 +1,4 @@
-"""The vector environment is the single one, lane by lane and to the bit."""
+"""Every sub-environment of a vector environment is bit-identical to the single environment."""
 
 import os
 import pickle
@@ -22,10 +22,10 @@ RANDOM = {
     "delay": (0, 0.03),
     "friction": {"F_c": (0.5, 1.5)},
 }
-LANES = 4
+ROWS = 4
 
 
-def make(name, n=LANES, **arguments):
+def make(name, n=ROWS, **arguments):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         return gym.make_vec(name, num_envs=n, **arguments)
@@ -34,10 +34,10 @@ def make(name, n=LANES, **arguments):
 @pytest.mark.parametrize("law", ["lugre", "masing"])
 @pytest.mark.parametrize("name", IDS)
 def test_equal_to_single_environments_to_the_bit(name, law):
-    """Through resets of lanes at different times, with everything drawn that can be; two threads against none."""
+    """With resets at different times and everything drawn that can be drawn; two threads against one."""
     friction = RANDOM["friction"] if law == "lugre" else {"F_c": (0.5, 1.5), "x_c": (0.001, 0.002)}
     arguments = {"friction": law, "randomise": {**RANDOM, "friction": friction}, "control_dt": 0.02}
-    vector, single = make(name, threads=2, **arguments), [gym.make(name, **arguments) for _ in range(LANES)]
+    vector, single = make(name, threads=2, **arguments), [gym.make(name, **arguments) for _ in range(ROWS)]
     observations, infos = vector.reset(seed=7)
     for i, env in enumerate(single):
         observation, info = env.reset(seed=7 + i)
@@ -46,9 +46,9 @@ def test_equal_to_single_environments_to_the_bit(name, law):
         assert all(infos[key][i] == value for key, value in info.items())
         assert all(map(np.array_equal, infos["conditions"]["friction"][i], drawn.pop("friction")))
         assert {key: infos["conditions"][key][i] for key in drawn} == drawn
-    rng, over = np.random.default_rng(0), np.zeros(LANES, bool)
+    rng, over = np.random.default_rng(0), np.zeros(ROWS, bool)
     for _ in range(300):
-        actions = rng.uniform(-0.4, 0.4, (LANES, 1)).astype(np.float32)
+        actions = rng.uniform(-0.4, 0.4, (ROWS, 1)).astype(np.float32)
         observations, rewards, terminated, truncated, infos = vector.step(actions)
         for i, env in enumerate(single):
             if over[i]:
@@ -68,15 +68,16 @@ def runs(env, seed=3, steps=200):
     """Observations of an episode's beginning."""
     seen, rng = [env.reset(seed=seed)[0]], np.random.default_rng(1)
     for _ in range(steps):
-        seen.append(env.step(rng.uniform(-0.3, 0.3, (LANES, 1)).astype(np.float32))[0].copy())
+        seen.append(env.step(rng.uniform(-0.3, 0.3, (ROWS, 1)).astype(np.float32))[0].copy())
     return np.array(seen)
 
 
+@pytest.mark.whole
 def test_same_in_subprocesses():
     """Gymnasium's own workers, spawned or forked, step the same episodes."""
     here = runs(make(WEAVE, randomise=RANDOM))
     workers = gym.make_vec(
-        WEAVE, num_envs=LANES, vectorization_mode="async", randomise=RANDOM, vector_kwargs={"context": "spawn"}
+        WEAVE, num_envs=ROWS, vectorization_mode="async", randomise=RANDOM, vector_kwargs={"context": "spawn"}
     )
     assert np.array_equal(runs(workers), here)
     workers.close()
@@ -93,7 +94,7 @@ def test_threads_survive_a_fork():
 
 
 def ending(mode):
-    """A vector environment about to end its weave's last step in every lane."""
+    """A vector environment before the last step of the weave in every sub-environment."""
     vector = make(WEAVE, n=2, control_dt=0.1, autoreset_mode=mode)
     vector.reset(seed=0)
     for _ in range(199):
@@ -189,7 +190,7 @@ def test_specification_survives_pickling():
     assert again.num_envs == 2
 
 
-def test_a_controller_drives_every_lane():
+def test_a_controller_drives_every_sub_environment():
     """The preview driver takes four cars of different load through the cones, ends and begins anew."""
     vector = make(COURSE, randomise={"load": (0, 300)}, control_dt=0.01)
     driver = Controller(vector)
@@ -202,10 +203,10 @@ def test_a_controller_drives_every_lane():
             ends += int(done.sum())
             assert not info["metrics"]["cones_hit"][done].any()
             driver.reset(done)
-    assert ends == LANES
+    assert ends == ROWS
 
 
-def test_a_thousand_lanes():
+def test_a_thousand_sub_environments():
     vector = gym.make_vec(WEAVE, num_envs=1024, friction="masing")
     vector.reset(seed=0)
     for _ in range(20):

@@ -12,7 +12,7 @@ from steer_env import friction
 from steer_env.vehicle import cars, road
 
 CAR = cars.load()
-DATA = json.loads(files("steer_env.vehicle").joinpath("data", "compact.json").read_text(encoding="utf-8"))
+DATA = json.loads(files("steer_env.vehicle").joinpath("data", "cars", "compact.json").read_text(encoding="utf-8"))
 
 
 def changed(section, **values):
@@ -29,7 +29,7 @@ def without(section, key):
 
 def test_steering_ratio_and_arm():
     """50 mm of rack per turn on a 7.96 mm pinion; 0.4986 deg/mm is an arm of 114.9 mm."""
-    assert cars.rack_ratio(CAR) == pytest.approx(14.44, abs=0.01)
+    assert CAR.steering_ratio() == pytest.approx(14.44, abs=0.01)
     per_metre = float(CAR.strut.solve(0.0, 0.0).per_rack.rotation[2])
     assert math.degrees(per_metre) / 1e3 == pytest.approx(0.4986, abs=1e-4)
     assert 1.0 / per_metre == pytest.approx(0.1149, abs=1e-4)
@@ -77,7 +77,7 @@ def test_every_car_stands_on_its_wheels(name):
     assert 2.0 * (b.F_zf + b.F_zr) == pytest.approx(b.m * 9.80665, rel=1e-12)
     slope = -float(car.strut.solve(0.0, 0.0).per_travel.strut_length)
     assert b.S_f * slope + b.m_f * 9.80665 == pytest.approx(b.F_zf, rel=1e-12)
-    data = json.loads(files("steer_env.vehicle").joinpath("data", f"{name}.json").read_text(encoding="utf-8"))
+    data = json.loads(files("steer_env.vehicle").joinpath("data", "cars", f"{name}.json").read_text(encoding="utf-8"))
     assert set(data["assumed"]) <= {*data, *data["chassis"], *data["steering"]}
 
 

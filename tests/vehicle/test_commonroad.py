@@ -11,6 +11,7 @@ from vehiclemodels.utils import tire_model
 from vehiclemodels.vehicle_parameters import setup_vehicle_parameters
 
 from steer_env.vehicle import cars, commonroad
+from steer_env.vehicle.cars import keys
 
 P = setup_vehicle_parameters(vehicle_id=2)
 FILES = {"bmw_320i": 2, "vw_vanagon": 3}
@@ -69,7 +70,7 @@ def test_chassis_by_hand():
     assert c["mass"] * c["rear_axle"] / (P.a + P.b) == pytest.approx(P.m_s * P.b / (P.a + P.b) + P.m_uf)
     assert (c["front_anti_roll"], c["rear_anti_roll"]) == (-P.K_tsf, -P.K_tsr)
     assert c["rear_camber_gain"] == pytest.approx(0.9055, abs=1e-4)  # in bump the top leans inward
-    assert set(c) == {*cars._CHASSIS, *cars._SIZE}
+    assert set(c) == {*keys.CHASSIS, *keys.SIZE}
 
 
 def test_changes_are_taken_and_checked():
@@ -139,7 +140,7 @@ def test_vehicle_4_and_strangers_are_refused():
 @pytest.mark.parametrize(("name", "vehicle"), FILES.items())
 def test_files_hold_their_numbers(name, vehicle):
     """The packaged files are ``car_data`` rounded, with the roll centre and drag area that they list as assumed."""
-    data = json.loads(files("steer_env.vehicle").joinpath("data", f"{name}.json").read_text(encoding="utf-8"))
+    data = json.loads(files("steer_env.vehicle").joinpath("data", "cars", f"{name}.json").read_text(encoding="utf-8"))
     p = setup_vehicle_parameters(vehicle_id=vehicle)
     own = {key: data["chassis"][key] for key in data["assumed"] if key in data["chassis"]}
     made = commonroad.car_data(

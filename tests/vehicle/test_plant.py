@@ -10,7 +10,7 @@ from steer_env import friction
 from steer_env.friction.law import law_of, rate, torque
 from steer_env.vehicle import cars, plant
 from steer_env.vehicle.chassis import single_track
-from steer_env.vehicle.chassis.common.interface import INPUTS
+from steer_env.vehicle.chassis.common.interface import COMMON_OUTPUTS, INPUTS
 from steer_env.vehicle.plant import CHANNEL, CHANNELS
 
 CAR = cars.load()
@@ -52,7 +52,7 @@ def reference(p, u, robot):
     c, a, n_memory = p.column, p.assist, law_of(p.friction).memory_size(p.friction)
     table = [[np.interp(p.chassis.v_x, a.speeds, a.boost[:, j]) for j in range(a.torques.size)], a.torques]
     damping = np.interp(p.chassis.v_x, a.speeds, a.damping)
-    dx, out, dz = np.empty(len(single_track.STATES)), np.empty(len(single_track.OUTPUTS)), np.empty(n_memory)
+    dx, out, dz = np.empty(len(single_track.STATES)), np.empty(len(COMMON_OUTPUTS)), np.empty(n_memory)
     last = 5 + dx.size
 
     def rates(t, y, row, command):

@@ -11,11 +11,12 @@ from steer_env import friction
 from steer_env.vehicle import cars, chassis, plant
 from steer_env.vehicle.chassis import single_track
 from steer_env.vehicle.chassis.common.interface import COMMON_OUTPUTS as OUTPUTS
-from steer_env.vehicle.chassis.single_track import STATES
+from steer_env.vehicle.chassis.single_track import STATES, layout
+from steer_env.vehicle.constants import GRAVITY as G
 from steer_env.vehicle.suspension.macpherson import WheelLoad, load_coefficients, rack_force
 
 CAR = cars.load()
-C, G = CAR.chassis, single_track.GRAVITY
+C = CAR.chassis
 TYRE = CAR.tyre.symmetric()
 TYRE = replace(TYRE, coefficients=TYRE.coefficients._replace(PHX1=0.0, PHX2=0.0))  # as the plant takes it
 L = C["front_axle"] + C["rear_axle"]
@@ -82,7 +83,7 @@ def second_derivation(v, mu, x, rack, wind):
     grip = mu * 2.0 * STATIC[0]
     travel = (v + 1j * v_y) * np.exp(1j * x[12])
     dx = [A - v * r, moment / C["yaw_inertia"], phi_rate, roll_acceleration, *slip_rates.ravel()]
-    dx += [(give - e) / C["compliance_time"], *((lever - transfer) / cars.LOAD_TIME)]
+    dx += [(give - e) / C["compliance_time"], *((lever - transfer) / single_track.LOAD_TIME)]
     dx += [(min(max(needed, -grip), grip) - drive) / C["speed_hold_time"], r, travel.real, travel.imag]
     steer = [float(pose.steer_angle) for pose in poses]
     out = [side / C["mass"], *steer, *loads.ravel(), *F.imag.sum(axis=1)]
@@ -158,7 +159,7 @@ def linear_model(v):
     rates = [A - v * r, yaw / C["yaw_inertia"], phi_rate, roll_acceleration]
     rates += [(v_y + C["front_axle"] * r - v * (steer + s_f)) / sigma, (v_y - C["rear_axle"] * r - v * s_r) / sigma]
     rates += [(force / rack_stiffness - e) / C["compliance_time"]]
-    rates += [(lever[0] - T_f) / cars.LOAD_TIME, (lever[1] - T_r) / cars.LOAD_TIME]
+    rates += [(lever[0] - T_f) / single_track.LOAD_TIME, (lever[1] - T_r) / single_track.LOAD_TIME]
     rates, out = np.array(rates), np.array([r, side / C["mass"], phi, force, steer])
     return control.ss(rates[:, :9], rates[:, 9:], out[:, :9], out[:, 9:])
 
@@ -235,7 +236,7 @@ def test_steady_circle_balances(angle):
     v = p.chassis.v_x
     x = state[CHASSIS]
     at, F, M_z = second_derivation(v, 1.0, x, p.pinion_radius * row["column_angle"], (0.0, 0.0))[3]
-    v_y, r = x[single_track.LATERAL_SPEED], x[single_track.YAW_RATE]
+    v_y, r = x[layout.LATERAL_SPEED], x[layout.YAW_RATE]
     assert F.imag.sum() == pytest.approx(C["mass"] * v * r, rel=1e-6)
     assert F.real.sum() - drag(v) == pytest.approx(-C["mass"] * v_y * r, rel=1e-6)
     assert (np.conj(at) * F).imag.sum() + M_z.sum() == pytest.approx(0.0, abs=1e-6 * np.abs(F).sum())
@@ -273,11 +274,11 @@ def test_wind_from_the_right():
     x = plant.initial_state(p)[CHASSIS]
     dx, out, _ = code(p, x, 0.0, (500.0, 0.0))
     push = np.linalg.solve(MASSES, [500.0, -500.0 * ARM])
-    np.testing.assert_allclose([dx[single_track.LATERAL_SPEED], dx[single_track.ROLL_RATE]], push, rtol=1e-9)
+    np.testing.assert_allclose([dx[layout.LATERAL_SPEED], dx[layout.ROLL_RATE]], push, rtol=1e-9)
     assert out[0] == pytest.approx(500.0 / C["mass"], rel=1e-12)
     assert push[0] > 0.0 > push[1]
     dx, _, _ = code(p, x, 0.0, (0.0, 500.0))
-    assert dx[single_track.YAW_RATE] == pytest.approx(500.0 / C["yaw_inertia"], rel=1e-12)
+    assert dx[layout.YAW_RATE] == pytest.approx(500.0 / C["yaw_inertia"], rel=1e-12)
     row, _, _ = settled(0.0, wind=300.0, seconds=5.0)
     assert row["y"] > 0.0 > row["roll_angle"]
 
@@ -285,12 +286,12 @@ def test_wind_from_the_right():
 def test_compliance_gives_way_to_the_rack_force():
     p = CAR.plant()
     x = np.zeros(len(STATES))
-    x[[single_track.SLIP_FL, single_track.SLIP_FR]] = -0.03  # both front tyres push left
+    x[[layout.SLIP_FL, layout.SLIP_FR]] = -0.03  # both front tyres push left
     dx, out, force = code(p, x, 0.0)
     assert force > 0.0
     assert out[7] > 0.0
-    assert dx[single_track.COMPLIANCE] == pytest.approx(force / p.chassis.K_rack / C["compliance_time"], rel=1e-12)
-    x[single_track.COMPLIANCE] = 1e-3  # the tie rods stay behind a left turn
+    assert dx[layout.COMPLIANCE] == pytest.approx(force / p.chassis.K_rack / C["compliance_time"], rel=1e-12)
+    x[layout.COMPLIANCE] = 1e-3  # the tie rods stay behind a left turn
     assert code(p, x, 5e-3)[1][1] < code(p, x, 6e-3)[1][1] == pytest.approx(code(p, x * 0.0, 5e-3)[1][1], abs=1e-12)
 
 
@@ -298,8 +299,8 @@ def test_slip_follows_over_the_relaxation_length():
     """Rolling along at a steady lateral speed, a tyre has 63 % of its slip after one relaxation length."""
     p = CAR.plant(speed=10.0)
     x = np.zeros(len(STATES))
-    x[single_track.LATERAL_SPEED] = 0.2
-    places = slice(single_track.SLIP_FL, single_track.SLIP_RR + 1)
+    x[layout.LATERAL_SPEED] = 0.2
+    places = slice(layout.SLIP_FL, layout.SLIP_RR + 1)
     step = 0.55 / 1000
     for _ in range(1000):
         x[places] += step / 10.0 * code(p, x, 0.0)[0][places]
@@ -335,10 +336,10 @@ def test_ten_minutes_straight():
     for _ in range(10):
         assert plant.run(p, state, np.zeros((60_000, len(plant.INPUTS))), record, 1)
     x = state[CHASSIS]
-    lateral = np.abs(np.delete(x, [single_track.DRIVE_FORCE, single_track.X]))
+    lateral = np.abs(np.delete(x, [layout.DRIVE_FORCE, layout.X]))
     assert lateral.max() <= 1e-12
     assert np.abs(state[:4]).max() <= 1e-12
-    assert x[single_track.X] == pytest.approx(600.0 * 100.0 * KPH, rel=1e-9)
-    assert x[single_track.DRIVE_FORCE] == pytest.approx(x_0[single_track.DRIVE_FORCE], rel=1e-12)
+    assert x[layout.X] == pytest.approx(600.0 * 100.0 * KPH, rel=1e-9)
+    assert x[layout.DRIVE_FORCE] == pytest.approx(x_0[layout.DRIVE_FORCE], rel=1e-12)
     resistance = 0.01 * 0.313 / RADIUS * C["mass"] * G  # the tyre's QSY1 and free radius over the loaded radius
-    assert x[single_track.DRIVE_FORCE] == pytest.approx(drag(100.0 * KPH) + resistance, rel=1e-9)
+    assert x[layout.DRIVE_FORCE] == pytest.approx(drag(100.0 * KPH) + resistance, rel=1e-9)

@@ -19,11 +19,12 @@ from numpy import abs, arccos, arctan, cos, exp, pi, sign, sin, sqrt, tan
 
 from steer_env.friction.numerics.kernel import kernel
 from steer_env.vehicle import tyre
+from steer_env.vehicle.oracles import TYRE_FORCES
 from steer_env.vehicle.simd import broadcast, first, load, store
 from steer_env.vehicle.tyre import tir
 from steer_env.vehicle.tyre.magic_formula import forces_of_four
 
-DATA = files("steer_env.vehicle").joinpath("data")
+DATA = files("steer_env.vehicle").joinpath("data", "tyres")
 V52, V61, V62 = (DATA.joinpath(f"{name}.tir") for name in tyre.EXAMPLES)
 V = 20.0
 
@@ -419,7 +420,7 @@ def test_plain_python_agrees_with_compiled(name):
     run = subprocess.run(
         [sys.executable, "-c", script],
         input=json.dumps(arguments),
-        env=os.environ | {"NUMBA_DISABLE_JIT": "1", "PYTHONPATH": str(files("steer_env.vehicle").joinpath(".."))},
+        env=os.environ | {"NUMBA_DISABLE_JIT": "1", "PYTHONPATH": str(files("steer_env.vehicle").joinpath("..", ".."))},
         capture_output=True,
         text=True,
         check=True,
@@ -451,15 +452,10 @@ def test_extensions_are_kept_verbatim():
 
 
 def test_forces_of_the_default_tyre_equal_the_check_values_after_the_round_trip(tmp_path):
-    """The values are those of test_tyre, from an independent library."""
+    """The values are those of an independent library."""
     tyre.save(tyre.load(), tmp_path / "default.tir")
     back = tyre.load(tmp_path / "default.tir")
-    for alpha, F_y, M_z, F_x in (
-        (0.0, 42.00044636, -11.32558474, -172.0094611),
-        (0.0105, -438.816506, 3.635828161, -168.1286296),
-        (0.042, -1787.245403, 40.24745993, -143.1309805),
-        (-0.042, 1899.24457, -63.09854265, -155.888103),
-    ):
+    for alpha, (F_y, M_z, F_x) in TYRE_FORCES.items():
         got = back.forces(0.0, alpha, 0.0, 4000.0, 16.67)
         assert [got[1], got[4], got[0]] == pytest.approx([F_y, M_z, F_x], rel=1e-6)
     assert back.coefficients == tyre.load().coefficients

@@ -1,19 +1,19 @@
 """The steering column with two degrees of freedom, stepped by the implicit midpoint rule.
 
-    I1 th1'' + C1 th1' + C_tb (th1' - th2') + K_tb (th1 - th2) = T1                (1)
-    T1 = T_hand - I_arm th1'' - C_arm th1' - K_arm th1                             (arms, if any hold the wheel)
-    I2 th2'' + C2 th2' + C_tb (th2' - th1') + K_tb (th2 - th1) = T_C - T_F(th2')   (2)
+    I1 th1'' + C1 th1' + C_tb (th1' - th2') + K_tb (th1 - th2) = T1                (C1)
+    I2 th2'' + C2 th2' + C_tb (th2' - th1') + K_tb (th2 - th1) = T_C - T_F(th2')   (C2)
+    T1 = T_hand - I_arm th1'' - C_arm th1' - K_arm th1                             (C3), arms that hold the handwheel
 
 th1 is the handwheel angle, th2 the column angle below the torsion bar, T1 the hand torque, T_C the torque of assist
-and rack on the column and T_F the friction torque, which resists positive th2'. Left is positive everywhere. Over a
-step of length h at mean speeds w1, w2, equation (1) is linear and drops out; what is left is one scalar equation
+and rack on the column, and T_F the friction torque, which resists positive th2'. Left is positive everywhere. Over a
+step of length h with the mean speeds w1 and w2, equation (C1) is linear and eliminates w1. One scalar equation remains,
 
-    S w2 + mean T_F(w2) = R
+    S w2 + mean T_F(w2) = R                                                        (F7)
 
-that the friction law solves. The step mean w2 is the speed to observe: the midpoint rule is not L-stable, and the
-speeds at the nodes carry what it does not damp.
+which the friction law solves. The mean speed w2 is the speed to observe: the midpoint rule is not L-stable, and the
+speeds at the ends of the steps contain the oscillations that it does not damp.
 
-Source: two-degree-of-freedom column of the steering-simulator literature, with the torsion bar's own damping added.
+Source: two-degree-of-freedom column of the steering-simulator literature, with the damping of the torsion bar added.
 """
 
 from typing import NamedTuple
@@ -41,9 +41,9 @@ class Column(NamedTuple):
     C_tb: float  # torsion-bar damping [N m s/rad]
     C1: float  # viscous damping of the handwheel [N m s/rad]
     C2: float  # viscous damping below the torsion bar [N m s/rad]
-    I_arm: float = 0.0  # of arms that hold the handwheel [kg m2]
-    C_arm: float = 0.0  # [N m s/rad]
-    K_arm: float = 0.0  # to where the body is [N m/rad]
+    I_arm: float = 0.0  # inertia of arms that hold the handwheel [kg m2]
+    C_arm: float = 0.0  # their damping [N m s/rad]
+    K_arm: float = 0.0  # their stiffness to the body of the driver [N m/rad]
 
 
 def make(
@@ -57,9 +57,9 @@ def make(
 ) -> Column:
     """Checked column parameters; the defaults are assumed for a compact car with column EPS.
 
-    They lie among published sets (K_tb 115 to 172 N m/rad, 2.0 to 2.5 N m/deg being usual, I1 0.04 kg m2). I2 is the
-    motor 0.042 (20.5 squared times its rotor), the column 0.003 and the wheels 0.007; the 3 kg of the rack
-    add 2e-4 on a 7.96 mm pinion.
+    They lie among published sets (K_tb 115 to 172 N m/rad, usually 2.0 to 2.5 N m/deg; I1 0.04 kg m2). I2 is the sum of
+    the motor 0.042 (20.5 squared times its rotor), the column 0.003 and the wheels 0.007; the rack of 3 kg adds 2e-4 on
+    a pinion of 7.96 mm.
 
     Raises
     ------
@@ -78,22 +78,22 @@ def make(
 
 @kernel
 def step(c, friction, torque_scale, q, memory, robot, hand, hand_speed, T_C, h):
-    """One step with the hands' torque, or with a handwheel angle that a robot prescribes.
+    """One step with a hand torque, or with a handwheel angle that a robot prescribes.
 
     Parameters
     ----------
     c : Column
     friction : parameters of a friction law
     torque_scale : float
-        Factor on the saturated friction.
+        Factor on the saturated friction [1].
     q : (4,) array
         Handwheel angle and speed, column angle and speed [rad, rad/s]; advanced in place.
     memory : (M,) array
-        The law's memory; advanced in place.
+        Memory of the law; advanced in place.
     robot : bool
         Whether the angle is prescribed.
     hand : float
-        Step-mean hand torque [N m], of arms what they add to their impedance; or handwheel angle at the end of the
+        Step-mean hand torque [N m], of arms the torque beyond their impedance; or handwheel angle at the end of the
         step [rad].
     hand_speed : float
         Handwheel speed at the end of the step [rad/s], if the angle is prescribed.
@@ -109,33 +109,34 @@ def step(c, friction, torque_scale, q, memory, robot, hand, hand_speed, T_C, h):
     T_F : float
         Step-mean friction torque, positive where it resists a left turn [N m].
     T1 : float
-        Step-mean hand torque [N m]: the given one less what arms take, or the one that the robot needs.
+        Step-mean hand torque [N m]: the given one less that of the arms, or the one that the robot needs.
     """
-    K = c.C_tb + 0.5 * h * c.K_tb
+    K = c.C_tb + 0.5 * h * c.K_tb  # (C4)
     twist = c.K_tb * (q[HANDWHEEL_ANGLE] - q[COLUMN_ANGLE])
     inertia = 2.0 * (c.I1 + c.I_arm) / h
     a11 = inertia + c.C1 + c.C_arm + 0.5 * h * c.K_arm + K
     r1 = inertia * q[HANDWHEEL_SPEED] - c.K_arm * q[HANDWHEEL_ANGLE] - twist
-    S = 2.0 * c.I2 / h + c.C2 + K
+    S = 2.0 * c.I2 / h + c.C2 + K  # (C6)
     R = 2.0 * c.I2 / h * q[COLUMN_SPEED] + twist + T_C
     if robot:
         w1 = (hand - q[HANDWHEEL_ANGLE]) / h
         R += K * w1
     else:
-        S -= K * K / a11
+        S -= K * K / a11  # (C5)
         R += K / a11 * (r1 + hand)
     w2, T_F = law_step(friction, torque_scale, memory, S, R, h, q[COLUMN_SPEED])
     if robot:
+        # (C7)
         T1 = c.I1 * (hand_speed - q[HANDWHEEL_SPEED]) / h + c.C1 * w1 + twist + K * (w1 - w2)
         q[HANDWHEEL_ANGLE] = hand
         q[HANDWHEEL_SPEED] = hand_speed
     else:
-        w1 = (r1 + hand + K * w2) / a11
+        w1 = (r1 + hand + K * w2) / a11  # (C7)
         change = 2.0 * (w1 - q[HANDWHEEL_SPEED])
         T1 = hand - c.I_arm * change / h - c.C_arm * w1 - c.K_arm * (q[HANDWHEEL_ANGLE] + 0.5 * h * w1)
         q[HANDWHEEL_ANGLE] += h * w1
         q[HANDWHEEL_SPEED] = 2.0 * w1 - q[HANDWHEEL_SPEED]
-    # A site that sticks stands still; its rest of momentum is lost in the contact.
+    # A sticking contact is at rest at the end of the step and dissipates the remaining momentum (C8).
     q[COLUMN_ANGLE] += h * w2
     q[COLUMN_SPEED] = 2.0 * w2 - q[COLUMN_SPEED] if w2 != 0.0 else 0.0
     return w1, w2, T_F, T1
@@ -155,6 +156,6 @@ def step_angle(c, friction, torque_scale, q, memory, angle, speed, T_C, h):
 
 @kernel
 def energy(c, q):
-    """Kinetic energy and energy of the torsion bar, without arms [J]."""
+    """Kinetic energy and energy of the torsion bar, without arms [J] (C9)."""
     twist = q[HANDWHEEL_ANGLE] - q[COLUMN_ANGLE]
     return 0.5 * (c.I1 * q[HANDWHEEL_SPEED] ** 2 + c.I2 * q[COLUMN_SPEED] ** 2 + c.K_tb * twist * twist)

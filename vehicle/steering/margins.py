@@ -1,6 +1,6 @@
-"""Stability margins of the assist loop, opened at the torsion-bar torque.
+"""Stability margins of the assist loop, opened at the torsion-bar torque (E6).
 
-The loop is the sampled one that the plant runs: the mechanics with the motor's lag between hold and sampler, the delay
+The loop is the sampled loop of the plant: the mechanics with the lag of the motor between hold and sampler, the delay
 in whole samples, motor damping closed, and the boost curve replaced by its local gain.
 """
 
@@ -14,7 +14,7 @@ import numpy as np
 from steer_env.vehicle.steering.column import Column
 from steer_env.vehicle.steering.eps import SAMPLE_TIME, Assist, boost_curve
 
-TARGETS = 30.0, 6.0  # usual least phase [deg] and gain [dB] margin of an assist loop; assumed
+TARGETS = 30.0, 6.0  # usual lower limits of phase [deg] and gain [dB] margin of an assist loop; assumed
 
 
 class Margins(NamedTuple):
@@ -34,7 +34,7 @@ def boost_gain(a: Assist, torque: float, speed: float) -> float:
 
 @lru_cache
 def _discrete(c: Column, bandwidth: float, time: float) -> control.StateSpace:
-    """Column and motor, hands fixed, under inputs that are constant for a time [s]; many assists share them."""
+    """Column and motor, hands fixed, at inputs that are constant for a time [s]; cached, as many assists share them."""
     A = [[0.0, -1.0, 0.0], [c.K_tb / c.I2, -(c.C2 + c.C_tb) / c.I2, 1.0 / c.I2], [0.0, 0.0, -bandwidth]]
     B = [[0.0, 1.0, 0.0], [0.0, c.C_tb / c.I2, 1.0 / c.I2], [bandwidth, 0.0, 0.0]]
     C = np.array([[c.K_tb, 0.0, 0.0], [0.0, 1.0, 0.0]])
@@ -78,7 +78,7 @@ def hands_fixed_plant(c: Column, a: Assist, speed: float) -> control.StateSpace:
 
 
 def assisted_plant(c: Column, a: Assist, gain: float, speed: float) -> control.StateSpace:
-    """:func:`hands_fixed_plant` with the boost closed through its lead, at a local gain of the curve [1]."""
+    """:func:`hands_fixed_plant` with the boost closed through its lead, at a local gain of the boost curve [1]."""
     plant = hands_fixed_plant(c, a, speed)
     T, request = plant.C[:1], plant.B[:, :1]
     feed = gain * (a.lead_b1 - a.lead_a1 * a.lead_b0)
@@ -125,8 +125,9 @@ def margins(c: Column, a: Assist, gain: float, speed: float) -> Margins:
 def worst_margins(c: Column, a: Assist, speed: float) -> Margins:
     """Smallest phase and gain margin over the slopes of the boost curve at a speed [m/s].
 
-    As :func:`margins` of every slope, from one frequency response, in a hundredth of the time. Stable is what is so at
-    every slope; a loop that has no crossing at any of them has infinite margins.
+    The results are those of :func:`margins` at every slope, but from one frequency response, in a hundredth of the
+    time. The loop counts as stable if it is stable at every slope. A loop without a crossing at any slope has infinite
+    margins.
     """
     loop = hands_fixed_loop(c, a, 1.0, speed)
     A, B, C, D = loop.A, loop.B, loop.C, loop.D

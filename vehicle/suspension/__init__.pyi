@@ -1,3 +1,3 @@
-from .macpherson import MacPherson, Motion, Pose, WheelLoad, load_coefficients, mirrored, rack_force
+from .macpherson import MacPherson, Motion, Pose, WheelLoad, available, load_coefficients, mirrored, rack_force
 
-__all__ = ["MacPherson", "Motion", "Pose", "WheelLoad", "load_coefficients", "mirrored", "rack_force"]
+__all__ = ["MacPherson", "Motion", "Pose", "WheelLoad", "available", "load_coefficients", "mirrored", "rack_force"]

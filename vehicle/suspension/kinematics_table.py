@@ -16,7 +16,7 @@ from steer_env.vehicle.simd import load, unpack
 from steer_env.vehicle.suspension.macpherson import MacPherson, load_coefficients
 
 
-class StrutMap(NamedTuple):
+class KinematicsTable(NamedTuple):
     """Spline coefficients of a left wheel on a uniform grid; the channels are the fields of ``Knuckle``, ``Travel``."""
 
     table: NDArray[np.float64]  # (rack cells + 3, travel cells + 3, 14)
@@ -56,7 +56,7 @@ def build(
     travel: float = 0.080,
     rack_cells: int = 150,
     travel_cells: int = 20,
-) -> StrutMap:
+) -> KinematicsTable:
     """Tabulate a strut over +-rack by +-travel [m].
 
     The cells hold the angles of the default car to 3e-7 rad and the work to 5e-6 of its largest
@@ -86,12 +86,12 @@ def build(
     values = np.stack([*knuckle, *motion, compression, -up.strut_length], -1)
     along_r = np.linalg.solve(basis_r, values.reshape(len(sites_r), -1)).reshape(values.shape)
     table = np.linalg.solve(basis_t, along_r)
-    return StrutMap(np.ascontiguousarray(table), -rack, 1 / step_r, -travel, 1 / step_t)
+    return KinematicsTable(np.ascontiguousarray(table), -rack, 1 / step_r, -travel, 1 / step_t)
 
 
 def linear(
     steer: float, inclination: float = 0.0, path: float = 0.0, rack: float = 0.075, travel: float = 0.080
-) -> StrutMap:
+) -> KinematicsTable:
     """A table of linear kinematics instead of a solved strut: both wheels steer alike, about their contact centres.
 
     Parameters
@@ -120,7 +120,7 @@ def linear(
     zero = 0.0 * q
     knuckle = (steer * q, inclination * s, zero, zero, zero, zero, zero, zero + steer)
     motion = (zero, zero + path, zero + inclination, zero, s, zero + 1.0)
-    return StrutMap(np.stack([*knuckle, *motion], -1), -rack, 0.5 / rack, -travel, 0.5 / travel)
+    return KinematicsTable(np.stack([*knuckle, *motion], -1), -rack, 0.5 / rack, -travel, 0.5 / travel)
 
 
 def _basis(cells: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -149,7 +149,7 @@ def _cell(u, cells):
 
 @kernel
 def _weights(t):
-    """The four uniform cubic B-splines on a cell."""
+    """The four uniform cubic B-splines on a cell (S8)."""
     s = 1.0 - t
     near, far = t * t * (3.0 * t - 6.0) + 4.0, s * s * (3.0 * s - 6.0) + 4.0
     return s * s * s / 6.0, near / 6.0, far / 6.0, t * t * t / 6.0

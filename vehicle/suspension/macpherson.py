@@ -30,7 +30,7 @@ STRIDES = (0.010, 0.001)  # of the path to a pose: the short one where the long 
 LARGEST_STEP = 0.3  # Newton step of a path that goes on; a larger one has met the end of the range [m, rad]
 FARTHEST = 1.0  # rack or travel that is worth a try [m] (assumed)
 STRUT = [3, 4, 6]  # rows of the strut: across, across, along
-DATA = Path(__file__).parents[1] / "data"
+DATA = Path(__file__).parents[1] / "data" / "struts"
 MIRROR = np.array([1.0, -1.0, 1.0])  # of a point or force across the mid-plane; of a rotation: -MIRROR
 
 
@@ -72,7 +72,7 @@ class Pose(NamedTuple):
         return self.contact[..., 1] * path[..., 1] / path[..., 2]
 
     def at_fixed_strut(self) -> Motion:
-        """Derivative with respect to the rack at fixed strut length: a turn about the king-pin axis."""
+        """Derivative with respect to the rack at fixed strut length, a turn about the king-pin axis (S6)."""
         slope = self.per_rack.strut_length / self.per_travel.strut_length
         centre, contact, turn = (u - slope[..., None] * v for u, v in zip(self.per_rack[:3], self.per_travel[:3]))
         return Motion(centre, contact, turn, np.zeros_like(slope))
@@ -107,7 +107,7 @@ def load_coefficients(pose: Pose) -> WheelLoad:
 
 
 def rack_force(pose: Pose, load: WheelLoad) -> Array:
-    """Rack force of one front wheel, by virtual work on its knuckle.
+    """Rack force of one front wheel, by virtual work on its knuckle (S7).
 
     F_rack = -sum(F . dp/drack + M . dphi/drack) at fixed strut length. At fixed *travel* the strut
     changes length as the wheel steers, and its spring, which carries the wheel load along the
@@ -147,6 +147,11 @@ def mirrored(pose: Pose) -> Pose:
         per_travel=motion(pose.per_travel, 1.0),
         **{name: MIRROR * getattr(pose, name) for name in points},
     )
+
+
+def available() -> tuple[str, ...]:
+    """Names of the packaged struts."""
+    return tuple(sorted(file.stem for file in DATA.glob("*.json")))
 
 
 class MacPherson:
@@ -196,11 +201,10 @@ class MacPherson:
 
     @classmethod
     def load(cls, name: str = "s1") -> "MacPherson":
-        """The packaged set ``name``; ValueError lists the sets there are."""
-        sets = {file.stem.removeprefix("macpherson_"): file for file in DATA.glob("macpherson_*.json")}
-        if name not in sets:
-            raise ValueError(f"no strut named {name!r}; packaged: {', '.join(sorted(sets))}")
-        data = json.loads(sets[name].read_text(encoding="utf-8"))
+        """The packaged set ``name``; ValueError lists the packaged sets."""
+        if name not in available():
+            raise ValueError(f"no strut named {name!r}; packaged: {', '.join(available())}")
+        data = json.loads((DATA / f"{name}.json").read_text(encoding="utf-8"))
         return cls(data["points_m"], data["loaded_radius_m"])
 
     def at_track(self, track: float) -> "MacPherson":
@@ -268,13 +272,13 @@ class MacPherson:
         lengths = np.linalg.norm(links, axis=-1)
         residual = np.empty((*rack.shape, 7))
         force, lever = np.zeros((2, *rack.shape, 7, 3))
-        residual[..., :3] = lengths - self._lengths
+        residual[..., :3] = lengths - self._lengths  # (S1), (S2)
         force[..., :3, :] = links / lengths[..., None]
         lever[..., 2, :] = tie
-        residual[..., STRUT] = (strut @ top[..., None])[..., 0] - self._offsets
+        residual[..., STRUT] = (strut @ top[..., None])[..., 0] - self._offsets  # (S3), (S5)
         force[..., STRUT, :] = -strut
         lever[..., STRUT, :] = top[..., None, :]
-        residual[..., 5] = ball[..., 2] + wheel[..., 2] - self._height - travel
+        residual[..., 5] = ball[..., 2] + wheel[..., 2] - self._height - travel  # (S4)
         force[..., 5, 2] = 1.0
         lever[..., 5, :] = wheel
         return residual, np.concatenate([force, np.cross(lever, force)], -1)

@@ -1,6 +1,6 @@
 from .coefficients import ASYMMETRY, MagicFormula, record
 from .magic_formula import cornering_stiffness, forces, forces_of_four, longitudinal_stiffness, stiffnesses
-from .tyre import EXAMPLES, Limits, Tyre, from_file, load, save, to_file
+from .tyre import EXAMPLES, Limits, Tyre, available, from_file, load, save, to_file
 
 __all__ = [
     "ASYMMETRY",
@@ -8,6 +8,7 @@ __all__ = [
     "Limits",
     "MagicFormula",
     "Tyre",
+    "available",
     "cornering_stiffness",
     "forces",
     "forces_of_four",

@@ -9,7 +9,7 @@ import json
 import math
 import os
 from dataclasses import dataclass, field, replace
-from importlib.resources import as_file, files
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -34,6 +34,7 @@ __all__ = [
     "MagicFormula",
     "PressureTerms",
     "Tyre",
+    "available",
     "cornering_stiffness",
     "forces",
     "forces_of_four",
@@ -294,8 +295,17 @@ def save(tyre: Tyre, path: str | os.PathLike) -> None:
     tir.write(path, to_file(tyre))
 
 
-_PACKAGED = {"pacejka_2006_205_60r15": "tyre_205_60R15_pacejka2006.json"}
+DATA = Path(__file__).parents[1] / "data" / "tyres"
 EXAMPLES = ("example_mf52", "example_mf61", "example_mf62")  # of the formats: plausible numbers that nobody measured
+
+
+def _packaged() -> dict[str, Path]:
+    return {file.stem: file for file in sorted(DATA.iterdir()) if file.suffix in (".json", ".tir")}
+
+
+def available() -> tuple[str, ...]:
+    """Names of the packaged tyres, without ``EXAMPLES``."""
+    return tuple(name for name in _packaged() if name not in EXAMPLES)
 
 
 def load(name: str | os.PathLike = "pacejka_2006_205_60r15", symmetric: bool = False) -> Tyre:
@@ -311,22 +321,20 @@ def load(name: str | os.PathLike = "pacejka_2006_205_60r15", symmetric: bool = F
         No such file.
     """
     name = os.fspath(name)
-    if name.lower().endswith(".tir"):
-        file = tir.read(name)
-        try:
-            tyre = from_file(file, os.path.splitext(os.path.basename(name))[0])
-        except ValueError as problem:
-            raise ValueError(f"{name}: {problem}") from None
-    elif name in EXAMPLES:
-        with as_file(files("steer_env.vehicle").joinpath("data", f"{name}.tir")) as path:
-            tyre = from_file(tir.read(path), name)
-    elif name in _PACKAGED:
-        data = json.loads(files("steer_env.vehicle").joinpath("data", _PACKAGED[name]).read_text(encoding="utf-8"))
+    path = Path(name) if name.lower().endswith(".tir") else _packaged().get(name)
+    if path is None:
+        raise ValueError(
+            f"tyre must be one of {', '.join(available())}, got {name!r}; "
+            f"or an example of the formats, {', '.join(EXAMPLES)}, or a path that ends in .tir"
+        )
+    if path.suffix == ".json":
+        data = json.loads(path.read_text(encoding="utf-8"))
         coefficients = MagicFormula(**{key: float(value) for key, value in data["coefficients"].items()})
         tyre = Tyre(name, data["source"], coefficients, pressure=PressureTerms(inflation=coefficients.NOMPRES))
     else:
-        raise ValueError(
-            f"tyre must be one of {', '.join(_PACKAGED)}, got {name!r}; "
-            f"or an example of the formats, {', '.join(EXAMPLES)}, or a path that ends in .tir"
-        )
+        file = tir.read(path)
+        try:
+            tyre = from_file(file, path.stem)
+        except ValueError as problem:
+            raise ValueError(f"{name}: {problem}") from None
     return tyre.symmetric() if symmetric else tyre

@@ -11,7 +11,6 @@ FORMATS = (".csv", ".mat", ".mf4", ".mdf")  # of steer_env.recording.files
 MDF_FORMATS = (".mf4", ".mdf")  # those that need the extra mdf
 ROAD_CLASSES = tuple("ABCDEFGH")  # of ISO 8608, as in steer_env.vehicle.road
 SAMPLE_RATE = 1000.0  # of a simulated recording [Hz]
-_NOT_CARS = ("macpherson_", "tyre_")  # JSON files beside the cars that hold a strut or a tyre
 
 
 def laws() -> tuple[str, ...]:
@@ -41,7 +40,7 @@ def assists() -> tuple[str, ...]:
 
 def cars() -> tuple[str, ...]:
     """Packaged cars."""
-    return tuple(name for name in _stems("steer_env.vehicle", ".json") if not name.startswith(_NOT_CARS))
+    return _stems("steer_env.vehicle", ".json", "cars")
 
 
 def targets() -> tuple[str, ...]:

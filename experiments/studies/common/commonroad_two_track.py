@@ -32,7 +32,7 @@ _FULL = 12.0  # acceleration of full throttle and full pedal; any value above wh
 
 def _two_track(
     p: Any, speed: float, relaxation_length: float
-) -> tuple[two_track.TwoTrack, kinematics_table.StrutMap, Any]:
+) -> tuple[two_track.TwoTrack, kinematics_table.KinematicsTable, Any]:
     """Chassis, suspension and tyre of our car with their parameters; what their model has no counterpart of is off.
 
     Their heights do not count the static compression of the tyres, by which their car sinks: h_s and, for each axle,

@@ -43,9 +43,8 @@ class Manoeuvre:
     duration: float  # [s]
     hand: Callable[[Array, float], tuple[Array, Array]]
     robot: bool = True
-    released: tuple[
-        float, ...
-    ] = ()  # times at which a robot lets go, grips, lets go, ... [s]; while it is free, `hand` is a torque
+    # Times at which a robot lets go, grips, lets go, ... [s]; while it is free, `hand` is a torque.
+    released: tuple[float, ...] = ()
     amplitude: float | None = None  # [rad] or [N m]; None: found so that the car reaches the lateral acceleration
     lateral_acceleration: float | None = None  # that the car shall reach [m/s2]
     reach: Reach = last_second  # the value that a run of the duration `trial` has reached
@@ -58,16 +57,10 @@ class Manoeuvre:
     # the handwheel angle [rad] and speed [rad/s] 10 ms later.
     driver: Callable[[Car, plant.Plant], Callable[[float, Array], tuple[float, float]]] | None = None
     ends_at: float | None = None  # x at which a closed loop ends if its duration is not over before [m]
-    coasts_from: float | None = (
-        None  # x from which on the car coasts in a closed loop, without speed control; two_track only [m]
-    )
+    coasts_from: float | None = None  # x from which a closed loop runs without speed control; two_track only [m]
     road: Road | None = None  # heights, split friction, grade and bank; two_track only
-    others: Mapping[int, Callable[[Array], Array]] = field(
-        default_factory=dict
-    )  # index of a plant input -> its value over time
-    meta: Mapping[str, Any] = field(
-        default_factory=dict
-    )  # conditions that the metrics need, with the unit in each name
+    others: Mapping[int, Callable[[Array], Array]] = field(default_factory=dict)  # plant input -> values over time
+    meta: Mapping[str, Any] = field(default_factory=dict)  # conditions for the metrics, with units in the names
 
     @property
     def definition(self) -> str:

@@ -153,11 +153,6 @@ def steering_stiffness(p: plant.Plant, run: Callable = plant.run) -> float:
     return float(held[1] - held[0]) / 0.1
 
 
-def steering_ratio(car: Car) -> float:
-    """Handwheel angle over road-wheel angle at the centre, without compliance [1]."""
-    return 1.0 / (car.steering["pinion_radius"] * float(car.strut.solve(0.0, 0.0).per_rack.rotation[2]))
-
-
 def _regripped(u: Array, angle: float, speed: float) -> Array:
     """Inputs that lead the handwheel smoothly from its angle and speed to those that the robot prescribes."""
     u = u.copy()
@@ -243,7 +238,7 @@ def drive_plant(car: Car, p: plant.Plant, manoeuvre: Manoeuvre, prepared: OpenLo
             **steered,
             "frequency_hz": manoeuvre.frequency,
             "wheelbase_m": car.chassis["front_axle"] + car.chassis["rear_axle"],
-            "steering_ratio": steering_ratio(car),
+            "steering_ratio": car.steering_ratio(),
             **manoeuvre.meta,
         },
     )

@@ -144,14 +144,14 @@ def crosswind_lateral_deviation(wind: Crosswind) -> Bounded:
 
 @crosswind_metric("deg", "crosswind", "crosswind-free")
 def crosswind_course_deviation(wind: Crosswind) -> Bounded:
-    """Change of the course angle 2 s after the gust began: the integral of lateral acceleration over the speed."""
+    """Change of the course angle 2 s after the gust began: the integral of lateral acceleration divided by speed."""
     gained, below, above = wind.drift()[0]
     return Bounded(gained / wind.speed, below / wind.speed, above / wind.speed)
 
 
 @crosswind_metric("deg/s", "crosswind", "crosswind-free")
 def crosswind_yaw_rate_peak(wind: Crosswind) -> np.ndarray:
-    """Yaw rate in the 3 s from the start of the gust, at the time of the largest mean of the gusts.
+    """Largest yaw rate in the 3 s from the start of the gust, read where the mean of the gusts is largest.
 
     It is positive where it turns the car with the wind.
     """
@@ -160,7 +160,7 @@ def crosswind_yaw_rate_peak(wind: Crosswind) -> np.ndarray:
 
 @crosswind_metric("m/s2", "crosswind", "crosswind-free")
 def crosswind_lateral_acceleration_peak(wind: Crosswind) -> np.ndarray:
-    """Lateral acceleration in the 3 s from the start of the gust, at the time of the largest mean of the gusts."""
+    """Largest lateral acceleration in the 3 s from the start of a gust, read where the mean of the gusts is largest."""
     return wind.peak(AY)
 
 

@@ -1,8 +1,9 @@
-"""What a chassis is to the plant, and the registry of them.
+"""The interface between a chassis and the plant, and the registry of the chassis.
 
-A chassis is a ``NamedTuple`` of parameters and a few kernels; as with friction laws, the class of the parameters
-selects the kernels at compile time. The plant calls ``derivative`` at every node, ``advance`` at every step between
-nodes and ``report`` where channels are wanted. Its inputs, one row for each sample of 1 ms, are declared here.
+A chassis is a ``NamedTuple`` of parameters and a few kernels. As for friction laws, the class of the parameters
+selects the kernels at compile time. The plant calls ``derivative`` once in every chassis step of 2 ms, ``advance`` at
+every step of 1 ms, and ``report`` for the channels. This module also declares the inputs of a plant, one row for each
+sample of 1 ms, and the outputs and channels that all chassis share.
 """
 
 from collections.abc import Callable
@@ -41,6 +42,7 @@ INPUTS = (
 
 Names = tuple[tuple[str, str], ...]
 
+SPEED_MIN, SPEED_MAX = 3.0, 70.0  # held speeds that every chassis accepts [m/s]
 WHEELS = ("front_left", "front_right", "rear_left", "rear_right")
 
 
@@ -81,6 +83,8 @@ class Chassis(NamedTuple):
     states: Names
     outputs: Names
     channels: Names
+    speeds: tuple[float, float]
+    from_car: Callable
     start: Callable
     derivative: Callable
     advance: Callable
@@ -94,24 +98,29 @@ CHASSIS: Registry[Chassis] = Registry("chassis", "steer_env.vehicle.chassis")
 
 
 def register(name: str, parameters: type, **fields: Any) -> None:
-    """Make a chassis known; one call at the end of its file.
+    """Add a chassis to the registry; the module of a chassis calls this once, at its end.
 
     Parameters
     ----------
     name : str
     parameters : NamedTuple class
     states, outputs : names with units
-        Of the states, and of what ``derivative`` reports besides.
+        Of the states, and of the other results of ``derivative``, which begin with ``COMMON_OUTPUTS``.
     channels : names with units
-        What ``report`` fills; every chassis begins with those of the single track.
+        What ``report`` fills; every chassis begins with ``COMMON_CHANNELS``.
+    speeds : (float, float)
+        Lowest and highest held speed that the chassis accepts [m/s].
+    from_car : ``(car, speed, road_friction, road) -> parameters``
+        Parameters of a checked car on a road (None: level and dry); ValueError for a road that the chassis cannot
+        take.
     start : parameters -> list
-        States of running straight at the held speed, to be settled by the plant.
+        States of straight running at the held speed, which the plant settles.
     derivative : ``(p, strut, tyre, x, rack, rack_rate, u, dx, out) -> rack force``
-        Time derivative of the states and the outputs, at a row ``u`` of inputs, which may pass their bounds by half.
+        Time derivative of the states, and the outputs, at a row ``u`` of inputs, which may exceed their bounds by half.
     advance : ``(p, x, rate, rate_before, out, out_before, s, h, u) -> None``
-        One step ``h`` whose middle lies ``s`` node intervals after the last node, under a row ``u`` of inputs.
+        One step ``h`` at a row ``u`` of inputs; its middle lies ``s`` chassis steps after the last evaluation.
     report : ``(p, x, out, out_before, s, u, row) -> None``
-        Fill the channels, ``s`` node intervals after the last node, at a row ``u`` of inputs.
+        Fill the channels at a row ``u`` of inputs, ``s`` chassis steps after the last evaluation.
     speed : ``(p, x) -> float``
         Forward speed that the assist sees [m/s].
     state_size, output_size : ``(p) -> int``
@@ -122,7 +131,7 @@ def register(name: str, parameters: type, **fields: Any) -> None:
 
 
 def available() -> tuple[str, ...]:
-    """Names of the registered chassis."""
+    """Names of the chassis; imports none of them."""
     return CHASSIS.available()
 
 
@@ -134,7 +143,7 @@ def chassis_of(p: Any) -> Chassis:
     return chassis
 
 
-# The dispatch points. Plain Python runs the bodies; compiled code takes the chassis' function itself.
+# The dispatch points. Plain Python runs the bodies; compiled code calls the function of the chassis directly.
 
 
 def derivative(p, strut, tyre, x, rack, rack_rate, u, dx, out):
@@ -143,7 +152,7 @@ def derivative(p, strut, tyre, x, rack, rack_rate, u, dx, out):
 
 
 def advance(p, x, rate, rate_before, out, out_before, s, h, u):
-    """One step of the states between nodes."""
+    """Advance the states by one step."""
     chassis_of(p).advance(p, x, rate, rate_before, out, out_before, s, h, u)
 
 
@@ -173,6 +182,6 @@ for _point in (derivative, advance, report, speed, state_size, output_size):
 
 @kernel
 def extrapolated_step(x, rate, before, s, h):
-    """Advance by the rate that the last two nodes extrapolate to the middle of the step (Adams-Bashforth)."""
+    """Advance by the rate that the last two evaluations extrapolate to the middle of the step (N2)."""
     for i in range(x.size):
         x[i] += h * (rate[i] + s * (rate[i] - before[i]))

@@ -20,8 +20,9 @@ parts. docs/model.md numbers the equations.
 Source: derived here; the parameters are in the data file of the car.
 """
 
-from steer_env.vehicle.chassis.common.interface import WHEELS, register
+from steer_env.vehicle.chassis.common.interface import SPEED_MAX, WHEELS, register
 from steer_env.vehicle.chassis.two_track.derivative import derivative
+from steer_env.vehicle.chassis.two_track.from_car import from_car
 from steer_env.vehicle.chassis.two_track.layout import (
     BORE_ANGLE,
     CHANNELS,
@@ -94,6 +95,8 @@ register(
     states=STATES,
     outputs=OUTPUTS,
     channels=CHANNELS,
+    speeds=(0.0, SPEED_MAX),
+    from_car=from_car,
     start=start,
     derivative=derivative,
     advance=advance,

@@ -24,7 +24,7 @@ class Brakes(NamedTuple):
 def make(*, front: float = 1900.0, rear: float = 330.0, hand: float = 900.0) -> Brakes:
     """Checked brakes; torques of each wheel [N m] as in :class:`Brakes`, the defaults assumed for the compact car.
 
-    The full pedal is good for 1.2 g of the compact car, and its share keeps the rear wheels from locking first up to
+    The full pedal decelerates the compact car at 1.2 g. The distribution keeps the rear wheels from locking first up to
     some 0.95 g; the hand brake locks the rear wheels.
 
     Raises
@@ -42,8 +42,8 @@ def brake_torques(b, pedal, hand):
 
 
 @kernel
-def _shrink(R, capacity):
-    """What is left of ``R`` beyond a brake that holds up to ``capacity``."""
+def _beyond(R, capacity):
+    """The part of ``R`` that exceeds a brake torque of at most ``capacity``."""
     return math.copysign(max(abs(R) - capacity, 0.0), R)
 
 
@@ -51,15 +51,16 @@ def _shrink(R, capacity):
 def wheel_step(I, omega, torque, capacity, h):
     """One step of a wheel with a set-valued brake, ``I omega' = torque - T_b`` with ``|T_b| <= capacity``.
 
-    As in :func:`steer_env.friction.law.step` with the Coulomb law, ``S w + T_b = R``, but for the spin at the end instead of the
-    mean one: a brake that stops the mean spin would send the wheel off backwards at the speed it came with.
+    The step is that of :func:`steer_env.friction.law.step` with the Coulomb law, ``S w + T_b = R``, but for the angular
+    velocity at the end of the step instead of the mean one. A brake that stops the mean angular velocity would leave
+    the wheel turning backwards at its initial speed.
 
     Parameters
     ----------
     I : float
         Moment of inertia [kg m2].
     omega : float
-        Spin at the start [rad/s].
+        Angular velocity at the start [rad/s].
     torque : float
         Mean of all other torques over the step [N m].
     capacity : float
@@ -70,12 +71,13 @@ def wheel_step(I, omega, torque, capacity, h):
     Returns
     -------
     omega : float
-        Spin at the end, exactly zero where the brake holds the wheel [rad/s].
+        Angular velocity at the end, exactly zero where the brake holds the wheel [rad/s].
     T_b : float
-        Mean brake torque from the balance [N m]; times ``h`` and the mean of both spins it closes the energy books.
+        Mean brake torque from the balance [N m]; its product with ``h`` and the mean of both angular velocities closes
+        the energy balance.
     """
     S = I / h
-    new = _shrink(S * omega + torque, capacity) / S
+    new = _beyond(S * omega + torque, capacity) / S
     return new, torque - S * (new - omega)
 
 
@@ -84,20 +86,20 @@ def axle_step(I, J, omega_l, omega_r, torque_l, torque_r, capacity_l, capacity_r
     """:func:`wheel_step` of two wheels on an open differential that carries an inertia.
 
     Kinetic energy ``I (omega_l^2 + omega_r^2)/2 + J ((omega_l + omega_r)/2)^2/2``. With ``c = J/(4 h)`` and
-    ``y = c (w_l + w_r)`` each wheel takes the step above at ``R - y``; ``y`` is the root of an increasing function that
-    is linear between the four values at which a wheel starts or stops sliding.
+    ``y = c (w_l + w_r)`` each wheel takes the step of :func:`wheel_step` at ``R - y``; ``y`` is the root of an
+    increasing function that is linear between the four values at which a brake starts or stops sliding.
 
     Parameters
     ----------
     I, J : float
-        Moment of inertia of each wheel, and of what turns with the mean spin, at least 0 [kg m2].
+        Moment of inertia of each wheel, and of what turns with the mean angular velocity, at least 0 [kg m2].
     omega_l, omega_r, torque_l, torque_r, capacity_l, capacity_r, h : float
         As in :func:`wheel_step`, left and right.
 
     Returns
     -------
     omega_l, omega_r, T_b_l, T_b_r : float
-        Spins at the end [rad/s] and mean brake torques [N m].
+        Angular velocities at the end [rad/s] and mean brake torques [N m].
     """
     if capacity_l == 0.0 and capacity_r == 0.0:
         mean, half = h * (torque_l + torque_r) / (2.0 * I + J), h * (torque_l - torque_r) / (2.0 * I)
@@ -107,8 +109,8 @@ def axle_step(I, J, omega_l, omega_r, torque_l, torque_r, capacity_l, capacity_r
     R_l, R_r = S * omega_l + c * before + torque_l, S * omega_r + c * before + torque_r
     low, high = -math.inf, math.inf
     for y in (R_l - capacity_l, R_l + capacity_l, R_r - capacity_r, R_r + capacity_r):
-        excess = S * y - c * (_shrink(R_l - y, capacity_l) + _shrink(R_r - y, capacity_r))
-        if excess <= 0.0:  # a tie is both, so that backwards is the exact mirror of forwards
+        excess = S * y - c * (_beyond(R_l - y, capacity_l) + _beyond(R_r - y, capacity_r))
+        if excess <= 0.0:  # equality counts for both bounds, so that backwards is the exact mirror of forwards
             low = max(low, y)
         if excess >= 0.0:
             high = min(high, y)
@@ -121,6 +123,6 @@ def axle_step(I, J, omega_l, omega_r, torque_l, torque_r, capacity_l, capacity_r
             beyond += R + capacity
             sliding += 1.0
     y = c * beyond / (S + sliding * c)
-    new_l, new_r = _shrink(R_l - y, capacity_l) / S, _shrink(R_r - y, capacity_r) / S
+    new_l, new_r = _beyond(R_l - y, capacity_l) / S, _beyond(R_r - y, capacity_r) / S
     gain = c * (new_l + new_r - before)
     return new_l, new_r, torque_l - S * (new_l - omega_l) - gain, torque_r - S * (new_r - omega_r) - gain

@@ -1,15 +1,14 @@
-"""Engine, automatic gearbox, brakes and speed hold: the torques on the wheels, and the spin step of a braked wheel.
+"""Engine and automatic gearbox: the drive torques on the axles.
 
-    engine    T_e = throttle (T_full + T_drag) - T_drag,  curves over the engine speed omega_e
-    gearbox   omega_e = i omega_out,  T_out = i T_e eta, or i T_e/eta if T_e < 0
+    engine    T_e = throttle (T_full + T_drag) - T_drag,  curves over the engine speed omega_e                 (D1)
+    gearbox   omega_e = i omega_out,  T_out = i T_e eta, or i T_e/eta if T_e < 0                               (D2)
     axles     T_f = s T_out,  T_r = (1 - s) T_out,  omega_out = s omega_f + (1 - s) omega_r     open centre differential
-    wheel     I omega' = T - T_b,  |T_b| <= capacity,  T_b = capacity sgn(omega) in motion
 
-The engine never stalls: below the idle speed the clutch slips, the engine turns at idle and its torque there is what
-the gearbox gets. Closed-throttle drag is zero at idle, where the idle governor carries the engine: no creep, and no
-step of torque as the clutch closes.
+The engine never stalls. Below the idle speed the clutch slips, the engine turns at idle, and the gearbox receives the
+engine torque at idle. The drag at closed throttle is zero at idle, where the idle governor overcomes it: the car does
+not creep, and the torque does not jump as the clutch closes.
 
-Spins are positive rolling forward, torques positive where they drive forward; a brake torque resists forward rolling.
+A wheel's angular velocity is positive where it rolls forward, a torque where it drives forward.
 Source: equations derived here; the defaults are a compact petrol car of 85 kW with five gears, all of them assumed.
 """
 
@@ -162,14 +161,14 @@ def _gear(d, gear, omega_front, omega_rear):
 
 @kernel
 def engine_torque(d, omega_e, throttle):
-    """Torque at the clutch [N m] at an engine speed [rad/s], that of idle below it, and a throttle from 0 to 1."""
+    """Torque at the clutch [N m] at an engine speed [rad/s] and a throttle from 0 to 1 (D1)."""
     full, drag = _curves(d, omega_e)
     return throttle * (full + drag) - drag
 
 
 @kernel
 def axle_torques(d, gear, engaged, throttle, omega_front, omega_rear):
-    """Drive torque on each axle, both wheels together.
+    """Drive torque on each axle, both wheels together (D2).
 
     Parameters
     ----------
@@ -181,7 +180,7 @@ def axle_torques(d, gear, engaged, throttle, omega_front, omega_rear):
     throttle : float
         From 0 to 1.
     omega_front, omega_rear : float
-        Mean spin of each axle [rad/s].
+        Mean angular velocity of the wheels of each axle [rad/s].
 
     Returns
     -------
@@ -198,9 +197,9 @@ def axle_torques(d, gear, engaged, throttle, omega_front, omega_rear):
 
 @kernel
 def throttle_for(d, gear, torque, omega_front, omega_rear):
-    """Throttle that gives a torque on all driven wheels together [N m], the nearest there is.
+    """Throttle for a torque on all driven wheels together [N m], or the nearest possible.
 
-    While a shift runs it is the throttle for the gear to come: the shift map must not see the foot lifted.
+    During a shift it is the throttle for the next gear, so that the shift map does not receive a lifted throttle.
     """
     i, omega_e = _gear(d, gear, omega_front, omega_rear)
     full, drag = _curves(d, omega_e)
@@ -210,7 +209,7 @@ def throttle_for(d, gear, torque, omega_front, omega_rear):
 
 @kernel
 def shift(d, gear, left, throttle, omega_front, omega_rear, h):
-    """Gear and time left of a running shift after a step of ``h``; drive is engaged where no time is left.
+    """Gear, and time left of a running shift, after a step of ``h``; the drive is engaged where no time is left (D4).
 
     Parameters
     ----------
@@ -222,7 +221,7 @@ def shift(d, gear, left, throttle, omega_front, omega_rear, h):
     throttle : float
         The last one, from 0 to 1.
     omega_front, omega_rear : float
-        Mean spin of each axle [rad/s].
+        Mean angular velocity of the wheels of each axle [rad/s].
     h : float
         Step [s].
 
@@ -242,11 +241,11 @@ def shift(d, gear, left, throttle, omega_front, omega_rear, h):
 
 @kernel
 def reflected_inertia(d, gear, engaged, omega_front, omega_rear):
-    """Engine inertia seen at the gearbox's output [kg m2]; zero while the clutch slips or a shift runs.
+    """Engine inertia seen at the output of the gearbox [kg m2]; zero while the clutch slips or a shift runs (D3).
 
-    The slipping clutch closes at equal speeds, so the spin does not jump as the inertia comes in. A shift's change of
-    engine speed is left to the clutch and does no work on the car. With drive on both axles, shares of it as of the
-    torque on each axle's mean spin are exact while the axles turn alike.
+    The slipping clutch closes at equal speeds, so the angular velocity does not jump when the inertia is added. The
+    clutch takes the change of engine speed in a shift, which does no work on the car. With drive on both axles, each
+    axle carries its share of the torque and of the inertia; this is exact while both axles turn equally fast.
     """
     i, omega_e = _gear(d, gear, omega_front, omega_rear)
     return d.inertia * i * i if engaged and omega_e >= d.speeds[0] else 0.0

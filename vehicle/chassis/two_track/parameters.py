@@ -1,4 +1,4 @@
-"""Parameters of the two-track chassis as the kernels take them; :mod:`steer_env.vehicle.cars` builds and checks them."""
+"""Parameters of the two-track chassis as the kernels take them; :mod:`.from_car` builds and checks them."""
 
 from typing import Any, NamedTuple
 

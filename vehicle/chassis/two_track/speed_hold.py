@@ -47,10 +47,10 @@ def make(
 
 @kernel
 def longitudinal_demand(s, speed, target, integral):
-    """Proportional and integral demand of a driver who holds a speed.
+    """Proportional and integral demand of a driver who holds a speed (D6).
 
-    The integral fades away from the target and stops where the demand is at a limit: what engine or brakes cannot give
-    does not wind it up.
+    The gain of the integral decreases with the distance from the target, and the integral stops where the demand is at
+    a limit. What engine or brakes cannot deliver therefore does not wind it up.
 
     Parameters
     ----------
@@ -77,7 +77,7 @@ def longitudinal_demand(s, speed, target, integral):
 
 @kernel
 def split(d, b, gear, engaged, demand, mass, radius, omega_front, omega_rear):
-    """Throttle and brake pedal, each from 0 to 1, that meet a demand: engine braking first, then the brakes.
+    """Throttle and brake pedal, each from 0 to 1, that meet a demand: engine braking first, then the brakes (D7).
 
     Parameters
     ----------
@@ -88,7 +88,7 @@ def split(d, b, gear, engaged, demand, mass, radius, omega_front, omega_rear):
     demand : float
         Wanted force over mass [m/s2].
     mass : float
-        Of the car and, over the square of the radius, its wheels' inertia [kg]; the engine's is added here.
+        Of the car, and the inertia of its wheels over the squared radius [kg]; the function adds that of the engine.
     radius : float
         Of the wheels [m].
 
@@ -99,7 +99,7 @@ def split(d, b, gear, engaged, demand, mass, radius, omega_front, omega_rear):
     J = reflected_inertia(d, gear, engaged, omega_front, omega_rear)
     torque = demand * (mass * radius + J / radius)
     front, rear = axle_torques(d, gear, engaged, 0.0, omega_front, omega_rear)
-    lacking = front + rear - torque
-    if lacking > 0.0:
-        return 0.0, min(lacking / (2.0 * (b.front + b.rear)), 1.0)
+    excess = front + rear - torque
+    if excess > 0.0:
+        return 0.0, min(excess / (2.0 * (b.front + b.rear)), 1.0)
     return throttle_for(d, gear, torque, omega_front, omega_rear), 0.0

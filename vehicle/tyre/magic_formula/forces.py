@@ -15,8 +15,8 @@ from steer_env.vehicle.tyre.magic_formula.point import direction, operating_poin
 def _steady(c, kappa, alpha, tan_a, camber, F_z, v_x, mu, turn_slip):
     """:func:`forces` of four tyres, for slip angles given by themselves and by their tangents; one turn slip.
 
-    None for ``kappa`` or the turn slip removes at compile time what zeros skip at run time: numba removes a branch whose
-    condition asks for None first.
+    None for ``kappa`` or the turn slip removes at compile time what zeros skip at run time: numba removes a branch
+    whose condition asks for None first.
     """
     way = direction(v_x)
     p = operating_point(c, way, kappa, alpha, tan_a, camber, F_z, mu)
@@ -32,7 +32,7 @@ def _steady(c, kappa, alpha, tan_a, camber, F_z, v_x, mu, turn_slip):
     slip = equivalent_slip(c, p, lateral, longitudinal.K_x, kappa, slips)
     t = pneumatic_trail(c, p, slip.a_t, slip.a_e, turn.zeta_5)
     M_zr = residual_torque(c, p, turn, lateral, G_y, slip.a_r2, turn_slip, spins)
-    M_z = M_zr - t * (G_y * lateral.F_t)  # (4.E72), (4.E74)
+    M_z = M_zr - t * (G_y * lateral.F_t)  # (T6), (4.E72), (4.E74)
     M_z += lever(c, p, F_y) * longitudinal.dF_x  # (4.E71)
 
     M_x = overturning(c, p, F_y)

@@ -18,7 +18,7 @@ class Longitudinal(NamedTuple):
 
 @kernel
 def _weight(c, p):
-    """G_xa, what the slip angle leaves of F_x."""
+    """Weight G_xa of F_x by the slip angle (T5)."""
     B = (c.RBX1 + c.RBX3 * p.g2) * cos_atan(c.RBX2 * p.kappa)  # (4.E54)
     E = minimum(c.REX1 + c.REX2 * p.df, 1.0)  # (4.E56)
     G = cos(c.RCX1 * atan(curve(B * (p.a + c.RHX1), E)))  # (4.E51), (4.E53)

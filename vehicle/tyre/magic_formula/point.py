@@ -43,7 +43,7 @@ class TurnSlip(NamedTuple):
 
 @kernel
 def operating_point(c, way, kappa, alpha, tan_a, camber, F_z, mu):
-    """The operating point from the arguments of :func:`forces`; ``way`` is -1 for a tyre that rolls backwards."""
+    """The operating point from the arguments of :func:`forces`; ``way`` is -1 for a tyre that rolls backwards (T12)."""
     book = c.FITTYP == 60.0  # else MF-Tyre, which takes angles where the book takes their sine or tangent
     F_z = maximum(F_z, 1e-6)
     tan_a, alpha = way * tan_a, way * alpha  # (4.E3)
@@ -76,7 +76,7 @@ def operating_point(c, way, kappa, alpha, tan_a, camber, F_z, mu):
 
 @kernel
 def turn_slip_factors(c, p, turn_slip, spins):
-    """Spin and its factors at a turn slip [1/m] of all four tyres; without spin (``spins`` false) the factors are 1."""
+    """Spin and its factors at a turn slip [1/m] of all four tyres; without spin the factors are 1 (T13)."""
     spin = broadcast(0.0)
     camber_share = zeta_1 = zeta_2 = zeta_3 = zeta_5 = zeta_6 = broadcast(1.0)
     if turn_slip is not None and spins:

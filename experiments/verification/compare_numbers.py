@@ -30,9 +30,9 @@ RENAMED: dict[str, str] = {
 NOT_RESULTS = ("real_time", "provenance")
 
 
-def _rollout(name: str, arguments: dict[str, str], steps: int) -> dict[str, np.ndarray]:
+def _rollout(name: str, arguments: dict[str, Any], steps: int) -> dict[str, np.ndarray]:
     """Observations, rewards, costs and episode metrics of a rollout with actions drawn from a fixed generator."""
-    env = gym.make(name, **arguments)
+    env: Any = gym.make(name, **arguments)
     actions = np.random.default_rng(7)
     observation, _ = env.reset(seed=11)
     observations, rewards, costs, metrics = [observation], [], [], []
@@ -43,7 +43,7 @@ def _rollout(name: str, arguments: dict[str, str], steps: int) -> dict[str, np.n
         rewards.append(reward)
         costs.append(info.get("cost", 0.0))
         if terminated or truncated:
-            metrics += [float(value) for value in info.get("metrics", {}).values() if np.isscalar(value)]
+            metrics += [float(value) for value in info.get("metrics", {}).values() if isinstance(value, int | float)]
             observation, _ = env.reset()
             observations.append(observation)
     env.close()
@@ -55,7 +55,7 @@ def record(out: Path) -> None:
     """Drive every id on every variant that it takes, and store the arrays."""
     import steer_env
 
-    arrays = {}
+    arrays: dict[str, np.ndarray] = {}
     for name in sorted(steer_env.REGISTERED):
         tunes = "/Tune" in name
         for arguments in VARIANTS[:1] if tunes else VARIANTS:
@@ -63,7 +63,7 @@ def record(out: Path) -> None:
             label = " ".join([name, *arguments.values()])
             print(label, found["rewards"].sum(), file=sys.stderr)
             arrays |= {f"{label} {key}": value for key, value in found.items()}
-    np.savez(out, **arrays)
+    np.savez(out, **arrays)  # type: ignore[arg-type]  # numpy's stub sees a keyword of its own
 
 
 def _leaves(node: Any, path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], float]]:
@@ -71,7 +71,7 @@ def _leaves(node: Any, path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, 
     if isinstance(node, dict):
         for key, value in node.items():
             if path or key not in NOT_RESULTS:
-                yield from _leaves(value, (*path, RENAMED.get(key, key)))
+                yield from _leaves(value, (*path, RENAMED.get(str(key), str(key))))
     elif isinstance(node, list):
         for i, value in enumerate(node):
             yield from _leaves(value, (*path, str(i)))
@@ -90,16 +90,17 @@ def compare(old: Path, new: Path, reports: list[Path]) -> list[str]:
         elif not np.array_equal(a, b, equal_nan=True):
             lines.append(f"{key}: largest difference {np.nanmax(np.abs(a - b)):.3g}")
     if reports:
-        a, b = (dict(_leaves(json.loads(path.read_text(encoding="utf-8")))) for path in reports)
-        for path in sorted(a.keys() | b.keys()):
-            if a.get(path) != b.get(path):
-                lines.append(f"{'.'.join(path)}: {a.get(path)}, now {b.get(path)}")
-        print(f"{len(a.keys() & b.keys())} numbers of the reports compared")
+        left, right = (dict(_leaves(json.loads(path.read_text(encoding="utf-8")))) for path in reports)
+        for place in sorted(left.keys() | right.keys()):
+            if left.get(place) != right.get(place):
+                lines.append(f"{'.'.join(place)}: {left.get(place)}, now {right.get(place)}")
+        print(f"{len(left.keys() & right.keys())} numbers of the reports compared")
     print(f"{len({*before.files} & {*after.files})} arrays of rollouts compared")
     return lines
 
 
 def main() -> int:
+    """Record or compare."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     commands = parser.add_subparsers(dest="command", required=True)
     commands.add_parser("record").add_argument("out", type=Path)
@@ -110,7 +111,7 @@ def main() -> int:
     if args.command == "record":
         record(args.out)
         return 0
-    lines = compare(*args.files, args.reports)
+    lines = compare(args.files[0], args.files[1], args.reports)
     print("\n".join(lines) or "no difference")
     return int(bool(lines))
 

@@ -1,0 +1,92 @@
+"""What the report is made with: atomic output, worker processes, provenance, differences of metrics."""
+
+import os
+
+import pytest
+from scipy import stats
+
+from steer_env import friction, metrics
+from steer_env.experiments.output import provenance
+from steer_env.experiments.output.files import replaced_directory
+from steer_env.experiments.output.words import number
+from steer_env.experiments.report import build
+from steer_env.experiments.studies.common import battery
+from steer_env.experiments.studies.common.processes import pool_of
+from steer_env.vehicle import cars
+
+CONTENTS = build.CONTENTS
+
+
+def test_a_law_from_outside_reaches_the_worker_processes(toy):
+    with pool_of(1) as pool:
+        found = pool.submit(friction.response, friction.make("toy_jenkins"), [0.0, 0.1], 1e-3).result()
+    assert found.tolist() == [0.0, 0.9]
+
+
+def test_every_number_of_the_car_has_its_unit():
+    car = cars.load()
+    assert set(provenance.UNITS) == {*car.chassis, *car.steering}
+    assert provenance.car(car)["chassis"]["mass"] == {"value": car.chassis["mass"], "unit": "kg"}
+
+
+def test_shares_are_of_the_value_or_of_the_usual_range():
+    value, base = (metrics.Value(x, x, x, "ms", repeats=(x - 0.1, x + 0.1)) for x in (2.0, 1.0))
+    found = battery.difference("yaw_lag", value, base)  # usual range 50 to 120 ms
+    assert found.value == 1.0
+    assert found.half_width == pytest.approx(0.1 * 2**0.5 * stats.t.ppf(0.975, 2))  # Welch, equal variances
+    assert found.share == pytest.approx(1.0 / 70.0)
+
+
+def test_an_interrupted_swap_puts_the_old_report_back(tmp_path, monkeypatch):
+    out = tmp_path / "report"
+    out.mkdir()
+    (out / "index.html").write_text("old")
+    rename = os.rename
+
+    def interrupted(source, target):
+        if target == out and not str(source).endswith(".old"):
+            raise KeyboardInterrupt
+        rename(source, target)
+
+    monkeypatch.setattr("steer_env.experiments.output.files.os.rename", interrupted)
+    with pytest.raises(KeyboardInterrupt), replaced_directory(out, CONTENTS) as part:
+        (part / "index.html").write_text("new")
+    assert [path.name for path in tmp_path.rglob("*")] == ["report", "index.html"]
+    assert (out / "index.html").read_text() == "old"
+
+
+def test_a_directory_with_other_files_is_not_replaced(tmp_path):
+    (tmp_path / "thesis.tex").write_text("years of work")
+    with pytest.raises(ValueError, match=r"holds other files \(thesis\.tex\)"):
+        build.build(tmp_path, {})
+    assert (tmp_path / "thesis.tex").read_text() == "years of work"
+
+
+def test_the_digest_covers_all_four_packages_once():
+    found = provenance.source_files()
+    for name in (
+        "env.py",
+        "friction/law.py",
+        "vehicle/plant.py",
+        "experiments/cli/main.py",
+        "vehicle/data/compact.json",
+    ):
+        assert name in found
+    files = [path.resolve() for path in found.values()]
+    assert len(files) == len(set(files))
+    assert not [name for name in found if name.startswith("steer_env/")]
+
+
+@pytest.mark.parametrize(
+    ("x", "digits", "text"),
+    [
+        (None, 3, "–"),
+        (float("inf"), 3, "∞"),
+        (-0.5, 3, "−0.5"),
+        (99.6, 2, "100"),
+        (1e-9, 3, "1·10⁻⁹"),
+        (123456.0, 3, "123456"),
+    ],
+)
+def test_numbers_in_words(x, digits, text):
+    assert number(x, digits) == text

@@ -1,0 +1,142 @@
+"""A checked car, and the plant that it makes at a speed with a friction law and a chassis."""
+
+import warnings
+from collections.abc import Iterator, Mapping
+from typing import Any, NamedTuple
+
+from steer_env.friction import defaults, resolve
+from steer_env.friction.numerics.check import number
+from steer_env.friction.numerics.frozen import frozen
+from steer_env.friction.numerics.kernel import record
+from steer_env.friction.numerics.renamed import REMOVED_IN
+from steer_env.vehicle import chassis as chassis_models
+from steer_env.vehicle import road, tyre
+from steer_env.vehicle.chassis.two_track import brakes, drivetrain, speed_hold
+from steer_env.vehicle.plant import Plant
+from steer_env.vehicle.steering import column, eps
+from steer_env.vehicle.suspension.kinematics_table import KinematicsTable
+from steer_env.vehicle.suspension.macpherson import MacPherson
+
+
+class _Speeds(Mapping[str, tuple[float, float]]):
+    """Lowest and highest held speed [m/s] by the name of the chassis; imports a chassis when asked for its speeds."""
+
+    def __getitem__(self, name: str) -> tuple[float, float]:
+        if name not in chassis_models.available():
+            raise KeyError(name)
+        return chassis_models.CHASSIS[name].speeds
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(chassis_models.available())
+
+    def __len__(self) -> int:
+        return len(chassis_models.available())
+
+    def __contains__(self, name: object) -> bool:
+        return name in chassis_models.available()
+
+
+SPEEDS = _Speeds()
+
+
+class Car(NamedTuple):
+    """A checked car; :func:`load` makes one."""
+
+    name: str
+    description: str
+    source: str
+    chassis: dict[str, float]  # as in the data file, SI
+    steering: dict[str, float]  # as in the data file, SI
+    column: column.Column
+    assist: eps.Assist
+    drivetrain: drivetrain.Drivetrain
+    brakes: brakes.Brakes
+    speed_hold: speed_hold.SpeedHold
+    tyre: tyre.Tyre
+    strut: MacPherson
+    kinematics_table: KinematicsTable  # of the strut
+
+    def plant(
+        self,
+        friction: Any = "lugre",
+        speed: float = 100.0 / 3.6,
+        robot: bool = False,
+        road_friction: float = 1.0,
+        chassis: str = "single_track",
+        road: road.Road | None = None,
+    ) -> Plant:
+        """The plant of this car with a friction law, at a speed.
+
+        Parameters
+        ----------
+        friction : str or parameters
+            Name of a law, for its defaults, or parameters from ``friction.make``.
+        speed : float
+            Held speed, 3 to 70; with ``chassis="two_track"`` from 0 [m/s].
+        robot : bool
+            Whether the handwheel angle is prescribed; otherwise the hand torque is.
+        road_friction : float
+            Friction of the road over that of the tyre measurements, 0.1 to 1.2 [1].
+        chassis : str
+            A name of :func:`steer_env.vehicle.chassis.available`.
+        road : Road, optional
+            Heights, friction of each side, grade and bank, for ``chassis="two_track"``; level and dry by default.
+
+        Raises
+        ------
+        ValueError
+            Unknown law or chassis, or a value outside its range.
+        """
+        if chassis not in SPEEDS:
+            raise ValueError(f"chassis must be one of {', '.join(SPEEDS)}, got {chassis!r}")
+        low, high = SPEEDS[chassis]
+        v_x = number("speed [m/s]", speed, minimum=low, maximum=high)
+        mu = number("road_friction", road_friction, minimum=0.1, maximum=1.2)
+        # An asymmetric tyre would pull the car to one side. The longitudinal shift would brake by 4 % of the load at
+        # zero slip (the rolling resistance of the set is 1 %), and drive above 8 kN.
+        coefficients = self.tyre.symmetric().coefficients._replace(PHX1=0.0, PHX2=0.0)
+        s = self.steering
+        p = Plant(
+            column=self.column,
+            assist=self.assist,
+            friction=resolve(friction),
+            chassis=chassis_models.CHASSIS[chassis].from_car(self, v_x, mu, road),
+            strut=self.kinematics_table,
+            tyre=record(coefficients),
+            pinion_radius=s["pinion_radius"],
+            friction_load=s["friction_load"] * s["pinion_radius"] / defaults.F_C,
+            rack_limit=s["rack_limit"],
+            robot=1.0 if robot else 0.0,
+        )
+        return frozen(p)
+
+    def loaded(self, mass: float) -> "Car":
+        """The car with a mass added at its centre of gravity [kg], distributed as that of the body."""
+        c = self.chassis
+        body, whole = (c["sprung_mass"] + mass) / c["sprung_mass"], (c["mass"] + mass) / c["mass"]
+        changed = {"mass": c["mass"] + mass, "sprung_mass": c["sprung_mass"] + mass}
+        changed |= {key: body * c[key] for key in ("roll_inertia", "pitch_inertia")}  # of the body
+        return self._replace(chassis={**c, **changed, "yaw_inertia": whole * c["yaw_inertia"]})  # of the whole car
+
+    def steer_per_rack(self) -> float:
+        """Change of the road-wheel angle per rack travel, straight ahead [rad/m]."""
+        return float(self.strut.solve(0.0, 0.0).per_rack.rotation[..., 2])
+
+    def rack_stiffness(self) -> float:
+        """Steering compliance of both wheels, seen at the rack straight ahead [N/m] (P5)."""
+        return self.steering["compliance"] * self.steer_per_rack() ** 2
+
+    def steering_gain(self) -> float:
+        """Road-wheel angle per handwheel angle, straight ahead, without compliance [1]."""
+        return self.steering["pinion_radius"] * self.steer_per_rack()
+
+    def steering_ratio(self) -> float:
+        """Handwheel angle per road-wheel angle, straight ahead, without compliance [1]."""
+        return 1.0 / self.steering_gain()
+
+    @property
+    def strut_map(self) -> KinematicsTable:
+        """Former name of ``kinematics_table``."""
+        text = f"Car.strut_map is now Car.kinematics_table; the old name goes in release {REMOVED_IN}"
+        warnings.warn(text, DeprecationWarning, stacklevel=2)
+        return self.kinematics_table
