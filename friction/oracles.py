@@ -159,17 +159,17 @@ def masing_branch() -> Iterable[float]:
 
 @_oracle("Masing, return points and wiping out", 0.0, "N m")
 def masing_memory() -> Iterable[float]:
-    """Every inner loop closes where it began; past its tip the torque continues as if the loop had not been."""
+    """Every inner loop closes where it began; past its tip the torque continues as if there had been no loop."""
 
-    def torque(*path: int) -> Array:
+    def torque(path: list[int]) -> Array:
         return friction.response(DYADIC, np.array(path) / 1024, 1 / 1024)
 
-    plain = torque(0, 20, -8, 20, 25)
-    nested = torque(0, 20, -8, 10, 2, 7, 5, 7, 2, 10, -8, 20, 25)
+    plain = torque([0, 20, -8, 20, 25])
+    nested = torque([0, 20, -8, 10, 2, 7, 5, 7, 2, 10, -8, 20, 25])
     yield from np.abs(nested[[10, 9, 8, 7]] - nested[[2, 3, 4, 5]])
     yield from np.abs(nested[[2, 11, 12]] - plain[[2, 3, 4]])
     yield abs(plain[4] - virgin_torque(DYADIC, 25 / 1024))  # past the first tip the torque follows the virgin curve
-    yield abs(torque(0, 3, -17, 5, 100, 90)[-1] - torque(0, -40, 100, 90)[-1])  # saturation wipes out all memory
+    yield abs(torque([0, 3, -17, 5, 100, 90])[-1] - torque([0, -40, 100, 90])[-1])  # saturation wipes out all memory
 
 
 def masing_loop_work(p: Masing, A: float) -> float:

@@ -1,1 +1,1 @@
-"""What the four packages share: compilation of kernels, checks of values, bounds, the registry, TOML."""
+"""What the four packages share: compiled kernels and their cache, checks of values, the registry, former names."""

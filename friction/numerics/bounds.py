@@ -1,11 +1,11 @@
-"""Bounds as a kernel: numba would compile a function for each pair of types that its ``min`` and ``max`` meet."""
+"""Bounds as a kernel, because numba compiles ``min`` and ``max`` anew for each pair of types."""
 
 from steer_env.friction.numerics.kernel import kernel
 
 
 @kernel
 def within(x, low, high):
-    """``x``, or the bound that it passes; what is not a number stays."""
+    """``x`` limited to ``[low, high]``; NaN is returned as it is."""
     if x < low:
         return low
     return high if x > high else x

@@ -55,7 +55,10 @@ _points: list[Callable] = []
 
 
 class _Typing:
-    """numba's typing context with a memory: for the type of ``x * y`` it tries thirty rules, each time anew."""
+    """numba's typing context, which remembers the types of operators.
+
+    numba tries thirty rules for the type of ``x * y``, each time anew.
+    """
 
     known: dict[Any, Any] = {}  # noqa: RUF012 (of the process, as numba's context is)
 
@@ -76,7 +79,7 @@ class _Typing:
         return self.known[key]
 
 
-# What two operands of one type compile to, as numba's own rules have it in its error model "numpy".
+# What two operands of one type are compiled to, as by numba's own rules in its error model "numpy".
 _SHORT: dict[tuple[Any, Any], Callable] = {}
 _SIGNS = (("lt", "<"), ("le", "<="), ("gt", ">"), ("ge", ">="), ("eq", "=="), ("ne", "!="))
 
@@ -86,7 +89,7 @@ def _comparison(instruction: Callable, sign: str) -> Callable:
 
 
 def short_arithmetic(kind: Any) -> None:
-    """Let kernels add, subtract, multiply and divide a type of floats, or of vectors of them, the short way."""
+    """Use LLVM's instructions for floats to add, subtract, multiply and divide values of a type, floats or vectors."""
     for name, instruction in (("add", "fadd"), ("sub", "fsub"), ("mul", "fmul"), ("truediv", "fdiv")):
         _SHORT[getattr(operator, name), kind] = getattr(IRBuilder, instruction)
 
@@ -101,9 +104,10 @@ for _name, _sign in _SIGNS:
 
 
 class _Lower(Lower):
-    """numba's lowering, with a short way for what kernels are made of: arithmetic of floats and elements of vectors.
+    """numba's lowering, with a short way for arithmetic of floats and for elements of vectors, the bulk of a kernel.
 
-    numba looks each up among its rules, three times in vain, and builds a whole array to read one element.
+    numba searches its rules for each operation three times before it finds one, and builds a whole array structure to
+    read one element.
     """
 
     def lower_binop(self, resty: Any, expr: Any, op: Any) -> Any:
@@ -139,7 +143,7 @@ class _Lower(Lower):
         )
 
     def _element(self, array: Any, index: Any, signature: Any) -> Any:
-        """Address of an element of a vector; indices count from the end where they are negative."""
+        """Address of an element of a vector; a negative index counts from the end."""
         kind, builder = signature.args[0], self.builder
         model, whole = self.context.data_model_manager[kind], self.loadvar(array.name)
         size = builder.extract_value(model.get(builder, whole, "shape"), 0)
@@ -161,7 +165,7 @@ class _Lowering(NativeLowering):
 
 
 class _Compiler(CompilerBase):
-    """numba's compiler without the passes for what no kernel has: closures, ``with``, array expressions, objects."""
+    """numba's compiler without the passes for closures, ``with``, array expressions and objects; no kernel has them."""
 
     lowering: type = _Lowering
 
@@ -181,9 +185,9 @@ class _Compiler(CompilerBase):
 
 
 class _Draft(JITCodeLibrary):
-    """Code for compiled callers alone, which take it in as it is.
+    """Code of a kernel for compiled callers alone.
 
-    It is optimised and translated once, as part of them; numba would do both for each kernel on its own too.
+    It is optimised and translated to machine code only as part of its callers; numba would do both for each kernel too.
     """
 
     def _optimize_final_module(self) -> None:
@@ -197,7 +201,7 @@ class _Draft(JITCodeLibrary):
 class _Drafting(_Lowering):
     """Lowering to a :class:`_Draft`, without an entry point for Python.
 
-    Unpacking a hundred parameters for an entry point that nothing calls would be a sixth of the compile time.
+    To unpack a hundred parameters for an entry point that nothing calls would take a sixth of the compile time.
     """
 
     _name = "drafting"
@@ -206,7 +210,7 @@ class _Drafting(_Lowering):
         state.library = _Draft(state.targetctx.codegen(), state.func_id.func_qualname)
         state.flags.no_cpython_wrapper = state.flags.no_cfunc_wrapper = state.flags.no_compile = True
         super().run_pass(state)
-        entry: Any = [].append  # numba tells functions apart by their entry points; any will do where none is called
+        entry: Any = [].append  # never called; numba distinguishes functions by their entry points
         state.targetctx.insert_user_function(entry, state.cr.fndesc, [state.library])
         state.cr = state.cr._replace(cfunc=entry)
         return True
@@ -217,12 +221,12 @@ class _Drafter(_Compiler):
 
 
 class _Kernel(CPUDispatcher):
-    """A kernel as Python calls it; compiled callers take ``inner``."""
+    """A kernel for callers in Python; compiled callers take ``inner``."""
 
     by_numba: Any  # maker of the same kernel for numba's own compiler
 
     def compile(self, signature: Any) -> Any:
-        """As numba's; where it fails and numba's own compiler does not, that one takes over for good."""
+        """Compile as numba does; where that fails and numba's own compiler does not, that one takes over for good."""
         if not _works:
             return self._borrow(signature)
         try:
@@ -261,15 +265,15 @@ class _Kernel(CPUDispatcher):
 
     @property
     def _numba_type_(self) -> numba.types.Dispatcher:
-        return numba.types.Dispatcher(self.inner if _works else self.own)  # type: ignore[arg-type]  # a method, it says
+        return numba.types.Dispatcher(self.inner if _works else self.own)  # type: ignore[arg-type]
 
 
 def kernel(function: Callable, by_numba: Callable, **options: Any) -> Any:
-    """A kernel that this compiler compiles; ``by_numba`` makes it for numba's own.
+    """A kernel for this compiler; ``by_numba`` makes the same kernel for numba's own.
 
     Kernels pass parameter tuples by value, so they are inlined: a call would copy up to a hundred floats. There is no C
     callback, as nothing takes one, and no counting of references, as kernels own no arrays. Both would go through every
-    number of the parameters: a quarter of the compile time.
+    number of the parameters, which would take a quarter of the compile time.
     """
     inlining = options or {"forceinline": True}
     fixed = {"nopython": True, "nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True, "_nrt": False}

@@ -22,7 +22,8 @@ from steer_env.friction.numerics import cache
 from steer_env.friction.numerics.frozen import frozen
 from steer_env.friction.numerics.stamp import POINTS
 
-FAST_VERSIONS = ("0.68",)  # of numba that the fast compiler was tested with, see docs/compatibility.md
+# Of numba, those that the fast compiler was tested with: docs/compatibility.md.
+FAST_VERSIONS = ("0.61", "0.62", "0.63", "0.64", "0.65", "0.66", "0.67", "0.68")
 COMPILED = not numba.config.DISABLE_JIT  # type: ignore[attr-defined]  # False: kernels are plain Python
 
 

@@ -33,7 +33,7 @@ def _kernel_modules():
             parts = file.relative_to(ROOT).with_suffix("").parts
             text = file.read_text()
             if "@kernel" in text or "@part" in text:
-                name = ".".join(parts if parts[0] == "steer_env" else ("steer_env", *parts))
+                name = ".".join(parts if parts[0] == "steer_env" else ("steer_env", *parts)).removesuffix(".__init__")
                 found[name] = importlib.import_module(name)
     return found
 
