@@ -69,7 +69,7 @@ def test_the_digest_covers_all_four_packages_once():
         "friction/law.py",
         "vehicle/plant.py",
         "experiments/cli/main.py",
-        "vehicle/data/compact.json",
+        "vehicle/data/cars/compact.json",
     ):
         assert name in found
     files = [path.resolve() for path in found.values()]

@@ -281,5 +281,5 @@ def test_a_recording_without_a_manoeuvre_asks_for_the_test():
 
 
 def test_old_names_still_work():
-    with pytest.warns(DeprecationWarning, match="ManoeuvreEvaluation; the old name goes in release 1"):
+    with pytest.warns(DeprecationWarning, match="ManoeuvreEvaluation; release 1.0 removes the old name"):
         assert metrics.Procedure is metrics.ManoeuvreEvaluation

@@ -102,8 +102,8 @@ class Driver(NamedTuple):
 class PreviewModel(NamedTuple):
     """A registered preview model; :func:`register_preview_model` tells the meaning of the fields."""
 
-    gains: Callable[[Any, Car, float], Array]
-    command: Callable
+    gains: Callable[[Any, Car, float], Array]  # of the model for a car at a speed [m/s]
+    command: Callable  # kernel from what is observed to the commanded handwheel angle [rad]
 
 
 PREVIEW_MODELS: dict[type, PreviewModel] = {}  # by the class of their parameters

@@ -93,6 +93,7 @@ def setup_drawer(name: str, manoeuvre: str, coasts: bool = False):
 
 @kernel
 def observe(parameters, channels, path, data, step, memory, observations):
+    """The ``observe`` of these tasks: the path ahead, as :func:`observe_path` gives it."""
     observe_path(channels, path, step, memory, observations)
 
 
@@ -117,6 +118,7 @@ def _ended(parameters, channels, observations, data):
 
 @kernel
 def evaluate(parameters, channels, observations, data, step, memory, rewards, costs, metrics):
+    """The ``evaluate_step`` of the driver tasks: following, action, touched cones, departure and the end of the course."""
     evaluate_following(channels, observations, step, memory, rewards, costs, metrics)
     evaluate_action(step, 3, rewards)
     touched = _newly_touched(channels, data, memory)
@@ -130,6 +132,7 @@ def evaluate(parameters, channels, observations, data, step, memory, rewards, co
 
 @kernel
 def evaluate_assist(parameters, channels, observations, data, step, memory, rewards, costs, metrics):
+    """The ``evaluate_step`` of the assist task: following, feel, touched cones, departure and the end of the course."""
     evaluate_following(channels, observations, step, memory, rewards, costs, metrics)
     evaluate_feel(channels, step, 3, rewards)
     touched = _newly_touched(channels, data, memory)

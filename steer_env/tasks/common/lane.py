@@ -93,11 +93,13 @@ ENDS = (
 
 @kernel
 def observe(parameters, channels, path, data, step, memory, observations):
+    """The ``observe`` of these tasks: the path ahead, as :func:`observe_path` gives it."""
     observe_path(channels, path, step, memory, observations)
 
 
 @kernel
 def evaluate(parameters, channels, observations, data, step, memory, rewards, costs, metrics):
+    """The ``evaluate_step`` of the driver tasks: following, action, departure from the lane, which ends the episode."""
     evaluate_following(channels, observations, step, memory, rewards, costs, metrics)
     evaluate_action(step, 3, rewards)
     if left_lane(observations, parameters.half_width):
@@ -108,6 +110,7 @@ def evaluate(parameters, channels, observations, data, step, memory, rewards, co
 
 @kernel
 def evaluate_assist(parameters, channels, observations, data, step, memory, rewards, costs, metrics):
+    """The ``evaluate_step`` of the assist task: following, feel, departure from the lane, which ends the episode."""
     evaluate_following(channels, observations, step, memory, rewards, costs, metrics)
     evaluate_feel(channels, step, 3, rewards)
     if left_lane(observations, parameters.half_width):
