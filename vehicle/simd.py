@@ -235,7 +235,7 @@ if COMPILED:
             value = _call("fmuladd", build, x, value, _constant(coefficient))
         return value
 
-    # atan x = at(middle of the interval) + atan((x - middle)/(1 + x middle)), from the outermost interval inwards
+    # atan x = atan(middle of the interval) + atan((x - middle)/(1 + x middle)), from the outermost interval inwards
     _ODD = (
         *(3.33333333333329318027e-01, 1.42857142725034663711e-01, 9.09088713343650656196e-02),
         *(6.66107313738753120669e-02, 4.97687799461593236017e-02, 1.62858201153657823623e-02),
@@ -266,14 +266,14 @@ if COMPILED:
         size = build.fadd(base, _call("fmuladd", build, build.fneg(t), tail, t))
         return _call("copysign", build, size, x)
 
-    _PI = (3.140625, 9.67502593994140625e-4, 1.5099579909783764e-7)  # its sum; multiples of the first two are exact
+    _PI = (3.140625, 9.67502593994140625e-4, 1.5099579909783764e-7)  # pi; multiples of the first two are exact
     _SINE = tuple((-1.0) ** n / math.factorial(2 * n + 1) for n in range(1, 11))
 
     def _wave(half, build, x):
-        """Sine for ``half`` 0, cosine for 1/2: next to the k-th zero of the wave it goes up or down."""
+        """Sine for ``half`` 0, cosine for 1/2, by the sine of the distance to the nearest zero, the ``k``-th."""
         z = _call("fabs", build, x)
         k = _call("rint", build, build.fsub(build.fmul(z, _constant(1.0 / math.pi)), _constant(half)))
-        turns = build.fadd(k, _constant(half))  # of pi, to the nearest zero
+        turns = build.fadd(k, _constant(half))  # multiple of pi at the nearest zero
         r = z
         for part in _PI:
             r = _call("fmuladd", build, turns, _constant(-part), r)
@@ -284,9 +284,9 @@ if COMPILED:
         s = build.select(odd, build.fneg(s), s)
         return build.fneg(s) if half else build.fmul(s, _call("copysign", build, _constant(1.0), x))
 
-    _LOG_2 = (0.693147180369123816490, 1.90821492927058770002e-10)  # its sum; multiples of the first are exact
+    _LOG_2 = (0.693147180369123816490, 1.90821492927058770002e-10)  # log 2; multiples of the first are exact
     _EXP = tuple(1.0 / math.factorial(n) for n in range(14))
-    _ROUND = 1.5 * 2.0**52  # added to a number it leaves the nearest integer in the last bits
+    _ROUND = 1.5 * 2.0**52  # a number plus this has the nearest integer in its last bits
 
     def _exp(build, x):
         shifted = _call("fmuladd", build, x, _constant(1.0 / math.log(2.0)), _constant(_ROUND))
