@@ -181,7 +181,7 @@ def reference(case: Case, h: float, tolerance: float = 1e-10) -> NDArray[np.floa
     z_rate = np.zeros(size)
     omega = 2.0 * math.pi * case.frequency
 
-    def derivative(t, x):
+    def derivative(t: float, x: NDArray) -> NDArray:
         th1, v1, th2, v2 = x[:4]
         memory = x[4 : 4 + size].copy()
         T_F = torque(p, 1.0, memory, v2)

@@ -1,5 +1,6 @@
 """Double lane change."""
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -35,7 +36,7 @@ def lane_change_manoeuvre(
     ``driver`` has options of :func:`steer_env.drivers.common.lq.preview`; ``fields`` are those of the manoeuvre.
     """
 
-    def preview_driver(car: Car, p: Plant):
+    def preview_driver(car: Car, p: Plant) -> Callable[[float, Any], tuple[float, float]]:
         # Here, because the import of python-control takes longer than the start of an environment.
         from steer_env.drivers.common import lq
 

@@ -13,9 +13,11 @@ Source: the keys of public files and readers; ``magic_formula`` names the equati
 import os
 import re
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 _UNITS: dict[str, dict[str, float]] = {
     "LENGTH": {"meter": 1.0, "m": 1.0, "mm": 1e-3, "millimeter": 1e-3, "cm": 1e-2, "centimeter": 1e-2, "km": 1e3}
@@ -230,7 +232,7 @@ def read(path: str | os.PathLike) -> PropertyFile:
     version = _version(sections["MODEL"], lines, error)
     for (name, key), line_number in lines.items():
         if key and name in sections:
-            _check(name, key, sections[name][key], version, lambda m, n=line_number, k=key: error(n, k, m))
+            _check(name, key, sections[name][key], version, partial(error, line_number, key))
     return PropertyFile(version, sections, {name: _trimmed(body) for name, body in extensions.items()})
 
 
@@ -242,7 +244,7 @@ def _trimmed(body: list[str]) -> tuple[str, ...]:
     return tuple(body[:last])
 
 
-def _version(model, lines, error) -> int:
+def _version(model: dict[str, Any], lines: dict[tuple[str, str], Any], error: Callable[..., Exception]) -> int:
     for key, known in (("FITTYP", _FITTYP), ("PROPERTY_FILE_FORMAT", _FORMATS)):
         if key in model:
             value = model[key].upper() if isinstance(model[key], str) else model[key]
@@ -255,7 +257,7 @@ def _version(model, lines, error) -> int:
     raise error(lines["MODEL", ""], "FITTYP", "expected in [MODEL], or PROPERTY_FILE_FORMAT")
 
 
-def _check(section, key, value, version, error) -> None:
+def _check(section: str, key: str, value: Any, version: int, error: Callable[[str], Exception]) -> None:
     """Raise for a key that the model would have to ignore, and for a value that is no finite number."""
     if key == "FE_METHOD" and str(value).upper() == "YES":
         raise error("expected 'NO', because the weights G combine the slips, not a friction ellipse; got 'YES'")

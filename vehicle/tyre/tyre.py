@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from steer_env.friction.numerics.check import number, positive
 from steer_env.friction.numerics.kernel import kernel
@@ -148,7 +149,16 @@ class Tyre:
             pressure=self.pressure._replace(inflation=p),
         )
 
-    def forces(self, kappa, alpha, camber, F_z, v_x, mu=1.0, turn_slip=0.0) -> tuple[np.ndarray, ...]:
+    def forces(
+        self,
+        kappa: ArrayLike,
+        alpha: ArrayLike,
+        camber: ArrayLike,
+        F_z: ArrayLike,
+        v_x: ArrayLike,
+        mu: ArrayLike = 1.0,
+        turn_slip: ArrayLike = 0.0,
+    ) -> tuple[np.ndarray, ...]:
         """Steady-state forces and moments of the road on the tyre, ISO 8855.
 
         Parameters

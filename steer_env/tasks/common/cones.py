@@ -11,7 +11,16 @@ from numpy.typing import NDArray
 from steer_env.courses import iso3888, path
 from steer_env.friction.numerics.kernel import kernel
 from steer_env.manoeuvres.double_lane_change import APPROACH, RUN_OUT
-from steer_env.tasks.common.definition import SUM, TASKS, EpisodeContext, EpisodeMetric, EpisodeSetup, Scenery, Term
+from steer_env.tasks.common.definition import (
+    SUM,
+    TASKS,
+    DrawSetup,
+    EpisodeContext,
+    EpisodeMetric,
+    EpisodeSetup,
+    Scenery,
+    Term,
+)
 from steer_env.tasks.common.feel import evaluate_feel
 from steer_env.tasks.common.path_following import (
     FOLLOWING_MEMORY,
@@ -69,7 +78,7 @@ def _course(manoeuvre: str, size: iso3888.Outline) -> tuple[Array, Array, float]
     return path.through(points), np.concatenate([course.left, course.right]) + np.array([APPROACH, 0.0]), end
 
 
-def setup_drawer(name: str, manoeuvre: str, coasts: bool = False):
+def setup_drawer(name: str, manoeuvre: str, coasts: bool = False) -> DrawSetup:
     """The ``draw_setup`` of a task on a manoeuvre's course; ``coasts``: with the throttle released on entry."""
 
     def draw_setup(rng: np.random.Generator, context: EpisodeContext, options: Mapping[str, float]) -> EpisodeSetup:
@@ -118,7 +127,7 @@ def _ended(parameters, channels, observations, data):
 
 @kernel
 def evaluate(parameters, channels, observations, data, step, memory, rewards, costs, metrics):
-    """The ``evaluate_step`` of the driver tasks: following, action, touched cones, departure and the end of the course."""
+    """The ``evaluate_step`` of the driver tasks: following, action, touched cones, departure, end of the course."""
     evaluate_following(channels, observations, step, memory, rewards, costs, metrics)
     evaluate_action(step, 3, rewards)
     touched = _newly_touched(channels, data, memory)
@@ -132,7 +141,7 @@ def evaluate(parameters, channels, observations, data, step, memory, rewards, co
 
 @kernel
 def evaluate_assist(parameters, channels, observations, data, step, memory, rewards, costs, metrics):
-    """The ``evaluate_step`` of the assist task: following, feel, touched cones, departure and the end of the course."""
+    """The ``evaluate_step`` of the assist task: following, feel, touched cones, departure, end of the course."""
     evaluate_following(channels, observations, step, memory, rewards, costs, metrics)
     evaluate_feel(channels, step, 3, rewards)
     touched = _newly_touched(channels, data, memory)

@@ -124,6 +124,10 @@ DRIVER_CHANNELS = (*STEERING_CHANNELS, "lateral_speed")
 ASSIST_CHANNELS = (*STEERING_CHANNELS, "column_speed", "motor_torque")
 
 
+# Generator, context and reset options -> what is drawn for an episode.
+DrawSetup = Callable[[np.random.Generator, EpisodeContext, Mapping[str, float]], EpisodeSetup]
+
+
 @dataclass(frozen=True)
 class Task:
     """A task; :func:`register` makes it an id."""
@@ -137,7 +141,7 @@ class Task:
     rewards: tuple[Term, ...]
     costs: tuple[Term, ...]
     metrics: tuple[EpisodeMetric, ...]
-    draw_setup: Callable[[np.random.Generator, EpisodeContext, Mapping[str, float]], EpisodeSetup]
+    draw_setup: DrawSetup
     begins: str  # how an episode starts, in words
     ends: str  # what ends an episode, in words
     speed: float  # held, by default [m/s]

@@ -8,7 +8,7 @@ import numpy as np
 
 from steer_env.courses import path
 from steer_env.friction.numerics.kernel import kernel
-from steer_env.tasks.common.definition import EpisodeContext, EpisodeSetup, Term
+from steer_env.tasks.common.definition import DrawSetup, EpisodeContext, EpisodeSetup, Term
 from steer_env.tasks.common.feel import evaluate_feel
 from steer_env.tasks.common.path_following import evaluate_following, left_lane, observe_path
 from steer_env.tasks.common.terms import evaluate_action
@@ -60,7 +60,7 @@ def disturbances(rng: np.random.Generator, duration: float, wind: float, road: f
     return inputs
 
 
-def setup_drawer(peak_lateral_acceleration: float, driver_in_loop: bool = False):
+def setup_drawer(peak_lateral_acceleration: float, driver_in_loop: bool = False) -> DrawSetup:
     """The ``draw_setup`` on winding roads with curvatures up to a lateral acceleration [m/s2].
 
     With a driver model in the loop, its hand torque is the first scripted input, zero at first.
