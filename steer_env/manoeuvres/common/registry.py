@@ -1,14 +1,11 @@
 """The manoeuvres by name. Listing them imports none of them."""
 
-from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import Any
 
 from steer_env.friction.numerics.registry import Registry, dashed
 
-if TYPE_CHECKING:
-    from steer_env.manoeuvres.common.definition import Manoeuvre
-
-MANOEUVRES: "Registry[Callable[..., Manoeuvre]]" = Registry("manoeuvre", "steer_env.manoeuvres", dashed)
+# Functions that return a ``Manoeuvre``; the class is not imported, because its module imports the plant.
+MANOEUVRES: Registry[Any] = Registry("manoeuvre", "steer_env.manoeuvres", dashed)
 
 
 def available() -> tuple[str, ...]:
