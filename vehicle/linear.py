@@ -136,7 +136,7 @@ class _Tyres(NamedTuple):
 
     loads: NDArray  # of a front and of a rear wheel [N]
     by_slip: list[NDArray]  # of both wheels [N/rad, N m/rad]
-    by_camber: list[NDArray]
+    by_camber: list[NDArray]  # of both wheels [N/rad, N m/rad]
     rolling: NDArray  # longitudinal force of rolling resistance of each wheel, negative [N]
     rolling_by_load: NDArray  # [1]
 

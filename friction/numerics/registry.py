@@ -99,12 +99,18 @@ class Registry(Generic[T]):
 
     @contextmanager
     def restored(self) -> Iterator[None]:
-        """A context at whose end everything is forgotten that was registered within, such as the things of a test."""
-        before = dict(self._things), dict(self._by_class)
+        """A context at whose end the things from elsewhere are forgotten that were registered within, as by a test.
+
+        Things of the folder stay, because a module registers only when it is first imported.
+        """
+        before = set(self._things)
         try:
             yield
         finally:
-            self._things, self._by_class = before
+            stays = before | set(self._files())
+            self._things = {name: thing for name, thing in self._things.items() if name in stays}
+            things = list(self._things.values())
+            self._by_class = {kind: thing for kind, thing in self._by_class.items() if thing in things}
 
     def all(self) -> dict[str, T]:
         """Every thing by name; imports them all."""

@@ -45,7 +45,8 @@ def test_help_imports_nothing_slow(command):
 
 def test_names_in_the_help_are_those_of_the_registries():
     assert names.laws() == friction.available()
-    assert names.manoeuvres() == manoeuvres.available() == tuple(sorted(metrics.tests()))
+    assert names.manoeuvres() == manoeuvres.available()
+    assert set(names.manoeuvres()) >= set(metrics.tests())
     assert names.cars() == cars.available()
     assert names.chassis() == tuple(sorted(cars.SPEEDS))
     assert names.targets() == targets.available()

@@ -1,14 +1,15 @@
-"""Column EPS as it is built: a controller sampled at 1 kHz, a delay, and a motor with a lag and a limit.
+"""Column EPS: a controller sampled at 1 kHz, a delay, and a motor with a lag and a limit.
 
-At each sample the torsion-bar torque goes through the boost curve of the speed and a phase lead, motor damping is taken
-off, a request from outside (an assist policy) is added, and the sum is limited. The command takes effect ``delay``
-later, is held for one sample, and the motor follows with a first-order lag. Torques are referred to the column axis; a
-positive assist turns left.
+At each sample the controller passes the torsion-bar torque through the boost curve of the speed and a phase lead,
+subtracts the motor damping, adds a request from outside (for example of an assist policy), and limits the sum. The
+command takes effect ``delay`` later and holds for one sample; the motor follows with a first-order lag. Torques are
+referred to the column axis, and a positive assist turns left.
 
-    command = limit(lead(boost(T_s, v)) - D(v) w + request),   T_m' = omega_m (command(t - delay) - T_m)
+    command = limit(lead(boost(T_s, v)) - D(v) w + request)                   (E1)
+    T_m' = omega_m (command(t - delay) - T_m)                                 (E2)
 
-Source: boost table, lead, damping and loop figures of a compact car's column EPS (assumed, anchored on its hand
-torques); gain and phase margin of the loop are computed in :mod:`steer_env.vehicle.steering.margins`.
+Source: boost table, lead, damping and loop data of a column EPS of a compact car (assumed, anchored on its hand
+torques); :mod:`steer_env.vehicle.steering.margins` computes gain and phase margin of the loop.
 """
 
 import math
@@ -58,7 +59,7 @@ class Assist(NamedTuple):
     lead_b1: float  # [1]
     lead_a1: float  # [1]
     delay: int  # whole samples between measurement and effect
-    offset: float  # the rest of that time [s]
+    offset: float  # remainder of that time [s]
     bandwidth: float  # motor torque loop [rad/s]
     limit: float  # motor peak torque at the column [N m]
 
@@ -90,7 +91,7 @@ def make(
     lead_zero, lead_pole : float
         Corner frequencies of the phase lead, below 450 Hz [Hz].
     delay : float
-        Time from measurement to effect, at most 4 ms [s]; with the hold, which counts for half a sample, 1 ms in all.
+        Time from measurement to effect, at most 4 ms [s]; with the hold, which adds half a sample, 1 ms in total.
     bandwidth : float
         Corner of the motor's torque loop [Hz].
     limit : float
@@ -149,7 +150,7 @@ def lead_corners(a: Assist) -> tuple[float, float]:
 
 @kernel
 def boost_curve(a, torque, speed):
-    """Boost at a torsion-bar torque [N m] and vehicle speed [m/s], odd in the torque; and the motor damping there."""
+    """Boost at a torsion-bar torque [N m] and a vehicle speed [m/s], odd in the torque, and the motor damping (E4)."""
     i, u = bracket(a.speeds, speed)
     j, s = bracket(a.torques, abs(torque))
     low = a.boost[i, j] + s * (a.boost[i, j + 1] - a.boost[i, j])
@@ -167,18 +168,18 @@ def sample(a, x, torsion_bar_torque, column_speed, vehicle_speed, request):
         The commands [N m] that act until ``offset`` has passed since the sample, and from then on.
     """
     assist, damping = boost_curve(a, torsion_bar_torque, vehicle_speed)
-    lead = a.lead_b0 * assist + x[LEAD_STATE]
+    lead = a.lead_b0 * assist + x[LEAD_STATE]  # (E3)
     x[LEAD_STATE] = a.lead_b1 * assist - a.lead_a1 * lead
     before = x[QUEUE + a.delay]
     for i in range(QUEUE + a.delay, QUEUE, -1):
         x[i] = x[i - 1]
-    x[QUEUE] = within(lead - damping * column_speed + request, -a.limit, a.limit)
+    x[QUEUE] = within(lead - damping * column_speed + request, -a.limit, a.limit)  # (E1)
     return before, x[QUEUE + a.delay]
 
 
 @kernel
 def _follow(a, x, command, h, lost):
-    """Impulse of the motor torque over ``h`` under a constant command, exact for the lag [N m s]."""
+    """Impulse of the motor torque over ``h`` at a constant command [N m s], exact for the first-order lag (E2)."""
     gap = x[MOTOR_TORQUE] - command
     x[MOTOR_TORQUE] -= gap * lost
     return command * h + gap * lost / a.bandwidth
@@ -186,11 +187,11 @@ def _follow(a, x, command, h, lost):
 
 @kernel
 def motor_step(a, x, before, after, elapsed, h):
-    """Mean motor torque [N m] over a step of ``h`` that starts ``elapsed`` after the last sample [s]."""
+    """Mean motor torque [N m] over a step ``h`` that starts ``elapsed`` after the last sample [s] (E5)."""
     first = within(a.offset - elapsed, 0.0, h)
     rest = h - first
     lost = -math.expm1(-a.bandwidth * first)
     impulse = _follow(a, x, before, first, lost)
-    if rest != first:  # the default offset splits the step in halves, which lose alike
+    if rest != first:  # the default offset splits the step into equal halves
         lost = -math.expm1(-a.bandwidth * rest)
     return (impulse + _follow(a, x, after, rest, lost)) / h

@@ -22,6 +22,9 @@ def _table(title: str) -> Table:
 def print_metrics(values: Mapping[str, Value], title: str, ratings: Mapping[str, Rating | None] | None = None) -> None:
     """Print metrics with their intervals and, if given, their ratings; then what is refused and why."""
     console = Console()
+    if not values:
+        console.print(f"{title}: no metrics are defined for this manoeuvre", highlight=False, soft_wrap=True)
+        return
     table = _table(title)
     headings = {"metric": "left", "value": "right", "95 % interval": "right", "unit": "left"}
     for heading, justify in {**headings, **({"rating": "left"} if ratings else {})}.items():

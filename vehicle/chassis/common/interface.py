@@ -83,7 +83,7 @@ class Chassis(NamedTuple):
     states: Names
     outputs: Names
     channels: Names
-    speeds: tuple[float, float]
+    speeds: tuple[float, float]  # [m/s]
     from_car: Callable
     start: Callable
     derivative: Callable

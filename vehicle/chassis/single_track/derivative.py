@@ -40,17 +40,17 @@ class Loads(NamedTuple):
 
 
 class Forces(NamedTuple):
-    """Forces of the tyres on the car, along x and y of the body."""
+    """Forces of the tyres on the car along x and y of the body [N], and their aligning torques [N m]."""
 
-    X_fl: float  # [N]
+    X_fl: float
     X_fr: float
     X_rl: float
     X_rr: float
-    Y_f: float  # of both front wheels [N]
+    Y_f: float  # of both front wheels
     Y_r: float
-    M_zf: float  # aligning torques of the front wheels [N m]
+    M_zf: float  # of the front wheels
     M_zr: float
-    rack: float  # rack force [N]
+    rack: float  # rack force
 
 
 @part

@@ -17,8 +17,8 @@ class Contact(NamedTuple):
     """Contact of the wheels with the road; each field is a vector of four wheels."""
 
     x: float  # of the wheel centre, from O [m]
-    y: float
-    z: float
+    y: float  # [m]
+    z: float  # [m]
     height: float  # of the wheel centre over the road [m]
     camber_offset: float  # of the contact point to the left, as a cambered wheel meets the road in its own plane [m]
     F_z: float  # load [N]

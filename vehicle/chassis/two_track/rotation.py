@@ -12,7 +12,7 @@ from steer_env.vehicle.simd import cos, pack, sin, unpack
 
 
 class Rotation(NamedTuple):
-    """Matrix from the body frame to the road frame, and cosine and sine of the roll, pitch and yaw angle."""
+    """Matrix from the body frame to the road frame, and cosine and sine of the roll, pitch and yaw angle [1]."""
 
     a11: float
     a12: float
@@ -31,12 +31,12 @@ class Rotation(NamedTuple):
 
 
 class Motion(NamedTuple):
-    """Velocity of O and angular velocity of the body, in the road frame."""
+    """Velocity of O [m/s] and angular velocity of the body [rad/s], in the road frame."""
 
-    V_x: float  # [m/s]
+    V_x: float
     V_y: float
     V_z: float
-    W_x: float  # [rad/s]
+    W_x: float
     W_y: float
     W_z: float
 
