@@ -28,6 +28,8 @@ try:  # numba compiles under this lock, and a lock of our own beside it could bl
     from numba.core.compiler_lock import global_compiler_lock as _lock
 except ImportError:
     _lock = threading.RLock()  # type: ignore[assignment]
+if hasattr(os, "register_at_fork"):  # a child must not inherit a lock that another thread of its parent holds
+    os.register_at_fork(before=_lock.acquire, after_in_parent=_lock.release, after_in_child=_lock.release)
 
 FOLDER = "steer-env-kernels"  # in the user's cache folder, or in NUMBA_CACHE_DIR
 NEWEST = 64  # folders of one kernel that are kept, by their last use: the whole suite needs some twenty of the plant's
@@ -41,8 +43,9 @@ _said: set[str] = set()  # subjects
 
 def say(subject: str, line: str) -> None:
     """One line on standard error, once for each subject; ``STEER_ENV_QUIET=1`` silences it."""
-    if subject not in _said and os.environ.get("STEER_ENV_QUIET", "0") in ("", "0"):
-        print(f"steer-env: {line}", file=sys.stderr, flush=True)
+    if subject not in _said and sys.stderr is not None and os.environ.get("STEER_ENV_QUIET", "0") in ("", "0"):
+        with suppress(OSError, ValueError):  # a full disk behind standard error, or a closed one
+            print(f"steer-env: {line}", file=sys.stderr, flush=True)
     _said.add(subject)
 
 
@@ -154,7 +157,7 @@ def _announced(kernel: Any, folder: Path | None) -> Iterator[None]:
 
     def tell() -> None:
         if compiled():
-            once = "this happens once" if folder else "in every process, as no cache folder is writable"
+            once = "this happens once" if folder else "in every process, as the machine code cannot be kept"
             say("compiling", f"compiling kernels for {function.__module__}.{function.__qualname__} and others; {once}")
 
     timer = threading.Timer(max(PATIENCE - _spent, 0.1), tell)

@@ -11,14 +11,17 @@ Functions enter by their bytecode, so that comments, docstrings and positions in
 edited while the process runs cannot mislabel what was imported before.
 """
 
+import dataclasses
 import dis
 import functools
 import hashlib
+import importlib.util
 import os
 import platform
 import sys
 import time
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from enum import Enum
 from pathlib import Path
 from types import BuiltinFunctionType, CodeType, FunctionType, ModuleType
@@ -32,7 +35,10 @@ import numpy as np
 _START = time.time()  # a source file that changed after this may differ from what was imported
 _VERSIONED = {"numba": numba, "llvmlite": llvmlite, "numpy": np}  # packages that their version identifies
 _MACHINERY = tuple(f"{__package__}.{name}" for name in ("cache", "compiler_fast", "kernel", "stamp"))  # of _environment
-_FREE = ("NUMBA_CACHE_DIR", "NUMBA_DEBUG_CACHE", "NUMBA_NUM_THREADS")  # settings of numba that leave the code as it is
+_FREE = (  # settings of numba that leave the code as it is, or that numba sets itself as it runs
+    *("CACHE_DIR", "CACHE_LOCATOR_CLASSES", "DEBUG_CACHE", "COLOR_SCHEME", "RUNNING_UNDER_PROFILER", "USING_SVML"),
+    *("NUMBA_NUM_THREADS", "NUMBA_DEFAULT_NUM_THREADS", "THREADING_LAYER"),
+)
 
 POINTS: dict[Callable, Callable[[type, str], Any]] = {}  # dispatch point -> (class, name of the point) -> function
 
@@ -70,7 +76,8 @@ def stamp(kernel: Any, signature: tuple, compiler: str) -> str:
 @functools.cache
 def _environment(compiler: str) -> str:
     """Digest of what every kernel depends on: versions, processor, settings of numba and the compiler's own sources."""
-    settings = sorted(item for item in os.environ.items() if item[0].startswith("NUMBA_") and item[0] not in _FREE)
+    options = {name: value for name, value in vars(numba.config).items() if name.isupper() and name not in _FREE}
+    settings = sorted((name, value) for name, value in options.items() if isinstance(value, bool | int | float | str))
     versions = [module.__version__ for module in _VERSIONED.values()]
     processor = [platform.machine(), llvmlite.binding.get_host_cpu_name()]
     sources = [_text(Path(__file__).with_name(name)) for name in ("kernel.py", f"compiler_{compiler}.py")]
@@ -107,9 +114,16 @@ def _version(module: str | None) -> str | None:
     root = (module or "builtins").partition(".")[0]
     if root in _VERSIONED:
         return f"{root} {_VERSIONED[root].__version__}"
-    if root == "builtins" or root in sys.stdlib_module_names or module in _MACHINERY:
+    if root == "builtins" or module in _MACHINERY or (root in sys.stdlib_module_names and _in_stdlib(root)):
         return f"{root} {sys.version}"
     return None
+
+
+@functools.cache
+def _in_stdlib(root: str) -> bool:
+    """Whether a module is Python's own rather than a user's file of the same name."""
+    file = getattr(sys.modules.get(root), "__file__", None)
+    return file is None or Path(file).resolve().is_relative_to(Path(os.__file__).resolve().parent)
 
 
 def _loads(code: CodeType) -> Iterator[tuple[str, ...]]:
@@ -162,6 +176,38 @@ def _bytecode(code: CodeType, doc: str | None) -> str:
     return _hash(code.co_code, repr(layout), repr(names), *constants)
 
 
+def _all_bytecode(code: CodeType) -> Iterator[str]:
+    """Digests of a code object and of all those within it."""
+    yield _bytecode(code, None)
+    for constant in code.co_consts:
+        if isinstance(constant, CodeType):
+            yield from _all_bytecode(constant)
+
+
+def _functions_of(module: ModuleType) -> Iterator[FunctionType]:
+    """The functions that a module defines: its own, those of its classes, and those behind numba's decorators."""
+    for value in list(vars(module).values()):
+        members = (
+            list(vars(value).values()) if isinstance(value, type) and value.__module__ == module.__name__ else [value]
+        )
+        for member in members:
+            for each in (member, *(getattr(member, name, None) for name in ("py_func", "__wrapped__", "_defn"))):
+                if isinstance(each, FunctionType) and each.__module__ == module.__name__:
+                    yield each
+
+
+def _local_imports(code: CodeType, within: bool = False) -> Iterator[Path]:
+    """Files of the modules of the project or its users that the functions of a module import when they run."""
+    for instruction in dis.get_instructions(code) if within else ():
+        if instruction.opname == "IMPORT_NAME" and _version(instruction.argval) is None:
+            with suppress(ImportError, ValueError):  # not there, or imported relative to its package
+                spec = importlib.util.find_spec(instruction.argval)
+                yield Path(spec.origin if spec and spec.origin else "")
+    for constant in code.co_consts:
+        if isinstance(constant, CodeType):
+            yield from _local_imports(constant, True)
+
+
 class _Walk:
     """One kernel's way through everything that it refers to."""
 
@@ -193,7 +239,11 @@ class _Walk:
             return _hash(_name(made_of), repr(getattr(kind, "fields", ())), *map(self.type_of, kind.types))
         if isinstance(kind, numba.types.BaseTuple):
             return _hash(type(kind).__name__, *map(self.type_of, kind.types))  # type: ignore[attr-defined]
-        return _hash(str(kind))
+        held = (
+            getattr(kind, name, None) for name in ("dtype", "type", "key_type", "value_type")
+        )  # list, optional, dict
+        inner = [self.type_of(each) for each in held if isinstance(each, numba.types.Type) and each is not kind]
+        return _hash(str(kind), *inner)
 
     def digest(self, value: Any, strict: bool = True) -> str:
         """Digest of anything that a kernel refers to; UndecidableError for an unknown kind of thing if ``strict``."""
@@ -202,9 +252,10 @@ class _Walk:
         if value is None or isinstance(value, bool | int | float | complex | str | bytes):
             return _hash(type(value).__name__, repr(value))
         if isinstance(value, tuple | list):
-            if hasattr(value, "_fields"):
+            fields = getattr(value, "_fields", ())
+            if fields:
                 self.classes[type(value)] = None
-            return _hash(_name(type(value)), *(self.digest(each, strict) for each in value))
+            return _hash(_name(type(value)), repr(fields), *(self.digest(each, strict) for each in value))
         if isinstance(value, dict):
             return _hash("dict", *(self.digest(each, strict) for item in value.items() for each in item))
         if isinstance(value, set | frozenset):
@@ -222,7 +273,13 @@ class _Walk:
         plain = issubclass(kind, tuple | Enum | BaseException) or _version(kind.__module__) is not None
         if strict and not plain:
             raise UndecidableError(f"the class {_name(kind)}")
-        return _hash(_name(kind), repr(getattr(kind, "_fields", ())))
+        members = [(member.name, member.value) for member in kind] if issubclass(kind, Enum) else ()
+        text = b"" if strict or plain else self._text_of(kind)  # its methods may generate code
+        return _hash(_name(kind), repr(getattr(kind, "_fields", ())), repr(members), text)
+
+    def _text_of(self, thing: Any) -> bytes:
+        """Source of the module that a class or function comes from; empty where there is none."""
+        return _text(Path(getattr(sys.modules.get(thing.__module__), "__file__", None) or ""))
 
     def _once(self, value: Any, work: Callable[[Any], str]) -> str:
         """Digest of a function, a module or the like, worked out once; a circle ends where it began."""
@@ -254,6 +311,9 @@ class _Walk:
             return _hash(found.__qualname__, _version(found.__module__) or "")
         if strict:
             raise UndecidableError(f"a {_name(type(value))} among what a kernel refers to")
+        if dataclasses.is_dataclass(value):
+            kept = [self.digest(getattr(value, each.name), strict) for each in dataclasses.fields(value)]
+            return _hash(self.digest(type(value), strict), *kept)
         return _hash(_name(type(value)))
 
     def _function(self, function: FunctionType, strict: bool) -> str:
@@ -299,4 +359,9 @@ class _Walk:
 
     def _module(self, module: ModuleType, text: bytes) -> str:
         code = compile(text, module.__name__, "exec", dont_inherit=True)
-        return _hash(module.__name__, text, *self._references(code, vars(module), strict=False))
+        written = set(_all_bytecode(code))
+        for function in _functions_of(module):
+            if _bytecode(function.__code__, None) not in written:
+                raise UndecidableError(f"{module.__file__} is not the source of {_name(function)} as it was imported")
+        imported = [_text(file) for file in _local_imports(code)]
+        return _hash(module.__name__, text, *imported, *self._references(code, vars(module), strict=False))
