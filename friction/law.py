@@ -219,15 +219,15 @@ def _newton(p, torque_scale, memory, S, R, h, w_guess):
 
 @kernel
 def step(p, torque_scale, memory, S, R, h, w_guess):
-    """One step of length ``h`` [s] of ``S w + T = R``, as it is taken for every law (F7).
+    """Solve ``S w + T = R`` (F7) over a step of ``h`` [s] and advance the memory; the same for every law.
 
     Returns
     -------
     w : float
         Mean speed over the step [rad/s].
     T : float
-        Mean torque over the step [N m], taken from the balance so that the energy books close exactly.
+        Mean torque over the step [N m], from the step equation, so that the energy balance is exact.
     """
-    w = solve(p, torque_scale, memory, S, R, h, w_guess)
+    w = solve(p, torque_scale, memory, S, R, h, w_guess)  # (F7)
     advance(p, torque_scale, memory, w, h)
     return w, R - S * w
