@@ -28,24 +28,9 @@ def make(*, F_c: float = defaults.F_C) -> Coulomb:
 
 
 @kernel
-def advance(p, torque_scale, memory, w, h):
-    pass
-
-
-@kernel
 def torque(p, torque_scale, memory, w):
     # At rest the torque is whatever the balance needs; a displacement history has no balance, and zero is assumed.
     return torque_scale * p.F_c * math.copysign(1.0, w) if w != 0.0 else 0.0  # (F1)
-
-
-@kernel
-def rate(p, torque_scale, memory, w, out):
-    pass
-
-
-@kernel
-def stored_energy(p, memory):
-    return 0.0
 
 
 @kernel
@@ -57,11 +42,7 @@ register(
     "coulomb",
     Coulomb,
     make=make,
-    memory_size=lambda p: 0,
-    advance=advance,
     torque=torque,
-    rate=rate,
-    stored_energy=stored_energy,
     solve=solve,
     fitted=("F_c",),
 )

@@ -30,23 +30,8 @@ def make(*, sigma_2: float = defaults.SIGMA_2_EQUIVALENT) -> Viscous:
 
 
 @kernel
-def advance(p, torque_scale, memory, w, h):
-    pass
-
-
-@kernel
 def torque(p, torque_scale, memory, w):
     return p.sigma_2 * w  # (F2)
-
-
-@kernel
-def rate(p, torque_scale, memory, w, out):
-    pass
-
-
-@kernel
-def stored_energy(p, memory):
-    return 0.0
 
 
 @kernel
@@ -58,11 +43,7 @@ register(
     "viscous",
     Viscous,
     make=make,
-    memory_size=lambda p: 0,
-    advance=advance,
     torque=torque,
-    rate=rate,
-    stored_energy=stored_energy,
     solve=solve,
     fitted=("sigma_2",),
 )
