@@ -1,10 +1,10 @@
 """The bristle that LuGre and Dahl share, integrated exactly at constant speed w over a time h.
 
-    (1)  dz/dt = v - |v| z/z_g
-    (2)  z+ = z E + h w p1,    mean z = z p1 + h w p2,    X = |w| h/z_g
-    (3)  E = exp(-X),    p1 = (1 - E)/X,    p2 = (1 - p1)/X
+    dz/dt = v - |v| z/z_g                                                    (F3), (F4)
+    z+ = z E + h w p1,    mean z = z p1 + h w p2,    X = |w| h/z_g           (F8)
+    E = exp(-X),    p1 = (1 - E)/X,    p2 = (1 - p1)/X                       (F8)
 
-z_g is the steady deflection [rad], z+ the deflection at the end. In docs/model.md (2) and (3) are part of (F8).
+z_g is the steady deflection [rad], z+ the deflection at the end. The numbers are those of docs/model.md.
 """
 
 import math
@@ -15,11 +15,11 @@ from steer_env.friction.numerics.kernel import kernel
 
 @kernel
 def decay(X):
-    """E, p1 and p2 of (3), and the derivatives of p1 and p2 by X.
+    """E, p1 and p2 of (F8), and the derivatives of p1 and p2 by X.
 
     Below X = 0.1 the quotients cancel, so the Taylor series are used; eight terms leave an error below 1e-15.
     """
-    if X > 0.1:
+    if X > 0.1:  # (F8)
         E = math.exp(-X)
         p1 = (1.0 - E) / X
         p2 = (1.0 - p1) / X
@@ -49,6 +49,6 @@ def held(z, limit):
 
 @kernel
 def displaced(z, z_g, limit, w, h):
-    """Deflection after ``h`` at constant speed ``w`` by (2), held within ``limit``."""
+    """Deflection after ``h`` at constant speed ``w`` (F8), held within ``limit``."""
     E, p1, _, _, _ = decay(abs(w) * h / z_g)
-    return held(held(z, limit) * E + h * w * p1, limit)
+    return held(held(z, limit) * E + h * w * p1, limit)  # (F8)

@@ -6,8 +6,8 @@ worm and motor 0.3 N m; the pinion preloads that workshop manuals give for nine 
 branch after a reversal from saturation, ``F = F_C (1 - 2 exp(-x sigma_0/F_C))``, which is (F6) in docs/model.md.
 """
 
-F_C = 0.9  # saturated torque [N m]
-SIGMA_0 = 100.0  # pre-sliding stiffness [N m/rad]; F_C/SIGMA_0 = 0.52 deg, assumed within 0.5-1.0 deg
+F_C = 0.9  # (F6), saturated torque [N m]
+SIGMA_0 = 100.0  # (F6), pre-sliding stiffness [N m/rad]; F_C/SIGMA_0 = 0.52 deg, assumed within 0.5-1.0 deg
 SIGMA_1 = 2.0  # micro-damping [N m s/rad]; assumed, damping ratio 0.44 of the pre-sliding mode at 0.052 kg m2
 # The linear damper that loses as much energy per cycle as F_C does, 4 F_C/(pi omega A), in the weave to 2 m/s2 at
 # 100 km/h, whose amplitude A is 15.1 deg at 0.2 Hz.

@@ -200,7 +200,7 @@ def _least_squares(
         return make(law, **dict(zip(first, np.exp(q[:-1]).tolist())))
 
     def residuals(q: NDArray) -> NDArray[np.float64]:
-        return (response(made(q), x, dt) + q[-1] - T)[weighed]
+        return (response(made(q), x, dt) + q[-1] - T)[weighed]  # (F12)
 
     q = np.append(np.log(list(first.values())), np.median(T))
     reach = np.append(np.full(len(first), RANGE), math.inf)

@@ -37,16 +37,31 @@ class Law(NamedTuple):
 LAWS: Registry[Law] = Registry("friction law", "steer_env.friction.models")
 
 
+@kernel
+def _no_advance(p, torque_scale, memory, w, h):
+    pass
+
+
+@kernel
+def _no_rate(p, torque_scale, memory, w, out):
+    pass
+
+
+@kernel
+def _no_energy(p, memory):
+    return 0.0
+
+
 def register(
     name: str,
     parameters: type,
     *,
     make: Callable[..., Any],
-    memory_size: Callable[[Any], int],
-    advance: Callable,
     torque: Callable,
-    rate: Callable,
-    stored_energy: Callable,
+    memory_size: Callable[[Any], int] | None = None,
+    advance: Callable | None = None,
+    rate: Callable | None = None,
+    stored_energy: Callable | None = None,
     mean_torque: Callable | None = None,
     solve: Callable | None = None,
     fitted: tuple[str, ...] | Callable = (),
@@ -61,12 +76,12 @@ def register(
         The class of the immutable parameters, floats or ``(N,)`` arrays.
     make : callable
         Checked constructor with keyword arguments only, all with defaults; it raises ValueError for bad values.
-    memory_size : callable
-        Parameters -> number of floats of memory.
-    advance : ``(p, torque_scale, memory, w, h) -> None``
-        Changes the memory exactly as ``h`` [s] at constant speed ``w`` [rad/s] do.
     torque : ``(p, torque_scale, memory, w) -> float``
         Torque at this moment [N m]; at ``w = 0`` it is the limit of ``mean_torque`` there.
+    memory_size : callable, optional
+        Parameters -> number of floats of memory. A law without memory omits this and the next three functions.
+    advance : ``(p, torque_scale, memory, w, h) -> None``
+        Changes the memory exactly as ``h`` [s] at constant speed ``w`` [rad/s] do.
     rate : ``(p, torque_scale, memory, w, out) -> None``
         Writes the time derivative of the memory at speed ``w`` into ``out``, as a plain ODE solver needs it.
     stored_energy : ``(p, memory) -> float``
@@ -85,12 +100,27 @@ def register(
     Raises
     ------
     ValueError
-        If the name is taken, or the law has neither ``mean_torque`` nor ``solve``.
+        If the name is taken, the law has neither ``mean_torque`` nor ``solve``, or some but not all functions of the
+        memory are given.
     """
     if mean_torque is None and solve is None:
         raise ValueError(f"friction law {name!r} needs mean_torque or solve")
-    kernels = (advance, torque, rate, stored_energy, mean_torque, solve or _newton)
-    law = Law(name, parameters, make, memory_size, fitted, *kernels)
+    given = [function is not None for function in (memory_size, advance, rate, stored_energy)]
+    if any(given) and not all(given):
+        raise ValueError(f"friction law {name!r} needs all or none of memory_size, advance, rate and stored_energy")
+    law = Law(
+        name,
+        parameters,
+        make,
+        memory_size or (lambda p: 0),
+        fitted,
+        advance or _no_advance,
+        torque,
+        rate or _no_rate,
+        stored_energy or _no_energy,
+        mean_torque,
+        solve or _newton,
+    )
     LAWS.register(name, law, parameters)
 
 
@@ -219,15 +249,15 @@ def _newton(p, torque_scale, memory, S, R, h, w_guess):
 
 @kernel
 def step(p, torque_scale, memory, S, R, h, w_guess):
-    """One step of length ``h`` [s] of ``S w + T = R``, as it is taken for every law (F7).
+    """Solve ``S w + T = R`` (F7) over a step of ``h`` [s] and advance the memory; the same for every law.
 
     Returns
     -------
     w : float
         Mean speed over the step [rad/s].
     T : float
-        Mean torque over the step [N m], taken from the balance so that the energy books close exactly.
+        Mean torque over the step [N m], from the step equation, so that the energy balance is exact.
     """
-    w = solve(p, torque_scale, memory, S, R, h, w_guess)
+    w = solve(p, torque_scale, memory, S, R, h, w_guess)  # (F7)
     advance(p, torque_scale, memory, w, h)
     return w, R - S * w

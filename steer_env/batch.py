@@ -217,8 +217,8 @@ class EnvironmentBatch:
     def step(self, actions: NDArray[np.float32], generators: Sequence[np.random.Generator]) -> None:
         """Hold the clipped actions (n,) for ``control_dt`` in every row.
 
-        The results are in ``arrays`` and ``episodes``. A row whose episode is over runs on, which means nothing, and
-        draws nothing from its generator.
+        The results are in ``arrays`` and ``episodes``. A row whose episode is over is advanced as
+        well, but its results have no meaning, and it draws nothing from its generator.
         """
         self.arrays.actions[:] = actions
         if self._noisy:

@@ -16,7 +16,7 @@ from steer_env.vehicle.chassis.common.interface import HAND, HAND_SPEED
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
 
 FAILURE_REWARD = -100.0  # of a step in which the car fails: worse than driving on
-ROLLED_OVER = 1.0  # roll angle from which on no car comes back [rad]
+ROLLED_OVER = 1.0  # roll angle beyond which a car is taken to overturn [rad]
 SLOW = 3.0  # forward speed below which a car that slides sideways has not spun out; assumed [m/s]
 
 _LATERAL_SPEED = plant.CHANNEL["lateral_speed"]

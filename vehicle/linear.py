@@ -89,10 +89,11 @@ class LinearSingleTrack(NamedTuple):
         gain = self.steering_ratio if steering == "handwheel" else 1.0
         slopes, rest = self._balance()
         v, m = self.speed, self.mass
-        alphas = np.array([[1.0, self.front_axle, -gain * v], [1.0, -self.rear_axle, 0.0]]) / v  # by v_y, r, delta
+        # (L3): slopes of alpha_f and alpha_r by v_y, r, delta
+        alphas = np.array([[1.0, self.front_axle, -gain * v], [1.0, -self.rear_axle, 0.0]]) / v
         force, moment = slopes @ alphas + np.outer(rest[:, 1], [0.0, 0.0, gain])
-        acceleration = force / (m - rest[0, 0])
-        yaw = (moment + rest[1, 0] * acceleration) / self.yaw_inertia
+        acceleration = force / (m - rest[0, 0])  # A of (L1)
+        yaw = (moment + rest[1, 0] * acceleration) / self.yaw_inertia  # (L2)
         rows = np.array([acceleration - [0.0, v, 0.0], yaw])
         out = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], acceleration])
         return control.ss(
@@ -124,7 +125,7 @@ class LinearSingleTrack(NamedTuple):
             return float(front / self.front_stiffness - rear / self.rear_stiffness) / (a + b)
 
         path = (self.front_axle + self.rear_axle) / self.speed**2
-        return (path + angle(self.mass - force, moment)) / (1.0 - angle(-steer_force, steer_moment)) - path
+        return (path + angle(self.mass - force, moment)) / (1.0 - angle(-steer_force, steer_moment)) - path  # (L4)
 
 
 def _slope(f: Callable[[float], NDArray], step: float) -> NDArray:

@@ -7,7 +7,7 @@ channels are extrapolated linearly from the last two evaluations. All of this is
 The controller is sampled every millisecond, whatever the step.
 
     T_C = T_motor - r_p (F_rack + F_disturbance)                                                   (P2)
-    friction scale = scale at rest (1 + |F_rack| load gain)                                        (F11)
+    friction scale = friction_torque_scale (1 + friction_load |F_rack + F_disturbance|)            (F11)
 
 The state is one flat array, which :mod:`steer_env.vehicle.layout` describes. The inputs are declared in
 :mod:`steer_env.vehicle.chassis.common.interface`.
@@ -90,7 +90,7 @@ def _evaluate(p, state, u):
     state[at.rack_force + 1] = state[at.rack_force]
     received = state[at.mean_inputs : at.last_inputs]
     for i in range(u.size):
-        received[i] += 0.5 * (u[i] - state[at.last_inputs + i])
+        received[i] += 0.5 * (u[i] - state[at.last_inputs + i])  # (N3)
         state[at.last_inputs + i] = u[i]
     rack = p.pinion_radius * state[column.COLUMN_ANGLE]  # (P1)
     force = chassis.derivative(
@@ -207,11 +207,11 @@ def run(p, state, inputs, record, substeps):
     for i in range(inputs.shape[0]):
         u = inputs[i]
         row = record[i if i < last else last]
-        twist = p.column.K_tb * (state[column.HANDWHEEL_ANGLE] - state[column.COLUMN_ANGLE])
+        torsion_bar_torque = p.column.K_tb * (state[column.HANDWHEEL_ANGLE] - state[column.COLUMN_ANGLE])
         before, after = eps.sample(
             p.assist,
             state[at.assist : at.steps],
-            twist,
+            torsion_bar_torque,
             state[column.COLUMN_SPEED],
             chassis.speed(p.chassis, state[at.chassis :]),
             u[ASSIST_REQUEST],

@@ -244,7 +244,7 @@ def friction(r, side, distance):
     cell = math.floor(place)
     i = int(cell) % size
     j = i + 1 if i + 1 < size else 0
-    return mu[side, i] + (place - cell) * (mu[side, j] - mu[side, i])
+    return mu[side, i] + (place - cell) * (mu[side, j] - mu[side, i])  # (R2)
 
 
 @kernel

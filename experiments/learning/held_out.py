@@ -18,7 +18,7 @@ LEVEL = 0.95  # of the intervals
 class Controller(Protocol):
     """A controller of a batch of episodes: a driver model, an assist or a trained policy."""
 
-    def reset(self, lanes: Any = ...) -> None:
+    def reset(self, sub_environments: Any = ...) -> None:
         """Forget the episodes of some rows of the batch (mask or indices), or of all."""
 
     def act(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -83,7 +83,7 @@ def conditions(about: Mapping[str, Any]) -> dict[str, Any]:
 
 
 class Policy:
-    """A trained policy as a controller, ``reset(lanes)`` and ``act(observation)``, of a single or vector environment.
+    """A trained policy as a controller of a single or vector environment, which its ``reset`` and ``act`` serve.
 
     It computes a new action at the control time of its training and holds it in between.
 
@@ -128,10 +128,10 @@ class Policy:
         self._fresh, self._since = np.ones(n, bool), np.zeros(n, np.int64)
         self._action = np.zeros((n, 1), np.float32)
 
-    def reset(self, lanes: Any = slice(None)) -> None:
+    def reset(self, sub_environments: Any = slice(None)) -> None:
         """Forget the episodes of some sub-environments (mask or indices), or of all."""
-        self._fresh[lanes] = True
-        self._since[lanes] = 0
+        self._fresh[sub_environments] = True
+        self._since[sub_environments] = 0
 
     def act(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
         """The policy's mean action (1,) for an observation (O,), or (N, 1) for (N, O)."""

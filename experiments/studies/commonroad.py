@@ -2,8 +2,8 @@
 
 ``vehiclemodels.vehicle_dynamics_mb`` has 29 states: the body, two axles that springs join to it, and four wheels, on
 steady-state Magic Formula tyres. Its axes are SAE (y right, z down, nose up positive); everything here is ISO 8855.
-Every difference beyond the limits has a name and a switch on their side: a value (``QUIRKS``) or a few lines of code
-(``CODE``). The study prints the effect of each switch; with ``--write`` it writes the stored reference instead.
+Every difference beyond the limits has a name and a switch in the CommonRoad model: a value (``QUIRKS``) or a few lines
+of code (``CODE``). The study prints the effect of each switch; with ``--write`` it writes the stored reference instead.
 
 Source: commonroad-vehicle-models 3.0.2 (BSD). Its bounds of 0.4 rad/s of steering and 11.5 m/s2 are not reached here.
 """
@@ -161,10 +161,10 @@ def _dynamics(code: tuple[str, ...]) -> Callable[[list[float], list[float], Any]
         return vehicle_dynamics_mb
     source = inspect.getsource(sys.modules[vehicle_dynamics_mb.__module__])
     for name in code:
-        for theirs, new in CODE[name].items():
-            if theirs not in source:
-                raise RuntimeError(f"vehicle_dynamics_mb is not that of version 3.0.2: no line with {theirs!r}")
-            source = source.replace(theirs, new)
+        for original, new in CODE[name].items():
+            if original not in source:
+                raise RuntimeError(f"vehicle_dynamics_mb is not that of version 3.0.2: no line with {original!r}")
+            source = source.replace(original, new)
     scope: dict[str, Any] = {}
     exec(source, scope)
     return scope["vehicle_dynamics_mb"]

@@ -78,9 +78,9 @@ def backward_euler_step(c, p, q, memory, work, T1, K_road, h):
     K = c.C_tb + h * c.K_tb
     a11 = c.I1 / h + c.C1 + K
     S = c.I2 / h + c.C2 + K - K * K / a11 + h * K_road
-    twist = c.K_tb * (q[0] - q[2])
-    r1 = c.I1 / h * q[1] + T1 - twist
-    R = c.I2 / h * q[3] + twist - K_road * q[2] + K / a11 * r1
+    torsion_bar_torque = c.K_tb * (q[0] - q[2])
+    r1 = c.I1 / h * q[1] + T1 - torsion_bar_torque
+    R = c.I2 / h * q[3] + torsion_bar_torque - K_road * q[2] + K / a11 * r1
     rest = _end_torque(p, memory, work, 0.0, h)
     side = 1.0 if R > rest else -1.0
     low, high = 0.0, abs(R - rest) / S

@@ -92,8 +92,8 @@ def training_share(env_id: str, rollouts: int = 3) -> float:
             return found
 
     given = settings(env_id, "ppo")
-    lanes = Timed(env_id, 64, **given["environment"])
-    model = new_model("ppo", VecNormalize(VecMonitor(lanes)), given["algorithm"], seed=0)
+    sub_environments = Timed(env_id, 64, **given["environment"])
+    model = new_model("ppo", VecNormalize(VecMonitor(sub_environments)), given["algorithm"], seed=0)
     steps = 64 * given["algorithm"]["n_steps"]
     model.learn(steps)
     spent, start = 0.0, time.perf_counter()

@@ -1,10 +1,10 @@
 """Coulomb friction, a set-valued law.
 
-    (1)  T = L F_c sgn(v) in motion, and any |T| <= L F_c at rest
-    (2)  w = sgn(R) max(|R| - L F_c, 0)/S
+    T = L F_c sgn(v) in motion, and any |T| <= L F_c at rest   (F1)
+    w = sgn(R) max(|R| - L F_c, 0)/S                           (F7)
 
-(2) is the only solution of the step equation ``S w + T = R``, which is an inclusion here: the friction site sticks
-exactly, without drift and without a regularised slope. L is ``torque_scale``. In docs/model.md (1) is (F1).
+This w is the only solution of the step equation ``S w + T = R``, which is an inclusion here: the friction site sticks
+exactly, without drift and without a regularised slope. L is ``torque_scale``. The numbers are those of docs/model.md.
 """
 
 import math
@@ -28,40 +28,21 @@ def make(*, F_c: float = defaults.F_C) -> Coulomb:
 
 
 @kernel
-def advance(p, torque_scale, memory, w, h):
-    pass
-
-
-@kernel
 def torque(p, torque_scale, memory, w):
     # At rest the torque is whatever the balance needs; a displacement history has no balance, and zero is assumed.
-    return torque_scale * p.F_c * math.copysign(1.0, w) if w != 0.0 else 0.0  # (1)
-
-
-@kernel
-def rate(p, torque_scale, memory, w, out):
-    pass
-
-
-@kernel
-def stored_energy(p, memory):
-    return 0.0
+    return torque_scale * p.F_c * math.copysign(1.0, w) if w != 0.0 else 0.0  # (F1)
 
 
 @kernel
 def solve(p, torque_scale, memory, S, R, h, w_guess):
-    return math.copysign(max(abs(R) - torque_scale * p.F_c, 0.0), R) / S  # (2)
+    return math.copysign(max(abs(R) - torque_scale * p.F_c, 0.0), R) / S  # (F7)
 
 
 register(
     "coulomb",
     Coulomb,
     make=make,
-    memory_size=lambda p: 0,
-    advance=advance,
     torque=torque,
-    rate=rate,
-    stored_energy=stored_energy,
     solve=solve,
     fitted=("F_c",),
 )

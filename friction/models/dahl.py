@@ -1,13 +1,13 @@
 """Dahl friction: an exponential spring that saturates, known in steering models as exponential-spring friction.
 
-    (1)  T = sigma_0 z
-    (2)  dz/dt = v - sigma_0 |v| z/(L F_c),    hence dT/dx = sigma_0 (1 - T sgn(v)/(L F_c))
-    (3)  mean T over a step = sigma_0 (z p1 + h w p2),    X = sigma_0 |w| h/(L F_c)
+    T = sigma_0 z                                                                             (F3)
+    dz/dt = v - sigma_0 |v| z/(L F_c),    hence dT/dx = sigma_0 (1 - T sgn(v)/(L F_c))        (F3)
+    mean T over a step = sigma_0 (z p1 + h w p2),    X = sigma_0 |w| h/(L F_c)                (F8)
 
 L is ``torque_scale``; p1(X) and p2(X) are those of :mod:`steer_env.friction.bristle`.
 
-Source: Dahl, Aerospace Corporation TOR-0158(3107-18)-1, 1968, with exponent 1. In docs/model.md (1) and (2) are
-(F3), and (3) is (F8).
+Source: Dahl, Aerospace Corporation TOR-0158(3107-18)-1, 1968, with exponent 1. The numbers are
+those of docs/model.md.
 """
 
 import math
@@ -37,7 +37,7 @@ def mean_torque(p, torque_scale, memory, w, h):
     slope = p.sigma_0 * h / (torque_scale * p.F_c)
     _, p1, p2, d1, d2 = decay(slope * abs(w))
     z = held(memory[0], torque_scale * p.F_c / p.sigma_0)
-    F = p.sigma_0 * (z * p1 + h * w * p2)  # (3)
+    F = p.sigma_0 * (z * p1 + h * w * p2)  # (F8)
     return F, p.sigma_0 * (h * p2 + (z * d1 + h * w * d2) * math.copysign(slope, w))
 
 
@@ -49,12 +49,12 @@ def advance(p, torque_scale, memory, w, h):
 
 @kernel
 def torque(p, torque_scale, memory, w):
-    return p.sigma_0 * held(memory[0], torque_scale * p.F_c / p.sigma_0)  # (1)
+    return p.sigma_0 * held(memory[0], torque_scale * p.F_c / p.sigma_0)  # (F3)
 
 
 @kernel
 def rate(p, torque_scale, memory, w, out):
-    out[0] = w - p.sigma_0 * abs(w) * memory[0] / (torque_scale * p.F_c)  # (2)
+    out[0] = w - p.sigma_0 * abs(w) * memory[0] / (torque_scale * p.F_c)  # (F3)
 
 
 @kernel

@@ -1,22 +1,22 @@
 """LuGre friction: bristles with damping and a Stribeck curve.
 
-    (1)  T = sigma_0 z + sigma_1 dz/dt + sigma_2 v
-    (2)  dz/dt = v - sigma_0 |v| z/G(v)
-    (3)  G(v) = L (F_c + (F_s - F_c) exp(-(v/v_s)^2))
+    T = sigma_0 z + sigma_1 dz/dt + sigma_2 v             (F4)
+    dz/dt = v - sigma_0 |v| z/G(v)                        (F4)
+    G(v) = L (F_c + (F_s - F_c) exp(-(v/v_s)^2))          (F4)
 
 Over a step h at constant speed w these have closed forms, with E(X), p1(X) and p2(X) of
 :mod:`steer_env.friction.bristle`:
 
-    (4)  X = sigma_0 |w| h/G(w)
-    (5)  mean z = z p1 + h w p2
-    (6)  mean dz/dt = p1 (w - z X/h)
-    (7)  mean T = sigma_0 (mean z) + sigma_1 (mean dz/dt) + sigma_2 w
+    X = sigma_0 |w| h/G(w)                                                    (F8)
+    mean z = z p1 + h w p2                                                    (F8)
+    mean dz/dt = p1 (w - z X/h)                                               (F8)
+    mean T = sigma_0 (mean z) + sigma_1 (mean dz/dt) + sigma_2 w              (F8)
 
 L is ``torque_scale``.
 
 Source: Canudas de Wit, Olsson, Åström, Lischinsky, IEEE Trans. Automatic Control 40 (1995) 419-425. The numbers of the
-equations are those of this file. Deviation: a bristle beyond the deflection at break-away is cut back to it.
-In docs/model.md (1) to (3) are (F4), (4) to (7) are (F8), and (F10) is the condition of passivity that `make` checks.
+equations are those of docs/model.md; (F10) is the condition of passivity that :func:`make` checks. Deviation: a bristle
+beyond the deflection at break-away is cut back to it.
 """
 
 import math
@@ -71,7 +71,7 @@ def make(
     )
     if F_s < F_c:
         raise ValueError(f"F_s must be at least F_c = {F_c:g} N m, got {F_s:g}")
-    least = p.sigma_1 * (F_s - F_c) / F_c
+    least = p.sigma_1 * (F_s - F_c) / F_c  # (F10)
     if p.sigma_2 < least * (1 - 1e-12):
         raise ValueError(
             f"sigma_2 must be at least sigma_1 (F_s - F_c)/F_c = {least:g} N m s/rad for a passive LuGre law, "
@@ -83,24 +83,24 @@ def make(
 
 @kernel
 def saturation(p, torque_scale, w):
-    """Steady torque without the viscous part, G of (3) [N m], and its derivative by speed [N m s/rad]."""
+    """Steady torque without the viscous part, G of (F4) [N m], and its derivative by speed [N m s/rad]."""
     if p.F_s == p.F_c:
         return torque_scale * p.F_c, 0.0
     x = w / p.v_s
     bump = torque_scale * (p.F_s - p.F_c) * math.exp(-x * x)
-    return torque_scale * p.F_c + bump, -2.0 * x / p.v_s * bump
+    return torque_scale * p.F_c + bump, -2.0 * x / p.v_s * bump  # (F4)
 
 
 @kernel
 def mean_torque(p, torque_scale, memory, w, h):
     G, dG = saturation(p, torque_scale, w)
     z = held(memory[0], torque_scale * p.F_s / p.sigma_0)
-    X = p.sigma_0 * abs(w) * h / G  # (4)
+    X = p.sigma_0 * abs(w) * h / G  # (F8)
     dX = p.sigma_0 * h / G * (math.copysign(1.0, w) - abs(w) * dG / G)
     E, p1, p2, d1, d2 = decay(X)
-    z_mean = z * p1 + h * w * p2  # (5)
-    z_rate = p1 * (w - z * X / h)  # (6), as E - 1 = -X p1; the difference would cancel in short steps
-    F = p.sigma_0 * z_mean + p.sigma_1 * z_rate + p.sigma_2 * w  # (7)
+    z_mean = z * p1 + h * w * p2  # (F8)
+    z_rate = p1 * (w - z * X / h)  # (F8), as E - 1 = -X p1; the difference would cancel in short steps
+    F = p.sigma_0 * z_mean + p.sigma_1 * z_rate + p.sigma_2 * w  # (F8)
     dz_mean = h * p2 + (z * d1 + h * w * d2) * dX
     dz_rate = p1 + (w * d1 - z * E / h) * dX
     return F, p.sigma_0 * dz_mean + p.sigma_1 * dz_rate + p.sigma_2
@@ -116,14 +116,14 @@ def advance(p, torque_scale, memory, w, h):
 def torque(p, torque_scale, memory, w):
     G, _ = saturation(p, torque_scale, w)
     z = held(memory[0], torque_scale * p.F_s / p.sigma_0)
-    z_rate = w - p.sigma_0 * abs(w) * z / G  # (2)
-    return p.sigma_0 * z + p.sigma_1 * z_rate + p.sigma_2 * w  # (1)
+    z_rate = w - p.sigma_0 * abs(w) * z / G  # (F4)
+    return p.sigma_0 * z + p.sigma_1 * z_rate + p.sigma_2 * w  # (F4)
 
 
 @kernel
 def rate(p, torque_scale, memory, w, out):
     G, _ = saturation(p, torque_scale, w)
-    out[0] = w - p.sigma_0 * abs(w) * memory[0] / G  # (2)
+    out[0] = w - p.sigma_0 * abs(w) * memory[0] / G  # (F4)
 
 
 @kernel

@@ -1,7 +1,7 @@
 """Masing friction: springs with sliders in parallel (parallel Jenkins elements).
 
-    (1)  T = sum k_i e_i + sigma_1 sum k_i de_i/dt / sum k_i
-    (2)  de_i/dt = v, but 0 where |e_i| = L y_i and v drives the element on
+    T = sum k_i e_i + sigma_1 sum k_i de_i/dt / sum k_i                            (F5)
+    de_i/dt = v, but 0 where |e_i| = L y_i and v increases |e_i|                   (F5)
 
 An element is a spring up to its yield displacement and a constant torque after it, so every branch after a reversal is
 the virgin curve scaled by two. The optional micro-damper ``sigma_1`` acts on the elastic motion only, as that of LuGre
@@ -9,13 +9,13 @@ does, and so leaves the saturated torque unchanged. L is ``torque_scale``.
 
 The mean torque over a step h is piecewise quadratic in the distance D = |w| h, so the step equation times D becomes
 
-    (3)  B D^2 + A D - C/2 = 0
-    (4)  A = sum over yielded k_i (1 + d) g_i - |R - sum k e|,    d = sigma_1/(h sum k)
-    (5)  B = S/h + sum over springs k_i (1/2 + d)
-    (6)  C = sum over yielded k_i g_i^2,    g_i = L y_i - sgn(R - sum k e) e_i
+    B D^2 + A D - C/2 = 0                                                          (F9)
+    A = sum over yielded k_i (1 + d) g_i - |R - sum k e|,    d = sigma_1/(h sum k)
+    B = S/h + sum over springs k_i (1/2 + d)
+    C = sum over yielded k_i g_i^2,    g_i = L y_i - sgn(R - sum k e) e_i
 
 Source: Masing, 2nd Int. Congress of Applied Mechanics, Zürich 1926; Iwan, J. Applied Mechanics 33 (1966) 893-900.
-In docs/model.md (1) and (2) are (F5), and (3) to (6) are (F9).
+The numbers are those of docs/model.md.
 """
 
 import math
@@ -135,11 +135,11 @@ def virgin_torque(p: Masing, x: float | Sequence[float] | NDArray) -> NDArray[np
 
 @kernel
 def solve(p, torque_scale, memory, S, R, h, w_guess):
-    """March over the elements that yield within the step, by (3) to (6).
+    """March over the elements that yield within the step (F9).
 
-    ``gap`` is g_i, the distance of an element from its yield at the start of the step. A spring that yields gives way,
-    so D only grows with the set of yielded elements and no element ever has to leave the set: each pass adds the
-    elements whose gaps D exceeds, until no element is added.
+    ``gap`` is g_i, the distance of an element from its yield at the start of the step. A spring that yields reduces the
+    resistance. D therefore only grows with the set of yielded elements, and no element has to leave the set: each pass
+    adds the elements whose gaps D exceeds, until no element is added.
     """
     n = p.k.size
     rest = 0.0
@@ -163,15 +163,15 @@ def solve(p, torque_scale, memory, S, R, h, w_guess):
         for i in range(n):
             gap = torque_scale * p.y[i] - side * memory[i]
             if gap < D:
-                A += p.k[i] * (1.0 + damping) * gap  # (4)
-                C += p.k[i] * gap * gap  # (6)
+                A += p.k[i] * (1.0 + damping) * gap  # A of (F9)
+                C += p.k[i] * gap * gap  # C of (F9)
                 yielded += 1
             else:
-                B += p.k[i] * (0.5 + damping)  # (5)
+                B += p.k[i] * (0.5 + damping)  # B of (F9)
         if yielded <= known:
             return side * D / h
         known = yielded
-        # (3): its positive root, in the form that does not cancel
+        # The positive root of (F9), in the form that does not cancel
         root = math.sqrt(A * A + 2.0 * B * C)
         D = C / (A + root) if A > 0.0 else (root - A) / (2.0 * B)
 
@@ -197,13 +197,13 @@ def torque(p, torque_scale, memory, w):
         K += p.k[i]
         if w * e < limit * abs(w):
             elastic += p.k[i]
-    return T + p.sigma_1 * w * elastic / K  # (1)
+    return T + p.sigma_1 * w * elastic / K  # (F5)
 
 
 @kernel
 def rate(p, torque_scale, memory, w, out):
     for i in range(p.k.size):
-        out[i] = w if w * memory[i] < torque_scale * p.y[i] * abs(w) else 0.0  # (2)
+        out[i] = w if w * memory[i] < torque_scale * p.y[i] * abs(w) else 0.0  # (F5)
 
 
 @kernel
@@ -220,7 +220,7 @@ def fit_elements(x: NDArray, T: NDArray, dt: float, weighed: NDArray) -> tuple[M
     The method needs no initial guess and has no local minimum. The grid ends where an element only just yields, at half
     the widest swing of the weighed samples; the record shows a part that yields later as a spring, and that part counts
     with the torque that it has reached. The intervals are those of ``F_c`` and of ``virgin_torque`` at each yield,
-    because neighbouring elements trade stiffness freely and the record determines only their sum.
+    because the record determines only the sum of the stiffnesses of neighbouring elements, not each of them.
 
     Parameters
     ----------

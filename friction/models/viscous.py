@@ -1,10 +1,10 @@
 """Viscous friction: a linear damper, the baseline without dry friction.
 
-    (1)  T = sigma_2 v
-    (2)  w = R/(S + sigma_2)
+    T = sigma_2 v           (F2)
+    w = R/(S + sigma_2)     (F7)
 
-(2) solves the step equation ``S w + T = R``. With ``sigma_2 = 0`` there is no friction at all. In
-docs/model.md (1) is (F2).
+This w solves the step equation ``S w + T = R``. With ``sigma_2 = 0`` there is no friction at all. The numbers are those
+of docs/model.md.
 """
 
 from typing import NamedTuple
@@ -30,39 +30,20 @@ def make(*, sigma_2: float = defaults.SIGMA_2_EQUIVALENT) -> Viscous:
 
 
 @kernel
-def advance(p, torque_scale, memory, w, h):
-    pass
-
-
-@kernel
 def torque(p, torque_scale, memory, w):
-    return p.sigma_2 * w  # (1)
-
-
-@kernel
-def rate(p, torque_scale, memory, w, out):
-    pass
-
-
-@kernel
-def stored_energy(p, memory):
-    return 0.0
+    return p.sigma_2 * w  # (F2)
 
 
 @kernel
 def solve(p, torque_scale, memory, S, R, h, w_guess):
-    return R / (S + p.sigma_2)  # (2)
+    return R / (S + p.sigma_2)  # (F7)
 
 
 register(
     "viscous",
     Viscous,
     make=make,
-    memory_size=lambda p: 0,
-    advance=advance,
     torque=torque,
-    rate=rate,
-    stored_energy=stored_energy,
     solve=solve,
     fitted=("sigma_2",),
 )

@@ -226,7 +226,9 @@ class _Kernel(CPUDispatcher):
     by_numba: Any  # maker of the same kernel for numba's own compiler
 
     def compile(self, signature: Any) -> Any:
-        """Compile as numba does; where that fails and numba's own compiler does not, that one takes over for good."""
+        """Compile as numba does. Where that fails and numba's own compiler succeeds, the latter compiles this kernel
+        from then on.
+        """
         if not _works:
             return self._borrow(signature)
         try:

@@ -23,8 +23,8 @@ def hermite(s, start, end, start_slope, end_slope):
     """
     rise = end - start
     a, b = start_slope - rise, rise - end_slope
-    bend = (1.0 - s) * a + s * b
-    return start + s * rise + s * (1.0 - s) * bend, rise + (1.0 - 2.0 * s) * bend + s * (1.0 - s) * (b - a)
+    bend = (1.0 - s) * a + s * b  # (N5)
+    return start + s * rise + s * (1.0 - s) * bend, rise + (1.0 - 2.0 * s) * bend + s * (1.0 - s) * (b - a)  # (N5)
 
 
 @kernel

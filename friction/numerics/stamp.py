@@ -4,8 +4,8 @@ numba's own cache looks at the file that holds the kernel only, and would serve 
 of a friction law or of a constant in another file. :func:`stamp` follows a kernel instead: through the names that its
 bytecode loads to other kernels, to module constants and arrays (which compiled code freezes), and through the
 dispatch points to the functions that the classes in its signature select. What it cannot decide it either stamps by
-the whole source file or refuses, and the kernel is then compiled without a cache: a stale kernel is worse than a slow
-one.
+the whole source file or refuses, and the kernel is then compiled without a cache. A stale
+kernel would give wrong results; a missing cache only costs time.
 
 Functions enter by their bytecode, so that comments, docstrings and positions in a file do not count, and a file that is
 edited while the process runs cannot mislabel what was imported before.

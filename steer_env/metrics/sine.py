@@ -46,7 +46,7 @@ class HalfWaves:
         expected, seen = conditions["frequency_hz"], 1 / self.period
         if not abs(self.period * expected - 1) <= FREQUENCY_SPREAD:
             raise RefusedError(
-                f"{ANGLE} is at {seen:.4g} Hz, not {expected:g} Hz: say frequency_hz={seen:.4g} if that is right"
+                f"{ANGLE} is at {seen:.4g} Hz, not {expected:g} Hz: give frequency_hz={seen:.4g} if that is right"
             )
         pieces = np.split(np.arange(times.size), np.flatnonzero(np.diff(times) > 0.75 * self.period) + 1)
         whole = [[found[k] for k in piece[: piece.size // 2 * 2]] for piece in pieces if piece.size >= FEWEST]

@@ -43,7 +43,10 @@ def terms(scenario: Scenario, targets: Targets, weights: Mapping[str, float] | N
 
 
 def distance(value: Value, band: Band) -> float:
-    """Distance of a value from the good band over the band's width [1]; ``MAX_DISTANCE`` at most and if refused."""
+    """Distance of a value from the good band over the band's width [1].
+
+    It is at most ``MAX_DISTANCE``, and exactly that where the metric was refused.
+    """
     if value.reason:
         return MAX_DISTANCE
     low, high = band.good

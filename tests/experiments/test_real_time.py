@@ -1,4 +1,4 @@
-"""The real-time table on a small scale: what is timed is timed, and what diverges says so."""
+"""The real-time table on a small scale: schemes that remain bounded have times, and schemes that diverge are marked."""
 
 import json
 

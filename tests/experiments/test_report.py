@@ -190,7 +190,7 @@ def test_a_claim_changes_with_its_number(made, source, monkeypatch, change, gone
 
 
 def sure(results):
-    """The results with times that no slow spell of the machine has a say in."""
+    """The results with fixed times, so that the load of the machine has no effect on them."""
     times = {"midpoint": 200.0, "explicit Euler": 10.0, "backward Euler": 1000.0}
 
     def timed(law, row):

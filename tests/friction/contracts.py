@@ -94,7 +94,7 @@ def mean_by_quadrature(p, torque_scale, memory, w, h):
 
 
 def check_passivity(p):
-    """The work done on the law never falls short of the energy it stores, whatever the load does: it is no motor."""
+    """The work done on the law is never less than the energy that it stores, however the torque scale changes."""
 
     @settings(examples, max_examples=300)
     @given(moves, steps, torque_scales, torque_scales)

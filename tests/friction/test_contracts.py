@@ -29,7 +29,7 @@ def test_plain_python_equals_compiled():
 
 
 def test_a_broken_law_is_caught():
-    """The contracts have teeth: a law that drives fails passivity."""
+    """A law that drives the mechanics fails the test of passivity."""
     motor = friction.models.lugre.LuGre(sigma_0=100.0, sigma_1=2.0, sigma_2=-5.0, F_c=0.9, F_s=0.9, v_s=0.1)
     with pytest.raises(AssertionError):
         contracts.check_passivity(motor)

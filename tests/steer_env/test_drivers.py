@@ -203,7 +203,7 @@ def test_a_command_takes_its_time():
 
 @pytest.mark.parametrize("ahead", [0, 1])
 def test_a_reflex_answers_to_an_error_50_ms_old(ahead):
-    """A controller acts at once, a person a node ahead."""
+    """With ``ahead`` 1 the result is the delayed error of the next update."""
     memory = np.zeros(MEMORY + 1)
     answers = [delayed_error(memory, 1.0 if k == 3 else 0.0, ahead) for k in range(12)]
     assert np.flatnonzero(answers).tolist() == [3 + DELAYED_ERRORS - ahead]

@@ -137,7 +137,7 @@ def refusals(recording, **options):
     [
         (linear_car(cycles=4), "2 settled cycles between first and last: steer 5 or more"),
         (linear_car(cycles=1), "no whole cycle"),
-        (linear_car(0.3), "say frequency_hz=0.3"),
+        (linear_car(0.3), "give frequency_hz=0.3"),
         (changed(linear_car(), handwheel_angle=np.zeros(5001)), "no whole cycle"),
         (linear_car().without("handwheel_angle"), "no channel 'handwheel_angle'"),
         (linear_car(rate=15.0), "record at 20 Hz or faster"),

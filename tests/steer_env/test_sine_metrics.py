@@ -37,7 +37,7 @@ def test_sides_and_offsets():
     [
         (sines(100.0, cycles=1), "in a row: steer two cycles or more"),
         (sines(100.0).between(0.0, 2.6), "half waves of handwheel_angle with alike amplitude: steer 4 or more"),
-        (sines(100.0, frequency=0.7), "say frequency_hz=0.7"),
+        (sines(100.0, frequency=0.7), "give frequency_hz=0.7"),
         (changed(sines(100.0), handwheel_angle=None), "no channel 'handwheel_angle'"),
         (burst(sines(100.0), "handwheel_angle"), "not finite"),
         (changed(sines(100.0), vehicle_speed=0 * sines(100.0).time + 30.0), "108 km/h on average, not 80"),

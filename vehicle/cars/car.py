@@ -124,7 +124,7 @@ class Car(NamedTuple):
 
     def rack_stiffness(self) -> float:
         """Steering compliance of both wheels, seen at the rack straight ahead [N/m] (P5)."""
-        return self.steering["compliance"] * self.steer_per_rack() ** 2
+        return self.steering["compliance"] * self.steer_per_rack() ** 2  # (P5)
 
     def steering_gain(self) -> float:
         """Road-wheel angle per handwheel angle, straight ahead, without compliance [1]."""

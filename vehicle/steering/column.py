@@ -112,27 +112,30 @@ def step(c, friction, torque_scale, q, memory, robot, hand, hand_speed, T_C, h):
         Step-mean hand torque [N m]: the given one less that of the arms, or the one that the robot needs.
     """
     K = c.C_tb + 0.5 * h * c.K_tb  # (C4)
-    twist = c.K_tb * (q[HANDWHEEL_ANGLE] - q[COLUMN_ANGLE])
+    torsion_bar_torque = c.K_tb * (q[HANDWHEEL_ANGLE] - q[COLUMN_ANGLE])  # (C4)
+    # (C1) with (C3) over a step: a11 w1 - K w2 = r1 + hand torque (C4)
     inertia = 2.0 * (c.I1 + c.I_arm) / h
     a11 = inertia + c.C1 + c.C_arm + 0.5 * h * c.K_arm + K
-    r1 = inertia * q[HANDWHEEL_SPEED] - c.K_arm * q[HANDWHEEL_ANGLE] - twist
-    S = 2.0 * c.I2 / h + c.C2 + K  # (C6)
-    R = 2.0 * c.I2 / h * q[COLUMN_SPEED] + twist + T_C
+    r1 = inertia * q[HANDWHEEL_SPEED] - c.K_arm * q[HANDWHEEL_ANGLE] - torsion_bar_torque
+    # (C2) over a step: S w2 + mean T_F = R + K w1 (C6)
+    S = 2.0 * c.I2 / h + c.C2 + K
+    R = 2.0 * c.I2 / h * q[COLUMN_SPEED] + torsion_bar_torque + T_C
     if robot:
         w1 = (hand - q[HANDWHEEL_ANGLE]) / h
-        R += K * w1
+        R += K * w1  # (C6)
     else:
         S -= K * K / a11  # (C5)
-        R += K / a11 * (r1 + hand)
+        R += K / a11 * (r1 + hand)  # (C5)
     w2, T_F = law_step(friction, torque_scale, memory, S, R, h, q[COLUMN_SPEED])
     if robot:
         # (C7)
-        T1 = c.I1 * (hand_speed - q[HANDWHEEL_SPEED]) / h + c.C1 * w1 + twist + K * (w1 - w2)
+        T1 = c.I1 * (hand_speed - q[HANDWHEEL_SPEED]) / h + c.C1 * w1 + torsion_bar_torque + K * (w1 - w2)
         q[HANDWHEEL_ANGLE] = hand
         q[HANDWHEEL_SPEED] = hand_speed
     else:
         w1 = (r1 + hand + K * w2) / a11  # (C7)
         change = 2.0 * (w1 - q[HANDWHEEL_SPEED])
+        # (C3) over a step
         T1 = hand - c.I_arm * change / h - c.C_arm * w1 - c.K_arm * (q[HANDWHEEL_ANGLE] + 0.5 * h * w1)
         q[HANDWHEEL_ANGLE] += h * w1
         q[HANDWHEEL_SPEED] = 2.0 * w1 - q[HANDWHEEL_SPEED]
@@ -156,6 +159,7 @@ def step_angle(c, friction, torque_scale, q, memory, angle, speed, T_C, h):
 
 @kernel
 def energy(c, q):
-    """Kinetic energy and energy of the torsion bar, without arms [J] (C9)."""
+    """Kinetic energy and energy of the torsion bar, without arms: E of (C9) [J]."""
     twist = q[HANDWHEEL_ANGLE] - q[COLUMN_ANGLE]
+    # (C9)
     return 0.5 * (c.I1 * q[HANDWHEEL_SPEED] ** 2 + c.I2 * q[COLUMN_SPEED] ** 2 + c.K_tb * twist * twist)

@@ -120,15 +120,15 @@ def make(
         math.tan(math.pi * number(name, f, minimum=0.0, maximum=450.0, above=True) * SAMPLE_TIME)
         for name, f in (("lead_zero", lead_zero), ("lead_pole", lead_pole))
     )
-    gain = (1.0 / zero + 1.0) / (1.0 / pole + 1.0)
+    gain = (1.0 / zero + 1.0) / (1.0 / pole + 1.0)  # (E3)
     return Assist(
         frozen(v),
         frozen(t),
         frozen(b),
         frozen(d),
         lead_b0=gain,
-        lead_b1=(1.0 - 1.0 / zero) / (1.0 + 1.0 / pole),
-        lead_a1=(1.0 - 1.0 / pole) / (1.0 + 1.0 / pole),
+        lead_b1=(1.0 - 1.0 / zero) / (1.0 + 1.0 / pole),  # (E3)
+        lead_a1=(1.0 - 1.0 / pole) / (1.0 + 1.0 / pole),  # (E3)
         delay=samples,
         offset=max(latency - samples * SAMPLE_TIME, 0.0),
         bandwidth=2.0 * math.pi * positive("bandwidth", bandwidth),
@@ -155,6 +155,7 @@ def boost_curve(a, torque, speed):
     j, s = bracket(a.torques, abs(torque))
     low = a.boost[i, j] + s * (a.boost[i, j + 1] - a.boost[i, j])
     high = a.boost[i + 1, j] + s * (a.boost[i + 1, j + 1] - a.boost[i + 1, j])
+    # (E4)
     return math.copysign(low + u * (high - low), torque), a.damping[i] + u * (a.damping[i + 1] - a.damping[i])
 
 
@@ -181,8 +182,8 @@ def sample(a, x, torsion_bar_torque, column_speed, vehicle_speed, request):
 def _follow(a, x, command, h, lost):
     """Impulse of the motor torque over ``h`` at a constant command [N m s], exact for the first-order lag (E2)."""
     gap = x[MOTOR_TORQUE] - command
-    x[MOTOR_TORQUE] -= gap * lost
-    return command * h + gap * lost / a.bandwidth
+    x[MOTOR_TORQUE] -= gap * lost  # (E2)
+    return command * h + gap * lost / a.bandwidth  # (E2)
 
 
 @kernel
@@ -194,4 +195,4 @@ def motor_step(a, x, before, after, elapsed, h):
     impulse = _follow(a, x, before, first, lost)
     if rest != first:  # the default offset splits the step into equal halves
         lost = -math.expm1(-a.bandwidth * rest)
-    return (impulse + _follow(a, x, after, rest, lost)) / h
+    return (impulse + _follow(a, x, after, rest, lost)) / h  # (E5)

@@ -104,7 +104,7 @@ def hands_fixed_loop(c: Column, a: Assist, gain: float, speed: float) -> control
         Discrete at 1 ms; negative feedback around it is the assist loop.
     """
     lead = control.ss(-a.lead_a1, a.lead_b1 - a.lead_a1 * a.lead_b0, 1.0, a.lead_b0, SAMPLE_TIME)
-    return -gain * lead * hands_fixed_plant(c, a, speed)[0, 0]
+    return -gain * lead * hands_fixed_plant(c, a, speed)[0, 0]  # (E6)
 
 
 def margins(c: Column, a: Assist, gain: float, speed: float) -> Margins:
@@ -112,7 +112,7 @@ def margins(c: Column, a: Assist, gain: float, speed: float) -> Margins:
     loop = hands_fixed_loop(c, a, gain, speed)
     omega = np.geomspace(1.0, 0.999 * math.pi / SAMPLE_TIME, 2000)
     response = control.frequency_response(loop, omega)
-    gain_margin, phase_margin, _, _, crossover, _ = control.stability_margins(response)
+    gain_margin, phase_margin, _, _, crossover, _ = control.stability_margins(response)  # (E6)
     closed = control.feedback(loop, 1)
     return Margins(
         math.radians(phase_margin),

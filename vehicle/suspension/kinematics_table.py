@@ -153,7 +153,7 @@ def _weights(t):
     """The four uniform cubic B-splines on a cell (S8)."""
     s = 1.0 - t
     near, far = t * t * (3.0 * t - 6.0) + 4.0, s * s * (3.0 * s - 6.0) + 4.0
-    return s * s * s / 6.0, near / 6.0, far / 6.0, t * t * t / 6.0
+    return s * s * s / 6.0, near / 6.0, far / 6.0, t * t * t / 6.0  # b of (S8)
 
 
 @kernel
@@ -173,6 +173,7 @@ def _patch(table, i, j, k, r, t):
     """Four consecutive channels, from the ``k``-th, interpolated along rack and travel."""
     n = table.shape[1] * table.shape[2]
     i = i * n + j * table.shape[2] + k
+    # (S8)
     return (
         r[0] * _row(table, i, t)
         + r[1] * _row(table, i + n, t)
@@ -219,6 +220,7 @@ def right(m, rack, travel):
 @kernel
 def rack_force(k, F_x_contact, F_x_centre, F_y, F_z, M_x, M_z):
     """Rack force of one wheel [N], positive where it resists a left turn (S7); loads as in ``suspension.WheelLoad``."""
+    # (S7)
     return -(
         k.F_x_contact * F_x_contact + k.F_x_centre * F_x_centre + k.F_y * F_y + k.F_z * F_z + k.M_x * M_x + k.M_z * M_z
     )

@@ -50,6 +50,7 @@ class Pose(NamedTuple):
     def at_fixed_strut(self) -> Motion:
         """Derivative with respect to the rack at fixed strut length, a turn about the king-pin axis (S6)."""
         slope = self.per_rack.strut_length / self.per_travel.strut_length
+        # (S6)
         centre, contact, turn = (u - slope[..., None] * v for u, v in zip(self.per_rack[:3], self.per_travel[:3]))
         return Motion(centre, contact, turn, np.zeros_like(slope))
 
@@ -104,7 +105,7 @@ def rack_force(pose: Pose, load: WheelLoad) -> Array:
     Source: virtual work, derived here; equal to the static equilibrium of the knuckle.
     """
     work = [c * np.asarray(f) for c, f in zip(load_coefficients(pose), load)]
-    return -np.sum(np.broadcast_arrays(*work), axis=0)
+    return -np.sum(np.broadcast_arrays(*work), axis=0)  # (S7)
 
 
 def mirrored(pose: Pose) -> Pose:

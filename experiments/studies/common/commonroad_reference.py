@@ -43,7 +43,7 @@ PECULIARITIES = {
 class Reference(NamedTuple):
     """Their side, as stored."""
 
-    parameters: Any  # theirs, by their names: as vehiclemodels.vehicle_parameters.VehicleParameters
+    parameters: Any  # of the CommonRoad model, with its names: as vehiclemodels.vehicle_parameters.VehicleParameters
     about: dict[str, Any]  # source, licence, version, command, the car of this package with the same parameters
     histories: dict[str, dict[str, Recording]]  # manoeuvre -> case
 

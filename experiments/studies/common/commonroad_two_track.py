@@ -98,7 +98,7 @@ def drive_two_track(
     parameters, manoeuvre, dt
         As in :func:`steer_env.experiments.studies.commonroad.drive`.
     relaxation_length : float
-        Relaxation length of our tyres, short, as theirs have none [m].
+        Relaxation length of our tyres, short, because those of the CommonRoad model have none [m].
     tolerance : float
         Relative tolerance of the integration (LSODA); the absolute one is a hundredth of it.
 

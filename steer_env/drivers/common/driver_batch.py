@@ -28,7 +28,7 @@ _ANGLE, _LATERAL_SPEED, _YAW_RATE = (CHANNEL[name] for name in ("handwheel_angle
 
 
 class DriverArrays(NamedTuple):
-    """What drivers know and remember; one row for each driver, except for ``muscles``."""
+    """Gains and memories of the drivers; one row for each driver, except for ``muscles``."""
 
     gains: Array  # (n, G) of the preview model
     muscles: Array  # (3, 4) as :func:`steer_env.drivers.common.definition.muscle_matrices`
@@ -89,7 +89,7 @@ class DriverBatch:
     car : Car
     n : int
     stiffness : speed [m/s] -> steering stiffness [N m/rad]
-        Hand torque over handwheel angle in a steady turn, which the drivers know.
+        Hand torque over handwheel angle in a steady turn, from which the drivers take their feed-forward.
     """
 
     def __init__(self, driver: Driver, car: Car, n: int, stiffness: Callable[[float], float]) -> None:

@@ -180,7 +180,7 @@ def _cycle_starts(time: np.ndarray, angle: np.ndarray, frequency: float) -> np.n
     if not abs(period * frequency - 1) <= FREQUENCY_SPREAD:
         found = 1 / period
         raise RefusedError(
-            f"{ANGLE} is at {found:.4g} Hz, not {frequency:g} Hz: say frequency_hz={found:.4g} if that is right"
+            f"{ANGLE} is at {found:.4g} Hz, not {frequency:g} Hz: give frequency_hz={found:.4g} if that is right"
         )
     ends = np.array([starts[0] - period, starts[-1] + period])  # cycles may begin or end with the recording
     inside = np.clip(ends, time[0], time[-1])

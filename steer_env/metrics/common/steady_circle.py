@@ -72,7 +72,7 @@ class Circles:
             if not 1 - RADIUS_SPREAD < least <= most < 1 + RADIUS_SPREAD:
                 raise RefusedError(
                     f"speed over yaw rate is {radius / most:.4g} to {radius / least:.4g} m, not {radius:g} m "
-                    f"+- {RADIUS_SPREAD:.0%}: hold the circle, or say radius_m"
+                    f"+- {RADIUS_SPREAD:.0%}: hold the circle, or give radius_m=..."
                 )
         elif SPEED in self._smooth:
             ratio = self._smooth[SPEED][band] / self._conditions["speed_m_s"]

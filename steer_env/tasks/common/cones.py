@@ -27,7 +27,7 @@ from steer_env.tasks.common.path_following import (
     FOLLOWING_METRICS,
     PATH_OBSERVATIONS,
     evaluate_following,
-    left_lane,
+    has_departed,
     observe_path,
 )
 from steer_env.tasks.common.terms import COMMON_COSTS, evaluate_action
@@ -122,7 +122,7 @@ def _newly_touched(channels, data, memory):
 
 @kernel
 def _ended(parameters, channels, observations, data):
-    return left_lane(observations, parameters.half_width) or channels[_X] >= data[_END]
+    return has_departed(observations, parameters.half_width) or channels[_X] >= data[_END]
 
 
 @kernel
@@ -134,7 +134,7 @@ def evaluate(parameters, channels, observations, data, step, memory, rewards, co
     rewards[5] += touched
     costs[3] += touched
     metrics[5] = touched
-    if left_lane(observations, parameters.half_width):
+    if has_departed(observations, parameters.half_width):
         rewards[6] += 1.0
     return _ended(parameters, channels, observations, data)
 
@@ -148,7 +148,7 @@ def evaluate_assist(parameters, channels, observations, data, step, memory, rewa
     rewards[6] += touched
     costs[3] += touched
     metrics[5] = touched
-    if left_lane(observations, parameters.half_width):
+    if has_departed(observations, parameters.half_width):
         rewards[7] += 1.0
     return _ended(parameters, channels, observations, data)
 

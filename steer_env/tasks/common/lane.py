@@ -8,10 +8,27 @@ import numpy as np
 
 from steer_env.courses import path
 from steer_env.friction.numerics.kernel import kernel
-from steer_env.tasks.common.definition import DrawSetup, EpisodeContext, EpisodeSetup, Term
+from steer_env.tasks.common.definition import (
+    DRIVER_CHANNELS,
+    HAND_TORQUE,
+    DrawSetup,
+    EpisodeContext,
+    EpisodeSetup,
+    Task,
+    Term,
+)
 from steer_env.tasks.common.feel import evaluate_feel
-from steer_env.tasks.common.path_following import evaluate_following, left_lane, observe_path
-from steer_env.tasks.common.terms import evaluate_action
+from steer_env.tasks.common.path_following import (
+    ACTION_REWARDS,
+    FOLLOWING_MEMORY,
+    FOLLOWING_METRICS,
+    FOLLOWING_REWARDS,
+    PATH_OBSERVATIONS,
+    evaluate_following,
+    has_departed,
+    observe_path,
+)
+from steer_env.tasks.common.terms import COMMON_COSTS, evaluate_action
 from steer_env.timing import UPDATE_INTERVAL
 from steer_env.vehicle.chassis.common.interface import RACK_DISTURBANCE, WIND_FORCE, WIND_MOMENT
 
@@ -91,6 +108,29 @@ ENDS = (
 )
 
 
+def driver_task(name: str, summary: str, *, speed: float, peak_lateral_acceleration: float) -> Task:
+    """A task that keeps the lane by hand torque, at a held speed [m/s] on roads with a peak acceleration [m/s2]."""
+    return Task(
+        name=name,
+        summary=summary,
+        parameters=DriverLane(LANE_HALF_WIDTH),
+        action=HAND_TORQUE,
+        channels=DRIVER_CHANNELS,
+        task_observations=PATH_OBSERVATIONS,
+        rewards=(*FOLLOWING_REWARDS, *ACTION_REWARDS, DEPARTURE),
+        costs=COMMON_COSTS,
+        metrics=FOLLOWING_METRICS,
+        draw_setup=setup_drawer(peak_lateral_acceleration),
+        begins=BEGINS.format(peak_lateral_acceleration),
+        ends=ENDS,
+        speed=speed,
+        scripted_inputs=DISTURBANCES,
+        options=OPTIONS,
+        memory_size=FOLLOWING_MEMORY,
+        lane_half_width=LANE_HALF_WIDTH,
+    )
+
+
 @kernel
 def observe(parameters, channels, path, data, step, memory, observations):
     """The ``observe`` of these tasks: the path ahead, as :func:`observe_path` gives it."""
@@ -102,7 +142,7 @@ def evaluate(parameters, channels, observations, data, step, memory, rewards, co
     """The ``evaluate_step`` of the driver tasks: following, action, departure from the lane, which ends the episode."""
     evaluate_following(channels, observations, step, memory, rewards, costs, metrics)
     evaluate_action(step, 3, rewards)
-    if left_lane(observations, parameters.half_width):
+    if has_departed(observations, parameters.half_width):
         rewards[5] += 1.0
         return True
     return False
@@ -113,7 +153,7 @@ def evaluate_assist(parameters, channels, observations, data, step, memory, rewa
     """The ``evaluate_step`` of the assist task: following, feel, departure from the lane, which ends the episode."""
     evaluate_following(channels, observations, step, memory, rewards, costs, metrics)
     evaluate_feel(channels, step, 3, rewards)
-    if left_lane(observations, parameters.half_width):
+    if has_departed(observations, parameters.half_width):
         rewards[6] += 1.0
         return True
     return False

@@ -58,6 +58,6 @@ def evaluate_following(channels, observations, step, memory, rewards, costs, met
 
 
 @kernel
-def left_lane(observations, half_width):
+def has_departed(observations, half_width):
     """Whether the car has left a lane of this half width [m] or points across it."""
     return abs(observations[0]) > half_width or abs(observations[1]) > 0.5 * math.pi

@@ -30,7 +30,7 @@ COMMON_MEMORY = 2
 
 
 def action_terms(weight: float) -> tuple[Term, Term]:
-    """The reward terms for effort and smoothness of the action; ``weight`` is a positive price."""
+    """The reward terms for effort and smoothness of the action; ``weight`` is positive."""
     return (
         Term("effort", -weight, "s", "squared action"),
         Term("smoothness", -weight / RATE_SCALE**2, "1/s", "squared rate of the action"),

@@ -184,4 +184,4 @@ for _point in (derivative, advance, report, speed, state_size, output_size):
 def extrapolated_step(x, rate, before, s, h):
     """Advance by the rate that the last two evaluations extrapolate to the middle of the step (N2)."""
     for i in range(x.size):
-        x[i] += h * (rate[i] + s * (rate[i] - before[i]))
+        x[i] += h * (rate[i] + s * (rate[i] - before[i]))  # (N2)

@@ -57,10 +57,10 @@ class Forces(NamedTuple):
 def wheel_loads(p, x):
     """Static loads, plus the transfer by springs and dampers, plus that through the roll centres (V6), (V7)."""
     phi, phi_rate = x[ROLL], x[ROLL_RATE]
-    static_f = 0.5 * GRAVITY * p.m * p.b / (p.a + p.b)
-    static_r = 0.5 * GRAVITY * p.m * p.a / (p.a + p.b)
-    spring_f = (p.K_f * phi + p.C_f * phi_rate) / p.t_f
-    spring_r = (p.K_r * phi + p.C_r * phi_rate) / p.t_r
+    static_f = 0.5 * GRAVITY * p.m * p.b / (p.a + p.b)  # (V6)
+    static_r = 0.5 * GRAVITY * p.m * p.a / (p.a + p.b)  # (V6)
+    spring_f = (p.K_f * phi + p.C_f * phi_rate) / p.t_f  # (V7)
+    spring_r = (p.K_r * phi + p.C_r * phi_rate) / p.t_r  # (V7)
     transfer_f = within(spring_f + x[TRANSFER_F], -static_f, static_f)  # no further than wheel lift
     transfer_r = within(spring_r + x[TRANSFER_R], -static_r, static_r)
     return Loads(
@@ -117,7 +117,7 @@ def _slip_rate(p, v_x, v_y, c, s, slip):
     """Rate of the relaxed tan(alpha) from the velocity of the contact point; ``c``, ``s`` of the steer angle (V4)."""
     along = v_x * c + v_y * s
     across = v_y * c - v_x * s
-    return (across - abs(along) * slip) / p.sigma_y
+    return (across - abs(along) * slip) / p.sigma_y  # (V4)
 
 
 @part

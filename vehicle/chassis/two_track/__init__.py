@@ -5,9 +5,11 @@ position. The unsprung mass m_i at (x_i, y_i) moves along the z axis of the body
 v and the angular velocity w of the body, and the angular velocity Omega_i of a wheel about its axle,
 
     T = m v^2/2 + w I w/2 + sum m_i s_i' (v_z + w_x y_i - w_y x_i) + sum m_i s_i'^2/2 + sum I_w Omega_i^2/2   (B1)
-    G = dT/dv,  H = dT/dw,  h_i = dT/ds_i'                                                                    (B2)
-    G' = F - w x G         H' = N - w x H         h_i' = Q_i + m_i (v_x w_y - v_y w_x)                        (B3)
+    G = dT/dv,      H = dT/dw                                                                                 (B2)
+    G' = F - w x G,  H' = N - w x H                                                                           (B3)
 
+and for each travel d/dt(dT/ds_i') = Q_i, which is (B4); Q_i (B9) contains the force m_i (v_x w_y - v_y w_x) that the
+motion of the frame adds.
 The generalised forces follow from the virtual work of the tyre forces on the velocities that define slip and tyre
 compression. Spring, damper, anti-roll bar and bump stop act along the travel. Lateral forces do work on the path of the
 contact point (roll centre), longitudinal forces on that of the wheel centre, and brake torques on the pitch of the
@@ -15,7 +17,7 @@ wheel carrier (anti-dive).
 
 Each file holds one step: ``rotation``, ``suspension``, ``contact``, ``tyres``, ``wheels`` and ``body``, which
 ``derivative`` calls in turn; ``drivetrain``, ``brakes`` and ``speed_hold`` hold the parameters and kernels of these
-parts. docs/model.md numbers the equations.
+parts. The numbers are those of docs/model.md.
 
 Source: derived here; the parameters are in the data file of the car.
 """

@@ -98,19 +98,21 @@ def external_load(d, a, m, u, F_z, engine, out):
 
 @part
 def less_gyroscopic(d, x, load_, omega):
-    """The load less the rates of the momenta that turn with the body, F - w x G and N - w x H (B2), (B3)."""
+    """The load less the rates of the momenta that turn with the body, F - w x G and N - w x H of (B3)."""
     v_x, v_y, v_z, w_x, w_y, w_z = x[U], x[V], x[W], x[P], x[Q], x[R]
     half_f, half_r = 0.5 * d.t_f, 0.5 * d.t_r
     # Sum and difference of the travel rates of each axle.
     up_f, up_r = x[TRAVEL_RATE] + x[TRAVEL_RATE + 1], x[TRAVEL_RATE + 2] + x[TRAVEL_RATE + 3]
     tilt_f, tilt_r = x[TRAVEL_RATE] - x[TRAVEL_RATE + 1], x[TRAVEL_RATE + 2] - x[TRAVEL_RATE + 3]
     rising = d.m_f * up_f + d.m_r * up_r
+    # The momenta are the derivatives of the kinetic energy (B1) by v and w (B2).
     G_x, G_y, G_z = d.m * v_x, d.m * v_y, d.m * v_z + rising
     I_xx = d.I_x + 2.0 * (d.m_f * half_f * half_f + d.m_r * half_r * half_r)
     I_yy = d.I_y + 2.0 * (d.m_f * d.a * d.a + d.m_r * d.b * d.b)
     H_x = I_xx * w_x - d.I_xz * w_z + (d.m_f * half_f * tilt_f + d.m_r * half_r * tilt_r)
     H_y = I_yy * w_y - (d.m_f * d.a * up_f - d.m_r * d.b * up_r) + d.I_w * symmetric_sum(omega)
     H_z = d.I_z * w_z - d.I_xz * w_x
+    # (B3)
     return Load(
         load_.F_x - (w_y * G_z - w_z * G_y),
         load_.F_y - (w_z * G_x - w_x * G_z),
@@ -140,6 +142,7 @@ def accelerations(d, n, out, dx):
     roll_acceleration = (d.I_z * roll + d.I_xz * n.N_z) * per_roll
     dx[U], dx[V], dx[W] = n.F_x / d.m, n.F_y / d.m, heave_acceleration
     dx[P], dx[Q], dx[R] = roll_acceleration, pitch_acceleration, (d.I_x * n.N_z + d.I_xz * roll) * per_roll
+    # (B4)
     front = heave_acceleration - d.a * pitch_acceleration
     rear = heave_acceleration + d.b * pitch_acceleration
     dx[TRAVEL_RATE] = out[k] / d.m_f - front - half_f * roll_acceleration
@@ -153,6 +156,7 @@ def kinematics(a, m, x, dx):
     """Rates of position, orientation and travel to ``dx`` (B18)."""
     w_x, w_y, w_z = x[P], x[Q], x[R]
     turn = w_y * a.s_r + w_z * a.c_r
+    # (B18)
     dx[ROLL], dx[PITCH], dx[YAW] = w_x + turn * a.s_p / a.c_p, w_y * a.c_r - w_z * a.s_r, turn / a.c_p
     dx[X], dx[Y], dx[Z] = m.V_x * a.c_y - m.V_y * a.s_y, m.V_x * a.s_y + m.V_y * a.c_y, m.V_z
     for i in range(4):

@@ -77,7 +77,7 @@ def wheel_step(I, omega, torque, capacity, h):
         the energy balance.
     """
     S = I / h
-    new = _beyond(S * omega + torque, capacity) / S
+    new = _beyond(S * omega + torque, capacity) / S  # (D5)
     return new, torque - S * (new - omega)
 
 
@@ -123,6 +123,6 @@ def axle_step(I, J, omega_l, omega_r, torque_l, torque_r, capacity_l, capacity_r
             beyond += R + capacity
             sliding += 1.0
     y = c * beyond / (S + sliding * c)
-    new_l, new_r = _beyond(R_l - y, capacity_l) / S, _beyond(R_r - y, capacity_r) / S
+    new_l, new_r = _beyond(R_l - y, capacity_l) / S, _beyond(R_r - y, capacity_r) / S  # (D5)
     gain = c * (new_l + new_r - before)
     return new_l, new_r, torque_l - S * (new_l - omega_l) - gain, torque_r - S * (new_r - omega_r) - gain

@@ -157,14 +157,14 @@ def _curves(d, omega_e):
 def _gear(d, gear, omega_front, omega_rear):
     """Engine turns per turn of the wheels, and the gearbox's input speed [rad/s]."""
     i = d.final_drive * d.ratios[int(gear) - 1]
-    return i, i * (d.front_share * omega_front + (1.0 - d.front_share) * omega_rear)
+    return i, i * (d.front_share * omega_front + (1.0 - d.front_share) * omega_rear)  # (D2)
 
 
 @kernel
 def engine_torque(d, omega_e, throttle):
     """Torque at the clutch [N m] at an engine speed [rad/s] and a throttle from 0 to 1 (D1)."""
     full, drag = _curves(d, omega_e)
-    return throttle * (full + drag) - drag
+    return throttle * (full + drag) - drag  # (D1)
 
 
 @kernel
@@ -191,9 +191,9 @@ def axle_torques(d, gear, engaged, throttle, omega_front, omega_rear):
     if not engaged:
         return 0.0, 0.0
     i, omega_e = _gear(d, gear, omega_front, omega_rear)
-    torque = i * engine_torque(d, omega_e, throttle)
-    torque = torque * d.efficiency if torque > 0.0 else torque / d.efficiency
-    return d.front_share * torque, (1.0 - d.front_share) * torque
+    torque = i * engine_torque(d, omega_e, throttle)  # (D2)
+    torque = torque * d.efficiency if torque > 0.0 else torque / d.efficiency  # (D2)
+    return d.front_share * torque, (1.0 - d.front_share) * torque  # (D2)
 
 
 @kernel
@@ -233,9 +233,9 @@ def shift(d, gear, left, throttle, omega_front, omega_rear, h):
     if left > 0.0:
         return gear, max(left - h, 0.0)
     _, omega_e = _gear(d, gear, omega_front, omega_rear)
-    if gear < d.ratios.size and omega_e > d.up_closed + throttle * (d.up_open - d.up_closed):
+    if gear < d.ratios.size and omega_e > d.up_closed + throttle * (d.up_open - d.up_closed):  # (D4)
         return gear + 1.0, d.shift_time
-    if gear > 1.0 and omega_e < d.down_closed + throttle * (d.down_open - d.down_closed):
+    if gear > 1.0 and omega_e < d.down_closed + throttle * (d.down_open - d.down_closed):  # (D4)
         return gear - 1.0, d.shift_time
     return gear, 0.0
 
@@ -249,4 +249,4 @@ def reflected_inertia(d, gear, engaged, omega_front, omega_rear):
     axle carries its share of the torque and of the inertia; this is exact while both axles turn equally fast.
     """
     i, omega_e = _gear(d, gear, omega_front, omega_rear)
-    return d.inertia * i * i if engaged and omega_e >= d.speeds[0] else 0.0
+    return d.inertia * i * i if engaged and omega_e >= d.speeds[0] else 0.0  # (D3)

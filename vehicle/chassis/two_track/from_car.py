@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 # Bore torque of a standing tyre after Gough: up to mu F_z^1.5/(3 sqrt p), 144 N m at mu 0.9, 3700 N and 2.2 bar.
 BORE_FRICTION, BORE_LOAD, PRESSURE = 0.9, 4000.0, 220e3  # [1], [N], [Pa]
-BORE_ANGLE = 0.05  # turning of the contact patch that gives two thirds of that torque, assumed [rad]
+BORE_ANGLE = 0.05  # turning of the contact patch that gives 63 % of that torque, assumed [rad]
 BORE_RELAXATION = 0.1  # rolling distance over which it decays, about half a contact length, assumed [m]
 SLIP_DAMPING = (0.012, 0.06)  # of standing tyres, some 0.3 of critical on a wheel and on the car; assumed [s/m]
 
@@ -38,8 +38,8 @@ def from_car(car: "Car", v_x: float, mu: float, ground: road.Road | None) -> Two
 def bore_friction(tyre: Tyre) -> Any:
     """Friction law of the bore torque of a tyre at the load ``BORE_LOAD`` (B16)."""
     pressure = tyre.coefficients.NOMPRES or PRESSURE  # that of the tyre file, if it names one
-    saturated = BORE_FRICTION * BORE_LOAD**1.5 / (3.0 * math.sqrt(pressure))
-    return make_law("dahl", sigma_0=saturated / BORE_ANGLE, F_c=saturated)
+    saturated = BORE_FRICTION * BORE_LOAD**1.5 / (3.0 * math.sqrt(pressure))  # (B16)
+    return make_law("dahl", sigma_0=saturated / BORE_ANGLE, F_c=saturated)  # (B16)
 
 
 def _require_slow(car: "Car") -> None:

@@ -55,7 +55,7 @@ class Body(NamedTuple):
     d_x: float  # structural damping of the tyre at standstill, slip over slip speed [s/m]
     d_y: float  # lateral [s/m]
     bore_load: float  # wheel load for which the parameters of the bore friction hold [N]
-    sigma_z: float  # rolling distance over which the bore friction forgets its state [m]
+    sigma_z: float  # rolling distance over which rolling relaxes the state of the bore friction [m]
     g_x: float  # gravity along the x axis of the road at yaw angle 0, from the grade [m/s2]
     g_y: float  # along its y axis, from the bank [m/s2]
     g_z: float  # normal to the road, negative [m/s2]

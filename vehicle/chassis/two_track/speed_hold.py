@@ -69,10 +69,10 @@ def longitudinal_demand(s, speed, target, integral):
     """
     error = target - speed
     wanted = s.proportional * error + integral
-    demand = within(wanted, -s.deceleration, s.acceleration)
+    demand = within(wanted, -s.deceleration, s.acceleration)  # (D6)
     if (wanted - demand) * error > 0.0:
         return demand, 0.0
-    return demand, s.integral * error / (1.0 + (error / s.band) ** 2)
+    return demand, s.integral * error / (1.0 + (error / s.band) ** 2)  # (D6)
 
 
 @kernel
@@ -101,5 +101,5 @@ def split(d, b, gear, engaged, demand, mass, radius, omega_front, omega_rear):
     front, rear = axle_torques(d, gear, engaged, 0.0, omega_front, omega_rear)
     excess = front + rear - torque
     if excess > 0.0:
-        return 0.0, min(excess / (2.0 * (b.front + b.rear)), 1.0)
-    return throttle_for(d, gear, torque, omega_front, omega_rear), 0.0
+        return 0.0, min(excess / (2.0 * (b.front + b.rear)), 1.0)  # (D7)
+    return throttle_for(d, gear, torque, omega_front, omega_rear), 0.0  # (D7)

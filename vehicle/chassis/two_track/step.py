@@ -27,7 +27,7 @@ from steer_env.vehicle.chassis.two_track.layout import (
     Z,
 )
 from steer_env.vehicle.chassis.two_track.parameters import TwoTrack
-from steer_env.vehicle.chassis.two_track.wheels import engine_inertias, pressed
+from steer_env.vehicle.chassis.two_track.wheels import engine_inertias, mean_angular_velocities, pressed
 
 _COMMON_OUTPUTS = len(COMMON_OUTPUTS)
 _FIRST_OUTPUT = COMMON_SIZE - _COMMON_OUTPUTS  # position of the common outputs among the channels
@@ -41,8 +41,8 @@ def advance(p, x, rate, rate_before, out, out_before, s, h, u):
     """
     d = p.body[0]
     omega = x[OMEGA], x[OMEGA + 1], x[OMEGA + 2], x[OMEGA + 3]
+    omega_f, omega_r = mean_angular_velocities(x)
     extrapolated_step(x, rate, rate_before, s, h)
-    omega_f, omega_r = 0.5 * (omega[0] + omega[1]), 0.5 * (omega[2] + omega[3])
     J_f, J_r = engine_inertias(p, x, omega_f, omega_r)
     _, pedal = pressed(out, out_before, s, u)
     hold_f, hold_r = brake_torques(p.brakes, pedal, u[HAND_BRAKE])

@@ -52,7 +52,7 @@ def sides():
 def _stop_force(stiffness, clearance, s):
     """Force of the bump and the rebound stop at travel ``s``, downwards in bump (B12)."""
     beyond = maximum(fabs(s) - clearance, 0.0)
-    return copysign(stiffness * beyond * beyond / (beyond + STOP_SOFTNESS), s)
+    return copysign(stiffness * beyond * beyond / (beyond + STOP_SOFTNESS), s)  # (B12)
 
 
 @part

@@ -16,6 +16,7 @@ ROLLING_BLEND = 1.0  # rolling speed from which pneumatic trail and rolling resi
 DAMPED_BELOW = 3.0  # rolling speed at which the structural damping of the tyres has faded, assumed [m/s]
 LARGEST_SLIP = 2.0  # bound of the relaxed slips of a sliding tyre, assumed [1]
 FASTEST_BORE_RATE = 400.0  # bound of the relaxation rate of the bore friction, for steps of 2 ms [1/s]
+DECAY_BELOW = 2.0  # rolling speed below which such slip is lost, LARGEST_SLIP times ROLLING_BLEND [m/s]
 SLIP_DECAY = 100.0  # rate at which a tyre that comes to rest loses slip that its force cannot hold, assumed [1/s]
 
 
@@ -60,7 +61,7 @@ def bore_torques(p, contact, turning, rolling, x, dx):
     """
     d, k = p.body[0], BORE_ANGLE
     relative = contact.F_z * (1.0 / d.bore_load)
-    scale = maximum(contact.mu * relative * sqrt(relative), 1e-9)
+    scale = maximum(contact.mu * relative * sqrt(relative), 1e-9)  # (B15)
     scale_fl, scale_fr, scale_rl, scale_rr = unpack(scale)
     turning_fl, turning_fr, turning_rl, turning_rr = unpack(turning)
     torque = pack(
@@ -73,7 +74,7 @@ def bore_torques(p, contact, turning, rolling, x, dx):
     relaxation = rolling * (1.0 / d.sigma_z)
     fastest = relaxation + fabs(turning) * (p.bore_friction.sigma_0 / p.bore_friction.F_c) / scale
     limited = minimum(FASTEST_BORE_RATE / (fastest + 1e-9), 1.0)
-    store(dx, k, (load(dx, k) - relaxation * load(x, k)) * limited)
+    store(dx, k, (load(dx, k) - relaxation * load(x, k)) * limited)  # (B15)
     return torque
 
 
@@ -99,8 +100,8 @@ def tyre_forces(p, c, carriers, contact, slip, x, dx):
     slow *= slow
     F_x, F_y, M_x, M_y, M_z = tyre.forces_of_four(
         c,
-        kappa - d.d_x * slow * slip.x,
-        tan_a + d.d_y * slow * slip.y,
+        kappa - d.d_x * slow * slip.x,  # (B14)
+        tan_a + d.d_y * slow * slip.y,  # (B14)
         carriers.camber,
         contact.F_z,
         rolling,
@@ -108,7 +109,7 @@ def tyre_forces(p, c, carriers, contact, slip, x, dx):
     )
     whole = _fade(slip.rolling, ROLLING_BLEND)
     bore = bore_torques(p, contact, carriers.yaw_rate, rolling, x, dx)
-    return TyreForces(F_x, F_y, M_x, M_y * whole, M_z * whole - bore)
+    return TyreForces(F_x, F_y, M_x, M_y * whole, M_z * whole - bore)  # (B15)
 
 
 @kernel
@@ -121,8 +122,9 @@ def _bounded_rate(rate, slip):
 def _slip_decay(slip, force, stiffness, rolling):
     """Rate at which a tyre that comes to rest sliding loses the slip that exceeds the deflection by its force (B17)."""
     beyond = fabs(slip) - maximum(2.0 * fabs(force) / (stiffness + 1.0), rolling / ROLLING_BLEND)
-    rate = copysign(SLIP_DECAY * maximum(beyond, 0.0), -slip)
-    return where(rolling < LARGEST_SLIP * ROLLING_BLEND, rate, 0.0)
+    rate = copysign(SLIP_DECAY * maximum(beyond, 0.0), -slip)  # (B17)
+    # From DECAY_BELOW on, rolling/ROLLING_BLEND is at least LARGEST_SLIP, the bound of the slips: no slip is beyond it.
+    return where(rolling < DECAY_BELOW, rate, 0.0)
 
 
 @part
@@ -130,9 +132,9 @@ def slip_rates(d, c, forces, F_z, slip, x, dx):
     """Rates of the relaxed slips (B13), (B17) to ``dx``."""
     kappa, tan_a = load(x, KAPPA), load(x, TAN_ALPHA)
     rolling = fabs(slip.rolling)
-    kappa_rate = _bounded_rate((-slip.x - rolling * kappa) * (1.0 / d.sigma_x), kappa)
-    alpha_rate = _bounded_rate((slip.y - rolling * tan_a) * (1.0 / d.sigma_y), tan_a)
-    if any_of(rolling < LARGEST_SLIP * ROLLING_BLEND):
+    kappa_rate = _bounded_rate((-slip.x - rolling * kappa) * (1.0 / d.sigma_x), kappa)  # (B13)
+    alpha_rate = _bounded_rate((slip.y - rolling * tan_a) * (1.0 / d.sigma_y), tan_a)  # (B13)
+    if any_of(rolling < DECAY_BELOW):
         K_x, K_y = tyre.stiffnesses(c, F_z)
         kappa_rate += _slip_decay(kappa, forces.F_x, K_x, rolling)
         alpha_rate += _slip_decay(tan_a, forces.F_y, K_y, rolling)

@@ -105,8 +105,9 @@ def wheel_torques(d, axles, forces, omega):
     """Torques about the axle of each wheel. A brake that slides gives its capacity; one that holds gives the torque
     that keeps the wheel at rest.
     """
-    capacity, drive = per_axle(axles.brake_f, axles.brake_r), per_axle(0.5 * axles.drive_f, 0.5 * axles.drive_r)
-    road_torque = forces.M_y - d.R_e * forces.F_x
+    capacity = per_axle(axles.brake_f, axles.brake_r)
+    drive = per_axle(0.5 * axles.drive_f, 0.5 * axles.drive_r)  # (D3)
+    road_torque = forces.M_y - d.R_e * forces.F_x  # (B5)
     held = minimum(maximum(road_torque + drive, -capacity), capacity)
     return WheelTorques(road_torque, drive, where(omega == 0.0, held, copysign(capacity, omega)))
 
@@ -134,22 +135,22 @@ def rack_force(d, knuckle, contact, forces, torques):
 def forces_on_body(d, a, x, carriers, contact, slip, forces, torques, out):
     """Force and moment about O of each wheel on the body, and the force along its travel, to ``out`` (B8), (B9)."""
     c, s, height, F_z = slip.c, slip.s, contact.height, contact.F_z
-    X = forces.F_x * c - forces.F_y * s - F_z * contact.slope  # the road pushes normal to its surface
-    Y = forces.F_x * s + forces.F_y * c
+    X = forces.F_x * c - forces.F_y * s - F_z * contact.slope  # (B8), the road pushes normal to its surface
+    Y = forces.F_x * s + forces.F_y * c  # (B8)
     arm = contact.y + contact.camber_offset
     # F_x acts at the wheel centre, as its moment about the axle is the wheel's own; the other forces act on the ground.
-    grounded = height * (forces.F_y * s + F_z * contact.slope)
+    grounded = height * (forces.F_y * s + F_z * contact.slope)  # B of (B8)
     store(out, FORCE_X, X)
     store(out, FORCE_Y, Y)
-    store(out, MOMENT_X, arm * F_z - (contact.z - height) * Y + forces.M_x * c)
-    store(
+    store(out, MOMENT_X, arm * F_z - (contact.z - height) * Y + forces.M_x * c)  # (B8)
+    store(  # (B8)
         out,
         MOMENT_Y,
         contact.z * X + grounded - contact.x * F_z + forces.M_x * s + torques.brake - torques.drive,
     )
-    store(out, MOMENT_Z, contact.x * Y - arm * X + forces.M_z)
+    store(out, MOMENT_Z, contact.x * Y - arm * X + forces.M_z)  # (B8)
     v_x, v_y, w_x, w_y = x[U], x[V], x[P], x[Q]
-    store(
+    store(  # (B9)
         out,
         TRAVEL_FORCE,
         a.a33 * F_z
@@ -171,11 +172,12 @@ def wheel_accelerations(p, x, torques, dx, out):
     """
     d = p.body[0]
     store(out, ROAD_TORQUE, torques.road)
-    store(dx, OMEGA, torques.road + torques.drive - torques.brake)
+    store(dx, OMEGA, torques.road + torques.drive - torques.brake)  # (B5)
     engine = 0.0
     omega_f, omega_r = mean_angular_velocities(x)
     J_f, J_r = engine_inertias(p, x, omega_f, omega_r)
     for i, J in ((OMEGA, J_f), (OMEGA + 2, J_r)):
+        # (D3)
         mean, half = 0.5 * (dx[i] + dx[i + 1]) / (d.I_w + 0.5 * J), 0.5 * (dx[i] - dx[i + 1]) / d.I_w
         engine += J * mean
         dx[i], dx[i + 1] = mean + half, mean - half

@@ -44,9 +44,9 @@ def pneumatic_trail(c, p, a_t, a_e, zeta_5):
     B = B * (1.0 + c.QBZ4 * p.g + c.QBZ5 * p.g_abs + c.QBZ6 * p.g2) * p.per_mu  # (4.E40); (A58) under FITTYP 61
     E = c.QEZ1 + c.QEZ2 * p.df + c.QEZ3 * p.df * p.df
     E = minimum(E * (1.0 + (c.QEZ4 + c.QEZ5 * p.g) * (2.0 / math.pi) * atan(B * c.QCZ1 * a_e)), 1.0)  # (4.E44)
-    t = p.u * c.UNLOADED_RADIUS * (c.QDZ1 + c.QDZ2 * p.df)  # (4.E42)
+    t = p.u * c.UNLOADED_RADIUS * (c.QDZ1 + c.QDZ2 * p.df)  # D_t of (T7), (4.E42)
     t = t * (1.0 + c.QDZ3 * p.g_abs + c.QDZ3G * p.g + c.QDZ4 * p.g2) * p.cos_a * zeta_5  # (4.E43)
-    t *= cos(c.QCZ1 * atan(curve(B * a_t, E)))  # (4.E33), (4.E73)
+    t *= cos(c.QCZ1 * atan(curve(B * a_t, E)))  # (T7), (4.E33), (4.E73)
     return t
 
 
@@ -54,7 +54,7 @@ def pneumatic_trail(c, p, a_t, a_e, zeta_5):
 def residual_torque(c, p, turn, lateral, G_y, a_r2, turn_slip, spins):
     """M_zr [N m] (T8)."""
     R_0 = c.UNLOADED_RADIUS
-    B = (c.QBZ9 * p.per_mu + c.QBZ10 * c.PCY1 * lateral.B) * turn.zeta_6  # (4.E45)
+    B = (c.QBZ9 * p.per_mu + c.QBZ10 * c.PCY1 * lateral.B) * turn.zeta_6  # B_r of (T8), (4.E45)
     decay = 1.0 / sqrt(1.0 + B * B * a_r2)  # cos(atan(B alpha_r)) of (4.E36)
     D = (c.QDZ6 + c.QDZ7 * p.df) * turn.zeta_2
     y = (c.QDZ8 + c.QDZ9 * p.df + (c.QDZ10 + c.QDZ11 * p.df) * p.g_abs) * p.g
@@ -72,7 +72,7 @@ def residual_torque(c, p, turn, lateral, G_y, a_r2, turn_slip, spins):
             # C_r is the arc cosine of x over a right angle; the arc cosine follows from its half angle.
             decay = cos((4.0 / math.pi) * atan(sqrt((1.0 - x) / (1.0 + x))) * atan(B * sqrt(a_r2)))
         y *= 0.0  # camber acts by its spin
-    M_zr = (p.F_z * R_0 * (D + y) * p.mu * p.cos_a + M_spin) * decay  # (4.E47), (4.E75)
+    M_zr = (p.F_z * R_0 * (D + y) * p.mu * p.cos_a + M_spin) * decay  # (T8), (4.E47), (4.E75)
     if c.FITTYP == 60.0:
         M_zr *= p.cos_a  # (4.E36)
     return M_zr
@@ -82,4 +82,4 @@ def residual_torque(c, p, turn, lateral, G_y, a_r2, turn_slip, spins):
 def lever(c, p, F_y):
     """s, the lever of F_x about z [m] (T9)."""
     y = F_y * (1.0 / c.FNOMIN)
-    return c.UNLOADED_RADIUS * (c.SSZ1 + c.SSZ2 * y + (c.SSZ3 + c.SSZ4 * p.df) * p.g)  # (4.E76)
+    return c.UNLOADED_RADIUS * (c.SSZ1 + c.SSZ2 * y + (c.SSZ3 + c.SSZ4 * p.df) * p.g)  # (T9), (4.E76)

@@ -7,7 +7,7 @@ from steer_env.vehicle.simd import any_of, atan, sqrt
 @kernel
 def curve(x, E):
     """Argument of the outer arc tangent, ``x - E (x - atan(x))``, for x = B (slip + S_H) (T1)."""
-    return x - E * (x - atan(x)) if any_of(E != 0.0) else x
+    return x - E * (x - atan(x)) if any_of(E != 0.0) else x  # (T1)
 
 
 @kernel

@@ -27,13 +27,13 @@ def _steady(c, kappa, alpha, tan_a, camber, F_z, v_x, mu, turn_slip):
     longitudinal = longitudinal_force(c, p, turn.zeta_1, slips)
     lateral = lateral_force(c, p, turn, turn_slip, spins)
     G_y, S_Vk = combined_slip(c, p, lateral.D, kappa, slips)
-    F_x, F_y = longitudinal.F_x, G_y * lateral.F_y + S_Vk  # (4.E58)
+    F_x, F_y = longitudinal.F_x, G_y * lateral.F_y + S_Vk  # (T5), (4.E58)
 
     slip = equivalent_slip(c, p, lateral, longitudinal.K_x, kappa, slips)
     t = pneumatic_trail(c, p, slip.a_t, slip.a_e, turn.zeta_5)
     M_zr = residual_torque(c, p, turn, lateral, G_y, slip.a_r2, turn_slip, spins)
     M_z = M_zr - t * (G_y * lateral.F_t)  # (T6), (4.E72), (4.E74)
-    M_z += lever(c, p, F_y) * longitudinal.dF_x  # (4.E71)
+    M_z += lever(c, p, F_y) * longitudinal.dF_x  # (T6), (4.E71)
 
     M_x = overturning(c, p, F_y)
     load, M_y = rolling_resistance(c, p, F_x, v_x)

@@ -52,7 +52,7 @@ def lateral_force(c, p, turn, turn_slip, spins):
         S_H += y / c.PHYP1 * sin(c.PHYP1 * atan(x)) - S_Vg * per_K
     else:
         S_H += (K_g * p.g - S_Vg) * per_K  # (4.E27)
-    D = (c.PDY1 + c.PDY2 * p.df) * (1.0 - c.PDY3 * p.g2) * p.mu * p.F_z * turn.zeta_2  # (4.E22), (4.E23)
+    D = (c.PDY1 + c.PDY2 * p.df) * (1.0 - c.PDY3 * p.g2) * p.mu * p.F_z * turn.zeta_2  # (T3), (4.E22), (4.E23)
     B = K / (c.PCY1 * D)  # (4.E26)
     if c.FITTYP == 60.0:
         side = minimum(maximum(p.alpha * _PER_RAMP, -1.0), 1.0)
@@ -60,7 +60,7 @@ def lateral_force(c, p, turn, turn_slip, spins):
         side = copysign(1.0, p.alpha + S_H)
     # (4.E24)
     E = minimum((c.PEY1 + c.PEY2 * p.df) * (1.0 + c.PEY5 * p.g2 - (c.PEY3 + c.PEY4 * p.g) * side), 1.0)
-    F_y = D * sin(c.PCY1 * atan(curve(B * (p.alpha + S_H), E))) + S_V  # (4.E19), (4.E20)
+    F_y = D * sin(c.PCY1 * atan(curve(B * (p.alpha + S_H), E))) + S_V  # (T3), (4.E19), (4.E20)
     F_t = F_y
     if c.FITTYP == 61.0:
         F_t = _force_without_camber(c, p)
@@ -77,8 +77,8 @@ def combined_slip(c, p, D_y, kappa, slips):
         S_H = c.RHY1 + c.RHY2 * p.df  # (4.E65)
         E = minimum(c.REY1 + c.REY2 * p.df, 1.0)  # (4.E64)
         B = (c.RBY1 + c.RBY4 * p.g2) * cos_atan(c.RBY2 * (p.a - c.RBY3))  # (4.E62)
-        # (4.E59), (4.E60), (4.E61)
+        # (T5), (4.E59), (4.E60), (4.E61)
         G = cos(c.RCY1 * atan(curve(B * (p.kappa + S_H), E))) / cos(c.RCY1 * atan(curve(B * S_H, E)))
         S_V = c.RVY1 + c.RVY2 * p.df + c.RVY3 * p.g
-        S_V *= D_y * cos_atan(c.RVY4 * p.a) * sin(c.RVY5 * atan(c.RVY6 * p.kappa))  # (4.E66), (4.E67)
+        S_V *= D_y * cos_atan(c.RVY4 * p.a) * sin(c.RVY5 * atan(c.RVY6 * p.kappa))  # (T5), (4.E66), (4.E67)
     return G, S_V

@@ -21,7 +21,7 @@ def _weight(c, p):
     """Weight G_xa of F_x by the slip angle (T5)."""
     B = (c.RBX1 + c.RBX3 * p.g2) * cos_atan(c.RBX2 * p.kappa)  # (4.E54)
     E = minimum(c.REX1 + c.REX2 * p.df, 1.0)  # (4.E56)
-    G = cos(c.RCX1 * atan(curve(B * (p.a + c.RHX1), E)))  # (4.E51), (4.E53)
+    G = cos(c.RCX1 * atan(curve(B * (p.a + c.RHX1), E)))  # (T5), (4.E51), (4.E53)
     if c.RHX1 != 0.0:
         G /= cos(c.RCX1 * atan(curve(B * c.RHX1, E)))  # (4.E52)
     return G
@@ -34,15 +34,15 @@ def longitudinal_force(c, p, zeta_1, slips):
     shift = c.PHX1 + c.PHX2 * p.df  # (4.E17)
     S_V = p.F_z * (c.PVX1 + c.PVX2 * p.df) * p.fade_x * zeta_1  # (4.E18)
     if slips or any_of(shift != 0.0) or any_of(S_V != 0.0):
-        D = (c.PDX1 + c.PDX2 * p.df) * (1.0 - c.PDX3 * p.g2) * p.mu * p.F_z * zeta_1  # (4.E12), (4.E13)
-        K_x = slip_stiffness(c, p.F_z, p.df)
+        D = (c.PDX1 + c.PDX2 * p.df) * (1.0 - c.PDX3 * p.g2) * p.mu * p.F_z * zeta_1  # (T2), (4.E12), (4.E13)
+        K_x = slip_stiffness(c, p.F_z, p.df)  # (T2)
         B = K_x / (c.PCX1 * D)  # (4.E16)
         x = B * (p.kappa + shift)  # (4.E10)
         E_0 = c.PEX1 + c.PEX2 * p.df + c.PEX3 * p.df * p.df
         E = minimum(E_0 * (1.0 - c.PEX4 * copysign(1.0, x)), 1.0)  # (4.E14)
-        dF_x = D * sin(c.PCX1 * atan(curve(x, E)))  # (4.E9)
+        dF_x = D * sin(c.PCX1 * atan(curve(x, E)))  # (T2), (4.E9)
         G = _weight(c, p)
-        F_x = G * (dF_x + S_V)  # (4.E50)
+        F_x = G * (dF_x + S_V)  # (T5), (4.E50)
         if c.FITTYP != 60.0:
             dF_x = F_x
         else:

@@ -8,7 +8,7 @@ from steer_env.vehicle.simd import atan, cos, fabs, power, sin
 def overturning(c, p, F_y):
     """M_x over R_0 F_z [1] (T10)."""
     y = F_y * (1.0 / c.FNOMIN)
-    M_x = c.QSX1 - c.QSX2 * p.g + c.QSX3 * y  # (4.E69)
+    M_x = c.QSX1 - c.QSX2 * p.g + c.QSX3 * y  # (T10), (4.E69)
     if c.FITTYP == 61.0:
         if c.QSX4 != 0.0:
             x = c.QSX6 * p.u
@@ -22,10 +22,10 @@ def overturning(c, p, F_y):
 @kernel
 def rolling_resistance(c, p, F_x, v_x):
     """The load, and -M_y over R_0 and that load (T11)."""
-    M_y = c.QSY1 + c.QSY2 * F_x * (1.0 / c.FNOMIN)
+    M_y = c.QSY1 + c.QSY2 * F_x * (1.0 / c.FNOMIN)  # (T11)
     if c.QSY3 != 0.0 or c.QSY4 != 0.0:
         v = fabs(v_x) / c.LONGVL
-        M_y += c.QSY3 * v + c.QSY4 * (v * v) * (v * v)
+        M_y += c.QSY3 * v + c.QSY4 * (v * v) * (v * v)  # (T11)
     load = p.F_z
     if c.FITTYP == 61.0:
         M_y += (c.QSY5 + c.QSY6 * p.u) * p.g2

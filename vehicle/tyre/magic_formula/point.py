@@ -53,8 +53,8 @@ def operating_point(c, way, kappa, alpha, tan_a, camber, F_z, mu):
     if any_of(mu != 1.0):
         per_mu = 1.0 / mu
         y = A_MU - 1.0 if c.FITTYP != 52.0 else 0.0
-        fade_x = (1.0 + y * c.LMUX) * mu / (1.0 + y * c.LMUX * mu)  # (4.E8)
-        fade_y = (1.0 + y * c.LMUY) * mu / (1.0 + y * c.LMUY * mu)  # (4.E8)
+        fade_x = (1.0 + y * c.LMUX) * mu / (1.0 + y * c.LMUX * mu)  # (T12), (4.E8)
+        fade_y = (1.0 + y * c.LMUY) * mu / (1.0 + y * c.LMUY * mu)  # (T12), (4.E8)
     return Point(
         kappa=broadcast(0.0) if kappa is None else way * kappa,
         alpha=alpha,
@@ -82,15 +82,15 @@ def turn_slip_factors(c, p, turn_slip, spins):
     if turn_slip is not None and spins:
         camber_share = 1.0 - c.PECP1 * (1.0 + c.PECP2 * p.df)
         sine = p.g if c.FITTYP == 60.0 else sin(p.g)
-        spin = c.UNLOADED_RADIUS * turn_slip + camber_share * (1.0 + p.kappa) * p.cos_a * sine
-        zeta_1 = cos_atan(c.PDXP1 * (1.0 + c.PDXP2 * p.df) * cos_atan(c.PDXP3 * p.kappa) * spin)
+        spin = c.UNLOADED_RADIUS * turn_slip + camber_share * (1.0 + p.kappa) * p.cos_a * sine  # (T13)
+        zeta_1 = cos_atan(c.PDXP1 * (1.0 + c.PDXP2 * p.df) * cos_atan(c.PDXP3 * p.kappa) * spin)  # (T13)
         y = fabs(spin)
         # (4.77), (4.78)
         y = c.PDYP1 * (1.0 + c.PDYP2 * p.df) * cos_atan(c.PDYP3 * p.tan_a) * (y + c.PDYP4 * sqrt(y))
-        zeta_2 = cos_atan(y)
-        zeta_3 = cos_atan(c.PKYP1 * spin * spin)
-        zeta_5 = cos_atan(c.QDTP1 * spin)
-        zeta_6 = cos_atan(c.QBRP1 * spin)  # (4.102)
+        zeta_2 = cos_atan(y)  # (T13)
+        zeta_3 = cos_atan(c.PKYP1 * spin * spin)  # (T13)
+        zeta_5 = cos_atan(c.QDTP1 * spin)  # (T13)
+        zeta_6 = cos_atan(c.QBRP1 * spin)  # (T13), (4.102)
     return TurnSlip(spin, camber_share, zeta_1, zeta_2, zeta_3, zeta_5, zeta_6)
 
 

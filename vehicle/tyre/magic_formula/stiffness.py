@@ -15,14 +15,14 @@ def cornering(c, F_z, g):
     else:
         over, under = over * (1.0 - c.PKY3 * fabs(g)), 1.0 + 0.0 * g2
     if c.PKY4 == 2.0:  # sin(2 atan(u)) = 2 u/(1 + u^2)
-        return over * 2.0 * F_z * most / (under * (most * most + F_z * F_z))  # (4.E25)
-    return over * sin(c.PKY4 * atan(F_z / most)) / under  # (4.E25)
+        return over * 2.0 * F_z * most / (under * (most * most + F_z * F_z))  # (T4), (4.E25)
+    return over * sin(c.PKY4 * atan(F_z / most)) / under  # (T4), (4.E25)
 
 
 @kernel
 def slip_stiffness(c, F_z, df):
     """K_x [N per unit slip] (T2)."""
-    return F_z * (c.PKX1 + c.PKX2 * df) * exp(c.PKX3 * df)  # (4.E15)
+    return F_z * (c.PKX1 + c.PKX2 * df) * exp(c.PKX3 * df)  # (T2), (4.E15)
 
 
 @kernel
