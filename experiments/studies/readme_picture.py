@@ -24,8 +24,8 @@ STEP, SPEED = 2e-3, 1.0  # between samples [deg], [deg/s]
 def main(argv: Sequence[str] | None = None) -> None:
     """Write the picture of the README."""
     parser = argparse.ArgumentParser(prog="steer-env study readme-picture", description=main.__doc__)
-    text = "file for the picture (default docs/feel.svg)"
-    parser.add_argument("--out", metavar="FILE.svg", type=Path, default=Path("docs/feel.svg"), help=text)
+    text = "file for the picture (default feel.svg; docs/feel.svg in a checkout is the picture of the README)"
+    parser.add_argument("--out", metavar="FILE.svg", type=Path, default=Path("feel.svg"), help=text)
     args = parser.parse_args(argv)
     x = np.radians(through(TURNS, STEP))
     loops = {title: (law, friction.response(friction.make(law), x, STEP / SPEED)) for law, title in LOOPS.items()}

@@ -157,8 +157,8 @@ def _announced(kernel: Any, folder: Path | None) -> Iterator[None]:
 
     def tell() -> None:
         if compiled():
-            once = "this happens once" if folder else "in every process, as the machine code cannot be kept"
-            say("compiling", f"compiling kernels for {function.__module__}.{function.__qualname__} and others; {once}")
+            once = "this happens once for each" if folder else "in every process, as the machine code cannot be kept"
+            say("compiling", f"compiling kernels for this combination of law, chassis and task ({function.__qualname__}); {once}")
 
     timer = threading.Timer(max(PATIENCE - _spent, 0.1), tell)
     timer.daemon = True

@@ -150,6 +150,26 @@ def test_the_order_of_the_fields_of_parameters_counts():
     assert stamp(k, (numba.typeof(A(1.0, 2.0)),), "numba") != stamp(k, (numba.typeof(B(1.0, 2.0)),), "numba")
 
 
+def test_the_order_of_the_fields_of_a_constant_counts(monkeypatch):
+    """Values in the same order, but by other names."""
+    from typing import NamedTuple
+
+    class Pair(NamedTuple):
+        x: float
+        y: float
+
+    class Swapped(NamedTuple):
+        y: float
+        x: float
+
+    Swapped.__qualname__ = Pair.__qualname__
+    found = []
+    for kind in (Pair, Swapped):
+        monkeypatch.setattr(sys.modules[__name__], "FACTOR", kind(1.0, 2.0))
+        found.append(stamp(outer, (), "numba"))
+    assert found[0] != found[1]
+
+
 FACTOR = 2.0
 
 
@@ -189,6 +209,17 @@ def test_what_cannot_be_decided_is_refused(monkeypatch):
     monkeypatch.setattr(sys.modules[__name__], "FACTOR", Unknown())
     with pytest.raises(UndecidableError, match="Unknown"):
         stamp(outer, (), "numba")
+
+
+def test_a_file_that_is_not_the_source_of_what_was_imported_is_refused(monkeypatch):
+    """A file with an old date was put in the place of the one that was imported, or Python ran a stale ``.pyc``."""
+    from steer_env.vehicle import plant, simd
+
+    types = _plant_types("lugre", "two_track")
+    stamp(plant.run, types, "numba")
+    monkeypatch.setattr(simd.pack, "__code__", (lambda a, b, c, d: np.array([a, b, c, -d])).__code__)
+    with pytest.raises(UndecidableError, match="simd"):
+        stamp(plant.run, types, "numba")
 
 
 def test_a_file_that_changed_after_its_import_is_refused(monkeypatch):
