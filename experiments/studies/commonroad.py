@@ -101,7 +101,7 @@ def _before_balance(*lines: str) -> dict[str, str]:
     return {_BALANCE: "".join(f"    {line}\n" for line in lines) + _BALANCE}
 
 
-# Lines of their code and what replaces them, where their model lacks something or differs from ours.
+# Lines of CommonRoad's code and what replaces them, where that model lacks something or differs from ours.
 CODE: dict[str, Mapping[str, str]] = {
     # Their slip angles use the lateral speed of the sprung centre of gravity, from which that of the axle differs
     # by the roll rate times the height between them; x[15] and x[20] are the lateral speeds of the axles.
@@ -171,7 +171,7 @@ def _dynamics(code: tuple[str, ...]) -> Callable[[list[float], list[float], Any]
 
 
 def _wheel_loads(p: Any, x: Array) -> Array:
-    """Wheel loads (4, T) from height and roll of the axles, as their model computes them [N]."""
+    """Wheel loads (4, T) from height and roll of the axles, as the CommonRoad model computes them [N]."""
     loads = []
     for roll, height, track in ((x[13], x[16], p.T_f), (x[18], x[21], p.T_r)):
         middle, side = height + p.R_w * (np.cos(roll) - 1.0), 0.5 * track * np.sin(roll)
@@ -190,7 +190,7 @@ def drive(
         Of vehicle 1, 2 or 3.
     manoeuvre : Manoeuvre
     code : iterable of str
-        Names from ``CODE``: lines of their code that are changed, to show the effect.
+        Names from ``CODE``: lines of CommonRoad's code that are changed, to show the effect.
     dt : float
         Between the samples of the recording [s].
     tolerance : float

@@ -1,8 +1,8 @@
 """Cross-validation of our two-track car against CommonRoad's multi-body model: comparison, limits, table.
 
-Our car has their parameters and gets the same road-wheel angle and torques. Their side is a stored reference, which
-:mod:`steer_env.experiments.studies.commonroad` computes: ``published`` is their model as it is, ``reconciled`` the same
-without the peculiarities that ``commonroad_reference.PECULIARITIES`` names.
+Our car has the parameters of CommonRoad's and gets the same road-wheel angle and torques. CommonRoad's results are a
+stored reference, which :mod:`steer_env.experiments.studies.commonroad` computes: ``published`` is the CommonRoad model
+as it is, ``reconciled`` the same without the peculiarities that ``commonroad_reference.PECULIARITIES`` names.
 """
 
 import argparse
@@ -122,7 +122,7 @@ class Extent(NamedTuple):
 
 
 def extent(results: Mapping[str, Mapping[str, Comparison]], case: str) -> Extent:
-    """The largest differences from one case of their model."""
+    """The largest differences from one case of the CommonRoad model."""
     of_case = {name: result[case] for name, result in results.items()}
     return Extent(
         max(max(compared.rms.values()) for compared in of_case.values()),

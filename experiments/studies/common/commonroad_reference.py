@@ -21,9 +21,10 @@ from steer_env.recording.recording import Recording
 from steer_env.vehicle.chassis import two_track
 
 FILE = Path(__file__).parents[2] / "data" / "commonroad.npz"
-CASES = ("published", "reconciled")  # of their model
+CASES = ("published", "reconciled")  # of the CommonRoad model
 
-# What reconciling changes in their model; steer_env.experiments.studies.commonroad has the values and lines of code.
+# What reconciling changes in the CommonRoad model; steer_env.experiments.studies.commonroad has the values and lines
+# of code.
 PECULIARITIES = {
     "jump": "A shift of the lateral tyre force, 2 % of the load, changes its sign where a wheel passes upright.",
     "drag": "The longitudinal tyre force has an offset: a drag of 1 % of the load at zero slip.",
@@ -55,7 +56,7 @@ STORED = (
 
 
 def interval(manoeuvre: Manoeuvre) -> float:
-    """Between the samples of a reference [s]."""
+    """Time between the samples of a reference [s]."""
     return 0.2 if manoeuvre.kind == "circle" else 0.02
 
 
