@@ -109,17 +109,17 @@ def register(
     if any(given) and not all(given):
         raise ValueError(f"friction law {name!r} needs all or none of memory_size, advance, rate and stored_energy")
     law = Law(
-        name,
-        parameters,
-        make,
-        memory_size or (lambda p: 0),
-        fitted,
-        advance or _no_advance,
-        torque,
-        rate or _no_rate,
-        stored_energy or _no_energy,
-        mean_torque,
-        solve or _newton,
+        name=name,
+        parameters=parameters,
+        make=make,
+        memory_size=memory_size or (lambda p: 0),
+        fitted=fitted,
+        advance=advance or _no_advance,
+        torque=torque,
+        rate=rate or _no_rate,
+        stored_energy=stored_energy or _no_energy,
+        mean_torque=mean_torque,
+        solve=solve or _newton,
     )
     LAWS.register(name, law, parameters)
 

@@ -158,7 +158,10 @@ def _announced(kernel: Any, folder: Path | None) -> Iterator[None]:
     def tell() -> None:
         if compiled():
             once = "this happens once for each" if folder else "in every process, as the machine code cannot be kept"
-            say("compiling", f"compiling kernels for this combination of law, chassis and task ({function.__qualname__}); {once}")
+            say(
+                "compiling",
+                f"compiling kernels for this combination of law, chassis and task ({function.__qualname__}); {once}",
+            )
 
     timer = threading.Timer(max(PATIENCE - _spent, 0.1), tell)
     timer.daemon = True

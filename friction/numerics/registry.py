@@ -2,6 +2,7 @@
 
 import importlib
 import pkgutil
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any, Generic, TypeVar
@@ -68,6 +69,9 @@ class Registry(Generic[T]):
         ValueError
             If the name is taken.
         """
+        module = self._files().get(name)
+        if module is not None and module not in sys.modules:  # the name belongs to a file of the folder
+            importlib.import_module(module)
         known = self._things.get(name)
         if known is not None and known != thing:
             where = getattr(getattr(known, "parameters", known), "__module__", "another module")
