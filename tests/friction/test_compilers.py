@@ -29,7 +29,9 @@ COMPILING = "steer-env: compiling kernels for "  # said where it takes more than
 
 def run(code, folder, **settings):
     """Exit status, lines of the output and lines of standard error of a new process."""
-    environment = {**os.environ, "STEER_ENV_QUIET": "0", "NUMBA_CACHE_DIR": str(folder), **settings}
+    # The choice of this process must not decide that of the other one.
+    inherited = {name: value for name, value in os.environ.items() if name != "STEER_ENV_COMPILER"}
+    environment = {**inherited, "STEER_ENV_QUIET": "0", "NUMBA_CACHE_DIR": str(folder), **settings}
     command = [sys.executable, "-W", "error", "-c", code]
     done = subprocess.run(command, env=environment, cwd=ROOT, capture_output=True, text=True, check=False)
     return done.returncode, done.stdout.splitlines(), done.stderr.splitlines()
