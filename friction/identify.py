@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from steer_env.friction.confidence import half_widths
+from steer_env.friction.fit_intervals import half_widths
 from steer_env.friction.law import law_of, make
 from steer_env.friction.numerics.check import numbers, positive
 from steer_env.friction.response import response

@@ -116,7 +116,7 @@ class SteerVectorEnv(VectorEnv):
         rewards, costs, terminated, truncated = (
             batch.episodes[key].copy() for key in ("reward", "cost", "terminated", "truncated")
         )
-        for i in np.flatnonzero(over).tolist():
+        for i in np.flatnonzero(over).tolist():  # NEXT_STEP: this step resets, whatever the action was
             batch.start(i, self._generators[i], {})
             rewards[i] = costs[i] = 0.0
             terminated[i] = truncated[i] = False
@@ -128,7 +128,7 @@ class SteerVectorEnv(VectorEnv):
             ends: dict[str, Any] = {}
             for i in np.flatnonzero(done).tolist():
                 self._add_info(ends, {"metrics": batch.metrics(i), **batch.failure_info(i)}, i)
-            if mode == AutoresetMode.SAME_STEP:
+            if mode == AutoresetMode.SAME_STEP:  # the step that ends an episode resets at once
                 channels = {key: value for key, value in info.items() if not key.startswith("_")}
                 final = {**{key: np.where(done, value, 0.0) for key, value in channels.items()}, **ends}
                 final |= {f"_{key}": done for key in channels}

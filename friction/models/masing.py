@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from steer_env.friction import defaults
-from steer_env.friction.confidence import half_widths
+from steer_env.friction.fit_intervals import half_widths
 from steer_env.friction.law import register
 from steer_env.friction.numerics.bounds import within
 from steer_env.friction.numerics.check import not_negative, number, numbers, positive

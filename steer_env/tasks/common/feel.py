@@ -24,7 +24,10 @@ def feel_error(channels):
 
 @kernel
 def evaluate_feel(channels, step, first, rewards):
-    """Add the quantities of ``FEEL_REWARDS``, which stand from ``first`` on; return the error [N m]."""
+    """Add the quantities of ``FEEL_REWARDS``, which stand from ``first`` on; return the error [N m].
+
+    The weights are applied at the end of the control step, in :mod:`steer_env.batch_kernels`.
+    """
     error = feel_error(channels)
     rewards[first] += step.dt * error * error
     evaluate_action(step, first + 1, rewards)

@@ -62,14 +62,14 @@ def symmetric_sum(x):
 
 
 @part
-def external_load(d, a, m, u, F_z, engine, out):
+def external_load(d, frame, body, u, F_z, engine, out):
     """Load of wheels, air, wind and gravity on the whole car.
 
     Parameters
     ----------
     d : Body
-    a : Rotation
-    m : Motion
+    frame : Rotation
+    body : Motion
     u : (I,) array
         Inputs.
     F_z : vector of four
@@ -79,20 +79,20 @@ def external_load(d, a, m, u, F_z, engine, out):
     out : (O,) array
         Outputs; the accelerations go there.
     """
-    speed_2 = m.V_x * m.V_x
+    speed_2 = body.V_x * body.V_x
     side_force = symmetric_sum(load(out, FORCE_Y)) + u[WIND_FORCE]
-    along = symmetric_sum(load(out, FORCE_X)) - math.copysign(d.drag * speed_2, m.V_x)
-    F_x = along + d.m * (d.g_x * a.c_y + d.g_y * a.s_y)
-    F_y = side_force + d.m * (d.g_y * a.c_y - d.g_x * a.s_y)
+    along = symmetric_sum(load(out, FORCE_X)) - math.copysign(d.drag * speed_2, body.V_x)
+    F_x = along + d.m * (d.g_x * frame.c_y + d.g_y * frame.s_y)
+    F_y = side_force + d.m * (d.g_y * frame.c_y - d.g_x * frame.s_y)
     F_up = symmetric_sum(F_z) + (d.lift_f + d.lift_r) * speed_2 + d.m * d.g_z
     N_x = symmetric_sum(load(out, MOMENT_X))
     N_y = symmetric_sum(load(out, MOMENT_Y)) + engine + (d.b * d.lift_r - d.a * d.lift_f) * speed_2
     N_z = symmetric_sum(load(out, MOMENT_Z)) + u[WIND_MOMENT]
     out[LATERAL_ACCELERATION], out[LONGITUDINAL_ACCELERATION] = side_force / d.m, along / d.m
     out[FRONT_FORCE], out[REAR_FORCE] = out[FORCE_Y] + out[FORCE_Y + 1], out[FORCE_Y + 2] + out[FORCE_Y + 3]
-    out[LONGITUDINAL_SPEED], out[LATERAL_SPEED], out[YAW_RATE] = m.V_x, m.V_y, m.W_z
-    f_x, f_y, f_z = to_body(a, F_x, F_y, F_up)
-    n_x, n_y, n_z = to_body(a, N_x, N_y, N_z)
+    out[LONGITUDINAL_SPEED], out[LATERAL_SPEED], out[YAW_RATE] = body.V_x, body.V_y, body.W_z
+    f_x, f_y, f_z = to_body(frame, F_x, F_y, F_up)
+    n_x, n_y, n_z = to_body(frame, N_x, N_y, N_z)
     return Load(f_x, f_y, f_z, n_x, n_y, n_z)
 
 
@@ -152,13 +152,21 @@ def accelerations(d, n, out, dx):
 
 
 @part
-def kinematics(a, m, x, dx):
+def kinematics(frame, body, x, dx):
     """Rates of position, orientation and travel to ``dx`` (B18)."""
     w_x, w_y, w_z = x[P], x[Q], x[R]
-    turn = w_y * a.s_r + w_z * a.c_r
+    turn = w_y * frame.s_r + w_z * frame.c_r
     # (B18)
-    dx[ROLL], dx[PITCH], dx[YAW] = w_x + turn * a.s_p / a.c_p, w_y * a.c_r - w_z * a.s_r, turn / a.c_p
-    dx[X], dx[Y], dx[Z] = m.V_x * a.c_y - m.V_y * a.s_y, m.V_x * a.s_y + m.V_y * a.c_y, m.V_z
+    dx[ROLL], dx[PITCH], dx[YAW] = (
+        w_x + turn * frame.s_p / frame.c_p,
+        w_y * frame.c_r - w_z * frame.s_r,
+        turn / frame.c_p,
+    )
+    dx[X], dx[Y], dx[Z] = (
+        body.V_x * frame.c_y - body.V_y * frame.s_y,
+        body.V_x * frame.s_y + body.V_y * frame.c_y,
+        body.V_z,
+    )
     for i in range(4):
         dx[TRAVEL + i] = x[TRAVEL_RATE + i]
-    dx[DISTANCE] = m.V_x
+    dx[DISTANCE] = body.V_x

@@ -40,14 +40,14 @@ class Slip(NamedTuple):
 
 
 @part
-def contact(p, a, m, carriers, x):
+def contact(p, frame, body, carriers, x):
     """Position, load and velocities of the contact points.
 
     Parameters
     ----------
     p : TwoTrack
-    a : Rotation
-    m : Motion
+    frame : Rotation
+    body : Motion
     carriers : Carriers
     x : (S,) array
         States.
@@ -56,9 +56,9 @@ def contact(p, a, m, carriers, x):
     s_rate, camber = carriers.travel_rate, carriers.camber
     arm = per_axle(d.a, -d.b)
     y_i, z_i = sides() * per_axle(0.5 * d.t_f, 0.5 * d.t_r), d.R_l - d.h + carriers.travel
-    r_x = a.a11 * arm + a.a12 * y_i + a.a13 * z_i
-    r_y = a.a22 * y_i + a.a23 * z_i
-    r_z = a.a31 * arm + a.a32 * y_i + a.a33 * z_i
+    r_x = frame.a11 * arm + frame.a12 * y_i + frame.a13 * z_i
+    r_y = frame.a22 * y_i + frame.a23 * z_i
+    r_z = frame.a31 * arm + frame.a32 * y_i + frame.a33 * z_i
     ground, slope, mu = road.under_wheels(p.road, x[DISTANCE] + d.a, x[DISTANCE] - d.b)
     # The camber offset is of second order: the loaded radius is height (1 + camber^2/2), so that the virtual work of
     # the tyre spring is F_z at the camber offset.
@@ -66,8 +66,8 @@ def contact(p, a, m, carriers, x):
     offset, longer = height * camber, 1.0 + 0.5 * camber * camber
     F_z = maximum(per_axle(d.F_zf, d.F_zr) + d.K_t * (d.R_l - height * longer), 0.0) * longer  # (B6)
     # (B7)
-    centre_v_x = m.V_x + m.W_y * r_z - m.W_z * (r_y + offset) + (a.a13 + carriers.centre_x) * s_rate
-    contact_v_y = m.V_y + m.W_z * r_x - m.W_x * (r_z - height) + (a.a23 + carriers.contact_y) * s_rate
+    centre_v_x = body.V_x + body.W_y * r_z - body.W_z * (r_y + offset) + (frame.a13 + carriers.centre_x) * s_rate
+    contact_v_y = body.V_y + body.W_z * r_x - body.W_x * (r_z - height) + (frame.a23 + carriers.contact_y) * s_rate
     return Contact(
         x=r_x,
         y=r_y,
@@ -78,7 +78,7 @@ def contact(p, a, m, carriers, x):
         slope=slope,
         mu=mu * d.mu,
         centre_v_x=centre_v_x,
-        contact_v_x=centre_v_x - height * (m.W_y + carriers.pitch_gain * s_rate),
+        contact_v_x=centre_v_x - height * (body.W_y + carriers.pitch_gain * s_rate),
         contact_v_y=contact_v_y,
     )
 

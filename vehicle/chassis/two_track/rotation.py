@@ -56,20 +56,28 @@ def rotation(x):
 
 
 @kernel
-def to_road(a, x, y, z):
+def to_road(frame, x, y, z):
     """Components in the road frame of a vector in the body frame."""
-    return a.a11 * x + a.a12 * y + a.a13 * z, a.a22 * y + a.a23 * z, a.a31 * x + a.a32 * y + a.a33 * z
+    return (
+        frame.a11 * x + frame.a12 * y + frame.a13 * z,
+        frame.a22 * y + frame.a23 * z,
+        frame.a31 * x + frame.a32 * y + frame.a33 * z,
+    )
 
 
 @kernel
-def to_body(a, x, y, z):
+def to_body(frame, x, y, z):
     """Components in the body frame of a vector in the road frame."""
-    return a.a11 * x + a.a31 * z, a.a12 * x + a.a22 * y + a.a32 * z, a.a13 * x + a.a23 * y + a.a33 * z
+    return (
+        frame.a11 * x + frame.a31 * z,
+        frame.a12 * x + frame.a22 * y + frame.a32 * z,
+        frame.a13 * x + frame.a23 * y + frame.a33 * z,
+    )
 
 
 @part
-def motion(a, x):
+def motion(frame, x):
     """Motion of the body at the states ``x``."""
-    V_x, V_y, V_z = to_road(a, x[U], x[V], x[W])
-    W_x, W_y, W_z = to_road(a, x[P], x[Q], x[R])
+    V_x, V_y, V_z = to_road(frame, x[U], x[V], x[W])
+    W_x, W_y, W_z = to_road(frame, x[P], x[Q], x[R])
     return Motion(V_x, V_y, V_z, W_x, W_y, W_z)

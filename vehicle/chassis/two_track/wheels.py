@@ -132,7 +132,7 @@ def rack_force(d, knuckle, contact, forces, torques):
 
 
 @part
-def forces_on_body(d, a, x, carriers, contact, slip, forces, torques, out):
+def forces_on_body(d, frame, x, carriers, contact, slip, forces, torques, out):
     """Force and moment about O of each wheel on the body, and the force along its travel, to ``out`` (B8), (B9)."""
     c, s, height, F_z = slip.c, slip.s, contact.height, contact.F_z
     X = forces.F_x * c - forces.F_y * s - F_z * contact.slope  # (B8), the road pushes normal to its surface
@@ -153,10 +153,10 @@ def forces_on_body(d, a, x, carriers, contact, slip, forces, torques, out):
     store(  # (B9)
         out,
         TRAVEL_FORCE,
-        a.a33 * F_z
+        frame.a33 * F_z
         + carriers.camber_gain * (contact.camber_offset * F_z + forces.M_x)
-        + (a.a13 + carriers.centre_x) * X
-        + (a.a23 + carriers.contact_y) * Y
+        + (frame.a13 + carriers.centre_x) * X
+        + (frame.a23 + carriers.contact_y) * Y
         + carriers.pitch_gain * (torques.brake + grounded)
         - carriers.spring_force
         + per_axle(d.m_f, d.m_r) * (d.g_z + w_y * v_x - w_x * v_y),
