@@ -20,7 +20,7 @@ test-all: .venv-test/.stamp
 
 # A short smoke test over several versions of numba and the lowest versions of all dependencies.
 test-matrix:
-	$(PYTHON) tests/matrix.py
+	$(PYTHON) tests/tools/matrix.py
 
 .venv/.stamp: pyproject.toml constraints.txt
 	$(PYTHON) -m venv .venv

@@ -13,7 +13,8 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from steer_env.friction.numerics.check import number
-from steer_env.vehicle.tyre.tyre import MagicFormula, Tyre
+from steer_env.vehicle.tyre.coefficients import MagicFormula
+from steer_env.vehicle.tyre.tyre import Tyre
 
 # Chassis values that CommonRoad's parameters lack; assumed.
 ASSUMED = {

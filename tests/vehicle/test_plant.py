@@ -10,7 +10,7 @@ from steer_env import friction
 from steer_env.friction.law import law_of, rate, torque
 from steer_env.vehicle import cars, plant
 from steer_env.vehicle.chassis import single_track
-from steer_env.vehicle.chassis.common.interface import COMMON_OUTPUTS, INPUTS
+from steer_env.vehicle.chassis.common.interface import COMMON_OUTPUTS, HAND, INPUTS
 from steer_env.vehicle.plant import CHANNEL, CHANNELS
 
 CAR = cars.load()
@@ -341,3 +341,13 @@ def test_free_control_without_friction(v, mode):
     for substeps in (1, 8):
         eigenvalues = transition(CAR.plant(friction.make("viscous", sigma_2=0.0), v), substeps)
         assert np.abs(eigenvalues / np.exp(2.0 * T * mode) - 1.0).min() < 2.0 * T * 0.006
+
+
+@pytest.mark.parametrize(("speed", "spins"), [(38.0, False), (42.0, True)])
+def test_a_pulse_of_the_hands_spins_the_default_car_at_speed(speed, spins):
+    """The README's limit of the default car: 3 N m for 0.3 s, then hands off, LuGre, single track (regression)."""
+    u = np.zeros((8000, len(INPUTS)))
+    u[:300, HAND] = 3.0
+    record, _, _ = run(CAR.plant("lugre", speed=speed), u)
+    sideslip = np.abs(np.arctan2(record[:, CHANNEL["lateral_speed"]], speed))
+    assert bool(sideslip.max() > 0.5) == spins

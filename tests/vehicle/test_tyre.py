@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from steer_env.vehicle import tyre
 from steer_env.vehicle.oracles import TYRE_FORCES
-from steer_env.vehicle.tyre.tyre import MagicFormula
+from steer_env.vehicle.tyre.coefficients import MagicFormula
 
 LEFT = tyre.load()
 SYMMETRIC = tyre.load(symmetric=True)

@@ -1,6 +1,6 @@
 """A tyre for users: checked inputs, symmetry, inflation pressure, packaged sets and property files.
 
-The equations are kernels on flat coefficients in ``magic_formula``, which this module exports too. A property file also
+The equations are kernels on flat coefficients in ``magic_formula``. A property file also
 has scaling factors and pressure terms. Both are multiplied into the coefficients when a tyre is made, so that they cost
 nothing in a simulation.
 """
@@ -22,31 +22,9 @@ from steer_env.vehicle.tyre.coefficients import ASYMMETRY, MagicFormula, record
 from steer_env.vehicle.tyre.magic_formula import (
     cornering_stiffness,
     forces,
-    forces_of_four,
     longitudinal_stiffness,
-    stiffnesses,
 )
 from steer_env.vehicle.tyre.scaling import PressureTerms
-
-__all__ = [
-    "ASYMMETRY",
-    "EXAMPLES",
-    "Limits",
-    "MagicFormula",
-    "PressureTerms",
-    "Tyre",
-    "available",
-    "cornering_stiffness",
-    "forces",
-    "forces_of_four",
-    "from_file",
-    "load",
-    "longitudinal_stiffness",
-    "record",
-    "save",
-    "stiffnesses",
-    "to_file",
-]
 
 
 @kernel

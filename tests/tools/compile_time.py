@@ -1,7 +1,7 @@
 """Processor time of the first step of an environment, by each compiler and from the cache.
 
-``python tests/compile_time.py`` prints a table in Markdown. The marks: with numba's own compiler at most 25 s, with the
-fast one at most 10 s, and a second task on the same friction law and chassis at most 3 s.
+``python tests/tools/compile_time.py`` prints a table in Markdown. Required are at most 25 s with numba's own compiler,
+at most 10 s with the fast one, and at most 3 s for a second task on the same friction law and chassis.
 """
 
 import os
@@ -10,7 +10,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 STEP = """
 import time, gymnasium, steer_env
 env = gymnasium.make("steer_env/{task}-v0", chassis="{chassis}")
@@ -32,7 +32,7 @@ def first_step(compiler: str, folder: str, task: str, chassis: str) -> float:
     path = {"PYTHONPATH": f"{ROOT}{os.pathsep}{os.environ.get('PYTHONPATH', '')}"}
     command = [sys.executable, "-c", STEP.format(task=task, chassis=chassis)]
     environment = {**os.environ, **settings, **path}
-    return float(subprocess.run(command, env=environment, check=True, capture_output=True, text=True).stdout)
+    return float(subprocess.run(command, env=environment, check=True, stdout=subprocess.PIPE, text=True).stdout)
 
 
 def main() -> None:
