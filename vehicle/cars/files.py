@@ -11,7 +11,17 @@ from typing import Any
 from steer_env.friction.numerics import toml
 from steer_env.vehicle import tyre
 from steer_env.vehicle.cars.car import Car
-from steer_env.vehicle.cars.keys import CHASSIS, CONSTRUCTORS, SECTIONS, SIZE, STEERING, numbers, require, require_known
+from steer_env.vehicle.cars.keys import (
+    CHASSIS,
+    CHASSIS_DEFAULTS,
+    CONSTRUCTORS,
+    SECTIONS,
+    SIZE,
+    STEERING,
+    numbers,
+    require,
+    require_known,
+)
 from steer_env.vehicle.suspension import kinematics_table
 from steer_env.vehicle.suspension.macpherson import MacPherson
 
@@ -27,7 +37,7 @@ def from_data(data: dict[str, Any]) -> Car:
         An unknown or missing key, or a value outside its range, named with its section.
     """
     require("car", data, SECTIONS)
-    chassis = numbers("chassis", data["chassis"], CHASSIS, SIZE)
+    chassis = numbers("chassis", data["chassis"], CHASSIS, SIZE, CHASSIS_DEFAULTS)
     rest = chassis["mass"] - chassis["sprung_mass"] - chassis["front_unsprung_mass"]
     if rest <= 0.0:
         raise ValueError(
@@ -140,6 +150,7 @@ def _line(text: str, message: str) -> str:
 def every_key(name: str) -> dict[str, Any]:
     """The data of a packaged car with the defaults of every section: every key that a car file may set, in SI units."""
     data = _data(name)
+    data["chassis"] = {**CHASSIS_DEFAULTS, **data["chassis"]}
     for section, make in CONSTRUCTORS.items():
         defaults = {key: p.default for key, p in signature(make).parameters.items()}
         data[section] = {**defaults, **data[section]}
