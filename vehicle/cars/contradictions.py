@@ -92,7 +92,7 @@ def _inertias(c: dict[str, float]) -> None:
         "chassis.pitch_inertia",
         I_y,
         "kg m2",
-        f"{where} with roll_inertia {I_x:g}",
+        f"{where} with its roll_inertia {I_x:g}",
         above=max(I_x - most_y, 0.0),
         below=min(most_x + most_z, most_x + I_x),
     )
@@ -103,7 +103,7 @@ def _inertias(c: dict[str, float]) -> None:
         "chassis.yaw_inertia",
         c["yaw_inertia"],
         "kg m2",
-        f"the wheels' {wheels:.4g} and what sprung_mass can have with roll_inertia {I_x:g} and pitch_inertia {I_y:g}",
+        f"the wheels' {wheels:.4g} and that of sprung_mass with its roll_inertia {I_x:g} and pitch_inertia {I_y:g}",
         above=wheels + max(abs(I_y - I_x), I_x + I_y - 2.0 * most_z),
         below=wheels + min(I_x + I_y, 2.0 * most_x + I_x - I_y, 2.0 * most_y + I_y - I_x),
     )

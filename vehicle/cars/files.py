@@ -2,11 +2,15 @@
 
 import json
 import re
+from collections.abc import Iterator, Sequence
 from functools import lru_cache
 from inspect import signature
+from numbers import Real
 from os import PathLike, fspath
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from steer_env.friction.numerics import toml
 from steer_env.vehicle import tyre
@@ -51,6 +55,7 @@ def from_data(data: dict[str, Any]) -> Car:
 
 def _checked(data: dict[str, Any]) -> Car:
     require("car", data, SECTIONS)
+    _require_text(data)
     chassis = numbers("chassis", data["chassis"], CHASSIS, SIZE, CHASSIS_DEFAULTS)
     steering = numbers("steering", data["steering"], STEERING)
     assumed = {*data, *chassis, *steering}
@@ -73,10 +78,33 @@ def _checked(data: dict[str, Any]) -> Car:
     return car
 
 
+def _require_text(data: dict[str, Any]) -> None:
+    """Raise ValueError unless names and descriptions are text."""
+    for key in ("name", "description", "source", "tyre", "strut"):
+        if not isinstance(data[key], str | PathLike):
+            raise ValueError(f"{key} must be text, got {data[key]!r}")
+    keys = data["assumed"]
+    if isinstance(keys, str) or not isinstance(keys, Sequence) or not all(isinstance(key, str) for key in keys):
+        raise ValueError(f"assumed must be a list of keys, got {keys!r}")
+
+
+def _leaves(value: Any) -> Iterator[Any]:
+    """The values of a list and of the lists in it."""
+    if isinstance(value, list | tuple | np.ndarray):
+        for each in value:
+            yield from _leaves(each)
+    else:
+        yield value
+
+
 def _constructed(section: str, given: Any) -> Any:
     """The parameters of a section that has a constructor."""
     make = CONSTRUCTORS[section]
     require_known(section, given, signature(make).parameters)
+    for key, value in given.items():
+        for leaf in _leaves(value):
+            if isinstance(leaf, bool) or not isinstance(leaf, Real):  # float() takes True and "1"
+                raise ValueError(f"{section}.{key} must hold numbers only, got {leaf!r}")
     try:
         return make(**given)
     except ValueError as error:

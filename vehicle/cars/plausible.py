@@ -35,12 +35,12 @@ class Quantity(NamedTuple):
     """A quantity of a car and the range that it usually has."""
 
     name: str
-    keys: str  # of the car file that determine it
+    keys: str  # of the car file that determine it, empty if the name is one
     unit: str
     value: Callable[["Car"], float]  # in that unit
     low: float  # in that unit
     high: float  # in that unit
-    source: str
+    source: str = JUDGEMENT
 
 
 def _axle_mass(car: "Car", axle: str) -> tuple[float, float]:
@@ -75,13 +75,25 @@ def _stiffness_over_load(axle: str) -> Callable[["Car"], float]:
 
 def _deflection(car: "Car") -> float:
     heavier = max(_axle_mass(car, axle)[0] for axle in ("front", "rear"))
-    return 1e3 * 0.5 * GRAVITY * heavier / car.tyre.vertical_stiffness
+    return 0.5 * GRAVITY * heavier / car.tyre.vertical_stiffness
 
 
 def _roll_gradient(car: "Car") -> float:
     p = chassis_models.CHASSIS["single_track"].from_car(car, 20.0, 1.0, None)
     moment = p.m_s * GRAVITY * p.h
     return math.degrees(moment / (p.K_f + p.K_r - moment))
+
+
+def _wheelbase(car: "Car") -> float:
+    return car.chassis["front_axle"] + car.chassis["rear_axle"]
+
+
+def _front_share(car: "Car") -> float:
+    return _axle_mass(car, "front")[0] / car.chassis["mass"]
+
+
+def _unsprung_share(car: "Car") -> float:
+    return 1.0 - car.chassis["sprung_mass"] / car.chassis["mass"]
 
 
 def _dynamic_index(car: "Car") -> float:
@@ -94,128 +106,66 @@ def _braking(car: "Car") -> float:
     return torque / (car.strut.loaded_radius * car.chassis["mass"] * GRAVITY)
 
 
+def _radius_ratio(car: "Car") -> float:
+    return car.tyre.coefficients.UNLOADED_RADIUS / car.strut.loaded_radius
+
+
+def _boost_share(car: "Car") -> float:
+    return float(car.assist.boost.max()) / car.assist.limit
+
+
 def _of(section: str, key: str, unit: str, low: float, high: float, source: str = JUDGEMENT) -> Quantity:
-    """A value of a car file as it is, or in a unit with a prefix."""
-    scale = {"mm": 1e3, "kN m/rad": 1e-3, "kN/m": 1e-3, "urad/N": 1e6}.get(unit, 1.0)
+    """A number of a car file as it is."""
 
     def value(car: "Car") -> float:
         values = getattr(car, section)
-        return scale * float(values[key] if isinstance(values, dict) else getattr(values, key))
+        return float(values[key] if isinstance(values, dict) else getattr(values, key))
 
-    return Quantity(key.replace("_", " "), f"{section}.{key}", unit, value, low, high, source)
-
-
-def _axles() -> list[Quantity]:
-    """What each axle has."""
-    found = []
-    for axle in ("front", "rear"):
-        other, mass = "chassis.mass, front_axle, rear_axle", "mass, sprung_mass, front_unsprung_mass"
-        key = f"chassis.{axle}_spring"
-        found += [
-            Quantity(f"{axle} ride frequency", f"{key}, {mass}", "Hz", _ride_frequency(axle), 0.8, 2.5, GILLESPIE),
-            Quantity(
-                f"{axle} damping ratio of the body",
-                f"chassis.{axle}_damper, {axle}_spring, {mass}",
-                "1",
-                _damping_ratio(axle),
-                0.1,
-                0.7,
-                GILLESPIE,
-            ),
-            Quantity(
-                f"cornering stiffness over load of a {axle} tyre",
-                f"tyre, chassis.{axle}_cornering_stiffness_factor, {other}",
-                "1/rad",
-                _stiffness_over_load(axle),
-                8.0,
-                30.0,
-                JUDGEMENT,
-            ),
-            _of("chassis", f"{axle}_cornering_stiffness_factor", "1", 0.8, 1.7),
-            _of("chassis", f"{axle}_track", "m", 1.2, 1.8),
-            _of("chassis", f"{axle}_bump_clearance", "mm", 30.0, 120.0),
-        ]
-    return found
+    return Quantity(f"{section}.{key}", "", unit, value, low, high, source)
 
 
+def _axle(axle: str) -> list[Quantity]:
+    """What an axle has."""
+    spring, damper, factor = (f"{axle}_{key}" for key in ("spring", "damper", "cornering_stiffness_factor"))
+    masses, axles = "mass, sprung_mass, front_unsprung_mass", "mass, front_axle, rear_axle"
+    stiffness = f"cornering stiffness over load of a {axle} tyre"
+    return [
+        Quantity(f"{axle} ride frequency", f"{spring}, {masses}", "Hz", _ride_frequency(axle), 0.8, 2.5, GILLESPIE),
+        Quantity(
+            f"{axle} damping ratio", f"{damper}, {spring}, {masses}", "1", _damping_ratio(axle), 0.1, 0.7, GILLESPIE
+        ),
+        Quantity(stiffness, f"tyre, {factor}, {axles}", "1/rad", _stiffness_over_load(axle), 8.0, 30.0),
+        _of("chassis", factor, "1", 0.8, 1.7),
+        _of("chassis", f"{axle}_track", "m", 1.2, 1.8),
+        _of("chassis", f"{axle}_bump_clearance", "m", 0.03, 0.12),
+    ]
+
+
+_AXLES = "front_axle, rear_axle"
+_ROLL = "front_spring, rear_spring, front_anti_roll, rear_anti_roll, sprung_mass, sprung_height"
 USUAL: tuple[Quantity, ...] = (
     _of("chassis", "mass", "kg", 600.0, 3500.0),
+    Quantity("wheelbase", _AXLES, "m", _wheelbase, 1.8, 3.8),
+    Quantity("share of the weight on the front axle", _AXLES, "1", _front_share, 0.35, 0.65),
+    Quantity("share of the unsprung masses", "sprung_mass, mass", "1", _unsprung_share, 0.05, 0.20),
     Quantity(
-        "wheelbase",
-        "chassis.front_axle, rear_axle",
-        "m",
-        lambda car: car.chassis["front_axle"] + car.chassis["rear_axle"],
-        1.8,
-        3.8,
-        JUDGEMENT,
+        "dynamic index k^2/(a b) of yaw", f"yaw_inertia, mass, {_AXLES}", "1", _dynamic_index, 0.7, 1.2, PUBLISHED
     ),
-    Quantity(
-        "share of the weight on the front axle",
-        "chassis.front_axle, rear_axle",
-        "1",
-        lambda car: _axle_mass(car, "front")[0] / car.chassis["mass"],
-        0.35,
-        0.65,
-        JUDGEMENT,
-    ),
-    Quantity(
-        "share of the unsprung masses",
-        "chassis.sprung_mass, mass",
-        "1",
-        lambda car: 1.0 - car.chassis["sprung_mass"] / car.chassis["mass"],
-        0.05,
-        0.20,
-        JUDGEMENT,
-    ),
-    Quantity(
-        "dynamic index k^2/(a b) of yaw",
-        "chassis.yaw_inertia, mass, front_axle, rear_axle",
-        "1",
-        _dynamic_index,
-        0.7,
-        1.2,
-        PUBLISHED,
-    ),
+    Quantity("roll gradient", _ROLL, "deg/g", _roll_gradient, 1.5, 10.0, MILLIKEN),
     _of("chassis", "sprung_height", "m", 0.4, 1.0),
     _of("chassis", "rear_roll_centre", "m", 0.0, 0.4),
-    Quantity(
-        "roll gradient",
-        "chassis.front_spring, rear_spring, front_anti_roll, rear_anti_roll, sprung_mass, sprung_height",
-        "deg/g",
-        _roll_gradient,
-        1.5,
-        10.0,
-        MILLIKEN,
-    ),
-    *_axles(),
+    *_axle("front"),
+    *_axle("rear"),
     _of("chassis", "rear_bump_steer", "rad/m", -0.3, 0.3),
     _of("chassis", "rear_camber_gain", "rad/m", -0.3, 1.2),
-    _of("chassis", "rear_lateral_compliance", "urad/N", -6.0, 6.0),
+    _of("chassis", "rear_lateral_compliance", "rad/N", -6e-6, 6e-6),
     _of("chassis", "drag_area", "m2", 0.3, 2.0),
-    Quantity(
-        "static deflection of the more loaded tyres", "tyre, chassis.mass", "mm", _deflection, 8.0, 40.0, JUDGEMENT
-    ),
-    Quantity(
-        "unloaded radius of the tyre over the height of the strut's wheel centre",
-        "tyre, strut",
-        "1",
-        lambda car: car.tyre.coefficients.UNLOADED_RADIUS / car.strut.loaded_radius,
-        1.02,
-        1.12,
-        JUDGEMENT,
-    ),
-    Quantity(
-        "overall steering ratio",
-        "steering.pinion_radius, strut",
-        "1",
-        lambda car: car.steering_ratio(),
-        10.0,
-        25.0,
-        SETS,
-    ),
-    _of("steering", "pinion_radius", "mm", 5.0, 12.0, SETS),
-    _of("steering", "rack_limit", "mm", 50.0, 75.0, SETS),
-    _of("steering", "compliance", "kN m/rad", 3.0, 100.0),
+    Quantity("static deflection of the more loaded tyres", "tyre, mass", "m", _deflection, 0.008, 0.04),
+    Quantity("radius of the tyre over the height of the wheel centre", "tyre, strut", "1", _radius_ratio, 1.02, 1.12),
+    Quantity("steering ratio", "pinion_radius, strut", "1", lambda car: car.steering_ratio(), 10.0, 25.0, SETS),
+    _of("steering", "pinion_radius", "m", 0.005, 0.012, SETS),
+    _of("steering", "rack_limit", "m", 0.05, 0.075, SETS),
+    _of("steering", "compliance", "N m/rad", 3e3, 100e3),
     _of("steering", "friction_load", "1", 0.0, 0.1),
     _of("column", "I1", "kg m2", 0.02, 0.08, SETS),
     _of("column", "I2", "kg m2", 0.005, 0.15, SETS),
@@ -223,31 +173,20 @@ USUAL: tuple[Quantity, ...] = (
     _of("column", "C_tb", "N m s/rad", 0.0, 1.0, SETS),
     _of("column", "C1", "N m s/rad", 0.0, 0.5, SETS),
     _of("column", "C2", "N m s/rad", 0.0, 3.0, SETS),
-    Quantity(
-        "greatest boost over the limit of the motor",
-        "assist.boost, limit",
-        "1",
-        lambda car: float(car.assist.boost.max()) / car.assist.limit,
-        0.0,
-        1.0,
-        JUDGEMENT,
-    ),
-    Quantity(
-        "deceleration with the full pedal", "brakes.front, rear, chassis.mass", "g", _braking, 0.8, 1.6, JUDGEMENT
-    ),
+    Quantity("greatest boost over the limit of the motor", "boost, limit", "1", _boost_share, 0.0, 1.0),
+    Quantity("deceleration with the full pedal", "brakes, mass", "g", _braking, 0.8, 1.6),
 )
 
 
 def unusual(car: "Car") -> list[str]:
-    """A line for each quantity of the car outside its usual range: keys, name, value and range."""
+    """A line for each quantity of the car outside its usual range: keys, name, value, range and its source."""
     found = []
     for q in USUAL:
         value = q.value(car)
         if not q.low <= value <= q.high:
-            unit = "" if q.unit == "1" else f" {q.unit}"
-            found.append(
-                f"{q.keys}: {q.name} is {value:.4g}{unit}; usual is {q.low:g} to {q.high:g}{unit} ({q.source})"
-            )
+            unit, keys = "" if q.unit == "1" else f" {q.unit}", f"{q.keys}: " if q.keys else ""
+            usual = f"usual is {q.low:g} to {q.high:g}{unit} ({q.source})"
+            found.append(f"{keys}{q.name} is {value:.4g}{unit}; {usual}")
     return found
 
 
