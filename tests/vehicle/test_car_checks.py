@@ -115,7 +115,7 @@ def test_packaged_cars_are_usual(name):
 UNUSUAL = {
     "wheelbase": ("chassis", {"front_axle": 1.9, "rear_axle": 2.0, "length": 6.0, "yaw_inertia": 1853.0}, "3.9 m;"),
     "front ride frequency": ("chassis", {"front_spring": 7000.0}, "0.708"),
-    "rear damping ratio": ("chassis", {"rear_damper": 300.0}, "0.07279; usual is 0.1 to 0.7 (Gillespie"),
+    "rear damping ratio": ("chassis", {"rear_damper": 300.0}, "0.07285; usual is 0.1 to 0.7 (Gillespie"),
     "roll gradient": ("chassis", {"front_anti_roll": 0.0, "sprung_height": 0.9}, "deg/g; usual is 1.5 to 10 deg/g"),
     "cornering stiffness over load of a rear tyre": (
         "chassis",
