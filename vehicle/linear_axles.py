@@ -158,7 +158,7 @@ def axles(car: Car, speed: float, two_track: bool = False) -> Axles:
         lengths = _slope(lambda s: np.asarray(car.strut.solve(0.0, s).per_travel.strut_length), 1e-4)
         stiffness[0] += 0.25 * track[0] ** 2 * carried * float(lengths / pose.per_travel.strut_length)
         pitched = height * drag / (a + b)
-        loads = loads + [-pitched, pitched] - pressure * np.array([c["front_lift_area"], c["rear_lift_area"]])
+        loads = loads + np.array([-pitched, pitched]) - pressure * np.array([c["front_lift_area"], c["rear_lift_area"]])
     return Axles(
         speed=speed,
         mass=m,
@@ -175,7 +175,7 @@ def axles(car: Car, speed: float, two_track: bool = False) -> Axles:
         wheel_inertia=c["wheel_inertia"],
         tyre_stiffness=car.tyre.vertical_stiffness,
         **_wheels(car, speed, 0.5 * loads, drag, share, two_track),
-        bore=2.0 * bore_friction(car).sigma_0 * BORE_RELAXATION / speed if two_track else 0.0,
+        bore=2.0 * bore_friction(car.tyre).sigma_0 * BORE_RELAXATION / speed if two_track else 0.0,
         carried=carried,
         knuckle=_knuckle(car, 0.0, 0.0),
         per_rack=_slope(lambda s: _knuckle(car, s, 0.0), 1e-4),
@@ -258,7 +258,9 @@ def moments(k: Axles, x: Lateral, roll: Roll, tie_rods: Row, transfer: Pair, tur
         work = work + load * (k.per_rack[at] * tie_rods + k.per_roll[at] * roll.front)
     work = work - 2.0 * (k.knuckle[_F_Z] + k.knuckle[_F_X] * k.rolling_by_load[0]) * transfer[0]
     uneven = k.track * k.rolling_by_load
-    return Moments((uneven[0] * transfer[0], uneven[1] * transfer[1]), (M_z, x.tyres[1][2] - k.bore * turning[1]), -work)  # (L8)
+    return Moments(
+        (uneven[0] * transfer[0], uneven[1] * transfer[1]), (M_z, x.tyres[1][2] - k.bore * turning[1]), -work
+    )  # (L8)
 
 
 class Steady(NamedTuple):
@@ -302,5 +304,3 @@ def steady(k: Axles, two_track: bool, compliance: bool = True, rolls: bool = Tru
     M = moments(k, x, roll, tie_rods, transfer, (A / k.speed, A / k.speed))
     bent = M.rack - k.rack_stiffness * deflection if compliance else deflection
     return Steady((slip_f, slip_r), deflection, tie_rods, roll, A, delta, x, M, np.array([bent, *balance]))
-
-
