@@ -164,10 +164,11 @@ def _tyres(car: Car, v: float) -> _Tyres:
 
 
 def _knuckle(car: Car, rack: float, travel: float) -> NDArray:
-    """Steer angle and inclination of the left front wheel, and work of F_x at the centre, F_y, F_z, M_x, M_z."""
+    """Steer angle and inclination of the left front wheel, and work of F_x, F_y, F_z, M_x, M_z, F_z at the centre."""
     pose: Pose = car.strut.solve(rack, travel)
     work = load_coefficients(pose)
-    values = (pose.steer_angle, pose.inclination, work.F_x_centre, work.F_y, work.F_z, work.M_x, work.M_z)
+    forces = (work.F_x_centre, work.F_y, work.F_z, work.M_x, work.M_z, work.F_z_centre)
+    values = (pose.steer_angle, pose.inclination, *forces)
     return np.array([float(np.asarray(value)) for value in values])
 
 
@@ -198,15 +199,19 @@ def _front_response(
     # Rolling to the right lowers the left wheel in its arch.
     per_roll = -0.5 * car.chassis["front_track"] * _slope(lambda s: _knuckle(car, 0.0, s), 1e-4)
     K = car.steering["compliance"] * float(per_rack[0]) ** 2 if compliance else np.inf
-    rolled = (phi * per_roll + [0.0, phi, 0.0, 0.0, 0.0, 0.0, 0.0]) if roll else np.zeros(7)
+    rolled = (phi * per_roll + [0.0, phi, *[0.0] * 6]) if roll else np.zeros(8)
+
+    # The struts hold neither the unsprung mass nor the anti-roll bar.
+    weight = 0.5 * GRAVITY * car.chassis["front_unsprung_mass"]
+    bar = car.chassis["front_anti_roll"] / car.chassis["front_track"] * phi
 
     def axle(e: float, alpha_in: float, A: float, delta: float) -> tuple[float, float, float]:
         change = A * rolled + (delta / per_rack[0] - e) * per_rack
         forces = tyres.by_slip[0] * (alpha_in + delta - change[0]) + tyres.by_camber[0] * change[1]
         work = k[3] * forces[1] + k[5] * forces[2] + k[6] * forces[4]
-        work += 2.0 * (change[2] * ahead + change[4] * tyres.loads[0]) - (
-            2.0 * A * transfer * (k[4] + k[2] * tyres.rolling_by_load[0]) if roll else 0.0
-        )
+        work += 2.0 * (change[2] * ahead + change[4] * tyres.loads[0] - change[7] * weight)
+        if roll:
+            work += 2.0 * A * (bar * k[7] - transfer * (k[4] + k[2] * tyres.rolling_by_load[0]))
         return -work, forces[1] + 2.0 * ahead * change[0], forces[4]
 
     response = np.zeros((2, 3))
