@@ -1,6 +1,5 @@
 """The rack force is the slope of the energy that the steered car stores: parked from lock to lock, and at any state."""
 
-
 import numpy as np
 import pytest
 from scipy.integrate import simpson
