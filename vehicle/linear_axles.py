@@ -23,9 +23,7 @@ Row = NDArray[np.float64]  # (n,) over a basis
 Pair = tuple[Row, Row]  # front and rear
 # Coefficients of the magic formula that a factor on the cornering stiffness multiplies; the trail stays.
 _STIFFNESS = ("PKY1", "QBZ1", "QBZ2", "QBZ3", "QBZ9")
-_STEER, _LEAN, _F_X, _F_Y, _F_Z, _M_X, _M_Z, _F_Z_CENTRE = range(
-    8
-)  # of a knuckle: angles, then the work of the loads per rack
+_STEER, _LEAN, _F_X, _F_Y, _F_Z, _M_X, _M_Z, _F_Z_CENTRE = range(8)
 _FORCES = (1, 2, 4)  # F_y, M_x, M_z among the results of a tyre
 
 
