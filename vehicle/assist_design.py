@@ -6,8 +6,9 @@ a lateral acceleration A, the hands hold T(A) if
     boost(T(A)) = T_r(A) - T(A),      T(A) = G_1 A + (G_0 - G_1) s tanh(A/s)                       (E7)
     boost(T) = T_p (T/T_e)^n - T      standing, with the largest rack torque T_p at the effort T_e (E8)
 
-without friction. From standstill to 80 km/h the weight of the second falls as 1 - sqrt(v/80 km/h). The motor damping at a speed is the least one, in steps of 0.25 N m s/rad, with which the free car (hands off, no friction)
-has the damping ratio of ``FREE_DAMPING``.
+without friction. From standstill to 80 km/h the weight of the second falls as 1 - sqrt(v/80 km/h). The motor damping
+at a speed is the least one, in steps of 0.25 N m s/rad, with which the free car (hands off, no friction) has the
+damping ratio of ``FREE_DAMPING``.
 
 Sources: G_0 is within the 12 to 22 N m/g of compact cars with EPS and near the 23 N m/g that drivers preferred (Segel
 1964); the parking effort is within the limits of workshop manuals (3.7 to 7.8 N m); the rest is assumed. No range of
