@@ -6,8 +6,6 @@ All terms are work over each sample of 1 ms, from the channels that a user recor
 compliance. Source: (C9), (P2) and (P3), derived here.
 """
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
