@@ -33,7 +33,7 @@ from steer_env.vehicle.steering.torque_build_up import torque_build_up
 Array = NDArray[np.float64]
 
 SPEEDS = tuple(kph / 3.6 for kph in (0.0, 20.0, 40.0, 80.0, 100.0, 140.0, 180.0, 220.0))  # of the table [m/s]
-TORQUES = (0.0, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0)  # of the table [N m]
+TORQUES = (0.0, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 7.0)  # of the table [N m]
 HIGHEST = 0.45  # lateral acceleration up to which the boost follows the build-up, then its slope goes on [g]
 PARKING_EFFORT = 4.0  # T_e [N m]; higher where the loop would lose its margins
 PARKING_EXPONENT = 1.5  # n: boost that grows with torque leaves the centre firm
