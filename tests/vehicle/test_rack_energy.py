@@ -9,8 +9,9 @@ from steer_env.vehicle import cars
 from steer_env.vehicle.chassis import single_track, two_track
 from steer_env.vehicle.chassis.two_track import PITCH, ROLL, TRAVEL, TRAVEL_RATE, P, Q, W, Z
 from steer_env.vehicle.constants import GRAVITY as G
+from steer_env.vehicle.suspension.macpherson import load_coefficients
 from tests.vehicle.test_single_track import code as single_track_code
-from tests.vehicle.test_two_track import changed, code, energy, inputs, random_state, tossed
+from tests.vehicle.test_two_track import OUT, changed, code, energy, inputs, random_state, tossed
 
 CAR = cars.load()
 C = CAR.chassis
@@ -95,3 +96,22 @@ def test_slope_of_the_energy_single_track(roll):
         length = float(CAR.strut.solve(0.0, 0.0).strut_length)
         path = sum(stored(RACK[-1], i, length) - stored(0.0, i, length) for i in range(2))
         assert simpson(force, x=RACK) == pytest.approx(path, rel=0.01)
+
+
+def test_rack_force_jumps_where_a_braked_wheel_locks():
+    """The brake gives its capacity while the wheel turns, and what the road gives once it rests."""
+    p, u = CAR.plant(speed=20.0, chassis="two_track"), inputs(1, coast=1.0, brake=1.0)[0]
+    x = np.array(two_track.start(p.chassis))
+    x[two_track.KAPPA : two_track.KAPPA + 4], rack = -1.0, 0.01
+    force, out = [], np.zeros(0)
+    for omega in (1e-9, 0.0):
+        x[two_track.OMEGA] = omega  # the left front wheel
+        _, out, value = code(p, x, rack, 0.0, u)
+        force.append(value)
+    road = abs(out[OUT["road_torque_front_left"]] + 0.5 * out[OUT["front_drive_torque"]])
+    pose = CAR.strut.solve(rack, 0.0)
+    work, less = load_coefficients(pose), p.chassis.brakes.front - road
+    expected = less / p.chassis.body[0].R_e * float(work.F_x_centre - work.F_x_contact)
+    expected -= less * float(pose.per_travel.rotation[1] * work.F_z_centre)  # the wheel falls as its anti-dive is lost
+    assert force[1] - force[0] == pytest.approx(expected, rel=1e-4)
+    assert abs(expected) > 300.0

@@ -20,6 +20,7 @@ from steer_env.vehicle.steering.eps import SAMPLE_TIME, without_assist
 
 Array = NDArray[np.float64]
 HOLD = 10  # samples between two calls of a driver
+CHATTER = 0.5  # change of the motor torque in a sample, over its limit, from which it chatters; assumed [1]
 REGRIP = 1.0  # time after which a robot that grips again has its prescribed angle, assumed [s]
 
 
@@ -70,7 +71,26 @@ def find_amplitude(p: plant.Plant, manoeuvre: Manoeuvre) -> float:
         amplitude *= target / reached
         if not 0.0 < amplitude < 6.0:
             break
-    raise ValueError(f"{manoeuvre.name}: no handwheel amplitude reaches {target:g} m/s2 at {manoeuvre.speed:g} m/s")
+    text = f"{manoeuvre.name}: no handwheel amplitude reaches {target:g} m/s2 at {manoeuvre.speed:g} m/s"
+    raise ValueError("; ".join([text, *_unstable(p, manoeuvre)]))
+
+
+def _unstable(p: plant.Plant, manoeuvre: Manoeuvre) -> list[str]:
+    """One sentence if the assist loop is unstable at the speed of a manoeuvre; empty if it is stable."""
+    # Here, because the import of python-control takes longer than the start of an environment.
+    from steer_env.vehicle.steering import margins
+
+    if margins.worst_margins(p.column, p.assist, manoeuvre.speed).stable:
+        return []
+    stiffness = f"K_tb {p.column.K_tb:g} N m/rad"
+    return [f"the assist loop is unstable there: {stiffness} is too stiff for this boost with samples of 1 ms"]
+
+
+def _require_calm(p: plant.Plant, manoeuvre: Manoeuvre, record: Array) -> None:
+    """Refuse a run in which an unstable assist loop drives the motor to and fro; metrics of it mean nothing."""
+    jump = np.abs(np.diff(record[:, plant.CHANNEL["motor_torque"]])).max(initial=0.0)
+    if jump > CHATTER * p.assist.limit and (reasons := _unstable(p, manoeuvre)):
+        raise ValueError(f"{manoeuvre.name}: the motor torque jumps by {jump:.0f} N m in 1 ms; {reasons[0]}")
 
 
 def _amplitude(p: plant.Plant, manoeuvre: Manoeuvre) -> float:
@@ -181,8 +201,8 @@ def drive(car: Car, manoeuvre: Manoeuvre, friction: Any = "lugre") -> Recording:
     Raises
     ------
     ValueError
-        If the law is unknown, no amplitude reaches the lateral acceleration, the car spins, or a state does not stay
-        finite (the message names the state).
+        If the law is unknown, no amplitude reaches the lateral acceleration, the car spins, an unstable assist loop
+        drives the motor to and fro, or a state does not stay finite (the message names the state).
     """
     return drive_plant(car, build_plant(car, manoeuvre, friction), manoeuvre)
 
@@ -218,6 +238,7 @@ def drive_plant(car: Car, p: plant.Plant, manoeuvre: Manoeuvre, prepared: OpenLo
         if not np.isfinite(record[-1]).all():
             raise LostControlError(f"{manoeuvre.name} diverged: {advice}")
         steered = {f"vehicle_{key}_m": value for key, value in outline(car)._asdict().items()}
+    _require_calm(p, manoeuvre, record)
     names = plant.channels(p)
     channels = {name: record[:, i].copy() for i, (name, _) in enumerate(names)}
     channels["vehicle_speed"] = channels.get("longitudinal_speed", np.full(len(record), manoeuvre.speed))
