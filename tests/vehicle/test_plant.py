@@ -8,7 +8,7 @@ from scipy.integrate import DOP853
 
 from steer_env import friction
 from steer_env.friction.law import law_of, rate, torque
-from steer_env.vehicle import cars, plant
+from steer_env.vehicle import cars, free_control, plant
 from steer_env.vehicle.chassis import single_track
 from steer_env.vehicle.chassis.common.interface import COMMON_OUTPUTS, HAND, INPUTS
 from steer_env.vehicle.plant import CHANNEL, CHANNELS
@@ -296,26 +296,9 @@ def test_large_hand_torque_stays_finite_or_fails_by_name(v, mu):
         assert plant.first_non_finite(p, plant.initial_state(p), u) is not None
 
 
-def transition(p, substeps=1):
-    """Eigenvalues of the discrete system over two samples, linearised at straight running.
-
-    States that nothing reads are left out: position and heading of the car, unused entries of the command queue, and
-    the counter of steps, which returns to its value.
-    """
-    idle = {"x", "y", "yaw_angle", "steps_since_evaluation"} | {f"command_{i}" for i in range(p.assist.delay + 1, 5)}
-    rest = plant.initial_state(p)
-    base = [name.removesuffix("_before").removesuffix("_derivative") for name in NAMES] + ["memory"] * rest.size
-    live = [i for i in range(rest.size) if base[i] not in idle]
-    columns = []
-    for i in live:
-        step, ends = 1e-6 * max(1.0, abs(rest[i])), []
-        for side in (step, -step):
-            state = rest.copy()
-            state[i] += side
-            run(p, np.zeros((2, len(INPUTS))), substeps, state)
-            ends.append(state[live])
-        columns.append((ends[0] - ends[1]) / (2.0 * step))
-    return np.linalg.eigvals(np.column_stack(columns))
+def eigenvalues(p, substeps=1):
+    """Eigenvalues of the discrete system over two samples, linearised at straight running."""
+    return np.linalg.eigvals(free_control.transition(p, substeps)[0])
 
 
 @pytest.mark.parametrize("mu", [1.0, 0.1])
@@ -323,7 +306,7 @@ def transition(p, substeps=1):
 @pytest.mark.parametrize("robot", [False, True], ids=["hands off", "robot"])
 def test_straight_running_is_stable_at_one_millisecond(robot, v, mu):
     """The plant with friction is stable at all speeds; only the mode of the held bristle is almost neutral."""
-    size = np.sort(np.abs(transition(CAR.plant("lugre", v, robot=robot, road_friction=mu))))
+    size = np.sort(np.abs(eigenvalues(CAR.plant("lugre", v, robot=robot, road_friction=mu))))
     assert size[-1] <= 1.0 + 1e-9
     assert size[-2] < 0.9985
 
@@ -339,8 +322,8 @@ def test_free_control_without_friction(v, mode):
     Without friction the default car is hardly damped at 100 km/h and unstable above some 120 km/h.
     """
     for substeps in (1, 8):
-        eigenvalues = transition(CAR.plant(friction.make("viscous", sigma_2=0.0), v), substeps)
-        assert np.abs(eigenvalues / np.exp(2.0 * T * mode) - 1.0).min() < 2.0 * T * 0.006
+        found = eigenvalues(CAR.plant(friction.make("viscous", sigma_2=0.0), v), substeps)
+        assert np.abs(found / np.exp(2.0 * T * mode) - 1.0).min() < 2.0 * T * 0.006
 
 
 @pytest.mark.parametrize(("speed", "spins"), [(38.0, False), (42.0, True)])
