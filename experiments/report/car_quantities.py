@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from steer_env import metrics
+from steer_env.experiments.output.words import number
 from steer_env.experiments.report import car_suspension
 from steer_env.experiments.report.car_simulated import SPEED, SPEEDS, Simulated
 from steer_env.experiments.studies.common.assist_margins import assist_cells
@@ -50,6 +51,12 @@ class Quantity(NamedTuple):
         """Whether the value is in its range; None without a range or a value."""
         return None if self.basis == NONE or math.isnan(self.value) else self.low <= self.value <= self.high
 
+    @property
+    def limits(self) -> str:
+        """The range in words."""
+        low, high = (number(x, 4) if math.isfinite(x) else "" for x in (self.low, self.high))
+        return f"{low} to {high}" if low and high else f"≥ {low}" if low else f"≤ {high}" if high else "–"
+
 
 @cache
 def ranges() -> dict[str, dict[str, Any]]:
@@ -69,7 +76,7 @@ class _Group:
         if given:
             limits = {key: given[key] for key in ("low", "high", "source") if key in given}
             limits["basis"] = JUDGEMENT if given.get("judgement") else PUBLISHED
-        self.found.append(Quantity(self.title, name, title, float(value), unit, note=note, **limits))
+        self.found.append(Quantity(self.title, name, title, float(value) + 0.0, unit, note=note, **limits))
 
 
 def masses(car: Car) -> list[Quantity]:
@@ -114,7 +121,8 @@ def cornering(car: Car, found: Simulated) -> list[Quantity]:
     for chassis, steady in found.steady.items():
         title = f"understeer gradient, simulated ({CHASSIS[chassis]})"
         simulated = PER_G * steady.understeer
-        note = f"differs from the sum by {100.0 * (simulated / total - 1.0):+.1f} %".replace("-", "−")
+        linear = PER_G * sum(understeer.budget(car, SPEED, chassis).values())
+        note = f"{100.0 * (simulated / linear - 1.0):+.1f} % from the linear model of this chassis".replace("-", "−")
         group.add(f"understeer_gradient_{chassis}", title, simulated, "deg/g", note)
     twist = PER_G * car.steering_gain() * found.steady["single_track"].twist
     note = "counts as understeer where the handwheel angle is measured"
@@ -144,27 +152,27 @@ def _speed_of_understeer(group: _Group, car: Car, gradient: float) -> None:
 
 def modes(car: Car) -> list[Quantity]:
     """Natural frequencies and damping ratios of yaw, roll and ride."""
-    group, c = _Group("Natural frequencies and damping"), car.chassis
+    group, c = _Group("Natural frequencies and damping at 100 km/h"), car.chassis
     poles = from_car(car, SPEED).state_space().poles()
     square, damping = float(np.prod(poles).real), -float(np.sum(poles).real)
     omega = math.sqrt(square) if square > 0.0 else math.nan
     note = "" if square > 0.0 else "the car is unstable at 100 km/h"
-    group.add("yaw_frequency", "yaw at 100 km/h, fixed hands", omega / (2.0 * math.pi), "Hz", note)
-    group.add("yaw_damping", "its damping ratio", damping / (2.0 * omega), "1", note)
+    group.add("yaw_frequency", "natural frequency of the yaw", omega / (2.0 * math.pi), "Hz", note or "handwheel fixed")
+    group.add("yaw_damping", "damping ratio of the yaw", damping / (2.0 * omega), "1", note)
     p = car.plant().chassis
     stiffness, rate = p.K_f + p.K_r - p.m_s * GRAVITY * p.h, p.C_f + p.C_r
     omega = math.sqrt(stiffness / p.I_xr) if stiffness > 0.0 else math.nan
-    group.add("roll_frequency", "roll of the body", omega / (2.0 * math.pi), "Hz")
-    group.add("roll_damping", "its damping ratio", rate / (2.0 * p.I_xr * omega), "1")
+    group.add("roll_frequency", "natural frequency of the roll", omega / (2.0 * math.pi), "Hz")
+    group.add("roll_damping", "damping ratio of the roll", rate / (2.0 * p.I_xr * omega), "1")
     share = 100.0 * p.K_f / (p.K_f + p.K_r)
     group.add("front_roll_stiffness_share", "share of the roll stiffness at the front", share, "%")
     wheelbase, lever = c["front_axle"] + c["rear_axle"], float(car.strut.solve(0.0, 0.0).per_travel.strut_length) ** 2
     for axle, share, ratio in (("front", c["rear_axle"], lever), ("rear", c["front_axle"], 1.0)):
         mass = 0.5 * c["sprung_mass"] * share / wheelbase
         omega = math.sqrt(ratio * c[f"{axle}_spring"] / mass)
-        group.add(f"{axle}_ride_frequency", f"ride, {axle}", omega / (2.0 * math.pi), "Hz", "on the springs alone")
+        group.add(f"{axle}_ride_frequency", f"natural frequency of the ride, {axle}", omega / (2.0 * math.pi), "Hz", "on the springs alone")
         damping = ratio * c[f"{axle}_damper"] / (2.0 * mass * omega)
-        group.add(f"{axle}_ride_damping", "its damping ratio", damping, "1")
+        group.add(f"{axle}_ride_damping", f"damping ratio of the ride, {axle}", damping, "1")
     return group.found
 
 
@@ -262,9 +270,8 @@ def on_centre(found: Simulated) -> Iterator[Quantity]:
             low, high = definition.usual
             source = f"usual range of the metric ({definition.source})"
             title = name.replace("_", " ").replace("0g", "0 g").replace("0p1g", "0.1 g").replace("0nm", "0 N m")
-            number = math.nan if value.reason else value.value
             limits = {"low": low, "high": high, "basis": JUDGEMENT, "source": source, "note": value.reason}
-            yield Quantity("On-centre feel, weave at 100 km/h", name, title, number, value.unit, **limits)
+            yield Quantity("On-centre feel, weave at 100 km/h", name, title, value.value, value.unit, **limits)
 
 
 def collect(car: Car, found: Simulated) -> list[Quantity]:
