@@ -137,7 +137,7 @@ class Pulse(NamedTuple):
     record: Array  # (N, C) channels at the end of each sample, SI; up to the first non-finite one
     lost: str  # why the car counts as spinning: "sideslip", "wheel lift" or "non-finite"; empty where it does not
     sideslip: float  # largest sideslip angle [rad]
-    amplitudes: Array  # (n,) of the yaw rate, half of its range, in the windows of 2 s that end from 6 s on [rad/s]
+    amplitudes: Array  # (n,) half the range of the yaw rate in each 2 s that end 6 s after the pulse or later [rad/s]
 
     @property
     def spins(self) -> bool:
@@ -211,11 +211,10 @@ def pulse(p: Plant, torque: float = 3.0, duration: float = 0.3, time: float = 10
     lost = "sideslip" if sideslip > SPIN_SIDESLIP else "wheel lift" if (loads <= 0.0).any() else ""
     lost = lost or ("" if finite.all() else "non-finite")
     window = round(WINDOW / SAMPLE_TIME)
-    count = int((free - round(FREE_TIME / SAMPLE_TIME)) // window + 1)
-    ranges = (
-        [np.ptp(r) for r in np.split(record[-count * window :, CHANNEL["yaw_rate"]], count)] if not lost else [math.inf]
-    )
-    return Pulse(record, lost, sideslip, 0.5 * np.array(ranges))
+    count = (free - round(FREE_TIME / SAMPLE_TIME)) // window + 1
+    parts = np.split(record[-count * window :, CHANNEL["yaw_rate"]], count) if not lost else []
+    amplitudes = np.array([0.5 * np.ptp(part) for part in parts] or [math.inf])
+    return Pulse(record, lost, sideslip, amplitudes)
 
 
 def limit(

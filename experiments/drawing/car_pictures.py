@@ -14,7 +14,7 @@ Array = NDArray[np.float64]
 Range = tuple[float, float]
 
 _BAND, _LINE = "#e3f2ea", "#999999"
-_SPUN = 90.0  # yaw rate at which the crosses of a spin are drawn [deg/s]
+_SPUN = 60.0  # yaw rate from which on the crosses of spins are drawn, above one another [deg/s]
 _FORCE, _TORQUE = 3.0, 100.0  # up to which compliance steer is drawn [kN], [N m]
 
 
@@ -54,6 +54,8 @@ def budget(terms: Mapping[str, float], simulated: Mapping[str, float], limits: R
     axes.set(xlabel="understeer [deg/g]", yticks=range(len(labels)), yticklabels=labels)
     axes.invert_yaxis()
     axes.grid(visible=False, axis="y")
+    axes.set_axisbelow(True)
+    axes.margins(x=0.08)
     return svg(figure)
 
 
@@ -63,7 +65,7 @@ def lag(speeds: Array, lags: Mapping[str, Array], marked: float, limits: Range) 
     figure = new_figure(9.6, 3.2)
     axes = figure.subplots()
     _lines(axes, speeds, lags)
-    axes.plot([marked, marked], limits, color=PALETTE[2], linewidth=7.0, alpha=0.25, label="usual range")
+    axes.plot([marked, marked], limits, color=PALETTE[2], linewidth=7.0, alpha=0.25, solid_capstyle="butt", label="usual range")
     axes.axhline(0.0, color=_LINE, linewidth=0.8)
     axes.set(xlabel="speed [km/h]", ylabel="yaw lag at 0.2 Hz [ms]")
     legend(figure, axes)
@@ -82,15 +84,16 @@ def hands_off(speeds: Array, damping: Mapping[str, Array], amplitudes: Mapping[s
     left.axhline(0.0, color=_LINE, linewidth=0.8)
     left.set(title="least damped mode, without friction", xlabel="speed [km/h]", ylabel="damping ratio [1]")
     left.legend(fontsize=8)
-    for (label, values), colour, dash, marker in zip(amplitudes.items(), PALETTE, DASHES, "osD^"):
+    for k, ((label, values), colour, dash, marker) in enumerate(zip(amplitudes.items(), PALETTE, DASHES, "osD^")):
         style = {"color": colour, "linestyle": dash, "label": label, "marker": marker, "markersize": 3.5}
         right.semilogy(speeds, np.where(np.isfinite(values), np.maximum(values, 1e-4), np.nan), **style)
-        right.plot(speeds[np.isinf(values)], [_SPUN] * int(np.isinf(values).sum()), "x", color=colour, markersize=6)
+        right.plot(speeds[np.isinf(values)], [_SPUN * 2.0**k] * int(np.isinf(values).sum()), "x", color=colour, markersize=6)
     right.axhline(allowed, color=_LINE, linewidth=0.8)
     right.annotate("may remain", (0.01, allowed), xycoords=("axes fraction", "data"), fontsize=8, va="bottom")
     right.set(title="8 to 10 s after a pulse of 3 N m", xlabel="speed [km/h]", ylabel="amplitude of the yaw rate [deg/s]")
-    right.set(ylim=(5e-5, 2.0 * _SPUN), xlim=left.get_xlim())
-    right.legend(fontsize=8)
+    right.set(ylim=(5e-5, 2e3), xlim=left.get_xlim())
+    right.set_yticks(10.0 ** np.arange(-4, 3))
+    right.legend(fontsize=8, loc="lower right")
     return svg(figure)
 
 

@@ -12,14 +12,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from steer_env import metrics
-from steer_env.experiments.output.words import number
+from steer_env.experiments.output.words import label, number
 from steer_env.experiments.report import car_suspension
 from steer_env.experiments.report.car_simulated import SPEED, SPEEDS, Simulated
 from steer_env.experiments.studies.common.assist_margins import assist_cells
 from steer_env.friction.numerics import toml
 from steer_env.recording.recording import DEGREE
 from steer_env.vehicle import understeer
-from steer_env.vehicle.cars import Car
+from steer_env.vehicle.cars import Car, plausible
 from steer_env.vehicle.constants import GRAVITY
 from steer_env.vehicle.linear import from_car
 from steer_env.vehicle.steering.eps import boost_curve
@@ -28,6 +28,7 @@ from steer_env.vehicle.tyre import cornering_stiffness
 RANGES = Path(__file__).parents[1] / "data" / "ranges" / "car.toml"
 PUBLISHED, JUDGEMENT, NONE = "published", "engineering judgement", "no published range"
 LIMIT_TRIED = SPEEDS[-1]  # [m/s]
+_BESIDE = ("roll gradient", "steering ratio")  # quantities of ``plausible`` that the page has in another group
 PER_G = GRAVITY / DEGREE  # [deg/g] of 1 rad s2/m
 CHASSIS = {"single_track": "single track", "two_track": "two tracks"}
 
@@ -79,25 +80,22 @@ class _Group:
         self.found.append(Quantity(self.title, name, title, float(value) + 0.0, unit, note=note, **limits))
 
 
-def masses(car: Car) -> list[Quantity]:
-    """Masses, lengths and inertias as ratios by which cars of any size compare."""
-    group, c = _Group("Masses and inertias"), car.chassis
-    m, a, b, R = c["mass"], c["front_axle"], c["rear_axle"], car.strut.loaded_radius
-    height = (c["sprung_mass"] * c["sprung_height"] + (m - c["sprung_mass"]) * R) / m
-    track = 0.5 * (c["front_track"] + c["rear_track"])
-    group.add("mass", "mass", m, "kg")
-    group.add("wheelbase", "wheelbase", a + b, "m")
-    group.add("front_load_share", "share of the weight on the front axle", 100.0 * b / (a + b), "%")
+def numbers(car: Car) -> list[Quantity]:
+    """Numbers of the car file, and simple ratios of them, beside what is usual; loading an own car warns of these."""
+    title = "Numbers of the car file"
+    group, c = _Group(title), car.chassis
+    height = (c["sprung_mass"] * c["sprung_height"] + (c["mass"] - c["sprung_mass"]) * car.strut.loaded_radius) / c["mass"]
+    track, wheelbase = 0.5 * (c["front_track"] + c["rear_track"]), c["front_axle"] + c["rear_axle"]
+    radius = {axis: math.sqrt(c[f"{axis}_inertia"] / c["sprung_mass"]) for axis in ("roll", "pitch")}
     group.add("static_stability_factor", "track over twice the height of the centre of gravity", track / 2 / height, "1")
-    group.add("yaw_dynamic_index", "yaw inertia over mass and both axle distances", c["yaw_inertia"] / (m * a * b), "1")
-    group.add("roll_radius", "roll radius of gyration over track", _radius(c, "roll") / track, "1")
-    group.add("pitch_radius", "pitch radius of gyration over wheelbase", _radius(c, "pitch") / (a + b), "1")
-    group.add("unsprung_share", "share of the unsprung mass", 100.0 * (1.0 - c["sprung_mass"] / m), "%")
+    group.add("roll_radius", "roll radius of gyration over track", radius["roll"] / track, "1")
+    group.add("pitch_radius", "pitch radius of gyration over wheelbase", radius["pitch"] / wheelbase, "1")
+    for q in plausible.USUAL:
+        if q.name not in _BESIDE:
+            basis = JUDGEMENT if q.source == plausible.JUDGEMENT else PUBLISHED
+            source = "" if basis == JUDGEMENT else q.source
+            group.found.append(Quantity(title, q.name, label(q.name), q.value(car), q.unit, q.low, q.high, basis, source))
     return group.found
-
-
-def _radius(c: dict[str, float], axis: str) -> float:
-    return math.sqrt(c[f"{axis}_inertia"] / c["sprung_mass"])
 
 
 def cornering(car: Car, found: Simulated) -> list[Quantity]:
@@ -107,7 +105,7 @@ def cornering(car: Car, found: Simulated) -> list[Quantity]:
     for axle, share in (("front", b), ("rear", a)):
         load = 0.5 * GRAVITY * c["mass"] * share / (a + b)
         stiffness = cornering_stiffness(car.tyre.symmetric().coefficients, load)
-        stiffness *= c.get(f"{axle}_cornering_stiffness_factor", 1.0)
+        stiffness *= c[f"{axle}_cornering_stiffness_factor"]
         title = f"cornering stiffness of a {axle} tyre over its load"
         group.add(f"{axle}_stiffness_over_load", title, stiffness / load, "1/rad")
     front, rear = (PER_G * x for x in understeer.cornering_compliances(car, SPEED))
@@ -151,8 +149,8 @@ def _speed_of_understeer(group: _Group, car: Car, gradient: float) -> None:
 
 
 def modes(car: Car) -> list[Quantity]:
-    """Natural frequencies and damping ratios of yaw, roll and ride."""
-    group, c = _Group("Natural frequencies and damping at 100 km/h"), car.chassis
+    """Natural frequencies and damping ratios of yaw and roll."""
+    group = _Group("Natural frequencies and damping at 100 km/h")
     poles = from_car(car, SPEED).state_space().poles()
     square, damping = float(np.prod(poles).real), -float(np.sum(poles).real)
     omega = math.sqrt(square) if square > 0.0 else math.nan
@@ -166,13 +164,6 @@ def modes(car: Car) -> list[Quantity]:
     group.add("roll_damping", "damping ratio of the roll", rate / (2.0 * p.I_xr * omega), "1")
     share = 100.0 * p.K_f / (p.K_f + p.K_r)
     group.add("front_roll_stiffness_share", "share of the roll stiffness at the front", share, "%")
-    wheelbase, lever = c["front_axle"] + c["rear_axle"], float(car.strut.solve(0.0, 0.0).per_travel.strut_length) ** 2
-    for axle, share, ratio in (("front", c["rear_axle"], lever), ("rear", c["front_axle"], 1.0)):
-        mass = 0.5 * c["sprung_mass"] * share / wheelbase
-        omega = math.sqrt(ratio * c[f"{axle}_spring"] / mass)
-        group.add(f"{axle}_ride_frequency", f"natural frequency of the ride, {axle}", omega / (2.0 * math.pi), "Hz", "on the springs alone")
-        damping = ratio * c[f"{axle}_damper"] / (2.0 * mass * omega)
-        group.add(f"{axle}_ride_damping", f"damping ratio of the ride, {axle}", damping, "1")
     return group.found
 
 
@@ -215,9 +206,6 @@ def steering(car: Car) -> list[Quantity]:
     group.add("outer_lock", "angle of the outer wheel there", outer / DEGREE, "deg")
     group.add("ackermann", "Ackermann at lock", 100.0 * (inner - outer) / (inner - ideal), "%")
     group.add("turning_circle", "turning circle of the outer front wheel", circle, "m", "geometric, without slip")
-    bar = car.column.K_tb * DEGREE
-    group.add("torsion_bar", "stiffness of the torsion bar", bar, "N m/deg")
-    group.add("handwheel_inertia", "inertia of the handwheel", car.column.I1, "kg m2")
     for kph in (0.0, 100.0):
         cells = assist_cells(car, kph)
         where = "parking" if kph == 0.0 else f"{kph:g} km/h"
@@ -240,7 +228,7 @@ def hands_off(found: Simulated) -> list[Quantity]:
             friction = "without friction" if law == "none" else "with friction"
             name = f"hands_off_limit_{friction.split()[0]}_friction_{chassis}"
             note = "up to the highest speed tried" if limit >= LIMIT_TRIED else ""
-            title = f"highest speed that it keeps, {friction} ({CHASSIS[chassis]})"
+            title = f"highest speed without spin or sustained motion, {friction} ({CHASSIS[chassis]})"
             group.add(name, title, 3.6 * limit, "km/h", note)
         least = float(np.interp(SPEED, SPEEDS, free.damping))
         title = f"least damping ratio at 100 km/h, without friction ({CHASSIS[chassis]})"
@@ -277,7 +265,6 @@ def on_centre(found: Simulated) -> Iterator[Quantity]:
 def collect(car: Car, found: Simulated) -> list[Quantity]:
     """Every derived quantity of a car."""
     groups: Iterable[Iterable[Quantity]] = (
-        masses(car),
         cornering(car, found),
         modes(car),
         suspension(car),
@@ -285,5 +272,6 @@ def collect(car: Car, found: Simulated) -> list[Quantity]:
         hands_off(found),
         parking(found),
         on_centre(found),
+        numbers(car),
     )
     return [quantity for group in groups for quantity in group]

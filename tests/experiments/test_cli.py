@@ -14,6 +14,7 @@ from steer_env.experiments.cli.main import main
 from steer_env.experiments.output import provenance
 from steer_env.experiments.output.metrics_json import entries
 from steer_env.experiments.output.options import Friction
+from steer_env.friction.models import viscous
 from steer_env.metrics import evaluate
 from steer_env.recording import files
 from steer_env.vehicle import cars
@@ -168,7 +169,7 @@ def test_version(capsys):
 
 @pytest.mark.whole
 def test_a_law_from_the_working_directory(tmp_path):
-    source = Path(friction.models.viscous.__file__).read_text().replace('"viscous"', '"outside"')
+    source = Path(viscous.__file__).read_text().replace('"viscous"', '"outside"')
     (tmp_path / "outside_law.py").write_text(source)
     command = [
         sys.executable,
@@ -179,7 +180,7 @@ def test_a_law_from_the_working_directory(tmp_path):
         "--friction",
         "outside,sigma_2=0.5",
     ]
-    environment = os.environ | {"PYTHONPATH": str(Path(experiments.__file__).parents[1])}
+    environment = os.environ | {"PYTHONPATH": str(Path(experiments.__file__).parents[2])}
     run = subprocess.run(
         [*command, "--import", "outside_law"],
         cwd=tmp_path,

@@ -65,7 +65,7 @@ def test_friction_by_name_or_by_parameters():
 
 def test_packaged_cars_load_once():
     assert cars.load("compact") is cars.load("compact")
-    assert cars.available() == ("bmw_320i", "compact", "rear_drive_saloon", "vw_vanagon")
+    assert cars.available() == ("bmw_320i", "compact", "ford_escort", "rear_drive_saloon", "vw_vanagon")
     assert cars.from_data(DATA).chassis == CAR.chassis
 
 
@@ -165,6 +165,17 @@ def test_bad_file(tmp_path, old, new, message):
         cars.load(path)
     assert str(path) in str(caught.value) or message == "none.tir"
     assert message in str(caught.value)
+
+
+def test_cornering_stiffness_factors_are_one_where_a_file_lacks_them():
+    front, rear = "front_cornering_stiffness_factor", "rear_cornering_stiffness_factor"
+    data = changed("chassis", **{front: 1.2})
+    data["chassis"].pop(rear, None)
+    assert [cars.from_data(data).chassis[key] for key in (front, rear)] == [1.2, 1.0]
+    assert {front, rear} <= set(cars.every_key("bmw_320i")["chassis"])
+    for value in (0.29, 3.1, math.nan):
+        with pytest.raises(ValueError, match=f"^chassis.{front} must be finite and at least 0.3 and at most 3, got"):
+            cars.from_data(changed("chassis", **{front: value}))
 
 
 def test_sections_of_column_and_assist_take_part_of_the_keys():

@@ -14,7 +14,7 @@ from steer_env.vehicle import cars, commonroad
 from steer_env.vehicle.cars import keys
 
 P = setup_vehicle_parameters(vehicle_id=2)
-FILES = {"bmw_320i": 2, "vw_vanagon": 3}
+FILES = {"ford_escort": 1, "bmw_320i": 2, "vw_vanagon": 3}
 
 
 def their_forces(p, kappa, alpha, camber, F_z):
@@ -139,10 +139,15 @@ def test_vehicle_4_and_strangers_are_refused():
 
 @pytest.mark.parametrize(("name", "vehicle"), FILES.items())
 def test_files_hold_their_numbers(name, vehicle):
-    """The packaged files are ``car_data`` rounded, with the roll centre and drag area that they list as assumed."""
+    """The packaged files are ``car_data`` rounded, with the roll centre and drag area that they list as assumed.
+
+    The Escort's axle distances are those of the sprung mass.
+    """
     data = json.loads(files("steer_env.vehicle").joinpath("data", "cars", f"{name}.json").read_text(encoding="utf-8"))
     p = setup_vehicle_parameters(vehicle_id=vehicle)
     own = {key: data["chassis"][key] for key in data["assumed"] if key in data["chassis"]}
+    if name == "ford_escort":
+        own |= {"front_axle": p.a, "rear_axle": p.b}
     made = commonroad.car_data(
         p,
         name,
@@ -152,7 +157,7 @@ def test_files_hold_their_numbers(name, vehicle):
         changes=own,
     )
     assert made["chassis"] == pytest.approx(data["chassis"], rel=1e-3)
-    assert made["drivetrain"]["front_share"] == data["drivetrain"]["front_share"] == 0.0
+    assert made["drivetrain"]["front_share"] == cars.load(name).drivetrain.front_share
     assert set(made) == set(data)
     assert set(commonroad.ASSUMED) <= set(data["assumed"])
-    assert cars.from_data(made).chassis == made["chassis"]
+    assert cars.from_data(made).chassis == {**keys.CHASSIS_DEFAULTS, **made["chassis"]}

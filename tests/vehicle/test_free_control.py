@@ -116,9 +116,9 @@ def test_limit_at_its_ends_and_refusals():
     assert free_control.limit(CAR, highest=12.0) == 12.0
     pushed = CAR._replace(assist=CAR.assist._replace(damping=CAR.assist.damping - 20.0))
     assert free_control.limit(pushed, NONE) == 0.0
-    with pytest.raises(ValueError, match=r"highest \[m/s\] must be at most 70"):
+    with pytest.raises(ValueError, match=r"highest \[m/s\] must be .* at most 70"):
         free_control.limit(CAR, highest=80.0)
     with pytest.raises(ValueError, match="the hand torque"):
         free_control.pulse(CAR.plant(robot=True))
-    with pytest.raises(ValueError, match="time must be at least 8"):
+    with pytest.raises(ValueError, match=r"time must be .*at least 8"):
         free_control.pulse(CAR.plant(), time=5.0)

@@ -34,6 +34,9 @@ INERTIA = C["roll_inertia"] + C["sprung_mass"] * ARM**2  # about the roll axis
 COUPLING = C["sprung_mass"] * ARM
 MASSES = np.array([[C["mass"], -COUPLING], [-COUPLING, INERTIA]])
 KPH = 1.0 / 3.6
+AXLES = ("front", "rear")
+# Rear steer angle and inclination over the roll angle: a wheel's travel is half the track times the roll angle.
+ROLL_STEER, ROLL_CAMBER = -0.5 * C["rear_bump_steer"] * TRACK[1], 1.0 - 0.5 * C["rear_camber_gain"] * TRACK[1]
 FIRST = [name for name, _ in plant.states(CAR.plant())].index(STATES[0][0])
 CHASSIS = slice(FIRST, FIRST + len(STATES))
 
@@ -51,7 +54,14 @@ def drag(v):
     return 0.5 * 1.2 * C["drag_area"] * v**2
 
 
-def second_derivation(v, mu, x, rack, wind):
+def scaled(axle, chassis=C):
+    """The tyre of an axle, with the factor on its cornering stiffness."""
+    c, factor = TYRE.coefficients, chassis[f"{axle}_cornering_stiffness_factor"]
+    keys = ("PKY1", "QBZ1", "QBZ2", "QBZ3", "QBZ9")
+    return replace(TYRE, coefficients=c._replace(**{key: factor * getattr(c, key) for key in keys}))
+
+
+def second_derivation(c, v, mu, x, rack, wind):
     """Newton and Euler for bodies and wheels as vectors, with the exact strut and the checked tyre."""
     v_y, r, phi, phi_rate = x[:4]
     slips, e, transfer, drive = np.reshape(x[4:8], (2, 2)), x[8], np.array(x[9:11]), x[11]
@@ -60,9 +70,16 @@ def second_derivation(v, mu, x, rack, wind):
     poses = CAR.strut.solve_pair(rack - e, -0.5 * TRACK[0] * phi, 0.5 * TRACK[0] * phi)
     # positions and headings in the complex plane of the road, ahead + i left: FL, FR; RL, RR
     at = np.array([[C["front_axle"]], [-C["rear_axle"]]]) + 0.5j * np.outer(TRACK, [1.0, -1.0])
-    heading = np.exp(1j * np.array([[float(pose.steer_angle) for pose in poses], [0.0, 0.0]]))
-    camber = np.array([[float(pose.inclination) + phi for pose in poses], [0.0, 0.0]])
-    F_x, F_y, M_x, M_y, M_z = TYRE.forces(0.0, np.arctan(slips), camber, loads, v, mu)
+    # A left rear wheel that rises by s turns by bump_steer s to the left and leans by camber_gain s to the right.
+    rises, mirror = np.array([-0.5, 0.5]) * TRACK[1] * phi, np.array([1.0, -1.0])
+    lean = mirror * c["rear_camber_gain"] * rises + phi
+    camber = np.array([[float(pose.inclination) + phi for pose in poses], lean])
+    of_axles = [
+        scaled(axle, c).forces(0.0, np.arctan(slips[i]), camber[i], loads[i], v, mu) for i, axle in enumerate(AXLES)
+    ]
+    F_x, F_y, M_x, M_y, M_z = np.stack(of_axles, axis=1)
+    steer = mirror * c["rear_bump_steer"] * rises + c["rear_lateral_compliance"] * F_y[1]
+    heading = np.array([np.exp(1j * np.array([float(pose.steer_angle) for pose in poses])), 1.0 + 1j * steer])
     F_x = F_x + M_y / RADIUS + np.array([[0.5 * drive], [0.0]])
     F = heading * (F_x + 1j * F_y)
     moment = np.sum((np.conj(at) * F).imag) + M_z.sum() + wind[1]
@@ -96,14 +113,18 @@ SCALE = np.array([0.5, 0.3, 0.05, 0.3, *[0.08] * 4, 2e-3, 600.0, 300.0, 1500.0, 
 @pytest.mark.parametrize("mu", [1.0, 0.4])
 @pytest.mark.parametrize("v", [5.0, 100.0 * KPH, 60.0])
 def test_second_derivation(v, mu):
-    p = CAR.plant(speed=v, road_friction=mu)
+    """With stiffness factors, bump steer, camber and compliance of the rear axle that all act, of either sign."""
+    own = {"front_cornering_stiffness_factor": 1.3, "rear_cornering_stiffness_factor": 1.6}
+    own |= {"rear_bump_steer": -0.8, "rear_camber_gain": 0.4, "rear_lateral_compliance": -4e-7}
+    car = CAR._replace(chassis={**C, **own})
+    p = car.plant(speed=v, road_friction=mu)
     rng = np.random.default_rng(4)
     found, expected = [], []
     for i in range(40):
         x = SCALE * rng.uniform(-1.0, 1.0, SCALE.size) * (0.1 if i < 10 else 1.0)
         rack, wind = rng.uniform(-0.06, 0.06), rng.uniform(-1.0, 1.0, 2) * (800.0, 400.0)
         found.append(np.hstack(code(p, x, rack, wind)))
-        expected.append(np.hstack(second_derivation(v, mu, x, rack, wind)[:3]))
+        expected.append(np.hstack(second_derivation(car.chassis, v, mu, x, rack, wind)[:3]))
     error = np.abs(np.array(found) - expected).max(axis=0) / np.abs(expected).max(axis=0)
     assert error.max() < 2e-7  # the strut's table; 3e-8 as it stands
 
@@ -120,9 +141,12 @@ def linear_model(v):
     wheels count as one, since left and right differ in loads only, and those act through the jacking alone.
     States v_y, r, phi, phi', front and rear slip, compliance, transfers; outputs r, a_y, phi, rack force, road wheel.
     """
-    wheel_f, wheel_r = (lambda x, W=W: np.ravel(TYRE.forces(0.0, x[0], x[1], W + x[2], v)) for W in STATIC)
+    wheel_f, wheel_r = (
+        lambda x, W=W, tyre=scaled(axle): np.ravel(tyre.forces(0.0, x[0], x[1], W + x[2], v))
+        for W, axle in zip(STATIC, AXLES)
+    )
     alpha_f, alpha_r = (slope(lambda s, f=f: f((s, 0.0, 0.0)), 1e-5) for f in (wheel_f, wheel_r))
-    camber_f = slope(lambda s: wheel_f((0.0, s, 0.0)), 1e-5)
+    camber_f, camber_r = (slope(lambda s, f=f: f((0.0, s, 0.0)), 1e-5) for f in (wheel_f, wheel_r))
     rolling = np.array([f((0.0, 0.0, 0.0))[3] for f in (wheel_f, wheel_r)]) / RADIUS
     rolling_slope = np.array([slope(lambda s, f=f: f((0.0, 0.0, s)), 1.0)[3] for f in (wheel_f, wheel_r)]) / RADIUS
     ahead = 0.5 * (drag(v) - 2.0 * rolling.sum()) + rolling[0]  # of a front wheel at its centre [N]
@@ -139,12 +163,14 @@ def linear_model(v):
     change = np.outer(per_rack, rack - e) - 0.5 * TRACK[0] * np.outer(per_travel, phi)  # of the left knuckle
     steer, camber = change[0], change[1] + phi
     F_y, M_x, M_z = (2.0 * (alpha_f[i] * s_f + camber_f[i] * camber) for i in (1, 2, 4))
-    Y_f, Y_r = F_y + 2.0 * ahead * steer, 2.0 * alpha_r[1] * s_r
+    F_yr, M_zr = (2.0 * (alpha_r[i] * s_r + camber_r[i] * ROLL_CAMBER * phi) for i in (1, 4))
+    steer_r = ROLL_STEER * phi + C["rear_lateral_compliance"] * 0.5 * F_yr
+    Y_f, Y_r = F_y + 2.0 * ahead * steer, F_yr + 2.0 * rolling[1] * steer_r
     gain_f, gain_r = (
         (STIFFNESS[i] * phi + DAMPING[i] * phi_rate) / TRACK[i] + transfer for i, transfer in enumerate((T_f, T_r))
     )
     uneven = TRACK[0] * gain_f * rolling_slope[0] + TRACK[1] * gain_r * rolling_slope[1]
-    yaw = C["front_axle"] * Y_f - C["rear_axle"] * Y_r + M_z + 2.0 * alpha_r[4] * s_r + uneven + moment
+    yaw = C["front_axle"] * Y_f - C["rear_axle"] * Y_r + M_z + M_zr + uneven + moment
     side = Y_f + Y_r + wind
     roll = (COUPLING * G - STIFFNESS.sum()) * phi - DAMPING.sum() * phi_rate - ARM * wind
     A, roll_acceleration = np.linalg.solve(MASSES, np.array([side, roll]))
@@ -157,7 +183,10 @@ def linear_model(v):
         for Y, mass, height, track in zip((Y_f, Y_r), UNSPRUNG, ROLL_CENTRE, TRACK)
     ]
     rates = [A - v * r, yaw / C["yaw_inertia"], phi_rate, roll_acceleration]
-    rates += [(v_y + C["front_axle"] * r - v * (steer + s_f)) / sigma, (v_y - C["rear_axle"] * r - v * s_r) / sigma]
+    rates += [
+        (v_y + C["front_axle"] * r - v * (steer + s_f)) / sigma,
+        (v_y - C["rear_axle"] * r - v * (steer_r + s_r)) / sigma,
+    ]
     rates += [(force / rack_stiffness - e) / C["compliance_time"]]
     rates += [(lever[0] - T_f) / single_track.LOAD_TIME, (lever[1] - T_r) / single_track.LOAD_TIME]
     rates, out = np.array(rates), np.array([r, side / C["mass"], phi, force, steer])
@@ -235,7 +264,7 @@ def test_steady_circle_balances(angle):
     row, state, p = settled(angle, law="lugre")
     v = p.chassis.v_x
     x = state[CHASSIS]
-    at, F, M_z = second_derivation(v, 1.0, x, p.pinion_radius * row["column_angle"], (0.0, 0.0))[3]
+    at, F, M_z = second_derivation(C, v, 1.0, x, p.pinion_radius * row["column_angle"], (0.0, 0.0))[3]
     v_y, r = x[layout.LATERAL_SPEED], x[layout.YAW_RATE]
     assert F.imag.sum() == pytest.approx(C["mass"] * v * r, rel=1e-6)
     assert F.real.sum() - drag(v) == pytest.approx(-C["mass"] * v_y * r, rel=1e-6)

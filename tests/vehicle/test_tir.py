@@ -352,7 +352,7 @@ def test_half_turn_about_z(name):
 def side_by_side(c, x, together, alone):
     """Forces at four points, the columns of ``x``, in the four lanes, and each point in all four lanes."""
     kappa, tan_a, camber, F_z, v_x, mu = load(x, 0), load(x, 4), load(x, 8), load(x, 12), load(x, 16), load(x, 20)
-    F_x, F_y, M_x, M_y, M_z = forces_of_four(c[0], kappa, tan_a, camber, F_z, v_x, mu)
+    F_x, F_y, M_x, M_y, M_z = forces_of_four(c[0], kappa, tan_a, camber, F_z, v_x, mu, load(x, 24))
     store(together, 0, F_x)
     store(together, 4, F_y)
     store(together, 8, M_x)
@@ -361,7 +361,14 @@ def side_by_side(c, x, together, alone):
     for i in range(4):
         kappa, tan_a, camber, F_z, v_x, mu = x[0, i], x[1, i], x[2, i], x[3, i], x[4, i], x[5, i]
         F_x, F_y, M_x, M_y, M_z = forces_of_four(
-            c[0], broadcast(kappa), broadcast(tan_a), broadcast(camber), broadcast(F_z), broadcast(v_x), broadcast(mu)
+            c[0],
+            broadcast(kappa),
+            broadcast(tan_a),
+            broadcast(camber),
+            broadcast(F_z),
+            broadcast(v_x),
+            broadcast(mu),
+            broadcast(x[6, i]),
         )
         alone[0, i], alone[1, i], alone[2, i] = first(F_x), first(F_y), first(M_x)
         alone[3, i], alone[4, i] = first(M_y), first(M_z)
@@ -370,9 +377,9 @@ def side_by_side(c, x, together, alone):
 @kernel
 def rolling(c, x, with_zeros, with_none):
     tan_a, camber, F_z, v_x, mu = load(x, 4), load(x, 8), load(x, 12), load(x, 16), load(x, 20)
-    for i, force in enumerate(forces_of_four(c[0], broadcast(0.0), tan_a, camber, F_z, v_x, mu)):
+    for i, force in enumerate(forces_of_four(c[0], broadcast(0.0), tan_a, camber, F_z, v_x, mu, broadcast(1.0))):
         store(with_zeros, 4 * i, force + broadcast(0.0))
-    for i, force in enumerate(forces_of_four(c[0], None, tan_a, camber, F_z, v_x, mu)):
+    for i, force in enumerate(forces_of_four(c[0], None, tan_a, camber, F_z, v_x, mu, broadcast(1.0))):
         store(with_none, 4 * i, force + broadcast(0.0))
 
 
@@ -389,7 +396,7 @@ def test_no_slip_is_a_slip_of_zero(name):
 def test_four_tyres_are_four_times_one(name):
     """Each tyre is equal to the bit, whatever the others do, and the slip angle gives the forces of its tangent."""
     subject = tyre.load(name)
-    rows = np.array([(*point, 0.9 if i % 3 else 1.0) for i, point in enumerate(points(8, 60))])
+    rows = np.array([(*point, 0.9 if i % 3 else 1.0, 1.0) for i, point in enumerate(points(8, 60))])
     rows[5::7, 3] = 0.0
     angles = rows[:, 1].copy()
     rows[:, 1] = np.tan(angles)
@@ -397,9 +404,29 @@ def test_four_tyres_are_four_times_one(name):
         together, alone = np.empty((2, 5, 4))
         side_by_side(tyre.record(subject.coefficients), rows[i : i + 4].T.copy(), together.reshape(-1), alone)
         np.testing.assert_array_equal(together, alone)
-        kappa, _, gamma, F_z, v_x, mu = rows[i : i + 4].T
+        kappa, _, gamma, F_z, v_x, mu, _ = rows[i : i + 4].T
         by_angle = subject.forces(kappa, angles[i : i + 4], gamma, F_z, v_x, mu)
         np.testing.assert_allclose(together, by_angle, rtol=1e-12, atol=1e-8)
+
+
+@pytest.mark.parametrize("name", ["pacejka_2006_205_60r15", *tyre.EXAMPLES])
+def test_stiffness_factor_of_an_axle(name):
+    """The factor is that of a property file, LKY: a tyre whose coefficients contain it has the same forces."""
+    c = tyre.load(name).coefficients
+    factors = np.array([0.8, 1.0, 1.3, 1.7])
+    stiffer = [
+        tyre.Tyre(name, "", c._replace(**{k: factor * getattr(c, k) for k in ("PKY1", "QBZ1", "QBZ2", "QBZ3", "QBZ9")}))
+        for factor in factors
+    ]
+    rows = np.array([(*point, 0.9, 1.0) for point in points(8, 40)])
+    for four in rows.reshape(-1, 4, 7):
+        four[:, 6] = factors
+        expected = [subject.forces(*row[:6]) for subject, row in zip(stiffer, four)]
+        four[:, 1] = np.tan(four[:, 1])
+        together, alone = np.empty((2, 5, 4))
+        side_by_side(tyre.record(c), np.ascontiguousarray(four.T), together.reshape(-1), alone)
+        np.testing.assert_array_equal(together, alone)
+        np.testing.assert_allclose(together, np.array(expected).T, rtol=1e-11, atol=1e-8)
 
 
 @pytest.mark.parametrize("name", tyre.EXAMPLES)

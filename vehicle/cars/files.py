@@ -2,16 +2,31 @@
 
 import json
 import re
+from collections.abc import Iterator, Sequence
 from functools import lru_cache
 from inspect import signature
+from numbers import Real
 from os import PathLike, fspath
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from steer_env.friction.numerics import toml
 from steer_env.vehicle import tyre
+from steer_env.vehicle.cars import contradictions, plausible
 from steer_env.vehicle.cars.car import Car
-from steer_env.vehicle.cars.keys import CHASSIS, CONSTRUCTORS, SECTIONS, SIZE, STEERING, numbers, require, require_known
+from steer_env.vehicle.cars.keys import (
+    CHASSIS,
+    CHASSIS_DEFAULTS,
+    CONSTRUCTORS,
+    SECTIONS,
+    SIZE,
+    STEERING,
+    numbers,
+    require,
+    require_known,
+)
 from steer_env.vehicle.suspension import kinematics_table
 from steer_env.vehicle.suspension.macpherson import MacPherson
 
@@ -24,39 +39,76 @@ def from_data(data: dict[str, Any]) -> Car:
     Raises
     ------
     ValueError
-        An unknown or missing key, or a value outside its range, named with its section.
+        An unknown or missing key, a value outside its range, or values that contradict each other, named with their
+        section.
+
+    Warns
+    -----
+    UnusualCar
+        For each quantity that passenger cars do not usually have, once.
     """
+    car = _checked(data)
+    for text in plausible.unusual(car):
+        plausible.warn_once(f"car {car.name}: {text}")
+    return car
+
+
+def _checked(data: dict[str, Any]) -> Car:
     require("car", data, SECTIONS)
-    chassis = numbers("chassis", data["chassis"], CHASSIS, SIZE)
-    rest = chassis["mass"] - chassis["sprung_mass"] - chassis["front_unsprung_mass"]
-    if rest <= 0.0:
-        raise ValueError(
-            f"chassis.mass must exceed sprung_mass + front_unsprung_mass, the rear axle is left {rest:g} kg"
-        )
-    if rest > 3.0 * chassis["front_unsprung_mass"]:
-        raise ValueError(
-            "chassis.mass leaves the rear axle an unsprung mass of"
-            f" {rest:g} kg, more than 3 times front_unsprung_mass; change sprung_mass with it"
-        )
-    for section, make in CONSTRUCTORS.items():
-        require_known(section, data[section], signature(make).parameters)
+    _require_text(data)
+    chassis = numbers("chassis", data["chassis"], CHASSIS, SIZE, CHASSIS_DEFAULTS)
     steering = numbers("steering", data["steering"], STEERING)
     assumed = {*data, *chassis, *steering}
     for key in data["assumed"]:
         if key not in assumed:
             raise ValueError(f"assumed names {key!r}, which is neither a section nor a key of chassis or steering")
     strut = MacPherson.load(data["strut"]).at_track(chassis["front_track"])
-    return Car(
+    car = Car(
         name=data["name"],
         description=data["description"],
         source=data["source"],
         chassis=chassis,
         steering=steering,
-        **{section: make(**data[section]) for section, make in CONSTRUCTORS.items()},
+        **{section: _constructed(section, data[section]) for section in CONSTRUCTORS},
         tyre=tyre.load(data["tyre"]),
         strut=strut,
         kinematics_table=kinematics_table.build(strut),
     )
+    contradictions.check(car)
+    return car
+
+
+def _require_text(data: dict[str, Any]) -> None:
+    """Raise ValueError unless names and descriptions are text."""
+    for key in ("name", "description", "source", "tyre", "strut"):
+        if not isinstance(data[key], str | PathLike):
+            raise ValueError(f"{key} must be text, got {data[key]!r}")
+    keys = data["assumed"]
+    if isinstance(keys, str) or not isinstance(keys, Sequence) or not all(isinstance(key, str) for key in keys):
+        raise ValueError(f"assumed must be a list of keys, got {keys!r}")
+
+
+def _leaves(value: Any) -> Iterator[Any]:
+    """The values of a list and of the lists in it."""
+    if isinstance(value, list | tuple | np.ndarray):
+        for each in value:
+            yield from _leaves(each)
+    else:
+        yield value
+
+
+def _constructed(section: str, given: Any) -> Any:
+    """The parameters of a section that has a constructor."""
+    make = CONSTRUCTORS[section]
+    require_known(section, given, signature(make).parameters)
+    for key, value in given.items():
+        for leaf in _leaves(value):
+            if isinstance(leaf, bool) or not isinstance(leaf, Real):  # float() takes True and "1"
+                raise ValueError(f"{section}.{key} must hold numbers only, got {leaf!r}")
+    try:
+        return make(**given)
+    except ValueError as error:
+        raise ValueError(f"{section}.{error}") from None
 
 
 def available() -> tuple[str, ...]:
@@ -75,9 +127,15 @@ def load(name: str | PathLike[str] = "compact") -> Car:
     ------
     ValueError
         An unknown name (the message lists the known ones); or in a file, with its name and line: a syntax error, an
-        unknown or missing key, a value outside its range.
+        unknown or missing key, a value outside its range, values that contradict each other, a tyre file that is
+        missing.
     OSError
         A file that cannot be read.
+
+    Warns
+    -----
+    UnusualCar
+        As in :func:`from_data`, with the name of the file and the line.
     """
     if not isinstance(name, str | PathLike):
         raise ValueError(f"vehicle must be a name or a path, got a {type(name).__name__}")
@@ -102,9 +160,14 @@ def _data(name: str) -> dict[str, Any]:
 def _from_file(path: Path) -> Car:
     text, data = _parsed(path)
     try:
-        return from_data(_completed(path, data))
-    except (ValueError, OSError) as error:
+        car = _checked(_completed(path, data))
+    except OSError as error:  # the car file itself has been read
+        raise ValueError(f"{path}:{_line(text, 'tyre')} tyre file {error.filename}: {error.strerror}") from None
+    except ValueError as error:
         raise ValueError(f"{path}:{_line(text, str(error))} {error}") from None
+    for message in plausible.unusual(car):
+        plausible.warn_once(f"{path}:{_line(text, message)} {message}")
+    return car
 
 
 def _parsed(path: Path) -> tuple[str, Any]:
@@ -138,13 +201,13 @@ def _completed(path: Path, data: Any) -> Any:
 
 
 def _line(text: str, message: str) -> str:
-    """Number of the first line that sets a key which the message names, with a colon; empty if there is none."""
-    named = set(re.findall(r"\w+", message.split(";")[0]))
-    for pattern in (r"""\s*["']?(\w+)["']?\s*[=:]\s*(?!\{)""", r"""\s*(?:\[|["'])(\w+)"""):  # keys, then sections
-        for i, line in enumerate(text.splitlines(), 1):
-            key = re.match(pattern, line)
-            if key and key.group(1) in named:
-                return f"{i}:"
+    """Number of the line that sets the first key which the message names, with a colon; empty if there is none."""
+    for pattern in (r"""\s*["']?(\w+)["']?\s*[=:](?!\s*\{)""", r"""\s*(?:\[|["'])(\w+)"""):  # keys, then sections
+        found = [re.match(pattern, line) for line in text.splitlines()]
+        lines = {key[1]: i for i, key in reversed(list(enumerate(found, 1))) if key}
+        for word in re.findall(r"\w+", message.split(";")[0]):
+            if word in lines:
+                return f"{lines[word]}:"
     return ""
 
 
@@ -156,6 +219,7 @@ def every_key(name: str | PathLike[str]) -> dict[str, Any]:
     load(name)
     path = Path(name)
     data = _completed(path, _parsed(path)[1]) if _is_file(name) else _data(fspath(name))
+    data["chassis"] = {**CHASSIS_DEFAULTS, **data["chassis"]}
     for section, make in CONSTRUCTORS.items():
         defaults = {key: p.default for key, p in signature(make).parameters.items()}
         data[section] = {**defaults, **data[section]}

@@ -1,7 +1,7 @@
 """Sections and keys of a car file, their limits, and the check of a section."""
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 from steer_env.friction.numerics.check import number
@@ -42,6 +42,8 @@ CHASSIS = (
 )
 # Overall size: the lane-change courses need it, no equation of motion does.
 SIZE = ("length", "width")
+# Factors on the tyre's cornering stiffness, which scale its slope and leave peak friction and trail; 1 where not given.
+CHASSIS_DEFAULTS = {"front_cornering_stiffness_factor": 1.0, "rear_cornering_stiffness_factor": 1.0}
 STEERING = ("pinion_radius", "compliance", "friction_load", "rack_limit")
 _MAY_BE_ZERO = {
     "front_anti_roll",
@@ -78,6 +80,8 @@ _LIMITS = {
     "speed_hold_time": (0.004, math.inf),  # [s]
     "front_damper": (0.0, 12e3),  # [N s/m]; beyond it a wheel of the two-track chassis is too fast for its step of 2 ms
     "rear_damper": (0.0, 12e3),  # [N s/m]
+    "front_cornering_stiffness_factor": (0.3, 3.0),  # [1]
+    "rear_cornering_stiffness_factor": (0.3, 3.0),  # [1]
 }
 
 
@@ -98,10 +102,17 @@ def require(where: str, given: Any, allowed: tuple[str, ...], optional: tuple[st
             raise ValueError(f"{where} lacks the key {key!r}")
 
 
-def numbers(where: str, given: dict, allowed: tuple[str, ...], optional: tuple[str, ...] = ()) -> dict[str, float]:
-    """The numbers of a section, checked; ValueError names the section and the key."""
-    require(where, given, allowed, optional)
-    checked = {}
+def numbers(
+    where: str,
+    given: dict,
+    allowed: tuple[str, ...],
+    optional: tuple[str, ...] = (),
+    defaults: Mapping[str, float] | None = None,
+) -> dict[str, float]:
+    """The numbers of a section with its defaults, checked; ValueError names the section and the key."""
+    defaults = defaults or {}
+    require(where, given, allowed, (*optional, *defaults))
+    checked = dict(defaults)
     for key, value in given.items():
         low, high = _LIMITS.get(key, (0.0, math.inf))
         if key in _SIGNED:

@@ -64,6 +64,13 @@ class Assist(NamedTuple):
     limit: float  # motor peak torque at the column [N m]
 
 
+def _array(name: str, values: ArrayLike) -> NDArray[np.float64]:
+    try:
+        return np.array(values, float)
+    except (TypeError, ValueError):
+        raise ValueError(f"{name} must hold numbers, in rows of one length, got {values!r}") from None
+
+
 def make(
     *,
     speeds: ArrayLike = TABLE_SPEEDS,
@@ -102,7 +109,8 @@ def make(
     ValueError
         Naming the value and what is allowed.
     """
-    v, t, b, d = (np.array(x, float) for x in (speeds, torques, boost, damping))
+    tables = {"speeds": speeds, "torques": torques, "boost": boost, "damping": damping}
+    v, t, b, d = (_array(name, values) for name, values in tables.items())
     for name, axis in (("speeds", v), ("torques", t)):
         if axis.ndim != 1 or axis.size < 2 or not np.isfinite(axis).all() or np.any(np.diff(axis) <= 0.0):
             raise ValueError(f"{name} must be finite and ascending, at least two values, got {axis}")

@@ -50,6 +50,8 @@ class Forces(NamedTuple):
     Y_r: float
     M_zf: float  # of the front wheels
     M_zr: float
+    steer_rl: float  # steer angles of the rear wheels [rad]
+    steer_rr: float
     rack: float  # rack force
 
 
@@ -74,16 +76,24 @@ def wheel_loads(p, x):
 
 @part
 def tyre_forces(p, c, left, right, loads, x):
-    """Forces of the tyres on car and rack at pure lateral slip.
+    """Forces of the tyres on car and rack at pure lateral slip, and the rear steer angles that roll and forces make.
 
     An open differential halves the drive force. Its torque is reacted inboard, so that it acts at the wheel centres.
     So does the rolling resistance, because the bearing of a free wheel cannot transmit its torque.
     """
     phi = x[ROLL]
-    camber = pack(left.inclination + phi, right.inclination + phi, 0.0, 0.0)  # (V10)
+    lean_r = p.roll_camber_r * phi  # (V14)
+    camber = pack(left.inclination + phi, right.inclination + phi, lean_r, lean_r)  # (V10)
     vertical = pack(loads.fl, loads.fr, loads.rl, loads.rr)
     F_x, F_y, M_x, M_y, M_z = tyre.forces_of_four(
-        c, None, load(x, SLIP_FL), camber, vertical, broadcast(p.v_x), broadcast(p.mu)
+        c,
+        None,
+        load(x, SLIP_FL),
+        camber,
+        vertical,
+        broadcast(p.v_x),
+        broadcast(p.mu),
+        pack(p.stiffness_f, p.stiffness_f, p.stiffness_r, p.stiffness_r),
     )
     Fx_fl, Fx_fr, Fx_rl, Fx_rr = unpack(F_x)
     Fy_fl, Fy_fr, Fy_rl, Fy_rr = unpack(F_y)
@@ -98,16 +108,20 @@ def tyre_forces(p, c, left, right, loads, x):
     rack += kinematics_table.rack_force(right, 0.0, Fx_fr, Fy_fr, loads.fr, Mx_fr, Mz_fr)
     c_l, s_l = math.cos(left.steer_angle), math.sin(left.steer_angle)
     c_r, s_r = math.cos(right.steer_angle), math.sin(right.steer_angle)
+    steer_rl = p.roll_steer_r * phi + p.compliance_steer_r * Fy_rl  # (V13)
+    steer_rr = p.roll_steer_r * phi + p.compliance_steer_r * Fy_rr  # (V13)
     # The sums over an axle come first: left and right cancel exactly when the car runs straight, and mirror exactly.
     return Forces(
         X_fl=Fx_fl * c_l - Fy_fl * s_l,
         X_fr=Fx_fr * c_r - Fy_fr * s_r,
-        X_rl=Fx_rl,
-        X_rr=Fx_rr,
+        X_rl=Fx_rl - Fy_rl * steer_rl,  # rear steer angles are so small that their cosine is 1
+        X_rr=Fx_rr - Fy_rr * steer_rr,
         Y_f=(Fx_fl * s_l + Fy_fl * c_l) + (Fx_fr * s_r + Fy_fr * c_r),
-        Y_r=Fy_rl + Fy_rr,
+        Y_r=(Fx_rl * steer_rl + Fy_rl) + (Fx_rr * steer_rr + Fy_rr),
         M_zf=Mz_fl + Mz_fr,
         M_zr=Mz_rl + Mz_rr,
+        steer_rl=steer_rl,
+        steer_rr=steer_rr,
         rack=rack,
     )
 
@@ -121,7 +135,7 @@ def _slip_rate(p, v_x, v_y, c, s, slip):
 
 
 @part
-def slip_rates(p, left, right, x, dx):
+def slip_rates(p, left, right, f, x, dx):
     """Rates of the slips of the four tyres to ``dx``."""
     v_y, r = x[LATERAL_SPEED], x[YAW_RATE]
     half_f, half_r = 0.5 * p.t_f, 0.5 * p.t_r
@@ -130,8 +144,8 @@ def slip_rates(p, left, right, x, dx):
     front_y, rear_y = v_y + p.a * r, v_y - p.b * r
     dx[SLIP_FL] = _slip_rate(p, p.v_x - half_f * r, front_y, c_l, s_l, x[SLIP_FL])
     dx[SLIP_FR] = _slip_rate(p, p.v_x + half_f * r, front_y, c_r, s_r, x[SLIP_FR])
-    dx[SLIP_RL] = _slip_rate(p, p.v_x - half_r * r, rear_y, 1.0, 0.0, x[SLIP_RL])
-    dx[SLIP_RR] = _slip_rate(p, p.v_x + half_r * r, rear_y, 1.0, 0.0, x[SLIP_RR])
+    dx[SLIP_RL] = _slip_rate(p, p.v_x - half_r * r, rear_y, 1.0, f.steer_rl, x[SLIP_RL])
+    dx[SLIP_RR] = _slip_rate(p, p.v_x + half_r * r, rear_y, 1.0, f.steer_rr, x[SLIP_RR])
 
 
 @part
@@ -219,7 +233,7 @@ def derivative(p, strut, c, x, rack, rack_rate, u, dx, out):
     right = kinematics_table.right(strut, tie_rods, 0.5 * p.t_f * x[ROLL])
     forces = tyre_forces(p, c, left, right, loads, x)
     A, side_force = body_rates(p, forces, u, x, dx)
-    slip_rates(p, left, right, x, dx)
+    slip_rates(p, left, right, forces, x, dx)
     lag_rates(p, forces, A, loads.static_f, x, dx)
     out[0] = side_force / p.m
     out[1], out[2] = left.steer_angle, right.steer_angle

@@ -51,6 +51,12 @@ def from_car(car: "Car", v_x: float, mu: float, road: Any) -> SingleTrack:
         R_w=car.strut.loaded_radius,
         drag=0.5 * AIR_DENSITY * c["drag_area"] * v_x * v_x,
         sigma_y=car.tyre.relaxation_length,
+        stiffness_f=c["front_cornering_stiffness_factor"],
+        stiffness_r=c["rear_cornering_stiffness_factor"],
+        # (V13), (V14): rolling to the right lowers the left wheel in its arch
+        roll_steer_r=-0.5 * c["rear_bump_steer"] * c["rear_track"],
+        roll_camber_r=1.0 - 0.5 * c["rear_camber_gain"] * c["rear_track"],
+        compliance_steer_r=c["rear_lateral_compliance"],
         K_rack=car.rack_stiffness(),
         T_rack=c["compliance_time"],
         T_load=LOAD_TIME,

@@ -111,6 +111,8 @@ def _body(car: "Car", v_x: float, mu: float, ground: road.Road) -> Body:
         T_rack=c["compliance_time"],
         sigma_x=tyres.longitudinal_relaxation_length,
         sigma_y=tyres.relaxation_length,
+        stiffness_f=c["front_cornering_stiffness_factor"],
+        stiffness_r=c["rear_cornering_stiffness_factor"],
         d_x=SLIP_DAMPING[0],
         d_y=SLIP_DAMPING[1],
         bore_load=BORE_LOAD,

@@ -52,6 +52,8 @@ class Body(NamedTuple):
     T_rack: float  # time constant of that compliance [s]
     sigma_x: float  # longitudinal relaxation length [m]
     sigma_y: float  # lateral relaxation length [m]
+    stiffness_f: float  # factor on the cornering stiffness of the front tyres [1]
+    stiffness_r: float  # of the rear tyres [1]
     d_x: float  # structural damping of the tyre at standstill, slip over slip speed [s/m]
     d_y: float  # lateral [s/m]
     bore_load: float  # wheel load for which the parameters of the bore friction hold [N]

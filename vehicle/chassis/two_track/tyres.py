@@ -10,6 +10,7 @@ from steer_env.friction import law
 from steer_env.friction.numerics.kernel import kernel, part
 from steer_env.vehicle import tyre
 from steer_env.vehicle.chassis.two_track.layout import BORE_ANGLE, KAPPA, TAN_ALPHA
+from steer_env.vehicle.chassis.two_track.suspension import per_axle
 from steer_env.vehicle.simd import any_of, copysign, fabs, load, maximum, minimum, pack, sqrt, store, unpack, where
 
 ROLLING_BLEND = 1.0  # rolling speed from which pneumatic trail and rolling resistance act fully, assumed [m/s]
@@ -106,6 +107,7 @@ def tyre_forces(p, c, carriers, contact, slip, x, dx):
         contact.F_z,
         rolling,
         contact.mu,
+        per_axle(d.stiffness_f, d.stiffness_r),
     )
     whole = _fade(slip.rolling, ROLLING_BLEND)
     bore = bore_torques(p, contact, carriers.yaw_rate, rolling, x, dx)
@@ -137,6 +139,7 @@ def slip_rates(d, c, forces, F_z, slip, x, dx):
     if any_of(rolling < DECAY_BELOW):
         K_x, K_y = tyre.stiffnesses(c, F_z)
         kappa_rate += _slip_decay(kappa, forces.F_x, K_x, rolling)
+        K_y *= per_axle(d.stiffness_f, d.stiffness_r)
         alpha_rate += _slip_decay(tan_a, forces.F_y, K_y, rolling)
     store(dx, KAPPA, kappa_rate)
     store(dx, TAN_ALPHA, alpha_rate)

@@ -41,11 +41,12 @@ def equivalent_slip(c, p, lateral, K_x, kappa, slips):
 def pneumatic_trail(c, p, a_t, a_e, zeta_5):
     """t [m] (T7)."""
     B = c.QBZ1 + c.QBZ2 * p.df + c.QBZ3 * p.df * p.df
-    B = B * (1.0 + c.QBZ4 * p.g + c.QBZ5 * p.g_abs + c.QBZ6 * p.g2) * p.per_mu  # (4.E40); (A58) under FITTYP 61
+    B *= p.stiffness * p.per_mu
+    B = B * (1.0 + c.QBZ4 * p.g + c.QBZ5 * fabs(p.g) + c.QBZ6 * p.g2)  # (4.E40); (A58) under FITTYP 61
     E = c.QEZ1 + c.QEZ2 * p.df + c.QEZ3 * p.df * p.df
     E = minimum(E * (1.0 + (c.QEZ4 + c.QEZ5 * p.g) * (2.0 / math.pi) * atan(B * c.QCZ1 * a_e)), 1.0)  # (4.E44)
     t = p.u * c.UNLOADED_RADIUS * (c.QDZ1 + c.QDZ2 * p.df)  # D_t of (T7), (4.E42)
-    t = t * (1.0 + c.QDZ3 * p.g_abs + c.QDZ3G * p.g + c.QDZ4 * p.g2) * p.cos_a * zeta_5  # (4.E43)
+    t = t * (1.0 + c.QDZ3 * fabs(p.g) + c.QDZ3G * p.g + c.QDZ4 * p.g2) * p.cos_a * zeta_5  # (4.E43)
     t *= cos(c.QCZ1 * atan(curve(B * a_t, E)))  # (T7), (4.E33), (4.E73)
     return t
 
@@ -54,10 +55,10 @@ def pneumatic_trail(c, p, a_t, a_e, zeta_5):
 def residual_torque(c, p, turn, lateral, G_y, a_r2, turn_slip, spins):
     """M_zr [N m] (T8)."""
     R_0 = c.UNLOADED_RADIUS
-    B = (c.QBZ9 * p.per_mu + c.QBZ10 * c.PCY1 * lateral.B) * turn.zeta_6  # B_r of (T8), (4.E45)
+    B = (c.QBZ9 * p.stiffness * p.per_mu + c.QBZ10 * c.PCY1 * lateral.B) * turn.zeta_6  # B_r of (T8), (4.E45)
     decay = 1.0 / sqrt(1.0 + B * B * a_r2)  # cos(atan(B alpha_r)) of (4.E36)
     D = (c.QDZ6 + c.QDZ7 * p.df) * turn.zeta_2
-    y = (c.QDZ8 + c.QDZ9 * p.df + (c.QDZ10 + c.QDZ11 * p.df) * p.g_abs) * p.g
+    y = (c.QDZ8 + c.QDZ9 * p.df + (c.QDZ10 + c.QDZ11 * p.df) * fabs(p.g)) * p.g
     M_spin = broadcast(0.0)
     if turn_slip is not None and spins and c.QCRP1 != 0.0:
         M_turn = c.QCRP1 * fabs(lateral.D) / turn.zeta_2 * R_0 * sqrt(p.u)  # (4.95)

@@ -12,14 +12,14 @@ from steer_env.vehicle.tyre.magic_formula.point import direction, operating_poin
 
 
 @kernel
-def _steady(c, kappa, alpha, tan_a, camber, F_z, v_x, mu, turn_slip):
+def _steady(c, kappa, alpha, tan_a, camber, F_z, v_x, mu, stiffness, turn_slip):
     """:func:`forces` of four tyres, for slip angles given by themselves and by their tangents; one turn slip.
 
     None for ``kappa`` or the turn slip removes at compile time what zeros skip at run time: numba removes a branch
     whose condition asks for None first.
     """
     way = direction(v_x)
-    p = operating_point(c, way, kappa, alpha, tan_a, camber, F_z, mu)
+    p = operating_point(c, way, kappa, alpha, tan_a, camber, F_z, mu, stiffness)
     slips = kappa is not None and any_of(p.kappa != 0.0)
     spins = turn_slip is not None and turn_slip != 0.0 and c.TURN_SLIP != 0.0
     turn = turn_slip_factors(c, p, turn_slip, spins)
@@ -58,16 +58,17 @@ def forces(c, kappa, alpha, camber, F_z, v_x, mu=1.0, turn_slip=0.0):
         broadcast(F_z),
         broadcast(v_x),
         broadcast(mu),
+        broadcast(1.0),
         turn_slip,
     )
     return first(F_x), first(F_y), first(M_x), first(M_y), first(M_z)
 
 
 @kernel
-def forces_of_four(c, kappa, tan_alpha, camber, F_z, v_x, mu):
+def forces_of_four(c, kappa, tan_alpha, camber, F_z, v_x, mu, stiffness):
     """:func:`forces` of four tyres without turn slip, for the tangents of the slip angles, v_y/|v_x|.
 
-    Relaxed slip angles have these tangents as states. ``kappa`` None stands for 0 at all four tyres and compiles in
-    half the time.
+    Relaxed slip angles have these tangents as states. ``stiffness`` multiplies the cornering stiffness [1]. ``kappa``
+    None stands for 0 at all four tyres and compiles in half the time.
     """
-    return _steady(c, kappa, atan(tan_alpha), tan_alpha, camber, F_z, v_x, mu, None)
+    return _steady(c, kappa, atan(tan_alpha), tan_alpha, camber, F_z, v_x, mu, stiffness, None)

@@ -30,14 +30,14 @@ def _force_without_camber(c, p):
     D = (c.PDY1 + c.PDY2 * df) * p.mu * p.F_z
     E = minimum((c.PEY1 + c.PEY2 * df) * (1.0 - c.PEY3 * copysign(1.0, x)), 1.0)
     S_V = p.F_z * (c.PVY1 + c.PVY2 * df) * p.fade_y
-    x *= cornering(c, p.F_z, broadcast(0.0)) / (D * c.PCY1)
+    x *= p.stiffness * cornering(c, p.F_z, broadcast(0.0)) / (D * c.PCY1)
     return D * sin(c.PCY1 * atan(curve(x, E))) + S_V
 
 
 @kernel
 def lateral_force(c, p, turn, turn_slip, spins):
     """F_y at pure slip (T3)."""
-    K = cornering(c, p.F_z, p.g) * turn.zeta_3
+    K = p.stiffness * cornering(c, p.F_z, p.g) * turn.zeta_3
     per_K = 1.0 / K
     S_Vg = p.F_z * (c.PVY3 + c.PVY4 * p.df) * p.g * p.fade_y * turn.zeta_2  # (4.E28)
     S_V = p.F_z * (c.PVY1 + c.PVY2 * p.df) * p.fade_y * turn.zeta_2 + S_Vg  # (4.E29)
@@ -47,7 +47,8 @@ def lateral_force(c, p, turn, turn_slip, spins):
         S_H += c.PHY3 * p.g
     elif turn_slip is not None and spins and c.PHYP1 != 0.0:
         y = c.PHYP1 * (c.PHYP2 + c.PHYP3 * p.df)
-        x = K_g / (turn.camber_share * y * cornering(c, p.F_z, broadcast(0.0)) * turn.zeta_3) * turn.spin
+        K_0 = p.stiffness * cornering(c, p.F_z, broadcast(0.0)) * turn.zeta_3
+        x = K_g / (turn.camber_share * y * K_0) * turn.spin
         x = curve(x, minimum(broadcast(c.PHYP4), 1.0))
         S_H += y / c.PHYP1 * sin(c.PHYP1 * atan(x)) - S_Vg * per_K
     else:

@@ -15,7 +15,7 @@ def overturning(c, p, F_y):
             M_x += c.QSX4 * sin(c.QSX7 * p.g + c.QSX8 * atan(c.QSX9 * y)) * cos(c.QSX5 * atan(x * x))
         if c.QSX10 != 0.0:
             M_x += c.QSX10 * atan(c.QSX11 * p.u) * p.g
-        M_x += (c.QSX13 + c.QSX14 * p.g_abs) * F_y / p.F_z - c.QSX12 * p.g * p.g_abs
+        M_x += (c.QSX13 + c.QSX14 * fabs(p.g)) * F_y / p.F_z - c.QSX12 * p.g * fabs(p.g)
     return M_x
 
 

@@ -19,11 +19,11 @@ class Point(NamedTuple):
     cos_a: float  # cos(alpha) [1]
     g: float  # sin(camber) under FITTYP 60, else camber
     g2: float  # g^2
-    g_abs: float  # |g|
     F_z: float  # load [N]
     u: float  # load over the nominal load [1]
     df: float  # u - 1 [1]
     mu: float  # friction of the road over that of the measurements [1]
+    stiffness: float  # factor on the cornering stiffness, lambda_Kya of the books [1]
     per_mu: float  # 1/mu
     fade_x: float  # factor on the vertical shifts of F_x on a slippery road [1]
     fade_y: float  # of F_y
@@ -42,7 +42,7 @@ class TurnSlip(NamedTuple):
 
 
 @kernel
-def operating_point(c, way, kappa, alpha, tan_a, camber, F_z, mu):
+def operating_point(c, way, kappa, alpha, tan_a, camber, F_z, mu, stiffness):
     """The operating point from the arguments of :func:`forces`; ``way`` is -1 for a tyre that rolls backwards (T12)."""
     book = c.FITTYP == 60.0  # else MF-Tyre, which takes angles where the book takes their sine or tangent
     F_z = maximum(F_z, 1e-6)
@@ -63,11 +63,11 @@ def operating_point(c, way, kappa, alpha, tan_a, camber, F_z, mu):
         cos_a=cos_atan(tan_a),  # (4.E6)
         g=g,
         g2=g * g,
-        g_abs=fabs(g),
         F_z=F_z,
         u=u,
         df=u - 1.0,  # (4.E2)
         mu=mu,
+        stiffness=stiffness,
         per_mu=per_mu,
         fade_x=fade_x,
         fade_y=fade_y,
