@@ -1,6 +1,7 @@
 """Pictures of the page of a car as SVG text. What they show is handed over; nothing is simulated or evaluated here."""
 
 from collections.abc import Mapping, Sequence
+from itertools import cycle
 from typing import Any
 
 import numpy as np
@@ -19,7 +20,7 @@ _FORCE, _TORQUE = 3.0, 100.0  # up to which compliance steer is drawn [kN], [N m
 
 
 def _lines(axes: Axes, x: Array, of_label: Mapping[str, Array], **style: Any) -> None:
-    for (label, y), colour, dash in zip(of_label.items(), PALETTE, DASHES):
+    for (label, y), colour, dash in zip(of_label.items(), PALETTE, cycle(DASHES)):
         axes.plot(x, y, **{"color": colour, "linestyle": dash, "label": label, **style})
 
 
@@ -65,7 +66,15 @@ def lag(speeds: Array, lags: Mapping[str, Array], marked: float, limits: Range) 
     figure = new_figure(9.6, 3.2)
     axes = figure.subplots()
     _lines(axes, speeds, lags)
-    axes.plot([marked, marked], limits, color=PALETTE[2], linewidth=7.0, alpha=0.25, solid_capstyle="butt", label="usual range")
+    axes.plot(
+        [marked, marked],
+        limits,
+        color=PALETTE[2],
+        linewidth=7.0,
+        alpha=0.25,
+        solid_capstyle="butt",
+        label="usual range",
+    )
     axes.axhline(0.0, color=_LINE, linewidth=0.8)
     axes.set(xlabel="speed [km/h]", ylabel="yaw lag at 0.2 Hz [ms]")
     legend(figure, axes)
@@ -87,13 +96,17 @@ def hands_off(speeds: Array, damping: Mapping[str, Array], amplitudes: Mapping[s
     for k, ((label, values), colour, dash, marker) in enumerate(zip(amplitudes.items(), PALETTE, DASHES, "osD^")):
         style = {"color": colour, "linestyle": dash, "label": label, "marker": marker, "markersize": 3.5}
         right.semilogy(speeds, np.where(np.isfinite(values), np.maximum(values, 1e-4), np.nan), **style)
-        right.plot(speeds[np.isinf(values)], [_SPUN * 2.0**k] * int(np.isinf(values).sum()), "x", color=colour, markersize=6)
+        right.plot(
+            speeds[np.isinf(values)], [_SPUN * 2.0**k] * int(np.isinf(values).sum()), "x", color=colour, markersize=6
+        )
     right.axhline(allowed, color=_LINE, linewidth=0.8)
     right.annotate("may remain", (0.01, allowed), xycoords=("axes fraction", "data"), fontsize=8, va="bottom")
-    right.set(title="8 to 10 s after a pulse of 3 N m", xlabel="speed [km/h]", ylabel="amplitude of the yaw rate [deg/s]")
+    right.set(
+        title="8 to 10 s after a pulse of 3 N m", xlabel="speed [km/h]", ylabel="amplitude of the yaw rate [deg/s]"
+    )
     right.set(ylim=(5e-5, 2e3), xlim=left.get_xlim())
     right.set_yticks(10.0 ** np.arange(-4, 3))
-    right.legend(fontsize=8, loc="lower right")
+    legend(figure, right)
     return svg(figure)
 
 
@@ -103,7 +116,10 @@ def kinematics(c: Any) -> str:
     figure = new_figure(9.6, 3.0)
     panels = figure.subplots(1, 3)
     for axes, curves, unit, title in zip(
-        panels, (c.toe, c.camber, c.roll_centre), (DEGREE, DEGREE, 1e-3), ("toe-in [deg]", "camber [deg]", "height [mm]")
+        panels,
+        (c.toe, c.camber, c.roll_centre),
+        (DEGREE, DEGREE, 1e-3),
+        ("toe-in [deg]", "camber [deg]", "height [mm]"),
     ):
         _lines(axes, 1e3 * c.travel, {axle: y / unit for axle, y in curves.items()})
         axes.set(xlabel="travel, bump positive [mm]", ylabel=title)

@@ -94,8 +94,12 @@ def _pictures(car: Car, found: list[Quantity], simulated: Simulated) -> dict[str
     terms = {name.removeprefix(prefix): value for name, value in values.items() if name.startswith(prefix)}
     shown = {f"simulated, {title}": values[f"understeer_gradient_{name}"] for name, title in CHASSIS.items()}
     speeds, curves, slopes = np.array(SPEEDS), car_suspension.curves(car), car_suspension.slopes(car)
-    lags = {f"simulated, {CHASSIS[name]}": lag for name, lag in simulated.lags.items()}
-    lags["linear model"] = np.array([understeer.yaw_lag(car, v) for v in SPEEDS])
+    lags = {
+        f"simulated, {CHASSIS[chassis]}" + (", no friction" if law == "none" else ""): lag
+        for (chassis, law), lag in simulated.lags.items()
+    }
+    for chassis, title in CHASSIS.items():
+        lags[f"linear, {title}"] = np.array([understeer.yaw_lag(car, v, chassis=chassis) for v in SPEEDS])
     lags["Bundorf"] = np.array([understeer.bundorf_lag(car, v) for v in SPEEDS])
     amplitudes = {
         f"{CHASSIS[name]}, {'no friction' if law == 'none' else law}": np.array([p.amplitude for p in pulses]) / DEGREE

@@ -28,7 +28,12 @@ from steer_env.vehicle.tyre import cornering_stiffness
 RANGES = Path(__file__).parents[1] / "data" / "ranges" / "car.toml"
 PUBLISHED, JUDGEMENT, NONE = "published", "engineering judgement", "no published range"
 LIMIT_TRIED = SPEEDS[-1]  # [m/s]
-_BESIDE = ("roll gradient", "steering ratio")  # quantities of ``plausible`` that the page has in another group
+# Quantities of ``plausible`` that the page has in another group.
+_BESIDE = (
+    "roll gradient",
+    "steering ratio",
+    *(f"cornering stiffness over load of a {x} tyre" for x in ("front", "rear")),
+)
 PER_G = GRAVITY / DEGREE  # [deg/g] of 1 rad s2/m
 CHASSIS = {"single_track": "single track", "two_track": "two tracks"}
 
@@ -84,17 +89,24 @@ def numbers(car: Car) -> list[Quantity]:
     """Numbers of the car file, and simple ratios of them, beside what is usual; loading an own car warns of these."""
     title = "Numbers of the car file"
     group, c = _Group(title), car.chassis
-    height = (c["sprung_mass"] * c["sprung_height"] + (c["mass"] - c["sprung_mass"]) * car.strut.loaded_radius) / c["mass"]
-    track, wheelbase = 0.5 * (c["front_track"] + c["rear_track"]), c["front_axle"] + c["rear_axle"]
-    radius = {axis: math.sqrt(c[f"{axis}_inertia"] / c["sprung_mass"]) for axis in ("roll", "pitch")}
-    group.add("static_stability_factor", "track over twice the height of the centre of gravity", track / 2 / height, "1")
-    group.add("roll_radius", "roll radius of gyration over track", radius["roll"] / track, "1")
-    group.add("pitch_radius", "pitch radius of gyration over wheelbase", radius["pitch"] / wheelbase, "1")
+    height = (c["sprung_mass"] * c["sprung_height"] + (c["mass"] - c["sprung_mass"]) * car.strut.loaded_radius) / c[
+        "mass"
+    ]
+    track = 0.5 * (c["front_track"] + c["rear_track"])
+    group.add(
+        "static_stability_factor", "track over twice the height of the centre of gravity", track / 2 / height, "1"
+    )
+    radius = math.sqrt(c["roll_inertia"] / c["sprung_mass"])
+    group.add("roll_radius", "roll radius of gyration of the body over track", radius / track, "1")
+    index = c["pitch_inertia"] / (c["sprung_mass"] * c["front_axle"] * c["rear_axle"])
+    group.add("pitch_dynamic_index", "dynamic index of pitch of the body", index, "1")
     for q in plausible.USUAL:
         if q.name not in _BESIDE:
             basis = JUDGEMENT if q.source == plausible.JUDGEMENT else PUBLISHED
             source = "" if basis == JUDGEMENT else q.source
-            group.found.append(Quantity(title, q.name, label(q.name), q.value(car), q.unit, q.low, q.high, basis, source))
+            section, _, key = q.name.rpartition(".")
+            shown = f"{label(key)} ({section})" if section else q.name
+            group.found.append(Quantity(title, q.name, shown, q.value(car), q.unit, q.low, q.high, basis, source))
     return group.found
 
 
@@ -125,15 +137,19 @@ def cornering(car: Car, found: Simulated) -> list[Quantity]:
     twist = PER_G * car.steering_gain() * found.steady["single_track"].twist
     note = "counts as understeer where the handwheel angle is measured"
     group.add("torsion_bar_understeer", "twist of the torsion bar, at the road wheels", twist, "deg/g", note)
-    _speed_of_understeer(group, car, total)
+    _speed_of_understeer(group, car, total + twist)
     for chassis, steady in found.steady.items():
         title = f"roll gradient, simulated ({CHASSIS[chassis]})"
         group.add(f"roll_gradient_{chassis}", title, PER_G * steady.roll, "deg/g")
-    for chassis, lag in found.lag.items():
-        title = f"yaw lag at 0.2 Hz, simulated ({CHASSIS[chassis]})"
-        group.add(f"yaw_lag_{chassis}", title, 1e3 * lag, "ms", "behind the handwheel, with friction")
-    group.add("yaw_lag_linear", "yaw lag at 0.2 Hz, linear model", 1e3 * understeer.yaw_lag(car, SPEED), "ms")
-    note = "rigid body with the yaw inertia m a b, without relaxation lengths"
+    for (chassis, law), lag in found.lag.items():
+        name, note = f"yaw_lag_{chassis}", "behind the handwheel"
+        title = f"yaw lag at 0.2 Hz, simulated with friction ({CHASSIS[chassis]})"
+        if law == "none":
+            linear = understeer.yaw_lag(car, SPEED, chassis=chassis)
+            note = f"model of this chassis {number(1e3 * linear)} ms"
+            name, title = f"{name}_without_friction", title.replace("with friction", "without friction")
+        group.add(name, title, 1e3 * lag, "ms", note)
+    note = "of the cornering compliances, with the yaw inertia m a b"
     group.add("bundorf_lag", "yaw lag by Bundorf's form", 1e3 * understeer.bundorf_lag(car, SPEED), "ms", note)
     return group.found
 
@@ -141,11 +157,11 @@ def cornering(car: Car, found: Simulated) -> list[Quantity]:
 def _speed_of_understeer(group: _Group, car: Car, gradient: float) -> None:
     """The characteristic speed of a car that understeers, or the critical speed of one that oversteers."""
     wheelbase = car.chassis["front_axle"] + car.chassis["rear_axle"]
-    speed = 3.6 * math.sqrt(wheelbase / abs(gradient / PER_G))
+    speed, note = 3.6 * math.sqrt(wheelbase / abs(gradient / PER_G)), "with the twist of the torsion bar"
     if gradient > 0.0:
-        group.add("characteristic_speed", "characteristic speed", speed, "km/h")
+        group.add("characteristic_speed", "characteristic speed", speed, "km/h", note)
     else:
-        group.add("critical_speed", "critical speed, above which the car is unstable", speed, "km/h")
+        group.add("critical_speed", "critical speed, above which the car is unstable", speed, "km/h", note)
 
 
 def modes(car: Car) -> list[Quantity]:
@@ -176,6 +192,8 @@ def suspension(car: Car) -> list[Quantity]:
         toe, camber = (0.1 / DEGREE * slope[i] for slope in (slopes.toe, slopes.camber))
         group.add(f"{axle}_toe_gain", f"toe-in of a {axle} wheel by travel", toe, "deg/100 mm")
         group.add(f"{axle}_camber_gain", f"camber of a {axle} wheel by travel", camber, "deg/100 mm")
+        roll_camber = 100.0 * (1.0 + 0.5 * car.chassis[f"{axle}_track"] * slopes.camber[i])
+        group.add(f"{axle}_roll_camber", f"camber by roll, {axle}", roll_camber, "%", "inclination over roll angle")
         roll_steer = 100.0 * slopes.roll_steer[i]
         group.add(f"{axle}_roll_steer", f"roll understeer, {axle}", roll_steer, "%", "steer angle over roll angle")
         lateral = 1e3 / DEGREE * slopes.lateral_steer[i]
@@ -216,7 +234,9 @@ def steering(car: Car) -> list[Quantity]:
         for key, title, unit in (("phase_deg", "phase margin", "deg"), ("gain_db", "gain margin", "dB")):
             least = min((getattr(cell, key) for cell in cells if math.isfinite(getattr(cell, key))), default=math.nan)
             note = "" if all(cell.stable for cell in cells) else "the loop is unstable"
-            group.add(f"{key.split('_')[0]}_margin_{kph:g}", f"least {title} of the assist loop, {where}", least, unit, note)
+            group.add(
+                f"{key.split('_')[0]}_margin_{kph:g}", f"least {title} of the assist loop, {where}", least, unit, note
+            )
     return group.found
 
 

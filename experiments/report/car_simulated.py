@@ -1,5 +1,6 @@
 """What the page of a car takes from simulations of the plant: steady turns, yaw lag, parking, weave, hands off."""
 
+from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -47,8 +48,8 @@ class Simulated(NamedTuple):
     """Simulations of one car."""
 
     steady: dict[str, Steady]  # chassis
-    lags: dict[str, Array]  # chassis -> (len(SPEEDS),) time by which the yaw rate follows the handwheel [s]
-    lag: dict[str, float]  # chassis -> the same at SPEED [s]
+    lags: dict[tuple[str, str], Array]  # chassis, LAW or "none" -> (len(SPEEDS),) yaw lag [s]
+    lag: dict[tuple[str, str], float]  # the same at SPEED [s]
     parking: dict[str, vehicle.Parking]  # "assisted", "unassisted"
     weave: dict[str, Value]  # metrics
     hands_off: dict[str, HandsOff]  # chassis
@@ -92,7 +93,7 @@ def steady(car: Car, chassis: str, speed: float = SPEED) -> Steady:
     return Steady(slope, gain * column - wheelbase / v**2, slope - column, roll)
 
 
-def yaw_lag(car: Car, chassis: str, speed: float, law: Any = LAW) -> float:
+def yaw_lag(car: Car, chassis: str, law: Any, speed: float) -> float:
     """Time by which the yaw rate follows the handwheel angle in a settled cycle of the weave [s].
 
     Raises
@@ -118,10 +119,10 @@ def hands_off(car: Car, chassis: str) -> HandsOff:
     )
 
 
-def _or_nan(function: Any, *args: Any) -> Any:
-    """A value, or NaN where the car spins."""
+def _lag(car: Car, chassis: str, law: str, speed: float) -> float:
+    """The yaw lag, or NaN where the car spins [s]."""
     try:
-        return function(*args)
+        return yaw_lag(car, chassis, LAWS[law], speed)
     except ValueError:
         return np.nan
 
@@ -135,7 +136,7 @@ def simulate(car: Car) -> Simulated:
         A weave or parking that cannot be driven.
     """
     unknown = Steady(np.nan, np.nan, np.nan, np.nan)
-    found = {}
+    found, cases = {}, list(product(every_chassis(), LAWS))
     for chassis in every_chassis():
         try:
             found[chassis] = steady(car, chassis)
@@ -143,8 +144,8 @@ def simulate(car: Car) -> Simulated:
             found[chassis] = unknown
     return Simulated(
         steady=found,
-        lags={name: np.array([_or_nan(yaw_lag, car, name, v) for v in SPEEDS]) for name in every_chassis()},
-        lag={name: _or_nan(yaw_lag, car, name, SPEED) for name in every_chassis()},
+        lags={key: np.array([_lag(car, *key, v) for v in SPEEDS]) for key in cases},
+        lag={key: _lag(car, *key, SPEED) for key in cases},
         parking={state: vehicle.park(car, LAW, state == "assisted") for state in ("assisted", "unassisted")},
         weave=metrics.evaluate(manoeuvres.drive(car, manoeuvres.make("weave"), LAW)),
         hands_off={name: hands_off(car, name) for name in every_chassis()},
