@@ -50,7 +50,6 @@ class Axles(NamedTuple):
     along: NDArray  # (2,) longitudinal force that turns with the wheels [N]
     rolling_by_load: NDArray  # (2,) longitudinal force of rolling resistance over load [1]
     bore: float  # bore torque of both wheels over their turning, which is friction by the speed of rolling [N m s/rad]
-    carried: float  # static load of the front wheels less their unsprung weight [N]
     knuckle: NDArray  # (7,) work of the loads per rack travel, straight ahead, of the left wheel [1, rad/m]
     per_rack: NDArray  # (7,) change of the knuckle over rack travel [rad/m, 1/m, rad/m2]
     per_roll: NDArray  # (7,) over the roll angle of the body over the axle, at fixed rack [1, 1/rad]
@@ -86,7 +85,7 @@ class Moments(NamedTuple):
     """What the load transfer and the aligning torques add, as rows."""
 
     uneven: Pair  # yaw moment of the rolling resistance, which is larger outside [N m]
-    aligning: Pair  # aligning torque [N m]
+    aligning: Pair  # aligning torque, with the bore torque [N m]
     rack: Row  # rack force [N]
 
 
@@ -148,7 +147,6 @@ def axles(car: Car, speed: float, two_track: bool = False) -> Axles:
     height = (m_s * c["sprung_height"] + (m - m_s) * R) / m
     unsprung = np.array([c["front_unsprung_mass"], m - m_s - c["front_unsprung_mass"]])
     loads = GRAVITY * m * np.array([b, a]) / (a + b)
-    carried = float(loads[0]) - GRAVITY * float(unsprung[0])
     stiffness = 0.5 * np.array([c["front_spring"], c["rear_spring"]]) * track**2
     stiffness += [c["front_anti_roll"], c["rear_anti_roll"]]
     pressure, share = 0.5 * AIR_DENSITY * speed * speed, 1.0
@@ -156,9 +154,10 @@ def axles(car: Car, speed: float, two_track: bool = False) -> Axles:
     if two_track:
         share = car.drivetrain.front_share
         lengths = _slope(lambda s: np.asarray(car.strut.solve(0.0, s).per_travel.strut_length), 1e-4)
-        stiffness[0] += 0.25 * track[0] ** 2 * carried * float(lengths / pose.per_travel.strut_length)
+        gain = float(lengths / pose.per_travel.strut_length)
+        stiffness[0] += 0.25 * track[0] ** 2 * (loads[0] - GRAVITY * unsprung[0]) * gain
         pitched = height * drag / (a + b)
-        loads = loads + [-pitched, pitched] - pressure * np.array([c["front_lift_area"], c["rear_lift_area"]])
+        loads = loads + np.array([-pitched, pitched]) - pressure * np.array([c["front_lift_area"], c["rear_lift_area"]])
     return Axles(
         speed=speed,
         mass=m,
@@ -175,8 +174,7 @@ def axles(car: Car, speed: float, two_track: bool = False) -> Axles:
         wheel_inertia=c["wheel_inertia"],
         tyre_stiffness=car.tyre.vertical_stiffness,
         **_wheels(car, speed, 0.5 * loads, drag, share, two_track),
-        bore=2.0 * bore_friction(car).sigma_0 * BORE_RELAXATION / speed if two_track else 0.0,
-        carried=carried,
+        bore=2.0 * bore_friction(car.tyre).sigma_0 * BORE_RELAXATION / speed if two_track else 0.0,
         knuckle=_knuckle(car, 0.0, 0.0),
         per_rack=_slope(lambda s: _knuckle(car, s, 0.0), 1e-4),
         # Rolling to the right lowers the left wheel in its arch.
@@ -254,11 +252,12 @@ def moments(k: Axles, x: Lateral, roll: Roll, tie_rods: Row, transfer: Pair, tur
     F_y, M_x, M_z = x.tyres[0]
     M_z = M_z - k.bore * turning[0]
     work = k.knuckle[_F_Y] * F_y + k.knuckle[_M_X] * M_x + k.knuckle[_M_Z] * M_z
-    for at, load in ((_F_X, k.along[0]), (_F_Z, k.carried)):
+    for at, load in ((_F_X, k.along[0]), (_F_Z, k.loads[0] - GRAVITY * k.unsprung[0])):
         work = work + load * (k.per_rack[at] * tie_rods + k.per_roll[at] * roll.front)
     work = work - 2.0 * (k.knuckle[_F_Z] + k.knuckle[_F_X] * k.rolling_by_load[0]) * transfer[0]
     uneven = k.track * k.rolling_by_load
-    return Moments((uneven[0] * transfer[0], uneven[1] * transfer[1]), (M_z, x.tyres[1][2] - k.bore * turning[1]), -work)  # (L8)
+    aligning = M_z, x.tyres[1][2] - k.bore * turning[1]
+    return Moments((uneven[0] * transfer[0], uneven[1] * transfer[1]), aligning, -work)  # (L8)
 
 
 class Steady(NamedTuple):
@@ -302,5 +301,3 @@ def steady(k: Axles, two_track: bool, compliance: bool = True, rolls: bool = Tru
     M = moments(k, x, roll, tie_rods, transfer, (A / k.speed, A / k.speed))
     bent = M.rack - k.rack_stiffness * deflection if compliance else deflection
     return Steady((slip_f, slip_r), deflection, tie_rods, roll, A, delta, x, M, np.array([bent, *balance]))
-
-

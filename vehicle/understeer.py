@@ -86,7 +86,7 @@ def cornering_terms(car: Car, speed: float, chassis: str = "single_track") -> di
     steered = k.per_rack[1] * tie_rods
     along = uneven @ turn * own[1] - k.along * steer / (C_f, C_r)
     # (L11)
-    return {
+    terms = {
         "load and tyres": (m * own[0, 0], m * own[0, 1]),
         "aligning torque": (aligning @ turn * own[1, 0], aligning @ turn * own[1, 1]),
         "steering compliance": (k.per_rack[0] * bent, 0.0),
@@ -98,6 +98,7 @@ def cornering_terms(car: Car, speed: float, chassis: str = "single_track") -> di
         "rear lateral compliance": (0.0, -k.rear_compliance * (x.tyres[1][0] @ turn)),
         "drive and rolling resistance": (along[0], along[1]),
     }
+    return {cause: (float(front), float(rear)) for cause, (front, rear) in terms.items()}
 
 
 def budget(car: Car, speed: float, chassis: str = "single_track") -> dict[str, float]:
@@ -106,7 +107,8 @@ def budget(car: Car, speed: float, chassis: str = "single_track") -> dict[str, f
     The road-wheel angle is that of the rack: that of the handwheel without the twist of the torsion bar, over the
     steering ratio. Parameters and errors are those of :func:`cornering_terms`.
     """
-    return {cause: float(front - rear) for cause, (front, rear) in cornering_terms(car, speed, chassis).items()}
+    # (L12)
+    return {cause: front - rear for cause, (front, rear) in cornering_terms(car, speed, chassis).items()}
 
 
 def cornering_compliances(car: Car, speed: float, chassis: str = "single_track") -> tuple[float, float]:
@@ -116,7 +118,7 @@ def cornering_compliances(car: Car, speed: float, chassis: str = "single_track")
     gradient. Parameters and errors are those of :func:`cornering_terms`.
     """
     front, rear = zip(*cornering_terms(car, speed, chassis).values())
-    return float(sum(front)), float(sum(rear))
+    return sum(front), sum(rear)  # (L12)
 
 
 def bundorf_lag(car: Car, speed: float, chassis: str = "single_track") -> float:
@@ -158,12 +160,12 @@ def response(car: Car, speed: float, chassis: str = "single_track", torque: floa
     z = dict(zip((*states, "hand"), np.eye(len(states) + 1)))
     phi, hand, angle, deflection = z["roll_angle"], z["hand"], z["column_angle"], z["compliance_travel"]
     slip, tie_rods = (z["slip_front"], z["slip_rear"]), radius * angle - deflection
-    roll = Roll(phi, z.get("front_roll", phi), z.get("rear_roll", phi))
+    roll = Roll(phi, z["front_roll"], z["rear_roll"]) if two_track else Roll(phi, phi, phi)
     x = linear_axles.lateral(k, slip, roll, tie_rods)
+    # The damping of the bar would need the handwheel speed; the state is the column speed less C_tb/I2 hand.
+    column_speed = z["column_speed"] = z["column_speed_less_hand"] + column.C_tb / column.I2 * hand
     body, M, contact = (_roll_on_tyres if two_track else _roll_about_axis)(k, car, v, z, x, roll, tie_rods)
     gain, damping = boost_gain(car.assist, torque, v), boost_curve(car.assist, 0.0, v)[1]
-    # The damping of the bar would need the handwheel speed; the state is the column speed less C_tb/I2 hand.
-    column_speed = z["column_speed_less_hand"] + column.C_tb / column.I2 * hand
     on_column = (1.0 + gain) * column.K_tb * (hand - angle) - radius * M.rack
     on_column = on_column - (column.C2 + column.C_tb + damping) * column_speed
     # (L14)
@@ -206,12 +208,12 @@ def _roll_on_tyres(
     rate, v_y, r = (z[name] for name in ("roll_rate", "lateral_speed", "yaw_rate"))
     c, spin = car.chassis, 4.0 * k.wheel_inertia * v / k.radius  # angular momentum of the wheels
     transfer = linear_axles.transfer_on_tyres(k, roll)
-    rack_rate = car.steering["pinion_radius"] * column_speed
-    M = linear_axles.moments(k, x, roll, tie_rods, transfer, (r + k.steer_rate * rack_rate, r))
+    steering = k.knuckle[-1] * car.steering["pinion_radius"] * z["column_speed"]  # of the knuckle, about z
+    M = linear_axles.moments(k, x, roll, tie_rods, transfer, (r + steering, r))
     whole, axles = linear_axles.roll_on_tyres(k, x, roll, transfer)
     rates_of_axles = z["front_roll_rate"], z["rear_roll_rate"]
     axles = [axles[i] + k.roll_damping[i] * rates_of_axles[i] for i in (0, 1)]
-    on_body = whole + spin * r - axles[0] - axles[1]
+    on_body = whole + spin * r - axles[0] - axles[1]  # (L15)
     yaw = k.arms @ np.array(x.Y) + sum(M.aligning) + sum(M.uneven) - spin * rate
     # Inertia of a body with its unsprung masses at its centre of gravity, which moves them up and down.
     sprung, up, down = c["sprung_mass"], c["sprung_height"] - k.height, k.radius - k.height
