@@ -151,8 +151,8 @@ class Pulse(NamedTuple):
 
     @property
     def residual(self) -> float:
-        """Mean yaw rate over the last 2 s, on which dry friction keeps the steering [rad/s]."""
-        return float(self.record[-round(WINDOW / SAMPLE_TIME) :, CHANNEL["yaw_rate"]].mean())
+        """Mean yaw rate over the last 2 s, at which dry friction holds the car; NaN after a spin [rad/s]."""
+        return math.nan if self.lost else float(self.record[-round(WINDOW / SAMPLE_TIME) :, CHANNEL["yaw_rate"]].mean())
 
     @property
     def decays(self) -> bool:
@@ -202,18 +202,18 @@ def pulse(p: Plant, torque: float = 3.0, duration: float = 0.3, time: float = 10
     inputs[:hands, HAND] = number("torque", torque, minimum=-100.0, maximum=100.0)
     names = {name: i for i, (name, _) in enumerate(plant.channels(p))}
     record, start = np.zeros((len(inputs), len(names))), plant.initial_state(p)
-    plant.run(p, start, inputs, record, substeps)
-    finite = np.isfinite(record).all(axis=1)
-    record = record[: len(record) if finite.all() else int(np.argmin(finite))]
+    fine = plant.run(p, start, inputs, record, substeps)
+    bad = np.flatnonzero(~np.isfinite(record).all(axis=1))
+    record = record[: bad[0] if bad.size else None]
     forward = record[:, names["longitudinal_speed"]] if "longitudinal_speed" in names else p.chassis.v_x
     sideslip = float(np.abs(np.arctan2(record[:, CHANNEL["lateral_speed"]], forward)).max(initial=0.0))
     loads = record[:, [CHANNEL[f"wheel_load_{wheel}"] for wheel in WHEELS]]
     lost = "sideslip" if sideslip > SPIN_SIDESLIP else "wheel lift" if (loads <= 0.0).any() else ""
-    lost = lost or ("" if finite.all() else "non-finite")
+    lost = lost or ("" if fine else "non-finite")
     window = round(WINDOW / SAMPLE_TIME)
     count = (free - round(FREE_TIME / SAMPLE_TIME)) // window + 1
     parts = np.split(record[-count * window :, CHANNEL["yaw_rate"]], count) if not lost else []
-    amplitudes = np.array([0.5 * np.ptp(part) for part in parts] or [math.inf])
+    amplitudes = np.array([0.5 * float(np.ptp(part)) for part in parts] or [math.inf])
     return Pulse(record, lost, sideslip, amplitudes)
 
 

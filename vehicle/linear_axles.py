@@ -23,7 +23,9 @@ Row = NDArray[np.float64]  # (n,) over a basis
 Pair = tuple[Row, Row]  # front and rear
 # Coefficients of the magic formula that a factor on the cornering stiffness multiplies; the trail stays.
 _STIFFNESS = ("PKY1", "QBZ1", "QBZ2", "QBZ3", "QBZ9")
-_STEER, _LEAN, _F_X, _F_Y, _F_Z, _M_X, _M_Z = range(7)  # of a knuckle: angles, then the work of the loads per rack
+_STEER, _LEAN, _F_X, _F_Y, _F_Z, _M_X, _M_Z, _F_Z_CENTRE = range(
+    8
+)  # of a knuckle: angles, then the work of the loads per rack
 _FORCES = (1, 2, 4)  # F_y, M_x, M_z among the results of a tyre
 
 
@@ -36,6 +38,7 @@ class Axles(NamedTuple):
     roll_inertia: float  # about the roll axis [kg m2]
     roll_stiffness: NDArray  # (2,) [N m/rad]
     roll_damping: NDArray  # (2,) [N m s/rad]
+    anti_roll: float  # stiffness of the front anti-roll bar [N m/rad]
     roll_centres: NDArray  # (2,) height [m]
     unsprung: NDArray  # (2,) unsprung mass [kg]
     track: NDArray  # (2,) [m]
@@ -50,9 +53,9 @@ class Axles(NamedTuple):
     along: NDArray  # (2,) longitudinal force that turns with the wheels [N]
     rolling_by_load: NDArray  # (2,) longitudinal force of rolling resistance over load [1]
     bore: float  # bore torque of both wheels over their turning, which is friction by the speed of rolling [N m s/rad]
-    knuckle: NDArray  # (7,) work of the loads per rack travel, straight ahead, of the left wheel [1, rad/m]
-    per_rack: NDArray  # (7,) change of the knuckle over rack travel [rad/m, 1/m, rad/m2]
-    per_roll: NDArray  # (7,) over the roll angle of the body over the axle, at fixed rack [1, 1/rad]
+    knuckle: NDArray  # (8,) work of the loads per rack travel, straight ahead, of the left wheel [1, rad/m]
+    per_rack: NDArray  # (8,) change of the knuckle over rack travel [rad/m, 1/m, rad/m2]
+    per_roll: NDArray  # (8,) over the roll angle of the body over the axle, at fixed rack [1, 1/rad]
     rear_roll_steer: float  # rear steer angle over that roll angle [1]
     rear_roll_lean: float  # inclination of the rear wheels to the body over it [1]
     rear_compliance: float  # rear steer angle over lateral force of the axle [rad/N]
@@ -125,10 +128,12 @@ def _wheels(car: Car, speed: float, loads: NDArray, drag: float, front_share: fl
 
 
 def _knuckle(car: Car, rack: float, travel: float) -> NDArray:
-    """Steer angle and inclination of the left front wheel, and work of F_x at the centre, F_y, F_z, M_x, M_z (7,)."""
+    """Steer angle and inclination of the left front wheel, and work of F_x at the centre, F_y, F_z, M_x, M_z and
+    F_z at the centre (8,)."""
     pose = car.strut.solve(rack, travel)
     work = load_coefficients(pose)
-    values = (pose.steer_angle, pose.inclination, work.F_x_centre, work.F_y, work.F_z, work.M_x, work.M_z)
+    forces = (work.F_x_centre, work.F_y, work.F_z, work.M_x, work.M_z, work.F_z_centre)
+    values = (pose.steer_angle, pose.inclination, *forces)
     return np.array([float(np.asarray(value)) for value in values])
 
 
@@ -165,6 +170,7 @@ def axles(car: Car, speed: float, two_track: bool = False) -> Axles:
         roll_inertia=c["roll_inertia"] + m_s * h * h,
         roll_stiffness=stiffness,
         roll_damping=0.5 * np.array([c["front_damper"], c["rear_damper"]]) * track**2,
+        anti_roll=c["front_anti_roll"],
         roll_centres=centres,
         unsprung=unsprung,
         track=track,
@@ -252,9 +258,11 @@ def moments(k: Axles, x: Lateral, roll: Roll, tie_rods: Row, transfer: Pair, tur
     F_y, M_x, M_z = x.tyres[0]
     M_z = M_z - k.bore * turning[0]
     work = k.knuckle[_F_Y] * F_y + k.knuckle[_M_X] * M_x + k.knuckle[_M_Z] * M_z
-    for at, load in ((_F_X, k.along[0]), (_F_Z, k.loads[0] - GRAVITY * k.unsprung[0])):
+    # The strut holds neither the unsprung mass nor the anti-roll bar (S9).
+    for at, load in ((_F_X, k.along[0]), (_F_Z, k.loads[0]), (_F_Z_CENTRE, -GRAVITY * k.unsprung[0])):
         work = work + load * (k.per_rack[at] * tie_rods + k.per_roll[at] * roll.front)
     work = work - 2.0 * (k.knuckle[_F_Z] + k.knuckle[_F_X] * k.rolling_by_load[0]) * transfer[0]
+    work = work + 2.0 * k.anti_roll / k.track[0] * k.knuckle[_F_Z_CENTRE] * roll.front
     uneven = k.track * k.rolling_by_load
     aligning = M_z, x.tyres[1][2] - k.bore * turning[1]
     return Moments((uneven[0] * transfer[0], uneven[1] * transfer[1]), aligning, -work)  # (L8)

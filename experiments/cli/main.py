@@ -2,7 +2,7 @@
 
 Each command is one file in this folder with ``add(commands, common)``, found by its name. The modules of the commands
 import what is slow to import inside the functions that run, so that ``--help`` answers at once. A bad value ends in one
-line on standard error and exit code 2, never in a traceback.
+line on standard error and exit code 2, never in a traceback; a warning is one line there, too.
 """
 
 import argparse
@@ -11,7 +11,9 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Sequence
+import warnings
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from importlib import metadata
 from pathlib import Path
 from typing import Any, NoReturn
@@ -74,6 +76,22 @@ def _underscored(text: str) -> str:
     return WITH_UNIT.get(name, name) + equals + value
 
 
+@contextmanager
+def _warnings_in_one_line(command: str) -> Iterator[None]:
+    """Show a warning that is meant for users as one line on standard error, without the place in the code."""
+    with warnings.catch_warnings():
+        show = warnings.showwarning
+
+        def one_line(message: Warning | str, category: type[Warning], *place: Any, **more: Any) -> None:
+            if issubclass(category, UserWarning):
+                print(f"steer-env {command}: warning: {message}", file=sys.stderr)
+            else:
+                show(message, category, *place, **more)
+
+        warnings.showwarning = one_line
+        yield
+
+
 def _run(argv: Sequence[str]) -> int:
     """Run a command; its exit code."""
     argv = [_underscored(text) for text in argv]
@@ -83,7 +101,8 @@ def _run(argv: Sequence[str]) -> int:
         # SIGTERM is handled as Ctrl-C is: the workers stop and no file stays half-written.
         signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
-        return args.function(args) or 0
+        with _warnings_in_one_line(args.command):
+            return args.function(args) or 0
     except BrokenPipeError:
         raise
     except (ValueError, OSError) as error:

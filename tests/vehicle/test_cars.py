@@ -119,7 +119,7 @@ TOML = """base = "compact"
 description = "heavier"
 
 [chassis]
-mass = 1300.0
+mass = 1240.0
 roll_inertia = 260
 
 [column]
@@ -135,7 +135,7 @@ def written(path, text):
 def test_car_from_a_file(tmp_path):
     car = cars.load(written(tmp_path / "mine.toml", TOML))
     assert (car.name, car.description) == ("mine", "heavier")
-    assert car.chassis == {**CAR.chassis, "mass": 1300.0, "roll_inertia": 260.0}
+    assert car.chassis == {**CAR.chassis, "mass": 1240.0, "roll_inertia": 260.0}
     assert car.column == CAR.column._replace(K_tb=140.0)
     whole = cars.load(str(written(tmp_path / "whole.json", json.dumps(DATA))))
     assert whole.chassis == CAR.chassis
@@ -145,26 +145,25 @@ def test_car_from_a_file(tmp_path):
     ("old", "new", "message"),
     [
         (
-            "mass = 1300.0",
+            "mass = 1240.0",
             "mass = -1.0",
             ":5: chassis.mass must be finite and at least 100 and at most 10000, got -1.0",
         ),
-        ("mass = 1300.0", "mass = 'much'", ":5: chassis.mass must be a number, got 'much'"),
-        ("mass = 1300.0", "wheels = 4", ":5: chassis has no key 'wheels'; it takes: mass, "),
-        ("K_tb = 140.0", "K_tb = 0.0", ":9: K_tb must be finite and greater than 0, got 0.0"),
+        ("mass = 1240.0", "mass = 'much'", ":5: chassis.mass must be a number, got 'much'"),
+        ("mass = 1240.0", "wheels = 4", ":5: chassis has no key 'wheels'; it takes: mass, "),
+        ("K_tb = 140.0", "K_tb = 0.0", ":9: column.K_tb must be finite and greater than 0, got 0.0"),
         ("K_tb = 140.0", "K_tb = = 0.0", ": Invalid value (at line 9, column 8)"),
         ('base = "compact"', 'base = "tram"', ":1: base must be one of bmw_320i, "),
         ('base = "compact"', 'bass = "compact"', ":1: car has no key 'bass'; it takes: "),
         ('base = "compact"', "", ": car lacks name, source, "),
-        ("heavier", 'heavier"\ntyre = "none.tir', "none.tir"),
+        ("heavier", 'heavier"\ntyre = "none.tir', ":3: tyre file {folder}/none.tir: No such file or directory"),
     ],
 )
 def test_bad_file(tmp_path, old, new, message):
     path = written(tmp_path / "bad.toml", TOML.replace(old, new))
-    with pytest.raises((ValueError, OSError)) as caught:
+    with pytest.raises(ValueError) as caught:  # noqa: PT011, the whole message is compared
         cars.load(path)
-    assert str(path) in str(caught.value) or message == "none.tir"
-    assert message in str(caught.value)
+    assert str(caught.value).startswith(f"{path}{message.format(folder=tmp_path)}")
 
 
 def test_cornering_stiffness_factors_are_one_where_a_file_lacks_them():
@@ -205,16 +204,26 @@ def test_sections_of_column_and_assist_take_part_of_the_keys():
             changed("chassis", front_damper=-1.0),
             "chassis.front_damper must be finite and at least 0 and at most 12000, got -1.0",
         ),
-        (changed("chassis", sprung_mass=1200.0), "chassis.mass must exceed sprung_mass"),
         (changed("chassis", front_track=1390.0), "chassis.front_track must be finite and at least 0.5 "),
         (changed("chassis", mass="1225.9"), "chassis.mass must be a number, got '1225.9'"),
         (changed("chassis", mass=True), "chassis.mass must be a number, got True"),
-        (changed("chassis", mass=1400.0), "chassis.mass leaves the rear axle an unsprung mass of 239.8 kg"),
         (changed(None, assumed=["luck"]), "assumed names 'luck', which is neither"),
         (changed("steering", pinion_radius=0.0), "steering.pinion_radius must be finite and greater than 0"),
         (changed("steering", friction_load=-0.1), "steering.friction_load must be finite and at least 0"),
-        (changed("column", I2=0.0), "I2 must be finite and greater than 0"),
-        (changed("assist", bandwidth=-5.0), "bandwidth must be finite and greater than 0"),
+        (changed("column", I2=0.0), "column.I2 must be finite and greater than 0"),
+        (changed("column", K_tb="130"), "column.K_tb must hold numbers only, got '130'"),
+        (changed("column", K_tb=True), "column.K_tb must hold numbers only, got True"),
+        (
+            changed("assist", boost=[[0.0, 1.0], [0.0]]),
+            "assist.boost must hold numbers, in rows of one length, got [[0.0,",
+        ),
+        (changed("assist", damping=[3.0, "two"]), "assist.damping must hold numbers only, got 'two'"),
+        (changed("drivetrain", ratios=[[3.0, 2.0], [1.0]]), "drivetrain.ratios must be a one-dimensional array"),
+        (changed(None, tyre=3), "tyre must be text, got 3"),
+        (changed(None, strut=["s1"]), "strut must be text, got ['s1']"),
+        (changed(None, assumed="mass"), "assumed must be a list of keys, got 'mass'"),
+        (changed(None, assumed=[["mass"]]), "assumed must be a list of keys, got [['mass']]"),
+        (changed("assist", bandwidth=-5.0), "assist.bandwidth must be finite and greater than 0"),
         (changed(None, tyre="slick"), "tyre must be "),
         (changed(None, strut="s2"), "no strut named 's2'; packaged: s1"),
         ("compact", "car must hold keys and values, got 'compact'"),

@@ -89,6 +89,12 @@ def test_verdicts_are_those_of_half_the_step(chassis, speed, verdict):
             assert found.residual == pytest.approx(np.radians(yaw[-2000:].mean()))
 
 
+def test_a_non_finite_motion_counts_as_a_spin():
+    found = free_control.pulse(CAR.plant()._replace(pinion_radius=math.nan))
+    assert (found.verdict, found.lost, len(found.record)) == ("spins", "non-finite", 0)
+    assert math.isnan(found.residual)
+
+
 def test_verdicts_of_made_up_motions():
     """Falling and small settles; falling decays; small but growing oscillates, unless it is at rest; lost spins."""
 

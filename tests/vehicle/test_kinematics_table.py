@@ -60,14 +60,14 @@ def test_right_is_the_mirror_of_left_to_the_last_bit(rack, travel):
 
 @given(RACK, TRAVEL, TRAVEL)
 def test_rack_force_equals_suspension(rack, travel_left, travel_right):
-    load = (900.0, -700.0, 2500.0, 3700.0, 80.0, -60.0)
-    full = WheelLoad(*load[:5], 0.0, load[5])
-    left, right = STRUT.solve_pair(rack, travel_left, travel_right)
-    force_left = kinematics_table.rack_force(kinematics_table.left(MAP, rack, travel_left), *load)
-    force_right = kinematics_table.rack_force(kinematics_table.right(MAP, rack, travel_right), *load)
-    # 1e-5 of what these loads exert together, some 10 kN
-    assert force_left == pytest.approx(float(rack_force(left, full)), abs=0.1)
-    assert force_right == pytest.approx(float(rack_force(right, full)), abs=0.1)
+    F_x_contact, F_x_centre, F_y, F_z, M_x, M_z, weight = 900.0, -700.0, 2500.0, 3700.0, 80.0, -60.0, 400.0
+    full = WheelLoad(F_x_contact, F_x_centre, F_y, F_z, M_x, 0.0, M_z, -weight)
+    knuckles = kinematics_table.left(MAP, rack, travel_left), kinematics_table.right(MAP, rack, travel_right)
+    for k, pose in zip(knuckles, STRUT.solve_pair(rack, travel_left, travel_right)):
+        moment = M_x + kinematics_table.overturning(k, STRUT.loaded_radius, weight)
+        force = kinematics_table.rack_force(k, F_x_contact, F_x_centre, F_y, F_z - weight, moment, M_z)
+        # 1e-5 of what these loads exert together, some 10 kN
+        assert force == pytest.approx(float(rack_force(pose, full)), abs=0.1)
 
 
 def test_straight_running_cancels_exactly():

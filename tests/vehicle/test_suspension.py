@@ -23,7 +23,7 @@ POSITIONS = ("wheel_centre", "contact", "lower_ball_joint", "tie_rod_outer", "ti
 
 def random_cases(count, seed=0):
     rng = np.random.default_rng(seed)
-    load = WheelLoad(*(rng.uniform(-1, 1, (7, count)).T * [3e3, 3e3, 4e3, 6e3, 200, 500, 150]).T)
+    load = WheelLoad(*(rng.uniform(-1, 1, (8, count)).T * [3e3, 3e3, 4e3, 6e3, 200, 500, 150, 500]).T)
     return rng.uniform(-0.075, 0.075, count), rng.uniform(-0.08, 0.08, count), load
 
 
@@ -152,7 +152,7 @@ def statics(points, rack_direction, pose, load):
     c, s = np.cos(pose.steer_angle), np.sin(pose.steer_angle)
     axes = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
     contact = axes @ [load.F_x_contact, load.F_y, load.F_z]
-    centre = axes @ [load.F_x_centre, 0.0, 0.0]
+    centre = axes @ [load.F_x_centre, 0.0, load.F_z_centre]
     moment = axes @ [load.M_x, load.M_y, load.M_z]
     given = np.concatenate(
         [contact + centre, np.cross(pose.contact, contact) + np.cross(pose.wheel_centre, centre) + moment]
@@ -232,7 +232,7 @@ def test_brake_acts_on_the_scrub_and_drive_on_the_lever_at_the_wheel_centre():
 @given(RACK, TRAVEL, TRAVEL)
 def test_mirrored_car_has_the_opposite_rack_force(rack, travel_left, travel_right):
     _, _, load = random_cases(2)
-    sign = WheelLoad(1, 1, -1, 1, -1, 1, -1)
+    sign = WheelLoad(1, 1, -1, 1, -1, 1, -1, 1)
     left, right = (WheelLoad(*(float(channel[k]) for channel in load)) for k in (0, 1))
     mirrored_left, mirrored_right = (WheelLoad(*(s * f for s, f in zip(sign, wheel))) for wheel in (right, left))
     one, two = STRUT.solve_pair(rack, travel_left, travel_right)

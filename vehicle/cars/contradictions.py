@@ -38,8 +38,8 @@ def check(car: "Car") -> None:
 def _require(name: str, value: float, unit: str, why: str, above: float = 0.0, below: float = math.inf) -> None:
     """ValueError unless ``above < value < below``, with the other keys and the reason in ``why``."""
     if not above < value < below:
-        limits = [f"above {above:.6g}"] + [f"below {below:.6g}"] * (below < math.inf)
-        raise ValueError(f"{name} must be {' and '.join(limits)} {unit} ({why}), got {value:g}")
+        limits = f"above {above:.6g}" + (f" and below {below:.6g}" if below < math.inf else "")
+        raise ValueError(f"{name} must be {limits} {unit} ({why}), got {value:g}")
 
 
 def _rear_unsprung(c: dict[str, float]) -> float:

@@ -49,7 +49,7 @@ def from_data(data: dict[str, Any]) -> Car:
     """
     car = _checked(data)
     for text in plausible.unusual(car):
-        plausible.warn_once(f"car {car.name}: {text}")
+        plausible.warn_once(f"car {car.name}: {text}", stacklevel=2)
     return car
 
 
@@ -166,7 +166,7 @@ def _from_file(path: Path) -> Car:
     except ValueError as error:
         raise ValueError(f"{path}:{_line(text, str(error))} {error}") from None
     for message in plausible.unusual(car):
-        plausible.warn_once(f"{path}:{_line(text, message)} {message}")
+        plausible.warn_once(f"{path}:{_line(text, message)} {message}", stacklevel=3)
     return car
 
 

@@ -85,6 +85,12 @@ _LIMITS = {
 }
 
 
+def limits(key: str) -> tuple[float, float, bool]:
+    """Least and greatest value of a key of ``chassis`` or ``steering`` [SI], and whether the least is excluded."""
+    low, high = _LIMITS.get(key, (-math.inf if key in _SIGNED else 0.0, math.inf))
+    return low, high, low == 0.0 and key not in _MAY_BE_ZERO
+
+
 def require_known(where: str, given: Any, allowed: Iterable[str]) -> None:
     """Raise ValueError for a section that is no mapping or has a key that is not allowed."""
     if not isinstance(given, dict):
@@ -114,10 +120,7 @@ def numbers(
     require(where, given, allowed, (*optional, *defaults))
     checked = dict(defaults)
     for key, value in given.items():
-        low, high = _LIMITS.get(key, (0.0, math.inf))
-        if key in _SIGNED:
-            low = -math.inf
-        above = low == 0.0 and key not in _MAY_BE_ZERO
+        low, high, above = limits(key)
         if isinstance(value, str | bool):  # float() takes them
             raise ValueError(f"{where}.{key} must be a number, got {value!r}")
         checked[key] = number(f"{where}.{key}", value, minimum=low, maximum=high, above=above)

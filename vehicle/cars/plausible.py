@@ -149,7 +149,7 @@ USUAL: tuple[Quantity, ...] = (
     Quantity("share of the weight on the front axle", _AXLES, "1", _front_share, 0.35, 0.65),
     Quantity("share of the unsprung masses", "sprung_mass, mass", "1", _unsprung_share, 0.05, 0.20),
     Quantity(
-        "dynamic index k^2/(a b) of yaw", f"yaw_inertia, mass, {_AXLES}", "1", _dynamic_index, 0.7, 1.2, PUBLISHED
+        "dynamic index k^2/(a b) of yaw", f"yaw_inertia, mass, {_AXLES}", "1", _dynamic_index, 0.65, 1.2, PUBLISHED
     ),
     Quantity("roll gradient", _ROLL, "deg/g", _roll_gradient, 1.5, 10.0, MILLIKEN),
     _of("chassis", "sprung_height", "m", 0.4, 1.0),
@@ -193,8 +193,8 @@ def unusual(car: "Car") -> list[str]:
 _TOLD: set[str] = set()
 
 
-def warn_once(text: str) -> None:
-    """Warn of an unusual car (:class:`UnusualCar`), each text once in a process."""
+def warn_once(text: str, stacklevel: int) -> None:
+    """Warn of an unusual car (:class:`UnusualCar`), each text once in a process; ``stacklevel`` as for the caller."""
     if text not in _TOLD:
         _TOLD.add(text)
-        warnings.warn(text, UnusualCar, stacklevel=4)
+        warnings.warn(text, UnusualCar, stacklevel=stacklevel + 1)

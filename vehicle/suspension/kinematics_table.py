@@ -218,6 +218,16 @@ def right(m, rack, travel):
 
 
 @kernel
+def overturning(k, loaded_radius, F):
+    """Moment about the heading axis by which a force ``F``, down at the wheel centre, differs from one at the contact.
+
+    With this moment in ``M_x`` and ``F`` taken off ``F_z``, :func:`rack_force` needs no lever of the wheel centre.
+    """
+    g = k.inclination
+    return loaded_radius * (g - g * g * g * (1.0 / 6.0)) * F  # (S7); the sine to 1e-6
+
+
+@kernel
 def rack_force(k, F_x_contact, F_x_centre, F_y, F_z, M_x, M_z):
     """Rack force of one wheel [N], positive where it resists a left turn (S7); loads as in ``suspension.WheelLoad``."""
     # (S7)

@@ -61,7 +61,8 @@ class WheelLoad(NamedTuple):
     x is along the heading in the road plane, y left, z up; floats or arrays (...). A longitudinal force acts at the
     contact if a brake on the knuckle holds the wheel against it, and at the wheel centre if the drive shaft holds it or
     nothing does (rolling resistance). ``M_y`` reaches the knuckle through the brake only; for a rolling wheel it is
-    zero here.
+    zero here. The weight of the unsprung mass and the forces of anti-roll bar and bump stop, which act along the
+    travel, are a negative ``F_z_centre``.
     """
 
     F_x_contact: ArrayLike = 0.0  # [N]
@@ -71,6 +72,7 @@ class WheelLoad(NamedTuple):
     M_x: ArrayLike = 0.0  # [N m]
     M_y: ArrayLike = 0.0  # [N m]
     M_z: ArrayLike = 0.0  # [N m]
+    F_z_centre: ArrayLike = 0.0  # at the wheel centre: what else pushes the wheel up or, negative, down [N]
 
 
 def load_coefficients(pose: Pose) -> WheelLoad:
@@ -80,7 +82,7 @@ def load_coefficients(pose: Pose) -> WheelLoad:
     back = np.exp(-1j * pose.steer_angle)
     centre, contact, turn = (back * (v[..., 0] + 1j * v[..., 1]) for v in motion[:3])
     forces = (contact.real, centre.real, contact.imag, motion.contact[..., 2])
-    return WheelLoad(*forces, turn.real, turn.imag, motion.rotation[..., 2])
+    return WheelLoad(*forces, turn.real, turn.imag, motion.rotation[..., 2], motion.wheel_centre[..., 2])
 
 
 def rack_force(pose: Pose, load: WheelLoad) -> Array:
@@ -90,7 +92,8 @@ def rack_force(pose: Pose, load: WheelLoad) -> Array:
     as the wheel steers, and its spring, which carries the wheel load along the inclined axis, does work too. Omitting
     that work loses the self-centring effect of the wheel load (strut S1, 3.7 kN for each wheel, 30 mm of rack: -43.5 N
     instead of +269.9 N). The balance in the travel direction eliminates the spring and gives the sum above:
-    d/drack = d/drack|travel - d/dtravel (dl/drack)/(dl/dtravel).
+    d/drack = d/drack|travel - d/dtravel (dl/drack)/(dl/dtravel). The sum is over all loads that this balance contains:
+    the weight of the unsprung mass and the force of the anti-roll bar rest on the wheel, not on the strut.
 
     Parameters
     ----------

@@ -104,8 +104,13 @@ def tyre_forces(p, c, left, right, loads, x):
     Fx_fr += 0.5 * x[DRIVE_FORCE] + My_fr / p.R_w
     Fx_rl += My_rl / p.R_w
     Fx_rr += My_rr / p.R_w
-    rack = kinematics_table.rack_force(left, 0.0, Fx_fl, Fy_fl, loads.fl, Mx_fl, Mz_fl)
-    rack += kinematics_table.rack_force(right, 0.0, Fx_fr, Fy_fr, loads.fr, Mx_fr, Mz_fr)
+    # The unsprung mass and the anti-roll bar push on the wheels past the struts.
+    weight, bar = 0.5 * GRAVITY * p.m_uf, p.B_f * phi
+    past_l, past_r = weight - bar, weight + bar  # (S9)
+    Mx_fl += kinematics_table.overturning(left, p.R_w, past_l)
+    Mx_fr += kinematics_table.overturning(right, p.R_w, past_r)
+    rack = kinematics_table.rack_force(left, 0.0, Fx_fl, Fy_fl, loads.fl - past_l, Mx_fl, Mz_fl)
+    rack += kinematics_table.rack_force(right, 0.0, Fx_fr, Fy_fr, loads.fr - past_r, Mx_fr, Mz_fr)
     c_l, s_l = math.cos(left.steer_angle), math.sin(left.steer_angle)
     c_r, s_r = math.cos(right.steer_angle), math.sin(right.steer_angle)
     steer_rl = p.roll_steer_r * phi + p.compliance_steer_r * Fy_rl  # (V13)

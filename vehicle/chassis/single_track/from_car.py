@@ -44,6 +44,7 @@ def from_car(car: "Car", v_x: float, mu: float, road: Any) -> SingleTrack:
         # (V11)
         K_f=0.5 * c["front_spring"] * c["front_track"] ** 2 + c["front_anti_roll"],
         K_r=0.5 * c["rear_spring"] * c["rear_track"] ** 2 + c["rear_anti_roll"],
+        B_f=c["front_anti_roll"] / c["front_track"],
         C_f=0.5 * c["front_damper"] * c["front_track"] ** 2,
         C_r=0.5 * c["rear_damper"] * c["rear_track"] ** 2,
         h_f=roll_centre,

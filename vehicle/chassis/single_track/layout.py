@@ -59,6 +59,7 @@ class SingleTrack(NamedTuple):
     t_r: float  # rear track [m]
     K_f: float  # roll stiffness of the front axle [N m/rad]
     K_r: float  # of the rear axle [N m/rad]
+    B_f: float  # front anti-roll bar: force on each wheel over the roll angle [N/rad]
     C_f: float  # roll damping of the front axle [N m s/rad]
     C_r: float  # of the rear axle [N m s/rad]
     h_f: float  # front roll-centre height [m]

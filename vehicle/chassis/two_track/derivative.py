@@ -71,8 +71,8 @@ def derivative(p, strut, c, x, rack, rack_rate, u, dx, out):
     slip_rates(d, c, forces, ground.F_z, slip, x, dx)
 
     torques = wheel_torques(d, axles, forces, omega)
-    force = rack_force(d, wheels.knuckle, ground, forces, torques)
-    forces_on_body(d, frame, x, wheels, ground, slip, forces, torques, out)
+    lifting = forces_on_body(d, frame, x, wheels, ground, slip, forces, torques, out)
+    force = rack_force(d, wheels, ground, forces, torques, lifting)
     engine = wheel_accelerations(p, x, torques, dx, out)
 
     total = external_load(d, frame, body, u, ground.F_z, engine, out)

@@ -27,7 +27,8 @@ class Carriers(NamedTuple):
     contact_y: float  # displacement of the contact point to the left per travel [1]
     camber_gain: float  # inclination per travel [rad/m]
     pitch_gain: float  # pitch angle of the carrier per travel [rad/m]
-    spring_force: float  # of spring, damper, anti-roll bar and bump stop, against the travel [N]
+    strut_force: float  # of spring and damper, against the travel [N]
+    spring_force: float  # of these, anti-roll bar and bump stop, against the travel [N]
 
 
 @kernel
@@ -96,7 +97,8 @@ def carriers(d, strut, tie_rods, rack_rate, W_z, x):
         + per_axle(d.K_f, d.K_r) * compression
         + per_axle(d.C_f, d.C_r) * compression_rate * s_rate
     )
-    force = compression_rate * spring + per_axle(d.B_f, d.B_r) * (s - swap_sides(s))  # (B10), (B11), (B12)
+    strut_force = compression_rate * spring
+    force = strut_force + per_axle(d.B_f, d.B_r) * (s - swap_sides(s))  # (B10), (B11), (B12)
     force += _stop_force(d.K_stop, per_axle(d.clearance_f, d.clearance_r), s)
     return Carriers(
         knuckle=knuckle,
@@ -109,5 +111,6 @@ def carriers(d, strut, tie_rods, rack_rate, W_z, x):
         contact_y=side * pack(up_l.contact_y, up_r.contact_y, d.contact_y_r, d.contact_y_r),
         camber_gain=side * pack(up_l.roll, up_r.roll, d.camber_r, d.camber_r),
         pitch_gain=front_only(up_l.pitch, up_r.pitch),
+        strut_force=strut_force,
         spring_force=force,
     )

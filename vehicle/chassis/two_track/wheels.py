@@ -113,9 +113,14 @@ def wheel_torques(d, axles, forces, omega):
 
 
 @part
-def rack_force(d, knuckle, contact, forces, torques):
-    """Force of both front wheels on the rack, positive where it resists a left turn [N] (S7)."""
-    side = sides()
+def rack_force(d, carriers, contact, forces, torques, lifting):
+    """Force of both front wheels on the rack, positive where it resists a left turn [N] (S7).
+
+    ``lifting`` is the force of the road along the travel of each wheel. The unsprung mass, anti-roll bar and bump stop
+    take the part of it that passes the strut.
+    """
+    knuckle, side = carriers.knuckle, sides()
+    past_strut = lifting - carriers.strut_force  # (S9)
     braked = -torques.brake * (1.0 / d.R_e)  # the part of F_x that the brake holds
     left, right, _, _ = unpack(
         kinematics_table.rack_force(
@@ -123,8 +128,8 @@ def rack_force(d, knuckle, contact, forces, torques):
             side * braked,
             side * (forces.F_x - braked - contact.F_z * contact.slope),
             forces.F_y,
-            side * contact.F_z,
-            forces.M_x,
+            side * (contact.F_z - past_strut),
+            forces.M_x + side * kinematics_table.overturning(knuckle, d.R_l, past_strut),
             forces.M_z,
         )
     )
@@ -133,7 +138,10 @@ def rack_force(d, knuckle, contact, forces, torques):
 
 @part
 def forces_on_body(d, frame, x, carriers, contact, slip, forces, torques, out):
-    """Force and moment about O of each wheel on the body, and the force along its travel, to ``out`` (B8), (B9)."""
+    """Force and moment about O of each wheel on the body, and the force along its travel, to ``out`` (B8), (B9).
+
+    Returns the part of the force along the travel that the road exerts [N], a vector of four wheels.
+    """
     c, s, height, F_z = slip.c, slip.s, contact.height, contact.F_z
     X = forces.F_x * c - forces.F_y * s - F_z * contact.slope  # (B8), the road pushes normal to its surface
     Y = forces.F_x * s + forces.F_y * c  # (B8)
@@ -150,17 +158,17 @@ def forces_on_body(d, frame, x, carriers, contact, slip, forces, torques, out):
     )
     store(out, MOMENT_Z, contact.x * Y - arm * X + forces.M_z)  # (B8)
     v_x, v_y, w_x, w_y = x[U], x[V], x[P], x[Q]
-    store(  # (B9)
-        out,
-        TRAVEL_FORCE,
+    # (B9)
+    lifting = (
         frame.a33 * F_z
         + carriers.camber_gain * (contact.camber_offset * F_z + forces.M_x)
         + (frame.a13 + carriers.centre_x) * X
         + (frame.a23 + carriers.contact_y) * Y
         + carriers.pitch_gain * (torques.brake + grounded)
-        - carriers.spring_force
-        + per_axle(d.m_f, d.m_r) * (d.g_z + w_y * v_x - w_x * v_y),
     )
+    weight = per_axle(d.m_f, d.m_r) * (d.g_z + w_y * v_x - w_x * v_y)
+    store(out, TRAVEL_FORCE, lifting - carriers.spring_force + weight)
+    return lifting
 
 
 @part
