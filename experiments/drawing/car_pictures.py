@@ -1,7 +1,6 @@
 """Pictures of the page of a car as SVG text. What they show is handed over; nothing is simulated or evaluated here."""
 
 from collections.abc import Mapping, Sequence
-from itertools import cycle
 from typing import Any
 
 import numpy as np
@@ -20,13 +19,8 @@ _FORCE, _TORQUE = 3.0, 100.0  # up to which compliance steer is drawn [kN], [N m
 
 
 def _lines(axes: Axes, x: Array, of_label: Mapping[str, Array], **style: Any) -> None:
-    for (label, y), colour, dash in zip(of_label.items(), PALETTE, cycle(DASHES)):
+    for (label, y), colour, dash in zip(of_label.items(), PALETTE, DASHES):
         axes.plot(x, y, **{"color": colour, "linestyle": dash, "label": label, **style})
-
-
-def _band(axes: Axes, limits: Range, label: str = "") -> None:
-    """A range of passenger cars, behind the lines."""
-    axes.axhspan(*limits, color=_BAND, zorder=0, label=label)
 
 
 @styled
@@ -34,7 +28,7 @@ def budget(terms: Mapping[str, float], simulated: Mapping[str, float], limits: R
     """Understeer by term as a waterfall, its sum, and the simulated gradients [deg/g]; the range is shaded."""
     figure = new_figure(9.6, 0.9 + 0.28 * (len(terms) + 1 + len(simulated)))
     axes = figure.subplots()
-    start, labels = 0.0, []
+    start, labels = 0.0, list[str]()
     for term, value in terms.items():
         axes.barh(len(labels), value, left=start, height=0.62, color=PALETTE[0] if value >= 0.0 else PALETTE[1])
         axes.annotate(
@@ -61,23 +55,18 @@ def budget(terms: Mapping[str, float], simulated: Mapping[str, float], limits: R
 
 
 @styled
-def lag(speeds: Array, lags: Mapping[str, Array], marked: float, limits: Range) -> str:
-    """Yaw lag [ms] over speed [km/h]; the range at the marked speed is a bar."""
-    figure = new_figure(9.6, 3.2)
-    axes = figure.subplots()
-    _lines(axes, speeds, lags)
-    axes.plot(
-        [marked, marked],
-        limits,
-        color=PALETTE[2],
-        linewidth=7.0,
-        alpha=0.25,
-        solid_capstyle="butt",
-        label="usual range",
-    )
-    axes.axhline(0.0, color=_LINE, linewidth=0.8)
-    axes.set(xlabel="speed [km/h]", ylabel="yaw lag at 0.2 Hz [ms]")
-    legend(figure, axes)
+def lag(speeds: Array, lags: Mapping[str, Mapping[str, Array]], marked: float, limits: Range) -> str:
+    """Yaw lag [ms] over speed [km/h], a panel for each chassis; the range at the marked speed is a bar."""
+    figure = new_figure(9.6, 3.4)
+    panels = figure.subplots(1, len(lags), sharey=True)
+    for axes, (title, of_label) in zip(panels, lags.items()):
+        _lines(axes, speeds, of_label)
+        style = {"linewidth": 7.0, "alpha": 0.25, "solid_capstyle": "butt", "label": "usual range"}
+        axes.plot([marked, marked], limits, color=PALETTE[2], **style)
+        axes.axhline(0.0, color=_LINE, linewidth=0.8)
+        axes.set(title=title, xlabel="speed [km/h]")
+    panels[0].set_ylabel("yaw lag at 0.2 Hz [ms]")
+    legend(figure, panels[0])
     return svg(figure)
 
 

@@ -18,7 +18,7 @@ from steer_env.experiments.output.pages import environment, image
 from steer_env.experiments.report import car_quantities, car_suspension
 from steer_env.experiments.report.car_quantities import CHASSIS, Quantity, ranges
 from steer_env.experiments.report.car_simulated import LAW, SPEED, SPEEDS, Simulated, simulate
-from steer_env.experiments.studies.common.assist_margins import TARGETS, assist_cells
+from steer_env.experiments.studies.common.assist_margins import TARGETS
 from steer_env.recording.recording import DEGREE
 from steer_env.vehicle import understeer
 from steer_env.vehicle.cars import Car
@@ -26,7 +26,6 @@ from steer_env.vehicle.free_control import SMALL
 
 CONTENTS = frozenset({"index.html", "car.json"})
 KPH = 3.6  # [km/h] of 1 m/s
-DRAWN_LOOPS = (0.0, 50.0, 100.0)  # speeds of the margins that are drawn [km/h]
 
 
 def outside(found: list[Quantity]) -> list[Quantity]:
@@ -95,23 +94,28 @@ def _pictures(car: Car, found: list[Quantity], simulated: Simulated) -> dict[str
     shown = {f"simulated, {title}": values[f"understeer_gradient_{name}"] for name, title in CHASSIS.items()}
     speeds, curves, slopes = np.array(SPEEDS), car_suspension.curves(car), car_suspension.slopes(car)
     lags = {
-        f"simulated, {CHASSIS[chassis]}" + (", no friction" if law == "none" else ""): lag
-        for (chassis, law), lag in simulated.lags.items()
+        title: {
+            "simulated with friction": simulated.lags[chassis, LAW],
+            "simulated without friction": simulated.lags[chassis, "none"],
+            "linear model": np.array([understeer.yaw_lag(car, v, chassis=chassis) for v in SPEEDS]),
+            "Bundorf": np.array([understeer.bundorf_lag(car, v, chassis) for v in SPEEDS]),
+        }
+        for chassis, title in CHASSIS.items()
     }
-    for chassis, title in CHASSIS.items():
-        lags[f"linear, {title}"] = np.array([understeer.yaw_lag(car, v, chassis=chassis) for v in SPEEDS])
-    lags["Bundorf"] = np.array([understeer.bundorf_lag(car, v) for v in SPEEDS])
     amplitudes = {
         f"{CHASSIS[name]}, {'no friction' if law == 'none' else law}": np.array([p.amplitude for p in pulses]) / DEGREE
         for name, free in simulated.hands_off.items()
         for law, pulses in free.pulses.items()
     }
-    cells = {"parking" if kph == 0.0 else f"{kph:g} km/h": assist_cells(car, kph) for kph in DRAWN_LOOPS}
+    cells = {"parking" if kph == 0.0 else f"{kph:g} km/h": found for kph, found in simulated.assist.items()}
     axles, a = ("front", "rear"), car.assist
     return {
         "budget": car_pictures.budget(terms, shown, _limits("understeer_gradient")),
         "lag": car_pictures.lag(
-            KPH * speeds, {label: 1e3 * y for label, y in lags.items()}, KPH * SPEED, _limits("yaw_lag_single_track")
+            KPH * speeds,
+            {title: {label: 1e3 * y for label, y in of_label.items()} for title, of_label in lags.items()},
+            KPH * SPEED,
+            _limits("yaw_lag_single_track"),
         ),
         "hands_off": car_pictures.hands_off(
             KPH * speeds,
@@ -167,7 +171,7 @@ def build(out: Path, car: Car, data: dict[str, Any]) -> list[Quantity]:
     Raises
     ------
     ValueError
-        If ``out`` holds other files, or the car cannot drive the weave.
+        If ``out`` holds other files, or the car cannot park.
     """
     with replaced_directory(out, CONTENTS) as part:
         simulated = simulate(car)

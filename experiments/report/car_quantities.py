@@ -15,7 +15,6 @@ from steer_env import metrics
 from steer_env.experiments.output.words import label, number
 from steer_env.experiments.report import car_suspension
 from steer_env.experiments.report.car_simulated import SPEED, SPEEDS, Simulated
-from steer_env.experiments.studies.common.assist_margins import assist_cells
 from steer_env.friction.numerics import toml
 from steer_env.recording.recording import DEGREE
 from steer_env.vehicle import understeer
@@ -30,9 +29,9 @@ PUBLISHED, JUDGEMENT, NONE = "published", "engineering judgement", "no published
 LIMIT_TRIED = SPEEDS[-1]  # [m/s]
 # Quantities of ``plausible`` that the page has in another group.
 _BESIDE = (
-    "roll gradient",
-    "steering ratio",
-    *(f"cornering stiffness over load of a {x} tyre" for x in ("front", "rear")),
+    *("roll gradient", "steering ratio"),
+    *(f"cornering stiffness over load of a {axle} tyre" for axle in ("front", "rear")),
+    *(f"chassis.rear_{key}" for key in ("roll_centre", "bump_steer", "camber_gain", "lateral_compliance")),
 )
 PER_G = GRAVITY / DEGREE  # [deg/g] of 1 rad s2/m
 CHASSIS = {"single_track": "single track", "two_track": "two tracks"}
@@ -47,7 +46,7 @@ class Quantity(NamedTuple):
     value: float  # NaN where the car has none [unit]
     unit: str
     low: float = -math.inf  # of the range [unit]
-    high: float = math.inf
+    high: float = math.inf  # of the range [unit]
     basis: str = NONE  # of the range: published, engineering judgement, or none
     source: str = ""  # of the range
     note: str = ""
@@ -89,15 +88,12 @@ def numbers(car: Car) -> list[Quantity]:
     """Numbers of the car file, and simple ratios of them, beside what is usual; loading an own car warns of these."""
     title = "Numbers of the car file"
     group, c = _Group(title), car.chassis
-    height = (c["sprung_mass"] * c["sprung_height"] + (c["mass"] - c["sprung_mass"]) * car.strut.loaded_radius) / c[
-        "mass"
-    ]
-    track = 0.5 * (c["front_track"] + c["rear_track"])
-    group.add(
-        "static_stability_factor", "track over twice the height of the centre of gravity", track / 2 / height, "1"
-    )
+    unsprung = (c["mass"] - c["sprung_mass"]) * car.strut.loaded_radius
+    height, track = (c["sprung_mass"] * c["sprung_height"] + unsprung) / c["mass"], c["front_track"] + c["rear_track"]
+    title_of = "track over twice the height of the centre of gravity"
+    group.add("static_stability_factor", title_of, 0.25 * track / height, "1")
     radius = math.sqrt(c["roll_inertia"] / c["sprung_mass"])
-    group.add("roll_radius", "roll radius of gyration of the body over track", radius / track, "1")
+    group.add("roll_radius", "roll radius of gyration of the body over track", 2.0 * radius / track, "1")
     index = c["pitch_inertia"] / (c["sprung_mass"] * c["front_axle"] * c["rear_axle"])
     group.add("pitch_dynamic_index", "dynamic index of pitch of the body", index, "1")
     for q in plausible.USUAL:
@@ -146,7 +142,7 @@ def cornering(car: Car, found: Simulated) -> list[Quantity]:
         title = f"yaw lag at 0.2 Hz, simulated with friction ({CHASSIS[chassis]})"
         if law == "none":
             linear = understeer.yaw_lag(car, SPEED, chassis=chassis)
-            note = f"model of this chassis {number(1e3 * linear)} ms"
+            note = f"linear model of this chassis {number(1e3 * linear)} ms"
             name, title = f"{name}_without_friction", title.replace("with friction", "without friction")
         group.add(name, title, 1e3 * lag, "ms", note)
     note = "of the cornering compliances, with the yaw inertia m a b"
@@ -208,7 +204,7 @@ def suspension(car: Car) -> list[Quantity]:
     return group.found
 
 
-def steering(car: Car) -> list[Quantity]:
+def steering(car: Car, found: Simulated) -> list[Quantity]:
     """Steering ratio, locks, stiffness, and the loop of the assist."""
     group, s, curves = _Group("Steering"), car.steering, car_suspension.curves(car)
     inner, outer = float(curves.left[-1]), float(curves.right[-1])
@@ -225,7 +221,7 @@ def steering(car: Car) -> list[Quantity]:
     group.add("ackermann", "Ackermann at lock", 100.0 * (inner - outer) / (inner - ideal), "%")
     group.add("turning_circle", "turning circle of the outer front wheel", circle, "m", "geometric, without slip")
     for kph in (0.0, 100.0):
-        cells = assist_cells(car, kph)
+        cells = found.assist[kph]
         where = "parking" if kph == 0.0 else f"{kph:g} km/h"
         gain = max((cell.gain for cell in cells), default=0.0)
         group.add(f"assist_gain_{kph:g}", f"largest slope of the boost curve, {where}", gain, "1")
@@ -272,14 +268,15 @@ def parking(found: Simulated) -> list[Quantity]:
 
 def on_centre(found: Simulated) -> Iterator[Quantity]:
     """Metrics of the weave at 100 km/h that have a usual range."""
+    group = "On-centre feel, weave at 100 km/h"
     for name, value in found.weave.items():
         definition = metrics.definition(name)
         if definition.usual and name != "yaw_lag":  # which is among the quantities of cornering
             low, high = definition.usual
             source = f"usual range of the metric ({definition.source})"
-            title = name.replace("_", " ").replace("0g", "0 g").replace("0p1g", "0.1 g").replace("0nm", "0 N m")
-            limits = {"low": low, "high": high, "basis": JUDGEMENT, "source": source, "note": value.reason}
-            yield Quantity("On-centre feel, weave at 100 km/h", name, title, value.value, value.unit, **limits)
+            yield Quantity(
+                group, name, label(name), value.value, value.unit, low, high, JUDGEMENT, source, value.reason
+            )
 
 
 def collect(car: Car, found: Simulated) -> list[Quantity]:
@@ -288,7 +285,7 @@ def collect(car: Car, found: Simulated) -> list[Quantity]:
         cornering(car, found),
         modes(car),
         suspension(car),
-        steering(car),
+        steering(car, found),
         hands_off(found),
         parking(found),
         on_centre(found),

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from steer_env import friction, manoeuvres, metrics
 from steer_env.experiments.studies import vehicle
+from steer_env.experiments.studies.common.assist_margins import Cell, assist_cells
 from steer_env.manoeuvres.common.shapes import ramp_and_hold, sine
 from steer_env.metrics import Value
 from steer_env.vehicle import free_control, plant
@@ -19,6 +20,7 @@ Array = NDArray[np.float64]
 
 SPEED = 100.0 / 3.6  # of quantities that depend on it [m/s]
 SPEEDS = tuple(float(v) for v in range(10, 61, 5))  # of the curves over speed [m/s]
+ASSISTED = (0.0, 50.0, 100.0)  # of the margins of the assist loop; 0 is parking [km/h]
 LAG_FREQUENCY = 0.2  # of the yaw lag, as in the weave [Hz]
 LAG_ACCELERATION = 2.0  # of the yaw lag, as in the weave [m/s2]
 SMALL = 0.3  # lateral acceleration of the steady turn, small enough for the slopes straight ahead, assumed [m/s2]
@@ -53,6 +55,7 @@ class Simulated(NamedTuple):
     parking: dict[str, vehicle.Parking]  # "assisted", "unassisted"
     weave: dict[str, Value]  # metrics
     hands_off: dict[str, HandsOff]  # chassis
+    assist: dict[float, list[Cell]]  # speed [km/h] -> margins of the assist loop in each cell that assists
 
 
 def _run(p: plant.Plant, hand: tuple[Array, Array]) -> dict[str, Array]:
@@ -127,13 +130,22 @@ def _lag(car: Car, chassis: str, law: str, speed: float) -> float:
         return np.nan
 
 
+def _weave(car: Car) -> dict[str, Value]:
+    """Metrics of the weave, refused where the car cannot drive it."""
+    try:
+        return metrics.evaluate(manoeuvres.drive(car, manoeuvres.make("weave"), LAW))
+    except ValueError as error:
+        units = {name: metrics.definition(name).unit for name in metrics.available("weave")}
+        return {name: Value(np.nan, np.nan, np.nan, unit, str(error)) for name, unit in units.items()}
+
+
 def simulate(car: Car) -> Simulated:
     """Drive the simulations of a car; a value is NaN where the car spins.
 
     Raises
     ------
     ValueError
-        A weave or parking that cannot be driven.
+        Parking that cannot be driven.
     """
     unknown = Steady(np.nan, np.nan, np.nan, np.nan)
     found, cases = {}, list(product(every_chassis(), LAWS))
@@ -147,6 +159,7 @@ def simulate(car: Car) -> Simulated:
         lags={key: np.array([_lag(car, *key, v) for v in SPEEDS]) for key in cases},
         lag={key: _lag(car, *key, SPEED) for key in cases},
         parking={state: vehicle.park(car, LAW, state == "assisted") for state in ("assisted", "unassisted")},
-        weave=metrics.evaluate(manoeuvres.drive(car, manoeuvres.make("weave"), LAW)),
+        weave=_weave(car),
         hands_off={name: hands_off(car, name) for name in every_chassis()},
+        assist={kph: assist_cells(car, kph) for kph in ASSISTED},
     )

@@ -59,13 +59,13 @@ def slopes(car: Car) -> Slopes:
         toe=(toe, -c["rear_bump_steer"]),
         camber=(camber, -c["rear_camber_gain"]),
         roll_steer=(roll_steer, -0.5 * c["rear_track"] * c["rear_bump_steer"]),
-        lateral_steer=(-steered * float(work.F_y), c["rear_lateral_compliance"]),
-        aligning_steer=(steered * float(work.M_z), 0.0),
+        lateral_steer=(-steered * float(np.asarray(work.F_y)), c["rear_lateral_compliance"]),
+        aligning_steer=(steered * float(np.asarray(work.M_z)), 0.0),
     )
 
 
 def ideal_right(car: Car, left: Array) -> Array:
-    """Steer angle of the right wheel for that of the left wheel, with which neither slips in a turn (Ackermann) [rad]."""
+    """Steer angle of the right wheel with which it and the left wheel turn without slip (Ackermann) [rad]."""
     c = car.chassis
     apart = c["front_track"] - 2.0 * float(car.strut.solve(0.0, 0.0).scrub)  # of the king-pin axes on the ground
     wheelbase = c["front_axle"] + c["rear_axle"]
