@@ -23,9 +23,8 @@ Row = NDArray[np.float64]  # (n,) over a basis
 Pair = tuple[Row, Row]  # front and rear
 # Coefficients of the magic formula that a factor on the cornering stiffness multiplies; the trail stays.
 _STIFFNESS = ("PKY1", "QBZ1", "QBZ2", "QBZ3", "QBZ9")
-_STEER, _LEAN, _F_X, _F_Y, _F_Z, _M_X, _M_Z, _F_Z_CENTRE = range(
-    8
-)  # of a knuckle: angles, then the work of the loads per rack
+# Of a knuckle: its angles, then the work of the loads per rack.
+_STEER, _LEAN, _F_X, _F_Y, _F_Z, _M_X, _M_Z, _F_Z_CENTRE = range(8)
 _FORCES = (1, 2, 4)  # F_y, M_x, M_z among the results of a tyre
 
 
@@ -65,6 +64,11 @@ class Axles(NamedTuple):
     def roll_by_acceleration(self) -> float:
         """Steady roll angle over lateral acceleration [rad s2/m]."""
         return self.coupling / (float(self.roll_stiffness.sum()) - GRAVITY * self.coupling)
+
+    @property
+    def turn_per_rack(self) -> float:
+        """Turn of the front knuckles about z over rack travel, at fixed strut length [rad/m]."""
+        return float(self.knuckle[_M_Z])
 
 
 class Roll(NamedTuple):
@@ -128,13 +132,11 @@ def _wheels(car: Car, speed: float, loads: NDArray, drag: float, front_share: fl
 
 
 def _knuckle(car: Car, rack: float, travel: float) -> NDArray:
-    """Steer angle and inclination of the left front wheel, and work of F_x at the centre, F_y, F_z, M_x, M_z and
-    F_z at the centre (8,)."""
+    """Angles of the left front wheel and work of F_x at the centre, F_y, F_z, M_x, M_z and F_z at the centre (8,)."""
     pose = car.strut.solve(rack, travel)
     work = load_coefficients(pose)
-    forces = (work.F_x_centre, work.F_y, work.F_z, work.M_x, work.M_z, work.F_z_centre)
-    values = (pose.steer_angle, pose.inclination, *forces)
-    return np.array([float(np.asarray(value)) for value in values])
+    forces = work.F_x_centre, work.F_y, work.F_z, work.M_x, work.M_z, work.F_z_centre
+    return np.array([float(np.asarray(value)) for value in (pose.steer_angle, pose.inclination, *forces)])
 
 
 def axles(car: Car, speed: float, two_track: bool = False) -> Axles:

@@ -208,7 +208,7 @@ def _roll_on_tyres(
     rate, v_y, r = (z[name] for name in ("roll_rate", "lateral_speed", "yaw_rate"))
     c, spin = car.chassis, 4.0 * k.wheel_inertia * v / k.radius  # angular momentum of the wheels
     transfer = linear_axles.transfer_on_tyres(k, roll)
-    steering = k.knuckle[-1] * car.steering["pinion_radius"] * z["column_speed"]  # of the knuckle, about z
+    steering = k.turn_per_rack * car.steering["pinion_radius"] * z["column_speed"]
     M = linear_axles.moments(k, x, roll, tie_rods, transfer, (r + steering, r))
     whole, axles = linear_axles.roll_on_tyres(k, x, roll, transfer)
     rates_of_axles = z["front_roll_rate"], z["rear_roll_rate"]
