@@ -147,9 +147,9 @@ def linear_model(v):
     wheels count as one, since left and right differ in loads only, and those act through the jacking alone.
     States v_y, r, phi, phi', front and rear slip, compliance, transfers; outputs r, a_y, phi, rack force, road wheel.
     """
+    tyres = [scaled(axle) for axle in AXLES]
     wheel_f, wheel_r = (
-        lambda x, W=W, tyre=scaled(axle): np.ravel(tyre.forces(0.0, x[0], x[1], W + x[2], v))
-        for W, axle in zip(STATIC, AXLES)
+        lambda x, W=W, tyre=tyre: np.ravel(tyre.forces(0.0, x[0], x[1], W + x[2], v)) for W, tyre in zip(STATIC, tyres)
     )
     alpha_f, alpha_r = (slope(lambda s, f=f: f((s, 0.0, 0.0)), 1e-5) for f in (wheel_f, wheel_r))
     camber_f, camber_r = (slope(lambda s, f=f: f((0.0, s, 0.0)), 1e-5) for f in (wheel_f, wheel_r))

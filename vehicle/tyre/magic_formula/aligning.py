@@ -41,7 +41,7 @@ def equivalent_slip(c, p, lateral, K_x, kappa, slips):
 def pneumatic_trail(c, p, a_t, a_e, zeta_5):
     """t [m] (T7)."""
     B = c.QBZ1 + c.QBZ2 * p.df + c.QBZ3 * p.df * p.df
-    B *= p.stiffness * p.per_mu
+    B *= p.stiffness * p.per_mu  # (T14)
     B = B * (1.0 + c.QBZ4 * p.g + c.QBZ5 * fabs(p.g) + c.QBZ6 * p.g2)  # (4.E40); (A58) under FITTYP 61
     E = c.QEZ1 + c.QEZ2 * p.df + c.QEZ3 * p.df * p.df
     E = minimum(E * (1.0 + (c.QEZ4 + c.QEZ5 * p.g) * (2.0 / math.pi) * atan(B * c.QCZ1 * a_e)), 1.0)  # (4.E44)
@@ -55,7 +55,7 @@ def pneumatic_trail(c, p, a_t, a_e, zeta_5):
 def residual_torque(c, p, turn, lateral, G_y, a_r2, turn_slip, spins):
     """M_zr [N m] (T8)."""
     R_0 = c.UNLOADED_RADIUS
-    B = (c.QBZ9 * p.stiffness * p.per_mu + c.QBZ10 * c.PCY1 * lateral.B) * turn.zeta_6  # B_r of (T8), (4.E45)
+    B = (c.QBZ9 * p.stiffness * p.per_mu + c.QBZ10 * c.PCY1 * lateral.B) * turn.zeta_6  # B_r of (T8), (T14), (4.E45)
     decay = 1.0 / sqrt(1.0 + B * B * a_r2)  # cos(atan(B alpha_r)) of (4.E36)
     D = (c.QDZ6 + c.QDZ7 * p.df) * turn.zeta_2
     y = (c.QDZ8 + c.QDZ9 * p.df + (c.QDZ10 + c.QDZ11 * p.df) * fabs(p.g)) * p.g

@@ -37,7 +37,7 @@ def _force_without_camber(c, p):
 @kernel
 def lateral_force(c, p, turn, turn_slip, spins):
     """F_y at pure slip (T3)."""
-    K = p.stiffness * cornering(c, p.F_z, p.g) * turn.zeta_3
+    K = p.stiffness * cornering(c, p.F_z, p.g) * turn.zeta_3  # (T14)
     per_K = 1.0 / K
     S_Vg = p.F_z * (c.PVY3 + c.PVY4 * p.df) * p.g * p.fade_y * turn.zeta_2  # (4.E28)
     S_V = p.F_z * (c.PVY1 + c.PVY2 * p.df) * p.fade_y * turn.zeta_2 + S_Vg  # (4.E29)

@@ -1,0 +1,190 @@
+"""Design of the assist of a car: boost from torque build-up and parking effort, motor damping from free control.
+
+The packaged cars have the tables that :func:`design` returns. With the quasi-static rack torque T_r(A) on the column at
+a lateral acceleration A, the hands hold T(A) if
+
+    boost(T(A)) = T_r(A) - T(A),      T(A) = G_1 A + (G_0 - G_1) s tanh(A/s)                       (E7)
+    boost(T) = T_p (T/T_e)^n - T      standing, with the largest rack torque T_p at the effort T_e (E8)
+
+without friction. From standstill to 80 km/h the weight of the second falls as 1 - sqrt(v/80 km/h). The motor damping
+at a speed is the least one, in steps of 0.25 N m s/rad, with which the free car (hands off, no friction) has the
+damping ratio of ``FREE_DAMPING``.
+
+Sources: G_0 is within the 12 to 22 N m/g of compact cars with EPS and near the 23 N m/g that drivers preferred (Segel
+1964); the parking effort is within the limits of workshop manuals (3.7 to 7.8 N m); the rest is assumed. No range of
+the damping ratio of free control has been published.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from steer_env import friction
+from steer_env.friction.numerics.kernel import kernel
+from steer_env.vehicle import free_control, plant
+from steer_env.vehicle.cars import Car
+from steer_env.vehicle.chassis.common.interface import HAND, HAND_SPEED, INPUTS
+from steer_env.vehicle.constants import GRAVITY
+from steer_env.vehicle.plant import CHANNEL
+from steer_env.vehicle.steering import margins
+from steer_env.vehicle.steering.eps import SAMPLE_TIME
+
+Array = NDArray[np.float64]
+
+SPEEDS = tuple(kph / 3.6 for kph in (0.0, 20.0, 40.0, 80.0, 100.0, 140.0, 180.0, 220.0))  # of the table [m/s]
+TORQUES = (0.0, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0)  # of the table [N m]
+GRADIENT, FAR_GRADIENT = 22.0, 4.0  # G_0, G_1: of the torque build-up on centre and far from it [N m/g]
+SOFTENING = 0.11  # s: lateral acceleration at which the gradient has fallen most of the way [g]
+HIGHEST = 0.45  # lateral acceleration up to which the boost follows the build-up, then its slope goes on [g]
+PARKING_EFFORT = 4.0  # T_e [N m]; higher where the loop would lose its margins
+PARKING_EXPONENT = 1.5  # n: boost that grows with torque leaves the centre firm
+BUILD_UP_FROM = 80.0 / 3.6  # speed from which on the build-up alone shapes the boost [m/s]
+# Least damping ratio of the free car by speed [km/h, 1]: well damped in traffic, stable to the end of the table.
+FREE_DAMPING = ((0.0, 0.0), (80.0, 0.25), (100.0, 0.25), (140.0, 0.15), (180.0, 0.05), (220.0, 0.0))
+LEAST_DAMPING, MOST_DAMPING, DAMPING_STEP = 1.5, 8.0, 0.25  # of the motor, at the column [N m s/rad]
+RAMP_TIME = 20.0  # of the quasi-static turns [s]
+FREE = friction.make("viscous", sigma_2=0.0)
+
+
+class Design(NamedTuple):
+    """A designed assist, in the keys of a car file."""
+
+    speeds: Array  # (V,) [m/s]
+    torques: Array  # (T,) [N m]
+    boost: Array  # (V, T) at the column [N m]
+    damping: Array  # (V,) at the column [N m s/rad]
+
+
+@kernel
+def torque_build_up(lateral_acceleration):
+    """Hand torque without friction [N m] that a lateral acceleration [m/s2] should have; odd (E7)."""
+    A = lateral_acceleration / GRAVITY
+    return FAR_GRADIENT * A + (GRADIENT - FAR_GRADIENT) * SOFTENING * math.tanh(A / SOFTENING)  # (E7)
+
+
+def _turn(car: Car, speed: float, chassis: str, angle: float, time: float) -> tuple[Array, Array]:
+    """Lateral acceleration [m/s2] and rack torque on the column [N m] while the handwheel turns to an angle [rad]."""
+    p = car.plant(FREE, speed, robot=True, chassis=chassis)
+    u = np.zeros((round(time / SAMPLE_TIME), len(INPUTS)))
+    u[:, HAND], u[:, HAND_SPEED] = np.linspace(0.0, angle, len(u)), angle / time
+    record = np.zeros((len(u), len(plant.channels(p))))
+    if not plant.run(p, plant.initial_state(p), u, record, 1):
+        raise ValueError(f"the simulation of a turn of {car.name} at {speed:g} m/s diverged")
+    begun = record[len(u) // 10 :]  # the turn has left its start behind
+    return begun[:, CHANNEL["lateral_acceleration"]], p.pinion_radius * begun[:, CHANNEL["rack_force"]]
+
+
+def rack_torque(car: Car, speed: float) -> tuple[Array, Array]:
+    """Quasi-static rack torque on the column over lateral acceleration, up to ``HIGHEST``, without friction.
+
+    Returns
+    -------
+    A, torque : (N,) array
+        Lateral acceleration [m/s2] from zero on, and torque [N m].
+
+    Raises
+    ------
+    ValueError
+        A car that does not reach half of ``HIGHEST``.
+    """
+    angle, end = 0.1, -1
+    while end < 0:
+        A, torque = _turn(car, speed, "single_track", angle, RAMP_TIME)
+        if A.max() > HIGHEST * GRAVITY:
+            end = int(np.argmax(A > HIGHEST * GRAVITY))
+        elif np.argmax(A) < 0.9 * len(A):  # the tyres slide
+            end = int(np.argmax(A))
+        angle *= 1.3
+    if A[end] < 0.5 * HIGHEST * GRAVITY:
+        raise ValueError(f"{car.name} reaches only {A[end]:.1f} m/s2 at {speed:g} m/s, too little to design an assist")
+    return np.append(0.0, A[:end]), np.append(0.0, torque[:end])
+
+
+def parking_torque(car: Car) -> float:
+    """Largest rack torque on the column while a standing car is steered to nine tenths of its lock [N m]."""
+    lock = 0.9 * car.steering["rack_limit"] / car.steering["pinion_radius"]
+    return float(_turn(car, 0.0, "two_track", lock, 10.0)[1].max())
+
+
+def _build_up_boost(car: Car, speed: float) -> Array:
+    """Boost (T,) by the torque build-up (E7)."""
+    A, rack = rack_torque(car, speed)
+    rack = np.maximum.accumulate(rack)
+    torque = np.array([torque_build_up(a) for a in A])
+    boost = np.maximum(rack - torque, 0.0)  # (E7)
+    found = np.interp(TORQUES, torque, boost)
+    last = len(A) - len(A) // 8
+    slope = (boost[-1] - boost[last]) / (torque[-1] - torque[last])
+    beyond = np.array(TORQUES) > torque[-1]
+    found[beyond] = boost[-1] + slope * (np.array(TORQUES)[beyond] - torque[-1])
+    return found
+
+
+def _parking_boost(torque: float, effort: float) -> Array:
+    """Boost (T,) at standstill by the largest rack torque and the effort for it [N m] (E8)."""
+    T = np.array(TORQUES)
+    within = torque * (np.minimum(T, effort) / effort) ** PARKING_EXPONENT - np.minimum(T, effort)  # (E8)
+    return np.maximum(within + (PARKING_EXPONENT * torque / effort - 1.0) * np.maximum(T - effort, 0.0), 0.0)
+
+
+def boost_table(car: Car, effort: float) -> Array:
+    """Boost (V, T) at ``SPEEDS`` and ``TORQUES`` for an effort in parking [N m], to 0.01 N m."""
+    standing = _parking_boost(parking_torque(car), effort)
+    driving = {speed: _build_up_boost(car, speed) for speed in SPEEDS if speed >= BUILD_UP_FROM}
+    first = driving[min(driving)]
+    shares = np.sqrt(np.minimum(np.array(SPEEDS) / BUILD_UP_FROM, 1.0))
+    rows = [(1.0 - share) * standing + share * driving.get(speed, first) for speed, share in zip(SPEEDS, shares)]
+    return np.round(rows, 2)
+
+
+def _steady(car: Car, speed: float) -> bool:
+    """Whether the loop of the assist keeps the usual margins at a speed [m/s]."""
+    phase, gain = margins.TARGETS
+    found = margins.worst_margins(car.column, car.assist, speed)
+    return math.degrees(found.phase) >= phase and 20.0 * math.log10(found.gain) >= gain
+
+
+def _with(car: Car, found: Design) -> Car:
+    tables = {name: np.ascontiguousarray(value) for name, value in found._asdict().items()}
+    return car._replace(assist=car.assist._replace(**tables))
+
+
+def least_damping(car: Car, speed: float, wanted: float) -> float:
+    """Least motor damping with which the free car has a damping ratio and the loop its margins [N m s/rad].
+
+    ``MOST_DAMPING`` where that does not suffice. The boost is that of the car's assist.
+    """
+    for step in range(round((MOST_DAMPING - LEAST_DAMPING) / DAMPING_STEP) + 1):
+        damping = LEAST_DAMPING + step * DAMPING_STEP
+        tried = car._replace(assist=car.assist._replace(damping=np.full(car.assist.speeds.size, damping)))
+        if not _steady(tried, speed):
+            continue
+        moves = max(speed, free_control.LOWEST)
+        if free_control.least_damping_ratio(tried.plant(FREE, moves))[0] >= wanted:
+            return damping
+    return MOST_DAMPING
+
+
+def design(car: Car) -> Design:
+    """Boost and damping for a car; lead, delay, bandwidth and limit of its assist stay.
+
+    The parking effort is raised from ``PARKING_EFFORT`` until the loop has its margins at standstill.
+
+    Raises
+    ------
+    ValueError
+        A car whose simulation diverges, that corners too little, or whose loop has no margins at any effort.
+    """
+    speeds, torques = np.array(SPEEDS), np.array(TORQUES)
+    for effort in np.arange(PARKING_EFFORT, TORQUES[-1], 0.25):
+        boost = boost_table(car, float(effort))
+        found = Design(speeds, torques, boost, np.full(speeds.size, LEAST_DAMPING))
+        if _steady(_with(car, found), 0.0):
+            break
+    else:
+        raise ValueError(f"the assist of {car.name} has no margins with any parking effort up to {TORQUES[-1]:g} N m")
+    wanted = np.interp(3.6 * speeds, *zip(*FREE_DAMPING))
+    boosted = _with(car, found)
+    return found._replace(damping=np.array([least_damping(boosted, v, w) for v, w in zip(SPEEDS, wanted)]))
