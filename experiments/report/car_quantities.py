@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from steer_env import metrics
-from steer_env.experiments.output.words import label, number
+from steer_env.experiments.output.words import change, label, number
 from steer_env.experiments.report import car_suspension
 from steer_env.experiments.report.car_simulated import SPEED, SPEEDS, Simulated
 from steer_env.friction.numerics import toml
@@ -128,12 +128,12 @@ def cornering(car: Car, found: Simulated) -> list[Quantity]:
         title = f"understeer gradient, simulated ({CHASSIS[chassis]})"
         simulated = PER_G * steady.understeer
         linear = PER_G * sum(understeer.budget(car, SPEED, chassis).values())
-        note = f"{100.0 * (simulated / linear - 1.0):+.1f} % from the linear model of this chassis".replace("-", "−")
+        note = f"{change(simulated / linear - 1.0)} from the linear model of this chassis"
         group.add(f"understeer_gradient_{chassis}", title, simulated, "deg/g", note)
     twist = PER_G * car.steering_gain() * found.steady["single_track"].twist
     note = "counts as understeer where the handwheel angle is measured"
     group.add("torsion_bar_understeer", "twist of the torsion bar, at the road wheels", twist, "deg/g", note)
-    _speed_of_understeer(group, car, total + twist)
+    _speed_of_understeer(group, car, total if math.isnan(twist) else total + twist)
     for chassis, steady in found.steady.items():
         title = f"roll gradient, simulated ({CHASSIS[chassis]})"
         group.add(f"roll_gradient_{chassis}", title, PER_G * steady.roll, "deg/g")
@@ -147,13 +147,16 @@ def cornering(car: Car, found: Simulated) -> list[Quantity]:
         group.add(name, title, 1e3 * lag, "ms", note)
     note = "of the cornering compliances, with the yaw inertia m a b"
     group.add("bundorf_lag", "yaw lag by Bundorf's form", 1e3 * understeer.bundorf_lag(car, SPEED), "ms", note)
-    return group.found
+    return [q._replace(note="the car finds no steady turn") if math.isnan(q.value) else q for q in group.found]
 
 
 def _speed_of_understeer(group: _Group, car: Car, gradient: float) -> None:
     """The characteristic speed of a car that understeers, or the critical speed of one that oversteers."""
     wheelbase = car.chassis["front_axle"] + car.chassis["rear_axle"]
-    speed, note = 3.6 * math.sqrt(wheelbase / abs(gradient / PER_G)), "with the twist of the torsion bar"
+    speed, note = (
+        3.6 * math.sqrt(wheelbase / abs(gradient / PER_G)),
+        "handwheel fixed: with the twist of the torsion bar",
+    )
     if gradient > 0.0:
         group.add("characteristic_speed", "characteristic speed", speed, "km/h", note)
     else:
@@ -172,8 +175,9 @@ def modes(car: Car) -> list[Quantity]:
     p = car.plant().chassis
     stiffness, rate = p.K_f + p.K_r - p.m_s * GRAVITY * p.h, p.C_f + p.C_r
     omega = math.sqrt(stiffness / p.I_xr) if stiffness > 0.0 else math.nan
-    group.add("roll_frequency", "natural frequency of the roll", omega / (2.0 * math.pi), "Hz")
-    group.add("roll_damping", "damping ratio of the roll", rate / (2.0 * p.I_xr * omega), "1")
+    note = "" if stiffness > 0.0 else "the body tips over"
+    group.add("roll_frequency", "natural frequency of the roll", omega / (2.0 * math.pi), "Hz", note)
+    group.add("roll_damping", "damping ratio of the roll", rate / (2.0 * p.I_xr * omega), "1", note)
     share = 100.0 * p.K_f / (p.K_f + p.K_r)
     group.add("front_roll_stiffness_share", "share of the roll stiffness at the front", share, "%")
     return group.found
@@ -229,7 +233,8 @@ def steering(car: Car, found: Simulated) -> list[Quantity]:
         group.add(f"motor_damping_{kph:g}", f"motor damping, {where}", damping, "N m s/rad", "at the column")
         for key, title, unit in (("phase_deg", "phase margin", "deg"), ("gain_db", "gain margin", "dB")):
             least = min((getattr(cell, key) for cell in cells if math.isfinite(getattr(cell, key))), default=math.nan)
-            note = "" if all(cell.stable for cell in cells) else "the loop is unstable"
+            note = "the loop is unstable" if any(not cell.stable for cell in cells) else ""
+            note = "the loop gain stays below one" if math.isnan(least) else note
             group.add(
                 f"{key.split('_')[0]}_margin_{kph:g}", f"least {title} of the assist loop, {where}", least, unit, note
             )

@@ -24,6 +24,7 @@ ASSISTED = (0.0, 50.0, 100.0)  # of the margins of the assist loop; 0 is parking
 LAG_FREQUENCY = 0.2  # of the yaw lag, as in the weave [Hz]
 LAG_ACCELERATION = 2.0  # of the yaw lag, as in the weave [m/s2]
 SMALL = 0.3  # lateral acceleration of the steady turn, small enough for the slopes straight ahead, assumed [m/s2]
+STEADY = 0.01  # change of the yaw rate in the last second of a steady turn, assumed [1]
 LAW = "lugre"  # friction law of everything with friction
 WITHOUT = friction.make("viscous", sigma_2=0.0)
 LAWS: dict[str, Any] = {LAW: LAW, "none": WITHOUT}
@@ -81,12 +82,14 @@ def steady(car: Car, chassis: str, speed: float = SPEED) -> Steady:
     Raises
     ------
     ValueError
-        The car spins.
+        The car spins or finds no steady turn.
     """
     p, gain, angle = car.plant(WITHOUT, speed, robot=True, chassis=chassis), car.steering_gain(), 0.01
     wheelbase = car.chassis["front_axle"] + car.chassis["rear_axle"]
     for _ in range(2):  # the second angle is that of the wanted lateral acceleration
         found = _run(p, ramp_and_hold(_times(8.0), angle, 1.0))
+        if abs(found["yaw_rate"][-1] / found["yaw_rate"][-1000] - 1.0) > STEADY:
+            raise ValueError("the turn does not become steady")
         v = float(found["longitudinal_speed"][-1]) if "longitudinal_speed" in found else speed
         acceleration = v * float(found["yaw_rate"][-1])
         slope = angle / acceleration
@@ -102,7 +105,7 @@ def yaw_lag(car: Car, chassis: str, law: Any, speed: float) -> float:
     Raises
     ------
     ValueError
-        The car spins.
+        As :func:`steady`.
     """
     amplitude = LAG_ACCELERATION * steady(car, chassis, speed).angle
     t, period = _times(3.0 / LAG_FREQUENCY), round(1.0 / LAG_FREQUENCY / SAMPLE_TIME)
@@ -123,7 +126,7 @@ def hands_off(car: Car, chassis: str) -> HandsOff:
 
 
 def _lag(car: Car, chassis: str, law: str, speed: float) -> float:
-    """The yaw lag, or NaN where the car spins [s]."""
+    """The yaw lag, or NaN where the car finds no steady turn [s]."""
     try:
         return yaw_lag(car, chassis, LAWS[law], speed)
     except ValueError:
@@ -140,7 +143,7 @@ def _weave(car: Car) -> dict[str, Value]:
 
 
 def simulate(car: Car) -> Simulated:
-    """Drive the simulations of a car; a value is NaN where the car spins.
+    """Drive the simulations of a car; a value is NaN where the car spins or finds no steady turn.
 
     Raises
     ------

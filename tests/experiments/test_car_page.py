@@ -14,11 +14,20 @@ from steer_env.vehicle import cars, understeer
 from steer_env.vehicle.constants import GRAVITY
 
 OWN = """
-base = "compact"
+base = "ford_escort"
 [chassis]
 rear_lateral_compliance = 5e-6
 [steering]
 compliance = 5000.0
+"""
+
+UNSTABLE = """
+base = "ford_escort"
+[chassis]
+front_axle = 1.509
+rear_axle = 0.884
+front_cornering_stiffness_factor = 1.7
+rear_cornering_stiffness_factor = 0.8
 """
 
 
@@ -56,7 +65,7 @@ def test_the_page_is_self_contained_and_complete(page):
 
 def test_an_implausible_number_is_marked(page, capsys):
     data = json.loads((page / "car.json").read_text(encoding="utf-8"))
-    expected = {"rear_lateral_steer", "front_aligning_steer", "rear_cornering_compliance"}
+    expected = {"rear_lateral_steer", "front_aligning_steer", "front_cornering_compliance"}
     assert expected <= set(data["outside"])
     q = data["quantities"]["rear_lateral_steer"]
     assert q["value"] == pytest.approx(5e-6 * 1e3 * 180.0 / math.pi)
@@ -104,9 +113,24 @@ def test_steady_turn_and_lag_agree_with_the_linear_model():
         assert lag == pytest.approx(expected, abs=5e-3)
 
 
+def test_an_unstable_car_has_a_page(tmp_path):
+    """Values that need a steady turn are missing, with the reason."""
+    (tmp_path / "car.toml").write_text(UNSTABLE, encoding="utf-8")
+    car = cars.load(tmp_path / "car.toml")
+    found = {q.name: q for q in car_page.build(tmp_path / "out", car, cars.every_key(tmp_path / "car.toml"))}
+    for name in ("understeer_gradient_single_track", "yaw_lag_two_track", "yaw_frequency"):
+        assert math.isnan(found[name].value)
+        assert found[name].plausible is None
+        assert "no steady turn" in found[name].note or "unstable" in found[name].note
+    assert found["understeer_gradient"].value < 0.0
+    assert found["critical_speed"].value < 100.0
+    assert found["hands_off_damping_single_track"].plausible is False
+    assert json.loads((tmp_path / "out" / "car.json").read_text())["quantities"]["yaw_frequency"]["value"] is None
+
+
 def test_slopes_of_the_suspension_are_those_of_the_chassis():
     """Toe and camber of the packaged strut, and roll understeer as the linear model has it."""
-    car = cars.load("compact")
+    car = cars.load("ford_escort")
     car = car._replace(chassis={**car.chassis, "rear_bump_steer": -0.05, "rear_lateral_compliance": 1e-6})
     slopes = car_suspension.slopes(car)
     assert 0.02 * slopes.toe[0] / DEGREE == pytest.approx(-0.058, abs=2e-3)  # of the strut's data at 20 mm
@@ -128,7 +152,7 @@ def test_slopes_of_the_suspension_are_those_of_the_chassis():
 def test_characteristic_speed_is_that_of_the_gradient_at_the_handwheel(page):
     q = json.loads((page / "car.json").read_text(encoding="utf-8"))["quantities"]
     gradient = math.radians(q["understeer_gradient"]["value"] + q["torsion_bar_understeer"]["value"]) / GRAVITY
-    car = cars.load("compact")
+    car = cars.load("ford_escort")
     speed = 3.6 * math.sqrt((car.chassis["front_axle"] + car.chassis["rear_axle"]) / gradient)
     assert q["characteristic_speed"]["value"] == pytest.approx(speed, rel=1e-3)
 
