@@ -14,7 +14,7 @@ import steer_env  # noqa: F401 (registers the ids)
 
 def main(evaluations: int) -> tuple[float, float]:
     """Reward of the car's own parameter set, and of the best one found."""
-    env = gym.make("steer_env/TuneOnCentre-v0")
+    env = gym.make("steer_env/TuneOnCentre-v1")
 
     def reward(action: np.ndarray) -> float:
         env.reset(seed=0)

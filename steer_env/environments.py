@@ -11,6 +11,7 @@ from functools import cache
 from steer_env import tasks
 from steer_env.env import SteerEnv
 from steer_env.randomise import RANGES
+from steer_env.registration import HISTORY
 from steer_env.tasks import Task
 from steer_env.vector import SteerVectorEnv
 
@@ -61,7 +62,7 @@ def _documentation(task: Task) -> str:
         f"{task.chassis[0]!r}.",
         "`reset(options={...})` fixes what would be drawn:",
         table(("option", "meaning"), options),
-        "## Version history\n\nv0: first version.",
+        f"## Version history\n\n{HISTORY}",
     ]
     return "\n\n".join(sections) + "\n"
 

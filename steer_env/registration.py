@@ -4,7 +4,11 @@ import gymnasium as gym
 
 from steer_env.friction.numerics.registry import camel_case, listed
 
-VERSION = "v0"
+VERSION = "v1"
+HISTORY = (
+    "v1: another default car and assist, the rack force without the weight of the wheels, another reference feel.\n\n"
+    "v0: first version; v1 replaces it."
+)
 
 
 def _entry_points(package: str, module: str) -> dict[str, str]:

@@ -3,15 +3,14 @@
 The packaged cars have the tables that :func:`design` returns. With the quasi-static rack torque T_r(A) on the column at
 a lateral acceleration A, the hands hold T(A) if
 
-    boost(T(A)) = T_r(A) - T(A),      T(A) = G_1 A + (G_0 - G_1) s tanh(A/s)                       (E7)
-    boost(T) = T_p (T/T_e)^n - T      standing, with the largest rack torque T_p at the effort T_e (E8)
+    boost(T(A)) = T_r(A) - T(A)       with the torque build-up T(A) of (E7)                        (E8)
+    boost(T) = T_p (T/T_e)^n - T      standing, with the largest rack torque T_p at the effort T_e (E9)
 
 without friction. From standstill to 80 km/h the weight of the second falls as 1 - sqrt(v/80 km/h). The motor damping
 at a speed is the least one, in steps of 0.25 N m s/rad, with which the free car (hands off, no friction) has the
 damping ratio of ``FREE_DAMPING``.
 
-Sources: G_0 is within the 12 to 22 N m/g of compact cars with EPS and near the 23 N m/g that drivers preferred (Segel
-1964); the parking effort is within the limits of workshop manuals (3.7 to 7.8 N m); the rest is assumed. No range of
+Sources: the parking effort is within the limits of workshop manuals (3.7 to 7.8 N m); the rest is assumed. No range of
 the damping ratio of free control has been published.
 """
 
@@ -22,7 +21,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from steer_env import friction
-from steer_env.friction.numerics.kernel import kernel
 from steer_env.vehicle import free_control, plant
 from steer_env.vehicle.cars import Car
 from steer_env.vehicle.chassis.common.interface import HAND, HAND_SPEED, INPUTS
@@ -30,13 +28,12 @@ from steer_env.vehicle.constants import GRAVITY
 from steer_env.vehicle.plant import CHANNEL
 from steer_env.vehicle.steering import margins
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
+from steer_env.vehicle.steering.torque_build_up import torque_build_up
 
 Array = NDArray[np.float64]
 
 SPEEDS = tuple(kph / 3.6 for kph in (0.0, 20.0, 40.0, 80.0, 100.0, 140.0, 180.0, 220.0))  # of the table [m/s]
-TORQUES = (0.0, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0)  # of the table [N m]
-GRADIENT, FAR_GRADIENT = 22.0, 4.0  # G_0, G_1: of the torque build-up on centre and far from it [N m/g]
-SOFTENING = 0.11  # s: lateral acceleration at which the gradient has fallen most of the way [g]
+TORQUES = (0.0, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 7.0)  # of the table [N m]
 HIGHEST = 0.45  # lateral acceleration up to which the boost follows the build-up, then its slope goes on [g]
 PARKING_EFFORT = 4.0  # T_e [N m]; higher where the loop would lose its margins
 PARKING_EXPONENT = 1.5  # n: boost that grows with torque leaves the centre firm
@@ -55,13 +52,6 @@ class Design(NamedTuple):
     torques: Array  # (T,) [N m]
     boost: Array  # (V, T) at the column [N m]
     damping: Array  # (V,) at the column [N m s/rad]
-
-
-@kernel
-def torque_build_up(lateral_acceleration):
-    """Hand torque without friction [N m] that a lateral acceleration [m/s2] should have; odd (E7)."""
-    A = lateral_acceleration / GRAVITY
-    return FAR_GRADIENT * A + (GRADIENT - FAR_GRADIENT) * SOFTENING * math.tanh(A / SOFTENING)  # (E7)
 
 
 def _turn(car: Car, speed: float, chassis: str, angle: float, time: float) -> tuple[Array, Array]:
@@ -109,11 +99,11 @@ def parking_torque(car: Car) -> float:
 
 
 def _build_up_boost(car: Car, speed: float) -> Array:
-    """Boost (T,) by the torque build-up (E7)."""
+    """Boost (T,) by the torque build-up (E8)."""
     A, rack = rack_torque(car, speed)
     rack = np.maximum.accumulate(rack)
     torque = np.array([torque_build_up(a) for a in A])
-    boost = np.maximum(rack - torque, 0.0)  # (E7)
+    boost = np.maximum(rack - torque, 0.0)  # (E8)
     found = np.interp(TORQUES, torque, boost)
     last = len(A) - len(A) // 8
     slope = (boost[-1] - boost[last]) / (torque[-1] - torque[last])
@@ -123,9 +113,9 @@ def _build_up_boost(car: Car, speed: float) -> Array:
 
 
 def _parking_boost(torque: float, effort: float) -> Array:
-    """Boost (T,) at standstill by the largest rack torque and the effort for it [N m] (E8)."""
+    """Boost (T,) at standstill by the largest rack torque and the effort for it [N m] (E9)."""
     T = np.array(TORQUES)
-    within = torque * (np.minimum(T, effort) / effort) ** PARKING_EXPONENT - np.minimum(T, effort)  # (E8)
+    within = torque * (np.minimum(T, effort) / effort) ** PARKING_EXPONENT - np.minimum(T, effort)  # (E9)
     return np.maximum(within + (PARKING_EXPONENT * torque / effort - 1.0) * np.maximum(T - effort, 0.0), 0.0)
 
 

@@ -1,6 +1,6 @@
 """Power balance of the steering, from a recorded run.
 
-    hand + motor = friction + dampers + compliance + rack + change of the stored energy
+    hand + motor = friction + dampers + compliance + rack + change of the stored energy            (N6)
 
 All terms are work over each sample of 1 ms, from the channels that a user records and one state, the travel of the
 compliance. Source: (C9), (P2) and (P3), derived here.
@@ -70,6 +70,7 @@ def steering(p: plant.Plant, record: Array, passed: Array) -> dict[str, Array]:
     hand = channel("handwheel_torque")
     held = p.robot == 0.0 and p.column.K_arm == 0.0  # a given torque holds over its sample
     kinetic = c.I1 * channel("handwheel_speed") ** 2 + c.I2 * channel("column_speed") ** 2
+    # (N6)
     return {
         "hand": (hand[1:] if held else mean(hand)) * np.diff(angle),
         "motor": mean(channel("motor_torque")) * np.diff(column),

@@ -45,7 +45,7 @@ of good production sensors, assumed. Observations that are not listed have no no
 _VECTOR = """
 ## Vector environments
 
-`gymnasium.make_vec("steer_env/AssistWeave-v0", num_envs=64, threads=2, autoreset_mode="SameStep")` steps 64
+`gymnasium.make_vec("steer_env/AssistWeave-v1", num_envs=64, threads=2, autoreset_mode="SameStep")` steps 64
 sub-environments in two threads and resets a finished one in the same step. The tuning ids have no vector environment.
 """
 

@@ -3,7 +3,7 @@
 Nothing else in ``steer_env.friction`` needs names that numba does not document for users. This file is imported only
 where :mod:`steer_env.friction.numerics.kernel` selects it, and numba's own compiler takes over where it fails.
 
-What each part saves of the first step of ``AssistWeave-v0`` on one track and on two, of 8.9 and 15.7 s of processor
+What each part saves of the first step of ``AssistWeave-v1`` on one track and on two, of 8.9 and 15.7 s of processor
 time with numba's own compiler and 4.1 and 6.3 s with this one [s]:
 
 ================================================================  =====  =====

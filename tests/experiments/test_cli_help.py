@@ -60,10 +60,10 @@ def test_names_in_the_help_are_those_of_the_registries():
 @pytest.mark.parametrize(
     ("missing", "command", "extra"),
     [
-        ("torch", ["train", "--env", "steer_env/AssistWeave-v0"], "train"),
-        ("stable_baselines3", ["evaluate-policy", "shipped", "--env", "steer_env/AssistWeave-v0"], "train"),
+        ("torch", ["train", "--env", "steer_env/AssistWeave-v1"], "train"),
+        ("stable_baselines3", ["evaluate-policy", "shipped", "--env", "steer_env/AssistWeave-v1"], "train"),
         ("stable_baselines3", ["friction-shift", "policy.zip"], "train"),
-        ("sb3_contrib", ["train", "--env", "steer_env/AssistWeave-v0", "--algo", "recurrent-ppo"], "train"),
+        ("sb3_contrib", ["train", "--env", "steer_env/AssistWeave-v1", "--algo", "recurrent-ppo"], "train"),
         ("torch", ["verify", "policies"], "train"),
         ("asammdf", ["evaluate", "weave.mf4"], "mdf"),
         ("asammdf", ["run", "weave", "--out", "weave.mf4"], "mdf"),

@@ -125,16 +125,16 @@ linear: Metrics of the linear car at 80 km/h, driven by our manoeuvres at 1 kHz,
   step-steer, lateral_acceleration: settling time              1.4e-03  <= 0.01  pass
 
 time: Environment steps relative to CartPole-v1, 1 ms of plant relative to LuGre's step alone, and the first step.
-  steer_env/DriverDoubleLaneChange-v0, over CartPole-v1   1.8 x   <= 2 x     pass
-  steer_env/DriverObstacleAvoidance-v0, over CartPole-v1  2.5 x   <= 3 x     pass
-  steer_env/AssistLaneChange-v0, over CartPole-v1         2.0 x   <= 2 x     pass
-  steer_env/DriverLaneKeeping-v0, over CartPole-v1        1.8 x   <= 2 x     pass
-  steer_env/DriverWindingRoad-v0, over CartPole-v1        1.8 x   <= 2 x     pass
-  steer_env/AssistLaneKeeping-v0, over CartPole-v1        2.0 x   <= 2 x     pass
-  steer_env/DriverParking-v0, over CartPole-v1            2.4 x   <= 3 x     pass
-  steer_env/AssistParking-v0, over CartPole-v1            2.4 x   <= 3 x     pass
-  steer_env/AssistRelease-v0, over CartPole-v1            1.7 x   <= 2 x     pass
-  steer_env/AssistWeave-v0, over CartPole-v1              1.8 x   <= 2 x     pass
+  steer_env/DriverDoubleLaneChange-v1, over CartPole-v1   1.8 x   <= 2 x     pass
+  steer_env/DriverObstacleAvoidance-v1, over CartPole-v1  2.5 x   <= 3 x     pass
+  steer_env/AssistLaneChange-v1, over CartPole-v1         2.0 x   <= 2 x     pass
+  steer_env/DriverLaneKeeping-v1, over CartPole-v1        1.8 x   <= 2 x     pass
+  steer_env/DriverWindingRoad-v1, over CartPole-v1        1.8 x   <= 2 x     pass
+  steer_env/AssistLaneKeeping-v1, over CartPole-v1        2.0 x   <= 2 x     pass
+  steer_env/DriverParking-v1, over CartPole-v1            2.4 x   <= 3 x     pass
+  steer_env/AssistParking-v1, over CartPole-v1            2.4 x   <= 3 x     pass
+  steer_env/AssistRelease-v1, over CartPole-v1            1.7 x   <= 2 x     pass
+  steer_env/AssistWeave-v1, over CartPole-v1              1.8 x   <= 2 x     pass
   1 ms on single_track, over LuGre alone                  2.7 x   <= 6 x     pass
   1 ms on single_track                                    373 ns  <= 700 ns  pass
   1 ms on two_track, over LuGre alone                     4.7 x   <= 10 x    pass

@@ -13,7 +13,7 @@ from steer_env.experiments.learning import friction_shift, held_out, policy, pol
 from steer_env.experiments.learning.training import Training, settings
 from steer_env.experiments.output.options import Friction
 
-WEAVE = "steer_env/AssistWeave-v0"
+WEAVE = "steer_env/AssistWeave-v1"
 LUGRE = Friction("lugre")
 
 
@@ -61,7 +61,7 @@ def test_a_policy_acts_alike_in_single_and_vector_environments(trained):
 
 
 def test_a_policy_holds_its_action_between_its_own_steps(tmp_path):
-    env_id = "steer_env/DriverDoubleLaneChange-v0"
+    env_id = "steer_env/DriverDoubleLaneChange-v1"
     Training(env_id, "ppo", tmp_path / "run", friction=LUGRE).run(steps=2)
     path = tmp_path / "run" / "policy.zip"
     vector = gym.make_vec(env_id, num_envs=2)
@@ -184,15 +184,15 @@ def test_friction_shift_command(trained, tmp_path, capsys):
         assert name in printed
     assert "…" not in printed
     assert "beside active return, boost, damping" in (out / "index.html").read_text(encoding="utf-8")
-    assert main(["friction-shift", path, "--env", "steer_env/AssistRelease-v0"]) == 2
-    assert "was trained for steer_env/AssistWeave-v0, not steer_env/AssistRelease-v0" in capsys.readouterr().err
+    assert main(["friction-shift", path, "--env", "steer_env/AssistRelease-v1"]) == 2
+    assert "was trained for steer_env/AssistWeave-v1, not steer_env/AssistRelease-v1" in capsys.readouterr().err
 
 
 def test_evaluation_on_another_task_names_both(trained, tmp_path, capsys):
     command = ["evaluate-policy", str(trained / "policy.zip"), "--out", str(tmp_path / "out")]
-    assert main([*command, "--env", "steer_env/DriverParking-v0"]) == 2
+    assert main([*command, "--env", "steer_env/DriverParking-v1"]) == 2
     assert (
-        "was trained for steer_env/AssistWeave-v0 and cannot act in steer_env/DriverParking" in capsys.readouterr().err
+        "was trained for steer_env/AssistWeave-v1 and cannot act in steer_env/DriverParking" in capsys.readouterr().err
     )
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "mine.txt").write_text("")
@@ -291,7 +291,7 @@ def test_friction_shift(trained, tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["train", "--env", "steer_env/DriverFlying-v0"], "unknown environment 'steer_env/DriverFlying-v0'; there are"),
+        (["train", "--env", "steer_env/DriverFlying-v1"], "unknown environment 'steer_env/DriverFlying-v1'; there are"),
         (["train", "--env", WEAVE, "--minutes", "-1"], "minutes must be .*greater than 0"),
         (["train", "--env", WEAVE, "--minutes", "nan"], "minutes must be finite"),
         (["train", "--env", WEAVE, "--steps", "0"], "--steps: must be a whole number of at least 1, got '0'"),
@@ -299,7 +299,7 @@ def test_friction_shift(trained, tmp_path):
         (["train", "--env", WEAVE, "--seed", "-1"], "--seed: must be a whole number of at least 0"),
         (["train", "--env", WEAVE, "--out", "file/run"], "cannot be made, as .*file is a file"),
         (["train", "--env", WEAVE, "--out", "file"], "file is a file: give a directory"),
-        (["train", "--env", "steer_env/TuneOnCentre-v0"], "tunes assist parameters"),
+        (["train", "--env", "steer_env/TuneOnCentre-v1"], "tunes assist parameters"),
         (["evaluate-policy", "boost", "--env", WEAVE, "--out", "file"], "file is a file: give a directory"),
         (["evaluate-policy", "boost", "boost", "--env", WEAVE], "'boost' is given twice"),
         (["evaluate-policy", "boost"], "--env must name the environment"),
@@ -335,16 +335,16 @@ def test_files_of_others_are_refused(tmp_path):
 
 def test_a_policy_of_another_task_is_refused(trained):
     with pytest.raises(
-        ValueError, match="was trained for steer_env/AssistWeave-v0 and cannot act in steer_env/DriverLaneK"
+        ValueError, match="was trained for steer_env/AssistWeave-v1 and cannot act in steer_env/DriverLaneK"
     ):
-        policy.Policy(trained / "policy.zip", gym.make("steer_env/DriverLaneKeeping-v0"))
+        policy.Policy(trained / "policy.zip", gym.make("steer_env/DriverLaneKeeping-v1"))
 
 
 def test_settings_of_an_id_stand_over_the_common_ones():
-    found = settings("steer_env/DriverDoubleLaneChange-v0", "ppo")
+    found = settings("steer_env/DriverDoubleLaneChange-v1", "ppo")
     assert found["environment"]["control_dt"] == 0.05  # of all drivers
     assert found["environment"]["randomise"]["road_friction"] == [0.8, 1.0]  # its own
     assert found["algorithm"]["net_arch"] == [64, 64]  # of all ids
-    assert settings("steer_env/AssistParking-v0", "ppo")["environment"] == {"control_dt": 0.01}
+    assert settings("steer_env/AssistParking-v1", "ppo")["environment"] == {"control_dt": 0.01}
     with pytest.raises(ValueError, match="unknown algorithm 'dqn'"):
         settings(WEAVE, "dqn")

@@ -22,7 +22,7 @@ def environment(scenario, law="lugre", num_envs=None):
     """An assist environment, made once; every test resets it."""
     key = scenario, law, num_envs
     if key not in _made:
-        name = f"steer_env/Assist{scenario}-v0"
+        name = f"steer_env/Assist{scenario}-v1"
         _made[key] = (
             gym.make(name, friction=law).unwrapped
             if num_envs is None
@@ -170,7 +170,7 @@ def test_compensation_and_lqg_bring_the_feel_nearer_to_the_reference():
 def test_margins_of_the_lead_lag(speed, control_dt):
     import control
 
-    env = gym.make("steer_env/AssistWeave-v0", control_dt=control_dt).unwrapped
+    env = gym.make("steer_env/AssistWeave-v1", control_dt=control_dt).unwrapped
     baseline = assists.make("lead_lag", env, gain=1.0)
     design, car = baseline.design(speed), env.batch.car
     H = control.ss(design.A, design.B, design.C[None], design.D[None], control_dt)
@@ -246,7 +246,7 @@ def test_bad_input():
 
 @pytest.mark.parametrize("name", NAMES)
 def test_another_environment_is_refused(name):
-    for other in ("steer_env/DriverLaneKeeping-v0", "CartPole-v1"):
+    for other in ("steer_env/DriverLaneKeeping-v1", "CartPole-v1"):
         env = gym.make(other)
         with pytest.raises(ValueError, match=r"whose action is an assist torque, got"):
             assists.make(name, env)

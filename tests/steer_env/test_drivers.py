@@ -52,7 +52,7 @@ def test_all_are_there():
 @pytest.mark.parametrize("law", friction.available())
 def test_preview_takes_the_default_car_through_the_double_lane_change(law):
     """ISO 3888-1 at 80 km/h without a cone, arms between driver and handwheel, whatever the friction."""
-    env = gym.make("steer_env/DriverDoubleLaneChange-v0", friction=law)
+    env = gym.make("steer_env/DriverDoubleLaneChange-v1", friction=law)
     for mirrored in (0, 1):
         _, info = drive(env, "preview", options={"mirrored": mirrored, "entry_offset": 0.2, "entry_heading": 0.01})
         assert info["metrics"]["cones_hit"] == 0.0
@@ -61,7 +61,7 @@ def test_preview_takes_the_default_car_through_the_double_lane_change(law):
 
 @pytest.mark.parametrize("driver", WITH_PREVIEW)
 def test_a_mirrored_course_is_driven_mirrored_to_the_bit(driver):
-    env = gym.make("steer_env/DriverDoubleLaneChange-v0")
+    env = gym.make("steer_env/DriverDoubleLaneChange-v1")
     one, _ = drive(env, driver, options={"mirrored": 0, "entry_offset": 0.1, "entry_heading": -0.005})
     other, _ = drive(env, driver, options={"mirrored": 1, "entry_offset": -0.1, "entry_heading": 0.005})
     assert np.array_equal(one, other * [1.0, -1.0, -1.0, -1.0])
@@ -70,7 +70,7 @@ def test_a_mirrored_course_is_driven_mirrored_to_the_bit(driver):
 @pytest.mark.parametrize("driver", WITH_PREVIEW)
 @pytest.mark.parametrize("name", ["DriverLaneKeeping", "DriverWindingRoad"])
 def test_every_driver_keeps_the_lane(name, driver):
-    _, info = drive(gym.make(f"steer_env/{name}-v0"), driver)
+    _, info = drive(gym.make(f"steer_env/{name}-v1"), driver)
     assert info["metrics"]["peak_lateral_offset"] < 0.6
     assert info["metrics"]["rms_hand_torque"] < 2.5
 
@@ -80,7 +80,7 @@ def test_every_driver_keeps_the_lane(name, driver):
 def test_arms_in_the_loop_are_stable(law, co_contraction):
     """Tensed or nearly relaxed, the driver in the loop keeps the lane without oscillation."""
     driver = drivers.make("preview", co_contraction=co_contraction)
-    env = gym.make("steer_env/AssistLaneKeeping-v0", driver=driver, friction=law)
+    env = gym.make("steer_env/AssistLaneKeeping-v1", driver=driver, friction=law)
     env.reset(seed=0)
     over = False
     while not over:
@@ -93,7 +93,7 @@ def test_arms_in_the_loop_are_stable(law, co_contraction):
 def test_tensed_arms_follow_the_path_better():
     offsets = []
     for co_contraction in (0.2, 1.0):
-        env = gym.make("steer_env/AssistLaneKeeping-v0", driver=drivers.make("preview", co_contraction=co_contraction))
+        env = gym.make("steer_env/AssistLaneKeeping-v1", driver=drivers.make("preview", co_contraction=co_contraction))
         env.reset(seed=0)
         over = False
         while not over:
@@ -105,7 +105,7 @@ def test_tensed_arms_follow_the_path_better():
 @pytest.mark.parametrize("law", ["coulomb", "lugre", "masing"])
 def test_a_handwheel_that_is_let_go_settles(law):
     """Hands off after a steady turn: it comes back by more than half, and stands still."""
-    env = gym.make("steer_env/AssistRelease-v0", friction=law)
+    env = gym.make("steer_env/AssistRelease-v1", friction=law)
     env.reset(seed=0, options={"amplitude": 0.4})
     over, angles = False, []
     while not over:
@@ -117,7 +117,7 @@ def test_a_handwheel_that_is_let_go_settles(law):
 
 
 def test_free_hands_give_nothing():
-    env = gym.make("steer_env/DriverLaneKeeping-v0")
+    env = gym.make("steer_env/DriverLaneKeeping-v1")
     observation, _ = env.reset(seed=0)
     assert drivers.Controller(env, "free").act(observation).tolist() == [0.0]
 
@@ -217,15 +217,15 @@ def test_a_reflex_answers_to_an_error_50_ms_old(ahead):
         (lambda: drivers.make("preview", effort=0.0), r"effort \[m/rad\] must be .*greater than 0"),
         (lambda: drivers.make("macadam", preview_time=9.0), r"preview_time \[s\] must be .*at most 1.5"),
         (lambda: drivers.make("two_point", near=0.0), r"near \[m\] must be .*at least 2"),
-        (lambda: gym.make("steer_env/AssistLaneKeeping-v0", driver=3), "driver must be one of free, .*got 3"),
-        (lambda: gym.make("steer_env/AssistWeave-v0", driver="preview"), "AssistWeave has no driver model in its loop"),
-        (lambda: drivers.Controller(gym.make("steer_env/AssistWeave-v0")), "no driver model can act in AssistWeave"),
+        (lambda: gym.make("steer_env/AssistLaneKeeping-v1", driver=3), "driver must be one of free, .*got 3"),
+        (lambda: gym.make("steer_env/AssistWeave-v1", driver="preview"), "AssistWeave has no driver model in its loop"),
+        (lambda: drivers.Controller(gym.make("steer_env/AssistWeave-v1")), "no driver model can act in AssistWeave"),
         (
-            lambda: drivers.Controller(gym.make("steer_env/DriverParking-v0")),
+            lambda: drivers.Controller(gym.make("steer_env/DriverParking-v1")),
             "no driver model can act in DriverParking",
         ),
         (
-            lambda: drivers.Controller(gym.make("steer_env/DriverLaneKeeping-v0", control_dt=0.02)),
+            lambda: drivers.Controller(gym.make("steer_env/DriverLaneKeeping-v1", control_dt=0.02)),
             "act every 10 ms; make the environment with control_dt=0.01, not 0.02",
         ),
     ],

@@ -25,7 +25,7 @@ from steer_env.vehicle.chassis import two_track
 
 IDS = tuple(DRIVEN)
 # Every id on every chassis that it runs on.
-RUNS = [(f"steer_env/{name}-v0", chassis) for name in tasks.available() for chassis in tasks.task(name).chassis]
+RUNS = [(f"steer_env/{name}-v1", chassis) for name in tasks.available() for chassis in tasks.task(name).chassis]
 ACTION = np.array([0.1], np.float32)
 # The default law for a contributor, every law in the whole suite.
 LAWS = [law if law == "lugre" else pytest.param(law, marks=pytest.mark.whole) for law in friction.available()]
@@ -66,7 +66,7 @@ def test_stable_baselines3_accepts(name):
 
 def test_a_new_law_drives_an_environment(toy):
     assert "toy_jenkins" in friction.available()
-    env = gym.make("steer_env/AssistWeave-v0", friction=toy.make(k=80.0))
+    env = gym.make("steer_env/AssistWeave-v1", friction=toy.make(k=80.0))
     assert np.isfinite(run(env, 100)).all()
 
 
@@ -83,7 +83,7 @@ RUN = """
 import gymnasium, steer_env, tests.steer_env.test_env as t
 print(*[x.hex() for name in t.PLAIN for x in t.run(gymnasium.make(name, friction="masing"), 5).tolist()])
 """
-PLAIN = ("steer_env/AssistWeave-v0", "steer_env/DriverDoubleLaneChange-v0")
+PLAIN = ("steer_env/AssistWeave-v1", "steer_env/DriverDoubleLaneChange-v1")
 
 
 @pytest.mark.skipif(not COMPILED, reason="nothing is compiled")
@@ -115,7 +115,7 @@ def test_control_dt_changes_the_sampling_and_not_the_car(name):
 
 @pytest.mark.parametrize("chassis", ["single_track", "two_track"])
 def test_left_is_positive(chassis):
-    env = gym.make("steer_env/DriverLaneKeeping-v0", chassis=chassis).unwrapped
+    env = gym.make("steer_env/DriverLaneKeeping-v1", chassis=chassis).unwrapped
     env.reset(seed=0, options={"wind": 0.0, "road": 0.0})
     for _ in range(30):
         *_, info = env.step(np.array([0.2], np.float32))
@@ -124,7 +124,7 @@ def test_left_is_positive(chassis):
 
 
 def test_lane_keeping_ends_outside_the_lane():
-    env = gym.make("steer_env/DriverLaneKeeping-v0")
+    env = gym.make("steer_env/DriverLaneKeeping-v1")
     env.reset(seed=0)
     for _ in range(3000):
         _, _, terminated, _, info = env.step(np.array([0.5], np.float32))
@@ -136,7 +136,7 @@ def test_lane_keeping_ends_outside_the_lane():
 
 
 def test_a_car_that_rolls_over_ends_the_episode():
-    env = gym.make("steer_env/DriverLaneKeeping-v0", chassis="two_track").unwrapped
+    env = gym.make("steer_env/DriverLaneKeeping-v1", chassis="two_track").unwrapped
     env.reset(seed=0)
     env.batch.arrays.states[0, env.batch.states.index("roll_angle")] = 1.2
     _, reward, terminated, _, info = env.step(ACTION)
@@ -145,7 +145,7 @@ def test_a_car_that_rolls_over_ends_the_episode():
 
 def test_a_car_that_spins_ends_the_episode():
     """Hands off at 60 m/s, the default car does."""
-    env = gym.make("steer_env/AssistRelease-v0", speed=60.0)
+    env = gym.make("steer_env/AssistRelease-v1", speed=60.0)
     env.reset(seed=0)
     ended = False
     while not ended:
@@ -159,7 +159,7 @@ def test_metrics_end_with_the_episode_whatever_the_control_step():
     """A hand torque of 5 N m until the car leaves its lane."""
     found = []
     for control_dt in (0.01, 0.05, 0.1):
-        env = gym.make("steer_env/DriverLaneKeeping-v0", control_dt=control_dt)
+        env = gym.make("steer_env/DriverLaneKeeping-v1", control_dt=control_dt)
         env.reset(seed=2)
         ended = False
         while not ended:
@@ -172,7 +172,7 @@ def test_metrics_end_with_the_episode_whatever_the_control_step():
 
 def test_short_control_steps_find_no_jerk_of_their_own():
     for control_dt, steps in ((0.001, 3000), (0.002, 1500), (0.01, 300)):
-        env = gym.make("steer_env/DriverLaneKeeping-v0", control_dt=control_dt)
+        env = gym.make("steer_env/DriverLaneKeeping-v1", control_dt=control_dt)
         env.reset(seed=3)
         assert sum(env.step(0 * ACTION)[4]["cost_terms"]["comfort"] for _ in range(steps)) == 0.0
 
@@ -189,7 +189,7 @@ def test_own_car_and_tyre(tmp_path):
     (tmp_path / "mycar.toml").write_text(car, encoding="utf-8")
     tyres.save(tyres.load(), tmp_path / "some.tir")
     arguments = {"vehicle": str(tmp_path / "mycar.toml"), "tyre": str(tmp_path / "some.tir")}
-    env = gym.make("steer_env/DriverLaneKeeping-v0", chassis="two_track", **arguments)
+    env = gym.make("steer_env/DriverLaneKeeping-v1", chassis="two_track", **arguments)
     _, info = env.reset(seed=0)
     assert set(plant.CHANNEL) < set(info)
     assert info["longitudinal_speed"] == pytest.approx(100.0 / 3.6, rel=0.01)
@@ -199,7 +199,7 @@ def test_own_car_and_tyre(tmp_path):
 
 
 def test_weave_truncates_after_its_duration():
-    env = gym.make("steer_env/AssistWeave-v0", control_dt=0.1)
+    env = gym.make("steer_env/AssistWeave-v1", control_dt=0.1)
     env.reset(seed=0)
     for step in range(1, 201):
         _, _, terminated, truncated, _ = env.step(ACTION)
@@ -210,7 +210,7 @@ def test_weave_truncates_after_its_duration():
 
 
 def test_reset_options_fix_the_case():
-    env = gym.make("steer_env/AssistWeave-v0")
+    env = gym.make("steer_env/AssistWeave-v1")
     env.reset(seed=0, options={"amplitude": 0.1})
     peak = 0.0
     for _ in range(1000):
@@ -275,14 +275,14 @@ def test_unknown_keywords_are_refused(name):
     ],
 )
 def test_bad_actions(action, message):
-    env = gym.make("steer_env/AssistWeave-v0").unwrapped
+    env = gym.make("steer_env/AssistWeave-v1").unwrapped
     env.reset(seed=0)
     with pytest.raises(ValueError, match=message):
         env.step(action)
 
 
 def test_a_state_that_turns_nan_ends_the_episode_and_is_named():
-    env = gym.make("steer_env/DriverLaneKeeping-v0").unwrapped
+    env = gym.make("steer_env/DriverLaneKeeping-v1").unwrapped
     env.reset(seed=0)
     env.step(ACTION)
     env.batch.arrays.scripted_inputs[0, 2:, 2] = np.nan  # the rack disturbance
@@ -332,7 +332,7 @@ def test_weights_replace_the_tasks(name):
 def test_what_is_drawn_changes_the_car_and_an_option_fixes_it():
     """A held torque on two tracks: more load, less friction of the road, another speed, another level of friction."""
     ranges = {"load": (0, 400), "road_friction": (0.5, 1.0), "speed": (20, 30), "friction_level": (0.5, 2.0)}
-    env = gym.make("steer_env/DriverLaneKeeping-v0", chassis="two_track", randomise=ranges)
+    env = gym.make("steer_env/DriverLaneKeeping-v1", chassis="two_track", randomise=ranges)
     fixed = {"load": 300.0, "road_friction": 0.8, "speed": 25.0, "friction_level": 1.5, "wind": 0.0, "road": 0.0}
 
     def end(options):
@@ -356,8 +356,8 @@ def test_what_is_drawn_changes_the_car_and_an_option_fixes_it():
 
 
 def test_noise_has_its_size_and_a_delay_its_age():
-    env = gym.make("steer_env/AssistWeave-v0", randomise={"sensor_noise": (1, 1), "delay": (0.05, 0.05)}).unwrapped
-    clean = gym.make("steer_env/AssistWeave-v0").unwrapped
+    env = gym.make("steer_env/AssistWeave-v1", randomise={"sensor_noise": (1, 1), "delay": (0.05, 0.05)}).unwrapped
+    clean = gym.make("steer_env/AssistWeave-v1").unwrapped
     clean.reset(seed=0, options={"amplitude": 0.2})
     env.reset(seed=0, options={"amplitude": 0.2})
     seen, true = [], []

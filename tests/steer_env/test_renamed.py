@@ -37,7 +37,7 @@ def test_importing_an_old_name_from_the_package_warns():
 
 
 def test_the_old_name_of_a_baseline_still_makes_it():
-    env = gym.make("steer_env/AssistWeave-v0")
+    env = gym.make("steer_env/AssistWeave-v1")
     with pytest.warns(DeprecationWarning, match="baseline assist 'return' is now 'active_return'") as caught:
         baseline = assists.make("return", env)
     assert caught[0].filename == __file__

@@ -16,7 +16,7 @@ from steer_env.rendering import canvas, renderer
 from steer_env.rendering.canvas import Canvas, nice_step
 
 IDS = tuple(DRIVEN)
-LANE_CHANGE = "steer_env/DriverDoubleLaneChange-v0"
+LANE_CHANGE = "steer_env/DriverDoubleLaneChange-v1"
 STRAIGHT_ENTRY = {"entry_offset": 0.0, "entry_heading": 0.0}
 
 
@@ -55,7 +55,7 @@ def test_frames(name):
     two.close()
 
 
-@pytest.mark.parametrize("name", ["steer_env/AssistLaneChange-v0", "steer_env/DriverParking-v0"])
+@pytest.mark.parametrize("name", ["steer_env/AssistLaneChange-v1", "steer_env/DriverParking-v1"])
 def test_gymnasium_accepts_the_pictures(name):
     check_env(gym.make(name, render_mode="rgb_array").unwrapped)  # the suite takes a warning for an error
 
@@ -76,7 +76,7 @@ def test_a_mirrored_road_makes_a_mirrored_picture():
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_left_is_counter_clockwise_on_the_handwheel(side):
-    env = gym.make("steer_env/DriverParking-v0", render_mode="rgb_array")
+    env = gym.make("steer_env/DriverParking-v1", render_mode="rgb_array")
     env.reset(seed=0)
     info = acted(env, 40, 0.4 * side)
     assert 0.3 < side * info["handwheel_angle"] < 3.0
@@ -107,7 +107,7 @@ def test_touched_cones_change_their_colour():
 
 
 def test_a_state_that_is_not_finite_leaves_a_picture():
-    env = gym.make("steer_env/DriverParking-v0", render_mode="rgb_array").unwrapped
+    env = gym.make("steer_env/DriverParking-v1", render_mode="rgb_array").unwrapped
     env.reset(seed=0)
     env.batch.arrays.states[:] = math.nan
     *_, terminated, _, info = env.step(np.zeros(1, np.float32))
@@ -120,15 +120,15 @@ def test_a_state_that_is_not_finite_leaves_a_picture():
 def test_without_pygame_there_is_one_clear_error(monkeypatch, mode):
     monkeypatch.setitem(sys.modules, "pygame", None)
     with pytest.raises(gym.error.DependencyNotInstalled, match=r"pip install 'steer-env\[render\]'"):
-        gym.make("steer_env/AssistWeave-v0", render_mode=mode)
-    gym.make("steer_env/AssistWeave-v0")
+        gym.make("steer_env/AssistWeave-v1", render_mode=mode)
+    gym.make("steer_env/AssistWeave-v1")
 
 
 def test_pygame_is_imported_for_pictures_alone_and_says_nothing():
     code = (
-        "import sys, gymnasium as gym, steer_env; gym.make('steer_env/AssistWeave-v0');"
+        "import sys, gymnasium as gym, steer_env; gym.make('steer_env/AssistWeave-v1');"
         "assert 'pygame' not in sys.modules;"
-        "gym.make('steer_env/AssistWeave-v0', render_mode='rgb_array'); assert 'pygame' in sys.modules"
+        "gym.make('steer_env/AssistWeave-v1', render_mode='rgb_array'); assert 'pygame' in sys.modules"
     )
     done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
     assert done.stdout == ""
@@ -137,13 +137,13 @@ def test_pygame_is_imported_for_pictures_alone_and_says_nothing():
 def test_an_array_needs_no_window_system(monkeypatch):
     pygame.display.quit()
     monkeypatch.setenv("SDL_VIDEODRIVER", "none of this name")
-    env = gym.make("steer_env/AssistWeave-v0", render_mode="rgb_array")
+    env = gym.make("steer_env/AssistWeave-v1", render_mode="rgb_array")
     env.reset(seed=0)
     assert env.render().any()
     assert not pygame.display.get_init()
     env.close()
     with pytest.raises(RuntimeError, match=r"needs a window.*render_mode='rgb_array'"):
-        gym.make("steer_env/AssistWeave-v0", render_mode="human").reset(seed=0)
+        gym.make("steer_env/AssistWeave-v1", render_mode="human").reset(seed=0)
 
 
 def test_a_window_shows_25_frames_a_second_as_time_passes(monkeypatch):
@@ -154,7 +154,7 @@ def test_a_window_shows_25_frames_a_second_as_time_passes(monkeypatch):
         return show(self, title, period)
 
     monkeypatch.setattr(Canvas, "show", counted)
-    env = gym.make("steer_env/AssistWeave-v0", render_mode="human")
+    env = gym.make("steer_env/AssistWeave-v1", render_mode="human")
     env.reset(seed=0)
     start = time.perf_counter()
     acted(env, 50)
@@ -167,7 +167,7 @@ def test_a_window_shows_25_frames_a_second_as_time_passes(monkeypatch):
 
 
 def test_an_episode_goes_on_without_a_window_that_was_closed():
-    env = gym.make("steer_env/AssistWeave-v0", render_mode="human")
+    env = gym.make("steer_env/AssistWeave-v1", render_mode="human")
     env.reset(seed=0)
     pygame.event.post(pygame.event.Event(pygame.QUIT))
     acted(env, 20)
@@ -179,15 +179,15 @@ def test_an_episode_goes_on_without_a_window_that_was_closed():
 
 @pytest.mark.parametrize("mode", ["rgb_array", "human"])
 def test_closing_twice_does_no_harm(mode):
-    env = gym.make("steer_env/AssistWeave-v0", render_mode=mode)
+    env = gym.make("steer_env/AssistWeave-v1", render_mode=mode)
     env.reset(seed=0)
     env.close()
     env.close()
-    gym.make("steer_env/AssistWeave-v0", render_mode=mode).close()  # nothing drawn
+    gym.make("steer_env/AssistWeave-v1", render_mode=mode).close()  # nothing drawn
 
 
 def test_fonts_outlive_another_environment_that_ends_pygame():
-    env = gym.make("steer_env/AssistWeave-v0", render_mode="rgb_array")
+    env = gym.make("steer_env/AssistWeave-v1", render_mode="rgb_array")
     env.reset(seed=0)
     env.render()
     pygame.quit()

@@ -10,7 +10,7 @@ from stable_baselines3.common.vec_env import VecCheckNan, VecFrameStack, VecMoni
 
 from steer_env.sb3 import SteerVecEnv
 
-WEAVE = "steer_env/AssistWeave-v0"
+WEAVE = "steer_env/AssistWeave-v1"
 
 
 def to_the_end(env, action):
@@ -40,7 +40,7 @@ def test_a_truncated_episode_tells_its_last_observation_and_the_time_limit():
 
 
 def test_a_terminated_episode_is_no_time_limit():
-    env = SteerVecEnv("steer_env/DriverLaneKeeping-v0", 1)
+    env = SteerVecEnv("steer_env/DriverLaneKeeping-v1", 1)
     *_, infos = to_the_end(env, np.full((1, 1), 0.5, np.float32))
     assert infos[0]["TimeLimit.truncated"] is False
 
@@ -69,7 +69,7 @@ def test_reset_options_reach_every_sub_environment():
 
 
 def test_ids_that_are_not_driven_are_refused():
-    for name in ("steer_env/TuneOnCentre-v0", "CartPole-v1"):
+    for name in ("steer_env/TuneOnCentre-v1", "CartPole-v1"):
         with pytest.raises(ValueError, match=f"env_id must be one of .*got '{name}'"):
             SteerVecEnv(name, 2)
 

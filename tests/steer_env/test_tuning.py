@@ -24,7 +24,7 @@ ALL_ROUND, ON_CENTRE = IDS
 EVERYTHING = {"load": (0, 300), "road_friction": (0.8, 1.0), "friction_level": (0.5, 2), "speed": (20, 40)}
 # The default law for a contributor, every law in the whole suite.
 LAWS = [law if law == "lugre" else pytest.param(law, marks=pytest.mark.whole) for law in friction.available()]
-ONLY = {"steer_env/TuneOnCentre-v0": {"boost_low_speed", "damping_low_speed"}, "steer_env/TuneAllRound-v0": set()}
+ONLY = {"steer_env/TuneOnCentre-v1": {"boost_low_speed", "damping_low_speed"}, "steer_env/TuneAllRound-v1": set()}
 
 
 def make(name, **arguments):

@@ -13,7 +13,7 @@ from steer_env.drivers import Controller
 from steer_env.registration import DRIVEN
 
 IDS = tuple(DRIVEN)
-WEAVE, COURSE = "steer_env/AssistWeave-v0", "steer_env/DriverDoubleLaneChange-v0"
+WEAVE, COURSE = "steer_env/AssistWeave-v1", "steer_env/DriverDoubleLaneChange-v1"
 RANDOM = {
     "load": (0, 300),
     "road_friction": (0.6, 1.0),

@@ -13,7 +13,7 @@ from pathlib import Path
 ROOT = Path(__file__).parents[2]
 STEP = """
 import time, gymnasium, steer_env
-env = gymnasium.make("steer_env/{task}-v0", chassis="{chassis}")
+env = gymnasium.make("steer_env/{task}-v1", chassis="{chassis}")
 env.reset(seed=0)
 env.step(env.action_space.sample())
 print(time.process_time())

@@ -1,0 +1,70 @@
+"""The design of the assist: the torque build-up, the tables of the packaged cars, and what they are for."""
+
+import json
+import math
+from dataclasses import replace
+from importlib.resources import files
+
+import numpy as np
+import pytest
+
+from steer_env import friction
+from steer_env.vehicle import assist_design, cars, free_control
+from steer_env.vehicle.constants import GRAVITY as G
+from steer_env.vehicle.steering import margins
+from steer_env.vehicle.steering.torque_build_up import torque_build_up
+
+KPH = 1.0 / 3.6
+
+
+def test_build_up():
+    """22 N m/g on centre, 4 N m/g far from it, odd; by hand at 0.11 g."""
+    slope = [(torque_build_up(a + 1e-6) - torque_build_up(a - 1e-6)) / 2e-6 * G for a in (0.0, 10.0)]
+    assert slope == pytest.approx([22.0, 4.0], abs=1e-6)
+    assert torque_build_up(-0.11 * G) == pytest.approx(-(4.0 * 0.11 + 18.0 * 0.11 * math.tanh(1.0)))
+
+
+@pytest.mark.parametrize("name", cars.available())
+def test_packaged_cars_have_the_designed_assist(name):
+    text = files("steer_env.vehicle").joinpath("data", "cars", f"{name}.json").read_text(encoding="utf-8")
+    given, found = json.loads(text)["assist"], assist_design.design(cars.load(name))
+    np.testing.assert_allclose(given["speeds"], found.speeds, atol=1e-4)
+    np.testing.assert_array_equal(given["torques"], found.torques)
+    np.testing.assert_allclose(given["boost"], found.boost, atol=0.0101)  # a last digit may round the other way
+    np.testing.assert_array_equal(given["damping"], found.damping)
+
+
+@pytest.mark.parametrize("name", cars.available())
+def test_loops_keep_their_margins(name):
+    car = cars.load(name)
+    for speed in car.assist.speeds:
+        found = margins.worst_margins(car.column, car.assist, speed)
+        assert found.stable
+        assert math.degrees(found.phase) >= 30.0
+        assert 20.0 * math.log10(found.gain) >= 6.0
+
+
+def test_a_slow_turn_takes_the_torque_of_the_build_up():
+    """Torsion-bar torque of the whole car without friction, at 100 km/h, against the curve it is designed for."""
+    car = cars.load()
+    p = car.plant(friction.make("viscous", sigma_2=0.0), 100.0 * KPH)
+    A, rack = assist_design.rack_torque(car, 100.0 * KPH)
+    for wanted in (0.05, 0.1, 0.2, 0.3):
+        torque = float(torque_build_up(wanted * G))
+        boost = np.interp(torque, p.assist.torques, p.assist.boost[4])
+        assert torque + boost == pytest.approx(float(np.interp(wanted * G, A, rack)), rel=0.02)
+
+
+@pytest.mark.parametrize("chassis", ["single_track", "two_track"])
+@pytest.mark.parametrize(("speed", "law"), [(50.0, "lugre"), (40.0, friction.make("viscous", sigma_2=0.0))])
+def test_the_default_car_settles_with_the_hands_off(chassis, speed, law):
+    """3 N m for 0.3 s: no spin, and within 6 s less than 0.5 deg/s of yaw remain and fall; so at half the step."""
+    p = cars.load().plant(law, speed, chassis=chassis)
+    assert [free_control.pulse(p, substeps=n).verdict for n in (1, 2)] == ["settles", "settles"]
+
+
+def test_a_car_that_cannot_corner_is_refused():
+    car = cars.load()
+    slippery = replace(car.tyre, coefficients=car.tyre.coefficients._replace(PDY1=0.15))
+    with pytest.raises(ValueError, match=r"^compact reaches only .* too little to design an assist$"):
+        assist_design.rack_torque(car._replace(tyre=slippery), 100.0 * KPH)
