@@ -1,5 +1,7 @@
 """Pages as HTML from templates; ``templates`` in this folder holds the style sheet that all pages share."""
 
+from base64 import b64encode
+
 import jinja2
 
 from steer_env.experiments.output import words
@@ -17,3 +19,8 @@ def environment(package: str) -> jinja2.Environment:
     )
     found.filters |= {f.__name__: f for f in (words.number, words.percent, words.change, words.label)}
     return found
+
+
+def image(svg: str) -> str:
+    """A picture as the source of an image, which needs no other file."""
+    return "data:image/svg+xml;base64," + b64encode(svg.encode()).decode()

@@ -38,7 +38,7 @@ _NAMES = {
     "N m/rad": "front_anti_roll rear_anti_roll compliance",
     "rad/m": "rear_bump_steer rear_camber_gain",
     "rad/N": "rear_lateral_compliance",
-    "1": "friction_load",
+    "1": "friction_load front_cornering_stiffness_factor rear_cornering_stiffness_factor",
 }
 UNITS = {name: unit for unit, names in _NAMES.items() for name in names.split()}
 

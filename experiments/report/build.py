@@ -6,7 +6,6 @@ the target when everything is done.
 
 import math
 import os
-from base64 import b64encode
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +14,7 @@ from steer_env.experiments.drawing import pictures, plots
 from steer_env.experiments.output import provenance
 from steer_env.experiments.output.files import replaced_directory, write_json
 from steer_env.experiments.output.metrics_json import entries
-from steer_env.experiments.output.pages import environment
+from steer_env.experiments.output.pages import environment, image
 from steer_env.experiments.report import findings
 from steer_env.experiments.report.results import Notify, Results, Scope, collect
 from steer_env.experiments.studies import cross_validation, friction_laws, loop_width, real_time, vehicle
@@ -101,7 +100,7 @@ def render(results: Results, source: dict[str, Any]) -> str:
             reference=commonroad_reference,
             width=loop_width,
             definitions={name: metrics.definition(name) for test in results.drives for name in metrics.available(test)},
-            images={name: _image(svg) for name, svg in _pictures(results).items()},
+            images={name: image(svg) for name, svg in _pictures(results).items()},
             plots=_plots(results),
             script=plots.script(),
             wanted=targets.load(WANTED),
@@ -147,10 +146,6 @@ def _plots(results: Results) -> dict[str, str]:
         if shown:
             drawn[test] = plots.draw(shown, height=330)
     return drawn
-
-
-def _image(svg: str) -> str:
-    return "data:image/svg+xml;base64," + b64encode(svg.encode()).decode()
 
 
 def build(

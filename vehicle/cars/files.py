@@ -139,10 +139,11 @@ def load(name: str | PathLike[str] = "compact") -> Car:
     """
     if not isinstance(name, str | PathLike):
         raise ValueError(f"vehicle must be a name or a path, got a {type(name).__name__}")
-    text = fspath(name)
-    if text.endswith((".toml", ".json")):
-        return _from_file(Path(text))
-    return _packaged(text)
+    return _from_file(Path(name)) if _is_file(name) else _packaged(fspath(name))
+
+
+def _is_file(name: str | PathLike[str]) -> bool:
+    return fspath(name).endswith((".toml", ".json"))
 
 
 @lru_cache
@@ -157,29 +158,9 @@ def _data(name: str) -> dict[str, Any]:
 
 
 def _from_file(path: Path) -> Car:
+    text, data = _parsed(path)
     try:
-        text = path.read_text(encoding="utf-8-sig")
-    except UnicodeDecodeError:
-        raise ValueError(f"{path}: expected text in UTF-8") from None
-    try:
-        data = toml.loads(text) if path.suffix == ".toml" else json.loads(text)
-    except ValueError as error:  # both parsers tell the line
-        raise ValueError(f"{path}: {error}") from None
-    try:
-        if isinstance(data, dict) and "base" not in data and not set(SECTIONS) <= set(data):
-            require_known("car", data, SECTIONS)
-            lacking = ", ".join(key for key in SECTIONS if key not in data)
-            raise ValueError(f"car lacks {lacking}; give them, or a base: {', '.join(available())}")
-        if isinstance(data, dict) and "base" in data:
-            if data["base"] not in available():
-                raise ValueError(f"base must be one of {', '.join(available())}, got {data['base']!r}")
-            base = _data(data.pop("base"))
-            require_known("car", data, SECTIONS)
-            sections = {key: {**base[key], **value} for key, value in data.items() if isinstance(value, dict)}
-            data = {**base, "name": path.stem, **data, **sections}
-        if isinstance(data, dict) and str(data.get("tyre", "")).endswith(".tir"):
-            data["tyre"] = str(path.parent / data["tyre"])
-        car = _checked(data)
+        car = _checked(_completed(path, data))
     except OSError as error:  # the car file itself has been read
         raise ValueError(f"{path}:{_line(text, 'tyre')} tyre file {error.filename}: {error.strerror}") from None
     except ValueError as error:
@@ -187,6 +168,36 @@ def _from_file(path: Path) -> Car:
     for message in plausible.unusual(car):
         plausible.warn_once(f"{path}:{_line(text, message)} {message}", stacklevel=3)
     return car
+
+
+def _parsed(path: Path) -> tuple[str, Any]:
+    """Text and contents of a file."""
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError:
+        raise ValueError(f"{path}: expected text in UTF-8") from None
+    try:
+        return text, toml.loads(text) if path.suffix == ".toml" else json.loads(text)
+    except ValueError as error:  # both parsers tell the line
+        raise ValueError(f"{path}: {error}") from None
+
+
+def _completed(path: Path, data: Any) -> Any:
+    """The contents of a file with what it takes from its base, and with the place of its tyre file."""
+    if isinstance(data, dict) and "base" not in data and not set(SECTIONS) <= set(data):
+        require_known("car", data, SECTIONS)
+        lacking = ", ".join(key for key in SECTIONS if key not in data)
+        raise ValueError(f"car lacks {lacking}; give them, or a base: {', '.join(available())}")
+    if isinstance(data, dict) and "base" in data:
+        if data["base"] not in available():
+            raise ValueError(f"base must be one of {', '.join(available())}, got {data['base']!r}")
+        base = _data(data.pop("base"))
+        require_known("car", data, SECTIONS)
+        sections = {key: {**base[key], **value} for key, value in data.items() if isinstance(value, dict)}
+        data = {**base, "name": path.stem, **data, **sections}
+    if isinstance(data, dict) and str(data.get("tyre", "")).endswith(".tir"):
+        data["tyre"] = str(path.parent / data["tyre"])
+    return data
 
 
 def _line(text: str, message: str) -> str:
@@ -200,9 +211,14 @@ def _line(text: str, message: str) -> str:
     return ""
 
 
-def every_key(name: str) -> dict[str, Any]:
-    """The data of a packaged car with the defaults of every section: every key that a car file may set, in SI units."""
-    data = _data(name)
+def every_key(name: str | PathLike[str]) -> dict[str, Any]:
+    """The data of a car with the defaults of every section: every key that a car file may set, in SI units.
+
+    ``name`` and errors are those of :func:`load`.
+    """
+    load(name)
+    path = Path(name)
+    data = _completed(path, _parsed(path)[1]) if _is_file(name) else _data(fspath(name))
     data["chassis"] = {**CHASSIS_DEFAULTS, **data["chassis"]}
     for section, make in CONSTRUCTORS.items():
         defaults = {key: p.default for key, p in signature(make).parameters.items()}

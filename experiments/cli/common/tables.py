@@ -1,7 +1,7 @@
 """Tables for the terminal."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from rich.console import Console
 from rich.table import Table
@@ -9,6 +9,7 @@ from rich.text import Text
 
 from steer_env.experiments.cli.common.messages import in_options
 from steer_env.experiments.learning.held_out import Estimate
+from steer_env.experiments.report.car_quantities import Quantity
 from steer_env.metrics import Value, definition
 from steer_env.targets import Rating
 
@@ -125,3 +126,24 @@ def _estimate(e: Estimate) -> str:
     """A mean and half the width of its interval, which is symmetric."""
     half = 0.5 * (e.high - e.low)
     return f"{e.value:.3g}" + ("" if math.isnan(half) else f" ± {half:.2g}")
+
+
+def print_quantities(found: Sequence[Quantity], title: str) -> None:
+    """Print derived quantities with their ranges and a mark where a value is outside, then how many are."""
+    table = _table(title)
+    headings = {"quantity": "left", "value": "right", "unit": "left", "range": "right", "": "left"}
+    for heading, justify in headings.items():
+        table.add_column(heading, justify=justify, no_wrap=heading != "quantity")  # type: ignore[arg-type]
+    group = ""
+    for quantity in found:
+        if quantity.group != group:
+            group = quantity.group
+            table.add_row(f"[bold]{group}[/bold]")
+        mark = "[bold red]outside[/bold red]" if quantity.plausible is False else ""
+        value = "" if math.isnan(quantity.value) else f"{quantity.value:.4g}"
+        table.add_row(quantity.title, value, quantity.unit, quantity.limits, mark)
+    console = Console()
+    console.print(table)
+    outside = sum(quantity.plausible is False for quantity in found)
+    rated = sum(quantity.plausible is not None for quantity in found)
+    console.print(f"{outside} of {rated} quantities with a range are outside it", highlight=False, soft_wrap=True)

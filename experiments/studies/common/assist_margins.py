@@ -20,9 +20,9 @@ class Cell(NamedTuple):
     stable: bool
 
 
-def assist_cells(car: str, speed_kph: float) -> list[Cell]:
-    """Margins of a packaged car's assist loop at a speed, in every cell of its boost table that assists."""
-    loaded = cars.load(car)
+def assist_cells(car: str | cars.Car, speed_kph: float) -> list[Cell]:
+    """Margins of the assist loop of a car, or of the packaged car of a name, in every cell that assists at a speed."""
+    loaded = cars.load(car) if isinstance(car, str) else car
     cells = []
     for low, high in pairwise(loaded.assist.torques):
         torque = 0.5 * float(low + high)
