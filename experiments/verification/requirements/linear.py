@@ -7,6 +7,6 @@ from steer_env.experiments.verification.requirements.common.rows import Row, at_
 
 
 def rows() -> Iterator[Row]:
-    """Metrics of the linear Ford Escort at 80 km/h, driven by our manoeuvres at 1 kHz, against those of python-control."""
+    """Metrics of the linear car at 80 km/h, driven by our manoeuvres at 1 kHz, against those of python-control."""
     for what, error in linear_car.errors():
         yield at_most(what, error, 0.01)
