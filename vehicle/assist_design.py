@@ -39,7 +39,7 @@ PARKING_EFFORT = 4.0  # T_e [N m]; higher where the loop would lose its margins
 PARKING_EXPONENT = 1.5  # n: boost that grows with torque leaves the centre firm
 BUILD_UP_FROM = 80.0 / 3.6  # speed from which on the build-up alone shapes the boost [m/s]
 # Least damping ratio of the free car by speed [km/h, 1]: well damped in traffic, stable to the end of the table.
-FREE_DAMPING = ((0.0, 0.0), (80.0, 0.25), (100.0, 0.25), (140.0, 0.15), (180.0, 0.05), (220.0, 0.0))
+FREE_DAMPING = np.array([[0.0, 80.0, 100.0, 140.0, 180.0, 220.0], [0.0, 0.25, 0.25, 0.15, 0.05, 0.0]])
 LEAST_DAMPING, MOST_DAMPING, DAMPING_STEP = 1.5, 8.0, 0.25  # of the motor, at the column [N m s/rad]
 RAMP_TIME = 20.0  # of the quasi-static turns [s]
 FREE = friction.make("viscous", sigma_2=0.0)
@@ -137,8 +137,9 @@ def _steady(car: Car, speed: float) -> bool:
 
 
 def _with(car: Car, found: Design) -> Car:
-    tables = {name: np.ascontiguousarray(value) for name, value in found._asdict().items()}
-    return car._replace(assist=car.assist._replace(**tables))
+    speeds, torques, boost, damping = (np.ascontiguousarray(values) for values in found)
+    assist = car.assist._replace(speeds=speeds, torques=torques, boost=boost, damping=damping)
+    return car._replace(assist=assist)
 
 
 def least_damping(car: Car, speed: float, wanted: float) -> float:
@@ -175,6 +176,6 @@ def design(car: Car) -> Design:
             break
     else:
         raise ValueError(f"the assist of {car.name} has no margins with any parking effort up to {TORQUES[-1]:g} N m")
-    wanted = np.interp(3.6 * speeds, *zip(*FREE_DAMPING))
+    wanted = np.interp(3.6 * speeds, *FREE_DAMPING)
     boosted = _with(car, found)
     return found._replace(damping=np.array([least_damping(boosted, v, w) for v, w in zip(SPEEDS, wanted)]))

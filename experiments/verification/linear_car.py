@@ -22,8 +22,11 @@ OUTPUTS = ("yaw_rate", "lateral_acceleration")
 QUICK = 0.01  # rise time of the handwheel angle that stands for a unit step [s]
 
 
-def system(car: str = "compact") -> control.StateSpace:
-    """The car's linear model, handwheel angle to lateral speed, yaw rate and lateral acceleration."""
+def system(car: str = "ford_escort") -> control.StateSpace:
+    """The car's linear model, handwheel angle to lateral speed, yaw rate and lateral acceleration.
+
+    The default is a car whose yaw rate has a resonance, so that every metric exists.
+    """
     return from_car(cars.load(car), SPEED).state_space("handwheel")
 
 
