@@ -342,7 +342,7 @@ def hands_off(
                     axes.barh(row, width, 0.8, left, color=VERDICTS[words[part[0]]][0])
             axes.set(title=f"{name}: {torque:g} N m", xlabel="speed [m/s]", yticks=range(len(laws)), yticklabels=laws)
             axes.set(xlim=(speeds[0] - half, speeds[-1] + half), ylim=(len(laws) - 0.4, -0.6))
-    grid[0, 0].set(ylabel="yaw rate [deg/s]", ylim=(-HIGHEST_YAW_RATE, HIGHEST_YAW_RATE))
+    grid[0, 0].set_ylabel("yaw rate [deg/s]")
     legend(figure, grid[0, 0])
     patches = [Patch(color=colour, label=text) for colour, text in VERDICTS.values()]
     figure.legend(handles=patches, loc="outside lower center", ncols=len(patches), columnspacing=1.2)

@@ -32,7 +32,7 @@ from steer_env.tasks.common.terms import (
 from steer_env.vehicle.plant import CHANNEL
 
 RELEASE_TIME = RISE + HELD  # [s]
-LOW, HIGH = 0.1, 0.5  # of the amplitude; 0.26 rad is 2 m/s2 at 100 km/h on the compact car [rad]
+LOW, HIGH = 0.1, 0.5  # of the amplitude; 0.24 rad is 2 m/s2 at 100 km/h on the compact car [rad]
 
 _ANGLE, _YAW_RATE = CHANNEL["handwheel_angle"], CHANNEL["yaw_rate"]
 

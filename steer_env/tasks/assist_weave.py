@@ -21,7 +21,7 @@ from steer_env.tasks.common.feel import FEEL_METRIC, FEEL_REWARDS, evaluate_feel
 from steer_env.tasks.common.terms import COMMON_COSTS, COMMON_MEMORY, COMMON_METRICS, evaluate_common
 
 DURATION = 20.0  # [s]
-NOMINAL = math.radians(15.0)  # amplitude; 2 m/s2 at 100 km/h on the compact car
+NOMINAL = math.radians(15.0)  # amplitude; some 2 m/s2 at 100 km/h on the compact car
 
 
 class Weave(NamedTuple):

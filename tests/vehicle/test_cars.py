@@ -28,32 +28,38 @@ def without(section, key):
 
 
 def test_steering_ratio_and_arm():
-    """50 mm of rack per turn on a 7.96 mm pinion; 0.4986 deg/mm is an arm of 114.9 mm."""
-    assert CAR.steering_ratio() == pytest.approx(14.44, abs=0.01)
+    """43.1 mm of rack per turn on a 6.86 mm pinion; 0.4986 deg/mm is an arm of 114.9 mm, and 114.9/6.86 is 16.75."""
+    assert CAR.steering_ratio() == pytest.approx(16.75, abs=0.01)
     per_metre = float(CAR.strut.solve(0.0, 0.0).per_rack.rotation[2])
     assert math.degrees(per_metre) / 1e3 == pytest.approx(0.4986, abs=1e-4)
     assert 1.0 / per_metre == pytest.approx(0.1149, abs=1e-4)
-    assert 2.0 * math.pi * CAR.steering["pinion_radius"] == pytest.approx(0.050, abs=1e-4)
+    assert 2.0 * math.pi * CAR.steering["pinion_radius"] == pytest.approx(0.0431, abs=1e-4)
 
 
 def test_parameters_of_the_plant_by_hand():
     p = CAR.plant(speed=20.0, road_friction=0.5)
     c = p.chassis
-    assert (c.v_x, c.mu, c.m, c.m_ur, c.a, c.b) == (20.0, 0.5, 1225.9, pytest.approx(65.7), 0.884, 1.509)
-    # the roll centre, 69 mm at a half track of 0.75 m, comes down with the track
-    assert c.h == pytest.approx(0.594 - (0.069 * 0.695 / 0.75 * 1.509 + 0.10 * 0.884) / 2.393, abs=1e-3)
-    assert c.I_xr == pytest.approx(244.0 + 1094.5 * c.h**2)
-    assert c.K_f == pytest.approx(0.5 * 21898.0 * 1.390**2 + 12880.0)
-    assert c.C_r == pytest.approx(0.5 * 1459.0 * 1.423**2)
-    assert c.drag == pytest.approx(0.5 * 1.2 * 0.70 * 400.0)
-    assert c.K_rack == pytest.approx(15e3 / 0.1149**2, rel=2e-3)
-    assert p.friction_load * 0.9 == pytest.approx(0.03 * 0.00796)
+    assert (c.v_x, c.mu, c.m, c.m_ur, c.a, c.b) == (20.0, 0.5, 1400.0, pytest.approx(75.0), 1.08, 1.62)
+    # the roll centre, 69 mm at a half track of 0.75 m, goes up with the track
+    assert c.h == pytest.approx(0.57 - (0.069 * 0.775 / 0.75 * 1.62 + 0.12 * 1.08) / 2.7, abs=1e-3)
+    assert c.I_xr == pytest.approx(410.0 + 1245.0 * c.h**2)
+    assert c.K_f == pytest.approx(0.5 * 23500.0 * 1.55**2 + 34000.0)
+    assert c.K_r == pytest.approx(0.5 * 20000.0 * 1.54**2 + 8000.0)
+    assert c.B_f == pytest.approx(34000.0 / 1.55)
+    assert c.C_r == pytest.approx(0.5 * 1320.0 * 1.54**2)
+    assert c.drag == pytest.approx(0.5 * 1.2 * 0.62 * 400.0)
+    assert c.K_rack == pytest.approx(25e3 / 0.1149**2, rel=2e-3)
+    assert (c.stiffness_f, c.stiffness_r) == (1.6, 1.47)
+    # rolling to the right lowers the left rear wheel in its arch by half the track per angle
+    assert (c.roll_steer_r, c.roll_camber_r) == pytest.approx((0.065 * 0.77, 1.0 - 0.39 * 0.77))
+    assert c.compliance_steer_r == 0.17e-6
+    assert p.friction_load * 0.9 == pytest.approx(0.03 * 0.00686)
     # a body that stands up: the springs outweigh the moment of its weight about the roll axis
     assert c.K_f + c.K_r > 5.0 * c.m_s * 9.81 * c.h
 
 
 def test_wheels_stand_at_the_front_track():
-    assert CAR.strut.points["wheel_centre"][1] == pytest.approx(0.5 * 1.390)
+    assert CAR.strut.points["wheel_centre"][1] == pytest.approx(0.5 * 1.55)
 
 
 def test_friction_by_name_or_by_parameters():
@@ -83,13 +89,15 @@ def test_every_car_stands_on_its_wheels(name):
 
 def test_two_track_parameters_by_hand():
     b = CAR.plant(chassis="two_track").chassis.body[0]
-    h = (1094.5 * 0.594 + 131.4 * 0.298) / 1225.9
+    h = (1245.0 * 0.57 + 155.0 * 0.298) / 1400.0
     assert b.h == pytest.approx(h)
-    assert b.m_f == pytest.approx(32.85)
+    assert (b.m_f, b.m_r) == pytest.approx((40.0, 37.5))
     # the roll axis of a free body: the wheels add their mass at its height, not at its width
-    assert b.I_x == pytest.approx(244.0 + 1094.5 * (0.594 - h) ** 2 + 131.4 * (0.298 - h) ** 2)
-    assert b.B_f == pytest.approx(12880.0 / 1.390**2)
-    assert b.contact_y_r == pytest.approx(0.10 / 0.7115)
+    assert b.I_x == pytest.approx(410.0 + 1245.0 * (0.57 - h) ** 2 + 155.0 * (0.298 - h) ** 2)
+    assert (b.B_f, b.B_r) == pytest.approx((34000.0 / 1.55**2, 8000.0 / 1.54**2))
+    assert b.contact_y_r == pytest.approx(0.12 / 0.77)
+    assert (b.steer_r, b.camber_r, b.compliance_steer_r) == (-0.065, 0.39, 0.17e-6)
+    assert (b.stiffness_f, b.stiffness_r) == (1.6, 1.47)
     uphill = CAR.plant(chassis="two_track", road=road.make_road(grade=0.1, bank=-0.05)).chassis.body[0]
     assert (uphill.g_x, uphill.g_y, uphill.g_z) == pytest.approx((-0.97902, 0.48768, -9.74546), abs=1e-4)
 
@@ -119,8 +127,8 @@ TOML = """base = "compact"
 description = "heavier"
 
 [chassis]
-mass = 1240.0
-roll_inertia = 260
+mass = 1420.0
+roll_inertia = 430
 
 [column]
 K_tb = 140.0
@@ -135,7 +143,7 @@ def written(path, text):
 def test_car_from_a_file(tmp_path):
     car = cars.load(written(tmp_path / "mine.toml", TOML))
     assert (car.name, car.description) == ("mine", "heavier")
-    assert car.chassis == {**CAR.chassis, "mass": 1240.0, "roll_inertia": 260.0}
+    assert car.chassis == {**CAR.chassis, "mass": 1420.0, "roll_inertia": 430.0}
     assert car.column == CAR.column._replace(K_tb=140.0)
     whole = cars.load(str(written(tmp_path / "whole.json", json.dumps(DATA))))
     assert whole.chassis == CAR.chassis
@@ -145,12 +153,12 @@ def test_car_from_a_file(tmp_path):
     ("old", "new", "message"),
     [
         (
-            "mass = 1240.0",
+            "mass = 1420.0",
             "mass = -1.0",
             ":5: chassis.mass must be finite and at least 100 and at most 10000, got -1.0",
         ),
-        ("mass = 1240.0", "mass = 'much'", ":5: chassis.mass must be a number, got 'much'"),
-        ("mass = 1240.0", "wheels = 4", ":5: chassis has no key 'wheels'; it takes: mass, "),
+        ("mass = 1420.0", "mass = 'much'", ":5: chassis.mass must be a number, got 'much'"),
+        ("mass = 1420.0", "wheels = 4", ":5: chassis has no key 'wheels'; it takes: mass, "),
         ("K_tb = 140.0", "K_tb = 0.0", ":9: column.K_tb must be finite and greater than 0, got 0.0"),
         ("K_tb = 140.0", "K_tb = = 0.0", ": Invalid value (at line 9, column 8)"),
         ('base = "compact"', 'base = "tram"', ":1: base must be one of bmw_320i, "),
@@ -204,8 +212,8 @@ def test_sections_of_column_and_assist_take_part_of_the_keys():
             changed("chassis", front_damper=-1.0),
             "chassis.front_damper must be finite and at least 0 and at most 12000, got -1.0",
         ),
-        (changed("chassis", front_track=1390.0), "chassis.front_track must be finite and at least 0.5 "),
-        (changed("chassis", mass="1225.9"), "chassis.mass must be a number, got '1225.9'"),
+        (changed("chassis", front_track=1550.0), "chassis.front_track must be finite and at least 0.5 "),
+        (changed("chassis", mass="1400.0"), "chassis.mass must be a number, got '1400.0'"),
         (changed("chassis", mass=True), "chassis.mass must be a number, got True"),
         (changed(None, assumed=["luck"]), "assumed names 'luck', which is neither"),
         (changed("steering", pinion_radius=0.0), "steering.pinion_radius must be finite and greater than 0"),

@@ -83,7 +83,7 @@ def make(
     bandwidth: float = 150.0,
     limit: float = 3.5 * 20.5,
 ) -> Assist:
-    """Checked assist parameters; the defaults are the compact car's.
+    """Checked assist parameters; the defaults are those of a compact car, assumed; the packaged cars have their own.
 
     Parameters
     ----------

@@ -24,8 +24,8 @@ class Brakes(NamedTuple):
 def make(*, front: float = 1900.0, rear: float = 330.0, hand: float = 900.0) -> Brakes:
     """Checked brakes; torques of each wheel [N m] as in :class:`Brakes`, the defaults assumed for the compact car.
 
-    The full pedal decelerates the compact car at 1.2 g. The distribution keeps the rear wheels from locking first up to
-    some 0.95 g; the hand brake locks the rear wheels.
+    The full pedal can decelerate the compact car at 1.1 g. The distribution keeps its rear wheels from locking first on
+    any road; the hand brake locks the rear wheels.
 
     Raises
     ------
