@@ -1,8 +1,8 @@
 """Motor damping in addition to the table's own: T = -gain w, w the column speed.
 
 The tables of the packaged cars already contain the damping that free control needs. On the default car with LuGre the
-default gain makes AssistRelease 1 % cheaper and a larger one makes it dearer; every gain worsens the feel of a weave and
-a lane change.
+default gain makes AssistRelease 1 % cheaper and a larger one makes it dearer; every gain worsens the feel of a weave
+and a lane change.
 """
 
 from typing import Any

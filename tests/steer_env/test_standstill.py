@@ -136,7 +136,7 @@ def driven():
 
 @pytest.mark.parametrize("law", ["lugre", "viscous"])
 def test_the_default_car_is_plausible(driven, law):
-    """3 to 5 kN and 3 to 5 N m in parking; the assist keeps up, but the hands pay for a viscous friction of 3.5 N m s."""
+    """3 to 5 kN and 3 to 5 N m in parking; the assist keeps up, but not with a viscous friction of 3.5 N m s."""
     found = metrics.evaluate(driven["parking", law])
     assert not any(value.reason for value in found.values())
     assert all(len(value.repeats) == 3 for value in found.values())
