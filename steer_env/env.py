@@ -52,7 +52,9 @@ class SteerEnv(PlainSpecification, gym.Env):
 
     Any other keyword is an error. ``spec`` holds the arguments as text, numbers, lists and mappings, whatever objects
     were given, so that ``gymnasium.make(EnvSpec.from_json(env.spec.to_json()))`` is the same environment to the bit. A
-    file stays a path there; a Road that was given as an object is there with all its heights.
+    file stays a path there; a Road that was given as an object is there with all its heights. Gymnasium's own vector
+    environments keep what they were given: give them ``friction.as_mapping(...)``, ``drivers.as_mapping(...)``,
+    ``steer_env.vehicle.road.as_mapping(...)``.
 
     ``reset(options=...)`` fixes what would be drawn: keys of ``RANGES`` and of the task.
     ``info`` holds every plant channel under its name in SI, ``reward_terms``, ``cost`` and ``cost_terms``, and at the
