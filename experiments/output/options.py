@@ -3,9 +3,8 @@
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-FRICTION = (
-    "LAW[,key=value...], a list of numbers as a:b:c"  # that of steer_env.friction.law, which takes longer to import
-)
+# That of steer_env.friction.law, which takes longer to import.
+FRICTION = "LAW[,key=value...], a list of numbers as a:b:c"
 
 
 class Friction:

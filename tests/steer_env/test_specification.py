@@ -181,7 +181,7 @@ def test_a_car_of_a_mapping_is_that_of_a_file(tmp_path):
         ({"driver": {"driver": "robot", "arm": 3}}, "arm must map inertia, damping, stiffness, reflex .*got 3"),
         (
             {"driver": {"driver": "free", "arm": {"inertia": 0, "damping": -1, "stiffness": 0, "reflex": 0}}},
-            "damping must be .*at least 0, got -1",
+            r"arm\.damping must be .*at least 0, got -1",
         ),
         ({"vehicle": {"base": "tank"}}, "base must be one of .*, got 'tank'"),
         ({"vehicle": {"chassis": {}}}, "car lacks name, .*base: "),

@@ -170,7 +170,8 @@ def resolve(driver: Any) -> Driver:
         return made
     if not isinstance(hands, Mapping):
         raise ValueError(f"arm must map {', '.join(Arm._fields)} to numbers, got {hands!r}")
-    return made._replace(arm=Arm(*(not_negative(*item) for item in constructed("arm", Arm, hands)._asdict().items())))
+    values = constructed("arm", Arm, hands)._asdict()
+    return made._replace(arm=Arm(*(not_negative(f"arm.{key}", value) for key, value in values.items())))
 
 
 def as_mapping(driver: Driver) -> dict[str, Any]:
