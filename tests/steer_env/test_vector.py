@@ -179,7 +179,7 @@ def test_bad_calls():
         vector.reset(options={"reset_mask": np.array([1, 0])})
     with pytest.raises(ValueError, match="seed must be a number or 2 of them"):
         vector.reset(seed=[1, 2, 3])
-    with pytest.raises(TypeError, match="unknown keyword 'frictoin'"):
+    with pytest.raises(TypeError, match="unexpected keyword argument 'frictoin'"):
         gym.make_vec(WEAVE, num_envs=2, frictoin="lugre")
 
 
