@@ -79,11 +79,11 @@ class SteerVectorEnv(VectorEnv):
         mask = chosen.pop("reset_mask", self._all)
         if not isinstance(mask, np.ndarray) or mask.shape != (n,) or mask.dtype != np.bool_ or not mask.any():
             raise ValueError(f"reset_mask must be a boolean array ({n},) with at least one True, got {mask!r}")
-        if seed is None or np.ndim(seed) == 0:
+        if isinstance(seed, Sequence | np.ndarray):
+            seeds = [None if each is None else whole("seed", each, 0) for each in seed]
+        else:
             first = None if seed is None else whole("seed", seed, 0)
             seeds = [None if first is None else first + i for i in range(n)]
-        else:
-            seeds = [None if each is None else whole("seed", each, 0) for each in seed]
         if len(seeds) != n:
             raise ValueError(f"seed must be a number or {n} of them, got {len(seeds)}")
         # A sub-environment that a first reset leaves out is seeded as well, so that its later beginning is known.
@@ -158,7 +158,7 @@ class SteerVectorEnv(VectorEnv):
             if seed is not None:
                 self._generators[i], self._seeds[i] = gym.utils.seeding.np_random(seed)
 
-    @property
+    @property  # type: ignore[misc]
     def np_random(self) -> tuple[np.random.Generator, ...]:  # type: ignore[override]
         """The generators of the sub-environments, as Gymnasium's own vector environments give them."""
         if not self._generators:

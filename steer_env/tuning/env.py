@@ -129,8 +129,8 @@ class TuneEnv(gym.Env):
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
-        if self._prepared is not None:
-            drawn, known, parts = self._prepared
+        if state["_prepared"] is not None:
+            drawn, known, parts = state["_prepared"]
             drives = driving.adapted(self.scenario, self._chassis, drawn)
             prepared = (
                 driving.PreparedDrive(drive, car, frozen(p), course) for drive, (car, p, course) in zip(drives, parts)

@@ -87,7 +87,7 @@ def build(
     values = np.stack([*knuckle, *motion, compression, -up.strut_length], -1)
     along_r = np.linalg.solve(basis_r, values.reshape(len(sites_r), -1)).reshape(values.shape)
     table = np.linalg.solve(basis_t, along_r)
-    return frozen(KinematicsTable(table, -rack, 1 / step_r, -travel, 1 / step_t))
+    return frozen(KinematicsTable(np.ascontiguousarray(table), -rack, 1 / step_r, -travel, 1 / step_t))
 
 
 def linear(
