@@ -104,6 +104,16 @@ def test_a_copy_goes_on_to_the_bit(name, way):
 
 
 @WAYS
+def test_a_copy_between_two_updates_of_a_driver_model(way):
+    """At 1 ms the driver model acts at every tenth step."""
+    made = partial(gym.make, "steer_env/AssistLaneKeeping-v1", randomise=EVERYTHING, control_dt=0.001)
+    env = made()
+    env.reset(seed=3)
+    go_on(env, 1003, seed=0)
+    assert equal(go_on(way(env, made), 20), go_on(env, 20))
+
+
+@WAYS
 def test_the_end_of_an_episode_is_copied(way):
     """At its last step, after it, and into the next episodes, whose draws are the generator's."""
     made = partial(gym.make, LANE, randomise=EVERYTHING, control_dt=0.1)
