@@ -191,7 +191,7 @@ def test_a_closed_environment_draws_no_more(mode):
     env = gym.make("steer_env/AssistWeave-v1", render_mode=mode)
     env.reset(seed=0)
     env.close()
-    with pytest.raises(gym.error.ClosedEnvironmentError, match="after close.*make the environment anew"):
+    with pytest.raises(gym.error.ClosedEnvironmentError, match=r"after close.*make the environment anew"):
         env.render()
 
 
