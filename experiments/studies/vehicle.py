@@ -21,13 +21,12 @@ Array = NDArray[np.float64]
 # Effects that only the two-track model has: title -> factors on fields of two_track.Body, which take the effect out.
 # Stiffer tyres or lighter wheels than these would need a shorter step.
 SWITCHES: dict[str, dict[str, float]] = {
-    "rear wheels kept upright": {},
     "tyres twice as stiff": {"K_t": 2.0},
     "half the angular momentum of the wheels": {"I_w": 0.5},
     "no bore torque of the contact patch": {"sigma_z": 1e-3},
     "no drag, lift, rolling resistance": {"drag": 0.0, "lift_f": 0.0, "lift_r": 0.0},
 }
-UPRIGHT, RESISTANCE = "rear wheels kept upright", "no drag, lift, rolling resistance"
+RESISTANCE = "no drag, lift, rolling resistance"
 SHOWN = ("lateral_acceleration", "yaw_rate", "roll_angle", "handwheel_torque", "rack_force")
 
 
@@ -61,8 +60,6 @@ def _switched(p: plant.Plant, car: Car, titles: Iterable[str]) -> plant.Plant:
     for title in titles:
         for field, factor in SWITCHES[title].items():
             body[field] *= factor
-        if title == UPRIGHT:  # the camber from wheel travel cancels the roll of the body
-            body["camber_r"] = 2.0 / car.chassis["rear_track"]
         if title == RESISTANCE:
             for key in ("QSY1", "QSY2", "QSY3", "QSY4"):
                 tyre[key] = 0.0

@@ -15,11 +15,11 @@ parking) stays nonlinear, from lateral acceleration and handwheel speed.
 
 The reference has almost no damping, and a stiffness that lags with the lateral acceleration. If the hand torque
 followed it without limit, the arms would oscillate, and a released handwheel even more: with the action's full scale
-the driver of AssistLaneKeeping oscillates at 1.2 Hz, which begins at 0.2 of it. So the request is limited to 0.1 of the
-full scale, and is zero while the hands are known to be off; the reference of parking has no such stiffness, and the
-request may use the full scale. The boost curve is linearised on centre, where it is flat, because of the margins:
-there, filter and regulator designed for a steeper slope would be almost unstable. ``effort`` then leaves 30 deg and
-6 dB at every slope of the curve.
+the driver of AssistLaneKeeping oscillates at 1.2 Hz, which begins at 0.3 of it, and on a car with less motor damping
+than the default car earlier. So the request is limited to 0.1 of the full scale, and is zero while the hands are known
+to be off; the reference of parking has no such stiffness, and the request may use the full scale. The boost curve is
+linearised on centre, where it is flat, because of the margins: there, filter and regulator designed for a steeper slope
+would be almost unstable. ``effort`` then leaves 30 deg and 6 dB at every slope of the curve.
 """
 
 from typing import Any

@@ -5,8 +5,8 @@ from steer_env.manoeuvres.common.shapes import triangle_from_rest
 
 
 @register("parking")
-def parking(frequency: float = 1.0 / 24.0, cycles: int = 2) -> Manoeuvre:
-    """Parking: the handwheel turns from lock to lock at about 80 deg/s while the car stands."""
+def parking(frequency: float = 1.0 / 30.0, cycles: int = 2) -> Manoeuvre:
+    """Parking: the handwheel turns from lock to lock at 80 deg/s (locks at 600 deg) while the car stands."""
     return Manoeuvre(
         name="parking",
         hands=f"Handwheel from lock to lock in {0.5 / frequency:g} s, {cycles} cycles, service brake released",

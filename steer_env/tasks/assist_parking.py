@@ -45,7 +45,8 @@ class ParkingFeel(NamedTuple):
 
 def _draw_setup(rng: np.random.Generator, context: EpisodeContext, options: Mapping[str, float]) -> EpisodeSetup:
     share = TASK.draw_option(rng, options, "share", 0.6, 0.95)
-    return EpisodeSetup(scripted.hand_motion(manoeuvres.make("parking"), share * angle_at_lock(context), DURATION))
+    parking = manoeuvres.make("parking", frequency=1.0 / DURATION)
+    return EpisodeSetup(scripted.hand_motion(parking, share * angle_at_lock(context), DURATION))
 
 
 @kernel

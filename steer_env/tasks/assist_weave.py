@@ -59,7 +59,7 @@ TASK = register(
         draw_setup=_draw_setup,
         begins=(
             "The car drives straight ahead at the held speed; the 0.2 Hz weave grows over its first cycle. At every "
-            "speed the amplitude is drawn from 80 to 120 % of 15 deg, which is 2 m/s2 for the default car at 100 km/h."
+            "speed the amplitude is drawn from 80 to 120 % of 15 deg, some 2 m/s2 for the default car at 100 km/h."
         ),
         ends=f"The episode is truncated after {DURATION:g} s.",
         speed=100.0 / 3.6,

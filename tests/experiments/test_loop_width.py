@@ -33,10 +33,15 @@ def test_without_friction_the_rest_is_the_whole(curves):
 
 
 def test_lag_and_damping_over_acceleration_do_not_depend_on_friction(curves):
-    """Within 5 %: the car moves nearly the same. So the split is of causes, and not of one number at will."""
+    """Within 5 %: the car moves nearly the same. So the split is of causes, and not of one number at will.
+
+    At four times the default friction 7 %: the column waits longer for the torsion bar to wind up where the handwheel
+    reverses, and is 10 % faster at 0 g, which the motor damps.
+    """
     for test in (WEAVE, SLOW):
-        curve = curves[Key("compact", "lugre", test, AT_0G)]
-        assert [w.rest for w in curve] == pytest.approx([curve[0].rest] * len(curve), rel=0.05)
+        *usual, most = (w.rest for w in curves[Key("compact", "lugre", test, AT_0G)])
+        assert usual == pytest.approx([usual[0]] * len(usual), rel=0.05)
+        assert most == pytest.approx(usual[0], rel=0.07)
 
 
 def test_the_rest_is_what_a_car_without_friction_shows():
@@ -50,29 +55,37 @@ def test_the_rest_is_what_a_car_without_friction_shows():
 
 
 def test_verdict_of_the_default_car(curves):
-    """Over lateral acceleration both parts have one sign. Over the angle the torque lags without friction: it folds."""
+    """Both parts have one sign over lateral acceleration, and so has the whole over the angle: no width folds."""
     at_0g, deadband = (curves[Key("compact", "lugre", WEAVE, metric)] for metric in (AT_0G, DEADBAND))
     found = verdict(at_0g)
     assert (found.signed, found.unsigned) == (True, True)
     assert math.isnan(found.zero)
-    assert found.rest == pytest.approx(0.415, abs=0.005)
-    assert at_0g[-1].total == pytest.approx(2.0, abs=0.02)
+    assert found.rest == pytest.approx(0.787, abs=0.005)
+    assert at_0g[-1].total == pytest.approx(2.517, abs=0.02)
     found = verdict(deadband)
-    assert (found.signed, found.unsigned) == (True, False)
-    assert found.zero == pytest.approx(0.36, abs=0.02)
-    assert found.rest == pytest.approx(-0.478, abs=0.005)
+    assert (found.signed, found.unsigned) == (True, True)
+    assert math.isnan(found.zero)
+    assert found.rest == pytest.approx(0.159, abs=0.005)
     for metric in (AT_0G, DEADBAND):
         slow = verdict(curves[Key("compact", "lugre", SLOW, metric)])
         assert (slow.signed, slow.unsigned) == (True, True)
-        assert 0 < slow.rest < 0.16
+        assert 0 < slow.rest < 0.25
 
 
 def test_sentence(curves):
     assert loop_width.sentence(curves) == (
         "torque at 0 g in the weave, 0.2 Hz, 100 km/h: the signed width grows with friction throughout, and so does "
         "its absolute value.\ntorque dead band in the weave, 0.2 Hz, 100 km/h: the signed width grows with friction "
-        "throughout; its absolute value first falls, to zero where friction balances lag and damping, at a friction "
-        "torque of 0.36 N m (compact: lugre)."
+        "throughout, and so does its absolute value."
+    )
+
+
+def test_sentence_of_a_width_that_folds():
+    curve = [Width(0.0, -0.2, -0.2), Width(0.5, 0.2, -0.2), Width(1.0, 0.6, -0.2)]
+    found = loop_width.sentence({Key("compact", "lugre", WEAVE, DEADBAND): curve})
+    assert found.endswith(
+        "its absolute value first falls, to zero where friction balances lag and damping, at a friction torque of "
+        "0.25 N m (compact: lugre)."
     )
 
 

@@ -67,62 +67,77 @@ assist: Margins of the assist loop, handwheel held.
   check loop, gain 10               36.4 deg, 7.2 dB   35 +- 2 deg, 7 +- 0.5 dB   pass
   without lead and damping, gain 1  stable             stable                     pass
   without lead and damping, gain 2  unstable           unstable                   pass
-  default car, 0 km/h, least        35.7 deg, 6.7 dB   >= 30 deg, 6 dB            pass
-  default car, 20 km/h, least       41.7 deg, 8.7 dB   >= 30 deg, 6 dB            pass
-  default car, 40 km/h, least       48.8 deg, 12.0 dB  >= 30 deg, 6 dB            pass
-  default car, 80 km/h, least       46.3 deg, 14.8 dB  >= 30 deg, 6 dB            pass
-  default car, 100 km/h, least      47.7 deg, 15.9 dB  >= 30 deg, 6 dB            pass
-  default car, 140 km/h, least      49.4 deg, 17.3 dB  >= 30 deg, 6 dB            pass
+  default car, 0 km/h, least        31.7 deg, 6.9 dB   >= 30 deg, 6 dB            pass
+  default car, 20 km/h, least       39.5 deg, 9.4 dB   >= 30 deg, 6 dB            pass
+  default car, 40 km/h, least       42.7 deg, 10.7 dB  >= 30 deg, 6 dB            pass
+  default car, 80 km/h, least       47.3 deg, 12.9 dB  >= 30 deg, 6 dB            pass
+  default car, 100 km/h, least      54.6 deg, 12.8 dB  >= 30 deg, 6 dB            pass
+  default car, 140 km/h, least      66.2 deg, 12.7 dB  >= 30 deg, 6 dB            pass
+  default car, 180 km/h, least      64.0 deg, 12.7 dB  >= 30 deg, 6 dB            pass
+  default car, 220 km/h, least      68.0 deg, 12.6 dB  >= 30 deg, 6 dB            pass
 
-feel: On-centre feel of the default car: weave at 100 km/h, 0.2 Hz, 2 m/s2, LuGre.
-  torque gradient at 0 g         13.58    10 to 15 N m/g        pass
-  torque at 0 g                  0.9391   0.6 to 1.3 N m        pass
-  lateral acceleration at 0 N m  0.05543  0.03 to 0.09 g        pass
-  steering sensitivity at 0.1 g  1.391    1.3 to 1.9 g/100 deg  pass
+feel: On-centre feel of the default car: weave at 100 km/h, 0.2 Hz, 2 m/s2, LuGre; fair bands of a compact car.
+  torque at 0 g                  1.413    0.25 to 2.35 N m          pass
+  torque at 0.1 g                1.496    1 to 4 N m                pass
+  torque gradient at 0 g         15.63    9.5 to 24.5 N m/g         pass
+  torque gradient at 0.1 g       13.45    2.25 to 18.75 N m/g       pass
+  torque gradient ratio          0.8601   0.175 to 0.925            pass
+  lateral acceleration at 0 N m  0.07423  0.0025 to 0.1075 g        pass
+  angle hysteresis               5.537    0 to 12 deg               pass
+  angle deadband                 4.969    0.75 to 14.25 deg         pass
+  torque deadband                1.403    0.375 to 4.125 N m        pass
+  steering stiffness             0.2686   0.025 to 0.475 N m/deg    pass
+  steering sensitivity at 0.1 g  1.508    0.6 to 1.8 g/100 deg      pass
+  minimum steering sensitivity   1.468    0.425 to 1.475 g/100 deg  pass
+  yaw rate gain                  0.2915   0.15 to 0.45 1/s          pass
+  yaw lag                        74.14    32.5 to 137.5 ms          pass
+  lateral acceleration lag       158.3    50 to 230 ms              pass
 
 linear: Metrics of the linear car at 80 km/h, driven by our manoeuvres at 1 kHz, against those of python-control.
-  frequency-response, yaw_rate: gain                           3.1e-05  <= 0.01  pass
-  frequency-response, yaw_rate: phase                          1.7e-05  <= 0.01  pass
-  frequency-response, yaw_rate: phase lag at 1hz               5.5e-06  <= 0.01  pass
-  frequency-response, yaw_rate: equivalent time                6.4e-05  <= 0.01  pass
-  frequency-response, yaw_rate: steady state gain              8.0e-06  <= 0.01  pass
-  frequency-response, yaw_rate: resonance frequency            1.3e-04  <= 0.01  pass
-  frequency-response, yaw_rate: resonance ratio                2.8e-04  <= 0.01  pass
-  frequency-response, lateral_acceleration: gain               2.8e-05  <= 0.01  pass
-  frequency-response, lateral_acceleration: phase              2.0e-05  <= 0.01  pass
-  frequency-response, lateral_acceleration: phase lag at 1hz   1.3e-05  <= 0.01  pass
-  frequency-response, lateral_acceleration: steady state gain  2.9e-06  <= 0.01  pass
-  frequency-response, lateral_acceleration: bandwidth          1.3e-04  <= 0.01  pass
-  random-steer, yaw_rate: gain                                 1.6e-03  <= 0.01  pass
-  random-steer, yaw_rate: phase                                1.6e-03  <= 0.01  pass
-  random-steer, yaw_rate: phase lag at 1hz                     2.5e-03  <= 0.01  pass
-  random-steer, yaw_rate: equivalent time                      8.3e-04  <= 0.01  pass
-  random-steer, yaw_rate: steady state gain                    1.3e-04  <= 0.01  pass
-  random-steer, yaw_rate: resonance frequency                  2.3e-03  <= 0.01  pass
-  random-steer, yaw_rate: resonance ratio                      6.0e-04  <= 0.01  pass
-  random-steer, lateral_acceleration: gain                     2.7e-03  <= 0.01  pass
-  random-steer, lateral_acceleration: phase                    3.0e-03  <= 0.01  pass
-  random-steer, lateral_acceleration: phase lag at 1hz         2.8e-03  <= 0.01  pass
-  random-steer, lateral_acceleration: steady state gain        1.5e-04  <= 0.01  pass
-  random-steer, lateral_acceleration: bandwidth                4.3e-04  <= 0.01  pass
+  frequency-response, yaw_rate: gain                           3.0e-05  <= 0.01  pass
+  frequency-response, yaw_rate: phase                          1.5e-05  <= 0.01  pass
+  frequency-response, yaw_rate: phase lag at 1hz               6.3e-06  <= 0.01  pass
+  frequency-response, yaw_rate: equivalent time                2.8e-04  <= 0.01  pass
+  frequency-response, yaw_rate: steady state gain              1.9e-06  <= 0.01  pass
+  frequency-response, yaw_rate: resonance frequency            8.1e-04  <= 0.01  pass
+  frequency-response, yaw_rate: resonance ratio                2.0e-04  <= 0.01  pass
+  frequency-response, lateral_acceleration: gain               2.9e-05  <= 0.01  pass
+  frequency-response, lateral_acceleration: phase              1.9e-05  <= 0.01  pass
+  frequency-response, lateral_acceleration: phase lag at 1hz   1.1e-05  <= 0.01  pass
+  frequency-response, lateral_acceleration: equivalent time    9.4e-04  <= 0.01  pass
+  frequency-response, lateral_acceleration: steady state gain  4.8e-06  <= 0.01  pass
+  frequency-response, lateral_acceleration: bandwidth          2.9e-04  <= 0.01  pass
+  random-steer, yaw_rate: gain                                 1.7e-03  <= 0.01  pass
+  random-steer, yaw_rate: phase                                2.1e-03  <= 0.01  pass
+  random-steer, yaw_rate: phase lag at 1hz                     2.3e-03  <= 0.01  pass
+  random-steer, yaw_rate: equivalent time                      9.6e-04  <= 0.01  pass
+  random-steer, yaw_rate: steady state gain                    4.0e-04  <= 0.01  pass
+  random-steer, yaw_rate: resonance frequency                  1.0e-03  <= 0.01  pass
+  random-steer, yaw_rate: resonance ratio                      3.7e-04  <= 0.01  pass
+  random-steer, lateral_acceleration: gain                     4.3e-03  <= 0.01  pass
+  random-steer, lateral_acceleration: phase                    2.5e-03  <= 0.01  pass
+  random-steer, lateral_acceleration: phase lag at 1hz         1.6e-03  <= 0.01  pass
+  random-steer, lateral_acceleration: equivalent time          2.6e-03  <= 0.01  pass
+  random-steer, lateral_acceleration: steady state gain        4.9e-04  <= 0.01  pass
+  random-steer, lateral_acceleration: bandwidth                1.3e-04  <= 0.01  pass
   unit step, yaw_rate: gain                                    6.8e-04  <= 0.01  pass
-  unit step, yaw_rate: overshoot                               3.0e-04  <= 0.01  pass
-  unit step, yaw_rate: peak time                               3.5e-03  <= 0.01  pass
-  unit step, yaw_rate: settling time                           3.5e-04  <= 0.01  pass
-  unit step, lateral_acceleration: gain                        4.1e-04  <= 0.01  pass
-  unit step, lateral_acceleration: overshoot                   4.5e-04  <= 0.01  pass
-  unit step, lateral_acceleration: peak time                   1.1e-03  <= 0.01  pass
+  unit step, yaw_rate: overshoot                               3.1e-04  <= 0.01  pass
+  unit step, yaw_rate: peak time                               2.9e-03  <= 0.01  pass
+  unit step, yaw_rate: settling time                           8.0e-04  <= 0.01  pass
+  unit step, lateral_acceleration: gain                        4.4e-04  <= 0.01  pass
+  unit step, lateral_acceleration: overshoot                   4.2e-04  <= 0.01  pass
+  unit step, lateral_acceleration: peak time                   1.0e-03  <= 0.01  pass
   unit step, lateral_acceleration: settling time               2.6e-03  <= 0.01  pass
   step-steer, yaw_rate: gain                                   6.8e-04  <= 0.01  pass
-  step-steer, yaw_rate: rise time                              2.7e-03  <= 0.01  pass
+  step-steer, yaw_rate: rise time                              7.1e-04  <= 0.01  pass
   step-steer, yaw_rate: overshoot                              3.1e-04  <= 0.01  pass
-  step-steer, yaw_rate: peak time                              3.1e-03  <= 0.01  pass
-  step-steer, yaw_rate: settling time                          1.4e-05  <= 0.01  pass
-  step-steer, lateral_acceleration: gain                       4.1e-04  <= 0.01  pass
-  step-steer, lateral_acceleration: rise time                  8.0e-04  <= 0.01  pass
-  step-steer, lateral_acceleration: overshoot                  4.5e-04  <= 0.01  pass
-  step-steer, lateral_acceleration: peak time                  9.1e-04  <= 0.01  pass
-  step-steer, lateral_acceleration: settling time              1.4e-03  <= 0.01  pass
+  step-steer, yaw_rate: peak time                              2.2e-03  <= 0.01  pass
+  step-steer, yaw_rate: settling time                          1.0e-03  <= 0.01  pass
+  step-steer, lateral_acceleration: gain                       4.4e-04  <= 0.01  pass
+  step-steer, lateral_acceleration: rise time                  1.4e-03  <= 0.01  pass
+  step-steer, lateral_acceleration: overshoot                  4.2e-04  <= 0.01  pass
+  step-steer, lateral_acceleration: peak time                  2.0e-03  <= 0.01  pass
+  step-steer, lateral_acceleration: settling time              1.5e-03  <= 0.01  pass
 
 time: Environment steps relative to CartPole-v1, 1 ms of plant relative to LuGre's step alone, and the first step.
   steer_env/DriverDoubleLaneChange-v1, over CartPole-v1   1.8 x   <= 2 x     pass

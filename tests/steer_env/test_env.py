@@ -144,9 +144,11 @@ def test_a_car_that_rolls_over_ends_the_episode():
     assert (reward, terminated, info["rolled_over"]) == (-100.0, True, True)
 
 
-def test_a_car_that_spins_ends_the_episode():
-    """Hands off at 60 m/s, the default car does."""
-    env = gym.make("steer_env/AssistRelease-v1", speed=60.0)
+def test_a_car_that_spins_ends_the_episode(tmp_path):
+    """Hands off at 60 m/s, the default car does without the damping of its motor."""
+    undamped = tmp_path / "undamped.toml"
+    undamped.write_text(f'base = "compact"\n[assist]\ndamping = {[0.0] * cars.load().assist.speeds.size}\n')
+    env = gym.make("steer_env/AssistRelease-v1", vehicle=str(undamped), speed=60.0)
     env.reset(seed=0)
     ended = False
     while not ended:
@@ -357,9 +359,10 @@ def test_what_is_drawn_changes_the_car_and_an_option_fixes_it():
     def end(options):
         env.reset(seed=1, options=options)
         peak = 0.0
-        for _ in range(100):
+        for k in range(100):
             *_, info = env.step(np.array([0.3], np.float32))
-            peak = max(peak, abs(info["friction_torque"]))
+            if k >= 10:  # LuGre's damper no longer feels the step of the hand torque
+                peak = max(peak, abs(info["friction_torque"]))
         return {**info, "peak_friction_torque": peak}
 
     usual = end(fixed)
@@ -370,7 +373,7 @@ def test_what_is_drawn_changes_the_car_and_an_option_fixes_it():
     assert gained == pytest.approx(300.0 * 9.80665, rel=0.01)
     assert end({**fixed, "speed": 21.0})["longitudinal_speed"] == pytest.approx(21.0, rel=0.02)
     light = end({**fixed, "friction_level": 0.5})["peak_friction_torque"]
-    assert light == pytest.approx(usual["peak_friction_torque"] / 3.0, rel=0.25)  # the load on the rack differs
+    assert light == pytest.approx(usual["peak_friction_torque"] / 3.0, rel=0.1)  # the load on the rack differs
     assert end({}) != usual
 
 

@@ -110,7 +110,10 @@ def driven():
 @pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize("test", TESTS)
 def test_the_default_car_is_plausible(driven, test, law):
-    """Free yaw mode of 0.8 to 1.2 Hz; dry friction leaves a residue, and without it the car runs straight again."""
+    """Free yaw mode of 0.9 to 1.4 Hz; dry friction leaves a residue, and without it the car runs straight again.
+
+    The mode is so well damped that a released handwheel stays on its side.
+    """
     found = metrics.evaluate(driven[test, law])
     assert not any(value.reason for value in found.values())
     value = {name: entry.value for name, entry in found.items()}
@@ -119,12 +122,12 @@ def test_the_default_car_is_plausible(driven, test, law):
         assert value["handwheel_angle_after_3s"] < value["handwheel_angle_after_1s"] < 40.0
         assert 40.0 < value["handwheel_return_rate"] < 150.0
         return
-    assert 0.8 < value["free_natural_frequency"] < 1.2
-    assert 0.15 < value["free_damping_ratio"] < 0.5
+    assert 0.9 < value["free_natural_frequency"] < 1.4
+    assert 0.35 < value["free_damping_ratio"] < 0.6
     if law == "viscous":
         assert abs(value["residual_yaw_rate"]) < 0.02
     elif test == "release":
-        assert 0.1 < -value["residual_yaw_rate"] < 0.6
+        assert 0.1 < value["residual_yaw_rate"] < 0.6
 
 
 def test_the_robot_lets_go_and_grips_again_without_a_jerk(driven):

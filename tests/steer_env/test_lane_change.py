@@ -69,13 +69,13 @@ def test_cone_margins_by_hand():
 
 
 def test_outline_of_packaged_cars_and_of_one_without_sizes():
-    assert iso3888.outline(CAR)[:2] == (4.298, 1.674)
+    assert iso3888.outline(CAR)[:2] == (4.4, 1.8)
     bare = CAR._replace(chassis={key: value for key, value in CAR.chassis.items() if key not in ("length", "width")})
     size = iso3888.outline(bare)
-    assert size.length == pytest.approx(0.884 + 1.509 + 1.75)
-    assert size.width == pytest.approx(1.423 + 0.205)
+    assert size.length == pytest.approx(1.08 + 1.62 + 1.75)
+    assert size.width == pytest.approx(1.55 + 0.205)
     with pytest.raises(ValueError, match=r"chassis\.width"):
-        cars.from_data({**cars.every_key("compact"), "chassis": {**CAR.chassis, "width": 16.74}})
+        cars.from_data({**cars.every_key("compact"), "chassis": {**CAR.chassis, "width": 18.0}})
 
 
 @pytest.mark.parametrize("name", iso3888.EDITIONS)
@@ -165,7 +165,7 @@ def test_the_hand_moves_smoothly(run):
 def test_it_ends_behind_the_course(run):
     assert run["x"][-1] == pytest.approx(60.0 + 125.0 + 15.0, abs=0.3)
     assert run["x"][0] < 0.1
-    assert run.meta["vehicle_width_m"] == 1.674
+    assert run.meta["vehicle_width_m"] == 1.8
     assert "amplitude_rad" not in run.meta
 
 

@@ -136,7 +136,7 @@ def driven():
 
 @pytest.mark.parametrize("law", ["lugre", "viscous"])
 def test_the_default_car_is_plausible(driven, law):
-    """3 to 6 kN and 3 to 5 N m in parking; the motor's damping makes the hands pay from some 300 deg/s on."""
+    """3 to 5 kN and 3 to 5 N m in parking; the assist keeps up, but not with a viscous friction of 3.5 N m s."""
     found = metrics.evaluate(driven["parking", law])
     assert not any(value.reason for value in found.values())
     assert all(len(value.repeats) == 3 for value in found.values())
@@ -148,9 +148,12 @@ def test_the_default_car_is_plausible(driven, law):
     assert value["handwheel_torque_ripple"] < 0.05
     assert 10.0 < value["motor_torque_mean"] < value["motor_torque_peak"] < 3.5 * 20.5
     fast = metrics.evaluate(driven["catch-up", law])
-    assert not any(entry.reason for entry in fast.values())
-    assert 100.0 < fast["catch_up_rate"].value < 500.0
-    assert fast["torque_excess_at_500_deg_s"].value > 2.5
+    if law == "lugre":
+        assert "conclude that the assist keeps up" in fast["catch_up_rate"].reason
+        assert 1.0 < fast["torque_excess_at_500_deg_s"].value < 2.5
+    else:
+        assert 100.0 < fast["catch_up_rate"].value < 500.0
+        assert fast["torque_excess_at_500_deg_s"].value > 2.5
 
 
 def test_less_motor_damping_and_less_speed_move_the_catch_up():

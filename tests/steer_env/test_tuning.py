@@ -120,7 +120,8 @@ def test_more_damping_overshoots_less_or_is_slower(tried):
 def test_boost_at_standstill_leaves_100_kph_alone(tried):
     own, light = tried["own"], tried["light parking"]
     assert light["handwheel_torque_peak"] < own["handwheel_torque_peak"]
-    assert light["torque_at_0p1g"] == pytest.approx(own["torque_at_0p1g"], rel=1e-12)
+    # The row of the table for 100 km/h is 2e-5 m/s faster: a share of 4e-6 of the row for 80 km/h is read too.
+    assert light["torque_at_0p1g"] == pytest.approx(own["torque_at_0p1g"], rel=1e-6)
 
 
 @pytest.mark.parametrize("speed", [0.0, 10.0, 100.0 / 3.6])
@@ -162,7 +163,7 @@ def test_every_action_makes_an_assist(name):
 def test_reward_is_the_distance_to_the_bands():
     env = make(ON_CENTRE)
     env.reset(seed=0)
-    _, total, _, _, info = env.step(action(env, boost_level=1.0))
+    _, total, _, _, info = env.step(action(env, boost_level=0.5))
     assert total == pytest.approx(sum(info["reward_terms"].values()))
     low, high = env.targets.bands["weave"]["torque_at_0p1g"].good
     torque = info["evaluated"]["torque_at_0p1g"][0]
@@ -172,7 +173,7 @@ def test_reward_is_the_distance_to_the_bands():
     assert info["cost"] == sum(info["cost_terms"].values()) == 0.0
     doubled = make(ON_CENTRE, weights={"torque_at_0p1g": 2.0})
     doubled.reset(seed=0)
-    *_, other = doubled.step(action(env, boost_level=1.0))
+    *_, other = doubled.step(action(env, boost_level=0.5))
     assert other["reward_terms"]["torque_at_0p1g"] == 2.0 * info["reward_terms"]["torque_at_0p1g"]
 
 

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 
 from steer_env.experiments.studies.common.assist_margins import TARGETS, assist_cells, on_target
 from steer_env.experiments.verification.requirements.common.rows import Row, verdict
+from steer_env.vehicle import cars
 from steer_env.vehicle.steering import column, eps, margins
 
 
@@ -21,7 +22,7 @@ def rows() -> Iterator[Row]:
     for gain, stable in ((1.0, "stable"), (2.0, "unstable")):
         found_stable = "stable" if margins.margins(check, bare, gain, 0.0).stable else "unstable"
         yield Row(f"without lead and damping, gain {gain:g}", found_stable, stable, verdict(found_stable == stable))
-    for speed in 3.6 * default.speeds:
+    for speed in 3.6 * cars.load().assist.speeds:
         cells = assist_cells("compact", speed)
         measured = f"{min(cell.phase_deg for cell in cells):.1f} deg, {min(cell.gain_db for cell in cells):.1f} dB"
         required = ">= {:g} deg, {:g} dB".format(*TARGETS)
