@@ -86,7 +86,7 @@ def _kind(batch: EnvironmentBatch) -> dict[str, str]:
         "id": f"steer_env/{batch.task.name}-{ID_VERSION}",
         "car": f"{batch.car.name} (numbers {_digest((numbers(p), *p.strut))})",
         "chassis": batch.chassis,
-        "law": f"{law.name} ({law.memory_size(usual.friction)} floats of memory)",
+        "law": f"{law.name} ({numbers(usual.friction).size} numbers, {law.memory_size(usual.friction)} of memory)",
         "driver": repr(batch.driver),
         "road": "the default" if road is None else f"numbers {_digest(road)}",
         "control_dt": f"{batch.control_dt:g} s",

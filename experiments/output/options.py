@@ -30,6 +30,7 @@ class Friction:
 
     def __init__(self, text: str) -> None:
         from steer_env import friction
+        from steer_env.friction.numerics.check import read_number
 
         self.label = text
         name, *pairs = text.split(",")
@@ -38,7 +39,7 @@ class Friction:
             key, equals, value = pair.partition("=")
             if not equals or key in given:
                 raise ValueError(f"expected {FRICTION}, each key once, got {text!r}")
-            given[key] = value.split(":") if ":" in value else value
+            given[key] = value.split(":") if ":" in value else read_number(value)
         self.parameters = friction.make(name, **given)
 
 
