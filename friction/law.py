@@ -9,11 +9,13 @@ equations (1 leaves the parameters as they are; friction that depends on load, w
 and the memory of the law, a view of ``memory_size`` floats that are all zero at rest.
 """
 
-import inspect
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
+import numpy as np
+
+from steer_env.friction.numerics.check import constructed, read_number
 from steer_env.friction.numerics.kernel import dispatch, kernel
 from steer_env.friction.numerics.registry import Registry
 
@@ -34,6 +36,8 @@ class Law(NamedTuple):
     solve: Callable
 
 
+TEXT = "LAW[,key=value...], a list of numbers as a:b:c"  # a law as text
+EXAMPLE = {"law": "lugre", "F_c": 1.2}  # a law as a mapping
 LAWS: Registry[Law] = Registry("friction law", "steer_env.friction.models")
 
 
@@ -75,7 +79,8 @@ def register(
     parameters : NamedTuple class
         The class of the immutable parameters, floats or ``(N,)`` arrays.
     make : callable
-        Checked constructor with keyword arguments only, all with defaults; it raises ValueError for bad values.
+        Checked constructor with keyword arguments only, all with defaults; it raises ValueError for bad values. The
+        fields of ``parameters`` are among its keywords, so that :func:`as_mapping` tells all of a set.
     torque : ``(p, torque_scale, memory, w) -> float``
         Torque at this moment [N m]; at ``w = 0`` it is the limit of ``mean_torque`` there.
     memory_size : callable, optional
@@ -152,22 +157,67 @@ def make(name: str, **parameters: Any) -> Any:
     ValueError
         For an unknown name or key, with the valid ones, and for a value that the law does not allow.
     """
-    constructor = LAWS[name].make
-    valid = tuple(inspect.signature(constructor).parameters)
-    for key in parameters:
-        if key not in valid:
-            raise ValueError(f"friction law {name!r} has no parameter {key!r}; it takes: {', '.join(valid)}")
-    return constructor(**parameters)
+    return _made(name, parameters)
+
+
+def _made(name: str, parameters: Mapping[str, Any]) -> Any:
+    return constructed(f"friction law {name!r}", LAWS[name].make, parameters)
 
 
 def resolve(friction: Any) -> Any:
-    """Parameters of a law: the defaults for the name of a law; parameters are returned unchanged."""
+    """Parameters of a law from every form in which a law may be given.
+
+    Parameters
+    ----------
+    friction : str, mapping or parameters
+        The name of a law, for its defaults; a name with parameters as the command line takes it, ``"lugre,F_c=1.2"``,
+        a list of numbers as ``a:b:c``; a mapping, ``{"law": "lugre", "F_c": 1.2}``; or parameters from :func:`make`,
+        which are returned unchanged.
+
+    Raises
+    ------
+    ValueError
+        For another form, an unknown law or parameter, or a value that the law does not allow.
+    """
+    return friction if _known(friction) else _made(*parts(friction))
+
+
+def parts(friction: Any) -> tuple[str, dict[str, Any]]:
+    """Name of the law and the parameters that are given, from a form of :func:`resolve`; they are not checked."""
     if isinstance(friction, str):
-        if "," in friction:
-            raise ValueError(f"pass the parameters of a law through friction.make(name, key=value), got {friction!r}")
-        return make(friction)
-    law_of(friction)
-    return friction
+        name, *pairs = friction.split(",")
+        given: dict[str, Any] = {}
+        for pair in pairs:
+            key, equals, value = pair.partition("=")
+            if not equals or key in given:
+                raise ValueError(f"expected {TEXT}, each key once, got {friction!r}")
+            given[key] = value.split(":") if ":" in value else read_number(value)
+        return name, given
+    if isinstance(friction, Mapping) and "law" in friction:
+        given = dict(friction)
+        return given.pop("law"), given
+    if not _known(friction):
+        raise ValueError(
+            f"{friction!r} is not a set of friction parameters; give a name ({', '.join(available())}), text as"
+            f" 'masing,elements=20', a mapping as {EXAMPLE}, or parameters from friction.make"
+        )
+    return law_of(friction).name, friction._asdict()
+
+
+def as_mapping(parameters: Any) -> dict[str, Any]:
+    """The mapping that :func:`resolve` turns into these parameters again, of what JSON holds without loss.
+
+    Raises
+    ------
+    ValueError
+        If they are not parameters of a registered law.
+    """
+    values = {key: np.asarray(value).tolist() for key, value in parameters._asdict().items()}
+    return {"law": law_of(parameters).name, **values}
+
+
+def _known(parameters: Any) -> bool:
+    return LAWS.of(type(parameters)) is not None
 
 
 # The dispatch points. Plain Python runs their bodies; compiled code takes the function of the law instead.

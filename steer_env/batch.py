@@ -31,7 +31,7 @@ from steer_env.thread_pool import ThreadPool
 from steer_env.timing import SAMPLES_PER_UPDATE
 from steer_env.vehicle import cars, plant, plant_batch
 from steer_env.vehicle import tyre as tyres
-from steer_env.vehicle.road import Road
+from steer_env.vehicle.road import Road, resolve
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
 
 Array = NDArray[np.float64]
@@ -80,10 +80,10 @@ class EnvironmentBatch:
         *,
         friction: Any = "lugre",
         speed: float | None = None,
-        vehicle: str = "compact",
+        vehicle: str | Mapping[str, Any] = "compact",
         chassis: str | None = None,
         tyre: str | None = None,
-        road: Road | None = None,
+        road: Road | Mapping[str, Any] | None = None,
         control_dt: float = 0.01,
         driver: Any = None,
         randomise: Mapping[str, Any] | None = None,
@@ -91,14 +91,13 @@ class EnvironmentBatch:
         threads: int = 1,
     ) -> None:
         self.task, self.n, self.observed = task, n, task.observed
-        self.chassis, self.road = _checked_chassis(task, chassis), road
+        self.chassis, self.road = _checked_chassis(task, chassis), resolve(road)
         if driver is not None and not task.driver_in_loop:
             raise ValueError(f"{task.name} has no driver model in its loop, so it takes no driver, got {driver!r}")
         self.control_dt, samples = _checked_control_dt(control_dt)
         self._samples_per_round = min(samples, SAMPLES_PER_UPDATE)
         self._rounds = samples // self._samples_per_round
-        (low, high), (least, most) = cars.SPEEDS[self.chassis], task.speed_range
-        limits = max(low, least), min(high, most)
+        limits = task.speed_limits(self.chassis)
         given = task.speed if speed is None else speed
         speed = number("speed [m/s]", given, minimum=limits[0], maximum=limits[1])
         self.car = cars.load(vehicle)

@@ -10,34 +10,38 @@ from numpy.typing import NDArray
 
 from steer_env.batch import EnvironmentBatch
 from steer_env.friction.numerics.check import whole
+from steer_env.specification import PlainSpecification
 from steer_env.state import State, copied, restore
 from steer_env.tasks import Task
 
 
-class SteerEnv(gym.Env):
+class SteerEnv(PlainSpecification, gym.Env):
     """A car, its steering and a friction law in a task; every id is this class with a task of its own.
 
     Arguments
     ---------
-    friction : str or parameters, default "lugre"
-        The name of a law (``friction.available()``), which gives its default parameters, or parameters from
-        ``friction.make``.
+    friction : str, mapping or parameters, default "lugre"
+        The name of a law (``friction.available()``), for its default parameters; with parameters as text,
+        ``"lugre,F_c=1.2"``, or as a mapping, ``{"law": "lugre", "F_c": 1.2}``; or parameters from ``friction.make``.
     speed : float, optional
-        Speed that is held: 3 to 70, for parking 0 to 3 [m/s]; the task's own by default.
-    vehicle : str, default "compact"
-        A packaged car (``steer_env.vehicle.cars.available()``) or a ``.toml`` or ``.json`` file.
+        Speed that is held [m/s]; the task's own by default. The task's documentation gives the range.
+    vehicle : str, path or mapping, default "compact"
+        A packaged car (``steer_env.vehicle.cars.available()``), a ``.toml`` or ``.json`` file, or a mapping with the
+        contents of such a file, as in ``{"base": "compact", "chassis": {"rear_spring": 24e3}}``.
     chassis : {"single_track", "two_track"}, optional
         "single_track" has constant speed and first-order roll; "two_track" a body with six degrees of freedom, wheels
         that travel and rotate, drivetrain and brakes. The task's own by default.
     tyre : str, optional
         A packaged tyre or a ``.tir`` file that replaces the car's own.
-    road : steer_env.vehicle.road.Road, optional
-        Heights, friction of each side, grade and bank for ``chassis="two_track"``, for example
-        ``steer_env.vehicle.road.iso8608(seed, "C")``; level and dry by default.
+    road : mapping or steer_env.vehicle.road.Road, optional
+        Heights, friction of each side, grade and bank for ``chassis="two_track"``; level and dry by default. A mapping
+        has a function of ``steer_env.vehicle.road`` (``make_road``, ``flat``, ``bump``, ``iso8608``) under "road" and
+        its arguments beside it, as in ``{"road": "iso8608", "seed": 1, "road_class": "C"}``.
     control_dt : float, default 0.01
         Time between actions: 1, 2 or 5 ms or a multiple of 10 ms, up to 100 ms [s].
-    driver : str or Driver, optional
-        The driver model, in tasks that have one in the loop: one of ``steer_env.drivers.available()`` or from
+    driver : str, mapping or Driver, optional
+        The driver model, in tasks that have one in the loop: one of ``steer_env.drivers.available()``, a mapping of one
+        and its options, as in ``{"driver": "preview", "effort": 0.2, "co_contraction": 0.25}``, or from
         ``steer_env.drivers.make``; "preview" by default.
     randomise : mapping, optional
         What to draw at every reset: keys of ``steer_env.randomise.RANGES`` to (low, high), and under "friction" the
@@ -48,7 +52,13 @@ class SteerEnv(gym.Env):
         A picture shows the car on its road from above, the handwheel and the live torque-angle loop; "human" shows it
         in a window in step with the simulated time. Needs the extra ``render``.
 
-    Any other keyword is an error. ``reset(options=...)`` fixes what would be drawn: keys of ``RANGES`` and of the task.
+    Any other keyword is an error. ``spec`` holds the arguments as text, numbers, lists and mappings, whatever objects
+    were given, so that ``gymnasium.make(EnvSpec.from_json(env.spec.to_json()))`` is the same environment to the bit. A
+    file stays a path there; a Road that was given as an object is there with all its heights. Gymnasium's own vector
+    environments keep what they were given: give them ``friction.as_mapping(...)``, ``drivers.as_mapping(...)``,
+    ``steer_env.vehicle.road.as_mapping(...)``.
+
+    ``reset(options=...)`` fixes what would be drawn: keys of ``RANGES`` and of the task.
     ``info`` holds every plant channel under its name in SI, ``reward_terms``, ``cost`` and ``cost_terms``, and at the
     end of an episode ``metrics``. The info of ``reset`` holds what was drawn in ``conditions``.
 
@@ -184,14 +194,17 @@ def batch_of(
     """The batch for the arguments of an environment, which also takes ``others``; TypeError for an unknown keyword."""
     parameters = inspect.signature(EnvironmentBatch).parameters
     own = [key for key in parameters if key not in ("task", "n", "threads")]
-    check_keywords([key for key in arguments if key not in own], (*own, *others))
+    check_keywords(task.name, [key for key in arguments if key not in own], (*own, *others))
     return EnvironmentBatch(task, n, **arguments, **more)
 
 
-def check_keywords(unknown: Iterable[str], known: Iterable[str]) -> None:
-    """TypeError for a keyword that an environment does not take; the message lists the known ones."""
+def check_keywords(name: str, unknown: Iterable[str], known: Iterable[str]) -> None:
+    """TypeError for a keyword that an environment does not take, in Python's words, with the known ones.
+
+    Programs look for these words: TorchRL leaves out the keyword that they name and tries again.
+    """
     for key in unknown:
-        raise TypeError(f"unknown keyword {key!r}; the environment takes: {', '.join(known)}")
+        raise TypeError(f"{name}.__init__() got an unexpected keyword argument {key!r}; it takes: {', '.join(known)}")
 
 
 def clipped(actions: NDArray[Any]) -> NDArray[Any]:

@@ -58,13 +58,21 @@ def _documentation(task: Task) -> str:
             118,
         ),
         "## Arguments",
-        f"Those of `steer_env.SteerEnv`. The default speed is {3.6 * task.speed:g} km/h, the default chassis "
-        f"{task.chassis[0]!r}.",
+        textwrap.fill(_arguments(task), 118),
         "`reset(options={...})` fixes what would be drawn:",
         table(("option", "meaning"), options),
         f"## Version history\n\n{HISTORY}",
     ]
     return "\n\n".join(sections) + "\n"
+
+
+def _arguments(task: Task) -> str:
+    """The arguments of a task in words."""
+    low, high = task.speed_limits(task.chassis[0])
+    return (
+        f"Those of `steer_env.SteerEnv`, with a speed from {low:g} to {high:g} m/s. The default speed is "
+        f"{3.6 * task.speed:g} km/h, the default chassis {task.chassis[0]!r}."
+    )
 
 
 @cache

@@ -8,7 +8,7 @@ import numpy as np
 
 from steer_env import friction
 from steer_env.courses.preview import PREVIEW_NAMES
-from steer_env.friction.law import law_of
+from steer_env.friction.law import parts
 from steer_env.friction.numerics.check import number
 from steer_env.vehicle import cars
 
@@ -59,9 +59,9 @@ class Randomise:
     ranges : mapping
         Keys of ``RANGES`` to (low, high); and under ``"friction"`` a mapping of the law's own parameters, such as
         ``{"F_c": (0.5, 1.5)}``.
-    law : str or parameters
-        The environment's friction. Parameters that are not drawn are the defaults of a law given by name, or those
-        given.
+    law : str, mapping or parameters
+        The environment's friction, in a form of ``friction.resolve``. Parameters that are not drawn are those that it
+        gives, else the law's defaults.
     speed : float
         Held speed where it is not drawn [m/s].
     limits : mapping of str to (float, float)
@@ -80,8 +80,7 @@ class Randomise:
         self._limits = limits
         usual = friction.resolve(law)
         self._usual = Conditions(0.0, 1.0, 1.0, speed, 0.0, 0.0, usual)
-        self._name = law_of(usual).name
-        self._given = {} if isinstance(law, str) else {k: v for k, v in usual._asdict().items() if np.ndim(v) == 0}
+        self._name, self._given = parts(law)
         if ranges is None:
             ranges = {}
         if not isinstance(ranges, Mapping):

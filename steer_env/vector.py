@@ -12,13 +12,14 @@ from numpy.typing import NDArray
 
 from steer_env.env import batch_of, clipped
 from steer_env.friction.numerics.check import whole
+from steer_env.specification import PlainSpecification
 from steer_env.state import State, copied, restore
 from steer_env.tasks import Task
 
 ROWS_PER_THREAD = 16  # sub-environments that make another thread worthwhile
 
 
-class SteerVectorEnv(VectorEnv):
+class SteerVectorEnv(PlainSpecification, VectorEnv):
     """``num_envs`` environments of an id; each is bit-identical to the single environment with the same seed.
 
     ``gymnasium.make_vec(id, num_envs=N)`` makes it. Arguments as :class:`steer_env.env.SteerEnv`, and

@@ -17,12 +17,13 @@ none within the band; outside the band the spectrum is zero.
 """
 
 import math
-from typing import NamedTuple
+from collections.abc import Mapping
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from steer_env.friction.numerics.check import number, positive
+from steer_env.friction.numerics.check import constructed, number, positive
 from steer_env.friction.numerics.interpolation import hermite
 from steer_env.friction.numerics.kernel import kernel
 from steer_env.vehicle.simd import broadcast, pack
@@ -196,6 +197,8 @@ def iso8608(
     """
     from scipy.special import k1  # here, because its import is slow
 
+    if not isinstance(seed, np.random.Generator) and (not isinstance(seed, int | np.integer) or seed < 0):
+        raise ValueError(f"seed must be a whole number of at least 0 or a numpy Generator, got {seed!r}")
     if road_class not in ROUGHNESS:
         raise ValueError(f"road_class must be one of {', '.join(ROUGHNESS)}, got {road_class!r}")
     spacing = number("spacing", spacing, minimum=0.01, maximum=1.0)
@@ -214,6 +217,41 @@ def iso8608(
     ramp = np.clip((np.minimum(s, size * spacing - s) - LEVEL_START) / RUN_IN, 0.0, 1.0)
     heights = np.sin(0.5 * np.pi * ramp) ** 2 * np.array([half_sum + half_difference, half_sum - half_difference])
     return make_road(heights=heights, friction=friction, spacing=spacing, grade=grade, bank=bank)
+
+
+_MAKERS = {make.__name__: make for make in (make_road, flat, bump, iso8608)}
+
+
+def resolve(road: Any) -> Road | None:
+    """A road from every form in which it may be given.
+
+    Parameters
+    ----------
+    road : mapping, Road or None
+        A mapping has a function of this module under "road" and its arguments beside it, as in
+        ``{"road": "iso8608", "seed": 1, "road_class": "C"}``; a Road and None are returned unchanged.
+
+    Raises
+    ------
+    ValueError
+        For another form, an unknown function or argument, or a value out of range.
+    """
+    if road is None or isinstance(road, Road):
+        return road
+    given = dict(road) if isinstance(road, Mapping) else {}
+    name = given.pop("road", None)
+    if not isinstance(name, str) or name not in _MAKERS:
+        raise ValueError(
+            f"road must be a mapping as {{'road': 'iso8608', 'seed': 1}}, with one of {', '.join(_MAKERS)}, or a Road"
+            f" from these functions of steer_env.vehicle.road, got {road!r}"
+        )
+    return constructed(f"road {name!r}", _MAKERS[name], given)
+
+
+def as_mapping(road: Road) -> dict[str, Any]:
+    """The mapping that :func:`resolve` turns into this road again, of what JSON holds without loss: all its heights."""
+    values = {key: np.asarray(value).tolist() for key, value in road._asdict().items() if key != "level"}
+    return {"road": make_road.__name__, **values}
 
 
 @kernel

@@ -2,8 +2,8 @@
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Any
 
+# That of steer_env.friction.law, which takes longer to import.
 FRICTION = "LAW[,key=value...], a list of numbers as a:b:c"
 
 
@@ -30,17 +30,9 @@ class Friction:
 
     def __init__(self, text: str) -> None:
         from steer_env import friction
-        from steer_env.friction.numerics.check import read_number
 
         self.label = text
-        name, *pairs = text.split(",")
-        given: dict[str, Any] = {}
-        for pair in pairs:
-            key, equals, value = pair.partition("=")
-            if not equals or key in given:
-                raise ValueError(f"expected {FRICTION}, each key once, got {text!r}")
-            given[key] = value.split(":") if ":" in value else read_number(value)
-        self.parameters = friction.make(name, **given)
+        self.parameters = friction.resolve(text)
 
 
 @contextmanager

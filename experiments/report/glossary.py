@@ -19,7 +19,6 @@ from steer_env.registration import DRIVEN
 from steer_env.tuning.env import DRAWN, TuneEnv
 from steer_env.tuning.scenarios.common.definition import SCENARIOS, SPEEDS
 from steer_env.vector import SteerVectorEnv
-from steer_env.vehicle import cars
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 _METRICS = """# Tests and metrics
@@ -106,7 +105,7 @@ def _options(name: str) -> str:
     """The reset options of an id with their ranges on its default chassis."""
     if name in DRIVEN:
         task = tasks.task(_short(name))
-        known = {**task.options, **RANGES, "speed": (*cars.SPEEDS[task.chassis[0]], RANGES["speed"][2])}
+        known = {**task.options, **RANGES, "speed": (*task.speed_limits(task.chassis[0]), RANGES["speed"][2])}
     else:
         scenario = SCENARIOS[_short(name)]
         known = {key: RANGES[key] for key in DRAWN} | {"speed": (*SPEEDS, RANGES["speed"][2])}

@@ -1,7 +1,9 @@
 """Checks of parameter values at construction: one message, with the name, the value and what is allowed."""
 
+import inspect
 import math
 import operator
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -88,3 +90,22 @@ def numbers(name: str, values: Any) -> NDArray[np.float64]:
         first = int(np.argmin(np.isfinite(result)))
         raise ValueError(f"{name} must be finite, got {result[first]} at index {first}")
     return result
+
+
+def constructed(what: str, make: Callable[..., Any], given: Mapping[str, Any]) -> Any:
+    """``make(**given)``, if these are its parameters.
+
+    Raises
+    ------
+    ValueError
+        For a parameter that ``make`` does not take or that is missing, with those that it takes.
+    """
+    known = inspect.signature(make).parameters
+    takes = f"it takes: {', '.join(known)}" if known else "it takes none"
+    for key in given:
+        if key not in known:
+            raise ValueError(f"{what} has no parameter {key!r}; {takes}")
+    for key, parameter in known.items():
+        if key not in given and parameter.default is parameter.empty:
+            raise ValueError(f"{what} lacks {key!r}; {takes}")
+    return make(**given)

@@ -1,4 +1,4 @@
-from .common.definition import Arm, Driver, arm, available, make, register, register_preview_model, resolve
+from .common.definition import Arm, Driver, arm, as_mapping, available, make, register, register_preview_model, resolve
 from .common.driver_batch import Controller, DriverBatch, with_arms
 
 __all__ = [
@@ -7,6 +7,7 @@ __all__ = [
     "Driver",
     "DriverBatch",
     "arm",
+    "as_mapping",
     "available",
     "make",
     "register",

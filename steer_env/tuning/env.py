@@ -14,6 +14,7 @@ from steer_env.friction.numerics.check import number, whole
 from steer_env.friction.numerics.frozen import frozen
 from steer_env.metrics import Value, definition
 from steer_env.randomise import LIMITS, Conditions, Randomise
+from steer_env.specification import PlainSpecification
 from steer_env.targets import load as load_targets
 from steer_env.tasks import Quantity
 from steer_env.tuning import context, driving, reward
@@ -44,18 +45,19 @@ def observed(scenario: Scenario) -> tuple[Quantity, ...]:
     )
 
 
-class TuneEnv(gym.Env):
+class TuneEnv(PlainSpecification, gym.Env):
     """A car's assist is tuned for a friction law and a road; every id is this class with a scenario of its own.
 
     Arguments
     ---------
-    friction : str or parameters, default "lugre"
-        The name of a law (``friction.available()``), which gives its default parameters, or parameters from
-        ``friction.make``.
+    friction : str, mapping or parameters, default "lugre"
+        The name of a law (``friction.available()``), for its default parameters; with parameters as text,
+        ``"lugre,F_c=1.2"``, or as a mapping, ``{"law": "lugre", "F_c": 1.2}``; or parameters from ``friction.make``.
     speed : float, default 100/3.6
         Speed of the tests that have none of their own, 12 to 50 [m/s].
-    vehicle : str, default "compact"
-        A packaged car (``steer_env.vehicle.cars.available()``) or a ``.toml`` or ``.json`` file.
+    vehicle : str, path or mapping, default "compact"
+        A packaged car (``steer_env.vehicle.cars.available()``), a ``.toml`` or ``.json`` file, or a mapping with the
+        contents of such a file.
     chassis : {"single_track", "two_track"}, default "single_track"
         Chassis of the tests; parking always uses "two_track".
     tyre : str, optional
@@ -85,7 +87,7 @@ class TuneEnv(gym.Env):
         *,
         friction: Any = "lugre",
         speed: float = SPEED,
-        vehicle: str = "compact",
+        vehicle: str | Mapping[str, Any] = "compact",
         chassis: str = "single_track",
         tyre: str | None = None,
         targets: str = "compact",
@@ -94,7 +96,8 @@ class TuneEnv(gym.Env):
         render_mode: None = None,
         **unknown: Any,
     ) -> None:
-        check_keywords(unknown, [key for key in inspect.signature(TuneEnv).parameters if key != "unknown"])
+        known = [key for key in inspect.signature(TuneEnv).parameters if key != "unknown"]
+        check_keywords(self.scenario.name, unknown, known)
         if render_mode is not None:
             raise ValueError(f"tuning environments cannot render: render_mode must be None, got {render_mode!r}")
         self.render_mode = render_mode

@@ -276,8 +276,8 @@ def test_parameters_are_physical():
 @pytest.mark.parametrize(
     ("arguments", "error", "message"),
     [
-        ({"frictoin": "lugre"}, TypeError, "unknown keyword 'frictoin'; the environment takes: friction, speed"),
-        ({"control_dt": 0.01}, TypeError, "unknown keyword 'control_dt'"),
+        ({"frictoin": "lugre"}, TypeError, "got an unexpected keyword argument 'frictoin'; it takes: friction, speed"),
+        ({"control_dt": 0.01}, TypeError, "unexpected keyword argument 'control_dt'"),
         ({"friction": "lugree"}, ValueError, r"unknown friction law 'lugree'.*lugre"),
         ({"speed": 5.0}, ValueError, r"speed \[m/s\] must be finite and at least 12 and at most 50, got 5"),
         ({"speed": math.nan}, ValueError, r"speed \[m/s\] must be .*got nan"),

@@ -8,10 +8,11 @@ from steer_env.vehicle import cars
 CAR = cars.load()
 
 
-@pytest.mark.parametrize(("stiffness", "what"), [(1e4, "no handwheel amplitude"), (1e5, "the motor torque jumps")])
-def test_an_unstable_assist_loop_is_named(stiffness, what):
+@pytest.mark.parametrize("stiffness", [1e4, 1e5])
+def test_an_unstable_assist_loop_is_named(stiffness):
     stiff = CAR._replace(column=CAR.column._replace(K_tb=stiffness))
-    with pytest.raises(ValueError, match=f"{what}.*the assist loop is unstable there: K_tb {stiffness:g} N m/rad"):
+    what = f"the motor torque jumps .*; the assist loop is unstable there: K_tb {stiffness:g} N m/rad"
+    with pytest.raises(ValueError, match=what):
         manoeuvres.drive(stiff, manoeuvres.make("weave"))
 
 

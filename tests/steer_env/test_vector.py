@@ -230,7 +230,7 @@ def test_bad_calls():
     for seed in (-1, 1.5, "ab", [1, -1], [1, 2.0]):
         with pytest.raises(ValueError, match="seed must be a whole number of at least 0"):
             vector.reset(seed=seed)
-    with pytest.raises(TypeError, match="unknown keyword 'frictoin'"):
+    with pytest.raises(TypeError, match="unexpected keyword argument 'frictoin'"):
         gym.make_vec(WEAVE, num_envs=2, frictoin="lugre")
 
 

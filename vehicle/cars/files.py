@@ -2,7 +2,7 @@
 
 import json
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import lru_cache
 from inspect import signature
 from numbers import Real
@@ -116,12 +116,12 @@ def available() -> tuple[str, ...]:
     return tuple(sorted(file.stem for file in DATA.glob("*.json")))
 
 
-def load(name: str | PathLike[str] = "compact") -> Car:
-    """A packaged car by name, or a car of your own from a ``.toml`` or ``.json`` file.
+def load(name: str | PathLike[str] | Mapping[str, Any] = "compact") -> Car:
+    """A packaged car by name, or a car of your own from a ``.toml`` or ``.json`` file or a mapping with its contents.
 
     A file has the sections of the packaged ones (``vehicle/data/cars``), in SI units. With a key ``base`` it takes from
     that packaged car what it does not give itself. The path of a tyre file (``tyre = "my.tir"``) is relative to the
-    folder of the car file.
+    folder of the car file, in a mapping to the working directory.
 
     Raises
     ------
@@ -137,8 +137,10 @@ def load(name: str | PathLike[str] = "compact") -> Car:
     UnusualCar
         As in :func:`from_data`, with the name of the file and the line.
     """
+    if isinstance(name, Mapping):
+        return from_data(_completed(name, "mapping", Path()))
     if not isinstance(name, str | PathLike):
-        raise ValueError(f"vehicle must be a name or a path, got a {type(name).__name__}")
+        raise ValueError(f"vehicle must be a name, a path or a mapping as a car file, got a {type(name).__name__}")
     return _from_file(Path(name)) if _is_file(name) else _packaged(fspath(name))
 
 
@@ -160,7 +162,7 @@ def _data(name: str) -> dict[str, Any]:
 def _from_file(path: Path) -> Car:
     text, data = _parsed(path)
     try:
-        car = _checked(_completed(path, data))
+        car = _checked(_completed(data, path.stem, path.parent))
     except OSError as error:  # the car file itself has been read
         raise ValueError(f"{path}:{_line(text, 'tyre')} tyre file {error.filename}: {error.strerror}") from None
     except ValueError as error:
@@ -182,8 +184,9 @@ def _parsed(path: Path) -> tuple[str, Any]:
         raise ValueError(f"{path}: {error}") from None
 
 
-def _completed(path: Path, data: Any) -> Any:
-    """The contents of a file with what it takes from its base, and with the place of its tyre file."""
+def _completed(given: Any, name: str, folder: Path) -> Any:
+    """The contents of a file with what it takes from its base, there its usual name, and the place of its tyre file."""
+    data = dict(given) if isinstance(given, Mapping) else given
     if isinstance(data, dict) and "base" not in data and not set(SECTIONS) <= set(data):
         require_known("car", data, SECTIONS)
         lacking = ", ".join(key for key in SECTIONS if key not in data)
@@ -194,9 +197,9 @@ def _completed(path: Path, data: Any) -> Any:
         base = _data(data.pop("base"))
         require_known("car", data, SECTIONS)
         sections = {key: {**base[key], **value} for key, value in data.items() if isinstance(value, dict)}
-        data = {**base, "name": path.stem, **data, **sections}
+        data = {**base, "name": name, **data, **sections}
     if isinstance(data, dict) and str(data.get("tyre", "")).endswith(".tir"):
-        data["tyre"] = str(path.parent / data["tyre"])
+        data["tyre"] = str(folder / data["tyre"])
     return data
 
 
@@ -211,14 +214,19 @@ def _line(text: str, message: str) -> str:
     return ""
 
 
-def every_key(name: str | PathLike[str]) -> dict[str, Any]:
+def every_key(name: str | PathLike[str] | Mapping[str, Any]) -> dict[str, Any]:
     """The data of a car with the defaults of every section: every key that a car file may set, in SI units.
 
     ``name`` and errors are those of :func:`load`.
     """
     load(name)
-    path = Path(name)
-    data = _completed(path, _parsed(path)[1]) if _is_file(name) else _data(fspath(name))
+    if isinstance(name, Mapping):
+        data = _completed(name, "mapping", Path())
+    elif _is_file(name):
+        path = Path(name)
+        data = _completed(_parsed(path)[1], path.stem, path.parent)
+    else:
+        data = _data(fspath(name))
     data["chassis"] = {**CHASSIS_DEFAULTS, **data["chassis"]}
     for section, make in CONSTRUCTORS.items():
         defaults = {key: p.default for key, p in signature(make).parameters.items()}

@@ -18,13 +18,13 @@ structure and ranges of the arms after Pick, Cole, Dynamic properties of a drive
 IMechE D 221 (2007); values assumed within these ranges.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from steer_env.friction.numerics.check import not_negative, number, positive
+from steer_env.friction.numerics.check import constructed, not_negative, number, positive
 from steer_env.friction.numerics.kernel import dispatch, kernel
 from steer_env.friction.numerics.registry import Registry
 from steer_env.timing import UPDATE_INTERVAL
@@ -125,7 +125,10 @@ def register_preview_model(parameters: type, gains: Callable[[Any, Car, float], 
 
 
 def register(name: str, maker: Callable[..., Driver]) -> None:
-    """Make a driver known: a function that returns it, its options with their standard values as keywords."""
+    """Make a driver known: a function that returns it, its options with their standard values as keywords.
+
+    The fields of its preview model's parameters are among the options, so that :func:`as_mapping` tells all of it.
+    """
     DRIVERS.register(name, maker)
 
 
@@ -140,12 +143,41 @@ def make(name: str, **options: Any) -> Driver:
 
 
 def resolve(driver: Any) -> Driver:
-    """A driver by its name, or the driver itself; ValueError for anything else."""
-    if isinstance(driver, str):
-        return make(driver)
-    if not isinstance(driver, Driver):
-        raise ValueError(f"driver must be one of {', '.join(available())} or from drivers.make, got {driver!r}")
-    return driver
+    """A driver from every form in which it may be given.
+
+    Parameters
+    ----------
+    driver : str, mapping or Driver
+        A name; a mapping of a name and options, ``{"driver": "preview", "effort": 0.2}``, where "arm" may map the
+        fields of :class:`Arm` to other arms; or a driver from :func:`make`, which is returned unchanged.
+
+    Raises
+    ------
+    ValueError
+        For another form, an unknown name or option, or a value out of range.
+    """
+    if isinstance(driver, Driver):
+        return driver
+    given = {"driver": driver} if isinstance(driver, str) else dict(driver) if isinstance(driver, Mapping) else {}
+    if "driver" not in given:
+        raise ValueError(
+            f"driver must be one of {', '.join(available())}, a mapping as {{'driver': 'preview', 'effort': 0.2}}, or"
+            f" from drivers.make, got {driver!r}"
+        )
+    name, hands = given.pop("driver"), given.pop("arm", None)
+    made = constructed(f"driver {name!r}", DRIVERS[name], given)
+    if hands is None:
+        return made
+    if not isinstance(hands, Mapping):
+        raise ValueError(f"arm must map {', '.join(Arm._fields)} to numbers, got {hands!r}")
+    values = constructed("arm", Arm, hands)._asdict()
+    return made._replace(arm=Arm(*(not_negative(f"arm.{key}", value) for key, value in values.items())))
+
+
+def as_mapping(driver: Driver) -> dict[str, Any]:
+    """The mapping that :func:`resolve` turns into this driver again, of what JSON holds without loss."""
+    options = {key: np.asarray(value).tolist() for key, value in driver.preview_model._asdict().items()}
+    return {"driver": driver.name, **options, "arm": driver.arm._asdict()}
 
 
 def gains_of(driver: Driver, car: Car, speed: float) -> Array:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from steer_env.friction.numerics.check import number
 from steer_env.friction.numerics.kernel import dispatch
 from steer_env.friction.numerics.registry import Registry, camel_case
-from steer_env.vehicle.cars import Car
+from steer_env.vehicle.cars import SPEEDS, Car
 from steer_env.vehicle.chassis.common.interface import ASSIST_REQUEST, HAND
 
 Array = NDArray[np.float64]
@@ -162,6 +162,11 @@ class Task:
     def observed(self) -> tuple[Quantity, ...]:
         """All observations in their order."""
         return (*(OBSERVABLE_CHANNELS[name] for name in self.channels), SPEED, *self.task_observations)
+
+    def speed_limits(self, chassis: str) -> tuple[float, float]:
+        """Lowest and highest held speed on a chassis [m/s]."""
+        (low, high), (least, most) = SPEEDS[chassis], self.speed_range
+        return max(low, least), min(high, most)
 
     def draw_option(
         self, rng: np.random.Generator, options: Mapping[str, float], name: str, low: float, high: float
