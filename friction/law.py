@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from steer_env.friction.numerics.check import constructed
+from steer_env.friction.numerics.check import constructed, read_number
 from steer_env.friction.numerics.kernel import dispatch, kernel
 from steer_env.friction.numerics.registry import Registry
 
@@ -191,7 +191,7 @@ def parts(friction: Any) -> tuple[str, dict[str, Any]]:
             key, equals, value = pair.partition("=")
             if not equals or key in given:
                 raise ValueError(f"expected {TEXT}, each key once, got {friction!r}")
-            given[key] = value.split(":") if ":" in value else value
+            given[key] = value.split(":") if ":" in value else read_number(value)
         return name, given
     if isinstance(friction, Mapping) and "law" in friction:
         given = dict(friction)

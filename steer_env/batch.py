@@ -19,11 +19,13 @@ from numpy.typing import NDArray
 from steer_env import drivers
 from steer_env.batch_arrays import EPISODE, allocate, layout, stored
 from steer_env.batch_kernels import ROLL, ROLLED_OVER, evaluate, fill_inputs
-from steer_env.friction.numerics.check import number
+from steer_env.friction.numerics.check import number, whole
+from steer_env.friction.numerics.frozen import frozen
 from steer_env.friction.numerics.kernel import bind
 from steer_env.friction.numerics.renamed import renamed
 from steer_env.manoeuvres.common.driving import steering_stiffness
 from steer_env.randomise import LIMITS, RANGES, SENSOR_NOISE, Conditions, Randomise
+from steer_env.sensor_noise import SensorNoise
 from steer_env.tasks.common.definition import RMS, EpisodeContext, EpisodeSetup, Scenery, Task
 from steer_env.thread_pool import ThreadPool
 from steer_env.timing import SAMPLES_PER_UPDATE
@@ -34,7 +36,6 @@ from steer_env.vehicle.steering.eps import SAMPLE_TIME
 
 Array = NDArray[np.float64]
 
-NOISE_BLOCK = 128  # control steps of noise drawn at once
 _POSE = ("x", "y", "yaw_angle")
 
 __getattr__ = renamed(__name__, {"Lanes": "steer_env.batch:EnvironmentBatch"})
@@ -52,6 +53,10 @@ class EnvironmentBatch:
     control_dt : float
         Time between actions [s].
     car : Car
+    chassis : str
+    road : Road or None
+    driver : Driver or None
+        The driver model in the loop.
     channels, states : tuple of str
         Names of the plant's channels and states.
     bound : (O,) array of float32
@@ -64,6 +69,8 @@ class EnvironmentBatch:
         Whether the episode is over or has not begun.
     conditions : list of Conditions
         What was drawn for each episode.
+    noise : SensorNoise
+    drivers : DriverBatch or None
     """
 
     def __init__(
@@ -84,19 +91,19 @@ class EnvironmentBatch:
         threads: int = 1,
     ) -> None:
         self.task, self.n, self.observed = task, n, task.observed
-        self._chassis, self._road = _checked_chassis(task, chassis), resolve(road)
+        self.chassis, self.road = _checked_chassis(task, chassis), resolve(road)
         if driver is not None and not task.driver_in_loop:
             raise ValueError(f"{task.name} has no driver model in its loop, so it takes no driver, got {driver!r}")
         self.control_dt, samples = _checked_control_dt(control_dt)
         self._samples_per_round = min(samples, SAMPLES_PER_UPDATE)
         self._rounds = samples // self._samples_per_round
-        limits = task.speed_limits(self._chassis)
+        limits = task.speed_limits(self.chassis)
         given = task.speed if speed is None else speed
         speed = number("speed [m/s]", given, minimum=limits[0], maximum=limits[1])
         self.car = cars.load(vehicle)
         if tyre is not None:
             self.car = self.car._replace(tyre=tyres.load(tyre))
-        self._driver = drivers.resolve("preview" if driver is None else driver) if task.driver_in_loop else None
+        self.driver = drivers.resolve("preview" if driver is None else driver) if task.driver_in_loop else None
         self._randomise = Randomise(randomise, friction, speed, LIMITS | {"speed": limits})
         weights_of = _weights(task, weights)
 
@@ -113,21 +120,30 @@ class EnvironmentBatch:
         self.bound = self._layout.bounds.astype(np.float32)
         self.over = np.ones(n, bool)
         self.conditions: list[Conditions] = [usual] * n
-        self._noise_size = np.array([SENSOR_NOISE.get(quantity.name, 0.0) for quantity in self.observed])
-        self._noise_factor, self._noise_steps, self._noisy = np.zeros(n), np.zeros(n, np.int64), False
-        self._noise_blocks: dict[int, Array] = {}
-        self._advance = bind(plant_batch.run, *self._plant_arguments(), 0, n)
+        self.noise = SensorNoise(n, np.array([SENSOR_NOISE.get(quantity.name, 0.0) for quantity in self.observed]))
+        self._bind()
         self._usual_start = self._settled(template)
-        self._drivers = (
-            drivers.DriverBatch(self._driver, self.car, n, self.steering_stiffness) if self._driver else None
-        )
-        self._fill_inputs = bind(fill_inputs, self.arrays, self._layout, True, 0, n)
-        self._evaluate = bind(evaluate, self.arrays, self._layout, task.parameters, 0, True, 0, n)
-        self._pool = ThreadPool(n, threads)
+        self.drivers = drivers.DriverBatch(self.driver, self.car, n, self.steering_stiffness) if self.driver else None
+        self._pool = ThreadPool(n, whole("threads", threads, 1))
 
-    def _plant_arguments(self) -> tuple[Any, ...]:
-        a = self.arrays
-        return self._template, a.plants, a.states, a.inputs, a.channels, a.finite
+    def _bind(self) -> None:
+        """Look up the compiled kernels for the types of the arrays."""
+        a, at = self.arrays, self._layout
+        plants = self._template, a.plants, a.states, a.inputs, a.channels, a.finite
+        self._advance = bind(plant_batch.run, *plants, 0, self.n)
+        self._fill_inputs = bind(fill_inputs, a, at, True, 0, self.n)
+        self._evaluate = bind(evaluate, a, at, self.task.parameters, 0, True, 0, self.n)
+
+    def __getstate__(self) -> dict[str, Any]:
+        # Compiled functions cannot be pickled, and the episodes are another view of their array.
+        left_out = ("_advance", "_fill_inputs", "_evaluate", "episodes")
+        return {key: value for key, value in self.__dict__.items() if key not in left_out}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        self._template = frozen(self._template)  # a copied array can be written to, which is another type to a kernel
+        self.episodes = self.arrays.episodes.view(EPISODE, np.ndarray)
+        self._bind()
 
     def _plant(self, drawn: Conditions, robot: bool) -> plant.Plant:
         p = self.car.loaded(drawn.load).plant(
@@ -135,11 +151,11 @@ class EnvironmentBatch:
             speed=drawn.speed,
             robot=robot,
             road_friction=drawn.road_friction,
-            chassis=self._chassis,
-            road=self._road,
+            chassis=self.chassis,
+            road=self.road,
         )
         p = p._replace(friction_torque_scale=drawn.friction_level)
-        return p if self._driver is None else drivers.with_arms(p, self._driver.arm)
+        return p if self.driver is None else drivers.with_arms(p, self.driver.arm)
 
     def _runner(self, p: plant.Plant) -> Callable[..., None]:
         """Runs one plant as :func:`steer_env.vehicle.plant.run` does, but by the kernel that the batch has compiled."""
@@ -154,6 +170,11 @@ class EnvironmentBatch:
         """Numbers, settled state and channels of a plant."""
         return (plant_batch.numbers(p), *plant.settled(p, self._runner(p)))
 
+    @property
+    def usual_conditions(self) -> Conditions:
+        """The conditions of an episode if nothing is drawn."""
+        return self._randomise.usual
+
     def steering_stiffness(self, speed: float) -> float:
         """Hand torque over handwheel angle [N m/rad] in steady turns at a speed [m/s], without friction."""
         p = self._plant(self._randomise.usual._replace(speed=speed), robot=True)
@@ -167,12 +188,12 @@ class EnvironmentBatch:
         own = {key: task.checked_option(key, value) for key, value in options.items() if key in task.options}
         setup = task.draw_setup(rng, EpisodeContext(self.car, drawn.speed), own)
         self._store(i, setup, drawn)
-        self._noise_factor[i], self._noise_steps[i] = drawn.sensor_noise, 0
-        self._noisy = bool(self._noise_factor.any())
+        self.noise.set_factor(i, drawn.sensor_noise)
+        self.noise.steps[i] = 0
         self.over[i], self.conditions[i] = False, drawn
-        if self._drivers is not None:
-            self._drivers.start(i, drawn.speed)
-        self._draw_noise(i, rng)
+        if self.drivers is not None:
+            self.drivers.start(i, drawn.speed)
+        self.arrays.noise[i] = self.noise.draw(i, rng)
         self._evaluate(self.arrays, self._layout, task.parameters, 0, True, i, i + 1)
         past = self.arrays.past_observations
         past[i] = past[i, self.episodes["latest"][i]]  # a delayed observation shows the start until newer ones come
@@ -182,7 +203,8 @@ class EnvironmentBatch:
         """Put an episode's setup and its plant into the arrays."""
         path = np.zeros((0, 4)) if setup.path is None else setup.path
         data = np.zeros(0) if setup.data is None else setup.data
-        self.arrays = a = stored(self.arrays, i, scripted_inputs=setup.scripted_inputs, paths=path, task_data=data)
+        setups = {"scripted_inputs": setup.scripted_inputs[None], "paths": path[None], "task_data": data[None]}
+        self.arrays = a = stored(self.arrays, slice(i, i + 1), setups)
         a.plants[i], a.states[i], a.channels[i] = self._start_of(drawn)
         a.states[i, self._pose_states] = setup.pose
         a.channels[i, self._pose_channels] = setup.pose
@@ -202,17 +224,6 @@ class EnvironmentBatch:
             return self._usual_start
         return self._settled(self._plant(drawn, self.task.robot))
 
-    def _draw_noise(self, i: int, rng: np.random.Generator) -> None:
-        """Noise of the next observation of row ``i``, from blocks of its generator."""
-        noise = self.arrays.noise
-        if self._noise_factor[i] == 0.0:
-            noise[i] = 0.0
-            return
-        place = self._noise_steps[i] % NOISE_BLOCK
-        if place == 0:
-            self._noise_blocks[i] = rng.standard_normal((NOISE_BLOCK, self._noise_size.size))
-        noise[i] = self._noise_factor[i] * self._noise_size * self._noise_blocks[i][place]
-
     def step(self, actions: NDArray[np.float32], generators: Sequence[np.random.Generator]) -> None:
         """Hold the clipped actions (n,) for ``control_dt`` in every row.
 
@@ -220,17 +231,17 @@ class EnvironmentBatch:
         well, but its results have no meaning, and it draws nothing from its generator.
         """
         self.arrays.actions[:] = actions
-        if self._noisy:
-            self._noise_steps += 1
+        if self.noise.noisy:
+            self.noise.steps += 1
             for i in np.flatnonzero(~self.over).tolist():
-                self._draw_noise(i, generators[i])
+                self.arrays.noise[i] = self.noise.draw(i, generators[i])
         self._pool.run(self._step_rows)
 
     def _step_rows(self, low: int, high: int) -> None:
         a, last = self.arrays, self._rounds - 1
         for k in range(self._rounds):
-            if self._drivers is not None:
-                self._drivers.write_hand_torque(
+            if self.drivers is not None:
+                self.drivers.write_hand_torque(
                     a.episodes, a.channels, a.task_observations, a.scripted_inputs, low, high
                 )
             self._fill_inputs(a, self._layout, k == 0, low, high)
@@ -311,9 +322,7 @@ def _checked_control_dt(control_dt: Any) -> tuple[float, int]:
 def _check_options(task: Task, options: Any) -> None:
     if not isinstance(options, Mapping):
         raise ValueError(f"reset options must map names to values, got {options!r}")
-    for key, value in options.items():
-        if isinstance(value, str | bool):
-            raise ValueError(f"reset option {key!r} must be a number, got {value!r}")
+    for key in options:
         if key not in RANGES and key not in task.options:
             raise ValueError(f"unknown reset option {key!r}; {task.name} takes: {', '.join([*task.options, *RANGES])}")
 

@@ -1,5 +1,6 @@
 """The arrays of a batch of environments, and what all its rows have in common."""
 
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -129,14 +130,20 @@ def layout(task: Task, template: Plant, control_dt: float, samples_per_step: int
     )
 
 
-def stored(arrays: BatchArrays, i: int, **setups: Array) -> BatchArrays:
-    """The arrays with values put into row ``i`` of those named; an array that is too short is replaced by a longer."""
+SETUP = ("scripted_inputs", "paths", "task_data")  # the arrays that grow with the length of the episodes
+
+
+def stored(arrays: BatchArrays, rows: slice, setups: Mapping[str, Array]) -> BatchArrays:
+    """The arrays with values put into rows of those named, of ``SETUP``; one that is too short is replaced by a longer.
+
+    The values (M, length, ...) are for M rows, or for all of them if M is 1.
+    """
     for name, values in setups.items():
-        held = getattr(arrays, name)
-        if len(values) > held.shape[1]:
-            longer = np.zeros((len(held), len(values), *held.shape[2:]))
+        held, length = getattr(arrays, name), values.shape[1]
+        if length > held.shape[1]:
+            longer = np.zeros((len(held), *values.shape[1:]))
             longer[:, : held.shape[1]] = held
             arrays = arrays._replace(**{name: longer})
             held = longer
-        held[i, : len(values)] = values
+        held[rows, :length] = values
     return arrays

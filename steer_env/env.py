@@ -9,7 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from steer_env.batch import EnvironmentBatch
+from steer_env.friction.numerics.check import whole
 from steer_env.specification import PlainSpecification
+from steer_env.state import State, copied, restore
 from steer_env.tasks import Task
 
 
@@ -80,22 +82,27 @@ class SteerEnv(PlainSpecification, gym.Env):
         self._names = self.batch.channels
         self._reward_names = tuple(term.name for term in self.task.rewards)
         self._cost_names = tuple(term.name for term in self.task.costs)
-        # Views of the only row.
-        arrays = self.batch.arrays
-        self._row, self._terms, self._observation = (
-            array[0] for array in (arrays.channels, arrays.terms, arrays.observations)
-        )
+        self._view_row()
         self._renderer: Any = None
         if render_mode is not None:
             from steer_env.rendering.renderer import Renderer  # here, because it takes long to import
 
             self._renderer = Renderer(self.batch, render_mode, self.metadata["render_fps"])
 
+    def _view_row(self) -> None:
+        """Views of the only row of the batch."""
+        arrays = self.batch.arrays
+        self._row, self._terms, self._observation = arrays.channels[0], arrays.terms[0], arrays.observations[0]
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        self._view_row()  # a copied view is an array of its own
+
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
         """Start an episode; ``options`` fix what would be drawn."""
-        super().reset(seed=seed)
+        super().reset(seed=None if seed is None else whole("seed", seed, 0))
         self.batch.start(0, self.np_random, options or {})
         if self._renderer is not None:
             self._renderer.start()
@@ -134,6 +141,34 @@ class SteerEnv(PlainSpecification, gym.Env):
             self._renderer.add()
         return self._observation.copy(), reward, terminated, truncated, info
 
+    def get_state(self, include_rng: bool = True) -> State:
+        """A copy of everything that decides how the episode goes on, but not of wrappers and spaces.
+
+        Parameters
+        ----------
+        include_rng : bool
+            Whether the random generator and the sensors' noise that is drawn already belong to it. Without them, an
+            environment that takes the state draws its later noise and episodes from its own generator.
+        """
+        rng, seed = self.np_random, self.np_random_seed
+        return copied(self.batch, ((rng, seed),) if include_rng else None)
+
+    def set_state(self, state: State) -> None:
+        """Continue from a state of :meth:`get_state`, of this environment or another of its kind.
+
+        Raises
+        ------
+        TypeError
+            It is not a state.
+        ValueError
+            It is of another id, version, car, law and so on, or of several sub-environments; the message names what
+            differs.
+        """
+        ((rng, seed),) = restore(self.batch, state) or ((self._np_random, self._np_random_seed),)
+        self._np_random, self._np_random_seed = rng, seed
+        if self._renderer is not None:
+            self._renderer.start()
+
     def _channels(self) -> dict[str, Any]:
         return dict(zip(self._names, self._row.tolist()))
 
@@ -142,6 +177,8 @@ class SteerEnv(PlainSpecification, gym.Env):
         if self.render_mode is None:
             gym.logger.warn("render() draws nothing: make the environment with render_mode='rgb_array' or 'human'")
             return None
+        if self._renderer is None:
+            raise gym.error.ClosedEnvironmentError("render() was called after close(): make the environment anew")
         return self._renderer.frame()
 
     def close(self) -> None:
@@ -155,7 +192,8 @@ def batch_of(
     task: Task, n: int, arguments: Mapping[str, Any], others: tuple[str, ...], **more: Any
 ) -> EnvironmentBatch:
     """The batch for the arguments of an environment, which also takes ``others``; TypeError for an unknown keyword."""
-    own = [key for key in inspect.signature(EnvironmentBatch).parameters if key not in ("task", "n", *more)]
+    parameters = inspect.signature(EnvironmentBatch).parameters
+    own = [key for key in parameters if key not in ("task", "n", "threads")]
     check_keywords(task.name, [key for key in arguments if key not in own], (*own, *others))
     return EnvironmentBatch(task, n, **arguments, **more)
 

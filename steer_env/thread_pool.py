@@ -4,6 +4,7 @@ import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
@@ -20,6 +21,9 @@ class ThreadPool:
         self._slices = list(pairwise(edges))
         self._executor: ThreadPoolExecutor | None = None
         self._process = 0
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "_executor": None, "_process": 0}  # a copy starts threads of its own
 
     def run(self, work: Callable[[int, int], None]) -> None:
         """Call ``work(low, high)`` for every slice; the calling thread takes the first one."""

@@ -1,6 +1,7 @@
 """Many environments of one kind in one object: the same kernels run over all rows of a batch, in threads."""
 
 import os
+from collections.abc import Sequence
 from typing import Any
 
 import gymnasium as gym
@@ -10,7 +11,9 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from steer_env.env import batch_of, clipped
+from steer_env.friction.numerics.check import whole
 from steer_env.specification import PlainSpecification
+from steer_env.state import State, copied, restore
 from steer_env.tasks import Task
 
 ROWS_PER_THREAD = 16  # sub-environments that make another thread worthwhile
@@ -30,8 +33,9 @@ class SteerVectorEnv(PlainSpecification, VectorEnv):
     threads : int, optional
         By default one for each 16 sub-environments, at most as many as there are processors.
 
-    ``reset(seed=s)`` seeds sub-environment i with s + i. Infos hold arrays over the sub-environments, as those of
-    Gymnasium's vector environments do.
+    ``reset(seed=s)`` seeds sub-environment i with s + i. A sub-environment that a first reset leaves out by its
+    ``reset_mask`` counts as one whose episode has ended: it begins at the next step, or with DISABLED at its reset.
+    Infos hold arrays over the sub-environments, as those of Gymnasium's vector environments do.
     """
 
     metadata = {"render_modes": [], "autoreset_mode": AutoresetMode.NEXT_STEP}  # noqa: RUF012 (Gymnasium's own form)
@@ -46,10 +50,7 @@ class SteerVectorEnv(PlainSpecification, VectorEnv):
         render_mode: None = None,
         **arguments: Any,
     ) -> None:
-        if not isinstance(num_envs, int) or num_envs < 1:
-            raise ValueError(f"num_envs must be a whole number of at least 1, got {num_envs!r}")
-        if threads is not None and (not isinstance(threads, int) or threads < 1):
-            raise ValueError(f"threads must be a whole number of at least 1, got {threads!r}")
+        num_envs = whole("num_envs", num_envs, 1)
         if render_mode is not None:
             raise ValueError(
                 f"a vector environment cannot render; render a single one, got render_mode={render_mode!r}"
@@ -57,7 +58,8 @@ class SteerVectorEnv(PlainSpecification, VectorEnv):
         self.num_envs = num_envs
         self.autoreset_mode = AutoresetMode(autoreset_mode)
         self.metadata = {**self.metadata, "autoreset_mode": self.autoreset_mode}
-        threads = threads or min(os.cpu_count() or 1, -(-num_envs // ROWS_PER_THREAD))
+        if threads is None:
+            threads = min(os.cpu_count() or 1, -(-num_envs // ROWS_PER_THREAD))
         others = ("num_envs", "autoreset_mode", "threads")
         self.batch = batch_of(self.task, num_envs, arguments, others, threads=threads)
         self.control_dt = self.batch.control_dt
@@ -67,26 +69,28 @@ class SteerVectorEnv(PlainSpecification, VectorEnv):
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self._names = self.batch.channels
         self._all = np.ones(num_envs, bool)
-        self._generators: list[np.random.Generator] = []
+        self._generators: list[np.random.Generator] = []  # empty before they are needed
+        self._seeds: list[int] = []
 
     def reset(
-        self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
+        self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
         """Start an episode in every sub-environment, or in those of ``options["reset_mask"]``."""
         n, chosen = self.num_envs, dict(options or {})
         mask = chosen.pop("reset_mask", self._all)
         if not isinstance(mask, np.ndarray) or mask.shape != (n,) or mask.dtype != np.bool_ or not mask.any():
             raise ValueError(f"reset_mask must be a boolean array ({n},) with at least one True, got {mask!r}")
-        seeds = (
-            [None if seed is None else seed + i for i in range(n)] if seed is None or isinstance(seed, int) else seed
-        )
+        if isinstance(seed, Sequence | np.ndarray):
+            seeds = [None if each is None else whole("seed", each, 0) for each in seed]
+        else:
+            first = None if seed is None else whole("seed", seed, 0)
+            seeds = [None if first is None else first + i for i in range(n)]
         if len(seeds) != n:
             raise ValueError(f"seed must be a number or {n} of them, got {len(seeds)}")
-        if not self._generators:
-            self._generators = [gym.utils.seeding.np_random()[0] for _ in range(n)] if None in seeds else [None] * n  # type: ignore[list-item]
+        # A sub-environment that a first reset leaves out is seeded as well, so that its later beginning is known.
+        new = mask | (self.batch.episodes["end"] == 0)
+        self._seed([each if is_new else None for each, is_new in zip(seeds, new.tolist())])
         for i in np.flatnonzero(mask).tolist():
-            if seeds[i] is not None:
-                self._generators[i] = gym.utils.seeding.np_random(seeds[i])[0]
             self.batch.start(i, self._generators[i], chosen)
         return self.batch.arrays.observations.copy(), self._with_conditions(self._channels(mask), mask)
 
@@ -111,13 +115,14 @@ class SteerVectorEnv(PlainSpecification, VectorEnv):
             raise ValueError(f"actions must be an array of shape ({self.num_envs}, 1) of real numbers, got {actions!r}")
         actions = clipped(actions)
         over = batch.over.copy()
-        if not self._generators or (mode == AutoresetMode.DISABLED and over.any()):
+        ended = np.flatnonzero(over).tolist()
+        if ended and (mode == AutoresetMode.DISABLED or not batch.episodes["end"].any()):
             raise RuntimeError("an episode is over or has not begun: call reset")
         batch.step(actions[:, 0], self._generators)
         rewards, costs, terminated, truncated = (
             batch.episodes[key].copy() for key in ("reward", "cost", "terminated", "truncated")
         )
-        for i in np.flatnonzero(over).tolist():  # NEXT_STEP: this step resets, whatever the action was
+        for i in ended:  # NEXT_STEP: this step resets, whatever the action was
             batch.start(i, self._generators[i], {})
             rewards[i] = costs[i] = 0.0
             terminated[i] = truncated[i] = False
@@ -143,6 +148,42 @@ class SteerVectorEnv(PlainSpecification, VectorEnv):
             else:
                 info |= ends
         return batch.arrays.observations.copy(), rewards, terminated, truncated, info
+
+    def _seed(self, seeds: list[int | None]) -> None:
+        """Give sub-environments new generators by their seeds; None keeps the generator, if there is one."""
+        if not self._generators:
+            made = [gym.utils.seeding.np_random(seed) for seed in seeds]
+            self._generators, self._seeds = [rng for rng, _ in made], [seed for _, seed in made]
+            return
+        for i, seed in enumerate(seeds):
+            if seed is not None:
+                self._generators[i], self._seeds[i] = gym.utils.seeding.np_random(seed)
+
+    @property  # type: ignore[misc]
+    def np_random(self) -> tuple[np.random.Generator, ...]:  # type: ignore[override]
+        """The generators of the sub-environments, as Gymnasium's own vector environments give them."""
+        if not self._generators:
+            self._seed([None] * self.num_envs)
+        return tuple(self._generators)
+
+    @property
+    def np_random_seed(self) -> tuple[int, ...]:  # type: ignore[override]
+        """The seeds of the sub-environments."""
+        return tuple(self._seeds) if self.np_random else ()
+
+    def get_state(self, include_rng: bool = True) -> State:
+        """A copy of everything that decides how the episodes go on, as :meth:`steer_env.env.SteerEnv.get_state`."""
+        return copied(self.batch, tuple(zip(self.np_random, self.np_random_seed)) if include_rng else None)
+
+    def set_state(self, state: State) -> None:
+        """Continue from a state, as :meth:`steer_env.env.SteerEnv.set_state`.
+
+        A state of one sub-environment, or of a single environment, is taken by every sub-environment.
+        """
+        generators = restore(self.batch, state)
+        if generators is None:
+            generators = tuple(zip(self.np_random, self.np_random_seed))
+        self._generators, self._seeds = [rng for rng, _ in generators], [seed for _, seed in generators]
 
     def _channels(self, mask: NDArray[np.bool_]) -> dict[str, Any]:
         columns = self.batch.arrays.channels.T.copy()

@@ -31,3 +31,8 @@ def test_compare_drivers():
 def test_tune_assist():
     own, best = load("tune_assist").main(40)
     assert best > own
+
+
+def test_plan_by_cross_entropy():
+    found = load("plan_by_cross_entropy").main(4.0)
+    assert found["cross-entropy"] > found["zero action"]

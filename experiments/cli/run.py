@@ -134,7 +134,7 @@ def _drive_by_name(args: argparse.Namespace, name: str, out: Path) -> Run:
 def _manoeuvre(args: argparse.Namespace, name: str) -> "Manoeuvre":
     """A manoeuvre with the speed, chassis and road of the options."""
     from steer_env import manoeuvres
-    from steer_env.friction.numerics.check import number
+    from steer_env.friction.numerics.check import number, read_number
     from steer_env.vehicle import cars, road
 
     manoeuvre = manoeuvres.make(name)
@@ -144,7 +144,7 @@ def _manoeuvre(args: argparse.Namespace, name: str) -> "Manoeuvre":
         if manoeuvre.rig:
             raise ValueError(f"--speed_kph has no effect on {manoeuvre.name}, which is done on a rig: leave it out")
         low, high = cars.SPEED_MIN / KPH, cars.SPEED_MAX / KPH
-        speed = KPH * number("--speed_kph", args.speed_kph, minimum=low, maximum=high)
+        speed = KPH * number("--speed_kph", read_number(args.speed_kph), minimum=low, maximum=high)
         # The course or the gust of some manoeuvres depends on the speed.
         manoeuvre = manoeuvres.make(name, speed=speed) if "speed" in manoeuvres.options(name) else manoeuvre
         manoeuvre = replace(manoeuvre, speed=speed)
@@ -167,7 +167,7 @@ def drive(args: argparse.Namespace, manoeuvre: "Manoeuvre", out: Path) -> Run:
     from steer_env.experiments.output import provenance
     from steer_env.experiments.output.files import write_json
     from steer_env.experiments.output.metrics_json import entries
-    from steer_env.friction.numerics.check import number
+    from steer_env.friction.numerics.check import number, read_number
     from steer_env.metrics import evaluate, tests
     from steer_env.recording import files
     from steer_env.vehicle import cars, tyre
@@ -176,7 +176,7 @@ def drive(args: argparse.Namespace, manoeuvre: "Manoeuvre", out: Path) -> Run:
     if args.tyre is not None:
         car = car._replace(tyre=tyre.load(args.tyre))
     large = manoeuvre.duration > LONG or manoeuvre.chassis == "two_track"
-    wanted = (SLOW if large else FASTEST) if args.rate_hz is None else args.rate_hz
+    wanted = (SLOW if large else FASTEST) if args.rate_hz is None else read_number(args.rate_hz)
     rate = number("--rate_hz", wanted, minimum=20.0, maximum=FASTEST)
     recording = manoeuvres.drive(car, manoeuvre, args.friction.parameters)
     values = evaluate(recording) if manoeuvre.name in tests() else {}  # a manoeuvre may have no metrics

@@ -32,8 +32,8 @@ _ENVIRONMENTS = """# Environments
 
 `python -m steer_env.experiments.report.glossary` writes this page from the tasks in `steer_env/tasks/`.
 `import steer_env` registers the ids; `gymnasium.make(id)` makes an environment, `gymnasium.make_vec(id, num_envs=N)` a
-vector environment. The last sections give the sensor noise and the arguments of the driving ids, of the two tuning ids
-(in which a step is a set of assist parameters with its tests), and of the vector environments.
+vector environment. The last sections give the sensor noise, the arguments of the driving ids, of the two tuning ids (in
+which a step is a set of assist parameters with its tests) and of the vector environments, and how to copy them.
 """
 _SENSORS = """
 ## Sensor noise
@@ -46,6 +46,35 @@ _VECTOR = """
 
 `gymnasium.make_vec("steer_env/AssistWeave-v1", num_envs=64, threads=2, autoreset_mode="SameStep")` steps 64
 sub-environments in two threads and resets a finished one in the same step. The tuning ids have no vector environment.
+"""
+_STATE = """
+## Copies: state, pickle, deepcopy
+
+Single and vector environments of the driving ids give a copy of their state and take one:
+
+```python
+state = env.unwrapped.get_state()           # a steer_env.state.State; include_rng=False leaves the generator out
+env.unwrapped.set_state(state)              # continue from there, as often as wanted
+vector.unwrapped.set_state(state)           # every sub-environment continues from there: branches for a planner
+vector.unwrapped.get_state().row(3)         # the state of one sub-environment, which a single environment takes too
+```
+
+A state holds the plant with its friction, the drawn episode (conditions, path, wind, road surface), driver models, the
+delay line of the observations, accumulated metrics, the last action, whether an episode is over and its reset pending,
+and the random generator with its seed. From it an environment goes on to the bit. `state.observations` are the present
+observations.
+
+- **What it fits.** Id, car, tyre, chassis, law, driver model, road and `control_dt` must be those of the environment
+  that gave the state; otherwise `set_state` raises an error that names what differs. What is drawn or set for an
+  episode (speed, load, parameters of the law) comes with the state. Ranges of `randomise`, `weights` and the autoreset
+  mode stay those of the environment that takes it. `State.version` is that of the format:
+  [public_interface.md](public_interface.md) says how long it lives.
+- **What a planner knows.** Wind, road surface and path are drawn at the reset, so a copy foresees them, and with the
+  generator the sensors' noise too. After `get_state(include_rng=False)` each copy draws its later noise, and its next
+  episodes, from its own generator. `examples/plan_by_cross_entropy.py` plans this way.
+- **What is not in it.** Wrappers and spaces keep memories of their own (`TimeLimit` its count, `OrderEnforcing` whether
+  there was a reset), and a picture begins its trace at the state. `copy.deepcopy` and `pickle` copy those as well, at
+  any moment, for the tuning ids too; a window's copy opens a window of its own.
 """
 
 
@@ -120,7 +149,7 @@ def environments_page() -> str:
     sections += [_SENSORS, table(("observation", "deviation", "unit"), noise)]
     for title, made in (("driving", SteerEnv), ("tuning", TuneEnv)):
         sections.append(f"\n## Arguments of the {title} ids\n\n```text\n{inspect.getdoc(made)}\n```")
-    sections += [_VECTOR, f"```text\n{inspect.getdoc(SteerVectorEnv)}\n```"]
+    sections += [_VECTOR, f"```text\n{inspect.getdoc(SteerVectorEnv)}\n```", _STATE.rstrip()]
     return "\n".join(sections) + "\n"
 
 

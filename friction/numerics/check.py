@@ -2,6 +2,7 @@
 
 import inspect
 import math
+import operator
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -14,12 +15,16 @@ def number(
 ) -> float:
     """``value`` as a float, if it is finite and within ``[minimum, maximum]`` (``above``: not at the minimum).
 
+    Text and truth values are no numbers; :func:`read_number` reads text.
+
     Raises
     ------
     ValueError
         Naming the parameter, the value received and the range.
     """
     try:
+        if isinstance(value, str | bytes | bool):  # float() takes them
+            raise TypeError
         result = float(value)
     except (TypeError, ValueError, OverflowError):
         raise ValueError(f"{name} must be a number, got {value!r}") from None
@@ -28,6 +33,33 @@ def number(
         parts = [low] * (minimum > -math.inf) + [f"at most {maximum:g}"] * (maximum < math.inf)
         raise ValueError(f"{name} must be finite{''.join(' and ' + part for part in parts)}, got {value!r}")
     return result
+
+
+def read_number(text: str) -> Any:
+    """The number that a text gives, or else the text itself, which :func:`number` then refuses by name."""
+    try:
+        return float(text)
+    except ValueError:
+        return text
+
+
+def whole(name: str, value: Any, minimum: int) -> int:
+    """``value`` as an int, if it is a whole number, of Python or of numpy, and not below ``minimum``.
+
+    Raises
+    ------
+    ValueError
+        Naming the parameter, the value received and the range.
+    """
+    try:
+        if isinstance(value, bool):  # a bool is an int
+            raise TypeError
+        result = operator.index(value)
+        if result >= minimum:
+            return result
+    except TypeError:
+        pass
+    raise ValueError(f"{name} must be a whole number of at least {minimum}, got {value!r}")
 
 
 def positive(name: str, value: Any) -> float:

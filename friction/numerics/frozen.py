@@ -30,3 +30,8 @@ def frozen(parameters: T) -> T:
         members = [frozen(member) for member in value]
         return parameters if all(new is old for new, old in zip(members, value)) else value._make(members)
     return parameters
+
+
+def rebuilt(kind: type[T], *members: Any) -> T:
+    """A ``NamedTuple`` of these members, frozen; for ``__reduce__``, since a copied array can be written to."""
+    return frozen(kind(*members))

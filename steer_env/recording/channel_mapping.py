@@ -23,7 +23,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from steer_env.friction.numerics import toml
-from steer_env.friction.numerics.check import number
+from steer_env.friction.numerics.check import number, read_number
 from steer_env.recording.recording import check_meta
 from steer_env.recording.renamed_channels import announce
 from steer_env.recording.units import SPELLINGS, parse_unit
@@ -123,7 +123,7 @@ def entry(name: str, given: Any) -> Entry:
         raise ValueError(f"{where}.sign must be 1 or -1, got {sign!r}")
     if name != old:
         announce(where, [old])
-    delay, offset = (_number(f"{where}.{key}", given.get(key, 0.0)) for key in ("delay_ms", "offset"))
+    delay, offset = (number(f"{where}.{key}", given.get(key, 0.0)) for key in ("delay_ms", "offset"))
     return Entry(name, source, unit, float(sign), delay / 1e3, offset)
 
 
@@ -145,7 +145,7 @@ def parse_entry(text: str) -> Entry:
         key, equals, value = (part.strip() for part in setting.partition("="))
         if not equals or key in given:
             raise ValueError(f"{text!r}: expected each of key=value once ({', '.join(_KEYS[1:])}), got {setting!r}")
-        given[key] = value if key in ("from", "unit") else _read_number(value)
+        given[key] = value if key in ("from", "unit") else read_number(value)
     try:
         return entry(name, given)
     except ValueError as error:
@@ -168,16 +168,3 @@ def _check_unit(where: str, name: str, unit: str) -> None:
     expected = "s" if name == "time" else KNOWN.get(name, found[0])
     if found[0] != expected:
         raise ValueError(f"{where}.unit {unit!r} does not fit {name}, which is kept in {expected!r}")
-
-
-def _read_number(text: str) -> Any:
-    try:
-        return float(text)
-    except ValueError:
-        return text
-
-
-def _number(where: str, value: Any) -> float:
-    if isinstance(value, str | bool):  # float() accepts them
-        raise ValueError(f"{where} must be a number, got {value!r}")
-    return number(where, value)

@@ -58,6 +58,9 @@ class Canvas:
         self._window: Any = None
         self._clock: Any = None
 
+    def __reduce__(self) -> tuple[type["Canvas"], tuple[int, int]]:
+        return Canvas, (self.width, self.height)  # surfaces cannot be pickled; a copy is drawn anew
+
     def begin(self, colour: Colour) -> None:
         """Begin an empty picture."""
         self._picture.fill(colour)

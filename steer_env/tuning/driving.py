@@ -25,6 +25,19 @@ class PreparedDrive(NamedTuple):
     course: OpenLoop  # with which the car's own assist reaches the test's lateral acceleration
 
 
+def adapted(scenario: Scenario, chassis: str, drawn: Conditions) -> list[Drive]:
+    """The scenario's drives with the chassis, and those at the context's speed with that speed."""
+    drives = []
+    for drive in scenario.drives:
+        m = drive.manoeuvre
+        if m.chassis == "single_track":  # otherwise the test needs two tracks
+            m = replace(m, chassis=chassis)
+        if drive.at_context_speed:
+            m = replace(m, speed=drawn.speed)
+        drives.append(drive._replace(manoeuvre=m))
+    return drives
+
+
 def prepare(scenario: Scenario, car: Car, chassis: str, drawn: Conditions) -> tuple[PreparedDrive, ...]:
     """The drives in a context, with amplitudes found for the car's own assist.
 
@@ -37,16 +50,12 @@ def prepare(scenario: Scenario, car: Car, chassis: str, drawn: Conditions) -> tu
         The car does not reach the lateral acceleration of a test.
     """
     loaded, prepared = car.loaded(drawn.load), []
-    for drive in scenario.drives:
+    for drive in adapted(scenario, chassis, drawn):
         m = drive.manoeuvre
-        if m.chassis == "single_track":  # otherwise the test needs two tracks
-            m = replace(m, chassis=chassis)
-        if drive.at_context_speed:
-            m = replace(m, speed=drawn.speed)
         p = build_plant(loaded, m, drawn.friction, drawn.road_friction)._replace(
             friction_torque_scale=drawn.friction_level
         )
-        prepared.append(PreparedDrive(drive._replace(manoeuvre=m), loaded, p, open_loop(p, m)))
+        prepared.append(PreparedDrive(drive, loaded, p, open_loop(p, m)))
     return tuple(prepared)
 
 

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from steer_env.env import check_keywords, clipped
-from steer_env.friction.numerics.check import number
+from steer_env.friction.numerics.check import number, whole
+from steer_env.friction.numerics.frozen import frozen
 from steer_env.metrics import Value, definition
 from steer_env.randomise import LIMITS, Conditions, Randomise
 from steer_env.specification import PlainSpecification
@@ -122,6 +123,23 @@ class TuneEnv(PlainSpecification, gym.Env):
         self._sets = SETS  # tried so far; the episode is over at SETS
         self._best: dict[str, Any] = {}
 
+    def __getstate__(self) -> dict[str, Any]:
+        if self._prepared is None:
+            return self.__dict__
+        drawn, known, drives = self._prepared
+        # The motion of a manoeuvre's hands is a function within a function and cannot be pickled.
+        return {**self.__dict__, "_prepared": (drawn, known, tuple(drive[1:] for drive in drives))}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        if state["_prepared"] is not None:
+            drawn, known, parts = state["_prepared"]
+            drives = driving.adapted(self.scenario, self._chassis, drawn)
+            prepared = (
+                driving.PreparedDrive(drive, car, frozen(p), course) for drive, (car, p, course) in zip(drives, parts)
+            )
+            self._prepared = drawn, known, tuple(prepared)
+
     @property
     def baseline_action(self) -> NDArray[np.float32]:
         """The action of the car's own assist."""
@@ -144,7 +162,7 @@ class TuneEnv(PlainSpecification, gym.Env):
         ValueError
             An option is unknown or out of its range, or the car does not reach a test's lateral acceleration.
         """
-        super().reset(seed=seed)
+        super().reset(seed=None if seed is None else whole("seed", seed, 0))
         options = options or {}
         for key in options:
             if key not in DRAWN:

@@ -26,6 +26,7 @@ from steer_env.vehicle.chassis import two_track
 IDS = tuple(DRIVEN)
 # Every id on every chassis that it runs on.
 RUNS = [(f"steer_env/{name}-v1", chassis) for name in tasks.available() for chassis in tasks.task(name).chassis]
+TUNED_ID = "steer_env/TuneOnCentre-v1"
 ACTION = np.array([0.1], np.float32)
 # The default law for a contributor, every law in the whole suite.
 LAWS = [law if law == "lugre" else pytest.param(law, marks=pytest.mark.whole) for law in friction.available()]
@@ -234,6 +235,10 @@ def test_reset_options_fix_the_case():
         ({"speed": -1.0}, r"speed \[m/s\] must be .*at least"),
         ({"speed": float("nan")}, r"speed \[m/s\] must be .*got nan"),
         ({"vehicle": "tank"}, r"vehicle must be a .toml or .json file or one of bmw_320i, .*, got 'tank'"),
+        ({"control_dt": "0.01"}, r"control_dt \[s\] must be a number, got '0\.01'"),
+        ({"speed": "20"}, r"speed \[m/s\] must be a number, got '20'"),
+        ({"speed": True}, r"speed \[m/s\] must be a number, got True"),
+        ({"randomise": {"load": ("0", 100)}}, r"randomise\['load'\] must be a number, got '0'"),
         ({"control_dt": 0.0015}, r"1, 2 or 5 ms or a multiple of 10 ms, got 0\.0015"),
         ({"control_dt": 0.015}, r"1, 2 or 5 ms or a multiple of 10 ms, got 0\.015"),
         ({"chassis": "hovercraft"}, r"chassis must be one of single_track, two_track, got 'hovercraft'"),
@@ -263,6 +268,20 @@ def test_bad_arguments(name, arguments, message):
 def test_unknown_keywords_are_refused(name):
     with pytest.raises(TypeError, match="frictoin"):
         gym.make(name, frictoin="lugre")
+    with pytest.raises(TypeError, match="unexpected keyword argument 'threads'.*friction, speed"):
+        gym.make(name, threads=0)  # a vector environment's
+
+
+@pytest.mark.parametrize("name", [IDS[0], TUNED_ID])
+def test_seeds(name):
+    """Numpy's integers are whole numbers."""
+    env = gym.make(name)
+    one, _ = env.reset(seed=np.int64(3))
+    assert np.array_equal(one, env.reset(seed=3)[0])
+    assert (env.unwrapped.np_random_seed, type(env.unwrapped.np_random_seed)) == (3, int)
+    for bad in (-1, 1.0, "1", True, np.float32(1.0)):
+        with pytest.raises(ValueError, match=f"seed must be a whole number of at least 0, got {re.escape(repr(bad))}"):
+            env.reset(seed=bad)
 
 
 @pytest.mark.parametrize(

@@ -186,6 +186,15 @@ def test_closing_twice_does_no_harm(mode):
     gym.make("steer_env/AssistWeave-v1", render_mode=mode).close()  # nothing drawn
 
 
+@pytest.mark.parametrize("mode", ["rgb_array", "human"])
+def test_a_closed_environment_draws_no_more(mode):
+    env = gym.make("steer_env/AssistWeave-v1", render_mode=mode)
+    env.reset(seed=0)
+    env.close()
+    with pytest.raises(gym.error.ClosedEnvironmentError, match=r"after close.*make the environment anew"):
+        env.render()
+
+
 def test_fonts_outlive_another_environment_that_ends_pygame():
     env = gym.make("steer_env/AssistWeave-v1", render_mode="rgb_array")
     env.reset(seed=0)

@@ -153,7 +153,10 @@ def test_seeds_one_by_one():
     ("arguments", "message"),
     [
         ({"num_envs": 0}, "num_envs must be a whole number of at least 1, got 0"),
+        ({"num_envs": True}, "num_envs must be a whole number of at least 1, got True"),
+        ({"num_envs": 2.0}, "num_envs must be a whole number of at least 1, got 2.0"),
         ({"threads": 0}, "threads must be a whole number of at least 1, got 0"),
+        ({"threads": "2"}, "threads must be a whole number of at least 1, got '2'"),
         ({"autoreset_mode": "never"}, "never"),
         ({"render_mode": "rgb_array"}, "render a single one"),
     ],
@@ -161,6 +164,51 @@ def test_seeds_one_by_one():
 def test_bad_arguments(arguments, message):
     with pytest.raises(ValueError, match=message):
         gym.make_vec(WEAVE, **arguments)
+
+
+def test_whole_numbers_may_be_numpys():
+    vector, same = make(WEAVE, n=np.int64(2), threads=np.int32(2)), make(WEAVE, n=2)
+    assert (vector.num_envs, type(vector.num_envs)) == (2, int)
+    for seed, plain in ((np.int64(4), 4), (np.array([4, 9]), [4, 9]), ((np.uint8(4), None), [4, None])):
+        assert np.array_equal(vector.reset(seed=seed)[0][0], same.reset(seed=plain)[0][0])
+        assert vector.np_random_seed[0] == 4
+
+
+def test_seeds_and_generators_are_those_of_the_sub_environments():
+    vector = make(WEAVE, n=3)
+    assert len(set(vector.np_random_seed)) == 3  # of their own before there is a seed
+    drawn = [rng.bit_generator.state for rng in vector.np_random]
+    vector.reset()
+    assert all(rng.bit_generator.state != before for rng, before in zip(vector.np_random, drawn))
+    vector.reset(seed=7)
+    assert vector.np_random_seed == (7, 8, 9)
+    vector.reset(seed=[1, None, 3])
+    assert vector.np_random_seed == (1, 8, 3)
+    single = gym.make(WEAVE).unwrapped
+    single.reset(seed=3)
+    assert single.np_random.bit_generator.state == vector.np_random[2].bit_generator.state
+
+
+@pytest.mark.parametrize("mode", [mode.value for mode in AutoresetMode])
+@pytest.mark.parametrize("seed", [5, [5, 6]])
+def test_a_first_reset_may_leave_sub_environments_out(mode, seed):
+    """They are seeded all the same, and begin at the next step, or with DISABLED at their own reset."""
+    vector, whole = (make(WEAVE, n=2, autoreset_mode=mode) for _ in range(2))
+    actions = np.zeros((2, 1), np.float32)
+    expected, _ = whole.reset(seed=seed)
+    begun, info = vector.reset(seed=seed, options={"reset_mask": np.array([True, False])})
+    assert np.array_equal(begun[0], expected[0])
+    assert list(info["_conditions"]) == [True, False]
+    if mode == AutoresetMode.DISABLED.value:
+        with pytest.raises(RuntimeError, match="call reset"):
+            vector.step(actions)
+        later, _ = vector.reset(options={"reset_mask": np.array([False, True])})
+        assert np.array_equal(later, expected)
+    else:
+        later, rewards, *_ = vector.step(actions)
+        assert np.array_equal(later[1], expected[1])
+        assert np.array_equal(later[0], whole.step(actions)[0][0])
+        assert rewards[1] == 0.0
 
 
 def test_bad_calls():
@@ -179,6 +227,9 @@ def test_bad_calls():
         vector.reset(options={"reset_mask": np.array([1, 0])})
     with pytest.raises(ValueError, match="seed must be a number or 2 of them"):
         vector.reset(seed=[1, 2, 3])
+    for seed in (-1, 1.5, "ab", [1, -1], [1, 2.0]):
+        with pytest.raises(ValueError, match="seed must be a whole number of at least 0"):
+            vector.reset(seed=seed)
     with pytest.raises(TypeError, match="unexpected keyword argument 'frictoin'"):
         gym.make_vec(WEAVE, num_envs=2, frictoin="lugre")
 

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 from steer_env.friction import defaults, resolve
 from steer_env.friction.numerics.check import number
-from steer_env.friction.numerics.frozen import frozen
+from steer_env.friction.numerics.frozen import frozen, rebuilt
 from steer_env.friction.numerics.kernel import record
 from steer_env.friction.numerics.renamed import REMOVED_IN
 from steer_env.vehicle import chassis as chassis_models
@@ -55,6 +55,9 @@ class Car(NamedTuple):
     tyre: tyre.Tyre
     strut: MacPherson
     kinematics_table: KinematicsTable  # of the strut
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return rebuilt, (Car, *self)
 
     def plant(
         self,

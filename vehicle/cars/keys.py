@@ -135,7 +135,5 @@ def numbers(
     checked = dict(defaults)
     for key, value in given.items():
         low, high, above = limits(key)
-        if isinstance(value, str | bool):  # float() takes them
-            raise ValueError(f"{where}.{key} must be a number, got {value!r}")
         checked[key] = number(f"{where}.{key}", value, minimum=low, maximum=high, above=above)
     return checked

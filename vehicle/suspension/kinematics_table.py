@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from steer_env.friction.numerics.frozen import frozen
 from steer_env.friction.numerics.kernel import kernel, plain
 from steer_env.vehicle.simd import load, unpack
 from steer_env.vehicle.suspension.macpherson import MacPherson, load_coefficients
@@ -86,7 +87,7 @@ def build(
     values = np.stack([*knuckle, *motion, compression, -up.strut_length], -1)
     along_r = np.linalg.solve(basis_r, values.reshape(len(sites_r), -1)).reshape(values.shape)
     table = np.linalg.solve(basis_t, along_r)
-    return KinematicsTable(np.ascontiguousarray(table), -rack, 1 / step_r, -travel, 1 / step_t)
+    return frozen(KinematicsTable(np.ascontiguousarray(table), -rack, 1 / step_r, -travel, 1 / step_t))
 
 
 def linear(

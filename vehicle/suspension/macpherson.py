@@ -13,6 +13,7 @@ from collections.abc import Mapping
 from itertools import combinations
 from pathlib import Path
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -103,6 +104,9 @@ class MacPherson:
         self._orientation = np.sign(np.linalg.det(jacobian[:6]))
         # A positive rack coordinate steers left, whether the tie rod is behind the axle or ahead of it.
         self._rack_axis *= np.sign(self._twists(jacobian)[5, 0])
+
+    def __reduce__(self) -> tuple[type["MacPherson"], tuple[Any, ...]]:
+        return MacPherson, (dict(self.points), self.loaded_radius)  # a read-only mapping cannot be pickled
 
     @classmethod
     def load(cls, name: str = "s1") -> "MacPherson":

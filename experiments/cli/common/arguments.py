@@ -40,10 +40,10 @@ def whole_number(least: int, most: float = math.inf) -> Callable[[str], int]:
 
 def minutes(text: str) -> float:
     """A duration above zero [min]."""
-    from steer_env.friction.numerics.check import number
+    from steer_env.friction.numerics.check import number, read_number
 
     try:
-        return number("minutes", text, minimum=0.0, above=True)
+        return number("minutes", read_number(text), minimum=0.0, above=True)
     except ValueError as error:
         raise argparse.ArgumentTypeError(str(error)) from None
 

@@ -90,13 +90,26 @@ class DriverBatch:
     n : int
     stiffness : speed [m/s] -> steering stiffness [N m/rad]
         Hand torque over handwheel angle in a steady turn, from which the drivers take their feed-forward.
+
+    Attributes
+    ----------
+    driver : Driver
+    arrays : DriverArrays
     """
 
     def __init__(self, driver: Driver, car: Car, n: int, stiffness: Callable[[float], float]) -> None:
         self.driver, self._car, self._stiffness = driver, car, stiffness
         self._designs: dict[float, tuple[Array, float]] = {}
-        self._arrays = DriverArrays(np.zeros((n, 0)), muscle_matrices(), np.zeros((n, 2)), np.zeros((n, MEMORY + 1)))
+        self.arrays = DriverArrays(np.zeros((n, 0)), muscle_matrices(), np.zeros((n, 2)), np.zeros((n, MEMORY + 1)))
         self._kernel: Callable[..., None] | None = None
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "_kernel": None}  # a compiled function cannot be pickled; it is looked up again
+
+    def size_gains(self, size: int) -> None:
+        """Make room for the gains of the preview model, whose number the first design tells."""
+        if self.arrays.gains.shape[1] != size:
+            self.arrays = self.arrays._replace(gains=np.zeros((len(self.arrays.memory), size)))
 
     def start(self, i: int, speed: float) -> None:
         """Begin an episode of driver ``i`` at a speed [m/s]; the driver knows the car at the nearest whole m/s."""
@@ -105,9 +118,8 @@ class DriverBatch:
             steering = self._stiffness(known) if arm.stiffness > 0.0 else 0.0
             self._designs[known] = gains_of(self.driver, self._car, known), steering
         gains, steering = self._designs[known]
-        arrays = self._arrays
-        if arrays.gains.shape[1] != gains.size:  # the first design: their size is the preview model's
-            self._arrays = arrays = arrays._replace(gains=np.zeros((len(arrays.memory), gains.size)))
+        self.size_gains(gains.size)
+        arrays = self.arrays
         arrays.gains[i] = gains
         arrays.feed_forward[i] = arm.stiffness + steering, arm.damping
         arrays.memory[i] = 0.0
@@ -119,7 +131,7 @@ class DriverBatch:
 
         The arrays are those of :class:`steer_env.batch_arrays.BatchArrays`; the rows are ``low`` to ``high`` - 1.
         """
-        arrays, reflex = self._arrays, self.driver.arm.reflex
+        arrays, reflex = self.arrays, self.driver.arm.reflex
         arguments = self.driver.preview_model, arrays, reflex, episodes, channels, observations, inputs, low, high
         if self._kernel is None:
             self._kernel = bind(_write_hand_torque, *arguments)
@@ -132,7 +144,7 @@ class DriverBatch:
         path's observations follows the last.
         """
         torque = np.zeros(len(observations))
-        _hand_torque(self.driver.preview_model, self._arrays, self.driver.arm, observations, places, torque)
+        _hand_torque(self.driver.preview_model, self.arrays, self.driver.arm, observations, places, torque)
         return torque
 
 

@@ -155,6 +155,9 @@ class Task:
     lane_half_width: float | None = None  # of the path's lane, for the picture [m]
     scenery: Callable[[Array, Array, Array, Array], Scenery] | None = None  # (channels, observations, data, memory)
 
+    def __reduce__(self) -> tuple[Callable[[str], "Task"], tuple[str]]:
+        return task, (self.name,)  # a copy is the task itself: ``draw_setup`` may be a function within a function
+
     @property
     def observed(self) -> tuple[Quantity, ...]:
         """All observations in their order."""
