@@ -53,10 +53,10 @@ _STATE = """
 Single and vector environments of the driving ids give a copy of their state and take one:
 
 ```python
-state = env.unwrapped.get_state()           # a steer_env.state.State; include_rng=False leaves the generator out
-env.unwrapped.set_state(state)              # continue from there, as often as wanted
-vector.unwrapped.set_state(state)           # every sub-environment continues from there: branches for a planner
-vector.unwrapped.get_state().row(3)         # the state of one sub-environment, which a single environment takes too
+state = env.unwrapped.get_state()  # a steer_env.state.State; include_rng=False leaves the generator out
+env.unwrapped.set_state(state)  # continue from there, as often as wanted
+vector.unwrapped.set_state(state)  # every sub-environment continues from there: branches for a planner
+vector.unwrapped.get_state().row(3)  # the state of one sub-environment, which a single environment takes too
 ```
 
 A state holds the plant with its friction, the drawn episode (conditions, path, wind, road surface), driver models, the
