@@ -268,7 +268,7 @@ def test_bad_arguments(name, arguments, message):
 def test_unknown_keywords_are_refused(name):
     with pytest.raises(TypeError, match="frictoin"):
         gym.make(name, frictoin="lugre")
-    with pytest.raises(TypeError, match="unexpected keyword argument 'threads'.*friction, speed"):
+    with pytest.raises(TypeError, match=r"unexpected keyword argument 'threads'.*friction, speed"):
         gym.make(name, threads=0)  # a vector environment's
 
 
