@@ -8,13 +8,14 @@ a lateral acceleration A, the hands hold T(A) if
 
 without friction. From standstill to 80 km/h the weight of the second falls as 1 - sqrt(v/80 km/h). The motor damping
 at a speed is the least one, in steps of 0.25 N m s/rad, with which the free car (hands off, no friction) has the
-damping ratio of ``FREE_DAMPING``.
+damping ratio of ``FREE_DAMPING``, on a single track, which is less damped than two tracks at speed.
 
 Sources: the parking effort is within the limits of workshop manuals (3.7 to 7.8 N m); the rest is assumed. No range of
 the damping ratio of free control has been published.
 """
 
 import math
+import warnings
 from typing import NamedTuple
 
 import numpy as np
@@ -22,7 +23,7 @@ from numpy.typing import NDArray
 
 from steer_env import friction
 from steer_env.vehicle import free_control, plant
-from steer_env.vehicle.cars import Car
+from steer_env.vehicle.cars import Car, UnusualCar
 from steer_env.vehicle.chassis.common.interface import HAND, HAND_SPEED, INPUTS
 from steer_env.vehicle.constants import GRAVITY
 from steer_env.vehicle.plant import CHANNEL
@@ -130,10 +131,10 @@ def boost_table(car: Car, effort: float) -> Array:
 
 
 def _steady(car: Car, speed: float) -> bool:
-    """Whether the loop of the assist keeps the usual margins at a speed [m/s]."""
+    """Whether the loop of the assist is stable and keeps the usual margins at a speed [m/s]."""
     phase, gain = margins.TARGETS
     found = margins.worst_margins(car.column, car.assist, speed)
-    return math.degrees(found.phase) >= phase and 20.0 * math.log10(found.gain) >= gain
+    return found.stable and math.degrees(found.phase) >= phase and 20.0 * math.log10(found.gain) >= gain
 
 
 def _with(car: Car, found: Design) -> Car:
@@ -145,16 +146,29 @@ def _with(car: Car, found: Design) -> Car:
 def least_damping(car: Car, speed: float, wanted: float) -> float:
     """Least motor damping with which the free car has a damping ratio and the loop its margins [N m s/rad].
 
-    ``MOST_DAMPING`` where that does not suffice. The boost is that of the car's assist.
+    ``MOST_DAMPING``, with a warning, where the free car does not reach the ratio. The boost is that of the assist.
+
+    Raises
+    ------
+    ValueError
+        A loop without margins at every damping.
     """
+    reached, steady = 0.0, False
     for step in range(round((MOST_DAMPING - LEAST_DAMPING) / DAMPING_STEP) + 1):
         damping = LEAST_DAMPING + step * DAMPING_STEP
         tried = car._replace(assist=car.assist._replace(damping=np.full(car.assist.speeds.size, damping)))
         if not _steady(tried, speed):
             continue
-        moves = max(speed, free_control.LOWEST)
-        if free_control.least_damping_ratio(tried.plant(FREE, moves))[0] >= wanted:
+        steady, moves = True, max(speed, free_control.LOWEST)
+        reached = free_control.least_damping_ratio(tried.plant(FREE, moves))[0]
+        if reached >= wanted:
             return damping
+    if not steady:
+        raise ValueError(f"the assist of {car.name} has no margins at {speed:g} m/s with any motor damping")
+    text = (
+        f"{car.name} with free hands reaches a damping ratio of {reached:.3f} at {speed:g} m/s, wanted is {wanted:.3g}"
+    )
+    warnings.warn(text, UnusualCar, stacklevel=2)
     return MOST_DAMPING
 
 
@@ -166,7 +180,12 @@ def design(car: Car) -> Design:
     Raises
     ------
     ValueError
-        A car whose simulation diverges, that corners too little, or whose loop has no margins at any effort.
+        A car whose simulation diverges, that corners too little, or whose loop has no margins.
+
+    Warns
+    -----
+    UnusualCar
+        A car that does not reach the damping ratio with the greatest damping that is tried.
     """
     speeds, torques = np.array(SPEEDS), np.array(TORQUES)
     for effort in np.arange(PARKING_EFFORT, TORQUES[-1], 0.25):

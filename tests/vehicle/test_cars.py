@@ -216,7 +216,10 @@ def test_sections_of_column_and_assist_take_part_of_the_keys():
         (changed("chassis", mass="1400.0"), "chassis.mass must be a number, got '1400.0'"),
         (changed("chassis", mass=True), "chassis.mass must be a number, got True"),
         (changed(None, assumed=["luck"]), "assumed names 'luck', which is neither"),
-        (changed("steering", pinion_radius=0.0), "steering.pinion_radius must be finite and greater than 0"),
+        (
+            changed("steering", pinion_radius=0.0),
+            "steering.pinion_radius must be finite and at least 0.001 and at most 0.05",
+        ),
         (changed("steering", friction_load=-0.1), "steering.friction_load must be finite and at least 0"),
         (changed("column", I2=0.0), "column.I2 must be finite and greater than 0"),
         (changed("column", K_tb="130"), "column.K_tb must hold numbers only, got '130'"),

@@ -54,7 +54,6 @@ _MAY_BE_ZERO = {
     "drag_area",
     "friction_load",
 }
-_SIGNED = {"rear_bump_steer", "rear_camber_gain", "rear_lateral_compliance", "front_lift_area", "rear_lift_area"}
 # Sections whose keys are the keyword arguments of a constructor, which also checks them.
 CONSTRUCTORS: dict[str, Callable[..., Any]] = {
     "column": column.make,
@@ -80,6 +79,21 @@ _LIMITS = {
     "speed_hold_time": (0.004, math.inf),  # [s]
     "front_damper": (0.0, 12e3),  # [N s/m]; beyond it a wheel of the two-track chassis is too fast for its step of 2 ms
     "rear_damper": (0.0, 12e3),  # [N s/m]
+    "front_spring": (1e3, 1e6),  # [N/m]; this and the following: beyond what a car can have, or the step can follow
+    "rear_spring": (1e3, 1e6),  # [N/m]
+    "front_anti_roll": (0.0, 1e6),  # [N m/rad]
+    "rear_anti_roll": (0.0, 1e6),  # [N m/rad]
+    "bump_stiffness": (1e3, 1e7),  # [N/m]
+    "wheel_inertia": (0.05, 50.0),  # [kg m2]
+    "rear_roll_centre": (0.0, 1.0),  # [m]
+    "rear_bump_steer": (-5.0, 5.0),  # [rad/m]
+    "rear_camber_gain": (-5.0, 5.0),  # [rad/m]
+    "rear_lateral_compliance": (-1e-4, 1e-4),  # [rad/N]
+    "drag_area": (0.0, 20.0),  # [m2]
+    "front_lift_area": (-5.0, 5.0),  # [m2]
+    "rear_lift_area": (-5.0, 5.0),  # [m2]
+    "pinion_radius": (0.001, 0.05),  # [m]
+    "compliance": (100.0, 1e9),  # [N m/rad]
     "front_cornering_stiffness_factor": (0.3, 3.0),  # [1]
     "rear_cornering_stiffness_factor": (0.3, 3.0),  # [1]
 }
@@ -87,7 +101,7 @@ _LIMITS = {
 
 def limits(key: str) -> tuple[float, float, bool]:
     """Least and greatest value of a key of ``chassis`` or ``steering`` [SI], and whether the least is excluded."""
-    low, high = _LIMITS.get(key, (-math.inf if key in _SIGNED else 0.0, math.inf))
+    low, high = _LIMITS.get(key, (0.0, math.inf))
     return low, high, low == 0.0 and key not in _MAY_BE_ZERO
 
 
