@@ -22,6 +22,7 @@ SPEED = 100.0 / 3.6  # of quantities that depend on it [m/s]
 SPEEDS = tuple(float(v) for v in range(10, 61, 5))  # of the curves over speed [m/s]
 ASSISTED = (0.0, 50.0, 100.0)  # of the margins of the assist loop; 0 is parking [km/h]
 LAG_FREQUENCY = 0.2  # of the yaw lag, as in the weave [Hz]
+HELD = 0.98  # share of the speed that counts as held, assumed [1]
 LAG_ACCELERATION = 2.0  # of the yaw lag, as in the weave [m/s2]
 SMALL = 0.3  # lateral acceleration of the steady turn, small enough for the slopes straight ahead, assumed [m/s2]
 STEADY = 0.01  # change of the yaw rate in the last second of a steady turn, assumed [1]
@@ -105,11 +106,13 @@ def yaw_lag(car: Car, chassis: str, law: Any, speed: float) -> float:
     Raises
     ------
     ValueError
-        As :func:`steady`.
+        As :func:`steady`, and where the engine does not hold the speed.
     """
     amplitude = LAG_ACCELERATION * steady(car, chassis, speed).angle
     t, period = _times(3.0 / LAG_FREQUENCY), round(1.0 / LAG_FREQUENCY / SAMPLE_TIME)
     found = _run(car.plant(law, speed, robot=True, chassis=chassis), sine(t, amplitude, LAG_FREQUENCY))
+    if "longitudinal_speed" in found and found["longitudinal_speed"][-1] < HELD * speed:
+        raise ValueError("the engine does not hold the speed")
     wave = np.exp(-2j * np.pi * LAG_FREQUENCY * t[-period:])
     response = (found["yaw_rate"][-period:] @ wave) / (found["handwheel_angle"][-period:] @ wave)
     return float(-np.angle(response) / (2.0 * np.pi * LAG_FREQUENCY))
