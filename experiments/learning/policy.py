@@ -14,7 +14,7 @@ from steer_env import REGISTERED, experiments, tasks
 from steer_env.experiments.learning.constants import ALGORITHMS
 from steer_env.experiments.output.options import Friction
 from steer_env.friction.numerics.check import number
-from steer_env.registration import DRIVEN
+from steer_env.registration import DRIVEN, VERSION
 
 Array = NDArray[np.float64]
 
@@ -158,7 +158,9 @@ def load(path: Path) -> Callable[[Any], Policy]:
 def check_id(env_id: str) -> None:
     """ValueError for an id that is not registered."""
     if env_id not in REGISTERED:
-        raise ValueError(f"unknown environment {env_id!r}; there are {', '.join(REGISTERED)}")
+        current = f"{str(env_id).rpartition('-')[0]}-{VERSION}"
+        replaced = f"; it is replaced by {current}" if current in REGISTERED else ""
+        raise ValueError(f"unknown environment {env_id!r}{replaced}; there are {', '.join(REGISTERED)}")
 
 
 def check_driven(env_id: str) -> str:

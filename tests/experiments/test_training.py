@@ -292,6 +292,7 @@ def test_friction_shift(trained, tmp_path):
     ("arguments", "message"),
     [
         (["train", "--env", "steer_env/DriverFlying-v1"], "unknown environment 'steer_env/DriverFlying-v1'; there are"),
+        (["train", "--env", "steer_env/AssistWeave-v0"], "it is replaced by steer_env/AssistWeave-v1"),
         (["train", "--env", WEAVE, "--minutes", "-1"], "minutes must be .*greater than 0"),
         (["train", "--env", WEAVE, "--minutes", "nan"], "minutes must be finite"),
         (["train", "--env", WEAVE, "--steps", "0"], "--steps: must be a whole number of at least 1, got '0'"),

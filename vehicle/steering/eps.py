@@ -116,9 +116,11 @@ def make(
             raise ValueError(f"{name} must be finite and ascending, at least two values, got {axis}")
     if t[0] != 0.0:
         raise ValueError(f"torques must start at zero, got {t[0]:g}")
-    if b.shape != (v.size, t.size) or not np.isfinite(b).all() or np.any(b < 0.0) or np.any(b[:, 0] != 0.0):
-        shape = (v.size, t.size)
-        raise ValueError(f"boost must be finite, not negative, zero at zero torque, of shape {shape}, got {b}")
+    if b.shape != (v.size, t.size):
+        rows = f"{v.size} speeds, each of {t.size} torques"
+        raise ValueError(f"boost must be finite, with a row for each of the {rows}, got an array of shape {b.shape}")
+    if not np.isfinite(b).all() or np.any(b < 0.0) or np.any(b[:, 0] != 0.0):
+        raise ValueError(f"boost must be finite, not negative, and zero at zero torque, got {b.tolist()}")
     if d.shape != v.shape or not np.isfinite(d).all() or np.any(d < 0.0):
         raise ValueError(f"damping must hold {v.size} finite values of at least 0, got {d}")
     latency = number("delay", delay, minimum=0.0, maximum=MAX_DELAY * SAMPLE_TIME)
