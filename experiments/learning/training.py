@@ -1,6 +1,5 @@
 """Training of policies with Stable-Baselines3: settings by id, checkpoints, resuming, validation."""
 
-import csv
 import json
 import time
 from collections.abc import Callable
@@ -12,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from steer_env import experiments
-from steer_env.experiments.learning import held_out, policy
+from steer_env.experiments.learning import checkpoint, held_out, policy
 from steer_env.experiments.learning.constants import VALIDATION
 from steer_env.experiments.output import provenance
 from steer_env.experiments.output.files import usable, write_json
@@ -70,13 +69,7 @@ def new_model(algo: str, env: Any, chosen: dict[str, Any], seed: int, logs: str 
 
 def _checkpoint(out: Path) -> dict[str, Any]:
     """State of a run at its checkpoint, with its ``settings``; ValueError if something is missing."""
-    kept, chosen = out / "checkpoint" / "state.json", out / "settings.json"
-    if not kept.is_file():
-        raise ValueError(f"{out} holds no checkpoint to resume")
-    state = json.loads(kept.read_text(encoding="utf-8"))
-    for key in ("env", "algo", "seed", "friction", "seconds", "steps", "best"):
-        if key not in state:
-            raise ValueError(f"{kept} has no entry {key}, as with older versions: train from the start")
+    state, chosen = checkpoint.load(out), out / "settings.json"
     if not chosen.is_file():
         raise ValueError(f"{out} holds a checkpoint but no settings.json, without which it cannot be resumed")
     read = json.loads(chosen.read_text(encoding="utf-8"))
@@ -164,7 +157,7 @@ class Training:
                         f"the checkpoint in {out} is of {key} {state[key]}, not {value}: resume with "
                         f"--{key} {state[key]}, or train in another directory"
                     )
-            self.seconds, self.best, self._trained = state["seconds"], state["best"], state["steps"]
+            self.seconds, self.best, self._trained = state["seconds"], checkpoint.best(out), state["steps"]
         else:
             usable(out)
             if out.exists() and any(out.iterdir()):
@@ -172,6 +165,7 @@ class Training:
         self.env_id, self.out = env_id, out
         self.algo: str = algo or state["algo"]
         self.seed: int = state["seed"] if seed is None else seed
+        self._files = state
         self.friction = friction or policy.law(state["friction"], out)
         self.settings: dict[str, Any] = state["settings"] if resume else settings(env_id, self.algo)
 
@@ -210,12 +204,12 @@ class Training:
             self.env_id, chosen["num_envs"], friction=self.friction.parameters, **self.settings["environment"]
         )
         self._observations = [quantity.name for quantity in raw.vector.batch.observed]
-        kept = self.out / "checkpoint"
         if self._resume:
-            self._env = VecNormalize.load(str(kept / "scaling.pkl"), VecMonitor(raw))
+            kept = {key: self.out / checkpoint.FOLDER / self._files[key] for key in ("model", "scaling")}
+            self._env = VecNormalize.load(str(kept["scaling"]), VecMonitor(raw))
             # Another seed, as the episodes and the noise of the first session would otherwise be drawn again.
             model = policy.algorithm(self.algo).load(
-                kept / "model.zip", env=self._env, device="cpu", seed=(self.seed + self._trained) % 2**32
+                kept["model"], env=self._env, device="cpu", seed=(self.seed + self._trained) % 2**32
             )
         else:
             self._env = VecNormalize(VecMonitor(raw), gamma=chosen["gamma"])
@@ -246,7 +240,6 @@ class Training:
             raw.close()
         if self.validated != model.num_timesteps:
             self.validate(model, seconds)
-            self.checkpoint(model, seconds)  # again, as the validation may have found a new best
 
     def _check_length(self, minutes: float | None, steps: int | None) -> None:
         """ValueError unless exactly one length is given, in its range and beyond what the checkpoint has reached."""
@@ -287,20 +280,12 @@ class Training:
 
     def checkpoint(self, model: Any, seconds: float) -> None:
         """Write what resuming needs."""
-        folder = self.out / "checkpoint"
-        folder.mkdir(exist_ok=True)
-        model.save(folder / "model.zip")
-        self._env.save(str(folder / "scaling.pkl"))
-        state = {
-            **self._identity,
-            "steps": model.num_timesteps,
-            "seconds": seconds,
-            "best": self.best if np.isfinite(self.best) else -1e300,
-        }
-        write_json(folder / "state.json", state)
+        state = {**self._identity, "steps": model.num_timesteps, "seconds": seconds}
+        checkpoint.save(self.out, state, model, self._env)
 
     def validate(self, model: Any, seconds: float) -> None:
         """Evaluate the present policy on the validation seeds, and keep it if it is the best so far."""
+        self.checkpoint(model, seconds)
         latest = self.out / "latest.zip"
         policy.save(latest, model, self._about(model))
         found = held_out.collect(
@@ -320,15 +305,9 @@ class Training:
             "cost": float(found.cost.mean()),
         }
         row |= {name: float(values.mean()) for name, values in found.metrics.items()}
-        path = self.out / "learning.csv"
-        new = not path.exists()
-        with path.open("a", newline="", encoding="utf-8") as file:
-            writer = csv.DictWriter(file, row)
-            if new:
-                writer.writeheader()
-            writer.writerow(row)
+        checkpoint.append(self.out, row)
         if reward > self.best:
             self.best = reward
-            latest.replace(self.out / "policy.zip")
+            latest.replace(self.out / checkpoint.BEST)
         else:
             latest.unlink()

@@ -2,6 +2,8 @@
 
 import csv
 import json
+import subprocess
+import sys
 import zipfile
 
 import gymnasium as gym
@@ -34,7 +36,7 @@ def test_a_run_leaves_policy_curve_checkpoint_and_settings(trained):
     assert float(rows[-1]["steps"]) >= 8192
     assert {"reward", "cost", "rms_feel_error"} <= rows[0].keys()
     assert json.loads((trained / "settings.json").read_text())["environment"]["randomise"]["load"] == [0, 300]
-    assert (trained / "checkpoint" / "model.zip").is_file()
+    assert len(list((trained / "checkpoint").glob("model-*.zip"))) == 1
     assert any((trained / "tensorboard").rglob("events*"))
 
 
@@ -123,7 +125,7 @@ def test_what_breaks_training_leaves_a_checkpoint(tmp_path, monkeypatch):
     monkeypatch.setattr(SteerVecEnv, "step_wait", broken)
     with pytest.raises(RuntimeError, match="a thread died"):
         Training(WEAVE, "ppo", tmp_path / "run", friction=LUGRE).run(steps=10**6)
-    assert (tmp_path / "run" / "checkpoint" / "model.zip").is_file()
+    assert len(list((tmp_path / "run" / "checkpoint").glob("model-*.zip"))) == 1
 
 
 def test_a_checkpoint_keeps_law_seed_settings_and_the_best(tmp_path):
@@ -135,14 +137,57 @@ def test_a_checkpoint_keeps_law_seed_settings_and_the_best(tmp_path):
     state = json.loads((out / "checkpoint" / "state.json").read_text())
     assert (state["friction"], state["seed"], state["algo"]) == ("coulomb", 3, "ppo")
     assert json.loads((out / "settings.json").read_text())["friction"] == "coulomb"
-    with (out / "learning.csv").open(encoding="utf-8") as file:
-        assert state["best"] == max(float(row["reward"]) for row in csv.DictReader(file))
     second = Training(WEAVE, None, out, resume=True)
+    with (out / "learning.csv").open(encoding="utf-8") as file:
+        assert second.best == max(float(row["reward"]) for row in csv.DictReader(file))
     assert (second.friction.label, second.seed, second.settings) == ("coulomb", 3, first.settings)
     state.pop("friction")
     (out / "checkpoint" / "state.json").write_text(json.dumps(state))
     with pytest.raises(ValueError, match="has no entry friction"):
         Training(WEAVE, None, out, resume=True)
+
+
+KILLED = """
+import os, sys
+from pathlib import Path
+from steer_env.experiments.learning import training
+from steer_env.experiments.learning.training import Training
+from steer_env.experiments.output.options import Friction
+training.VALIDATE_STEPS, training.VALIDATED, training.CHECKPOINT_EVERY = 64, 2, 0.0
+left, rename, replace = [int(sys.argv[2])], os.replace, Path.replace
+def counted(function):
+    def change(*arguments):
+        left[0] -= 1
+        if not left[0]:
+            os._exit(9)  # as a kill: nothing is cleaned up
+        return function(*arguments)
+    return change
+os.replace, Path.replace = counted(rename), counted(replace)
+out = Path(sys.argv[1])
+resume = out.exists()
+run = Training("steer_env/AssistWeave-v1", None, out, resume=resume, friction=None if resume else Friction("lugre"))
+run.settings["algorithm"] |= {"num_envs": 4, "n_steps": 16, "batch_size": 64}
+run.run(steps=10**6)
+"""
+
+
+@pytest.mark.whole
+def test_a_killed_run_stays_consistent(tmp_path):
+    """Killed before renames of different files, and resumed after each kill."""
+    out = tmp_path / "run"
+    for renames in (9, 10, 11, 12, 14, 17):
+        assert subprocess.run([sys.executable, "-c", KILLED, str(out), str(renames)], check=False).returncode == 9
+        with (out / "learning.csv").open(encoding="utf-8") as file:
+            rows = list(csv.DictReader(file))
+        for column in ("steps", "seconds"):
+            values = [float(row[column]) for row in rows]
+            assert values == sorted(values)
+        resumed = Training(WEAVE, None, out, resume=True)
+        kept = policy.about(out / "policy.zip")["steps"]
+        assert resumed.best == next(float(row["reward"]) for row in rows if int(row["steps"]) == kept)
+        earlier = [float(row["reward"]) for row in rows[:-1]]  # the last row may stand before its policy
+        assert resumed.best >= max(earlier, default=resumed.best)
+        assert int(rows[-1]["steps"]) <= json.loads((out / "checkpoint" / "state.json").read_text())["steps"]
 
 
 def _as_trained_on(source, folder, **changes):
