@@ -153,7 +153,7 @@ from pathlib import Path
 from steer_env.experiments.learning import training
 from steer_env.experiments.learning.training import Training
 from steer_env.experiments.output.options import Friction
-training.VALIDATE_STEPS, training.VALIDATED, training.CHECKPOINT_EVERY = 64, 2, 0.0
+training.VALIDATE_STEPS, training.VALIDATED, training.CHECKPOINT_EVERY = 64, 2, 1e9
 left, rename, replace = [int(sys.argv[2])], os.replace, Path.replace
 def counted(function):
     def change(*arguments):
