@@ -113,6 +113,7 @@ def test_steady_turn_and_lag_agree_with_the_linear_model():
         assert lag == pytest.approx(expected, abs=5e-3)
 
 
+@pytest.mark.whole
 def test_an_unstable_car_has_a_page(tmp_path):
     """Values that need a steady turn are missing, with the reason."""
     (tmp_path / "car.toml").write_text(UNSTABLE, encoding="utf-8")

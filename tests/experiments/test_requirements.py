@@ -216,7 +216,7 @@ def test_policies():
 
 
 APART = ("synthetic", "time", "policies")  # see test_synthetic.py, and above
-LONG = ("column", "linear", "straight")
+LONG = ("assist", "column", "linear", "power", "straight")
 
 
 @pytest.mark.parametrize(

@@ -39,7 +39,7 @@ def hands(name):
 
 
 @pytest.mark.parametrize("chassis", available())
-@pytest.mark.parametrize("steered", ["robot", "torque", "arms"])
+@pytest.mark.parametrize("steered", ["robot", pytest.param("torque", marks=pytest.mark.whole), "arms"])
 @pytest.mark.parametrize("law", friction.available())
 @pytest.mark.parametrize("name", RUNS)
 def test_steering_power(name, law, steered, chassis):
