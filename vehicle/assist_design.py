@@ -21,7 +21,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from steer_env import friction
 from steer_env.vehicle import free_control, plant
 from steer_env.vehicle.cars import Car, UnusualCar
 from steer_env.vehicle.chassis.common.interface import HAND, HAND_SPEED, INPUTS
@@ -43,7 +42,6 @@ BUILD_UP_FROM = 80.0 / 3.6  # speed from which on the build-up alone shapes the 
 FREE_DAMPING = np.array([[0.0, 80.0, 100.0, 140.0, 180.0, 220.0], [0.0, 0.25, 0.25, 0.15, 0.05, 0.0]])
 LEAST_DAMPING, MOST_DAMPING, DAMPING_STEP = 1.5, 8.0, 0.25  # of the motor, at the column [N m s/rad]
 RAMP_TIME = 20.0  # of the quasi-static turns [s]
-FREE = friction.make("viscous", sigma_2=0.0)
 
 
 class Design(NamedTuple):
@@ -57,7 +55,7 @@ class Design(NamedTuple):
 
 def _turn(car: Car, speed: float, chassis: str, angle: float, time: float) -> tuple[Array, Array]:
     """Lateral acceleration [m/s2] and rack torque on the column [N m] while the handwheel turns to an angle [rad]."""
-    p = car.plant(FREE, speed, robot=True, chassis=chassis)
+    p = car.plant(free_control.FRICTIONLESS, speed, robot=True, chassis=chassis)
     u = np.zeros((round(time / SAMPLE_TIME), len(INPUTS)))
     u[:, HAND], u[:, HAND_SPEED] = np.linspace(0.0, angle, len(u)), angle / time
     record = np.zeros((len(u), len(plant.channels(p))))
@@ -120,13 +118,21 @@ def _parking_boost(torque: float, effort: float) -> Array:
     return np.maximum(within + (PARKING_EXPONENT * torque / effort - 1.0) * np.maximum(T - effort, 0.0), 0.0)
 
 
-def boost_table(car: Car, effort: float) -> Array:
-    """Boost (V, T) at ``SPEEDS`` and ``TORQUES`` for an effort in parking [N m], to 0.01 N m."""
-    standing = _parking_boost(parking_torque(car), effort)
-    driving = {speed: _build_up_boost(car, speed) for speed in SPEEDS if speed >= BUILD_UP_FROM}
-    first = driving[min(driving)]
+def _boost_table(standing: float, driving: dict[float, Array], effort: float) -> Array:
+    """Boost (V, T) at ``SPEEDS`` and ``TORQUES``, to 0.01 N m.
+
+    Parameters
+    ----------
+    standing : float
+        Largest rack torque in parking [N m].
+    driving : dict
+        Boost (T,) by speed from ``BUILD_UP_FROM`` on [m/s, N m].
+    effort : float
+        Hand torque in parking [N m].
+    """
+    parked, first = _parking_boost(standing, effort), driving[min(driving)]
     shares = np.sqrt(np.minimum(np.array(SPEEDS) / BUILD_UP_FROM, 1.0))
-    rows = [(1.0 - share) * standing + share * driving.get(speed, first) for speed, share in zip(SPEEDS, shares)]
+    rows = [(1.0 - share) * parked + share * driving.get(speed, first) for speed, share in zip(SPEEDS, shares)]
     return np.round(rows, 2)
 
 
@@ -160,7 +166,7 @@ def least_damping(car: Car, speed: float, wanted: float) -> float:
         if not _steady(tried, speed):
             continue
         steady, moves = True, max(speed, free_control.LOWEST)
-        reached = free_control.least_damping_ratio(tried.plant(FREE, moves))[0]
+        reached = free_control.least_damping_ratio(tried.plant(free_control.FRICTIONLESS, moves))[0]
         if reached >= wanted:
             return damping
     if not steady:
@@ -188,8 +194,10 @@ def design(car: Car) -> Design:
         A car that does not reach the damping ratio with the greatest damping that is tried.
     """
     speeds, torques = np.array(SPEEDS), np.array(TORQUES)
+    standing = parking_torque(car)
+    driving = {speed: _build_up_boost(car, speed) for speed in SPEEDS if speed >= BUILD_UP_FROM}
     for effort in np.arange(PARKING_EFFORT, TORQUES[-1], 0.25):
-        boost = boost_table(car, float(effort))
+        boost = _boost_table(standing, driving, float(effort))
         found = Design(speeds, torques, boost, np.full(speeds.size, LEAST_DAMPING))
         if _steady(_with(car, found), 0.0):
             break

@@ -23,6 +23,8 @@ from steer_env.vehicle.steering.eps import SAMPLE_TIME
 
 Array = NDArray[np.float64]
 
+FRICTIONLESS = friction.make("viscous", sigma_2=0.0)
+
 _COUNTERS = {"steps_since_evaluation", "gear", "shift_time_left"}  # not continuous, and constant while cruising
 _PARTICIPATION = 1e-12  # of the steering in a mode: from 1e-8 up in its own modes, rounding of 1e-26 in the others
 FASTEST_MODE = 50.0  # frequency up to which modes are returned, where the step of 2 ms still resolves them [Hz]
@@ -93,7 +95,7 @@ def modes(p: Plant) -> NDArray[np.complex128]:
     (n,) array of complex
         Up to ``FASTEST_MODE``, by their distance from zero; conjugates follow one another [1/s].
     """
-    free = p._replace(friction=friction.make("viscous", sigma_2=0.0), robot=0.0)
+    free = p._replace(friction=FRICTIONLESS, robot=0.0)
     matrix, index = transition(free)
     z, left, right = eig(matrix, left=True)
     steering = index < layout_of(free).assist  # handwheel and column

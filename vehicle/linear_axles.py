@@ -18,11 +18,10 @@ from steer_env.vehicle.cars import Car
 from steer_env.vehicle.chassis.two_track.from_car import BORE_RELAXATION, bore_friction
 from steer_env.vehicle.constants import AIR_DENSITY, GRAVITY
 from steer_env.vehicle.suspension.macpherson import load_coefficients
+from steer_env.vehicle.tyre.scaling import CORNERING_STIFFNESS
 
 Row = NDArray[np.float64]  # (n,) over a basis
 Pair = tuple[Row, Row]  # front and rear
-# Coefficients of the magic formula that a factor on the cornering stiffness multiplies; the trail stays.
-_STIFFNESS = ("PKY1", "QBZ1", "QBZ2", "QBZ3", "QBZ9")
 # Of a knuckle: its angles, then the work of the loads per rack.
 _STEER, _LEAN, _F_X, _F_Y, _F_Z, _M_X, _M_Z, _F_Z_CENTRE = range(8)
 _FORCES = (1, 2, 4)  # F_y, M_x, M_z among the results of a tyre
@@ -108,7 +107,9 @@ def _wheels(car: Car, speed: float, loads: NDArray, drag: float, front_share: fl
     c, R = car.chassis, car.strut.loaded_radius
     neutral = car.tyre.symmetric().coefficients._replace(PHX1=0.0, PHX2=0.0)  # as in the plant
     factors = c["front_cornering_stiffness_factor"], c["rear_cornering_stiffness_factor"]
-    tyres = [neutral._replace(**{key: factor * getattr(neutral, key) for key in _STIFFNESS}) for factor in factors]
+    tyres = [
+        neutral._replace(**{key: factor * getattr(neutral, key) for key in CORNERING_STIFFNESS}) for factor in factors
+    ]
     kappa = np.zeros(2)
 
     def by(i: int, *unit: float, step: float = 1e-5) -> NDArray:

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from steer_env import friction, manoeuvres, metrics
+from steer_env import manoeuvres, metrics
 from steer_env.experiments.studies import vehicle
 from steer_env.experiments.studies.common.assist_margins import Cell, assist_cells
 from steer_env.manoeuvres.common.shapes import ramp_and_hold, sine
@@ -27,8 +27,7 @@ LAG_ACCELERATION = 2.0  # of the yaw lag, as in the weave [m/s2]
 SMALL = 0.3  # lateral acceleration of the steady turn, small enough for the slopes straight ahead, assumed [m/s2]
 STEADY = 0.01  # change of the yaw rate in the last second of a steady turn, assumed [1]
 LAW = "lugre"  # friction law of everything with friction
-WITHOUT = friction.make("viscous", sigma_2=0.0)
-LAWS: dict[str, Any] = {LAW: LAW, "none": WITHOUT}
+LAWS: dict[str, Any] = {LAW: LAW, "none": free_control.FRICTIONLESS}
 
 
 class Steady(NamedTuple):
@@ -85,7 +84,7 @@ def steady(car: Car, chassis: str, speed: float = SPEED) -> Steady:
     ValueError
         The car spins or finds no steady turn.
     """
-    p, gain, angle = car.plant(WITHOUT, speed, robot=True, chassis=chassis), car.steering_gain(), 0.01
+    p, gain, angle = car.plant(free_control.FRICTIONLESS, speed, robot=True, chassis=chassis), car.steering_gain(), 0.01
     wheelbase = car.chassis["front_axle"] + car.chassis["rear_axle"]
     for _ in range(2):  # the second angle is that of the wanted lateral acceleration
         found = _run(p, ramp_and_hold(_times(8.0), angle, 1.0))

@@ -48,7 +48,7 @@ class Outcome(NamedTuple):
 
 def law_of(name: str) -> Any:
     """The friction of a name, which may be "no friction"."""
-    return friction.make("viscous", sigma_2=0.0) if name == NONE else friction.make(name)
+    return free_control.FRICTIONLESS if name == NONE else friction.make(name)
 
 
 def outcome(car: Car, case: Case, speed: float) -> Outcome:

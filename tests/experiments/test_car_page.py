@@ -10,7 +10,7 @@ from steer_env.experiments.cli.main import main
 from steer_env.experiments.report import car_page, car_quantities, car_simulated, car_suspension
 from steer_env.experiments.report.car_quantities import JUDGEMENT, NONE, PUBLISHED, Quantity
 from steer_env.recording.recording import DEGREE
-from steer_env.vehicle import cars, understeer
+from steer_env.vehicle import cars, free_control, understeer
 from steer_env.vehicle.constants import GRAVITY
 
 OWN = """
@@ -103,12 +103,13 @@ def test_a_quantity_without_range_or_value_is_not_rated():
     assert Quantity("G", "a", "a", math.nan, "m", 0.0, 1.0, PUBLISHED).plausible is None
 
 
-def test_steady_turn_and_lag_agree_with_the_linear_model():
-    car = cars.load("bmw_320i")
+@pytest.mark.parametrize("name", ["compact", "bmw_320i"])
+def test_steady_turn_and_lag_agree_with_the_linear_model(name):
+    car = cars.load(name)
     for chassis in ("single_track", "two_track"):
         linear = sum(understeer.budget(car, car_simulated.SPEED, chassis).values())
         assert car_simulated.steady(car, chassis).understeer == pytest.approx(linear, rel=0.05)
-        lag = car_simulated.yaw_lag(car, chassis, car_simulated.WITHOUT, car_simulated.SPEED)
+        lag = car_simulated.yaw_lag(car, chassis, free_control.FRICTIONLESS, car_simulated.SPEED)
         expected = understeer.yaw_lag(car, car_simulated.SPEED, chassis=chassis)
         assert lag == pytest.approx(expected, abs=5e-3)
 

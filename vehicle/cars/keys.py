@@ -42,7 +42,7 @@ CHASSIS = (
 )
 # Overall size: the lane-change courses need it, no equation of motion does.
 SIZE = ("length", "width")
-# Factors on the tyre's cornering stiffness, which scale its slope and leave peak friction and trail; 1 where not given.
+# Factors on the tyre's cornering stiffness, which leave peak friction and the trail at small slip; 1 where not given.
 CHASSIS_DEFAULTS = {"front_cornering_stiffness_factor": 1.0, "rear_cornering_stiffness_factor": 1.0}
 STEERING = ("pinion_radius", "compliance", "friction_load", "rack_limit")
 _MAY_BE_ZERO = {

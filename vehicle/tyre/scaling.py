@@ -58,6 +58,8 @@ class PressureTerms(NamedTuple):
         return {key: factor for keys, factor in pairs for key in keys.split()}
 
 
+# Coefficients that a factor on the cornering stiffness multiplies, (T14): the slope of F_y and the decay of the trail.
+CORNERING_STIFFNESS = ("PKY1", "QBZ1", "QBZ2", "QBZ3", "QBZ9")
 # Coefficients that a scaling factor multiplies; ``^2`` marks its square, ``||`` its absolute value.
 _SCALES = {
     "LCX": "PCX1",
@@ -70,7 +72,7 @@ _SCALES = {
     "LCY": "PCY1",
     "LMUY": "PDY1 PDY2 QDZ6 QDZ7 QDZ8 QDZ9 QDZ10 QDZ11",
     "LEY": "PEY1 PEY2",
-    "LKY": "PKY1 QBZ1 QBZ2 QBZ3 QBZ9",
+    "LKY": " ".join(CORNERING_STIFFNESS),
     "LKYC": "PKY6 PKY7 PVY3 PVY4",
     "LKZC": "QDZ8 QDZ9 QDZ10 QDZ11",
     "LHY": "PHY1 PHY2",
