@@ -7,10 +7,12 @@ sample of 1 ms, and the outputs and channels that all chassis share.
 """
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 from steer_env.friction.numerics.kernel import dispatch, kernel
 from steer_env.friction.numerics.registry import Registry
+from steer_env.vehicle.suspension.macpherson import MacPherson
+from steer_env.vehicle.tyre.tyre import Tyre
 
 # One row of inputs holds for a sample of 1 ms.
 INPUTS = (
@@ -73,6 +75,37 @@ COMMON_CHANNELS: Names = (
 )
 # Channels that an earlier release called differently: old name -> new name. Readers of recordings map them.
 RENAMED_CHANNELS = {f"wheel_spin_{wheel}": f"wheel_angular_velocity_{wheel}" for wheel in WHEELS}
+
+
+class CarData(Protocol):
+    """What a chassis takes from a checked car, :class:`steer_env.vehicle.cars.Car`."""
+
+    @property
+    def chassis(self) -> dict[str, float]:
+        """Numbers of the section ``chassis`` of the car file [SI]."""
+
+    @property
+    def tyre(self) -> Tyre:
+        """The tyre of all wheels."""
+
+    @property
+    def strut(self) -> MacPherson:
+        """The left front strut."""
+
+    @property
+    def drivetrain(self) -> Any:
+        """Parameters of engine and gearbox."""
+
+    @property
+    def brakes(self) -> Any:
+        """Parameters of the brakes."""
+
+    @property
+    def speed_hold(self) -> Any:
+        """Parameters of the speed hold."""
+
+    def rack_stiffness(self) -> float:
+        """Steering compliance of both wheels, seen at the rack straight ahead [N/m]."""
 
 
 class Chassis(NamedTuple):

@@ -1,17 +1,15 @@
 """Parameters of the single-track chassis from a car."""
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from steer_env.vehicle.chassis.common.interface import CarData
 from steer_env.vehicle.chassis.single_track.layout import SingleTrack
 from steer_env.vehicle.constants import AIR_DENSITY
-
-if TYPE_CHECKING:
-    from steer_env.vehicle.cars import Car
 
 LOAD_TIME = 0.02  # time constant of the geometric load transfer, assumed [s]
 
 
-def from_car(car: "Car", v_x: float, mu: float, road: Any) -> SingleTrack:
+def from_car(car: CarData, v_x: float, mu: float, road: Any) -> SingleTrack:
     """Parameters of a car at a held speed [m/s] on a level road with a friction factor.
 
     Raises

@@ -1,18 +1,16 @@
 """Parameters of the two-track chassis from a car."""
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from steer_env.friction import make as make_law
 from steer_env.friction.numerics.check import number
 from steer_env.friction.numerics.kernel import record
 from steer_env.vehicle import road
+from steer_env.vehicle.chassis.common.interface import CarData
 from steer_env.vehicle.chassis.two_track.parameters import Body, TwoTrack
 from steer_env.vehicle.constants import AIR_DENSITY, GRAVITY
 from steer_env.vehicle.tyre import Tyre
-
-if TYPE_CHECKING:
-    from steer_env.vehicle.cars import Car
 
 # Bore torque of a standing tyre after Gough: up to mu F_z^1.5/(3 sqrt p), 144 N m at mu 0.9, 3700 N and 2.2 bar.
 BORE_FRICTION, BORE_LOAD, PRESSURE = 0.9, 4000.0, 220e3  # [1], [N], [Pa]
@@ -21,7 +19,7 @@ BORE_RELAXATION = 0.1  # rolling distance over which it decays, about half a con
 SLIP_DAMPING = (0.012, 0.06)  # of standing tyres, some 0.3 of critical on a wheel and on the car; assumed [s/m]
 
 
-def from_car(car: "Car", v_x: float, mu: float, ground: road.Road | None) -> TwoTrack:
+def from_car(car: CarData, v_x: float, mu: float, ground: road.Road | None) -> TwoTrack:
     """Parameters of a car at a held speed [m/s] on a road with a friction factor; None is the level, dry road.
 
     Raises
@@ -42,7 +40,7 @@ def bore_friction(tyre: Tyre) -> Any:
     return make_law("dahl", sigma_0=saturated / BORE_ANGLE, F_c=saturated)  # (B16)
 
 
-def _require_slow(car: "Car") -> None:
+def _require_slow(car: CarData) -> None:
     """Refuse what the chassis step of 2 ms cannot follow; the limits were found by trial."""
     c, tyres = car.chassis, car.tyre
     for name, value, least in (
@@ -57,7 +55,7 @@ def _require_slow(car: "Car") -> None:
         number(f"{name} on two tracks", value, minimum=least)
 
 
-def _body(car: "Car", v_x: float, mu: float, ground: road.Road) -> Body:
+def _body(car: CarData, v_x: float, mu: float, ground: road.Road) -> Body:
     c, tyres, R_l = car.chassis, car.tyre, car.strut.loaded_radius
     m, m_s, a, b = c["mass"], c["sprung_mass"], c["front_axle"], c["rear_axle"]
     m_f, m_r = 0.5 * c["front_unsprung_mass"], 0.5 * (m - m_s - c["front_unsprung_mass"])
