@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from steer_env import drivers
 from steer_env.batch_arrays import EPISODE, allocate, layout, stored
-from steer_env.batch_kernels import ROLL, ROLLED_OVER, evaluate, fill_inputs
+from steer_env.batch_kernels import evaluate, fill_inputs
 from steer_env.friction.numerics.check import number, whole
 from steer_env.friction.numerics.frozen import frozen
 from steer_env.friction.numerics.kernel import bind
@@ -26,7 +26,15 @@ from steer_env.friction.numerics.renamed import renamed
 from steer_env.manoeuvres.common.driving import steering_stiffness
 from steer_env.randomise import LIMITS, RANGES, SENSOR_NOISE, Conditions, Randomise
 from steer_env.sensor_noise import SensorNoise
-from steer_env.tasks.common.definition import RMS, EpisodeContext, EpisodeSetup, Scenery, Task
+from steer_env.tasks.common.definition import (
+    FAILURES,
+    NON_FINITE,
+    RMS,
+    EpisodeContext,
+    EpisodeSetup,
+    Scenery,
+    Task,
+)
 from steer_env.thread_pool import ThreadPool
 from steer_env.timing import SAMPLES_PER_UPDATE
 from steer_env.vehicle import cars, plant, plant_batch
@@ -84,7 +92,7 @@ class EnvironmentBatch:
         chassis: str | None = None,
         tyre: str | None = None,
         road: Road | Mapping[str, Any] | None = None,
-        control_dt: float = 0.01,
+        control_dt: float | None = None,
         driver: Any = None,
         randomise: Mapping[str, Any] | None = None,
         weights: Mapping[str, float] | None = None,
@@ -94,7 +102,7 @@ class EnvironmentBatch:
         self.chassis, self.road = _checked_chassis(task, chassis), resolve(road)
         if driver is not None and not task.driver_in_loop:
             raise ValueError(f"{task.name} has no driver model in its loop, so it takes no driver, got {driver!r}")
-        self.control_dt, samples = _checked_control_dt(control_dt)
+        self.control_dt, samples = _checked_control_dt(task.control_dt if control_dt is None else control_dt)
         self._samples_per_round = min(samples, SAMPLES_PER_UPDATE)
         self._rounds = samples // self._samples_per_round
         limits = task.speed_limits(self.chassis)
@@ -212,7 +220,7 @@ class EnvironmentBatch:
         episode["end"] = (len(setup.scripted_inputs) - 1) * SAMPLES_PER_UPDATE
         episode["release"] = -1 if setup.release_time is None else round(setup.release_time / SAMPLE_TIME)
         episode["path_points"], episode["data_size"] = len(path), len(data)
-        episode["speed"] = drawn.speed
+        episode["speed"] = episode["held_speed"] = drawn.speed
         episode["delay"] = round(drawn.delay / self.control_dt)
         self.episodes[i] = episode
         a.task_memory[i] = a.metrics[i] = a.terms[i] = 0.0
@@ -260,15 +268,12 @@ class EnvironmentBatch:
             for metric, value in zip(self.task.metrics, self.arrays.metrics[i, 1].tolist())
         }
 
-    def failure_info(self, i: int) -> dict[str, Any]:
-        """Why row ``i`` failed in the last step, for its info; empty if it did not."""
-        if not self.episodes["failed"][i]:
-            return {}
-        if not self.arrays.finite[i]:
-            return {"non_finite_state": self._first_non_finite(i)}
-        if abs(self.arrays.channels[i, ROLL]) > ROLLED_OVER:
-            return {"rolled_over": True}
-        return {"spun_out": True, "spun": True}  # the second is the old name, which goes in release 1.0
+    def failure_text(self, i: int) -> str:
+        """Why row ``i`` failed in the last step, in words; empty if it did not."""
+        failure = int(self.episodes["failure"][i])
+        if failure == NON_FINITE:
+            return f"{FAILURES[failure]}: {self._first_non_finite(i)}"
+        return FAILURES[failure]
 
     def _first_non_finite(self, i: int) -> str:
         """Repeat the last round of row ``i``, sample by sample; a run is reproducible to the bit."""

@@ -10,6 +10,7 @@ from steer_env.friction.numerics.bounds import within
 from steer_env.friction.numerics.kernel import kernel
 from steer_env.manoeuvres.common.shapes import ramp_and_hold
 from steer_env.tasks.common.definition import (
+    GOES_ON,
     HAND_TORQUE,
     RMS,
     STEERING_CHANNELS,
@@ -23,8 +24,15 @@ from steer_env.tasks.common.definition import (
     register,
 )
 from steer_env.tasks.common.scripted import update_times
-from steer_env.tasks.common.standstill import ACTION_TERMS, CREEPING, TWO_TRACK, angle_at_lock
-from steer_env.tasks.common.terms import COMMON_COSTS, COMMON_MEMORY, COMMON_METRICS, evaluate_action, evaluate_common
+from steer_env.tasks.common.standstill import CREEPING, TWO_TRACK, angle_at_lock
+from steer_env.tasks.common.terms import (
+    COMMON_COSTS,
+    COMMON_MEMORY,
+    COMMON_METRICS,
+    COMMON_REWARDS,
+    evaluate_common,
+    quality,
+)
 from steer_env.timing import UPDATE_INTERVAL
 from steer_env.vehicle.plant import CHANNEL
 
@@ -33,6 +41,7 @@ Array = NDArray[np.float64]
 DURATION = 24.0  # [s]
 MOVES = 6
 FASTEST = 5.0  # largest handwheel speed of the target [rad/s]
+ANGLE_SCALE = 0.2  # error of the handwheel angle at which the quality is 71 %, assumed [rad]
 TARGET_TIMES = (0.0, 0.2, 0.5, 1.0)  # at which the target is observed, from now [s]
 
 _ANGLE = CHANNEL["handwheel_angle"]
@@ -65,12 +74,11 @@ def _observe(parameters, channels, path, data, step, memory, observations):
 
 @kernel
 def _evaluate(parameters, channels, observations, data, step, memory, rewards, costs, metrics):
-    evaluate_common(channels, step, memory, costs, metrics)
+    evaluate_common(channels, step, step.dt, memory, rewards, costs, metrics)
     error = observations[0]
     metrics[metrics.size - 1] = error
-    rewards[0] += step.dt * error * error
-    evaluate_action(step, 1, rewards)
-    return False
+    rewards[0] += step.dt * quality(error / ANGLE_SCALE)
+    return GOES_ON
 
 
 def _scenery(channels: Array, observations: Array, data: Array, memory: Array) -> Scenery:
@@ -90,7 +98,10 @@ TASK = register(
             )
             for t in TARGET_TIMES
         ),
-        rewards=(Term("angle", -1.0 / 0.2**2, "rad2 s", "squared error of the handwheel angle"), *ACTION_TERMS),
+        rewards=(
+            Term("angle", 0.7, f"quality of the handwheel angle against the target; 71 % at {ANGLE_SCALE:g} rad"),
+            *COMMON_REWARDS,
+        ),
         costs=COMMON_COSTS,
         metrics=(
             *COMMON_METRICS,
