@@ -289,8 +289,8 @@ class EnvironmentBatch:
         code = whole("failure", code, 0)
         if code >= len(FAILURES):
             raise ValueError(f"failure must be a whole number from 0 to {len(FAILURES) - 1}, got {code}")
-        rows = np.flatnonzero(self.episodes["failure"] == NON_FINITE) if code == NON_FINITE else []
-        names = dict.fromkeys(self._first_non_finite(int(i)) for i in rows)
+        rows = np.flatnonzero((self.episodes["failure"] == NON_FINITE) & (code == NON_FINITE))
+        names = dict.fromkeys(self._first_non_finite(i) for i in rows.tolist())
         return f"{FAILURES[code]}: {', '.join(names)}" if names else FAILURES[code]
 
     def _first_non_finite(self, i: int) -> str:

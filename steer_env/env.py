@@ -186,7 +186,7 @@ class SteerEnv(PlainSpecification, gym.Env):
         """
         return self.batch.failure_text(int(self.batch.episodes["failure"][0]) if code is None else code)
 
-    def render(self) -> NDArray[np.uint8] | list[NDArray[np.uint8]] | None:
+    def render(self) -> Any:
         """The present picture (H, W, 3); with "rgb_array_list" those that were kept; None with a window."""
         if self.render_mode is None:
             gym.logger.warn("render() draws nothing: make the environment with render_mode='rgb_array' or 'human'")
@@ -223,6 +223,8 @@ def check_keywords(name: str, unknown: Iterable[str], known: Iterable[str]) -> N
 
 def clipped(actions: NDArray[Any]) -> NDArray[Any]:
     """Actions clipped to [-1, 1]; ValueError if one is not finite."""
+    if np.minimum.reduce(actions, axis=None) >= -1.0 and np.maximum.reduce(actions, axis=None) <= 1.0:
+        return actions
     bad = np.flatnonzero(~np.isfinite(actions))
     if bad.size:
         of_row = f" of sub-environment {bad[0]}" if actions.size > 1 else ""

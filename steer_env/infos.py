@@ -26,9 +26,9 @@ class Infos:
             "metrics": tuple(metric.name for metric in task.metrics),
             "conditions": batch.condition_names,
         }
-        self._masked = [(*names, *_masks(names)) for names in self._groups.values()]
-        names = (*batch.channels, *self._groups, "cost", "failure")
-        self._all = (*names, *_masks(names))
+        every = np.ones(batch.n, bool)
+        every.flags.writeable = False  # all infos share it
+        self._every = self._masked(every)
         self._drawn: Any = None  # the conditions that ``_conditions`` holds by name
         self._conditions: dict[str, float] = {}
         self._view()
@@ -59,24 +59,31 @@ class Infos:
         info["cost"], info["failure"] = cost, failure
         return info
 
-    def of_all(self, mask: Mask) -> dict[str, Any]:
-        """The infos of all rows in the form of Gymnasium's vector environments: arrays (n,), and a mask beside each."""
+    def of_all(self, mask: Mask | None = None) -> dict[str, Any]:
+        """The infos of all rows in the form of Gymnasium's vector environments: arrays (n,), and a mask beside each.
+
+        The mask is that of the rows that have an info, by default all.
+        """
         batch, a, n = self._batch, self._batch.arrays, len(self._batch.task.rewards)
+        outer, inner = self._every if mask is None else self._masked(mask)
         terms, episodes = a.terms.T.copy(), batch.episodes
+        info: dict[str, Any] = outer.copy()
+        info.update(zip(batch.channels, a.channels.T.copy()))
         groups = (terms[:n], terms[n:], a.metrics[:, 2].T.copy(), batch.condition_values.T.copy())
-        nested = [_dict(keys, columns, mask) for keys, columns in zip(self._masked, groups)]
-        last = episodes["cost"].copy(), episodes["failure"].copy()
-        return _dict(self._all, (*a.channels.T.copy(), *nested, *last), mask)
+        for (key, names), masks, columns in zip(self._groups.items(), inner, groups):
+            info[key] = found = masks.copy()
+            found.update(zip(names, columns))
+        info["cost"], info["failure"] = episodes["cost"].copy(), episodes["failure"].copy()
+        return info
+
+    def _masked(self, mask: Mask) -> tuple[dict[str, Any], list[dict[str, Any]]]:
+        """The infos and their dicts with masks alone."""
+        outer = (*self._batch.channels, *self._groups, "cost", "failure")
+        return _masks(outer, mask), [_masks(names, mask) for names in self._groups.values()]
 
 
-def _masks(names: Iterable[str]) -> tuple[str, ...]:
-    return tuple(f"_{name}" for name in names)
-
-
-def _dict(keys: tuple[str, ...], columns: Iterable[Any], mask: Mask) -> dict[str, Any]:
-    """Columns by the first half of the keys, the mask by the other half."""
-    columns = tuple(columns)
-    return dict(zip(keys, columns + (mask,) * len(columns)))
+def _masks(names: Iterable[str], mask: Mask) -> dict[str, Any]:
+    return {key: mask for name in names for key in (name, f"_{name}")}
 
 
 def of_some(info: dict[str, Any], chosen: Mask) -> dict[str, Any]:

@@ -149,7 +149,7 @@ class SteerVectorEnv(PlainSpecification, VectorEnv):
             self._renderers[i].add()
         rewards, terminated, truncated = (batch.episodes[key].copy() for key in ("reward", "terminated", "truncated"))
         done = terminated | truncated
-        info = self._infos.of_all(np.ones(self.num_envs, bool))
+        info = self._infos.of_all()
         if done.any():
             batch.over |= done
             if mode == AutoresetMode.SAME_STEP:  # the step that ends an episode resets at once
@@ -162,7 +162,7 @@ class SteerVectorEnv(PlainSpecification, VectorEnv):
         for i in np.flatnonzero(done).tolist():
             observations[i] = self.batch.arrays.observations[i].copy()
             self._start(i, {})
-        return self._infos.of_all(np.ones(self.num_envs, bool)) | {
+        return self._infos.of_all() | {
             "final_obs": observations,
             "_final_obs": done.copy(),
             "final_info": of_some(last, done.copy()),

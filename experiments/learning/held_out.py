@@ -56,9 +56,10 @@ def collect(
         reward += np.where(going, rewards, 0.0)
         cost += np.where(going, info["cost"], 0.0)
         ended = going & (terminated | truncated)
-        for name, values in info.get("metrics", {}).items():
-            if not name.startswith("_"):
-                metrics.setdefault(name, np.zeros(episodes))[ended] = values[ended]
+        if ended.any():
+            for name, values in info["metrics"].items():
+                if not name.startswith("_"):
+                    metrics.setdefault(name, np.zeros(episodes))[ended] = values[ended]
         going &= ~ended
     env.close()
     return Episodes(reward, cost, metrics)

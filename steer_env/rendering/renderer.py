@@ -141,7 +141,7 @@ class Renderer:
     def _read(self) -> None:
         """Read the present state. One that is not finite leaves the last picture as it was."""
         arrays, episode = self._batch.arrays, self._batch.episodes[self._row]
-        now = arrays.channels[self._row, _PLACES + [0]]
+        now = arrays.channels[self._row, [*_PLACES, 0]]
         if episode["failure"] == NON_FINITE or not np.isfinite(now).all():
             return
         now[_REFERENCE] = now[_TORQUE] - self._feel_error(episode)
