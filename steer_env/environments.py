@@ -33,7 +33,13 @@ def _documentation(task: Task) -> str:
     """A docstring in Gymnasium's form."""
     action = task.action
     observations = [
-        (str(i), q.name.replace("_", " ") + (f": {q.meaning}" if q.meaning else ""), f"{q.bound:.6g}", q.unit)
+        (
+            str(i),
+            q.name.replace("_", " ") + (f": {q.meaning}" if q.meaning else ""),
+            f"{q.bound:.6g}",
+            f"{q.usual:.6g}",
+            q.unit,
+        )
         for i, q in enumerate(task.observed)
     ]
     terms = [(f"`{t.name}`", f"{t.weight:.6g}", t.meaning) for t in task.rewards]
@@ -46,8 +52,9 @@ def _documentation(task: Task) -> str:
         "`Box(-1, 1, (1,))`; the action is held for `control_dt`.",
         table(("index", "action", "at 1", "unit"), [("0", action.meaning, f"{action.scale:g}", action.unit)]),
         "## Observation",
-        f"`Box({len(observations)},)` in SI units, clipped to the bounds.",
-        table(("index", "observation", "bound", "unit"), observations),
+        f"`Box({len(observations)},)` in SI units, clipped to the bounds; with `normalise=True` each is divided by its "
+        "usual size.",
+        table(("index", "observation", "bound", "usual", "unit"), observations),
         "## Reward",
         f'The reward is the sum of the terms, which are in `info["reward_terms"]`: each is its weight times a quality '
         f"from 0 to 1, integrated over {_COUNTED[_follows_path(task)]}. A failure costs 1, and nothing counts after "
@@ -56,7 +63,7 @@ def _documentation(task: Task) -> str:
         "## Cost\n\nFor constrained learning: each cost is a quantity over its budget for an episode, so that the "
         'budget of each is 1 (`cost_limit`). The terms are in `info["cost_terms"]`, their sum is `info["cost"]`.',
         table(("cost", "budget per episode", "unit", "quantity"), costs),
-        '## Metrics\n\nThose of the whole episode are in `info["metrics"]` at its end.',
+        '## Metrics\n\nThose of the episode so far are in `info["metrics"]`, NaN at its start.',
         table(("metric", "unit", "over the episode", "of"), metrics),
         "## Start",
         textwrap.fill(task.begins, 118),
