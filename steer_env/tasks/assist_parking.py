@@ -22,7 +22,7 @@ from steer_env.tasks.common.definition import (
     register,
 )
 from steer_env.tasks.common.feel import FEEL_SCALE, feel_quality
-from steer_env.tasks.common.standstill import CREEPING, TWO_TRACK, angle_at_lock
+from steer_env.tasks.common.standstill import CREEPING, TWO_TRACK, USUAL, angle_at_lock
 from steer_env.tasks.common.terms import (
     COMMON_COSTS,
     COMMON_MEMORY,
@@ -106,6 +106,7 @@ TASK = register(
         chassis=TWO_TRACK,
         options={"share": (0.1, 0.99, "largest handwheel angle over the angle at lock [1]")},
         memory_size=COMMON_MEMORY,
+        usual=USUAL,
     ),
     _observe,
     _evaluate,

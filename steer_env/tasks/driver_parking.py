@@ -24,7 +24,7 @@ from steer_env.tasks.common.definition import (
     register,
 )
 from steer_env.tasks.common.scripted import update_times
-from steer_env.tasks.common.standstill import CREEPING, TWO_TRACK, angle_at_lock
+from steer_env.tasks.common.standstill import CREEPING, TWO_TRACK, USUAL, angle_at_lock
 from steer_env.tasks.common.terms import (
     COMMON_COSTS,
     COMMON_MEMORY,
@@ -94,7 +94,11 @@ TASK = register(
         channels=STEERING_CHANNELS,
         task_observations=tuple(
             Quantity(
-                f"target_{t:.1f}s", "rad", 25.0, f"target angle {t:g} s from now minus the present handwheel angle"
+                f"target_{t:.1f}s",
+                "rad",
+                25.0,
+                f"target angle {t:g} s from now minus the present handwheel angle",
+                1.0 + 2.0 * t,
             )
             for t in TARGET_TIMES
         ),
@@ -117,6 +121,7 @@ TASK = register(
         speed_range=CREEPING,
         chassis=TWO_TRACK,
         memory_size=COMMON_MEMORY,
+        usual=USUAL,
         scenery=_scenery,
     ),
     _observe,
