@@ -232,7 +232,7 @@ class EnvironmentBatch:
         episode["release"] = -1 if setup.release_time is None else round(setup.release_time / SAMPLE_TIME)
         episode["path_points"], episode["data_size"] = len(path), len(data)
         episode["speed"] = episode["held_speed"] = drawn.speed
-        episode["driven"] = driven
+        episode["action_gain"], episode["driven"] = drawn.action_gain, driven
         episode["delay"] = round(drawn.delay / self.control_dt)
         self.episodes[i] = episode
         a.task_memory[i] = a.metrics[i] = a.terms[i] = 0.0

@@ -56,7 +56,7 @@ def fill_inputs(arrays, layout, begins, low, high):
             if free:
                 u[HAND] = 0.0
                 u[HAND_SPEED] = 0.0
-            u[layout.action_input] += layout.action_scale * episode.action
+            u[layout.action_input] += layout.action_scale * episode.action_gain * episode.action
 
 
 @kernel

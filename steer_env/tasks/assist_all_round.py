@@ -32,7 +32,8 @@ Array = NDArray[np.float64]
 
 WEAVE, RELEASE, PARKING, LANE_CHANGE = range(4)
 PARTS = (assist_weave.TASK, assist_release.TASK, assist_parking.TASK, assist_lane_change.TASK)
-SPEEDS = ((60.0, 130.0), (60.0, 130.0), (0.0, 0.0), (60.0, 85.0))  # held, lowest and highest of each scenario [km/h]
+SPEEDS = ((30.0, 180.0), (30.0, 180.0), (0.0, 0.0), (60.0, 85.0))  # held, lowest and highest of each scenario [km/h]
+FULL_ANGLES = 100.0 / 3.6  # speed above which angles shrink with it, as the car then answers more strongly [m/s]
 
 _ANGLE, _SPEED, _TORQUE = (CHANNEL[name] for name in ("handwheel_angle", "handwheel_speed", "handwheel_torque"))
 
@@ -53,7 +54,13 @@ def _draw_scenario(rng: np.random.Generator, options: Mapping[str, float]) -> tu
 
 
 def _draw_setup(rng: np.random.Generator, context: EpisodeContext, options: Mapping[str, float]) -> EpisodeSetup:
-    setup = PARTS[context.scenario].draw_setup(rng, context, {})
+    own: dict[str, float] = {}
+    share = min(FULL_ANGLES / max(context.speed, 1.0), 1.0)
+    if context.scenario == WEAVE:
+        own["amplitude"] = share * float(rng.uniform(*assist_weave.AMPLITUDES))
+    elif context.scenario == RELEASE:
+        own["amplitude"] = float(rng.choice((-share, share)) * rng.uniform(assist_release.LOW, assist_release.HIGH))
+    setup = PARTS[context.scenario].draw_setup(rng, context, own)
     data = np.zeros(0) if setup.data is None else setup.data
     given = np.zeros((len(setup.scripted_inputs), len(scripted.HANDS)))
     given[:, : setup.scripted_inputs.shape[1]] = setup.scripted_inputs
@@ -126,7 +133,8 @@ TASK = register(
         begins=(
             "An episode is that of AssistWeave, AssistRelease, AssistParking or AssistLaneChange, each as likely as "
             "the others, with their courses and motions. The held speed is drawn with it: {:g} to {:g} km/h in weave "
-            "and release, standing in parking, {:g} to {:g} km/h in the lane change."
+            "and release, where handwheel angles shrink with the speed above 100 km/h, standing in parking, and {:g} to "
+            "{:g} km/h in the lane change."
         ).format(*SPEEDS[WEAVE], *SPEEDS[LANE_CHANGE]),
         ends="The episode ends as that of the task that is drawn.",
         speed=100.0 / 3.6,
