@@ -133,7 +133,7 @@ TASK = register(
         begins=(
             "An episode is that of AssistWeave, AssistRelease, AssistParking or AssistLaneChange, each as likely as "
             "the others, with their courses and motions. The held speed is drawn with it: {:g} to {:g} km/h in weave "
-            "and release, where handwheel angles shrink with the speed above 100 km/h, standing in parking, and {:g} to "
+            "and release, where handwheel angles shrink above 100 km/h, standing in parking, and {:g} to "
             "{:g} km/h in the lane change."
         ).format(*SPEEDS[WEAVE], *SPEEDS[LANE_CHANGE]),
         ends="The episode ends as that of the task that is drawn.",
