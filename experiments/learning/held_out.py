@@ -58,9 +58,10 @@ def collect(
         cost += np.where(going, info["cost"], 0.0)
         ended = going & (terminated | truncated)
         failure[ended] = info["failure"][ended]
-        for name, values in info.get("metrics", {}).items():
-            if not name.startswith("_"):
-                metrics.setdefault(name, np.zeros(episodes))[ended] = values[ended]
+        if ended.any():
+            for name, values in info["metrics"].items():
+                if not name.startswith("_"):
+                    metrics.setdefault(name, np.zeros(episodes))[ended] = values[ended]
         going &= ~ended
     env.close()
     return Episodes(reward, cost, failure, metrics)
