@@ -90,7 +90,7 @@ KINDS = {
     ),
     "release": Kind("AssistWeave", {"draw_setup": _release}, "swing", RISE + HELD),
     "weave": Kind("AssistWeave", {}, "ripple"),
-    "arms": Kind("AssistLaneKeeping", {"draw_setup": _straight}, "swing"),
+    "arms": Kind("AssistLaneKeeping", {"draw_setup": _straight}, "held swing"),
     "lane keeping": Kind("AssistLaneKeeping", {}, "effort"),
     "lane change": Kind("AssistLaneChange", {}, "effort"),
 }

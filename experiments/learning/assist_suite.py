@@ -88,6 +88,7 @@ class Judge(NamedTuple):
 
 JUDGES = {
     "swing": Judge(_swing, 0.5, "deg"),
+    "held swing": Judge(_swing, 2.0, "deg"),
     "ripple": Judge(_ripple, 0.05, "N m"),
     "effort": Judge(_effort, 1.5, "1", relative=True),
 }
