@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from steer_env import drivers
 from steer_env.batch_arrays import EPISODE, allocate, layout, stored
-from steer_env.batch_kernels import ROLL, ROLLED_OVER, evaluate, fill_inputs
+from steer_env.batch_kernels import evaluate, fill_inputs
 from steer_env.friction.numerics.check import number, whole
 from steer_env.friction.numerics.frozen import frozen
 from steer_env.friction.numerics.kernel import bind
@@ -26,7 +26,15 @@ from steer_env.friction.numerics.renamed import renamed
 from steer_env.manoeuvres.common.driving import steering_stiffness
 from steer_env.randomise import LIMITS, RANGES, SENSOR_NOISE, Conditions, Randomise
 from steer_env.sensor_noise import SensorNoise
-from steer_env.tasks.common.definition import RMS, EpisodeContext, EpisodeSetup, Scenery, Task
+from steer_env.tasks.common.definition import (
+    FAILURES,
+    NON_FINITE,
+    RMS,
+    EpisodeContext,
+    EpisodeSetup,
+    Scenery,
+    Task,
+)
 from steer_env.thread_pool import ThreadPool
 from steer_env.timing import SAMPLES_PER_UPDATE
 from steer_env.vehicle import cars, plant, plant_batch
@@ -84,7 +92,7 @@ class EnvironmentBatch:
         chassis: str | None = None,
         tyre: str | None = None,
         road: Road | Mapping[str, Any] | None = None,
-        control_dt: float = 0.01,
+        control_dt: float | None = None,
         driver: Any = None,
         randomise: Mapping[str, Any] | None = None,
         weights: Mapping[str, float] | None = None,
@@ -94,10 +102,14 @@ class EnvironmentBatch:
         self.chassis, self.road = _checked_chassis(task, chassis), resolve(road)
         if driver is not None and not task.driver_in_loop:
             raise ValueError(f"{task.name} has no driver model in its loop, so it takes no driver, got {driver!r}")
-        self.control_dt, samples = _checked_control_dt(control_dt)
+        self.control_dt, samples = _checked_control_dt(task.control_dt if control_dt is None else control_dt)
         self._samples_per_round = min(samples, SAMPLES_PER_UPDATE)
         self._rounds = samples // self._samples_per_round
         limits = task.speed_limits(self.chassis)
+        if task.draw_scenario is not None:
+            if speed is not None or "speed" in (randomise or {}):
+                raise ValueError(f"{task.name} draws its speeds with its scenarios: leave speed out")
+            limits = (task.speed, task.speed)
         given = task.speed if speed is None else speed
         speed = number("speed [m/s]", given, minimum=limits[0], maximum=limits[1])
         self.car = cars.load(vehicle)
@@ -108,7 +120,7 @@ class EnvironmentBatch:
         weights_of = _weights(task, weights)
 
         usual = self._randomise.usual
-        template = self._template = self._plant(usual, task.robot)
+        template = self._template = self._plant(usual, task.robot, self.driver)
         self.channels = tuple(name for name, _ in plant.channels(template))
         self.states = tuple(name for name, _ in plant.states(template))
         self._pose_states = [self.states.index(name) for name in _POSE]
@@ -145,7 +157,8 @@ class EnvironmentBatch:
         self.episodes = self.arrays.episodes.view(EPISODE, np.ndarray)
         self._bind()
 
-    def _plant(self, drawn: Conditions, robot: bool) -> plant.Plant:
+    def _plant(self, drawn: Conditions, robot: bool, driver: drivers.Driver | None = None) -> plant.Plant:
+        """The plant of an episode, with a robot, with the arms of a driver or with free hands."""
         p = self.car.loaded(drawn.load).plant(
             drawn.friction,
             speed=drawn.speed,
@@ -155,7 +168,7 @@ class EnvironmentBatch:
             road=self.road,
         )
         p = p._replace(friction_torque_scale=drawn.friction_level)
-        return p if self.driver is None else drivers.with_arms(p, self.driver.arm)
+        return p if robot or driver is None else drivers.with_arms(p, driver.arm)
 
     def _runner(self, p: plant.Plant) -> Callable[..., None]:
         """Runs one plant as :func:`steer_env.vehicle.plant.run` does, but by the kernel that the batch has compiled."""
@@ -186,12 +199,16 @@ class EnvironmentBatch:
         _check_options(task, options)
         drawn = self._randomise.draw(rng, {key: value for key, value in options.items() if key in RANGES})
         own = {key: task.checked_option(key, value) for key, value in options.items() if key in task.options}
-        setup = task.draw_setup(rng, EpisodeContext(self.car, drawn.speed), own)
+        scenario = 0
+        if task.draw_scenario is not None:
+            scenario, speed = task.draw_scenario(rng, own)
+            drawn = drawn._replace(speed=speed)
+        setup = task.draw_setup(rng, EpisodeContext(self.car, drawn.speed, scenario), own)
         self._store(i, setup, drawn)
         self.noise.set_factor(i, drawn.sensor_noise)
         self.noise.steps[i] = 0
         self.over[i], self.conditions[i] = False, drawn
-        if self.drivers is not None:
+        if self.drivers is not None and self.episodes["driven"][i]:
             self.drivers.start(i, drawn.speed)
         self.arrays.noise[i] = self.noise.draw(i, rng)
         self._evaluate(self.arrays, self._layout, task.parameters, 0, True, i, i + 1)
@@ -205,24 +222,27 @@ class EnvironmentBatch:
         data = np.zeros(0) if setup.data is None else setup.data
         setups = {"scripted_inputs": setup.scripted_inputs[None], "paths": path[None], "task_data": data[None]}
         self.arrays = a = stored(self.arrays, slice(i, i + 1), setups)
-        a.plants[i], a.states[i], a.channels[i] = self._start_of(drawn)
+        robot = self.task.robot if setup.robot is None else setup.robot
+        driven = self.driver is not None and not robot
+        a.plants[i], a.states[i], a.channels[i] = self._start_of(drawn, robot, driven)
         a.states[i, self._pose_states] = setup.pose
         a.channels[i, self._pose_channels] = setup.pose
         episode = np.zeros((), EPISODE)
         episode["end"] = (len(setup.scripted_inputs) - 1) * SAMPLES_PER_UPDATE
         episode["release"] = -1 if setup.release_time is None else round(setup.release_time / SAMPLE_TIME)
         episode["path_points"], episode["data_size"] = len(path), len(data)
-        episode["speed"] = drawn.speed
+        episode["speed"] = episode["held_speed"] = drawn.speed
+        episode["action_gain"], episode["driven"] = drawn.action_gain, driven
         episode["delay"] = round(drawn.delay / self.control_dt)
         self.episodes[i] = episode
         a.task_memory[i] = a.metrics[i] = a.terms[i] = 0.0
         a.finite[i] = True
 
-    def _start_of(self, drawn: Conditions) -> tuple[Array, Array, Array]:
+    def _start_of(self, drawn: Conditions, robot: bool, driven: bool) -> tuple[Array, Array, Array]:
         usual = self._randomise.usual
-        if drawn.friction is usual.friction and drawn[:4] == usual[:4]:
+        if drawn.friction is usual.friction and drawn[:4] == usual[:4] and self.task.draw_scenario is None:
             return self._usual_start
-        return self._settled(self._plant(drawn, self.task.robot))
+        return self._settled(self._plant(drawn, robot, self.driver if driven else None))
 
     def step(self, actions: NDArray[np.float32], generators: Sequence[np.random.Generator]) -> None:
         """Hold the clipped actions (n,) for ``control_dt`` in every row.
@@ -260,15 +280,12 @@ class EnvironmentBatch:
             for metric, value in zip(self.task.metrics, self.arrays.metrics[i, 1].tolist())
         }
 
-    def failure_info(self, i: int) -> dict[str, Any]:
-        """Why row ``i`` failed in the last step, for its info; empty if it did not."""
-        if not self.episodes["failed"][i]:
-            return {}
-        if not self.arrays.finite[i]:
-            return {"non_finite_state": self._first_non_finite(i)}
-        if abs(self.arrays.channels[i, ROLL]) > ROLLED_OVER:
-            return {"rolled_over": True}
-        return {"spun_out": True, "spun": True}  # the second is the old name, which goes in release 1.0
+    def failure_text(self, i: int) -> str:
+        """Why row ``i`` failed in the last step, in words; empty if it did not."""
+        failure = int(self.episodes["failure"][i])
+        if failure == NON_FINITE:
+            return f"{FAILURES[failure]}: {self._first_non_finite(i)}"
+        return FAILURES[failure]
 
     def _first_non_finite(self, i: int) -> str:
         """Repeat the last round of row ``i``, sample by sample; a run is reproducible to the bit."""
@@ -323,6 +340,8 @@ def _check_options(task: Task, options: Any) -> None:
     if not isinstance(options, Mapping):
         raise ValueError(f"reset options must map names to values, got {options!r}")
     for key in options:
+        if key == "speed" and task.draw_scenario is not None:
+            raise ValueError(f"{task.name} draws its speeds with its scenarios: leave the reset option 'speed' out")
         if key not in RANGES and key not in task.options:
             raise ValueError(f"unknown reset option {key!r}; {task.name} takes: {', '.join([*task.options, *RANGES])}")
 

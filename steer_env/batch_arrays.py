@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from steer_env.tasks.common.definition import Task
+from steer_env.tasks.common.definition import COST_LIMIT, Task
 from steer_env.vehicle import plant, plant_batch
 from steer_env.vehicle.chassis.common.interface import INPUTS
 from steer_env.vehicle.plant import Plant
@@ -24,14 +24,17 @@ EPISODE = np.dtype(
         ("data_size", np.int64),  # elements of ``task_data`` that are in use
         ("latest", np.int64),  # place of the newest observation in the ring buffer
         ("delay", np.int64),  # of the observation [control steps]
+        ("action_gain", np.float64),  # factor on the action's effect
+        ("driven", np.int64),  # 1 where a driver model holds the handwheel
         ("speed", np.float64),  # forward [m/s]
+        ("held_speed", np.float64),  # that is held, or that the episode begins with [m/s]
         ("action", np.float64),  # of the present step, clipped to [-1, 1]
         ("action_rate", np.float64),  # [1/s]
         ("reward", np.float64),  # of the last step
         ("cost", np.float64),  # of the last step
+        ("failure", np.int64),  # in the last step: place among steer_env.tasks.common.definition.FAILURES
         ("terminated", np.bool_),
         ("truncated", np.bool_),
-        ("failed", np.bool_),  # a state is not finite, or the car has rolled over or spun out
     ],
     align=True,
 )
@@ -112,7 +115,7 @@ def allocate(task: Task, template: Plant, n: int, samples_per_round: int, delay_
 
 
 def layout(task: Task, template: Plant, control_dt: float, samples_per_step: int, weights: Array) -> BatchLayout:
-    """The layout for a task, with the weights of its rewards (R,) in their order; costs keep the task's own."""
+    """The layout for a task, with the weights of its rewards (R,); those of costs are over their limits."""
     names = [name for name, _ in plant.channels(template)]
     return BatchLayout(
         control_dt=control_dt,
@@ -125,7 +128,7 @@ def layout(task: Task, template: Plant, control_dt: float, samples_per_step: int
         scripted=np.array(task.scripted_inputs, np.int64),
         observed_channels=np.array([plant.CHANNEL[name] for name in task.channels]),
         metric_kinds=np.array([metric.kind for metric in task.metrics]),
-        weights=np.concatenate([weights, [term.weight for term in task.costs]]),
+        weights=np.concatenate([weights, [COST_LIMIT / cost.limit for cost in task.costs]]),
         bounds=np.array([quantity.bound for quantity in task.observed], np.float32).astype(float),
     )
 

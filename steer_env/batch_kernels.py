@@ -9,18 +9,17 @@ from steer_env.friction.numerics.bounds import within
 from steer_env.friction.numerics.interpolation import hermite
 from steer_env.friction.numerics.kernel import kernel
 from steer_env.tasks.common import definition as tasks
-from steer_env.tasks.common.definition import PEAK, RMS, StepContext
+from steer_env.tasks.common.definition import GOES_ON, NON_FINITE, PEAK, RMS, ROLLED_OVER, SPUN_OUT, StepContext
 from steer_env.timing import SAMPLES_PER_UPDATE, UPDATE_INTERVAL
 from steer_env.vehicle import plant
 from steer_env.vehicle.chassis.common.interface import HAND, HAND_SPEED
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
 
-FAILURE_REWARD = -100.0  # of a step in which the car fails: worse than driving on
-ROLLED_OVER = 1.0  # roll angle beyond which a car is taken to overturn [rad]
+OVERTURNS = 1.0  # roll angle beyond which a car is taken to overturn [rad]
 SLOW = 3.0  # forward speed below which a car that slides sideways has not spun out; assumed [m/s]
 
 _LATERAL_SPEED = plant.CHANNEL["lateral_speed"]
-ROLL = plant.CHANNEL["roll_angle"]
+_ROLL = plant.CHANNEL["roll_angle"]
 
 
 @kernel
@@ -36,7 +35,7 @@ def fill_inputs(arrays, layout, begins, low, high):
         if begins:
             episode.action_rate = (arrays.actions[i] - episode.action) / layout.control_dt
             episode.action = arrays.actions[i]
-            episode.terminated = False
+            episode.terminated, episode.failure = False, 0
             for k in range(arrays.terms.shape[1]):
                 arrays.terms[i, k] = 0.0
         if not arrays.finite[i]:
@@ -53,19 +52,22 @@ def fill_inputs(arrays, layout, begins, low, high):
             update = within((sample - 1) // SAMPLES_PER_UPDATE, 0, arrays.scripted_inputs.shape[1] - 2)
             s = (sample - update * SAMPLES_PER_UPDATE) / SAMPLES_PER_UPDATE
             start, end = arrays.scripted_inputs[i, update], arrays.scripted_inputs[i, update + 1]
-            _interpolate(layout.scripted, start, end, s, u)
+            _interpolate(layout.scripted, start, end, s, episode.driven == 0, u)
             if free:
                 u[HAND] = 0.0
                 u[HAND_SPEED] = 0.0
-            u[layout.action_input] += layout.action_scale * episode.action
+            u[layout.action_input] += layout.action_scale * episode.action_gain * episode.action
 
 
 @kernel
-def _interpolate(scripted, start, end, s, u):
-    """Scripted inputs at a share ``s`` of the interval between two updates; places among the inputs u: ``scripted``."""
+def _interpolate(scripted, start, end, s, robot, u):
+    """Scripted inputs at a share ``s`` of the interval between two updates; places among the inputs u: ``scripted``.
+
+    A handwheel angle of a ``robot`` comes with its speed.
+    """
     for k in range(scripted.size):
         u[scripted[k]] = start[k] + s * (end[k] - start[k])
-    if scripted.size > 1 and scripted[1] == HAND_SPEED:  # angles and speeds of both ends
+    if robot and scripted.size > 1 and scripted[1] == HAND_SPEED:  # angles and speeds of both ends
         begin_slope, end_slope = start[1] * UPDATE_INTERVAL, end[1] * UPDATE_INTERVAL
         u[HAND], slope = hermite(s, start[0], end[0], begin_slope, end_slope)
         u[HAND_SPEED] = slope / UPDATE_INTERVAL
@@ -84,16 +86,17 @@ def evaluate(arrays, layout, parameters, samples, ends, low, high):
         episode.sample += samples
         if layout.speed_channel >= 0:
             episode.speed = channels[layout.speed_channel]
-        step = StepContext(episode.sample * SAMPLE_TIME, dt, episode.speed, episode.action, episode.action_rate)
+        step = StepContext(
+            episode.sample * SAMPLE_TIME, dt, episode.speed, episode.held_speed, episode.action, episode.action_rate
+        )
         data, memory = arrays.task_data[i, : episode.data_size], arrays.task_memory[i]
         tasks.observe(parameters, channels, arrays.paths[i, : episode.path_points], data, step, memory, observed)
         if samples > 0 and arrays.finite[i] and not episode.terminated:
             episode.evaluated += samples
             rewards, costs = arrays.terms[i, : layout.n_rewards], arrays.terms[i, layout.n_rewards :]
             present, accumulated = arrays.metrics[i, 0], arrays.metrics[i, 1]
-            episode.terminated = tasks.evaluate_step(
-                parameters, channels, observed, data, step, memory, rewards, costs, present
-            )
+            outcome = tasks.evaluate_step(parameters, channels, observed, data, step, memory, rewards, costs, present)
+            episode.terminated, episode.failure = outcome != GOES_ON, max(outcome, 0)
             _accumulate(layout.metric_kinds, dt, present, accumulated)
         if ends:
             _finish_step(layout, episode, channels, arrays.finite[i], arrays.terms[i])
@@ -118,6 +121,14 @@ def _accumulate(kinds, dt, present, accumulated):
 @kernel
 def _finish_step(layout, episode, channels, finite, terms):
     """Weight the terms, and decide whether the episode ends; what comes after the task's own end does not count."""
+    episode.truncated = episode.sample + layout.samples_per_step > episode.end
+    if not episode.terminated:
+        episode.failure = _failure(episode, channels, finite, terms)
+        episode.terminated = episode.failure > 0
+    if episode.failure == NON_FINITE:  # nor are its terms
+        for k in range(terms.size):
+            terms[k] = 0.0
+    terms[layout.n_rewards - 1] = 1.0 if episode.failure > 0 else 0.0
     episode.reward = episode.cost = 0.0
     for k in range(terms.size):
         terms[k] *= layout.weights[k]
@@ -125,14 +136,21 @@ def _finish_step(layout, episode, channels, finite, terms):
             episode.reward += terms[k]
         else:
             episode.cost += terms[k]
-    episode.truncated = episode.sample + layout.samples_per_step > episode.end
-    rolled_over = abs(channels[ROLL]) > ROLLED_OVER
-    spun_out = abs(channels[_LATERAL_SPEED]) > within(episode.speed, SLOW, math.inf)
-    ill_defined = not finite or not abs(episode.reward) < math.inf
-    episode.failed = not episode.terminated and (rolled_over or spun_out or ill_defined)
-    if episode.failed:
-        episode.reward = FAILURE_REWARD
-        episode.terminated = True
+
+
+@kernel
+def _failure(episode, channels, finite, terms):
+    """The failure of an episode that its task lets go on; 0 for none."""
+    total = 0.0
+    for k in range(terms.size):
+        total += terms[k]
+    if not finite or not abs(total) < math.inf:
+        return NON_FINITE
+    if abs(channels[_ROLL]) > OVERTURNS:
+        return ROLLED_OVER
+    if abs(channels[_LATERAL_SPEED]) > within(episode.speed, SLOW, math.inf):
+        return SPUN_OUT
+    return 0
 
 
 @kernel
@@ -143,8 +161,12 @@ def _observe(layout, episode, channels, observed, noise, past_observations):
     for k in range(layout.bounds.size):
         if k < n:
             value = channels[layout.observed_channels[k]]
+        elif k == n:
+            value = episode.speed
+        elif k == n + 1:
+            value = episode.action
         else:
-            value = episode.speed if k == n else observed[k - n - 1]
+            value = observed[k - n - 2]
         value += noise[k]
         # NaN of a failed row becomes zero.
         clipped = within(value, -layout.bounds[k], layout.bounds[k]) if abs(value) <= math.inf else 0.0

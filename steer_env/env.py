@@ -127,16 +127,16 @@ class SteerEnv(PlainSpecification, gym.Env):
             raise RuntimeError("the episode is over or has not begun: call reset")
         batch.step(action, (self.np_random,))
         episode: Any = batch.episodes.item()
-        *_, reward, cost, terminated, truncated, _ = episode
+        *_, reward, cost, failure, terminated, truncated = episode
         info = self._channels()
         terms = self._terms.tolist()
         info["reward_terms"] = dict(zip(self._reward_names, terms))
         info["cost"] = cost
+        info["failure"] = failure
         info["cost_terms"] = dict(zip(self._cost_names, terms[len(self._reward_names) :]))
         if terminated or truncated:
             batch.over[0] = True
             info["metrics"] = batch.metrics(0)
-            info |= batch.failure_info(0)
         if self._renderer is not None:
             self._renderer.add()
         return self._observation.copy(), reward, terminated, truncated, info

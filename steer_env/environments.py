@@ -22,6 +22,13 @@ def table(head: tuple[str, ...], rows: Sequence[tuple[str, ...]]) -> str:
     return "\n".join(f"| {' | '.join(line)} |" for line in lines)
 
 
+_COUNTED = ("the time", "the way gained along the path, over the held speed")
+
+
+def _follows_path(task: Task) -> bool:
+    return any(quantity.name == "lateral_offset" for quantity in task.observed)
+
+
 def _documentation(task: Task) -> str:
     """A docstring in Gymnasium's form."""
     action = task.action
@@ -29,8 +36,8 @@ def _documentation(task: Task) -> str:
         (str(i), q.name.replace("_", " ") + (f": {q.meaning}" if q.meaning else ""), f"{q.bound:.6g}", q.unit)
         for i, q in enumerate(task.observed)
     ]
-    terms = [(f"`{t.name}`", f"{t.weight:.6g}", t.unit, t.meaning) for t in task.rewards]
-    costs = [(f"`{t.name}`", f"{t.weight:.6g}", t.unit, t.meaning) for t in task.costs]
+    terms = [(f"`{t.name}`", f"{t.weight:.6g}", t.meaning) for t in task.rewards]
+    costs = [(f"`{c.name}`", f"{c.limit:.6g}", c.unit, c.meaning) for c in task.costs]
     metrics = [(f"`{m.name}`", m.unit, ("rms", "peak", "sum")[m.kind], m.meaning) for m in task.metrics]
     options = [(f"`{key}`", meaning) for key, (_, _, meaning) in {**task.options, **RANGES}.items()]
     sections = [
@@ -42,19 +49,20 @@ def _documentation(task: Task) -> str:
         f"`Box({len(observations)},)` in SI units, clipped to the bounds.",
         table(("index", "observation", "bound", "unit"), observations),
         "## Reward",
-        "The reward is the sum of the terms, each its weight times its quantity over the step. The terms are in "
-        '`info["reward_terms"]`.',
-        table(("term", "weight", "unit", "quantity"), terms),
-        '## Cost\n\nFor constrained learning: the sum is `info["cost"]`, the terms are `info["cost_terms"]`.',
-        table(("term", "weight", "unit", "quantity"), costs),
+        f'The reward is the sum of the terms, which are in `info["reward_terms"]`: each is its weight times a quality '
+        f"from 0 to 1, integrated over {_COUNTED[_follows_path(task)]}. A failure costs 1, and nothing counts after "
+        "it, so that no way to fail is worth more than to go on.",
+        table(("term", "weight [1/s]", "quality"), terms),
+        "## Cost\n\nFor constrained learning: each cost is a quantity over its budget for an episode, so that the "
+        'budget of each is 1 (`cost_limit`). The terms are in `info["cost_terms"]`, their sum is `info["cost"]`.',
+        table(("cost", "budget per episode", "unit", "quantity"), costs),
         '## Metrics\n\nThose of the whole episode are in `info["metrics"]` at its end.',
         table(("metric", "unit", "over the episode", "of"), metrics),
         "## Start",
         textwrap.fill(task.begins, 118),
         "## End",
         textwrap.fill(
-            f"{task.ends} It terminates with a reward of -100 if a state is no longer finite, or the car rolls over or "
-            "spins out.",
+            f"{task.ends} It fails as well if the car rolls over or spins out, or a state is no longer finite.",
             118,
         ),
         "## Arguments",
@@ -71,7 +79,8 @@ def _arguments(task: Task) -> str:
     low, high = task.speed_limits(task.chassis[0])
     return (
         f"Those of `steer_env.SteerEnv`, with a speed from {low:g} to {high:g} m/s. The default speed is "
-        f"{3.6 * task.speed:g} km/h, the default chassis {task.chassis[0]!r}."
+        f"{3.6 * task.speed:g} km/h, the default chassis {task.chassis[0]!r}, the default `control_dt` "
+        f"{task.control_dt:g} s."
     )
 
 

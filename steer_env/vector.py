@@ -122,18 +122,20 @@ class SteerVectorEnv(PlainSpecification, VectorEnv):
         rewards, costs, terminated, truncated = (
             batch.episodes[key].copy() for key in ("reward", "cost", "terminated", "truncated")
         )
+        failures = batch.episodes["failure"].copy()
         for i in ended:  # NEXT_STEP: this step resets, whatever the action was
             batch.start(i, self._generators[i], {})
             rewards[i] = costs[i] = 0.0
             terminated[i] = truncated[i] = False
         info = self._with_conditions(self._channels(self._all), over)
         info["cost"], info["_cost"] = costs, self._all
+        info["failure"], info["_failure"] = failures, self._all
         done = terminated | truncated
         if done.any():
             batch.over[done] = True
             ends: dict[str, Any] = {}
             for i in np.flatnonzero(done).tolist():
-                self._add_info(ends, {"metrics": batch.metrics(i), **batch.failure_info(i)}, i)
+                self._add_info(ends, {"metrics": batch.metrics(i)}, i)
             if mode == AutoresetMode.SAME_STEP:  # the step that ends an episode resets at once
                 channels = {key: value for key, value in info.items() if not key.startswith("_")}
                 final = {**{key: np.where(done, value, 0.0) for key, value in channels.items()}, **ends}

@@ -30,6 +30,7 @@ class Episodes(NamedTuple):
 
     reward: Array  # sum over the episode
     cost: Array  # sum over the episode
+    failure: NDArray[np.int64]  # at the end: place among the failures of the tasks, 0 for none
     metrics: dict[str, Array]  # episode metrics of the task
 
 
@@ -50,18 +51,19 @@ def collect(
     controller.reset()
     observation, _ = env.reset(seed=first_seed)
     reward, cost, going = np.zeros(episodes), np.zeros(episodes), np.ones(episodes, bool)
-    metrics: dict[str, Array] = {}
+    failure, metrics = np.zeros(episodes, np.int64), dict[str, Array]()
     while going.any():
         observation, rewards, terminated, truncated, info = env.step(controller.act(observation))
         reward += np.where(going, rewards, 0.0)
         cost += np.where(going, info["cost"], 0.0)
         ended = going & (terminated | truncated)
+        failure[ended] = info["failure"][ended]
         for name, values in info.get("metrics", {}).items():
             if not name.startswith("_"):
                 metrics.setdefault(name, np.zeros(episodes))[ended] = values[ended]
         going &= ~ended
     env.close()
-    return Episodes(reward, cost, metrics)
+    return Episodes(reward, cost, failure, metrics)
 
 
 def mean(values: Array) -> Estimate:

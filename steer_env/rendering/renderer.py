@@ -15,6 +15,7 @@ from steer_env.batch import EnvironmentBatch
 from steer_env.courses.iso3888 import outline
 from steer_env.friction.law import law_of
 from steer_env.rendering.canvas import Canvas, Colour, around, nice_step
+from steer_env.tasks.common.definition import NON_FINITE
 from steer_env.vehicle.plant import CHANNEL
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
 
@@ -121,7 +122,7 @@ class Renderer:
     def _read(self) -> None:
         """Read the present state. One that is not finite leaves the last picture as it was."""
         now = self._batch.arrays.channels[0, _PLACES]
-        if self._batch.episodes["failed"][0] or not np.isfinite(now).all():
+        if self._batch.episodes["failure"][0] == NON_FINITE or not np.isfinite(now).all():
             return
         time = float(self._batch.episodes["sample"][0]) * SAMPLE_TIME
         self._heading += -math.expm1((self._time - time) / _VIEW_LAG) * (now[_YAW] - self._heading)

@@ -2,8 +2,6 @@
 
 from steer_env.tasks.common import cones
 from steer_env.tasks.common.definition import ASSIST_CHANNELS, ASSIST_TORQUE, Task, register
-from steer_env.tasks.common.feel import FEEL_REWARDS
-from steer_env.tasks.common.path_following import FOLLOWING_REWARDS
 from steer_env.vehicle.chassis.common.interface import HAND
 
 NAME = "AssistLaneChange"
@@ -15,7 +13,9 @@ TASK = register(
         parameters=cones.AssistCones(cones.COURSE_HALF_WIDTH),
         action=ASSIST_TORQUE,
         channels=ASSIST_CHANNELS,
-        rewards=(*FOLLOWING_REWARDS, *FEEL_REWARDS, *cones.CONE_REWARDS),
+        rewards=cones.ASSIST_REWARDS,
+        costs=cones.ASSIST_COSTS,
+        metrics=cones.ASSIST_METRICS,
         draw_setup=cones.setup_drawer(NAME, "double-lane-change"),
         speed=80.0 / 3.6,
         scripted_inputs=(HAND,),

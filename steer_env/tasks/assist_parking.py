@@ -12,6 +12,7 @@ from steer_env.tasks.common import scripted
 from steer_env.tasks.common.definition import (
     ASSIST_CHANNELS,
     ASSIST_TORQUE,
+    GOES_ON,
     RMS,
     EpisodeContext,
     EpisodeMetric,
@@ -20,12 +21,13 @@ from steer_env.tasks.common.definition import (
     Term,
     register,
 )
-from steer_env.tasks.common.standstill import ACTION_TERMS, CREEPING, TWO_TRACK, angle_at_lock
+from steer_env.tasks.common.feel import FEEL_SCALE, feel_quality
+from steer_env.tasks.common.standstill import CREEPING, TWO_TRACK, angle_at_lock
 from steer_env.tasks.common.terms import (
     COMMON_COSTS,
     COMMON_MEMORY,
     COMMON_METRICS,
-    evaluate_action,
+    COMMON_REWARDS,
     evaluate_common,
 )
 from steer_env.vehicle.plant import CHANNEL
@@ -62,12 +64,11 @@ def wanted_torque(torque, handwheel_speed):
 
 @kernel
 def _evaluate(parameters, channels, observations, data, step, memory, rewards, costs, metrics):
-    evaluate_common(channels, step, memory, costs, metrics)
+    evaluate_common(channels, step, step.dt, memory, rewards, costs, metrics)
     error = channels[_TORQUE] - wanted_torque(parameters.torque, channels[_SPEED])
     metrics[metrics.size - 1] = error
-    rewards[0] += step.dt * error * error
-    evaluate_action(step, 1, rewards)
-    return False
+    rewards[0] += step.dt * feel_quality(error)
+    return GOES_ON
 
 
 TASK = register(
@@ -81,11 +82,11 @@ TASK = register(
         rewards=(
             Term(
                 "feel",
-                -1.0,
-                "(N m)2 s",
-                f"squared difference between the hand torque and {WANTED:g} N m in the direction of turning",
+                0.7,
+                f"quality of the hand torque against {WANTED:g} N m in the direction of turning; 71 % at "
+                f"{FEEL_SCALE:g} N m",
             ),
-            *ACTION_TERMS,
+            *COMMON_REWARDS,
         ),
         costs=COMMON_COSTS,
         metrics=(

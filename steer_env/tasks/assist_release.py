@@ -12,6 +12,7 @@ from steer_env.tasks.common import scripted
 from steer_env.tasks.common.definition import (
     ASSIST_CHANNELS,
     ASSIST_TORQUE,
+    GOES_ON,
     RMS,
     EpisodeContext,
     EpisodeMetric,
@@ -21,20 +22,23 @@ from steer_env.tasks.common.definition import (
     Term,
     register,
 )
+from steer_env.tasks.common.feel import FEEL_METRIC, FEEL_SCALE, feel_error, feel_quality, feel_term
 from steer_env.tasks.common.terms import (
     COMMON_COSTS,
     COMMON_MEMORY,
     COMMON_METRICS,
-    action_terms,
-    evaluate_action,
+    COMMON_REWARDS,
     evaluate_common,
+    quality,
 )
 from steer_env.vehicle.plant import CHANNEL
 
 RELEASE_TIME = RISE + HELD  # [s]
 LOW, HIGH = 0.1, 0.5  # of the amplitude; 0.24 rad is 2 m/s2 at 100 km/h on the compact car [rad]
 
-_ANGLE, _YAW_RATE = CHANNEL["handwheel_angle"], CHANNEL["yaw_rate"]
+ANGLE_SCALE = 0.05  # handwheel angle at which the quality of the return is 71 %, assumed [rad]
+
+_ANGLE = CHANNEL["handwheel_angle"]
 
 
 class Release(NamedTuple):
@@ -59,16 +63,16 @@ def _observe(parameters, channels, path, data, step, memory, observations):
 
 @kernel
 def _evaluate(parameters, channels, observations, data, step, memory, rewards, costs, metrics):
-    evaluate_common(channels, step, memory, costs, metrics)
-    angle, yaw_rate = channels[_ANGLE], channels[_YAW_RATE]
+    evaluate_common(channels, step, step.dt, memory, rewards, costs, metrics)
     n = metrics.size
-    metrics[n - 1] = 0.0
     if step.time > parameters.time:
-        rewards[0] += step.dt * angle * angle
-        rewards[1] += step.dt * yaw_rate * yaw_rate
-        metrics[n - 1] = angle
-    evaluate_action(step, 2, rewards)
-    return False
+        rewards[1] += step.dt * quality(channels[_ANGLE] / ANGLE_SCALE)
+        metrics[n - 2], metrics[n - 1] = 0.0, channels[_ANGLE]
+    else:
+        error = feel_error(channels)
+        rewards[0] += step.dt * feel_quality(error)
+        metrics[n - 2], metrics[n - 1] = error, 0.0
+    return GOES_ON
 
 
 TASK = register(
@@ -80,13 +84,17 @@ TASK = register(
         channels=ASSIST_CHANNELS,
         task_observations=(Quantity("released", "1", 1.0, "1 from the release on, 0 before"),),
         rewards=(
-            Term("angle", -1.0 / 0.1**2, "rad2 s", "squared handwheel angle after the release"),
-            Term("yaw", -1.0 / 0.05**2, "rad2/s", "squared yaw rate after the release"),
-            *action_terms(0.01),
+            feel_term(0.35)._replace(
+                meaning="while the robot holds the handwheel, quality of the hand torque against the reference feel; "
+                f"71 % at {FEEL_SCALE:g} N m"
+            ),
+            Term("return", 0.35, f"after the release, quality of the handwheel angle; 71 % at {ANGLE_SCALE:g} rad"),
+            *COMMON_REWARDS,
         ),
         costs=COMMON_COSTS,
         metrics=(
             *COMMON_METRICS,
+            FEEL_METRIC._replace(meaning=f"{FEEL_METRIC.meaning}, taken as zero after the release"),
             EpisodeMetric("rms_released_angle", "rad", RMS, "handwheel angle, taken as zero before the release"),
         ),
         draw_setup=_draw_setup,

@@ -12,16 +12,24 @@ from steer_env.tasks.common import scripted
 from steer_env.tasks.common.definition import (
     ASSIST_CHANNELS,
     ASSIST_TORQUE,
+    GOES_ON,
     EpisodeContext,
     EpisodeSetup,
     Task,
     register,
 )
-from steer_env.tasks.common.feel import FEEL_METRIC, FEEL_REWARDS, evaluate_feel
-from steer_env.tasks.common.terms import COMMON_COSTS, COMMON_MEMORY, COMMON_METRICS, evaluate_common
+from steer_env.tasks.common.feel import FEEL_METRIC, feel_error, feel_quality, feel_term
+from steer_env.tasks.common.terms import (
+    COMMON_COSTS,
+    COMMON_MEMORY,
+    COMMON_METRICS,
+    COMMON_REWARDS,
+    evaluate_common,
+)
 
 DURATION = 20.0  # [s]
 NOMINAL = math.radians(15.0)  # amplitude; some 2 m/s2 at 100 km/h on the compact car
+AMPLITUDES = 0.8 * NOMINAL, 1.2 * NOMINAL  # that are drawn [rad]
 
 
 class Weave(NamedTuple):
@@ -29,7 +37,7 @@ class Weave(NamedTuple):
 
 
 def _draw_setup(rng: np.random.Generator, context: EpisodeContext, options: Mapping[str, float]) -> EpisodeSetup:
-    amplitude = TASK.draw_option(rng, options, "amplitude", 0.8 * NOMINAL, 1.2 * NOMINAL)
+    amplitude = TASK.draw_option(rng, options, "amplitude", *AMPLITUDES)
     return EpisodeSetup(scripted.hand_motion(manoeuvres.make("weave"), amplitude, DURATION))
 
 
@@ -40,9 +48,11 @@ def _observe(parameters, channels, path, data, step, memory, observations):
 
 @kernel
 def _evaluate(parameters, channels, observations, data, step, memory, rewards, costs, metrics):
-    evaluate_common(channels, step, memory, costs, metrics)
-    metrics[metrics.size - 1] = evaluate_feel(channels, step, 0, rewards)
-    return False
+    evaluate_common(channels, step, step.dt, memory, rewards, costs, metrics)
+    error = feel_error(channels)
+    rewards[0] += step.dt * feel_quality(error)
+    metrics[metrics.size - 1] = error
+    return GOES_ON
 
 
 TASK = register(
@@ -53,7 +63,7 @@ TASK = register(
         action=ASSIST_TORQUE,
         channels=ASSIST_CHANNELS,
         task_observations=(),
-        rewards=FEEL_REWARDS,
+        rewards=(feel_term(0.7), *COMMON_REWARDS),
         costs=COMMON_COSTS,
         metrics=(*COMMON_METRICS, FEEL_METRIC),
         draw_setup=_draw_setup,

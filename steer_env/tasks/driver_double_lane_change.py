@@ -2,7 +2,7 @@
 
 from steer_env.tasks.common import cones
 from steer_env.tasks.common.definition import DRIVER_CHANNELS, HAND_TORQUE, Task, register
-from steer_env.tasks.common.path_following import ACTION_REWARDS, FOLLOWING_REWARDS
+from steer_env.tasks.common.terms import COMMON_COSTS
 from steer_env.vehicle.chassis.common.interface import COAST
 
 NAME = "DriverDoubleLaneChange"
@@ -14,7 +14,9 @@ TASK = register(
         parameters=cones.DriverCones(cones.COURSE_HALF_WIDTH),
         action=HAND_TORQUE,
         channels=DRIVER_CHANNELS,
-        rewards=(*FOLLOWING_REWARDS, *ACTION_REWARDS, *cones.CONE_REWARDS),
+        rewards=cones.DRIVER_REWARDS,
+        costs=COMMON_COSTS,
+        metrics=cones.DRIVER_METRICS,
         draw_setup=cones.setup_drawer(NAME, "double-lane-change"),
         speed=80.0 / 3.6,
         scripted_inputs=(COAST,),

@@ -38,10 +38,10 @@ class DriverArrays(NamedTuple):
 
 @kernel
 def _write_hand_torque(preview_model, drivers, reflex, episodes, channels, observations, inputs, low, high):
-    """Write the hand torque of the next update, without the arms' impedance, in the rows that are at an update."""
+    """Write the next update's hand torque, without the arms' impedance, in the driven rows that are at an update."""
     for i in range(low, high):
         sample = episodes[i].sample
-        if sample % SAMPLES_PER_UPDATE != 0:
+        if sample % SAMPLES_PER_UPDATE != 0 or episodes[i].driven == 0:
             continue
         now, memory = channels[i], drivers.memory[i]
         delayed = delayed_error(memory, memory[0] - now[_ANGLE], 1)

@@ -12,8 +12,12 @@ from steer_env.courses import iso3888, path
 from steer_env.friction.numerics.kernel import kernel
 from steer_env.manoeuvres.double_lane_change import APPROACH, RUN_OUT
 from steer_env.tasks.common.definition import (
+    DEPARTED,
+    FINISHED,
+    GOES_ON,
     SUM,
     TASKS,
+    Cost,
     DrawSetup,
     EpisodeContext,
     EpisodeMetric,
@@ -21,7 +25,7 @@ from steer_env.tasks.common.definition import (
     Scenery,
     Term,
 )
-from steer_env.tasks.common.feel import evaluate_feel
+from steer_env.tasks.common.feel import FEEL_METRIC, feel_error, feel_quality, feel_term
 from steer_env.tasks.common.path_following import (
     FOLLOWING_MEMORY,
     FOLLOWING_METRICS,
@@ -29,8 +33,9 @@ from steer_env.tasks.common.path_following import (
     evaluate_following,
     has_departed,
     observe_path,
+    offset_term,
 )
-from steer_env.tasks.common.terms import COMMON_COSTS, evaluate_action
+from steer_env.tasks.common.terms import COMMON_COSTS, COMMON_METRICS, COMMON_REWARDS
 from steer_env.timing import UPDATE_INTERVAL
 from steer_env.vehicle.plant import CHANNEL
 
@@ -40,9 +45,15 @@ COURSE_HALF_WIDTH = 4.0  # lateral offset from the path that ends an episode: no
 TIME_RATIO = 1.5  # time for a run over the time that the course takes at the held speed [1]
 BEHIND, BEYOND = 20.0, 80.0  # length of the path before the start and after the end [m]
 MAX_CONES = 64  # a course has fewer
+# Lateral offset at which a driver's quality is 71 %, and that of an assist, whose driver follows the path; assumed [m].
+DRIVER_OFFSET, ASSIST_OFFSET = 0.3, 0.1
 
 # Layout of the episode's data: the course's end, the car's outline, then x, y of the cones.
 _END, _LENGTH, _WIDTH, _CENTRE, _FIRST = range(5)
+_COUNT = FOLLOWING_MEMORY  # place of the number of touched cones in a task's memory; the flags of the cones follow
+_FLAGS = _COUNT + 1
+MEMORY = _FLAGS + MAX_CONES
+_CONES = len(COMMON_METRICS)  # place of that number among the metrics
 _X, _Y, _YAW = CHANNEL["x"], CHANNEL["y"], CHANNEL["yaw_angle"]
 
 
@@ -107,7 +118,7 @@ def observe(parameters, channels, path, data, step, memory, observations):
 
 
 @kernel
-def _newly_touched(channels, data, memory):
+def newly_touched(channels, data, memory):
     """Number of cones that the car's outline touches for the first time; the memory holds 1 for each touched cone."""
     c, s = math.cos(channels[_YAW]), math.sin(channels[_YAW])
     half_length, half_width = 0.5 * data[_LENGTH], 0.5 * data[_WIDTH]
@@ -115,65 +126,72 @@ def _newly_touched(channels, data, memory):
     for k in range((data.size - _FIRST) // 2):
         ahead, left = data[_FIRST + 2 * k] - channels[_X], data[_FIRST + 2 * k + 1] - channels[_Y]
         if abs(c * ahead + s * left - data[_CENTRE]) < half_length and abs(c * left - s * ahead) < half_width:
-            touched += 1.0 - memory[FOLLOWING_MEMORY + k]
-            memory[FOLLOWING_MEMORY + k] = 1.0
+            touched += 1.0 - memory[_FLAGS + k]
+            memory[_FLAGS + k] = 1.0
     return touched
 
 
 @kernel
-def _ended(parameters, channels, observations, data):
-    return has_departed(observations, parameters.half_width) or channels[_X] >= data[_END]
+def outcome_of(parameters, channels, observations, data):
+    """Whether the car has left the course or reached its end."""
+    if has_departed(observations, parameters.half_width):
+        return DEPARTED
+    return FINISHED if channels[_X] >= data[_END] else GOES_ON
+
+
+@kernel
+def _evaluate(parameters, channels, observations, data, scale, step, memory, rewards, costs, metrics):
+    """What both roles share: following with an offset's scale [m], touched cones as a metric, and the outcome.
+
+    Returns the progress [s], the cones touched for the first time, and the outcome.
+    """
+    progress = evaluate_following(channels, observations, scale, step, memory, rewards, costs, metrics)
+    touched = newly_touched(channels, data, memory)
+    metrics[_CONES] = touched
+    return progress, touched, outcome_of(parameters, channels, observations, data)
 
 
 @kernel
 def evaluate(parameters, channels, observations, data, step, memory, rewards, costs, metrics):
-    """The ``evaluate_step`` of the driver tasks: following, action, touched cones, departure, end of the course."""
-    evaluate_following(channels, observations, step, memory, rewards, costs, metrics)
-    evaluate_action(step, 3, rewards)
-    touched = _newly_touched(channels, data, memory)
-    rewards[5] += touched
-    costs[3] += touched
-    metrics[5] = touched
-    if has_departed(observations, parameters.half_width):
-        rewards[6] += 1.0
-    return _ended(parameters, channels, observations, data)
+    """The ``evaluate_step`` of the driver tasks: following, standing cones, departure, end of the course."""
+    progress, touched, outcome = _evaluate(
+        parameters, channels, observations, data, DRIVER_OFFSET, step, memory, rewards, costs, metrics
+    )
+    memory[_COUNT] += touched
+    rewards[1] += progress / (1.0 + memory[_COUNT])
+    return outcome
 
 
 @kernel
 def evaluate_assist(parameters, channels, observations, data, step, memory, rewards, costs, metrics):
     """The ``evaluate_step`` of the assist task: following, feel, touched cones, departure, end of the course."""
-    evaluate_following(channels, observations, step, memory, rewards, costs, metrics)
-    evaluate_feel(channels, step, 3, rewards)
-    touched = _newly_touched(channels, data, memory)
-    rewards[6] += touched
-    costs[3] += touched
-    metrics[5] = touched
-    if has_departed(observations, parameters.half_width):
-        rewards[7] += 1.0
-    return _ended(parameters, channels, observations, data)
+    progress, touched, outcome = _evaluate(
+        parameters, channels, observations, data, ASSIST_OFFSET, step, memory, rewards, costs, metrics
+    )
+    costs[costs.size - 1] += touched
+    error = feel_error(channels)
+    rewards[1] += progress * feel_quality(error)
+    metrics[metrics.size - 3] = error
+    return outcome
 
 
-def _scenery(channels: Array, observations: Array, data: Array, memory: Array) -> Scenery:
+def scenery(channels: Array, observations: Array, data: Array, memory: Array) -> Scenery:
+    """The cones, for the picture."""
     cones = data[_FIRST:].reshape(-1, 2)
-    return Scenery(cones=np.column_stack([cones, memory[FOLLOWING_MEMORY : FOLLOWING_MEMORY + len(cones)]]))
+    return Scenery(cones=np.column_stack([cones, memory[_FLAGS : _FLAGS + len(cones)]]))
 
 
-CONE_REWARDS = (
-    Term("cones", -10.0, "1", "number of cones touched for the first time"),
-    Term(
-        "departure",
-        -100.0,
-        "1",
-        f"1 when the car is more than {COURSE_HALF_WIDTH:g} m from the path or points across it",
-    ),
+_TOUCHED = "number of cones touched, each counted once"
+CONE_METRIC = EpisodeMetric("cones_hit", "1", SUM, _TOUCHED)
+DRIVER_REWARDS = (
+    offset_term(0.4, DRIVER_OFFSET),
+    Term("clean", 0.3, "1 over 1 plus the number of cones touched so far"),
+    *COMMON_REWARDS,
 )
-_COSTS = (*COMMON_COSTS, Term("cones", 1.0, "1", "number of cones touched for the first time"))
-# The cones follow the five common metrics.
-_METRICS = (
-    *FOLLOWING_METRICS[:5],
-    EpisodeMetric("cones_hit", "1", SUM, "number of cones touched, each counted once"),
-    *FOLLOWING_METRICS[5:],
-)
+DRIVER_METRICS = (*COMMON_METRICS, CONE_METRIC, *FOLLOWING_METRICS[-2:])
+ASSIST_REWARDS = (offset_term(0.2, ASSIST_OFFSET), feel_term(0.5), *COMMON_REWARDS)
+ASSIST_METRICS = (*COMMON_METRICS, CONE_METRIC, FEEL_METRIC, *FOLLOWING_METRICS[-2:])
+ASSIST_COSTS = (*COMMON_COSTS, Cost("cones", 0.1, "1", _TOUCHED))
 _OPTIONS = {
     "mirrored": (0.0, 1.0, "1 for a side lane to the right, 0 for one to the left"),
     "entry_offset": (-1.0, 1.0, "lateral offset of the start, left positive [m]"),
@@ -181,19 +199,17 @@ _OPTIONS = {
 }
 SHARED: dict[str, Any] = {
     "task_observations": PATH_OBSERVATIONS,
-    "costs": _COSTS,
-    "metrics": _METRICS,
     "begins": (
         f"The car starts {APPROACH:g} m before the first cone at the held speed, at most 0.2 m beside the lane's "
         "middle and at most 0.01 rad askew; the side lane lies to the left or to the right. All three are drawn. "
         "The course fits the car's width; the path is the smoothest one that keeps half of each lane's clearance."
     ),
     "ends": (
-        f"The episode terminates {RUN_OUT:g} m behind the last cone, or when the car is more than "
+        f"The episode ends {RUN_OUT:g} m behind the last cone. It fails when the car is more than "
         f"{COURSE_HALF_WIDTH:g} m from the path or points across it. It is truncated after {TIME_RATIO:g} times the "
         "time that the course takes at the held speed."
     ),
     "options": _OPTIONS,
-    "memory_size": FOLLOWING_MEMORY + MAX_CONES,
-    "scenery": _scenery,
+    "memory_size": MEMORY,
+    "scenery": scenery,
 }

@@ -31,15 +31,41 @@ class Quantity(NamedTuple):
     unit: str
     bound: float  # the observation space spans +- this
     meaning: str = ""
+    usual: float = 1.0  # a typical size, by which ``normalise`` divides
 
 
 class Term(NamedTuple):
-    """A term of the reward or of the cost: weight times a quantity of ``evaluate_step``, integrated over the step."""
+    """A term of the reward: weight times a quality from 0 to 1, integrated over the step (docs/rewards.md).
+
+    The weights of a task are positive and add up to 1 at most, but for the last term's, which is :data:`FAILURE`.
+    """
 
     name: str
-    weight: float  # [1/unit of the quantity]
+    weight: float  # [1/s]
+    meaning: str
+
+
+class Cost(NamedTuple):
+    """A cost: a quantity of ``evaluate_step``, integrated over the step, over its budget for an episode."""
+
+    name: str
+    limit: float  # budget per episode [unit of the quantity]
     unit: str  # of the quantity
     meaning: str
+
+
+FAILURE = Term("failure", -1.0, "1 in the step in which the episode fails, after which nothing counts")
+COST_LIMIT = 1.0  # budget of every cost, which is a quantity over its own
+# What ``evaluate_step`` returns: the episode goes on, has reached its goal, or has failed by leaving lane or course.
+FINISHED, GOES_ON, DEPARTED = -1, 0, 1
+ROLLED_OVER, SPUN_OUT, NON_FINITE = 2, 3, 4  # failures that every task has, beside ``DEPARTED``
+FAILURES = (
+    "",
+    "the car left its lane or its course",
+    "the car rolled over",
+    "the car spun out",
+    "a state is not finite",
+)
 
 
 class EpisodeMetric(NamedTuple):
@@ -61,11 +87,13 @@ class Action(NamedTuple):
     unit: str
     scale: float  # its value at action 1
     input: int  # place among the plant's inputs
+    control_dt: float  # time between decisions by default [s]
 
 
-HAND_TORQUE = Action("hand torque, left positive", "N m", 10.0, HAND)
+# A driver decides every 50 ms: exploration that is held so long moves a car, and arms cannot follow faster changes.
+HAND_TORQUE = Action("hand torque, left positive", "N m", 10.0, HAND, 0.05)
 ASSIST_TORQUE = Action(
-    "assist torque at the column, left positive, added to the boost curve's torque", "N m", 5.0, ASSIST_REQUEST
+    "assist torque at the column, left positive, added to the boost curve's torque", "N m", 5.0, ASSIST_REQUEST, 0.01
 )
 
 
@@ -75,6 +103,7 @@ class StepContext(NamedTuple):
     time: float  # since the start [s]
     dt: float  # since the last evaluation [s]
     speed: float  # forward [m/s]
+    held_speed: float  # that the episode holds, or begins with [m/s]
     action: float  # clipped to [-1, 1]
     action_rate: float  # [1/s]
 
@@ -84,6 +113,7 @@ class EpisodeContext(NamedTuple):
 
     car: Car
     speed: float  # held speed [m/s]
+    scenario: int = 0  # drawn by ``draw_scenario``
 
 
 class EpisodeSetup(NamedTuple):
@@ -94,6 +124,7 @@ class EpisodeSetup(NamedTuple):
     data: Array | None = None  # (V,) numbers that the kernels need of the episode, as the task lays them out
     pose: tuple[float, float, float] = (0.0, 0.0, 0.0)  # start: x, y [m], yaw angle [rad]
     release_time: float | None = None  # time from which on nobody holds the handwheel [s]
+    robot: bool | None = None  # whether the handwheel angle is prescribed; by default as the task says
 
 
 class Scenery(NamedTuple):
@@ -103,20 +134,22 @@ class Scenery(NamedTuple):
     wanted_angle: float | None = None  # of the handwheel [rad]
 
 
-SPEED = Quantity("speed", "m/s", 100.0, "forward speed")  # observed in every task
+# Observed in every task, after the channels.
+SPEED = Quantity("speed", "m/s", 100.0, "forward speed", 30.0)
+LAST_ACTION = Quantity("last_action", "1", 1.0, "the action of the last step, 0 at the start")
 # Plant channels that tasks observe, with their bounds.
 OBSERVABLE_CHANNELS = {
     quantity.name: quantity
     for quantity in (
-        Quantity("handwheel_angle", "rad", 12.0),
+        Quantity("handwheel_angle", "rad", 12.0, usual=0.5),
         Quantity("handwheel_speed", "rad/s", 40.0),
-        Quantity("torsion_bar_torque", "N m", 25.0),
-        Quantity("lateral_acceleration", "m/s2", 20.0),
-        Quantity("yaw_rate", "rad/s", 3.0),
-        Quantity("lateral_speed", "m/s", 30.0),
+        Quantity("torsion_bar_torque", "N m", 25.0, usual=2.0),
+        Quantity("lateral_acceleration", "m/s2", 20.0, usual=2.0),
+        Quantity("yaw_rate", "rad/s", 3.0, usual=0.1),
+        Quantity("lateral_speed", "m/s", 30.0, usual=0.3),
         Quantity("column_speed", "rad/s", 40.0),
-        Quantity("motor_torque", "N m", 80.0),
-        Quantity("rack_force", "N", 15e3),
+        Quantity("motor_torque", "N m", 80.0, usual=5.0),
+        Quantity("rack_force", "N", 15e3, usual=1e3),
     )
 }
 STEERING_CHANNELS = ("handwheel_angle", "handwheel_speed", "torsion_bar_torque", "lateral_acceleration", "yaw_rate")
@@ -126,6 +159,8 @@ ASSIST_CHANNELS = (*STEERING_CHANNELS, "column_speed", "motor_torque")
 
 # Generator, context and reset options -> what is drawn for an episode.
 DrawSetup = Callable[[np.random.Generator, EpisodeContext, Mapping[str, float]], EpisodeSetup]
+# Generator and reset options -> which of the task's scenarios an episode is, and its held speed [m/s].
+DrawScenario = Callable[[np.random.Generator, Mapping[str, float]], tuple[int, float]]
 
 
 @dataclass(frozen=True)
@@ -137,9 +172,9 @@ class Task:
     parameters: Any  # NamedTuple of what the kernels need; its class selects them
     action: Action
     channels: tuple[str, ...]  # observed first
-    task_observations: tuple[Quantity, ...]  # observed after the channels and the speed, from ``observe``
-    rewards: tuple[Term, ...]
-    costs: tuple[Term, ...]
+    task_observations: tuple[Quantity, ...]  # observed after the channels, speed and last action, from ``observe``
+    rewards: tuple[Term, ...]  # the last is ``FAILURE``
+    costs: tuple[Cost, ...]
     metrics: tuple[EpisodeMetric, ...]
     draw_setup: DrawSetup
     begins: str  # how an episode starts, in words
@@ -153,6 +188,8 @@ class Task:
     options: Mapping[str, tuple[float, float, str]] = field(default_factory=dict)  # of reset: low, high, meaning [unit]
     memory_size: int = 0  # floats that the kernels remember
     lane_half_width: float | None = None  # of the path's lane, for the picture [m]
+    draw_scenario: DrawScenario | None = None  # for a task with several scenarios, each with speeds of its own
+    unseen: int = 0  # how many of the last task observations are only for the driver model
     scenery: Callable[[Array, Array, Array, Array], Scenery] | None = None  # (channels, observations, data, memory)
 
     def __reduce__(self) -> tuple[Callable[[str], "Task"], tuple[str]]:
@@ -161,7 +198,13 @@ class Task:
     @property
     def observed(self) -> tuple[Quantity, ...]:
         """All observations in their order."""
-        return (*(OBSERVABLE_CHANNELS[name] for name in self.channels), SPEED, *self.task_observations)
+        seen = self.task_observations[: len(self.task_observations) - self.unseen]
+        return (*(OBSERVABLE_CHANNELS[name] for name in self.channels), SPEED, LAST_ACTION, *seen)
+
+    @property
+    def control_dt(self) -> float:
+        """Time between decisions by default [s]."""
+        return self.action.control_dt
 
     def speed_limits(self, chassis: str) -> tuple[float, float]:
         """Lowest and highest held speed on a chassis [m/s]."""
@@ -193,9 +236,10 @@ def register(task: Task, observe: Callable, evaluate_step: Callable) -> Task:
     task : Task
     observe : ``(parameters, channels, path, data, step, memory, observations) -> None``
         Writes the task's observations in SI, from the plant's channels and the :class:`EpisodeSetup`.
-    evaluate_step : ``(parameters, channels, observations, data, step, memory, rewards, costs, metrics) -> bool``
-        Adds the quantity of every reward and cost over the last ``step.dt`` to what the arrays hold, gives every metric
-        its present value (a SUM its increment), and returns whether the episode ends.
+    evaluate_step : ``(parameters, channels, observations, data, step, memory, rewards, costs, metrics) -> int``
+        Adds the quality or quantity of every reward but the last and of every cost over the last ``step.dt`` to what
+        the arrays hold, gives every metric its present value (a SUM its increment), and returns ``FINISHED``,
+        ``GOES_ON`` or ``DEPARTED``.
     """
     TASKS.register(task.name, task)
     _kernels[type(task.parameters)] = {"observe": observe, "evaluate_step": evaluate_step}
@@ -218,7 +262,7 @@ def observe(parameters, channels, path, data, step, memory, observations):
 
 
 def evaluate_step(parameters, channels, observations, data, step, memory, rewards, costs, metrics):
-    """Reward terms, costs and metrics of the last ``step.dt``; whether the episode ends."""
+    """Reward terms, costs and metrics of the last ``step.dt``; whether the episode goes on."""
     return _kernels[type(parameters)]["evaluate_step"](
         parameters, channels, observations, data, step, memory, rewards, costs, metrics
     )

@@ -1,19 +1,21 @@
-"""Terms of tasks that shape the hand torque: its deviation from a reference feel."""
+"""The term of tasks that shape the hand torque: its deviation from a reference feel."""
 
 from steer_env.friction.numerics.kernel import kernel
 from steer_env.reference_feel import reference_torque
 from steer_env.tasks.common.definition import RMS, EpisodeMetric, Term
-from steer_env.tasks.common.terms import action_terms, evaluate_action
+from steer_env.tasks.common.terms import quality
 from steer_env.vehicle.plant import CHANNEL
 
-FEEL_REWARDS = (
-    Term("feel", -1.0, "(N m)2 s", "squared difference between the hand torque and the reference feel"),
-    *action_terms(0.01),
-)
+FEEL_SCALE = 0.3  # difference that hands just notice around 2 to 3 N m; where the quality is 71 %, assumed [N m]
 FEEL_METRIC = EpisodeMetric("rms_feel_error", "N m", RMS, "hand torque minus the torque of the reference feel")
 
 _TORQUE, _SPEED = CHANNEL["handwheel_torque"], CHANNEL["handwheel_speed"]
 _ACCELERATION = CHANNEL["lateral_acceleration"]
+
+
+def feel_term(weight: float) -> Term:
+    """The term for a task that gives it this weight [1/s]."""
+    return Term("feel", weight, f"quality of the hand torque against the reference feel; 71 % at {FEEL_SCALE:g} N m")
 
 
 @kernel
@@ -23,12 +25,6 @@ def feel_error(channels):
 
 
 @kernel
-def evaluate_feel(channels, step, first, rewards):
-    """Add the quantities of ``FEEL_REWARDS``, which stand from ``first`` on; return the error [N m].
-
-    The weights are applied at the end of the control step, in :mod:`steer_env.batch_kernels`.
-    """
-    error = feel_error(channels)
-    rewards[first] += step.dt * error * error
-    evaluate_action(step, first + 1, rewards)
-    return error
+def feel_quality(error):
+    """Quality of a difference from the wanted hand torque [N m]."""
+    return quality(error / FEEL_SCALE)

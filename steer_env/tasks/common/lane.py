@@ -9,31 +9,33 @@ import numpy as np
 from steer_env.courses import path
 from steer_env.friction.numerics.kernel import kernel
 from steer_env.tasks.common.definition import (
+    DEPARTED,
     DRIVER_CHANNELS,
+    GOES_ON,
     HAND_TORQUE,
     DrawSetup,
     EpisodeContext,
     EpisodeSetup,
     Task,
-    Term,
 )
-from steer_env.tasks.common.feel import evaluate_feel
+from steer_env.tasks.common.feel import feel_error, feel_quality
 from steer_env.tasks.common.path_following import (
-    ACTION_REWARDS,
     FOLLOWING_MEMORY,
     FOLLOWING_METRICS,
-    FOLLOWING_REWARDS,
     PATH_OBSERVATIONS,
     evaluate_following,
     has_departed,
     observe_path,
+    offset_term,
 )
-from steer_env.tasks.common.terms import COMMON_COSTS, evaluate_action
+from steer_env.tasks.common.terms import COMMON_COSTS, COMMON_REWARDS
 from steer_env.timing import UPDATE_INTERVAL
 from steer_env.vehicle.chassis.common.interface import RACK_DISTURBANCE, WIND_FORCE, WIND_MOMENT
 
 DURATION = 30.0  # [s]
 LANE_HALF_WIDTH = 1.75  # [m]
+# Lateral offset at which a driver's quality is 71 %, and that of an assist, whose driver keeps the lane; assumed [m].
+DRIVER_OFFSET, ASSIST_OFFSET = 0.3, 0.1
 WIND = 300.0  # standard deviation of the crosswind's force, assumed [N]
 WIND_CORRELATION = 1.0  # correlation time of the crosswind [s]
 WIND_ARM = 0.3  # centre of pressure ahead of the centre of gravity, assumed [m]
@@ -95,7 +97,6 @@ OPTIONS = {
     "wind": (0.0, 2000.0, "standard deviation of the crosswind's force [N]"),
     "road": (0.0, 500.0, "standard deviation of the rough surface's rack force [N]"),
 }
-DEPARTURE = Term("departure", -10.0, "1", "1 when the car leaves the lane or points across it")
 BEGINS = (
     "The car drives straight ahead in the middle of the lane at the held speed. The road, with curvatures up to {:g} "
     "m/s2 at that speed, is drawn, and so are the crosswind's force (standard deviation "
@@ -103,8 +104,8 @@ BEGINS = (
     f"{1e3 * ROAD_CORRELATION:g} ms)."
 )
 ENDS = (
-    f"The episode terminates when the car leaves its lane ({LANE_HALF_WIDTH:g} m to either side) or points across it; "
-    f"it is truncated after {DURATION:g} s."
+    f"The episode fails when the car leaves its lane ({LANE_HALF_WIDTH:g} m to either side) or points across it; it is "
+    f"truncated after {DURATION:g} s."
 )
 
 
@@ -117,7 +118,7 @@ def driver_task(name: str, summary: str, *, speed: float, peak_lateral_accelerat
         action=HAND_TORQUE,
         channels=DRIVER_CHANNELS,
         task_observations=PATH_OBSERVATIONS,
-        rewards=(*FOLLOWING_REWARDS, *ACTION_REWARDS, DEPARTURE),
+        rewards=(offset_term(0.7, DRIVER_OFFSET), *COMMON_REWARDS),
         costs=COMMON_COSTS,
         metrics=FOLLOWING_METRICS,
         draw_setup=setup_drawer(peak_lateral_acceleration),
@@ -139,21 +140,16 @@ def observe(parameters, channels, path, data, step, memory, observations):
 
 @kernel
 def evaluate(parameters, channels, observations, data, step, memory, rewards, costs, metrics):
-    """The ``evaluate_step`` of the driver tasks: following, action, departure from the lane, which ends the episode."""
-    evaluate_following(channels, observations, step, memory, rewards, costs, metrics)
-    evaluate_action(step, 3, rewards)
-    if has_departed(observations, parameters.half_width):
-        rewards[5] += 1.0
-        return True
-    return False
+    """The ``evaluate_step`` of the driver tasks: following, and departure from the lane, which ends the episode."""
+    evaluate_following(channels, observations, DRIVER_OFFSET, step, memory, rewards, costs, metrics)
+    return DEPARTED if has_departed(observations, parameters.half_width) else GOES_ON
 
 
 @kernel
 def evaluate_assist(parameters, channels, observations, data, step, memory, rewards, costs, metrics):
     """The ``evaluate_step`` of the assist task: following, feel, departure from the lane, which ends the episode."""
-    evaluate_following(channels, observations, step, memory, rewards, costs, metrics)
-    evaluate_feel(channels, step, 3, rewards)
-    if has_departed(observations, parameters.half_width):
-        rewards[6] += 1.0
-        return True
-    return False
+    progress = evaluate_following(channels, observations, ASSIST_OFFSET, step, memory, rewards, costs, metrics)
+    error = feel_error(channels)
+    rewards[1] += progress * feel_quality(error)
+    metrics[metrics.size - 3] = error
+    return DEPARTED if has_departed(observations, parameters.half_width) else GOES_ON

@@ -1,60 +1,67 @@
-"""What every task that follows a path shares: what is observed of the path, and the terms for leaving it."""
+"""What every task that follows a path shares: what is observed of the path, progress along it, and leaving it."""
 
 import math
 
 from steer_env.courses import path as paths
 from steer_env.courses.preview import PREVIEW_NAMES, PREVIEW_TIMES
+from steer_env.friction.numerics.bounds import within
 from steer_env.friction.numerics.kernel import kernel
 from steer_env.tasks.common.definition import PEAK, RMS, EpisodeMetric, Quantity, Term
-from steer_env.tasks.common.terms import COMMON_MEMORY, COMMON_METRICS, action_terms, evaluate_common
+from steer_env.tasks.common.terms import COMMON_MEMORY, COMMON_METRICS, evaluate_common, quality
 from steer_env.vehicle.plant import CHANNEL
 
-# An offset [m] and a heading error [rad] that cost as much as driving on is rewarded.
-OFFSET_SCALE, HEADING_SCALE = 0.5, 0.1
-
 PATH_OBSERVATIONS = (
-    Quantity("lateral_offset", "m", 5.0, "offset from the path, positive where the car is left of it"),
-    Quantity("heading_error", "rad", math.pi, "heading minus the path's direction, left positive"),
+    Quantity("lateral_offset", "m", 5.0, "offset from the path, positive where the car is left of it", 0.3),
+    Quantity("heading_error", "rad", math.pi, "heading minus the path's direction, left positive", 0.03),
     *(
-        Quantity(name, "m", 30.0, f"lateral position of the path {t:.1f} s ahead, in the car's frame")
+        Quantity(name, "m", 30.0, f"lateral position of the path {t:.1f} s ahead, in the car's frame", 0.2 + t)
         for name, t in zip(PREVIEW_NAMES, PREVIEW_TIMES)
     ),
 )
-FOLLOWING_REWARDS = (
-    Term("progress", 1.0, "s", "time driven"),
-    Term("offset", -1.0 / OFFSET_SCALE**2, "m2 s", "squared lateral offset"),
-    Term("heading", -1.0 / HEADING_SCALE**2, "rad2 s", "squared heading error"),
-)
-ACTION_REWARDS = action_terms(0.1)
 FOLLOWING_METRICS = (
     *COMMON_METRICS,
     EpisodeMetric("rms_lateral_offset", "m", RMS, "lateral offset from the path"),
     EpisodeMetric("peak_lateral_offset", "m", PEAK, "lateral offset from the path"),
 )
-FOLLOWING_MEMORY = COMMON_MEMORY + 1  # the last float is the arc length of the nearest point [m]
+# The last two floats are the arc length of the nearest point and the largest one so far [m].
+FOLLOWING_MEMORY = COMMON_MEMORY + 2
+_NEAREST, _FURTHEST = COMMON_MEMORY, COMMON_MEMORY + 1
 
 _X, _Y, _YAW = CHANNEL["x"], CHANNEL["y"], CHANNEL["yaw_angle"]
+
+
+def offset_term(weight: float, scale: float) -> Term:
+    """The term for the lateral offset, for a task that gives it a weight [1/s] and a scale [m]."""
+    return Term("offset", weight, f"quality of the lateral offset; 71 % at {scale:g} m")
 
 
 @kernel
 def observe_path(channels, path, step, memory, observations):
     """Write ``PATH_OBSERVATIONS``: lateral offset, heading error and the path ahead."""
-    memory[COMMON_MEMORY] = paths.locate(
-        path, channels[_X], channels[_Y], channels[_YAW], memory[COMMON_MEMORY], 0.1 * step.speed, observations
+    memory[_NEAREST] = paths.locate(
+        path, channels[_X], channels[_Y], channels[_YAW], memory[_NEAREST], 0.1 * step.speed, observations
     )
+    if step.time == 0.0:
+        memory[_FURTHEST] = memory[_NEAREST]
 
 
 @kernel
-def evaluate_following(channels, observations, step, memory, rewards, costs, metrics):
-    """Add the quantities of ``FOLLOWING_REWARDS`` (first) and of the common costs; give ``FOLLOWING_METRICS``."""
-    evaluate_common(channels, step, memory, costs, metrics)
-    offset, heading = observations[0], observations[1]
-    rewards[0] += step.dt
-    rewards[1] += step.dt * offset * offset
-    rewards[2] += step.dt * heading * heading
+def evaluate_following(channels, observations, scale, step, memory, rewards, costs, metrics):
+    """Add the common terms and the quality of the lateral offset, whose scale [m] is given, as the first reward.
+
+    Returns the progress that all rewards of the step count: way gained along the path over the held speed, at most
+    ``step.dt`` [s]. Way that the car has gained before is not counted again.
+    """
+    gained = (memory[_NEAREST] - memory[_FURTHEST]) / step.held_speed
+    memory[_FURTHEST] = max(memory[_FURTHEST], memory[_NEAREST])
+    progress = within(gained, 0.0, step.dt)
+    evaluate_common(channels, step, progress, memory, rewards, costs, metrics)
+    offset = observations[0]
+    rewards[0] += progress * quality(offset / scale)
     n = metrics.size
     metrics[n - 2] = offset
     metrics[n - 1] = offset
+    return progress
 
 
 @kernel

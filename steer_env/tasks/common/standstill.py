@@ -1,12 +1,9 @@
 """What tasks of a standing car share."""
 
 from steer_env.tasks.common.definition import EpisodeContext
-from steer_env.tasks.common.terms import action_terms
 
 CREEPING = (0.0, 3.0)  # speeds, assumed [m/s]
 TWO_TRACK = ("two_track",)  # the only chassis on which a car can stand
-
-ACTION_TERMS = action_terms(0.01)
 
 
 def angle_at_lock(context: EpisodeContext) -> float:

@@ -1,22 +1,29 @@
-"""Costs and metrics that every task has, and the terms for the action."""
+"""What every task scores: quality of an error, ripple, effort and smoothness; costs and metrics that every task has.
+
+docs/rewards.md derives the rewards; the scales below are its numbers.
+"""
 
 import math
 
 from steer_env.friction.numerics.bounds import within
 from steer_env.friction.numerics.kernel import kernel
-from steer_env.tasks.common.definition import PEAK, RMS, SUM, EpisodeMetric, Term
+from steer_env.tasks.common.definition import FAILURE, PEAK, RMS, SUM, Cost, EpisodeMetric, Term
 from steer_env.timing import UPDATE_INTERVAL
 from steer_env.vehicle.plant import CHANNEL
 
 HAND_TORQUE_LIMIT = 8.0  # above it steering is heavy work at speed, assumed [N m]
 SIDESLIP_LIMIT = math.radians(5.0)  # lateral over forward speed; passenger-car drivers stay below, assumed
 JERK_LIMIT = 15.0  # lateral, some three times what a brisk lane change needs on centre, assumed [m/s3]
-RATE_SCALE = 10.0  # of the action, in the terms for its smoothness [1/s]
+RIPPLE_FREQUENCY = 10.0  # above it hands feel vibration, not steering; arms cannot follow [Hz]
+# Sizes at which a quality has fallen to 71 %, assumed.
+RIPPLE_SCALE = 0.1  # hand torque above ``RIPPLE_FREQUENCY`` [N m]
+ACTION_SCALE = 0.5  # action [1]
+RATE_SCALE = 4.0  # rate of the action [1/s]
 
 COMMON_COSTS = (
-    Term("hand_torque", 1.0, "s", f"time with a hand torque above {HAND_TORQUE_LIMIT:g} N m"),
-    Term("stability", 1.0, "s", "time with a sideslip angle above 5 deg"),
-    Term("comfort", 1.0, "s", f"time with a lateral jerk above {JERK_LIMIT:g} m/s3"),
+    Cost("hand_torque", 1.0, "s", f"time with a hand torque above {HAND_TORQUE_LIMIT:g} N m"),
+    Cost("stability", 0.5, "s", "time with a sideslip angle above 5 deg"),
+    Cost("comfort", 0.5, "s", f"time with a lateral jerk above {JERK_LIMIT:g} m/s3"),
 )
 COMMON_METRICS = (
     EpisodeMetric("peak_lateral_acceleration", "m/s2", PEAK, "lateral acceleration of the centre of gravity"),
@@ -24,47 +31,74 @@ COMMON_METRICS = (
     EpisodeMetric("rms_hand_torque", "N m", RMS, "hand torque"),
     EpisodeMetric("rms_handwheel_speed", "rad/s", RMS, "handwheel speed"),
     EpisodeMetric("steering_work", "J", SUM, "size of the hands' work in both directions"),
+    EpisodeMetric("rms_ripple", "N m", RMS, f"hand torque above {RIPPLE_FREQUENCY:g} Hz"),
 )
-# Floats at the start of a task's memory: the lateral acceleration at the last update, and whether there was one.
-COMMON_MEMORY = 2
-
-
-def action_terms(weight: float) -> tuple[Term, Term]:
-    """The reward terms for effort and smoothness of the action; ``weight`` is positive."""
-    return (
-        Term("effort", -weight, "s", "squared action"),
-        Term("smoothness", -weight / RATE_SCALE**2, "1/s", "squared rate of the action"),
-    )
-
+# The last terms of every reward; together with a task's own they add up to 1.
+COMMON_REWARDS = (
+    Term("effort", 0.05, f"quality of the action; 71 % at {ACTION_SCALE:g}"),
+    Term("smoothness", 0.1, f"quality of the action's rate; 71 % at {RATE_SCALE:g}/s"),
+    Term("ripple", 0.15, f"quality of the hand torque above {RIPPLE_FREQUENCY:g} Hz; 71 % at {RIPPLE_SCALE:g} N m"),
+    FAILURE,
+)
+# Floats at the start of a task's memory: whether there was an update, the lateral acceleration at the last one, and two
+# states of the ripple's high-pass.
+COMMON_MEMORY = 4
+_BEGUN, _LAST_ACCELERATION, _FIRST_STATE, _SECOND_STATE = range(COMMON_MEMORY)
 
 _TORQUE, _SPEED = CHANNEL["handwheel_torque"], CHANNEL["handwheel_speed"]
 _ACCELERATION, _LATERAL_SPEED = CHANNEL["lateral_acceleration"], CHANNEL["lateral_speed"]
 
 
 @kernel
-def evaluate_common(channels, step, memory, costs, metrics):
-    """Add the common costs and give the common metrics their values; they stand first in both arrays."""
+def quality(error):
+    """Quality of an error over its scale: 1 at zero, 71 % at the scale, and the scale over the error far from it."""
+    return 1.0 / math.sqrt(1.0 + error * error)
+
+
+@kernel
+def _ripple(torque, dt, begun, memory):
+    """The hand torque [N m] above ``RIPPLE_FREQUENCY``: a second-order Butterworth high-pass by Tustin's rule."""
+    w = math.tan(math.pi * RIPPLE_FREQUENCY * dt)
+    scale = 1.0 / (1.0 + math.sqrt(2.0) * w + w * w)
+    if not begun:  # as if the torque had always been the same
+        memory[_FIRST_STATE], memory[_SECOND_STATE] = -scale * torque, scale * torque
+    out = scale * torque + memory[_FIRST_STATE]
+    feedback = 2.0 * (w * w - 1.0) * scale, (1.0 - math.sqrt(2.0) * w + w * w) * scale
+    memory[_FIRST_STATE] = -2.0 * scale * torque - feedback[0] * out + memory[_SECOND_STATE]
+    memory[_SECOND_STATE] = scale * torque - feedback[1] * out
+    return out
+
+
+@kernel
+def evaluate_common(channels, step, share, memory, rewards, costs, metrics):
+    """Add the common rewards, which stand last, and costs, and give the common metrics their values, both first.
+
+    ``share`` is the time, or the progress over the held speed, that the rewards count for this step [s].
+    """
     torque, acceleration = channels[_TORQUE], channels[_ACCELERATION]
+    begun = memory[_BEGUN] > 0.0
     # A car that stands has no sideslip angle.
     sideslip = abs(channels[_LATERAL_SPEED]) / within(step.speed, 1.0, math.inf)
     if abs(torque) > HAND_TORQUE_LIMIT:
         costs[0] += step.dt
     if sideslip > SIDESLIP_LIMIT:
         costs[1] += step.dt
+    ripple = _ripple(torque, step.dt, begun, memory)
     updates = step.time / UPDATE_INTERVAL
     if abs(updates - math.floor(updates + 0.5)) < 0.01:  # between updates the channel is extrapolated, with kinks
-        if memory[1] > 0.0 and abs(acceleration - memory[0]) > JERK_LIMIT * UPDATE_INTERVAL:
+        if begun and abs(acceleration - memory[_LAST_ACCELERATION]) > JERK_LIMIT * UPDATE_INTERVAL:
             costs[2] += UPDATE_INTERVAL
-        memory[0], memory[1] = acceleration, 1.0
+        memory[_LAST_ACCELERATION] = acceleration
+    elif not begun:
+        memory[_LAST_ACCELERATION] = acceleration
+    memory[_BEGUN] = 1.0
+    first = rewards.size - 4
+    rewards[first] += share * quality(step.action / ACTION_SCALE)
+    rewards[first + 1] += share * quality(step.action_rate / RATE_SCALE)
+    rewards[first + 2] += share * quality(ripple / RIPPLE_SCALE)
     metrics[0] = acceleration
     metrics[1] = sideslip
     metrics[2] = torque
     metrics[3] = channels[_SPEED]
     metrics[4] = abs(torque * channels[_SPEED]) * step.dt
-
-
-@kernel
-def evaluate_action(step, first, rewards):
-    """Add the quantities of :func:`action_terms`, which stand from ``first`` on."""
-    rewards[first] += step.dt * step.action * step.action
-    rewards[first + 1] += step.dt * step.action_rate * step.action_rate
+    metrics[5] = ripple
