@@ -50,7 +50,7 @@ class Integral(Baseline):
         """Torque that the integral requests [N m]."""
         speed, twist, acceleration, rate = seen.T
         share = self._feel.shares(twist, rate, speed)
-        error = twist - self._feel.references(acceleration, rate)
+        error = twist - self._feel.references(acceleration, rate, speed)
         # Row by row, as numpy's own exponential may depend on the number of rows.
         kept = np.array([math.exp(-(1.0 - each) * self.control_dt / LEAK) for each in share.tolist()])
         grown = kept * (self._integral + self.rate * self.control_dt * share * error)

@@ -78,7 +78,7 @@ class LQG(LinearBaseline):
 
     def signals(self, seen: Array) -> Array:
         """Torsion-bar torque, column speed and reference (n, 3)."""
-        return np.column_stack([seen[:, 1:3], self._feel.references(seen[:, 3], seen[:, 4])])
+        return np.column_stack([seen[:, 1:3], self._feel.references(seen[:, 3], seen[:, 4], seen[:, 0])])
 
     def shares(self, seen: Array) -> Array:
         """The share of a feel that may be followed, zero while the hands are known to be off."""

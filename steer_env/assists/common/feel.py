@@ -25,7 +25,8 @@ from numpy.typing import NDArray
 
 from steer_env.friction.numerics.kernel import kernel
 from steer_env.reference_feel import reference_torque
-from steer_env.tasks.assist_parking import ParkingFeel, wanted_torque
+from steer_env.tasks.assist_parking import WANTED, wanted_torque
+from steer_env.tasks.common.standstill import CREEPING
 
 Array = NDArray[np.float64]
 
@@ -37,20 +38,21 @@ FAST_WEIGHT = 30.0  # of quick motions [1]
 SLOW = 0.1  # handwheel speed below which quick motions do not count [rad/s]
 MOTION_TIME = 1.6  # time constant with which the peaks of the motions decay [s]
 HALF_SPEED = 3.0  # v_0 [m/s]
+DRIVING = CREEPING[1]  # speed below which the wanted feel is that of parking [m/s]
 
 # Layout of a row's memory: filters of the hands' torque, grip, filters of the slow and the quick part, their peaks.
 _SPEED, _HANDS, _GRIP, _LOW, _HIGH, _SLOW, _FAST, _SIZE = 0, 1, 3, 4, 6, 10, 11, 12
 
 
 @kernel
-def write_references(parking_torque, seen, out):
-    """Write the reference torque [N m] of every row; ``parking_torque`` is negative when driving.
+def write_references(seen, out):
+    """Write the reference torque [N m] of every row.
 
-    Columns of ``seen``: lateral acceleration [m/s2] and handwheel speed [rad/s].
+    Columns of ``seen``: lateral acceleration [m/s2], handwheel speed [rad/s] and speed [m/s].
     """
     for i in range(seen.shape[0]):
-        if parking_torque >= 0.0:
-            out[i] = wanted_torque(parking_torque, seen[i, 1])
+        if abs(seen[i, 2]) < DRIVING:
+            out[i] = wanted_torque(WANTED, seen[i, 1])
         else:
             out[i] = reference_torque(seen[i, 0], seen[i, 1])
 
@@ -82,7 +84,7 @@ def write_shares(rates, inertia, dt, seen, memory, out):
 
 
 class Feel:
-    """The reference feel of a task, and how far an assist may make the hand torque follow it; for ``n`` rows.
+    """The reference feel, and how far an assist may make the hand torque follow it; for ``n`` rows.
 
     Parameters
     ----------
@@ -91,9 +93,8 @@ class Feel:
     """
 
     def __init__(self, batch: Any) -> None:
-        parameters, dt = batch.task.parameters, batch.control_dt
-        self._parking_torque = parameters.torque if isinstance(parameters, ParkingFeel) else -1.0
-        self._inertia, self._dt = batch.car.column.I1, dt
+        self._inertia, self._dt = batch.car.column.I1, batch.control_dt
+        dt = self._dt
         hands, corner = (1.0 - math.exp(-2.0 * math.pi * f * dt) for f in (HANDS_BANDWIDTH, CORNER))
         self._rates = hands, corner, math.exp(-dt / GRIP_TIME), math.exp(-dt / MOTION_TIME)
         self._memory = np.zeros((batch.n, _SIZE))
@@ -103,10 +104,10 @@ class Feel:
         self._memory[i] = 0.0
         self._memory[i, _SPEED] = handwheel_speed
 
-    def references(self, lateral_acceleration: Array, handwheel_speed: Array) -> Array:
-        """The reference torque (n,) [N m] at lateral accelerations [m/s2] and handwheel speeds [rad/s]."""
+    def references(self, lateral_acceleration: Array, handwheel_speed: Array, speed: Array) -> Array:
+        """The reference torque (n,) [N m] at lateral accelerations [m/s2], handwheel speeds [rad/s], speeds [m/s]."""
         out = np.zeros(len(self._memory))
-        write_references(self._parking_torque, np.column_stack([lateral_acceleration, handwheel_speed]), out)
+        write_references(np.column_stack([lateral_acceleration, handwheel_speed, speed]), out)
         return out
 
     def shares(self, torque: Array, handwheel_speed: Array, speed: Array) -> Array:
