@@ -145,7 +145,9 @@ class EnvironmentBatch:
         self.noise = SensorNoise(n, np.array([SENSOR_NOISE.get(quantity.name, 0.0) for quantity in self.observed]))
         self._bind()
         self._usual_start = self._settled(template)
-        self.drivers = drivers.DriverBatch(self.driver, self.car, n, self.steering_stiffness) if self.driver else None
+        self.drivers = (
+            drivers.DriverBatch(self.driver, self.car, n, self.steering_stiffness, usual) if self.driver else None
+        )
         self._pool = ThreadPool(n, whole("threads", threads, 1))
 
     def _bind(self) -> None:
@@ -198,9 +200,9 @@ class EnvironmentBatch:
         """The conditions of an episode if nothing is drawn."""
         return self._randomise.usual
 
-    def steering_stiffness(self, speed: float) -> float:
-        """Hand torque over handwheel angle [N m/rad] in steady turns at a speed [m/s], without friction."""
-        p = self._plant(self._randomise.usual._replace(speed=speed), robot=True)
+    def steering_stiffness(self, conditions: Conditions) -> float:
+        """Hand torque over handwheel angle [N m/rad] in steady turns in some conditions, without friction."""
+        p = self._plant(conditions, robot=True)
         return steering_stiffness(p, self._runner(p))
 
     def start(self, i: int, rng: np.random.Generator, options: Mapping[str, Any]) -> None:
@@ -220,7 +222,7 @@ class EnvironmentBatch:
         self.over[i] = False
         self.set_conditions(i, drawn)
         if self.drivers is not None and self.episodes["driven"][i]:
-            self.drivers.start(i, drawn.speed)
+            self.drivers.start(i, drawn)
         self.arrays.noise[i] = self.noise.draw(i, rng)
         self._evaluate(self.arrays, self._layout, task.parameters, 0, True, i, i + 1)
         past = self.arrays.past_observations
