@@ -62,6 +62,7 @@ def _controllers(
 
     The policies must have been trained under the same conditions.
     """
+    from steer_env.experiments.cli.common.policies import caution
     from steer_env.experiments.learning import policy, policy_report
 
     known = policy_report.baselines(env_id)
@@ -91,6 +92,7 @@ def _controllers(
             raise ValueError(f"the directory of {path} has the name of a baseline, {label}: rename it")
         if label in paths:
             raise ValueError(f"policies are labelled by their directories, and {label!r} comes twice: rename one")
+        caution(path, about)
         paths[label], controllers[label] = path, policy.load(path)
     if args.friction:
         made["friction"] = args.friction.parameters

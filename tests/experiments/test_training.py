@@ -9,6 +9,7 @@ import zipfile
 import gymnasium as gym
 import numpy as np
 import pytest
+import stable_baselines3
 
 from steer_env.experiments.cli.main import main
 from steer_env.experiments.learning import friction_shift, held_out, policy, policy_report
@@ -145,6 +146,44 @@ def test_a_checkpoint_keeps_law_seed_settings_and_the_best(tmp_path):
     (out / "checkpoint" / "state.json").write_text(json.dumps(state))
     with pytest.raises(ValueError, match="has no entry friction"):
         Training(WEAVE, None, out, resume=True)
+
+
+def _learning_rate(out):
+    """Of the optimizer in a checkpoint, which is that of the last update."""
+    import io
+
+    import torch
+
+    (path,) = (out / "checkpoint").glob("model-*.zip")
+    with zipfile.ZipFile(path) as archive:
+        state = torch.load(io.BytesIO(archive.read("policy.optimizer.pth")), weights_only=True)
+    return state["param_groups"][0]["lr"]
+
+
+SMALL = {"num_envs": 4, "n_steps": 16, "batch_size": 64}  # one update after 64 steps
+
+
+def test_the_learning_rate_falls_to_zero_over_all_sessions(tmp_path):
+    out = tmp_path / "run"
+    first = Training(WEAVE, None, out, friction=LUGRE)
+    assert first.settings["algorithm"]["learning_rate_decay"]
+    usual = first.settings["algorithm"]["learning_rate"]
+    first.settings["algorithm"] |= SMALL
+    first.run(steps=256)
+    assert _learning_rate(out) == pytest.approx(usual * (1.0 - 192 / 256))  # the update after three of four rollouts
+    Training(WEAVE, None, out, resume=True).run(steps=640)
+    assert _learning_rate(out) == pytest.approx(usual * (1.0 - 576 / 640))
+    stable_baselines3.PPO.load(out / "policy.zip", device="cpu")  # which holds no schedule
+    minutes = Training(WEAVE, None, out, resume=True)
+    minutes.run(minutes=(minutes.seconds + 1.0) / 60.0)
+    assert 0.0 < _learning_rate(out) < 0.3 * usual
+
+
+def test_a_constant_learning_rate(tmp_path):
+    run = Training(WEAVE, None, tmp_path / "run", friction=LUGRE)
+    run.settings["algorithm"] |= {**SMALL, "learning_rate_decay": False}
+    run.run(steps=128)
+    assert _learning_rate(run.out) == run.settings["algorithm"]["learning_rate"]
 
 
 KILLED = """

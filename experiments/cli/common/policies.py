@@ -1,8 +1,17 @@
 """What the commands that evaluate policies share."""
 
+import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
+
+
+def caution(path: Path, about: Mapping[str, Any]) -> None:
+    """Say on standard error that a policy file is code, unless it is a shipped one; to be called before loading it."""
+    from steer_env.experiments.learning import policy
+
+    if text := policy.caution(path, about):
+        print(f"steer-env: caution: {text}", file=sys.stderr)
 
 
 def evaluate_and_report(
