@@ -8,6 +8,7 @@ tensors are read, with ``weights_only=True``.
 import io
 import zipfile
 from collections.abc import Callable, Mapping
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -53,7 +54,7 @@ def load(path: Path, about: Mapping[str, Any]) -> Callable[[NDArray[np.float32]]
 
     form = FORMS[about["algorithm"]]
     sizes = [len(about["observations"]), *about["settings"]["algorithm"]["net_arch"], 1]
-    layers = [torch.nn.Linear(n, m) for n, m in zip(sizes, sizes[1:])]
+    layers = [torch.nn.Linear(n, m) for n, m in pairwise(sizes)]
     names = [*(f"{form.hidden}.{2 * k}" for k in range(len(layers) - 1)), form.last]
     try:
         with zipfile.ZipFile(path) as archive:
@@ -73,7 +74,7 @@ def load(path: Path, about: Mapping[str, Any]) -> Callable[[NDArray[np.float32]]
             for layer in layers[:-1]:
                 x = activation(layer(x))
             x = layers[-1](x)
-            # Squashed actions are scaled to their bounds, -1 and 1, in the order of operations that gives the same bits.
+            # Squashed actions are scaled to the bounds -1 and 1, by the operations that give the same bits.
             return (-1.0 + 0.5 * (torch.tanh(x) + 1.0) * 2.0 if form.squashed else torch.clamp(x, -1.0, 1.0)).numpy()
 
     return act
