@@ -35,9 +35,10 @@ def evaluate_and_report(
     """
     from steer_env.experiments.cli.common.tables import print_estimates
     from steer_env.experiments.learning import policy_report
+    from steer_env.experiments.learning.controllers import baselines
     from steer_env.experiments.output.options import progress
 
-    controllers = {**controllers, **{k: v for k, v in policy_report.baselines(env_id).items() if k not in controllers}}
+    controllers = {**controllers, **{k: v for k, v in baselines(env_id).items() if k not in controllers}}
     with progress("evaluating") as notify:
         found = policy_report.evaluate(env_id, controllers, episodes, notify, **made)
     print_estimates(found.values, found.units, f"{env_id}, {episodes} held-out episodes")
