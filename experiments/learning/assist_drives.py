@@ -63,7 +63,7 @@ class Kind(NamedTuple):
 
     task: str  # whose setup is replaced
     judge: str  # of ``steer_env.experiments.learning.assist_suite.JUDGES``
-    changes: Mapping[str, Any] = {}  # noqa: RUF012 (never written to); fields of the task
+    changes: Mapping[str, Any] = {}
     released: float = np.inf  # time from which on nobody holds the handwheel [s]
 
 
@@ -156,8 +156,5 @@ def _driving() -> list[Drive]:
 def _standing() -> list[Drive]:
     return [
         Drive("parking", "lugre", {}, _rows((0,), LEVELS, _MARGINS)),
-        *(
-            Drive("parked pulse", law, {"friction": law}, _rows((0,), LEVELS, _MARGINS))
-            for law in friction.available()
-        ),
+        *(Drive("parked pulse", law, {"friction": law}, _rows((0,), LEVELS, _MARGINS)) for law in friction.available()),
     ]

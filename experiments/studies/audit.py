@@ -18,25 +18,18 @@ def main(argv: Sequence[str] | None = None) -> int:
     from rich.console import Console
     from rich.table import Table
 
-    from steer_env.experiments.cli.common.extras import require
     from steer_env.experiments.learning.audit import audit
     from steer_env.experiments.learning.policy_search import Budget
     from steer_env.experiments.output.options import progress
 
-    if args.steps:
-        require("train", "the search by PPO")
     table = Table("id", "policy", "reward", "failures", "ripple [N m]", "aim", "cones", "verdict", title="Audit")
     cheating = False
     with progress("searching") as notify:
         for k, env_id in enumerate(args.env):
             part = k / len(args.env)
             name = env_id.removeprefix("steer_env/")
-            verdicts = audit(
-                env_id,
-                Budget(rounds=args.rounds, steps=args.steps),
-                args.seed,
-                lambda text, part=part, name=name: notify(part, f"{name}: {text}"),
-            )
+            notify(part, name)
+            verdicts = audit(env_id, Budget(rounds=args.rounds, steps=args.steps), args.seed)
             best = verdicts[0].best
             table.add_row(name, f"best: {verdicts[0].best_name}", *_cells(best), "")
             for verdict in verdicts:
