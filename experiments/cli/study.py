@@ -7,7 +7,7 @@ from typing import Any
 from steer_env.experiments.cli.common.extras import require
 from steer_env.friction.numerics.registry import dashed, listed
 
-EXTRAS = {"commonroad": "test", "audit": "train"}  # study -> the extra that it needs
+EXTRAS = {"commonroad": "test"}  # study -> the extra that it needs
 
 
 def add(commands: Any, common: argparse.ArgumentParser) -> None:
