@@ -2,7 +2,7 @@ PYTHON ?= python3
 PYTEST = .venv-test/bin/python -m pytest --numprocesses auto --dist loadfile
 SEED := $(shell date +%s)
 
-.PHONY: report test test-all test-matrix clean
+.PHONY: report test test-all test-matrix audit clean
 
 # The main job: the core packages alone, then the evaluation report in report/index.html.
 report: .venv/.stamp
@@ -21,6 +21,10 @@ test-all: .venv-test/.stamp
 # A short smoke test over several versions of numba and the lowest versions of all dependencies.
 test-matrix:
 	$(PYTHON) tests/tools/matrix.py
+
+# Policy search against every reward: what scores more than the classical controllers must not behave worse.
+audit: .venv-test/.stamp
+	.venv-test/bin/steer-env audit
 
 .venv/.stamp: pyproject.toml constraints.txt
 	$(PYTHON) -m venv .venv

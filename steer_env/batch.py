@@ -112,6 +112,10 @@ class EnvironmentBatch:
         self._samples_per_round = min(samples, SAMPLES_PER_UPDATE)
         self._rounds = samples // self._samples_per_round
         limits = task.speed_limits(self.chassis)
+        if task.draw_scenario is not None:
+            if speed is not None or "speed" in (randomise or {}):
+                raise ValueError(f"{task.name} draws its speeds with its scenarios: leave speed out")
+            limits = (task.speed, task.speed)
         given = task.speed if speed is None else speed
         speed = number("speed [m/s]", given, minimum=limits[0], maximum=limits[1])
         self.car = cars.load(vehicle)
@@ -122,7 +126,7 @@ class EnvironmentBatch:
         weights_of = _weights(task, weights)
 
         usual = self._randomise.usual
-        template = self._template = self._plant(usual, task.robot)
+        template = self._template = self._plant(usual, task.robot, self.driver)
         self.channels = tuple(name for name, _ in plant.channels(template))
         self.states = tuple(name for name, _ in plant.states(template))
         self._pose_states = [self.states.index(name) for name in _POSE]
@@ -141,7 +145,9 @@ class EnvironmentBatch:
         self.noise = SensorNoise(n, np.array([SENSOR_NOISE.get(quantity.name, 0.0) for quantity in self.observed]))
         self._bind()
         self._usual_start = self._settled(template)
-        self.drivers = drivers.DriverBatch(self.driver, self.car, n, self.steering_stiffness) if self.driver else None
+        self.drivers = (
+            drivers.DriverBatch(self.driver, self.car, n, self.steering_stiffness, usual) if self.driver else None
+        )
         self._pool = ThreadPool(n, whole("threads", threads, 1))
 
     def _bind(self) -> None:
@@ -163,7 +169,8 @@ class EnvironmentBatch:
         self.episodes = self.arrays.episodes.view(EPISODE, np.ndarray)
         self._bind()
 
-    def _plant(self, drawn: Conditions, robot: bool) -> plant.Plant:
+    def _plant(self, drawn: Conditions, robot: bool, driver: drivers.Driver | None = None) -> plant.Plant:
+        """The plant of an episode, with a robot, with the arms of a driver or with free hands."""
         p = self.car.loaded(drawn.load).plant(
             drawn.friction,
             speed=drawn.speed,
@@ -173,7 +180,7 @@ class EnvironmentBatch:
             road=self.road,
         )
         p = p._replace(friction_torque_scale=drawn.friction_level)
-        return p if self.driver is None else drivers.with_arms(p, self.driver.arm)
+        return p if robot or driver is None else drivers.with_arms(p, driver.arm)
 
     def _runner(self, p: plant.Plant) -> Callable[..., None]:
         """Runs one plant as :func:`steer_env.vehicle.plant.run` does, but by the kernel that the batch has compiled."""
@@ -193,9 +200,9 @@ class EnvironmentBatch:
         """The conditions of an episode if nothing is drawn."""
         return self._randomise.usual
 
-    def steering_stiffness(self, speed: float) -> float:
-        """Hand torque over handwheel angle [N m/rad] in steady turns at a speed [m/s], without friction."""
-        p = self._plant(self._randomise.usual._replace(speed=speed), robot=True)
+    def steering_stiffness(self, conditions: Conditions) -> float:
+        """Hand torque over handwheel angle [N m/rad] in steady turns in some conditions, without friction."""
+        p = self._plant(conditions, robot=True)
         return steering_stiffness(p, self._runner(p))
 
     def start(self, i: int, rng: np.random.Generator, options: Mapping[str, Any]) -> None:
@@ -204,14 +211,18 @@ class EnvironmentBatch:
         _check_options(task, options)
         drawn = self._randomise.draw(rng, {key: value for key, value in options.items() if key in RANGES})
         own = {key: task.checked_option(key, value) for key, value in options.items() if key in task.options}
-        setup = task.draw_setup(rng, EpisodeContext(self.car, drawn.speed), own)
+        scenario = 0
+        if task.draw_scenario is not None:
+            scenario, speed = task.draw_scenario(rng, own)
+            drawn = drawn._replace(speed=speed)
+        setup = task.draw_setup(rng, EpisodeContext(self.car, drawn.speed, scenario), own)
         self._store(i, setup, drawn)
         self.noise.set_factor(i, drawn.sensor_noise)
         self.noise.steps[i] = 0
         self.over[i] = False
         self.set_conditions(i, drawn)
-        if self.drivers is not None:
-            self.drivers.start(i, drawn.speed)
+        if self.drivers is not None and self.episodes["driven"][i]:
+            self.drivers.start(i, drawn)
         self.arrays.noise[i] = self.noise.draw(i, rng)
         self._evaluate(self.arrays, self._layout, task.parameters, 0, True, i, i + 1)
         past = self.arrays.past_observations
@@ -235,7 +246,9 @@ class EnvironmentBatch:
         data = np.zeros(0) if setup.data is None else setup.data
         setups = {"scripted_inputs": setup.scripted_inputs[None], "paths": path[None], "task_data": data[None]}
         self.arrays = a = stored(self.arrays, slice(i, i + 1), setups)
-        a.plants[i], a.states[i], a.channels[i] = self._start_of(drawn)
+        robot = self.task.robot if setup.robot is None else setup.robot
+        driven = self.driver is not None and not robot
+        a.plants[i], a.states[i], a.channels[i] = self._start_of(drawn, robot, driven)
         a.states[i, self._pose_states] = setup.pose
         a.channels[i, self._pose_channels] = setup.pose
         episode = np.zeros((), EPISODE)
@@ -243,16 +256,17 @@ class EnvironmentBatch:
         episode["release"] = -1 if setup.release_time is None else round(setup.release_time / SAMPLE_TIME)
         episode["path_points"], episode["data_size"] = len(path), len(data)
         episode["speed"] = episode["held_speed"] = drawn.speed
+        episode["action_gain"], episode["driven"] = drawn.action_gain, driven
         episode["delay"] = round(drawn.delay / self.control_dt)
         self.episodes[i] = episode
         a.task_memory[i] = a.metrics[i] = a.terms[i] = 0.0
         a.finite[i] = True
 
-    def _start_of(self, drawn: Conditions) -> tuple[Array, Array, Array]:
+    def _start_of(self, drawn: Conditions, robot: bool, driven: bool) -> tuple[Array, Array, Array]:
         usual = self._randomise.usual
-        if drawn.friction is usual.friction and drawn[:4] == usual[:4]:
+        if drawn.friction is usual.friction and drawn[:4] == usual[:4] and self.task.draw_scenario is None:
             return self._usual_start
-        return self._settled(self._plant(drawn, self.task.robot))
+        return self._settled(self._plant(drawn, robot, self.driver if driven else None))
 
     def step(self, actions: NDArray[np.float32], generators: Sequence[np.random.Generator]) -> None:
         """Hold the clipped actions (n,) for ``control_dt`` in every row.
@@ -344,6 +358,8 @@ def _check_options(task: Task, options: Any) -> None:
     if not isinstance(options, Mapping):
         raise ValueError(f"reset options must map names to values, got {options!r}")
     for key in options:
+        if key == "speed" and task.draw_scenario is not None:
+            raise ValueError(f"{task.name} draws its speeds with its scenarios: leave the reset option 'speed' out")
         if key not in RANGES and key not in task.options:
             raise ValueError(f"unknown reset option {key!r}; {task.name} takes: {', '.join([*task.options, *RANGES])}")
 

@@ -25,6 +25,8 @@ EPISODE = np.dtype(
         ("data_size", np.int64),  # elements of ``task_data`` that are in use
         ("latest", np.int64),  # place of the newest observation in the ring buffer
         ("delay", np.int64),  # of the observation [control steps]
+        ("action_gain", np.float64),  # factor on the action's effect
+        ("driven", np.int64),  # 1 where a driver model holds the handwheel
         ("speed", np.float64),  # forward [m/s]
         ("held_speed", np.float64),  # that is held, or that the episode begins with [m/s]
         ("action", np.float64),  # of the present step, clipped to [-1, 1]

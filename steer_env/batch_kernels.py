@@ -52,19 +52,22 @@ def fill_inputs(arrays, layout, begins, low, high):
             update = within((sample - 1) // SAMPLES_PER_UPDATE, 0, arrays.scripted_inputs.shape[1] - 2)
             s = (sample - update * SAMPLES_PER_UPDATE) / SAMPLES_PER_UPDATE
             start, end = arrays.scripted_inputs[i, update], arrays.scripted_inputs[i, update + 1]
-            _interpolate(layout.scripted, start, end, s, u)
+            _interpolate(layout.scripted, start, end, s, episode.driven == 0, u)
             if free:
                 u[HAND] = 0.0
                 u[HAND_SPEED] = 0.0
-            u[layout.action_input] += layout.action_scale * episode.action
+            u[layout.action_input] += layout.action_scale * episode.action_gain * episode.action
 
 
 @kernel
-def _interpolate(scripted, start, end, s, u):
-    """Scripted inputs at a share ``s`` of the interval between two updates; places among the inputs u: ``scripted``."""
+def _interpolate(scripted, start, end, s, robot, u):
+    """Scripted inputs at a share ``s`` of the interval between two updates; places among the inputs u: ``scripted``.
+
+    A handwheel angle of a ``robot`` comes with its speed.
+    """
     for k in range(scripted.size):
         u[scripted[k]] = start[k] + s * (end[k] - start[k])
-    if scripted.size > 1 and scripted[1] == HAND_SPEED:  # angles and speeds of both ends
+    if robot and scripted.size > 1 and scripted[1] == HAND_SPEED:  # angles and speeds of both ends
         begin_slope, end_slope = start[1] * UPDATE_INTERVAL, end[1] * UPDATE_INTERVAL
         u[HAND], slope = hermite(s, start[0], end[0], begin_slope, end_slope)
         u[HAND_SPEED] = slope / UPDATE_INTERVAL

@@ -26,7 +26,7 @@ _COUNTED = ("the time", "the way gained along the path, over the held speed")
 
 
 def _follows_path(task: Task) -> bool:
-    return any(quantity.name == "lateral_offset" for quantity in task.task_observations)
+    return any(quantity.name == "lateral_offset" for quantity in task.observed)
 
 
 def _documentation(task: Task) -> str:

@@ -30,6 +30,7 @@ class Episodes(NamedTuple):
 
     reward: Array  # sum over the episode
     cost: Array  # sum over the episode
+    failure: NDArray[np.int64]  # at the end: place among the failures of the tasks, 0 for none
     metrics: dict[str, Array]  # episode metrics of the task
 
 
@@ -42,27 +43,33 @@ class Estimate(NamedTuple):
 
 
 def collect(
-    env_id: str, make: Callable[[Any], Controller], episodes: int, first_seed: int = HELD_OUT, **arguments: Any
+    env_id: str,
+    make: Callable[[Any], Controller],
+    episodes: int,
+    first_seed: int = HELD_OUT,
+    options: Mapping[str, float] | None = None,
+    **arguments: Any,
 ) -> Episodes:
-    """One episode for each seed from ``first_seed`` on, in one vector environment."""
+    """One episode for each seed from ``first_seed`` on, in one vector environment; ``options`` are those of resets."""
     env: Any = gym.make_vec(env_id, num_envs=episodes, **arguments)
     controller = make(env)
     controller.reset()
-    observation, _ = env.reset(seed=first_seed)
+    observation, _ = env.reset(seed=first_seed, options=dict(options or {}))
     reward, cost, going = np.zeros(episodes), np.zeros(episodes), np.ones(episodes, bool)
-    metrics: dict[str, Array] = {}
+    failure, metrics = np.zeros(episodes, np.int64), dict[str, Array]()
     while going.any():
         observation, rewards, terminated, truncated, info = env.step(controller.act(observation))
         reward += np.where(going, rewards, 0.0)
         cost += np.where(going, info["cost"], 0.0)
         ended = going & (terminated | truncated)
+        failure[ended] = info["failure"][ended]
         if ended.any():
             for name, values in info["metrics"].items():
                 if not name.startswith("_"):
                     metrics.setdefault(name, np.zeros(episodes))[ended] = values[ended]
         going &= ~ended
     env.close()
-    return Episodes(reward, cost, metrics)
+    return Episodes(reward, cost, failure, metrics)
 
 
 def mean(values: Array) -> Estimate:

@@ -27,22 +27,10 @@ from typing import Any
 import numpy as np
 
 from steer_env.assists.common.definition import Array, register
+from steer_env.assists.common.feel import Feel
 from steer_env.assists.common.linear import Linear, LinearBaseline, sampled
 from steer_env.friction.numerics.check import not_negative, number, positive
-from steer_env.friction.numerics.kernel import kernel
 from steer_env.randomise import SENSOR_NOISE
-from steer_env.reference_feel import reference_torque
-from steer_env.tasks.assist_parking import ParkingFeel, wanted_torque
-
-
-@kernel
-def _write_reference(parking_torque, seen, y):
-    """Write the reference torque [N m] of every row as the last column; ``parking_torque`` is negative when driving."""
-    for i in range(seen.shape[0]):
-        if parking_torque >= 0.0:
-            y[i, 2] = wanted_torque(parking_torque, seen[i, 4])
-        else:
-            y[i, 2] = reference_torque(seen[i, 3], seen[i, 4])
 
 
 class LQG(LinearBaseline):
@@ -70,7 +58,7 @@ class LQG(LinearBaseline):
         env: Any,
         *,
         effort: float = 1.0,
-        authority: float | None = None,
+        authority: float = 1.0,
         linearised_at: float = 0.0,
         torque_noise: float = 0.2,
         speed_noise: float = 0.05,
@@ -80,21 +68,21 @@ class LQG(LinearBaseline):
         self.linearised_at = not_negative("linearised_at [N m]", linearised_at)
         self.torque_noise = positive("torque_noise [N m]", torque_noise)
         self.speed_noise = positive("speed_noise [rad/s]", speed_noise)
-        parameters = self.batch.task.parameters
-        parks = isinstance(parameters, ParkingFeel)
-        self._parking_torque = parameters.torque if parks else -1.0
-        usual = 1.0 if parks else 0.1
-        self.authority = usual if authority is None else number("authority", authority, minimum=0.0, maximum=1.0)
+        self.authority = number("authority", authority, minimum=0.0, maximum=1.0)
+        self._feel = Feel(self.batch)
+
+    def begin(self, i: int, seen: Array) -> None:
+        """Start at rest, without hands."""
+        super().begin(i, seen)
+        self._feel.begin(i, seen[4])
 
     def signals(self, seen: Array) -> Array:
         """Torsion-bar torque, column speed and reference (n, 3)."""
-        y = seen[:, 1:4].copy()
-        _write_reference(self._parking_torque, seen, y)
-        return y
+        return np.column_stack([seen[:, 1:3], self._feel.references(seen[:, 3], seen[:, 4], seen[:, 0])])
 
-    def torque(self, seen: Array) -> Array:
-        """Torque that the controller requests, zero while the hands are off [N m]."""
-        return super().torque(seen) * (1.0 - seen[:, 5])
+    def shares(self, seen: Array) -> Array:
+        """The share of a feel that may be followed, zero while the hands are known to be off."""
+        return self._feel.shares(seen[:, 1], seen[:, 4], seen[:, 0]) * (1.0 - seen[:, 5])
 
     def design(self, speed: float) -> Linear:
         """Filter and regulator for a speed [m/s]."""

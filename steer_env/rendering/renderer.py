@@ -376,10 +376,9 @@ def renderers(batch: EnvironmentBatch, mode: str) -> list[Renderer]:
 
 
 def _feel(task: Task) -> int | None:
-    """Place among the metrics of the error of the hand torque, in tasks whose reward has it."""
+    """Place among the metrics of the hand torque's error, in tasks that score it."""
     names = [metric.name for metric in task.metrics]
-    scored = any(term.name == "feel" for term in task.rewards)
-    return names.index(FEEL_METRIC.name) if scored and FEEL_METRIC.name in names else None
+    return names.index(FEEL_METRIC.name) if FEEL_METRIC.name in names else None
 
 
 def _full_scale(peak: float) -> float:

@@ -25,7 +25,8 @@ class Baseline:
     Parameters
     ----------
     env : gym.Env or gym.vector.VectorEnv
-        Of a task whose action is an assist torque. Observations must be the environment's own, not scaled.
+        Of a task whose action is an assist torque. Observations are those of the environment itself, or scaled by the
+        environment's ``normalise``.
 
     Raises
     ------
@@ -50,6 +51,7 @@ class Baseline:
         # Column -1 of what `act` puts together is zero.
         self._places = [observed.index(name) if name in observed else -1 for name in (*self.needs, *self.optional)]
         self._width = len(observed)
+        self._units = getattr(env.unwrapped, "observation_scale", np.ones(self._width))
         self._new = np.ones(self.n, bool)
 
     def reset(self, rows: Any = slice(None)) -> None:
@@ -68,7 +70,7 @@ class Baseline:
         if np.shape(observation) not in allowed:
             raise ValueError(f"observation must be an array {allowed[-1]}, got {observation!r}")
         seen = np.zeros((self.n, self._width + 1))
-        seen[:, :-1] = observation
+        seen[:, :-1] = observation * self._units
         seen = np.ascontiguousarray(seen[:, self._places])
         if self._new.any():
             for i in np.flatnonzero(self._new):

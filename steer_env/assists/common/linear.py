@@ -1,6 +1,6 @@
 """Linear baselines: sampled controllers designed for the speed at which an episode starts.
 
-    u = C x + D y, limited to its authority;    x <- A x + B y + E u
+    u = C x + D y, limited to its authority, times its share;    x <- A x + B y + E u
 
 y are observations, u is the requested torque. The design model is the assist loop of
 :mod:`steer_env.vehicle.steering.margins` with prescribed handwheel motion, the boost curve replaced by its slope,
@@ -29,13 +29,13 @@ class Linear(NamedTuple):
 
     A: Array  # (n, n)
     B: Array  # (n, m)
-    E: Array  # (n,) of the torque after its limit
+    E: Array  # (n,) of the torque that is requested
     C: Array  # (n,)
     D: Array  # (m,)
 
 
 @kernel
-def _step(controllers, limit, y, x, new, out):
+def _step(controllers, limit, shares, y, x, new, out):
     """One control step of every row: ``controllers`` is a :class:`Linear` with the rows' matrices one after another."""
     A, B, E, C, D = controllers
     for i in range(y.shape[0]):
@@ -44,7 +44,7 @@ def _step(controllers, limit, y, x, new, out):
             u += C[i, j] * x[i, j]
         for j in range(y.shape[1]):
             u += D[i, j] * y[i, j]
-        u = min(max(u, -limit), limit)
+        u = shares[i] * min(max(u, -limit), limit)
         for k in range(x.shape[1]):
             new[k] = E[i, k] * u
             for j in range(x.shape[1]):
@@ -75,6 +75,10 @@ class LinearBaseline(Baseline):
         """The controller's inputs y (n, m) from the needed observations."""
         return seen[:, 1:].copy()
 
+    def shares(self, seen: Array) -> Array:
+        """The share (n,) of the controller's torque that is requested, 0 to 1."""
+        return np.ones(self.n)
+
     def begin(self, i: int, seen: Array) -> None:
         """Start at rest, with the design for the speed rounded to whole m/s."""
         speed = float(round(abs(seen[0])))
@@ -92,7 +96,7 @@ class LinearBaseline(Baseline):
     def torque(self, seen: Array) -> Array:
         """Torque that the controller requests [N m]."""
         limit = self.authority * self.scale
-        arguments = self._controllers, limit, self.signals(seen), self._x, self._new_x, self._out
+        arguments = self._controllers, limit, self.shares(seen), self.signals(seen), self._x, self._new_x, self._out
         if self._kernel is None:
             self._kernel = bind(_step, *arguments)
         self._kernel(*arguments)

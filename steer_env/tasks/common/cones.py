@@ -52,6 +52,7 @@ DRIVER_OFFSET, ASSIST_OFFSET = 0.3, 0.1
 _END, _LENGTH, _WIDTH, _CENTRE, _FIRST = range(5)
 _COUNT = FOLLOWING_MEMORY  # place of the number of touched cones in a task's memory; the flags of the cones follow
 _FLAGS = _COUNT + 1
+MEMORY = _FLAGS + MAX_CONES
 _CONES = len(COMMON_METRICS)  # place of that number among the metrics
 _X, _Y, _YAW = CHANNEL["x"], CHANNEL["y"], CHANNEL["yaw_angle"]
 
@@ -117,7 +118,7 @@ def observe(parameters, channels, path, data, step, memory, observations):
 
 
 @kernel
-def _newly_touched(channels, data, memory):
+def newly_touched(channels, data, memory):
     """Number of cones that the car's outline touches for the first time; the memory holds 1 for each touched cone."""
     c, s = math.cos(channels[_YAW]), math.sin(channels[_YAW])
     half_length, half_width = 0.5 * data[_LENGTH], 0.5 * data[_WIDTH]
@@ -131,17 +132,23 @@ def _newly_touched(channels, data, memory):
 
 
 @kernel
+def outcome_of(parameters, channels, observations, data):
+    """Whether the car has left the course or reached its end."""
+    if has_departed(observations, parameters.half_width):
+        return DEPARTED
+    return FINISHED if channels[_X] >= data[_END] else GOES_ON
+
+
+@kernel
 def _evaluate(parameters, channels, observations, data, scale, step, memory, rewards, costs, metrics):
     """What both roles share: following with an offset's scale [m], touched cones as a metric, and the outcome.
 
     Returns the progress [s], the cones touched for the first time, and the outcome.
     """
     progress = evaluate_following(channels, observations, scale, step, memory, rewards, costs, metrics)
-    touched = _newly_touched(channels, data, memory)
+    touched = newly_touched(channels, data, memory)
     metrics[_CONES] = touched
-    if has_departed(observations, parameters.half_width):
-        return progress, touched, DEPARTED
-    return progress, touched, FINISHED if channels[_X] >= data[_END] else GOES_ON
+    return progress, touched, outcome_of(parameters, channels, observations, data)
 
 
 @kernel
@@ -168,21 +175,22 @@ def evaluate_assist(parameters, channels, observations, data, step, memory, rewa
     return outcome
 
 
-def _scenery(channels: Array, observations: Array, data: Array, memory: Array) -> Scenery:
+def scenery(channels: Array, observations: Array, data: Array, memory: Array) -> Scenery:
+    """The cones, for the picture."""
     cones = data[_FIRST:].reshape(-1, 2)
     return Scenery(cones=np.column_stack([cones, memory[_FLAGS : _FLAGS + len(cones)]]))
 
 
 _TOUCHED = "number of cones touched, each counted once"
-_CONE_METRIC = EpisodeMetric("cones_hit", "1", SUM, _TOUCHED)
+CONE_METRIC = EpisodeMetric("cones_hit", "1", SUM, _TOUCHED)
 DRIVER_REWARDS = (
     offset_term(0.4, DRIVER_OFFSET),
     Term("clean", 0.3, "1 over 1 plus the number of cones touched so far"),
     *COMMON_REWARDS,
 )
-DRIVER_METRICS = (*COMMON_METRICS, _CONE_METRIC, *FOLLOWING_METRICS[-2:])
+DRIVER_METRICS = (*COMMON_METRICS, CONE_METRIC, *FOLLOWING_METRICS[-2:])
 ASSIST_REWARDS = (offset_term(0.2, ASSIST_OFFSET), feel_term(0.5), *COMMON_REWARDS)
-ASSIST_METRICS = (*COMMON_METRICS, _CONE_METRIC, FEEL_METRIC, *FOLLOWING_METRICS[-2:])
+ASSIST_METRICS = (*COMMON_METRICS, CONE_METRIC, FEEL_METRIC, *FOLLOWING_METRICS[-2:])
 ASSIST_COSTS = (*COMMON_COSTS, Cost("cones", 0.1, "1", _TOUCHED))
 _OPTIONS = {
     "mirrored": (0.0, 1.0, "1 for a side lane to the right, 0 for one to the left"),
@@ -202,6 +210,6 @@ SHARED: dict[str, Any] = {
         "time that the course takes at the held speed."
     ),
     "options": _OPTIONS,
-    "memory_size": _FLAGS + MAX_CONES,
-    "scenery": _scenery,
+    "memory_size": MEMORY,
+    "scenery": scenery,
 }

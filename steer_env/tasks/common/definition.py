@@ -113,6 +113,7 @@ class EpisodeContext(NamedTuple):
 
     car: Car
     speed: float  # held speed [m/s]
+    scenario: int = 0  # drawn by ``draw_scenario``
 
 
 class EpisodeSetup(NamedTuple):
@@ -123,6 +124,7 @@ class EpisodeSetup(NamedTuple):
     data: Array | None = None  # (V,) numbers that the kernels need of the episode, as the task lays them out
     pose: tuple[float, float, float] = (0.0, 0.0, 0.0)  # start: x, y [m], yaw angle [rad]
     release_time: float | None = None  # time from which on nobody holds the handwheel [s]
+    robot: bool | None = None  # whether the handwheel angle is prescribed; by default as the task says
 
 
 class Scenery(NamedTuple):
@@ -158,6 +160,8 @@ ASSIST_CHANNELS = (*STEERING_CHANNELS, "column_speed", "motor_torque")
 
 # Generator, context and reset options -> what is drawn for an episode.
 DrawSetup = Callable[[np.random.Generator, EpisodeContext, Mapping[str, float]], EpisodeSetup]
+# Generator and reset options -> which of the task's scenarios an episode is, and its held speed [m/s].
+DrawScenario = Callable[[np.random.Generator, Mapping[str, float]], tuple[int, float]]
 
 
 @dataclass(frozen=True)
@@ -186,6 +190,8 @@ class Task:
     memory_size: int = 0  # floats that the kernels remember
     usual: Mapping[str, float] = field(default_factory=dict)  # sizes of channels that are others here [their units]
     lane_half_width: float | None = None  # of the path's lane, for the picture [m]
+    draw_scenario: DrawScenario | None = None  # for a task with several scenarios, each with speeds of its own
+    unseen: int = 0  # how many of the last task observations are only for the driver model
     scenery: Callable[[Array, Array, Array, Array], Scenery] | None = None  # (channels, observations, data, memory)
 
     def __reduce__(self) -> tuple[Callable[[str], "Task"], tuple[str]]:
@@ -196,7 +202,8 @@ class Task:
         """All observations in their order."""
         channels = (OBSERVABLE_CHANNELS[name] for name in self.channels)
         sized = (quantity._replace(usual=self.usual.get(quantity.name, quantity.usual)) for quantity in channels)
-        return (*sized, SPEED, LAST_ACTION, *self.task_observations)
+        seen = self.task_observations[: len(self.task_observations) - self.unseen]
+        return (*sized, SPEED, LAST_ACTION, *seen)
 
     @property
     def control_dt(self) -> float:

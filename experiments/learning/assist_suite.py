@@ -1,0 +1,256 @@
+"""The suite for assists: stable in every drive, or not; averages come after that.
+
+An assist fails where the motion of the handwheel does not die out with free hands or with a driver's arms, where its
+torque ripples in the hands, where a driver works far harder than without it, or where the car leaves its lane, spins or
+rolls over. A row in which the car with its boost alone misses the same limit is excused, and counted.
+
+    free swing, held swing  half the range of the handwheel angle over the last 2 s of the drive
+    ripple                  rms hand torque above 10 Hz
+    steering                rms handwheel speed over that with the boost alone
+
+Free hands: the limit leaves what is not felt. In the arms of a driver model, delay and friction leave a slow hunting of
+0.5 deg with the boost alone and up to 1.5 deg with stable assists; unstable ones reach 3 to 20 deg at 1 Hz. The limits
+of the held swing and of the steering are assumed.
+"""
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any, NamedTuple
+
+import gymnasium as gym
+import numpy as np
+from numpy.typing import NDArray
+from scipy import signal
+
+from steer_env import assists, tasks
+from steer_env.experiments.learning.assist_drives import KINDS, Drive, suite, task_of
+from steer_env.experiments.learning.held_out import Controller
+from steer_env.experiments.output import provenance
+from steer_env.state import State
+from steer_env.tasks import Task
+from steer_env.tasks.common.definition import Quantity
+from steer_env.vector import SteerVectorEnv
+from steer_env.vehicle.cars import Car
+from steer_env.vehicle.chassis.common.interface import ASSIST_REQUEST
+
+Array = NDArray[np.float64]
+Maker = Callable[[Any], Controller]
+
+SEED = 4_000_000  # first of the rows' episodes; apart from those of training, search and evaluations
+WINDOW = 2.0  # over which the handwheel's swing is read [s]
+RIPPLE_FREQUENCY = 10.0  # above which the hands feel a torque as ripple [Hz]
+
+
+class Record(NamedTuple):
+    """What a drive gives."""
+
+    angle: Array  # (T, n) of the handwheel at every control step, NaN after an episode's end [rad]
+    torque: Array  # (T, n) of the hands [N m]
+    speed: Array  # (T, n) of the handwheel [rad/s]
+    failed: NDArray[np.bool_]  # (n,) whether the car left its lane, spun and so on
+    dt: float  # control step [s]
+
+
+class Result(NamedTuple):
+    """A line of the table: one condition of one drive."""
+
+    drive: str
+    condition: str
+    worst: float  # infinite after a failure, NaN if every row is excused [unit]
+    at: str  # where the worst is, in words
+    limit: float  # [unit]
+    unit: str
+    holds: bool
+    excused: int  # rows in which the car with its boost alone misses the limit
+    rows: int
+
+
+def _swing(found: Record) -> Array:
+    return 0.5 * np.degrees(np.ptp(found.angle[-round(WINDOW / found.dt) :], axis=0))
+
+
+def _ripple(found: Record) -> Array:
+    high = signal.butter(4, RIPPLE_FREQUENCY, "high", fs=1.0 / found.dt, output="sos")
+    return np.std(signal.sosfiltfilt(high, found.torque, axis=0), axis=0)
+
+
+def _steering(found: Record) -> Array:
+    return np.sqrt(np.nanmean(found.speed**2, axis=0))
+
+
+class Judge(NamedTuple):
+    """How a drive is judged."""
+
+    measure: Callable[[Record], Array]  # (n,) from a record
+    limit: float
+    unit: str
+    relative: bool = False  # to the boost alone
+
+
+JUDGES = {
+    "free swing": Judge(_swing, 0.5, "deg"),
+    "held swing": Judge(_swing, 2.0, "deg"),
+    "ripple": Judge(_ripple, 0.05, "N m"),
+    "steering": Judge(_steering, 1.5, "1", relative=True),
+}
+
+
+class Seen(NamedTuple):
+    """The environment of a drive as a controller of an id sees it: with the observations of that id."""
+
+    spec: Any
+    task: Task
+    n: int
+    observed: tuple[Quantity, ...]
+    observation_scale: Array
+    control_dt: float
+    car: Car
+
+    @property
+    def unwrapped(self) -> "Seen":
+        """Itself: there is no wrapper."""
+        return self
+
+    @property
+    def batch(self) -> "Seen":
+        """Itself: controllers look here for what the rows share."""
+        return self
+
+
+_environments: dict[tuple[str, str, str], tuple[SteerVectorEnv, State]] = {}
+
+
+def _environment(drive: Drive, home: Task) -> tuple[SteerVectorEnv, State]:
+    """The environment of a drive with the action of a task, and its state at the start; made once."""
+    key = drive.kind, repr((drive.arguments, drive.rows)), repr(home.action)
+    if key not in _environments:
+        task, n = task_of(drive.kind, home), len(drive.rows)
+        env: Any = type(task.name, (SteerVectorEnv,), {"task": task})(n, **drive.arguments)
+        for i, row in enumerate(drive.rows):
+            env.reset(seed=SEED, options={"speed": row.speed / 3.6, **row.options, "reset_mask": np.arange(n) == i})
+        _environments[key] = env, env.get_state()
+    return _environments[key]
+
+
+def task_named(env_id: str) -> Task:
+    """The assist task of an id; ValueError for another id."""
+    name = env_id.removeprefix("steer_env/").rpartition("-")[0]
+    if name not in tasks.available() or tasks.task(name).action.input != ASSIST_REQUEST:
+        known = [each for each in tasks.available() if tasks.task(each).action.input == ASSIST_REQUEST]
+        raise ValueError(f"the suite judges assists, for the tasks {', '.join(known)}; got {env_id!r}")
+    return tasks.task(name)
+
+
+def run(drive: Drive, make: Maker, env_id: str, normalise: bool = False) -> Record:
+    """Drive a controller of an id through all rows of a drive; ``normalise`` as its environment had it."""
+    home = task_named(env_id)
+    env, start = _environment(drive, home)
+    env.set_state(start)
+    n, names, wanted = env.num_envs, *([q.name for q in of] for of in (env.batch.observed, home.observed))
+    # What the drive does not observe is zero: a straight path, and hands that hold the handwheel until they let go.
+    places = np.array([names.index(name) if name in names else len(names) for name in wanted])
+    scale = np.array([q.usual if normalise else 1.0 for q in home.observed])
+    controller = make(Seen(gym.spec(env_id), home, n, home.observed, scale, env.control_dt, env.batch.car))
+    controller.reset()
+    seen, rows = np.zeros((n, len(names) + 1)), []
+    failed, going = np.zeros(n, bool), np.ones(n, bool)
+    seen[:, :-1] = start.observations
+    while going.any():
+        observation = seen[:, places]
+        if "released" in wanted:
+            observation[:, wanted.index("released")] = len(rows) * env.control_dt >= KINDS[drive.kind].released
+        action = controller.act((observation / scale).astype(np.float32))
+        seen[:, :-1], _, terminated, truncated, info = env.step(action)
+        rows.append([np.where(going, info[f"handwheel_{name}"], np.nan) for name in ("angle", "torque", "speed")])
+        failed |= going & (info["failure"] > 0)
+        going &= ~(terminated | truncated)
+    return Record(*np.moveaxis(np.array(rows), 1, 0), failed, env.control_dt)
+
+
+def measured(drive: Drive, make: Maker, env_id: str, normalise: bool = False) -> Array:
+    """The measure (n,) of every row of a drive, infinite after a failure."""
+    found = run(drive, make, env_id, normalise)
+    values = np.full(len(drive.rows), np.inf)
+    whole = ~found.failed
+    kept = found._replace(**{name: getattr(found, name)[:, whole] for name in ("angle", "torque", "speed")})
+    values[whole] = JUDGES[KINDS[drive.kind].judge].measure(kept)
+    return values
+
+
+_alone: dict[tuple[str, str, str], Array] = {}
+
+
+def _boost_alone(drive: Drive, env_id: str) -> Array:
+    """The measure of every row with the boost alone; driven once."""
+    key = env_id, drive.kind, repr((drive.arguments, drive.rows))
+    if key not in _alone:
+        _alone[key] = measured(drive, partial(assists.make, "boost"), env_id)
+    return _alone[key]
+
+
+def judge(drive: Drive, make: Maker, env_id: str, normalise: bool = False) -> list[Result]:
+    """A result for every condition of a drive."""
+    by = JUDGES[KINDS[drive.kind].judge]
+    values, alone = measured(drive, make, env_id, normalise), _boost_alone(drive, env_id)
+    excused = ~np.isfinite(alone) if by.relative else ~(alone <= by.limit)
+    if by.relative:
+        values = values / np.where(excused, np.nan, alone)
+    results = []
+    for variant in dict.fromkeys(row.variant for row in drive.rows):
+        of = np.array([row.variant == variant for row in drive.rows])
+        judged = np.flatnonzero(of & ~excused)
+        place = max(judged.tolist(), key=lambda i: values[i], default=None)
+        worst, at = (np.nan, "") if place is None else (float(values[place]), drive.rows[place].place)
+        holds, condition = not worst > by.limit, f"{drive.condition}, {variant}"
+        counts = int((of & excused).sum()), int(of.sum())
+        results.append(Result(drive.kind, condition, worst, at, by.limit, by.unit, holds, *counts))
+    return results
+
+
+def examine(
+    make: Maker,
+    env_id: str,
+    normalise: bool = False,
+    to_first_failure: bool = False,
+    notify: Callable[[float, str], None] = lambda *_: None,
+) -> list[Result]:
+    """Drive a controller of an id through the suite.
+
+    Parameters
+    ----------
+    make : env -> controller
+        As in :mod:`steer_env.experiments.learning.held_out`. What it is given is not a whole environment: it has what
+        baselines and policies read of one.
+    env_id : str
+        An assist task's, whose observations and action the controller has.
+    normalise : bool
+        As in ``gymnasium.make(env_id, normalise=...)``.
+    to_first_failure : bool
+        Stop after the first drive in which a condition fails.
+    notify : (share, text) -> None
+        Is told how far the suite is.
+    """
+    drives, results = suite(task_named(env_id)), []
+    for k, drive in enumerate(drives):
+        notify(k / len(drives), f"{drive.kind}, {drive.condition}")
+        results += judge(drive, make, env_id, normalise)
+        if to_first_failure and not all(result.holds for result in results):
+            break
+    return results
+
+
+def as_json(env_id: str, found: dict[str, list[Result]]) -> dict[str, Any]:
+    """The results of controllers by name, as JSON; a failure's infinite value is null."""
+
+    def line(result: Result) -> dict[str, Any]:
+        return {**result._asdict(), "worst": result.worst if np.isfinite(result.worst) else None}
+
+    return {
+        "env": env_id,
+        "first_seed": SEED,
+        "controllers": {
+            name: {"holds": all(r.holds for r in results), "results": [line(r) for r in results]}
+            for name, results in found.items()
+        },
+        "provenance": provenance.versions(),
+    }

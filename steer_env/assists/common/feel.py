@@ -1,0 +1,118 @@
+"""What assists share that make the hand torque follow a reference feel: the reference, and when they step back.
+
+The reference feel has stiffness, which lags with the lateral acceleration, and hardly any damping. A hand torque that
+follows it in every motion takes the steering's own damping away: the arms of a driver then oscillate with the car at
+about 1 Hz, and a released handwheel even more. A filter that left these frequencies out would add lag to the loop; so
+the assist is faded instead, by a share of two factors:
+
+    share = g^2/(g^2 + GRIP^2) s^2/(s^2 + FAST_WEIGHT f^2 v^2/(v^2 + v_0^2))
+
+* g is the grip: the decaying peak of the hands' torque T_tb + I_1 w1', which is what twists the torsion bar beyond the
+  handwheel's own inertia, through two low-pass filters. Nobody holds the handwheel where it is small.
+* f is the decaying peak of the handwheel speed's part above ``CORNER``, and s^2 that of the part below, plus
+  ``SLOW``^2. Quick steering is left to the car and its boost. Only shares count, so an oscillation of any size fades
+  the assist that feeds it, until it dies out. v is the car's speed: a standing car has no lateral motion.
+
+Structure and numbers are assumed; the numbers were chosen on the suite for assists
+(:mod:`steer_env.experiments.learning.assist_suite`).
+"""
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from steer_env.friction.numerics.kernel import kernel
+from steer_env.reference_feel import reference_torque
+from steer_env.tasks.assist_parking import WANTED, wanted_torque
+from steer_env.tasks.common.standstill import CREEPING
+
+Array = NDArray[np.float64]
+
+GRIP = 0.1  # torque of the hands that halves the assist [N m]
+GRIP_TIME = 0.15  # time constant with which the grip decays [s]
+HANDS_BANDWIDTH = 4.0  # of each of the two filters on the hands' torque [Hz]
+CORNER = 0.5  # between slow and quick motions of the handwheel [Hz]
+FAST_WEIGHT = 30.0  # of quick motions [1]
+SLOW = 0.1  # handwheel speed below which quick motions do not count [rad/s]
+MOTION_TIME = 1.6  # time constant with which the peaks of the motions decay [s]
+HALF_SPEED = 3.0  # v_0 [m/s]
+DRIVING = CREEPING[1]  # speed below which the wanted feel is that of parking [m/s]
+
+# Layout of a row's memory: filters of the hands' torque, grip, filters of the slow and the quick part, their peaks.
+_SPEED, _HANDS, _GRIP, _LOW, _HIGH, _SLOW, _FAST, _SIZE = 0, 1, 3, 4, 6, 10, 11, 12
+
+
+@kernel
+def write_references(seen, out):
+    """Write the reference torque [N m] of every row.
+
+    Columns of ``seen``: lateral acceleration [m/s2], handwheel speed [rad/s] and speed [m/s].
+    """
+    for i in range(seen.shape[0]):
+        if abs(seen[i, 2]) < DRIVING:
+            out[i] = wanted_torque(WANTED, seen[i, 1])
+        else:
+            out[i] = reference_torque(seen[i, 0], seen[i, 1])
+
+
+@kernel
+def write_shares(rates, inertia, dt, seen, memory, out):
+    """Write the share of every row and advance its memory; columns of ``seen``: T_tb, handwheel speed, speed."""
+    hands, corner, grip_kept, motion_kept = rates
+    for i in range(seen.shape[0]):
+        m, speed, v = memory[i], seen[i, 1], seen[i, 2]
+        value = seen[i, 0] + inertia * (speed - m[_SPEED]) / dt
+        m[_SPEED] = speed
+        for k in range(_HANDS, _GRIP):
+            m[k] += hands * (value - m[k])
+            value = m[k]
+        m[_GRIP] = max(abs(value), grip_kept * m[_GRIP])
+        slow = quick = speed
+        for k in range(_LOW, _HIGH):
+            m[k] += corner * (slow - m[k])
+            slow = m[k]
+        for k in range(_HIGH, _SLOW):
+            m[k] += corner * (quick - m[k])
+            quick -= m[k]
+        m[_SLOW] = max(abs(slow), motion_kept * m[_SLOW])
+        m[_FAST] = max(abs(quick), motion_kept * m[_FAST])
+        held, calm = m[_GRIP] ** 2, m[_SLOW] ** 2 + SLOW * SLOW
+        disturbed = FAST_WEIGHT * m[_FAST] ** 2 * v * v / (v * v + HALF_SPEED * HALF_SPEED)
+        out[i] = held / (held + GRIP * GRIP) * calm / (calm + disturbed)
+
+
+class Feel:
+    """The reference feel, and how far an assist may make the hand torque follow it; for ``n`` rows.
+
+    Parameters
+    ----------
+    batch : EnvironmentBatch
+        Of the environment in which the assist acts.
+    """
+
+    def __init__(self, batch: Any) -> None:
+        self._inertia, self._dt = batch.car.column.I1, batch.control_dt
+        dt = self._dt
+        hands, corner = (1.0 - math.exp(-2.0 * math.pi * f * dt) for f in (HANDS_BANDWIDTH, CORNER))
+        self._rates = hands, corner, math.exp(-dt / GRIP_TIME), math.exp(-dt / MOTION_TIME)
+        self._memory = np.zeros((batch.n, _SIZE))
+
+    def begin(self, i: int, handwheel_speed: float) -> None:
+        """Start row ``i`` with a handwheel speed [rad/s], without hands."""
+        self._memory[i] = 0.0
+        self._memory[i, _SPEED] = handwheel_speed
+
+    def references(self, lateral_acceleration: Array, handwheel_speed: Array, speed: Array) -> Array:
+        """The reference torque (n,) [N m] at lateral accelerations [m/s2], handwheel speeds [rad/s], speeds [m/s]."""
+        out = np.zeros(len(self._memory))
+        write_references(np.column_stack([lateral_acceleration, handwheel_speed, speed]), out)
+        return out
+
+    def shares(self, torque: Array, handwheel_speed: Array, speed: Array) -> Array:
+        """The share (n,) of the assist, 0 to 1, from torsion-bar torque [N m] and speeds [rad/s], [m/s]; once a step."""
+        out = np.zeros(len(self._memory))
+        seen = np.column_stack([torque, handwheel_speed, speed])
+        write_shares(self._rates, self._inertia, self._dt, seen, self._memory, out)
+        return out

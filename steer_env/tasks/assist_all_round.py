@@ -1,0 +1,152 @@
+"""Assist in everything that an EPS meets: weave, release, parking and lane change, without being told which it is."""
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from steer_env.friction.numerics.kernel import kernel
+from steer_env.tasks import assist_lane_change, assist_parking, assist_release, assist_weave
+from steer_env.tasks.common import cones, scripted
+from steer_env.tasks.common.definition import (
+    ASSIST_CHANNELS,
+    ASSIST_TORQUE,
+    GOES_ON,
+    RMS,
+    EpisodeContext,
+    EpisodeMetric,
+    EpisodeSetup,
+    Scenery,
+    Task,
+    Term,
+    register,
+)
+from steer_env.tasks.common.feel import FEEL_SCALE, feel_error, feel_quality
+from steer_env.tasks.common.path_following import PATH_OBSERVATIONS, observe_path
+from steer_env.tasks.common.standstill import TWO_TRACK
+from steer_env.tasks.common.terms import COMMON_METRICS, COMMON_REWARDS, evaluate_common, quality
+from steer_env.vehicle.plant import CHANNEL
+
+Array = NDArray[np.float64]
+
+WEAVE, RELEASE, PARKING, LANE_CHANGE = range(4)
+PARTS = (assist_weave.TASK, assist_release.TASK, assist_parking.TASK, assist_lane_change.TASK)
+SPEEDS = ((30.0, 180.0), (30.0, 180.0), (0.0, 0.0), (60.0, 85.0))  # held, lowest and highest of each scenario [km/h]
+FULL_ANGLES = 100.0 / 3.6  # speed above which angles shrink with it, as the car then answers more strongly [m/s]
+
+_ANGLE, _SPEED, _TORQUE = (CHANNEL[name] for name in ("handwheel_angle", "handwheel_speed", "handwheel_torque"))
+
+
+class AllRound(NamedTuple):
+    """Parameters of the task. The first of the episode's data is the scenario, the others are those of its own task."""
+
+    release_time: float  # [s]
+    parking_torque: float  # wanted hand torque while the handwheel turns [N m]
+    half_width: float  # lateral offset that ends a lane change [m]
+
+
+def _draw_scenario(rng: np.random.Generator, options: Mapping[str, float]) -> tuple[int, float]:
+    drawn, share = int(rng.integers(len(PARTS))), float(rng.random())
+    scenario = round(options.get("scenario", drawn))
+    low, high = SPEEDS[scenario]
+    return scenario, (low + share * (high - low)) / 3.6
+
+
+def _draw_setup(rng: np.random.Generator, context: EpisodeContext, options: Mapping[str, float]) -> EpisodeSetup:
+    own: dict[str, float] = {}
+    share = min(FULL_ANGLES / max(context.speed, 1.0), 1.0)
+    if context.scenario == WEAVE:
+        own["amplitude"] = share * float(rng.uniform(*assist_weave.AMPLITUDES))
+    elif context.scenario == RELEASE:
+        own["amplitude"] = float(rng.choice((-share, share)) * rng.uniform(assist_release.LOW, assist_release.HIGH))
+    setup = PARTS[context.scenario].draw_setup(rng, context, own)
+    data = np.zeros(0) if setup.data is None else setup.data
+    given = np.zeros((len(setup.scripted_inputs), len(scripted.HANDS)))
+    given[:, : setup.scripted_inputs.shape[1]] = setup.scripted_inputs
+    return setup._replace(
+        scripted_inputs=given, data=np.append(context.scenario, data), robot=PARTS[context.scenario].robot
+    )
+
+
+@kernel
+def _observe(parameters, channels, path, data, step, memory, observations):
+    if data[0] == LANE_CHANGE:
+        observe_path(channels, path, step, memory, observations)
+
+
+@kernel
+def _evaluate(parameters, channels, observations, data, step, memory, rewards, costs, metrics):
+    evaluate_common(channels, step, step.dt, memory, rewards, costs, metrics)
+    scenario, n = data[0], metrics.size
+    metrics[n - 3] = metrics[n - 2] = metrics[n - 1] = 0.0
+    if scenario == RELEASE and step.time > parameters.release_time:
+        metrics[n - 1] = channels[_ANGLE]
+        rewards[0] += step.dt * quality(channels[_ANGLE] / assist_release.ANGLE_SCALE)
+        return GOES_ON
+    if scenario == PARKING:
+        error = channels[_TORQUE] - assist_parking.wanted_torque(parameters.parking_torque, channels[_SPEED])
+    else:
+        error = feel_error(channels)
+    metrics[n - 2] = error
+    rewards[0] += step.dt * feel_quality(error)
+    if scenario != LANE_CHANGE:
+        return GOES_ON
+    touched = cones.newly_touched(channels, data[1:], memory)
+    metrics[n - 3] = touched
+    costs[costs.size - 1] += touched
+    return cones.outcome_of(parameters, channels, observations, data[1:])
+
+
+def _scenery(channels: Array, observations: Array, data: Array, memory: Array) -> Scenery:
+    return cones.scenery(channels, observations, data[1:], memory) if data[0] == LANE_CHANGE else Scenery()
+
+
+TASK = register(
+    Task(
+        name="AssistAllRound",
+        summary="Assist in a weave, a release, parking or a lane change with a driver model, without being told which.",
+        parameters=AllRound(assist_release.RELEASE_TIME, assist_parking.WANTED, cones.COURSE_HALF_WIDTH),
+        action=ASSIST_TORQUE._replace(scale=10.0),
+        channels=ASSIST_CHANNELS,
+        task_observations=PATH_OBSERVATIONS,
+        unseen=len(PATH_OBSERVATIONS),
+        rewards=(
+            Term(
+                "goal",
+                0.7,
+                "after a release, quality of the handwheel angle, 71 % at "
+                f"{assist_release.ANGLE_SCALE:g} rad; else of the hand torque against the reference feel, in parking "
+                f"against {assist_parking.WANTED:g} N m in the direction of turning; 71 % at {FEEL_SCALE:g} N m",
+            ),
+            *COMMON_REWARDS,
+        ),
+        costs=cones.ASSIST_COSTS,
+        metrics=(
+            *COMMON_METRICS,
+            cones.CONE_METRIC,
+            EpisodeMetric("rms_feel_error", "N m", RMS, "hand torque minus the wanted one, zero after a release"),
+            EpisodeMetric("rms_released_angle", "rad", RMS, "handwheel angle after a release, zero before"),
+        ),
+        draw_setup=_draw_setup,
+        draw_scenario=_draw_scenario,
+        begins=(
+            "An episode is that of AssistWeave, AssistRelease, AssistParking or AssistLaneChange, each as likely as "
+            "the others, with their courses and motions. The held speed is drawn with it: {:g} to {:g} km/h in weave "
+            "and release, where handwheel angles shrink above 100 km/h, standing in parking, and {:g} to "
+            "{:g} km/h in the lane change."
+        ).format(*SPEEDS[WEAVE], *SPEEDS[LANE_CHANGE]),
+        ends="The episode ends as that of the task that is drawn.",
+        speed=100.0 / 3.6,
+        speed_range=(0.0, 70.0),
+        scripted_inputs=scripted.HANDS,
+        robot=True,
+        driver_in_loop=True,
+        chassis=TWO_TRACK,
+        options={"scenario": (0.0, 3.0, "0 weave, 1 release, 2 parking, 3 lane change")},
+        memory_size=cones.MEMORY,
+        scenery=_scenery,
+    ),
+    _observe,
+    _evaluate,
+)

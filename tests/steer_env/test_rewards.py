@@ -1,0 +1,200 @@
+"""Rewards, costs and failures against docs/rewards.md: bounds by the declared terms, and against what pays."""
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from scipy import signal
+
+from steer_env import tasks
+from steer_env.registration import DRIVEN
+from steer_env.tasks.common import definition, terms
+from steer_env.tasks.common.definition import DEPARTED, FAILURE, FINISHED, GOES_ON, StepContext
+from steer_env.vehicle.plant import CHANNEL
+
+NAMES = tasks.available()
+SEED = 5
+
+
+def made(name, n=8, **arguments):
+    return gym.make_vec(f"steer_env/{name}-v1", num_envs=n, **arguments).unwrapped
+
+
+def episode(env, act, seed=SEED):
+    """Reward, time, terms, failure of each episode under ``act(observation, step)``."""
+    observation, _ = env.reset(seed=seed)
+    n, dt = env.num_envs, env.batch.control_dt
+    reward, time, going, failure = np.zeros(n), np.zeros(n), np.ones(n, bool), np.zeros(n, int)
+    steps = []
+    while going.any():
+        observation, r, terminated, truncated, _ = env.step(act(observation, len(steps)))
+        failed = env.batch.episodes["failure"].copy()
+        steps.append(np.where(going, r, 0.0))
+        reward += steps[-1]
+        time += dt * going
+        failure = np.where(going, failed, failure)
+        going &= ~(terminated | truncated)
+    return reward, time, failure, np.array(steps)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_no_way_to_fail_is_worth_more_than_to_go_on(name):
+    """By bound: every term but the failure lies between 0 and its weight per second, the weights add up to 1."""
+    *own, last = tasks.task(name).rewards
+    assert last == FAILURE
+    assert -1.0 <= last.weight <= 0.0
+    assert all(term.weight > 0.0 for term in own)
+    assert sum(term.weight for term in own) <= 1.0 + 1e-12
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_qualities_stay_between_zero_and_one_whatever_the_car_does(name):
+    task, rng = tasks.task(name), np.random.default_rng(SEED)
+    env = made(name, 4)
+    env.reset(seed=SEED)
+    a, episodes = env.batch.arrays, env.batch.episodes
+    for k in range(200):
+        row = k % 4
+        channels = a.channels[row] * rng.normal(1.0, 10.0, a.channels.shape[1]) + rng.normal(
+            0.0, 10.0, a.channels.shape[1]
+        )
+        dt = 0.01
+        step = StepContext(
+            0.01 * (k + 1), dt, abs(rng.normal(0.0, 30.0)), max(float(episodes["held_speed"][row]), 3.0),
+            rng.uniform(-1.0, 1.0), rng.normal(0.0, 200.0)
+        )  # fmt: skip
+        data = a.task_data[row, : episodes["data_size"][row]]
+        path = a.paths[row, : episodes["path_points"][row]]
+        observed, memory = a.task_observations[row], a.task_memory[row]
+        rewards, costs = np.zeros(len(task.rewards)), np.zeros(len(task.costs))
+        definition.observe(task.parameters, channels, path, data, step, memory, observed)
+        outcome = definition.evaluate_step(
+            task.parameters, channels, observed, data, step, memory, rewards, costs, a.metrics[row, 0]
+        )
+        assert outcome in (FINISHED, GOES_ON, DEPARTED)
+        assert (rewards[:-1] >= 0.0).all()
+        assert (rewards[:-1] <= dt * (1.0 + 1e-12)).all()
+        assert rewards[-1] == 0.0  # the engine counts failures
+        assert (costs >= 0.0).all()
+
+
+@pytest.mark.parametrize(
+    "name",
+    [n for n in NAMES if n.startswith("Driver") and "lateral_offset" in [q.name for q in tasks.task(n).observed]],
+)
+def test_leaving_the_road_never_pays(name):
+    """Full lock into the ditch is worth less than doing nothing."""
+    env = made(name)
+    ditch, _, failed, steps = episode(env, lambda o, k: np.ones((8, 1), np.float32))
+    nothing, *_ = episode(env, lambda o, k: np.zeros((8, 1), np.float32))
+    assert (failed == DEPARTED).all()
+    assert (ditch < nothing).all()
+    assert steps.min() <= -1.0 + env.batch.control_dt
+    assert (steps[steps < 0.0] >= -1.0).all()
+
+
+def test_dawdling_and_turning_back_gain_nothing():
+    """Way that is gained twice counts once: the reward of a path is bounded by its length over the held speed."""
+    env = made("DriverDoubleLaneChange", 1)
+    task = env.batch.task
+    env.reset(seed=SEED)
+    a = env.batch.arrays
+    memory, rewards, total = a.task_memory[0].copy(), np.zeros(len(task.rewards)), 0.0
+    speed = float(env.batch.episodes["held_speed"][0])
+    channels, data, path = a.channels[0].copy(), a.task_data[0], a.paths[0, : env.batch.episodes["path_points"][0]]
+    observed, metrics, costs = a.task_observations[0].copy(), a.metrics[0, 0].copy(), np.zeros(len(task.costs))
+    x0 = channels[CHANNEL["x"]]
+    for k in range(400):  # back and forth over the same 20 m
+        channels[CHANNEL["x"]] = x0 + 10.0 - 10.0 * np.cos(0.1 * k)
+        step = StepContext(0.01 * (k + 1), 0.01, speed, speed, 0.0, 0.0)
+        definition.observe(task.parameters, channels, path, data, step, memory, observed)
+        definition.evaluate_step(task.parameters, channels, observed, data, step, memory, rewards, costs, metrics)
+        total = sum(rewards)
+    assert 0.0 < total <= (20.0 / speed) * len(rewards)
+    assert rewards.max() <= 20.0 / speed + 1e-9
+
+
+@pytest.mark.parametrize("dt", [0.001, 0.01])
+def test_ripple_is_a_second_order_butterworth_high_pass(dt):
+    t = dt * np.arange(1, 400)
+    torque = 2.0 + np.sin(2.0 * np.pi * 3.0 * t) + 0.3 * np.sin(2.0 * np.pi * 20.0 * t)
+    b, a = signal.butter(2, terms.RIPPLE_FREQUENCY, "high", fs=1.0 / dt)
+    expected, _ = signal.lfilter(b, a, torque, zi=signal.lfilter_zi(b, a) * torque[0])
+    memory = np.zeros(terms.COMMON_MEMORY)
+    found = [terms._ripple(x, dt, k > 0, memory) for k, x in enumerate(torque)]
+    np.testing.assert_allclose(found, expected, atol=1e-12)
+
+
+def test_a_larger_gain_that_makes_the_hands_vibrate_does_not_pay_in_parking():
+    env = made("DriverParking", control_dt=0.01)
+    place = {metric.name: k for k, metric in enumerate(env.batch.task.metrics)}
+    error = [quantity.name for quantity in env.batch.observed].index("target_0.0s")
+    score, ripple = {}, {}
+    for gain in (10.0, 20.0, 45.0, 60.0, 80.0, 150.0):  # [N m/rad]
+        scale = gain / env.batch.task.action.scale
+        reward, *_ = episode(env, lambda o, k: np.clip(scale * o[:, [error]], -1.0, 1.0))  # noqa: B023 (used at once)
+        score[gain] = reward.mean()
+        ripple[gain] = env.batch.arrays.metrics[0, 2, place["rms_ripple"]]
+    best = max(score, key=lambda gain: score[gain])
+    assert ripple[best] < 0.05, (score, ripple)
+    vibrating = [gain for gain in score if ripple[gain] > 0.1]
+    assert len(vibrating) >= 2
+    assert max(score[gain] for gain in vibrating) < score[best] - 0.3, (score, ripple)
+
+
+@pytest.mark.parametrize("env_id", DRIVEN)
+def test_the_reward_of_zero_action_is_not_saturated(env_id):
+    """The task's own terms leave room above zero action, and zero action is not at their floor."""
+    env = gym.make_vec(env_id, num_envs=8).unwrapped
+    env.reset(seed=SEED)
+    own = np.zeros(len(env.batch.task.rewards))
+    time = 0.0
+    for _ in range(round(5.0 / env.batch.control_dt)):
+        if env.batch.over.any():
+            break
+        env.step(np.zeros((8, 1), np.float32))
+        own += env.batch.arrays.terms[:, : own.size].sum(axis=0)
+        time += 8 * env.batch.control_dt
+    quality = own[0] / time / env.batch.task.rewards[0].weight
+    assert 0.05 < quality < 0.97, quality
+
+
+def test_steering_stiffness_known_to_the_driver_in_the_loop_is_that_of_the_car():
+    """It was ten times too small where the driver's own arms held the handwheel while it was measured."""
+    alone, in_loop = made("DriverLaneKeeping", 1), made("AssistLaneKeeping", 1)
+    conditions = alone.batch.usual_conditions
+    assert in_loop.batch.steering_stiffness(conditions) == alone.batch.steering_stiffness(conditions)
+
+
+def test_scenarios_of_the_all_round_task_are_those_of_its_parts():
+    """A weave of AssistAllRound is the AssistWeave of the same car, speed and amplitude."""
+    whole = gym.make("steer_env/AssistAllRound-v1").unwrapped
+    whole.reset(seed=SEED, options={"scenario": 0})
+    row, data = whole.batch.episodes[0], whole.batch.arrays.scripted_inputs[0]
+    amplitude = float(np.abs(data[:, 0]).max())
+    part = gym.make("steer_env/AssistWeave-v1", chassis="two_track", speed=float(row["held_speed"])).unwrapped
+    part.reset(seed=SEED, options={"amplitude": amplitude})
+    scale = float(np.abs(part.batch.arrays.scripted_inputs[0][:, 0]).max()) / amplitude
+    part.reset(seed=SEED, options={"amplitude": amplitude / scale})
+    action = np.array([0.05], np.float32)
+    for _ in range(300):
+        _, _, _, _, one = whole.step(action)
+        _, _, _, _, other = part.step(2.0 * action)  # its full scale is half as large
+    assert one["handwheel_torque"] == pytest.approx(other["handwheel_torque"], rel=1e-6)
+
+
+@pytest.mark.parametrize("arguments", [{"speed": 20.0}, {"randomise": {"speed": (10, 20)}}])
+def test_the_all_round_task_draws_its_own_speeds(arguments):
+    with pytest.raises(ValueError, match="draws its speeds"):
+        gym.make("steer_env/AssistAllRound-v1", **arguments)
+    env = gym.make("steer_env/AssistAllRound-v1")
+    with pytest.raises(ValueError, match="draws its speeds"):
+        env.reset(options={"speed": 20.0})
+
+
+def test_the_driver_holds_the_handwheel_in_lane_changes_alone():
+    env = made("AssistAllRound", 32)
+    env.reset(seed=SEED)
+    scenario, driven = env.batch.arrays.task_data[:, 0], env.batch.episodes["driven"]
+    assert set(scenario) == {0.0, 1.0, 2.0, 3.0}
+    np.testing.assert_array_equal(driven == 1, scenario == 3.0)
+    assert "lateral_offset" not in [quantity.name for quantity in env.batch.observed]
