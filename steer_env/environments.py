@@ -12,6 +12,7 @@ from steer_env import tasks
 from steer_env.env import SteerEnv
 from steer_env.randomise import RANGES
 from steer_env.registration import HISTORY
+from steer_env.rendering.modes import frame_rate
 from steer_env.tasks import Task
 from steer_env.vector import SteerVectorEnv
 
@@ -94,8 +95,12 @@ def _arguments(task: Task) -> str:
 @cache
 def _classes(name: str) -> tuple[type[SteerEnv], type[SteerVectorEnv]]:
     """Single and vector environment of a task."""
-    fields = {"task": tasks.task(name), "__doc__": _documentation(tasks.task(name)), "__module__": __name__}
-    return type(name, (SteerEnv,), fields), type(f"{name}Vector", (SteerVectorEnv,), fields)
+    task = tasks.task(name)
+    fields = {"task": task, "__doc__": _documentation(task), "__module__": __name__}
+    made = type(name, (SteerEnv,), dict(fields)), type(f"{name}Vector", (SteerVectorEnv,), dict(fields))
+    for each in made:
+        each.metadata = {**each.metadata, "render_fps": frame_rate(None, task.control_dt)}
+    return made
 
 
 def __getattr__(name: str) -> type:

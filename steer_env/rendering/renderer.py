@@ -361,9 +361,9 @@ class Renderer:
                 canvas.lines(points[places[0] : places[-1] + 2], mixed(PANEL, HAND, age), 1.5)
         if wanted.size:
             canvas.text("wanted hand torque", (LOOP[0] + LOOP[2] - 96, LOOP[1] + 14), WANTED, 11, align=1.0)
-            places = middle + np.column_stack([np.degrees(history[:, _ANGLE]), history[:, _REFERENCE]]) * scales
-            known = np.isfinite(places[:, 1])
-            for part in np.split(places, np.flatnonzero(np.diff(known)) + 1):  # a gap where no feel is scored
+            line = middle + np.column_stack([np.degrees(history[:, _ANGLE]), history[:, _REFERENCE]]) * scales
+            known = np.isfinite(line[:, 1])
+            for part in np.split(line, np.flatnonzero(np.diff(known)) + 1):  # a gap where no feel is scored
                 if np.isfinite(part[0, 1]):
                     canvas.lines(part, WANTED, 1.5)
         canvas.circle(points[-1], 4.5, HAND)
