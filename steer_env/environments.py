@@ -97,10 +97,9 @@ def _classes(name: str) -> tuple[type[SteerEnv], type[SteerVectorEnv]]:
     """Single and vector environment of a task."""
     task = tasks.task(name)
     fields = {"task": task, "__doc__": _documentation(task), "__module__": __name__}
-    made = type(name, (SteerEnv,), dict(fields)), type(f"{name}Vector", (SteerVectorEnv,), dict(fields))
-    for each in made:
-        each.metadata = {**each.metadata, "render_fps": frame_rate(None, task.control_dt)}
-    return made
+    rate = {"render_fps": frame_rate(None, task.control_dt)}
+    single = type(name, (SteerEnv,), {**fields, "metadata": {**SteerEnv.metadata, **rate}})
+    return single, type(f"{name}Vector", (SteerVectorEnv,), {**fields, "metadata": {**SteerVectorEnv.metadata, **rate}})
 
 
 def __getattr__(name: str) -> type:

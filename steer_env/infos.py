@@ -29,6 +29,7 @@ class Infos:
         every = np.ones(batch.n, bool)
         every.flags.writeable = False  # all infos share it
         self._every = self._masked(every)
+        self._names = tuple(self._groups.values())[:3]
         self._drawn: Any = None  # the conditions that ``_conditions`` holds by name
         self._conditions: dict[str, float] = {}
         self._view()
@@ -49,7 +50,7 @@ class Infos:
             self._drawn = batch.conditions[0]
             self._conditions = dict(zip(batch.condition_names, batch.condition_values[0].tolist()))
         channels, terms, metrics = self._first
-        rewards, costs, measured, _ = self._groups.values()
+        rewards, costs, measured = self._names
         both = iter(terms.tolist())
         info: dict[str, Any] = dict(zip(batch.channels, channels.tolist()))
         info["reward_terms"] = dict(zip(rewards, both))
