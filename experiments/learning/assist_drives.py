@@ -63,7 +63,7 @@ class Kind(NamedTuple):
 
     task: str  # whose setup is replaced
     judge: str  # of ``steer_env.experiments.learning.assist_suite.JUDGES``
-    changes: Mapping[str, Any] = {}  # noqa: RUF012 (never written to); fields of the task
+    changes: Mapping[str, Any] = {}
     released: float = np.inf  # time from which on nobody holds the handwheel [s]
 
 
