@@ -24,7 +24,7 @@ test-matrix:
 
 # Policy search against every reward: what scores more than the classical controllers must not behave worse.
 audit: .venv-test/.stamp
-	.venv-test/bin/steer-env study audit
+	.venv-test/bin/steer-env audit
 
 .venv/.stamp: pyproject.toml constraints.txt
 	$(PYTHON) -m venv .venv

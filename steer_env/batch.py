@@ -10,7 +10,6 @@ in rounds of at most one update of 10 ms; driver models act before each update. 
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from copy import deepcopy
 from typing import Any
 
 import numpy as np
@@ -29,7 +28,6 @@ from steer_env.sensor_noise import SensorNoise
 from steer_env.tasks.common.definition import (
     FAILURES,
     NON_FINITE,
-    RMS,
     EpisodeContext,
     EpisodeSetup,
     Scenery,
@@ -67,6 +65,8 @@ class EnvironmentBatch:
         The driver model in the loop.
     channels, states : tuple of str
         Names of the plant's channels and states.
+    observation_scale : (O,) array
+        SI value of an observation of 1: the usual sizes with ``normalise``, ones without.
     bound : (O,) array of float32
         The observation space spans +- these.
     arrays : BatchArrays
@@ -77,6 +77,10 @@ class EnvironmentBatch:
         Whether the episode is over or has not begun.
     conditions : list of Conditions
         What was drawn for each episode.
+    condition_names : tuple of str
+        Names of the conditions in infos.
+    condition_values : (n, names) array
+        Their values for each episode.
     noise : SensorNoise
     drivers : DriverBatch or None
     """
@@ -96,7 +100,9 @@ class EnvironmentBatch:
         driver: Any = None,
         randomise: Mapping[str, Any] | None = None,
         weights: Mapping[str, float] | None = None,
+        normalise: bool = False,
         threads: int = 1,
+        max_episode_steps: int | None = None,
     ) -> None:
         self.task, self.n, self.observed = task, n, task.observed
         self.chassis, self.road = _checked_chassis(task, chassis), resolve(road)
@@ -128,14 +134,20 @@ class EnvironmentBatch:
         delay_steps = round(LIMITS["delay"][1] / self.control_dt)
         self.arrays = allocate(task, template, n, self._samples_per_round, delay_steps)
         self.episodes = self.arrays.episodes.view(EPISODE, np.ndarray)
-        self._layout = layout(task, template, self.control_dt, samples, np.array(list(weights_of.values())))
-        self.bound = self._layout.bounds.astype(np.float32)
+        self.observation_scale = _scales(task, normalise)
+        of_rewards = np.array(list(weights_of.values()))
+        self._layout = layout(task, template, samples, of_rewards, self.observation_scale, max_episode_steps)
+        self.bound = (self._layout.bounds / self.observation_scale).astype(np.float32)
         self.over = np.ones(n, bool)
         self.conditions: list[Conditions] = [usual] * n
+        self.condition_names = self._randomise.names
+        self.condition_values = np.tile(usual.values(self.condition_names), (n, 1))
         self.noise = SensorNoise(n, np.array([SENSOR_NOISE.get(quantity.name, 0.0) for quantity in self.observed]))
         self._bind()
         self._usual_start = self._settled(template)
-        self.drivers = drivers.DriverBatch(self.driver, self.car, n, self.steering_stiffness) if self.driver else None
+        self.drivers = (
+            drivers.DriverBatch(self.driver, self.car, n, self.steering_stiffness, usual) if self.driver else None
+        )
         self._pool = ThreadPool(n, whole("threads", threads, 1))
 
     def _bind(self) -> None:
@@ -188,9 +200,9 @@ class EnvironmentBatch:
         """The conditions of an episode if nothing is drawn."""
         return self._randomise.usual
 
-    def steering_stiffness(self, speed: float) -> float:
-        """Hand torque over handwheel angle [N m/rad] in steady turns at a speed [m/s], without friction."""
-        p = self._plant(self._randomise.usual._replace(speed=speed), robot=True)
+    def steering_stiffness(self, conditions: Conditions) -> float:
+        """Hand torque over handwheel angle [N m/rad] in steady turns in some conditions, without friction."""
+        p = self._plant(conditions, robot=True)
         return steering_stiffness(p, self._runner(p))
 
     def start(self, i: int, rng: np.random.Generator, options: Mapping[str, Any]) -> None:
@@ -207,14 +219,26 @@ class EnvironmentBatch:
         self._store(i, setup, drawn)
         self.noise.set_factor(i, drawn.sensor_noise)
         self.noise.steps[i] = 0
-        self.over[i], self.conditions[i] = False, drawn
+        self.over[i] = False
+        self.set_conditions(i, drawn)
         if self.drivers is not None and self.episodes["driven"][i]:
-            self.drivers.start(i, drawn.speed)
+            self.drivers.start(i, drawn)
         self.arrays.noise[i] = self.noise.draw(i, rng)
         self._evaluate(self.arrays, self._layout, task.parameters, 0, True, i, i + 1)
         past = self.arrays.past_observations
         past[i] = past[i, self.episodes["latest"][i]]  # a delayed observation shows the start until newer ones come
-        self.arrays.observations[i] = past[i, 0]
+        self.arrays.observations[i] = past[i, 0] / self.observation_scale
+
+    def set_conditions(self, i: int, drawn: Conditions) -> None:
+        """Note what was drawn for the episode of row ``i``."""
+        self.conditions[i] = drawn
+        self.condition_values[i] = drawn.values(self.condition_names)
+
+    def deliver(self) -> None:
+        """Give every row its present observation: that of its delay, over this batch's scales."""
+        past, episodes = self.arrays.past_observations, self.episodes
+        delayed = (episodes["latest"] - episodes["delay"]) % past.shape[1]
+        self.arrays.observations[:] = past[np.arange(self.n), delayed] / self.observation_scale
 
     def _store(self, i: int, setup: EpisodeSetup, drawn: Conditions) -> None:
         """Put an episode's setup and its plant into the arrays."""
@@ -268,24 +292,20 @@ class EnvironmentBatch:
             self._advance(self._template, a.plants, a.states, a.inputs, a.channels, a.finite, low, high)
             self._evaluate(a, self._layout, self.task.parameters, self._samples_per_round, k == last, low, high)
 
-    def conditions_info(self, i: int) -> dict[str, Any]:
-        """A copy of the conditions of row ``i``, for its info."""
-        return deepcopy(self.conditions[i]._asdict())
+    def failure_text(self, code: Any) -> str:
+        """A failure in words, empty for 0; that of a state names those of the rows that failed so in the last step.
 
-    def metrics(self, i: int) -> dict[str, float]:
-        """Metrics of the episode in row ``i`` so far, by name."""
-        time = max(self.episodes["evaluated"][i], 1) * SAMPLE_TIME
-        return {
-            metric.name: math.sqrt(value / time) if metric.kind == RMS else value
-            for metric, value in zip(self.task.metrics, self.arrays.metrics[i, 1].tolist())
-        }
-
-    def failure_text(self, i: int) -> str:
-        """Why row ``i`` failed in the last step, in words; empty if it did not."""
-        failure = int(self.episodes["failure"][i])
-        if failure == NON_FINITE:
-            return f"{FAILURES[failure]}: {self._first_non_finite(i)}"
-        return FAILURES[failure]
+        Raises
+        ------
+        ValueError
+            There is no failure with this code.
+        """
+        code = whole("failure", code, 0)
+        if code >= len(FAILURES):
+            raise ValueError(f"failure must be a whole number from 0 to {len(FAILURES) - 1}, got {code}")
+        rows = np.flatnonzero((self.episodes["failure"] == NON_FINITE) & (code == NON_FINITE))
+        names = dict.fromkeys(self._first_non_finite(i) for i in rows.tolist())
+        return f"{FAILURES[code]}: {', '.join(names)}" if names else FAILURES[code]
 
     def _first_non_finite(self, i: int) -> str:
         """Repeat the last round of row ``i``, sample by sample; a run is reproducible to the bit."""
@@ -298,20 +318,18 @@ class EnvironmentBatch:
                 return plant.state_name(self._template, int(bad[0]))
         return "the reward"
 
-    @property
-    def path(self) -> Array | None:
-        """The path (P, 4) of row 0, or None."""
-        points = self.episodes["path_points"][0]
-        return self.arrays.paths[0, :points] if points else None
+    def path(self, i: int) -> Array | None:
+        """The path (P, 4) of row ``i``, or None."""
+        points = self.episodes["path_points"][i]
+        return self.arrays.paths[i, :points] if points else None
 
-    @property
-    def scenery(self) -> Scenery:
-        """What a picture shows of row 0 besides its path."""
+    def scenery(self, i: int) -> Scenery:
+        """What a picture shows of row ``i`` besides its path."""
         if self.task.scenery is None:
             return Scenery()
         a = self.arrays
-        data = a.task_data[0, : self.episodes["data_size"][0]]
-        return self.task.scenery(a.channels[0], a.task_observations[0], data, a.task_memory[0])
+        data = a.task_data[i, : self.episodes["data_size"][i]]
+        return self.task.scenery(a.channels[i], a.task_observations[i], data, a.task_memory[i])
 
     def close(self) -> None:
         """Stop the threads."""
@@ -344,6 +362,13 @@ def _check_options(task: Task, options: Any) -> None:
             raise ValueError(f"{task.name} draws its speeds with its scenarios: leave the reset option 'speed' out")
         if key not in RANGES and key not in task.options:
             raise ValueError(f"unknown reset option {key!r}; {task.name} takes: {', '.join([*task.options, *RANGES])}")
+
+
+def _scales(task: Task, normalise: Any) -> Array:
+    """SI value of each observation of 1 (O,)."""
+    if not isinstance(normalise, bool | np.bool_):
+        raise ValueError(f"normalise must be True or False, got {normalise!r}")
+    return np.array([quantity.usual if normalise else 1.0 for quantity in task.observed])
 
 
 def _weights(task: Task, given: Mapping[str, float] | None) -> dict[str, float]:

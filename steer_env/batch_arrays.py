@@ -10,6 +10,7 @@ from steer_env.tasks.common.definition import COST_LIMIT, Task
 from steer_env.vehicle import plant, plant_batch
 from steer_env.vehicle.chassis.common.interface import INPUTS
 from steer_env.vehicle.plant import Plant
+from steer_env.vehicle.steering.eps import SAMPLE_TIME
 
 Array = NDArray[np.float64]
 
@@ -61,10 +62,10 @@ class BatchArrays(NamedTuple):
     task_memory: Array  # (n, M) what the task's kernels remember
     task_observations: Array  # (n, Q) what the task observes besides channels and speed
     terms: Array  # (n, rewards and costs) integrals over the present step; with their weights once it is finished
-    metrics: Array  # (n, 2, F) present value, and what has accumulated over the episode
+    metrics: Array  # (n, 3, F) present value, what has accumulated over the episode, and the metrics so far
     noise: Array  # (n, O) of the next observation
-    past_observations: Array  # (n, D, O) ring buffer over control steps
-    observations: NDArray[np.float32]  # (n, O) noisy, delayed and clipped to the bounds
+    past_observations: Array  # (n, D, O) ring buffer over control steps, noisy and clipped to the bounds [SI]
+    observations: NDArray[np.float32]  # (n, O) delayed, over their scales
 
 
 class BatchLayout(NamedTuple):
@@ -72,6 +73,7 @@ class BatchLayout(NamedTuple):
 
     control_dt: float  # [s]
     samples_per_step: int  # samples of 1 ms in a control step
+    time_limit: int  # samples after which every episode is truncated
     action_input: int  # place among the plant's inputs
     action_scale: float  # value of that input at action 1 [its unit]
     robot: int  # place of the plant's parameter ``robot`` among its numbers
@@ -81,7 +83,8 @@ class BatchLayout(NamedTuple):
     observed_channels: NDArray[np.int64]  # places among the channels
     metric_kinds: NDArray[np.int64]  # (F,) RMS, PEAK or SUM
     weights: Array  # (rewards and costs,)
-    bounds: Array  # (O,) the observation space spans +- these
+    bounds: Array  # (O,) of the observations [SI]
+    scales: Array  # (O,) SI value of an observation of 1
 
 
 def allocate(task: Task, template: Plant, n: int, samples_per_round: int, delay_steps: int) -> BatchArrays:
@@ -107,19 +110,25 @@ def allocate(task: Task, template: Plant, n: int, samples_per_round: int, delay_
         task_memory=np.zeros((n, task.memory_size)),
         task_observations=np.zeros((n, len(task.task_observations))),
         terms=np.zeros((n, terms)),
-        metrics=np.zeros((n, 2, len(task.metrics))),
+        metrics=np.zeros((n, 3, len(task.metrics))),
         noise=np.zeros((n, observations)),
         past_observations=np.zeros((n, 1 + delay_steps, observations)),
         observations=np.zeros((n, observations), np.float32),
     )
 
 
-def layout(task: Task, template: Plant, control_dt: float, samples_per_step: int, weights: Array) -> BatchLayout:
-    """The layout for a task, with the weights of its rewards (R,); those of costs are over their limits."""
+def layout(
+    task: Task, template: Plant, samples_per_step: int, weights: Array, scales: Array, steps: int | None
+) -> BatchLayout:
+    """The layout for a task, with the weights of its rewards (R,); those of costs are over their limits.
+
+    ``scales`` (O,) are those of the observations, ``steps`` the largest number of control steps of an episode, if any.
+    """
     names = [name for name, _ in plant.channels(template)]
     return BatchLayout(
-        control_dt=control_dt,
+        control_dt=samples_per_step * SAMPLE_TIME,
         samples_per_step=samples_per_step,
+        time_limit=np.iinfo(np.int64).max if steps is None else steps * samples_per_step,
         action_input=task.action.input,
         action_scale=task.action.scale,
         robot=plant_batch.slices(template)["robot"].start,
@@ -130,6 +139,7 @@ def layout(task: Task, template: Plant, control_dt: float, samples_per_step: int
         metric_kinds=np.array([metric.kind for metric in task.metrics]),
         weights=np.concatenate([weights, [COST_LIMIT / cost.limit for cost in task.costs]]),
         bounds=np.array([quantity.bound for quantity in task.observed], np.float32).astype(float),
+        scales=scales,
     )
 
 

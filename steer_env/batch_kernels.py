@@ -94,16 +94,17 @@ def evaluate(arrays, layout, parameters, samples, ends, low, high):
         if samples > 0 and arrays.finite[i] and not episode.terminated:
             episode.evaluated += samples
             rewards, costs = arrays.terms[i, : layout.n_rewards], arrays.terms[i, layout.n_rewards :]
-            present, accumulated = arrays.metrics[i, 0], arrays.metrics[i, 1]
+            present = arrays.metrics[i, 0]
             outcome = tasks.evaluate_step(parameters, channels, observed, data, step, memory, rewards, costs, present)
             episode.terminated, episode.failure = outcome != GOES_ON, max(outcome, 0)
-            _accumulate(layout.metric_kinds, dt, present, accumulated)
+            _accumulate(layout.metric_kinds, dt, present, arrays.metrics[i, 1])
         if ends:
             _finish_step(layout, episode, channels, arrays.finite[i], arrays.terms[i])
+            _conclude(layout.metric_kinds, episode.evaluated * SAMPLE_TIME, arrays.metrics[i, 1], arrays.metrics[i, 2])
             _observe(layout, episode, channels, observed, arrays.noise[i], arrays.past_observations[i])
             delayed = (episode.latest - episode.delay) % arrays.past_observations.shape[1]
             for k in range(layout.bounds.size):
-                arrays.observations[i, k] = arrays.past_observations[i, delayed, k]
+                arrays.observations[i, k] = arrays.past_observations[i, delayed, k] / layout.scales[k]
 
 
 @kernel
@@ -119,20 +120,32 @@ def _accumulate(kinds, dt, present, accumulated):
 
 
 @kernel
+def _conclude(kinds, time, accumulated, so_far):
+    """The metrics (F,) of the time [s] that has been evaluated; NaN before any."""
+    for k in range(kinds.size):
+        if time == 0.0:
+            so_far[k] = math.nan
+        else:
+            so_far[k] = math.sqrt(accumulated[k] / time) if kinds[k] == RMS else accumulated[k]
+
+
+@kernel
 def _finish_step(layout, episode, channels, finite, terms):
     """Weight the terms, and decide whether the episode ends; what comes after the task's own end does not count."""
-    episode.truncated = episode.sample + layout.samples_per_step > episode.end
+    episode.truncated = episode.sample + layout.samples_per_step > episode.end or episode.sample >= layout.time_limit
     if not episode.terminated:
         episode.failure = _failure(episode, channels, finite, terms)
         episode.terminated = episode.failure > 0
     if episode.failure == NON_FINITE:  # nor are its terms
         for k in range(terms.size):
             terms[k] = 0.0
-    terms[layout.n_rewards - 1] = 1.0 if episode.failure > 0 else 0.0
+    failure = layout.n_rewards - 1  # the last reward
     episode.reward = episode.cost = 0.0
     for k in range(terms.size):
         terms[k] *= layout.weights[k]
-        if k < layout.n_rewards:
+        if k == failure:
+            terms[k] = layout.weights[k] if episode.failure > 0 else 0.0
+        if k <= failure:
             episode.reward += terms[k]
         else:
             episode.cost += terms[k]

@@ -10,9 +10,12 @@ from numpy.typing import NDArray
 
 from steer_env.batch import EnvironmentBatch
 from steer_env.friction.numerics.check import whole
+from steer_env.infos import Infos
+from steer_env.rendering.modes import MODES, checked_mode, frame_rate
 from steer_env.specification import PlainSpecification
 from steer_env.state import State, copied, restore
 from steer_env.tasks import Task
+from steer_env.tasks.common.definition import COST_LIMIT
 
 
 class SteerEnv(PlainSpecification, gym.Env):
@@ -37,8 +40,9 @@ class SteerEnv(PlainSpecification, gym.Env):
         Heights, friction of each side, grade and bank for ``chassis="two_track"``; level and dry by default. A mapping
         has a function of ``steer_env.vehicle.road`` (``make_road``, ``flat``, ``bump``, ``iso8608``) under "road" and
         its arguments beside it, as in ``{"road": "iso8608", "seed": 1, "road_class": "C"}``.
-    control_dt : float, default 0.01
-        Time between actions: 1, 2 or 5 ms or a multiple of 10 ms, up to 100 ms [s].
+    control_dt : float, optional
+        Time between actions: 1, 2 or 5 ms or a multiple of 10 ms, up to 100 ms [s]; the task's own by default, 50 ms
+        for drivers and 10 ms for assists.
     driver : str, mapping or Driver, optional
         The driver model, in tasks that have one in the loop: one of ``steer_env.drivers.available()``, a mapping of one
         and its options, as in ``{"driver": "preview", "effort": 0.2, "co_contraction": 0.25}``, or from
@@ -48,9 +52,14 @@ class SteerEnv(PlainSpecification, gym.Env):
         law's own parameters, as in ``{"load": (0, 300), "friction": {"F_c": (0.6, 1.2)}}``.
     weights : mapping, optional
         Weights of reward terms that replace the task's.
-    render_mode : None, "rgb_array" or "human"
-        A picture shows the car on its road from above, the handwheel and the live torque-angle loop; "human" shows it
-        in a window in step with the simulated time. Needs the extra ``render``.
+    normalise : bool, default False
+        Whether each observation is divided by its usual size, which the task's documentation gives.
+        ``observation_scale`` (O,) holds these sizes, or ones: an observation times it is in SI units.
+    render_mode : None, "rgb_array", "rgb_array_list" or "human"
+        A picture shows the car on its road from above, the handwheel and the live torque-angle loop. "rgb_array_list"
+        keeps 25 pictures a simulated second, and ``render`` gives those since its last call or the reset. "human"
+        shows them in a window in step with the simulated time. Needs the extra ``render``. Pictures at
+        ``metadata["render_fps"]``, which is 1/``control_dt`` for "rgb_array", make a video in real time.
 
     Any other keyword is an error. ``spec`` holds the arguments as text, numbers, lists and mappings, whatever objects
     were given, so that ``gymnasium.make(EnvSpec.from_json(env.spec.to_json()))`` is the same environment to the bit. A
@@ -59,40 +68,43 @@ class SteerEnv(PlainSpecification, gym.Env):
     ``steer_env.vehicle.road.as_mapping(...)``.
 
     ``reset(options=...)`` fixes what would be drawn: keys of ``RANGES`` and of the task.
-    ``info`` holds every plant channel under its name in SI, ``reward_terms``, ``cost`` and ``cost_terms``, and at the
-    end of an episode ``metrics``. The info of ``reset`` holds what was drawn in ``conditions``.
 
-    A state that is no longer finite ends the episode with a reward of -100, and ``info["non_finite_state"]`` names it.
-    A car that rolls over or moves more sideways than forward does so too, and ``info["rolled_over"]`` or
-    ``info["spun_out"]`` is then True. Where a task ends within a control step, reward, cost and metrics count up to
-    that moment, while the observation is the one at the step's end.
+    ``info`` has the same keys at reset, at every step and at the end: every plant channel under its name in SI;
+    ``cost``; dicts of floats ``reward_terms``, ``cost_terms``, ``conditions`` (what was drawn: ``RANGES``, and
+    ``friction_<parameter>`` for each parameter of the law that is drawn) and ``metrics`` (of the episode so far, NaN
+    at reset); and the integer ``failure``. ``terminated`` and ``truncated`` alone tell the end. The budget of every
+    cost for an episode is ``cost_limit``.
+
+    ``failure`` is 1 where the car left its lane or course, 2 where it rolled over, 3 where it spun out (moves more
+    sideways than forward), 4 where a state is no longer finite, else 0; :meth:`failure_text` says it in words. A
+    failure ends the episode. Where a task ends within a control step, reward, cost and metrics count up to that
+    moment, while the observation is the one at the step's end.
     """
 
-    metadata = {"render_modes": ["rgb_array", "human"], "render_fps": 25}  # noqa: RUF012 (Gymnasium's own form)
+    metadata = {"render_modes": [*MODES], "render_fps": 20.0}  # noqa: RUF012 (Gymnasium's own form)
+    cost_limit = COST_LIMIT
     task: Task
 
     def __init__(self, *, render_mode: str | None = None, **arguments: Any) -> None:
-        if render_mode is not None and render_mode not in self.metadata["render_modes"]:
-            raise ValueError(f"render_mode must be None or one of {self.metadata['render_modes']}, got {render_mode!r}")
-        self.render_mode = render_mode
+        self.render_mode = checked_mode(render_mode, MODES)
         self.batch = batch_of(self.task, 1, arguments, ("render_mode",))
         self.control_dt = self.batch.control_dt
+        self.metadata = {**self.metadata, "render_fps": frame_rate(render_mode, self.control_dt)}
+        self.observation_scale = self.batch.observation_scale
         self.action_space = gym.spaces.Box(-1.0, 1.0, (1,), np.float32)
         self.observation_space = gym.spaces.Box(-self.batch.bound, self.batch.bound, dtype=np.float32)
-        self._names = self.batch.channels
-        self._reward_names = tuple(term.name for term in self.task.rewards)
-        self._cost_names = tuple(term.name for term in self.task.costs)
+        self._infos = Infos(self.batch)
         self._view_row()
         self._renderer: Any = None
         if render_mode is not None:
             from steer_env.rendering.renderer import Renderer  # here, because it takes long to import
 
-            self._renderer = Renderer(self.batch, render_mode, self.metadata["render_fps"])
+            self._renderer = Renderer(self.batch, 0, render_mode)
 
     def _view_row(self) -> None:
         """Views of the only row of the batch."""
-        arrays = self.batch.arrays
-        self._row, self._terms, self._observation = arrays.channels[0], arrays.terms[0], arrays.observations[0]
+        self._observation = self.batch.arrays.observations[0]
+        self._result = self.batch.episodes[["reward", "cost", "failure", "terminated", "truncated"]]
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
@@ -106,7 +118,7 @@ class SteerEnv(PlainSpecification, gym.Env):
         self.batch.start(0, self.np_random, options or {})
         if self._renderer is not None:
             self._renderer.start()
-        return self._observation.copy(), {**self._channels(), "conditions": self.batch.conditions_info(0)}
+        return self._observation.copy(), self._infos.of_first(0.0, 0)
 
     def step(self, action: Any) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
         """Hold an action in [-1, 1] for ``control_dt``; an action beyond is clipped, as a motor or an arm would do.
@@ -121,25 +133,18 @@ class SteerEnv(PlainSpecification, gym.Env):
         batch = self.batch
         if not isinstance(action, np.ndarray) or action.shape != (1,) or action.dtype.kind not in "fiu":
             raise ValueError(f"action must be an array of shape (1,) of real numbers, got {action!r}")
-        if not -1.0 <= action[0] <= 1.0:
+        if not -1.0 <= action.item() <= 1.0:
             action = clipped(action)
         if batch.over[0]:
             raise RuntimeError("the episode is over or has not begun: call reset")
         batch.step(action, (self.np_random,))
-        episode: Any = batch.episodes.item()
-        *_, reward, cost, failure, terminated, truncated = episode
-        info = self._channels()
-        terms = self._terms.tolist()
-        info["reward_terms"] = dict(zip(self._reward_names, terms))
-        info["cost"] = cost
-        info["failure"] = failure
-        info["cost_terms"] = dict(zip(self._cost_names, terms[len(self._reward_names) :]))
+        result: Any = self._result.item()
+        reward, cost, failure, terminated, truncated = result
         if terminated or truncated:
             batch.over[0] = True
-            info["metrics"] = batch.metrics(0)
         if self._renderer is not None:
             self._renderer.add()
-        return self._observation.copy(), reward, terminated, truncated, info
+        return self._observation.copy(), reward, terminated, truncated, self._infos.of_first(cost, failure)
 
     def get_state(self, include_rng: bool = True) -> State:
         """A copy of everything that decides how the episode goes on, but not of wrappers and spaces.
@@ -169,17 +174,26 @@ class SteerEnv(PlainSpecification, gym.Env):
         if self._renderer is not None:
             self._renderer.start()
 
-    def _channels(self) -> dict[str, Any]:
-        return dict(zip(self._names, self._row.tolist()))
+    def failure_text(self, code: int | None = None) -> str:
+        """A failure of ``info["failure"]`` in words, by default that of the last step; empty for none.
 
-    def render(self) -> NDArray[np.uint8] | None:
-        """The present picture (H, W, 3) with ``render_mode="rgb_array"``; None with a window, which shows it."""
+        If a state is not finite, the words name it.
+
+        Raises
+        ------
+        ValueError
+            There is no failure with this code.
+        """
+        return self.batch.failure_text(int(self.batch.episodes["failure"][0]) if code is None else code)
+
+    def render(self) -> Any:
+        """The present picture (H, W, 3); with "rgb_array_list" those that were kept; None with a window."""
         if self.render_mode is None:
             gym.logger.warn("render() draws nothing: make the environment with render_mode='rgb_array' or 'human'")
             return None
         if self._renderer is None:
             raise gym.error.ClosedEnvironmentError("render() was called after close(): make the environment anew")
-        return self._renderer.frame()
+        return self._renderer.given()
 
     def close(self) -> None:
         """Release the renderer."""
@@ -193,7 +207,7 @@ def batch_of(
 ) -> EnvironmentBatch:
     """The batch for the arguments of an environment, which also takes ``others``; TypeError for an unknown keyword."""
     parameters = inspect.signature(EnvironmentBatch).parameters
-    own = [key for key in parameters if key not in ("task", "n", "threads")]
+    own = [key for key in parameters if key not in ("task", "n", "threads", "max_episode_steps")]
     check_keywords(task.name, [key for key in arguments if key not in own], (*own, *others))
     return EnvironmentBatch(task, n, **arguments, **more)
 
@@ -209,6 +223,8 @@ def check_keywords(name: str, unknown: Iterable[str], known: Iterable[str]) -> N
 
 def clipped(actions: NDArray[Any]) -> NDArray[Any]:
     """Actions clipped to [-1, 1]; ValueError if one is not finite."""
+    if np.minimum.reduce(actions, axis=None) >= -1.0 and np.maximum.reduce(actions, axis=None) <= 1.0:
+        return actions
     bad = np.flatnonzero(~np.isfinite(actions))
     if bad.size:
         of_row = f" of sub-environment {bad[0]}" if actions.size > 1 else ""

@@ -1,6 +1,7 @@
 """Conditions of an episode that are drawn at every reset: load, road, friction, speed, sensors."""
 
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
 from itertools import product
 from typing import Any, NamedTuple
 
@@ -55,6 +56,12 @@ class Conditions(NamedTuple):
     delay: float  # [s]
     action_gain: float  # [1]
     friction: Any  # the law's parameters
+    drawn: tuple[tuple[str, float], ...] = ()  # name and value of those of them that ``randomise`` draws [their units]
+
+    def values(self, names: Sequence[str]) -> list[float]:
+        """Values by name: keys of :data:`RANGES`, and ``friction_<parameter>`` of the law; NaN where there is none."""
+        law = {f"friction_{name}": value for name, value in self.drawn}
+        return [float(law[name] if name in law else getattr(self, name, math.nan)) for name in names]
 
 
 class Randomise:
@@ -120,11 +127,16 @@ class Randomise:
     def draw(self, rng: np.random.Generator, fixed: Mapping[str, Any]) -> Conditions:
         """Conditions of an episode; ``fixed`` are reset options, which replace what is drawn."""
         drawn = {name: float(rng.uniform(*pair)) for name, pair in self._ranges.items()}
-        law = self._make({name: float(rng.uniform(*pair)) for name, pair in self._law.items()})
+        own = {name: float(rng.uniform(*pair)) for name, pair in self._law.items()}
         for name, value in fixed.items():
             low, high = self._limits[name]
             drawn[name] = number(f"reset option {name!r}", value, minimum=low, maximum=high)
-        return self._usual._replace(friction=law, **drawn)
+        return self._usual._replace(friction=self._make(own), drawn=tuple(own.items()), **drawn)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the conditions, for :meth:`Conditions.values`; of the law's parameters those that are drawn."""
+        return (*RANGES, *(f"friction_{name}" for name in self._law))
 
     @property
     def usual(self) -> Conditions:

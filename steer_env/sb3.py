@@ -10,15 +10,17 @@ from numpy.typing import NDArray
 from stable_baselines3.common.vec_env import VecEnv
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices
 
+from steer_env.infos import row
 from steer_env.registration import DRIVEN
 
 
 class SteerVecEnv(VecEnv):
     """``num_envs`` environments of an id for Stable-Baselines3.
 
-    A sub-environment whose episode ends is reset at once; its info then has ``terminal_observation``,
-    ``TimeLimit.truncated`` and ``metrics``. Every info has the step's ``cost``. VecMonitor, VecNormalize, EvalCallback
-    and so on wrap it as usual.
+    Every info has the step's ``cost`` and ``failure``. A sub-environment whose episode ends is reset at once; its info
+    is then the whole one of that step, as a single environment gives it, with ``terminal_observation`` and
+    ``TimeLimit.truncated``. ``reset_infos`` has the whole infos of ``reset``. To give whole infos at every step would
+    take a fifth of the time. VecMonitor, VecNormalize, VecVideoRecorder, EvalCallback and so on wrap it as usual.
 
     Parameters
     ----------
@@ -47,10 +49,10 @@ class SteerVecEnv(VecEnv):
         options = self._options[0] if self._options else {}
         if any(other != options for other in self._options):
             raise ValueError("the sub-environments of a vector environment share their reset options")
-        observations, _ = self.vector.reset(
+        observations, info = self.vector.reset(
             seed=self._seeds if any(s is not None for s in self._seeds) else None, options=options
         )
-        self.reset_infos = [{} for _ in range(self.num_envs)]
+        self.reset_infos = [row(info, i) for i in range(self.num_envs)]
         self._reset_seeds()
         self._reset_options()
         return observations
@@ -62,14 +64,14 @@ class SteerVecEnv(VecEnv):
     def step_wait(self) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
         """Observations, rewards, whether episodes ended, infos."""
         observations, rewards, terminated, truncated, info = self.vector.step(self._actions)
-        infos: list[dict[str, Any]] = [{"cost": cost} for cost in info["cost"].tolist()]
+        pairs = zip(info["cost"].tolist(), info["failure"].tolist())
+        infos: list[dict[str, Any]] = [{"cost": cost, "failure": failure} for cost, failure in pairs]
         done = terminated | truncated
-        for i in np.flatnonzero(done):
-            metrics = info["final_info"]["metrics"]
-            infos[i] |= {
+        for i in np.flatnonzero(done).tolist():
+            infos[i] = {
+                **row(info["final_info"], i),
                 "terminal_observation": info["final_obs"][i],
                 "TimeLimit.truncated": bool(truncated[i] and not terminated[i]),
-                "metrics": {key: float(values[i]) for key, values in metrics.items() if not key.startswith("_")},
             }
         return observations, rewards.astype(np.float32), done, infos
 
@@ -96,8 +98,8 @@ class SteerVecEnv(VecEnv):
         return [False for _ in self._get_indices(indices)]
 
     def get_images(self) -> Sequence[NDArray[np.uint8] | None]:
-        """No pictures: a vector environment cannot render."""
-        return [None] * self.num_envs
+        """The present picture of each sub-environment, with ``render_mode="rgb_array"``."""
+        return self.vector.render() or [None] * self.num_envs
 
     def _get_indices(self, indices: VecEnvIndices) -> Iterable[int]:
         return range(self.num_envs) if indices is None else super()._get_indices(indices)

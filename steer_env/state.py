@@ -142,7 +142,9 @@ def restore(batch: EnvironmentBatch, state: State) -> Generators | None:
             getattr(batch.drivers.arrays, name)[:] = held[f"driver_{name}"]
     times, law = batch.n // len(state), type(batch.usual_conditions.friction)
     drawn = [Conditions(**{**found, "friction": law(**found["friction"])}) for found in state.conditions]
-    batch.conditions = drawn * times
+    for i, conditions in enumerate(drawn * times):
+        batch.set_conditions(i, conditions)
+    batch.deliver()
     batch.noise.set_factor(slice(None), held["noise_factor"])
     if state.generators is None:
         batch.noise.redraw()

@@ -12,9 +12,12 @@ from numpy.typing import NDArray
 
 from steer_env.env import batch_of, clipped
 from steer_env.friction.numerics.check import whole
+from steer_env.infos import Infos, of_some
+from steer_env.rendering.modes import VECTOR_MODES, checked_mode, frame_rate
 from steer_env.specification import PlainSpecification
 from steer_env.state import State, copied, restore
 from steer_env.tasks import Task
+from steer_env.tasks.common.definition import COST_LIMIT
 
 ROWS_PER_THREAD = 16  # sub-environments that make another thread worthwhile
 
@@ -32,13 +35,23 @@ class SteerVectorEnv(PlainSpecification, VectorEnv):
         ``reset(options={"reset_mask": mask})`` does it.
     threads : int, optional
         By default one for each 16 sub-environments, at most as many as there are processors.
+    max_episode_steps : int, optional
+        Control steps after which an episode is truncated, as Gymnasium's ``TimeLimit`` does it; -1 is none.
+    render_mode : None, "rgb_array" or "rgb_array_list"
+        ``render`` gives a tuple with the picture, or the list of pictures, of each sub-environment.
 
     ``reset(seed=s)`` seeds sub-environment i with s + i. A sub-environment that a first reset leaves out by its
     ``reset_mask`` counts as one whose episode has ended: it begins at the next step, or with DISABLED at its reset.
-    Infos hold arrays over the sub-environments, as those of Gymnasium's vector environments do.
+    Infos hold arrays over the sub-environments, with masks, as those of Gymnasium's vector environments do. In a step
+    that resets a sub-environment its info is that of the reset.
     """
 
-    metadata = {"render_modes": [], "autoreset_mode": AutoresetMode.NEXT_STEP}  # noqa: RUF012 (Gymnasium's own form)
+    metadata = {  # noqa: RUF012 (Gymnasium's own form)
+        "render_modes": [*VECTOR_MODES],
+        "render_fps": 20.0,
+        "autoreset_mode": AutoresetMode.NEXT_STEP,
+    }
+    cost_limit = COST_LIMIT
     task: Task
 
     def __init__(
@@ -47,28 +60,33 @@ class SteerVectorEnv(PlainSpecification, VectorEnv):
         *,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         threads: int | None = None,
-        render_mode: None = None,
+        max_episode_steps: int | None = None,
+        render_mode: str | None = None,
         **arguments: Any,
     ) -> None:
         num_envs = whole("num_envs", num_envs, 1)
-        if render_mode is not None:
-            raise ValueError(
-                f"a vector environment cannot render; render a single one, got render_mode={render_mode!r}"
-            )
+        self.render_mode = checked_mode(render_mode, VECTOR_MODES)
         self.num_envs = num_envs
         self.autoreset_mode = AutoresetMode(autoreset_mode)
-        self.metadata = {**self.metadata, "autoreset_mode": self.autoreset_mode}
         if threads is None:
             threads = min(os.cpu_count() or 1, -(-num_envs // ROWS_PER_THREAD))
-        others = ("num_envs", "autoreset_mode", "threads")
-        self.batch = batch_of(self.task, num_envs, arguments, others, threads=threads)
+        steps = None if max_episode_steps in (None, -1) else whole("max_episode_steps", max_episode_steps, 1)
+        others = ("num_envs", "autoreset_mode", "threads", "max_episode_steps", "render_mode")
+        self.batch = batch_of(self.task, num_envs, arguments, others, threads=threads, max_episode_steps=steps)
         self.control_dt = self.batch.control_dt
+        fps = frame_rate(render_mode, self.control_dt)
+        self.metadata = {**self.metadata, "autoreset_mode": self.autoreset_mode, "render_fps": fps}
+        self.observation_scale = self.batch.observation_scale
         self.single_action_space = gym.spaces.Box(-1.0, 1.0, (1,), np.float32)
         self.single_observation_space = gym.spaces.Box(-self.batch.bound, self.batch.bound, dtype=np.float32)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
-        self._names = self.batch.channels
-        self._all = np.ones(num_envs, bool)
+        self._infos = Infos(self.batch)
+        self._renderers: list[Any] = []
+        if render_mode is not None:
+            from steer_env.rendering.renderer import renderers  # here, because it takes long to import
+
+            self._renderers = renderers(self.batch, render_mode)
         self._generators: list[np.random.Generator] = []  # empty before they are needed
         self._seeds: list[int] = []
 
@@ -77,7 +95,7 @@ class SteerVectorEnv(PlainSpecification, VectorEnv):
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
         """Start an episode in every sub-environment, or in those of ``options["reset_mask"]``."""
         n, chosen = self.num_envs, dict(options or {})
-        mask = chosen.pop("reset_mask", self._all)
+        mask = chosen.pop("reset_mask", np.ones(n, bool))
         if not isinstance(mask, np.ndarray) or mask.shape != (n,) or mask.dtype != np.bool_ or not mask.any():
             raise ValueError(f"reset_mask must be a boolean array ({n},) with at least one True, got {mask!r}")
         if isinstance(seed, Sequence | np.ndarray):
@@ -91,8 +109,14 @@ class SteerVectorEnv(PlainSpecification, VectorEnv):
         new = mask | (self.batch.episodes["end"] == 0)
         self._seed([each if is_new else None for each, is_new in zip(seeds, new.tolist())])
         for i in np.flatnonzero(mask).tolist():
-            self.batch.start(i, self._generators[i], chosen)
-        return self.batch.arrays.observations.copy(), self._with_conditions(self._channels(mask), mask)
+            self._start(i, chosen)
+        return self.batch.arrays.observations.copy(), self._infos.of_all(mask.copy())
+
+    def _start(self, i: int, options: dict[str, Any]) -> None:
+        """Start an episode in a sub-environment."""
+        self.batch.start(i, self._generators[i], options)
+        if self._renderers:
+            self._renderers[i].start()
 
     def step(
         self, actions: Any
@@ -119,37 +143,31 @@ class SteerVectorEnv(PlainSpecification, VectorEnv):
         if ended and (mode == AutoresetMode.DISABLED or not batch.episodes["end"].any()):
             raise RuntimeError("an episode is over or has not begun: call reset")
         batch.step(actions[:, 0], self._generators)
-        rewards, costs, terminated, truncated = (
-            batch.episodes[key].copy() for key in ("reward", "cost", "terminated", "truncated")
-        )
-        failures = batch.episodes["failure"].copy()
         for i in ended:  # NEXT_STEP: this step resets, whatever the action was
-            batch.start(i, self._generators[i], {})
-            rewards[i] = costs[i] = 0.0
-            terminated[i] = truncated[i] = False
-        info = self._with_conditions(self._channels(self._all), over)
-        info["cost"], info["_cost"] = costs, self._all
-        info["failure"], info["_failure"] = failures, self._all
+            self._start(i, {})
+        for i in np.flatnonzero(~over).tolist() if self._renderers else ():
+            self._renderers[i].add()
+        rewards, terminated, truncated = (batch.episodes[key].copy() for key in ("reward", "terminated", "truncated"))
         done = terminated | truncated
+        info = self._infos.of_all()
         if done.any():
-            batch.over[done] = True
-            ends: dict[str, Any] = {}
-            for i in np.flatnonzero(done).tolist():
-                self._add_info(ends, {"metrics": batch.metrics(i)}, i)
+            batch.over |= done
             if mode == AutoresetMode.SAME_STEP:  # the step that ends an episode resets at once
-                channels = {key: value for key, value in info.items() if not key.startswith("_")}
-                final = {**{key: np.where(done, value, 0.0) for key, value in channels.items()}, **ends}
-                final |= {f"_{key}": done for key in channels}
-                info["final_info"], info["_final_info"] = final, done
-                observations = np.full(self.num_envs, None, object)
-                for i in np.flatnonzero(done).tolist():
-                    observations[i] = batch.arrays.observations[i].copy()
-                    batch.start(i, self._generators[i], {})
-                info["final_obs"], info["_final_obs"] = observations, done
-                info = self._with_conditions(info | self._channels(self._all), done)
-            else:
-                info |= ends
+                info = self._ended(done, info)
         return batch.arrays.observations.copy(), rewards, terminated, truncated, info
+
+    def _ended(self, done: NDArray[np.bool_], last: dict[str, Any]) -> dict[str, Any]:
+        """Reset the sub-environments whose episodes are done; their info, with the last one of those episodes in it."""
+        observations = np.full(self.num_envs, None, object)
+        for i in np.flatnonzero(done).tolist():
+            observations[i] = self.batch.arrays.observations[i].copy()
+            self._start(i, {})
+        return self._infos.of_all() | {
+            "final_obs": observations,
+            "_final_obs": done.copy(),
+            "final_info": of_some(last, done.copy()),
+            "_final_info": done.copy(),
+        }
 
     def _seed(self, seeds: list[int | None]) -> None:
         """Give sub-environments new generators by their seeds; None keeps the generator, if there is one."""
@@ -183,23 +201,29 @@ class SteerVectorEnv(PlainSpecification, VectorEnv):
         A state of one sub-environment, or of a single environment, is taken by every sub-environment.
         """
         generators = restore(self.batch, state)
+        for renderer in self._renderers:
+            renderer.start()
         if generators is None:
             generators = tuple(zip(self.np_random, self.np_random_seed))
         self._generators, self._seeds = [rng for rng, _ in generators], [seed for _, seed in generators]
 
-    def _channels(self, mask: NDArray[np.bool_]) -> dict[str, Any]:
-        columns = self.batch.arrays.channels.T.copy()
-        info: dict[str, Any] = dict(zip(self._names, columns))
-        for name in self._names:
-            info[f"_{name}"] = mask
-        return info
+    def failure_text(self, code: int) -> str:
+        """A failure of ``info["failure"]`` in words, as :meth:`steer_env.env.SteerEnv.failure_text`.
 
-    def _with_conditions(self, info: dict[str, Any], mask: NDArray[np.bool_]) -> dict[str, Any]:
-        """The info with the conditions of the episodes that have just begun."""
-        for i in np.flatnonzero(mask).tolist():
-            self._add_info(info, {"conditions": self.batch.conditions_info(i)}, i)
-        return info
+        The states that are not finite are named before the sub-environments that failed so are reset.
+        """
+        return self.batch.failure_text(code)
+
+    def render(self) -> tuple[Any, ...] | None:
+        """The present picture (H, W, 3) of each sub-environment, or the list of those that were kept."""
+        if self.render_mode is None:
+            gym.logger.warn("render() draws nothing: make the environment with render_mode='rgb_array'")
+            return None
+        if not self._renderers:
+            raise gym.error.ClosedEnvironmentError("render() was called after close(): make the environment anew")
+        return tuple(renderer.given() for renderer in self._renderers)
 
     def close_extras(self, **kwargs: Any) -> None:
-        """Stop the threads."""
+        """Stop the threads and release the renderers."""
         self.batch.close()
+        self._renderers = []

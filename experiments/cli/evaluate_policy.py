@@ -10,7 +10,7 @@ from steer_env.experiments.cli.common.extras import require
 from steer_env.registration import DRIVEN
 
 if TYPE_CHECKING:
-    from steer_env.experiments.learning import policy_report
+    from steer_env.experiments.learning.controllers import Maker
 
 
 def add(commands: Any, common: argparse.ArgumentParser) -> None:
@@ -30,19 +30,17 @@ def add(commands: Any, common: argparse.ArgumentParser) -> None:
     evaluate.set_defaults(function=_evaluate)
 
 
-def _is_policy(name: str) -> bool:
-    return name == SHIPPED or name.endswith(".zip")
-
-
 def _evaluate(args: argparse.Namespace) -> None:
-    if any(map(_is_policy, args.file)):
+    from steer_env.experiments.learning.controllers import is_policy
+
+    if any(map(is_policy, args.file)):
         require("train", "evaluating a policy")
 
     from steer_env.experiments.cli.common.policies import evaluate_and_report
     from steer_env.experiments.learning import policy, policy_report
     from steer_env.experiments.output.files import usable
 
-    own = next((name for name in args.file if _is_policy(name) and name != SHIPPED), None)
+    own = next((name for name in args.file if is_policy(name) and name != SHIPPED), None)
     if args.env is None and own is None:
         raise ValueError("--env must name the environment where no policy.zip is given")
     env_id = args.env or policy.about(Path(own))["env"]  # type: ignore[arg-type]
@@ -55,30 +53,30 @@ def _evaluate(args: argparse.Namespace) -> None:
     evaluate_and_report(env_id, controllers, args.episodes, Path(args.out), made, curves)
 
 
-def _controllers(
-    args: argparse.Namespace, env_id: str
-) -> "tuple[dict[str, policy_report.Maker], dict[str, Path], dict[str, Any]]":
+def _controllers(args: argparse.Namespace, env_id: str) -> "tuple[dict[str, Maker], dict[str, Path], dict[str, Any]]":
     """Controllers by label, the files of the policies among them, and the arguments of the environment.
 
     The policies must have been trained under the same conditions.
     """
+    from steer_env.experiments.cli.common.policies import caution
     from steer_env.experiments.learning import policy, policy_report
+    from steer_env.experiments.learning.controllers import baselines, is_policy, path_of
 
-    known = policy_report.baselines(env_id)
-    alone = sum(map(_is_policy, args.file)) == 1
-    controllers: dict[str, policy_report.Maker] = {}
+    known = baselines(env_id)
+    alone = sum(map(is_policy, args.file)) == 1
+    controllers: dict[str, Maker] = {}
     made: dict[str, Any] = {}
     words: dict[str, str] = {}
     paths: dict[str, Path] = {}
     for name in args.file:
-        if not _is_policy(name):
+        if not is_policy(name):
             if name not in known:
                 raise ValueError(f"{name!r} is neither a policy.zip nor a baseline of {env_id}: {', '.join(known)}")
             if name in controllers:
                 raise ValueError(f"{name!r} is given twice: give it once")
             controllers[name] = known[name]
             continue
-        path = policy.shipped(env_id) if name == SHIPPED else Path(name)
+        path = path_of(name, env_id)
         about = policy.about(path)
         policy.check_observations(path, about, env_id)
         law = args.friction or policy.law(about["friction"], path)
@@ -91,6 +89,7 @@ def _controllers(
             raise ValueError(f"the directory of {path} has the name of a baseline, {label}: rename it")
         if label in paths:
             raise ValueError(f"policies are labelled by their directories, and {label!r} comes twice: rename one")
+        caution(path, about)
         paths[label], controllers[label] = path, policy.load(path)
     if args.friction:
         made["friction"] = args.friction.parameters

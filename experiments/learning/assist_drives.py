@@ -156,8 +156,5 @@ def _driving() -> list[Drive]:
 def _standing() -> list[Drive]:
     return [
         Drive("parking", "lugre", {}, _rows((0,), LEVELS, _MARGINS)),
-        *(
-            Drive("parked pulse", law, {"friction": law}, _rows((0,), LEVELS, _MARGINS))
-            for law in friction.available()
-        ),
+        *(Drive("parked pulse", law, {"friction": law}, _rows((0,), LEVELS, _MARGINS)) for law in friction.available()),
     ]

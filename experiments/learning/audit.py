@@ -118,21 +118,19 @@ def worse_in(found: Behaviour, best: Behaviour) -> tuple[str, ...]:
     return tuple(name for name, worse in judged.items() if worse)
 
 
-def audit(
-    env_id: str, budget: Budget, seed: int = 0, notify: Callable[[str], None] = lambda _: None, **arguments: Any
-) -> list[Verdict]:
+def audit(env_id: str, budget: Budget, seed: int = 0, **arguments: Any) -> list[Verdict]:
     """Every known cheat that fits an id, and what the searches find, beside the best classical controller."""
-    classical = {"zero action": partial(Scripted, CHEATS["hands off"][1]), **policy_report.baselines(env_id)}
-    notify("classical controllers")
+    classical: dict[str, Callable[[Any], Any]] = {
+        "zero action": partial(Scripted, CHEATS["hands off"][1]),
+        **policy_report.baselines(env_id),
+    }
     scores = {name: behaviour(env_id, make, **arguments) for name, make in classical.items()}
     best_name = max(scores, key=lambda name: scores[name].reward)
     best = scores[best_name]
     tried: dict[str, Callable[[Any], Any]] = dict(cheats_for(env_id))
-    notify("cross-entropy method")
     weights = cross_entropy(env_id, budget, seed, **arguments)
     tried["linear, cross-entropy method"] = lambda env: LinearPolicy(env, weights)
     if budget.steps > 0:
-        notify("PPO")
         model = plain_ppo(env_id, budget, seed, **arguments)
         tried["PPO, defaults"] = lambda _: ModelPolicy(model)
     verdicts = []

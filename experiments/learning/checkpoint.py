@@ -28,7 +28,7 @@ def save(out: Path, state: Mapping[str, Any], model: Any, scaling: Any) -> None:
     folder.mkdir(exist_ok=True)
     names = {"model": f"model-{state['steps']}.zip", "scaling": f"scaling-{state['steps']}.pkl"}
     if not (folder / STATE).is_file() or load(out)["steps"] != state["steps"]:  # else these files are in use, and right
-        model.save(folder / names["model"])
+        model.save(folder / names["model"], exclude=policy.SCHEDULE)
         scaling.save(str(folder / names["scaling"]))
     write_json(folder / STATE, {**state, **names})
     for path in folder.iterdir():

@@ -4,4 +4,8 @@
 HELD_OUT = 1_000_000  # first seed of the episodes of an evaluation
 VALIDATION = 2_000_000  # first seed of the episodes by which training chooses the policy that it keeps
 
+SHIPPED = "shipped"  # stands for the policy that is shipped with an id
+
+SHIFTS = ("law", "level", "speed", "load", "car", "delay", "noise")  # conditions that `steer-env shift` replaces
+
 ALGORITHMS = ("ppo", "sac", "recurrent-ppo")

@@ -43,13 +43,18 @@ class Estimate(NamedTuple):
 
 
 def collect(
-    env_id: str, make: Callable[[Any], Controller], episodes: int, first_seed: int = HELD_OUT, **arguments: Any
+    env_id: str,
+    make: Callable[[Any], Controller],
+    episodes: int,
+    first_seed: int = HELD_OUT,
+    options: Mapping[str, float] | None = None,
+    **arguments: Any,
 ) -> Episodes:
-    """One episode for each seed from ``first_seed`` on, in one vector environment."""
+    """One episode for each seed from ``first_seed`` on, in one vector environment; ``options`` are those of resets."""
     env: Any = gym.make_vec(env_id, num_envs=episodes, **arguments)
     controller = make(env)
     controller.reset()
-    observation, _ = env.reset(seed=first_seed)
+    observation, _ = env.reset(seed=first_seed, options=dict(options or {}))
     reward, cost, going = np.zeros(episodes), np.zeros(episodes), np.ones(episodes, bool)
     failure, metrics = np.zeros(episodes, np.int64), dict[str, Array]()
     while going.any():
@@ -58,9 +63,10 @@ def collect(
         cost += np.where(going, info["cost"], 0.0)
         ended = going & (terminated | truncated)
         failure[ended] = info["failure"][ended]
-        for name, values in info.get("metrics", {}).items():
-            if not name.startswith("_"):
-                metrics.setdefault(name, np.zeros(episodes))[ended] = values[ended]
+        if ended.any():
+            for name, values in info["metrics"].items():
+                if not name.startswith("_"):
+                    metrics.setdefault(name, np.zeros(episodes))[ended] = values[ended]
         going &= ~ended
     env.close()
     return Episodes(reward, cost, failure, metrics)

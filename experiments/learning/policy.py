@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from steer_env import REGISTERED, experiments, tasks
+from steer_env.experiments.learning import network
 from steer_env.experiments.learning.constants import ALGORITHMS
 from steer_env.experiments.output.options import Friction
 from steer_env.friction.numerics.check import number
@@ -19,6 +20,8 @@ from steer_env.registration import DRIVEN, VERSION
 Array = NDArray[np.float64]
 
 ABOUT = "steer_env.json"  # name in the archive, beside the members of Stable-Baselines3
+# Attributes of a model that hold the schedule of its training, which would be written with all that it refers to.
+SCHEDULE = ("learning_rate", "lr_schedule")
 SHIPPED_IN = Path(experiments.__file__).parent / "data" / "policies"
 
 
@@ -40,7 +43,7 @@ def algorithm(name: str) -> Any:
 def save(path: Path, model: Any, about: dict[str, Any]) -> None:
     """Write a model with its description: environment, algorithm, scaling of the observation, how it was trained."""
     part = path.with_name(f".{path.name}.part.zip")
-    model.save(part, exclude=["tensorboard_log"])  # a path of the machine that trained
+    model.save(part, exclude=["tensorboard_log", *SCHEDULE])  # a path of the machine that trained
     with zipfile.ZipFile(part, "a") as archive:
         archive.writestr(ABOUT, json.dumps(about, indent=1, allow_nan=False))
     part.replace(path)
@@ -118,8 +121,7 @@ class Policy:
         import torch
 
         torch.set_num_threads(1)  # more threads are slower with networks of this size
-        # Without its seed, as loading would otherwise reseed the whole process.
-        self._model = algorithm(self.about["algorithm"]).load(path, device="cpu", seed=None)
+        self._predict = _predictor(path, self.about)
         scaling = self.about["scaling"]
         self._mean, self._deviation = np.array(scaling["mean"]), np.array(scaling["deviation"])
         self._clip = number("clip", scaling["clip"], minimum=0.0)
@@ -139,15 +141,34 @@ class Policy:
         self._since += 1
         if deciding.any():
             seen = np.clip((np.atleast_2d(observation) - self._mean) / self._deviation, -self._clip, self._clip)
-            action, state = self._model.predict(
-                seen.astype(np.float32), state=self._state, episode_start=self._fresh, deterministic=True
-            )
+            action, state = self._predict(seen.astype(np.float32), self._state, self._fresh)
             self._action[deciding] = action[deciding]
             if state is not None and self._state is not None:  # (layers, sub-environments, units)
                 state = tuple(np.where(deciding[:, None], new, old) for new, old in zip(state, self._state))
             self._state = state
             self._fresh &= ~deciding
         return self._action[0].copy() if observation.ndim == 1 else self._action.copy()
+
+
+def _predictor(path: Path, about: Mapping[str, Any]) -> Callable[[Any, Any, Any], tuple[Any, Any]]:
+    """A function of scaled observations, state and fresh episodes that gives mean actions and the next state."""
+    if about["algorithm"] in network.FORMS:
+        act = network.load(path, about)
+        return lambda seen, *_: (act(seen), None)
+    # Without its seed, as loading would otherwise reseed the whole process.
+    model = algorithm(about["algorithm"]).load(path, device="cpu", seed=None)
+    return lambda seen, state, fresh: model.predict(seen, state=state, episode_start=fresh, deterministic=True)
+
+
+def caution(path: Path, about: Mapping[str, Any]) -> str:
+    """A sentence on the risk of a policy file, to be shown before it is loaded; empty for a shipped one."""
+    if SHIPPED_IN.resolve() in path.resolve().parents:
+        return ""
+    here = "only its weights are read here" if about["algorithm"] in network.FORMS else "as it does here"
+    return (
+        f"{path} is not shipped with steer-env. A policy file is code, which runs when Stable-Baselines3 loads it "
+        f"({here}): use files of people whom you trust"
+    )
 
 
 def load(path: Path) -> Callable[[Any], Policy]:

@@ -6,7 +6,6 @@ import io
 import math
 import re
 from collections.abc import Callable, Collection, Mapping
-from functools import partial
 from importlib import metadata
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -16,12 +15,13 @@ import matplotlib.image
 import numpy as np
 from numpy.typing import NDArray
 
-from steer_env import assists, drivers, friction, tasks
+from steer_env import friction, tasks
 from steer_env.experiments.drawing import plots
 from steer_env.experiments.drawing.style import colours
 from steer_env.experiments.learning import held_out
 from steer_env.experiments.learning.constants import HELD_OUT
-from steer_env.experiments.learning.held_out import Controller, Episodes, Estimate
+from steer_env.experiments.learning.controllers import Maker, baselines
+from steer_env.experiments.learning.held_out import Episodes, Estimate
 from steer_env.experiments.output import provenance
 from steer_env.experiments.output.files import replaced_directory, write_json
 from steer_env.experiments.output.pages import environment
@@ -44,17 +44,6 @@ SENSES = {
 ROUNDING = 1e-9  # relative difference below which two values count as equal
 
 Array = NDArray[np.float64]
-Maker = Callable[[Any], Controller]
-
-
-def baselines(env_id: str) -> dict[str, Maker]:
-    """Classical controllers of an id by name: assists for an assist task, drivers for a task that observes a path."""
-    task = tasks.task(env_id.removeprefix("steer_env/").rpartition("-")[0])
-    if task.name.startswith("Assist"):
-        return {name: partial(assists.make, name) for name in assists.available()}
-    if any(quantity.name == "lateral_offset" for quantity in task.task_observations):
-        return {name: partial(drivers.Controller, driver=name) for name in drivers.available() if name != "free"}
-    return {}
 
 
 class Evaluation(NamedTuple):

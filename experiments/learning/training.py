@@ -55,7 +55,7 @@ def new_model(algo: str, env: Any, chosen: dict[str, Any], seed: int, logs: str 
     import torch
 
     torch.set_num_threads(1)  # more threads are slower with networks of this size
-    own = {"num_envs", "net_arch", "policy_kwargs"}
+    own = {"num_envs", "net_arch", "policy_kwargs", "learning_rate_decay"}
     return policy.algorithm(algo)(
         "MlpLstmPolicy" if algo == "recurrent-ppo" else "MlpPolicy",
         env,
@@ -94,6 +94,7 @@ class _Clock:
 
     def __call__(self, model: Any) -> bool:
         part = self.elapsed / (60.0 * self._minutes) if self._minutes else model.num_timesteps / (self._steps or 1)
+        self._run.part = part
         self._notify(min(part, 1.0), f"{model.num_timesteps} steps")
         if part >= self._next:
             every = VALIDATE_EVERY / (60.0 * self._minutes) if self._minutes else VALIDATE_STEPS / (self._steps or 1)
@@ -147,6 +148,7 @@ class Training:
         policy.check_driven(env_id)
         state: dict[str, Any] = {"algo": "ppo", "seed": 0, "friction": "lugre"}
         self.seconds, self.best, self.validated = 0.0, -np.inf, -1  # the last in steps
+        self.part = 0.0  # of the training that is done, in all sessions
         self._resume, self._trained = resume, 0
         if resume:
             state = _checkpoint(out)
@@ -209,11 +211,16 @@ class Training:
             self._env = VecNormalize.load(str(kept["scaling"]), VecMonitor(raw))
             # Another seed, as the episodes and the noise of the first session would otherwise be drawn again.
             model = policy.algorithm(self.algo).load(
-                kept["model"], env=self._env, device="cpu", seed=(self.seed + self._trained) % 2**32
+                kept["model"],
+                env=self._env,
+                device="cpu",
+                seed=(self.seed + self._trained) % 2**32,
+                learning_rate=self.learning_rate,
             )
         else:
             self._env = VecNormalize(VecMonitor(raw), gamma=chosen["gamma"])
-            model = new_model(self.algo, self._env, chosen, self.seed, str(self.out / "tensorboard"))
+            scheduled = {**chosen, "learning_rate": self.learning_rate}
+            model = new_model(self.algo, self._env, scheduled, self.seed, str(self.out / "tensorboard"))
         # Only here, so that an error above leaves nothing behind.
         self.out.mkdir(parents=True, exist_ok=True)
         if not self._resume:
@@ -240,6 +247,15 @@ class Training:
             raw.close()
         if self.validated != model.num_timesteps:
             self.validate(model, seconds)
+
+    def learning_rate(self, _: float) -> float:
+        """The learning rate of an update, as a schedule of Stable-Baselines3.
+
+        Its argument, the part of the steps that is left, is not used: Stable-Baselines3 knows no length in minutes.
+        """
+        chosen = self.settings["algorithm"]
+        left = max(1.0 - self.part, 0.0) if chosen.get("learning_rate_decay") else 1.0
+        return left * float(chosen["learning_rate"])
 
     def _check_length(self, minutes: float | None, steps: int | None) -> None:
         """ValueError unless exactly one length is given, in its range and beyond what the checkpoint has reached."""

@@ -7,7 +7,7 @@ from steer_env.friction.numerics.check import positive
 
 def robot(effort: float = EFFORT) -> Driver:
     """The preview driver with hands that hold the handwheel as firmly as a steering robot does."""
-    return Driver("robot", Preview(positive("effort [m/rad]", effort)), ROBOT_ARM)
+    return Driver("robot", Preview(positive("effort [s2]", effort)), ROBOT_ARM)
 
 
 register("robot", robot)

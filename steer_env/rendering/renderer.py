@@ -9,13 +9,16 @@ from collections import deque
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from steer_env.batch import EnvironmentBatch
 from steer_env.courses.iso3888 import outline
 from steer_env.friction.law import law_of
 from steer_env.rendering.canvas import Canvas, Colour, around, nice_step
-from steer_env.tasks.common.definition import NON_FINITE
+from steer_env.rendering.modes import frame_rate
+from steer_env.rendering.view import View, extended, turned
+from steer_env.tasks.common.definition import NON_FINITE, Task
+from steer_env.tasks.common.feel import FEEL_METRIC
 from steer_env.vehicle.plant import CHANNEL
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
 
@@ -40,9 +43,9 @@ _NAMES = (
 )  # fmt: skip
 _PLACES = [CHANNEL[name] for name in _NAMES]
 _X, _Y, _YAW, _ANGLE, _TORQUE, _MOTOR, _ACCELERATION, _LEFT, _RIGHT = range(len(_NAMES))
+_REFERENCE = len(_NAMES)  # place beside them of the hand torque that the task wants; NaN where it wants none [N m]
 _SHOWN = [_ANGLE, _TORQUE, _MOTOR]
 
-_EXTENSION = 100  # points one metre apart by which a path continues straight at both ends
 _VIEW_LAG = 1.0  # time constant with which the view turns with the car where there is no path [s]
 _FULL_ARC = math.radians(120.0)  # angle of an arc at full scale
 _WHEEL = np.array([[0.31, 0.1], [0.31, -0.1], [-0.31, -0.1], [-0.31, 0.1]])  # of a 205/60 R15 tyre [m]
@@ -51,16 +54,18 @@ _REAR_WINDOW = np.array([[-0.28, 0.29], [-0.28, -0.29], [-0.37, -0.33], [-0.37, 
 
 
 class Renderer:
-    """Draws row 0 of a batch.
+    """Draws a row of a batch.
 
     Parameters
     ----------
     batch : EnvironmentBatch
-    mode : {"rgb_array", "human"}
-        "rgb_array" draws off screen and needs no window system; "human" draws in a window in step with the simulated
-        time. After the user has closed the window, the simulation goes on without one.
-    fps : float
-        Frames per simulated second in a window [1/s].
+    row : int
+    mode : {"rgb_array", "rgb_array_list", "human"}
+        "rgb_array" draws off screen and needs no window system; "rgb_array_list" draws so at every frame that is due
+        and keeps the pictures; "human" draws in a window in step with the simulated time. After the user has closed the
+        window, the simulation goes on without one.
+    canvas : Canvas, optional
+        That of other rows, which draw one after the other; by default one of its own.
 
     Raises
     ------
@@ -68,16 +73,20 @@ class Renderer:
         pygame-ce is not installed.
     """
 
-    def __init__(self, batch: EnvironmentBatch, mode: str, fps: float) -> None:
-        self._batch, self._window, self._period = batch, mode == "human", 1.0 / fps
-        self._canvas = Canvas(WIDTH, HEIGHT)
+    def __init__(self, batch: EnvironmentBatch, row: int, mode: str, canvas: Canvas | None = None) -> None:
+        self._batch, self._row, self._mode = batch, row, mode
+        self._period = 1.0 / frame_rate(mode, batch.control_dt)
+        self._window = mode == "human"
+        self._canvas = Canvas(WIDTH, HEIGHT) if canvas is None else canvas
         self._size = outline(batch.car)
+        self._scored = _feel(batch.task)
+        self._frames: list[NDArray[np.uint8]] = []
         self._history: deque[Array] = deque(maxlen=round(HISTORY / SPACING))
         self._open = self._window
         self._forget()
 
     def _forget(self) -> None:
-        self._now = np.zeros(len(_NAMES))
+        self._now = np.zeros(1 + len(_NAMES))
         self._peaks = np.zeros(len(_SHOWN))
         self._history.clear()
         self._kept = self._shown = -math.inf  # times of the last point of the trace and of the last frame shown [s]
@@ -87,25 +96,31 @@ class Renderer:
     def start(self) -> None:
         """Begin an episode."""
         self._forget()
-        path = self._batch.path
+        path = self._batch.path(self._row)
         if path is not None:
-            self._path = _extended(path[:, :3])
-        self._heading = float(self._batch.arrays.channels[0, CHANNEL["yaw_angle"]])
+            self._path = extended(path[:, :3])
+        self._heading = float(self._batch.arrays.channels[self._row, CHANNEL["yaw_angle"]])
         self._read()
-        if self._open:
-            self._show()
+        self._frames.clear()
+        self._keep()
 
     def add(self) -> None:
-        """Add a step, and show a frame in the window when one is due."""
-        self._reward += float(self._batch.episodes["reward"][0])
+        """Add a step, and show or keep a frame when one is due."""
+        self._reward += float(self._batch.episodes["reward"][self._row])
         self._read()
-        if self._open and self._time - self._shown >= self._period - 0.5 * SAMPLE_TIME:
-            self._show()
+        if self._time - self._shown >= self._period - 0.5 * SAMPLE_TIME:
+            self._keep()
 
-    def frame(self) -> NDArray[np.uint8] | None:
-        """The present picture (540, 960, 3); None with a window, which shows its frames when they are due."""
+    def given(self) -> Any:
+        """What ``render`` gives: the present picture (540, 960, 3), or those that were kept; None with a window."""
         if self._window:
             return None
+        if self._mode == "rgb_array":
+            return self._picture()
+        frames, self._frames = self._frames, []
+        return frames
+
+    def _picture(self) -> NDArray[np.uint8]:
         self._draw()
         return self._canvas.array()
 
@@ -114,17 +129,23 @@ class Renderer:
         self._open = False
         self._canvas.close()
 
-    def _show(self) -> None:
-        self._draw()
+    def _keep(self) -> None:
+        """Show a frame in the window, or keep a picture, as the mode wants it."""
         passed, self._shown = self._time - self._shown, self._time
-        self._open = self._canvas.show(f"steer-env: {self._batch.task.name}", passed)
+        if self._mode == "rgb_array_list":
+            self._frames.append(self._picture())
+        elif self._open:
+            self._draw()
+            self._open = self._canvas.show(f"steer-env: {self._batch.task.name}", passed)
 
     def _read(self) -> None:
         """Read the present state. One that is not finite leaves the last picture as it was."""
-        now = self._batch.arrays.channels[0, _PLACES]
-        if self._batch.episodes["failure"][0] == NON_FINITE or not np.isfinite(now).all():
+        arrays, episode = self._batch.arrays, self._batch.episodes[self._row]
+        now = arrays.channels[self._row, [*_PLACES, 0]]
+        if episode["failure"] == NON_FINITE or not np.isfinite(now).all():
             return
-        time = float(self._batch.episodes["sample"][0]) * SAMPLE_TIME
+        now[_REFERENCE] = now[_TORQUE] - self._feel_error(episode)
+        time = float(episode["sample"]) * SAMPLE_TIME
         self._heading += -math.expm1((self._time - time) / _VIEW_LAG) * (now[_YAW] - self._heading)
         self._now, self._time = now, time
         np.maximum(self._peaks, np.abs(now[_SHOWN]), out=self._peaks)
@@ -132,13 +153,21 @@ class Renderer:
             self._history.append(now)
             self._kept = time
 
+    def _feel_error(self, episode: Any) -> float:
+        """Hand torque minus the wanted one, as the task has just scored it; NaN where no feel is scored [N m]."""
+        # Nobody feels a handwheel that is let go.
+        released = 0 <= episode["release"] < episode["sample"]
+        if self._scored is None or released or episode["evaluated"] == 0:
+            return math.nan
+        return float(self._batch.arrays.metrics[self._row, 0, self._scored])
+
     def _draw(self) -> None:
         canvas = self._canvas
         canvas.begin(PAPER)
         for box in (ROAD, DIAL, LOOP):
             canvas.panel(box, PANEL, RULE)
         history = np.array([*self._history, self._now])
-        cones, wanted = self._batch.scenery
+        cones, wanted = self._batch.scenery(self._row)
         self._draw_status()
         self._draw_road(history, cones)
         self._draw_dial(wanted if wanted is not None and math.isfinite(wanted) else None)
@@ -146,11 +175,11 @@ class Renderer:
 
     def _draw_status(self) -> None:
         batch, canvas = self._batch, self._canvas
-        episode, action = batch.episodes[0], batch.task.action
+        episode, action = batch.episodes[self._row], batch.task.action
         canvas.text(batch.task.name, (16, 32), INK, 17, bold=True)
         given = float(episode["action"])
         for x, label, words in (
-            (318, "friction law", law_of(batch.conditions[0].friction).name),
+            (318, "friction law", law_of(batch.conditions[self._row].friction).name),
             (438, "speed", f"{_signed(3.6 * float(episode['speed']), 1, plus='')} km/h"),
             (548, "time", f"{self._time:.2f} s"),
             (638, "action", f"{_signed(given, 2)}  ({_signed(given * action.scale, 2)} {action.unit})"),
@@ -163,10 +192,10 @@ class Renderer:
         canvas, path = self._canvas, self._path
         left, top, width, height = ROAD
         canvas.field((left + 1, top + 1, width - 2, height - 2), PANEL)
-        speed = self._batch.conditions[0].speed
+        speed = self._batch.conditions[self._row].speed
         span = min(7.0 + 1.35 * speed, 90.0)  # length of road that the panel's height shows [m]
         share = 0.5 if speed == 0.0 else 0.2 if path is not None else 0.4  # of this length behind the car
-        view = _View((left + 0.5 * width, top + (1.0 - share) * height), height / span, self._now, self._heading)
+        view = View((left + 0.5 * width, top + (1.0 - share) * height), height / span, self._now, self._heading)
         if path is not None:
             nearest = int(np.argmin(np.hypot(*(path[:, :2] - self._now[:2]).T)))
             low, high = max(nearest - int(span), 0), min(nearest + int(span) + 1, len(path) - 1)
@@ -192,7 +221,7 @@ class Renderer:
         )
         canvas.text(f"{bar:g} m", (end + 8, y), INK, 12)
 
-    def _draw_grid(self, view: "_View", span: float) -> None:
+    def _draw_grid(self, view: "View", span: float) -> None:
         step = nice_step(span, 5.0)
         reach = 1.5 * span
         for axis in (0, 1):
@@ -202,7 +231,7 @@ class Renderer:
             starts[:, 1 - axis], ends[:, 1 - axis] = self._now[1 - axis] - reach, self._now[1 - axis] + reach
             self._canvas.segments(view(starts), view(ends), GRID)
 
-    def _draw_lane(self, view: "_View", path: Array, first: int) -> None:
+    def _draw_lane(self, view: "View", path: Array, first: int) -> None:
         half = self._batch.task.lane_half_width
         points, normal = path[:, :2], np.column_stack([-np.sin(path[:, 2]), np.cos(path[:, 2])])
         if half is not None:
@@ -214,7 +243,7 @@ class Renderer:
         dashes = np.arange(-first % 3, len(seen) - 1, 3)  # fixed to the road
         self._canvas.segments(seen[dashes], seen[dashes + 1], GUIDE, 1.5)
 
-    def _draw_cones(self, view: "_View", cones: Array) -> None:
+    def _draw_cones(self, view: "View", cones: Array) -> None:
         radius = max(0.2 * view.scale, 3.5)
         for place, touched in zip(view(cones[:, :2]), cones[:, 2] > 0.0):
             if abs(place - view.centre).max() > HEIGHT:
@@ -229,11 +258,11 @@ class Renderer:
             words, (ROAD[0] + ROAD[2] - 12, ROAD[1] + ROAD[3] - 16), TOUCHED if hit else MUTED, 12, align=1.0
         )
 
-    def _draw_car(self, view: "_View") -> None:
+    def _draw_car(self, view: "View") -> None:
         canvas, size, car = self._canvas, self._size, self._batch.car.chassis
 
         def placed(points: Array) -> Array:
-            return view(self._now[:2] + _turned(points, self._now[_YAW]))
+            return view(self._now[:2] + turned(points, self._now[_YAW]))
 
         t = np.linspace(0.0, 2.0 * np.pi, 48, endpoint=False)
         rounded = 0.5 * np.sign([np.cos(t), np.sin(t)]).T * np.abs([np.cos(t), np.sin(t)]).T ** 0.4
@@ -250,7 +279,7 @@ class Renderer:
             (rear, 0.5 * car["rear_track"], 0.0),
             (rear, -0.5 * car["rear_track"], 0.0),
         ):
-            canvas.polygon(placed(_turned(_WHEEL, angle) + np.array([x, y])), INK)
+            canvas.polygon(placed(turned(_WHEEL, angle) + np.array([x, y])), INK)
 
     def _draw_dial(self, wanted: float | None) -> None:
         canvas, now = self._canvas, self._now
@@ -328,38 +357,27 @@ class Renderer:
         for age, places in zip((0.25, 0.4, 0.6, 0.8, 1.0), ages):  # older parts are paler
             if places.size:
                 canvas.lines(points[places[0] : places[-1] + 2], _mixed(PANEL, HAND, age), 1.5)
+        wanted = middle + np.column_stack([np.degrees(history[:, _ANGLE]), history[:, _REFERENCE]]) * scales
+        known = np.isfinite(wanted[:, 1])
+        if known.any():
+            for part in np.split(np.arange(len(wanted)), np.flatnonzero(np.diff(known)) + 1):
+                if known[part[0]]:
+                    canvas.lines(wanted[part], WANTED, 1.5)
+            canvas.text("reference feel", (LOOP[0] + LOOP[2] - 96, LOOP[1] + 14), WANTED, 11, align=1.0)
         canvas.circle(points[-1], 4.5, HAND)
 
 
-class _View:
-    """Maps points of the road [m] to the picture: the car is at ``centre``, the direction ``heading`` points upward."""
-
-    def __init__(self, centre: tuple[float, float], scale: float, now: Array, heading: float) -> None:
-        self.centre, self.scale, self.heading = np.array(centre), scale, heading
-        self._focus = now[:2]
-
-    def __call__(self, points: Array) -> Array:
-        ahead_left = _turned(points - self._focus, -self.heading)
-        return self.centre - self.scale * ahead_left[:, ::-1]
+def renderers(batch: EnvironmentBatch, mode: str) -> list[Renderer]:
+    """One for each row, which draw on one canvas."""
+    canvas = Canvas(WIDTH, HEIGHT)
+    return [Renderer(batch, i, mode, canvas) for i in range(batch.n)]
 
 
-def _turned(points: ArrayLike, angle: float) -> Array:
-    """Points (N, 2) turned to the left by an angle [rad]."""
-    c, s = math.cos(angle), math.sin(angle)
-    return np.asarray(points) @ np.array([[c, s], [-s, c]])
-
-
-def _extended(path: Array) -> Array:
-    """A path (P, 3) of x, y, direction, continued straight at both ends."""
-    steps = np.arange(1.0, _EXTENSION + 1.0)
-
-    def straight(point: Array, distances: Array) -> Array:
-        x, y, direction = point
-        return np.column_stack(
-            [x + distances * np.cos(direction), y + distances * np.sin(direction), np.full(steps.size, direction)]
-        )
-
-    return np.concatenate([straight(path[0], -steps[::-1]), path, straight(path[-1], steps)])
+def _feel(task: Task) -> int | None:
+    """Place among the metrics of the error of the hand torque, in tasks whose reward has it."""
+    names = [metric.name for metric in task.metrics]
+    scored = any(term.name == "feel" for term in task.rewards)
+    return names.index(FEEL_METRIC.name) if scored and FEEL_METRIC.name in names else None
 
 
 def _full_scale(peak: float) -> float:

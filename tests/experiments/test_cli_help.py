@@ -62,7 +62,8 @@ def test_names_in_the_help_are_those_of_the_registries():
     [
         ("torch", ["train", "--env", "steer_env/AssistWeave-v1"], "train"),
         ("stable_baselines3", ["evaluate-policy", "shipped", "--env", "steer_env/AssistWeave-v1"], "train"),
-        ("stable_baselines3", ["friction-shift", "policy.zip"], "train"),
+        ("stable_baselines3", ["shift", "policy.zip"], "train"),
+        ("minari", ["record", "--env", "steer_env/AssistWeave-v1", "--policy", "zero"], "integrations"),
         ("sb3_contrib", ["train", "--env", "steer_env/AssistWeave-v1", "--algo", "recurrent-ppo"], "train"),
         ("torch", ["verify", "policies"], "train"),
         ("asammdf", ["evaluate", "weave.mf4"], "mdf"),

@@ -9,9 +9,11 @@ import zipfile
 import gymnasium as gym
 import numpy as np
 import pytest
+import stable_baselines3
 
 from steer_env.experiments.cli.main import main
-from steer_env.experiments.learning import friction_shift, held_out, policy, policy_report
+from steer_env.experiments.learning import held_out, policy, policy_report, shift
+from steer_env.experiments.learning.constants import SHIFTS
 from steer_env.experiments.learning.training import Training, settings
 from steer_env.experiments.output.options import Friction
 
@@ -147,10 +149,49 @@ def test_a_checkpoint_keeps_law_seed_settings_and_the_best(tmp_path):
         Training(WEAVE, None, out, resume=True)
 
 
+def _learning_rate(out):
+    """Of the optimizer in a checkpoint, which is that of the last update."""
+    import io
+
+    import torch
+
+    (path,) = (out / "checkpoint").glob("model-*.zip")
+    with zipfile.ZipFile(path) as archive:
+        state = torch.load(io.BytesIO(archive.read("policy.optimizer.pth")), weights_only=True)
+    return state["param_groups"][0]["lr"]
+
+
+SMALL = {"num_envs": 4, "n_steps": 16, "batch_size": 64}  # one update after 64 steps
+
+
+def test_the_learning_rate_falls_to_zero_over_all_sessions(tmp_path):
+    out = tmp_path / "run"
+    first = Training(WEAVE, None, out, friction=LUGRE)
+    assert first.settings["algorithm"]["learning_rate_decay"]
+    usual = first.settings["algorithm"]["learning_rate"]
+    first.settings["algorithm"] |= SMALL
+    first.run(steps=256)
+    assert _learning_rate(out) == pytest.approx(usual * (1.0 - 192 / 256))  # the update after three of four rollouts
+    Training(WEAVE, None, out, resume=True).run(steps=640)
+    assert _learning_rate(out) == pytest.approx(usual * (1.0 - 576 / 640))
+    stable_baselines3.PPO.load(out / "policy.zip", device="cpu")  # which holds no schedule
+    minutes = Training(WEAVE, None, out, resume=True)
+    minutes.run(minutes=(minutes.seconds + 1.0) / 60.0)
+    assert 0.0 < _learning_rate(out) < 0.3 * usual
+
+
+def test_a_constant_learning_rate(tmp_path):
+    run = Training(WEAVE, None, tmp_path / "run", friction=LUGRE)
+    run.settings["algorithm"] |= {**SMALL, "learning_rate_decay": False}
+    run.run(steps=128)
+    assert _learning_rate(run.out) == run.settings["algorithm"]["learning_rate"]
+
+
 KILLED = """
 import os, sys
 from pathlib import Path
 from steer_env.experiments.learning import training
+from steer_env.experiments.learning.constants import SHIFTS
 from steer_env.experiments.learning.training import Training
 from steer_env.experiments.output.options import Friction
 training.VALIDATE_STEPS, training.VALIDATED, training.CHECKPOINT_EVERY = 64, 2, 1e9
@@ -221,16 +262,34 @@ def test_policies_of_several_laws_are_compared_on_one(trained, tmp_path, capsys)
     assert "with load 0 to 300 kg, " in capsys.readouterr().err
 
 
-def test_friction_shift_command(trained, tmp_path, capsys):
+def test_shift_command(trained, tmp_path, capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "160")
     path, out = str(trained / "policy.zip"), tmp_path / "shift"
-    assert main(["friction-shift", path, "--friction", "coulomb", "--episodes", "2", "--out", str(out)]) == 0
+    command = ["shift", path, "--over", "level", "law", "--friction", "coulomb", "--episodes", "2", "--out", str(out)]
+    assert main(command) == 0
     printed = capsys.readouterr().out
-    for name in ("friction compensation", "lqg", "rms feel error [N m]", "±"):
+    for name in ("best baseline", "coulomb", "rms feel error [N m]", "±", "as trained"):
         assert name in printed
     assert "…" not in printed
-    assert "beside active return, boost, damping" in (out / "index.html").read_text(encoding="utf-8")
-    assert main(["friction-shift", path, "--env", "steer_env/AssistRelease-v1"]) == 2
+    page = (out / "index.html").read_text(encoding="utf-8")
+    assert "beside active return, boost, damping" in page
+    assert "policy less friction compensation" in page
+    assert "<svg" in (out / "shift.svg").read_text(encoding="utf-8")
+    found = json.loads((out / "shift.json").read_text())
+    assert list(found["over"]["level"]) == ["0.5", "1", "2", "3", "5"]
+    assert list(found["over"]["law"]) == ["coulomb"]
+    assert set(found["over"]["level"]["2"]["metrics"]) >= {"policy", "lqg"}
+    assert main(["shift", path, "--env", "steer_env/AssistRelease-v1"]) == 2
     assert "was trained for steer_env/AssistWeave-v1, not steer_env/AssistRelease-v1" in capsys.readouterr().err
+    assert main(["shift", path, "--over", "load", "--friction", "coulomb"]) == 2
+    assert "--friction names the laws of --over law, and --over is load" in capsys.readouterr().err
+
+
+def test_the_former_name_of_the_shift_over_laws(trained, tmp_path, capsys):
+    path, out = str(trained / "policy.zip"), tmp_path / "shift"
+    assert main(["friction-shift", path, "--friction", "dahl", "--episodes", "1", "--out", str(out)]) == 0
+    assert "is now 'steer-env shift --over law'; release 1.0" in capsys.readouterr().err
+    assert list(json.loads((out / "shift.json").read_text())["over"]) == ["law"]
 
 
 def test_evaluation_on_another_task_names_both(trained, tmp_path, capsys):
@@ -316,21 +375,53 @@ def test_evaluation_writes_its_report(trained, tmp_path, capsys, monkeypatch):
 
 
 def test_identified_laws_are_near_the_one_that_was_recorded():
-    found = {law.label: law.parameters for law in friction_shift.identified(LUGRE)}
+    found = {law.label: law.parameters for law in shift.identified(LUGRE)}
     assert list(found) == ["dahl, identified", "lugre, identified", "masing, identified"]  # others do not describe it
     assert found["lugre, identified"].F_c == pytest.approx(LUGRE.parameters.F_c, rel=0.01)
     assert found["lugre, identified"].sigma_0 == pytest.approx(LUGRE.parameters.sigma_0, rel=0.01)
 
 
+def test_every_condition_is_replaced_in_the_environments(monkeypatch, trained):
+    """What is handed to the environments, for each condition."""
+    made = []
+
+    def evaluated(env_id, controllers, episodes, **arguments):
+        made.append(arguments)
+        return policy_report.Evaluation(env_id, arguments, episodes, {"policy": nothing}, {}, {}, {})
+
+    nothing = held_out.Episodes(np.zeros(1), np.zeros(1), {})
+    monkeypatch.setattr(policy_report, "evaluate", evaluated)
+    chosen = {over: shift.changes(over, WEAVE, LUGRE) for over in SHIFTS}
+    shift.collect(trained / "policy.zip", chosen, 1)
+    usual = made.pop(0)
+    assert usual["randomise"] == {"load": [0, 300], "speed": [22, 33], "friction_level": [0.5, 2.0]}
+    names = {"level": "friction_level", "noise": "sensor_noise"}
+    for over, each in chosen.items():
+        assert len(each) >= 4
+        for change in each:
+            found = made.pop(0)
+            assert found["randomise"] == usual["randomise"]
+            if over == "car":
+                assert found["vehicle"] == change.label
+            elif over == "law":
+                assert str(found["friction"]) != str(usual["friction"])
+            else:
+                ((name, value),) = found["options"].items()
+                assert name == names.get(over, over)
+                size = {"speed": 3.6, "delay": 1e3}.get(over, 1.0)
+                assert change.label.startswith(f"{size * value:.4g}")
+    assert [change.x for change in chosen["delay"]] == [0.0, 10.0, 20.0, 40.0]
+
+
 @pytest.mark.whole
-def test_friction_shift(trained, tmp_path):
-    found = friction_shift.collect(trained / "policy.zip", [Friction("coulomb"), Friction("lugre,F_c=1.5")], 3)
-    assert list(found.values) == ["lugre", "coulomb", "lugre,F_c=1.5"]
-    assert found.lost["lugre"].value == 0.0
-    assert found.lost["coulomb"].value != 0.0
-    friction_shift.write(tmp_path / "shift", found)
+def test_shift_over_everything(trained, tmp_path):
+    chosen = {over: shift.changes(over, WEAVE, LUGRE, [Friction("coulomb")])[:2] for over in SHIFTS}
+    found = shift.collect(trained / "policy.zip", chosen, 3)
+    assert found.home.lost.value == 0.0
+    assert found.cells["law"]["coulomb"].lost.value != 0.0
+    assert found.cells["noise"]["0"].lost.value == 0.0  # as in the training
+    shift.write(tmp_path / "shift", found)
     assert "coulomb" in (tmp_path / "shift" / "index.html").read_text(encoding="utf-8")
-    assert json.loads((tmp_path / "shift" / "shift.json").read_text())["laws"]["coulomb"]["lost"]["unit"] == ""
 
 
 @pytest.mark.parametrize(
@@ -349,8 +440,8 @@ def test_friction_shift(trained, tmp_path):
         (["evaluate-policy", "boost", "--env", WEAVE, "--out", "file"], "file is a file: give a directory"),
         (["evaluate-policy", "boost", "boost", "--env", WEAVE], "'boost' is given twice"),
         (["evaluate-policy", "boost"], "--env must name the environment"),
-        (["friction-shift", "lqg"], "a baseline, which was trained on no law"),
-        (["friction-shift", "weave"], "'weave' is no policy: give a policy.zip"),
+        (["shift", "lqg"], "a baseline, which was not trained"),
+        (["shift", "weave"], "'weave' is no policy: give a policy.zip"),
         (["train", "--env", WEAVE, "--algo", "dqn"], "invalid choice: 'dqn'"),
         (["train", "--env", WEAVE, "--minutes", "1", "--steps", "5"], "not allowed with"),
         (["evaluate-policy", "nobody", "--env", WEAVE], "neither a policy.zip nor a baseline .*boost"),

@@ -126,13 +126,14 @@ def test_ripple_is_a_second_order_butterworth_high_pass(dt):
 
 def test_a_larger_gain_that_makes_the_hands_vibrate_does_not_pay_in_parking():
     env = made("DriverParking", control_dt=0.01)
+    place = {metric.name: k for k, metric in enumerate(env.batch.task.metrics)}
     error = [quantity.name for quantity in env.batch.observed].index("target_0.0s")
     score, ripple = {}, {}
     for gain in (10.0, 20.0, 45.0, 60.0, 80.0, 150.0):  # [N m/rad]
         scale = gain / env.batch.task.action.scale
         reward, *_ = episode(env, lambda o, k: np.clip(scale * o[:, [error]], -1.0, 1.0))  # noqa: B023 (used at once)
         score[gain] = reward.mean()
-        ripple[gain] = env.batch.metrics(0)["rms_ripple"]
+        ripple[gain] = env.batch.arrays.metrics[0, 2, place["rms_ripple"]]
     best = max(score, key=lambda gain: score[gain])
     assert ripple[best] < 0.05, (score, ripple)
     vibrating = [gain for gain in score if ripple[gain] > 0.1]
@@ -160,7 +161,8 @@ def test_the_reward_of_zero_action_is_not_saturated(env_id):
 def test_steering_stiffness_known_to_the_driver_in_the_loop_is_that_of_the_car():
     """It was ten times too small where the driver's own arms held the handwheel while it was measured."""
     alone, in_loop = made("DriverLaneKeeping", 1), made("AssistLaneKeeping", 1)
-    assert in_loop.batch.steering_stiffness(27.8) == alone.batch.steering_stiffness(27.8)
+    conditions = alone.batch.usual_conditions
+    assert in_loop.batch.steering_stiffness(conditions) == alone.batch.steering_stiffness(conditions)
 
 
 def test_scenarios_of_the_all_round_task_are_those_of_its_parts():

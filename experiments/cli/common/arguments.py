@@ -4,12 +4,11 @@ import argparse
 import math
 from collections.abc import Callable
 
-from steer_env.experiments.learning.constants import HELD_OUT, VALIDATION
+from steer_env.experiments.learning.constants import HELD_OUT, SHIPPED, VALIDATION
 from steer_env.experiments.output.options import FRICTION, Friction
 
 KPH = 1.0 / 3.6  # [m/s]
 MOST_EPISODES = VALIDATION - HELD_OUT  # with more, the evaluation would use the seeds of the validation
-SHIPPED = "shipped"  # stands for the policy that is shipped with an id
 
 __all__ = ["FRICTION", "KPH", "MOST_EPISODES", "SHIPPED", "add_evaluation", "friction_law", "minutes", "whole_number"]
 

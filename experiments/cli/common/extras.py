@@ -10,6 +10,7 @@ MODULES = {
     "train": ("torch", "stable_baselines3"),
     "mdf": ("asammdf",),
     "test": ("vehiclemodels",),
+    "integrations": ("minari", "h5py"),
 }  # extra -> modules that it brings
 OF_ALGORITHM = {"recurrent-ppo": "sb3_contrib"}
 

@@ -1,8 +1,17 @@
 """What the commands that evaluate policies share."""
 
+import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
+
+
+def caution(path: Path, about: Mapping[str, Any]) -> None:
+    """Say on standard error that a policy file is code, unless it is a shipped one; to be called before loading it."""
+    from steer_env.experiments.learning import policy
+
+    if text := policy.caution(path, about):
+        print(f"steer-env: caution: {text}", file=sys.stderr)
 
 
 def evaluate_and_report(
@@ -26,9 +35,10 @@ def evaluate_and_report(
     """
     from steer_env.experiments.cli.common.tables import print_estimates
     from steer_env.experiments.learning import policy_report
+    from steer_env.experiments.learning.controllers import baselines
     from steer_env.experiments.output.options import progress
 
-    controllers = {**controllers, **{k: v for k, v in policy_report.baselines(env_id).items() if k not in controllers}}
+    controllers = {**controllers, **{k: v for k, v in baselines(env_id).items() if k not in controllers}}
     with progress("evaluating") as notify:
         found = policy_report.evaluate(env_id, controllers, episodes, notify, **made)
     print_estimates(found.values, found.units, f"{env_id}, {episodes} held-out episodes")

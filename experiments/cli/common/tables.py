@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 from rich.console import Console
 from rich.table import Table
@@ -83,21 +84,13 @@ def print_estimates(values: Mapping[str, Mapping[str, Estimate]], units: Mapping
     Console().print(table)
 
 
-def print_laws(
-    values: Mapping[str, Mapping[str, Mapping[str, Estimate]]],
-    change: Mapping[str, Estimate],
-    aim: str,
-    units: Mapping[str, str],
-    title: str,
-) -> None:
-    """Print a policy and the baselines law by law: reward, the change of the policy's reward, and one metric.
+def print_shift(rows: Mapping[str, Mapping[str, Any]], aim: str, units: Mapping[str, str], title: str) -> None:
+    """Print a policy beside the best baseline under each change of each condition.
 
     Parameters
     ----------
-    values : mapping
-        Law -> controller -> metric; the first controller is the policy.
-    change : mapping
-        Law -> the policy's reward less its reward on the law that it was trained on.
+    rows : mapping
+        Condition -> label of the change -> :class:`steer_env.experiments.learning.shift.Cell`.
     aim : str
         Name of the metric that the training is for.
     units : mapping
@@ -106,20 +99,24 @@ def print_laws(
     """
     table = _table(title)
     unit = f" [{units[aim]}]" if units[aim] not in ("", "1") else ""
-    for heading in ("law", "controller"):
+    shown = aim.replace("_", " ") + unit
+    for heading in ("condition", ""):
         table.add_column(heading, overflow="fold")
     # Text, as rich would take a unit in brackets for markup.
-    for heading in ("reward", "change", aim.replace("_", " ") + unit):
+    for heading in ("reward", "change", shown, "best baseline", "its reward", f"its {shown}"):
         table.add_column(Text(heading), justify="right", overflow="fold")
-    for law, controllers in values.items():
-        for place, (name, found) in enumerate(controllers.items()):
-            first = place == 0
+    for over, cells in rows.items():
+        for place, (label, cell) in enumerate(cells.items()):
+            found = cell.values["policy"]
+            others = [name for name in cell.values if name != "policy"]
+            best = max(others, key=lambda name: cell.values[name]["reward"].value, default=None)
+            of_best = [_estimate(cell.values[best][metric]) for metric in ("reward", aim)] if best else ["", ""]
             table.add_row(
-                Text(law if first else ""),
-                name.replace("_", " "),
-                _estimate(found["reward"]),
-                _estimate(change[law]) if first else "",
-                _estimate(found[aim]),
+                over if place == 0 else "",
+                Text(label),
+                *map(_estimate, (found["reward"], cell.lost, found[aim])),
+                (best or "").replace("_", " "),
+                *of_best,
             )
     Console().print(table)
 

@@ -5,6 +5,7 @@ from typing import Any
 
 from steer_env import friction
 from steer_env.experiments.learning import policy, policy_report
+from steer_env.experiments.learning.controllers import baselines
 from steer_env.experiments.verification import step_time
 from steer_env.experiments.verification.requirements.common.rows import Row, verdict
 from steer_env.registration import VERSION
@@ -44,5 +45,5 @@ def rows(cases: int = CASES) -> Iterator[Row]:
 
 def _shipped(env_id: str, baseline: str, cases: int, **more: Any) -> policy_report.Evaluation:
     path = policy.shipped(env_id)
-    controllers = {"policy": policy.load(path), baseline: policy_report.baselines(env_id)[baseline]}
+    controllers = {"policy": policy.load(path), baseline: baselines(env_id)[baseline]}
     return policy_report.evaluate(env_id, controllers, cases, **policy.conditions(policy.about(path)), **more)

@@ -7,10 +7,15 @@ second-order lag:
 
     z = (angle, angle', muscles, commands in the delay line)     intended angle and speed: the first two of z
 
-The arms hold the handwheel by their impedance to the intended angle, with the torque that this angle is known to need,
+The arms hold the handwheel by their impedance to the intended angle, with the torque that this motion is known to need,
 and a reflex on the error of ``REFLEX_DELAY`` ago:
 
-    T1 = K_arm (angle - th1) + C_arm (angle' - th1') - I_arm th1'' + K_steer angle + K_reflex (angle - th1)(t - delay)
+    T1 = K_arm (angle - th1) + C_arm (angle' - th1') - I_arm th1'' + T_need + K_reflex (angle - th1)(t - delay)
+    T_need = K_slip alpha + C angle' + (I + I_arm) angle'',   alpha = i_s angle - (v_y + a r)/v
+
+K_slip is the hand torque over the front axle's slip angle alpha in a steady turn; C and I are damping and inertia of the
+handwheel and of what lies below the torsion bar, without assist. In a quick swerve the slip, and with it the torque,
+leads the lateral acceleration; arms that give the torque of a steady turn overshoot then, on some cars until they weave.
 
 A driver is one file: a function that makes it, and for a new preview model its parameters (their class selects the
 kernel), a function that gives the gains for a car at a speed, and the kernel that computes the command. Sources:
@@ -97,6 +102,7 @@ class Driver(NamedTuple):
     name: str
     preview_model: Any  # its parameters; their class selects it
     arm: Arm
+    informed: bool = False  # whether it is told the load and the road's friction, else it knows the car unladen and dry
 
 
 class PreviewModel(NamedTuple):
@@ -137,9 +143,18 @@ def available() -> tuple[str, ...]:
     return DRIVERS.available()
 
 
-def make(name: str, **options: Any) -> Driver:
-    """A driver by name; ValueError for an unknown name, TypeError for an unknown option."""
-    return DRIVERS[name](**options)
+def make(name: str, *, informed: bool = False, **options: Any) -> Driver:
+    """A driver by name; ValueError for an unknown name, TypeError for an unknown option.
+
+    An ``informed`` driver is told the load and the road's friction of every episode, as what they are in it.
+    """
+    return DRIVERS[name](**options)._replace(informed=_truth("informed", informed))
+
+
+def _truth(name: str, value: Any) -> bool:
+    if not isinstance(value, bool | np.bool_):
+        raise ValueError(f"{name} must be True or False, got {value!r}")
+    return bool(value)
 
 
 def resolve(driver: Any) -> Driver:
@@ -148,8 +163,9 @@ def resolve(driver: Any) -> Driver:
     Parameters
     ----------
     driver : str, mapping or Driver
-        A name; a mapping of a name and options, ``{"driver": "preview", "effort": 0.2}``, where "arm" may map the
-        fields of :class:`Arm` to other arms; or a driver from :func:`make`, which is returned unchanged.
+        A name; a mapping of a name and options, ``{"driver": "preview", "effort": 0.03}``, where "arm" may map the
+        fields of :class:`Arm` to other arms and "informed" tells whether it is told the load and the road's friction;
+        or a driver from :func:`make`, which is returned unchanged.
 
     Raises
     ------
@@ -161,11 +177,11 @@ def resolve(driver: Any) -> Driver:
     given = {"driver": driver} if isinstance(driver, str) else dict(driver) if isinstance(driver, Mapping) else {}
     if "driver" not in given:
         raise ValueError(
-            f"driver must be one of {', '.join(available())}, a mapping as {{'driver': 'preview', 'effort': 0.2}}, or"
+            f"driver must be one of {', '.join(available())}, a mapping as {{'driver': 'preview', 'effort': 0.03}}, or"
             f" from drivers.make, got {driver!r}"
         )
-    name, hands = given.pop("driver"), given.pop("arm", None)
-    made = constructed(f"driver {name!r}", DRIVERS[name], given)
+    name, hands, informed = given.pop("driver"), given.pop("arm", None), given.pop("informed", False)
+    made = constructed(f"driver {name!r}", DRIVERS[name], given)._replace(informed=_truth("informed", informed))
     if hands is None:
         return made
     if not isinstance(hands, Mapping):
@@ -177,7 +193,7 @@ def resolve(driver: Any) -> Driver:
 def as_mapping(driver: Driver) -> dict[str, Any]:
     """The mapping that :func:`resolve` turns into this driver again, of what JSON holds without loss."""
     options = {key: np.asarray(value).tolist() for key, value in driver.preview_model._asdict().items()}
-    return {"driver": driver.name, **options, "arm": driver.arm._asdict()}
+    return {"driver": driver.name, **options, "arm": driver.arm._asdict(), "informed": driver.informed}
 
 
 def gains_of(driver: Driver, car: Car, speed: float) -> Array:
@@ -209,7 +225,7 @@ def muscle_matrices() -> Array:
 
 @kernel
 def neuromuscular_step(parameters, gains, muscles, path, lateral_speed, yaw_rate, memory):
-    """One update of a driver: the intended handwheel angle [rad] and speed [rad/s] at its end.
+    """One update of a driver: the intended handwheel angle, speed and acceleration at its end [rad], [rad/s], [rad/s2].
 
     Parameters
     ----------
@@ -235,7 +251,8 @@ def neuromuscular_step(parameters, gains, muscles, path, lateral_speed, yaw_rate
     for k in range(3, NEUROMUSCULAR_STATES - 1):
         z[k] = z[k + 1]
     z[NEUROMUSCULAR_STATES - 1] = new
-    return angle, speed
+    omega = 2.0 * np.pi * ARM_FREQUENCY
+    return angle, speed, omega * (omega * (activation - angle) - 2.0 * ARM_DAMPING * speed)
 
 
 @kernel

@@ -1,4 +1,4 @@
-"""Drivers of one kind, one for each row of a batch: in the loop of assist environments, or as controllers."""
+"""Several drivers at once: in the loop of environments, or as the environment's controllers."""
 
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from steer_env.courses.preview import PREVIEW_NAMES
 from steer_env.drivers.common.definition import (
     MEMORY,
     Arm,
@@ -18,13 +19,18 @@ from steer_env.drivers.common.definition import (
 )
 from steer_env.friction.numerics.bounds import within
 from steer_env.friction.numerics.kernel import bind, kernel
+from steer_env.randomise import Conditions
 from steer_env.timing import SAMPLES_PER_UPDATE, UPDATE_INTERVAL
 from steer_env.vehicle.cars import Car
 from steer_env.vehicle.plant import CHANNEL, Plant
+from steer_env.vehicle.steering.column import Column
 
 Array = NDArray[np.float64]
 
 _ANGLE, _LATERAL_SPEED, _YAW_RATE = (CHANNEL[name] for name in ("handwheel_angle", "lateral_speed", "yaw_rate"))
+_MOTION_NAMES = ("handwheel_angle", "handwheel_speed", "lateral_speed", "yaw_rate")
+_PATH_NAMES = ("lateral_offset", "heading_error", *PREVIEW_NAMES)
+KNOWN_LOAD = 25.0  # an informed driver knows the load to this step, so that a design serves many episodes [kg]
 
 
 class DriverArrays(NamedTuple):
@@ -32,8 +38,23 @@ class DriverArrays(NamedTuple):
 
     gains: Array  # (n, G) of the preview model
     muscles: Array  # (3, 4) as :func:`steer_env.drivers.common.definition.muscle_matrices`
-    feed_forward: Array  # (n, 2) hand torque over intended angle [N m/rad] and speed [N m s/rad]
+    # (n, 5) hand torque over intended angle [N m/rad], speed [N m s/rad] and acceleration [kg m2], the arms' impedance
+    # among them, and over lateral speed [N s] and yaw rate [N m s/rad]
+    feed_forward: Array
     memory: Array  # (n, MEMORY + 1)
+
+
+@kernel
+def _given_torque(feed_forward, intended, lateral_speed, yaw_rate):
+    """Hand torque of the intended angle, speed and acceleration: T_need, and the impedance's part of the intention."""
+    angle, speed, acceleration = intended
+    return (
+        feed_forward[0] * angle
+        + feed_forward[1] * speed
+        + feed_forward[2] * acceleration
+        + feed_forward[3] * lateral_speed
+        + feed_forward[4] * yaw_rate
+    )
 
 
 @kernel
@@ -44,40 +65,28 @@ def _write_hand_torque(preview_model, drivers, reflex, episodes, channels, obser
         if sample % SAMPLES_PER_UPDATE != 0 or episodes[i].driven == 0:
             continue
         now, memory = channels[i], drivers.memory[i]
+        v_y, r = now[_LATERAL_SPEED], now[_YAW_RATE]
         delayed = delayed_error(memory, memory[0] - now[_ANGLE], 1)
-        angle, speed = neuromuscular_step(
-            preview_model,
-            drivers.gains[i],
-            drivers.muscles,
-            observations[i],
-            now[_LATERAL_SPEED],
-            now[_YAW_RATE],
-            memory,
-        )
+        intended = neuromuscular_step(
+            preview_model, drivers.gains[i], drivers.muscles, observations[i], v_y, r, memory
+        )  # fmt: skip
         update = within(sample // SAMPLES_PER_UPDATE + 1, 0, inputs.shape[1] - 1)
-        inputs[i, update, 0] = (
-            drivers.feed_forward[i, 0] * angle + drivers.feed_forward[i, 1] * speed + reflex * delayed
-        )
+        inputs[i, update, 0] = _given_torque(drivers.feed_forward[i], intended, v_y, r) + reflex * delayed
 
 
 @kernel
-def _hand_torque(preview_model, drivers, arm, observations, places, torque):
-    """Hand torque (n,) from observations (n, O), with the arms' impedance."""
-    for i in range(observations.shape[0]):
-        seen, memory = observations[i], drivers.memory[i]
-        angle_now, speed_now = seen[places[0]], seen[places[1]]
-        delayed = delayed_error(memory, memory[0] - angle_now, 0)
-        angle, speed = neuromuscular_step(
-            preview_model, drivers.gains[i], drivers.muscles, seen[places[4] :], seen[places[2]], seen[places[3]],
-            memory,
-        )  # fmt: skip
-        torque[i] = (
-            drivers.feed_forward[i, 0] * angle
-            + drivers.feed_forward[i, 1] * speed
-            + arm.reflex * delayed
-            - arm.stiffness * angle_now
-            - arm.damping * speed_now
-        )
+def _hand_torque(preview_model, drivers, arm, motion, paths, updates, torque):
+    """Mean hand torque (n,) over some updates, with the arms' impedance to what is observed at their start."""
+    for i in range(torque.size):
+        angle_now, speed_now, v_y, r = motion[i, 0], motion[i, 1], motion[i, 2], motion[i, 3]
+        memory, total = drivers.memory[i], 0.0
+        for _ in range(updates):
+            delayed = delayed_error(memory, memory[0] - angle_now, 0)
+            intended = neuromuscular_step(
+                preview_model, drivers.gains[i], drivers.muscles, paths[i], v_y, r, memory
+            )  # fmt: skip
+            total += _given_torque(drivers.feed_forward[i], intended, v_y, r) + arm.reflex * delayed
+        torque[i] = total / updates - arm.stiffness * angle_now - arm.damping * speed_now
 
 
 class DriverBatch:
@@ -88,19 +97,35 @@ class DriverBatch:
     driver : Driver
     car : Car
     n : int
-    stiffness : speed [m/s] -> steering stiffness [N m/rad]
-        Hand torque over handwheel angle in a steady turn, from which the drivers take their feed-forward.
+    stiffness : Conditions -> steering stiffness [N m/rad]
+        Hand torque over handwheel angle in a steady turn, from which the drivers take what a motion needs.
+    usual : Conditions
+        What a driver takes for granted who is not informed.
+    updates : int, optional
+        As controllers: the number of updates of 10 ms for which the torque is held. The arms are then as firm as
+        :func:`held_arm` allows.
 
     Attributes
     ----------
     driver : Driver
+    arm : Arm
     arrays : DriverArrays
     """
 
-    def __init__(self, driver: Driver, car: Car, n: int, stiffness: Callable[[float], float]) -> None:
-        self.driver, self._car, self._stiffness = driver, car, stiffness
-        self._designs: dict[float, tuple[Array, float]] = {}
-        self.arrays = DriverArrays(np.zeros((n, 0)), muscle_matrices(), np.zeros((n, 2)), np.zeros((n, MEMORY + 1)))
+    def __init__(
+        self,
+        driver: Driver,
+        car: Car,
+        n: int,
+        stiffness: Callable[[Conditions], float],
+        usual: Conditions,
+        updates: int | None = None,
+    ) -> None:
+        self.driver, self._car, self._stiffness, self._usual = driver, car, stiffness, usual
+        self._updates = 1 if updates is None else updates
+        self.arm = driver.arm if updates is None else held_arm(driver.arm, car.column, updates * UPDATE_INTERVAL)
+        self._designs: dict[tuple[float, float], tuple[Array, Array]] = {}  # by speed and load
+        self.arrays = DriverArrays(np.zeros((n, 0)), muscle_matrices(), np.zeros((n, 5)), np.zeros((n, MEMORY + 1)))
         self._kernel: Callable[..., None] | None = None
 
     def __getstate__(self) -> dict[str, Any]:
@@ -111,18 +136,33 @@ class DriverBatch:
         if self.arrays.gains.shape[1] != size:
             self.arrays = self.arrays._replace(gains=np.zeros((len(self.arrays.memory), size)))
 
-    def start(self, i: int, speed: float) -> None:
-        """Begin an episode of driver ``i`` at a speed [m/s]; the driver knows the car at the nearest whole m/s."""
-        arm, known = self.driver.arm, max(round(speed), 3.0)
+    def start(self, i: int, drawn: Conditions) -> None:
+        """Begin an episode of driver ``i`` in its conditions.
+
+        A driver knows the speed to 1 m/s; an informed one also the load, to ``KNOWN_LOAD``.
+        """
+        load = KNOWN_LOAD * round(drawn.load / KNOWN_LOAD) if self.driver.informed else self._usual.load
+        known = max(float(round(drawn.speed)), 3.0), load
         if known not in self._designs:
-            steering = self._stiffness(known) if arm.stiffness > 0.0 else 0.0
-            self._designs[known] = gains_of(self.driver, self._car, known), steering
-        gains, steering = self._designs[known]
+            self._designs[known] = self._design(*known)
+        gains, feed_forward = self._designs[known]
         self.size_gains(gains.size)
         arrays = self.arrays
-        arrays.gains[i] = gains
-        arrays.feed_forward[i] = arm.stiffness + steering, arm.damping
-        arrays.memory[i] = 0.0
+        arrays.gains[i], arrays.feed_forward[i], arrays.memory[i] = gains, feed_forward, 0.0
+
+    def _design(self, speed: float, load: float) -> tuple[Array, Array]:
+        """Gains of the preview model, and the row of ``feed_forward``."""
+        arm, car = self.arm, self._car.loaded(load)
+        gains = gains_of(self.driver, car, speed)
+        if arm.stiffness == 0.0:
+            return gains, np.zeros(5)
+        column = car.column
+        stiffness = self._stiffness(self._usual._replace(speed=speed, load=load))
+        by_angle, by_v_y, by_yaw_rate = stiffness * slip_over_steady(car, speed)
+        # Arms in the loop are part of the plant's inertia; those of a controller are not.
+        inertia = column.I1 + column.I2 + (arm.inertia if arm is self.driver.arm else 0.0)
+        on_intention = arm.stiffness + by_angle, arm.damping + column.C1 + column.C2, inertia
+        return gains, np.array([*on_intention, by_v_y, by_yaw_rate])
 
     def write_hand_torque(
         self, episodes: Any, channels: Array, observations: Array, inputs: Array, low: int, high: int
@@ -131,21 +171,51 @@ class DriverBatch:
 
         The arrays are those of :class:`steer_env.batch_arrays.BatchArrays`; the rows are ``low`` to ``high`` - 1.
         """
-        arrays, reflex = self.arrays, self.driver.arm.reflex
+        arrays, reflex = self.arrays, self.arm.reflex
         arguments = self.driver.preview_model, arrays, reflex, episodes, channels, observations, inputs, low, high
         if self._kernel is None:
             self._kernel = bind(_write_hand_torque, *arguments)
         self._kernel(*arguments)
 
-    def torque(self, observations: Array, places: NDArray[np.int64]) -> Array:
-        """As controllers: hand torque (n,) [N m] from observations (n, O).
+    def torque(self, motion: Array, paths: Array) -> Array:
+        """As controllers: the hand torque (n,) to hold [N m].
 
-        ``places`` are those of handwheel angle and speed, lateral speed, yaw rate and lateral offset; the rest of the
-        path's observations follows the last.
+        ``motion`` (n, 4) are handwheel angle and speed, lateral speed and yaw rate, ``paths`` (n, 17) lateral offset,
+        heading error and the points ahead.
         """
-        torque = np.zeros(len(observations))
-        _hand_torque(self.driver.preview_model, self.arrays, self.driver.arm, observations, places, torque)
+        torque = np.zeros(len(motion))
+        _hand_torque(self.driver.preview_model, self.arrays, self.arm, motion, paths, self._updates, torque)
         return torque
+
+
+def slip_over_steady(car: Car, speed: float) -> Array:
+    """Front slip angle over handwheel angle, lateral speed and yaw rate, all over what it is per angle in steady turns.
+
+    Returns
+    -------
+    (3,) array
+        [1], [rad s/m], [s]; of a car that is unstable at this speed, which has no steady turns, 1, 0, 0.
+    """
+    from steer_env.vehicle import linear  # here, because it takes longer to import than an environment
+
+    model = linear.from_car(car, speed)
+    body = model.state_space("handwheel")
+    if not np.all(body.poles().real < 0.0):
+        return np.array([1.0, 0.0, 0.0])
+    slip = np.array([model.steering_ratio, -1.0 / speed, -model.front_axle / speed])  # minus alpha_f of (L3)
+    steady = np.array([1.0, *-np.linalg.solve(body.A, body.B)[:, 0]])
+    return slip / (slip @ steady)
+
+
+def held_arm(arm: Arm, column: Column, interval: float) -> Arm:
+    """The arms as firm as a torque that is held for an interval [s] may imitate.
+
+    A stiffness K to an angle of an interval ago makes an inertia I oscillate from K h^2/I of about 1 on, a damping C
+    reverses its speed within the interval from C h/I = 1 on. The stiffness stays at half its limit, with the inertia of
+    the whole column; the damping, which acts on the handwheel against the torsion bar, at its limit with the handwheel's.
+    """
+    stiffness = 0.5 * (column.I1 + column.I2) / interval**2
+    return arm._replace(stiffness=min(arm.stiffness, stiffness), damping=min(arm.damping, column.I1 / interval))
 
 
 def with_arms(p: Plant, arm: Arm) -> Plant:
@@ -156,12 +226,16 @@ def with_arms(p: Plant, arm: Arm) -> Plant:
 class Controller:
     """A driver model that acts in a driver environment, single or vector, from the environment's observations.
 
+    The driver runs at its own 10 ms inside, on the observation that the environment holds, and its mean torque over the
+    control interval is the action. An informed driver takes the drawn load from the environment itself.
+
     Parameters
     ----------
     env : gym.Env or gym.vector.VectorEnv
-        Of a task that observes a path, with ``control_dt`` of 10 ms.
-    driver : str or Driver
-        One of ``steer_env.drivers.available()``, or from ``steer_env.drivers.make``.
+        Of a task that observes a path, with a ``control_dt`` that is a multiple of 10 ms. The stiffest arms that can be
+        imitated by a held torque become softer with it, which matters beyond 50 ms.
+    driver : str, mapping or Driver
+        In a form of ``steer_env.drivers.resolve``.
 
     Raises
     ------
@@ -170,21 +244,26 @@ class Controller:
     """
 
     def __init__(self, env: Any, driver: Any = "preview") -> None:
-        batch = env.unwrapped.batch
+        self._batch = batch = env.unwrapped.batch
         task, names = batch.task, [quantity.name for quantity in batch.observed]
-        needed = ("handwheel_angle", "handwheel_speed", "lateral_speed", "yaw_rate", "lateral_offset")
-        if any(name not in names for name in needed) or task.driver_in_loop:
+        if task.driver_in_loop or not {*_MOTION_NAMES, *_PATH_NAMES} <= {*names}:
             raise ValueError(
                 f"no driver model can act in {task.name}: a driver needs an observed path, and a hand torque as action"
             )
-        if batch.control_dt != UPDATE_INTERVAL:
+        updates = round(batch.control_dt / UPDATE_INTERVAL)
+        if abs(updates * UPDATE_INTERVAL - batch.control_dt) > 1e-9 or updates < 1:
             raise ValueError(
-                f"driver models act every 10 ms; make the environment with control_dt=0.01, not {batch.control_dt}"
+                "driver models act every 10 ms; make the environment with a multiple of it as control_dt, not"
+                f" {batch.control_dt}"
             )
-        self._places = np.array([names.index(name) for name in needed])
-        self._speed = names.index("speed")
+        self._motion, self._path = (
+            np.array([names.index(name) for name in wanted]) for wanted in (_MOTION_NAMES, _PATH_NAMES)
+        )
+        self._observation_scale = getattr(env.unwrapped, "observation_scale", 1.0)
         self._scale = task.action.scale
-        self._drivers = DriverBatch(resolve(driver), batch.car, batch.n, batch.steering_stiffness)
+        self._drivers = DriverBatch(
+            resolve(driver), batch.car, batch.n, batch.steering_stiffness, batch.usual_conditions, updates
+        )
         self._new = np.ones(batch.n, bool)
 
     def reset(self, rows: Any = slice(None)) -> None:
@@ -193,10 +272,10 @@ class Controller:
 
     def act(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
         """Action (1,) for an observation (O,), or (n, 1) for (n, O)."""
-        observations = np.atleast_2d(observation).astype(float)
+        seen = np.atleast_2d(observation).astype(float) * self._observation_scale
         for i in np.flatnonzero(self._new).tolist():
-            self._drivers.start(i, observations[i, self._speed])
+            self._drivers.start(i, self._batch.conditions[i])
         self._new[:] = False
-        torque = self._drivers.torque(observations, self._places)
+        torque = self._drivers.torque(seen[:, self._motion], seen[:, self._path])
         action = np.clip(torque / self._scale, -1.0, 1.0).astype(np.float32)
         return action if observation.ndim == 1 else action[:, None]

@@ -31,6 +31,35 @@ def held_speed(p: plant.Plant) -> float:
     return float(kind.speed(p.chassis, np.array(kind.start(p.chassis), dtype=float)))
 
 
+def sampled_model(model: linear.LinearSingleTrack, samples: int) -> tuple[Array, Array, Array]:
+    """The linear car behind muscles, arms and a delay, sampled at 10 ms: z+ = A z + B u.
+
+    The command reaches the muscles after ``samples`` updates; the muscles follow it with a first-order lag, and the
+    handwheel angle follows the muscles as a second-order lag.
+
+    Returns
+    -------
+    A : (Z, Z) array
+        z = (v_y, r, y, psi, angle, angle', muscles, commands in the delay line).
+    B : (Z, 1) array
+    arms : (3, 4) array
+        Handwheel angle, its speed and the muscles one update later, from these and the command that takes effect.
+    """
+    body, v = model.state_space("handwheel"), model.speed
+    omega = 2.0 * math.pi * ARM_FREQUENCY
+    A, B = np.zeros((7, 7)), np.zeros((7, 1))
+    A[:2, :2], A[:2, 4:5] = body.A, body.B
+    A[2, [0, 3]], A[3, 1] = (1.0, v), 1.0
+    A[4, 5], A[5, 4:] = 1.0, (-(omega**2), -2.0 * ARM_DAMPING * omega, omega**2)
+    A[6, 6], B[6] = -1.0 / MUSCLE_LAG, 1.0 / MUSCLE_LAG
+    sampled = control.c2d(control.ss(A, B, np.eye(7), np.zeros((7, 1))), UPDATE_INTERVAL)
+    n = 7 + samples
+    whole, enters = np.zeros((n, n)), np.zeros((n, 1))
+    whole[:7, :7], whole[:7, 7:8] = sampled.A, sampled.B
+    whole[7:-1, 8:], enters[-1] = np.eye(samples - 1), 1.0
+    return whole, enters, np.column_stack([sampled.A[4:, 4:], sampled.B[4:]])
+
+
 def gains(
     model: linear.LinearSingleTrack,
     preview_time: float = PREVIEW_TIME,
@@ -39,11 +68,9 @@ def gains(
 ) -> tuple[Array, Array, Array]:
     """Gains of the linear-quadratic preview driver, and how the arms follow its command.
 
-    The car is a linear single track. The command reaches the muscles after ``delay``; the muscles follow it with a
-    first-order lag, and the handwheel angle follows the muscles as a second-order lag. Sampled at 10 ms, with states
-    z = (v_y, r, y, psi, angle, angle', muscles, commands in the delay line),
+    With the model z+ = A z + B u of :func:`sampled_model`,
 
-        z+ = A z + B u,    u = -K z + sum g_i y_path(k + i),    least sum of (y - y_path)^2 + (effort u)^2
+        u = -K z + sum g_i y_path(k + i),    least sum of (y - y_path)^2 + (effort u)^2
 
     with K from the Riccati equation and g_i = (R + B'P B)^-1 B' (A - B K)'^(i-1) q, where q is the cost's row of y.
     This equals the result of the shift register in Sharp's preview control without its hundred states.
@@ -68,19 +95,8 @@ def gains(
     samples = round(number("delay [s]", delay, minimum=UPDATE_INTERVAL, maximum=0.5) / UPDATE_INTERVAL)
     ahead = round(number("preview_time [s]", preview_time, minimum=delay + 0.3, maximum=5.0) / UPDATE_INTERVAL)
     R = number("effort [m/rad]", effort, minimum=0.0, above=True) ** 2
-    body, v = model.state_space("handwheel"), model.speed
-    omega = 2.0 * math.pi * ARM_FREQUENCY
-    A, B = np.zeros((7, 7)), np.zeros((7, 1))
-    A[:2, :2], A[:2, 4:5] = body.A, body.B
-    A[2, [0, 3]], A[3, 1] = (1.0, v), 1.0
-    A[4, 5], A[5, 4:] = 1.0, (-(omega**2), -2.0 * ARM_DAMPING * omega, omega**2)
-    A[6, 6], B[6] = -1.0 / MUSCLE_LAG, 1.0 / MUSCLE_LAG
-    sampled = control.c2d(control.ss(A, B, np.eye(7), np.zeros((7, 1))), UPDATE_INTERVAL)
-    n = 7 + samples
-    whole, enters = np.zeros((n, n)), np.zeros((n, 1))
-    whole[:7, :7], whole[:7, 7:8] = sampled.A, sampled.B
-    whole[7:-1, 8:], enters[-1] = np.eye(samples - 1), 1.0
-    offset = np.zeros(n)
+    whole, enters, arms = sampled_model(model, samples)
+    offset = np.zeros(len(whole))
     offset[2] = 1.0
     K, P, _ = control.dlqr(whole, enters, np.outer(offset, offset), R)
     closed = whole - enters @ K
@@ -88,7 +104,7 @@ def gains(
     for i in range(ahead):
         g[i] = column @ offset
         column = closed @ column
-    return K[0], g, np.column_stack([sampled.A[4:, 4:], sampled.B[4:]])
+    return K[0], g, arms
 
 
 class _Preview:

@@ -1,0 +1,56 @@
+"""The command ``audit``: what scores more than the classical controllers must not behave worse."""
+
+import argparse
+from collections.abc import Sequence
+from typing import Any
+
+from steer_env.experiments.cli.common.arguments import whole_number
+from steer_env.experiments.cli.common.extras import require
+from steer_env.registration import DRIVEN
+
+
+def add(commands: Any, common: argparse.ArgumentParser) -> None:
+    """Add the command to a parser's."""
+    text = "Search for policies that a reward pays for and nobody wants; the exit code is 1 if one is found."
+    audit = commands.add_parser("audit", help=text, description=text, parents=[common])
+    text = f"environments (default: all): {', '.join(DRIVEN)}"
+    audit.add_argument("--env", metavar="ID", nargs="+", choices=tuple(DRIVEN), default=list(DRIVEN), help=text)
+    text = "rounds of the cross-entropy method on linear policies (default 12)"
+    audit.add_argument("--rounds", metavar="N", type=whole_number(1), default=12, help=text)
+    text = "steps of PPO with its defaults, 0 leaves it out (default 100000)"
+    audit.add_argument("--steps", metavar="N", type=whole_number(0), default=100_000, help=text)
+    audit.add_argument("--seed", metavar="N", type=whole_number(0), default=0, help="of the searches (default 0)")
+    audit.set_defaults(function=_audit)
+
+
+def _audit(args: argparse.Namespace) -> int:
+    if args.steps:
+        require("train", "the search by PPO")
+
+    from rich.console import Console
+    from rich.table import Table
+
+    from steer_env.experiments.learning.audit import audit
+    from steer_env.experiments.learning.policy_search import Budget
+    from steer_env.experiments.output.options import progress
+
+    table = Table("id", "policy", "reward", "failures", "ripple [N m]", "aim", "cones", "verdict", title="Audit")
+    cheating = False
+    with progress("searching") as notify:
+        for k, env_id in enumerate(args.env):
+            name = env_id.removeprefix("steer_env/")
+            notify(k / len(args.env), name)
+            verdicts = audit(env_id, Budget(rounds=args.rounds, steps=args.steps), args.seed)
+            table.add_row(name, f"best: {verdicts[0].best_name}", *_cells(verdicts[0].best), "")
+            for verdict in verdicts:
+                text = f"CHEATS in {', '.join(verdict.worse_in)}" if verdict.cheats else "honest"
+                table.add_row("", verdict.policy, *_cells(verdict.found), text)
+                cheating |= verdict.cheats
+            table.add_section()
+    Console().print(table)
+    return int(cheating)
+
+
+def _cells(found: Sequence[float]) -> list[str]:
+    """Cells of a behaviour."""
+    return [f"{value:.3f}" for value in found]

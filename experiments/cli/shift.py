@@ -1,0 +1,71 @@
+"""The command ``shift``: a policy under conditions that its training did not draw."""
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from steer_env.experiments.cli.common import names
+from steer_env.experiments.cli.common.arguments import FRICTION, SHIPPED, add_evaluation, friction_law
+from steer_env.experiments.cli.common.extras import require
+from steer_env.experiments.learning.constants import SHIFTS
+
+
+def add(commands: Any, common: argparse.ArgumentParser) -> None:
+    """Add the command to a parser's."""
+    text = "Evaluate a policy beside the baselines under conditions that its training did not draw: table and picture."
+    parser = commands.add_parser("shift", help=text, description=text, parents=[common])
+    text = "conditions that are replaced, one at a time (default: all)"
+    parser.add_argument("--over", choices=SHIFTS, nargs="+", default=list(SHIFTS), help=text)
+    add_options(parser)
+    parser.set_defaults(function=shift)
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add what the command has in common with its old name."""
+    text = f"a policy.zip that 'steer-env train' wrote, or {SHIPPED!r} with --env ID"
+    parser.add_argument("file", metavar="FILE", help=text)
+    text = f"environment whose shipped policy is meant (default: that of FILE), for {SHIPPED!r}"
+    parser.add_argument("--env", metavar="ID", help=text)
+    add_evaluation(parser, "shift")
+    text = (
+        f"{FRICTION}, for --over law; default: {', '.join(names.laws())}, and the laws identified from a noisy record "
+        "of the training's law that describe it"
+    )
+    parser.add_argument("--friction", metavar="LAW", type=friction_law, nargs="+", help=text)
+
+
+def shift(args: argparse.Namespace) -> None:
+    """Evaluate, print the table and write the report."""
+    if args.file in (*names.assists(), *names.drivers()):
+        raise ValueError(f"{args.file!r} is a baseline, which was not trained: give a policy.zip")
+    if args.file != SHIPPED and not args.file.endswith(".zip"):
+        raise ValueError(f"{args.file!r} is no policy: give a policy.zip of train, or {SHIPPED!r} with --env ID")
+    if args.file == SHIPPED and args.env is None:
+        raise ValueError(f"{SHIPPED!r} needs --env ID, the environment whose shipped policy is meant")
+    if args.friction and "law" not in args.over:
+        raise ValueError(f"--friction names the laws of --over law, and --over is {', '.join(args.over)}")
+    require("train", "evaluating a policy")
+
+    from steer_env.experiments.cli.common.policies import caution
+    from steer_env.experiments.cli.common.tables import print_shift
+    from steer_env.experiments.learning import policy, policy_report
+    from steer_env.experiments.learning import shift as shifted
+    from steer_env.experiments.output.files import usable
+    from steer_env.experiments.output.options import progress
+
+    path = policy.shipped(args.env) if args.file == SHIPPED else Path(args.file)
+    about = policy.about(path)
+    if args.env not in (None, about["env"]):
+        raise ValueError(f"{path} was trained for {about['env']}, not {args.env}: leave --env out")
+    policy.check_observations(path, about, about["env"])
+    out, home = Path(args.out), policy.law(about["friction"], path)
+    usable(out, shifted.CONTENTS)
+    caution(path, about)
+    with progress("evaluating") as notify:
+        chosen = {over: shifted.changes(over, about["env"], home, args.friction or ()) for over in args.over}
+        found = shifted.collect(path, chosen, args.episodes, notify)
+    title = f"{found.env_id}, {args.episodes} held-out episodes: means ± half the 95 % interval"
+    rows = {shifted.HOME: {found.trained: found.home}, **found.cells}
+    print_shift(rows, policy_report.aim(found.units), found.units, title)
+    shifted.write(out, found)
+    print(out / "index.html")

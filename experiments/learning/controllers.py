@@ -1,0 +1,84 @@
+"""Controllers by the names that commands take: zero and random action, baselines, trained policies."""
+
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from steer_env import assists, drivers, tasks
+from steer_env.experiments.learning import policy
+from steer_env.experiments.learning.constants import SHIPPED
+from steer_env.experiments.learning.held_out import Controller
+
+Maker = Callable[[Any], Controller]
+
+
+class ZeroAction:
+    """No torque: the car, its boost curve and, where the task has one, its driver alone."""
+
+    def __init__(self, env: Any) -> None:
+        self._shape = env.action_space.shape
+
+    def reset(self, sub_environments: Any = None) -> None:
+        """Nothing is kept."""
+
+    def act(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Actions (1,), or (N, 1) of a vector environment."""
+        return np.zeros(self._shape, np.float32)
+
+
+class RandomActions(ZeroAction):
+    """Actions that are drawn evenly from [-1, 1] at every step, the same ones in every run."""
+
+    def __init__(self, env: Any) -> None:
+        super().__init__(env)
+        self._rng = np.random.default_rng(0)
+
+    def act(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Actions (1,), or (N, 1) of a vector environment."""
+        return self._rng.uniform(-1.0, 1.0, self._shape).astype(np.float32)
+
+
+SIMPLE: dict[str, Maker] = {"zero": ZeroAction, "random": RandomActions}
+
+
+def baselines(env_id: str) -> dict[str, Maker]:
+    """Classical controllers of an id by name: assists for an assist task, drivers for a task that observes a path."""
+    task = tasks.task(policy.check_driven(env_id))
+    if task.name.startswith("Assist"):
+        return {name: partial(assists.make, name) for name in assists.available()}
+    if any(quantity.name == "lateral_offset" for quantity in task.task_observations):
+        return {name: partial(drivers.Controller, driver=name) for name in drivers.available() if name != "free"}
+    return {}
+
+
+def is_policy(name: str) -> bool:
+    """Whether a name stands for a trained policy."""
+    return name == SHIPPED or name.endswith(".zip")
+
+
+def path_of(name: str, env_id: str) -> Path:
+    """The file of a policy that :func:`is_policy` accepts; ValueError if none is shipped with the id."""
+    return policy.shipped(env_id) if name == SHIPPED else Path(name)
+
+
+def named(name: str, env_id: str) -> Maker:
+    """The controller of a name for an id.
+
+    Raises
+    ------
+    ValueError
+        If the name is neither of ``SIMPLE`` nor a baseline or a policy of the id, or the policy is of another id.
+    """
+    if is_policy(name):
+        path = path_of(name, env_id)
+        policy.check_observations(path, policy.about(path), env_id)
+        return policy.load(path)
+    known = {**SIMPLE, **baselines(env_id)}
+    if name not in known:
+        names = ", ".join([*known, SHIPPED])
+        raise ValueError(f"{name!r} is neither a policy.zip nor a controller of {env_id}: {names}")
+    return known[name]

@@ -1,0 +1,141 @@
+"""Data sets of episodes in Minari's format, with costs, for learning without an environment. Needs ``integrations``."""
+
+import os
+import re
+import shutil
+import warnings
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+import minari
+import numpy as np
+from minari.data_collector import EpisodeBuffer
+
+from steer_env import friction
+from steer_env.experiments.learning.controllers import Maker
+from steer_env.experiments.output import provenance
+from steer_env.experiments.output.files import replaced_directory
+from steer_env.specification import plain
+
+DATA = "data"  # the folder that minari.MinariDataset opens
+CONTENTS = frozenset({DATA})
+
+
+def record(
+    out: Path,
+    env_id: str,
+    name: str,
+    make: Maker,
+    episodes: int,
+    first_seed: int,
+    notify: Callable[[float, str], None] = lambda *_: None,
+    **arguments: Any,
+) -> None:
+    """Record a controller in episodes of an id, one for each seed from ``first_seed`` on.
+
+    ``minari.MinariDataset(out / "data")`` opens the set. Its infos are the cost and the terms of reward and cost, zero
+    at the reset. The metadata of an episode are its seed, its conditions and its metrics; those of the set the friction
+    law and the arguments of the environment, which ``recover_environment()`` makes again. The actions replayed from the
+    seed of an episode give its observations and rewards to the bit.
+
+    Parameters
+    ----------
+    out : Path
+        Directory of the set, which appears or is replaced as a whole.
+    env_id, name : str
+        Id of a driver's or assist's task, and a name for the controller.
+    make : callable
+        Makes the controller for an environment.
+    episodes, first_seed : int
+        Number of episodes, and the seed of the first.
+    notify : callable
+        Receives the part that is done and a text.
+    arguments :
+        Of ``gymnasium.make``.
+    """
+    env: Any = gym.make(env_id, **arguments)
+    controller = make(env)
+    buffers, about = [], []
+    for k in range(episodes):
+        notify(k / episodes, f"episode {k}")
+        found, conditions = _episode(env, controller, first_seed + k)
+        buffers.append(found)
+        about.append(conditions)
+    task = env.unwrapped.task.name
+    described = {
+        "friction": friction.as_mapping(friction.resolve(arguments.get("friction", "lugre"))),
+        "arguments": plain(arguments),
+        "controller": name,
+        "versions": provenance.versions(),
+    }
+    with replaced_directory(out, CONTENTS) as part, _datasets_in(part), warnings.catch_warnings():
+        # Author and link are for whoever publishes the set to add, with dataset.storage.update_metadata.
+        warnings.simplefilter("ignore", UserWarning)
+        written = minari.create_dataset_from_buffers(
+            f"{task}-{re.sub(r'[^-a-zA-Z0-9_]', '_', name)}-v0",
+            buffers,
+            env=env,
+            algorithm_name=name,
+            description=f"{episodes} episodes of {env_id} from seed {first_seed} on, driven by {name}.",
+            requirements=[f"steer-env=={metadata.version('steer-env')}"],
+        )
+        written.storage.update_metadata(described)
+        written.storage.update_episode_metadata(about)
+        data = Path(written.storage.data_path)
+        data.rename(part / DATA)
+        shutil.rmtree(data.parent)
+    env.close()
+
+
+def _episode(env: Any, controller: Any, seed: int) -> tuple[EpisodeBuffer, dict[str, float]]:
+    """An episode, and its conditions and metrics."""
+    task = env.unwrapped.task
+    terms = {"reward_terms": [t.name for t in task.rewards], "cost_terms": [t.name for t in task.costs]}
+    infos: list[dict[str, Any]] = [{"cost": 0.0, **{key: dict.fromkeys(names, 0.0) for key, names in terms.items()}}]
+    controller.reset()
+    observation, info = env.reset(seed=seed)
+    about = _numbers("conditions", info)
+    observations, actions, rewards = [observation], [], []
+    terminated = truncated = False
+    while not (terminated or truncated):
+        actions.append(np.clip(controller.act(observation), -1.0, 1.0))
+        observation, reward, terminated, truncated, info = env.step(actions[-1])
+        observations.append(observation)
+        rewards.append(reward)
+        infos.append(info)
+    last = np.arange(len(rewards)) == len(rewards) - 1
+    columns = {key: {t: np.array([i[key][t] for i in infos]) for t in names} for key, names in terms.items()}
+    buffer = EpisodeBuffer(
+        seed=seed,
+        observations=np.array(observations),
+        actions=np.array(actions),
+        rewards=np.array(rewards),
+        terminations=last & terminated,
+        truncations=last & truncated,
+        infos={"cost": np.array([i["cost"] for i in infos]), **columns},
+    )
+    return buffer, about | _numbers("metrics", info)
+
+
+def _numbers(key: str, info: Mapping[str, Any]) -> dict[str, float]:
+    """The numbers under a key of an info, named as Minari flattens dictionaries."""
+    return {f"{key}/{name}": float(value) for name, value in info[key].items() if isinstance(value, float | int)}
+
+
+@contextmanager
+def _datasets_in(folder: Path) -> Iterator[None]:
+    """Minari writes sets into the folder that a variable of the environment names."""
+    variable = "MINARI_DATASETS_PATH"
+    before = os.environ.get(variable)
+    os.environ[variable] = str(folder)
+    try:
+        yield
+    finally:
+        if before is None:
+            del os.environ[variable]
+        else:
+            os.environ[variable] = before

@@ -1,0 +1,213 @@
+"""Shift: a policy under conditions that its training did not draw, beside the baselines in the same episodes."""
+
+from collections.abc import Callable, Mapping, Sequence
+from importlib import metadata
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from steer_env import friction, tasks
+from steer_env.experiments.drawing.shift_picture import Point, shifts
+from steer_env.experiments.learning import held_out, policy, policy_report
+from steer_env.experiments.learning.constants import HELD_OUT
+from steer_env.experiments.learning.controllers import baselines
+from steer_env.experiments.learning.held_out import Estimate
+from steer_env.experiments.output import provenance
+from steer_env.experiments.output.files import replaced_directory, write_json
+from steer_env.experiments.output.options import Friction
+from steer_env.experiments.output.pages import environment, image
+from steer_env.friction.law import law_of
+from steer_env.vehicle import cars
+
+CONTENTS = frozenset({"index.html", "shift.json", "shift.svg"})
+HOME = "as trained"
+
+# The record from which laws are identified: slow sweeps of a steering system in a rig, the widest first; assumed.
+AMPLITUDES, PERIOD, SAMPLE, NOISE = (3.0, 3.0, 1.0, 0.5), 20.0, 0.01, 0.02  # [deg], [s], [s], [N m]
+FITS = 2.0 * NOISE  # residual above which a law does not describe the record [N m]
+
+# Values of each condition, well beyond what is usual; assumed.
+LEVELS = (0.5, 1.0, 2.0, 3.0, 5.0)  # [1]
+LOADS = (0.0, 150.0, 300.0, 450.0)  # [kg]
+NOISES = (0.0, 1.0, 2.0, 5.0)  # factor on the sensors' noise [1]
+SPEEDS = (0.6, 0.8, 1.0, 1.2, 1.4)  # factor on the task's own, within the range of the task [1]
+DELAYS = {"Assist": (0.0, 0.01, 0.02, 0.04), "Driver": (0.0, 0.05, 0.1, 0.15)}  # whole decisions of the role [s]
+
+
+class Labelled(NamedTuple):
+    """A law with its parameters, as :class:`steer_env.experiments.output.options.Friction`."""
+
+    label: str
+    parameters: Any
+
+
+class Change(NamedTuple):
+    """What is other than in the training."""
+
+    label: str
+    arguments: dict[str, Any]  # of ``gymnasium.make_vec``, that replace those of the training
+    options: dict[str, float]  # of resets, which leave what else is drawn as it is
+    x: float | None = None  # the value, where it is a number [in the unit of its label]
+
+
+class Cell(NamedTuple):
+    """The held-out episodes under one change."""
+
+    values: dict[str, dict[str, Estimate]]  # controller -> metric
+    lost: Estimate  # the policy's reward less its reward as trained, paired by seed
+    gained: dict[str, Estimate]  # baseline -> the policy's reward less the baseline's, paired by seed
+    x: float | None  # as :class:`Change` [in the unit of its label]
+
+
+class Shift(NamedTuple):
+    """The same held-out episodes under every change."""
+
+    env_id: str
+    trained: str  # law of the training
+    episodes: int
+    home: Cell
+    cells: dict[str, dict[str, Cell]]  # condition -> label of the change
+    units: dict[str, str]
+    conditions: dict[str, str]  # of the training, in words
+
+
+def identified(home: Friction) -> list[Labelled]:
+    """Laws identified from a noisy quasi-static record of ``home``: those that describe it, with their parameters."""
+    phase = 2.0 * np.pi * np.arange(0.0, 1.0, SAMPLE / PERIOD)
+    x = np.concatenate([np.radians(amplitude) * np.sin(phase) for amplitude in AMPLITUDES])
+    torque = friction.response(home.parameters, x, SAMPLE) + np.random.default_rng(0).normal(0.0, NOISE, x.size)
+    fits = [
+        friction.fit(x, torque, name, dt=SAMPLE)
+        for name in friction.available()
+        if law_of(friction.make(name)).fitted  # a law that is not fitted has no parameters to identify
+    ]
+    return [Labelled(f"{found.law}, identified", found.parameters) for found in fits if found.residual < FITS]
+
+
+def changes(over: str, env_id: str, home: Friction, laws: Sequence[Friction] = ()) -> list[Change]:
+    """The changes of one condition.
+
+    Parameters
+    ----------
+    over : str
+        One of ``constants.SHIFTS``.
+    env_id : str
+    home : Friction
+        Law of the training.
+    laws : sequence of Friction
+        Laws in place of all laws and the identified ones.
+    """
+    task = tasks.task(policy.check_driven(env_id))
+
+    def fixed(name: str, values: Sequence[float], unit: str, scale: float = 1.0) -> list[Change]:
+        """Values of a reset option, labelled in a unit, of which ``scale`` make one in SI."""
+        return [Change(f"{scale * v:.4g}{unit}", {}, {name: v}, scale * v) for v in values]
+
+    if over == "law":
+        chosen: Sequence[Any] = laws or [*map(Friction, friction.available()), *identified(home)]
+        return [Change(law.label, {"friction": law.parameters}, {}) for law in chosen if law.label != home.label]
+    if over == "car":
+        return [Change(name, {"vehicle": name}, {}) for name in cars.available()]
+    if over == "speed":
+        low, high = task.speed_limits(task.chassis[0])
+        return fixed("speed", sorted({min(max(s * task.speed, low), high) for s in SPEEDS}), " km/h", 3.6)
+    if over == "delay":
+        return fixed("delay", next(DELAYS[role] for role in DELAYS if task.name.startswith(role)), " ms", 1e3)
+    values = {
+        "level": ("friction_level", LEVELS, ""),
+        "load": ("load", LOADS, " kg"),
+        "noise": ("sensor_noise", NOISES, ""),
+    }
+    return fixed(*values[over])
+
+
+def collect(
+    path: Path,
+    chosen: Mapping[str, Sequence[Change]],
+    episodes: int,
+    notify: Callable[[float, str], None] = lambda *_: None,
+) -> Shift:
+    """Evaluate the policy and every baseline of its id as trained, and under each change of each condition."""
+    about = policy.about(path)
+    env_id, home = about["env"], policy.law(about["friction"], path)
+    controllers: dict[str, Any] = {"policy": policy.load(path), **baselines(env_id)}
+    made = {**policy.conditions(about), "friction": home.parameters}
+
+    def cell(change: Change, own: Any = None) -> tuple[Cell, Any]:
+        arguments = {**made, **change.arguments, "options": change.options}
+        found = policy_report.evaluate(env_id, controllers, episodes, **arguments)
+        reward = found.found["policy"].reward
+        gained = {name: gaps["reward"] for name, gaps in found.gaps.items()}
+        return Cell(found.values, held_out.mean(reward - (reward if own is None else own)), gained, change.x), found
+
+    whole = 1 + sum(map(len, chosen.values()))
+    notify(0.0, HOME)
+    as_trained, found = cell(Change(HOME, {}, {}))
+    cells: dict[str, dict[str, Cell]] = {over: {} for over in chosen}
+    for k, (over, change) in enumerate((over, change) for over, each in chosen.items() for change in each):
+        notify((k + 1) / whole, f"{over} {change.label}")
+        cells[over][change.label], _ = cell(change, found.found["policy"].reward)
+    conditions = policy_report.conditions({**policy.conditions(about), "friction": home.label})
+    return Shift(env_id, home.label, episodes, as_trained, cells, found.units, conditions)
+
+
+def as_json(found: Shift) -> dict[str, Any]:
+    """The table as JSON."""
+
+    def entries(cell: Cell) -> dict[str, Any]:
+        return {
+            "metrics": {
+                name: {metric: policy_report.entry(e, found.units[metric]) for metric, e in values.items()}
+                for name, values in cell.values.items()
+            },
+            "lost": policy_report.entry(cell.lost, ""),
+            "gained": {name: policy_report.entry(e, "") for name, e in cell.gained.items()},
+        }
+
+    return {
+        "env": found.env_id,
+        "trained": found.trained,
+        "episodes": found.episodes,
+        "first_seed": HELD_OUT,
+        HOME.replace(" ", "_"): entries(found.home),
+        "over": {over: {label: entries(cell) for label, cell in each.items()} for over, each in found.cells.items()},
+        "provenance": provenance.versions(),
+    }
+
+
+def picture(found: Shift) -> str:
+    """The reward of every controller over each condition, as SVG."""
+    return shifts(
+        {
+            over: {
+                name: [Point(label, cell.x, *cell.values[name]["reward"]) for label, cell in each.items()]
+                for name in found.home.values
+            }
+            for over, each in found.cells.items()
+        },
+        {name: found.home.values[name]["reward"].value for name in found.home.values},
+    )
+
+
+def write(out: Path, found: Shift) -> None:
+    """Write ``index.html``, ``shift.json`` and ``shift.svg`` into a directory, which appears or is replaced."""
+    drawn = picture(found)
+    page = (
+        environment(__package__)
+        .get_template("shift.html.j2")
+        .render(
+            f=found,
+            names=list(found.home.values),
+            rows={HOME: {found.trained: found.home}, **found.cells},
+            aim=policy_report.aim(found.units),
+            picture=image(drawn),
+            shade=policy_report.shade,
+            version=metadata.version("steer-env"),
+            first_seed=HELD_OUT,
+        )
+    )
+    with replaced_directory(out, CONTENTS) as part:
+        (part / "index.html").write_text(page, encoding="utf-8")
+        (part / "shift.svg").write_text(drawn, encoding="utf-8")
+        write_json(part / "shift.json", as_json(found))
