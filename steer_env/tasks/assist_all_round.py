@@ -121,7 +121,7 @@ TASK = register(
             ),
             *COMMON_REWARDS,
         ),
-        costs=cones.ASSIST_COSTS,
+        costs=cones.LANE_CHANGE_COSTS,
         metrics=(
             *COMMON_METRICS,
             cones.CONE_METRIC,

@@ -24,7 +24,7 @@ from steer_env.tasks.common.definition import (
 from steer_env.tasks.common.feel import FEEL_SCALE, feel_quality
 from steer_env.tasks.common.standstill import CREEPING, TWO_TRACK, USUAL, angle_at_lock
 from steer_env.tasks.common.terms import (
-    COMMON_COSTS,
+    ASSIST_COSTS,
     COMMON_MEMORY,
     COMMON_METRICS,
     COMMON_REWARDS,
@@ -88,7 +88,7 @@ TASK = register(
             ),
             *COMMON_REWARDS,
         ),
-        costs=COMMON_COSTS,
+        costs=ASSIST_COSTS,
         metrics=(
             *COMMON_METRICS,
             EpisodeMetric("rms_feel_error", "N m", RMS, "hand torque minus the wanted hand torque"),
