@@ -80,7 +80,7 @@ class Judge(NamedTuple):
     """How a drive is judged."""
 
     measure: Callable[[Record], Array]  # (n,) from a record
-    limit: float
+    limit: float  # [unit]
     unit: str
     relative: bool = False  # to the boost alone
 
@@ -100,8 +100,8 @@ class Seen(NamedTuple):
     task: Task
     n: int
     observed: tuple[Quantity, ...]
-    observation_scale: Array
-    control_dt: float
+    observation_scale: Array  # (O,) SI value of an observation of 1
+    control_dt: float  # [s]
     car: Car
 
     @property

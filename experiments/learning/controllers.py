@@ -46,7 +46,7 @@ SIMPLE: dict[str, Maker] = {"zero": ZeroAction, "random": RandomActions}
 
 
 def baselines(env_id: str) -> dict[str, Maker]:
-    """Classical controllers of an id by name: assists, with the options found for the id, or drivers that see a path."""
+    """Classical controllers of an id by name: assists with the options found for it, or drivers on a path."""
     task = tasks.task(policy.check_driven(env_id))
     if task.name.startswith("Assist"):
         return tuned_assists.makers(env_id)
