@@ -389,7 +389,7 @@ def test_every_condition_is_replaced_in_the_environments(monkeypatch, trained):
         made.append(arguments)
         return policy_report.Evaluation(env_id, arguments, episodes, {"policy": nothing}, {}, {}, {})
 
-    nothing = held_out.Episodes(np.zeros(1), np.zeros(1), {})
+    nothing = held_out.Episodes(np.zeros(1), np.zeros(1), np.zeros(1, np.int64), {})
     monkeypatch.setattr(policy_report, "evaluate", evaluated)
     chosen = {over: shift.changes(over, WEAVE, LUGRE) for over in SHIFTS}
     shift.collect(trained / "policy.zip", chosen, 1)
