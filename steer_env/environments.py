@@ -12,6 +12,7 @@ from steer_env import tasks
 from steer_env.env import SteerEnv
 from steer_env.randomise import RANGES
 from steer_env.registration import HISTORY
+from steer_env.rendering.modes import frame_rate
 from steer_env.tasks import Task
 from steer_env.vector import SteerVectorEnv
 
@@ -33,7 +34,13 @@ def _documentation(task: Task) -> str:
     """A docstring in Gymnasium's form."""
     action = task.action
     observations = [
-        (str(i), q.name.replace("_", " ") + (f": {q.meaning}" if q.meaning else ""), f"{q.bound:.6g}", q.unit)
+        (
+            str(i),
+            q.name.replace("_", " ") + (f": {q.meaning}" if q.meaning else ""),
+            f"{q.bound:.6g}",
+            f"{q.usual:.6g}",
+            q.unit,
+        )
         for i, q in enumerate(task.observed)
     ]
     terms = [(f"`{t.name}`", f"{t.weight:.6g}", t.meaning) for t in task.rewards]
@@ -46,8 +53,9 @@ def _documentation(task: Task) -> str:
         "`Box(-1, 1, (1,))`; the action is held for `control_dt`.",
         table(("index", "action", "at 1", "unit"), [("0", action.meaning, f"{action.scale:g}", action.unit)]),
         "## Observation",
-        f"`Box({len(observations)},)` in SI units, clipped to the bounds.",
-        table(("index", "observation", "bound", "unit"), observations),
+        f"`Box({len(observations)},)` in SI units, clipped to the bounds; with `normalise=True` each is divided by its "
+        "usual size.",
+        table(("index", "observation", "bound", "usual", "unit"), observations),
         "## Reward",
         f'The reward is the sum of the terms, which are in `info["reward_terms"]`: each is its weight times a quality '
         f"from 0 to 1, integrated over {_COUNTED[_follows_path(task)]}. A failure costs 1, and nothing counts after "
@@ -56,7 +64,7 @@ def _documentation(task: Task) -> str:
         "## Cost\n\nFor constrained learning: each cost is a quantity over its budget for an episode, so that the "
         'budget of each is 1 (`cost_limit`). The terms are in `info["cost_terms"]`, their sum is `info["cost"]`.',
         table(("cost", "budget per episode", "unit", "quantity"), costs),
-        '## Metrics\n\nThose of the whole episode are in `info["metrics"]` at its end.',
+        '## Metrics\n\nThose of the episode so far are in `info["metrics"]`, NaN at its start.',
         table(("metric", "unit", "over the episode", "of"), metrics),
         "## Start",
         textwrap.fill(task.begins, 118),
@@ -87,8 +95,12 @@ def _arguments(task: Task) -> str:
 @cache
 def _classes(name: str) -> tuple[type[SteerEnv], type[SteerVectorEnv]]:
     """Single and vector environment of a task."""
-    fields = {"task": tasks.task(name), "__doc__": _documentation(tasks.task(name)), "__module__": __name__}
-    return type(name, (SteerEnv,), fields), type(f"{name}Vector", (SteerVectorEnv,), fields)
+    task = tasks.task(name)
+    fields = {"task": task, "__doc__": _documentation(task), "__module__": __name__}
+    made = type(name, (SteerEnv,), dict(fields)), type(f"{name}Vector", (SteerVectorEnv,), dict(fields))
+    for each in made:
+        each.metadata = {**each.metadata, "render_fps": frame_rate(None, task.control_dt)}
+    return made
 
 
 def __getattr__(name: str) -> type:

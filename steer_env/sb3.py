@@ -42,6 +42,7 @@ class SteerVecEnv(VecEnv):
             raise ValueError(f"env_id must be one of {', '.join(DRIVEN)}, got {env_id!r}")
         self.vector: Any = gym.make_vec(env_id, num_envs, autoreset_mode=AutoresetMode.SAME_STEP, **arguments)
         super().__init__(num_envs, self.vector.single_observation_space, self.vector.single_action_space)
+        self.metadata = self.vector.metadata
         self._actions: NDArray[np.float32] | None = None
 
     def reset(self) -> NDArray[np.float32]:

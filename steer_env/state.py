@@ -63,7 +63,7 @@ class State:
 
     @property
     def observations(self) -> NDArray[np.float32]:
-        """The present observations (n, O)."""
+        """The present observations (n, O), on the scale of the environment that gave the state."""
         return self.arrays["observations"].copy()
 
 

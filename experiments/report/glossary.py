@@ -46,6 +46,8 @@ _VECTOR = """
 
 `gymnasium.make_vec("steer_env/AssistWeave-v1", num_envs=64, threads=2, autoreset_mode="SameStep")` steps 64
 sub-environments in two threads and resets a finished one in the same step. The tuning ids have no vector environment.
+Gymnasium's own vector environments of an id (`vectorization_mode="sync"`) give the same observations, rewards, infos
+and pictures to the bit.
 """
 _STATE = """
 ## Copies: state, pickle, deepcopy
@@ -62,12 +64,12 @@ vector.unwrapped.get_state().row(3)  # the state of one sub-environment, which a
 A state holds the plant with its friction, the drawn episode (conditions, path, wind, road surface), driver models, the
 delay line of the observations, accumulated metrics, the last action, whether an episode is over and its reset pending,
 and the random generator with its seed. From it an environment goes on to the bit. `state.observations` are the present
-observations.
+observations of the environment that gave it.
 
 - **What it fits.** Id, car, tyre, chassis, law, driver model, road and `control_dt` must be those of the environment
   that gave the state; otherwise `set_state` raises an error that names what differs. What is drawn or set for an
-  episode (speed, load, parameters of the law) comes with the state. Ranges of `randomise`, `weights` and the autoreset
-  mode stay those of the environment that takes it. `State.version` is that of the format:
+  episode (speed, load, parameters of the law) comes with the state. Ranges of `randomise`, `weights`, `normalise`, the
+  time limit and the autoreset mode stay those of the environment that takes it. `State.version` is that of the format:
   [public_interface.md](public_interface.md) says how long it lives.
 - **What a planner knows.** Wind, road surface and path are drawn at the reset, so a copy foresees them, and with the
   generator the sensors' noise too. After `get_state(include_rng=False)` each copy draws its later noise, and its next
@@ -121,11 +123,13 @@ def _short(name: str) -> str:
 
 def _folded(text: str) -> str:
     """The text with the rows for the points of a path, which differ in the time ahead only, as one row."""
-    rows = re.findall(r"^\| (\d+) \| path ([\d.]+)s: ([^|]*) \|(.*)\n", text, re.MULTILINE)
+    cells = r"^\| (\d+) \| path ([\d.]+)s: ([^|]*) \| ([^|]*) \| ([^|]*) \|(.*)\n"
+    rows = re.findall(cells, text, re.MULTILINE)
     if not rows:
         return text
-    (first, one, meaning, rest), (_, two, _, _), (last, end, _, _) = rows[0], rows[1], rows[-1]
-    found = f"| {first}-{last} | path at {one}, {two} ... {end} s: {meaning.replace(f'{one} s ', '')} |{rest}\n"
+    (first, one, meaning, bound, least, unit), (_, two, *_), (last, end, _, _, most, _) = rows[0], rows[1], rows[-1]
+    times, usual = f"{one}, {two} ... {end} s", f"{least} to {most}"
+    found = f"| {first}-{last} | path at {times}: {meaning.replace(f'{one} s ', '')} | {bound} | {usual} |{unit}\n"
     whole = re.compile(r"(^\| \d+ \| path [\d.]+s: .*\n)+", re.MULTILINE)
     return whole.sub(lambda _: found, text, count=1)
 

@@ -36,6 +36,7 @@ class ActiveReturn(Baseline):
     """
 
     needs = ("handwheel_angle", "handwheel_speed", "torsion_bar_torque", "speed")
+    tuned = {"gain": (1.0, 40.0), "saturation": (0.3, 5.0), "lead": (0.0, 0.2), "hold": (0.05, 1.0)}  # noqa: RUF012
 
     def __init__(
         self, env: Any, *, gain: float = 10.0, saturation: float = 2.0, lead: float = 0.05, hold: float = 0.3

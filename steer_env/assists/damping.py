@@ -22,6 +22,7 @@ class Damping(Baseline):
     """
 
     needs = ("column_speed",)
+    tuned = {"gain": (0.0, 3.0)}  # noqa: RUF012
 
     def __init__(self, env: Any, *, gain: float = 0.5) -> None:
         super().__init__(env)

@@ -86,6 +86,7 @@ class FrictionCompensation(Baseline):
     """
 
     needs = ("column_speed", "torsion_bar_torque")
+    tuned = {"share": (0.0, 1.0)}  # noqa: RUF012
 
     def __init__(self, env: Any, *, law: Any = "lugre", share: float = 0.4) -> None:
         super().__init__(env)

@@ -6,7 +6,8 @@ r is the reference of the task, and the share fades the request when nobody hold
 (:mod:`steer_env.assists.common.feel`); the integral then leaks. It has the whole of the action's scale. The torsion
 bar's torque stands for the hand torque, which neglects the handwheel's inertia.
 
-``rate`` and ``proportional`` are the largest, to the step of a search, with which the suite for assists holds.
+The defaults are near the largest with which the suite for assists holds
+(:mod:`steer_env.experiments.learning.assist_suite`): a quicker loop ripples where the action is doubled.
 """
 
 import math
@@ -34,8 +35,9 @@ class Integral(Baseline):
     """
 
     needs = ("speed", "torsion_bar_torque", "lateral_acceleration", "handwheel_speed")
+    tuned = {"rate": (5.0, 150.0), "proportional": (0.0, 3.0)}  # noqa: RUF012
 
-    def __init__(self, env: Any, *, rate: float = 40.0, proportional: float = 0.0) -> None:
+    def __init__(self, env: Any, *, rate: float = 45.0, proportional: float = 0.5) -> None:
         super().__init__(env)
         self.rate = not_negative("rate [1/s]", rate)
         self.proportional = not_negative("proportional", proportional)

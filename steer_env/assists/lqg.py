@@ -13,13 +13,12 @@ no stiffness; d represents both. The handwheel's motion is prescribed, as by fir
 torsion-bar torque, which neglects the handwheel's inertia. The reference (:mod:`steer_env.reference_feel`, or that of
 parking) stays nonlinear, from lateral acceleration and handwheel speed.
 
-The reference has almost no damping, and a stiffness that lags with the lateral acceleration. If the hand torque
-followed it without limit, the arms would oscillate, and a released handwheel even more: with the action's full scale
-the driver of AssistLaneKeeping oscillates at 1.2 Hz, which begins at 0.3 of it, and on a car with less motor damping
-than the default car earlier. So the request is limited to 0.1 of the full scale, and is zero while the hands are known
-to be off; the reference of parking has no such stiffness, and the request may use the full scale. The boost curve is
-linearised on centre, where it is flat, because of the margins: there, filter and regulator designed for a steeper slope
-would be almost unstable. ``effort`` then leaves 30 deg and 6 dB at every slope of the curve.
+The request may use the whole of the action, times the share by which an assist that follows a feel steps back where
+nobody holds the handwheel or it moves quickly (:mod:`steer_env.assists.common.feel`), and nothing while the hands are
+known to be off. Without that share the driver of AssistLaneKeeping would oscillate at 1.2 Hz, and a released handwheel
+even more. The boost curve is linearised on centre, where it is flat, because of the margins: there, filter and
+regulator designed for a steeper slope would be almost unstable. ``effort`` then leaves 30 deg and 6 dB at every slope
+of the curve, and ``torque_noise`` is small enough for 20 ms of delay, which a quicker filter answers with a ripple.
 """
 
 from typing import Any
@@ -42,7 +41,7 @@ class LQG(LinearBaseline):
     effort : float
         Torque error that costs as much as a request of 1 N m, over 1 N m [1].
     authority : float
-        Largest request over the action's full scale, 0 to 1; by default 0.1, in parking 1.
+        Largest request over the action's full scale, 0 to 1.
     linearised_at : float
         Torsion-bar torque at which the slope of the boost curve is taken [N m].
     torque_noise, speed_noise : float
@@ -52,6 +51,7 @@ class LQG(LinearBaseline):
 
     needs = ("speed", "torsion_bar_torque", "column_speed", "lateral_acceleration", "handwheel_speed")
     optional = ("released",)
+    tuned = {"effort": (0.2, 5.0), "torque_noise": (0.02, 0.5), "speed_noise": (0.01, 0.5)}  # noqa: RUF012
 
     def __init__(
         self,
@@ -60,7 +60,7 @@ class LQG(LinearBaseline):
         effort: float = 1.0,
         authority: float = 1.0,
         linearised_at: float = 0.0,
-        torque_noise: float = 0.2,
+        torque_noise: float = 0.05,
         speed_noise: float = 0.05,
     ) -> None:
         super().__init__(env)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from steer_env.batch import EnvironmentBatch
 from steer_env.courses.iso3888 import outline
 from steer_env.friction.law import law_of
-from steer_env.rendering.canvas import Canvas, Colour, around, nice_step
+from steer_env.rendering.canvas import Canvas, Colour, around, mixed, nice_step
 from steer_env.rendering.modes import frame_rate
 from steer_env.rendering.view import View, extended, turned
 from steer_env.tasks.common.definition import NON_FINITE, Task
@@ -333,7 +333,9 @@ class Renderer:
         canvas = self._canvas
         left, top, width, height = LOOP[0] + 52, LOOP[1] + 30, LOOP[2] - 72, LOOP[3] - 74
         canvas.field((left - 6, top - 6, width + 12, height + 12), PANEL)
-        peaks = np.maximum([math.degrees(self._peaks[0]), self._peaks[1]], [5.0, 1.0])
+        wanted = history[np.isfinite(history[:, _REFERENCE]), _REFERENCE]
+        largest = max(self._peaks[1], np.abs(wanted).max(initial=0.0))
+        peaks = np.maximum([math.degrees(self._peaks[0]), largest], [5.0, 1.0])
         middle, scales = np.array([left + 0.5 * width, top + 0.5 * height]), np.empty(2)
         for axis, (length, peak) in enumerate(zip((width, height), peaks.tolist())):
             step = nice_step(peak, 2.0)
@@ -356,14 +358,14 @@ class Renderer:
         ages = np.array_split(np.arange(len(points)), 5)
         for age, places in zip((0.25, 0.4, 0.6, 0.8, 1.0), ages):  # older parts are paler
             if places.size:
-                canvas.lines(points[places[0] : places[-1] + 2], _mixed(PANEL, HAND, age), 1.5)
-        wanted = middle + np.column_stack([np.degrees(history[:, _ANGLE]), history[:, _REFERENCE]]) * scales
-        known = np.isfinite(wanted[:, 1])
-        if known.any():
-            for part in np.split(np.arange(len(wanted)), np.flatnonzero(np.diff(known)) + 1):
-                if known[part[0]]:
-                    canvas.lines(wanted[part], WANTED, 1.5)
-            canvas.text("reference feel", (LOOP[0] + LOOP[2] - 96, LOOP[1] + 14), WANTED, 11, align=1.0)
+                canvas.lines(points[places[0] : places[-1] + 2], mixed(PANEL, HAND, age), 1.5)
+        if wanted.size:
+            canvas.text("wanted hand torque", (LOOP[0] + LOOP[2] - 96, LOOP[1] + 14), WANTED, 11, align=1.0)
+            line = middle + np.column_stack([np.degrees(history[:, _ANGLE]), history[:, _REFERENCE]]) * scales
+            known = np.isfinite(line[:, 1])
+            for part in np.split(line, np.flatnonzero(np.diff(known)) + 1):  # a gap where no feel is scored
+                if np.isfinite(part[0, 1]):
+                    canvas.lines(part, WANTED, 1.5)
         canvas.circle(points[-1], 4.5, HAND)
 
 
@@ -374,10 +376,9 @@ def renderers(batch: EnvironmentBatch, mode: str) -> list[Renderer]:
 
 
 def _feel(task: Task) -> int | None:
-    """Place among the metrics of the error of the hand torque, in tasks whose reward has it."""
+    """Place among the metrics of the hand torque's error, in tasks that score it."""
     names = [metric.name for metric in task.metrics]
-    scored = any(term.name == "feel" for term in task.rewards)
-    return names.index(FEEL_METRIC.name) if scored and FEEL_METRIC.name in names else None
+    return names.index(FEEL_METRIC.name) if FEEL_METRIC.name in names else None
 
 
 def _full_scale(peak: float) -> float:
@@ -393,9 +394,3 @@ def _full_scale(peak: float) -> float:
 def _signed(value: Any, digits: int, plus: str = "+") -> str:
     """A number with its sign; minus zero becomes zero."""
     return f"{round(float(value), digits) + 0.0:{plus}.{digits}f}".replace("-", "−")
-
-
-def _mixed(a: Colour, b: Colour, part: float) -> Colour:
-    """A mixture of two colours; ``part`` is the share of the second."""
-    red, green, blue = (round(x + part * (y - x)) for x, y in zip(a, b))
-    return red, green, blue

@@ -121,7 +121,7 @@ TASK = register(
             ),
             *COMMON_REWARDS,
         ),
-        costs=cones.ASSIST_COSTS,
+        costs=cones.LANE_CHANGE_COSTS,
         metrics=(
             *COMMON_METRICS,
             cones.CONE_METRIC,
@@ -145,6 +145,7 @@ TASK = register(
         chassis=TWO_TRACK,
         options={"scenario": (0.0, 3.0, "0 weave, 1 release, 2 parking, 3 lane change")},
         memory_size=cones.MEMORY,
+        usual={"handwheel_angle": 1.0, "handwheel_speed": 1.0, "column_speed": 1.0, "motor_torque": 6.0},
         scenery=_scenery,
     ),
     _observe,

@@ -22,9 +22,9 @@ from steer_env.tasks.common.definition import (
     register,
 )
 from steer_env.tasks.common.feel import FEEL_SCALE, feel_quality
-from steer_env.tasks.common.standstill import CREEPING, TWO_TRACK, angle_at_lock
+from steer_env.tasks.common.standstill import CREEPING, TWO_TRACK, USUAL, angle_at_lock
 from steer_env.tasks.common.terms import (
-    COMMON_COSTS,
+    ASSIST_COSTS,
     COMMON_MEMORY,
     COMMON_METRICS,
     COMMON_REWARDS,
@@ -88,7 +88,7 @@ TASK = register(
             ),
             *COMMON_REWARDS,
         ),
-        costs=COMMON_COSTS,
+        costs=ASSIST_COSTS,
         metrics=(
             *COMMON_METRICS,
             EpisodeMetric("rms_feel_error", "N m", RMS, "hand torque minus the wanted hand torque"),
@@ -106,6 +106,7 @@ TASK = register(
         chassis=TWO_TRACK,
         options={"share": (0.1, 0.99, "largest handwheel angle over the angle at lock [1]")},
         memory_size=COMMON_MEMORY,
+        usual=USUAL,
     ),
     _observe,
     _evaluate,

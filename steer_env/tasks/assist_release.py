@@ -24,7 +24,7 @@ from steer_env.tasks.common.definition import (
 )
 from steer_env.tasks.common.feel import FEEL_METRIC, FEEL_SCALE, feel_error, feel_quality, feel_term
 from steer_env.tasks.common.terms import (
-    COMMON_COSTS,
+    ASSIST_COSTS,
     COMMON_MEMORY,
     COMMON_METRICS,
     COMMON_REWARDS,
@@ -91,7 +91,7 @@ TASK = register(
             Term("return", 0.35, f"after the release, quality of the handwheel angle; 71 % at {ANGLE_SCALE:g} rad"),
             *COMMON_REWARDS,
         ),
-        costs=COMMON_COSTS,
+        costs=ASSIST_COSTS,
         metrics=(
             *COMMON_METRICS,
             FEEL_METRIC._replace(meaning=f"{FEEL_METRIC.meaning}, taken as zero after the release"),

@@ -20,7 +20,7 @@ from steer_env.tasks.common.definition import (
 )
 from steer_env.tasks.common.feel import FEEL_METRIC, feel_error, feel_quality, feel_term
 from steer_env.tasks.common.terms import (
-    COMMON_COSTS,
+    ASSIST_COSTS,
     COMMON_MEMORY,
     COMMON_METRICS,
     COMMON_REWARDS,
@@ -64,7 +64,7 @@ TASK = register(
         channels=ASSIST_CHANNELS,
         task_observations=(),
         rewards=(feel_term(0.7), *COMMON_REWARDS),
-        costs=COMMON_COSTS,
+        costs=ASSIST_COSTS,
         metrics=(*COMMON_METRICS, FEEL_METRIC),
         draw_setup=_draw_setup,
         begins=(

@@ -22,6 +22,14 @@ from steer_env.tasks.common.terms import COMMON_COSTS, COMMON_MEMORY
 
 MOVES = angle_following.Moves(duration=20.0, number=10, fastest=0.5)
 LARGEST = math.radians(2.0)  # corrections in lane keeping on straight roads are of this size, assumed [rad]
+USUAL = {  # sizes of channels, amid those with zero action and under a proportional controller
+    "handwheel_angle": 0.015,
+    "handwheel_speed": 0.03,
+    "torsion_bar_torque": 0.5,
+    "lateral_acceleration": 0.1,
+    "yaw_rate": 0.004,
+    "lateral_speed": 0.007,
+}
 SCALE = math.radians(0.2)  # error at which the quality is 71 %, assumed [rad]
 
 
@@ -49,6 +57,7 @@ TASK = register(
         ends=f"The episode is truncated after {MOVES.duration:g} s.",
         speed=100.0 / 3.6,
         memory_size=COMMON_MEMORY,
+        usual=USUAL,
         scenery=angle_following.scenery,
     ),
     angle_following.observe,

@@ -13,7 +13,7 @@ from steer_env.tasks.common.definition import (
     Task,
     register,
 )
-from steer_env.tasks.common.standstill import CREEPING, TWO_TRACK, angle_at_lock
+from steer_env.tasks.common.standstill import CREEPING, TWO_TRACK, USUAL, angle_at_lock
 from steer_env.tasks.common.terms import COMMON_COSTS, COMMON_MEMORY
 
 MOVES = angle_following.Moves(duration=24.0, number=6, fastest=5.0)
@@ -47,6 +47,7 @@ TASK = register(
         speed_range=CREEPING,
         chassis=TWO_TRACK,
         memory_size=COMMON_MEMORY,
+        usual=USUAL,
         scenery=angle_following.scenery,
     ),
     angle_following.observe,

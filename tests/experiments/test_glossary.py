@@ -18,7 +18,7 @@ def test_environments_tell_ranges_noise_and_both_kinds_of_arguments():
     assert "| `entry_offset` | -1 to 1 | lateral offset of the start, left positive [m] |" in page
     assert "| `road_friction` | 0.4 to 1.2 |" in page  # of the tuning's weave
     path = "path at 0.1, 0.2 ... 1.5 s: lateral position of the path ahead, in the car's frame"
-    assert f"| 9-23 | {path} | 30 | m |" in page
+    assert f"| 10-24 | {path} | 30 | 0.3 to 1.7 | m |" in page
     assert "| path 0.2s" not in page
     assert "| yaw rate | 0.002 | rad/s |" in page
     assert page.count("| option | range | meaning |") == len(glossary.REGISTERED)

@@ -1,19 +1,25 @@
 """Pictures: what Gymnasium asks of them, left on the left, and windows without a window system."""
 
+import copy
 import math
 import subprocess
 import sys
 import time
+from importlib.util import find_spec
 
 import gymnasium as gym
 import numpy as np
 import pygame
 import pytest
 from gymnasium.utils.env_checker import check_env
+from gymnasium.vector import AutoresetMode
 
+from steer_env.reference_feel import reference_torque
 from steer_env.registration import DRIVEN
 from steer_env.rendering import canvas, renderer
 from steer_env.rendering.canvas import Canvas, nice_step
+from steer_env.tasks import assist_release as release
+from steer_env.tasks.common.definition import NON_FINITE
 
 IDS = tuple(DRIVEN)
 LANE_CHANGE = "steer_env/DriverDoubleLaneChange-v1"
@@ -42,7 +48,7 @@ def test_frames(name):
     for env in (one, two, one):
         env.reset(seed=4)
         start = env.render()
-        acted(env, 60, 0.1)
+        acted(env, round(0.6 / env.unwrapped.control_dt), 0.1)
         frames.append((start, env.render()))
     for frame in frames[0]:
         assert frame.shape == (renderer.HEIGHT, renderer.WIDTH, 3)
@@ -61,7 +67,7 @@ def test_gymnasium_accepts_the_pictures(name):
 
 
 def test_a_mirrored_road_makes_a_mirrored_picture():
-    env = gym.make(LANE_CHANGE, render_mode="rgb_array")
+    env = gym.make(LANE_CHANGE, render_mode="rgb_array", control_dt=0.01)
     cones = []
     for mirrored in (0.0, 1.0):
         env.reset(seed=0, options={"mirrored": mirrored, **STRAIGHT_ENTRY})
@@ -76,7 +82,7 @@ def test_a_mirrored_road_makes_a_mirrored_picture():
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_left_is_counter_clockwise_on_the_handwheel(side):
-    env = gym.make("steer_env/DriverParking-v1", render_mode="rgb_array")
+    env = gym.make("steer_env/DriverParking-v1", render_mode="rgb_array", control_dt=0.01)
     env.reset(seed=0)
     info = acted(env, 40, 0.4 * side)
     assert 0.3 < side * info["handwheel_angle"] < 3.0
@@ -96,12 +102,12 @@ def test_left_is_counter_clockwise_on_the_handwheel(side):
 
 
 def test_touched_cones_change_their_colour():
-    env = gym.make(LANE_CHANGE, render_mode="rgb_array")
+    env = gym.make(LANE_CHANGE, render_mode="rgb_array", control_dt=0.01)
     env.reset(seed=0, options={"entry_offset": 0.6, "entry_heading": 0.0})
     assert not len(places(env.render(), renderer.TOUCHED, renderer.ROAD))
     for _ in range(600):
         *_, info = env.step(np.zeros(1, np.float32))
-        if info["cost_terms"]["cones"]:
+        if info["metrics"]["cones_hit"]:
             break
     assert len(places(env.render(), renderer.TOUCHED, renderer.ROAD)) > 20
 
@@ -112,7 +118,7 @@ def test_a_state_that_is_not_finite_leaves_a_picture():
     env.batch.arrays.states[:] = math.nan
     *_, terminated, _, info = env.step(np.zeros(1, np.float32))
     assert terminated
-    assert "non_finite_state" in info
+    assert info["failure"] == NON_FINITE
     assert env.render().shape == (renderer.HEIGHT, renderer.WIDTH, 3)
 
 
@@ -144,6 +150,114 @@ def test_an_array_needs_no_window_system(monkeypatch):
     env.close()
     with pytest.raises(RuntimeError, match=r"needs a window.*render_mode='rgb_array'"):
         gym.make("steer_env/AssistWeave-v1", render_mode="human").reset(seed=0)
+
+
+@pytest.mark.parametrize("control_dt", [0.001, 0.01, 0.05])
+def test_pictures_at_their_rate_make_a_video_in_real_time(control_dt):
+    """As many pictures in a simulated second as ``render_fps`` says: one a step, and some 25 in a list."""
+    name, second = "steer_env/AssistWeave-v1", round(1.0 / control_dt)
+    assert gym.make(name, control_dt=control_dt).metadata["render_fps"] == 1.0 / control_dt
+    env = gym.make(name, render_mode="rgb_array", control_dt=control_dt)
+    assert env.metadata["render_fps"] == 1.0 / control_dt
+    env.close()
+    env = gym.make(name, render_mode="rgb_array_list", control_dt=control_dt)
+    env.reset(seed=0)
+    assert len(env.render()) == 1  # the start
+    acted(env, second)
+    frames = env.render()
+    assert len(frames) == env.metadata["render_fps"] == (20 if control_dt == 0.05 else 25)
+    assert env.render() == []
+    single = gym.make(name, render_mode="rgb_array", control_dt=control_dt)
+    single.reset(seed=0)
+    acted(single, second)
+    assert np.array_equal(frames[-1], single.render())
+    acted(env, second)
+    env.reset(seed=0)
+    assert len(env.render()) == 1  # an episode begins its own list
+
+
+def test_gymnasiums_own_wrappers_collect_and_record(tmp_path):
+    env = gym.make("steer_env/AssistWeave-v1", render_mode="rgb_array_list", control_dt=0.02)
+    recorded = gym.wrappers.RecordVideo(env, str(tmp_path)) if find_spec("moviepy") else None
+    collected = gym.wrappers.RenderCollection(gym.make("steer_env/AssistWeave-v1", render_mode="rgb_array"))
+    collected.reset(seed=0)
+    acted(collected, 5)
+    assert len(collected.render()) == 6  # each step
+    if recorded is not None:
+        recorded.reset(seed=0)
+        acted(recorded, 20)
+        recorded.close()
+        assert recorded.frames_per_sec == 25.0
+
+
+@pytest.mark.parametrize("mode", list(AutoresetMode))
+def test_a_vector_environment_gives_the_frame_of_each_sub_environment(mode):
+    """Those of Gymnasium's own vector environment, also where an episode ends and begins anew."""
+    name, actions = "steer_env/DriverLaneKeeping-v1", np.array([[1.0], [0.1]], np.float32)
+    arguments = {"num_envs": 2, "render_mode": "rgb_array", "control_dt": 0.1}
+    ours = gym.make_vec(name, **arguments, autoreset_mode=mode)
+    theirs = gym.make_vec(name, **arguments, vectorization_mode="sync", vector_kwargs={"autoreset_mode": mode})
+    assert ours.metadata["render_fps"] == theirs.metadata["render_fps"] == 10.0
+    assert (ours.render_mode, ours.metadata["render_modes"]) == ("rgb_array", ["rgb_array", "rgb_array_list"])
+    for env in (ours, theirs):
+        env.reset(seed=3)
+    ends = 0
+    for _ in range(15):
+        over = np.logical_or(*ours.step(actions)[2:4])
+        theirs.step(actions)
+        frames = ours.render()
+        assert isinstance(frames, tuple)
+        assert all(map(np.array_equal, frames, theirs.render()))
+        assert not np.array_equal(*frames)
+        ends += int(over.sum())
+        if over.any() and mode == AutoresetMode.DISABLED:
+            for env in (ours, theirs):
+                env.reset(options={"reset_mask": over.copy()})
+            assert all(map(np.array_equal, ours.render(), theirs.render()))
+    assert ends
+    ours.close()
+    with pytest.raises(gym.error.ClosedEnvironmentError, match="after close"):
+        ours.render()
+
+
+def test_a_vector_environment_keeps_lists_and_is_copied_with_its_pictures():
+    vector = gym.make_vec("steer_env/AssistWeave-v1", num_envs=2, render_mode="rgb_array_list")
+    vector.reset(seed=0)
+    for _ in range(10):
+        vector.step(np.zeros((2, 1), np.float32))
+    other = copy.deepcopy(vector)
+    one, two = vector.render(), other.render()
+    assert [len(frames) for frames in one] == [3, 3]  # at 0, 40 and 80 ms
+    assert all(np.array_equal(a, b) for each in zip(one, two) for a, b in zip(*each))
+    silent = gym.make_vec("steer_env/AssistWeave-v1", num_envs=2)
+    with pytest.warns(UserWarning, match="render_mode='rgb_array'"):
+        assert silent.render() is None
+
+
+@pytest.mark.parametrize("name", IDS)
+def test_the_wanted_hand_torque_is_drawn_where_the_task_scores_it(name):
+    """In the loop's panel, in its own colour, and nowhere where no feel is scored."""
+    env = gym.make(name, render_mode="rgb_array", control_dt=0.02)
+    env.reset(seed=0)
+    acted(env, 60)
+    # Every assist scores it, the one of the all-round task under another name.
+    scored = {"feel", "goal"} & {term.name for term in env.unwrapped.task.rewards}
+    assert bool(scored) == name.startswith("steer_env/Assist")
+    assert (len(places(env.render(), renderer.WANTED, renderer.LOOP)) > 20) == bool(scored)
+
+
+def test_the_drawn_torque_is_the_reference_feel_until_the_hands_let_go():
+    env = gym.make("steer_env/AssistRelease-v1", render_mode="rgb_array")
+    env.reset(seed=0)
+    for k in range(1, 101 + round(release.RELEASE_TIME / 0.01)):
+        *_, info = env.step(np.zeros(1, np.float32))
+        kept = env.unwrapped._renderer._history[-1]
+        if 0.01 * k <= release.RELEASE_TIME:
+            assert kept[renderer._REFERENCE] == pytest.approx(
+                reference_torque(info["lateral_acceleration"], info["handwheel_speed"])
+            )
+        else:
+            assert math.isnan(kept[renderer._REFERENCE])
 
 
 def test_a_window_shows_25_frames_a_second_as_time_passes(monkeypatch):

@@ -6,9 +6,10 @@ import pytest
 from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import EvalCallback
 from stable_baselines3.common.evaluation import evaluate_policy
-from stable_baselines3.common.vec_env import VecCheckNan, VecFrameStack, VecMonitor, VecNormalize
+from stable_baselines3.common.vec_env import VecCheckNan, VecFrameStack, VecMonitor, VecNormalize, VecVideoRecorder
 
 from steer_env.sb3 import SteerVecEnv
+from tests.steer_env.test_state import equal
 
 WEAVE = "steer_env/AssistWeave-v1"
 
@@ -34,8 +35,8 @@ def test_a_truncated_episode_tells_its_last_observation_and_the_time_limit():
         last, *_, info = single.step(np.zeros(1, np.float32))
     assert np.array_equal(infos[1]["terminal_observation"], last)
     assert infos[1]["TimeLimit.truncated"] is True
-    assert infos[1]["metrics"] == info["metrics"]
-    assert infos[1]["cost"] == info["cost"]
+    assert {key: infos[1][key] for key in info} == info
+    assert set(infos[1]) - set(info) == {"terminal_observation", "TimeLimit.truncated"}
     assert np.array_equal(observations[1], single.reset()[0])
 
 
@@ -43,6 +44,38 @@ def test_a_terminated_episode_is_no_time_limit():
     env = SteerVecEnv("steer_env/DriverLaneKeeping-v1", 1)
     *_, infos = to_the_end(env, np.full((1, 1), 0.5, np.float32))
     assert infos[0]["TimeLimit.truncated"] is False
+
+
+def test_every_info_has_cost_and_failure_and_that_of_a_reset_is_whole():
+    env = SteerVecEnv("steer_env/DriverLaneKeeping-v1", 2)
+    env.seed(3)
+    env.reset()
+    single = gym.make("steer_env/DriverLaneKeeping-v1")
+    assert equal(env.reset_infos[1], single.reset(seed=4)[1])
+    for _ in range(10):
+        *_, infos = env.step(np.zeros((2, 1), np.float32))
+        *_, info = single.step(np.zeros(1, np.float32))
+        assert infos[1] == {key: info[key] for key in ("cost", "failure")}
+    *_, infos = to_the_end(env, np.full((2, 1), 0.5, np.float32))
+    failures = [info["failure"] for info in infos]
+    assert max(failures) == 1
+    assert env.get_attr("cost_limit") == [1.0, 1.0]
+
+
+def test_pictures_reach_its_video_recorder(tmp_path):
+    env = SteerVecEnv(WEAVE, 3, render_mode="rgb_array")
+    env.reset()
+    frames = env.get_images()
+    assert [frame.shape for frame in frames] == [(540, 960, 3)] * 3
+    assert env.render().shape == (2 * 540, 2 * 960, 3)  # a mosaic
+    assert env.metadata["render_fps"] == 100.0
+    pytest.importorskip("moviepy")
+    recorded = VecVideoRecorder(env, str(tmp_path), lambda step: step == 0, video_length=20)
+    recorded.reset()
+    for _ in range(21):
+        recorded.step(np.zeros((3, 1), np.float32))
+    assert recorded.frames_per_sec == 100.0
+    assert list(tmp_path.glob("*.mp4"))
 
 
 def test_seeds_repeat():
@@ -88,7 +121,7 @@ def test_wrappers_callbacks_and_an_algorithm_work_around_it(tmp_path):
     assert lengths == [200, 200]
     assert all(np.isfinite(rewards))
     stacked = VecFrameStack(SteerVecEnv(WEAVE, 2), 3)
-    assert stacked.reset().shape == (2, 3 * 8)
+    assert stacked.reset().shape == (2, 3 * 9)
 
 
 def test_what_sub_environments_cannot_do_is_refused():

@@ -48,7 +48,9 @@ FORMS = {
     "driver with arms": (LANE_CHANGE, {"driver": drivers.make("preview")._replace(arm=drivers.arm(0.7, inertia=0.11))}),
     "name of a car": (KEEPING, {"vehicle": "ford_escort"}),
     "mapping of a car": (KEEPING, {"vehicle": CAR}),
-    "numbers of numpy": (KEEPING, {"speed": np.float32(25.0), "weights": {"effort": np.float64(-2.0)}}),
+    "numbers of numpy": (KEEPING, {"speed": np.float32(25.0), "weights": {"effort": np.float64(2.0)}}),
+    "usual sizes": (KEEPING, {"normalise": True}),
+    "truth value of numpy": (KEEPING, {"normalise": np.True_}),
 }
 
 
@@ -134,7 +136,9 @@ def test_what_is_drawn_of_a_law_leaves_the_rest_as_given():
     elements = friction.make("masing", elements=3, F_c=1.1)
     for form in (elements, friction.as_mapping(elements), "masing,elements=3,F_c=1.1"):
         env = gym.make(KEEPING, friction=form, randomise={"friction": {"sigma_1": (0.1, 0.2)}})
-        drawn = env.reset(seed=0)[1]["conditions"]["friction"]
+        told = env.reset(seed=0)[1]["conditions"]
+        drawn = env.unwrapped.batch.conditions[0].friction
+        assert told["friction_sigma_1"] == drawn.sigma_1
         assert 0.1 < drawn.sigma_1 < 0.2
         assert np.array_equal(drawn.k, elements.k)
         assert np.array_equal(drawn.y, elements.y)

@@ -248,7 +248,8 @@ def test_a_state_is_a_copy_that_can_be_taken_again():
 
 def test_a_vector_branches_from_the_state_of_a_single_environment():
     """Every branch is the single environment's future for its actions; longer and shorter episodes make room."""
-    env, vector = gym.make(LANE, randomise=EVERYTHING).unwrapped, gym.make_vec(LANE, num_envs=4, randomise=EVERYTHING)
+    made = {"randomise": EVERYTHING, "control_dt": 0.01}
+    env, vector = gym.make(LANE, **made).unwrapped, gym.make_vec(LANE, num_envs=4, **made)
     vector.reset(seed=7, options={"speed": 60.0})
     env.reset(seed=1)
     go_on(env, 30)
@@ -265,16 +266,16 @@ def test_a_vector_branches_from_the_state_of_a_single_environment():
             assert reward == rewards[i]
     env.set_state(vector.get_state().row(-1))
     assert equal(env.step(actions[3])[:2], tuple(part[3] for part in vector.step(actions)[:2]))
-    fresh = gym.make_vec(LANE, num_envs=2)
+    fresh = gym.make_vec(LANE, num_envs=2, control_dt=0.01)
     fresh.set_state(state)  # needs no reset
     assert np.array_equal(fresh.get_state().observations, np.tile(state.observations, (2, 1)))
 
 
 def test_without_its_generator_a_state_leaves_noise_and_draws_to_the_environment():
-    env = gym.make(LANE, randomise={"sensor_noise": (1, 1)}).unwrapped
+    env = gym.make(LANE, randomise={"sensor_noise": (1, 1)}, control_dt=0.01).unwrapped
     env.reset(seed=0)
     go_on(env, 20)
-    vector = gym.make_vec(LANE, num_envs=2)
+    vector = gym.make_vec(LANE, num_envs=2, control_dt=0.01)
     vector.reset(seed=5)
     vector.set_state(env.get_state(include_rng=False))
     assert vector.np_random_seed == (5, 6)
@@ -297,7 +298,7 @@ def test_without_its_generator_a_state_leaves_noise_and_draws_to_the_environment
         (LANE, {"vehicle": "ford_escort"}, r"car is 'compact \(.*' in the state and 'ford_escort \(.*' here"),
         (LANE, {"tyre": "example_mf61"}, r"car is 'compact \(.*' in the state and 'compact \(.*' here"),
         (LANE, {"friction": "masing"}, r"law is 'lugre \(.*' in the state and 'masing \(.*' here"),
-        (LANE, {"control_dt": 0.02}, "control_dt is '0.01 s' in the state and '0.02 s' here"),
+        (LANE, {"control_dt": 0.02}, "control_dt is '0.05 s' in the state and '0.02 s' here"),
         (LANE, {"chassis": "two_track"}, "chassis is 'single_track' in the state and 'two_track' here"),
         (LANE, {"chassis": "two_track", "road": road.iso8608(1, "C")}, "chassis is .*; road is 'the default' in the"),
     ],

@@ -9,6 +9,8 @@ from rich.table import Table
 from rich.text import Text
 
 from steer_env.experiments.cli.common.messages import in_options
+from steer_env.experiments.learning.assist_suite import Result
+from steer_env.experiments.learning.assist_tuning import Tuned
 from steer_env.experiments.learning.held_out import Estimate
 from steer_env.experiments.report.car_quantities import Quantity
 from steer_env.metrics import Value, definition
@@ -144,3 +146,40 @@ def print_quantities(found: Sequence[Quantity], title: str) -> None:
     outside = sum(quantity.plausible is False for quantity in found)
     rated = sum(quantity.plausible is not None for quantity in found)
     console.print(f"{outside} of {rated} quantities with a range are outside it", highlight=False, soft_wrap=True)
+
+
+def print_suite(found: Sequence[Result], title: str, whole: bool) -> None:
+    """Print what fails in the suite for assists and the worst of each drive, or the ``whole``; then the verdict."""
+    table = _table(title)
+    headings = ("drive", "condition", "worst", "at", "limit", "unit", "holds", "excused")
+    for heading in headings:
+        table.add_column(heading, justify="right" if heading in ("worst", "limit", "excused") else "left")
+    worst: dict[str, Result] = {}
+    for one in found:
+        if one.drive not in worst or one.worst / one.limit > worst[one.drive].worst / worst[one.drive].limit:
+            worst[one.drive] = one
+    for one in found:
+        if whole or not one.holds or worst[one.drive] is one:
+            holds = "[green]yes[/green]" if one.holds else "[red]no[/red]"
+            value = "" if math.isnan(one.worst) else f"{one.worst:.3g}"
+            excused = f"{one.excused} of {one.rows}" if one.excused else ""
+            table.add_row(one.drive, one.condition, value, one.at, f"{one.limit:g}", one.unit, holds, excused)
+    console = Console()
+    console.print(table)
+    failing, excused = sum(not one.holds for one in found), sum(one.excused for one in found)
+    text = f"holds in {len(found) - failing} of {len(found)} conditions"
+    rows = sum(one.rows for one in found)
+    console.print(f"{text}; {excused} of {rows} drives excused: the car with its boost alone fails there", style="bold")
+
+
+def print_tuned(found: Mapping[str, Tuned], title: str) -> None:
+    """Print what searches for the options of baselines have found."""
+    table = _table(title)
+    for heading in ("baseline", "reward by default", "reward", "options", "candidates", "refused"):
+        table.add_column(heading, justify="left" if heading in ("baseline", "options") else "right")
+    for name, one in found.items():
+        options = ", ".join(f"{key}={value:g}" for key, value in one.options.items()) or "the defaults"
+        if math.isnan(one.reward):
+            options = "none passes the suite"
+        table.add_row(name, f"{one.usual:.4g}", f"{one.reward:.4g}", options, str(one.candidates), str(one.refused))
+    Console().print(table)

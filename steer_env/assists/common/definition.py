@@ -7,6 +7,7 @@ row by row, so that its actions do not depend on the number of sub-environments.
 
 import inspect
 import warnings
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -36,6 +37,8 @@ class Baseline:
 
     needs: tuple[str, ...] = ()  # observations, in the order in which ``torque`` takes them
     optional: tuple[str, ...] = ()  # observations after these, zero where the environment does not have them
+    # Options to tune, with their least and largest value; on a logarithmic scale where the least is above zero.
+    tuned: Mapping[str, tuple[float, float]] = {}
 
     def __init__(self, env: Any) -> None:
         batch = getattr(env.unwrapped, "batch", None)

@@ -94,9 +94,8 @@ class Feel:
 
     def __init__(self, batch: Any) -> None:
         self._inertia, self._dt = batch.car.column.I1, batch.control_dt
-        dt = self._dt
-        hands, corner = (1.0 - math.exp(-2.0 * math.pi * f * dt) for f in (HANDS_BANDWIDTH, CORNER))
-        self._rates = hands, corner, math.exp(-dt / GRIP_TIME), math.exp(-dt / MOTION_TIME)
+        hands, corner = (1.0 - math.exp(-2.0 * math.pi * f * self._dt) for f in (HANDS_BANDWIDTH, CORNER))
+        self._rates = hands, corner, math.exp(-self._dt / GRIP_TIME), math.exp(-self._dt / MOTION_TIME)
         self._memory = np.zeros((batch.n, _SIZE))
 
     def begin(self, i: int, handwheel_speed: float) -> None:
@@ -111,7 +110,7 @@ class Feel:
         return out
 
     def shares(self, torque: Array, handwheel_speed: Array, speed: Array) -> Array:
-        """The share (n,) of the assist, 0 to 1, from torsion-bar torque [N m] and speeds [rad/s], [m/s]; once a step."""
+        """The share (n,) of the assist, once a step, from torsion-bar torque [N m] and both speeds [rad/s], [m/s]."""
         out = np.zeros(len(self._memory))
         seen = np.column_stack([torque, handwheel_speed, speed])
         write_shares(self._rates, self._inertia, self._dt, seen, self._memory, out)

@@ -110,13 +110,19 @@ class PreviewModel(NamedTuple):
 
     gains: Callable[[Any, Car, float], Array]  # of the model for a car at a speed [m/s]
     command: Callable  # kernel from what is observed to the commanded handwheel angle [rad]
+    on_road: Callable[[Any, float], Any]  # the parameters on a road of known friction [1]
 
 
 PREVIEW_MODELS: dict[type, PreviewModel] = {}  # by the class of their parameters
 DRIVERS: Registry[Callable[..., Driver]] = Registry("driver", "steer_env.drivers")
 
 
-def register_preview_model(parameters: type, gains: Callable[[Any, Car, float], Array], command: Callable) -> None:
+def register_preview_model(
+    parameters: type,
+    gains: Callable[[Any, Car, float], Array],
+    command: Callable,
+    on_road: Callable[[Any, float], Any] = lambda parameters, road_friction: parameters,
+) -> None:
     """Make a preview model known.
 
     Parameters
@@ -126,8 +132,10 @@ def register_preview_model(parameters: type, gains: Callable[[Any, Car, float], 
     command : ``(parameters, gains, path, lateral_speed, yaw_rate, z, memory) -> float``
         Handwheel angle [rad] that enters the delay line now. ``path`` (2 + P,) holds lateral offset, heading error and
         the lateral positions of the points ahead; ``memory`` is one float of the model's own.
+    on_road : ``(parameters, road_friction) -> parameters``, optional
+        What an informed driver changes on a road whose friction, relative to that of the tyre's measurements, he knows.
     """
-    PREVIEW_MODELS[parameters] = PreviewModel(gains, command)
+    PREVIEW_MODELS[parameters] = PreviewModel(gains, command, on_road)
 
 
 def register(name: str, maker: Callable[..., Driver]) -> None:
@@ -196,9 +204,10 @@ def as_mapping(driver: Driver) -> dict[str, Any]:
     return {"driver": driver.name, **options, "arm": driver.arm._asdict(), "informed": driver.informed}
 
 
-def gains_of(driver: Driver, car: Car, speed: float) -> Array:
-    """Gains (G,) of a driver's preview model for a car at a speed [m/s]."""
-    return PREVIEW_MODELS[type(driver.preview_model)].gains(driver.preview_model, car, speed)
+def gains_of(driver: Driver, car: Car, speed: float, road_friction: float = 1.0) -> Array:
+    """Gains (G,) of a driver's preview model for a car at a speed [m/s], on a road whose friction he knows [1]."""
+    model = PREVIEW_MODELS[type(driver.preview_model)]
+    return model.gains(model.on_road(driver.preview_model, road_friction), car, speed)
 
 
 def command(parameters, gains, path, lateral_speed, yaw_rate, z, memory):

@@ -30,7 +30,8 @@ Array = NDArray[np.float64]
 _ANGLE, _LATERAL_SPEED, _YAW_RATE = (CHANNEL[name] for name in ("handwheel_angle", "lateral_speed", "yaw_rate"))
 _MOTION_NAMES = ("handwheel_angle", "handwheel_speed", "lateral_speed", "yaw_rate")
 _PATH_NAMES = ("lateral_offset", "heading_error", *PREVIEW_NAMES)
-KNOWN_LOAD = 25.0  # an informed driver knows the load to this step, so that a design serves many episodes [kg]
+# An informed driver knows load [kg] and road friction [1] to these steps, so that a design serves many episodes.
+KNOWN_LOAD, KNOWN_FRICTION = 25.0, 0.05
 
 
 class DriverArrays(NamedTuple):
@@ -124,7 +125,7 @@ class DriverBatch:
         self.driver, self._car, self._stiffness, self._usual = driver, car, stiffness, usual
         self._updates = 1 if updates is None else updates
         self.arm = driver.arm if updates is None else held_arm(driver.arm, car.column, updates * UPDATE_INTERVAL)
-        self._designs: dict[tuple[float, float], tuple[Array, Array]] = {}  # by speed and load
+        self._designs: dict[tuple[float, float, float], tuple[Array, Array]] = {}  # by speed, load and road friction
         self.arrays = DriverArrays(np.zeros((n, 0)), muscle_matrices(), np.zeros((n, 5)), np.zeros((n, MEMORY + 1)))
         self._kernel: Callable[..., None] | None = None
 
@@ -139,10 +140,15 @@ class DriverBatch:
     def start(self, i: int, drawn: Conditions) -> None:
         """Begin an episode of driver ``i`` in its conditions.
 
-        A driver knows the speed to 1 m/s; an informed one also the load, to ``KNOWN_LOAD``.
+        A driver knows the speed to 1 m/s; an informed one also the load, to ``KNOWN_LOAD``, and the road's friction, to
+        ``KNOWN_FRICTION``.
         """
-        load = KNOWN_LOAD * round(drawn.load / KNOWN_LOAD) if self.driver.informed else self._usual.load
-        known = max(float(round(drawn.speed)), 3.0), load
+        told = drawn if self.driver.informed else self._usual
+        known = (
+            max(float(round(drawn.speed)), 3.0),
+            KNOWN_LOAD * round(told.load / KNOWN_LOAD),
+            KNOWN_FRICTION * round(told.road_friction / KNOWN_FRICTION),
+        )
         if known not in self._designs:
             self._designs[known] = self._design(*known)
         gains, feed_forward = self._designs[known]
@@ -150,14 +156,14 @@ class DriverBatch:
         arrays = self.arrays
         arrays.gains[i], arrays.feed_forward[i], arrays.memory[i] = gains, feed_forward, 0.0
 
-    def _design(self, speed: float, load: float) -> tuple[Array, Array]:
+    def _design(self, speed: float, load: float, road_friction: float) -> tuple[Array, Array]:
         """Gains of the preview model, and the row of ``feed_forward``."""
         arm, car = self.arm, self._car.loaded(load)
-        gains = gains_of(self.driver, car, speed)
+        gains = gains_of(self.driver, car, speed, road_friction)
         if arm.stiffness == 0.0:
             return gains, np.zeros(5)
         column = car.column
-        stiffness = self._stiffness(self._usual._replace(speed=speed, load=load))
+        stiffness = self._stiffness(self._usual._replace(speed=speed, load=load, road_friction=road_friction))
         by_angle, by_v_y, by_yaw_rate = stiffness * slip_over_steady(car, speed)
         # Arms in the loop are part of the plant's inertia; those of a controller are not.
         inertia = column.I1 + column.I2 + (arm.inertia if arm is self.driver.arm else 0.0)

@@ -35,7 +35,7 @@ from steer_env.tasks.common.path_following import (
     observe_path,
     offset_term,
 )
-from steer_env.tasks.common.terms import COMMON_COSTS, COMMON_METRICS, COMMON_REWARDS
+from steer_env.tasks.common.terms import ASSIST_COSTS, COMMON_METRICS, COMMON_REWARDS
 from steer_env.timing import UPDATE_INTERVAL
 from steer_env.vehicle.plant import CHANNEL
 
@@ -191,7 +191,7 @@ DRIVER_REWARDS = (
 DRIVER_METRICS = (*COMMON_METRICS, CONE_METRIC, *FOLLOWING_METRICS[-2:])
 ASSIST_REWARDS = (offset_term(0.2, ASSIST_OFFSET), feel_term(0.5), *COMMON_REWARDS)
 ASSIST_METRICS = (*COMMON_METRICS, CONE_METRIC, FEEL_METRIC, *FOLLOWING_METRICS[-2:])
-ASSIST_COSTS = (*COMMON_COSTS, Cost("cones", 0.1, "1", _TOUCHED))
+LANE_CHANGE_COSTS = (*ASSIST_COSTS, Cost("cones", 0.1, "1", _TOUCHED))
 _OPTIONS = {
     "mirrored": (0.0, 1.0, "1 for a side lane to the right, 0 for one to the left"),
     "entry_offset": (-1.0, 1.0, "lateral offset of the start, left positive [m]"),

@@ -137,18 +137,19 @@ class Scenery(NamedTuple):
 # Observed in every task, after the channels.
 SPEED = Quantity("speed", "m/s", 100.0, "forward speed", 30.0)
 LAST_ACTION = Quantity("last_action", "1", 1.0, "the action of the last step, 0 at the start")
-# Plant channels that tasks observe, with their bounds.
+# Plant channels that tasks observe, with their bounds. Usual sizes lie amid the rms values of the tasks of a moving car
+# with zero action and with a classical controller; that of the last action is its range.
 OBSERVABLE_CHANNELS = {
     quantity.name: quantity
     for quantity in (
-        Quantity("handwheel_angle", "rad", 12.0, usual=0.5),
-        Quantity("handwheel_speed", "rad/s", 40.0),
+        Quantity("handwheel_angle", "rad", 12.0, usual=0.2),
+        Quantity("handwheel_speed", "rad/s", 40.0, usual=0.5),
         Quantity("torsion_bar_torque", "N m", 25.0, usual=2.0),
-        Quantity("lateral_acceleration", "m/s2", 20.0, usual=2.0),
-        Quantity("yaw_rate", "rad/s", 3.0, usual=0.1),
-        Quantity("lateral_speed", "m/s", 30.0, usual=0.3),
-        Quantity("column_speed", "rad/s", 40.0),
-        Quantity("motor_torque", "N m", 80.0, usual=5.0),
+        Quantity("lateral_acceleration", "m/s2", 20.0, usual=1.2),
+        Quantity("yaw_rate", "rad/s", 3.0, usual=0.05),
+        Quantity("lateral_speed", "m/s", 30.0, usual=0.07),
+        Quantity("column_speed", "rad/s", 40.0, usual=0.5),
+        Quantity("motor_torque", "N m", 80.0, usual=2.0),
         Quantity("rack_force", "N", 15e3, usual=1e3),
     )
 }
@@ -187,6 +188,7 @@ class Task:
     chassis: tuple[str, ...] = ("single_track", "two_track")  # that it can run on, the default first
     options: Mapping[str, tuple[float, float, str]] = field(default_factory=dict)  # of reset: low, high, meaning [unit]
     memory_size: int = 0  # floats that the kernels remember
+    usual: Mapping[str, float] = field(default_factory=dict)  # sizes of channels that are others here [their units]
     lane_half_width: float | None = None  # of the path's lane, for the picture [m]
     draw_scenario: DrawScenario | None = None  # for a task with several scenarios, each with speeds of its own
     unseen: int = 0  # how many of the last task observations are only for the driver model
@@ -198,8 +200,10 @@ class Task:
     @property
     def observed(self) -> tuple[Quantity, ...]:
         """All observations in their order."""
+        channels = (OBSERVABLE_CHANNELS[name] for name in self.channels)
+        sized = (quantity._replace(usual=self.usual.get(quantity.name, quantity.usual)) for quantity in channels)
         seen = self.task_observations[: len(self.task_observations) - self.unseen]
-        return (*(OBSERVABLE_CHANNELS[name] for name in self.channels), SPEED, LAST_ACTION, *seen)
+        return (*sized, SPEED, LAST_ACTION, *seen)
 
     @property
     def control_dt(self) -> float:

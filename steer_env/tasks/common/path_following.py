@@ -12,7 +12,7 @@ from steer_env.vehicle.plant import CHANNEL
 
 PATH_OBSERVATIONS = (
     Quantity("lateral_offset", "m", 5.0, "offset from the path, positive where the car is left of it", 0.3),
-    Quantity("heading_error", "rad", math.pi, "heading minus the path's direction, left positive", 0.03),
+    Quantity("heading_error", "rad", math.pi, "heading minus the path's direction, left positive", 0.02),
     *(
         Quantity(name, "m", 30.0, f"lateral position of the path {t:.1f} s ahead, in the car's frame", 0.2 + t)
         for name, t in zip(PREVIEW_NAMES, PREVIEW_TIMES)

@@ -3,6 +3,7 @@
 from steer_env.tasks.common.definition import EpisodeContext
 
 CREEPING = (0.0, 3.0)  # speeds, assumed [m/s]
+USUAL = {"handwheel_angle": 5.0, "handwheel_speed": 2.0, "column_speed": 2.0, "motor_torque": 20.0}  # sizes in parking
 TWO_TRACK = ("two_track",)  # the only chassis on which a car can stand
 
 

@@ -14,6 +14,7 @@ from steer_env.vehicle.plant import CHANNEL
 HAND_TORQUE_LIMIT = 8.0  # above it steering is heavy work at speed, assumed [N m]
 SIDESLIP_LIMIT = math.radians(5.0)  # lateral over forward speed; passenger-car drivers stay below, assumed
 JERK_LIMIT = 15.0  # lateral, some three times what a brisk lane change needs on centre, assumed [m/s3]
+OVERLAY_LIMIT = 0.2  # action above which a safety concept would limit an added assist torque, assumed [1]
 RIPPLE_FREQUENCY = 10.0  # above it hands feel vibration, not steering; arms cannot follow [Hz]
 # Sizes at which a quality has fallen to 71 %, assumed.
 RIPPLE_SCALE = 0.1  # hand torque above ``RIPPLE_FREQUENCY`` [N m]
@@ -24,6 +25,10 @@ COMMON_COSTS = (
     Cost("hand_torque", 1.0, "s", f"time with a hand torque above {HAND_TORQUE_LIMIT:g} N m"),
     Cost("stability", 0.5, "s", "time with a sideslip angle above 5 deg"),
     Cost("comfort", 0.5, "s", f"time with a lateral jerk above {JERK_LIMIT:g} m/s3"),
+)
+ASSIST_COSTS = (
+    *COMMON_COSTS,
+    Cost("overlay", 2.0, "s", f"time with an action above {OVERLAY_LIMIT:g}, to either side"),
 )
 COMMON_METRICS = (
     EpisodeMetric("peak_lateral_acceleration", "m/s2", PEAK, "lateral acceleration of the centre of gravity"),
@@ -83,6 +88,8 @@ def evaluate_common(channels, step, share, memory, rewards, costs, metrics):
         costs[0] += step.dt
     if sideslip > SIDESLIP_LIMIT:
         costs[1] += step.dt
+    if costs.size > len(COMMON_COSTS) and abs(step.action) > OVERLAY_LIMIT:  # of assists alone
+        costs[3] += step.dt
     ripple = _ripple(torque, step.dt, begun, memory)
     updates = step.time / UPDATE_INTERVAL
     if abs(updates - math.floor(updates + 0.5)) < 0.01:  # between updates the channel is extrapolated, with kinks

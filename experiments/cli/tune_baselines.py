@@ -1,0 +1,46 @@
+"""The command ``tune-baselines``: a search for the options of the baseline assists, for each task."""
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from steer_env.experiments.cli.common import names
+from steer_env.experiments.cli.common.arguments import whole_number
+
+
+def add(commands: Any, common: argparse.ArgumentParser) -> None:
+    """Add the command to a parser's."""
+    text = "Search for the options with which baseline assists earn most and pass the suite of 'assist-suite'."
+    tune = commands.add_parser("tune-baselines", help=text, description=text, parents=[common])
+    text = "environments, assists' ids"
+    tune.add_argument("--env", metavar="ID", nargs="+", required=True, help=text)
+    text = f"baselines by name (default: {', '.join(names.assists())})"
+    tune.add_argument("--baseline", metavar="NAME", nargs="+", choices=names.assists(), help=text)
+    text = "candidates for each baseline, its defaults among them (default 30)"
+    tune.add_argument("--budget", metavar="N", type=whole_number(1), default=30, help=text)
+    text = "episodes for each candidate (default 16)"
+    tune.add_argument("--episodes", metavar="N", type=whole_number(1), default=16, help=text)
+    text = "seed of the search's draws (default 0)"
+    tune.add_argument("--seed", metavar="N", type=whole_number(0), default=0, help=text)
+    text = "file that keeps what is found; with 'shipped' the one that the evaluations read (default: none is written)"
+    tune.add_argument("--out", metavar="FILE.json", help=text)
+    tune.set_defaults(function=_tune)
+
+
+def _tune(args: argparse.Namespace) -> None:
+    from steer_env.experiments.cli.common.arguments import SHIPPED
+    from steer_env.experiments.cli.common.tables import print_tuned
+    from steer_env.experiments.learning import assist_suite, assist_tuning
+    from steer_env.experiments.output.options import progress
+
+    for env_id in args.env:
+        assist_suite.task_named(env_id)
+    for env_id in args.env:
+        found = {}
+        with progress(env_id) as notify:
+            for name in args.baseline or names.assists():
+                found[name] = assist_tuning.tune(name, env_id, args.budget, args.episodes, args.seed, notify)
+                if args.out:
+                    path = assist_tuning.FILE if args.out == SHIPPED else Path(args.out)
+                    assist_tuning.keep(env_id, {name: assist_tuning.as_json(found[name], args.episodes)}, path)
+        print_tuned(found, f"{env_id}: {args.episodes} episodes for each candidate")

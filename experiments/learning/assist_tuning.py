@@ -1,0 +1,123 @@
+"""Tuning of baseline assists: a small search for the options with which a task's own reward is largest.
+
+A candidate counts only if it passes the suite for assists (:mod:`steer_env.experiments.learning.assist_suite`). The
+search starts with the defaults, then tries a Latin hypercube over the declared ranges (``Baseline.tuned``), then draws
+around the best, ever closer. Its budget is the number of candidates times the episodes that each drives, on seeds apart
+from those of training and evaluation. What it finds is kept in a file, which the evaluations read.
+"""
+
+import json
+import math
+from collections.abc import Callable, Mapping
+from functools import partial
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.stats import qmc
+
+from steer_env import assists, experiments
+from steer_env.assists.common.definition import BASELINES
+from steer_env.experiments.learning import assist_suite, held_out
+from steer_env.experiments.output.files import write_json
+
+SEED = 5_000_000  # first of the episodes of a search
+SPREAD, SHRINK = 0.2, 0.85  # of the draws around the best, over the range: the first, and of each over the one before
+FILE = Path(experiments.__file__).parent / "data" / "baselines" / "assists.json"
+
+
+class Tuned(NamedTuple):
+    """What a search has found."""
+
+    options: dict[str, float]  # of the baseline; the defaults where nothing better passes the suite
+    reward: float  # mean over the episodes; NaN if no candidate passes the suite
+    usual: float  # that of the defaults
+    candidates: int
+    refused: int  # candidates that were better than the best before them, but failed the suite
+
+
+def _option(low: float, high: float, share: float) -> float:
+    """The value at a share of a range, 0 to 1; on a logarithmic scale where the least is above zero."""
+    value = low * (high / low) ** share if low > 0.0 else low + share * (high - low)
+    return float(f"{value:.3g}")
+
+
+def tune(
+    name: str,
+    env_id: str,
+    budget: int = 30,
+    episodes: int = 16,
+    seed: int = 0,
+    notify: Callable[[float, str], None] = lambda *_: None,
+    **arguments: Any,
+) -> Tuned:
+    """Search for the options of a baseline with the largest reward that pass the suite.
+
+    Parameters
+    ----------
+    name : str
+        One of ``steer_env.assists.available()``.
+    env_id : str
+        An assist task's.
+    budget : int
+        Number of candidates, the defaults among them.
+    episodes : int
+        For each candidate, the same for all.
+    seed : int
+        Of the search's own draws.
+    notify : (share, text) -> None
+        Is told how far the search is.
+    **arguments
+        Of ``gymnasium.make_vec``, for the episodes.
+    """
+    ranges, rng = BASELINES[name].tuned, np.random.default_rng(seed)
+    first = qmc.LatinHypercube(max(len(ranges), 1), seed=rng).random(max(budget // 2, 1))
+    best: dict[str, float] = {}
+    reward = usual = -math.inf
+    centre, refused, tried = np.full(len(ranges), 0.5), 0, 1 if not ranges else budget
+    for k in range(tried):
+        share = centre
+        if 0 < k <= len(first):
+            share = first[k - 1]
+        elif k:
+            spread = SPREAD * SHRINK ** (k - 1 - len(first))
+            share = np.clip(centre + spread * rng.standard_normal(len(ranges)), 0.0, 1.0)
+        options = {key: _option(*ends, s) for (key, ends), s in zip(ranges.items(), share.tolist())} if k else {}
+        notify(k / tried, f"{name}: {options}")
+        make = partial(assists.make, name, **options)
+        found = float(held_out.collect(env_id, make, episodes, SEED, **arguments).reward.mean())
+        if k == 0:
+            usual = found
+        if found <= reward:
+            continue
+        if not all(result.holds for result in assist_suite.examine(make, env_id, to_first_failure=True)):
+            refused += 1
+            continue
+        best, reward, centre = options, found, share
+    return Tuned(best, reward if math.isfinite(reward) else math.nan, usual, tried, refused)
+
+
+def as_json(found: Tuned, episodes: int) -> dict[str, Any]:
+    """What a search has found, as JSON."""
+    reward = found.reward if math.isfinite(found.reward) else None
+    return {**found._asdict(), "reward": reward, "episodes": episodes, "first_seed": SEED}
+
+
+def keep(env_id: str, found: Mapping[str, dict[str, Any]], path: Path = FILE) -> None:
+    """Put what searches for an id have found, by baseline, into the file that :func:`tuned` reads."""
+    every = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
+    every[env_id] = {**every.get(env_id, {}), **found}
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_json(path, dict(sorted(every.items())))
+
+
+def tuned(env_id: str, path: Path = FILE) -> dict[str, dict[str, float]]:
+    """The options of the baselines that a search has found for an id: name -> options; empty without a search."""
+    every = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
+    return {name: found["options"] for name, found in every.get(env_id, {}).items()}
+
+
+def makers(env_id: str) -> dict[str, assist_suite.Maker]:
+    """Every baseline assist by name, with the options that a search has found for an id."""
+    options = tuned(env_id)
+    return {name: partial(assists.make, name, **options.get(name, {})) for name in assists.available()}

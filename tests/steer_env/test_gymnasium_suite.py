@@ -1,0 +1,96 @@
+"""What Gymnasium's own tests ask of its environments (test_envs, test_rendering, test_env_spec), asked of ours."""
+
+import pickle
+import warnings
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.envs.registration import EnvSpec
+from gymnasium.utils.env_checker import check_env, data_equivalence
+
+from steer_env.registration import DRIVEN, REGISTERED
+from tests.steer_env.test_state import equal
+
+IDS = tuple(REGISTERED)
+SEED, STEPS = 0, 50
+
+
+@pytest.mark.parametrize("name", IDS)
+def test_the_checker_has_no_warning(name):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        env = gym.spec(name).make(disable_env_checker=True).unwrapped
+        check_env(env)
+        env.close()
+
+
+@pytest.mark.parametrize("name", IDS)
+def test_two_rollouts_of_a_seed_are_the_same(name):
+    """Observations, rewards, ends and infos with their types; sampled actions; membership in the space."""
+    one, two = (gym.spec(name).make(disable_env_checker=True) for _ in range(2))
+    first, again = one.reset(seed=SEED), two.reset(seed=SEED)
+    assert equal(first, again)
+    one.action_space.seed(SEED)
+    for _ in range(STEPS if name in DRIVEN else 3):
+        action = one.action_space.sample()
+        a, b = one.step(action), two.step(action)
+        assert equal(a, b)
+        assert one.observation_space.contains(a[0])
+        assert a[0].dtype == one.observation_space.dtype == np.float32
+        assert [type(part) for part in a[1:4]] == [float, bool, bool]
+        assert data_equivalence(a[4], b[4], exact=True)  # nothing is NaN after a step
+        if a[2] or a[3]:
+            one.reset(seed=SEED)
+            two.reset(seed=SEED)
+
+
+@pytest.mark.parametrize("name", DRIVEN)
+def test_render_modes(name):
+    spec = gym.spec(name)
+    modes = spec.make().metadata["render_modes"]
+    assert modes == ["rgb_array", "rgb_array_list", "human"]
+    for mode in modes[:2]:
+        env = spec.make(render_mode=mode)
+        assert (env.render_mode, env.metadata["render_fps"] > 0.0) == (mode, True)
+        env.reset()
+        for _ in range(2):
+            given = env.render()
+            for frame in given if mode == "rgb_array_list" else [given]:
+                assert (frame.shape[2], frame.ndim, frame.dtype) == (3, 3, np.uint8)
+            env.step(env.action_space.sample())
+        assert isinstance(given, list if mode == "rgb_array_list" else np.ndarray)
+        env.close()
+
+
+@pytest.mark.parametrize("name", IDS)
+def test_a_pickled_environment_is_equivalent(name):
+    env = gym.spec(name).make(disable_env_checker=True).unwrapped
+    pickled = pickle.loads(pickle.dumps(env))
+    assert equal(env.reset(seed=SEED), pickled.reset(seed=SEED))
+    action = env.action_space.sample()
+    assert equal(env.step(action), pickled.step(action))
+
+
+@pytest.mark.parametrize("name", IDS)
+def test_the_specification_of_a_wrapped_environment_makes_it_again(name):
+    env = gym.make(name, **({"render_mode": "rgb_array"} if name in DRIVEN else {}))
+    env = gym.wrappers.NormalizeReward(
+        gym.wrappers.TimeAwareObservation(gym.wrappers.FlattenObservation(gym.wrappers.TimeLimit(env, 7))), gamma=0.8
+    )
+    spec = EnvSpec.from_json(env.spec.to_json())
+    assert spec == env.spec
+    again = gym.make(spec)
+    assert isinstance(again, gym.wrappers.NormalizeReward)
+    assert again.gamma == 0.8
+    assert again.render_mode == env.render_mode
+    assert type(again.unwrapped) is type(env.unwrapped)
+    assert equal(env.reset(seed=42), again.reset(seed=42))
+    assert spec.pprint(disable_print=True) == env.spec.pprint(disable_print=True)
+    for k in range(1, 8):
+        action = env.action_space.sample()
+        one, two = env.step(action), again.step(action)
+        assert equal(one, two)
+        assert one[2] or one[3] == (k == 7)
+        if one[2]:
+            break
