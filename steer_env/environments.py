@@ -53,8 +53,8 @@ def _documentation(task: Task) -> str:
         "`Box(-1, 1, (1,))`; the action is held for `control_dt`.",
         table(("index", "action", "at 1", "unit"), [("0", action.meaning, f"{action.scale:g}", action.unit)]),
         "## Observation",
-        f"`Box({len(observations)},)` in SI units, clipped to the bounds; with `normalise=True` each is divided by its "
-        "usual size.",
+        f"`Box({len(observations)},)`, clipped to the bounds and divided by the usual sizes; with `normalise=False` in "
+        "SI units.",
         table(("index", "observation", "bound", "usual", "unit"), observations),
         "## Reward",
         f'The reward is the sum of the terms, which are in `info["reward_terms"]`: each is its weight times a quality '

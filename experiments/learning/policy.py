@@ -124,7 +124,7 @@ class Policy:
         self._predict = _predictor(path, self.about)
         # The policy sees observations as in its training, in SI or over their usual sizes, in any environment.
         usual = np.array([quantity.usual for quantity in env.unwrapped.batch.observed])
-        trained = usual if self.about["settings"]["environment"].get("normalise") else 1.0
+        trained = usual if self.about["settings"]["environment"].get("normalise", True) else 1.0
         self._units = env.unwrapped.observation_scale / trained
         scaling = self.about["scaling"]
         self._mean, self._deviation = np.array(scaling["mean"]), np.array(scaling["deviation"])
