@@ -28,14 +28,15 @@ def add(commands: Any, common: argparse.ArgumentParser) -> None:
 
 def _suite(args: argparse.Namespace) -> int:
     from steer_env.experiments.cli.common.extras import require
+    from steer_env.experiments.learning.controllers import is_policy, named, path_of
 
     controllers = args.controllers or [*names.assists()]
-    policies = [name for name in controllers if name == SHIPPED or name.endswith(".zip")]
+    policies = [name for name in controllers if is_policy(name)]
     if policies:
         require("train", "evaluating a policy")
 
     from steer_env.experiments.cli.common.tables import print_suite
-    from steer_env.experiments.learning import assist_suite, assist_tuning, policy
+    from steer_env.experiments.learning import assist_suite, policy
     from steer_env.experiments.output.files import write_json
     from steer_env.experiments.output.options import progress
 
@@ -44,15 +45,11 @@ def _suite(args: argparse.Namespace) -> int:
         raise ValueError("--env must name the environment where no policy.zip is given")
     env_id = args.env or policy.about(Path(str(own)))["env"]
     assist_suite.task_named(env_id)
-    known = assist_tuning.makers(env_id)
+    makers = {name: named(name, env_id) for name in controllers}
     found = {}
-    for name in dict.fromkeys(controllers):
-        make, normalise = known.get(name), False
-        if name in policies:
-            path = policy.shipped(env_id) if name == SHIPPED else Path(name)
-            make, normalise = policy.load(path), policy.conditions(policy.about(path)).get("normalise", False)
-        if make is None:
-            raise ValueError(f"{name!r} is neither a policy.zip nor a baseline assist: {', '.join(known)}")
+    for name, make in makers.items():
+        about = policy.about(path_of(name, env_id)) if name in policies else None
+        normalise = about is not None and policy.conditions(about).get("normalise", False)
         with progress(name) as notify:
             found[name] = assist_suite.examine(make, env_id, normalise, notify=notify)
         print_suite(found[name], f"{name} in {env_id}", whole=args.all)

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from steer_env.experiments.cli.common import names
-from steer_env.experiments.cli.common.arguments import whole_number
+from steer_env.experiments.cli.common.arguments import SHIPPED, whole_number
 
 
 def add(commands: Any, common: argparse.ArgumentParser) -> None:
@@ -22,15 +22,16 @@ def add(commands: Any, common: argparse.ArgumentParser) -> None:
     tune.add_argument("--episodes", metavar="N", type=whole_number(1), default=16, help=text)
     text = "seed of the search's draws (default 0)"
     tune.add_argument("--seed", metavar="N", type=whole_number(0), default=0, help=text)
-    text = "file that keeps what is found; with 'shipped' the one that the evaluations read (default: none is written)"
+    text = (
+        f"file that keeps what is found; with {SHIPPED!r} the one that the evaluations read (default: none is written)"
+    )
     tune.add_argument("--out", metavar="FILE.json", help=text)
     tune.set_defaults(function=_tune)
 
 
 def _tune(args: argparse.Namespace) -> None:
-    from steer_env.experiments.cli.common.arguments import SHIPPED
     from steer_env.experiments.cli.common.tables import print_tuned
-    from steer_env.experiments.learning import assist_suite, assist_tuning
+    from steer_env.experiments.learning import assist_suite, assist_tuning, tuned_assists
     from steer_env.experiments.output.options import progress
 
     for env_id in args.env:
@@ -41,6 +42,6 @@ def _tune(args: argparse.Namespace) -> None:
             for name in args.baseline or names.assists():
                 found[name] = assist_tuning.tune(name, env_id, args.budget, args.episodes, args.seed, notify)
                 if args.out:
-                    path = assist_tuning.FILE if args.out == SHIPPED else Path(args.out)
-                    assist_tuning.keep(env_id, {name: assist_tuning.as_json(found[name], args.episodes)}, path)
+                    path = tuned_assists.FILE if args.out == SHIPPED else Path(args.out)
+                    tuned_assists.keep(env_id, {name: assist_tuning.as_json(found[name], args.episodes)}, path)
         print_tuned(found, f"{env_id}: {args.episodes} episodes for each candidate")

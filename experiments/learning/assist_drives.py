@@ -32,7 +32,8 @@ WOVEN = (60, 100, 140)  # in the weave [km/h]
 DRIVEN = (60, 80, 100, 120)  # with a driver in a lane [km/h]
 TURNED = (60, 80)  # with a driver in the lane change [km/h]
 LEVELS = (1.0, 2.0)  # of the friction
-OTHER_CARS = ("bmw_320i", "ford_escort")
+OTHER_CARS = ("bmw_320i", "ford_escort", "rear_drive_saloon")
+ARMED_CARS = OTHER_CARS[1:]  # on the others the driver model swings the handwheel by itself
 
 
 class Row(NamedTuple):
@@ -146,7 +147,8 @@ def _driving() -> list[Drive]:
         drives.append(Drive("pulse", law, {"friction": law}, _rows(SPEEDS, LEVELS, _MARGINS)))
     for car in OTHER_CARS:
         drives.append(Drive("weave", car, {"vehicle": car}, _rows(WOVEN[1:2], one, {**_PLAIN, **_LATE})))
-        drives.append(Drive("arms", car, {"vehicle": car}, _rows(DRIVEN, one, {**_PLAIN, **_DOUBLED})))
+        if car in ARMED_CARS:
+            drives.append(Drive("arms", car, {"vehicle": car}, _rows(DRIVEN, one, {**_PLAIN, **_DOUBLED})))
         drives.append(Drive("pulse", car, {"vehicle": car}, _rows(SPEEDS, one, _MARGINS)))
     for kind, speeds in (("arms", DRIVEN), ("pulse", SPEEDS)):
         drives.append(Drive(kind, "two tracks", {"chassis": "two_track"}, _rows(speeds, LEVELS[:1], _PLAIN)))

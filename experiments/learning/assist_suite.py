@@ -23,7 +23,7 @@ from scipy import signal
 
 from steer_env import assists, tasks
 from steer_env.experiments.learning.assist_drives import KINDS, Drive, suite, task_of
-from steer_env.experiments.learning.held_out import Controller
+from steer_env.experiments.learning.controllers import Maker
 from steer_env.experiments.output import provenance
 from steer_env.state import State
 from steer_env.tasks import Task
@@ -33,7 +33,6 @@ from steer_env.vehicle.cars import Car
 from steer_env.vehicle.chassis.common.interface import ASSIST_REQUEST
 
 Array = NDArray[np.float64]
-Maker = Callable[[Any], Controller]
 
 SEED = 4_000_000  # first of the rows' episodes; apart from those of training, search and evaluations
 WINDOW = 2.0  # over which the handwheel's swing is read [s]
@@ -81,7 +80,7 @@ class Judge(NamedTuple):
     """How a drive is judged."""
 
     measure: Callable[[Record], Array]  # (n,) from a record
-    limit: float
+    limit: float  # [unit]
     unit: str
     relative: bool = False  # to the boost alone
 
@@ -101,8 +100,8 @@ class Seen(NamedTuple):
     task: Task
     n: int
     observed: tuple[Quantity, ...]
-    observation_scale: Array
-    control_dt: float
+    observation_scale: Array  # (O,) SI value of an observation of 1
+    control_dt: float  # [s]
     car: Car
 
     @property
@@ -151,7 +150,8 @@ def run(drive: Drive, make: Maker, env_id: str, normalise: bool = False) -> Reco
     scale = np.array([q.usual if normalise else 1.0 for q in home.observed])
     controller = make(Seen(gym.spec(env_id), home, n, home.observed, scale, env.control_dt, env.batch.car))
     controller.reset()
-    seen, rows = np.zeros((n, len(names) + 1)), []
+    seen = np.zeros((n, len(names) + 1))
+    rows: list[list[Array]] = []
     failed, going = np.zeros(n, bool), np.ones(n, bool)
     seen[:, :-1] = start.observations
     while going.any():
@@ -163,7 +163,8 @@ def run(drive: Drive, make: Maker, env_id: str, normalise: bool = False) -> Reco
         rows.append([np.where(going, info[f"handwheel_{name}"], np.nan) for name in ("angle", "torque", "speed")])
         failed |= going & (info["failure"] > 0)
         going &= ~(terminated | truncated)
-    return Record(*np.moveaxis(np.array(rows), 1, 0), failed, env.control_dt)
+    angle, torque, speed = np.moveaxis(np.array(rows), 1, 0)
+    return Record(angle, torque, speed, failed, env.control_dt)
 
 
 def measured(drive: Drive, make: Maker, env_id: str, normalise: bool = False) -> Array:

@@ -3,27 +3,24 @@
 A candidate counts only if it passes the suite for assists (:mod:`steer_env.experiments.learning.assist_suite`). The
 search starts with the defaults, then tries a Latin hypercube over the declared ranges (``Baseline.tuned``), then draws
 around the best, ever closer. Its budget is the number of candidates times the episodes that each drives, on seeds apart
-from those of training and evaluation. What it finds is kept in a file, which the evaluations read.
+from those of training and evaluation. What it finds is kept by
+:mod:`steer_env.experiments.learning.tuned_assists`, from which evaluations take the baselines.
 """
 
-import json
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import partial
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.stats import qmc
 
-from steer_env import assists, experiments
+from steer_env import assists
 from steer_env.assists.common.definition import BASELINES
 from steer_env.experiments.learning import assist_suite, held_out
-from steer_env.experiments.output.files import write_json
 
 SEED = 5_000_000  # first of the episodes of a search
 SPREAD, SHRINK = 0.2, 0.85  # of the draws around the best, over the range: the first, and of each over the one before
-FILE = Path(experiments.__file__).parent / "data" / "baselines" / "assists.json"
 
 
 class Tuned(NamedTuple):
@@ -101,23 +98,3 @@ def as_json(found: Tuned, episodes: int) -> dict[str, Any]:
     """What a search has found, as JSON."""
     reward = found.reward if math.isfinite(found.reward) else None
     return {**found._asdict(), "reward": reward, "episodes": episodes, "first_seed": SEED}
-
-
-def keep(env_id: str, found: Mapping[str, dict[str, Any]], path: Path = FILE) -> None:
-    """Put what searches for an id have found, by baseline, into the file that :func:`tuned` reads."""
-    every = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
-    every[env_id] = {**every.get(env_id, {}), **found}
-    path.parent.mkdir(parents=True, exist_ok=True)
-    write_json(path, dict(sorted(every.items())))
-
-
-def tuned(env_id: str, path: Path = FILE) -> dict[str, dict[str, float]]:
-    """The options of the baselines that a search has found for an id: name -> options; empty without a search."""
-    every = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
-    return {name: found["options"] for name, found in every.get(env_id, {}).items()}
-
-
-def makers(env_id: str) -> dict[str, assist_suite.Maker]:
-    """Every baseline assist by name, with the options that a search has found for an id."""
-    options = tuned(env_id)
-    return {name: partial(assists.make, name, **options.get(name, {})) for name in assists.available()}

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from steer_env import assists, drivers, tasks
-from steer_env.experiments.learning import policy
+from steer_env import drivers, tasks
+from steer_env.experiments.learning import policy, tuned_assists
 from steer_env.experiments.learning.constants import SHIPPED
 from steer_env.experiments.learning.held_out import Controller
 
@@ -46,10 +46,10 @@ SIMPLE: dict[str, Maker] = {"zero": ZeroAction, "random": RandomActions}
 
 
 def baselines(env_id: str) -> dict[str, Maker]:
-    """Classical controllers of an id by name: assists for an assist task, drivers for a task that observes a path."""
+    """Classical controllers of an id by name: assists with the options found for it, or drivers on a path."""
     task = tasks.task(policy.check_driven(env_id))
     if task.name.startswith("Assist"):
-        return {name: partial(assists.make, name) for name in assists.available()}
+        return tuned_assists.makers(env_id)
     if any(quantity.name == "lateral_offset" for quantity in task.task_observations):
         return {name: partial(drivers.Controller, driver=name) for name in drivers.available() if name != "free"}
     return {}

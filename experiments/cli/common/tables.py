@@ -166,9 +166,8 @@ def print_suite(found: Sequence[Result], title: str, whole: bool) -> None:
             table.add_row(one.drive, one.condition, value, one.at, f"{one.limit:g}", one.unit, holds, excused)
     console = Console()
     console.print(table)
-    failing, excused = sum(not one.holds for one in found), sum(one.excused for one in found)
-    text = f"holds in {len(found) - failing} of {len(found)} conditions"
-    rows = sum(one.rows for one in found)
+    holding, excused, rows = (sum(of) for of in zip(*((one.holds, one.excused, one.rows) for one in found)))
+    text = f"holds in {holding} of {len(found)} conditions"
     console.print(f"{text}; {excused} of {rows} drives excused: the car with its boost alone fails there", style="bold")
 
 

@@ -1,0 +1,194 @@
+"""The suite for assists: it finds what is unstable, passes what is stable, and bounds the search for options."""
+
+import json
+import math
+from functools import partial
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+from steer_env import assists
+from steer_env.assists.common.definition import Baseline
+from steer_env.experiments.cli.main import main
+from steer_env.experiments.learning import assist_drives, assist_suite, assist_tuning, held_out, tuned_assists
+from steer_env.vehicle import cars, free_control
+from steer_env.vehicle.plant import CHANNEL
+
+WEAVE = "steer_env/AssistWeave-v1"
+
+
+class Pushing(Baseline):
+    """Pushes the column in the direction in which it turns, without end: unstable by construction."""
+
+    needs = ("column_speed",)
+
+    def torque(self, seen):
+        return 8.0 * seen[:, 0]
+
+
+class Delayed(Baseline):
+    """Integral control of the feel as it stands in textbooks: it neither notices hands nor quick motion."""
+
+    needs = ("torsion_bar_torque", "lateral_acceleration")
+
+    def __init__(self, env):
+        super().__init__(env)
+        self.sum = np.zeros(self.n)
+
+    def torque(self, seen):
+        self.sum = np.clip(self.sum + 0.15 * (seen[:, 0] - 2.0 * seen[:, 1]), -5.0, 5.0)
+        return self.sum
+
+
+def drive(kind, condition="lugre", env_id=WEAVE):
+    """The first drive of a kind and condition."""
+    every = assist_drives.suite(assist_suite.task_named(env_id))
+    return next(one for one in every if (one.kind, one.condition) == (kind, condition))
+
+
+def failing(make, *kinds):
+    """Kinds of drives in which a controller fails somewhere."""
+    return {kind for kind in kinds if not all(found.holds for found in assist_suite.judge(drive(kind), make, WEAVE))}
+
+
+def test_what_is_unstable_is_found():
+    assert failing(Pushing, "pulse", "release", "arms") == {"pulse", "release", "arms"}
+    assert failing(Delayed, "pulse", "release", "arms") == {"pulse", "release", "arms"}
+
+
+@pytest.mark.parametrize("name", ["boost", "integral", "lqg", "friction_compensation"])
+def test_the_shipped_baselines_hold(name):
+    """Where unstable assists fail first; the whole suite is in the next test."""
+    assert not failing(partial(assists.make, name), "weave", "arms", "release")
+
+
+@pytest.mark.whole
+@pytest.mark.parametrize("name", sorted({*assists.available()} - {"boost"}))
+@pytest.mark.parametrize("env_id", [WEAVE, "steer_env/AssistParking-v1", "steer_env/AssistAllRound-v1"])
+def test_the_shipped_baselines_hold_everywhere(name, env_id):
+    found = assist_suite.examine(partial(assists.make, name), env_id)
+    assert [one for one in found if not one.holds] == []
+    assert sum(one.excused for one in found) <= 0.01 * sum(one.rows for one in found)
+
+
+def test_a_quicker_loop_ripples_with_delay():
+    found = assist_suite.judge(drive("weave"), partial(assists.make, "lqg", torque_noise=0.2), WEAVE)
+    late = next(one for one in found if one.condition == "lugre, 20 ms more delay")
+    assert not late.holds
+    assert late.worst > late.limit == 0.05
+    assert next(one for one in found if one.condition == "lugre, as it is").holds
+
+
+def test_the_pulse_is_that_of_free_control():
+    """Without an assist, the drive is the plant's run of :func:`steer_env.vehicle.free_control.pulse`."""
+    found = assist_suite.run(drive("pulse"), partial(assists.make, "boost"), WEAVE)
+    own = free_control.pulse(cars.load().plant("lugre", 180.0 / 3.6)).record[: 10 * len(found.angle)]
+    angle = own[9::10, CHANNEL["handwheel_angle"]]
+    place = [row.place for row in drive("pulse").rows].index("180 km/h")
+    assert np.ptp(angle) > 0.02
+    # The drive raises the torque within 10 ms, the plant's run at once.
+    np.testing.assert_allclose(found.angle[:, place], angle, rtol=0.0, atol=0.02 * np.ptp(angle))
+
+
+def test_the_measures_of_known_signals():
+    t = np.arange(0.0, 10.0, 0.01)
+    angle = np.radians(3.0) * np.sin(2.0 * math.pi * 1.0 * t)[:, None]
+    torque = (2.0 * np.sin(2.0 * math.pi * 0.2 * t) + 0.1 * np.sin(2.0 * math.pi * 25.0 * t))[:, None]
+    found = assist_suite.Record(angle, torque, angle, np.zeros(1, bool), 0.01)
+    value = {name: judge.measure(found)[0] for name, judge in assist_suite.JUDGES.items()}
+    assert value["free swing"] == pytest.approx(3.0, rel=1e-3)
+    assert value["ripple"] == pytest.approx(0.1 / math.sqrt(2.0), rel=0.02)
+    assert value["steering"] == pytest.approx(math.radians(3.0) / math.sqrt(2.0), rel=1e-3)
+
+
+def test_a_controller_sees_what_its_task_observes():
+    seen = {}
+
+    class Watching(Baseline):
+        needs = ("speed",)
+        optional = ("released", "last_action")
+
+        def torque(self, observations):
+            seen.setdefault("released", []).append(observations[0, 1])
+            seen.setdefault("last", []).append(observations[0, 2])
+            return np.full(self.n, 0.5)
+
+    assist_suite.run(drive("release"), Watching, "steer_env/AssistRelease-v1")
+    released = np.flatnonzero(seen["released"])
+    assert released[0] == 400  # 4 s: the hands turn for 1.5 s and hold for 2.5 s
+    assert seen["last"][:3] == pytest.approx([0.0, 0.1, 0.1])
+
+
+def test_scaled_observations():
+    plain, scaled = (
+        assist_suite.run(drive("release"), partial(assists.make, "lqg"), WEAVE, normalise).angle
+        for normalise in (False, True)
+    )
+    np.testing.assert_allclose(plain, scaled, rtol=0.0, atol=1e-3)
+
+
+def test_the_search_keeps_to_the_suite(monkeypatch):
+    short = assist_drives.Drive("weave", "lugre", {}, drive("weave").rows[:3])
+    monkeypatch.setattr(assist_suite, "suite", lambda home: [short])
+    rewards = {}
+    collect = held_out.collect
+
+    def counted(env_id, make, *arguments, **more):
+        found = collect(env_id, make, *arguments, **more)
+        rewards[json.dumps(make.keywords)] = found.reward.mean()
+        return found
+
+    monkeypatch.setattr(held_out, "collect", counted)
+    found = assist_tuning.tune("lqg", WEAVE, budget=5, episodes=2)
+    assert len(rewards) == found.candidates == 5
+    assert found.usual == rewards["{}"]
+    assert found.reward == rewards[json.dumps(found.options)] >= found.usual
+    again = assist_tuning.tune("lqg", WEAVE, budget=5, episodes=2)
+    assert again == found
+    # Where nothing holds there is no result.
+    line = assist_suite.judge(short, partial(assists.make, "boost"), WEAVE)[0]._replace(holds=False)
+    monkeypatch.setattr(assist_suite, "examine", lambda *_, **__: [line])
+    none = assist_tuning.tune("damping", WEAVE, budget=2, episodes=1)
+    assert math.isnan(none.reward)
+    assert none.options == {}
+
+
+def test_tuned_options_reach_the_evaluations(tmp_path):
+    path = tmp_path / "assists.json"
+    found = assist_tuning.Tuned({"gain": 1.5}, 2.0, 1.0, 3, 0)
+    tuned_assists.keep(WEAVE, {"damping": assist_tuning.as_json(found, 4)}, path)
+    tuned_assists.keep("steer_env/AssistRelease-v1", {"boost": assist_tuning.as_json(found, 4)}, path)
+    assert tuned_assists.options(WEAVE, path) == {"damping": {"gain": 1.5}}
+    assert tuned_assists.options("steer_env/AssistParking-v1", path) == {}
+    env = gym.make(WEAVE)
+    assert tuned_assists.makers(WEAVE, path)["damping"](env).gain == 1.5
+    assert tuned_assists.makers(WEAVE, path)["lqg"](env).effort == assists.make("lqg", env).effort
+
+
+def test_every_range_takes_the_default():
+    env = gym.make(WEAVE)
+    for name in assists.available():
+        baseline = assists.make(name, env)
+        for option, (low, high) in baseline.tuned.items():
+            assert low <= getattr(baseline, option) <= high
+            for end in (low, high):
+                assists.make(name, env, **{option: end})
+
+
+def test_the_command(tmp_path, capsys, monkeypatch):
+    change = drive("lane change")
+    monkeypatch.setattr(assist_suite, "suite", lambda home: [change])
+    out = tmp_path / "suite.json"
+    assert main(["assist-suite", "boost", "damping", "--env", WEAVE, "--out", str(out)]) == 0
+    text = capsys.readouterr().out
+    assert "holds in 6 of 6 conditions" in text
+    found = json.loads(out.read_text())["controllers"]
+    assert found["boost"]["holds"]
+    assert found["boost"]["results"][0]["worst"] == pytest.approx(1.0)
+    monkeypatch.setitem(assist_suite.JUDGES, "steering", assist_suite.JUDGES["steering"]._replace(limit=0.5))
+    assert main(["assist-suite", "boost", "--env", WEAVE]) == 1
+    assert main(["assist-suite", "boost", "--env", "steer_env/DriverLaneKeeping-v1"]) == 2
+    assert "the suite judges assists" in capsys.readouterr().err
+    assert main(["assist-suite", "boost"]) == 2
+    assert main(["tune-baselines", "--env", "steer_env/DriverLaneKeeping-v1"]) == 2
