@@ -46,7 +46,7 @@ def _documentation(task: Task) -> str:
     terms = [(f"`{t.name}`", f"{t.weight:.6g}", t.meaning) for t in task.rewards]
     costs = [(f"`{c.name}`", f"{c.limit:.6g}", c.unit, c.meaning) for c in task.costs]
     metrics = [(f"`{m.name}`", m.unit, ("rms", "peak", "sum")[m.kind], m.meaning) for m in task.metrics]
-    options = [(f"`{key}`", meaning) for key, (_, _, meaning) in {**task.options, **RANGES}.items()]
+    options = [(f"`{key}`", meaning) for key, (_, _, meaning) in reset_options(task).items()]
     sections = [
         task.summary,
         "## Action",
@@ -82,13 +82,25 @@ def _documentation(task: Task) -> str:
     return "\n\n".join(sections) + "\n"
 
 
+def reset_options(task: Task) -> dict[str, tuple[float, float, str]]:
+    """What ``reset`` takes, with its range on the default chassis and its meaning."""
+    known = {**task.options, **RANGES, "speed": (*task.speed_limits(task.chassis[0]), RANGES["speed"][2])}
+    if task.draw_scenario:
+        del known["speed"]
+    return known
+
+
 def _arguments(task: Task) -> str:
     """The arguments of a task in words."""
     low, high = task.speed_limits(task.chassis[0])
+    speed = (
+        "without a speed, which is drawn with the scenario. The default chassis is"
+        if task.draw_scenario
+        else f"with a speed from {low:g} to {high:g} m/s. The default speed is {3.6 * task.speed:g} km/h, the default "
+        "chassis"
+    )
     return (
-        f"Those of `steer_env.SteerEnv`, with a speed from {low:g} to {high:g} m/s. The default speed is "
-        f"{3.6 * task.speed:g} km/h, the default chassis {task.chassis[0]!r}, the default `control_dt` "
-        f"{task.control_dt:g} s."
+        f"Those of `steer_env.SteerEnv`, {speed} {task.chassis[0]!r}, the default `control_dt` {task.control_dt:g} s."
     )
 
 

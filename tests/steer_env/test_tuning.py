@@ -52,7 +52,7 @@ def tried():
     found = {}
     for name, wanted in sets.items():
         *_, info = env.step(action(env, **wanted))
-        found[name] = {key: value for key, value in info["evaluated"].items()} | info["margins"]
+        found[name] = info["evaluated"] | info["margins"]
     return found
 
 
