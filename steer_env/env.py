@@ -118,7 +118,7 @@ class SteerEnv(PlainSpecification, gym.Env):
         self.batch.start(0, self.np_random, options or {})
         if self._renderer is not None:
             self._renderer.start()
-        return self._observation.copy(), self._infos.of_first(0.0, 0)
+        return self._observation.copy(), self._infos.of_first_at_reset()
 
     def step(self, action: Any) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
         """Hold an action in [-1, 1] for ``control_dt``; an action beyond is clipped, as a motor or an arm would do.

@@ -342,7 +342,8 @@ def test_docstring_tables_match_the_environment(name):
     env = gym.make(name).unwrapped
     observed = cells(env.__doc__, "Observation")
     assert [int(row[0]) for row in observed] == list(range(env.observation_space.shape[0]))
-    assert [float(row[2]) for row in observed] == pytest.approx(env.observation_space.high.tolist(), rel=1e-5)
+    bounds = env.observation_space.high * env.observation_scale
+    assert [float(row[2]) for row in observed] == pytest.approx(bounds.tolist(), rel=1e-5)
     assert float(cells(env.__doc__, "Action")[0][2]) == env.task.action.scale
     env.reset(seed=0)
     truncated = terminated = False
@@ -430,7 +431,7 @@ def test_noise_has_its_size_and_a_delay_its_age():
     clean.reset(seed=0, options={"amplitude": 0.2, "delay": 0.05})  # an option needs no range to be drawn from
     late = [clean.step(0 * ACTION)[0] for _ in range(100)]
     assert np.array_equal(late[5:], true[:95])
-    errors = np.array(seen)[5:] - np.array(true)[:-5]
+    errors = (np.array(seen)[5:] - np.array(true)[:-5]) * env.observation_scale
     for k, quantity in enumerate(env.batch.observed):
         assert errors[:, k].std() == pytest.approx(randomise.SENSOR_NOISE.get(quantity.name, 0.0), rel=0.08, abs=1e-6)
         assert abs(errors[:, k].mean()) < 4.0 * randomise.SENSOR_NOISE.get(quantity.name, 0.0) / 38.0 + 1e-6
