@@ -428,6 +428,16 @@ def test_every_condition_is_replaced_in_the_environments(monkeypatch, trained):
     assert [change.x for change in chosen["delay"]] == [0.0, 10.0, 20.0, 40.0]
 
 
+def test_speeds_of_scenarios_are_not_replaced(tmp_path, capsys):
+    all_round = "steer_env/AssistAllRound-v1"
+    assert shift.changes("speed", all_round, LUGRE) == []
+    run = Training(all_round, None, tmp_path / "run", friction=LUGRE)
+    run.settings["algorithm"] |= SMALL
+    run.run(steps=64)
+    assert main(["shift", str(run.out / "policy.zip"), "--over", "speed", "--out", str(tmp_path / "shift")]) == 2
+    assert "takes no other speed: give another condition with --over" in capsys.readouterr().err
+
+
 @pytest.mark.whole
 def test_shift_over_everything(trained, tmp_path):
     chosen = {over: shift.changes(over, WEAVE, LUGRE, [Friction("coulomb")])[:2] for over in SHIFTS}
