@@ -1,8 +1,7 @@
 """Motor damping in addition to the table's own: T = -gain w, w the column speed.
 
-The tables of the packaged cars already contain the damping that free control needs. On the default car with LuGre the
-default gain makes AssistRelease 1 % cheaper and a larger one makes it dearer; every gain worsens the feel of a weave
-and a lane change.
+The tables of the packaged cars already contain the damping that free control needs; every gain worsens the feel of a
+weave. Twice the former default of 0.5 N m s/rad makes the driver model hunt on one of the packaged cars.
 """
 
 from typing import Any
@@ -24,7 +23,7 @@ class Damping(Baseline):
     needs = ("column_speed",)
     tuned = {"gain": (0.0, 3.0)}  # noqa: RUF012
 
-    def __init__(self, env: Any, *, gain: float = 0.5) -> None:
+    def __init__(self, env: Any, *, gain: float = 0.3) -> None:
         super().__init__(env)
         self.gain = not_negative("gain [N m s/rad]", gain)
 
