@@ -130,7 +130,7 @@ def test_a_larger_gain_that_makes_the_hands_vibrate_does_not_pay_in_parking():
     error = [quantity.name for quantity in env.batch.observed].index("target_0.0s")
     score, ripple = {}, {}
     for gain in (10.0, 20.0, 45.0, 60.0, 80.0, 150.0):  # [N m/rad]
-        scale = gain / env.batch.task.action.scale
+        scale = gain * env.observation_scale[error] / env.batch.task.action.scale
         reward, *_ = episode(env, lambda o, k: np.clip(scale * o[:, [error]], -1.0, 1.0))  # noqa: B023 (used at once)
         score[gain] = reward.mean()
         ripple[gain] = env.batch.arrays.metrics[0, 2, place["rms_ripple"]]
