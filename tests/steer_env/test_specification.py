@@ -174,7 +174,7 @@ def test_a_car_of_a_mapping_is_that_of_a_file(tmp_path):
         ({"road": {"road": "bump", "height": 1}}, "road 'bump' lacks 'length'; it takes: height, length"),
         ({"road": {"road": "iso8608", "seed": "x"}}, "seed must be .*got 'x'"),
         ({"road": {"road": "iso8608", "seed": 1, "road_class": "Z"}}, "road_class must be one of A.*got 'Z'"),
-        ({"driver": {"effort": 1}}, r"driver must be one of .*\{'driver': 'preview', 'effort': 0\.2\}.*got"),
+        ({"driver": {"effort": 1}}, r"driver must be one of .*\{'driver': 'preview', 'effort': 0\.03\}.*got"),
         ({"driver": {"driver": "nobody"}}, "unknown driver 'nobody'; available: free"),
         ({"driver": {"driver": "robot", "near": 1}}, "driver 'robot' has no parameter 'near'; it takes: effort"),
         ({"driver": {"driver": "robot", "arm": {"mass": 1}}}, "arm has no parameter 'mass'; it takes: inertia"),
