@@ -36,7 +36,7 @@ def cones(*args, **kwargs):
 @pytest.mark.parametrize("control_dt", [0.01, 0.05])
 @pytest.mark.parametrize("chassis", ["two_track", "single_track"])
 @pytest.mark.parametrize(
-    ("driver", "kph"), [("preview", 30.0), ("preview", 50.0), ("preview", 55.0), ("robot", 40.0), ("robot", 50.0)]
+    ("driver", "kph"), [("preview", 30.0), ("preview", 50.0), ("preview", 55.0), ("robot", 50.0), ("macadam", 50.0)]
 )
 def test_the_obstacle_is_avoided_without_a_cone(driver, kph, chassis, control_dt):
     """To both sides, from all drawn entries. Drivers with one effort [m/rad] cut the corner and hit the same cone."""
@@ -53,9 +53,9 @@ def test_every_car_is_taken_through_the_double_lane_change(car, chassis, control
         assert not any(cones(LANE_CHANGE, driver, n=12, **kwargs)), driver
 
 
-def test_two_points_take_the_lane_change_up_to_50():
+def test_two_points_take_the_lane_change_up_to_55():
     """The speed that the driver's docstring tells."""
-    assert not any(cones(LANE_CHANGE, "two_point", n=8, speed=50.0 * KPH))
+    assert not any(cones(LANE_CHANGE, "two_point", n=8, speed=55.0 * KPH))
 
 
 @pytest.mark.parametrize("conditions", [{"load": 500.0}, {"load": 400.0, "road_friction": 0.5}])
@@ -91,7 +91,7 @@ def test_a_held_torque_keeps_the_lane_as_well(name, driver, speed):
     fine, held = (driven(f"steer_env/{name}-v1", driver, n=3, speed=speed, control_dt=dt) for dt in (0.01, 0.05))
     for a, b in zip(fine, held):
         assert b["rms_lateral_offset"] < 1.1 * a["rms_lateral_offset"] + 0.01
-        assert b["rms_handwheel_speed"] < 1.5 * a["rms_handwheel_speed"] + 0.01
+        assert b["rms_handwheel_speed"] < 1.7 * a["rms_handwheel_speed"] + 0.01
 
 
 def test_a_controller_finds_its_observations_by_name_and_scale():

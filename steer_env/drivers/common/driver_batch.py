@@ -39,9 +39,7 @@ class DriverArrays(NamedTuple):
 
     gains: Array  # (n, G) of the preview model
     muscles: Array  # (3, 4) as :func:`steer_env.drivers.common.definition.muscle_matrices`
-    # (n, 5) hand torque over intended angle [N m/rad], speed [N m s/rad] and acceleration [kg m2], the arms' impedance
-    # among them, and over lateral speed [N s] and yaw rate [N m s/rad]
-    feed_forward: Array
+    feed_forward: Array  # (n, 5) hand torque over what ``KnownTorque`` names, with that of the arms' intention [SI]
     memory: Array  # (n, MEMORY + 1)
 
 
