@@ -22,7 +22,7 @@ from steer_env.friction.numerics.check import number, whole
 from steer_env.friction.numerics.frozen import frozen
 from steer_env.friction.numerics.kernel import bind
 from steer_env.friction.numerics.renamed import renamed
-from steer_env.manoeuvres.common.driving import steering_stiffness
+from steer_env.manoeuvres.common.driving import sine_response
 from steer_env.randomise import LIMITS, RANGES, SENSOR_NOISE, Conditions, Randomise
 from steer_env.sensor_noise import SensorNoise
 from steer_env.tasks.common.definition import (
@@ -146,7 +146,7 @@ class EnvironmentBatch:
         self._bind()
         self._usual_start = self._settled(template)
         self.drivers = (
-            drivers.DriverBatch(self.driver, self.car, n, self.steering_stiffness, usual) if self.driver else None
+            drivers.DriverBatch(self.driver, self.car, n, self.steering_response, usual) if self.driver else None
         )
         self._pool = ThreadPool(n, whole("threads", threads, 1))
 
@@ -200,10 +200,13 @@ class EnvironmentBatch:
         """The conditions of an episode if nothing is drawn."""
         return self._randomise.usual
 
-    def steering_stiffness(self, conditions: Conditions) -> float:
-        """Hand torque over handwheel angle [N m/rad] in steady turns in some conditions, without friction."""
+    def steering_response(self, conditions: Conditions, amplitude: float, frequency: float) -> NDArray[np.complex128]:
+        """Hand torque, lateral speed and yaw rate over a sine of the handwheel angle in some conditions.
+
+        As :func:`steer_env.manoeuvres.common.driving.sine_response`, with an amplitude [rad] and a frequency [Hz].
+        """
         p = self._plant(conditions, robot=True)
-        return steering_stiffness(p, self._runner(p))
+        return sine_response(p, amplitude, frequency, self._runner(p))
 
     def start(self, i: int, rng: np.random.Generator, options: Mapping[str, Any]) -> None:
         """Begin an episode in row ``i``; ``options`` fix what would be drawn. ValueError for an unknown option."""

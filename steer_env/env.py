@@ -45,7 +45,7 @@ class SteerEnv(PlainSpecification, gym.Env):
         for drivers and 10 ms for assists.
     driver : str, mapping or Driver, optional
         The driver model, in tasks that have one in the loop: one of ``steer_env.drivers.available()``, a mapping of one
-        and its options, as in ``{"driver": "preview", "effort": 0.2, "co_contraction": 0.25}``, or from
+        and its options, as in ``{"driver": "preview", "effort": 0.03, "co_contraction": 0.25}``, or from
         ``steer_env.drivers.make``; "preview" by default.
     randomise : mapping, optional
         What to draw at every reset: keys of ``steer_env.randomise.RANGES`` to (low, high), and under "friction" the

@@ -26,7 +26,7 @@ AIMS = ("rms_angle_error", "rms_feel_error", "rms_lateral_offset")
 class Behaviour(NamedTuple):
     """What a controller does, whatever the reward says: means over the episodes."""
 
-    reward: float
+    reward: float  # sum over the episode [s]
     failures: float  # share of the episodes
     ripple: float  # [N m]
     aim: float  # root mean square of the task's error [its unit]

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from steer_env.courses.preview import PREVIEW_TIMES
 from steer_env.drivers.common.definition import NEUROMUSCULAR_STATES, Driver, arm, register, register_preview_model
+from steer_env.drivers.common.known_torque import acceleration_gain
 from steer_env.friction.numerics.check import positive
 from steer_env.friction.numerics.kernel import kernel
 from steer_env.timing import UPDATE_INTERVAL
@@ -15,10 +16,10 @@ from steer_env.vehicle.cars import Car
 
 Array = NDArray[np.float64]
 
-# Lateral offset that costs as much as a lateral acceleration of 1 m/s2 [s2]. From 0.022 to 0.026 all packaged cars take
+# Lateral offset that costs as much as a lateral acceleration of 1 m/s2 [s2]. From 0.020 to 0.024 all packaged cars take
 # the double lane change at 80 km/h without a cone; below, they overshoot by what the linear car leaves out, and above,
 # they cut corners. Chosen with these results in view.
-EFFORT = 0.024
+EFFORT = 0.023
 _POINTS = len(PREVIEW_TIMES)
 
 
@@ -28,26 +29,17 @@ class Preview(NamedTuple):
     effort: float  # [s2]
 
 
-def _effort_of_angle(effort: float, car: Car, speed: float) -> float:
-    """Lateral offset that costs as much as one radian of handwheel angle [m/rad].
-
-    The angle counts by the lateral acceleration that it leads to in a steady turn, so that one number gives every car
-    at every speed about the same loop: for a car that answers at once, one that follows the path up to 1/sqrt(effort)
-    [rad/s]. An oversteering car counts as neutral: its gain is infinite at the critical speed.
-    """
-    from steer_env.vehicle import linear  # here, because it takes longer to import than an environment
-
-    model = linear.from_car(car, speed)
-    per_acceleration = (model.front_axle + model.rear_axle) / speed**2 + max(model.understeer_gradient(), 0.0)  # (L4)
-    return effort * model.steering_ratio / per_acceleration
-
-
 def _gains(p: Preview, car: Car, speed: float) -> Array:
-    """Gains on the lateral offset and the path's points, on lateral speed and yaw rate, and on z."""
+    """Gains on the lateral offset and the path's points, on lateral speed and yaw rate, and on z.
+
+    An angle costs by the lateral acceleration that it leads to in a steady turn, so that one effort gives every car at
+    every speed about the same loop: for a car that answers at once, one that follows the path up to 1/sqrt(effort)
+    [rad/s].
+    """
     from steer_env.drivers.common import lq  # here, because python-control takes longer to import than an environment
     from steer_env.vehicle import linear
 
-    effort = _effort_of_angle(p.effort, car, speed)
+    effort = p.effort * acceleration_gain(car, speed)
     K, g, _ = lq.gains(linear.from_car(car, speed), PREVIEW_TIMES[-1], effort=effort)
     # The path is taken as straight between the points, so gains on its samples add up to gains on the points.
     times, seen = UPDATE_INTERVAL * np.arange(1, g.size + 1), np.array([0.0, *PREVIEW_TIMES])

@@ -61,7 +61,12 @@ register_preview_model(TwoPoint, _gains, _command)
 
 
 def two_point(near: float = 8.0, scale: float = 1.0, co_contraction: float = 0.5) -> Driver:
-    """Near and far point after Salvucci and Gray (2004), through arms."""
+    """Near and far point after Salvucci and Gray (2004), through arms.
+
+    He keeps a lane, and takes the default car through the double lane change up to 55 km/h; faster he is some 0.2 s
+    late, because angles to points make no allowance for his own delay and arms. On winding roads he leaves the lane
+    from 60 m/s on.
+    """
     parameters = TwoPoint(number("near [m]", near, minimum=2.0, maximum=30.0), positive("scale", scale))
     return Driver("two_point", parameters, arm(co_contraction))
 

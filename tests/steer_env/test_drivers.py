@@ -9,8 +9,12 @@ from steer_env import drivers, friction
 from steer_env.courses.preview import PREVIEW_TIMES
 from steer_env.drivers.common import lq
 from steer_env.drivers.common.definition import (
+    ARM_DAMPING,
+    ARM_FREQUENCY,
+    DELAYED_COMMANDS,
     DELAYED_ERRORS,
     MEMORY,
+    MUSCLE_LAG,
     NEUROMUSCULAR_STATES,
     command,
     delayed_error,
@@ -37,6 +41,12 @@ def drive(env, driver, **reset):
         rows.append([info[name] for name in ("x", "y", "handwheel_angle", "handwheel_torque")])
         over = terminated or truncated
     return np.array(rows), info
+
+
+def steady_acceleration(car, speed):
+    """Lateral acceleration of the linear car over its handwheel angle in a steady turn [m/s2/rad]."""
+    body = linear.from_car(car, speed).state_space("handwheel")
+    return -speed * np.linalg.solve(body.A, body.B)[1, 0]
 
 
 def sight_of(lateral):
@@ -125,9 +135,9 @@ def test_free_hands_give_nothing():
 def test_preview_commands_as_the_optimum_on_every_sample():
     """On a path that is straight between what is seen, the few points give what all 150 of the optimum do."""
     rng = np.random.default_rng(0)
-    driver = drivers.make("preview", effort=0.1)
+    driver = drivers.make("preview", effort=0.02)
     model = linear.from_car(CAR, SPEED)
-    K, g, arms = lq.gains(model, PREVIEW_TIMES[-1], effort=0.1)
+    K, g, arms = lq.gains(model, PREVIEW_TIMES[-1], effort=0.02 * steady_acceleration(CAR, SPEED))
     lateral, z, v_y, r = rng.normal(size=1 + len(PREVIEW_TIMES)), rng.normal(size=NEUROMUSCULAR_STATES), 0.3, -0.1
     path = np.interp(UPDATE_INTERVAL * np.arange(1, g.size + 1), [0.0, *PREVIEW_TIMES], lateral)
     wanted = g @ path - K[:2] @ [v_y, r] - K[4:] @ z
@@ -136,33 +146,38 @@ def test_preview_commands_as_the_optimum_on_every_sample():
     np.testing.assert_allclose(muscle_matrices(), arms, atol=1e-9)
 
 
-def test_macadam_is_the_least_squares_angle():
-    """Against a simulation of the linear car with an angle held, and numpy's least squares."""
+def test_macadam_is_the_least_squares_command():
+    """Against a simulation of the linear car, the arms and the delay with a command held, and numpy's least squares."""
     from scipy.integrate import solve_ivp
 
-    body = linear.from_car(CAR, SPEED).state_space("handwheel")
-    v_y, r, times = 0.2, 0.05, np.array([t for t in PREVIEW_TIMES if t <= 1.3 + 1e-9])
+    body, omega = linear.from_car(CAR, SPEED).state_space("handwheel"), 2.0 * np.pi * ARM_FREQUENCY
+    times = np.array([t for t in PREVIEW_TIMES if t <= 0.9 + 1e-9])
+    rng = np.random.default_rng(0)
+    v_y, r, z = 0.2, 0.05, rng.normal(size=NEUROMUSCULAR_STATES)
 
-    def ways(angle, start):
-        def rate(t, x):
-            return [*(body.A @ x[:2] + body.B[:, 0] * angle), x[0] + SPEED * x[3], x[1]]
+    def ways(held, start, pipeline):
+        """Lateral places at the times; the commands of the pipeline take effect first, then the held one."""
+        x, found = np.array([*start[:2], 0.0, 0.0, *start[2:]]), []
+        for k in range(round(times[-1] / UPDATE_INTERVAL)):
+            u = pipeline[k] if k < len(pipeline) else held
 
-        return solve_ivp(rate, (0.0, 2.0), [*start, 0.0, 0.0], t_eval=times, rtol=1e-10, atol=1e-12).y[2]
+            def rate(t, x, u=u):
+                v, turn, _, yaw, angle, speed, muscles = x
+                arms = omega**2 * (muscles - angle) - 2.0 * ARM_DAMPING * omega * speed
+                car = body.A @ [v, turn] + body.B[:, 0] * angle
+                return [*car, v + SPEED * yaw, turn, speed, arms, (u - muscles) / MUSCLE_LAG]
+
+            x = solve_ivp(rate, (0.0, UPDATE_INTERVAL), x, rtol=1e-9, atol=1e-12).y[:, -1]
+            found.append(x[2])
+        return np.array(found)[np.round(times / UPDATE_INTERVAL).astype(int) - 1]
 
     lateral = np.array([0.0, *0.02 * np.array(PREVIEW_TIMES) ** 2 * SPEED**2 / 5.0])
-    unit, free = ways(1.0, (0.0, 0.0)), ways(0.0, (v_y, r))
+    unit, free = ways(1.0, np.zeros(5), np.zeros(DELAYED_COMMANDS)), ways(0.0, [v_y, r, *z[:3]], z[3:])
     wanted = np.linalg.lstsq(unit[:, None], lateral[1 : 1 + times.size] - free, rcond=None)[0][0]
-    driver = drivers.make("macadam")
-    found = command(
-        driver.preview_model,
-        gains_of(driver, CAR, SPEED),
-        sight_of(lateral),
-        v_y,
-        r,
-        np.zeros(NEUROMUSCULAR_STATES),
-        np.zeros(1),
-    )
-    assert found == pytest.approx(wanted, rel=1e-7)
+    driver = drivers.make("macadam", preview_time=0.9)
+    gains = gains_of(driver, CAR, SPEED)
+    found = command(driver.preview_model, gains, sight_of(lateral), v_y, r, z, np.zeros(1))
+    assert found == pytest.approx(wanted, rel=1e-6)
 
 
 def test_two_points_ask_for_the_cars_own_angle_in_a_steady_turn():
@@ -191,7 +206,7 @@ def test_a_command_takes_its_time():
     driver = drivers.make("free")
     memory, intended = np.zeros(MEMORY + 1), []
     for _ in range(100):
-        angle, _ = neuromuscular_step(
+        angle, *_ = neuromuscular_step(
             driver.preview_model, np.zeros(0), muscle_matrices(), np.zeros(17), 0.0, 0.0, memory
         )
         memory[NEUROMUSCULAR_STATES - 1] = 1.0
@@ -214,7 +229,7 @@ def test_a_reflex_answers_to_an_error_50_ms_old(ahead):
     [
         (lambda: drivers.make("chauffeur"), "unknown driver 'chauffeur'; available: free, macadam, preview, robot"),
         (lambda: drivers.make("preview", co_contraction=1.5), "co_contraction must be .*at most 1, got 1.5"),
-        (lambda: drivers.make("preview", effort=0.0), r"effort \[m/rad\] must be .*greater than 0"),
+        (lambda: drivers.make("preview", effort=0.0), r"effort \[s2\] must be .*greater than 0"),
         (lambda: drivers.make("macadam", preview_time=9.0), r"preview_time \[s\] must be .*at most 1.5"),
         (lambda: drivers.make("two_point", near=0.0), r"near \[m\] must be .*at least 2"),
         (lambda: gym.make("steer_env/AssistLaneKeeping-v1", driver=3), "driver must be one of free, .*got 3"),
@@ -225,8 +240,14 @@ def test_a_reflex_answers_to_an_error_50_ms_old(ahead):
             "no driver model can act in DriverParking",
         ),
         (
-            lambda: drivers.Controller(gym.make("steer_env/DriverLaneKeeping-v1", control_dt=0.02)),
-            "act every 10 ms; make the environment with control_dt=0.01, not 0.02",
+            lambda: drivers.Controller(gym.make("steer_env/DriverLaneKeeping-v1", control_dt=0.005)),
+            "act every 10 ms; make the environment with a multiple of it as control_dt, not 0.005",
+        ),
+        (lambda: drivers.make("preview", informed="yes"), "informed must be True or False, got 'yes'"),
+        (lambda: drivers.resolve({"driver": "robot", "informed": 1}), "informed must be True or False, got 1"),
+        (
+            lambda: drivers.AngleServo(gym.make("steer_env/DriverLaneKeeping-v1")),
+            "the angle servo cannot act in DriverLaneKeeping: it needs an observed target angle",
         ),
     ],
 )

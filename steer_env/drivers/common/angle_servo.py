@@ -51,7 +51,7 @@ class AngleServo:
         self._places = np.array([names.index(name) for name in wanted])
         self._observation_scale = getattr(env.unwrapped, "observation_scale", 1.0)
         self._interval, self._scale = batch.control_dt, batch.task.action.scale
-        self._arm = held_arm(Arm(0.0, DAMPING, STIFFNESS, 0.0), batch.car.column, self._interval)
+        self._arm = held_arm(Arm(0.0, DAMPING, STIFFNESS, 0.0), batch.car, self._interval)
         self._integral, self._turning = np.zeros(batch.n), np.zeros(batch.n)  # [rad s], [N m]
 
     def reset(self, rows: Any = slice(None)) -> None:

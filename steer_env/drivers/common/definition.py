@@ -11,11 +11,9 @@ The arms hold the handwheel by their impedance to the intended angle, with the t
 and a reflex on the error of ``REFLEX_DELAY`` ago:
 
     T1 = K_arm (angle - th1) + C_arm (angle' - th1') - I_arm th1'' + T_need + K_reflex (angle - th1)(t - delay)
-    T_need = K_slip alpha + C angle' + (I + I_arm) angle'',   alpha = i_s angle - (v_y + a r)/v
 
-K_slip is the hand torque over the front axle's slip angle alpha in a steady turn; C and I are damping and inertia of the
-handwheel and of what lies below the torsion bar, without assist. In a quick swerve the slip, and with it the torque,
-leads the lateral acceleration; arms that give the torque of a steady turn overshoot then, on some cars until they weave.
+:mod:`steer_env.drivers.common.known_torque` tells T_need, to which I_arm angle'' is added. Arms that give the torque of
+a steady turn instead overshoot in quick motions, on some cars until they weave.
 
 A driver is one file: a function that makes it, and for a new preview model its parameters (their class selects the
 kernel), a function that gives the gains for a car at a speed, and the kernel that computes the command. Sources:

@@ -17,13 +17,13 @@ from steer_env.drivers.common.definition import (
     neuromuscular_step,
     resolve,
 )
+from steer_env.drivers.common.known_torque import Response, known_torque
 from steer_env.friction.numerics.bounds import within
 from steer_env.friction.numerics.kernel import bind, kernel
 from steer_env.randomise import Conditions
 from steer_env.timing import SAMPLES_PER_UPDATE, UPDATE_INTERVAL
 from steer_env.vehicle.cars import Car
 from steer_env.vehicle.plant import CHANNEL, Plant
-from steer_env.vehicle.steering.column import Column
 
 Array = NDArray[np.float64]
 
@@ -39,9 +39,7 @@ class DriverArrays(NamedTuple):
 
     gains: Array  # (n, G) of the preview model
     muscles: Array  # (3, 4) as :func:`steer_env.drivers.common.definition.muscle_matrices`
-    # (n, 5) hand torque over intended angle [N m/rad], speed [N m s/rad] and acceleration [kg m2], the arms' impedance
-    # among them, and over lateral speed [N s] and yaw rate [N m s/rad]
-    feed_forward: Array
+    feed_forward: Array  # (n, 5) hand torque over what ``KnownTorque`` names, with that of the arms' intention [SI]
     memory: Array  # (n, MEMORY + 1)
 
 
@@ -98,8 +96,8 @@ class DriverBatch:
     driver : Driver
     car : Car
     n : int
-    stiffness : Conditions -> steering stiffness [N m/rad]
-        Hand torque over handwheel angle in a steady turn, from which the drivers take what a motion needs.
+    response : Response
+        Of the car to a sine of the handwheel angle, from which the drivers know the torque that a motion needs.
     usual : Conditions
         What a driver takes for granted who is not informed.
     updates : int, optional
@@ -118,13 +116,13 @@ class DriverBatch:
         driver: Driver,
         car: Car,
         n: int,
-        stiffness: Callable[[Conditions], float],
+        response: Response,
         usual: Conditions,
         updates: int | None = None,
     ) -> None:
-        self.driver, self._car, self._stiffness, self._usual = driver, car, stiffness, usual
-        self._updates = 1 if updates is None else updates
-        self.arm = driver.arm if updates is None else held_arm(driver.arm, car.column, updates * UPDATE_INTERVAL)
+        self.driver, self._car, self._response, self._usual = driver, car, response, usual
+        self._updates = updates
+        self.arm = driver.arm if updates is None else held_arm(driver.arm, car, updates * UPDATE_INTERVAL)
         self._designs: dict[tuple[float, float, float], tuple[Array, Array]] = {}  # by speed, load and road friction
         self.arrays = DriverArrays(np.zeros((n, 0)), muscle_matrices(), np.zeros((n, 5)), np.zeros((n, MEMORY + 1)))
         self._kernel: Callable[..., None] | None = None
@@ -162,13 +160,11 @@ class DriverBatch:
         gains = gains_of(self.driver, car, speed, road_friction)
         if arm.stiffness == 0.0:
             return gains, np.zeros(5)
-        column = car.column
-        stiffness = self._stiffness(self._usual._replace(speed=speed, load=load, road_friction=road_friction))
-        by_angle, by_v_y, by_yaw_rate = stiffness * slip_over_steady(car, speed)
+        conditions = self._usual._replace(speed=speed, load=load, road_friction=road_friction)
+        needed = np.array(known_torque(car, conditions, self._response))
         # Arms in the loop are part of the plant's inertia; those of a controller are not.
-        inertia = column.I1 + column.I2 + (arm.inertia if arm is self.driver.arm else 0.0)
-        on_intention = arm.stiffness + by_angle, arm.damping + column.C1 + column.C2, inertia
-        return gains, np.array([*on_intention, by_v_y, by_yaw_rate])
+        inertia = arm.inertia if self._updates is None else 0.0
+        return gains, needed + np.array([arm.stiffness, arm.damping, inertia, 0.0, 0.0])
 
     def write_hand_torque(
         self, episodes: Any, channels: Array, observations: Array, inputs: Array, low: int, high: int
@@ -190,38 +186,21 @@ class DriverBatch:
         heading error and the points ahead.
         """
         torque = np.zeros(len(motion))
-        _hand_torque(self.driver.preview_model, self.arrays, self.arm, motion, paths, self._updates, torque)
+        _hand_torque(self.driver.preview_model, self.arrays, self.arm, motion, paths, self._updates or 1, torque)
         return torque
 
 
-def slip_over_steady(car: Car, speed: float) -> Array:
-    """Front slip angle over handwheel angle, lateral speed and yaw rate, all over what it is per angle in steady turns.
-
-    Returns
-    -------
-    (3,) array
-        [1], [rad s/m], [s]; of a car that is unstable at this speed, which has no steady turns, 1, 0, 0.
-    """
-    from steer_env.vehicle import linear  # here, because it takes longer to import than an environment
-
-    model = linear.from_car(car, speed)
-    body = model.state_space("handwheel")
-    if not np.all(body.poles().real < 0.0):
-        return np.array([1.0, 0.0, 0.0])
-    slip = np.array([model.steering_ratio, -1.0 / speed, -model.front_axle / speed])  # minus alpha_f of (L3)
-    steady = np.array([1.0, *-np.linalg.solve(body.A, body.B)[:, 0]])
-    return slip / (slip @ steady)
-
-
-def held_arm(arm: Arm, column: Column, interval: float) -> Arm:
+def held_arm(arm: Arm, car: Car, interval: float) -> Arm:
     """The arms as firm as a torque that is held for an interval [s] may imitate.
 
-    A stiffness K to an angle of an interval ago makes an inertia I oscillate from K h^2/I of about 1 on, a damping C
-    reverses its speed within the interval from C h/I = 1 on. The stiffness stays at half its limit, with the inertia of
-    the whole column; the damping, which acts on the handwheel against the torsion bar, at its limit with the handwheel's.
+    A held torque is half an interval late on average, so a stiffness K takes the damping K h/2 away: at most a quarter
+    of that of column and motor. A damping acts on the handwheel against the torsion bar: at most I1/h, with which it
+    stops the handwheel within the interval.
     """
-    stiffness = 0.5 * (column.I1 + column.I2) / interval**2
-    return arm._replace(stiffness=min(arm.stiffness, stiffness), damping=min(arm.damping, column.I1 / interval))
+    column = car.column
+    steering = column.C1 + column.C2 + float(car.assist.damping.min())
+    stiffness, damping = 0.5 * steering / interval, column.I1 / interval
+    return arm._replace(stiffness=min(arm.stiffness, stiffness), damping=min(arm.damping, damping))
 
 
 def with_arms(p: Plant, arm: Arm) -> Plant:
@@ -238,8 +217,8 @@ class Controller:
     Parameters
     ----------
     env : gym.Env or gym.vector.VectorEnv
-        Of a task that observes a path, with a ``control_dt`` that is a multiple of 10 ms. The stiffest arms that can be
-        imitated by a held torque become softer with it, which matters beyond 50 ms.
+        Of a task that observes a path, with a ``control_dt`` that is a multiple of 10 ms. A held torque cannot imitate
+        arms of any firmness, as :func:`held_arm` tells; up to 50 ms drivers follow a path about as well as at 10 ms.
     driver : str, mapping or Driver
         In a form of ``steer_env.drivers.resolve``.
 
@@ -268,7 +247,7 @@ class Controller:
         self._observation_scale = getattr(env.unwrapped, "observation_scale", 1.0)
         self._scale = task.action.scale
         self._drivers = DriverBatch(
-            resolve(driver), batch.car, batch.n, batch.steering_stiffness, batch.usual_conditions, updates
+            resolve(driver), batch.car, batch.n, batch.steering_response, batch.usual_conditions, updates
         )
         self._new = np.ones(batch.n, bool)
 

@@ -21,6 +21,7 @@ from steer_env.vehicle.steering.eps import SAMPLE_TIME, without_assist
 Array = NDArray[np.float64]
 HOLD = 10  # samples between two calls of a driver
 CHATTER = 0.5  # change of the motor torque in a sample, over its limit, from which it chatters; assumed [1]
+_RESPONSE = ("handwheel_torque", "lateral_speed", "yaw_rate")
 REGRIP = 1.0  # time after which a robot that grips again has its prescribed angle, assumed [s]
 
 
@@ -171,6 +172,43 @@ def steering_stiffness(p: plant.Plant, run: Callable = plant.run) -> float:
         run(p, state, u, record, 1)
         held.append(record[0, plant.CHANNEL["handwheel_torque"]])
     return float(held[1] - held[0]) / 0.1
+
+
+def sine_response(
+    p: plant.Plant, amplitude: float, frequency: float, run: Callable = plant.run
+) -> NDArray[np.complex128]:
+    """Hand torque, lateral speed and yaw rate over a sine of the handwheel angle, in its third period.
+
+    Parameters
+    ----------
+    p : Plant
+        That of a robot.
+    amplitude, frequency : float
+        [rad], [Hz]; the amplitude rises over the first period.
+    run : callable
+        With the arguments of :func:`steer_env.vehicle.plant.run`.
+
+    Returns
+    -------
+    (3,) array of complex
+        Of the fundamental [N m/rad, m/s/rad, 1/s]; the imaginary part is in phase with the handwheel's speed.
+    """
+    state, row = plant.settled(p, run)
+    period, omega = round(1.0 / (frequency * SAMPLE_TIME * HOLD)), 2.0 * np.pi * frequency
+    t = SAMPLE_TIME * np.arange(1.0, 3 * period * HOLD + 1.0)
+    rise, slope = np.minimum(t * frequency, 1.0), np.where(t * frequency < 1.0, frequency, 0.0)
+    u = np.zeros((t.size, len(plant.INPUTS)))
+    u[:, plant.HAND] = amplitude * rise * np.sin(omega * t)
+    u[:, plant.HAND_SPEED] = amplitude * (rise * omega * np.cos(omega * t) + slope * np.sin(omega * t))
+    wanted, record, found = [plant.CHANNEL[name] for name in _RESPONSE], row[None].copy(), []
+    for held in u.reshape(-1, HOLD, u.shape[1]):
+        run(p, state, held, record, 1)
+        found.append(record[0, wanted])
+    phase = omega * t[HOLD - 1 :: HOLD][-period:]
+    basis = np.column_stack([np.sin(phase), np.cos(phase)])
+    of_angle, of_speed = np.linalg.lstsq(basis, np.array(found[-period:]), rcond=None)[0]
+    response: NDArray[np.complex128] = (of_angle + 1j * of_speed) / amplitude
+    return response
 
 
 def _regripped(u: Array, angle: float, speed: float) -> Array:
