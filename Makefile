@@ -2,7 +2,7 @@ PYTHON ?= python3
 PYTEST = .venv-test/bin/python -m pytest --numprocesses auto --dist loadfile
 SEED := $(shell date +%s)
 
-.PHONY: report test test-all test-matrix audit clean
+.PHONY: report test test-all test-matrix test-integrations audit clean
 
 # The main job: the core packages alone, then the evaluation report in report/index.html.
 report: .venv/.stamp
@@ -22,6 +22,10 @@ test-all: .venv-test/.stamp
 test-matrix:
 	$(PYTHON) tests/tools/matrix.py
 
+# Smoke tests with the libraries of docs/integrations.md.
+test-integrations: .venv-integrations/.stamp
+	.venv-integrations/bin/python -m pytest tests/integrations
+
 # Policy search against every reward: what scores more than the classical controllers must not behave worse.
 audit: .venv-test/.stamp
 	.venv-test/bin/steer-env audit
@@ -38,5 +42,11 @@ audit: .venv-test/.stamp
 	.venv-test/bin/python -m pip install --quiet --constraint constraints-train.txt --editable '.[train,test]'
 	touch $@
 
+.venv-integrations/.stamp: pyproject.toml constraints.txt constraints-train.txt constraints-integrations.txt
+	$(PYTHON) -m venv .venv-integrations
+	.venv-integrations/bin/python -m pip install --quiet --constraint constraints-integrations.txt torch
+	.venv-integrations/bin/python -m pip install --quiet --constraint constraints-integrations.txt --editable '.[integrations,test]'
+	touch $@
+
 clean:
-	rm -rf .venv .venv-test report
+	rm -rf .venv .venv-test .venv-integrations report

@@ -18,6 +18,7 @@ EPISODES = 4  # that are driven
 def clone(dataset: minari.MinariDataset, steps: int = 3000) -> torch.nn.Module:
     """A network that acts as the recorded controller did: the least mean square of the difference of the actions."""
     torch.manual_seed(0)
+    torch.set_num_threads(1)  # more threads are slower with networks of this size
     recorded = list(dataset.iterate_episodes())
     seen = torch.from_numpy(np.concatenate([episode.observations[:-1] for episode in recorded]))
     action = torch.from_numpy(np.concatenate([episode.actions for episode in recorded]))

@@ -100,7 +100,7 @@ class EnvironmentBatch:
         driver: Any = None,
         randomise: Mapping[str, Any] | None = None,
         weights: Mapping[str, float] | None = None,
-        normalise: bool = False,
+        normalise: bool = True,
         threads: int = 1,
         max_episode_steps: int | None = None,
     ) -> None:

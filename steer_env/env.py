@@ -52,8 +52,8 @@ class SteerEnv(PlainSpecification, gym.Env):
         law's own parameters, as in ``{"load": (0, 300), "friction": {"F_c": (0.6, 1.2)}}``.
     weights : mapping, optional
         Weights of reward terms that replace the task's.
-    normalise : bool, default False
-        Whether each observation is divided by its usual size, which the task's documentation gives.
+    normalise : bool, default True
+        Whether each observation is divided by its usual size, which the task's documentation gives: PPO learns faster.
         ``observation_scale`` (O,) holds these sizes, or ones: an observation times it is in SI units.
     render_mode : None, "rgb_array", "rgb_array_list" or "human"
         A picture shows the car on its road from above, the handwheel and the live torque-angle loop. "rgb_array_list"
@@ -118,7 +118,7 @@ class SteerEnv(PlainSpecification, gym.Env):
         self.batch.start(0, self.np_random, options or {})
         if self._renderer is not None:
             self._renderer.start()
-        return self._observation.copy(), self._infos.of_first(0.0, 0)
+        return self._observation.copy(), self._infos.of_first_at_reset()
 
     def step(self, action: Any) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
         """Hold an action in [-1, 1] for ``control_dt``; an action beyond is clipped, as a motor or an arm would do.

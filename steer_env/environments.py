@@ -46,15 +46,15 @@ def _documentation(task: Task) -> str:
     terms = [(f"`{t.name}`", f"{t.weight:.6g}", t.meaning) for t in task.rewards]
     costs = [(f"`{c.name}`", f"{c.limit:.6g}", c.unit, c.meaning) for c in task.costs]
     metrics = [(f"`{m.name}`", m.unit, ("rms", "peak", "sum")[m.kind], m.meaning) for m in task.metrics]
-    options = [(f"`{key}`", meaning) for key, (_, _, meaning) in {**task.options, **RANGES}.items()]
+    options = [(f"`{key}`", meaning) for key, (_, _, meaning) in reset_options(task).items()]
     sections = [
         task.summary,
         "## Action",
         "`Box(-1, 1, (1,))`; the action is held for `control_dt`.",
         table(("index", "action", "at 1", "unit"), [("0", action.meaning, f"{action.scale:g}", action.unit)]),
         "## Observation",
-        f"`Box({len(observations)},)` in SI units, clipped to the bounds; with `normalise=True` each is divided by its "
-        "usual size.",
+        f"`Box({len(observations)},)`, clipped to the bounds and divided by the usual sizes; with `normalise=False` in "
+        "SI units.",
         table(("index", "observation", "bound", "usual", "unit"), observations),
         "## Reward",
         f'The reward is the sum of the terms, which are in `info["reward_terms"]`: each is its weight times a quality '
@@ -82,13 +82,25 @@ def _documentation(task: Task) -> str:
     return "\n\n".join(sections) + "\n"
 
 
+def reset_options(task: Task) -> dict[str, tuple[float, float, str]]:
+    """What ``reset`` takes, with its range on the default chassis and its meaning."""
+    known = {**task.options, **RANGES, "speed": (*task.speed_limits(task.chassis[0]), RANGES["speed"][2])}
+    if task.draw_scenario:
+        del known["speed"]
+    return known
+
+
 def _arguments(task: Task) -> str:
     """The arguments of a task in words."""
     low, high = task.speed_limits(task.chassis[0])
+    speed = (
+        "without a speed, which is drawn with the scenario. The default chassis is"
+        if task.draw_scenario
+        else f"with a speed from {low:g} to {high:g} m/s. The default speed is {3.6 * task.speed:g} km/h, the default "
+        "chassis"
+    )
     return (
-        f"Those of `steer_env.SteerEnv`, with a speed from {low:g} to {high:g} m/s. The default speed is "
-        f"{3.6 * task.speed:g} km/h, the default chassis {task.chassis[0]!r}, the default `control_dt` "
-        f"{task.control_dt:g} s."
+        f"Those of `steer_env.SteerEnv`, {speed} {task.chassis[0]!r}, the default `control_dt` {task.control_dt:g} s."
     )
 
 
@@ -97,10 +109,9 @@ def _classes(name: str) -> tuple[type[SteerEnv], type[SteerVectorEnv]]:
     """Single and vector environment of a task."""
     task = tasks.task(name)
     fields = {"task": task, "__doc__": _documentation(task), "__module__": __name__}
-    made = type(name, (SteerEnv,), dict(fields)), type(f"{name}Vector", (SteerVectorEnv,), dict(fields))
-    for each in made:
-        each.metadata = {**each.metadata, "render_fps": frame_rate(None, task.control_dt)}
-    return made
+    rate = {"render_fps": frame_rate(None, task.control_dt)}
+    single = type(name, (SteerEnv,), {**fields, "metadata": {**SteerEnv.metadata, **rate}})
+    return single, type(f"{name}Vector", (SteerVectorEnv,), {**fields, "metadata": {**SteerVectorEnv.metadata, **rate}})
 
 
 def __getattr__(name: str) -> type:

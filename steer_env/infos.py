@@ -1,5 +1,6 @@
 """What ``info`` holds: the same keys and types at reset, at every step and at an episode's end, single and vector."""
 
+import math
 from collections.abc import Iterable
 from typing import Any
 
@@ -29,6 +30,7 @@ class Infos:
         every = np.ones(batch.n, bool)
         every.flags.writeable = False  # all infos share it
         self._every = self._masked(every)
+        self._names = tuple(self._groups.values())[:3]
         self._drawn: Any = None  # the conditions that ``_conditions`` holds by name
         self._conditions: dict[str, float] = {}
         self._view()
@@ -49,7 +51,7 @@ class Infos:
             self._drawn = batch.conditions[0]
             self._conditions = dict(zip(batch.condition_names, batch.condition_values[0].tolist()))
         channels, terms, metrics = self._first
-        rewards, costs, measured, _ = self._groups.values()
+        rewards, costs, measured = self._names
         both = iter(terms.tolist())
         info: dict[str, Any] = dict(zip(batch.channels, channels.tolist()))
         info["reward_terms"] = dict(zip(rewards, both))
@@ -57,6 +59,12 @@ class Infos:
         info["metrics"] = dict(zip(measured, metrics.tolist()))
         info["conditions"] = self._conditions.copy()
         info["cost"], info["failure"] = cost, failure
+        return info
+
+    def of_first_at_reset(self) -> dict[str, Any]:
+        """The info of row 0 at a reset. Its NaN are one object, so that ``==`` finds the infos of two resets equal."""
+        info = self.of_first(0.0, 0)
+        info["metrics"] = dict.fromkeys(info["metrics"], math.nan)
         return info
 
     def of_all(self, mask: Mask | None = None) -> dict[str, Any]:

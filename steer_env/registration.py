@@ -1,5 +1,8 @@
 """The ids that Gymnasium knows; the entry points are strings, so that registering them imports no environment."""
 
+import json
+from importlib.resources import files
+
 import gymnasium as gym
 
 from steer_env.friction.numerics.registry import camel_case, listed
@@ -24,8 +27,9 @@ REGISTERED = DRIVEN | TUNED
 
 
 def register() -> None:
-    """Register the ids with Gymnasium."""
-    for name, entry_point in DRIVEN.items():
-        gym.register(name, entry_point=entry_point, vector_entry_point=f"{entry_point}Vector")
-    for name, entry_point in TUNED.items():
-        gym.register(name, entry_point=entry_point)
+    """Register the ids with Gymnasium; `steer-env scores` wrote the mean rewards of the best baselines."""
+    thresholds = json.loads((files("steer_env") / "data" / "scores" / "reward_thresholds.json").read_text("utf-8"))
+    for name, entry_point in REGISTERED.items():
+        vector = f"{entry_point}Vector" if name in DRIVEN else None
+        solved = thresholds.get(name)
+        gym.register(name, entry_point=entry_point, vector_entry_point=vector, reward_threshold=solved)

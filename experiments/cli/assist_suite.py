@@ -49,7 +49,7 @@ def _suite(args: argparse.Namespace) -> int:
     found = {}
     for name, make in makers.items():
         about = policy.about(path_of(name, env_id)) if name in policies else None
-        normalise = about is not None and policy.conditions(about).get("normalise", False)
+        normalise = about is not None and policy.conditions(about).get("normalise", True)
         with progress(name) as notify:
             found[name] = assist_suite.examine(make, env_id, normalise, notify=notify)
         print_suite(found[name], f"{name} in {env_id}", whole=args.all)

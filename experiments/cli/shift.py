@@ -62,7 +62,10 @@ def shift(args: argparse.Namespace) -> None:
     usable(out, shifted.CONTENTS)
     caution(path, about)
     with progress("evaluating") as notify:
-        chosen = {over: shifted.changes(over, about["env"], home, args.friction or ()) for over in args.over}
+        asked = {over: shifted.changes(over, about["env"], home, args.friction or ()) for over in args.over}
+        chosen = {over: changes for over, changes in asked.items() if changes}
+        if not chosen:
+            raise ValueError(f"{about['env']} takes no other {' or '.join(asked)}: give another condition with --over")
         found = shifted.collect(path, chosen, args.episodes, notify)
     title = f"{found.env_id}, {args.episodes} held-out episodes: means ± half the 95 % interval"
     rows = {shifted.HOME: {found.trained: found.home}, **found.cells}

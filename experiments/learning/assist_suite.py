@@ -139,7 +139,7 @@ def task_named(env_id: str) -> Task:
     return tasks.task(name)
 
 
-def run(drive: Drive, make: Maker, env_id: str, normalise: bool = False) -> Record:
+def run(drive: Drive, make: Maker, env_id: str, normalise: bool = True) -> Record:
     """Drive a controller of an id through all rows of a drive; ``normalise`` as its environment had it."""
     home = task_named(env_id)
     env, start = _environment(drive, home)
@@ -167,7 +167,7 @@ def run(drive: Drive, make: Maker, env_id: str, normalise: bool = False) -> Reco
     return Record(angle, torque, speed, failed, env.control_dt)
 
 
-def measured(drive: Drive, make: Maker, env_id: str, normalise: bool = False) -> Array:
+def measured(drive: Drive, make: Maker, env_id: str, normalise: bool = True) -> Array:
     """The measure (n,) of every row of a drive, infinite after a failure."""
     found = run(drive, make, env_id, normalise)
     values = np.full(len(drive.rows), np.inf)
@@ -188,7 +188,7 @@ def _boost_alone(drive: Drive, env_id: str) -> Array:
     return _alone[key]
 
 
-def judge(drive: Drive, make: Maker, env_id: str, normalise: bool = False) -> list[Result]:
+def judge(drive: Drive, make: Maker, env_id: str, normalise: bool = True) -> list[Result]:
     """A result for every condition of a drive."""
     by = JUDGES[KINDS[drive.kind].judge]
     values, alone = measured(drive, make, env_id, normalise), _boost_alone(drive, env_id)
@@ -210,7 +210,7 @@ def judge(drive: Drive, make: Maker, env_id: str, normalise: bool = False) -> li
 def examine(
     make: Maker,
     env_id: str,
-    normalise: bool = False,
+    normalise: bool = True,
     to_first_failure: bool = False,
     notify: Callable[[float, str], None] = lambda *_: None,
 ) -> list[Result]:

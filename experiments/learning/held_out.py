@@ -89,8 +89,8 @@ def share(hits: NDArray[np.bool_]) -> Estimate:
 
 
 def summary(found: Episodes) -> dict[str, Estimate]:
-    """Means of reward, cost and the task's metrics, and the share of episodes in which no cone was hit."""
-    values = {"reward": mean(found.reward), "cost": mean(found.cost)}
+    """Means of reward, cost and the task's metrics, and shares: of episodes that failed, and without a cone hit."""
+    values = {"reward": mean(found.reward), "cost": mean(found.cost), "failed_share": share(found.failure != 0)}
     values |= {name: mean(column) for name, column in found.metrics.items()}
     if "cones_hit" in found.metrics:
         values["clean_share"] = share(found.metrics["cones_hit"] == 0.0)

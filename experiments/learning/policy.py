@@ -122,6 +122,10 @@ class Policy:
 
         torch.set_num_threads(1)  # more threads are slower with networks of this size
         self._predict = _predictor(path, self.about)
+        # The policy sees observations as in its training, in SI or over their usual sizes, in any environment.
+        usual = np.array([quantity.usual for quantity in env.unwrapped.batch.observed])
+        trained = usual if self.about["settings"]["environment"].get("normalise", True) else 1.0
+        self._units = env.unwrapped.observation_scale / trained
         scaling = self.about["scaling"]
         self._mean, self._deviation = np.array(scaling["mean"]), np.array(scaling["deviation"])
         self._clip = number("clip", scaling["clip"], minimum=0.0)
@@ -140,7 +144,8 @@ class Policy:
         deciding = self._since % self._hold == 0
         self._since += 1
         if deciding.any():
-            seen = np.clip((np.atleast_2d(observation) - self._mean) / self._deviation, -self._clip, self._clip)
+            seen = np.atleast_2d(observation) * self._units
+            seen = np.clip((seen - self._mean) / self._deviation, -self._clip, self._clip)
             action, state = self._predict(seen.astype(np.float32), self._state, self._fresh)
             self._action[deciding] = action[deciding]
             if state is not None and self._state is not None:  # (layers, sub-environments, units)

@@ -72,7 +72,8 @@ def evaluate(
         found[name] = held_out.collect(env_id, make, episodes, **arguments)
     first = next(iter(found))
     task = tasks.task(env_id.removeprefix("steer_env/").rpartition("-")[0])
-    units = {"reward": "", "cost": "", "clean_share": "1"} | {figure.name: figure.unit for figure in task.metrics}
+    units = {"reward": "", "cost": "", "failed_share": "1", "clean_share": "1"}
+    units |= {metric.name: metric.unit for metric in task.metrics}
     return Evaluation(
         env_id,
         arguments,
@@ -183,7 +184,7 @@ def read_curve(path: Path) -> dict[str, Array]:
 
 def aim(metrics: Collection[str]) -> str:
     """The metric that the training of a task is for."""
-    return next((name for name in ("cones_hit", "rms_feel_error", "rms_lateral_offset") if name in metrics), "cost")
+    return next((name for name in ("rms_feel_error", "cones_hit", "rms_lateral_offset") if name in metrics), "cost")
 
 
 def _learning(curves: Mapping[str, Path], units: Mapping[str, str]) -> str:

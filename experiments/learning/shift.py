@@ -86,7 +86,7 @@ def identified(home: Friction) -> list[Labelled]:
 
 
 def changes(over: str, env_id: str, home: Friction, laws: Sequence[Friction] = ()) -> list[Change]:
-    """The changes of one condition.
+    """The changes of one condition; none of the speed where the task draws it with its scenarios.
 
     Parameters
     ----------
@@ -110,6 +110,8 @@ def changes(over: str, env_id: str, home: Friction, laws: Sequence[Friction] = (
     if over == "car":
         return [Change(name, {"vehicle": name}, {}) for name in cars.available()]
     if over == "speed":
+        if task.draw_scenario is not None:
+            return []  # its speeds belong to its scenarios
         low, high = task.speed_limits(task.chassis[0])
         return fixed("speed", sorted({min(max(s * task.speed, low), high) for s in SPEEDS}), " km/h", 3.6)
     if over == "delay":

@@ -13,7 +13,7 @@ from gymnasium.envs.registration import load_env_creator
 
 from steer_env import REGISTERED, manoeuvres, metrics, tasks
 from steer_env.env import SteerEnv
-from steer_env.environments import table
+from steer_env.environments import reset_options, table
 from steer_env.randomise import RANGES, SENSOR_NOISE
 from steer_env.registration import DRIVEN
 from steer_env.tuning.env import DRAWN, TuneEnv
@@ -106,8 +106,7 @@ def _documentation(name: str) -> str:
 def _options(name: str) -> str:
     """The reset options of an id with their ranges on its default chassis."""
     if name in DRIVEN:
-        task = tasks.task(_short(name))
-        known = {**task.options, **RANGES, "speed": (*task.speed_limits(task.chassis[0]), RANGES["speed"][2])}
+        known = reset_options(tasks.task(_short(name)))
     else:
         scenario = SCENARIOS[_short(name)]
         known = {key: RANGES[key] for key in DRAWN} | {"speed": (*SPEEDS, RANGES["speed"][2])}

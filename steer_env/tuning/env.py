@@ -73,10 +73,13 @@ class TuneEnv(PlainSpecification, gym.Env):
         There is no rendering.
 
     Any other keyword is an error. ``reset(options=...)`` fixes what would be drawn. ``baseline_action`` is the action
-    of the car's own assist. ``info`` holds ``context`` and ``parameters`` (of the set); after a step also
-    ``evaluated`` (every metric with its unit, None where it is refused), ``refused`` (the reasons), ``margins``,
-    ``reward_terms``, ``cost`` and ``cost_terms``; at the end of an episode also ``best``, its best parameter set, and
-    ``metrics``, the metrics of that set.
+    of the car's own assist.
+
+    ``info`` has the same keys at reset, at every step and at the end: ``cost``, and dicts of floats ``context``,
+    ``parameters`` (of the set), ``evaluated`` (its metrics, NaN where one is refused), ``margins``, ``reward_terms``,
+    ``cost_terms``, ``best`` (reward and parameters of the best set so far) and ``metrics`` (those of the best set).
+    What there is not yet is NaN. ``units`` are those of the metrics, ``refused`` the reasons of the last set by metric,
+    and ``best_action`` is the action of the best set so far.
     """
 
     metadata = {"render_modes": []}  # noqa: RUF012 (Gymnasium's own form)
@@ -121,7 +124,15 @@ class TuneEnv(PlainSpecification, gym.Env):
         self.observation_space = gym.spaces.Box(-bound, bound, dtype=np.float32)
         self._prepared: tuple[Conditions, context.Context, tuple[driving.PreparedDrive, ...]] | None = None
         self._sets = SETS  # tried so far; the episode is over at SETS
-        self._best: dict[str, Any] = {}
+        self.units = {name: definition(name).unit for name in self.scenario.metrics}
+        self._forget()
+
+    def _forget(self) -> None:
+        """No set has been tried."""
+        self.refused: dict[str, str] = {}
+        self.best_action: NDArray[np.float32] | None = None
+        self._best = dict.fromkeys(("reward", *PARAMETERS), math.nan)
+        self._metrics = dict.fromkeys(self.scenario.metrics, math.nan)  # of the best set
 
     def __getstate__(self) -> dict[str, Any]:
         if self._prepared is None:
@@ -172,8 +183,15 @@ class TuneEnv(PlainSpecification, gym.Env):
         if not same:
             found = context.context(self.car, self._chassis, drawn)
             self._prepared = drawn, found, driving.prepare(self.scenario, self.car, self._chassis, drawn)
-        self._sets, self._best = 0, {}
-        return self._observation(None, {}, None), self._info(self.baseline_action)
+        self._sets = 0
+        self._forget()
+        nothing = {
+            "evaluated": dict.fromkeys(self.scenario.metrics, math.nan),
+            "margins": {"phase_deg": math.nan, "gain_db": math.nan},
+            "reward_terms": dict.fromkeys((*self.terms, *reward.MARGIN_TERMS), 0.0),
+            "cost_terms": dict.fromkeys(reward.MARGIN_TERMS, 0.0),
+        }
+        return self._observation(None, {}, None), self._info(self.baseline_action, nothing)
 
     def step(self, action: Any) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
         """Try a parameter set: an action in [-1, 1]; an action beyond is clipped.
@@ -199,22 +217,19 @@ class TuneEnv(PlainSpecification, gym.Env):
         terms = reward.reward_terms(self.terms, found, shortfall)
         total = float(sum(terms.values()))
         self._sets += 1
-        info = self._info(action) | {
-            "evaluated": {name: (None if value.reason else value.value, value.unit) for name, value in found.items()},
-            "refused": {name: value.reason for name, value in found.items() if value.reason},
+        self.refused = {name: value.reason for name, value in found.items() if value.reason}
+        evaluated = {name: math.nan if found[name].reason else float(found[name].value) for name in self.units}
+        if self.best_action is None or total > self._best["reward"]:
+            self.best_action, self._metrics = action.copy(), evaluated
+            self._best = {"reward": total, **values(self.car.assist, self.scenario.parameters, action)}
+        results = {
+            "evaluated": evaluated,
             "margins": {"phase_deg": math.degrees(margins.phase), "gain_db": reward.decibels(margins.gain)},
             "reward_terms": terms,
-            "cost": float(sum(shortfall.values())),
             "cost_terms": shortfall,
         }
-        if not self._best or total > self._best["reward"]:
-            self._best = {"reward": total, "action": action.copy(), "parameters": info["parameters"], "values": found}
-        truncated = self._sets == SETS
-        if truncated:
-            best = dict(self._best)
-            info["metrics"] = {n: value.value for n, value in best.pop("values").items() if not value.reason}
-            info["best"] = best
-        return self._observation(action, found, margins), total, False, truncated, info
+        observation = self._observation(action, found, margins)
+        return observation, total, False, self._sets == SETS, self._info(action, results)
 
     def _margins(self, assist: Any) -> Margins:
         """The smallest margins over the speeds at which the scenario drives."""
@@ -224,12 +239,19 @@ class TuneEnv(PlainSpecification, gym.Env):
         worst = min(each, key=lambda m: m.phase)
         return worst._replace(gain=min(m.gain for m in each), stable=all(m.stable for m in each))
 
-    def _info(self, action: NDArray[Any]) -> dict[str, Any]:
+    def _info(self, action: NDArray[Any], results: Mapping[str, Mapping[str, float]]) -> dict[str, Any]:
+        """The info of a parameter set with its results; plain floats, in dicts of their own."""
         assert self._prepared is not None
-        return {
+        every = {
             "context": self._prepared[1]._asdict(),
             "parameters": values(self.car.assist, self.scenario.parameters, action),
+            **results,
+            "best": self._best,
+            "metrics": self._metrics,
         }
+        info: dict[str, Any] = {key: {name: float(x) for name, x in each.items()} for key, each in every.items()}
+        info["cost"] = sum(info["cost_terms"].values())
+        return info
 
     def _observation(
         self, action: NDArray[Any] | None, found: Mapping[str, Value], margins: Margins | None

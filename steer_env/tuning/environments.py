@@ -81,8 +81,9 @@ def _documentation(scenario: Scenario) -> str:
         table(("test", "hands", "speed"), drives),
         "## Metrics",
         _filled(
-            'After each step, `info["evaluated"]` has every metric of the tests (`docs/metrics.md` defines them); at '
-            'the end of the episode, `info["metrics"]` has those of the best parameter set.'
+            '`info["evaluated"]` has every metric of the tests with the last parameter set (`docs/metrics.md` defines '
+            'them), `info["metrics"]` those with the best set so far; NaN where a metric is refused, and before the '
+            "first set."
         ),
         "## Start\n\nA context is drawn; `options` fix what would be drawn.",
         f"## End\n\nThe episode is truncated after {SETS} parameter sets.",

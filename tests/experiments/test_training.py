@@ -64,11 +64,25 @@ def test_a_policy_acts_alike_in_single_and_vector_environments(trained):
     assert np.abs(actions).max() <= 1.0
 
 
+def test_a_policy_acts_alike_on_normalised_observations(trained):
+    actions = {}
+    for normalise in (False, True):
+        env = gym.make(WEAVE, normalise=normalise)
+        found = policy.Policy(trained / "policy.zip", env)
+        observation, _ = env.reset(seed=1)
+        actions[normalise] = [found.act(observation)]
+        for _ in range(20):
+            observation, *_ = env.step(np.array([0.3], np.float32))
+            actions[normalise].append(found.act(observation))
+    np.testing.assert_allclose(actions[True], actions[False], atol=1e-5)
+    assert np.ptp(actions[False]) > 1e-3
+
+
 def test_a_policy_holds_its_action_between_its_own_steps(tmp_path):
     env_id = "steer_env/DriverDoubleLaneChange-v1"
     Training(env_id, "ppo", tmp_path / "run", friction=LUGRE).run(steps=2)
     path = tmp_path / "run" / "policy.zip"
-    vector = gym.make_vec(env_id, num_envs=2)
+    vector = gym.make_vec(env_id, num_envs=2, control_dt=0.01)
     found = policy.Policy(path, vector)
     found.reset()
     observations, _ = vector.reset(seed=0)
@@ -364,7 +378,8 @@ def test_evaluation_writes_its_report(trained, tmp_path, capsys, monkeypatch):
     page = (out / "index.html").read_text(encoding="utf-8")
     assert "policy less active return, boost, damping, friction compensation" in page
     assert "load 0 to 300 kg; speed 22 to 33 m/s; friction level 0.5 to 2; friction lugre" in page
-    assert "Wilson" not in page  # no cones, no clean share
+    assert "clean share" not in page  # as there are no cones
+    assert "failed share" in page
     assert '"name":"policy"' in page  # of the learning curve
     assert page.count("<img src=") == 8
     assert "<h2>Learning</h2>" in page
@@ -389,7 +404,7 @@ def test_every_condition_is_replaced_in_the_environments(monkeypatch, trained):
         made.append(arguments)
         return policy_report.Evaluation(env_id, arguments, episodes, {"policy": nothing}, {}, {}, {})
 
-    nothing = held_out.Episodes(np.zeros(1), np.zeros(1), {})
+    nothing = held_out.Episodes(np.zeros(1), np.zeros(1), np.zeros(1, np.int64), {})
     monkeypatch.setattr(policy_report, "evaluate", evaluated)
     chosen = {over: shift.changes(over, WEAVE, LUGRE) for over in SHIFTS}
     shift.collect(trained / "policy.zip", chosen, 1)
@@ -411,6 +426,16 @@ def test_every_condition_is_replaced_in_the_environments(monkeypatch, trained):
                 size = {"speed": 3.6, "delay": 1e3}.get(over, 1.0)
                 assert change.label.startswith(f"{size * value:.4g}")
     assert [change.x for change in chosen["delay"]] == [0.0, 10.0, 20.0, 40.0]
+
+
+def test_speeds_of_scenarios_are_not_replaced(tmp_path, capsys):
+    all_round = "steer_env/AssistAllRound-v1"
+    assert shift.changes("speed", all_round, LUGRE) == []
+    run = Training(all_round, None, tmp_path / "run", friction=LUGRE)
+    run.settings["algorithm"] |= SMALL
+    run.run(steps=64)
+    assert main(["shift", str(run.out / "policy.zip"), "--over", "speed", "--out", str(tmp_path / "shift")]) == 2
+    assert "takes no other speed: give another condition with --over" in capsys.readouterr().err
 
 
 @pytest.mark.whole

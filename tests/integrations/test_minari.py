@@ -44,13 +44,7 @@ def _replay(dataset, env):
 )
 def test_a_recovered_environment_replays_the_set_to_the_bit(env_id, name, tmp_path):
     law = ["--friction", "masing,elements=5"] if name == "lqg" else []
-    if name == "shipped":
-        try:
-            dataset = _recorded(tmp_path / "set", "--env", env_id, "--policy", name, "--episodes", "2")
-        except AssertionError:
-            pytest.skip("the shipped policy is of another version of the observations")
-    else:
-        dataset = _recorded(tmp_path / "set", "--env", env_id, "--policy", name, "--episodes", "2", "--seed", "5", *law)
+    dataset = _recorded(tmp_path / "set", "--env", env_id, "--policy", name, "--episodes", "2", "--seed", "5", *law)
     env = dataset.recover_environment()
     episodes = _replay(dataset, env)
     assert len(episodes) == 2

@@ -27,9 +27,9 @@ def environment(scenario, law="lugre", num_envs=None):
     if key not in _made:
         name = f"steer_env/Assist{scenario}-v1"
         _made[key] = (
-            gym.make(name, friction=law).unwrapped
+            gym.make(name, friction=law, normalise=False).unwrapped
             if num_envs is None
-            else gym.make_vec(name, num_envs=num_envs, friction=law)
+            else gym.make_vec(name, num_envs=num_envs, friction=law, normalise=False)
         )
     return _made[key]
 
@@ -171,7 +171,7 @@ def test_compensation_and_lqg_bring_the_feel_nearer_to_the_reference():
 
 @pytest.mark.parametrize("name", NAMES)
 def test_scaled_observations_give_the_same_actions(name):
-    scaled = gym.make("steer_env/AssistWeave-v1", normalise=True).unwrapped
+    scaled = gym.make("steer_env/AssistWeave-v1").unwrapped
     seen = watched("Weave", 300)
     assert scaled.observation_scale.max() > 1.0
     own = acted(assists.make(name, scaled), (seen / scaled.observation_scale).astype(np.float32))

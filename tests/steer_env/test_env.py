@@ -16,10 +16,11 @@ from gymnasium.utils.env_checker import check_env
 
 from steer_env import friction, randomise, tasks
 from steer_env.friction.numerics.kernel import COMPILED
+from steer_env.reference_feel import reference_torque
 from steer_env.registration import DRIVEN
 from steer_env.tasks import driver_parking as parking
 from steer_env.tasks.common import terms
-from steer_env.tasks.common.definition import DEPARTED, NON_FINITE, ROLLED_OVER, SPUN_OUT, EpisodeContext
+from steer_env.tasks.common.definition import DEPARTED, LAST_ACTION, NON_FINITE, ROLLED_OVER, SPUN_OUT, EpisodeContext
 from steer_env.timing import UPDATE_INTERVAL
 from steer_env.vehicle import cars, plant
 from steer_env.vehicle import tyre as tyres
@@ -28,6 +29,7 @@ from steer_env.vehicle.chassis import two_track
 IDS = tuple(DRIVEN)
 # Every id on every chassis that it runs on.
 RUNS = [(f"steer_env/{name}-v1", chassis) for name in tasks.available() for chassis in tasks.task(name).chassis]
+ALL_ROUND = "steer_env/AssistAllRound-v1"
 TUNED_ID = "steer_env/TuneOnCentre-v1"
 ACTION = np.array([0.1], np.float32)
 # The default law for a contributor, every law in the whole suite.
@@ -190,7 +192,7 @@ def test_short_control_steps_find_no_jerk_of_their_own():
 def test_parking_targets_keep_to_their_fastest():
     for seed in range(100):
         setup = parking.TASK.draw_setup(np.random.default_rng(seed), EpisodeContext(cars.load(), 0.0), {})
-        assert np.abs(np.diff(setup.data)).max() <= parking.FASTEST * UPDATE_INTERVAL * (1.0 + 1e-9)
+        assert np.abs(np.diff(setup.data)).max() <= parking.MOVES.fastest * UPDATE_INTERVAL * (1.0 + 1e-9)
 
 
 def test_own_car_and_tyre(tmp_path):
@@ -267,6 +269,8 @@ def test_reset_options_fix_the_case():
 )
 @pytest.mark.parametrize("name", IDS)
 def test_bad_arguments(name, arguments, message):
+    if "speed" in arguments and name == ALL_ROUND:
+        message = "draws its speeds with its scenarios: leave speed out"
     with pytest.raises(ValueError, match=message):
         gym.make(name, **arguments)
 
@@ -338,7 +342,8 @@ def test_docstring_tables_match_the_environment(name):
     env = gym.make(name).unwrapped
     observed = cells(env.__doc__, "Observation")
     assert [int(row[0]) for row in observed] == list(range(env.observation_space.shape[0]))
-    assert [float(row[2]) for row in observed] == pytest.approx(env.observation_space.high.tolist(), rel=1e-5)
+    bounds = env.observation_space.high * env.observation_scale
+    assert [float(row[2]) for row in observed] == pytest.approx(bounds.tolist(), rel=1e-5)
     assert float(cells(env.__doc__, "Action")[0][2]) == env.task.action.scale
     env.reset(seed=0)
     truncated = terminated = False
@@ -364,6 +369,27 @@ def test_weights_replace_the_tasks(name):
     assert {k: v for k, v in a["reward_terms"].items() if k != "effort"} == {
         k: v for k, v in b["reward_terms"].items() if k != "effort"
     }
+
+
+def test_rewards_of_a_weave_are_those_of_the_recorded_channels():
+    """Feel, effort and smoothness from what a user sees, at one evaluation a step."""
+    env, rng, last = gym.make("steer_env/AssistWeave-v1", control_dt=0.01), np.random.default_rng(4), 0.0
+    env.reset(seed=1)
+    for _ in range(300):
+        action = rng.uniform(-0.2, 0.2, 1).astype(np.float32)
+        observation, reward, *_, info = env.step(action)
+        wanted = reference_torque(info["lateral_acceleration"], info["handwheel_speed"])
+        quality = {
+            "feel": (0.7, (info["handwheel_torque"] - wanted) / 0.3),
+            "effort": (0.05, action.item() / 0.5),
+            "smoothness": (0.1, (action.item() - last) / 0.01 / 4.0),
+        }
+        for name, (weight, error) in quality.items():
+            expected = 0.01 * weight / math.sqrt(1.0 + error**2)
+            assert info["reward_terms"][name] == pytest.approx(expected, rel=1e-6), name
+        assert reward == pytest.approx(sum(info["reward_terms"].values()), rel=1e-12)
+        last = action.item()
+        assert observation[env.unwrapped.batch.observed.index(LAST_ACTION)] == action[0]
 
 
 def test_what_is_drawn_changes_the_car_and_an_option_fixes_it():
@@ -405,7 +431,7 @@ def test_noise_has_its_size_and_a_delay_its_age():
     clean.reset(seed=0, options={"amplitude": 0.2, "delay": 0.05})  # an option needs no range to be drawn from
     late = [clean.step(0 * ACTION)[0] for _ in range(100)]
     assert np.array_equal(late[5:], true[:95])
-    errors = np.array(seen)[5:] - np.array(true)[:-5]
+    errors = (np.array(seen)[5:] - np.array(true)[:-5]) * env.observation_scale
     for k, quantity in enumerate(env.batch.observed):
         assert errors[:, k].std() == pytest.approx(randomise.SENSOR_NOISE.get(quantity.name, 0.0), rel=0.08, abs=1e-6)
         assert abs(errors[:, k].mean()) < 4.0 * randomise.SENSOR_NOISE.get(quantity.name, 0.0) / 38.0 + 1e-6

@@ -10,6 +10,7 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 from steer_env import friction, manoeuvres, metrics
+from steer_env.infos import row
 from steer_env.metrics import Value
 from steer_env.registration import REGISTERED, TUNED
 from steer_env.tuning import driving, parameters, reward
@@ -18,6 +19,8 @@ from steer_env.tuning.scenarios.common.definition import SCENARIOS
 from steer_env.vehicle import cars
 from steer_env.vehicle.steering import eps
 from steer_env.vehicle.steering.margins import Margins, boost_gain, margins, worst_margins
+from tests.steer_env.test_infos import structure
+from tests.steer_env.test_state import equal
 
 IDS = tuple(TUNED)
 ALL_ROUND, ON_CENTRE = IDS
@@ -49,7 +52,7 @@ def tried():
     found = {}
     for name, wanted in sets.items():
         *_, info = env.step(action(env, **wanted))
-        found[name] = {key: value for key, (value, _) in info["evaluated"].items()} | info["margins"]
+        found[name] = info["evaluated"] | info["margins"]
     return found
 
 
@@ -80,14 +83,14 @@ def test_own_set_gives_the_cars_metrics():
         recording = manoeuvres.drive(cars.load(), drive.manoeuvre)
         thinned = metrics.evaluate(driving.thinned(recording, drive.thinning))
         for name, value in thinned.items():
-            assert found[name][0] == pytest.approx(value.value, rel=1e-8, abs=1e-8), name
+            assert found[name] == pytest.approx(value.value, rel=1e-8, abs=1e-8), name
         for name, value in metrics.evaluate(recording).items():  # what the thinning costs
-            assert found[name][0] == pytest.approx(value.value, rel=5e-4), name
+            assert found[name] == pytest.approx(value.value, rel=5e-4), name
     assert set(found) == set(env.scenario.metrics)
     assert len(env.scenario.metrics) == len(set(env.scenario.metrics))
     whole = metrics.evaluate(manoeuvres.drive(cars.load(), manoeuvres.make("weave")))  # twelve cycles, not five
     for name, value in whole.items():
-        assert found[name][0] == pytest.approx(value.value, rel=6e-3), name
+        assert found[name] == pytest.approx(value.value, rel=6e-3), name
 
 
 @pytest.mark.parametrize("car", cars.available())
@@ -166,7 +169,7 @@ def test_reward_is_the_distance_to_the_bands():
     _, total, _, _, info = env.step(action(env, boost_level=0.5))
     assert total == pytest.approx(sum(info["reward_terms"].values()))
     low, high = env.targets.bands["weave"]["torque_at_0p1g"].good
-    torque = info["evaluated"]["torque_at_0p1g"][0]
+    torque = info["evaluated"]["torque_at_0p1g"]
     assert torque < low
     assert info["reward_terms"]["torque_at_0p1g"] == pytest.approx((torque - low) / (high - low))
     assert info["reward_terms"]["lateral_acceleration_at_0nm"] == 0.0
@@ -192,8 +195,10 @@ def test_refused_metrics_cost_most_and_are_observed_as_zero():
     env = make(ALL_ROUND)
     env.reset(seed=0, options={"friction_level": 5.0})
     observation, _, _, _, info = env.step(env.baseline_action)
-    assert "turn further" in info["refused"]["handwheel_return_rate"]
-    assert info["evaluated"]["handwheel_return_rate"] == (None, "deg/s")
+    assert "turn further" in env.refused["handwheel_return_rate"]
+    assert env.units["handwheel_return_rate"] == "deg/s"
+    assert math.isnan(info["evaluated"]["handwheel_return_rate"])
+    assert math.isnan(info["metrics"]["handwheel_return_rate"])
     assert env.observation_space.contains(observation)
     names = [quantity.name for quantity in tuning_env.observed(env.scenario)]
     assert observation[names.index("handwheel_return_rate")] == 0.0
@@ -211,7 +216,8 @@ def test_a_run_that_fails_is_refused(monkeypatch):
     env.reset(seed=0)
     monkeypatch.setattr(driving, "drive_plant", diverges)
     observation, total, terminated, _, info = env.step(env.baseline_action)
-    assert set(info["refused"].values()) == {"weave diverged: handwheel_angle [rad] first"}
+    assert set(env.refused.values()) == {"weave diverged: handwheel_angle [rad] first"}
+    assert all(map(math.isnan, info["evaluated"].values()))
     assert total == -reward.MAX_DISTANCE * sum(term.weight for term in env.terms.values())
     assert env.observation_space.contains(observation)
     assert not terminated
@@ -244,8 +250,32 @@ def test_an_episode_ends_with_its_best_set():
     rewards = seen[env.observation_space.shape[0] :].reshape(tuning_env.SETS, -1)[:, -1]
     assert info["best"]["reward"] == pytest.approx(rewards.max(), rel=1e-6)
     assert set(info["metrics"]) == set(env.scenario.metrics)
+    best = env.best_action
+    assert best is not None
     with pytest.raises(RuntimeError, match="call reset"):
         env.step(env.baseline_action)
+    env.reset()
+    assert env.best_action is None
+    _, total, *_, again = env.step(best)
+    assert total == info["best"]["reward"]
+    assert again["metrics"] == again["evaluated"] == info["metrics"]
+    assert again["parameters"] == {key: value for key, value in info["best"].items() if key != "reward"}
+
+
+@pytest.mark.parametrize("name", IDS)
+def test_infos_have_the_same_keys_and_floats_at_reset_step_and_end(name):
+    env = make(name)
+    _, info = env.reset(seed=0)
+    expected = structure(info)
+    assert {type(value) for value in info.values()} == {dict, float}
+    assert all(type(value) is float for each in info.values() if isinstance(each, dict) for value in each.values())
+    assert info["cost"] == sum(info["reward_terms"].values()) == sum(info["cost_terms"].values()) == 0.0
+    for key in ("evaluated", "margins", "best", "metrics"):
+        assert all(map(math.isnan, info[key].values())), key
+    for _ in range(2 if name == ALL_ROUND else tuning_env.SETS):
+        *_, info = env.step(env.baseline_action)
+        assert structure(info) == expected
+        assert info["best"]["reward"] == sum(info["reward_terms"].values())
 
 
 def test_context_is_observed():
@@ -338,7 +368,7 @@ def test_targets_of_ones_own(tmp_path):
     assert set(env.terms) == {"loop_area"}
     env.reset(seed=0)
     _, total, *_, info = env.step(env.baseline_action)
-    assert total == pytest.approx(-(info["evaluated"]["loop_area"][0] - 0.2) / 0.1)
+    assert total == pytest.approx(-(info["evaluated"]["loop_area"] - 0.2) / 0.1)
     path.write_text(head + '[pulse]\npulse_overshoot = {unit="%", good=[1, 2], fair=[0, 3]}\n', encoding="utf-8")
     with pytest.raises(ValueError, match="targets 'mine' have no bands for weave"):
         make(ON_CENTRE, targets=str(path))
@@ -378,7 +408,7 @@ def test_gymnasium_vectorises(mode):
     observation, total, *_, info = single.step(tried[1])
     assert np.array_equal(observations[1], observation)
     assert rewards[1] == total
-    assert infos["evaluated"]["torque_at_0g"][1] == info["evaluated"]["torque_at_0g"]
+    assert equal(row(infos, 1), info)
     vector.close()
 
 

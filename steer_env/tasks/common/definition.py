@@ -69,7 +69,7 @@ FAILURES = (
 
 
 class EpisodeMetric(NamedTuple):
-    """A metric of the whole episode, in ``info["metrics"]`` at its end."""
+    """A metric of the episode, in ``info["metrics"]`` as it is so far."""
 
     name: str
     unit: str

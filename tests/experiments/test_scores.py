@@ -1,0 +1,91 @@
+"""The table of scores, and the reward thresholds that come from it."""
+
+import json
+import re
+from importlib.resources import files
+from pathlib import Path
+
+import gymnasium as gym
+import pytest
+
+from steer_env import assists, drivers, experiments
+from steer_env.experiments.cli.main import main
+from steer_env.experiments.learning import scores
+from steer_env.experiments.learning.held_out import Estimate
+from steer_env.experiments.learning.training import Training
+from steer_env.experiments.output.options import Friction
+from steer_env.friction.numerics import toml
+from steer_env.registration import REGISTERED
+
+RELEASE, TUNE = "steer_env/AssistRelease-v1", "steer_env/TuneOnCentre-v1"
+
+
+def _score(reward, trained=False):
+    return scores.Score({"reward": Estimate(reward, reward, reward)}, {}, trained)
+
+
+def test_one_command_prints_the_page_and_writes_the_thresholds(tmp_path, capsys):
+    run = Training(RELEASE, None, tmp_path / "seed-0", friction=Friction("lugre"))
+    run.settings["algorithm"] |= {"num_envs": 4, "n_steps": 16, "batch_size": 64}
+    run.run(steps=64)
+    page, thresholds = tmp_path / "scores.md", tmp_path / "thresholds.json"
+    thresholds.write_text(json.dumps({"other": 1.0, RELEASE: 5.0}))
+    command = ["scores", "--env", RELEASE, TUNE, "--episodes", "2", "--policies", str(tmp_path)]
+    assert main([*command, "--out", str(page), "--thresholds", str(thresholds)]) == 0
+    printed = capsys.readouterr()
+    assert page.read_text(encoding="utf-8") == printed.out
+    assert "policy.zip is not shipped" in printed.err
+    for name in ("zero", "random", "lqg", "active return", "policy, seed-0"):
+        assert f"\n| {name} | " in printed.out
+    assert re.search(
+        r"\| policy, seed-0 \|.*5 N m \| 10 ms \|.*the observations; trained with friction lugre", printed.out
+    )
+    found = json.loads(thresholds.read_text())
+    assert found["other"] == 1.0
+    assert found[RELEASE] != 5.0
+    assert f"`reward_threshold`: {found[RELEASE]:g}." in printed.out
+    assert TUNE not in found  # which has no baseline
+
+
+def test_the_threshold_is_the_best_baseline():
+    found = {"zero": _score(9.0), "one": _score(2.3456), "other": _score(1.0), "policy": _score(8.0, True)}
+    made = scores.Scores("id", "", {}, found)
+    assert scores.threshold(made) == 2.34
+    assert scores.threshold(made._replace(scores={"one": _score(-2.3456)})) == -2.35
+    assert scores.threshold(made._replace(scores={"zero": _score(9.0), "policy": _score(812.34, True)})) == 812.0
+    assert scores.threshold(made._replace(scores={"zero": _score(9.0)})) is None
+
+
+def test_every_controller_states_its_terms():
+    told = toml.loads((files(experiments) / "data" / "controllers.toml").read_text(encoding="utf-8"))
+    names = {"zero", "random", *assists.available(), *drivers.available()} - {"free"}
+    assert names <= set(told)
+    assert all(set(entry) <= set(scores.TERMS) and entry["information"] for entry in told.values())
+
+
+def test_the_ids_have_the_thresholds_of_the_page():
+    page = (Path(__file__).parents[2] / "docs" / "scores.md").read_text(encoding="utf-8")
+    for env_id in REGISTERED:
+        section = page.partition(f"## `{env_id}`")[2].partition("\n## ")[0]
+        assert "| zero |" in section
+        solved = gym.spec(env_id).reward_threshold
+        assert ("`reward_threshold`" in section) == (solved is not None)
+        assert solved is None or f"`reward_threshold`: {solved:g}." in section
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--env", "steer_env/Nothing-v1"], "unknown environment 'steer_env/Nothing-v1'"),
+        (["--episodes", "1"], "must be a whole number of at least 2"),
+        (["--policies", "."], "holds no policy.zip"),
+    ],
+)
+def test_bad_commands(options, message, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    try:
+        code = main(["scores", *options])
+    except SystemExit as end:
+        code = end.code
+    assert code == 2
+    assert re.search(message, capsys.readouterr().err)
