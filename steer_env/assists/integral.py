@@ -32,16 +32,19 @@ class Integral(Baseline):
         Rate at which the request grows for each N m of error [1/s].
     proportional : float
         Request for each N m of error [1].
+    caution : float
+        How far quick motions of the handwheel fade the request [1].
     """
 
     needs = ("speed", "torsion_bar_torque", "lateral_acceleration", "handwheel_speed")
-    tuned = {"rate": (5.0, 150.0), "proportional": (0.0, 3.0)}  # noqa: RUF012
+    tuned = {"rate": (5.0, 150.0), "proportional": (0.0, 3.0), "caution": (0.3, 100.0)}  # noqa: RUF012
 
-    def __init__(self, env: Any, *, rate: float = 45.0, proportional: float = 0.5) -> None:
+    def __init__(self, env: Any, *, rate: float = 45.0, proportional: float = 0.5, caution: float = 5.0) -> None:
         super().__init__(env)
         self.rate = not_negative("rate [1/s]", rate)
         self.proportional = not_negative("proportional", proportional)
-        self._feel, self._integral = Feel(self.batch), np.zeros(self.n)
+        self.caution = not_negative("caution", caution)
+        self._feel, self._integral = Feel(self.batch, self.caution), np.zeros(self.n)
 
     def begin(self, i: int, seen: Array) -> None:
         """Start without a request."""

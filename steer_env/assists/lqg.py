@@ -15,8 +15,7 @@ parking) stays nonlinear, from lateral acceleration and handwheel speed.
 
 The request may use the whole of the action, times the share by which an assist that follows a feel steps back where
 nobody holds the handwheel or it moves quickly (:mod:`steer_env.assists.common.feel`), and nothing while the hands are
-known to be off. Without that share the driver of AssistLaneKeeping would oscillate at 1.2 Hz, and a released handwheel
-even more. The boost curve is linearised on centre, where it is flat, because of the margins: there, filter and
+known to be off. Without that share a released handwheel oscillates, and the arms of a driver on some cars. The boost curve is linearised on centre, where it is flat, because of the margins: there, filter and
 regulator designed for a steeper slope would be almost unstable. ``effort`` then leaves 30 deg and 6 dB at every slope
 of the curve, and ``torque_noise`` is small enough for 20 ms of delay, which a quicker filter answers with a ripple.
 """
@@ -47,11 +46,13 @@ class LQG(LinearBaseline):
     torque_noise, speed_noise : float
         Standard deviations of the change of the torque d [N m] and of the handwheel speed [rad/s] in a control step.
         The sensors' noise is ``steer_env.randomise.SENSOR_NOISE``.
+    caution : float
+        How far quick motions of the handwheel fade the request [1].
     """
 
     needs = ("speed", "torsion_bar_torque", "column_speed", "lateral_acceleration", "handwheel_speed")
     optional = ("released",)
-    tuned = {"effort": (0.2, 5.0), "torque_noise": (0.02, 0.5), "speed_noise": (0.01, 0.5)}  # noqa: RUF012
+    tuned = {"effort": (0.2, 5.0), "torque_noise": (0.02, 0.5), "caution": (0.3, 100.0)}  # noqa: RUF012
 
     def __init__(
         self,
@@ -62,6 +63,7 @@ class LQG(LinearBaseline):
         linearised_at: float = 0.0,
         torque_noise: float = 0.05,
         speed_noise: float = 0.05,
+        caution: float = 1.0,
     ) -> None:
         super().__init__(env)
         self.effort = positive("effort", effort)
@@ -69,7 +71,8 @@ class LQG(LinearBaseline):
         self.torque_noise = positive("torque_noise [N m]", torque_noise)
         self.speed_noise = positive("speed_noise [rad/s]", speed_noise)
         self.authority = number("authority", authority, minimum=0.0, maximum=1.0)
-        self._feel = Feel(self.batch)
+        self.caution = not_negative("caution", caution)
+        self._feel = Feel(self.batch, self.caution)
 
     def begin(self, i: int, seen: Array) -> None:
         """Start at rest, without hands."""

@@ -181,7 +181,7 @@ def test_scaled_observations_give_the_same_actions(name):
 def shares(amplitude, frequency, torque, speed=28.0, time=20.0):
     """Share of the feel that may be followed, over time, for a sine of the handwheel [rad], [Hz] and a hand torque."""
     env = environment("Weave")
-    feel = Feel(env.batch)
+    feel = Feel(env.batch, 30.0)
     omega = 2.0 * math.pi * frequency
     t = np.arange(0.0, time, env.control_dt)
     rates = amplitude * omega * np.cos(omega * t)
@@ -202,9 +202,33 @@ def test_the_feel_is_followed_in_slow_steering_with_hands():
         assert shares(amplitude, 1.2, 2.0, speed=0.0)[-500:].min() > 0.9
 
 
+@pytest.mark.parametrize("name", ["integral", "lqg"])
+def test_caution_bounds_the_feel_in_quick_steering(name):
+    """Between a controller that follows the feel in every motion and the boost alone; lower is nearer to the feel."""
+    env = environment("LaneKeeping", num_envs=2)
+
+    def error(baseline):
+        observation, _ = env.reset(seed=0)
+        over = np.zeros(2, bool)
+        while not over.any():
+            observation, _, over, ended, info = env.step(baseline.act(observation))
+            over |= ended
+        return info["metrics"]["rms_feel_error"].mean()
+
+    bold, usual, cautious, alone = map(
+        error,
+        (
+            *(assists.make(name, env, **more) for more in ({"caution": 0.3}, {}, {"caution": 100.0})),
+            assists.make("boost", env),
+        ),
+    )
+    assert bold < usual < cautious < 1.01 * alone
+    assert usual < 0.9 * alone
+
+
 def test_a_standing_car_feels_as_in_parking():
     env = environment("Weave")
-    feel, rate = Feel(env.batch), np.array([2.0])
+    feel, rate = Feel(env.batch, 1.0), np.array([2.0])
     assert feel.references(np.zeros(1), rate, np.zeros(1))[0] == pytest.approx(WANTED, rel=1e-6)
     driven = feel.references(np.ones(1), rate, np.full(1, 20.0))[0]
     assert driven == pytest.approx(reference_torque(1.0, 2.0))

@@ -5,13 +5,13 @@ follows it in every motion takes the steering's own damping away: the arms of a 
 about 1 Hz, and a released handwheel even more. A filter that left these frequencies out would add lag to the loop; so
 the assist is faded instead, by a share of two factors:
 
-    share = g^2/(g^2 + GRIP^2) s^2/(s^2 + FAST_WEIGHT f^2 v^2/(v^2 + v_0^2))
+    share = g^2/(g^2 + GRIP^2) s^2/(s^2 + caution f^2 v^2/(v^2 + v_0^2))
 
 * g is the grip: the decaying peak of the hands' torque T_tb + I_1 w1', which is what twists the torsion bar beyond the
   handwheel's own inertia, through two low-pass filters. Nobody holds the handwheel where it is small.
 * f is the decaying peak of the handwheel speed's part above ``CORNER``, and s^2 that of the part below, plus
-  ``SLOW``^2. Quick steering is left to the car and its boost. Only shares count, so an oscillation of any size fades
-  the assist that feeds it, until it dies out. v is the car's speed: a standing car has no lateral motion.
+  ``SLOW``^2. Quick steering is left to the car and its boost, the more the larger ``caution`` is. Only the ratio counts,
+  so an oscillation of any size fades the assist that feeds it, until it dies out. v is the car's speed: a standing car has no lateral motion.
 
 Structure and numbers are assumed; the numbers were chosen on the suite for assists
 (:mod:`steer_env.experiments.learning.assist_suite`).
@@ -34,7 +34,6 @@ GRIP = 0.1  # torque of the hands that halves the assist [N m]
 GRIP_TIME = 0.15  # time constant with which the grip decays [s]
 HANDS_BANDWIDTH = 4.0  # of each of the two filters on the hands' torque [Hz]
 CORNER = 0.5  # between slow and quick motions of the handwheel [Hz]
-FAST_WEIGHT = 30.0  # of quick motions [1]
 SLOW = 0.1  # handwheel speed below which quick motions do not count [rad/s]
 MOTION_TIME = 1.6  # time constant with which the peaks of the motions decay [s]
 HALF_SPEED = 3.0  # v_0 [m/s]
@@ -60,7 +59,7 @@ def write_references(seen, out):
 @kernel
 def write_shares(rates, inertia, dt, seen, memory, out):
     """Write the share of every row and advance its memory; columns of ``seen``: T_tb, handwheel speed, speed."""
-    hands, corner, grip_kept, motion_kept = rates
+    hands, corner, grip_kept, motion_kept, caution = rates
     for i in range(seen.shape[0]):
         m, speed, v = memory[i], seen[i, 1], seen[i, 2]
         value = seen[i, 0] + inertia * (speed - m[_SPEED]) / dt
@@ -79,7 +78,7 @@ def write_shares(rates, inertia, dt, seen, memory, out):
         m[_SLOW] = max(abs(slow), motion_kept * m[_SLOW])
         m[_FAST] = max(abs(quick), motion_kept * m[_FAST])
         held, calm = m[_GRIP] ** 2, m[_SLOW] ** 2 + SLOW * SLOW
-        disturbed = FAST_WEIGHT * m[_FAST] ** 2 * v * v / (v * v + HALF_SPEED * HALF_SPEED)
+        disturbed = caution * m[_FAST] ** 2 * v * v / (v * v + HALF_SPEED * HALF_SPEED)
         out[i] = held / (held + GRIP * GRIP) * calm / (calm + disturbed)
 
 
@@ -90,12 +89,14 @@ class Feel:
     ----------
     batch : EnvironmentBatch
         Of the environment in which the assist acts.
+    caution : float
+        Weight of quick motions [1].
     """
 
-    def __init__(self, batch: Any) -> None:
+    def __init__(self, batch: Any, caution: float) -> None:
         self._inertia, self._dt = batch.car.column.I1, batch.control_dt
         hands, corner = (1.0 - math.exp(-2.0 * math.pi * f * self._dt) for f in (HANDS_BANDWIDTH, CORNER))
-        self._rates = hands, corner, math.exp(-self._dt / GRIP_TIME), math.exp(-self._dt / MOTION_TIME)
+        self._rates = hands, corner, math.exp(-self._dt / GRIP_TIME), math.exp(-self._dt / MOTION_TIME), caution
         self._memory = np.zeros((batch.n, _SIZE))
 
     def begin(self, i: int, handwheel_speed: float) -> None:
