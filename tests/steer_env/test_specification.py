@@ -84,7 +84,11 @@ def test_the_specification_keeps_what_json_can_hold_and_says_the_rest_in_its_ter
     given = {"friction": friction.make("coulomb", F_c=0.5), "driver": drivers.make("free")}
     assert gym.make(LANE_CHANGE, **given).spec.kwargs == {
         "friction": {"law": "coulomb", "F_c": 0.5},
-        "driver": {"driver": "free", "arm": {"inertia": 0.0, "damping": 0.0, "stiffness": 0.0, "reflex": 0.0}},
+        "driver": {
+            "driver": "free",
+            "arm": {"inertia": 0.0, "damping": 0.0, "stiffness": 0.0, "reflex": 0.0},
+            "informed": False,
+        },
     }
     assert given == {"friction": friction.make("coulomb", F_c=0.5), "driver": drivers.make("free")}  # the user's own
     env = gym.make(KEEPING, chassis="two_track", road=road.flat())
