@@ -123,7 +123,7 @@ def _environment(drive: Drive, home: Task) -> tuple[SteerVectorEnv, State]:
     key = drive.kind, repr((drive.arguments, drive.rows)), repr(home.action)
     if key not in _environments:
         task, n = task_of(drive.kind, home), len(drive.rows)
-        env: Any = type(task.name, (SteerVectorEnv,), {"task": task})(n, **drive.arguments)
+        env: Any = type(task.name, (SteerVectorEnv,), {"task": task})(n, normalise=False, **drive.arguments)
         for i, row in enumerate(drive.rows):
             env.reset(seed=SEED, options={"speed": row.speed / 3.6, **row.options, "reset_mask": np.arange(n) == i})
         _environments[key] = env, env.get_state()
