@@ -28,7 +28,7 @@ def add(commands: Any, common: argparse.ArgumentParser) -> None:
 
 def _suite(args: argparse.Namespace) -> int:
     from steer_env.experiments.cli.common.extras import require
-    from steer_env.experiments.learning.controllers import is_policy, named, path_of
+    from steer_env.experiments.learning.controllers import is_policy, named
 
     controllers = args.controllers or [*names.assists()]
     policies = [name for name in controllers if is_policy(name)]
@@ -48,10 +48,8 @@ def _suite(args: argparse.Namespace) -> int:
     makers = {name: named(name, env_id) for name in controllers}
     found = {}
     for name, make in makers.items():
-        about = policy.about(path_of(name, env_id)) if name in policies else None
-        normalise = about is not None and policy.conditions(about).get("normalise", True)
         with progress(name) as notify:
-            found[name] = assist_suite.examine(make, env_id, normalise, notify=notify)
+            found[name] = assist_suite.examine(make, env_id, notify=notify)
         print_suite(found[name], f"{name} in {env_id}", whole=args.all)
     if args.out:
         write_json(args.out, assist_suite.as_json(env_id, found))

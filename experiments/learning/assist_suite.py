@@ -100,7 +100,7 @@ class Seen(NamedTuple):
     task: Task
     n: int
     observed: tuple[Quantity, ...]
-    observation_scale: Array  # (O,) SI value of an observation of 1
+    observation_scale: Array  # (O,) SI value of an observation of 1: ones
     control_dt: float  # [s]
     car: Car
 
@@ -123,7 +123,7 @@ def _environment(drive: Drive, home: Task) -> tuple[SteerVectorEnv, State]:
     key = drive.kind, repr((drive.arguments, drive.rows)), repr(home.action)
     if key not in _environments:
         task, n = task_of(drive.kind, home), len(drive.rows)
-        env: Any = type(task.name, (SteerVectorEnv,), {"task": task})(n, **drive.arguments)
+        env: Any = type(task.name, (SteerVectorEnv,), {"task": task})(n, normalise=False, **drive.arguments)
         for i, row in enumerate(drive.rows):
             env.reset(seed=SEED, options={"speed": row.speed / 3.6, **row.options, "reset_mask": np.arange(n) == i})
         _environments[key] = env, env.get_state()
@@ -139,16 +139,17 @@ def task_named(env_id: str) -> Task:
     return tasks.task(name)
 
 
-def run(drive: Drive, make: Maker, env_id: str, normalise: bool = True) -> Record:
-    """Drive a controller of an id through all rows of a drive; ``normalise`` as its environment had it."""
+def run(drive: Drive, make: Maker, env_id: str) -> Record:
+    """Drive a controller of an id through all rows of a drive."""
     home = task_named(env_id)
     env, start = _environment(drive, home)
     env.set_state(start)
     n, names, wanted = env.num_envs, *([q.name for q in of] for of in (env.batch.observed, home.observed))
     # What the drive does not observe is zero: a straight path, and hands that hold the handwheel until they let go.
     places = np.array([names.index(name) if name in names else len(names) for name in wanted])
-    scale = np.array([q.usual if normalise else 1.0 for q in home.observed])
-    controller = make(Seen(gym.spec(env_id), home, n, home.observed, scale, env.control_dt, env.batch.car))
+    controller = make(
+        Seen(gym.spec(env_id), home, n, home.observed, np.ones(len(wanted)), env.control_dt, env.batch.car)
+    )
     controller.reset()
     seen = np.zeros((n, len(names) + 1))
     rows: list[list[Array]] = []
@@ -158,7 +159,7 @@ def run(drive: Drive, make: Maker, env_id: str, normalise: bool = True) -> Recor
         observation = seen[:, places]
         if "released" in wanted:
             observation[:, wanted.index("released")] = len(rows) * env.control_dt >= KINDS[drive.kind].released
-        action = controller.act((observation / scale).astype(np.float32))
+        action = controller.act(observation.astype(np.float32))
         seen[:, :-1], _, terminated, truncated, info = env.step(action)
         rows.append([np.where(going, info[f"handwheel_{name}"], np.nan) for name in ("angle", "torque", "speed")])
         failed |= going & (info["failure"] > 0)
@@ -167,9 +168,9 @@ def run(drive: Drive, make: Maker, env_id: str, normalise: bool = True) -> Recor
     return Record(angle, torque, speed, failed, env.control_dt)
 
 
-def measured(drive: Drive, make: Maker, env_id: str, normalise: bool = True) -> Array:
+def measured(drive: Drive, make: Maker, env_id: str) -> Array:
     """The measure (n,) of every row of a drive, infinite after a failure."""
-    found = run(drive, make, env_id, normalise)
+    found = run(drive, make, env_id)
     values = np.full(len(drive.rows), np.inf)
     whole = ~found.failed
     kept = found._replace(**{name: getattr(found, name)[:, whole] for name in ("angle", "torque", "speed")})
@@ -188,10 +189,10 @@ def _boost_alone(drive: Drive, env_id: str) -> Array:
     return _alone[key]
 
 
-def judge(drive: Drive, make: Maker, env_id: str, normalise: bool = True) -> list[Result]:
+def judge(drive: Drive, make: Maker, env_id: str) -> list[Result]:
     """A result for every condition of a drive."""
     by = JUDGES[KINDS[drive.kind].judge]
-    values, alone = measured(drive, make, env_id, normalise), _boost_alone(drive, env_id)
+    values, alone = measured(drive, make, env_id), _boost_alone(drive, env_id)
     excused = ~np.isfinite(alone) if by.relative else ~(alone <= by.limit)
     if by.relative:
         values = values / np.where(excused, np.nan, alone)
@@ -210,7 +211,6 @@ def judge(drive: Drive, make: Maker, env_id: str, normalise: bool = True) -> lis
 def examine(
     make: Maker,
     env_id: str,
-    normalise: bool = True,
     to_first_failure: bool = False,
     notify: Callable[[float, str], None] = lambda *_: None,
 ) -> list[Result]:
@@ -223,8 +223,6 @@ def examine(
         baselines and policies read of one.
     env_id : str
         An assist task's, whose observations and action the controller has.
-    normalise : bool
-        As in ``gymnasium.make(env_id, normalise=...)``.
     to_first_failure : bool
         Stop after the first drive in which a condition fails.
     notify : (share, text) -> None
@@ -233,7 +231,7 @@ def examine(
     drives, results = suite(task_named(env_id)), []
     for k, drive in enumerate(drives):
         notify(k / len(drives), f"{drive.kind}, {drive.condition}")
-        results += judge(drive, make, env_id, normalise)
+        results += judge(drive, make, env_id)
         if to_first_failure and not all(result.holds for result in results):
             break
     return results

@@ -15,9 +15,10 @@ parking) stays nonlinear, from lateral acceleration and handwheel speed.
 
 The request may use the whole of the action, times the share by which an assist that follows a feel steps back where
 nobody holds the handwheel or it moves quickly (:mod:`steer_env.assists.common.feel`), and nothing while the hands are
-known to be off. Without that share a released handwheel oscillates, and the arms of a driver on some cars. The boost curve is linearised on centre, where it is flat, because of the margins: there, filter and
-regulator designed for a steeper slope would be almost unstable. ``effort`` then leaves 30 deg and 6 dB at every slope
-of the curve, and ``torque_noise`` is small enough for 20 ms of delay, which a quicker filter answers with a ripple.
+known to be off. Without that share a released handwheel oscillates, and the arms of a driver on some cars. The boost
+curve is linearised on centre, where it is flat, because of the margins: there, filter and regulator designed for a
+steeper slope would be almost unstable. ``effort`` then leaves 30 deg and 6 dB at every slope of the curve, and
+``torque_noise`` is small enough for 20 ms of delay, which a quicker filter answers with a ripple.
 """
 
 from typing import Any

@@ -120,14 +120,6 @@ def test_a_controller_sees_what_its_task_observes():
     assert seen["last"][:3] == pytest.approx([0.0, 0.1, 0.1])
 
 
-def test_scaled_observations():
-    plain, scaled = (
-        assist_suite.run(drive("release"), partial(assists.make, "lqg"), WEAVE, normalise).angle
-        for normalise in (False, True)
-    )
-    np.testing.assert_allclose(plain, scaled, rtol=0.0, atol=1e-3)
-
-
 def test_the_search_keeps_to_the_suite(monkeypatch):
     short = assist_drives.Drive("weave", "lugre", {}, drive("weave").rows[:3])
     monkeypatch.setattr(assist_suite, "suite", lambda home: [short])

@@ -10,8 +10,9 @@ the assist is faded instead, by a share of two factors:
 * g is the grip: the decaying peak of the hands' torque T_tb + I_1 w1', which is what twists the torsion bar beyond the
   handwheel's own inertia, through two low-pass filters. Nobody holds the handwheel where it is small.
 * f is the decaying peak of the handwheel speed's part above ``CORNER``, and s^2 that of the part below, plus
-  ``SLOW``^2. Quick steering is left to the car and its boost, the more the larger ``caution`` is. Only the ratio counts,
-  so an oscillation of any size fades the assist that feeds it, until it dies out. v is the car's speed: a standing car has no lateral motion.
+  ``SLOW``^2. Quick steering is left to the car and its boost, the more the larger ``caution`` is. Only the ratio
+  counts, so an oscillation of any size fades the assist that feeds it, until it dies out. v is the car's speed: a
+  standing car has no lateral motion.
 
 Structure and numbers are assumed; the numbers were chosen on the suite for assists
 (:mod:`steer_env.experiments.learning.assist_suite`).
