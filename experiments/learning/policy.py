@@ -85,6 +85,12 @@ def conditions(about: Mapping[str, Any]) -> dict[str, Any]:
     return {key: value for key, value in about["settings"]["environment"].items() if key != "control_dt"}
 
 
+def guard_of(about: Mapping[str, Any]) -> float | None:
+    """The caution of the guard with which a policy was trained (:mod:`steer_env.experiments.learning.guard`)."""
+    caution: float | None = about["settings"].get("controller", {}).get("guard")
+    return caution
+
+
 class Policy:
     """A trained policy as a controller of a single or vector environment, which its ``reset`` and ``act`` serve.
 
@@ -133,11 +139,18 @@ class Policy:
         n = env.unwrapped.batch.n
         self._fresh, self._since = np.ones(n, bool), np.zeros(n, np.int64)
         self._action = np.zeros((n, 1), np.float32)
+        self._guard: Any = None
+        if (caution := guard_of(self.about)) is not None:
+            from steer_env.experiments.learning.guard import Guard
+
+            self._guard = Guard(env.unwrapped.batch, env.unwrapped.observation_scale, caution)
 
     def reset(self, sub_environments: Any = slice(None)) -> None:
         """Forget the episodes of some sub-environments (mask or indices), or of all."""
         self._fresh[sub_environments] = True
         self._since[sub_environments] = 0
+        if self._guard is not None:
+            self._guard.reset(sub_environments)
 
     def act(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
         """The policy's mean action (1,) for an observation (O,), or (N, 1) for (N, O)."""
@@ -152,7 +165,10 @@ class Policy:
                 state = tuple(np.where(deciding[:, None], new, old) for new, old in zip(state, self._state))
             self._state = state
             self._fresh &= ~deciding
-        return self._action[0].copy() if observation.ndim == 1 else self._action.copy()
+        action = self._action.copy()
+        if self._guard is not None:
+            action = self._guard.limited(np.atleast_2d(observation), action)
+        return action[0] if observation.ndim == 1 else action
 
 
 def _predictor(path: Path, about: Mapping[str, Any]) -> Callable[[Any, Any, Any], tuple[Any, Any]]:

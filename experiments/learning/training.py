@@ -27,7 +27,10 @@ VALIDATED = 32  # episodes of each validation
 
 
 def settings(env_id: str, algo: str) -> dict[str, Any]:
-    """Settings of an id for an algorithm: ``environment`` (arguments of make) and ``algorithm``, from data files.
+    """Settings of an id for an algorithm, from data files.
+
+    ``environment`` has arguments of make, ``algorithm`` those of the algorithm, and ``controller`` may have ``guard``,
+    the caution of a guard around an assist (:mod:`steer_env.experiments.learning.guard`).
 
     The settings of an id override those of all driver ids, which override those of all ids.
 
@@ -40,12 +43,13 @@ def settings(env_id: str, algo: str) -> dict[str, Any]:
     policy.algorithm(algo)
     folder = files(experiments) / "data" / "training"
     name = env_id.removeprefix("steer_env/")
-    found: dict[str, Any] = {"environment": {}, "algorithm": {}}
+    found: dict[str, Any] = {"environment": {}, "algorithm": {}, "controller": {}}
     for file in ("default", "driver" if name.startswith("Driver") else "", name):
         path = folder / f"{file}.toml"
         if path.is_file():
             given = toml.loads(path.read_text(encoding="utf-8"))
             found["environment"] |= given.get("environment", {})
+            found["controller"] |= given.get("controller", {})
             found["algorithm"] |= given.get(algo, {})
     return found
 
@@ -73,7 +77,7 @@ def _checkpoint(out: Path) -> dict[str, Any]:
     if not chosen.is_file():
         raise ValueError(f"{out} holds a checkpoint but no settings.json, without which it cannot be resumed")
     read = json.loads(chosen.read_text(encoding="utf-8"))
-    return {**state, "settings": {key: read[key] for key in ("environment", "algorithm")}}
+    return {**state, "settings": {key: read[key] for key in ("environment", "algorithm", "controller")}}
 
 
 class _Clock:
@@ -198,6 +202,7 @@ class Training:
         from stable_baselines3.common.callbacks import BaseCallback
         from stable_baselines3.common.vec_env import VecMonitor, VecNormalize
 
+        from steer_env.experiments.learning.guard import GuardedVecEnv
         from steer_env.sb3 import SteerVecEnv
 
         self._check_length(minutes, steps)
@@ -206,9 +211,11 @@ class Training:
             self.env_id, chosen["num_envs"], friction=self.friction.parameters, **self.settings["environment"]
         )
         self._observations = [quantity.name for quantity in raw.vector.batch.observed]
+        caution = policy.guard_of({"settings": self.settings})
+        monitored = VecMonitor(raw if caution is None else GuardedVecEnv(raw, caution))
         if self._resume:
             kept = {key: self.out / checkpoint.FOLDER / self._files[key] for key in ("model", "scaling")}
-            self._env = VecNormalize.load(str(kept["scaling"]), VecMonitor(raw))
+            self._env = VecNormalize.load(str(kept["scaling"]), monitored)
             # Another seed, as the episodes and the noise of the first session would otherwise be drawn again.
             model = policy.algorithm(self.algo).load(
                 kept["model"],
@@ -218,7 +225,7 @@ class Training:
                 learning_rate=self.learning_rate,
             )
         else:
-            self._env = VecNormalize(VecMonitor(raw), gamma=chosen["gamma"])
+            self._env = VecNormalize(monitored, gamma=chosen["gamma"])
             scheduled = {**chosen, "learning_rate": self.learning_rate}
             model = new_model(self.algo, self._env, scheduled, self.seed, str(self.out / "tensorboard"))
         # Only here, so that an error above leaves nothing behind.
