@@ -50,8 +50,13 @@ def baselines(env_id: str) -> dict[str, Maker]:
     task = tasks.task(policy.check_driven(env_id))
     if task.name.startswith("Assist"):
         return tuned_assists.makers(env_id)
-    if any(quantity.name == "lateral_offset" for quantity in task.task_observations):
-        return {name: partial(drivers.Controller, driver=name) for name in drivers.available() if name != "free"}
+    observed = [quantity.name for quantity in task.task_observations]
+    if "target_0.0s" in observed:
+        return {"angle_servo": drivers.AngleServo}
+    if "lateral_offset" in observed:
+        models: dict[str, Any] = {name: name for name in drivers.available() if name != "free"}
+        models["informed_preview"] = {"driver": "preview", "informed": True}
+        return {name: partial(drivers.Controller, driver=model) for name, model in models.items()}
     return {}
 
 

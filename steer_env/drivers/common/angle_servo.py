@@ -2,15 +2,17 @@
 
     T = K e + K_i integral of e + D (w - th1') + T_turn,    e = target - th1
 
-w is the target's speed and T_turn the torque that turning a standing car's wheels is known to need. Tyres twist before
-they slide, so it follows the angle turned since the last reversal with a length l, as friction after Dahl:
+w is the target's speed and T_turn the torque that turning is known to need: that of a standing car's tyres, or the
+friction of the steering system on centre. Both twist before they slide, so it follows the angle turned since the last
+reversal with a length l, as friction after Dahl:
 
-    dT_turn/dth = (T_parking sign(w) - T_turn)/l
+    dT_turn/dth = (T_slide sign(w) - T_turn)/l
 
-The integral corrects what a car needs beyond that. Source: textbook servo control; numbers tuned on DriverParking.
+The integral corrects what a car needs beyond that. Source: textbook servo control; numbers tuned on DriverParking and
+DriverOnCentre.
 """
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,10 +22,20 @@ from steer_env.drivers.common.driver_batch import held_arm
 
 Array = NDArray[np.float64]
 
-STIFFNESS, DAMPING = 12.0, 0.6  # K [N m/rad], D [N m s/rad]; tuned, stable with 20 ms of delay
-INTEGRAL = 5.0  # K_i/K; tuned [1/s]
-PARKING_TORQUE = 4.0  # hand torque for which the assists of the packaged cars are designed [N m]
-TURN = 0.7  # handwheel angle over which the torque follows a reversal, of the default car [rad]
+
+class Gains(NamedTuple):
+    """Numbers of a servo."""
+
+    stiffness: float  # K [N m/rad]
+    damping: float  # D [N m s/rad]
+    integral: float  # K_i/K [1/s]
+    sliding: float  # T_slide [N m]
+    length: float  # l [rad]
+
+
+# Stable with 20 ms of delay. The sliding torque is that for which the assists of the packaged cars are designed.
+PARKING = Gains(12.0, 0.6, 5.0, 4.0, 0.7)
+ON_CENTRE = Gains(23.0, 1.1, 20.0, 0.4, 0.01)
 _ANGLES, _TIMES = ("target_0.0s", "target_0.2s", "target_0.5s"), (0.0, 0.2, 0.5)
 
 
@@ -35,6 +47,8 @@ class AngleServo:
     env : gym.Env or gym.vector.VectorEnv
         Of a task that observes handwheel angle and speed and the target angles ahead, as ``DriverParking``; with any
         ``control_dt``, with which the servo becomes softer beyond 50 ms.
+    gains : Gains, optional
+        ``PARKING`` by default where the task's car stands, else ``ON_CENTRE``.
 
     Raises
     ------
@@ -42,7 +56,7 @@ class AngleServo:
         The task observes no target angle.
     """
 
-    def __init__(self, env: Any) -> None:
+    def __init__(self, env: Any, gains: Gains | None = None) -> None:
         batch = env.unwrapped.batch
         names = [quantity.name for quantity in batch.observed]
         wanted = ("handwheel_speed", *_ANGLES)
@@ -51,7 +65,8 @@ class AngleServo:
         self._places = np.array([names.index(name) for name in wanted])
         self._observation_scale = getattr(env.unwrapped, "observation_scale", 1.0)
         self._interval, self._scale = batch.control_dt, batch.task.action.scale
-        self._arm = held_arm(Arm(0.0, DAMPING, STIFFNESS, 0.0), batch.car, self._interval)
+        self._gains = gains or (PARKING if batch.task.speed == 0.0 else ON_CENTRE)
+        self._arm = held_arm(Arm(0.0, self._gains.damping, self._gains.stiffness, 0.0), batch.car, self._interval)
         self._integral, self._turning = np.zeros(batch.n), np.zeros(batch.n)  # [rad s], [N m]
 
     def reset(self, rows: Any = slice(None)) -> None:
@@ -64,9 +79,10 @@ class AngleServo:
         speed, error, *ahead = seen[:, self._places].T
         wanted = _speed_ahead(np.array([error, *ahead]), 0.5 * self._interval)
         self._integral += self._interval * error
-        sliding = PARKING_TORQUE * np.sign(wanted)
-        self._turning = sliding + (self._turning - sliding) * np.exp(-np.abs(wanted) * self._interval / TURN)
-        correction = self._arm.stiffness * (error + INTEGRAL * self._integral)
+        sliding = self._gains.sliding * np.sign(wanted)
+        kept = np.exp(-np.abs(wanted) * self._interval / self._gains.length)
+        self._turning = sliding + (self._turning - sliding) * kept
+        correction = self._arm.stiffness * (error + self._gains.integral * self._integral)
         torque = correction + self._arm.damping * (wanted - speed) + self._turning
         action = np.clip(torque / self._scale, -1.0, 1.0).astype(np.float32)
         return action if observation.ndim == 1 else action[:, None]
