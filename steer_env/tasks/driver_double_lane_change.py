@@ -2,7 +2,6 @@
 
 from steer_env.tasks.common import cones
 from steer_env.tasks.common.definition import DRIVER_CHANNELS, HAND_TORQUE, Task, register
-from steer_env.tasks.common.terms import COMMON_COSTS
 from steer_env.vehicle.chassis.common.interface import COAST
 
 NAME = "DriverDoubleLaneChange"
@@ -15,7 +14,7 @@ TASK = register(
         action=HAND_TORQUE,
         channels=DRIVER_CHANNELS,
         rewards=cones.DRIVER_REWARDS,
-        costs=COMMON_COSTS,
+        costs=cones.CALM_COSTS,
         metrics=cones.DRIVER_METRICS,
         draw_setup=cones.setup_drawer(NAME, "double-lane-change"),
         speed=80.0 / 3.6,

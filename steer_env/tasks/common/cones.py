@@ -35,7 +35,7 @@ from steer_env.tasks.common.path_following import (
     observe_path,
     offset_term,
 )
-from steer_env.tasks.common.terms import ASSIST_COSTS, COMMON_METRICS, COMMON_REWARDS
+from steer_env.tasks.common.terms import ASSIST_COSTS, COMMON_COSTS, COMMON_METRICS, COMMON_REWARDS
 from steer_env.timing import UPDATE_INTERVAL
 from steer_env.vehicle.plant import CHANNEL
 
@@ -45,6 +45,7 @@ COURSE_HALF_WIDTH = 4.0  # lateral offset from the path that ends an episode: no
 TIME_RATIO = 1.5  # time for a run over the time that the course takes at the held speed [1]
 BEHIND, BEYOND = 20.0, 80.0  # length of the path before the start and after the end [m]
 MAX_CONES = 64  # a course has fewer
+HAND_SPEED_LIMIT = 2.0  # above it steering is hectic, assumed [rad/s]
 # Lateral offset at which a driver's quality is 71 %, and that of an assist, whose driver follows the path; assumed [m].
 DRIVER_OFFSET, ASSIST_OFFSET = 0.3, 0.1
 
@@ -54,7 +55,7 @@ _COUNT = FOLLOWING_MEMORY  # place of the number of touched cones in a task's me
 _FLAGS = _COUNT + 1
 MEMORY = _FLAGS + MAX_CONES
 _CONES = len(COMMON_METRICS)  # place of that number among the metrics
-_X, _Y, _YAW = CHANNEL["x"], CHANNEL["y"], CHANNEL["yaw_angle"]
+_X, _Y, _YAW, _HAND_SPEED = (CHANNEL[name] for name in ("x", "y", "yaw_angle", "handwheel_speed"))
 
 
 class DriverCones(NamedTuple):
@@ -157,6 +158,8 @@ def evaluate(parameters, channels, observations, data, step, memory, rewards, co
     progress, touched, outcome = _evaluate(
         parameters, channels, observations, data, DRIVER_OFFSET, step, memory, rewards, costs, metrics
     )
+    if costs.size > len(COMMON_COSTS) and abs(channels[_HAND_SPEED]) > HAND_SPEED_LIMIT:
+        costs[3] += step.dt
     memory[_COUNT] += touched
     rewards[1] += progress / (1.0 + memory[_COUNT])
     return outcome
@@ -191,6 +194,11 @@ DRIVER_REWARDS = (
 DRIVER_METRICS = (*COMMON_METRICS, CONE_METRIC, *FOLLOWING_METRICS[-2:])
 ASSIST_REWARDS = (offset_term(0.2, ASSIST_OFFSET), feel_term(0.5), *COMMON_REWARDS)
 ASSIST_METRICS = (*COMMON_METRICS, CONE_METRIC, FEEL_METRIC, *FOLLOWING_METRICS[-2:])
+# What the preview drivers keep in the double lane change at its usual speed; the swerve cannot be driven so calmly.
+CALM_COSTS = (
+    *COMMON_COSTS,
+    Cost("hand_speed", 0.4, "s", f"time with a handwheel speed above {HAND_SPEED_LIMIT:g} rad/s"),
+)
 LANE_CHANGE_COSTS = (*ASSIST_COSTS, Cost("cones", 0.1, "1", _TOUCHED))
 _OPTIONS = {
     "mirrored": (0.0, 1.0, "1 for a side lane to the right, 0 for one to the left"),
