@@ -25,7 +25,7 @@ from steer_env.tasks.common.definition import (
 from steer_env.tasks.common.feel import FEEL_SCALE, feel_error, feel_quality
 from steer_env.tasks.common.path_following import PATH_OBSERVATIONS, observe_path
 from steer_env.tasks.common.standstill import TWO_TRACK
-from steer_env.tasks.common.terms import COMMON_METRICS, COMMON_REWARDS, evaluate_common, quality
+from steer_env.tasks.common.terms import COMMON_METRICS, COMMON_REWARDS, evaluate_common, evaluate_overlay, quality
 from steer_env.vehicle.plant import CHANNEL
 
 Array = NDArray[np.float64]
@@ -78,6 +78,7 @@ def _observe(parameters, channels, path, data, step, memory, observations):
 @kernel
 def _evaluate(parameters, channels, observations, data, step, memory, rewards, costs, metrics):
     evaluate_common(channels, step, step.dt, memory, rewards, costs, metrics)
+    evaluate_overlay(step, costs)
     scenario, n = data[0], metrics.size
     metrics[n - 3] = metrics[n - 2] = metrics[n - 1] = 0.0
     if scenario == RELEASE and step.time > parameters.release_time:

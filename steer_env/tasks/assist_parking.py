@@ -29,6 +29,7 @@ from steer_env.tasks.common.terms import (
     COMMON_METRICS,
     COMMON_REWARDS,
     evaluate_common,
+    evaluate_overlay,
 )
 from steer_env.vehicle.plant import CHANNEL
 
@@ -65,6 +66,7 @@ def wanted_torque(torque, handwheel_speed):
 @kernel
 def _evaluate(parameters, channels, observations, data, step, memory, rewards, costs, metrics):
     evaluate_common(channels, step, step.dt, memory, rewards, costs, metrics)
+    evaluate_overlay(step, costs)
     error = channels[_TORQUE] - wanted_torque(parameters.torque, channels[_SPEED])
     metrics[metrics.size - 1] = error
     rewards[0] += step.dt * feel_quality(error)

@@ -29,6 +29,7 @@ from steer_env.tasks.common.terms import (
     COMMON_METRICS,
     COMMON_REWARDS,
     evaluate_common,
+    evaluate_overlay,
     quality,
 )
 from steer_env.vehicle.plant import CHANNEL
@@ -64,6 +65,7 @@ def _observe(parameters, channels, path, data, step, memory, observations):
 @kernel
 def _evaluate(parameters, channels, observations, data, step, memory, rewards, costs, metrics):
     evaluate_common(channels, step, step.dt, memory, rewards, costs, metrics)
+    evaluate_overlay(step, costs)
     n = metrics.size
     if step.time > parameters.time:
         rewards[1] += step.dt * quality(channels[_ANGLE] / ANGLE_SCALE)

@@ -25,6 +25,7 @@ from steer_env.tasks.common.terms import (
     COMMON_METRICS,
     COMMON_REWARDS,
     evaluate_common,
+    evaluate_overlay,
 )
 
 DURATION = 20.0  # [s]
@@ -49,6 +50,7 @@ def _observe(parameters, channels, path, data, step, memory, observations):
 @kernel
 def _evaluate(parameters, channels, observations, data, step, memory, rewards, costs, metrics):
     evaluate_common(channels, step, step.dt, memory, rewards, costs, metrics)
+    evaluate_overlay(step, costs)
     error = feel_error(channels)
     rewards[0] += step.dt * feel_quality(error)
     metrics[metrics.size - 1] = error

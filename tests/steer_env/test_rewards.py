@@ -198,3 +198,28 @@ def test_the_driver_holds_the_handwheel_in_lane_changes_alone():
     assert set(scenario) == {0.0, 1.0, 2.0, 3.0}
     np.testing.assert_array_equal(driven == 1, scenario == 3.0)
     assert "lateral_offset" not in [quantity.name for quantity in env.batch.observed]
+
+
+@pytest.mark.parametrize(
+    ("name", "cost", "exceeds"),
+    [
+        ("DriverDoubleLaneChange", "hand_speed", lambda info, action: abs(info["handwheel_speed"]) > 2.0),
+        ("AssistWeave", "overlay", lambda info, action: abs(action) > 0.2),
+        ("AssistLaneChange", "overlay", lambda info, action: abs(action) > 0.2),
+        ("DriverObstacleAvoidance", "hand_torque", lambda info, action: abs(info["handwheel_torque"]) > 8.0),
+    ],
+)
+def test_costs_are_the_time_beyond_a_limit_over_its_budget(name, cost, exceeds):
+    env = gym.make(f"steer_env/{name}-v1", control_dt=0.01).unwrapped
+    limit = {each.name: each.limit for each in env.task.costs}[cost]
+    env.reset(seed=SEED)
+    rng, beyond, found, over, k = np.random.default_rng(SEED), 0.0, 0.0, False, 0
+    while not over and k < 400:
+        if k % 40 == 0:
+            action = rng.uniform(-1.0, 1.0, 1).astype(np.float32)
+        _, _, terminated, truncated, info = env.step(action)
+        beyond += 0.01 * exceeds(info, float(action[0]))
+        found += info["cost_terms"][cost]
+        over, k = terminated or truncated, k + 1
+    assert beyond > 0.1
+    assert found == pytest.approx(beyond / limit, rel=1e-9)

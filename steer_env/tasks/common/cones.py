@@ -35,7 +35,7 @@ from steer_env.tasks.common.path_following import (
     observe_path,
     offset_term,
 )
-from steer_env.tasks.common.terms import ASSIST_COSTS, COMMON_COSTS, COMMON_METRICS, COMMON_REWARDS
+from steer_env.tasks.common.terms import ASSIST_COSTS, COMMON_COSTS, COMMON_METRICS, COMMON_REWARDS, evaluate_overlay
 from steer_env.timing import UPDATE_INTERVAL
 from steer_env.vehicle.plant import CHANNEL
 
@@ -159,7 +159,7 @@ def evaluate(parameters, channels, observations, data, step, memory, rewards, co
         parameters, channels, observations, data, DRIVER_OFFSET, step, memory, rewards, costs, metrics
     )
     if costs.size > len(COMMON_COSTS) and abs(channels[_HAND_SPEED]) > HAND_SPEED_LIMIT:
-        costs[3] += step.dt
+        costs[len(COMMON_COSTS)] += step.dt
     memory[_COUNT] += touched
     rewards[1] += progress / (1.0 + memory[_COUNT])
     return outcome
@@ -171,6 +171,7 @@ def evaluate_assist(parameters, channels, observations, data, step, memory, rewa
     progress, touched, outcome = _evaluate(
         parameters, channels, observations, data, ASSIST_OFFSET, step, memory, rewards, costs, metrics
     )
+    evaluate_overlay(step, costs)
     costs[costs.size - 1] += touched
     error = feel_error(channels)
     rewards[1] += progress * feel_quality(error)

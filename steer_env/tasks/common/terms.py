@@ -75,6 +75,13 @@ def _ripple(torque, dt, begun, memory):
 
 
 @kernel
+def evaluate_overlay(step, costs):
+    """Add the cost that only assists have, which stands behind the common ones."""
+    if abs(step.action) > OVERLAY_LIMIT:
+        costs[len(COMMON_COSTS)] += step.dt
+
+
+@kernel
 def evaluate_common(channels, step, share, memory, rewards, costs, metrics):
     """Add the common rewards, which stand last, and costs, and give the common metrics their values, both first.
 
@@ -88,8 +95,6 @@ def evaluate_common(channels, step, share, memory, rewards, costs, metrics):
         costs[0] += step.dt
     if sideslip > SIDESLIP_LIMIT:
         costs[1] += step.dt
-    if costs.size > len(COMMON_COSTS) and abs(step.action) > OVERLAY_LIMIT:  # of assists alone
-        costs[3] += step.dt
     ripple = _ripple(torque, step.dt, begun, memory)
     updates = step.time / UPDATE_INTERVAL
     if abs(updates - math.floor(updates + 0.5)) < 0.01:  # between updates the channel is extrapolated, with kinks
