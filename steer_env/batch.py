@@ -390,6 +390,6 @@ def _weights(task: Task, given: Mapping[str, float] | None) -> dict[str, float]:
     for name, value in (given or {}).items():
         if name not in weights:
             raise ValueError(f"{task.name} has no reward term {name!r}; there are {', '.join(weights)}")
-        bounds = {"maximum": 0.0} if name == FAILURE.name else {"minimum": 0.0}
-        weights[name] = number(f"weights[{name!r}]", value, **bounds)
+        low, high = (-math.inf, 0.0) if name == FAILURE.name else (0.0, math.inf)
+        weights[name] = number(f"weights[{name!r}]", value, minimum=low, maximum=high)
     return weights
