@@ -16,7 +16,9 @@ from steer_env.experiments.learning.training import Training
 from steer_env.experiments.output.options import Friction
 
 WEAVE = "steer_env/AssistWeave-v1"
-SHIPPED = sorted(f"steer_env/{folder.name}" for folder in policy.SHIPPED_IN.iterdir())
+SHIPPED = sorted(
+    f"steer_env/{folder.name}" for folder in policy.SHIPPED_IN.iterdir() if (folder / "policy.zip").is_file()
+)
 
 
 @pytest.fixture(scope="module")

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from steer_env import friction
-from steer_env.experiments.learning import policy, policy_report
+from steer_env.experiments.learning import assist_suite, policy, policy_report
 from steer_env.experiments.learning.controllers import baselines
 from steer_env.experiments.verification import step_time
 from steer_env.experiments.verification.requirements.common.rows import Row, verdict
@@ -12,31 +12,38 @@ from steer_env.registration import VERSION
 
 CASES = 200  # held-out episodes
 CLEAN = 0.95  # least share of double lane changes without a cone
-BETTER = 0.2  # least share by which the policy's feel error is below the boost table's
+BETTER = 0.5  # least share by which the policy's feel error is below the boost table's
 SHARE = 0.15  # largest share of the environment in the wall time of PPO
 DRIVER, ASSIST = f"steer_env/DriverDoubleLaneChange-{VERSION}", f"steer_env/AssistWeave-{VERSION}"
+ALL_ROUND = f"steer_env/AssistAllRound-{VERSION}"
 
 
 def rows(cases: int = CASES) -> Iterator[Row]:
-    """Shipped policies on held-out episodes, against the preview driver and against the boost table."""
-    driving = _shipped(DRIVER, "preview", cases)
+    """Shipped policies on held-out episodes beside classical controllers on the same terms, and their stability."""
+    driving = _shipped(DRIVER, "informed_preview", cases)
     clean = driving.values["policy"]["clean_share"].value
     yield Row("double lane changes without a cone", f"{clean:.1%}", f">= {CLEAN:.0%}", verdict(clean >= CLEAN))
-    cost, reward = (driving.gaps["preview"][name] for name in ("cost", "reward"))
-    yield Row("cost less the preview driver's", f"{cost.high:.3f} at most", "< 0", verdict(cost.high < 0.0))
-    yield Row("reward less the preview driver's", f"{reward.low:.2f} at least", "no limit", "pass")
+    reward = driving.gaps["informed_preview"]["reward"]
+    text = f"{reward.low:.2f} at least"
+    yield Row("reward less that of the preview driver told load and grip", text, "> 0", verdict(reward.low > 0.0))
     for name in friction.available():
         if name == policy.about(policy.shipped(ASSIST))["friction"]:
             continue
         feeling = _shipped(ASSIST, "boost", cases, friction=name)
         less = -feeling.gaps["boost"]["rms_feel_error"].high / feeling.values["boost"]["rms_feel_error"].value
-        limits = feeling.values["policy"]["cost"].value
         yield Row(
             f"feel error on {name} below the boost table's",
-            f"{less:.0%} at least, cost {limits:.3g}",
-            f">= {BETTER:.0%}, cost 0",
-            verdict(less >= BETTER and limits == 0.0),
+            f"{less:.0%} at least",
+            f">= {BETTER:.0%}",
+            verdict(less >= BETTER),
         )
+    gap = _shipped(ASSIST, "lqg", cases).gaps["lqg"]["rms_feel_error"]
+    yield Row("feel error less LQG's", f"{gap.low:.3f} to {gap.high:.3f} N m", "no limit", "pass")
+    for env_id in (ASSIST, ALL_ROUND):
+        found = assist_suite.examine(policy.load(policy.shipped(env_id)), env_id)
+        held, name = sum(result.holds for result in found), env_id.removeprefix("steer_env/")
+        text = f"{held} of {len(found)}"
+        yield Row(f"conditions of the assist suite, {name}", text, "all", verdict(held == len(found)))
     share = step_time.training_share(ASSIST)
     yield Row(
         "environment in PPO's wall time, 64 sub-environments", f"{share:.1%}", f"< {SHARE:.0%}", verdict(share < SHARE)
