@@ -76,8 +76,8 @@ def _write_hand_torque(preview_model, drivers, arm, episodes, channels, observat
         )  # fmt: skip
         update = within(sample // SAMPLES_PER_UPDATE + 1, 0, inputs.shape[1] - 1)
         given = _given_torque(drivers.feed_forward[i], intended, v_y, r) + arm.reflex * delayed
-        hands = given - arm.stiffness * now[_ANGLE] - arm.damping * now[_SPEED]
-        inputs[i, update, 0] = given + (within(hands, -TORQUE_LIMIT, TORQUE_LIMIT) - hands)
+        impedance = arm.stiffness * now[_ANGLE] + arm.damping * now[_SPEED]
+        inputs[i, update, 0] = within(given, impedance - TORQUE_LIMIT, impedance + TORQUE_LIMIT)
 
 
 @kernel
