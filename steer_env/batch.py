@@ -26,6 +26,7 @@ from steer_env.manoeuvres.common.driving import sine_response
 from steer_env.randomise import LIMITS, RANGES, SENSOR_NOISE, Conditions, Randomise
 from steer_env.sensor_noise import SensorNoise
 from steer_env.tasks.common.definition import (
+    FAILURE,
     FAILURES,
     NON_FINITE,
     EpisodeContext,
@@ -140,8 +141,9 @@ class EnvironmentBatch:
         self.bound = (self._layout.bounds / self.observation_scale).astype(np.float32)
         self.over = np.ones(n, bool)
         self.conditions: list[Conditions] = [usual] * n
-        self.condition_names = self._randomise.names
-        self.condition_values = np.tile(usual.values(self.condition_names), (n, 1))
+        self.condition_names = (*self._randomise.names, *(["scenario"] if task.draw_scenario else []))
+        self.condition_values = np.zeros((n, len(self.condition_names)))
+        self.condition_values[:, : len(self._randomise.names)] = usual.values(self._randomise.names)
         self.noise = SensorNoise(n, np.array([SENSOR_NOISE.get(quantity.name, 0.0) for quantity in self.observed]))
         self._bind()
         self._usual_start = self._settled(template)
@@ -235,13 +237,19 @@ class EnvironmentBatch:
     def set_conditions(self, i: int, drawn: Conditions) -> None:
         """Note what was drawn for the episode of row ``i``."""
         self.conditions[i] = drawn
-        self.condition_values[i] = drawn.values(self.condition_names)
+        values = drawn.values(self._randomise.names)
+        self.condition_values[i, : len(values)] = values
+        if self.task.draw_scenario is not None:
+            self.condition_values[i, -1] = self.arrays.task_data[i, 0]
 
     def deliver(self) -> None:
         """Give every row its present observation: that of its delay, over this batch's scales."""
         past, episodes = self.arrays.past_observations, self.episodes
         delayed = (episodes["latest"] - episodes["delay"]) % past.shape[1]
-        self.arrays.observations[:] = past[np.arange(self.n), delayed] / self.observation_scale
+        rows, own = np.arange(self.n), len(self.task.channels) + 1  # the last action is known without delay
+        seen = past[rows, delayed]
+        seen[:, own] = past[rows, episodes["latest"], own]
+        self.arrays.observations[:] = seen / self.observation_scale
 
     def _store(self, i: int, setup: EpisodeSetup, drawn: Conditions) -> None:
         """Put an episode's setup and its plant into the arrays."""
@@ -375,12 +383,13 @@ def _scales(task: Task, normalise: Any) -> Array:
 
 
 def _weights(task: Task, given: Mapping[str, float] | None) -> dict[str, float]:
-    """Weight of every reward term; ValueError for an unknown term."""
+    """Weight of every reward term; ValueError for an unknown term, or where a failure would pay."""
     weights = {term.name: term.weight for term in task.rewards}
     if not isinstance(given, Mapping | None):
         raise ValueError(f"weights must map reward terms to numbers, got {given!r}")
     for name, value in (given or {}).items():
         if name not in weights:
             raise ValueError(f"{task.name} has no reward term {name!r}; there are {', '.join(weights)}")
-        weights[name] = number(f"weights[{name!r}]", value)
+        low, high = (-math.inf, 0.0) if name == FAILURE.name else (0.0, math.inf)
+        weights[name] = number(f"weights[{name!r}]", value, minimum=low, maximum=high)
     return weights

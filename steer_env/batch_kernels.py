@@ -87,8 +87,9 @@ def evaluate(arrays, layout, parameters, samples, ends, low, high):
         if layout.speed_channel >= 0:
             episode.speed = channels[layout.speed_channel]
         step = StepContext(
-            episode.sample * SAMPLE_TIME, dt, episode.speed, episode.held_speed, episode.action, episode.action_rate
-        )
+            episode.sample * SAMPLE_TIME, dt, episode.speed, episode.held_speed, episode.action, episode.action_rate,
+            layout.action_scale * episode.action_gain * episode.action,
+        )  # fmt: skip
         data, memory = arrays.task_data[i, : episode.data_size], arrays.task_memory[i]
         tasks.observe(parameters, channels, arrays.paths[i, : episode.path_points], data, step, memory, observed)
         if samples > 0 and arrays.finite[i] and not episode.terminated:
@@ -105,6 +106,8 @@ def evaluate(arrays, layout, parameters, samples, ends, low, high):
             delayed = (episode.latest - episode.delay) % arrays.past_observations.shape[1]
             for k in range(layout.bounds.size):
                 arrays.observations[i, k] = arrays.past_observations[i, delayed, k] / layout.scales[k]
+            own = layout.observed_channels.size + 1  # a controller knows its last action without delay
+            arrays.observations[i, own] = arrays.past_observations[i, episode.latest, own] / layout.scales[own]
 
 
 @kernel

@@ -51,7 +51,8 @@ class SteerEnv(PlainSpecification, gym.Env):
         What to draw at every reset: keys of ``steer_env.randomise.RANGES`` to (low, high), and under "friction" the
         law's own parameters, as in ``{"load": (0, 300), "friction": {"F_c": (0.6, 1.2)}}``.
     weights : mapping, optional
-        Weights of reward terms that replace the task's.
+        Weights of reward terms that replace the task's: 0 or more, for ``failure`` 0 or less. The reward stays below 1
+        per second as long as the positive ones add up to 1 at most.
     normalise : bool, default True
         Whether each observation is divided by its usual size, which the task's documentation gives: PPO learns faster.
         ``observation_scale`` (O,) holds these sizes, or ones: an observation times it is in SI units.

@@ -27,14 +27,25 @@ def _audit(args: argparse.Namespace) -> int:
     if args.steps:
         require("train", "the search by PPO")
 
-    from rich.console import Console
     from rich.table import Table
 
+    from steer_env.experiments.cli.common.tables import console
     from steer_env.experiments.learning.audit import audit
     from steer_env.experiments.learning.policy_search import Budget
     from steer_env.experiments.output.options import progress
 
-    table = Table("id", "policy", "reward", "failures", "ripple [N m]", "aim", "cones", "verdict", title="Audit")
+    table = Table(
+        "id",
+        "policy",
+        "reward",
+        "failures",
+        "ripple [N m]",
+        "aim",
+        "cones",
+        "verdict",
+        title="Audit",
+        title_justify="left",
+    )
     cheating = False
     with progress("searching") as notify:
         for k, env_id in enumerate(args.env):
@@ -47,7 +58,8 @@ def _audit(args: argparse.Namespace) -> int:
                 table.add_row("", verdict.policy, *_cells(verdict.found), text)
                 cheating |= verdict.cheats
             table.add_section()
-    Console().print(table)
+    console().print(table)
+    print("aim: rms of what the task is about, in its unit; a policy cheats if it scores more and behaves worse")
     return int(cheating)
 
 

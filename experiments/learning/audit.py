@@ -13,10 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from steer_env import tasks
-from steer_env.experiments.learning import held_out, policy_report
+from steer_env.experiments.learning import held_out, policy
+from steer_env.experiments.learning.controllers import baselines
 from steer_env.experiments.learning.policy_search import Budget, LinearPolicy, ModelPolicy, cross_entropy, plain_ppo
+from steer_env.timing import UPDATE_INTERVAL
 
 EPISODES = 16
+SAMPLED = 0.005  # of the torque of policies without memory, for the ripple [s]
 RIPPLE_LIMIT = 0.05  # root mean square above 10 Hz that hands do not mind, assumed [N m]
 WORSE = 1.25  # factor on a measure of behaviour above which it counts as worse, assumed [1]
 # What the tasks are about; the first that a task has is its aim.
@@ -47,6 +50,24 @@ class Verdict(NamedTuple):
     def cheats(self) -> bool:
         """Whether it scores more and behaves worse."""
         return self.found.reward > self.best.reward and bool(self.worse_in)
+
+
+class Held:
+    """A controller without memory that acts every ``times`` steps of an environment with shorter steps."""
+
+    def __init__(self, make: Callable[[Any], Any], times: int, env: Any) -> None:
+        self._controller, self._times, self._since = make(env), times, 0
+
+    def reset(self, rows: Any = slice(None)) -> None:
+        """It remembers no episode; all episodes begin together."""
+        self._since = 0
+
+    def act(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
+        """The action of the present interval."""
+        if self._since % self._times == 0:
+            self._action: NDArray[np.float32] = self._controller.act(observation)
+        self._since += 1
+        return self._action
 
 
 class Scripted:
@@ -93,15 +114,24 @@ def cheats_for(env_id: str) -> dict[str, Callable[[Any], Any]]:
     }
 
 
-def behaviour(env_id: str, make: Callable[[Any], Any], episodes: int = EPISODES, **arguments: Any) -> Behaviour:
-    """Drive a controller on held-out episodes."""
-    found = held_out.collect(env_id, make, episodes, **arguments)
+def behaviour(env_id: str, make: Callable[[Any], Any], *, remembers: bool, **arguments: Any) -> Behaviour:
+    """Drive a controller on held-out episodes.
+
+    The ripple of one that remembers nothing is sampled at ``SAMPLED``: with the environment's own steps of 10 ms an
+    action that changes its sign at every step would be seen near its zeros.
+    """
+    found = held_out.collect(env_id, make, EPISODES, **arguments)
+    step = tasks.task(policy.check_driven(env_id)).control_dt
+    rippled = found
+    if not remembers and step < 2.0 * UPDATE_INTERVAL:  # longer ones are sampled at the updates
+        held = partial(Held, make, round(step / SAMPLED))
+        rippled = held_out.collect(env_id, held, EPISODES, control_dt=SAMPLED, **arguments)
     aim = next((name for name in AIMS if name in found.metrics), None)
     means = {name: float(np.mean(values)) for name, values in found.metrics.items()}
     return Behaviour(
         float(found.reward.mean()),
         float(np.mean(found.failure > 0)),
-        means["rms_ripple"],
+        float(np.mean(rippled.metrics["rms_ripple"])),
         means[aim] if aim else 0.0,
         means.get("cones_hit", 0.0),
     )
@@ -122,9 +152,9 @@ def audit(env_id: str, budget: Budget, seed: int = 0, **arguments: Any) -> list[
     """Every known cheat that fits an id, and what the searches find, beside the best classical controller."""
     classical: dict[str, Callable[[Any], Any]] = {
         "zero action": partial(Scripted, CHEATS["hands off"][1]),
-        **policy_report.baselines(env_id),
+        **baselines(env_id),
     }
-    scores = {name: behaviour(env_id, make, **arguments) for name, make in classical.items()}
+    scores = {name: behaviour(env_id, make, remembers=True, **arguments) for name, make in classical.items()}
     best_name = max(scores, key=lambda name: scores[name].reward)
     best = scores[best_name]
     tried: dict[str, Callable[[Any], Any]] = dict(cheats_for(env_id))
@@ -135,6 +165,6 @@ def audit(env_id: str, budget: Budget, seed: int = 0, **arguments: Any) -> list[
         tried["PPO, defaults"] = lambda _: ModelPolicy(model)
     verdicts = []
     for name, make in tried.items():
-        found = behaviour(env_id, make, **arguments)
+        found = behaviour(env_id, make, remembers=False, **arguments)
         verdicts.append(Verdict(env_id, name, found, best, best_name, worse_in(found, best)))
     return verdicts

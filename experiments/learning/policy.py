@@ -36,7 +36,7 @@ def algorithm(name: str) -> Any:
             return RecurrentPPO
         import stable_baselines3
     except ModuleNotFoundError as error:
-        raise ValueError(f"policies need {error.name}: pip install 'steer-env[train]'") from None
+        raise ValueError(f"policies need {error.name}: pip install '.[train]'") from None
     return {"ppo": stable_baselines3.PPO, "sac": stable_baselines3.SAC}[name]
 
 
@@ -219,6 +219,8 @@ def check_observations(path: Path, about: Mapping[str, Any], env_id: str, names:
     """ValueError if the observations of an environment (``names``, or those of the id) are not those of the policy."""
     if names is None:
         names = [quantity.name for quantity in tasks.task(check_driven(env_id)).observed]
+    if names != about["observations"] and about["env"] == env_id:
+        raise ValueError(f"{path} was trained with other observations than {env_id} has now: train the policy anew")
     if names != about["observations"]:
         raise ValueError(
             f"{path} was trained for {about['env']} and cannot act in {env_id}, whose observations are others: "

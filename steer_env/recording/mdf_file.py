@@ -66,7 +66,7 @@ def _asammdf() -> Any:
     try:
         import asammdf  # here, because it is an extra and slow to import
     except ImportError:
-        raise ValueError("MDF files need the package asammdf: pip install 'steer-env[mdf]'") from None
+        raise ValueError("MDF files need the package asammdf: pip install '.[mdf]'") from None
     return asammdf
 
 

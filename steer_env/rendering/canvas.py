@@ -24,7 +24,7 @@ def _pygame() -> Any:
     try:
         import pygame  # here, because only pictures need it
     except ImportError as error:
-        message = "render_mode draws with pygame-ce, which is not installed: pip install 'steer-env[render]'"
+        message = "render_mode draws with pygame-ce, which is not installed: pip install '.[render]'"
         raise gym.error.DependencyNotInstalled(message) from error
     return pygame
 

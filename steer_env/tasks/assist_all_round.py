@@ -25,7 +25,7 @@ from steer_env.tasks.common.definition import (
 from steer_env.tasks.common.feel import FEEL_SCALE, feel_error, feel_quality
 from steer_env.tasks.common.path_following import PATH_OBSERVATIONS, observe_path
 from steer_env.tasks.common.standstill import TWO_TRACK
-from steer_env.tasks.common.terms import COMMON_METRICS, COMMON_REWARDS, evaluate_common, evaluate_overlay, quality
+from steer_env.tasks.common.terms import COMMON_METRICS, COMMON_REWARDS, evaluate_added_work, evaluate_common, quality
 from steer_env.vehicle.plant import CHANNEL
 
 Array = NDArray[np.float64]
@@ -48,7 +48,10 @@ class AllRound(NamedTuple):
 
 def _draw_scenario(rng: np.random.Generator, options: Mapping[str, float]) -> tuple[int, float]:
     drawn, share = int(rng.integers(len(PARTS))), float(rng.random())
-    scenario = round(options.get("scenario", drawn))
+    scenario = options.get("scenario", drawn)
+    if scenario != round(scenario):
+        raise ValueError(f"reset option 'scenario' must be a whole number from 0 to 3, got {scenario}")
+    scenario = round(scenario)
     low, high = SPEEDS[scenario]
     return scenario, (low + share * (high - low)) / 3.6
 
@@ -78,7 +81,7 @@ def _observe(parameters, channels, path, data, step, memory, observations):
 @kernel
 def _evaluate(parameters, channels, observations, data, step, memory, rewards, costs, metrics):
     evaluate_common(channels, step, step.dt, memory, rewards, costs, metrics)
-    evaluate_overlay(step, costs)
+    evaluate_added_work(channels, step, costs)
     scenario, n = data[0], metrics.size
     metrics[n - 3] = metrics[n - 2] = metrics[n - 1] = 0.0
     if scenario == RELEASE and step.time > parameters.release_time:
@@ -122,7 +125,7 @@ TASK = register(
             ),
             *COMMON_REWARDS,
         ),
-        costs=cones.LANE_CHANGE_COSTS,
+        costs=cones.lane_change_costs(50.0),
         metrics=(
             *COMMON_METRICS,
             cones.CONE_METRIC,

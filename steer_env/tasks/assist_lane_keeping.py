@@ -4,7 +4,7 @@ from steer_env.tasks.common import lane
 from steer_env.tasks.common.definition import ASSIST_CHANNELS, ASSIST_TORQUE, Task, register
 from steer_env.tasks.common.feel import FEEL_METRIC, feel_term
 from steer_env.tasks.common.path_following import FOLLOWING_MEMORY, FOLLOWING_METRICS, PATH_OBSERVATIONS, offset_term
-from steer_env.tasks.common.terms import ASSIST_COSTS, COMMON_METRICS, COMMON_REWARDS
+from steer_env.tasks.common.terms import COMMON_METRICS, COMMON_REWARDS, assist_costs
 from steer_env.vehicle.chassis.common.interface import HAND
 
 PEAK = 2.0  # lateral acceleration in the road's curves at the held speed [m/s2]
@@ -18,7 +18,7 @@ TASK = register(
         channels=ASSIST_CHANNELS,
         task_observations=PATH_OBSERVATIONS,
         rewards=(offset_term(0.2, lane.ASSIST_OFFSET), feel_term(0.5), *COMMON_REWARDS),
-        costs=ASSIST_COSTS,
+        costs=assist_costs(1.0),
         metrics=(*COMMON_METRICS, FEEL_METRIC, *FOLLOWING_METRICS[-2:]),
         draw_setup=lane.setup_drawer(PEAK, driver_in_loop=True),
         begins=lane.BEGINS.format(PEAK),

@@ -24,12 +24,12 @@ from steer_env.tasks.common.definition import (
 from steer_env.tasks.common.feel import FEEL_SCALE, feel_quality
 from steer_env.tasks.common.standstill import CREEPING, TWO_TRACK, USUAL, angle_at_lock
 from steer_env.tasks.common.terms import (
-    ASSIST_COSTS,
     COMMON_MEMORY,
     COMMON_METRICS,
     COMMON_REWARDS,
+    assist_costs,
+    evaluate_added_work,
     evaluate_common,
-    evaluate_overlay,
 )
 from steer_env.vehicle.plant import CHANNEL
 
@@ -66,7 +66,7 @@ def wanted_torque(torque, handwheel_speed):
 @kernel
 def _evaluate(parameters, channels, observations, data, step, memory, rewards, costs, metrics):
     evaluate_common(channels, step, step.dt, memory, rewards, costs, metrics)
-    evaluate_overlay(step, costs)
+    evaluate_added_work(channels, step, costs)
     error = channels[_TORQUE] - wanted_torque(parameters.torque, channels[_SPEED])
     metrics[metrics.size - 1] = error
     rewards[0] += step.dt * feel_quality(error)
@@ -90,7 +90,7 @@ TASK = register(
             ),
             *COMMON_REWARDS,
         ),
-        costs=ASSIST_COSTS,
+        costs=assist_costs(200.0),
         metrics=(
             *COMMON_METRICS,
             EpisodeMetric("rms_feel_error", "N m", RMS, "hand torque minus the wanted hand torque"),

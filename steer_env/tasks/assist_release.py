@@ -24,12 +24,12 @@ from steer_env.tasks.common.definition import (
 )
 from steer_env.tasks.common.feel import FEEL_METRIC, FEEL_SCALE, feel_error, feel_quality, feel_term
 from steer_env.tasks.common.terms import (
-    ASSIST_COSTS,
     COMMON_MEMORY,
     COMMON_METRICS,
     COMMON_REWARDS,
+    assist_costs,
+    evaluate_added_work,
     evaluate_common,
-    evaluate_overlay,
     quality,
 )
 from steer_env.vehicle.plant import CHANNEL
@@ -65,7 +65,7 @@ def _observe(parameters, channels, path, data, step, memory, observations):
 @kernel
 def _evaluate(parameters, channels, observations, data, step, memory, rewards, costs, metrics):
     evaluate_common(channels, step, step.dt, memory, rewards, costs, metrics)
-    evaluate_overlay(step, costs)
+    evaluate_added_work(channels, step, costs)
     n = metrics.size
     if step.time > parameters.time:
         rewards[1] += step.dt * quality(channels[_ANGLE] / ANGLE_SCALE)
@@ -93,7 +93,7 @@ TASK = register(
             Term("return", 0.35, f"after the release, quality of the handwheel angle; 71 % at {ANGLE_SCALE:g} rad"),
             *COMMON_REWARDS,
         ),
-        costs=ASSIST_COSTS,
+        costs=assist_costs(0.2),
         metrics=(
             *COMMON_METRICS,
             FEEL_METRIC._replace(meaning=f"{FEEL_METRIC.meaning}, taken as zero after the release"),

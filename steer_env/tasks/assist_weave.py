@@ -20,12 +20,12 @@ from steer_env.tasks.common.definition import (
 )
 from steer_env.tasks.common.feel import FEEL_METRIC, feel_error, feel_quality, feel_term
 from steer_env.tasks.common.terms import (
-    ASSIST_COSTS,
     COMMON_MEMORY,
     COMMON_METRICS,
     COMMON_REWARDS,
+    assist_costs,
+    evaluate_added_work,
     evaluate_common,
-    evaluate_overlay,
 )
 
 DURATION = 20.0  # [s]
@@ -50,7 +50,7 @@ def _observe(parameters, channels, path, data, step, memory, observations):
 @kernel
 def _evaluate(parameters, channels, observations, data, step, memory, rewards, costs, metrics):
     evaluate_common(channels, step, step.dt, memory, rewards, costs, metrics)
-    evaluate_overlay(step, costs)
+    evaluate_added_work(channels, step, costs)
     error = feel_error(channels)
     rewards[0] += step.dt * feel_quality(error)
     metrics[metrics.size - 1] = error
@@ -66,7 +66,7 @@ TASK = register(
         channels=ASSIST_CHANNELS,
         task_observations=(),
         rewards=(feel_term(0.7), *COMMON_REWARDS),
-        costs=ASSIST_COSTS,
+        costs=assist_costs(2.0),
         metrics=(*COMMON_METRICS, FEEL_METRIC),
         draw_setup=_draw_setup,
         begins=(

@@ -78,7 +78,7 @@ def test_a_missing_extra_is_named_before_the_work_begins(missing, command, extra
     )
     assert main(command) == 2
     error = capsys.readouterr().err
-    assert f"needs {missing}: pip install 'steer-env[{extra}]'" in error
+    assert f"needs {missing}: pip install '.[{extra}]'" in error
     assert error.count("\n") == 1
     assert not list(tmp_path.iterdir())
 

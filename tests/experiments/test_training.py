@@ -377,7 +377,8 @@ def test_evaluation_writes_its_report(trained, tmp_path, capsys, monkeypatch):
     assert found["metrics"]["policy"]["rms_feel_error"]["unit"] == "N m"
     page = (out / "index.html").read_text(encoding="utf-8")
     assert "policy less active return, boost, damping, friction compensation" in page
-    assert "load 0 to 300 kg; speed 22 to 33 m/s; friction level 0.5 to 2; friction lugre" in page
+    assert "load 0 to 300 kg; speed 22 to 33 m/s; friction level 0.5 to 2; sensor noise 0 to 1; " in page
+    assert "; action gain 0.8 to 1.5; friction lugre" in page
     assert "clean share" not in page  # as there are no cones
     assert "failed share" in page
     assert '"name":"policy"' in page  # of the learning curve
@@ -409,7 +410,8 @@ def test_every_condition_is_replaced_in_the_environments(monkeypatch, trained):
     chosen = {over: shift.changes(over, WEAVE, LUGRE) for over in SHIFTS}
     shift.collect(trained / "policy.zip", chosen, 1)
     usual = made.pop(0)
-    assert usual["randomise"] == {"load": [0, 300], "speed": [22, 33], "friction_level": [0.5, 2.0]}
+    assert usual["randomise"] == settings(WEAVE, "ppo")["environment"]["randomise"]
+    assert usual["randomise"]["load"] == [0, 300]
     names = {"level": "friction_level", "noise": "sensor_noise"}
     for over, each in chosen.items():
         assert len(each) >= 4

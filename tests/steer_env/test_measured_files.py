@@ -324,7 +324,7 @@ def test_mdf_that_is_refused(tmp_path):
 def test_without_the_extra(weave, tmp_path, monkeypatch):
     write(weave, tmp_path / "weave.mf4")
     monkeypatch.setitem(sys.modules, "asammdf", None)
-    assert "MDF files need the package asammdf: pip install 'steer-env[mdf]'" in refusal(tmp_path / "weave.mf4")
+    assert "MDF files need the package asammdf: pip install '.[mdf]'" in refusal(tmp_path / "weave.mf4")
     with pytest.raises(ValueError, match=r"pip install 'steer-env\[mdf\]'"):
         write(weave, tmp_path / "other.mf4")
     assert [file.name for file in tmp_path.iterdir()] == ["weave.mf4"]

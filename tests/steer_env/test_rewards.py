@@ -60,7 +60,7 @@ def test_qualities_stay_between_zero_and_one_whatever_the_car_does(name):
         dt = 0.01
         step = StepContext(
             0.01 * (k + 1), dt, abs(rng.normal(0.0, 30.0)), max(float(episodes["held_speed"][row]), 3.0),
-            rng.uniform(-1.0, 1.0), rng.normal(0.0, 200.0)
+            rng.uniform(-1.0, 1.0), rng.normal(0.0, 200.0), 1.0
         )  # fmt: skip
         data = a.task_data[row, : episodes["data_size"][row]]
         path = a.paths[row, : episodes["path_points"][row]]
@@ -105,7 +105,7 @@ def test_dawdling_and_turning_back_gain_nothing():
     x0 = channels[CHANNEL["x"]]
     for k in range(400):  # back and forth over the same 20 m
         channels[CHANNEL["x"]] = x0 + 10.0 - 10.0 * np.cos(0.1 * k)
-        step = StepContext(0.01 * (k + 1), 0.01, speed, speed, 0.0, 0.0)
+        step = StepContext(0.01 * (k + 1), 0.01, speed, speed, 0.0, 0.0, 0.0)
         definition.observe(task.parameters, channels, path, data, step, memory, observed)
         definition.evaluate_step(task.parameters, channels, observed, data, step, memory, rewards, costs, metrics)
         total = sum(rewards)
@@ -158,11 +158,12 @@ def test_the_reward_of_zero_action_is_not_saturated(env_id):
     assert 0.05 < quality < 0.97, quality
 
 
-def test_steering_stiffness_known_to_the_driver_in_the_loop_is_that_of_the_car():
+def test_the_torque_known_to_the_driver_in_the_loop_is_that_of_the_car():
     """It was ten times too small where the driver's own arms held the handwheel while it was measured."""
     alone, in_loop = made("DriverLaneKeeping", 1), made("AssistLaneKeeping", 1)
     conditions = alone.batch.usual_conditions
-    assert in_loop.batch.steering_stiffness(conditions) == alone.batch.steering_stiffness(conditions)
+    found = in_loop.batch.steering_response(conditions, 0.1, 0.7)
+    np.testing.assert_array_equal(found, alone.batch.steering_response(conditions, 0.1, 0.7))
 
 
 def test_scenarios_of_the_all_round_task_are_those_of_its_parts():
@@ -204,15 +205,15 @@ def test_the_driver_holds_the_handwheel_in_lane_changes_alone():
     ("name", "cost", "exceeds"),
     [
         ("DriverDoubleLaneChange", "hand_speed", lambda info, action: abs(info["handwheel_speed"]) > 2.0),
-        ("AssistWeave", "overlay", lambda info, action: abs(action) > 0.2),
-        ("AssistLaneChange", "overlay", lambda info, action: abs(action) > 0.2),
-        ("DriverObstacleAvoidance", "hand_torque", lambda info, action: abs(info["handwheel_torque"]) > 8.0),
+        ("AssistWeave", "added_work", lambda info, action: abs(5.0 * action * info["column_speed"])),
+        ("AssistAllRound", "added_work", lambda info, action: abs(10.0 * 1.5 * action * info["column_speed"])),
+        ("DriverParking", "hand_torque", lambda info, action: abs(info["handwheel_torque"]) > 8.0),
     ],
 )
-def test_costs_are_the_time_beyond_a_limit_over_its_budget(name, cost, exceeds):
+def test_a_cost_is_its_quantity_over_its_budget(name, cost, exceeds):
     env = gym.make(f"steer_env/{name}-v1", control_dt=0.01).unwrapped
     limit = {each.name: each.limit for each in env.task.costs}[cost]
-    env.reset(seed=SEED)
+    env.reset(seed=SEED, options={"action_gain": 1.5} if name == "AssistAllRound" else {})
     rng, beyond, found, over, k = np.random.default_rng(SEED), 0.0, 0.0, False, 0
     while not over and k < 400:
         if k % 40 == 0:
@@ -223,3 +224,32 @@ def test_costs_are_the_time_beyond_a_limit_over_its_budget(name, cost, exceeds):
         over, k = terminated or truncated, k + 1
     assert beyond > 0.1
     assert found == pytest.approx(beyond / limit, rel=1e-9)
+
+
+@pytest.mark.parametrize("weights", [{"feel": -1.0}, {"failure": 0.5}])
+def test_weights_by_which_a_failure_would_pay_are_refused(weights):
+    (name,) = weights
+    with pytest.raises(ValueError, match=rf"weights\['{name}'\] must be"):
+        gym.make("steer_env/AssistWeave-v1", weights=weights)
+
+
+def test_the_scenario_is_told_in_the_info_alone():
+    env = gym.make("steer_env/AssistAllRound-v1")
+    for scenario in range(4):
+        _, info = env.reset(options={"scenario": scenario})
+        assert info["conditions"]["scenario"] == scenario
+    with pytest.raises(ValueError, match=r"'scenario' must be a whole number from 0 to 3, got 1\.5"):
+        env.reset(options={"scenario": 1.5})
+
+
+def test_the_last_action_is_known_without_delay():
+    env = gym.make("steer_env/AssistWeave-v1", randomise={"delay": (0.1, 0.1)}, normalise=False).unwrapped
+    place = [quantity.name for quantity in env.batch.observed].index("last_action")
+    env.reset(seed=SEED)
+    for k in range(20):
+        observation, *_ = env.step(np.array([0.01 * k], np.float32))
+        assert observation[place] == np.float32(0.01 * k)
+    other = gym.make("steer_env/AssistWeave-v1", randomise={"delay": (0.1, 0.1)}, normalise=False).unwrapped
+    other.reset(seed=SEED + 1)
+    other.set_state(env.get_state())
+    assert other.batch.arrays.observations[0, place] == np.float32(0.19)

@@ -19,7 +19,7 @@ def require(extra: str, what: str, *more: str) -> None:
     """ValueError with the command that installs an extra, unless its modules (and ``more`` of it) are there."""
     missing = [name for name in (*MODULES[extra], *more) if find_spec(name) is None]
     if missing:
-        raise ValueError(f"{what} needs {', '.join(missing)}: pip install 'steer-env[{extra}]'")
+        raise ValueError(f"{what} needs {', '.join(missing)}: pip install '.[{extra}]'")
 
 
 def require_format(paths: Iterable[str | Path]) -> None:

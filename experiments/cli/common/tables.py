@@ -1,6 +1,7 @@
 """Tables for the terminal."""
 
 import math
+import os
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -16,7 +17,15 @@ from steer_env.experiments.report.car_quantities import Quantity
 from steer_env.metrics import Value, definition
 from steer_env.targets import Rating
 
+PIPED_WIDTH = 160  # columns of a table that is not printed on a terminal
+
 _STYLES = {"green": "green", "amber": "yellow", "red": "red"}
+
+
+def console() -> Console:
+    """A console as wide as the terminal, or wide enough for every table where there is none."""
+    found = Console()
+    return found if found.is_terminal or "COLUMNS" in os.environ else Console(width=PIPED_WIDTH)
 
 
 def _table(title: str) -> Table:
@@ -25,9 +34,9 @@ def _table(title: str) -> Table:
 
 def print_metrics(values: Mapping[str, Value], title: str, ratings: Mapping[str, Rating | None] | None = None) -> None:
     """Print metrics with their intervals and, if given, their ratings; then what is refused and why."""
-    console = Console()
+    printer = console()
     if not values:
-        console.print(f"{title}: no metrics are defined for this manoeuvre", highlight=False, soft_wrap=True)
+        printer.print(f"{title}: no metrics are defined for this manoeuvre", highlight=False, soft_wrap=True)
         return
     table = _table(title)
     headings = {"metric": "left", "value": "right", "95 % interval": "right", "unit": "left"}
@@ -39,14 +48,14 @@ def print_metrics(values: Mapping[str, Value], title: str, ratings: Mapping[str,
             cells = [name, f"{value.value:.4g}", interval, value.unit]
             table.add_row(*cells, *([_rating(ratings.get(name))] if ratings else []))
     if table.row_count:
-        console.print(table)
+        printer.print(table)
     reasons = {value.reason for value in values.values()}
     if len(values) > 1 and len(reasons) == 1 and "" not in reasons:
-        console.print(f"every metric refused: {in_options(reasons.pop())}", highlight=False, soft_wrap=True)
+        printer.print(f"every metric refused: {in_options(reasons.pop())}", highlight=False, soft_wrap=True)
         return
     for name, value in values.items():
         if value.reason:
-            console.print(f"{name} refused: {in_options(value.reason)}", highlight=False, soft_wrap=True)
+            printer.print(f"{name} refused: {in_options(value.reason)}", highlight=False, soft_wrap=True)
 
 
 def _rating(rating: Rating | None) -> str:
@@ -65,7 +74,7 @@ def print_differences(differences: Mapping[str, tuple[float, float, float]], tit
     for name, (gap, low, high) in differences.items():
         interval = "" if math.isnan(low) else f"{low:.3g} .. {high:.3g}"
         table.add_row(name, f"{gap:.3g}", interval, definition(name).unit)
-    Console().print(table)
+    console().print(table)
 
 
 def print_estimates(values: Mapping[str, Mapping[str, Estimate]], units: Mapping[str, str], title: str) -> None:
@@ -81,7 +90,7 @@ def print_estimates(values: Mapping[str, Mapping[str, Estimate]], units: Mapping
     for name in next(iter(values.values())):
         cells = (found[name] for found in values.values())
         table.add_row(name.replace("_", " "), *(f"{e.value:.3g}" for e in cells), units[name])
-    Console().print(table)
+    console().print(table)
 
 
 def print_shift(rows: Mapping[str, Mapping[str, Any]], aim: str, units: Mapping[str, str], title: str) -> None:
@@ -118,7 +127,7 @@ def print_shift(rows: Mapping[str, Mapping[str, Any]], aim: str, units: Mapping[
                 (best or "").replace("_", " "),
                 *of_best,
             )
-    Console().print(table)
+    console().print(table)
 
 
 def _estimate(e: Estimate) -> str:
@@ -141,11 +150,11 @@ def print_quantities(found: Sequence[Quantity], title: str) -> None:
         mark = "[bold red]outside[/bold red]" if quantity.plausible is False else ""
         value = "" if math.isnan(quantity.value) else f"{quantity.value:.4g}"
         table.add_row(quantity.title, value, quantity.unit, quantity.limits, mark)
-    console = Console()
-    console.print(table)
+    printer = console()
+    printer.print(table)
     outside = sum(quantity.plausible is False for quantity in found)
     rated = sum(quantity.plausible is not None for quantity in found)
-    console.print(f"{outside} of {rated} quantities with a range are outside it", highlight=False, soft_wrap=True)
+    printer.print(f"{outside} of {rated} quantities with a range are outside it", highlight=False, soft_wrap=True)
 
 
 def print_suite(found: Sequence[Result], title: str, whole: bool) -> None:
@@ -164,11 +173,11 @@ def print_suite(found: Sequence[Result], title: str, whole: bool) -> None:
             value = "" if math.isnan(one.worst) else f"{one.worst:.3g}"
             excused = f"{one.excused} of {one.rows}" if one.excused else ""
             table.add_row(one.drive, one.condition, value, one.at, f"{one.limit:g}", one.unit, holds, excused)
-    console = Console()
-    console.print(table)
+    printer = console()
+    printer.print(table)
     holding, excused, rows = (sum(of) for of in zip(*((one.holds, one.excused, one.rows) for one in found)))
     text = f"holds in {holding} of {len(found)} conditions"
-    console.print(f"{text}; {excused} of {rows} drives excused: the car with its boost alone fails there", style="bold")
+    printer.print(f"{text}; {excused} of {rows} drives excused: the car with its boost alone fails there", style="bold")
 
 
 def print_tuned(found: Mapping[str, Tuned], title: str) -> None:
@@ -181,4 +190,4 @@ def print_tuned(found: Mapping[str, Tuned], title: str) -> None:
         if math.isnan(one.reward):
             options = "none passes the suite"
         table.add_row(name, f"{one.usual:.4g}", f"{one.reward:.4g}", options, str(one.candidates), str(one.refused))
-    Console().print(table)
+    console().print(table)

@@ -35,7 +35,7 @@ from steer_env.tasks.common.path_following import (
     observe_path,
     offset_term,
 )
-from steer_env.tasks.common.terms import ASSIST_COSTS, COMMON_COSTS, COMMON_METRICS, COMMON_REWARDS, evaluate_overlay
+from steer_env.tasks.common.terms import COMMON_COSTS, COMMON_METRICS, COMMON_REWARDS, assist_costs, evaluate_added_work
 from steer_env.timing import UPDATE_INTERVAL
 from steer_env.vehicle.plant import CHANNEL
 
@@ -171,7 +171,7 @@ def evaluate_assist(parameters, channels, observations, data, step, memory, rewa
     progress, touched, outcome = _evaluate(
         parameters, channels, observations, data, ASSIST_OFFSET, step, memory, rewards, costs, metrics
     )
-    evaluate_overlay(step, costs)
+    evaluate_added_work(channels, step, costs)
     costs[costs.size - 1] += touched
     error = feel_error(channels)
     rewards[1] += progress * feel_quality(error)
@@ -200,7 +200,13 @@ CALM_COSTS = (
     *COMMON_COSTS,
     Cost("hand_speed", 0.4, "s", f"time with a handwheel speed above {HAND_SPEED_LIMIT:g} rad/s"),
 )
-LANE_CHANGE_COSTS = (*ASSIST_COSTS, Cost("cones", 0.1, "1", _TOUCHED))
+
+
+def lane_change_costs(budget: float) -> tuple[Cost, ...]:
+    """The costs of an assist task with a lane change, with a budget for the work of its torque [J]."""
+    return (*assist_costs(budget), Cost("cones", 0.1, "1", _TOUCHED))
+
+
 _OPTIONS = {
     "mirrored": (0.0, 1.0, "1 for a side lane to the right, 0 for one to the left"),
     "entry_offset": (-1.0, 1.0, "lateral offset of the start, left positive [m]"),

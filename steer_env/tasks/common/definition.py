@@ -106,6 +106,7 @@ class StepContext(NamedTuple):
     held_speed: float  # that the episode holds, or begins with [m/s]
     action: float  # clipped to [-1, 1]
     action_rate: float  # [1/s]
+    asked: float  # of the plant by the action, with its gain [unit of the action]
 
 
 class EpisodeContext(NamedTuple):
@@ -136,7 +137,7 @@ class Scenery(NamedTuple):
 
 # Observed in every task, after the channels.
 SPEED = Quantity("speed", "m/s", 100.0, "forward speed", 30.0)
-LAST_ACTION = Quantity("last_action", "1", 1.0, "the action of the last step, 0 at the start")
+LAST_ACTION = Quantity("last_action", "1", 1.0, "the action of the last step, never delayed; 0 at the start")
 # Plant channels that tasks observe, with their bounds. Usual sizes lie amid the rms values of the tasks of a moving car
 # with zero action and with a classical controller; that of the last action is its range.
 OBSERVABLE_CHANNELS = {
@@ -190,7 +191,8 @@ class Task:
     memory_size: int = 0  # floats that the kernels remember
     usual: Mapping[str, float] = field(default_factory=dict)  # sizes of channels that are others here [their units]
     lane_half_width: float | None = None  # of the path's lane, for the picture [m]
-    draw_scenario: DrawScenario | None = None  # for a task with several scenarios, each with speeds of its own
+    # For a task with several scenarios, each with speeds of its own; the scenario comes first in the setup's data.
+    draw_scenario: DrawScenario | None = None
     unseen: int = 0  # how many of the last task observations are only for the driver model
     scenery: Callable[[Array, Array, Array, Array], Scenery] | None = None  # (channels, observations, data, memory)
 

@@ -28,7 +28,7 @@ from steer_env.tasks.common.path_following import (
     observe_path,
     offset_term,
 )
-from steer_env.tasks.common.terms import COMMON_COSTS, COMMON_REWARDS, evaluate_overlay
+from steer_env.tasks.common.terms import COMMON_COSTS, COMMON_REWARDS, evaluate_added_work
 from steer_env.timing import UPDATE_INTERVAL
 from steer_env.vehicle.chassis.common.interface import RACK_DISTURBANCE, WIND_FORCE, WIND_MOMENT
 
@@ -149,7 +149,7 @@ def evaluate(parameters, channels, observations, data, step, memory, rewards, co
 def evaluate_assist(parameters, channels, observations, data, step, memory, rewards, costs, metrics):
     """The ``evaluate_step`` of the assist task: following, feel, departure from the lane, which ends the episode."""
     progress = evaluate_following(channels, observations, ASSIST_OFFSET, step, memory, rewards, costs, metrics)
-    evaluate_overlay(step, costs)
+    evaluate_added_work(channels, step, costs)
     error = feel_error(channels)
     rewards[1] += progress * feel_quality(error)
     metrics[metrics.size - 3] = error

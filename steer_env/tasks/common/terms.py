@@ -14,7 +14,6 @@ from steer_env.vehicle.plant import CHANNEL
 HAND_TORQUE_LIMIT = 8.0  # above it steering is heavy work at speed, assumed [N m]
 SIDESLIP_LIMIT = math.radians(5.0)  # lateral over forward speed; passenger-car drivers stay below, assumed
 JERK_LIMIT = 15.0  # lateral, some three times what a brisk lane change needs on centre, assumed [m/s3]
-OVERLAY_LIMIT = 0.2  # action above which a safety concept would limit an added assist torque, assumed [1]
 RIPPLE_FREQUENCY = 10.0  # above it hands feel vibration, not steering; arms cannot follow [Hz]
 # Sizes at which a quality has fallen to 71 %, assumed.
 RIPPLE_SCALE = 0.1  # hand torque above ``RIPPLE_FREQUENCY`` [N m]
@@ -25,10 +24,6 @@ COMMON_COSTS = (
     Cost("hand_torque", 1.0, "s", f"time with a hand torque above {HAND_TORQUE_LIMIT:g} N m"),
     Cost("stability", 0.5, "s", "time with a sideslip angle above 5 deg"),
     Cost("comfort", 0.5, "s", f"time with a lateral jerk above {JERK_LIMIT:g} m/s3"),
-)
-ASSIST_COSTS = (
-    *COMMON_COSTS,
-    Cost("overlay", 2.0, "s", f"time with an action above {OVERLAY_LIMIT:g}, to either side"),
 )
 COMMON_METRICS = (
     EpisodeMetric("peak_lateral_acceleration", "m/s2", PEAK, "lateral acceleration of the centre of gravity"),
@@ -52,6 +47,16 @@ _BEGUN, _LAST_ACCELERATION, _FIRST_STATE, _SECOND_STATE = range(COMMON_MEMORY)
 
 _TORQUE, _SPEED = CHANNEL["handwheel_torque"], CHANNEL["handwheel_speed"]
 _ACCELERATION, _LATERAL_SPEED = CHANNEL["lateral_acceleration"], CHANNEL["lateral_speed"]
+_COLUMN_SPEED = CHANNEL["column_speed"]
+
+
+def assist_costs(budget: float) -> tuple[Cost, ...]:
+    """The costs of an assist task, with a budget for the work of its torque [J].
+
+    Each budget is between half and nine tenths of what LQG uses in the task, so that it costs feel; assumed.
+    """
+    text = "size of the work of the added torque at the column, in both directions: energy and heat of the motor"
+    return (*COMMON_COSTS, Cost("added_work", budget, "J", text))
 
 
 @kernel
@@ -75,10 +80,9 @@ def _ripple(torque, dt, begun, memory):
 
 
 @kernel
-def evaluate_overlay(step, costs):
-    """Add the cost that only assists have, which stands behind the common ones."""
-    if abs(step.action) > OVERLAY_LIMIT:
-        costs[len(COMMON_COSTS)] += step.dt
+def evaluate_added_work(channels, step, costs):
+    """Add the cost of :func:`assist_costs`, which stands behind the common ones."""
+    costs[len(COMMON_COSTS)] += abs(step.asked * channels[_COLUMN_SPEED]) * step.dt
 
 
 @kernel
