@@ -12,8 +12,9 @@ and a reflex on the error of ``REFLEX_DELAY`` ago:
 
     T1 = K_arm (angle - th1) + C_arm (angle' - th1') - I_arm th1'' + T_need + K_reflex (angle - th1)(t - delay)
 
-:mod:`steer_env.drivers.common.known_torque` tells T_need, to which I_arm angle'' is added. Arms that give the torque of
-a steady turn instead overshoot in quick motions, on some cars until they weave.
+:mod:`steer_env.drivers.common.known_torque` tells T_need = K alpha + C angle' + I angle'', of the front axle's slip
+angle alpha, or of the angle itself where there is little slip; I_arm angle'' is added to it. Arms that give the torque
+of a steady turn instead overshoot in quick motions, on some cars until they weave. T1 is limited to ``TORQUE_LIMIT``.
 
 A driver is one file: a function that makes it, and for a new preview model its parameters (their class selects the
 kernel), a function that gives the gains for a car at a speed, and the kernel that computes the command. Sources:
@@ -40,7 +41,9 @@ MUSCLE_LAG = 0.05  # time constant of the muscles behind their command, assumed 
 ARM_FREQUENCY = 4.0  # natural frequency of the intended angle behind the muscles, assumed [Hz]
 ARM_DAMPING = 0.7  # assumed [1]
 REFLEX_DELAY = 0.05  # [s]
-TORQUE_LIMIT = 25.0  # of both hands [N m]
+# Of both hands [N m], assumed. It limits what they give at every update, with the impedance to the handwheel's present
+# angle and speed. The plant's own impedance, to the motion until the next update 10 ms later, has no limit.
+TORQUE_LIMIT = 25.0
 
 DELAYED_COMMANDS = round(DELAY / UPDATE_INTERVAL)
 DELAYED_ERRORS = round(REFLEX_DELAY / UPDATE_INTERVAL)

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from steer_env.courses.preview import PREVIEW_NAMES
 from steer_env.drivers.common.definition import (
     MEMORY,
+    TORQUE_LIMIT,
     Arm,
     Driver,
     delayed_error,
@@ -27,8 +28,8 @@ from steer_env.vehicle.plant import CHANNEL, Plant
 
 Array = NDArray[np.float64]
 
-_ANGLE, _LATERAL_SPEED, _YAW_RATE = (CHANNEL[name] for name in ("handwheel_angle", "lateral_speed", "yaw_rate"))
 _MOTION_NAMES = ("handwheel_angle", "handwheel_speed", "lateral_speed", "yaw_rate")
+_ANGLE, _SPEED, _LATERAL_SPEED, _YAW_RATE = (CHANNEL[name] for name in _MOTION_NAMES)
 _PATH_NAMES = ("lateral_offset", "heading_error", *PREVIEW_NAMES)
 # An informed driver knows load [kg] and road friction [1] to these steps, so that a design serves many episodes.
 KNOWN_LOAD, KNOWN_FRICTION = 25.0, 0.05
@@ -57,8 +58,12 @@ def _given_torque(feed_forward, intended, lateral_speed, yaw_rate):
 
 
 @kernel
-def _write_hand_torque(preview_model, drivers, reflex, episodes, channels, observations, inputs, low, high):
-    """Write the next update's hand torque, without the arms' impedance, in the driven rows that are at an update."""
+def _write_hand_torque(preview_model, drivers, arm, episodes, channels, observations, inputs, low, high):
+    """Write the next update's hand torque in the driven rows that are at an update.
+
+    It is without the arms' impedance to the handwheel, which is in the plant, but limited so that both together are at
+    most ``TORQUE_LIMIT`` if the handwheel moves on as it does.
+    """
     for i in range(low, high):
         sample = episodes[i].sample
         if sample % SAMPLES_PER_UPDATE != 0 or episodes[i].driven == 0:
@@ -70,7 +75,9 @@ def _write_hand_torque(preview_model, drivers, reflex, episodes, channels, obser
             preview_model, drivers.gains[i], drivers.muscles, observations[i], v_y, r, memory
         )  # fmt: skip
         update = within(sample // SAMPLES_PER_UPDATE + 1, 0, inputs.shape[1] - 1)
-        inputs[i, update, 0] = _given_torque(drivers.feed_forward[i], intended, v_y, r) + reflex * delayed
+        given = _given_torque(drivers.feed_forward[i], intended, v_y, r) + arm.reflex * delayed
+        impedance = arm.stiffness * now[_ANGLE] + arm.damping * now[_SPEED]
+        inputs[i, update, 0] = within(given, impedance - TORQUE_LIMIT, impedance + TORQUE_LIMIT)
 
 
 @kernel
@@ -85,7 +92,8 @@ def _hand_torque(preview_model, drivers, arm, motion, paths, updates, torque):
                 preview_model, drivers.gains[i], drivers.muscles, paths[i], v_y, r, memory
             )  # fmt: skip
             total += _given_torque(drivers.feed_forward[i], intended, v_y, r) + arm.reflex * delayed
-        torque[i] = total / updates - arm.stiffness * angle_now - arm.damping * speed_now
+        held = total / updates - arm.stiffness * angle_now - arm.damping * speed_now
+        torque[i] = within(held, -TORQUE_LIMIT, TORQUE_LIMIT)
 
 
 class DriverBatch:
@@ -173,8 +181,17 @@ class DriverBatch:
 
         The arrays are those of :class:`steer_env.batch_arrays.BatchArrays`; the rows are ``low`` to ``high`` - 1.
         """
-        arrays, reflex = self.arrays, self.arm.reflex
-        arguments = self.driver.preview_model, arrays, reflex, episodes, channels, observations, inputs, low, high
+        arguments = (
+            self.driver.preview_model,
+            self.arrays,
+            self.arm,
+            episodes,
+            channels,
+            observations,
+            inputs,
+            low,
+            high,
+        )
         if self._kernel is None:
             self._kernel = bind(_write_hand_torque, *arguments)
         self._kernel(*arguments)

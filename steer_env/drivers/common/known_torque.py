@@ -1,10 +1,15 @@
 """What a driver knows of the torque that a motion of the handwheel needs, from the car that he is used to.
 
-    T_need = K_slip alpha + C angle' + I angle'',   alpha = angle - (v_y + a r)/(v i_s)
+    T_need = K alpha + C angle' + I angle'',   alpha = angle - (v_y + a r)/(v i_s)
 
 alpha is the front axle's slip angle, at the handwheel: in a quick swerve the slip, and with it the torque, leads the
-lateral acceleration. I is the inertia of the column. K_slip and C, with all that assist and friction add, are those of
-a sine that the car itself answers to.
+lateral acceleration. I is the inertia of the column. K and C, with all that assist and friction add, are the least
+squares of sines of several frequencies that the car itself answers to, both not negative: at one frequency alpha may
+have no part in phase with the angle, and two equations for two unknowns then give anything. A slip whose amplitude is
+below ``LEAST_SLIP`` of the angle's, as up to about 5 m/s, tells little of the torque, and is a small difference of what
+is observed; there K counts the angle itself:
+
+    T_need = K angle + C angle' + I angle''
 """
 
 from collections.abc import Callable
@@ -18,8 +23,10 @@ from steer_env.vehicle.cars import Car
 
 Array = NDArray[np.float64]
 
-# Of the sine: a brisk lane change. Assists are progressive, so a gentler motion needs more torque per angle.
-FREQUENCY, ACCELERATION, LARGEST_ANGLE = 0.7, 3.0, 1.0  # assumed [Hz], [m/s2], [rad]
+# Of the sines: up to a brisk lane change. The same acceleration in all, because assists are progressive and a gentler
+# motion needs more torque per angle. Errors count by frequency: in slow motions the arms' stiffness corrects them.
+FREQUENCIES, ACCELERATION, LARGEST_ANGLE = np.array([0.2, 0.4, 0.7]), 3.0, 1.0  # assumed [Hz], [m/s2], [rad]
+LEAST_SLIP = 0.4  # amplitude of the slip over that of the angle, assumed [1]
 
 # Conditions, amplitude [rad], frequency [Hz] -> hand torque, lateral speed and yaw rate over handwheel angle (3,).
 Response = Callable[[Conditions, float, float], NDArray[np.complex128]]
@@ -52,14 +59,18 @@ def known_torque(car: Car, conditions: Conditions, response: Response) -> KnownT
 
     ``car`` is the car with the conditions' load.
     """
-    speed, omega = conditions.speed, 2.0 * np.pi * FREQUENCY
+    from scipy.optimize import nnls  # here, because it takes longer to import than an environment
+
+    speed, omega = conditions.speed, 2.0 * np.pi * FREQUENCIES
     ahead = car.chassis["front_axle"]
     amplitude = min(ACCELERATION / acceleration_gain(car, speed), LARGEST_ANGLE)
-    torque, lateral_speed, yaw_rate = response(conditions, amplitude, FREQUENCY)
+    torque, lateral_speed, yaw_rate = np.array([response(conditions, amplitude, f) for f in FREQUENCIES]).T
     by_speed = 1.0 / (speed * car.steering_gain())
     alpha = 1.0 - by_speed * (lateral_speed + ahead * yaw_rate)
+    if np.linalg.norm(omega * alpha) < LEAST_SLIP * np.linalg.norm(omega):
+        by_speed, alpha = 0.0, np.ones_like(alpha)
     inertia = car.column.I1 + car.column.I2
-    rest = torque + inertia * omega**2
-    stiffness = rest.real / alpha.real
-    damping = (rest.imag - stiffness * alpha.imag) / omega
+    equations = omega * np.array([alpha, 1j * omega, torque + inertia * omega**2])
+    *regressors, rest = np.hstack([equations.real, equations.imag])
+    stiffness, damping = nnls(np.column_stack(regressors), rest)[0]
     return KnownTorque(stiffness, damping, inertia, -stiffness * by_speed, -stiffness * by_speed * ahead)
