@@ -198,7 +198,7 @@ ASSIST_METRICS = (*COMMON_METRICS, CONE_METRIC, FEEL_METRIC, *FOLLOWING_METRICS[
 # What the preview drivers keep in the double lane change at its usual speed; the swerve cannot be driven so calmly.
 CALM_COSTS = (
     *COMMON_COSTS,
-    Cost("hand_speed", 0.4, "s", f"time with a handwheel speed above {HAND_SPEED_LIMIT:g} rad/s"),
+    Cost("hand_speed", 0.35, "s", f"time with a handwheel speed above {HAND_SPEED_LIMIT:g} rad/s"),
 )
 
 
