@@ -6,8 +6,8 @@ alpha is the front axle's slip angle, at the handwheel: in a quick swerve the sl
 lateral acceleration. I is the inertia of the column. K and C, with all that assist and friction add, are the least
 squares of sines of several frequencies that the car itself answers to, both not negative: at one frequency alpha may
 have no part in phase with the angle, and two equations for two unknowns then give anything. A slip whose amplitude is
-below ``LEAST_SLIP`` of the angle's, as up to about 5 m/s, tells little of the torque, and is a small difference of what
-is observed; there K counts the angle itself:
+below ``LEAST_SLIP`` of the angle's, as up to 4 to 9 m/s by car, tells little of the torque, and is a small
+difference of what is observed; there K counts the angle itself:
 
     T_need = K angle + C angle' + I angle''
 """
