@@ -282,7 +282,7 @@ class LearningCurves(NamedTuple):
 @styled
 def learning(tasks: Mapping[str, LearningCurves]) -> str:
     """Learning curves, a row for each task: the reward, and the metric that the training is for."""
-    figure = new_figure(9.6, 2.4 * len(tasks))
+    figure = new_figure(9.6, 1.9 * len(tasks))
     grid = figure.subplots(len(tasks), 2, squeeze=False)
     for (task, curves), row in zip(tasks.items(), grid):
         for axes, column, title in zip(row, ("reward", curves.metric), ("reward", curves.title)):

@@ -39,8 +39,13 @@ SENSES = {
     "cones_hit": -1.0,
     "rms_feel_error": -1.0,
     "rms_lateral_offset": -1.0,
+    "rms_angle_error": -1.0,
+    "rms_released_angle": -1.0,
+    "rms_ripple": -1.0,
     "peak_lateral_offset": -1.0,
 }
+# What the tasks are about; the first that a task has is its aim.
+AIMS = ("rms_feel_error", "cones_hit", "rms_lateral_offset", "rms_angle_error")
 ROUNDING = 1e-9  # relative difference below which two values count as equal
 
 Array = NDArray[np.float64]
@@ -184,7 +189,7 @@ def read_curve(path: Path) -> dict[str, Array]:
 
 def aim(metrics: Collection[str]) -> str:
     """The metric that the training of a task is for."""
-    return next((name for name in ("rms_feel_error", "cones_hit", "rms_lateral_offset") if name in metrics), "cost")
+    return next((name for name in AIMS if name in metrics), "cost")
 
 
 def _learning(curves: Mapping[str, Path], units: Mapping[str, str]) -> str:

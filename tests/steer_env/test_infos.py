@@ -34,7 +34,8 @@ def test_keys_and_types_are_the_same_at_reset_step_and_end(name):
     assert tuple(info["reward_terms"]) == tuple(term.name for term in task.rewards)
     assert tuple(info["cost_terms"]) == tuple(cost.name for cost in task.costs)
     assert tuple(info["metrics"]) == tuple(metric.name for metric in task.metrics)
-    assert tuple(info["conditions"]) == (*randomise.RANGES, "friction_F_c")
+    scenario = ["scenario"] if env.unwrapped.task.draw_scenario else []
+    assert tuple(info["conditions"]) == (*randomise.RANGES, "friction_F_c", *scenario)
     assert info["cost"] == info["failure"] == 0
     assert not any(info["reward_terms"].values())
     assert not any(info["cost_terms"].values())
