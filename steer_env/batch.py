@@ -287,9 +287,7 @@ class EnvironmentBatch:
         """
         self.arrays.actions[:] = actions
         if self.noise.noisy:
-            self.noise.steps += 1
-            for i in np.flatnonzero(~self.over).tolist():
-                self.arrays.noise[i] = self.noise.draw(i, generators[i])
+            self.noise.advance(~self.over, generators, self.arrays.noise)
         self._pool.run(self._step_rows)
 
     def _step_rows(self, low: int, high: int) -> None:
