@@ -125,7 +125,7 @@ def test_a_state_that_is_not_finite_leaves_a_picture():
 @pytest.mark.parametrize("mode", ["rgb_array", "human"])
 def test_without_pygame_there_is_one_clear_error(monkeypatch, mode):
     monkeypatch.setitem(sys.modules, "pygame", None)
-    with pytest.raises(gym.error.DependencyNotInstalled, match=r"pip install 'steer-env\[render\]'"):
+    with pytest.raises(gym.error.DependencyNotInstalled, match=r"pip install '\.\[render\]'"):
         gym.make("steer_env/AssistWeave-v1", render_mode=mode)
     gym.make("steer_env/AssistWeave-v1")
 
