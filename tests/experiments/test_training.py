@@ -446,7 +446,7 @@ def test_shift_over_everything(trained, tmp_path):
     found = shift.collect(trained / "policy.zip", chosen, 3)
     assert found.home.lost.value == 0.0
     assert found.cells["law"]["coulomb"].lost.value != 0.0
-    assert found.cells["noise"]["0"].lost.value == 0.0  # as in the training
+    assert found.cells["noise"]["0"].lost.value != 0.0  # the training draws noise
     shift.write(tmp_path / "shift", found)
     assert "coulomb" in (tmp_path / "shift" / "index.html").read_text(encoding="utf-8")
 
