@@ -34,7 +34,14 @@ def cones(*args, **kwargs):
 @pytest.mark.parametrize("control_dt", [0.01, 0.05])
 @pytest.mark.parametrize("chassis", ["two_track", "single_track"])
 @pytest.mark.parametrize(
-    ("driver", "kph"), [("preview", 30.0), ("preview", 50.0), ("preview", 55.0), ("robot", 50.0), ("macadam", 50.0)]
+    ("driver", "kph"),
+    [
+        ("preview", 55.0),
+        pytest.param("preview", 30.0, marks=pytest.mark.whole),
+        pytest.param("preview", 50.0, marks=pytest.mark.whole),
+        pytest.param("robot", 50.0, marks=pytest.mark.whole),
+        pytest.param("macadam", 50.0, marks=pytest.mark.whole),
+    ],
 )
 def test_the_obstacle_is_avoided_without_a_cone(driver, kph, chassis, control_dt):
     """To both sides, from all drawn entries. Drivers with one effort [m/rad] cut the corner and hit the same cone."""
@@ -43,7 +50,9 @@ def test_the_obstacle_is_avoided_without_a_cone(driver, kph, chassis, control_dt
 
 @pytest.mark.parametrize("control_dt", [0.01, 0.05])
 @pytest.mark.parametrize("chassis", ["two_track", "single_track"])
-@pytest.mark.parametrize("car", cars.available())
+@pytest.mark.parametrize(
+    "car", [pytest.param(car, marks=[pytest.mark.whole] * (car != "bmw_320i")) for car in cars.available()]
+)
 def test_every_car_is_taken_through_the_double_lane_change(car, chassis, control_dt):
     """ISO 3888-1 at 80 km/h, with one effort and one preview time for all cars."""
     for driver in ("preview", "robot", "macadam"):
@@ -80,7 +89,7 @@ def test_an_informed_driver_in_the_loop_is_told_as_well():
 
 @pytest.mark.parametrize("speed", [10.0, 30.0, 60.0])
 @pytest.mark.parametrize("driver", ["preview", "robot", "macadam"])
-@pytest.mark.parametrize("name", ["DriverLaneKeeping", "DriverWindingRoad"])
+@pytest.mark.parametrize("name", ["DriverLaneKeeping", pytest.param("DriverWindingRoad", marks=pytest.mark.whole)])
 def test_a_held_torque_keeps_the_lane_as_well(name, driver, speed):
     """At 50 ms the offset is at most a tenth and a centimetre more than at 10 ms, and no handwheel oscillates.
 
