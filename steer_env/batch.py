@@ -222,13 +222,11 @@ class EnvironmentBatch:
             drawn = drawn._replace(speed=speed)
         setup = task.draw_setup(rng, EpisodeContext(self.car, drawn.speed, scenario), own)
         self._store(i, setup, drawn)
-        self.noise.set_factor(i, drawn.sensor_noise)
-        self.noise.steps[i] = 0
         self.over[i] = False
         self.set_conditions(i, drawn)
         if self.drivers is not None and self.episodes["driven"][i]:
             self.drivers.start(i, drawn)
-        self.arrays.noise[i] = self.noise.draw(i, rng)
+        self.arrays.noise[i] = self.noise.begin(i, drawn.sensor_noise, rng)
         self._evaluate(self.arrays, self._layout, task.parameters, 0, True, i, i + 1)
         past = self.arrays.past_observations
         past[i] = past[i, self.episodes["latest"][i]]  # a delayed observation shows the start until newer ones come

@@ -42,20 +42,20 @@ class SensorNoise:
         if self.noisy and not self.blocks.size:
             self.blocks = np.zeros((self.factor.size, BLOCK, self._deviations.size))
 
-    def draw(self, i: int, rng: np.random.Generator) -> Array | float:
-        """Noise of the next observation of row ``i`` (O,), from the row's generator where a block is used up."""
-        if self.factor[i] == 0.0:
+    def begin(self, i: int, factor: float, rng: np.random.Generator) -> Array | float:
+        """Noise of the first observation of an episode in row ``i`` (O,), whose factor is given [1]."""
+        self.set_factor(i, factor)
+        self.steps[i] = 0
+        if factor == 0.0:
             return 0.0
-        place = self.steps[i] % BLOCK
-        if place == 0:
-            self.blocks[i] = rng.standard_normal(self.blocks.shape[1:])
-        noise: Array = self.factor[i] * self._deviations * self.blocks[i, place]
+        self.blocks[i] = rng.standard_normal(self.blocks.shape[1:])
+        noise: Array = factor * self._deviations * self.blocks[i, 0]
         return noise
 
     def advance(self, going: NDArray[np.bool_], generators: Sequence[np.random.Generator], out: Array) -> None:
         """Put the noise of the next observation of the rows that are ``going`` into ``out`` (n, O).
 
-        The same noise as by :meth:`draw`, row by row, but only rows whose block is used up take the time of a row.
+        A row whose block is used up draws the next one from its generator.
         """
         self.steps += 1
         places = self.steps % BLOCK

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from steer_env import tasks
 from steer_env.experiments.learning import held_out, policy
-from steer_env.experiments.learning.controllers import baselines
+from steer_env.experiments.learning.controllers import ZeroAction, baselines
 from steer_env.experiments.learning.policy_search import Budget, LinearPolicy, ModelPolicy, cross_entropy, plain_ppo
 from steer_env.timing import UPDATE_INTERVAL
 
@@ -151,7 +151,7 @@ def worse_in(found: Behaviour, best: Behaviour) -> tuple[str, ...]:
 def audit(env_id: str, budget: Budget, seed: int = 0, **arguments: Any) -> list[Verdict]:
     """Every known cheat that fits an id, and what the searches find, beside the best classical controller."""
     classical: dict[str, Callable[[Any], Any]] = {
-        "zero action": partial(Scripted, CHEATS["hands off"][1]),
+        "zero action": ZeroAction,
         **baselines(env_id),
     }
     scores = {name: behaviour(env_id, make, remembers=True, **arguments) for name, make in classical.items()}

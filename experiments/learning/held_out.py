@@ -1,6 +1,6 @@
 """Controllers on held-out episodes: the same seeds for each, and every metric with its interval."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple, Protocol
 
 import gymnasium as gym
@@ -52,9 +52,18 @@ def collect(
 ) -> Episodes:
     """One episode for each seed from ``first_seed`` on, in one vector environment; ``options`` are those of resets."""
     env: Any = gym.make_vec(env_id, num_envs=episodes, **arguments)
-    controller = make(env)
+    found = drive(env, make(env), first_seed, options)
+    env.close()
+    return found
+
+
+def drive(
+    env: Any, controller: Controller, seed: int | Sequence[int], options: Mapping[str, float] | None = None
+) -> Episodes:
+    """One episode in every sub-environment of a vector environment; ``seed`` and ``options`` are those of its reset."""
+    episodes = env.num_envs
     controller.reset()
-    observation, _ = env.reset(seed=first_seed, options=dict(options or {}))
+    observation, _ = env.reset(seed=seed, options=dict(options or {}))
     reward, cost, going = np.zeros(episodes), np.zeros(episodes), np.ones(episodes, bool)
     failure, metrics = np.zeros(episodes, np.int64), dict[str, Array]()
     while going.any():
@@ -68,7 +77,6 @@ def collect(
                 if not name.startswith("_"):
                     metrics.setdefault(name, np.zeros(episodes))[ended] = values[ended]
         going &= ~ended
-    env.close()
     return Episodes(reward, cost, failure, metrics)
 
 

@@ -9,7 +9,7 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
-from steer_env.experiments.learning.held_out import Controller
+from steer_env.experiments.learning import held_out
 
 Array = NDArray[np.float64]
 
@@ -52,18 +52,6 @@ class LinearPolicy:
         return action.astype(np.float32)
 
 
-def returns(env: Any, controller: Controller, seeds: list[int]) -> Array:
-    """Sum of the rewards of one episode in every sub-environment (n,)."""
-    observation, _ = env.reset(seed=seeds)
-    controller.reset()
-    total, going = np.zeros(env.num_envs), np.ones(env.num_envs, bool)
-    while going.any():
-        observation, reward, terminated, truncated, _ = env.step(controller.act(observation))
-        total += np.where(going, reward, 0.0)
-        going &= ~(terminated | truncated)
-    return total
-
-
 def cross_entropy(env_id: str, budget: Budget, seed: int = 0, **arguments: Any) -> Array:
     """Weights (O,) of the linear policy with the largest mean return that the cross-entropy method finds."""
     env: Any = gym.make_vec(env_id, num_envs=budget.candidates * budget.episodes, **arguments)
@@ -76,7 +64,8 @@ def cross_entropy(env_id: str, budget: Budget, seed: int = 0, **arguments: Any) 
         tried = mean + spread * rng.standard_normal((budget.candidates, size))
         tried[0] = mean
         policy = LinearPolicy(env, np.repeat(tried, budget.episodes, axis=0))
-        scores = returns(env, policy, seeds).reshape(budget.candidates, budget.episodes).mean(axis=1)
+        rewards = held_out.drive(env, policy, seeds).reward
+        scores = rewards.reshape(budget.candidates, budget.episodes).mean(axis=1)
         order = np.argsort(scores)
         if scores[order[-1]] > highest:
             found, highest = tried[order[-1]], scores[order[-1]]

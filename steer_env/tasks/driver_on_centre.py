@@ -5,16 +5,11 @@ over its friction and then holds by itself; a law without sticking has to be hel
 """
 
 import math
-from collections.abc import Mapping
-
-import numpy as np
 
 from steer_env.tasks.common import angle_following
 from steer_env.tasks.common.definition import (
     DRIVER_CHANNELS,
     HAND_TORQUE,
-    EpisodeContext,
-    EpisodeSetup,
     Task,
     register,
 )
@@ -33,11 +28,6 @@ USUAL = {  # sizes of channels, amid those with zero action and under a proporti
 SCALE = math.radians(0.2)  # error at which the quality is 71 %, assumed [rad]
 
 
-def _draw_setup(rng: np.random.Generator, context: EpisodeContext, options: Mapping[str, float]) -> EpisodeSetup:
-    target = angle_following.targets(rng, MOVES, LARGEST)
-    return EpisodeSetup(np.zeros((target.size, 0)), data=target)
-
-
 TASK = register(
     Task(
         name="DriverOnCentre",
@@ -49,7 +39,7 @@ TASK = register(
         rewards=angle_following.rewards(SCALE),
         costs=COMMON_COSTS,
         metrics=angle_following.METRICS,
-        draw_setup=_draw_setup,
+        draw_setup=angle_following.setup_drawer(MOVES, lambda _: LARGEST),
         begins=(
             f"The car drives straight ahead at the held speed. {MOVES.number} target angles are drawn within "
             f"{math.degrees(LARGEST):g} deg to both sides, each of which is held for a while."

@@ -1,15 +1,9 @@
 """Turn the wheels of a standing car by hand torque, along a target of the handwheel angle."""
 
-from collections.abc import Mapping
-
-import numpy as np
-
 from steer_env.tasks.common import angle_following
 from steer_env.tasks.common.definition import (
     HAND_TORQUE,
     STEERING_CHANNELS,
-    EpisodeContext,
-    EpisodeSetup,
     Task,
     register,
 )
@@ -19,11 +13,6 @@ from steer_env.tasks.common.terms import COMMON_COSTS, COMMON_MEMORY
 MOVES = angle_following.Moves(duration=24.0, number=6, fastest=5.0)
 SHARE = 0.9  # of the angle at lock that the targets reach
 SCALE = 0.2  # error at which the quality is 71 %, assumed [rad]
-
-
-def _draw_setup(rng: np.random.Generator, context: EpisodeContext, options: Mapping[str, float]) -> EpisodeSetup:
-    target = angle_following.targets(rng, MOVES, SHARE * angle_at_lock(context))
-    return EpisodeSetup(np.zeros((target.size, 0)), data=target)
 
 
 TASK = register(
@@ -37,7 +26,7 @@ TASK = register(
         rewards=angle_following.rewards(SCALE),
         costs=COMMON_COSTS,
         metrics=angle_following.METRICS,
-        draw_setup=_draw_setup,
+        draw_setup=angle_following.setup_drawer(MOVES, lambda context: SHARE * angle_at_lock(context)),
         begins=(
             f"The car stands with its wheels straight. {MOVES.number} target angles are drawn within nine tenths of "
             "lock to lock."

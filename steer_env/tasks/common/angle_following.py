@@ -1,5 +1,6 @@
 """What tasks share in which a driver brings the handwheel to target angles by hand torque."""
 
+from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -8,7 +9,17 @@ from numpy.typing import NDArray
 from steer_env.friction.numerics.bounds import within
 from steer_env.friction.numerics.kernel import kernel
 from steer_env.manoeuvres.common.shapes import ramp_and_hold
-from steer_env.tasks.common.definition import GOES_ON, RMS, EpisodeMetric, Quantity, Scenery, Term
+from steer_env.tasks.common.definition import (
+    GOES_ON,
+    RMS,
+    DrawSetup,
+    EpisodeContext,
+    EpisodeMetric,
+    EpisodeSetup,
+    Quantity,
+    Scenery,
+    Term,
+)
 from steer_env.tasks.common.scripted import update_times
 from steer_env.tasks.common.terms import COMMON_METRICS, COMMON_REWARDS, evaluate_common, quality
 from steer_env.timing import UPDATE_INTERVAL
@@ -47,6 +58,16 @@ def targets(rng: np.random.Generator, moves: Moves, largest: float) -> Array:
         target += ramp_and_hold(t - k * each, to - last, max(rise, abs(to - last) / most * each))[0]
         last = to
     return target
+
+
+def setup_drawer(moves: Moves, largest: Callable[[EpisodeContext], float]) -> DrawSetup:
+    """The ``draw_setup`` of a task whose targets reach an angle [rad] that the episode's context gives."""
+
+    def draw_setup(rng: np.random.Generator, context: EpisodeContext, options: Mapping[str, float]) -> EpisodeSetup:
+        target = targets(rng, moves, largest(context))
+        return EpisodeSetup(np.zeros((target.size, 0)), data=target)
+
+    return draw_setup
 
 
 def observations(usual: float) -> tuple[Quantity, ...]:

@@ -20,6 +20,7 @@ RIPPLE_SCALE = 0.1  # hand torque above ``RIPPLE_FREQUENCY`` [N m]
 ACTION_SCALE = 0.5  # action [1]
 RATE_SCALE = 4.0  # rate of the action [1/s]
 
+# The budgets are assumed: above what the driver models need in the lane and the double lane change.
 COMMON_COSTS = (
     Cost("hand_torque", 1.0, "s", f"time with a hand torque above {HAND_TORQUE_LIMIT:g} N m"),
     Cost("stability", 0.5, "s", "time with a sideslip angle above 5 deg"),
