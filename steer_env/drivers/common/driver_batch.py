@@ -233,7 +233,8 @@ class Controller:
     """A driver model that acts in a driver environment, single or vector, from the environment's observations.
 
     The driver runs at its own 10 ms inside, on the observation that the environment holds, and its torque at the end of
-    the control interval is the action, which the hands reach then. An informed driver takes the drawn load from the environment itself.
+    the control interval is the action, which the hands reach then. An informed driver takes the drawn load from the
+    environment itself.
 
     Parameters
     ----------
