@@ -102,6 +102,8 @@ def _constructed(section: str, given: Any) -> Any:
     make = CONSTRUCTORS[section]
     require_known(section, given, signature(make).parameters)
     for key, value in given.items():
+        if isinstance(signature(make).parameters[key].default, str):
+            continue  # text, which the constructor reads
         for leaf in _leaves(value):
             if isinstance(leaf, bool) or not isinstance(leaf, Real):  # float() takes True and "1"
                 raise ValueError(f"{section}.{key} must hold numbers only, got {leaf!r}")
