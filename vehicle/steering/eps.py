@@ -2,8 +2,9 @@
 
 At each sample the controller passes the torsion-bar torque through the boost curve of the speed and a phase lead,
 subtracts the motor damping, adds a request and limits the sum. The request comes from outside (for example of an assist
-policy) and from the functions of :mod:`steer_env.vehicle.steering.assist`. The command takes effect ``delay`` later and holds for one sample; the motor follows with a first-order lag. Torques are
-referred to the column axis, and a positive assist turns left.
+policy) and from the functions of :mod:`steer_env.vehicle.steering.assist`. The command takes effect ``delay`` later and
+holds for one sample; the motor follows with a first-order lag. Torques are referred to the column axis, and a positive
+assist turns left.
 
     command = limit(lead(boost(T_s, v)) - D(v) w + request)                   (E1)
     T_m' = omega_m (command(t - delay) - T_m)                                 (E2)

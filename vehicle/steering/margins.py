@@ -104,17 +104,18 @@ def _accelerated(phi: Array, gamma: Array, C: Array, f: Functions, speed: float)
     return phi, np.vstack([gamma, np.zeros((1, 3))]), np.hstack([C, np.zeros((2, 1))])
 
 
-def _filter(f: FirstOrder) -> control.StateSpace:
-    return control.ss(-f.a1, f.b1 - f.a1 * f.b0, 1.0, f.b0, SAMPLE_TIME)
+def filter_model(f: FirstOrder, dt: float = SAMPLE_TIME) -> control.StateSpace:
+    """A first-order filter at samples of ``dt`` [s]."""
+    return control.ss(-f.a1, f.b1 - f.a1 * f.b0, 1.0, f.b0, dt)
 
 
 def _answer(a: Assist, gain: float, slope: float) -> control.StateSpace:
     """From the torsion bar's torque to the request, at a slope of the boost curve and one that needs no lead [1]."""
-    boosted = gain * _filter(FirstOrder(a.lead_b0, a.lead_b1, a.lead_a1))
+    boosted = gain * filter_model(FirstOrder(a.lead_b0, a.lead_b1, a.lead_a1))
     if not isinstance(a.functions, Functions):
         return boosted
     h = a.functions.lead_lag
-    return boosted + h.gain * _filter(h.lead) * _filter(h.lag) + slope
+    return boosted + h.gain * filter_model(h.lead) * filter_model(h.lag) + slope
 
 
 def assisted_plant(c: Column, a: Assist, gain: float, speed: float) -> control.StateSpace:

@@ -15,9 +15,7 @@ def table(name: str, values: ArrayLike) -> NDArray[np.float64]:
         raise ValueError(f"{name} must hold numbers, in rows of one length, got {values!r}") from None
 
 
-def by_speed(
-    name: str, values: ArrayLike, count: int, *, minimum: float = 0.0, maximum: float
-) -> NDArray[np.float64]:
+def by_speed(name: str, values: ArrayLike, count: int, *, minimum: float = 0.0, maximum: float) -> NDArray[np.float64]:
     """``values`` (count,), one for each speed of the boost table; a lone value counts for every speed.
 
     Raises

@@ -49,9 +49,7 @@ def make(
     """
     return InertiaCompensation(
         by_speed("inertia_compensation", inertia_compensation, count, maximum=1.0),
-        first_order.derivative(
-            number("inertia_bandwidth", inertia_bandwidth, minimum=1.0, maximum=HIGHEST_CORNER), dt
-        ),
+        first_order.derivative(number("inertia_bandwidth", inertia_bandwidth, minimum=1.0, maximum=HIGHEST_CORNER), dt),
     )
 
 
