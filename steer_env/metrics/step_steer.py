@@ -189,7 +189,7 @@ def _find(time: np.ndarray, angle: np.ndarray) -> list[Step]:
     return steps
 
 
-register_evaluation("step-steer", Steps, speed_m_s=80 / 3.6)
+register_evaluation("step-steer", Steps, steered=True, speed_m_s=80 / 3.6)
 
 
 def _step_metric(unit: str, **more: Any) -> Callable:

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy import signal
 
+from steer_env import metrics
 from steer_env.metrics.common.filtered_channels import ANGLE, AY, TORQUE, YAW
 from steer_env.recording.recording import DEGREE, Recording
 from steer_env.synthetic.recordings import changed
@@ -58,6 +59,8 @@ def drifting(given: Recording, rng: np.random.Generator) -> Recording:
 
 def angle_offset(given: Recording, rng: np.random.Generator) -> Recording:
     """The recording with an offset of the handwheel angle, of random sign."""
+    if ANGLE not in given.channels:
+        return given
     return changed(given, **{ANGLE: given[ANGLE] + ANGLE_OFFSET * rng.choice([-1, 1])})
 
 
@@ -128,6 +131,10 @@ def long_drop_out(given: Recording, rng: np.random.Generator) -> Recording:
     return _dropping_out(given, rng, 2.0, 1)
 
 
+PERIODIC = ("weave", "slow-ramp", "rig")  # tests that show how clocks go
+STEERED = tuple(test for test in metrics.tests() if metrics.evaluation_by_name(test).steered)
+
+
 class Fault(NamedTuple):
     """A fault, and what the evaluation knows of it."""
 
@@ -138,6 +145,7 @@ class Fault(NamedTuple):
     after: tuple[Callable[[Recording, np.random.Generator], Recording], ...] = ()  # changes on the way to the file
     declared: bool = False  # whether one channel is late and its delay is known
     timing: float = 0.0  # error of the channels' relative timing that the evaluation assumes [s]
+    tests: tuple[str, ...] = ()  # the tests for whose recordings the fault is meant; empty: every test
     refused: str = ""  # part of the reason for which every metric must be refused; empty if none must
 
     def apply(self, clean: Recording, rng: np.random.Generator) -> Recording:
@@ -160,8 +168,8 @@ FAULTS: dict[str, Fault] = {
     "1 kHz": Fault(1000.0),
     "angle offset": Fault(before=(angle_offset,)),
     "torque scale": Fault(before=(torque_scaled,)),
-    "clocks": Fault(before=(clocks_apart,)),
-    "all of these": Fault(before=(angle_offset, torque_scaled, clocks_apart, drifting)),
-    "unit": Fault(before=(radians_as_degrees,), refused="check the unit"),
+    "clocks": Fault(before=(clocks_apart,), tests=PERIODIC),
+    "all of these": Fault(before=(angle_offset, torque_scaled, clocks_apart, drifting), tests=PERIODIC),
+    "unit": Fault(before=(radians_as_degrees,), tests=STEERED, refused="check the unit"),
     "long": Fault(after=(long_drop_out,), refused="cut the recording there with between(t0, t1)"),
 }

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from steer_env.friction.numerics.check import not_negative, number
+from steer_env.metrics.common import plausible
 from steer_env.metrics.common.confidence import interval
 from steer_env.metrics.common.definitions import (
     SPEED_SPREAD,
@@ -131,6 +132,8 @@ def read(recording: Recording, test: str | None = None, **given: Any) -> Any:
     try:
         if entry.constant_speed:
             _check_speed(recording, conditions)
+        if entry.steered:
+            plausible.check(recording, conditions.get("speed_m_s"))
         return entry.read(recording, conditions)
     except ValueError as error:  # a recording that cannot be filtered also says what to do
         raise RefusedError(str(error)) from None
