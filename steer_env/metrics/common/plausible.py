@@ -18,7 +18,7 @@ from steer_env.recording.recording import DEGREE, Recording
 # i l [m], least and largest, and the lowest characteristic speed [m/s] of passenger cars; assumed.
 QUICK, SLOW, LOWEST_CHARACTERISTIC = 8.0 * 2.2, 25.0 * 3.6, 15.0
 BEYOND = 2.0  # factor on the bounds for what is not steady; assumed [1]
-APART = 3.0  # factor between lateral acceleration and speed times yaw rate that a test may reach; assumed [1]
+APART = 4.0  # factor between lateral acceleration and speed times yaw rate that a test may reach; assumed [1]
 LEAST_SPEED = 5.0  # at which the motion tells enough; assumed [m/s]
 GRIP = 12.0  # lateral acceleration that no road tyre gives; assumed [m/s2]
 
