@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from steer_env.recording import channel_mapping as mappings
-from steer_env.recording import csv_file, mat_file, mdf_file
+from steer_env.recording import csv_file, mat_file, mdf_file, parquet_file
 from steer_env.recording.channel_mapping import KNOWN, Entry, Mapping, current_name, did_you_mean
 from steer_env.recording.recording import Recording
 from steer_env.recording.renamed_channels import announce
@@ -26,6 +26,7 @@ FORMATS: dict[str, Any] = {
     ".mat": mat_file,
     ".mf4": mdf_file,
     ".mdf": mdf_file,
+    ".parquet": parquet_file,
 }
 MOST_NAMED = 10  # largest number of columns that the meta lists as not read
 
@@ -104,10 +105,18 @@ def read(path: str | os.PathLike[str], mapping: Mapping | str | os.PathLike[str]
         raise ValueError(f"{path}: {error}") from None
 
 
-def write(recording: Recording, path: str | os.PathLike[str]) -> None:
+def write(recording: Recording, path: str | os.PathLike[str], *, digits: int | None = None) -> None:
     """Write a recording to a file, whose suffix gives the format.
 
     The recording is written to a file beside ``path``, which is then renamed, so ``path`` is never incomplete.
+
+    Parameters
+    ----------
+    recording : Recording
+    path : str or path
+    digits : int, optional
+        Significant digits of the values in the file's units, which make a text file smaller; by default all of them.
+        The time, to the nanosecond then, and the meta are not rounded to them.
 
     Raises
     ------
@@ -116,19 +125,25 @@ def write(recording: Recording, path: str | os.PathLike[str]) -> None:
     """
     form = _format(path)
     channels = [
-        (name, recording.units[name], values / FILE_UNITS[recording.units[name]][1])
+        (name, recording.units[name], _rounded(values / FILE_UNITS[recording.units[name]][1], digits))
         for name, values in recording.channels.items()
     ]
+    time = recording.time if digits is None else np.round(recording.time, 9)
     path = Path(path)
     part = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
         with open(part, "w+b") as file:
-            form.save(file, recording.time, channels, recording.meta)
+            form.save(file, time, channels, recording.meta)
         os.replace(part, path)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
     finally:
         part.unlink(missing_ok=True)
+
+
+def _rounded(values: np.ndarray, digits: int | None) -> np.ndarray:
+    """The numbers nearest to those with so many significant digits."""
+    return values if digits is None else np.array([float(f"{value:.{digits}g}") for value in values.tolist()])
 
 
 def _format(path: str | os.PathLike[str]) -> Any:
