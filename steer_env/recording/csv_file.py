@@ -160,10 +160,9 @@ def _bare(cell: str) -> str:
 def _meta_value(text: str) -> Any:
     """The value of a text in JSON; any other text as it is."""
     try:
-        value = json.loads(text)
+        return json.loads(text)
     except ValueError:
         return text
-    return value if value is None or isinstance(value, str | int | float) else text
 
 
 def _meta_text(value: Any) -> str:

@@ -1,5 +1,6 @@
 """Recordings to and from files: what is written is read back, what comes from elsewhere is read or refused."""
 
+import dataclasses
 import os
 
 import numpy as np
@@ -67,6 +68,26 @@ def test_gaps_and_odd_meta_survive(tmp_path, suffix):
     assert back.meta == written.meta
     for name in written.channels:
         np.testing.assert_allclose(back[name], written[name], rtol=1e-15)
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_nested_meta_survives(weave, tmp_path, suffix):
+    """A record of where a file comes from: dicts and lists, deep and long, with every kind of text and number."""
+    record = {
+        "version": "1.0",
+        "command": ["run", "weave", "--set", 'column.K_tb=143, "x"'],
+        "car": {"column": {"K_tb": 143.0, "curve": [[0.0, 1e-300], [0.1, -0.1]]}, "doors": 4, "tyre": None, "own": True},
+        "text": "Ø <a> & 'b': c\n# d; e, f\tg",
+        "long": ["x" * 100] * 1000,
+        "empty": [{}, []],
+    }
+    written = dataclasses.replace(weave, meta={**weave.meta, "trace": record, "list": "[1, 2]", "inputs": [1, {"a": 2}]})
+    record["car"]["doors"] = 2  # a recording does not change
+    write(written, tmp_path / f"run{suffix}")
+    back = read(tmp_path / f"run{suffix}").meta
+    assert back == written.meta
+    assert back["trace"]["car"]["doors"] == 4
+    assert back["list"] == "[1, 2]"
 
 
 @pytest.mark.parametrize("name", ["run.txt", "run", "run.mf4.gz"])
