@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from steer_env.experiments.cli.common import names
+from steer_env.experiments.cli.common import inputs, names
 from steer_env.experiments.cli.common.arguments import FRICTION, KPH, friction_law
 from steer_env.experiments.cli.common.extras import require_format
 from steer_env.experiments.output import car_options
@@ -15,6 +15,7 @@ from steer_env.experiments.output.options import progress
 if TYPE_CHECKING:
     from steer_env.manoeuvres import Manoeuvre
     from steer_env.metrics import Value
+    from steer_env.vehicle.cars import Car
 
 ALL = "all"
 FASTEST = names.SAMPLE_RATE  # [Hz]
@@ -172,7 +173,9 @@ def drive(args: argparse.Namespace, manoeuvre: "Manoeuvre", out: Path) -> Run:
     car = car_options.load(args)
     wanted = FILE_RATE if args.rate_hz is None else read_number(args.rate_hz)
     rate = number("--rate_hz", wanted, minimum=20.0, maximum=FASTEST)
+    trace = _trace(args, manoeuvre.name, car, out)
     recording = manoeuvres.drive(car, manoeuvre, args.friction.parameters)
+    recording = replace(recording, meta={**recording.meta, "trace": trace})
     values = evaluate(recording) if manoeuvre.name in tests() else {}  # a manoeuvre may have no metrics
     if rate < FASTEST:
         files.write(recording.filtered(0.4 * rate).resampled(rate), out, digits=FILE_DIGITS)
@@ -182,13 +185,25 @@ def drive(args: argparse.Namespace, manoeuvre: "Manoeuvre", out: Path) -> Run:
         out.with_suffix(".json"),
         {
             "metrics": entries(values),
-            "meta": {key: value for key, value in recording.meta.items() if not _nan(value)},
+            "meta": {key: value for key, value in recording.meta.items() if key != "trace" and not _nan(value)},
             "friction": provenance.law(args.friction.parameters),
             "versions": provenance.versions(),
+            "trace": trace,
         },
     )
     about = manoeuvre.name, args.friction.label, f"{car.name} on {car.tyre.name}", manoeuvre.chassis
     return Run(", ".join(about), values, out)
+
+
+def _trace(args: argparse.Namespace, manoeuvre: str, car: "Car", out: Path) -> dict[str, Any]:
+    """What one recording is made from; of several manoeuvres that one command drives, its own."""
+    from steer_env.experiments.output import provenance
+
+    command = [manoeuvre if word == ALL else word for word in args.argv]
+    laws = {args.friction.label: args.friction.parameters}
+    return provenance.trace(
+        command=command, result=out.name, car=car, friction=laws, inputs=inputs.of(args), seed=args.seed
+    )
 
 
 def _nan(value: Any) -> bool:
