@@ -8,8 +8,10 @@ import re
 from xml.etree import ElementTree
 
 SVG, LINK = "{http://www.w3.org/2000/svg}", "{http://www.w3.org/1999/xlink}href"
+_WORDS = {f"{SVG}{name}" for name in ("text", "style", "title")}  # elements whose text counts
 _PLACES = ("d", "x", "y", "transform")  # attributes that hold coordinates
 _LONG = re.compile(r"-?\d+\.\d+")
+_COMMAND = re.compile(r"\s*([A-Za-z])\s*")
 _REFERENCE = re.compile(r"#([\w.-]+)")
 
 ElementTree.register_namespace("", SVG[1:-1])
@@ -32,11 +34,15 @@ def smaller(svg: str) -> str:
             each.attrib.pop("id", None)
         for name in _PLACES:
             if name in each.attrib:
-                each.set(name, " ".join(_LONG.sub(_tenth, each.attrib[name]).split()))
+                each.set(name, _LONG.sub(_tenth, each.attrib[name]))
+        if "d" in each.attrib:
+            each.set("d", " ".join(_COMMAND.sub(r"\1", each.attrib["d"]).split()))
+        if each.get("transform", "").startswith("rotate(-0 "):
+            del each.attrib["transform"]
         if "style" in each.attrib:
             each.set("class", styles.setdefault(each.attrib.pop("style"), f"s{len(styles)}"))
-        if each.tag != f"{SVG}text" and each.tag != f"{SVG}tspan":
-            each.text = None if each.tag != f"{SVG}style" else each.text
+        if each.tag not in _WORDS:
+            each.text = None
         each.tail = None
     _flatten(root)
     sheet = ElementTree.Element(f"{SVG}style")

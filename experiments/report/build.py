@@ -19,7 +19,7 @@ from steer_env.experiments.output.words import label
 from steer_env.experiments.report import findings
 from steer_env.experiments.report.results import Notify, Results, Scope, collect
 from steer_env.experiments.studies import cross_validation, friction_laws, loop_width, real_time, vehicle
-from steer_env.experiments.studies.common import commonroad_reference
+from steer_env.experiments.studies.common import battery, commonroad_reference
 from steer_env.metrics.common import just_noticeable
 from steer_env.metrics.common.filtered_channels import ANGLE, TORQUE
 from steer_env.vehicle import plant
@@ -41,17 +41,18 @@ class Look(NamedTuple):
 DEFAULT = Look()
 
 
-def metrics_json(results: Results, source: dict[str, Any]) -> dict[str, Any]:
+def metrics_json(results: Results, source: dict[str, Any], look: Look = DEFAULT) -> dict[str, Any]:
     """The numbers of the report: metrics of the weave by name, those of other tests with the test's name ahead."""
     return {
         "metrics": {
             law: {
-                ("" if test == "weave" else f"{test.replace('-', '_')}.") + name: entry
+                _key(test, name): entry
                 for test, drives in results.drives.items()
                 for name, entry in entries(drives[law].values).items()
             }
             for law in results.laws
         },
+        "differences": _differences_json(results, look.noticed),
         "real_time": {
             "case": "column alone, hand torque 2.5 N m at 0.5 Hz",
             "units": {"step": "s", "error": "1", "ns_per_step": "ns", "worst_step_ns": "ns", "whole_car": "ns"},
@@ -61,6 +62,25 @@ def metrics_json(results: Results, source: dict[str, Any]) -> dict[str, Any]:
         **({"vehicle": _vehicle_json(results)} if results.vehicle else {}),
         "provenance": source,
     }
+
+
+def _key(test: str, metric: str) -> str:
+    return metric if test == "weave" else f"{test.replace('-', '_')}.{metric}"
+
+
+def _differences_json(results: Results, noticed: float) -> dict[str, Any]:
+    """Differences from the base law; those of refused metrics are left out."""
+    found = {
+        law: {
+            _key(test, name): battery.as_json(of_law[law])
+            for test in results.drives
+            for name, of_law in findings.feel(results, test, noticed).table.items()
+            if math.isfinite(of_law[law].value)
+        }
+        for law in results.laws
+        if law != results.base
+    }
+    return {"base": results.base, "noticed_share": noticed, "laws": found}
 
 
 def _vehicle_json(results: Results) -> dict[str, Any]:
@@ -228,6 +248,6 @@ def build(
         notify(0.96, "drawing")
         source = provenance_of(results)
         (part / "index.html").write_text(render(results, source, look), encoding="utf-8")
-        write_json(part / "metrics.json", metrics_json(results, source))
+        write_json(part / "metrics.json", metrics_json(results, source, look))
     notify(1.0, "done")
     return results

@@ -50,13 +50,13 @@ def assess(paths: list[str], args: argparse.Namespace, tolerances: str | None) -
     wanted = targets.load(args.targets) if args.targets else None
     allowed = simulation_vs_measurement.tolerances(tolerances) if tolerances else None
     timing = 1e-3 * number("--timing_ms", args.timing_ms, minimum=0.0)
-    found = assessment.assess(recordings, args.manoeuvre, wanted, allowed, timing, **_conditions(args))
+    found = assessment.assess(recordings, args.manoeuvre, wanted, allowed, timing, noticed(args), **_conditions(args))
     if wanted and not found.bands:
         print(f"targets {wanted.name!r} have no bands for {found.test}; they have some for {', '.join(wanted.bands)}")
     for label in labels:
         print_metrics(found.values[label], f"{found.test}, {label}", found.ratings[label])
     if found.differences:
-        print_differences(found.differences, f"{labels[1]} less {labels[0]}")
+        print_differences(found.differences, found.perceptions, f"{labels[1]} less {labels[0]}")
     for pair in found.pairs:
         print(f"{pair.y} over {pair.x}: {pair.inside:.1%} inside, largest distance {pair.worst:.2f} tolerances")
     if args.out:

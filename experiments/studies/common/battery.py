@@ -102,6 +102,18 @@ def difference(name: str, value: Value, base: Value, noticed: float = just_notic
     return Difference(gap, 0.5 * (high - low), gap / scale if scale > 0.0 else math.nan, perceived)
 
 
+def as_json(found: Difference) -> dict[str, Any]:
+    """A difference as JSON: null for what is not finite."""
+    numbers = {name: getattr(found, name) for name in ("value", "half_width", "share")}
+    return {
+        **{name: x if math.isfinite(x) else None for name, x in numbers.items()},
+        "real": found.real,
+        "large": found.matters,
+        "perception": found.perception.verdict,
+        "perception_sure": found.perception.sure,
+    }
+
+
 def differences(
     drives: dict[str, Drive], base: str, noticed: float = just_noticeable.SHARE
 ) -> dict[str, dict[str, Difference]]:
