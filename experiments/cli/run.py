@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from steer_env.experiments.cli.common import names
 from steer_env.experiments.cli.common.arguments import FRICTION, KPH, friction_law
 from steer_env.experiments.cli.common.extras import require_format
+from steer_env.experiments.output import car_options
 from steer_env.experiments.output.options import progress
 
 if TYPE_CHECKING:
@@ -38,10 +39,7 @@ def add(commands: Any, common: argparse.ArgumentParser) -> None:
     run.add_argument("manoeuvre", metavar="MANOEUVRE", choices=known, help=", ".join(known))
     text = f"{FRICTION}; laws: {', '.join(names.laws())} (default lugre)"
     run.add_argument("--friction", metavar="LAW", type=friction_law, default="lugre", help=text)
-    text = f"{', '.join(names.cars())}, or a .toml or .json file (default compact)"
-    run.add_argument("--vehicle", metavar="NAME", default="compact", help=text)
-    text = "a tyre in place of the car's own: a file, or the name of a packaged tyre"
-    run.add_argument("--tyre", metavar="FILE.tir", help=text)
+    car_options.add(run)
     text = "class of an ISO 8608 road, A to H, for two_track"
     run.add_argument("--road", metavar="CLASS", choices=names.ROAD_CLASSES, help=text)
     run.add_argument("--seed", metavar="N", type=int, help="seed of the road (default 0)")
@@ -170,11 +168,8 @@ def drive(args: argparse.Namespace, manoeuvre: "Manoeuvre", out: Path) -> Run:
     from steer_env.friction.numerics.check import number, read_number
     from steer_env.metrics import evaluate, tests
     from steer_env.recording import files
-    from steer_env.vehicle import cars, tyre
 
-    car = cars.load(args.vehicle)
-    if args.tyre is not None:
-        car = car._replace(tyre=tyre.load(args.tyre))
+    car = car_options.load(args)
     large = manoeuvre.duration > LONG or manoeuvre.chassis == "two_track"
     wanted = (SLOW if large else FASTEST) if args.rate_hz is None else read_number(args.rate_hz)
     rate = number("--rate_hz", wanted, minimum=20.0, maximum=FASTEST)
@@ -208,7 +203,12 @@ def _check_comparable(args: argparse.Namespace) -> None:
     for name, value in needed.items():
         if given[name] != value:
             raise ValueError(f"--compare {args.compare} needs {name} {value}, got {given[name]}")
-    for name, value in (("--tyre", args.tyre), ("--speed_kph", args.speed_kph), ("--road", args.road)):
+    for name, value in (
+        ("--tyre", args.tyre),
+        ("--speed_kph", args.speed_kph),
+        ("--road", args.road),
+        ("--set", args.changes or None),
+    ):
         if value is not None:
             raise ValueError(f"--compare {args.compare} has a tyre, speeds and a road of its own: leave out {name}")
 

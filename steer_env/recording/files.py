@@ -45,7 +45,7 @@ def read(path: str | os.PathLike[str], mapping: Mapping | str | os.PathLike[str]
 
     The channels that are read are those that the mapping names and those with a known name
     (``channel_mapping.KNOWN``). If the mapping names no channel, all channels with a known unit are read, and the meta
-    key ``not_read`` lists the others. Where the mapping gives a channel a delay, all channels are trimmed to the time
+    key ``not_read`` lists the others. A channel without any value is left out and listed there, too. Where the mapping gives a channel a delay, all channels are trimmed to the time
     that remains. An old name of a channel is replaced, and a line on standard error says so.
 
     Parameters
@@ -84,6 +84,9 @@ def read(path: str | os.PathLike[str], mapping: Mapping | str | os.PathLike[str]
                 left.append(table.columns[choice.place].label)
                 continue
             raw = _samples(table.columns, choice, values)
+            if np.isnan(raw).all():
+                left.append(f"{table.columns[choice.place].label} (no values)")
+                continue
             channels[choice.name] = choice.entry.sign * ((raw - choice.entry.offset) * choice.size)
             units[choice.name] = choice.unit
         if left and not channels:
@@ -94,7 +97,7 @@ def read(path: str | os.PathLike[str], mapping: Mapping | str | os.PathLike[str]
         meta = {**table.meta, **({"not_read": _listed(left)} if left else {}), **mapping.meta}
         recording = Recording(np.asarray(instants), channels, units, meta)
         for choice in choices:
-            if choice.entry.delay:
+            if choice.entry.delay and choice.name in channels:
                 recording = recording.delayed(choice.name, -choice.entry.delay)
         return recording
     except ValueError as error:

@@ -18,7 +18,7 @@ from steer_env.specification import PlainSpecification
 from steer_env.targets import load as load_targets
 from steer_env.tasks import Quantity
 from steer_env.tuning import context, driving, reward
-from steer_env.tuning.parameters import PARAMETERS, tuned, values
+from steer_env.tuning.parameters import PARAMETERS, keys, tuned, values
 from steer_env.tuning.scenarios.common.definition import SPEEDS, Scenario
 from steer_env.vehicle import cars
 from steer_env.vehicle import tyre as tyres
@@ -162,6 +162,15 @@ class TuneEnv(PlainSpecification, gym.Env):
         a = self.car.assist
         named = ((name, PARAMETERS[name]) for name in self.scenario.parameters)
         return {name: (p.unit, p.value(a, -1.0), p.value(a, 0.0), p.value(a, 1.0)) for name, p in named}
+
+    def tuned_car(self, action: NDArray[Any]) -> cars.Car:
+        """The car with the parameter set of an action, whose assist is to the bit the one that :meth:`step` drives.
+
+        ``steer_env.vehicle.cars.write(env.tuned_car(env.best_action), "tuned.toml")`` writes it as a car file.
+        """
+        a = self.car.assist
+        data = {**self.car.data(), "name": f"{self.car.name}_tuned"}
+        return cars.load({**data, "assist": keys(a, values(a, self.scenario.parameters, clipped(action)))})
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None

@@ -68,21 +68,26 @@ def values(a: Assist, names: tuple[str, ...], action: Array) -> dict[str, float]
     return {name: parameter.value(a, actions.get(name, 0.0)) for name, parameter in PARAMETERS.items()}
 
 
-def tuned(a: Assist, p: Mapping[str, float]) -> Assist:
-    """The assist of a car with a value for every parameter, checked by :func:`steer_env.vehicle.steering.eps.make`."""
+def keys(a: Assist, p: Mapping[str, float]) -> dict[str, Any]:
+    """The keys of a car file's section ``assist``, for the assist of a car and a value for every parameter."""
     fading = np.maximum(1.0 - a.speeds / HIGH_SPEED, 0.0)
     t = a.torques
     read_at = np.zeros_like(t)  # torques of the car's own curve
     read_at[1:] = t[1:] * (t[1:] / t[-1]) ** (p["boost_progression"] - 1.0)
     boost: Any = np.array([np.interp(read_at, t, row) for row in a.boost])
-    return eps.make(
-        speeds=a.speeds,
-        torques=t,
-        boost=(p["boost_level"] * p["boost_low_speed"] ** fading)[:, None] * boost,
-        damping=p["damping_level"] * p["damping_low_speed"] ** fading * a.damping,
-        lead_zero=p["lead_zero"],
-        lead_pole=p["lead_pole"],
-        delay=a.delay * eps.SAMPLE_TIME + a.offset,
-        bandwidth=a.bandwidth / (2.0 * np.pi),
-        limit=a.limit,
-    )
+    return {
+        "speeds": a.speeds,
+        "torques": t,
+        "boost": (p["boost_level"] * p["boost_low_speed"] ** fading)[:, None] * boost,
+        "damping": p["damping_level"] * p["damping_low_speed"] ** fading * a.damping,
+        "lead_zero": p["lead_zero"],
+        "lead_pole": p["lead_pole"],
+        "delay": a.delay * eps.SAMPLE_TIME + a.offset,
+        "bandwidth": a.bandwidth / (2.0 * np.pi),
+        "limit": a.limit,
+    }
+
+
+def tuned(a: Assist, p: Mapping[str, float]) -> Assist:
+    """The assist of a car with a value for every parameter, checked by :func:`steer_env.vehicle.steering.eps.make`."""
+    return eps.make(**keys(a, p))

@@ -14,16 +14,7 @@ from steer_env.recording import channel_mapping, csv_file
 from steer_env.recording.files import read, write
 from steer_env.recording.recording import DEGREE, Recording
 from steer_env.vehicle.constants import GRAVITY
-
-
-def mapped(*entries, **meta):
-    return channel_mapping.Mapping(meta=meta).with_entries(channel_mapping.parse_entry(text) for text in entries)
-
-
-def refusal(path, given=None):
-    with pytest.raises(ValueError, match=path.name) as caught:
-        read(path, given)
-    return str(caught.value)
+from tests.steer_env.recorded import mapped, refusal
 
 
 @pytest.fixture

@@ -5,7 +5,22 @@
 
 from importlib.resources import files
 
+from steer_env.experiments.output.car_options import packaged as cars
 from steer_env.friction.numerics.registry import dashed, listed
+
+__all__ = [
+    "FORMATS",
+    "MDF_FORMATS",
+    "ROAD_CLASSES",
+    "SAMPLE_RATE",
+    "assists",
+    "cars",
+    "chassis",
+    "drivers",
+    "laws",
+    "manoeuvres",
+    "targets",
+]
 
 FORMATS = (".csv", ".mat", ".mf4", ".mdf")  # of steer_env.recording.files
 MDF_FORMATS = (".mf4", ".mdf")  # those that need the extra mdf
@@ -36,11 +51,6 @@ def drivers() -> tuple[str, ...]:
 def assists() -> tuple[str, ...]:
     """Assist controllers."""
     return tuple(listed("steer_env.assists"))
-
-
-def cars() -> tuple[str, ...]:
-    """Packaged cars."""
-    return _stems("steer_env.vehicle", ".json", "cars")
 
 
 def targets() -> tuple[str, ...]:

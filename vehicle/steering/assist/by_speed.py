@@ -1,0 +1,44 @@
+"""Values of the assist that depend on the vehicle speed: one for each speed of the boost table."""
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from steer_env.friction.numerics.frozen import frozen
+from steer_env.friction.numerics.kernel import kernel
+
+
+def table(name: str, values: ArrayLike) -> NDArray[np.float64]:
+    """``values`` as an array of floats; ValueError where they are no numbers or not in rows of one length."""
+    try:
+        return np.array(values, float)
+    except (TypeError, ValueError):
+        raise ValueError(f"{name} must hold numbers, in rows of one length, got {values!r}") from None
+
+
+def by_speed(
+    name: str, values: ArrayLike, count: int, *, minimum: float = 0.0, maximum: float
+) -> NDArray[np.float64]:
+    """``values`` (count,), one for each speed of the boost table; a lone number counts for every speed.
+
+    Raises
+    ------
+    ValueError
+        Naming the key, the range and the number of speeds.
+    """
+    given = table(name, values)
+    found = np.full(count, given) if given.ndim == 0 else given
+    if found.shape != (count,) or not np.all((found >= minimum) & (found <= maximum)):
+        allowed = f"one number or {count}, one for each of speeds, from {minimum:g} to {maximum:g}"
+        raise ValueError(f"{name} must be {allowed}, got {given.tolist()}")
+    return frozen(found)
+
+
+def shortest(values: NDArray[np.float64]) -> float | list[float]:
+    """The form of a car file: one number where it holds for every speed, else a list."""
+    return float(values[0]) if np.all(values == values[0]) else values.tolist()
+
+
+@kernel
+def between(values, i, u):
+    """The value in a cell ``i`` of the speeds, at a position ``u`` in it from 0 to 1."""
+    return values[i] + u * (values[i + 1] - values[i])
