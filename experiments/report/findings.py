@@ -1,7 +1,7 @@
 """Comparisons between the laws on which the sentences of the report rest; the templates have the words."""
 
 import math
-from collections import Counter
+from collections import Counter, defaultdict
 from typing import NamedTuple
 
 import numpy as np
@@ -96,12 +96,16 @@ def differences(results: Results, feels: dict[str, Feel]) -> Differences:
         for law, found in of_law.items()
     ]
     rows.sort(key=lambda row: -abs(row.found.share) if math.isfinite(row.found.share) else 0.0)
-    kinds: dict[str, list[Differing]] = {"perceptible": [], "large": [], "small": [], "none": [], "refused": []}
+    kinds: dict[str, list[Differing]] = defaultdict(list)
     for row in rows:
         kinds[_kind(row.found)].append(row)
-    known = [row for row in rows if row.found.perception.verdict != just_noticeable.UNKNOWN]
     return Differences(
-        kinds["perceptible"], kinds["large"], *(len(kinds[kind]) for kind in ("small", "none", "refused")), known
+        kinds["perceptible"],
+        kinds["large"],
+        small=len(kinds["small"]),
+        none=len(kinds["none"]),
+        refused=len(kinds["refused"]),
+        known=[row for row in rows if row.found.perception.verdict != just_noticeable.UNKNOWN],
     )
 
 

@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from steer_env.experiments.cli.common import names
+from steer_env.experiments.cli.common import names, noticed
 from steer_env.experiments.cli.common.arguments import KPH
 from steer_env.experiments.cli.common.extras import require_format
 
@@ -29,6 +29,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--timing_ms", metavar="MS", type=float, default=0.0, help=text)
     text = "use only this part of the recording [s]"
     parser.add_argument("--between", metavar=("T0", "T1"), type=float, nargs=2, help=text)
+    noticed.add(parser)
     text = "directory for index.html and evaluation.json, replaced as a whole"
     parser.add_argument("--out", metavar="DIR", help=text)
 
@@ -50,7 +51,9 @@ def assess(paths: list[str], args: argparse.Namespace, tolerances: str | None) -
     wanted = targets.load(args.targets) if args.targets else None
     allowed = simulation_vs_measurement.tolerances(tolerances) if tolerances else None
     timing = 1e-3 * number("--timing_ms", args.timing_ms, minimum=0.0)
-    found = assessment.assess(recordings, args.manoeuvre, wanted, allowed, timing, noticed(args), **_conditions(args))
+    found = assessment.assess(
+        recordings, args.manoeuvre, wanted, allowed, timing, noticed.share(args), **_conditions(args)
+    )
     if wanted and not found.bands:
         print(f"targets {wanted.name!r} have no bands for {found.test}; they have some for {', '.join(wanted.bands)}")
     for label in labels:

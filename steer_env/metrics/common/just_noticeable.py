@@ -1,9 +1,9 @@
 """Whether a driver notices a difference of a metric: just-noticeable differences of the handwheel's force and angle.
 
-A driver notices a change of a sustained steering force, or of a sustained steering angle, from about 15 % on: the
-thresholds of Newberry, Griffin and Dowson, "Driver perception of steering feel", Proc. IMechE Part D 221 (2007) 405, for
-a force that is held at the rim and for an angle that is held, detected in 79 % of the trials. On one handwheel a share
-of the force is the same share of the torque.
+A driver notices a change of a sustained steering force, or of a sustained steering angle, from about 15 % on. These are
+the thresholds of Newberry, Griffin and Dowson, "Driver perception of steering feel", Proc. IMechE Part D 221 (2007)
+405, for a force and an angle that are held, noticed in 79 % of the trials. On one handwheel a share of the force is the
+same share of the torque.
 
 The thresholds hold for what they were found for. There is none here for dead bands, gradients, phases, lags, torque at
 0 g, peaks of quick manoeuvres, or the motion of the car; nor for values near zero, where no share is constant.
