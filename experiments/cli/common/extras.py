@@ -8,6 +8,7 @@ from steer_env.experiments.cli.common.names import MDF_FORMATS
 
 MODULES = {
     "train": ("torch", "stable_baselines3"),
+    "cluster": ("distributed",),
     "mdf": ("asammdf",),
     "test": ("vehiclemodels",),
     "integrations": ("minari", "h5py"),
