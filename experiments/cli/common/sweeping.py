@@ -13,19 +13,28 @@ from steer_env.experiments.cli.common.extras import require
 if TYPE_CHECKING:
     from steer_env.experiments.sweep import Runner
 
+OPTIONS = ("workers", "cluster", "resume")
 FOLDER = "sweeps"  # in the user's cache folder
 UNUSED = 30 * 24 * 3600.0  # time after which what an interrupted sweep has left is deleted [s]
 
 
-def add_sweep(parser: argparse.ArgumentParser) -> None:
-    """Add the options to a parser."""
-    group = parser.add_argument_group("where the cases run (docs/many_machines.md)")
-    text = "worker processes of this machine (default: one for each processor, up to 4)"
+def add_sweep(parser: argparse.ArgumentParser, cases: str = "") -> None:
+    """Add the options to a parser; ``cases`` says what they are for where that is not the whole command."""
+    group = parser.add_argument_group("workers (docs/many_machines.md)")
+    of = f" {cases}" if cases else ""
+    text = f"worker processes{of} on this machine (default: one for each processor, up to 4)"
     group.add_argument("--workers", metavar="N", type=whole_number(1), help=text)
-    text = "Dask workers in place of processes: the address of a scheduler, tcp://HOST:PORT, or local, local:N"
+    text = "Dask workers in their place: those of a scheduler, tcp://HOST:PORT, or new ones here, local or local:N"
     group.add_argument("--cluster", metavar="ADDRESS", help=text)
-    text = "go on from where the same command was interrupted, on whatever workers"
+    text = "go on from where the same command was interrupted, whatever the workers were"
     group.add_argument("--resume", action="store_true", help=text)
+
+
+def refuse_sweep(args: argparse.Namespace, reason: str) -> None:
+    """ValueError if one of the options is given where it has no effect."""
+    for name in OPTIONS:
+        if getattr(args, name):
+            raise ValueError(f"--{name} has no effect here, as {reason}")
 
 
 def runner(args: argparse.Namespace) -> "Runner":
