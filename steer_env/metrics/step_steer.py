@@ -173,7 +173,9 @@ def _find(time: np.ndarray, angle: np.ndarray) -> list[Step]:
         late = np.flatnonzero(np.abs(angle[j:] - level) <= HELD * abs(size))
         first = j + int(late[0]) if late.size else j
         away = np.flatnonzero(np.abs(angle[first:] - level) > HELD * abs(size))
-        end = _end_of_hold(angle, first, first + int(away[0]), abs(size)) - round(0.1 / each) if away.size else angle.size
+        end = (
+            _end_of_hold(angle, first, first + int(away[0]), abs(size)) - round(0.1 / each) if away.size else angle.size
+        )
         if end <= first or time[end - 1] - time[first] < HOLD or np.ptp(angle[rest]) > HELD * abs(size):
             too_short += 1
             continue

@@ -128,9 +128,7 @@ def _place(columns: list[Column], name: str, source: str) -> int:
     raise ValueError(f"no signal {name!r} in the database, for the sum {source!r}{hint}")
 
 
-def _load(
-    path: Any, options: Options, wanted: list[list[tuple[Any, Any]]], meta: dict[str, Any]
-) -> list[Values]:
+def _load(path: Any, options: Options, wanted: list[list[tuple[Any, Any]]], meta: dict[str, Any]) -> list[Values]:
     """The time, and every column at that time or the reason for which it cannot be read; writes the meta ``can``."""
     messages = {parts[0][0].name: parts[0][0] for parts in wanted}
     start, frames, seen = _read(path, options, list(messages.values()))
@@ -189,7 +187,11 @@ def _read(path: Any, options: Options, wanted: list[Any]) -> tuple[float, dict[s
     if not seen:
         where = "" if options.bus is None else f" on the bus {options.bus!r}"
         raise ValueError(f"no frame in the log{where}; is it complete?")
-    return start, {message.name: _decoded(message, raw[message.name]) for message in wanted if message.name in raw}, seen
+    return (
+        start,
+        {message.name: _decoded(message, raw[message.name]) for message in wanted if message.name in raw},
+        seen,
+    )
 
 
 def _frames(path: Any, until: float) -> Iterator[Any]:
@@ -238,7 +240,9 @@ def _decoded(message: Any, raw: list[tuple[float, bytes]]) -> _Frames:
     back = np.flatnonzero(np.diff(time) < 0)
     if back.size:
         k = int(back[0])
-        raise ValueError(f"{_named(message)}: the time goes back from {time[k]:.6f} to {time[k + 1]:.6f} s; sort the log")
+        raise ValueError(
+            f"{_named(message)}: the time goes back from {time[k]:.6f} to {time[k + 1]:.6f} s; sort the log"
+        )
     kept = np.append(np.diff(time) > 0, True)
     frames = [message.decode(data, decode_choices=False) for (_, data), keep in zip(raw, kept) if keep]
     values = {

@@ -69,7 +69,9 @@ def evaluate(
         For an unknown test or condition, a negative timing, or an error of the scale that is not from 0 to below 1.
     """
     not_negative("timing", timing)
-    scale = number("torque_scale_error", recording.meta.get(SCALE, 0.0) if torque_scale_error is None else torque_scale_error)
+    scale = number(
+        "torque_scale_error", recording.meta.get(SCALE, 0.0) if torque_scale_error is None else torque_scale_error
+    )
     if not 0.0 <= scale < 1.0:
         raise ValueError(f"torque_scale_error is {scale:g}; it is a fraction from 0 to below 1, 0.02 for 2 %")
     names = available(evaluation_of(recording, test).name)
