@@ -121,7 +121,7 @@ def print_shift(rows: Mapping[str, Mapping[str, Any]], aim: str, units: Mapping[
     for over, cells in rows.items():
         for place, (label, cell) in enumerate(cells.items()):
             found = cell.values["policy"]
-            others = [name for name in cell.values if name != "policy"]
+            others = [name for name in cell.values if name not in ("policy", "zero")]
             best = max(others, key=lambda name: cell.values[name]["reward"].value, default=None)
             of_best = [_estimate(cell.values[best][metric]) for metric in ("reward", aim)] if best else ["", ""]
             table.add_row(
