@@ -63,6 +63,9 @@ def assess(paths: list[str], args: argparse.Namespace, tolerances: str | None) -
         print_differences(found.differences, found.perceptions, f"{labels[1]} less {labels[0]}")
     for pair in found.pairs:
         print(f"{pair.y} over {pair.x}: {pair.inside:.1%} inside, largest distance {pair.worst:.2f} tolerances")
+    if found.pairs:
+        agree = "agree" if simulation_vs_measurement.passes(found.pairs) else "do not agree"
+        print(f"{labels[0]} and {labels[1]} {agree} within the tolerances {tolerances}")
     if args.out:
         out = Path(args.out)
         trace = provenance.trace(command=args.argv, result=out.name, inputs=inputs.of(args))

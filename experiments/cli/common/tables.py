@@ -57,6 +57,8 @@ def print_metrics(values: Mapping[str, Value], title: str, ratings: Mapping[str,
     for name, value in values.items():
         if value.reason:
             printer.print(f"{name} refused: {in_options(value.reason)}", highlight=False, soft_wrap=True)
+    for note in dict.fromkeys(note for value in values.values() for note in value.notes):
+        printer.print(f"note: {note}", highlight=False, soft_wrap=True)
 
 
 def _rating(rating: Rating | None) -> str:
