@@ -45,12 +45,12 @@ def add(commands: Any, common: argparse.ArgumentParser) -> None:
     run.add_argument("--road", metavar="CLASS", choices=names.ROAD_CLASSES, help=text)
     run.add_argument("--seed", metavar="N", type=int, help="seed of the road (default 0)")
     run.add_argument("--chassis", choices=names.chassis(), help="default: the manoeuvre's")
-    run.add_argument("--speed_kph", metavar="KPH", help="held speed [km/h] (default: the manoeuvre's)")
+    run.add_argument("--speed-kph", metavar="KPH", help="held speed [km/h] (default: the manoeuvre's)")
     text = (
         f"sampling rate of the file, low-passed before (default {FASTEST:g}, or {SLOW:g} for two_track and for more "
         f"than {LONG:g} s); the metrics are of the full rate"
     )
-    run.add_argument("--rate_hz", metavar="HZ", help=text)
+    run.add_argument("--rate-hz", metavar="HZ", help=text)
     text = (
         f"a file ({', '.join(names.FORMATS)}), or a directory for MANOEUVRE.csv, which is made if it is missing; the "
         "JSON file goes beside it (default .)"
@@ -99,7 +99,7 @@ def _run_all(args: argparse.Namespace, out: Path) -> None:
     from steer_env.experiments.cli.common.tables import print_metrics
     from steer_env.experiments.studies.common.processes import pool_of, uninterrupted
 
-    for name, value in (("--chassis", args.chassis), ("--speed_kph", args.speed_kph), ("--road", args.road)):
+    for name, value in (("--chassis", args.chassis), ("--speed-kph", args.speed_kph), ("--road", args.road)):
         if value is not None:
             raise ValueError(f"{name} does not suit every manoeuvre: leave it out with {ALL}")
     if out.suffix:
@@ -139,11 +139,11 @@ def _manoeuvre(args: argparse.Namespace, name: str) -> "Manoeuvre":
     manoeuvre = manoeuvres.make(name)
     if args.speed_kph is not None:
         if manoeuvre.speed == 0.0:
-            raise ValueError(f"--speed_kph has no effect on {manoeuvre.name}, in which the car stands: leave it out")
+            raise ValueError(f"--speed-kph has no effect on {manoeuvre.name}, in which the car stands: leave it out")
         if manoeuvre.rig:
-            raise ValueError(f"--speed_kph has no effect on {manoeuvre.name}, which is done on a rig: leave it out")
+            raise ValueError(f"--speed-kph has no effect on {manoeuvre.name}, which is done on a rig: leave it out")
         low, high = cars.SPEED_MIN / KPH, cars.SPEED_MAX / KPH
-        speed = KPH * number("--speed_kph", read_number(args.speed_kph), minimum=low, maximum=high)
+        speed = KPH * number("--speed-kph", read_number(args.speed_kph), minimum=low, maximum=high)
         # The course or the gust of some manoeuvres depends on the speed.
         manoeuvre = manoeuvres.make(name, speed=speed) if "speed" in manoeuvres.options(name) else manoeuvre
         manoeuvre = replace(manoeuvre, speed=speed)
@@ -173,7 +173,7 @@ def drive(args: argparse.Namespace, manoeuvre: "Manoeuvre", out: Path) -> Run:
     car = car_options.load(args)
     large = manoeuvre.duration > LONG or manoeuvre.chassis == "two_track"
     wanted = (SLOW if large else FASTEST) if args.rate_hz is None else read_number(args.rate_hz)
-    rate = number("--rate_hz", wanted, minimum=20.0, maximum=FASTEST)
+    rate = number("--rate-hz", wanted, minimum=20.0, maximum=FASTEST)
     trace = _trace(args, manoeuvre.name, car, out)
     recording = manoeuvres.drive(car, manoeuvre, args.friction.parameters)
     recording = replace(recording, meta={**recording.meta, "trace": trace})
@@ -220,7 +220,7 @@ def _check_comparable(args: argparse.Namespace) -> None:
             raise ValueError(f"--compare {args.compare} needs {name} {value}, got {given[name]}")
     for name, value in (
         ("--tyre", args.tyre),
-        ("--speed_kph", args.speed_kph),
+        ("--speed-kph", args.speed_kph),
         ("--road", args.road),
         ("--set", args.changes or None),
     ):

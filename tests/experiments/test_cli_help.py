@@ -1,5 +1,6 @@
 """Help answers at once: no command imports a simulation for it. Missing extras and a closed pipe end in a sentence."""
 
+import re
 import subprocess
 import sys
 
@@ -10,6 +11,7 @@ from steer_env.experiments.cli.common import names
 from steer_env.experiments.cli.common.messages import in_options
 from steer_env.experiments.cli.main import main
 from steer_env.friction.numerics.registry import dashed, listed
+from steer_env.friction.numerics.renamed import REMOVED_IN
 from steer_env.recording import files
 from steer_env.vehicle import cars, road
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
@@ -100,7 +102,7 @@ def test_a_closed_pipe_prints_no_error(command):
 
 def test_messages_name_options():
     text = "say that the test was at 80 km/h (speed_m_s=22.22), or frequency_hz=0.25 if right"
-    assert in_options(text) == "say that the test was at 80 km/h (--speed_kph 79.99), or --frequency_hz 0.25 if right"
+    assert in_options(text) == "say that the test was at 80 km/h (--speed-kph 79.99), or --frequency-hz 0.25 if right"
 
 
 @pytest.mark.parametrize("name", listed("steer_env.experiments.studies", dashed))
@@ -111,8 +113,18 @@ def test_every_study_has_help(name, capsys):
     assert f"usage: steer-env study {name}" in capsys.readouterr().out
 
 
-def test_options_with_a_unit_take_a_dash_too(tmp_path, monkeypatch, capsys):
+def test_former_names_of_options_are_taken_and_told(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    assert main(["run", "weave", "--speed-kph", "500"]) == 2
-    assert main(["run", "weave", "--rate-hz=5000"]) == 2
-    assert capsys.readouterr().err.count("at most") == 2
+    assert main(["run", "weave", "--speed_kph", "500"]) == 2
+    assert main(["run", "weave", "--rate_hz=5000"]) == 2
+    lines = capsys.readouterr().err.splitlines()
+    assert lines[0] == f"steer-env: --speed_kph is now --speed-kph; release {REMOVED_IN} removes the old name"
+    assert [line.startswith("steer-env run: --") for line in lines] == [False, True, False, True]
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_options_have_hyphens(name, capsys):
+    with pytest.raises(SystemExit):
+        main([name, "--help"])
+    text = capsys.readouterr().out
+    assert not re.search(r"--\w*_", text)

@@ -22,11 +22,11 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     text = "one channel of the first recording, e.g. handwheel_angle=SWA[deg],sign=-1,delay_ms=10; may be repeated"
     parser.add_argument("--map", dest="entries", metavar="ENTRY", action="append", default=[], help=text)
     text = "speed at which the test was driven [km/h]"
-    parser.add_argument("--speed_kph", metavar="KPH", type=float, help=text)
+    parser.add_argument("--speed-kph", metavar="KPH", type=float, help=text)
     text = "frequency of the steering in the test [Hz]"
-    parser.add_argument("--frequency_hz", metavar="HZ", type=float, help=text)
+    parser.add_argument("--frequency-hz", metavar="HZ", type=float, help=text)
     text = "bound on the unknown delay between channels, in either direction [ms] (default 0)"
-    parser.add_argument("--timing_ms", metavar="MS", type=float, default=0.0, help=text)
+    parser.add_argument("--timing-ms", metavar="MS", type=float, default=0.0, help=text)
     text = "use only this part of the recording [s]"
     parser.add_argument("--between", metavar=("T0", "T1"), type=float, nargs=2, help=text)
     text = "directory for index.html and evaluation.json, replaced as a whole"
@@ -50,7 +50,7 @@ def assess(paths: list[str], args: argparse.Namespace, tolerances: str | None) -
     recordings = {label: _read(path, place, args) for place, (label, path) in enumerate(zip(labels, paths))}
     wanted = targets.load(args.targets) if args.targets else None
     allowed = simulation_vs_measurement.tolerances(tolerances) if tolerances else None
-    timing = 1e-3 * number("--timing_ms", args.timing_ms, minimum=0.0)
+    timing = 1e-3 * number("--timing-ms", args.timing_ms, minimum=0.0)
     found = assessment.assess(recordings, args.manoeuvre, wanted, allowed, timing, **_conditions(args))
     if wanted and not found.bands:
         print(f"targets {wanted.name!r} have no bands for {found.test}; they have some for {', '.join(wanted.bands)}")
