@@ -18,9 +18,9 @@ if TYPE_CHECKING:
     from steer_env.vehicle.cars import Car
 
 ALL = "all"
-FASTEST = names.SAMPLE_RATE  # default rate of a file [Hz]
-SLOW = 100.0  # default rate of a file that would be large [Hz]
-LONG = 60.0  # duration from which on it would be [s]
+FASTEST = names.SAMPLE_RATE  # [Hz]
+FILE_RATE = 200.0  # default rate of a file [Hz]
+FILE_DIGITS = 7  # of the values in a file below the full rate [1]
 
 
 class Run(NamedTuple):
@@ -47,8 +47,8 @@ def add(commands: Any, common: argparse.ArgumentParser) -> None:
     run.add_argument("--chassis", choices=names.chassis(), help="default: the manoeuvre's")
     run.add_argument("--speed-kph", metavar="KPH", help="held speed [km/h] (default: the manoeuvre's)")
     text = (
-        f"sampling rate of the file, low-passed before (default {FASTEST:g}, or {SLOW:g} for two_track and for more "
-        f"than {LONG:g} s); the metrics are of the full rate"
+        f"sampling rate of the file, low-passed before and with {FILE_DIGITS} significant digits (default "
+        f"{FILE_RATE:g}); at {FASTEST:g} every sample is written with all digits; the metrics are of the full rate"
     )
     run.add_argument("--rate-hz", metavar="HZ", help=text)
     text = (
@@ -171,14 +171,16 @@ def drive(args: argparse.Namespace, manoeuvre: "Manoeuvre", out: Path) -> Run:
     from steer_env.recording import files
 
     car = car_options.load(args)
-    large = manoeuvre.duration > LONG or manoeuvre.chassis == "two_track"
-    wanted = (SLOW if large else FASTEST) if args.rate_hz is None else read_number(args.rate_hz)
+    wanted = FILE_RATE if args.rate_hz is None else read_number(args.rate_hz)
     rate = number("--rate-hz", wanted, minimum=20.0, maximum=FASTEST)
     trace = _trace(args, manoeuvre.name, car, out)
     recording = manoeuvres.drive(car, manoeuvre, args.friction.parameters)
     recording = replace(recording, meta={**recording.meta, "trace": trace})
     values = evaluate(recording) if manoeuvre.name in tests() else {}  # a manoeuvre may have no metrics
-    files.write(recording.filtered(0.4 * rate).resampled(rate) if rate < FASTEST else recording, out)
+    if rate < FASTEST:
+        files.write(recording.filtered(0.4 * rate).resampled(rate), out, digits=FILE_DIGITS)
+    else:
+        files.write(recording, out)
     write_json(
         out.with_suffix(".json"),
         {
