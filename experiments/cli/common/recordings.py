@@ -29,6 +29,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--timing-ms", metavar="MS", type=float, default=0.0, help=text)
     text = "use only this part of the recording [s]"
     parser.add_argument("--between", metavar=("T0", "T1"), type=float, nargs=2, help=text)
+    text = "leave a channel out, e.g. one with gaps; may be repeated"
+    parser.add_argument("--without", metavar="CHANNEL", action="append", default=[], help=text)
     noticed.add(parser)
     text = "directory for index.html and evaluation.json, replaced as a whole"
     parser.add_argument("--out", metavar="DIR", help=text)
@@ -88,7 +90,7 @@ def _read(path: str, place: int, args: argparse.Namespace) -> Any:
     chosen = channel_mapping.load(args.mapping[place]) if place < len(args.mapping) else channel_mapping.Mapping()
     if place == 0:
         chosen = chosen.with_entries(channel_mapping.parse_entry(text) for text in args.entries)
-    found = files.read(path, chosen)
+    found = files.read(path, chosen).without(*args.without)
     if args.manoeuvre is None and found.meta.get("manoeuvre") is None:
         raise ValueError(f"{path} does not name its test: give --manoeuvre, one of {', '.join(names.manoeuvres())}")
     return (found.between(*args.between) if args.between else found).bridged()
