@@ -20,7 +20,7 @@ The loop y(x) of a cycle has a rising and a falling branch, separated by the tur
 
 from collections.abc import Mapping
 from copy import copy
-from functools import cache, partial
+from functools import cache
 from itertools import pairwise
 from typing import Any
 
