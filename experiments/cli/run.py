@@ -2,6 +2,7 @@
 
 import argparse
 import math
+import warnings
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -11,7 +12,7 @@ from steer_env.experiments.cli.common import inputs, names
 from steer_env.experiments.cli.common.arguments import FRICTION, KPH, friction_law
 from steer_env.experiments.cli.common.extras import require_format
 from steer_env.experiments.cli.common.sweeping import OPTIONS as SWEEP
-from steer_env.experiments.cli.common.sweeping import add_sweep, refuse_sweep, runner
+from steer_env.experiments.cli.common.sweeping import add_sweep, refuse_sweep, runner, without_sweep
 from steer_env.experiments.output import car_options
 from steer_env.experiments.output.options import progress
 
@@ -75,6 +76,7 @@ def _run(args: argparse.Namespace) -> None:
         _check_comparable(args)
     out = Path(args.out)
     require_format([out])
+    args.inputs = inputs.of(args)
     if args.manoeuvre == ALL:
         _run_all(args, out)
         return
@@ -110,6 +112,8 @@ def _run_all(args: argparse.Namespace, out: Path) -> None:
     out.mkdir(parents=True, exist_ok=True)
     sweep = runner(args)
     options = {key: value for key, value in vars(args).items() if key not in ("function", "out", *SWEEP)}
+    # The case is the car itself, not the file of it: other workers lack the file, and it may change before --resume.
+    options |= {"vehicle": car_options.load(args).data(), "tyre": None, "changes": [], "argv": without_sweep(args.argv)}
     longest_first = sorted(manoeuvres.available(), key=lambda name: -manoeuvres.make(name).duration)
     with progress("driving") as notify:
         drives = sweep(driven, [(name, options) for name in longest_first], notify=notify, words=lambda case: case[0])
@@ -130,9 +134,12 @@ def driven(case: tuple[str, dict[str, Any]]) -> tuple[Run, dict[str, bytes]]:
 
     The files come back by their contents, as the worker that drives may be another machine.
     """
+    from steer_env.vehicle.cars import UnusualCar
+
     name, options = case
     args = argparse.Namespace(**options)
-    with TemporaryDirectory() as folder:
+    with TemporaryDirectory() as folder, warnings.catch_warnings():
+        warnings.simplefilter("ignore", UnusualCar)  # told when the command read the car
         try:
             run = drive(args, _manoeuvre(args, name), Path(folder) / f"{name}.csv")
         except ValueError as error:
@@ -212,7 +219,7 @@ def _trace(args: argparse.Namespace, manoeuvre: str, car: "Car", out: Path) -> d
     command = [manoeuvre if word == ALL else word for word in args.argv]
     laws = {args.friction.label: args.friction.parameters}
     return provenance.trace(
-        command=command, result=out.name, car=car, friction=laws, inputs=inputs.of(args), seed=args.seed
+        command=command, result=out.name, car=car, friction=laws, inputs=args.inputs, seed=args.seed
     )
 
 
