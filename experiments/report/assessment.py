@@ -13,9 +13,11 @@ import numpy as np
 
 from steer_env import metrics, targets
 from steer_env.experiments.drawing import plots
+from steer_env.experiments.output import provenance
 from steer_env.experiments.output.files import replaced_directory, write_json
 from steer_env.experiments.output.metrics_json import entries
 from steer_env.experiments.output.pages import environment
+from steer_env.experiments.output.traces import embedded
 from steer_env.experiments.studies.common import simulation_vs_measurement
 from steer_env.metrics import RefusedError, Value
 from steer_env.metrics.common import frequency_response, just_noticeable
@@ -156,7 +158,7 @@ def render(found: Assessment, recordings: Mapping[str, Recording]) -> str:
         .render(
             f=found,
             labels=labels,
-            metas={label: recording.meta for label, recording in recordings.items()},
+            metas={label: {k: v for k, v in r.meta.items() if k != "trace"} for label, r in recordings.items()},
             definitions={name: metrics.definition(name) for name in metrics.available(found.test)},
             script=plots.script(),
             figure=plots.draw(drawn) if drawn else "",
@@ -168,8 +170,15 @@ def render(found: Assessment, recordings: Mapping[str, Recording]) -> str:
     )
 
 
-def write(out: Path, found: Assessment, recordings: Mapping[str, Recording]) -> None:
-    """Write ``index.html`` and ``evaluation.json`` into a directory, which appears or is replaced as a whole."""
+def write(
+    out: Path, found: Assessment, recordings: Mapping[str, Recording], trace: Mapping[str, Any] | None = None
+) -> None:
+    """Write ``index.html`` and ``evaluation.json`` into a directory, which appears or is replaced as a whole.
+
+    Both hold the ``trace`` of :func:`steer_env.experiments.output.provenance.trace`, by default that of a Python
+    program.
+    """
+    trace = provenance.trace() if trace is None else trace
     with replaced_directory(out, CONTENTS) as part:
-        (part / "index.html").write_text(render(found, recordings), encoding="utf-8")
-        write_json(part / "evaluation.json", as_json(found))
+        (part / "index.html").write_text(embedded(render(found, recordings), trace), encoding="utf-8")
+        write_json(part / "evaluation.json", {**as_json(found), "trace": trace})

@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from steer_env.experiments.cli.common import names, noticed
+from steer_env.experiments.cli.common import inputs, names, noticed
 from steer_env.experiments.cli.common.arguments import KPH
 from steer_env.experiments.cli.common.extras import require_format
 
@@ -40,6 +40,7 @@ def assess(paths: list[str], args: argparse.Namespace, tolerances: str | None) -
 
     from steer_env import targets
     from steer_env.experiments.cli.common.tables import print_differences, print_metrics
+    from steer_env.experiments.output import provenance
     from steer_env.experiments.report import assessment
     from steer_env.experiments.studies.common import simulation_vs_measurement
     from steer_env.friction.numerics.check import number
@@ -64,7 +65,8 @@ def assess(paths: list[str], args: argparse.Namespace, tolerances: str | None) -
         print(f"{pair.y} over {pair.x}: {pair.inside:.1%} inside, largest distance {pair.worst:.2f} tolerances")
     if args.out:
         out = Path(args.out)
-        assessment.write(out, found, recordings)
+        trace = provenance.trace(command=args.argv, result=out.name, inputs=inputs.of(args))
+        assessment.write(out, found, recordings, trace)
         print(out / "index.html")
     return int(any(all(value.reason for value in values.values()) for values in found.values.values()))
 
