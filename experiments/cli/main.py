@@ -20,9 +20,15 @@ from typing import Any, NoReturn
 
 from steer_env.experiments.cli.common.messages import in_options
 from steer_env.friction.numerics.registry import dashed, listed
+from steer_env.friction.numerics.renamed import REMOVED_IN
 
-# Options with a unit, which are also accepted with a dash in place of the underscore.
-WITH_UNIT = {name.replace("_", "-"): name for name in ("--speed_kph", "--frequency_hz", "--timing_ms", "--rate_hz")}
+# Former names of options, with an underscore before the unit -> present ones.
+RENAMED = {
+    "--speed_kph": "--speed-kph",
+    "--frequency_hz": "--frequency-hz",
+    "--timing_ms": "--timing-ms",
+    "--rate_hz": "--rate-hz",
+}
 PIPE_CLOSED = 141  # exit code of a program that SIGPIPE ends, 128 + 13
 
 
@@ -45,7 +51,7 @@ def _common() -> _Parser:
     return parser
 
 
-def _import(argv: Sequence[str]) -> None:
+def import_modules(argv: Sequence[str]) -> None:
     """Import the modules that ``--import`` names, before ``--friction`` is read.
 
     A worker process imports such a module when it receives parameters of its law.
@@ -70,10 +76,19 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _underscored(text: str) -> str:
-    """An argument with the underscore that the parser knows."""
+def parsed(argv: Sequence[str]) -> argparse.Namespace:
+    """The options of a command line, with the words themselves as ``argv``; SystemExit for what a parser refuses."""
+    return _parser().parse_args(argv, argparse.Namespace(argv=list(argv)))
+
+
+def _renamed(text: str) -> str:
+    """An argument by its present name; of a former one, a line on standard error tells it."""
     name, equals, value = text.partition("=")
-    return WITH_UNIT.get(name, name) + equals + value
+    if name not in RENAMED:
+        return text
+    new = RENAMED[name]
+    print(f"steer-env: {name} is now {new}; release {REMOVED_IN} removes the old name", file=sys.stderr)
+    return new + equals + value
 
 
 @contextmanager
@@ -94,9 +109,9 @@ def _warnings_in_one_line(command: str) -> Iterator[None]:
 
 def _run(argv: Sequence[str]) -> int:
     """Run a command; its exit code."""
-    argv = [_underscored(text) for text in argv]
-    _import(argv)
-    args = _parser().parse_args(argv)
+    argv = [_renamed(text) for text in argv]
+    import_modules(argv)
+    args = parsed(argv)
     if threading.current_thread() is threading.main_thread():
         # SIGTERM is handled as Ctrl-C is: the workers stop and no file stays half-written.
         signal.signal(signal.SIGTERM, signal.default_int_handler)

@@ -2,24 +2,29 @@
 
 import argparse
 import math
+import warnings
 from dataclasses import replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from steer_env.experiments.cli.common import names
+from steer_env.experiments.cli.common import inputs, names
 from steer_env.experiments.cli.common.arguments import FRICTION, KPH, friction_law
 from steer_env.experiments.cli.common.extras import require_format
+from steer_env.experiments.cli.common.sweeping import OPTIONS as SWEEP
+from steer_env.experiments.cli.common.sweeping import add_sweep, refuse_sweep, runner, without_sweep
 from steer_env.experiments.output import car_options
 from steer_env.experiments.output.options import progress
 
 if TYPE_CHECKING:
     from steer_env.manoeuvres import Manoeuvre
     from steer_env.metrics import Value
+    from steer_env.vehicle.cars import Car
 
 ALL = "all"
-FASTEST = names.SAMPLE_RATE  # default rate of a file [Hz]
-SLOW = 100.0  # default rate of a file that would be large [Hz]
-LONG = 60.0  # duration from which on it would be [s]
+FASTEST = names.SAMPLE_RATE  # [Hz]
+FILE_RATE = 200.0  # default rate of a file [Hz]
+FILE_DIGITS = 7  # of the values in a file below the full rate [1]
 
 
 class Run(NamedTuple):
@@ -27,7 +32,7 @@ class Run(NamedTuple):
 
     title: str
     values: "dict[str, Value]"
-    path: Path | None  # None where it could not be driven
+    path: Path | None  # None where it could not be driven, or was driven by a worker
     failure: str = ""
 
 
@@ -44,12 +49,12 @@ def add(commands: Any, common: argparse.ArgumentParser) -> None:
     run.add_argument("--road", metavar="CLASS", choices=names.ROAD_CLASSES, help=text)
     run.add_argument("--seed", metavar="N", type=int, help="seed of the road (default 0)")
     run.add_argument("--chassis", choices=names.chassis(), help="default: the manoeuvre's")
-    run.add_argument("--speed_kph", metavar="KPH", help="held speed [km/h] (default: the manoeuvre's)")
+    run.add_argument("--speed-kph", metavar="KPH", help="held speed [km/h] (default: the manoeuvre's)")
     text = (
-        f"sampling rate of the file, low-passed before (default {FASTEST:g}, or {SLOW:g} for two_track and for more "
-        f"than {LONG:g} s); the metrics are of the full rate"
+        f"sampling rate of the file, low-passed before and with {FILE_DIGITS} significant digits (default "
+        f"{FILE_RATE:g}); at {FASTEST:g} every sample is written with all digits; the metrics are of the full rate"
     )
-    run.add_argument("--rate_hz", metavar="HZ", help=text)
+    run.add_argument("--rate-hz", metavar="HZ", help=text)
     text = (
         f"a file ({', '.join(names.FORMATS)}), or a directory for MANOEUVRE.csv, which is made if it is missing; the "
         "JSON file goes beside it (default .)"
@@ -60,6 +65,7 @@ def add(commands: Any, common: argparse.ArgumentParser) -> None:
         "and an SVG picture"
     )
     run.add_argument("--compare", choices=("commonroad",), help=text)
+    add_sweep(run, f"of {ALL}")
     run.set_defaults(function=_run)
 
 
@@ -70,9 +76,11 @@ def _run(args: argparse.Namespace) -> None:
         _check_comparable(args)
     out = Path(args.out)
     require_format([out])
+    args.inputs = inputs.of(args)
     if args.manoeuvre == ALL:
         _run_all(args, out)
         return
+    refuse_sweep(args, f"one manoeuvre is one case: use it with {ALL}")
     if out.suffix in names.FORMATS:
         if not out.parent.is_dir():
             raise ValueError(f"--out {out}: there is no directory {out.parent}")
@@ -91,28 +99,27 @@ def _run(args: argparse.Namespace) -> None:
 
 
 def _run_all(args: argparse.Namespace, out: Path) -> None:
-    """Drive every manoeuvre, in parallel processes; one that cannot be driven says why, and the others go on."""
-    from concurrent.futures import as_completed
-
+    """Drive every manoeuvre, side by side; one that cannot be driven says why, and the others go on."""
     from steer_env import manoeuvres
     from steer_env.experiments.cli.common.tables import print_metrics
-    from steer_env.experiments.studies.common.processes import pool_of, uninterrupted
+    from steer_env.experiments.output.files import write_bytes
 
-    for name, value in (("--chassis", args.chassis), ("--speed_kph", args.speed_kph), ("--road", args.road)):
+    for name, value in (("--chassis", args.chassis), ("--speed-kph", args.speed_kph), ("--road", args.road)):
         if value is not None:
             raise ValueError(f"{name} does not suit every manoeuvre: leave it out with {ALL}")
     if out.suffix:
         raise ValueError(f"--out of {ALL} must be a directory, got {str(out)!r}")
     out.mkdir(parents=True, exist_ok=True)
+    sweep = runner(args)
+    options = {key: value for key, value in vars(args).items() if key not in ("function", "out", *SWEEP)}
+    # The case is the car itself, not the file of it: other workers lack the file, and it may change before --resume.
+    options |= {"vehicle": car_options.load(args).data(), "tyre": None, "changes": [], "argv": without_sweep(args.argv)}
     longest_first = sorted(manoeuvres.available(), key=lambda name: -manoeuvres.make(name).duration)
-    found: dict[str, Run] = {}
-    args = argparse.Namespace(**{key: value for key, value in vars(args).items() if key != "function"})
-    with progress("driving") as notify, pool_of() as pool:
-        with uninterrupted():
-            jobs = {pool.submit(_drive_by_name, args, name, out / f"{name}.csv"): name for name in longest_first}
-        for job in as_completed(jobs):
-            found[jobs[job]] = job.result()
-            notify(len(found) / len(longest_first), "driving")
+    with progress("driving") as notify:
+        drives = sweep(driven, [(name, options) for name in longest_first], notify=notify, words=lambda case: case[0])
+    found = {name: run for name, (run, _) in zip(longest_first, drives)}
+    for file, contents in (item for _, files in drives for item in files.items()):
+        write_bytes(out / file, contents)
     for name in manoeuvres.available():
         if found[name].failure:
             print(f"\n{name} could not be driven: {found[name].failure}")
@@ -122,11 +129,22 @@ def _run_all(args: argparse.Namespace, out: Path) -> None:
     print(f"\n{out}")
 
 
-def _drive_by_name(args: argparse.Namespace, name: str, out: Path) -> Run:
-    try:
-        return drive(args, _manoeuvre(args, name), out)
-    except ValueError as error:
-        return Run(name, {}, None, str(error))
+def driven(case: tuple[str, dict[str, Any]]) -> tuple[Run, dict[str, bytes]]:
+    """Drive a manoeuvre with options of the command; the run, and the files of it by name.
+
+    The files come back by their contents, as the worker that drives may be another machine.
+    """
+    from steer_env.vehicle.cars import UnusualCar
+
+    name, options = case
+    args = argparse.Namespace(**options)
+    with TemporaryDirectory() as folder, warnings.catch_warnings():
+        warnings.simplefilter("ignore", UnusualCar)  # told when the command read the car
+        try:
+            run = drive(args, _manoeuvre(args, name), Path(folder) / f"{name}.csv")
+        except ValueError as error:
+            return Run(name, {}, None, str(error)), {}
+        return run._replace(path=None), {file.name: file.read_bytes() for file in Path(folder).iterdir()}
 
 
 def _manoeuvre(args: argparse.Namespace, name: str) -> "Manoeuvre":
@@ -138,11 +156,11 @@ def _manoeuvre(args: argparse.Namespace, name: str) -> "Manoeuvre":
     manoeuvre = manoeuvres.make(name)
     if args.speed_kph is not None:
         if manoeuvre.speed == 0.0:
-            raise ValueError(f"--speed_kph has no effect on {manoeuvre.name}, in which the car stands: leave it out")
+            raise ValueError(f"--speed-kph has no effect on {manoeuvre.name}, in which the car stands: leave it out")
         if manoeuvre.rig:
-            raise ValueError(f"--speed_kph has no effect on {manoeuvre.name}, which is done on a rig: leave it out")
+            raise ValueError(f"--speed-kph has no effect on {manoeuvre.name}, which is done on a rig: leave it out")
         low, high = cars.SPEED_MIN / KPH, cars.SPEED_MAX / KPH
-        speed = KPH * number("--speed_kph", read_number(args.speed_kph), minimum=low, maximum=high)
+        speed = KPH * number("--speed-kph", read_number(args.speed_kph), minimum=low, maximum=high)
         # The course or the gust of some manoeuvres depends on the speed.
         manoeuvre = manoeuvres.make(name, speed=speed) if "speed" in manoeuvres.options(name) else manoeuvre
         manoeuvre = replace(manoeuvre, speed=speed)
@@ -170,23 +188,39 @@ def drive(args: argparse.Namespace, manoeuvre: "Manoeuvre", out: Path) -> Run:
     from steer_env.recording import files
 
     car = car_options.load(args)
-    large = manoeuvre.duration > LONG or manoeuvre.chassis == "two_track"
-    wanted = (SLOW if large else FASTEST) if args.rate_hz is None else read_number(args.rate_hz)
-    rate = number("--rate_hz", wanted, minimum=20.0, maximum=FASTEST)
+    wanted = FILE_RATE if args.rate_hz is None else read_number(args.rate_hz)
+    rate = number("--rate-hz", wanted, minimum=20.0, maximum=FASTEST)
+    trace = _trace(args, manoeuvre.name, car, out)
     recording = manoeuvres.drive(car, manoeuvre, args.friction.parameters)
+    recording = replace(recording, meta={**recording.meta, "trace": trace})
     values = evaluate(recording) if manoeuvre.name in tests() else {}  # a manoeuvre may have no metrics
-    files.write(recording.filtered(0.4 * rate).resampled(rate) if rate < FASTEST else recording, out)
+    if rate < FASTEST:
+        files.write(recording.filtered(0.4 * rate).resampled(rate), out, digits=FILE_DIGITS)
+    else:
+        files.write(recording, out)
     write_json(
         out.with_suffix(".json"),
         {
             "metrics": entries(values),
-            "meta": {key: value for key, value in recording.meta.items() if not _nan(value)},
+            "meta": {key: value for key, value in recording.meta.items() if key != "trace" and not _nan(value)},
             "friction": provenance.law(args.friction.parameters),
             "versions": provenance.versions(),
+            "trace": trace,
         },
     )
     about = manoeuvre.name, args.friction.label, f"{car.name} on {car.tyre.name}", manoeuvre.chassis
     return Run(", ".join(about), values, out)
+
+
+def _trace(args: argparse.Namespace, manoeuvre: str, car: "Car", out: Path) -> dict[str, Any]:
+    """What one recording is made from; of several manoeuvres that one command drives, its own."""
+    from steer_env.experiments.output import provenance
+
+    command = [manoeuvre if word == ALL else word for word in args.argv]
+    laws = {args.friction.label: args.friction.parameters}
+    return provenance.trace(
+        command=command, result=out.name, car=car, friction=laws, inputs=args.inputs, seed=args.seed
+    )
 
 
 def _nan(value: Any) -> bool:
@@ -205,7 +239,7 @@ def _check_comparable(args: argparse.Namespace) -> None:
             raise ValueError(f"--compare {args.compare} needs {name} {value}, got {given[name]}")
     for name, value in (
         ("--tyre", args.tyre),
-        ("--speed_kph", args.speed_kph),
+        ("--speed-kph", args.speed_kph),
         ("--road", args.road),
         ("--set", args.changes or None),
     ):

@@ -88,7 +88,7 @@ def _with_unit(named: Column, unit: str, line: int) -> Column:
     """A column with the unit of the row under the header; ValueError where the header names another in brackets."""
     if not unit or (named.unit is not None and parse_unit(named.unit) == parse_unit(unit)):
         return named
-    if named.unit and named.label.endswith(("]", ")")):
+    if named.declares_unit:
         text = f"the row of units says {unit!r}, the header says {named.unit!r}: correct one of them"
         raise ValueError(f"line {line}, column {named.label!r}: {text}")
     return Column(named.label, named.label, unit)  # what looked like a unit at the end is part of the name

@@ -420,7 +420,7 @@ def test_make_vec_needs_no_mode():
 
 def test_a_tuned_set_becomes_a_car_file(tmp_path):
     env = make(ON_CENTRE)
-    chosen = action(env, boost_level=0.4, lead_zero=-0.3)
+    chosen = action(env, boost_level=0.1, lead_zero=-0.3)
     car = env.tuned_car(chosen)
     cars.write(car, tmp_path / "tuned.toml")
     tried = parameters.tuned(env.car.assist, parameters.values(env.car.assist, env.scenario.parameters, chosen))

@@ -9,8 +9,10 @@ from steer_env.experiments.output.car_options import packaged as cars
 from steer_env.friction.numerics.registry import dashed, listed
 
 __all__ = [
+    "CAN_FORMATS",
+    "EXTRA_OF_FORMAT",
     "FORMATS",
-    "MDF_FORMATS",
+    "RECORDED",
     "ROAD_CLASSES",
     "SAMPLE_RATE",
     "assists",
@@ -22,8 +24,10 @@ __all__ = [
     "targets",
 ]
 
-FORMATS = (".csv", ".mat", ".mf4", ".mdf")  # of steer_env.recording.files
-MDF_FORMATS = (".mf4", ".mdf")  # those that need the extra mdf
+FORMATS = (".csv", ".mat", ".mf4", ".mdf", ".parquet")  # of steer_env.recording.files
+CAN_FORMATS = (".blf", ".asc", ".log", ".trc", ".asc.gz", ".log.gz", ".trc.gz")  # .recording.can_log
+RECORDED = f"{', '.join(FORMATS)}, or a CAN log: {', '.join(CAN_FORMATS)}"  # what is read
+EXTRA_OF_FORMAT = {".mf4": "mdf", ".mdf": "mdf", ".parquet": "parquet", **dict.fromkeys(CAN_FORMATS, "can")}
 ROAD_CLASSES = tuple("ABCDEFGH")  # of ISO 8608, as in steer_env.vehicle.road
 SAMPLE_RATE = 1000.0  # of a simulated recording [Hz]
 
