@@ -1,8 +1,8 @@
 """Raw CAN logs as recordings, with the packages python-can and cantools: frames decoded by a DBC.
 
-python-can reads .blf, .asc, .log (candump), .trc and its own .csv, the three in the middle also compressed; cantools decodes the
-frames. A column is a signal, ``MESSAGE.SIGNAL``, or the sum of signals of one message, ``MESSAGE.COARSE +
-MESSAGE.FINE``, in which some sensors split their reading.
+python-can reads .blf, .asc, .log (candump), .trc and its own .csv, the three in the middle also compressed by gzip;
+cantools decodes the frames. A column is a signal, ``MESSAGE.SIGNAL``, or the sum of signals of one message,
+``MESSAGE.COARSE + MESSAGE.FINE``, in which some sensors split their reading.
 
 Time begins at the first frame of the log. The messages of a log come at rates of their own and with jitter. The
 recording has one uniform time base: the mean rate of the message with the most frames among those that are wanted,
@@ -13,7 +13,7 @@ frames its counter misses.
 """
 
 import gzip
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Iterator, Sequence
 from contextlib import closing
 from os import PathLike
@@ -133,9 +133,7 @@ def _place(columns: list[Column], name: str, source: str) -> int:
     raise ValueError(f"no signal {name!r} in the database, for the sum {source!r}{hint}")
 
 
-def _load(
-    path: Any, options: Options, wanted: list[list[tuple[Any, Any]]], meta: dict[str, Any]
-) -> list[Values]:
+def _load(path: Any, options: Options, wanted: list[list[tuple[Any, Any]]], meta: dict[str, Any]) -> list[Values]:
     """The time, and every column at that time or the reason for which it cannot be read; writes the meta ``can``."""
     messages = {parts[0][0].name: parts[0][0] for parts in wanted}
     start, frames, seen = _read(path, options, list(messages.values()))
@@ -194,7 +192,11 @@ def _read(path: Any, options: Options, wanted: list[Any]) -> tuple[float, dict[s
     if not seen:
         where = "" if options.bus is None else f" on the bus {options.bus!r}"
         raise ValueError(f"no frame in the log{where}; is it complete?")
-    return start, {message.name: _decoded(message, raw[message.name]) for message in wanted if message.name in raw}, seen
+    return (
+        start,
+        {message.name: _decoded(message, raw[message.name]) for message in wanted if message.name in raw},
+        seen,
+    )
 
 
 def _frames(path: Any, until: float) -> Iterator[Any]:
@@ -231,10 +233,10 @@ def _end(path: Path, size: int) -> str:
     if not path.name.lower().endswith((".asc", ".trc", ".asc.gz", ".trc.gz")):
         return ""
     with closing(gzip.open(path) if path.suffix.lower() == ".gz" else open(path, "rb")) as file:
-        last = b""
-        for last in file:
-            pass
-    return "" if last.endswith(b"\n") else f"the last line, {last.decode(errors='replace')!r}, has no end"
+        last = deque(file, maxlen=1)
+    if not last or last[0].endswith(b"\n"):
+        return ""
+    return f"the last line, {last[0].decode(errors='replace')!r}, has no end"
 
 
 def _decoded(message: Any, raw: list[tuple[float, bytes]]) -> Frames:
@@ -243,7 +245,9 @@ def _decoded(message: Any, raw: list[tuple[float, bytes]]) -> Frames:
     back = np.flatnonzero(np.diff(time) < 0)
     if back.size:
         k = int(back[0])
-        raise ValueError(f"{_named(message)}: the time goes back from {time[k]:.6f} to {time[k + 1]:.6f} s; sort the log")
+        raise ValueError(
+            f"{_named(message)}: the time goes back from {time[k]:.6f} to {time[k + 1]:.6f} s; sort the log"
+        )
     kept = np.append(np.diff(time) > 0, True)
     frames = [message.decode(data, decode_choices=False) for (_, data), keep in zip(raw, kept) if keep]
     values = {

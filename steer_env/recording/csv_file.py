@@ -47,8 +47,10 @@ def open_table(path: str | PathLike[str]) -> Table:
     encoding = _encoding(path)
     meta: dict[str, Any] = {}
     comments: list[str] = []
+    above = 0  # lines above the rows
     with open(path, encoding=encoding) as file:
-        for above, header in enumerate(_decoded(file), start=1):
+        for header in _decoded(file):
+            above += 1
             if not header.startswith("#"):
                 break
             key, colon, value = (part.strip() for part in header[1:].partition(":"))
@@ -183,12 +185,13 @@ def _encoding(path: Any) -> str:
 
 def _decoded(file: IO[str]) -> Iterator[str]:
     """The lines of a file; ValueError where its bytes are no text in its encoding."""
-    number = 0
+    number = 1
     try:
-        for number, line in enumerate(file, start=1):
+        for line in file:
             yield line
+            number += 1
     except UnicodeDecodeError as error:
-        raise ValueError(f"line {number + 1} holds bytes that are not {error.encoding}: is it complete?") from None
+        raise ValueError(f"line {number} holds bytes that are not {error.encoding}: is it complete?") from None
 
 
 def _cells(line: str, separator: str) -> list[str]:

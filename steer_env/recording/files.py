@@ -14,8 +14,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from steer_env.recording import channel_mapping as mappings
 from steer_env.recording import can_log, csv_file, mat_file, mdf_file, parquet_file
+from steer_env.recording import channel_mapping as mappings
 from steer_env.recording.channel_mapping import KNOWN, Entry, Mapping, current_name, did_you_mean
 from steer_env.recording.recording import Recording
 from steer_env.recording.renamed_channels import announce
@@ -53,8 +53,9 @@ def read(
 
     The channels that are read are those that the mapping names and those with a known name
     (``channel_mapping.KNOWN``). If the mapping names no channel, all channels with a known unit are read, and the meta
-    key ``not_read`` lists the others, and ``uncalibrated`` those in counts. A channel without any value is left out and listed there, too. Where the mapping gives a channel a delay, all channels are trimmed to the time
-    that remains. An old name of a channel is replaced, and a line on standard error says so.
+    key ``not_read`` lists the others. A channel without any value is left out and listed there, too; the meta key
+    ``uncalibrated`` lists those in counts. Where the mapping gives a channel a delay, all channels are trimmed to the
+    time that remains. An old name of a channel is replaced, and a line on standard error says so.
 
     Parameters
     ----------

@@ -73,12 +73,19 @@ def test_nested_meta_survives(weave, tmp_path, suffix):
     record = {
         "version": "1.0",
         "command": ["run", "weave", "--set", 'column.K_tb=143, "x"'],
-        "car": {"column": {"K_tb": 143.0, "curve": [[0.0, 1e-300], [0.1, -0.1]]}, "doors": 4, "tyre": None, "own": True},
+        "car": {
+            "column": {"K_tb": 143.0, "curve": [[0.0, 1e-300], [0.1, -0.1]]},
+            "doors": 4,
+            "tyre": None,
+            "own": True,
+        },
         "text": "Ø <a> & 'b': c\n# d; e, f\tg",
         "long": ["x" * 100] * 1000,
         "empty": [{}, []],
     }
-    written = dataclasses.replace(weave, meta={**weave.meta, "trace": record, "list": "[1, 2]", "inputs": [1, {"a": 2}]})
+    written = dataclasses.replace(
+        weave, meta={**weave.meta, "trace": record, "list": "[1, 2]", "inputs": [1, {"a": 2}]}
+    )
     record["car"]["doors"] = 2  # a recording does not change
     write(written, tmp_path / f"run{suffix}")
     back = read(tmp_path / f"run{suffix}").meta
