@@ -8,6 +8,16 @@ from typing import Any
 
 import numpy as np
 
+THREADS = "STEER_ENV_THREADS"  # environment variable: the most threads of a vector environment by default
+
+
+def most_threads() -> int:
+    """Threads that a vector environment takes at most by default: ``STEER_ENV_THREADS``, or one for each processor.
+
+    The results do not depend on it. Worker processes of a sweep set it to one.
+    """
+    return max(int(given), 1) if (given := os.environ.get(THREADS)) else os.cpu_count() or 1
+
 
 class ThreadPool:
     """Runs work on slices of ``n`` rows in ``threads`` threads.

@@ -1,6 +1,5 @@
 """Many environments of one kind in one object: the same kernels run over all rows of a batch, in threads."""
 
-import os
 from collections.abc import Sequence
 from typing import Any
 
@@ -18,6 +17,7 @@ from steer_env.specification import PlainSpecification
 from steer_env.state import State, copied, restore
 from steer_env.tasks import Task
 from steer_env.tasks.common.definition import COST_LIMIT
+from steer_env.thread_pool import most_threads
 
 ROWS_PER_THREAD = 16  # sub-environments that make another thread worthwhile
 
@@ -69,7 +69,7 @@ class SteerVectorEnv(PlainSpecification, VectorEnv):
         self.num_envs = num_envs
         self.autoreset_mode = AutoresetMode(autoreset_mode)
         if threads is None:
-            threads = min(os.cpu_count() or 1, -(-num_envs // ROWS_PER_THREAD))
+            threads = min(most_threads(), -(-num_envs // ROWS_PER_THREAD))
         steps = None if max_episode_steps in (None, -1) else whole("max_episode_steps", max_episode_steps, 1)
         others = ("num_envs", "autoreset_mode", "threads", "max_episode_steps", "render_mode")
         self.batch = batch_of(self.task, num_envs, arguments, others, threads=threads, max_episode_steps=steps)

@@ -4,17 +4,21 @@ import argparse
 import math
 from dataclasses import replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from steer_env.experiments.cli.common import names
+from steer_env.experiments.cli.common import inputs, names
 from steer_env.experiments.cli.common.arguments import FRICTION, KPH, friction_law
 from steer_env.experiments.cli.common.extras import require_format
+from steer_env.experiments.cli.common.sweeping import OPTIONS as SWEEP
+from steer_env.experiments.cli.common.sweeping import add_sweep, refuse_sweep, runner
 from steer_env.experiments.output import car_options
 from steer_env.experiments.output.options import progress
 
 if TYPE_CHECKING:
     from steer_env.manoeuvres import Manoeuvre
     from steer_env.metrics import Value
+    from steer_env.vehicle.cars import Car
 
 ALL = "all"
 FASTEST = names.SAMPLE_RATE  # [Hz]
@@ -27,7 +31,7 @@ class Run(NamedTuple):
 
     title: str
     values: "dict[str, Value]"
-    path: Path | None  # None where it could not be driven
+    path: Path | None  # None where it could not be driven, or was driven by a worker
     failure: str = ""
 
 
@@ -60,6 +64,7 @@ def add(commands: Any, common: argparse.ArgumentParser) -> None:
         "and an SVG picture"
     )
     run.add_argument("--compare", choices=("commonroad",), help=text)
+    add_sweep(run, f"of {ALL}")
     run.set_defaults(function=_run)
 
 
@@ -73,6 +78,7 @@ def _run(args: argparse.Namespace) -> None:
     if args.manoeuvre == ALL:
         _run_all(args, out)
         return
+    refuse_sweep(args, f"one manoeuvre is one case: use it with {ALL}")
     if out.suffix in names.FORMATS:
         if not out.parent.is_dir():
             raise ValueError(f"--out {out}: there is no directory {out.parent}")
@@ -91,12 +97,10 @@ def _run(args: argparse.Namespace) -> None:
 
 
 def _run_all(args: argparse.Namespace, out: Path) -> None:
-    """Drive every manoeuvre, in parallel processes; one that cannot be driven says why, and the others go on."""
-    from concurrent.futures import as_completed
-
+    """Drive every manoeuvre, side by side; one that cannot be driven says why, and the others go on."""
     from steer_env import manoeuvres
     from steer_env.experiments.cli.common.tables import print_metrics
-    from steer_env.experiments.studies.common.processes import pool_of, uninterrupted
+    from steer_env.experiments.output.files import write_bytes
 
     for name, value in (("--chassis", args.chassis), ("--speed_kph", args.speed_kph), ("--road", args.road)):
         if value is not None:
@@ -104,15 +108,14 @@ def _run_all(args: argparse.Namespace, out: Path) -> None:
     if out.suffix:
         raise ValueError(f"--out of {ALL} must be a directory, got {str(out)!r}")
     out.mkdir(parents=True, exist_ok=True)
+    sweep = runner(args)
+    options = {key: value for key, value in vars(args).items() if key not in ("function", "out", *SWEEP)}
     longest_first = sorted(manoeuvres.available(), key=lambda name: -manoeuvres.make(name).duration)
-    found: dict[str, Run] = {}
-    args = argparse.Namespace(**{key: value for key, value in vars(args).items() if key != "function"})
-    with progress("driving") as notify, pool_of() as pool:
-        with uninterrupted():
-            jobs = {pool.submit(_drive_by_name, args, name, out / f"{name}.csv"): name for name in longest_first}
-        for job in as_completed(jobs):
-            found[jobs[job]] = job.result()
-            notify(len(found) / len(longest_first), "driving")
+    with progress("driving") as notify:
+        drives = sweep(driven, [(name, options) for name in longest_first], notify=notify, words=lambda case: case[0])
+    found = {name: run for name, (run, _) in zip(longest_first, drives)}
+    for file, contents in (item for _, files in drives for item in files.items()):
+        write_bytes(out / file, contents)
     for name in manoeuvres.available():
         if found[name].failure:
             print(f"\n{name} could not be driven: {found[name].failure}")
@@ -122,11 +125,19 @@ def _run_all(args: argparse.Namespace, out: Path) -> None:
     print(f"\n{out}")
 
 
-def _drive_by_name(args: argparse.Namespace, name: str, out: Path) -> Run:
-    try:
-        return drive(args, _manoeuvre(args, name), out)
-    except ValueError as error:
-        return Run(name, {}, None, str(error))
+def driven(case: tuple[str, dict[str, Any]]) -> tuple[Run, dict[str, bytes]]:
+    """Drive a manoeuvre with options of the command; the run, and the files of it by name.
+
+    The files come back by their contents, as the worker that drives may be another machine.
+    """
+    name, options = case
+    args = argparse.Namespace(**options)
+    with TemporaryDirectory() as folder:
+        try:
+            run = drive(args, _manoeuvre(args, name), Path(folder) / f"{name}.csv")
+        except ValueError as error:
+            return Run(name, {}, None, str(error)), {}
+        return run._replace(path=None), {file.name: file.read_bytes() for file in Path(folder).iterdir()}
 
 
 def _manoeuvre(args: argparse.Namespace, name: str) -> "Manoeuvre":
@@ -172,7 +183,9 @@ def drive(args: argparse.Namespace, manoeuvre: "Manoeuvre", out: Path) -> Run:
     car = car_options.load(args)
     wanted = FILE_RATE if args.rate_hz is None else read_number(args.rate_hz)
     rate = number("--rate_hz", wanted, minimum=20.0, maximum=FASTEST)
+    trace = _trace(args, manoeuvre.name, car, out)
     recording = manoeuvres.drive(car, manoeuvre, args.friction.parameters)
+    recording = replace(recording, meta={**recording.meta, "trace": trace})
     values = evaluate(recording) if manoeuvre.name in tests() else {}  # a manoeuvre may have no metrics
     if rate < FASTEST:
         files.write(recording.filtered(0.4 * rate).resampled(rate), out, digits=FILE_DIGITS)
@@ -182,13 +195,25 @@ def drive(args: argparse.Namespace, manoeuvre: "Manoeuvre", out: Path) -> Run:
         out.with_suffix(".json"),
         {
             "metrics": entries(values),
-            "meta": {key: value for key, value in recording.meta.items() if not _nan(value)},
+            "meta": {key: value for key, value in recording.meta.items() if key != "trace" and not _nan(value)},
             "friction": provenance.law(args.friction.parameters),
             "versions": provenance.versions(),
+            "trace": trace,
         },
     )
     about = manoeuvre.name, args.friction.label, f"{car.name} on {car.tyre.name}", manoeuvre.chassis
     return Run(", ".join(about), values, out)
+
+
+def _trace(args: argparse.Namespace, manoeuvre: str, car: "Car", out: Path) -> dict[str, Any]:
+    """What one recording is made from; of several manoeuvres that one command drives, its own."""
+    from steer_env.experiments.output import provenance
+
+    command = [manoeuvre if word == ALL else word for word in args.argv]
+    laws = {args.friction.label: args.friction.parameters}
+    return provenance.trace(
+        command=command, result=out.name, car=car, friction=laws, inputs=inputs.of(args), seed=args.seed
+    )
 
 
 def _nan(value: Any) -> bool:

@@ -2,7 +2,7 @@
 
 import json
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from importlib.resources import files
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -15,7 +15,7 @@ from steer_env.environments import table
 from steer_env.experiments.learning import held_out, policy, policy_report
 from steer_env.experiments.learning.constants import HELD_OUT
 from steer_env.experiments.learning.controllers import SIMPLE, Maker, baselines
-from steer_env.experiments.learning.held_out import Estimate
+from steer_env.experiments.learning.held_out import Episodes, Estimate
 from steer_env.experiments.output.files import write_json
 from steer_env.experiments.output.words import number
 from steer_env.friction.numerics import toml
@@ -40,6 +40,9 @@ class Scores(NamedTuple):
     about: str  # the settings in words
     units: dict[str, str]
     scores: dict[str, Score]
+    # Reward of each policy of the library's defaults less that of the best baseline, with its name, paired by seed.
+    gaps: dict[str, tuple[str, Estimate]]
+    scenarios: dict[str, dict[str, Estimate]]  # reward of each controller in each scenario, for a task with several
 
 
 def trained(folders: Iterable[Path]) -> dict[str, list[Path]]:
@@ -94,7 +97,34 @@ def collect(
         f"sensor noise {usual.sensor_noise:g}, delay of the observation {1e3 * usual.delay:g} ms."
     )
     env.close()
-    return Scores(env_id, about, units, scores)
+    library = [name for name, path in paths.items() if not policy.is_scaled(policy.about(path))]
+    return Scores(env_id, about, units, scores, _gaps(found, library, paths), _scenarios(env_id, makers, episodes))
+
+
+def _gaps(
+    found: Mapping[str, Episodes], library: Iterable[str], policies: Collection[str]
+) -> dict[str, tuple[str, Estimate]]:
+    """Each policy of the library's defaults beside the best baseline."""
+    others = {name: each.reward.mean() for name, each in found.items() if name not in policies and name not in SIMPLE}
+    if not others:
+        return {}
+    best = max(others, key=lambda name: others[name])
+    return {name: (best, held_out.mean(found[name].reward - found[best].reward)) for name in library}
+
+
+def _scenarios(env_id: str, makers: Mapping[str, Maker], episodes: int) -> dict[str, dict[str, Estimate]]:
+    """Rewards by scenario, in as many episodes of each."""
+    task = tasks.task(policy.check_driven(env_id))
+    if task.draw_scenario is None:
+        return {}
+    names = dict(pair.split(" ", 1) for pair in task.options["scenario"][2].split(", "))
+    return {
+        name: {
+            label: held_out.mean(held_out.collect(env_id, make, episodes, options={"scenario": float(k)}).reward)
+            for label, make in makers.items()
+        }
+        for k, name in names.items()
+    }
 
 
 def _terms(name: str, controller: Any, env: Any, about: Mapping[str, Any] | None) -> dict[str, str]:
@@ -106,6 +136,8 @@ def _terms(name: str, controller: Any, env: Any, about: Mapping[str, Any] | None
         return terms | toml.loads((files(experiments) / "data" / "controllers.toml").read_text(encoding="utf-8"))[name]
     drawn = policy_report.conditions({**policy.conditions(about), "friction": about["friction"]})
     words = ", ".join(f"{key} {value}" for key, value in drawn.items())
+    if not policy.is_scaled(about):
+        words += ", Stable-Baselines3's own defaults"
     decides = f"{1e3 * about['settings']['environment']['control_dt']:g} ms"
     return terms | {"decides": decides, "information": f"the observations; trained with {words}"}
 
@@ -126,7 +158,7 @@ def _tuned(env_id: str, episodes: int) -> Scores:
         scores[name] = Score(values, terms, False)
     env.close()
     about = "One set of parameters in each episode: zero is the car's own, random is drawn from the whole range."
-    return Scores(env_id, about, {"reward": "", "cost": ""}, scores)
+    return Scores(env_id, about, {"reward": "", "cost": ""}, scores, {}, {})
 
 
 def threshold(found: Scores) -> float | None:
@@ -178,7 +210,23 @@ def markdown(found: Iterable[Scores], episodes: int) -> str:
         solved = threshold(each)
         last = "" if solved is None else f" `reward_threshold`: {solved:g}."
         lines += [f"## `{each.env_id}`", each.about + last, table(("controller", *heads, *TERMS), rows)]
+        lines += [_gap(*item) for item in each.gaps.items()]
+        if each.scenarios:
+            lines.append("Reward by scenario, in as many episodes of each:")
+            rows = [
+                (name.replace("_", " "), *(_shown("reward", by[name], episodes) for by in each.scenarios.values()))
+                for name in each.scores
+            ]
+            lines.append(table(("controller", *each.scenarios), rows))
     return "\n\n".join(lines) + "\n"
+
+
+def _gap(name: str, against: tuple[str, Estimate]) -> str:
+    """How far a policy of the library's defaults is from the best baseline, in words."""
+    baseline, e = against
+    size = f"{number(abs(e.value))} ± {number(0.5 * (e.high - e.low), 2)}"
+    far = "above" if e.value > 0.0 else "short of"
+    return f"Trained with Stable-Baselines3's own defaults ({name}): {size} {far} {baseline.replace('_', ' ')}."
 
 
 def _shown(key: str, e: Estimate, episodes: int) -> str:

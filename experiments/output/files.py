@@ -11,10 +11,15 @@ from typing import Any
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a text file beside ``path``, then rename it."""
+    """Write a text file as :func:`write_bytes` does, in UTF-8 and with the line ends of the system."""
+    write_bytes(path, text.replace("\n", os.linesep).encode())
+
+
+def write_bytes(path: Path, data: bytes) -> None:
+    """Write a file beside ``path``, then rename it."""
     part = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
-        part.write_text(text, encoding="utf-8")
+        part.write_bytes(data)
         os.replace(part, path)
     finally:
         part.unlink(missing_ok=True)

@@ -39,13 +39,16 @@ class Friction:
 def progress(what: str, total: float | None = 1.0) -> Iterator[Callable[[float, str], None]]:
     """A progress bar on standard error, if that is a terminal.
 
-    Yields a function of the part that is done and of what comes next. Without a total the bar only moves.
+    Yields a function of the part that is done and of what comes next. The bar tells the time so far, and the time left
+    as far as it can be told; without a total it only moves.
     """
     from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+    from rich.progress import BarColumn, Progress, ProgressColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
     console = Console(stderr=True)
-    columns = TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn()
+    columns: list[ProgressColumn] = [TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn()]
+    if total is not None:
+        columns += [TextColumn("left"), TimeRemainingColumn()]
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as shown:
         task = shown.add_task(what, total=total)
         yield lambda part, text: shown.update(task, completed=part, description=text)

@@ -26,13 +26,17 @@ EVERY_TEST: dict[str, dict[str, Any]] = {name: {} for name in (*_FIRST, *manoeuv
 class Scope(NamedTuple):
     """Extent of the report; the defaults are those of the command, and tests use less."""
 
-    car: str = "compact"
+    car: str | cars.Car = "compact"  # a car, or the name of a packaged one
     tests: Mapping[str, Mapping[str, Any]] = EVERY_TEST  # name of the manoeuvre -> its options
     steps: tuple[float, ...] = real_time.STEPS  # of the real-time table [s]
     speeds_kph: tuple[float, ...] = (0.0, 50.0, 100.0)  # speeds for the margins of the assist loop; 0 is parking
     vehicle: bool = True  # whether to study the full vehicle
     widths: tuple[float, ...] = loop_width.LEVELS  # levels of friction for the loop widths; empty: not studied
     workers: int | None = None  # processes; None: one for each processor, up to four
+
+    def loaded(self) -> cars.Car:
+        """The car."""
+        return cars.load(self.car) if isinstance(self.car, str) else self.car
 
 
 class LawResult(NamedTuple):
@@ -63,17 +67,13 @@ class Results(NamedTuple):
 
 
 def _of_law(scope: Scope, p: Any, held: bool) -> LawResult:
-    car, name = cars.load(scope.car), law_of(p).name
+    car, name = scope.loaded(), law_of(p).name
     return LawResult(
         {test: battery.drive(car, p, test, options) for test, options in scope.tests.items()},
         friction_laws.characteristics(p),
         real_time.accuracy(p, scope.steps),
         friction_laws.held_torque(car, name) if held and name in friction_laws.HELD_LAWS else [],
     )
-
-
-def _of_vehicle(car: str, p: Any) -> Study:
-    return vehicle.collect(cars.load(car), p)
 
 
 def collect(laws: dict[str, Any], scope: Scope, notify: Notify) -> Results:
@@ -86,7 +86,7 @@ def collect(laws: dict[str, Any], scope: Scope, notify: Notify) -> Results:
     ValueError
         For an unknown car, or a manoeuvre that cannot be driven.
     """
-    car = cars.load(scope.car)
+    car = scope.loaded()
     base = "lugre" if "lugre" in laws else next(iter(laws))
     first = {law_of(p).name: law for law, p in reversed(laws.items())}
     found: dict[Any, Any] = {}
@@ -94,12 +94,12 @@ def collect(laws: dict[str, Any], scope: Scope, notify: Notify) -> Results:
         jobs: dict[Any, Any] = {}
         with uninterrupted():
             if scope.vehicle:  # first, as it compiles for the longest time
-                jobs[pool.submit(_of_vehicle, scope.car, laws[base])] = vehicle
+                jobs[pool.submit(vehicle.collect, car, laws[base])] = vehicle
                 jobs[pool.submit(cross_validation.collect)] = cross_validation
             if scope.widths:
-                jobs[pool.submit(loop_width.collect, [scope.car], ["lugre"], levels=scope.widths)] = loop_width
+                jobs[pool.submit(loop_width.collect, [car], ["lugre"], levels=scope.widths)] = loop_width
             jobs |= {pool.submit(_of_law, scope, p, held=first[law_of(p).name] == law): law for law, p in laws.items()}
-            jobs |= {pool.submit(assist_cells, scope.car, kph): kph for kph in scope.speeds_kph}
+            jobs |= {pool.submit(assist_cells, car, kph): kph for kph in scope.speeds_kph}
         for i, job in enumerate(as_completed(jobs), start=1):
             found[jobs[job]] = job.result()
             notify(0.75 * i / len(jobs), "driving" if i < len(jobs) else "timing")

@@ -1,8 +1,8 @@
 """Where machine code is kept between processes: one folder for each kernel, signature and state of its sources.
 
 The folder's name holds the stamp of all that the code depends on (:mod:`steer_env.friction.numerics.stamp`), so
-nothing stale is ever found, checkouts and versions share one parent folder, and two processes that compile the same
-kernel write the same files. numba writes each of them under a temporary name and renames it. A folder for each
+nothing stale is ever found, and checkouts and versions share one parent folder. Of processes that need the same kernel
+at once, one compiles it and the others wait; numba writes each file under a temporary name and renames it. A folder for each
 signature is needed: two processes that add different signatures to one index of numba's can exchange their machine
 code.
 """
@@ -21,6 +21,7 @@ from typing import Any
 
 import numba
 import platformdirs
+from filelock import FileLock, Timeout
 
 from steer_env.friction.numerics.stamp import stamp
 
@@ -34,6 +35,7 @@ if hasattr(os, "register_at_fork"):  # a child must not inherit a lock that anot
 FOLDER = "steer-env-kernels"  # in the user's cache folder, or in NUMBA_CACHE_DIR
 NEWEST = 64  # folders of one kernel that are kept, by their last use: the whole suite needs some twenty of the plant's
 UNUSED = 60 * 24 * 3600.0  # time after which a folder is deleted all the same [s]
+WAIT = 300.0  # for another process that compiles the same kernel [s]
 PATIENCE = 1.0  # compile time after which a line says what is going on [s]
 
 _depth = 0  # of compilations that are under way, one within the other
@@ -105,10 +107,28 @@ def compile_cached(kernel: Any, signature: tuple, compile: Callable[[tuple], Any
         _choose(kernel, folder)
         _depth += 1
         try:
-            with _announced(kernel, folder):
+            with _announced(kernel, folder), _alone(folder):
                 return _carefully(kernel, signature, compile, folder)
         finally:
             _depth -= 1
+
+
+@contextmanager
+def _alone(folder: Path | None) -> Iterator[None]:
+    """Keep other processes from compiling the same kernel meanwhile; without a lock where there can be none.
+
+    The operating system frees the lock of a process that dies. No process waits in a circle, as a kernel that is
+    compiled as part of another one has no folder of its own.
+    """
+    lock = FileLock(folder / "lock", timeout=WAIT) if folder and not any(folder.glob("*.nbi")) else None
+    with suppress(OSError, NotImplementedError, Timeout):
+        if lock:
+            lock.acquire()
+    try:
+        yield
+    finally:
+        if lock:
+            lock.release()
 
 
 def _carefully(kernel: Any, signature: tuple, compile: Callable[[tuple], Any], folder: Path | None) -> Any:

@@ -21,7 +21,7 @@ from steer_env.vehicle import plant_batch, road
 
 LANE, WEAVE = "steer_env/DriverLaneKeeping-v1", "steer_env/AssistWeave-v1"
 EVERYTHING = {"load": (0, 300), "friction_level": (0.5, 1.5), "sensor_noise": (0.5, 1), "delay": (0, 0.05)}
-EVERYTHING |= {"friction": {"F_c": (0.5, 1.5)}}
+EVERYTHING |= {"action_gain": (0.8, 1.2), "action_lag": (0, 0.1), "friction": {"F_c": (0.5, 1.5)}}
 MODES = [mode.value for mode in AutoresetMode]
 
 
@@ -323,7 +323,7 @@ def test_a_state_of_another_driver_law_version_or_size_is_refused():
     few = gym.make(name, friction=friction.make("masing", elements=5)).unwrapped
     with pytest.raises(ValueError, match=r"masing \(\d+ numbers"):
         few.set_state(gym.make(name, friction="masing").unwrapped.get_state())
-    with pytest.raises(ValueError, match="version 0, this release takes version 1: repeat the episode here"):
+    with pytest.raises(ValueError, match="version 0, this release takes version 2: repeat the episode here"):
         env.set_state(dataclasses.replace(state, version=0))
     with pytest.raises(ValueError, match=r"the state has 2 .* this environment 1: take one by state.row\(i\)"):
         env.set_state(gym.make_vec(name, num_envs=2).get_state())

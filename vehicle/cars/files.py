@@ -120,9 +120,11 @@ def _constructed(section: str, given: Any) -> Any:
         wanted = _depth(known[key].default)
         if _depth(value) > wanted:
             raise ValueError(f"{section}.{key} must be {_FORMS[wanted]}, got {value!r}")
+        if isinstance(known[key].default, str):
+            if not isinstance(value, str):
+                raise ValueError(f"{section}.{key} must be text, got {value!r}")
+            continue
         for leaf in _leaves(value):
-            if isinstance(known[key].default, str) and isinstance(leaf, str):
-                continue
             if isinstance(leaf, bool) or not isinstance(leaf, Real):  # float() takes True and "1"
                 raise ValueError(f"{section}.{key} must hold numbers only, got {leaf!r}")
     try:

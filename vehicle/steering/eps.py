@@ -2,8 +2,9 @@
 
 At each sample the controller passes the torsion-bar torque through the boost curve of the speed and a phase lead,
 subtracts the motor damping, adds a request and limits the sum. The request comes from outside (for example of an assist
-policy) and from the functions of :mod:`steer_env.vehicle.steering.assist`. The command takes effect ``delay`` later and holds for one sample; the motor follows with a first-order lag. Torques are
-referred to the column axis, and a positive assist turns left.
+policy) and from the functions of :mod:`steer_env.vehicle.steering.assist`. The command takes effect ``delay`` later and
+holds for one sample; the motor follows with a first-order lag. Torques are referred to the column axis, and a positive
+assist turns left.
 
     command = limit(lead(boost(T_s, v)) - D(v) w + request)                   (E1)
     T_m' = omega_m (command(t - delay) - T_m)                                 (E2)
@@ -74,7 +75,7 @@ def make(
     speeds: ArrayLike = TABLE_SPEEDS,
     torques: ArrayLike = TABLE_TORQUES,
     boost: ArrayLike = TABLE_ASSIST,
-    boost_scale: ArrayLike = 1.0,
+    boost_scale: ArrayLike = (1.0,),
     damping: ArrayLike = (3.0, 2.5, 2.0, 1.0, 1.0, 1.0),
     lead_zero: float = 15.0,
     lead_pole: float = 150.0,
@@ -96,7 +97,7 @@ def make(
         Torsion-bar torques of the table, ascending from zero [N m]; the curve is odd and flat beyond the last.
     boost : (V, T) array_like
         Assist torque at the column, not negative, zero in the first column [N m].
-    boost_scale : (V,) array_like or float
+    boost_scale : (V,) or (1,) array_like, or float
         Factor on the boost, 0 to 10, for each speed or one for all [1].
     damping : (V,) array_like
         Motor damping at the column [N m s/rad].

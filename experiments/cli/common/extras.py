@@ -8,6 +8,7 @@ from steer_env.experiments.cli.common.names import EXTRA_OF_FORMAT
 
 MODULES = {
     "train": ("torch", "stable_baselines3"),
+    "cluster": ("distributed",),
     "mdf": ("asammdf",),
     "parquet": ("pyarrow",),
     "can": ("can", "cantools"),

@@ -37,7 +37,7 @@ STATES: tuple[tuple[str, str], ...] = ()
 def make(
     count: int,
     *,
-    return_gain: ArrayLike = 0.0,
+    return_gain: ArrayLike = (0.0,),
     return_saturation: float = 2.0,
     return_lead: float = 0.05,
     return_hold: float = 0.3,
@@ -49,7 +49,7 @@ def make(
     ----------
     count : int
         Speeds of the boost table, V.
-    return_gain : (V,) array_like or float
+    return_gain : (V,) or (1,) array_like, or float
         Stiffness about the centre, 0 to 200 [N m/rad].
     return_saturation : float
         Largest torque, above 0 to 50 [N m].

@@ -15,10 +15,8 @@ def table(name: str, values: ArrayLike) -> NDArray[np.float64]:
         raise ValueError(f"{name} must hold numbers, in rows of one length, got {values!r}") from None
 
 
-def by_speed(
-    name: str, values: ArrayLike, count: int, *, minimum: float = 0.0, maximum: float
-) -> NDArray[np.float64]:
-    """``values`` (count,), one for each speed of the boost table; a lone number counts for every speed.
+def by_speed(name: str, values: ArrayLike, count: int, *, minimum: float = 0.0, maximum: float) -> NDArray[np.float64]:
+    """``values`` (count,), one for each speed of the boost table; a lone value counts for every speed.
 
     Raises
     ------
@@ -26,16 +24,16 @@ def by_speed(
         Naming the key, the range and the number of speeds.
     """
     given = table(name, values)
-    found = np.full(count, given) if given.ndim == 0 else given
+    found = np.full(count, given) if given.shape in ((), (1,)) else given
     if found.shape != (count,) or not np.all((found >= minimum) & (found <= maximum)):
-        allowed = f"one number or {count}, one for each of speeds, from {minimum:g} to {maximum:g}"
+        allowed = f"one number, or {count} for as many speeds, from {minimum:g} to {maximum:g}"
         raise ValueError(f"{name} must be {allowed}, got {given.tolist()}")
     return frozen(found)
 
 
-def shortest(values: NDArray[np.float64]) -> float | list[float]:
-    """The form of a car file: one number where it holds for every speed, else a list."""
-    return float(values[0]) if np.all(values == values[0]) else values.tolist()
+def shortest(values: NDArray[np.float64]) -> list[float]:
+    """The form of a car file: one value where it holds for every speed, else one for each."""
+    return values[: 1 if np.all(values == values[0]) else None].tolist()
 
 
 @kernel

@@ -1,6 +1,6 @@
 """First-order filters, discretised by the rule of Tustin: y = b0 u + x; x <- b1 u - a1 y (E10).
 
-    lead or lag:  (1 + s/z)/(1 + s/p)         derivative:  s/(1 + s/p)          z, p: corners [rad/s]
+lead or lag:  (1 + s/z)/(1 + s/p)         derivative:  s/(1 + s/p)          z, p: corners [rad/s]
 """
 
 import math

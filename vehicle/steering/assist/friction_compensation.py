@@ -65,7 +65,7 @@ def make(
     count: int,
     dt: float,
     *,
-    friction_share: ArrayLike = 0.0,
+    friction_share: ArrayLike = (0.0,),
     friction_law: Any = "lugre",
     friction_stiffness: float = STIFFNESS,
     friction_limit: float = LIMIT,
@@ -80,10 +80,10 @@ def make(
         Speeds of the boost table, V.
     dt : float
         Sample time [s].
-    friction_share : (V,) array_like or float
+    friction_share : (V,) or (1,) array_like, or float
         Share of the observed torque that is fed back, 0 to 1.
     friction_law : str, mapping or parameters
-        The observer's law in a form of :func:`steer_env.friction.law.resolve`.
+        The observer's law in a form of :func:`steer_env.friction.law.resolve`, in a car file as text.
     friction_stiffness : float
         Largest slope of the torque over displacement, 1 to 10000 [N m/rad].
     friction_limit : float
@@ -109,11 +109,18 @@ def make(
     )
 
 
+def _text(parameters: Any) -> str:
+    """Parameters of a law as :func:`steer_env.friction.resolve` reads them from text, to the bit."""
+    values = as_mapping(parameters)
+    pairs = (f"{key}={':'.join(map(repr, np.ravel(value).tolist()))}" for key, value in values.items() if key != "law")
+    return ",".join([values["law"], *pairs])
+
+
 def keys(p: FrictionCompensation) -> dict[str, Any]:
     """The keys of a car file that make these parameters; the time constant to twelve digits."""
     return {
         "friction_share": shortest(p.gain),
-        "friction_law": as_mapping(p.law),
+        "friction_law": _text(p.law),
         "friction_stiffness": p.stiffness,
         "friction_limit": p.limit,
         "friction_hold": p.hold,

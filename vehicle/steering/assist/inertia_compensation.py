@@ -32,7 +32,7 @@ STATES = (("acceleration_filter", "rad/s2"),)
 
 
 def make(
-    count: int, dt: float, *, inertia_compensation: ArrayLike = 0.0, inertia_bandwidth: float = 100.0
+    count: int, dt: float, *, inertia_compensation: ArrayLike = (0.0,), inertia_bandwidth: float = 100.0
 ) -> InertiaCompensation:
     """Checked parameters for ``count`` speeds and samples of ``dt`` [s]; an inertia of 0 is off.
 
@@ -42,16 +42,14 @@ def make(
         Speeds of the boost table, V.
     dt : float
         Sample time [s].
-    inertia_compensation : (V,) array_like or float
+    inertia_compensation : (V,) or (1,) array_like, or float
         Inertia that is compensated, 0 to 1 [kg m2]; it should be less than the column's I2.
     inertia_bandwidth : float
         Corner p up to which the column speed is differentiated, 1 to 450 [Hz].
     """
     return InertiaCompensation(
         by_speed("inertia_compensation", inertia_compensation, count, maximum=1.0),
-        first_order.derivative(
-            number("inertia_bandwidth", inertia_bandwidth, minimum=1.0, maximum=HIGHEST_CORNER), dt
-        ),
+        first_order.derivative(number("inertia_bandwidth", inertia_bandwidth, minimum=1.0, maximum=HIGHEST_CORNER), dt),
     )
 
 

@@ -29,9 +29,7 @@ class LeadLag(NamedTuple):
 STATES = (("lead_lag_filter_0", "N m"), ("lead_lag_filter_1", "N m"))
 
 
-def make(
-    dt: float, *, lead_lag_gain: float = 0.0, lead_lag_lag: Any = LAG, lead_lag_lead: Any = LEAD
-) -> LeadLag:
+def make(dt: float, *, lead_lag_gain: float = 0.0, lead_lag_lag: Any = LAG, lead_lag_lead: Any = LEAD) -> LeadLag:
     """Checked parameters for samples of ``dt`` [s]; a gain of 0 is off.
 
     Parameters

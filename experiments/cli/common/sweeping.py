@@ -1,0 +1,97 @@
+"""The options of commands that sweep over many cases: ``--workers``, ``--cluster`` and ``--resume``."""
+
+import argparse
+import sys
+import time
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from steer_env.experiments.cli.common.arguments import whole_number
+from steer_env.experiments.cli.common.extras import require
+
+if TYPE_CHECKING:
+    from steer_env.experiments.sweep import Runner
+
+OPTIONS = ("workers", "cluster", "resume")
+FOLDER = "sweeps"  # in the user's cache folder
+UNUSED = 30 * 24 * 3600.0  # time after which what an interrupted sweep has left is deleted [s]
+
+
+def add_sweep(parser: argparse.ArgumentParser, cases: str = "") -> None:
+    """Add the options to a parser; ``cases`` says what they are for where that is not the whole command."""
+    group = parser.add_argument_group("workers (docs/many_machines.md)")
+    of = f" {cases}" if cases else ""
+    text = f"worker processes{of} on this machine (default: one for each processor, up to 4)"
+    group.add_argument("--workers", metavar="N", type=whole_number(1), help=text)
+    text = "Dask workers in their place: those of a scheduler, tcp://HOST:PORT, or new ones here, local or local:N"
+    group.add_argument("--cluster", metavar="ADDRESS", help=text)
+    text = "go on from where the same command was interrupted, whatever the workers were"
+    group.add_argument("--resume", action="store_true", help=text)
+
+
+def refuse_sweep(args: argparse.Namespace, reason: str) -> None:
+    """ValueError if one of the options is given where it has no effect."""
+    for name in OPTIONS:
+        if getattr(args, name):
+            raise ValueError(f"--{name} has no effect here, as {reason}")
+
+
+def runner(args: argparse.Namespace) -> "Runner":
+    """What runs the cases of a command, as its options ask; finished ones are kept until all are.
+
+    Raises
+    ------
+    ValueError
+        For options that contradict each other, or without the extra that a cluster needs.
+    """
+    if args.cluster is not None:
+        require("cluster", f"--cluster {args.cluster}")
+
+    from steer_env.experiments import sweep
+    from steer_env.experiments.sweep.sweep import key_of
+    from steer_env.experiments.sweep.work import identity, name_of
+
+    where = sweep.Where.parse(args.workers, args.cluster)
+
+    def run(function: Callable[[Any], Any], cases: Iterable[Any], **options: Any) -> list[Any]:
+        cases = list(cases)
+        place = _folder() / key_of(name_of(function), cases, {})
+        try:
+            store = sweep.Store(place, identity(), args.resume)
+        except OSError as error:
+            if args.resume:
+                raise
+            print(f"steer-env: nothing is kept for --resume: {error}", file=sys.stderr)
+            return sweep.run(function, cases, where=where, **options)
+        _prune(place)
+        try:
+            results = sweep.run(function, cases, where=where, store=store, **options)
+        except BaseException:
+            if len(store):
+                text = f"{len(store)} of {len(cases)} cases are finished and kept"
+                print(f"steer-env: {text}: the same command with --resume goes on from there", file=sys.stderr)
+            else:
+                store.remove()
+            raise
+        store.remove()
+        return results
+
+    return run
+
+
+def _folder() -> Path:
+    import platformdirs
+
+    return Path(platformdirs.user_cache_dir("steer_env")) / FOLDER
+
+
+def _prune(place: Path) -> None:
+    """Delete what sweeps have left long ago."""
+    from steer_env.experiments.sweep.store import ABOUT
+
+    for folder in place.parent.iterdir():
+        if folder != place and (folder / ABOUT).is_file() and time.time() - folder.stat().st_mtime > UNUSED:
+            for file in folder.iterdir():
+                file.unlink(missing_ok=True)
+            folder.rmdir()

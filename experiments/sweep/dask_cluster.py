@@ -1,0 +1,179 @@
+"""Workers of a Dask cluster: on this machine, or wherever the workers of a scheduler are.
+
+A scheduler and its workers run whatever a client sends them, so the local cluster listens on this machine alone.
+"""
+
+import logging
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack, contextmanager, suppress
+from typing import Any
+
+from steer_env.experiments.sweep.processes import ONE_THREAD
+from steer_env.experiments.sweep.where import LOCAL, Where
+from steer_env.experiments.sweep.work import (
+    KEPT,
+    REFUSED,
+    SAME,
+    LostError,
+    Outcome,
+    Task,
+    differences,
+    identity,
+    perform,
+    settle,
+)
+
+PATIENCE = 30.0  # for a scheduler to answer, or for a first worker to be there [s]
+POLL, CHECK = 0.01, 2.0  # between looks for results, and for the cluster while there are none [s]
+LOGGERS = ("distributed", "distributed.client", "tornado", "tornado.application")
+
+
+def outcomes(tasks: Mapping[int, Task], where: Where) -> Iterator[Outcome]:
+    """Outcomes as they come, from the workers of a cluster; the cases of a worker that is lost go to others.
+
+    Raises
+    ------
+    LostError
+        If the cluster is not there, goes away or has no workers.
+    ValueError
+        If a worker has another version of the program, or runs several cases at once in threads.
+    """
+    with _client(where) as client:
+        _check(client, where)
+        yield from _collected(client, tasks, where)
+
+
+def work(task: Task) -> Outcome:
+    """Work on a case in a worker of a cluster."""
+    from distributed import get_worker
+
+    settle()
+    worker = get_worker()
+    if worker.state.nthreads > 1:
+        found = Outcome(task.number, failure=REFUSED, message=_threads(worker.state.nthreads))
+    else:
+        found = perform(task)
+    return found._replace(details=f"the worker {worker.address}") if found.failure == REFUSED else found
+
+
+def _threads(count: int) -> str:
+    return f"runs {count} cases at once in threads, which share one state: start it with --nthreads 1"
+
+
+def _described(dask_worker: Any) -> dict[str, Any]:
+    """What a worker is, told by itself."""
+    return {"threads": dask_worker.state.nthreads, "identity": identity()}
+
+
+@contextmanager
+def _client(where: Where) -> Iterator[Any]:
+    """A client of the cluster, which is made here if it is a local one."""
+    from distributed import Client, LocalCluster
+
+    with ExitStack() as stack:
+        stack.enter_context(_quiet())
+        place: Any = where.cluster
+        if where.cluster == LOCAL:
+            place = stack.enter_context(
+                LocalCluster(
+                    n_workers=where.workers,
+                    threads_per_worker=1,
+                    host="127.0.0.1",
+                    dashboard_address=None,
+                    worker_dashboard_address=None,
+                    silence_logs=logging.CRITICAL,
+                    env=dict.fromkeys(ONE_THREAD, "1"),
+                )
+            )
+        try:
+            client = stack.enter_context(Client(place, timeout=PATIENCE, set_as_default=False))
+            client.wait_for_workers(1, timeout=PATIENCE)
+        except TimeoutError:
+            raise LostError(
+                f"the cluster {where.cluster} has no worker after {PATIENCE:g} s: start some with 'dask worker "
+                f"{where.cluster} --nthreads 1'; {KEPT}"
+            ) from None
+        except OSError as error:
+            raise LostError(
+                f"there is no Dask scheduler at {where.cluster} ({error}): start one with 'dask scheduler', or look "
+                f"at address and firewall; {KEPT}"
+            ) from None
+        yield client
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Silence the log of distributed, whose events are told in sentences here."""
+    before = {logger: logger.level for logger in map(logging.getLogger, LOGGERS)}
+    for logger in before:
+        logger.setLevel(logging.CRITICAL)
+    try:
+        yield
+    finally:
+        for logger, level in before.items():
+            logger.setLevel(level)
+
+
+def _check(client: Any, where: Where) -> None:
+    """ValueError that names the first worker that must not take part."""
+    for address, found in client.run(_described, on_error="return").items():
+        if isinstance(found, BaseException):
+            trouble = f"cannot run this program ({found}): install there what this program runs with"
+        elif found["threads"] > 1:
+            trouble = _threads(found["threads"])
+        elif other := differences(found["identity"], identity()):
+            trouble = f"has {other}: {SAME}"
+        else:
+            continue
+        raise ValueError(f"the worker {address} {trouble}; {KEPT}")
+
+
+def _collected(client: Any, tasks: Mapping[int, Task], where: Where) -> Iterator[Outcome]:
+    from distributed import as_completed
+
+    prefix = f"steer-env-{time.time_ns():x}"
+    futures = client.map(work, list(tasks.values()), key=[f"{prefix}-{index}" for index in tasks], pure=False)
+    index_of = {future.key: index for future, index in zip(futures, tasks)}
+    ready = as_completed(futures, loop=client.loop, with_results=True, raise_errors=False)
+    del futures  # a worker keeps a result as long as there is a reference to it
+    checked = seen = time.monotonic()
+    while index_of:
+        if not ready.has_ready():
+            time.sleep(POLL)
+            if time.monotonic() - checked > CHECK:
+                if _workers(client, where):
+                    seen = time.monotonic()
+                elif time.monotonic() - seen > PATIENCE:
+                    raise LostError(f"the cluster {where.cluster} has had no worker for {PATIENCE:g} s; {KEPT}")
+                checked = time.monotonic()
+            continue
+        for future, found in ready.next_batch(block=False):
+            index = index_of.pop(future.key)
+            yield found if future.status == "finished" else _lost(index, future, found, where)
+
+
+def _workers(client: Any, where: Where) -> int:
+    """Number of workers; LostError if the scheduler has gone."""
+    try:
+        if client.status == "running":
+            return len(client.nthreads())
+    except (OSError, TimeoutError):
+        pass
+    raise LostError(f"the cluster {where.cluster} went away; {KEPT}")
+
+
+def _lost(index: int, future: Any, found: Any, where: Where) -> Outcome:
+    """The outcome of a case that gave none: its workers died, or the cluster has gone."""
+    if future.status != "error":
+        return Outcome(index, failure=LostError.__name__, message=f"the cluster {where.cluster} went away; {KEPT}")
+    error = found[1] if isinstance(found, tuple) else found
+    if type(error).__name__ == "KilledWorker":
+        with suppress(AttributeError):
+            return Outcome(
+                index,
+                failure=LostError.__name__,
+                message=f"workers died again and again on one case, the last one {error.last_worker.address}: is there "
+                f"enough memory for it? {KEPT}",
+            )
+    return Outcome(index, b"", type(error).__name__, str(error))

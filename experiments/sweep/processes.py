@@ -1,0 +1,108 @@
+"""Worker processes of this machine, which end with the program, whatever ends it."""
+
+import os
+import signal
+import warnings
+from collections.abc import Iterable, Iterator, Mapping
+from concurrent.futures import FIRST_COMPLETED, Future, wait
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from itertools import islice
+from typing import Any
+
+from steer_env.experiments.sweep.work import KEPT, LostError, Outcome, Task, end_with, perform, settle
+
+TRIES = 3  # deaths of workers in a row, with no case finished between them, after which a sweep gives up
+# Libraries of linear algebra that would start threads in every worker read these when they are loaded.
+ONE_THREAD = dict.fromkeys(
+    f"{name}_NUM_THREADS" for name in ("OMP", "OPENBLAS", "MKL", "BLIS", "VECLIB", "NUMEXPR", "NUMBA")
+)
+
+
+def outcomes(tasks: Mapping[int, Task], workers: int) -> Iterator[Outcome]:
+    """Outcomes as they come, from processes of loky.
+
+    Processes rather than threads, as compiling holds the interpreter's lock. Where a process dies, loky ends the others
+    too: the cases that are left go to new ones.
+
+    Raises
+    ------
+    LostError
+        If processes die again and again.
+    """
+    left = dict(tasks)
+    deaths = 0
+    while left:
+        try:
+            for outcome in _performed(left.values(), min(workers, len(left))):
+                del left[outcome.number]
+                deaths = 0
+                yield outcome
+        except BrokenProcessPool as error:
+            deaths += 1
+            if deaths == TRIES:
+                raise LostError(
+                    f"worker processes died {TRIES} times in a row ({_reason(error)}): is there enough memory for "
+                    f"{workers} of them? Give fewer with --workers; {KEPT}"
+                ) from None
+
+
+def _performed(tasks: Iterable[Task], workers: int) -> Iterator[Outcome]:
+    """Outcomes of tasks as they come; BrokenProcessPool where a process dies."""
+    todo, jobs = iter(list(tasks)), set[Future]()
+    with _pool(workers) as pool:
+        while True:
+            with _held():  # few at a time, as loky cannot drop a long queue when it is stopped
+                jobs |= {pool.submit(perform, task) for task in islice(todo, 2 * workers - len(jobs))}
+            if not jobs:
+                return
+            done, jobs = wait(jobs, return_when=FIRST_COMPLETED)
+            for job in done:
+                yield job.result()
+
+
+def _reason(error: BrokenProcessPool) -> str:
+    """The exit codes that loky's message ends with."""
+    return str(error).strip().splitlines()[-1].rstrip(".")
+
+
+@contextmanager
+def _pool(workers: int) -> Iterator[Any]:
+    from joblib.externals.loky import ProcessPoolExecutor
+
+    environment = dict.fromkeys(ONE_THREAD, "1")
+    with warnings.catch_warnings():
+        # A worker whose memory has grown is replaced by a new one, which loses nothing.
+        warnings.filterwarnings("ignore", "A worker stopped while some jobs were given", UserWarning)
+        pool = ProcessPoolExecutor(workers, initializer=_begin, initargs=(os.getpid(),), env=environment)
+        try:
+            yield pool
+            pool.shutdown()
+        except BaseException:
+            pool.shutdown(kill_workers=True)
+            raise
+
+
+def _begin(parent: int) -> None:
+    settle()
+    end_with(parent)
+    if hasattr(signal, "pthread_sigmask"):
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGTERM})
+    else:
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+@contextmanager
+def _held() -> Iterator[None]:
+    """Hold Ctrl-C and SIGTERM back to the end of the block, as a worker that is half started would be left behind.
+
+    The processes that start within it inherit that: Ctrl-C, which a terminal sends to them too, is for the program.
+    """
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)

@@ -1,0 +1,144 @@
+"""One function on many cases."""
+
+import hashlib
+import json
+import pickle
+from collections.abc import Callable, Generator, Iterable, Mapping
+from contextlib import closing
+from typing import Any, Protocol
+
+from steer_env.experiments.sweep.store import Store
+from steer_env.experiments.sweep.where import SERIAL, Where
+from steer_env.experiments.sweep.work import (
+    KEPT,
+    REFUSED,
+    LostError,
+    Outcome,
+    Task,
+    folder_of,
+    identity,
+    name_of,
+    perform,
+)
+
+Notify = Callable[[float, str], None]  # gets the part that is done and what was done last
+
+
+class Runner(Protocol):
+    """:func:`run` with its place and its store chosen, as functions take it that sweep."""
+
+    def __call__(
+        self, function: Callable[[Any], Any], cases: Iterable[Any], *, notify: Notify = ..., words: Any = ...
+    ) -> list[Any]:
+        """Results in the order of the cases."""
+
+
+def run(
+    function: Callable[[Any], Any],
+    cases: Iterable[Any],
+    *,
+    where: Where = SERIAL,
+    store: Store | None = None,
+    notify: Notify = lambda *_: None,
+    words: Callable[[Any], str] = str,
+) -> list[Any]:
+    """Call a function with every case, and return the results in the order of the cases.
+
+    The results are the same to the bit wherever the cases run. A case whose worker is lost runs again on another one.
+
+    Parameters
+    ----------
+    function : callable
+        Of one case, defined at the top of a module that the workers can import. It should not write files, as a worker
+        may be another machine: what it returns is what comes back.
+    cases : iterable
+        Things that pickle takes; long ones first. Each holds all that its result depends on, as the store tells cases
+        apart by their contents.
+    where : Where
+        This process, processes of this machine, or a Dask cluster.
+    store : Store, optional
+        Keeps finished cases. Those that are there are not run again.
+    notify : (share, text) -> None
+        Is told how far the sweep is.
+    words : case -> str
+        A case in words, for messages.
+
+    Raises
+    ------
+    ValueError
+        A case that raises one, with the case in words; a worker of another version; a case that cannot be pickled.
+    LostError
+        Workers that die again and again, or a cluster that is not there or goes away.
+    RuntimeError
+        A case that raises any other exception, with the traceback of the worker.
+    """
+    cases = list(cases)
+    tasks, results = _prepared(name_of(function), cases, store, words)
+    total, done = len(cases), len(cases) - len(tasks)
+    if done and tasks:
+        notify(done / total, f"{done} of {total} finished before")
+    with closing(_performed(tasks, where)) as outcomes:
+        for outcome in outcomes:
+            case = words(cases[outcome.number])
+            if outcome.failure:
+                raise _error(outcome, case)
+            if store and store.load(key := tasks[outcome.number].key) is None:
+                store.save(key, outcome.result)  # a worker that sees the folder has done so
+            results[outcome.number] = pickle.loads(outcome.result)
+            done += 1
+            notify(done / total, f"{done} of {total}, {case}")
+    return results
+
+
+def _performed(tasks: Mapping[int, Task], where: Where) -> Generator[Outcome, None, None]:
+    """Outcomes as they come."""
+    if where.cluster and tasks:
+        from steer_env.experiments.sweep import dask_cluster
+
+        yield from dask_cluster.outcomes(tasks, where)
+    elif where.workers > 1 and len(tasks) > 1:
+        from steer_env.experiments.sweep import processes
+
+        yield from processes.outcomes(tasks, where.workers)
+    else:
+        yield from map(perform, tasks.values())
+
+
+def _prepared(
+    name: str, cases: list[Any], store: Store | None, words: Callable[[Any], str]
+) -> tuple[dict[int, Task], list[Any]]:
+    """The tasks that are left to do by index, and a list with the results that are kept."""
+    tasks: dict[int, Task] = {}
+    results: list[Any] = [None] * len(cases)
+    mine, place = identity(), folder_of(store)
+    for index, case in enumerate(cases):
+        key = ""
+        if store:
+            key = key_of(name, case)
+            if (kept := store.load(key)) is not None:
+                results[index] = pickle.loads(kept)
+                continue
+        try:
+            data = pickle.dumps(case, pickle.HIGHEST_PROTOCOL)
+        except (pickle.PicklingError, AttributeError, TypeError) as error:
+            raise ValueError(f"{words(case)} cannot be sent to a worker: {error}") from None
+        tasks[index] = Task(index, name, data, mine, key, place)
+    return tasks, results
+
+
+def key_of(name: str, case: Any, program: Mapping[str, str] | None = None) -> str:
+    """Digest of a function's name, a case, and what a program consists of (by default this one)."""
+    import joblib  # takes long to import
+
+    parts = name, joblib.hash(case, hash_name="sha1"), json.dumps(identity() if program is None else program)
+    return hashlib.sha256("\n".join(map(str, parts)).encode()).hexdigest()[:40]
+
+
+def _error(outcome: Outcome, case: str) -> Exception:
+    if outcome.failure == REFUSED:
+        return ValueError(f"{outcome.details or 'a worker'} {outcome.message}; {KEPT}")
+    if outcome.expected:
+        return ValueError(f"{case}: {outcome.message}")
+    if outcome.failure == "LostError":
+        return LostError(outcome.message)
+    return RuntimeError(f"{case}: {outcome.failure}: {outcome.message}\n{outcome.details}")

@@ -1,0 +1,59 @@
+"""Where the cases of a sweep run."""
+
+import os
+import re
+from typing import NamedTuple
+
+MOST = 4  # processes by default
+LOCAL = "local"
+_ADDRESS = re.compile(r"(tcp|tls)://[^\s/:]+:\d+|(tcp|tls)://\[[0-9a-fA-F:]+\]:\d+")
+
+
+class Where(NamedTuple):
+    """Where the cases of a sweep run."""
+
+    workers: int = 1  # processes of this machine; one without a cluster is this process itself
+    cluster: str = ""  # "": none; "local": Dask workers of this machine; otherwise the address of a Dask scheduler
+
+    @classmethod
+    def parse(cls, workers: int | None = None, cluster: str | None = None) -> "Where":
+        """Read the options of the command line.
+
+        Parameters
+        ----------
+        workers : int, optional
+            Worker processes of this machine. By default one for each processor, and up to four.
+        cluster : str, optional
+            ``"local"`` or ``"local:N"`` for Dask workers of this machine, or the address of a scheduler, as
+            ``"tcp://10.0.0.1:8786"``.
+
+        Raises
+        ------
+        ValueError
+            If there is no such place, or the two contradict each other.
+        """
+        if workers is not None and workers < 1:
+            raise ValueError(f"--workers must be a whole number of at least 1, got {workers}")
+        if cluster is None:
+            return cls(workers or min(processors(), MOST))
+        if found := re.fullmatch(rf"{LOCAL}(?::([1-9]\d*))?", cluster):
+            given = int(found[1]) if found[1] else None
+            if None not in (given, workers) and given != workers:
+                raise ValueError(f"--cluster {cluster} and --workers {workers} contradict each other: give one of them")
+            return cls(given or workers or min(processors(), MOST), LOCAL)
+        if not _ADDRESS.fullmatch(cluster):
+            raise ValueError(
+                f"--cluster must be local, local:N, or the address of a Dask scheduler as tcp://10.0.0.1:8786, got "
+                f"{cluster!r}"
+            )
+        if workers is not None:
+            raise ValueError(f"--workers counts processes of this machine; {cluster} has its own: leave --workers out")
+        return cls(1, cluster)
+
+
+def processors() -> int:
+    """Processors that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+SERIAL = Where()

@@ -1,0 +1,115 @@
+"""What a worker does with one case, the same in this process, in a process of this machine and on a cluster."""
+
+import functools
+import importlib
+import os
+import pickle
+import platform
+import sys
+import threading
+import traceback
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from steer_env.experiments.output import provenance
+from steer_env.experiments.sweep.store import Store
+from steer_env.thread_pool import THREADS
+
+PACKAGES = ("numpy", "numba", "llvmlite", "scipy")  # on which the bits of results depend
+REFUSED = "refused"  # kind of failure beside the names of exceptions
+SAME = "install there what this program runs with, and change no source while a sweep runs"
+KEPT = "finished work is kept"
+
+
+class LostError(OSError):
+    """Workers, or a whole cluster, that went away; what was finished is kept if the sweep has a store."""
+
+
+class Task(NamedTuple):
+    """A case on its way to a worker."""
+
+    number: int
+    function: str  # "module:name"
+    case: bytes  # pickled
+    identity: Mapping[str, str]  # of the program that sends it
+    key: str = ""  # of the result in the store
+    store: tuple[str, str] | None = None  # directory of the store and its mark
+
+
+class Outcome(NamedTuple):
+    """What became of a case: a result, or why there is none."""
+
+    number: int
+    result: bytes = b""  # pickled
+    failure: str = ""  # name of the exception, or ``REFUSED``; empty where there is a result
+    message: str = ""
+    details: str = ""  # traceback
+    expected: bool = False  # whether the exception is one that tells the user what to change
+
+
+@functools.cache
+def identity() -> dict[str, str]:
+    """What two programs must share for the same results: versions, and the digest of the project's sources."""
+    found = provenance.versions()
+    packages = {name: found["packages"][name] for name in PACKAGES}
+    own = {"steer-env": found["version"], "sources": found["sources"], "python": platform.python_version()}
+    return {**own, **packages}
+
+
+def differences(theirs: Mapping[str, str], here: Mapping[str, str]) -> str:
+    """In which parts of their identity two programs differ, in words; empty if in none."""
+    unequal = [name for name in here if theirs.get(name) != here[name]]
+    return ", ".join(f"{name} {theirs.get(name, 'none')} in place of {here[name]}" for name in unequal)
+
+
+def name_of(function: Callable[..., Any]) -> str:
+    """The name by which a worker imports a function; ValueError for one that cannot be imported."""
+    module, name = function.__module__, function.__qualname__
+    if "<" in name or module == "__main__":
+        raise ValueError(f"a worker cannot import {module}.{name}: define the function at the top of a module")
+    return f"{module}:{name}"
+
+
+def perform(task: Task) -> Outcome:
+    """Work on a case; never raises, but for Ctrl-C and the like."""
+    if other := differences(identity(), task.identity):
+        return Outcome(task.number, failure=REFUSED, message=f"has {other}: {SAME}")
+    store = Store.shared(task.store) if task.store else None
+    if store and (kept := store.load(task.key)) is not None:
+        return Outcome(task.number, kept)  # finished before its worker was lost
+    try:
+        module, name = task.function.split(":")
+        function: Any = functools.reduce(getattr, name.split("."), importlib.import_module(module))
+        result = pickle.dumps(function(pickle.loads(task.case)), pickle.HIGHEST_PROTOCOL)
+    except Exception as error:
+        kind, expected = type(error).__name__, isinstance(error, ValueError)
+        return Outcome(task.number, b"", kind, str(error), traceback.format_exc(), expected)
+    if store:
+        store.try_save(task.key, result)
+    return Outcome(task.number, result)
+
+
+def settle() -> None:
+    """Make this process a worker: its vector environments step in one thread."""
+    os.environ[THREADS] = "1"
+
+
+def end_with(parent: int) -> None:
+    """End this process when its parent has gone, however that ended."""
+
+    def watch() -> None:
+        while os.getppid() == parent:
+            _pause.wait(0.3)
+        os._exit(1)
+
+    if sys.platform != "win32":  # there the process id of the parent stays
+        threading.Thread(target=watch, daemon=True).start()
+
+
+_pause = threading.Event()
+
+
+def folder_of(store: Store | None) -> tuple[str, str] | None:
+    """A store as a task names it to workers, which may or may not see its folder."""
+    return (str(Path(store.directory).resolve()), store.mark) if store else None
