@@ -317,6 +317,17 @@ def test_options_of_can_logs(tmp_path, capsys):
     assert main([*command, "--between", *error.split("--between ")[1].split()]) == 1  # read, without a metric
 
 
+def test_gaps_and_channels_without_values_are_told_before_the_metrics(tmp_path, capsys):
+    times = np.delete(np.arange(200) * 0.02, range(100, 104))
+    path = speeds(tmp_path / "drive.log", times, 50 + 5 * times)
+    command = ["evaluate", str(path), "--dbc", str(DBC), "--map", "vehicle_speed=SPEED", "--manoeuvre", "weave"]
+    assert main(command) == 1
+    assert f"{path}: gaps of SPEED: 1, longest step 0.1 s at 1.98 s\n" in capsys.readouterr().out
+    (tmp_path / "run.csv").write_text("time_s,yaw_rate_deg_s,SWA [deg]\n0,1,\n1,2,\n")
+    assert main(["evaluate", str(tmp_path / "run.csv"), "--manoeuvre", "weave"]) == 1
+    assert "run.csv: columns that are not read: SWA [deg] (no values)\n" in capsys.readouterr().out
+
+
 def test_a_template_lists_what_the_log_has_and_is_a_mapping(tmp_path, capsys):
     out = tmp_path / "map.toml"
     command = ["evaluate", str(LOG), "--dbc", str(DBC), "--template", str(out)]
