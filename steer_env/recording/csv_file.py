@@ -51,7 +51,7 @@ def open_table(path: str | PathLike[str]) -> Table:
     with open(path, encoding=encoding) as file:
         for header in _decoded(file):
             above += 1
-            if not header.startswith("#"):
+            if header.strip() and not header.startswith("#"):
                 break
             key, colon, value = (part.strip() for part in header[1:].partition(":"))
             if colon and key:
@@ -81,7 +81,8 @@ def _row_of_units(line: str, separator: str, count: int) -> list[str]:
     """The units in the line under the header; empty unless every cell is one, or none, and one at least is known."""
     cells = _cells(line, separator)[:count]
     units = [cell[1:-1].strip() if cell[:1] + cell[-1:] in ("[]", "()") else cell for cell in cells]
-    if len(units) == count and not any(map(_is_number, cells)) and any(parse_unit(unit) for unit in units):
+    numbers = any(_is_number(cell) and cell != "1" for cell in cells)
+    if len(units) == count and not numbers and any(parse_unit(unit) and unit != "1" for unit in units):
         return units
     return []
 

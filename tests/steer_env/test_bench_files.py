@@ -25,6 +25,7 @@ BENCH = {
     "units in brackets under the header": "Time;SWA\n[s];[deg]\n0,0;-90,5\n0,5;90,0\n",
     "units under a header that has them": "Time [s],SWA_deg\ns,deg\n0,-90.5\n0.5,90\n",
     "units in quotation marks": '"Time","SWA","v_1"\n"s","deg","km/h"\n0,-90.5,36\n0.5,90,72\n',
+    "a unit that is a number": "\nTime,SWA,ratio\ns,deg,1\n0,-90.5,1\n0.5,90,2\n",
     "units for some": "Time,SWA,Status\ns,deg,\n0,-90.5,1\n0.5,90,2\n",
     "decimal commas between tabs": "Time [s]\tSWA [deg]\n0,0\t-90,5\n0,5\t90,0\n",
     "decimal commas and no others": "Time [s];SWA [deg]\n0,00;-90,50\n0,50;90,00\n",
