@@ -30,13 +30,15 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     text = "the bus of a CAN log, where a message occurs on several"
     parser.add_argument("--bus", metavar="NAME", help=text)
     text = "speed at which the test was driven [km/h]"
-    parser.add_argument("--speed_kph", metavar="KPH", type=float, help=text)
+    parser.add_argument("--speed-kph", metavar="KPH", type=float, help=text)
     text = "frequency of the steering in the test [Hz]"
-    parser.add_argument("--frequency_hz", metavar="HZ", type=float, help=text)
+    parser.add_argument("--frequency-hz", metavar="HZ", type=float, help=text)
     text = "bound on the unknown delay between channels, in either direction [ms] (default 0)"
-    parser.add_argument("--timing_ms", metavar="MS", type=float, default=0.0, help=text)
+    parser.add_argument("--timing-ms", metavar="MS", type=float, default=0.0, help=text)
     text = "use only this part of the recording [s]"
     parser.add_argument("--between", metavar=("T0", "T1"), type=float, nargs=2, help=text)
+    text = "leave a channel out, e.g. one with gaps; may be repeated"
+    parser.add_argument("--without", metavar="CHANNEL", action="append", default=[], help=text)
     noticed.add(parser)
     text = "directory for index.html and evaluation.json, replaced as a whole"
     parser.add_argument("--out", metavar="DIR", help=text)
@@ -60,7 +62,7 @@ def assess(paths: list[str], args: argparse.Namespace, tolerances: str | None) -
     recordings = {label: _read(path, place, args) for place, (label, path) in enumerate(zip(labels, paths))}
     wanted = targets.load(args.targets) if args.targets else None
     allowed = simulation_vs_measurement.tolerances(tolerances) if tolerances else None
-    timing = 1e-3 * number("--timing_ms", args.timing_ms, minimum=0.0)
+    timing = 1e-3 * number("--timing-ms", args.timing_ms, minimum=0.0)
     found = assessment.assess(
         recordings, args.manoeuvre, wanted, allowed, timing, noticed.share(args), **_conditions(args)
     )
@@ -129,7 +131,7 @@ def _read(path: str, place: int, args: argparse.Namespace) -> Any:
     chosen = channel_mapping.load(args.mapping[place]) if place < len(args.mapping) else channel_mapping.Mapping()
     if place == 0:
         chosen = chosen.with_entries(channel_mapping.parse_entry(text) for text in args.entries)
-    found = files.read(path, chosen, can=can_options(args))
+    found = files.read(path, chosen, can=can_options(args)).without(*args.without)
     for note in _notes(found.meta):
         print(f"{path}: {note}")
     if args.manoeuvre is None and found.meta.get("manoeuvre") is None:
