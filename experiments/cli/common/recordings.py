@@ -1,6 +1,7 @@
 """What ``evaluate`` and ``validate`` share: options of recorded files, and the assessment that both print and write."""
 
 import argparse
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -84,6 +85,19 @@ def assess(paths: list[str], args: argparse.Namespace, tolerances: str | None) -
     return int(any(all(value.reason for value in values.values()) for values in found.values.values()))
 
 
+def _notes(meta: Mapping[str, Any]) -> Iterator[str]:
+    """What to know of a recording before its metrics: columns without values, counts, gaps of CAN messages."""
+    for key, label in NOTES.items():
+        if key in meta:
+            yield f"{label}: {meta[key]}"
+    for name, told in meta.get("can", {}).get("messages", {}).items():
+        missed = told.get("missed_by_counter", 0)
+        if told.get("gaps") or missed:
+            counted = f"; {missed} frames are missing by its counter" if missed else ""
+            longest = f"{told['longest_step_s']:.3g} s at {told['longest_step_at_s']:.2f} s"
+            yield f"gaps of {name}: {told['gaps']}, longest step {longest}{counted}"
+
+
 def can_options(args: argparse.Namespace) -> Any:
     """How CAN logs are read, by the options."""
     from steer_env.recording import can_log
@@ -118,9 +132,8 @@ def _read(path: str, place: int, args: argparse.Namespace) -> Any:
     if place == 0:
         chosen = chosen.with_entries(channel_mapping.parse_entry(text) for text in args.entries)
     found = files.read(path, chosen, can=can_options(args)).without(*args.without)
-    for note, label in NOTES.items():
-        if note in found.meta:
-            print(f"{path}: {label}: {found.meta[note]}")
+    for note in _notes(found.meta):
+        print(f"{path}: {note}")
     if args.manoeuvre is None and found.meta.get("manoeuvre") is None:
         raise ValueError(f"{path} does not name its test: give --manoeuvre, one of {', '.join(names.manoeuvres())}")
     return (found.between(*args.between) if args.between else found).bridged()
