@@ -63,6 +63,8 @@ def print_metrics(values: Mapping[str, Value], title: str, ratings: Mapping[str,
     for reason in dict.fromkeys(value.reason for value in values.values() if value.reason):
         refused = ", ".join(name for name, value in values.items() if value.reason == reason)
         printer.print(f"{refused} refused: {in_options(reason)}", highlight=False, soft_wrap=True)
+    for note in dict.fromkeys(note for value in values.values() for note in value.notes):
+        printer.print(f"note: {note}", highlight=False, soft_wrap=True)
 
 
 def _rating(rating: Rating | None) -> str:
@@ -127,7 +129,7 @@ def print_shift(rows: Mapping[str, Mapping[str, Any]], aim: str, units: Mapping[
     for over, cells in rows.items():
         for place, (label, cell) in enumerate(cells.items()):
             found = cell.values["policy"]
-            others = [name for name in cell.values if name != "policy"]
+            others = [name for name in cell.values if name not in ("policy", "zero")]
             best = max(others, key=lambda name: cell.values[name]["reward"].value, default=None)
             of_best = [_estimate(cell.values[best][metric]) for metric in ("reward", aim)] if best else ["", ""]
             table.add_row(
