@@ -27,7 +27,7 @@ def add(commands: Any, common: argparse.ArgumentParser) -> None:
     car.add_argument("--page", action="store_true", help=text)
     text = "directory of the page, replaced as a whole (default car_NAME)"
     car.add_argument("--out", metavar="DIR", help=text)
-    car.set_defaults(function=_car)
+    car.set_defaults(function=_car, vehicle=None)
 
 
 def _car(args: argparse.Namespace) -> None:
@@ -38,7 +38,7 @@ def _car(args: argparse.Namespace) -> None:
         return
     if args.base or args.name is None:
         raise ValueError("give the NAME of a car; --base belongs to --new")
-    args.vehicle = args.name
+    args.vehicle = args.name if args.vehicle is None else args.vehicle  # of a trace
 
     car = car_options.load(args)
     if not args.page:
