@@ -22,8 +22,7 @@ from steer_env.experiments.cli.common.messages import in_options
 from steer_env.friction.numerics.registry import dashed, listed
 
 # Options with a unit, which are also accepted with a dash in place of the underscore.
-_UNDERSCORED = ("--speed_kph", "--frequency_hz", "--timing_ms", "--rate_hz", "--noticed_percent")
-WITH_UNIT = {name.replace("_", "-"): name for name in _UNDERSCORED}
+WITH_UNIT = {name.replace("_", "-"): name for name in ("--speed_kph", "--frequency_hz", "--timing_ms", "--rate_hz")}
 PIPE_CLOSED = 141  # exit code of a program that SIGPIPE ends, 128 + 13
 
 
