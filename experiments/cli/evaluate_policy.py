@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from steer_env.experiments.cli.common.arguments import FRICTION, SHIPPED, add_evaluation, friction_law
 from steer_env.experiments.cli.common.extras import require
+from steer_env.experiments.output import car_options
 from steer_env.registration import DRIVEN
 
 if TYPE_CHECKING:
@@ -27,6 +28,7 @@ def add(commands: Any, common: argparse.ArgumentParser) -> None:
     add_evaluation(evaluate, "evaluation")
     text = f"{FRICTION} (default: that of the training)"
     evaluate.add_argument("--friction", metavar="LAW", type=friction_law, help=text)
+    car_options.add(evaluate, default=None)
     evaluate.set_defaults(function=_evaluate)
 
 
@@ -50,7 +52,9 @@ def _evaluate(args: argparse.Namespace) -> None:
     curves = {
         title: file for label, path in paths.items() for title, file in policy.learning_curves(path, label).items()
     }
-    evaluate_and_report(env_id, controllers, args.episodes, Path(args.out), made, curves)
+    if car_options.given(args):
+        made["vehicle"] = car_options.load(args).data()
+    evaluate_and_report(args, env_id, controllers, Path(args.out), made, curves)
 
 
 def _controllers(args: argparse.Namespace, env_id: str) -> "tuple[dict[str, Maker], dict[str, Path], dict[str, Any]]":

@@ -30,7 +30,7 @@ def setting(text: str) -> tuple[str, Any]:
 
 def add(parser: argparse.ArgumentParser, default: str | None = "compact") -> None:
     """Add ``--vehicle``, ``--tyre`` and ``--set`` to a parser; :func:`load` makes the car of what they hold."""
-    usual = f" (default {default})" if default else ""
+    usual = f" (default {default})" if default else " (default: that of the environment or of the training)"
     text = f"{', '.join(packaged())}, or a .toml or .json file{usual}"
     parser.add_argument("--vehicle", metavar="NAME", default=default, help=text)
     text = "a tyre in place of the car's own: a file, or the name of a packaged tyre"

@@ -105,8 +105,8 @@ def trace(
         strut = [sorted(car.strut.points.items()), car.strut.loaded_radius]
         found |= {
             "car": car.data(),
-            "tyre": {"name": car.tyre.name, "sha256": _digest(asdict(car.tyre))},
-            "strut": {"name": car.given["strut"], "sha256": _digest(strut)},
+            "tyre": {"name": car.tyre.name, "sha256": digest(asdict(car.tyre))},
+            "strut": {"name": car.given["strut"], "sha256": digest(strut)},
         }
     return {key: value for key, value in found.items() if value is not None}
 
@@ -121,7 +121,7 @@ def input_file(name: str, content: bool = False) -> dict[str, str]:
     }
 
 
-def _digest(value: Any) -> str:
+def digest(value: Any) -> str:
     """SHA-256 of numbers and text, by their JSON."""
     return hashlib.sha256(json.dumps(value, sort_keys=True).encode()).hexdigest()
 

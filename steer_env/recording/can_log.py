@@ -1,6 +1,6 @@
 """Raw CAN logs as recordings, with the packages python-can and cantools: frames decoded by a DBC.
 
-python-can reads .blf, .asc, .log (candump), .trc and its own .csv, also compressed with gzip; cantools decodes the
+python-can reads .blf, .asc, .log (candump), .trc and its own .csv, the three in the middle also compressed; cantools decodes the
 frames. A column is a signal, ``MESSAGE.SIGNAL``, or the sum of signals of one message, ``MESSAGE.COARSE +
 MESSAGE.FINE``, in which some sensors split their reading.
 
@@ -24,7 +24,7 @@ import numpy as np
 
 from steer_env.recording.table import Column, Table, Values
 
-SUFFIXES = (".blf", ".asc", ".log", ".trc", ".blf.gz", ".asc.gz", ".log.gz", ".trc.gz")
+SUFFIXES = (".blf", ".asc", ".log", ".trc", ".asc.gz", ".log.gz", ".trc.gz")
 CSV_HEADER = "timestamp,arbitration_id,"  # of a log that python-can wrote as .csv
 LONGEST_STEP = 3.0  # between two frames without a gap, in median periods of the message [1]
 COUNTERS = ("counter", "alive", "rolling")  # parts of the names of signals that count the frames
@@ -39,7 +39,7 @@ class Options(NamedTuple):
     until: float = np.inf  # frames from this time on are not read [s]
 
 
-class _Frames(NamedTuple):
+class Frames(NamedTuple):
     """The frames of one message."""
 
     time: np.ndarray  # (F,), strictly ascending [s]
@@ -86,6 +86,11 @@ def open_table(path: str | PathLike[str], options: Options, sources: Sequence[st
         return _load(path, options, [parts[place] for place in places], meta)
 
     return Table(columns, meta, False, load)
+
+
+def decoded(path: str | PathLike[str], options: Options) -> dict[str, Frames]:
+    """The frames of every message of the databases that occurs, at their own instants; errors as for ``open_table``."""
+    return _read(path, options, _messages(options.dbc))[1]
 
 
 def _packages() -> tuple[Any, Any]:
@@ -156,7 +161,7 @@ def _load(path: Any, options: Options, wanted: list[list[tuple[Any, Any]]], meta
     return [time, *(signal if isinstance(signal, str) else _interpolated(time, *signal) for signal in signals)]
 
 
-def _read(path: Any, options: Options, wanted: list[Any]) -> tuple[float, dict[str, _Frames], Counter[int]]:
+def _read(path: Any, options: Options, wanted: list[Any]) -> tuple[float, dict[str, Frames], Counter[int]]:
     """Time of the first frame [s], the frames of the wanted messages that occur, and how often each identifier does."""
     keys = {(message.frame_id, message.is_extended_frame): message for message in wanted}
     raw: dict[str, list[tuple[float, bytes]]] = {}
@@ -234,7 +239,7 @@ def _end(path: Path, size: int) -> str:
     return "" if last.endswith(b"\n") else f"the last line, {last.decode(errors='replace')!r}, has no end"
 
 
-def _decoded(message: Any, raw: list[tuple[float, bytes]]) -> _Frames:
+def _decoded(message: Any, raw: list[tuple[float, bytes]]) -> Frames:
     """The frames as cantools decodes them; of frames with the same time stamp the last."""
     time = np.array([stamp for stamp, _ in raw])
     back = np.flatnonzero(np.diff(time) < 0)
@@ -248,7 +253,7 @@ def _decoded(message: Any, raw: list[tuple[float, bytes]]) -> _Frames:
     values = {
         signal.name: np.array([float(frame.get(signal.name, np.nan)) for frame in frames]) for signal in message.signals
     }
-    return _Frames(time[kept], values)
+    return Frames(time[kept], values)
 
 
 def _time_base(times: list[np.ndarray]) -> np.ndarray:
@@ -273,7 +278,7 @@ def _interpolated(at: np.ndarray, time: np.ndarray, values: np.ndarray) -> np.nd
     return read
 
 
-def _told(message: Any, frames: _Frames) -> dict[str, Any]:
+def _told(message: Any, frames: Frames) -> dict[str, Any]:
     """What the meta tells of a message's frames."""
     steps = np.diff(frames.time)
     told: dict[str, Any] = {"id": f"0x{message.frame_id:03X}", "frames": frames.time.size}

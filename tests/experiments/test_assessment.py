@@ -250,7 +250,7 @@ def test_a_file_that_names_no_test_needs_its_name(weaves, tmp_path, capsys):
     [
         ([], "give one FILE, or two with --compare A B"),
         (["FILE", "--targets", "sedan"], "no targets 'sedan'"),
-        (["FILE", "--speed_kph", "80"], "not 80 km/h +- 3%"),
+        (["FILE", "--speed-kph", "80"], "not 80 km/h +- 3%"),
         (["FILE", "--map", "torque"], "torque"),
         (["missing.csv"], "missing.csv"),
     ],

@@ -187,14 +187,18 @@ def test_refused_one_by_one():
     }
     quick = refusals(changed(clean, handwheel_angle=0.2 * clean["handwheel_angle"]))
     assert "handwheel_angle does not span 0 +- 0.0698 rad: steer further" in quick["steering_stiffness"]
-    pulled = refusals(changed(clean, handwheel_torque=clean["handwheel_torque"] + 5.0))
-    assert pulled["angle_deadband"] == "handwheel_torque does not cross 0 N m on each branch: centre the weave"
 
 
-def test_degrees_given_as_radians_are_refused():
+def test_a_channel_beyond_its_limit_is_refused():
     clean = linear_car()
-    wrong = refusals(changed(clean, handwheel_angle=np.degrees(clean["handwheel_angle"]) * 2.0))
-    assert wrong["yaw_lag"] == "handwheel_angle reaches 34 rad, which is beyond 20: check the unit that it is given in"
+    wrong = refusals(changed(clean, handwheel_torque=1e3 * clean["handwheel_torque"]))
+    text = "handwheel_torque reaches 3200 N m, which is beyond 100: check the unit that it is given in"
+    assert wrong["torque_at_0g"] == text
+
+
+def test_a_level_that_is_not_crossed_is_refused():
+    with pytest.raises(metrics.RefusedError, match="does not cross 3 m/s2 on each branch: centre the weave"):
+        metrics.read(linear_car()).at("handwheel_torque", "lateral_acceleration", 3.0)
 
 
 def test_wrong_unit_is_refused():

@@ -37,6 +37,18 @@ def refuse_sweep(args: argparse.Namespace, reason: str) -> None:
             raise ValueError(f"--{name} has no effect here, as {reason}")
 
 
+def without_sweep(words: Iterable[str]) -> list[str]:
+    """The words of a command line without these options and ``--out``, which change nothing in a result."""
+    kept, left = [], iter(words)
+    for word in left:
+        name, equals, _ = word.partition("=")
+        if name not in ("--workers", "--cluster", "--resume", "--out"):
+            kept.append(word)
+        elif name != "--resume" and not equals:
+            next(left, None)
+    return kept
+
+
 def runner(args: argparse.Namespace) -> "Runner":
     """What runs the cases of a command, as its options ask; finished ones are kept until all are.
 
