@@ -26,7 +26,7 @@ CHECKPOINT_EVERY, VALIDATE_EVERY = 60.0, 60.0  # [s]
 VALIDATE_STEPS = 200_000
 VALIDATED = 32  # episodes of each validation
 # A training with the defaults of Stable-Baselines3: sub-environments, and the sizes of the networks there.
-LIBRARY_ENVS, LIBRARY_NETWORKS = 8, {"ppo": [64, 64], "recurrent-ppo": [64, 64], "sac": [256, 256]}
+LIBRARY_ENVS, LIBRARY_NETWORKS = 4, {"ppo": [64, 64], "recurrent-ppo": [64, 64], "sac": [256, 256]}
 
 
 def settings(env_id: str, algo: str) -> dict[str, Any]:
