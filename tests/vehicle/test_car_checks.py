@@ -209,6 +209,16 @@ def test_the_page_has_every_key_of_a_section(section):
     assert all(len(row) == 5 for row in ROWS[section])
 
 
+@pytest.mark.parametrize("section", SECTIONS)
+def test_every_key_is_explained_as_on_the_page(section):
+    """What ``steer-env car --new`` writes beside the keys."""
+    explained = cars.key_meanings()[section]
+    assert set(explained) == set(cars.load().data()[section])
+    for row in ROWS[section]:
+        name, meaning, unit, _, allowed = (cell.replace("`", "") for cell in row)
+        assert tuple(explained[name]) == (meaning, unit, allowed)
+
+
 def accepts(section, key, value):
     try:
         if section in keys.CONSTRUCTORS:
