@@ -132,7 +132,7 @@ def test_torque_stays_in_counts_and_its_metrics_are_refused(drive, tmp_path):
     assert drive.meta["uncalibrated"] == "handwheel_torque"
     counts = can_log.decoded(LOG, OPTIONS)["STEER_TORQUE_SENSOR"].values["STEER_TORQUE_DRIVER"]
     assert counts.min() <= drive["handwheel_torque"].min() < -100
-    with pytest.raises(RefusedError, match="handwheel_torque is in 'counts'"):
+    with pytest.raises(RefusedError, match="handwheel_torque is in counts of its sensor, uncalibrated"):
         FilteredChannels(drive, 1.0)["handwheel_torque"]  # which every metric reads
     for suffix in (".csv", ".parquet", ".mat", ".mf4"):
         write(drive, tmp_path / f"drive{suffix}")
@@ -315,6 +315,26 @@ def test_options_of_can_logs(tmp_path, capsys):
     error = capsys.readouterr().err
     assert "the log breaks off after 2561 whole frames" in error
     assert main([*command, "--between", *error.split("--between ")[1].split()]) == 1  # read, without a metric
+
+
+def test_gaps_and_channels_without_values_are_told_before_the_metrics(tmp_path, capsys):
+    times = np.delete(np.arange(200) * 0.02, range(100, 104))
+    path = speeds(tmp_path / "drive.log", times, 50 + 5 * times)
+    command = ["evaluate", str(path), "--dbc", str(DBC), "--map", "vehicle_speed=SPEED", "--manoeuvre", "weave"]
+    assert main(command) == 1
+    assert f"{path}: gaps of SPEED: 1, longest step 0.1 s at 1.98 s\n" in capsys.readouterr().out
+    (tmp_path / "run.csv").write_text("time_s,yaw_rate_deg_s,SWA [deg]\n0,1,\n1,2,\n")
+    assert main(["evaluate", str(tmp_path / "run.csv"), "--manoeuvre", "weave"]) == 1
+    assert "run.csv: columns that are not read: SWA [deg] (no values)\n" in capsys.readouterr().out
+
+
+def test_the_page_says_what_is_uncalibrated(tmp_path, capsys):
+    command = ["evaluate", str(LOG), "--dbc", str(DBC), "--mapping", str(FOLDER / "rav4.toml"), "--manoeuvre", "weave"]
+    assert main([*command, "--between", "0", "20", "--speed_kph", "65", "--out", str(tmp_path / "page")]) == 1
+    assert "in counts of the sensor, uncalibrated: handwheel_torque" in capsys.readouterr().out
+    page = (tmp_path / "page" / "index.html").read_text()
+    assert '<td>uncalibrated</td><td class="text wide">handwheel_torque</td>' in page
+    assert "STEER_TORQUE_SENSOR" in page  # with its frames, rate and gaps
 
 
 def test_a_template_lists_what_the_log_has_and_is_a_mapping(tmp_path, capsys):

@@ -47,10 +47,8 @@ def torques(a, signals):
 
 
 def test_off_is_off():
-    for off in (
-        eps.make(),
-        eps.make(return_gain=0.0, friction_share=[0.0] * 6, friction_law="masing", return_hold=2.0),
-    ):
+    zero = eps.make(return_gain=0.0, friction_share=[0.0] * 6, friction_law="masing", return_hold=2.0)
+    for off in (eps.make(), zero):
         assert off.functions == NoFunctions()
         assert functions.requested(off.functions, np.zeros(0), Signals(1.0, 1.0, 1.0, 1.0, 30.0), -0.7) == -0.7
     names = [name for name, _ in states(cars.load().plant())]
