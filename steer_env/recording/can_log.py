@@ -1,8 +1,8 @@
 """Raw CAN logs as recordings, with the packages python-can and cantools: frames decoded by a DBC.
 
-python-can reads .blf, .asc, .log (candump), .trc and its own .csv, the three in the middle also compressed; cantools decodes the
-frames. A column is a signal, ``MESSAGE.SIGNAL``, or the sum of signals of one message, ``MESSAGE.COARSE +
-MESSAGE.FINE``, in which some sensors split their reading.
+python-can reads .blf, .asc, .log (candump), .trc and its own .csv, the three in the middle also compressed by gzip;
+cantools decodes the frames. A column is a signal, ``MESSAGE.SIGNAL``, or the sum of signals of one message,
+``MESSAGE.COARSE + MESSAGE.FINE``, in which some sensors split their reading.
 
 Time begins at the first frame of the log. The messages of a log come at rates of their own and with jitter. The
 recording has one uniform time base: the mean rate of the message with the most frames among those that are wanted,
@@ -13,7 +13,7 @@ frames its counter misses.
 """
 
 import gzip
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Iterator, Sequence
 from contextlib import closing
 from os import PathLike
@@ -233,10 +233,10 @@ def _end(path: Path, size: int) -> str:
     if not path.name.lower().endswith((".asc", ".trc", ".asc.gz", ".trc.gz")):
         return ""
     with closing(gzip.open(path) if path.suffix.lower() == ".gz" else open(path, "rb")) as file:
-        last = b""
-        for last in file:
-            pass
-    return "" if last.endswith(b"\n") else f"the last line, {last.decode(errors='replace')!r}, has no end"
+        last = deque(file, maxlen=1)
+    if not last or last[0].endswith(b"\n"):
+        return ""
+    return f"the last line, {last[0].decode(errors='replace')!r}, has no end"
 
 
 def _decoded(message: Any, raw: list[tuple[float, bytes]]) -> Frames:

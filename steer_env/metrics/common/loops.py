@@ -101,8 +101,9 @@ class Loops:
 
     @property
     def _motion(self) -> tuple[str, ...]:
-        """The channels that show the turning of the car."""
-        return tuple(name for name in (AY, YAW) if name in self._smooth) if self._speed > STANDING else ()
+        """The channels that show the turning of the car; none for a car that stands, also where a rig is at speed."""
+        shown = (name for name in (AY, YAW) if name in self._smooth and np.any(self._smooth.recording[name]))
+        return tuple(shown) if self._speed > STANDING else ()
 
     def _zero(self, name: str) -> float:
         """Reading of a channel where the car goes straight; 0 where the recording does not tell."""
