@@ -323,7 +323,7 @@ def test_gaps_and_channels_without_values_are_told_before_the_metrics(tmp_path, 
     command = ["evaluate", str(path), "--dbc", str(DBC), "--map", "vehicle_speed=SPEED", "--manoeuvre", "weave"]
     assert main(command) == 1
     assert f"{path}: gaps of SPEED: 1, longest step 0.1 s at 1.98 s\n" in capsys.readouterr().out
-    (tmp_path / "run.csv").write_text("time_s,yaw_rate_deg_s,SWA [deg]\n0,1,\n1,2,\n")
+    (tmp_path / "run.csv").write_text("# can: none\ntime_s,yaw_rate_deg_s,SWA [deg]\n0,1,\n1,2,\n")
     assert main(["evaluate", str(tmp_path / "run.csv"), "--manoeuvre", "weave"]) == 1
     assert "run.csv: columns that are not read: SWA [deg] (no values)\n" in capsys.readouterr().out
 
