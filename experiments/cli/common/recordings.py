@@ -86,7 +86,7 @@ def assess(paths: list[str], args: argparse.Namespace, tolerances: str | None) -
 
 
 def _notes(meta: Mapping[str, Any], frames: bool) -> Iterator[str]:
-    """What to know of a recording before its metrics: columns without values, counts, and the gaps of a CAN log (``frames``)."""
+    """What to know of a recording before its metrics: columns without values, counts, gaps of ``frames``."""
     for key, label in NOTES.items():
         if key in meta:
             yield f"{label}: {meta[key]}"
