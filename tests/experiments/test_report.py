@@ -177,7 +177,7 @@ def test_the_report_of_an_own_car(tmp_path, monkeypatch):
 
 def test_the_page_says_everything_in_plain_words(made):
     words = " ".join(" ".join(Page((made[0] / "index.html").read_text(encoding="utf-8")).words).split())
-    headings = "Summary", "1 Friction", "2 Held", "3 Feel", "4 Real time", "5 Assist", "6 Vehicle", "7 Provenance"
+    headings = "Verdict", "1 Friction", "2 Held", "3 Feel", "4 Real time", "5 Assist", "6 Vehicle", "7 Provenance"
     for heading in (*headings, "Parking", "Cross-validation", "Glossary"):
         assert heading in words
     for name in {name for test in TESTS for name in metrics.available(test)}:

@@ -50,7 +50,6 @@ def assess(paths: list[str], args: argparse.Namespace, tolerances: str | None) -
 
     from steer_env import targets
     from steer_env.experiments.cli.common.tables import print_differences, print_metrics
-    from steer_env.experiments.output import provenance
     from steer_env.experiments.report import assessment
     from steer_env.experiments.studies.common import simulation_vs_measurement
     from steer_env.friction.numerics.check import number
@@ -79,8 +78,7 @@ def assess(paths: list[str], args: argparse.Namespace, tolerances: str | None) -
         print(f"{labels[0]} and {labels[1]} {agree} within the tolerances {tolerances}")
     if args.out:
         out = Path(args.out)
-        trace = provenance.trace(command=args.argv, result=out.name, inputs=inputs.of(args))
-        assessment.write(out, found, recordings, trace)
+        assessment.write(out, found, recordings, _trace(args, labels, out.name))
         print(out / "index.html")
     return int(any(all(value.reason for value in values.values()) for values in found.values.values()))
 
@@ -124,14 +122,33 @@ def _labels(paths: list[str]) -> list[str]:
     return labels
 
 
-def _read(path: str, place: int, args: argparse.Namespace) -> Any:
-    """A recording from a file, read through its mapping and with short drop-outs bridged."""
-    from steer_env.recording import can_log, channel_mapping, files
+def _mapping(place: int, args: argparse.Namespace) -> Any:
+    """The mapping of a recording by its place among those that are given."""
+    from steer_env.recording import channel_mapping
 
     chosen = channel_mapping.load(args.mapping[place]) if place < len(args.mapping) else channel_mapping.Mapping()
     if place == 0:
         chosen = chosen.with_entries(channel_mapping.parse_entry(text) for text in args.entries)
-    found = files.read(path, chosen, can=can_options(args)).without(*args.without)
+    return chosen
+
+
+def _trace(args: argparse.Namespace, labels: list[str], result: str) -> dict[str, Any]:
+    """What an assessment is made from, with what each recording was read through."""
+    from steer_env.experiments.output import provenance
+
+    chosen = {label: _mapping(place, args) for place, label in enumerate(labels)}
+    mapping = {
+        label: {"channels": {name: entry._asdict() for name, entry in one.channels.items()}, "meta": one.meta}
+        for label, one in chosen.items()
+    }
+    return provenance.trace(command=args.argv, result=result, inputs=inputs.of(args), mapping=mapping)
+
+
+def _read(path: str, place: int, args: argparse.Namespace) -> Any:
+    """A recording from a file, read through its mapping and with short drop-outs bridged."""
+    from steer_env.recording import can_log, files
+
+    found = files.read(path, _mapping(place, args), can=can_options(args)).without(*args.without)
     for note in _notes(found.meta, can_log.recognised(path)):
         print(f"{path}: {note}")
     if args.manoeuvre is None and found.meta.get("manoeuvre") is None:
