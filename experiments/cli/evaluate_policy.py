@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from steer_env.experiments.cli.common.arguments import FRICTION, SHIPPED, add_evaluation, friction_law
 from steer_env.experiments.cli.common.extras import require
+from steer_env.experiments.cli.common.sweeping import add_sweep, runner
 from steer_env.registration import DRIVEN
 
 if TYPE_CHECKING:
@@ -27,6 +28,7 @@ def add(commands: Any, common: argparse.ArgumentParser) -> None:
     add_evaluation(evaluate, "evaluation")
     text = f"{FRICTION} (default: that of the training)"
     evaluate.add_argument("--friction", metavar="LAW", type=friction_law, help=text)
+    add_sweep(evaluate)
     evaluate.set_defaults(function=_evaluate)
 
 
@@ -45,12 +47,13 @@ def _evaluate(args: argparse.Namespace) -> None:
         raise ValueError("--env must name the environment where no policy.zip is given")
     env_id = args.env or policy.about(Path(own))["env"]  # type: ignore[arg-type]
     policy.check_driven(env_id)
+    sweep = runner(args)
     usable(Path(args.out), policy_report.CONTENTS)
     controllers, paths, made = _controllers(args, env_id)
     curves = {
         title: file for label, path in paths.items() for title, file in policy.learning_curves(path, label).items()
     }
-    evaluate_and_report(env_id, controllers, args.episodes, Path(args.out), made, curves)
+    evaluate_and_report(env_id, controllers, args.episodes, Path(args.out), made, curves, sweep)
 
 
 def _controllers(args: argparse.Namespace, env_id: str) -> "tuple[dict[str, Maker], dict[str, Path], dict[str, Any]]":

@@ -101,7 +101,9 @@ def _run(argv: Sequence[str]) -> int:
         # SIGTERM is handled as Ctrl-C is: the workers stop and no file stays half-written.
         signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
-        with _warnings_in_one_line(args.command):
+        from steer_env.thread_pool import one_blas_thread
+
+        with _warnings_in_one_line(args.command), one_blas_thread():
             return args.function(args) or 0
     except BrokenPipeError:
         raise
