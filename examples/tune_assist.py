@@ -1,6 +1,8 @@
 """Search for a better parameter set of the assist in the tuning environment by scipy's differential evolution.
 
-python examples/tune_assist.py [EVALUATIONS]
+python examples/tune_assist.py [EVALUATIONS] [FILE.toml]
+
+The best set becomes a car file: steer-env run weave --vehicle tuned.toml
 """
 
 import sys
@@ -10,10 +12,11 @@ import numpy as np
 from scipy import optimize
 
 import steer_env  # noqa: F401 (registers the ids)
+from steer_env.vehicle import cars
 
 
-def main(evaluations: int) -> tuple[float, float]:
-    """Reward of the car's own parameter set, and of the best one found."""
+def main(evaluations: int, out: str) -> tuple[float, float]:
+    """Reward of the car's own parameter set, and of the best one found, which is written as a car file."""
     env = gym.make("steer_env/TuneOnCentre-v1")
 
     def reward(action: np.ndarray) -> float:
@@ -25,9 +28,11 @@ def main(evaluations: int) -> tuple[float, float]:
     best = optimize.differential_evolution(
         lambda action: -reward(action), [(-1.0, 1.0)] * size, maxiter=rounds, popsize=4, polish=False, rng=0
     )
+    cars.write(env.unwrapped.tuned_car(best.x.astype(np.float32)), out)
     return reward(np.zeros(size)), -float(best.fun)
 
 
 if __name__ == "__main__":
-    own, found = main(int(sys.argv[1]) if len(sys.argv) > 1 else 200)
-    print(f"own set {own:.3f}, best found {found:.3f}")
+    count, path = (*sys.argv[1:], *("200", "tuned.toml")[len(sys.argv) - 1 :])
+    own, found = main(int(count), path)
+    print(f"own set {own:.3f}, best found {found:.3f}: {path}")

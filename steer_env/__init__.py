@@ -1,11 +1,14 @@
 """Gymnasium environments for steering feel; importing the package registers their ids and little more."""
 
+from importlib import metadata
+from typing import Any
+
 import lazy_loader
 
 from steer_env.friction.numerics.renamed import renamed
 from steer_env.registration import register
 
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+_lazy, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
 _OLD_NAMES = {
     "bands": "steer_env.targets",
     "canvas": "steer_env.rendering.canvas",
@@ -18,6 +21,13 @@ _OLD_NAMES = {
     "render": "steer_env.rendering.renderer",
     "units": "steer_env.recording.units",
 }
-__getattr__ = renamed(__name__, _OLD_NAMES, __getattr__)
+
+
+def _attribute(name: str) -> Any:
+    """The version, which only an installed package has, or what the stub names."""
+    return metadata.version("steer-env") if name == "__version__" else _lazy(name)
+
+
+__getattr__ = renamed(__name__, _OLD_NAMES, _attribute)
 
 register()

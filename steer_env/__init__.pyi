@@ -3,6 +3,8 @@ from .env import SteerEnv
 from .registration import REGISTERED
 from .vector import SteerVectorEnv
 
+__version__: str
+
 __all__ = [
     "REGISTERED",
     "SteerEnv",

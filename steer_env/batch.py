@@ -266,6 +266,7 @@ class EnvironmentBatch:
         episode["path_points"], episode["data_size"] = len(path), len(data)
         episode["speed"] = episode["held_speed"] = drawn.speed
         episode["action_gain"], episode["driven"] = drawn.action_gain, driven
+        episode["action_kept"] = math.exp(-SAMPLE_TIME / drawn.action_lag) if drawn.action_lag > 0.0 else 0.0
         episode["delay"] = round(drawn.delay / self.control_dt)
         self.episodes[i] = episode
         a.task_memory[i] = a.metrics[i] = a.terms[i] = 0.0

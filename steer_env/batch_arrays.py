@@ -26,11 +26,14 @@ EPISODE = np.dtype(
         ("latest", np.int64),  # place of the newest observation in the ring buffer
         ("delay", np.int64),  # of the observation [control steps]
         ("action_gain", np.float64),  # factor on the action's effect
+        ("action_kept", np.float64),  # of the difference between ``asked`` and the action after a sample; 0: no lag
         ("driven", np.int64),  # 1 where a driver model holds the handwheel
         ("speed", np.float64),  # forward [m/s]
         ("held_speed", np.float64),  # that is held, or that the episode begins with [m/s]
         ("action", np.float64),  # of the present step, clipped to [-1, 1]
+        ("last_action", np.float64),  # of the step before
         ("action_rate", np.float64),  # [1/s]
+        ("asked", np.float64),  # of the plant by the action, with its gain and lag [unit of the action]
         ("reward", np.float64),  # of the last step
         ("cost", np.float64),  # of the last step
         ("failure", np.int64),  # in the last step: place among steer_env.tasks.common.definition.FAILURES
@@ -76,6 +79,7 @@ class BatchLayout(NamedTuple):
     time_limit: int  # samples after which every episode is truncated
     action_input: int  # place among the plant's inputs
     action_scale: float  # value of that input at action 1 [its unit]
+    ramped: bool  # whether the action goes on a straight line from the last one, else it is held
     robot: int  # place of the plant's parameter ``robot`` among its numbers
     speed_channel: int  # place of the forward speed among the channels; -1 where the speed is held
     n_rewards: int  # the first terms are of the reward, the others of the cost
@@ -131,6 +135,7 @@ def layout(
         time_limit=np.iinfo(np.int64).max if steps is None else steps * samples_per_step,
         action_input=task.action.input,
         action_scale=task.action.scale,
+        ramped=task.action.ramped,
         robot=plant_batch.slices(template)["robot"].start,
         speed_channel=names.index("longitudinal_speed") if "longitudinal_speed" in names else -1,
         n_rewards=len(task.rewards),

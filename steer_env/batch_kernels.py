@@ -26,15 +26,15 @@ _ROLL = plant.CHANNEL["roll_angle"]
 def fill_inputs(arrays, layout, begins, low, high):
     """Fill the plant's inputs for the coming samples; the first call of a control step (``begins``) takes the action.
 
-    The inputs are the scripted ones, straight lines between their updates, plus the action. A scripted handwheel angle
-    comes with its speed and follows the cubic that meets both at the updates. Once the hands have let go, the handwheel
-    is free. A row whose state is not finite keeps the inputs and the previous state that led there.
+    The inputs are the scripted ones, straight lines between their updates, plus the action behind its lag. A scripted
+    handwheel angle comes with its speed and follows the cubic that meets both at the updates. Once the hands have let
+    go, the handwheel is free. A row whose state is not finite keeps the inputs and the previous state that led there.
     """
     for i in range(low, high):
         episode = arrays.episodes[i]
         if begins:
-            episode.action_rate = (arrays.actions[i] - episode.action) / layout.control_dt
-            episode.action = arrays.actions[i]
+            episode.last_action, episode.action = episode.action, arrays.actions[i]
+            episode.action_rate = (episode.action - episode.last_action) / layout.control_dt
             episode.terminated, episode.failure = False, 0
             for k in range(arrays.terms.shape[1]):
                 arrays.terms[i, k] = 0.0
@@ -56,7 +56,18 @@ def fill_inputs(arrays, layout, begins, low, high):
             if free:
                 u[HAND] = 0.0
                 u[HAND_SPEED] = 0.0
-            u[layout.action_input] += layout.action_scale * episode.action_gain * episode.action
+            asked = layout.action_scale * episode.action_gain * _present_action(layout, episode, sample)
+            episode.asked = asked + episode.action_kept * (episode.asked - asked)
+            u[layout.action_input] += episode.asked
+
+
+@kernel
+def _present_action(layout, episode, sample):
+    """The action at the end of a sample, whose number since the start of the episode is given."""
+    if not layout.ramped:
+        return episode.action
+    share = ((sample - 1) % layout.samples_per_step + 1) / layout.samples_per_step
+    return episode.last_action + share * (episode.action - episode.last_action)
 
 
 @kernel
@@ -88,7 +99,7 @@ def evaluate(arrays, layout, parameters, samples, ends, low, high):
             episode.speed = channels[layout.speed_channel]
         step = StepContext(
             episode.sample * SAMPLE_TIME, dt, episode.speed, episode.held_speed, episode.action, episode.action_rate,
-            layout.action_scale * episode.action_gain * episode.action,
+            episode.asked,
         )  # fmt: skip
         data, memory = arrays.task_data[i, : episode.data_size], arrays.task_memory[i]
         tasks.observe(parameters, channels, arrays.paths[i, : episode.path_points], data, step, memory, observed)

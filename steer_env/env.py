@@ -42,7 +42,8 @@ class SteerEnv(PlainSpecification, gym.Env):
         its arguments beside it, as in ``{"road": "iso8608", "seed": 1, "road_class": "C"}``.
     control_dt : float, optional
         Time between actions: 1, 2 or 5 ms or a multiple of 10 ms, up to 100 ms [s]; the task's own by default, 50 ms
-        for drivers and 10 ms for assists.
+        for drivers, whose torque goes on a straight line from one decision to the next, and 10 ms for assists, whose
+        action is held.
     driver : str, mapping or Driver, optional
         The driver model, in tasks that have one in the loop: one of ``steer_env.drivers.available()``, a mapping of one
         and its options, as in ``{"driver": "preview", "effort": 0.03, "co_contraction": 0.25}``, or from

@@ -47,10 +47,13 @@ def _documentation(task: Task) -> str:
     costs = [(f"`{c.name}`", f"{c.limit:.6g}", c.unit, c.meaning) for c in task.costs]
     metrics = [(f"`{m.name}`", m.unit, ("rms", "peak", "sum")[m.kind], m.meaning) for m in task.metrics]
     options = [(f"`{key}`", meaning) for key, (_, _, meaning) in reset_options(task).items()]
+    way = "is held for `control_dt`"
+    if action.ramped:
+        way = "is reached at the end of `control_dt`, on a straight line from the last one"
     sections = [
         task.summary,
         "## Action",
-        "`Box(-1, 1, (1,))`; the action is held for `control_dt`.",
+        f"`Box(-1, 1, (1,))`; the action {way}.",
         table(("index", "action", "at 1", "unit"), [("0", action.meaning, f"{action.scale:g}", action.unit)]),
         "## Observation",
         f"`Box({len(observations)},)`, clipped to the bounds and divided by the usual sizes; with `normalise=False` in "

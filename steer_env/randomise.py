@@ -21,11 +21,8 @@ RANGES = {
     "speed": (0.0, cars.SPEED_MAX, "held speed [m/s]"),
     "sensor_noise": (0.0, 10.0, "factor on the standard deviations of the sensors' noise [1]"),
     "delay": (0.0, 0.2, "delay of the observation, rounded to whole control steps [s]"),
-    "action_gain": (
-        0.1,
-        2.0,
-        "factor on the action's effect, as of an actuator stronger than it should be [1]",
-    ),
+    "action_gain": (0.1, 2.0, "factor on the action's effect, as of an actuator stronger than it should be [1]"),
+    "action_lag": (0.0, 0.2, "first-order lag of the torque behind the action; muscles of the driver models: 0.05 [s]"),
 }
 LIMITS = {name: (low, high) for name, (low, high, _) in RANGES.items()}
 # Standard deviations of white noise at each control step, as good production sensors have; assumed [SI].
@@ -55,6 +52,7 @@ class Conditions(NamedTuple):
     sensor_noise: float  # [1]
     delay: float  # [s]
     action_gain: float  # [1]
+    action_lag: float  # [s]
     friction: Any  # the law's parameters
     drawn: tuple[tuple[str, float], ...] = ()  # name and value of those of them that ``randomise`` draws [their units]
 
@@ -92,7 +90,7 @@ class Randomise:
     ) -> None:
         self._limits = limits
         usual = friction.resolve(law)
-        self._usual = Conditions(0.0, 1.0, 1.0, speed, 0.0, 0.0, 1.0, usual)
+        self._usual = Conditions(0.0, 1.0, 1.0, speed, 0.0, 0.0, 1.0, 0.0, usual)
         self._name, self._given = parts(law)
         if ranges is None:
             ranges = {}

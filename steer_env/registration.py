@@ -10,7 +10,8 @@ from steer_env.friction.numerics.registry import camel_case, listed
 VERSION = "v1"
 HISTORY = (
     "v1: another default car and assist, the rack force without the weight of the wheels, another reference feel; "
-    "rewards from 0 to 1 per second, scaled observations with the last action, decisions of drivers every 50 ms.\n\n"
+    "rewards from 0 to 1 per second, scaled observations with the last action, decisions of drivers every 50 ms, "
+    "on straight lines.\n\n"
     "v0: first version; v1 replaces it."
 )
 

@@ -20,7 +20,7 @@ from steer_env.randomise import Conditions
 from steer_env.registration import VERSION as ID_VERSION
 from steer_env.vehicle.plant_batch import numbers
 
-VERSION = 1  # of the format and of the meaning of what it holds: raised when either changes
+VERSION = 2  # of the format and of the meaning of what it holds: raised when either changes
 Generators: TypeAlias = tuple[tuple[np.random.Generator, int], ...]  # of each sub-environment, with its seed
 
 

@@ -5,6 +5,9 @@ from pathlib import Path
 
 import numpy as np
 
+from steer_env.experiments.cli.main import main
+from steer_env.vehicle import cars
+
 FOLDER = Path(__file__).parents[1] / "examples"
 
 
@@ -28,9 +31,13 @@ def test_compare_drivers():
     assert found["lugre", "macadam"]["steering_work"] > 0.0
 
 
-def test_tune_assist():
-    own, best = load("tune_assist").main(40)
+def test_tune_assist(tmp_path):
+    """The best set is a car file, which the command line drives."""
+    path = tmp_path / "tuned.toml"
+    own, best = load("tune_assist").main(40, str(path))
     assert best > own
+    assert cars.load(path).name == "compact_tuned"
+    assert main(["run", "rig", "--vehicle", str(path), "--out", str(tmp_path)]) == 0
 
 
 def test_plan_by_cross_entropy():

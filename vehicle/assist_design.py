@@ -27,6 +27,7 @@ from steer_env.vehicle.chassis.common.interface import HAND, HAND_SPEED, INPUTS
 from steer_env.vehicle.constants import GRAVITY
 from steer_env.vehicle.plant import CHANNEL
 from steer_env.vehicle.steering import margins
+from steer_env.vehicle.steering.assist import functions
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
 from steer_env.vehicle.steering.torque_build_up import torque_build_up
 
@@ -145,7 +146,8 @@ def _steady(car: Car, speed: float) -> bool:
 
 def _with(car: Car, found: Design) -> Car:
     speeds, torques, boost, damping = (np.ascontiguousarray(values) for values in found)
-    assist = car.assist._replace(speeds=speeds, torques=torques, boost=boost, damping=damping)
+    kept = functions.at_speeds(car.assist.functions, speeds)
+    assist = car.assist._replace(speeds=speeds, torques=torques, boost=boost, damping=damping, functions=kept)
     return car._replace(assist=assist)
 
 
@@ -179,7 +181,7 @@ def least_damping(car: Car, speed: float, wanted: float) -> float:
 
 
 def design(car: Car) -> Design:
-    """Boost and damping for a car; lead, delay, bandwidth and limit of its assist stay.
+    """Boost and damping for a car; lead, delay, bandwidth, limit and functions of its assist stay.
 
     The parking effort is raised from ``PARKING_EFFORT`` until the loop has its margins at standstill.
 

@@ -1,7 +1,8 @@
 """Where each part of a plant stands in its state array.
 
 The array holds, in this order, the column, the assist, the memory of the multi-step rules, the states of the chassis,
-their derivatives and the outputs at the last two evaluations of the chassis, and the memory of the friction law.
+their derivatives and the outputs at the last two evaluations of the chassis, the states of the assist's functions, and
+the memory of the friction law.
 """
 
 from typing import Any, NamedTuple
@@ -11,6 +12,7 @@ from steer_env.friction.numerics.kernel import kernel, plain
 from steer_env.vehicle import chassis
 from steer_env.vehicle.chassis.common.interface import INPUTS, Names
 from steer_env.vehicle.steering import column, eps
+from steer_env.vehicle.steering.assist import functions
 
 # What the multi-step rules keep between the steps.
 _STEP_MEMORY: Names = (
@@ -43,6 +45,7 @@ class Layout(NamedTuple):
     rate_before: int
     outputs: int
     outputs_before: int
+    functions: int  # of the assist
     memory: int  # of the friction law, to the end of the array
 
 
@@ -54,8 +57,8 @@ _CHASSIS = _LAST + len(INPUTS)
 
 
 @kernel
-def _arrange(n, m):
-    """The layout for ``n`` states and ``m`` outputs of the chassis."""
+def _arrange(n, m, k):
+    """The layout for ``n`` states and ``m`` outputs of the chassis and ``k`` states of the assist's functions."""
     rate, outputs = _CHASSIS + n, _CHASSIS + 3 * n
     return Layout(
         column=0,
@@ -71,20 +74,21 @@ def _arrange(n, m):
         rate_before=rate + n,
         outputs=outputs,
         outputs_before=outputs + m,
-        memory=outputs + 2 * m,
+        functions=outputs + 2 * m,
+        memory=outputs + 2 * m + k,
     )
 
 
 @kernel
 def layout(p):
     """The layout of a plant, in kernels; compiled code knows its numbers as constants."""
-    return _arrange(chassis.state_size(p.chassis), chassis.output_size(p.chassis))
+    return _arrange(chassis.state_size(p.chassis), chassis.output_size(p.chassis), functions.size(p.assist.functions))
 
 
 def layout_of(p: Any) -> Layout:
     """The layout of a plant, in Python."""
     kind = chassis.chassis_of(p.chassis)
-    return plain(_arrange)(len(kind.states), len(kind.outputs))
+    return plain(_arrange)(len(kind.states), len(kind.outputs), len(functions.states(p.assist.functions)))
 
 
 def size_of(p: Any) -> int:
@@ -106,5 +110,6 @@ def states(p: Any) -> Names:
         *((f"{name}_derivative_before", f"{unit}/s") for name, unit in kind.states),
         *kind.outputs,
         *((f"{name}_before", unit) for name, unit in kind.outputs),
+        *functions.states(p.assist.functions),
         *((f"friction_memory_{i}", "") for i in range(law_of(p.friction).memory_size(p.friction))),
     )

@@ -35,6 +35,8 @@ from steer_env.vehicle.chassis.common.interface import (
 )
 from steer_env.vehicle.layout import layout, layout_of, size_of, states
 from steer_env.vehicle.steering import column, eps
+from steer_env.vehicle.steering.assist import functions
+from steer_env.vehicle.steering.assist.functions import Signals
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
 
 _OWN_CHANNELS: Names = (
@@ -142,7 +144,7 @@ def _step(p, state, hand, hand_speed, before, after, elapsed, u, h):
         state[at.rate : at.rate_before],
         state[at.rate_before : at.outputs],
         state[at.outputs : at.outputs_before],
-        state[at.outputs_before : at.memory],
+        state[at.outputs_before : at.functions],
         s,
         h,
         u,
@@ -172,7 +174,7 @@ def _report(p, state, u, row):
         p.chassis,
         state[at.chassis : at.rate],
         state[at.outputs : at.outputs_before],
-        state[at.outputs_before : at.memory],
+        state[at.outputs_before : at.functions],
         s,
         u,
         row[_OWN:],
@@ -208,13 +210,20 @@ def run(p, state, inputs, record, substeps):
         u = inputs[i]
         row = record[i if i < last else last]
         torsion_bar_torque = p.column.K_tb * (state[column.HANDWHEEL_ANGLE] - state[column.COLUMN_ANGLE])
+        measured = Signals(
+            state[column.HANDWHEEL_ANGLE],
+            state[column.HANDWHEEL_SPEED],
+            state[column.COLUMN_SPEED],
+            torsion_bar_torque,
+            chassis.speed(p.chassis, state[at.chassis :]),
+        )
         before, after = eps.sample(
             p.assist,
             state[at.assist : at.steps],
             torsion_bar_torque,
-            state[column.COLUMN_SPEED],
-            chassis.speed(p.chassis, state[at.chassis :]),
-            u[ASSIST_REQUEST],
+            measured.column_speed,
+            measured.speed,
+            functions.requested(p.assist.functions, state[at.functions : at.memory], measured, u[ASSIST_REQUEST]),
         )
         start, start_speed = state[column.HANDWHEEL_ANGLE], state[column.HANDWHEEL_SPEED]
         for j in range(substeps):

@@ -19,10 +19,12 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from steer_env.experiments.cli.common.messages import in_options
+from steer_env.experiments.cli.common.sweeping import unswept
 from steer_env.friction.numerics.registry import dashed, listed
 
 # Options with a unit, which are also accepted with a dash in place of the underscore.
-WITH_UNIT = {name.replace("_", "-"): name for name in ("--speed_kph", "--frequency_hz", "--timing_ms", "--rate_hz")}
+_UNDERSCORED = ("--speed_kph", "--frequency_hz", "--timing_ms", "--rate_hz", "--noticed_percent")
+WITH_UNIT = {name.replace("_", "-"): name for name in _UNDERSCORED}
 PIPE_CLOSED = 141  # exit code of a program that SIGPIPE ends, 128 + 13
 
 
@@ -45,7 +47,7 @@ def _common() -> _Parser:
     return parser
 
 
-def _import(argv: Sequence[str]) -> None:
+def import_modules(argv: Sequence[str]) -> None:
     """Import the modules that ``--import`` names, before ``--friction`` is read.
 
     A worker process imports such a module when it receives parameters of its law.
@@ -68,6 +70,13 @@ def _parser() -> argparse.ArgumentParser:
         if name != "main":
             importlib.import_module(module).add(commands, _common())
     return parser
+
+
+def parsed(argv: Sequence[str]) -> argparse.Namespace:
+    """The options of a command line, with the words themselves as ``argv``; SystemExit for what a parser refuses."""
+    args = _parser().parse_args(argv, argparse.Namespace(argv=list(argv)))
+    args.argv = unswept(args)  # results do not depend on where they were computed
+    return args
 
 
 def _underscored(text: str) -> str:
@@ -95,8 +104,8 @@ def _warnings_in_one_line(command: str) -> Iterator[None]:
 def _run(argv: Sequence[str]) -> int:
     """Run a command; its exit code."""
     argv = [_underscored(text) for text in argv]
-    _import(argv)
-    args = _parser().parse_args(argv)
+    import_modules(argv)
+    args = parsed(argv)
     if threading.current_thread() is threading.main_thread():
         # SIGTERM is handled as Ctrl-C is: the workers stop and no file stays half-written.
         signal.signal(signal.SIGTERM, signal.default_int_handler)

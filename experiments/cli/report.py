@@ -4,8 +4,10 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from steer_env.experiments.cli.common import names
+from steer_env.experiments.cli.common import names, noticed
 from steer_env.experiments.cli.common.arguments import FRICTION, friction_law
+from steer_env.experiments.cli.common.sweeping import add_sweep, runner
+from steer_env.experiments.output import car_options
 
 COMPARED = ("lugre", "masing")  # the two laws that the literature compares, which come first
 
@@ -16,6 +18,11 @@ def add(commands: Any, common: argparse.ArgumentParser) -> None:
     report = commands.add_parser("report", help=text, description=text, parents=[common])
     text = f"{FRICTION}; default: all laws ({', '.join(names.laws())})"
     report.add_argument("--friction", metavar="LAW", type=friction_law, nargs="+", help=text)
+    car_options.add(report)
+    text = "pictures in place of interactive plots: a page of less than 1 MB, to mail or to print"
+    report.add_argument("--light", action="store_true", help=text)
+    noticed.add(report)
+    add_sweep(report)
     text = "directory, replaced as a whole (default report)"
     report.add_argument("--out", metavar="DIR", default="report", help=text)
     report.set_defaults(function=_report)
@@ -32,8 +39,14 @@ def _report(args: argparse.Namespace) -> None:
         if labels.count(label) > 1:
             raise ValueError(f"--friction names {label!r} twice")
 
-    from steer_env.experiments.report import build
+    sweep = runner(args)
+    look = {"light": args.light, "noticed": noticed.share(args)}
+    car = car_options.load(args)
 
+    from steer_env.experiments.report import build
+    from steer_env.experiments.report.results import Scope
+
+    parameters = {law.label: law.parameters for law in laws}
     with progress("compiling and driving") as notify:
-        build.build(args.out, {law.label: law.parameters for law in laws}, notify=notify)
+        build.build(args.out, parameters, Scope(car=car), notify, build.Look(**look), sweep)
     print(Path(args.out) / "index.html")

@@ -7,21 +7,23 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from steer_env.experiments.cli.common import names
+from steer_env.experiments.cli.common import inputs, names
 from steer_env.experiments.cli.common.arguments import FRICTION, KPH, friction_law
 from steer_env.experiments.cli.common.extras import require_format
 from steer_env.experiments.cli.common.sweeping import OPTIONS as SWEEP
 from steer_env.experiments.cli.common.sweeping import add_sweep, refuse_sweep, runner
+from steer_env.experiments.output import car_options
 from steer_env.experiments.output.options import progress
 
 if TYPE_CHECKING:
     from steer_env.manoeuvres import Manoeuvre
     from steer_env.metrics import Value
+    from steer_env.vehicle.cars import Car
 
 ALL = "all"
-FASTEST = names.SAMPLE_RATE  # default rate of a file [Hz]
-SLOW = 100.0  # default rate of a file that would be large [Hz]
-LONG = 60.0  # duration from which on it would be [s]
+FASTEST = names.SAMPLE_RATE  # [Hz]
+FILE_RATE = 200.0  # default rate of a file [Hz]
+FILE_DIGITS = 7  # of the values in a file below the full rate [1]
 
 
 class Run(NamedTuple):
@@ -41,18 +43,15 @@ def add(commands: Any, common: argparse.ArgumentParser) -> None:
     run.add_argument("manoeuvre", metavar="MANOEUVRE", choices=known, help=", ".join(known))
     text = f"{FRICTION}; laws: {', '.join(names.laws())} (default lugre)"
     run.add_argument("--friction", metavar="LAW", type=friction_law, default="lugre", help=text)
-    text = f"{', '.join(names.cars())}, or a .toml or .json file (default compact)"
-    run.add_argument("--vehicle", metavar="NAME", default="compact", help=text)
-    text = "a tyre in place of the car's own: a file, or the name of a packaged tyre"
-    run.add_argument("--tyre", metavar="FILE.tir", help=text)
+    car_options.add(run)
     text = "class of an ISO 8608 road, A to H, for two_track"
     run.add_argument("--road", metavar="CLASS", choices=names.ROAD_CLASSES, help=text)
     run.add_argument("--seed", metavar="N", type=int, help="seed of the road (default 0)")
     run.add_argument("--chassis", choices=names.chassis(), help="default: the manoeuvre's")
     run.add_argument("--speed_kph", metavar="KPH", help="held speed [km/h] (default: the manoeuvre's)")
     text = (
-        f"sampling rate of the file, low-passed before (default {FASTEST:g}, or {SLOW:g} for two_track and for more "
-        f"than {LONG:g} s); the metrics are of the full rate"
+        f"sampling rate of the file, low-passed before and with {FILE_DIGITS} significant digits (default "
+        f"{FILE_RATE:g}); at {FASTEST:g} every sample is written with all digits; the metrics are of the full rate"
     )
     run.add_argument("--rate_hz", metavar="HZ", help=text)
     text = (
@@ -111,6 +110,7 @@ def _run_all(args: argparse.Namespace, out: Path) -> None:
     out.mkdir(parents=True, exist_ok=True)
     sweep = runner(args)
     options = {key: value for key, value in vars(args).items() if key not in ("function", "out", *SWEEP)}
+    options |= {"vehicle": car_options.load(args).data(), "tyre": None, "changes": []}  # a worker may not see its files
     longest_first = sorted(manoeuvres.available(), key=lambda name: -manoeuvres.make(name).duration)
     with progress("driving") as notify:
         drives = sweep(driven, [(name, options) for name in longest_first], notify=notify, words=lambda case: case[0])
@@ -180,28 +180,41 @@ def drive(args: argparse.Namespace, manoeuvre: "Manoeuvre", out: Path) -> Run:
     from steer_env.friction.numerics.check import number, read_number
     from steer_env.metrics import evaluate, tests
     from steer_env.recording import files
-    from steer_env.vehicle import cars, tyre
 
-    car = cars.load(args.vehicle)
-    if args.tyre is not None:
-        car = car._replace(tyre=tyre.load(args.tyre))
-    large = manoeuvre.duration > LONG or manoeuvre.chassis == "two_track"
-    wanted = (SLOW if large else FASTEST) if args.rate_hz is None else read_number(args.rate_hz)
+    car = car_options.load(args)
+    wanted = FILE_RATE if args.rate_hz is None else read_number(args.rate_hz)
     rate = number("--rate_hz", wanted, minimum=20.0, maximum=FASTEST)
+    trace = _trace(args, manoeuvre.name, car, out)
     recording = manoeuvres.drive(car, manoeuvre, args.friction.parameters)
+    recording = replace(recording, meta={**recording.meta, "trace": trace})
     values = evaluate(recording) if manoeuvre.name in tests() else {}  # a manoeuvre may have no metrics
-    files.write(recording.filtered(0.4 * rate).resampled(rate) if rate < FASTEST else recording, out)
+    if rate < FASTEST:
+        files.write(recording.filtered(0.4 * rate).resampled(rate), out, digits=FILE_DIGITS)
+    else:
+        files.write(recording, out)
     write_json(
         out.with_suffix(".json"),
         {
             "metrics": entries(values),
-            "meta": {key: value for key, value in recording.meta.items() if not _nan(value)},
+            "meta": {key: value for key, value in recording.meta.items() if key != "trace" and not _nan(value)},
             "friction": provenance.law(args.friction.parameters),
             "versions": provenance.versions(),
+            "trace": trace,
         },
     )
     about = manoeuvre.name, args.friction.label, f"{car.name} on {car.tyre.name}", manoeuvre.chassis
     return Run(", ".join(about), values, out)
+
+
+def _trace(args: argparse.Namespace, manoeuvre: str, car: "Car", out: Path) -> dict[str, Any]:
+    """What one recording is made from; of several manoeuvres that one command drives, its own."""
+    from steer_env.experiments.output import provenance
+
+    command = [manoeuvre if word == ALL else word for word in args.argv]
+    laws = {args.friction.label: args.friction.parameters}
+    return provenance.trace(
+        command=command, result=out.name, car=car, friction=laws, inputs=inputs.of(args), seed=args.seed
+    )
 
 
 def _nan(value: Any) -> bool:
@@ -218,7 +231,12 @@ def _check_comparable(args: argparse.Namespace) -> None:
     for name, value in needed.items():
         if given[name] != value:
             raise ValueError(f"--compare {args.compare} needs {name} {value}, got {given[name]}")
-    for name, value in (("--tyre", args.tyre), ("--speed_kph", args.speed_kph), ("--road", args.road)):
+    for name, value in (
+        ("--tyre", args.tyre),
+        ("--speed_kph", args.speed_kph),
+        ("--road", args.road),
+        ("--set", args.changes or None),
+    ):
         if value is not None:
             raise ValueError(f"--compare {args.compare} has a tyre, speeds and a road of its own: leave out {name}")
 

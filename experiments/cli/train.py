@@ -34,6 +34,11 @@ def add(commands: Any, common: argparse.ArgumentParser) -> None:
     train.add_argument("--friction", metavar="LAW", type=friction_law, help=f"{FRICTION} ({kept} lugre)")
     text = "continue from the checkpoint in --out, with its settings"
     train.add_argument("--resume", action="store_true", help=text)
+    text = (
+        "train with Stable-Baselines3's own defaults at the id's default settings: no scaling, network sizes, schedule "
+        "or drawn conditions of this package"
+    )
+    train.add_argument("--library-defaults", action="store_true", help=text)
     text = "number of episodes of the evaluation (default 200)"
     train.add_argument("--episodes", metavar="N", type=whole_number(1, MOST_EPISODES), default=200, help=text)
     text = "directory of the policy, its checkpoint and its report (default training)"
@@ -51,8 +56,11 @@ def _train(args: argparse.Namespace) -> None:
     from steer_env.experiments.output.files import usable
     from steer_env.experiments.output.options import progress
 
-    out = Path(args.out)
-    run = Training(args.env, args.algo, out, seed=args.seed, resume=args.resume, friction=args.friction)
+    out, library = Path(args.out), args.library_defaults
+    if library and args.resume:
+        raise ValueError("--library-defaults belongs to a new run; a resumed one keeps its settings: leave it out")
+    kept = {"seed": args.seed, "resume": args.resume, "friction": args.friction}
+    run = Training(args.env, args.algo, out, **kept, library=library)
     usable(out / "report", policy_report.CONTENTS)
     with progress("training") as notify:
         run.run(None if args.steps else args.minutes or MINUTES, args.steps, notify)

@@ -6,6 +6,15 @@ VALIDATION = 2_000_000  # first seed of the episodes by which training chooses t
 
 SHIPPED = "shipped"  # stands for the policy that is shipped with an id
 
-SHIFTS = ("law", "level", "speed", "load", "car", "delay", "noise")  # conditions that `steer-env shift` replaces
+SHIFTS = (
+    "law",
+    "level",
+    "speed",
+    "load",
+    "car",
+    "delay",
+    "noise",
+    "human",
+)  # what `steer-env shift` replaces
 
 ALGORITHMS = ("ppo", "sac", "recurrent-ppo")

@@ -93,6 +93,12 @@ def guard_of(about: Mapping[str, Any]) -> float | None:
     return caution
 
 
+def is_scaled(about: Mapping[str, Any]) -> bool:
+    """Whether running statistics scaled observations and rewards in the training; not so with --library-defaults."""
+    scaled: bool = about["settings"]["algorithm"].get("scaled", True)
+    return scaled
+
+
 class Policy:
     """A trained policy as a controller of a single or vector environment, which its ``reset`` and ``act`` serve.
 

@@ -2,7 +2,7 @@
 
 import json
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from importlib.resources import files
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -41,6 +41,9 @@ class Scores(NamedTuple):
     about: str  # the settings in words
     units: dict[str, str]
     scores: dict[str, Score]
+    # Reward of each policy of the library's defaults less that of the best baseline, with its name, paired by seed.
+    gaps: dict[str, tuple[str, Estimate]]
+    scenarios: dict[str, dict[str, Estimate]]  # reward of each controller in each scenario, for a task with several
 
 
 def trained(folders: Iterable[Path]) -> dict[str, list[Path]]:
@@ -63,20 +66,24 @@ def collect(
     sweep: Runner = run,
 ) -> list[Scores]:
     """Evaluate zero action, random actions, every baseline, the shipped policy and others (by id) of ids."""
-    jobs: list[Job] = []
+    jobs: dict[tuple[str, str, str], Job] = {}  # by id, scenario and controller
     paths: dict[str, dict[str, Path]] = {}
     for env_id in env_ids:
         policy.check_id(env_id)
         paths[env_id] = {} if env_id in TUNED else _policies(env_id, (policies or {}).get(env_id, ()))
         made = {label: policy.load(path) for label, path in paths[env_id].items()}
         makers = {**SIMPLE, **({} if env_id in TUNED else baselines(env_id)), **made}
-        jobs += [Job(label, env_id, make, episodes) for label, make in makers.items()]
-    results = sweep(_evaluated, jobs, notify=notify, words=lambda job: f"{job.env_id} {job.label}")
-    found: dict[str, dict[str, Any]] = {env_id: {} for env_id in env_ids}
-    for job, result in zip(jobs, results):
-        found[job.env_id][job.label] = result
+        jobs |= {
+            (env_id, scenario, label): Job(label, env_id, make, episodes, options)
+            for scenario, options in _scenarios(env_id).items()
+            for label, make in makers.items()
+        }
+    results = sweep(_evaluated, jobs.values(), notify=notify, words=lambda job: f"{job.env_id} {job.label}")
+    found: dict[str, dict[str, dict[str, Any]]] = {}
+    for (env_id, scenario, label), result in zip(jobs, results):
+        found.setdefault(env_id, {}).setdefault(scenario, {})[label] = result
     return [
-        _tuned(env_id, found[env_id]) if env_id in TUNED else _driven(env_id, found[env_id], paths[env_id])
+        _tuned(env_id, found[env_id][""]) if env_id in TUNED else _driven(env_id, found[env_id], paths[env_id])
         for env_id in env_ids
     ]
 
@@ -96,7 +103,9 @@ def _evaluated(job: Job) -> Any:
     return _sets(job) if job.env_id in TUNED else held_out.evaluated(job)
 
 
-def _driven(env_id: str, found: Mapping[str, Episodes], paths: Mapping[str, Path]) -> Scores:
+def _driven(env_id: str, every: Mapping[str, Mapping[str, Episodes]], paths: Mapping[str, Path]) -> Scores:
+    """The scores of an id, from the episodes by scenario and controller."""
+    found = every[""]
     makers: dict[str, Maker] = {**SIMPLE, **baselines(env_id)}
     makers |= {label: policy.load(path) for label, path in paths.items()}
     task = tasks.task(policy.check_driven(env_id))
@@ -118,7 +127,31 @@ def _driven(env_id: str, found: Mapping[str, Episodes], paths: Mapping[str, Path
         f"sensor noise {usual.sensor_noise:g}, delay of the observation {1e3 * usual.delay:g} ms."
     )
     env.close()
-    return Scores(env_id, about, units, scores)
+    library = [name for name, path in paths.items() if not policy.is_scaled(policy.about(path))]
+    scenarios = {
+        name: {label: held_out.mean(each.reward) for label, each in of.items()} for name, of in every.items() if name
+    }
+    return Scores(env_id, about, units, scores, _gaps(found, library, paths), scenarios)
+
+
+def _gaps(
+    found: Mapping[str, Episodes], library: Iterable[str], policies: Collection[str]
+) -> dict[str, tuple[str, Estimate]]:
+    """Each policy of the library's defaults beside the best baseline."""
+    others = {name: each.reward.mean() for name, each in found.items() if name not in policies and name not in SIMPLE}
+    if not others:
+        return {}
+    best = max(others, key=lambda name: others[name])
+    return {name: (best, held_out.mean(found[name].reward - found[best].reward)) for name in library}
+
+
+def _scenarios(env_id: str) -> dict[str, dict[str, float]]:
+    """Options of resets by scenario of an id, after those of the usual episodes, which have no name."""
+    usual: dict[str, dict[str, float]] = {"": {}}
+    if env_id in TUNED or (task := tasks.task(policy.check_driven(env_id))).draw_scenario is None:
+        return usual
+    names = dict(pair.split(" ", 1) for pair in task.options["scenario"][2].split(", "))
+    return usual | {name: {"scenario": float(k)} for k, name in names.items()}
 
 
 def _terms(name: str, controller: Any, env: Any, about: Mapping[str, Any] | None) -> dict[str, str]:
@@ -130,6 +163,8 @@ def _terms(name: str, controller: Any, env: Any, about: Mapping[str, Any] | None
         return terms | toml.loads((files(experiments) / "data" / "controllers.toml").read_text(encoding="utf-8"))[name]
     drawn = policy_report.conditions({**policy.conditions(about), "friction": about["friction"]})
     words = ", ".join(f"{key} {value}" for key, value in drawn.items())
+    if not policy.is_scaled(about):
+        words += ", Stable-Baselines3's own defaults"
     decides = f"{1e3 * about['settings']['environment']['control_dt']:g} ms"
     return terms | {"decides": decides, "information": f"the observations; trained with {words}"}
 
@@ -153,7 +188,7 @@ def _tuned(env_id: str, found: Mapping[str, dict[str, Estimate]]) -> Scores:
     terms = {"authority": "all parameters", "decides": "once", "delay": SAME, "information": "none"}
     scores = {name: Score(values, terms, False) for name, values in found.items()}
     about = "One set of parameters in each episode: zero is the car's own, random is drawn from the whole range."
-    return Scores(env_id, about, {"reward": "", "cost": ""}, scores)
+    return Scores(env_id, about, {"reward": "", "cost": ""}, scores, {}, {})
 
 
 def threshold(found: Scores) -> float | None:
@@ -205,7 +240,23 @@ def markdown(found: Iterable[Scores], episodes: int) -> str:
         solved = threshold(each)
         last = "" if solved is None else f" `reward_threshold`: {solved:g}."
         lines += [f"## `{each.env_id}`", each.about + last, table(("controller", *heads, *TERMS), rows)]
+        lines += [_gap(*item) for item in each.gaps.items()]
+        if each.scenarios:
+            lines.append("Reward by scenario, in as many episodes of each:")
+            rows = [
+                (name.replace("_", " "), *(_shown("reward", by[name], episodes) for by in each.scenarios.values()))
+                for name in each.scores
+            ]
+            lines.append(table(("controller", *each.scenarios), rows))
     return "\n\n".join(lines) + "\n"
+
+
+def _gap(name: str, against: tuple[str, Estimate]) -> str:
+    """How far a policy of the library's defaults is from the best baseline, in words."""
+    baseline, e = against
+    size = f"{number(abs(e.value))} ± {number(0.5 * (e.high - e.low), 2)}"
+    far = "above" if e.value > 0.0 else "short of"
+    return f"Trained with Stable-Baselines3's own defaults ({name}): {size} {far} {baseline.replace('_', ' ')}."
 
 
 def _shown(key: str, e: Estimate, episodes: int) -> str:

@@ -8,10 +8,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from steer_env import friction, tasks
+from steer_env.drivers.common.definition import DELAY, MUSCLE_LAG
 from steer_env.experiments.drawing.shift_picture import Point, shifts
 from steer_env.experiments.learning import held_out, policy, policy_report
 from steer_env.experiments.learning.constants import HELD_OUT
-from steer_env.experiments.learning.controllers import baselines
+from steer_env.experiments.learning.controllers import ZeroAction, baselines
 from steer_env.experiments.learning.held_out import Estimate, Job
 from steer_env.experiments.output import provenance
 from steer_env.experiments.output.files import replaced_directory, write_json
@@ -89,6 +90,9 @@ def identified(home: Friction) -> list[Labelled]:
 def changes(over: str, env_id: str, home: Friction, laws: Sequence[Friction] = ()) -> list[Change]:
     """The changes of one condition; none of the speed where the task draws it with its scenarios.
 
+    Those of "human" put the policy of a driver on the terms of the driver models: it sees as late as they do, in whole
+    decisions, and its torque lags as their muscles do. The models themselves bring both already.
+
     Parameters
     ----------
     over : str
@@ -115,6 +119,13 @@ def changes(over: str, env_id: str, home: Friction, laws: Sequence[Friction] = (
             return []  # its speeds belong to its scenarios
         low, high = task.speed_limits(task.chassis[0])
         return fixed("speed", sorted({min(max(s * task.speed, low), high) for s in SPEEDS}), " km/h", 3.6)
+    if over == "human":
+        if not task.name.startswith("Driver"):
+            return []
+        delay, lag = task.control_dt * round(DELAY / task.control_dt), MUSCLE_LAG
+        alone = [*fixed("delay", (delay,), " ms of delay", 1e3), *fixed("action_lag", (lag,), " ms of lag", 1e3)]
+        both = " and ".join(change.label for change in alone)
+        return [*alone, Change(both, {}, {"delay": delay, "action_lag": lag})]
     if over == "delay":
         return fixed("delay", next(DELAYS[role] for role in DELAYS if task.name.startswith(role)), " ms", 1e3)
     values = {
@@ -135,7 +146,7 @@ def collect(
     """Evaluate the policy and every baseline of its id as trained, and under each change of each condition."""
     about = policy.about(path)
     env_id, home = about["env"], policy.law(about["friction"], path)
-    controllers: dict[str, Any] = {"policy": policy.load(path), **baselines(env_id)}
+    controllers: dict[str, Any] = {"policy": policy.load(path), "zero": ZeroAction, **baselines(env_id)}
     made = {**policy.conditions(about), "friction": home.parameters}
 
     every = [(HOME, Change(HOME, {}, {})), *((over, change) for over, each in chosen.items() for change in each)]

@@ -1,5 +1,6 @@
 """Training of policies with Stable-Baselines3: settings by id, checkpoints, resuming, validation."""
 
+import inspect
 import json
 import time
 from collections.abc import Callable
@@ -10,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from steer_env import experiments
+from steer_env import experiments, tasks
 from steer_env.experiments.learning import checkpoint, held_out, policy
 from steer_env.experiments.learning.constants import VALIDATION
 from steer_env.experiments.output import provenance
@@ -24,6 +25,8 @@ CHECKPOINT_EVERY, VALIDATE_EVERY = 60.0, 60.0  # [s]
 # With a given number of steps the interval is in steps, so that the policy that is kept does not depend on the machine.
 VALIDATE_STEPS = 200_000
 VALIDATED = 32  # episodes of each validation
+# A training with the defaults of Stable-Baselines3: sub-environments, and the sizes of the networks there.
+LIBRARY_ENVS, LIBRARY_NETWORKS = 8, {"ppo": [64, 64], "recurrent-ppo": [64, 64], "sac": [256, 256]}
 
 
 def settings(env_id: str, algo: str) -> dict[str, Any]:
@@ -54,12 +57,30 @@ def settings(env_id: str, algo: str) -> dict[str, Any]:
     return found
 
 
+def library_settings(env_id: str, algo: str) -> dict[str, Any]:
+    """Settings in which everything is Stable-Baselines3's own default, at an id's default settings.
+
+    Only the number of sub-environments is chosen, for the wall time. Nothing is scaled but by the environment itself.
+    """
+    rate = inspect.signature(policy.algorithm(algo)).parameters["learning_rate"].default
+    return {
+        "environment": {"control_dt": tasks.task(policy.check_driven(env_id)).control_dt},
+        "algorithm": {
+            "num_envs": LIBRARY_ENVS,
+            "net_arch": LIBRARY_NETWORKS[algo],
+            "learning_rate": rate,
+            "scaled": False,
+        },
+        "controller": {},
+    }
+
+
 def new_model(algo: str, env: Any, chosen: dict[str, Any], seed: int, logs: str | None = None) -> Any:
     """A new model of Stable-Baselines3 with the settings of an id."""
     import torch
 
     torch.set_num_threads(1)  # more threads are slower with networks of this size
-    own = {"num_envs", "net_arch", "policy_kwargs", "learning_rate_decay"}
+    own = {"num_envs", "net_arch", "policy_kwargs", "learning_rate_decay", "scaled"}
     return policy.algorithm(algo)(
         "MlpLstmPolicy" if algo == "recurrent-ppo" else "MlpPolicy",
         env,
@@ -131,6 +152,8 @@ class Training:
         Continue from the checkpoint in ``out``, with its settings.
     friction : Friction, optional
         Law to train on; default: that of the checkpoint, or else LuGre.
+    library : bool
+        Use :func:`library_settings` instead of the settings of the id.
 
     Raises
     ------
@@ -148,6 +171,7 @@ class Training:
         seed: int | None = None,
         resume: bool = False,
         friction: Friction | None = None,
+        library: bool = False,
     ) -> None:
         policy.check_driven(env_id)
         state: dict[str, Any] = {"algo": "ppo", "seed": 0, "friction": "lugre"}
@@ -173,7 +197,8 @@ class Training:
         self.seed: int = state["seed"] if seed is None else seed
         self._files = state
         self.friction = friction or policy.law(state["friction"], out)
-        self.settings: dict[str, Any] = state["settings"] if resume else settings(env_id, self.algo)
+        own = library_settings if library else settings
+        self.settings: dict[str, Any] = state["settings"] if resume else own(env_id, self.algo)
 
     def run(
         self,
@@ -225,7 +250,8 @@ class Training:
                 learning_rate=self.learning_rate,
             )
         else:
-            self._env = VecNormalize(monitored, gamma=chosen["gamma"])
+            scaled = policy.is_scaled({"settings": self.settings})
+            self._env = VecNormalize(monitored, scaled, scaled, gamma=chosen.get("gamma", 0.99))
             scheduled = {**chosen, "learning_rate": self.learning_rate}
             model = new_model(self.algo, self._env, scheduled, self.seed, str(self.out / "tensorboard"))
         # Only here, so that an error above leaves nothing behind.
@@ -235,6 +261,8 @@ class Training:
         clock = _Clock(self, minutes, steps, notify)
         length = f"--minutes {minutes:g}" if minutes else f"--steps {steps}"
         self._command = f"steer-env train --env {self.env_id} --algo {self.algo} --seed {self.seed} {length}"
+        if not policy.is_scaled({"settings": self.settings}):
+            self._command += " --library-defaults"
         if self.friction.label != "lugre":
             self._command += f" --friction {self.friction.label}"
         if self._resume:
@@ -282,7 +310,6 @@ class Training:
         return {"env": self.env_id, "algo": self.algo, "seed": self.seed, "friction": self.friction.label}
 
     def _about(self, model: Any) -> dict[str, Any]:
-        scaling: Any = self._env.obs_rms
         return {
             "env": self.env_id,
             "algorithm": self.algo,
@@ -292,14 +319,20 @@ class Training:
             "friction": self.friction.label,
             "settings": self.settings,
             "observations": self._observations,
-            "scaling": {
-                "mean": scaling.mean.tolist(),
-                "deviation": np.sqrt(scaling.var + self._env.epsilon).tolist(),
-                "clip": self._env.clip_obs,
-            },
+            "scaling": self._scaling(),
             "versions": {**provenance.versions(), "random_numbers": f"seed {self.seed}"},
             "trained_with": {name: metadata.version(name) for name in ("stable-baselines3", "torch")},
         }
+
+    def _scaling(self) -> dict[str, Any]:
+        """How the policy's observations are scaled, on those of the environment."""
+        space: Any = self._env.observation_space
+        if not policy.is_scaled({"settings": self.settings}):
+            n, most = space.shape[0], float(space.high.max())
+            return {"mean": [0.0] * n, "deviation": [1.0] * n, "clip": most}
+        found: Any = self._env.obs_rms
+        deviation = np.sqrt(found.var + self._env.epsilon)
+        return {"mean": found.mean.tolist(), "deviation": deviation.tolist(), "clip": self._env.clip_obs}
 
     def checkpoint(self, model: Any, seconds: float) -> None:
         """Write what resuming needs."""

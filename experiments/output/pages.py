@@ -1,10 +1,12 @@
 """Pages as HTML from templates; ``templates`` in this folder holds the style sheet that all pages share."""
 
-from base64 import b64encode
+from urllib.parse import quote
 
 import jinja2
+from markupsafe import Markup
 
 from steer_env.experiments.output import words
+from steer_env.experiments.output.small_svg import smaller
 
 
 def environment(package: str) -> jinja2.Environment:
@@ -17,10 +19,16 @@ def environment(package: str) -> jinja2.Environment:
         lstrip_blocks=True,
         undefined=jinja2.StrictUndefined,
     )
-    found.filters |= {f.__name__: f for f in (words.number, words.percent, words.change, words.label)}
+    found.filters |= {
+        f.__name__: f for f in (words.number, words.percent, words.change, words.label, words.unit, words.span)
+    }
     return found
 
 
-def image(svg: str) -> str:
+# Characters that may stand in a quoted attribute of HTML and in an address of data as they are.
+_KEPT = " !$'()*+,-./:;<=>?@[]^_`{|}~"
+
+
+def image(svg: str) -> Markup:
     """A picture as the source of an image, which needs no other file."""
-    return "data:image/svg+xml;base64," + b64encode(svg.encode()).decode()
+    return Markup("data:image/svg+xml," + quote(smaller(svg), safe=_KEPT))

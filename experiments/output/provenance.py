@@ -7,9 +7,11 @@ import os
 import platform
 import re
 import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from datetime import datetime, timezone
+from functools import lru_cache
 from importlib import metadata
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -58,6 +60,78 @@ def versions() -> dict[str, Any]:
     }
 
 
+def trace(
+    *,
+    command: Sequence[str] | None = None,
+    result: str | None = None,
+    car: Car | None = None,
+    friction: Mapping[str, Any] | None = None,
+    inputs: Sequence[Mapping[str, str]] = (),
+    mapping: Any = None,
+    seed: int | None = None,
+) -> dict[str, Any]:
+    """What a result was made from, so that it can be read off and made again: the record ``trace`` of a result file.
+
+    It holds text, numbers, lists and mappings only, and nothing that differs from one run to the next.
+
+    Parameters
+    ----------
+    command : sequence of str, optional
+        The words of the command line after ``steer-env``; without it the result cannot be run again by itself.
+    result : str, optional
+        Name of the file or of the directory that the command writes.
+    car : Car, optional
+        With its data, and the digests of its tyre and its strut.
+    friction : mapping, optional
+        Label -> parameters of a friction law.
+    inputs : sequence of mapping
+        Of :func:`input_file`.
+    mapping : optional
+        What a measurement was read through, as text, numbers, lists and mappings.
+    seed : int, optional
+    """
+    found = {
+        "version": metadata.version("steer-env"),
+        "sources": _digest_of_sources(),
+        "packages": {name: metadata.version(name) for name in PACKAGES},
+        "command": None if command is None else list(command),
+        "result": result,
+        "friction": friction and {label: _law_in_short(p) for label, p in friction.items()},
+        "inputs": [dict(each) for each in inputs] or None,
+        "mapping": mapping,
+        "seed": seed,
+    }
+    if car is not None:
+        strut = [sorted(car.strut.points.items()), car.strut.loaded_radius]
+        found |= {
+            "car": car.data(),
+            "tyre": {"name": car.tyre.name, "sha256": _digest(asdict(car.tyre))},
+            "strut": {"name": car.given["strut"], "sha256": _digest(strut)},
+        }
+    return {key: value for key, value in found.items() if value is not None}
+
+
+def input_file(name: str, content: bool = False) -> dict[str, str]:
+    """Name of an input file as the command line has it, its digest, and with ``content`` its text."""
+    raw = Path(name).read_bytes()
+    return {
+        "name": name,
+        "sha256": hashlib.sha256(raw).hexdigest(),
+        **({"text": raw.decode("utf-8-sig")} if content else {}),
+    }
+
+
+def _digest(value: Any) -> str:
+    """SHA-256 of numbers and text, by their JSON."""
+    return hashlib.sha256(json.dumps(value, sort_keys=True).encode()).hexdigest()
+
+
+def _law_in_short(p: Any) -> dict[str, Any]:
+    """Name of a friction law, and its parameters."""
+    return {"law": law_of(p).name, "parameters": {name: _plain(value) for name, value in p._asdict().items()}}
+
+
+@lru_cache
 def _digest_of_sources() -> str:
     """Short digest of all source and data files, which does not depend on version control.
 
@@ -123,13 +197,12 @@ def law(p: Any) -> dict[str, Any]:
 
 
 def car(c: Car) -> dict[str, Any]:
-    """Source, assumptions and parameters of a packaged car, SI."""
-    data = json.loads(files(vehicle).joinpath("data", "cars", f"{c.name}.json").read_text(encoding="utf-8"))
+    """Source, assumptions and parameters of a car, SI."""
     return {
         "name": c.name,
         "description": c.description,
         "source": c.source,
-        "assumed": data["assumed"],
+        "assumed": list(c.given["assumed"]),
         "chassis": _with_units(c.chassis),
         "steering": _with_units(c.steering),
         "column": parameters(c.column),

@@ -1,10 +1,18 @@
 """Numbers and names as a reader sees them, in reports and tables."""
 
 import math
+import re
+from collections.abc import Iterable
 from typing import Any
 
 _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
-_WORDS = {"0g": "0 g", "0p1g": "0.1 g", "0nm": "0 N m"}
+# Ends of names that are units, as a reader sees them.
+_UNITS = {"m_s2": "m/s²", "deg_s": "deg/s", "nm": "N m", "hz": "Hz", "g": "g", "s": "s"}
+_QUANTITY = re.compile(rf"_(\d+)(?:p(\d+))?_?({'|'.join(_UNITS)})(?=_|$)")
+_WORDS = {
+    **{"deadband": "dead band", "tb": "TB", "rms": "RMS", "time to 90": "time to 90\u00a0%"},
+    **{"quasi static": "quasi-static", "steady state": "steady-state"},
+}
 
 
 def number(x: float | None, digits: int = 3, pad: bool = False) -> str:
@@ -32,8 +40,21 @@ def change(x: float) -> str:
 
 
 def label(metric: str) -> str:
-    """Name of a metric in words."""
-    return " ".join(_WORDS.get(word, word) for word in metric.split("_"))
+    """Name of a metric in words, with units as they are written: ``torque_gain_at_1hz`` is "torque gain at 1 Hz"."""
+    text = _QUANTITY.sub(lambda m: f" {m[1]}{'.' + m[2] if m[2] else ''}\u00a0{_UNITS[m[3]]}", metric).replace("_", " ")
+    for word, written in _WORDS.items():
+        text = re.sub(rf"\b{word}\b", written, text)
+    return text
+
+
+def unit(name: str) -> str:
+    """A unit as it is written; nothing for the unit 1."""
+    return "" if name == "1" else name.replace("m/s2", "m/s²").replace("rad/s2", "rad/s²")
+
+
+def span(limits: Iterable[float]) -> str:
+    """A range in words, which a minus sign does not garble."""
+    return " to ".join(number(x) for x in limits)
 
 
 def plain(value: Any) -> str:

@@ -13,12 +13,14 @@ import numpy as np
 
 from steer_env import metrics, targets
 from steer_env.experiments.drawing import plots
+from steer_env.experiments.output import provenance
 from steer_env.experiments.output.files import replaced_directory, write_json
 from steer_env.experiments.output.metrics_json import entries
 from steer_env.experiments.output.pages import environment
+from steer_env.experiments.output.traces import embedded
 from steer_env.experiments.studies.common import simulation_vs_measurement
 from steer_env.metrics import RefusedError, Value
-from steer_env.metrics.common import frequency_response
+from steer_env.metrics.common import frequency_response, just_noticeable
 from steer_env.metrics.common.confidence import difference
 from steer_env.recording.recording import Recording
 
@@ -34,6 +36,8 @@ class Assessment(NamedTuple):
     bands: dict[str, targets.Band]
     targets: targets.Targets | None
     differences: dict[str, tuple[float, float, float]]  # second less first with its 95 % interval [unit of the metric]
+    perceptions: dict[str, just_noticeable.Perception]  # of the differences
+    noticed: float  # just-noticeable difference that they are judged by [1]
     pairs: list[simulation_vs_measurement.Pair]  # cross plots with boundaries, the first recording being the reference
     curves: dict[str, simulation_vs_measurement.Curves]
 
@@ -44,6 +48,7 @@ def assess(
     wanted: targets.Targets | None = None,
     allowed: Mapping[str, simulation_vs_measurement.Tolerance] | None = None,
     timing: float = 0.0,
+    noticed: float = just_noticeable.SHARE,
     **given: Any,
 ) -> Assessment:
     """Assess one recording, or compare a second with the first.
@@ -60,6 +65,8 @@ def assess(
         Tolerances by channel; if given, the second recording is compared with the boundaries around the first.
     timing : float
         Bound on the unknown delay between channels, as for :func:`steer_env.metrics.evaluate` [s].
+    noticed : float
+        Just-noticeable difference of a sustained torque or angle, as for :func:`just_noticeable.perception` [1].
     given
         Conditions as for :func:`steer_env.metrics.evaluate`.
 
@@ -74,13 +81,16 @@ def assess(
         label: metrics.evaluate(found, evaluation.name, timing=timing, **given) for label, found in recordings.items()
     }
     held = wanted.bands.get(evaluation.name, {}) if wanted else {}
-    differences = {}
+    differences, perceptions = {}, {}
     if len(values) == 2:
         a, b = values.values()
         differences = {
             name: difference(np.array(a[name].repeats), np.array(b[name].repeats))
             for name in a
             if not a[name].reason and not b[name].reason
+        }
+        perceptions = {
+            name: just_noticeable.perception(name, a[name].value, gap, noticed) for name, gap in differences.items()
         }
     curves = {}
     for label, recording in recordings.items():
@@ -99,6 +109,8 @@ def assess(
         held,
         wanted,
         differences,
+        perceptions,
+        noticed,
         pairs,
         curves,
     )
@@ -119,9 +131,16 @@ def as_json(found: Assessment) -> dict[str, Any]:
             for label, ratings in found.ratings.items()
         },
         "differences": {
-            name: {"value": finite(gap), "ci": [finite(low), finite(high)], "unit": metrics.definition(name).unit}
+            name: {
+                "value": finite(gap),
+                "ci": [finite(low), finite(high)],
+                "unit": metrics.definition(name).unit,
+                "perception": found.perceptions[name].verdict,
+                "perception_sure": found.perceptions[name].sure,
+            }
             for name, (gap, low, high) in found.differences.items()
         },
+        "noticed_share": found.noticed,
         "cross_plots": [{"x": p.x, "y": p.y, "inside": p.inside, "worst": p.worst} for p in found.pairs],
         "version": metadata.version("steer-env"),
     }
@@ -139,10 +158,11 @@ def render(found: Assessment, recordings: Mapping[str, Recording]) -> str:
         .render(
             f=found,
             labels=labels,
-            metas={label: recording.meta for label, recording in recordings.items()},
+            metas={label: {k: v for k, v in r.meta.items() if k != "trace"} for label, r in recordings.items()},
             definitions={name: metrics.definition(name) for name in metrics.available(found.test)},
             script=plots.script(),
             figure=plots.draw(drawn) if drawn else "",
+            noticeable=just_noticeable,
             responses=plots.draw(responses, 300, 3) if responses else "",
             boundaries=plots.draw(limits) if limits else "",
             version=metadata.version("steer-env"),
@@ -150,8 +170,15 @@ def render(found: Assessment, recordings: Mapping[str, Recording]) -> str:
     )
 
 
-def write(out: Path, found: Assessment, recordings: Mapping[str, Recording]) -> None:
-    """Write ``index.html`` and ``evaluation.json`` into a directory, which appears or is replaced as a whole."""
+def write(
+    out: Path, found: Assessment, recordings: Mapping[str, Recording], trace: Mapping[str, Any] | None = None
+) -> None:
+    """Write ``index.html`` and ``evaluation.json`` into a directory, which appears or is replaced as a whole.
+
+    Both hold the ``trace`` of :func:`steer_env.experiments.output.provenance.trace`, by default that of a Python
+    program.
+    """
+    trace = provenance.trace() if trace is None else trace
     with replaced_directory(out, CONTENTS) as part:
-        (part / "index.html").write_text(render(found, recordings), encoding="utf-8")
-        write_json(part / "evaluation.json", as_json(found))
+        (part / "index.html").write_text(embedded(render(found, recordings), trace), encoding="utf-8")
+        write_json(part / "evaluation.json", {**as_json(found), "trace": trace})

@@ -1,44 +1,59 @@
 """The evaluation report: effects of the friction law on feel, accuracy and real-time cost.
 
 ``build`` writes ``index.html`` (self-contained) and ``metrics.json`` into a directory beside the target, which replaces
-the target when everything is done.
+the target when everything is done. The page begins with what a person reads in two minutes; details are folded.
 """
 
 import math
 import os
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from steer_env import metrics, targets
-from steer_env.experiments.drawing import pictures, plots
+from steer_env.experiments.drawing import front_pictures, pictures, plots, still_plots
 from steer_env.experiments.output import provenance
 from steer_env.experiments.output.files import replaced_directory, write_json
 from steer_env.experiments.output.metrics_json import entries
 from steer_env.experiments.output.pages import environment, image
+from steer_env.experiments.output.words import label
 from steer_env.experiments.report import findings
 from steer_env.experiments.report.results import Notify, Results, Scope, collect
 from steer_env.experiments.studies import cross_validation, friction_laws, loop_width, real_time, vehicle
-from steer_env.experiments.studies.common import commonroad_reference
-from steer_env.metrics.common.filtered_channels import TORQUE
+from steer_env.experiments.studies.common import battery, commonroad_reference
+from steer_env.experiments.sweep import Runner, run
+from steer_env.metrics.common import just_noticeable
+from steer_env.metrics.common.filtered_channels import ANGLE, TORQUE
 from steer_env.vehicle import plant
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
 
 CONTENTS = frozenset({"index.html", "metrics.json"})
 EVERYTHING = Scope()
+SHARES = 10  # differences in the picture on the first screen, at most
 WANTED = "compact"  # target bands that the summary rates the laws by
 
 
-def metrics_json(results: Results, source: dict[str, Any]) -> dict[str, Any]:
+class Look(NamedTuple):
+    """How the page shows the results."""
+
+    light: bool = False  # pictures in place of interactive plots, so that the page is small enough for a mail
+    noticed: float = just_noticeable.SHARE  # just-noticeable difference of sustained torque and angle [1]
+
+
+DEFAULT = Look()
+
+
+def metrics_json(results: Results, source: dict[str, Any], look: Look = DEFAULT) -> dict[str, Any]:
     """The numbers of the report: metrics of the weave by name, those of other tests with the test's name ahead."""
     return {
         "metrics": {
             law: {
-                ("" if test == "weave" else f"{test.replace('-', '_')}.") + name: entry
+                _key(test, name): entry
                 for test, drives in results.drives.items()
                 for name, entry in entries(drives[law].values).items()
             }
             for law in results.laws
         },
+        "differences": _differences_json(results, look.noticed),
         "real_time": {
             "case": "column alone, hand torque 2.5 N m at 0.5 Hz",
             "units": {"step": "s", "error": "1", "ns_per_step": "ns", "worst_step_ns": "ns", "whole_car": "ns"},
@@ -48,6 +63,25 @@ def metrics_json(results: Results, source: dict[str, Any]) -> dict[str, Any]:
         **({"vehicle": _vehicle_json(results)} if results.vehicle else {}),
         "provenance": source,
     }
+
+
+def _key(test: str, metric: str) -> str:
+    return metric if test == "weave" else f"{test.replace('-', '_')}.{metric}"
+
+
+def _differences_json(results: Results, noticed: float) -> dict[str, Any]:
+    """Differences from the base law; those of refused metrics are left out."""
+    found = {
+        law: {
+            _key(test, name): battery.as_json(of_law[law])
+            for test in results.drives
+            for name, of_law in findings.feel(results, test, noticed).table.items()
+            if math.isfinite(of_law[law].value)
+        }
+        for law in results.laws
+        if law != results.base
+    }
+    return {"base": results.base, "noticed_share": noticed, "laws": found}
 
 
 def _vehicle_json(results: Results) -> dict[str, Any]:
@@ -85,8 +119,11 @@ def provenance_of(results: Results) -> dict[str, Any]:
     }
 
 
-def render(results: Results, source: dict[str, Any]) -> str:
+def render(results: Results, source: dict[str, Any], look: Look = DEFAULT) -> str:
     """The page."""
+    feels = {test: findings.feel(results, test, look.noticed) for test in results.drives}
+    differences = findings.differences(results, feels)
+    drawn = {**_first_pictures(results, differences, look.noticed), **_pictures(results)}
     return (
         environment(__package__)
         .get_template("report.html.j2")
@@ -94,19 +131,48 @@ def render(results: Results, source: dict[str, Any]) -> str:
             r=results,
             source=source,
             findings=findings,
+            feels=feels,
+            differences=differences,
+            look=look,
             study=friction_laws,
             timing=real_time,
             crossing=cross_validation,
             reference=commonroad_reference,
             width=loop_width,
+            noticeable=just_noticeable,
             definitions={name: metrics.definition(name) for test in results.drives for name in metrics.available(test)},
-            images={name: image(svg) for name, svg in _pictures(results).items()},
-            plots=_plots(results),
-            script=plots.script(),
+            images={name: image(svg) for name, svg in drawn.items()},
+            plots=_plots(results, look.light),
+            script="" if look.light else plots.script(),
             wanted=targets.load(WANTED),
             rate=targets.rating,
         )
     )
+
+
+def _first_pictures(results: Results, found: findings.Differences, noticed: float) -> dict[str, str]:
+    """The pictures of the first screen, as SVG by name; without a test or a difference its picture is missing."""
+    history = friction_laws.HISTORIES["growing_sine"].x
+    drawn = {
+        "first_loops": front_pictures.loops(history, {law: of["growing_sine"] for law, of in results.torques.items()})
+    }
+    weave = {law: drive.curves for law, drive in results.drives.get("weave", {}).items()}
+    if weave and all({ANGLE, TORQUE} <= curves.keys() for curves in weave.values()):
+        drawn["first_weave"] = front_pictures.weave(weave)
+    titles = list(dict.fromkeys((row.metric, row.test) for row in found.known))[:SHARES]
+    shares = [
+        front_pictures.Share(
+            f"{label(row.metric)},\n{row.test.replace('-', ' ')}",
+            row.law,
+            row.found.value / abs(row.base.value),
+            row.found.half_width / abs(row.base.value),
+        )
+        for row in found.known
+        if (row.metric, row.test) in titles
+    ]
+    if shares:
+        drawn["first_noticed"] = front_pictures.noticed(shares, noticed)
+    return drawn
 
 
 def _pictures(results: Results) -> dict[str, str]:
@@ -133,8 +199,8 @@ def _pictures(results: Results) -> dict[str, str]:
     return drawn
 
 
-def _plots(results: Results) -> dict[str, str]:
-    """Interactive plots by test; for loops also the torque less that of the base law."""
+def _plots(results: Results, light: bool) -> dict[str, str]:
+    """Plots by test as HTML, interactive unless the page is light; for loops also the torque less the base law's."""
     drawn = {}
     for test, drives in results.drives.items():
         curves = {law: drive.curves for law, drive in drives.items() if drive.curves}
@@ -143,7 +209,10 @@ def _plots(results: Results) -> dict[str, str]:
         if results.base in curves and "time" not in curves[results.base]:
             torques = [pair for pair in pairs if pair[1] == TORQUE]
             shown = shown[: len(torques)] + plots.apart(curves, results.base, torques)
-        if shown:
+        if shown and light:
+            alt = f"{test.replace('-', ' ')}: {'; '.join(f'{panel.y} over {panel.x}' for panel in shown)}"
+            drawn[test] = f'<img src="{image(still_plots.draw(shown))}" alt="{alt}">'
+        elif shown:
             drawn[test] = plots.draw(shown, height=330)
     return drawn
 
@@ -153,6 +222,8 @@ def build(
     laws: dict[str, Any],
     scope: Scope = EVERYTHING,
     notify: Notify = lambda part, what: None,
+    look: Look = DEFAULT,
+    sweep: Runner = run,
 ) -> Results:
     """Write the report to a directory, which appears or is replaced as a whole.
 
@@ -166,6 +237,10 @@ def build(
         Extent of the report.
     notify : callable
         Receives the part that is done, from 0 to 1, and what comes next.
+    look : Look
+        How the page shows the results.
+    sweep : Runner
+        What runs the parts of the report; by default this process, one after the other.
 
     Raises
     ------
@@ -173,10 +248,10 @@ def build(
         If ``out`` holds other files, or a manoeuvre cannot be driven.
     """
     with replaced_directory(Path(out), CONTENTS) as part:
-        results = collect(laws, scope, notify)
+        results = collect(laws, scope, notify, sweep)
         notify(0.96, "drawing")
         source = provenance_of(results)
-        (part / "index.html").write_text(render(results, source), encoding="utf-8")
-        write_json(part / "metrics.json", metrics_json(results, source))
+        (part / "index.html").write_text(render(results, source, look), encoding="utf-8")
+        write_json(part / "metrics.json", metrics_json(results, source, look))
     notify(1.0, "done")
     return results

@@ -1,8 +1,12 @@
 """Comparisons between the laws on which the sentences of the report rest; the templates have the words."""
 
 import math
+from collections import Counter, defaultdict
 from typing import NamedTuple
 
+import numpy as np
+
+from steer_env import targets
 from steer_env.experiments.output.words import label, plain
 from steer_env.experiments.report.results import Results
 from steer_env.experiments.studies import friction_laws, real_time
@@ -12,6 +16,8 @@ from steer_env.experiments.studies.common.battery import MATTERS
 from steer_env.experiments.studies.friction_laws import Residual, Verdict
 from steer_env.experiments.studies.real_time import Row
 from steer_env.manoeuvres import Manoeuvre
+from steer_env.metrics import Value
+from steer_env.metrics.common import just_noticeable
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
 
 __all__ = ["MATTERS", "TARGETS", "on_target", "plain"]  # the templates reach these through this module
@@ -45,10 +51,83 @@ class Feel(NamedTuple):
 FEEL = ("weave", "slow-ramp")  # tests that the summary has a sentence on
 
 
-def feel(results: Results, test: str) -> Feel:
-    """Differences between the laws in one test."""
-    table = battery.differences(results.drives[test], results.base)
+def feel(results: Results, test: str, noticed: float = just_noticeable.SHARE) -> Feel:
+    """Differences between the laws in one test; ``noticed`` is the just-noticeable difference [1]."""
+    table = battery.differences(results.drives[test], results.base, noticed)
     return Feel(table, battery.largest(table, dry(results)), battery.largest(table, undry(results)))
+
+
+class Differing(NamedTuple):
+    """A metric of one law that differs from that of the base law."""
+
+    test: str
+    metric: str
+    law: str
+    base: Value
+    found: battery.Difference
+
+
+class Differences(NamedTuple):
+    """Every comparison of a metric with the base law by what it means, the largest differences first."""
+
+    perceptible: list[Differing]
+    large: list[Differing]  # real and above MATTERS, but not perceptible, or without a known threshold
+    small: int  # real, but neither perceptible nor above MATTERS
+    none: int  # the interval of the difference contains zero
+    refused: int
+    known: list[Differing]  # those for which a threshold of perception is known, perceptible or not
+
+    def laws(self) -> list[str]:
+        """The laws that differ perceptibly."""
+        return list(dict.fromkeys(row.law for row in self.perceptible))
+
+    def mostly(self) -> str:
+        """The tests that most of the large differences are in, with how many."""
+        counts = Counter(row.test for row in self.large).most_common(3)
+        return ", ".join(f"{test.replace('-', ' ')} ({count})" for test, count in counts)
+
+
+def differences(results: Results, feels: dict[str, Feel]) -> Differences:
+    """The differences of all tests together."""
+    rows = [
+        Differing(test, metric, law, results.drives[test][results.base].values[metric], found)
+        for test, feel in feels.items()
+        for metric, of_law in feel.table.items()
+        for law, found in of_law.items()
+    ]
+    rows.sort(key=lambda row: -abs(row.found.share) if math.isfinite(row.found.share) else 0.0)
+    kinds: dict[str, list[Differing]] = defaultdict(list)
+    for row in rows:
+        kinds[_kind(row.found)].append(row)
+    return Differences(
+        kinds["perceptible"],
+        kinds["large"],
+        small=len(kinds["small"]),
+        none=len(kinds["none"]),
+        refused=len(kinds["refused"]),
+        known=[row for row in rows if row.found.perception.verdict != just_noticeable.UNKNOWN],
+    )
+
+
+def _kind(found: battery.Difference) -> str:
+    if math.isnan(found.value):
+        return "refused"
+    if found.real and found.perception.verdict == just_noticeable.PERCEPTIBLE:
+        return "perceptible"
+    if found.matters:
+        return "large"
+    return "small" if found.real else "none"
+
+
+def rated(results: Results, wanted: targets.Targets, law: str) -> dict[str, int]:
+    """How many metrics of a law have each colour of rating."""
+    counts = dict.fromkeys(targets.COLOURS, 0)
+    for test, bands in wanted.bands.items():
+        if test in results.drives:
+            for rating in targets.ratings(results.drives[test][law].values, bands).values():
+                if rating:
+                    counts[rating.colour] += 1
+    return counts
 
 
 def residuals(results: Results) -> dict[str, Residual]:
@@ -178,11 +257,14 @@ def least_margin(results: Results) -> tuple[str, Cell]:
     return min(cells, key=lambda pair: pair[1].phase_deg)
 
 
-def widest_interval(results: Results) -> float:
-    """Largest half width of an interval of a metric, relative to the value."""
+def usual_interval(results: Results) -> float:
+    """Half width of an interval relative to the value that nine metrics of ten do not exceed.
+
+    The largest says nothing: it belongs to a value near zero.
+    """
     values = [v for drives in results.drives.values() for drive in drives.values() for v in drive.values.values()]
-    widths = ((v.high - v.low) / 2.0 / abs(v.value) for v in values if v.value)
-    return max((width for width in widths if math.isfinite(width)), default=math.nan)
+    widths = [(v.high - v.low) / 2.0 / abs(v.value) for v in values if v.value and math.isfinite(v.high - v.low)]
+    return float(np.quantile(widths, 0.9)) if widths else math.nan
 
 
 def refusals(results: Results, test: str) -> dict[str, list[str]]:

@@ -142,7 +142,8 @@ def _section(name: str) -> str:
 
 def environments_page() -> str:
     """Every id with its tables as Markdown."""
-    sections = [_ENVIRONMENTS, *(f"- [`{name}`](#{_anchor(name)})" for name in REGISTERED)]
+    overview = table(("id", "action at 1", "decides every", "what it asks"), [_row(name) for name in REGISTERED])
+    sections = [_ENVIRONMENTS, overview]
     for name in REGISTERED:
         sections.append(f"\n## `{name}`\n\n" + _section(name))
     units = {quantity.name: quantity.unit for task in tasks.available() for quantity in tasks.task(task).observed}
@@ -154,6 +155,16 @@ def environments_page() -> str:
         sections.append(f"\n## Arguments of the {title} ids\n\n```text\n{inspect.getdoc(made)}\n```")
     sections += [_VECTOR, f"```text\n{inspect.getdoc(SteerVectorEnv)}\n```", _STATE.rstrip()]
     return "\n".join(sections) + "\n"
+
+
+def _row(name: str) -> tuple[str, str, str, str]:
+    """An id's row in the overview."""
+    link = f"[`{name}`](#{_anchor(name)})"
+    asks = " ".join(_documentation(name).split("\n\n")[0].split()).split(". ")[0].rstrip(".") + "."
+    if name not in DRIVEN:
+        return link, f"{len(SCENARIOS[_short(name)].parameters)} parameters", "episode", asks
+    task = tasks.task(_short(name))
+    return link, f"{task.action.scale:g} {task.action.unit}", f"{1e3 * task.control_dt:g} ms", asks
 
 
 def _anchor(name: str) -> str:

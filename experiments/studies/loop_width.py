@@ -94,11 +94,11 @@ def without_friction(recording: Recording, assist: Assist) -> Recording:
     return replace(recording, channels=channels)
 
 
-def _drive(job: tuple[str, str, str, float]) -> dict[str, Width]:
+def _drive(job: tuple[cars.Car, str, str, float]) -> dict[str, Width]:
     """Widths in one drive, by metric."""
-    name, law, test, level = job
+    car, law, test, level = job
     manoeuvre, cycles, kph = TESTS[test]
-    car, p = cars.load(name), law_at(law, level)
+    p = law_at(law, level)
     whole = manoeuvres.drive(car, replace(manoeuvres.make(manoeuvre, cycles=cycles), speed=kph / 3.6), p)
     loops = [Loops(r, r.meta, fewest=1) for r in (whole, without_friction(whole, car.assist))]
     return {
@@ -108,21 +108,22 @@ def _drive(job: tuple[str, str, str, float]) -> dict[str, Width]:
 
 
 def collect(
-    car_names: Sequence[str] | None = None,
+    chosen: Sequence[str | cars.Car] | None = None,
     laws: Sequence[str] = LAWS,
     tests: Sequence[str] = tuple(TESTS),
     levels: Sequence[float] = LEVELS,
     sweep: Runner = run,
     notify: Callable[[float, str], None] = lambda *_: None,
 ) -> Curves:
-    """Widths over friction for every car, law, test and metric."""
-    keys = list(product(car_names or cars.available(), laws, tests))
+    """Widths over friction for every car (by default the packaged ones), law, test and metric."""
+    loaded = [cars.load(car) if isinstance(car, str) else car for car in chosen or cars.available()]
+    keys = list(product(loaded, laws, tests))
     jobs = [(*key, level) for key in keys for level in levels]
-    found = sweep(_drive, jobs, notify=notify)
+    found = sweep(_drive, jobs, notify=notify, words=lambda job: f"{job[0].name}, {job[1]}, {job[2]}")
     curves: Curves = {}
     for (car, law, test, _), widths in zip(jobs, found):
         for metric, width in widths.items():
-            curves.setdefault(Key(car, law, test, metric), []).append(width)
+            curves.setdefault(Key(car.name, law, test, metric), []).append(width)
     return curves
 
 

@@ -1,12 +1,7 @@
 """Active return: a torque towards the centre that fades when the driver holds the handwheel.
 
-    s = gain (th1 + lead th1')/saturation
-    T = -saturation s/sqrt(1 + s^2) 1/(1 + (T_tb/hold)^2) v/(v + v_0)
-
-th1 is the handwheel angle, T_tb the torsion bar's torque: hands that hold the handwheel twist the bar, a released
-handwheel does not. v is the car's speed; the tyres of a standing car do not centre, and no return is wanted in parking.
-The term in th1' brakes before the centre. The structure is common practice; the shapes of saturation and fades are
-assumed. docs/scores.md tells what it changes in each task.
+The law is that of the plant's own active return (E11), :mod:`steer_env.vehicle.steering.assist.active_return`, at the
+control step instead of every millisecond. docs/scores.md tells what it changes in each task.
 """
 
 from typing import Any
@@ -15,8 +10,15 @@ import numpy as np
 
 from steer_env.assists.common.definition import Array, Baseline, register
 from steer_env.friction.numerics.check import not_negative, positive
+from steer_env.friction.numerics.kernel import kernel
+from steer_env.vehicle.steering.assist import active_return
 
-HALF_SPEED = 3.0  # v_0, speed at which the return has half its size, assumed [m/s]
+
+@kernel
+def _torques(p, gain, seen, out):
+    """The return's torque in every row."""
+    for i in range(seen.shape[0]):
+        out[i] = active_return.torque(p, gain, seen[i, 0], seen[i, 1], seen[i, 2], seen[i, 3])
 
 
 class ActiveReturn(Baseline):
@@ -43,17 +45,18 @@ class ActiveReturn(Baseline):
     ) -> None:
         super().__init__(env)
         self.gain = not_negative("gain [N m/rad]", gain)
-        self.saturation = positive("saturation [N m]", saturation)
-        self.lead = not_negative("lead [s]", lead)
-        self.hold = positive("hold [N m]", hold)
+        self._law = active_return.make(
+            1,
+            return_saturation=positive("saturation [N m]", saturation),
+            return_lead=not_negative("lead [s]", lead),
+            return_hold=positive("hold [N m]", hold),
+        )
 
     def torque(self, seen: Array) -> Array:
         """Torque towards the centre [N m]."""
-        angle, rate, twist, speed = seen.T
-        # IEEE rounds roots and quotients exactly, so the result does not depend on the number of rows.
-        s = self.gain / self.saturation * (angle + self.lead * rate)
-        held, share = twist / self.hold, np.abs(speed) / (np.abs(speed) + HALF_SPEED)
-        return -self.saturation * s / np.sqrt(1.0 + s * s) / (1.0 + held * held) * share
+        out = np.zeros(self.n)
+        _torques(self._law, self.gain, seen, out)
+        return out
 
 
 register("active_return", ActiveReturn)

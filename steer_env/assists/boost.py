@@ -1,4 +1,4 @@
-"""The car's boost table alone."""
+"""The car's own assist alone: boost table, motor damping, and the functions that its file switches on."""
 
 import numpy as np
 
@@ -6,7 +6,7 @@ from steer_env.assists.common.definition import Array, Baseline, register
 
 
 class Boost(Baseline):
-    """No torque in addition to the boost table's."""
+    """No torque in addition to the car's own assist."""
 
     def torque(self, seen: Array) -> Array:
         """Zero [N m]."""

@@ -1,4 +1,4 @@
-"""Motor damping in addition to the table's own: T = -gain w, w the column speed.
+"""Motor damping in addition to the table's own: T = -gain w, w the column speed, by the plant's own kernel (E12).
 
 The tables of the packaged cars already contain the damping that free control needs; every gain worsens the feel of a
 weave. Twice the former default of 0.5 N m s/rad makes the driver model hunt on one of the packaged cars.
@@ -8,6 +8,8 @@ from typing import Any
 
 from steer_env.assists.common.definition import Array, Baseline, register
 from steer_env.friction.numerics.check import not_negative
+from steer_env.friction.numerics.kernel import plain
+from steer_env.vehicle.steering.assist import damping
 
 
 class Damping(Baseline):
@@ -29,7 +31,7 @@ class Damping(Baseline):
 
     def torque(self, seen: Array) -> Array:
         """Torque against the column speed [N m]."""
-        return -self.gain * seen[:, 0]
+        return plain(damping.torque)(self.gain, seen[:, 0])
 
 
 register("damping", Damping)

@@ -2,15 +2,16 @@
 
     H(s) = gain (1 + s/lag_zero)/(1 + s/lag_pole) (1 + s/lead_zero)/(1 + s/lead_pole),    request = H T_tb
 
-discretised by Tustin's rule at the control step. ``gain`` is lowered until the margins hold at every slope of the boost
-curve at the speed, in both loops that contain the feedback: the loop opened at the torsion bar's torque, with boost and
-feedback together, as :func:`steer_env.vehicle.steering.margins.margins` opens it for the boost alone; and the loop
-opened at the request, with the boost closed. The margins of the first are read from its frequency response, with the
-hold over a control step taken as the mean over its samples and aliases above half the control rate neglected; the
-second is exact. The corners are chosen for AssistLaneChange and AssistLaneKeeping: above 1 Hz the feedback reduces the
-torque that road and friction cause at the torsion bar, below it the steering torque stays. The default has no lag (its
-corners are equal): a lag that raises the gain at low frequencies makes steering lighter than the reference feel. With
-twice the default gain the margins still hold, but 20 ms of delay leave a released handwheel swinging.
+The filter is the plant's own (E15), :mod:`steer_env.vehicle.steering.assist.lead_lag`, at the control step. ``gain`` is
+lowered until the margins hold at every slope of the boost curve at the speed at which an episode starts, in both loops
+that contain the feedback: the loop opened at the torsion bar's torque, with boost and feedback together, as
+:func:`steer_env.vehicle.steering.margins.margins` opens it for the boost alone; and the loop opened at the request,
+with the boost closed. The margins of the first are read from its frequency response, with the hold over a control step
+taken as the mean over its samples and aliases above half the control rate neglected; the second is exact. The corners
+are chosen for AssistLaneChange and AssistLaneKeeping: above 1 Hz the feedback reduces the torque that road and friction
+cause at the torsion bar, below it the steering torque stays. The default has no lag (its corners are equal): a lag that
+raises the gain at low frequencies makes steering lighter than the reference feel. With twice the default gain the
+margins still hold, but 20 ms of delay leave a released handwheel swinging.
 """
 
 import itertools
@@ -19,10 +20,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from steer_env.assists.common.definition import register
-from steer_env.assists.common.linear import Linear, LinearBaseline, Response, response, sampled, slopes
+from steer_env.assists.common.definition import Array, Baseline, register
+from steer_env.assists.common.linear import Response, response, sampled, slopes
 from steer_env.friction.numerics.check import number, positive
+from steer_env.friction.numerics.kernel import kernel
 from steer_env.vehicle.cars import Car
+from steer_env.vehicle.steering.assist import lead_lag as filter_law
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
 
 if TYPE_CHECKING:
@@ -32,15 +35,18 @@ STEPS = 50  # of the search for the largest gain that keeps the margins
 POINTS = 2000  # of each frequency response
 
 
-def compensator(gain: float, lag: tuple[float, float], lead: tuple[float, float], dt: float) -> "control.StateSpace":
-    """H for a control step ``dt`` [s], from the corners (zero, pole) of lag and lead [Hz]."""
-    import control
+@kernel
+def _torques(p, gains, seen, x, out):
+    """The feedback's torque in every row, each with its own gain."""
+    for i in range(seen.shape[0]):
+        out[i] = filter_law.torque(p, gains[i], x[i], seen[i, 1])
 
-    s = control.tf("s")
-    H = 1.0
-    for zero, pole in (lag, lead):
-        H = H * (1.0 + s / (2.0 * math.pi * zero)) / (1.0 + s / (2.0 * math.pi * pole))
-    return gain * control.ss(control.c2d(H, dt, "tustin"))
+
+def compensator(gain: float, p: filter_law.LeadLag, dt: float) -> "control.StateSpace":
+    """H with a gain at 0 Hz, at a control step ``dt`` [s]."""
+    from steer_env.vehicle.steering.margins import filter_model
+
+    return gain * filter_model(p.lead, dt) * filter_model(p.lag, dt)
 
 
 class Loops(NamedTuple):
@@ -83,7 +89,7 @@ def margins(loop: Response) -> tuple[float, float]:
     return min(phases.tolist(), default=math.inf), min(factors.tolist(), default=math.inf)
 
 
-class LeadLag(LinearBaseline):
+class LeadLag(Baseline):
     """Lead-lag feedback of the torsion-bar torque.
 
     Parameters
@@ -114,19 +120,22 @@ class LeadLag(LinearBaseline):
     ) -> None:
         super().__init__(env)
         self.gain = number("gain", gain)
-        self.lag, self.lead = self._corners("lag", lag), self._corners("lead", lead)
+        corners = {"lead_lag_lag": self._corners("lag", lag), "lead_lag_lead": self._corners("lead", lead)}
+        self._law = filter_law.make(self.control_dt, **corners)
         self.phase_margin = positive("phase_margin [rad]", phase_margin)
         self.gain_margin = number("gain_margin", gain_margin, minimum=1.0)
+        self._designs: dict[float, float] = {}
+        self._gains, self._x = np.zeros(self.n), np.zeros((self.n, len(filter_law.STATES)))
 
     def _corners(self, name: str, pair: Any) -> tuple[float, float]:
         if np.shape(pair) != (2,):
             raise ValueError(f"{name} [Hz] must be a pair of zero and pole, got {pair!r}")
-        zero, pole = (number(f"{name} [Hz]", f, minimum=0.0, maximum=0.49 / self.control_dt, above=True) for f in pair)
+        zero, pole = (number(f"{name} [Hz]", f, minimum=0.01, maximum=0.49 / self.control_dt) for f in pair)
         return zero, pole
 
-    def design(self, speed: float) -> Linear:
-        """The lead-lag for a speed [m/s], with a gain as large as the margins allow."""
-        H = compensator(self.gain, self.lag, self.lead, self.control_dt)
+    def design(self, speed: float) -> float:
+        """The gain for a speed [m/s], as large as the margins allow [1]."""
+        H = compensator(self.gain, self._law, self.control_dt)
         found = [loops(self.batch.car, H, slope, speed) for slope in slopes(self.batch.car, speed)]
 
         def allowed(share: float) -> bool:
@@ -136,8 +145,20 @@ class LeadLag(LinearBaseline):
 
         # From no feedback upwards: a loop that grows from a stable one and keeps its distance from -1 stays stable.
         shares = np.linspace(0.0, 1.0, STEPS + 1)
-        share = max(itertools.takewhile(allowed, shares), default=0.0)
-        return Linear(H.A, H.B, np.zeros(len(H.A)), share * H.C[0], share * H.D[0])
+        return self.gain * max(itertools.takewhile(allowed, shares), default=0.0)
+
+    def begin(self, i: int, seen: Array) -> None:
+        """Start at rest, with the gain for the speed rounded to whole m/s."""
+        speed = float(round(abs(seen[0])))
+        if speed not in self._designs:
+            self._designs[speed] = self.design(speed)
+        self._gains[i], self._x[i] = self._designs[speed], 0.0
+
+    def torque(self, seen: Array) -> Array:
+        """Feedback of the torsion-bar torque [N m]."""
+        out = np.zeros(self.n)
+        _torques(self._law, self._gains, seen, self._x, out)
+        return out
 
 
 register("lead_lag", LeadLag)

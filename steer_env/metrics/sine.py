@@ -109,7 +109,7 @@ class HalfWaves:
         return float(self.settled(self.peaks(AY)[1] * heights).mean()) / G
 
 
-register_evaluation("sine", HalfWaves, speed_m_s=80 / 3.6, frequency_hz=0.5)
+register_evaluation("sine", HalfWaves, steered=True, speed_m_s=80 / 3.6, frequency_hz=0.5)
 
 
 def _sine_metric(unit: str, **more: Any) -> Callable:

@@ -10,4 +10,6 @@ from steer_env.metrics.common.loops import Loops
 from steer_env.metrics.common.on_centre import PLOTS
 
 # Two cycles are enough, with a wide interval.
-register_evaluation("slow-ramp", partial(Loops, fewest=2), plots=PLOTS, speed_m_s=50 / 3.6, frequency_hz=0.02)
+register_evaluation(
+    "slow-ramp", partial(Loops, fewest=2), plots=PLOTS, steered=True, speed_m_s=50 / 3.6, frequency_hz=0.02
+)

@@ -8,6 +8,7 @@ from steer_env.metrics.common.steady_circle import Circles
 register_evaluation(
     "steady-circle-speed",
     partial(Circles, constant="speed"),
+    steered=True,
     speed_m_s=80 / 3.6,
     wheelbase_m=None,
     steering_ratio=None,

@@ -3,7 +3,7 @@
 Times count from the instant at which the handwheel has turned half its way. Every step from straight ahead in a
 recording, to either side, is a repeat; a step back to straight ahead is not. Responses are relative to their mean
 before the step, so that an offset of a sensor drops out, and are positive in the direction of the step. A steady value
-is the mean over the last second in which the handwheel is held.
+is the mean over the last second in which the handwheel is held, which ends 0.1 s before it leaves its angle.
 """
 
 from collections.abc import Callable, Mapping
@@ -30,6 +30,7 @@ FAST = 0.2  # the handwheel moves where its speed exceeds this fraction of the h
 # Time straight ahead before a step, least time for which it is held, time in which the steady value is read.
 BEFORE, HOLD, STEADY = 0.5, 3.0, 1.0  # assumed [s]
 HELD = 0.1  # largest deviation of a held angle, as a fraction of the step; assumed [1]
+STILL = 0.002  # least deviation that is the beginning of a return, as a fraction of the step; assumed [1]
 SOURCE = "after ISO 7401"
 
 
@@ -172,7 +173,9 @@ def _find(time: np.ndarray, angle: np.ndarray) -> list[Step]:
         late = np.flatnonzero(np.abs(angle[j:] - level) <= HELD * abs(size))
         first = j + int(late[0]) if late.size else j
         away = np.flatnonzero(np.abs(angle[first:] - level) > HELD * abs(size))
-        end = first + int(away[0]) - round(0.1 / each) if away.size else angle.size  # the low-pass looks ahead
+        end = (
+            _end_of_hold(angle, first, first + int(away[0]), abs(size)) - round(0.1 / each) if away.size else angle.size
+        )
         if end <= first or time[end - 1] - time[first] < HOLD or np.ptp(angle[rest]) > HELD * abs(size):
             too_short += 1
             continue
@@ -189,7 +192,18 @@ def _find(time: np.ndarray, angle: np.ndarray) -> list[Step]:
     return steps
 
 
-register_evaluation("step-steer", Steps, speed_m_s=80 / 3.6)
+def _end_of_hold(angle: np.ndarray, first: int, away: int, size: float) -> int:
+    """Sample before ``away`` at which the handwheel leaves the angle that it holds from ``first`` on.
+
+    A return begins gently, so that the angle is off by little for some time: the hold ends where the angle was last
+    within its own scatter.
+    """
+    off = np.abs(angle[first:away] - np.median(angle[first:away]))
+    band = max(STILL * size, 3.0 * 1.4826 * float(np.median(off)))
+    return first + int(np.flatnonzero(off <= band)[-1]) + 1
+
+
+register_evaluation("step-steer", Steps, steered=True, speed_m_s=80 / 3.6)
 
 
 def _step_metric(unit: str, **more: Any) -> Callable:

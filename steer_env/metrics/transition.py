@@ -89,7 +89,7 @@ class Transitions:
         return float(np.mean([np.abs(self._smooth[AY][ramp.start : ramp.end]).max() for ramp in self.ramps])) / G
 
 
-register_evaluation("transition", Transitions, speed_m_s=100 / 3.6)
+register_evaluation("transition", Transitions, steered=True, speed_m_s=100 / 3.6)
 
 
 def _transition_metric(unit: str, **more: Any) -> Callable:

@@ -8,11 +8,14 @@ A mapping is a small TOML file; every key of a section may be left out:
     sign = -1                     # 1 or -1
     delay_ms = 10                 # delay of the channel, which is corrected
     offset = 0.3                  # reading of the sensor at zero, in `unit`, before the sign is changed
+    scale = 1.02                  # factor on the reading, for a sensor that reads too little or in counts
     [meta]
     manoeuvre = "weave"
     speed_m_s = 27.8
 
-``[channels.time]`` names the time base of a file that uses another name; it takes ``from`` and ``unit`` only.
+The value in SI is sign * scale * (reading - offset) in the unit. ``[channels.time]`` names the time base of a file that
+uses another name; it takes ``from`` and ``unit`` only. The unit ``counts`` is that of a sensor without a calibration:
+the channel is read, and metrics that need it in its own unit are refused.
 """
 
 from collections.abc import Iterable
@@ -26,7 +29,7 @@ from steer_env.friction.numerics import toml
 from steer_env.friction.numerics.check import number, read_number
 from steer_env.recording.recording import check_meta
 from steer_env.recording.renamed_channels import announce
-from steer_env.recording.units import SPELLINGS, parse_unit
+from steer_env.recording.units import COUNTS, SPELLINGS, parse_unit
 from steer_env.vehicle import plant
 from steer_env.vehicle.chassis import two_track
 from steer_env.vehicle.chassis.common.interface import RENAMED_CHANNELS
@@ -34,7 +37,7 @@ from steer_env.vehicle.chassis.common.interface import RENAMED_CHANNELS
 # Known channels -> unit in memory.
 KNOWN = {**dict(plant.CHANNELS), **dict(two_track.CHANNELS), "vehicle_speed": "m/s"}
 
-_KEYS = ("from", "unit", "sign", "delay_ms", "offset")
+_KEYS = ("from", "unit", "sign", "delay_ms", "offset", "scale")
 _TIME_KEYS = ("from", "unit")
 
 
@@ -47,6 +50,7 @@ class Entry(NamedTuple):
     sign: float = 1.0  # 1 or -1 [1]
     delay: float = 0.0  # delay of the channel [s]
     offset: float = 0.0  # subtracted before the sign is changed [unit of the file]
+    scale: float = 1.0  # factor on what remains [1]
 
 
 @dataclass(frozen=True)
@@ -113,18 +117,17 @@ def entry(name: str, given: Any) -> Entry:
         if not isinstance(given.get(key, ""), str):
             raise ValueError(f"{where}.{key} must be text, got {given[key]!r}")
     source, unit, sign = given.get("from") or old, given.get("unit"), given.get("sign", 1)
+    if name not in KNOWN and name != "time":
+        raise ValueError(f"{where}: no channel is known as {name!r}, {did_you_mean(name, KNOWN)}")
     if unit is not None:
         _check_unit(where, name, unit)
-    elif name not in KNOWN and name != "time":
-        raise ValueError(
-            f"{where}: no channel is known as {name!r}, {did_you_mean(name, KNOWN)} (with a unit, any name is allowed)"
-        )
     if isinstance(sign, bool) or sign not in (1, -1):
         raise ValueError(f"{where}.sign must be 1 or -1, got {sign!r}")
     if name != old:
         announce(where, [old])
     delay, offset = (number(f"{where}.{key}", given.get(key, 0.0)) for key in ("delay_ms", "offset"))
-    return Entry(name, source, unit, float(sign), delay / 1e3, offset)
+    scale = number(f"{where}.scale", given.get("scale", 1.0), minimum=0.0, above=True)
+    return Entry(name, source, unit, float(sign), delay / 1e3, offset, scale)
 
 
 def parse_entry(text: str) -> Entry:
@@ -135,7 +138,7 @@ def parse_entry(text: str) -> Entry:
     """
     name, equals, rest = (part.strip() for part in text.partition("="))
     if not (name and equals):
-        raise ValueError(f"expected NAME=NAME_IN_FILE[unit],sign=-1,delay_ms=10,offset=0.3; got {text!r}")
+        raise ValueError(f"expected NAME=NAME_IN_FILE[unit],sign=-1,delay_ms=10,offset=0.3,scale=1.02; got {text!r}")
     source, *settings = (part.strip() for part in rest.split(","))
     given: dict[str, Any] = {"from": source}
     if source.endswith("]"):
@@ -155,7 +158,7 @@ def parse_entry(text: str) -> Entry:
 def did_you_mean(name: str, names: Iterable[str]) -> str:
     """A clause of a message with those of ``names`` that are similar to ``name``, or with the first thirty names."""
     names = list(dict.fromkeys(names))
-    close = get_close_matches(name, names)
+    close = [entry for entry in names if entry.endswith(f".{name}")] or get_close_matches(name, names)
     if close:
         return f"did you mean {' or '.join(close)}?"
     return f"there are {', '.join(names[:30])}{', ...' if len(names) > 30 else ''}"
@@ -165,6 +168,6 @@ def _check_unit(where: str, name: str, unit: str) -> None:
     found = parse_unit(unit)
     if found is None:
         raise ValueError(f"{where}.unit {unit!r} is not known; known are {SPELLINGS}")
-    expected = "s" if name == "time" else KNOWN.get(name, found[0])
-    if found[0] != expected:
+    expected = "s" if name == "time" else KNOWN[name]
+    if found[0] not in (expected, COUNTS):
         raise ValueError(f"{where}.unit {unit!r} does not fit {name}, which is kept in {expected!r}")

@@ -4,8 +4,9 @@
     time_s,handwheel_angle_deg,handwheel_torque_Nm,...
     0.001,0.0,0.0,...
 
-Files from other programs may lack the meta, put units in brackets, use semicolons (then a comma is a decimal comma) or
-tabs as separators, and leave cells empty; an empty cell is a gap.
+Files from other programs may lack the meta, have comments without a key (which become the meta ``comment``), put units
+in brackets or in a row under the header, use semicolons or tabs as separators (then a comma is a decimal comma), leave
+cells empty (an empty cell is a gap), and be UTF-8, UTF-16 with a byte-order mark, or Latin-1.
 """
 
 import json
@@ -19,6 +20,7 @@ from typing import IO, Any
 import numpy as np
 
 from steer_env.recording.table import Column, Table, Values, column, label
+from steer_env.recording.units import parse_unit
 
 _BLOCK = 10_000  # rows that are converted to text at a time, which limits the memory
 
@@ -44,27 +46,52 @@ def open_table(path: str | PathLike[str]) -> Table:
     """Read the header and the meta; the table's ``load`` reads the rows."""
     encoding = _encoding(path)
     meta: dict[str, Any] = {}
-    header, above = "", 0
+    comments: list[str] = []
     with open(path, encoding=encoding) as file:
-        for header in file:
+        for above, header in enumerate(_decoded(file), start=1):
             if not header.startswith("#"):
                 break
-            above += 1
-            key, colon, value = header[1:].partition(":")
-            if not colon:
-                raise _unreadable(above, 1, "'# key: value'", header.rstrip("\n"))
-            meta[key.strip()] = _meta_value(value.strip())
+            key, colon, value = (part.strip() for part in header[1:].partition(":"))
+            if colon and key:
+                meta[key] = _meta_value(value)
+            elif header[1:].strip():
+                comments.append(header[1:].strip())
         else:
             raise ValueError("no header: expected a line that names the columns, time_s or Time [s] among them")
-    separator = next((s for s in (";", "\t") if s in header), ",")
-    columns = [column(_bare(cell)) for cell in header.rstrip("\n").split(separator)]
-    if len(columns) > 1 and not columns[-1].label:  # every line ends with a separator
-        columns.pop()
+        separator = next((s for s in (";", "\t") if s in header), ",")
+        columns = [column(cell) for cell in _cells(header, separator)]
+        if len(columns) > 1 and not columns[-1].label:  # every line ends with a separator
+            columns.pop()
+        units = _row_of_units(next(_decoded(file), ""), separator, len(columns))
+    if units:
+        above += 1
+        columns = [_with_unit(*pair, above) for pair in zip(columns, units)]
+    if comments:
+        meta["comment"] = "\n".join([*str(meta.get("comment", "")).splitlines(), *comments])
 
     def load(places: Sequence[int]) -> list[Values]:
-        return _load(path, encoding, above + 1, separator, columns, places)
+        return _load(path, encoding, above, separator, columns, places)
 
     return Table(columns, meta, True, load)
+
+
+def _row_of_units(line: str, separator: str, count: int) -> list[str]:
+    """The units in the line under the header; empty unless every cell is one, or none, and one at least is known."""
+    cells = _cells(line, separator)[:count]
+    units = [cell[1:-1].strip() if cell[:1] + cell[-1:] in ("[]", "()") else cell for cell in cells]
+    if len(units) == count and not any(map(_is_number, cells)) and any(parse_unit(unit) for unit in units):
+        return units
+    return []
+
+
+def _with_unit(named: Column, unit: str, line: int) -> Column:
+    """A column with the unit of the row under the header; ValueError where the header names another in brackets."""
+    if not unit or (named.unit is not None and parse_unit(named.unit) == parse_unit(unit)):
+        return named
+    if named.declares_unit:
+        text = f"the row of units says {unit!r}, the header says {named.unit!r}: correct one of them"
+        raise ValueError(f"line {line}, column {named.label!r}: {text}")
+    return Column(named.label, named.label, unit)  # what looked like a unit at the end is part of the name
 
 
 def _load(
@@ -76,7 +103,7 @@ def _load(
     """
     with open(path, encoding=encoding) as file, warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # a file without rows
-        lines = _whole(_numerals(islice(file, above, None), separator), separator, len(columns))
+        lines = _whole(_numerals(islice(_decoded(file), above, None), separator), separator, len(columns))
         try:
             table = np.loadtxt(lines, delimiter=separator, comments=None, usecols=places, ndmin=2).T
         except ValueError:
@@ -94,7 +121,7 @@ def _load_slowly(
     labels = [entry.label for entry in columns]
     number = above
     with open(path, encoding=encoding) as file:
-        for number, text in enumerate(_numerals(islice(file, above, None), separator), start=above + 1):
+        for number, text in enumerate(_numerals(islice(_decoded(file), above, None), separator), start=above + 1):
             if not text.strip():
                 continue
             cells = text.rstrip("\n").split(separator)
@@ -120,7 +147,7 @@ def _load_slowly(
 
 def _numerals(lines: Iterator[str], separator: str) -> Iterator[str]:
     """Lines in which decimal commas are replaced by points."""
-    return (line.replace(",", ".") for line in lines) if separator == ";" else lines
+    return lines if separator == "," else (line.replace(",", ".") for line in lines)
 
 
 def _whole(lines: Iterator[str], separator: str, count: int) -> Iterator[str]:
@@ -141,7 +168,10 @@ def _unreadable(line: int, place: int | str, expected: str, got: object) -> Valu
 
 
 def _encoding(path: Any) -> str:
-    """UTF-8 if the first lines are UTF-8, else Latin-1, in which older tools write degree signs and powers."""
+    """UTF-16 by its mark; UTF-8 if the first lines are UTF-8; else Latin-1, for degree signs of older tools."""
+    with open(path, "rb") as file:
+        if file.read(2) in (b"\xff\xfe", b"\xfe\xff"):
+            return "utf-16"
     with open(path, encoding="utf-8-sig") as file:
         try:
             for _ in islice(file, 1000):
@@ -149,6 +179,29 @@ def _encoding(path: Any) -> str:
         except UnicodeDecodeError:
             return "latin-1"
     return "utf-8-sig"
+
+
+def _decoded(file: IO[str]) -> Iterator[str]:
+    """The lines of a file; ValueError where its bytes are no text in its encoding."""
+    number = 0
+    try:
+        for number, line in enumerate(file, start=1):
+            yield line
+    except UnicodeDecodeError as error:
+        raise ValueError(f"line {number + 1} holds bytes that are not {error.encoding}: is it complete?") from None
+
+
+def _cells(line: str, separator: str) -> list[str]:
+    """The cells of a line without what is around them."""
+    return [_bare(cell) for cell in line.rstrip("\n").split(separator)]
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell.replace(",", "."))
+    except ValueError:
+        return False
+    return True
 
 
 def _bare(cell: str) -> str:
@@ -160,10 +213,9 @@ def _bare(cell: str) -> str:
 def _meta_value(text: str) -> Any:
     """The value of a text in JSON; any other text as it is."""
     try:
-        value = json.loads(text)
+        return json.loads(text)
     except ValueError:
         return text
-    return value if value is None or isinstance(value, str | int | float) else text
 
 
 def _meta_text(value: Any) -> str:

@@ -1,9 +1,10 @@
-"""Recordings from and to files: .csv, .mat (MATLAB v5) and, with the extra ``mdf``, .mf4 and .mdf.
+"""Recordings from and to files: .csv, .mat, with extras .mf4, .mdf and .parquet; and from CAN logs.
 
 Files contain angles in degrees and all other quantities in SI units, and they name the unit of every column. A
 recording that is written and read again is the same, except for the last bit of an angle, which is converted to degrees
 and back. Measured files with other names, units, signs and delays are read with a mapping
-(:mod:`steer_env.recording.channel_mapping`).
+(:mod:`steer_env.recording.channel_mapping`). Raw CAN logs are read with a database
+(:mod:`steer_env.recording.can_log`).
 """
 
 import os
@@ -12,20 +13,21 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from steer_env.recording import can_log, csv_file, mat_file, mdf_file, parquet_file
 from steer_env.recording import channel_mapping as mappings
-from steer_env.recording import csv_file, mat_file, mdf_file
 from steer_env.recording.channel_mapping import KNOWN, Entry, Mapping, current_name, did_you_mean
 from steer_env.recording.recording import Recording
 from steer_env.recording.renamed_channels import announce
 from steer_env.recording.table import Column, Values
-from steer_env.recording.units import FILE_UNITS, SPELLINGS, parse_unit
+from steer_env.recording.units import COUNTS, FILE_UNITS, SPELLINGS, parse_unit
 
-# Suffix -> module with `save` and `open_table`, which returns a table.Table.
+# Suffix -> module with `save` and `open_table`, which returns a table.Table; can_log has no `save`.
 FORMATS: dict[str, Any] = {
     ".csv": csv_file,
     ".mat": mat_file,
     ".mf4": mdf_file,
     ".mdf": mdf_file,
+    ".parquet": parquet_file,
 }
 MOST_NAMED = 10  # largest number of columns that the meta lists as not read
 
@@ -40,20 +42,27 @@ class _Choice(NamedTuple):
     entry: Entry
 
 
-def read(path: str | os.PathLike[str], mapping: Mapping | str | os.PathLike[str] | None = None) -> Recording:
+def read(
+    path: str | os.PathLike[str],
+    mapping: Mapping | str | os.PathLike[str] | None = None,
+    *,
+    can: can_log.Options | None = None,
+) -> Recording:
     """A recording from a file, whose suffix gives the format.
 
     The channels that are read are those that the mapping names and those with a known name
     (``channel_mapping.KNOWN``). If the mapping names no channel, all channels with a known unit are read, and the meta
-    key ``not_read`` lists the others. Where the mapping gives a channel a delay, all channels are trimmed to the time
+    key ``not_read`` lists the others, and ``uncalibrated`` those in counts. A channel without any value is left out and listed there, too. Where the mapping gives a channel a delay, all channels are trimmed to the time
     that remains. An old name of a channel is replaced, and a line on standard error says so.
 
     Parameters
     ----------
     path : str or path
-        A file that ends in .csv, .mat, .mf4 or .mdf.
+        A file that ends in one of ``FORMATS`` or ``can_log.SUFFIXES``.
     mapping : Mapping or path of a .toml file, optional
         Names, units, signs, delays and offsets, and meta that replaces the meta of the file.
+    can : can_log.Options, optional
+        For a CAN log, which needs it: the database, the bus and the end of what is read.
 
     Raises
     ------
@@ -63,13 +72,17 @@ def read(path: str | os.PathLike[str], mapping: Mapping | str | os.PathLike[str]
     OSError
         If the file cannot be opened.
     """
-    form = _format(path)
+    form = None if can_log.recognised(path) else _format(path)
     if not isinstance(mapping, Mapping):
         mapping = Mapping() if mapping is None else mappings.load(mapping)
     with open(path, "rb"):  # the readers of the formats report a missing file in different ways
         pass
     try:
-        table = form.open_table(path)
+        if form is None:
+            sources = [entry.source for entry in mapping.channels.values()]
+            table = can_log.open_table(path, can or can_log.Options(), sources)
+        else:
+            table = form.open_table(path)
         time = [_time(table.columns, mapping)] if table.timed else []
         if "time" in mapping.channels and not table.timed:
             raise ValueError("this format has a time base of its own: remove [channels.time] from the mapping")
@@ -84,43 +97,57 @@ def read(path: str | os.PathLike[str], mapping: Mapping | str | os.PathLike[str]
                 left.append(table.columns[choice.place].label)
                 continue
             raw = _samples(table.columns, choice, values)
-            channels[choice.name] = choice.entry.sign * ((raw - choice.entry.offset) * choice.size)
+            if np.isnan(raw).all():
+                left.append(f"{table.columns[choice.place].label} (no values)")
+                continue
+            channels[choice.name] = _value(choice, raw)
             units[choice.name] = choice.unit
         if left and not channels:
             raise ValueError(
                 f"none of the columns {_listed(left)} can be read: each needs numbers and a unit ({SPELLINGS}); "
                 "name those that are wanted, and their units, in a mapping"
             )
-        meta = {**table.meta, **({"not_read": _listed(left)} if left else {}), **mapping.meta}
+        uncalibrated = [name for name, unit in units.items() if unit == COUNTS]
+        told = {"not_read": _listed(left), "uncalibrated": _listed(uncalibrated)}
+        meta = {**table.meta, **{key: text for key, text in told.items() if text}, **mapping.meta}
         recording = Recording(np.asarray(instants), channels, units, meta)
         for choice in choices:
-            if choice.entry.delay:
+            if choice.entry.delay and choice.name in channels:
                 recording = recording.delayed(choice.name, -choice.entry.delay)
         return recording
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
 
 
-def write(recording: Recording, path: str | os.PathLike[str]) -> None:
+def write(recording: Recording, path: str | os.PathLike[str], *, digits: int | None = None) -> None:
     """Write a recording to a file, whose suffix gives the format.
 
     The recording is written to a file beside ``path``, which is then renamed, so ``path`` is never incomplete.
 
+    Parameters
+    ----------
+    recording : Recording
+    path : str or path
+    digits : int, optional
+        Significant digits of the values in the file's units, which make a text file smaller; by default all of them.
+        The time, to the nanosecond then, and the meta are not rounded to them.
+
     Raises
     ------
     ValueError
-        If the suffix is none of .csv, .mat, .mf4 and .mdf, or if the format cannot hold a channel's name.
+        If the suffix is none of ``FORMATS``, or if the format cannot hold a channel's name.
     """
     form = _format(path)
     channels = [
-        (name, recording.units[name], values / FILE_UNITS[recording.units[name]][1])
+        (name, recording.units[name], _rounded(values / FILE_UNITS[recording.units[name]][1], digits))
         for name, values in recording.channels.items()
     ]
+    time = recording.time if digits is None else np.round(recording.time, 9)
     path = Path(path)
     part = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
         with open(part, "w+b") as file:
-            form.save(file, recording.time, channels, recording.meta)
+            form.save(file, time, channels, recording.meta)
         os.replace(part, path)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
@@ -128,11 +155,19 @@ def write(recording: Recording, path: str | os.PathLike[str]) -> None:
         part.unlink(missing_ok=True)
 
 
+def _rounded(values: np.ndarray, digits: int | None) -> np.ndarray:
+    """The numbers nearest to those with so many significant digits."""
+    return values if digits is None else np.array([float(f"{value:.{digits}g}") for value in values.tolist()])
+
+
 def _format(path: str | os.PathLike[str]) -> Any:
     """The module for a file's suffix."""
     suffix = Path(path).suffix.lower()
     if suffix not in FORMATS:
-        raise ValueError(f"{path}: recordings end in {', '.join(FORMATS)}, got {suffix!r}")
+        if Path(path).name.lower().endswith(can_log.SUFFIXES):
+            raise ValueError(f"{path}: a CAN log is not written; recordings end in {', '.join(FORMATS)}")
+        known = ", ".join([*FORMATS, *can_log.SUFFIXES])
+        raise ValueError(f"{path}: recordings end in {known}, got {suffix!r}")
     return FORMATS[suffix]
 
 
@@ -206,11 +241,23 @@ def _choice(columns: list[Column], place: int, entry: Entry, expected: str | Non
     if found is None:
         problem = "names no unit" if not text else f"has the unit {text!r}, which is not known"
         raise ValueError(f"column {column.label!r} {problem}; give it in a mapping, {remedy}, with one of {SPELLINGS}")
-    if found[0] != (expected or found[0]):
+    if found[0] not in (expected or found[0], COUNTS):
         raise ValueError(
             f"column {column.label!r} is in {text!r}, {entry.name} needs {expected!r}: correct it, {remedy}"
         )
+    own = parse_unit(column.unit or "")
+    if own and own[0] != found[0] and column.declares_unit:
+        raise ValueError(
+            f"column {column.label!r} is in {column.unit!r} by the file, but in {text!r} by the mapping: these are of "
+            f"different quantities; map another column to {entry.name}, or correct the unit in the file"
+        )
     return _Choice(place, entry.name, *found, entry)
+
+
+def _value(choice: _Choice, raw: np.ndarray) -> np.ndarray:
+    """The values in memory of readings in the unit of the file."""
+    entry = choice.entry
+    return entry.sign * ((raw - entry.offset) * (entry.scale * choice.size))
 
 
 def _samples(columns: list[Column], choice: _Choice, values: Values) -> np.ndarray:

@@ -1,6 +1,6 @@
-"""Recordings for MATLAB (v5): one variable per channel, named as ``handwheel_angle_deg`` with its unit; JSON ``meta``.
+"""Recordings for MATLAB: one variable per channel, named as ``handwheel_angle_deg`` with its unit; JSON ``meta``.
 
-Files from other programs may hold the channels in a structure; the names in nested structures are joined by dots.
+Files are written as v5, which every MATLAB reads; v7.3, which is HDF5, is read with the extra ``hdf5``. Files from other programs may hold the channels in a structure; the names in nested structures are joined by dots.
 """
 
 import json
@@ -11,6 +11,7 @@ from typing import IO, Any
 
 import numpy as np
 
+from steer_env.recording import mat73_file
 from steer_env.recording.table import Table, Values, column, label
 
 LONGEST_NAME = 63  # longest name of a MATLAB variable [characters]
@@ -33,16 +34,7 @@ def save(
 
 def open_table(path: str | PathLike[str]) -> Table:
     """Open a file; every vector of numbers in it is a column, and the time is one of them."""
-    from scipy import io
-
-    try:
-        content = io.loadmat(path, simplify_cells=True, appendmat=False)
-    except NotImplementedError:
-        raise ValueError(
-            "this is a MATLAB v7.3 file, v5 to v7 can be read; in MATLAB save it with save(name, '-v7')"
-        ) from None
-    except Exception as error:  # damaged files raise exceptions of many types
-        raise ValueError(f"cannot be read as a MATLAB file ({error}); is it complete?") from None
+    content = mat73_file.content(path) if mat73_file.recognised(path) else _before_73(path)
     content = {name: value for name, value in content.items() if not name.startswith("__")}
     while len(content) == 1 and isinstance(next(iter(content.values())), dict):
         content = next(iter(content.values()))
@@ -54,6 +46,17 @@ def open_table(path: str | PathLike[str]) -> Table:
         return [v.astype(float) if v.size == size else f"has {v.size} samples, time has {size}" for v in chosen]
 
     return Table([column(name) for name in vectors], _meta(content.get("meta")), True, load)
+
+
+def _before_73(path: str | PathLike[str]) -> dict[str, Any]:
+    """The variables of a file before v7.3 by name."""
+    from scipy import io  # here, because few programs need it
+
+    try:
+        found: dict[str, Any] = io.loadmat(path, simplify_cells=True, appendmat=False)
+    except Exception as error:  # damaged files raise exceptions of many types
+        raise ValueError(f"cannot be read as a MATLAB file ({error}); is it complete?") from None
+    return found
 
 
 def _vectors(content: dict[str, Any], above: str) -> list[tuple[str, np.ndarray]]:

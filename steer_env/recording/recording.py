@@ -4,6 +4,7 @@ In memory all quantities are in SI units with angles in radians; :mod:`steer_env
 """
 
 from collections.abc import Mapping
+from copy import deepcopy
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from typing import Any
@@ -44,8 +45,9 @@ class Recording:
         In SI units with angles in radians and signs after ISO 8855, left positive. Gaps are NaN.
     units : mapping of str to str
         Unit of each channel, a key of ``FILE_UNITS``.
-    meta : mapping of str to str, int, float, bool or None
-        Origin of the recording: manoeuvre, friction law, speed, ... with the unit in the key.
+    meta : mapping of str to str, int, float, bool, None, or lists and dicts of these
+        Origin of the recording: manoeuvre, friction law, speed, ... with the unit in the key. Every file format keeps
+        it as it is.
 
     Raises
     ------
@@ -81,7 +83,7 @@ class Recording:
         object.__setattr__(self, "time", time)
         object.__setattr__(self, "channels", channels)
         object.__setattr__(self, "units", dict(self.units))
-        object.__setattr__(self, "meta", dict(self.meta))
+        object.__setattr__(self, "meta", deepcopy(dict(self.meta)))
 
     def __getitem__(self, name: str) -> np.ndarray:
         """Samples (T,) of a channel in its unit; ValueError for an unknown name, with the names of all channels."""
@@ -289,11 +291,21 @@ def interpolated(at: np.ndarray, time: np.ndarray, values: np.ndarray) -> np.nda
 
 
 def check_meta(key: Any, value: Any) -> None:
-    """ValueError unless the key is one line of text without a colon, and the value is text, a number or None."""
+    """ValueError unless the key is one line of text without a colon, and the value is one that JSON holds."""
     if not (isinstance(key, str) and key and key == key.strip() and ":" not in key and len(key.splitlines()) == 1):
         raise ValueError(f"meta key {key!r} must be a single line without a colon or spaces around it")
-    if not (value is None or isinstance(value, str | int | float)):
-        raise ValueError(f"meta {key!r} is {value!r}; allowed are text, numbers, true, false and None")
+    if not _is_json(value):
+        raise ValueError(
+            f"meta {key!r} is {value!r}; allowed are text, numbers, true, false, None, and lists and dicts of these"
+        )
+
+
+def _is_json(value: Any) -> bool:
+    if isinstance(value, dict):
+        return all(isinstance(key, str) and _is_json(entry) for key, entry in value.items())
+    if isinstance(value, list):
+        return all(map(_is_json, value))
+    return value is None or isinstance(value, str | int | float)
 
 
 def _frozen(values: Any, name: str) -> np.ndarray:

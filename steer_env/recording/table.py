@@ -15,6 +15,11 @@ class Column(NamedTuple):
     name: str  # the label without the unit
     unit: str | None  # as the file spells it; None if the file names none
 
+    @property
+    def declares_unit(self) -> bool:
+        """Whether the unit stands apart from the name or in brackets; the end of a name may only look like one."""
+        return self.unit is not None and self.label != f"{self.name}_{self.unit}"
+
 
 # Samples (T,) in the file's unit, or a text that says why there are none.
 Values = np.ndarray | str

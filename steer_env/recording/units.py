@@ -1,7 +1,7 @@
 """Units of recordings in memory and in files, and the spellings that files from other programs use.
 
 In memory all quantities are in SI units with angles in radians. A file contains angles in degrees and all other
-quantities in SI units.
+quantities in SI units. The reading of an uncalibrated sensor stays in counts.
 """
 
 import re
@@ -28,7 +28,9 @@ FILE_UNITS = {
     "V": ("V", 1.0),
     "K": ("K", 1.0),
     "1": ("1", 1.0),
+    "counts": ("counts", 1.0),
 }
+COUNTS = "counts"  # readings of a sensor that nobody has calibrated; any channel may be in it
 
 # Further spellings, in the form that `_normalised` returns -> (unit in memory, value in memory of one).
 _OTHERS = {

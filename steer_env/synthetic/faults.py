@@ -7,7 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy import signal
 
-from steer_env.metrics.common.filtered_channels import AY, TORQUE, YAW
+from steer_env import metrics
+from steer_env.metrics.common.filtered_channels import ANGLE, AY, TORQUE, YAW
 from steer_env.recording.recording import DEGREE, Recording
 from steer_env.synthetic.recordings import changed
 
@@ -33,6 +34,9 @@ NOISE = {
 OFFSETS = {TORQUE: 0.1, AY: 0.05, YAW: 0.2 * DEGREE}
 DRIFT = {TORQUE: 0.1, AY: 0.05}
 DELAY = 0.010  # [s]
+ANGLE_OFFSET = 2.0 * DEGREE  # of a handwheel angle whose zero was not set [rad]
+TORQUE_SCALE = 0.02  # error of the torque's scale, as a fraction of the torque [1]
+CLOCKS = 200e-6  # by how much two clocks drift apart, each being off by up to 100 ppm (a plain quartz; assumed) [1]
 
 
 def noisy(given: Recording, rng: np.random.Generator) -> Recording:
@@ -51,6 +55,34 @@ def drifting(given: Recording, rng: np.random.Generator) -> Recording:
     share = np.linspace(-0.5, 0.5, given.time.size)
     known = {name: size for name, size in DRIFT.items() if name in given.channels}
     return changed(given, **{name: given[name] + size * rng.choice([-1, 1]) * share for name, size in known.items()})
+
+
+def angle_offset(given: Recording, rng: np.random.Generator) -> Recording:
+    """The recording with an offset of the handwheel angle, of random sign."""
+    if ANGLE not in given.channels:
+        return given
+    return changed(given, **{ANGLE: given[ANGLE] + ANGLE_OFFSET * rng.choice([-1, 1])})
+
+
+def torque_scaled(given: Recording, rng: np.random.Generator) -> Recording:
+    """The recording with a hand torque of the wrong scale, too large or too small, whose error is declared."""
+    found = changed(given, **{TORQUE: given[TORQUE] * (1.0 + TORQUE_SCALE * rng.choice([-1, 1]))})
+    return replace(found, meta={**found.meta, "torque_scale_error": TORQUE_SCALE})
+
+
+def clocks_apart(given: Recording, rng: np.random.Generator) -> Recording:
+    """The recording with the motion of the car on another clock, which is in step with that of the rest at its start.
+
+    The clock is fast or slow, by chance.
+    """
+    at = given.time[0] + (given.time - given.time[0]) * (1.0 + CLOCKS * rng.choice([-1, 1]))
+    known = [name for name in (AY, YAW) if name in given.channels]
+    return changed(given, **{name: np.interp(at, given.time, given[name]) for name in known})
+
+
+def radians_as_degrees(given: Recording, rng: np.random.Generator) -> Recording:
+    """The recording of a file that has the handwheel angle in radians and calls them degrees."""
+    return changed(given, **{ANGLE: given[ANGLE] * DEGREE})
 
 
 def late(given: Recording, rng: np.random.Generator) -> Recording:
@@ -99,6 +131,10 @@ def long_drop_out(given: Recording, rng: np.random.Generator) -> Recording:
     return _dropping_out(given, rng, 2.0, 1)
 
 
+PERIODIC = ("weave", "slow-ramp", "rig")  # tests that show how clocks go
+STEERED = tuple(test for test in metrics.tests() if metrics.evaluation_by_name(test).steered)
+
+
 class Fault(NamedTuple):
     """A fault, and what the evaluation knows of it."""
 
@@ -109,6 +145,7 @@ class Fault(NamedTuple):
     after: tuple[Callable[[Recording, np.random.Generator], Recording], ...] = ()  # changes on the way to the file
     declared: bool = False  # whether one channel is late and its delay is known
     timing: float = 0.0  # error of the channels' relative timing that the evaluation assumes [s]
+    tests: tuple[str, ...] = ()  # the tests for whose recordings the fault is meant; empty: every test
     refused: str = ""  # part of the reason for which every metric must be refused; empty if none must
 
     def apply(self, clean: Recording, rng: np.random.Generator) -> Recording:
@@ -129,5 +166,10 @@ FAULTS: dict[str, Fault] = {
     "delay": Fault(200.0, before=(late, thinned_to_50_hz), timing=DELAY),
     "50 Hz": Fault(200.0, before=(logged_at_50_hz,)),
     "1 kHz": Fault(1000.0),
+    "angle offset": Fault(before=(angle_offset,)),
+    "torque scale": Fault(before=(torque_scaled,)),
+    "clocks": Fault(before=(clocks_apart,), tests=PERIODIC),
+    "all of these": Fault(before=(angle_offset, torque_scaled, clocks_apart, drifting), tests=PERIODIC),
+    "unit": Fault(before=(radians_as_degrees,), tests=STEERED, refused="check the unit"),
     "long": Fault(after=(long_drop_out,), refused="cut the recording there with between(t0, t1)"),
 }

@@ -2,7 +2,8 @@
 
 import inspect
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import gymnasium as gym
@@ -18,7 +19,7 @@ from steer_env.specification import PlainSpecification
 from steer_env.targets import load as load_targets
 from steer_env.tasks import Quantity
 from steer_env.tuning import context, driving, reward
-from steer_env.tuning.parameters import PARAMETERS, tuned, values
+from steer_env.tuning.parameters import KNOWN, keys, reported, tuned, values
 from steer_env.tuning.scenarios.common.definition import SPEEDS, Scenario
 from steer_env.vehicle import cars
 from steer_env.vehicle import tyre as tyres
@@ -45,6 +46,14 @@ def observed(scenario: Scenario) -> tuple[Quantity, ...]:
     )
 
 
+def _chosen(parameters: Sequence[str]) -> tuple[str, ...]:
+    """The parameters that the action sets, checked."""
+    known = not isinstance(parameters, str) and set(parameters) <= set(KNOWN)
+    if not known or not parameters or len(set(parameters)) != len(parameters):
+        raise ValueError(f"parameters must be a list of {', '.join(KNOWN)}, each once, got {parameters!r}")
+    return tuple(parameters)
+
+
 class TuneEnv(PlainSpecification, gym.Env):
     """A car's assist is tuned for a friction law and a road; every id is this class with a scenario of its own.
 
@@ -69,6 +78,9 @@ class TuneEnv(PlainSpecification, gym.Env):
         "friction" the law's own parameters, as in ``{"load": (0, 300), "friction": {"F_c": (0.6, 1.2)}}``.
     weights : mapping, optional
         Weights of reward terms that replace the scenario's.
+    parameters : sequence of str, optional
+        Parameters that the action sets, in this order, in place of the scenario's: those of ``PARAMETERS`` and
+        ``FUNCTIONS`` in ``steer_env.tuning.parameters``.
     render_mode : None
         There is no rendering.
 
@@ -96,6 +108,7 @@ class TuneEnv(PlainSpecification, gym.Env):
         targets: str = "compact",
         randomise: Mapping[str, Any] | None = None,
         weights: Mapping[str, float] | None = None,
+        parameters: Sequence[str] | None = None,
         render_mode: None = None,
         **unknown: Any,
     ) -> None:
@@ -107,6 +120,8 @@ class TuneEnv(PlainSpecification, gym.Env):
         if chassis not in cars.SPEEDS:
             raise ValueError(f"chassis must be one of {', '.join(cars.SPEEDS)}, got {chassis!r}")
         self._chassis = chassis
+        if parameters is not None:
+            self.scenario = replace(self.scenario, parameters=_chosen(parameters))
         self.car = cars.load(vehicle)
         if tyre is not None:
             self.car = self.car._replace(tyre=tyres.load(tyre))
@@ -131,7 +146,7 @@ class TuneEnv(PlainSpecification, gym.Env):
         """No set has been tried."""
         self.refused: dict[str, str] = {}
         self.best_action: NDArray[np.float32] | None = None
-        self._best = dict.fromkeys(("reward", *PARAMETERS), math.nan)
+        self._best = dict.fromkeys(("reward", *reported(self.scenario.parameters)), math.nan)
         self._metrics = dict.fromkeys(self.scenario.metrics, math.nan)  # of the best set
 
     def __getstate__(self) -> dict[str, Any]:
@@ -160,8 +175,17 @@ class TuneEnv(PlainSpecification, gym.Env):
     def parameters(self) -> dict[str, tuple[str, float, float, float]]:
         """Of each parameter in the action: unit, value at -1, the car's own value and value at 1."""
         a = self.car.assist
-        named = ((name, PARAMETERS[name]) for name in self.scenario.parameters)
+        named = ((name, KNOWN[name]) for name in self.scenario.parameters)
         return {name: (p.unit, p.value(a, -1.0), p.value(a, 0.0), p.value(a, 1.0)) for name, p in named}
+
+    def tuned_car(self, action: NDArray[Any]) -> cars.Car:
+        """The car with the parameter set of an action, whose assist is to the bit the one that :meth:`step` drives.
+
+        ``steer_env.vehicle.cars.write(env.tuned_car(env.best_action), "tuned.toml")`` writes it as a car file.
+        """
+        a = self.car.assist
+        data = {**self.car.data(), "name": f"{self.car.name}_tuned"}
+        return cars.load({**data, "assist": keys(a, values(a, self.scenario.parameters, clipped(action)))})
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None

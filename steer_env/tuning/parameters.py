@@ -6,6 +6,10 @@
 
 An action a in [-1, 1] gives a parameter the value own * span^a: the car's own value at 0, and a valid one wherever the
 car's own is. The spans are assumed: as far as an engineer would go, and further to where the loop's margins are lost.
+
+The strength of a function of the assist (``FUNCTIONS``), which most cars do not have, is own (1 + a) below 0 and
+own + reach a above: off at -1, the car's own at 0. Keys that the function has besides stay the car's own, or their
+defaults where the car does not have the function. ``TuneEnv(parameters=...)`` adds them to the action.
 """
 
 from collections.abc import Callable, Mapping
@@ -16,7 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from steer_env.vehicle.steering import eps
-from steer_env.vehicle.steering.eps import Assist
+from steer_env.vehicle.steering.assist import functions
+from steer_env.vehicle.steering.eps import SAMPLE_TIME, Assist
 
 Array = NDArray[np.float64]
 
@@ -37,6 +42,25 @@ class Parameter(NamedTuple):
     def value(self, a: Assist, action: float) -> float:
         """The value at an action in [-1, 1] for an assist [unit]."""
         return min(self.own(a) * self.span**action, self.highest)
+
+
+class Strength(NamedTuple):
+    """Strength of a function of the assist, the largest over the speeds; 0 is off."""
+
+    name: str  # of the key in a car file
+    unit: str
+    reach: float  # what action 1 adds to the car's own value [unit]
+    meaning: str
+    highest: float  # limit of the value [unit]
+
+    def own(self, a: Assist) -> float:
+        """The car's own value [unit]."""
+        return float(np.max(functions.keys(a.functions, SAMPLE_TIME).get(self.name, 0.0)))
+
+    def value(self, a: Assist, action: float) -> float:
+        """The value at an action in [-1, 1] for an assist [unit]."""
+        own = self.own(a)
+        return own * (1.0 + action) if action < 0.0 else min(own + self.reach * action, self.highest)
 
 
 def _corner(which: int, a: Assist) -> float:
@@ -62,27 +86,55 @@ PARAMETERS = {
 }
 
 
+FUNCTIONS = {
+    strength.name: strength
+    for strength in (
+        Strength("return_gain", "N m/rad", 10.0, "stiffness of the active return about the centre", 200.0),
+        Strength("handwheel_damping", "N m s/rad", 0.5, "damping of the handwheel", 10.0),
+        Strength("friction_share", "1", 0.6, "share of the friction that is compensated", 1.0),
+        Strength("inertia_compensation", "kg m2", 0.02, "inertia that is compensated", 1.0),
+        Strength("lead_lag_gain", "1", 0.3, "gain of the lead-lag at 0 Hz", 10.0),
+    )
+}
+KNOWN: dict[str, Parameter | Strength] = {**PARAMETERS, **FUNCTIONS}
+
+
+def reported(names: tuple[str, ...]) -> tuple[str, ...]:
+    """Every parameter whose value is told where the action sets those named."""
+    return (*PARAMETERS, *(name for name in FUNCTIONS if name in names))
+
+
 def values(a: Assist, names: tuple[str, ...], action: Array) -> dict[str, float]:
     """The value of every parameter at an action (n,) on those named; the others keep the car's own value."""
     actions = dict(zip(names, action.tolist()))
-    return {name: parameter.value(a, actions.get(name, 0.0)) for name, parameter in PARAMETERS.items()}
+    return {name: KNOWN[name].value(a, actions.get(name, 0.0)) for name in reported(names)}
 
 
-def tuned(a: Assist, p: Mapping[str, float]) -> Assist:
-    """The assist of a car with a value for every parameter, checked by :func:`steer_env.vehicle.steering.eps.make`."""
+def keys(a: Assist, p: Mapping[str, float]) -> dict[str, Any]:
+    """The keys of a car file's section ``assist``, for the assist of a car and a value for every parameter."""
     fading = np.maximum(1.0 - a.speeds / HIGH_SPEED, 0.0)
     t = a.torques
     read_at = np.zeros_like(t)  # torques of the car's own curve
     read_at[1:] = t[1:] * (t[1:] / t[-1]) ** (p["boost_progression"] - 1.0)
     boost: Any = np.array([np.interp(read_at, t, row) for row in a.boost])
-    return eps.make(
-        speeds=a.speeds,
-        torques=t,
-        boost=(p["boost_level"] * p["boost_low_speed"] ** fading)[:, None] * boost,
-        damping=p["damping_level"] * p["damping_low_speed"] ** fading * a.damping,
-        lead_zero=p["lead_zero"],
-        lead_pole=p["lead_pole"],
-        delay=a.delay * eps.SAMPLE_TIME + a.offset,
-        bandwidth=a.bandwidth / (2.0 * np.pi),
-        limit=a.limit,
-    )
+    own = functions.keys(a.functions, SAMPLE_TIME)
+    for name in p.keys() & FUNCTIONS.keys():
+        before = FUNCTIONS[name].own(a)
+        own[name] = np.multiply(own[name], p[name] / before).tolist() if before else p[name]
+    return {
+        **own,
+        "speeds": a.speeds,
+        "torques": t,
+        "boost": (p["boost_level"] * p["boost_low_speed"] ** fading)[:, None] * boost,
+        "damping": p["damping_level"] * p["damping_low_speed"] ** fading * a.damping,
+        "lead_zero": p["lead_zero"],
+        "lead_pole": p["lead_pole"],
+        "delay": a.delay * SAMPLE_TIME + a.offset,
+        "bandwidth": a.bandwidth / (2.0 * np.pi),
+        "limit": a.limit,
+    }
+
+
+def tuned(a: Assist, p: Mapping[str, float]) -> Assist:
+    """The assist of a car with a value for every parameter, checked by :func:`steer_env.vehicle.steering.eps.make`."""
+    return eps.make(**keys(a, p))

@@ -56,7 +56,7 @@ def test_a_file_names_the_law_with_its_parameters_as_the_command_line_takes_them
 
 def test_run_speed_and_ripple_of_a_hold(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    assert main(["run", "hold", "--friction", "masing", "--speed_kph", "80"]) == 0
+    assert main(["run", "hold", "--friction", "masing", "--speed_kph", "80", "--rate_hz", "1000"]) == 0
     data = json.loads((tmp_path / "hold.json").read_text())
     assert data["meta"]["speed_m_s"] == pytest.approx(80.0 / 3.6)
     low, high = data["metrics"]["torsion_bar_ripple"]["ci"]  # of one event: what its noise may do

@@ -241,8 +241,7 @@ def test_margins_of_the_lead_lag(speed, control_dt):
 
     env = gym.make("steer_env/AssistWeave-v1", control_dt=control_dt).unwrapped
     baseline = assists.make("lead_lag", env, gain=1.0)
-    design, car = baseline.design(speed), env.batch.car
-    H = control.ss(design.A, design.B, design.C[None], design.D[None], control_dt)
+    car, H = env.batch.car, lead_lag.compensator(baseline.design(speed), baseline._law, control_dt)
     smallest_phase, smallest_gain = math.inf, math.inf
     for slope in slopes(car, speed):
         loops = lead_lag.loops(car, H, slope, speed)

@@ -16,6 +16,7 @@ from steer_env.drivers.common.definition import (
     MEMORY,
     MUSCLE_LAG,
     NEUROMUSCULAR_STATES,
+    OWN_MEMORY,
     command,
     delayed_error,
     gains_of,
@@ -204,7 +205,7 @@ def test_two_points_ask_for_the_cars_own_angle_in_a_steady_turn():
 def test_a_command_takes_its_time():
     """A unit step asked for reaches the intended angle after the delay, and arrives without much overshoot."""
     driver = drivers.make("free")
-    memory, intended = np.zeros(MEMORY + 1), []
+    memory, intended = np.zeros(MEMORY + OWN_MEMORY), []
     for _ in range(100):
         angle, *_ = neuromuscular_step(
             driver.preview_model, np.zeros(0), muscle_matrices(), np.zeros(17), 0.0, 0.0, memory
@@ -219,7 +220,7 @@ def test_a_command_takes_its_time():
 @pytest.mark.parametrize("ahead", [0, 1])
 def test_a_reflex_answers_to_an_error_50_ms_old(ahead):
     """With ``ahead`` 1 the result is the delayed error of the next update."""
-    memory = np.zeros(MEMORY + 1)
+    memory = np.zeros(MEMORY + OWN_MEMORY)
     answers = [delayed_error(memory, 1.0 if k == 3 else 0.0, ahead) for k in range(12)]
     assert np.flatnonzero(answers).tolist() == [3 + DELAYED_ERRORS - ahead]
 
@@ -254,3 +255,18 @@ def test_a_reflex_answers_to_an_error_50_ms_old(ahead):
 def test_bad_calls(call, message):
     with pytest.raises(ValueError, match=message):
         call()
+
+
+@pytest.mark.parametrize("name", ["preview", "macadam", "robot"])
+def test_a_driver_takes_over_without_a_jump(name):
+    """An offset that is there at the start is no step to answer: it asked for 4 to 10 N m within one decision."""
+    env = gym.make("steer_env/DriverDoubleLaneChange-v1")
+    driver, last, steps = drivers.Controller(env, name), 0.0, []
+    for seed in range(4):
+        observation, info = env.reset(seed=seed)
+        driver.reset()
+        for _ in range(20):
+            observation, _, _, _, info = env.step(driver.act(observation))
+            steps.append(abs(info["handwheel_torque"] - last))
+            last = info["handwheel_torque"]
+    assert max(steps) < 2.0

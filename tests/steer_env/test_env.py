@@ -107,15 +107,15 @@ def test_plain_python_drives_the_same_to_the_bit():
 
 @pytest.mark.parametrize("name", IDS)
 def test_control_dt_changes_the_sampling_and_not_the_car(name):
-    """The same held action through 5 ms and 10 ms steps leads through the same states."""
+    """The same held action through 5 ms and 10 ms steps leads through the same states, after a driver's first line."""
     fine, coarse = gym.make(name, control_dt=0.005), gym.make(name, control_dt=0.01)
     fine.reset(seed=1)
     coarse.reset(seed=1)
-    for _ in range(50):
-        fine.step(ACTION)
+    for k in range(50):
+        fine.step(0.5 * ACTION if k == 0 and fine.unwrapped.task.action.ramped else ACTION)
         *_, a = fine.step(ACTION)
         *_, b = coarse.step(ACTION)
-        assert {key: a[key] for key in plant.CHANNEL} == {key: b[key] for key in plant.CHANNEL}
+        assert {key: a[key] for key in plant.CHANNEL} == pytest.approx({key: b[key] for key in plant.CHANNEL}, rel=1e-9)
 
 
 @pytest.mark.parametrize("chassis", ["single_track", "two_track"])
@@ -168,16 +168,17 @@ def test_a_car_that_spins_ends_the_episode(tmp_path):
 
 
 def test_metrics_end_with_the_episode_whatever_the_control_step():
-    """A hand torque of 5 N m until the car leaves its lane."""
+    """A hand torque that rises to 5 N m in 0.1 s until the car leaves its lane."""
     found = []
     for control_dt in (0.01, 0.05, 0.1):
         env = gym.make("steer_env/DriverLaneKeeping-v1", control_dt=control_dt)
         env.reset(seed=2)
-        ended = False
+        ended, k = False, 0
         while not ended:
-            *_, ended, _, info = env.step(np.array([0.5], np.float32))
+            k += 1
+            *_, ended, _, info = env.step(np.array([0.5 * min(k * control_dt / 0.1, 1.0)], np.float32))
         found.append(info["metrics"])
-    assert found[0]["rms_hand_torque"] == pytest.approx(5.0, rel=1e-3)
+    assert 4.8 < found[0]["rms_hand_torque"] < 5.0
     assert found[1] == pytest.approx(found[0], rel=1e-3)
     assert found[2] == pytest.approx(found[0], rel=1e-3)
 
@@ -374,15 +375,17 @@ def test_weights_replace_the_tasks(name):
 def test_rewards_of_a_weave_are_those_of_the_recorded_channels():
     """Feel, effort and smoothness from what a user sees, at one evaluation a step."""
     env, rng, last = gym.make("steer_env/AssistWeave-v1", control_dt=0.01), np.random.default_rng(4), 0.0
+    squared = 0.0  # mean of the rate's square over 0.1 s
     env.reset(seed=1)
     for _ in range(300):
         action = rng.uniform(-0.2, 0.2, 1).astype(np.float32)
         observation, reward, *_, info = env.step(action)
         wanted = reference_torque(info["lateral_acceleration"], info["handwheel_speed"])
+        squared += (((action.item() - last) / 0.01) ** 2 - squared) * 0.01 / 0.11
         quality = {
             "feel": (0.7, (info["handwheel_torque"] - wanted) / 0.3),
             "effort": (0.05, action.item() / 0.5),
-            "smoothness": (0.1, (action.item() - last) / 0.01 / 4.0),
+            "smoothness": (0.1, math.sqrt(squared) / 4.0),
         }
         for name, (weight, error) in quality.items():
             expected = 0.01 * weight / math.sqrt(1.0 + error**2)

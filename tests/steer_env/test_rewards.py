@@ -253,3 +253,52 @@ def test_the_last_action_is_known_without_delay():
     other.reset(seed=SEED + 1)
     other.set_state(env.get_state())
     assert other.batch.arrays.observations[0, place] == np.float32(0.19)
+
+
+@pytest.mark.parametrize("dt", [0.01, 0.05])
+def test_a_jump_costs_more_smoothness_than_a_slow_change_and_chatter_more_than_both(dt):
+    """All change the action by 1 within 2 s: at once, evenly over half a second, or to and fro for half a second."""
+    n, moving = round(2.0 / dt), round(0.5 / dt)
+    motions = {name: np.zeros(n) for name in ("jump", "slow", "chatter")}
+    motions["jump"][0], motions["slow"][:moving] = 1.0, 1.0 / moving
+    motions["chatter"][:moving] = np.where(np.arange(moving) % 2 == 0, 1.0, -1.0)
+    lost = {}
+    for name, changes in motions.items():
+        memory, total = np.zeros(terms.COMMON_MEMORY), 0.0
+        for k, change in enumerate(changes):
+            for _ in range(round(dt / 0.01)):
+                step = StepContext(0.01 * k, 0.01, 30.0, 30.0, 0.0, change / dt, 0.0)
+                total += 0.01 * (1.0 - terms.quality(terms._rms_rate(step, memory) / terms.RATE_SCALE))
+        lost[name] = total
+    assert lost["slow"] < 0.5 * lost["jump"]
+    assert lost["jump"] < 0.9 * lost["chatter"]
+
+
+@pytest.mark.parametrize(("dt", "lag"), [(0.05, 0.0), (0.01, 0.0), (0.05, 0.05), (0.005, 0.1)])
+def test_a_drivers_torque_goes_on_straight_lines_behind_its_lag(dt, lag):
+    env = gym.make("steer_env/DriverLaneKeeping-v1", control_dt=dt).unwrapped
+    _, info = env.reset(seed=SEED, options={"action_lag": lag})
+    assert info["conditions"]["action_lag"] == lag
+    given, last, rng, asked = 0.0, 0.0, np.random.default_rng(SEED), []
+    inputs, n = env.batch.arrays.inputs, round(dt / 0.001)
+    for _ in range(10):
+        action = rng.uniform(-0.1, 0.1, 1).astype(np.float32)
+        env.step(action)
+        for k in range(n):
+            line = 10.0 * (last + (k + 1) / n * (float(action[0]) - last))
+            given = line if lag == 0.0 else line + np.exp(-0.001 / lag) * (given - line)
+            asked.append(given)
+        last = float(action[0])
+        rounds = min(n, 10)
+        np.testing.assert_allclose(inputs[0, :, env.task.action.input], asked[-rounds:], rtol=1e-9)
+    assert np.abs(np.diff(asked)).max() < 2.0 * 0.1 * 10.0 / n + 1e-9
+
+
+def test_an_assists_torque_is_held_and_its_lag_counts_in_its_work():
+    env = gym.make("steer_env/AssistWeave-v1").unwrapped
+    inputs = env.batch.arrays.inputs
+    for lag, expected in ((0.0, np.full(10, 2.5)), (0.02, 2.5 * (1.0 - np.exp(-np.arange(1, 11) / 20.0)))):
+        env.reset(seed=SEED, options={"action_lag": lag})
+        env.step(np.array([0.5], np.float32))
+        np.testing.assert_allclose(inputs[0, :, env.task.action.input], expected, rtol=1e-12)
+        assert env.batch.episodes["asked"][0] == pytest.approx(expected[-1])

@@ -21,7 +21,7 @@ from steer_env.vehicle import plant_batch, road
 
 LANE, WEAVE = "steer_env/DriverLaneKeeping-v1", "steer_env/AssistWeave-v1"
 EVERYTHING = {"load": (0, 300), "friction_level": (0.5, 1.5), "sensor_noise": (0.5, 1), "delay": (0, 0.05)}
-EVERYTHING |= {"friction": {"F_c": (0.5, 1.5)}}
+EVERYTHING |= {"action_gain": (0.8, 1.2), "action_lag": (0, 0.1), "friction": {"F_c": (0.5, 1.5)}}
 MODES = [mode.value for mode in AutoresetMode]
 
 

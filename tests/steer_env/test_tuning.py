@@ -416,3 +416,14 @@ def test_make_vec_needs_no_mode():
     vector = gym.make_vec(ON_CENTRE, num_envs=2)
     assert vector.action_space.shape == (2, 5)
     vector.close()
+
+
+def test_a_tuned_set_becomes_a_car_file(tmp_path):
+    env = make(ON_CENTRE)
+    chosen = action(env, boost_level=0.1, lead_zero=-0.3)
+    car = env.tuned_car(chosen)
+    cars.write(car, tmp_path / "tuned.toml")
+    tried = parameters.tuned(env.car.assist, parameters.values(env.car.assist, env.scenario.parameters, chosen))
+    for found in (car, cars.load(tmp_path / "tuned.toml")):
+        assert all(np.array_equal(one, other) for one, other in zip(found.assist, tried, strict=True))
+        assert (found.name, found.chassis, found.tyre) == ("compact_tuned", env.car.chassis, env.car.tyre)

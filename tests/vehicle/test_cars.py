@@ -3,13 +3,15 @@
 import copy
 import json
 import math
+import pickle
 from dataclasses import replace
 from importlib.resources import files
 
 import pytest
 
 from steer_env import friction
-from steer_env.vehicle import cars, road
+from steer_env.vehicle import cars, road, tyre
+from steer_env.vehicle.cars import plausible
 
 CAR = cars.load()
 DATA = json.loads(files("steer_env.vehicle").joinpath("data", "cars", "compact.json").read_text(encoding="utf-8"))
@@ -164,6 +166,8 @@ def test_car_from_a_file(tmp_path):
         ('base = "compact"', 'base = "tram"', ":1: base must be one of bmw_320i, "),
         ('base = "compact"', 'bass = "compact"', ":1: car has no key 'bass'; it takes: "),
         ('base = "compact"', "", ": car lacks name, source, "),
+        ("[chassis]", "[name]\nfirst = 1\n[chassis]", ":5: name must be text, got {{'first': 1}}"),
+        ("[chassis]", "[tyre]\nname = 1\n[chassis]", ":5: tyre.name must be text, got 1"),
         ("heavier", 'heavier"\ntyre = "none.tir', ":3: tyre file {folder}/none.tir: No such file or directory"),
     ],
 )
@@ -229,7 +233,14 @@ def test_sections_of_column_and_assist_take_part_of_the_keys():
             "assist.boost must hold numbers, in rows of one length, got [[0.0,",
         ),
         (changed("assist", damping=[3.0, "two"]), "assist.damping must hold numbers only, got 'two'"),
-        (changed("drivetrain", ratios=[[3.0, 2.0], [1.0]]), "drivetrain.ratios must be a one-dimensional array"),
+        (
+            changed("drivetrain", ratios=[[3.0, 2.0], [1.0]]),
+            "drivetrain.ratios must be a list of numbers, got [[3.0, 2.0], [1.0]]",
+        ),
+        (changed("column", K_tb=[[130.0]]), "column.K_tb must be a number, got [[130.0]]"),
+        (changed("assist", damping=[[3.0], [2.0, 1.0]]), "assist.damping must be a list of numbers, got [[3.0], "),
+        (changed("assist", boost=[[[0.0]]]), "assist.boost must be a list of rows, each a list of numbers, got [[["),
+        (changed(None, tyre={"name": "mine"}), "tyre lacks 'source'; it takes: name, source, coefficients"),
         (changed(None, tyre=3), "tyre must be text, got 3"),
         (changed(None, strut=["s1"]), "strut must be text, got ['s1']"),
         (changed(None, assumed="mass"), "assumed must be a list of keys, got 'mass'"),
@@ -272,3 +283,74 @@ def test_unknown_car_and_law():
 def test_speeds_at_the_ends_are_taken():
     assert CAR.plant(speed=cars.SPEED_MIN).chassis.v_x == 3.0
     assert CAR.plant(speed=cars.SPEED_MAX).chassis.v_x == 70.0
+
+
+def same(one, other):
+    """Whether two cars are equal to the bit, by what the plant takes from them."""
+    a, b = (pickle.dumps(car.plant(chassis=chassis)) for car in (one, other) for chassis in ("two_track",))
+    return a == b and (one.name, one.source, one.chassis) == (other.name, other.source, other.chassis)
+
+
+def own_car(tmp_path):
+    """A car with a tyre file, a torsion bar and a boost table of its own."""
+    tyre.save(tyre.load("example_mf61"), tmp_path / "mine.tir")
+    text = 'tyre = "mine.tir"\n[assist]\nboost = [[0, 10], [0, 4.5]]\ndamping = [1, 2]\nspeeds = [0, 30]\n'
+    text += "torques = [0, 5]\n"
+    return cars.load(written(tmp_path / "mine.toml", TOML.replace("\n[chassis]", f"{text}[chassis]")))
+
+
+@pytest.mark.parametrize("suffix", ["toml", "json"])
+@pytest.mark.parametrize("name", [*cars.available(), "own"])
+def test_there_is_a_way_back_to_a_car_file(name, suffix, tmp_path):
+    car = own_car(tmp_path) if name == "own" else cars.load(name)
+    data = car.data()
+    assert json.loads(json.dumps(data)) == data
+    assert {"K_tb", "I1"} <= set(data["column"])
+    cars.write(car, tmp_path / f"written.{suffix}")
+    (tmp_path / "mine.tir").unlink(missing_ok=True)  # the written file needs no other
+    for again in (cars.load(data), cars.load(tmp_path / f"written.{suffix}")):
+        assert same(again, car)
+        assert again.data() == data
+
+
+def test_data_follow_what_was_replaced():
+    boost = 1.2 * CAR.assist.boost
+    changed_car = CAR._replace(tyre=tyre.load("example_mf52"), assist=CAR.assist._replace(boost=boost)).loaded(100.0)
+    data = changed_car.data()
+    assert (data["tyre"], data["chassis"]["mass"]) == ("example_mf52", CAR.chassis["mass"] + 100.0)
+    assert data["assist"]["boost"] == boost.tolist()
+    assert same(cars.load(data), changed_car)
+    for wrong in (CAR._replace(assist=CAR.assist._replace(bandwidth=1.0)), CAR._replace(strut=CAR.strut.at_track(1.4))):
+        with pytest.raises(ValueError, match="was replaced in the car by what no car file gives"):
+            wrong.data()
+
+
+def test_a_written_file_ends_in_toml_or_json(tmp_path):
+    with pytest.raises(ValueError, match=r"must end in \.toml or \.json, got .*car\.yaml"):
+        cars.write(CAR, tmp_path / "car.yaml")
+    assert not list(tmp_path.iterdir())
+
+
+def test_changes_set_keys():
+    car = cars.load("compact", changes={"column.K_tb": 143.0, "tyre": "example_mf52", "name": "stiff"})
+    assert (car.column.K_tb, car.tyre.name, car.name) == (143.0, "example_mf52", "stiff")
+    assert same(car, cars.load({**CAR.data(), "name": "stiff", "tyre": "example_mf52", "column": {"K_tb": 143.0}}))
+    assert cars.load("compact") is CAR
+    for changes, message in (
+        ({"column.K": 1.0}, "column has no key 'K'; it takes: I1, I2, K_tb"),
+        ({"colum.K_tb": 1.0}, r"a car has no 'colum\.K_tb'; it has chassis\.KEY, .*, name, "),
+        ({"chassis": 1.0}, "a car has no 'chassis'; it has chassis.KEY, "),
+        ({"column.K_tb": 0.0}, r"column\.K_tb must be finite and greater than 0, got 0\.0"),
+    ):
+        with pytest.raises(ValueError, match=f"^{message}"):
+            cars.load("compact", changes=changes)
+
+
+def test_changes_warn_only_of_what_they_make_unusual(monkeypatch, recwarn):
+    monkeypatch.setattr(plausible, "_TOLD", set())
+    heavy = cars.load("compact", changes={"column.K_tb": 400.0})
+    assert [str(w.message).partition(" (")[0] for w in recwarn] == [
+        "car compact: column.K_tb is 400 N m/rad; usual is 50 to 300 N m/rad"
+    ]
+    cars.load(heavy.data(), changes={"name": "other"})
+    assert len(recwarn) == 1

@@ -4,11 +4,23 @@ from typing import Any
 
 from steer_env.friction.numerics.renamed import REMOVED_IN
 from steer_env.vehicle.cars.car import SPEEDS, Car
+from steer_env.vehicle.cars.contents import write
 from steer_env.vehicle.cars.files import available, every_key, from_data, load
 from steer_env.vehicle.cars.plausible import UnusualCar
 from steer_env.vehicle.chassis.common.interface import SPEED_MAX, SPEED_MIN
 
-__all__ = ["SPEEDS", "SPEED_MAX", "SPEED_MIN", "Car", "UnusualCar", "available", "every_key", "from_data", "load"]
+__all__ = [
+    "SPEEDS",
+    "SPEED_MAX",
+    "SPEED_MIN",
+    "Car",
+    "UnusualCar",
+    "available",
+    "every_key",
+    "from_data",
+    "load",
+    "write",
+]
 
 
 def rack_ratio(car: Car) -> Any:

@@ -11,6 +11,7 @@ from steer_env.friction.numerics.kernel import record
 from steer_env.friction.numerics.renamed import REMOVED_IN
 from steer_env.vehicle import chassis as chassis_models
 from steer_env.vehicle import road, tyre
+from steer_env.vehicle.cars import contents
 from steer_env.vehicle.chassis.two_track import brakes, drivetrain, speed_hold
 from steer_env.vehicle.plant import Plant
 from steer_env.vehicle.steering import column, eps
@@ -55,9 +56,23 @@ class Car(NamedTuple):
     tyre: tyre.Tyre
     strut: MacPherson
     kinematics_table: KinematicsTable  # of the strut
+    given: Mapping[str, Any]  # contents of the data file with what it takes from its base, SI
 
     def __reduce__(self) -> tuple[Any, ...]:
         return rebuilt, (Car, *self)
+
+    def data(self) -> dict[str, Any]:
+        """Complete contents of a car file: every key with its value, in SI units, as JSON and TOML hold them.
+
+        ``cars.load(car.data())`` is this car to the bit, and ``cars.write(car, path)`` writes a file of it. A packaged
+        tyre is given by its name, any other by its coefficients.
+
+        Raises
+        ------
+        ValueError
+            A part was replaced (``car._replace``) by what no car file gives.
+        """
+        return contents.data(self)
 
     def plant(
         self,

@@ -1,5 +1,6 @@
 """Car files: each packaged or own file, checked key by key, becomes a :class:`Car`."""
 
+import copy
 import json
 import re
 from collections.abc import Iterator, Mapping, Sequence
@@ -23,6 +24,8 @@ from steer_env.vehicle.cars.keys import (
     SECTIONS,
     SIZE,
     STEERING,
+    TABLES,
+    TEXTS,
     numbers,
     require,
     require_known,
@@ -73,6 +76,7 @@ def _checked(data: dict[str, Any]) -> Car:
         tyre=tyre.load(data["tyre"]),
         strut=strut,
         kinematics_table=kinematics_table.build(strut),
+        given=copy.deepcopy({**data, "tyre": None}),
     )
     contradictions.check(car)
     return car
@@ -80,8 +84,8 @@ def _checked(data: dict[str, Any]) -> Car:
 
 def _require_text(data: dict[str, Any]) -> None:
     """Raise ValueError unless names and descriptions are text."""
-    for key in ("name", "description", "source", "tyre", "strut"):
-        if not isinstance(data[key], str | PathLike):
+    for key in (*TEXTS, "tyre", "strut"):
+        if not isinstance(data[key], str | PathLike) and not (key == "tyre" and isinstance(data[key], Mapping)):
             raise ValueError(f"{key} must be text, got {data[key]!r}")
     keys = data["assumed"]
     if isinstance(keys, str) or not isinstance(keys, Sequence) or not all(isinstance(key, str) for key in keys):
@@ -97,11 +101,29 @@ def _leaves(value: Any) -> Iterator[Any]:
         yield value
 
 
+_FORMS = ("a number", "a list of numbers", "a list of rows, each a list of numbers")
+
+
+def _depth(value: Any) -> int:
+    """How deep lists are nested: 0 for a number, 1 for a list of numbers, 2 for a table."""
+    if isinstance(value, np.ndarray):
+        return value.ndim
+    return 1 + max(map(_depth, value), default=0) if isinstance(value, list | tuple) else 0
+
+
 def _constructed(section: str, given: Any) -> Any:
     """The parameters of a section that has a constructor."""
     make = CONSTRUCTORS[section]
-    require_known(section, given, signature(make).parameters)
+    known = signature(make).parameters
+    require_known(section, given, known)
     for key, value in given.items():
+        wanted = _depth(known[key].default)
+        if _depth(value) > wanted:
+            raise ValueError(f"{section}.{key} must be {_FORMS[wanted]}, got {value!r}")
+        if isinstance(known[key].default, str):
+            if not isinstance(value, str):
+                raise ValueError(f"{section}.{key} must be text, got {value!r}")
+            continue
         for leaf in _leaves(value):
             if isinstance(leaf, bool) or not isinstance(leaf, Real):  # float() takes True and "1"
                 raise ValueError(f"{section}.{key} must hold numbers only, got {leaf!r}")
@@ -116,12 +138,15 @@ def available() -> tuple[str, ...]:
     return tuple(sorted(file.stem for file in DATA.glob("*.json")))
 
 
-def load(name: str | PathLike[str] | Mapping[str, Any] = "compact") -> Car:
+def load(name: str | PathLike[str] | Mapping[str, Any] = "compact", changes: Mapping[str, Any] | None = None) -> Car:
     """A packaged car by name, or a car of your own from a ``.toml`` or ``.json`` file or a mapping with its contents.
 
     A file has the sections of the packaged ones (``vehicle/data/cars``), in SI units. With a key ``base`` it takes from
     that packaged car what it does not give itself. The path of a tyre file (``tyre = "my.tir"``) is relative to the
-    folder of the car file, in a mapping to the working directory.
+    folder of the car file, in a mapping to the working directory. A tyre may also be a mapping, as ``Car.data()`` gives
+    one that is not packaged.
+
+    ``changes`` set keys of the car that ``name`` gives: ``{"column.K_tb": 143.0, "tyre": "my.tir"}``.
 
     Raises
     ------
@@ -138,10 +163,31 @@ def load(name: str | PathLike[str] | Mapping[str, Any] = "compact") -> Car:
         As in :func:`from_data`, with the name of the file and the line.
     """
     if isinstance(name, Mapping):
-        return from_data(_completed(name, "mapping", Path()))
-    if not isinstance(name, str | PathLike):
+        car = from_data(_completed(name, "mapping", Path()))
+    elif not isinstance(name, str | PathLike):
         raise ValueError(f"vehicle must be a name, a path or a mapping as a car file, got a {type(name).__name__}")
-    return _from_file(Path(name)) if _is_file(name) else _packaged(fspath(name))
+    else:
+        car = _from_file(Path(name)) if _is_file(name) else _packaged(fspath(name))
+    return _changed(car, changes) if changes else car
+
+
+def _changed(car: Car, changes: Mapping[str, Any]) -> Car:
+    """The car with other values of some keys, with a warning of what is unusual only since."""
+    data = car.data()
+    for name, value in changes.items():
+        section, _, key = name.partition(".")
+        if name in (*TEXTS, "assumed", "tyre", "strut"):
+            data[name] = value
+        elif key and section in TABLES:
+            data[section][key] = value
+        else:
+            tables = ", ".join(f"{table}.KEY" for table in TABLES)
+            raise ValueError(f"a car has no {name!r}; it has {tables}, {', '.join(TEXTS)}, assumed, tyre and strut")
+    changed, usual_before = _checked(data), plausible.unusual(car)
+    for text in plausible.unusual(changed):
+        if text not in usual_before:
+            plausible.warn_once(f"car {changed.name}: {text}", stacklevel=3)
+    return changed
 
 
 def _is_file(name: str | PathLike[str]) -> bool:
@@ -196,7 +242,7 @@ def _completed(given: Any, name: str, folder: Path) -> Any:
             raise ValueError(f"base must be one of {', '.join(available())}, got {data['base']!r}")
         base = _data(data.pop("base"))
         require_known("car", data, SECTIONS)
-        sections = {key: {**base[key], **value} for key, value in data.items() if isinstance(value, dict)}
+        sections = {key: {**base[key], **data[key]} for key in TABLES if isinstance(data.get(key), dict)}
         data = {**base, "name": name, **data, **sections}
     if isinstance(data, dict) and str(data.get("tyre", "")).endswith(".tir"):
         data["tyre"] = str(folder / data["tyre"])
@@ -215,20 +261,5 @@ def _line(text: str, message: str) -> str:
 
 
 def every_key(name: str | PathLike[str] | Mapping[str, Any]) -> dict[str, Any]:
-    """The data of a car with the defaults of every section: every key that a car file may set, in SI units.
-
-    ``name`` and errors are those of :func:`load`.
-    """
-    load(name)
-    if isinstance(name, Mapping):
-        data = _completed(name, "mapping", Path())
-    elif _is_file(name):
-        path = Path(name)
-        data = _completed(_parsed(path)[1], path.stem, path.parent)
-    else:
-        data = _data(fspath(name))
-    data["chassis"] = {**CHASSIS_DEFAULTS, **data["chassis"]}
-    for section, make in CONSTRUCTORS.items():
-        defaults = {key: p.default for key, p in signature(make).parameters.items()}
-        data[section] = {**defaults, **data[section]}
-    return data
+    """:meth:`Car.data` of a car that :func:`load` takes by this name, with its errors."""
+    return load(name).data()

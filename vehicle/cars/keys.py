@@ -62,7 +62,9 @@ CONSTRUCTORS: dict[str, Callable[..., Any]] = {
     "brakes": brakes.make,
     "speed_hold": speed_hold.make,
 }
-SECTIONS = ("name", "description", "source", "assumed", "tyre", "strut", "chassis", "steering", *CONSTRUCTORS)
+TEXTS = ("name", "description", "source")
+TABLES = ("chassis", "steering", *CONSTRUCTORS)
+SECTIONS = (*TEXTS, "assumed", "tyre", "strut", *TABLES)
 
 # Limits of the tables of the plant and of its step, beyond which its results would be wrong.
 _LIMITS = {

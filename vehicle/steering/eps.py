@@ -1,9 +1,10 @@
 """Column EPS: a controller sampled at 1 kHz, a delay, and a motor with a lag and a limit.
 
 At each sample the controller passes the torsion-bar torque through the boost curve of the speed and a phase lead,
-subtracts the motor damping, adds a request from outside (for example of an assist policy), and limits the sum. The
-command takes effect ``delay`` later and holds for one sample; the motor follows with a first-order lag. Torques are
-referred to the column axis, and a positive assist turns left.
+subtracts the motor damping, adds a request and limits the sum. The request comes from outside (for example of an assist
+policy) and from the functions of :mod:`steer_env.vehicle.steering.assist`. The command takes effect ``delay`` later and
+holds for one sample; the motor follows with a first-order lag. Torques are referred to the column axis, and a positive
+assist turns left.
 
     command = limit(lead(boost(T_s, v)) - D(v) w + request)                   (E1)
     T_m' = omega_m (command(t - delay) - T_m)                                 (E2)
@@ -13,7 +14,7 @@ torques); :mod:`steer_env.vehicle.steering.margins` computes gain and phase marg
 """
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -23,6 +24,10 @@ from steer_env.friction.numerics.check import number, positive
 from steer_env.friction.numerics.frozen import frozen
 from steer_env.friction.numerics.interpolation import bracket
 from steer_env.friction.numerics.kernel import kernel
+from steer_env.vehicle.steering.assist import damping as damping_law
+from steer_env.vehicle.steering.assist import functions
+from steer_env.vehicle.steering.assist.by_speed import between, by_speed, table
+from steer_env.vehicle.steering.assist.functions import Functions, NoFunctions
 
 SAMPLE_TIME = 1e-3  # [s]
 MAX_DELAY = 4  # whole samples that the queue holds
@@ -53,7 +58,7 @@ class Assist(NamedTuple):
 
     speeds: NDArray[np.float64]  # (V,) speeds of the boost table [m/s]
     torques: NDArray[np.float64]  # (T,) torsion-bar torques of the boost table, from zero [N m]
-    boost: NDArray[np.float64]  # (V, T) assist at the column [N m]
+    boost: NDArray[np.float64]  # (V, T) assist at the column, scaled [N m]
     damping: NDArray[np.float64]  # (V,) motor damping at the column [N m s/rad]
     lead_b0: float  # lead filter, y = b0 u + x; x <- b1 u - a1 y [1]
     lead_b1: float  # [1]
@@ -62,13 +67,7 @@ class Assist(NamedTuple):
     offset: float  # remainder of that time [s]
     bandwidth: float  # motor torque loop [rad/s]
     limit: float  # motor peak torque at the column [N m]
-
-
-def _array(name: str, values: ArrayLike) -> NDArray[np.float64]:
-    try:
-        return np.array(values, float)
-    except (TypeError, ValueError):
-        raise ValueError(f"{name} must hold numbers, in rows of one length, got {values!r}") from None
+    functions: Functions | NoFunctions = NoFunctions()  # in addition to boost and damping
 
 
 def make(
@@ -76,14 +75,19 @@ def make(
     speeds: ArrayLike = TABLE_SPEEDS,
     torques: ArrayLike = TABLE_TORQUES,
     boost: ArrayLike = TABLE_ASSIST,
+    boost_scale: ArrayLike = (1.0,),
     damping: ArrayLike = (3.0, 2.5, 2.0, 1.0, 1.0, 1.0),
     lead_zero: float = 15.0,
     lead_pole: float = 150.0,
     delay: float = 0.5e-3,
     bandwidth: float = 150.0,
     limit: float = 3.5 * 20.5,
+    **more: Any,
 ) -> Assist:
     """Checked assist parameters; the defaults are those of a compact car, assumed; the packaged cars have their own.
+
+    The further keys, which ``inspect.signature`` lists, are those of the functions in
+    :mod:`steer_env.vehicle.steering.assist`, one file each; by default every function is off.
 
     Parameters
     ----------
@@ -93,6 +97,8 @@ def make(
         Torsion-bar torques of the table, ascending from zero [N m]; the curve is odd and flat beyond the last.
     boost : (V, T) array_like
         Assist torque at the column, not negative, zero in the first column [N m].
+    boost_scale : (V,) or (1,) array_like, or float
+        Factor on the boost, 0 to 10, for each speed or one for all [1].
     damping : (V,) array_like
         Motor damping at the column [N m s/rad].
     lead_zero, lead_pole : float
@@ -109,8 +115,40 @@ def make(
     ValueError
         Naming the value and what is allowed.
     """
+    v, t, b, d = _tables(speeds, torques, boost, damping)
+    latency = number("delay", delay, minimum=0.0, maximum=MAX_DELAY * SAMPLE_TIME)
+    samples = int(latency / SAMPLE_TIME + 1e-9)
+    # Tustin's rule on (1 + s/z)/(1 + s/p), corners pre-warped
+    zero, pole = (
+        math.tan(math.pi * number(name, f, minimum=0.0, maximum=450.0, above=True) * SAMPLE_TIME)
+        for name, f in (("lead_zero", lead_zero), ("lead_pole", lead_pole))
+    )
+    gain = (1.0 / zero + 1.0) / (1.0 / pole + 1.0)  # (E3)
+    return Assist(
+        frozen(v),
+        frozen(t),
+        frozen(by_speed("boost_scale", boost_scale, v.size, maximum=10.0)[:, None] * b),
+        frozen(d),
+        lead_b0=gain,
+        lead_b1=(1.0 - 1.0 / zero) / (1.0 + 1.0 / pole),  # (E3)
+        lead_a1=(1.0 - 1.0 / pole) / (1.0 + 1.0 / pole),  # (E3)
+        delay=samples,
+        offset=max(latency - samples * SAMPLE_TIME, 0.0),
+        bandwidth=2.0 * math.pi * positive("bandwidth", bandwidth),
+        limit=positive("limit", limit),
+        functions=functions.make(frozen(v), SAMPLE_TIME, **more),
+    )
+
+
+make.__signature__ = functions.with_keys(make)  # type: ignore[attr-defined]  # inspect reads it
+
+
+def _tables(
+    speeds: ArrayLike, torques: ArrayLike, boost: ArrayLike, damping: ArrayLike
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """The tables of :func:`make`, checked."""
     tables = {"speeds": speeds, "torques": torques, "boost": boost, "damping": damping}
-    v, t, b, d = (_array(name, values) for name, values in tables.items())
+    v, t, b, d = (table(name, values) for name, values in tables.items())
     for name, axis in (("speeds", v), ("torques", t)):
         if axis.ndim != 1 or axis.size < 2 or not np.isfinite(axis).all() or np.any(np.diff(axis) <= 0.0):
             raise ValueError(f"{name} must be finite and ascending, at least two values, got {axis}")
@@ -123,32 +161,32 @@ def make(
         raise ValueError(f"boost must be finite, not negative, and zero at zero torque, got {b.tolist()}")
     if d.shape != v.shape or not np.isfinite(d).all() or np.any(d < 0.0):
         raise ValueError(f"damping must hold {v.size} finite values of at least 0, got {d}")
-    latency = number("delay", delay, minimum=0.0, maximum=MAX_DELAY * SAMPLE_TIME)
-    samples = int(latency / SAMPLE_TIME + 1e-9)
-    # Tustin's rule on (1 + s/z)/(1 + s/p), corners pre-warped
-    zero, pole = (
-        math.tan(math.pi * number(name, f, minimum=0.0, maximum=450.0, above=True) * SAMPLE_TIME)
-        for name, f in (("lead_zero", lead_zero), ("lead_pole", lead_pole))
-    )
-    gain = (1.0 / zero + 1.0) / (1.0 / pole + 1.0)  # (E3)
-    return Assist(
-        frozen(v),
-        frozen(t),
-        frozen(b),
-        frozen(d),
-        lead_b0=gain,
-        lead_b1=(1.0 - 1.0 / zero) / (1.0 + 1.0 / pole),  # (E3)
-        lead_a1=(1.0 - 1.0 / pole) / (1.0 + 1.0 / pole),  # (E3)
-        delay=samples,
-        offset=max(latency - samples * SAMPLE_TIME, 0.0),
-        bandwidth=2.0 * math.pi * positive("bandwidth", bandwidth),
-        limit=positive("limit", limit),
-    )
+    return v, t, b, d
+
+
+def keys(a: Assist) -> dict[str, Any]:
+    """The keys of section ``assist`` of a car file that make an assist, to twelve digits where they are derived.
+
+    ``boost`` contains its scale, so that ``boost_scale`` is not among them.
+    """
+    zero, pole = lead_corners(a)
+    derived = {
+        "lead_zero": zero,
+        "lead_pole": pole,
+        "delay": a.delay * SAMPLE_TIME + a.offset,
+        "bandwidth": a.bandwidth / (2.0 * math.pi),
+    }
+    return {
+        **{name: getattr(a, name).tolist() for name in ("speeds", "torques", "boost", "damping")},
+        **{name: float(f"{value:.12g}") for name, value in derived.items()},
+        "limit": a.limit,
+        **functions.keys(a.functions, SAMPLE_TIME),
+    }
 
 
 def without_assist(a: Assist) -> Assist:
-    """The same controller without boost and damping, as if the motor were off."""
-    return frozen(a._replace(boost=0.0 * a.boost, damping=0.0 * a.damping))
+    """The same controller without boost, damping and functions, as if the motor were off."""
+    return frozen(a._replace(boost=0.0 * a.boost, damping=0.0 * a.damping, functions=NoFunctions()))
 
 
 def lead_corners(a: Assist) -> tuple[float, float]:
@@ -166,7 +204,7 @@ def boost_curve(a, torque, speed):
     low = a.boost[i, j] + s * (a.boost[i, j + 1] - a.boost[i, j])
     high = a.boost[i + 1, j] + s * (a.boost[i + 1, j + 1] - a.boost[i + 1, j])
     # (E4)
-    return math.copysign(low + u * (high - low), torque), a.damping[i] + u * (a.damping[i + 1] - a.damping[i])
+    return math.copysign(low + u * (high - low), torque), between(a.damping, i, u)
 
 
 @kernel
@@ -184,7 +222,7 @@ def sample(a, x, torsion_bar_torque, column_speed, vehicle_speed, request):
     before = x[QUEUE + a.delay]
     for i in range(QUEUE + a.delay, QUEUE, -1):
         x[i] = x[i - 1]
-    x[QUEUE] = within(lead - damping * column_speed + request, -a.limit, a.limit)  # (E1)
+    x[QUEUE] = within(lead + damping_law.torque(damping, column_speed) + request, -a.limit, a.limit)  # (E1)
     return before, x[QUEUE + a.delay]
 
 

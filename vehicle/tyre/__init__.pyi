@@ -1,6 +1,6 @@
 from .coefficients import ASYMMETRY, MagicFormula, record
 from .magic_formula import cornering_stiffness, forces, forces_of_four, longitudinal_stiffness, stiffnesses
-from .tyre import EXAMPLES, Limits, Tyre, available, from_file, load, save, to_file
+from .tyre import EXAMPLES, Limits, Tyre, available, data, from_file, load, save, to_file
 
 __all__ = [
     "ASYMMETRY",
@@ -10,6 +10,7 @@ __all__ = [
     "Tyre",
     "available",
     "cornering_stiffness",
+    "data",
     "forces",
     "forces_of_four",
     "from_file",

@@ -8,14 +8,15 @@ nothing in a simulation.
 import json
 import math
 import os
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from steer_env.friction.numerics.check import number, positive
+from steer_env.friction.numerics.check import constructed, number, positive
 from steer_env.friction.numerics.kernel import kernel
 from steer_env.vehicle.tyre import scaling, tir
 from steer_env.vehicle.tyre.coefficients import ASYMMETRY, MagicFormula, record
@@ -283,6 +284,35 @@ def save(tyre: Tyre, path: str | os.PathLike) -> None:
     tir.write(path, to_file(tyre))
 
 
+_PARTS: dict[str, Any] = {"coefficients": MagicFormula, "limits": Limits, "pressure": PressureTerms}
+
+
+def data(tyre: Tyre) -> str | dict[str, Any]:
+    """A tyre as :func:`load` takes it: the name of a packaged one, else a mapping with every number of it.
+
+    ``load(data(tyre)) == tyre``; the mapping holds text and numbers only, as JSON and TOML do.
+    """
+    if tyre.name in _packaged() and load(tyre.name) == tyre:
+        return tyre.name
+    parts: dict[str, Any] = {each.name: getattr(tyre, each.name) for each in fields(tyre)}
+    return {name: value._asdict() if name in _PARTS else value for name, value in parts.items()}
+
+
+def _from_data(given: Mapping[str, Any]) -> Tyre:
+    """A tyre from a mapping as :func:`data` gives it; ValueError names a key that is unknown, missing or no number."""
+    made = dict(given)
+    for part, kind in _PARTS.items():
+        if part in given:
+            if not isinstance(given[part], Mapping):
+                raise ValueError(f"tyre.{part} must hold keys and values, got {given[part]!r}")
+            values = {key: number(f"tyre.{part}.{key}", value) for key, value in given[part].items()}
+            made[part] = constructed(f"tyre.{part}", kind, values)
+    for key in ("name", "source"):
+        if not isinstance(made.get(key, ""), str):
+            raise ValueError(f"tyre.{key} must be text, got {made[key]!r}")
+    return constructed("tyre", Tyre, made)
+
+
 DATA = Path(__file__).parents[1] / "data" / "tyres"
 EXAMPLES = ("example_mf52", "example_mf61", "example_mf62")  # of the formats: plausible numbers that nobody measured
 
@@ -296,8 +326,8 @@ def available() -> tuple[str, ...]:
     return tuple(name for name in _packaged() if name not in EXAMPLES)
 
 
-def load(name: str | os.PathLike = "pacejka_2006_205_60r15", symmetric: bool = False) -> Tyre:
-    """A packaged tyre by its name, or one from a property file by its path, which ends in ``.tir``.
+def load(name: str | os.PathLike | Mapping[str, Any] = "pacejka_2006_205_60r15", symmetric: bool = False) -> Tyre:
+    """A packaged tyre by its name, one from a property file by its path, which ends in ``.tir``, or from :func:`data`.
 
     ``symmetric`` as in :meth:`Tyre.symmetric`.
 
@@ -308,6 +338,8 @@ def load(name: str | os.PathLike = "pacejka_2006_205_60r15", symmetric: bool = F
     OSError
         No such file.
     """
+    if isinstance(name, Mapping):
+        return _from_data(name).symmetric() if symmetric else _from_data(name)
     name = os.fspath(name)
     path = Path(name) if name.lower().endswith(".tir") else _packaged().get(name)
     if path is None:

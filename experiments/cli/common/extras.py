@@ -4,12 +4,14 @@ from collections.abc import Iterable
 from importlib.util import find_spec
 from pathlib import Path
 
-from steer_env.experiments.cli.common.names import MDF_FORMATS
+from steer_env.experiments.cli.common.names import EXTRA_OF_FORMAT
 
 MODULES = {
     "train": ("torch", "stable_baselines3"),
     "cluster": ("distributed",),
     "mdf": ("asammdf",),
+    "parquet": ("pyarrow",),
+    "can": ("can", "cantools"),
     "test": ("vehiclemodels",),
     "integrations": ("minari", "h5py"),
 }  # extra -> modules that it brings
@@ -24,7 +26,8 @@ def require(extra: str, what: str, *more: str) -> None:
 
 
 def require_format(paths: Iterable[str | Path]) -> None:
-    """ValueError where a path names an MDF file and the extra that reads and writes those is missing."""
+    """ValueError where a path names a file of a format whose extra is missing."""
     for path in paths:
-        if Path(path).suffix.lower() in MDF_FORMATS:
-            require("mdf", str(path))
+        for suffix, extra in EXTRA_OF_FORMAT.items():
+            if str(path).lower().endswith(suffix):
+                require(extra, str(path))

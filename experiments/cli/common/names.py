@@ -5,10 +5,27 @@
 
 from importlib.resources import files
 
+from steer_env.experiments.output.car_options import packaged as cars
 from steer_env.friction.numerics.registry import dashed, listed
 
-FORMATS = (".csv", ".mat", ".mf4", ".mdf")  # of steer_env.recording.files
-MDF_FORMATS = (".mf4", ".mdf")  # those that need the extra mdf
+__all__ = [
+    "CAN_FORMATS",
+    "EXTRA_OF_FORMAT",
+    "FORMATS",
+    "ROAD_CLASSES",
+    "SAMPLE_RATE",
+    "assists",
+    "cars",
+    "chassis",
+    "drivers",
+    "laws",
+    "manoeuvres",
+    "targets",
+]
+
+FORMATS = (".csv", ".mat", ".mf4", ".mdf", ".parquet")  # of steer_env.recording.files
+CAN_FORMATS = (".blf", ".asc", ".log", ".trc", ".blf.gz", ".asc.gz", ".log.gz", ".trc.gz")  # .recording.can_log
+EXTRA_OF_FORMAT = {".mf4": "mdf", ".mdf": "mdf", ".parquet": "parquet", **dict.fromkeys(CAN_FORMATS, "can")}
 ROAD_CLASSES = tuple("ABCDEFGH")  # of ISO 8608, as in steer_env.vehicle.road
 SAMPLE_RATE = 1000.0  # of a simulated recording [Hz]
 
@@ -36,11 +53,6 @@ def drivers() -> tuple[str, ...]:
 def assists() -> tuple[str, ...]:
     """Assist controllers."""
     return tuple(listed("steer_env.assists"))
-
-
-def cars() -> tuple[str, ...]:
-    """Packaged cars."""
-    return _stems("steer_env.vehicle", ".json", "cars")
 
 
 def targets() -> tuple[str, ...]:

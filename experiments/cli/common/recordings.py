@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from steer_env.experiments.cli.common import names
+from steer_env.experiments.cli.common import inputs, names, noticed
 from steer_env.experiments.cli.common.arguments import KPH
 from steer_env.experiments.cli.common.extras import require_format
 
@@ -29,6 +29,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--timing_ms", metavar="MS", type=float, default=0.0, help=text)
     text = "use only this part of the recording [s]"
     parser.add_argument("--between", metavar=("T0", "T1"), type=float, nargs=2, help=text)
+    noticed.add(parser)
     text = "directory for index.html and evaluation.json, replaced as a whole"
     parser.add_argument("--out", metavar="DIR", help=text)
 
@@ -39,6 +40,7 @@ def assess(paths: list[str], args: argparse.Namespace, tolerances: str | None) -
 
     from steer_env import targets
     from steer_env.experiments.cli.common.tables import print_differences, print_metrics
+    from steer_env.experiments.output import provenance
     from steer_env.experiments.report import assessment
     from steer_env.experiments.studies.common import simulation_vs_measurement
     from steer_env.friction.numerics.check import number
@@ -50,18 +52,21 @@ def assess(paths: list[str], args: argparse.Namespace, tolerances: str | None) -
     wanted = targets.load(args.targets) if args.targets else None
     allowed = simulation_vs_measurement.tolerances(tolerances) if tolerances else None
     timing = 1e-3 * number("--timing_ms", args.timing_ms, minimum=0.0)
-    found = assessment.assess(recordings, args.manoeuvre, wanted, allowed, timing, **_conditions(args))
+    found = assessment.assess(
+        recordings, args.manoeuvre, wanted, allowed, timing, noticed.share(args), **_conditions(args)
+    )
     if wanted and not found.bands:
         print(f"targets {wanted.name!r} have no bands for {found.test}; they have some for {', '.join(wanted.bands)}")
     for label in labels:
         print_metrics(found.values[label], f"{found.test}, {label}", found.ratings[label])
     if found.differences:
-        print_differences(found.differences, f"{labels[1]} less {labels[0]}")
+        print_differences(found.differences, found.perceptions, f"{labels[1]} less {labels[0]}")
     for pair in found.pairs:
         print(f"{pair.y} over {pair.x}: {pair.inside:.1%} inside, largest distance {pair.worst:.2f} tolerances")
     if args.out:
         out = Path(args.out)
-        assessment.write(out, found, recordings)
+        trace = provenance.trace(command=args.argv, result=out.name, inputs=inputs.of(args))
+        assessment.write(out, found, recordings, trace)
         print(out / "index.html")
     return int(any(all(value.reason for value in values.values()) for values in found.values.values()))
 

@@ -30,6 +30,15 @@ def add_sweep(parser: argparse.ArgumentParser, cases: str = "") -> None:
     group.add_argument("--resume", action="store_true", help=text)
 
 
+def unswept(args: argparse.Namespace) -> list[str]:
+    """The words of a command line without those that say where its cases run, if it has such options."""
+    if not hasattr(args, "cluster"):
+        return args.argv
+    parser = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
+    add_sweep(parser)
+    return parser.parse_known_args(args.argv)[1]
+
+
 def refuse_sweep(args: argparse.Namespace, reason: str) -> None:
     """ValueError if one of the options is given where it has no effect."""
     for name in OPTIONS:

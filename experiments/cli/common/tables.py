@@ -15,6 +15,7 @@ from steer_env.experiments.learning.assist_tuning import Tuned
 from steer_env.experiments.learning.held_out import Estimate
 from steer_env.experiments.report.car_quantities import Quantity
 from steer_env.metrics import Value, definition
+from steer_env.metrics.common.just_noticeable import Perception
 from steer_env.targets import Rating
 
 PIPED_WIDTH = 160  # columns of a table that is not printed on a terminal
@@ -66,14 +67,17 @@ def _rating(rating: Rating | None) -> str:
     return f"[{style}]{rating.colour}[/{style}]" + ("?" if rating.sure is False else "")
 
 
-def print_differences(differences: Mapping[str, tuple[float, float, float]], title: str) -> None:
-    """Print the differences of metrics (value, lower and upper end of the interval)."""
+def print_differences(
+    differences: Mapping[str, tuple[float, float, float]], perceptions: Mapping[str, Perception], title: str
+) -> None:
+    """Print the differences of metrics (value, lower and upper end of the interval) and whether a driver notices."""
     table = _table(title)
-    for heading, justify in {"metric": "left", "difference": "right", "95 % interval": "right", "unit": "left"}.items():
+    headings = {"metric": "left", "difference": "right", "95 % interval": "right", "unit": "left", "a driver": "left"}
+    for heading, justify in headings.items():
         table.add_column(heading, justify=justify, no_wrap=True)  # type: ignore[arg-type]
     for name, (gap, low, high) in differences.items():
         interval = "" if math.isnan(low) else f"{low:.3g} .. {high:.3g}"
-        table.add_row(name, f"{gap:.3g}", interval, definition(name).unit)
+        table.add_row(name, f"{gap:.3g}", interval, definition(name).unit, str(perceptions[name]))
     console().print(table)
 
 

@@ -11,6 +11,7 @@ from steer_env import manoeuvres, metrics
 from steer_env.experiments.drawing.plots import thinned
 from steer_env.experiments.studies.common import simulation_vs_measurement
 from steer_env.metrics import RefusedError, Value
+from steer_env.metrics.common import just_noticeable
 from steer_env.metrics.common.confidence import difference as gap_between
 from steer_env.recording.recording import Recording
 from steer_env.vehicle.cars import Car
@@ -74,6 +75,7 @@ class Difference(NamedTuple):
     value: float  # [unit of the metric]
     half_width: float  # of the interval [unit of the metric]
     share: float  # of the base law's value, or of the width of the usual range if that is larger [1]
+    perception: just_noticeable.Perception = just_noticeable.Perception(just_noticeable.UNKNOWN)
 
     @property
     def real(self) -> bool:
@@ -86,21 +88,39 @@ class Difference(NamedTuple):
         return self.real and abs(self.share) > MATTERS
 
 
-def difference(name: str, value: Value, base: Value) -> Difference:
-    """Difference between two values of a metric, with the interval of independent readings."""
+def difference(name: str, value: Value, base: Value, noticed: float = just_noticeable.SHARE) -> Difference:
+    """Difference between two values of a metric, with the interval of independent readings.
+
+    ``noticed`` is the just-noticeable difference of :func:`just_noticeable.perception`.
+    """
     usual = metrics.definition(name).usual
     scale = max(abs(base.value), usual[1] - usual[0] if usual else 0.0)
     if value.reason or base.reason:
         return Difference(math.nan, math.nan, math.nan)
     gap, low, high = gap_between(np.array(base.repeats), np.array(value.repeats))
-    return Difference(gap, 0.5 * (high - low), gap / scale if scale > 0.0 else math.nan)
+    perceived = just_noticeable.perception(name, base.value, (gap, low, high), noticed)
+    return Difference(gap, 0.5 * (high - low), gap / scale if scale > 0.0 else math.nan, perceived)
 
 
-def differences(drives: dict[str, Drive], base: str) -> dict[str, dict[str, Difference]]:
-    """Metric -> law -> difference to the base law."""
+def as_json(found: Difference) -> dict[str, Any]:
+    """A difference as JSON: null for what is not finite."""
+    numbers = {name: getattr(found, name) for name in ("value", "half_width", "share")}
+    return {
+        **{name: x if math.isfinite(x) else None for name, x in numbers.items()},
+        "real": found.real,
+        "large": found.matters,
+        "perception": found.perception.verdict,
+        "perception_sure": found.perception.sure,
+    }
+
+
+def differences(
+    drives: dict[str, Drive], base: str, noticed: float = just_noticeable.SHARE
+) -> dict[str, dict[str, Difference]]:
+    """Metric -> law -> difference to the base law; ``noticed`` as for :func:`difference`."""
     return {
         name: {
-            law: difference(name, found.values[name], drives[base].values[name])
+            law: difference(name, found.values[name], drives[base].values[name], noticed)
             for law, found in drives.items()
             if law != base
         }

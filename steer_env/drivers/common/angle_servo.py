@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from steer_env.drivers.common.definition import Arm
-from steer_env.drivers.common.driver_batch import held_arm
+from steer_env.drivers.common.driver_batch import decided_arm
 
 Array = NDArray[np.float64]
 
@@ -34,8 +34,8 @@ class Gains(NamedTuple):
 
 
 # Stable with 20 ms of delay. The sliding torque is that for which the assists of the packaged cars are designed.
-PARKING = Gains(12.0, 0.6, 5.0, 4.0, 0.7)
-ON_CENTRE = Gains(23.0, 1.1, 20.0, 0.4, 0.01)
+PARKING = Gains(9.0, 0.6, 5.0, 4.0, 0.7)
+ON_CENTRE = Gains(23.0, 1.1, 30.0, 0.5, 0.01)
 _ANGLES, _TIMES = ("target_0.0s", "target_0.2s", "target_0.5s"), (0.0, 0.2, 0.5)
 
 
@@ -66,7 +66,7 @@ class AngleServo:
         self._observation_scale = getattr(env.unwrapped, "observation_scale", 1.0)
         self._interval, self._scale = batch.control_dt, batch.task.action.scale
         self._gains = gains or (PARKING if batch.task.speed == 0.0 else ON_CENTRE)
-        self._arm = held_arm(Arm(0.0, self._gains.damping, self._gains.stiffness, 0.0), batch.car, self._interval)
+        self._arm = decided_arm(Arm(0.0, self._gains.damping, self._gains.stiffness, 0.0), batch.car, self._interval)
         self._integral, self._turning = np.zeros(batch.n), np.zeros(batch.n)  # [rad s], [N m]
 
     def reset(self, rows: Any = slice(None)) -> None:
@@ -77,12 +77,13 @@ class AngleServo:
         """Action (1,) for an observation (O,), or (n, 1) for (n, O)."""
         seen = np.atleast_2d(observation).astype(float) * self._observation_scale
         speed, error, *ahead = seen[:, self._places].T
-        wanted = _speed_ahead(np.array([error, *ahead]), 0.5 * self._interval)
+        wanted = _speed_ahead(np.array([error, *ahead]), self._interval)
         self._integral += self._interval * error
         sliding = self._gains.sliding * np.sign(wanted)
         kept = np.exp(-np.abs(wanted) * self._interval / self._gains.length)
         self._turning = sliding + (self._turning - sliding) * kept
-        correction = self._arm.stiffness * (error + self._gains.integral * self._integral)
+        expected = error + self._interval * (wanted - speed)  # at the interval's end, when the action is reached
+        correction = self._arm.stiffness * (expected + self._gains.integral * self._integral)
         torque = correction + self._arm.damping * (wanted - speed) + self._turning
         action = np.clip(torque / self._scale, -1.0, 1.0).astype(np.float32)
         return action if observation.ndim == 1 else action[:, None]

@@ -28,6 +28,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from steer_env.friction.numerics.bounds import within
 from steer_env.friction.numerics.check import constructed, not_negative, number, positive
 from steer_env.friction.numerics.kernel import dispatch, kernel
 from steer_env.friction.numerics.registry import Registry
@@ -48,7 +49,11 @@ TORQUE_LIMIT = 25.0
 DELAYED_COMMANDS = round(DELAY / UPDATE_INTERVAL)
 DELAYED_ERRORS = round(REFLEX_DELAY / UPDATE_INTERVAL)
 NEUROMUSCULAR_STATES = 3 + DELAYED_COMMANDS  # size of z
-MEMORY = NEUROMUSCULAR_STATES + DELAYED_ERRORS  # floats of a driver, without the one of its preview model
+MEMORY = NEUROMUSCULAR_STATES + DELAYED_ERRORS  # floats of a driver, without the next ones
+OWN_MEMORY = 2  # floats: that of the preview model, and the updates since the start
+# A driver takes over an episode within this time, in which his command grows: his delay line is empty at the start, and
+# to an offset that is already there the preview models would answer as to a step; assumed [s].
+TAKING_OVER = 0.5
 
 
 class Arm(NamedTuple):
@@ -247,11 +252,13 @@ def neuromuscular_step(parameters, gains, muscles, path, lateral_speed, yaw_rate
         As for ``command`` in :func:`register_preview_model`.
     lateral_speed, yaw_rate : float
         [m/s], [rad/s]
-    memory : (MEMORY + 1,) array
-        z, the reflex's errors, and the preview model's own float; changed in place.
+    memory : (MEMORY + OWN_MEMORY,) array
+        z, the reflex's errors, the preview model's own float, and the updates so far; changed in place.
     """
     z = memory[:NEUROMUSCULAR_STATES]
-    new = command(parameters, gains, path, lateral_speed, yaw_rate, z, memory[MEMORY:])
+    memory[MEMORY + 1] += 1.0
+    share = within(memory[MEMORY + 1] * UPDATE_INTERVAL / TAKING_OVER, 0.0, 1.0)
+    new = share * command(parameters, gains, path, lateral_speed, yaw_rate, z, memory[MEMORY : MEMORY + 1])
     angle, speed, activation = 0.0, 0.0, 0.0
     for k in range(4):
         angle += muscles[0, k] * z[k]

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from steer_env.courses.preview import PREVIEW_NAMES
 from steer_env.drivers.common.definition import (
     MEMORY,
+    OWN_MEMORY,
     TORQUE_LIMIT,
     Arm,
     Driver,
@@ -41,7 +42,7 @@ class DriverArrays(NamedTuple):
     gains: Array  # (n, G) of the preview model
     muscles: Array  # (3, 4) as :func:`steer_env.drivers.common.definition.muscle_matrices`
     feed_forward: Array  # (n, 5) hand torque over what ``KnownTorque`` names, with that of the arms' intention [SI]
-    memory: Array  # (n, MEMORY + 1)
+    memory: Array  # (n, MEMORY + OWN_MEMORY)
 
 
 @kernel
@@ -82,18 +83,19 @@ def _write_hand_torque(preview_model, drivers, arm, episodes, channels, observat
 
 @kernel
 def _hand_torque(preview_model, drivers, arm, motion, paths, updates, torque):
-    """Mean hand torque (n,) over some updates, with the arms' impedance to what is observed at their start."""
+    """Hand torque (n,) some updates from now, with the arms' impedance to the angle that is expected then."""
     for i in range(torque.size):
         angle_now, speed_now, v_y, r = motion[i, 0], motion[i, 1], motion[i, 2], motion[i, 3]
-        memory, total = drivers.memory[i], 0.0
+        memory, given = drivers.memory[i], 0.0
         for _ in range(updates):
             delayed = delayed_error(memory, memory[0] - angle_now, 0)
             intended = neuromuscular_step(
                 preview_model, drivers.gains[i], drivers.muscles, paths[i], v_y, r, memory
             )  # fmt: skip
-            total += _given_torque(drivers.feed_forward[i], intended, v_y, r) + arm.reflex * delayed
-        held = total / updates - arm.stiffness * angle_now - arm.damping * speed_now
-        torque[i] = within(held, -TORQUE_LIMIT, TORQUE_LIMIT)
+            given = _given_torque(drivers.feed_forward[i], intended, v_y, r) + arm.reflex * delayed
+        expected = angle_now + updates * UPDATE_INTERVAL * speed_now
+        whole = given - arm.stiffness * expected - arm.damping * speed_now
+        torque[i] = within(whole, -TORQUE_LIMIT, TORQUE_LIMIT)
 
 
 class DriverBatch:
@@ -109,8 +111,8 @@ class DriverBatch:
     usual : Conditions
         What a driver takes for granted who is not informed.
     updates : int, optional
-        As controllers: the number of updates of 10 ms for which the torque is held. The arms are then as firm as
-        :func:`held_arm` allows.
+        As controllers: the number of updates of 10 ms from one decision to the next. The arms are then as firm as
+        :func:`decided_arm` allows.
 
     Attributes
     ----------
@@ -130,9 +132,11 @@ class DriverBatch:
     ) -> None:
         self.driver, self._car, self._response, self._usual = driver, car, response, usual
         self._updates = updates
-        self.arm = driver.arm if updates is None else held_arm(driver.arm, car, updates * UPDATE_INTERVAL)
+        self.arm = driver.arm if updates is None else decided_arm(driver.arm, car, updates * UPDATE_INTERVAL)
         self._designs: dict[tuple[float, float, float], tuple[Array, Array]] = {}  # by speed, load and road friction
-        self.arrays = DriverArrays(np.zeros((n, 0)), muscle_matrices(), np.zeros((n, 5)), np.zeros((n, MEMORY + 1)))
+        self.arrays = DriverArrays(
+            np.zeros((n, 0)), muscle_matrices(), np.zeros((n, 5)), np.zeros((n, MEMORY + OWN_MEMORY))
+        )
         self._kernel: Callable[..., None] | None = None
 
     def __getstate__(self) -> dict[str, Any]:
@@ -197,7 +201,7 @@ class DriverBatch:
         self._kernel(*arguments)
 
     def torque(self, motion: Array, paths: Array) -> Array:
-        """As controllers: the hand torque (n,) to hold [N m].
+        """As controllers: the hand torque (n,) at the next decision [N m].
 
         ``motion`` (n, 4) are handwheel angle and speed, lateral speed and yaw rate, ``paths`` (n, 17) lateral offset,
         heading error and the points ahead.
@@ -207,16 +211,16 @@ class DriverBatch:
         return torque
 
 
-def held_arm(arm: Arm, car: Car, interval: float) -> Arm:
-    """The arms as firm as a torque that is held for an interval [s] may imitate.
+def decided_arm(arm: Arm, car: Car, interval: float) -> Arm:
+    """The arms as firm as a torque may imitate that is decided once in an interval h [s] and reached at its end.
 
-    A held torque is half an interval late on average, so a stiffness K takes the damping K h/2 away: at most a quarter
-    of that of column and motor. A damping acts on the handwheel against the torsion bar: at most I1/h, with which it
-    stops the handwheel within the interval.
+    Its stiffness acts on the angle that the present speed leads to, and so has no lag to first order: at most a third
+    of what would take all damping of column and motor away with the lag h. A damping acts on the handwheel against the
+    torsion bar and cannot look ahead: at most I1/(4 h). Both shares were chosen by the double lane change.
     """
     column = car.column
     steering = column.C1 + column.C2 + float(car.assist.damping.min())
-    stiffness, damping = 0.5 * steering / interval, column.I1 / interval
+    stiffness, damping = steering / (3.0 * interval), column.I1 / (4.0 * interval)
     return arm._replace(stiffness=min(arm.stiffness, stiffness), damping=min(arm.damping, damping))
 
 
@@ -228,14 +232,16 @@ def with_arms(p: Plant, arm: Arm) -> Plant:
 class Controller:
     """A driver model that acts in a driver environment, single or vector, from the environment's observations.
 
-    The driver runs at its own 10 ms inside, on the observation that the environment holds, and its mean torque over the
-    control interval is the action. An informed driver takes the drawn load from the environment itself.
+    The driver runs at its own 10 ms inside, on the observation that the environment holds, and its torque at the end of
+    the control interval is the action, which the hands reach then. An informed driver takes the drawn load from the
+    environment itself.
 
     Parameters
     ----------
     env : gym.Env or gym.vector.VectorEnv
-        Of a task that observes a path, with a ``control_dt`` that is a multiple of 10 ms. A held torque cannot imitate
-        arms of any firmness, as :func:`held_arm` tells; up to 50 ms drivers follow a path about as well as at 10 ms.
+        Of a task that observes a path, with a ``control_dt`` that is a multiple of 10 ms. A torque that is decided so
+        often cannot imitate arms of any firmness, as :func:`decided_arm` tells; up to 50 ms drivers follow a path about
+        as well as at 10 ms.
     driver : str, mapping or Driver
         In a form of ``steer_env.drivers.resolve``.
 

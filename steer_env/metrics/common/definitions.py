@@ -43,6 +43,14 @@ class Bounded(NamedTuple):
     above: float  # how far it may lie above [SI]
 
 
+class Doubt(NamedTuple):
+    """What a recording leaves open: other readings of it that may be the true one."""
+
+    about: str  # what is in doubt
+    remedy: str  # what would remove the doubt
+    others: tuple[Any, ...]  # objects that the test's metrics take, or the RefusedError instead of one
+
+
 class Value(NamedTuple):
     """A metric of a recording: the mean over the repeats and its 95 % interval; NaN with a reason if refused."""
 
@@ -52,6 +60,7 @@ class Value(NamedTuple):
     unit: str
     reason: str = ""
     repeats: tuple[float, ...] = ()  # the values of which `value` is the mean [unit]
+    notes: tuple[str, ...] = ()  # what was corrected or allowed for, and what would be better, in sentences
 
 
 @dataclass(frozen=True)
@@ -77,6 +86,7 @@ class ManoeuvreEvaluation:
     conditions: Mapping[str, Any]
     constant_speed: bool
     plots: tuple[tuple[str, str], ...]
+    steered: bool = False
 
 
 _metrics: dict[str, Metric] = {}
@@ -88,6 +98,7 @@ def register_evaluation(
     *,
     constant_speed: bool = True,
     plots: tuple[tuple[str, str], ...] = HISTORIES,
+    steered: bool = False,
     **conditions: Any,
 ) -> ManoeuvreEvaluation:
     """Register how recordings of a test are evaluated.
@@ -98,11 +109,16 @@ def register_evaluation(
         Name of the test, which is the name of the manoeuvre.
     read : callable
         ``read(recording, conditions)`` returns the object that the metrics of the test take. It raises
-        :class:`RefusedError` where no metric can be computed.
+        :class:`RefusedError` where no metric can be computed. The object may have a method ``doubts()``, which returns
+        what the recording leaves open as a list of :class:`Doubt`, and a method ``notes()``, which returns sentences
+        for the reader of the results.
     constant_speed : bool
         Whether the mean of ``vehicle_speed`` must be within 3 % of the condition ``speed_m_s``.
     plots : tuple of (str, str)
         Pairs (x, y) of channels whose plots show the test; x may be "time". By default four channels over time.
+    steered : bool
+        Whether the handwheel alone moves the car, so that the sizes of its motion and of the handwheel angle tell
+        whether their units are right.
     conditions
         What the test prescribes, with the unit in the name: ``speed_m_s``, ``frequency_hz``, ... A value in the
         recording's meta replaces the value given here.
@@ -112,7 +128,7 @@ def register_evaluation(
     ValueError
         If another evaluation has that name.
     """
-    return EVALUATIONS.register(name, ManoeuvreEvaluation(name, read, conditions, constant_speed, plots))
+    return EVALUATIONS.register(name, ManoeuvreEvaluation(name, read, conditions, constant_speed, plots, steered))
 
 
 def metric(

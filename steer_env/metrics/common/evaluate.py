@@ -1,17 +1,19 @@
 """Evaluation of a recording: every metric of a test with its 95 % interval, or the reason for which it is refused."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from steer_env.friction.numerics.check import not_negative
+from steer_env.friction.numerics.check import not_negative, number
+from steer_env.metrics.common import plausible
 from steer_env.metrics.common.confidence import interval
 from steer_env.metrics.common.definitions import (
     SPEED_SPREAD,
     UNITS,
     Bounded,
+    Doubt,
     Metric,
     RefusedError,
     Value,
@@ -19,14 +21,21 @@ from steer_env.metrics.common.definitions import (
     definition,
     evaluation_of,
 )
-from steer_env.metrics.common.filtered_channels import DoubleFiltered
+from steer_env.metrics.common.filtered_channels import ANGLE, TORQUE, DoubleFiltered
 from steer_env.recording.recording import Recording
 
-REFERENCE = "handwheel_angle"  # the channel relative to which the timing of the others matters
+SCALE = "torque_scale_error"  # key of the meta
 ROUNDING = 1e-9  # changes of a value below this fraction of it are rounding errors [1]
 
 
-def evaluate(recording: Recording, test: str | None = None, *, timing: float = 0.0, **given: Any) -> dict[str, Value]:
+def evaluate(
+    recording: Recording,
+    test: str | None = None,
+    *,
+    timing: float = 0.0,
+    torque_scale_error: float | None = None,
+    **given: Any,
+) -> dict[str, Value]:
     """Every metric of a test for a recording from a simulation or from a car.
 
     Parameters
@@ -38,11 +47,16 @@ def evaluate(recording: Recording, test: str | None = None, *, timing: float = 0
         Largest error of the relative timing of the channels [s]. A channel that is late looks like a lag of the car.
         Each interval is therefore widened by the change of the metric when one channel after the other is shifted by
         +-timing relative to the handwheel angle.
+    torque_scale_error : float, optional
+        Largest error of the scale of the hand torque, as a fraction: 0.02 where the sensor may read 2 % too much or too
+        little [1]. Each interval is widened by the change of the metric when the torque is divided by 1 +- the error.
+        By default ``torque_scale_error`` of the recording's meta, or 0.
     given
         Conditions that replace those of the meta and of the test, e.g. ``speed_m_s=22.2``.
 
     Where a metric has repeats, its interval is also widened by the change of the metric when every low-pass is applied
-    twice, because the first application changes the metric by about as much.
+    twice, because the first application changes the metric by about as much. It is widened as well by what the reading
+    of the test itself leaves open (:class:`steer_env.metrics.common.definitions.Doubt`).
 
     Returns
     -------
@@ -52,24 +66,54 @@ def evaluate(recording: Recording, test: str | None = None, *, timing: float = 0
     Raises
     ------
     ValueError
-        For an unknown test or condition, or a negative timing.
+        For an unknown test or condition, a negative timing, or an error of the scale that is not from 0 to below 1.
     """
     not_negative("timing", timing)
+    scale = number(
+        "torque_scale_error", recording.meta.get(SCALE, 0.0) if torque_scale_error is None else torque_scale_error
+    )
+    if not 0.0 <= scale < 1.0:
+        raise ValueError(f"torque_scale_error is {scale:g}; it is a fraction from 0 to below 1, 0.02 for 2 %")
     names = available(evaluation_of(recording, test).name)
-    repeats = _repeats(names, recording, test, given)
+
+    def again(other: Recording) -> Any:
+        return _read(other, test, given)
+
+    reading = again(recording)
+    repeats = _repeats(names, reading)
     filtered_twice = DoubleFiltered(recording.time, recording.channels, recording.units, recording.meta)
-    again = _repeats(names, filtered_twice, test, given)
-    filter_change = {name: _change(found, again[name]) for name, found in repeats.items()}
-    timing_change: dict[str, float] = dict.fromkeys(names, 0.0)
-    for channel in recording.channels if timing else ():
-        if channel != REFERENCE:
-            shifted = [_repeats(names, _shifted(recording, channel, by), test, given) for by in (-timing, timing)]
-            for name, found in repeats.items():
-                timing_change[name] += max(_change(found, other[name]) for other in shifted)
-    return {
-        name: _value(definition(name), found, timing_change[name], filter_change[name])
-        for name, found in repeats.items()
+    filter_change = {
+        name: _change(repeats[name], other) for name, other in _repeats(names, again(filtered_twice)).items()
     }
+    doubts = _declared(recording, timing, scale, again)
+    if hasattr(reading, "doubts"):
+        doubts += reading.doubts()
+    # The largest change of every metric, by doubt.
+    changes = [
+        (doubt, [{n: _change(repeats[n], v) for n, v in _repeats(names, other).items()} for other in doubt.others])
+        for doubt in doubts
+    ]
+    notes = tuple(reading.notes()) if hasattr(reading, "notes") else ()
+    if scale and TORQUE in recording.channels:
+        notes += (f"the intervals allow for an error of {scale:.2g} of the scale of {TORQUE}",)
+    found = {}
+    for name, values in repeats.items():
+        widening = [(doubt, max(change[name] for change in of)) for doubt, of in changes]
+        found[name] = _value(definition(name), values, widening, filter_change[name])._replace(notes=notes)
+    return found
+
+
+def _declared(recording: Recording, timing: float, scale: float, again: Callable[[Recording], Any]) -> list[Doubt]:
+    """The doubts that the user has declared: how well the channels are aligned, and how well the torque is scaled."""
+    found = []
+    for channel in recording.channels if timing else ():
+        if channel != ANGLE:
+            others = tuple(again(_shifted(recording, channel, by)) for by in (-timing, timing))
+            found.append(Doubt(f"the timing of {channel}", "align the channels more closely", others))
+    if scale and TORQUE in recording.channels:
+        others = tuple(again(_scaled(recording, TORQUE, 1.0 / (1.0 + error))) for error in (-scale, scale))
+        found.append(Doubt(f"the scale of {TORQUE}", "calibrate the sensor more closely", others))
+    return found
 
 
 def read(recording: Recording, test: str | None = None, **given: Any) -> Any:
@@ -90,26 +134,37 @@ def read(recording: Recording, test: str | None = None, **given: Any) -> Any:
     try:
         if entry.constant_speed:
             _check_speed(recording, conditions)
+        if entry.steered:
+            plausible.check(recording, conditions.get("speed_m_s"))
         return entry.read(recording, conditions)
     except ValueError as error:  # a recording that cannot be filtered also says what to do
         raise RefusedError(str(error)) from None
 
 
-def _repeats(
-    names: tuple[str, ...], recording: Recording, test: str | None, given: Mapping[str, Any]
-) -> dict[str, Bounded | RefusedError]:
-    """Values (n,) of the repeats of every metric in its reporting unit, or the error that refused it."""
+def _read(recording: Recording, test: str | None, given: Mapping[str, Any]) -> Any:
+    """The object that the metrics take, or the error that refused all of them."""
     try:
-        found = read(recording, test, **given)
+        return read(recording, test, **given)
     except RefusedError as error:
-        return dict.fromkeys(names, error)
-    return {name: _computed(definition(name), found) for name in names}
+        return error
+
+
+def _repeats(names: tuple[str, ...], reading: Any) -> dict[str, Bounded | RefusedError]:
+    """Values (n,) of the repeats of every metric in its reporting unit, or the error that refused it."""
+    if isinstance(reading, RefusedError):
+        return dict.fromkeys(names, reading)
+    return {name: _computed(definition(name), reading) for name in names}
 
 
 def _shifted(recording: Recording, channel: str, seconds: float) -> Recording:
     """The recording with one channel moved to later."""
     later = np.interp(recording.time - seconds, recording.time, recording[channel])
     return replace(recording, channels={**recording.channels, channel: later})
+
+
+def _scaled(recording: Recording, channel: str, factor: float) -> Recording:
+    """The recording with one channel multiplied."""
+    return replace(recording, channels={**recording.channels, channel: factor * recording[channel]})
 
 
 def _change(found: Bounded | RefusedError, other: Bounded | RefusedError) -> float:
@@ -152,22 +207,25 @@ def _computed(entry: Metric, found: Any) -> Bounded | RefusedError:
     return Bounded(values, below * scale, above * scale)
 
 
-def _value(entry: Metric, found: Bounded | RefusedError, timing_change: float, filter_change: float) -> Value:
+def _value(
+    entry: Metric, found: Bounded | RefusedError, widening: Sequence[tuple[Doubt, float]], filter_change: float
+) -> Value:
     """Mean over the repeats and its interval, or the reason for which there is none.
 
-    The interval is widened by ``timing_change`` at either end and, where it comes from repeats, by ``filter_change``.
+    The interval is widened by the sum of ``widening`` at either end and, where it comes from repeats, by
+    ``filter_change``.
     """
-    if np.isinf(timing_change) and not isinstance(found, RefusedError):
-        found = RefusedError(
-            "a shift of the channels within the given timing makes this metric unreadable: align the channels more "
-            "closely"
-        )
+    if not isinstance(found, RefusedError):
+        for doubt, size in widening:
+            if np.isinf(size):
+                found = RefusedError(f"{doubt.about} is in doubt so far that this metric is unreadable: {doubt.remedy}")
+                break
     if isinstance(found, RefusedError):
         return Value(np.nan, np.nan, np.nan, entry.unit, str(found))
     repeats = found.values
     mean = float(repeats.mean())
     low, high = interval(repeats)
-    change = timing_change
+    change = sum((size for _, size in widening), 0.0)
     if repeats.size > 1 and np.isfinite(filter_change) and filter_change > ROUNDING * abs(mean):
         change += filter_change
     below, above = change + found.below, change + found.above

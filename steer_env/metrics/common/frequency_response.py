@@ -23,7 +23,7 @@ SOURCE = "after ISO 7401 and ISO/TR 8726"
 
 def register_frequency_response(name: str, read: Callable[..., Spectra]) -> None:
     """Register a test that gives frequency responses."""
-    register_evaluation(name, read, speed_m_s=80 / 3.6, lowest_hz=0.2, highest_hz=2.0)
+    register_evaluation(name, read, steered=True, speed_m_s=80 / 3.6, lowest_hz=0.2, highest_hz=2.0)
 
 
 def frequency_response_curve(recording: Recording, name: str, test: str | None = None) -> Curve:

@@ -10,18 +10,27 @@ The loop y(x) of a cycle has a rising and a falling branch, separated by the tur
   +-4 deg whatever the amplitude; it is averaged over both branches.
 * At a level other than zero, both +level and -level count, the latter mirrored, so that an offset of a sensor drops
   out.
+* Levels count from where the car goes straight. A test on a straight road turns the car neither way on the whole, so
+  the means of lateral acceleration and yaw rate over whole cycles are the readings of these sensors at zero. Angle and
+  torque have theirs on the mean of both branches, where the lateral acceleration passes its zero. Where both sensors
+  show the same mean turn, the road may have been bent: then the intervals include the values without that assumption.
+* The delay of every channel behind the handwheel angle is constant unless the clocks of two devices drift apart. Where
+  it changes significantly from cycle to cycle, the intervals include the change that accrues in half the recording.
 """
 
 from collections.abc import Mapping
-from functools import cache, partial
+from copy import copy
+from functools import cache
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from scipy import stats
 from scipy.interpolate import CubicSpline
 
-from steer_env.metrics.common.definitions import SPEED_SPREAD, RefusedError
-from steer_env.metrics.common.filtered_channels import ANGLE, AY, CHANNELS, SPEED, FilteredChannels
+from steer_env.metrics.common.confidence import LEVEL
+from steer_env.metrics.common.definitions import SPEED_SPREAD, UNITS, Doubt, RefusedError
+from steer_env.metrics.common.filtered_channels import ANGLE, AY, CHANNELS, SPEED, TORQUE, YAW, FilteredChannels
 from steer_env.recording.recording import DEGREE, Recording
 from steer_env.vehicle.constants import GRAVITY as G
 
@@ -33,6 +42,11 @@ WINDOW = {AY: 0.05 * G, ANGLE: 4 * DEGREE}  # half width of the window of a slop
 FEWEST_IN_WINDOW = 8  # samples that a parabola needs; assumed
 SPREAD = 0.2  # largest deviation of a settled cycle's amplitude from their median, as a fraction of it; assumed [1]
 END_SLACK = 0.02  # part of the first and the last cycle that may be missing, as a fraction of a period; assumed [1]
+# Readings at zero from which on they are told, with the unit of the note; assumed, about the resolution of good sensors.
+TOLD = {ANGLE: (0.2, "deg"), TORQUE: (0.05, "N m"), AY: (0.05, "m/s2"), YAW: (0.1, "deg/s")}
+STANDING = 1.0  # speed up to which a car stands, on a rig; assumed [m/s]
+RESOLVED_TURN = 0.01 * DEGREE  # least mean yaw rate that is a turn; assumed [rad/s]
+RESOLVED_DRIFT = 1e-4  # least drift of a clock within half a recording that counts; assumed [s]
 FREQUENCY_SPREAD = 0.1  # largest deviation from the expected frequency, as a fraction of it; assumed [1]
 
 
@@ -44,27 +58,115 @@ class Loops:
     """
 
     def __init__(self, recording: Recording, conditions: Mapping[str, Any], fewest: int) -> None:
-        self._smooth = FilteredChannels(recording, CUTOFF)
+        self._smooth, self._speed = FilteredChannels(recording, CUTOFF), conditions.get("speed_m_s") or 0.0
         starts = _cycle_starts(self._smooth.time, self._smooth[ANGLE], conditions["frequency_hz"])
         self.count = max(len(starts) - 3, 0)
         if self.count < fewest:
             raise RefusedError(f"{self.count} settled cycles between first and last: steer {fewest + 2} or more")
         self.period = np.diff(starts)[1:-1]  # [s]
         # The dropped cycles remain as margins, because a branch may begin up to half a cycle before its cycle.
-        time = np.interp(np.arange((self.count + 2) * SAMPLES) / SAMPLES, np.arange(self.count + 3), starts)
-        sharp = FilteredChannels(recording, min(PEAK_CUTOFF, recording.rate / 4))
-        self._raw, self._sharp = (cache(partial(_interpolated, of, time)) for of in (self._smooth, sharp))
-        self._samples = cache(lambda name: self._without_drift(self._raw(name)))
-        # Several metrics use the same values.
-        self.fundamental, self.peak = cache(self._fundamental), cache(self._peak)
-        self.at, self.slope = cache(self._at), cache(self._slope)
+        self._time = np.interp(np.arange((self.count + 2) * SAMPLES) / SAMPLES, np.arange(self.count + 3), starts)
+        self._sharp = FilteredChannels(recording, min(PEAK_CUTOFF, recording.rate / 4))
+        self._bend, self._late = 0.0, dict.fromkeys(CHANNELS, 0.0)  # mean yaw rate [rad/s], delays to remove [s]
+        self._forget()
         span = np.ptp(self.cycles(AY if AY in self._smooth else ANGLE), axis=1)
         if np.any(np.abs(span - np.median(span)) > SPREAD * np.median(span)):
             raise RefusedError(f"the cycles' amplitudes are over {SPREAD:.0%} apart: hold angle and speed")
         if SPEED in self._smooth:
-            speed = self._settled(self._raw(SPEED)).mean(axis=1)
-            if np.any(np.abs(speed - speed.mean()) > SPEED_SPREAD * np.abs(speed.mean())):
+            speed = self._settled(self._raw(self._smooth, SPEED)).mean(axis=1)
+            self._speed = speed.mean()
+            if np.any(np.abs(speed - self._speed) > SPEED_SPREAD * np.abs(self._speed)):
                 raise RefusedError(f"{SPEED} differs between cycles by over {SPEED_SPREAD:.0%}: hold it constant")
+
+    def _forget(self) -> None:
+        """Compute anew what several metrics use."""
+        self._drift_free = cache(lambda name: self._without_drift(self._raw(self._smooth, name)))
+        self.zero = cache(self._zero)
+        self._samples = cache(lambda name: self._drift_free(name) - self.zero(name))
+        self.fundamental, self.peak = cache(self._fundamental), cache(self._peak)
+        self.at, self.slope = cache(self._at), cache(self._slope)
+
+    def _otherwise(self, bend: float = 0.0, **late: float) -> "Loops":
+        """The same loops on a road with a mean yaw rate of ``bend`` [rad/s], or with channels that are ``late`` [s]."""
+        other = copy(self)
+        other._bend, other._late = bend, {**self._late, **late}
+        other._forget()
+        return other
+
+    def _raw(self, channels: FilteredChannels, name: str) -> np.ndarray:
+        """Samples ((count + 2) SAMPLES,) of a channel."""
+        return _interpolated(channels, self._time + self._late[name], name)
+
+    @property
+    def _motion(self) -> tuple[str, ...]:
+        """The channels that show the turning of the car."""
+        return tuple(name for name in (AY, YAW) if name in self._smooth) if self._speed > STANDING else ()
+
+    def _zero(self, name: str) -> float:
+        """Reading of a channel where the car goes straight; 0 where the recording does not tell."""
+        if not self._motion or name not in TOLD:
+            return 0.0
+        if name in self._motion:
+            bend = self._bend * (self._speed if name == AY else 1.0)
+            return float(self._settled(self._drift_free(name)).mean()) - bend
+        x = self._motion[0]
+        u, v = (self._split(samples, x) for samples in (self._drift_free(name), self._samples(x)))
+        return float(_crossed(u, v, x, 0.0).mean())
+
+    def turn(self) -> float:
+        """Mean yaw rate that all sensors of the car's turning show [rad/s]; 0 where they contradict each other."""
+        shown = []
+        for name in self._motion:
+            try:
+                shown.append(self.zero(name) / (self._speed if name == AY else 1.0))
+            except RefusedError:  # the metrics of that channel are refused with this reason
+                continue
+        if not shown or not np.all(np.isfinite(shown)) or min(shown) * max(shown) <= 0:
+            return 0.0
+        return min(shown, key=abs)
+
+    def _clock(self, name: str) -> float:
+        """Change of a channel's delay behind the handwheel angle over half the recording [s]; 0 if not significant."""
+        if self.count < 3:
+            return 0.0
+        turns = [np.fft.rfft(self._drift_free(n).reshape(-1, SAMPLES))[:, 1] for n in (ANGLE, name)]
+        lags = np.angle(turns[0] * turns[1].conj()) / (2 * np.pi) * self.period.mean()
+        fit = stats.linregress(np.arange(lags.size), lags)
+        over = float(fit.slope * 0.5 * np.ptp(self._smooth.time) / self.period.mean())
+        return over if fit.pvalue < 1 - LEVEL and abs(over) > RESOLVED_DRIFT else 0.0
+
+    def doubts(self) -> list[Doubt]:
+        """What the recording leaves open: whether the road was straight, and how the clocks of the channels go."""
+        found = []
+        if abs(self.turn()) > RESOLVED_TURN:
+            remedy = "drive along a straight road, or give the offsets of the sensors in a mapping"
+            found.append(Doubt("a bend of the road", remedy, (self._otherwise(self.turn()),)))
+        for name in (TORQUE, AY, YAW):
+            try:
+                over = self._clock(name) if name in self._smooth else 0.0
+            except RefusedError:  # the metrics of that channel are refused with this reason
+                continue
+            if over:
+                others = tuple(self._otherwise(**{name: sign * over}) for sign in (1.0, -1.0))
+                found.append(Doubt(f"the clock of {name}", "record all channels with one clock", others))
+        return found
+
+    def notes(self) -> list[str]:
+        """What was found out about the sensors, in sentences."""
+        found = []
+        for name, (least, unit) in TOLD.items():
+            try:
+                zero = self.zero(name) * UNITS[unit] if name in self._smooth else 0.0
+            except RefusedError:  # the metrics of that channel are refused with this reason
+                continue
+            if abs(zero) > least:
+                found.append(
+                    f"{name} reads {zero:.3g} {unit} where the car goes straight, which is subtracted; a mapping may "
+                    "hold the sensor's offset"
+                )
+        for doubt in self.doubts():
+            found.append(f"the intervals allow for {doubt.about}: {doubt.remedy}")
+        return found
 
     def cycles(self, name: str, shift: int = 0) -> np.ndarray:
         """Samples (n, SAMPLES) of a channel, from ``shift`` samples after the handwheel angle's rising crossing."""
@@ -93,7 +195,7 @@ class Loops:
         return harmonic
 
     def _harmonic(self, name: str) -> np.ndarray:
-        return np.fft.rfft(self.cycles(name))[:, 1] * (2 / SAMPLES)
+        return np.fft.rfft(self._settled(self._drift_free(name)))[:, 1] * (2 / SAMPLES)
 
     def peak_acceleration(self) -> float:
         """Mean over the cycles of the peak lateral acceleration [g]."""
@@ -102,24 +204,20 @@ class Loops:
     def _branches(self, y: str, x: str) -> tuple[np.ndarray, np.ndarray]:
         """Samples of y and x, each (2 n, SAMPLES/2), on the falling and the rising branch of x in each cycle."""
         self.fundamental(y)
-        peak = round(-np.angle(self.fundamental(x).mean()) / (2 * np.pi) * SAMPLES)
-        u, v = (self.cycles(name, peak).reshape(-1, SAMPLES // 2) for name in (y, x))
-        return u, v
+        self.fundamental(x)
+        return self._split(self._samples(y), x), self._split(self._samples(x), x)
+
+    def _split(self, samples: np.ndarray, x: str) -> np.ndarray:
+        """Samples (2 n, SAMPLES/2) on the falling and the rising branch of x in each cycle."""
+        peak = round(-np.angle(self._harmonic(x).mean()) / (2 * np.pi) * SAMPLES)
+        return self._settled(samples, peak).reshape(-1, SAMPLES // 2)
 
     def _at(self, y: str, x: str, level: float) -> np.ndarray:
         """y (n, 2) where the falling and the rising branch of x cross ``level``.
 
         Where noise causes several crossings of a branch, y is their mean.
         """
-        u, v = self._branches(y, x)
-        above = v >= level
-        row, k = np.nonzero(above[:, 1:] != above[:, :-1])
-        crossings = np.bincount(row, minlength=len(v))
-        if np.any(crossings % 2 == 0):
-            raise RefusedError(f"{x} does not cross {level:.3g} {CHANNELS[x]} on each branch: centre the weave")
-        v0, u0 = v[row, k], u[row, k]
-        read = u0 + (level - v0) / (v[row, k + 1] - v0) * (u[row, k + 1] - u0)
-        return (np.bincount(row, read) / crossings).reshape(-1, 2)
+        return _crossed(*self._branches(y, x), x, level)
 
     def width(self, y: str, x: str) -> np.ndarray:
         """Width (n,) of the loop y(x) at x = 0: y on the rising minus y on the falling branch."""
@@ -154,12 +252,24 @@ class Loops:
         half = SAMPLES // 2
         mean = self.cycles(name).mean(axis=0)
         k = np.abs(mean[:half] - mean[half:]).argmax()
-        cycles = self._settled(self._without_drift(self._sharp(name)))
+        cycles = self._settled(self._without_drift(self._raw(self._sharp, name)))
         return np.abs(cycles[:, k] - cycles[:, k + half]) / 2
 
     def lag(self, name: str) -> np.ndarray:
         """Delay (n,) of a channel's first harmonic behind that of the handwheel angle [s]."""
         return np.angle(self.fundamental(ANGLE) * self.fundamental(name).conj()) / (2 * np.pi) * self.period
+
+
+def _crossed(u: np.ndarray, v: np.ndarray, x: str, level: float) -> np.ndarray:
+    """u (n, 2) where v, samples of the channel x, crosses ``level``; both are (2 n, SAMPLES/2), by branch."""
+    above = v >= level
+    row, k = np.nonzero(above[:, 1:] != above[:, :-1])
+    crossings = np.bincount(row, minlength=len(v))
+    if np.any(crossings % 2 == 0):
+        raise RefusedError(f"{x} does not cross {level:.3g} {CHANNELS[x]} on each branch: centre the weave")
+    v0, u0 = v[row, k], u[row, k]
+    read = u0 + (level - v0) / (v[row, k + 1] - v0) * (u[row, k + 1] - u0)
+    return (np.bincount(row, read) / crossings).reshape(-1, 2)
 
 
 def _interpolated(smooth: FilteredChannels, time: np.ndarray, name: str) -> np.ndarray:

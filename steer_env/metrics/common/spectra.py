@@ -5,7 +5,8 @@
 The spectra are sums over segments of the recording: whole sweeps, or Welch's overlapping segments. H at a frequency is
 fitted to the spectra at the distances d from it, by least squares with the weights of a triangle of +-0.1 Hz; a mean
 alone would flatten the resonance. The coherence is that of means over the triangle. The curvature of the fit also
-corrects for the smearing of a curved response by the window.
+corrects for the smearing of a curved response by the window. Friction makes a response uneven over frequency, so that
+every estimator has another value: the intervals include the value from a triangle of half that width.
 
 The repeats of a metric are the jackknife's pseudo-values n v - (n - 1) v_i, where v_i is the value without segment i;
 the metric is their mean. Segments that overlap by half under Hann's window are nearly independent (Welch 1967) except
@@ -16,6 +17,7 @@ Identification, 2012, section 7.2; Efron, Tibshirani 1993, chapter 11.
 """
 
 from collections.abc import Callable, Mapping
+from copy import copy
 from functools import cache
 from typing import Any, NamedTuple
 
@@ -24,7 +26,7 @@ from numpy.typing import NDArray
 from scipy import signal, stats
 
 from steer_env.metrics.common import events
-from steer_env.metrics.common.definitions import RefusedError
+from steer_env.metrics.common.definitions import Doubt, RefusedError
 from steer_env.metrics.common.filtered_channels import ANGLE, FilteredChannels
 from steer_env.recording.recording import Recording
 
@@ -34,6 +36,8 @@ Segments = Callable[[Array, Array], list[slice]]  # (time, angle) -> segments of
 
 CUTOFF = 10.0  # low-pass of input and output alike [Hz]
 SPACING, TRIANGLE = 0.05, 0.1  # spacing of the frequencies, half width of the fit around each; assumed [Hz]
+NARROW = 0.5  # band by which the effect of the band on a response is estimated, over the band; assumed [1]
+LINES = 1.6  # least half width of a band over the spacing of a segment's lines: three lines for a parabola [1]
 STILL = 0.5  # time before a sweep that belongs to its segment [s]
 COHERENT = 0.9  # least squared coherence of a meaningful response; assumed, common practice [1]
 EXCITED = 0.01  # least power of the handwheel angle, as a fraction of its median over frequency; assumed [1]
@@ -85,6 +89,7 @@ class Spectra:
         still: float = 0.0,
         together: int = 1,
     ) -> None:
+        self._triangle = TRIANGLE
         self.rate, self._window, self._still = recording.rate, window, still
         self._smooth = FilteredChannels(recording, CUTOFF)
         self._segments = segments(self._smooth.time, self._smooth[ANGLE])
@@ -93,9 +98,7 @@ class Spectra:
         self.count, self._together = len(self._segments) // together, together
         low, high = conditions["lowest_hz"], conditions["highest_hz"]
         self.frequency = low + SPACING * np.arange(round((high - low) / SPACING) + 1)
-        self._power, self._transform = cache(self._powers), cache(self._transforms)
-        self._weights = cache(self._weigh)
-        self.responses, self.coherences = cache(self._responses), cache(self._coherences)
+        self._forget()
         power = self._power(ANGLE, ANGLE)[..., 0].real.sum(axis=0)
         weak = self.frequency[power < EXCITED * np.median(power)]
         if weak.size:
@@ -103,6 +106,24 @@ class Spectra:
                 f"{ANGLE} is not excited at {weak[0]:.2f} Hz: steer from {low:g} to {high:g} Hz, "
                 "or say lowest_hz and highest_hz"
             )
+
+    def _forget(self) -> None:
+        """Compute anew what several metrics use."""
+        self._power, self._transform = cache(self._powers), cache(self._transforms)
+        self._weights = cache(self._weigh)
+        self.responses, self.coherences = cache(self._responses), cache(self._coherences)
+
+    def doubts(self) -> list[Doubt]:
+        """What the recording leaves open: over which band a response that friction makes uneven is to be averaged."""
+        line = self.rate / min(segment.stop - segment.start for segment in self._segments)
+        narrow = copy(self)
+        narrow._triangle = max(NARROW * TRIANGLE, LINES * line)
+        if narrow._triangle >= self._triangle:
+            return []
+        narrow._forget()
+        narrow._transform = self._transform  # which the band does not change
+        remedy = "steer further, so that friction matters less"
+        return [Doubt("the band of the estimate", remedy, (narrow,))]
 
     def _transforms(self, name: str) -> list[Complex]:
         """Fourier transform of each segment less its mean, from 0 Hz to above the band; its square is a density."""
@@ -123,7 +144,7 @@ class Spectra:
         window = signal.get_window(self._window, size)
         f = np.fft.rfftfreq(size, 1.0 / self.rate)
         near = int(np.count_nonzero(f < self.frequency[-1] + 2 * TRIANGLE))
-        distance = (f[:near, None] - self.frequency) / TRIANGLE
+        distance = (f[:near, None] - self.frequency) / self._triangle
         weight = np.clip(1.0 - np.abs(distance), 0.0, None)
         return (
             window * np.sqrt(2.0 / (self.rate * np.sum(window**2))),
@@ -153,7 +174,7 @@ class Spectra:
         segment = self._segments[0]
         window = self._weights(segment.stop - segment.start)[0]
         moment = np.sum(np.diff(window) ** 2) * self.rate**2 / (4.0 * np.pi**2 * np.sum(window**2))
-        return float(moment) / TRIANGLE**2
+        return float(moment) / self._triangle**2
 
     def _responses(self, name: str) -> tuple[Complex, Complex]:
         """Response (F,) to the handwheel angle from all repeats, and (n, F) without each of them."""

@@ -88,12 +88,19 @@ class Action(NamedTuple):
     scale: float  # its value at action 1
     input: int  # place among the plant's inputs
     control_dt: float  # time between decisions by default [s]
+    ramped: bool  # whether it goes on a straight line from the last decision to the new one, else it is held
 
 
 # A driver decides every 50 ms: exploration that is held so long moves a car, and arms cannot follow faster changes.
-HAND_TORQUE = Action("hand torque, left positive", "N m", 10.0, HAND, 0.05)
+# Its torque has no steps, which hands cannot give.
+HAND_TORQUE = Action("hand torque, left positive", "N m", 10.0, HAND, 0.05, True)
 ASSIST_TORQUE = Action(
-    "assist torque at the column, left positive, added to the boost curve's torque", "N m", 5.0, ASSIST_REQUEST, 0.01
+    "assist torque at the column, left positive, added to the boost curve's torque",
+    "N m",
+    5.0,
+    ASSIST_REQUEST,
+    0.01,
+    False,
 )
 
 
@@ -106,7 +113,7 @@ class StepContext(NamedTuple):
     held_speed: float  # that the episode holds, or begins with [m/s]
     action: float  # clipped to [-1, 1]
     action_rate: float  # [1/s]
-    asked: float  # of the plant by the action, with its gain [unit of the action]
+    asked: float  # of the plant by the action, with its gain and lag [unit of the action]
 
 
 class EpisodeContext(NamedTuple):

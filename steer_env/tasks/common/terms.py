@@ -18,7 +18,8 @@ RIPPLE_FREQUENCY = 10.0  # above it hands feel vibration, not steering; arms can
 # Sizes at which a quality has fallen to 71 %, assumed.
 RIPPLE_SCALE = 0.1  # hand torque above ``RIPPLE_FREQUENCY`` [N m]
 ACTION_SCALE = 0.5  # action [1]
-RATE_SCALE = 4.0  # rate of the action [1/s]
+RATE_SCALE = 4.0  # root mean square rate of the action [1/s]
+RATE_TIME = 0.1  # time constant of the low-pass of the squared rate, assumed [s]
 
 # The budgets are assumed: above what the driver models need in the lane and the double lane change.
 COMMON_COSTS = (
@@ -37,14 +38,14 @@ COMMON_METRICS = (
 # The last terms of every reward; together with a task's own they add up to 1.
 COMMON_REWARDS = (
     Term("effort", 0.05, f"quality of the action; 71 % at {ACTION_SCALE:g}"),
-    Term("smoothness", 0.1, f"quality of the action's rate; 71 % at {RATE_SCALE:g}/s"),
+    Term("smoothness", 0.1, f"quality of the action's rms rate over some {RATE_TIME:g} s; 71 % at {RATE_SCALE:g}/s"),
     Term("ripple", 0.15, f"quality of the hand torque above {RIPPLE_FREQUENCY:g} Hz; 71 % at {RIPPLE_SCALE:g} N m"),
     FAILURE,
 )
-# Floats at the start of a task's memory: whether there was an update, the lateral acceleration at the last one, and two
-# states of the ripple's high-pass.
-COMMON_MEMORY = 4
-_BEGUN, _LAST_ACCELERATION, _FIRST_STATE, _SECOND_STATE = range(COMMON_MEMORY)
+# Floats at the start of a task's memory: whether there was an update, the lateral acceleration at the last one, two
+# states of the ripple's high-pass, and the mean square of the action's rate.
+COMMON_MEMORY = 5
+_BEGUN, _LAST_ACCELERATION, _FIRST_STATE, _SECOND_STATE, _SQUARED_RATE = range(COMMON_MEMORY)
 
 _TORQUE, _SPEED = CHANNEL["handwheel_torque"], CHANNEL["handwheel_speed"]
 _ACCELERATION, _LATERAL_SPEED = CHANNEL["lateral_acceleration"], CHANNEL["lateral_speed"]
@@ -81,6 +82,14 @@ def _ripple(torque, dt, begun, memory):
 
 
 @kernel
+def _rms_rate(step, memory):
+    """Root mean square of the action's rate over some ``RATE_TIME`` [1/s]: a jump counts for as long as it is felt."""
+    squared = step.action_rate * step.action_rate
+    memory[_SQUARED_RATE] += (squared - memory[_SQUARED_RATE]) * step.dt / (RATE_TIME + step.dt)  # backward Euler
+    return math.sqrt(memory[_SQUARED_RATE])
+
+
+@kernel
 def evaluate_added_work(channels, step, costs):
     """Add the cost of :func:`assist_costs`, which stands behind the common ones."""
     costs[len(COMMON_COSTS)] += abs(step.asked * channels[_COLUMN_SPEED]) * step.dt
@@ -111,7 +120,7 @@ def evaluate_common(channels, step, share, memory, rewards, costs, metrics):
     memory[_BEGUN] = 1.0
     first = rewards.size - 4
     rewards[first] += share * quality(step.action / ACTION_SCALE)
-    rewards[first + 1] += share * quality(step.action_rate / RATE_SCALE)
+    rewards[first + 1] += share * quality(_rms_rate(step, memory) / RATE_SCALE)
     rewards[first + 2] += share * quality(ripple / RIPPLE_SCALE)
     metrics[0] = acceleration
     metrics[1] = sideslip

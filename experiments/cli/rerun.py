@@ -1,0 +1,117 @@
+"""The command ``rerun``: a result once more, by its own content, and whether it is the same to the bit."""
+
+import argparse
+import contextlib
+import hashlib
+import io
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+
+def add(commands: Any, common: argparse.ArgumentParser) -> None:
+    """Add the command to a parser's."""
+    text = "Make a result file once more by the trace that it holds, and tell whether it is equal to the bit."
+    more = (
+        f"{text} Car, tyre and friction laws are those of the trace, not those of the files that the command named. "
+        "Measurements and policies are looked up by name, here and beside the result, and checked by their digest. "
+        "Dates and durations are not compared. The exit code is 1 where the result is another."
+    )
+    rerun = commands.add_parser("rerun", help=text, description=more, parents=[common])
+    rerun.add_argument("file", metavar="FILE", help="a result: .csv, .mat, .mf4, .mdf, .json or .html")
+    text = "keep what is made in this directory, which must not hold anything yet (default: it is not kept)"
+    rerun.add_argument("--out", metavar="DIR", help=text)
+    text = "go on with another version of the program or of its packages, and say so"
+    rerun.add_argument("--any-version", action="store_true", help=text)
+    rerun.set_defaults(function=_rerun)
+
+
+def _rerun(args: argparse.Namespace) -> int:
+    from steer_env.experiments.cli.common.extras import require_format
+    from steer_env.experiments.output import traces
+
+    file = Path(args.file)
+    require_format([file])
+    trace = traces.read(file)
+    if "command" not in trace:
+        raise ValueError(f"{file}: its trace holds no command, as a Python program wrote it")
+    _check_versions(file, trace, args.any_version)
+    with contextlib.ExitStack() as stack:
+        if args.out and Path(args.out).exists() and (not Path(args.out).is_dir() or any(Path(args.out).iterdir())):
+            raise ValueError(f"--out {args.out} is there already: give a new directory")
+        out = Path(args.out or stack.enter_context(tempfile.TemporaryDirectory()))
+        out.mkdir(parents=True, exist_ok=True)
+        made = _made(file, trace, out / trace["result"])
+        found = traces.differences(file, made)
+    print(f"steer-env {' '.join(trace['command'])}")
+    if not found:
+        print(f"{file}: equal to the bit")
+        return 0
+    shown = ", ".join(found[:5]) + (f" and {len(found) - 5} more" if len(found) > 5 else "")
+    print(f"{file}: {len(found)} values are others: {shown}")
+    return 1
+
+
+def _check_versions(file: Path, trace: Mapping[str, Any], go_on: bool) -> None:
+    """Refuse, or say, that another version made the result."""
+    from steer_env.experiments.output import provenance
+
+    now = provenance.trace()
+    packages = {f"package {name}": version for name, version in now["packages"].items()}
+    then = {f"package {name}": version for name, version in trace["packages"].items()}
+    here = {"version": now["version"], "sources": now["sources"], **packages}
+    before = {"version": trace["version"], "sources": trace["sources"], **then}
+    others = [f"{key} {before.get(key)} then, {here.get(key)} now" for key in here if before.get(key) != here[key]]
+    if not others:
+        return
+    text = f"{file} was made by another program: {'; '.join(others)}"
+    if not go_on:
+        raise ValueError(f"{text}. Check out that version, or go on with --any-version")
+    print(f"{text}; going on, as --any-version asks")
+
+
+def _made(file: Path, trace: Mapping[str, Any], out: Path) -> Path:
+    """The result that stands for ``file``, made once more at ``out``."""
+    from steer_env.experiments.cli import main
+
+    with tempfile.TemporaryDirectory() as folder:
+        places = {
+            each["name"]: _place(each, file, Path(folder, str(i))) for i, each in enumerate(trace.get("inputs", []))
+        }
+        words = list(trace["command"])
+        main.import_modules(words)
+        again = main.parsed([_replaced(word, places) for word in words])
+        again.argv, again.out = words, type(again.out)(out)
+        if "car" in trace:
+            again.vehicle, again.tyre, again.changes = trace["car"], None, []
+        with contextlib.redirect_stdout(io.StringIO()):
+            again.function(again)
+    there = [out.parent / file.name, out / file.name, out, out.with_suffix(file.suffix)]
+    beside = [*out.glob(f"*{file.suffix}")] if out.is_dir() else []
+    return next(path for path in [*there, *beside] if path.is_file() and path.suffix == file.suffix)
+
+
+def _replaced(word: str, places: Mapping[str, Path]) -> str:
+    """A word of the command line with the place of the input that it names, also after an equals sign."""
+    option, equals, value = word.partition("=")
+    return str(places[word]) if word in places else f"{option}{equals}{places.get(value, value)}"
+
+
+def _place(given: Mapping[str, str], file: Path, folder: Path) -> Path:
+    """Where an input is: written from the trace that holds its text, or looked up and checked by its digest."""
+    name = Path(given["name"])
+    if "text" in given:
+        folder.mkdir()
+        (folder / name.name).write_bytes(given["text"].encode("utf-8"))
+        return folder / name.name
+    tried = [name, file.parent / name.name]
+    there = [path for path in tried if path.is_file()]
+    if not there:
+        raise ValueError(f"{file} needs {name}, which is neither there nor beside the result: put it there")
+    for path in there:
+        if hashlib.sha256(path.read_bytes()).hexdigest() == given["sha256"]:
+            return path
+    raise ValueError(
+        f"{there[0]} is another file than {file} was made from: its SHA-256 begins with {given['sha256'][:12]}"
+    )

@@ -1,0 +1,75 @@
+"""The three pictures on the first screen of the report, as SVG text. Nothing is simulated or evaluated here."""
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from steer_env.experiments.drawing.style import new_figure, styled, styles, svg
+from steer_env.metrics.common.filtered_channels import ANGLE, TORQUE
+from steer_env.recording.recording import DEGREE
+
+Array = NDArray[np.float64]
+
+_SIZE = (4.0, 3.4)  # [inch]
+_NOT_NOTICED = "#e3f2ea"
+_WIDEST = 4.0  # half the width of the axis of the differences at most, in thresholds; what is beyond is at its edge
+
+
+class Share(NamedTuple):
+    """A difference as a share of the value that it is compared with."""
+
+    title: str
+    law: str
+    value: float  # [1]
+    half_width: float  # of its 95 % interval; NaN where there is none [1]
+
+
+@styled
+def weave(curves: Mapping[str, Mapping[str, Array]]) -> str:
+    """Hand torque over handwheel angle in a test that repeats itself, a line for each law (SI)."""
+    figure = new_figure(*_SIZE)
+    axes = figure.subplots()
+    for law, style in styles(curves).items():
+        axes.plot(curves[law][ANGLE] / DEGREE, curves[law][TORQUE], **style)
+    axes.set(xlabel="handwheel angle [deg]", ylabel="hand torque [N m]")
+    axes.legend()
+    return svg(figure)
+
+
+@styled
+def loops(x: Array, torques: Mapping[str, Array]) -> str:
+    """Friction torque (T,) [N m] over displacement (T,) [rad], a line for each law."""
+    figure = new_figure(*_SIZE)
+    axes = figure.subplots()
+    for law, style in styles(torques).items():
+        axes.plot(x / DEGREE, torques[law], **{**style, "linewidth": 1.0})
+    axes.set(xlabel="displacement [deg]", ylabel="friction torque [N m]")
+    axes.legend()
+    return svg(figure)
+
+
+@styled
+def noticed(found: Sequence[Share], threshold: float) -> str:
+    """Differences with their 95 % intervals beside the just-noticeable difference, which is shaded [1]."""
+    figure = new_figure(*_SIZE)
+    axes = figure.subplots()
+    titles = list(dict.fromkeys(share.title for share in found))
+    style = styles(share.law for share in found)
+    edge = min(max([1.6, *(1.1 * abs(share.value) / threshold for share in found)]), _WIDEST) * 100.0 * threshold
+    step = 0.6 / max(len(style), 1)
+    for k, (law, look) in enumerate(style.items()):
+        mine = [share for share in found if share.law == law]
+        places = [titles.index(share.title) + step * (k - 0.5 * (len(style) - 1)) for share in mine]
+        values = np.clip([100.0 * share.value for share in mine], -edge, edge)
+        widths = np.nan_to_num([100.0 * share.half_width for share in mine])
+        axes.errorbar(values, places, xerr=widths, fmt="o", color=look["color"], markersize=4, capsize=2, label=law)
+    axes.axvspan(-100.0 * threshold, 100.0 * threshold, color=_NOT_NOTICED, zorder=0)
+    axes.axvline(0.0, color="#999999", linewidth=0.8)
+    axes.set(xlabel="difference [%]", xlim=(-edge, edge), yticks=range(len(titles)), ylim=(len(titles) - 0.4, -0.6))
+    axes.set_yticklabels(titles, fontsize=8)
+    axes.grid(visible=False, axis="y")
+    if len(style) > 1:
+        axes.legend(fontsize=8)
+    return svg(figure)

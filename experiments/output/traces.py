@@ -1,0 +1,116 @@
+"""Result files: the trace that each holds, and whether two of them hold the same results.
+
+A trace (:func:`steer_env.experiments.output.provenance.trace`) is the key ``trace`` of a JSON file and of the meta of a
+recording, and an element of a page.
+"""
+
+import json
+import math
+import os
+import re
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from steer_env.recording import files
+
+# What describes the run and not its result: dates, durations, machine, versions, and the trace itself.
+_ABOUT_THE_RUN = frozenset({"trace", "versions", "provenance", "date", "real_time", "seconds", "version"})
+_ELEMENT = re.compile(r'<script type="application/json" id="trace">(.*?)</script>\n?', re.DOTALL)
+_DATE = re.compile(r"\d{4}-\d\d-\d\d(?:[T ]\d\d:\d\d(?::\d\d)?(?:\+00:00)?)?")
+_DRAWN = re.compile(r"[0-9a-f]{8}-(?:[0-9a-f]{4}-){3}[0-9a-f]{12}")  # random names of plots in a page
+SUFFIXES = (".json", ".html", *files.FORMATS)
+
+
+def embedded(page: str, trace: Mapping[str, Any]) -> str:
+    """A page with a trace, which a browser does not show."""
+    text = json.dumps(trace, ensure_ascii=False).replace("</", "<\\/")
+    head, end, tail = page.rpartition("</body>")
+    return f'{head}<script type="application/json" id="trace">{text}</script>\n{end}{tail}'
+
+
+def read(path: str | os.PathLike[str]) -> dict[str, Any]:
+    """The trace of a result file.
+
+    Raises
+    ------
+    ValueError
+        A file of another kind, or without a trace.
+    OSError
+        A file that cannot be read.
+    """
+    suffix = Path(path).suffix.lower()
+    if suffix not in SUFFIXES:
+        raise ValueError(f"{path}: results end in {', '.join(SUFFIXES)}")
+    if suffix == ".html":
+        element = _ELEMENT.search(Path(path).read_text(encoding="utf-8"))
+        found = json.loads(element[1]) if element else None
+    elif suffix == ".json":
+        contents = _json(path)
+        found = contents.get("trace") if isinstance(contents, dict) else None
+    else:
+        found = files.read(path).meta.get("trace")
+    if not isinstance(found, dict):
+        raise ValueError(f"{path}: holds no trace, so nothing tells what it was made from")
+    return found
+
+
+def _json(path: str | os.PathLike[str]) -> Any:
+    try:
+        return json.loads(Path(path).read_text(encoding="utf-8"))
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+
+
+def differences(one: str | os.PathLike[str], other: str | os.PathLike[str]) -> list[str]:
+    """What two result files of a kind do not have in common, to the bit; none for equal results.
+
+    Dates, durations, the machine, the versions and the trace are not compared.
+    """
+    suffix = Path(one).suffix.lower()
+    if suffix == ".html":
+        return [] if _page(one) == _page(other) else ["the text of the page"]
+    if suffix == ".json":
+        a, b = dict(_values(_json(one))), dict(_values(_json(other)))
+    else:
+        a, b = _recorded(one), _recorded(other)
+    return [name for name in {**a, **b} if name not in a or name not in b or not _equal(a[name], b[name])]
+
+
+def _page(path: str | os.PathLike[str]) -> str:
+    """The text of a page without its trace, its dates and the random names of its plots."""
+    text = _ELEMENT.sub("", Path(path).read_text(encoding="utf-8"))
+    return _DRAWN.sub("", _DATE.sub("", text))
+
+
+def _values(value: Any, name: str = "") -> Iterator[tuple[str, Any]]:
+    """The values of nested mappings and lists with their places."""
+    if isinstance(value, Mapping | list) and value:
+        for key, each in value.items() if isinstance(value, Mapping) else enumerate(value):
+            if key not in _ABOUT_THE_RUN:
+                yield from _values(each, f"{name}.{key}" if name else str(key))
+    else:
+        yield name, value
+
+
+def _recorded(path: str | os.PathLike[str]) -> dict[str, Any]:
+    """Time, channels, units and meta of a recording."""
+    recording = files.read(path)
+    meta = {f"meta {name}": value for name, value in _values(recording.meta)}
+    return {
+        "time": recording.time,
+        **recording.channels,
+        **{f"unit of {k}": v for k, v in recording.units.items()},
+        **meta,
+    }
+
+
+def _equal(one: Any, other: Any) -> bool:
+    """Whether two values are the same to the bit; NaN is the same as NaN."""
+    if isinstance(one, np.ndarray):
+        return np.array_equal(one, other, equal_nan=True)
+    if isinstance(one, float) and isinstance(other, float) and math.isnan(one):
+        return math.isnan(other)
+    return type(one) is type(other) and one == other

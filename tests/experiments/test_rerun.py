@@ -1,0 +1,136 @@
+"""Every result file tells what it was made from, and `steer-env rerun` makes it again to the bit."""
+
+import json
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from steer_env.experiments.cli.main import main
+from steer_env.experiments.output import provenance, traces
+from steer_env.recording import files
+from steer_env.vehicle import cars, tyre
+
+STIFF = 'base = "compact"\n[column]\nK_tb = {}\n'
+
+
+@pytest.fixture(autouse=True)
+def _somewhere(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+
+def rerun(path, capsys, *options):
+    """Exit code of a rerun, and what it printed."""
+    capsys.readouterr()
+    code = main(["rerun", str(path), *options])
+    printed = capsys.readouterr()
+    return code, printed.out + printed.err
+
+
+def test_two_files_of_one_name_with_other_torsion_bars_are_told_apart(tmp_path):
+    found = []
+    for stiffness in (120.0, 140.0):
+        folder = tmp_path / f"{stiffness:.0f}"
+        folder.mkdir()
+        (folder / "a.toml").write_text(STIFF.format(stiffness))
+        assert main(["run", "rig", "--vehicle", str(folder / "a.toml"), "--rate-hz", "50", "--out", str(folder)]) == 0
+        for name in ("rig.csv", "rig.json"):
+            trace = traces.read(folder / name)
+            assert (trace["car"]["name"], trace["car"]["column"]["K_tb"]) == ("a", stiffness)
+            assert cars.load(trace["car"]).data() == cars.load(folder / "a.toml").data()
+        found.append((folder / "rig.csv").read_text().partition("time_s")[0])
+    assert found[0] != found[1]
+
+
+@pytest.mark.parametrize("suffix", ["csv", "mat", "mf4"])
+def test_a_recording_is_made_again_by_its_own_content(suffix, tmp_path, capsys):
+    """The car file and the tyre file of the command are gone, and one of their names is another car's."""
+    (tmp_path / "a.toml").write_text(STIFF.format(140.0))
+    tyre.save(tyre.load("example_mf61"), tmp_path / "mine.tir")
+    out = tmp_path / f"mine.{suffix}"
+    options = ["--friction", "masing,elements=3", "--vehicle", "a.toml", "--tyre", "mine.tir", "--set", "column.C2=0.5"]
+    assert main(["run", "rig", *options, "--rate-hz", "50", "--out", out.name]) == 0
+    (tmp_path / "a.toml").write_text(STIFF.format(90.0))
+    (tmp_path / "mine.tir").unlink()
+    trace = traces.read(out)
+    assert trace["command"] == ["run", "rig", *options, "--rate-hz", "50", "--out", out.name]
+    assert (trace["car"]["column"]["K_tb"], trace["car"]["column"]["C2"]) == (140.0, 0.5)
+    assert (trace["tyre"]["name"], trace["strut"]["name"]) == ("mine", "s1")
+    assert (trace["version"], trace["sources"]) == tuple(provenance.versions()[key] for key in ("version", "sources"))
+    law = trace["friction"]["masing,elements=3"]
+    assert (law["law"], len(law["parameters"]["k"])) == ("masing", 3)
+    for path in (out, out.with_suffix(".json")):
+        code, text = rerun(path, capsys)
+        assert (code, text.splitlines()[-1]) == (0, f"{path}: equal to the bit")
+    files.write(touched(files.read(out)), out)
+    code, text = rerun(out, capsys)
+    assert code == 1
+    assert re.search(r"mine\.\w+: 1 values are others: handwheel_torque$", text.strip())
+
+
+def touched(recording):
+    """The recording with the last bit of one sample of one channel changed."""
+    values = recording.channels["handwheel_torque"].copy()
+    values[7] = np.nextafter(values[7], np.inf)
+    return replace(recording, channels={**recording.channels, "handwheel_torque": values})
+
+
+def test_an_evaluation_is_made_again_with_its_inputs(tmp_path, capsys):
+    for law in ("lugre", "viscous"):
+        assert main(["run", "rig", "--friction", law, "--rate-hz", "50", "--out", f"{law}.csv"]) == 0
+    (tmp_path / "map.toml").write_text("[channels.handwheel_torque]\nsign = -1\n")
+    options = ["--mapping", "map.toml", "--map", "handwheel_angle=handwheel_angle,sign=-1"]
+    assert main(["evaluate", "--compare", "lugre.csv", "viscous.csv", *options, "--out", "found"]) == 0
+    trace = traces.read("found/evaluation.json")
+    assert [given["name"] for given in trace["inputs"]] == ["lugre.csv", "viscous.csv", "map.toml"]
+    assert trace["inputs"][2]["text"] == (tmp_path / "map.toml").read_text()
+    (tmp_path / "map.toml").unlink()  # the trace holds it
+    for name in ("evaluation.json", "index.html"):
+        code, text = rerun(f"found/{name}", capsys)
+        assert (code, text.splitlines()[-1]) == (0, f"found/{name}: equal to the bit")
+    (tmp_path / "viscous.csv").rename(tmp_path / "found" / "viscous.csv")  # beside the result
+    (tmp_path / "found" / "index.html").rename(tmp_path / "found" / "renamed.html")
+    assert rerun("found/renamed.html", capsys)[0] == 0
+    (tmp_path / "found" / "viscous.csv").write_text("another\n")
+    code, text = rerun("found/evaluation.json", capsys)
+    assert code == 2
+    assert "found/viscous.csv is another file than found/evaluation.json was made from: its SHA-256 begins " in text
+    (tmp_path / "found" / "viscous.csv").unlink()
+    code, text = rerun("found/evaluation.json", capsys)
+    assert code == 2
+    assert "found/evaluation.json needs viscous.csv, which is neither there nor beside the result" in text
+
+
+def test_a_validation_is_made_again(capsys):
+    for law in ("lugre", "masing"):
+        assert main(["run", "weave", "--friction", law, "--rate-hz", "100", "--out", f"{law}.csv"]) == 0
+    main(["validate", "lugre.csv", "masing.csv", "--out", "found"])
+    code, text = rerun("found/evaluation.json", capsys)
+    assert (code, text.splitlines()[-1]) == (0, "found/evaluation.json: equal to the bit")
+
+
+def test_another_version_is_refused_unless_asked_for(tmp_path, capsys):
+    assert main(["run", "rig", "--rate-hz", "50"]) == 0
+    path = tmp_path / "rig.json"
+    data = json.loads(path.read_text())
+    data["trace"] |= {"sources": "0123456789abcdef", "packages": {**data["trace"]["packages"], "numpy": "1.0"}}
+    path.write_text(json.dumps(data))
+    code, text = rerun(path, capsys)
+    assert code == 2
+    assert "was made by another program: sources 0123456789abcdef then, " in text
+    assert "package numpy 1.0 then, " in text
+    assert text.strip().endswith("Check out that version, or go on with --any-version")
+    code, text = rerun(path, capsys, "--any-version", "--out", "kept")
+    assert code == 0
+    assert "going on, as --any-version asks" in text
+    assert text.strip().endswith("equal to the bit")
+    assert (tmp_path / "kept" / "rig.csv").exists()
+
+
+def test_what_holds_no_trace_is_refused(tmp_path, capsys):
+    (tmp_path / "other.json").write_text("[]")
+    assert "other.json: holds no trace, so nothing tells what it was made from" in rerun("other.json", capsys)[1]
+    assert "results end in .json, .html, .csv" in rerun("other.txt", capsys)[1]
+    (tmp_path / "other.json").write_text(json.dumps({"trace": provenance.trace()}))
+    assert "its trace holds no command, as a Python program wrote it" in rerun("other.json", capsys)[1]

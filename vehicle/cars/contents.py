@@ -1,0 +1,130 @@
+"""The way back from a car to the contents of a car file: a mapping, or a file of its own."""
+
+import json
+import os
+from collections.abc import Mapping
+from inspect import signature
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from steer_env.vehicle import tyre
+from steer_env.vehicle.cars.keys import CONSTRUCTORS, TEXTS
+from steer_env.vehicle.suspension.macpherson import MacPherson
+
+if TYPE_CHECKING:
+    from steer_env.vehicle.cars.car import Car
+
+BY_HAND = "was replaced in the car by what no car file gives: change its keys by cars.load(..., changes=...)"
+
+
+def data(car: "Car") -> dict[str, Any]:
+    """Contents of a car file, as :meth:`Car.data` says."""
+    given = car.given
+    strut = MacPherson.load(given["strut"]).at_track(car.chassis["front_track"])
+    if (strut.points, strut.loaded_radius) != (car.strut.points, car.strut.loaded_radius):
+        raise ValueError(f"strut {BY_HAND}")
+    return {
+        **{key: getattr(car, key) for key in TEXTS},
+        "assumed": list(given["assumed"]),
+        "tyre": tyre.data(car.tyre),
+        "strut": given["strut"],
+        "chassis": dict(car.chassis),
+        "steering": dict(car.steering),
+        **{section: _keys(section, given[section], getattr(car, section)) for section in CONSTRUCTORS},
+    }
+
+
+def _keys(section: str, given: Mapping[str, Any], made: Any) -> dict[str, Any]:
+    """Every key of a section that is made by a constructor, with the value that gives ``made`` to the bit."""
+    make = CONSTRUCTORS[section]
+    values = {key: given.get(key, parameter.default) for key, parameter in signature(make).parameters.items()}
+    again = make(**values)
+    # A part that was replaced, for example a boost table, is itself the value of the key of the same name.
+    replaced = {
+        key: getattr(made, key) for key in values if not _same(getattr(made, key, None), getattr(again, key, None))
+    }
+    if replaced:
+        values |= replaced
+        try:
+            again = make(**values)
+        except ValueError:
+            raise ValueError(f"{section} {BY_HAND}") from None
+    if not _same(again, made):
+        raise ValueError(f"{section} {BY_HAND}")
+    return {key: _plain(value) for key, value in values.items() if value is not None}
+
+
+def _same(one: Any, other: Any) -> bool:
+    """Whether two parameters are equal to the bit, also arrays and named tuples of them."""
+    if isinstance(one, np.ndarray) or isinstance(other, np.ndarray):
+        return np.array_equal(one, other)
+    if isinstance(one, tuple) and isinstance(other, tuple):
+        return len(one) == len(other) and all(map(_same, one, other))
+    return bool(one == other)
+
+
+def _plain(value: Any) -> Any:
+    """A value as JSON and TOML hold it."""
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    if isinstance(value, list | tuple):
+        return [_plain(each) for each in value]
+    return value
+
+
+def write(car: "Car", path: str | os.PathLike[str]) -> None:
+    """Write a car as a car file, ``.toml`` or ``.json``, that :func:`steer_env.vehicle.cars.load` reads to the bit.
+
+    The file has every key and needs no other file: a tyre that is not packaged is in it with its coefficients. The file
+    is there as a whole or not at all.
+
+    Raises
+    ------
+    ValueError
+        Another suffix, or a car that :meth:`Car.data` refuses.
+    """
+    place = Path(path)
+    if place.suffix not in (".toml", ".json"):
+        raise ValueError(f"the name of a car file must end in .toml or .json, got {os.fspath(path)!r}")
+    contents = data(car)
+    text = toml(contents) if place.suffix == ".toml" else json.dumps(contents, indent=2, ensure_ascii=False) + "\n"
+    part = place.with_name(f".{place.name}.{os.getpid()}.part")
+    try:
+        part.write_text(text, encoding="utf-8")
+        os.replace(part, place)
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def toml(contents: Mapping[str, Any], comments: Mapping[str, str] | None = None, section: str = "") -> str:
+    """The contents of a car file as TOML: a line for each key, with a comment above it where ``comments`` has one.
+
+    Parameters
+    ----------
+    contents : mapping
+        Text, numbers, lists of them, and mappings, each of which becomes a table.
+    comments : mapping, optional
+        Comments by section (``"column"``) and by key (``"column.K_tb"``).
+    section : str
+        The table that ``contents`` is of; empty for the whole file.
+    """
+    comments, prefix = comments or {}, f"{section}." if section else ""
+    lines = [line for line in (_comment(comments, section), f"[{section}]" if section else "") if line]
+    for key, value in contents.items():
+        if not isinstance(value, Mapping):
+            lines += [line for line in (_comment(comments, prefix + key), f"{key} = {_value(value)}") if line]
+    tables = [toml(value, comments, prefix + key) for key, value in contents.items() if isinstance(value, Mapping)]
+    return "\n".join([*lines, "", *tables])
+
+
+def _comment(comments: Mapping[str, str], name: str) -> str:
+    return "\n".join(f"# {line}" for line in comments.get(name, "").splitlines())
+
+
+def _value(value: Any) -> str:
+    """A value in TOML, which takes JSON's text, numbers and lists; the rows of a table stand below each other."""
+    if isinstance(value, list) and value and isinstance(value[0], list):
+        return "[\n" + "".join(f"  {_value(row)},\n" for row in value) + "]"
+    return json.dumps(value, ensure_ascii=False)

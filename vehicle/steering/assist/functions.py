@@ -1,0 +1,183 @@
+"""The functions of the assist together: active return, damping of the handwheel, friction and inertia compensation,
+lead-lag. Each adds a torque to the request that the controller passes on within the motor's limit (E1).
+
+A car without any of them has :class:`NoFunctions`. The class selects the kernels, as for friction laws, so that such a
+car needs neither state nor time for them.
+"""
+
+from collections.abc import Callable, Iterator
+from inspect import Parameter, Signature, signature
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from steer_env.friction.numerics.frozen import frozen
+from steer_env.friction.numerics.interpolation import bracket
+from steer_env.friction.numerics.kernel import dispatch, kernel
+from steer_env.vehicle.steering.assist import (
+    active_return,
+    damping,
+    friction_compensation,
+    inertia_compensation,
+    lead_lag,
+)
+from steer_env.vehicle.steering.assist.by_speed import between
+
+MODULES = (active_return, damping, inertia_compensation, lead_lag, friction_compensation)
+# First position of each function's states; the memory of the observer's friction law ends them.
+INERTIA, LEAD_LAG, FRICTION = 0, 1, 3
+STATES = tuple(state for module in MODULES for state in module.STATES)
+
+
+class NoFunctions(NamedTuple):
+    """No function is on."""
+
+
+class Functions(NamedTuple):
+    """Parameters of every function, those that are off too; :func:`make` checks."""
+
+    speeds: NDArray[np.float64]  # (V,) of the values that depend on speed [m/s]
+    active_return: active_return.ActiveReturn
+    damping: damping.HandwheelDamping
+    inertia_compensation: inertia_compensation.InertiaCompensation
+    lead_lag: lead_lag.LeadLag
+    friction_compensation: friction_compensation.FrictionCompensation
+
+
+class Signals(NamedTuple):
+    """What the functions measure at a sample."""
+
+    handwheel_angle: float  # [rad]
+    handwheel_speed: float  # [rad/s]
+    column_speed: float  # [rad/s]
+    torsion_bar_torque: float  # [N m]
+    speed: float  # of the vehicle [m/s]
+
+
+def _own_keys(module: Any) -> Iterator[Parameter]:
+    return (p for p in signature(module.make).parameters.values() if p.kind is Parameter.KEYWORD_ONLY)
+
+
+def with_keys(make: Callable) -> Signature:
+    """The signature of ``make(*, ..., **functions)`` with the keys of every function in place of ``**functions``."""
+    own = [p for p in signature(make).parameters.values() if p.kind is not Parameter.VAR_KEYWORD]
+    return signature(make).replace(parameters=[*own, *(key for module in MODULES for key in _own_keys(module))])
+
+
+def make(speeds: NDArray[np.float64], dt: float, **keys: Any) -> "Functions | NoFunctions":
+    """The functions with these keys of section ``assist`` of a car file; a key that is not given has its default.
+
+    Parameters
+    ----------
+    speeds : (V,) array
+        Of the boost table [m/s].
+    dt : float
+        Sample time [s].
+
+    Raises
+    ------
+    ValueError
+        A value out of range, by the name of its key.
+    TypeError
+        An unknown key.
+    """
+    known = {key.name for module in MODULES for key in _own_keys(module)}
+    for key in keys:
+        if key not in known:
+            raise TypeError(f"the assist has no key {key!r}")
+    common = {"count": speeds.size, "dt": dt}
+    made = {}
+    for module in MODULES:
+        taken = signature(module.make).parameters
+        given = {key: value for key, value in {**common, **keys}.items() if key in taken}
+        made[module.__name__.rpartition(".")[2]] = module.make(**given)
+    if not any(np.any(function.gain) for function in made.values()):
+        return NoFunctions()
+    return frozen(Functions(speeds, **made))
+
+
+def keys(f: "Functions | NoFunctions", dt: float) -> dict[str, Any]:
+    """The keys of a car file that make these functions; none where no function is on."""
+    found: dict[str, Any] = {}
+    if isinstance(f, Functions):
+        for module in MODULES:
+            p = getattr(f, module.__name__.rpartition(".")[2])
+            found |= module.keys(p, dt) if "dt" in signature(module.keys).parameters else module.keys(p)
+    return found
+
+
+def at_speeds(f: "Functions | NoFunctions", speeds: NDArray[np.float64]) -> "Functions | NoFunctions":
+    """The same functions with their values at other speeds (V,) [m/s]."""
+    if isinstance(f, NoFunctions):
+        return f
+    changed = {
+        name: p._replace(gain=np.interp(speeds, f.speeds, p.gain))
+        for name, p in f._asdict().items()
+        if np.ndim(getattr(p, "gain", 0.0))
+    }
+    return frozen(f._replace(speeds=np.array(speeds), **changed))
+
+
+def states(f: "Functions | NoFunctions") -> tuple[tuple[str, str], ...]:
+    """Names and units of the states of the functions."""
+    if isinstance(f, NoFunctions):
+        return ()
+    return (*STATES, *((f"observer_memory_{i}", "") for i in range(f.friction_compensation.memory_size)))
+
+
+@kernel
+def _no_size(f):
+    return 0
+
+
+@kernel
+def _size(f):
+    return FRICTION + friction_compensation.MEMORY + f.friction_compensation.memory_size
+
+
+@kernel
+def _unchanged(f, x, s, request):
+    return request
+
+
+@kernel
+def _with_functions(f, x, s, request):
+    i, u = bracket(f.speeds, s.speed)
+    returned = active_return.torque(
+        f.active_return,
+        between(f.active_return.gain, i, u),
+        s.handwheel_angle,
+        s.handwheel_speed,
+        s.torsion_bar_torque,
+        s.speed,
+    )
+    damped = damping.torque(between(f.damping.gain, i, u), s.handwheel_speed)
+    inertia = between(f.inertia_compensation.gain, i, u)
+    accelerated = inertia_compensation.torque(f.inertia_compensation, inertia, x[INERTIA:LEAD_LAG], s.column_speed)
+    shifted = lead_lag.torque(f.lead_lag, f.lead_lag.gain, x[LEAD_LAG:FRICTION], s.torsion_bar_torque)
+    p = f.friction_compensation
+    compensated = friction_compensation.torque(p, x[FRICTION:], s.column_speed, s.torsion_bar_torque)
+    return request + returned + damped + accelerated + shifted + between(p.gain, i, u) * compensated
+
+
+_KERNELS: dict[type, dict[str, Any]] = {
+    NoFunctions: {"size": _no_size, "requested": _unchanged},
+    Functions: {"size": _size, "requested": _with_functions},
+}
+
+# The dispatch points. Plain Python runs the bodies; compiled code takes the kernel for the class.
+
+
+def size(f):
+    """Number of states of the functions."""
+    return _KERNELS[type(f)]["size"](f)
+
+
+def requested(f, x, s, request):
+    """The request [N m] with the torques of the functions, whose states ``x`` advance by a sample of ``Signals``."""
+    return _KERNELS[type(f)]["requested"](f, x, s, request)
+
+
+for _point in (size, requested):
+    dispatch(_point, lambda kind, name: _KERNELS.get(kind, {}).get(name))
