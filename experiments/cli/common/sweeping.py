@@ -77,8 +77,8 @@ def runner(args: argparse.Namespace) -> "Runner":
         try:
             results = sweep.run(function, cases, where=where, store=store, **options)
         except BaseException:
-            if len(store):
-                text = f"{len(store)} of {len(cases)} cases are finished and kept"
+            if store.count():
+                text = f"{store.count()} of {len(cases)} cases are finished and kept"
                 print(f"steer-env: {text}: the same command with --resume goes on from there", file=sys.stderr)
             else:
                 store.remove()
