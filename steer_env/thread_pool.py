@@ -7,6 +7,7 @@ import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager
+from functools import cache
 from itertools import pairwise
 from typing import Any
 
@@ -28,10 +29,16 @@ def one_blas_thread() -> AbstractContextManager[Any]:
 
     Small matrices, as here, are not slower for it. What runs in threads of its own (torch) is left as it is.
     """
-    import scipy.linalg  # noqa: F401  # brings a library of its own, which must be there to be limited
+    return _libraries().limit(limits=1, user_api="blas")
+
+
+@cache
+def _libraries() -> Any:
+    """The libraries of this process that have threads of their own, found once as that takes a millisecond."""
+    import scipy.linalg  # noqa: F401  # brings one, which must be there to be found
     import threadpoolctl
 
-    return threadpoolctl.threadpool_limits(1, user_api="blas")
+    return threadpoolctl.ThreadpoolController()
 
 
 class ThreadPool:

@@ -69,8 +69,13 @@ def _described(dask_worker: Any) -> dict[str, Any]:
 @contextmanager
 def _client(where: Where) -> Iterator[Any]:
     """A client of the cluster, which is made here if it is a local one."""
-    from distributed import Client, LocalCluster
+    from distributed import Client, LocalCluster, Security
 
+    if where.cluster.startswith("tls:") and Security().get_connection_args("client").get("ssl_context") is None:
+        raise ValueError(
+            f"--cluster {where.cluster} needs a certificate of this client: name its files in Dask's configuration "
+            "(docs/many_machines.md, Safety)"
+        )
     with ExitStack() as stack:
         stack.enter_context(_quiet())
         place: Any = where.cluster
