@@ -20,6 +20,7 @@ from steer_env.vehicle import linear_axles
 from steer_env.vehicle.cars import Car
 from steer_env.vehicle.constants import GRAVITY
 from steer_env.vehicle.linear_axles import Axles, Lateral, Moments, Roll, Row
+from steer_env.vehicle.steering.assist import functions
 from steer_env.vehicle.steering.eps import boost_curve
 from steer_env.vehicle.steering.margins import boost_gain
 
@@ -139,7 +140,8 @@ def response(car: Car, speed: float, chassis: str = "single_track", torque: floa
 
     The handwheel turns the torsion bar, which turns the column against rack force, motor damping and assist. Phase
     lead, delay and lag of the motor are left out; they matter above some 5 Hz, as does the lag of the geometric load
-    transfer.
+    transfer. Of the assist's functions the lead-lag has its gain at 0 Hz; friction compensation is left out with the
+    friction.
 
     Parameters
     ----------
@@ -162,16 +164,18 @@ def response(car: Car, speed: float, chassis: str = "single_track", torque: floa
     slip, tie_rods = (z["slip_front"], z["slip_rear"]), radius * angle - deflection
     roll = Roll(phi, z["front_roll"], z["rear_roll"]) if two_track else Roll(phi, phi, phi)
     x = linear_axles.lateral(k, slip, roll, tie_rods)
-    # The damping of the bar would need the handwheel speed; the state is the column speed less C_tb/I2 hand.
-    column_speed = z["column_speed"] = z["column_speed_less_hand"] + column.C_tb / column.I2 * hand
+    # The damping of the bar would need the handwheel speed; the state is the column speed less C/I2 hand.
+    more = functions.linear(car.assist.functions, v, torque)
+    I2 = column.I2 - more.inertia
+    column_speed = z["column_speed"] = z["column_speed_less_hand"] + (column.C_tb - more.damping) / I2 * hand
     body, M, contact = (_roll_on_tyres if two_track else _roll_about_axis)(k, car, v, z, x, roll, tie_rods)
     gain, damping = boost_gain(car.assist, torque, v), boost_curve(car.assist, 0.0, v)[1]
-    on_column = (1.0 + gain) * column.K_tb * (hand - angle) - radius * M.rack
+    on_column = (1.0 + gain + more.gain) * column.K_tb * (hand - angle) - radius * M.rack - more.stiffness * hand
     on_column = on_column - (column.C2 + column.C_tb + damping) * column_speed
     # (L14)
     rates = body | {
         "column_angle": column_speed,
-        "column_speed_less_hand": on_column / column.I2,
+        "column_speed_less_hand": on_column / I2,
         "compliance_travel": (M.rack / k.rack_stiffness - deflection) / car.chassis["compliance_time"],
     }
     for i, name in enumerate(("slip_front", "slip_rear")):

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 from steer_env.experiments.cli.common.arguments import FRICTION, SHIPPED, add_evaluation, friction_law
 from steer_env.experiments.cli.common.extras import require
 from steer_env.experiments.cli.common.sweeping import add_sweep, runner
+from steer_env.experiments.output import car_options
 from steer_env.registration import DRIVEN
 
 if TYPE_CHECKING:
@@ -28,6 +29,7 @@ def add(commands: Any, common: argparse.ArgumentParser) -> None:
     add_evaluation(evaluate, "evaluation")
     text = f"{FRICTION} (default: that of the training)"
     evaluate.add_argument("--friction", metavar="LAW", type=friction_law, help=text)
+    car_options.add(evaluate, default=None)
     add_sweep(evaluate)
     evaluate.set_defaults(function=_evaluate)
 
@@ -53,7 +55,9 @@ def _evaluate(args: argparse.Namespace) -> None:
     curves = {
         title: file for label, path in paths.items() for title, file in policy.learning_curves(path, label).items()
     }
-    evaluate_and_report(env_id, controllers, args.episodes, Path(args.out), made, curves, sweep)
+    if car_options.given(args):
+        made["vehicle"] = car_options.load(args).data()
+    evaluate_and_report(args, env_id, controllers, Path(args.out), made, curves, sweep)
 
 
 def _controllers(args: argparse.Namespace, env_id: str) -> "tuple[dict[str, Maker], dict[str, Path], dict[str, Any]]":

@@ -21,10 +21,15 @@ from typing import Any, NoReturn
 from steer_env.experiments.cli.common.messages import in_options
 from steer_env.experiments.cli.common.sweeping import unswept
 from steer_env.friction.numerics.registry import dashed, listed
+from steer_env.friction.numerics.renamed import REMOVED_IN
 
-# Options with a unit, which are also accepted with a dash in place of the underscore.
-_UNDERSCORED = ("--speed_kph", "--frequency_hz", "--timing_ms", "--rate_hz", "--noticed_percent")
-WITH_UNIT = {name.replace("_", "-"): name for name in _UNDERSCORED}
+# Former names of options, with an underscore before the unit -> present ones.
+RENAMED = {
+    "--speed_kph": "--speed-kph",
+    "--frequency_hz": "--frequency-hz",
+    "--timing_ms": "--timing-ms",
+    "--rate_hz": "--rate-hz",
+}
 PIPE_CLOSED = 141  # exit code of a program that SIGPIPE ends, 128 + 13
 
 
@@ -79,10 +84,14 @@ def parsed(argv: Sequence[str]) -> argparse.Namespace:
     return args
 
 
-def _underscored(text: str) -> str:
-    """An argument with the underscore that the parser knows."""
+def _renamed(text: str) -> str:
+    """An argument by its present name; of a former one, a line on standard error tells it."""
     name, equals, value = text.partition("=")
-    return WITH_UNIT.get(name, name) + equals + value
+    if name not in RENAMED:
+        return text
+    new = RENAMED[name]
+    print(f"steer-env: {name} is now {new}; release {REMOVED_IN} removes the old name", file=sys.stderr)
+    return new + equals + value
 
 
 @contextmanager
@@ -103,7 +112,7 @@ def _warnings_in_one_line(command: str) -> Iterator[None]:
 
 def _run(argv: Sequence[str]) -> int:
     """Run a command; its exit code."""
-    argv = [_underscored(text) for text in argv]
+    argv = [_renamed(text) for text in argv]
     import_modules(argv)
     args = parsed(argv)
     if threading.current_thread() is threading.main_thread():

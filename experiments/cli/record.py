@@ -7,6 +7,7 @@ from typing import Any
 from steer_env.experiments.cli.common.arguments import FRICTION, SHIPPED, friction_law, whole_number
 from steer_env.experiments.cli.common.extras import require
 from steer_env.experiments.learning.constants import HELD_OUT
+from steer_env.experiments.output import car_options
 from steer_env.registration import DRIVEN
 
 
@@ -23,6 +24,7 @@ def add(commands: Any, common: argparse.ArgumentParser) -> None:
     record.add_argument("--seed", metavar="N", type=whole_number(0, HELD_OUT - 1), default=0, help=text)
     text = f"{FRICTION} (default: lugre, or that of the training)"
     record.add_argument("--friction", metavar="LAW", type=friction_law, help=text)
+    car_options.add(record, default=None)
     text = "directory of the data set, replaced as a whole (default dataset)"
     record.add_argument("--out", metavar="DIR", default="dataset", help=text)
     record.set_defaults(function=_record)
@@ -49,6 +51,8 @@ def _record(args: argparse.Namespace) -> None:
     make = controllers.named(args.policy, args.env)
     if args.friction:
         made["friction"] = args.friction.parameters
+    if car_options.given(args):
+        made["vehicle"] = car_options.load(args).data()
     usable(out, dataset.CONTENTS)
     with progress("recording") as notify:
         dataset.record(out, args.env, Path(args.policy).stem, make, args.episodes, args.seed, notify, **made)

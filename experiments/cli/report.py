@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from steer_env.experiments.cli.common import names, noticed
+from steer_env.experiments.cli.common import inputs, names, noticed
 from steer_env.experiments.cli.common.arguments import FRICTION, friction_law
 from steer_env.experiments.cli.common.sweeping import add_sweep, runner
 from steer_env.experiments.output import car_options
@@ -43,10 +43,13 @@ def _report(args: argparse.Namespace) -> None:
     look = {"light": args.light, "noticed": noticed.share(args)}
     car = car_options.load(args)
 
+    from steer_env.experiments.output import provenance
     from steer_env.experiments.report import build
     from steer_env.experiments.report.results import Scope
 
     parameters = {law.label: law.parameters for law in laws}
+    result = Path(args.out).name
+    trace = provenance.trace(command=args.argv, result=result, car=car, friction=parameters, inputs=inputs.of(args))
     with progress("compiling and driving") as notify:
-        build.build(args.out, parameters, Scope(car=car), notify, build.Look(**look), sweep)
+        build.build(args.out, parameters, Scope(car=car), notify, build.Look(**look), trace, sweep)
     print(Path(args.out) / "index.html")

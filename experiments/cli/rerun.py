@@ -87,9 +87,12 @@ def _made(file: Path, trace: Mapping[str, Any], out: Path) -> Path:
             again.vehicle, again.tyre, again.changes = trace["car"], None, []
         with contextlib.redirect_stdout(io.StringIO()):
             again.function(again)
-    there = [out.parent / file.name, out / file.name, out, out.with_suffix(file.suffix)]
-    beside = [*out.glob(f"*{file.suffix}")] if out.is_dir() else []
-    return next(path for path in [*there, *beside] if path.is_file() and path.suffix == file.suffix)
+    # What it wrote under the name of the file; or, where that was renamed, what is of its kind.
+    there = [out, *out.parent.glob(f"{out.stem}.*"), *sorted(out.rglob("*"))]
+    alike = [path for path in there if path.is_file() and path.suffix == file.suffix]
+    if not alike:
+        raise ValueError(f"{file}: its command writes no {file.suffix} file")
+    return next((path for path in alike if path.name == file.name), alike[0])
 
 
 def _replaced(word: str, places: Mapping[str, Path]) -> str:

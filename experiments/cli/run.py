@@ -2,6 +2,7 @@
 
 import argparse
 import math
+import warnings
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -11,7 +12,7 @@ from steer_env.experiments.cli.common import inputs, names
 from steer_env.experiments.cli.common.arguments import FRICTION, KPH, friction_law
 from steer_env.experiments.cli.common.extras import require_format
 from steer_env.experiments.cli.common.sweeping import OPTIONS as SWEEP
-from steer_env.experiments.cli.common.sweeping import add_sweep, refuse_sweep, runner
+from steer_env.experiments.cli.common.sweeping import add_sweep, refuse_sweep, runner, unswept
 from steer_env.experiments.output import car_options
 from steer_env.experiments.output.options import progress
 
@@ -48,12 +49,12 @@ def add(commands: Any, common: argparse.ArgumentParser) -> None:
     run.add_argument("--road", metavar="CLASS", choices=names.ROAD_CLASSES, help=text)
     run.add_argument("--seed", metavar="N", type=int, help="seed of the road (default 0)")
     run.add_argument("--chassis", choices=names.chassis(), help="default: the manoeuvre's")
-    run.add_argument("--speed_kph", metavar="KPH", help="held speed [km/h] (default: the manoeuvre's)")
+    run.add_argument("--speed-kph", metavar="KPH", help="held speed [km/h] (default: the manoeuvre's)")
     text = (
         f"sampling rate of the file, low-passed before and with {FILE_DIGITS} significant digits (default "
         f"{FILE_RATE:g}); at {FASTEST:g} every sample is written with all digits; the metrics are of the full rate"
     )
-    run.add_argument("--rate_hz", metavar="HZ", help=text)
+    run.add_argument("--rate-hz", metavar="HZ", help=text)
     text = (
         f"a file ({', '.join(names.FORMATS)}), or a directory for MANOEUVRE.csv, which is made if it is missing; the "
         "JSON file goes beside it (default .)"
@@ -75,6 +76,7 @@ def _run(args: argparse.Namespace) -> None:
         _check_comparable(args)
     out = Path(args.out)
     require_format([out])
+    args.inputs = inputs.of(args)
     if args.manoeuvre == ALL:
         _run_all(args, out)
         return
@@ -102,7 +104,7 @@ def _run_all(args: argparse.Namespace, out: Path) -> None:
     from steer_env.experiments.cli.common.tables import print_metrics
     from steer_env.experiments.output.files import write_bytes
 
-    for name, value in (("--chassis", args.chassis), ("--speed_kph", args.speed_kph), ("--road", args.road)):
+    for name, value in (("--chassis", args.chassis), ("--speed-kph", args.speed_kph), ("--road", args.road)):
         if value is not None:
             raise ValueError(f"{name} does not suit every manoeuvre: leave it out with {ALL}")
     if out.suffix:
@@ -110,7 +112,9 @@ def _run_all(args: argparse.Namespace, out: Path) -> None:
     out.mkdir(parents=True, exist_ok=True)
     sweep = runner(args)
     options = {key: value for key, value in vars(args).items() if key not in ("function", "out", *SWEEP)}
-    options |= {"vehicle": car_options.load(args).data(), "tyre": None, "changes": []}  # a worker may not see its files
+    # The case is the car itself, not the file of it: other workers lack the file, and it may change before --resume.
+    options |= {"vehicle": car_options.load(args).data(), "tyre": None, "changes": []}
+    options["argv"] = unswept(args, "--out")  # a result does not depend on where it lies
     longest_first = sorted(manoeuvres.available(), key=lambda name: -manoeuvres.make(name).duration)
     with progress("driving") as notify:
         drives = sweep(driven, [(name, options) for name in longest_first], notify=notify, words=lambda case: case[0])
@@ -131,9 +135,12 @@ def driven(case: tuple[str, dict[str, Any]]) -> tuple[Run, dict[str, bytes]]:
 
     The files come back by their contents, as the worker that drives may be another machine.
     """
+    from steer_env.vehicle.cars import UnusualCar
+
     name, options = case
     args = argparse.Namespace(**options)
-    with TemporaryDirectory() as folder:
+    with TemporaryDirectory() as folder, warnings.catch_warnings():
+        warnings.simplefilter("ignore", UnusualCar)  # told when the command read the car
         try:
             run = drive(args, _manoeuvre(args, name), Path(folder) / f"{name}.csv")
         except ValueError as error:
@@ -150,11 +157,11 @@ def _manoeuvre(args: argparse.Namespace, name: str) -> "Manoeuvre":
     manoeuvre = manoeuvres.make(name)
     if args.speed_kph is not None:
         if manoeuvre.speed == 0.0:
-            raise ValueError(f"--speed_kph has no effect on {manoeuvre.name}, in which the car stands: leave it out")
+            raise ValueError(f"--speed-kph has no effect on {manoeuvre.name}, in which the car stands: leave it out")
         if manoeuvre.rig:
-            raise ValueError(f"--speed_kph has no effect on {manoeuvre.name}, which is done on a rig: leave it out")
+            raise ValueError(f"--speed-kph has no effect on {manoeuvre.name}, which is done on a rig: leave it out")
         low, high = cars.SPEED_MIN / KPH, cars.SPEED_MAX / KPH
-        speed = KPH * number("--speed_kph", read_number(args.speed_kph), minimum=low, maximum=high)
+        speed = KPH * number("--speed-kph", read_number(args.speed_kph), minimum=low, maximum=high)
         # The course or the gust of some manoeuvres depends on the speed.
         manoeuvre = manoeuvres.make(name, speed=speed) if "speed" in manoeuvres.options(name) else manoeuvre
         manoeuvre = replace(manoeuvre, speed=speed)
@@ -183,7 +190,7 @@ def drive(args: argparse.Namespace, manoeuvre: "Manoeuvre", out: Path) -> Run:
 
     car = car_options.load(args)
     wanted = FILE_RATE if args.rate_hz is None else read_number(args.rate_hz)
-    rate = number("--rate_hz", wanted, minimum=20.0, maximum=FASTEST)
+    rate = number("--rate-hz", wanted, minimum=20.0, maximum=FASTEST)
     trace = _trace(args, manoeuvre.name, car, out)
     recording = manoeuvres.drive(car, manoeuvre, args.friction.parameters)
     recording = replace(recording, meta={**recording.meta, "trace": trace})
@@ -213,7 +220,7 @@ def _trace(args: argparse.Namespace, manoeuvre: str, car: "Car", out: Path) -> d
     command = [manoeuvre if word == ALL else word for word in args.argv]
     laws = {args.friction.label: args.friction.parameters}
     return provenance.trace(
-        command=command, result=out.name, car=car, friction=laws, inputs=inputs.of(args), seed=args.seed
+        command=command, result=out.name, car=car, friction=laws, inputs=args.inputs, seed=args.seed
     )
 
 
@@ -233,7 +240,7 @@ def _check_comparable(args: argparse.Namespace) -> None:
             raise ValueError(f"--compare {args.compare} needs {name} {value}, got {given[name]}")
     for name, value in (
         ("--tyre", args.tyre),
-        ("--speed_kph", args.speed_kph),
+        ("--speed-kph", args.speed_kph),
         ("--road", args.road),
         ("--set", args.changes or None),
     ):

@@ -48,7 +48,7 @@ def shift(args: argparse.Namespace) -> None:
         raise ValueError(f"--friction names the laws of --over law, and --over is {', '.join(args.over)}")
     require("train", "evaluating a policy")
 
-    from steer_env.experiments.cli.common.policies import caution
+    from steer_env.experiments.cli.common.policies import caution, trace
     from steer_env.experiments.cli.common.tables import print_shift
     from steer_env.experiments.learning import policy, policy_report
     from steer_env.experiments.learning import shift as shifted
@@ -73,5 +73,5 @@ def shift(args: argparse.Namespace) -> None:
     title = f"{found.env_id}, {args.episodes} held-out episodes: means ± half the 95 % interval"
     rows = {shifted.HOME: {found.trained: found.home}, **found.cells}
     print_shift(rows, policy_report.aim(found.units), found.units, title)
-    shifted.write(out, found)
+    shifted.write(out, found, trace(args, {**policy.conditions(about), "friction": home.parameters}))
     print(out / "index.html")

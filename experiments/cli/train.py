@@ -13,6 +13,7 @@ from steer_env.experiments.cli.common.arguments import (
 )
 from steer_env.experiments.cli.common.extras import OF_ALGORITHM, require
 from steer_env.experiments.learning.constants import ALGORITHMS
+from steer_env.experiments.output import car_options
 from steer_env.registration import DRIVEN
 
 MINUTES = 15.0  # of training by default
@@ -32,6 +33,7 @@ def add(commands: Any, common: argparse.ArgumentParser) -> None:
     length.add_argument("--steps", metavar="N", type=whole_number(1), help=text)
     train.add_argument("--seed", metavar="N", type=whole_number(0, 2**32 - 1), help=f"seed of the training ({kept} 0)")
     train.add_argument("--friction", metavar="LAW", type=friction_law, help=f"{FRICTION} ({kept} lugre)")
+    car_options.add(train, default=None)
     text = "continue from the checkpoint in --out, with its settings"
     train.add_argument("--resume", action="store_true", help=text)
     text = (
@@ -60,11 +62,14 @@ def _train(args: argparse.Namespace) -> None:
     if library and args.resume:
         raise ValueError("--library-defaults belongs to a new run; a resumed one keeps its settings: leave it out")
     kept = {"seed": args.seed, "resume": args.resume, "friction": args.friction}
-    run = Training(args.env, args.algo, out, **kept, library=library)
+    if args.resume and car_options.given(args):
+        raise ValueError("a resumed run keeps its car: leave --vehicle, --tyre and --set out")
+    car = car_options.load(args).data() if car_options.given(args) else None
+    run = Training(args.env, args.algo, out, **kept, library=library, car=car)
     usable(out / "report", policy_report.CONTENTS)
     with progress("training") as notify:
         run.run(None if args.steps else args.minutes or MINUTES, args.steps, notify)
     made = {**policy.conditions({"settings": run.settings}), "friction": run.friction.parameters}
     path = out / "policy.zip"
     curves = policy.learning_curves(path)
-    evaluate_and_report(args.env, {"policy": policy.load(path)}, args.episodes, out / "report", made, curves)
+    evaluate_and_report(args, args.env, {"policy": policy.load(path)}, out / "report", made, curves)

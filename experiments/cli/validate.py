@@ -10,11 +10,13 @@ def add(commands: Any, common: argparse.ArgumentParser) -> None:
     """Add the command to a parser's."""
     text = "Compare a simulation with a measurement of the same test: cross plots with tolerance boundaries."
     validate = commands.add_parser("validate", help=text, description=text, parents=[common])
-    formats = ", ".join(names.FORMATS)
-    validate.add_argument("measured", metavar="MEASURED", help=f"the measured recording: {formats}")
-    validate.add_argument("simulated", metavar="SIMULATED", help=f"the simulated recording: {formats}")
-    text = "tolerances by channel (default: the packaged ones)"
-    validate.add_argument("--tolerances", metavar="FILE.toml", default="default", help=text)
+    validate.add_argument("measured", metavar="MEASURED", help=f"the measured recording: {names.RECORDED}")
+    validate.add_argument("simulated", metavar="SIMULATED", help=f"the simulated recording: {names.RECORDED}")
+    text = (
+        "tolerances by channel: default, for a model that is to show a measured friction; wide, for one made from a "
+        "data sheet; or a .toml file"
+    )
+    validate.add_argument("--tolerances", metavar="NAME", default="default", help=text)
     recordings.add_options(validate)
     validate.set_defaults(
         function=lambda args: recordings.assess([args.measured, args.simulated], args, args.tolerances)

@@ -7,6 +7,7 @@ import math
 import re
 from collections.abc import Callable, Collection, Mapping
 from importlib import metadata
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -25,6 +26,7 @@ from steer_env.experiments.learning.held_out import Episodes, Estimate
 from steer_env.experiments.output import provenance
 from steer_env.experiments.output.files import replaced_directory, write_json
 from steer_env.experiments.output.pages import environment
+from steer_env.experiments.output.traces import embedded
 from steer_env.experiments.output.words import label, plain
 from steer_env.experiments.sweep import Runner, run
 from steer_env.friction.law import law_of
@@ -102,6 +104,8 @@ def conditions(made: Mapping[str, Any]) -> dict[str, str]:
     for key, value in made.items():
         if key == "friction":
             words["friction"] = _law(value)
+        elif key == "vehicle" and isinstance(value, Mapping):
+            words["vehicle"] = f"{value['name']}, {provenance.digest(value)[:8]}"  # two cars may have one name
         elif key == "randomise":
             for name, pair in value.items():
                 if name == "friction":
@@ -151,7 +155,8 @@ def as_json(found: Evaluation) -> dict[str, Any]:
 
     return {
         "env": found.env_id,
-        "arguments": {key: str(value) for key, value in found.about.items()},
+        "arguments": {key: str(value) for key, value in found.about.items() if key != "vehicle"}
+        | {key: value for key, value in conditions(found.about).items() if key == "vehicle"},
         "episodes": found.episodes,
         "first_seed": HELD_OUT,
         "metrics": {label: entries(values) for label, values in found.values.items()},
@@ -162,6 +167,8 @@ def as_json(found: Evaluation) -> dict[str, Any]:
 
 def frames(env_id: str, make: Maker, **arguments: Any) -> list[str]:
     """Frames of the first held-out episode, evenly over its time, as data URLs; none without the extra ``render``."""
+    if find_spec("pygame") is None:
+        return []
     try:
         env = gym.make(env_id, render_mode="rgb_array", **arguments)
     except ValueError:
@@ -215,8 +222,19 @@ def _learning(curves: Mapping[str, Path], units: Mapping[str, str]) -> str:
     return plots.draw(shown)
 
 
-def write(out: Path, found: Evaluation, controllers: Mapping[str, Maker], curves: Mapping[str, Path]) -> None:
-    """Write ``index.html`` and ``evaluation.json`` into a directory, which appears or is replaced as a whole."""
+def write(
+    out: Path,
+    found: Evaluation,
+    controllers: Mapping[str, Maker],
+    curves: Mapping[str, Path],
+    trace: Mapping[str, Any] | None = None,
+) -> None:
+    """Write ``index.html`` and ``evaluation.json`` into a directory, which appears or is replaced as a whole.
+
+    Both hold the ``trace`` of :func:`steer_env.experiments.output.provenance.trace`, by default that of a Python
+    program.
+    """
+    trace = provenance.trace() if trace is None else trace
     names = list(found.values)
     best = max(names[1:], key=lambda name: found.values[name]["reward"].value, default=names[0])
     pictures = {
@@ -240,5 +258,5 @@ def write(out: Path, found: Evaluation, controllers: Mapping[str, Maker], curves
         )
     )
     with replaced_directory(out, CONTENTS) as part:
-        (part / "index.html").write_text(page, encoding="utf-8")
-        write_json(part / "evaluation.json", as_json(found))
+        (part / "index.html").write_text(embedded(page, trace), encoding="utf-8")
+        write_json(part / "evaluation.json", {**as_json(found), "trace": trace})

@@ -18,6 +18,7 @@ from steer_env.experiments.output import provenance
 from steer_env.experiments.output.files import replaced_directory, write_json
 from steer_env.experiments.output.options import Friction
 from steer_env.experiments.output.pages import environment, image
+from steer_env.experiments.output.traces import embedded
 from steer_env.experiments.sweep import Runner, run
 from steer_env.friction.law import law_of
 from steer_env.vehicle import cars
@@ -207,8 +208,12 @@ def picture(found: Shift) -> str:
     )
 
 
-def write(out: Path, found: Shift) -> None:
-    """Write ``index.html``, ``shift.json`` and ``shift.svg`` into a directory, which appears or is replaced."""
+def write(out: Path, found: Shift, trace: Mapping[str, Any] | None = None) -> None:
+    """Write ``index.html``, ``shift.json`` and ``shift.svg`` into a directory, which appears or is replaced.
+
+    ``trace`` is as in :func:`steer_env.experiments.learning.policy_report.write`.
+    """
+    trace = provenance.trace() if trace is None else trace
     drawn = picture(found)
     page = (
         environment(__package__)
@@ -225,6 +230,6 @@ def write(out: Path, found: Shift) -> None:
         )
     )
     with replaced_directory(out, CONTENTS) as part:
-        (part / "index.html").write_text(page, encoding="utf-8")
+        (part / "index.html").write_text(embedded(page, trace), encoding="utf-8")
         (part / "shift.svg").write_text(drawn, encoding="utf-8")
-        write_json(part / "shift.json", as_json(found))
+        write_json(part / "shift.json", {**as_json(found), "trace": trace})

@@ -3,7 +3,7 @@
 import inspect
 import json
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from importlib import metadata
 from importlib.resources import files
 from pathlib import Path
@@ -155,6 +155,9 @@ class Training:
     library : bool
         Use :func:`library_settings` instead of the settings of the id.
 
+    car : mapping, optional
+        Contents of a car file to train on, for a new run; default: the packaged compact car.
+
     Raises
     ------
     ValueError
@@ -172,6 +175,7 @@ class Training:
         resume: bool = False,
         friction: Friction | None = None,
         library: bool = False,
+        car: Mapping[str, Any] | None = None,
     ) -> None:
         policy.check_driven(env_id)
         state: dict[str, Any] = {"algo": "ppo", "seed": 0, "friction": "lugre"}
@@ -199,6 +203,8 @@ class Training:
         self.friction = friction or policy.law(state["friction"], out)
         own = library_settings if library else settings
         self.settings: dict[str, Any] = state["settings"] if resume else own(env_id, self.algo)
+        if car is not None and not resume:
+            self.settings = {**self.settings, "environment": {**self.settings["environment"], "vehicle": dict(car)}}
 
     def run(
         self,

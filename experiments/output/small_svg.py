@@ -1,4 +1,4 @@
-"""Pictures that matplotlib drew, as SVG of a third of the size that look the same.
+"""Pictures that matplotlib drew, as SVG of about half the size that look the same.
 
 Coordinates are rounded to a tenth of a point of paper, styles that recur are written once, and ids that nothing refers
 to, empty groups, and metadata go.

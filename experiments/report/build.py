@@ -6,12 +6,14 @@ the target when everything is done. The page begins with what a person reads in 
 
 import math
 import os
+import shlex
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from steer_env import metrics, targets
 from steer_env.experiments.drawing import front_pictures, pictures, plots, still_plots
-from steer_env.experiments.output import provenance
+from steer_env.experiments.output import provenance, traces
 from steer_env.experiments.output.files import replaced_directory, write_json
 from steer_env.experiments.output.metrics_json import entries
 from steer_env.experiments.output.pages import environment, image
@@ -119,8 +121,8 @@ def provenance_of(results: Results) -> dict[str, Any]:
     }
 
 
-def render(results: Results, source: dict[str, Any], look: Look = DEFAULT) -> str:
-    """The page."""
+def render(results: Results, source: dict[str, Any], look: Look = DEFAULT, command: Sequence[str] | None = None) -> str:
+    """The page; ``command`` is what made it, without ``steer-env``."""
     feels = {test: findings.feel(results, test, look.noticed) for test in results.drives}
     differences = findings.differences(results, feels)
     drawn = {**_first_pictures(results, differences, look.noticed), **_pictures(results)}
@@ -130,6 +132,7 @@ def render(results: Results, source: dict[str, Any], look: Look = DEFAULT) -> st
         .render(
             r=results,
             source=source,
+            command=None if command is None else shlex.join(["steer-env", *command]),
             findings=findings,
             feels=feels,
             differences=differences,
@@ -223,6 +226,7 @@ def build(
     scope: Scope = EVERYTHING,
     notify: Notify = lambda part, what: None,
     look: Look = DEFAULT,
+    trace: Mapping[str, Any] | None = None,
     sweep: Runner = run,
 ) -> Results:
     """Write the report to a directory, which appears or is replaced as a whole.
@@ -239,19 +243,23 @@ def build(
         Receives the part that is done, from 0 to 1, and what comes next.
     look : Look
         How the page shows the results.
+    trace : mapping, optional
+        What both files hold as their trace, by default car and laws without a command.
     sweep : Runner
         What runs the parts of the report; by default this process, one after the other.
 
     Raises
     ------
     ValueError
-        If ``out`` holds other files, or a manoeuvre cannot be driven.
+        If ``out`` holds other files, a manoeuvre cannot be driven, or the car was changed so that no car file makes it.
     """
+    kept = provenance.trace(car=scope.loaded(), friction=laws) if trace is None else trace
     with replaced_directory(Path(out), CONTENTS) as part:
         results = collect(laws, scope, notify, sweep)
         notify(0.96, "drawing")
         source = provenance_of(results)
-        (part / "index.html").write_text(render(results, source, look), encoding="utf-8")
-        write_json(part / "metrics.json", metrics_json(results, source, look))
+        page = render(results, source, look, kept.get("command"))
+        (part / "index.html").write_text(traces.embedded(page, kept), encoding="utf-8")
+        write_json(part / "metrics.json", {**metrics_json(results, source, look), "trace": kept})
     notify(1.0, "done")
     return results

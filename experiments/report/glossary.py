@@ -14,6 +14,7 @@ from gymnasium.envs.registration import load_env_creator
 from steer_env import REGISTERED, manoeuvres, metrics, tasks
 from steer_env.env import SteerEnv
 from steer_env.environments import reset_options, table
+from steer_env.metrics.common import just_noticeable
 from steer_env.randomise import RANGES, SENSOR_NOISE
 from steer_env.registration import DRIVEN
 from steer_env.tuning.env import DRAWN, TuneEnv
@@ -26,7 +27,8 @@ _METRICS = """# Tests and metrics
 `python -m steer_env.experiments.report.glossary` writes this page from the definitions in `steer_env/manoeuvres/` and
 `steer_env/metrics/`. No conformance with any standard is claimed. A value is the mean over the repeats in a recording
 (cycles, steps, sweeps, segments), with a 95 % interval where there are several. A metric that a recording cannot
-support is refused with the reason. Usual ranges are those of passenger cars, by engineering judgement.
+support is refused with the reason. Usual ranges are those of passenger cars, by engineering judgement. "Noticed" is the
+share of a value from which on drivers notice a difference, where that is known ([report.md](report.md)).
 """
 _ENVIRONMENTS = """# Environments
 
@@ -88,12 +90,13 @@ def metrics_page() -> str:
         parts.append(f"\n## {test}\n")
         if about:
             parts.append(f"{about.definition} {about.source[0].upper()}{about.source[1:]}.\n")
-        parts.append("| metric | unit | definition | usual | source |\n|---|---|---|---|---|")
+        parts.append("| metric | unit | definition | usual | noticed | source |\n|---|---|---|---|---|---|")
         for name in metrics.available(test):
             entry = metrics.definition(name)
             usual = f"{entry.usual[0]:g} to {entry.usual[1]:g}" if entry.usual and test == "weave" else ""
             text = entry.definition.replace("+-", "±").replace("|", "\\|")
-            parts.append(f"| `{name}` | {entry.unit} | {text} | {usual} | {entry.source} |")
+            noticed = f"{just_noticeable.SHARE:.0%}".replace("%", " %") if just_noticeable.applies(name) else ""
+            parts.append(f"| `{name}` | {entry.unit} | {text} | {usual} | {noticed} | {entry.source} |")
     return "\n".join(parts) + "\n"
 
 

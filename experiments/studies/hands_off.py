@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from steer_env import friction
 from steer_env.experiments.drawing import pictures
+from steer_env.experiments.output import car_options
 from steer_env.experiments.output.files import write_text
 from steer_env.experiments.output.options import progress
 from steer_env.experiments.sweep import Runner, run
@@ -147,8 +148,7 @@ def yaw_rate(car: Car, chassis: str, speed: float) -> Array:
 def main(argv: Sequence[str] | None = None, sweep: Runner = run) -> None:
     """Print what becomes of a car after a pulse of the hands, from 10 to 60 m/s, and draw it."""
     parser = argparse.ArgumentParser(prog="steer-env study hands-off", description=main.__doc__)
-    text = f"{', '.join(cars.available())}, or a file (default compact)"
-    parser.add_argument("--vehicle", metavar="NAME", default="compact", help=text)
+    car_options.add(parser)
     laws = list(friction.available())
     text = f"laws by name, beside none (default {' '.join(laws)})"
     parser.add_argument("--friction", metavar="LAW", nargs="+", choices=laws, default=laws, help=text)
@@ -158,7 +158,7 @@ def main(argv: Sequence[str] | None = None, sweep: Runner = run) -> None:
     args = parser.parse_args(argv)
     if not 0.1 <= args.stride <= FASTEST - SLOWEST:
         parser.error(f"--stride must be from 0.1 to {FASTEST - SLOWEST:g}, got {args.stride:g}")
-    car = cars.load(args.vehicle)
+    car = car_options.load(args)
     speeds = np.arange(SLOWEST, FASTEST + 0.5 * args.stride, args.stride).round(6)
     with progress("driving") as notify:
         outcomes = collect(car, [*args.friction, NONE], [float(v) for v in speeds], sweep, notify)

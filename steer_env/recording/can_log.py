@@ -1,8 +1,8 @@
 """Raw CAN logs as recordings, with the packages python-can and cantools: frames decoded by a DBC.
 
-python-can reads .blf, .asc, .log (candump), .trc and its own .csv, also compressed with gzip; cantools decodes the
-frames. A column is a signal, ``MESSAGE.SIGNAL``, or the sum of signals of one message, ``MESSAGE.COARSE +
-MESSAGE.FINE``, in which some sensors split their reading.
+python-can reads .blf, .asc, .log (candump), .trc and its own .csv, the three in the middle also compressed by gzip;
+cantools decodes the frames. A column is a signal, ``MESSAGE.SIGNAL``, or the sum of signals of one message,
+``MESSAGE.COARSE + MESSAGE.FINE``, in which some sensors split their reading.
 
 Time begins at the first frame of the log. The messages of a log come at rates of their own and with jitter. The
 recording has one uniform time base: the mean rate of the message with the most frames among those that are wanted,
@@ -13,7 +13,7 @@ frames its counter misses.
 """
 
 import gzip
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Iterator, Sequence
 from contextlib import closing
 from os import PathLike
@@ -24,7 +24,7 @@ import numpy as np
 
 from steer_env.recording.table import Column, Table, Values
 
-SUFFIXES = (".blf", ".asc", ".log", ".trc", ".blf.gz", ".asc.gz", ".log.gz", ".trc.gz")
+SUFFIXES = (".blf", ".asc", ".log", ".trc", ".asc.gz", ".log.gz", ".trc.gz")
 CSV_HEADER = "timestamp,arbitration_id,"  # of a log that python-can wrote as .csv
 LONGEST_STEP = 3.0  # between two frames without a gap, in median periods of the message [1]
 COUNTERS = ("counter", "alive", "rolling")  # parts of the names of signals that count the frames
@@ -39,7 +39,7 @@ class Options(NamedTuple):
     until: float = np.inf  # frames from this time on are not read [s]
 
 
-class _Frames(NamedTuple):
+class Frames(NamedTuple):
     """The frames of one message."""
 
     time: np.ndarray  # (F,), strictly ascending [s]
@@ -86,6 +86,11 @@ def open_table(path: str | PathLike[str], options: Options, sources: Sequence[st
         return _load(path, options, [parts[place] for place in places], meta)
 
     return Table(columns, meta, False, load)
+
+
+def decoded(path: str | PathLike[str], options: Options) -> dict[str, Frames]:
+    """The frames of every message of the databases that occurs, at their own instants; errors as for ``open_table``."""
+    return _read(path, options, _messages(options.dbc))[1]
 
 
 def _packages() -> tuple[Any, Any]:
@@ -156,7 +161,7 @@ def _load(path: Any, options: Options, wanted: list[list[tuple[Any, Any]]], meta
     return [time, *(signal if isinstance(signal, str) else _interpolated(time, *signal) for signal in signals)]
 
 
-def _read(path: Any, options: Options, wanted: list[Any]) -> tuple[float, dict[str, _Frames], Counter[int]]:
+def _read(path: Any, options: Options, wanted: list[Any]) -> tuple[float, dict[str, Frames], Counter[int]]:
     """Time of the first frame [s], the frames of the wanted messages that occur, and how often each identifier does."""
     keys = {(message.frame_id, message.is_extended_frame): message for message in wanted}
     raw: dict[str, list[tuple[float, bytes]]] = {}
@@ -228,13 +233,13 @@ def _end(path: Path, size: int) -> str:
     if not path.name.lower().endswith((".asc", ".trc", ".asc.gz", ".trc.gz")):
         return ""
     with closing(gzip.open(path) if path.suffix.lower() == ".gz" else open(path, "rb")) as file:
-        last = b""
-        for last in file:
-            pass
-    return "" if last.endswith(b"\n") else f"the last line, {last.decode(errors='replace')!r}, has no end"
+        last = deque(file, maxlen=1)
+    if not last or last[0].endswith(b"\n"):
+        return ""
+    return f"the last line, {last[0].decode(errors='replace')!r}, has no end"
 
 
-def _decoded(message: Any, raw: list[tuple[float, bytes]]) -> _Frames:
+def _decoded(message: Any, raw: list[tuple[float, bytes]]) -> Frames:
     """The frames as cantools decodes them; of frames with the same time stamp the last."""
     time = np.array([stamp for stamp, _ in raw])
     back = np.flatnonzero(np.diff(time) < 0)
@@ -248,7 +253,7 @@ def _decoded(message: Any, raw: list[tuple[float, bytes]]) -> _Frames:
     values = {
         signal.name: np.array([float(frame.get(signal.name, np.nan)) for frame in frames]) for signal in message.signals
     }
-    return _Frames(time[kept], values)
+    return Frames(time[kept], values)
 
 
 def _time_base(times: list[np.ndarray]) -> np.ndarray:
@@ -273,7 +278,7 @@ def _interpolated(at: np.ndarray, time: np.ndarray, values: np.ndarray) -> np.nd
     return read
 
 
-def _told(message: Any, frames: _Frames) -> dict[str, Any]:
+def _told(message: Any, frames: Frames) -> dict[str, Any]:
     """What the meta tells of a message's frames."""
     steps = np.diff(frames.time)
     told: dict[str, Any] = {"id": f"0x{message.frame_id:03X}", "frames": frames.time.size}

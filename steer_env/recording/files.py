@@ -8,6 +8,7 @@ and back. Measured files with other names, units, signs and delays are read with
 """
 
 import os
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -18,7 +19,7 @@ from steer_env.recording import channel_mapping as mappings
 from steer_env.recording.channel_mapping import KNOWN, Entry, Mapping, current_name, did_you_mean
 from steer_env.recording.recording import Recording
 from steer_env.recording.renamed_channels import announce
-from steer_env.recording.table import Column, Values
+from steer_env.recording.table import Column, Table, Values
 from steer_env.recording.units import COUNTS, FILE_UNITS, SPELLINGS, parse_unit
 
 # Suffix -> module with `save` and `open_table`, which returns a table.Table; can_log has no `save`.
@@ -52,8 +53,9 @@ def read(
 
     The channels that are read are those that the mapping names and those with a known name
     (``channel_mapping.KNOWN``). If the mapping names no channel, all channels with a known unit are read, and the meta
-    key ``not_read`` lists the others, and ``uncalibrated`` those in counts. A channel without any value is left out and listed there, too. Where the mapping gives a channel a delay, all channels are trimmed to the time
-    that remains. An old name of a channel is replaced, and a line on standard error says so.
+    key ``not_read`` lists the others. A channel without any value is left out and listed there, too; the meta key
+    ``uncalibrated`` lists those in counts. Where the mapping gives a channel a delay, all channels are trimmed to the
+    time that remains. An old name of a channel is replaced, and a line on standard error says so.
 
     Parameters
     ----------
@@ -72,17 +74,10 @@ def read(
     OSError
         If the file cannot be opened.
     """
-    form = None if can_log.recognised(path) else _format(path)
     if not isinstance(mapping, Mapping):
         mapping = Mapping() if mapping is None else mappings.load(mapping)
-    with open(path, "rb"):  # the readers of the formats report a missing file in different ways
-        pass
     try:
-        if form is None:
-            sources = [entry.source for entry in mapping.channels.values()]
-            table = can_log.open_table(path, can or can_log.Options(), sources)
-        else:
-            table = form.open_table(path)
+        table = opened(path, can, [entry.source for entry in mapping.channels.values()])
         time = [_time(table.columns, mapping)] if table.timed else []
         if "time" in mapping.channels and not table.timed:
             raise ValueError("this format has a time base of its own: remove [channels.time] from the mapping")
@@ -119,6 +114,25 @@ def read(
         raise ValueError(f"{path}: {error}") from None
 
 
+def opened(path: str | os.PathLike[str], can: can_log.Options | None = None, sources: Sequence[str] = ()) -> Table:
+    """A file as its format opens it; ``sources`` may name sums of signals of a CAN log.
+
+    Raises
+    ------
+    ValueError
+        If the file cannot be read.
+    OSError
+        If the file cannot be opened.
+    """
+    form = None if can_log.recognised(path) else _format(path)
+    with open(path, "rb"):  # the readers of the formats report a missing file in different ways
+        pass
+    if form is None:
+        return can_log.open_table(path, can or can_log.Options(), sources)
+    table: Table = form.open_table(path)
+    return table
+
+
 def write(recording: Recording, path: str | os.PathLike[str], *, digits: int | None = None) -> None:
     """Write a recording to a file, whose suffix gives the format.
 
@@ -137,15 +151,15 @@ def write(recording: Recording, path: str | os.PathLike[str], *, digits: int | N
     ValueError
         If the suffix is none of ``FORMATS``, or if the format cannot hold a channel's name.
     """
-    form = _format(path)
-    channels = [
-        (name, recording.units[name], _rounded(values / FILE_UNITS[recording.units[name]][1], digits))
-        for name, values in recording.channels.items()
-    ]
-    time = recording.time if digits is None else np.round(recording.time, 9)
     path = Path(path)
     part = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
+        form = _format(path)
+        channels = [
+            (name, recording.units[name], _rounded(values / FILE_UNITS[recording.units[name]][1], digits))
+            for name, values in recording.channels.items()
+        ]
+        time = recording.time if digits is None else np.round(recording.time, 9)
         with open(part, "w+b") as file:
             form.save(file, time, channels, recording.meta)
         os.replace(part, path)
@@ -165,9 +179,8 @@ def _format(path: str | os.PathLike[str]) -> Any:
     suffix = Path(path).suffix.lower()
     if suffix not in FORMATS:
         if Path(path).name.lower().endswith(can_log.SUFFIXES):
-            raise ValueError(f"{path}: a CAN log is not written; recordings end in {', '.join(FORMATS)}")
-        known = ", ".join([*FORMATS, *can_log.SUFFIXES])
-        raise ValueError(f"{path}: recordings end in {known}, got {suffix!r}")
+            raise ValueError(f"a CAN log is not written; recordings end in {', '.join(FORMATS)}")
+        raise ValueError(f"recordings end in {', '.join([*FORMATS, *can_log.SUFFIXES])}, got {suffix!r}")
     return FORMATS[suffix]
 
 

@@ -192,6 +192,31 @@ def test_two_recordings_side_by_side(weaves, tmp_path, capsys):
     assert "Within the tolerances" in (tmp_path / "valid" / "index.html").read_text()
 
 
+def test_a_stronger_torque_is_perceptible_where_it_is_sustained(weaves, tmp_path, capsys, monkeypatch):
+    """Of a torque 1.3 times as large the dead band is large too, but no threshold is known for it."""
+    monkeypatch.setenv("COLUMNS", "160")
+    clean = weaves["lugre"]
+    torque = {"handwheel_torque": 1.3 * clean["handwheel_torque"]}
+    recordings.write(clean, tmp_path / "clean.csv")
+    recordings.write(
+        Recording(clean.time, {**clean.channels, **torque}, clean.units, clean.meta), tmp_path / "strong.csv"
+    )
+    options = ["evaluate", "--compare", str(tmp_path / "clean.csv"), str(tmp_path / "strong.csv")]
+
+    def verdicts(*more):
+        assert main([*options, "--out", str(tmp_path / "out"), *more]) == 0
+        found = json.loads((tmp_path / "out" / "evaluation.json").read_text())["differences"]
+        names = ("torque_at_0p1g", "peak_handwheel_torque", "peak_handwheel_angle", "torque_deadband", "torque_at_0g")
+        return [found[name]["perception"] for name in names]
+
+    felt, unfelt, unknown = "perceptible", "not perceptible", "no threshold known"
+    assert verdicts() == [felt, felt, unfelt, unknown, unknown]
+    printed = capsys.readouterr().out
+    assert next(line for line in printed.splitlines() if line.startswith("torque_at_0p1g") and felt in line)
+    assert ">perceptible</td>" in (tmp_path / "out" / "index.html").read_text()
+    assert verdicts("--noticed-percent", "40") == [unfelt, unfelt, unfelt, unknown, unknown]
+
+
 def test_the_mapping_is_the_first_recordings(weaves, tmp_path, capsys):
     """A measured file with its own names against a simulated one, which needs no mapping."""
     measured, simulated = tmp_path / "measured.csv", tmp_path / "simulated.csv"
@@ -206,6 +231,13 @@ def test_the_mapping_is_the_first_recordings(weaves, tmp_path, capsys):
     assert "100.0% inside" in capsys.readouterr().out
 
 
+@pytest.mark.parametrize("text", ["0", "-5", "much", "nan"])
+def test_a_share_that_no_driver_has_is_refused(text, weaves, tmp_path, capsys):
+    recordings.write(weaves["lugre"], tmp_path / "weave.csv")
+    assert main(["evaluate", str(tmp_path / "weave.csv"), f"--noticed-percent={text}"]) == 2
+    assert "--noticed-percent must be" in capsys.readouterr().err
+
+
 def test_a_file_that_names_no_test_needs_its_name(weaves, tmp_path, capsys):
     clean = weaves["lugre"]
     recordings.write(Recording(clean.time, clean.channels, clean.units), tmp_path / "bare.csv")
@@ -218,7 +250,7 @@ def test_a_file_that_names_no_test_needs_its_name(weaves, tmp_path, capsys):
     [
         ([], "give one FILE, or two with --compare A B"),
         (["FILE", "--targets", "sedan"], "no targets 'sedan'"),
-        (["FILE", "--speed_kph", "80"], "not 80 km/h +- 3%"),
+        (["FILE", "--speed-kph", "80"], "not 80 km/h +- 3%"),
         (["FILE", "--map", "torque"], "torque"),
         (["missing.csv"], "missing.csv"),
     ],

@@ -22,7 +22,7 @@ from steer_env.vehicle import cars
 
 def test_run_writes_csv_and_json_that_agree(tmp_path, capsys):
     out = tmp_path / "weave.csv"
-    assert main(["run", "weave", "--friction", "masing,elements=5", "--rate_hz", "100", "--out", str(out)]) == 0
+    assert main(["run", "weave", "--friction", "masing,elements=5", "--rate-hz", "100", "--out", str(out)]) == 0
     recording = files.read(out)
     assert recording.rate == pytest.approx(100.0)
     assert out.read_text().split("\n")[11].startswith("time_s,handwheel_angle_deg,")
@@ -56,7 +56,7 @@ def test_a_file_names_the_law_with_its_parameters_as_the_command_line_takes_them
 
 def test_run_speed_and_ripple_of_a_hold(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    assert main(["run", "hold", "--friction", "masing", "--speed_kph", "80", "--rate_hz", "1000"]) == 0
+    assert main(["run", "hold", "--friction", "masing", "--speed-kph", "80", "--rate-hz", "1000"]) == 0
     data = json.loads((tmp_path / "hold.json").read_text())
     assert data["meta"]["speed_m_s"] == pytest.approx(80.0 / 3.6)
     low, high = data["metrics"]["torsion_bar_ripple"]["ci"]  # of one event: what its noise may do
@@ -71,7 +71,7 @@ def test_run_speed_and_ripple_of_a_hold(tmp_path, monkeypatch, capsys):
 def test_refusals_are_null_with_a_reason_and_printed(tmp_path, monkeypatch, capsys):
     short = manoeuvres.make("weave", cycles=3)
     monkeypatch.setattr(manoeuvres, "make", lambda name: short)
-    assert main(["run", "weave", "--friction", "masing", "--rate_hz", "50", "--out", str(tmp_path / "weave.csv")]) == 0
+    assert main(["run", "weave", "--friction", "masing", "--rate-hz", "50", "--out", str(tmp_path / "weave.csv")]) == 0
     data = json.loads((tmp_path / "weave.json").read_text())["metrics"]
     printed = capsys.readouterr().out
     for entry in data.values():
@@ -82,7 +82,7 @@ def test_refusals_are_null_with_a_reason_and_printed(tmp_path, monkeypatch, caps
 
 
 def test_a_rig_has_the_metrics_that_need_no_car(tmp_path, capsys):
-    assert main(["run", "rig", "--friction", "masing", "--rate_hz", "50", "--out", str(tmp_path / "rig.csv")]) == 0
+    assert main(["run", "rig", "--friction", "masing", "--rate-hz", "50", "--out", str(tmp_path / "rig.csv")]) == 0
     data = json.loads((tmp_path / "rig.json").read_text())["metrics"]
     assert set(data) == {"peak_handwheel_torque", "peak_handwheel_angle", "loop_area"}
     assert all(entry["value"] > 0.0 for entry in data.values())
@@ -117,9 +117,9 @@ def test_step_steer_compared_with_commonroad(tmp_path, capsys):
         (["run", "weave", "--friction", "lugre,F_c=1,F_c=2"], "each key once"),
         (["run", "weave", "--friction", "masing,k=1:2,y=0.1"], "got 2 and 1"),
         (["run", "weave", "--vehicle", "lorry"], "vehicle must be a .toml or .json file or one of "),
-        (["run", "weave", "--speed_kph", "fast"], "--speed_kph must be a number, got 'fast'"),
-        (["run", "weave", "--speed_kph", "500"], "at most 252, got 500.0"),
-        (["run", "weave", "--rate_hz", "5000"], "--rate_hz must be finite and at least 20 and at most 1000"),
+        (["run", "weave", "--speed-kph", "fast"], "--speed-kph must be a number, got 'fast'"),
+        (["run", "weave", "--speed-kph", "500"], "at most 252, got 500.0"),
+        (["run", "weave", "--rate-hz", "5000"], "--rate-hz must be finite and at least 20 and at most 1000"),
         (["run", "weave", "--out", "weave.json"], "--out must be a directory or end in one of .csv"),
         (["run", "weave", "--out", "no/such/weave.csv"], "there is no directory no/such"),
         (["run", "weave", "--compare", "commonroad"], "--compare commonroad needs MANOEUVRE step-steer, got weave"),
@@ -229,3 +229,42 @@ def test_compare_takes_no_option_that_it_would_ignore(capsys):
 def test_a_seed_without_a_road_is_refused(capsys):
     assert main(["run", "weave", "--seed", "3"]) == 2
     assert "give its class with --road" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("base", cars.available())
+def test_a_new_car_file_explains_every_key_and_is_the_base_car(base, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert main(["car", "--new", "mine.toml", "--base", base]) == 0
+    assert capsys.readouterr().out == "mine.toml\n"
+    assert cars.load("mine.toml").data() == {**cars.load(base).data(), "name": "mine"}
+    lines = (tmp_path / "mine.toml").read_text().splitlines()
+    for section, keys in cars.key_meanings().items():
+        for key, about in keys.items():
+            above = lines[
+                next(k for k in range(lines.index(f"[{section}]"), len(lines)) if lines[k].startswith(f"{key} =")) - 1
+            ]
+            assert above == f"# {about.meaning}{f' [{about.unit}]' * bool(about.unit)}; {about.allowed}"
+
+
+def test_a_new_car_file_replaces_none_and_takes_settings(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert main(["car", "--new", "mine.toml", "--set", "column.K_tb=143", "--tyre", "example_mf61"]) == 0
+    mine = cars.load("mine.toml")
+    assert (mine.column.K_tb, mine.tyre.name) == (143.0, "example_mf61")
+    for options, message in (
+        (["--new", "mine.toml"], "mine.toml is there already: give another name, or remove it"),
+        (["--new", "mine.json"], "a JSON file holds no comments"),
+        (["--new", "no/mine.toml"], "--new no/mine.toml: there is no directory no"),
+        (["compact", "--new", "other.toml"], "--new FILE.toml takes neither NAME nor --page"),
+        ([], "give the NAME of a car; --base belongs to --new"),
+        (["mine.toml", "--set", "column.K=1"], "column has no key 'K'; it takes: I1, I2, K_tb"),
+        (["mine.toml", "--set", "column.K_tb=abc"], "column.K_tb takes a number, a list as [1, 2], or text in quotes"),
+        (["mine.toml", "--set", "column.K_tb"], "expected SECTION.KEY=VALUE, e.g. column.K_tb=143, got 'column.K_tb'"),
+        (["mine.toml", "--set", "name='a'", "--set", "name='b'"], "--set gives name twice: give it once"),
+    ):
+        capsys.readouterr()
+        try:
+            code = main(["car", *options])
+        except SystemExit as stop:
+            code = stop.code
+        assert (code, message in capsys.readouterr().err) == (2, True), options

@@ -1,8 +1,10 @@
 """Help answers at once: no command imports a simulation for it. Missing extras and a closed pipe end in a sentence."""
 
+import re
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 
 from steer_env import assists, drivers, friction, manoeuvres, metrics, targets
@@ -10,7 +12,8 @@ from steer_env.experiments.cli.common import names
 from steer_env.experiments.cli.common.messages import in_options
 from steer_env.experiments.cli.main import main
 from steer_env.friction.numerics.registry import dashed, listed
-from steer_env.recording import files
+from steer_env.friction.numerics.renamed import REMOVED_IN
+from steer_env.recording import Recording, can_log, files
 from steer_env.vehicle import cars, road
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
 
@@ -53,6 +56,7 @@ def test_names_in_the_help_are_those_of_the_registries():
     assert names.drivers() == drivers.available()
     assert names.assists() == assists.available()
     assert tuple(files.FORMATS) == names.FORMATS
+    assert can_log.SUFFIXES == names.CAN_FORMATS
     assert tuple(road.ROUGHNESS) == names.ROAD_CLASSES
     assert pytest.approx(1.0 / SAMPLE_TIME) == names.SAMPLE_RATE
 
@@ -68,6 +72,8 @@ def test_names_in_the_help_are_those_of_the_registries():
         ("torch", ["verify", "policies"], "train"),
         ("asammdf", ["evaluate", "weave.mf4"], "mdf"),
         ("asammdf", ["run", "weave", "--out", "weave.mf4"], "mdf"),
+        ("pyarrow", ["run", "weave", "--out", "weave.parquet"], "parquet"),
+        ("cantools", ["evaluate", "drive.log.gz", "--dbc", "car.dbc"], "can"),
         ("vehiclemodels", ["study", "commonroad"], "test"),
     ],
 )
@@ -84,10 +90,16 @@ def test_a_missing_extra_is_named_before_the_work_begins(missing, command, extra
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="pipes of a POSIX shell")
-@pytest.mark.parametrize("command", [["--help"], ["car", "compact"]])
-def test_a_closed_pipe_prints_no_error(command):
+@pytest.mark.parametrize("command", [["--help"], ["car", "compact"], ["run", "rig"]])
+def test_a_closed_pipe_prints_no_error(command, tmp_path):
     process = subprocess.Popen(
-        [sys.executable, "-m", "steer_env.experiments.cli.main", *command],
+        [
+            sys.executable,
+            "-m",
+            "steer_env.experiments.cli.main",
+            *command,
+            *(["--out", str(tmp_path)] * ("run" in command)),
+        ],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
@@ -95,12 +107,60 @@ def test_a_closed_pipe_prints_no_error(command):
     process.stdout.close()
     assert process.stderr.read() == ""
     process.stderr.close()
-    assert process.wait() in (0, 141)
+    assert process.wait() == (0 if command == ["--help"] else 141)
 
 
 def test_messages_name_options():
     text = "say that the test was at 80 km/h (speed_m_s=22.22), or frequency_hz=0.25 if right"
-    assert in_options(text) == "say that the test was at 80 km/h (--speed_kph 79.99), or --frequency_hz 0.25 if right"
+    assert in_options(text) == "say that the test was at 80 km/h (--speed-kph 79.99), or --frequency-hz 0.25 if right"
+
+
+PYTHON = re.compile(r"\w+\(.*\)|\w=|longest|bridged")
+
+
+def gappy(*gaps, size=200):
+    """A recording of two channels at 100 Hz with NaN at these slices of the second one."""
+    time = 0.01 * np.arange(size)
+    torque = np.sin(time)
+    for gap in gaps:
+        torque[gap] = np.nan
+    units = {"handwheel_angle": "rad", "handwheel_torque": "N m"}
+    return Recording(time, {"handwheel_angle": np.cos(time), "handwheel_torque": torque}, units, {})
+
+
+@pytest.mark.parametrize(
+    ("gap", "message"),
+    [
+        (slice(0, 20), "cut it off with --between 0.2 1.99, or leave the channel out with --without handwheel_torque"),
+        (
+            slice(50, 90),
+            " s; cut the recording there with --between T0 T1, or leave the channel out with ",
+        ),
+        (slice(0, 199), "channel 'handwheel_torque' has 1 samples: leave it out with --without handwheel_torque"),
+    ],
+)
+def test_a_gap_is_told_with_options_that_there_are(gap, message, tmp_path, capsys):
+    path = tmp_path / "gappy.csv"
+    files.write(gappy(gap), path)
+    assert main(["evaluate", str(path), "--manoeuvre", "weave"]) == 2
+    error = capsys.readouterr().err
+    assert message in error
+    assert not PYTHON.search(error.replace(str(path), ""))
+    main(["evaluate", str(path), "--manoeuvre", "weave", "--without", "handwheel_torque"])
+    assert "has a gap" not in capsys.readouterr().err
+
+
+def test_a_refusal_is_printed_once(tmp_path, capsys):
+    """Metrics that are refused for the same reason share a line, with the option that helps."""
+    path = tmp_path / "weave.csv"
+    assert main(["run", "weave", "--speed-kph", "60", "--out", str(path)]) == 0
+    capsys.readouterr()
+    main(["evaluate", str(path), "--speed-kph", "100"])
+    refused = [line for line in capsys.readouterr().out.splitlines() if "refused" in line]
+    reasons = [line.partition(" refused: ")[2] for line in refused]
+    assert len(set(reasons)) == len(reasons) >= 1
+    assert any("--speed-kph" in reason for reason in reasons)
+    assert not any(re.search(r"speed_m_s|frequency_hz=|between\(", reason) for reason in reasons)
 
 
 @pytest.mark.parametrize("name", listed("steer_env.experiments.studies", dashed))
@@ -111,8 +171,18 @@ def test_every_study_has_help(name, capsys):
     assert f"usage: steer-env study {name}" in capsys.readouterr().out
 
 
-def test_options_with_a_unit_take_a_dash_too(tmp_path, monkeypatch, capsys):
+def test_former_names_of_options_are_taken_and_told(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    assert main(["run", "weave", "--speed-kph", "500"]) == 2
-    assert main(["run", "weave", "--rate-hz=5000"]) == 2
-    assert capsys.readouterr().err.count("at most") == 2
+    assert main(["run", "weave", "--speed_kph", "500"]) == 2
+    assert main(["run", "weave", "--rate_hz=5000"]) == 2
+    lines = capsys.readouterr().err.splitlines()
+    assert lines[0] == f"steer-env: --speed_kph is now --speed-kph; release {REMOVED_IN} removes the old name"
+    assert [line.startswith("steer-env run: --") for line in lines] == [False, True, False, True]
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_options_have_hyphens(name, capsys):
+    with pytest.raises(SystemExit):
+        main([name, "--help"])
+    text = capsys.readouterr().out
+    assert not re.search(r"--\w*_", text)

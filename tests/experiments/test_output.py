@@ -1,13 +1,15 @@
 """What the report is made with: atomic output, worker processes, provenance, differences of metrics."""
 
 import os
+import re
 
 import pytest
 from scipy import stats
 
 from steer_env import friction, metrics
 from steer_env.experiments import sweep
-from steer_env.experiments.output import provenance
+from steer_env.experiments.drawing import style
+from steer_env.experiments.output import pages, provenance, small_svg, words
 from steer_env.experiments.output.files import replaced_directory
 from steer_env.experiments.output.words import number
 from steer_env.experiments.report import build
@@ -29,7 +31,6 @@ def test_a_law_from_outside_reaches_the_worker_processes(toy):
 
 def test_every_number_of_the_car_has_its_unit():
     car = cars.load()
-    assert set(provenance.UNITS) == {*car.chassis, *car.steering}
     assert provenance.car(car)["chassis"]["mass"] == {"value": car.chassis["mass"], "unit": "kg"}
 
 
@@ -94,3 +95,49 @@ def test_the_digest_covers_all_four_packages_once():
 )
 def test_numbers_in_words(x, digits, text):
     assert number(x, digits) == text
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [
+        ("torque_gain_at_1hz", "torque gain at 1 Hz"),
+        ("torque_at_0p1g", "torque at 0.1 g"),
+        ("lateral_acceleration_at_0nm", "lateral acceleration at 0 N m"),
+        ("understeer_gradient_at_6m_s2", "understeer gradient at 6 m/s²"),
+        ("torque_excess_at_500_deg_s", "torque excess at 500 deg/s"),
+        ("yaw_rate_after_1s", "yaw rate after 1 s"),
+        ("angle_deadband", "angle dead band"),
+        ("lane_change_torque_rms", "lane change torque RMS"),
+        ("yaw_rate_time_to_90", "yaw rate time to 90 %"),
+    ],
+)
+def test_names_of_metrics_are_read_as_words(name, expected):
+    assert words.label(name).replace("\u00a0", " ") == expected
+
+
+def test_ranges_and_units_are_read_as_words():
+    assert words.span((-20.0, 20.0)) == "−20 to 20"
+    assert [words.unit(name) for name in ("1", "m/s2", "N m")] == ["", "m/s²", "N m"]
+
+
+def test_a_smaller_picture_is_the_same_picture():
+    """Every word and every line stays, each point within a twentieth of a point of paper."""
+    from xml.etree import ElementTree
+
+    figure = style.new_figure(4.0, 3.0)
+    axes = figure.subplots()
+    axes.plot([0.0, 1.0, 2.0], [0.0, 0.123456, -0.4], label='a "b" & <c>')
+    axes.legend()
+    drawn = style.svg(figure)
+    small = small_svg.smaller(drawn)
+    assert len(small) < 0.7 * len(drawn)
+    before, after = ElementTree.fromstring(drawn), ElementTree.fromstring(small)
+    text, path = f"{small_svg.SVG}text", f"{small_svg.SVG}path"
+    assert [each.text for each in before.iter(text)] == [each.text for each in after.iter(text)]
+    for one, other in zip(before.iter(path), after.iter(path), strict=True):
+        points, rounded = (re.findall(r"-?\d+\.?\d*", each.get("d", "")) for each in (one, other))
+        assert [float(x) for x in rounded] == pytest.approx([float(x) for x in points], abs=0.0501)
+    classes = {each.get("class") for each in after.iter() if each.get("class")}
+    assert all(f".{name}{{" in small for name in classes)
+    assert pages.image(drawn).startswith("data:image/svg+xml,<svg")
+    assert not set('"&#') & set(pages.image(drawn))  # which would end the attribute, or the address

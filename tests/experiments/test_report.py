@@ -1,20 +1,26 @@
 """The report with a reduced scope: complete, self-contained, and never half-written, whatever interrupts it."""
 
 import json
+import re
 import signal
 import subprocess
 import sys
 import time
 from functools import partial
 from html.parser import HTMLParser
+from urllib.parse import unquote
+from xml.etree import ElementTree
 
 import pytest
 
 from steer_env import friction, metrics
 from steer_env.experiments import sweep
+from steer_env.experiments.cli.main import main
+from steer_env.experiments.output import traces
 from steer_env.experiments.report import build, findings
 from steer_env.experiments.report.results import Scope
 from steer_env.experiments.studies.common.commonroad_manoeuvres import MANOEUVRES
+from steer_env.vehicle import cars
 
 pytestmark = pytest.mark.whole
 
@@ -22,6 +28,7 @@ LAWS = {law: friction.make(law) for law in ("lugre", "masing")}
 TESTS = {"weave": {"cycles": 6}, "slow-ramp": {}, "step-steer": {}, "hold": {}}
 SCOPE = Scope(tests=TESTS, widths=(0.0, 1.0, 2.0), steps=(1e-3, 1e-2), speeds_kph=(0.0,))
 IN_TWO = partial(sweep.run, where=sweep.Where(2))
+FIRST = ("first_weave", "first_loops", "first_noticed")
 FIGURES = (
     *("characteristics", "reversal", "real_time", "margins", "held_on", "held_off"),
     *("chassis", "parking", "cross_validation", "loop_width"),
@@ -69,8 +76,8 @@ def test_the_page_is_well_formed_and_needs_nothing_from_outside(made):
     page = Page(text)
     assert page.open == []
     images = [attrs["src"] for tag, attrs in page.tags if tag == "img"]
-    assert len(images) == len(set(images)) == len(FIGURES)
-    assert all(src.startswith("data:image/svg+xml;base64,") for src in images)
+    assert len(images) == len(set(images)) == len(FIRST) + len(FIGURES)
+    assert all(src.startswith("data:image/svg+xml,") for src in images)
     assert all(attrs["alt"] for tag, attrs in page.tags if tag == "img")
     assert not {"link", "iframe"} & {tag for tag, _ in page.tags}
     assert not [attrs for tag, attrs in page.tags if tag == "script" and "src" in attrs]
@@ -81,20 +88,111 @@ def test_the_page_is_well_formed_and_needs_nothing_from_outside(made):
     assert links <= {f"#{name}" for name in ids}
 
 
+def test_what_is_read_first(made):
+    """Verdict, three pictures and what differs come before anything else; the glossary is the end."""
+    text = (made[0] / "index.html").read_text(encoding="utf-8")
+    headings = ("verdict", "differs", "ratings", "characteristics", "held", "feel", "real_time", "assist", "vehicle")
+    places = [text.index(f'<section id="{name}">') for name in (*headings, "provenance", "glossary")]
+    assert places == sorted(places)
+    first = " ".join("".join(Page(text[places[0] : places[1]]).words).split())
+    assert (
+        "lugre and masing feel the same in this car: none of 5 sustained torques and angles differs by the 15" in first
+    )
+    assert text[places[0] : places[1]].count("<img ") == 3
+    differs = Page(text[places[1] : places[2]])
+    assert "Of " in "".join(differs.words)
+    assert "Newberry, Griffin and Dowson" in "".join(differs.words)
+    contents = text[text.index('<nav class="contents">') : text.index("</nav>")]
+    assert contents.count("<a href=") == 11
+    assert [tag for tag, _ in Page(text).tags].count("details") > 10
+
+
+def test_a_light_page_is_small_and_has_no_script_library(made, source):
+    text = build.render(made[1], source, build.Look(light=True))
+    assert len(text.encode()) < 600_000
+    page = Page(text)
+    assert page.open == []
+    assert "Plotly.newPlot" not in text
+    images = [attrs for tag, attrs in page.tags if tag == "img"]
+    assert len(images) == len(FIRST) + len(FIGURES) + len(TESTS)
+    assert all(attrs["alt"] for attrs in images)
+    for attrs in images:
+        root = ElementTree.fromstring(unquote(attrs["src"].removeprefix("data:image/svg+xml,")))
+        assert root.tag.endswith("svg")
+        assert len(list(root.iter())) > 20
+
+
+def test_a_law_that_a_driver_feels_is_in_the_verdict(made, source):
+    """A parking torque 1.2 times as large for one law."""
+    results = made[1]
+    drive = results.drives["step-steer"]["masing"]
+    torque = drive.values["steady_step_torque"]
+    louder = torque._replace(
+        value=1.2 * torque.value,
+        low=1.2 * torque.low,
+        high=1.2 * torque.high,
+        repeats=tuple(1.2 * x for x in torque.repeats),
+    )
+    values = {**drive.values, "steady_step_torque": louder}
+    drives = {**results.drives, "step-steer": {**results.drives["step-steer"], "masing": drive._replace(values=values)}}
+    changed = results._replace(drives=drives)
+    text = " ".join(build.render(changed, source).split())
+    assert "a driver would feel a difference with masing: 1 of 5 sustained torques and angles differ" in text
+    assert '<span class="badge perceptible">perceptible</span>' in text
+    assert "feel the same in this car" not in text
+    deaf = " ".join(build.render(changed, source, build.Look(noticed=0.3)).split())
+    assert "feel the same in this car: none of 5 sustained torques and angles differs by the 30" in deaf
+    json_of = build.metrics_json(changed, source)["differences"]["laws"]["masing"]
+    assert json_of["step_steer.steady_step_torque"]["perception"] == "perceptible"
+
+
+def test_labels_are_in_words(made):
+    words = " ".join(Page((made[0] / "index.html").read_text(encoding="utf-8")).words)
+    assert not re.findall(r"\b\d+(?:hz|nm|p\d+g)\b", words)
+    assert not re.findall(r"\d–[−\d]", words)  # a range with a dash, which a minus sign garbles
+    assert "m/s2" not in words
+
+
+def test_both_files_hold_the_trace(made):
+    record = traces.read(made[0] / "metrics.json")
+    assert record == traces.read(made[0] / "index.html")
+    assert record["car"] == made[1].car.data()
+    assert set(record["friction"]) == set(LAWS)
+
+
+def test_the_report_of_an_own_car(tmp_path, monkeypatch):
+    """The command hands over the car of its options, its look, and what has to be run again."""
+    seen = {}
+
+    def build_(out, laws, scope, notify, look, trace):
+        seen.update(car=scope.loaded(), look=look, trace=trace)
+
+    monkeypatch.setattr(build, "build", build_)
+    options = ["--vehicle", "bmw_320i", "--set", "column.K_tb=143", "--light", "--noticed-percent", "10"]
+    command = ["report", *options, "--friction", "lugre", "--out", str(tmp_path / "mine")]
+    assert main(command) == 0
+    assert (seen["car"].name, seen["car"].column.K_tb) == ("bmw_320i", 143.0)
+    assert seen["look"] == build.Look(light=True, noticed=pytest.approx(0.1))
+    assert (seen["trace"]["command"], seen["trace"]["result"]) == (command, "mine")
+    assert cars.load(seen["trace"]["car"]).column.K_tb == 143.0
+
+
 def test_the_page_says_everything_in_plain_words(made):
     words = " ".join(" ".join(Page((made[0] / "index.html").read_text(encoding="utf-8")).words).split())
-    headings = "Summary", "1 Friction", "2 Held", "3 Feel", "4 Real time", "5 Assist", "6 Vehicle", "7 Provenance"
+    headings = "Verdict", "1 Friction", "2 Held", "3 Feel", "4 Real time", "5 Assist", "6 Vehicle", "7 Provenance"
     for heading in (*headings, "Parking", "Cross-validation", "Glossary"):
         assert heading in words
     for name in {name for test in TESTS for name in metrics.available(test)}:
-        assert findings.label(name) in words
+        assert " ".join(findings.label(name).split()) in words
     assert not {"nan", "None", "Undefined", "inf"} & set(words.split())
     assert "Masing friction vibrates under a held torque unless it has a micro-damper" in words
 
 
 def test_metrics_json(made):
     data = json.loads((made[0] / "metrics.json").read_text(encoding="utf-8"))
-    assert set(data) == {"metrics", "real_time", "vehicle", "provenance"}
+    assert set(data) == {"metrics", "differences", "real_time", "vehicle", "provenance", "trace"}
+    assert set(data["differences"]["laws"]) == {"masing"}
+    assert data["differences"]["noticed_share"] == 0.15
     assert set(data["vehicle"]) == {"weave_peaks", "parking", "cross_validation"}
     assert set(data["vehicle"]["cross_validation"]["manoeuvres"]) == set(MANOEUVRES)
     prefixes = {"weave": "", "slow-ramp": "slow_ramp.", "step-steer": "step_steer.", "hold": "hold."}
@@ -239,7 +337,7 @@ def test_an_error_half_way_leaves_the_old_report(made, tmp_path, monkeypatch):
     out.mkdir()
     (out / "index.html").write_text("old")
     monkeypatch.setattr(build, "collect", lambda *_: results)
-    monkeypatch.setattr(build, "render", lambda *_: "new")
+    monkeypatch.setattr(build, "render", lambda *_: "<body>new</body>")
 
     def fail(*_):
         raise RuntimeError("disk on fire")
@@ -251,7 +349,7 @@ def test_an_error_half_way_leaves_the_old_report(made, tmp_path, monkeypatch):
     assert [path.name for path in tmp_path.rglob("*")] == ["report", "index.html"]
     assert (out / "index.html").read_text() == "old"
     build.build(out, LAWS, SCOPE, sweep=IN_TWO)
-    assert (out / "index.html").read_text() == "new"
+    assert "<body>new" in (out / "index.html").read_text()
     assert sorted(path.name for path in tmp_path.rglob("*")) == ["index.html", "metrics.json", "report"]
 
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from steer_env import manoeuvres
 from steer_env.experiments.cli.main import main
 from steer_env.experiments.output import provenance, traces
 from steer_env.recording import files
@@ -43,7 +44,10 @@ def test_two_files_of_one_name_with_other_torsion_bars_are_told_apart(tmp_path):
     assert found[0] != found[1]
 
 
-@pytest.mark.parametrize("suffix", ["csv", "mat", "mf4"])
+WHOLE = [pytest.param(suffix, marks=pytest.mark.whole) for suffix in ("mat", "mf4")]
+
+
+@pytest.mark.parametrize("suffix", ["csv", *WHOLE])
 def test_a_recording_is_made_again_by_its_own_content(suffix, tmp_path, capsys):
     """The car file and the tyre file of the command are gone, and one of their names is another car's."""
     (tmp_path / "a.toml").write_text(STIFF.format(140.0))
@@ -81,10 +85,12 @@ def test_an_evaluation_is_made_again_with_its_inputs(tmp_path, capsys):
         assert main(["run", "rig", "--friction", law, "--rate-hz", "50", "--out", f"{law}.csv"]) == 0
     (tmp_path / "map.toml").write_text("[channels.handwheel_torque]\nsign = -1\n")
     options = ["--mapping", "map.toml", "--map", "handwheel_angle=handwheel_angle,sign=-1"]
-    assert main(["evaluate", "--compare", "lugre.csv", "viscous.csv", *options, "--out", "found"]) == 0
+    main(["evaluate", "--compare", "lugre.csv", "viscous.csv", *options, "--out", "found"])
     trace = traces.read("found/evaluation.json")
     assert [given["name"] for given in trace["inputs"]] == ["lugre.csv", "viscous.csv", "map.toml"]
     assert trace["inputs"][2]["text"] == (tmp_path / "map.toml").read_text()
+    mapped = trace["mapping"]["lugre"]["channels"]
+    assert {name: entry["sign"] for name, entry in mapped.items()} == {"handwheel_torque": -1, "handwheel_angle": -1}
     (tmp_path / "map.toml").unlink()  # the trace holds it
     for name in ("evaluation.json", "index.html"):
         code, text = rerun(f"found/{name}", capsys)
@@ -102,6 +108,7 @@ def test_an_evaluation_is_made_again_with_its_inputs(tmp_path, capsys):
     assert "found/evaluation.json needs viscous.csv, which is neither there nor beside the result" in text
 
 
+@pytest.mark.whole
 def test_a_validation_is_made_again(capsys):
     for law in ("lugre", "masing"):
         assert main(["run", "weave", "--friction", law, "--rate-hz", "100", "--out", f"{law}.csv"]) == 0
@@ -134,3 +141,30 @@ def test_what_holds_no_trace_is_refused(tmp_path, capsys):
     assert "results end in .json, .html, .csv" in rerun("other.txt", capsys)[1]
     (tmp_path / "other.json").write_text(json.dumps({"trace": provenance.trace()}))
     assert "its trace holds no command, as a Python program wrote it" in rerun("other.json", capsys)[1]
+
+
+def test_a_manoeuvre_of_all_is_made_again_by_itself(tmp_path, monkeypatch, capsys):
+    """Its trace names the manoeuvre, not how many workers there were."""
+    monkeypatch.setattr(manoeuvres, "available", lambda: ("rig",))
+    (tmp_path / "a.toml").write_text(STIFF.format(140.0))
+    for workers in ("1", "2"):
+        assert main(["run", "all", "--vehicle", "a.toml", "--workers", workers, "--out", workers]) == 0
+    assert (tmp_path / "1" / "rig.csv").read_bytes() == (tmp_path / "2" / "rig.csv").read_bytes()
+    assert traces.read("1/rig.csv")["command"] == ["run", "rig", "--vehicle", "a.toml"]
+    (tmp_path / "a.toml").unlink()
+    code, text = rerun("1/rig.csv", capsys)
+    assert (code, text.splitlines()[-1]) == (0, "1/rig.csv: equal to the bit")
+
+
+@pytest.mark.whole
+def test_an_evaluation_of_policies_is_made_again_with_an_own_car(tmp_path, capsys):
+    (tmp_path / "a.toml").write_text(STIFF.format(140.0))
+    command = ["evaluate-policy", "damping", "--env", "steer_env/AssistWeave-v1", "--episodes", "2", "--out", "found"]
+    assert main([*command, "--vehicle", "a.toml"]) == 0
+    data = json.loads((tmp_path / "found" / "evaluation.json").read_text())
+    assert data["trace"]["car"]["column"]["K_tb"] == 140.0
+    assert data["arguments"]["vehicle"].startswith("a, ")
+    (tmp_path / "a.toml").unlink()
+    for name in ("evaluation.json", "index.html"):
+        code, text = rerun(f"found/{name}", capsys)
+        assert (code, text.splitlines()[-1]) == (0, f"found/{name}: equal to the bit")

@@ -49,11 +49,37 @@ def test_one_command_prints_the_page_and_writes_the_thresholds(tmp_path, capsys)
 
 def test_the_threshold_is_the_best_baseline():
     found = {"zero": _score(9.0), "one": _score(2.3456), "other": _score(1.0), "policy": _score(8.0, True)}
-    made = scores.Scores("id", "", {}, found)
+    made = scores.Scores("id", "", {}, found, {}, {})
     assert scores.threshold(made) == 2.34
     assert scores.threshold(made._replace(scores={"one": _score(-2.3456)})) == -2.35
     assert scores.threshold(made._replace(scores={"zero": _score(9.0), "policy": _score(812.34, True)})) == 812.0
     assert scores.threshold(made._replace(scores={"zero": _score(9.0)})) is None
+
+
+def test_a_policy_of_the_librarys_defaults_has_its_gap_to_the_best_baseline(tmp_path):
+    parking = "steer_env/DriverParking-v1"
+    run = Training(parking, None, tmp_path / "plain", library=True)
+    assert run.settings["environment"] == {"control_dt": 0.05}
+    run.settings["algorithm"] |= {"num_envs": 2, "n_steps": 16, "batch_size": 32}
+    run.run(steps=32)
+    found = scores.collect(parking, 2, [tmp_path / "plain" / "policy.zip"])
+    baseline, gap = found.gaps["policy, plain"]
+    values = {name: score.values["reward"].value for name, score in found.scores.items()}
+    assert baseline == "angle_servo"
+    assert gap.value == pytest.approx(values["policy, plain"] - values["angle_servo"])
+    page = scores.markdown([found], 2)
+    assert "Trained with Stable-Baselines3's own defaults (policy, plain): " in page
+    assert " short of angle servo." in page
+    assert "Stable-Baselines3's own defaults |" in page
+
+
+@pytest.mark.whole
+def test_a_task_with_scenarios_has_a_table_of_them():
+    found = scores.collect("steer_env/AssistAllRound-v1", 2)
+    assert list(found.scenarios) == ["weave", "release", "parking", "lane change"]
+    assert all(set(by) == set(found.scores) for by in found.scenarios.values())
+    assert found.scenarios["release"]["zero"].value < 9.0 < found.scenarios["weave"]["zero"].value  # of 9 and 20 s
+    assert "| controller | weave | release | parking | lane change |" in scores.markdown([found], 2)
 
 
 def test_every_controller_states_its_terms():

@@ -286,7 +286,7 @@ def test_shift_command(trained, tmp_path, capsys, monkeypatch):
         assert name in printed
     assert "…" not in printed
     page = (out / "index.html").read_text(encoding="utf-8")
-    assert "beside active return, boost, damping" in page
+    assert "beside zero, active return, boost, damping" in page
     assert "policy less friction compensation" in page
     assert "<svg" in (out / "shift.svg").read_text(encoding="utf-8")
     found = json.loads((out / "shift.json").read_text())
@@ -413,6 +413,7 @@ def test_every_condition_is_replaced_in_the_environments(monkeypatch, trained):
     assert usual["randomise"] == settings(WEAVE, "ppo")["environment"]["randomise"]
     assert usual["randomise"]["load"] == [0, 300]
     names = {"level": "friction_level", "noise": "sensor_noise"}
+    assert chosen.pop("human") == []  # which is for drivers
     for over, each in chosen.items():
         assert len(each) >= 4
         for change in each:
@@ -430,6 +431,16 @@ def test_every_condition_is_replaced_in_the_environments(monkeypatch, trained):
     assert [change.x for change in chosen["delay"]] == [0.0, 10.0, 20.0, 40.0]
 
 
+def test_human_terms_of_a_driver_are_those_of_the_driver_models():
+    found = shift.changes("human", "steer_env/DriverDoubleLaneChange-v1", LUGRE)
+    assert [change.options for change in found] == [
+        {"delay": 0.1},
+        {"action_lag": 0.05},
+        {"delay": 0.1, "action_lag": 0.05},
+    ]
+    assert [change.label for change in found][2] == "100 ms of delay and 50 ms of lag"
+
+
 def test_speeds_of_scenarios_are_not_replaced(tmp_path, capsys):
     all_round = "steer_env/AssistAllRound-v1"
     assert shift.changes("speed", all_round, LUGRE) == []
@@ -443,7 +454,7 @@ def test_speeds_of_scenarios_are_not_replaced(tmp_path, capsys):
 @pytest.mark.whole
 def test_shift_over_everything(trained, tmp_path):
     chosen = {over: shift.changes(over, WEAVE, LUGRE, [Friction("coulomb")])[:2] for over in SHIFTS}
-    found = shift.collect(trained / "policy.zip", chosen, 3)
+    found = shift.collect(trained / "policy.zip", {over: each for over, each in chosen.items() if each}, 3)
     assert found.home.lost.value == 0.0
     assert found.cells["law"]["coulomb"].lost.value != 0.0
     assert found.cells["noise"]["0"].lost.value != 0.0  # the training draws noise
@@ -468,6 +479,7 @@ def test_shift_over_everything(trained, tmp_path):
         (["evaluate-policy", "boost", "boost", "--env", WEAVE], "'boost' is given twice"),
         (["evaluate-policy", "boost"], "--env must name the environment"),
         (["shift", "lqg"], "a baseline, which was not trained"),
+        (["train", "--env", WEAVE, "--resume", "--library-defaults"], "a resumed one keeps its settings: leave it out"),
         (["shift", "weave"], "'weave' is no policy: give a policy.zip"),
         (["train", "--env", WEAVE, "--algo", "dqn"], "invalid choice: 'dqn'"),
         (["train", "--env", WEAVE, "--minutes", "1", "--steps", "5"], "not allowed with"),

@@ -14,7 +14,9 @@ from steer_env.assists.common.linear import response, sampled, slopes
 from steer_env.reference_feel import reference_torque
 from steer_env.tasks.assist_parking import WANTED
 from steer_env.tasks.assist_release import RELEASE_TIME
+from steer_env.vehicle import cars
 
+CAR = cars.load()
 NAMES = assists.available()
 SCENARIOS = ("Weave", "Release", "LaneChange", "LaneKeeping", "Parking")
 LAWS = friction.available()
@@ -176,6 +178,41 @@ def test_scaled_observations_give_the_same_actions(name):
     assert scaled.observation_scale.max() > 1.0
     own = acted(assists.make(name, scaled), (seen / scaled.observation_scale).astype(np.float32))
     np.testing.assert_allclose(own, acted(assists.make(name, environment("Weave")), seen), rtol=0.0, atol=1e-5)
+
+
+def driven(scenario, name, options, keys):
+    """Handwheel angle and torque (T, 2) of an episode of a car with keys of its assist, under a baseline."""
+    env = gym.make(f"steer_env/Assist{scenario}-v1", vehicle={"base": "compact", "assist": keys}).unwrapped
+    baseline = assists.make(name, env, **options)
+    observation, _ = env.reset(seed=3, options={"amplitude": 0.3} if scenario == "Release" else None)
+    seen, over = [], False
+    while not over:
+        observation, _, ended, cut, info = env.step(baseline.act(observation))
+        seen.append([info["handwheel_angle"], info["handwheel_torque"]])
+        over = ended or cut
+    return np.array(seen)
+
+
+@pytest.mark.parametrize(
+    ("scenario", "name", "options", "keys"),
+    [
+        ("Release", "active_return", {"gain": 10.0, "hold": 1.0}, {"return_gain": 10.0, "return_hold": 1.0}),
+        ("Release", "damping", {"gain": 1.0}, {"damping": (CAR.assist.damping + 1.0).tolist()}),
+        ("Weave", "lead_lag", {"gain": 0.1}, {"lead_lag_gain": 0.1}),
+        pytest.param(
+            *("Weave", "friction_compensation", {"share": 0.5, "law": "dahl"}),
+            {"friction_share": 0.5, "friction_law": "dahl"},
+            marks=pytest.mark.whole,
+        ),
+    ],
+)
+def test_a_baseline_does_what_the_same_function_of_the_car_does(scenario, name, options, keys):
+    """One law at control steps of 10 ms and at 1 ms: the difference is a small part of the effect, root mean square."""
+    without, added = driven(scenario, "boost", {}, {}), driven(scenario, name, options, {})
+    own = driven(scenario, "boost", {}, keys)
+    effect, difference = (np.sqrt(np.mean((other - added) ** 2, axis=0)) for other in (without, own))
+    assert effect[1] > 5e-3  # of 2 N m
+    assert np.all(difference <= 0.05 * effect), difference / effect
 
 
 def shares(amplitude, frequency, torque, speed=28.0, time=20.0):

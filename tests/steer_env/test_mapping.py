@@ -25,7 +25,7 @@ def test_a_file(tmp_path):
         delay_ms = 10
         offset = 0.3
         [channels.yaw_rate]
-        [channels.tie_rod_force]
+        [channels.own_tie_rod_force]
         from = "F1"
         unit = "kN"
         [channels.time]
@@ -40,7 +40,7 @@ def test_a_file(tmp_path):
         {
             "handwheel_angle": Entry("handwheel_angle", "SteeringWheelAngle", "deg", -1.0, 0.01, 0.3),
             "yaw_rate": Entry("yaw_rate", "yaw_rate", None),
-            "tie_rod_force": Entry("tie_rod_force", "F1", "kN"),
+            "own_tie_rod_force": Entry("own_tie_rod_force", "F1", "kN"),
             "time": Entry("time", "Stamp", "ms"),
         },
         {"vehicle": "ours", "speed_m_s": 27.8},
@@ -64,8 +64,9 @@ def test_entries_go_over_those_of_a_file():
         ("yaw_rate=imu[3][°/s]", Entry("yaw_rate", "imu[3]", "°/s")),
         ("yaw_rate=a=b,sign=1", Entry("yaw_rate", "a=b", None)),
         ("yaw_rate=,sign=-1", Entry("yaw_rate", "yaw_rate", None, -1.0)),
-        ("tie_rod_force=F1,unit=kN", Entry("tie_rod_force", "F1", "kN")),
+        ("own_tie_rod_force=F1,unit=kN", Entry("own_tie_rod_force", "F1", "kN")),
         ("time=Stamp[ms]", Entry("time", "Stamp", "ms")),
+        ("handwheel_torque=T[counts],scale=2", Entry("handwheel_torque", "T", "counts", scale=2.0)),
     ],
 )
 def test_the_compact_form(text, expected):
@@ -75,9 +76,9 @@ def test_the_compact_form(text, expected):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("yaw_rate", "expected NAME=NAME_IN_FILE[unit],sign=-1,delay_ms=10,offset=0.3; got 'yaw_rate'"),
+        ("yaw_rate", "expected NAME=NAME_IN_FILE[unit],sign=-1,delay_ms=10,offset=0.3,scale=1.02; got 'yaw_rate'"),
         ("=Gyro", "expected NAME=NAME_IN_FILE"),
-        ("yaw_rate=Gyro,sign", "expected each of key=value once (unit, sign, delay_ms, offset), got 'sign'"),
+        ("yaw_rate=Gyro,sign", "expected each of key=value once (unit, sign, delay_ms, offset, scale), got 'sign'"),
         ("yaw_rate=Gyro[deg/s],unit=rad/s", "expected each of key=value once"),
         ("yaw_rate=Gyro,gain=2", "channels.yaw_rate has no key 'gain'; it takes from, unit, sign, delay_ms, offset"),
         ("yaw_rate=Gyro,sign=2", "channels.yaw_rate.sign must be 1 or -1, got 2.0"),
@@ -88,6 +89,13 @@ def test_the_compact_form(text, expected):
         ("yaw_rate=Gyro[]", "channels.yaw_rate.unit '' is not known"),
         ("yaw_rate=Gyro[deg]", "channels.yaw_rate.unit 'deg' does not fit yaw_rate, which is kept in 'rad/s'"),
         ("handwheel_angel=SWA", "no channel is known as 'handwheel_angel', did you mean handwheel_angle or"),
+        ("handwheel_angel=SWA[deg]", "no channel is known as 'handwheel_angel', did you mean handwheel_angle or"),
+        ("tie_rod_force=F1[kN]", "did you mean rack_force? (a channel of your own begins with own_ and has a unit)"),
+        ("own_force=F1", "no channel is known as 'own_force'"),
+        (
+            "handwheel_torque=T[Nm],scale=0",
+            "channels.handwheel_torque.scale must be finite and greater than 0, got 0.0",
+        ),
         ("qqq=SWA", "no channel is known as 'qqq', there are handwheel_angle, handwheel_speed,"),
         ("time=Stamp[ms],delay_ms=3", "channels.time has no key 'delay_ms'; it takes from, unit"),
         ("time=Stamp[deg]", "channels.time.unit 'deg' does not fit time, which is kept in 's'"),

@@ -168,19 +168,55 @@ def test_a_mapping_makes_a_measured_file_the_same_as_a_simulated_one(weave, tmp_
 
 
 def test_the_offset_is_a_reading_of_the_sensor(tmp_path):
-    """It is in the file's unit and comes off before the sign is turned."""
+    """It is in the file's unit and comes off before the sign is turned and the scale applied."""
     path = tmp_path / "run.csv"
     path.write_text("time_s,a_deg\n0,10\n1,12\n")
-    found = read(path, mapped("handwheel_angle=a[deg],sign=-1,offset=10"))
-    np.testing.assert_allclose(found["handwheel_angle"], [0.0, -2 * DEGREE], atol=1e-15)
+    found = read(path, mapped("handwheel_angle=a[deg],sign=-1,offset=10,scale=1.5"))
+    np.testing.assert_allclose(found["handwheel_angle"], [0.0, -3 * DEGREE], atol=1e-15)
+
+
+def test_an_uncalibrated_channel_is_in_counts_and_its_metrics_are_refused(weave, tmp_path):
+    path = tmp_path / "run.csv"
+    write(weave, path)
+    path.write_text(path.read_text().replace("handwheel_torque_Nm", "Torque"))
+    found = read(path, mapped("handwheel_torque=Torque[counts]", manoeuvre="weave", frequency_hz=0.2))
+    assert found.units["handwheel_torque"] == "counts"
+    assert found.meta["uncalibrated"] == "handwheel_torque"
+    values = metrics.evaluate(found)
+    assert (
+        "handwheel_torque is in counts of its sensor, uncalibrated: give the N m of a count"
+        in values["torque_gradient_at_0g"].reason
+    )
+    plain = metrics.evaluate(weave, "weave", frequency_hz=0.2)
+    assert values["yaw_rate_gain"].value == pytest.approx(plain["yaw_rate_gain"].value, rel=1e-9)
+    write(found, path)
+    assert read(path).units["handwheel_torque"] == "counts"
+    calibrated = read(path.with_name("run.csv"), mapped("handwheel_torque=handwheel_torque[counts],scale=2"))
+    np.testing.assert_allclose(calibrated["handwheel_torque"], 2 * weave["handwheel_torque"])
+
+
+@pytest.mark.parametrize(
+    ("header", "refused"), [("SWA [Nm]", True), ("SWA (Nm)", True), ("SWA [rad]", False), ("SWA_1", False)]
+)
+def test_units_that_contradict(tmp_path, header, refused):
+    """A mapping corrects the size of a unit, not the quantity; the end of a name may only look like a unit."""
+    path = tmp_path / "run.csv"
+    path.write_text(f"time_s,{header}\n0,1\n1,2\n")
+    entry = mapped(f"handwheel_angle={header}[deg]")
+    if refused:
+        assert "is in 'Nm' by the file, but in 'deg' by the mapping: these are of different quantities; map ano" in (
+            refusal(path, entry)
+        )
+    else:
+        np.testing.assert_allclose(read(path, entry)["handwheel_angle"], [DEGREE, 2 * DEGREE])
 
 
 def test_a_mapping_reads_what_it_names_and_known_channels(tmp_path):
     path = tmp_path / "run.csv"
     path.write_text("# manoeuvre: ramp\ntime_s,yaw_rate_deg_s,a_deg,b_m,c_Nm\n0,1,2,3,4\n1,2,3,4,5\n")
-    found = read(path, mapped("handwheel_angle=a", "travel=b[mm]", manoeuvre="weave"))
-    assert found.units == {"handwheel_angle": "rad", "travel": "m", "yaw_rate": "rad/s"}
-    np.testing.assert_allclose(found["travel"], [0.003, 0.004])
+    found = read(path, mapped("handwheel_angle=a", "own_travel=b[mm]", manoeuvre="weave"))
+    assert found.units == {"handwheel_angle": "rad", "own_travel": "m", "yaw_rate": "rad/s"}
+    np.testing.assert_allclose(found["own_travel"], [0.003, 0.004])
     assert found.meta == {"manoeuvre": "weave"}
     assert set(read(path, mapped("yaw_rate=a[deg/s]")).channels) == {"yaw_rate"}  # in place of the file's own
     assert set(read(path, mapped(manoeuvre="weave")).channels) == {"yaw_rate", "a", "b", "c"}
@@ -303,7 +339,7 @@ def test_mdf_that_is_refused(tmp_path):
     mdf(path, [numbers], [signal("v", time + 5, time, "m/s")])
     assert "'v' begins at 5 s, 'SWA' ends at 1 s: the channels have no time in common" in refusal(path)
     mdf(path, [numbers], [signal("Gear", time, np.array([b"first"] * 11), encoding="utf-8")])
-    assert "column 'Gear', wanted as gear, holds no plain numbers" in refusal(path, mapped("gear=Gear[1]"))
+    assert "column 'Gear', wanted as own_gear, holds no plain numbers" in refusal(path, mapped("own_gear=Gear[1]"))
     mdf(path, [signal("Force", time, np.array([b"much"] * 11), "N", encoding="utf-8")])
     assert "none of the columns Force can be read: each needs numbers and a unit (deg, " in refusal(path)
     mdf(path, [numbers], [signal("v", [0.5], [10.0], "m/s")])
@@ -355,9 +391,9 @@ def test_a_matlab_file_of_several_structures(tmp_path):
     io.savemat(
         tmp_path / "run.mat", {"time_s": np.arange(3.0), "imu": {"gyro": np.arange(3.0), "sub": {"a_m": [1, 2, 3]}}}
     )
-    found = read(tmp_path / "run.mat", mapped("yaw_rate=imu.gyro[deg/s]", "travel=imu.sub.a[m]"))
+    found = read(tmp_path / "run.mat", mapped("yaw_rate=imu.gyro[deg/s]", "own_travel=imu.sub.a[m]"))
     np.testing.assert_allclose(found["yaw_rate"], np.arange(3) * DEGREE)
-    np.testing.assert_array_equal(found["travel"], [1, 2, 3])
+    np.testing.assert_array_equal(found["own_travel"], [1, 2, 3])
 
 
 def test_matlab_files_that_are_refused(tmp_path):

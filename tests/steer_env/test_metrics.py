@@ -6,12 +6,13 @@ import sys
 import numpy as np
 import pytest
 
-from steer_env import metrics
+from steer_env import manoeuvres, metrics
 from steer_env.metrics.common import definitions
 from steer_env.metrics.common.registry import EVALUATIONS
 from steer_env.recording.recording import DEGREE, Recording
 from steer_env.synthetic.loops import AY_PEAK, linear_car, linear_car_answers, rough_car, rough_car_answers
 from steer_env.synthetic.recordings import changed, mirrored
+from steer_env.vehicle import cars
 
 G = 9.80665
 RATE = 100.0  # Hz
@@ -88,6 +89,11 @@ def test_gradients_of_a_curved_car_do_not_depend_on_amplitude():
     for name, true in expected.items():
         assert small[name].value == pytest.approx(true, rel=0.05), name
         assert large[name].value == pytest.approx(small[name].value, rel=5e-3), name
+
+
+def test_a_rig_whose_car_does_not_turn_has_metrics():
+    found = metrics.evaluate(manoeuvres.drive(cars.load(), manoeuvres.make("rig"), "lugre"))
+    assert not [name for name, value in found.items() if value.reason]
 
 
 def test_left_and_right_are_alike():
@@ -187,14 +193,18 @@ def test_refused_one_by_one():
     }
     quick = refusals(changed(clean, handwheel_angle=0.2 * clean["handwheel_angle"]))
     assert "handwheel_angle does not span 0 +- 0.0698 rad: steer further" in quick["steering_stiffness"]
-    pulled = refusals(changed(clean, handwheel_torque=clean["handwheel_torque"] + 5.0))
-    assert pulled["angle_deadband"] == "handwheel_torque does not cross 0 N m on each branch: centre the weave"
 
 
-def test_degrees_given_as_radians_are_refused():
+def test_a_channel_beyond_its_limit_is_refused():
     clean = linear_car()
-    wrong = refusals(changed(clean, handwheel_angle=np.degrees(clean["handwheel_angle"]) * 2.0))
-    assert wrong["yaw_lag"] == "handwheel_angle reaches 34 rad, which is beyond 20: check the unit that it is given in"
+    wrong = refusals(changed(clean, handwheel_torque=1e3 * clean["handwheel_torque"]))
+    text = "handwheel_torque reaches 3200 N m, which is beyond 100: check the unit that it is given in"
+    assert wrong["torque_at_0g"] == text
+
+
+def test_a_level_that_is_not_crossed_is_refused():
+    with pytest.raises(metrics.RefusedError, match="does not cross 3 m/s2 on each branch: centre the weave"):
+        metrics.read(linear_car()).at("handwheel_torque", "lateral_acceleration", 3.0)
 
 
 def test_wrong_unit_is_refused():

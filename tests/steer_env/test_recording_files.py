@@ -97,7 +97,7 @@ def test_nested_meta_survives(weave, tmp_path, suffix):
 @pytest.mark.parametrize("name", ["run.txt", "run", "run.mf4.gz"])
 def test_other_suffixes_are_refused(weave, tmp_path, name):
     for act in (lambda: write(weave, tmp_path / name), lambda: read(tmp_path / name)):
-        with pytest.raises(ValueError, match=r"recordings end in \.csv, \.mat, \.mf4, \.mdf, \.parquet, got '"):
+        with pytest.raises(ValueError, match=r"recordings end in \.csv, \.mat, \.mf4, \.mdf, \.parquet"):
             act()
 
 

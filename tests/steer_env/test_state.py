@@ -323,7 +323,7 @@ def test_a_state_of_another_driver_law_version_or_size_is_refused():
     few = gym.make(name, friction=friction.make("masing", elements=5)).unwrapped
     with pytest.raises(ValueError, match=r"masing \(\d+ numbers"):
         few.set_state(gym.make(name, friction="masing").unwrapped.get_state())
-    with pytest.raises(ValueError, match="version 0, this release takes version 1: repeat the episode here"):
+    with pytest.raises(ValueError, match="version 0, this release takes version 2: repeat the episode here"):
         env.set_state(dataclasses.replace(state, version=0))
     with pytest.raises(ValueError, match=r"the state has 2 .* this environment 1: take one by state.row\(i\)"):
         env.set_state(gym.make_vec(name, num_envs=2).get_state())

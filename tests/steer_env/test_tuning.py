@@ -427,3 +427,28 @@ def test_a_tuned_set_becomes_a_car_file(tmp_path):
     for found in (car, cars.load(tmp_path / "tuned.toml")):
         assert all(np.array_equal(one, other) for one, other in zip(found.assist, tried, strict=True))
         assert (found.name, found.chassis, found.tyre) == ("compact_tuned", env.car.chassis, env.car.tyre)
+
+
+def test_functions_of_the_assist_can_be_tuned(tmp_path):
+    """A strength is off at -1 and the car's own at 0; the best set becomes a car file."""
+    names = ["damping_level", "return_gain", "friction_share", "lead_lag_gain"]
+    own = {"base": "compact", "assist": {"friction_share": [0.2] * 4 + [0.4] * 4, "friction_law": "dahl"}}
+    env = gym.make("steer_env/TuneOnCentre-v1", vehicle=own, parameters=names).unwrapped
+    assert env.parameters["friction_share"] == ("1", 0.0, 0.4, 1.0)
+    assert env.parameters["return_gain"] == ("N m/rad", 0.0, 0.0, 10.0)
+    env.reset(seed=0)
+    _, _, _, _, first = env.step(np.zeros(4, np.float32))
+    observation, _, _, _, info = env.step(np.array([0.0, 0.5, -0.5, 0.1], np.float32))
+    assert env.observation_space.contains(observation)
+    assert info["parameters"]["friction_share"] == pytest.approx(0.2)
+    assert info["parameters"]["return_gain"] == pytest.approx(5.0)
+    assert info["evaluated"]["torque_deadband"] > first["evaluated"]["torque_deadband"] + 0.02
+    assert info["margins"]["phase_deg"] < first["margins"]["phase_deg"]
+    car = env.tuned_car(np.array([0.0, 0.5, -0.5, 0.1], np.float32))
+    cars.write(car, tmp_path / "tuned.toml")
+    again = cars.load(tmp_path / "tuned.toml").assist.functions
+    assert again.friction_compensation.gain.tolist() == pytest.approx([0.1] * 4 + [0.2] * 4)
+    assert type(again.friction_compensation.law) is type(friction.make("dahl"))
+    for wrong in (["boost"], "return_gain", ["return_gain"] * 2, []):
+        with pytest.raises(ValueError, match=r"parameters must be a list of boost_level, .* each once, got"):
+            gym.make("steer_env/TuneOnCentre-v1", parameters=wrong)

@@ -3,13 +3,27 @@
 import re
 
 KPH = 3.6  # [km/h] of 1 m/s
+_NUMBER = r"(\d[\d.e+-]*\d|\d)"
+# What a message says to people who write Python -> what it says at the command line.
+_WORDS = (
+    (rf"\bfrequency_hz={_NUMBER}", r"--frequency-hz \1"),
+    (r"\bbetween\(t0, t1\)", "--between T0 T1"),
+    (rf"\bbetween\({_NUMBER}, {_NUMBER}\)", r"--between \1 \2"),
+    (r"\bwithout\('([^']*)'\)", r"--without \1"),
+    (r"\blongest=", ""),
+    (r" raise longest, (?:or )?", " "),
+    (r"; call bridged\(\) if rows are missing, else resampled\(rate\)", ": resample the file to a uniform rate before"),
+    (r"\bclose gaps with bridged\(\), or leave", "leave"),
+)
 
 
 def in_options(text: str) -> str:
-    """A message with options in place of the keywords of Python functions.
+    """A message with options in place of the keywords and methods of Python.
 
     >>> in_options("say that the test was at 80 km/h (speed_m_s=22.22)")
-    'say that the test was at 80 km/h (--speed_kph 79.99)'
+    'say that the test was at 80 km/h (--speed-kph 79.99)'
     """
-    text = re.sub(r"\bspeed_m_s=(\d[\d.e+-]*\d|\d)", lambda found: f"--speed_kph {KPH * float(found[1]):.4g}", text)
-    return re.sub(r"\bfrequency_hz=(\d)", r"--frequency_hz \1", text)
+    text = re.sub(rf"\bspeed_m_s={_NUMBER}", lambda found: f"--speed-kph {KPH * float(found[1]):.4g}", text)
+    for words, options in _WORDS:
+        text = re.sub(words, options, text)
+    return text

@@ -12,6 +12,7 @@ __all__ = [
     "CAN_FORMATS",
     "EXTRA_OF_FORMAT",
     "FORMATS",
+    "RECORDED",
     "ROAD_CLASSES",
     "SAMPLE_RATE",
     "assists",
@@ -24,7 +25,8 @@ __all__ = [
 ]
 
 FORMATS = (".csv", ".mat", ".mf4", ".mdf", ".parquet")  # of steer_env.recording.files
-CAN_FORMATS = (".blf", ".asc", ".log", ".trc", ".blf.gz", ".asc.gz", ".log.gz", ".trc.gz")  # .recording.can_log
+CAN_FORMATS = (".blf", ".asc", ".log", ".trc", ".asc.gz", ".log.gz", ".trc.gz")  # .recording.can_log
+RECORDED = f"{', '.join(FORMATS)}, or a CAN log: {', '.join(CAN_FORMATS)}"  # what is read
 EXTRA_OF_FORMAT = {".mf4": "mdf", ".mdf": "mdf", ".parquet": "parquet", **dict.fromkeys(CAN_FORMATS, "can")}
 ROAD_CLASSES = tuple("ABCDEFGH")  # of ISO 8608, as in steer_env.vehicle.road
 SAMPLE_RATE = 1000.0  # of a simulated recording [Hz]

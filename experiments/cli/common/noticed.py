@@ -4,12 +4,12 @@ import argparse
 
 
 def add(parser: argparse.ArgumentParser) -> None:
-    """Add ``--noticed_percent`` to a parser; :func:`share` reads it."""
+    """Add ``--noticed-percent`` to a parser; :func:`share` reads it."""
     text = (
         "a sustained handwheel torque or angle that differs by this much is perceptible [%%] (default 15, after "
         "Newberry, Griffin and Dowson 2007)"
     )
-    parser.add_argument("--noticed_percent", metavar="P", help=text)
+    parser.add_argument("--noticed-percent", metavar="P", help=text)
 
 
 def share(args: argparse.Namespace) -> float:
@@ -19,5 +19,5 @@ def share(args: argparse.Namespace) -> float:
 
     if args.noticed_percent is None:
         return just_noticeable.SHARE
-    percent = number("--noticed_percent", read_number(args.noticed_percent), minimum=0.0, maximum=1000.0, above=True)
+    percent = number("--noticed-percent", read_number(args.noticed_percent), minimum=0.0, maximum=1000.0, above=True)
     return 0.01 * percent

@@ -1,9 +1,13 @@
 """What the commands that evaluate policies share."""
 
+import argparse
 import sys
 from collections.abc import Mapping
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from steer_env.experiments.cli.common import inputs
 
 if TYPE_CHECKING:
     from steer_env.experiments.sweep import Runner
@@ -17,10 +21,24 @@ def caution(path: Path, about: Mapping[str, Any]) -> None:
         print(f"steer-env: caution: {text}", file=sys.stderr)
 
 
+def trace(args: argparse.Namespace, made: Mapping[str, Any]) -> dict[str, Any]:
+    """The trace of an evaluation with these arguments of the environment."""
+    from steer_env.experiments.output import provenance
+    from steer_env.friction import resolve
+    from steer_env.friction.law import law_of
+    from steer_env.vehicle import cars
+
+    law = resolve(made.get("friction", "lugre"))
+    car = cars.load(made.get("vehicle", "compact"))
+    laws = {law_of(law).name: law}
+    name = Path(args.out).name
+    return provenance.trace(command=args.argv, result=name, car=car, friction=laws, inputs=inputs.of(args))
+
+
 def evaluate_and_report(
+    args: argparse.Namespace,
     env_id: str,
     controllers: Mapping[str, Any],
-    episodes: int,
     out: Path,
     made: dict[str, Any],
     curves: dict[str, Path],
@@ -30,11 +48,11 @@ def evaluate_and_report(
 
     Parameters
     ----------
+    args : Namespace
+        Options of the command: ``episodes``, the number of held-out ones, and the words for the trace.
     env_id : str
     controllers : mapping
         Label -> callable that makes a controller for an environment; the first is the one that is evaluated.
-    episodes : int
-        Held-out episodes.
     out : Path
         Directory of the report.
     made : dict
@@ -50,9 +68,11 @@ def evaluate_and_report(
     from steer_env.experiments.output.options import progress
     from steer_env.experiments.sweep import run
 
+    if find_spec("pygame") is None:
+        print("steer-env: no pictures of episodes, which need pygame: pip install '.[render]'", file=sys.stderr)
     controllers = {**controllers, **{k: v for k, v in baselines(env_id).items() if k not in controllers}}
     with progress("evaluating") as notify:
-        found = policy_report.evaluate(env_id, controllers, episodes, notify, sweep=sweep or run, **made)
-    print_estimates(found.values, found.units, f"{env_id}, {episodes} held-out episodes")
-    policy_report.write(out, found, controllers, curves)
+        found = policy_report.evaluate(env_id, controllers, args.episodes, notify, sweep=sweep or run, **made)
+    print_estimates(found.values, found.units, f"{env_id}, {args.episodes} held-out episodes")
+    policy_report.write(out, found, controllers, curves, trace(args, made))
     print(out / "index.html")

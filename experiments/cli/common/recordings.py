@@ -1,12 +1,16 @@
 """What ``evaluate`` and ``validate`` share: options of recorded files, and the assessment that both print and write."""
 
 import argparse
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 from steer_env.experiments.cli.common import inputs, names, noticed
 from steer_env.experiments.cli.common.arguments import KPH
 from steer_env.experiments.cli.common.extras import require_format
+
+# Key of a recording's meta -> what it tells, printed before the metrics.
+NOTES = {"not_read": "columns that are not read", "uncalibrated": "in counts of the sensor, uncalibrated"}
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -21,14 +25,20 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--mapping", metavar="FILE.toml", nargs="+", default=[], help=text)
     text = "one channel of the first recording, e.g. handwheel_angle=SWA[deg],sign=-1,delay_ms=10; may be repeated"
     parser.add_argument("--map", dest="entries", metavar="ENTRY", action="append", default=[], help=text)
+    text = "databases (.dbc, .kcd, .sym, .arxml) of CAN logs, which say what their frames hold"
+    parser.add_argument("--dbc", metavar="FILE", nargs="+", default=[], help=text)
+    text = "the bus of a CAN log, where a message occurs on several"
+    parser.add_argument("--bus", metavar="NAME", help=text)
     text = "speed at which the test was driven [km/h]"
-    parser.add_argument("--speed_kph", metavar="KPH", type=float, help=text)
+    parser.add_argument("--speed-kph", metavar="KPH", type=float, help=text)
     text = "frequency of the steering in the test [Hz]"
-    parser.add_argument("--frequency_hz", metavar="HZ", type=float, help=text)
+    parser.add_argument("--frequency-hz", metavar="HZ", type=float, help=text)
     text = "bound on the unknown delay between channels, in either direction [ms] (default 0)"
-    parser.add_argument("--timing_ms", metavar="MS", type=float, default=0.0, help=text)
+    parser.add_argument("--timing-ms", metavar="MS", type=float, default=0.0, help=text)
     text = "use only this part of the recording [s]"
     parser.add_argument("--between", metavar=("T0", "T1"), type=float, nargs=2, help=text)
+    text = "leave a channel out, e.g. one with gaps; may be repeated"
+    parser.add_argument("--without", metavar="CHANNEL", action="append", default=[], help=text)
     noticed.add(parser)
     text = "directory for index.html and evaluation.json, replaced as a whole"
     parser.add_argument("--out", metavar="DIR", help=text)
@@ -40,7 +50,6 @@ def assess(paths: list[str], args: argparse.Namespace, tolerances: str | None) -
 
     from steer_env import targets
     from steer_env.experiments.cli.common.tables import print_differences, print_metrics
-    from steer_env.experiments.output import provenance
     from steer_env.experiments.report import assessment
     from steer_env.experiments.studies.common import simulation_vs_measurement
     from steer_env.friction.numerics.check import number
@@ -48,10 +57,11 @@ def assess(paths: list[str], args: argparse.Namespace, tolerances: str | None) -
     labels = _labels(paths)
     if len(args.mapping) > len(paths):
         raise ValueError(f"{len(args.mapping)} mappings are given for {len(paths)} recordings")
+    _check_can(paths, args)
     recordings = {label: _read(path, place, args) for place, (label, path) in enumerate(zip(labels, paths))}
     wanted = targets.load(args.targets) if args.targets else None
     allowed = simulation_vs_measurement.tolerances(tolerances) if tolerances else None
-    timing = 1e-3 * number("--timing_ms", args.timing_ms, minimum=0.0)
+    timing = 1e-3 * number("--timing-ms", args.timing_ms, minimum=0.0)
     found = assessment.assess(
         recordings, args.manoeuvre, wanted, allowed, timing, noticed.share(args), **_conditions(args)
     )
@@ -63,12 +73,43 @@ def assess(paths: list[str], args: argparse.Namespace, tolerances: str | None) -
         print_differences(found.differences, found.perceptions, f"{labels[1]} less {labels[0]}")
     for pair in found.pairs:
         print(f"{pair.y} over {pair.x}: {pair.inside:.1%} inside, largest distance {pair.worst:.2f} tolerances")
+    if found.pairs:
+        agree = "agree" if simulation_vs_measurement.passes(found.pairs) else "do not agree"
+        print(f"{labels[0]} and {labels[1]} {agree} within the tolerances {tolerances}")
     if args.out:
         out = Path(args.out)
-        trace = provenance.trace(command=args.argv, result=out.name, inputs=inputs.of(args))
-        assessment.write(out, found, recordings, trace)
+        assessment.write(out, found, recordings, _trace(args, labels, out.name))
         print(out / "index.html")
     return int(any(all(value.reason for value in values.values()) for values in found.values.values()))
+
+
+def _notes(meta: Mapping[str, Any]) -> Iterator[str]:
+    """What to know of a recording before its metrics: columns without values, counts, gaps of CAN messages."""
+    for key, label in NOTES.items():
+        if key in meta:
+            yield f"{label}: {meta[key]}"
+    for name, told in meta.get("can", {}).get("messages", {}).items():
+        missed = told.get("missed_by_counter", 0)
+        if told.get("gaps") or missed:
+            counted = f"; {missed} frames are missing by its counter" if missed else ""
+            longest = f"{told['longest_step_s']:.3g} s at {told['longest_step_at_s']:.2f} s"
+            yield f"gaps of {name}: {told['gaps']}, longest step {longest}{counted}"
+
+
+def can_options(args: argparse.Namespace) -> Any:
+    """How CAN logs are read, by the options."""
+    from steer_env.recording import can_log
+
+    return can_log.Options(tuple(args.dbc), args.bus, args.between[1] if args.between else float("inf"))
+
+
+def _check_can(paths: list[str], args: argparse.Namespace) -> None:
+    """ValueError where options of CAN logs are given and none of the files is one."""
+    from steer_env.recording import can_log
+
+    for option, value in (("--dbc", args.dbc), ("--bus", args.bus)):
+        if value and not any(map(can_log.recognised, paths)):
+            raise ValueError(f"{option} is for CAN logs ({', '.join(names.CAN_FORMATS)}), not {' or '.join(paths)}")
 
 
 def _labels(paths: list[str]) -> list[str]:
@@ -81,14 +122,35 @@ def _labels(paths: list[str]) -> list[str]:
     return labels
 
 
-def _read(path: str, place: int, args: argparse.Namespace) -> Any:
-    """A recording from a file, read through its mapping and with short drop-outs bridged."""
-    from steer_env.recording import channel_mapping, files
+def _mapping(place: int, args: argparse.Namespace) -> Any:
+    """The mapping of a recording by its place among those that are given."""
+    from steer_env.recording import channel_mapping
 
     chosen = channel_mapping.load(args.mapping[place]) if place < len(args.mapping) else channel_mapping.Mapping()
     if place == 0:
         chosen = chosen.with_entries(channel_mapping.parse_entry(text) for text in args.entries)
-    found = files.read(path, chosen)
+    return chosen
+
+
+def _trace(args: argparse.Namespace, labels: list[str], result: str) -> dict[str, Any]:
+    """What an assessment is made from, with what each recording was read through."""
+    from steer_env.experiments.output import provenance
+
+    chosen = {label: _mapping(place, args) for place, label in enumerate(labels)}
+    mapping = {
+        label: {"channels": {name: entry._asdict() for name, entry in one.channels.items()}, "meta": one.meta}
+        for label, one in chosen.items()
+    }
+    return provenance.trace(command=args.argv, result=result, inputs=inputs.of(args), mapping=mapping)
+
+
+def _read(path: str, place: int, args: argparse.Namespace) -> Any:
+    """A recording from a file, read through its mapping and with short drop-outs bridged."""
+    from steer_env.recording import files
+
+    found = files.read(path, _mapping(place, args), can=can_options(args)).without(*args.without)
+    for note in _notes(found.meta):
+        print(f"{path}: {note}")
     if args.manoeuvre is None and found.meta.get("manoeuvre") is None:
         raise ValueError(f"{path} does not name its test: give --manoeuvre, one of {', '.join(names.manoeuvres())}")
     return (found.between(*args.between) if args.between else found).bridged()

@@ -30,12 +30,17 @@ def add_sweep(parser: argparse.ArgumentParser, cases: str = "") -> None:
     group.add_argument("--resume", action="store_true", help=text)
 
 
-def unswept(args: argparse.Namespace) -> list[str]:
-    """The words of a command line without those that say where its cases run, if it has such options."""
+def unswept(args: argparse.Namespace, *others: str) -> list[str]:
+    """The words of a command line without those that say where its cases run, and without ``others`` and their values.
+
+    All words of a command that has no such options.
+    """
     if not hasattr(args, "cluster"):
         return args.argv
     parser = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
     add_sweep(parser)
+    for name in others:
+        parser.add_argument(name)
     return parser.parse_known_args(args.argv)[1]
 
 

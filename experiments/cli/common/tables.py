@@ -23,10 +23,16 @@ PIPED_WIDTH = 160  # columns of a table that is not printed on a terminal
 _STYLES = {"green": "green", "amber": "yellow", "red": "red"}
 
 
+class _Console(Console):
+    def on_broken_pipe(self) -> None:
+        """Leave a closed pipe to ``main``, which ends the program quietly with the exit code that is usual for it."""
+        raise BrokenPipeError
+
+
 def console() -> Console:
     """A console as wide as the terminal, or wide enough for every table where there is none."""
-    found = Console()
-    return found if found.is_terminal or "COLUMNS" in os.environ else Console(width=PIPED_WIDTH)
+    found = _Console()
+    return found if found.is_terminal or "COLUMNS" in os.environ else _Console(width=PIPED_WIDTH)
 
 
 def _table(title: str) -> Table:
@@ -54,9 +60,11 @@ def print_metrics(values: Mapping[str, Value], title: str, ratings: Mapping[str,
     if len(values) > 1 and len(reasons) == 1 and "" not in reasons:
         printer.print(f"every metric refused: {in_options(reasons.pop())}", highlight=False, soft_wrap=True)
         return
-    for name, value in values.items():
-        if value.reason:
-            printer.print(f"{name} refused: {in_options(value.reason)}", highlight=False, soft_wrap=True)
+    for reason in dict.fromkeys(value.reason for value in values.values() if value.reason):
+        refused = ", ".join(name for name, value in values.items() if value.reason == reason)
+        printer.print(f"{refused} refused: {in_options(reason)}", highlight=False, soft_wrap=True)
+    for note in dict.fromkeys(note for value in values.values() for note in value.notes):
+        printer.print(f"note: {note}", highlight=False, soft_wrap=True)
 
 
 def _rating(rating: Rating | None) -> str:
@@ -121,7 +129,7 @@ def print_shift(rows: Mapping[str, Mapping[str, Any]], aim: str, units: Mapping[
     for over, cells in rows.items():
         for place, (label, cell) in enumerate(cells.items()):
             found = cell.values["policy"]
-            others = [name for name in cell.values if name != "policy"]
+            others = [name for name in cell.values if name not in ("policy", "zero")]
             best = max(others, key=lambda name: cell.values[name]["reward"].value, default=None)
             of_best = [_estimate(cell.values[best][metric]) for metric in ("reward", aim)] if best else ["", ""]
             table.add_row(

@@ -119,6 +119,26 @@ def at_speeds(f: "Functions | NoFunctions", speeds: NDArray[np.float64]) -> "Fun
     return frozen(f._replace(speeds=np.array(speeds), **changed))
 
 
+class Linear(NamedTuple):
+    """The functions around straight running, without filters and lags."""
+
+    gain: float  # torque over the torsion bar's torque [1]
+    stiffness: float  # torque against the handwheel angle [N m/rad]
+    damping: float  # torque against the handwheel speed [N m s/rad]
+    inertia: float  # torque with the column acceleration [kg m2]
+
+
+def linear(f: "Functions | NoFunctions", speed: float, torque: float = 0.0) -> Linear:
+    """The functions linearised at a vehicle speed [m/s] and a torsion-bar torque [N m], friction compensation apart."""
+    if isinstance(f, NoFunctions):
+        return Linear(0.0, 0.0, 0.0, 0.0)
+    gains = (f.active_return.gain, f.damping.gain, f.inertia_compensation.gain)
+    gain, damped, inertia = (float(np.interp(speed, f.speeds, values)) for values in gains)
+    fade = 1.0 + (torque / f.active_return.hold) ** 2
+    stiffness = gain / fade * speed / (speed + f.active_return.half_speed)
+    return Linear(f.lead_lag.gain, stiffness, damped + stiffness * f.active_return.lead, inertia)
+
+
 def states(f: "Functions | NoFunctions") -> tuple[tuple[str, str], ...]:
     """Names and units of the states of the functions."""
     if isinstance(f, NoFunctions):

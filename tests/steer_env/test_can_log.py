@@ -1,0 +1,352 @@
+"""Raw CAN logs as recordings: frames, rates, gaps, counters, and logs and databases that do not fit."""
+
+import gzip
+import sys
+from collections import defaultdict
+from pathlib import Path
+
+import can
+import cantools
+import numpy as np
+import pytest
+
+from steer_env.experiments.cli.main import main
+from steer_env.metrics import RefusedError
+from steer_env.metrics.common.filtered_channels import FilteredChannels
+from steer_env.recording import can_log
+from steer_env.recording.files import read, write
+from steer_env.recording.recording import DEGREE
+from tests.steer_env.recorded import mapped, refusal
+
+FOLDER = Path(__file__).parents[2] / "examples" / "can_log"
+LOG, DBC = FOLDER / "rav4_2017_can_60s.log.gz", FOLDER / "toyota_rav4_2017.dbc"
+OPTIONS = can_log.Options((DBC,))
+ANGLE = "handwheel_angle=STEER_ANGLE_SENSOR.STEER_ANGLE + STEER_ANGLE_SENSOR.STEER_FRACTION"
+ENTRIES = (
+    ANGLE,
+    "handwheel_speed=STEER_RATE",
+    "vehicle_speed=SPEED",
+    "yaw_rate=YAW_RATE",
+    "lateral_acceleration=ACCEL_Y,sign=-1",
+    "handwheel_torque=STEER_TORQUE_DRIVER[counts]",
+)
+WHEELBASE, RATIO = 2.65, 16.88  # of the car [m, 1]; SOURCES.md has the source
+
+
+@pytest.fixture(scope="module")
+def drive():
+    return read(LOG, mapped(*ENTRIES), can=OPTIONS)
+
+
+def test_every_frame_is_decoded_as_the_packages_give_it():
+    database = cantools.database.load_file(DBC)
+    stamps, values = defaultdict(list), defaultdict(list)
+    with can.LogReader(LOG) as reader:
+        for frame in reader:
+            message = database.get_message_by_frame_id(frame.arbitration_id)
+            if stamps[message.name] and stamps[message.name][-1] == frame.timestamp:
+                stamps[message.name].pop()
+                values[message.name].pop()
+            stamps[message.name].append(frame.timestamp)
+            values[message.name].append(message.decode(frame.data))
+    found = can_log.decoded(LOG, OPTIONS)
+    assert {name: frames.time.size for name, frames in found.items()} == {
+        "KINEMATICS": 4974,
+        "STEER_ANGLE_SENSOR": 4974,
+        "SPEED": 2487,
+        "STEER_TORQUE_SENSOR": 3000,
+        "EPS_STATUS": 1499,
+        "STEERING_LKA": len(stamps["STEERING_LKA"]),
+    }
+    first = min(times[0] for times in stamps.values())
+    for name, frames in found.items():
+        np.testing.assert_array_equal(frames.time, np.array(stamps[name]) - first)
+        for signal, samples in frames.values.items():
+            np.testing.assert_array_equal(samples, [entry[signal] for entry in values[name]])
+
+
+def test_the_database_is_what_the_bytes_say():
+    """By hand, from the bytes of the first frames of the log."""
+    found = can_log.decoded(LOG, OPTIONS)
+    angle, speed, torque = found["STEER_ANGLE_SENSOR"], found["SPEED"], found["STEER_TORQUE_SENSOR"]
+    first = [angle.values[name][0] for name in ("STEER_ANGLE", "STEER_FRACTION", "STEER_RATE")]
+    assert first == pytest.approx([0.0, -0.4, 0.0])  # 025#00001000C00000FD: 12 bits 0x000, 4 bits 0xC, 12 bits 0x000
+    assert speed.values["SPEED"][0] == pytest.approx(0x0B7A / 100)  # 0B4#000000001D0B7A5E
+    assert torque.values["STEER_TORQUE_DRIVER"][0] == 0xFFFB - 0x10000  # 260#08FFFB0000001884
+    assert torque.values["STEER_TORQUE_EPS"][0] == 0x0018
+
+
+def test_rates_of_different_messages_come_to_one_time_base(drive):
+    """Uniform at the rate of the fastest message; each value on the line between the frames around it."""
+    assert drive.rate == pytest.approx(82.9, abs=0.05)
+    assert drive.meta["can"]["rate_hz"] == pytest.approx(drive.rate)
+    assert drive.time[0] < 0.05
+    assert drive.time[-1] > 59.9
+    speed = can_log.decoded(LOG, OPTIONS)["SPEED"]
+    for at in (7, 1000, 4001):
+        after = np.searchsorted(speed.time, drive.time[at])
+        (t0, t1), (v0, v1) = speed.time[after - 1 : after + 1], speed.values["SPEED"][after - 1 : after + 1] / 3.6
+        line = v0 + (v1 - v0) * (drive.time[at] - t0) / (t1 - t0)
+        assert drive["vehicle_speed"][at] == pytest.approx(line, rel=1e-12)
+    for values in drive.channels.values():
+        assert np.isfinite(values).all()
+    told = drive.meta["can"]["messages"]
+    assert told["SPEED"]["rate_hz"] == pytest.approx(41.45, abs=0.01)
+    assert told["SPEED"]["gaps"] == 0
+    assert told["STEER_ANGLE_SENSOR"]["longest_step_s"] == pytest.approx(0.0287, abs=1e-4)
+
+
+def fit(x, y):
+    """Correlation, slope, and what remains of y, root mean square."""
+    slope, offset = np.polyfit(x, y, 1)
+    return np.corrcoef(x, y)[0, 1], slope, np.std(y - slope * x - offset)
+
+
+def test_angle_speed_yaw_rate_and_acceleration_agree_as_those_of_a_car(drive):
+    """Bicycle kinematics below 0.5 Hz, within the resolution of the sensors: 0.244 deg/s and 0.036 m/s2 a count."""
+    slow = drive.filtered(0.5)
+    angle, speed, yaw = slow["handwheel_angle"], slow["vehicle_speed"], slow["yaw_rate"]
+    lag = round(0.1 * drive.rate)  # the car's yaw follows its wheels
+    by_wheels = (speed * angle / (RATIO * WHEELBASE))[:-lag]
+    cases = {
+        "yaw rate over speed * angle / (ratio * wheelbase)": fit(by_wheels, yaw[lag:]),
+        "lateral acceleration over speed * yaw rate": fit(speed * yaw, slow["lateral_acceleration"]),
+        "rate of the angle over its derivative": fit(np.gradient(angle, slow.time), slow["handwheel_speed"]),
+    }
+    for name, (correlation, slope, rest) in cases.items():
+        print(f"{name}: correlation {correlation:.3f}, slope {slope:.3f}, rest {rest:.2g}")
+    (c, k, rest), (c_y, k_y, rest_y), (c_r, k_r, _) = cases.values()
+    # 1 / (1 + v^2 / v_ch^2) at 61 km/h, with a characteristic speed of 65 to 100 km/h: the car understeers
+    assert c > 0.9
+    assert 1 / (1 + (61 / 65) ** 2) < k < 1 / (1 + (61 / 100) ** 2)
+    assert rest < 0.5 * 0.244 * DEGREE
+    assert c_y > 0.85
+    assert k_y == pytest.approx(1.0, abs=0.12)  # roll and the road's bank are in the sensor's reading
+    assert rest_y < 1.1 * 0.036
+    assert c_r > 0.8
+    assert k_r == pytest.approx(1.0, abs=0.1)
+
+
+def test_torque_stays_in_counts_and_its_metrics_are_refused(drive, tmp_path):
+    assert drive.units["handwheel_torque"] == "counts"
+    assert drive.meta["uncalibrated"] == "handwheel_torque"
+    counts = can_log.decoded(LOG, OPTIONS)["STEER_TORQUE_SENSOR"].values["STEER_TORQUE_DRIVER"]
+    assert counts.min() <= drive["handwheel_torque"].min() < -100
+    with pytest.raises(RefusedError, match="handwheel_torque is in counts of its sensor, uncalibrated"):
+        FilteredChannels(drive, 1.0)["handwheel_torque"]  # which every metric reads
+    for suffix in (".csv", ".parquet", ".mat", ".mf4"):
+        write(drive, tmp_path / f"drive{suffix}")
+        back = read(tmp_path / f"drive{suffix}")
+        assert back.units == drive.units
+        assert back.meta == drive.meta
+
+
+# Other formats, and logs that are damaged
+
+
+@pytest.fixture(scope="module")
+def frames():
+    with can.LogReader(LOG) as reader:
+        return [frame for _, frame in zip(range(2000), reader)]
+
+
+def written(path, frames):
+    with can.Logger(path) as logger:
+        for frame in frames:
+            logger.on_message_received(frame)
+    return path
+
+
+@pytest.mark.parametrize("suffix", [*can_log.SUFFIXES, ".csv"])
+def test_every_format_gives_the_same_recording(tmp_path, frames, suffix):
+    expected = read(
+        LOG, mapped(*ENTRIES), can=OPTIONS._replace(until=frames[-1].timestamp - frames[0].timestamp + 1e-9)
+    )
+    found = read(written(tmp_path / f"drive{suffix}", frames), mapped(*ENTRIES), can=OPTIONS)
+    np.testing.assert_allclose(found.time, expected.time, atol=2e-4)  # .asc and .trc round the time stamps
+    for name in expected.channels:
+        size = np.abs(expected[name]).max()
+        np.testing.assert_allclose(found[name], expected[name], atol=0.02 * size)
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # python-can leaves a bad file open
+@pytest.mark.parametrize("suffix", [*can_log.SUFFIXES, ".csv"])
+@pytest.mark.parametrize("part", [0.0, 0.3, 0.6, 0.9])
+def test_a_cut_log_is_refused_with_what_can_be_read(tmp_path, frames, suffix, part):
+    """In mid-frame: the sentence says how far it is whole, and that much can be read."""
+    path = written(tmp_path / f"drive{suffix}", frames)
+    whole = path.read_bytes()
+    size = int(part * len(whole))
+    if part and suffix in (".log", ".csv"):  # within the data of a frame that is wanted
+        size = whole.rfind({".log": b"0B4#", ".csv": b",0xb4,"}[suffix], 0, size) + {".log": 8, ".csv": 16}[suffix]
+    path.write_bytes(whole[:size])
+    text = refusal(path, mapped("vehicle_speed=SPEED"), can=OPTIONS)
+    if part == 0.0:
+        assert "is it complete?" in text or "record it again" in text or "recordings end in" in text or "header" in text
+        return
+    assert "the log breaks off after" in text or "the log is cut there" in text
+    if "--between 0 " in text:
+        until = float(text.split("--between 0 ")[1])
+        if until > 1.0:
+            rest = read(path, mapped("vehicle_speed=SPEED"), can=OPTIONS._replace(until=until))
+            assert rest.time[-1] == pytest.approx(until, abs=0.06)
+
+
+def test_a_frame_that_is_too_short_is_refused_with_its_place(tmp_path):
+    path = tmp_path / "drive.log"
+    path.write_text("(5.0) can0 0B4#000000001D0B7A5E\n(5.02) can0 0B4#000000001D0B7B5E\n(5.04) can0 0B4#00000000\n")
+    assert (
+        "frame 3, at 0.040000 s, has 4 of the 8 bytes of SPEED (id 0x0B4): the log is cut there, or the database is of "
+        "another car; take what is before that with --between 0 0.04"
+    ) in refusal(path, mapped("vehicle_speed=SPEED"), can=OPTIONS)
+
+
+def speeds(path, times, values, identifier=0xB4, bus="can0"):
+    """A log of the speed [km/h]."""
+    lines = [f"({5 + t:.6f}) {bus} {identifier:03X}#0000000000{round(100 * v):04X}00" for t, v in zip(times, values)]
+    path.write_text("\n".join(lines) + "\n")
+    return path
+
+
+def test_lost_frames_are_a_gap_and_told(tmp_path):
+    times = np.delete(np.arange(200) * 0.02, [60, *range(100, 104)])
+    path = speeds(tmp_path / "drive.log", times, 50 + 5 * times)
+    found = read(path, mapped("vehicle_speed=SPEED"), can=OPTIONS)
+    gap = (found.time > 99 * 0.02 + 1e-9) & (found.time < 104 * 0.02 - 1e-9)
+    np.testing.assert_array_equal(np.isnan(found["vehicle_speed"]), gap)  # one lost frame is bridged by a line
+    np.testing.assert_allclose(found["vehicle_speed"][~gap], (50 + 5 * found.time[~gap]) / 3.6, atol=0.01 / 3.6)
+    told = found.meta["can"]["messages"]["SPEED"]
+    assert (told["frames"], told["gaps"]) == (195, 1)
+    assert told["longest_step_s"] == pytest.approx(0.1)
+    assert told["longest_step_at_s"] == pytest.approx(1.98)
+
+
+def test_a_counter_tells_the_frames_that_are_missing(tmp_path):
+    text = DBC.read_text().replace('" CAR\n\nBO_ 608', '" CAR\n SG_ COUNTER : 7|4@0+ (1,0) [0|15] "" CAR\n\nBO_ 608')
+    (tmp_path / "car.dbc").write_text(text)
+    lines = [f"({0.02 * k:.6f}) can0 0B4#{k % 16:01X}000000000138800" for k in range(100) if k not in (17, 50, 51)]
+    (tmp_path / "drive.log").write_text("\n".join(lines) + "\n")
+    found = read(tmp_path / "drive.log", mapped("vehicle_speed=SPEED"), can=can_log.Options((tmp_path / "car.dbc",)))
+    assert found.meta["can"]["messages"]["SPEED"]["missed_by_counter"] == 3
+    np.testing.assert_allclose(found["vehicle_speed"], 50 / 3.6)
+
+
+def test_two_buses_are_not_mixed(tmp_path):
+    a = speeds(tmp_path / "a.log", np.arange(50) * 0.02, np.full(50, 36.0))
+    b = speeds(tmp_path / "b.log", np.arange(50) * 0.02 + 0.001, np.full(50, 72.0), bus="can1")
+    path = tmp_path / "drive.log"
+    path.write_text("".join(sorted((a.read_text() + b.read_text()).splitlines(keepends=True))))
+    named = mapped("vehicle_speed=SPEED")
+    assert "SPEED occurs on the buses can0, can1: choose one, --bus can0" in refusal(path, named, can=OPTIONS)
+    for bus, speed in (("can0", 10.0), ("can1", 20.0)):
+        np.testing.assert_allclose(read(path, named, can=OPTIONS._replace(bus=bus))["vehicle_speed"], speed)
+    assert "no frame in the log on the bus 'can7'" in refusal(path, named, can=OPTIONS._replace(bus="can7"))
+
+
+@pytest.mark.parametrize(
+    ("entry", "message"),
+    [
+        ("vehicle_speed=SPED", "no channel 'SPED' for vehicle_speed; did you mean SPEED?"),
+        ("vehicle_speed=Tempo", "no channel 'Tempo' for vehicle_speed; there are YAW_RATE, ACCEL_X, ACCEL_Y, STEER"),
+        (
+            "handwheel_torque=STEERING_LKA.STEER_TORQUE_CMD[counts]",
+            "column 'STEERING_LKA.STEER_TORQUE_CMD', wanted as handwheel_torque, is in the message STEERING_LKA "
+            "(id 0x2E4), which never occurs in the log; it has 0x0B4",
+        ),
+        ("handwheel_torque=STEER_TORQUE_DRIVER", "STEER_TORQUE_DRIVER' names no unit; give it in a mapping"),
+        ("yaw_rate=SPEED", "column 'SPEED.SPEED' is in 'km/h', yaw_rate needs 'rad/s': correct it"),
+        ("yaw_rate=SPEED[deg/s]", "is in 'km/h' by the file, but in 'deg/s' by the mapping: these are of different"),
+        ("yaw_rate=YAW_RATE + SPEED", "'YAW_RATE + SPEED' is no sum: its signals must be of one message and in one"),
+        ("yaw_rate=YAW_RATE + FINE", "no signal 'FINE' in the database, for the sum 'YAW_RATE + FINE'"),
+    ],
+)
+def test_databases_and_mappings_that_do_not_fit(tmp_path, entry, message):
+    path = speeds(tmp_path / "drive.log", np.arange(50) * 0.02, np.full(50, 36.0))
+    assert message in refusal(path, mapped(entry), can=OPTIONS)
+
+
+def test_a_name_in_two_messages_needs_that_of_its_message(tmp_path):
+    text = DBC.read_text().replace("STEER_TORQUE_EPS", "STEER_ANGLE").replace("7|16@0- (1,0)", "7|16@0- (0.1,0)")
+    (tmp_path / "car.dbc").write_text(text)
+    options = can_log.Options((tmp_path / "car.dbc",))
+    message = "did you mean STEER_ANGLE_SENSOR.STEER_ANGLE or STEER_TORQUE_SENSOR.STEER_ANGLE?"
+    assert message in refusal(LOG, mapped("handwheel_angle=STEER_ANGLE"), can=options)
+    assert "it is one of STEER_ANGLE_SENSOR.STEER_ANGLE, STEER_TORQUE_SENSOR.STEER_ANGLE" in refusal(
+        LOG, mapped("handwheel_angle=STEER_ANGLE + STEER_FRACTION"), can=options
+    )
+    found = read(LOG, mapped("handwheel_angle=STEER_ANGLE_SENSOR.STEER_ANGLE"), can=options._replace(until=2.0))
+    assert found["handwheel_angle"].size > 100
+
+
+def test_logs_and_databases_that_cannot_be_read(tmp_path):
+    path = speeds(tmp_path / "drive.log", np.arange(50) * 0.02, np.full(50, 36.0))
+    assert "give the DBC that says what is in them, --dbc car.dbc" in refusal(path)
+    (tmp_path / "car.dbc").write_text("BO_ 36 KINEMATICS 8\n")
+    assert "car.dbc cannot be read as a CAN database: " in refusal(path, can=can_log.Options((tmp_path / "car.dbc",)))
+    with pytest.raises(FileNotFoundError):
+        read(path, can=can_log.Options((tmp_path / "none.dbc",)))
+    with pytest.raises(ValueError, match=r"a CAN log is not written; recordings end in \.csv"):
+        write(read(path, can=OPTIONS), tmp_path / "other.blf")
+    lines = path.read_text().splitlines(keepends=True)
+    path.write_text("".join([*lines[:20], lines[30], *lines[20:]]))
+    assert "SPEED (id 0x0B4): the time goes back from 0.600000 to 0.400000 s; sort the log" in refusal(
+        path, can=OPTIONS
+    )
+
+
+def test_without_the_extra(tmp_path, monkeypatch):
+    path = speeds(tmp_path / "drive.log", np.arange(50) * 0.02, np.full(50, 36.0))
+    monkeypatch.setitem(sys.modules, "cantools", None)
+    assert "CAN logs need the packages python-can and cantools: pip install '.[can]'" in refusal(path, can=OPTIONS)
+
+
+# The command line
+
+
+def test_options_of_can_logs(tmp_path, capsys):
+    (tmp_path / "run.csv").write_text("time_s,yaw_rate_deg_s\n0,1\n1,2\n")
+    command = ["evaluate", str(tmp_path / "run.csv"), "--manoeuvre", "weave"]
+    assert main([*command, "--dbc", str(DBC)]) == 2
+    assert "--dbc is for CAN logs (.blf, .asc," in capsys.readouterr().err
+    cut = tmp_path / "cut.log"
+    cut.write_bytes(gzip.decompress(LOG.read_bytes())[:100_000])
+    command = ["evaluate", str(cut), "--dbc", str(DBC), "--map", "yaw_rate=YAW_RATE", "--manoeuvre", "weave"]
+    assert main(command) == 2
+    error = capsys.readouterr().err
+    assert "the log breaks off after 2561 whole frames" in error
+    assert main([*command, "--between", *error.split("--between ")[1].split()]) == 1  # read, without a metric
+
+
+def test_gaps_and_channels_without_values_are_told_before_the_metrics(tmp_path, capsys):
+    times = np.delete(np.arange(200) * 0.02, range(100, 104))
+    path = speeds(tmp_path / "drive.log", times, 50 + 5 * times)
+    command = ["evaluate", str(path), "--dbc", str(DBC), "--map", "vehicle_speed=SPEED", "--manoeuvre", "weave"]
+    assert main(command) == 1
+    assert f"{path}: gaps of SPEED: 1, longest step 0.1 s at 1.98 s\n" in capsys.readouterr().out
+    (tmp_path / "run.csv").write_text("time_s,yaw_rate_deg_s,SWA [deg]\n0,1,\n1,2,\n")
+    assert main(["evaluate", str(tmp_path / "run.csv"), "--manoeuvre", "weave"]) == 1
+    assert "run.csv: columns that are not read: SWA [deg] (no values)\n" in capsys.readouterr().out
+
+
+def test_the_page_says_what_is_uncalibrated(tmp_path, capsys):
+    command = ["evaluate", str(LOG), "--dbc", str(DBC), "--mapping", str(FOLDER / "rav4.toml"), "--manoeuvre", "weave"]
+    assert main([*command, "--between", "0", "20", "--speed_kph", "65", "--out", str(tmp_path / "page")]) == 1
+    assert "in counts of the sensor, uncalibrated: handwheel_torque" in capsys.readouterr().out
+    page = (tmp_path / "page" / "index.html").read_text()
+    assert '<td>uncalibrated</td><td class="text wide">handwheel_torque</td>' in page
+    assert "STEER_TORQUE_SENSOR" in page  # with its frames, rate and gaps
+
+
+def test_a_template_lists_what_the_log_has_and_is_a_mapping(tmp_path, capsys):
+    out = tmp_path / "map.toml"
+    command = ["evaluate", str(LOG), "--dbc", str(DBC), "--template", str(out)]
+    assert main(command) == 0
+    text = out.read_text()
+    assert '# [channels.handwheel_angle]\n# from = "STEER_ANGLE_SENSOR.STEER_ANGLE"  # deg, -4.5 to 3' in text
+    assert '# "STEER_TORQUE_SENSOR.STEER_TORQUE_DRIVER": no unit, -148.176 to 138' in text
+    (section,) = (part for part in text.split("\n\n") if part.startswith("# [channels.vehicle_speed]"))
+    out.write_text("\n".join(line.removeprefix("# ") for line in section.splitlines() if '"m/s"' not in line))
+    assert set(read(LOG, out, can=OPTIONS).channels) == {"vehicle_speed"}
+    capsys.readouterr()
+    assert main(command) == 2
+    assert "map.toml exists already: name another file, or remove it" in capsys.readouterr().err

@@ -1,0 +1,167 @@
+"""What a recording hides: zeros of sensors, scales, clocks and units, which metrics find, allow for, or refuse."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from steer_env import manoeuvres, metrics
+from steer_env.recording.recording import DEGREE
+from steer_env.synthetic import faults
+from steer_env.synthetic.loops import linear_car, rough_car
+from steer_env.synthetic.recordings import changed, recording, smooth_step
+from steer_env.synthetic.step import HOLD, RISE, SIZE, STRAIGHT, TORQUE, steps
+from steer_env.vehicle import cars
+
+LOGGED = ("handwheel_angle", "handwheel_torque", "lateral_acceleration", "yaw_rate", "vehicle_speed")
+
+
+def logged(given, rate=100.0):
+    """The channels and the rate of a logger."""
+    every = slice(None, None, round(given.rate / rate))
+    return recording(
+        given.meta["manoeuvre"], given.time[every], given.meta, **{name: given[name][every] for name in LOGGED}
+    )
+
+
+@pytest.fixture(scope="module")
+def weave():
+    return logged(manoeuvres.drive(cars.load(), manoeuvres.make("weave"), "lugre"))
+
+
+def notes(found):
+    return next(iter(found.values())).notes
+
+
+# Zeros
+
+
+@pytest.mark.parametrize("offset", [-2.0, 1.0])
+def test_an_offset_of_the_handwheel_angle_is_found_and_removed(weave, offset):
+    """Formerly 1 deg changed the torque dead band by 2.6 % and the stiffness by 2.8 %, outside their intervals."""
+    plain = metrics.evaluate(weave)
+    found = metrics.evaluate(changed(weave, handwheel_angle=weave["handwheel_angle"] + offset * DEGREE))
+    for name, value in found.items():
+        assert value.value == pytest.approx(plain[name].value, rel=1e-4), name
+    assert notes(plain) == ()
+    assert notes(found)[0].startswith(f"handwheel_angle reads {offset:g} deg where the car goes straight")
+
+
+def test_the_zeros_of_all_sensors_are_removed(weave):
+    plain = metrics.evaluate(weave)
+    offsets = {"handwheel_torque": 5.0, "lateral_acceleration": 0.2, "yaw_rate": -0.5 * DEGREE}
+    found = metrics.evaluate(changed(weave, **{name: weave[name] + size for name, size in offsets.items()}))
+    for name, value in found.items():
+        assert value.value == pytest.approx(plain[name].value, rel=1e-4), name
+    told = " ".join(notes(found))
+    assert "handwheel_torque reads 5 N m" in told
+    assert "lateral_acceleration reads 0.2 m/s2" in told
+    assert "yaw_rate reads -0.5 deg/s" in told
+
+
+def test_a_bend_of_the_road_widens_the_intervals(weave):
+    """Both sensors show the same turn: either the road was bent, or both have an offset."""
+    turn, speed = 0.3 * DEGREE, 100 / 3.6
+    found = metrics.evaluate(
+        changed(
+            weave,
+            handwheel_angle=weave["handwheel_angle"] + turn / 0.29,
+            yaw_rate=weave["yaw_rate"] + turn,
+            lateral_acceleration=weave["lateral_acceleration"] + speed * turn,
+        )
+    )
+    plain = metrics.evaluate(weave)
+    assert any(
+        "the intervals allow for a bend of the road: drive along a straight road" in note for note in notes(found)
+    )
+    wide, narrow = (v["steering_stiffness"].high - v["steering_stiffness"].low for v in (found, plain))
+    assert wide > 5 * narrow
+
+
+def test_a_rig_has_no_zeros():
+    """A car that stands does not show where it would go straight."""
+    still = rough_car(frequency=0.2, cycles=10, triangle=False)
+    still = changed(still, lateral_acceleration=None, yaw_rate=None, vehicle_speed=None)
+    reading = metrics.read(changed(still, handwheel_angle=still["handwheel_angle"] + 0.02), "rig")
+    assert reading.zero("handwheel_angle") == 0.0
+
+
+# Scale and clocks
+
+
+def test_a_declared_error_of_the_torque_widens_the_intervals():
+    clean = linear_car()
+    plain = metrics.evaluate(clean)
+    declared = metrics.evaluate(replace(clean, meta={**clean.meta, "torque_scale_error": 0.02}))
+    assert metrics.evaluate(clean, torque_scale_error=0.02) == declared
+    wider = declared["torque_deadband"].high - plain["torque_deadband"].high
+    assert wider == pytest.approx(plain["torque_deadband"].value * (1 / 0.98 - 1), rel=1e-6)
+    assert declared["yaw_lag"][:3] == plain["yaw_lag"][:3]
+    assert notes(declared) == ("the intervals allow for an error of 0.02 of the scale of handwheel_torque",)
+    for wrong in (-0.02, 1.0, "2 %"):
+        with pytest.raises(ValueError, match="torque_scale_error"):
+            metrics.evaluate(clean, torque_scale_error=wrong)
+
+
+def test_clocks_that_drift_apart_are_found():
+    clean = linear_car(cycles=12)
+    found = metrics.evaluate(faults.clocks_apart(clean, np.random.default_rng(1)))
+    assert found["yaw_lag"].low < 80.0 < found["yaw_lag"].high
+    assert any("the intervals allow for the clock of yaw_rate" in note for note in notes(found))
+    assert notes(metrics.evaluate(clean)) == ()
+
+
+# Units
+
+
+@pytest.mark.parametrize(
+    ("channel", "factor", "remedy"),
+    [
+        ("handwheel_angle", DEGREE, '[channels.handwheel_angle] unit = "rad"'),
+        ("handwheel_angle", 1 / DEGREE, '[channels.handwheel_angle] unit = "deg"'),
+        ("yaw_rate", DEGREE, '[channels.yaw_rate] unit = "rad/s"'),
+        ("yaw_rate", 1 / DEGREE, '[channels.yaw_rate] unit = "deg/s"'),
+        ("lateral_acceleration", 1 / 9.81, '[channels.lateral_acceleration] unit = "g"'),
+    ],
+)
+@pytest.mark.parametrize("manoeuvre", [linear_car(), steps(100.0)])
+def test_a_unit_that_no_car_has_is_refused_with_the_one_that_fits(manoeuvre, channel, factor, remedy):
+    found = metrics.evaluate(changed(manoeuvre, **{channel: factor * manoeuvre[channel]}))
+    assert all(remedy in value.reason for value in found.values())
+
+
+def test_a_weave_of_840_degrees_is_refused_without_motion():
+    clean = changed(linear_car(size=840 / 17), lateral_acceleration=None, yaw_rate=None, handwheel_torque=None)
+    assert "deg, for which any car has at least" in metrics.evaluate(clean)["peak_handwheel_angle"].reason
+
+
+# Windows and estimators
+
+
+def test_the_steady_window_of_a_step_ends_before_the_return():
+    """The return begins gently, as people and robots steer; formerly the window reached 0.08 s into it."""
+    clean, each = steps(100.0), RISE + HOLD + 1.0 + STRAIGHT
+    angle, torque = np.zeros(clean.time.size), np.zeros(clean.time.size)
+    for i in range(6):
+        t = clean.time - 1.0 - i * each
+        held = np.clip(t / RISE, 0, 1) - smooth_step(t - RISE - HOLD)
+        angle, torque = angle + (-1) ** i * SIZE * held, torque + (-1) ** i * TORQUE[0] * held
+    found = metrics.evaluate(changed(clean, handwheel_angle=angle, handwheel_torque=torque))["steady_step_torque"]
+    assert found.value == pytest.approx(TORQUE[0], rel=1e-4)
+    assert found.low <= TORQUE[0] <= found.high
+
+
+def test_the_phase_of_the_torque_allows_for_its_estimator():
+    """With friction a sine fit where the sweep passes 1 Hz gives another phase than the cross spectrum."""
+    given = logged(manoeuvres.drive(cars.load(), manoeuvres.make("frequency-response"), "lugre"))
+    reading = metrics.read(given)
+    segment = reading._segments[0]
+    angle, torque = (given[name][segment] for name in ("handwheel_angle", "handwheel_torque"))
+    up = np.flatnonzero((angle[1:] >= 0) & (angle[:-1] < 0))
+    period = np.diff(up) / given.rate
+    k = int(np.argmin(np.abs(period - 1.0)))
+    cycle = slice(up[k], up[k + 1])
+    turn = np.fft.rfft(torque[cycle])[1] / np.fft.rfft(angle[cycle])[1]
+    found = metrics.evaluate(given)["torque_phase_lead_at_1hz"]
+    assert found.low <= np.angle(turn) / DEGREE <= found.high
+    assert found.high - found.low < 10.0
