@@ -49,7 +49,7 @@ class Job(NamedTuple):
     env_id: str
     make: Callable[[Any], Controller]
     episodes: int
-    options: Mapping[str, float] = {}
+    options: Mapping[str, float] = {}  # of every reset, such as a scenario
     arguments: Mapping[str, Any] = {}  # of the environment
 
 
