@@ -159,9 +159,7 @@ def written(path, frames):
 
 @pytest.mark.parametrize("suffix", [*can_log.SUFFIXES, ".csv"])
 def test_every_format_gives_the_same_recording(tmp_path, frames, suffix):
-    expected = read(
-        LOG, mapped(*ENTRIES), can=OPTIONS._replace(until=frames[-1].timestamp - frames[0].timestamp + 1e-9)
-    )
+    expected = read(LOG, mapped(*ENTRIES), can=OPTIONS._replace(until=frames[-1].timestamp - frames[0].timestamp + 1e-9))
     found = read(written(tmp_path / f"drive{suffix}", frames), mapped(*ENTRIES), can=OPTIONS)
     np.testing.assert_allclose(found.time, expected.time, atol=2e-4)  # .asc and .trc round the time stamps
     for name in expected.channels:
@@ -289,9 +287,7 @@ def test_logs_and_databases_that_cannot_be_read(tmp_path):
         write(read(path, can=OPTIONS), tmp_path / "other.blf")
     lines = path.read_text().splitlines(keepends=True)
     path.write_text("".join([*lines[:20], lines[30], *lines[20:]]))
-    assert "SPEED (id 0x0B4): the time goes back from 0.600000 to 0.400000 s; sort the log" in refusal(
-        path, can=OPTIONS
-    )
+    assert "SPEED (id 0x0B4): the time goes back from 0.600000 to 0.400000 s; sort the log" in refusal(path, can=OPTIONS)
 
 
 def test_without_the_extra(tmp_path, monkeypatch):
