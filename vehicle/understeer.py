@@ -140,7 +140,7 @@ def response(car: Car, speed: float, chassis: str = "single_track", torque: floa
 
     The handwheel turns the torsion bar, which turns the column against rack force, motor damping and assist. Phase
     lead, delay and lag of the motor are left out; they matter above some 5 Hz, as does the lag of the geometric load
-    transfer. Of the assist's functions the lead-lag has its gain at 0 Hz, and friction compensation is left out with the
+    transfer. Of the assist's functions the lead-lag has its gain at 0 Hz; friction compensation is left out with the
     friction.
 
     Parameters

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from steer_env.experiments.cli.common import names
+from steer_env.experiments.output import car_options
 
 
 def add(commands: Any, common: argparse.ArgumentParser) -> None:
@@ -15,34 +16,63 @@ def add(commands: Any, common: argparse.ArgumentParser) -> None:
         "yaw lag, natural frequencies, free control, parking and kinematics, and compare them with published ranges."
     )
     car = commands.add_parser("car", help=text, description=text, parents=[common])
-    car.add_argument("name", metavar="NAME", help=f"{', '.join(names.cars())}, or a .toml or .json file of your own")
+    text = f"{', '.join(names.cars())}, or a .toml or .json file of your own"
+    car.add_argument("name", metavar="NAME", nargs="?", help=text)
+    text = "write a new car file in which a comment explains every key"
+    car.add_argument("--new", metavar="FILE.toml", help=text)
+    text = "car that the new file begins with (default compact)"
+    car.add_argument("--base", metavar="NAME", help=text)
+    car_options.add_changes(car)
     text = "write index.html and car.json with the derived quantities, and print them"
     car.add_argument("--page", action="store_true", help=text)
     text = "directory of the page, replaced as a whole (default car_NAME)"
     car.add_argument("--out", metavar="DIR", help=text)
-    car.set_defaults(function=_car)
+    car.set_defaults(function=_car, vehicle=None)
 
 
 def _car(args: argparse.Namespace) -> None:
     if args.out and not args.page:
         raise ValueError("--out is the directory of the page: give --page with it")
-
-    from steer_env.vehicle import cars
-
-    if not args.page:
-        print(json.dumps(cars.every_key(args.name), indent=2))
+    if args.new:
+        _new(args)
         return
-    car = cars.load(args.name)
-    out = Path(args.out or f"car_{Path(args.name).stem}")
+    if args.base or args.name is None:
+        raise ValueError("give the NAME of a car; --base belongs to --new")
+    args.vehicle = args.name if args.vehicle is None else args.vehicle  # of a trace
+
+    car = car_options.load(args)
+    if not args.page:
+        print(json.dumps(car.data(), indent=2))
+        return
+    out = Path(args.out or f"car_{car.name}")
 
     from steer_env.experiments.cli.common.tables import print_quantities
-    from steer_env.experiments.output import files
+    from steer_env.experiments.output import files, provenance
     from steer_env.experiments.output.options import progress
     from steer_env.experiments.report import car_page
 
     files.usable(out, car_page.CONTENTS)
     with progress("compiling and driving", None) as notify:
         notify(0.0, "compiling and driving")
-        found = car_page.build(out, car, cars.every_key(args.name))
+        trace = provenance.trace(command=args.argv, result=out.name, car=car)
+        found = car_page.build(out, car, trace)
     print_quantities(found, car.name)
     print(out / "index.html")
+
+
+def _new(args: argparse.Namespace) -> None:
+    """Write a commented car file; one that is there already stays."""
+    from steer_env.vehicle import cars
+
+    path = Path(args.new)
+    if args.name is not None or args.page:
+        raise ValueError(
+            "--new FILE.toml takes neither NAME nor --page: give the car that it begins with as --base NAME"
+        )
+    if path.exists():
+        raise ValueError(f"{path} is there already: give another name, or remove it")
+    if not path.absolute().parent.is_dir():
+        raise ValueError(f"--new {path}: there is no directory {path.parent}")
+    args.vehicle = args.base
+    cars.write(car_options.load(args)._replace(name=path.stem), path, comments=True)
+    print(path)

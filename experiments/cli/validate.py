@@ -13,8 +13,8 @@ def add(commands: Any, common: argparse.ArgumentParser) -> None:
     validate.add_argument("measured", metavar="MEASURED", help=f"the measured recording: {names.RECORDED}")
     validate.add_argument("simulated", metavar="SIMULATED", help=f"the simulated recording: {names.RECORDED}")
     text = (
-        "tolerances by channel: default, for a model that is to show a measured friction; wide, for one made from a data "
-        "sheet; or a .toml file"
+        "tolerances by channel: default, for a model that is to show a measured friction; wide, for one made from a "
+        "data sheet; or a .toml file"
     )
     validate.add_argument("--tolerances", metavar="NAME", default="default", help=text)
     recordings.add_options(validate)

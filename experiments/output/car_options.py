@@ -33,6 +33,11 @@ def add(parser: argparse.ArgumentParser, default: str | None = "compact") -> Non
     usual = f" (default {default})" if default else " (default: that of the environment or of the training)"
     text = f"{', '.join(packaged())}, or a .toml or .json file{usual}"
     parser.add_argument("--vehicle", metavar="NAME", default=default, help=text)
+    add_changes(parser)
+
+
+def add_changes(parser: argparse.ArgumentParser) -> None:
+    """Add ``--tyre`` and ``--set`` to a parser that takes the car itself in another way."""
     text = "a tyre in place of the car's own: a file, or the name of a packaged tyre"
     parser.add_argument("--tyre", metavar="FILE.tir", help=text)
     text = "a key of the car in place of its own, SI units, e.g. column.K_tb=143; may be repeated"

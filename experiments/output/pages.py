@@ -19,9 +19,8 @@ def environment(package: str) -> jinja2.Environment:
         lstrip_blocks=True,
         undefined=jinja2.StrictUndefined,
     )
-    found.filters |= {
-        f.__name__: f for f in (words.number, words.percent, words.change, words.label, words.unit, words.span)
-    }
+    filters = (words.number, words.percent, words.change, words.label, words.unit, words.prose, words.span)
+    found.filters |= {f.__name__: f for f in filters}
     return found
 
 

@@ -21,28 +21,11 @@ import steer_env
 from steer_env import experiments, friction, vehicle
 from steer_env.friction import defaults
 from steer_env.friction.law import law_of
-from steer_env.vehicle.cars import Car
+from steer_env.vehicle.cars import Car, key_meanings
 
 PACKAGES = ("numpy", "numba", "llvmlite", "scipy", "control", "gymnasium", "matplotlib", "jinja2", "rich")
 
 SOURCES = frozenset({".py", ".pyi", ".json", ".toml", ".tir", ".npz", ".j2", ".css"})  # suffixes of sources and data
-
-# Unit -> names of the numbers in a car's data file.
-_NAMES = {
-    "kg": "mass sprung_mass front_unsprung_mass",
-    "kg m2": "roll_inertia yaw_inertia pitch_inertia wheel_inertia",
-    "m": "length width front_axle rear_axle sprung_height front_track rear_track rear_roll_centre pinion_radius"
-    " rack_limit front_bump_clearance rear_bump_clearance",
-    "m2": "drag_area front_lift_area rear_lift_area",
-    "s": "compliance_time speed_hold_time",
-    "N/m": "front_spring rear_spring bump_stiffness",
-    "N s/m": "front_damper rear_damper",
-    "N m/rad": "front_anti_roll rear_anti_roll compliance",
-    "rad/m": "rear_bump_steer rear_camber_gain",
-    "rad/N": "rear_lateral_compliance",
-    "1": "friction_load front_cornering_stiffness_factor rear_cornering_stiffness_factor",
-}
-UNITS = {name: unit for unit, names in _NAMES.items() for name in names.split()}
 
 
 def versions() -> dict[str, Any]:
@@ -203,15 +186,16 @@ def car(c: Car) -> dict[str, Any]:
         "description": c.description,
         "source": c.source,
         "assumed": list(c.given["assumed"]),
-        "chassis": _with_units(c.chassis),
-        "steering": _with_units(c.steering),
+        "chassis": _with_units("chassis", c.chassis),
+        "steering": _with_units("steering", c.steering),
         "column": parameters(c.column),
         "assist": parameters(c.assist),
     }
 
 
-def _with_units(values: dict[str, float]) -> dict[str, dict[str, Any]]:
-    return {name: {"value": value, "unit": UNITS[name]} for name, value in values.items()}
+def _with_units(section: str, values: dict[str, float]) -> dict[str, dict[str, Any]]:
+    keys = key_meanings()[section]
+    return {name: {"value": value, "unit": keys[name].unit} for name, value in values.items()}
 
 
 def _prose(module: Any) -> str:

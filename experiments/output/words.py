@@ -52,6 +52,11 @@ def unit(name: str) -> str:
     return "" if name == "1" else name.replace("m/s2", "m/s²").replace("rad/s2", "rad/s²")
 
 
+def prose(text: str) -> str:
+    """A definition with units and signs as they are written."""
+    return text.replace("+-", "±").replace("m/s2", "m/s²")
+
+
 def span(limits: Iterable[float]) -> str:
     """A range in words, which a minus sign does not garble."""
     return " to ".join(number(x) for x in limits)

@@ -15,12 +15,13 @@ from steer_env.experiments.drawing import car_pictures, pictures
 from steer_env.experiments.output import provenance
 from steer_env.experiments.output.files import replaced_directory, write_json
 from steer_env.experiments.output.pages import environment, image
+from steer_env.experiments.output.traces import embedded
 from steer_env.experiments.report import car_quantities, car_suspension
 from steer_env.experiments.report.car_quantities import CHASSIS, Quantity, ranges
 from steer_env.experiments.report.car_simulated import LAW, SPEED, SPEEDS, Simulated, simulate
 from steer_env.experiments.studies.common.assist_margins import TARGETS
 from steer_env.recording.recording import DEGREE
-from steer_env.vehicle import understeer
+from steer_env.vehicle import cars, understeer
 from steer_env.vehicle.cars import Car
 from steer_env.vehicle.free_control import SMALL
 
@@ -138,15 +139,15 @@ def _pictures(car: Car, found: list[Quantity], simulated: Simulated) -> dict[str
     }
 
 
-def render(car: Car, data: dict[str, Any], found: list[Quantity], simulated: Simulated) -> str:
+def render(car: Car, found: list[Quantity], simulated: Simulated) -> str:
     """The page."""
     return (
         environment(__package__)
         .get_template("car.html.j2")
         .render(
             car=car,
-            data=data,
-            units=provenance.UNITS,
+            data=car.data(),
+            keys=cars.key_meanings(),
             groups={group: list(members) for group, members in groupby(found, key=lambda q: q.group)},
             outside=outside(found),
             strip=strip,
@@ -157,7 +158,7 @@ def render(car: Car, data: dict[str, Any], found: list[Quantity], simulated: Sim
     )
 
 
-def build(out: Path, car: Car, data: dict[str, Any]) -> list[Quantity]:
+def build(out: Path, car: Car, trace: dict[str, Any] | None = None) -> list[Quantity]:
     """Derive the quantities of a car and write its page into a directory, which appears or is replaced as a whole.
 
     Parameters
@@ -165,17 +166,18 @@ def build(out: Path, car: Car, data: dict[str, Any]) -> list[Quantity]:
     out : Path
         New, empty, or an earlier page.
     car : Car
-    data : dict
-        What the car's file sets, from ``cars.every_key``.
+    trace : dict, optional
+        Of :func:`steer_env.experiments.output.provenance.trace`; both files hold it.
 
     Raises
     ------
     ValueError
         If ``out`` holds other files, or the car cannot park.
     """
+    trace = provenance.trace(car=car) if trace is None else trace
     with replaced_directory(out, CONTENTS) as part:
         simulated = simulate(car)
         found = car_quantities.collect(car, simulated)
-        (part / "index.html").write_text(render(car, data, found, simulated), encoding="utf-8")
-        write_json(part / "car.json", as_json(car, found))
+        (part / "index.html").write_text(embedded(render(car, found, simulated), trace), encoding="utf-8")
+        write_json(part / "car.json", {**as_json(car, found), "trace": trace})
     return found

@@ -3,15 +3,15 @@
 import argparse
 from collections.abc import Sequence
 
-from steer_env.vehicle import assist_design, cars
+from steer_env.experiments.output import car_options
+from steer_env.vehicle import assist_design
 
 
 def main(argv: Sequence[str] | None = None) -> None:
     """Design boost and motor damping for a car and print them as a section of a car file (TOML)."""
     parser = argparse.ArgumentParser(prog="steer-env study assist-design", description=main.__doc__)
-    text = f"a packaged car ({', '.join(cars.available())}) or a .toml or .json file (default compact)"
-    parser.add_argument("--vehicle", metavar="CAR", default="compact", help=text)
-    found = assist_design.design(cars.load(parser.parse_args(argv).vehicle))
+    car_options.add(parser)
+    found = assist_design.design(car_options.load(parser.parse_args(argv)))
     print("[assist]")
     for name, values in found._asdict().items():
         if values.ndim == 1:

@@ -9,6 +9,7 @@ from dataclasses import replace
 from typing import Any
 
 from steer_env import manoeuvres
+from steer_env.experiments.output import car_options
 from steer_env.friction.numerics.check import number
 from steer_env.manoeuvres.common.driving import LostControlError
 from steer_env.metrics import evaluate
@@ -82,15 +83,15 @@ def maximum_entry_speed(
 def main(argv: Sequence[str] | None = None) -> None:
     """Print the entry speeds of a car on both chassis and both courses."""
     parser = argparse.ArgumentParser(prog="steer-env study entry-speed", description=main.__doc__)
-    text = f"{', '.join(cars.available())}, or a file (default compact)"
-    parser.add_argument("--vehicle", metavar="NAME", default="compact", help=text)
+    car_options.add(parser)
     laws = ["lugre", "masing"]
     text = f"laws by name (default {' '.join(laws)})"
     parser.add_argument("--friction", metavar="LAW", nargs="+", default=laws, help=text)
     args = parser.parse_args(argv)
+    car = car_options.load(args)
     for name in ("double-lane-change", "obstacle-avoidance"):
         for chassis in cars.SPEEDS:
             for law in args.friction:
                 test = replace(manoeuvres.make(name), chassis=chassis)
-                speed = maximum_entry_speed(cars.load(args.vehicle), law, test)
+                speed = maximum_entry_speed(car, law, test)
                 print(f"{name}, {chassis}, {law}: {speed / KPH:.4g} km/h", flush=True)

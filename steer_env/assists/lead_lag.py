@@ -120,8 +120,8 @@ class LeadLag(Baseline):
     ) -> None:
         super().__init__(env)
         self.gain = number("gain", gain)
-        corners = {"lead_lag_lag": self._corners("lag", lag), "lead_lag_lead": self._corners("lead", lead)}
-        self._law = filter_law.make(self.control_dt, **corners)
+        corners = self._corners("lag", lag), self._corners("lead", lead)
+        self._law = filter_law.make(self.control_dt, lead_lag_lag=corners[0], lead_lag_lead=corners[1])
         self.phase_margin = positive("phase_margin [rad]", phase_margin)
         self.gain_margin = number("gain_margin", gain_margin, minimum=1.0)
         self._designs: dict[float, float] = {}

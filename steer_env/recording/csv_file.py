@@ -47,9 +47,11 @@ def open_table(path: str | PathLike[str]) -> Table:
     encoding = _encoding(path)
     meta: dict[str, Any] = {}
     comments: list[str] = []
+    above = 0  # lines above the rows
     with open(path, encoding=encoding) as file:
-        for above, header in enumerate(_decoded(file), start=1):
-            if not header.startswith("#"):
+        for header in _decoded(file):
+            above += 1
+            if header.strip() and not header.startswith("#"):
                 break
             key, colon, value = (part.strip() for part in header[1:].partition(":"))
             if colon and key:
@@ -79,7 +81,8 @@ def _row_of_units(line: str, separator: str, count: int) -> list[str]:
     """The units in the line under the header; empty unless every cell is one, or none, and one at least is known."""
     cells = _cells(line, separator)[:count]
     units = [cell[1:-1].strip() if cell[:1] + cell[-1:] in ("[]", "()") else cell for cell in cells]
-    if len(units) == count and not any(map(_is_number, cells)) and any(parse_unit(unit) for unit in units):
+    numbers = any(_is_number(cell) and cell != "1" for cell in cells)
+    if len(units) == count and not numbers and any(parse_unit(unit) and unit != "1" for unit in units):
         return units
     return []
 
@@ -183,12 +186,13 @@ def _encoding(path: Any) -> str:
 
 def _decoded(file: IO[str]) -> Iterator[str]:
     """The lines of a file; ValueError where its bytes are no text in its encoding."""
-    number = 0
+    number = 1
     try:
-        for number, line in enumerate(file, start=1):
+        for line in file:
             yield line
+            number += 1
     except UnicodeDecodeError as error:
-        raise ValueError(f"line {number + 1} holds bytes that are not {error.encoding}: is it complete?") from None
+        raise ValueError(f"line {number} holds bytes that are not {error.encoding}: is it complete?") from None
 
 
 def _cells(line: str, separator: str) -> list[str]:

@@ -53,8 +53,9 @@ def read(
 
     The channels that are read are those that the mapping names and those with a known name
     (``channel_mapping.KNOWN``). If the mapping names no channel, all channels with a known unit are read, and the meta
-    key ``not_read`` lists the others, and ``uncalibrated`` those in counts. A channel without any value is left out and listed there, too. Where the mapping gives a channel a delay, all channels are trimmed to the time
-    that remains. An old name of a channel is replaced, and a line on standard error says so.
+    key ``not_read`` lists the others. A channel without any value is left out and listed there, too; the meta key
+    ``uncalibrated`` lists those in counts. Where the mapping gives a channel a delay, all channels are trimmed to the
+    time that remains. An old name of a channel is replaced, and a line on standard error says so.
 
     Parameters
     ----------

@@ -47,7 +47,14 @@ def text(path: str | PathLike[str], channels: Mapping[str, str], can: can_log.Op
         fitting = [entry for entry in found if (parse_unit(entry.unit or "") or ("",))[0] == unit]
         lines.append(f"# [channels.{name}]")
         lines += [f"# from = {_quoted(entry)}  # {found[entry]}" for entry in fitting] or ['# from = ""']
-        lines += [f'# unit = "{file_unit(unit)}"', "# sign = 1", "# scale = 1.0", "# offset = 0.0", "# delay_ms = 0", ""]
+        lines += [
+            f'# unit = "{file_unit(unit)}"',
+            "# sign = 1",
+            "# scale = 1.0",
+            "# offset = 0.0",
+            "# delay_ms = 0",
+            "",
+        ]
     lines += ["# [meta]", '# manoeuvre = ""', "# speed_m_s = ", "", "# Every column of the file:"]
     lines += [f"# {_quoted(entry)}: {told}" for entry, told in found.items()]
     return "\n".join(lines) + "\n"

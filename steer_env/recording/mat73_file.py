@@ -37,7 +37,7 @@ def content(path: str | PathLike[str]) -> dict[str, Any]:
         raise ValueError(f"cannot be read as a MATLAB v7.3 file ({error}); is it complete?") from None
 
 
-def _variables(group: Any, dataset: type) -> dict[str, Any]:
+def _variables(group: Any, dataset: Any) -> dict[str, Any]:
     """The entries of a group except references, cells and what MATLAB keeps for itself."""
     found: dict[str, Any] = {}
     for name, entry in group.items():

@@ -1,6 +1,7 @@
 """Recordings for MATLAB: one variable per channel, named as ``handwheel_angle_deg`` with its unit; JSON ``meta``.
 
-Files are written as v5, which every MATLAB reads; v7.3, which is HDF5, is read with the extra ``hdf5``. Files from other programs may hold the channels in a structure; the names in nested structures are joined by dots.
+Files are written as v5, which every MATLAB reads; v7.3, which is HDF5, is read with the extra ``hdf5``. Files from
+other programs may hold the channels in a structure; the names in nested structures are joined by dots.
 """
 
 import json

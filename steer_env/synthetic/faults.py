@@ -1,4 +1,4 @@
-"""Faults between the car and the file: noise and offsets of sensors, delays, slow logging and gaps."""
+"""Faults between the car and the file: noise, zeros, scales, units, delays and clocks of sensors, gaps, a slow log."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -132,6 +132,7 @@ def long_drop_out(given: Recording, rng: np.random.Generator) -> Recording:
 
 
 PERIODIC = ("weave", "slow-ramp", "rig")  # tests that show how clocks go
+TOGETHER = "measured"  # the fault that is all faults of a measurement at once
 STEERED = tuple(test for test in metrics.tests() if metrics.evaluation_by_name(test).steered)
 
 
@@ -169,7 +170,7 @@ FAULTS: dict[str, Fault] = {
     "angle offset": Fault(before=(angle_offset,)),
     "torque scale": Fault(before=(torque_scaled,)),
     "clocks": Fault(before=(clocks_apart,), tests=PERIODIC),
-    "all of these": Fault(before=(angle_offset, torque_scaled, clocks_apart, drifting), tests=PERIODIC),
+    TOGETHER: Fault(before=(angle_offset, torque_scaled, clocks_apart, drifting), tests=PERIODIC),
     "unit": Fault(before=(radians_as_degrees,), tests=STEERED, refused="check the unit"),
     "long": Fault(after=(long_drop_out,), refused="cut the recording there with between(t0, t1)"),
 }

@@ -229,3 +229,42 @@ def test_compare_takes_no_option_that_it_would_ignore(capsys):
 def test_a_seed_without_a_road_is_refused(capsys):
     assert main(["run", "weave", "--seed", "3"]) == 2
     assert "give its class with --road" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("base", cars.available())
+def test_a_new_car_file_explains_every_key_and_is_the_base_car(base, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert main(["car", "--new", "mine.toml", "--base", base]) == 0
+    assert capsys.readouterr().out == "mine.toml\n"
+    assert cars.load("mine.toml").data() == {**cars.load(base).data(), "name": "mine"}
+    lines = (tmp_path / "mine.toml").read_text().splitlines()
+    for section, keys in cars.key_meanings().items():
+        for key, about in keys.items():
+            above = lines[
+                next(k for k in range(lines.index(f"[{section}]"), len(lines)) if lines[k].startswith(f"{key} =")) - 1
+            ]
+            assert above == f"# {about.meaning}{f' [{about.unit}]' * bool(about.unit)}; {about.allowed}"
+
+
+def test_a_new_car_file_replaces_none_and_takes_settings(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert main(["car", "--new", "mine.toml", "--set", "column.K_tb=143", "--tyre", "example_mf61"]) == 0
+    mine = cars.load("mine.toml")
+    assert (mine.column.K_tb, mine.tyre.name) == (143.0, "example_mf61")
+    for options, message in (
+        (["--new", "mine.toml"], "mine.toml is there already: give another name, or remove it"),
+        (["--new", "mine.json"], "a JSON file holds no comments"),
+        (["--new", "no/mine.toml"], "--new no/mine.toml: there is no directory no"),
+        (["compact", "--new", "other.toml"], "--new FILE.toml takes neither NAME nor --page"),
+        ([], "give the NAME of a car; --base belongs to --new"),
+        (["mine.toml", "--set", "column.K=1"], "column has no key 'K'; it takes: I1, I2, K_tb"),
+        (["mine.toml", "--set", "column.K_tb=abc"], "column.K_tb takes a number, a list as [1, 2], or text in quotes"),
+        (["mine.toml", "--set", "column.K_tb"], "expected SECTION.KEY=VALUE, e.g. column.K_tb=143, got 'column.K_tb'"),
+        (["mine.toml", "--set", "name='a'", "--set", "name='b'"], "--set gives name twice: give it once"),
+    ):
+        capsys.readouterr()
+        try:
+            code = main(["car", *options])
+        except SystemExit as stop:
+            code = stop.code
+        assert (code, message in capsys.readouterr().err) == (2, True), options

@@ -13,7 +13,7 @@ from steer_env.experiments.cli.common.messages import in_options
 from steer_env.experiments.cli.main import main
 from steer_env.friction.numerics.registry import dashed, listed
 from steer_env.friction.numerics.renamed import REMOVED_IN
-from steer_env.recording import Recording, files
+from steer_env.recording import Recording, can_log, files
 from steer_env.vehicle import cars, road
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
 
@@ -56,6 +56,7 @@ def test_names_in_the_help_are_those_of_the_registries():
     assert names.drivers() == drivers.available()
     assert names.assists() == assists.available()
     assert tuple(files.FORMATS) == names.FORMATS
+    assert can_log.SUFFIXES == names.CAN_FORMATS
     assert tuple(road.ROUGHNESS) == names.ROAD_CLASSES
     assert pytest.approx(1.0 / SAMPLE_TIME) == names.SAMPLE_RATE
 
@@ -71,6 +72,8 @@ def test_names_in_the_help_are_those_of_the_registries():
         ("torch", ["verify", "policies"], "train"),
         ("asammdf", ["evaluate", "weave.mf4"], "mdf"),
         ("asammdf", ["run", "weave", "--out", "weave.mf4"], "mdf"),
+        ("pyarrow", ["run", "weave", "--out", "weave.parquet"], "parquet"),
+        ("cantools", ["evaluate", "drive.log.gz", "--dbc", "car.dbc"], "can"),
         ("vehiclemodels", ["study", "commonroad"], "test"),
     ],
 )

@@ -89,6 +89,8 @@ def test_an_evaluation_is_made_again_with_its_inputs(tmp_path, capsys):
     trace = traces.read("found/evaluation.json")
     assert [given["name"] for given in trace["inputs"]] == ["lugre.csv", "viscous.csv", "map.toml"]
     assert trace["inputs"][2]["text"] == (tmp_path / "map.toml").read_text()
+    mapped = trace["mapping"]["lugre"]["channels"]
+    assert {name: entry["sign"] for name, entry in mapped.items()} == {"handwheel_torque": -1, "handwheel_angle": -1}
     (tmp_path / "map.toml").unlink()  # the trace holds it
     for name in ("evaluation.json", "index.html"):
         code, text = rerun(f"found/{name}", capsys)

@@ -1,36 +1,62 @@
 """Synthetic recordings: every metric finds its answer behind every fault, or is refused for the right reason."""
 
+import functools
+import zlib
+
 import numpy as np
 import pytest
 from scipy import stats
 
 from steer_env import metrics
+from steer_env.experiments import sweep
 from steer_env.experiments.verification.requirements import synthetic
 from steer_env.metrics.common import definitions
 from steer_env.metrics.common import evaluate as evaluation
 from steer_env.synthetic import faults, loops
 from steer_env.synthetic.cases import CASES
 from steer_env.synthetic.coverage import Coverage, collect, coverage, examples
-from steer_env.synthetic.faults import DELAY, FAULTS, Fault
+from steer_env.synthetic.faults import DELAY, FAULTS, TOGETHER, Fault
 from steer_env.synthetic.loops import linear_car
 
+LOOPS = [name for name in CASES if name.startswith(("weave", "slow ramp"))]
 TRIALS = 2  # of a case behind a fault; the mark has 200
 
 
 @pytest.mark.whole
 def test_every_case():
     """Trials behind all faults together: exact intervals miss this in one run of a hundred, for some 250 metrics."""
-    found = collect(TRIALS)
+    found = collect(TRIALS, functools.partial(sweep.run, where=sweep.Where.parse()))
     refusing = [name for name, fault in FAULTS.items() if fault.refused]
     pooled = {}
     for case, of_fault in found.items():
-        assert all(entry.kept == 1.0 for fault in refusing for entry in of_fault[fault].values()), case
+        refused = [of_fault[fault] for fault in refusing if fault in of_fault]
+        assert all(entry.kept == 1.0 for of_metric in refused for entry in of_metric.values()), case
         for name in of_fault["offset"]:
-            pooled[case, name] = np.mean([of_fault[fault][name].kept for fault in FAULTS if fault not in refusing])
+            pooled[case, name] = [of_fault[fault][name].kept for fault in of_fault if fault not in refusing]
     assert {case.make(200.0)[0].meta["manoeuvre"] for case in CASES.values()} == set(metrics.tests())
-    trials = TRIALS * (len(FAULTS) - len(refusing))
-    least = stats.binom.ppf(0.01 / len(pooled), trials, 0.95) / trials
-    assert not {key: share for key, share in pooled.items() if share < least}
+    for key, shares in pooled.items():
+        trials = TRIALS * len(shares)
+        assert np.mean(shares) >= stats.binom.ppf(0.01 / len(pooled), trials, 0.95) / trials, key
+
+
+def behind_all_faults(case, trials):
+    """Coverage of every metric behind an offset, a wrong scale, drifting clocks, drift and noise at once."""
+    fault = FAULTS[TOGETHER]
+    return coverage(examples(CASES[case], fault.rate), fault, trials, zlib.crc32(case.encode()))
+
+
+@pytest.mark.parametrize("case", LOOPS)
+def test_truth_behind_all_faults_of_a_measurement(case):
+    """A quick look: with a coverage of 95 %, three misses or more in five trials are one metric in 900."""
+    assert all(entry.kept >= 0.6 and entry.refused == 0.0 for entry in behind_all_faults(case, 5).values())
+
+
+@pytest.mark.whole
+@pytest.mark.parametrize("case", LOOPS)
+def test_truth_behind_all_faults_in_200_trials(case):
+    found = behind_all_faults(case, 200)
+    assert {name: entry.kept for name, entry in found.items() if entry.kept < 0.9} == {}
+    assert all(entry.refused == 0.0 for entry in found.values())
 
 
 def test_the_requirement_names_the_lowest(monkeypatch):

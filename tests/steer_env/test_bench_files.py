@@ -20,11 +20,12 @@ def weave():
 
 
 BENCH = {
-    "a comment without a colon": "# Test bench 3\n# driver: A\n# checked, signed\nTime [s],SWA [deg]\n0,-90.5\n0.5,90\n",
+    "a comment without a colon": "# Bench 3\n# driver: A\n# checked, signed\nTime [s],SWA [deg]\n0,-90.5\n0.5,90\n",
     "units under the header": "Time,SWA\ns,deg\n0,-90.5\n0.5,90\n",
     "units in brackets under the header": "Time;SWA\n[s];[deg]\n0,0;-90,5\n0,5;90,0\n",
     "units under a header that has them": "Time [s],SWA_deg\ns,deg\n0,-90.5\n0.5,90\n",
     "units in quotation marks": '"Time","SWA","v_1"\n"s","deg","km/h"\n0,-90.5,36\n0.5,90,72\n',
+    "a unit that is a number": "\nTime,SWA,ratio\ns,deg,1\n0,-90.5,1\n0.5,90,2\n",
     "units for some": "Time,SWA,Status\ns,deg,\n0,-90.5,1\n0.5,90,2\n",
     "decimal commas between tabs": "Time [s]\tSWA [deg]\n0,0\t-90,5\n0,5\t90,0\n",
     "decimal commas and no others": "Time [s];SWA [deg]\n0,00;-90,50\n0,50;90,00\n",
@@ -40,7 +41,7 @@ def test_a_table_of_a_test_bench(tmp_path, case, encoding):
     np.testing.assert_allclose(found.time, [0.0, 0.5])
     np.testing.assert_allclose(found["SWA"], [-90.5 * DEGREE, np.pi / 2])
     if case == "a comment without a colon":
-        assert found.meta == {"comment": "Test bench 3\nchecked, signed", "driver": "A"}
+        assert found.meta == {"comment": "Bench 3\nchecked, signed", "driver": "A"}
         write(found, path)
         assert read(path).meta == found.meta
     if case == "units in quotation marks":

@@ -132,7 +132,7 @@ def test_torque_stays_in_counts_and_its_metrics_are_refused(drive, tmp_path):
     assert drive.meta["uncalibrated"] == "handwheel_torque"
     counts = can_log.decoded(LOG, OPTIONS)["STEER_TORQUE_SENSOR"].values["STEER_TORQUE_DRIVER"]
     assert counts.min() <= drive["handwheel_torque"].min() < -100
-    with pytest.raises(RefusedError, match="handwheel_torque is in 'counts'"):
+    with pytest.raises(RefusedError, match="handwheel_torque is in counts of its sensor, uncalibrated"):
         FilteredChannels(drive, 1.0)["handwheel_torque"]  # which every metric reads
     for suffix in (".csv", ".parquet", ".mat", ".mf4"):
         write(drive, tmp_path / f"drive{suffix}")
@@ -159,7 +159,9 @@ def written(path, frames):
 
 @pytest.mark.parametrize("suffix", [*can_log.SUFFIXES, ".csv"])
 def test_every_format_gives_the_same_recording(tmp_path, frames, suffix):
-    expected = read(LOG, mapped(*ENTRIES), can=OPTIONS._replace(until=frames[-1].timestamp - frames[0].timestamp + 1e-9))
+    expected = read(
+        LOG, mapped(*ENTRIES), can=OPTIONS._replace(until=frames[-1].timestamp - frames[0].timestamp + 1e-9)
+    )
     found = read(written(tmp_path / f"drive{suffix}", frames), mapped(*ENTRIES), can=OPTIONS)
     np.testing.assert_allclose(found.time, expected.time, atol=2e-4)  # .asc and .trc round the time stamps
     for name in expected.channels:
@@ -229,6 +231,26 @@ def test_a_counter_tells_the_frames_that_are_missing(tmp_path):
     np.testing.assert_allclose(found["vehicle_speed"], 50 / 3.6)
 
 
+def test_multiplexed_signals_have_the_frames_that_hold_them(tmp_path):
+    """Every third frame has a multiplexer that the database does not know."""
+    head, _, _ = DBC.read_text().partition("BO_ 36")
+    signals = (
+        "BO_ 180 SPEED: 8 CAR",
+        ' SG_ KIND M : 7|8@0+ (1,0) [0|0] "" CAR',
+        ' SG_ SPEED m0 : 47|16@0+ (0.01,0) [0|0] "km/h" CAR',
+        ' SG_ YAW_RATE m1 : 47|16@0+ (0.01,0) [0|0] "deg/s" CAR',
+    )
+    (tmp_path / "car.dbc").write_text(head + "\n".join(signals) + "\n")
+    lines = [f"({0.01 * k:.6f}) can0 0B4#{(0, 1, 9)[k % 3]:02X}00000000{100 * (k % 3 + 1):04X}00" for k in range(60)]
+    (tmp_path / "drive.log").write_text("\n".join(lines) + "\n")
+    named = mapped("vehicle_speed=SPEED", "yaw_rate=YAW_RATE")
+    found = read(tmp_path / "drive.log", named, can=can_log.Options(tmp_path / "car.dbc"))
+    np.testing.assert_allclose(found["vehicle_speed"], 1 / 3.6)
+    np.testing.assert_allclose(found["yaw_rate"], 2 * DEGREE)
+    assert found.rate == pytest.approx(100 / 3)
+    assert found.meta["can"]["messages"]["SPEED"]["not_decoded"] == 20
+
+
 def test_two_buses_are_not_mixed(tmp_path):
     a = speeds(tmp_path / "a.log", np.arange(50) * 0.02, np.full(50, 36.0))
     b = speeds(tmp_path / "b.log", np.arange(50) * 0.02 + 0.001, np.full(50, 72.0), bus="can1")
@@ -287,7 +309,9 @@ def test_logs_and_databases_that_cannot_be_read(tmp_path):
         write(read(path, can=OPTIONS), tmp_path / "other.blf")
     lines = path.read_text().splitlines(keepends=True)
     path.write_text("".join([*lines[:20], lines[30], *lines[20:]]))
-    assert "SPEED (id 0x0B4): the time goes back from 0.600000 to 0.400000 s; sort the log" in refusal(path, can=OPTIONS)
+    assert "SPEED (id 0x0B4): the time goes back from 0.600000 to 0.400000 s; sort the log" in refusal(
+        path, can=OPTIONS
+    )
 
 
 def test_without_the_extra(tmp_path, monkeypatch):
@@ -311,6 +335,26 @@ def test_options_of_can_logs(tmp_path, capsys):
     error = capsys.readouterr().err
     assert "the log breaks off after 2561 whole frames" in error
     assert main([*command, "--between", *error.split("--between ")[1].split()]) == 1  # read, without a metric
+
+
+def test_gaps_and_channels_without_values_are_told_before_the_metrics(tmp_path, capsys):
+    times = np.delete(np.arange(200) * 0.02, range(100, 104))
+    path = speeds(tmp_path / "drive.log", times, 50 + 5 * times)
+    command = ["evaluate", str(path), "--dbc", str(DBC), "--map", "vehicle_speed=SPEED", "--manoeuvre", "weave"]
+    assert main(command) == 1
+    assert f"{path}: gaps of SPEED: 1, longest step 0.1 s at 1.98 s\n" in capsys.readouterr().out
+    (tmp_path / "run.csv").write_text("# can: none\ntime_s,yaw_rate_deg_s,SWA [deg]\n0,1,\n1,2,\n")
+    assert main(["evaluate", str(tmp_path / "run.csv"), "--manoeuvre", "weave"]) == 1
+    assert "run.csv: columns that are not read: SWA [deg] (no values)\n" in capsys.readouterr().out
+
+
+def test_the_page_says_what_is_uncalibrated(tmp_path, capsys):
+    command = ["evaluate", str(LOG), "--dbc", str(DBC), "--mapping", str(FOLDER / "rav4.toml"), "--manoeuvre", "weave"]
+    assert main([*command, "--between", "0", "20", "--speed_kph", "65", "--out", str(tmp_path / "page")]) == 1
+    assert "in counts of the sensor, uncalibrated: handwheel_torque" in capsys.readouterr().out
+    page = (tmp_path / "page" / "index.html").read_text()
+    assert '<td>uncalibrated</td><td class="text wide">handwheel_torque</td>' in page
+    assert "STEER_TORQUE_SENSOR" in page  # with its frames, rate and gaps
 
 
 def test_a_template_lists_what_the_log_has_and_is_a_mapping(tmp_path, capsys):

@@ -92,7 +92,10 @@ def test_the_compact_form(text, expected):
         ("handwheel_angel=SWA[deg]", "no channel is known as 'handwheel_angel', did you mean handwheel_angle or"),
         ("tie_rod_force=F1[kN]", "did you mean rack_force? (a channel of your own begins with own_ and has a unit)"),
         ("own_force=F1", "no channel is known as 'own_force'"),
-        ("handwheel_torque=T[Nm],scale=0", "channels.handwheel_torque.scale must be finite and greater than 0, got 0.0"),
+        (
+            "handwheel_torque=T[Nm],scale=0",
+            "channels.handwheel_torque.scale must be finite and greater than 0, got 0.0",
+        ),
         ("qqq=SWA", "no channel is known as 'qqq', there are handwheel_angle, handwheel_speed,"),
         ("time=Stamp[ms],delay_ms=3", "channels.time has no key 'delay_ms'; it takes from, unit"),
         ("time=Stamp[deg]", "channels.time.unit 'deg' does not fit time, which is kept in 's'"),

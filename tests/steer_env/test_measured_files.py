@@ -183,8 +183,12 @@ def test_an_uncalibrated_channel_is_in_counts_and_its_metrics_are_refused(weave,
     assert found.units["handwheel_torque"] == "counts"
     assert found.meta["uncalibrated"] == "handwheel_torque"
     values = metrics.evaluate(found)
-    assert "handwheel_torque is in 'counts'" in values["torque_gradient_at_0g"].reason
-    assert values["yaw_rate_gain"].value == metrics.evaluate(weave, "weave", frequency_hz=0.2)["yaw_rate_gain"].value
+    assert (
+        "handwheel_torque is in counts of its sensor, uncalibrated: give the N m of a count"
+        in values["torque_gradient_at_0g"].reason
+    )
+    plain = metrics.evaluate(weave, "weave", frequency_hz=0.2)
+    assert values["yaw_rate_gain"].value == pytest.approx(plain["yaw_rate_gain"].value, rel=1e-9)
     write(found, path)
     assert read(path).units["handwheel_torque"] == "counts"
     calibrated = read(path.with_name("run.csv"), mapped("handwheel_torque=handwheel_torque[counts],scale=2"))

@@ -71,7 +71,9 @@ def test_a_bend_of_the_road_widens_the_intervals(weave):
         )
     )
     plain = metrics.evaluate(weave)
-    assert any("the intervals allow for a bend of the road: drive along a straight road" in note for note in notes(found))
+    assert any(
+        "the intervals allow for a bend of the road: drive along a straight road" in note for note in notes(found)
+    )
     wide, narrow = (v["steering_stiffness"].high - v["steering_stiffness"].low for v in (found, plain))
     assert wide > 5 * narrow
 

@@ -6,12 +6,13 @@ import sys
 import numpy as np
 import pytest
 
-from steer_env import metrics
+from steer_env import manoeuvres, metrics
 from steer_env.metrics.common import definitions
 from steer_env.metrics.common.registry import EVALUATIONS
 from steer_env.recording.recording import DEGREE, Recording
 from steer_env.synthetic.loops import AY_PEAK, linear_car, linear_car_answers, rough_car, rough_car_answers
 from steer_env.synthetic.recordings import changed, mirrored
+from steer_env.vehicle import cars
 
 G = 9.80665
 RATE = 100.0  # Hz
@@ -88,6 +89,11 @@ def test_gradients_of_a_curved_car_do_not_depend_on_amplitude():
     for name, true in expected.items():
         assert small[name].value == pytest.approx(true, rel=0.05), name
         assert large[name].value == pytest.approx(small[name].value, rel=5e-3), name
+
+
+def test_a_rig_whose_car_does_not_turn_has_metrics():
+    found = metrics.evaluate(manoeuvres.drive(cars.load(), manoeuvres.make("rig"), "lugre"))
+    assert not [name for name, value in found.items() if value.reason]
 
 
 def test_left_and_right_are_alike():

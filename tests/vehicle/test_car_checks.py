@@ -209,6 +209,16 @@ def test_the_page_has_every_key_of_a_section(section):
     assert all(len(row) == 5 for row in ROWS[section])
 
 
+@pytest.mark.parametrize("section", SECTIONS)
+def test_every_key_is_explained_as_on_the_page(section):
+    """What ``steer-env car --new`` writes beside the keys."""
+    explained = cars.key_meanings()[section]
+    assert set(explained) == set(cars.load().data()[section])
+    for row in ROWS[section]:
+        name, meaning, unit, _, allowed = (cell.replace("`", "") for cell in row)
+        assert tuple(explained[name]) == (meaning, unit, allowed)
+
+
 def accepts(section, key, value):
     try:
         if section in keys.CONSTRUCTORS:
@@ -222,13 +232,18 @@ def accepts(section, key, value):
 
 @pytest.mark.parametrize(
     ("section", "key", "default", "allowed"),
-    [(section, row[0].strip("`"), *row[3:]) for section in SECTIONS for row in ROWS[section] if row[3] != "table"],
+    [
+        (section, row[0].strip("`"), *row[3:])
+        for section in SECTIONS
+        for row in ROWS[section]
+        if row[3] != "table" and not row[4].startswith(("two numbers", "text"))
+    ],
 )
 def test_the_page_gives_defaults_and_allowed_values(section, key, default, allowed):
     defaults = keys.CHASSIS_DEFAULTS if section == "chassis" else {}
     if section in keys.CONSTRUCTORS:
         defaults = {name: p.default for name, p in signature(keys.CONSTRUCTORS[section]).parameters.items()}
-    assert default == ("none" if key in keys.SIZE else f"{defaults[key]:g}" if key in defaults else "")
+    assert default == ("none" if key in keys.SIZE else f"{np.ravel(defaults[key])[0]:g}" if key in defaults else "")
     form = re.fullmatch(r"any|(?:(above|at least) (\S+?)|(\S+))(?:(?:, at most| to) (\S+))?", allowed)
     above, low, start, high = form.groups()
     low = -1e6 if allowed == "any" else float(low or start)
@@ -240,6 +255,18 @@ def test_the_page_gives_defaults_and_allowed_values(section, key, default, allow
         assert not accepts(section, key, low if above == "above" else math.nextafter(low, -math.inf))
     if high < 1e6:
         assert not accepts(section, key, math.nextafter(high, math.inf))
+
+
+def test_the_page_gives_pairs_and_text_of_the_assist():
+    rows = {row[0].strip("`"): row[3:] for row in ROWS["assist"]}
+    make = keys.CONSTRUCTORS["assist"]
+    for key in ("lead_lag_lag", "lead_lag_lead"):
+        default, allowed = rows[key]
+        assert default == "{:g}, {:g}".format(*signature(make).parameters[key].default)
+        assert allowed == "two numbers, each 0.01 to 490"
+        assert [accepts("assist", key, [f, f]) for f in (0.0099, 0.01, 490.0, 491.0)] == [False, True, True, False]
+    assert rows["friction_law"] == [signature(make).parameters["friction_law"].default, "text as `masing,F_c=0.8`"]
+    assert accepts("assist", "friction_law", "masing,F_c=0.8")
 
 
 def test_the_page_lists_what_is_usual():

@@ -4,7 +4,7 @@ from typing import Any
 
 from steer_env.friction.numerics.renamed import REMOVED_IN
 from steer_env.vehicle.cars.car import SPEEDS, Car
-from steer_env.vehicle.cars.contents import write
+from steer_env.vehicle.cars.contents import key_meanings, write
 from steer_env.vehicle.cars.files import available, every_key, from_data, load
 from steer_env.vehicle.cars.plausible import UnusualCar
 from steer_env.vehicle.chassis.common.interface import SPEED_MAX, SPEED_MIN
@@ -18,6 +18,7 @@ __all__ = [
     "available",
     "every_key",
     "from_data",
+    "key_meanings",
     "load",
     "write",
 ]

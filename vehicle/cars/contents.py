@@ -3,12 +3,14 @@
 import json
 import os
 from collections.abc import Mapping
+from functools import lru_cache
 from inspect import signature
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from steer_env.friction.numerics import toml
 from steer_env.vehicle import tyre
 from steer_env.vehicle.cars.keys import CONSTRUCTORS, TEXTS
 from steer_env.vehicle.suspension.macpherson import MacPherson
@@ -16,6 +18,22 @@ from steer_env.vehicle.suspension.macpherson import MacPherson
 if TYPE_CHECKING:
     from steer_env.vehicle.cars.car import Car
 
+KEYS = Path(__file__).parents[1] / "data" / "cars" / "keys.toml"
+_HEADINGS = {
+    "": "A car file of steer-env: every key with its meaning, unit and range. Units are SI, left is positive.\n"
+    'What is left out of a section with defaults takes them; with base = "compact" a file takes all that it leaves\n'
+    "out from that car. The page car_files.md of the documentation tells more.",
+    "name": "of the car, in tables and pages",
+    "source": "where the numbers come from",
+    "assumed": "sections, and keys of chassis and steering, whose numbers have no source",
+    "tyre": "a packaged tyre, or a property file *.tir, its path relative to this file",
+    "strut": "a packaged strut, placed at the front track",
+    "chassis": "Axle distances are those of the centre of gravity of the whole car. Springs and dampers act at the\n"
+    "wheel, one for each wheel. Bump is positive.",
+    "column": "What the driver feels through: the handwheel, the torsion bar and what is below it.",
+    "assist": "Torques are those at the column.",
+    "drivetrain": "Only two tracks have a drivetrain, brakes and a speed hold.",
+}
 BY_HAND = "was replaced in the car by what no car file gives: change its keys by cars.load(..., changes=...)"
 
 
@@ -74,22 +92,28 @@ def _plain(value: Any) -> Any:
     return value
 
 
-def write(car: "Car", path: str | os.PathLike[str]) -> None:
+def write(car: "Car", path: str | os.PathLike[str], comments: bool = False) -> None:
     """Write a car as a car file, ``.toml`` or ``.json``, that :func:`steer_env.vehicle.cars.load` reads to the bit.
 
     The file has every key and needs no other file: a tyre that is not packaged is in it with its coefficients. The file
-    is there as a whole or not at all.
+    is there as a whole or not at all. With ``comments`` a TOML file tells meaning, unit and range of every key.
 
     Raises
     ------
     ValueError
-        Another suffix, or a car that :meth:`Car.data` refuses.
+        Another suffix, comments in a JSON file, or a car that :meth:`Car.data` refuses.
     """
     place = Path(path)
     if place.suffix not in (".toml", ".json"):
         raise ValueError(f"the name of a car file must end in .toml or .json, got {os.fspath(path)!r}")
+    if comments and place.suffix == ".json":
+        raise ValueError(f"a JSON file holds no comments: give a name that ends in .toml, got {os.fspath(path)!r}")
     contents = data(car)
-    text = toml(contents) if place.suffix == ".toml" else json.dumps(contents, indent=2, ensure_ascii=False) + "\n"
+    text = (
+        _toml(contents, explained() if comments else {})
+        if place.suffix == ".toml"
+        else json.dumps(contents, indent=2, ensure_ascii=False) + "\n"
+    )
     part = place.with_name(f".{place.name}.{os.getpid()}.part")
     try:
         part.write_text(text, encoding="utf-8")
@@ -98,25 +122,50 @@ def write(car: "Car", path: str | os.PathLike[str]) -> None:
         part.unlink(missing_ok=True)
 
 
-def toml(contents: Mapping[str, Any], comments: Mapping[str, str] | None = None, section: str = "") -> str:
+def _toml(contents: Mapping[str, Any], comments: Mapping[str, str], section: str = "") -> str:
     """The contents of a car file as TOML: a line for each key, with a comment above it where ``comments`` has one.
 
     Parameters
     ----------
     contents : mapping
         Text, numbers, lists of them, and mappings, each of which becomes a table.
-    comments : mapping, optional
+    comments : mapping
         Comments by section (``"column"``) and by key (``"column.K_tb"``).
     section : str
         The table that ``contents`` is of; empty for the whole file.
     """
-    comments, prefix = comments or {}, f"{section}." if section else ""
+    prefix = f"{section}." if section else ""
     lines = [line for line in (_comment(comments, section), f"[{section}]" if section else "") if line]
     for key, value in contents.items():
         if not isinstance(value, Mapping):
             lines += [line for line in (_comment(comments, prefix + key), f"{key} = {_value(value)}") if line]
-    tables = [toml(value, comments, prefix + key) for key, value in contents.items() if isinstance(value, Mapping)]
+    tables = [_toml(value, comments, prefix + key) for key, value in contents.items() if isinstance(value, Mapping)]
     return "\n".join([*lines, "", *tables])
+
+
+class Key(NamedTuple):
+    """What a key of a car file means."""
+
+    meaning: str
+    unit: str
+    allowed: str
+
+
+@lru_cache
+def key_meanings() -> dict[str, dict[str, Key]]:
+    """Section -> key -> meaning, unit and allowed values."""
+    sections = toml.loads(KEYS.read_text(encoding="utf-8"))
+    return {section: {key: Key(**about) for key, about in keys.items()} for section, keys in sections.items()}
+
+
+def explained() -> dict[str, str]:
+    """A comment for the file, for each section and for each key, in the form that a written file takes."""
+    keys = {
+        f"{section}.{key}": f"{about.meaning}{f' [{about.unit}]' if about.unit else ''}; {about.allowed}"
+        for section, each in key_meanings().items()
+        for key, about in each.items()
+    }
+    return {**_HEADINGS, **keys}
 
 
 def _comment(comments: Mapping[str, str], name: str) -> str:

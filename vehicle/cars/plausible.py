@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from steer_env.vehicle import chassis as chassis_models
 from steer_env.vehicle import tyre
 from steer_env.vehicle.constants import GRAVITY
+from steer_env.vehicle.steering.assist.functions import Functions
 
 if TYPE_CHECKING:
     from steer_env.vehicle.cars.car import Car
@@ -114,6 +115,11 @@ def _boost_share(car: "Car") -> float:
     return float(car.assist.boost.max()) / car.assist.limit
 
 
+def _compensated_inertia(car: "Car") -> float:
+    f = car.assist.functions
+    return float(f.inertia_compensation.gain.max()) / car.column.I2 if isinstance(f, Functions) else 0.0
+
+
 def _of(section: str, key: str, unit: str, low: float, high: float, source: str = JUDGEMENT) -> Quantity:
     """A number of a car file as it is."""
 
@@ -173,6 +179,10 @@ USUAL: tuple[Quantity, ...] = (
     _of("column", "C_tb", "N m s/rad", 0.0, 1.0, SETS),
     _of("column", "C1", "N m s/rad", 0.0, 0.5, SETS),
     _of("column", "C2", "N m s/rad", 0.0, 3.0, SETS),
+    Quantity(
+        *("inertia compensation over the inertia below the torsion bar", "inertia_compensation, I2", "1"),
+        *(_compensated_inertia, 0.0, 0.5),
+    ),
     Quantity("greatest boost over the limit of the motor", "boost, limit", "1", _boost_share, 0.0, 1.0),
     Quantity("deceleration with the full pedal", "brakes, mass", "g", _braking, 0.8, 1.6),
 )

@@ -1,6 +1,7 @@
 """What ``evaluate`` and ``validate`` share: options of recorded files, and the assessment that both print and write."""
 
 import argparse
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -49,7 +50,6 @@ def assess(paths: list[str], args: argparse.Namespace, tolerances: str | None) -
 
     from steer_env import targets
     from steer_env.experiments.cli.common.tables import print_differences, print_metrics
-    from steer_env.experiments.output import provenance
     from steer_env.experiments.report import assessment
     from steer_env.experiments.studies.common import simulation_vs_measurement
     from steer_env.friction.numerics.check import number
@@ -78,10 +78,22 @@ def assess(paths: list[str], args: argparse.Namespace, tolerances: str | None) -
         print(f"{labels[0]} and {labels[1]} {agree} within the tolerances {tolerances}")
     if args.out:
         out = Path(args.out)
-        trace = provenance.trace(command=args.argv, result=out.name, inputs=inputs.of(args))
-        assessment.write(out, found, recordings, trace)
+        assessment.write(out, found, recordings, _trace(args, labels, out.name))
         print(out / "index.html")
     return int(any(all(value.reason for value in values.values()) for values in found.values.values()))
+
+
+def _notes(meta: Mapping[str, Any], frames: bool) -> Iterator[str]:
+    """What to know of a recording before its metrics: columns without values, counts, gaps of ``frames``."""
+    for key, label in NOTES.items():
+        if key in meta:
+            yield f"{label}: {meta[key]}"
+    for name, told in meta["can"]["messages"].items() if frames else ():
+        missed = told.get("missed_by_counter", 0)
+        if told.get("gaps") or missed:
+            counted = f"; {missed} frames are missing by its counter" if missed else ""
+            longest = f"{told['longest_step_s']:.3g} s at {told['longest_step_at_s']:.2f} s"
+            yield f"gaps of {name}: {told['gaps']}, longest step {longest}{counted}"
 
 
 def can_options(args: argparse.Namespace) -> Any:
@@ -110,17 +122,35 @@ def _labels(paths: list[str]) -> list[str]:
     return labels
 
 
-def _read(path: str, place: int, args: argparse.Namespace) -> Any:
-    """A recording from a file, read through its mapping and with short drop-outs bridged."""
-    from steer_env.recording import channel_mapping, files
+def _mapping(place: int, args: argparse.Namespace) -> Any:
+    """The mapping of a recording by its place among those that are given."""
+    from steer_env.recording import channel_mapping
 
     chosen = channel_mapping.load(args.mapping[place]) if place < len(args.mapping) else channel_mapping.Mapping()
     if place == 0:
         chosen = chosen.with_entries(channel_mapping.parse_entry(text) for text in args.entries)
-    found = files.read(path, chosen, can=can_options(args)).without(*args.without)
-    for note, label in NOTES.items():
-        if note in found.meta:
-            print(f"{path}: {label}: {found.meta[note]}")
+    return chosen
+
+
+def _trace(args: argparse.Namespace, labels: list[str], result: str) -> dict[str, Any]:
+    """What an assessment is made from, with what each recording was read through."""
+    from steer_env.experiments.output import provenance
+
+    chosen = {label: _mapping(place, args) for place, label in enumerate(labels)}
+    mapping = {
+        label: {"channels": {name: entry._asdict() for name, entry in one.channels.items()}, "meta": one.meta}
+        for label, one in chosen.items()
+    }
+    return provenance.trace(command=args.argv, result=result, inputs=inputs.of(args), mapping=mapping)
+
+
+def _read(path: str, place: int, args: argparse.Namespace) -> Any:
+    """A recording from a file, read through its mapping and with short drop-outs bridged."""
+    from steer_env.recording import can_log, files
+
+    found = files.read(path, _mapping(place, args), can=can_options(args)).without(*args.without)
+    for note in _notes(found.meta, can_log.recognised(path)):
+        print(f"{path}: {note}")
     if args.manoeuvre is None and found.meta.get("manoeuvre") is None:
         raise ValueError(f"{path} does not name its test: give --manoeuvre, one of {', '.join(names.manoeuvres())}")
     return (found.between(*args.between) if args.between else found).bridged()

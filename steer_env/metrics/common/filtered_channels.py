@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from steer_env.metrics.common.definitions import RefusedError
 from steer_env.recording.recording import Recording, low_passed
+from steer_env.recording.units import COUNTS
 from steer_env.vehicle import plant
 
 ANGLE, TORQUE, AY = "handwheel_angle", "handwheel_torque", "lateral_acceleration"
@@ -57,6 +58,9 @@ class FilteredChannels:
                 f"the recording has no channel {name!r}: record it, or map it from the name that it has in the file"
             )
         if unit != CHANNELS[name]:
+            if unit == COUNTS:
+                told = f"give the {CHANNELS[name]} of a count, as scale in the mapping with that unit"
+                raise RefusedError(f"{name} is in counts of its sensor, uncalibrated: {told}")
             raise RefusedError(f"{name} is in {unit!r}: give it in {CHANNELS[name]!r}")
         values = self.recording[name]
         most, limit = np.max(np.abs(values), where=np.isfinite(values), initial=0.0), PLAUSIBLE.get(name, np.inf)

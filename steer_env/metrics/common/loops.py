@@ -42,7 +42,7 @@ WINDOW = {AY: 0.05 * G, ANGLE: 4 * DEGREE}  # half width of the window of a slop
 FEWEST_IN_WINDOW = 8  # samples that a parabola needs; assumed
 SPREAD = 0.2  # largest deviation of a settled cycle's amplitude from their median, as a fraction of it; assumed [1]
 END_SLACK = 0.02  # part of the first and the last cycle that may be missing, as a fraction of a period; assumed [1]
-# Readings at zero from which on they are told, with the unit of the note; assumed, about the resolution of good sensors.
+# Readings at zero from which on they are told, with the unit of the note; assumed, about what good sensors resolve.
 TOLD = {ANGLE: (0.2, "deg"), TORQUE: (0.05, "N m"), AY: (0.05, "m/s2"), YAW: (0.1, "deg/s")}
 STANDING = 1.0  # speed up to which a car stands, on a rig; assumed [m/s]
 RESOLVED_TURN = 0.01 * DEGREE  # least mean yaw rate that is a turn; assumed [rad/s]
@@ -67,6 +67,7 @@ class Loops:
         # The dropped cycles remain as margins, because a branch may begin up to half a cycle before its cycle.
         self._time = np.interp(np.arange((self.count + 2) * SAMPLES) / SAMPLES, np.arange(self.count + 3), starts)
         self._sharp = FilteredChannels(recording, min(PEAK_CUTOFF, recording.rate / 4))
+        self._spline = cache(_spline)
         self._bend, self._late = 0.0, dict.fromkeys(CHANNELS, 0.0)  # mean yaw rate [rad/s], delays to remove [s]
         self._forget()
         span = np.ptp(self.cycles(AY if AY in self._smooth else ANGLE), axis=1)
@@ -81,6 +82,7 @@ class Loops:
     def _forget(self) -> None:
         """Compute anew what several metrics use."""
         self._drift_free = cache(lambda name: self._without_drift(self._raw(self._smooth, name)))
+        self._harmonic = cache(self._first_harmonic)
         self.zero = cache(self._zero)
         self._samples = cache(lambda name: self._drift_free(name) - self.zero(name))
         self.fundamental, self.peak = cache(self._fundamental), cache(self._peak)
@@ -95,12 +97,13 @@ class Loops:
 
     def _raw(self, channels: FilteredChannels, name: str) -> np.ndarray:
         """Samples ((count + 2) SAMPLES,) of a channel."""
-        return _interpolated(channels, self._time + self._late[name], name)
+        return np.asarray(self._spline(channels, name)(self._time + self._late[name]))
 
     @property
     def _motion(self) -> tuple[str, ...]:
-        """The channels that show the turning of the car."""
-        return tuple(name for name in (AY, YAW) if name in self._smooth) if self._speed > STANDING else ()
+        """The channels that show the turning of the car; none for a car that stands, also where a rig is at speed."""
+        shown = (name for name in (AY, YAW) if name in self._smooth and np.any(self._smooth.recording[name]))
+        return tuple(shown) if self._speed > STANDING else ()
 
     def _zero(self, name: str) -> float:
         """Reading of a channel where the car goes straight; 0 where the recording does not tell."""
@@ -194,7 +197,7 @@ class Loops:
             raise RefusedError(f"{name} does not follow {ANGLE}: check the signs, a left turn is positive in both")
         return harmonic
 
-    def _harmonic(self, name: str) -> np.ndarray:
+    def _first_harmonic(self, name: str) -> np.ndarray:
         return np.fft.rfft(self._settled(self._drift_free(name)))[:, 1] * (2 / SAMPLES)
 
     def peak_acceleration(self) -> float:
@@ -272,9 +275,9 @@ def _crossed(u: np.ndarray, v: np.ndarray, x: str, level: float) -> np.ndarray:
     return (np.bincount(row, read) / crossings).reshape(-1, 2)
 
 
-def _interpolated(smooth: FilteredChannels, time: np.ndarray, name: str) -> np.ndarray:
+def _spline(smooth: FilteredChannels, name: str) -> CubicSpline:
     thin = slice(None, None, max(int(smooth.recording.rate / (SAMPLES_PER_CUTOFF * CUTOFF)), 1))
-    return CubicSpline(smooth.time[thin], smooth[name][thin])(time)
+    return CubicSpline(smooth.time[thin], smooth[name][thin])
 
 
 def _cycle_starts(time: np.ndarray, angle: np.ndarray, frequency: float) -> np.ndarray:

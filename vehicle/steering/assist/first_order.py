@@ -12,9 +12,9 @@ from steer_env.friction.numerics.kernel import kernel
 class FirstOrder(NamedTuple):
     """Coefficients of a filter with one state."""
 
-    b0: float
-    b1: float
-    a1: float
+    b0: float  # [1], of a derivative [1/s]
+    b1: float  # [1] or [1/s]
+    a1: float  # [1]
 
 
 def lead(zero: float, pole: float, dt: float) -> FirstOrder:
