@@ -70,7 +70,7 @@ def test_a_policy_of_the_librarys_defaults_has_its_gap_to_the_best_baseline(tmp_
     page = scores.markdown([found], 2)
     assert "Trained with Stable-Baselines3's own defaults (policy, plain): " in page
     assert " short of angle servo." in page
-    assert "Stable-Baselines3's own defaults |" in page
+    assert "Stable-Baselines3's own defaults, 32 steps |" in page
 
 
 @pytest.mark.whole

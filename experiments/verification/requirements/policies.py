@@ -24,8 +24,8 @@ def rows(cases: int = CASES) -> Iterator[Row]:
     clean = driving.values["policy"]["clean_share"].value
     yield Row("double lane changes without a cone", f"{clean:.1%}", f">= {CLEAN:.0%}", verdict(clean >= CLEAN))
     reward = driving.gaps["informed_preview"]["reward"]
-    text = f"{reward.low:.2f} to {reward.high:.2f}"
-    yield Row("reward less that of the preview driver told load and grip", text, "no limit", "pass")
+    text = f"{reward.low:.2f} at least"
+    yield Row("reward less that of the preview driver told load and grip", text, "> 0", verdict(reward.low > 0.0))
     for name in friction.available():
         if name == policy.about(policy.shipped(ASSIST))["friction"]:
             continue
