@@ -8,7 +8,7 @@ from steer_env.synthetic.coverage import collect
 from steer_env.synthetic.faults import FAULTS, TOGETHER
 
 TRIALS = 200  # of each test and fault
-WIDEST = 10.0  # width of an interval over the answer, above which the answer is about zero and the share says nothing [1]
+WIDEST = 10.0  # width of an interval over the answer, above which the answer is about zero [1]
 COVERED = 0.9  # least share of the trials whose interval holds the known answer
 
 
