@@ -358,7 +358,7 @@ def test_ctrl_c_leaves_the_old_report_and_no_process(tmp_path):
     out = tmp_path / "report"
     out.mkdir()
     (out / "index.html").write_text("old")
-    command = [sys.executable, "-m", "steer_env.experiments.cli.main", "report", "--out", str(out)]
+    command = [sys.executable, "-m", "steer_env.experiments.cli.main", "report", "--workers", "2", "--out", str(out)]
     # A suite that runs in the background hands on that Ctrl-C is ignored.
     heard = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, preexec_fn=heard) as process:
