@@ -1,8 +1,13 @@
-"""Threads that share the rows of a batch; kernels release the GIL, so no threading layer of numba is needed."""
+"""Threads that share the rows of a batch, and the one thread of linear algebra.
+
+Kernels release the GIL, so no threading layer of numba is needed.
+"""
 
 import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import AbstractContextManager
+from functools import cache
 from itertools import pairwise
 from typing import Any
 
@@ -17,6 +22,23 @@ def most_threads() -> int:
     The results do not depend on it. Worker processes of a sweep set it to one.
     """
     return max(int(given), 1) if (given := os.environ.get(THREADS)) else os.cpu_count() or 1
+
+
+def one_blas_thread() -> AbstractContextManager[Any]:
+    """A context in which linear algebra runs in one thread: with more, the last bits of a sum depend on their number.
+
+    Small matrices, as here, are not slower for it. What runs in threads of its own (torch) is left as it is.
+    """
+    return _libraries().limit(limits=1, user_api="blas")
+
+
+@cache
+def _libraries() -> Any:
+    """The libraries of this process that have threads of their own, found once as that takes a millisecond."""
+    import scipy.linalg  # noqa: F401  # brings one, which must be there to be found
+    import threadpoolctl
+
+    return threadpoolctl.ThreadpoolController()
 
 
 class ThreadPool:

@@ -6,6 +6,7 @@ from typing import Any
 
 from steer_env.experiments.cli.common import names
 from steer_env.experiments.cli.common.arguments import SHIPPED
+from steer_env.experiments.cli.common.sweeping import add_sweep, runner
 
 
 def add(commands: Any, common: argparse.ArgumentParser) -> None:
@@ -23,6 +24,7 @@ def add(commands: Any, common: argparse.ArgumentParser) -> None:
     suite.add_argument("--out", metavar="FILE.json", type=Path, help=text)
     text = "print every condition, not only the worst of each drive and those that fail"
     suite.add_argument("--all", action="store_true", help=text)
+    add_sweep(suite)
     suite.set_defaults(function=_suite)
 
 
@@ -46,11 +48,10 @@ def _suite(args: argparse.Namespace) -> int:
     env_id = args.env or policy.about(Path(str(own)))["env"]
     assist_suite.task_named(env_id)
     makers = {name: named(name, env_id) for name in controllers}
-    found = {}
-    for name, make in makers.items():
-        with progress(name) as notify:
-            found[name] = assist_suite.examine(make, env_id, notify=notify)
-        print_suite(found[name], f"{name} in {env_id}", whole=args.all)
+    with progress("driving") as notify:
+        found = assist_suite.examine_all(makers, env_id, notify, runner(args))
+    for name, results in found.items():
+        print_suite(results, f"{name} in {env_id}", whole=args.all)
     if args.out:
         write_json(args.out, assist_suite.as_json(env_id, found))
         print(args.out)

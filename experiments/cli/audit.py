@@ -2,10 +2,12 @@
 
 import argparse
 from collections.abc import Sequence
+from operator import itemgetter
 from typing import Any
 
 from steer_env.experiments.cli.common.arguments import whole_number
 from steer_env.experiments.cli.common.extras import require
+from steer_env.experiments.cli.common.sweeping import add_sweep, runner
 from steer_env.registration import DRIVEN
 
 
@@ -20,6 +22,7 @@ def add(commands: Any, common: argparse.ArgumentParser) -> None:
     text = "steps of PPO with its defaults, 0 leaves it out (default 100000)"
     audit.add_argument("--steps", metavar="N", type=whole_number(0), default=100_000, help=text)
     audit.add_argument("--seed", metavar="N", type=whole_number(0), default=0, help="of the searches (default 0)")
+    add_sweep(audit)
     audit.set_defaults(function=_audit)
 
 
@@ -30,7 +33,7 @@ def _audit(args: argparse.Namespace) -> int:
     from rich.table import Table
 
     from steer_env.experiments.cli.common.tables import console
-    from steer_env.experiments.learning.audit import audit
+    from steer_env.experiments.learning.audit import audited
     from steer_env.experiments.learning.policy_search import Budget
     from steer_env.experiments.output.options import progress
 
@@ -47,11 +50,11 @@ def _audit(args: argparse.Namespace) -> int:
         title_justify="left",
     )
     cheating = False
+    sweep = runner(args)
     with progress("searching") as notify:
-        for k, env_id in enumerate(args.env):
+        cases = [(env_id, Budget(rounds=args.rounds, steps=args.steps), args.seed) for env_id in args.env]
+        for (env_id, *_), verdicts in zip(cases, sweep(audited, cases, notify=notify, words=itemgetter(0))):
             name = env_id.removeprefix("steer_env/")
-            notify(k / len(args.env), name)
-            verdicts = audit(env_id, Budget(rounds=args.rounds, steps=args.steps), args.seed)
             table.add_row(name, f"best: {verdicts[0].best_name}", *_cells(verdicts[0].best), "")
             for verdict in verdicts:
                 text = f"CHEATS in {', '.join(verdict.worse_in)}" if verdict.cheats else "honest"

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from steer_env.experiments.cli.common.arguments import FRICTION, SHIPPED, add_evaluation, friction_law
 from steer_env.experiments.cli.common.extras import require
+from steer_env.experiments.cli.common.sweeping import add_sweep, runner
 from steer_env.experiments.output import car_options
 from steer_env.registration import DRIVEN
 
@@ -29,6 +30,7 @@ def add(commands: Any, common: argparse.ArgumentParser) -> None:
     text = f"{FRICTION} (default: that of the training)"
     evaluate.add_argument("--friction", metavar="LAW", type=friction_law, help=text)
     car_options.add(evaluate, default=None)
+    add_sweep(evaluate)
     evaluate.set_defaults(function=_evaluate)
 
 
@@ -47,6 +49,7 @@ def _evaluate(args: argparse.Namespace) -> None:
         raise ValueError("--env must name the environment where no policy.zip is given")
     env_id = args.env or policy.about(Path(own))["env"]  # type: ignore[arg-type]
     policy.check_driven(env_id)
+    sweep = runner(args)
     usable(Path(args.out), policy_report.CONTENTS)
     controllers, paths, made = _controllers(args, env_id)
     curves = {
@@ -54,7 +57,7 @@ def _evaluate(args: argparse.Namespace) -> None:
     }
     if car_options.given(args):
         made["vehicle"] = car_options.load(args).data()
-    evaluate_and_report(args, env_id, controllers, Path(args.out), made, curves)
+    evaluate_and_report(args, env_id, controllers, Path(args.out), made, curves, sweep)
 
 
 def _controllers(args: argparse.Namespace, env_id: str) -> "tuple[dict[str, Maker], dict[str, Path], dict[str, Any]]":

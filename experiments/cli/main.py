@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from steer_env.experiments.cli.common.messages import in_options
+from steer_env.experiments.cli.common.sweeping import unswept
 from steer_env.friction.numerics.registry import dashed, listed
 from steer_env.friction.numerics.renamed import REMOVED_IN
 
@@ -78,7 +79,9 @@ def _parser() -> argparse.ArgumentParser:
 
 def parsed(argv: Sequence[str]) -> argparse.Namespace:
     """The options of a command line, with the words themselves as ``argv``; SystemExit for what a parser refuses."""
-    return _parser().parse_args(argv, argparse.Namespace(argv=list(argv)))
+    args = _parser().parse_args(argv, argparse.Namespace(argv=list(argv)))
+    args.argv = unswept(args)  # results do not depend on where they were computed
+    return args
 
 
 def _renamed(text: str) -> str:
@@ -116,7 +119,9 @@ def _run(argv: Sequence[str]) -> int:
         # SIGTERM is handled as Ctrl-C is: the workers stop and no file stays half-written.
         signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
-        with _warnings_in_one_line(args.command):
+        from steer_env.thread_pool import one_blas_thread
+
+        with _warnings_in_one_line(args.command), one_blas_thread():
             return args.function(args) or 0
     except BrokenPipeError:
         raise

@@ -6,6 +6,7 @@ from typing import Any
 
 from steer_env.experiments.cli.common import inputs, names, noticed
 from steer_env.experiments.cli.common.arguments import FRICTION, friction_law
+from steer_env.experiments.cli.common.sweeping import add_sweep, runner
 from steer_env.experiments.output import car_options
 
 COMPARED = ("lugre", "masing")  # the two laws that the literature compares, which come first
@@ -21,6 +22,7 @@ def add(commands: Any, common: argparse.ArgumentParser) -> None:
     text = "pictures in place of interactive plots: a page of less than 1 MB, to mail or to print"
     report.add_argument("--light", action="store_true", help=text)
     noticed.add(report)
+    add_sweep(report)
     text = "directory, replaced as a whole (default report)"
     report.add_argument("--out", metavar="DIR", default="report", help=text)
     report.set_defaults(function=_report)
@@ -37,6 +39,7 @@ def _report(args: argparse.Namespace) -> None:
         if labels.count(label) > 1:
             raise ValueError(f"--friction names {label!r} twice")
 
+    sweep = runner(args)
     look = {"light": args.light, "noticed": noticed.share(args)}
     car = car_options.load(args)
 
@@ -48,5 +51,5 @@ def _report(args: argparse.Namespace) -> None:
     result = Path(args.out).name
     trace = provenance.trace(command=args.argv, result=result, car=car, friction=parameters, inputs=inputs.of(args))
     with progress("compiling and driving") as notify:
-        build.build(args.out, parameters, Scope(car=car), notify, build.Look(**look), trace)
+        build.build(args.out, parameters, Scope(car=car), notify, build.Look(**look), trace, sweep)
     print(Path(args.out) / "index.html")

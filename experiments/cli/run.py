@@ -12,7 +12,7 @@ from steer_env.experiments.cli.common import inputs, names
 from steer_env.experiments.cli.common.arguments import FRICTION, KPH, friction_law
 from steer_env.experiments.cli.common.extras import require_format
 from steer_env.experiments.cli.common.sweeping import OPTIONS as SWEEP
-from steer_env.experiments.cli.common.sweeping import add_sweep, refuse_sweep, runner, without_sweep
+from steer_env.experiments.cli.common.sweeping import add_sweep, refuse_sweep, runner, unswept
 from steer_env.experiments.output import car_options
 from steer_env.experiments.output.options import progress
 
@@ -113,7 +113,8 @@ def _run_all(args: argparse.Namespace, out: Path) -> None:
     sweep = runner(args)
     options = {key: value for key, value in vars(args).items() if key not in ("function", "out", *SWEEP)}
     # The case is the car itself, not the file of it: other workers lack the file, and it may change before --resume.
-    options |= {"vehicle": car_options.load(args).data(), "tyre": None, "changes": [], "argv": without_sweep(args.argv)}
+    options |= {"vehicle": car_options.load(args).data(), "tyre": None, "changes": []}
+    options["argv"] = unswept(args, "--out")  # a result does not depend on where it lies
     longest_first = sorted(manoeuvres.available(), key=lambda name: -manoeuvres.make(name).duration)
     with progress("driving") as notify:
         drives = sweep(driven, [(name, options) for name in longest_first], notify=notify, words=lambda case: case[0])

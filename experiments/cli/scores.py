@@ -7,6 +7,7 @@ from typing import Any
 
 from steer_env.experiments.cli.common.arguments import MOST_EPISODES, whole_number
 from steer_env.experiments.cli.common.extras import require
+from steer_env.experiments.cli.common.sweeping import add_sweep, runner
 from steer_env.registration import REGISTERED
 
 
@@ -25,6 +26,7 @@ def add(commands: Any, common: argparse.ArgumentParser) -> None:
     scores.add_argument("--out", metavar="FILE", help="file for the page, beside standard output")
     text = "JSON file for the reward_threshold of each id, in which the others are kept"
     scores.add_argument("--thresholds", metavar="FILE", help=text)
+    add_sweep(scores)
     scores.set_defaults(function=_scores)
 
 
@@ -36,6 +38,7 @@ def _scores(args: argparse.Namespace) -> None:
     from steer_env.experiments.output.files import usable, write_text
     from steer_env.experiments.output.options import progress
 
+    sweep = runner(args)
     chosen = args.env or list(REGISTERED)
     for env_id in chosen:
         policy.check_id(env_id)
@@ -45,7 +48,7 @@ def _scores(args: argparse.Namespace) -> None:
     for path in (path for env_id in chosen for path in policies.get(env_id, [])):
         caution(path, policy.about(path))
     with progress("evaluating") as notify:
-        found = [scores.collect(env_id, args.episodes, policies.get(env_id, []), notify) for env_id in chosen]
+        found = scores.collect(chosen, args.episodes, policies, notify, sweep)
     page = scores.markdown(found, args.episodes)
     sys.stdout.write(page)
     if args.out:

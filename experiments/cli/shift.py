@@ -7,6 +7,7 @@ from typing import Any
 from steer_env.experiments.cli.common import names
 from steer_env.experiments.cli.common.arguments import FRICTION, SHIPPED, add_evaluation, friction_law
 from steer_env.experiments.cli.common.extras import require
+from steer_env.experiments.cli.common.sweeping import add_sweep, runner
 from steer_env.experiments.learning.constants import SHIFTS
 
 
@@ -27,6 +28,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     text = f"environment whose shipped policy is meant (default: that of FILE), for {SHIPPED!r}"
     parser.add_argument("--env", metavar="ID", help=text)
     add_evaluation(parser, "shift")
+    add_sweep(parser)
     text = (
         f"{FRICTION}, for --over law; default: {', '.join(names.laws())}, and the laws identified from a noisy record "
         "of the training's law that describe it"
@@ -53,6 +55,7 @@ def shift(args: argparse.Namespace) -> None:
     from steer_env.experiments.output.files import usable
     from steer_env.experiments.output.options import progress
 
+    sweep = runner(args)
     path = policy.shipped(args.env) if args.file == SHIPPED else Path(args.file)
     about = policy.about(path)
     if args.env not in (None, about["env"]):
@@ -66,7 +69,7 @@ def shift(args: argparse.Namespace) -> None:
         chosen = {over: changes for over, changes in asked.items() if changes}
         if not chosen:
             raise ValueError(f"{about['env']} takes no other {' or '.join(asked)}: give another condition with --over")
-        found = shifted.collect(path, chosen, args.episodes, notify)
+        found = shifted.collect(path, chosen, args.episodes, notify, sweep)
     title = f"{found.env_id}, {args.episodes} held-out episodes: means ± half the 95 % interval"
     rows = {shifted.HOME: {found.trained: found.home}, **found.cells}
     print_shift(rows, policy_report.aim(found.units), found.units, title)

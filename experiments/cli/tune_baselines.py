@@ -6,6 +6,7 @@ from typing import Any
 
 from steer_env.experiments.cli.common import names
 from steer_env.experiments.cli.common.arguments import SHIPPED, whole_number
+from steer_env.experiments.cli.common.sweeping import add_sweep, runner
 
 
 def add(commands: Any, common: argparse.ArgumentParser) -> None:
@@ -26,6 +27,7 @@ def add(commands: Any, common: argparse.ArgumentParser) -> None:
         f"file that keeps what is found; with {SHIPPED!r} the one that the evaluations read (default: none is written)"
     )
     tune.add_argument("--out", metavar="FILE.json", help=text)
+    add_sweep(tune)
     tune.set_defaults(function=_tune)
 
 
@@ -36,12 +38,18 @@ def _tune(args: argparse.Namespace) -> None:
 
     for env_id in args.env:
         assist_suite.task_named(env_id)
+    sweep = runner(args)
+    searches = [
+        assist_tuning.Search(name, env_id, args.budget, args.episodes, args.seed)
+        for env_id in args.env
+        for name in args.baseline or names.assists()
+    ]
+    with progress("tuning") as notify:
+        results = sweep(assist_tuning.searched, searches, notify=notify, words=lambda of: f"{of.env_id} {of.name}")
     for env_id in args.env:
-        found = {}
-        with progress(env_id) as notify:
-            for name in args.baseline or names.assists():
-                found[name] = assist_tuning.tune(name, env_id, args.budget, args.episodes, args.seed, notify)
-                if args.out:
-                    path = tuned_assists.FILE if args.out == SHIPPED else Path(args.out)
-                    tuned_assists.keep(env_id, {name: assist_tuning.as_json(found[name], args.episodes)}, path)
+        found = {search.name: result for search, result in zip(searches, results) if search.env_id == env_id}
+        if args.out:
+            path = tuned_assists.FILE if args.out == SHIPPED else Path(args.out)
+            entries = {name: assist_tuning.as_json(result, args.episodes) for name, result in found.items()}
+            tuned_assists.keep(env_id, entries, path)
         print_tuned(found, f"{env_id}: {args.episodes} episodes for each candidate")

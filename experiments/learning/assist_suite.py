@@ -12,7 +12,7 @@ In the arms of a driver model, delay and friction leave a slow hunting, of some 
 alone; unstable assists reach 4 to 20 deg at 1 Hz. The limits of the held swing and of the steering are assumed.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -25,6 +25,7 @@ from steer_env import assists, tasks
 from steer_env.experiments.learning.assist_drives import KINDS, Drive, suite, task_of
 from steer_env.experiments.learning.controllers import Maker
 from steer_env.experiments.output import provenance
+from steer_env.experiments.sweep import Runner, run
 from steer_env.state import State
 from steer_env.tasks import Task
 from steer_env.tasks.common.definition import Quantity
@@ -139,7 +140,7 @@ def task_named(env_id: str) -> Task:
     return tasks.task(name)
 
 
-def run(drive: Drive, make: Maker, env_id: str) -> Record:
+def driven(drive: Drive, make: Maker, env_id: str) -> Record:
     """Drive a controller of an id through all rows of a drive."""
     home = task_named(env_id)
     env, start = _environment(drive, home)
@@ -170,7 +171,7 @@ def run(drive: Drive, make: Maker, env_id: str) -> Record:
 
 def measured(drive: Drive, make: Maker, env_id: str) -> Array:
     """The measure (n,) of every row of a drive, infinite after a failure."""
-    found = run(drive, make, env_id)
+    found = driven(drive, make, env_id)
     values = np.full(len(drive.rows), np.inf)
     whole = ~found.failed
     kept = found._replace(**{name: getattr(found, name)[:, whole] for name in ("angle", "torque", "speed")})
@@ -235,6 +236,37 @@ def examine(
         if to_first_failure and not all(result.holds for result in results):
             break
     return results
+
+
+class Part(NamedTuple):
+    """A drive of the suite that a worker drives controllers through."""
+
+    env_id: str
+    number: int  # of the drive
+    makers: Mapping[str, Maker]
+
+
+def part(of: Part) -> dict[str, list[Result]]:
+    """Results of a drive for every controller."""
+    drive = suite(task_named(of.env_id))[of.number]
+    return {name: judge(drive, make, of.env_id) for name, make in of.makers.items()}
+
+
+def examine_all(
+    makers: Mapping[str, Maker],
+    env_id: str,
+    notify: Callable[[float, str], None] = lambda *_: None,
+    sweep: Runner = run,
+) -> dict[str, list[Result]]:
+    """Drive several controllers of an id through the suite: their results by name, as of :func:`examine`."""
+    drives = suite(task_named(env_id))
+    parts = [Part(env_id, number, makers) for number in range(len(drives))]
+
+    def words(of: Part) -> str:
+        return f"{drives[of.number].kind}, {drives[of.number].condition}"
+
+    found = sweep(part, parts, notify=notify, words=words)
+    return {name: [result for each in found for result in each[name]] for name in makers}
 
 
 def as_json(env_id: str, found: dict[str, list[Result]]) -> dict[str, Any]:

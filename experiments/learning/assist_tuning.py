@@ -94,6 +94,21 @@ def tune(
     return Tuned(best, reward if math.isfinite(reward) else math.nan, usual, tried, refused)
 
 
+class Search(NamedTuple):
+    """A search that a worker makes; the fields are arguments of :func:`tune`."""
+
+    name: str
+    env_id: str
+    budget: int
+    episodes: int
+    seed: int
+
+
+def searched(search: Search) -> Tuned:
+    """What a search finds."""
+    return tune(*search)
+
+
 def as_json(found: Tuned, episodes: int) -> dict[str, Any]:
     """What a search has found, as JSON."""
     reward = found.reward if math.isfinite(found.reward) else None

@@ -148,6 +148,11 @@ def worse_in(found: Behaviour, best: Behaviour) -> tuple[str, ...]:
     return tuple(name for name, worse in judged.items() if worse)
 
 
+def audited(case: tuple[str, Budget, int]) -> list[Verdict]:
+    """:func:`audit` with its arguments as one, for sweeps."""
+    return audit(*case)
+
+
 def audit(env_id: str, budget: Budget, seed: int = 0, **arguments: Any) -> list[Verdict]:
     """Every known cheat that fits an id, and what the searches find, beside the best classical controller."""
     classical: dict[str, Callable[[Any], Any]] = {

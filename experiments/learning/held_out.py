@@ -42,6 +42,27 @@ class Estimate(NamedTuple):
     high: float  # [unit of the metric]
 
 
+class Job(NamedTuple):
+    """A controller that a worker evaluates."""
+
+    label: str
+    env_id: str
+    make: Callable[[Any], Controller]
+    episodes: int
+    options: Mapping[str, float] = {}  # of every reset, such as a scenario
+    arguments: Mapping[str, Any] = {}  # of the environment
+
+
+def evaluated(job: Job) -> Episodes:
+    """The held-out episodes of a job."""
+    return collect(job.env_id, job.make, job.episodes, options=job.options, **job.arguments)
+
+
+def label_of(job: Job) -> str:
+    """The label of a job, for messages."""
+    return job.label
+
+
 def collect(
     env_id: str,
     make: Callable[[Any], Controller],

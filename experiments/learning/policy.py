@@ -1,9 +1,11 @@
 """Trained policies: files of Stable-Baselines3 that also hold the scaling of the observation and how they were made."""
 
+import hashlib
 import json
 import math
 import zipfile
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -189,7 +191,7 @@ def _predictor(path: Path, about: Mapping[str, Any]) -> Callable[[Any, Any, Any]
 
 def caution(path: Path, about: Mapping[str, Any]) -> str:
     """A sentence on the risk of a policy file, to be shown before it is loaded; empty for a shipped one."""
-    if SHIPPED_IN.resolve() in path.resolve().parents:
+    if shipped_file(path):
         return ""
     here = "only its weights are read here" if about["algorithm"] in network.FORMS else "as it does here"
     return (
@@ -198,9 +200,37 @@ def caution(path: Path, about: Mapping[str, Any]) -> str:
     )
 
 
+@dataclass(frozen=True)
+class Load:
+    """Makes the controller of a policy file for an environment, in this process or in a worker."""
+
+    path: Path  # of a shipped policy: below ``SHIPPED_IN``, wherever that is for a worker
+    digest: str  # of the file as it was
+
+    def __call__(self, env: Any) -> Policy:
+        """The controller; ValueError if the file is not as it was, or not there."""
+        path = SHIPPED_IN / self.path
+        if not path.is_file() or _digest(path) != self.digest:
+            raise ValueError(
+                f"{path} is not there, or not as it was, where it is evaluated: put it into a folder that every worker "
+                "sees, and leave it as it is"
+            )
+        return Policy(path, env)
+
+
 def load(path: Path) -> Callable[[Any], Policy]:
     """A callable that makes the controller of a policy for an environment."""
-    return lambda env: Policy(path, env)
+    place = path.resolve()
+    return Load(place.relative_to(SHIPPED_IN.resolve()) if shipped_file(path) else place, _digest(path))
+
+
+def _digest(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def shipped_file(path: Path) -> bool:
+    """Whether a file is one that is shipped with the package."""
+    return SHIPPED_IN.resolve() in path.resolve().parents
 
 
 def check_id(env_id: str) -> None:

@@ -28,6 +28,7 @@ from steer_env.experiments.output.files import replaced_directory, write_json
 from steer_env.experiments.output.pages import environment
 from steer_env.experiments.output.traces import embedded
 from steer_env.experiments.output.words import label, plain
+from steer_env.experiments.sweep import Runner, run
 from steer_env.friction.law import law_of
 from steer_env.randomise import RANGES
 
@@ -70,13 +71,18 @@ def evaluate(
     controllers: Mapping[str, Maker],
     episodes: int,
     notify: Callable[[float, str], None] = lambda *_: None,
+    options: Mapping[str, float] | None = None,
+    sweep: Runner = run,
     **arguments: Any,
 ) -> Evaluation:
-    """Drive every controller in the same episodes."""
-    found = {}
-    for k, (name, make) in enumerate(controllers.items()):
-        notify(k / len(controllers), name)
-        found[name] = held_out.collect(env_id, make, episodes, **arguments)
+    """Drive every controller in the same episodes; ``options`` are those of their resets."""
+    jobs = [held_out.Job(name, env_id, make, episodes, options or {}, arguments) for name, make in controllers.items()]
+    found = dict(zip(controllers, sweep(held_out.evaluated, jobs, notify=notify, words=held_out.label_of)))
+    return assembled(env_id, found, episodes, {**arguments, "options": options} if options else arguments)
+
+
+def assembled(env_id: str, found: dict[str, Episodes], episodes: int, arguments: dict[str, Any]) -> Evaluation:
+    """An evaluation from the episodes of its controllers, the first of which is the one that is evaluated."""
     first = next(iter(found))
     task = tasks.task(env_id.removeprefix("steer_env/").rpartition("-")[0])
     units = {"reward": "", "cost": "", "failed_share": "1", "clean_share": "1"}

@@ -2,7 +2,7 @@
 
 import json
 import math
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from importlib.resources import files
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -15,9 +15,10 @@ from steer_env.environments import table
 from steer_env.experiments.learning import held_out, policy, policy_report
 from steer_env.experiments.learning.constants import HELD_OUT
 from steer_env.experiments.learning.controllers import SIMPLE, Maker, baselines
-from steer_env.experiments.learning.held_out import Episodes, Estimate
+from steer_env.experiments.learning.held_out import Episodes, Estimate, Job
 from steer_env.experiments.output.files import write_json
 from steer_env.experiments.output.words import number
+from steer_env.experiments.sweep import Runner, run
 from steer_env.friction.numerics import toml
 from steer_env.registration import TUNED
 
@@ -58,26 +59,55 @@ def trained(folders: Iterable[Path]) -> dict[str, list[Path]]:
 
 
 def collect(
-    env_id: str,
+    env_ids: Sequence[str],
     episodes: int,
-    policies: Iterable[Path] = (),
+    policies: Mapping[str, Iterable[Path]] | None = None,
     notify: Callable[[float, str], None] = lambda *_: None,
-) -> Scores:
-    """Evaluate zero action, random actions, every baseline, the shipped policy and others of an id."""
-    policy.check_id(env_id)
-    if env_id in TUNED:
-        return _tuned(env_id, episodes)
-    makers: dict[str, Maker] = {**SIMPLE, **baselines(env_id)}
-    paths = {f"policy, {path.resolve().parent.name}": path for path in policies}
+    sweep: Runner = run,
+) -> list[Scores]:
+    """Evaluate zero action, random actions, every baseline, the shipped policy and others (by id) of ids."""
+    jobs: dict[tuple[str, str, str], Job] = {}  # by id, scenario and controller
+    paths: dict[str, dict[str, Path]] = {}
+    for env_id in env_ids:
+        policy.check_id(env_id)
+        paths[env_id] = {} if env_id in TUNED else _policies(env_id, (policies or {}).get(env_id, ()))
+        made = {label: policy.load(path) for label, path in paths[env_id].items()}
+        makers = {**SIMPLE, **({} if env_id in TUNED else baselines(env_id)), **made}
+        jobs |= {
+            (env_id, scenario, label): Job(label, env_id, make, episodes, options)
+            for scenario, options in _scenarios(env_id).items()
+            for label, make in makers.items()
+        }
+    results = sweep(_evaluated, jobs.values(), notify=notify, words=lambda job: f"{job.env_id} {job.label}")
+    found: dict[str, dict[str, dict[str, Any]]] = {}
+    for (env_id, scenario, label), result in zip(jobs, results):
+        found.setdefault(env_id, {}).setdefault(scenario, {})[label] = result
+    return [
+        _tuned(env_id, found[env_id][""]) if env_id in TUNED else _driven(env_id, found[env_id], paths[env_id])
+        for env_id in env_ids
+    ]
+
+
+def _policies(env_id: str, given: Iterable[Path]) -> dict[str, Path]:
+    """Policies of an id by label: those that are given, and the shipped one."""
+    paths = {f"policy, {path.resolve().parent.name}": path for path in given}
     if (policy.SHIPPED_IN / env_id.removeprefix("steer_env/") / "policy.zip").is_file():
         paths["policy, shipped"] = policy.shipped(env_id)
     for path in paths.values():
         policy.check_observations(path, policy.about(path), env_id)
+    return paths
+
+
+def _evaluated(job: Job) -> Any:
+    """Episodes of a controller, or scores of a set of parameters in each episode."""
+    return _sets(job) if job.env_id in TUNED else held_out.evaluated(job)
+
+
+def _driven(env_id: str, every: Mapping[str, Mapping[str, Episodes]], paths: Mapping[str, Path]) -> Scores:
+    """The scores of an id, from the episodes by scenario and controller."""
+    found = every[""]
+    makers: dict[str, Maker] = {**SIMPLE, **baselines(env_id)}
     makers |= {label: policy.load(path) for label, path in paths.items()}
-    found = {}
-    for k, (name, make) in enumerate(makers.items()):
-        notify(k / len(makers), f"{env_id} {name}")
-        found[name] = held_out.collect(env_id, make, episodes)
     task = tasks.task(policy.check_driven(env_id))
     units = {"reward": "", "cost": "", "failed_share": "1", **{metric.name: metric.unit for metric in task.metrics}}
     aim = policy_report.aim(found["zero"].metrics)
@@ -98,7 +128,10 @@ def collect(
     )
     env.close()
     library = [name for name, path in paths.items() if not policy.is_scaled(policy.about(path))]
-    return Scores(env_id, about, units, scores, _gaps(found, library, paths), _scenarios(env_id, makers, episodes))
+    scenarios = {
+        name: {label: held_out.mean(each.reward) for label, each in of.items()} for name, of in every.items() if name
+    }
+    return Scores(env_id, about, units, scores, _gaps(found, library, paths), scenarios)
 
 
 def _gaps(
@@ -112,19 +145,13 @@ def _gaps(
     return {name: (best, held_out.mean(found[name].reward - found[best].reward)) for name in library}
 
 
-def _scenarios(env_id: str, makers: Mapping[str, Maker], episodes: int) -> dict[str, dict[str, Estimate]]:
-    """Rewards by scenario, in as many episodes of each."""
-    task = tasks.task(policy.check_driven(env_id))
-    if task.draw_scenario is None:
-        return {}
+def _scenarios(env_id: str) -> dict[str, dict[str, float]]:
+    """Options of resets by scenario of an id, after those of the usual episodes, which have no name."""
+    usual: dict[str, dict[str, float]] = {"": {}}
+    if env_id in TUNED or (task := tasks.task(policy.check_driven(env_id))).draw_scenario is None:
+        return usual
     names = dict(pair.split(" ", 1) for pair in task.options["scenario"][2].split(", "))
-    return {
-        name: {
-            label: held_out.mean(held_out.collect(env_id, make, episodes, options={"scenario": float(k)}).reward)
-            for label, make in makers.items()
-        }
-        for k, name in names.items()
-    }
+    return usual | {name: {"scenario": float(k)} for k, name in names.items()}
 
 
 def _terms(name: str, controller: Any, env: Any, about: Mapping[str, Any] | None) -> dict[str, str]:
@@ -142,21 +169,24 @@ def _terms(name: str, controller: Any, env: Any, about: Mapping[str, Any] | None
     return terms | {"decides": decides, "information": f"the observations; trained with {words}"}
 
 
-def _tuned(env_id: str, episodes: int) -> Scores:
-    """The car's own set of parameters, and random sets, one in each episode."""
-    env = gym.make(env_id)
-    scores = {}
-    for name, make in SIMPLE.items():
-        controller, rewards, costs = make(env), [], []
-        for k in range(episodes):
-            observation, _ = env.reset(seed=HELD_OUT + k)
-            _, reward, *_, info = env.step(controller.act(observation))
-            rewards.append(float(reward))
-            costs.append(float(info["cost"]))
-        values = {"reward": held_out.mean(np.array(rewards)), "cost": held_out.mean(np.array(costs))}
-        terms = {"authority": "all parameters", "decides": "once", "delay": SAME, "information": "none"}
-        scores[name] = Score(values, terms, False)
+def _sets(job: Job) -> dict[str, Estimate]:
+    """Reward and cost of the sets of parameters that a controller chooses, one in each episode."""
+    env = gym.make(job.env_id)
+    controller: Any = job.make(env)
+    rewards, costs = [], []
+    for k in range(job.episodes):
+        observation, _ = env.reset(seed=HELD_OUT + k)
+        _, reward, *_, info = env.step(controller.act(observation))
+        rewards.append(float(reward))
+        costs.append(float(info["cost"]))
     env.close()
+    return {"reward": held_out.mean(np.array(rewards)), "cost": held_out.mean(np.array(costs))}
+
+
+def _tuned(env_id: str, found: Mapping[str, dict[str, Estimate]]) -> Scores:
+    """The car's own set of parameters, and random sets, one in each episode."""
+    terms = {"authority": "all parameters", "decides": "once", "delay": SAME, "information": "none"}
+    scores = {name: Score(values, terms, False) for name, values in found.items()}
     about = "One set of parameters in each episode: zero is the car's own, random is drawn from the whole range."
     return Scores(env_id, about, {"reward": "", "cost": ""}, scores, {}, {})
 

@@ -13,12 +13,13 @@ from steer_env.experiments.drawing.shift_picture import Point, shifts
 from steer_env.experiments.learning import held_out, policy, policy_report
 from steer_env.experiments.learning.constants import HELD_OUT
 from steer_env.experiments.learning.controllers import ZeroAction, baselines
-from steer_env.experiments.learning.held_out import Estimate
+from steer_env.experiments.learning.held_out import Estimate, Job
 from steer_env.experiments.output import provenance
 from steer_env.experiments.output.files import replaced_directory, write_json
 from steer_env.experiments.output.options import Friction
 from steer_env.experiments.output.pages import environment, image
 from steer_env.experiments.output.traces import embedded
+from steer_env.experiments.sweep import Runner, run
 from steer_env.friction.law import law_of
 from steer_env.vehicle import cars
 
@@ -141,6 +142,7 @@ def collect(
     chosen: Mapping[str, Sequence[Change]],
     episodes: int,
     notify: Callable[[float, str], None] = lambda *_: None,
+    sweep: Runner = run,
 ) -> Shift:
     """Evaluate the policy and every baseline of its id as trained, and under each change of each condition."""
     about = policy.about(path)
@@ -148,20 +150,22 @@ def collect(
     controllers: dict[str, Any] = {"policy": policy.load(path), "zero": ZeroAction, **baselines(env_id)}
     made = {**policy.conditions(about), "friction": home.parameters}
 
-    def cell(change: Change, own: Any = None) -> tuple[Cell, Any]:
-        arguments = {**made, **change.arguments, "options": change.options}
-        found = policy_report.evaluate(env_id, controllers, episodes, **arguments)
+    every = [(HOME, Change(HOME, {}, {})), *((over, change) for over, each in chosen.items() for change in each)]
+    jobs = [
+        Job(f"{over} {change.label}, {name}", env_id, make, episodes, change.options, {**made, **change.arguments})
+        for over, change in every
+        for name, make in controllers.items()
+    ]
+    results = iter(sweep(held_out.evaluated, jobs, notify=notify, words=held_out.label_of))
+    own: Any = None
+    cells: dict[str, dict[str, Cell]] = {over: {} for over in (HOME, *chosen)}
+    for over, change in every:
+        found = policy_report.assembled(env_id, {name: next(results) for name in controllers}, episodes, made)
         reward = found.found["policy"].reward
+        own = reward if own is None else own  # as trained, which comes first
         gained = {name: gaps["reward"] for name, gaps in found.gaps.items()}
-        return Cell(found.values, held_out.mean(reward - (reward if own is None else own)), gained, change.x), found
-
-    whole = 1 + sum(map(len, chosen.values()))
-    notify(0.0, HOME)
-    as_trained, found = cell(Change(HOME, {}, {}))
-    cells: dict[str, dict[str, Cell]] = {over: {} for over in chosen}
-    for k, (over, change) in enumerate((over, change) for over, each in chosen.items() for change in each):
-        notify((k + 1) / whole, f"{over} {change.label}")
-        cells[over][change.label], _ = cell(change, found.found["policy"].reward)
+        cells[over][change.label] = Cell(found.values, held_out.mean(reward - own), gained, change.x)
+    as_trained = cells.pop(HOME)[HOME]
     conditions = policy_report.conditions({**policy.conditions(about), "friction": home.label})
     return Shift(env_id, home.label, episodes, as_trained, cells, found.units, conditions)
 

@@ -26,7 +26,7 @@ CHECKPOINT_EVERY, VALIDATE_EVERY = 60.0, 60.0  # [s]
 VALIDATE_STEPS = 200_000
 VALIDATED = 32  # episodes of each validation
 # A training with the defaults of Stable-Baselines3: sub-environments, and the sizes of the networks there.
-LIBRARY_ENVS, LIBRARY_NETWORKS = 8, {"ppo": [64, 64], "recurrent-ppo": [64, 64], "sac": [256, 256]}
+LIBRARY_ENVS, LIBRARY_NETWORKS = 4, {"ppo": [64, 64], "recurrent-ppo": [64, 64], "sac": [256, 256]}
 
 
 def settings(env_id: str, algo: str) -> dict[str, Any]:
@@ -265,14 +265,7 @@ class Training:
         if not self._resume:
             write_json(self.out / "settings.json", {**self._identity, **self.settings})
         clock = _Clock(self, minutes, steps, notify)
-        length = f"--minutes {minutes:g}" if minutes else f"--steps {steps}"
-        self._command = f"steer-env train --env {self.env_id} --algo {self.algo} --seed {self.seed} {length}"
-        if not policy.is_scaled({"settings": self.settings}):
-            self._command += " --library-defaults"
-        if self.friction.label != "lugre":
-            self._command += f" --friction {self.friction.label}"
-        if self._resume:
-            self._command += " --resume"
+        self._command = self._words(f"--minutes {minutes:g}" if minutes else f"--steps {steps}")
 
         class Callback(BaseCallback):
             """Passes each step to the clock."""
@@ -288,6 +281,15 @@ class Training:
             raw.close()
         if self.validated != model.num_timesteps:
             self.validate(model, seconds)
+
+    def _words(self, length: str) -> str:
+        """The command that trains so."""
+        words = f"steer-env train --env {self.env_id} --algo {self.algo} --seed {self.seed} {length}"
+        if not policy.is_scaled({"settings": self.settings}):
+            words += " --library-defaults"
+        if self.friction.label != "lugre":
+            words += f" --friction {self.friction.label}"
+        return words + " --resume" * self._resume
 
     def learning_rate(self, _: float) -> float:
         """The learning rate of an update, as a schedule of Stable-Baselines3.

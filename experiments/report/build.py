@@ -22,6 +22,7 @@ from steer_env.experiments.report import findings
 from steer_env.experiments.report.results import Notify, Results, Scope, collect
 from steer_env.experiments.studies import cross_validation, friction_laws, loop_width, real_time, vehicle
 from steer_env.experiments.studies.common import battery, commonroad_reference
+from steer_env.experiments.sweep import Runner, run
 from steer_env.metrics.common import just_noticeable
 from steer_env.metrics.common.filtered_channels import ANGLE, TORQUE
 from steer_env.vehicle import plant
@@ -226,6 +227,7 @@ def build(
     notify: Notify = lambda part, what: None,
     look: Look = DEFAULT,
     trace: Mapping[str, Any] | None = None,
+    sweep: Runner = run,
 ) -> Results:
     """Write the report to a directory, which appears or is replaced as a whole.
 
@@ -243,6 +245,8 @@ def build(
         How the page shows the results.
     trace : mapping, optional
         What both files hold as their trace, by default car and laws without a command.
+    sweep : Runner
+        What runs the parts of the report; by default this process, one after the other.
 
     Raises
     ------
@@ -251,7 +255,7 @@ def build(
     """
     kept = provenance.trace(car=scope.loaded(), friction=laws) if trace is None else trace
     with replaced_directory(Path(out), CONTENTS) as part:
-        results = collect(laws, scope, notify)
+        results = collect(laws, scope, notify, sweep)
         notify(0.96, "drawing")
         source = provenance_of(results)
         page = render(results, source, look, kept.get("command"))

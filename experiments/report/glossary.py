@@ -29,6 +29,47 @@ _METRICS = """# Tests and metrics
 (cycles, steps, sweeps, segments), with a 95 % interval where there are several. A metric that a recording cannot
 support is refused with the reason. Usual ranges are those of passenger cars, by engineering judgement. "Noticed" is the
 share of a value from which on drivers notice a difference, where that is known ([report.md](report.md)).
+
+## What an interval holds
+
+The interval of a metric is the 95 % interval of the mean over the repeats (Student's t, from sixteen repeats on the
+bootstrap), made wider at both ends by the change of the metric
+
+- when every low-pass is applied twice. Where the cycles of a simulation repeat themselves, this is nearly all of it;
+- when a channel is shifted by `--timing-ms`, where that is given;
+- when the hand torque is divided by 1 +- `torque_scale_error`, which a mapping declares: `[meta]`,
+  `torque_scale_error = 0.02` for a sensor whose scale is known to 2 %;
+- in weave and slow ramp, when the road is taken to bend as much as lateral acceleration and yaw rate both say;
+- in weave, slow ramp and rig, by what the delay of a channel behind the handwheel angle gains in half the recording,
+  where it changes significantly from cycle to cycle: the clocks of two devices drift apart. Other tests do not show
+  that; give `--timing-ms` there;
+- in the frequency responses, when the band over which the estimate averages is halved. With friction the phase of the
+  torque at 1 Hz is some degrees apart from one estimator to the next.
+
+Weave and slow ramp are read where the car goes straight: the mean lateral acceleration and yaw rate over whole cycles
+are the readings of these sensors at zero, as on a straight road, and handwheel angle and torque have theirs on the mean
+of both branches, where the lateral acceleration is zero. These zeros are subtracted, and a note tells them if they are
+large: `evaluate` prints it, and the page and the JSON file hold it. A driver who steers about another angle than
+straight ahead, on a road that is straight, looks the same as an offset of the sensor. The scale of a sensor cannot be
+found in a recording: declare it.
+
+`steer-env verify synthetic` prints how often the intervals hold known answers behind such faults, for weave and slow
+ramp metric by metric.
+
+## What is refused
+
+A whole recording: without the handwheel angle (where a test needs it) or with another unit than its channel has; with
+gaps above 0.1 s or uneven steps; sampled below four times the low-pass; at a speed 3 % off the prescribed one, or, in
+periodic tests, with cycles whose speeds are 3 % or amplitudes 20 % apart, at a frequency 10 % off, or with fewer than
+three settled cycles (slow ramp: two); with fewer steps, sweeps or segments than the test needs; with a lateral
+acceleration that is not 1/4 to 4 times speed and yaw rate, a yaw rate for every handwheel angle that no car has, or an
+angle that no road allows, which are the sizes of a wrong unit (weave, slow ramp, step, sine, transition, swept sine,
+random steering, circle at constant speed).
+
+A single metric: without one of its channels; where a channel has samples that are not finite or a size that no sensor
+reads; where a channel opposes the handwheel angle, which is a wrong sign; at a peak lateral acceleration outside the
+range in which the metric means something; where a level is not reached; where a response is not coherent (0.9); where
+the doubts above make it unreadable. The reason says what to do.
 """
 _ENVIRONMENTS = """# Environments
 

@@ -1,16 +1,15 @@
-"""Everything that the report rests on, computed in a few processes side by side; no text or picture is made here."""
+"""Everything that the report rests on, computed as one sweep; no text or picture is made here."""
 
 from collections.abc import Callable, Mapping
-from concurrent.futures import as_completed
 from typing import Any, NamedTuple
 
 from steer_env import manoeuvres
 from steer_env.experiments.studies import cross_validation, friction_laws, loop_width, real_time, vehicle
 from steer_env.experiments.studies.common import battery
 from steer_env.experiments.studies.common.assist_margins import Cell, assist_cells
-from steer_env.experiments.studies.common.processes import pool_of, uninterrupted
 from steer_env.experiments.studies.loop_width import Curves
 from steer_env.experiments.studies.vehicle import Study
+from steer_env.experiments.sweep import Runner, run
 from steer_env.friction.law import law_of
 from steer_env.manoeuvres import Manoeuvre
 from steer_env.vehicle import cars
@@ -32,7 +31,6 @@ class Scope(NamedTuple):
     speeds_kph: tuple[float, ...] = (0.0, 50.0, 100.0)  # speeds for the margins of the assist loop; 0 is parking
     vehicle: bool = True  # whether to study the full vehicle
     widths: tuple[float, ...] = loop_width.LEVELS  # levels of friction for the loop widths; empty: not studied
-    workers: int | None = None  # processes; None: one for each processor, up to four
 
     def loaded(self) -> cars.Car:
         """The car."""
@@ -76,10 +74,45 @@ def _of_law(scope: Scope, p: Any, held: bool) -> LawResult:
     )
 
 
-def collect(laws: dict[str, Any], scope: Scope, notify: Notify) -> Results:
-    """Run everything for the given laws (label -> parameters).
+class Part(NamedTuple):
+    """A part of the results that a worker computes."""
 
-    The laws run in parallel; times are taken afterwards, when no other process of the report runs.
+    name: str  # of ``_PARTS``
+    of: Any  # the law or the speed; None where there is one only
+    arguments: tuple[Any, ...] = ()
+
+
+_PARTS: dict[str, Callable[..., Any]] = {
+    "full vehicle": vehicle.collect,
+    "cross validation": cross_validation.collect,
+    "loop widths": loop_width.collect,
+    "law": _of_law,
+    "margins": assist_cells,
+}
+
+
+def _computed(part: Part) -> Any:
+    return _PARTS[part.name](*part.arguments)
+
+
+def _in_words(part: Part) -> str:
+    return part.name if part.of is None else f"{part.name} {part.of}"
+
+
+def _parts(laws: dict[str, Any], base: str, car: cars.Car, scope: Scope) -> list[Part]:
+    """The parts of a report, those that take long first."""
+    first = {law_of(p).name: law for law, p in reversed(laws.items())}
+    parts = [Part("full vehicle", None, (car, laws[base])), Part("cross validation", None)] if scope.vehicle else []
+    if scope.widths:
+        parts.append(Part("loop widths", None, ([car], ["lugre"], tuple(loop_width.TESTS), scope.widths)))
+    parts += [Part("law", law, (scope, p, first[law_of(p).name] == law)) for law, p in laws.items()]
+    return parts + [Part("margins", kph, (car, kph)) for kph in scope.speeds_kph]
+
+
+def collect(laws: dict[str, Any], scope: Scope, notify: Notify, sweep: Runner = run) -> Results:
+    """Run everything for the given laws (label -> parameters), as cases of a sweep.
+
+    Times are taken afterwards, in this process, when no worker of the sweep runs.
 
     Raises
     ------
@@ -88,22 +121,10 @@ def collect(laws: dict[str, Any], scope: Scope, notify: Notify) -> Results:
     """
     car = scope.loaded()
     base = "lugre" if "lugre" in laws else next(iter(laws))
-    first = {law_of(p).name: law for law, p in reversed(laws.items())}
-    found: dict[Any, Any] = {}
-    with pool_of(scope.workers) as pool:
-        jobs: dict[Any, Any] = {}
-        with uninterrupted():
-            if scope.vehicle:  # first, as it compiles for the longest time
-                jobs[pool.submit(vehicle.collect, car, laws[base])] = vehicle
-                jobs[pool.submit(cross_validation.collect)] = cross_validation
-            if scope.widths:
-                jobs[pool.submit(loop_width.collect, [car], ["lugre"], levels=scope.widths)] = loop_width
-            jobs |= {pool.submit(_of_law, scope, p, held=first[law_of(p).name] == law): law for law, p in laws.items()}
-            jobs |= {pool.submit(assist_cells, car, kph): kph for kph in scope.speeds_kph}
-        for i, job in enumerate(as_completed(jobs), start=1):
-            found[jobs[job]] = job.result()
-            notify(0.75 * i / len(jobs), "driving" if i < len(jobs) else "timing")
-    of_law: dict[str, LawResult] = {law: found[law] for law in laws}
+    parts = _parts(laws, base, car, scope)
+    results = sweep(_computed, parts, notify=lambda part, text: notify(0.75 * part, text), words=_in_words)
+    found = {(part.name, part.of): result for part, result in zip(parts, results)}
+    of_law: dict[str, LawResult] = {law: found["law", law] for law in laws}
     tables = real_time.timed(
         {law: (p, of_law[law].rows) for law, p in laws.items()}, lambda part: notify(0.75 + 0.2 * part, "timing")
     )
@@ -117,8 +138,8 @@ def collect(laws: dict[str, Any], scope: Scope, notify: Notify) -> Results:
         held=[test for law in laws for test in of_law[law].held],
         tables=tables,
         sample_ns=real_time.plant_samples(car, laws),
-        vehicle=found.get(vehicle),
-        cross_validation=found.get(cross_validation),
-        loop_width=found.get(loop_width),
-        margins={"parking" if kph == 0 else f"{kph:g} km/h": found[kph] for kph in scope.speeds_kph},
+        vehicle=found.get(("full vehicle", None)),
+        cross_validation=found.get(("cross validation", None)),
+        loop_width=found.get(("loop widths", None)),
+        margins={"parking" if kph == 0 else f"{kph:g} km/h": found["margins", kph] for kph in scope.speeds_kph},
     )

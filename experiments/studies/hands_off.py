@@ -4,7 +4,7 @@
 """
 
 import argparse
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -15,6 +15,8 @@ from steer_env import friction
 from steer_env.experiments.drawing import pictures
 from steer_env.experiments.output import car_options
 from steer_env.experiments.output.files import write_text
+from steer_env.experiments.output.options import progress
+from steer_env.experiments.sweep import Runner, run
 from steer_env.vehicle import cars, free_control
 from steer_env.vehicle.cars import Car
 from steer_env.vehicle.plant import CHANNEL
@@ -59,10 +61,22 @@ def outcome(car: Car, case: Case, speed: float) -> Outcome:
     return Outcome(first.verdict, second.verdict, first.lost, first.amplitudes, first.residual)
 
 
-def collect(car: Car, laws: Sequence[str], speeds: Sequence[float]) -> dict[Case, dict[float, Outcome]]:
+def _outcome(job: tuple[Car, Case, float]) -> Outcome:
+    return outcome(*job)
+
+
+def collect(
+    car: Car,
+    laws: Sequence[str],
+    speeds: Sequence[float],
+    sweep: Runner = run,
+    notify: Callable[[float, str], None] = lambda *_: None,
+) -> dict[Case, dict[float, Outcome]]:
     """Outcomes by case and speed."""
     cases = [Case(chassis, torque, law) for chassis in cars.SPEEDS for torque in TORQUES for law in laws]
-    return {case: {float(v): outcome(car, case, float(v)) for v in speeds} for case in cases}
+    jobs = [(car, case, float(v)) for case in cases for v in speeds]
+    found = iter(sweep(_outcome, jobs, notify=notify, words=lambda job: f"{job[1].law}, {job[2]:g} m/s"))
+    return {case: {float(v): next(found) for v in speeds} for case in cases}
 
 
 def cell(found: Outcome) -> str:
@@ -131,7 +145,7 @@ def yaw_rate(car: Car, chassis: str, speed: float) -> Array:
     return found.record[:, CHANNEL["yaw_rate"]]
 
 
-def main(argv: Sequence[str] | None = None) -> None:
+def main(argv: Sequence[str] | None = None, sweep: Runner = run) -> None:
     """Print what becomes of a car after a pulse of the hands, from 10 to 60 m/s, and draw it."""
     parser = argparse.ArgumentParser(prog="steer-env study hands-off", description=main.__doc__)
     car_options.add(parser)
@@ -146,7 +160,8 @@ def main(argv: Sequence[str] | None = None) -> None:
         parser.error(f"--stride must be from 0.1 to {FASTEST - SLOWEST:g}, got {args.stride:g}")
     car = car_options.load(args)
     speeds = np.arange(SLOWEST, FASTEST + 0.5 * args.stride, args.stride).round(6)
-    outcomes = collect(car, [*args.friction, NONE], [float(v) for v in speeds])
+    with progress("driving") as notify:
+        outcomes = collect(car, [*args.friction, NONE], [float(v) for v in speeds], sweep, notify)
     print(table(outcomes))
     print(half_step(outcomes))
     print(requirement(car))

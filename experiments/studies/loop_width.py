@@ -12,9 +12,7 @@ assist, some milliseconds, is neglected.
 
 import argparse
 import math
-import multiprocessing
-from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
@@ -26,6 +24,8 @@ from scipy.interpolate import PchipInterpolator
 
 from steer_env import friction, manoeuvres
 from steer_env.experiments.drawing import pictures
+from steer_env.experiments.output.options import progress
+from steer_env.experiments.sweep import Runner, run
 from steer_env.friction import defaults
 from steer_env.metrics.common.filtered_channels import ANGLE, AY, TORQUE
 from steer_env.metrics.common.loops import Loops
@@ -112,17 +112,14 @@ def collect(
     laws: Sequence[str] = LAWS,
     tests: Sequence[str] = tuple(TESTS),
     levels: Sequence[float] = LEVELS,
-    workers: int = 1,
+    sweep: Runner = run,
+    notify: Callable[[float, str], None] = lambda *_: None,
 ) -> Curves:
     """Widths over friction for every car (by default the packaged ones), law, test and metric."""
     loaded = [cars.load(car) if isinstance(car, str) else car for car in chosen or cars.available()]
     keys = list(product(loaded, laws, tests))
     jobs = [(*key, level) for key in keys for level in levels]
-    if workers > 1:
-        with ProcessPoolExecutor(workers, multiprocessing.get_context("spawn")) as pool:
-            found = list(pool.map(_drive, jobs))
-    else:
-        found = list(map(_drive, jobs))
+    found = sweep(_drive, jobs, notify=notify, words=lambda job: f"{job[0].name}, {job[1]}, {job[2]}")
     curves: Curves = {}
     for (car, law, test, _), widths in zip(jobs, found):
         for metric, width in widths.items():
@@ -200,7 +197,7 @@ def panels(curves: Curves, law: str = LAWS[0]) -> dict[str, dict[str, dict[str, 
     return found
 
 
-def main(argv: Sequence[str] | None = None) -> None:
+def main(argv: Sequence[str] | None = None, sweep: Runner = run) -> None:
     """Print the widths over friction and the verdicts; with --figure also draw them."""
     parser = argparse.ArgumentParser(prog="steer-env study loop-width", description=main.__doc__)
     names = cars.available()
@@ -208,7 +205,8 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser.add_argument("--cars", metavar="NAME", nargs="+", choices=names, default=list(names), help=text)
     parser.add_argument("--figure", metavar="FILE.svg", type=Path, help="file for the picture")
     options = parser.parse_args(argv)
-    curves = collect(options.cars, workers=2)
+    with progress("driving") as notify:
+        curves = collect(options.cars, sweep=sweep, notify=notify)
     print(table(curves))
     for test in TESTS:
         print("\n" + sentence(curves, test))

@@ -69,8 +69,13 @@ def _described(dask_worker: Any) -> dict[str, Any]:
 @contextmanager
 def _client(where: Where) -> Iterator[Any]:
     """A client of the cluster, which is made here if it is a local one."""
-    from distributed import Client, LocalCluster
+    from distributed import Client, LocalCluster, Security
 
+    if where.cluster.startswith("tls:") and Security().get_connection_args("client").get("ssl_context") is None:
+        raise ValueError(
+            f"--cluster {where.cluster} needs a certificate of this client: name its files in Dask's configuration "
+            "(docs/many_machines.md, Safety)"
+        )
     with ExitStack() as stack:
         stack.enter_context(_quiet())
         place: Any = where.cluster
@@ -116,10 +121,14 @@ def _quiet() -> Iterator[None]:
 
 
 def _check(client: Any, where: Where) -> None:
-    """ValueError that names the first worker that must not take part."""
+    """ValueError that names the scheduler or the first worker that must not take part."""
+    try:
+        client.run_on_scheduler(identity)  # the tasks pass through it, and it imports what they name
+    except Exception as error:
+        raise ValueError(f"the scheduler {where.cluster} cannot run this program ({error}): {SAME}; {KEPT}") from None
     for address, found in client.run(_described, on_error="return").items():
         if isinstance(found, BaseException):
-            trouble = f"cannot run this program ({found}): install there what this program runs with"
+            trouble = f"cannot run this program ({found}): {SAME}"
         elif found["threads"] > 1:
             trouble = _threads(found["threads"])
         elif other := differences(found["identity"], identity()):

@@ -102,7 +102,8 @@ class Store:
         with suppress(OSError):
             self.save(key, result)
 
-    def __len__(self) -> int:
+    def count(self) -> int:
+        """Number of finished cases."""
         return sum(entry.suffix == SUFFIX for entry in self.directory.iterdir()) if self.directory.is_dir() else 0
 
     def remove(self) -> None:

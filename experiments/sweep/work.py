@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 from steer_env.experiments.output import provenance
 from steer_env.experiments.sweep.store import Store
-from steer_env.thread_pool import THREADS
+from steer_env.thread_pool import THREADS, one_blas_thread
 
 PACKAGES = ("numpy", "numba", "llvmlite", "scipy")  # on which the bits of results depend
 REFUSED = "refused"  # kind of failure beside the names of exceptions
@@ -81,7 +81,8 @@ def perform(task: Task) -> Outcome:
     try:
         module, name = task.function.split(":")
         function: Any = functools.reduce(getattr, name.split("."), importlib.import_module(module))
-        result = pickle.dumps(function(pickle.loads(task.case)), pickle.HIGHEST_PROTOCOL)
+        with one_blas_thread():
+            result = pickle.dumps(function(pickle.loads(task.case)), pickle.HIGHEST_PROTOCOL)
     except Exception as error:
         kind, expected = type(error).__name__, isinstance(error, ValueError)
         return Outcome(task.number, b"", kind, str(error), traceback.format_exc(), expected)

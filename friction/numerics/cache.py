@@ -2,8 +2,8 @@
 
 The folder's name holds the stamp of all that the code depends on (:mod:`steer_env.friction.numerics.stamp`), so
 nothing stale is ever found, and checkouts and versions share one parent folder. Of processes that need the same kernel
-at once, one compiles it and the others wait; numba writes each file under a temporary name and renames it. A folder for each
-signature is needed: two processes that add different signatures to one index of numba's can exchange their machine
+at once, one compiles it and the others wait; numba writes each file under a temporary name and renames it. A folder for
+each signature is needed: two processes that add different signatures to one index of numba's can exchange their machine
 code.
 """
 

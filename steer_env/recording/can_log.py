@@ -34,7 +34,7 @@ METHOD = "linear interpolation between the frames before and after each instant,
 class Options(NamedTuple):
     """How a log is read."""
 
-    dbc: tuple[str | PathLike[str], ...] = ()  # databases, which are taken together
+    dbc: str | PathLike[str] | Sequence[str | PathLike[str]] = ()  # a database, or several that are taken together
     bus: str | None = None  # the channel of the log whose frames are read; None: the only one of each message
     until: float = np.inf  # frames from this time on are not read [s]
 
@@ -102,9 +102,11 @@ def _packages() -> tuple[Any, Any]:
     return can, cantools
 
 
-def _messages(paths: Sequence[str | PathLike[str]]) -> list[Any]:
+def _messages(paths: str | PathLike[str] | Sequence[str | PathLike[str]]) -> list[Any]:
     """The messages of all databases."""
     _, cantools = _packages()
+    if isinstance(paths, str | PathLike):
+        paths = (paths,)
     if not paths:
         raise ValueError("a CAN log holds raw frames: give the DBC that says what is in them, --dbc car.dbc")
     found: dict[tuple[int, bool], Any] = {}
@@ -240,7 +242,19 @@ def _end(path: Path, size: int) -> str:
 
 
 def _decoded(message: Any, raw: list[tuple[float, bytes]]) -> Frames:
-    """The frames as cantools decodes them; of frames with the same time stamp the last."""
+    """The frames as cantools decodes them; of frames with the same time stamp the last.
+
+    A frame that the database does not describe, such as one with a multiplexer of its own, has no values.
+    """
+    _, cantools = _packages()
+
+    def signals(data: bytes) -> dict[str, Any]:
+        try:
+            found: dict[str, Any] = message.decode(data, decode_choices=False)
+        except cantools.database.DecodeError:
+            return {}
+        return found
+
     time = np.array([stamp for stamp, _ in raw])
     back = np.flatnonzero(np.diff(time) < 0)
     if back.size:
@@ -249,7 +263,7 @@ def _decoded(message: Any, raw: list[tuple[float, bytes]]) -> Frames:
             f"{_named(message)}: the time goes back from {time[k]:.6f} to {time[k + 1]:.6f} s; sort the log"
         )
     kept = np.append(np.diff(time) > 0, True)
-    frames = [message.decode(data, decode_choices=False) for (_, data), keep in zip(raw, kept) if keep]
+    frames = [signals(data) for (_, data), keep in zip(raw, kept) if keep]
     values = {
         signal.name: np.array([float(frame.get(signal.name, np.nan)) for frame in frames]) for signal in message.signals
     }
@@ -282,6 +296,9 @@ def _told(message: Any, frames: Frames) -> dict[str, Any]:
     """What the meta tells of a message's frames."""
     steps = np.diff(frames.time)
     told: dict[str, Any] = {"id": f"0x{message.frame_id:03X}", "frames": frames.time.size}
+    undescribed = np.count_nonzero(np.all([np.isnan(values) for values in frames.values.values()], axis=0))
+    if frames.values and undescribed:
+        told["not_decoded"] = int(undescribed)
     if steps.size:
         longest = int(np.argmax(steps))
         told["rate_hz"] = float(1 / steps.mean())

@@ -1,10 +1,8 @@
 """How often the known answers of a recording are in the metrics' 95 % intervals after a fault."""
 
-import multiprocessing
 import zlib
-from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from typing import NamedTuple
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -87,8 +85,8 @@ def _job(job: tuple[str, str, int]) -> dict[str, Coverage]:
     return coverage(examples(case, fault.rate), fault, trials, stream, case.refusals)
 
 
-def collect(trials: int, workers: int | None = None) -> dict[str, dict[str, dict[str, Coverage]]]:
-    """Coverage by case, fault and metric, computed in parallel processes."""
+def collect(trials: int, each: Callable[..., Iterable[Any]] = map) -> dict[str, dict[str, dict[str, Coverage]]]:
+    """Coverage by case, fault and metric; ``each`` is ``map``, or does the same in several processes."""
     test = {case: entry.make(200.0)[0].meta["manoeuvre"] for case, entry in CASES.items()}
     jobs = [
         (case, name, trials)
@@ -96,8 +94,7 @@ def collect(trials: int, workers: int | None = None) -> dict[str, dict[str, dict
         for name, fault in FAULTS.items()
         if not fault.tests or test[case] in fault.tests
     ]
-    with ProcessPoolExecutor(workers, multiprocessing.get_context("spawn")) as pool:
-        found = dict(zip(jobs, pool.map(_job, jobs)))
+    found = dict(zip(jobs, each(_job, jobs)))
     return {
         case: {fault: found[case, fault, trials] for fault in FAULTS if (case, fault, trials) in found}
         for case in CASES

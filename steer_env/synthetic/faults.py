@@ -1,4 +1,4 @@
-"""Faults between the car and the file: noise, zeros, scales, units, delays and clocks of sensors, gaps, slow logging."""
+"""Faults between the car and the file: noise, zeros, scales, units, delays and clocks of sensors, gaps, a slow log."""
 
 from collections.abc import Callable
 from dataclasses import replace

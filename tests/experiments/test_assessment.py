@@ -16,6 +16,7 @@ from steer_env.synthetic.frequency_response import swept_sine
 from steer_env.targets import Band, Rating, rating
 from steer_env.vehicle import cars
 
+LOGGED = {"handwheel_angle", "handwheel_torque", "lateral_acceleration", "yaw_rate", "vehicle_speed"}
 BAND = Band(good=(1.0, 2.0), fair=(0.5, 2.5))
 
 
@@ -282,3 +283,21 @@ def test_frequency_responses_are_drawn():
     kept = ("handwheel_angle", "yaw_rate", "lateral_acceleration", "vehicle_speed")
     bare = Recording(made.time, {n: made[n] for n in kept}, {n: made.units[n] for n in kept}, made.meta)
     assert assessment.render(assessment.assess({"bare": bare}), {"bare": bare}).count("squared coherence [1]") == 2
+
+
+def test_what_a_recording_hides_is_told(weaves, tmp_path, capsys):
+    """Notes and the remedy of a wrong unit reach the terminal whole, and the files hold the notes."""
+    files = {}
+    for name, angle in (("offset", lambda a: a + np.radians(2.0)), ("radians", np.radians)):
+        logged = weaves["lugre"].without(*(set(weaves["lugre"].channels) - LOGGED)).resampled(100.0)
+        files[name] = str(tmp_path / f"{name}.csv")
+        changed = {**logged.channels, "handwheel_angle": angle(logged["handwheel_angle"])}
+        recordings.write(Recording(logged.time, changed, logged.units, logged.meta), files[name])
+    assert main(["evaluate", files["offset"], "--out", str(tmp_path / "out")]) == 0
+    note = "handwheel_angle reads 2 deg where the car goes straight"
+    assert f"note: {note}" in capsys.readouterr().out
+    assert note in (tmp_path / "out" / "index.html").read_text()
+    found = json.loads((tmp_path / "out" / "evaluation.json").read_text())["metrics"]["offset"]["yaw_lag"]
+    assert found["notes"][0].startswith(note)
+    assert main(["evaluate", files["radians"]]) == 1
+    assert '[channels.handwheel_angle] unit = "rad"' in capsys.readouterr().out

@@ -82,7 +82,7 @@ def test_a_quicker_loop_ripples_with_delay():
 
 def test_the_pulse_is_that_of_free_control():
     """Without an assist, the drive is the plant's run of :func:`steer_env.vehicle.free_control.pulse`."""
-    found = assist_suite.run(drive("pulse"), partial(assists.make, "boost"), WEAVE)
+    found = assist_suite.driven(drive("pulse"), partial(assists.make, "boost"), WEAVE)
     own = free_control.pulse(cars.load().plant("lugre", 180.0 / 3.6)).record[: 10 * len(found.angle)]
     angle = own[9::10, CHANNEL["handwheel_angle"]]
     place = [row.place for row in drive("pulse").rows].index("180 km/h")
@@ -114,7 +114,7 @@ def test_a_controller_sees_what_its_task_observes():
             seen.setdefault("last", []).append(observations[0, 2])
             return np.full(self.n, 0.5)
 
-    assist_suite.run(drive("release"), Watching, "steer_env/AssistRelease-v1")
+    assist_suite.driven(drive("release"), Watching, "steer_env/AssistRelease-v1")
     released = np.flatnonzero(seen["released"])
     assert released[0] == 400  # 4 s: the hands turn for 1.5 s and hold for 2.5 s
     assert seen["last"][:3] == pytest.approx([0.0, 0.1, 0.1])

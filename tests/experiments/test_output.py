@@ -7,22 +7,26 @@ import pytest
 from scipy import stats
 
 from steer_env import friction, metrics
+from steer_env.experiments import sweep
 from steer_env.experiments.drawing import style
 from steer_env.experiments.output import pages, provenance, small_svg, words
 from steer_env.experiments.output.files import replaced_directory
 from steer_env.experiments.output.words import number
 from steer_env.experiments.report import build
 from steer_env.experiments.studies.common import battery
-from steer_env.experiments.studies.common.processes import pool_of
 from steer_env.vehicle import cars
 
 CONTENTS = build.CONTENTS
 
 
+def _response(p):
+    return friction.response(p, [0.0, 0.1], 1e-3)
+
+
 def test_a_law_from_outside_reaches_the_worker_processes(toy):
-    with pool_of(1) as pool:
-        found = pool.submit(friction.response, friction.make("toy_jenkins"), [0.0, 0.1], 1e-3).result()
-    assert found.tolist() == [0.0, 0.9]
+    laws = [friction.make("toy_jenkins"), friction.make("toy_jenkins")]
+    found = sweep.run(_response, laws, where=sweep.Where(2))
+    assert [each.tolist() for each in found] == 2 * [[0.0, 0.9]]
 
 
 def test_every_number_of_the_car_has_its_unit():

@@ -1,12 +1,12 @@
 """The report with a reduced scope: complete, self-contained, and never half-written, whatever interrupts it."""
 
-import functools
 import json
 import re
 import signal
 import subprocess
 import sys
 import time
+from functools import partial
 from html.parser import HTMLParser
 from urllib.parse import unquote
 from xml.etree import ElementTree
@@ -14,6 +14,7 @@ from xml.etree import ElementTree
 import pytest
 
 from steer_env import friction, metrics
+from steer_env.experiments import sweep
 from steer_env.experiments.cli.main import main
 from steer_env.experiments.output import traces
 from steer_env.experiments.report import build, findings
@@ -25,7 +26,8 @@ pytestmark = pytest.mark.whole
 
 LAWS = {law: friction.make(law) for law in ("lugre", "masing")}
 TESTS = {"weave": {"cycles": 6}, "slow-ramp": {}, "step-steer": {}, "hold": {}}
-SCOPE = Scope(tests=TESTS, widths=(0.0, 1.0, 2.0), steps=(1e-3, 1e-2), speeds_kph=(0.0,), workers=2)
+SCOPE = Scope(tests=TESTS, widths=(0.0, 1.0, 2.0), steps=(1e-3, 1e-2), speeds_kph=(0.0,))
+IN_TWO = partial(sweep.run, where=sweep.Where(2))
 FIRST = ("first_weave", "first_loops", "first_noticed")
 FIGURES = (
     *("characteristics", "reversal", "real_time", "margins", "held_on", "held_off"),
@@ -37,7 +39,7 @@ FIGURES = (
 def made(tmp_path_factory):
     out = tmp_path_factory.mktemp("made") / "report"
     seen = []
-    results = build.build(out, LAWS, SCOPE, lambda part, what: seen.append(part))
+    results = build.build(out, LAWS, SCOPE, lambda part, what: seen.append(part), sweep=IN_TWO)
     assert seen == sorted(seen)
     assert seen[-1] == 1.0
     return out, results
@@ -360,10 +362,10 @@ def test_an_error_half_way_leaves_the_old_report(made, tmp_path, monkeypatch):
     with monkeypatch.context() as patch:
         patch.setattr(build, "write_json", fail)  # the page is written by then
         with pytest.raises(RuntimeError, match="disk on fire"):
-            build.build(out, LAWS, SCOPE)
+            build.build(out, LAWS, SCOPE, sweep=IN_TWO)
     assert [path.name for path in tmp_path.rglob("*")] == ["report", "index.html"]
     assert (out / "index.html").read_text() == "old"
-    build.build(out, LAWS, SCOPE)
+    build.build(out, LAWS, SCOPE, sweep=IN_TWO)
     assert "<body>new" in (out / "index.html").read_text()
     assert sorted(path.name for path in tmp_path.rglob("*")) == ["index.html", "metrics.json", "report"]
 
@@ -375,7 +377,7 @@ def test_ctrl_c_leaves_the_old_report_and_no_process(tmp_path):
     (out / "index.html").write_text("old")
     command = [sys.executable, "-m", "steer_env.experiments.cli.main", "report", "--out", str(out)]
     # A suite that runs in the background hands on that Ctrl-C is ignored.
-    heard = functools.partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
+    heard = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, preexec_fn=heard) as process:
         while len(list(tmp_path.iterdir())) == 1:  # until it builds beside the old one
             time.sleep(0.05)

@@ -1,5 +1,6 @@
 """Synthetic recordings: every metric finds its answer behind every fault, or is refused for the right reason."""
 
+import functools
 import zlib
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 from scipy import stats
 
 from steer_env import metrics
+from steer_env.experiments import sweep
 from steer_env.experiments.verification.requirements import synthetic
 from steer_env.metrics.common import definitions
 from steer_env.metrics.common import evaluate as evaluation
@@ -23,7 +25,7 @@ TRIALS = 2  # of a case behind a fault; the mark has 200
 @pytest.mark.whole
 def test_every_case():
     """Trials behind all faults together: exact intervals miss this in one run of a hundred, for some 250 metrics."""
-    found = collect(TRIALS)
+    found = collect(TRIALS, functools.partial(sweep.run, where=sweep.Where.parse()))
     refusing = [name for name, fault in FAULTS.items() if fault.refused]
     pooled = {}
     for case, of_fault in found.items():

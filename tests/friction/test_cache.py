@@ -115,7 +115,7 @@ def test_a_full_disk_does_no_harm(tmp_path):
 
 
 def test_processes_that_write_at_once_leave_a_whole_cache(tmp_path):
-    """Two signatures of one kernel, each from two processes."""
+    """Two signatures of one kernel, each from two processes, one of which compiles while the other waits."""
     names = ["viscous", "coulomb"] * 2
     with ThreadPoolExecutor(4) as pool:
         reports = list(pool.map(lambda name: fresh_process(tmp_path, name), names))
@@ -123,6 +123,8 @@ def test_processes_that_write_at_once_leave_a_whole_cache(tmp_path):
         warm = fresh_process(tmp_path, name)
         assert warm["torque"] == report["torque"]
         assert warm["loaded"] == 1
+    for name in ("viscous", "coulomb"):
+        assert sorted(report["compiled"] for of, report in zip(names, reports) if of == name) == [0, 1]
 
 
 def test_only_our_own_old_folders_are_pruned(tmp_path):

@@ -231,6 +231,26 @@ def test_a_counter_tells_the_frames_that_are_missing(tmp_path):
     np.testing.assert_allclose(found["vehicle_speed"], 50 / 3.6)
 
 
+def test_multiplexed_signals_have_the_frames_that_hold_them(tmp_path):
+    """Every third frame has a multiplexer that the database does not know."""
+    head, _, _ = DBC.read_text().partition("BO_ 36")
+    signals = (
+        "BO_ 180 SPEED: 8 CAR",
+        ' SG_ KIND M : 7|8@0+ (1,0) [0|0] "" CAR',
+        ' SG_ SPEED m0 : 47|16@0+ (0.01,0) [0|0] "km/h" CAR',
+        ' SG_ YAW_RATE m1 : 47|16@0+ (0.01,0) [0|0] "deg/s" CAR',
+    )
+    (tmp_path / "car.dbc").write_text(head + "\n".join(signals) + "\n")
+    lines = [f"({0.01 * k:.6f}) can0 0B4#{(0, 1, 9)[k % 3]:02X}00000000{100 * (k % 3 + 1):04X}00" for k in range(60)]
+    (tmp_path / "drive.log").write_text("\n".join(lines) + "\n")
+    named = mapped("vehicle_speed=SPEED", "yaw_rate=YAW_RATE")
+    found = read(tmp_path / "drive.log", named, can=can_log.Options(tmp_path / "car.dbc"))
+    np.testing.assert_allclose(found["vehicle_speed"], 1 / 3.6)
+    np.testing.assert_allclose(found["yaw_rate"], 2 * DEGREE)
+    assert found.rate == pytest.approx(100 / 3)
+    assert found.meta["can"]["messages"]["SPEED"]["not_decoded"] == 20
+
+
 def test_two_buses_are_not_mixed(tmp_path):
     a = speeds(tmp_path / "a.log", np.arange(50) * 0.02, np.full(50, 36.0))
     b = speeds(tmp_path / "b.log", np.arange(50) * 0.02 + 0.001, np.full(50, 72.0), bus="can1")
@@ -323,7 +343,7 @@ def test_gaps_and_channels_without_values_are_told_before_the_metrics(tmp_path, 
     command = ["evaluate", str(path), "--dbc", str(DBC), "--map", "vehicle_speed=SPEED", "--manoeuvre", "weave"]
     assert main(command) == 1
     assert f"{path}: gaps of SPEED: 1, longest step 0.1 s at 1.98 s\n" in capsys.readouterr().out
-    (tmp_path / "run.csv").write_text("time_s,yaw_rate_deg_s,SWA [deg]\n0,1,\n1,2,\n")
+    (tmp_path / "run.csv").write_text("# can: none\ntime_s,yaw_rate_deg_s,SWA [deg]\n0,1,\n1,2,\n")
     assert main(["evaluate", str(tmp_path / "run.csv"), "--manoeuvre", "weave"]) == 1
     assert "run.csv: columns that are not read: SWA [deg] (no values)\n" in capsys.readouterr().out
 

@@ -5,9 +5,12 @@ import sys
 from collections.abc import Mapping
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from steer_env.experiments.cli.common import inputs
+
+if TYPE_CHECKING:
+    from steer_env.experiments.sweep import Runner
 
 
 def caution(path: Path, about: Mapping[str, Any]) -> None:
@@ -39,6 +42,7 @@ def evaluate_and_report(
     out: Path,
     made: dict[str, Any],
     curves: dict[str, Path],
+    sweep: "Runner | None" = None,
 ) -> None:
     """Evaluate controllers beside the baselines of an id, print the table and write the report.
 
@@ -55,17 +59,20 @@ def evaluate_and_report(
         Arguments of ``gymnasium.make_vec``.
     curves : dict
         Label -> file of a learning curve.
+    sweep : Runner, optional
+        What runs the evaluations; this process by default.
     """
     from steer_env.experiments.cli.common.tables import print_estimates
     from steer_env.experiments.learning import policy_report
     from steer_env.experiments.learning.controllers import baselines
     from steer_env.experiments.output.options import progress
+    from steer_env.experiments.sweep import run
 
     if find_spec("pygame") is None:
         print("steer-env: no pictures of episodes, which need pygame: pip install '.[render]'", file=sys.stderr)
     controllers = {**controllers, **{k: v for k, v in baselines(env_id).items() if k not in controllers}}
     with progress("evaluating") as notify:
-        found = policy_report.evaluate(env_id, controllers, args.episodes, notify, **made)
+        found = policy_report.evaluate(env_id, controllers, args.episodes, notify, sweep=sweep or run, **made)
     print_estimates(found.values, found.units, f"{env_id}, {args.episodes} held-out episodes")
     policy_report.write(out, found, controllers, curves, trace(args, made))
     print(out / "index.html")

@@ -83,12 +83,12 @@ def assess(paths: list[str], args: argparse.Namespace, tolerances: str | None) -
     return int(any(all(value.reason for value in values.values()) for values in found.values.values()))
 
 
-def _notes(meta: Mapping[str, Any]) -> Iterator[str]:
-    """What to know of a recording before its metrics: columns without values, counts, gaps of CAN messages."""
+def _notes(meta: Mapping[str, Any], frames: bool) -> Iterator[str]:
+    """What to know of a recording before its metrics: columns without values, counts, gaps of ``frames``."""
     for key, label in NOTES.items():
         if key in meta:
             yield f"{label}: {meta[key]}"
-    for name, told in meta.get("can", {}).get("messages", {}).items():
+    for name, told in meta["can"]["messages"].items() if frames else ():
         missed = told.get("missed_by_counter", 0)
         if told.get("gaps") or missed:
             counted = f"; {missed} frames are missing by its counter" if missed else ""
@@ -146,10 +146,10 @@ def _trace(args: argparse.Namespace, labels: list[str], result: str) -> dict[str
 
 def _read(path: str, place: int, args: argparse.Namespace) -> Any:
     """A recording from a file, read through its mapping and with short drop-outs bridged."""
-    from steer_env.recording import files
+    from steer_env.recording import can_log, files
 
     found = files.read(path, _mapping(place, args), can=can_options(args)).without(*args.without)
-    for note in _notes(found.meta):
+    for note in _notes(found.meta, can_log.recognised(path)):
         print(f"{path}: {note}")
     if args.manoeuvre is None and found.meta.get("manoeuvre") is None:
         raise ValueError(f"{path} does not name its test: give --manoeuvre, one of {', '.join(names.manoeuvres())}")

@@ -30,23 +30,25 @@ def add_sweep(parser: argparse.ArgumentParser, cases: str = "") -> None:
     group.add_argument("--resume", action="store_true", help=text)
 
 
+def unswept(args: argparse.Namespace, *others: str) -> list[str]:
+    """The words of a command line without those that say where its cases run, and without ``others`` and their values.
+
+    All words of a command that has no such options.
+    """
+    if not hasattr(args, "cluster"):
+        return args.argv
+    parser = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
+    add_sweep(parser)
+    for name in others:
+        parser.add_argument(name)
+    return parser.parse_known_args(args.argv)[1]
+
+
 def refuse_sweep(args: argparse.Namespace, reason: str) -> None:
     """ValueError if one of the options is given where it has no effect."""
     for name in OPTIONS:
         if getattr(args, name):
             raise ValueError(f"--{name} has no effect here, as {reason}")
-
-
-def without_sweep(words: Iterable[str]) -> list[str]:
-    """The words of a command line without these options and ``--out``, which change nothing in a result."""
-    kept, left = [], iter(words)
-    for word in left:
-        name, equals, _ = word.partition("=")
-        if name not in ("--workers", "--cluster", "--resume", "--out"):
-            kept.append(word)
-        elif name != "--resume" and not equals:
-            next(left, None)
-    return kept
 
 
 def runner(args: argparse.Namespace) -> "Runner":
@@ -80,8 +82,8 @@ def runner(args: argparse.Namespace) -> "Runner":
         try:
             results = sweep.run(function, cases, where=where, store=store, **options)
         except BaseException:
-            if len(store):
-                text = f"{len(store)} of {len(cases)} cases are finished and kept"
+            if store.count():
+                text = f"{store.count()} of {len(cases)} cases are finished and kept"
                 print(f"steer-env: {text}: the same command with --resume goes on from there", file=sys.stderr)
             else:
                 store.remove()

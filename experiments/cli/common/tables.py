@@ -56,15 +56,16 @@ def print_metrics(values: Mapping[str, Value], title: str, ratings: Mapping[str,
             table.add_row(*cells, *([_rating(ratings.get(name))] if ratings else []))
     if table.row_count:
         printer.print(table)
+    plain: dict[str, Any] = {"highlight": False, "soft_wrap": True, "markup": False}  # a reason may hold brackets
     reasons = {value.reason for value in values.values()}
     if len(values) > 1 and len(reasons) == 1 and "" not in reasons:
-        printer.print(f"every metric refused: {in_options(reasons.pop())}", highlight=False, soft_wrap=True)
+        printer.print(f"every metric refused: {in_options(reasons.pop())}", **plain)
         return
     for reason in dict.fromkeys(value.reason for value in values.values() if value.reason):
         refused = ", ".join(name for name, value in values.items() if value.reason == reason)
         printer.print(f"{refused} refused: {in_options(reason)}", highlight=False, soft_wrap=True)
     for note in dict.fromkeys(note for value in values.values() for note in value.notes):
-        printer.print(f"note: {note}", highlight=False, soft_wrap=True)
+        printer.print(f"note: {note}", **plain)
 
 
 def _rating(rating: Rating | None) -> str:

@@ -1,8 +1,10 @@
 """Metrics of synthetic recordings with known answers."""
 
 from collections.abc import Iterator
+from functools import partial
 
 from steer_env.experiments.output.words import label
+from steer_env.experiments.sweep import Where, run
 from steer_env.experiments.verification.requirements.common.rows import Row, verdict
 from steer_env.synthetic.coverage import collect
 from steer_env.synthetic.faults import FAULTS, TOGETHER
@@ -16,7 +18,7 @@ def rows(trials: int = TRIALS) -> Iterator[Row]:
 
     Behind all faults of a measurement at once there is a row for every metric.
     """
-    for case, of_fault in collect(trials).items():
+    for case, of_fault in collect(trials, partial(run, where=Where.parse())).items():
         for fault, of_metric in of_fault.items():
             name, least = min(of_metric.items(), key=lambda item: item[1].kept)
             why = FAULTS[fault].refused

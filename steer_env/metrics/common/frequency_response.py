@@ -199,7 +199,10 @@ def torque_gain_at_1hz(spectra: Spectra) -> Array:
 
 @_spectral_metric("deg", source="common use")
 def torque_phase_lead_at_1hz(spectra: Spectra) -> Array:
-    """Phase by which the handwheel torque leads the handwheel angle at 1 Hz."""
+    """Phase by which the handwheel torque leads the handwheel angle at 1 Hz, from their cross spectrum over +-0.1 Hz.
+
+    With friction other estimators differ by some degrees; the interval includes the value from half that band.
+    """
     return -_value(spectra, TORQUE, partial(_lag, 1.0), 1.0)
 
 

@@ -1,0 +1,365 @@
+"""Sweeps: the same results everywhere, nothing lost and nothing twice, and sentences where something goes wrong."""
+
+import contextlib
+import functools
+import os
+import pickle
+import signal
+import socket
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from steer_env.experiments import sweep
+from steer_env.experiments.cli.common.sweeping import runner
+from steer_env.experiments.cli.main import main, parsed
+from steer_env.experiments.sweep import dask_cluster, store, work
+from steer_env.experiments.sweep.sweep import key_of
+from tests.experiments import sweep_cases as cases
+
+TWO = sweep.Where(2)
+PLACES = [TWO, sweep.Where(2, "local")]
+PARALLEL = [TWO, pytest.param(PLACES[1], marks=pytest.mark.whole)]
+EVERYWHERE = [sweep.SERIAL, *PARALLEL]
+ROOT = Path(__file__).parents[2]
+posix = pytest.mark.skipif(sys.platform == "win32", reason="sends signals")
+
+
+def kept_in(folder, **changes):
+    """A store of this program, or of one that differs from it."""
+    return sweep.Store(folder / "store", work.identity() | changes)
+
+
+def numbers(folder, seconds=0.05, killer=None, count=10):
+    """Cases that leave files in a folder."""
+    (folder / "marks").mkdir(exist_ok=True)
+    return [(str(folder / "marks"), x, seconds, killer) for x in range(count)]
+
+
+def same(results, count=10):
+    return [each.tobytes() for each in results] == [cases.rooted(x).tobytes() for x in range(count)]
+
+
+@pytest.mark.parametrize("where", EVERYWHERE)
+def test_results_are_the_same_to_the_bit_everywhere(where):
+    seen = []
+    with sweep.work.one_blas_thread():
+        assert same(sweep.run(cases.rooted, range(10), where=where, notify=lambda *told: seen.append(told)))
+    assert [share for share, _ in seen] == [k / 10 for k in range(1, 11)]
+
+
+@pytest.mark.whole
+@pytest.mark.parametrize("where", EVERYWHERE)
+def test_a_worker_uses_one_thread(where):
+    for blas, rows, process in sweep.run(cases.threads, range(3), where=where):
+        assert blas == {1}
+        assert rows == (1 if process != os.getpid() else (os.cpu_count() or 1))
+
+
+@pytest.mark.parametrize("where", [sweep.SERIAL, *(pytest.param(each, marks=pytest.mark.whole) for each in PLACES)])
+def test_an_error_carries_the_case_and_what_is_finished_is_kept(where, tmp_path):
+    with pytest.raises(ValueError, match=r"^case 3: three is odd$"):
+        sweep.run(cases.odd, range(4), where=where, store=kept_in(tmp_path), words=lambda x: f"case {x}")
+    if where == sweep.SERIAL:
+        assert kept_in(tmp_path).count() == 3
+    with pytest.raises(RuntimeError, match=r"(?s)5: KeyError: 'five'.*sweep_cases.py"):
+        sweep.run(cases.odd, [1, 5], where=where)
+
+
+def test_a_resumed_sweep_runs_what_is_left(tmp_path):
+    some = numbers(tmp_path, 0.0)
+    sweep.run(cases.counted, some[:4], store=kept_in(tmp_path))
+    assert same(sweep.run(cases.counted, some, store=kept_in(tmp_path)))
+    assert cases.marks(tmp_path / "marks", "done") == list(range(10))
+    damaged = next((tmp_path / "store").glob(f"*{store.SUFFIX}"))
+    damaged.write_bytes(damaged.read_bytes()[:-1])
+    assert same(sweep.run(cases.counted, some, store=kept_in(tmp_path)))
+    assert len(cases.marks(tmp_path / "marks", "done")) == 11
+
+
+def test_results_of_another_program_are_refused_and_nobody_elses_files_deleted(tmp_path):
+    sweep.run(cases.rooted, range(3), store=kept_in(tmp_path, sources="0123"))
+    with pytest.raises(ValueError, match=r"was computed with sources 0123 \(here .*begin anew without --resume"):
+        kept_in(tmp_path)
+    anew = sweep.Store(tmp_path / "store", work.identity(), resume=False)
+    assert anew.count() == 0
+    (tmp_path / "thesis.tex").write_text("years of work")
+    with pytest.raises(ValueError, match="holds other files than those of a sweep"):
+        sweep.Store(tmp_path, work.identity(), resume=False)
+    assert (tmp_path / "thesis.tex").read_text() == "years of work"
+
+
+def test_keys_tell_functions_cases_and_programs_apart_and_not_processes():
+    case = {"law": "lugre", "values": [1.0, 2.0], "names": {"a", "b", "c"}}
+    code = f"from steer_env.experiments.sweep.sweep import key_of; print(key_of('m:f', {case!r}))"
+    command = [sys.executable, "-c", code]
+    found = {subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip() for _ in range(2)}
+    assert found == {key_of("m:f", case)}
+    others = [("m:g", case), ("m:f", case | {"law": "masing"}), ("m:f", case, {"sources": "other"})]
+    assert len({*found, *(key_of(*other) for other in others)}) == 4
+
+
+def test_what_cannot_be_sent_is_said():
+    with pytest.raises(ValueError, match="define the function at the top of a module"):
+        sweep.run(lambda x: x, [1])
+    with pytest.raises(ValueError, match="cannot be sent to a worker"):
+        sweep.run(cases.odd, [lambda: 1])
+
+
+@pytest.mark.parametrize(
+    ("options", "place"),
+    [
+        ((3, None), sweep.Where(3)),
+        ((1, None), sweep.SERIAL),
+        ((None, "local:3"), sweep.Where(3, "local")),
+        ((2, "local"), sweep.Where(2, "local")),
+        ((None, "tcp://10.0.0.1:8786"), sweep.Where(1, "tcp://10.0.0.1:8786")),
+        ((None, "tls://[::1]:8786"), sweep.Where(1, "tls://[::1]:8786")),
+    ],
+)
+def test_places_are_read(options, place):
+    assert sweep.Where.parse(*options) == place
+
+
+@pytest.mark.parametrize(
+    ("options", "reason"),
+    [
+        ((0, None), "at least 1"),
+        ((2, "local:3"), "contradict"),
+        ((None, "local:0"), "local, local:N"),
+        ((None, "http://10.0.0.1:8786"), "local, local:N"),
+        ((None, "tcp://10.0.0.1"), "local, local:N"),
+        ((2, "tcp://10.0.0.1:8786"), "leave --workers out"),
+    ],
+)
+def test_places_that_are_none_are_refused(options, reason):
+    with pytest.raises(ValueError, match=reason):
+        sweep.Where.parse(*options)
+
+
+@posix
+@pytest.mark.parametrize("where", PARALLEL)
+def test_a_killed_worker_loses_nothing_and_doubles_nothing(where, tmp_path):
+    found = sweep.run(cases.counted, numbers(tmp_path, killer=4), where=where, store=kept_in(tmp_path))
+    assert same(found)
+    assert cases.marks(tmp_path / "marks", "done") == list(range(10))
+    assert cases.marks(tmp_path / "marks", "begun").count(4) == 2
+
+
+@posix
+@pytest.mark.whole
+@pytest.mark.parametrize("where", PLACES)
+def test_a_case_that_kills_every_worker_ends_in_a_sentence(where, tmp_path):
+    with pytest.raises(sweep.LostError, match=r"died (3 times in a row|again and again).*finished work is kept"):
+        sweep.run(cases.fatal, [1, 2], where=where, store=kept_in(tmp_path))
+
+
+CLIENT = """
+import sys
+from pathlib import Path
+from steer_env.experiments import sweep
+from tests.experiments import sweep_cases, test_sweep
+if __name__ == "__main__":
+    folder, where = Path(sys.argv[1]), sweep.Where.parse(2, sys.argv[2] or None)
+    sweep.run(sweep_cases.counted, test_sweep.numbers(folder, 0.3), where=where, store=test_sweep.kept_in(folder))
+"""
+
+
+def killed(folder, cluster, number):
+    """Start a sweep in a process of its own, and end it by a signal when some cases are finished."""
+    (folder / "client.py").write_text(CLIENT)
+    environment = os.environ | {"PYTHONPATH": str(ROOT)}
+    heard = functools.partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
+    with subprocess.Popen([sys.executable, folder / "client.py", folder, cluster], env=environment, preexec_fn=heard,
+                          stderr=subprocess.DEVNULL) as client:  # fmt: skip
+        while len(list((folder / "store").glob(f"*{store.SUFFIX}"))) < 3:
+            assert client.poll() is None
+            time.sleep(0.02)
+        client.send_signal(number)
+    end = time.monotonic() + 20.0
+    while alive := {process for process in cases.processes(folder / "marks") if Path(f"/proc/{process}").exists()}:
+        assert time.monotonic() < end, alive
+        time.sleep(0.05)
+
+
+@pytest.mark.skipif(not Path("/proc/self").exists(), reason="looks for processes in /proc")
+@pytest.mark.parametrize(
+    ("cluster", "number"),
+    [
+        ("", signal.SIGKILL),
+        pytest.param("", signal.SIGINT, marks=pytest.mark.whole),
+        pytest.param("local", signal.SIGKILL, marks=pytest.mark.whole),
+    ],
+)
+def test_a_killed_client_takes_its_workers_along_and_is_resumed(cluster, number, tmp_path):
+    killed(tmp_path, cluster, number)
+    finished = cases.marks(tmp_path / "marks", "done")
+    assert 3 <= len(finished) < 10
+    assert same(sweep.run(cases.counted, numbers(tmp_path, 0.3), where=TWO, store=kept_in(tmp_path)))
+    assert cases.marks(tmp_path / "marks", "done") == list(range(10))
+
+
+@pytest.fixture
+def port():
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        return free.getsockname()[1]
+
+
+@pytest.fixture
+def scheduler(port):
+    """A Dask scheduler in a process of its own."""
+    command = [sys.executable, "-m", "distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", str(port)]
+    with subprocess.Popen([*command, "--no-dashboard"], stderr=subprocess.DEVNULL) as process:
+        while True:
+            with contextlib.suppress(OSError), socket.create_connection(("127.0.0.1", port), 1.0):
+                break
+            assert process.poll() is None
+            time.sleep(0.1)
+        yield process, f"tcp://127.0.0.1:{port}"
+        process.kill()
+
+
+def dask_worker(address, *options):
+    command = [sys.executable, "-m", "distributed.cli.dask_worker", address, "--no-nanny", "--no-dashboard", *options]
+    return subprocess.Popen(command, stderr=subprocess.DEVNULL, env=os.environ | {"PYTHONPATH": str(ROOT)})
+
+
+def test_a_cluster_that_is_not_there_is_said_soon(port, monkeypatch):
+    monkeypatch.setattr(dask_cluster, "PATIENCE", 0.5)
+    start = time.monotonic()
+    with pytest.raises(sweep.LostError, match=f"there is no Dask scheduler at tcp://127.0.0.1:{port}"):
+        sweep.run(cases.rooted, range(3), where=sweep.Where(1, f"tcp://127.0.0.1:{port}"))
+    assert time.monotonic() - start < 10.0
+
+
+def test_an_encrypted_cluster_needs_a_certificate():
+    with pytest.raises(ValueError, match="needs a certificate of this client"):
+        sweep.run(cases.rooted, [1], where=sweep.Where(1, "tls://127.0.0.1:8786"))
+
+
+@pytest.mark.whole
+@posix
+def test_a_cluster_that_dies_leaves_what_is_finished(scheduler, tmp_path):
+    process, address = scheduler
+    with dask_worker(address, "--nthreads", "1") as worker:
+
+        def end(share, _):
+            if share >= 0.3:
+                process.kill()
+
+        with pytest.raises(sweep.LostError, match="went away; finished work is kept"):
+            sweep.run(cases.counted, numbers(tmp_path, 0.3), where=sweep.Where(1, address), store=kept_in(tmp_path),
+                      notify=end)  # fmt: skip
+        worker.kill()
+    assert kept_in(tmp_path).count() >= 3
+    assert same(
+        sweep.run(
+            cases.counted,
+            numbers(tmp_path),
+            store=kept_in(
+                tmp_path,
+            ),
+            where=TWO,
+        )
+    )
+
+
+@pytest.mark.whole
+def test_workers_that_must_not_take_part_are_named(scheduler, monkeypatch):
+    _, address = scheduler
+    where = sweep.Where(1, address)
+    monkeypatch.setattr(dask_cluster, "PATIENCE", 3.0)
+    with pytest.raises(sweep.LostError, match="has no worker after 3 s"):
+        sweep.run(cases.rooted, range(3), where=where)
+    monkeypatch.setattr(dask_cluster, "PATIENCE", 30.0)
+    with dask_worker(address, "--nthreads", "2") as worker:
+        with pytest.raises(ValueError, match=r"the worker tcp://.* runs 2 cases at once.*start it with --nthreads 1"):
+            sweep.run(cases.rooted, range(3), where=where)
+        worker.kill()
+    with dask_worker(address, "--nthreads", "1") as worker:
+        assert same(sweep.run(cases.rooted, range(10), where=where))
+        other = work.identity() | {"sources": "0123"}
+        monkeypatch.setattr(dask_cluster, "identity", lambda: other)
+        with pytest.raises(ValueError, match=r"the worker tcp://.* has sources .* in place of 0123: install there"):
+            sweep.run(cases.rooted, range(3), where=where)
+        worker.kill()
+
+
+def test_a_worker_that_comes_later_refuses_another_program():
+    task = work.Task(0, work.name_of(cases.rooted), pickle.dumps(2), work.identity() | {"numpy": "1.0"})
+    found = work.perform(task)
+    assert (found.failure, found.result) == (work.REFUSED, b"")
+    assert "in place of 1.0: install there what this program runs with" in found.message
+
+
+def test_the_words_that_a_trace_keeps_do_not_tell_where_cases_ran():
+    words = ["run", "all", "--friction", "masing", "--rate-hz=100"]
+    assert parsed([*words, "--workers", "2", "--resume"]).argv == words
+    assert parsed(["train", "--env", "steer_env/AssistWeave-v1", "--resume"]).argv[-1] == "--resume"
+
+
+def test_options_are_checked_before_the_work_begins(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert main(["run", "weave", "--workers", "2"]) == 2
+    assert main(["report", "--cluster", "somewhere"]) == 2
+    monkeypatch.setattr("steer_env.experiments.cli.common.extras.find_spec", lambda name: None)
+    assert main(["study", "loop-width", "--cluster", "local"]) == 2
+    errors = capsys.readouterr().err.splitlines()
+    assert "--workers has no effect here, as one manoeuvre is one case: use it with all" in errors[0]
+    assert "--cluster must be local, local:N" in errors[1]
+    assert "--cluster local needs distributed: pip install '.[cluster]'" in errors[2]
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_command_that_is_interrupted_says_how_to_go_on(tmp_path, monkeypatch, capsys):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    monkeypatch.setattr("platformdirs.user_cache_dir", lambda name: str(tmp_path / "cache" / name))
+    some = numbers(tmp_path, 0.0)
+
+    def interrupt(share, _):
+        if share == 0.5:
+            raise KeyboardInterrupt
+
+    options = ["run", "all", "--workers", "1"]
+    with pytest.raises(KeyboardInterrupt):
+        runner(parsed(options))(cases.counted, some, notify=interrupt)
+    assert "5 of 10 cases are finished and kept: the same command with --resume" in capsys.readouterr().err
+    assert same(runner(parsed([*options, "--resume"]))(cases.counted, some))
+    assert cases.marks(tmp_path / "marks", "done") == list(range(10))
+    assert not list((tmp_path / "cache" / "steer_env" / "sweeps").iterdir())
+
+
+def contents(folder):
+    """Files of ``run all``; the JSON files without the date."""
+    lines = {file.name: file.read_bytes().split(b"\n") for file in sorted(folder.iterdir())}
+    return {name: [line for line in each if b'"date"' not in line] for name, each in lines.items()}
+
+
+@pytest.mark.whole
+@posix
+def test_the_whole_battery_on_a_cluster_killed_and_resumed(tmp_path):
+    """Files of every manoeuvre, to the bit as processes write them."""
+    environment = os.environ | {"PYTHONPATH": str(ROOT), "XDG_CACHE_HOME": str(tmp_path / "cache")}
+    environment["NUMBA_CACHE_DIR"] = os.environ.get("NUMBA_CACHE_DIR") or str(work_cache())
+    command = [sys.executable, "-m", "steer_env.experiments.cli.main", "run", "all", "--out"]
+    quiet = {"env": environment, "stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    with subprocess.Popen([*command, tmp_path / "cluster", "--cluster", "local:2"], **quiet) as client:
+        while len(list((tmp_path / "cache").rglob(f"*{store.SUFFIX}"))) < 3:
+            assert client.poll() is None
+            time.sleep(0.05)
+        client.kill()
+    assert not list((tmp_path / "cluster").iterdir())
+    subprocess.run([*command, tmp_path / "cluster", "--cluster", "local:2", "--resume"], check=True, **quiet)
+    subprocess.run([*command, tmp_path / "processes", "--workers", "2"], check=True, **quiet)
+    assert contents(tmp_path / "cluster") == contents(tmp_path / "processes")
+
+
+def work_cache():
+    """Folder of the machine code that other tests have compiled."""
+    from steer_env.friction.numerics import cache
+
+    return cache.parent().parent
