@@ -181,7 +181,7 @@ def test_the_report_of_an_own_car(tmp_path, monkeypatch):
     """The command hands over the car of its options, its look, and what has to be run again."""
     seen = {}
 
-    def build_(out, laws, scope, notify, look, trace):
+    def build_(out, laws, scope, notify, look, trace, sweep):
         seen.update(car=scope.loaded(), look=look, trace=trace)
 
     monkeypatch.setattr(build, "build", build_)
