@@ -9,6 +9,7 @@ from steer_env.experiments.cli.common.arguments import FRICTION, SHIPPED, add_ev
 from steer_env.experiments.cli.common.extras import require
 from steer_env.experiments.cli.common.sweeping import add_sweep, runner
 from steer_env.experiments.learning.constants import SHIFTS
+from steer_env.experiments.output import car_options
 
 
 def add(commands: Any, common: argparse.ArgumentParser) -> None:
@@ -34,6 +35,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "of the training's law that describe it"
     )
     parser.add_argument("--friction", metavar="LAW", type=friction_law, nargs="+", help=text)
+    car_options.add(parser, default=None, usual="none beside the packaged ones, for --over car")
 
 
 def shift(args: argparse.Namespace) -> None:
@@ -46,7 +48,10 @@ def shift(args: argparse.Namespace) -> None:
         raise ValueError(f"{SHIPPED!r} needs --env ID, the environment whose shipped policy is meant")
     if args.friction and "law" not in args.over:
         raise ValueError(f"--friction names the laws of --over law, and --over is {', '.join(args.over)}")
+    if car_options.given(args) and "car" not in args.over:
+        raise ValueError(f"--vehicle, --tyre and --set are of --over car, and --over is {', '.join(args.over)}")
     require("train", "evaluating a policy")
+    own = car_options.load(args) if car_options.given(args) else None
 
     from steer_env.experiments.cli.common.policies import caution, trace
     from steer_env.experiments.cli.common.tables import print_shift
@@ -65,7 +70,7 @@ def shift(args: argparse.Namespace) -> None:
     usable(out, shifted.CONTENTS)
     caution(path, about)
     with progress("evaluating") as notify:
-        asked = {over: shifted.changes(over, about["env"], home, args.friction or ()) for over in args.over}
+        asked = {over: shifted.changes(over, about["env"], home, args.friction or (), own) for over in args.over}
         chosen = {over: changes for over, changes in asked.items() if changes}
         if not chosen:
             raise ValueError(f"{about['env']} takes no other {' or '.join(asked)}: give another condition with --over")
@@ -73,5 +78,6 @@ def shift(args: argparse.Namespace) -> None:
     title = f"{found.env_id}, {args.episodes} held-out episodes: means ± half the 95 % interval"
     rows = {shifted.HOME: {found.trained: found.home}, **found.cells}
     print_shift(rows, policy_report.aim(found.units), found.units, title)
-    shifted.write(out, found, trace(args, {**policy.conditions(about), "friction": home.parameters}))
+    made = {**policy.conditions(about), "friction": home.parameters}
+    shifted.write(out, found, trace(args, made if own is None else {**made, "vehicle": own.data()}))
     print(out / "index.html")

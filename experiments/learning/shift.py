@@ -88,7 +88,9 @@ def identified(home: Friction) -> list[Labelled]:
     return [Labelled(f"{found.law}, identified", found.parameters) for found in fits if found.residual < FITS]
 
 
-def changes(over: str, env_id: str, home: Friction, laws: Sequence[Friction] = ()) -> list[Change]:
+def changes(
+    over: str, env_id: str, home: Friction, laws: Sequence[Friction] = (), own: cars.Car | None = None
+) -> list[Change]:
     """The changes of one condition; none of the speed where the task draws it with its scenarios.
 
     Those of "human" put the policy of a driver on the terms of the driver models: it sees as late as they do, in whole
@@ -103,6 +105,8 @@ def changes(over: str, env_id: str, home: Friction, laws: Sequence[Friction] = (
         Law of the training.
     laws : sequence of Friction
         Laws in place of all laws and the identified ones.
+    own : Car, optional
+        A car beside the packaged ones.
     """
     task = tasks.task(policy.check_driven(env_id))
 
@@ -114,7 +118,11 @@ def changes(over: str, env_id: str, home: Friction, laws: Sequence[Friction] = (
         chosen: Sequence[Any] = laws or [*map(Friction, friction.available()), *identified(home)]
         return [Change(law.label, {"friction": law.parameters}, {}) for law in chosen if law.label != home.label]
     if over == "car":
-        return [Change(name, {"vehicle": name}, {}) for name in cars.available()]
+        found = [Change(name, {"vehicle": name}, {}) for name in cars.available()]
+        if own is not None:
+            label = f"{own.name}, changed" if own.name in cars.available() else own.name
+            found.append(Change(label, {"vehicle": own.data()}, {}))
+        return found
     if over == "speed":
         if task.draw_scenario is not None:
             return []  # its speeds belong to its scenarios

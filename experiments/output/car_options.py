@@ -28,10 +28,16 @@ def setting(text: str) -> tuple[str, Any]:
         raise argparse.ArgumentTypeError(f"{key.strip()} takes {forms} (as in TOML), got {value!r}") from None
 
 
-def add(parser: argparse.ArgumentParser, default: str | None = "compact") -> None:
-    """Add ``--vehicle``, ``--tyre`` and ``--set`` to a parser; :func:`load` makes the car of what they hold."""
-    usual = f" (default {default})" if default else " (default: that of the environment or of the training)"
-    text = f"{', '.join(packaged())}, or a .toml or .json file{usual}"
+def add(
+    parser: argparse.ArgumentParser,
+    default: str | None = "compact",
+    usual: str = "that of the environment or of the training",
+) -> None:
+    """Add ``--vehicle``, ``--tyre`` and ``--set`` to a parser; :func:`load` makes the car of what they hold.
+
+    ``usual`` says what is taken where there is no default.
+    """
+    text = f"{', '.join(packaged())}, or a .toml or .json file (default: {default or usual})"
     parser.add_argument("--vehicle", metavar="NAME", default=default, help=text)
     add_changes(parser)
 

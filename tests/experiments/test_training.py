@@ -16,6 +16,7 @@ from steer_env.experiments.learning import held_out, policy, policy_report, shif
 from steer_env.experiments.learning.constants import SHIFTS
 from steer_env.experiments.learning.training import Training, settings
 from steer_env.experiments.output.options import Friction
+from steer_env.vehicle import cars
 
 WEAVE = "steer_env/AssistWeave-v1"
 LUGRE = Friction("lugre")
@@ -439,6 +440,13 @@ def test_human_terms_of_a_driver_are_those_of_the_driver_models():
         {"delay": 0.1, "action_lag": 0.05},
     ]
     assert [change.label for change in found][2] == "100 ms of delay and 50 ms of lag"
+
+
+def test_an_own_car_stands_beside_the_packaged_ones():
+    stiff = cars.load("compact", changes={"column.K_tb": 143.0})
+    *packaged, own = shift.changes("car", WEAVE, LUGRE, own=stiff)
+    assert [change.label for change in packaged] == list(cars.available())
+    assert (own.label, own.arguments["vehicle"]["column"]["K_tb"]) == ("compact, changed", 143.0)
 
 
 def test_speeds_of_scenarios_are_not_replaced(tmp_path, capsys):
