@@ -15,6 +15,9 @@ os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
 # No line about compilation on the standard error that tests look at.
 os.environ.setdefault("STEER_ENV_QUIET", "1")
 
+# Tests run side by side and change the program that they test: commands start no workers unless they are asked to.
+os.environ.setdefault("STEER_ENV_WORKERS", "1")
+
 # The same examples at every run: a failure is a change of the code, not a throw of the dice.
 settings.register_profile("suite", derandomize=True, deadline=None)
 settings.register_profile("random", deadline=None, print_blob=True)  # `make test-all`, with a seed that it prints

@@ -9,6 +9,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from steer_env.experiments.cli.common import names
+
 
 def add(commands: Any, common: argparse.ArgumentParser) -> None:
     """Add the command to a parser's."""
@@ -19,7 +21,7 @@ def add(commands: Any, common: argparse.ArgumentParser) -> None:
         "Dates and durations are not compared. The exit code is 1 where the result is another."
     )
     rerun = commands.add_parser("rerun", help=text, description=more, parents=[common])
-    rerun.add_argument("file", metavar="FILE", help="a result: .csv, .mat, .mf4, .mdf, .json or .html")
+    rerun.add_argument("file", metavar="FILE", help=f"a result: {', '.join(names.FORMATS)}, .json or .html")
     text = "keep what is made in this directory, which must not hold anything yet (default: it is not kept)"
     rerun.add_argument("--out", metavar="DIR", help=text)
     text = "go on with another version of the program or of its packages, and say so"

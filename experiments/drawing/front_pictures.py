@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from steer_env.experiments.drawing.style import new_figure, styled, styles, svg
+from steer_env.experiments.drawing.style import legend, new_figure, styled, styles, svg
 from steer_env.metrics.common.filtered_channels import ANGLE, TORQUE
 from steer_env.recording.recording import DEGREE
 
@@ -34,7 +34,7 @@ def weave(curves: Mapping[str, Mapping[str, Array]]) -> str:
     for law, style in styles(curves).items():
         axes.plot(curves[law][ANGLE] / DEGREE, curves[law][TORQUE], **style)
     axes.set(xlabel="handwheel angle [deg]", ylabel="hand torque [N m]")
-    axes.legend()
+    legend(figure, axes, 3)
     return svg(figure)
 
 
@@ -46,7 +46,7 @@ def loops(x: Array, torques: Mapping[str, Array]) -> str:
     for law, style in styles(torques).items():
         axes.plot(x / DEGREE, torques[law], **{**style, "linewidth": 1.0})
     axes.set(xlabel="displacement [deg]", ylabel="friction torque [N m]")
-    axes.legend()
+    legend(figure, axes, 3)
     return svg(figure)
 
 
@@ -70,6 +70,5 @@ def noticed(found: Sequence[Share], threshold: float) -> str:
     axes.set(xlabel="difference [%]", xlim=(-edge, edge), yticks=range(len(titles)), ylim=(len(titles) - 0.4, -0.6))
     axes.set_yticklabels(titles, fontsize=8)
     axes.grid(visible=False, axis="y")
-    if len(style) > 1:
-        axes.legend(fontsize=8)
+    legend(figure, axes, 3)
     return svg(figure)

@@ -64,10 +64,10 @@ def new_figure(width: float, height: float) -> Figure:
     return Figure(figsize=(width, height), layout="constrained")
 
 
-def legend(figure: Figure, axes: Axes) -> None:
-    """A legend of one pair of axes above the whole figure."""
+def legend(figure: Figure, axes: Axes, columns: int | None = None) -> None:
+    """A legend of one pair of axes above the whole figure, in one row unless the columns are fewer."""
     handles, labels = axes.get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper center", ncols=len(labels))
+    figure.legend(handles, labels, loc="outside upper center", ncols=min(columns or len(labels), len(labels)))
 
 
 def svg(figure: Figure) -> str:

@@ -20,6 +20,7 @@ from steer_env.recording import files
 _ABOUT_THE_RUN = frozenset({"trace", "versions", "provenance", "date", "real_time", "seconds", "version"})
 _ELEMENT = re.compile(r'<script type="application/json" id="trace">(.*?)</script>\n?', re.DOTALL)
 _DATE = re.compile(r"\d{4}-\d\d-\d\d(?:[T ]\d\d:\d\d(?::\d\d)?(?:\+00:00)?)?")
+_MEASURED = re.compile(r"<!-- measured -->.*?<!-- end of measured -->", re.DOTALL)  # durations, and the machine
 _DRAWN = re.compile(r"[0-9a-f]{8}-(?:[0-9a-f]{4}-){3}[0-9a-f]{12}")  # random names of plots in a page
 SUFFIXES = (".json", ".html", *files.FORMATS)
 
@@ -80,8 +81,8 @@ def differences(one: str | os.PathLike[str], other: str | os.PathLike[str]) -> l
 
 
 def _page(path: str | os.PathLike[str]) -> str:
-    """The text of a page without its trace, its dates and the random names of its plots."""
-    text = _ELEMENT.sub("", Path(path).read_text(encoding="utf-8"))
+    """The text of a page without its trace, its dates, what it marks as measured, and the random names of its plots."""
+    text = _MEASURED.sub("", _ELEMENT.sub("", Path(path).read_text(encoding="utf-8")))
     return _DRAWN.sub("", _DATE.sub("", text))
 
 

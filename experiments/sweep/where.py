@@ -5,6 +5,7 @@ import re
 from typing import NamedTuple
 
 MOST = 4  # processes by default
+WORKERS = "STEER_ENV_WORKERS"  # environment variable: their number in place of that
 LOCAL = "local"
 _ADDRESS = re.compile(r"(tcp|tls)://[^\s/:]+:\d+|(tcp|tls)://\[[0-9a-fA-F:]+\]:\d+")
 
@@ -22,7 +23,7 @@ class Where(NamedTuple):
         Parameters
         ----------
         workers : int, optional
-            Worker processes of this machine. By default one for each processor, and up to four.
+            Worker processes of this machine. By default ``STEER_ENV_WORKERS``, or one for each processor up to four.
         cluster : str, optional
             ``"local"`` or ``"local:N"`` for Dask workers of this machine, or the address of a scheduler, as
             ``"tcp://10.0.0.1:8786"``.
@@ -35,12 +36,12 @@ class Where(NamedTuple):
         if workers is not None and workers < 1:
             raise ValueError(f"--workers must be a whole number of at least 1, got {workers}")
         if cluster is None:
-            return cls(workers or min(processors(), MOST))
+            return cls(workers or usual_workers())
         if found := re.fullmatch(rf"{LOCAL}(?::([1-9]\d*))?", cluster):
             given = int(found[1]) if found[1] else None
             if None not in (given, workers) and given != workers:
                 raise ValueError(f"--cluster {cluster} and --workers {workers} contradict each other: give one of them")
-            return cls(given or workers or min(processors(), MOST), LOCAL)
+            return cls(given or workers or usual_workers(), LOCAL)
         if not _ADDRESS.fullmatch(cluster):
             raise ValueError(
                 f"--cluster must be local, local:N, or the address of a Dask scheduler as tcp://10.0.0.1:8786, got "
@@ -49,6 +50,14 @@ class Where(NamedTuple):
         if workers is not None:
             raise ValueError(f"--workers counts processes of this machine; {cluster} has its own: leave --workers out")
         return cls(1, cluster)
+
+
+def usual_workers() -> int:
+    """Number of workers by default; ValueError if ``STEER_ENV_WORKERS`` is no number of workers."""
+    given = os.environ.get(WORKERS, "")
+    if given and not re.fullmatch(r"[1-9]\d*", given):
+        raise ValueError(f"{WORKERS} must be a whole number of at least 1, got {given!r}")
+    return int(given) if given else min(processors(), MOST)
 
 
 def processors() -> int:

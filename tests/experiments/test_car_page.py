@@ -47,10 +47,10 @@ def test_the_page_is_self_contained_and_complete(page):
     html = (page / "index.html").read_text(encoding="utf-8")
     assert "<h1>Car soft</h1>" in html
     assert html.count("data:image/svg+xml;base64,") == 9
-    for place in ("<link", 'src="http', "<script"):
+    for place in ("<link", 'src="http', "<script src", "<script>"):
         assert place not in html
     data = json.loads((page / "car.json").read_text(encoding="utf-8"))
-    assert {"car", "quantities", "outside", "version"} == set(data)
+    assert {"car", "quantities", "outside", "version", "trace"} == set(data)
     named = set(car_quantities.ranges())
     assert named - set(data["quantities"]) == set()  # every range has its quantity
     for name, q in data["quantities"].items():

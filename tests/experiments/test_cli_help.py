@@ -11,6 +11,7 @@ from steer_env import assists, drivers, friction, manoeuvres, metrics, targets
 from steer_env.experiments.cli.common import names
 from steer_env.experiments.cli.common.messages import in_options
 from steer_env.experiments.cli.main import main
+from steer_env.experiments.learning import policy_report
 from steer_env.friction.numerics.registry import dashed, listed
 from steer_env.friction.numerics.renamed import REMOVED_IN
 from steer_env.recording import Recording, can_log, files
@@ -178,6 +179,12 @@ def test_former_names_of_options_are_taken_and_told(tmp_path, monkeypatch, capsy
     lines = capsys.readouterr().err.splitlines()
     assert lines[0] == f"steer-env: --speed_kph is now --speed-kph; release {REMOVED_IN} removes the old name"
     assert [line.startswith("steer-env run: --") for line in lines] == [False, True, False, True]
+
+
+def test_episodes_have_no_frames_without_pygame(monkeypatch):
+    """A core install evaluates baselines without pictures, and does not end in a traceback after the work."""
+    monkeypatch.setattr(policy_report, "find_spec", lambda name: None)
+    assert policy_report.frames("steer_env/AssistWeave-v1", None) == []
 
 
 @pytest.mark.parametrize("name", COMMANDS)

@@ -3,6 +3,7 @@
 import os
 import re
 
+import numpy as np
 import pytest
 from scipy import stats
 
@@ -14,6 +15,7 @@ from steer_env.experiments.output.files import replaced_directory
 from steer_env.experiments.output.words import number
 from steer_env.experiments.report import build
 from steer_env.experiments.studies.common import battery
+from steer_env.metrics.common.confidence import difference
 from steer_env.vehicle import cars
 
 CONTENTS = build.CONTENTS
@@ -40,6 +42,17 @@ def test_shares_are_of_the_value_or_of_the_usual_range():
     assert found.value == 1.0
     assert found.half_width == pytest.approx(0.1 * 2**0.5 * stats.t.ppf(0.975, 2))  # Welch, equal variances
     assert found.share == pytest.approx(1.0 / 70.0)
+
+
+@pytest.mark.filterwarnings("error")
+def test_the_interval_of_a_difference_is_that_of_scipy_without_its_warning():
+    rng = np.random.default_rng(3)
+    a, b = rng.normal(2.0, 0.3, 7), rng.normal(2.5, 0.6, 12)
+    expected = stats.ttest_ind(b, a, equal_var=False).confidence_interval(0.95)
+    assert difference(a, b) == pytest.approx((b.mean() - a.mean(), expected.low, expected.high), rel=1e-9)
+    nearly = np.array([1.0, 1.0, 1.0 + 1e-15])
+    gap, low, high = difference(nearly, b)
+    assert low < gap < high
 
 
 def test_an_interrupted_swap_puts_the_old_report_back(tmp_path, monkeypatch):

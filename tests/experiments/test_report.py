@@ -160,11 +160,28 @@ def test_both_files_hold_the_trace(made):
     assert set(record["friction"]) == set(LAWS)
 
 
+def test_computing_times_do_not_make_another_result(made, source, tmp_path):
+    results = sure(made[1])
+    slower = row_of("masing", ns_per_step=1e4, worst_step_ns=2e4)(results)
+    other = build.provenance_of(results) | {"date": "2000-01-01T00:00:00+00:00", "processor": "abacus", "cores": 1}
+    pages = {"one": (results, source), "slow": (slower, other), "changed": (ratio_of(results), source)}
+    for name, (found, about) in pages.items():
+        (tmp_path / f"{name}.html").write_text(build.render(found, about, build.Look(light=True)), encoding="utf-8")
+    assert traces.differences(tmp_path / "one.html", tmp_path / "slow.html") == []
+    assert traces.differences(tmp_path / "one.html", tmp_path / "changed.html") != []
+
+
+def ratio_of(results):
+    """The results with another margin of the assist."""
+    margins = {speed: [cell._replace(phase_deg=1.0) for cell in cells] for speed, cells in results.margins.items()}
+    return results._replace(margins=margins)
+
+
 def test_the_report_of_an_own_car(tmp_path, monkeypatch):
     """The command hands over the car of its options, its look, and what has to be run again."""
     seen = {}
 
-    def build_(out, laws, scope, notify, look, trace):
+    def build_(out, laws, scope, notify, look, trace, sweep):
         seen.update(car=scope.loaded(), look=look, trace=trace)
 
     monkeypatch.setattr(build, "build", build_)
@@ -358,7 +375,7 @@ def test_ctrl_c_leaves_the_old_report_and_no_process(tmp_path):
     out = tmp_path / "report"
     out.mkdir()
     (out / "index.html").write_text("old")
-    command = [sys.executable, "-m", "steer_env.experiments.cli.main", "report", "--out", str(out)]
+    command = [sys.executable, "-m", "steer_env.experiments.cli.main", "report", "--workers", "2", "--out", str(out)]
     # A suite that runs in the background hands on that Ctrl-C is ignored.
     heard = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, preexec_fn=heard) as process:

@@ -124,6 +124,15 @@ def test_places_are_read(options, place):
     assert sweep.Where.parse(*options) == place
 
 
+def test_the_usual_number_of_workers_can_be_set(monkeypatch):
+    monkeypatch.setenv("STEER_ENV_WORKERS", "7")
+    assert sweep.Where.parse() == sweep.Where(7)
+    assert sweep.Where.parse(2) == TWO
+    monkeypatch.setenv("STEER_ENV_WORKERS", "many")
+    with pytest.raises(ValueError, match="STEER_ENV_WORKERS must be a whole number"):
+        sweep.Where.parse()
+
+
 @pytest.mark.parametrize(
     ("options", "reason"),
     [

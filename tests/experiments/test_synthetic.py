@@ -9,6 +9,7 @@ from scipy import stats
 
 from steer_env import metrics
 from steer_env.experiments import sweep
+from steer_env.experiments.sweep.where import processors
 from steer_env.experiments.verification.requirements import synthetic
 from steer_env.metrics.common import definitions
 from steer_env.metrics.common import evaluate as evaluation
@@ -25,7 +26,7 @@ TRIALS = 2  # of a case behind a fault; the mark has 200
 @pytest.mark.whole
 def test_every_case():
     """Trials behind all faults together: exact intervals miss this in one run of a hundred, for some 250 metrics."""
-    found = collect(TRIALS, functools.partial(sweep.run, where=sweep.Where.parse()))
+    found = collect(TRIALS, functools.partial(sweep.run, where=sweep.Where(processors())))
     refusing = [name for name, fault in FAULTS.items() if fault.refused]
     pooled = {}
     for case, of_fault in found.items():

@@ -10,6 +10,7 @@ from steer_env.synthetic.coverage import collect
 from steer_env.synthetic.faults import FAULTS, TOGETHER
 
 TRIALS = 200  # of each test and fault
+WIDEST = 10.0  # width of an interval over the answer, above which the answer is about zero [1]
 COVERED = 0.9  # least share of the trials whose interval holds the known answer
 
 
@@ -29,6 +30,7 @@ def rows(trials: int = TRIALS) -> Iterator[Row]:
                 aim, passed = f">= {100 * COVERED:.0f} %", least.kept >= COVERED
             yield Row(f"{case}: {fault}", found, aim, verdict(passed))
         for name, entry in of_fault.get(TOGETHER, {}).items():
-            share = f"{100 * entry.kept:.1f} %, width {100 * entry.width:.2g} % of the value"
+            width = f", width {100 * entry.width:.2g} % of the value" if entry.width < WIDEST else ""
+            share = f"{100 * entry.kept:.1f} %{width}"
             aim = f">= {100 * COVERED:.0f} %"
             yield Row(f"{case}: {TOGETHER}, {label(name)}", share, aim, verdict(entry.kept >= COVERED))
