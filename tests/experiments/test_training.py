@@ -398,18 +398,16 @@ def test_identified_laws_are_near_the_one_that_was_recorded():
     assert found["lugre, identified"].sigma_0 == pytest.approx(LUGRE.parameters.sigma_0, rel=0.01)
 
 
-def test_every_condition_is_replaced_in_the_environments(monkeypatch, trained):
-    """What is handed to the environments, for each condition."""
+def test_every_condition_is_replaced_in_the_environments(trained):
+    """What is handed to the environments, for each condition; the policy is the first controller of each."""
     made = []
 
-    def evaluated(env_id, controllers, episodes, **arguments):
-        made.append(arguments)
-        return policy_report.Evaluation(env_id, arguments, episodes, {"policy": nothing}, {}, {}, {})
+    def not_driven(evaluated, jobs, **_):
+        made.extend({"options": job.options, **job.arguments} for job in jobs if job.label.endswith(", policy"))
+        return [held_out.Episodes(np.zeros(1), np.zeros(1), np.zeros(1, np.int64), {}) for _ in jobs]
 
-    nothing = held_out.Episodes(np.zeros(1), np.zeros(1), np.zeros(1, np.int64), {})
-    monkeypatch.setattr(policy_report, "evaluate", evaluated)
     chosen = {over: shift.changes(over, WEAVE, LUGRE) for over in SHIFTS}
-    shift.collect(trained / "policy.zip", chosen, 1)
+    shift.collect(trained / "policy.zip", chosen, 1, sweep=not_driven)
     usual = made.pop(0)
     assert usual["randomise"] == settings(WEAVE, "ppo")["environment"]["randomise"]
     assert usual["randomise"]["load"] == [0, 300]
