@@ -19,7 +19,7 @@ def changed(**changes):
 @pytest.mark.parametrize("stiffness", [1e3, 1e4, 1e5])
 def test_a_torsion_bar_too_stiff_is_named(stiffness):
     stiff = CAR._replace(column=CAR.column._replace(K_tb=stiffness))
-    what = rf"^weave: the assist loop is unstable at 100 km/h .*: K_tb {re.escape(f'{stiffness:g}')} N m/rad is too stiff"
+    what = rf"^weave: the assist loop is unstable at 100 km/h .*: K_tb {stiffness:g} N m/rad is too stiff .* K_tb \d+"
     with pytest.raises(ValueError, match=what):
         manoeuvres.drive(stiff, manoeuvres.make("weave"))
 
@@ -59,10 +59,10 @@ def test_a_loop_unstable_at_standstill_drives_at_speed():
 
 @pytest.mark.filterwarnings("ignore::steer_env.vehicle.cars.UnusualCar")
 def test_a_boost_too_steep_and_two_functions_together():
-    with pytest.raises(ValueError, match=r"K_tb 130 N m/rad is too stiff for this assist; .* stable with .*times the boost"):
+    with pytest.raises(ValueError, match=r"K_tb 130 N m/rad is too stiff .* stable with .*times the boost"):
         manoeuvres.drive(changed(boost_scale=3.0), manoeuvres.make("parking"))
     both = changed(inertia_compensation=0.05, lead_lag_gain=-0.5)
-    with pytest.raises(ValueError, match=r"inertia_compensation is .* stable with .*, assist\.lead_lag_gain is -0\.5; "):
+    with pytest.raises(ValueError, match=r"inertia_compensation is .*, assist\.lead_lag_gain is -0\.5; "):
         manoeuvres.drive(both, manoeuvres.make("weave"))
 
 

@@ -1,20 +1,19 @@
 """Whether the assist loop is stable, and which part of the assist makes it unstable.
 
-The closed loop of column, motor and sampled controller, linear, at every slope that the boost curve has at a speed, with
-the handwheel fixed or free, friction sliding at constant torque. With a fixed handwheel it is the loop of
-:mod:`steer_env.vehicle.steering.margins`, here without frequency responses, so that a drive can ask for it. The friction
-compensation is left out: while its observer sticks, so does the friction that it compensates, and holds the column.
+The closed loop of column, motor and sampled controller, linear, at every slope that the boost curve has at a speed,
+with the handwheel fixed or free, friction sliding at constant torque. With a fixed handwheel it is the loop of
+:mod:`steer_env.vehicle.steering.margins`, here without frequency responses, so that a drive can ask for it. Two states
+that those margins have are left out, as no run stays in them: the steepest fade of the active return, through which a
+driver only passes, and the sticking of the friction compensation's observer, during which the friction that it
+compensates holds the column.
 """
 
 import math
 from collections.abc import Callable
 from functools import lru_cache
-from itertools import pairwise
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import expm
 
 from steer_env.vehicle.steering.assist import active_return
 from steer_env.vehicle.steering.assist.first_order import FirstOrder
@@ -24,22 +23,16 @@ from steer_env.vehicle.steering.eps import SAMPLE_TIME, Assist, boost_curve
 
 Array = NDArray[np.float64]
 
-SLOWEST = 3.0  # oscillations below this frequency depend on tyres and friction, which are not in the model; assumed [Hz]
-LARGEST_ANGLE = math.pi  # of the handwheel in a moving car, which may not saturate a weak return; assumed [rad]
+SLOWEST = 3.0  # slower oscillations depend on tyres and friction, which are not in the model; assumed [Hz]
 ROUNDING = 1e-6  # growth of an oscillation in a sample that counts as none [1]
 TWIST, COLUMN_SPEED, MOTOR, HANDWHEEL_SPEED, ANGLE = range(5)  # states of column and motor; the last two if free
-
-
-class Slope(NamedTuple):
-    """What the loop is linearised at."""
-
-    boost: float  # of the boost curve over the torsion bar's torque [1]
-    fade: float  # of the active return over the torsion bar's torque [1]
 
 
 @lru_cache
 def _discrete(c: Column, bandwidth: float, time: float, free: bool) -> tuple[Array, Array]:
     """Column and motor over a time [s] at a constant command: matrix of the states and column of the command."""
+    from scipy.linalg import expm  # here, because its import takes a quarter of the start of an environment
+
     A, below, above = np.zeros((6, 6)), c.I2, c.I1 + c.I_arm
     A[TWIST, [COLUMN_SPEED, HANDWHEEL_SPEED]] = -1.0, 1.0
     A[COLUMN_SPEED, :4] = np.array([c.K_tb, -c.C_tb - c.C2, 1.0, c.C_tb]) / below
@@ -57,7 +50,7 @@ def _filtered(f: FirstOrder, x: Array, u: Array) -> tuple[Array, Array]:
     return y, f.b1 * u - f.a1 * y
 
 
-def closed_loop(c: Column, a: Assist, speed: float, slope: Slope, free: bool) -> Array:
+def closed_loop(c: Column, a: Assist, speed: float, slope: float, free: bool) -> Array:
     """The matrix (N, N) that takes the states of the loop one sample further.
 
     Parameters
@@ -65,7 +58,8 @@ def closed_loop(c: Column, a: Assist, speed: float, slope: Slope, free: bool) ->
     c, a : parameters of column and assist
     speed : float
         Vehicle speed [m/s].
-    slope : Slope
+    slope : float
+        Of the boost curve [1].
     free : bool
         Whether the handwheel is free; otherwise its motion is prescribed. A free handwheel meets the active return at
         its steepest, near straight ahead.
@@ -74,8 +68,8 @@ def closed_loop(c: Column, a: Assist, speed: float, slope: Slope, free: bool) ->
     Z = np.eye(n + a.delay + 5)  # column and motor, then the commands, newest first, then four filters
     state, queue, x = Z[:n], Z[n : n + a.delay + 1], Z[n + a.delay + 1 :]
     twist, turning = c.K_tb * state[TWIST], state[COLUMN_SPEED]
-    boosted, lead = _filtered(FirstOrder(a.lead_b0, a.lead_b1, a.lead_a1), x[0], slope.boost * twist)
-    command, filters = boosted + slope.fade * twist - boost_curve(a, 0.0, speed)[1] * turning, [lead, *x[1:]]
+    boosted, lead = _filtered(FirstOrder(a.lead_b0, a.lead_b1, a.lead_a1), x[0], slope * twist)
+    command, filters = boosted - boost_curve(a, 0.0, speed)[1] * turning, [lead, *x[1:]]
     f = a.functions
     if isinstance(f, Functions):
         lagging, filters[1] = _filtered(f.lead_lag.lag, x[1], twist)
@@ -93,24 +87,11 @@ def closed_loop(c: Column, a: Assist, speed: float, slope: Slope, free: bool) ->
     return np.vstack([state, commands[:-1], filters])
 
 
-def _slopes(a: Assist, speed: float) -> set[Slope]:
-    """Every slope of the boost curve at a speed, each without and with the steepest fade of the active return."""
-    boost = np.array([boost_curve(a, torque, speed)[0] for torque in a.torques])
-    found = set()
-    for (low, high), rise in zip(pairwise(a.torques), np.diff(boost) / np.diff(a.torques)):
-        found.add(Slope(float(rise), 0.0))
-        if isinstance(f := a.functions, Functions):
-            gain = gain_at(f, f.active_return.gain, speed)
-            s = gain * LARGEST_ANGLE / f.active_return.saturation
-            fade = active_return.slope(f.active_return, gain, low, high, speed) * s / math.hypot(1.0, s)
-            found.add(Slope(float(rise), fade))
-    return found
-
-
 def growth(c: Column, a: Assist, speed: float, free: bool) -> float:
     """Largest growth of an oscillation above 3 Hz in a sample, over every slope; above 1 the loop is unstable [1]."""
-    loops = np.array([closed_loop(c, a, speed, slope, free) for slope in _slopes(a, speed)])
-    poles = np.linalg.eigvals(loops).ravel()
+    boost = [boost_curve(a, torque, speed)[0] for torque in a.torques]
+    slopes = np.unique(np.diff(boost) / np.diff(a.torques))
+    poles = np.linalg.eigvals([closed_loop(c, a, speed, slope, free) for slope in slopes]).ravel()
     fast = np.abs(np.angle(poles)) > 2.0 * math.pi * SLOWEST * SAMPLE_TIME
     return float(np.abs(poles[fast]).max(initial=0.0))
 
@@ -124,7 +105,7 @@ def stable(c: Column, a: Assist, speed: float, *, free: bool) -> bool:
 _KEYS = {
     "inertia_compensation": ("inertia_compensation", " kg m2", ""),
     "lead_lag": ("lead_lag_gain", "", ""),
-    "active_return": ("return_gain", " N m/rad", ", or with a greater return_hold or a smaller return_lead"),
+    "active_return": ("return_gain", " N m/rad", ", or with a smaller return_lead"),
     "damping": ("handwheel_damping", " N m s/rad", ""),
 }
 
@@ -136,12 +117,25 @@ def _scaled(a: Assist, names: list[str], factor: float) -> Assist:
 
 
 def _largest(holds: Callable[[float], bool]) -> float:
-    """The largest factor in whole percent up to which a condition holds that holds at 0 and not at 1."""
-    low, high = 0, 100
-    while high - low > 1:
-        middle = (low + high) // 2
-        low, high = (middle, high) if holds(0.01 * middle) else (low, middle)
-    return 0.01 * low
+    """The largest factor, found by bisection, up to which a condition holds that holds at 0 and not at 1."""
+    low, high = 0.0, 1.0
+    for _ in range(20):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if holds(middle) else (low, middle)
+    return low
+
+
+def _three_digits(value: float) -> str:
+    """A value rounded towards 0 to three digits."""
+    step = 10.0 ** (math.floor(math.log10(abs(value))) - 2) if value else 1.0
+    return f"{math.trunc(value / step) * step:.3g}"
+
+
+def _blamed(a: Assist, calm: Callable[[Assist], bool]) -> list[str]:
+    """The function without which the assist is calm, or all that are on if only that helps; otherwise none."""
+    active = [name for name in _KEYS if np.any(getattr(a.functions, name).gain)]
+    candidates = [*([name] for name in active), active]
+    return next((names for names in candidates if calm(_scaled(a, names, 0.0))), [])
 
 
 def reason(c: Column, a: Assist, speed: float, *, free: bool) -> str:
@@ -159,12 +153,9 @@ def reason(c: Column, a: Assist, speed: float, *, free: bool) -> str:
         return stable(column, assist, speed, free=free)
 
     if isinstance(f := a.functions, Functions):
-        active = [name for name in _KEYS if np.any(getattr(f, name).gain)]
-        for names in ([name] for name in active), [active]:
-            for names_off in names:
-                if calm(c, _scaled(a, names_off, 0.0)):
-                    k = _largest(lambda factor: calm(c, _scaled(a, names_off, factor)))
-                    return f"{text}: {', '.join(_strength(f, name, speed, k) for name in names_off)}"
+        if blamed := _blamed(a, lambda assist: calm(c, assist)):
+            k = _largest(lambda factor: calm(c, _scaled(a, blamed, factor)))
+            return f"{text}: {', '.join(_strength(f, name, speed, k) for name in blamed)}"
         a = a._replace(functions=NoFunctions())
 
     def softer(factor: float) -> bool:
@@ -173,10 +164,10 @@ def reason(c: Column, a: Assist, speed: float, *, free: bool) -> str:
     def flatter(factor: float) -> bool:
         return calm(c, a._replace(boost=factor * a.boost))
 
-    ways = [f"K_tb {k * c.K_tb:.4g}"] if (k := _largest(softer)) else []
-    ways += [f"{_largest(flatter):.3g} times the boost"] if flatter(0.0) else []
-    remedy = f"it is stable with {', or with '.join(ways)}" if ways else "take a softer one"
-    return f"{text}: K_tb {c.K_tb:g} N m/rad is too stiff for this assist; {remedy}"
+    ways = f"K_tb {_three_digits(_largest(softer) * c.K_tb)}"
+    if flatter(0.0):
+        ways += f", or with {_three_digits(_largest(flatter))} times the boost"
+    return f"{text}: K_tb {c.K_tb:g} N m/rad is too stiff for this assist; it is stable with {ways}"
 
 
 def _strength(f: Functions, name: str, speed: float, factor: float) -> str:
@@ -184,4 +175,4 @@ def _strength(f: Functions, name: str, speed: float, factor: float) -> str:
     key, unit, more = _KEYS[name]
     gain = getattr(f, name).gain
     value = gain_at(f, gain, speed) if np.ndim(gain) else gain
-    return f"assist.{key} is {value:.4g}{unit}; it is stable with {factor * value:.4g}{more}"
+    return f"assist.{key} is {value:.4g}{unit}; it is stable with {_three_digits(factor * value)}{more}"

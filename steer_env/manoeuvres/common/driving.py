@@ -76,7 +76,7 @@ def find_amplitude(p: plant.Plant, manoeuvre: Manoeuvre) -> float:
 
 
 def _unstable(p: plant.Plant, manoeuvre: Manoeuvre, speeds: Iterable[float]) -> list[str]:
-    """One sentence if the assist loop is unstable at one of some speeds, held or free as the manoeuvre has the hands."""
+    """One sentence if the assist loop is unstable at one of some speeds, with the hands as in the manoeuvre."""
     hands = {not manoeuvre.robot, bool(manoeuvre.released)}
     reasons = (stability.reason(p.column, p.assist, v, free=free) for v in speeds for free in sorted(hands))
     return [reason for reason in reasons if reason][:1]
