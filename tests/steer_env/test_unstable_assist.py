@@ -97,3 +97,12 @@ def test_a_stiff_bar_without_assist_drives():
         column=CAR.column._replace(K_tb=1e4), assist=manoeuvres.common.driving.without_assist(CAR.assist)
     )
     manoeuvres.drive(stiff, manoeuvres.make("weave", cycles=3))
+
+
+@pytest.mark.parametrize("changes", [{"lead_lag_gain": -0.07}, {"inertia_compensation": 0.025}, {"return_gain": 50.0}])
+def test_loading_warns_of_functions_near_their_limit(changes):
+    with pytest.warns(cars.UnusualCar, match="strength of the functions at which the loop becomes unstable") as caught:
+        car = changed(**changes)
+    found = float(re.search(r"theirs is ([\d.]+)", str(caught[0].message))[1])
+    assert 1.0 <= found < 1.6
+    assert stability.functions_to_the_limit(car.column, car.assist) == pytest.approx(found, rel=1e-3)

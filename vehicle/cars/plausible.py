@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from steer_env.vehicle import chassis as chassis_models
 from steer_env.vehicle import tyre
 from steer_env.vehicle.constants import GRAVITY
+from steer_env.vehicle.steering import stability
 from steer_env.vehicle.steering.assist.functions import Functions
 
 if TYPE_CHECKING:
@@ -120,6 +121,10 @@ def _compensated_inertia(car: "Car") -> float:
     return float(f.inertia_compensation.gain.max()) / car.column.I2 if isinstance(f, Functions) else 0.0
 
 
+def _functions_to_the_limit(car: "Car") -> float:
+    return stability.functions_to_the_limit(car.column, car.assist)
+
+
 def _of(section: str, key: str, unit: str, low: float, high: float, source: str = JUDGEMENT) -> Quantity:
     """A number of a car file as it is."""
 
@@ -182,6 +187,10 @@ USUAL: tuple[Quantity, ...] = (
     Quantity(
         *("inertia compensation over the inertia below the torsion bar", "inertia_compensation, I2", "1"),
         *(_compensated_inertia, 0.0, 0.5),
+    ),
+    Quantity(
+        *("strength of the functions at which the loop becomes unstable, over theirs", stability.STRENGTHS, "1"),
+        *(_functions_to_the_limit, stability.USUAL_LIMIT, math.inf),
     ),
     Quantity("greatest boost over the limit of the motor", "boost, limit", "1", _boost_share, 0.0, 1.0),
     Quantity("deceleration with the full pedal", "brakes, mass", "g", _braking, 0.8, 1.6),

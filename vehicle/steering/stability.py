@@ -24,6 +24,7 @@ from steer_env.vehicle.steering.eps import SAMPLE_TIME, Assist, boost_curve
 Array = NDArray[np.float64]
 
 SLOWEST = 3.0  # slower oscillations depend on tyres and friction, which are not in the model; assumed [Hz]
+USUAL_LIMIT = 1.6  # factor on the functions that a loop usually bears, 4 dB; assumed [1]
 ROUNDING = 1e-6  # growth of an oscillation in a sample that counts as none [1]
 TWIST, COLUMN_SPEED, MOTOR, HANDWHEEL_SPEED, ANGLE = range(5)  # states of column and motor; the last two if free
 
@@ -109,6 +110,8 @@ _KEYS = {
     "damping": ("handwheel_damping", " N m s/rad", ""),
 }
 
+STRENGTHS = ", ".join(key for key, _, _ in _KEYS.values())
+
 
 def _scaled(a: Assist, names: list[str], factor: float) -> Assist:
     """The assist with a factor on the strength of some of its functions."""
@@ -123,6 +126,21 @@ def _largest(holds: Callable[[float], bool]) -> float:
         middle = 0.5 * (low + high)
         low, high = (middle, high) if holds(middle) else (low, middle)
     return low
+
+
+def functions_to_the_limit(c: Column, a: Assist) -> float:
+    """The factor on all functions of the assist at which the loop becomes unstable at a speed of the boost table [1].
+
+    With held or free handwheel; infinite without any function, and where the factor is above 1.6.
+    """
+    if isinstance(a.functions, NoFunctions):
+        return math.inf
+
+    def calm(factor: float) -> bool:
+        scaled = _scaled(a, list(_KEYS), USUAL_LIMIT * factor)
+        return all(stable(c, scaled, speed, free=free) for speed in a.speeds for free in (False, True))
+
+    return math.inf if calm(1.0) else USUAL_LIMIT * _largest(calm)
 
 
 def _three_digits(value: float) -> str:
