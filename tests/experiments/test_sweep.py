@@ -330,11 +330,16 @@ def scheduler(port):
         process.kill()
 
 
+@contextlib.contextmanager
 def dask_worker(address, *options, path=""):
+    """A worker in a process of its own, which ends with the block."""
     command = [sys.executable, "-m", "distributed.cli.dask_worker", address, "--no-nanny", "--no-dashboard", *options]
-    return subprocess.Popen(
-        command, stderr=subprocess.DEVNULL, env=os.environ | {"PYTHONPATH": f"{ROOT}{os.pathsep}{path}"}
-    )
+    environment = os.environ | {"PYTHONPATH": f"{ROOT}{os.pathsep}{path}"}
+    with subprocess.Popen(command, stderr=subprocess.DEVNULL, env=environment) as worker:
+        try:
+            yield
+        finally:
+            worker.kill()
 
 
 def test_a_cluster_that_is_not_there_is_said_soon(port, monkeypatch):
@@ -354,7 +359,7 @@ def test_an_encrypted_cluster_needs_a_certificate():
 @posix
 def test_a_cluster_that_dies_leaves_what_is_finished(scheduler, tmp_path):
     process, address = scheduler
-    with dask_worker(address, "--nthreads", "1") as worker:
+    with dask_worker(address, "--nthreads", "1"):
 
         def end(share, _):
             if share >= 0.3:
@@ -363,7 +368,6 @@ def test_a_cluster_that_dies_leaves_what_is_finished(scheduler, tmp_path):
         with pytest.raises(sweep.LostError, match="went away; finished work is kept"):
             sweep.run(cases.counted, numbers(tmp_path, 0.3), where=sweep.Where(1, address), store=kept_in(tmp_path),
                       notify=end)  # fmt: skip
-        worker.kill()
     assert kept_in(tmp_path).count() >= 3
     assert same(
         sweep.run(
@@ -386,15 +390,13 @@ def test_a_worker_of_a_cluster_with_another_own_law_is_named(own, scheduler, tmp
     (folder / "my_study.py").write_text("def drive(x):\n    return 2 * x\n")
     where = sweep.Where(1, address)
     drive = own(my_study="def drive(x):\n    return 1000 * x\n")("my_study").drive
-    with dask_worker(address, "--nthreads", "1", path=folder) as worker:
+    with dask_worker(address, "--nthreads", "1", path=folder):
         for _ in range(2):
             with pytest.raises(ValueError, match=r"the worker tcp://.* has module my_study \w+ in place of \w+:"):
                 sweep.run(drive, [1.0, 2.0], where=where)
             (folder / "my_study.py").write_text("def drive(x):\n    return 1000 * x\n")
-        worker.kill()
-    with dask_worker(address, "--nthreads", "1", path=folder) as worker:
+    with dask_worker(address, "--nthreads", "1", path=folder):
         assert sweep.run(drive, [1.0, 2.0], where=where) == [1000.0, 2000.0]
-        worker.kill()
 
 
 @pytest.mark.whole
@@ -405,17 +407,15 @@ def test_workers_that_must_not_take_part_are_named(scheduler, monkeypatch):
     with pytest.raises(sweep.LostError, match="has no worker after 3 s"):
         sweep.run(cases.rooted, range(3), where=where)
     monkeypatch.setattr(dask_cluster, "PATIENCE", 30.0)
-    with dask_worker(address, "--nthreads", "2") as worker:
-        with pytest.raises(ValueError, match=r"the worker tcp://.* runs 2 cases at once.*start it with --nthreads 1"):
-            sweep.run(cases.rooted, range(3), where=where)
-        worker.kill()
-    with dask_worker(address, "--nthreads", "1") as worker:
+    threads = r"the worker tcp://.* runs 2 cases at once.*start it with --nthreads 1"
+    with dask_worker(address, "--nthreads", "2"), pytest.raises(ValueError, match=threads):
+        sweep.run(cases.rooted, range(3), where=where)
+    with dask_worker(address, "--nthreads", "1"):
         assert same(sweep.run(cases.rooted, range(10), where=where))
         other = work.identity() | {"sources": "0123"}
-        monkeypatch.setattr(dask_cluster, "identity", lambda _: other)
+        monkeypatch.setattr(dask_cluster, "identity", lambda *_: other)
         with pytest.raises(ValueError, match=r"the worker tcp://.* has sources .* in place of 0123: install there"):
             sweep.run(cases.rooted, range(3), where=where)
-        worker.kill()
 
 
 def test_a_worker_that_comes_later_refuses_another_program():
