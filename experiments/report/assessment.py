@@ -108,18 +108,18 @@ def assess(
         reference, other = recordings.values()
         pairs = simulation_vs_measurement.compare(reference, other, evaluation.name, allowed, **given)
     return Assessment(
-        evaluation.name,
-        values,
-        {label: targets.ratings(found, held) for label, found in values.items()},
-        held,
-        wanted,
-        differences,
-        perceptions,
-        noticed,
-        frozenset(large),
-        pairs,
-        allowed or {},
-        curves,
+        test=evaluation.name,
+        values=values,
+        ratings={label: targets.ratings(found, held) for label, found in values.items()},
+        bands=held,
+        targets=wanted,
+        differences=differences,
+        perceptions=perceptions,
+        noticed=noticed,
+        large=frozenset(large),
+        pairs=pairs,
+        allowed=allowed or {},
+        curves=curves,
     )
 
 

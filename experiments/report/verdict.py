@@ -36,8 +36,8 @@ def _agreement(found: "Assessment") -> str:
     if simulation_vs_measurement.passes(found.pairs):
         worst = number(max(pair.worst for pair in found.pairs), 2)
         return (
-            f"{other} agrees with {reference} within the tolerances: at least {needed} of the points of every cross "
-            f"plot are inside; the farthest is {worst} tolerances away."
+            f"Yes: {other} agrees with {reference} within the tolerances: at least {needed} of the points of every "
+            f"cross plot are inside; the farthest is {worst} tolerances away."
         )
     missed = [
         f"{label(pair.y)} over {label(pair.x)} ({percent(pair.inside, 3)} of the points inside, up to "
@@ -46,7 +46,7 @@ def _agreement(found: "Assessment") -> str:
         if not simulation_vs_measurement.passes([pair])
     ]
     few = f"{len(missed)} of {len(found.pairs)} cross plots less than {needed} of the points are inside"
-    return f"{other} does not agree with {reference} within the tolerances: in {few}, {'; '.join(missed)}."
+    return f"No: {other} does not agree with {reference} within the tolerances: in {few}, {'; '.join(missed)}."
 
 
 def _comparison(found: "Assessment") -> str:
@@ -72,4 +72,6 @@ def _rating(found: "Assessment") -> str:
     counts = Counter(rating.colour for rating in ratings.values() if rating)
     good, fair, bad = (counts[colour] for colour in targets.COLOURS)
     rated = good + fair + bad
-    return f"Of {rated} rated metrics of {name}, {good} are in their good band, {fair} in the fair band, {bad} outside it."
+    return (
+        f"Of {rated} rated metrics of {name}, {good} are in their good band, {fair} in the fair band, {bad} outside it."
+    )

@@ -21,7 +21,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     found = assist_design.design(car)
     print(MERGE)
     if np.any(np.asarray(car.data()["assist"]["boost_scale"]) != 1.0):
-        print("# The boost_scale of this car is left out of the design: the boost below is designed to be taken as it is.")
+        print("# The boost_scale of this car has no part in the design: the boost below is to be taken as it is.")
     print("[assist]")
     for name, values in found._asdict().items():
         if values.ndim == 1:
