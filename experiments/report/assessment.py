@@ -40,6 +40,7 @@ class Assessment(NamedTuple):
     noticed: float  # just-noticeable difference that they are judged by [1]
     pairs: list[simulation_vs_measurement.Pair]  # cross plots with boundaries, the first recording being the reference
     curves: dict[str, simulation_vs_measurement.Curves]
+    zeros: dict[str, list[str]]  # what is known of the sensors' zeros in cross plots over time, in sentences
 
 
 def assess(
@@ -113,6 +114,11 @@ def assess(
         noticed,
         pairs,
         curves,
+        {
+            label: simulation_vs_measurement.zero_notes(found, evaluation)
+            for label, found in recordings.items()
+            if pairs
+        },
     )
 
 
@@ -142,6 +148,7 @@ def as_json(found: Assessment) -> dict[str, Any]:
         },
         "noticed_share": found.noticed,
         "cross_plots": [{"x": p.x, "y": p.y, "inside": p.inside, "worst": p.worst} for p in found.pairs],
+        "zeros": found.zeros,
         "version": metadata.version("steer-env"),
     }
 
