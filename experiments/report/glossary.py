@@ -43,8 +43,12 @@ bootstrap), made wider at both ends by the change of the metric
 - in weave, slow ramp and rig, by what the delay of a channel behind the handwheel angle gains in half the recording,
   where it changes significantly from cycle to cycle: the clocks of two devices drift apart, or the drive itself
   changes, as on a road banked by 2 %. Other tests do not show that; give `--timing-ms` there;
+- in returnability, when the hands let go half a sample earlier or later;
 - in the frequency responses, when the band over which the estimate averages is halved. With friction the phase of the
   torque at 1 Hz is some degrees apart from one estimator to the next.
+
+A sine of a single burst has one ratio of the first peak: its interval is that of the white noise in both channels. Other
+metrics with a single value have no interval unless one of the above gives one.
 
 Weave and slow ramp are read where the car goes straight: the mean lateral acceleration and yaw rate over whole cycles
 are the readings of these sensors at zero, as on a straight road, and handwheel angle and torque have theirs on the mean
@@ -59,7 +63,8 @@ sine, pulse, crosswind, lane changes, and circles that are entered from straight
 subtracted from the cross plots of `validate`, and the angle's reading where the ramps of the transition are found; it
 is told. From the other metrics of these tests an offset drops out, as they are differences of two sides or of before
 and after: 2 deg, 0.05 N m, 0.1 m/s2 or 0.5 deg/s change none by more than 0.1 %, but dead bands of the transition by up
-to 2 % (their intervals are +-11 %), and 0.1 m/s2 the gradients of the circles by up to 0.6 %. A torque that friction holds before the input counts as the
+to 2 % (their intervals are +-11 %), and 0.1 m/s2 the gradients of the circles by up to 0.6 %. A torque that friction
+holds before the input counts as the
 sensor's zero there. Random steering, release, returnability, hold, parking and catch-up have no such part; nor has a
 recording that begins with the input, or in a turn above 0.5 deg/s. Then `validate` says so and compares the readings
 as they are: give the offsets in a mapping.

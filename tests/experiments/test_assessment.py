@@ -153,7 +153,7 @@ def test_histories_are_aligned_in_time():
 
 
 @pytest.mark.parametrize("made", [sines, transitions, steps])
-def test_sensors_with_other_zeros_pass_over_time(made, tmp_path, capsys):
+def test_sensors_with_other_zeros_pass_over_time(made):
     """Formerly an equal car with 2 deg of offset failed in every trial, since only loops find their zeros."""
     clean = made(200.0)
     torque = 1.02 * clean["handwheel_torque"] + 0.05
@@ -165,6 +165,11 @@ def test_sensors_with_other_zeros_pass_over_time(made, tmp_path, capsys):
     assert simulation_vs_measurement.passes(simulation_vs_measurement.compare(measured, simulated))
     strong = changed(clean, handwheel_torque=1.2 * clean["handwheel_torque"])
     assert not simulation_vs_measurement.passes(simulation_vs_measurement.compare(measured, strong))
+
+
+def test_validate_tells_the_zeros_that_it_subtracts(tmp_path, capsys):
+    simulated = sines(200.0)
+    measured = changed(simulated, handwheel_angle=simulated["handwheel_angle"] + np.radians(2.0))
     files = [tmp_path / "measured.csv", tmp_path / "simulated.csv"]
     for path, recording in zip(files, (measured, simulated)):
         recordings.write(recording, path)
