@@ -10,7 +10,11 @@ from steer_env.experiments.cli.common.arguments import KPH
 from steer_env.experiments.cli.common.extras import require_format
 
 # Key of a recording's meta -> what it tells, printed before the metrics.
-NOTES = {"not_read": "columns that are not read", "uncalibrated": "in counts of the sensor, uncalibrated"}
+NOTES = {
+    "not_read": "columns that are not read",
+    "uncalibrated": "in counts of the sensor, uncalibrated",
+    "seconds_assumed": "without a unit, read in seconds",
+}
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
