@@ -4,6 +4,7 @@ A scheduler and its workers run whatever a client sends them, so the local clust
 """
 
 import logging
+import socket
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
@@ -93,6 +94,8 @@ def _client(where: Where) -> Iterator[Any]:
                 )
             )
         try:
+            if place == where.cluster:
+                _knock(place)
             client = stack.enter_context(Client(place, timeout=PATIENCE, set_as_default=False))
             client.wait_for_workers(1, timeout=PATIENCE)
         except TimeoutError:
@@ -106,6 +109,15 @@ def _client(where: Where) -> Iterator[Any]:
                 f"at address and firewall; {KEPT}"
             ) from None
         yield client
+
+
+def _knock(address: str) -> None:
+    """OSError at once where nothing listens at an address, for which a client would wait twice its patience."""
+    host, port = address.split("://")[-1].rsplit(":", 1)
+    try:
+        socket.create_connection((host.strip("[]"), int(port)), timeout=PATIENCE).close()
+    except TimeoutError:
+        raise ConnectionError(f"no answer within {PATIENCE:g} s") from None
 
 
 @contextmanager
