@@ -9,6 +9,7 @@ from steer_env import manoeuvres
 from steer_env.vehicle import cars
 from steer_env.vehicle.steering import stability
 
+pytestmark = pytest.mark.filterwarnings("ignore::steer_env.vehicle.cars.UnusualCar")  # that is the subject
 CAR = cars.load()
 
 
@@ -24,7 +25,6 @@ def test_a_torsion_bar_too_stiff_is_named(stiffness):
         manoeuvres.drive(stiff, manoeuvres.make("weave"))
 
 
-@pytest.mark.filterwarnings("ignore::steer_env.vehicle.cars.UnusualCar")
 @pytest.mark.parametrize(
     ("test", "key", "value"),
     [
@@ -51,13 +51,11 @@ def test_the_function_that_makes_it_unstable_is_named(test, key, value):
     assert not stability.stable(worse.column, worse.assist, m.speed, free=free)
 
 
-@pytest.mark.filterwarnings("ignore::steer_env.vehicle.cars.UnusualCar")
 def test_a_loop_unstable_at_standstill_drives_at_speed():
     car = changed(inertia_compensation=0.03)
     assert manoeuvres.drive(car, manoeuvres.make("weave", cycles=3))["motor_torque"].std() > 0.1
 
 
-@pytest.mark.filterwarnings("ignore::steer_env.vehicle.cars.UnusualCar")
 def test_a_boost_too_steep_and_two_functions_together():
     with pytest.raises(ValueError, match=r"K_tb 130 N m/rad is too stiff .* stable with .*times the boost"):
         manoeuvres.drive(changed(boost_scale=3.0), manoeuvres.make("parking"))

@@ -22,6 +22,7 @@ from steer_env.vehicle.steering.margins import (
     worst_margins,
 )
 
+pytestmark = pytest.mark.filterwarnings("ignore::steer_env.vehicle.cars.UnusualCar")  # some loops are near their limit
 V, T = 100.0 / 3.6, eps.SAMPLE_TIME
 NONE = friction.make("viscous", sigma_2=0.0)
 EXAMPLE = Path(__file__).parents[2] / "examples" / "assist_functions.toml"
@@ -239,7 +240,6 @@ def test_stability_has_the_loop_of_the_kernels_with_free_hands(delay):
         assert np.abs(found - pole).min() < 2e-3, pole
 
 
-@pytest.mark.filterwarnings("ignore::steer_env.vehicle.cars.UnusualCar")
 @pytest.mark.parametrize("speed", [0.0, 10.0, V])
 @pytest.mark.parametrize(
     ("key", "stable", "unstable"),
