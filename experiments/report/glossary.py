@@ -47,8 +47,8 @@ bootstrap), made wider at both ends by the change of the metric
 - in the frequency responses, when the band over which the estimate averages is halved. With friction the phase of the
   torque at 1 Hz is some degrees apart from one estimator to the next.
 
-A sine of a single burst has one ratio of the first peak: its interval is that of the white noise in both channels. Other
-metrics with a single value have no interval unless one of the above gives one.
+A sine of a single burst has one ratio of the first peak: its interval is that of the white noise in both channels.
+Other metrics with a single value have no interval unless one of the above gives one.
 
 Weave and slow ramp are read where the car goes straight: the mean lateral acceleration and yaw rate over whole cycles
 are the readings of these sensors at zero, as on a straight road, and handwheel angle and torque have theirs on the mean
