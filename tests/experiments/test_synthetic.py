@@ -63,7 +63,7 @@ def test_truth_behind_all_faults_in_200_trials(case):
 def test_the_requirement_names_the_lowest(monkeypatch):
     kept, lost = Coverage(0.97, 0.0, 0.1), Coverage(0.85, 0.0, 0.1)
     found = {"a case": {"offset": {"yaw_lag": kept, "loop_area": lost}, "long": {"yaw_lag": kept._replace(kept=1.0)}}}
-    monkeypatch.setattr(synthetic, "collect", lambda trials: found)
+    monkeypatch.setattr(synthetic, "collect", lambda trials, _: found)
     rows = list(synthetic.rows())
     assert [(row.what, row.verdict) for row in rows] == [("a case: offset", "FAIL"), ("a case: long", "pass")]
     assert rows[0].measured == "85.0 %, loop area"
