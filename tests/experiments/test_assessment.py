@@ -156,7 +156,7 @@ def test_histories_are_aligned_in_time():
 @pytest.mark.parametrize(
     "clean",
     [sines(200.0, bursts=1), transitions(200.0, repeats=1), steps(200.0).between(0.0, 5.0)],
-    ids=lambda r: r.meta["manoeuvre"],
+    ids=("sine", "transition", "step-steer"),
 )
 def test_sensors_with_other_zeros_pass_over_time(clean):
     """Formerly an equal car with 2 deg of offset failed in every trial, since only loops find their zeros."""
