@@ -155,7 +155,11 @@ def test_histories_are_aligned_in_time():
 
 @pytest.mark.parametrize(
     "clean",
-    [sines(200.0, bursts=1), transitions(200.0, repeats=1), steps(200.0).between(0.0, 5.0)],
+    [
+        sines(200.0, bursts=1),
+        pytest.param(transitions(200.0, repeats=1), marks=pytest.mark.whole),
+        steps(200.0).between(0.0, 5.0),
+    ],
     ids=("sine", "transition", "step-steer"),
 )
 def test_sensors_with_other_zeros_pass_over_time(clean):
