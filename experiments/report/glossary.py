@@ -64,10 +64,9 @@ subtracted from the cross plots of `validate`, and the angle's reading where the
 is told. From the other metrics of these tests an offset drops out, as they are differences of two sides or of before
 and after: 2 deg, 0.05 N m, 0.1 m/s2 or 0.5 deg/s change none by more than 0.1 %, but dead bands of the transition by up
 to 2 % (their intervals are +-11 %), and 0.1 m/s2 the gradients of the circles by up to 0.6 %. A torque that friction
-holds before the input counts as the
-sensor's zero there. Random steering, release, returnability, hold, parking and catch-up have no such part; nor has a
-recording that begins with the input, or in a turn above 0.5 deg/s. Then `validate` says so and compares the readings
-as they are: give the offsets in a mapping.
+holds before the input counts as the sensor's zero there. Random steering, release, returnability, hold, parking and
+catch-up have no such part; nor has a recording that begins with the input, or in a turn above 0.5 deg/s. Then
+`validate` says so and compares the readings as they are: give the offsets in a mapping.
 
 `steer-env verify synthetic` prints how often the intervals hold known answers behind such faults, for weave and slow
 ramp metric by metric.
@@ -78,13 +77,14 @@ The default tolerances pass an equal car whose sensors are off by 2 deg, 2 % + 0
 pass cars that differ by less than that. With noise, the simulated compact against itself:
 
 - a `boost_scale` of 1.1 or 0.9 passes in weave and slow ramp (largest distance 0.54 to 0.79 tolerances), and 1.1 in
-  sine and step too. The difference in torque is 2 to 4 %: look at the differences of the metrics with their intervals,
-  which tell it, and calibrate the torque sensor to better than 2 % before its scale is taken for the car's;
+  sine, step and most transitions too. It changes torques by 2 to 3 %, which `torque_at_0p1g` and
+  `peak_handwheel_torque` of a weave tell, with intervals of +-0.3 %; but a torque sensor whose scale is known to 2 %
+  reads as far off;
 - Masing and Dahl friction with the same parameters pass as LuGre (0.15 and 0.13 in the weave);
 - half the Coulomb friction, a viscous damper in its place, and Coulomb friction without presliding fail (2.2, 1.4 and
   1.2 in the weave).
 
-Narrower tolerances in a file of one's own (`--tolerances own.toml`) tell more where the sensors are known to be better.
+Narrower tolerances in a file of one's own (`--tolerances own.toml`) tell more where the sensors are better.
 
 ## What is refused
 

@@ -153,10 +153,17 @@ def test_histories_are_aligned_in_time():
         assert pair.inside == 1.0, pair.y
 
 
-@pytest.mark.parametrize("made", [sines, transitions, steps])
-def test_sensors_with_other_zeros_pass_over_time(made):
+@pytest.mark.parametrize(
+    "clean",
+    [
+        sines(200.0, bursts=1),
+        pytest.param(transitions(200.0, repeats=1), marks=pytest.mark.whole),
+        steps(200.0).between(0.0, 5.0),
+    ],
+    ids=("sine", "transition", "step-steer"),
+)
+def test_sensors_with_other_zeros_pass_over_time(clean):
     """Formerly an equal car with 2 deg of offset failed in every trial, since only loops find their zeros."""
-    clean = made(200.0)
     torque = 1.02 * clean["handwheel_torque"] + 0.05
     measured = noisy(
         changed(clean, handwheel_angle=clean["handwheel_angle"] + np.radians(2.0), handwheel_torque=torque),
@@ -169,7 +176,7 @@ def test_sensors_with_other_zeros_pass_over_time(made):
 
 
 def test_validate_tells_the_zeros_that_it_subtracts(tmp_path, capsys):
-    simulated = sines(200.0)
+    simulated = sines(200.0, bursts=1)
     measured = changed(simulated, handwheel_angle=simulated["handwheel_angle"] + np.radians(2.0))
     files = [tmp_path / "measured.csv", tmp_path / "simulated.csv"]
     for path, recording in zip(files, (measured, simulated)):
