@@ -20,7 +20,7 @@ K_tb up to 2 Hz.
 import numpy as np
 
 from steer_env.metrics.common.definitions import RefusedError
-from steer_env.metrics.common.filtered_channels import ANGLE, AY, SPEED, TORQUE, YAW
+from steer_env.metrics.common.filtered_channels import ANGLE, AY, PLAUSIBLE, SPEED, TORQUE, YAW
 from steer_env.recording.recording import DEGREE, Recording
 
 # i l [m], least and largest, and the lowest characteristic speed [m/s] of passenger cars; assumed.
@@ -46,7 +46,7 @@ def check(recording: Recording, speed: float | None) -> None:
     _check_motion(recording, speed)
     angle, torque = (_size(recording, name) for name in (ANGLE, TORQUE))
     most = BEYOND * (STIFFEST * angle + COLUMN_FRICTION)
-    if angle > 0.0 and torque > most:
+    if angle > 0.0 and most < torque <= PLAUSIBLE[TORQUE]:  # beyond that the torque is wrong
         raise RefusedError(
             f"{ANGLE} reaches {angle / DEGREE:.3g} deg, at which the torsion bar of any car twists with less than "
             f"{most:.2g} N m, and {TORQUE} reaches {torque:.3g} N m: {_remedy(ANGLE, 'rad')}, or check that of {TORQUE}"
