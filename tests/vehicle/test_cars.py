@@ -164,7 +164,7 @@ def test_car_from_a_file(tmp_path):
         ("K_tb = 140.0", "K_tb = 0.0", ":9: column.K_tb must be finite and greater than 0, got 0.0"),
         ("K_tb = 140.0", "K_tb = = 0.0", ": Invalid value (at line 9, column 8)"),
         ('base = "compact"', 'base = "tram"', ":1: base must be one of bmw_320i, "),
-        ('base = "compact"', 'bass = "compact"', ":1: car has no key 'bass'; it takes: "),
+        ('base = "compact"', 'bass = "compact"', ":1: car has no key 'bass'; it takes: base, name, "),
         ('base = "compact"', "", ": car lacks name, source, "),
         ("[chassis]", "[name]\nfirst = 1\n[chassis]", ":5: name must be text, got {{'first': 1}}"),
         ("[chassis]", "[tyre]\nname = 1\n[chassis]", ":5: tyre.name must be text, got 1"),
@@ -199,7 +199,7 @@ def test_sections_of_column_and_assist_take_part_of_the_keys():
 @pytest.mark.parametrize(
     ("data", "message"),
     [
-        (changed(None, engine=1.0), "car has no key 'engine'; it takes: name, "),
+        (changed(None, engine=1.0), "car has no key 'engine'; it takes: base, name, "),
         (changed("chassis", wheels=4.0), "chassis has no key 'wheels'; it takes: mass, "),
         (changed("steering", ratio=14.4), "steering has no key 'ratio'; it takes: pinion_radius, "),
         (changed("column", I3=0.1), "column has no key 'I3'; it takes: I1, "),
