@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from steer_env.experiments.drawing.style import legend, new_figure, styled, styles, svg
 from steer_env.metrics.common.filtered_channels import ANGLE, TORQUE
@@ -13,6 +14,8 @@ from steer_env.recording.recording import DEGREE
 Array = NDArray[np.float64]
 
 _SIZE = (4.0, 3.4)  # [inch]
+_WIDE = 5.0  # line of the law that the others are compared with [point]
+_LINE = 0.007  # width of a usual line, 1.5 point, as a share of the picture's extent [1]
 _NOT_NOTICED = "#e3f2ea"
 _WIDEST = 4.0  # half the width of the axis of the differences at most, in thresholds; what is beyond is at its edge
 
@@ -28,14 +31,30 @@ class Share(NamedTuple):
 
 @styled
 def weave(curves: Mapping[str, Mapping[str, Array]]) -> str:
-    """Hand torque over handwheel angle in a test that repeats itself, a line for each law (SI)."""
+    """Hand torque over handwheel angle in a test that repeats itself, a line for each law (SI).
+
+    The first law's line is wide and light and lies below the others, so that they are seen where they coincide.
+    """
     figure = new_figure(*_SIZE)
     axes = figure.subplots()
-    for law, style in styles(curves).items():
+    look, first = styles(curves), next(iter(curves))
+    look[first] |= {"linewidth": _WIDE, "alpha": 0.35, "zorder": 1.0}
+    for law, style in look.items():
         axes.plot(curves[law][ANGLE] / DEGREE, curves[law][TORQUE], **style)
     axes.set(xlabel="handwheel angle [deg]", ylabel="hand torque [N m]")
     legend(figure, axes, 3)
     return svg(figure)
+
+
+def coincident(curves: Mapping[str, Mapping[str, Array]]) -> list[str]:
+    """The laws whose whole line in :func:`weave` lies within the width of a line from that of the first law."""
+    lines = {law: np.column_stack((of[ANGLE], of[TORQUE])) for law, of in curves.items()}
+    first, *others = lines
+    scale = np.ptp(lines[first], axis=0)
+    dense = np.linspace(0.0, len(lines[first]) - 1.0, 20 * len(lines[first]))
+    drawn = np.column_stack([np.interp(dense, np.arange(len(x)), x) for x in (lines[first] / scale).T])
+    places = cKDTree(drawn)
+    return [law for law in others if places.query(lines[law] / scale)[0].max() < _LINE]
 
 
 @styled

@@ -164,7 +164,7 @@ def _terms(name: str, controller: Any, env: Any, about: Mapping[str, Any] | None
     drawn = policy_report.conditions({**policy.conditions(about), "friction": about["friction"]})
     words = ", ".join(f"{key} {value}" for key, value in drawn.items())
     if not policy.is_scaled(about):
-        words += f", Stable-Baselines3's own defaults, {about['steps']} steps"
+        words += f", Stable-Baselines3's own defaults, best by validation at step {about['steps']}"
     decides = f"{1e3 * about['settings']['environment']['control_dt']:g} ms"
     return terms | {"decides": decides, "information": f"the observations; trained with {words}"}
 

@@ -19,7 +19,17 @@ def environment(package: str) -> jinja2.Environment:
         lstrip_blocks=True,
         undefined=jinja2.StrictUndefined,
     )
-    filters = (words.number, words.percent, words.change, words.label, words.unit, words.prose, words.span)
+    filters = (
+        words.number,
+        words.percent,
+        words.change,
+        words.label,
+        words.unit,
+        words.prose,
+        words.span,
+        words.plain,
+        words.within,
+    )
     found.filters |= {f.__name__: f for f in filters}
     return found
 

@@ -199,7 +199,9 @@ def _with_units(section: str, values: dict[str, float]) -> dict[str, dict[str, A
 
 
 def _prose(module: Any) -> str:
-    return (inspect.getdoc(module) or "").replace("``", "")
+    """The docstring of a module without marks: a role as :mod:`a.b.name` is the name."""
+    text = (inspect.getdoc(module) or "").replace("``", "")
+    return re.sub(r":\w+:`~?(?:[^`]*\.)?([^`.]+)`", lambda found: found[1].replace("_", " "), text)
 
 
 def _plain(value: Any) -> Any:

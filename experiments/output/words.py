@@ -35,8 +35,24 @@ def percent(x: float | None, digits: int = 2) -> str:
 
 
 def change(x: float) -> str:
-    """A signed share of 1 in per cent, to a hundredth."""
-    return "–" if math.isnan(x) else f"{100.0 * x:+.2f}\u00a0%".replace("-", "−")
+    """A signed share of 1 in per cent, with three digits, but not beyond a hundredth."""
+    if not math.isfinite(x):
+        return number(x)
+    places = next((n for n in (2, 1) if abs(round(100.0 * x, n)) < 10.0 ** (3 - n)), 0)
+    return f"{100.0 * x:+.{places}f}\u00a0%".replace("-", "−")
+
+
+def within(x: float, half: float) -> str:
+    """A value with half the width of its interval, both to a place that says something: three digits at most."""
+    if not math.isfinite(half):
+        return number(x)
+    if half == 0.0 or x == 0.0:
+        return f"{number(x)} ± {number(half, 1)}"
+    # The first digit of the half width is the last place of the value, unless that has three digits before it.
+    first, third = math.floor(math.log10(float(f"{half:.0e}"))), math.floor(math.log10(abs(x))) - 2
+    value = round(x, -max(first, third))
+    digits = 3 if value == 0.0 else max(math.floor(math.log10(abs(value))) - max(first, third) + 1, 1)
+    return f"{number(value, digits, pad=digits > 1)} ± {number(half, 1)}"
 
 
 def label(metric: str) -> str:

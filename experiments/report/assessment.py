@@ -4,6 +4,7 @@ Measured and simulated recordings are treated alike.
 """
 
 import math
+import shlex
 from collections.abc import Mapping
 from importlib import metadata
 from pathlib import Path
@@ -18,7 +19,8 @@ from steer_env.experiments.output.files import replaced_directory, write_json
 from steer_env.experiments.output.metrics_json import entries
 from steer_env.experiments.output.pages import environment
 from steer_env.experiments.output.traces import embedded
-from steer_env.experiments.studies.common import simulation_vs_measurement
+from steer_env.experiments.report.verdict import title, verdict
+from steer_env.experiments.studies.common import battery, simulation_vs_measurement
 from steer_env.metrics import RefusedError, Value
 from steer_env.metrics.common import frequency_response, just_noticeable
 from steer_env.metrics.common.confidence import difference
@@ -38,8 +40,11 @@ class Assessment(NamedTuple):
     differences: dict[str, tuple[float, float, float]]  # second less first with its 95 % interval [unit of the metric]
     perceptions: dict[str, just_noticeable.Perception]  # of the differences
     noticed: float  # just-noticeable difference that they are judged by [1]
+    large: frozenset[str]  # metrics whose difference counts as large, as in the report
     pairs: list[simulation_vs_measurement.Pair]  # cross plots with boundaries, the first recording being the reference
+    allowed: Mapping[str, simulation_vs_measurement.Tolerance]  # by channel, that the boundaries are made of
     curves: dict[str, simulation_vs_measurement.Curves]
+    zeros: dict[str, list[str]]  # what is known of the sensors' zeros in cross plots over time, in sentences
 
 
 def assess(
@@ -81,7 +86,7 @@ def assess(
         label: metrics.evaluate(found, evaluation.name, timing=timing, **given) for label, found in recordings.items()
     }
     held = wanted.bands.get(evaluation.name, {}) if wanted else {}
-    differences, perceptions = {}, {}
+    differences, perceptions, large = {}, {}, set()
     if len(values) == 2:
         a, b = values.values()
         differences = {
@@ -92,6 +97,7 @@ def assess(
         perceptions = {
             name: just_noticeable.perception(name, a[name].value, gap, noticed) for name, gap in differences.items()
         }
+        large = {name for name in differences if battery.difference(name, b[name], a[name]).matters}
     curves = {}
     for label, recording in recordings.items():
         try:
@@ -103,16 +109,23 @@ def assess(
         reference, other = recordings.values()
         pairs = simulation_vs_measurement.compare(reference, other, evaluation.name, allowed, **given)
     return Assessment(
-        evaluation.name,
-        values,
-        {label: targets.ratings(found, held) for label, found in values.items()},
-        held,
-        wanted,
-        differences,
-        perceptions,
-        noticed,
-        pairs,
-        curves,
+        test=evaluation.name,
+        values=values,
+        ratings={label: targets.ratings(found, held) for label, found in values.items()},
+        bands=held,
+        targets=wanted,
+        differences=differences,
+        perceptions=perceptions,
+        noticed=noticed,
+        large=frozenset(large),
+        pairs=pairs,
+        allowed=allowed or {},
+        curves=curves,
+        zeros={
+            label: simulation_vs_measurement.zero_notes(found, evaluation)
+            for label, found in recordings.items()
+            if pairs
+        },
     )
 
 
@@ -135,20 +148,28 @@ def as_json(found: Assessment) -> dict[str, Any]:
                 "value": finite(gap),
                 "ci": [finite(low), finite(high)],
                 "unit": metrics.definition(name).unit,
+                "large": name in found.large,
                 "perception": found.perceptions[name].verdict,
                 "perception_sure": found.perceptions[name].sure,
             }
             for name, (gap, low, high) in found.differences.items()
         },
         "noticed_share": found.noticed,
+        "verdict": verdict(found),
         "cross_plots": [{"x": p.x, "y": p.y, "inside": p.inside, "worst": p.worst} for p in found.pairs],
+        "zeros": found.zeros,
         "version": metadata.version("steer-env"),
     }
 
 
-def render(found: Assessment, recordings: Mapping[str, Recording]) -> str:
-    """The page: values with ratings, differences, plots, definitions."""
+def render(found: Assessment, recordings: Mapping[str, Recording], trace: Mapping[str, Any] | None = None) -> str:
+    """The page: verdict, tolerances, values with ratings, differences, plots, definitions, and what it is made from.
+
+    Command and mappings are those of the ``trace``.
+    """
     labels = list(recordings)
+    trace = trace or {}
+    channels = dict.fromkeys(name for pair in found.pairs for name in (pair.x, pair.y))
     limits = [plots.boundaries(pair, (labels[0], labels[1])) for pair in found.pairs]
     drawn = plots.panels(found.curves, metrics.evaluation_of(recordings[labels[0]], found.test).plots)
     responses = plots.responses(recordings, found.test) if found.test in frequency_response.TESTS else []
@@ -158,6 +179,14 @@ def render(found: Assessment, recordings: Mapping[str, Recording]) -> str:
         .render(
             f=found,
             labels=labels,
+            title=title(found),
+            verdict=verdict(found),
+            command=shlex.join(["steer-env", *trace["command"]]) if "command" in trace else None,
+            mappings={label: of for label, of in trace.get("mapping", {}).items() if of["channels"] or of["meta"]},
+            tolerances={plots.axis(name): found.allowed[name] for name in channels},
+            enough=simulation_vs_measurement.ENOUGH,
+            matters=battery.MATTERS,
+            leasts=battery.LEAST,
             metas={label: {k: v for k, v in r.meta.items() if k != "trace"} for label, r in recordings.items()},
             definitions={name: metrics.definition(name) for name in metrics.available(found.test)},
             script=plots.script(),
@@ -180,5 +209,5 @@ def write(
     """
     trace = provenance.trace() if trace is None else trace
     with replaced_directory(out, CONTENTS) as part:
-        (part / "index.html").write_text(embedded(render(found, recordings), trace), encoding="utf-8")
+        (part / "index.html").write_text(embedded(render(found, recordings, trace), trace), encoding="utf-8")
         write_json(part / "evaluation.json", {**as_json(found), "trace": trace})

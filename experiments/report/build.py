@@ -126,6 +126,7 @@ def render(results: Results, source: dict[str, Any], look: Look = DEFAULT, comma
     feels = {test: findings.feel(results, test, look.noticed) for test in results.drives}
     differences = findings.differences(results, feels)
     drawn = {**_first_pictures(results, differences, look.noticed), **_pictures(results)}
+    weave = _weave(results)
     return (
         environment(__package__)
         .get_template("report.html.j2")
@@ -144,6 +145,7 @@ def render(results: Results, source: dict[str, Any], look: Look = DEFAULT, comma
             width=loop_width,
             noticeable=just_noticeable,
             definitions={name: metrics.definition(name) for test in results.drives for name in metrics.available(test)},
+            coincident=front_pictures.coincident(weave) if weave else [],
             images={name: image(svg) for name, svg in drawn.items()},
             plots=_plots(results, look.light),
             script="" if look.light else plots.script(),
@@ -153,14 +155,20 @@ def render(results: Results, source: dict[str, Any], look: Look = DEFAULT, comma
     )
 
 
+def _weave(results: Results) -> dict[str, Any]:
+    """Curves of the weave by law, those of the base law first; none where a law has not both of its channels."""
+    drives = results.drives.get("weave", {})
+    curves = {law: drives[law].curves for law in sorted(drives, key=lambda law: law != results.base)}
+    return curves if all({ANGLE, TORQUE} <= of.keys() for of in curves.values()) else {}
+
+
 def _first_pictures(results: Results, found: findings.Differences, noticed: float) -> dict[str, str]:
     """The pictures of the first screen, as SVG by name; without a test or a difference its picture is missing."""
     history = friction_laws.HISTORIES["growing_sine"].x
     drawn = {
         "first_loops": front_pictures.loops(history, {law: of["growing_sine"] for law, of in results.torques.items()})
     }
-    weave = {law: drive.curves for law, drive in results.drives.get("weave", {}).items()}
-    if weave and all({ANGLE, TORQUE} <= curves.keys() for curves in weave.values()):
+    if weave := _weave(results):
         drawn["first_weave"] = front_pictures.weave(weave)
     titles = list(dict.fromkeys((row.metric, row.test) for row in found.known))[:SHARES]
     shares = [

@@ -12,15 +12,15 @@ from steer_env.experiments.report.results import Results
 from steer_env.experiments.studies import friction_laws, real_time
 from steer_env.experiments.studies.common import battery
 from steer_env.experiments.studies.common.assist_margins import TARGETS, Cell, on_target
-from steer_env.experiments.studies.common.battery import MATTERS
-from steer_env.experiments.studies.friction_laws import Residual, Verdict
+from steer_env.experiments.studies.common.battery import LEAST, MATTERS
+from steer_env.experiments.studies.friction_laws import Held, Residual, Verdict
 from steer_env.experiments.studies.real_time import Row
 from steer_env.manoeuvres import Manoeuvre
 from steer_env.metrics import Value
 from steer_env.metrics.common import just_noticeable
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
 
-__all__ = ["MATTERS", "TARGETS", "on_target", "plain"]  # the templates reach these through this module
+__all__ = ["LEAST", "MATTERS", "TARGETS", "on_target", "plain"]  # the templates reach these through this module
 
 CHEAP = 0.01  # a step whose computing time is below this share of its length counts as cheap; assumed
 
@@ -157,11 +157,21 @@ class HeldTorque(NamedTuple):
     step_change: float  # relative change of that ripple with a tenth of the step [1]
     # Least and largest share of the difference between the laws that the damper removes, by damping ratio.
     removed: dict[float, tuple[float, float]]  # [1]
+    masing: list[Held]  # all tests with Masing
 
     @property
     def vibrates(self) -> bool:
         """Whether Masing's ripple is well above LuGre's when neither has a damper."""
         return self.worst.masing.ripple > 2.0 * self.worst.lugre.ripple
+
+    @property
+    def lasting(self) -> dict[tuple[str, str], list[Held]]:
+        """State of the assist and calibration in which Masing's vibration lasts without a damper -> all its dampers."""
+        return {
+            bare[:2]: [test for test in self.masing if test[:2] == bare[:2]]
+            for bare in self.masing
+            if not bare.damping_ratio and lasts(bare)
+        }
 
     @property
     def of_the_step(self) -> bool:
@@ -176,7 +186,12 @@ class HeldTorque(NamedTuple):
     @property
     def fed_by_assist(self) -> bool:
         """Whether the vibration persists with assist and decays without."""
-        return self.worst.masing.lasting > 0.9 and self.unassisted.masing.lasting < 0.5
+        return lasts(self.worst.masing) and self.unassisted.masing.lasting < 0.5
+
+
+def lasts(test: Held) -> bool:
+    """Whether a vibration hardly decays in the two seconds over which it is read."""
+    return test.lasting > 0.9
 
 
 def held_torque(results: Results) -> HeldTorque | None:
@@ -195,6 +210,7 @@ def held_torque(results: Results) -> HeldTorque | None:
         friction_laws.ringing(worst.masing.torque),
         abs(worst.masing.ripple_fine / worst.masing.ripple - 1.0),
         {ratio: (min(found), max(found)) for ratio, found in shares.items()},
+        [test for test in results.held if test.law == "masing"],
     )
 
 

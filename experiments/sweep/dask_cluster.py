@@ -21,6 +21,7 @@ from steer_env.experiments.sweep.work import (
     Task,
     differences,
     identity,
+    identity_with,
     perform,
     settle,
 )
@@ -41,7 +42,7 @@ def outcomes(tasks: Mapping[int, Task], where: Where) -> Iterator[Outcome]:
         If a worker has another version of the program, or runs several cases at once in threads.
     """
     with _client(where) as client:
-        _check(client, where)
+        _check(client, where, sorted({name for task in tasks.values() for name in task.modules}))
         yield from _collected(client, tasks, where)
 
 
@@ -62,9 +63,9 @@ def _threads(count: int) -> str:
     return f"runs {count} cases at once in threads, which share one state: start it with --nthreads 1"
 
 
-def _described(dask_worker: Any) -> dict[str, Any]:
+def _described(modules: list[str], dask_worker: Any) -> dict[str, Any]:
     """What a worker is, told by itself."""
-    return {"threads": dask_worker.state.nthreads, "identity": identity()}
+    return {"threads": dask_worker.state.nthreads, "identity": identity_with(modules)}
 
 
 @contextmanager
@@ -132,18 +133,19 @@ def _quiet() -> Iterator[None]:
             logger.setLevel(level)
 
 
-def _check(client: Any, where: Where) -> None:
+def _check(client: Any, where: Where, modules: list[str]) -> None:
     """ValueError that names the scheduler or the first worker that must not take part."""
+    here = identity(modules)
     try:
         client.run_on_scheduler(identity)  # the tasks pass through it, and it imports what they name
     except Exception as error:
         raise ValueError(f"the scheduler {where.cluster} cannot run this program ({error}): {SAME}; {KEPT}") from None
-    for address, found in client.run(_described, on_error="return").items():
+    for address, found in client.run(_described, modules, on_error="return").items():
         if isinstance(found, BaseException):
             trouble = f"cannot run this program ({found}): {SAME}"
         elif found["threads"] > 1:
             trouble = _threads(found["threads"])
-        elif other := differences(found["identity"], identity()):
+        elif other := differences(found["identity"], here):
             trouble = f"has {other}: {SAME}"
         else:
             continue

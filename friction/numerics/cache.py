@@ -170,18 +170,15 @@ def _announced(kernel: Any, folder: Path | None) -> Iterator[None]:
     if _depth > 1:
         yield
         return
-    function, misses = kernel.py_func, sum(kernel.stats.cache_misses.values())
+    misses = sum(kernel.stats.cache_misses.values())
 
     def compiled() -> bool:
         return sum(kernel.stats.cache_misses.values()) > misses
 
     def tell() -> None:
         if compiled():
-            once = "this happens once for each" if folder else "in every process, as the machine code cannot be kept"
-            say(
-                "compiling",
-                f"compiling kernels for this combination of law, chassis and task ({function.__qualname__}); {once}",
-            )
+            once = "once, as it is kept" if folder else "in every process, as it cannot be kept"
+            say("compiling", f"compiling machine code for this friction law, car and task, which takes a while; {once}")
 
     timer = threading.Timer(max(PATIENCE - _spent, 0.1), tell)
     timer.daemon = True

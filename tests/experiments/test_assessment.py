@@ -1,6 +1,7 @@
 """Targets, comparison and validation of recordings, and the commands for them."""
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -8,11 +9,16 @@ import pytest
 from steer_env import manoeuvres, metrics, targets
 from steer_env import recording as recordings
 from steer_env.experiments.cli.main import main
-from steer_env.experiments.report import assessment
+from steer_env.experiments.report import assessment, verdict
 from steer_env.experiments.studies.common import simulation_vs_measurement
 from steer_env.metrics import Value
 from steer_env.recording.recording import Recording
+from steer_env.synthetic.faults import noisy
 from steer_env.synthetic.frequency_response import swept_sine
+from steer_env.synthetic.recordings import changed
+from steer_env.synthetic.sine import sines
+from steer_env.synthetic.step import steps
+from steer_env.synthetic.transition import transitions
 from steer_env.targets import Band, Rating, rating
 from steer_env.vehicle import cars
 
@@ -148,6 +154,48 @@ def test_histories_are_aligned_in_time():
         assert pair.inside == 1.0, pair.y
 
 
+@pytest.mark.parametrize("made", [sines, transitions, steps])
+def test_sensors_with_other_zeros_pass_over_time(made):
+    """Formerly an equal car with 2 deg of offset failed in every trial, since only loops find their zeros."""
+    clean = made(200.0)
+    torque = 1.02 * clean["handwheel_torque"] + 0.05
+    measured = noisy(
+        changed(clean, handwheel_angle=clean["handwheel_angle"] + np.radians(2.0), handwheel_torque=torque),
+        np.random.default_rng(1),
+    )
+    simulated = noisy(clean, np.random.default_rng(2))
+    assert simulation_vs_measurement.passes(simulation_vs_measurement.compare(measured, simulated))
+    strong = changed(clean, handwheel_torque=1.2 * clean["handwheel_torque"])
+    assert not simulation_vs_measurement.passes(simulation_vs_measurement.compare(measured, strong))
+
+
+def test_validate_tells_the_zeros_that_it_subtracts(tmp_path, capsys):
+    simulated = sines(200.0)
+    measured = changed(simulated, handwheel_angle=simulated["handwheel_angle"] + np.radians(2.0))
+    files = [tmp_path / "measured.csv", tmp_path / "simulated.csv"]
+    for path, recording in zip(files, (measured, simulated)):
+        recordings.write(recording, path)
+    assert main(["validate", *map(str, files), "--out", str(tmp_path / "out")]) == 0
+    note = (
+        "measured: handwheel_angle reads 2 deg before the first input, where the car goes straight, which is subtracted"
+    )
+    assert note in capsys.readouterr().out
+    assert note in (tmp_path / "out" / "index.html").read_text()
+    zeros = json.loads((tmp_path / "out" / "evaluation.json").read_text())["zeros"]
+    assert zeros["measured"][0].startswith("handwheel_angle reads 2 deg")
+
+
+def test_a_recording_without_straight_running_keeps_its_zeros():
+    clean = sines(200.0)
+    cut = clean.between(0.8, clean.time[-1])
+    (note,) = simulation_vs_measurement.zero_notes(cut, metrics.evaluation_of(cut))
+    assert note.startswith("no zeros of the sensors are known: handwheel_angle does not rest for 0.7 s at the start")
+    found = simulation_vs_measurement.curves(cut, metrics.evaluation_of(cut))
+    off = changed(cut, lateral_acceleration=cut["lateral_acceleration"] + 0.1)
+    other = simulation_vs_measurement.curves(off, metrics.evaluation_of(off))
+    np.testing.assert_allclose(other["lateral_acceleration"] - found["lateral_acceleration"], 0.1)
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -191,7 +239,55 @@ def test_two_recordings_side_by_side(weaves, tmp_path, capsys):
     assert "viscous less lugre" in capsys.readouterr().out
     assert main(["validate", *map(str, files), "--out", str(tmp_path / "valid")]) == 1  # friction against a damper
     assert "100.0% inside" in capsys.readouterr().out
-    assert "Within the tolerances" in (tmp_path / "valid" / "index.html").read_text()
+    page = (tmp_path / "valid" / "index.html").read_text()
+    first = page.index("No: viscous does not agree with lugre within the tolerances: in 2 of 3 cross plots")
+    assert first < page.index("<h2") < page.index("Within the tol")
+    assert page.index("Within the tol") < page.index(">Metrics</h2>")
+    assert "<title>Weave: is viscous a valid simulation of lugre?" in page
+    compared = (tmp_path / "out" / "index.html").read_text()
+    assert "<title>Weave: viscous compared with lugre" in compared
+    assert "lugre and viscous feel the same: none of 3 sustained torques and angles differs by the 15" in compared
+
+
+def test_a_simulation_that_does_not_agree_is_told_first(weaves, tmp_path):
+    clean = weaves["lugre"]
+    torque = {"handwheel_torque": 1.3 * clean["handwheel_torque"]}
+    strong = Recording(clean.time, {**clean.channels, **torque}, clean.units, clean.meta)
+    both = {"car": clean, "model": strong}
+    found = assessment.assess(both, allowed=simulation_vs_measurement.tolerances())
+    said = verdict.verdict(found)
+    assert said.startswith("No: model does not agree with car within the tolerances: in 2 of 3 cross plots")
+    assert "handwheel torque over handwheel angle (" in said
+    assert "lateral acceleration over handwheel angle" not in said
+    assert assessment.as_json(found)["verdict"] == said
+    rated = assessment.assess({"car": clean}, wanted=targets.load("compact"))
+    assert verdict.verdict(rated).startswith("Of 15 rated metrics of car, ")
+    assert verdict.verdict(assessment.assess({"car": clean})) == ""
+
+
+def test_large_is_what_the_report_calls_large(weaves):
+    """A torque 1.03 times as large is real everywhere and large nowhere; one 1.3 times as large is."""
+    clean = weaves["lugre"]
+
+    def large(factor):
+        torque = {"handwheel_torque": factor * clean["handwheel_torque"]}
+        strong = Recording(clean.time, {**clean.channels, **torque}, clean.units, clean.meta)
+        return assessment.assess({"a": clean, "b": strong})
+
+    assert large(1.03).large == set()
+    found = large(1.3)
+    assert {"torque_at_0g", "peak_handwheel_torque"} <= found.large
+    assert "peak_handwheel_angle" not in found.large
+    assert assessment.as_json(found)["differences"]["torque_at_0g"]["large"] is True
+    assert "above 5\u00a0% of a's value" in assessment.render(found, {"a": clean, "b": clean})
+
+
+def test_a_value_lies_in_its_printed_interval(weaves):
+    page = assessment.render(assessment.assess(weaves), weaves).replace("−", "-")
+    cells = re.findall(r"<td[^>]*>(-?[\d.]+) <small>(-?[\d.]+) to (-?[\d.]+)</small>", page)
+    assert len(cells) > 40
+    assert all(float(low) <= float(value) <= float(high) for value, low, high in cells)
+    assert '<td>speed_m_s</td><td class="text wide">27.7778</td>' in page
 
 
 def test_a_stronger_torque_is_perceptible_where_it_is_sustained(weaves, tmp_path, capsys, monkeypatch):
@@ -229,8 +325,11 @@ def test_the_mapping_is_the_first_recordings(weaves, tmp_path, capsys):
     measured.write_text("\n".join(lines) + "\n")
     (tmp_path / "own.toml").write_text('[channels.handwheel_angle]\nfrom = "SWA"\nunit = "deg"\n')
     options = ["validate", str(measured), str(simulated), "--mapping", str(tmp_path / "own.toml")]
-    assert main(options) == 0
+    assert main([*options, "--out", str(tmp_path / "valid")]) == 0
     assert "100.0% inside" in capsys.readouterr().out
+    page = (tmp_path / "valid" / "index.html").read_text()
+    assert page.index(f"<code>steer-env validate {measured}") < page.index("<h2")
+    assert '<td>handwheel angle</td><td class="text">SWA</td><td class="text">deg</td>' in page
 
 
 @pytest.mark.parametrize("text", ["0", "-5", "much", "nan"])

@@ -1,5 +1,6 @@
 """The suite for assists: it finds what is unstable, passes what is stable, and bounds the search for options."""
 
+import inspect
 import json
 import math
 from functools import partial
@@ -9,7 +10,7 @@ import numpy as np
 import pytest
 
 from steer_env import assists
-from steer_env.assists.common.definition import Baseline
+from steer_env.assists.common.definition import BASELINES, Baseline
 from steer_env.experiments.cli.main import main
 from steer_env.experiments.learning import assist_drives, assist_suite, assist_tuning, held_out, tuned_assists
 from steer_env.vehicle import cars, free_control
@@ -161,9 +162,9 @@ def test_tuned_options_reach_the_evaluations(tmp_path):
 def test_every_range_takes_the_default():
     env = gym.make(WEAVE)
     for name in assists.available():
-        baseline = assists.make(name, env)
+        baseline, options = BASELINES[name], inspect.signature(BASELINES[name]).parameters
         for option, (low, high) in baseline.tuned.items():
-            assert low <= getattr(baseline, option) <= high
+            assert low <= options[option].default <= high
             for end in (low, high):
                 assists.make(name, env, **{option: end})
 

@@ -9,8 +9,8 @@ from scipy import stats
 
 from steer_env import friction, metrics
 from steer_env.experiments import sweep
-from steer_env.experiments.drawing import style
-from steer_env.experiments.output import pages, provenance, small_svg, words
+from steer_env.experiments.drawing import front_pictures, style
+from steer_env.experiments.output import options, pages, provenance, small_svg, words
 from steer_env.experiments.output.files import replaced_directory
 from steer_env.experiments.output.words import number
 from steer_env.experiments.report import build
@@ -154,3 +154,73 @@ def test_a_smaller_picture_is_the_same_picture():
     assert all(f".{name}{{" in small for name in classes)
     assert pages.image(drawn).startswith("data:image/svg+xml,<svg")
     assert not set('"&#') & set(pages.image(drawn))  # which would end the attribute, or the address
+
+
+@pytest.mark.parametrize(
+    ("x", "text"),
+    [
+        (-1.9939, "−199 %"),
+        (0.14923, "+14.9 %"),
+        (0.012345, "+1.23 %"),
+        (0.09999, "+10.0 %"),
+        (0.00012, "+0.01 %"),
+        (float("nan"), "–"),
+    ],
+)
+def test_changes_have_three_digits_at_most(x, text):
+    assert words.change(x).replace("\u00a0", " ") == text
+
+
+@pytest.mark.parametrize(
+    ("x", "half", "text"),
+    [
+        (8.5032, 0.0123, "8.50 ± 0.01"),
+        (0.066249, 6e-5, "0.0662 ± 6·10⁻⁵"),
+        (-1.3196, 0.71, "−1.3 ± 0.7"),
+        (0.1256, 0.06, "0.13 ± 0.06"),
+        (123.4, 40.0, "120 ± 40"),
+        (2.0, float("nan"), "2"),
+        (0.0, 0.0, "0 ± 0"),
+    ],
+)
+def test_a_value_ends_where_its_interval_begins(x, half, text):
+    assert words.within(x, half) == text
+
+
+def test_a_definition_is_prose():
+    """No marks of the docstrings' markup."""
+    for law in friction.available():
+        text = provenance.law(friction.make(law))["definition"]
+        assert not re.search(r":\w+:`|``", text), law
+    assert "E(X), p1(X) and p2(X) of\nbristle:" in provenance.law(friction.make("lugre"))["definition"]
+
+
+def test_long_work_without_a_terminal_says_every_tenth_part(capsys, monkeypatch):
+    monkeypatch.setenv("STEER_ENV_QUIET", "0")
+    monkeypatch.setattr(options, "LONG", -1.0)
+    with options.progress("driving", 50) as notify:
+        for k in range(51):
+            notify(k, f"case {k}")
+    lines = capsys.readouterr().err.splitlines()
+    assert len(lines) == 9
+    assert re.fullmatch(r"steer-env: 10 % done after 0:0\d min, case 5", lines[0])
+    monkeypatch.setattr(options, "LONG", 1000.0)
+    with options.progress("driving") as notify:
+        notify(0.5, "more")
+    assert capsys.readouterr().err == ""
+
+
+def test_curves_that_coincide_are_named():
+    phase = np.linspace(0.0, 2.0 * np.pi, 400)
+    base = {"handwheel_angle": 0.2 * np.cos(phase), "handwheel_torque": 3.0 * np.cos(phase - 0.3)}
+    late = {name: np.roll(values[:-1], 7) for name, values in base.items()}  # the same line, begun elsewhere
+    weak = {**base, "handwheel_torque": 0.97 * base["handwheel_torque"]}
+    assert front_pictures.coincident({"lugre": base, "masing": late, "dahl": weak}) == ["masing"]
+
+
+def test_a_difference_of_values_near_zero_is_not_seventeen_fold():
+    """A residual angle of 0.007 deg that becomes 0.13 deg, as a share of the least angle that shares are felt by."""
+    value, base = (metrics.Value(x, x, x, "deg", repeats=(x, x)) for x in (0.13, 0.007))
+    found = battery.difference("residual_handwheel_angle", value, base)
+    assert found.share == pytest.approx(0.123 / 3.0)
+    assert not found.matters

@@ -202,7 +202,13 @@ def test_the_page_says_everything_in_plain_words(made):
     for name in {name for test in TESTS for name in metrics.available(test)}:
         assert " ".join(findings.label(name).split()) in words
     assert not {"nan", "None", "Undefined", "inf"} & set(words.split())
-    assert "Masing friction vibrates under a held torque unless it has a micro-damper" in words
+    lasting = r"keeps vibrating with strong friction \(3 N m\) and assist on: [\d.]+ mN m without a micro-damper, "
+    light = r"[\d.]+ mN m with a damping ratio of 0\.1, "
+    assert re.search(lasting + light + r"[\d.]+ mN m with a damping ratio of 0\.44, where it dies out", words)
+    assert "; it dies out with the other 3 combinations of friction and assist" in words
+    assert "The lines of masing and lugre (wide) coincide within a line's width" in words
+    assert ":mod:" not in words
+    assert ":func:" not in words
 
 
 def test_metrics_json(made):
@@ -282,8 +288,13 @@ def bare(test):
         (row_of("masing", error=0.5), ", both negligible", "and 50\u00a0%."),
         (
             held(lambda test: bare(test) and test.law == "masing", ripple=1e-9),
-            "yes, without a micro-damper",
+            "yes, unless strongly damped",
             "Masing friction does not vibrate more than LuGre",
+        ),
+        (
+            held(lambda test: test.law == "masing", lasting=0.1),
+            "keeps vibrating with strong friction",
+            "Masing friction vibrates more than LuGre friction, and it dies out",
         ),
         (held(bare, ripple_fine=1.0), "the step length does not cause it", "the step length contributes to it"),
         (

@@ -84,8 +84,8 @@ feel: On-centre feel of the default car: weave at 100 km/h, 0.2 Hz, 2 m/s2, LuGr
   torque gradient ratio          0.8601   0.175 to 0.925            pass
   lateral acceleration at 0 N m  0.07423  0.0025 to 0.1075 g        pass
   angle hysteresis               5.537    0 to 12 deg               pass
-  angle deadband                 4.969    0.75 to 14.25 deg         pass
-  torque deadband                1.403    0.375 to 4.125 N m        pass
+  angle dead band                4.969    0.75 to 14.25 deg         pass
+  torque dead band               1.403    0.375 to 4.125 N m        pass
   steering stiffness             0.2686   0.025 to 0.475 N m/deg    pass
   steering sensitivity at 0.1 g  1.508    0.6 to 1.8 g/100 deg      pass
   minimum steering sensitivity   1.468    0.425 to 1.475 g/100 deg  pass

@@ -63,7 +63,7 @@ def test_truth_behind_all_faults_in_200_trials(case):
 def test_the_requirement_names_the_lowest(monkeypatch):
     kept, lost = Coverage(0.97, 0.0, 0.1), Coverage(0.85, 0.0, 0.1)
     found = {"a case": {"offset": {"yaw_lag": kept, "loop_area": lost}, "long": {"yaw_lag": kept._replace(kept=1.0)}}}
-    monkeypatch.setattr(synthetic, "collect", lambda trials: found)
+    monkeypatch.setattr(synthetic, "collect", lambda trials, _: found)
     rows = list(synthetic.rows())
     assert [(row.what, row.verdict) for row in rows] == [("a case: offset", "FAIL"), ("a case: long", "pass")]
     assert rows[0].measured == "85.0 %, loop area"
@@ -153,6 +153,8 @@ def test_faults_do_what_they_say():
     assert slow.rate == pytest.approx(50.0)
     drifting = faults.drifting(clean, rng)["handwheel_torque"] - clean["handwheel_torque"]
     assert abs(drifting[-1] - drifting[0]) == pytest.approx(0.1)
+    turned = faults.angle_drifting(clean, rng)["handwheel_angle"] - clean["handwheel_angle"]
+    assert abs(turned[-1] - turned[0]) == pytest.approx(faults.ANGLE_DRIFT)
     late = faults.late(clean, rng)
     moved = [name for name in clean.channels if not np.allclose(late[name], clean[name][-late.time.size :])]
     assert len(moved) == 1

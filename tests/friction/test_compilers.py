@@ -24,7 +24,7 @@ print("fast" if kernel._fast and kernel._fast._works else "numba")
 """
 
 
-COMPILING = "steer-env: compiling kernels for "  # said where it takes more than a second, which depends on the machine
+COMPILING = "steer-env: compiling machine code for "  # said where it takes more than a second
 
 
 def run(code, folder, **settings):

@@ -170,8 +170,10 @@ def test_an_angle_servo_parks(control_dt):
         observations, _, _, truncated, info = env.step(actions[-1])
         observation, *_ = single.step(actions[-1][0])
         over = truncated.any()
-    # Without arms the hand torque is the held action.
-    torque = np.repeat(10.0 * np.array(actions)[:, :, 0], round(control_dt / 0.001), axis=0)
+    # Without arms the hand torque goes on straight lines from action to action.
+    given = 10.0 * np.vstack([np.zeros((1, n)), np.array(actions)[:, :, 0]])
+    times = np.arange(0.0, control_dt * len(actions), 0.001)
+    torque = np.column_stack([np.interp(times, control_dt * np.arange(len(given)), row) for row in given.T])
     ripple = signal.sosfilt(signal.butter(4, 10.0, "high", fs=1000.0, output="sos"), torque, axis=0)
     assert np.sqrt(np.mean(ripple**2)) < 0.05
     assert info["metrics"]["rms_angle_error"].max() < 0.02

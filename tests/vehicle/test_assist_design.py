@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 from steer_env import friction
+from steer_env.experiments.studies.assist_design import main
+from steer_env.friction.numerics import toml
 from steer_env.vehicle import assist_design, cars, free_control
 from steer_env.vehicle.constants import GRAVITY as G
 from steer_env.vehicle.steering import margins
@@ -81,3 +83,18 @@ def test_what_the_design_cannot_reach_is_told():
         cars.UnusualCar, match=r"compact with free hands reaches a damping ratio of .* at 50 m/s, wanted"
     ):
         assert assist_design.least_damping(loose, 50.0, 0.5) == assist_design.MOST_DAMPING
+
+
+@pytest.mark.parametrize(("options", "noted"), [([], False), (["--set", "assist.boost_scale=1.15"], True)])
+def test_the_printed_section_replaces_a_scale(options, noted, capsys, monkeypatch):
+    """It is TOML, resets the scale that the design does not know, and says how a file takes it."""
+    few = assist_design.Design(np.array([0.0, 50.0]), np.array([0.0, 5.0]), np.eye(2), np.ones(2))
+    monkeypatch.setattr(assist_design, "design", lambda car: few)
+    main(options)
+    printed = capsys.readouterr().out
+    assert toml.loads(printed)["assist"] == {
+        **{"speeds": [0.0, 50.0], "torques": [0.0, 5.0]},
+        **{"boost": [[1.0, 0.0], [0.0, 1.0]], "damping": [1.0, 1.0], "boost_scale": 1.0},
+    }
+    assert "in place of its own speeds, torques, boost, boost_scale" in printed
+    assert ("The boost_scale of this car has no part in the design" in printed) is noted

@@ -199,7 +199,7 @@ def test_sections_of_column_and_assist_take_part_of_the_keys():
 @pytest.mark.parametrize(
     ("data", "message"),
     [
-        (changed(None, engine=1.0), "car has no key 'engine'; it takes: base, name, "),
+        (changed(None, engine=1.0), "car has no key 'engine'; it takes: name, "),
         (changed("chassis", wheels=4.0), "chassis has no key 'wheels'; it takes: mass, "),
         (changed("steering", ratio=14.4), "steering has no key 'ratio'; it takes: pinion_radius, "),
         (changed("column", I3=0.1), "column has no key 'I3'; it takes: I1, "),

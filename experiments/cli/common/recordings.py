@@ -81,6 +81,9 @@ def assess(paths: list[str], args: argparse.Namespace, tolerances: str | None) -
         print_metrics(found.values[label], f"{found.test}, {label}", found.ratings[label])
     if found.differences:
         print_differences(found.differences, found.perceptions, f"{labels[1]} less {labels[0]}")
+    for label, notes in found.zeros.items():
+        for note in notes:
+            print(f"{label}: {note}")
     for pair in found.pairs:
         print(f"{pair.y} over {pair.x}: {pair.inside:.1%} inside, largest distance {pair.worst:.2f} tolerances")
     agree = not found.pairs or simulation_vs_measurement.passes(found.pairs)

@@ -35,8 +35,14 @@ def console() -> Console:
     return found if found.is_terminal or "COLUMNS" in os.environ else _Console(width=PIPED_WIDTH)
 
 
-def _table(title: str) -> Table:
-    return Table(title=title, title_justify="left", box=None, pad_edge=False, padding=(0, 1, 0, 0))
+def _table() -> Table:
+    return Table(box=None, pad_edge=False, padding=(0, 1, 0, 0))
+
+
+def _print(printer: Console, table: Table, title: str) -> None:
+    """Print a table below its title, which is longer than a narrow table at times and stays on one line."""
+    printer.print(title, style="table.title", highlight=False, markup=False, soft_wrap=True)
+    printer.print(table)
 
 
 def print_metrics(values: Mapping[str, Value], title: str, ratings: Mapping[str, Rating | None] | None = None) -> None:
@@ -45,7 +51,7 @@ def print_metrics(values: Mapping[str, Value], title: str, ratings: Mapping[str,
     if not values:
         printer.print(f"{title}: no metrics are defined for this manoeuvre", highlight=False, soft_wrap=True)
         return
-    table = _table(title)
+    table = _table()
     headings = {"metric": "left", "value": "right", "95 % interval": "right", "unit": "left"}
     for heading, justify in {**headings, **({"rating": "left"} if ratings else {})}.items():
         table.add_column(heading, justify=justify, no_wrap=True)  # type: ignore[arg-type]
@@ -55,7 +61,7 @@ def print_metrics(values: Mapping[str, Value], title: str, ratings: Mapping[str,
             cells = [name, f"{value.value:.4g}", interval, value.unit]
             table.add_row(*cells, *([_rating(ratings.get(name))] if ratings else []))
     if table.row_count:
-        printer.print(table)
+        _print(printer, table, title)
     plain: dict[str, Any] = {"highlight": False, "soft_wrap": True, "markup": False}  # a reason may hold brackets
     reasons = {value.reason for value in values.values()}
     if len(values) > 1 and len(reasons) == 1 and "" not in reasons:
@@ -80,19 +86,19 @@ def print_differences(
     differences: Mapping[str, tuple[float, float, float]], perceptions: Mapping[str, Perception], title: str
 ) -> None:
     """Print the differences of metrics (value, lower and upper end of the interval) and whether a driver notices."""
-    table = _table(title)
+    table = _table()
     headings = {"metric": "left", "difference": "right", "95 % interval": "right", "unit": "left", "a driver": "left"}
     for heading, justify in headings.items():
         table.add_column(heading, justify=justify, no_wrap=True)  # type: ignore[arg-type]
     for name, (gap, low, high) in differences.items():
         interval = "" if math.isnan(low) else f"{low:.3g} .. {high:.3g}"
         table.add_row(name, f"{gap:.3g}", interval, definition(name).unit, str(perceptions[name]))
-    console().print(table)
+    _print(console(), table, title)
 
 
 def print_estimates(values: Mapping[str, Mapping[str, Estimate]], units: Mapping[str, str], title: str) -> None:
     """Print the means of metrics, a column for each controller; the reports have the intervals."""
-    table = _table(title)
+    table = _table()
     table.add_column("metric", overflow="fold")
     for label in values:
         heading = label.replace("_", " ")
@@ -103,7 +109,7 @@ def print_estimates(values: Mapping[str, Mapping[str, Estimate]], units: Mapping
     for name in next(iter(values.values())):
         cells = (found[name] for found in values.values())
         table.add_row(name.replace("_", " "), *(f"{e.value:.3g}" for e in cells), units[name])
-    console().print(table)
+    _print(console(), table, title)
 
 
 def print_shift(rows: Mapping[str, Mapping[str, Any]], aim: str, units: Mapping[str, str], title: str) -> None:
@@ -119,7 +125,7 @@ def print_shift(rows: Mapping[str, Mapping[str, Any]], aim: str, units: Mapping[
         Metric -> unit.
     title : str
     """
-    table = _table(title)
+    table = _table()
     unit = f" [{units[aim]}]" if units[aim] not in ("", "1") else ""
     shown = aim.replace("_", " ") + unit
     for heading in ("condition", ""):
@@ -140,7 +146,7 @@ def print_shift(rows: Mapping[str, Mapping[str, Any]], aim: str, units: Mapping[
                 (best or "").replace("_", " "),
                 *of_best,
             )
-    console().print(table)
+    _print(console(), table, title)
 
 
 def _estimate(e: Estimate) -> str:
@@ -151,7 +157,7 @@ def _estimate(e: Estimate) -> str:
 
 def print_quantities(found: Sequence[Quantity], title: str) -> None:
     """Print derived quantities with their ranges and a mark where a value is outside, then how many are."""
-    table = _table(title)
+    table = _table()
     headings = {"quantity": "left", "value": "right", "unit": "left", "range": "right", "": "left"}
     for heading, justify in headings.items():
         table.add_column(heading, justify=justify, no_wrap=heading != "quantity")  # type: ignore[arg-type]
@@ -164,7 +170,7 @@ def print_quantities(found: Sequence[Quantity], title: str) -> None:
         value = "" if math.isnan(quantity.value) else f"{quantity.value:.4g}"
         table.add_row(quantity.title, value, quantity.unit, quantity.limits, mark)
     printer = console()
-    printer.print(table)
+    _print(printer, table, title)
     outside = sum(quantity.plausible is False for quantity in found)
     rated = sum(quantity.plausible is not None for quantity in found)
     printer.print(f"{outside} of {rated} quantities with a range are outside it", highlight=False, soft_wrap=True)
@@ -172,7 +178,7 @@ def print_quantities(found: Sequence[Quantity], title: str) -> None:
 
 def print_suite(found: Sequence[Result], title: str, whole: bool) -> None:
     """Print what fails in the suite for assists and the worst of each drive, or the ``whole``; then the verdict."""
-    table = _table(title)
+    table = _table()
     headings = ("drive", "condition", "worst", "at", "limit", "unit", "holds", "excused")
     for heading in headings:
         table.add_column(heading, justify="right" if heading in ("worst", "limit", "excused") else "left")
@@ -187,7 +193,7 @@ def print_suite(found: Sequence[Result], title: str, whole: bool) -> None:
             excused = f"{one.excused} of {one.rows}" if one.excused else ""
             table.add_row(one.drive, one.condition, value, one.at, f"{one.limit:g}", one.unit, holds, excused)
     printer = console()
-    printer.print(table)
+    _print(printer, table, title)
     holding, excused, rows = (sum(of) for of in zip(*((one.holds, one.excused, one.rows) for one in found)))
     text = f"holds in {holding} of {len(found)} conditions"
     printer.print(f"{text}; {excused} of {rows} drives excused: the car with its boost alone fails there", style="bold")
@@ -195,7 +201,7 @@ def print_suite(found: Sequence[Result], title: str, whole: bool) -> None:
 
 def print_tuned(found: Mapping[str, Tuned], title: str) -> None:
     """Print what searches for the options of baselines have found."""
-    table = _table(title)
+    table = _table()
     for heading in ("baseline", "reward by default", "reward", "options", "candidates", "refused"):
         table.add_column(heading, justify="left" if heading in ("baseline", "options") else "right")
     for name, one in found.items():
@@ -203,4 +209,4 @@ def print_tuned(found: Mapping[str, Tuned], title: str) -> None:
         if math.isnan(one.reward):
             options = "none passes the suite"
         table.add_row(name, f"{one.usual:.4g}", f"{one.reward:.4g}", options, str(one.candidates), str(one.refused))
-    console().print(table)
+    _print(console(), table, title)

@@ -22,6 +22,9 @@ Array = NDArray[np.float64]
 POINTS = 500  # of a curve
 PER_SECOND = 12.0  # points of a long history [1/s]
 MATTERS = 0.05  # share of a metric above which a difference is said to matter; assumed
+# Least scale of a share, by unit, as a share of a value near zero says nothing: the least torque and angle that shares
+# are felt by, and an assumed yaw rate.
+LEAST = {**just_noticeable.LEAST, "deg/s": 1.0}
 
 
 class Drive(NamedTuple):
@@ -74,7 +77,7 @@ class Difference(NamedTuple):
 
     value: float  # [unit of the metric]
     half_width: float  # of the interval [unit of the metric]
-    share: float  # of the base law's value, or of the width of the usual range if that is larger [1]
+    share: float  # of the larger of the base law's value and the usual range's width, or LEAST without a range [1]
     perception: just_noticeable.Perception = just_noticeable.Perception(just_noticeable.UNKNOWN)
 
     @property
@@ -93,8 +96,8 @@ def difference(name: str, value: Value, base: Value, noticed: float = just_notic
 
     ``noticed`` is the just-noticeable difference of :func:`just_noticeable.perception`.
     """
-    usual = metrics.definition(name).usual
-    scale = max(abs(base.value), usual[1] - usual[0] if usual else 0.0)
+    about = metrics.definition(name)
+    scale = max(abs(base.value), about.usual[1] - about.usual[0] if about.usual else LEAST.get(about.unit, 0.0))
     if value.reason or base.reason:
         return Difference(math.nan, math.nan, math.nan)
     gap, low, high = gap_between(np.array(base.repeats), np.array(value.repeats))

@@ -21,7 +21,8 @@ def table(group: str) -> str:
     rows = list(measure())
     widths = [max(map(len, cells)) for cells in zip(*rows)]
     lines = ("  ".join(map(str.ljust, row, widths)).rstrip() for row in rows)
-    return "\n".join((f"{group}: {measure.__doc__}", *(f"  {line}" for line in lines)))
+    text = "\n".join((f"{group}: {measure.__doc__}", *(f"  {line}" for line in lines)))
+    return text.replace("\u00a0", " ")  # on a terminal a line is searched for by what it looks like
 
 
 def print_tables(chosen: Iterable[str]) -> int:

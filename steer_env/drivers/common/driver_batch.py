@@ -214,13 +214,13 @@ class DriverBatch:
 def decided_arm(arm: Arm, car: Car, interval: float) -> Arm:
     """The arms as firm as a torque may imitate that is decided once in an interval h [s] and reached at its end.
 
-    Its stiffness acts on the angle that the present speed leads to, and so has no lag to first order: at most a third
-    of what would take all damping of column and motor away with the lag h. A damping acts on the handwheel against the
+    Its stiffness acts on the angle that the present speed leads to, and so has no lag to first order: at most 40 % of
+    what would take all damping of column and motor away with the lag h. A damping acts on the handwheel against the
     torsion bar and cannot look ahead: at most I1/(4 h). Both shares were chosen by the double lane change.
     """
     column = car.column
     steering = column.C1 + column.C2 + float(car.assist.damping.min())
-    stiffness, damping = steering / (3.0 * interval), column.I1 / (4.0 * interval)
+    stiffness, damping = steering / (2.5 * interval), column.I1 / (4.0 * interval)
     return arm._replace(stiffness=min(arm.stiffness, stiffness), damping=min(arm.damping, damping))
 
 
