@@ -73,6 +73,10 @@ def load(name: str) -> Targets:
     texts = {}
     for key in ("name", "description", "source"):
         texts[key] = data.pop(key, None)
+        if texts[key] is None:
+            raise ValueError(
+                f"{path}: {key} is missing; a file of targets begins with the texts name, description, source"
+            )
         if not isinstance(texts[key], str) or not texts[key]:
             raise ValueError(f"{path}, {key}: expected a text, got {texts[key]!r}")
     bands = {}

@@ -94,7 +94,13 @@ periodic tests, with cycles whose speeds are 3 % or amplitudes 20 % apart, at a 
 three settled cycles (slow ramp: two); with fewer steps, sweeps or segments than the test needs; with a lateral
 acceleration that is not 1/4 to 4 times speed and yaw rate, a yaw rate for every handwheel angle that no car has, or an
 angle that no road allows, which are the sizes of a wrong unit (weave, slow ramp, step, sine, transition, swept sine,
-random steering, circle at constant speed).
+random steering, circle at constant speed). In these tests the torque bounds the angle too, if nothing tells how the
+car moves: the handwheel turns by the twist of the torsion bar at least, so more than 5 N m/deg + 1 N m (twice the
+stiffest bar and the friction above it, assumed) is a wrong unit. A wrong unit that stays below that is not found out
+without yaw rate or lateral acceleration.
+
+`evaluate` and `validate` also refuse a recording of another test than the one asked for, two of different tests, and
+two whose `speed_m_s` or `frequency_hz` are 3 % or 10 % apart ([recordings.md](recordings.md)).
 
 A single metric: without one of its channels; where a channel has samples that are not finite or a size that no sensor
 reads; where a channel opposes the handwheel angle, which is a wrong sign; at a peak lateral acceleration outside the

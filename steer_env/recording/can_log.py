@@ -22,6 +22,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from steer_env.recording.channel_mapping import did_you_mean
 from steer_env.recording.table import Column, Table, Values
 
 SUFFIXES = (".blf", ".asc", ".log", ".trc", ".asc.gz", ".log.gz", ".trc.gz")
@@ -102,11 +103,15 @@ def _packages() -> tuple[Any, Any]:
     return can, cantools
 
 
+def paths_of(dbc: str | PathLike[str] | Sequence[str | PathLike[str]]) -> Sequence[str | PathLike[str]]:
+    """The databases as several, where one may be given alone."""
+    return (dbc,) if isinstance(dbc, str | PathLike) else dbc
+
+
 def _messages(paths: str | PathLike[str] | Sequence[str | PathLike[str]]) -> list[Any]:
     """The messages of all databases."""
     _, cantools = _packages()
-    if isinstance(paths, str | PathLike):
-        paths = (paths,)
+    paths = paths_of(paths)
     if not paths:
         raise ValueError("a CAN log holds raw frames: give the DBC that says what is in them, --dbc car.dbc")
     found: dict[tuple[int, bool], Any] = {}
@@ -132,6 +137,8 @@ def _place(columns: list[Column], name: str, source: str) -> int:
             return place
     alike = [entry.label for entry in columns if entry.label.endswith(f".{name}")]
     hint = f"; it is one of {', '.join(alike)}" if alike else ""
+    names = [entry.label for entry in columns if "+" not in entry.label]
+    hint = hint or f"; {did_you_mean(name, names)}"
     raise ValueError(f"no signal {name!r} in the database, for the sum {source!r}{hint}")
 
 

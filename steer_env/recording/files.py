@@ -114,7 +114,14 @@ def read(
                 recording = recording.delayed(choice.name, -choice.entry.delay)
         return recording
     except ValueError as error:
-        raise ValueError(f"{path}: {error}") from None
+        raise ValueError(f"{_place(path, can)}: {error}") from None
+
+
+def _place(path: str | os.PathLike[str], can: can_log.Options | None) -> str:
+    """A file in messages, with the databases that a CAN log is read with."""
+    if can is None or not can.dbc or not can_log.recognised(path):
+        return str(path)
+    return f"{path} with {', '.join(map(str, can_log.paths_of(can.dbc)))}"
 
 
 def opened(path: str | os.PathLike[str], can: can_log.Options | None = None, sources: Sequence[str] = ()) -> Table:
@@ -266,7 +273,7 @@ def _find(columns: list[Column], entry: Entry) -> int:
         if places:
             twice = _listed([columns[place].label for place in places])
             raise ValueError(f"{entry.source!r} for {entry.name} may be any of {twice}: give its unit as well")
-    names = [column.name for column in columns]
+    names = [column.name for column in columns if "+" not in column.name]
     raise ValueError(f"no channel {entry.source!r} for {entry.name}; {did_you_mean(entry.source, names)}")
 
 

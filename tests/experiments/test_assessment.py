@@ -65,7 +65,8 @@ HEAD = 'name = "a"\ndescription = "b"\nsource = "c"\n'
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ('name = "a"\n', "description: expected a text"),
+        ('name = "a"\n', "bad.toml: description is missing; a file of targets begins with the texts name, desc"),
+        ("name = 3\n", "bad.toml, name: expected a text, got 3"),
         (HEAD + "[weaves]\n", r"\[weaves\]: expected a table of a test out of .*weave"),
         (HEAD + "[weave]\ntorque = 1", "torque: weave has no such metric; there are torque_at_0g"),
         (HEAD + "[weave]\ntorque_at_0g = 1", "expected unit, good and fair, got 1"),

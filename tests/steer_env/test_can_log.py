@@ -277,12 +277,14 @@ def test_two_buses_are_not_mixed(tmp_path):
         ("yaw_rate=SPEED", "column 'SPEED.SPEED' is in 'km/h', yaw_rate needs 'rad/s': correct it"),
         ("yaw_rate=SPEED[deg/s]", "is in 'km/h' by the file, but in 'deg/s' by the mapping: these are of different"),
         ("yaw_rate=YAW_RATE + SPEED", "'YAW_RATE + SPEED' is no sum: its signals must be of one message and in one"),
-        ("yaw_rate=YAW_RATE + FINE", "no signal 'FINE' in the database, for the sum 'YAW_RATE + FINE'"),
+        ("yaw_rate=YAW_RATE + FINE", "no signal 'FINE' in the database, for the sum 'YAW_RATE + FINE'; there are KINE"),
     ],
 )
 def test_databases_and_mappings_that_do_not_fit(tmp_path, entry, message):
     path = speeds(tmp_path / "drive.log", np.arange(50) * 0.02, np.full(50, 36.0))
-    assert message in refusal(path, mapped(entry), can=OPTIONS)
+    text = refusal(path, mapped(entry), can=OPTIONS)
+    assert message in text
+    assert text.startswith(f"{path} with {DBC}: ")
 
 
 def test_a_name_in_two_messages_needs_that_of_its_message(tmp_path):

@@ -186,6 +186,25 @@ def test_a_weave_of_840_degrees_is_refused_without_motion():
     assert "deg, for which any car has at least" in metrics.evaluate(clean)["peak_handwheel_angle"].reason
 
 
+def test_radians_called_degrees_are_refused_without_motion():
+    """The torque tells: it would twist the torsion bar of any car further."""
+    bare = changed(linear_car(), lateral_acceleration=None, yaw_rate=None)
+    radians = metrics.evaluate(changed(bare, handwheel_angle=DEGREE * bare["handwheel_angle"]))
+    for value in radians.values():
+        assert "at which the torsion bar of any car twists with less than" in value.reason
+        assert '[channels.handwheel_angle] unit = "rad"' in value.reason
+    assert not metrics.evaluate(bare)["loop_area"].reason
+
+
+@pytest.mark.parametrize("stiffness", [0.05, 2.4])
+def test_no_steering_with_a_torsion_bar_is_refused(stiffness):
+    """From a very light one to one whose rack does not move at all, with the friction of the column."""
+    bare = changed(linear_car(), lateral_acceleration=None, yaw_rate=None)
+    angle = bare["handwheel_angle"]
+    torque = stiffness / DEGREE * angle + 0.3 * np.sign(np.gradient(angle))
+    assert not metrics.evaluate(changed(bare, handwheel_torque=torque))["loop_area"].reason
+
+
 # Windows and estimators
 
 

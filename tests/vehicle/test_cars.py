@@ -164,7 +164,7 @@ def test_car_from_a_file(tmp_path):
         ("K_tb = 140.0", "K_tb = 0.0", ":9: column.K_tb must be finite and greater than 0, got 0.0"),
         ("K_tb = 140.0", "K_tb = = 0.0", ": Invalid value (at line 9, column 8)"),
         ('base = "compact"', 'base = "tram"', ":1: base must be one of bmw_320i, "),
-        ('base = "compact"', 'bass = "compact"', ":1: car has no key 'bass'; it takes: "),
+        ('base = "compact"', 'bass = "compact"', ":1: car has no key 'bass'; it takes: base, name, "),
         ('base = "compact"', "", ": car lacks name, source, "),
         ("[chassis]", "[name]\nfirst = 1\n[chassis]", ":5: name must be text, got {{'first': 1}}"),
         ("[chassis]", "[tyre]\nname = 1\n[chassis]", ":5: tyre.name must be text, got 1"),

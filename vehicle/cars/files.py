@@ -234,14 +234,14 @@ def _completed(given: Any, name: str, folder: Path) -> Any:
     """The contents of a file with what it takes from its base, there its usual name, and the place of its tyre file."""
     data = dict(given) if isinstance(given, Mapping) else given
     if isinstance(data, dict) and "base" not in data and not set(SECTIONS) <= set(data):
-        require_known("car", data, SECTIONS)
+        require_known("car", data, ("base", *SECTIONS))
         lacking = ", ".join(key for key in SECTIONS if key not in data)
         raise ValueError(f"car lacks {lacking}; give them, or a base: {', '.join(available())}")
     if isinstance(data, dict) and "base" in data:
         if data["base"] not in available():
             raise ValueError(f"base must be one of {', '.join(available())}, got {data['base']!r}")
         base = _data(data.pop("base"))
-        require_known("car", data, SECTIONS)
+        require_known("car", data, ("base", *SECTIONS))
         sections = {key: {**base[key], **data[key]} for key in TABLES if isinstance(data.get(key), dict)}
         data = {**base, "name": name, **data, **sections}
     if isinstance(data, dict) and str(data.get("tyre", "")).endswith(".tir"):

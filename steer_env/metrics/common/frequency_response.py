@@ -68,7 +68,10 @@ def _bandwidth(frequency: Array, response: Complex) -> float:
     try:
         return events.crossing(frequency, -(gain / gain[0]), -np.sqrt(0.5))
     except RefusedError:
-        raise RefusedError(f"the gain does not fall by 3 dB up to {frequency[-1]:.3g} Hz: say highest_hz") from None
+        raise RefusedError(
+            f"the gain does not fall by 3 dB up to {frequency[-1]:.3g} Hz: steer up to a higher frequency, and name it "
+            f"in the meta, e.g. by a mapping, [meta] highest_hz = {2.0 * frequency[-1]:.3g}"
+        ) from None
 
 
 def _resonance(frequency: Array, response: Complex) -> tuple[float, float]:

@@ -104,7 +104,7 @@ class Spectra:
         if weak.size:
             raise RefusedError(
                 f"{ANGLE} is not excited at {weak[0]:.2f} Hz: steer from {low:g} to {high:g} Hz, "
-                "or say lowest_hz and highest_hz"
+                "or name the band that is excited in the meta, e.g. by a mapping, [meta] lowest_hz and highest_hz"
             )
 
     def _forget(self) -> None:
