@@ -52,13 +52,18 @@ def _common() -> _Parser:
     return parser
 
 
+def modules_of(argv: Sequence[str]) -> list[str]:
+    """The modules that ``--import`` names."""
+    return _common().parse_known_args(argv)[0].modules
+
+
 def import_modules(argv: Sequence[str]) -> None:
     """Import the modules that ``--import`` names, before ``--friction`` is read.
 
-    A worker process imports such a module when it receives parameters of its law.
+    A worker process imports them before it works on a case.
     """
     parser = _common()
-    for module in parser.parse_known_args(argv)[0].modules:
+    for module in modules_of(argv):
         sys.path.insert(0, str(Path.cwd()))
         try:
             importlib.import_module(module)

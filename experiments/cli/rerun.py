@@ -4,8 +4,9 @@ import argparse
 import contextlib
 import hashlib
 import io
+import sys
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,8 @@ def add(commands: Any, common: argparse.ArgumentParser) -> None:
     text = "Make a result file once more by the trace that it holds, and tell whether it is equal to the bit."
     more = (
         f"{text} Car, tyre and friction laws are those of the trace, not those of the files that the command named. "
-        "Measurements and policies are looked up by name, here and beside the result, and checked by their digest. "
+        "Measurements, policies and modules are looked up by name, here and beside the result, and checked by their "
+        "digest. "
         "Dates and durations are not compared. The exit code is 1 where the result is another."
     )
     rerun = commands.add_parser("rerun", help=text, description=more, parents=[common])
@@ -77,11 +79,12 @@ def _made(file: Path, trace: Mapping[str, Any], out: Path) -> Path:
     """The result that stands for ``file``, made once more at ``out``."""
     from steer_env.experiments.cli import main
 
-    with tempfile.TemporaryDirectory() as folder:
-        places = {
-            each["name"]: _place(each, file, Path(folder, str(i))) for i, each in enumerate(trace.get("inputs", []))
-        }
+    inputs = trace.get("inputs", [])
+    given = [each for each in inputs if "name" in each]
+    with tempfile.TemporaryDirectory() as folder, _path_with(file.parent):
+        places = {each["name"]: _place(each, file, Path(folder, str(i))) for i, each in enumerate(given)}
         words = list(trace["command"])
+        _check_modules(file, {each["module"]: each["sha256"] for each in inputs if "module" in each}, words)
         main.import_modules(words)
         again = main.parsed([_replaced(word, places) for word in words])
         again.argv, again.out = words, type(again.out)(out)
@@ -95,6 +98,36 @@ def _made(file: Path, trace: Mapping[str, Any], out: Path) -> Path:
     if not alike:
         raise ValueError(f"{file}: its command writes no {file.suffix} file")
     return next((path for path in alike if path.name == file.name), alike[0])
+
+
+@contextlib.contextmanager
+def _path_with(folder: Path) -> Iterator[None]:
+    """Let modules be found in the working directory first, as in the command itself, and in ``folder`` last."""
+    before = sys.path[:]
+    sys.path[:] = [str(Path.cwd()), *before, str(folder.resolve())]
+    try:
+        yield
+    finally:
+        sys.path[:] = before
+
+
+def _check_modules(file: Path, then: Mapping[str, str], words: Sequence[str]) -> None:
+    """ValueError unless ``import`` will take the very modules with which the result was made."""
+    from steer_env.experiments.cli import main
+    from steer_env.experiments.output import own_modules
+
+    for name in then:
+        if own_modules.spec_of(name) is None:
+            raise ValueError(
+                f"{file} needs the module {name}, which is neither in the working directory, nor installed, nor beside "
+                "the result: put it there"
+            )
+    now = own_modules.digests(main.modules_of(words))
+    for name in {**then, **now}:
+        if now.get(name) != then.get(name):
+            place = getattr(own_modules.spec_of(name), "origin", None)
+            known = f"that one's SHA-256 begins with {then[name][:12]}" if name in then else "there was none"
+            raise ValueError(f"the module {name}, {place}, is another than {file} was made with: {known}")
 
 
 def _replaced(word: str, places: Mapping[str, Path]) -> str:

@@ -9,7 +9,8 @@ from steer_env.experiments.cli.common import names, recordings
 def add(commands: Any, common: argparse.ArgumentParser) -> None:
     """Add the command to a parser's."""
     text = "Compare a simulation with a measurement of the same test: cross plots with tolerance boundaries."
-    validate = commands.add_parser("validate", help=text, description=text, parents=[common])
+    more = f"{text} The exit code is 1 where they do not agree within the tolerances, or one gives no metric."
+    validate = commands.add_parser("validate", help=text, description=more, parents=[common])
     validate.add_argument("measured", metavar="MEASURED", help=f"the measured recording: {names.RECORDED}")
     validate.add_argument("simulated", metavar="SIMULATED", help=f"the simulated recording: {names.RECORDED}")
     text = (

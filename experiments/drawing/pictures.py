@@ -291,7 +291,7 @@ def learning(tasks: Mapping[str, LearningCurves]) -> str:
             axes.set_xlabel("steps of training [millions]")
             axes.set_ylabel(title)
         row[0].set_title(task)
-    legend(figure, grid[0][0])
+    legend(figure, max(grid[:, 0], key=lambda axes: len(axes.lines)))
     return svg(figure)
 
 

@@ -36,6 +36,8 @@ def usable(out: Path, contents: frozenset[str] | None = None) -> None:
     ``contents`` are the names that :func:`replaced_directory` may replace; with None any content is accepted.
     """
     out = out.resolve()
+    if not out.exists() and out.suffix[1:2].isalpha():
+        raise ValueError(f"{out} is named like a file, with {out.suffix!r}: give the name of a directory")
     if out.exists():
         if not out.is_dir():
             raise ValueError(f"{out} is a file: give a directory")

@@ -5,10 +5,9 @@ recording, and an element of a page.
 """
 
 import json
-import math
 import os
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -16,8 +15,8 @@ import numpy as np
 
 from steer_env.recording import files
 
-# What describes the run and not its result: dates, durations, machine, versions, and the trace itself.
-_ABOUT_THE_RUN = frozenset({"trace", "versions", "provenance", "date", "real_time", "seconds", "version"})
+# What describes the run and not its result, at the top of a JSON file: dates, durations, machine, versions, the trace.
+_ABOUT_THE_RUN = frozenset({"trace", "versions", "provenance", "real_time", "version"})
 _ELEMENT = re.compile(r'<script type="application/json" id="trace">(.*?)</script>\n?', re.DOTALL)
 _DATE = re.compile(r"\d{4}-\d\d-\d\d(?:[T ]\d\d:\d\d(?::\d\d)?(?:\+00:00)?)?")
 _MEASURED = re.compile(r"<!-- measured -->.*?<!-- end of measured -->", re.DOTALL)  # durations, and the machine
@@ -68,13 +67,14 @@ def _json(path: str | os.PathLike[str]) -> Any:
 def differences(one: str | os.PathLike[str], other: str | os.PathLike[str]) -> list[str]:
     """What two result files of a kind do not have in common, to the bit; none for equal results.
 
-    Dates, durations, the machine, the versions and the trace are not compared.
+    The trace is not compared, nor what stands at the top of a JSON file, or marked in a page, about the run: date,
+    durations, machine, versions.
     """
     suffix = Path(one).suffix.lower()
     if suffix == ".html":
         return [] if _page(one) == _page(other) else ["the text of the page"]
     if suffix == ".json":
-        a, b = dict(_values(_json(one))), dict(_values(_json(other)))
+        a, b = (_result(_json(path), _ABOUT_THE_RUN) for path in (one, other))
     else:
         a, b = _recorded(one), _recorded(other)
     return [name for name in {**a, **b} if name not in a or name not in b or not _equal(a[name], b[name])]
@@ -90,16 +90,22 @@ def _values(value: Any, name: str = "") -> Iterator[tuple[str, Any]]:
     """The values of nested mappings and lists with their places."""
     if isinstance(value, Mapping | list) and value:
         for key, each in value.items() if isinstance(value, Mapping) else enumerate(value):
-            if key not in _ABOUT_THE_RUN:
-                yield from _values(each, f"{name}.{key}" if name else str(key))
+            yield from _values(each, f"{name}.{key}" if name else str(key))
     else:
         yield name, value
+
+
+def _result(contents: Any, about_the_run: Collection[str]) -> dict[str, Any]:
+    """The values of a result file with their places, without what is about the run at its top."""
+    if isinstance(contents, Mapping):
+        contents = {key: value for key, value in contents.items() if key not in about_the_run}
+    return dict(_values(contents))
 
 
 def _recorded(path: str | os.PathLike[str]) -> dict[str, Any]:
     """Time, channels, units and meta of a recording."""
     recording = files.read(path)
-    meta = {f"meta {name}": value for name, value in _values(recording.meta)}
+    meta = {f"meta {name}": value for name, value in _result(recording.meta, {"trace"}).items()}
     return {
         "time": recording.time,
         **recording.channels,
@@ -109,9 +115,10 @@ def _recorded(path: str | os.PathLike[str]) -> dict[str, Any]:
 
 
 def _equal(one: Any, other: Any) -> bool:
-    """Whether two values are the same to the bit; NaN is the same as NaN."""
-    if isinstance(one, np.ndarray):
-        return np.array_equal(one, other, equal_nan=True)
-    if isinstance(one, float) and isinstance(other, float) and math.isnan(one):
-        return math.isnan(other)
-    return type(one) is type(other) and one == other
+    """Whether two values are of the same bits: zeros with other signs are not, NaN with the same bits are."""
+    if type(one) is not type(other):
+        return False
+    if isinstance(one, np.ndarray | float):
+        a, b = np.asarray(one), np.asarray(other)
+        return (a.dtype, a.shape, a.tobytes()) == (b.dtype, b.shape, b.tobytes())
+    return one == other

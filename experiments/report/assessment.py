@@ -44,6 +44,7 @@ class Assessment(NamedTuple):
     pairs: list[simulation_vs_measurement.Pair]  # cross plots with boundaries, the first recording being the reference
     allowed: Mapping[str, simulation_vs_measurement.Tolerance]  # by channel, that the boundaries are made of
     curves: dict[str, simulation_vs_measurement.Curves]
+    zeros: dict[str, list[str]]  # what is known of the sensors' zeros in cross plots over time, in sentences
 
 
 def assess(
@@ -120,6 +121,11 @@ def assess(
         pairs=pairs,
         allowed=allowed or {},
         curves=curves,
+        zeros={
+            label: simulation_vs_measurement.zero_notes(found, evaluation)
+            for label, found in recordings.items()
+            if pairs
+        },
     )
 
 
@@ -151,6 +157,7 @@ def as_json(found: Assessment) -> dict[str, Any]:
         "noticed_share": found.noticed,
         "verdict": verdict(found),
         "cross_plots": [{"x": p.x, "y": p.y, "inside": p.inside, "worst": p.worst} for p in found.pairs],
+        "zeros": found.zeros,
         "version": metadata.version("steer-env"),
     }
 

@@ -4,6 +4,7 @@ A scheduler and its workers run whatever a client sends them, so the local clust
 """
 
 import logging
+import socket
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
@@ -20,6 +21,7 @@ from steer_env.experiments.sweep.work import (
     Task,
     differences,
     identity,
+    identity_with,
     perform,
     settle,
 )
@@ -40,7 +42,7 @@ def outcomes(tasks: Mapping[int, Task], where: Where) -> Iterator[Outcome]:
         If a worker has another version of the program, or runs several cases at once in threads.
     """
     with _client(where) as client:
-        _check(client, where)
+        _check(client, where, sorted({name for task in tasks.values() for name in task.modules}))
         yield from _collected(client, tasks, where)
 
 
@@ -61,9 +63,9 @@ def _threads(count: int) -> str:
     return f"runs {count} cases at once in threads, which share one state: start it with --nthreads 1"
 
 
-def _described(dask_worker: Any) -> dict[str, Any]:
+def _described(modules: list[str], dask_worker: Any) -> dict[str, Any]:
     """What a worker is, told by itself."""
-    return {"threads": dask_worker.state.nthreads, "identity": identity()}
+    return {"threads": dask_worker.state.nthreads, "identity": identity_with(modules)}
 
 
 @contextmanager
@@ -92,6 +94,8 @@ def _client(where: Where) -> Iterator[Any]:
                 )
             )
         try:
+            if place == where.cluster:
+                _knock(place)
             client = stack.enter_context(Client(place, timeout=PATIENCE, set_as_default=False))
             client.wait_for_workers(1, timeout=PATIENCE)
         except TimeoutError:
@@ -107,6 +111,15 @@ def _client(where: Where) -> Iterator[Any]:
         yield client
 
 
+def _knock(address: str) -> None:
+    """OSError at once where nothing listens at an address, for which a client would wait twice its patience."""
+    host, port = address.split("://")[-1].rsplit(":", 1)
+    try:
+        socket.create_connection((host.strip("[]"), int(port)), timeout=PATIENCE).close()
+    except TimeoutError:
+        raise ConnectionError(f"no answer within {PATIENCE:g} s") from None
+
+
 @contextmanager
 def _quiet() -> Iterator[None]:
     """Silence the log of distributed, whose events are told in sentences here."""
@@ -120,18 +133,19 @@ def _quiet() -> Iterator[None]:
             logger.setLevel(level)
 
 
-def _check(client: Any, where: Where) -> None:
+def _check(client: Any, where: Where, modules: list[str]) -> None:
     """ValueError that names the scheduler or the first worker that must not take part."""
+    here = identity(modules)
     try:
         client.run_on_scheduler(identity)  # the tasks pass through it, and it imports what they name
     except Exception as error:
         raise ValueError(f"the scheduler {where.cluster} cannot run this program ({error}): {SAME}; {KEPT}") from None
-    for address, found in client.run(_described, on_error="return").items():
+    for address, found in client.run(_described, modules, on_error="return").items():
         if isinstance(found, BaseException):
             trouble = f"cannot run this program ({found}): {SAME}"
         elif found["threads"] > 1:
             trouble = _threads(found["threads"])
-        elif other := differences(found["identity"], identity()):
+        elif other := differences(found["identity"], here):
             trouble = f"has {other}: {SAME}"
         else:
             continue

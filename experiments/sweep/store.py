@@ -1,8 +1,8 @@
 """The folder in which a sweep keeps what is finished, so that a later one goes on from there.
 
 Every finished case is one file, written under another name and renamed: it is there as a whole or not at all. Its name
-is a digest of the function, the case, and what the program consists of. A file holds a pickle, as Python's own between
-processes: a store of people whom you do not trust is not to be resumed.
+is a digest of the function, the case, and what the program and the user's own modules consist of. A file holds a
+pickle, as Python's own between processes: a store of people whom you do not trust is not to be resumed.
 """
 
 import hashlib
@@ -47,10 +47,11 @@ class Store:
         if directory.is_dir() and about is None and any(directory.iterdir()):
             raise ValueError(f"{directory} holds other files than those of a sweep: give a new or an empty directory")
         if about is not None and resume and about["identity"] != dict(identity):
-            others = {name: value for name, value in about["identity"].items() if identity.get(name) != value}
+            then = about["identity"]
+            others = [name for name in {**then, **identity} if then.get(name) != identity.get(name)]
             raise ValueError(
                 f"what is finished in {directory} was computed with "
-                + ", ".join(f"{name} {value} (here {identity.get(name)})" for name, value in others.items())
+                + ", ".join(f"{name} {then.get(name)} (here {identity.get(name)})" for name in others)
                 + ": resume with that version, or begin anew without --resume"
             )
         if about is None or not resume:

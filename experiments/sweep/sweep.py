@@ -1,12 +1,15 @@
 """One function on many cases."""
 
+import functools
 import hashlib
+import io
 import json
 import pickle
 from collections.abc import Callable, Generator, Iterable, Mapping
 from contextlib import closing
 from typing import Any, Protocol
 
+from steer_env.experiments.output import own_modules
 from steer_env.experiments.sweep.store import Store
 from steer_env.experiments.sweep.where import SERIAL, Where
 from steer_env.experiments.sweep.work import (
@@ -41,6 +44,7 @@ def run(
     store: Store | None = None,
     notify: Notify = lambda *_: None,
     words: Callable[[Any], str] = str,
+    modules: Iterable[str] = (),
 ) -> list[Any]:
     """Call a function with every case, and return the results in the order of the cases.
 
@@ -62,18 +66,22 @@ def run(
         Is told how far the sweep is.
     words : case -> str
         A case in words, for messages.
+    modules : iterable of str
+        Own modules that the results depend on beside that of the function, those of the cases' classes, and what these
+        import. The workers import them, too.
 
     Raises
     ------
     ValueError
-        A case that raises one, with the case in words; a worker of another version; a case that cannot be pickled.
+        A case that raises one, with the case in words; a worker of another version, also of the user's own modules; a
+        case that cannot be pickled; a module whose source cannot be read.
     LostError
         Workers that die again and again, or a cluster that is not there or goes away.
     RuntimeError
         A case that raises any other exception, with the traceback of the worker.
     """
     cases = list(cases)
-    tasks, results = _prepared(name_of(function), cases, store, words)
+    tasks, results = _prepared(name_of(function), cases, store, words, modules)
     total, done = len(cases), len(cases) - len(tasks)
     if done and tasks:
         notify(done / total, f"{done} of {total} finished before")
@@ -105,25 +113,42 @@ def _performed(tasks: Mapping[int, Task], where: Where) -> Generator[Outcome, No
 
 
 def _prepared(
-    name: str, cases: list[Any], store: Store | None, words: Callable[[Any], str]
+    name: str, cases: list[Any], store: Store | None, words: Callable[[Any], str], modules: Iterable[str]
 ) -> tuple[dict[int, Task], list[Any]]:
     """The tasks that are left to do by index, and a list with the results that are kept."""
     tasks: dict[int, Task] = {}
     results: list[Any] = [None] * len(cases)
-    mine, place = identity(), folder_of(store)
+    place, named = folder_of(store), {name.partition(":")[0], *modules}
+    program_of = functools.cache(identity)
     for index, case in enumerate(cases):
-        key = ""
-        if store:
-            key = key_of(name, case)
-            if (kept := store.load(key)) is not None:
-                results[index] = pickle.loads(kept)
-                continue
         try:
-            data = pickle.dumps(case, pickle.HIGHEST_PROTOCOL)
+            data, used = _pickled(case)
         except (pickle.PicklingError, AttributeError, TypeError) as error:
             raise ValueError(f"{words(case)} cannot be sent to a worker: {error}") from None
-        tasks[index] = Task(index, name, data, mine, key, place)
+        own = tuple(sorted({*named, *filter(own_modules.is_own, used)}))
+        program = program_of(own)
+        key = key_of(name, case, program) if store else ""
+        if store and (kept := store.load(key)) is not None:
+            results[index] = pickle.loads(kept)
+        else:
+            tasks[index] = Task(index, name, data, program, own, key, place)
     return tasks, results
+
+
+def _pickled(case: Any) -> tuple[bytes, set[str]]:
+    """A case as it goes to a worker, and the modules of the classes and functions in it."""
+    modules: set[str] = set()
+
+    class Pickler(pickle.Pickler):
+        def reducer_override(self, thing: Any) -> Any:
+            modules.add(getattr(thing, "__module__", None) or type(thing).__module__)
+            return NotImplemented
+
+    file = io.BytesIO()
+    Pickler(file, pickle.HIGHEST_PROTOCOL).dump(case)
+    if "__main__" in modules:
+        raise TypeError("define its classes at the top of a module")
+    return file.getvalue(), modules
 
 
 def key_of(name: str, case: Any, program: Mapping[str, str] | None = None) -> str:

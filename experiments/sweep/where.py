@@ -38,10 +38,9 @@ class Where(NamedTuple):
         if cluster is None:
             return cls(workers or usual_workers())
         if found := re.fullmatch(rf"{LOCAL}(?::([1-9]\d*))?", cluster):
-            given = int(found[1]) if found[1] else None
-            if None not in (given, workers) and given != workers:
-                raise ValueError(f"--cluster {cluster} and --workers {workers} contradict each other: give one of them")
-            return cls(given or workers or usual_workers(), LOCAL)
+            if found[1] and workers is not None:
+                raise ValueError(f"--cluster {cluster} and --workers {workers} say the same thing: give one of them")
+            return cls(int(found[1]) if found[1] else workers or usual_workers(), LOCAL)
         if not _ADDRESS.fullmatch(cluster):
             raise ValueError(
                 f"--cluster must be local, local:N, or the address of a Dask scheduler as tcp://10.0.0.1:8786, got "

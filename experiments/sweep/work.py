@@ -8,11 +8,11 @@ import platform
 import sys
 import threading
 import traceback
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from steer_env.experiments.output import provenance
+from steer_env.experiments.output import own_modules, provenance
 from steer_env.experiments.sweep.store import Store
 from steer_env.thread_pool import THREADS, one_blas_thread
 
@@ -33,6 +33,7 @@ class Task(NamedTuple):
     function: str  # "module:name"
     case: bytes  # pickled
     identity: Mapping[str, str]  # of the program that sends it
+    modules: tuple[str, ...] = ()  # the user's own, on which the result depends
     key: str = ""  # of the result in the store
     store: tuple[str, str] | None = None  # directory of the store and its mark
 
@@ -48,13 +49,43 @@ class Outcome(NamedTuple):
     expected: bool = False  # whether the exception is one that tells the user what to change
 
 
+def identity(modules: Iterable[str] = ()) -> dict[str, str]:
+    """What two programs must share for the same results.
+
+    Parameters
+    ----------
+    modules : iterable of str
+        Names of the user's own modules, as that of the function and those with friction laws.
+
+    Returns
+    -------
+    dict
+        Versions, the digest of the project's sources, and those of the modules and of all own ones that they import.
+
+    Raises
+    ------
+    ValueError
+        If the source of a module cannot be read.
+    """
+    own = {f"module {name}": digest[:16] for name, digest in own_modules.digests(modules).items()}
+    return {**_program(), **own}
+
+
 @functools.cache
-def identity() -> dict[str, str]:
-    """What two programs must share for the same results: versions, and the digest of the project's sources."""
+def _program() -> dict[str, str]:
+    """Versions, and the digest of the project's sources."""
     found = provenance.versions()
     packages = {name: found["packages"][name] for name in PACKAGES}
     own = {"steer-env": found["version"], "sources": found["sources"], "python": platform.python_version()}
     return {**own, **packages}
+
+
+def identity_with(modules: Iterable[str]) -> dict[str, str]:
+    """Import modules, and give the identity with them: of what is imported, whatever becomes of the files."""
+    names = list(modules)
+    for name in names:
+        importlib.import_module(name)
+    return identity(names)
 
 
 def differences(theirs: Mapping[str, str], here: Mapping[str, str]) -> str:
@@ -73,7 +104,11 @@ def name_of(function: Callable[..., Any]) -> str:
 
 def perform(task: Task) -> Outcome:
     """Work on a case; never raises, but for Ctrl-C and the like."""
-    if other := differences(identity(), task.identity):
+    try:
+        mine = identity_with(task.modules)
+    except Exception as error:  # whatever a module does when it is imported
+        return Outcome(task.number, failure=REFUSED, message=f"cannot run this program ({error}): {SAME}")
+    if other := differences(mine, task.identity):
         return Outcome(task.number, failure=REFUSED, message=f"has {other}: {SAME}")
     store = Store.shared(task.store) if task.store else None
     if store and (kept := store.load(task.key)) is not None:

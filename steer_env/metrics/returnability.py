@@ -4,10 +4,12 @@ In the workshop check the handwheel must return to within 20 deg. Angles are cou
 handwheel returns.
 """
 
+from copy import copy
+
 import numpy as np
 
 from steer_env.metrics.common import decay
-from steer_env.metrics.common.definitions import RefusedError, metric, register_evaluation
+from steer_env.metrics.common.definitions import Doubt, RefusedError, metric, register_evaluation
 from steer_env.metrics.common.filtered_channels import ANGLE
 from steer_env.metrics.common.free_hands import Releases
 from steer_env.recording.recording import DEGREE, Recording
@@ -28,6 +30,19 @@ class Returns:
             raise RefusedError(
                 f"{ANGLE} was held at {found} deg, not {wanted / DEGREE:.0f} +- 10%: hold it there, or say angle_rad"
             )
+
+    def doubts(self) -> list[Doubt]:
+        """What the recording leaves open: the instant of the release between two samples."""
+        return [
+            Doubt(
+                "the instant of the release", "sample faster", tuple(map(self._at, self.releases.earlier_and_later()))
+            )
+        ]
+
+    def _at(self, releases: Releases) -> "Returns":
+        other = copy(self)
+        other.releases = releases
+        return other
 
     def angle(self, event: int) -> tuple[np.ndarray, np.ndarray]:
         """Time [s] and handwheel angle [rad] after a release."""

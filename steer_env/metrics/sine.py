@@ -9,9 +9,11 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
+from scipy import special
 
-from steer_env.metrics.common import events
-from steer_env.metrics.common.definitions import RefusedError, metric, register_evaluation
+from steer_env.metrics.common import events, noise
+from steer_env.metrics.common.confidence import LEVEL
+from steer_env.metrics.common.definitions import Bounded, RefusedError, metric, register_evaluation
 from steer_env.metrics.common.filtered_channels import ANGLE, AY, TORQUE, YAW, FilteredChannels
 from steer_env.recording.recording import Recording
 from steer_env.vehicle.constants import GRAVITY as G
@@ -78,11 +80,11 @@ class HalfWaves:
         """Out of values for all half waves, those from the second cycle of each burst on."""
         return values[np.concatenate([np.arange(len(burst)) >= 2 for burst in self.bursts])]
 
-    def first_ratio(self, name: str) -> np.ndarray:
+    def first_ratio(self, name: str) -> Bounded:
         """Gain of the first half wave of each burst over the mean of the settled half waves to its side, (bursts,).
 
         The offset of a sensor is subtracted. It is the difference of the two sides, and may drift linearly over the
-        bursts.
+        bursts. The bounds of a single burst, which does not repeat itself, are those from the noise of both channels.
         """
         gains = self.peaks(name)[1]
         time, _, side = np.array([half for burst in self.bursts for half in burst]).T
@@ -90,7 +92,21 @@ class HalfWaves:
         fit = np.linalg.lstsq(self.settled(basis), self.settled(gains * side), rcond=None)[0]
         gains = gains - side * (basis[:, 1:] @ fit[1:])
         bursts = np.split(gains, np.cumsum([len(burst) for burst in self.bursts])[:-1])
-        return np.array([burst[0] / burst[2::2].mean() for burst in bursts])
+        ratios = np.array([burst[0] / burst[2::2].mean() for burst in bursts])
+        if ratios.size > 1:
+            return Bounded(ratios, 0.0, 0.0)
+        share = np.hypot(self._noise(name, gains), self._noise(ANGLE)) * np.sqrt(1.0 + 1.0 / bursts[0][2::2].size)
+        reach = float(special.ndtri(0.5 + 0.5 * LEVEL) * share * ratios[0])
+        return Bounded(ratios, reach, reach)
+
+    def _noise(self, name: str, gains: np.ndarray | float = 1.0) -> float:
+        """Standard deviation of the height of a channel's peak, from white noise, as a fraction of the height.
+
+        A cubic that is fitted to n samples has 1.5 / sqrt(n) of their deviation in its middle.
+        """
+        height = float(np.mean(np.abs(gains) * np.array([half[1] for burst in self.bursts for half in burst])))
+        samples = np.arccos(events.TOP) / np.pi * self.period * self._smooth.recording.rate
+        return 1.5 * noise.white(self._smooth, name, CUTOFF) / (np.sqrt(samples) * height)
 
     def angle_at_zero(self, name: str) -> np.ndarray:
         """Handwheel angle where a channel crosses zero before each settled half wave; positive if the angle leads."""
@@ -129,7 +145,7 @@ def yaw_rate_sine_lag(waves: HalfWaves) -> np.ndarray:
 
 
 @_sine_metric("1")
-def yaw_rate_first_peak_ratio(waves: HalfWaves) -> np.ndarray:
+def yaw_rate_first_peak_ratio(waves: HalfWaves) -> Bounded:
     """Ratio of yaw rate to handwheel angle at the first peak, divided by that ratio at later peaks to the same side."""
     return waves.first_ratio(YAW)
 
@@ -150,7 +166,7 @@ def lateral_acceleration_sine_lag(waves: HalfWaves) -> np.ndarray:
 
 
 @_sine_metric("1")
-def lateral_acceleration_first_peak_ratio(waves: HalfWaves) -> np.ndarray:
+def lateral_acceleration_first_peak_ratio(waves: HalfWaves) -> Bounded:
     """Ratio of lateral acceleration to handwheel angle at the first peak, divided by that ratio at later peaks.
 
     The later peaks are those to the same side.

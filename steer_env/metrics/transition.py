@@ -4,7 +4,8 @@ Every ramp of the handwheel out of straight ahead is a repeat. Slopes are those 
 range of lateral acceleration: near centre from 0.1 to 0.5 m/s2, at 1 m/s2 from 0.75 to 1.25 m/s2. A dead band is the
 handwheel angle or torque at which the line near centre, extended to smaller values, reaches a response of zero; it is
 half of the width in which angle or torque change without a response of the car. Zero is the zero of the sensor, so
-ramps to both sides are needed in equal numbers; an offset then drops out.
+ramps to both sides are needed in equal numbers; an offset then drops out. The ramps are found in the handwheel angle
+less its reading in straight running before the first ramp, since an offset would move where they begin.
 """
 
 from collections.abc import Callable, Mapping
@@ -12,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from steer_env.metrics.common import ramps
+from steer_env.metrics.common import ramps, straight
 from steer_env.metrics.common.definitions import RefusedError, metric, register_evaluation
 from steer_env.metrics.common.filtered_channels import ANGLE, AY, TORQUE, YAW, FilteredChannels
 from steer_env.recording.recording import DEGREE, Recording
@@ -29,7 +30,11 @@ class Transitions:
 
     def __init__(self, recording: Recording, conditions: Mapping[str, Any]) -> None:
         self._smooth = FilteredChannels(recording, CUTOFF)
-        angle = self._smooth[ANGLE]
+        try:
+            zero = straight.zeros(recording)[ANGLE]
+        except RefusedError:  # told in the notes
+            zero = 0.0
+        angle = self._smooth[ANGLE] - zero
         self.ramps = ramps.find(self._smooth.time, angle)
         sides = [ramp.side for ramp in self.ramps]
         if not sides or sides.count(1.0) != sides.count(-1.0):
@@ -46,6 +51,10 @@ class Transitions:
                 raise RefusedError(
                     f"{ANGLE} turns by {turned / took / DEGREE:.1f} deg/s: steer at {QUICKEST / DEGREE:.0f} or less"
                 )
+
+    def notes(self) -> list[str]:
+        """What was found out about the sensors, in sentences."""
+        return straight.notes(self._smooth.recording)
 
     def line(self, y: str, x: str, level: tuple[float, float]) -> np.ndarray:
         """Offset and slope (n, 2) of y over x while the lateral acceleration is in a range [SI].

@@ -4,7 +4,8 @@
     time_s,handwheel_angle_deg,handwheel_torque_Nm,...
     0.001,0.0,0.0,...
 
-Files from other programs may lack the meta, have comments without a key (which become the meta ``comment``), put units
+Files from other programs may lack the meta, have comments without a key or a preamble of other lines above the header
+(which become the meta ``comment``), put units
 in brackets or in a row under the header, use semicolons or tabs as separators (then a comma is a decimal comma), leave
 cells empty (an empty cell is a gap), and be UTF-8, UTF-16 with a byte-order mark, or Latin-1.
 """
@@ -19,9 +20,10 @@ from typing import IO, Any
 
 import numpy as np
 
-from steer_env.recording.table import Column, Table, Values, column, label
+from steer_env.recording.table import Column, Table, Values, column, label, time_place
 from steer_env.recording.units import parse_unit
 
+LONGEST_PREAMBLE = 50  # lines of a file among which its header is
 _BLOCK = 10_000  # rows that are converted to text at a time, which limits the memory
 
 
@@ -47,10 +49,11 @@ def open_table(path: str | PathLike[str]) -> Table:
     encoding = _encoding(path)
     meta: dict[str, Any] = {}
     comments: list[str] = []
-    above = 0  # lines above the rows
     with open(path, encoding=encoding) as file:
-        for header in _decoded(file):
-            above += 1
+        lines = _decoded(file)
+        top: list[str] = []  # the lines up to the header
+        for header in lines:
+            top.append(header)
             if header.strip() and not header.startswith("#"):
                 break
             key, colon, value = (part.strip() for part in header[1:].partition(":"))
@@ -60,14 +63,10 @@ def open_table(path: str | PathLike[str]) -> Table:
                 comments.append(header[1:].strip())
         else:
             raise ValueError("no header: expected a line that names the columns, time_s or Time [s] among them")
-        separator = next((s for s in (";", "\t") if s in header), ",")
-        columns = [column(cell) for cell in _cells(header, separator)]
-        if len(columns) > 1 and not columns[-1].label:  # every line ends with a separator
-            columns.pop()
-        units = _row_of_units(next(_decoded(file), ""), separator, len(columns))
-    if units:
-        above += 1
-        columns = [_with_unit(*pair, above) for pair in zip(columns, units)]
+        first = len(top)
+        top += islice(lines, max(LONGEST_PREAMBLE - first, 0) + 2)
+    place, above, separator, columns = _header(top, first - 1)
+    comments += [line.lstrip("#").strip() for line in top[first - 1 : place] if line.strip()]
     if comments:
         meta["comment"] = "\n".join([*str(meta.get("comment", "")).splitlines(), *comments])
 
@@ -75,6 +74,34 @@ def open_table(path: str | PathLike[str]) -> Table:
         return _load(path, encoding, above, separator, columns, places)
 
     return Table(columns, meta, True, load)
+
+
+def _header(top: list[str], first: int) -> tuple[int, int, str, list[Column]]:
+    """Index of the header, the number of lines above the rows, the separator and the columns.
+
+    The header is the line of index ``first``, which is the first one that is no comment. It may come later, below a
+    preamble, if it names a time and has a row of numbers under it.
+    """
+    for place in [*range(first, min(len(top), LONGEST_PREAMBLE)), first]:
+        separator, columns = _columns(top[place])
+        above = place + 1
+        units = _row_of_units(top[above], separator, len(columns)) if above < len(top) else []
+        if units:
+            above += 1
+            columns = [_with_unit(*pair, above) for pair in zip(columns, units)]
+        texts = len(columns) > 1 and not any(_is_number(entry.label) for entry in columns)
+        if texts and time_place(columns) is not None and _is_row("".join(top[above : above + 1]), separator, columns):
+            break
+    return place, above, separator, columns
+
+
+def _columns(header: str) -> tuple[str, list[Column]]:
+    """The separator of a header, and its columns."""
+    separator = next((s for s in (";", "\t") if s in header), ",")
+    columns = [column(cell) for cell in _cells(header, separator)]
+    if len(columns) > 1 and not columns[-1].label:  # every line ends with a separator
+        columns.pop()
+    return separator, columns
 
 
 def _row_of_units(line: str, separator: str, count: int) -> list[str]:
@@ -206,6 +233,12 @@ def _is_number(cell: str) -> bool:
     except ValueError:
         return False
     return True
+
+
+def _is_row(line: str, separator: str, columns: Sequence[Column]) -> bool:
+    """Whether a line has a number or nothing in every column."""
+    cells, count = _cells(line, separator), len(columns)
+    return cells[count:] in ([], [""]) and len(cells) >= count and all(not cell or _is_number(cell) for cell in cells)
 
 
 def _bare(cell: str) -> str:

@@ -19,8 +19,8 @@ from steer_env.recording import channel_mapping as mappings
 from steer_env.recording.channel_mapping import KNOWN, Entry, Mapping, current_name, did_you_mean
 from steer_env.recording.recording import Recording
 from steer_env.recording.renamed_channels import announce
-from steer_env.recording.table import Column, Table, Values
-from steer_env.recording.units import COUNTS, FILE_UNITS, SPELLINGS, parse_unit
+from steer_env.recording.table import Column, Table, Values, named_time, time_place
+from steer_env.recording.units import COUNTS, FILE_UNITS, SPELLINGS, parse_unit, spellings
 
 # Suffix -> module with `save` and `open_table`, which returns a table.Table; can_log has no `save`.
 FORMATS: dict[str, Any] = {
@@ -30,6 +30,7 @@ FORMATS: dict[str, Any] = {
     ".mdf": mdf_file,
     ".parquet": parquet_file,
 }
+LONGEST_STEP = 0.1  # of a time in seconds that says no unit; no metric is read from 8 samples a second [s]
 MOST_NAMED = 10  # largest number of columns that the meta lists as not read
 
 
@@ -54,7 +55,8 @@ def read(
     The channels that are read are those that the mapping names and those with a known name
     (``channel_mapping.KNOWN``). If the mapping names no channel, all channels with a known unit are read, and the meta
     key ``not_read`` lists the others. A channel without any value is left out and listed there, too; the meta key
-    ``uncalibrated`` lists those in counts. Where the mapping gives a channel a delay, all channels are trimmed to the
+    ``uncalibrated`` lists those in counts. A column called time or t without a unit is in seconds, which the meta key
+    ``seconds_assumed`` tells. Where the mapping gives a channel a delay, all channels are trimmed to the
     time that remains. An old name of a channel is replaced, and a line on standard error says so.
 
     Parameters
@@ -85,7 +87,8 @@ def read(
         names = [table.columns[choice.place].name for choice in choices if choice.name not in mapping.channels]
         announce(path, [name for name in names if current_name(name) != name])
         loaded = table.load([choice.place for choice in time + choices])
-        instants = _samples(table.columns, time[0], loaded[0]) * time[0].size if time else loaded[0]
+        instants = _instants(table.columns, time[0], loaded[0]) if time else loaded[0]
+        assumed = [table.columns[k.place].label for k in time if _assumed(table.columns[k.place], k.entry)]
         channels, units = {}, {}
         for choice, values in zip(choices, loaded[1:]):
             if isinstance(values, str) and choice.name not in {**KNOWN, **mapping.channels}:
@@ -103,7 +106,7 @@ def read(
                 "name those that are wanted, and their units, in a mapping"
             )
         uncalibrated = [name for name, unit in units.items() if unit == COUNTS]
-        told = {"not_read": _listed(left), "uncalibrated": _listed(uncalibrated)}
+        told = {"not_read": _listed(left), "uncalibrated": _listed(uncalibrated), "seconds_assumed": _listed(assumed)}
         meta = {**table.meta, **{key: text for key, text in told.items() if text}, **mapping.meta}
         recording = Recording(np.asarray(instants), channels, units, meta)
         for choice in choices:
@@ -188,17 +191,39 @@ def _time(columns: list[Column], mapping: Mapping) -> _Choice:
     """The column of the time: that of the mapping, else one called time or t, else the first if it is in seconds."""
     entry = mapping.channels.get("time")
     if entry is not None:
-        return _choice(columns, _find(columns, entry), entry, "s")
-    named = [k for k, column in enumerate(columns) if column.name.lower() in ("time", "t")]
-    place = named[0] if named else 0
-    if not named and (not columns or (parse_unit(columns[0].unit or "") or ("",))[0] != "s"):
+        place: int | None = _find(columns, entry)
+    else:
+        place = time_place(columns)
+    if place is None:
         labels = [column.label for column in columns]
         hint = " (only one column: separate columns by , or ; or tabs)" if len(columns) == 1 else ""
         raise ValueError(
             f"no time among the columns {_listed(labels)}{hint}: expected time_s or Time [s], "
             'or a mapping with [channels.time] from = "...", unit = "s"'
         )
-    return _choice(columns, place, Entry("time", columns[place].label, None), "s")
+    entry = entry or Entry("time", columns[place].label, None)
+    if _assumed(columns[place], entry):
+        return _Choice(place, "time", "s", 1.0, entry)
+    return _choice(columns, place, entry, "s")
+
+
+def _assumed(column: Column, entry: Entry) -> bool:
+    """Whether a column is the time by its name, and neither the file nor the mapping says a unit."""
+    return named_time(column) and column.unit is None and entry.unit is None
+
+
+def _instants(columns: list[Column], choice: _Choice, values: Values) -> np.ndarray:
+    """The samples of the time [s]; ValueError for one without a unit whose steps are too long for seconds."""
+    instants = _samples(columns, choice, values) * choice.size
+    column = columns[choice.place]
+    if _assumed(column, choice.entry):
+        step = float(np.median(np.diff(instants)))
+        if not step <= LONGEST_STEP:
+            raise ValueError(
+                f"column {column.label!r} names no unit, and its steps of {step:g} are too long for seconds: give its "
+                f'unit in a mapping, [channels.time] from = "{column.label}", unit = "ms" (or "us", "s")'
+            )
+    return instants
 
 
 def _choose(columns: list[Column], mapping: Mapping, used: list[int]) -> tuple[list[_Choice], list[str]]:
@@ -253,7 +278,8 @@ def _choice(columns: list[Column], place: int, entry: Entry, expected: str | Non
     remedy = f'[channels.{entry.name}] from = "{column.label}", unit = "..."'
     if found is None:
         problem = "names no unit" if not text else f"has the unit {text!r}, which is not known"
-        raise ValueError(f"column {column.label!r} {problem}; give it in a mapping, {remedy}, with one of {SPELLINGS}")
+        allowed = "s, ms, us" if expected == "s" else spellings(expected or KNOWN.get(entry.name))
+        raise ValueError(f"column {column.label!r} {problem}; give it in a mapping, {remedy}, with one of {allowed}")
     if found[0] not in (expected or found[0], COUNTS):
         raise ValueError(
             f"column {column.label!r} is in {text!r}, {entry.name} needs {expected!r}: correct it, {remedy}"

@@ -2,12 +2,13 @@
 
 import json
 from collections.abc import Mapping
+from difflib import SequenceMatcher
 from os import PathLike
 
 import numpy as np
 
 from steer_env.recording import can_log, files
-from steer_env.recording.table import Column, Table, Values
+from steer_env.recording.table import Column, Table, Values, time_place
 from steer_env.recording.units import file_unit, parse_unit
 
 HEAD = """\
@@ -15,6 +16,19 @@ HEAD = """\
 # value in SI = sign * scale * (reading - offset) in the unit; a channel that is late by delay_ms is moved back.
 # The unit "counts" is that of a sensor without a calibration; signals of a CAN message may be added, "A + B".
 """
+SETTINGS = ("# sign = 1", "# scale = 1.0", "# offset = 0.0", "# delay_ms = 0")
+# Further names that files have for a channel, in English and German.
+USUAL = {
+    "handwheel_angle": ("steering wheel angle", "steer angle", "SWA", "Lenkwinkel", "Lenkradwinkel"),
+    "handwheel_torque": ("steering wheel torque", "steer torque", "steer torque driver", "SWT", "Lenkmoment"),
+    "handwheel_speed": ("steering wheel speed", "steering angle rate", "steer rate", "Lenkwinkelgeschwindigkeit"),
+    "vehicle_speed": ("speed", "velocity", "v", "vx", "Geschwindigkeit"),
+    "lateral_acceleration": ("lat acc", "accel y", "ay", "Querbeschleunigung"),
+    "yaw_rate": ("yaw", "yaw velocity", "gyro z", "Gierrate"),
+    "roll_angle": ("roll", "Wankwinkel"),
+    "sideslip_angle": ("slip angle", "beta", "Schwimmwinkel"),
+}
+CLEAR = 0.8  # likeness of a name from which it tells what a column without a unit is; assumed [1]
 
 
 def text(path: str | PathLike[str], channels: Mapping[str, str], can: can_log.Options | None = None) -> str:
@@ -43,21 +57,56 @@ def text(path: str | PathLike[str], channels: Mapping[str, str], can: can_log.Op
         raise ValueError(f"{path}: {error}") from None
     found = {column: _told(column, samples) for column, samples in zip(table.columns, values)}
     lines = [HEAD.format(name=path)]
+    place = time_place(table.columns)
+    time = [] if place is None else [table.columns[place]]
+    if table.timed:
+        lines += _block("time", "s", time, found, ())
+    offered = _offered([column for column in table.columns if not (table.timed and column in time)], channels)
     for name, unit in channels.items():
-        fitting = [entry for entry in found if (parse_unit(entry.unit or "") or ("",))[0] == unit]
-        lines.append(f"# [channels.{name}]")
-        lines += [f"# from = {_quoted(entry)}  # {found[entry]}" for entry in fitting] or ['# from = ""']
-        lines += [
-            f'# unit = "{file_unit(unit)}"',
-            "# sign = 1",
-            "# scale = 1.0",
-            "# offset = 0.0",
-            "# delay_ms = 0",
-            "",
-        ]
+        lines += _block(name, unit, offered[name], found, SETTINGS)
     lines += ["# [meta]", '# manoeuvre = ""', "# speed_m_s = ", "", "# Every column of the file:"]
     lines += [f"# {_quoted(entry)}: {told}" for entry, told in found.items()]
     return "\n".join(lines) + "\n"
+
+
+def _block(
+    name: str, unit: str, offered: list[Column], found: Mapping[Column, str], settings: tuple[str, ...]
+) -> list[str]:
+    """The lines of a channel, with the unit of the first of the columns that are offered for it."""
+    own = _spelled(offered[0]) if offered and parse_unit(offered[0].unit or "") else None
+    lines = [f"# from = {_quoted(entry)}  # {found[entry]}" for entry in offered] or ['# from = ""']
+    return [f"# [channels.{name}]", *lines, f'# unit = "{own or file_unit(unit)}"', *settings, ""]
+
+
+def _offered(columns: list[Column], channels: Mapping[str, str]) -> dict[str, list[Column]]:
+    """The columns by the channel whose name is most like theirs among those of their unit; the most alike come first.
+
+    A column without a unit that is known is offered where its name is clear.
+    """
+    ranked: dict[str, list[tuple[float, Column]]] = {name: [] for name in channels}
+    for column in columns:
+        known = parse_unit(column.unit or "")
+        fitting = [name for name, unit in channels.items() if known is None or known[0] == unit]
+        alike = {name: _likeness(column, name) for name in fitting}
+        best = max(alike, key=lambda name: alike[name], default=None)
+        if best is not None and (known is not None or alike[best] >= CLEAR):
+            ranked[best].append((alike[best], column))
+    return {name: [column for _, column in sorted(pairs, key=lambda pair: -pair[0])] for name, pairs in ranked.items()}
+
+
+def _likeness(column: Column, channel: str) -> float:
+    """How much the name of a column is like one of those that a channel usually has, from 0 to 1."""
+    name = _plain(column.name.rpartition(".")[2])
+    return max(SequenceMatcher(None, name, _plain(usual)).ratio() for usual in (channel, *USUAL.get(channel, ())))
+
+
+def _plain(name: str) -> str:
+    return "".join(letter for letter in name.lower() if letter.isalnum())
+
+
+def _spelled(column: Column) -> str | None:
+    """The unit of a column, with a slash where it is the end of a name."""
+    return column.unit if column.unit is None or column.declares_unit else column.unit.replace("_", "/")
 
 
 def _values(table: Table) -> list[Values]:
@@ -72,7 +121,7 @@ def _told(column: Column, values: Values) -> str:
         return values
     if np.isnan(values).all():
         return "has no values"
-    return f"{column.unit or 'no unit'}, {np.nanmin(values):.6g} to {np.nanmax(values):.6g}"
+    return f"{_spelled(column) or 'no unit'}, {np.nanmin(values):.6g} to {np.nanmax(values):.6g}"
 
 
 def _quoted(entry: Column) -> str:

@@ -39,6 +39,19 @@ def column(label: str) -> Column:
     return Column(label, *split_unit(label))
 
 
+def named_time(entry: Column) -> bool:
+    """Whether a column is the time by its name."""
+    return entry.name.lower() in ("time", "t")
+
+
+def time_place(columns: Sequence[Column]) -> int | None:
+    """Index of the column of the time: the first one called time or t, else the first of all if it is in seconds."""
+    for place, entry in enumerate(columns):
+        if named_time(entry):
+            return place
+    return 0 if columns and (parse_unit(columns[0].unit or "") or ("",))[0] == "s" else None
+
+
 def label(name: str, unit: str) -> str:
     """The label of a channel's column, which has the unit as a suffix.
 

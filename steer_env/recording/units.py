@@ -77,6 +77,11 @@ def parse_unit(text: str) -> tuple[str, float] | None:
     return _SPELLINGS.get(plain) or _SPELLINGS.get(_ANY_CASE.get(plain.lower(), ""))
 
 
+def spellings(unit: str | None) -> str:
+    """The spellings of a unit in memory and of a reading in counts, with commas; of every unit for None."""
+    return ", ".join(text for text, (found, _) in _SPELLINGS.items() if unit is None or found in (unit, COUNTS))
+
+
 def file_unit(unit: str) -> str:
     """Spelling of the file unit for a unit in memory, in files that keep units apart from names."""
     return unit.replace("rad", "deg")

@@ -33,6 +33,7 @@ NOISE = {
 # Reading of a sensor at rest, and its change from the first to the last sample [SI].
 OFFSETS = {TORQUE: 0.1, AY: 0.05, YAW: 0.2 * DEGREE}
 DRIFT = {TORQUE: 0.1, AY: 0.05}
+ANGLE_DRIFT = 1.0 * DEGREE  # of a handwheel angle, from the first to the last sample [rad]
 DELAY = 0.010  # [s]
 ANGLE_OFFSET = 2.0 * DEGREE  # of a handwheel angle whose zero was not set [rad]
 TORQUE_SCALE = 0.02  # error of the torque's scale, as a fraction of the torque [1]
@@ -62,6 +63,12 @@ def angle_offset(given: Recording, rng: np.random.Generator) -> Recording:
     if ANGLE not in given.channels:
         return given
     return changed(given, **{ANGLE: given[ANGLE] + ANGLE_OFFSET * rng.choice([-1, 1])})
+
+
+def angle_drifting(given: Recording, rng: np.random.Generator) -> Recording:
+    """The recording with a zero of the handwheel angle that changes linearly, with random sign."""
+    share = np.linspace(-0.5, 0.5, given.time.size)
+    return changed(given, **{ANGLE: given[ANGLE] + ANGLE_DRIFT * rng.choice([-1, 1]) * share})
 
 
 def torque_scaled(given: Recording, rng: np.random.Generator) -> Recording:
@@ -168,9 +175,10 @@ FAULTS: dict[str, Fault] = {
     "50 Hz": Fault(200.0, before=(logged_at_50_hz,)),
     "1 kHz": Fault(1000.0),
     "angle offset": Fault(before=(angle_offset,)),
+    "angle drift": Fault(before=(angle_drifting,), tests=PERIODIC),
     "torque scale": Fault(before=(torque_scaled,)),
     "clocks": Fault(before=(clocks_apart,), tests=PERIODIC),
-    TOGETHER: Fault(before=(angle_offset, torque_scaled, clocks_apart, drifting), tests=PERIODIC),
+    TOGETHER: Fault(before=(angle_offset, angle_drifting, torque_scaled, clocks_apart, drifting), tests=PERIODIC),
     "unit": Fault(before=(radians_as_degrees,), tests=STEERED, refused="check the unit"),
     "long": Fault(after=(long_drop_out,), refused="cut the recording there with between(t0, t1)"),
 }

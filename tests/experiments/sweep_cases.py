@@ -17,6 +17,11 @@ def rooted(x):
     return values @ values.T
 
 
+def as_number(x):
+    """A result that depends on the class of the case."""
+    return float(x)
+
+
 def threads(_):
     """Threads that linear algebra and vector environments use here, and the process."""
     counts = {each["num_threads"] for each in threadpoolctl.threadpool_info() if each["user_api"] == "blas"}

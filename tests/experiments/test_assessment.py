@@ -13,7 +13,12 @@ from steer_env.experiments.report import assessment, verdict
 from steer_env.experiments.studies.common import simulation_vs_measurement
 from steer_env.metrics import Value
 from steer_env.recording.recording import Recording
+from steer_env.synthetic.faults import noisy
 from steer_env.synthetic.frequency_response import swept_sine
+from steer_env.synthetic.recordings import changed
+from steer_env.synthetic.sine import sines
+from steer_env.synthetic.step import steps
+from steer_env.synthetic.transition import transitions
 from steer_env.targets import Band, Rating, rating
 from steer_env.vehicle import cars
 
@@ -148,6 +153,48 @@ def test_histories_are_aligned_in_time():
         assert pair.inside == 1.0, pair.y
 
 
+@pytest.mark.parametrize("made", [sines, transitions, steps])
+def test_sensors_with_other_zeros_pass_over_time(made):
+    """Formerly an equal car with 2 deg of offset failed in every trial, since only loops find their zeros."""
+    clean = made(200.0)
+    torque = 1.02 * clean["handwheel_torque"] + 0.05
+    measured = noisy(
+        changed(clean, handwheel_angle=clean["handwheel_angle"] + np.radians(2.0), handwheel_torque=torque),
+        np.random.default_rng(1),
+    )
+    simulated = noisy(clean, np.random.default_rng(2))
+    assert simulation_vs_measurement.passes(simulation_vs_measurement.compare(measured, simulated))
+    strong = changed(clean, handwheel_torque=1.2 * clean["handwheel_torque"])
+    assert not simulation_vs_measurement.passes(simulation_vs_measurement.compare(measured, strong))
+
+
+def test_validate_tells_the_zeros_that_it_subtracts(tmp_path, capsys):
+    simulated = sines(200.0)
+    measured = changed(simulated, handwheel_angle=simulated["handwheel_angle"] + np.radians(2.0))
+    files = [tmp_path / "measured.csv", tmp_path / "simulated.csv"]
+    for path, recording in zip(files, (measured, simulated)):
+        recordings.write(recording, path)
+    assert main(["validate", *map(str, files), "--out", str(tmp_path / "out")]) == 0
+    note = (
+        "measured: handwheel_angle reads 2 deg before the first input, where the car goes straight, which is subtracted"
+    )
+    assert note in capsys.readouterr().out
+    assert note in (tmp_path / "out" / "index.html").read_text()
+    zeros = json.loads((tmp_path / "out" / "evaluation.json").read_text())["zeros"]
+    assert zeros["measured"][0].startswith("handwheel_angle reads 2 deg")
+
+
+def test_a_recording_without_straight_running_keeps_its_zeros():
+    clean = sines(200.0)
+    cut = clean.between(0.8, clean.time[-1])
+    (note,) = simulation_vs_measurement.zero_notes(cut, metrics.evaluation_of(cut))
+    assert note.startswith("no zeros of the sensors are known: handwheel_angle does not rest for 0.7 s at the start")
+    found = simulation_vs_measurement.curves(cut, metrics.evaluation_of(cut))
+    off = changed(cut, lateral_acceleration=cut["lateral_acceleration"] + 0.1)
+    other = simulation_vs_measurement.curves(off, metrics.evaluation_of(off))
+    np.testing.assert_allclose(other["lateral_acceleration"] - found["lateral_acceleration"], 0.1)
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -189,7 +236,7 @@ def test_two_recordings_side_by_side(weaves, tmp_path, capsys):
     assert found["value"] == pytest.approx(b - a, rel=1e-6)
     assert found["ci"][0] <= found["value"] <= found["ci"][1]
     assert "viscous less lugre" in capsys.readouterr().out
-    assert main(["validate", *map(str, files), "--out", str(tmp_path / "valid")]) == 0
+    assert main(["validate", *map(str, files), "--out", str(tmp_path / "valid")]) == 1  # friction against a damper
     assert "100.0% inside" in capsys.readouterr().out
     page = (tmp_path / "valid" / "index.html").read_text()
     first = page.index("No: viscous does not agree with lugre within the tolerances: in 2 of 3 cross plots")

@@ -24,14 +24,45 @@ NAN = math.nan
         ("torque_at_0p1g", -2.0, (0.31, 0.30, 0.32), Perception(PERCEPTIBLE, True)),
         ("peak_handwheel_angle", 10.0, (2.0, NAN, NAN), Perception(PERCEPTIBLE)),
         ("peak_handwheel_angle", 10.0, (1.0, NAN, NAN), Perception(IMPERCEPTIBLE)),
-        ("torque_at_0p1g", 0.9, (0.9, 0.8, 1.0), Perception(UNKNOWN)),  # near zero a share is not constant
-        ("peak_handwheel_angle", 2.0, (2.0, 1.9, 2.1), Perception(UNKNOWN)),
+        ("torque_at_0p1g", 0.4, (0.5, 0.4, 0.6), Perception(UNKNOWN)),  # near zero a share is not constant
+        ("peak_handwheel_angle", 2.0, (0.9, 0.8, 0.95), Perception(UNKNOWN)),
+        ("torque_at_0p1g", 0.95, (0.14, 0.13, 0.145), Perception(IMPERCEPTIBLE, True)),  # of the floor
+        ("torque_at_0p1g", 2.0, (2.3 - 2.0, NAN, NAN), Perception(PERCEPTIBLE)),  # exactly 15 %
+        ("torque_at_0p1g", 3.0, (3.45 - 3.0, NAN, NAN), Perception(PERCEPTIBLE)),
+        ("torque_at_0p1g", 2.0, (2.3 - 2.0, 2.3 - 2.0, 0.4), Perception(PERCEPTIBLE, True)),
+        ("torque_at_0p1g", 2.0, (0.1, 0.0, 2.3 - 2.0), Perception(IMPERCEPTIBLE, False)),
         ("torque_at_0p1g", 2.0, (NAN, NAN, NAN), Perception(UNKNOWN)),
         ("torque_at_0p1g", NAN, (NAN, NAN, NAN), Perception(UNKNOWN)),
     ],
 )
 def test_a_difference_is_judged_by_its_share_and_its_interval(name, base, gap, expected):
     assert perception(name, base, gap) == expected
+
+
+@pytest.mark.parametrize(
+    ("one", "other"), [(0.95, 5.95), (2.0, 2.3), (2.0, 2.32), (-1.0, 1.0), (0.0, 5.0), (0.9, 1.04)]
+)
+def test_the_verdict_does_not_depend_on_the_base(one, other):
+    """Formerly 5 N m more than 0.95 N m had no threshold, and 5 N m less than 5.95 N m was perceptible."""
+    gap, half = other - one, 0.01
+    there = perception("peak_handwheel_torque", one, (gap, gap - half, gap + half))
+    back = perception("peak_handwheel_torque", other, (-gap, -gap - half, -gap + half))
+    assert there == back
+    assert there.verdict != UNKNOWN
+
+
+@pytest.mark.parametrize(
+    ("base", "gap", "share"),
+    [
+        (math.inf, (1.0, NAN, NAN), 0.15),
+        (2.0, (-math.inf, NAN, NAN), 0.15),
+        (2.0, (0.3, -math.inf, math.inf), 0.15),
+        (2.0, (1.0, NAN, NAN), math.inf),
+    ],
+)
+def test_infinite_numbers_are_refused(base, gap, share):
+    with pytest.raises(ValueError, match="must be finite"):
+        perception("peak_handwheel_torque", base, gap, share)
 
 
 def test_the_threshold_can_be_another():

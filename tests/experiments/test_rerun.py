@@ -1,7 +1,10 @@
 """Every result file tells what it was made from, and `steer-env rerun` makes it again to the bit."""
 
+import hashlib
+import importlib
 import json
 import re
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +13,7 @@ import pytest
 from steer_env import manoeuvres
 from steer_env.experiments.cli.main import main
 from steer_env.experiments.output import provenance, traces
-from steer_env.recording import files
+from steer_env.recording import Recording, files
 from steer_env.vehicle import cars, tyre
 
 STIFF = 'base = "compact"\n[column]\nK_tb = {}\n'
@@ -115,6 +118,126 @@ def test_a_validation_is_made_again(capsys):
     main(["validate", "lugre.csv", "masing.csv", "--out", "found"])
     code, text = rerun("found/evaluation.json", capsys)
     assert (code, text.splitlines()[-1]) == (0, "found/evaluation.json: equal to the bit")
+
+
+@pytest.fixture
+def modules(tmp_path, monkeypatch):
+    """Writes files below the working directory; forgets what was imported of them, as a new process has."""
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)
+    monkeypatch.setattr(sys, "path", sys.path[:])
+
+    def write(**texts):
+        for name, text in texts.items():
+            file = tmp_path / (name.replace("__", "/") + ".py")
+            file.parent.mkdir(exist_ok=True)
+            file.write_text(text)
+        forget()
+
+    def forget():
+        for name in [name for name in sys.modules if name.partition(".")[0] in ("mine", "laws", "table")]:
+            del sys.modules[name]
+        sys.path[:] = [each for each in sys.path if each != str(tmp_path)]
+        importlib.invalidate_caches()
+
+    yield write
+    forget()
+
+
+def run_with(module):
+    assert main(["run", "rig", "--import", module, "--rate-hz", "50", "--out", "found/rig.csv"]) == 0
+
+
+def same(path):
+    return 0, f"{path}: equal to the bit"
+
+
+def test_a_module_of_a_package_is_checked_with_what_it_imports(tmp_path, modules, capsys):
+    (tmp_path / "found").mkdir()
+    modules(laws__mine="from .values import K\nimport table\n", laws__values="K = 1\n", table="K = 2\n")
+    run_with("laws.mine")
+    given = traces.read("found/rig.csv")["inputs"]
+    assert [each["module"] for each in given] == ["laws.mine", "laws.values", "table"]
+    assert {each["sha256"] for each in given} == {
+        hashlib.sha256((tmp_path / file).read_bytes()).hexdigest()
+        for file in ("laws/mine.py", "laws/values.py", "table.py")
+    }
+    modules()
+    code, text = rerun("found/rig.csv", capsys)
+    assert (code, text.splitlines()[-1]) == same("found/rig.csv")
+    modules(table="K = 30\n")
+    code, text = rerun("found/rig.csv", capsys)
+    assert code == 2
+    assert re.search(
+        r"the module table, .*table\.py, is another than found/rig\.csv was made with: that one's SHA", text
+    )
+    (tmp_path / "table.py").unlink()
+    modules()
+    code, text = rerun("found/rig.csv", capsys)
+    assert code == 2
+    assert "found/rig.csv needs the module table, which is neither in the working directory, nor installed, nor" in text
+
+
+def test_a_module_beside_the_result_is_imported_from_there(tmp_path, modules, monkeypatch, capsys):
+    (tmp_path / "found").mkdir()
+    modules(mine="import table\n", table="K = 1\n")
+    run_with("mine")
+    for name in ("mine.py", "table.py"):
+        (tmp_path / name).rename(tmp_path / "found" / name)
+    modules()
+    code, text = rerun("found/rig.json", capsys)
+    assert (code, text.splitlines()[-1]) == same("found/rig.json")
+    assert sys.modules["mine"].__file__ == str(tmp_path / "found" / "mine.py")
+    (tmp_path / "elsewhere").mkdir()
+    monkeypatch.chdir(tmp_path / "elsewhere")
+    modules()
+    assert rerun("../found/rig.json", capsys)[0] == 0
+
+
+def test_the_module_that_is_checked_is_the_one_that_runs(tmp_path, modules, capsys):
+    """The right one lies beside the result, a changed one in the working directory, which goes first."""
+    (tmp_path / "found").mkdir()
+    modules(mine="K = 1\n")
+    run_with("mine")
+    modules(mine="raise RuntimeError('must not run')\n", found__mine="K = 1\n")
+    code, text = rerun("found/rig.csv", capsys)
+    assert code == 2
+    assert f"the module mine, {tmp_path / 'mine.py'}, is another than found/rig.csv was made with" in text
+    modules(mine="try:\n    import table\nexcept ImportError:\n    pass\n")
+    run_with("mine")
+    modules(table="K = 1\n")
+    code, text = rerun("found/rig.csv", capsys)
+    assert "is another than found/rig.csv was made with: there was none" in text
+
+
+def test_equal_is_equal_in_every_bit_and_every_value(tmp_path):
+    first, second = tmp_path / "a.json", tmp_path / "b.json"
+
+    def found(one, other):
+        first.write_text(json.dumps(one))
+        second.write_text(json.dumps(other))
+        return traces.differences(first, second)
+
+    assert found({"x": 0.0, "y": [float("nan"), 1]}, {"x": -0.0, "y": [float("nan"), 1.0]}) == ["x", "y.1"]
+    assert found(
+        {"metrics": {"version": 1, "date": {"seconds": 2}}}, {"metrics": {"version": 2, "date": {"seconds": 3}}}
+    ) == [
+        "metrics.version",
+        "metrics.date.seconds",
+    ]
+    about = ("version", "versions", "provenance", "real_time", "trace")
+    assert not found({name: {"a": 1} for name in about}, {name: {"a": 2} for name in about})
+
+
+def test_a_zero_of_another_sign_in_a_recording_is_told(tmp_path):
+    time = np.arange(10) / 10.0
+    for name, zero in (("a", 0.0), ("b", -0.0), ("c", np.nan)):
+        values = np.where(time == 0.5, zero, 1.0)
+        meta = {"seconds": {"a": 1, "b": 2}.get(name, 1)}
+        files.write(
+            Recording(time, {"handwheel_torque": values}, {"handwheel_torque": "N m"}, meta), tmp_path / f"{name}.mat"
+        )
+    assert traces.differences(tmp_path / "a.mat", tmp_path / "b.mat") == ["handwheel_torque", "meta seconds"]
+    assert traces.differences(tmp_path / "c.mat", tmp_path / "c.mat") == []
 
 
 def test_another_version_is_refused_unless_asked_for(tmp_path, capsys):

@@ -2,13 +2,16 @@
 
 import contextlib
 import functools
+import importlib
 import os
 import pickle
+import re
 import signal
 import socket
 import subprocess
 import sys
 import time
+import types
 from pathlib import Path
 
 import pytest
@@ -102,6 +105,101 @@ def test_keys_tell_functions_cases_and_programs_apart_and_not_processes():
     assert len({*found, *(key_of(*other) for other in others)}) == 4
 
 
+@pytest.fixture
+def own(tmp_path, monkeypatch):
+    """Writes modules of a user's own, and forgets what was imported of them; their folder is on the path."""
+    monkeypatch.syspath_prepend(tmp_path / "own")
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)
+    (tmp_path / "own").mkdir()
+    written = set()
+
+    def write(**sources):
+        for name, text in sources.items():
+            file = tmp_path / "own" / (name.replace("__", "/") + ".py")
+            file.parent.mkdir(exist_ok=True)
+            file.write_text(text)
+            written.add(name.partition("__")[0])
+        forget()
+        return lambda name: importlib.import_module(name)
+
+    def forget():
+        for name in [name for name in sys.modules if name.partition(".")[0] in written]:
+            del sys.modules[name]
+        importlib.invalidate_caches()
+
+    yield write
+    forget()
+
+
+STUDY = "def drive(x):\n    from my_laws import slip\n    return x * slip.FACTOR\n"
+
+
+def test_results_of_other_code_of_the_user_are_not_taken(own, tmp_path):
+    """Neither of the function itself, nor of what its module imports within a function from a package."""
+    results = []
+    for factor in ("2", "1000"):
+        load = own(my_study=STUDY, my_laws__slip="from .tables import FACTOR\n", my_laws__tables=f"FACTOR = {factor}\n")
+        results += sweep.run(load("my_study").drive, [1.0, 2.0], store=kept_in(tmp_path))
+    load = own(my_study="def drive(x):\n    return -x\n")
+    results += sweep.run(load("my_study").drive, [1.0, 2.0], store=kept_in(tmp_path))
+    assert results == [2.0, 4.0, 1000.0, 2000.0, -1.0, -2.0]
+    assert kept_in(tmp_path).count() == 6
+    with pytest.raises(ValueError, match=r"computed with module my_study None \(here [0-9a-f]{16}\)"):
+        sweep.Store(tmp_path / "store", work.identity(["my_study"]))
+
+
+def test_a_case_of_an_own_class_is_another_with_other_code(own, tmp_path):
+    """Parameters of a friction law go by the name of their class."""
+    text = "from typing import NamedTuple\nclass Law(NamedTuple):\n    k: float = 1.0\n    def __float__(self):\n"
+    found = []
+    for body in ("return self.k", "return 3 * self.k", "return 3 * self.k"):
+        load = own(my_law=f"{text}        {body}\n")
+        found += sweep.run(cases.as_number, [load("my_law").Law()], store=kept_in(tmp_path))
+    assert (found, kept_in(tmp_path).count()) == ([1.0, 3.0, 3.0], 2)
+
+
+def test_a_worker_with_another_own_law_refuses(own):
+    own(my_law="import my_table\n", my_table="K = 1.0\n")
+    mine = work.identity(["my_law"])
+    assert set(mine) - set(work.identity()) == {"module my_law", "module my_table"}
+    task = work.Task(0, work.name_of(cases.rooted), pickle.dumps(2), mine, ("my_law",))
+    assert not work.perform(task).failure
+    own(my_table="K = 20.0\n")
+    found = work.perform(task)
+    assert found.failure == work.REFUSED
+    assert re.search(r"has module my_table \w+ in place of \w+: install there what", found.message)
+    found = work.perform(task._replace(modules=("not_there",)))
+    assert (found.failure, "No module named 'not_there'" in found.message) == (work.REFUSED, True)
+
+
+def test_a_worker_tells_what_it_has_loaded_and_not_what_the_file_became(own, tmp_path):
+    load = own(my_law="K = 1.0\n")
+    before = work.identity_with(["my_law"])
+    (tmp_path / "own" / "my_law.py").write_text("K = 20.0\n")
+    assert work.identity(["my_law"]) == before
+    importlib.reload(load("my_law"))
+    assert work.identity(["my_law"]) != before
+
+
+def test_a_function_without_a_source_is_refused(tmp_path, monkeypatch):
+    module = types.ModuleType("typed_in")
+    exec("def drive(x):\n    return x\n", vars(module))
+    monkeypatch.setitem(sys.modules, "typed_in", module)
+    with pytest.raises(ValueError, match="the source of the module typed_in cannot be read"):
+        sweep.run(module.drive, [1.0], store=kept_in(tmp_path))
+
+
+def test_resume_refuses_results_of_another_imported_module(own, tmp_path, monkeypatch):
+    monkeypatch.setattr("platformdirs.user_cache_dir", lambda name: str(tmp_path / "cache" / name))
+    own(my_law="K = 1.0\n")
+    command = ["run", "all", "--import", "my_law", "--workers", "1"]
+    with pytest.raises(ValueError, match="three is odd"):
+        runner(parsed(command))(cases.odd, [1, 2, 3])
+    own(my_law="K = 20.0\n")
+    with pytest.raises(ValueError, match=r"computed with module my_law \w+ \(here \w+\): resume with that version"):
+        runner(parsed([*command, "--resume"]))(cases.odd, [1, 2, 3])
+
+
 def test_what_cannot_be_sent_is_said():
     with pytest.raises(ValueError, match="define the function at the top of a module"):
         sweep.run(lambda x: x, [1])
@@ -137,7 +235,7 @@ def test_the_usual_number_of_workers_can_be_set(monkeypatch):
     ("options", "reason"),
     [
         ((0, None), "at least 1"),
-        ((2, "local:3"), "contradict"),
+        ((2, "local:2"), "say the same thing"),
         ((None, "local:0"), "local, local:N"),
         ((None, "http://10.0.0.1:8786"), "local, local:N"),
         ((None, "tcp://10.0.0.1"), "local, local:N"),
@@ -232,13 +330,19 @@ def scheduler(port):
         process.kill()
 
 
-def dask_worker(address, *options):
+@contextlib.contextmanager
+def dask_worker(address, *options, path=""):
+    """A worker in a process of its own, which ends with the block."""
     command = [sys.executable, "-m", "distributed.cli.dask_worker", address, "--no-nanny", "--no-dashboard", *options]
-    return subprocess.Popen(command, stderr=subprocess.DEVNULL, env=os.environ | {"PYTHONPATH": str(ROOT)})
+    environment = os.environ | {"PYTHONPATH": f"{ROOT}{os.pathsep}{path}"}
+    with subprocess.Popen(command, stderr=subprocess.DEVNULL, env=environment) as worker:
+        try:
+            yield
+        finally:
+            worker.kill()
 
 
-def test_a_cluster_that_is_not_there_is_said_soon(port, monkeypatch):
-    monkeypatch.setattr(dask_cluster, "PATIENCE", 0.5)
+def test_a_cluster_that_is_not_there_is_said_at_once(port):
     start = time.monotonic()
     with pytest.raises(sweep.LostError, match=f"there is no Dask scheduler at tcp://127.0.0.1:{port}"):
         sweep.run(cases.rooted, range(3), where=sweep.Where(1, f"tcp://127.0.0.1:{port}"))
@@ -254,7 +358,7 @@ def test_an_encrypted_cluster_needs_a_certificate():
 @posix
 def test_a_cluster_that_dies_leaves_what_is_finished(scheduler, tmp_path):
     process, address = scheduler
-    with dask_worker(address, "--nthreads", "1") as worker:
+    with dask_worker(address, "--nthreads", "1"):
 
         def end(share, _):
             if share >= 0.3:
@@ -263,7 +367,6 @@ def test_a_cluster_that_dies_leaves_what_is_finished(scheduler, tmp_path):
         with pytest.raises(sweep.LostError, match="went away; finished work is kept"):
             sweep.run(cases.counted, numbers(tmp_path, 0.3), where=sweep.Where(1, address), store=kept_in(tmp_path),
                       notify=end)  # fmt: skip
-        worker.kill()
     assert kept_in(tmp_path).count() >= 3
     assert same(
         sweep.run(
@@ -278,6 +381,24 @@ def test_a_cluster_that_dies_leaves_what_is_finished(scheduler, tmp_path):
 
 
 @pytest.mark.whole
+def test_a_worker_of_a_cluster_with_another_own_law_is_named(own, scheduler, tmp_path):
+    """The worker's file is another; or becomes the same, when the worker has loaded it already."""
+    _, address = scheduler
+    folder = tmp_path / "theirs"
+    folder.mkdir()
+    (folder / "my_study.py").write_text("def drive(x):\n    return 2 * x\n")
+    where = sweep.Where(1, address)
+    drive = own(my_study="def drive(x):\n    return 1000 * x\n")("my_study").drive
+    with dask_worker(address, "--nthreads", "1", path=folder):
+        for _ in range(2):
+            with pytest.raises(ValueError, match=r"the worker tcp://.* has module my_study \w+ in place of \w+:"):
+                sweep.run(drive, [1.0, 2.0], where=where)
+            (folder / "my_study.py").write_text("def drive(x):\n    return 1000 * x\n")
+    with dask_worker(address, "--nthreads", "1", path=folder):
+        assert sweep.run(drive, [1.0, 2.0], where=where) == [1000.0, 2000.0]
+
+
+@pytest.mark.whole
 def test_workers_that_must_not_take_part_are_named(scheduler, monkeypatch):
     _, address = scheduler
     where = sweep.Where(1, address)
@@ -285,17 +406,15 @@ def test_workers_that_must_not_take_part_are_named(scheduler, monkeypatch):
     with pytest.raises(sweep.LostError, match="has no worker after 3 s"):
         sweep.run(cases.rooted, range(3), where=where)
     monkeypatch.setattr(dask_cluster, "PATIENCE", 30.0)
-    with dask_worker(address, "--nthreads", "2") as worker:
-        with pytest.raises(ValueError, match=r"the worker tcp://.* runs 2 cases at once.*start it with --nthreads 1"):
-            sweep.run(cases.rooted, range(3), where=where)
-        worker.kill()
-    with dask_worker(address, "--nthreads", "1") as worker:
+    threads = r"the worker tcp://.* runs 2 cases at once.*start it with --nthreads 1"
+    with dask_worker(address, "--nthreads", "2"), pytest.raises(ValueError, match=threads):
+        sweep.run(cases.rooted, range(3), where=where)
+    with dask_worker(address, "--nthreads", "1"):
         assert same(sweep.run(cases.rooted, range(10), where=where))
         other = work.identity() | {"sources": "0123"}
-        monkeypatch.setattr(dask_cluster, "identity", lambda: other)
+        monkeypatch.setattr(dask_cluster, "identity", lambda *_: other)
         with pytest.raises(ValueError, match=r"the worker tcp://.* has sources .* in place of 0123: install there"):
             sweep.run(cases.rooted, range(3), where=where)
-        worker.kill()
 
 
 def test_a_worker_that_comes_later_refuses_another_program():

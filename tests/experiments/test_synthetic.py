@@ -153,6 +153,8 @@ def test_faults_do_what_they_say():
     assert slow.rate == pytest.approx(50.0)
     drifting = faults.drifting(clean, rng)["handwheel_torque"] - clean["handwheel_torque"]
     assert abs(drifting[-1] - drifting[0]) == pytest.approx(0.1)
+    turned = faults.angle_drifting(clean, rng)["handwheel_angle"] - clean["handwheel_angle"]
+    assert abs(turned[-1] - turned[0]) == pytest.approx(faults.ANGLE_DRIFT)
     late = faults.late(clean, rng)
     moved = [name for name in clean.channels if not np.allclose(late[name], clean[name][-late.time.size :])]
     assert len(moved) == 1

@@ -1,11 +1,14 @@
 """Release, pulse and returnability against responses in closed form."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from steer_env import friction, manoeuvres, metrics
 from steer_env.metrics.common import decay
 from steer_env.recording.recording import DEGREE
+from steer_env.synthetic.faults import noisy
 from steer_env.synthetic.free_hands import EVENT, HELD, pulse, release, returnability
 from steer_env.synthetic.recordings import changed, mirrored
 from steer_env.vehicle import cars
@@ -149,3 +152,15 @@ def test_metrics_do_not_depend_on_the_sampling_of_the_simulation(driven):
     fine, coarse = metrics.evaluate(run), metrics.evaluate(run.filtered(40.0).resampled(100.0))
     for name, value in fine.items():
         assert coarse[name].value == pytest.approx(value.value, rel=0.01, abs=0.05), name
+
+
+def test_the_instant_of_a_release_is_between_two_samples():
+    """Hands that let go at once do so somewhere in 5 ms of a logger at 200 Hz; formerly the intervals ignored that."""
+    clean, answers = returnability(1000.0)
+    for first in range(5):
+        thin = replace(
+            clean, time=clean.time[first::5], channels={name: v[first::5] for name, v in clean.channels.items()}
+        )
+        found = metrics.evaluate(noisy(thin, np.random.default_rng(first)))
+        for name in ("handwheel_angle_after_1s", "handwheel_angle_after_3s"):
+            assert found[name].low <= answers[name] <= found[name].high, (first, name)

@@ -192,7 +192,7 @@ def test_interrupted_write_leaves_the_old_file(weave, tmp_path, monkeypatch, ste
         ("# manoeuvre: weave\n", "no header: expected a line that names the columns"),
         (
             "yaw_rate_deg_s,t\n1,0\n2,1\n",
-            r"column 't' names no unit; give it in a mapping, \[channels.time\] from = \"t\"",
+            r"column 't' names no unit, and its steps of 1 are too long for seconds: .* from = \"t\", unit = \"ms\"",
         ),
         ("a_m,yaw_rate_deg_s\n0,1\n1,2\n", "no time among the columns a_m, yaw_rate_deg_s: expected"),
         (

@@ -11,7 +11,7 @@ from steer_env import friction, manoeuvres, metrics
 from steer_env.manoeuvres import drive
 from steer_env.vehicle import assist_design, cars, plant, plant_batch, understeer
 from steer_env.vehicle.layout import layout_of, size_of, states
-from steer_env.vehicle.steering import column, eps
+from steer_env.vehicle.steering import column, eps, stability
 from steer_env.vehicle.steering.assist import active_return, functions
 from steer_env.vehicle.steering.assist.functions import Functions, NoFunctions, Signals
 from steer_env.vehicle.steering.margins import (
@@ -225,6 +225,42 @@ def test_margins_have_the_loop_of_the_kernels(twist, share):
     assert len(slow) >= 6
     for pole in slow:
         assert np.abs(found - pole).min() < (1e-3 if share == 0.0 else 4e-3), pole
+
+
+@pytest.mark.parametrize("delay", [0.0, 5e-4, 2.3e-3])
+def test_stability_has_the_loop_of_the_kernels_with_free_hands(delay):
+    c, a = column.make(C1=0.02), compact(**{**EVERY, "friction_share": 0.0}, limit=1e6, delay=delay).assist
+    state = np.zeros(4 + eps.STATE_SIZE + len(functions.states(a.functions)))
+    found = eigenvalues(lambda s: stepped(c, a, s), state)
+    expected = np.linalg.eigvals(stability.closed_loop(c, a, V, boost_gain(a, 0.25, V), True))
+    slow = [pole for pole in expected if abs(pole) > 0.2]
+    assert len(slow) >= 8
+    for pole in slow:
+        assert np.abs(found - pole).min() < 2e-3, pole
+
+
+@pytest.mark.filterwarnings("ignore::steer_env.vehicle.cars.UnusualCar")
+@pytest.mark.parametrize("speed", [0.0, 10.0, V])
+@pytest.mark.parametrize(
+    ("key", "stable", "unstable"),
+    [("inertia_compensation", 0.02, 0.05), ("lead_lag_gain", -0.1, -0.3), ("lead_lag_gain", 0.5, 3.0)],
+)
+def test_stability_agrees_with_the_margins(key, stable, unstable, speed):
+    for value, expected in ((stable, True), (unstable, False)):
+        car = compact(**{key: value})
+        assert worst_margins(car.column, car.assist, speed).stable == expected
+        assert stability.stable(car.column, car.assist, speed, free=False) == expected
+
+
+def test_tables_are_read_at_the_size_of_the_speed():
+    """In reverse the assist is that of the same speed forwards, and not that at standstill."""
+    a = compact(**{**EVERY, "return_gain": [0.0, 2.0, 4.0, 8.0, 10.0, 10.0, 10.0, 10.0]}).assist
+    signals = (0.5, 0.1, 0.2, 3.0)
+    forward, standing = (torques(a, [(*signals, v)])[0] for v in (5.0, 0.0))
+    assert torques(a, [(*signals, -5.0)])[0] == forward != standing
+    assert eps.boost_curve(a, 3.0, -5.0) == eps.boost_curve(a, 3.0, 5.0) != eps.boost_curve(a, 3.0, 0.0)
+    assert functions.linear(a.functions, -5.0) == functions.linear(a.functions, 5.0)
+    assert worst_margins(compact().column, a, -5.0) == worst_margins(compact().column, a, 5.0)
 
 
 def test_margins_of_the_functions():

@@ -198,8 +198,11 @@ def lead_corners(a: Assist) -> tuple[float, float]:
 
 @kernel
 def boost_curve(a, torque, speed):
-    """Boost at a torsion-bar torque [N m] and a vehicle speed [m/s], odd in the torque, and the motor damping (E4)."""
-    i, u = bracket(a.speeds, speed)
+    """Boost at a torsion-bar torque [N m] and a vehicle speed [m/s], odd in the torque, and the motor damping (E4).
+
+    In reverse the tables are read at the same speed forwards, as by a controller that knows only the wheels' speeds.
+    """
+    i, u = bracket(a.speeds, abs(speed))
     j, s = bracket(a.torques, abs(torque))
     low = a.boost[i, j] + s * (a.boost[i, j + 1] - a.boost[i, j])
     high = a.boost[i + 1, j] + s * (a.boost[i + 1, j + 1] - a.boost[i + 1, j])

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from steer_env.vehicle.steering.assist import active_return
 from steer_env.vehicle.steering.assist.first_order import FirstOrder
-from steer_env.vehicle.steering.assist.functions import Functions
+from steer_env.vehicle.steering.assist.functions import Functions, gain_at
 from steer_env.vehicle.steering.column import Column
 from steer_env.vehicle.steering.eps import SAMPLE_TIME, Assist, boost_curve
 
@@ -85,19 +85,14 @@ def hands_fixed_plant(c: Column, a: Assist, speed: float) -> control.StateSpace:
     phi[:, 1] -= damping * gamma[:, 0]
     C = np.hstack([rest.C, np.zeros((2, n))])
     if isinstance(a.functions, Functions):
-        gamma[:, 1] -= _at(a.functions, a.functions.damping.gain, speed) * gamma[:, 0]
+        gamma[:, 1] -= gain_at(a.functions, a.functions.damping.gain, speed) * gamma[:, 0]
         phi, gamma, C = _accelerated(phi, gamma, C, a.functions, speed)
     return control.ss(phi, gamma, C, 0.0, SAMPLE_TIME)
 
 
-def _at(f: Functions, values: Array, speed: float) -> float:
-    """A value of the functions at a vehicle speed [m/s]."""
-    return float(np.interp(speed, f.speeds, values))
-
-
 def _accelerated(phi: Array, gamma: Array, C: Array, f: Functions, speed: float) -> tuple[Array, Array, Array]:
     """The plant with the inertia compensation closed (E14); the state of its filter is the last one."""
-    J, d, request = _at(f, f.inertia_compensation.gain, speed), f.inertia_compensation.derivative, gamma[:, :1]
+    J, d, request = gain_at(f, f.inertia_compensation.gain, speed), f.inertia_compensation.derivative, gamma[:, :1]
     phi = np.block([[phi, J * request], [np.zeros((1, len(phi))), np.array([[-d.a1]])]])
     phi[:-1, 1] += J * d.b0 * request[:, 0]
     phi[-1, 1] = d.b1 - d.a1 * d.b0
@@ -157,8 +152,8 @@ def slopes_of_functions(c: Column, a: Assist, low: float, high: float, speed: fl
     f = a.functions
     if not isinstance(f, Functions):
         return (0.0,)
-    fade = active_return.slope(f.active_return, _at(f, f.active_return.gain, speed), low, high, speed)
-    spring = _at(f, f.friction_compensation.gain, speed) * f.friction_compensation.stiffness / c.K_tb  # (E16)
+    fade = active_return.slope(f.active_return, gain_at(f, f.active_return.gain, speed), low, high, speed)
+    spring = gain_at(f, f.friction_compensation.gain, speed) * f.friction_compensation.stiffness / c.K_tb  # (E16)
     return tuple(sorted({-spring, 0.0, fade, fade - spring}))
 
 

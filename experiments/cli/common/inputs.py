@@ -1,7 +1,6 @@
 """The files that a command reads, for the trace of its result."""
 
 import argparse
-import sys
 from pathlib import Path
 
 KEPT = (".toml", ".json", ".dbc")  # files that say how something is done, whose text the trace keeps
@@ -9,11 +8,12 @@ LARGEST = 256_000  # of these [byte]; a larger one is looked up when the result 
 
 
 def of(args: argparse.Namespace) -> list[dict[str, str]]:
-    """The files that a command line names, and those of the modules of ``--import``, as inputs of a trace.
+    """The files that a command line names, and the modules of ``--import`` with their own ones, as inputs of a trace.
 
-    The files of the car are not among them, as the trace holds the car itself, nor is what the command writes.
+    A file has a ``name``, a module a dotted name as ``module``. The files of the car are not among them, as the trace
+    holds the car itself, nor is what the command writes.
     """
-    from steer_env.experiments.output import provenance
+    from steer_env.experiments.output import own_modules, provenance
 
     others = {str(getattr(args, name, None)) for name in ("vehicle", "tyre", "out")}
     words = dict.fromkeys(value for word in args.argv for value in (word, word.partition("=")[2]))
@@ -23,5 +23,5 @@ def of(args: argparse.Namespace) -> list[dict[str, str]]:
         if path.suffix and word not in others and path.is_file():
             kept = path.suffix.lower() in KEPT and path.stat().st_size <= LARGEST
             found.append(provenance.input_file(word, kept))
-    modules = ((name, str(sys.modules[name].__file__)) for name in args.modules)
-    return [*found, *({**provenance.input_file(file), "name": f"{name}.py"} for name, file in modules)]
+    modules = own_modules.digests(args.modules)
+    return [*found, *({"module": name, "sha256": digest} for name, digest in modules.items())]

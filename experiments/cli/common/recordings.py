@@ -5,12 +5,16 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from steer_env.experiments.cli.common import inputs, names, noticed
+from steer_env.experiments.cli.common import conditions, inputs, names, noticed
 from steer_env.experiments.cli.common.arguments import KPH
 from steer_env.experiments.cli.common.extras import require_format
 
 # Key of a recording's meta -> what it tells, printed before the metrics.
-NOTES = {"not_read": "columns that are not read", "uncalibrated": "in counts of the sensor, uncalibrated"}
+NOTES = {
+    "not_read": "columns that are not read",
+    "uncalibrated": "in counts of the sensor, uncalibrated",
+    "seconds_assumed": "without a unit, read in seconds",
+}
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -45,11 +49,15 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def assess(paths: list[str], args: argparse.Namespace, tolerances: str | None) -> int:
-    """Assess recordings, print the result and write it; exit code 1 where a recording gives no metric at all."""
+    """Assess recordings, print the result and write it.
+
+    The exit code is 1 where a recording gives no metric at all, or where two do not agree within the tolerances.
+    """
     require_format(paths)
 
     from steer_env import targets
     from steer_env.experiments.cli.common.tables import print_differences, print_metrics
+    from steer_env.experiments.output.files import usable
     from steer_env.experiments.report import assessment
     from steer_env.experiments.studies.common import simulation_vs_measurement
     from steer_env.friction.numerics.check import number
@@ -58,29 +66,36 @@ def assess(paths: list[str], args: argparse.Namespace, tolerances: str | None) -
     if len(args.mapping) > len(paths):
         raise ValueError(f"{len(args.mapping)} mappings are given for {len(paths)} recordings")
     _check_can(paths, args)
+    if args.out:
+        usable(Path(args.out), assessment.CONTENTS)
     recordings = {label: _read(path, place, args) for place, (label, path) in enumerate(zip(labels, paths))}
     wanted = targets.load(args.targets) if args.targets else None
     allowed = simulation_vs_measurement.tolerances(tolerances) if tolerances else None
+    given = _conditions(args)
+    conditions.check(dict(zip(_places(paths, args), recordings.values())), args.manoeuvre, given)
     timing = 1e-3 * number("--timing-ms", args.timing_ms, minimum=0.0)
-    found = assessment.assess(
-        recordings, args.manoeuvre, wanted, allowed, timing, noticed.share(args), **_conditions(args)
-    )
+    found = assessment.assess(recordings, args.manoeuvre, wanted, allowed, timing, noticed.share(args), **given)
     if wanted and not found.bands:
         print(f"targets {wanted.name!r} have no bands for {found.test}; they have some for {', '.join(wanted.bands)}")
     for label in labels:
         print_metrics(found.values[label], f"{found.test}, {label}", found.ratings[label])
     if found.differences:
         print_differences(found.differences, found.perceptions, f"{labels[1]} less {labels[0]}")
+    for label, notes in found.zeros.items():
+        for note in notes:
+            print(f"{label}: {note}")
     for pair in found.pairs:
         print(f"{pair.y} over {pair.x}: {pair.inside:.1%} inside, largest distance {pair.worst:.2f} tolerances")
+    agree = not found.pairs or simulation_vs_measurement.passes(found.pairs)
     if found.pairs:
-        agree = "agree" if simulation_vs_measurement.passes(found.pairs) else "do not agree"
-        print(f"{labels[0]} and {labels[1]} {agree} within the tolerances {tolerances}")
+        said = "agree" if agree else "do not agree"
+        print(f"{labels[0]} and {labels[1]} {said} within the tolerances {tolerances}")
     if args.out:
         out = Path(args.out)
         assessment.write(out, found, recordings, _trace(args, labels, out.name))
         print(out / "index.html")
-    return int(any(all(value.reason for value in values.values()) for values in found.values.values()))
+    readable = all(any(not value.reason for value in values.values()) for values in found.values.values())
+    return int(not (agree and readable))
 
 
 def _notes(meta: Mapping[str, Any], frames: bool) -> Iterator[str]:
@@ -120,6 +135,12 @@ def _labels(paths: list[str]) -> list[str]:
     if len(set(labels)) < len(labels):
         raise ValueError(f"{paths[0]} is given twice")
     return labels
+
+
+def _places(paths: list[str], args: argparse.Namespace) -> list[str]:
+    """Where each recording comes from, for messages about its meta."""
+    mappings = [f" (mapping {name})" for name in args.mapping] + [""] * len(paths)
+    return [path + mapping for path, mapping in zip(paths, mappings)]
 
 
 def _mapping(place: int, args: argparse.Namespace) -> Any:

@@ -69,18 +69,18 @@ def runner(args: argparse.Namespace) -> "Runner":
     where = sweep.Where.parse(args.workers, args.cluster)
 
     def run(function: Callable[[Any], Any], cases: Iterable[Any], **options: Any) -> list[Any]:
-        cases = list(cases)
+        cases, options = list(cases), {**options, "where": where, "modules": args.modules}
         place = _folder() / key_of(name_of(function), cases, {})
         try:
-            store = sweep.Store(place, identity(), args.resume)
+            store = sweep.Store(place, identity([function.__module__, *args.modules]), args.resume)
         except OSError as error:
             if args.resume:
                 raise
             print(f"steer-env: nothing is kept for --resume: {error}", file=sys.stderr)
-            return sweep.run(function, cases, where=where, **options)
+            return sweep.run(function, cases, **options)
         _prune(place)
         try:
-            results = sweep.run(function, cases, where=where, store=store, **options)
+            results = sweep.run(function, cases, store=store, **options)
         except BaseException:
             if store.count():
                 text = f"{store.count()} of {len(cases)} cases are finished and kept"

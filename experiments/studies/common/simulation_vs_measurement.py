@@ -16,6 +16,7 @@ from scipy import signal
 from steer_env import metrics
 from steer_env.friction.numerics import toml
 from steer_env.metrics import UNITS, ManoeuvreEvaluation, RefusedError
+from steer_env.metrics.common import straight
 from steer_env.metrics.common.filtered_channels import ANGLE
 from steer_env.recording.recording import Recording
 
@@ -116,7 +117,11 @@ def passes(pairs: list[Pair]) -> bool:
 
 
 def curves(recording: Recording, evaluation: ManoeuvreEvaluation, **given: Any) -> Curves:
-    """Curves of a recording for the plots: its mean settled cycle if the test is periodic, else time histories."""
+    """Curves of a recording for the plots: its mean settled cycle if the test is periodic, else time histories.
+
+    Both count from where the car goes straight, time histories as far as the recording begins there
+    (:func:`zero_notes`).
+    """
     names = {name for pair in evaluation.plots for name in pair} - {"time"}
     reading = metrics.read(recording, evaluation.name, **given)
     if hasattr(reading, "mean_cycle"):
@@ -132,7 +137,17 @@ def curves(recording: Recording, evaluation: ManoeuvreEvaluation, **given: Any) 
     if kept.rate >= 4.0 * CUTOFF:
         kept = kept.filtered(CUTOFF)
     kept = kept.resampled(RATE)
-    return {"time": kept.time - kept.time[0], **kept.channels}
+    try:
+        zeros = straight.zeros(recording)
+    except RefusedError:  # told by zero_notes
+        zeros = {}
+    channels = {name: values - zeros.get(name, 0.0) for name, values in kept.channels.items()}
+    return {"time": kept.time - kept.time[0], **channels}
+
+
+def zero_notes(recording: Recording, evaluation: ManoeuvreEvaluation) -> list[str]:
+    """What is known of the sensors' zeros in time histories, in sentences; the metrics of a periodic test tell it."""
+    return straight.notes(recording) if any("time" in pair for pair in evaluation.plots) else []
 
 
 def _aligned(first: Curves, second: Curves) -> Curves:

@@ -1,6 +1,6 @@
 """Simulation of a manoeuvre: the plant that it needs, the amplitude of the hands, and the recording."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -15,12 +15,11 @@ from steer_env.manoeuvres.common.shapes import ramp_and_hold
 from steer_env.recording.recording import Recording
 from steer_env.vehicle import chassis, plant
 from steer_env.vehicle.cars import Car
-from steer_env.vehicle.steering import column
+from steer_env.vehicle.steering import column, stability
 from steer_env.vehicle.steering.eps import SAMPLE_TIME, without_assist
 
 Array = NDArray[np.float64]
 HOLD = 10  # samples between two calls of a driver
-CHATTER = 0.5  # change of the motor torque in a sample, over its limit, from which it chatters; assumed [1]
 _RESPONSE = ("handwheel_torque", "lateral_speed", "yaw_rate")
 REGRIP = 1.0  # time after which a robot that grips again has its prescribed angle, assumed [s]
 
@@ -73,25 +72,26 @@ def find_amplitude(p: plant.Plant, manoeuvre: Manoeuvre) -> float:
         if not 0.0 < amplitude < 6.0:
             break
     text = f"{manoeuvre.name}: no handwheel amplitude reaches {target:g} m/s2 at {manoeuvre.speed:g} m/s"
-    raise ValueError("; ".join([text, *_unstable(p, manoeuvre)]))
+    raise ValueError("; ".join([text, *_unstable(p, manoeuvre, [manoeuvre.speed])]))
 
 
-def _unstable(p: plant.Plant, manoeuvre: Manoeuvre) -> list[str]:
-    """One sentence if the assist loop is unstable at the speed of a manoeuvre; empty if it is stable."""
-    # Here, because the import of python-control takes longer than the start of an environment.
-    from steer_env.vehicle.steering import margins
-
-    if margins.worst_margins(p.column, p.assist, manoeuvre.speed).stable:
-        return []
-    stiffness = f"K_tb {p.column.K_tb:g} N m/rad"
-    return [f"the assist loop is unstable there: {stiffness} is too stiff for this boost with samples of 1 ms"]
+def _unstable(p: plant.Plant, manoeuvre: Manoeuvre, speeds: Iterable[float]) -> list[str]:
+    """One sentence if the assist loop is unstable at one of some speeds, with the hands as in the manoeuvre."""
+    hands = {not manoeuvre.robot, bool(manoeuvre.released)}
+    reasons = (stability.reason(p.column, p.assist, v, free=free) for v in speeds for free in sorted(hands))
+    return [reason for reason in reasons if reason][:1]
 
 
-def _require_calm(p: plant.Plant, manoeuvre: Manoeuvre, record: Array) -> None:
-    """Refuse a run in which an unstable assist loop drives the motor to and fro; metrics of it mean nothing."""
-    jump = np.abs(np.diff(record[:, plant.CHANNEL["motor_torque"]])).max(initial=0.0)
-    if jump > CHATTER * p.assist.limit and (reasons := _unstable(p, manoeuvre)):
-        raise ValueError(f"{manoeuvre.name}: the motor torque jumps by {jump:.0f} N m in 1 ms; {reasons[0]}")
+def _require_stable(p: plant.Plant, manoeuvre: Manoeuvre, speeds: Iterable[float]) -> None:
+    """Refuse an assist loop that is unstable at one of some speeds; metrics of such a run mean nothing."""
+    for reason in _unstable(p, manoeuvre, speeds):
+        raise ValueError(f"{manoeuvre.name}: {reason}")
+
+
+def _reached(p: plant.Plant, speeds: Array) -> Array:
+    """The least and the largest of the speeds that a run has reached, and those of the boost table between them."""
+    low, high = np.abs(speeds).min(), np.abs(speeds).max()
+    return np.array([low, *p.assist.speeds[(p.assist.speeds > low) & (p.assist.speeds < high)], high])
 
 
 def _amplitude(p: plant.Plant, manoeuvre: Manoeuvre) -> float:
@@ -239,8 +239,8 @@ def drive(car: Car, manoeuvre: Manoeuvre, friction: Any = "lugre") -> Recording:
     Raises
     ------
     ValueError
-        If the law is unknown, no amplitude reaches the lateral acceleration, the car spins, an unstable assist loop
-        drives the motor to and fro, or a state does not stay finite (the message names the state).
+        If the law is unknown, no amplitude reaches the lateral acceleration, the car spins, the assist loop is
+        unstable at the speed (the message names the cause), or a state does not stay finite (it names the state).
     """
     return drive_plant(car, build_plant(car, manoeuvre, friction), manoeuvre)
 
@@ -264,6 +264,7 @@ def drive_plant(car: Car, p: plant.Plant, manoeuvre: Manoeuvre, prepared: OpenLo
 
     In an open loop the inputs are computed for this plant, unless they were prepared, perhaps with another assist.
     """
+    _require_stable(p, manoeuvre, [manoeuvre.speed])
     if manoeuvre.driver is None:
         amplitude, u, straight = prepared or open_loop(p, manoeuvre)
         record = run(p, manoeuvre, u, straight)
@@ -276,10 +277,11 @@ def drive_plant(car: Car, p: plant.Plant, manoeuvre: Manoeuvre, prepared: OpenLo
         if not np.isfinite(record[-1]).all():
             raise LostControlError(f"{manoeuvre.name} diverged: {advice}")
         steered = {f"vehicle_{key}_m": value for key, value in outline(car)._asdict().items()}
-    _require_calm(p, manoeuvre, record)
     names = plant.channels(p)
     channels = {name: record[:, i].copy() for i, (name, _) in enumerate(names)}
     channels["vehicle_speed"] = channels.get("longitudinal_speed", np.full(len(record), manoeuvre.speed))
+    if "longitudinal_speed" in channels:
+        _require_stable(p, manoeuvre, _reached(p, channels["longitudinal_speed"]))
     if manoeuvre.speed and np.any(np.abs(channels["lateral_speed"]) > channels["vehicle_speed"]):
         raise LostControlError(f"{manoeuvre.name}: the car spins; {advice}")
     return Recording(

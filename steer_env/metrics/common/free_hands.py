@@ -4,6 +4,7 @@ Both are found in the hand torque, which is low-passed without a phase shift: th
 at the same time as the unfiltered one.
 """
 
+from copy import copy
 from functools import cache
 
 import numpy as np
@@ -95,6 +96,15 @@ class Releases(Events):
         half = 0.5 * float(size[before].mean())
         k = int(np.flatnonzero(size[: a + 1] >= half)[-1])
         return float(np.interp(-half, -size[k : k + 2], self.time[k : k + 2]))
+
+    def earlier_and_later(self) -> tuple["Releases", "Releases"]:
+        """The same releases half a sample earlier and later: hands let go at once, somewhere between two samples."""
+        return self._moved(-0.5 / self.smooth.recording.rate), self._moved(0.5 / self.smooth.recording.rate)
+
+    def _moved(self, by: float) -> "Releases":
+        other = copy(self)
+        other.start = self.start + by
+        return other
 
     def held(self, name: str) -> Array:
         """Mean (n,) of a channel before the release; refused if it opposed the handwheel angle or was not steady."""

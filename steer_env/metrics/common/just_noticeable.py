@@ -5,17 +5,23 @@ the thresholds of Newberry, Griffin and Dowson, "Driver perception of steering f
 405, for a force and an angle that are held, noticed in 79 % of the trials. On one handwheel a share of the force is the
 same share of the torque.
 
+The share is that of the smaller of both values, so that the verdict is the same whichever of two recordings is the
+base. Near zero no share is constant: a value below the floor counts as the floor, and there is no threshold for two
+such values. A difference of exactly the share is noticed.
+
 The thresholds hold for what they were found for. There is none here for dead bands, gradients, phases, lags, torque at
-0 g, peaks of quick manoeuvres, or the motion of the car; nor for values near zero, where no share is constant.
+0 g, peaks of quick manoeuvres, or the motion of the car.
 """
 
+import math
 from typing import NamedTuple
 
 from steer_env.metrics.common.definitions import definition
 
-SHARE = 0.15  # of the reference, from which on a difference is noticed [1]
+SHARE = 0.15  # of the smaller value, from which on a difference is noticed [1]
+ROUNDING = 1e-9  # by which a difference may miss the threshold and still reach it, as a fraction of it [1]
 
-# Smallest reference for which the share holds, by unit of the metric: 5 N at a rim of 0.19 m (radius assumed), and
+# Floor: smallest value for which the share holds, by unit of the metric: 5 N at a rim of 0.19 m (radius assumed), and
 # 3 deg, the smallest force and angle of the first experiment of the same paper.
 LEAST = {"N m": 1.0, "deg": 3.0}
 
@@ -59,22 +65,25 @@ def perception(name: str, base: float, gap: tuple[float, float, float], share: f
     gap : (float, float, float)
         The other value less ``base``, and its 95 % interval, NaN where there is none [unit of the metric].
     share : float
-        Just-noticeable difference as a share of ``base``, above 0 [1].
+        Just-noticeable difference as a share of the smaller of both values, above 0 [1].
 
     Raises
     ------
     ValueError
-        For an unknown name, or a share that is not above 0.
+        For an unknown name, a share that is not above 0, or an infinite number.
     """
     if not share > 0.0:
         raise ValueError(f"the just-noticeable difference must be above 0, got {share!r}")
+    if any(map(math.isinf, (base, *gap, share))):
+        raise ValueError(f"{name}: base {base!r}, difference and interval {gap!r} and share {share!r} must be finite")
     value, low, high = gap
-    # A value that is missing, as that of a refused metric, compares as below.
-    if not applies(name) or not abs(base) >= LEAST[definition(name).unit] or value != value:
+    small, large = sorted((abs(base), abs(base + value)))
+    # A value that is missing, as that of a refused metric, is not a number and so not from the floor on.
+    if not applies(name) or not large >= LEAST[definition(name).unit]:
         return Perception(UNKNOWN)
-    threshold = share * abs(base)
+    threshold = (1.0 - ROUNDING) * share * max(small, LEAST[definition(name).unit])
     noticed = abs(value) >= threshold
-    if low != low:
+    if math.isnan(low) or math.isnan(high):
         return Perception(PERCEPTIBLE if noticed else IMPERCEPTIBLE)
     if noticed:
         return Perception(PERCEPTIBLE, low >= threshold or high <= -threshold)

@@ -1,8 +1,8 @@
 """Loops between handwheel angle, torque and lateral acceleration in a periodic test.
 
-A recording is low-passed and cut into cycles at the zero crossings of the handwheel angle, and each cycle is
-interpolated at 1000 instants. The first and the last cycle are left out, and so are cycles at either end that do not
-reach the full amplitude.
+A recording is low-passed and cut into cycles at the zero crossings of the handwheel angle, less the linear drift of its
+zero where the means of the cycles show one. Each cycle is interpolated at 1000 instants. The first and the last cycle
+are left out, and so are cycles at either end that do not reach the full amplitude.
 
 The loop y(x) of a cycle has a rising and a falling branch, separated by the turning points of x.
 * A value at a level of x is interpolated where each branch crosses that level.
@@ -14,8 +14,9 @@ The loop y(x) of a cycle has a rising and a falling branch, separated by the tur
   the means of lateral acceleration and yaw rate over whole cycles are the readings of these sensors at zero. Angle and
   torque have theirs on the mean of both branches, where the lateral acceleration passes its zero. Where both sensors
   show the same mean turn, the road may have been bent: then the intervals include the values without that assumption.
-* The delay of every channel behind the handwheel angle is constant unless the clocks of two devices drift apart. Where
-  it changes significantly from cycle to cycle, the intervals include the change that accrues in half the recording.
+* The delay of every channel behind the handwheel angle is constant unless the clocks of two devices drift apart, or the
+  drive itself changes, as on a banked road, down which the car runs. Where it changes significantly from cycle to
+  cycle, the intervals include the change that accrues in half the recording.
 """
 
 from collections.abc import Mapping
@@ -29,8 +30,9 @@ from scipy import stats
 from scipy.interpolate import CubicSpline
 
 from steer_env.metrics.common.confidence import LEVEL
-from steer_env.metrics.common.definitions import SPEED_SPREAD, UNITS, Doubt, RefusedError
+from steer_env.metrics.common.definitions import SPEED_SPREAD, Doubt, RefusedError
 from steer_env.metrics.common.filtered_channels import ANGLE, AY, CHANNELS, SPEED, TORQUE, YAW, FilteredChannels
+from steer_env.metrics.common.straight import STANDING, TOLD, told
 from steer_env.recording.recording import DEGREE, Recording
 from steer_env.vehicle.constants import GRAVITY as G
 
@@ -42,11 +44,12 @@ WINDOW = {AY: 0.05 * G, ANGLE: 4 * DEGREE}  # half width of the window of a slop
 FEWEST_IN_WINDOW = 8  # samples that a parabola needs; assumed
 SPREAD = 0.2  # largest deviation of a settled cycle's amplitude from their median, as a fraction of it; assumed [1]
 END_SLACK = 0.02  # part of the first and the last cycle that may be missing, as a fraction of a period; assumed [1]
-# Readings at zero from which on they are told, with the unit of the note; assumed, about what good sensors resolve.
-TOLD = {ANGLE: (0.2, "deg"), TORQUE: (0.05, "N m"), AY: (0.05, "m/s2"), YAW: (0.1, "deg/s")}
-STANDING = 1.0  # speed up to which a car stands, on a rig; assumed [m/s]
 RESOLVED_TURN = 0.01 * DEGREE  # least mean yaw rate that is a turn; assumed [rad/s]
+RESOLVED_ZERO = 0.05 * DEGREE  # least drift of the angle's zero over a recording that counts; assumed [rad]
+FEWEST_OF_DRIFT = 5  # cycles, the first and the last included, that show a drift of the angle's zero; assumed
 RESOLVED_DRIFT = 1e-4  # least drift of a clock within half a recording that counts; assumed [s]
+CHANGING = "a delay that changes from cycle to cycle, of"
+STEADY_DELAY = "record all channels with one clock; if they are, drive on a level road, as a bank changes it too"
 FREQUENCY_SPREAD = 0.1  # largest deviation from the expected frequency, as a fraction of it; assumed [1]
 
 
@@ -59,7 +62,7 @@ class Loops:
 
     def __init__(self, recording: Recording, conditions: Mapping[str, Any], fewest: int) -> None:
         self._smooth, self._speed = FilteredChannels(recording, CUTOFF), conditions.get("speed_m_s") or 0.0
-        starts = _cycle_starts(self._smooth.time, self._smooth[ANGLE], conditions["frequency_hz"])
+        starts = _steady_starts(self._smooth.time, self._smooth[ANGLE], conditions["frequency_hz"])
         self.count = max(len(starts) - 3, 0)
         if self.count < fewest:
             raise RefusedError(f"{self.count} settled cycles between first and last: steer {fewest + 2} or more")
@@ -151,22 +154,18 @@ class Loops:
                 continue
             if over:
                 others = tuple(self._otherwise(**{name: sign * over}) for sign in (1.0, -1.0))
-                found.append(Doubt(f"the clock of {name}", "record all channels with one clock", others))
+                found.append(Doubt(f"{CHANGING} {name}", STEADY_DELAY, others))
         return found
 
     def notes(self) -> list[str]:
         """What was found out about the sensors, in sentences."""
-        found = []
-        for name, (least, unit) in TOLD.items():
+        zeros = {}
+        for name in TOLD:
             try:
-                zero = self.zero(name) * UNITS[unit] if name in self._smooth else 0.0
+                zeros[name] = self.zero(name) if name in self._smooth else 0.0
             except RefusedError:  # the metrics of that channel are refused with this reason
                 continue
-            if abs(zero) > least:
-                found.append(
-                    f"{name} reads {zero:.3g} {unit} where the car goes straight, which is subtracted; a mapping may "
-                    "hold the sensor's offset"
-                )
+        found = told(zeros, "where the car goes straight")
         for doubt in self.doubts():
             found.append(f"the intervals allow for {doubt.about}: {doubt.remedy}")
         return found
@@ -278,6 +277,22 @@ def _crossed(u: np.ndarray, v: np.ndarray, x: str, level: float) -> np.ndarray:
 def _spline(smooth: FilteredChannels, name: str) -> CubicSpline:
     thin = slice(None, None, max(int(smooth.recording.rate / (SAMPLES_PER_CUTOFF * CUTOFF)), 1))
     return CubicSpline(smooth.time[thin], smooth[name][thin])
+
+
+def _steady_starts(time: np.ndarray, angle: np.ndarray, frequency: float) -> np.ndarray:
+    """As :func:`_cycle_starts`, at the crossings of an angle whose zero does not drift, where it clearly does.
+
+    A zero that drifts shortens or lengthens every cycle between crossings, and with it biases the lags.
+    """
+    starts = _cycle_starts(time, angle, frequency)
+    if starts.size < FEWEST_OF_DRIFT + 1:
+        return starts
+    cuts = np.searchsorted(time, starts)
+    means = np.add.reduceat(angle[: cuts[-1]], cuts[:-1])[1:-1] / np.diff(cuts)[1:-1]
+    fit = stats.linregress((starts[1:-2] + starts[2:-1]) / 2, means)
+    if not (fit.pvalue < 1 - LEVEL and abs(fit.slope) * np.ptp(time) > RESOLVED_ZERO):
+        return starts
+    return _cycle_starts(time, angle - fit.slope * (time - time.mean()), frequency)
 
 
 def _cycle_starts(time: np.ndarray, angle: np.ndarray, frequency: float) -> np.ndarray:

@@ -77,6 +77,12 @@ def keys(p: ActiveReturn) -> dict[str, Any]:
 
 
 @kernel
+def share(p, speed):
+    """Share of the return that is left at a vehicle speed [m/s]."""
+    return abs(speed) / (abs(speed) + p.half_speed)  # (E11)
+
+
+@kernel
 def torque(p, gain, angle, rate, twist, speed):
     """Torque towards the centre [N m].
 
@@ -93,8 +99,8 @@ def torque(p, gain, angle, rate, twist, speed):
         Of the vehicle [m/s].
     """
     s = gain / p.saturation * (angle + p.lead * rate)
-    held, share = twist / p.hold, abs(speed) / (abs(speed) + p.half_speed)
-    return -p.saturation * s / math.sqrt(1.0 + s * s) / (1.0 + held * held) * share  # (E11)
+    held = twist / p.hold
+    return -p.saturation * s / math.sqrt(1.0 + s * s) / (1.0 + held * held) * share(p, speed)  # (E11)
 
 
 def slope(p: ActiveReturn, gain: float, low: float, high: float, speed: float) -> float:
@@ -105,5 +111,4 @@ def slope(p: ActiveReturn, gain: float, low: float, high: float, speed: float) -
     if gain == 0.0:
         return 0.0
     held = min(max(p.hold / math.sqrt(3.0), low), high) / p.hold  # where the fade is steepest
-    share = speed / (speed + p.half_speed)
-    return share * p.saturation / p.hold * 2.0 * held / (1.0 + held * held) ** 2  # (E16)
+    return share(p, speed) * p.saturation / p.hold * 2.0 * held / (1.0 + held * held) ** 2  # (E16)

@@ -52,7 +52,7 @@ class Signals(NamedTuple):
     handwheel_speed: float  # [rad/s]
     column_speed: float  # [rad/s]
     torsion_bar_torque: float  # [N m]
-    speed: float  # of the vehicle [m/s]
+    speed: float  # of the vehicle, below 0 in reverse [m/s]
 
 
 def _own_keys(module: Any) -> Iterator[Parameter]:
@@ -119,6 +119,11 @@ def at_speeds(f: "Functions | NoFunctions", speeds: NDArray[np.float64]) -> "Fun
     return frozen(f._replace(speeds=np.array(speeds), **changed))
 
 
+def gain_at(f: Functions, values: NDArray[np.float64], speed: float) -> float:
+    """A value of the functions (V,) at a vehicle speed [m/s]."""
+    return float(np.interp(abs(speed), f.speeds, values))
+
+
 class Linear(NamedTuple):
     """The functions around straight running, without filters and lags."""
 
@@ -133,9 +138,9 @@ def linear(f: "Functions | NoFunctions", speed: float, torque: float = 0.0) -> L
     if isinstance(f, NoFunctions):
         return Linear(0.0, 0.0, 0.0, 0.0)
     gains = (f.active_return.gain, f.damping.gain, f.inertia_compensation.gain)
-    gain, damped, inertia = (float(np.interp(speed, f.speeds, values)) for values in gains)
+    gain, damped, inertia = (gain_at(f, values, speed) for values in gains)
     fade = 1.0 + (torque / f.active_return.hold) ** 2
-    stiffness = gain / fade * speed / (speed + f.active_return.half_speed)
+    stiffness = gain / fade * active_return.share(f.active_return, speed)
     return Linear(f.lead_lag.gain, stiffness, damped + stiffness * f.active_return.lead, inertia)
 
 
@@ -163,7 +168,7 @@ def _unchanged(f, x, s, request):
 
 @kernel
 def _with_functions(f, x, s, request):
-    i, u = bracket(f.speeds, s.speed)
+    i, u = bracket(f.speeds, abs(s.speed))
     returned = active_return.torque(
         f.active_return,
         between(f.active_return.gain, i, u),
