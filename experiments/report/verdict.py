@@ -39,14 +39,13 @@ def _agreement(found: "Assessment") -> str:
             f"Yes: {other} agrees with {reference} within the tolerances: at least {needed} of the points of every "
             f"cross plot are inside; the farthest is {worst} tolerances away."
         )
-    missed = [
-        f"{label(pair.y)} over {label(pair.x)} ({percent(pair.inside, 3)} of the points inside, up to "
-        f"{number(pair.worst, 2)} tolerances away)"
-        for pair in found.pairs
-        if not simulation_vs_measurement.passes([pair])
-    ]
-    few = f"{len(missed)} of {len(found.pairs)} cross plots less than {needed} of the points are inside"
-    return f"No: {other} does not agree with {reference} within the tolerances: in {few}, {'; '.join(missed)}."
+    missed = [pair for pair in found.pairs if not simulation_vs_measurement.passes([pair])]
+    least = min(missed, key=lambda pair: pair.inside)
+    return (
+        f"No: {other} does not agree with {reference} within the tolerances: in {len(missed)} of {len(found.pairs)} "
+        f"cross plots less than {needed} of the points are inside; fewest ({percent(least.inside, 3)}, up to "
+        f"{number(least.worst, 2)} tolerances away) in {label(least.y)} over {label(least.x)}."
+    )
 
 
 def _comparison(found: "Assessment") -> str:

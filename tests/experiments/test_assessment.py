@@ -264,7 +264,7 @@ def test_a_simulation_that_does_not_agree_is_told_first(weaves, tmp_path):
     found = assessment.assess(both, allowed=simulation_vs_measurement.tolerances())
     said = verdict.verdict(found)
     assert said.startswith("No: model does not agree with car within the tolerances: in 2 of 3 cross plots")
-    assert "handwheel torque over handwheel angle (" in said
+    assert re.search(r"fewest \([\d.]+\s%, up to [\d.]+ tolerances away\) in handwheel torque over", said)
     assert "lateral acceleration over handwheel angle" not in said
     assert assessment.as_json(found)["verdict"] == said
     rated = assessment.assess({"car": clean}, wanted=targets.load("compact"))

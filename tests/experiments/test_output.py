@@ -9,6 +9,7 @@ from scipy import stats
 
 from steer_env import friction, metrics
 from steer_env.experiments import sweep
+from steer_env.experiments.cli.common import tables
 from steer_env.experiments.drawing import front_pictures, style
 from steer_env.experiments.output import options, pages, provenance, small_svg, words
 from steer_env.experiments.output.files import replaced_directory
@@ -224,3 +225,10 @@ def test_a_difference_of_values_near_zero_is_not_seventeen_fold():
     found = battery.difference("residual_handwheel_angle", value, base)
     assert found.share == pytest.approx(0.123 / 3.0)
     assert not found.matters
+
+
+def test_a_title_longer_than_its_table_stays_on_one_line(capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "60")
+    title = "weave, lugre, a car with a long name on a tyre with a longer one, single_track [as driven]"
+    tables.print_metrics({"yaw_lag": metrics.Value(70.0, 69.0, 71.0, "ms")}, title)
+    assert capsys.readouterr().out.splitlines()[0] == title
