@@ -102,7 +102,9 @@ def numbers(car: Car) -> list[Quantity]:
             source = "" if basis == JUDGEMENT else q.source
             section, _, key = q.name.rpartition(".")
             shown = f"{label(key)} ({section})" if section else q.name
-            group.found.append(Quantity(title, q.name, shown, q.value(car), q.unit, q.low, q.high, basis, source))
+            value = q.value(car)
+            note = "no strength of them does" if math.isinf(value) else ""  # such as that of functions that are off
+            group.found.append(Quantity(title, q.name, shown, value, q.unit, q.low, q.high, basis, source, note))
     return group.found
 
 
