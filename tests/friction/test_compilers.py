@@ -133,7 +133,7 @@ def test_both_compilers_give_the_same_rollouts_to_the_bit(tmp_path):
         assert status == 0, error
         assert len(error) == 1
         assert error[0].startswith(COMPILING)
-        assert error[0].endswith("this happens once for each")
+        assert error[0].endswith("once, as it is kept")
         assert run(code, tmp_path / choice, STEER_ENV_COMPILER=choice)[2] == []  # from the cache
         results.append(np.load(file))
     assert results[0].tobytes() == results[1].tobytes()
