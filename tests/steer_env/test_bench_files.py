@@ -1,10 +1,13 @@
-"""Tables as test benches write them: free comments, rows of units, UTF-16, decimal commas, channels without a value."""
+"""Tables as test benches write them: free comments, preambles, rows of units, UTF-16, decimal commas, channels without a
+value, times without a unit."""
 
 import dataclasses
 
 import numpy as np
 import pytest
+from scipy import io
 
+from steer_env.experiments.cli.main import main
 from steer_env.recording.files import read, write
 from steer_env.recording.recording import DEGREE, Recording
 from tests.steer_env.recorded import mapped, refusal
@@ -74,18 +77,81 @@ def test_a_channel_without_a_number_is_kept_out(weave, tmp_path, suffix):
         assert found.bridged().time.size == weave.time.size
 
 
+@pytest.mark.parametrize("name", ["time", "t", "Time", "T"])
+def test_a_time_without_a_unit_is_in_seconds_and_told(name, tmp_path, capsys):
+    path = tmp_path / "run.csv"
+    path.write_text(f"{name},yaw_rate_deg_s\n0.00,0\n0.01,1\n0.02,0\n")
+    found = read(path)
+    np.testing.assert_allclose(found.time, [0.0, 0.01, 0.02])
+    assert found.meta == {"seconds_assumed": name}
+    assert read(path, mapped(f"time={name}")).meta == found.meta
+    in_ms = read(path, mapped(f"time={name}[ms]"))
+    np.testing.assert_allclose(in_ms.time, [0.0, 1e-5, 2e-5])
+    assert in_ms.meta == {}
+    main(["evaluate", str(path), "--manoeuvre", "weave"])
+    assert f"run.csv: without a unit, read in seconds: {name}\n" in capsys.readouterr().out
+
+
+def test_a_matlab_file_too(tmp_path):
+    io.savemat(tmp_path / "run.mat", {"time": np.arange(3) / 100, "yaw_rate_deg_s": np.arange(3.0)})
+    found = read(tmp_path / "run.mat")
+    assert found.time[1] == 0.01
+    assert found.meta == {"seconds_assumed": "time"}
+
+
+def test_steps_that_are_no_seconds_and_other_units_are_refused(tmp_path):
+    path = tmp_path / "run.csv"
+    path.write_text("time,yaw_rate_deg_s\n0,0\n10,1\n20,0\n")
+    text = refusal(path)
+    assert "column 'time' names no unit, and its steps of 10 are too long for seconds" in text
+    assert '[channels.time] from = "time", unit = "ms" (or "us", "s")' in text
+    assert read(path, mapped("time=time[s]")).time[1] == 10.0
+    path.write_text("Stamp,yaw_rate_deg_s\n0,0\n0.01,1\n")
+    assert refusal(path, mapped("time=Stamp")).endswith("with one of s, ms, us")
+    path.write_text("time_s,yaw_rate\n0,0\n0.01,1\n")
+    allowed = refusal(path).rpartition("with one of ")[2].split(", ")
+    assert {"deg/s", "rad/s", "counts"} <= set(allowed)
+    assert not {"N", "m", "deg", "kW"} & set(allowed)
+
+
+PREAMBLE = "Prüfstand: Fahrversuch 12\nDatum: 01.02.2026; Fahrer: A, B\n\n"
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "latin-1", "utf-16"])
 @pytest.mark.parametrize(
-    ("text", "message"),
+    "table",
     [
-        (
-            "Time [s],SWA [deg]\ns,rad\n0,1\n1,2\n",
-            "line 2, column 'SWA [deg]': the row of units says 'rad', the header says 'deg': correct one of them",
-        ),
-        ("Time,SWA\ns,furlong\n0,1\n1,2\n", "none of the columns SWA can be read"),
-        ("Time [s],SWA [deg]\n0,x\ns,deg\n", "line 2, column 'SWA [deg]': expected a number, got 'x'"),
+        "Zeit;Gierrate;Status\ns;°/s;-\n0,0;1,5;\n0,01;2,5;1\n",
+        "Zeit [s];Gierrate [°/s];Status;\n0,0;1,5;;\n0,01;2,5;1;\n",
+        "t,Gierrate [deg/s]\n0.0,1.5\n0.01,2.5\n",
     ],
 )
-def test_rows_of_units_that_are_refused(tmp_path, text, message):
+def test_a_preamble_is_kept_as_a_comment(table, encoding, tmp_path):
+    path = tmp_path / "run.csv"
+    path.write_bytes(("# manoeuvre: weave\n# Bench 3\n" + PREAMBLE + table).encode(encoding))
+    found = read(path)
+    np.testing.assert_allclose(found["Gierrate"], np.radians([1.5, 2.5]))
+    np.testing.assert_allclose(found.time, [0.0, 0.01])
+    assert found.meta["manoeuvre"] == "weave"
+    assert found.meta["comment"] == "\n".join(["Bench 3", *PREAMBLE.split("\n")[:2]])
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        PREAMBLE + "Stamp;Gierrate [°/s]\n0,0;1,5\n0,01;2,5\n",  # names no time
+        PREAMBLE + "Zeit [s];Gierrate [°/s]\nnull;eins\n0,0;1,5\n0,01;2,5\n",  # no numbers under it
+        PREAMBLE + "Zeit [s];Gierrate [°/s]\n0,0\n0,01;2,5\n",  # a row that is too short
+        "Bench\n" * 50 + "Zeit [s];Gierrate [°/s]\n0,0;1,5\n0,01;2,5\n",
+    ],
+)
+def test_what_is_no_preamble_is_refused(text, tmp_path):
     path = tmp_path / "run.csv"
     path.write_text(text)
-    assert message in refusal(path)
+    assert "no time among the columns" in refusal(path)
+
+
+def test_fifty_lines_are_looked_at(tmp_path):
+    path = tmp_path / "run.csv"
+    path.write_text("Bench\n" * 49 + "Zeit [s];Gierrate [°/s]\n0,0;1,5\n0,01;2,5\n")
+    assert read(path).time[1] == 0.01

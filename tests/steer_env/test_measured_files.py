@@ -95,6 +95,12 @@ def test_a_number_that_only_the_slow_reader_takes(tmp_path):
         ("Time [h];SWA [deg]\n0;1\n1;2\n", "column 'Time [h]' has the unit 'h', which is not known; give it in a"),
         ("Time [deg];SWA [deg]\n0;1\n1;2\n", "column 'Time [deg]' is in 'deg', time needs 's'"),
         ("Zeit,SWA\n0,1\n1,2\n", "no time among the columns Zeit, SWA: expected time_s or Time [s], or a mapping"),
+        (
+            "Time [s],SWA [deg]\ns,rad\n0,1\n1,2\n",
+            "line 2, column 'SWA [deg]': the row of units says 'rad', the header says 'deg': correct one of them",
+        ),
+        ("Time,SWA\ns,furlong\n0,1\n1,2\n", "none of the columns SWA can be read"),
+        ("Time [s],SWA [deg]\n0,x\ns,deg\n", "line 2, column 'SWA [deg]': expected a number, got 'x'"),
     ],
 )
 def test_text_that_is_refused(tmp_path, text, message):

@@ -1,0 +1,71 @@
+"""The template of a mapping, which lists the columns of a file and offers each for the channel that it may be."""
+
+import re
+
+import numpy as np
+from scipy import io
+
+from steer_env.experiments.cli.main import main
+from steer_env.recording import channel_mapping
+from steer_env.recording.files import read
+from tests.steer_env.recorded import refusal
+
+
+def sections(path):
+    """The columns that a template offers by channel, and its units."""
+    text = path.read_text()
+    found = {}
+    for part in text.split("\n\n"):
+        if match := re.match(r"# \[channels\.(\w+)\]", part):
+            found[match[1]] = (
+                re.findall(r'^# from = "(.*?)"', part, re.M),
+                re.search(r'^# unit = "(.*)"', part, re.M)[1],
+            )
+    return found
+
+
+def test_a_template_offers_each_column_once_with_its_own_unit(tmp_path):
+    names = {
+        "time": 0.01,
+        "Steering_SWA_deg": 1.0,
+        "SWT_Nm": 1.0,
+        "V_km_h": 1.0,
+        "AY": 1.0,
+        "Yaw_deg_s": 1.0,
+        "Roll_deg": 1.0,
+        "Steering_Angle_Rate_deg_s": 1.0,
+        "Accel_X_m_s2": 1.0,
+    }
+    io.savemat(tmp_path / "run.mat", {name: size * np.arange(3) for name, size in names.items()})
+    out = tmp_path / "map.toml"
+    assert main(["evaluate", str(tmp_path / "run.mat"), "--template", str(out)]) == 0
+    assert sections(out) == {
+        "time": (["time"], "s"),
+        "handwheel_angle": (["Steering_SWA_deg"], "deg"),
+        "handwheel_torque": (["SWT_Nm"], "Nm"),
+        "vehicle_speed": (["V_km_h"], "km/h"),
+        "lateral_acceleration": (["AY", "Accel_X_m_s2"], "m/s2"),
+        "yaw_rate": (["Yaw_deg_s"], "deg/s"),
+        "handwheel_speed": (["Steering_Angle_Rate_deg_s"], "deg/s"),
+        "roll_angle": (["Roll_deg"], "deg"),
+        "sideslip_angle": ([""], "deg"),
+    }
+    assert '# "V_km_h": km/h, 0 to 2' in out.read_text()
+
+
+def test_a_filled_in_template_is_a_mapping(tmp_path):
+    path, out = tmp_path / "run.csv", tmp_path / "map.toml"
+    path.write_text("Stamp;V [km/h];SWA\n0;36;1\n10;72;2\n")
+    text = "no time among the columns Stamp"
+    assert text in refusal(path)
+    path.write_text("t;V [km/h];SWA\n0;36;1\n10;72;2\n")
+    assert main(["evaluate", str(path), "--template", str(out)]) == 0
+    filled = [line.removeprefix("# ") for line in out.read_text().splitlines()]
+    start, end = filled.index("[channels.time]"), filled.index("[channels.lateral_acceleration]")
+    out.write_text("\n".join(filled[start:end]).replace('unit = "s"', 'unit = "ms"').replace('from = ""\n', ""))
+    channels = channel_mapping.load(out).channels
+    assert channels["vehicle_speed"].unit == "km/h"
+    out.write_text(out.read_text().partition("[channels.handwheel_torque]")[0])
+    found = read(path, out)
+    np.testing.assert_allclose(found.time, [0.0, 0.01])
+    np.testing.assert_allclose(np.degrees(found["handwheel_angle"]), [1.0, 2.0])
