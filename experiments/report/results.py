@@ -78,7 +78,7 @@ class Part(NamedTuple):
     """A part of the results that a worker computes."""
 
     name: str  # of ``_PARTS``
-    of: Any  # the law or the speed; None where there is one only
+    of: Any  # the law, or the speed [km/h]; None where there is one only
     arguments: tuple[Any, ...] = ()
 
 
@@ -96,7 +96,9 @@ def _computed(part: Part) -> Any:
 
 
 def _in_words(part: Part) -> str:
-    return part.name if part.of is None else f"{part.name} {part.of}"
+    if part.of is None:
+        return part.name
+    return f"{part.name} {part.of}" if isinstance(part.of, str) else f"{part.name} at {part.of:g} km/h"
 
 
 def _parts(laws: dict[str, Any], base: str, car: cars.Car, scope: Scope) -> list[Part]:

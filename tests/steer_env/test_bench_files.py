@@ -1,5 +1,4 @@
-"""Tables as test benches write them: free comments, preambles, rows of units, UTF-16, decimal commas, channels without a
-value, times without a unit."""
+"""Tables as test benches write them: comments, preambles, rows of units, UTF-16, decimal commas, time without unit."""
 
 import dataclasses
 
