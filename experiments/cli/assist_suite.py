@@ -7,6 +7,7 @@ from typing import Any
 from steer_env.experiments.cli.common import names
 from steer_env.experiments.cli.common.arguments import SHIPPED
 from steer_env.experiments.cli.common.sweeping import add_sweep, runner
+from steer_env.experiments.output import car_options
 
 
 def add(commands: Any, common: argparse.ArgumentParser) -> None:
@@ -24,6 +25,7 @@ def add(commands: Any, common: argparse.ArgumentParser) -> None:
     suite.add_argument("--out", metavar="FILE.json", type=Path, help=text)
     text = "print every condition, not only the worst of each drive and those that fail"
     suite.add_argument("--all", action="store_true", help=text)
+    car_options.add(suite, default=None, usual="those of the suite")
     add_sweep(suite)
     suite.set_defaults(function=_suite)
 
@@ -37,6 +39,7 @@ def _suite(args: argparse.Namespace) -> int:
     if policies:
         require("train", "evaluating a policy")
 
+    from steer_env.experiments.cli.common.policies import trace
     from steer_env.experiments.cli.common.tables import print_suite
     from steer_env.experiments.learning import assist_suite, policy
     from steer_env.experiments.output.files import write_json
@@ -48,11 +51,13 @@ def _suite(args: argparse.Namespace) -> int:
     env_id = args.env or policy.about(Path(str(own)))["env"]
     assist_suite.task_named(env_id)
     makers = {name: named(name, env_id) for name in controllers}
+    car = car_options.load(args) if car_options.given(args) else None
     with progress("driving") as notify:
-        found = assist_suite.examine_all(makers, env_id, notify, runner(args))
+        found = assist_suite.examine_all(makers, env_id, notify, runner(args), car)
     for name, results in found.items():
         print_suite(results, f"{name} in {env_id}", whole=args.all)
     if args.out:
-        write_json(args.out, assist_suite.as_json(env_id, found))
+        kept = trace(args, {} if car is None else {"vehicle": car.data()})
+        write_json(args.out, {**assist_suite.as_json(env_id, found), "trace": kept})
         print(args.out)
     return int(not all(result.holds for results in found.values() for result in results))

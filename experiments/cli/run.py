@@ -231,10 +231,13 @@ def _nan(value: Any) -> bool:
 def _check_comparable(args: argparse.Namespace) -> None:
     """ValueError unless there is a stored run of ``--compare`` for what is asked for."""
     from steer_env.experiments.studies.common import commonroad_reference
+    from steer_env.vehicle import cars
 
     car = commonroad_reference.load().about["car"]
+    # A car that is made again from a trace is given by its data.
+    vehicle = car if args.vehicle == cars.load(car).data() else args.vehicle
     needed = {"MANOEUVRE": "step-steer", "--chassis": "two_track", "--vehicle": car}
-    given = dict(zip(needed, (args.manoeuvre, args.chassis or "single_track", args.vehicle)))
+    given = dict(zip(needed, (args.manoeuvre, args.chassis or "single_track", vehicle)))
     for name, value in needed.items():
         if given[name] != value:
             raise ValueError(f"--compare {args.compare} needs {name} {value}, got {given[name]}")
@@ -258,5 +261,6 @@ def _compare(args: argparse.Namespace, directory: Path) -> None:
         results = cross_validation.collect(cross_validation.STEPS)
     path = directory / f"{args.manoeuvre}-{args.compare}"
     write_text(path.with_suffix(".svg"), pictures.cross_validation(results))
-    write_json(path.with_suffix(".json"), cross_validation.entries(results))
+    kept = _trace(args, args.manoeuvre, car_options.load(args), Path("compared"))
+    write_json(path.with_suffix(".json"), {**cross_validation.entries(results), "trace": kept})
     print(f"\n{cross_validation.table(results)}\n\n{path.with_suffix('.svg')}")

@@ -7,6 +7,7 @@ from typing import Any
 from steer_env.experiments.cli.common import names
 from steer_env.experiments.cli.common.arguments import SHIPPED, whole_number
 from steer_env.experiments.cli.common.sweeping import add_sweep, runner
+from steer_env.experiments.output import car_options
 
 
 def add(commands: Any, common: argparse.ArgumentParser) -> None:
@@ -27,6 +28,7 @@ def add(commands: Any, common: argparse.ArgumentParser) -> None:
         f"file that keeps what is found; with {SHIPPED!r} the one that the evaluations read (default: none is written)"
     )
     tune.add_argument("--out", metavar="FILE.json", help=text)
+    car_options.add(tune, default=None, usual="those of the environment and of the suite")
     add_sweep(tune)
     tune.set_defaults(function=_tune)
 
@@ -38,9 +40,14 @@ def _tune(args: argparse.Namespace) -> None:
 
     for env_id in args.env:
         assist_suite.task_named(env_id)
+    car = car_options.load(args) if car_options.given(args) else None
+    if car is not None and args.out == SHIPPED:
+        raise ValueError(
+            f"--out {SHIPPED} keeps what is found for the default car: leave out --vehicle, --tyre and --set"
+        )
     sweep = runner(args)
     searches = [
-        assist_tuning.Search(name, env_id, args.budget, args.episodes, args.seed)
+        assist_tuning.Search(name, env_id, args.budget, args.episodes, args.seed, car)
         for env_id in args.env
         for name in args.baseline or names.assists()
     ]

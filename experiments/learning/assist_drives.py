@@ -20,6 +20,7 @@ from steer_env.tasks.common import lane, scripted
 from steer_env.tasks.common.definition import EpisodeContext, EpisodeSetup
 from steer_env.tasks.common.standstill import CREEPING
 from steer_env.timing import UPDATE_INTERVAL
+from steer_env.vehicle.cars import Car
 from steer_env.vehicle.chassis.common.interface import HAND
 
 Array = NDArray[np.float64]
@@ -124,10 +125,19 @@ def _rows(
     )
 
 
-def suite(home: Task) -> list[Drive]:
-    """The drives of the suite for the controllers of an assist task: driving, standing, or both."""
+def suite(home: Task, car: Car | None = None) -> list[Drive]:
+    """The drives of the suite for the controllers of an assist task: driving, standing, or both.
+
+    With a ``car`` all are driven with it, and those of other cars are left out.
+    """
     low, high = home.speed_limits(home.chassis[0])
-    return (_driving() if high > CREEPING[1] else []) + (_standing() if low == 0.0 else [])
+    drives = (_driving() if high > CREEPING[1] else []) + (_standing() if low == 0.0 else [])
+    if car is None:
+        return drives
+    own = {"vehicle": car.data()}
+    return [
+        drive._replace(arguments={**drive.arguments, **own}) for drive in drives if "vehicle" not in drive.arguments
+    ]
 
 
 def _driving() -> list[Drive]:

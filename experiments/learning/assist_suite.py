@@ -214,6 +214,7 @@ def examine(
     env_id: str,
     to_first_failure: bool = False,
     notify: Callable[[float, str], None] = lambda *_: None,
+    car: Car | None = None,
 ) -> list[Result]:
     """Drive a controller of an id through the suite.
 
@@ -228,8 +229,10 @@ def examine(
         Stop after the first drive in which a condition fails.
     notify : (share, text) -> None
         Is told how far the suite is.
+    car : Car, optional
+        In place of the default car and the others of the suite.
     """
-    drives, results = suite(task_named(env_id)), []
+    drives, results = suite(task_named(env_id), car), []
     for k, drive in enumerate(drives):
         notify(k / len(drives), f"{drive.kind}, {drive.condition}")
         results += judge(drive, make, env_id)
@@ -244,11 +247,12 @@ class Part(NamedTuple):
     env_id: str
     number: int  # of the drive
     makers: Mapping[str, Maker]
+    car: Car | None  # of all drives, or None for those of the suite
 
 
 def part(of: Part) -> dict[str, list[Result]]:
     """Results of a drive for every controller."""
-    drive = suite(task_named(of.env_id))[of.number]
+    drive = suite(task_named(of.env_id), of.car)[of.number]
     return {name: judge(drive, make, of.env_id) for name, make in of.makers.items()}
 
 
@@ -257,10 +261,11 @@ def examine_all(
     env_id: str,
     notify: Callable[[float, str], None] = lambda *_: None,
     sweep: Runner = run,
+    car: Car | None = None,
 ) -> dict[str, list[Result]]:
     """Drive several controllers of an id through the suite: their results by name, as of :func:`examine`."""
-    drives = suite(task_named(env_id))
-    parts = [Part(env_id, number, makers) for number in range(len(drives))]
+    drives = suite(task_named(env_id), car)
+    parts = [Part(env_id, number, makers, car) for number in range(len(drives))]
 
     def words(of: Part) -> str:
         return f"{drives[of.number].kind}, {drives[of.number].condition}"

@@ -18,6 +18,7 @@ from scipy.stats import qmc
 from steer_env import assists
 from steer_env.assists.common.definition import BASELINES
 from steer_env.experiments.learning import assist_suite, held_out
+from steer_env.vehicle.cars import Car
 
 SEED = 5_000_000  # first of the episodes of a search
 SPREAD, SHRINK = 0.2, 0.85  # of the draws around the best, over the range: the first, and of each over the one before
@@ -45,6 +46,7 @@ def tune(
     budget: int = 30,
     episodes: int = 16,
     seed: int = 0,
+    car: Car | None = None,
     notify: Callable[[float, str], None] = lambda *_: None,
     **arguments: Any,
 ) -> Tuned:
@@ -62,6 +64,8 @@ def tune(
         For each candidate, the same for all.
     seed : int
         Of the search's own draws.
+    car : Car, optional
+        Of the episodes and of the suite, in place of theirs.
     notify : (share, text) -> None
         Is told how far the search is.
     **arguments
@@ -69,6 +73,8 @@ def tune(
     """
     ranges, rng = BASELINES[name].tuned, np.random.default_rng(seed)
     first = qmc.LatinHypercube(max(len(ranges), 1), seed=rng).random(max(budget // 2, 1))
+    if car is not None:
+        arguments["vehicle"] = car.data()
     best: dict[str, float] = {}
     reward = usual = -math.inf
     centre, refused, tried = np.full(len(ranges), 0.5), 0, 1 if not ranges else budget
@@ -87,7 +93,7 @@ def tune(
             usual = found
         if found <= reward:
             continue
-        if not all(result.holds for result in assist_suite.examine(make, env_id, to_first_failure=True)):
+        if not all(result.holds for result in assist_suite.examine(make, env_id, to_first_failure=True, car=car)):
             refused += 1
             continue
         best, reward, centre = options, found, share
@@ -102,6 +108,7 @@ class Search(NamedTuple):
     budget: int
     episodes: int
     seed: int
+    car: Car | None = None
 
 
 def searched(search: Search) -> Tuned:

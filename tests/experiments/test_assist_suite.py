@@ -4,6 +4,7 @@ import inspect
 import json
 import math
 from functools import partial
+from pathlib import Path
 
 import gymnasium as gym
 import numpy as np
@@ -123,7 +124,7 @@ def test_a_controller_sees_what_its_task_observes():
 
 def test_the_search_keeps_to_the_suite(monkeypatch):
     short = assist_drives.Drive("weave", "lugre", {}, drive("weave").rows[:3])
-    monkeypatch.setattr(assist_suite, "suite", lambda home: [short])
+    monkeypatch.setattr(assist_suite, "suite", lambda home, car: [short])
     rewards = {}
     collect = held_out.collect
 
@@ -169,9 +170,34 @@ def test_every_range_takes_the_default():
                 assists.make(name, env, **{option: end})
 
 
+def test_an_own_car_takes_the_place_of_all_others():
+    stiff = cars.load("compact", changes={"column.K_tb": 143.0})
+    home = assist_suite.task_named(WEAVE)
+    own, usual = assist_drives.suite(home, stiff), assist_drives.suite(home)
+    assert {one.arguments["vehicle"]["column"]["K_tb"] for one in own} == {143.0}
+    others = [one for one in usual if "vehicle" in one.arguments]
+    assert len(own) == len(usual) - len(others)
+    assert others
+
+
+def test_the_suite_of_an_own_car_is_made_again_by_its_trace(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    whole = assist_drives.suite
+    monkeypatch.setattr(assist_suite, "suite", lambda *given: [d for d in whole(*given) if d.kind == "lane change"])
+    command = ["assist-suite", "boost", "damping", "--env", WEAVE, "--set", "column.K_tb=143", "--out", "suite.json"]
+    assert main(command) == 0
+    found = json.loads(Path("suite.json").read_text())
+    assert found["trace"]["car"]["column"]["K_tb"] == 143.0
+    assert main(["rerun", "suite.json"]) == 0
+    assert "suite.json: equal to the bit" in capsys.readouterr().out
+    found["controllers"]["damping"]["results"][0]["worst"] *= 1.0 + 1e-15
+    Path("suite.json").write_text(json.dumps(found))
+    assert main(["rerun", "suite.json"]) == 1
+
+
 def test_the_command(tmp_path, capsys, monkeypatch):
     change = drive("lane change")
-    monkeypatch.setattr(assist_suite, "suite", lambda home: [change])
+    monkeypatch.setattr(assist_suite, "suite", lambda home, car: [change])
     out = tmp_path / "suite.json"
     assert main(["assist-suite", "boost", "damping", "--env", WEAVE, "--out", str(out)]) == 0
     text = capsys.readouterr().out

@@ -101,6 +101,7 @@ def test_step_steer_compared_with_commonroad(tmp_path, capsys):
     assert data["reference"]["version"] == "3.0.2"
     assert "step, 20 m/s" in (tmp_path / "step-steer-commonroad.svg").read_text()
     assert (tmp_path / "step-steer.csv").exists()
+    assert main(["rerun", str(tmp_path / "step-steer-commonroad.json")]) == 0
 
 
 @pytest.mark.parametrize(
