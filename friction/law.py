@@ -28,6 +28,7 @@ class Law(NamedTuple):
     make: Callable[..., Any]
     memory_size: Callable[[Any], int]
     fitted: tuple[str, ...] | Callable
+    units: Mapping[str, str]
     advance: Callable
     torque: Callable
     rate: Callable
@@ -69,6 +70,7 @@ def register(
     mean_torque: Callable | None = None,
     solve: Callable | None = None,
     fitted: tuple[str, ...] | Callable = (),
+    units: Mapping[str, str] | None = None,
 ) -> None:
     """Make a law known under a name; one call at the end of the law's file.
 
@@ -101,6 +103,8 @@ def register(
         ``F_c`` is the saturated torque and ``sigma_0`` half the stiffness after a saturated reversal. Or a function
         of the law's own, from the record and the samples that count, ``(T,)`` bool, to what
         ``steer_env.friction.identify.Fit`` holds.
+    units : mapping, optional
+        Unit of each field of ``parameters``: ``{"sigma_0": "N m/rad"}``; ``"1"`` for a pure number.
 
     Raises
     ------
@@ -119,6 +123,7 @@ def register(
         make=make,
         memory_size=memory_size or (lambda p: 0),
         fitted=fitted,
+        units=dict(units or {}),
         advance=advance or _no_advance,
         torque=torque,
         rate=rate or _no_rate,

@@ -45,4 +45,5 @@ register(
     torque=torque,
     solve=solve,
     fitted=("F_c",),
+    units={"F_c": "N m"},
 )

@@ -142,4 +142,12 @@ register(
     stored_energy=stored_energy,
     mean_torque=mean_torque,
     fitted=("sigma_0", "F_c"),
+    units={
+        "sigma_0": "N m/rad",
+        "sigma_1": "N m s/rad",
+        "sigma_2": "N m s/rad",
+        "F_c": "N m",
+        "F_s": "N m",
+        "v_s": "rad/s",
+    },
 )

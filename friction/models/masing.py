@@ -270,4 +270,5 @@ register(
     stored_energy=stored_energy,
     solve=solve,
     fitted=fit_elements,
+    units={"k": "N m/rad", "y": "rad", "sigma_1": "N m s/rad"},
 )

@@ -46,4 +46,5 @@ register(
     torque=torque,
     solve=solve,
     fitted=("sigma_2",),
+    units={"sigma_2": "N m s/rad"},
 )

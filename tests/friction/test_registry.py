@@ -32,3 +32,9 @@ def test_toy_law_equals_masing_with_one_element(toy):
     np.testing.assert_allclose(friction.response(jenkins, x, 1e-3), friction.response(masing, x, 1e-3), atol=1e-13)
     (rows, _), (expected, _) = contracts.trace(jenkins), contracts.trace(masing)
     np.testing.assert_allclose(rows, expected, rtol=1e-9, atol=1e-12)  # roundings carried on by 200 steps
+
+
+def test_every_law_states_the_units_of_its_parameters():
+    for law in friction.law.LAWS.all().values():
+        if law.parameters.__module__.startswith("steer_env."):  # tests register laws of their own
+            assert set(law.units) == set(law.parameters._fields), law.name
