@@ -37,8 +37,8 @@ class Estimate(NamedTuple):
 def determined(problem: Problem, space: Space, optimum: Optimum) -> Estimate:
     """Hold one parameter after the other at its neutral value, as long as that leaves the fit as good (F34).
 
-    Of several with a wide interval, those go first that zero or the law itself makes neutral, and the last of the law's
-    fields before the others. One without which the fit is worse keeps its estimate and is told all the same.
+    As long as one has a wide interval, those go first that zero or the law itself makes neutral, and the last of the
+    law's fields before the others. One without which the fit is worse keeps its estimate, and is told if it is wide.
     """
     undetermined: list[str] = []
     stays: set[str] = set()
@@ -47,10 +47,13 @@ def determined(problem: Problem, space: Space, optimum: Optimum) -> Estimate:
         excess = {
             s.name: _excess(s.logarithmic, q, h) for s, q, h in zip(space.sought, optimum.q.tolist(), half.tolist())
         }
-        wide = {s.name: s for s in space.sought if excess[s.name] > 1.0 and s.name not in stays}
-        if not wide:
+        if all(each <= 1.0 for each in excess.values()):
             break
-        name = max(wide, key=lambda each: (wide[each].neutral in (0.0, None), list(wide).index(each)))
+        spare = [s.name for s in space.sought if s.neutral in (0.0, None) and s.name not in stays]
+        wide = [s.name for s in space.sought if excess[s.name] > 1.0 and s.name not in stays]
+        if not (spare or wide):
+            break
+        name = (spare or wide)[-1]
         smaller = _without(problem, space, optimum, name)
         if smaller is None:
             stays.add(name)
