@@ -255,7 +255,7 @@ def test_friction_by_direction_and_temperature(law):
     assert cars.load(car.data()).data() == car.data()
     record, _, _ = run(car.plant(law, robot=True), weave(True))
     speed, T_F = record[:, CHANNEL["column_speed"]], record[:, CHANNEL["friction_torque"]]
-    sliding = np.convolve(np.abs(speed) > 0.3, np.ones(51), "same") == 51
+    sliding = np.convolve(np.abs(speed) > 0.3, np.ones(201), "same") == 201
     expected = np.where(speed > 0.0, 1.2, -0.8) * 0.9 * math.exp(-0.1)
     np.testing.assert_allclose(T_F[sliding], expected[sliding], rtol=0.01)
     assert set(np.sign(speed[sliding])) == {-1.0, 1.0}
