@@ -29,6 +29,7 @@ class Law(NamedTuple):
     memory_size: Callable[[Any], int]
     fitted: tuple[str, ...] | Callable
     units: Mapping[str, str]
+    steepest_fall: Callable[[Any], float]
     advance: Callable
     torque: Callable
     rate: Callable
@@ -71,6 +72,7 @@ def register(
     solve: Callable | None = None,
     fitted: tuple[str, ...] | Callable = (),
     units: Mapping[str, str] | None = None,
+    steepest_fall: Callable[[Any], float] | None = None,
 ) -> None:
     """Make a law known under a name; one call at the end of the law's file.
 
@@ -105,6 +107,9 @@ def register(
         ``steer_env.friction.identify.Fit`` holds.
     units : mapping, optional
         Unit of each field of ``parameters``: ``{"sigma_0": "N m/rad"}``; ``"1"`` for a pure number.
+    steepest_fall : callable, optional
+        Parameters -> the largest decrease of the mean torque with the speed at torque scale 1, over every memory, speed
+        and step length [N m s/rad]; 0 by default. The step equation has one solution only where S is larger.
 
     Raises
     ------
@@ -124,6 +129,7 @@ def register(
         memory_size=memory_size or (lambda p: 0),
         fitted=fitted,
         units=dict(units or {}),
+        steepest_fall=steepest_fall or (lambda p: 0.0),
         advance=advance or _no_advance,
         torque=torque,
         rate=rate or _no_rate,
