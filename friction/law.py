@@ -29,7 +29,7 @@ class Law(NamedTuple):
     memory_size: Callable[[Any], int]
     fitted: tuple[str, ...] | Callable
     units: Mapping[str, str]
-    steepest_fall: Callable[[Any, float, float], float]
+    steepest_fall: Callable[[Any, float, float], float]  # of parameters, torque scale, step [N m s/rad]
     relaxes: bool
     modes: Callable[[Any], int]
     advance: Callable
