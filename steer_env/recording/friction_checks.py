@@ -42,10 +42,10 @@ def moving(x: Array) -> NDArray[np.int_]:
 
 
 def middle(x: Array, friction: Array) -> float:
-    """The friction midway between its medians in either direction; the median where it moves in one only."""
+    """The friction midway between its medians in either direction; where it moves in one only, that at the start."""
     way = moving(x)
     sides = [np.median(friction[way == side]) for side in (1, -1) if np.any(way == side)]
-    return float(np.mean(sides)) if sides else float(np.median(friction))
+    return float(np.mean(sides)) if len(sides) == 2 else float(friction[0])
 
 
 def sign(x: Array, friction: Array) -> float:

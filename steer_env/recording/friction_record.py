@@ -73,6 +73,12 @@ class FrictionRecord:
         """Time of the samples (T,) [s]."""
         return self.start + self.dt * np.arange(self.x.size)
 
+    def part(self, samples: slice) -> "FrictionRecord":
+        """The record of some of its samples, one after the other."""
+        load = None if self.load is None else self.load[samples]
+        start = float(self.time[samples][0])
+        return replace(self, x=self.x[samples], friction=self.friction[samples], load=load, start=start)
+
     def with_lever(self, radius: float) -> "FrictionRecord":
         """The record of a force at a radius [m] as torque and angle; a load stays as it is."""
         radius = positive("lever", radius)
@@ -265,7 +271,7 @@ def _missing(recording: Recording, named: Mapping[str, str]) -> str:
     """What a recording lacks, what it has, and what to do."""
     lacks = "friction" if "friction" not in named else "displacement"
     units = " or ".join(FRICTION[lacks])
-    has = ", ".join(f"{name!r} [{unit}]" for name, unit in recording.units.items()) or "no channel with a unit"
+    has = ", ".join(f"{name!r} [{unit}]" for name, unit in [*recording.units.items()][:12]) or "no channel with a unit"
     left = f"; not read: {recording.meta['not_read']}" if "not_read" in recording.meta else ""
     remedy = f'name it with --map {lacks}="name in the file[unit]" or in a --mapping (--template writes one)'
     text = f"no channel of the recording is known as the {lacks} [{units}]; it has {has}{left}: {remedy}"
