@@ -112,7 +112,11 @@ def _fit_friction(args: argparse.Namespace) -> None:
     print(out / "index.html")
     if found.best is None:
         raise ValueError("no law was fitted: the table and the page say why")
-    print(f"{out / found.best.law}.json is the file of the best law, as in --friction {out / found.best.law}.json")
+    file = out / f"{found.best.law}.json"
+    if record.of_a_column:
+        print(f"{file} holds the law that leaves least: --friction {file}")
+    else:
+        print(f"{file} is in {' and '.join(record.units.values())}: give --lever or --to-column for a steering column")
 
 
 def _place(given: str) -> tuple[str, str]:

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
+from matplotlib.ticker import LogLocator, NullFormatter
 from numpy.typing import NDArray
 
 from steer_env.experiments.drawing.plots import thinned
@@ -23,6 +24,7 @@ class Shown(NamedTuple):
     x_unit: str
     friction_unit: str
     loop: slice  # samples whose loop is drawn
+    known: int  # first sample at which the memory of a law no longer depends on what was before the record
     held_out: int  # first sample that judges; T if none does
 
 
@@ -45,9 +47,9 @@ def residuals(rows: Mapping[str, tuple[float, float, float]], repeats: float | N
     axes.set_ylim(-0.6, len(rows) - 0.2)
     axes.set_xscale("log")
     axes.set_xlabel("RMS of what is left on the judging part, of the mean friction [%]")
+    axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     axes.xaxis.set_major_formatter("{x:g}")
-    axes.xaxis.set_minor_formatter("{x:g}")
-    axes.tick_params(axis="x", which="minor", labelsize=7)
+    axes.xaxis.set_minor_formatter(NullFormatter())
     return svg(figure)
 
 
@@ -63,8 +65,9 @@ def law(shown: Shown, fitted: Array, level: float) -> str:
         )
     left.set(xlabel=f"displacement [{shown.x_unit}]", ylabel=f"friction [{shown.friction_unit}]")
     left.legend(loc="best", fontsize=8)
-    rest = 100.0 * (fitted - shown.friction) / level
-    right.plot(thinned(shown.t, POINTS), thinned(rest, POINTS), color=_FITTED, linewidth=0.9)
+    rest = 100.0 * (fitted - shown.friction)[shown.known :] / level
+    right.plot(thinned(shown.t[shown.known :], POINTS), thinned(rest, POINTS), color=_FITTED, linewidth=0.9)
+    right.set_xlim(shown.t[0], shown.t[-1])
     if shown.held_out < shown.t.size:
         right.axvspan(shown.t[shown.held_out], shown.t[-1], color="#eef2f7", zorder=0)
         right.annotate(

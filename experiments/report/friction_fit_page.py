@@ -22,7 +22,6 @@ from steer_env.experiments.output.words import span
 from steer_env.experiments.report.friction_fit import Found, Judged, contents
 from steer_env.friction.law import LAWS
 from steer_env.recording import friction_checks
-from steer_env.recording.friction_record import FrictionRecord
 from steer_env.recording.units import DEGREE
 
 # Unit in memory -> how a page shows it, and the size of that.
@@ -158,9 +157,11 @@ def shown(found: Found) -> fit_pictures.Shown:
     """The record in the units of the page, with its last whole loop."""
     r = found.record
     (x_unit, x_size), (unit, size) = SHOWN[r.units["displacement"]], SHOWN[r.units["torque"]]
-    n = friction_checks.period(r.x)
+    n, turns = friction_checks.period(r.x), friction_checks.turns(r.x)
+    known = int(turns[1]) if turns.size > 2 else 0
+    loop = slice(-n if n else None, None)
     return fit_pictures.Shown(
-        r.time, r.x / x_size, r.friction / size, x_unit, unit, slice(-n if n else None, None), found.first or r.x.size
+        r.time, r.x / x_size, r.friction / size, x_unit, unit, loop, known, found.first or r.x.size
     )
 
 
@@ -193,11 +194,6 @@ def render(found: Found, trace: Mapping[str, Any], folder: str) -> str:
             version=metadata.version("steer-env"),
         )
     )
-
-
-def usable(record: FrictionRecord) -> bool:
-    """Whether a law of this record is one of a steering column."""
-    return dict(record.units) == {"displacement": "rad", "torque": "N m"}
 
 
 def write(out: Path, found: Found, trace: Mapping[str, Any]) -> None:
