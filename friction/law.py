@@ -99,13 +99,13 @@ def register(
     solve : ``(p, torque_scale, memory, S, R, h, w_guess) -> float``, optional
         The speed ``w`` that solves ``S w + mean_torque(w) = R``. A law without this function is solved by a safeguarded
         Newton iteration on ``mean_torque``, which starts at ``w_guess``.
-    fitted : tuple of str, or ``(x, torque, dt, weighed) -> (parameters, offset, intervals)``, optional
-        For ``friction.fit``: the names of the positive parameters that a quasi-static record determines, where
-        ``F_c`` is the saturated torque and ``sigma_0`` half the stiffness after a saturated reversal. Or a function
-        of the law's own, from the record and the samples that count, ``(T,)`` bool, to what
-        ``steer_env.friction.identify.Fit`` holds.
+    fitted : tuple of str, or ``(problem) -> (parameters, elements)``, optional
+        For ``friction.fit``. A tuple names the parameters without which a fit makes no sense. A law with arrays gives a
+        function from a ``steer_env.friction.identification.problem.Problem`` to a set of parameters with these arrays,
+        and to ``Elements``; the scalars are then sought as those of every law.
     units : mapping, optional
-        Unit of each field of ``parameters``: ``{"sigma_0": "N m/rad"}``; ``"1"`` for a pure number.
+        Unit of each field of ``parameters``: ``{"sigma_0": "N m/rad"}``; ``"1"`` for a pure number. ``friction.fit``
+        scales by it.
 
     Raises
     ------
