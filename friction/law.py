@@ -110,6 +110,12 @@ def register(
         function from a ``steer_env.friction.identification.problem.Problem`` to a set of parameters with these arrays,
         and to ``Elements``; the scalars are then sought as those of every law.
     units : mapping, optional
+        Unit of each field of ``parameters``: ``{"sigma_0": "N m/rad"}``; ``"1"`` for a pure number. ``friction.fit``
+        scales by it.
+    steepest_fall : ``(p, torque_scale, h) -> float``, optional
+        The largest decrease of the mean torque over ``h`` with the speed ``w`` [N m s/rad], over every memory and
+        speed: a Stribeck curve has one. The step equation has a single solution where ``S`` is larger, and a plant for
+        which it is not is refused. 0 by default: a law whose mean torque never falls. Plain Python, not a kernel.
     relaxes : bool
         Whether a loaded memory gives way at rest, as a spring in series with a damper does; every other law holds it.
     modes : callable, optional
