@@ -216,7 +216,7 @@ def stored_energy(p, memory):
 
 
 def steepest_fall(p: GMS, torque_scale: float, h: float) -> float:
-    """Bound of the fall of the mean torque with the speed [N m s/rad].
+    """Bound of the fall of the mean torque with the speed (F18) [N m s/rad].
 
     It is that of the level, times what an element adds that decays to it from break-away: with r the excess over the
     level, ``1 - exp(-x) (1 - r x)`` is at most ``1 + r exp(-1 - 1/r)``.
@@ -225,7 +225,7 @@ def steepest_fall(p: GMS, torque_scale: float, h: float) -> float:
     if r == 0.0:
         return 0.0
     fall = torque_scale * (p.F_s - p.F_c) * math.sqrt(2.0 / math.e) / p.v_s
-    return max(fall * (1.0 + r * math.exp(-1.0 - 1.0 / r)) - p.sigma_2, 0.0)
+    return max(fall * (1.0 + r * math.exp(-1.0 - 1.0 / r)) - p.sigma_2, 0.0)  # (F18)
 
 
 def fit_elements(problem: Problem) -> tuple[GMS, Elements]:
