@@ -7,8 +7,8 @@
 z is the exponential spring, which is Dahl's bristle. The Maxwell branch, a spring k_m in series with a damper
 k_m L tau_m, stiffens fast motion and relaxes at rest; in sliding it is a viscous friction k_m L tau_m. L is
 ``torque_scale``: it lengthens the relaxation as it does the pre-sliding distance, so that the whole torque is in
-proportion to L at equal speeds. p1(X) and p2(X) are those of :mod:`steer_env.friction.bristle`; X of the branch does
-not depend on w, so that the step equation is Dahl's with another S and R. Without the branch (k_m = 0) it is Dahl's.
+proportion to L at equal speeds. p1(X) and p2(X) are those of :mod:`steer_env.friction.bristle`. Without the branch
+(k_m = 0) the law is Dahl's, to the bit.
 
 Source: Pfeffer, Harrer, Johnston, Vehicle System Dynamics 46 (2008) 413-428, for the exponential spring with a Maxwell
 branch in steering models, after their description by others; the numbers and the scaling of the branch are assumed. The
@@ -18,10 +18,8 @@ numbers of the equations are those of docs/model.md.
 from typing import NamedTuple
 
 from steer_env.friction import defaults
-from steer_env.friction.bristle import decay
-from steer_env.friction.law import register
-from steer_env.friction.law import solve as law_solve
-from steer_env.friction.models import dahl
+from steer_env.friction.bristle import decay, displaced, held, spring
+from steer_env.friction.law import newton, register
 from steer_env.friction.numerics.check import not_negative, positive
 from steer_env.friction.numerics.kernel import kernel
 
@@ -51,51 +49,40 @@ def make(
 
 
 @kernel
-def _spring(p):
-    return dahl.Dahl(p.sigma_0, p.F_c)
-
-
-@kernel
-def _branch(p, torque_scale, memory, h):
-    """Mean torque of the Maxwell branch over a step at rest [N m], and its slope by the speed (F20) [N m s/rad]."""
-    _, p1, p2, _, _ = decay(h / (torque_scale * p.tau_m))
-    return p.k_m * memory[1] * p1, p.k_m * h * p2  # (F20)
-
-
-@kernel
 def mean_torque(p, torque_scale, memory, w, h):
-    F, slope = dahl.mean_torque(_spring(p), torque_scale, memory, w, h)
-    rest, damping = _branch(p, torque_scale, memory, h)
-    return F + rest + damping * w, slope + damping
+    F, slope = spring(p.sigma_0, torque_scale * p.F_c, memory[0], w, h)
+    _, p1, p2, _, _ = decay(h / (torque_scale * p.tau_m))
+    return F + p.k_m * (memory[1] * p1 + h * w * p2), slope + p.k_m * h * p2  # (F20)
 
 
 @kernel
 def solve(p, torque_scale, memory, S, R, h, w_guess):
-    rest, damping = _branch(p, torque_scale, memory, h)
-    return law_solve(_spring(p), torque_scale, memory, S + damping, R - rest, h, w_guess)
+    rest, _ = mean_torque(p, torque_scale, memory, 0.0, h)  # the branch relaxes within the step
+    return newton(p, torque_scale, memory, S, R, h, w_guess, rest)
 
 
 @kernel
 def advance(p, torque_scale, memory, w, h):
-    dahl.advance(_spring(p), torque_scale, memory, w, h)
+    z_g = torque_scale * p.F_c / p.sigma_0
+    memory[0] = displaced(memory[0], z_g, z_g, w, h)
     E, p1, _, _, _ = decay(h / (torque_scale * p.tau_m))
     memory[1] = memory[1] * E + h * w * p1  # (F20)
 
 
 @kernel
 def torque(p, torque_scale, memory, w):
-    return dahl.torque(_spring(p), torque_scale, memory, w) + p.k_m * memory[1]  # (F19)
+    return p.sigma_0 * held(memory[0], torque_scale * p.F_c / p.sigma_0) + p.k_m * memory[1]  # (F19)
 
 
 @kernel
 def rate(p, torque_scale, memory, w, out):
-    dahl.rate(_spring(p), torque_scale, memory, w, out)
+    out[0] = w - p.sigma_0 * abs(w) * memory[0] / (torque_scale * p.F_c)  # (F19)
     out[1] = w - memory[1] / (torque_scale * p.tau_m)  # (F19)
 
 
 @kernel
 def stored_energy(p, memory):
-    return dahl.stored_energy(_spring(p), memory) + 0.5 * p.k_m * memory[1] ** 2
+    return 0.5 * p.sigma_0 * memory[0] ** 2 + 0.5 * p.k_m * memory[1] ** 2
 
 
 register(

@@ -32,11 +32,11 @@ from steer_env.friction import defaults
 from steer_env.friction.identification.elements import Elements, elements_of
 from steer_env.friction.identification.problem import Problem
 from steer_env.friction.law import register
-from steer_env.friction.models import masing
 from steer_env.friction.numerics.bounds import within
 from steer_env.friction.numerics.check import not_negative, numbers, positive
 from steer_env.friction.numerics.frozen import frozen
 from steer_env.friction.numerics.kernel import kernel
+from steer_env.friction.virgin_curve import MAX_ELEMENTS, exponential, stiffnesses
 
 
 class GMS(NamedTuple):
@@ -79,16 +79,17 @@ def make(
         raise ValueError(f"F_s must be at least F_c = {F_c:g} N m, got {F_s:g}")
     if k is None and alpha is None:
         stiffness = defaults.SIGMA_0 if sigma_0 is None else positive("sigma_0", sigma_0)
-        springs = masing.make(F_c=F_c, x_c=F_c / (2.0 * stiffness), elements=elements)
-        ks, shares = springs.k, springs.k * springs.y / F_c
+        x, T = exponential(F_c, F_c / (2.0 * stiffness), 10 if elements is None else elements)
+        ks, _ = stiffnesses(x, T)
+        shares = ks * x / F_c
     elif k is None or alpha is None:
         raise ValueError(f"k and alpha must be given together, got {'alpha' if k is None else 'k'} alone")
     elif sigma_0 is not None or elements is not None:
         raise ValueError("give either k and alpha, or sigma_0 and elements, not both")
     else:
         ks, shares = numbers("k", k), numbers("alpha", alpha)
-    if ks.shape != shares.shape or ks.size > masing.MAX_ELEMENTS:
-        raise ValueError(f"k and alpha must hold 1 to {masing.MAX_ELEMENTS} values each, got {ks.size}, {shares.size}")
+    if ks.shape != shares.shape or ks.size > MAX_ELEMENTS:
+        raise ValueError(f"k and alpha must hold 1 to {MAX_ELEMENTS} values each, got {ks.size}, {shares.size}")
     if np.any(ks <= 0.0) or np.any(shares <= 0.0):
         raise ValueError(f"k and alpha must be positive, got {ks} and {shares}")
     if abs(shares.sum() - 1.0) > 1e-9:
