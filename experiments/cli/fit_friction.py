@@ -59,8 +59,8 @@ def _add_record(parser: argparse.ArgumentParser) -> None:
     text = "radius at which the force acts, 0.00796 for the rack of a compact: m and N become rad and N m [m]"
     group.add_argument("--lever", metavar="METRES", help=text)
     text = (
-        "stretch the record to the level [N m] and the pre-sliding distance [deg] of a steering column, for a record of "
-        "another contact whose shape is wanted: level=0.9,presliding_deg=0.516, which are those of the default laws"
+        "stretch a record of another contact, whose shape is wanted, to the level [N m] and the pre-sliding distance "
+        "[deg] of a steering column: level=0.9,presliding_deg=0.516, which are those of the default laws"
     )
     group.add_argument("--to-column", metavar="KEY=VALUE,...", nargs="?", const="", help=text)
     text = "of a record of a car: a channel that is known to be zero, motor_torque or rack_force; may be repeated"
@@ -72,6 +72,10 @@ def _add_fit(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("search")
     text = "starting points of the search for each law (default 3)"
     group.add_argument("--starts", metavar="N", type=whole_number(1), default=3, help=text)
+    text = "look for a better optimum of each law by differential evolution, which takes minutes"
+    group.add_argument("--global-search", action="store_true", help=text)
+    text = "seed of the draws of both (default 0)"
+    group.add_argument("--seed", metavar="N", type=whole_number(0), default=0, help=text)
 
 
 def _fit_friction(args: argparse.Namespace) -> None:
@@ -106,6 +110,7 @@ def _fit_friction(args: argparse.Namespace) -> None:
         car=car,
         friction={each.law: each.fit.parameters for each in found.laws if each.fit is not None},
         inputs=inputs.of(args),
+        seed=args.seed,
         mapping=mapping_of(0, args).plain(),
     )
     friction_fit_page.write(out, found, trace)
@@ -186,4 +191,4 @@ def _write_template(path: str, args: argparse.Namespace) -> None:
 
 def _options(args: argparse.Namespace) -> dict[str, Any]:
     """Arguments of ``friction.fit`` that the options give."""
-    return {}
+    return {"starts": args.starts, "global_search": args.global_search, "seed": args.seed}

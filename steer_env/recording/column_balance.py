@@ -52,9 +52,7 @@ def separated(
     missing = _missing(recording, zero)
     if missing:
         raise ValueError(f"the friction of a column cannot be separated: {'; '.join(missing)}")
-    used = [name for name in recording.channels if name in _USED]
-    recording = recording.without(*(name for name in recording.channels if name not in used))
-    recording, notes = uniform(recording)
+    recording, notes = uniform(recording.without(*(name for name in recording.channels if name not in _USED)))
     c, dt = car.column, 1.0 / recording.rate
 
     def smooth(name: str, values: Array) -> Array:
@@ -76,7 +74,12 @@ def separated(
     none = np.zeros_like(bar)
     motor, rack = (none if name in zero else recording[name] for name in MAY_BE_ZERO)
     friction = (
-        bar + c.C_tb * twist_speed + motor - car.steering["pinion_radius"] * rack - c.I2 * np.gradient(speed, dt) - c.C2 * speed
+        bar
+        + c.C_tb * twist_speed
+        + motor
+        - car.steering["pinion_radius"] * rack
+        - c.I2 * np.gradient(speed, dt)
+        - c.C2 * speed
     )  # (C2)
     told = f"friction of the column by the balance of torques with the parameters of {car.name}"
     known = [f"{name} is taken as zero" for name in zero]

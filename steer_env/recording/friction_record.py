@@ -71,7 +71,7 @@ class FrictionRecord:
     @property
     def time(self) -> Array:
         """Time of the samples (T,) [s]."""
-        return self.start + self.dt * np.arange(self.x.size)
+        return self.start + self.dt * np.arange(self.x.size, dtype=float)
 
     @property
     def of_a_column(self) -> bool:
@@ -132,7 +132,7 @@ def uniform(recording: Recording) -> tuple[Recording, tuple[str, ...]]:
         For a gap that is too long, or steps that differ too much.
     """
     whole = recording.bridged()
-    notes = ()
+    notes: tuple[str, ...] = ()
     closed = whole.time.size - recording.time.size
     empty = max((int(np.isnan(values).sum()) for values in recording.channels.values()), default=0)
     if closed or empty:
@@ -177,7 +177,8 @@ def from_recording(
         remedy.
     """
     named = _channels(recording)
-    recording, notes = uniform(replace(recording, **_only(recording, named)))
+    others = (name for name in recording.channels if name not in named.values())
+    recording, notes = uniform(recording.without(*others))
     dt = 1.0 / recording.rate
     friction = recording[named["friction"]]
     if "displacement" in named:
@@ -243,15 +244,6 @@ def check_units(record: FrictionRecord) -> None:
         )
 
 
-def _only(recording: Recording, named: Mapping[str, str]) -> dict[str, dict]:
-    """Channels and units of a recording without those that are not named."""
-    kept = [name for name in recording.channels if name in named.values()]
-    return {
-        "channels": {name: recording.channels[name] for name in kept},
-        "units": {name: recording.units[name] for name in kept},
-    }
-
-
 def _channels(recording: Recording) -> dict[str, str]:
     """Channel of ``FRICTION`` -> name in the recording; ValueError where one is missing or may be any of several."""
     named: dict[str, str] = {}
@@ -278,7 +270,10 @@ def _missing(recording: Recording, named: Mapping[str, str]) -> str:
     units = " or ".join(FRICTION[lacks])
     has = ", ".join(f"{name!r} [{unit}]" for name, unit in [*recording.units.items()][:12]) or "no channel with a unit"
     left = f"; not read: {recording.meta['not_read']}" if "not_read" in recording.meta else ""
-    remedy = f'name it with --map {lacks}="name in the file[unit]" or in a --mapping (--template writes one)'
+    remedy = (
+        f'name it with --map {lacks}="name in the file[unit]", or in a --mapping, which names every channel (--template '
+        "writes one)"
+    )
     text = f"no channel of the recording is known as the {lacks} [{units}]; it has {has}{left}: {remedy}"
     if any(name in recording.channels for name in OF_A_CAR):
         text += (

@@ -1,4 +1,4 @@
-"""Records of friction: every unit gives the same record, the sign is found, faults are told, a car's column separated."""
+"""Records of friction: one record in every unit, the sign is found, faults are told, a car's column is separated."""
 
 import numpy as np
 import pytest
@@ -54,7 +54,9 @@ def test_every_unit_gives_the_same_record(header, ticks, x, torque, tmp_path):
 
 def test_speed_in_place_of_the_displacement():
     speed = np.gradient(X, DT)
-    recording = Recording(T, {"displacement_speed": speed, "friction": F}, {"displacement_speed": "rad/s", "friction": "N m"})
+    recording = Recording(
+        T, {"displacement_speed": speed, "friction": F}, {"displacement_speed": "rad/s", "friction": "N m"}
+    )
     record = friction_record.from_recording(recording)
     np.testing.assert_allclose(record.x, X, atol=2e-5)
     assert "integral of 'displacement_speed'" in record.notes[-1]
