@@ -25,7 +25,7 @@ class Elements(NamedTuple):
 
 
 @kernel
-def _slider(x, levels, y, out):
+def _slider(x, levels, y, out):  # type: ignore[no-untyped-def]
     e = 0.0
     for i in range(1, x.size):
         e = within(e + x[i] - x[i - 1], -levels[i] * y, levels[i] * y)
@@ -72,7 +72,7 @@ def _not_negative(A: NDArray, T: NDArray, n: int) -> NDArray[np.float64]:
     from scipy.optimize import nnls  # imported here, because that takes longer than the import of all laws
 
     signed = np.column_stack([A, -A[:, n:], T])
-    R = np.linalg.qr(signed, mode="r")  # the same sum of squares in as many rows as columns
+    R = np.asarray(np.linalg.qr(signed, mode="r"))  # the same sum of squares in as many rows as columns
     F, _ = nnls(R[:, :-1], R[:, -1])
     factors = F[n : A.shape[1]] - F[A.shape[1] :]
     return np.append(F[:n], factors)

@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from steer_env.friction.identification.branches import Branches, branches_of, stiffness_of, weighed_of
 from steer_env.friction.identification.branches import BAND as SWING
+from steer_env.friction.identification.branches import Branches, branches_of, stiffness_of, weighed_of
 from steer_env.friction.identification.determined import Estimate, determined, linear
 from steer_env.friction.identification.displacement import BAND, motion_of, noise_of
 from steer_env.friction.identification.elements import Elements
@@ -119,8 +119,10 @@ def prepared(record: Record, inertia: float = 0.0) -> Prepared:
     clean = record._replace(x=path, torque=T)
     branches = branches_of(path, T, max(SWING * float(np.ptp(path)), BAND * noise))
     level = 0.5 * branches.swing
-    length = max(2.0 * level / stiffness_of(branches), 0.1 * float(np.median(np.abs(np.diff(path)))))
-    speed = float(np.sum(np.abs(np.diff(path)))) / max(np.count_nonzero(np.diff(path)), 1) / record.dt
+    steps = np.abs(np.diff(path))
+    moving = steps[steps > 0.0]
+    length = max(2.0 * level / stiffness_of(branches), 0.1 * float(np.median(moving)))
+    speed = float(np.mean(moving)) / record.dt
     return Prepared(clean, noise, branches, Scales(level, length, length / speed))
 
 

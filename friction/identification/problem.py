@@ -1,4 +1,4 @@
-"""A law and a record in the record's own scales: parameters that are sought, residuals, and the search for them (F31)."""
+"""A law and a record in the record's own scales: parameters that are sought, residuals, and the search (F31)."""
 
 import inspect
 import math
@@ -12,7 +12,7 @@ from steer_env.friction.law import Law
 from steer_env.friction.numerics.frozen import frozen
 from steer_env.friction.response import follow
 
-PRIOR = 3e-3  # weight of a coordinate's distance from its start, where nothing else tells it [1]
+PRIOR = 3e-4  # weight of a coordinate's distance from its start, where nothing else tells it [1]
 TRIES = 30  # steps of a search that only has to come near [1]
 SCREENED = 48  # sets drawn at random, of which the best are starts too
 PENALTY = 100.0  # on the way out of the range that the law allows [1]
@@ -99,11 +99,11 @@ class Space(NamedTuple):
         if _allowed(self.law, self.values(cut)):
             return self.law.make(**self.values(cut)), float(np.linalg.norm(q - cut))
         ends = [end for end in (self._moved(cut, axis) for axis in np.eye(q.size)) if end is not None]
-        ends = ends or [self._moved(cut, np.ones(q.size))]
-        edge = min((end for end in ends if end is not None), key=lambda end: float(np.linalg.norm(end - cut)))
+        everywhere = self._moved(cut, np.ones(q.size))
+        edge = min(ends, key=lambda end: float(np.linalg.norm(end - cut)), default=everywhere)
         return self.law.make(**self.values(edge)), float(np.linalg.norm(q - edge))
 
-    def _moved(self, q: NDArray, along: NDArray) -> NDArray[np.float64] | None:
+    def _moved(self, q: NDArray, along: NDArray) -> Any:
         """The first allowed set on the way to ``inside`` along some coordinates, None if there is none."""
         way = (self.inside - q) * along
         if not _allowed(self.law, self.values(q + way)):
@@ -227,14 +227,16 @@ def descended(problem: Problem, space: Space, q: NDArray, loss_scale: float, *, 
 def _jacobian(problem: Problem, space: Space, q: NDArray, scale: float) -> NDArray[np.float64]:
     """Derivatives of the weakened residuals, to the side that the law allows."""
     n = len(space.sought)
-    first = _soft(residuals(problem, space, q, 0.0), scale)
+    first = residuals(problem, space, q, 0.0)
+    root = np.sqrt(1.0 + (first / scale) ** 2)
+    weight = np.sqrt(0.5 * (1.0 + root)) / root  # derivative of :func:`_soft`
     columns = []
     for i in range(q.size):
         step = np.zeros(q.size)
         step[i] = 1e-6 * max(1.0, abs(q[i]))
         if space.made((q + step)[:n])[1] > space.made((q - step)[:n])[1]:
             step = -step
-        columns.append((_soft(residuals(problem, space, q + step, 0.0), scale) - first) / step[i])
+        columns.append(weight * (residuals(problem, space, q + step, 0.0) - first) / step[i])
     return np.column_stack(columns)
 
 

@@ -13,7 +13,7 @@ STRAIGHT = 0.01  # torque beside a straight line through displacement, of its ra
 
 
 class Record(NamedTuple):
-    """Displacement and torque at a constant rate, in any units; angles and torques here stand for lengths and forces."""
+    """Displacement and torque at a constant rate, in any units: lengths and forces serve as well [rad, N m, s, N]."""
 
     x: NDArray[np.float64]  # (T,) displacement [rad]
     torque: NDArray[np.float64]  # (T,) resists positive motion [N m]
@@ -58,11 +58,11 @@ def timed(time: ArrayLike, x: ArrayLike, torque: ArrayLike, load: ArrayLike | No
             f"time must ascend, got {t[i]:g} s at index {i} and {t[i + 1]:g} s after it: remove the repeated samples"
         )
     dt = float(np.median(steps))
-    uneven = np.abs(steps - dt) > max(UNEVEN, 2e-3 / dt * 0.0) * dt
+    uneven = np.abs(steps - dt) > UNEVEN * dt
     if np.any(uneven):
         i = int(np.argmax(uneven))
         raise ValueError(
-            f"time must be evenly spaced, got a step of {steps[i]:g} s at {t[i]:g} s where the median is {dt:g} s: cut the "
-            "record at the gap and fit the longer part, or resample it to even steps"
+            f"time must be evenly spaced, got a step of {steps[i]:g} s at {t[i]:g} s where the median is {dt:g} s: cut "
+            "the record at the gap and fit the longer part, or resample it to even steps"
         )
     return checked(x, torque, float((t[-1] - t[0]) / (t.size - 1)), load)

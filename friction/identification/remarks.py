@@ -2,8 +2,6 @@
 
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from steer_env.friction.identification.determined import Estimate
 from steer_env.friction.identification.problem import Problem
 from steer_env.friction.law import Law
