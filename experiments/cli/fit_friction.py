@@ -33,7 +33,7 @@ def add(commands: Any, common: argparse.ArgumentParser) -> None:
     parser.add_argument("--law", metavar="LAW", nargs="+", default=[ALL], help=text)
     text = "directory for index.html, fit.json and LAW.json, replaced as a whole (default friction_NAME)"
     parser.add_argument("--out", metavar="DIR", help=text)
-    text = "share of the record, its last part, that judges and is not fitted (default 0.4; 0: none)"
+    text = "share of the record, its last part, that judges and is not fitted (default 0.4, or 0 where too little would be fitted)"
     parser.add_argument("--held-out", metavar="SHARE", help=text)
     _add_reading(parser)
     _add_record(parser)
@@ -95,8 +95,9 @@ def _fit_friction(args: argparse.Namespace) -> None:
     laws = list(LAWS.available()) if args.law == [ALL] else list(dict.fromkeys(args.law))
     for law in laws:
         LAWS[law]  # refuses an unknown one with those that are known
-    held_out = friction_fit.HELD_OUT if args.held_out is None else read_number(args.held_out)
-    number("--held-out", held_out, minimum=0.0, maximum=0.9)
+    held_out = None
+    if args.held_out is not None:
+        held_out = number("--held-out", read_number(args.held_out), minimum=0.0, maximum=0.9)
     out = Path(args.out or f"friction_{name}")
     files.usable(out, friction_fit.contents())
     car = car_options.load(args) if car_options.given(args) else None

@@ -56,7 +56,7 @@ def collect(
     name: str,
     laws: Sequence[str],
     *,
-    held_out: float = HELD_OUT,
+    held_out: float | None = None,
     options: Mapping[str, Any] | None = None,
     notify: Callable[[float, str], None] = lambda part, text: None,
 ) -> Found:
@@ -69,8 +69,9 @@ def collect(
         Of the record, for readers.
     laws : sequence of str
         Names of laws.
-    held_out : float
-        Share of the record that judges; with 0 the whole record fits and judges [1].
+    held_out : float, optional
+        Share of the record that judges; with 0 the whole record fits and judges [1]. By default ``HELD_OUT``, or 0
+        where fewer than two reversals would remain to be fitted.
     options : mapping, optional
         Further arguments of ``friction.fit``.
     notify : callable
@@ -82,9 +83,11 @@ def collect(
         For units that are of no law, or a share that is not in 0 to 0.9.
     """
     check_units(record)
-    share = number("held_out", held_out, minimum=0.0, maximum=0.9)
     n = record.x.size
+    share = HELD_OUT if held_out is None else number("held_out", held_out, minimum=0.0, maximum=0.9)
     first = n - round(share * n) if share else 0
+    if held_out is None and friction_checks.turns(record.x[:first]).size < 2:
+        first = 0
     judging = slice(first, None)
     found = []
     for i, law in enumerate(laws):

@@ -167,6 +167,17 @@ def test_a_law_that_cannot_be_fitted_is_told_and_gives_no_file(capsys):
     assert sorted(path.name for path in Path("out").iterdir()) == ["fit.json", "index.html"]
 
 
+def test_one_way_from_rest_to_sliding_is_fitted_as_a_whole():
+    x = np.concatenate([np.zeros(100), 0.05 * np.linspace(0.0, 1.0, 1500)])
+    torque = friction.response(DAHL, x, DT) + NOISE[: x.size]
+    save(columns=(T[: x.size], np.degrees(x), -torque))
+    assert main(["fit-friction", "mine.csv", "--law", "dahl", "--out", "out"]) == 0
+    found = loaded("out/fit.json")
+    assert found["judged_from"] == 0.0
+    assert found["laws"]["dahl"]["friction"]["F_c"] == pytest.approx(DAHL.F_c, rel=0.02)
+    assert any("goes one way" in text for text in found["laws"]["dahl"]["warnings"])
+
+
 BAD = [
     (["nowhere.csv"], ["nowhere.csv", "No such file"]),
     (["mine.csv", "--law", "dahll"], ["dahll", "dahl"]),
