@@ -33,7 +33,7 @@ def add(commands: Any, common: argparse.ArgumentParser) -> None:
     parser.add_argument("--law", metavar="LAW", nargs="+", default=[ALL], help=text)
     text = "directory for index.html, fit.json and LAW.json, replaced as a whole (default friction_NAME)"
     parser.add_argument("--out", metavar="DIR", help=text)
-    text = "share of the record, its last part, that judges and is not fitted (default 0.4, or 0 where too little would be fitted)"
+    text = "share of the record, its last part, that judges and is not fitted (default 0.4; 0 where too little would be left)"
     parser.add_argument("--held-out", metavar="SHARE", help=text)
     _add_reading(parser)
     _add_record(parser)
@@ -44,6 +44,8 @@ def add(commands: Any, common: argparse.ArgumentParser) -> None:
 def _add_reading(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("reading")
     add_reading(group)
+    text = "samples a second that are fitted, where the record has many more than the motion needs (default: all)"
+    group.add_argument("--rate-hz", metavar="HZ", help=text)
     text = "write a mapping to fill in, which lists every column of DATA with its unit and range, and do no more"
     group.add_argument("--template", metavar="FILE.toml", help=text)
 
@@ -52,8 +54,10 @@ def _add_record(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("what the record is of")
     text = "1 where the friction is positive when it resists positive motion, -1 else (default: by the work it takes)"
     group.add_argument("--sign", type=int, choices=(1, -1), help=text)
-    text = "inertia that the sensor of the friction accelerates along [kg m2, or kg]"
+    text = "inertia that the sensor of the friction accelerates along, whose torque is subtracted [kg m2, or kg]"
     group.add_argument("--inertia", metavar="I", help=text)
+    text = "low-pass before the displacement is differentiated for the torque of inertia and damping [Hz] (default 10)"
+    group.add_argument("--cutoff-hz", metavar="HZ", help=text)
     text = "subtract the straight line along which the zero of the friction drifts"
     group.add_argument("--without-drift", action="store_true", help=text)
     text = "radius at which the force acts, 0.00796 for the rack of a compact: m and N become rad and N m [m]"
@@ -146,7 +150,12 @@ def _record(path: str, args: argparse.Namespace, car: "Car | None") -> "Friction
         raise ValueError("--zero is of a record of a car: give its --vehicle")
     inertia = 0.0 if args.inertia is None else number("--inertia", read_number(args.inertia), minimum=0.0)
     recording = read(path, 0, args)
-    kept = {"sign": args.sign, "without_drift": args.without_drift}
+    kept: dict[str, Any] = {"sign": args.sign, "without_drift": args.without_drift}
+    if args.cutoff_hz is not None:
+        kept["cutoff_hz"] = number("--cutoff-hz", read_number(args.cutoff_hz), minimum=0.0, above=True)
+    if args.rate_hz is not None:
+        rate = number("--rate-hz", read_number(args.rate_hz), minimum=0.0, above=True)
+        recording = recording.bridged().resampled(rate)
     if car is None:
         found = friction_record.from_recording(recording, inertia=inertia, **kept)
     elif inertia:

@@ -108,7 +108,7 @@ def _judged(record: FrictionRecord, law: str, fitting: slice, judging: slice, op
     part = record.part(fitting)
     nothing = (np.full(record.x.size, math.nan), (math.nan, math.nan, math.nan), False)
     try:
-        fit = friction.fit(part.x, part.friction, law, dt=part.dt, inertia=part.inertia, **options)
+        fit = friction.fit(part.x, part.friction, law, dt=part.dt, **options)
     except ValueError as error:
         return Judged(law, None, str(error), *nothing)
     curve = friction.response(fit.parameters, record.x, record.dt) + fit.offset

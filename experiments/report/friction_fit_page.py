@@ -142,7 +142,6 @@ def as_json(found: Found, trace: Mapping[str, Any]) -> dict[str, Any]:
             "start": r.start,
             "units": dict(r.units),
             "factors": dict(r.factors),
-            "inertia": r.inertia,
             "mean_friction": found.level,
             "period": None if own is None else own * r.dt,
             "repeats": found.repeats,

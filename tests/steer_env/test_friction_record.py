@@ -130,6 +130,16 @@ def test_a_stretched_record_has_the_scales_that_are_asked_for():
     assert own == pytest.approx((0.9, 0.9 / 150.0), rel=0.02)
 
 
+def test_the_torque_of_an_inertia_is_subtracted():
+    acceleration = -((2.0 * np.pi * 0.1) ** 2) * X
+    for sign in (1.0, -1.0):
+        recording = rig(torque=sign * (F + 20.0 * acceleration))
+        record = friction_record.from_recording(recording, inertia=20.0)
+        inside = slice(50, -50)  # the low-pass begins and ends
+        np.testing.assert_allclose(record.friction[inside], F[inside], atol=2e-3)
+    assert "20 kg m2 is subtracted" in record.notes[0]
+
+
 def test_a_sensor_at_its_end_and_a_drifting_zero_are_told():
     noisy = F + NOISE
     assert friction_record.from_recording(rig(torque=noisy)).notes == ()
