@@ -33,7 +33,7 @@ def add(commands: Any, common: argparse.ArgumentParser) -> None:
     parser.add_argument("--law", metavar="LAW", nargs="+", default=[ALL], help=text)
     text = "directory for index.html, fit.json and LAW.json, replaced as a whole (default friction_NAME)"
     parser.add_argument("--out", metavar="DIR", help=text)
-    text = "share of the record, its last part, that judges and is not fitted (default 0.4; 0 where too little would be left)"
+    text = "share of the record, its last part, that judges and is not fitted (default 0.4, where enough is left)"
     parser.add_argument("--held-out", metavar="SHARE", help=text)
     _add_reading(parser)
     _add_record(parser)

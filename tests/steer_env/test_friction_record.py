@@ -1,5 +1,7 @@
 """Records of friction: one record in every unit, the sign is found, faults are told, a car's column is separated."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -197,3 +199,28 @@ def test_what_a_car_has_to_measure_is_told(weave):
         column_balance.separated(weave, car, zero=["yaw_rate"])
     with refused(["give --vehicle NAME", "separated"]):
         friction_record.from_recording(weave.without("friction_torque"))
+
+
+ERRORS = {
+    "none": (0.0, 1.0, 0.002, 0.005),
+    "angle in steps, noise": (0.1, 1.0, 0.02, 0.2),
+    "motor 5 % too large": (0.1, 1.05, 0.06, 0.4),
+}
+
+
+@pytest.mark.parametrize(("step", "motor", "level", "stiffness"), ERRORS.values(), ids=ERRORS)
+def test_the_level_survives_the_errors_of_a_car(step, motor, level, stiffness):
+    """The table of docs/friction_measurement.md: errors of F_c and sigma_0 by those of the channels."""
+    car, true = cars.load("compact", changes={"steering.friction_load": 0.0}), friction.make("dahl", sigma_0=120.0)
+    run = manoeuvres.drive(car, manoeuvres.make("weave"), true).resampled(100.0).without("column_angle")
+    noise = np.random.default_rng(0)
+    channels = dict(run.channels)
+    if step:
+        for name, size in {"torsion_bar_torque": 0.02, "motor_torque": 0.1, "rack_force": 20.0}.items():
+            channels[name] = channels[name] + noise.normal(0.0, size, run.time.size)
+        channels["handwheel_angle"] = np.radians(step * np.round(np.degrees(channels["handwheel_angle"]) / step))
+    channels["motor_torque"] = motor * channels["motor_torque"]
+    record = column_balance.separated(replace(run, channels=channels), car)
+    found = friction.fit(record.x, record.friction, "dahl", dt=record.dt).parameters
+    assert found.F_c == pytest.approx(true.F_c, rel=level)
+    assert found.sigma_0 == pytest.approx(true.sigma_0, rel=stiffness)
