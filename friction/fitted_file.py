@@ -44,8 +44,8 @@ def read(path: str | os.PathLike[str]) -> dict[str, Any]:
     units = {**UNITS, **(data.get("units") or {})}
     if {name: units[name] for name in UNITS} != UNITS:
         raise ValueError(
-            f"{path} is of a record in {units['displacement']} and {units['torque']}, and a steering column turns in rad"
-            " and N m: fit it again with --lever METRES (the radius at which the force acts) or --to-column (the level "
+            f"{path} is of a record in {units['displacement']} and {units['torque']}, and a steering column needs rad "
+            "and N m: fit it again with --lever METRES (the radius at which the force acts) or --to-column (the level "
             "and the pre-sliding distance of a column)"
         )
     return dict(law)
