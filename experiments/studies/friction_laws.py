@@ -144,7 +144,8 @@ THIN = 4
 _SECOND = round(1.0 / SAMPLE_TIME)
 
 
-def _torsion_bar(car: Car, p: Any, assisted: bool, substeps: int) -> Array:
+def torsion_bar(car: Car, p: Any, assisted: bool = True, substeps: int = 1) -> Array:
+    """Torsion-bar torque from the start of the hold on, (T,) [N m]."""
     manoeuvre = manoeuvres.make("hold", torque=HELD_TORQUE)
     whole = manoeuvres.build_plant(car, manoeuvre, p)
     if not assisted:
@@ -155,22 +156,28 @@ def _torsion_bar(car: Car, p: Any, assisted: bool, substeps: int) -> Array:
     return record[round(RISE / SAMPLE_TIME) :, plant.CHANNEL["torsion_bar_torque"]]
 
 
+def ripple(torque: Array) -> tuple[float, float]:
+    """Ripple of a held torque and what lasts of it, as in :class:`Held`."""
+    settled = torque[round(SETTLING / SAMPLE_TIME) :]
+    return float(np.ptp(settled)), float(np.ptp(settled[-_SECOND:]) / np.ptp(settled[:_SECOND]))
+
+
 def held_torque(car: Car, law: str) -> list[Held]:
     """All held-torque tests of LuGre or Masing: with and without assist, both calibrations, every damper."""
     tests = []
     for state, calibration, ratio in product(ASSIST, CALIBRATIONS, DAMPING_RATIOS):
         p = held_law(law, calibration, ratio, car.column.I2)
-        coarse, fine = (_torsion_bar(car, p, state == "on", substeps) for substeps in (1, 10))
-        settled, settled_fine = (run[round(SETTLING / SAMPLE_TIME) :] for run in (coarse, fine))
+        coarse, fine = (torsion_bar(car, p, state == "on", substeps) for substeps in (1, 10))
+        span, lasting = ripple(coarse)
         tests.append(
             Held(
                 state,
                 calibration.title,
                 law,
                 ratio,
-                ripple=float(np.ptp(settled)),
-                ripple_fine=float(np.ptp(settled_fine)),
-                lasting=float(np.ptp(settled[-_SECOND:]) / np.ptp(settled[:_SECOND])),
+                ripple=span,
+                ripple_fine=ripple(fine)[0],
+                lasting=lasting,
                 torque=coarse[::THIN].copy(),
             )
         )
