@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from steer_env.friction import fitted_file
 from steer_env.friction.numerics.check import constructed, read_number
 from steer_env.friction.numerics.kernel import dispatch, kernel
 from steer_env.friction.numerics.registry import Registry
@@ -37,7 +38,7 @@ class Law(NamedTuple):
     solve: Callable
 
 
-TEXT = "LAW[,key=value...], a list of numbers as a:b:c"  # a law as text
+TEXT = "LAW[,key=value...], a list of numbers as a:b:c, or a fitted FILE.json"  # a law as text
 EXAMPLE = {"law": "lugre", "F_c": 1.2}  # a law as a mapping
 LAWS: Registry[Law] = Registry("friction law", "steer_env.friction.models")
 
@@ -176,8 +177,9 @@ def resolve(friction: Any) -> Any:
     ----------
     friction : str, mapping or parameters
         The name of a law, for its defaults; a name with parameters as the command line takes it, ``"lugre,F_c=1.2"``,
-        a list of numbers as ``a:b:c``; a mapping, ``{"law": "lugre", "F_c": 1.2}``; or parameters from :func:`make`,
-        which are returned unchanged.
+        a list of numbers as ``a:b:c``; the name of a file with a fitted law, which ends in ``.json``
+        (:mod:`steer_env.friction.fitted_file`); a mapping, ``{"law": "lugre", "F_c": 1.2}``; or parameters from
+        :func:`make`, which are returned unchanged.
 
     Raises
     ------
@@ -189,6 +191,8 @@ def resolve(friction: Any) -> Any:
 
 def parts(friction: Any) -> tuple[str, dict[str, Any]]:
     """Name of the law and the parameters that are given, from a form of :func:`resolve`; they are not checked."""
+    if fitted_file.named(friction):
+        friction = fitted_file.read(friction)
     if isinstance(friction, str):
         name, *pairs = friction.split(",")
         given: dict[str, Any] = {}
