@@ -1,4 +1,4 @@
-from . import models
+from . import level, models
 from .identify import Fit, fit
 from .law import Law, as_mapping, available, law_of, make, register, resolve
 from .response import response
@@ -10,6 +10,7 @@ __all__ = [
     "available",
     "fit",
     "law_of",
+    "level",
     "make",
     "models",
     "register",
