@@ -30,6 +30,7 @@ class Law(NamedTuple):
     memory_size: Callable[[Any], int]
     fitted: tuple[str, ...] | Callable
     units: Mapping[str, str]
+    steepest_fall: Callable[[Any, float, float], float]
     advance: Callable
     torque: Callable
     rate: Callable
@@ -72,6 +73,7 @@ def register(
     solve: Callable | None = None,
     fitted: tuple[str, ...] | Callable = (),
     units: Mapping[str, str] | None = None,
+    steepest_fall: Callable[[Any, float, float], float] | None = None,
 ) -> None:
     """Make a law known under a name; one call at the end of the law's file.
 
@@ -106,6 +108,10 @@ def register(
         ``steer_env.friction.identify.Fit`` holds.
     units : mapping, optional
         Unit of each field of ``parameters``: ``{"sigma_0": "N m/rad"}``; ``"1"`` for a pure number.
+    steepest_fall : ``(p, torque_scale, h) -> float``, optional
+        The largest decrease of the mean torque over ``h`` with the speed ``w`` [N m s/rad], over every memory and
+        speed: a Stribeck curve has one. The step equation has a single solution where ``S`` is larger, and a plant for
+        which it is not is refused. 0 by default: a law whose mean torque never falls. Plain Python, not a kernel.
 
     Raises
     ------
@@ -125,6 +131,7 @@ def register(
         memory_size=memory_size or (lambda p: 0),
         fitted=fitted,
         units=dict(units or {}),
+        steepest_fall=steepest_fall or (lambda p, torque_scale, h: 0.0),
         advance=advance or _no_advance,
         torque=torque,
         rate=rate or _no_rate,
