@@ -39,6 +39,7 @@ class Section(NamedTuple):
     limits: str
     pictures: Sequence[Picture] = ()
     tables: Sequence[Table] = ()
+    measured: bool = False  # whether it has computing times, which differ from one run to the next
 
 
 class Page(NamedTuple):
@@ -49,6 +50,7 @@ class Page(NamedTuple):
     lead: str
     verdict: Sequence[str]  # sentences to quote
     sections: Sequence[Section]
+    timing: Sequence[str] = ()  # sentences of the verdict that rest on computing times
 
 
 def contents(name: str) -> frozenset[str]:
@@ -80,7 +82,7 @@ def write(out: Path, page: Page, data: Mapping[str, Any], trace: Mapping[str, An
     template = environment("steer_env.experiments.studies").get_template("study.html.j2")
     command = shlex.join(["steer-env", *trace["command"]]) if "command" in trace else ""
     text = template.render(page=page, image=image, trace=trace, command=command)
-    verdict = {"verdict": list(page.verdict)}
+    verdict = {"verdict": list(page.verdict)}  # without what rests on times, so that a rerun gives the same
     with replaced_directory(out, contents(page.name)) as part:
         (part / "index.html").write_text(embedded(text, trace), encoding="utf-8")
         write_json(part / f"{page.name}.json", {**verdict, **data, "trace": trace})
