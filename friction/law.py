@@ -31,6 +31,8 @@ class Law(NamedTuple):
     fitted: tuple[str, ...] | Callable
     units: Mapping[str, str]
     steepest_fall: Callable[[Any, float, float], float]
+    relaxes: bool
+    modes: Callable[[Any], int]
     advance: Callable
     torque: Callable
     rate: Callable
@@ -74,6 +76,8 @@ def register(
     fitted: tuple[str, ...] | Callable = (),
     units: Mapping[str, str] | None = None,
     steepest_fall: Callable[[Any, float, float], float] | None = None,
+    relaxes: bool = False,
+    modes: Callable[[Any], int] | None = None,
 ) -> None:
     """Make a law known under a name; one call at the end of the law's file.
 
@@ -112,6 +116,11 @@ def register(
         The largest decrease of the mean torque over ``h`` with the speed ``w`` [N m s/rad], over every memory and
         speed: a Stribeck curve has one. The step equation has a single solution where ``S`` is larger, and a plant for
         which it is not is refused. 0 by default: a law whose mean torque never falls. Plain Python, not a kernel.
+    relaxes : bool
+        Whether a loaded memory gives way at rest, as a spring in series with a damper does; every other law holds it.
+    modes : callable, optional
+        Parameters -> how many floats at the end of the memory tell modes, such as sticking and slipping. They change in
+        jumps within a step, and ``rate`` writes zero for them; none by default.
 
     Raises
     ------
@@ -132,6 +141,8 @@ def register(
         fitted=fitted,
         units=dict(units or {}),
         steepest_fall=steepest_fall or (lambda p, torque_scale, h: 0.0),
+        relaxes=relaxes,
+        modes=modes or (lambda p: 0),
         advance=advance or _no_advance,
         torque=torque,
         rate=rate or _no_rate,

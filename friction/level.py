@@ -92,7 +92,7 @@ def both(L):
 
 
 @kernel
-def chosen(p, scales, memory, R, h):
+def chosen(p, scales, memory, R):
     """The scale with which a law takes a step that ``R`` drives; the memory is cut back to what break-away allows.
 
     Parameters
@@ -102,8 +102,6 @@ def chosen(p, scales, memory, R, h):
     memory : (M,) array
     R : float
         Of the step equation [N m]; plus or minus infinity where the motion is prescribed.
-    h : float
-        Step [s].
     """
     positive, negative = scales.positive, scales.negative
     if positive == negative:
@@ -112,7 +110,7 @@ def chosen(p, scales, memory, R, h):
     rest = torque(p, held, memory, 0.0)
     if rest != 0.0:
         held = positive if rest > 0.0 else negative
-        advance(p, held, memory, 0.0, h)
+        advance(p, held, memory, 0.0, 0.0)  # no motion and no time: only the cut
         rest = torque(p, held, memory, 0.0)
     if R == rest:
         return held

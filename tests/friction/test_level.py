@@ -44,7 +44,7 @@ def test_bad_values(given, message):
 
 
 def step(p, scales, memory, S, R, h, w_guess):
-    return law.step(p, level.chosen(p, scales, memory, R, h), memory, S, R, h, w_guess)
+    return law.step(p, level.chosen(p, scales, memory, R), memory, S, R, h, w_guess)
 
 
 @pytest.mark.parametrize("name", LAWS)
@@ -93,7 +93,7 @@ def test_the_motion_takes_the_side_of_its_scale(name):
     @given(moves, sides, log(-2, 4), signed(log(-3, 2)), log(-4, -2))
     def holds(history, scales, S, R, h):
         memory = after(p, history, max(scales))
-        used = level.chosen(p, scales, memory, R, h)
+        used = level.chosen(p, scales, memory, R)
         rest = law.torque(p, used, memory, 0.0)
         w, _ = law.step(p, used, memory, S, R, h, 0.0)
         assert w * (R - rest) >= 0.0
@@ -172,5 +172,5 @@ def test_plain_python_chooses_alike():
     p, memory = friction.make("dahl"), np.array([0.02])
     other = memory.copy()
     scales = level.Scales(2.0, 0.5)
-    assert level.chosen(p, scales, memory, -1.0, 1e-3) == plain(level.chosen)(p, scales, other, -1.0, 1e-3) == 2.0
+    assert level.chosen(p, scales, memory, -1.0) == plain(level.chosen)(p, scales, other, -1.0) == 2.0
     assert memory == other
