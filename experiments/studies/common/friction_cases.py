@@ -1,7 +1,7 @@
 """One factor of the friction at a time: the cases of the friction study, and what each changes in the test battery.
 
 Every case is a change of one thing against the base of its factor: the law, its level, its pre-sliding distance, its
-micro-damping, the step length, the site where friction acts, or the assist. The base of most factors is LuGre with the
+micro-damping, the step length, the site where friction acts, its level by load, direction or temperature, or the assist. The base of most factors is LuGre with the
 default calibration.
 """
 
@@ -24,6 +24,7 @@ from steer_env.metrics import Value
 from steer_env.metrics.common import just_noticeable
 from steer_env.metrics.common.filtered_channels import ANGLE, TORQUE
 from steer_env.recording.recording import Recording
+from steer_env.vehicle import step_limit
 from steer_env.vehicle.cars import Car
 from steer_env.vehicle.steering.eps import SAMPLE_TIME, without_assist
 
@@ -33,9 +34,12 @@ BASE_LAW, BASE = "lugre", "base"
 LAW, MEASURED, UNASSISTED = "law", "law, measured calibration", "law, without assist"
 LEVEL, PRESLIDING, DAMPING = "level", "pre-sliding distance", "micro-damping"
 STEP, SITE, LOAD = "step length", "site", "load"
+DIRECTION, TEMPERATURE = "direction", "temperature"
 LEVELS = (2.0 / 3.0, 4.0 / 3.0)  # of the default F_c: 0.6 and 1.2 N m, within the preloads of workshop manuals
 DISTANCES = (0.5, 2.0)  # of the default F_c/sigma_0: 0.26 and 1.03 deg; assumed
 DAMPERS = (0.0, 0.25, 2.0)  # of the default sigma_1; the range of damping ratios is 0 to 0.9; assumed
+ASYMMETRIES = (0.1, 0.3)  # of the friction's level by direction; assumed [1]
+COLD, RATE = -30.0, 0.01  # temperature below that of the calibration [K], and decrease of friction by it [1/K]; assumed
 SUBSTEPS = (2, 4)  # steps in a sample of 1 ms
 COLUMN_FRICTION = 0.15  # above the torsion bar: column bearings and shaft, 0.1 to 0.2 N m; assumed [N m]
 DRIVER_TASKS = ("steer_env/AssistLaneKeeping-v1", "steer_env/AssistWeave-v1")  # a driver with arms in the loop
@@ -50,6 +54,7 @@ class Case(NamedTuple):
     friction: Any  # parameters of the law below the torsion bar
     above: Any = None  # parameters of a law above the torsion bar
     load: float = 1.0  # factor on the part of the friction that grows with the rack force [1]
+    conditions: tuple[tuple[str, float], ...] = ()  # fields of steer_env.friction.level.Level and their values
     substeps: int = 1
     assist: bool = True
 
@@ -90,7 +95,12 @@ def cases(laws: Mapping[str, Any], measured: Mapping[str, Any]) -> list[Case]:
         Case(SITE, "half moved above the torsion bar", base, *_split(p, 0.5)),
     ]
     found += [Case(LOAD, text, base, p, load=part) for text, part in (("none by load", 0.0), ("twice by load", 2.0))]
-    return found
+    found += [
+        Case(DIRECTION, f"{100 * part:g} % more to the left", base, p, conditions=(("asymmetry", part),))
+        for part in ASYMMETRIES
+    ]
+    cold = (("temperature_rate", RATE), ("temperature_rise", COLD))
+    return [*found, Case(TEMPERATURE, f"{COLD:g} K", base, p, conditions=cold)]
 
 
 def _split(p: Any, share: float) -> tuple[Any, Any]:
@@ -110,7 +120,8 @@ def recording(case: Case, car: Car, manoeuvre: manoeuvres.Manoeuvre, p: Any) -> 
         For friction above the torsion bar in a manoeuvre with free hands, and as :func:`manoeuvres.drive`.
     """
     whole = build_plant(car, manoeuvre, p)
-    whole = whole._replace(friction_load=case.load * whole.friction_load)
+    level = whole.level._replace(load=case.load * whole.level.load, **dict(case.conditions))
+    whole = step_limit.checked(whole._replace(level=level))
     if not case.assist:
         whole = whole._replace(assist=without_assist(whole.assist))
     found = drive_plant(car, whole, manoeuvre, substeps=case.substeps)
