@@ -32,7 +32,9 @@ def read(path: str | os.PathLike[str]) -> dict[str, Any]:
     try:
         data = json.loads(Path(path).read_text(encoding="utf-8"))
     except OSError as error:
-        raise ValueError(f"{path}: {error.strerror}: friction takes a file that 'steer-env fit-friction' wrote") from None
+        raise ValueError(
+            f"{path}: {error.strerror}: friction takes a file that 'steer-env fit-friction' wrote"
+        ) from None
     except ValueError as error:
         raise ValueError(f"{path} is no JSON: {error}") from None
     law = data.get("friction", data) if isinstance(data, Mapping) else None

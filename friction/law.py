@@ -30,7 +30,7 @@ class Law(NamedTuple):
     memory_size: Callable[[Any], int]
     fitted: tuple[str, ...] | Callable
     units: Mapping[str, str]
-    steepest_fall: Callable[[Any, float, float], float]
+    steepest_fall: Callable[[Any, float, float], float]  # of parameters, torque scale, step [N m s/rad]
     relaxes: bool
     modes: Callable[[Any], int]
     advance: Callable
@@ -105,13 +105,13 @@ def register(
     solve : ``(p, torque_scale, memory, S, R, h, w_guess) -> float``, optional
         The speed ``w`` that solves ``S w + mean_torque(w) = R``. A law without this function is solved by a safeguarded
         Newton iteration on ``mean_torque``, which starts at ``w_guess``.
-    fitted : tuple of str, or ``(x, torque, dt, weighed) -> (parameters, offset, intervals)``, optional
-        For ``friction.fit``: the names of the positive parameters that a quasi-static record determines, where
-        ``F_c`` is the saturated torque and ``sigma_0`` half the stiffness after a saturated reversal. Or a function
-        of the law's own, from the record and the samples that count, ``(T,)`` bool, to what
-        ``steer_env.friction.identify.Fit`` holds.
+    fitted : tuple of str, or ``(problem) -> (parameters, elements)``, optional
+        For ``friction.fit``. A tuple names the parameters without which a fit makes no sense. A law with arrays gives a
+        function from a ``steer_env.friction.identification.problem.Problem`` to a set of parameters with these arrays,
+        and to ``Elements``; the scalars are then sought as those of every law.
     units : mapping, optional
-        Unit of each field of ``parameters``: ``{"sigma_0": "N m/rad"}``; ``"1"`` for a pure number.
+        Unit of each field of ``parameters``: ``{"sigma_0": "N m/rad"}``; ``"1"`` for a pure number. ``friction.fit``
+        scales by it.
     steepest_fall : ``(p, torque_scale, h) -> float``, optional
         The largest decrease of the mean torque over ``h`` with the speed ``w`` [N m s/rad], over every memory and
         speed: a Stribeck curve has one. The step equation has a single solution where ``S`` is larger, and a plant for

@@ -16,7 +16,20 @@ from steer_env.friction.numerics.renamed import REMOVED_IN
 
 
 @kernel
-def _follow(p, scales, memory, x, dt, out):
+def follow(p, scales, memory, x, dt, out):
+    """Write the torque at each sample of a displacement into ``out``; the memory is changed.
+
+    Parameters
+    ----------
+    p : parameters of a law
+    scales : (T, 2) array
+        Factors on the saturated friction, of positive and of negative motion [1].
+    x, out : (T,) arrays
+        Displacement [rad], torque [N m].
+    memory : (M,) array
+    dt : float
+        Time between samples [s].
+    """
     for i in range(1, x.size):
         w = (x[i] - x[i - 1]) / dt
         torque_scale = chosen(p, Scales(scales[i, 0], scales[i, 1]), memory, math.inf * w if w != 0.0 else 0.0)
@@ -63,7 +76,7 @@ def response(
     path = numbers("x", x)
     scales = _scales(friction_torque_scale, path.size)
     out = np.zeros_like(path)
-    _follow(p, scales, np.zeros(law_of(p).memory_size(p)), path, positive("dt", dt), out)
+    follow(p, scales, np.zeros(law_of(p).memory_size(p)), path, positive("dt", dt), out)
     return out
 
 

@@ -29,6 +29,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from steer_env.friction import defaults
+from steer_env.friction.identification.elements import Elements, elements_of
+from steer_env.friction.identification.problem import Problem
 from steer_env.friction.law import register
 from steer_env.friction.models import masing
 from steer_env.friction.numerics.bounds import within
@@ -214,7 +216,7 @@ def stored_energy(p, memory):
 
 
 def steepest_fall(p: GMS, torque_scale: float, h: float) -> float:
-    """Bound of the fall of the mean torque with the speed [N m s/rad].
+    """Bound of the fall of the mean torque with the speed (F18) [N m s/rad].
 
     It is that of the level, times what an element adds that decays to it from break-away: with r the excess over the
     level, ``1 - exp(-x) (1 - r x)`` is at most ``1 + r exp(-1 - 1/r)``.
@@ -223,7 +225,17 @@ def steepest_fall(p: GMS, torque_scale: float, h: float) -> float:
     if r == 0.0:
         return 0.0
     fall = torque_scale * (p.F_s - p.F_c) * math.sqrt(2.0 / math.e) / p.v_s
-    return max(fall * (1.0 + r * math.exp(-1.0 - 1.0 / r)) - p.sigma_2, 0.0)
+    return max(fall * (1.0 + r * math.exp(-1.0 - 1.0 / r)) - p.sigma_2, 0.0)  # (F18)
+
+
+def fit_elements(problem: Problem) -> tuple[GMS, Elements]:
+    """Elements from a record, and what :func:`steer_env.friction.identification.elements.elements_of` tells of them.
+
+    They have a level without a Stribeck effect, from which the search for the other parameters begins.
+    """
+    found = elements_of(problem)
+    F_c = float(found.F.sum())
+    return make(k=found.F / found.y, alpha=found.F / F_c, F_c=F_c, F_s=F_c), found
 
 
 register(
@@ -238,7 +250,7 @@ register(
     stored_energy=stored_energy,
     mean_torque=mean_torque,
     steepest_fall=steepest_fall,
-    fitted=("sigma_0", "F_c"),
+    fitted=fit_elements,
     units={
         "k": "N m/rad",
         "alpha": "1",

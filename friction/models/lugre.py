@@ -140,7 +140,7 @@ def steepest_fall(p: LuGre, torque_scale: float, h: float) -> float:
     """
     if p.F_s == p.F_c:
         return 0.0
-    w = p.v_s * np.geomspace(1e-4, 6.0, 2000)
+    w = p.v_s * np.geomspace(1e-3, 6.0, 400)
     bump = torque_scale * (p.F_s - p.F_c) * np.exp(-((w / p.v_s) ** 2))
     G = torque_scale * p.F_c + bump
     a, r = 2.0 * w / p.v_s**2 * bump, (torque_scale * p.F_s - G) / G  # (F14)

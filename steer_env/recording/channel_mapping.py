@@ -74,6 +74,10 @@ class Mapping:
         """The mapping with further entries, which replace those of the same channel; for flags on the command line."""
         return replace(self, channels={**self.channels, **{entry.name: entry for entry in entries}})
 
+    def plain(self) -> dict[str, Any]:
+        """The mapping as text, numbers and mappings, for the trace of a result."""
+        return {"channels": {name: entry._asdict() for name, entry in self.channels.items()}, "meta": self.meta}
+
 
 def load(path: str | PathLike[str]) -> Mapping:
     """A mapping from a TOML file.

@@ -76,7 +76,12 @@ def separated(
     none = np.zeros_like(bar)
     motor, rack = (none if name in zero else recording[name] for name in MAY_BE_ZERO)
     friction = (
-        bar + c.C_tb * twist_speed + motor - car.steering["pinion_radius"] * rack - c.I2 * np.gradient(speed, dt) - c.C2 * speed
+        bar
+        + c.C_tb * twist_speed
+        + motor
+        - car.steering["pinion_radius"] * rack
+        - c.I2 * np.gradient(speed, dt)
+        - c.C2 * speed
     )  # (C2)
     told = f"friction of the column by the balance of torques with the parameters of {car.name}"
     known = [f"{name} is taken as zero" for name in zero]

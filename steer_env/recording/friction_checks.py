@@ -15,6 +15,7 @@ BAND = 0.05  # of the travel: a smaller swing is no reversal [1]
 LEAST_WORK = 0.1  # net work over the sum of its magnitudes, below which a record has no sign [1]
 CONCAVE = 0.35  # of a branch's rise that friction has reached at half its way, at least [1]; a straight line has 0.5
 CLIPPED = 20  # samples in a row at the largest value that are taken for a sensor at its end
+NOISY = 1e-3  # noise of a sensor's signal over its range, at least [1]
 DRIFT = 0.03  # of the level: a smaller drift of the zero is not told [1]
 ALIKE = 0.9  # correlation of the displacement with itself one period later, at least [1]
 
@@ -42,10 +43,10 @@ def moving(x: Array) -> NDArray[np.int_]:
 
 
 def middle(x: Array, friction: Array) -> float:
-    """The friction midway between its medians in either direction; the median where it moves in one only."""
+    """The friction midway between its medians in either direction; where it moves in one only, that at the start."""
     way = moving(x)
     sides = [np.median(friction[way == side]) for side in (1, -1) if np.any(way == side)]
-    return float(np.mean(sides)) if sides else float(np.median(friction))
+    return float(np.mean(sides)) if len(sides) == 2 else float(friction[0])
 
 
 def sign(x: Array, friction: Array) -> float:
@@ -87,21 +88,31 @@ def check_columns(x: Array, friction: Array) -> None:
 
 
 def clipped(friction: Array) -> str | None:
-    """A note where the friction stays at exactly its largest or smallest value while it varies elsewhere."""
+    """A note where the friction stays at exactly its largest or smallest value though it is noisy elsewhere."""
+    if _noise(friction) < NOISY * np.ptp(friction):
+        return None  # a law's own plateau is as flat
     for side, name in ((1.0, "largest"), (-1.0, "smallest")):
         end = (side * friction).max()
         at_end = side * friction == end
         edges = np.flatnonzero(np.diff(np.concatenate([[0], at_end.astype(int), [0]])))
         longest = int(np.max(edges[1::2] - edges[::2]))
-        others = side * friction[~at_end]
-        # The sensor resolves more than the step from the end to the next value, as it does not at coarse steps.
-        fine = others.size > 0 and np.unique(others[others > 0.9 * end]).size > CLIPPED
-        if longest >= CLIPPED and fine:
+        if longest >= CLIPPED:
             return (
                 f"the friction stays at its {name} value, {side * end:g}, for {longest} samples in a row: the sensor is"
                 " at the end of its range, which makes the level a lower bound. Measure with a larger range"
             )
     return None
+
+
+def _noise(values: Array) -> float:
+    """Standard deviation of white noise on a smooth history between its ends, by the third differences.
+
+    They have 20 times its variance. Zero where few samples lie between the ends.
+    """
+    between = (values > values.min()) & (values < values.max())
+    whole = between[3:] & between[2:-1] & between[1:-2] & between[:-3]
+    there = np.abs(np.diff(values, 3))[whole]
+    return 1.4826 * float(np.median(there)) / math.sqrt(20.0) if there.size > CLIPPED else 0.0
 
 
 def drift(t: Array, x: Array, friction: Array) -> tuple[float, float]:
@@ -167,5 +178,7 @@ def scales(x: Array, friction: Array) -> Scales:
         if branch[0] < 0.0 and np.any(branch > 0.0):
             distances.append(abs(x[a + int(np.argmax(branch > 0.0))] - x[a]))
     if not distances or sliding.size == 0:
-        raise ValueError("after no reversal does the friction change sides: record strokes that slide in both directions")
+        raise ValueError(
+            "after no reversal does the friction change sides: record strokes that slide in both directions"
+        )
     return Scales(float(np.median(sliding)), float(np.median(distances)) / math.log(2.0))

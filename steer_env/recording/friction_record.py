@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from steer_env.friction import defaults
+from steer_env.friction import defaults, fitted_file
 from steer_env.friction.numerics.check import not_negative, positive
 from steer_env.recording import friction_checks as checks
 from steer_env.recording.channel_mapping import FRICTION
@@ -73,6 +73,17 @@ class FrictionRecord:
         """Time of the samples (T,) [s]."""
         return self.start + self.dt * np.arange(self.x.size)
 
+    @property
+    def of_a_column(self) -> bool:
+        """Whether its laws are in rad and N m, as those that drive a steering column are."""
+        return dict(self.units) == fitted_file.UNITS
+
+    def part(self, samples: slice) -> "FrictionRecord":
+        """The record of some of its samples, one after the other."""
+        load = None if self.load is None else self.load[samples]
+        start = float(self.time[samples][0])
+        return replace(self, x=self.x[samples], friction=self.friction[samples], load=load, start=start)
+
     def with_lever(self, radius: float) -> "FrictionRecord":
         """The record of a force at a radius [m] as torque and angle; a load stays as it is."""
         radius = positive("lever", radius)
@@ -81,7 +92,7 @@ class FrictionRecord:
         found = self._scaled(
             1.0 / radius if given["displacement"] == "m" else 1.0, radius if given["torque"] == "N" else 1.0, told
         )
-        return replace(found, units={"displacement": "rad", "torque": "N m"})
+        return replace(found, units=fitted_file.UNITS)
 
     def to_column(
         self, level: float = defaults.F_C, distance: float = defaults.F_C / defaults.SIGMA_0
@@ -98,7 +109,7 @@ class FrictionRecord:
             f"{own.distance:.4g} {u['displacement']} became {math.degrees(distance):.3g} deg; the time is as recorded"
         )
         found = self._scaled(positive("distance", distance) / own.distance, positive("level", level) / own.level, told)
-        return replace(found, units={"displacement": "rad", "torque": "N m"})
+        return replace(found, units=fitted_file.UNITS)
 
     def _scaled(self, displacement: float, torque: float, told: str) -> "FrictionRecord":
         old = self.factors
@@ -265,7 +276,7 @@ def _missing(recording: Recording, named: Mapping[str, str]) -> str:
     """What a recording lacks, what it has, and what to do."""
     lacks = "friction" if "friction" not in named else "displacement"
     units = " or ".join(FRICTION[lacks])
-    has = ", ".join(f"{name!r} [{unit}]" for name, unit in recording.units.items()) or "no channel with a unit"
+    has = ", ".join(f"{name!r} [{unit}]" for name, unit in [*recording.units.items()][:12]) or "no channel with a unit"
     left = f"; not read: {recording.meta['not_read']}" if "not_read" in recording.meta else ""
     remedy = f'name it with --map {lacks}="name in the file[unit]" or in a --mapping (--template writes one)'
     text = f"no channel of the recording is known as the {lacks} [{units}]; it has {has}{left}: {remedy}"

@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 from steer_env import friction
 from steer_env.friction import law, level
 from steer_env.friction.numerics.kernel import plain
-from tests.friction.contracts import after, at_rest, log, moves, signed, steps
+from steer_env.testing.histories import after, at_rest, log, moves, signed, steps
 
 LAWS = friction.available()
 few = settings(max_examples=60, derandomize=True, deadline=None, database=None)
