@@ -45,7 +45,7 @@ class Judged(NamedTuple):
 
 def rig() -> friction_record.FrictionRecord:
     """The packaged record of a reciprocating rig, stretched to a steering column."""
-    entry = resources("steer_env.experiments").joinpath("data", "friction", "reciprocating_rig.csv.gz")
+    entry = resources("steer_env.experiments").joinpath("data", "friction", "rig.csv.gz")
     with as_file(entry) as path:
         recording = files.read(path)
     return friction_record.from_recording(recording).to_column()
