@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from steer_env.friction import fitted_file
 from steer_env.friction.numerics.check import constructed, read_number
 from steer_env.friction.numerics.kernel import dispatch, kernel
 from steer_env.friction.numerics.registry import Registry
@@ -29,6 +30,9 @@ class Law(NamedTuple):
     memory_size: Callable[[Any], int]
     fitted: tuple[str, ...] | Callable
     units: Mapping[str, str]
+    steepest_fall: Callable[[Any, float, float], float]  # of parameters, torque scale, step [N m s/rad]
+    relaxes: bool
+    modes: Callable[[Any], int]
     advance: Callable
     torque: Callable
     rate: Callable
@@ -37,7 +41,7 @@ class Law(NamedTuple):
     solve: Callable
 
 
-TEXT = "LAW[,key=value...], a list of numbers as a:b:c"  # a law as text
+TEXT = "LAW[,key=value...], a list of numbers as a:b:c, or a fitted FILE.json"  # a law as text
 EXAMPLE = {"law": "lugre", "F_c": 1.2}  # a law as a mapping
 LAWS: Registry[Law] = Registry("friction law", "steer_env.friction.models")
 
@@ -71,6 +75,9 @@ def register(
     solve: Callable | None = None,
     fitted: tuple[str, ...] | Callable = (),
     units: Mapping[str, str] | None = None,
+    steepest_fall: Callable[[Any, float, float], float] | None = None,
+    relaxes: bool = False,
+    modes: Callable[[Any], int] | None = None,
 ) -> None:
     """Make a law known under a name; one call at the end of the law's file.
 
@@ -99,12 +106,17 @@ def register(
         The speed ``w`` that solves ``S w + mean_torque(w) = R``. A law without this function is solved by a safeguarded
         Newton iteration on ``mean_torque``, which starts at ``w_guess``.
     fitted : tuple of str, or ``(problem) -> (parameters, elements)``, optional
-        For ``friction.fit``. A tuple names the parameters without which a fit makes no sense. A law with arrays gives a
-        function from a ``steer_env.friction.identification.problem.Problem`` to a set of parameters with these arrays,
-        and to ``Elements``; the scalars are then sought as those of every law.
+        For ``friction.fit``: the parameters without which it makes no sense; or, of a law with arrays, a function from
+        an ``identification.problem.Problem`` to a set with these arrays, and to ``Elements``.
     units : mapping, optional
-        Unit of each field of ``parameters``: ``{"sigma_0": "N m/rad"}``; ``"1"`` for a pure number. ``friction.fit``
-        scales by it.
+        Unit of each field of ``parameters``, ``{"sigma_0": "N m/rad"}``, by which ``friction.fit`` scales; or ``"1"``.
+    steepest_fall : ``(p, torque_scale, h) -> float``, optional
+        The largest decrease of the mean torque over ``h`` with the speed [N m s/rad], over every memory and speed; 0
+        by default. The step equation has one solution where ``S`` is larger; another plant is refused. No kernel.
+    relaxes : bool
+        Whether a loaded memory gives way at rest, as a spring in series with a damper does.
+    modes : callable, optional
+        Parameters -> number of floats at the end of the memory that change in jumps (stick, slip), of rate zero.
 
     Raises
     ------
@@ -124,6 +136,9 @@ def register(
         memory_size=memory_size or (lambda p: 0),
         fitted=fitted,
         units=dict(units or {}),
+        steepest_fall=steepest_fall or (lambda p, torque_scale, h: 0.0),
+        relaxes=relaxes,
+        modes=modes or (lambda p: 0),
         advance=advance or _no_advance,
         torque=torque,
         rate=rate or _no_rate,
@@ -176,8 +191,9 @@ def resolve(friction: Any) -> Any:
     ----------
     friction : str, mapping or parameters
         The name of a law, for its defaults; a name with parameters as the command line takes it, ``"lugre,F_c=1.2"``,
-        a list of numbers as ``a:b:c``; a mapping, ``{"law": "lugre", "F_c": 1.2}``; or parameters from :func:`make`,
-        which are returned unchanged.
+        a list of numbers as ``a:b:c``; the name of a file with a fitted law, which ends in ``.json``
+        (:mod:`steer_env.friction.fitted_file`); a mapping, ``{"law": "lugre", "F_c": 1.2}``; or parameters from
+        :func:`make`, which are returned unchanged.
 
     Raises
     ------
@@ -189,6 +205,8 @@ def resolve(friction: Any) -> Any:
 
 def parts(friction: Any) -> tuple[str, dict[str, Any]]:
     """Name of the law and the parameters that are given, from a form of :func:`resolve`; they are not checked."""
+    if fitted_file.named(friction):
+        friction = fitted_file.read(friction)
     if isinstance(friction, str):
         name, *pairs = friction.split(",")
         given: dict[str, Any] = {}
@@ -266,13 +284,18 @@ for _point in (advance, torque, rate, stored_energy, mean_torque, solve):
 
 
 def _newton(p, torque_scale, memory, S, R, h, w_guess):
+    return newton(p, torque_scale, memory, S, R, h, w_guess, torque(p, torque_scale, memory, 0.0))
+
+
+@kernel
+def newton(p, torque_scale, memory, S, R, h, w_guess, rest):
     """Safeguarded Newton iteration for ``S w + mean_torque(w) = R``.
 
-    The root lies on the side of zero that ``R`` minus the torque at rest points to. The iteration keeps a bracket on
+    The root lies on the side of zero that ``R`` minus ``rest``, the mean torque of a step at rest, points to. The iteration keeps a bracket on
     that side and replaces a step that would leave the bracket by a bisection, so the kink at zero cannot make it
     cycle.
     """
-    excess = R - torque(p, torque_scale, memory, 0.0)
+    excess = R - rest
     if not 0.0 < abs(excess) < math.inf:
         return excess  # zero, or a value that is not finite and must be passed on
     side = 1.0 if excess > 0.0 else -1.0

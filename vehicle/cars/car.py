@@ -4,13 +4,13 @@ import warnings
 from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
-from steer_env.friction import defaults, resolve
+from steer_env.friction import defaults, level, resolve
 from steer_env.friction.numerics.check import number
 from steer_env.friction.numerics.frozen import frozen, rebuilt
 from steer_env.friction.numerics.kernel import record
 from steer_env.friction.numerics.renamed import REMOVED_IN
 from steer_env.vehicle import chassis as chassis_models
-from steer_env.vehicle import road, tyre
+from steer_env.vehicle import road, step_limit, tyre
 from steer_env.vehicle.cars import contents
 from steer_env.vehicle.chassis.two_track import brakes, drivetrain, speed_hold
 from steer_env.vehicle.plant import Plant
@@ -103,7 +103,8 @@ class Car(NamedTuple):
         Raises
         ------
         ValueError
-            Unknown law or chassis, or a value outside its range.
+            Unknown law or chassis, a value outside its range, or a law whose torque falls too steeply with the speed
+            (:mod:`steer_env.vehicle.step_limit`).
         """
         if chassis not in SPEEDS:
             raise ValueError(f"chassis must be one of {', '.join(SPEEDS)}, got {chassis!r}")
@@ -122,11 +123,16 @@ class Car(NamedTuple):
             strut=self.kinematics_table,
             tyre=record(coefficients),
             pinion_radius=s["pinion_radius"],
-            friction_load=s["friction_load"] * s["pinion_radius"] / defaults.F_C,
+            level=level.make(
+                load=s["friction_load"] * s["pinion_radius"] / defaults.F_C,
+                asymmetry=s["friction_asymmetry"],
+                temperature_rate=s["friction_temperature_rate"],
+                temperature_rise=s["friction_temperature_rise"],
+            ),
             rack_limit=s["rack_limit"],
             robot=1.0 if robot else 0.0,
         )
-        return frozen(p)
+        return frozen(step_limit.checked(p))
 
     def loaded(self, mass: float) -> "Car":
         """The car with a mass added at its centre of gravity [kg], distributed as that of the body."""
