@@ -82,6 +82,7 @@ class Space(NamedTuple):
     tied: Mapping[str, tuple[str, float]]  # others, as a relative excess over their base
     start: NDArray[np.float64]  # (N,) about the record's own scales
     inside: NDArray[np.float64]  # (N,) a set that the law allows
+    relaxed: bool = False  # whether sets count that the kernels take and the constructor refuses
 
     def values(self, q: NDArray) -> dict[str, Any]:
         """Keywords of the law's constructor."""
@@ -101,7 +102,8 @@ class Space(NamedTuple):
         try:
             return self.law.make(**self.values(cut)), float(np.linalg.norm(q - cut))
         except (ValueError, OverflowError):
-            pass
+            if self.relaxed and set(self.values(cut)) == set(getattr(self.law.parameters, "_fields", ())):
+                return self.law.parameters(**self.values(cut)), float(np.linalg.norm(q - cut))
         ends = [end for end in (self._moved(cut, axis) for axis in np.eye(q.size)) if end is not None]
         everywhere = self._moved(cut, np.ones(q.size))
         edge = min(ends, key=lambda end: float(np.linalg.norm(end - cut)), default=everywhere)
