@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from steer_env.friction import ode
+from steer_env.friction import fitted_file, ode
 from steer_env.friction.numerics.check import constructed, read_number
 from steer_env.friction.numerics.kernel import dispatch, kernel
 from steer_env.friction.numerics.registry import Registry
@@ -31,6 +31,8 @@ class Law(NamedTuple):
     fitted: tuple[str, ...] | Callable
     units: Mapping[str, str]
     steepest_fall: Callable[[Any, float, float], float]  # of parameters, torque scale, step [N m s/rad]
+    relaxes: bool
+    modes: Callable[[Any], int]
     advance: Callable
     torque: Callable
     rate: Callable
@@ -39,7 +41,7 @@ class Law(NamedTuple):
     solve: Callable
 
 
-TEXT = "LAW[,key=value...], a list of numbers as a:b:c"  # a law as text
+TEXT = "LAW[,key=value...], a list of numbers as a:b:c, or a fitted FILE.json"  # a law as text
 EXAMPLE = {"law": "lugre", "F_c": 1.2}  # a law as a mapping
 LAWS: Registry[Law] = Registry("friction law", "steer_env.friction.models")
 
@@ -74,6 +76,8 @@ def register(
     fitted: tuple[str, ...] | Callable = (),
     units: Mapping[str, str] | None = None,
     steepest_fall: Callable[[Any, float, float], float] | None = None,
+    relaxes: bool = False,
+    modes: Callable[[Any], int] | None = None,
 ) -> None:
     """Make a law known under a name; one call at the end of the law's file.
 
@@ -104,17 +108,18 @@ def register(
     solve : ``(p, torque_scale, memory, S, R, h, w_guess) -> float``, optional
         The speed ``w`` that solves ``S w + mean_torque(w) = R``. A law without this function is solved by a safeguarded
         Newton iteration on ``mean_torque``, which starts at ``w_guess``.
-    fitted : tuple of str, or ``(x, torque, dt, weighed) -> (parameters, offset, intervals)``, optional
-        For ``friction.fit``: the names of the positive parameters that a quasi-static record determines, where
-        ``F_c`` is the saturated torque and ``sigma_0`` half the stiffness after a saturated reversal. Or a function
-        of the law's own, from the record and the samples that count, ``(T,)`` bool, to what
-        ``steer_env.friction.identify.Fit`` holds.
+    fitted : tuple of str, or ``(problem) -> (parameters, elements)``, optional
+        For ``friction.fit``: the parameters without which it makes no sense; or, of a law with arrays, a function from
+        an ``identification.problem.Problem`` to a set with these arrays, and to ``Elements``.
     units : mapping, optional
-        Unit of each field of ``parameters``: ``{"sigma_0": "N m/rad"}``; ``"1"`` for a pure number.
+        Unit of each field of ``parameters``, ``{"sigma_0": "N m/rad"}``, by which ``friction.fit`` scales; or ``"1"``.
     steepest_fall : ``(p, torque_scale, h) -> float``, optional
-        The largest decrease of the mean torque over ``h`` with the speed ``w`` [N m s/rad], over every memory and
-        speed: a Stribeck curve has one. The step equation has a single solution where ``S`` is larger, and a plant for
-        which it is not is refused. 0 by default: a law whose mean torque never falls. Plain Python, not a kernel.
+        The largest decrease of the mean torque over ``h`` with the speed [N m s/rad], over every memory and speed; 0
+        by default. The step equation has one solution where ``S`` is larger; another plant is refused. No kernel.
+    relaxes : bool
+        Whether a loaded memory gives way at rest, as a spring in series with a damper does.
+    modes : callable, optional
+        Parameters -> number of floats at the end of the memory that change in jumps (stick, slip), of rate zero.
 
     Raises
     ------
@@ -130,6 +135,8 @@ def register(
         fitted=fitted,
         units=dict(units or {}),
         steepest_fall=steepest_fall or (lambda p, torque_scale, h: 0.0),
+        relaxes=relaxes,
+        modes=modes or (lambda p: 0),
         **_completed(name, parameters, given),
     )
     LAWS.register(name, law, parameters)
@@ -196,8 +203,9 @@ def resolve(friction: Any) -> Any:
     ----------
     friction : str, mapping or parameters
         The name of a law, for its defaults; a name with parameters as the command line takes it, ``"lugre,F_c=1.2"``,
-        a list of numbers as ``a:b:c``; a mapping, ``{"law": "lugre", "F_c": 1.2}``; or parameters from :func:`make`,
-        which are returned unchanged.
+        a list of numbers as ``a:b:c``; the name of a file with a fitted law, which ends in ``.json``
+        (:mod:`steer_env.friction.fitted_file`); a mapping, ``{"law": "lugre", "F_c": 1.2}``; or parameters from
+        :func:`make`, which are returned unchanged.
 
     Raises
     ------
@@ -209,6 +217,8 @@ def resolve(friction: Any) -> Any:
 
 def parts(friction: Any) -> tuple[str, dict[str, Any]]:
     """Name of the law and the parameters that are given, from a form of :func:`resolve`; they are not checked."""
+    if fitted_file.named(friction):
+        friction = fitted_file.read(friction)
     if isinstance(friction, str):
         name, *pairs = friction.split(",")
         given: dict[str, Any] = {}
@@ -286,13 +296,18 @@ for _point in (advance, torque, rate, stored_energy, mean_torque, solve):
 
 
 def _newton(p, torque_scale, memory, S, R, h, w_guess):
+    return newton(p, torque_scale, memory, S, R, h, w_guess, torque(p, torque_scale, memory, 0.0))
+
+
+@kernel
+def newton(p, torque_scale, memory, S, R, h, w_guess, rest):
     """Safeguarded Newton iteration for ``S w + mean_torque(w) = R``.
 
-    The root lies on the side of zero that ``R`` minus the torque at rest points to. The iteration keeps a bracket on
+    The root lies on the side of zero that ``R`` minus ``rest``, the mean torque of a step at rest, points to. The iteration keeps a bracket on
     that side and replaces a step that would leave the bracket by a bisection, so the kink at zero cannot make it
     cycle.
     """
-    excess = R - torque(p, torque_scale, memory, 0.0)
+    excess = R - rest
     if not 0.0 < abs(excess) < math.inf:
         return excess  # zero, or a value that is not finite and must be passed on
     side = 1.0 if excess > 0.0 else -1.0

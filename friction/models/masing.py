@@ -26,15 +26,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from steer_env.friction import defaults
-from steer_env.friction.fit_intervals import half_widths
+from steer_env.friction.identification.elements import Elements, elements_of
+from steer_env.friction.identification.problem import Problem
 from steer_env.friction.law import register
 from steer_env.friction.numerics.bounds import within
-from steer_env.friction.numerics.check import not_negative, number, numbers, positive
+from steer_env.friction.numerics.check import not_negative, numbers, positive
 from steer_env.friction.numerics.frozen import frozen
 from steer_env.friction.numerics.kernel import kernel
-from steer_env.friction.response import response
-
-MAX_ELEMENTS = 32
+from steer_env.friction.virgin_curve import MAX_ELEMENTS, exponential, stiffnesses
 
 
 class Masing(NamedTuple):
@@ -76,16 +75,8 @@ def make(
         return _elements(k, y, damping)
     F = positive("F_c", defaults.F_C if F_c is None else F_c)
     length = positive("x_c", F / (2.0 * defaults.SIGMA_0) if x_c is None else x_c)
-    n = number("elements", 10 if elements is None else elements, minimum=1, maximum=MAX_ELEMENTS)
-    if n != int(n):
-        raise ValueError(f"elements must be a whole number from 1 to {MAX_ELEMENTS}, got {elements!r}")
-    # The chords of 1 - exp(-u) are equally far from the curve where the knots are spaced evenly in exp(-u/2). The last
-    # knot carries the full torque and stands where the rest of the curve is as far off as the chords are.
-    tail = 1.0 / (n + 1.0)
-    u = -2.0 * np.log(np.linspace(1.0, tail, int(n) + 1)[1:])
-    f = -np.expm1(-u)
-    f[-1] = 1.0
-    return from_virgin_curve(length * u, F * f, sigma_1=damping)
+    knots = exponential(F, length, 10 if elements is None else elements)
+    return from_virgin_curve(*knots, sigma_1=damping)
 
 
 def from_virgin_curve(x: ArrayLike, T: ArrayLike, *, sigma_1: float = 0.0) -> Masing:
@@ -108,8 +99,7 @@ def from_virgin_curve(x: ArrayLike, T: ArrayLike, *, sigma_1: float = 0.0) -> Ma
         raise ValueError(f"x and T must be of equal length, got {xs.size} and {Ts.size} values")
     if np.any(np.diff(xs, prepend=0.0) <= 0.0):
         raise ValueError(f"x must be positive and ascending, got {xs}")
-    slopes = np.diff(Ts, prepend=0.0) / np.diff(xs, prepend=0.0)
-    k = slopes - np.append(slopes[1:], 0.0)
+    k, slopes = stiffnesses(xs, Ts)
     if np.any(k < -1e-12 * np.abs(slopes).max()):  # the slopes of points on one line differ by rounding
         raise ValueError(f"a virgin curve must be concave with slopes that do not fall below zero, got slopes {slopes}")
     return _elements(np.maximum(k, 0.0), xs, not_negative("sigma_1", sigma_1))
@@ -214,49 +204,10 @@ def stored_energy(p, memory):
     return E
 
 
-def fit_elements(x: NDArray, T: NDArray, dt: float, weighed: NDArray) -> tuple[Masing, float, dict[str, tuple]]:
-    """Elements from a record, by non-negative least squares on a fixed grid of yields.
-
-    The method needs no initial guess and has no local minimum. The grid ends where an element only just yields, at half
-    the widest swing of the weighed samples; the record shows a part that yields later as a spring, and that part counts
-    with the torque that it has reached. The intervals are those of ``F_c`` and of ``virgin_torque`` at each yield,
-    because the record determines only the sum of the stiffnesses of neighbouring elements, not each of them.
-
-    Parameters
-    ----------
-    x : (T,) array
-        Displacement [rad].
-    T : (T,) array
-        Torque [N m].
-    dt : float
-        Time between samples [s].
-    weighed : (T,) array of bool
-        The samples that count.
-
-    Returns
-    -------
-    parameters, offset [N m], intervals
-        As ``steer_env.friction.identify.Fit`` holds them.
-
-    Source: Rizos, Fassois, Chaos 14 (2004) 431-445 (Maxwell slip as a regression); Lawson, Hanson, Solving Least
-    Squares Problems, 1974.
-    """
-    from scipy.optimize import nnls  # imported here, because that takes longer than the import of all laws
-
-    widest = 0.5 * np.ptp(x[weighed])
-    y = np.geomspace(1e-3 * widest, widest, MAX_ELEMENTS)
-    ones = np.ones(np.count_nonzero(weighed))
-    A = np.column_stack([*(response(_elements(1.0 / each, each, 0.0), x, dt)[weighed] for each in y), ones, -ones])
-    _, R = np.linalg.qr(np.column_stack([A, T[weighed]]))  # the same sum of squares in as many rows as columns
-    F, _ = nnls(R[:, :-1], R[:, -1])
-    residual = A @ F - T[weighed]
-    offset = F[-2] - F[-1]
-    used = np.flatnonzero(F[:-2])
-    y, F = y[used], F[used]
-    shares = np.minimum(y[:, None] / y, 1.0)  # the part of each element's torque in the virgin torque at each yield
-    half = half_widths(A[:, np.append(used, -1)], residual, np.column_stack([shares, np.zeros(y.size)]))
-    low, high = np.maximum(shares @ F - half, 0.0), shares @ F + half
-    return _elements(F / y, y, 0.0), offset, {"F_c": (low[-1], high[-1]), "virgin_torque": (low, high)}
+def fit_elements(problem: Problem) -> tuple[Masing, Elements]:
+    """Elements from a record, and what :func:`steer_env.friction.identification.elements.elements_of` tells of them."""
+    found = elements_of(problem)
+    return _elements(found.F / found.y, found.y, 0.0), found
 
 
 register(
