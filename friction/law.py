@@ -303,9 +303,9 @@ def _newton(p, torque_scale, memory, S, R, h, w_guess):
 def newton(p, torque_scale, memory, S, R, h, w_guess, rest):
     """Safeguarded Newton iteration for ``S w + mean_torque(w) = R``.
 
-    The root lies on the side of zero that ``R`` minus ``rest``, the mean torque of a step at rest, points to. The iteration keeps a bracket on
-    that side and replaces a step that would leave the bracket by a bisection, so the kink at zero cannot make it
-    cycle.
+    The root lies on the side of zero that ``R`` minus ``rest``, the mean torque of a step at rest, points to. The
+    iteration keeps a bracket on that side and replaces a step that would leave the bracket by a bisection, so the kink
+    at zero cannot make it cycle.
     """
     excess = R - rest
     if not 0.0 < abs(excess) < math.inf:

@@ -49,7 +49,7 @@ def test_the_longest_step_that_is_told_is_the_longest():
     with pytest.raises(ValueError, match="steps of up to") as refused:
         step_limit.checked(p, friction.resolve(STEEP))
     told = 1e-3 * float(str(refused.value).split("steps of up to ")[1].split(" ms")[0])
-    steep, scale = friction.resolve(STEEP), 1.0 + p.friction_load * step_limit.LARGEST_RACK_FORCE
+    steep, scale = friction.resolve(STEEP), 1.0 + p.level.load * step_limit.LARGEST_RACK_FORCE
     falls = [law.law_of(steep).steepest_fall(steep, scale, h) for h in (0.99 * told, 1.01 * told)]
     slopes = [step_limit.least_slope(p.column, h) for h in (0.99 * told, 1.01 * told)]
     assert falls[0] < slopes[0]
