@@ -169,7 +169,7 @@ def _record(path: str, args: argparse.Namespace, car: "Car | None") -> "Friction
     elif args.to_column is not None:
         found = found.to_column(**_column(args.to_column))
     for note in found.notes:
-        print(f"{path}: {note}")
+        print(f"{args.file}: {note}")
     return found
 
 
