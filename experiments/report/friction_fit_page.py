@@ -64,7 +64,7 @@ def verdict(found: Found) -> str:
     if found.repeats is not None:
         own = percent(found, found.repeats)
         text += f"; from one period to the next the record itself differs by {shown_number(own)} %"
-    return text + "."
+    return text[0].upper() + text[1:] + "."
 
 
 def _shares(found: Found, each: Judged) -> tuple[float, float, float]:
@@ -77,7 +77,10 @@ def _title(law: str) -> str:
     return LAW_TITLES.get(law, law.replace("_", " "))
 
 
-LAW_TITLES = {"lugre": "LuGre", "dahl": "Dahl", "masing": "Masing", "coulomb": "Coulomb", "gms": "GMS"}
+LAW_TITLES = {  # of laws whose names are not plain words
+    **{"bouc_wen": "Bouc-Wen", "coulomb": "Coulomb", "dahl": "Dahl", "elasto_plastic": "elasto-plastic (Dupont)"},
+    **{"gms": "GMS", "lugre": "LuGre", "masing": "Masing", "stribeck": "Stribeck"},
+}
 
 
 def _listed(words: list[str]) -> str:
