@@ -180,6 +180,7 @@ def test_one_way_from_rest_to_sliding_is_fitted_as_a_whole():
 
 BAD = [
     (["nowhere.csv"], ["nowhere.csv", "No such file"]),
+    (["riig"], ["'riig'", "packaged record (rig)"]),
     (["mine.csv", "--law", "dahll"], ["dahll", "dahl"]),
     (["mine.csv", "--held-out", "0.95"], ["--held-out", "at most 0.9", "0.95"]),
     (["mine.csv", "--lever", "0.1", "--to-column"], ["--lever or --to-column"]),
