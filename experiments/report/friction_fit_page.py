@@ -20,13 +20,9 @@ from steer_env.experiments.output.pages import environment, image
 from steer_env.experiments.output.traces import embedded
 from steer_env.experiments.output.words import number as shown_number
 from steer_env.experiments.output.words import span
-from steer_env.experiments.report.friction_fit import Found, Judged, contents
+from steer_env.experiments.report.friction_fit import SHOWN, Found, Judged, contents
 from steer_env.friction.law import LAWS
 from steer_env.recording import friction_checks
-from steer_env.recording.units import DEGREE
-
-# Unit in memory -> how a page shows it, and the size of that.
-SHOWN = {"rad": ("deg", DEGREE), "m": ("mm", 1e-3), "N m": ("N m", 1.0), "N": ("N", 1.0)}
 
 
 class Row(NamedTuple):

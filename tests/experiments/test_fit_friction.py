@@ -158,6 +158,16 @@ def test_the_record_judges_on_what_was_not_fitted():
     assert whole.best.left[0] == pytest.approx(whole.best.fit.residual, rel=0.1)
 
 
+def test_noise_of_the_displacement_is_told_and_taken_out():
+    """0.02 deg over 6 deg of travel: the level within 2 %, and what is left is the torque's noise."""
+    noisy = np.radians(X + np.random.default_rng(2).normal(0.0, 0.02, T.size))
+    record = friction_record.FrictionRecord(noisy, F, DT, {"displacement": "rad", "torque": "N m"})
+    found = friction_fit.collect(record, "noisy", ["dahl"])
+    assert "noise of 0.02 deg" in found.record.notes[-1]
+    assert found.best.fit.parameters.F_c == pytest.approx(DAHL.F_c, rel=0.02)
+    assert found.best.left[0] < 0.02
+
+
 def test_a_law_that_cannot_be_fitted_is_told_and_gives_no_file(capsys):
     save(columns=(T[:400], X[:400], F[:400]))  # a stroke and a half: nothing reverses in the first part
     assert main(["fit-friction", "mine.csv", "--law", "dahl", "--held-out", "0.9", "--out", "out"]) == 2
