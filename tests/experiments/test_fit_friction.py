@@ -16,6 +16,8 @@ from steer_env.recording import files, friction_record
 from steer_env.vehicle import cars
 from tests.friction.test_bad_input import refused
 
+ROOT = Path(__file__).parents[2]
+GUIDE = (ROOT / "docs" / "friction_measurement.md").read_text(encoding="utf-8")
 DT = 0.02  # [s]
 T = np.arange(0.0, 60.0, DT)
 X = 3.0 * np.sin(2.0 * np.pi * 0.1 * T)  # [deg]
@@ -226,3 +228,19 @@ def test_a_template_offers_the_columns_of_a_record():
         assert f"# [channels.{section}]" in text
     assert '# from = "pos [mm]"  # mm, -3 to 3' in text
     assert '# from = "load cell [N]"' in text
+
+
+def test_the_guide_is_true(monkeypatch, capsys):
+    """Its program runs, and the command has every option that it names."""
+    monkeypatch.chdir(ROOT)
+    (program,) = re.findall(r"^```python\n(.*?)^```", GUIDE, flags=re.DOTALL | re.MULTILINE)
+    names = {}
+    exec(compile(program, "friction_measurement.md", "exec"), names)
+    assert names["record"].of_a_column
+    assert names["found"].law == "dahl"
+    with pytest.raises(SystemExit):
+        main(["fit-friction", "--help"])
+    known = capsys.readouterr().out
+    named = set(re.findall(r"(--[a-z][a-z-]+)", GUIDE)) - {"--friction"}
+    assert len(named) > 10
+    assert [option for option in sorted(named) if option not in known] == []
