@@ -10,6 +10,7 @@ import numpy as np
 from steer_env import friction
 from steer_env.friction.identification.displacement import motion_of, noise_of
 from steer_env.friction.law import LAWS
+from steer_env.friction.level import by_sample
 from steer_env.friction.numerics.check import number
 from steer_env.recording import friction_checks
 from steer_env.recording.friction_checks import Array
@@ -121,10 +122,12 @@ def _judged(
     part = record.part(fitting)
     nothing = (np.full(record.x.size, math.nan), (math.nan, math.nan, math.nan), False)
     try:
-        fit = friction.fit(part.x, part.friction, law, dt=part.dt, **options)
+        fit = friction.fit(part.x, part.friction, law, dt=part.dt, load=part.load, **options)
     except ValueError as error:
         return Judged(law, None, str(error), *nothing)
-    curve = friction.response(fit.parameters, motion, record.dt) + fit.offset
+    load = np.zeros(record.x.size) if record.load is None else record.load
+    scale = 1.0 if fit.level is None else by_sample(fit.level, load)
+    curve = friction.response(fit.parameters, motion, record.dt, scale) + fit.offset
     squares = _blocks(record, curve, judging)
     drawn = np.sqrt(np.mean(squares[_draws(squares.size)], axis=1))
     low, high = np.quantile(drawn, (0.025, 0.975))

@@ -109,6 +109,11 @@ def rows(each: Judged, units: Mapping[str, str]) -> list[Row]:
         text = ", ".join(map(shown_number, value)) if isinstance(value, list) else shown_number(value, 4)
         ends = "" if interval is None or np.ndim(interval[0]) else span(interval)
         found.append(Row(name, text, ends, unit_of(each.law, name, units), not undetermined))
+    for name, value in ({} if each.fit.level is None else each.fit.level._asdict()).items():
+        if value != 0.0:
+            interval = each.fit.intervals.get(name)
+            unit = {"load": "1/N", "temperature_rate": "1/K", "temperature_rise": "K"}.get(name, "1")
+            found.append(Row(f"level, {name}", shown_number(value, 4), span(interval) if interval else "", unit, True))
     return found
 
 

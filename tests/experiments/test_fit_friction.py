@@ -11,7 +11,9 @@ import pytest
 import steer_env.environments  # noqa: F401
 from steer_env import friction, manoeuvres
 from steer_env.experiments.cli.main import main
-from steer_env.experiments.report import friction_fit
+from steer_env.experiments.report import friction_fit, friction_fit_page
+from steer_env.friction import level
+from steer_env.friction.identification.fit import Fit
 from steer_env.recording import files, friction_record
 from steer_env.vehicle import cars
 from tests.friction.test_bad_input import refused
@@ -170,6 +172,27 @@ def test_noise_of_the_displacement_is_told_and_taken_out():
     assert found.best.left[0] < 0.02
 
 
+def test_a_level_by_load_is_in_the_curve_the_page_and_the_file(monkeypatch, tmp_path):
+    """What ``friction.fit`` says of the level is not lost: here it is told the truth, 2e-4 of the level per N."""
+    load = 2000.0 + 1500.0 * np.sin(2.0 * np.pi * T / 60.0)
+    found_level = level.make(load=2e-4)
+    torque = friction.response(DAHL, np.radians(X), DT, level.by_sample(found_level, load)) + NOISE
+    units = {"displacement": "rad", "torque": "N m"}
+    record = friction_record.FrictionRecord(np.radians(X), torque, DT, units, load)
+
+    def fit(x, torque, law, *, dt, load):
+        return Fit(law, DAHL, {"load": (1.9e-4, 2.1e-4)}, 0.0, 0.005, (), found_level)
+
+    monkeypatch.setattr(friction, "fit", fit)
+    found = friction_fit.collect(record, "loaded", ["dahl"])
+    assert found.best.left[0] == pytest.approx(0.005, rel=0.1)
+    friction_fit_page.write(tmp_path / "out", found, {})
+    assert loaded("out/dahl.json")["level"] == found_level._asdict()
+    page = Path("out/index.html").read_text(encoding="utf-8")
+    assert "level, load" in page
+    assert "steering.friction_load" in page
+
+
 def test_a_law_that_cannot_be_fitted_is_told_and_gives_no_file(capsys):
     save(columns=(T[:400], X[:400], F[:400]))  # a stroke and a half: nothing reverses in the first part
     assert main(["fit-friction", "mine.csv", "--law", "dahl", "--held-out", "0.9", "--out", "out"]) == 2
@@ -188,6 +211,15 @@ def test_one_way_from_rest_to_sliding_is_fitted_as_a_whole():
     assert found["judged_from"] == 0.0
     assert found["laws"]["dahl"]["friction"]["F_c"] == pytest.approx(DAHL.F_c, rel=0.02)
     assert any("goes one way" in text for text in found["laws"]["dahl"]["warnings"])
+
+
+def test_a_level_that_the_car_has_to_have_is_told_in_one_line(capsys):
+    law = {"friction": friction.as_mapping(DAHL), "level": {"load": 0.0, "asymmetry": 0.1}}
+    Path("fitted.json").write_text(json.dumps(law), encoding="utf-8")
+    assert main(["run", "rig", "--friction", "fitted.json", "--rate-hz", "50", "--out", "run.csv"]) == 0
+    said = capsys.readouterr().err.splitlines()
+    assert [line for line in said if "steering.friction_asymmetry" in line] == said[:1]
+    assert said[0].startswith("steer-env run: warning: fitted.json: the level of this friction (asymmetry 0.1)")
 
 
 BAD = [
