@@ -213,6 +213,7 @@ def test_one_way_from_rest_to_sliding_is_fitted_as_a_whole():
     assert any("goes one way" in text for text in found["laws"]["dahl"]["warnings"])
 
 
+@pytest.mark.filterwarnings("default")
 def test_a_level_that_the_car_has_to_have_is_told_in_one_line(capsys):
     law = {"friction": friction.as_mapping(DAHL), "level": {"load": 0.0, "asymmetry": 0.1}}
     Path("fitted.json").write_text(json.dumps(law), encoding="utf-8")
