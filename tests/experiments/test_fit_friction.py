@@ -75,7 +75,7 @@ def test_the_shipped_record_drives_a_column_as_told():
     options = {"rig": [], "lever": ["--lever", "0.00796"], "column": ["--to-column", "level=0.9,presliding_deg=0.5"]}
     found = {}
     for name, more in options.items():
-        assert main(["fit-friction", "rig", "--law", "dahl", "--out", name, *more]) == 0
+        assert main(["fit-friction", "rig", "--law", "dahl", "--rate-hz", "40", "--out", name, *more]) == 0
         found[name] = loaded(f"{name}/fit.json")
     record = found["rig"]["record"]
     for name in ("lever", "column"):
@@ -139,8 +139,18 @@ def test_a_weave_of_a_car_gives_the_friction_of_its_column():
     car = cars.load("compact", changes={"steering.friction_load": 0.0})
     run = manoeuvres.drive(car, manoeuvres.make("weave"), DAHL)
     files.write(run.without("friction_torque", "column_angle", "torsion_bar_torque"), "weave.csv", digits=7)
-    words = ["weave.csv", "--law", "dahl", "--vehicle", "compact", "--set", "steering.friction_load=0", "--out", "out"]
-    assert main(["fit-friction", *words]) == 0
+    words = [
+        "weave.csv",
+        "--law",
+        "dahl",
+        "--vehicle",
+        "compact",
+        "--set",
+        "steering.friction_load=0",
+        "--rate-hz",
+        "100",
+    ]
+    assert main(["fit-friction", *words, "--out", "out"]) == 0
     found = loaded("out/dahl.json")
     assert found["friction"]["F_c"] == pytest.approx(DAHL.F_c, rel=0.02)
     assert found["friction"]["sigma_0"] == pytest.approx(DAHL.sigma_0, rel=0.1)
