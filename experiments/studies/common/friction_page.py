@@ -42,6 +42,12 @@ def accuracy(r: Results) -> Section:
         f"{number(ratio, 2)} times the {percent(r.repeatability, 2)} by which one period differs from the next. "
         f"The others leave: {ranks}."
     )
+    sure = [each for each in known if not each.undetermined]
+    if sure and sure[0] is not best:
+        verdict += (
+            f" The record does not determine every parameter of {named([e.law for e in known if e.undetermined])}; of "
+            f"the laws that it determines, {sure[0].law} leaves the least, {percent(sure[0].error, 3)}."
+        )
     period = round(records.REPEATS / r.record.dt)
     x, F = r.record.x[-period:] / DEGREE, r.record.friction[-period:]
     loops = {
@@ -174,10 +180,12 @@ def of_laws(r: Results) -> Section:
         verdict += f" {law} changes {_counts(levels[law])}."
     measured = [row for row in factors.get(cases.MEASURED, []) if row.case.level in r.remembers()]
     if measured:
-        verdict += f" With every law calibrated to the measured record it is {_counts(measured)}."
+        base = measured[0].case.base.rpartition(" ")[2]
+        laws = named(sorted({row.case.level for row in measured}))
+        verdict += f" Calibrated to the measured record, {laws} against {base} change {_counts(measured)}."
     tables = [_case_table("Each law with the shared calibration, against LuGre", levels)]
     if cases.MEASURED in factors:
-        text = "Each law calibrated to the measured record, against LuGre calibrated to it"
+        text = "Each law that the measured record determines, calibrated to it, against the best of them"
         tables.append(_case_table(text, cases.by_level(factors[cases.MEASURED])))
     tables.append(_metric_table("Every large or perceptible difference between laws", factors[cases.LAW]))
     return Section(
@@ -185,7 +193,7 @@ def of_laws(r: Results) -> Section:
         "The friction law decides how a steering feels.",
         f"The car '{r.car.name}' drives {len(r.scope.tests)} tests of the battery with every law, once with the "
         "calibration that the default laws share (saturated torque, branch after a reversal from saturation) and once "
-        "with every law calibrated to the measured record. A difference counts where its 95 % interval excludes zero.",
+        "with every law that the measured record determines calibrated to it. A difference counts where its 95 % interval excludes zero.",
         verdict,
         "A threshold of perception is known for sustained torques and angles only "
         f"({percent(r.noticed)} of the smaller value). The simulation has no noise, so that the intervals are narrow.",

@@ -40,6 +40,7 @@ class Judged(NamedTuple):
     low: float  # 95 % interval from one period to the next [1]
     high: float  # [1]
     fitted: float  # the same error on the fitted part [1]
+    undetermined: tuple[str, ...]  # parameters that the fitted part does not determine
     remarks: tuple[str, ...]  # warnings of the fit, or why there is none
 
 
@@ -65,7 +66,7 @@ def judge(job: tuple[friction_record.FrictionRecord, str, float]) -> Judged:
     try:
         found = friction.fit(record.x[:n], record.friction[:n], law, dt=record.dt)
     except ValueError as error:
-        return Judged(law, None, math.nan, math.nan, math.nan, math.nan, (str(error),))
+        return Judged(law, None, math.nan, math.nan, math.nan, math.nan, (), (str(error),))
     residual = friction.response(found.parameters, record.x, record.dt) + found.offset - record.friction
     mean = float(np.mean(np.abs(record.friction[n:])))
     late = residual[n:]
@@ -75,7 +76,8 @@ def judge(job: tuple[friction_record.FrictionRecord, str, float]) -> Judged:
     mean_square = float(np.mean(late**2))
     low, high = (math.sqrt(max(mean_square + side * half, 0.0)) / mean for side in (-1.0, 1.0))
     fitted = float(np.sqrt(np.mean(residual[period:n] ** 2))) / mean
-    return Judged(law, found.parameters, math.sqrt(mean_square) / mean, low, high, fitted, found.warnings)
+    error = math.sqrt(mean_square) / mean
+    return Judged(law, found.parameters, error, low, high, fitted, found.undetermined, found.warnings)
 
 
 def true_laws(names: Sequence[str]) -> dict[str, Any]:

@@ -117,7 +117,7 @@ def collect(
     found = swept(first, 0.0, 0.15)
     judged: list[Judged] = sorted(found[: len(fittable)], key=lambda each: (each.parameters is None, each.error))
     measured = {each.law: each.parameters for each in judged if _usable(each)}
-    cases = friction_cases.cases(laws, measured if BASE_LAW in measured else {})
+    cases = friction_cases.cases(laws, measured)
     true = friction_records.true_laws(fittable)
     jobs = [Job("battery", case.label, (car, case, scope.tests)) for case in cases]
     jobs += [Job("held torque", law, (car, law)) for law in laws]
@@ -156,8 +156,8 @@ def collect(
 
 
 def _usable(each: Judged) -> bool:
-    """Whether a law with the calibration of the record can stand for the record's friction in the car."""
-    return each.parameters is not None and friction_laws.dry(each.parameters)
+    """Whether a law has one calibration by the record with which it can act in the car."""
+    return each.parameters is not None and not each.undetermined and friction_laws.dry(each.parameters)
 
 
 def _timed(
