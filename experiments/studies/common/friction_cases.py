@@ -1,8 +1,8 @@
 """One factor of the friction at a time: the cases of the friction study, and what each changes in the test battery.
 
 Every case is a change of one thing against the base of its factor: the law, its level, its pre-sliding distance, its
-micro-damping, the step length, the site where friction acts, its level by load, direction or temperature, or the assist. The base of most factors is LuGre with the
-default calibration.
+micro-damping, the step length, the site where friction acts, its level by load, direction or temperature, or the
+assist. The base of most factors is LuGre with the default calibration.
 """
 
 import math
