@@ -6,13 +6,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from steer_env.friction.identification.intervals import half_widths, samples_per_count
-from steer_env.friction.identification.problem import Optimum, Problem, Space, descended, refined
+from steer_env.friction.identification.problem import Optimum, Problem, Sought, Space, descended, refined
 
 WIDEST = np.log(2.0)  # half the width of the interval of a logarithm that counts as determined [1]
 SHARE = 0.5  # half the width of the interval of another parameter, of its value [1] ...
 SMALL = 0.05  # ... or, where it is small, of its scale [1]
 FLOOR = 1e-3  # deviation of the residuals at least, of the level [1]: what noise-free records are judged by
 WORSE = 6.6  # growth of the sum of squares, in deviations squared: quantile of 99 % of chi square, one degree
+
+
+EDGE = 1e-3  # distance from the neutral value, in the record's scales, that is none [1]
 
 
 class Estimate(NamedTuple):
@@ -23,6 +26,7 @@ class Estimate(NamedTuple):
     optimum: Optimum
     half: NDArray[np.float64]  # half the widths of the intervals of the coordinates [1]
     undetermined: list[str]
+    edges: dict[str, float]  # half the widths of the intervals of what is held at a neutral value that it reached [1]
 
     @property
     def factors(self) -> NDArray[np.float64]:
@@ -33,8 +37,8 @@ class Estimate(NamedTuple):
 def determined(problem: Problem, space: Space, optimum: Optimum) -> Estimate:
     """Hold one parameter after the other at its neutral value, as long as that leaves the fit as good (F34).
 
-    Of several with a wide interval, those go first that zero or the law itself makes neutral, and the last of the law's
-    fields before the others. One without which the fit is worse keeps its estimate and is told all the same.
+    As long as one has a wide interval, those go first that zero or the law itself makes neutral, and the last of the
+    law's fields before the others. One without which the fit is worse keeps its estimate, and is told if it is wide.
     """
     undetermined: list[str] = []
     stays: set[str] = set()
@@ -43,10 +47,13 @@ def determined(problem: Problem, space: Space, optimum: Optimum) -> Estimate:
         excess = {
             s.name: _excess(s.logarithmic, q, h) for s, q, h in zip(space.sought, optimum.q.tolist(), half.tolist())
         }
-        wide = {s.name: s for s in space.sought if excess[s.name] > 1.0 and s.name not in stays}
-        if not wide:
+        if all(each <= 1.0 for each in excess.values()):
             break
-        name = max(wide, key=lambda each: (wide[each].neutral in (0.0, None), list(wide).index(each)))
+        spare = [s.name for s in space.sought if s.neutral in (0.0, None) and s.name not in stays]
+        wide = [s.name for s in space.sought if excess[s.name] > 1.0 and s.name not in stays]
+        if not (spare or wide):
+            break
+        name = (spare or wide)[-1]
         smaller = _without(problem, space, optimum, name)
         if smaller is None:
             stays.add(name)
@@ -59,9 +66,15 @@ def determined(problem: Problem, space: Space, optimum: Optimum) -> Estimate:
         parameters, _ = space.made(optimum.q[: len(space.sought)])
         space = space.without(name, optimum.q[: len(space.sought)], float(getattr(parameters, name)))
         optimum = optimum._replace(q=np.delete(optimum.q, i))
+    edges = {}
+    for s, h in zip(space.sought, half.tolist()):
+        neutral = _at_neutral(space, optimum, s)
+        if neutral is not None:
+            space, optimum = neutral
+            edges[s.name] = h
     optimum = refined(problem, space, optimum, final=True)
     parameters, _ = space.made(optimum.q[: len(space.sought)])
-    return Estimate(parameters, space, optimum, _half_widths(optimum, 0.0), undetermined + kept)
+    return Estimate(parameters, space, optimum, _half_widths(optimum, 0.0), undetermined + kept, edges)
 
 
 def _excess(logarithmic: bool, q: float, half: float) -> float:
@@ -90,6 +103,22 @@ def _without(problem: Problem, space: Space, optimum: Optimum, name: str) -> tup
     return (smaller, end) if after - before <= WORSE * variance * samples_per_count(optimum.residual) else None
 
 
+def _at_neutral(space: Space, optimum: Optimum, s: Sought) -> tuple[Space, Optimum] | None:
+    """Space and optimum without a parameter that has reached its neutral value, where the search would only chatter."""
+    names = [each.name for each in space.sought]
+    if s.neutral not in (0.0, None) or s.name not in names:
+        return None
+    i, q = names.index(s.name), optimum.q[: len(names)]
+    try:
+        smaller = space.without(s.name, q, s.neutral)
+        other = getattr(smaller.made(np.delete(q, i))[0], s.name)
+    except ValueError:
+        return None
+    if abs(other - getattr(space.made(q)[0], s.name)) > EDGE:
+        return None
+    return smaller, optimum._replace(q=np.delete(optimum.q, i))
+
+
 def linear(estimate: Estimate) -> dict[str, tuple[float, float]]:
     """95 % intervals from the derivatives at the optimum (F35), in the record's scales."""
     result = {}
@@ -99,4 +128,7 @@ def linear(estimate: Estimate) -> dict[str, tuple[float, float]]:
         with np.errstate(over="ignore"):
             low, high = (float(np.exp(q - h)), float(np.exp(q + h))) if s.logarithmic else (q - h, q + h)
         result[s.name] = (max(low, 0.0), high) if s.neutral == 0.0 else (low, high)
+    for name, h in estimate.edges.items():
+        value = float(getattr(estimate.parameters, name))
+        result[name] = (value, value + h * max(value, 1.0) if value else h)
     return result

@@ -140,7 +140,7 @@ class Space(NamedTuple):
         held = dict(self.held) if value is None else {**self.held, name: value}
         smaller = Space(self.law, tuple(self.sought[i] for i in keep), held, self.start[keep], q[keep])
         smaller = smaller._replace(inside=np.where(smaller.bounded, np.maximum(q[keep], 0.01), q[keep]))
-        if not _allowed(self.law, smaller.values(q[keep])):
+        if not _allowed(self.law, smaller.values(smaller.inside)):
             smaller = smaller._replace(inside=_inside(smaller, smaller.inside))
         return smaller
 
@@ -214,6 +214,10 @@ def descended(problem: Problem, space: Space, q: NDArray, loss_scale: float, *, 
     found = least_squares(
         weakened, q, method="lm", xtol=tolerance, ftol=tolerance, gtol=1e-15, max_nfev=steps * (q.size + 1)
     )
+    if final and not found.success:  # the steps are short along the edge of what the law allows
+        cost = found.cost
+        found = least_squares(weakened, found.x, method="lm", xtol=1e-9, ftol=1e-9, max_nfev=steps * (q.size + 1))
+        found.success = found.success or found.cost > (1.0 - 1e-5) * cost
     if not np.isfinite(found.cost) or (final and not found.success):
         raise ValueError(
             f"the search for the parameters of {space.law.name!r} did not converge ({found.message}): try more starts, "
