@@ -177,7 +177,8 @@ def _metric_table(caption: str, rows: Sequence[Effect]) -> Table:
     kept = sorted((row for row in rows if row.noticed or row.found.matters), key=lambda row: -abs(row.found.share))
     text = [
         (row.test, label(row.metric), row.case.label, number(row.base.value),
-         within(row.found.value, row.found.half_width), row.base.unit, percent(row.found.share, 2), str(row.found.perception))
+         within(row.found.value, row.found.half_width), row.base.unit,
+         percent(row.found.share, 2), str(row.found.perception))
         for row in kept
     ]  # fmt: skip
     head = ("test", "metric", "case", "base", "difference", "unit", "share", "perception")

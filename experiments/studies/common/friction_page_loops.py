@@ -1,6 +1,5 @@
 """The second half of the friction study's page: where laws can be told apart, and in which loop."""
 
-
 import numpy as np
 
 from steer_env.experiments.output.words import label, number, percent, within
@@ -76,11 +75,11 @@ def speeds(r: Results) -> Section:
     common = {metric: of for metric, of in shares.items() if set(of) == set(BOTH)}
     rows: list[tuple[str, ...]] = []
     ratios: dict[str, list[float]] = {test: [] for test in BOTH}
-    for metric, of in common.items():
-        cells = [of[test].get(factor, 0.0) for test in BOTH for factor in (cases.LAW, cases.LEVEL)]
+    for metric, both in common.items():
+        cells = [both[test].get(factor, 0.0) for test in BOTH for factor in (cases.LAW, cases.LEVEL)]
         rows.append((label(metric), *(percent(cell, 2) for cell in cells)))
         for test in BOTH:
-            ratios[test].append(of[test].get(cases.LAW, 0.0))
+            ratios[test].append(both[test].get(cases.LAW, 0.0))
     most = {test: max(values, default=0.0) for test, values in ratios.items()}
     more = "more" if most[BOTH[1]] > most[BOTH[0]] else "less"
     verdict = (
@@ -157,7 +156,7 @@ def _with_driver(r: Results) -> tuple[list[tuple[str, ...]], dict[tuple[str, str
 def confusion(r: Results) -> Section:
     """Which law is taken for which on synthetic records."""
     tables, sentences, summaries = [], [], []
-    for record in records.RECORDS:
+    for record in r.scope.records:
         for noise in r.scope.noises:
             table = records.shares(r.confusion, record, noise)
             laws = list(table)

@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 REPEATS = 8.0  # period of the rig's motion, four strokes [s]
 FITTED = 48.0  # part of the rig's record that is fitted: six periods [s]
 LEVEL = 0.95  # of the intervals
-NOISES = (0.002, 0.01, 0.05)  # of the synthetic torque, over F_c [1]
+NOISES = (0.01, 0.05)  # of the synthetic torque, over F_c [1]
 BREAK_AWAY, STRIBECK_SPEED = 1.4, 0.1  # F_s over F_c, and v_s [rad/s] of the synthetic records; assumed
 BLOCK = 1.0  # of the synthetic records [s]
 SYNTHETIC_STEP = 0.01  # [s]
@@ -76,8 +76,8 @@ def judge(job: tuple[friction_record.FrictionRecord, str, float]) -> Judged:
     mean_square = float(np.mean(late**2))
     low, high = (math.sqrt(max(mean_square + side * half, 0.0)) / mean for side in (-1.0, 1.0))
     fitted = float(np.sqrt(np.mean(residual[period:n] ** 2))) / mean
-    error = math.sqrt(mean_square) / mean
-    return Judged(law, found.parameters, error, low, high, fitted, found.undetermined, found.warnings)
+    rms = math.sqrt(mean_square) / mean
+    return Judged(law, found.parameters, rms, low, high, fitted, found.undetermined, found.warnings)
 
 
 def true_laws(names: Sequence[str]) -> dict[str, Any]:

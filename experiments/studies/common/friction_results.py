@@ -24,18 +24,20 @@ class Scope(NamedTuple):
 
     tests: tuple[str, ...]
     steps: tuple[float, ...]  # of the column alone [s]
+    records: tuple[str, ...]  # kinds of synthetic records, of ``friction_records.RECORDS``
     noises: tuple[float, ...]  # of the synthetic records, over F_c [1]
     seeds: int  # synthetic records of each law and noise
     episodes: int  # with a driver, of each law and task
 
 
-QUICK = Scope(("weave", "slow-ramp", "release"), (1e-4, 1e-3, 2e-3, 5e-3), (0.01,), 1, 2)
+_ONE_STROKE, _MANY = friction_records.RECORDS
+QUICK = Scope(("weave", "slow-ramp", "release"), (1e-4, 1e-3, 2e-3, 5e-3), (_MANY,), (0.01,), 1, 2)
 
 
 def full() -> Scope:
     """The whole study: every test of the battery except the rig, which has neither car nor road."""
     tests = tuple(name for name in manoeuvres.available() if name != "rig")
-    return Scope(tests, real_time.STEPS, friction_records.NOISES, 5, 12)
+    return Scope(tests, real_time.STEPS, (_ONE_STROKE, _MANY), friction_records.NOISES, 2, 12)
 
 
 class Job(NamedTuple):
@@ -128,7 +130,7 @@ def collect(
     ]
     jobs += [
         Job("confusion", f"{truth}, {record_of}, noise {noise:g}", (record_of, true, truth, noise, seed))
-        for record_of in friction_records.RECORDS
+        for record_of in scope.records
         for noise in scope.noises
         for truth in true
         for seed in range(scope.seeds)
