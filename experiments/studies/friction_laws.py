@@ -102,7 +102,7 @@ def set_valued(p: Any) -> bool:
 
 
 def ordinary(p: Any) -> bool:
-    """Whether an ordinary differential equation gives the memory of a law: not where it notes events, as stick and slip.
+    """Whether a differential equation gives the memory of a law: not where it notes events, as stick and slip.
 
     A motion into saturation is integrated with the law's own ``rate`` and compared with what the law makes of it.
     """
