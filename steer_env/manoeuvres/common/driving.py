@@ -105,9 +105,7 @@ def _text(value: Any) -> str:
     return ":".join(map(repr, np.ravel(value).tolist()))
 
 
-def run(
-    p: plant.Plant, manoeuvre: Manoeuvre, u: Array, straight: Array | None = None, substeps: int = 1
-) -> Array:
+def run(p: plant.Plant, manoeuvre: Manoeuvre, u: Array, straight: Array | None = None, substeps: int = 1) -> Array:
     """Channels (T, C) of a plant with inputs (T, I) that starts running straight, at ``substeps`` steps in a sample.
 
     ``straight`` is the state of straight running; it is computed if it is not given.
