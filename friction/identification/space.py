@@ -10,6 +10,9 @@ from numpy.typing import NDArray
 
 from steer_env.friction.law import Law
 
+REACH = math.log(1e6)  # of a logarithm about its start [1]
+LARGEST = 9.0  # relative excess: a break-away of ten times the sliding torque; assumed [1]
+
 
 class Sought(NamedTuple):
     """A parameter that is sought, by its coordinate q in scaled units [1].
@@ -22,8 +25,14 @@ class Sought(NamedTuple):
     logarithmic: bool
     base: str | None
     start: float  # of the coordinate [1]
-    bounded: bool  # whether the coordinate may not be negative
+    lowest: float  # of the coordinate: 0 where it may not be negative [1]
+    highest: float  # of the coordinate [1]
     neutral: float | None  # coordinate without effect; None: the law derives the parameter from the others [1]
+
+    @property
+    def bounded(self) -> bool:
+        """Whether the coordinate may not be negative."""
+        return self.lowest == 0.0
 
     @property
     def spare(self) -> bool:
@@ -43,14 +52,15 @@ def sought_of(law: Law, given: Mapping[str, Any]) -> tuple[Sought, ...]:
         pure = law.units.get(name) == "1"
         base = next((other for other in scalars if _at_least(law, scalars, name, other)), None)
         if base is not None:
-            result.append(Sought(name, False, base, 0.2, True, 0.0))
+            result.append(Sought(name, False, base, 0.2, 0.0, LARGEST, 0.0))
         elif _allowed(law, {name: 0.0}):
             start = value or 0.1 if pure else 0.1
-            result.append(Sought(name, False, None, start, not _allowed(law, {name: -1e-6}), 0.0))
+            lowest = -math.inf if _allowed(law, {name: -1e-6}) else 0.0
+            result.append(Sought(name, False, None, start, lowest, math.inf, 0.0))
         else:
             start = math.log(value) if pure else 0.0
             derived = signature[name].default is None
-            result.append(Sought(name, True, None, start, False, None if derived else start))
+            result.append(Sought(name, True, None, start, start - REACH, start + REACH, None if derived else start))
     return tuple(result)
 
 
@@ -95,10 +105,10 @@ class Space(NamedTuple):
     def made(self, q: NDArray) -> tuple[Any, float]:
         """Parameters at ``q``, or at a set nearby that the law allows, and how far off that is.
 
-        Coordinates that may not be negative are cut to zero. Then the one coordinate is moved towards ``inside`` that
+        Coordinates are cut to their bounds. Then the one coordinate is moved towards ``inside`` that
         has the shortest way, or else all of them together.
         """
-        cut = np.where([s.bounded for s in self.sought], np.maximum(q, 0.0), q)
+        cut = np.clip(q, [s.lowest for s in self.sought], [s.highest for s in self.sought])
         try:
             return self.law.make(**self.values(cut)), float(np.linalg.norm(q - cut))
         except (ValueError, OverflowError):
