@@ -75,7 +75,7 @@ def _sensors(ready: "Prepared", e: np.ndarray) -> list[str]:
     if ready.noise > DOMINANT * scales.displacement:
         texts.append(
             f"noise of x ({ready.noise:.3g} rad) is {ready.noise / scales.displacement:.0%} of the length over which "
-            "the torque follows a reversal: stiffness and damping are those of the filtered motion; use a finer sensor of x"
+            "the torque follows a reversal: stiffness and damping are those of the filtered motion; use a finer sensor"
         )
     n = clipped(ready.record.torque)
     if n:

@@ -59,8 +59,10 @@ def sought_of(law: Law, given: Mapping[str, Any]) -> tuple[Sought, ...]:
             result.append(Sought(name, False, None, start, lowest, math.inf, 0.0))
         else:
             start = math.log(value) if pure else 0.0
+            lowest = _lowest(law, name, start) if pure else start - REACH
+            start = max(start, lowest + 0.1)
             derived = signature[name].default is None
-            result.append(Sought(name, True, None, start, start - REACH, start + REACH, None if derived else start))
+            result.append(Sought(name, True, None, start, lowest, start + REACH, None if derived else start))
     return tuple(result)
 
 
@@ -73,6 +75,17 @@ def _at_least(law: Law, scalars: Mapping[str, float], name: str, other: str) -> 
     return _allowed(law, zeros | {other: value, name: value}) and not _allowed(
         law, zeros | {other: value, name: 0.99 * value}
     )
+
+
+def _lowest(law: Law, name: str, start: float) -> float:
+    """The least logarithm of a pure number that the law allows, within ``REACH`` of its default."""
+    low, high = start - REACH, start
+    if _allowed(law, {name: math.exp(low)}):
+        return low
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if _allowed(law, {name: math.exp(middle)}) else (middle, high)
+    return high + 1e-12
 
 
 def _allowed(law: Law, values: Mapping[str, Any]) -> bool:
@@ -121,8 +134,9 @@ class Space(NamedTuple):
 
     def _moved(self, q: NDArray, along: NDArray) -> Any:
         """The first allowed set on the way to ``inside`` along some coordinates, None if there is none."""
-        way = (self.inside - q) * along
-        if not _allowed(self.law, self.values(q + way)):
+        end = np.where(along > 0.0, self.inside, q)
+        way = end - q
+        if not _allowed(self.law, self.values(end)):
             return None
         low, high = 0.0, 1.0
         for _ in range(40):
@@ -131,7 +145,7 @@ class Space(NamedTuple):
                 high = middle
             else:
                 low = middle
-        return q + high * way
+        return q + high * way if high < 1.0 else end
 
     def coordinates(self, parameters: Any) -> NDArray[np.float64]:
         """The coordinates of a set of parameters."""
