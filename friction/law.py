@@ -110,18 +110,16 @@ def register(
     mean_torque : ``(p, torque_scale, memory, w, h) -> (float, float)``, optional
         Exact mean torque over ``h`` at constant ``w`` [N m], and its derivative by ``w`` [N m s/rad].
     solve : ``(p, torque_scale, memory, S, R, h, w_guess) -> float``, optional
-        The speed ``w`` that solves ``S w + mean_torque(w) = R``. A law without this function is solved by a safeguarded
-        Newton iteration on ``mean_torque``, which starts at ``w_guess``.
+        The speed ``w`` with ``S w + mean_torque(w) = R``; by default from a safeguarded Newton iteration.
     fitted : tuple of str, or ``(problem) -> (parameters, elements)``, optional
-        For ``friction.fit``: the parameters without which it makes no sense; or, of a law with arrays, a function from
-        an ``identification.problem.Problem`` to a set with these arrays, and to ``Elements``.
+        For ``friction.fit``: the parameters that it needs; or, of a law with arrays, their ``Elements`` from a record.
     units : mapping, optional
         Unit of each field of ``parameters``, ``{"sigma_0": "N m/rad"}``, by which ``friction.fit`` scales; or ``"1"``.
     steepest_fall : ``(p, torque_scale, h) -> float``, optional
         The largest decrease of the mean torque over ``h`` with the speed [N m s/rad], over every memory and speed; 0
         by default. The step equation has one solution where ``S`` is larger; another plant is refused. No kernel.
     relaxes : bool
-        Whether a loaded memory gives way at rest, as a spring in series with a damper does.
+        Whether a loaded memory gives way at rest (``rate`` is not zero), as a spring behind a damper does.
     modes : callable, optional
         Parameters -> number of floats at the end of the memory that change in jumps (stick, slip), of rate zero.
     cut_back : ``(p, torque_scale, memory) -> None``, optional
