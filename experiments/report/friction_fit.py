@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from steer_env import friction
-from steer_env.friction.identification.displacement import motion_of, noise_of
+from steer_env.friction.identification.displacement import noise_of
 from steer_env.friction.law import LAWS
 from steer_env.friction.level import by_sample
 from steer_env.friction.numerics.check import number
@@ -93,32 +93,29 @@ def collect(
     n = record.x.size
     share = HELD_OUT if held_out is None else number("held_out", held_out, minimum=0.0, maximum=0.9)
     first = n - round(share * n) if share else 0
-    if held_out is None and friction_checks.turns(record.x[:first]).size < 2:
+    if held_out is None and friction_checks.turns(record.motion[:first]).size < 2:
         first = 0
     judging = slice(first, None)
-    noise = noise_of(record.x)
-    motion = motion_of(record.x, noise)
-    if motion is not record.x:
+    if record.motion is not record.x:
         unit, size = SHOWN[record.units["displacement"]]
-        text = f"the displacement has noise of {noise / size:.2g} {unit}: it is smoothed between reversals"
+        noise = noise_of(record.x) / size
+        text = f"the displacement has noise of {noise:.2g} {unit}: it is smoothed between reversals"
         record = replace(record, notes=(*record.notes, text))
     found = []
     for i, law in enumerate(laws):
         notify(i / len(laws), f"fitting {law.replace('_', ' ')}")
-        found.append(_judged(record, motion, law, slice(0, first or None), judging, options or {}))
+        found.append(_judged(record, law, slice(0, first or None), judging, options or {}))
     found.sort(key=lambda each: each.left[0] if each.fit is not None else math.inf)
     if found and found[0].fit is not None:
         found = [each._replace(apart=_apart(record, found[0], each, judging)) for each in found]
-    middle = friction_checks.middle(record.x, record.friction)
+    middle = friction_checks.middle(record.motion, record.friction)
     level = float(np.mean(np.abs(record.friction - middle)))
-    repeats = friction_checks.repeatability(record.x, record.friction, first)
+    repeats = friction_checks.repeatability(record.motion, record.friction, first)
     return Found(record, name, first, level, repeats, tuple(found))
 
 
-def _judged(
-    record: FrictionRecord, motion: Array, law: str, fitting: slice, judging: slice, options: Mapping[str, Any]
-) -> Judged:
-    """One law; ``motion`` is the displacement without noise."""
+def _judged(record: FrictionRecord, law: str, fitting: slice, judging: slice, options: Mapping[str, Any]) -> Judged:
+    """One law."""
     part = record.part(fitting)
     nothing = (np.full(record.x.size, math.nan), (math.nan, math.nan, math.nan), False)
     try:
@@ -127,7 +124,7 @@ def _judged(
         return Judged(law, None, str(error), *nothing)
     load = np.zeros(record.x.size) if record.load is None else record.load
     scale = 1.0 if fit.level is None else by_sample(fit.level, load)
-    curve = friction.response(fit.parameters, motion, record.dt, scale) + fit.offset
+    curve = friction.response(fit.parameters, record.motion, record.dt, scale) + fit.offset
     squares = _blocks(record, curve, judging)
     drawn = np.sqrt(np.mean(squares[_draws(squares.size)], axis=1))
     low, high = np.quantile(drawn, (0.025, 0.975))
@@ -145,7 +142,7 @@ def _apart(record: FrictionRecord, best: Judged, other: Judged, judging: slice) 
 def _blocks(record: FrictionRecord, curve: Array, judging: slice) -> Array:
     """Mean squares of what a law leaves, in blocks of whole periods where the record has a period."""
     squares = (curve[judging] - record.friction[judging]) ** 2
-    length = friction_checks.period(record.x) or math.ceil(squares.size / BLOCKS)
+    length = friction_checks.period(record.motion) or math.ceil(squares.size / BLOCKS)
     blocks = max(squares.size // max(length, math.ceil(squares.size / BLOCKS)), 1)
     return np.array([part.mean() for part in np.array_split(squares, blocks)])
 

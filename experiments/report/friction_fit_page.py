@@ -137,7 +137,7 @@ def law_file(found: Found, each: Judged, trace: Mapping[str, Any]) -> dict[str, 
 def as_json(found: Found, trace: Mapping[str, Any]) -> dict[str, Any]:
     """Everything that was found, as JSON; null for an end of an interval that is open."""
     r = found.record
-    own = friction_checks.period(r.x)
+    own = friction_checks.period(r.motion)
     return {
         "record": {
             "name": found.name,
@@ -178,11 +178,11 @@ def shown(found: Found) -> fit_pictures.Shown:
     """The record in the units of the page, with its last whole loop."""
     r = found.record
     (x_unit, x_size), (unit, size) = SHOWN[r.units["displacement"]], SHOWN[r.units["torque"]]
-    n, turns = friction_checks.period(r.x), friction_checks.turns(r.x)
+    n, turns = friction_checks.period(r.motion), friction_checks.turns(r.motion)
     known = int(turns[1]) if turns.size > 2 else 0
     loop = slice(-n if n else None, None)
     return fit_pictures.Shown(
-        r.time, r.x / x_size, r.friction / size, x_unit, unit, loop, known, found.first or r.x.size
+        r.time, r.motion / x_size, r.friction / size, x_unit, unit, loop, known, found.first or r.x.size
     )
 
 
