@@ -25,6 +25,9 @@ from steer_env.friction.law import LAWS
 from steer_env.recording import friction_checks
 
 
+WITHIN = 1.5  # of the record's own repeatability: a law that leaves no more describes the record; assumed [1]
+
+
 class Row(NamedTuple):
     """A parameter as the page shows it, in the units of the record."""
 
@@ -60,6 +63,8 @@ def verdict(found: Found) -> str:
     if found.repeats is not None:
         own = percent(found, found.repeats)
         text += f"; from one period to the next the record itself differs by {shown_number(own)} %"
+        if value > WITHIN * own:
+            text += ", so that no law here describes all of it"
     return text[0].upper() + text[1:] + "."
 
 

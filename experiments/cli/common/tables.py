@@ -214,7 +214,7 @@ def print_tuned(found: Mapping[str, Tuned], title: str) -> None:
 
 
 def print_fits(found: friction_fit.Found) -> None:
-    """Print what each law leaves of the friction and its parameters; then the warnings of the best ones and the verdict."""
+    """Print what each law leaves of the friction, its parameters, the warnings of the best ones, and the verdict."""
     table = _table()
     for heading in ("law", "left [%]", "95 % interval", "parameters"):
         table.add_column(heading, justify="right" if "%" in heading else "left", overflow="fold")
