@@ -24,7 +24,6 @@ from steer_env.experiments.report.friction_fit import SHOWN, Found, Judged, cont
 from steer_env.friction.law import LAWS
 from steer_env.recording import friction_checks
 
-
 WITHIN = 1.5  # of the record's own repeatability: a law that leaves no more describes the record; assumed [1]
 
 
