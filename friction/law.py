@@ -155,8 +155,8 @@ def _completed(name: str, parameters: type, given: dict[str, Any]) -> dict[str, 
                 f"friction law {name!r} needs mean_torque or solve; a law with memory_size, rate and stored_energy may"
                 " leave them out together with advance, and is integrated"
             )
-        own = (given[key] for key in ("memory_size", "rate", "torque", "stored_energy"))
-        ode.EQUATIONS[parameters] = ode.Equation(*own, cut_back or ode.no_cut)
+        size, rate, torque, energy = (given[key] for key in ("memory_size", "rate", "torque", "stored_energy"))
+        ode.EQUATIONS[parameters] = ode.Equation(size, rate, torque, energy, cut_back or ode.no_cut)
         return {key: getattr(ode, key, _newton) for key in given}
     if cut_back:
         raise ValueError(f"friction law {name!r}: cut_back is for laws that are integrated; others cut in advance")
