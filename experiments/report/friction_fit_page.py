@@ -20,7 +20,7 @@ from steer_env.experiments.output.pages import environment, image
 from steer_env.experiments.output.traces import embedded
 from steer_env.experiments.output.words import number as shown_number
 from steer_env.experiments.output.words import span
-from steer_env.experiments.report.friction_fit import SHOWN, Found, Judged, contents
+from steer_env.experiments.report.friction_fit import SHOWN, Found, Judged, contents, known_from
 from steer_env.friction.law import LAWS
 from steer_env.recording import friction_checks
 
@@ -163,6 +163,7 @@ def as_json(found: Found, trace: Mapping[str, Any]) -> dict[str, Any]:
             if each.fit is None
             else {
                 **{key: value for key, value in law_file(found, each, {}).items() if key not in ("trace", "notes")},
+                "criterion": _plain(each.criterion),
                 "apart_from_best": each.apart,
             }
             for each in found.laws
@@ -182,8 +183,7 @@ def shown(found: Found) -> fit_pictures.Shown:
     """The record in the units of the page, with its last whole loop."""
     r = found.record
     (x_unit, x_size), (unit, size) = SHOWN[r.units["displacement"]], SHOWN[r.units["torque"]]
-    n, turns = friction_checks.period(r.motion), friction_checks.turns(r.motion)
-    known = int(turns[1]) if turns.size > 2 else 0
+    n, known = friction_checks.period(r.motion), known_from(r)
     loop = slice(-n if n else None, None)
     return fit_pictures.Shown(
         r.time, r.motion / x_size, r.friction / size, x_unit, unit, loop, known, found.first or r.x.size
