@@ -45,6 +45,11 @@ class Optimum(NamedTuple):
     jacobian: NDArray[np.float64]  # of the residual, with the weights of the loss [1]
     loss_scale: float  # where the loss turns from square to linear [1]
 
+    @property
+    def weakened(self) -> NDArray[np.float64]:
+        """Residuals whose squares are the loss [1]."""
+        return _soft(self.residual, self.loss_scale)
+
 
 def residuals(problem: Problem, space: Space, q: NDArray, prior: float) -> NDArray[np.float64]:
     """Residuals at the weighed samples (F31), and rows that keep the search near.
