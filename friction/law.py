@@ -78,6 +78,7 @@ def register(
     steepest_fall: Callable[[Any, float, float], float] | None = None,
     relaxes: bool = False,
     modes: Callable[[Any], int] | None = None,
+    cut_back: Callable | None = None,
 ) -> None:
     """Make a law known under a name; one call at the end of the law's file.
 
@@ -120,6 +121,8 @@ def register(
         Whether a loaded memory gives way at rest, as a spring in series with a damper does.
     modes : callable, optional
         Parameters -> number of floats at the end of the memory that change in jumps (stick, slip), of rate zero.
+    cut_back : ``(p, torque_scale, memory) -> None``, optional
+        Of a law that is integrated: cuts the memory back to what break-away allows where the torque scale has fallen.
 
     Raises
     ------
@@ -127,7 +130,7 @@ def register(
         If the name is taken, or functions are missing that belong together.
     """
     memory = {"memory_size": memory_size, "advance": advance, "rate": rate, "stored_energy": stored_energy}
-    given = {**memory, "torque": torque, "mean_torque": mean_torque, "solve": solve}
+    given = {**memory, "cut_back": cut_back, "torque": torque, "mean_torque": mean_torque, "solve": solve}
     law = Law(
         name=name,
         parameters=parameters,
@@ -144,6 +147,7 @@ def register(
 
 def _completed(name: str, parameters: type, given: dict[str, Any]) -> dict[str, Any]:
     """All functions of a law from those that its file gives; one that is left out is None."""
+    cut_back = given.pop("cut_back")
     missing = [key for key in ("memory_size", "rate", "stored_energy", "advance") if given[key] is None]
     if given["mean_torque"] is None and given["solve"] is None:
         if missing != ["advance"]:
@@ -151,10 +155,11 @@ def _completed(name: str, parameters: type, given: dict[str, Any]) -> dict[str, 
                 f"friction law {name!r} needs mean_torque or solve; a law with memory_size, rate and stored_energy may"
                 " leave them out together with advance, and is integrated"
             )
-        ode.EQUATIONS[parameters] = ode.Equation(
-            *(given[key] for key in ("memory_size", "rate", "torque", "stored_energy"))
-        )
+        size, rate, torque, energy = (given[key] for key in ("memory_size", "rate", "torque", "stored_energy"))
+        ode.EQUATIONS[parameters] = ode.Equation(size, rate, torque, energy, cut_back or ode.no_cut)
         return {key: getattr(ode, key, _newton) for key in given}
+    if cut_back:
+        raise ValueError(f"friction law {name!r}: cut_back is for laws that are integrated; others cut in advance")
     if missing and len(missing) < 4:
         raise ValueError(f"friction law {name!r} needs all or none of memory_size, advance, rate and stored_energy")
     without = {"memory_size": lambda p: 0, "advance": _no_advance, "rate": _no_rate, "stored_energy": _no_energy}
@@ -303,9 +308,9 @@ def _newton(p, torque_scale, memory, S, R, h, w_guess):
 def newton(p, torque_scale, memory, S, R, h, w_guess, rest):
     """Safeguarded Newton iteration for ``S w + mean_torque(w) = R``.
 
-    The root lies on the side of zero that ``R`` minus ``rest``, the mean torque of a step at rest, points to. The iteration keeps a bracket on
-    that side and replaces a step that would leave the bracket by a bisection, so the kink at zero cannot make it
-    cycle.
+    The root lies on the side of zero that ``R`` minus ``rest``, the mean torque of a step at rest, points to. The
+    iteration keeps a bracket on that side and replaces a step that would leave the bracket by a bisection, so the kink
+    at zero cannot make it cycle.
     """
     excess = R - rest
     if not 0.0 < abs(excess) < math.inf:

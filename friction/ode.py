@@ -58,6 +58,7 @@ class Equation(NamedTuple):
     own_rate: Callable
     own_torque: Callable
     own_energy: Callable
+    own_cut: Callable
 
 
 EQUATIONS: dict[type, Equation] = {}  # by the class of the parameters
@@ -81,8 +82,18 @@ def own_energy(p, memory):
     return EQUATIONS[type(p)].own_energy(p, memory)
 
 
-for _point in (own_rate, own_torque, own_energy):
+def own_cut(p, torque_scale, memory):
+    """Cut the law's own memory back to what break-away allows."""
+    EQUATIONS[type(p)].own_cut(p, torque_scale, memory)
+
+
+for _point in (own_rate, own_torque, own_energy, own_cut):
     dispatch(_point, lambda parameters, name: getattr(EQUATIONS.get(parameters), name, None))
+
+
+@kernel
+def no_cut(p, torque_scale, memory):
+    """For a law that leaves its memory as it is when the torque scale falls."""
 
 
 def memory_size(p: Any) -> int:
@@ -152,7 +163,9 @@ def _course(p, torque_scale, memory, w, step_of_speed, h):
     for j in range(n):
         from_rest[j] = abs(from_rest[j])
         course[j] = memory[j]
-        other[j] = memory[j]
+    own_cut(p, torque_scale, course)
+    for j in range(n):
+        other[j] = course[j]
     T = T_other = mean_other = 0.0
     faster = w + step_of_speed
     left = dt = h
@@ -200,6 +213,7 @@ def advance(p, torque_scale, memory, w, h):
     """Advance the memory over ``h`` [s] at constant speed ``w`` [rad/s]."""
     _course(p, torque_scale, memory, w, 0.0, h)
     n = memory.size // BLOCKS
+    own_cut(p, torque_scale, memory[n : 2 * n])  # of what it passes break-away by, within the tolerance
     for j in range(n):
         memory[j] = memory[n + j]
     _clear(memory)
@@ -208,7 +222,14 @@ def advance(p, torque_scale, memory, w, h):
 @kernel
 def torque(p, torque_scale, memory, w):
     """Torque at this moment [N m]."""
-    return own_torque(p, torque_scale, memory[: memory.size // BLOCKS], w)
+    n = memory.size // BLOCKS
+    cut = memory[n : 2 * n]
+    for j in range(n):
+        cut[j] = memory[j]
+    own_cut(p, torque_scale, cut)
+    T = own_torque(p, torque_scale, cut, w)
+    _clear(memory)
+    return T
 
 
 @kernel

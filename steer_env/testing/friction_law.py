@@ -32,7 +32,8 @@ from steer_env.testing.histories import (
 )
 from steer_env.testing.plain_python import check_plain_python
 
-examples = settings(max_examples=40, derandomize=True, deadline=None, database=None)
+# One failure is enough, and an AssertionError; several would be a group of exceptions.
+examples = settings(max_examples=40, derandomize=True, deadline=None, database=None, report_multiple_bugs=False)
 
 
 class Tolerances(NamedTuple):
@@ -47,9 +48,8 @@ class Tolerances(NamedTuple):
 
 # Closed forms: a few to a hundred roundings.
 EXACT = Tolerances(energy=1e-12, solved=1e-13, parts=1e-13, scaled=1e-12, slope=1e-14)
-# An equation that is integrated: 1e-10 in a substep, summed over the substeps and over steps across kinks. One speed
-# more in the last digit may take one substep more.
-INTEGRATED = Tolerances(energy=1e-8, solved=1e-9, parts=1e-8, scaled=1e-8, slope=1e-9)
+# An equation that is integrated: 1e-10 in a substep, summed over the substeps, and more across a jump of the rate.
+INTEGRATED = Tolerances(energy=1e-8, solved=1e-8, parts=1e-8, scaled=1e-8, slope=3e-8)
 
 
 def _tolerances(p: Any) -> Tolerances:
@@ -167,9 +167,9 @@ def check_steepest_fall(p: Any) -> None:
     """
 
     @settings(examples, max_examples=100 if law.law_of(p).mean_torque else 20)
-    @given(moves, log(-4, 1.5), log(-4, -0.3), log(-6, 0), torque_scales, st.booleans())
-    def holds(history, w, rise, h, torque_scale, against):
-        memory = after(p, [(-v if against else v, t) for v, t in history], torque_scale)
+    @given(moves, torque_scales, log(-4, 1.5), log(-4, -0.3), log(-6, 0), torque_scales)
+    def holds(history, before, w, rise, h, torque_scale):
+        memory = after(p, history, before)
         faster = w * (1.0 + rise)
         low, high = (_mean(p, torque_scale, memory, each, h) for each in (w, faster))
         fall = _fall(p, torque_scale, h)

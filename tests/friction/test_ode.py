@@ -13,7 +13,7 @@ from steer_env.testing import CHECKS, check_plain_python
 from steer_env.testing.histories import at_rest
 
 STRIBECK = {"sigma_1": 1.0, "sigma_2": 0.6, "F_c": 0.9, "F_s": 1.35, "v_s": 0.02}
-SETS = (("toy_lugre", {}), ("toy_lugre", STRIBECK), ("toy_jenkins_dahl", {}))
+SETS = (("toy_jenkins_dahl", {}), ("toy_lugre", STRIBECK))
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -26,7 +26,9 @@ def toys():
 
 
 @pytest.mark.parametrize("check", CHECKS, ids=lambda check: check.__name__)
-@pytest.mark.parametrize(("name", "values"), SETS, ids=["lugre", "lugre, Stribeck", "jenkins_dahl"])
+@pytest.mark.parametrize(
+    ("name", "values"), [SETS[0], pytest.param(*SETS[1], marks=pytest.mark.whole)], ids=["jenkins_dahl", "lugre"]
+)
 def test_contract(name, values, check):
     check(friction.make(name, **values))
 
@@ -93,10 +95,7 @@ def test_a_memory_that_is_not_finite_ends_the_integration():
 
 
 def test_the_law_drives_a_plant(toys):
-    """Five seconds straight, then a sine: the same as with the closed form.
-
-    Load is left out: where it falls, the closed form cuts the bristle back at once, and the equation over a distance.
-    """
+    """Five seconds straight, then a sine, with the load that changes the scale: the same as with the closed form."""
     from steer_env.vehicle import cars, plant
 
     t = 1e-3 * np.arange(1, 2001)
@@ -104,7 +103,7 @@ def test_the_law_drives_a_plant(toys):
     u[:, plant.HAND] = 2.0 * np.sin(2.0 * np.pi * 0.5 * t)
     found = []
     for name in ("lugre", "toy_lugre"):
-        p = cars.load().plant(name)._replace(friction_load=0.0)
+        p = cars.load().plant(name)
         state, rows = plant.initial_state(p), np.zeros((t.size, len(plant.channels(p))))
         assert plant.run(p, state, u, rows, 1)
         found.append(rows[:, plant.CHANNEL["friction_torque"]])

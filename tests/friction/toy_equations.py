@@ -7,6 +7,7 @@
 
 from typing import NamedTuple
 
+from steer_env.friction.bristle import held
 from steer_env.friction.law import register
 from steer_env.friction.models import lugre
 from steer_env.friction.numerics.kernel import kernel
@@ -57,8 +58,7 @@ def make_wheel(*, turns: float = 1e9) -> Wheel:
 
 @kernel
 def torque(p, torque_scale, memory, w):
-    F = torque_scale * p.F_c
-    return min(max(p.k * memory[0], -F), F) + p.k_d * memory[1]
+    return p.k * memory[0] + p.k_d * memory[1]
 
 
 @kernel
@@ -66,6 +66,17 @@ def rate(p, torque_scale, memory, w, out):
     if w * memory[0] < abs(w) * torque_scale * p.F_c / p.k:
         out[0] = w
     out[1] = w - abs(w) * p.k_d * memory[1] / (torque_scale * p.F_d)
+
+
+@kernel
+def cut_back(p, torque_scale, memory):
+    memory[0] = held(memory[0], torque_scale * p.F_c / p.k)
+    memory[1] = held(memory[1], torque_scale * p.F_d / p.k_d)
+
+
+@kernel
+def cut_bristle(p, torque_scale, memory):
+    memory[0] = held(memory[0], torque_scale * p.F_s / p.sigma_0)
 
 
 @kernel
@@ -97,6 +108,7 @@ register(
     torque=lugre.torque,
     rate=lugre.rate,
     stored_energy=lugre.stored_energy,
+    cut_back=cut_bristle,
     steepest_fall=lugre.steepest_fall,
 )
 register(
@@ -107,6 +119,7 @@ register(
     torque=torque,
     rate=rate,
     stored_energy=stored_energy,
+    cut_back=cut_back,
 )
 register(
     "toy_wheel",
