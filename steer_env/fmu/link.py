@@ -14,7 +14,7 @@ from pathlib import Path
 SOURCES = Path(__file__).parent / "c"
 SUFFIXES = {"linux64": "so", "win64": "dll"}
 _FLAGS = ("-std=gnu11", "-O2", "-shared", "-fvisibility=hidden", "-Wall", "-Wextra", "-s")
-INSTALL = "pip install 'steer-env[fmu]'"
+INSTALL = "pip install '.[fmu]'"
 
 
 def headers() -> Path:
