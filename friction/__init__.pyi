@@ -1,11 +1,13 @@
 from . import models
-from .identify import Fit, fit
+from .identification.fit import Fit, fit
+from .identification.record import Record
 from .law import Law, as_mapping, available, law_of, make, register, resolve
 from .response import response
 
 __all__ = [
     "Fit",
     "Law",
+    "Record",
     "as_mapping",
     "available",
     "fit",

@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from steer_env.friction import fitted_file
 from steer_env.friction.numerics.check import constructed, read_number
 from steer_env.friction.numerics.kernel import dispatch, kernel
 from steer_env.friction.numerics.registry import Registry
@@ -29,6 +30,7 @@ class Law(NamedTuple):
     memory_size: Callable[[Any], int]
     fitted: tuple[str, ...] | Callable
     units: Mapping[str, str]
+    steepest_fall: Callable[[Any, float, float], float]  # of parameters, torque scale, step [N m s/rad]
     advance: Callable
     torque: Callable
     rate: Callable
@@ -37,7 +39,7 @@ class Law(NamedTuple):
     solve: Callable
 
 
-TEXT = "LAW[,key=value...], a list of numbers as a:b:c"  # a law as text
+TEXT = "LAW[,key=value...], a list of numbers as a:b:c, or a fitted FILE.json"  # a law as text
 EXAMPLE = {"law": "lugre", "F_c": 1.2}  # a law as a mapping
 LAWS: Registry[Law] = Registry("friction law", "steer_env.friction.models")
 
@@ -71,6 +73,7 @@ def register(
     solve: Callable | None = None,
     fitted: tuple[str, ...] | Callable = (),
     units: Mapping[str, str] | None = None,
+    steepest_fall: Callable[[Any, float, float], float] | None = None,
 ) -> None:
     """Make a law known under a name; one call at the end of the law's file.
 
@@ -98,13 +101,21 @@ def register(
     solve : ``(p, torque_scale, memory, S, R, h, w_guess) -> float``, optional
         The speed ``w`` that solves ``S w + mean_torque(w) = R``. A law without this function is solved by a safeguarded
         Newton iteration on ``mean_torque``, which starts at ``w_guess``.
-    fitted : tuple of str, or ``(x, torque, dt, weighed) -> (parameters, offset, intervals)``, optional
-        For ``friction.fit``: the names of the positive parameters that a quasi-static record determines, where
-        ``F_c`` is the saturated torque and ``sigma_0`` half the stiffness after a saturated reversal. Or a function
-        of the law's own, from the record and the samples that count, ``(T,)`` bool, to what
-        ``steer_env.friction.identify.Fit`` holds.
+    fitted : tuple of str, or ``(problem) -> (parameters, elements)``, optional
+        For ``friction.fit``. A tuple names the parameters without which a fit makes no sense. A law with arrays gives a
+        function from a ``steer_env.friction.identification.problem.Problem`` to a set of parameters with these arrays,
+        and to ``Elements``; the scalars are then sought as those of every law.
     units : mapping, optional
+<<<<<<< HEAD
         Unit of each field of ``parameters``: ``{"sigma_0": "N m/rad"}``; ``"1"`` for a pure number.
+    steepest_fall : ``(p, torque_scale, h) -> float``, optional
+        The largest decrease of the mean torque over ``h`` with the speed ``w`` [N m s/rad], over every memory and
+        speed: a Stribeck curve has one. The step equation has a single solution where ``S`` is larger, and a plant for
+        which it is not is refused. 0 by default: a law whose mean torque never falls. Plain Python, not a kernel.
+=======
+        Unit of each field of ``parameters``: ``{"sigma_0": "N m/rad"}``; ``"1"`` for a pure number. ``friction.fit``
+        scales by it.
+>>>>>>> fit
 
     Raises
     ------
@@ -124,6 +135,7 @@ def register(
         memory_size=memory_size or (lambda p: 0),
         fitted=fitted,
         units=dict(units or {}),
+        steepest_fall=steepest_fall or (lambda p, torque_scale, h: 0.0),
         advance=advance or _no_advance,
         torque=torque,
         rate=rate or _no_rate,
@@ -176,8 +188,9 @@ def resolve(friction: Any) -> Any:
     ----------
     friction : str, mapping or parameters
         The name of a law, for its defaults; a name with parameters as the command line takes it, ``"lugre,F_c=1.2"``,
-        a list of numbers as ``a:b:c``; a mapping, ``{"law": "lugre", "F_c": 1.2}``; or parameters from :func:`make`,
-        which are returned unchanged.
+        a list of numbers as ``a:b:c``; the name of a file with a fitted law, which ends in ``.json``
+        (:mod:`steer_env.friction.fitted_file`); a mapping, ``{"law": "lugre", "F_c": 1.2}``; or parameters from
+        :func:`make`, which are returned unchanged.
 
     Raises
     ------
@@ -189,6 +202,8 @@ def resolve(friction: Any) -> Any:
 
 def parts(friction: Any) -> tuple[str, dict[str, Any]]:
     """Name of the law and the parameters that are given, from a form of :func:`resolve`; they are not checked."""
+    if fitted_file.named(friction):
+        friction = fitted_file.read(friction)
     if isinstance(friction, str):
         name, *pairs = friction.split(",")
         given: dict[str, Any] = {}

@@ -14,15 +14,26 @@ from steer_env.friction.numerics.renamed import REMOVED_IN
 
 
 @kernel
-def _follow(p, torque_scale, memory, x, dt, out):
+def follow(p, torque_scales, memory, x, dt, out):
+    """Write the torque at each sample of a displacement into ``out``; the memory is changed.
+
+    Parameters
+    ----------
+    p : parameters of a law
+    torque_scales, x, out : (T,) arrays
+        Factor on the saturated friction [1], displacement [rad], torque [N m].
+    memory : (M,) array
+    dt : float
+        Time between samples [s].
+    """
     for i in range(1, x.size):
         w = (x[i] - x[i - 1]) / dt
-        advance(p, torque_scale, memory, w, dt)
-        out[i] = torque(p, torque_scale, memory, w)
+        advance(p, torque_scales[i], memory, w, dt)
+        out[i] = torque(p, torque_scales[i], memory, w)
 
 
 def response(
-    law: Any, x: ArrayLike, dt: float, friction_torque_scale: float = 1.0, *, level: float | None = None
+    law: Any, x: ArrayLike, dt: float, friction_torque_scale: ArrayLike = 1.0, *, level: float | None = None
 ) -> NDArray[np.float64]:
     """Friction torque at the samples of a displacement history, with straight lines between the samples.
 
@@ -34,8 +45,8 @@ def response(
         Displacement [rad].
     dt : float
         Time between samples [s].
-    friction_torque_scale : float
-        Factor on the saturated friction [1].
+    friction_torque_scale : float or (T,) array_like
+        Factor on the saturated friction, the same at all samples or one for each [1].
     level : float, optional
         The former name of ``friction_torque_scale``, which release 1.0 removes.
 
@@ -55,8 +66,14 @@ def response(
         warnings.warn(text, DeprecationWarning, stacklevel=2)
         friction_torque_scale = level
     p = frozen(resolve(law))
-    scale = positive("friction_torque_scale", friction_torque_scale)
     path = numbers("x", x)
+    scales = numbers("friction_torque_scale", friction_torque_scale)
+    if not np.all(scales > 0.0) or scales.size not in (1, path.size):
+        raise ValueError(
+            f"friction_torque_scale must be greater than 0, one number or one for each of the {path.size} samples, "
+            f"got {scales.size} from {scales.min():g}"
+        )
     out = np.zeros_like(path)
-    _follow(p, scale, np.zeros(law_of(p).memory_size(p)), path, positive("dt", dt), out)
+    scales = np.repeat(scales, path.size // scales.size)
+    follow(p, scales, np.zeros(law_of(p).memory_size(p)), path, positive("dt", dt), out)
     return out

@@ -36,7 +36,7 @@ from steer_env.tasks.common.definition import (
 )
 from steer_env.thread_pool import ThreadPool
 from steer_env.timing import SAMPLES_PER_UPDATE
-from steer_env.vehicle import cars, plant, plant_batch
+from steer_env.vehicle import cars, plant, plant_batch, step_limit
 from steer_env.vehicle import tyre as tyres
 from steer_env.vehicle.road import Road, resolve
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
@@ -128,6 +128,8 @@ class EnvironmentBatch:
 
         usual = self._randomise.usual
         template = self._template = self._plant(usual, task.robot, self.driver)
+        for law in self._randomise.corners:  # refused now, not in some later episode
+            step_limit.checked(template, law, self._randomise.highest_level)
         self.channels = tuple(name for name, _ in plant.channels(template))
         self.states = tuple(name for name, _ in plant.states(template))
         self._pose_states = [self.states.index(name) for name in _POSE]
@@ -181,7 +183,7 @@ class EnvironmentBatch:
             chassis=self.chassis,
             road=self.road,
         )
-        p = p._replace(friction_torque_scale=drawn.friction_level)
+        p = step_limit.checked(p._replace(friction_torque_scale=drawn.friction_level))
         return p if robot or driver is None else drivers.with_arms(p, driver.arm)
 
     def _runner(self, p: plant.Plant) -> Callable[..., None]:

@@ -79,6 +79,13 @@ class Randomise:
         Keys of ``RANGES`` that the environment takes, with the smallest and largest value: ``LIMITS`` with the speeds
         of the chassis.
 
+    Attributes
+    ----------
+    corners : list of parameters
+        The law with each combination of the ends of its ranges.
+    highest_level : float
+        The largest factor on the saturated friction that is drawn [1].
+
     Raises
     ------
     ValueError
@@ -105,8 +112,9 @@ class Randomise:
         if not isinstance(own, Mapping):
             raise ValueError(f"randomise['friction'] must map the law's parameters to (low, high), got {own!r}")
         self._law = {name: self._pair(f"friction.{name}", pair) for name, pair in own.items()}
-        for corner in product(*self._law.values()):  # each corner must give valid parameters
-            self._make(dict(zip(self._law, corner)))
+        # each corner must give valid parameters
+        self.corners = [self._make(dict(zip(self._law, corner))) for corner in product(*self._law.values())]
+        self.highest_level = self._ranges.get("friction_level", (1.0, 1.0))[1]
 
     def _pair(self, name: str, pair: Any) -> tuple[float, float]:
         try:

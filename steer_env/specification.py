@@ -10,6 +10,7 @@ import numpy as np
 from gymnasium.envs.registration import EnvSpec
 
 from steer_env import drivers, friction
+from steer_env.friction import fitted_file
 from steer_env.friction.law import LAWS
 from steer_env.vehicle import road
 
@@ -26,7 +27,7 @@ def plain(value: Any) -> Any:
     if isinstance(value, road.Road):
         return road.as_mapping(value)
     if isinstance(value, Mapping):
-        return {key: plain(each) for key, each in value.items()}
+        return {key: plain(_law(each) if key == "friction" else each) for key, each in value.items()}
     if isinstance(value, list | tuple):
         return [plain(each) for each in value]
     if isinstance(value, Enum):
@@ -34,6 +35,11 @@ def plain(value: Any) -> Any:
     if isinstance(value, np.ndarray | np.generic):
         return value.tolist()
     return fspath(value) if isinstance(value, PathLike) else value
+
+
+def _law(value: Any) -> Any:
+    """A law that a file holds as its mapping, so that a specification does not depend on the file."""
+    return friction.as_mapping(friction.resolve(value)) if fitted_file.named(value) else value
 
 
 class PlainSpecification:

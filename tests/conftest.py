@@ -9,6 +9,8 @@ from hypothesis import settings
 
 from steer_env.friction import law
 
+pytest.register_assert_rewrite("steer_env.testing.friction_law")  # what differs is printed, as in a test
+
 # Windows of render_mode="human" that no screen has to show.
 os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
 

@@ -184,7 +184,7 @@ class Training:
         self._resume, self._trained = resume, 0
         if resume:
             state = _checkpoint(out)
-            asked = {"env": env_id, "algo": algo, "seed": seed, "friction": friction and friction.label}
+            asked = {"env": env_id, "algo": algo, "seed": seed, "friction": friction and friction.text}
             for key, value in asked.items():
                 if value is not None and state[key] != value:
                     raise ValueError(
@@ -287,8 +287,8 @@ class Training:
         words = f"steer-env train --env {self.env_id} --algo {self.algo} --seed {self.seed} {length}"
         if not policy.is_scaled({"settings": self.settings}):
             words += " --library-defaults"
-        if self.friction.label != "lugre":
-            words += f" --friction {self.friction.label}"
+        if self.friction.text != "lugre":
+            words += f" --friction {self.friction.text}"
         return words + " --resume" * self._resume
 
     def learning_rate(self, _: float) -> float:
@@ -315,7 +315,7 @@ class Training:
 
     @property
     def _identity(self) -> dict[str, Any]:
-        return {"env": self.env_id, "algo": self.algo, "seed": self.seed, "friction": self.friction.label}
+        return {"env": self.env_id, "algo": self.algo, "seed": self.seed, "friction": self.friction.text}
 
     def _about(self, model: Any) -> dict[str, Any]:
         return {
@@ -324,7 +324,7 @@ class Training:
             "seed": self.seed,
             "steps": model.num_timesteps,
             "command": self._command,
-            "friction": self.friction.label,
+            "friction": self.friction.text,
             "settings": self.settings,
             "observations": self._observations,
             "scaling": self._scaling(),

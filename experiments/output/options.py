@@ -5,9 +5,10 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 # That of steer_env.friction.law, which takes longer to import.
-FRICTION = "LAW[,key=value...], a list of numbers as a:b:c"
+FRICTION = "LAW[,key=value...], a list of numbers as a:b:c, or a fitted FILE.json"
 LONG = 10.0  # time from which on work without a terminal says how far it is [s]
 
 
@@ -17,12 +18,14 @@ class Friction:
     Parameters
     ----------
     text : str
-        ``LAW[,key=value...]``, a list of numbers as ``a:b:c``.
+        ``LAW[,key=value...]``, a list of numbers as ``a:b:c``; or the name of a file with a fitted law.
 
     Attributes
     ----------
     label : str
-        The text.
+        The text; of a file its name without the folder, so that a result does not depend on where it was.
+    text : str
+        The text; of a file the law that it holds as text, which needs the file no longer.
     parameters
         Parameters of the law, from ``steer_env.friction.make``.
 
@@ -34,9 +37,19 @@ class Friction:
 
     def __init__(self, text: str) -> None:
         from steer_env import friction
+        from steer_env.friction import fitted_file
 
-        self.label = text
+        self.label = self.text = text
         self.parameters = friction.resolve(text)
+        if fitted_file.named(text):
+            law = friction.as_mapping(self.parameters)
+            pairs = (f"{key}={_plain(value)}" for key, value in law.items() if key != "law")
+            self.label, self.text = Path(text).name, ",".join([law["law"], *pairs])
+
+
+def _plain(value: float | list[float]) -> str:
+    """A parameter's value as text without loss."""
+    return ":".join(map(repr, value)) if isinstance(value, list) else repr(value)
 
 
 def _lines(total: float | None) -> Callable[[float, str], None]:

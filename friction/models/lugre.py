@@ -22,6 +22,8 @@ beyond the deflection at break-away is cut back to it.
 import math
 from typing import NamedTuple
 
+import numpy as np
+
 from steer_env.friction import defaults
 from steer_env.friction.bristle import decay, displaced, held
 from steer_env.friction.law import register
@@ -131,6 +133,24 @@ def stored_energy(p, memory):
     return 0.5 * p.sigma_0 * memory[0] ** 2
 
 
+def steepest_fall(p: LuGre, torque_scale: float, h: float) -> float:
+    """The largest decrease of the mean torque over ``h`` with the speed [N m s/rad], of a bristle at break-away (F14).
+
+    It is found on a grid of speeds. Beyond six Stribeck speeds the terms of the curve are gone, and what is left falls.
+    """
+    if p.F_s == p.F_c:
+        return 0.0
+    w = p.v_s * np.geomspace(1e-3, 6.0, 400)
+    bump = torque_scale * (p.F_s - p.F_c) * np.exp(-((w / p.v_s) ** 2))
+    G = torque_scale * p.F_c + bump
+    a, r = 2.0 * w / p.v_s**2 * bump, (torque_scale * p.F_s - G) / G  # (F14)
+    X, q = p.sigma_0 * w * h / G, w * a / G  # (F14)
+    E, p1, _, d1, _ = np.transpose([decay(each) for each in X])
+    of_bristle = a * (1.0 - p1) - r * d1 * (p.sigma_0 * h + a * X)  # (F14)
+    of_damping = p.sigma_1 * (r * E * (1.0 + q) + p1 * q)  # (F14)
+    return max(0.0, float(np.max(of_bristle + of_damping)) - p.sigma_2)  # (F14)
+
+
 register(
     "lugre",
     LuGre,
@@ -142,6 +162,7 @@ register(
     stored_energy=stored_energy,
     mean_torque=mean_torque,
     fitted=("sigma_0", "F_c"),
+    steepest_fall=steepest_fall,
     units={
         "sigma_0": "N m/rad",
         "sigma_1": "N m s/rad",

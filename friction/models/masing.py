@@ -26,13 +26,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from steer_env.friction import defaults
-from steer_env.friction.fit_intervals import half_widths
+from steer_env.friction.identification.elements import Elements, elements_of
+from steer_env.friction.identification.problem import Problem
 from steer_env.friction.law import register
 from steer_env.friction.numerics.bounds import within
 from steer_env.friction.numerics.check import not_negative, number, numbers, positive
 from steer_env.friction.numerics.frozen import frozen
 from steer_env.friction.numerics.kernel import kernel
-from steer_env.friction.response import response
 
 MAX_ELEMENTS = 32
 
@@ -214,49 +214,10 @@ def stored_energy(p, memory):
     return E
 
 
-def fit_elements(x: NDArray, T: NDArray, dt: float, weighed: NDArray) -> tuple[Masing, float, dict[str, tuple]]:
-    """Elements from a record, by non-negative least squares on a fixed grid of yields.
-
-    The method needs no initial guess and has no local minimum. The grid ends where an element only just yields, at half
-    the widest swing of the weighed samples; the record shows a part that yields later as a spring, and that part counts
-    with the torque that it has reached. The intervals are those of ``F_c`` and of ``virgin_torque`` at each yield,
-    because the record determines only the sum of the stiffnesses of neighbouring elements, not each of them.
-
-    Parameters
-    ----------
-    x : (T,) array
-        Displacement [rad].
-    T : (T,) array
-        Torque [N m].
-    dt : float
-        Time between samples [s].
-    weighed : (T,) array of bool
-        The samples that count.
-
-    Returns
-    -------
-    parameters, offset [N m], intervals
-        As ``steer_env.friction.identify.Fit`` holds them.
-
-    Source: Rizos, Fassois, Chaos 14 (2004) 431-445 (Maxwell slip as a regression); Lawson, Hanson, Solving Least
-    Squares Problems, 1974.
-    """
-    from scipy.optimize import nnls  # imported here, because that takes longer than the import of all laws
-
-    widest = 0.5 * np.ptp(x[weighed])
-    y = np.geomspace(1e-3 * widest, widest, MAX_ELEMENTS)
-    ones = np.ones(np.count_nonzero(weighed))
-    A = np.column_stack([*(response(_elements(1.0 / each, each, 0.0), x, dt)[weighed] for each in y), ones, -ones])
-    _, R = np.linalg.qr(np.column_stack([A, T[weighed]]))  # the same sum of squares in as many rows as columns
-    F, _ = nnls(R[:, :-1], R[:, -1])
-    residual = A @ F - T[weighed]
-    offset = F[-2] - F[-1]
-    used = np.flatnonzero(F[:-2])
-    y, F = y[used], F[used]
-    shares = np.minimum(y[:, None] / y, 1.0)  # the part of each element's torque in the virgin torque at each yield
-    half = half_widths(A[:, np.append(used, -1)], residual, np.column_stack([shares, np.zeros(y.size)]))
-    low, high = np.maximum(shares @ F - half, 0.0), shares @ F + half
-    return _elements(F / y, y, 0.0), offset, {"F_c": (low[-1], high[-1]), "virgin_torque": (low, high)}
+def fit_elements(problem: Problem) -> tuple[Masing, Elements]:
+    """Elements from a record, and what :func:`steer_env.friction.identification.elements.elements_of` tells of them."""
+    found = elements_of(problem)
+    return _elements(found.F / found.y, found.y, 0.0), found
 
 
 register(

@@ -15,7 +15,8 @@ A mapping is a small TOML file; every key of a section may be left out:
 
 The value in SI is sign * scale * (reading - offset) in the unit. ``[channels.time]`` names the time base of a file that
 uses another name; it takes ``from`` and ``unit`` only. The unit ``counts`` is that of a sensor without a calibration:
-the channel is read, and metrics that need it in its own unit are refused. A channel that no metric knows has a name
+the channel is read, and metrics that need it in its own unit are refused. A record of friction
+(:mod:`steer_env.recording.friction_record`) has the channels of ``FRICTION``. A channel that no metric knows has a name
 that begins with ``own_``, and a unit.
 """
 
@@ -37,6 +38,13 @@ from steer_env.vehicle.chassis.common.interface import RENAMED_CHANNELS
 
 # Known channels -> unit in memory.
 KNOWN = {**dict(plant.CHANNELS), **dict(two_track.CHANNELS), "vehicle_speed": "m/s", "sideslip_angle": "rad"}
+# Channels of a record of friction -> the units in memory that each may have: those of an angle or of a travel.
+FRICTION = {
+    "displacement": ("rad", "m"),
+    "displacement_speed": ("rad/s", "m/s"),
+    "friction": ("N m", "N"),
+    "load": ("N", "N m"),
+}
 OWN = "own_"  # begins the names of further channels, which no metric reads; they need a unit
 
 _KEYS = ("from", "unit", "sign", "delay_ms", "offset", "scale")
@@ -65,6 +73,10 @@ class Mapping:
     def with_entries(self, entries: Iterable[Entry]) -> "Mapping":
         """The mapping with further entries, which replace those of the same channel; for flags on the command line."""
         return replace(self, channels={**self.channels, **{entry.name: entry for entry in entries}})
+
+    def plain(self) -> dict[str, Any]:
+        """The mapping as text, numbers and mappings, for the trace of a result."""
+        return {"channels": {name: entry._asdict() for name, entry in self.channels.items()}, "meta": self.meta}
 
 
 def load(path: str | PathLike[str]) -> Mapping:
@@ -119,8 +131,9 @@ def entry(name: str, given: Any) -> Entry:
         if not isinstance(given.get(key, ""), str):
             raise ValueError(f"{where}.{key} must be text, got {given[key]!r}")
     source, unit, sign = given.get("from") or old, given.get("unit"), given.get("sign", 1)
-    if name not in KNOWN and name != "time" and not (name.startswith(OWN) and unit is not None):
-        hint = f"{did_you_mean(name, KNOWN)} (a channel of your own begins with {OWN} and has a unit)"
+    known = (*KNOWN, *FRICTION)
+    if name not in known and name != "time" and not (name.startswith(OWN) and unit is not None):
+        hint = f"{did_you_mean(name, known)} (a channel of your own begins with {OWN} and has a unit)"
         raise ValueError(f"{where}: no channel is known as {name!r}, {hint}")
     if unit is not None:
         _check_unit(where, name, unit)
@@ -171,6 +184,7 @@ def _check_unit(where: str, name: str, unit: str) -> None:
     found = parse_unit(unit)
     if found is None:
         raise ValueError(f"{where}.unit {unit!r} is not known; known are {SPELLINGS}")
-    expected = "s" if name == "time" else KNOWN.get(name, found[0])
-    if found[0] not in (expected, COUNTS):
-        raise ValueError(f"{where}.unit {unit!r} does not fit {name}, which is kept in {expected!r}")
+    expected = ("s",) if name == "time" else (KNOWN[name],) if name in KNOWN else FRICTION.get(name, found[:1])
+    if found[0] not in (*expected, COUNTS):
+        kept = " or ".join(map(repr, expected))
+        raise ValueError(f"{where}.unit {unit!r} does not fit {name}, which is kept in {kept}")

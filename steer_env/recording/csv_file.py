@@ -10,12 +10,13 @@ in brackets or in a row under the header, use semicolons or tabs as separators (
 cells empty (an empty cell is a gap), and be UTF-8, UTF-16 with a byte-order mark, or Latin-1.
 """
 
+import gzip
 import json
 import re
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import islice
-from os import PathLike
+from os import PathLike, fspath
 from typing import IO, Any
 
 import numpy as np
@@ -23,6 +24,7 @@ import numpy as np
 from steer_env.recording.table import Column, Table, Values, column, label, time_place
 from steer_env.recording.units import parse_unit
 
+COMPRESSED = ".csv.gz"  # end of the name of a file that gzip has made smaller, which is read only
 LONGEST_PREAMBLE = 50  # lines of a file among which its header is
 _BLOCK = 10_000  # rows that are converted to text at a time, which limits the memory
 
@@ -49,7 +51,7 @@ def open_table(path: str | PathLike[str]) -> Table:
     encoding = _encoding(path)
     meta: dict[str, Any] = {}
     comments: list[str] = []
-    with open(path, encoding=encoding) as file:
+    with _text(path, encoding) as file:
         lines = _decoded(file)
         top: list[str] = []  # the lines up to the header
         for header in lines:
@@ -131,7 +133,7 @@ def _load(
 
     A file that the fast reader refuses is read again slowly, to find the place of the error.
     """
-    with open(path, encoding=encoding) as file, warnings.catch_warnings():
+    with _text(path, encoding) as file, warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # a file without rows
         lines = _whole(_numerals(islice(_decoded(file), above, None), separator), separator, len(columns))
         try:
@@ -150,7 +152,7 @@ def _load_slowly(
     rows: list[list[float]] = []
     labels = [entry.label for entry in columns]
     number = above
-    with open(path, encoding=encoding) as file:
+    with _text(path, encoding) as file:
         for number, text in enumerate(_numerals(islice(_decoded(file), above, None), separator), start=above + 1):
             if not text.strip():
                 continue
@@ -197,12 +199,22 @@ def _unreadable(line: int, place: int | str, expected: str, got: object) -> Valu
     return ValueError(f"line {line}, column {place!r}: expected {expected}, got {got!r}")
 
 
+def compressed(path: str | PathLike[str]) -> bool:
+    """Whether a file is a compressed one by its name."""
+    return fspath(path).lower().endswith(COMPRESSED)
+
+
+def _text(path: str | PathLike[str], encoding: str) -> IO[str]:
+    """A file opened to be read as text."""
+    return gzip.open(path, "rt", encoding=encoding) if compressed(path) else open(path, encoding=encoding)
+
+
 def _encoding(path: Any) -> str:
     """UTF-16 by its mark; UTF-8 if the first lines are UTF-8; else Latin-1, for degree signs of older tools."""
-    with open(path, "rb") as file:
+    with gzip.open(path) if compressed(path) else open(path, "rb") as file:
         if file.read(2) in (b"\xff\xfe", b"\xfe\xff"):
             return "utf-16"
-    with open(path, encoding="utf-8-sig") as file:
+    with _text(path, "utf-8-sig") as file:
         try:
             for _ in islice(file, 1000):
                 pass

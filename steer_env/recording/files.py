@@ -1,4 +1,4 @@
-"""Recordings from and to files: .csv, .mat, with extras .mf4, .mdf and .parquet; and from CAN logs.
+"""Recordings from and to files: .csv (read also as .csv.gz), .mat, with extras .mf4, .mdf and .parquet; and from CAN logs.
 
 Files contain angles in degrees and all other quantities in SI units, and they name the unit of every column. A
 recording that is written and read again is the same, except for the last bit of an angle, which is converted to degrees
@@ -164,6 +164,8 @@ def write(recording: Recording, path: str | os.PathLike[str], *, digits: int | N
     path = Path(path)
     part = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
+        if csv_file.compressed(path):
+            raise ValueError(f"{csv_file.COMPRESSED} is read, not written: write a .csv, and compress it with gzip")
         form = _format(path)
         channels = [
             (name, recording.units[name], _rounded(values / FILE_UNITS[recording.units[name]][1], digits))
@@ -186,7 +188,7 @@ def _rounded(values: np.ndarray, digits: int | None) -> np.ndarray:
 
 def _format(path: str | os.PathLike[str]) -> Any:
     """The module for a file's suffix."""
-    suffix = Path(path).suffix.lower()
+    suffix = ".csv" if csv_file.compressed(path) else Path(path).suffix.lower()
     if suffix not in FORMATS:
         if Path(path).name.lower().endswith(can_log.SUFFIXES):
             raise ValueError(f"a CAN log is not written; recordings end in {', '.join(FORMATS)}")

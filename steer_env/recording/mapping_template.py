@@ -7,7 +7,7 @@ from os import PathLike
 
 import numpy as np
 
-from steer_env.recording import can_log, files
+from steer_env.recording import can_log, files, friction_record
 from steer_env.recording.table import Column, Table, Values, time_place
 from steer_env.recording.units import file_unit, parse_unit
 
@@ -26,20 +26,21 @@ USUAL = {
     "lateral_acceleration": ("lat acc", "accel y", "ay", "Querbeschleunigung"),
     "yaw_rate": ("yaw", "yaw velocity", "gyro z", "Gierrate"),
     "roll_angle": ("roll", "Wankwinkel"),
+    **friction_record.USUAL,
     "sideslip_angle": ("slip angle", "beta", "Schwimmwinkel"),
 }
 CLEAR = 0.8  # likeness of a name from which it tells what a column without a unit is; assumed [1]
 
 
-def text(path: str | PathLike[str], channels: Mapping[str, str], can: can_log.Options | None = None) -> str:
+def text(path: str | PathLike[str], channels: Mapping[str, str | tuple[str, ...]], can: can_log.Options | None = None) -> str:
     """The text of a mapping file, in which every line is a comment until it is filled in.
 
     Parameters
     ----------
     path : str or path
         The recorded file.
-    channels : mapping of str to str
-        Name and unit in memory of the channels that are wanted.
+    channels : mapping of str to str or tuple of str
+        Name and unit in memory of the channels that are wanted, or the units that one may have.
     can : can_log.Options, optional
         As for :func:`steer_env.recording.files.read`.
 
@@ -61,9 +62,10 @@ def text(path: str | PathLike[str], channels: Mapping[str, str], can: can_log.Op
     time = [] if place is None else [table.columns[place]]
     if table.timed:
         lines += _block("time", "s", time, found, ())
-    offered = _offered([column for column in table.columns if not (table.timed and column in time)], channels)
-    for name, unit in channels.items():
-        lines += _block(name, unit, offered[name], found, SETTINGS)
+    wanted = {name: (units,) if isinstance(units, str) else units for name, units in channels.items()}
+    offered = _offered([column for column in table.columns if not (table.timed and column in time)], wanted)
+    for name, units in wanted.items():
+        lines += _block(name, units[0], offered[name], found, SETTINGS)
     lines += ["# [meta]", '# manoeuvre = ""', "# speed_m_s = ", "", "# Every column of the file:"]
     lines += [f"# {_quoted(entry)}: {told}" for entry, told in found.items()]
     return "\n".join(lines) + "\n"
@@ -78,7 +80,7 @@ def _block(
     return [f"# [channels.{name}]", *lines, f'# unit = "{own or file_unit(unit)}"', *settings, ""]
 
 
-def _offered(columns: list[Column], channels: Mapping[str, str]) -> dict[str, list[Column]]:
+def _offered(columns: list[Column], channels: Mapping[str, tuple[str, ...]]) -> dict[str, list[Column]]:
     """The columns by the channel whose name is most like theirs among those of their unit; the most alike come first.
 
     A column without a unit that is known is offered where its name is clear.
@@ -86,7 +88,7 @@ def _offered(columns: list[Column], channels: Mapping[str, str]) -> dict[str, li
     ranked: dict[str, list[tuple[float, Column]]] = {name: [] for name in channels}
     for column in columns:
         known = parse_unit(column.unit or "")
-        fitting = [name for name, unit in channels.items() if known is None or known[0] == unit]
+        fitting = [name for name, units in channels.items() if known is None or known[0] in units]
         alike = {name: _likeness(column, name) for name in fitting}
         best = max(alike, key=lambda name: alike[name], default=None)
         if best is not None and (known is not None or alike[best] >= CLEAR):

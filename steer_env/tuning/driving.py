@@ -11,6 +11,7 @@ from steer_env.metrics import Value
 from steer_env.randomise import Conditions
 from steer_env.recording.recording import Recording
 from steer_env.tuning.scenarios.common.definition import Drive, Scenario
+from steer_env.vehicle import step_limit
 from steer_env.vehicle.cars import Car
 from steer_env.vehicle.plant import Plant
 from steer_env.vehicle.steering.eps import Assist
@@ -52,9 +53,8 @@ def prepare(scenario: Scenario, car: Car, chassis: str, drawn: Conditions) -> tu
     loaded, prepared = car.loaded(drawn.load), []
     for drive in adapted(scenario, chassis, drawn):
         m = drive.manoeuvre
-        p = build_plant(loaded, m, drawn.friction, drawn.road_friction)._replace(
-            friction_torque_scale=drawn.friction_level
-        )
+        p = build_plant(loaded, m, drawn.friction, drawn.road_friction)
+        p = step_limit.checked(p._replace(friction_torque_scale=drawn.friction_level))
         prepared.append(PreparedDrive(drive, loaded, p, open_loop(p, m)))
     return tuple(prepared)
 

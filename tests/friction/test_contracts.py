@@ -5,7 +5,9 @@ import pytest
 
 from steer_env import friction
 from steer_env.friction import law
-from tests.friction import contracts
+from steer_env.testing import CHECKS, check_plain_python
+from steer_env.testing.friction_law import check_passivity, check_steepest_fall
+from steer_env.testing.histories import at_rest
 
 SETS = {name: friction.make(name) for name in friction.available()} | {
     "viscous, none": friction.make("viscous", sigma_2=0.0),
@@ -18,21 +20,29 @@ SETS = {name: friction.make(name) for name in friction.available()} | {
 }
 
 
-@pytest.mark.parametrize("check", contracts.CHECKS, ids=lambda check: check.__name__)
+@pytest.mark.parametrize("check", CHECKS, ids=lambda check: check.__name__)
 @pytest.mark.parametrize("p", SETS.values(), ids=SETS)
 def test_contract(p, check):
     check(p)
 
 
 def test_plain_python_equals_compiled():
-    contracts.check_plain_python(list(SETS.values()))
+    check_plain_python(list(SETS.values()))
 
 
 def test_a_broken_law_is_caught():
     """A law that drives the mechanics fails the test of passivity."""
     motor = friction.models.lugre.LuGre(sigma_0=100.0, sigma_1=2.0, sigma_2=-5.0, F_c=0.9, F_s=0.9, v_s=0.1)
     with pytest.raises(AssertionError):
-        contracts.check_passivity(motor)
+        check_passivity(motor)
+
+
+def test_a_fall_that_is_understated_is_caught(monkeypatch):
+    """A Stribeck curve whose law says that its torque never falls."""
+    p, lugre = SETS["lugre, Stribeck"], law.LAWS["lugre"]
+    monkeypatch.setitem(law.LAWS._by_class, type(p), lugre._replace(steepest_fall=lambda p, torque_scale, h: 0.0))
+    with pytest.raises(AssertionError):
+        check_steepest_fall(p)
 
 
 def test_the_refused_lugre_set_does_create_energy():
@@ -46,4 +56,4 @@ def test_the_refused_lugre_set_does_create_energy():
 
 
 def test_memory_is_zero_at_rest():
-    assert all(not np.any(contracts.at_rest(p)) for p in SETS.values())
+    assert all(not np.any(at_rest(p)) for p in SETS.values())

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from steer_env import friction
-from tests.friction import contracts
+from steer_env.testing import CHECKS, check_plain_python
+from steer_env.testing.plain_python import trace
 
 
 def test_toy_law_is_found(toy):
@@ -16,13 +17,13 @@ def test_toy_law_is_found(toy):
         friction.make("toy_jenkins", sigma_0=1.0)
 
 
-@pytest.mark.parametrize("check", contracts.CHECKS, ids=lambda check: check.__name__)
+@pytest.mark.parametrize("check", CHECKS, ids=lambda check: check.__name__)
 def test_toy_law_keeps_the_contracts(toy, check):
     check(friction.make("toy_jenkins"))
 
 
 def test_toy_law_in_plain_python(toy):
-    contracts.check_plain_python([friction.make("toy_jenkins")])
+    check_plain_python([friction.make("toy_jenkins")])
 
 
 def test_toy_law_equals_masing_with_one_element(toy):
@@ -30,7 +31,7 @@ def test_toy_law_equals_masing_with_one_element(toy):
     jenkins, masing = friction.make("toy_jenkins"), friction.make("masing", k=[100.0], y=[0.009])
     x = np.cumsum(np.random.default_rng(5).normal(0.0, 4e-3, 500))
     np.testing.assert_allclose(friction.response(jenkins, x, 1e-3), friction.response(masing, x, 1e-3), atol=1e-13)
-    (rows, _), (expected, _) = contracts.trace(jenkins), contracts.trace(masing)
+    (rows, _), (expected, _) = trace(jenkins), trace(masing)
     np.testing.assert_allclose(rows, expected, rtol=1e-9, atol=1e-12)  # roundings carried on by 200 steps
 
 

@@ -10,7 +10,7 @@ from steer_env.friction.numerics.frozen import frozen, rebuilt
 from steer_env.friction.numerics.kernel import record
 from steer_env.friction.numerics.renamed import REMOVED_IN
 from steer_env.vehicle import chassis as chassis_models
-from steer_env.vehicle import road, tyre
+from steer_env.vehicle import road, step_limit, tyre
 from steer_env.vehicle.cars import contents
 from steer_env.vehicle.chassis.two_track import brakes, drivetrain, speed_hold
 from steer_env.vehicle.plant import Plant
@@ -103,7 +103,8 @@ class Car(NamedTuple):
         Raises
         ------
         ValueError
-            Unknown law or chassis, or a value outside its range.
+            Unknown law or chassis, a value outside its range, or a law whose torque falls too steeply with the speed
+            (:mod:`steer_env.vehicle.step_limit`).
         """
         if chassis not in SPEEDS:
             raise ValueError(f"chassis must be one of {', '.join(SPEEDS)}, got {chassis!r}")
@@ -126,7 +127,7 @@ class Car(NamedTuple):
             rack_limit=s["rack_limit"],
             robot=1.0 if robot else 0.0,
         )
-        return frozen(p)
+        return frozen(step_limit.checked(p))
 
     def loaded(self, mass: float) -> "Car":
         """The car with a mass added at its centre of gravity [kg], distributed as that of the body."""

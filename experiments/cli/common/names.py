@@ -19,6 +19,7 @@ __all__ = [
     "cars",
     "chassis",
     "drivers",
+    "friction_records",
     "laws",
     "manoeuvres",
     "targets",
@@ -55,6 +56,11 @@ def drivers() -> tuple[str, ...]:
 def assists() -> tuple[str, ...]:
     """Assist controllers."""
     return tuple(listed("steer_env.assists"))
+
+
+def friction_records() -> tuple[str, ...]:
+    """Packaged records of friction."""
+    return _stems("steer_env.experiments", ".csv.gz", "friction")
 
 
 def targets() -> tuple[str, ...]:

@@ -23,6 +23,20 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--manoeuvre", metavar="TEST", choices=tests, help=f"the test: {', '.join(tests)}")
     text = f"target bands for the metrics: {', '.join(names.targets())}, or a .toml file"
     parser.add_argument("--targets", metavar="NAME", help=text)
+    add_reading(parser)
+    text = "speed at which the test was driven [km/h]"
+    parser.add_argument("--speed-kph", metavar="KPH", type=float, help=text)
+    text = "frequency of the steering in the test [Hz]"
+    parser.add_argument("--frequency-hz", metavar="HZ", type=float, help=text)
+    text = "bound on the unknown delay between channels, in either direction [ms] (default 0)"
+    parser.add_argument("--timing-ms", metavar="MS", type=float, default=0.0, help=text)
+    noticed.add(parser)
+    text = "directory for index.html and evaluation.json, replaced as a whole"
+    parser.add_argument("--out", metavar="DIR", help=text)
+
+
+def add_reading(parser: argparse._ActionsContainer) -> None:
+    """Add the options that say how a file is read, and which part of it is used."""
     text = (
         "names, units, signs and delays of a file's channels; one for each recording in order, the last may have none"
     )
@@ -33,19 +47,10 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--dbc", metavar="FILE", nargs="+", default=[], help=text)
     text = "the bus of a CAN log, where a message occurs on several"
     parser.add_argument("--bus", metavar="NAME", help=text)
-    text = "speed at which the test was driven [km/h]"
-    parser.add_argument("--speed-kph", metavar="KPH", type=float, help=text)
-    text = "frequency of the steering in the test [Hz]"
-    parser.add_argument("--frequency-hz", metavar="HZ", type=float, help=text)
-    text = "bound on the unknown delay between channels, in either direction [ms] (default 0)"
-    parser.add_argument("--timing-ms", metavar="MS", type=float, default=0.0, help=text)
     text = "use only this part of the recording [s]"
     parser.add_argument("--between", metavar=("T0", "T1"), type=float, nargs=2, help=text)
     text = "leave a channel out, e.g. one with gaps; may be repeated"
     parser.add_argument("--without", metavar="CHANNEL", action="append", default=[], help=text)
-    noticed.add(parser)
-    text = "directory for index.html and evaluation.json, replaced as a whole"
-    parser.add_argument("--out", metavar="DIR", help=text)
 
 
 def assess(paths: list[str], args: argparse.Namespace, tolerances: str | None) -> int:
@@ -65,7 +70,7 @@ def assess(paths: list[str], args: argparse.Namespace, tolerances: str | None) -
     labels = _labels(paths)
     if len(args.mapping) > len(paths):
         raise ValueError(f"{len(args.mapping)} mappings are given for {len(paths)} recordings")
-    _check_can(paths, args)
+    check_can(paths, args)
     if args.out:
         usable(Path(args.out), assessment.CONTENTS)
     recordings = {label: _read(path, place, args) for place, (label, path) in enumerate(zip(labels, paths))}
@@ -118,7 +123,7 @@ def can_options(args: argparse.Namespace) -> Any:
     return can_log.Options(tuple(args.dbc), args.bus, args.between[1] if args.between else float("inf"))
 
 
-def _check_can(paths: list[str], args: argparse.Namespace) -> None:
+def check_can(paths: list[str], args: argparse.Namespace) -> None:
     """ValueError where options of CAN logs are given and none of the files is one."""
     from steer_env.recording import can_log
 
@@ -143,7 +148,7 @@ def _places(paths: list[str], args: argparse.Namespace) -> list[str]:
     return [path + mapping for path, mapping in zip(paths, mappings)]
 
 
-def _mapping(place: int, args: argparse.Namespace) -> Any:
+def mapping_of(place: int, args: argparse.Namespace) -> Any:
     """The mapping of a recording by its place among those that are given."""
     from steer_env.recording import channel_mapping
 
@@ -157,24 +162,27 @@ def _trace(args: argparse.Namespace, labels: list[str], result: str) -> dict[str
     """What an assessment is made from, with what each recording was read through."""
     from steer_env.experiments.output import provenance
 
-    chosen = {label: _mapping(place, args) for place, label in enumerate(labels)}
-    mapping = {
-        label: {"channels": {name: entry._asdict() for name, entry in one.channels.items()}, "meta": one.meta}
-        for label, one in chosen.items()
-    }
+    chosen = {label: mapping_of(place, args) for place, label in enumerate(labels)}
+    mapping = {label: one.plain() for label, one in chosen.items()}
     return provenance.trace(command=args.argv, result=result, inputs=inputs.of(args), mapping=mapping)
 
 
-def _read(path: str, place: int, args: argparse.Namespace) -> Any:
-    """A recording from a file, read through its mapping and with short drop-outs bridged."""
+def read(path: str, place: int, args: argparse.Namespace) -> Any:
+    """A recording from a file, read through its mapping, without the channels and the part that are not wanted."""
     from steer_env.recording import can_log, files
 
-    found = files.read(path, _mapping(place, args), can=can_options(args)).without(*args.without)
+    found = files.read(path, mapping_of(place, args), can=can_options(args)).without(*args.without)
     for note in _notes(found.meta, can_log.recognised(path)):
         print(f"{path}: {note}")
+    return found.between(*args.between) if args.between else found
+
+
+def _read(path: str, place: int, args: argparse.Namespace) -> Any:
+    """A recording of a test, with short drop-outs bridged."""
+    found = read(path, place, args)
     if args.manoeuvre is None and found.meta.get("manoeuvre") is None:
         raise ValueError(f"{path} does not name its test: give --manoeuvre, one of {', '.join(names.manoeuvres())}")
-    return (found.between(*args.between) if args.between else found).bridged()
+    return found.bridged()
 
 
 def _conditions(args: argparse.Namespace) -> dict[str, float]:

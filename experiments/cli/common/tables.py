@@ -13,6 +13,7 @@ from steer_env.experiments.cli.common.messages import in_options
 from steer_env.experiments.learning.assist_suite import Result
 from steer_env.experiments.learning.assist_tuning import Tuned
 from steer_env.experiments.learning.held_out import Estimate
+from steer_env.experiments.report import friction_fit, friction_fit_page
 from steer_env.experiments.report.car_quantities import Quantity
 from steer_env.metrics import Value, definition
 from steer_env.metrics.common.just_noticeable import Perception
@@ -210,3 +211,27 @@ def print_tuned(found: Mapping[str, Tuned], title: str) -> None:
             options = "none passes the suite"
         table.add_row(name, f"{one.usual:.4g}", f"{one.reward:.4g}", options, str(one.candidates), str(one.refused))
     _print(console(), table, title)
+
+
+def print_fits(found: friction_fit.Found) -> None:
+    """Print what each law leaves of the friction and its parameters; then the verdict and the warnings of the best."""
+    table = _table()
+    for heading in ("law", "left [%]", "95 % interval", "parameters"):
+        table.add_column(heading, justify="right" if "%" in heading else "left", overflow="fold")
+    for each in found.laws:
+        if each.fit is None:
+            table.add_row(each.law, "", "", Text(f"not fitted: {each.reason}"))
+            continue
+        value, low, high = (friction_fit_page.percent(found, x) for x in each.left)
+        shown = [
+            f"{row.name} = {row.value}{f' {row.unit}' if row.unit != '1' else ''}" + ("" if row.determined else " (?)")
+            for row in friction_fit_page.rows(each, found.record.units)
+        ]
+        table.add_row(each.law, f"{value:.3g}", f"{low:.3g} .. {high:.3g}", Text(", ".join(shown)))
+    printer = console()
+    _print(printer, table, f"{found.name}: what is left of the mean friction on the part that judges")
+    plain: dict[str, Any] = {"highlight": False, "soft_wrap": True, "markup": False}
+    for each in found.laws:
+        for warning in each.fit.warnings if each.fit is not None else ():
+            printer.print(f"{each.law}: {warning}", **plain)
+    printer.print(friction_fit_page.verdict(found), style="bold", **plain)

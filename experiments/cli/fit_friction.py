@@ -1,0 +1,189 @@
+"""The command ``fit-friction``: friction laws fitted to a measured record, and which of them describes it."""
+
+import argparse
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from steer_env.experiments.cli.common import inputs, names
+from steer_env.experiments.cli.common.arguments import whole_number
+from steer_env.experiments.cli.common.extras import require_format
+from steer_env.experiments.cli.common.recordings import add_reading, can_options, check_can, mapping_of, read
+from steer_env.experiments.output import car_options
+
+if TYPE_CHECKING:
+    from steer_env.recording.friction_record import FrictionRecord
+    from steer_env.vehicle.cars import Car
+
+ALL = "all"
+COLUMN = ("level", "presliding_deg")  # keys of --to-column
+
+
+def add(commands: Any, common: argparse.ArgumentParser) -> None:
+    """Add the command to a parser's."""
+    text = (
+        "Fit friction laws to a record of displacement and friction, judge them on the part that was not fitted, and "
+        "write a page, and a file of each law that --friction and gym.make take (docs/friction_measurement.md)."
+    )
+    parser = commands.add_parser("fit-friction", help=text, description=text, parents=[common])
+    packaged = ", ".join(names.friction_records())
+    text = f"the record: {packaged} (packaged), or a file: .csv.gz, {names.RECORDED}"
+    parser.add_argument("file", metavar="DATA", help=text)
+    text = f"laws to fit: {ALL} (default), or some of {', '.join(names.laws())}"
+    parser.add_argument("--law", metavar="LAW", nargs="+", default=[ALL], help=text)
+    text = "directory for index.html, fit.json and LAW.json, replaced as a whole (default friction_NAME)"
+    parser.add_argument("--out", metavar="DIR", help=text)
+    text = "share of the record, its last part, that judges and is not fitted (default 0.4; 0: none)"
+    parser.add_argument("--held-out", metavar="SHARE", help=text)
+    _add_reading(parser)
+    _add_record(parser)
+    _add_fit(parser)
+    parser.set_defaults(function=_fit_friction)
+
+
+def _add_reading(parser: argparse.ArgumentParser) -> None:
+    group = parser.add_argument_group("reading")
+    add_reading(group)
+    text = "write a mapping to fill in, which lists every column of DATA with its unit and range, and do no more"
+    group.add_argument("--template", metavar="FILE.toml", help=text)
+
+
+def _add_record(parser: argparse.ArgumentParser) -> None:
+    group = parser.add_argument_group("what the record is of")
+    text = "1 where the friction is positive when it resists positive motion, -1 else (default: by the work it takes)"
+    group.add_argument("--sign", type=int, choices=(1, -1), help=text)
+    text = "inertia that the sensor of the friction accelerates along [kg m2, or kg]"
+    group.add_argument("--inertia", metavar="I", help=text)
+    text = "subtract the straight line along which the zero of the friction drifts"
+    group.add_argument("--without-drift", action="store_true", help=text)
+    text = "radius at which the force acts, 0.00796 for the rack of a compact: m and N become rad and N m [m]"
+    group.add_argument("--lever", metavar="METRES", help=text)
+    text = (
+        "stretch the record to the level [N m] and the pre-sliding distance [deg] of a steering column, for a record of "
+        "another contact whose shape is wanted: level=0.9,presliding_deg=0.516, which are those of the default laws"
+    )
+    group.add_argument("--to-column", metavar="KEY=VALUE,...", nargs="?", const="", help=text)
+    text = "of a record of a car: a channel that is known to be zero, motor_torque or rack_force; may be repeated"
+    group.add_argument("--zero", metavar="CHANNEL", action="append", default=[], help=text)
+    car_options.add(parser, default=None, usual="none; with one, the friction of its column is separated")
+
+
+def _add_fit(parser: argparse.ArgumentParser) -> None:
+    group = parser.add_argument_group("search")
+    text = "starting points of the search for each law (default 3)"
+    group.add_argument("--starts", metavar="N", type=whole_number(1), default=3, help=text)
+
+
+def _fit_friction(args: argparse.Namespace) -> None:
+    path, name = _place(args.file)
+    require_format([path])
+    if args.template:
+        _write_template(path, args)
+        return
+
+    from steer_env.experiments.cli.common.tables import print_fits
+    from steer_env.experiments.output import files, provenance
+    from steer_env.experiments.output.options import progress
+    from steer_env.experiments.report import friction_fit, friction_fit_page
+    from steer_env.friction.law import LAWS
+    from steer_env.friction.numerics.check import number, read_number
+
+    laws = list(LAWS.available()) if args.law == [ALL] else list(dict.fromkeys(args.law))
+    for law in laws:
+        LAWS[law]  # refuses an unknown one with those that are known
+    held_out = friction_fit.HELD_OUT if args.held_out is None else read_number(args.held_out)
+    number("--held-out", held_out, minimum=0.0, maximum=0.9)
+    out = Path(args.out or f"friction_{name}")
+    files.usable(out, friction_fit.contents())
+    car = car_options.load(args) if car_options.given(args) else None
+    record = _record(path, args, car)
+    with progress("fitting") as notify:
+        found = friction_fit.collect(record, name, laws, held_out=held_out, options=_options(args), notify=notify)
+    print_fits(found)
+    trace = provenance.trace(
+        command=args.argv,
+        result=out.name,
+        car=car,
+        friction={each.law: each.fit.parameters for each in found.laws if each.fit is not None},
+        inputs=inputs.of(args),
+        mapping=mapping_of(0, args).plain(),
+    )
+    friction_fit_page.write(out, found, trace)
+    print(out / "index.html")
+    if found.best is None:
+        raise ValueError("no law was fitted: the table and the page say why")
+    file = out / f"{found.best.law}.json"
+    if record.of_a_column:
+        print(f"{file} holds the law that leaves least: --friction {file}")
+    else:
+        print(f"{file} is in {' and '.join(record.units.values())}: give --lever or --to-column for a steering column")
+
+
+def _place(given: str) -> tuple[str, str]:
+    """Path of a record that is packaged or a file, and its name."""
+    from importlib.resources import files
+
+    if given in names.friction_records():
+        return str(files("steer_env.experiments").joinpath("data", "friction", f"{given}.csv.gz")), given
+    return given, Path(given).name.partition(".")[0]
+
+
+def _record(path: str, args: argparse.Namespace, car: "Car | None") -> "FrictionRecord":
+    """The record of friction that a file holds, in the units that the options ask for."""
+    from steer_env.friction.numerics.check import number, read_number
+    from steer_env.recording import column_balance, friction_record
+
+    check_can([path], args)
+    if len(args.mapping) > 1:
+        raise ValueError(f"{len(args.mapping)} mappings are given for one record")
+    if args.zero and car is None:
+        raise ValueError("--zero is of a record of a car: give its --vehicle")
+    inertia = 0.0 if args.inertia is None else number("--inertia", read_number(args.inertia), minimum=0.0)
+    recording = read(path, 0, args)
+    kept = {"sign": args.sign, "without_drift": args.without_drift}
+    if car is None:
+        found = friction_record.from_recording(recording, inertia=inertia, **kept)
+    elif inertia:
+        raise ValueError("--inertia is of a rig: the inertia of a column is that of its --vehicle")
+    else:
+        found = column_balance.separated(recording, car, zero=args.zero, **kept)
+    if args.lever is not None and args.to_column is not None:
+        raise ValueError("give --lever or --to-column: both lead to rad and N m")
+    if args.lever is not None:
+        found = found.with_lever(number("--lever", read_number(args.lever), minimum=0.0, above=True))
+    elif args.to_column is not None:
+        found = found.to_column(**_column(args.to_column))
+    for note in found.notes:
+        print(f"{path}: {note}")
+    return found
+
+
+def _column(text: str) -> dict[str, float]:
+    """Level [N m] and pre-sliding distance [rad] of ``--to-column``."""
+    from steer_env.friction.numerics.check import positive, read_number
+
+    given: dict[str, float] = {}
+    for pair in text.split(",") if text else []:
+        key, equals, value = pair.partition("=")
+        if key not in COLUMN or not equals or key in given:
+            raise ValueError(f"--to-column takes {' and '.join(COLUMN)} as KEY=VALUE, each once, got {pair!r}")
+        given[key] = positive(f"--to-column {key}", read_number(value))
+    found = {"level": given["level"]} if "level" in given else {}
+    return found | ({"distance": math.radians(given["presliding_deg"])} if "presliding_deg" in given else {})
+
+
+def _write_template(path: str, args: argparse.Namespace) -> None:
+    """A mapping to fill in."""
+    from steer_env.experiments.output.files import write_text
+    from steer_env.recording import mapping_template
+    from steer_env.recording.channel_mapping import FRICTION
+
+    if Path(args.template).exists():
+        raise ValueError(f"--template {args.template} exists already: name another file, or remove it")
+    write_text(Path(args.template), mapping_template.text(path, FRICTION, can_options(args)))
+    print(args.template)
+
+
+def _options(args: argparse.Namespace) -> dict[str, Any]:
+    """Arguments of ``friction.fit`` that the options give."""
+    return {}

@@ -1,0 +1,134 @@
+"""Friction laws that are fitted to a record, and what each leaves on the part that judges."""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from steer_env import friction
+from steer_env.friction.law import LAWS
+from steer_env.friction.numerics.check import number
+from steer_env.recording import friction_checks
+from steer_env.recording.friction_record import FrictionRecord, check_units
+
+HELD_OUT = 0.4  # of the record: its last part judges, the first one fits [1]
+BLOCKS = 20  # of the part that judges, at most, for its intervals
+DRAWS = 2000  # of blocks
+SEED = 0  # of these
+
+
+class Judged(NamedTuple):
+    """A law and a record."""
+
+    law: str
+    fit: Any  # friction.Fit of the first part; None where the law was not fitted
+    reason: str  # why it was not; empty otherwise
+    curve: NDArray[np.float64]  # (T,) the law over the whole record [unit of the friction]
+    left: tuple[float, float, float]  # RMS on the part that judges, and its 95 % interval [unit of the friction]
+    apart: bool  # whether it leaves more than the best law, in 95 % of the draws of blocks
+
+
+class Found(NamedTuple):
+    """All laws on one record, the best first."""
+
+    record: FrictionRecord
+    name: str  # of the record
+    first: int  # first sample that judges; 0 where all of them fit and judge
+    level: float  # mean friction [unit of the friction]
+    repeats: float | None  # RMS difference from one period to the next on the part that judges [same unit]
+    laws: tuple[Judged, ...]
+
+    @property
+    def best(self) -> Judged | None:
+        """The law that leaves least; None where no law was fitted."""
+        return self.laws[0] if self.laws and self.laws[0].fit is not None else None
+
+
+def contents() -> frozenset[str]:
+    """Names of the files of an output."""
+    return frozenset({"index.html", "fit.json", *(f"{law}.json" for law in LAWS.available())})
+
+
+def collect(
+    record: FrictionRecord,
+    name: str,
+    laws: Sequence[str],
+    *,
+    held_out: float = HELD_OUT,
+    options: Mapping[str, Any] | None = None,
+    notify: Callable[[float, str], None] = lambda part, text: None,
+) -> Found:
+    """Fit laws to the first part of a record and judge them on the last.
+
+    Parameters
+    ----------
+    record : FrictionRecord
+    name : str
+        Of the record, for readers.
+    laws : sequence of str
+        Names of laws.
+    held_out : float
+        Share of the record that judges; with 0 the whole record fits and judges [1].
+    options : mapping, optional
+        Further arguments of ``friction.fit``.
+    notify : callable
+        Told the part that is done and what comes next.
+
+    Raises
+    ------
+    ValueError
+        For units that are of no law, or a share that is not in 0 to 0.9.
+    """
+    check_units(record)
+    share = number("held_out", held_out, minimum=0.0, maximum=0.9)
+    n = record.x.size
+    first = n - round(share * n) if share else 0
+    judging = slice(first, None)
+    found = []
+    for i, law in enumerate(laws):
+        notify(i / len(laws), f"fitting {law.replace('_', ' ')}")
+        found.append(_judged(record, law, slice(0, first or None), judging, options or {}))
+    found.sort(key=lambda each: each.left[0] if each.fit is not None else math.inf)
+    if found and found[0].fit is not None:
+        found = [each._replace(apart=_apart(record, found[0], each, judging)) for each in found]
+    middle = friction_checks.middle(record.x, record.friction)
+    level = float(np.mean(np.abs(record.friction - middle)))
+    repeats = friction_checks.repeatability(record.x, record.friction, first)
+    return Found(record, name, first, level, repeats, tuple(found))
+
+
+def _judged(record: FrictionRecord, law: str, fitting: slice, judging: slice, options: Mapping[str, Any]) -> Judged:
+    """One law."""
+    part = record.part(fitting)
+    nothing = (np.full(record.x.size, math.nan), (math.nan, math.nan, math.nan), False)
+    try:
+        fit = friction.fit(part.x, part.friction, law, dt=part.dt, **options)
+    except ValueError as error:
+        return Judged(law, None, str(error), *nothing)
+    curve = friction.response(fit.parameters, record.x, record.dt) + fit.offset
+    squares = _blocks(record, curve, judging)
+    drawn = np.sqrt(np.mean(squares[_draws(squares.size)], axis=1))
+    low, high = np.quantile(drawn, (0.025, 0.975))
+    return Judged(law, fit, "", curve, (float(np.sqrt(np.mean(squares))), float(low), float(high)), False)
+
+
+def _apart(record: FrictionRecord, best: Judged, other: Judged, judging: slice) -> bool:
+    """Whether a law leaves more than the best one on blocks that both are drawn with."""
+    if other.fit is None:
+        return False
+    more = _blocks(record, other.curve, judging) - _blocks(record, best.curve, judging)
+    return bool(np.quantile(np.mean(more[_draws(more.size)], axis=1), 0.05) > 0.0)
+
+
+def _blocks(record: FrictionRecord, curve: NDArray[np.float64], judging: slice) -> NDArray[np.float64]:
+    """Mean squares of what a law leaves, in blocks of whole periods where the record has a period."""
+    squares = (curve[judging] - record.friction[judging]) ** 2
+    length = friction_checks.period(record.x) or math.ceil(squares.size / BLOCKS)
+    blocks = max(squares.size // max(length, math.ceil(squares.size / BLOCKS)), 1)
+    return np.array([part.mean() for part in np.array_split(squares, blocks)])
+
+
+def _draws(blocks: int) -> NDArray[np.int_]:
+    return np.random.default_rng(SEED).integers(blocks, size=(DRAWS, blocks))

@@ -1,0 +1,210 @@
+"""The page and the files of friction laws that are fitted to a record (:mod:`friction_fit`).
+
+``write`` makes ``index.html``, ``fit.json`` with everything, and ``LAW.json`` for each law that was fitted, which
+``friction="LAW.json"`` takes.
+"""
+
+import math
+from collections.abc import Mapping
+from importlib import metadata
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from steer_env import friction
+from steer_env.experiments.drawing import fit_pictures
+from steer_env.experiments.output.files import replaced_directory, write_json
+from steer_env.experiments.output.pages import environment, image
+from steer_env.experiments.output.traces import embedded
+from steer_env.experiments.output.words import number as shown_number
+from steer_env.experiments.output.words import span
+from steer_env.experiments.report.friction_fit import Found, Judged, contents
+from steer_env.friction.law import LAWS
+from steer_env.recording import friction_checks
+from steer_env.recording.units import DEGREE
+
+# Unit in memory -> how a page shows it, and the size of that.
+SHOWN = {"rad": ("deg", DEGREE), "m": ("mm", 1e-3), "N m": ("N m", 1.0), "N": ("N", 1.0)}
+
+
+class Row(NamedTuple):
+    """A parameter as the page shows it, in the units of the record."""
+
+    name: str
+    value: str
+    interval: str
+    unit: str
+    determined: bool
+
+
+def percent(found: Found, value: float) -> float:
+    """A friction as a share of the mean friction [%]."""
+    return 100.0 * value / found.level
+
+
+def verdict(found: Found) -> str:
+    """One sentence: the law that leaves least, beside what the record itself repeats to, and those as good."""
+    if found.best is None:
+        return "No law was fitted; the table says why."
+    best = found.best
+    value, low, high = (percent(found, each) for each in best.left)
+    seconds = (found.record.x.size - found.first) * found.record.dt
+    where = f"the last {seconds:.3g} s, which were not fitted," if found.first else "the record, all of which was fitted,"
+    text = (
+        f"{_title(best.law)} describes this record best: on {where} it leaves {shown_number(value)} % of the mean "
+        f"friction ({shown_number(low)} to {shown_number(high)} %)"
+    )
+    alike = [_title(each.law) for each in found.laws[1:] if each.fit is not None and not each.apart]
+    if alike:
+        text += f", and {_listed(alike)} {'are' if len(alike) > 1 else 'is'} as good on these data"
+    if found.repeats is not None:
+        own = percent(found, found.repeats)
+        text += f"; from one period to the next the record itself differs by {shown_number(own)} %"
+    return text + "."
+
+
+def _title(law: str) -> str:
+    return LAW_TITLES.get(law, law.replace("_", " "))
+
+
+LAW_TITLES = {"lugre": "LuGre", "dahl": "Dahl", "masing": "Masing", "coulomb": "Coulomb", "gms": "GMS"}
+
+
+def _listed(words: list[str]) -> str:
+    return " and ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)
+
+
+def unit_of(law: str, parameter: str, units: Mapping[str, str]) -> str:
+    """Unit of a parameter for a record in these units."""
+    unit = LAWS[law].units.get(parameter, "")
+    return unit.replace("N m", units["torque"]).replace("rad", units["displacement"])
+
+
+def rows(each: Judged, units: Mapping[str, str]) -> list[Row]:
+    """The parameters of a law that was fitted."""
+    found = []
+    for name, value in friction.as_mapping(each.fit.parameters).items():
+        if name == "law":
+            continue
+        interval = each.fit.intervals.get(name)
+        undetermined = name in getattr(each.fit,"undetermined",())
+        text = ", ".join(map(shown_number, value)) if isinstance(value, list) else shown_number(value, 4)
+        ends = "" if interval is None or np.ndim(interval[0]) else span(interval)
+        found.append(Row(name, text, ends, unit_of(each.law, name, units), not undetermined))
+    return found
+
+
+def law_file(found: Found, each: Judged, trace: Mapping[str, Any]) -> dict[str, Any]:
+    """The file of a law, which ``friction="LAW.json"`` takes."""
+    return {
+        "friction": friction.as_mapping(each.fit.parameters),
+        "units": dict(found.record.units),
+        "level": None if getattr(each.fit,"level",None) is None else each.fit.level._asdict(),
+        "intervals": {name: [_plain(end) for end in ends] for name, ends in each.fit.intervals.items()},
+        "undetermined": list(getattr(each.fit,"undetermined",())),
+        "offset": each.fit.offset,
+        "residual": each.fit.residual,
+        "held_out": [_plain(x) for x in each.left],
+        "warnings": list(each.fit.warnings),
+        "notes": list(found.record.notes),
+        "trace": dict(trace),
+    }
+
+
+def as_json(found: Found, trace: Mapping[str, Any]) -> dict[str, Any]:
+    """Everything that was found, as JSON; null for an end of an interval that is open."""
+    r = found.record
+    own = friction_checks.period(r.x)
+    return {
+        "record": {
+            "name": found.name,
+            "samples": r.x.size,
+            "dt": r.dt,
+            "start": r.start,
+            "units": dict(r.units),
+            "factors": dict(r.factors),
+            "inertia": r.inertia,
+            "mean_friction": found.level,
+            "period": None if own is None else own * r.dt,
+            "repeats": found.repeats,
+            "notes": list(r.notes),
+        },
+        "judged_from": r.start + found.first * r.dt,
+        "verdict": verdict(found),
+        "best": found.best and found.best.law,
+        "laws": {
+            each.law: {"reason": each.reason}
+            if each.fit is None
+            else {
+                **{key: value for key, value in law_file(found, each, {}).items() if key not in ("trace", "notes")},
+                "apart_from_best": each.apart,
+            }
+            for each in found.laws
+        },
+        "trace": dict(trace),
+    }
+
+
+def _plain(value: Any) -> Any:
+    """Numbers that JSON holds; None for those that are not finite."""
+    if np.ndim(value):
+        return [_plain(each) for each in value]
+    return float(value) if math.isfinite(value) else None
+
+
+def shown(found: Found) -> fit_pictures.Shown:
+    """The record in the units of the page, with its last whole loop."""
+    r = found.record
+    (x_unit, x_size), (unit, size) = SHOWN[r.units["displacement"]], SHOWN[r.units["torque"]]
+    n, turns = friction_checks.period(r.x), friction_checks.turns(r.x)
+    known = int(turns[1]) if turns.size > 2 else 0
+    loop = slice(-n if n else None, None)
+    return fit_pictures.Shown(
+        r.time, r.x / x_size, r.friction / size, x_unit, unit, loop, known, found.first or r.x.size
+    )
+
+
+def render(found: Found, trace: Mapping[str, Any], folder: str) -> str:
+    """The page."""
+    given = shown(found)
+    fitted = [each for each in found.laws if each.fit is not None]
+    overview = {_title(e.law): tuple(percent(found, x) for x in e.left) for e in fitted}
+    repeats = None if found.repeats is None else percent(found, found.repeats)
+    return (
+        environment(__package__)
+        .get_template("friction_fit.html.j2")
+        .render(
+            found=found,
+            record=found.record,
+            folder=folder,
+            verdict=verdict(found),
+            fitted=fitted,
+            missed=[each for each in found.laws if each.fit is None],
+            percent=lambda x: percent(found, x),
+            title=_title,
+            rows={each.law: rows(each, found.record.units) for each in fitted},
+            repeats=repeats,
+            overview=image(fit_pictures.residuals(overview, repeats)) if fitted else None,
+            pictures={e.law: image(fit_pictures.law(given, e.curve, found.level)) for e in fitted},
+            travel=float(np.ptp(given.x)),
+            x_unit=given.x_unit,
+            unit=given.friction_unit,
+            command=" ".join(trace.get("command") or ()),
+            version=metadata.version("steer-env"),
+        )
+    )
+
+
+def write(out: Path, found: Found, trace: Mapping[str, Any]) -> None:
+    """Write page and files into a directory, which appears or is replaced as a whole.
+
+    ``trace`` is of :func:`steer_env.experiments.output.provenance.trace`; every file holds it.
+    """
+    page = render(found, trace, out.name)
+    with replaced_directory(out, contents()) as part:
+        (part / "index.html").write_text(embedded(page, trace), encoding="utf-8")
+        write_json(part / "fit.json", as_json(found, trace))
+        for each in found.laws:
+            if each.fit is not None:
+                write_json(part / f"{each.law}.json", law_file(found, each, trace))

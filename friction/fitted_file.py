@@ -1,0 +1,49 @@
+"""The file of a friction law that a record was fitted with, ``friction="fitted.json"``: how it is read.
+
+    {"friction": {"law": "lugre", "F_c": 0.93, ...}, "units": {"displacement": "rad", "torque": "N m"}, ...}
+
+The law stands under ``friction``, or alone as the mapping ``{"law": ...}``. Everything else is about the fit and is
+left to its reader; ``units`` are those of the record, and a law of other units is refused.
+"""
+
+import json
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+SUFFIX = ".json"
+UNITS = {"displacement": "rad", "torque": "N m"}  # of every law that drives a plant
+
+
+def named(friction: Any) -> bool:
+    """Whether a form of a friction law is the name of such a file."""
+    return isinstance(friction, str | os.PathLike) and os.fspath(friction).endswith(SUFFIX)
+
+
+def read(path: str | os.PathLike[str]) -> dict[str, Any]:
+    """The mapping of the law that a file holds, ``{"law": name, parameter: value}``.
+
+    Raises
+    ------
+    ValueError
+        If the file cannot be read, holds no law, or one of other units than rad and N m; with the file and the remedy.
+    """
+    try:
+        data = json.loads(Path(path).read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ValueError(f"{path}: {error.strerror}: friction takes a file that 'steer-env fit-friction' wrote") from None
+    except ValueError as error:
+        raise ValueError(f"{path} is no JSON: {error}") from None
+    law = data.get("friction", data) if isinstance(data, Mapping) else None
+    if not (isinstance(law, Mapping) and isinstance(law.get("law"), str)):
+        example = '{"friction": {"law": "lugre", "F_c": 1.2}}'
+        raise ValueError(f"{path} holds no friction law: it must be a mapping as {example}")
+    units = {**UNITS, **(data.get("units") or {})}
+    if {name: units[name] for name in UNITS} != UNITS:
+        raise ValueError(
+            f"{path} is of a record in {units['displacement']} and {units['torque']}, and a steering column turns in rad"
+            " and N m: fit it again with --lever METRES (the radius at which the force acts) or --to-column (the level "
+            "and the pre-sliding distance of a column)"
+        )
+    return dict(law)

@@ -1,0 +1,91 @@
+"""Sliders in parallel from a record, by non-negative least squares on a grid of yields (F32)."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from steer_env.friction.identification.intervals import half_widths
+from steer_env.friction.identification.problem import Problem
+from steer_env.friction.numerics.bounds import within
+from steer_env.friction.numerics.kernel import kernel
+
+GRIDS = (4, 8, 16, 32)  # numbers of yields that are compared on held-out samples
+JUDGED = 1.0 / 3.0  # of the weighed samples, the last ones [1]
+WORSE = 1.02  # of the least held-out residual: a grid with fewer yields may leave as much [1]
+
+
+class Elements(NamedTuple):
+    """What a record tells of sliders in parallel."""
+
+    y: NDArray[np.float64]  # (N,) yields [rad]
+    F: NDArray[np.float64]  # (N,) torques after the yield [N m]
+    factors: NDArray[np.float64]  # (K,) of the problem's columns
+    intervals: dict[str, tuple[Any, Any]]  # F_c, and virgin_torque at the yields [N m]
+
+
+@kernel
+def _slider(x, levels, y, out):  # type: ignore[no-untyped-def]
+    e = 0.0
+    for i in range(1, x.size):
+        e = within(e + x[i] - x[i - 1], -levels[i] * y, levels[i] * y)
+        out[i] = e / y
+
+
+def elements_of(problem: Problem) -> Elements:
+    """Elements on the coarsest grid of yields that describes held-out samples as well as finer ones do.
+
+    The method needs no initial guess and has no local minimum. A grid ends where an element only just yields, at half
+    the widest swing of the weighed samples; the record shows a part that yields later as a spring, and that part counts
+    with the torque that it has reached. The intervals are those of ``F_c`` and of ``virgin_torque`` at each yield,
+    because the record determines only the sum of the stiffnesses of neighbouring elements, not each of them.
+
+    Source: Rizos, Fassois, Chaos 14 (2004) 431-445 (Maxwell slip as a regression); Lawson, Hanson, Solving Least
+    Squares Problems, 1974.
+    """
+    widest = 0.5 * float(np.ptp(problem.x[problem.weighed]))
+    grids = [np.geomspace(1e-3 * widest, widest, n) for n in GRIDS]
+    regressors = [_regressors(problem, y) for y in grids]
+    T = problem.torque[problem.weighed]
+    n = round((1.0 - JUDGED) * T.size)
+    left = []
+    for y, A in zip(grids, regressors):
+        F = _not_negative(A[:n], T[:n], y.size)
+        left.append(float(np.linalg.norm(A[n:] @ F - T[n:])))
+    chosen = next(i for i, each in enumerate(left) if each <= WORSE * min(left) + 1e-9 * np.linalg.norm(T))
+    return _estimate(grids[chosen], regressors[chosen], T)
+
+
+def _regressors(problem: Problem, y: NDArray) -> NDArray[np.float64]:
+    """Torques of unit sliders with these yields, then the columns of the problem, at the weighed samples."""
+    A = np.zeros((problem.x.size, y.size + problem.columns.shape[1]))
+    out = np.zeros(problem.x.size)
+    for i, each in enumerate(y):
+        _slider(problem.x, problem.levels, float(each), out)
+        A[:, i] = out
+    A[:, y.size :] = problem.columns
+    return A[problem.weighed]
+
+
+def _not_negative(A: NDArray, T: NDArray, n: int) -> NDArray[np.float64]:
+    """Least squares with the first ``n`` factors not negative (F32)."""
+    from scipy.optimize import nnls  # imported here, because that takes longer than the import of all laws
+
+    signed = np.column_stack([A, -A[:, n:], T])
+    R = np.asarray(np.linalg.qr(signed, mode="r"))  # the same sum of squares in as many rows as columns
+    F, _ = nnls(R[:, :-1], R[:, -1])
+    factors = F[n : A.shape[1]] - F[A.shape[1] :]
+    return np.append(F[:n], factors)
+
+
+def _estimate(y: NDArray, A: NDArray, T: NDArray) -> Elements:
+    F = _not_negative(A, T, y.size)
+    used = np.flatnonzero(F[: y.size])
+    extra = np.arange(y.size, A.shape[1])
+    factors, y, J = F[extra], y[used], A[:, np.append(used, extra)]
+    residual = A @ F - T
+    F = F[used]
+    shares = np.minimum(y[:, None] / y, 1.0)  # the part of each element's torque in the virgin torque at each yield
+    half = half_widths(J, residual, np.column_stack([shares, np.zeros((y.size, extra.size))]))
+    low, high = np.maximum(shares @ F - half, 0.0), shares @ F + half
+    return Elements(y, F, factors, {"F_c": (low[-1], high[-1]), "virgin_torque": (low, high)})

@@ -1,0 +1,182 @@
+"""What a record of friction tells of itself: the sign, faults of the sensors, how far it repeats, level and distance.
+
+Displacement and friction are (T,) arrays at uniform steps in any units. The functions find the reversals themselves:
+turning points that stand out by a share of the travel.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+BAND = 0.05  # of the travel: a smaller swing is no reversal [1]
+LEAST_WORK = 0.1  # net work over the sum of its magnitudes, below which a record has no sign [1]
+CONCAVE = 0.35  # of a branch's rise that friction has reached at half its way, at least [1]; a straight line has 0.5
+CLIPPED = 20  # samples in a row at the largest value that are taken for a sensor at its end
+NOISY = 1e-3  # noise of a sensor's signal over its range, at least [1]
+DRIFT = 0.03  # of the level: a smaller drift of the zero is not told [1]
+ALIKE = 0.9  # correlation of the displacement with itself one period later, at least [1]
+
+
+class Scales(NamedTuple):
+    """Level and pre-sliding distance of a record, read from it without a law."""
+
+    level: float  # median friction against the motion, where it slides [unit of the friction]
+    distance: float  # pre-sliding distance x_c of a branch 1 - 2 exp(-x/x_c) with the same zero [unit of displacement]
+
+
+def turns(x: Array) -> NDArray[np.intp]:
+    """Samples of the reversals, in order."""
+    from scipy.signal import find_peaks  # here, because its import takes longer than the start of an environment
+
+    least = BAND * np.ptp(x)
+    return np.sort(np.concatenate([find_peaks(side * x, prominence=least, plateau_size=1)[0] for side in (1.0, -1.0)]))
+
+
+def moving(x: Array) -> NDArray[np.int_]:
+    """The direction of motion at each sample, -1, 0 or 1; slower than a tenth of the usual speed counts as rest."""
+    speed = np.gradient(x)
+    swift = np.abs(speed) > 0.1 * np.sqrt(np.mean(speed**2))
+    return np.where(swift, np.sign(speed), 0.0).astype(int)
+
+
+def middle(x: Array, friction: Array) -> float:
+    """The friction midway between its medians in either direction; where it moves in one only, that at the start."""
+    way = moving(x)
+    sides = [np.median(friction[way == side]) for side in (1, -1) if np.any(way == side)]
+    return float(np.mean(sides)) if len(sides) == 2 else float(friction[0])
+
+
+def sign(x: Array, friction: Array) -> float:
+    """1 where the friction resists positive motion, -1 where it is the opposite force, by the work that it takes.
+
+    Raises
+    ------
+    ValueError
+        Where the work is too small to tell, with the remedies.
+    """
+    parts = (friction[1:] + friction[:-1] - 2.0 * middle(x, friction)) * np.diff(x)
+    whole = float(np.sum(np.abs(parts)))
+    share = float(np.sum(parts)) / whole if whole > 0.0 else 0.0
+    if abs(share) < LEAST_WORK:
+        raise ValueError(
+            f"friction takes no work over the record (net {share:.1%} of what goes in and out), so that its sign is not"
+            " seen: check that displacement and friction are the columns they should be, and record whole cycles; or "
+            "say the sign with --sign 1 (the friction is positive when it resists positive motion) or --sign -1"
+        )
+    return math.copysign(1.0, share)
+
+
+def check_columns(x: Array, friction: Array) -> None:
+    """ValueError where friction rises ever steeper after a reversal, as a displacement over friction does."""
+    at = turns(x)
+    shares = []
+    for a, b in zip(at[:-1], at[1:]):
+        way = np.abs(x[a : b + 1] - x[a])
+        half = int(np.argmax(way >= 0.5 * way[-1]))
+        rise = friction[b] - friction[a]
+        if rise != 0.0:
+            shares.append((friction[a + half] - friction[a]) / rise)
+    if shares and np.median(shares) < CONCAVE:
+        raise ValueError(
+            f"half-way from a reversal to the next, the friction has made {np.median(shares):.0%} of its way; friction "
+            "is past half of it by then. Displacement and friction are exchanged, or an end stop or a spring is in the "
+            "record: name the columns with --map displacement=... and --map friction=..., or cut the record"
+        )
+
+
+def clipped(friction: Array) -> str | None:
+    """A note where the friction stays at exactly its largest or smallest value though it is noisy elsewhere."""
+    if _noise(friction) < NOISY * np.ptp(friction):
+        return None  # a law's own plateau is as flat
+    for side, name in ((1.0, "largest"), (-1.0, "smallest")):
+        end = (side * friction).max()
+        at_end = side * friction == end
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], at_end.astype(int), [0]])))
+        longest = int(np.max(edges[1::2] - edges[::2]))
+        if longest >= CLIPPED:
+            return (
+                f"the friction stays at its {name} value, {side * end:g}, for {longest} samples in a row: the sensor is"
+                " at the end of its range, which makes the level a lower bound. Measure with a larger range"
+            )
+    return None
+
+
+def _noise(values: Array) -> float:
+    """Standard deviation of white noise on a smooth history between its ends, by the third differences.
+
+    They have 20 times its variance. Zero where few samples lie between the ends.
+    """
+    between = (values > values.min()) & (values < values.max())
+    whole = between[3:] & between[2:-1] & between[1:-2] & between[:-3]
+    there = np.abs(np.diff(values, 3))[whole]
+    return 1.4826 * float(np.median(there)) / math.sqrt(20.0) if there.size > CLIPPED else 0.0
+
+
+def drift(t: Array, x: Array, friction: Array) -> tuple[float, float]:
+    """Slope of the middle of the loops over time, and the drift over the record as a share of the level.
+
+    Zero where the record has fewer than three loops, or where the slope is within three standard errors.
+    """
+    at = turns(x)
+    ends = at[::2]
+    if ends.size < 4:
+        return 0.0, 0.0
+    instants = np.array([0.5 * (t[a] + t[b]) for a, b in zip(ends[:-1], ends[1:])])
+    middles = np.array([middle(x[a : b + 1], friction[a : b + 1]) for a, b in zip(ends[:-1], ends[1:])])
+    (slope, _), covariance = np.polyfit(instants, middles, 1, cov="unscaled")
+    left = middles - np.polyval(np.polyfit(instants, middles, 1), instants)
+    error = math.sqrt(covariance[0, 0] * np.sum(left**2) / (middles.size - 2))
+    if abs(slope) <= 3.0 * error:
+        return 0.0, 0.0
+    return float(slope), float(slope) * (t[-1] - t[0]) / scales(x, friction).level
+
+
+def period(x: Array) -> int | None:
+    """Samples of the period with which the displacement repeats, at least twice in the record; None if it does not."""
+    from scipy.signal import correlate, find_peaks  # here, as in `turns`
+
+    u = x - x.mean()
+    found = correlate(u, u, method="fft")[x.size - 1 :]
+    power = np.concatenate([[0.0], np.cumsum(u**2)])
+    lags = np.arange(x.size // 2)
+    norm = np.sqrt(power[x.size - lags] * (power[-1] - power[lags]))
+    alike = found[: lags.size] / np.where(norm > 0.0, norm, 1.0)
+    peaks = find_peaks(alike, height=ALIKE)[0]
+    return int(peaks[0]) if peaks.size else None
+
+
+def repeatability(x: Array, friction: Array, start: int = 0) -> float | None:
+    """RMS difference of the friction one period later, over the samples from ``start`` on that have such a partner.
+
+    [unit of the friction]; None where the displacement does not repeat.
+    """
+    n = period(x)
+    if n is None or x.size - n - start < n // 2:
+        return None
+    return float(np.sqrt(np.mean((friction[start + n :] - friction[start:-n]) ** 2)))
+
+
+def scales(x: Array, friction: Array) -> Scales:
+    """Level and pre-sliding distance of a record whose friction resists positive motion.
+
+    Raises
+    ------
+    ValueError
+        Where there is no reversal after which the friction changes sides.
+    """
+    T = friction - middle(x, friction)
+    against = moving(x) * T
+    sliding = against[against > 0.0]
+    distances = []
+    at = turns(x)
+    for a, b in zip(at[:-1], at[1:]):
+        side = np.sign(x[b] - x[a])
+        branch = side * T[a : b + 1]
+        if branch[0] < 0.0 and np.any(branch > 0.0):
+            distances.append(abs(x[a + int(np.argmax(branch > 0.0))] - x[a]))
+    if not distances or sliding.size == 0:
+        raise ValueError("after no reversal does the friction change sides: record strokes that slide in both directions")
+    return Scales(float(np.median(sliding)), float(np.median(distances)) / math.log(2.0))

@@ -1,0 +1,64 @@
+"""``friction="fitted.json"``: a file stands wherever a law does, and nothing that is made with it needs it later."""
+
+import json
+
+import gymnasium as gym
+import pytest
+from gymnasium.envs.registration import EnvSpec
+
+import steer_env.environments  # noqa: F401
+from steer_env import friction
+from steer_env.experiments.output.options import Friction
+from steer_env.friction.law import parts
+from tests.friction.test_bad_input import refused
+
+LAW = {"law": "masing", "k": [40.0, 60.0], "y": [0.004, 0.012], "sigma_1": 0.5}
+
+
+@pytest.fixture
+def fitted(tmp_path):
+    path = tmp_path / "fitted.json"
+    path.write_text(json.dumps({"friction": LAW, "units": {"displacement": "rad", "torque": "N m"}, "level": None}))
+    return path
+
+
+def test_a_file_is_the_law_that_it_holds(fitted):
+    expected = friction.as_mapping(friction.resolve(LAW))
+    for form in (fitted, str(fitted)):
+        assert friction.as_mapping(friction.resolve(form)) == expected
+        assert parts(form) == parts(LAW)
+    fitted.write_text(json.dumps(LAW))  # the mapping alone
+    assert friction.as_mapping(friction.resolve(fitted)) == expected
+
+
+def test_an_environment_does_not_need_the_file_any_more(fitted):
+    text = gym.make("steer_env/AssistWeave-v1", friction=str(fitted)).spec.to_json()
+    fitted.unlink()
+    again = EnvSpec.from_json(text).kwargs["friction"]
+    assert again == friction.as_mapping(friction.resolve(LAW))
+
+
+def test_the_text_of_an_option_needs_the_file_no_longer(fitted):
+    option = Friction(str(fitted))
+    assert option.label == "fitted.json"
+    assert friction.as_mapping(Friction(option.text).parameters) == friction.as_mapping(option.parameters)
+
+
+BAD = [
+    (None, ["fitted.json", "No such file", "fit-friction"]),
+    ("{", ["fitted.json", "no JSON"]),
+    ("[1]", ["fitted.json", "holds no friction law"]),
+    ('{"best": "lugre"}', ["fitted.json", "holds no friction law", '"law": "lugre"']),
+    ('{"friction": {"law": "lugre", "Fc": 1.0}}', ["'lugre'", "'Fc'"]),
+    (
+        '{"friction": {"law": "coulomb", "F_c": 2.0}, "units": {"displacement": "m", "torque": "N"}}',
+        ["fitted.json", "in m and N", "--lever", "--to-column"],
+    ),
+]
+
+
+@pytest.mark.parametrize(("text", "contains"), BAD, ids=lambda each: str(each)[:30])
+def test_a_file_without_a_law_of_a_column_is_refused(fitted, text, contains):
+    fitted.unlink() if text is None else fitted.write_text(text)
+    with refused(contains):
+        friction.resolve(str(fitted))

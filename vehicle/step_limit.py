@@ -1,0 +1,69 @@
+"""Whether the step equation of a plant has one solution: refused where it may have several.
+
+    S > steepest fall of the law's mean torque with the speed          (F13)
+
+S is that of the column under a given hand torque (C5), where it is smallest. Arms on the handwheel and a shorter step
+raise it. The fall grows with the friction scale (F11), which is taken at the largest rack force. The numbers of the
+equations are those of docs/model.md.
+"""
+
+from typing import Any
+
+from steer_env.friction.law import law_of
+from steer_env.vehicle.plant import Plant
+from steer_env.vehicle.steering.column import Column
+from steer_env.vehicle.steering.eps import SAMPLE_TIME
+
+# Assumed. Hands of 25 N m and the full boost of the packaged cars hold 8 to 12 kN against an end stop.
+LARGEST_RACK_FORCE = 15e3  # [N]
+SHORTEST_STEP = 1e-7  # below which no step is looked for, assumed [s]
+
+
+def least_slope(c: Column, h: float) -> float:
+    """The smallest S of the step equation of a column, over a step of ``h`` [s], in N m s/rad."""
+    K = c.C_tb + 0.5 * h * c.K_tb  # (C4)
+    a11 = 2.0 * (c.I1 + c.I_arm) / h + c.C1 + c.C_arm + 0.5 * h * c.K_arm + K  # (C4)
+    return 2.0 * c.I2 / h + c.C2 + K - K * K / a11  # (C5)
+
+
+def checked(p: Plant, friction: Any = None, level: float | None = None) -> Plant:
+    """The plant itself, if its step equation has one solution.
+
+    Parameters
+    ----------
+    p : Plant
+    friction : parameters of a friction law, optional
+        Others than those of the plant, for ranges from which they are drawn.
+    level : float, optional
+        Another factor on the saturated friction than that of the plant [1].
+
+    Raises
+    ------
+    ValueError
+        It may have several, with the slope that is allowed, the longest step and what helps.
+    """
+    law_p = p.friction if friction is None else friction
+    level = p.friction_torque_scale if level is None else level
+    law, scale = law_of(law_p), level * (1.0 + p.friction_load * LARGEST_RACK_FORCE)  # (F11)
+
+    def single(h: float) -> bool:
+        return law.steepest_fall(law_p, scale, h) < least_slope(p.column, h)  # (F13)
+
+    if single(SAMPLE_TIME):
+        return p
+    low, high = SHORTEST_STEP, SAMPLE_TIME
+    if single(low):
+        while high > 1.001 * low:
+            h = (low * high) ** 0.5
+            low, high = (h, high) if single(h) else (low, h)
+        steps = f"steps of up to {1e3 * low:.3g} ms would do"
+    else:
+        steps = "no shorter step helps"
+    fall = law.steepest_fall(law_p, scale, SAMPLE_TIME)
+    raise ValueError(
+        f"friction law {law.name!r}: its torque falls with the speed by up to {fall:.3g} N m s/rad at the largest"
+        f" friction scale, {scale:.3g} (level {level:g}, rack force {1e-3 * LARGEST_RACK_FORCE:g} kN); at the step of"
+        f" {1e3 * SAMPLE_TIME:g} ms the column allows less than {least_slope(p.column, SAMPLE_TIME):.3g}, beyond which"
+        f" the speed is not determined ({steps}). Raise the law's Stribeck speed, or lower its break-away torque"
+        " towards its sliding torque, its damping of the bristles or the friction level"
+    )
