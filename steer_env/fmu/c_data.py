@@ -29,6 +29,7 @@ def c_data(part: Part, variables: list[Variable], processor: Processor, token: s
                 ("begin", part.begin),
                 ("start", part.start),
                 ("shown", part.shown),
+                ("given", [s.start for s in part.given] + [0.0] * (part.given_size - len(part.given))),
             )
         ),
         _array("unsigned", "places", map(str, part.zero_states)),
@@ -37,7 +38,7 @@ def c_data(part: Part, variables: list[Variable], processor: Processor, token: s
         f"    .token = {json.dumps(token)},",
         f"    .processor = {json.dumps(processor.name)},",
         *(f"    .{name} = {name}," for name in ("requirements", "variables", "states", "numbers", "tables")),
-        *(f"    .{name} = {name}," for name in ("begin", "start", "shown", "places", "rows")),
+        *(f"    .{name} = {name}," for name in ("begin", "start", "shown", "given", "places", "rows")),
         f"    .requirement_count = {len(needed)},",
         f"    .variable_count = {len(variables)},",
         f"    .number_count = {numbers.size},",

@@ -1,17 +1,13 @@
 """The whole car as a unit: the plant as the environments and manoeuvres run it."""
 
-from typing import Any
-
 import numpy as np
 
-from steer_env.fmu.part import Part, Signal
-from steer_env.friction.numerics.interpolation import hermite
+from steer_env.fmu.part import Part, Signal, channel_signals, reached
 from steer_env.friction.numerics.kernel import kernel
 from steer_env.vehicle import chassis, plant
 from steer_env.vehicle.chassis.common.interface import ASSIST_REQUEST, HAND, HAND_SPEED, INPUTS, TARGET_SPEED
 from steer_env.vehicle.layout import layout_of, size_of, states
 from steer_env.vehicle.steering.column import HANDWHEEL_ANGLE, HANDWHEEL_SPEED
-from steer_env.vehicle.steering.eps import SAMPLE_TIME
 
 HANDS = (
     Signal("hand_torque", "N m", "torque of the hands, where the hand torque is given (robot is false)"),
@@ -34,35 +30,6 @@ SETTLING = 5000  # samples that `plant.settled` runs straight
 
 
 @kernel
-def hands(given, end, robot, start, start_speed, share, u):
-    """Hand torque, or handwheel angle and speed, of one sample to ``u``.
-
-    Parameters
-    ----------
-    given : (G,) array
-        Inputs of the unit, which begin with ``HANDS``.
-    end : float
-        Length of the communication step [s].
-    robot : bool
-        Whether the angle is prescribed.
-    start, start_speed : float
-        Handwheel angle and speed at the beginning of the communication step [rad, rad/s].
-    share : float
-        End of the sample in the communication step, above 0 to 1. Up to there the angle follows the cubic that meets
-        angle and speed at both ends.
-    u : (I,) array
-        Receives the values.
-    """
-    if robot:
-        u[HAND], u[HAND_SPEED] = given[1], given[2]
-        if share < 1.0:
-            u[HAND], slope = hermite(share, start, given[1], start_speed * end, given[2] * end)
-            u[HAND_SPEED] = slope / end
-    else:
-        u[HAND], u[HAND_SPEED] = given[0], 0.0
-
-
-@kernel
 def advance(p, state, given, inputs, outputs, samples):
     """Advance the car by a communication step of so many samples; whether its state is finite."""
     start, start_speed = state[HANDWHEEL_ANGLE], state[HANDWHEEL_SPEED]
@@ -70,15 +37,13 @@ def advance(p, state, given, inputs, outputs, samples):
     for i in range(ASSIST_REQUEST, u.size):
         u[i] = given[i + 1]
     for i in range(samples):
-        hands(given, samples * SAMPLE_TIME, p.robot > 0.0, start, start_speed, (i + 1) / samples, u)
+        if p.robot > 0.0:
+            u[HAND], u[HAND_SPEED] = reached(start, start_speed, given[1], given[2], i + 1, samples)
+        else:
+            u[HAND], u[HAND_SPEED] = given[0], 0.0
         if not plant.run(p, state, inputs, outputs, 1):
             return False
     return True
-
-
-def channel_signals(channels: Any) -> tuple[Signal, ...]:
-    """Outputs for channels of the plant."""
-    return tuple(Signal(name, unit, name.replace("_", " ")) for name, unit in channels)
 
 
 def part(p: plant.Plant) -> Part:

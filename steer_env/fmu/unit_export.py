@@ -8,7 +8,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from steer_env.fmu import car, description, documentation, link
+from steer_env.fmu import car, description, documentation, link, steering
+from steer_env.fmu import chassis as chassis_part
 from steer_env.fmu.c_data import c_data
 from steer_env.fmu.object_code import PLATFORMS, module_text, object_code
 from steer_env.fmu.part import Part
@@ -17,7 +18,7 @@ from steer_env.fmu.variables import variables
 from steer_env.friction import law_of, resolve
 from steer_env.vehicle import cars
 
-PARTS = ("car",)
+PARTS = ("car", "steering", "chassis")
 VERSIONS = (2,)
 _DATE = (1980, 1, 1, 0, 0, 0)  # of every file in the archive, so that the same export gives the same bytes
 
@@ -42,16 +43,16 @@ def export(
     ----------
     path : str or Path
         File to write, ending with ``.fmu``.
-    part : {"car"}
+    part : {"car", "steering", "chassis"}
         What the unit contains.
     friction : str, mapping or parameters
-        A friction law as :func:`steer_env.friction.resolve` takes it.
+        A friction law as :func:`steer_env.friction.resolve` takes it; the chassis alone has none.
     vehicle : str, path or mapping
         A car as :func:`steer_env.vehicle.cars.load` takes it.
     chassis : str
-        A name of :func:`steer_env.vehicle.chassis.available`.
+        A name of :func:`steer_env.vehicle.chassis.available`; the steering alone has none.
     speed : float
-        Held speed [m/s], for which the unit is made.
+        Held speed [m/s], for which the unit is made; of the steering alone the start value of the vehicle's speed.
     robot : bool
         Start value of the parameter ``robot``: whether the handwheel angle is prescribed, and not the hand torque.
     road_friction : float
@@ -91,11 +92,14 @@ def export(
     law = resolve(friction)
     loaded = cars.load(vehicle)
     p = loaded.plant(law, speed, robot, road_friction, chassis)
-    told = (
-        f"Car {loaded.name}, friction law {law_of(law).name}, chassis {chassis}, held speed {speed:.6g} m/s, "
-        f"processor level {cpu}."
-    )
-    _write(target, car.part(p), f"steer_{part}_{law_of(law).name}", told, wanted, fmi, cpu)
+    name, rolls = law_of(law).name, f"chassis {chassis}, held speed {speed:.6g} m/s"
+    made, contents, label = {
+        "car": lambda: (car.part(p), f"friction law {name}, {rolls}", name),
+        "steering": lambda: (steering.part(p, speed), f"friction law {name}", name),
+        "chassis": lambda: (chassis_part.part(p), rolls, chassis),
+    }[part]()
+    told = f"Car {loaded.name}, {contents}; processor level {cpu}."
+    _write(target, made, f"steer_{part}_{label}", told, wanted, fmi, cpu)
     return target
 
 

@@ -104,7 +104,7 @@ def _parameters(part: Part) -> Iterator[Variable]:
 def variables(part: Part) -> list[Variable]:
     """Every variable of a part; the position in the list is the value reference."""
     inputs = [
-        Variable(s.name, s.unit, s.description, "GIVEN", i, "INPUT", False, 0.0, False)
+        Variable(s.name, s.unit, s.description, "GIVEN", i, "INPUT", False, s.start, False)
         for i, s in enumerate(part.given)
     ]
     outputs = [

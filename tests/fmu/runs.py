@@ -39,6 +39,11 @@ def opened(path: Any, folder: Any, log: list | None = None):
     unit.freeInstance()
 
 
+def bits(values: Any) -> np.ndarray:
+    """The bits of floats, so that signs of zeros count."""
+    return np.ascontiguousarray(values).view(np.int64)
+
+
 def begin(unit: Any, start: float = 0.0) -> None:
     """From instantiation to step mode."""
     unit.setupExperiment(startTime=start)

@@ -104,6 +104,7 @@ void unit_reset(struct instance *c)
     c->clock[PHASE] = INSTANTIATED;
     c->clock[STOP_TIME] = INFINITY;
     memcpy(c->numbers, unit.numbers, unit.number_count * sizeof *c->numbers);
+    memcpy(c->given, unit.given, unit.given_count * sizeof *c->given);
     memcpy(c->outputs, unit.shown, unit.output_count * sizeof *c->outputs);
     memcpy(c->state, unit.start, unit.state_count * sizeof *c->state);
 }
@@ -177,7 +178,7 @@ int unit_settle(struct instance *c)
     if (!given)
         return unit_refuse(c, "no memory to settle the state");
     memcpy(given, c->given, size);
-    memset(c->given, 0, size);
+    memcpy(c->given, unit.given, size);
     memcpy(c->state, unit.begin, unit.state_count * sizeof *c->state);
     int done = advance(c, unit.settling);
     memcpy(c->given, given, size);

@@ -38,6 +38,7 @@ struct unit {
     const double *begin;       /* state from which a plant with other parameters settles */
     const double *start;       /* settled state with the parameters above */
     const double *shown;       /* its outputs */
+    const double *given;       /* inputs at the start */
     const unsigned *places;    /* states that begin at zero after settling */
     const unsigned *rows;      /* outputs that begin at zero after settling */
     unsigned requirement_count, variable_count, number_count, state_count, given_count, input_count, output_count,
