@@ -11,7 +11,7 @@ from steer_env.experiments.output import car_options
 # As in steer_env.fmu, whose import takes long.
 PARTS = ("car", "steering", "chassis")
 PLATFORMS = ("linux64", "win64")
-VERSIONS = (2,)
+VERSIONS = (2, 3)
 PROCESSORS = ("x86-64", "x86-64-v2", "x86-64-v3", "x86-64-v4", "native")
 
 

@@ -18,12 +18,13 @@ STEP_NOTE = (
     "The internal step is 1 ms. A communication step is a whole number of milliseconds, to 1e-9 s. Inputs hold over a "
     "communication step; a prescribed handwheel angle is reached at its end."
 )
-_USES: dict[str, dict[str, str]] = {
-    "INPUT": {"causality": "input", "variability": "continuous"},
+USES: dict[str, dict[str, str]] = {
+    "INPUT": {"causality": "input", "variability": "continuous"},  # whose start value is always exact
     "OUTPUT": {"causality": "output", "variability": "continuous", "initial": "calculated"},
     "FIXED": {"causality": "parameter", "variability": "fixed", "initial": "exact"},
     "TUNABLE": {"causality": "parameter", "variability": "tunable", "initial": "exact"},
     "CONSTANT": {"causality": "local", "variability": "constant", "initial": "exact"},
+    "INDEPENDENT": {"causality": "independent", "variability": "continuous"},
 }
 
 
@@ -99,9 +100,7 @@ def fmi2(part: Part, variables: list[Variable], identifier: str, token: str, des
     experiment(root)
     listed = ElementTree.SubElement(root, "ModelVariables")
     for reference, v in enumerate(variables):
-        about_it = {"name": v.name, "valueReference": str(reference), "description": v.description, **_USES[v.use]}
-        if v.use == "INPUT":
-            about_it.pop("initial", None)
+        about_it = {"name": v.name, "valueReference": str(reference), "description": v.description, **USES[v.use]}
         each = ElementTree.SubElement(listed, "ScalarVariable", about_it)
         if v.boolean:
             ElementTree.SubElement(each, "Boolean", start="true" if v.start else "false")

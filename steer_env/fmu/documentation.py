@@ -18,6 +18,7 @@ _GROUPS = {
     "Tunable parameters": "TUNABLE",
     "Fixed parameters": "FIXED",
     "Constants": "CONSTANT",
+    "Independent variable": "INDEPENDENT",
 }
 _SIZE = 100  # of the icon [pixels]
 

@@ -13,7 +13,7 @@ from pathlib import Path
 
 SOURCES = Path(__file__).parent / "c"
 SUFFIXES = {"linux64": "so", "win64": "dll"}
-_FLAGS = ("-std=gnu11", "-O2", "-shared", "-fvisibility=hidden", "-Wall", "-Wextra", "-s")
+_FLAGS = ("-std=gnu11", "-O2", "-shared", "-fvisibility=hidden", "-Wall", "-Wextra", "-Wno-unused-parameter", "-s")
 INSTALL = "pip install '.[fmu]'"
 
 

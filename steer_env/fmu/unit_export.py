@@ -11,6 +11,7 @@ from typing import Any
 from steer_env.fmu import car, description, documentation, link, steering
 from steer_env.fmu import chassis as chassis_part
 from steer_env.fmu.c_data import c_data
+from steer_env.fmu.description3 import fmi3
 from steer_env.fmu.object_code import PLATFORMS, module_text, object_code
 from steer_env.fmu.part import Part
 from steer_env.fmu.processor import processor
@@ -19,7 +20,13 @@ from steer_env.friction import law_of, resolve
 from steer_env.vehicle import cars
 
 PARTS = ("car", "steering", "chassis")
-VERSIONS = (2,)
+VERSIONS = (2, 3)
+ICONS = {2: "model.png", 3: "terminalsAndIcons/icon.png"}
+# Folders of the binaries, by version and platform.
+FOLDERS = {
+    2: {"linux64": "linux64", "win64": "win64"},
+    3: {"linux64": "x86_64-linux", "win64": "x86_64-windows"},
+}
 _DATE = (1980, 1, 1, 0, 0, 0)  # of every file in the archive, so that the same export gives the same bytes
 
 
@@ -59,8 +66,8 @@ def export(
         Friction of the road over that of the tyre measurements [1].
     platforms : sequence of {"linux64", "win64"}
         Platforms to include binaries for.
-    fmi : {2}
-        Version of FMI.
+    fmi : {2, 3}
+        Version of FMI, 2.0 or 3.0.
     cpu : str
         Least processor of the machine that runs the unit: ``"x86-64-v3"``, another level of x86-64, or ``"native"`` for
         that of this machine.
@@ -106,24 +113,24 @@ def export(
 def _write(
     target: Path, part: Part, identifier: str, told: str, platforms: Sequence[str], version: int, cpu: str
 ) -> None:
-    level, listed = processor(cpu), variables(part)
+    level, listed = processor(cpu), variables(part, version)
     module = module_text(
         part.advance, part.parameters, part.start.size, part.given_size, part.inputs, len(part.outputs)
     )
     objects = {platform: object_code(module, platform, level) for platform in platforms}
-    parts = (c_data(part, listed, level, ""), told, *(code.hex() for code in objects.values()))
+    parts = (c_data(part, listed, level, ""), told, str(version), *(code.hex() for code in objects.values()))
     token = f"{{{uuid.UUID(hashlib.sha256(' '.join(parts).encode()).hexdigest()[:32])}}}"
     data = c_data(part, listed, level, token)
-    text = description.fmi2(part, listed, identifier, token, told)
+    text = (description.fmi2 if version == 2 else fmi3)(part, listed, identifier, token, told)
     files: dict[str, bytes] = {
         "modelDescription.xml": text.encode(),
-        "model.png": documentation.icon(),
+        ICONS[version]: documentation.icon(),
         "documentation/index.html": documentation.page(part, listed, level, told).encode(),
     }
     for platform, code in objects.items():
         with tempfile.TemporaryDirectory() as folder:
             binary = link.link(platform, version, data, code, identifier, Path(folder))
-            files[f"binaries/{platform}/{binary.name}"] = binary.read_bytes()
+            files[f"binaries/{FOLDERS[version][platform]}/{binary.name}"] = binary.read_bytes()
     target.parent.mkdir(parents=True, exist_ok=True)
     with zipfile.ZipFile(target, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, contents in files.items():

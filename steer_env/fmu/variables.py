@@ -34,7 +34,7 @@ class Variable(NamedTuple):
     description: str
     array: str  # of the unit: NUMBERS, GIVEN, OUTPUTS or TIME
     place: int  # position there
-    use: str  # INPUT, OUTPUT, FIXED, TUNABLE or CONSTANT
+    use: str  # INPUT, OUTPUT, FIXED, TUNABLE, CONSTANT or INDEPENDENT
     boolean: bool
     start: float  # in the unit of the variable
     positive: bool  # whether only positive values are allowed
@@ -101,8 +101,11 @@ def _parameters(part: Part) -> Iterator[Variable]:
             )
 
 
-def variables(part: Part) -> list[Variable]:
-    """Every variable of a part; the position in the list is the value reference."""
+TIME = Variable("time", "s", "simulation time", "TIME", 0, "INDEPENDENT", False, 0.0, False)
+
+
+def variables(part: Part, version: int) -> list[Variable]:
+    """Every variable of a part in a version of FMI; the position in the list is the value reference."""
     inputs = [
         Variable(s.name, s.unit, s.description, "GIVEN", i, "INPUT", False, s.start, False)
         for i, s in enumerate(part.given)
@@ -111,4 +114,4 @@ def variables(part: Part) -> list[Variable]:
         Variable(s.name, s.unit, s.description, "OUTPUTS", i, "OUTPUT", False, float(part.shown[i]), False)
         for i, s in enumerate(part.outputs)
     ]
-    return [*inputs, *outputs, *_parameters(part)]
+    return [*inputs, *outputs, *_parameters(part), *((TIME,) if version == 3 else ())]

@@ -237,9 +237,11 @@ int unit_get(struct instance *c, enum type type, const uint32_t *references, siz
 static int may_set(struct instance *c, const struct variable *v, double value)
 {
     unsigned phase = (unsigned)c->clock[PHASE];
-    if (v->use == OUTPUT || v->use == CONSTANT)
+    if (v->use == OUTPUT || v->use == CONSTANT || v->use == INDEPENDENT)
         return unit_refuse(c, "variable %s is %s and cannot be set", v->name,
-                           v->use == OUTPUT ? "an output" : "a constant");
+                           v->use == OUTPUT     ? "an output"
+                           : v->use == CONSTANT ? "a constant"
+                                                : "the independent one");
     if (phase == TERMINATED)
         return unit_refuse(c, "variable %s cannot be set after termination", v->name);
     if (v->use == FIXED && phase == STEPPING)

@@ -26,7 +26,7 @@ const char *fmi2GetVersion(void)
 
 fmi2Status fmi2SetDebugLogging(fmi2Component c, fmi2Boolean on, size_t count, const fmi2String categories[])
 {
-    (void)on, (void)count, (void)categories; /* only errors are logged, and they always are */
+    /* only errors are logged, and they always are */
     REQUIRE(ANY_PHASE);
     return fmi2OK;
 }
@@ -34,7 +34,6 @@ fmi2Status fmi2SetDebugLogging(fmi2Component c, fmi2Boolean on, size_t count, co
 fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String token, fmi2String resources,
                               const fmi2CallbackFunctions *callbacks, fmi2Boolean visible, fmi2Boolean logging)
 {
-    (void)resources, (void)visible, (void)logging;
     if (!callbacks || type != fmi2CoSimulation) {
         struct instance early = {.name = (char *)(name ? name : ""), .logger = NULL};
         if (callbacks) {
@@ -56,7 +55,7 @@ void fmi2FreeInstance(fmi2Component c)
 fmi2Status fmi2SetupExperiment(fmi2Component c, fmi2Boolean tolerance_defined, fmi2Real tolerance, fmi2Real start,
                                fmi2Boolean stops, fmi2Real stop)
 {
-    (void)tolerance_defined, (void)tolerance; /* the step is fixed */
+    /* the step is fixed */
     REQUIRE(INSTANTIATED);
     return STATUS(unit_begin(c, start, stops, stop));
 }
@@ -139,25 +138,21 @@ static fmi2Status none_of_type(fmi2Component c, size_t count, const char *functi
 
 fmi2Status fmi2GetInteger(fmi2Component c, const fmi2ValueReference vr[], size_t nvr, fmi2Integer value[])
 {
-    (void)vr, (void)value;
     return none_of_type(c, nvr, __func__, "integer");
 }
 
 fmi2Status fmi2SetInteger(fmi2Component c, const fmi2ValueReference vr[], size_t nvr, const fmi2Integer value[])
 {
-    (void)vr, (void)value;
     return none_of_type(c, nvr, __func__, "integer");
 }
 
 fmi2Status fmi2GetString(fmi2Component c, const fmi2ValueReference vr[], size_t nvr, fmi2String value[])
 {
-    (void)vr, (void)value;
     return none_of_type(c, nvr, __func__, "string");
 }
 
 fmi2Status fmi2SetString(fmi2Component c, const fmi2ValueReference vr[], size_t nvr, const fmi2String value[])
 {
-    (void)vr, (void)value;
     return none_of_type(c, nvr, __func__, "string");
 }
 
@@ -181,7 +176,7 @@ fmi2Status fmi2FreeFMUstate(fmi2Component c, fmi2FMUstate *state)
 
 fmi2Status fmi2SerializedFMUstateSize(fmi2Component c, fmi2FMUstate state, size_t *size)
 {
-    (void)state; /* all have one size */
+    /* all have one size */
     REQUIRE(ANY_PHASE);
     *size = unit_stored_size(c);
     return fmi2OK;
@@ -211,27 +206,23 @@ fmi2Status fmi2GetDirectionalDerivative(fmi2Component c, const fmi2ValueReferenc
                                         const fmi2ValueReference knowns[], size_t known_count,
                                         const fmi2Real seed[], fmi2Real result[])
 {
-    (void)unknowns, (void)unknown_count, (void)knowns, (void)known_count, (void)seed, (void)result;
     return not_offered(c, __func__);
 }
 
 fmi2Status fmi2SetRealInputDerivatives(fmi2Component c, const fmi2ValueReference vr[], size_t nvr,
                                        const fmi2Integer order[], const fmi2Real value[])
 {
-    (void)vr, (void)nvr, (void)order, (void)value;
     return not_offered(c, __func__);
 }
 
 fmi2Status fmi2GetRealOutputDerivatives(fmi2Component c, const fmi2ValueReference vr[], size_t nvr,
                                         const fmi2Integer order[], fmi2Real value[])
 {
-    (void)vr, (void)nvr, (void)order, (void)value;
     return not_offered(c, __func__);
 }
 
 fmi2Status fmi2DoStep(fmi2Component c, fmi2Real time, fmi2Real size, fmi2Boolean no_return)
 {
-    (void)no_return;
     REQUIRE(STEPPING);
     return STATUS(unit_step(c, time, size));
 }
@@ -262,21 +253,18 @@ fmi2Status fmi2GetBooleanStatus(fmi2Component c, const fmi2StatusKind kind, fmi2
 /* No step is ever pending, so that there is no status of one. */
 fmi2Status fmi2GetStatus(fmi2Component c, const fmi2StatusKind kind, fmi2Status *value)
 {
-    (void)kind, (void)value;
     REQUIRE(STEPPING | TERMINATED);
     return fmi2Discard;
 }
 
 fmi2Status fmi2GetIntegerStatus(fmi2Component c, const fmi2StatusKind kind, fmi2Integer *value)
 {
-    (void)kind, (void)value;
     REQUIRE(STEPPING | TERMINATED);
     return fmi2Discard;
 }
 
 fmi2Status fmi2GetStringStatus(fmi2Component c, const fmi2StatusKind kind, fmi2String *value)
 {
-    (void)kind, (void)value;
     REQUIRE(STEPPING | TERMINATED);
     return fmi2Discard;
 }

@@ -8,12 +8,12 @@
 #include <stdint.h>
 
 enum array { NUMBERS, GIVEN, OUTPUTS, TIME };
-enum use { INPUT, OUTPUT, FIXED, TUNABLE, CONSTANT };
+enum use { INPUT, OUTPUT, FIXED, TUNABLE, CONSTANT, INDEPENDENT };
 enum type { REAL, BOOLEAN };
 
 struct variable {
     const char *name;
-    enum array array; /* where its value stands, */
+    enum array array; /* where its value stands (TIME: in the clock), */
     unsigned place;   /* and at which position there */
     enum use use;
     enum type type;
