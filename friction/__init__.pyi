@@ -1,4 +1,4 @@
-from . import models
+from . import level, models
 from .identification.fit import Fit, fit
 from .identification.record import Record
 from .law import Law, as_mapping, available, law_of, make, register, resolve
@@ -12,6 +12,7 @@ __all__ = [
     "available",
     "fit",
     "law_of",
+    "level",
     "make",
     "models",
     "register",

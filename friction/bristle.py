@@ -1,4 +1,4 @@
-"""The bristle that LuGre and Dahl share, integrated exactly at constant speed w over a time h.
+"""The bristle that LuGre, Dahl and the exponential spring share, integrated exactly at constant speed w over a time h.
 
     dz/dt = v - |v| z/z_g                                                    (F3), (F4)
     z+ = z E + h w p1,    mean z = z p1 + h w p2,    X = |w| h/z_g           (F8)
@@ -52,3 +52,13 @@ def displaced(z, z_g, limit, w, h):
     """Deflection after ``h`` at constant speed ``w`` (F8), held within ``limit``."""
     E, p1, _, _, _ = decay(abs(w) * h / z_g)
     return held(held(z, limit) * E + h * w * p1, limit)  # (F8)
+
+
+@kernel
+def spring(sigma_0, F, z, w, h):
+    """Mean torque over a step of an exponential spring that saturates at ``F`` (F8), and its derivative by ``w``."""
+    slope = sigma_0 * h / F
+    _, p1, p2, d1, d2 = decay(slope * abs(w))
+    z = held(z, F / sigma_0)
+    mean = sigma_0 * (z * p1 + h * w * p2)  # (F8)
+    return mean, sigma_0 * (h * p2 + (z * d1 + h * w * d2) * math.copysign(slope, w))

@@ -12,3 +12,7 @@ SIGMA_1 = 2.0  # micro-damping [N m s/rad]; assumed, damping ratio 0.44 of the p
 # The linear damper that loses as much energy per cycle as F_C does, 4 F_C/(pi omega A), in the weave to 2 m/s2 at
 # 100 km/h, whose amplitude A is 15.1 deg at 0.2 Hz with the Ford Escort.
 SIGMA_2_EQUIVALENT = 3.46  # [N m s/rad]
+# Laws with a Stribeck curve as their essence have a small one; assumed, since the rig of an electric power steering
+# showed none (ASME IDETC 2015, V003T01A007).
+BREAK_AWAY = 1.1  # break-away torque over F_C [1]; assumed
+V_S = 0.1  # Stribeck speed [rad/s]; assumed, 0.7 mm/s at the rack

@@ -32,7 +32,9 @@ def read(path: str | os.PathLike[str]) -> dict[str, Any]:
     try:
         data = json.loads(Path(path).read_text(encoding="utf-8"))
     except OSError as error:
-        raise ValueError(f"{path}: {error.strerror}: friction takes a file that 'steer-env fit-friction' wrote") from None
+        raise ValueError(
+            f"{path}: {error.strerror}: friction takes a file that 'steer-env fit-friction' wrote"
+        ) from None
     except ValueError as error:
         raise ValueError(f"{path} is no JSON: {error}") from None
     law = data.get("friction", data) if isinstance(data, Mapping) else None
@@ -42,8 +44,8 @@ def read(path: str | os.PathLike[str]) -> dict[str, Any]:
     units = {**UNITS, **(data.get("units") or {})}
     if {name: units[name] for name in UNITS} != UNITS:
         raise ValueError(
-            f"{path} is of a record in {units['displacement']} and {units['torque']}, and a steering column turns in rad"
-            " and N m: fit it again with --lever METRES (the radius at which the force acts) or --to-column (the level "
+            f"{path} is of a record in {units['displacement']} and {units['torque']}, and a steering column needs rad "
+            "and N m: fit it again with --lever METRES (the radius at which the force acts) or --to-column (the level "
             "and the pre-sliding distance of a column)"
         )
     return dict(law)

@@ -31,6 +31,8 @@ class Law(NamedTuple):
     fitted: tuple[str, ...] | Callable
     units: Mapping[str, str]
     steepest_fall: Callable[[Any, float, float], float]  # of parameters, torque scale, step [N m s/rad]
+    relaxes: bool
+    modes: Callable[[Any], int]
     advance: Callable
     torque: Callable
     rate: Callable
@@ -74,6 +76,8 @@ def register(
     fitted: tuple[str, ...] | Callable = (),
     units: Mapping[str, str] | None = None,
     steepest_fall: Callable[[Any, float, float], float] | None = None,
+    relaxes: bool = False,
+    modes: Callable[[Any], int] | None = None,
 ) -> None:
     """Make a law known under a name; one call at the end of the law's file.
 
@@ -102,20 +106,17 @@ def register(
         The speed ``w`` that solves ``S w + mean_torque(w) = R``. A law without this function is solved by a safeguarded
         Newton iteration on ``mean_torque``, which starts at ``w_guess``.
     fitted : tuple of str, or ``(problem) -> (parameters, elements)``, optional
-        For ``friction.fit``. A tuple names the parameters without which a fit makes no sense. A law with arrays gives a
-        function from a ``steer_env.friction.identification.problem.Problem`` to a set of parameters with these arrays,
-        and to ``Elements``; the scalars are then sought as those of every law.
+        For ``friction.fit``: the parameters without which it makes no sense; or, of a law with arrays, a function from
+        an ``identification.problem.Problem`` to a set with these arrays, and to ``Elements``.
     units : mapping, optional
-<<<<<<< HEAD
-        Unit of each field of ``parameters``: ``{"sigma_0": "N m/rad"}``; ``"1"`` for a pure number.
+        Unit of each field of ``parameters``, ``{"sigma_0": "N m/rad"}``, by which ``friction.fit`` scales; or ``"1"``.
     steepest_fall : ``(p, torque_scale, h) -> float``, optional
-        The largest decrease of the mean torque over ``h`` with the speed ``w`` [N m s/rad], over every memory and
-        speed: a Stribeck curve has one. The step equation has a single solution where ``S`` is larger, and a plant for
-        which it is not is refused. 0 by default: a law whose mean torque never falls. Plain Python, not a kernel.
-=======
-        Unit of each field of ``parameters``: ``{"sigma_0": "N m/rad"}``; ``"1"`` for a pure number. ``friction.fit``
-        scales by it.
->>>>>>> fit
+        The largest decrease of the mean torque over ``h`` with the speed [N m s/rad], over every memory and speed; 0
+        by default. The step equation has one solution where ``S`` is larger; another plant is refused. No kernel.
+    relaxes : bool
+        Whether a loaded memory gives way at rest, as a spring in series with a damper does.
+    modes : callable, optional
+        Parameters -> number of floats at the end of the memory that change in jumps (stick, slip), of rate zero.
 
     Raises
     ------
@@ -136,6 +137,8 @@ def register(
         fitted=fitted,
         units=dict(units or {}),
         steepest_fall=steepest_fall or (lambda p, torque_scale, h: 0.0),
+        relaxes=relaxes,
+        modes=modes or (lambda p: 0),
         advance=advance or _no_advance,
         torque=torque,
         rate=rate or _no_rate,
@@ -281,13 +284,18 @@ for _point in (advance, torque, rate, stored_energy, mean_torque, solve):
 
 
 def _newton(p, torque_scale, memory, S, R, h, w_guess):
+    return newton(p, torque_scale, memory, S, R, h, w_guess, torque(p, torque_scale, memory, 0.0))
+
+
+@kernel
+def newton(p, torque_scale, memory, S, R, h, w_guess, rest):
     """Safeguarded Newton iteration for ``S w + mean_torque(w) = R``.
 
-    The root lies on the side of zero that ``R`` minus the torque at rest points to. The iteration keeps a bracket on
+    The root lies on the side of zero that ``R`` minus ``rest``, the mean torque of a step at rest, points to. The iteration keeps a bracket on
     that side and replaces a step that would leave the bracket by a bisection, so the kink at zero cannot make it
     cycle.
     """
-    excess = R - torque(p, torque_scale, memory, 0.0)
+    excess = R - rest
     if not 0.0 < abs(excess) < math.inf:
         return excess  # zero, or a value that is not finite and must be passed on
     side = 1.0 if excess > 0.0 else -1.0

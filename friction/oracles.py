@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from steer_env import friction
 from steer_env.friction import law
+from steer_env.friction.models.gms import level as gms_level
 from steer_env.friction.models.lugre import LuGre, saturation
 from steer_env.friction.models.masing import Masing, virgin_torque
 
@@ -202,6 +203,39 @@ def work_ratio() -> Iterable[float]:
     for ratio, expected in ((0.0115, 2.011), (1.146, 2.255), (11.46, 1.106)):
         masing = masing_loop_work(exponential(1.0, np.linspace(0.0, ratio, 2001)[1:]), ratio)
         yield abs(4.0 * (ratio - math.tanh(ratio)) / masing - expected)
+
+
+@_oracle("GMS slip after a change of speed", 1e-12, "of the level")
+def gms_slip() -> Iterable[float]:
+    """F_i = a s_2 + a (s_1 - s_2) exp(-C t/s_2), after a slide at v_1 that has settled."""
+    p = friction.make("gms", F_s=1.6, v_s=0.5, C=5.0)
+    for v_1, v_2 in ((0.1, 0.6), (0.6, 0.4), (-0.2, -3.0)):
+        (s_1, _), (s_2, _) = gms_level(p, 1.0, v_1), gms_level(p, 1.0, v_2)
+        memory = at_rest(p)
+        law.advance(p, 1.0, memory, v_1, 1e3)
+        for _ in range(50):
+            law.advance(p, 1.0, memory, v_2, 0.01)
+            s_1 = s_2 + (s_1 - s_2) * math.exp(-p.C * 0.01 / s_2)
+            expected = math.copysign(1.0, v_2) * p.alpha * s_1
+            yield float(np.abs(memory[: p.k.size] - expected).max()) / s_2
+
+
+@_oracle("GMS without Stribeck effect is Masing", 1e-14, "of F_c")
+def gms_masing() -> Iterable[float]:
+    """With F_s = F_c and no change of the level, every element is a spring with a slider."""
+    x = np.cumsum(np.random.default_rng(4).normal(0.0, 2e-3, 2000))
+    yield np.abs(friction.response(friction.make("gms", F_s=0.9), x, 1e-3) - friction.response("masing", x, 1e-3)).max()
+
+
+@_oracle("Exponential spring with a Maxwell branch at constant speed", 1e-12, "of the largest torque")
+def exponential_spring_constant_speed() -> Iterable[float]:
+    """T = F_c sgn v (1 - exp(-sigma_0 |v| t/F_c)) + k_m v tau_m (1 - exp(-t/tau_m))."""
+    p = friction.make("exponential_spring", k_m=200.0, tau_m=0.05)
+    for v in (1e-3, -0.02, 0.5):
+        t = 1e-3 * np.arange(1000)
+        expected = p.F_c * math.copysign(1.0, v) * -np.expm1(-p.sigma_0 * abs(v) * t / p.F_c)
+        expected += p.k_m * v * p.tau_m * -np.expm1(-t / p.tau_m)
+        yield np.abs(friction.response(p, v * t, 1e-3) - expected).max() / np.abs(expected).max()
 
 
 @_oracle("Coulomb oscillator, 2 F_c/k a half cycle", 2e-6, "rad")

@@ -1,5 +1,6 @@
 """Torque of a law along a prescribed displacement."""
 
+import math
 import warnings
 from typing import Any
 
@@ -7,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from steer_env.friction.law import advance, law_of, resolve, torque
+from steer_env.friction.level import Scales, chosen
 from steer_env.friction.numerics.check import numbers, positive
 from steer_env.friction.numerics.frozen import frozen
 from steer_env.friction.numerics.kernel import kernel
@@ -14,22 +16,25 @@ from steer_env.friction.numerics.renamed import REMOVED_IN
 
 
 @kernel
-def follow(p, torque_scales, memory, x, dt, out):
+def follow(p, scales, memory, x, dt, out):
     """Write the torque at each sample of a displacement into ``out``; the memory is changed.
 
     Parameters
     ----------
     p : parameters of a law
-    torque_scales, x, out : (T,) arrays
-        Factor on the saturated friction [1], displacement [rad], torque [N m].
+    scales : (T, 2) array
+        Factors on the saturated friction, of positive and of negative motion [1].
+    x, out : (T,) arrays
+        Displacement [rad], torque [N m].
     memory : (M,) array
     dt : float
         Time between samples [s].
     """
     for i in range(1, x.size):
         w = (x[i] - x[i - 1]) / dt
-        advance(p, torque_scales[i], memory, w, dt)
-        out[i] = torque(p, torque_scales[i], memory, w)
+        torque_scale = chosen(p, Scales(scales[i, 0], scales[i, 1]), memory, math.inf * w if w != 0.0 else 0.0)
+        advance(p, torque_scale, memory, w, dt)
+        out[i] = torque(p, torque_scale, memory, w)
 
 
 def response(
@@ -45,8 +50,10 @@ def response(
         Displacement [rad].
     dt : float
         Time between samples [s].
-    friction_torque_scale : float or (T,) array_like
-        Factor on the saturated friction, the same at all samples or one for each [1].
+    friction_torque_scale : float, (T,) or (T, 2) array_like
+        Factor on the saturated friction [1]: one; one for each sample, which holds since the one before; or one for
+        each sample and direction of motion, positive and negative, as :func:`steer_env.friction.level.by_sample` gives
+        them.
     level : float, optional
         The former name of ``friction_torque_scale``, which release 1.0 removes.
 
@@ -58,8 +65,8 @@ def response(
     Raises
     ------
     ValueError
-        If ``law`` is none, ``x`` is not a finite one-dimensional history, or ``dt`` or ``friction_torque_scale`` is not
-        positive.
+        If ``law`` is none, ``x`` is not a finite one-dimensional history, ``dt`` or a scale is not positive, or the
+        scales are not as many as the samples.
     """
     if level is not None:
         text = f"response(level=...) is now response(friction_torque_scale=...); release {REMOVED_IN} removes level"
@@ -67,13 +74,24 @@ def response(
         friction_torque_scale = level
     p = frozen(resolve(law))
     path = numbers("x", x)
-    scales = numbers("friction_torque_scale", friction_torque_scale)
-    if not np.all(scales > 0.0) or scales.size not in (1, path.size):
-        raise ValueError(
-            f"friction_torque_scale must be greater than 0, one number or one for each of the {path.size} samples, "
-            f"got {scales.size} from {scales.min():g}"
-        )
+    scales = _scales(friction_torque_scale, path.size)
     out = np.zeros_like(path)
-    scales = np.repeat(scales, path.size // scales.size)
     follow(p, scales, np.zeros(law_of(p).memory_size(p)), path, positive("dt", dt), out)
     return out
+
+
+def _scales(given: ArrayLike, samples: int) -> NDArray[np.float64]:
+    """Scales (T, 2) of every sample and direction, from a form of :func:`response`."""
+    if np.ndim(given) == 0:
+        return np.full((samples, 2), positive("friction_torque_scale", given))
+    flat = numbers("friction_torque_scale", np.ravel(given))
+    if np.shape(given) not in ((samples,), (samples, 2)):
+        raise ValueError(
+            f"friction_torque_scale must hold one value for each of the {samples} samples of x, or two, for positive "
+            f"and negative motion, got shape {np.shape(given)}"
+        )
+    if not flat.min() > 0.0:
+        first = int(np.argmin(flat > 0.0))
+        sample = np.unravel_index(first, np.shape(given))[0]
+        raise ValueError(f"friction_torque_scale must be positive, got {flat[first]:g} at sample {sample}")
+    return np.repeat(flat, 2).reshape(samples, 2) if np.ndim(given) == 1 else flat.reshape(samples, 2)

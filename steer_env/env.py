@@ -25,7 +25,8 @@ class SteerEnv(PlainSpecification, gym.Env):
     ---------
     friction : str, mapping or parameters, default "lugre"
         The name of a law (``friction.available()``), for its default parameters; with parameters as text,
-        ``"lugre,F_c=1.2"``, or as a mapping, ``{"law": "lugre", "F_c": 1.2}``; or parameters from ``friction.make``.
+        ``"lugre,F_c=1.2"``, or as a mapping, ``{"law": "lugre", "F_c": 1.2}``; a file with a fitted law,
+        ``"fitted.json"``; or parameters from ``friction.make``.
     speed : float, optional
         Speed that is held [m/s]; the task's own by default. The task's documentation gives the range.
     vehicle : str, path or mapping, default "compact"

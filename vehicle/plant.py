@@ -7,7 +7,7 @@ channels are extrapolated linearly from the last two evaluations. All of this is
 The controller is sampled every millisecond, whatever the step.
 
     T_C = T_motor - r_p (F_rack + F_disturbance)                                                   (P2)
-    friction scale = friction_torque_scale (1 + friction_load |F_rack + F_disturbance|)            (F11)
+    friction scale by (F11), with L_0 = friction_torque_scale and F = F_rack + F_disturbance
 
 The state is one flat array, which :mod:`steer_env.vehicle.layout` describes. The inputs are declared in
 :mod:`steer_env.vehicle.chassis.common.interface`.
@@ -20,6 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from steer_env.friction.level import Level, scales
 from steer_env.friction.numerics.bounds import within
 from steer_env.friction.numerics.interpolation import hermite
 from steer_env.friction.numerics.kernel import kernel, part
@@ -70,7 +71,7 @@ class Plant(NamedTuple):
     strut: Any  # kinematics_table.KinematicsTable
     tyre: Any  # tyre.MagicFormula, of all four wheels
     pinion_radius: float  # rack travel per column angle [m/rad]
-    friction_load: float  # increase of the friction scale per rack force [1/N]
+    level: Level  # of the friction; its load is the rack force [N]
     rack_limit: float  # rack travel at the end stops [m]
     robot: float  # 1 where the handwheel angle is prescribed, 0 where the hand torque is
     friction_torque_scale: float = 1.0  # factor on the saturated friction, for example by wear or temperature [1]
@@ -140,13 +141,12 @@ def steer(p, state, hand, hand_speed, before, after, elapsed, force, h):
     at = layout(p)
     motor = eps.motor_step(p.assist, state[at.assist : at.steps], before, after, elapsed, h)
     T_C = motor - p.pinion_radius * force  # (P2)
-    scale = p.friction_torque_scale * (1.0 + p.friction_load * abs(force))  # (F11)
     state[at.hand_torque + 1] = state[at.hand_torque]
     state[at.friction_torque + 1] = state[at.friction_torque]
     _, _, T_F, T1 = column.step(
         p.column,
         p.friction,
-        scale,
+        scales(p.level, p.friction_torque_scale, force),  # (F11)
         state[at.column : at.assist],
         state[at.memory :],
         p.robot > 0.0,

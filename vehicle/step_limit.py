@@ -10,6 +10,8 @@ equations are those of docs/model.md.
 from typing import Any
 
 from steer_env.friction.law import law_of
+from steer_env.friction.level import scales
+from steer_env.friction.numerics.kernel import plain
 from steer_env.vehicle.plant import Plant
 from steer_env.vehicle.steering.column import Column
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
@@ -44,7 +46,7 @@ def checked(p: Plant, friction: Any = None, level: float | None = None) -> Plant
     """
     law_p = p.friction if friction is None else friction
     level = p.friction_torque_scale if level is None else level
-    law, scale = law_of(law_p), level * (1.0 + p.friction_load * LARGEST_RACK_FORCE)  # (F11)
+    law, scale = law_of(law_p), max(plain(scales)(p.level, level, LARGEST_RACK_FORCE))  # (F11)
 
     def single(h: float) -> bool:
         return law.steepest_fall(law_p, scale, h) < least_slope(p.column, h)  # (F13)

@@ -33,7 +33,7 @@ def add(commands: Any, common: argparse.ArgumentParser) -> None:
     parser.add_argument("--law", metavar="LAW", nargs="+", default=[ALL], help=text)
     text = "directory for index.html, fit.json and LAW.json, replaced as a whole (default friction_NAME)"
     parser.add_argument("--out", metavar="DIR", help=text)
-    text = "share of the record, its last part, that judges and is not fitted (default 0.4; 0: none)"
+    text = "share of the record, its last part, that judges and is not fitted (default 0.4, where enough is left)"
     parser.add_argument("--held-out", metavar="SHARE", help=text)
     _add_reading(parser)
     _add_record(parser)
@@ -44,6 +44,8 @@ def add(commands: Any, common: argparse.ArgumentParser) -> None:
 def _add_reading(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("reading")
     add_reading(group)
+    text = "samples a second that are fitted, where the record has many more than the motion needs (default: all)"
+    group.add_argument("--rate-hz", metavar="HZ", help=text)
     text = "write a mapping to fill in, which lists every column of DATA with its unit and range, and do no more"
     group.add_argument("--template", metavar="FILE.toml", help=text)
 
@@ -52,15 +54,17 @@ def _add_record(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("what the record is of")
     text = "1 where the friction is positive when it resists positive motion, -1 else (default: by the work it takes)"
     group.add_argument("--sign", type=int, choices=(1, -1), help=text)
-    text = "inertia that the sensor of the friction accelerates along [kg m2, or kg]"
+    text = "inertia that the sensor of the friction accelerates along, whose torque is subtracted [kg m2, or kg]"
     group.add_argument("--inertia", metavar="I", help=text)
+    text = "low-pass before the displacement is differentiated for the torque of inertia and damping [Hz] (default 10)"
+    group.add_argument("--cutoff-hz", metavar="HZ", help=text)
     text = "subtract the straight line along which the zero of the friction drifts"
     group.add_argument("--without-drift", action="store_true", help=text)
     text = "radius at which the force acts, 0.00796 for the rack of a compact: m and N become rad and N m [m]"
     group.add_argument("--lever", metavar="METRES", help=text)
     text = (
-        "stretch the record to the level [N m] and the pre-sliding distance [deg] of a steering column, for a record of "
-        "another contact whose shape is wanted: level=0.9,presliding_deg=0.516, which are those of the default laws"
+        "stretch a record of another contact, whose shape is wanted, to the level [N m] and the pre-sliding distance "
+        "[deg] of a steering column: level=0.9,presliding_deg=0.516, which are those of the default laws"
     )
     group.add_argument("--to-column", metavar="KEY=VALUE,...", nargs="?", const="", help=text)
     text = "of a record of a car: a channel that is known to be zero, motor_torque or rack_force; may be repeated"
@@ -72,6 +76,10 @@ def _add_fit(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("search")
     text = "starting points of the search for each law (default 3)"
     group.add_argument("--starts", metavar="N", type=whole_number(1), default=3, help=text)
+    text = "look for a better optimum of each law by differential evolution, which takes minutes"
+    group.add_argument("--global-search", action="store_true", help=text)
+    text = "seed of the draws of both (default 0)"
+    group.add_argument("--seed", metavar="N", type=whole_number(0), default=0, help=text)
 
 
 def _fit_friction(args: argparse.Namespace) -> None:
@@ -91,8 +99,9 @@ def _fit_friction(args: argparse.Namespace) -> None:
     laws = list(LAWS.available()) if args.law == [ALL] else list(dict.fromkeys(args.law))
     for law in laws:
         LAWS[law]  # refuses an unknown one with those that are known
-    held_out = friction_fit.HELD_OUT if args.held_out is None else read_number(args.held_out)
-    number("--held-out", held_out, minimum=0.0, maximum=0.9)
+    held_out = None
+    if args.held_out is not None:
+        held_out = number("--held-out", read_number(args.held_out), minimum=0.0, maximum=0.9)
     out = Path(args.out or f"friction_{name}")
     files.usable(out, friction_fit.contents())
     car = car_options.load(args) if car_options.given(args) else None
@@ -106,6 +115,7 @@ def _fit_friction(args: argparse.Namespace) -> None:
         car=car,
         friction={each.law: each.fit.parameters for each in found.laws if each.fit is not None},
         inputs=inputs.of(args),
+        seed=args.seed,
         mapping=mapping_of(0, args).plain(),
     )
     friction_fit_page.write(out, found, trace)
@@ -140,7 +150,12 @@ def _record(path: str, args: argparse.Namespace, car: "Car | None") -> "Friction
         raise ValueError("--zero is of a record of a car: give its --vehicle")
     inertia = 0.0 if args.inertia is None else number("--inertia", read_number(args.inertia), minimum=0.0)
     recording = read(path, 0, args)
-    kept = {"sign": args.sign, "without_drift": args.without_drift}
+    kept: dict[str, Any] = {"sign": args.sign, "without_drift": args.without_drift}
+    if args.cutoff_hz is not None:
+        kept["cutoff_hz"] = number("--cutoff-hz", read_number(args.cutoff_hz), minimum=0.0, above=True)
+    if args.rate_hz is not None:
+        rate = number("--rate-hz", read_number(args.rate_hz), minimum=0.0, above=True)
+        recording = recording.bridged().resampled(rate)
     if car is None:
         found = friction_record.from_recording(recording, inertia=inertia, **kept)
     elif inertia:
@@ -186,4 +201,4 @@ def _write_template(path: str, args: argparse.Namespace) -> None:
 
 def _options(args: argparse.Namespace) -> dict[str, Any]:
     """Arguments of ``friction.fit`` that the options give."""
-    return {}
+    return {"starts": args.starts, "global_search": args.global_search, "seed": args.seed}

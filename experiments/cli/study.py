@@ -8,7 +8,7 @@ from steer_env.experiments.cli.common.extras import require
 from steer_env.experiments.cli.common.sweeping import add_sweep, runner
 from steer_env.friction.numerics.registry import dashed, listed
 
-SWEEPING = ("hands-off", "loop-width")  # studies of many cases
+SWEEPING = ("friction", "hands-off", "held-torque", "loop-width")  # studies of many cases
 EXTRAS = {"commonroad": "test"}  # study -> the extra that it needs
 
 
@@ -17,7 +17,7 @@ def add(commands: Any, common: argparse.ArgumentParser) -> None:
     studies = listed("steer_env.experiments.studies", dashed)
     text = "Run a study and print its table or write its picture."
     more = f"{text} Studies: {', '.join(studies)}. 'steer-env study NAME --help' tells the options of one."
-    more += f" {' and '.join(SWEEPING)} also take {_sweep_parser('NAME').format_usage().partition('NAME ')[2].strip()}."
+    more += f" {', '.join(SWEEPING)} also take {_sweep_parser('NAME').format_usage().partition('NAME ')[2].strip()}."
     study = commands.add_parser("study", help=text, description=more, parents=[common])
     study.add_argument("name", metavar="NAME", choices=tuple(studies), help="name of the study")
     study.add_argument("options", metavar="...", nargs=argparse.REMAINDER, help="options of the study")
@@ -30,7 +30,8 @@ def _study(args: argparse.Namespace, module: str) -> int | None:
     main = importlib.import_module(module).main
     if args.name not in SWEEPING:
         return main(args.options)
-    chosen, options = _sweep_parser(args.name).parse_known_args(args.options)
+    given = argparse.Namespace(modules=args.modules)
+    chosen, options = _sweep_parser(args.name).parse_known_args(args.options, given)
     return main(options, runner(chosen))
 
 

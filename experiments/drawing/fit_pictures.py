@@ -61,7 +61,12 @@ def law(shown: Shown, fitted: Array, level: float) -> str:
     part = shown.loop
     for values, colour, label, dash in ((shown.friction, _MEASURED, "measured", "-"), (fitted, _FITTED, "law", "--")):
         left.plot(
-            thinned(shown.x[part], POINTS), thinned(values[part], POINTS), dash, color=colour, label=label, linewidth=1.3
+            thinned(shown.x[part], POINTS),
+            thinned(values[part], POINTS),
+            dash,
+            color=colour,
+            label=label,
+            linewidth=1.3,
         )
     left.set(xlabel=f"displacement [{shown.x_unit}]", ylabel=f"friction [{shown.friction_unit}]")
     left.legend(loc="best", fontsize=8)

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from matplotlib.axes import Axes
 
 from steer_env.experiments.drawing.plots import Panel, thinned
-from steer_env.experiments.drawing.style import legend, new_figure, styled, svg
+from steer_env.experiments.drawing.style import new_figure, styled, svg
 
 POINTS = 240  # of a line, at most: the width of a panel in points of paper
 _DASHES = {"solid": "-", "dash": (0, (5, 1.5)), "dot": (0, (1.5, 1.2)), "dashdot": "-.", "longdash": (0, (7, 2))}
@@ -22,7 +22,10 @@ def draw(shown: Sequence[Panel], height: float = 2.7, columns: int = 2) -> str:
         _panel(axes, panel)
     for axes in places[len(shown) :]:
         axes.remove()
-    legend(figure, places[0])
+    shown_once = {
+        label: handle for axes in places[: len(shown)] for handle, label in zip(*axes.get_legend_handles_labels())
+    }
+    figure.legend(shown_once.values(), shown_once.keys(), loc="outside upper center", ncols=min(len(shown_once), 7))
     return svg(figure)
 
 

@@ -17,6 +17,7 @@ HELD_OUT = 0.4  # of the record: its last part judges, the first one fits [1]
 BLOCKS = 20  # of the part that judges, at most, for its intervals
 DRAWS = 2000  # of blocks
 SEED = 0  # of these
+MATTERS = 0.05  # a law that leaves less than this share more than the best one is as good [1]
 
 
 class Judged(NamedTuple):
@@ -27,7 +28,7 @@ class Judged(NamedTuple):
     reason: str  # why it was not; empty otherwise
     curve: NDArray[np.float64]  # (T,) the law over the whole record [unit of the friction]
     left: tuple[float, float, float]  # RMS on the part that judges, and its 95 % interval [unit of the friction]
-    apart: bool  # whether it leaves more than the best law, in 95 % of the draws of blocks
+    apart: bool  # whether it leaves more than the best law, by ``MATTERS``, in 95 % of the draws of blocks
 
 
 class Found(NamedTuple):
@@ -56,7 +57,7 @@ def collect(
     name: str,
     laws: Sequence[str],
     *,
-    held_out: float = HELD_OUT,
+    held_out: float | None = None,
     options: Mapping[str, Any] | None = None,
     notify: Callable[[float, str], None] = lambda part, text: None,
 ) -> Found:
@@ -69,8 +70,9 @@ def collect(
         Of the record, for readers.
     laws : sequence of str
         Names of laws.
-    held_out : float
-        Share of the record that judges; with 0 the whole record fits and judges [1].
+    held_out : float, optional
+        Share of the record that judges; with 0 the whole record fits and judges [1]. By default ``HELD_OUT``, or 0
+        where fewer than two reversals would remain to be fitted.
     options : mapping, optional
         Further arguments of ``friction.fit``.
     notify : callable
@@ -82,9 +84,11 @@ def collect(
         For units that are of no law, or a share that is not in 0 to 0.9.
     """
     check_units(record)
-    share = number("held_out", held_out, minimum=0.0, maximum=0.9)
     n = record.x.size
+    share = HELD_OUT if held_out is None else number("held_out", held_out, minimum=0.0, maximum=0.9)
     first = n - round(share * n) if share else 0
+    if held_out is None and friction_checks.turns(record.x[:first]).size < 2:
+        first = 0
     judging = slice(first, None)
     found = []
     for i, law in enumerate(laws):
@@ -115,10 +119,10 @@ def _judged(record: FrictionRecord, law: str, fitting: slice, judging: slice, op
 
 
 def _apart(record: FrictionRecord, best: Judged, other: Judged, judging: slice) -> bool:
-    """Whether a law leaves more than the best one on blocks that both are drawn with."""
+    """Whether a law leaves more than the best one by a share that matters, on blocks that both are drawn with."""
     if other.fit is None:
         return False
-    more = _blocks(record, other.curve, judging) - _blocks(record, best.curve, judging)
+    more = _blocks(record, other.curve, judging) - (1.0 + MATTERS) ** 2 * _blocks(record, best.curve, judging)
     return bool(np.quantile(np.mean(more[_draws(more.size)], axis=1), 0.05) > 0.0)
 
 

@@ -5,6 +5,7 @@
 """
 
 import math
+import re
 from collections.abc import Mapping
 from importlib import metadata
 from pathlib import Path
@@ -48,9 +49,11 @@ def verdict(found: Found) -> str:
     if found.best is None:
         return "No law was fitted; the table says why."
     best = found.best
-    value, low, high = (percent(found, each) for each in best.left)
+    value, low, high = _shares(found, best)
     seconds = (found.record.x.size - found.first) * found.record.dt
-    where = f"the last {seconds:.3g} s, which were not fitted," if found.first else "the record, all of which was fitted,"
+    where = (
+        f"the last {seconds:.3g} s, which were not fitted," if found.first else "the record, all of which was fitted,"
+    )
     text = (
         f"{_title(best.law)} describes this record best: on {where} it leaves {shown_number(value)} % of the mean "
         f"friction ({shown_number(low)} to {shown_number(high)} %)"
@@ -62,6 +65,12 @@ def verdict(found: Found) -> str:
         own = percent(found, found.repeats)
         text += f"; from one period to the next the record itself differs by {shown_number(own)} %"
     return text + "."
+
+
+def _shares(found: Found, each: Judged) -> tuple[float, float, float]:
+    """What a law leaves and its interval [% of the mean friction]."""
+    value, low, high = each.left
+    return percent(found, value), percent(found, low), percent(found, high)
 
 
 def _title(law: str) -> str:
@@ -77,8 +86,17 @@ def _listed(words: list[str]) -> str:
 
 def unit_of(law: str, parameter: str, units: Mapping[str, str]) -> str:
     """Unit of a parameter for a record in these units."""
-    unit = LAWS[law].units.get(parameter, "")
-    return unit.replace("N m", units["torque"]).replace("rad", units["displacement"])
+    return in_units(LAWS[law].units.get(parameter, ""), units)
+
+
+def in_units(text: str, units: Mapping[str, str]) -> str:
+    """A text on a law, which is in rad and N m, in the units of a record."""
+    return re.sub(r"\brad\b", units["displacement"], re.sub(r"\bN m\b", units["torque"], text))
+
+
+def warnings(each: Judged, units: Mapping[str, str]) -> list[str]:
+    """The warnings of a fit in the units of the record."""
+    return [in_units(text, units) for text in each.fit.warnings]
 
 
 def rows(each: Judged, units: Mapping[str, str]) -> list[Row]:
@@ -88,7 +106,7 @@ def rows(each: Judged, units: Mapping[str, str]) -> list[Row]:
         if name == "law":
             continue
         interval = each.fit.intervals.get(name)
-        undetermined = name in getattr(each.fit,"undetermined",())
+        undetermined = name in each.fit.undetermined
         text = ", ".join(map(shown_number, value)) if isinstance(value, list) else shown_number(value, 4)
         ends = "" if interval is None or np.ndim(interval[0]) else span(interval)
         found.append(Row(name, text, ends, unit_of(each.law, name, units), not undetermined))
@@ -100,13 +118,13 @@ def law_file(found: Found, each: Judged, trace: Mapping[str, Any]) -> dict[str, 
     return {
         "friction": friction.as_mapping(each.fit.parameters),
         "units": dict(found.record.units),
-        "level": None if getattr(each.fit,"level",None) is None else each.fit.level._asdict(),
+        "level": None if each.fit.level is None else each.fit.level._asdict(),
         "intervals": {name: [_plain(end) for end in ends] for name, ends in each.fit.intervals.items()},
-        "undetermined": list(getattr(each.fit,"undetermined",())),
+        "undetermined": list(each.fit.undetermined),
         "offset": each.fit.offset,
         "residual": each.fit.residual,
         "held_out": [_plain(x) for x in each.left],
-        "warnings": list(each.fit.warnings),
+        "warnings": warnings(each, found.record.units),
         "notes": list(found.record.notes),
         "trace": dict(trace),
     }
@@ -124,7 +142,6 @@ def as_json(found: Found, trace: Mapping[str, Any]) -> dict[str, Any]:
             "start": r.start,
             "units": dict(r.units),
             "factors": dict(r.factors),
-            "inertia": r.inertia,
             "mean_friction": found.level,
             "period": None if own is None else own * r.dt,
             "repeats": found.repeats,
@@ -169,7 +186,7 @@ def render(found: Found, trace: Mapping[str, Any], folder: str) -> str:
     """The page."""
     given = shown(found)
     fitted = [each for each in found.laws if each.fit is not None]
-    overview = {_title(e.law): tuple(percent(found, x) for x in e.left) for e in fitted}
+    overview = {_title(e.law): _shares(found, e) for e in fitted}
     repeats = None if found.repeats is None else percent(found, found.repeats)
     return (
         environment(__package__)
@@ -183,6 +200,7 @@ def render(found: Found, trace: Mapping[str, Any], folder: str) -> str:
             missed=[each for each in found.laws if each.fit is None],
             percent=lambda x: percent(found, x),
             title=_title,
+            warnings={each.law: warnings(each, found.record.units) for each in fitted},
             rows={each.law: rows(each, found.record.units) for each in fitted},
             repeats=repeats,
             overview=image(fit_pictures.residuals(overview, repeats)) if fitted else None,

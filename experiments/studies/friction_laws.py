@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from steer_env import friction, manoeuvres
 from steer_env.friction.defaults import F_C, SIGMA_0
-from steer_env.friction.law import advance, law_of, torque
+from steer_env.friction.law import advance, law_of, rate, torque
 from steer_env.manoeuvres.hold import RISE
 from steer_env.metrics.hold import SETTLING
 from steer_env.recording.recording import DEGREE
@@ -101,6 +101,20 @@ def set_valued(p: Any) -> bool:
     return _creep_torque(p, 0.0) > NO_TORQUE
 
 
+def ordinary(p: Any) -> bool:
+    """Whether an ordinary differential equation gives the memory of a law: not where it notes events, as stick and slip.
+
+    A motion into saturation is integrated with the law's own ``rate`` and compared with what the law makes of it.
+    """
+    size, w, h = law_of(p).memory_size(p), 0.05, 2e-5
+    exact, summed, change = np.zeros(size), np.zeros(size), np.zeros(size)
+    for _ in range(20_000):
+        rate(p, 1.0, summed, w, change)
+        summed += h * change
+        advance(p, 1.0, exact, w, h)
+    return bool(np.allclose(summed, exact, rtol=0.01, atol=0.01 * np.abs(exact).max(initial=0.0)))
+
+
 class Calibration(NamedTuple):
     """Saturated torque and pre-sliding stiffness that LuGre and Masing share after a reversal from saturation."""
 
@@ -144,7 +158,8 @@ THIN = 4
 _SECOND = round(1.0 / SAMPLE_TIME)
 
 
-def _torsion_bar(car: Car, p: Any, assisted: bool, substeps: int) -> Array:
+def torsion_bar(car: Car, p: Any, assisted: bool = True, substeps: int = 1) -> Array:
+    """Torsion-bar torque from the start of the hold on, (T,) [N m]."""
     manoeuvre = manoeuvres.make("hold", torque=HELD_TORQUE)
     whole = manoeuvres.build_plant(car, manoeuvre, p)
     if not assisted:
@@ -155,22 +170,28 @@ def _torsion_bar(car: Car, p: Any, assisted: bool, substeps: int) -> Array:
     return record[round(RISE / SAMPLE_TIME) :, plant.CHANNEL["torsion_bar_torque"]]
 
 
+def ripple(torque: Array) -> tuple[float, float]:
+    """Ripple of a held torque and what lasts of it, as in :class:`Held`."""
+    settled = torque[round(SETTLING / SAMPLE_TIME) :]
+    return float(np.ptp(settled)), float(np.ptp(settled[-_SECOND:]) / np.ptp(settled[:_SECOND]))
+
+
 def held_torque(car: Car, law: str) -> list[Held]:
     """All held-torque tests of LuGre or Masing: with and without assist, both calibrations, every damper."""
     tests = []
     for state, calibration, ratio in product(ASSIST, CALIBRATIONS, DAMPING_RATIOS):
         p = held_law(law, calibration, ratio, car.column.I2)
-        coarse, fine = (_torsion_bar(car, p, state == "on", substeps) for substeps in (1, 10))
-        settled, settled_fine = (run[round(SETTLING / SAMPLE_TIME) :] for run in (coarse, fine))
+        coarse, fine = (torsion_bar(car, p, state == "on", substeps) for substeps in (1, 10))
+        span, lasting = ripple(coarse)
         tests.append(
             Held(
                 state,
                 calibration.title,
                 law,
                 ratio,
-                ripple=float(np.ptp(settled)),
-                ripple_fine=float(np.ptp(settled_fine)),
-                lasting=float(np.ptp(settled[-_SECOND:]) / np.ptp(settled[:_SECOND])),
+                ripple=span,
+                ripple_fine=ripple(fine)[0],
+                lasting=lasting,
                 torque=coarse[::THIN].copy(),
             )
         )

@@ -32,7 +32,8 @@ class Problem(NamedTuple):
         """Torque of the law along the record [1]."""
         out = np.zeros(self.x.size)
         p = frozen(parameters)
-        follow(p, self.levels, np.zeros(law.memory_size(p)), self.x, self.dt, out)
+        scales = np.column_stack([self.levels, self.levels])  # both directions alike
+        follow(p, scales, np.zeros(law.memory_size(p)), self.x, self.dt, out)
         return out
 
 

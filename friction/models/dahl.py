@@ -10,11 +10,10 @@ Source: Dahl, Aerospace Corporation TOR-0158(3107-18)-1, 1968, with exponent 1. 
 those of docs/model.md.
 """
 
-import math
 from typing import NamedTuple
 
 from steer_env.friction import defaults
-from steer_env.friction.bristle import decay, displaced, held
+from steer_env.friction.bristle import displaced, held, spring
 from steer_env.friction.law import register
 from steer_env.friction.numerics.check import positive
 from steer_env.friction.numerics.kernel import kernel
@@ -34,11 +33,7 @@ def make(*, sigma_0: float = defaults.SIGMA_0, F_c: float = defaults.F_C) -> Dah
 
 @kernel
 def mean_torque(p, torque_scale, memory, w, h):
-    slope = p.sigma_0 * h / (torque_scale * p.F_c)
-    _, p1, p2, d1, d2 = decay(slope * abs(w))
-    z = held(memory[0], torque_scale * p.F_c / p.sigma_0)
-    F = p.sigma_0 * (z * p1 + h * w * p2)  # (F8)
-    return F, p.sigma_0 * (h * p2 + (z * d1 + h * w * d2) * math.copysign(slope, w))
+    return spring(p.sigma_0, torque_scale * p.F_c, memory[0], w, h)
 
 
 @kernel

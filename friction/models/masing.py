@@ -30,11 +30,10 @@ from steer_env.friction.identification.elements import Elements, elements_of
 from steer_env.friction.identification.problem import Problem
 from steer_env.friction.law import register
 from steer_env.friction.numerics.bounds import within
-from steer_env.friction.numerics.check import not_negative, number, numbers, positive
+from steer_env.friction.numerics.check import not_negative, numbers, positive
 from steer_env.friction.numerics.frozen import frozen
 from steer_env.friction.numerics.kernel import kernel
-
-MAX_ELEMENTS = 32
+from steer_env.friction.virgin_curve import MAX_ELEMENTS, exponential, stiffnesses
 
 
 class Masing(NamedTuple):
@@ -76,16 +75,8 @@ def make(
         return _elements(k, y, damping)
     F = positive("F_c", defaults.F_C if F_c is None else F_c)
     length = positive("x_c", F / (2.0 * defaults.SIGMA_0) if x_c is None else x_c)
-    n = number("elements", 10 if elements is None else elements, minimum=1, maximum=MAX_ELEMENTS)
-    if n != int(n):
-        raise ValueError(f"elements must be a whole number from 1 to {MAX_ELEMENTS}, got {elements!r}")
-    # The chords of 1 - exp(-u) are equally far from the curve where the knots are spaced evenly in exp(-u/2). The last
-    # knot carries the full torque and stands where the rest of the curve is as far off as the chords are.
-    tail = 1.0 / (n + 1.0)
-    u = -2.0 * np.log(np.linspace(1.0, tail, int(n) + 1)[1:])
-    f = -np.expm1(-u)
-    f[-1] = 1.0
-    return from_virgin_curve(length * u, F * f, sigma_1=damping)
+    knots = exponential(F, length, 10 if elements is None else elements)
+    return from_virgin_curve(*knots, sigma_1=damping)
 
 
 def from_virgin_curve(x: ArrayLike, T: ArrayLike, *, sigma_1: float = 0.0) -> Masing:
@@ -108,8 +99,7 @@ def from_virgin_curve(x: ArrayLike, T: ArrayLike, *, sigma_1: float = 0.0) -> Ma
         raise ValueError(f"x and T must be of equal length, got {xs.size} and {Ts.size} values")
     if np.any(np.diff(xs, prepend=0.0) <= 0.0):
         raise ValueError(f"x must be positive and ascending, got {xs}")
-    slopes = np.diff(Ts, prepend=0.0) / np.diff(xs, prepend=0.0)
-    k = slopes - np.append(slopes[1:], 0.0)
+    k, slopes = stiffnesses(xs, Ts)
     if np.any(k < -1e-12 * np.abs(slopes).max()):  # the slopes of points on one line differ by rounding
         raise ValueError(f"a virgin curve must be concave with slopes that do not fall below zero, got slopes {slopes}")
     return _elements(np.maximum(k, 0.0), xs, not_negative("sigma_1", sigma_1))

@@ -11,11 +11,10 @@ from collections.abc import Collection
 import numpy as np
 
 from steer_env.recording.friction_checks import Array
-from steer_env.recording.friction_record import FrictionRecord, checked, uniform
+from steer_env.recording.friction_record import CUTOFF, FrictionRecord, checked, uniform
 from steer_env.recording.recording import Recording, low_passed
 from steer_env.vehicle.cars import Car
 
-CUTOFF = 10.0  # of the low-pass before an angle is differentiated; assumed: hands turn at 3 Hz at most [Hz]
 MAY_BE_ZERO = {"motor_torque": "the assist is off", "rack_force": "the tie rods are off the rack"}
 
 
@@ -26,6 +25,7 @@ def separated(
     zero: Collection[str] = (),
     sign: int | None = None,
     without_drift: bool = False,
+    cutoff_hz: float = CUTOFF,
 ) -> FrictionRecord:
     """The friction of a column over its angle, with the force of the rack as load.
 
@@ -38,7 +38,7 @@ def separated(
         Inertias, damping, torsion bar and pinion.
     zero : collection of str
         Those of ``MAY_BE_ZERO`` that are known to be zero in this record.
-    sign, without_drift
+    sign, without_drift, cutoff_hz
         As for :func:`steer_env.recording.friction_record.from_recording`.
 
     Raises
@@ -52,13 +52,11 @@ def separated(
     missing = _missing(recording, zero)
     if missing:
         raise ValueError(f"the friction of a column cannot be separated: {'; '.join(missing)}")
-    used = [name for name in recording.channels if name in _USED]
-    recording = recording.without(*(name for name in recording.channels if name not in used))
-    recording, notes = uniform(recording)
+    recording, notes = uniform(recording.without(*(name for name in recording.channels if name not in _USED)))
     c, dt = car.column, 1.0 / recording.rate
 
     def smooth(name: str, values: Array) -> Array:
-        return low_passed(name, values, CUTOFF, recording.rate)
+        return low_passed(name, values, cutoff_hz, recording.rate)
 
     if "torsion_bar_torque" in recording.channels:
         bar = recording["torsion_bar_torque"]
@@ -76,14 +74,19 @@ def separated(
     none = np.zeros_like(bar)
     motor, rack = (none if name in zero else recording[name] for name in MAY_BE_ZERO)
     friction = (
-        bar + c.C_tb * twist_speed + motor - car.steering["pinion_radius"] * rack - c.I2 * np.gradient(speed, dt) - c.C2 * speed
+        bar
+        + c.C_tb * twist_speed
+        + motor
+        - car.steering["pinion_radius"] * rack
+        - c.I2 * np.gradient(speed, dt)
+        - c.C2 * speed
     )  # (C2)
     told = f"friction of the column by the balance of torques with the parameters of {car.name}"
     known = [f"{name} is taken as zero" for name in zero]
     units = {"displacement": "rad", "torque": "N m"}
     notes = (", ".join([told, *known]), *notes)
     load = None if "rack_force" in zero else np.abs(rack)
-    record = FrictionRecord(angle, friction, dt, units, load, float(recording.time[0]), 0.0, notes)
+    record = FrictionRecord(angle, friction, dt, units, load, float(recording.time[0]), notes)
     return checked(record, sign, without_drift)
 
 

@@ -1,4 +1,4 @@
-"""Recordings from and to files: .csv (read also as .csv.gz), .mat, with extras .mf4, .mdf and .parquet; and from CAN logs.
+"""Recordings from and to files: .csv, .mat, with extras .mf4, .mdf and .parquet; and from .csv.gz and CAN logs.
 
 Files contain angles in degrees and all other quantities in SI units, and they name the unit of every column. A
 recording that is written and read again is the same, except for the last bit of an angle, which is converted to degrees

@@ -5,6 +5,7 @@ turning points that stand out by a share of the travel.
 """
 
 import math
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -73,11 +74,11 @@ def check_columns(x: Array, friction: Array) -> None:
     """ValueError where friction rises ever steeper after a reversal, as a displacement over friction does."""
     at = turns(x)
     shares = []
-    for a, b in zip(at[:-1], at[1:]):
+    for a, b in pairwise(at):
         way = np.abs(x[a : b + 1] - x[a])
         half = int(np.argmax(way >= 0.5 * way[-1]))
         rise = friction[b] - friction[a]
-        if rise != 0.0:
+        if abs(rise) > 0.2 * np.ptp(friction):  # a viscous friction is zero at every reversal
             shares.append((friction[a + half] - friction[a]) / rise)
     if shares and np.median(shares) < CONCAVE:
         raise ValueError(
@@ -124,8 +125,8 @@ def drift(t: Array, x: Array, friction: Array) -> tuple[float, float]:
     ends = at[::2]
     if ends.size < 4:
         return 0.0, 0.0
-    instants = np.array([0.5 * (t[a] + t[b]) for a, b in zip(ends[:-1], ends[1:])])
-    middles = np.array([middle(x[a : b + 1], friction[a : b + 1]) for a, b in zip(ends[:-1], ends[1:])])
+    instants = np.array([0.5 * (t[a] + t[b]) for a, b in pairwise(ends)])
+    middles = np.array([middle(x[a : b + 1], friction[a : b + 1]) for a, b in pairwise(ends)])
     (slope, _), covariance = np.polyfit(instants, middles, 1, cov="unscaled")
     left = middles - np.polyval(np.polyfit(instants, middles, 1), instants)
     error = math.sqrt(covariance[0, 0] * np.sum(left**2) / (middles.size - 2))
@@ -172,11 +173,13 @@ def scales(x: Array, friction: Array) -> Scales:
     sliding = against[against > 0.0]
     distances = []
     at = turns(x)
-    for a, b in zip(at[:-1], at[1:]):
+    for a, b in pairwise(at):
         side = np.sign(x[b] - x[a])
         branch = side * T[a : b + 1]
         if branch[0] < 0.0 and np.any(branch > 0.0):
             distances.append(abs(x[a + int(np.argmax(branch > 0.0))] - x[a]))
     if not distances or sliding.size == 0:
-        raise ValueError("after no reversal does the friction change sides: record strokes that slide in both directions")
+        raise ValueError(
+            "after no reversal does the friction change sides: record strokes that slide in both directions"
+        )
     return Scales(float(np.median(sliding)), float(np.median(distances)) / math.log(2.0))

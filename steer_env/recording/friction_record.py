@@ -15,7 +15,7 @@ from steer_env.friction.numerics.check import not_negative, positive
 from steer_env.recording import friction_checks as checks
 from steer_env.recording.channel_mapping import FRICTION
 from steer_env.recording.friction_checks import Array
-from steer_env.recording.recording import Recording
+from steer_env.recording.recording import Recording, low_passed
 
 # Names that columns have for a channel, in English and German, without spaces and in lower case.
 USUAL = {
@@ -32,6 +32,7 @@ USUAL = {
 }
 # Channels that hold more than friction: what a car measures.
 OF_A_CAR = ("handwheel_torque", "torsion_bar_torque", "motor_torque", "rack_force")
+CUTOFF = 10.0  # of the low-pass before an angle is differentiated; assumed: motion is below 3 Hz [Hz]
 JITTER = 0.5  # of the median step: time steps that differ more are refused, not resampled [1]
 PAIRS = {("rad", "N m"), ("m", "N")}
 
@@ -50,8 +51,6 @@ class FrictionRecord:
         Step, and the time of the first sample [s].
     units : dict
         Of ``displacement`` and ``torque``: rad and N m, or m and N.
-    inertia : float
-        Moved inertia whose acceleration is in ``friction`` [torque s2/displacement].
     notes : tuple of str
         What was done to the recording, and what a reader has to know.
     factors : dict
@@ -64,14 +63,13 @@ class FrictionRecord:
     units: Mapping[str, str]
     load: Array | None = None
     start: float = 0.0
-    inertia: float = 0.0
     notes: tuple[str, ...] = ()
     factors: Mapping[str, float] = field(default_factory=lambda: {"displacement": 1.0, "torque": 1.0})
 
     @property
     def time(self) -> Array:
         """Time of the samples (T,) [s]."""
-        return self.start + self.dt * np.arange(self.x.size)
+        return self.start + self.dt * np.arange(self.x.size, dtype=float)
 
     @property
     def of_a_column(self) -> bool:
@@ -117,7 +115,6 @@ class FrictionRecord:
             self,
             x=displacement * self.x,
             friction=torque * self.friction,
-            inertia=self.inertia * torque / displacement,
             notes=(*self.notes, told),
             factors={"displacement": old["displacement"] * displacement, "torque": old["torque"] * torque},
         )
@@ -132,7 +129,7 @@ def uniform(recording: Recording) -> tuple[Recording, tuple[str, ...]]:
         For a gap that is too long, or steps that differ too much.
     """
     whole = recording.bridged()
-    notes = ()
+    notes: tuple[str, ...] = ()
     closed = whole.time.size - recording.time.size
     empty = max((int(np.isnan(values).sum()) for values in recording.channels.values()), default=0)
     if closed or empty:
@@ -154,7 +151,12 @@ def uniform(recording: Recording) -> tuple[Recording, tuple[str, ...]]:
 
 
 def from_recording(
-    recording: Recording, *, sign: int | None = None, inertia: float = 0.0, without_drift: bool = False
+    recording: Recording,
+    *,
+    sign: int | None = None,
+    inertia: float = 0.0,
+    without_drift: bool = False,
+    cutoff_hz: float = CUTOFF,
 ) -> FrictionRecord:
     """The record of friction that a rig's recording holds.
 
@@ -166,9 +168,11 @@ def from_recording(
     sign : 1 or -1, optional
         1 where the friction is positive when it resists positive motion; by default the work tells it.
     inertia : float
-        Of what moves between the contact and the sensor of the friction [kg m2 or kg].
+        Of what moves between the contact and the sensor of the friction; its torque is subtracted [kg m2 or kg].
     without_drift : bool
         Take a straight line out of the friction's zero.
+    cutoff_hz : float
+        Of the low-pass before the displacement is differentiated for the inertia [Hz].
 
     Raises
     ------
@@ -177,7 +181,8 @@ def from_recording(
         remedy.
     """
     named = _channels(recording)
-    recording, notes = uniform(replace(recording, **_only(recording, named)))
+    others = (name for name in recording.channels if name not in named.values())
+    recording, notes = uniform(recording.without(*others))
     dt = 1.0 / recording.rate
     friction = recording[named["friction"]]
     if "displacement" in named:
@@ -193,7 +198,15 @@ def from_recording(
     load = np.abs(recording[named["load"]]) if "load" in named else None
     told = ", ".join(f"{channel} = {name!r}" for channel, name in named.items() if channel != name)
     notes = (*([f"channels by their names: {told}"] if told else []), *notes)
-    record = FrictionRecord(x, friction, dt, units, load, float(recording.time[0]), inertia, notes)
+    if not_negative("inertia", inertia):
+        sense = checks.sign(x, friction) if sign is None else float(sign)
+        speed = np.gradient(low_passed("displacement", x, cutoff_hz, recording.rate), dt)
+        friction = friction - sense * inertia * np.gradient(speed, dt)
+        unit = "kg m2" if units["torque"] == "N m" else "kg"
+        notes += (
+            f"the torque of {inertia:g} {unit} is subtracted, with the displacement low-passed at {cutoff_hz:g} Hz",
+        )
+    record = FrictionRecord(x, friction, dt, units, load, float(recording.time[0]), notes)
     return checked(record, sign, without_drift)
 
 
@@ -203,7 +216,6 @@ def checked(record: FrictionRecord, sign: int | None, without_drift: bool = Fals
     Errors are those of :func:`from_recording`.
     """
     _check_moves(record)
-    not_negative("inertia", record.inertia)
     found = checks.sign(record.x, record.friction) if sign is None else float(sign)
     notes = record.notes
     if found < 0.0:
@@ -243,15 +255,6 @@ def check_units(record: FrictionRecord) -> None:
         )
 
 
-def _only(recording: Recording, named: Mapping[str, str]) -> dict[str, dict]:
-    """Channels and units of a recording without those that are not named."""
-    kept = [name for name in recording.channels if name in named.values()]
-    return {
-        "channels": {name: recording.channels[name] for name in kept},
-        "units": {name: recording.units[name] for name in kept},
-    }
-
-
 def _channels(recording: Recording) -> dict[str, str]:
     """Channel of ``FRICTION`` -> name in the recording; ValueError where one is missing or may be any of several."""
     named: dict[str, str] = {}
@@ -278,7 +281,10 @@ def _missing(recording: Recording, named: Mapping[str, str]) -> str:
     units = " or ".join(FRICTION[lacks])
     has = ", ".join(f"{name!r} [{unit}]" for name, unit in [*recording.units.items()][:12]) or "no channel with a unit"
     left = f"; not read: {recording.meta['not_read']}" if "not_read" in recording.meta else ""
-    remedy = f'name it with --map {lacks}="name in the file[unit]" or in a --mapping (--template writes one)'
+    remedy = (
+        f'name it with --map {lacks}="name in the file[unit]", or in a --mapping, which names every channel '
+        "(--template writes one)"
+    )
     text = f"no channel of the recording is known as the {lacks} [{units}]; it has {has}{left}: {remedy}"
     if any(name in recording.channels for name in OF_A_CAR):
         text += (

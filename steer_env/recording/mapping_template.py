@@ -32,7 +32,9 @@ USUAL = {
 CLEAR = 0.8  # likeness of a name from which it tells what a column without a unit is; assumed [1]
 
 
-def text(path: str | PathLike[str], channels: Mapping[str, str | tuple[str, ...]], can: can_log.Options | None = None) -> str:
+def text(
+    path: str | PathLike[str], channels: Mapping[str, str | tuple[str, ...]], can: can_log.Options | None = None
+) -> str:
     """The text of a mapping file, in which every line is a comment until it is filled in.
 
     Parameters

@@ -206,7 +206,7 @@ T = record(LAWS[3])
 @pytest.mark.parametrize(
     ("x", "torque", "name", "dt", "contains"),
     [
-        (LOOPS, T, "stribeck", DT, ["'stribeck'", "available:"]),
+        (LOOPS, T, "rolling", DT, ["'rolling'", "available:"]),
         (LOOPS, T[:-1], "lugre", DT, ["x and torque", "equal length", f"got {T.size} and {T.size - 1} samples"]),
         (LOOPS, np.append(T[:-1], np.nan), "dahl", DT, ["torque", "finite", f"got nan at index {T.size - 1}"]),
         (np.append(np.inf, LOOPS[1:]), T, "dahl", DT, ["x", "finite", "got inf at index 0"]),

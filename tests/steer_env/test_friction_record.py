@@ -1,4 +1,6 @@
-"""Records of friction: every unit gives the same record, the sign is found, faults are told, a car's column separated."""
+"""Records of friction: one record in every unit, the sign is found, faults are told, a car's column is separated."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -54,7 +56,9 @@ def test_every_unit_gives_the_same_record(header, ticks, x, torque, tmp_path):
 
 def test_speed_in_place_of_the_displacement():
     speed = np.gradient(X, DT)
-    recording = Recording(T, {"displacement_speed": speed, "friction": F}, {"displacement_speed": "rad/s", "friction": "N m"})
+    recording = Recording(
+        T, {"displacement_speed": speed, "friction": F}, {"displacement_speed": "rad/s", "friction": "N m"}
+    )
     record = friction_record.from_recording(recording)
     np.testing.assert_allclose(record.x, X, atol=2e-5)
     assert "integral of 'displacement_speed'" in record.notes[-1]
@@ -128,6 +132,16 @@ def test_a_stretched_record_has_the_scales_that_are_asked_for():
     assert own == pytest.approx((0.9, 0.9 / 150.0), rel=0.02)
 
 
+def test_the_torque_of_an_inertia_is_subtracted():
+    acceleration = -((2.0 * np.pi * 0.1) ** 2) * X
+    for sign in (1.0, -1.0):
+        recording = rig(torque=sign * (F + 20.0 * acceleration))
+        record = friction_record.from_recording(recording, inertia=20.0)
+        inside = slice(50, -50)  # the low-pass begins and ends
+        np.testing.assert_allclose(record.friction[inside], F[inside], atol=2e-3)
+    assert "20 kg m2 is subtracted" in record.notes[0]
+
+
 def test_a_sensor_at_its_end_and_a_drifting_zero_are_told():
     noisy = F + NOISE
     assert friction_record.from_recording(rig(torque=noisy)).notes == ()
@@ -185,3 +199,28 @@ def test_what_a_car_has_to_measure_is_told(weave):
         column_balance.separated(weave, car, zero=["yaw_rate"])
     with refused(["give --vehicle NAME", "separated"]):
         friction_record.from_recording(weave.without("friction_torque"))
+
+
+ERRORS = {
+    "none": (0.0, 1.0, 0.002, 0.005),
+    "angle in steps, noise": (0.1, 1.0, 0.02, 0.2),
+    "motor 5 % too large": (0.1, 1.05, 0.06, 0.4),
+}
+
+
+@pytest.mark.parametrize(("step", "motor", "level", "stiffness"), ERRORS.values(), ids=ERRORS)
+def test_the_level_survives_the_errors_of_a_car(step, motor, level, stiffness):
+    """The table of docs/friction_measurement.md: errors of F_c and sigma_0 by those of the channels."""
+    car, true = cars.load("compact", changes={"steering.friction_load": 0.0}), friction.make("dahl", sigma_0=120.0)
+    run = manoeuvres.drive(car, manoeuvres.make("weave"), true).resampled(100.0).without("column_angle")
+    noise = np.random.default_rng(0)
+    channels = dict(run.channels)
+    if step:
+        for name, size in {"torsion_bar_torque": 0.02, "motor_torque": 0.1, "rack_force": 20.0}.items():
+            channels[name] = channels[name] + noise.normal(0.0, size, run.time.size)
+        channels["handwheel_angle"] = np.radians(step * np.round(np.degrees(channels["handwheel_angle"]) / step))
+    channels["motor_torque"] = motor * channels["motor_torque"]
+    record = column_balance.separated(replace(run, channels=channels), car)
+    found = friction.fit(record.x, record.friction, "dahl", dt=record.dt).parameters
+    assert found.F_c == pytest.approx(true.F_c, rel=level)
+    assert found.sigma_0 == pytest.approx(true.sigma_0, rel=stiffness)

@@ -203,7 +203,10 @@ SECTIONS = ("chassis", "steering", *keys.CONSTRUCTORS)
 @pytest.mark.parametrize("section", SECTIONS)
 def test_the_page_has_every_key_of_a_section(section):
     listed = [row[0].strip("`") for row in ROWS[section]]
-    known = {"chassis": (*keys.CHASSIS, *keys.CHASSIS_DEFAULTS, *keys.SIZE), "steering": keys.STEERING}
+    known = {
+        "chassis": (*keys.CHASSIS, *keys.CHASSIS_DEFAULTS, *keys.SIZE),
+        "steering": (*keys.STEERING, *keys.STEERING_DEFAULTS),
+    }
     make = keys.CONSTRUCTORS.get(section)
     assert sorted(listed) == sorted(known[section] if make is None else signature(make).parameters)
     assert all(len(row) == 5 for row in ROWS[section])
@@ -240,7 +243,7 @@ def accepts(section, key, value):
     ],
 )
 def test_the_page_gives_defaults_and_allowed_values(section, key, default, allowed):
-    defaults = keys.CHASSIS_DEFAULTS if section == "chassis" else {}
+    defaults = {"chassis": keys.CHASSIS_DEFAULTS, "steering": keys.STEERING_DEFAULTS}.get(section, {})
     if section in keys.CONSTRUCTORS:
         defaults = {name: p.default for name, p in signature(keys.CONSTRUCTORS[section]).parameters.items()}
     assert default == ("none" if key in keys.SIZE else f"{np.ravel(defaults[key])[0]:g}" if key in defaults else "")

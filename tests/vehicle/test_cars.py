@@ -55,7 +55,7 @@ def test_parameters_of_the_plant_by_hand():
     # rolling to the right lowers the left rear wheel in its arch by half the track per angle
     assert (c.roll_steer_r, c.roll_camber_r) == pytest.approx((0.065 * 0.77, 1.0 - 0.39 * 0.77))
     assert c.compliance_steer_r == 0.17e-6
-    assert p.friction_load * 0.9 == pytest.approx(0.03 * 0.00686)
+    assert p.level.load * 0.9 == pytest.approx(0.03 * 0.00686)
     # a body that stands up: the springs outweigh the moment of its weight about the roll axis
     assert c.K_f + c.K_r > 5.0 * c.m_s * 9.81 * c.h
 

@@ -8,6 +8,7 @@ from scipy.integrate import DOP853
 
 from steer_env import friction
 from steer_env.friction.law import law_of, rate, torque
+from steer_env.friction.level import Level
 from steer_env.vehicle import cars, free_control, plant
 from steer_env.vehicle.chassis import single_track
 from steer_env.vehicle.chassis.common.interface import COMMON_OUTPUTS, HAND, INPUTS
@@ -61,7 +62,7 @@ def reference(p, u, robot):
         rack = p.pinion_radius * th2
         force = single_track.derivative(p.chassis, p.strut, p.tyre[0], y[5:last], rack, 0.0, row, dx, out)
         F = force + row[plant.RACK_DISTURBANCE]
-        scale = 1.0 + p.friction_load * abs(F)
+        scale = 1.0 + p.level.load * abs(F)
         T_F = torque(p.friction, scale, y[last:], v2)
         rate(p.friction, scale, y[last:], v2, dz)
         if robot:
@@ -82,7 +83,7 @@ def reference(p, u, robot):
             solver.step()
         y, force = solver.y, rates(end, solver.y, row, command)[1][1]
         # the law holds its bristle within break-away, which falls with the rack force
-        scale = 1.0 + p.friction_load * abs(force + row[plant.RACK_DISTURBANCE])
+        scale = 1.0 + p.level.load * abs(force + row[plant.RACK_DISTURBANCE])
         most = scale * p.friction.F_s / p.friction.sigma_0
         return np.append(y[:last], np.clip(y[last:], -most, most))
 
@@ -146,7 +147,7 @@ ERRORS = {
 def test_weave_against_scipy(robot, load):
     """Two seconds at 100 km/h: error of every channel at 1 ms, and second order as the step is halved twice."""
     p, u = CAR.plant("lugre", robot=robot), weave(robot)
-    p = p if load else p._replace(friction_load=0.0)
+    p = p if load else p._replace(level=Level())
     exact = reference(p, u, robot)
     peak = np.abs(exact).max(axis=0)
     errors = [(run(p, u, substeps)[0] - exact) / peak for substeps in (1, 2, 4)]
@@ -241,8 +242,23 @@ def test_friction_grows_with_the_rack_force():
     expected = np.sign(speed) * (0.9 + 0.03 * 0.00686 * np.abs(force))
     np.testing.assert_allclose(T_F[sliding], expected[sliding], rtol=1e-3)
     assert np.abs(force[sliding]).max() > 500.0
-    plain, _, _ = run(p._replace(friction_load=0.0), u)
+    plain, _, _ = run(p._replace(level=Level()), u)
     np.testing.assert_allclose(np.abs(plain[sliding, CHANNEL["friction_torque"]]), 0.9, rtol=1e-9)
+
+
+@pytest.mark.parametrize("law", ["lugre", "masing", "coulomb"])
+def test_friction_by_direction_and_temperature(law):
+    """A car file with an asymmetry of 0.2, ten kelvin warmer: sliding friction to the left and to the right."""
+    changes = {"friction_load": 0.0, "friction_asymmetry": 0.2, "friction_temperature_rate": 0.01}
+    changes |= {"friction_temperature_rise": 10.0}
+    car = cars.load(changes={f"steering.{key}": value for key, value in changes.items()})
+    assert cars.load(car.data()).data() == car.data()
+    record, _, _ = run(car.plant(law, robot=True), weave(True))
+    speed, T_F = record[:, CHANNEL["column_speed"]], record[:, CHANNEL["friction_torque"]]
+    sliding = np.convolve(np.abs(speed) > 0.3, np.ones(201), "same") == 201
+    expected = np.where(speed > 0.0, 1.2, -0.8) * 0.9 * math.exp(-0.1)
+    np.testing.assert_allclose(T_F[sliding], expected[sliding], rtol=0.01)
+    assert set(np.sign(speed[sliding])) == {-1.0, 1.0}
 
 
 @pytest.mark.parametrize("law", ["lugre", "masing", "coulomb"])

@@ -569,7 +569,7 @@ def reference(p, u, state=None):
         motion = p.pinion_radius * th2, p.pinion_radius * v2
         force = two_track.derivative(p.chassis, p.strut, p.tyre[0], y[5:last], *motion, u, dx, out)
         F = force + u[plant.RACK_DISTURBANCE]
-        scale = 1.0 + p.friction_load * abs(F)
+        scale = 1.0 + p.level.load * abs(F)
         T_F = torque(p.friction, scale, y[last:], v2)
         rate(p.friction, scale, y[last:], v2, dz)
         th1, v1, a1 = robot_angle(t)
@@ -582,7 +582,7 @@ def reference(p, u, state=None):
         solver = DOP853(lambda t, y: rates(t, y, u, command)[0], t, y, end, rtol=1e-10, atol=1e-12, first_step=end - t)
         while solver.status == "running":
             solver.step()
-        scale = 1.0 + p.friction_load * abs(rates(end, solver.y, u, command)[1][1] + u[plant.RACK_DISTURBANCE])
+        scale = 1.0 + p.level.load * abs(rates(end, solver.y, u, command)[1][1] + u[plant.RACK_DISTURBANCE])
         most = scale * p.friction.F_s / p.friction.sigma_0  # the law holds its bristle within break-away
         return np.append(solver.y[:last], np.clip(solver.y[last:], -most, most))
 

@@ -4,7 +4,7 @@ import warnings
 from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
-from steer_env.friction import defaults, resolve
+from steer_env.friction import defaults, level, resolve
 from steer_env.friction.numerics.check import number
 from steer_env.friction.numerics.frozen import frozen, rebuilt
 from steer_env.friction.numerics.kernel import record
@@ -123,7 +123,12 @@ class Car(NamedTuple):
             strut=self.kinematics_table,
             tyre=record(coefficients),
             pinion_radius=s["pinion_radius"],
-            friction_load=s["friction_load"] * s["pinion_radius"] / defaults.F_C,
+            level=level.make(
+                load=s["friction_load"] * s["pinion_radius"] / defaults.F_C,
+                asymmetry=s["friction_asymmetry"],
+                temperature_rate=s["friction_temperature_rate"],
+                temperature_rise=s["friction_temperature_rise"],
+            ),
             rack_limit=s["rack_limit"],
             robot=1.0 if robot else 0.0,
         )

@@ -24,6 +24,7 @@ from steer_env.vehicle.cars.keys import (
     SECTIONS,
     SIZE,
     STEERING,
+    STEERING_DEFAULTS,
     TABLES,
     TEXTS,
     numbers,
@@ -60,7 +61,7 @@ def _checked(data: dict[str, Any]) -> Car:
     require("car", data, SECTIONS)
     _require_text(data)
     chassis = numbers("chassis", data["chassis"], CHASSIS, SIZE, CHASSIS_DEFAULTS)
-    steering = numbers("steering", data["steering"], STEERING)
+    steering = numbers("steering", data["steering"], STEERING, (), STEERING_DEFAULTS)
     assumed = {*data, *chassis, *steering}
     for key in data["assumed"]:
         if key not in assumed:

@@ -4,6 +4,7 @@ import math
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
+from steer_env.friction import level
 from steer_env.friction.numerics.check import number
 from steer_env.vehicle.chassis.two_track import brakes, drivetrain, speed_hold
 from steer_env.vehicle.steering import column, eps
@@ -45,6 +46,8 @@ SIZE = ("length", "width")
 # Factors on the tyre's cornering stiffness, which leave peak friction and the trail at small slip; 1 where not given.
 CHASSIS_DEFAULTS = {"front_cornering_stiffness_factor": 1.0, "rear_cornering_stiffness_factor": 1.0}
 STEERING = ("pinion_radius", "compliance", "friction_load", "rack_limit")
+# The other conditions of the level of friction, by the names of steer_env.friction.level.Level with a prefix.
+STEERING_DEFAULTS = {"friction_asymmetry": 0.0, "friction_temperature_rate": 0.0, "friction_temperature_rise": 0.0}
 _MAY_BE_ZERO = {
     "front_anti_roll",
     "rear_anti_roll",
@@ -98,6 +101,7 @@ _LIMITS = {
     "compliance": (100.0, 1e9),  # [N m/rad]
     "front_cornering_stiffness_factor": (0.3, 3.0),  # [1]
     "rear_cornering_stiffness_factor": (0.3, 3.0),  # [1]
+    **{f"friction_{key}": limits for key, limits in level.LIMITS.items()},
 }
 
 

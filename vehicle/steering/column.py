@@ -19,6 +19,7 @@ Source: two-degree-of-freedom column of the steering-simulator literature, with 
 from typing import NamedTuple
 
 from steer_env.friction.law import step as law_step
+from steer_env.friction.level import both, chosen
 from steer_env.friction.numerics.check import not_negative, positive
 from steer_env.friction.numerics.kernel import kernel
 
@@ -77,15 +78,15 @@ def make(
 
 
 @kernel
-def step(c, friction, torque_scale, q, memory, robot, hand, hand_speed, T_C, h):
+def step(c, friction, scales, q, memory, robot, hand, hand_speed, T_C, h):
     """One step with a hand torque, or with a handwheel angle that a robot prescribes.
 
     Parameters
     ----------
     c : Column
     friction : parameters of a friction law
-    torque_scale : float
-        Factor on the saturated friction [1].
+    scales : steer_env.friction.level.Scales
+        Factors on the saturated friction by the direction of motion [1].
     q : (4,) array
         Handwheel angle and speed, column angle and speed [rad, rad/s]; advanced in place.
     memory : (M,) array
@@ -126,6 +127,7 @@ def step(c, friction, torque_scale, q, memory, robot, hand, hand_speed, T_C, h):
     else:
         S -= K * K / a11  # (C5)
         R += K / a11 * (r1 + hand)  # (C5)
+    torque_scale = chosen(friction, scales, memory, R)  # (F11)
     w2, T_F = law_step(friction, torque_scale, memory, S, R, h, q[COLUMN_SPEED])
     if robot:
         # (C7)
@@ -148,13 +150,13 @@ def step(c, friction, torque_scale, q, memory, robot, hand, hand_speed, T_C, h):
 @kernel
 def step_torque(c, friction, torque_scale, q, memory, T1, T_C, h):
     """:func:`step` under a hand torque: steering by torque, or free (``T1 = 0``). Returns ``w1, w2, T_F``."""
-    return step(c, friction, torque_scale, q, memory, False, T1, 0.0, T_C, h)[:3]
+    return step(c, friction, both(torque_scale), q, memory, False, T1, 0.0, T_C, h)[:3]
 
 
 @kernel
 def step_angle(c, friction, torque_scale, q, memory, angle, speed, T_C, h):
     """:func:`step` with a prescribed handwheel angle and speed at its end. Returns ``w1, w2, T_F, T1``."""
-    return step(c, friction, torque_scale, q, memory, True, angle, speed, T_C, h)
+    return step(c, friction, both(torque_scale), q, memory, True, angle, speed, T_C, h)
 
 
 @kernel

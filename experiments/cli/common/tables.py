@@ -232,6 +232,6 @@ def print_fits(found: friction_fit.Found) -> None:
     _print(printer, table, f"{found.name}: what is left of the mean friction on the part that judges")
     plain: dict[str, Any] = {"highlight": False, "soft_wrap": True, "markup": False}
     for each in found.laws:
-        for warning in each.fit.warnings if each.fit is not None else ():
+        for warning in friction_fit_page.warnings(each, found.record.units) if each.fit is not None else ():
             printer.print(f"{each.law}: {warning}", **plain)
     printer.print(friction_fit_page.verdict(found), style="bold", **plain)

@@ -1,7 +1,7 @@
 """The test battery of the report: each manoeuvre with each law, and how the metrics of the laws differ."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -37,10 +37,19 @@ class Drive(NamedTuple):
     failure: str = ""  # why the test could not be driven
 
 
-def drive(car: Car, p: Any, test: str, options: Mapping[str, Any] | None = None) -> Drive:
-    """Drive a test and evaluate its metrics; every metric of a test that cannot be driven carries the reason."""
+def drive(
+    car: Car,
+    p: Any,
+    test: str,
+    options: Mapping[str, Any] | None = None,
+    run: Callable[[Car, manoeuvres.Manoeuvre, Any], Recording] = manoeuvres.drive,
+) -> Drive:
+    """Drive a test and evaluate its metrics; every metric of a test that cannot be driven carries the reason.
+
+    ``run`` drives a manoeuvre, as :func:`steer_env.manoeuvres.drive` does.
+    """
     try:
-        recording = manoeuvres.drive(car, manoeuvres.make(test, **(options or {})), p)
+        recording = run(car, manoeuvres.make(test, **(options or {})), p)
     except ValueError as error:
         refused = {
             name: Value(np.nan, np.nan, np.nan, metrics.definition(name).unit, str(error))

@@ -105,8 +105,8 @@ def _text(value: Any) -> str:
     return ":".join(map(repr, np.ravel(value).tolist()))
 
 
-def run(p: plant.Plant, manoeuvre: Manoeuvre, u: Array, straight: Array | None = None) -> Array:
-    """Channels (T, C) of a plant with inputs (T, I) that starts running straight.
+def run(p: plant.Plant, manoeuvre: Manoeuvre, u: Array, straight: Array | None = None, substeps: int = 1) -> Array:
+    """Channels (T, C) of a plant with inputs (T, I) that starts running straight, at ``substeps`` steps in a sample.
 
     ``straight`` is the state of straight running; it is computed if it is not given.
     """
@@ -119,11 +119,11 @@ def run(p: plant.Plant, manoeuvre: Manoeuvre, u: Array, straight: Array | None =
         rows, free = u[start:end], k % 2 == 1
         if k and not free:
             rows = _regripped(rows, state[column.HANDWHEEL_ANGLE], state[column.HANDWHEEL_SPEED])
-        plant.run(p._replace(robot=0.0) if free else p, state, rows, record[start:end], 1)
+        plant.run(p._replace(robot=0.0) if free else p, state, rows, record[start:end], substeps)
     return record
 
 
-def run_closed(car: Car, p: plant.Plant, manoeuvre: Manoeuvre) -> Array:
+def run_closed(car: Car, p: plant.Plant, manoeuvre: Manoeuvre, substeps: int = 1) -> Array:
     """Channels (T, C) of a plant that starts running straight, steered by the manoeuvre's driver.
 
     Between two calls of the driver the handwheel angle is a cubic with the given angle and speed at both ends; a hand
@@ -148,7 +148,7 @@ def run_closed(car: Car, p: plant.Plant, manoeuvre: Manoeuvre) -> Array:
             u[part, plant.HAND] = last[0] + s * (hand[0] - last[0])
         if manoeuvre.coasts_from is not None and row[x] >= manoeuvre.coasts_from:
             u[part, chassis.COAST] = 1.0
-        finite = plant.run(p, state, u[part], record[part], 1)
+        finite = plant.run(p, state, u[part], record[part], substeps)
         row = record[done - 1]
         if not finite:
             row[:] = np.nan  # a state that is not finite may appear in no channel
@@ -259,21 +259,24 @@ def open_loop(p: plant.Plant, manoeuvre: Manoeuvre) -> OpenLoop:
     return OpenLoop(amplitude, inputs(manoeuvre, amplitude, manoeuvre.duration), plant.initial_state(p))
 
 
-def drive_plant(car: Car, p: plant.Plant, manoeuvre: Manoeuvre, prepared: OpenLoop | None = None) -> Recording:
+def drive_plant(
+    car: Car, p: plant.Plant, manoeuvre: Manoeuvre, prepared: OpenLoop | None = None, substeps: int = 1
+) -> Recording:
     """:func:`drive` with a plant from :func:`build_plant`, whose parameters may have been changed.
 
     In an open loop the inputs are computed for this plant, unless they were prepared, perhaps with another assist.
+    More ``substeps`` than one in each sample of 1 ms serve studies of convergence.
     """
     _require_stable(p, manoeuvre, [manoeuvre.speed])
     if manoeuvre.driver is None:
         amplitude, u, straight = prepared or open_loop(p, manoeuvre)
-        record = run(p, manoeuvre, u, straight)
+        record = run(p, manoeuvre, u, straight, substeps)
         if not np.isfinite(record[-1]).all():
             raise ValueError(f"{manoeuvre.name} diverged: {plant.first_non_finite(p, straight, u)} first")
         steered = {"amplitude_rad" if manoeuvre.robot else "amplitude_nm": amplitude}
         advice = f"ask for less than {amplitude:g}, or for less speed"
     else:
-        record, advice = run_closed(car, p, manoeuvre), "ask for less speed"
+        record, advice = run_closed(car, p, manoeuvre, substeps), "ask for less speed"
         if not np.isfinite(record[-1]).all():
             raise LostControlError(f"{manoeuvre.name} diverged: {advice}")
         steered = {f"vehicle_{key}_m": value for key, value in outline(car)._asdict().items()}

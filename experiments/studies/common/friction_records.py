@@ -1,0 +1,167 @@
+"""Friction laws judged by records: fitted on the first part of a record, compared on the rest.
+
+The measured record is that of the packaged rig, stretched to the level and the pre-sliding distance of a column. The
+synthetic ones are of each law, with noise, and tell which law is taken for which.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from importlib.resources import as_file
+from importlib.resources import files as resources
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+
+from steer_env import friction
+from steer_env.friction import defaults
+from steer_env.friction.law import law_of
+from steer_env.recording import files, friction_record
+from steer_env.recording.recording import DEGREE
+
+Array = NDArray[np.float64]
+
+REPEATS = 8.0  # period of the rig's motion, four strokes [s]
+FITTED = 48.0  # part of the rig's record that is fitted: six periods [s]
+LEVEL = 0.95  # of the intervals
+NOISES = (0.002, 0.01, 0.05)  # of the synthetic torque, over F_c [1]
+BREAK_AWAY, STRIBECK_SPEED = 1.4, 0.1  # F_s over F_c, and v_s [rad/s] of the synthetic records; assumed
+BLOCK = 1.0  # of the synthetic records [s]
+SYNTHETIC_STEP = 0.01  # [s]
+
+
+class Judged(NamedTuple):
+    """A law on the part of a record that it was not fitted to."""
+
+    law: str
+    parameters: Any  # None where the law could not be fitted
+    error: float  # RMS of the residual over the mean friction [1]
+    low: float  # 95 % interval from one period to the next [1]
+    high: float  # [1]
+    fitted: float  # the same error on the fitted part [1]
+    remarks: tuple[str, ...]  # warnings of the fit, or why there is none
+
+
+def rig() -> friction_record.FrictionRecord:
+    """The packaged record of a reciprocating rig, stretched to a steering column."""
+    entry = resources("steer_env.experiments").joinpath("data", "friction", "rig.csv.gz")
+    with as_file(entry) as path:
+        recording = files.read(path)
+    return friction_record.from_recording(recording).to_column()
+
+
+def repeatability(record: friction_record.FrictionRecord, split: float = FITTED) -> float:
+    """RMS difference of one period from the next over the mean friction, on the part that judges [1]."""
+    n, period = round(split / record.dt), round(REPEATS / record.dt)
+    late = record.friction[n:]
+    return float(np.sqrt(np.mean((late[period:] - late[:-period]) ** 2)) / np.mean(np.abs(late)))
+
+
+def judge(job: tuple[friction_record.FrictionRecord, str, float]) -> Judged:
+    """Fit a law to the first ``split`` seconds of a record and judge it on the others; a job of the sweep."""
+    record, law, split = job
+    n, period = round(split / record.dt), round(REPEATS / record.dt)
+    try:
+        found = friction.fit(record.x[:n], record.friction[:n], law, dt=record.dt)
+    except ValueError as error:
+        return Judged(law, None, math.nan, math.nan, math.nan, math.nan, (str(error),))
+    residual = friction.response(found.parameters, record.x, record.dt) + found.offset - record.friction
+    mean = float(np.mean(np.abs(record.friction[n:])))
+    late = residual[n:]
+    periods = late[: late.size // period * period].reshape(-1, period)
+    squares = np.mean(periods**2, axis=1)
+    half = float(stats.t.ppf(0.5 + 0.5 * LEVEL, squares.size - 1) * stats.sem(squares))
+    mean_square = float(np.mean(late**2))
+    low, high = (math.sqrt(max(mean_square + side * half, 0.0)) / mean for side in (-1.0, 1.0))
+    fitted = float(np.sqrt(np.mean(residual[period:n] ** 2))) / mean
+    return Judged(law, found.parameters, math.sqrt(mean_square) / mean, low, high, fitted, found.warnings)
+
+
+def true_laws(names: Sequence[str]) -> dict[str, Any]:
+    """Laws with the shared calibration and, where they have one, a friction that falls with speed."""
+    found = {}
+    for name in names:
+        p = friction.make(name)
+        changed = {"F_s": BREAK_AWAY * defaults.F_C, "v_s": STRIBECK_SPEED}
+        own = {key: value for key, value in changed.items() if key in p._fields}
+        if {"F_s", "sigma_1", "sigma_2"} <= set(p._fields):
+            own["sigma_2"] = p.sigma_1 * (BREAK_AWAY - 1.0)  # (F10)
+        found[name] = friction.make(name, **(p._asdict() | own)) if own else p
+    return found
+
+
+# Synthetic records: amplitude [deg], frequency [Hz] and number of cycles, of the part that is fitted and of the rest.
+RECORDS = {
+    "one stroke at one speed": (((4.0, 0.1, 3),), ((4.0, 0.1, 3),)),
+    "many strokes and speeds": (
+        ((6.0, 0.1, 2), (3.0, 0.5, 4), (4.0, 0.2, 2), (1.0, 0.2, 2), (0.3, 0.5, 3)),
+        ((5.0, 0.15, 2), (2.0, 0.4, 3), (0.6, 0.3, 2), (3.0, 1.0, 4)),
+    ),
+}
+
+
+def displacement(record: str) -> tuple[Array, int]:
+    """Displacement of a kind of synthetic record [rad], and the sample from which on it judges."""
+    parts = [
+        np.concatenate([a * np.sin(2.0 * np.pi * f * np.arange(0.0, n / f, SYNTHETIC_STEP)) for a, f, n in pieces])
+        for pieces in RECORDS[record]
+    ]
+    return DEGREE * np.concatenate(parts), parts[0].size
+
+
+class Confusion(NamedTuple):
+    """Which laws remain possible for one synthetic record."""
+
+    record: str  # of ``RECORDS``
+    truth: str
+    noise: float  # over F_c [1]
+    seed: int
+    errors: dict[str, float]  # law -> RMS on the part that judges, over F_c; NaN where it could not be fitted [1]
+    remain: tuple[str, ...]  # laws that the part that judges does not tell from the best one
+
+
+def confuse(job: tuple[str, Mapping[str, Any], str, float, int]) -> Confusion:
+    """Fit every law to a noisy record of one law; a job of the sweep.
+
+    A law remains where the squares of its residuals, in blocks of a second, do not exceed those of the best law by more
+    than the 95 % interval of their mean difference.
+    """
+    record, laws, truth, noise, seed = job
+    x, start = displacement(record)
+    clean = friction.response(laws[truth], x, SYNTHETIC_STEP)
+    rng = np.random.default_rng([seed, *map(ord, truth)])
+    measured = clean + noise * defaults.F_C * rng.standard_normal(x.size)
+    block = round(BLOCK / SYNTHETIC_STEP)
+    squares: dict[str, Array] = {}
+    for law in laws:
+        try:
+            found = friction.fit(x[:start], measured[:start], law, dt=SYNTHETIC_STEP)
+        except ValueError:
+            continue
+        late = (friction.response(found.parameters, x, SYNTHETIC_STEP) + found.offset - measured)[start:]
+        squares[law] = np.mean(late[: late.size // block * block].reshape(-1, block) ** 2, axis=1)
+    best = min(squares, key=lambda law: float(squares[law].mean()))
+    remain = tuple(law for law, of in squares.items() if law == best or not _worse(of - squares[best]))
+    errors = {law: math.sqrt(squares[law].mean()) / defaults.F_C if law in squares else math.nan for law in laws}
+    return Confusion(record, truth, noise, seed, errors, remain)
+
+
+def _worse(gap: Array) -> bool:
+    """Whether a mean difference is above zero by its one-sided 97.5 % interval."""
+    return bool(gap.mean() > stats.t.ppf(0.5 + 0.5 * LEVEL, gap.size - 1) * stats.sem(gap))
+
+
+def shares(found: Sequence[Confusion], record: str, noise: float) -> dict[str, dict[str, float]]:
+    """True law -> candidate -> share of the records of a kind and noise for which the candidate remains [1]."""
+    mine = [each for each in found if (each.record, each.noise) == (record, noise)]
+    table: dict[str, dict[str, float]] = {}
+    for truth in dict.fromkeys(each.truth for each in mine):
+        of = [each for each in mine if each.truth == truth]
+        table[truth] = {law: sum(law in each.remain for each in of) / len(of) for law in of[0].errors}
+    return table
+
+
+def fittable(names: Sequence[str]) -> list[str]:
+    """The laws that can be fitted to a record."""
+    return [name for name in names if law_of(friction.make(name)).fitted]

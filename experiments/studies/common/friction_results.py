@@ -1,0 +1,174 @@
+"""Everything that the friction study rests on, computed as sweeps of cases; no text or picture is made here."""
+
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
+
+from steer_env import friction, manoeuvres
+from steer_env.experiments.studies import friction_laws, held_torque, real_time
+from steer_env.experiments.studies.common import friction_cases, friction_distinction, friction_records
+from steer_env.experiments.studies.common.friction_cases import BASE_LAW, DRIVER_TASKS, Case, Driven, Effect
+from steer_env.experiments.studies.common.friction_records import Confusion, Judged
+from steer_env.experiments.studies.held_torque import Ripple
+from steer_env.experiments.sweep import Runner, run
+from steer_env.metrics.common import just_noticeable
+from steer_env.recording.friction_record import FrictionRecord
+from steer_env.vehicle.cars import Car
+
+Notify = Callable[[float, str], None]
+SCHEME = "midpoint"  # of the project
+SAMPLE = 1e-3  # step at which the cost is compared [s]
+
+
+class Scope(NamedTuple):
+    """Extent of the study."""
+
+    tests: tuple[str, ...]
+    steps: tuple[float, ...]  # of the column alone [s]
+    noises: tuple[float, ...]  # of the synthetic records, over F_c [1]
+    seeds: int  # synthetic records of each law and noise
+    episodes: int  # with a driver, of each law and task
+
+
+QUICK = Scope(("weave", "slow-ramp", "release"), (1e-4, 1e-3, 2e-3, 5e-3), (0.01,), 1, 2)
+
+
+def full() -> Scope:
+    """The whole study: every test of the battery except the rig, which has neither car nor road."""
+    tests = tuple(name for name in manoeuvres.available() if name != "rig")
+    return Scope(tests, real_time.STEPS, friction_records.NOISES, 5, 12)
+
+
+class Job(NamedTuple):
+    """A part of the study that a worker computes."""
+
+    kind: str  # of ``_KINDS``
+    of: str  # in words
+    arguments: tuple[Any, ...]
+
+
+_KINDS: Mapping[str, Callable[[Any], Any]] = {
+    "record": friction_records.judge,
+    "steps": lambda job: real_time.accuracy(*job),
+    "battery": friction_cases.drives,
+    "held torque": lambda job: held_torque.of_every_law(*job),
+    "driver": friction_cases.with_driver,
+    "confusion": friction_records.confuse,
+}
+
+
+def perform(job: Job) -> Any:
+    """The result of one job."""
+    return _KINDS[job.kind](job.arguments)
+
+
+class Results(NamedTuple):
+    """All numbers of the study."""
+
+    car: Car
+    scope: Scope
+    noticed: float  # just-noticeable difference of sustained torque and angle [1]
+    laws: dict[str, Any]  # name -> parameters of the calibration that the defaults share
+    record: FrictionRecord
+    judged: list[Judged]  # the best first, those without a fit last
+    repeatability: float  # of the record [1]
+    tables: dict[str, list[real_time.Row]]  # of the column alone, with times at ``SAMPLE``
+    sample_ns: dict[str, float]  # of the whole car [ns]
+    cases: list[Case]
+    effects: list[Effect]
+    apart: dict[str, dict[str, float]]  # experiment -> law -> difference from the base law [1]
+    held: list[Ripple]
+    driven: list[Driven]
+    confusion: list[Confusion]
+
+    def remembers(self) -> list[str]:
+        """The dry laws whose torque does not jump where motion begins, without the base law."""
+        return [
+            law
+            for law, p in self.laws.items()
+            if law != BASE_LAW and friction_laws.dry(p) and not friction_laws.set_valued(p)
+        ]
+
+    def known(self) -> list[Judged]:
+        """The laws that could be fitted to the record."""
+        return [each for each in self.judged if each.parameters is not None]
+
+
+def _words(job: Job) -> str:
+    return f"{job.kind}, {job.of}"
+
+
+def collect(
+    car: Car,
+    scope: Scope,
+    noticed: float = just_noticeable.SHARE,
+    sweep: Runner = run,
+    notify: Notify = lambda *_: None,
+) -> Results:
+    """Run everything; times are taken at the end in this process, when no worker runs."""
+    laws = {name: friction.make(name) for name in sorted(friction.available(), key=lambda name: name != BASE_LAW)}
+    record = friction_records.rig()
+    fittable = friction_records.fittable(list(laws))
+
+    def swept(jobs: list[Job], start: float, end: float) -> list[Any]:
+        return sweep(perform, jobs, notify=lambda part, of: notify(start + (end - start) * part, of), words=_words)
+
+    first = [Job("record", law, (record, law, friction_records.FITTED)) for law in fittable]
+    first += [Job("steps", law, (p, scope.steps)) for law, p in laws.items()]
+    found = swept(first, 0.0, 0.15)
+    judged: list[Judged] = sorted(found[: len(fittable)], key=lambda each: (each.parameters is None, each.error))
+    measured = {each.law: each.parameters for each in judged if _usable(each)}
+    cases = friction_cases.cases(laws, measured if BASE_LAW in measured else {})
+    true = friction_records.true_laws(fittable)
+    jobs = [Job("battery", case.label, (car, case, scope.tests)) for case in cases]
+    jobs += [Job("held torque", law, (car, law)) for law in laws]
+    jobs += [
+        Job("driver", f"{law}, {task}", (law, p, task, scope.episodes))
+        for task in DRIVER_TASKS
+        for law, p in laws.items()
+    ]
+    jobs += [
+        Job("confusion", f"{truth}, {record_of}, noise {noise:g}", (record_of, true, truth, noise, seed))
+        for record_of in friction_records.RECORDS
+        for noise in scope.noises
+        for truth in true
+        for seed in range(scope.seeds)
+    ]
+    later = swept(jobs, 0.15, 0.9)
+    of_kind = {kind: [result for job, result in zip(jobs, later) if job.kind == kind] for kind in _KINDS}
+    rows = dict(zip(laws, found[len(fittable) :]))
+    return Results(
+        car=car,
+        scope=scope,
+        noticed=noticed,
+        laws=laws,
+        record=record,
+        judged=judged,
+        repeatability=friction_records.repeatability(record),
+        tables=_timed(laws, rows, lambda part: notify(0.9 + 0.08 * part, "timing")),
+        sample_ns=real_time.plant_samples(car, laws),
+        cases=cases,
+        effects=friction_cases.effects(cases, of_kind["battery"], noticed),
+        apart=friction_distinction.differences(laws, BASE_LAW),
+        held=[each for of in of_kind["held torque"] for each in of],
+        driven=of_kind["driver"],
+        confusion=of_kind["confusion"],
+    )
+
+
+def _usable(each: Judged) -> bool:
+    """Whether a law with the calibration of the record can stand for the record's friction in the car."""
+    return each.parameters is not None and friction_laws.dry(each.parameters)
+
+
+def _timed(
+    laws: Mapping[str, Any], rows: Mapping[str, list[real_time.Row]], notify: Callable[[float], None]
+) -> dict[str, list[real_time.Row]]:
+    """The rows of every law, with the time of the project's scheme at one step length."""
+
+    def compared(row: real_time.Row) -> bool:
+        return row.scheme == SCHEME and row.step == SAMPLE
+
+    clocked = real_time.timed(
+        {law: (laws[law], [row for row in of if compared(row)]) for law, of in rows.items()}, notify
+    )
+    return {law: [row for row in of if not compared(row)] + clocked[law] for law, of in rows.items()}

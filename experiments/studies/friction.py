@@ -1,0 +1,48 @@
+"""Which friction law is more accurate, which runs in real time, and what the choice changes in the car.
+
+``common.friction_results`` computes everything as sweeps, ``common.friction_page`` writes the sentences and tables.
+"""
+
+from collections.abc import Sequence
+from typing import Any
+
+from steer_env.experiments.output import car_options
+from steer_env.experiments.output.options import progress
+from steer_env.experiments.studies.common import friction_page as sections
+from steer_env.experiments.studies.common import page
+from steer_env.experiments.studies.common.friction_json import as_json
+from steer_env.experiments.studies.common.friction_results import QUICK, Results, collect, full
+from steer_env.experiments.sweep import Runner, run
+
+NAME = "friction"
+
+
+def build(r: Results) -> page.Page:
+    """The page of the results."""
+    accuracy, (cost, timed, steps) = sections.accuracy(r), sections.cost(r)
+    others = [make(r) for make in (sections.of_laws, sections.of_factors, sections.apart, sections.speeds,
+                                   sections.in_loop, sections.confusion)]  # fmt: skip
+    lead = (
+        "The literature on steering asks which friction law is more accurate and which runs in real time. The answer for "
+        f"{len(r.laws)} laws, by a measured record, by the project's own integration, and by the car '{r.car.name}' in "
+        f"{len(r.scope.tests)} tests. Every sentence follows from the numbers of this run."
+    )
+    verdict = [accuracy.verdict, steps, *(section.verdict for section in others)]
+    return page.Page(NAME, "Which friction law?", lead, verdict, [accuracy, cost, *others], [timed])
+
+
+def main(argv: Sequence[str] | None = None, sweep: Runner = run) -> None:
+    """Answer which friction law is more accurate, which runs in real time, and what the choice changes; write a page."""
+    parser = page.parser(NAME, main.__doc__)
+    car_options.add(parser)
+    text = "three tests, one noise and few repeats in place of the whole battery: for a first look"
+    parser.add_argument("--quick", action="store_true", help=text)
+    args = parser.parse_args(argv)
+    page.check(args.out, NAME)
+    car = car_options.load(args)
+    with progress("computing") as notify:
+        results = collect(car, QUICK if args.quick else full(), sweep=sweep, notify=notify)
+    found = build(results)
+    print("\n".join([*found.verdict, *found.timing]))
+    made: dict[str, Any] = {"car": car, "friction": results.laws}
+    print(page.write(args.out, found, as_json(results), page.trace_of(NAME, argv, args.out, **made)))

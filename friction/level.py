@@ -1,0 +1,118 @@
+"""The level of friction: one factor on the saturated torque of every law, by load, temperature and direction of motion.
+
+    L = L_0 (1 + c_F |F|) exp(-c_theta (theta - theta_0))                                  (F11)
+    L_+ = L (1 + a) in positive motion,    L_- = L (1 - a) in negative motion              (F11)
+
+F is the load, L_0 a factor of the episode. A law knows one scale at a time. Within a step the side of the motion is
+known before its speed: it is that to which R of the step equation (F7) exceeds the torque at rest T_0, as in
+:func:`steer_env.friction.law.step`. :func:`chosen` therefore takes the scale of that side beforehand, with two rules
+for a memory (bristle, springs) that is loaded:
+
+* A memory holds what break-away allows in the direction in which it is loaded: it is cut back to L_+ where the torque
+  at rest is positive, to L_- where it is negative.
+* A motion that unloads a memory which the scale of its own side could not hold goes on with the scale that it was
+  loaded with, until the other one holds it. The torque is therefore continuous at a reversal, and the only solution of
+  the step equation lies on the side that was chosen. A set-valued law sticks for -L_- F_c <= R <= L_+ F_c.
+
+A law is passive however its scale changes from step to step, and so it is with both sides. With ``a = 0`` nothing of
+this is computed.
+
+Sources: growth with the load in proportion and different levels by direction, ASME IDETC 2015, V003T01A007 (rig of an
+electric power steering, abstract). The exponential of the temperature is that of a lubricant's viscosity (Reynolds,
+Phil. Trans. 177 (1886) 157); that it acts on the saturated torque, and not on a viscous part alone, is assumed.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from steer_env.friction.law import advance, torque
+from steer_env.friction.numerics.check import not_negative, number, numbers
+from steer_env.friction.numerics.kernel import kernel, plain
+
+
+class Level(NamedTuple):
+    """How the saturated friction depends on its conditions; :func:`make` checks. The defaults leave it as it is."""
+
+    load: float = 0.0  # c_F: relative increase by load, over its unit [1/N] in a plant, whose load is the rack force
+    asymmetry: float = 0.0  # a: relative increase in positive motion, decrease in negative motion [1]
+    temperature_rate: float = 0.0  # c_theta: relative decrease by temperature, at first [1/K]
+    temperature_rise: float = 0.0  # theta - theta_0: temperature above that at which the law's parameters hold [K]
+
+
+class Scales(NamedTuple):
+    """Factors on the saturated friction by the direction of motion."""
+
+    positive: float  # L_+ [1]
+    negative: float  # L_- [1]
+
+
+LIMITS = {  # (low, high), so that both directions keep some friction and the exponential stays a moderate factor
+    "asymmetry": (-0.9, 0.9),  # [1]
+    "temperature_rate": (-0.05, 0.05),  # [1/K]
+    "temperature_rise": (-100.0, 100.0),  # [K]
+}
+
+
+def make(
+    *, load: float = 0.0, asymmetry: float = 0.0, temperature_rate: float = 0.0, temperature_rise: float = 0.0
+) -> Level:
+    """A checked :class:`Level`.
+
+    Raises
+    ------
+    ValueError
+        For a ``load`` below 0, or another value outside ``LIMITS``.
+    """
+    given = {"asymmetry": asymmetry, "temperature_rate": temperature_rate, "temperature_rise": temperature_rise}
+    checked = {key: number(key, value, minimum=LIMITS[key][0], maximum=LIMITS[key][1]) for key, value in given.items()}
+    return Level(not_negative("load", load), **checked)
+
+
+@kernel
+def scales(level, base, load):
+    """L_+ and L_- of (F11) at a load; ``base`` is L_0 [1]."""
+    L = base * (1.0 + level.load * abs(load))  # (F11)
+    if level.temperature_rate != 0.0:
+        L *= math.exp(-level.temperature_rate * level.temperature_rise)  # (F11)
+    return Scales(L * (1.0 + level.asymmetry), L * (1.0 - level.asymmetry))  # (F11)
+
+
+def by_sample(level: Level, load: ArrayLike, base: float = 1.0) -> NDArray[np.float64]:
+    """Scales (T, 2) of positive and negative motion at the loads (T,) of a record, in the unit that ``level`` has."""
+    return np.column_stack(plain(scales)(level, base, numbers("load", load)))
+
+
+@kernel
+def both(L):
+    """The same scale for both directions."""
+    return Scales(L, L)
+
+
+@kernel
+def chosen(p, scales, memory, R):
+    """The scale with which a law takes a step that ``R`` drives; the memory is cut back to what break-away allows.
+
+    Parameters
+    ----------
+    p : parameters of a law
+    scales : Scales
+    memory : (M,) array
+    R : float
+        Of the step equation [N m]; plus or minus infinity where the motion is prescribed.
+    """
+    positive, negative = scales.positive, scales.negative
+    if positive == negative:
+        return positive
+    held = positive if positive > negative else negative
+    rest = torque(p, held, memory, 0.0)
+    if rest != 0.0:
+        held = positive if rest > 0.0 else negative
+        advance(p, held, memory, 0.0, 0.0)  # no motion and no time: only the cut
+        rest = torque(p, held, memory, 0.0)
+    if R == rest:
+        return held
+    side, own = (1.0, positive) if R > rest else (-1.0, negative)
+    return held if side * (torque(p, own, memory, 0.0) - rest) > 0.0 else own

@@ -1,0 +1,217 @@
+"""``steer-env fit-friction``: from the shipped record and from files to a page, files of laws, and an environment."""
+
+import json
+import re
+from pathlib import Path
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+import steer_env.environments  # noqa: F401
+from steer_env import friction, manoeuvres
+from steer_env.experiments.cli.main import main
+from steer_env.experiments.report import friction_fit
+from steer_env.recording import files, friction_record
+from steer_env.vehicle import cars
+from tests.friction.test_bad_input import refused
+
+DT = 0.02  # [s]
+T = np.arange(0.0, 60.0, DT)
+X = 3.0 * np.sin(2.0 * np.pi * 0.1 * T)  # [deg]
+DAHL = friction.make("dahl", sigma_0=120.0, F_c=0.9)
+NOISE = np.random.default_rng(0).normal(0.0, 0.005, T.size)
+F = friction.response(DAHL, np.radians(X), DT) + 0.05 + NOISE  # [N m]
+
+
+@pytest.fixture(autouse=True)
+def _somewhere(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "200")
+
+
+def save(name="mine.csv", header="time_s,displacement_deg,torque_Nm", columns=(T, X, F)):
+    rows = "\n".join(",".join(map(repr, row)) for row in np.column_stack(columns).tolist())
+    with open(name, "w", encoding="utf-8") as file:
+        file.write(f"{header}\n{rows}\n")
+
+
+def loaded(path):
+    with open(path, encoding="utf-8") as file:
+        return json.load(file)
+
+
+def fails(capsys, *words):
+    """The one line on standard error with which a command line ends."""
+    capsys.readouterr()
+    assert main(["fit-friction", *words]) == 2
+    return capsys.readouterr().err
+
+
+def test_the_shipped_record_from_a_fresh_clone(capsys):
+    """Two laws of the rig: the bristle beats Coulomb by far, in m and N, which drive no column until they are told."""
+    assert main(["fit-friction", "rig", "--law", "dahl", "coulomb", "--out", "rig"]) == 0
+    printed = capsys.readouterr().out
+    assert "turned to resist positive motion" in printed
+    assert "Dahl describes this record best: on the last 40 s, which were not fitted" in printed
+    found = loaded("rig/fit.json")
+    assert found["record"]["units"] == {"displacement": "m", "torque": "N"}
+    assert found["record"]["period"] == pytest.approx(4.0)
+    assert found["record"]["samples"] == 20000
+    mean = found["record"]["mean_friction"]
+    own = found["record"]["repeats"] / mean
+    dahl, coulomb = (found["laws"][law]["held_out"][0] / mean for law in ("dahl", "coulomb"))
+    assert own < 0.03 < dahl < 0.13 < 0.9 < coulomb
+    with refused(["rig/dahl.json", "m and N", "--lever", "--to-column"]):
+        gym.make("steer_env/AssistWeave-v1", friction="rig/dahl.json")
+
+
+def test_the_shipped_record_drives_a_column_as_told():
+    """By the radius of a lever or stretched to a column, the parameters scale exactly and the residual not at all."""
+    options = {"rig": [], "lever": ["--lever", "0.00796"], "column": ["--to-column", "level=0.9,presliding_deg=0.5"]}
+    found = {}
+    for name, more in options.items():
+        assert main(["fit-friction", "rig", "--law", "dahl", "--out", name, *more]) == 0
+        found[name] = loaded(f"{name}/fit.json")
+    record = found["rig"]["record"]
+    for name in ("lever", "column"):
+        there, back = found[name]["record"]["factors"], found[name]["laws"]["dahl"]
+        assert found[name]["record"]["units"] == {"displacement": "rad", "torque": "N m"}
+        p, q = back["friction"], found["rig"]["laws"]["dahl"]["friction"]
+        assert p["F_c"] == pytest.approx(there["torque"] * q["F_c"], rel=1e-6)
+        assert p["sigma_0"] == pytest.approx(there["torque"] / there["displacement"] * q["sigma_0"], rel=1e-6)
+        left = back["held_out"][0] / found[name]["record"]["mean_friction"]
+        assert left == pytest.approx(found["rig"]["laws"]["dahl"]["held_out"][0] / record["mean_friction"], rel=1e-6)
+        env = gym.make("steer_env/AssistWeave-v1", friction=f"{name}/dahl.json")
+        assert env.unwrapped.spec.kwargs["friction"] == p
+    assert found["lever"]["record"]["factors"] == pytest.approx({"displacement": 1 / 0.00796, "torque": 0.00796})
+
+
+def test_a_file_of_ones_own_and_its_page(capsys):
+    save()
+    assert main(["fit-friction", "mine.csv", "--law", "dahl", "coulomb"]) == 0
+    file, all_of_it = loaded("friction_mine/dahl.json"), loaded("friction_mine/fit.json")
+    assert file["friction"] == {"law": "dahl", "sigma_0": file["friction"]["sigma_0"], "F_c": file["friction"]["F_c"]}
+    for name, true in DAHL._asdict().items():
+        assert file["friction"][name] == pytest.approx(true, rel=0.01)
+        low, high = file["intervals"][name]
+        assert low < file["friction"][name] < high
+    assert file["level"] is None
+    assert file["residual"] == pytest.approx(0.005, rel=0.2)
+    assert all_of_it["best"] == "dahl"
+    assert all_of_it["laws"]["coulomb"]["apart_from_best"]
+    page = Path("friction_mine/index.html").read_text(encoding="utf-8")
+    assert all_of_it["verdict"] in page
+    assert page.index('class="finding"') < page.index("<h2")  # the answer first
+    assert page.count("data:image/svg+xml,") == 3
+    for place in ("<link", 'src="http', "<script src", "nan", "None"):
+        assert place not in re.sub(r'"data:[^"]*"|<script.*?</script>', "", page, flags=re.DOTALL)
+    printed = capsys.readouterr().out
+    assert "friction_mine/dahl.json holds the law that leaves least" in printed
+
+
+def test_a_result_is_made_again_to_the_bit(capsys):
+    save()
+    assert main(["fit-friction", "mine.csv", "--law", "dahl", "--out", "out"]) == 0
+    for name in ("dahl.json", "fit.json", "index.html"):
+        capsys.readouterr()
+        assert main(["rerun", f"out/{name}"]) == 0, capsys.readouterr()
+
+
+def test_a_fitted_file_stands_for_a_law_on_the_command_line(capsys):
+    save()
+    assert main(["fit-friction", "mine.csv", "--law", "dahl", "--out", "out"]) == 0
+    assert main(["run", "rig", "--friction", "out/dahl.json", "--rate-hz", "50", "--out", "run.csv"]) == 0
+    made = files.read("run.csv")
+    assert made.meta["friction"] == "dahl"
+    assert made.meta["trace"]["friction"]["dahl.json"]["parameters"] == {
+        key: value for key, value in loaded("out/dahl.json")["friction"].items() if key != "law"
+    }
+    assert main(["rerun", "run.csv"]) == 0, capsys.readouterr()
+
+
+def test_a_weave_of_a_car_gives_the_friction_of_its_column():
+    """Simulated with Dahl and no influence of the load; the level is found within 2 % behind assist and rack force."""
+    car = cars.load("compact", changes={"steering.friction_load": 0.0})
+    run = manoeuvres.drive(car, manoeuvres.make("weave"), DAHL)
+    files.write(run.without("friction_torque", "column_angle", "torsion_bar_torque"), "weave.csv", digits=7)
+    words = ["weave.csv", "--law", "dahl", "--vehicle", "compact", "--set", "steering.friction_load=0", "--out", "out"]
+    assert main(["fit-friction", *words]) == 0
+    found = loaded("out/dahl.json")
+    assert found["friction"]["F_c"] == pytest.approx(DAHL.F_c, rel=0.02)
+    assert found["friction"]["sigma_0"] == pytest.approx(DAHL.sigma_0, rel=0.1)
+    assert any("balance of torques with the parameters of compact" in note for note in found["notes"])
+    assert found["trace"]["car"]["steering"]["friction_load"] == 0.0
+
+
+def test_the_record_judges_on_what_was_not_fitted():
+    """A law that describes the first part only is caught by the last: the friction doubles there."""
+    grown = np.where(T < 40.0, 1.0, 2.0)
+    record = friction_record.FrictionRecord(np.radians(X), grown * F, DT, {"displacement": "rad", "torque": "N m"})
+    found = friction_fit.collect(record, "grown", ["dahl"], held_out=1.0 / 3.0)
+    assert found.first == 2000
+    assert found.best.fit.residual < 0.01
+    assert found.best.left[0] > 0.5
+    assert found.best.left[1] <= found.best.left[0] <= found.best.left[2]
+    whole = friction_fit.collect(record, "grown", ["dahl"], held_out=0.0)
+    assert whole.first == 0
+    assert whole.best.left[0] == pytest.approx(whole.best.fit.residual, rel=0.1)
+
+
+def test_a_law_that_cannot_be_fitted_is_told_and_gives_no_file(capsys):
+    save(columns=(T[:400], X[:400], F[:400]))  # a stroke and a half: nothing reverses in the first part
+    assert main(["fit-friction", "mine.csv", "--law", "dahl", "--held-out", "0.9", "--out", "out"]) == 2
+    printed = capsys.readouterr()
+    assert "not fitted:" in printed.out
+    assert "no law was fitted" in printed.err
+    assert sorted(path.name for path in Path("out").iterdir()) == ["fit.json", "index.html"]
+
+
+def test_one_way_from_rest_to_sliding_is_fitted_as_a_whole():
+    x = np.concatenate([np.zeros(100), 0.05 * np.linspace(0.0, 1.0, 1500)])
+    torque = friction.response(DAHL, x, DT) + NOISE[: x.size]
+    save(columns=(T[: x.size], np.degrees(x), -torque))
+    assert main(["fit-friction", "mine.csv", "--law", "dahl", "--out", "out"]) == 0
+    found = loaded("out/fit.json")
+    assert found["judged_from"] == 0.0
+    assert found["laws"]["dahl"]["friction"]["F_c"] == pytest.approx(DAHL.F_c, rel=0.02)
+    assert any("goes one way" in text for text in found["laws"]["dahl"]["warnings"])
+
+
+BAD = [
+    (["nowhere.csv"], ["nowhere.csv", "No such file"]),
+    (["mine.csv", "--law", "dahll"], ["dahll", "dahl"]),
+    (["mine.csv", "--held-out", "0.95"], ["--held-out", "at most 0.9", "0.95"]),
+    (["mine.csv", "--lever", "0.1", "--to-column"], ["--lever or --to-column"]),
+    (["mine.csv", "--lever", "-1"], ["--lever", "greater than 0"]),
+    (["mine.csv", "--to-column", "F_c=1"], ["--to-column", "level and presliding_deg", "F_c=1"]),
+    (["mine.csv", "--zero", "rack_force"], ["--zero", "--vehicle"]),
+    (["mine.csv", "--vehicle", "compact"], ["cannot be separated", "rack_force", "motor_torque"]),
+    (["mine.csv", "--vehicle", "compact", "--inertia", "0.1"], ["--inertia", "--vehicle"]),
+    (["mine.csv", "--map", "friction=displacement[Nm]"], ["displacement [rad or m]", "names every channel"]),
+    (["swapped.csv"], ["exchanged", "--map displacement="]),
+    (["forces.csv"], ["rad", "in N", "--lever"]),
+    (["mine.csv", "--template", "mine.csv"], ["--template mine.csv exists"]),
+    (["mine.csv", "--between", "100", "200"], ["no samples from 100"]),
+]
+
+
+@pytest.mark.parametrize(("words", "contains"), BAD, ids=lambda each: " ".join(each)[:40])
+def test_what_is_refused_says_what_to_do(words, contains, capsys):
+    save()
+    save("swapped.csv", columns=(T, F, X))
+    save("forces.csv", header="time_s,displacement_deg,friction_N")
+    said = fails(capsys, *words)
+    assert said.count("\n") == 1
+    for part in contains:
+        assert part in said
+
+
+def test_a_template_offers_the_columns_of_a_record():
+    save(header="t [s],pos [mm],load cell [N]")
+    assert main(["fit-friction", "mine.csv", "--template", "map.toml"]) == 0
+    text = Path("map.toml").read_text(encoding="utf-8")
+    for section in ("displacement", "displacement_speed", "friction", "load"):
+        assert f"# [channels.{section}]" in text
+    assert '# from = "pos [mm]"  # mm, -3 to 3' in text
+    assert '# from = "load cell [N]"' in text

@@ -1,0 +1,45 @@
+"""The page on the held torque: its sentences follow from the numbers."""
+
+import pytest
+
+from steer_env import friction
+from steer_env.experiments.studies import friction_laws, held_torque
+from steer_env.vehicle import cars
+
+
+@pytest.fixture(scope="module")
+def results():
+    return held_torque.collect(cars.load(), ("masing", "dahl"))
+
+
+def test_the_comparison_is_repeated_and_its_cause_named(results):
+    first, second, third, fourth, _ = held_torque.sentences(results)
+    assert "undamped Masing friction vibrates" in first
+    assert second.startswith("The cause is the missing damper, not the law")
+    assert "the assist feeds the vibration" in third
+    assert "is not the cause" in fourth
+
+
+def test_without_a_difference_the_sentence_says_so(results):
+    calm = [test._replace(ripple=1e-3, ripple_fine=2e-3, lasting=0.1) for test in results.tests]
+    first, _, third, fourth, _ = held_torque.sentences(results._replace(tests=calm))
+    assert "does not vibrate" in first
+    assert "ends the vibration in all 4 cases" in third
+    assert "has a part in it" in fourth
+
+
+def test_a_law_with_its_own_damper_is_the_one_of_the_comparison(results):
+    """Masing has no damper by default, so that both parts of the page hold the same test."""
+    bare = {test.calibration: test for test in results.tests if test[0] == "on" and test[2:4] == ("masing", 0.0)}
+    own = {each.calibration: each for each in results.laws if each.law == "masing"}
+    assert friction.make("masing").sigma_1 == 0.0
+    for calibration in friction_laws.CALIBRATIONS:
+        expected = bare[calibration.title].ripple
+        assert own[calibration.title].ripple == pytest.approx(expected, rel=0.02, abs=2e-5)
+
+
+def test_the_page_holds_every_number(results):
+    page, data = held_torque.build(results, "compact")
+    assert len(data["tests"]) == 24
+    assert {row["law"] for row in data["laws"]} == {"masing", "dahl"}
+    assert all(sentence in page.verdict for sentence in held_torque.sentences(results))
