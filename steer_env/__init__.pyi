@@ -1,4 +1,17 @@
-from . import assists, drivers, experiments, fmu, friction, manoeuvres, metrics, recording, targets, tasks, tuning, vehicle
+from . import (
+    assists,
+    drivers,
+    experiments,
+    fmu,
+    friction,
+    manoeuvres,
+    metrics,
+    recording,
+    targets,
+    tasks,
+    tuning,
+    vehicle,
+)
 from .env import SteerEnv
 from .registration import REGISTERED
 from .vector import SteerVectorEnv

@@ -68,4 +68,4 @@ def _float(value: float) -> str:
 
 def _variable(v: Variable) -> str:
     kind = "BOOLEAN" if v.boolean else "REAL"
-    return f"{{{json.dumps(v.name)}, {v.array}, {v.place}, {v.use}, {kind}, {int(v.positive)}}}"
+    return f"{{{json.dumps(v.name)}, {v.array}, {v.place}, {v.use}, {kind}, {int(v.not_negative)}}}"

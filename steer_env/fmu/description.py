@@ -13,7 +13,6 @@ from steer_env.fmu.units import base_unit
 from steer_env.fmu.variables import Variable
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
 
-SMALLEST = 2.2250738585072014e-308  # least positive normal float: the bound "above 0"
 STEP_NOTE = (
     "The internal step is 1 ms. A communication step is a whole number of milliseconds, to 1e-9 s. Inputs hold over a "
     "communication step; a prescribed handwheel angle is reached at its end."
@@ -106,8 +105,8 @@ def fmi2(part: Part, variables: list[Variable], identifier: str, token: str, des
             ElementTree.SubElement(each, "Boolean", start="true" if v.start else "false")
             continue
         real = {"unit": v.unit} if v.unit else {}
-        if v.positive:
-            real["min"] = number(SMALLEST)
+        if v.not_negative:
+            real["min"] = number(0.0)
         if v.use != "OUTPUT":
             real["start"] = number(v.start)
         ElementTree.SubElement(each, "Real", real)

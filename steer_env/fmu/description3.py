@@ -2,7 +2,7 @@
 
 from xml.etree import ElementTree
 
-from steer_env.fmu.description import SMALLEST, USES, about, experiment, number, text_of, unit_definitions
+from steer_env.fmu.description import USES, about, experiment, number, text_of, unit_definitions
 from steer_env.fmu.part import Part
 from steer_env.fmu.variables import Variable
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
@@ -25,12 +25,12 @@ def fmi3(part: Part, variables: list[Variable], identifier: str, token: str, des
     ElementTree.SubElement(categories, "Category", name="logStatusError", description="Errors")
     experiment(root)
     listed = ElementTree.SubElement(root, "ModelVariables")
-    for reference, v in enumerate(variables):
-        attributes = {"name": v.name, "valueReference": str(reference), "description": v.description, **USES[v.use]}
+    for i, v in enumerate(variables):
+        attributes = {"name": v.name, "valueReference": str(i), "description": v.description, **USES[v.use]}
         if v.unit:
             attributes["unit"] = v.unit
-        if v.positive:
-            attributes["min"] = number(SMALLEST)
+        if v.not_negative:
+            attributes["min"] = number(0.0)
         if v.boolean:
             attributes["start"] = "true" if v.start else "false"
         elif v.use not in ("OUTPUT", "INDEPENDENT"):

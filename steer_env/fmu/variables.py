@@ -37,7 +37,7 @@ class Variable(NamedTuple):
     use: str  # INPUT, OUTPUT, FIXED, TUNABLE, CONSTANT or INDEPENDENT
     boolean: bool
     start: float  # in the unit of the variable
-    positive: bool  # whether only positive values are allowed
+    not_negative: bool  # whether values below zero are refused
 
 
 @cache

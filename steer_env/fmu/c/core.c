@@ -248,8 +248,8 @@ static int may_set(struct instance *c, const struct variable *v, double value)
         return unit_refuse(c, "parameter %s is fixed: it can be set only until initialization ends", v->name);
     if (!isfinite(value))
         return unit_refuse(c, "variable %s must be finite, got %g", v->name, value);
-    if (v->positive && !(value > 0.0))
-        return unit_refuse(c, "parameter %s must be positive, got %g", v->name, value);
+    if (v->not_negative && value < 0.0)
+        return unit_refuse(c, "parameter %s must not be negative, got %g", v->name, value);
     return 1;
 }
 

@@ -17,7 +17,7 @@ struct variable {
     unsigned place;   /* and at which position there */
     enum use use;
     enum type type;
-    int positive; /* whether only positive values are allowed */
+    int not_negative; /* whether values below zero are refused */
 };
 
 /* Bits that the instruction cpuid has to report. */
