@@ -1,19 +1,27 @@
 /* Drives a unit of FMI 2.0 as a C importer does.
  *
  *   harness LIBRARY TOKEN time STEPS            nanoseconds of a step of 1 ms
+ *   harness LIBRARY TOKEN print STEPS INPUT OUTPUT...  a line after each step with a sine at the input; hexadecimal
  *   harness LIBRARY TOKEN check STEPS INSTANCES  every bad call, many instances and steps; the growth of memory [bytes]
  */
 
 #include "fmi2FunctionTypes.h"
 
+#ifdef _WIN32
+#include <windows.h>
+#define dlopen(name, flags) ((void *)LoadLibraryA(name))
+#define dlsym(library, name) ((void *)GetProcAddress((HMODULE)(library), name))
+#define dlerror() "the library cannot be loaded"
+#else
 #include <dlfcn.h>
+#include <unistd.h>
+#endif
 #include <math.h>
 #include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <time.h>
-#include <unistd.h>
 
 static void *library;
 static char last[512];
@@ -59,13 +67,17 @@ static fmi2Component ready(void)
 
 static long resident(void)
 {
-    long pages = 0, total;
+    long pages = 0;
+#ifndef _WIN32
+    long total;
     FILE *file = fopen("/proc/self/statm", "r");
     if (file && fscanf(file, "%ld %ld", &total, &pages) != 2)
         pages = 0;
     if (file)
         fclose(file);
-    return pages * sysconf(_SC_PAGESIZE);
+    pages *= sysconf(_SC_PAGESIZE);
+#endif
+    return pages;
 }
 
 static void run(fmi2Component c, long steps)
@@ -197,6 +209,21 @@ static void check(long steps, long instances)
     printf("%ld\n", resident() - before);
 }
 
+static void print(fmi2Component c, long steps, fmi2ValueReference input, char **outputs, int count)
+{
+    for (long i = 0; i < steps; i++) {
+        fmi2Real value = 4.0 * sin(3e-3 * (double)(i + 1));
+        EXPECT(F(fmi2SetReal)(c, &input, 1, &value) == fmi2OK);
+        EXPECT(F(fmi2DoStep)(c, 1e-3 * (double)i, 1e-3, fmi2True) == fmi2OK);
+        for (int k = 0; k < count; k++) {
+            fmi2ValueReference output = (fmi2ValueReference)atol(outputs[k]);
+            EXPECT(F(fmi2GetReal)(c, &output, 1, &value) == fmi2OK);
+            printf("%a ", value);
+        }
+        printf("\n");
+    }
+}
+
 int main(int count, char **words)
 {
     if (count < 5 || !(library = dlopen(words[1], RTLD_NOW | RTLD_LOCAL))) {
@@ -210,10 +237,15 @@ int main(int count, char **words)
         return 0;
     }
     fmi2Component c = ready();
+    if (!strcmp(words[3], "print") && count > 5) {
+        print(c, steps, (fmi2ValueReference)atol(words[5]), words + 6, count - 6);
+        F(fmi2FreeInstance)(c);
+        return 0;
+    }
     struct timespec start, end;
-    clock_gettime(CLOCK_MONOTONIC, &start);
+    timespec_get(&start, TIME_UTC);
     run(c, steps);
-    clock_gettime(CLOCK_MONOTONIC, &end);
+    timespec_get(&end, TIME_UTC);
     F(fmi2FreeInstance)(c);
     printf("%.1f\n", ((end.tv_sec - start.tv_sec) * 1e9 + (end.tv_nsec - start.tv_nsec)) / steps);
     return 0;

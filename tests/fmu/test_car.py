@@ -5,6 +5,7 @@ import shutil
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,7 +19,7 @@ validation = pytest.importorskip("fmpy.validation", reason="the extra fmu is not
 if shutil.which("cc") is None:
     pytest.skip("there is no C compiler", allow_module_level=True)
 
-HARNESS = "tests/fmu/harness.c"
+HARNESS = Path(__file__).with_name("harness.c")
 
 
 @pytest.fixture(scope="module")
@@ -212,7 +213,21 @@ def built_harness(folder):
     """The C importer, compiled."""
     include = f"-I{fmpy.__path__[0]}/c-code"
     program = folder / "harness"
-    command = ["cc", "-std=gnu11", "-O1", "-g", "-Wall", "-Wextra", "-Werror", include, HARNESS, "-o", program, "-ldl"]
+    command = [
+        "cc",
+        "-std=gnu11",
+        "-O1",
+        "-g",
+        "-Wall",
+        "-Wextra",
+        "-Werror",
+        include,
+        HARNESS,
+        "-o",
+        program,
+        "-ldl",
+        "-lm",
+    ]
     subprocess.run(command, check=True)
     return program
 
