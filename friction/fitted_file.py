@@ -8,6 +8,7 @@ left to its reader; ``units`` are those of the record, and a law of other units 
 
 import json
 import os
+import warnings
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -23,6 +24,8 @@ def named(friction: Any) -> bool:
 
 def read(path: str | os.PathLike[str]) -> dict[str, Any]:
     """The mapping of the law that a file holds, ``{"law": name, parameter: value}``.
+
+    Warns of a level by load or direction, which is of the plant.
 
     Raises
     ------
@@ -47,5 +50,13 @@ def read(path: str | os.PathLike[str]) -> dict[str, Any]:
             f"{path} is of a record in {units['displacement']} and {units['torque']}, and a steering column needs rad "
             "and N m: fit it again with --lever METRES (the radius at which the force acts) or --to-column (the level "
             "and the pre-sliding distance of a column)"
+        )
+    level = {name: value for name, value in (data.get("level") or {}).items() if value}
+    if level:
+        told = ", ".join(f"{name} {value:g}" for name, value in level.items())
+        warnings.warn(
+            f"{path}: the level of this friction ({told}) is of the car and not of the law: set steering.friction_load "
+            "and steering.friction_asymmetry in the car",
+            stacklevel=2,
         )
     return dict(law)

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from steer_env.friction import fitted_file
+from steer_env.friction import fitted_file, ode
 from steer_env.friction.numerics.check import constructed, read_number
 from steer_env.friction.numerics.kernel import dispatch, kernel
 from steer_env.friction.numerics.registry import Registry
@@ -78,8 +78,12 @@ def register(
     steepest_fall: Callable[[Any, float, float], float] | None = None,
     relaxes: bool = False,
     modes: Callable[[Any], int] | None = None,
+    cut_back: Callable | None = None,
 ) -> None:
     """Make a law known under a name; one call at the end of the law's file.
+
+    A law with memory may leave out ``advance``, ``mean_torque`` and ``solve``: :mod:`steer_env.friction.ode` integrates
+    ``rate`` and ``torque``, to 1e-10 in every substep.
 
     Parameters
     ----------
@@ -97,7 +101,7 @@ def register(
     advance : ``(p, torque_scale, memory, w, h) -> None``
         Changes the memory exactly as ``h`` [s] at constant speed ``w`` [rad/s] do.
     rate : ``(p, torque_scale, memory, w, out) -> None``
-        Writes the time derivative of the memory at speed ``w`` into ``out``, as a plain ODE solver needs it.
+        Writes the time derivative of the memory at speed ``w`` into ``out``, as an ODE solver needs it; zero at rest.
     stored_energy : ``(p, memory) -> float``
         Energy that the memory can give back [J].
     mean_torque : ``(p, torque_scale, memory, w, h) -> (float, float)``, optional
@@ -117,36 +121,49 @@ def register(
         Whether a loaded memory gives way at rest, as a spring in series with a damper does.
     modes : callable, optional
         Parameters -> number of floats at the end of the memory that change in jumps (stick, slip), of rate zero.
+    cut_back : ``(p, torque_scale, memory) -> None``, optional
+        Of a law that is integrated: cuts the memory back to what break-away allows where the torque scale has fallen.
 
     Raises
     ------
     ValueError
-        If the name is taken, the law has neither ``mean_torque`` nor ``solve``, or some but not all functions of the
-        memory are given.
+        If the name is taken, or functions are missing that belong together.
     """
-    if mean_torque is None and solve is None:
-        raise ValueError(f"friction law {name!r} needs mean_torque or solve")
-    given = [function is not None for function in (memory_size, advance, rate, stored_energy)]
-    if any(given) and not all(given):
-        raise ValueError(f"friction law {name!r} needs all or none of memory_size, advance, rate and stored_energy")
+    memory = {"memory_size": memory_size, "advance": advance, "rate": rate, "stored_energy": stored_energy}
+    given = {**memory, "cut_back": cut_back, "torque": torque, "mean_torque": mean_torque, "solve": solve}
     law = Law(
         name=name,
         parameters=parameters,
         make=make,
-        memory_size=memory_size or (lambda p: 0),
         fitted=fitted,
         units=dict(units or {}),
         steepest_fall=steepest_fall or (lambda p, torque_scale, h: 0.0),
         relaxes=relaxes,
         modes=modes or (lambda p: 0),
-        advance=advance or _no_advance,
-        torque=torque,
-        rate=rate or _no_rate,
-        stored_energy=stored_energy or _no_energy,
-        mean_torque=mean_torque,
-        solve=solve or _newton,
+        **_completed(name, parameters, given),
     )
     LAWS.register(name, law, parameters)
+
+
+def _completed(name: str, parameters: type, given: dict[str, Any]) -> dict[str, Any]:
+    """All functions of a law from those that its file gives; one that is left out is None."""
+    cut_back = given.pop("cut_back")
+    missing = [key for key in ("memory_size", "rate", "stored_energy", "advance") if given[key] is None]
+    if given["mean_torque"] is None and given["solve"] is None:
+        if missing != ["advance"]:
+            raise ValueError(
+                f"friction law {name!r} needs mean_torque or solve; a law with memory_size, rate and stored_energy may"
+                " leave them out together with advance, and is integrated"
+            )
+        size, rate, torque, energy = (given[key] for key in ("memory_size", "rate", "torque", "stored_energy"))
+        ode.EQUATIONS[parameters] = ode.Equation(size, rate, torque, energy, cut_back or ode.no_cut)
+        return {key: getattr(ode, key, _newton) for key in given}
+    if cut_back:
+        raise ValueError(f"friction law {name!r}: cut_back is for laws that are integrated; others cut in advance")
+    if missing and len(missing) < 4:
+        raise ValueError(f"friction law {name!r} needs all or none of memory_size, advance, rate and stored_energy")
+    without = {"memory_size": lambda p: 0, "advance": _no_advance, "rate": _no_rate, "stored_energy": _no_energy}
+    return {**given, "solve": given["solve"] or _newton, **(without if missing else {})}
 
 
 def available() -> tuple[str, ...]:
@@ -291,9 +308,9 @@ def _newton(p, torque_scale, memory, S, R, h, w_guess):
 def newton(p, torque_scale, memory, S, R, h, w_guess, rest):
     """Safeguarded Newton iteration for ``S w + mean_torque(w) = R``.
 
-    The root lies on the side of zero that ``R`` minus ``rest``, the mean torque of a step at rest, points to. The iteration keeps a bracket on
-    that side and replaces a step that would leave the bracket by a bisection, so the kink at zero cannot make it
-    cycle.
+    The root lies on the side of zero that ``R`` minus ``rest``, the mean torque of a step at rest, points to. The
+    iteration keeps a bracket on that side and replaces a step that would leave the bracket by a bisection, so the kink
+    at zero cannot make it cycle.
     """
     excess = R - rest
     if not 0.0 < abs(excess) < math.inf:

@@ -135,6 +135,8 @@ def _place(given: str) -> tuple[str, str]:
 
     if given in names.friction_records():
         return str(files("steer_env.experiments").joinpath("data", "friction", f"{given}.csv.gz")), given
+    if not Path(given).suffix:
+        raise ValueError(f"{given!r} is no packaged record ({', '.join(names.friction_records())}) and no file's name")
     return given, Path(given).name.partition(".")[0]
 
 
@@ -169,7 +171,7 @@ def _record(path: str, args: argparse.Namespace, car: "Car | None") -> "Friction
     elif args.to_column is not None:
         found = found.to_column(**_column(args.to_column))
     for note in found.notes:
-        print(f"{path}: {note}")
+        print(f"{args.file}: {note}")
     return found
 
 

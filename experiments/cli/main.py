@@ -119,7 +119,8 @@ def _run(argv: Sequence[str]) -> int:
     """Run a command; its exit code."""
     argv = [_renamed(text) for text in argv]
     import_modules(argv)
-    args = parsed(argv)
+    with _warnings_in_one_line(argv[0] if argv else ""):
+        args = parsed(argv)
     if threading.current_thread() is threading.main_thread():
         # SIGTERM is handled as Ctrl-C is: the workers stop and no file stays half-written.
         signal.signal(signal.SIGTERM, signal.default_int_handler)

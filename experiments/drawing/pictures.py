@@ -1,6 +1,7 @@
 """Pictures of the report as SVG text. What they show is handed over; nothing is simulated or evaluated here."""
 
 from collections.abc import Mapping, Sequence
+from itertools import product
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -15,6 +16,7 @@ from steer_env.vehicle.constants import GRAVITY
 Array = NDArray[np.float64]
 
 SECOND_CYCLE = (1000, 1500)  # samples of the growing sine around a reversal before saturation
+LAWS_IN_A_ROW = 5  # of panels that are wide enough to read
 CROSSES = (300.0, 5000.0)  # heights of the crosses for runs that are not bounded [%]
 
 
@@ -32,7 +34,7 @@ class History(Protocol):
 
 @styled
 def characteristics(histories: Mapping[str, History], torques: Mapping[str, Mapping[str, Array]]) -> str:
-    """Torque over displacement for every law: a growing sine above, nested loops below.
+    """Torque over displacement for every law: a growing sine above, nested loops below; ``LAWS_IN_A_ROW`` side by side.
 
     Parameters
     ----------
@@ -41,14 +43,18 @@ def characteristics(histories: Mapping[str, History], torques: Mapping[str, Mapp
     torques : law -> name of the history -> (T,) torque [N m]
     """
     style = styles(torques)
-    figure = new_figure(9.6, 4.6)
-    grid = figure.subplots(2, len(torques), sharex="row", sharey="row", squeeze=False)
-    for row, name in zip(grid, ("growing_sine", "nested_loops")):
+    laws, columns = list(torques), min(len(torques), LAWS_IN_A_ROW)
+    blocks = [laws[i : i + columns] for i in range(0, len(laws), columns)]
+    figure = new_figure(9.6, 4.6 * len(blocks))
+    grid = figure.subplots(2 * len(blocks), columns, sharex="row", sharey="row", squeeze=False)
+    for row, (block, name) in zip(grid, product(blocks, ("growing_sine", "nested_loops"))):
         x = histories[name].x / DEGREE
-        for axes, law in zip(row, torques):
+        for axes, law in zip(row, block):
             axes.plot(x, torques[law][name], color=style[law]["color"], linewidth=1.0)
             axes.set_title(law if name == "growing_sine" else "")
             axes.set_xlabel("displacement [deg]")
+        for axes in row[len(block) :]:
+            axes.set_axis_off()
         row[0].set_ylabel("torque [N m]")
     return svg(figure)
 

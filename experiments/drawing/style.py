@@ -10,10 +10,18 @@ from matplotlib.figure import Figure
 
 Style = dict[str, Any]
 
-# Okabe and Ito's palette, which colour-blind readers tell apart; the dashes serve print in grey.
-PALETTE = ("#0072B2", "#D55E00", "#009E73", "#000000", "#CC79A7", "#E69F00", "#56B4E9")
+# Okabe and Ito's palette, which colour-blind readers tell apart, and three of Tol's; the dashes serve print in grey.
+PALETTE = (
+    *("#0072B2", "#D55E00", "#009E73", "#000000", "#CC79A7", "#E69F00", "#56B4E9"),
+    *("#882255", "#999933", "#332288"),
+)
 DASHES: tuple[Any, ...] = ("-", (0, (5, 1.5)), (0, (1.5, 1.2)), "-.", (0, (7, 2, 1.5, 2, 1.5, 2)))
-_FIRST = ("lugre", "masing", "dahl", "coulomb", "viscous")  # these keep their colours whatever else is drawn
+# These keep their colours whatever else is drawn.
+_FIRST = (
+    *("lugre", "masing", "dahl", "coulomb", "viscous"),
+    *("gms", "stribeck", "exponential_spring", "elasto_plastic", "bouc_wen"),
+)
+LEGEND_COLUMNS = 5  # that a row has room for
 
 STYLE: Any = {
     "font.family": "sans-serif",
@@ -65,9 +73,9 @@ def new_figure(width: float, height: float) -> Figure:
 
 
 def legend(figure: Figure, axes: Axes, columns: int | None = None) -> None:
-    """A legend of one pair of axes above the whole figure, in one row unless the columns are fewer."""
+    """A legend of one pair of axes above the whole figure, in rows of ``LEGEND_COLUMNS`` or fewer."""
     handles, labels = axes.get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper center", ncols=min(columns or len(labels), len(labels)))
+    figure.legend(handles, labels, loc="outside upper center", ncols=min(columns or LEGEND_COLUMNS, len(labels)))
 
 
 def svg(figure: Figure) -> str:

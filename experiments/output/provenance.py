@@ -25,7 +25,7 @@ from steer_env.vehicle.cars import Car, key_meanings
 
 PACKAGES = ("numpy", "numba", "llvmlite", "scipy", "control", "gymnasium", "matplotlib", "jinja2", "rich")
 
-SOURCES = frozenset({".py", ".pyi", ".json", ".toml", ".tir", ".npz", ".j2", ".css"})  # suffixes of sources and data
+SOURCES = frozenset({".py", ".pyi", ".json", ".toml", ".tir", ".npz", ".gz", ".j2", ".css"})  # of sources, data
 
 
 def versions() -> dict[str, Any]:

@@ -2,21 +2,27 @@
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from steer_env import friction
+from steer_env.friction.identification.displacement import motion_of, noise_of
 from steer_env.friction.law import LAWS
+from steer_env.friction.level import by_sample
 from steer_env.friction.numerics.check import number
 from steer_env.recording import friction_checks
+from steer_env.recording.friction_checks import Array
 from steer_env.recording.friction_record import FrictionRecord, check_units
+from steer_env.recording.units import DEGREE
 
 HELD_OUT = 0.4  # of the record: its last part judges, the first one fits [1]
 BLOCKS = 20  # of the part that judges, at most, for its intervals
 DRAWS = 2000  # of blocks
 SEED = 0  # of these
+# Unit in memory -> how a reader sees it, and the size of that.
+SHOWN = {"rad": ("deg", DEGREE), "m": ("mm", 1e-3), "N m": ("N m", 1.0), "N": ("N", 1.0)}
 MATTERS = 0.05  # a law that leaves less than this share more than the best one is as good [1]
 
 
@@ -26,7 +32,7 @@ class Judged(NamedTuple):
     law: str
     fit: Any  # friction.Fit of the first part; None where the law was not fitted
     reason: str  # why it was not; empty otherwise
-    curve: NDArray[np.float64]  # (T,) the law over the whole record [unit of the friction]
+    curve: Array  # (T,) the law over the whole record [unit of the friction]
     left: tuple[float, float, float]  # RMS on the part that judges, and its 95 % interval [unit of the friction]
     apart: bool  # whether it leaves more than the best law, by ``MATTERS``, in 95 % of the draws of blocks
 
@@ -90,10 +96,16 @@ def collect(
     if held_out is None and friction_checks.turns(record.x[:first]).size < 2:
         first = 0
     judging = slice(first, None)
+    noise = noise_of(record.x)
+    motion = motion_of(record.x, noise)
+    if motion is not record.x:
+        unit, size = SHOWN[record.units["displacement"]]
+        text = f"the displacement has noise of {noise / size:.2g} {unit}: it is smoothed between reversals"
+        record = replace(record, notes=(*record.notes, text))
     found = []
     for i, law in enumerate(laws):
         notify(i / len(laws), f"fitting {law.replace('_', ' ')}")
-        found.append(_judged(record, law, slice(0, first or None), judging, options or {}))
+        found.append(_judged(record, motion, law, slice(0, first or None), judging, options or {}))
     found.sort(key=lambda each: each.left[0] if each.fit is not None else math.inf)
     if found and found[0].fit is not None:
         found = [each._replace(apart=_apart(record, found[0], each, judging)) for each in found]
@@ -103,15 +115,19 @@ def collect(
     return Found(record, name, first, level, repeats, tuple(found))
 
 
-def _judged(record: FrictionRecord, law: str, fitting: slice, judging: slice, options: Mapping[str, Any]) -> Judged:
-    """One law."""
+def _judged(
+    record: FrictionRecord, motion: Array, law: str, fitting: slice, judging: slice, options: Mapping[str, Any]
+) -> Judged:
+    """One law; ``motion`` is the displacement without noise."""
     part = record.part(fitting)
     nothing = (np.full(record.x.size, math.nan), (math.nan, math.nan, math.nan), False)
     try:
-        fit = friction.fit(part.x, part.friction, law, dt=part.dt, **options)
+        fit = friction.fit(part.x, part.friction, law, dt=part.dt, load=part.load, **options)
     except ValueError as error:
         return Judged(law, None, str(error), *nothing)
-    curve = friction.response(fit.parameters, record.x, record.dt) + fit.offset
+    load = np.zeros(record.x.size) if record.load is None else record.load
+    scale = 1.0 if fit.level is None else by_sample(fit.level, load)
+    curve = friction.response(fit.parameters, motion, record.dt, scale) + fit.offset
     squares = _blocks(record, curve, judging)
     drawn = np.sqrt(np.mean(squares[_draws(squares.size)], axis=1))
     low, high = np.quantile(drawn, (0.025, 0.975))
@@ -126,7 +142,7 @@ def _apart(record: FrictionRecord, best: Judged, other: Judged, judging: slice) 
     return bool(np.quantile(np.mean(more[_draws(more.size)], axis=1), 0.05) > 0.0)
 
 
-def _blocks(record: FrictionRecord, curve: NDArray[np.float64], judging: slice) -> NDArray[np.float64]:
+def _blocks(record: FrictionRecord, curve: Array, judging: slice) -> Array:
     """Mean squares of what a law leaves, in blocks of whole periods where the record has a period."""
     squares = (curve[judging] - record.friction[judging]) ** 2
     length = friction_checks.period(record.x) or math.ceil(squares.size / BLOCKS)
@@ -134,5 +150,5 @@ def _blocks(record: FrictionRecord, curve: NDArray[np.float64], judging: slice) 
     return np.array([part.mean() for part in np.array_split(squares, blocks)])
 
 
-def _draws(blocks: int) -> NDArray[np.int_]:
+def _draws(blocks: int) -> np.ndarray:
     return np.random.default_rng(SEED).integers(blocks, size=(DRAWS, blocks))

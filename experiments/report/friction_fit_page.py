@@ -20,13 +20,9 @@ from steer_env.experiments.output.pages import environment, image
 from steer_env.experiments.output.traces import embedded
 from steer_env.experiments.output.words import number as shown_number
 from steer_env.experiments.output.words import span
-from steer_env.experiments.report.friction_fit import Found, Judged, contents
+from steer_env.experiments.report.friction_fit import SHOWN, Found, Judged, contents
 from steer_env.friction.law import LAWS
 from steer_env.recording import friction_checks
-from steer_env.recording.units import DEGREE
-
-# Unit in memory -> how a page shows it, and the size of that.
-SHOWN = {"rad": ("deg", DEGREE), "m": ("mm", 1e-3), "N m": ("N m", 1.0), "N": ("N", 1.0)}
 
 
 class Row(NamedTuple):
@@ -64,7 +60,7 @@ def verdict(found: Found) -> str:
     if found.repeats is not None:
         own = percent(found, found.repeats)
         text += f"; from one period to the next the record itself differs by {shown_number(own)} %"
-    return text + "."
+    return text[0].upper() + text[1:] + "."
 
 
 def _shares(found: Found, each: Judged) -> tuple[float, float, float]:
@@ -77,7 +73,10 @@ def _title(law: str) -> str:
     return LAW_TITLES.get(law, law.replace("_", " "))
 
 
-LAW_TITLES = {"lugre": "LuGre", "dahl": "Dahl", "masing": "Masing", "coulomb": "Coulomb", "gms": "GMS"}
+LAW_TITLES = {  # of laws whose names are not plain words
+    **{"bouc_wen": "Bouc-Wen", "coulomb": "Coulomb", "dahl": "Dahl", "elasto_plastic": "elasto-plastic (Dupont)"},
+    **{"gms": "GMS", "lugre": "LuGre", "masing": "Masing", "stribeck": "Stribeck"},
+}
 
 
 def _listed(words: list[str]) -> str:
@@ -110,6 +109,11 @@ def rows(each: Judged, units: Mapping[str, str]) -> list[Row]:
         text = ", ".join(map(shown_number, value)) if isinstance(value, list) else shown_number(value, 4)
         ends = "" if interval is None or np.ndim(interval[0]) else span(interval)
         found.append(Row(name, text, ends, unit_of(each.law, name, units), not undetermined))
+    for name, value in ({} if each.fit.level is None else each.fit.level._asdict()).items():
+        if value != 0.0:
+            interval = each.fit.intervals.get(name)
+            unit = {"load": "1/N", "temperature_rate": "1/K", "temperature_rise": "K"}.get(name, "1")
+            found.append(Row(f"level, {name}", shown_number(value, 4), span(interval) if interval else "", unit, True))
     return found
 
 

@@ -9,6 +9,7 @@ from typing import Any
 from steer_env.experiments.output import car_options
 from steer_env.experiments.output.options import progress
 from steer_env.experiments.studies.common import friction_page as sections
+from steer_env.experiments.studies.common import friction_page_loops as loops
 from steer_env.experiments.studies.common import page
 from steer_env.experiments.studies.common.friction_json import as_json
 from steer_env.experiments.studies.common.friction_results import QUICK, Results, collect, full
@@ -20,19 +21,20 @@ NAME = "friction"
 def build(r: Results) -> page.Page:
     """The page of the results."""
     accuracy, (cost, timed, steps) = sections.accuracy(r), sections.cost(r)
-    others = [make(r) for make in (sections.of_laws, sections.of_factors, sections.apart, sections.speeds,
-                                   sections.in_loop, sections.confusion)]  # fmt: skip
+    others = [sections.of_laws(r), sections.of_factors(r)]
+    others += [loops.apart(r), loops.speeds(r), loops.in_loop(r), loops.confusion(r)]
     lead = (
-        "The literature on steering asks which friction law is more accurate and which runs in real time. The answer for "
-        f"{len(r.laws)} laws, by a measured record, by the project's own integration, and by the car '{r.car.name}' in "
+        "The literature on steering asks which friction law is more accurate and which runs in real time. The answer "
+        f"for {len(r.laws)} laws, by a measured record, by the project's own integration, and by the car "
+        f"'{r.car.name}' in "
         f"{len(r.scope.tests)} tests. Every sentence follows from the numbers of this run."
     )
-    verdict = [accuracy.verdict, steps, *(section.verdict for section in others)]
+    verdict = [accuracy.headline, steps, *(section.headline or section.verdict for section in others)]
     return page.Page(NAME, "Which friction law?", lead, verdict, [accuracy, cost, *others], [timed])
 
 
 def main(argv: Sequence[str] | None = None, sweep: Runner = run) -> None:
-    """Answer which friction law is more accurate, which runs in real time, and what the choice changes; write a page."""
+    """Answer which friction law is more accurate, which runs in real time, and what the choice changes."""
     parser = page.parser(NAME, main.__doc__)
     car_options.add(parser)
     text = "three tests, one noise and few repeats in place of the whole battery: for a first look"

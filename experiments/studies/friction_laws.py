@@ -102,7 +102,7 @@ def set_valued(p: Any) -> bool:
 
 
 def ordinary(p: Any) -> bool:
-    """Whether an ordinary differential equation gives the memory of a law: not where it notes events, as stick and slip.
+    """Whether a differential equation gives the memory of a law: not where it notes events, as stick and slip.
 
     A motion into saturation is integrated with the law's own ``rate`` and compared with what the law makes of it.
     """
@@ -237,10 +237,11 @@ def main(argv: Sequence[str] | None = None) -> None:
     argparse.ArgumentParser(prog="steer-env study friction-laws", description=main.__doc__).parse_args(argv)
     loops = {law: characteristics(friction.make(law))["nested_loops"] for law in friction.available()}
     print("RMS difference from lugre, % of its saturated torque")
-    print(f"{'':10s}{'saturated branches':>20s}{'nested loops':>14s}")
+    width = 2 + max(map(len, loops))
+    print(f"{'':{width}s}{'saturated branches':>20s}{'nested loops':>14s}")
     for law, torque_of_law in loops.items():
         found = residual(torque_of_law, loops["lugre"])
-        print(f"{law:10s}{100.0 * found.saturated:20.2f}{100.0 * found.nested:14.2f}")
+        print(f"{law:{width}s}{100.0 * found.saturated:20.2f}{100.0 * found.nested:14.2f}")
     print(f"\nripple of a held torque of {HELD_TORQUE:g} N m [mN m], by damping ratio of the micro-damper")
     print(f"{'':36s}" + "".join(f"{ratio:>10g}" for ratio in DAMPING_RATIOS))
     tests = [test for law in HELD_LAWS for test in held_torque(cars.load(), law)]

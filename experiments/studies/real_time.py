@@ -175,12 +175,13 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser.add_argument("--friction", metavar="LAW", nargs="+", choices=laws, default=list(laws), help=text)
     chosen = {law: friction.make(law) for law in parser.parse_args(argv).friction}
     tables = timed({law: (p, accuracy(p)) for law, p in chosen.items()}, lambda _: None)
-    print("law       scheme          step [ms]  RMS error [%]  mean [ns]  worst [ns]")
+    width = 2 + max(map(len, chosen))
+    print(f"{'law':{width}s}scheme          step [ms]  RMS error [%]  mean [ns]  worst [ns]")
     for law, rows in tables.items():
         for row in rows:
             found = f"{100.0 * row.error:13.4f}" if row.error is not None else f"{'not finite':>13s}"
             times = f"{row.ns_per_step:9.0f}  {row.worst_step_ns:10.0f}" if row.bounded else "  not bounded"
-            print(f"{law:10s}{row.scheme:16s}{1e3 * row.step:9.1f}  {found}  {times}")
+            print(f"{law:{width}s}{row.scheme:16s}{1e3 * row.step:9.1f}  {found}  {times}")
     print("\n1 ms of the whole car [ns]")
     for law, time in plant_samples(cars.load(), chosen).items():
-        print(f"{law:10s}{time:6.0f}")
+        print(f"{law:{width}s}{time:6.0f}")

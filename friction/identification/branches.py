@@ -52,7 +52,7 @@ def branches_of(x: NDArray, T: NDArray, band: float) -> Branches:
     if one_way and not saturates(ways[0], rises[0], 0.25 * swing):
         raise ValueError(
             f"x must move and reverse at least once, or the torque must rise and break away, got a path from "
-            f"{x.min():g} to {x.max():g}: record a stroke to and fro that slides at both ends"
+            f"{x.min():g} to {x.max():g} rad: record a stroke to and fro that slides at both ends"
         )
     mean_rise = np.mean(np.concatenate(rises))
     if mean_rise <= 0.0:

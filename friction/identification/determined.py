@@ -1,12 +1,14 @@
 """Which parameters a record determines: found from the fit, not declared (F34)."""
 
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from steer_env.friction.identification.intervals import half_widths, samples_per_count
-from steer_env.friction.identification.problem import Optimum, Problem, Space, descended, refined
+from steer_env.friction.identification.problem import Optimum, Problem, descended, refined
+from steer_env.friction.identification.space import Space
 
 WIDEST = np.log(2.0)  # half the width of the interval of a logarithm that counts as determined [1]
 SHARE = 0.5  # half the width of the interval of another parameter, of its value [1] ...
@@ -15,14 +17,17 @@ FLOOR = 1e-3  # deviation of the residuals at least, of the level [1]: what nois
 WORSE = 6.6  # growth of the sum of squares, in deviations squared: quantile of 99 % of chi square, one degree
 
 
+EDGE = 1e-3  # coordinate that counts as zero, where it may not be negative [1]
+
+
 class Estimate(NamedTuple):
     """The end of the search, with what the record does not determine held at neutral values."""
 
     parameters: Any  # of the law, in the record's scales
     space: Space  # of what is left
     optimum: Optimum
-    half: NDArray[np.float64]  # half the widths of the intervals of the coordinates [1]
     undetermined: list[str]
+    edges: dict[str, float]  # half the widths of the intervals of coordinates that ended at zero [1]
 
     @property
     def factors(self) -> NDArray[np.float64]:
@@ -33,8 +38,8 @@ class Estimate(NamedTuple):
 def determined(problem: Problem, space: Space, optimum: Optimum) -> Estimate:
     """Hold one parameter after the other at its neutral value, as long as that leaves the fit as good (F34).
 
-    Of several with a wide interval, those go first that zero or the law itself makes neutral, and the last of the law's
-    fields before the others. One without which the fit is worse keeps its estimate and is told all the same.
+    As long as one has a wide interval, those go first that zero or the law itself makes neutral, and the last of the
+    law's fields before the others. One without which the fit is worse keeps its estimate, and is told if it is wide.
     """
     undetermined: list[str] = []
     stays: set[str] = set()
@@ -43,25 +48,30 @@ def determined(problem: Problem, space: Space, optimum: Optimum) -> Estimate:
         excess = {
             s.name: _excess(s.logarithmic, q, h) for s, q, h in zip(space.sought, optimum.q.tolist(), half.tolist())
         }
-        wide = {s.name: s for s in space.sought if excess[s.name] > 1.0 and s.name not in stays}
-        if not wide:
+        if all(each <= 1.0 for each in excess.values()):
             break
-        name = max(wide, key=lambda each: (wide[each].neutral in (0.0, None), list(wide).index(each)))
+        spare = [s.name for s in space.sought if s.spare and s.name not in stays]
+        wide = [s.name for s in space.sought if excess[s.name] > 1.0 and s.name not in stays]
+        if not (spare or wide):
+            break
+        name = (spare or wide)[-1]
         smaller = _without(problem, space, optimum, name)
         if smaller is None:
             stays.add(name)
         else:
             undetermined.append(name)
             space, optimum = smaller
-    kept = [s.name for s in space.sought if s.name in stays and excess[s.name] > 1.0]
-    for name in kept:
+    kept = [s.name for s in space.sought if excess[s.name] > 1.0]
+    at_zero = {s.name: h for s, q, h in zip(space.sought, optimum.q, half) if s.spare and s.bounded and q < EDGE}
+    for name in [*kept, *(name for name in at_zero if name not in kept)]:  # where the search would only chatter
         i = [s.name for s in space.sought].index(name)
-        parameters, _ = space.made(optimum.q[: len(space.sought)])
-        space = space.without(name, optimum.q[: len(space.sought)], float(getattr(parameters, name)))
+        q = optimum.q[: len(space.sought)]
+        space = space.without(name, q, 0.0 if name in at_zero else float(q[i]))
         optimum = optimum._replace(q=np.delete(optimum.q, i))
     optimum = refined(problem, space, optimum, final=True)
     parameters, _ = space.made(optimum.q[: len(space.sought)])
-    return Estimate(parameters, space, optimum, _half_widths(optimum, 0.0), undetermined + kept)
+    edges = {name: float(h) for name, h in at_zero.items() if name not in kept}
+    return Estimate(parameters, space, optimum, undetermined + kept, edges)
 
 
 def _excess(logarithmic: bool, q: float, half: float) -> float:
@@ -79,24 +89,40 @@ def _without(problem: Problem, space: Space, optimum: Optimum, name: str) -> tup
     i = [s.name for s in space.sought].index(name)
     try:
         smaller = space.without(name, optimum.q[:n], space.sought[i].neutral)
-        near = descended(
-            problem, smaller, np.append(smaller.inside, optimum.q[n:]), 0.1 * float(np.ptp(problem.torque))
-        )
-        end = refined(problem, smaller, near)
     except ValueError:
         return None
-    before, after = np.sum(optimum.residual**2), np.sum(end.residual**2)
-    variance = before / optimum.residual.size + FLOOR**2
-    return (smaller, end) if after - before <= WORSE * variance * samples_per_count(optimum.residual) else None
+    allowed = WORSE * (np.mean(optimum.residual**2) + FLOOR**2) * samples_per_count(optimum.residual)
+    again = np.where([s.bounded for s in smaller.sought], smaller.start, smaller.inside)  # what was zero may replace it
+    for q in (smaller.inside, again):
+        near = descended(problem, smaller, np.append(q, optimum.q[n:]), 0.1 * float(np.ptp(problem.torque)))
+        end = refined(problem, smaller, near)
+        if np.sum(end.residual**2) - np.sum(optimum.residual**2) <= allowed:
+            return smaller, end
+    return None
 
 
 def linear(estimate: Estimate) -> dict[str, tuple[float, float]]:
-    """95 % intervals from the derivatives at the optimum (F35), in the record's scales."""
+    """95 % intervals from the derivatives at the optimum (F35), in the record's scales.
+
+    That of a parameter with a base is of its logarithm, so that both have their part.
+    """
+    space, optimum = estimate.space, estimate.optimum
+    names = [s.name for s in space.sought]
+    rows = np.eye(optimum.q.size)
+    for i, s in enumerate(space.sought):
+        if s.base is not None:
+            rows[i, i] = 1.0 / (1.0 + optimum.q[i])
+            if s.base in names:
+                rows[i, names.index(s.base)] = 1.0
+    half = half_widths(optimum.jacobian, optimum.residual, rows)
     result = {}
-    for s, q, h in zip(estimate.space.sought, estimate.optimum.q.tolist(), estimate.half.tolist()):
-        if s.name in estimate.undetermined:
-            continue
-        with np.errstate(over="ignore"):
-            low, high = (float(np.exp(q - h)), float(np.exp(q + h))) if s.logarithmic else (q - h, q + h)
-        result[s.name] = (max(low, 0.0), high) if s.neutral == 0.0 else (low, high)
+    for s, h in zip(space.sought, half.tolist()):
+        value = float(getattr(estimate.parameters, s.name))
+        if s.logarithmic or s.base is not None:
+            result[s.name] = (value * math.exp(-h), value * math.exp(min(h, 700.0)))
+        else:
+            result[s.name] = (max(value - h, 0.0) if s.bounded else value - h, value + h)
+    for name, h in estimate.edges.items():
+        value = float(getattr(estimate.parameters, name))
+        result[name] = (value, value * (1.0 + h) if name in space.tied else value + h)
     return result

@@ -12,7 +12,6 @@ from steer_env.friction.numerics.kernel import kernel
 
 GRIDS = (4, 8, 16, 32)  # numbers of yields that are compared on held-out samples
 JUDGED = 1.0 / 3.0  # of the weighed samples, the last ones [1]
-WORSE = 1.02  # of the least held-out residual: a grid with fewer yields may leave as much [1]
 
 
 class Elements(NamedTuple):
@@ -33,7 +32,7 @@ def _slider(x, levels, y, out):  # type: ignore[no-untyped-def]
 
 
 def elements_of(problem: Problem) -> Elements:
-    """Elements on the coarsest grid of yields that describes held-out samples as well as finer ones do.
+    """Elements on the grid of yields, of several, that describes held-out samples best.
 
     The method needs no initial guess and has no local minimum. A grid ends where an element only just yields, at half
     the widest swing of the weighed samples; the record shows a part that yields later as a spring, and that part counts
@@ -52,7 +51,7 @@ def elements_of(problem: Problem) -> Elements:
     for y, A in zip(grids, regressors):
         F = _not_negative(A[:n], T[:n], y.size)
         left.append(float(np.linalg.norm(A[n:] @ F - T[n:])))
-    chosen = next(i for i, each in enumerate(left) if each <= WORSE * min(left) + 1e-9 * np.linalg.norm(T))
+    chosen = int(np.argmin(left))
     return _estimate(grids[chosen], regressors[chosen], T)
 
 

@@ -12,10 +12,12 @@ from steer_env.friction.identification.branches import Branches, branches_of, st
 from steer_env.friction.identification.determined import Estimate, determined, linear
 from steer_env.friction.identification.displacement import BAND, motion_of, noise_of
 from steer_env.friction.identification.elements import Elements
-from steer_env.friction.identification.problem import Problem, searched, space_of
+from steer_env.friction.identification.problem import Problem, searched
+from steer_env.friction.identification.quality import own_noise, refuse
 from steer_env.friction.identification.record import Record, checked
 from steer_env.friction.identification.remarks import remarks
 from steer_env.friction.identification.scales import Scales, scaled
+from steer_env.friction.identification.space import space_of
 from steer_env.friction.law import Law, law_of, make
 from steer_env.friction.numerics.check import number
 
@@ -46,6 +48,7 @@ class Prepared(NamedTuple):
 
     record: Record  # with x freed of its noise
     noise: float  # of x [rad]
+    own_noise: float  # of the torque: what even the true law leaves [N m]
     branches: Branches
     scales: Scales
 
@@ -113,6 +116,7 @@ def fit(
 def prepared(record: Record, inertia: float = 0.0) -> Prepared:
     """The noise of x removed, torque of inertia subtracted, branches and scales found; see :func:`fit`."""
     noise = noise_of(record.x)
+    refuse(record.x, record.torque, noise)
     path = motion_of(record.x, noise)
     mass = number("inertia", inertia, minimum=0.0)
     T = record.torque - mass * np.gradient(np.gradient(path, record.dt), record.dt) if mass else record.torque
@@ -123,7 +127,9 @@ def prepared(record: Record, inertia: float = 0.0) -> Prepared:
     moving = steps[steps > 0.0]
     length = max(2.0 * level / stiffness_of(branches), 0.1 * float(np.median(moving)))
     speed = float(np.mean(moving)) / record.dt
-    return Prepared(clean, noise, branches, Scales(level, length, length / speed))
+    slope_noise = 0.5 * noise / length * level if path is not record.x else 0.0
+    own = own_noise(path, T, branches, slope_noise)
+    return Prepared(clean, noise, own, branches, Scales(level, length, length / speed))
 
 
 def fitted(
@@ -183,4 +189,4 @@ def _told(ready: Prepared, law: Law, problem: Problem, estimate: Estimate, eleme
         undetermined=tuple(estimate.undetermined),
         explained=1.0 - residual**2 / variance if variance else 0.0,
     )
-    return result._replace(warnings=remarks(result, ready, law, problem, estimate))
+    return result._replace(warnings=remarks(result, ready, law, e))

@@ -1,13 +1,12 @@
-"""A law and a record in the record's own scales: parameters that are sought, residuals, and the search (F31)."""
+"""A record in its own scales, and the search for the parameters of a law that describe it (F31)."""
 
-import inspect
 import math
-from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from steer_env.friction.identification.space import Space
 from steer_env.friction.law import Law
 from steer_env.friction.numerics.frozen import frozen
 from steer_env.friction.response import follow
@@ -35,138 +34,6 @@ class Problem(NamedTuple):
         scales = np.column_stack([self.levels, self.levels])  # both directions alike
         follow(p, scales, np.zeros(law.memory_size(p)), self.x, self.dt, out)
         return out
-
-
-class Sought(NamedTuple):
-    """A parameter that is sought, in scaled units [1]."""
-
-    name: str
-    logarithmic: bool  # the law allows positive values only
-    start: float  # [1]
-    lowest: float  # of the coordinate: 0 where the law refuses a negative value [1]
-    neutral: float | None  # where the record does not determine it; None: the law derives it from the others [1]
-
-
-def sought_of(law: Law, given: Mapping[str, Any]) -> tuple[Sought, ...]:
-    """The scalar parameters of a law except those that are given; the law's constructor tells which may be zero."""
-    default = law.make()
-    signature = inspect.signature(law.make).parameters
-    result = []
-    for name, value in default._asdict().items():
-        if name in given or isinstance(value, bool) or np.ndim(value) or value is None:
-            continue
-        derived = signature[name].default is None
-        logarithmic = not _allowed(law, {name: 0.0})
-        pure = law.units.get(name) == "1"
-        if logarithmic:
-            start = value if pure else 1.2 if derived else 1.0
-            neutral = None if derived else value if pure else 1.0
-        else:
-            start, neutral = (value or 0.1 if pure else 0.1), 0.0
-        lowest = -math.inf if logarithmic or _allowed(law, {name: -1e-6}) else 0.0
-        result.append(Sought(name, logarithmic, float(start), lowest, neutral))
-    return tuple(result)
-
-
-def _allowed(law: Law, values: Mapping[str, Any]) -> bool:
-    try:
-        law.make(**values)
-    except (ValueError, OverflowError):
-        return False
-    return True
-
-
-class Space(NamedTuple):
-    """Coordinates q of the parameters that are sought: logarithms, or values where zero is allowed (F31)."""
-
-    law: Law
-    sought: tuple[Sought, ...]
-    held: Mapping[str, Any]  # the other parameters; what is in neither is left to the law's constructor
-    start: NDArray[np.float64]  # (N,) about the record's own scales
-    inside: NDArray[np.float64]  # (N,) a set that the law allows
-
-    def values(self, q: NDArray) -> dict[str, Any]:
-        """Keywords of the law's constructor."""
-        found = {s.name: math.exp(min(v, 300.0)) if s.logarithmic else v for s, v in zip(self.sought, q.tolist())}
-        return {**self.held, **found}
-
-    def made(self, q: NDArray) -> tuple[Any, float]:
-        """Parameters at ``q``, or at a set nearby that the law allows, and how far off that is.
-
-        Values that may not be negative are cut to zero. Then the one coordinate is moved towards ``inside`` that has
-        the shortest way, or else all of them together.
-        """
-        cut = np.where(self.bounded, np.maximum(q, 0.0), q)
-        if _allowed(self.law, self.values(cut)):
-            return self.law.make(**self.values(cut)), float(np.linalg.norm(q - cut))
-        ends = [end for end in (self._moved(cut, axis) for axis in np.eye(q.size)) if end is not None]
-        everywhere = self._moved(cut, np.ones(q.size))
-        edge = min(ends, key=lambda end: float(np.linalg.norm(end - cut)), default=everywhere)
-        return self.law.make(**self.values(edge)), float(np.linalg.norm(q - edge))
-
-    def _moved(self, q: NDArray, along: NDArray) -> Any:
-        """The first allowed set on the way to ``inside`` along some coordinates, None if there is none."""
-        way = (self.inside - q) * along
-        if not _allowed(self.law, self.values(q + way)):
-            return None
-        low, high = 0.0, 1.0
-        for _ in range(40):
-            middle = 0.5 * (low + high)
-            if _allowed(self.law, self.values(q + middle * way)):
-                high = middle
-            else:
-                low = middle
-        return q + high * way
-
-    @property
-    def bounded(self) -> NDArray[np.bool_]:
-        """Which coordinates may not be negative."""
-        return np.array([s.lowest == 0.0 for s in self.sought], dtype=bool)
-
-    def coordinates(self, parameters: Any) -> NDArray[np.float64]:
-        """The coordinates of a set of parameters."""
-        values = [float(getattr(parameters, s.name)) for s in self.sought]
-        return np.array([math.log(v) if s.logarithmic else v for s, v in zip(self.sought, values)])
-
-    def without(self, name: str, q: NDArray, value: float | None) -> "Space":
-        """The space with one parameter held at a value, or left to the constructor.
-
-        Raises
-        ------
-        ValueError
-            Where the law does not allow that beside the others.
-        """
-        keep = [i for i, s in enumerate(self.sought) if s.name != name]
-        held = dict(self.held) if value is None else {**self.held, name: value}
-        smaller = Space(self.law, tuple(self.sought[i] for i in keep), held, self.start[keep], q[keep])
-        smaller = smaller._replace(inside=np.where(smaller.bounded, np.maximum(q[keep], 0.01), q[keep]))
-        if not _allowed(self.law, smaller.values(q[keep])):
-            smaller = smaller._replace(inside=_inside(smaller, smaller.inside))
-        return smaller
-
-
-def space_of(law: Law, held: Mapping[str, Any]) -> Space:
-    """The space of all scalar parameters that are not held, about the record's own scales.
-
-    Raises
-    ------
-    ValueError
-        If no set near them is allowed.
-    """
-    sought = sought_of(law, held)
-    q = np.array([math.log(s.start) if s.logarithmic else s.start for s in sought])
-    space = Space(law, sought, held, q, q)
-    return space if _allowed(law, space.values(q)) else space._replace(inside=_inside(space, q))
-
-
-def _inside(space: Space, q: NDArray) -> NDArray[np.float64]:
-    """A set near ``q`` that the law allows, by drawing ever wider about it."""
-    rng = np.random.default_rng(0)
-    for i in range(400):
-        drawn = q + rng.normal(0.0, 0.02 * (1 + i) ** 0.75, q.size)
-        if _allowed(space.law, space.values(drawn)):
-            return drawn
-    raise ValueError(f"friction law {space.law.name!r} allows no parameters near those that the record suggests")
 
 
 class Optimum(NamedTuple):
@@ -214,6 +81,10 @@ def descended(problem: Problem, space: Space, q: NDArray, loss_scale: float, *, 
     found = least_squares(
         weakened, q, method="lm", xtol=tolerance, ftol=tolerance, gtol=1e-15, max_nfev=steps * (q.size + 1)
     )
+    if final and not found.success:  # the steps are short along the edge of what the law allows
+        cost = found.cost
+        found = least_squares(weakened, found.x, method="lm", xtol=1e-9, ftol=1e-9, max_nfev=steps * (q.size + 1))
+        found.success = found.success or found.cost > (1.0 - 1e-5) * cost
     if not np.isfinite(found.cost) or (final and not found.success):
         raise ValueError(
             f"the search for the parameters of {space.law.name!r} did not converge ({found.message}): try more starts, "

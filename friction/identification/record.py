@@ -8,8 +8,6 @@ from numpy.typing import ArrayLike, NDArray
 from steer_env.friction.numerics.check import numbers, positive
 
 UNEVEN = 0.01  # departure of a time step from the median step [1]
-CLIPPED = 0.05  # share of the samples at the very extreme of a noisy sensor [1]
-STRAIGHT = 0.01  # torque beside a straight line through displacement, of its range [1]
 
 
 class Record(NamedTuple):
@@ -36,7 +34,7 @@ def checked(x: ArrayLike, torque: ArrayLike, dt: float, load: ArrayLike | None =
     if forces is not None and forces.size != T.size:
         raise ValueError(f"load and torque must be of equal length, got {forces.size} and {T.size} samples")
     if not np.ptp(path) > 0.0:
-        raise ValueError(f"x must move, got a path from {path.min():g} to {path.max():g}")
+        raise ValueError(f"x must move, got a path from {path.min():g} to {path.max():g} rad")
     return Record(path, T, step, forces)
 
 

@@ -2,24 +2,56 @@
 
 from typing import TYPE_CHECKING
 
-from steer_env.friction.identification.determined import Estimate
-from steer_env.friction.identification.problem import Problem
+import numpy as np
+
+from steer_env.friction.identification.intervals import samples_per_count
+from steer_env.friction.identification.quality import clipped
 from steer_env.friction.law import Law
 
 if TYPE_CHECKING:
     from steer_env.friction.identification.fit import Fit, Prepared
 
+UNLIKE = 1.5  # residual over the record's own noise, of a law that does not describe it [1] ...
+MATTERS = 0.01  # ... where it is also more than this, of the level [1]
+DOMINANT = 0.1  # noise of x, of the length over which the torque follows a reversal [1]
+DRIFT = 0.05  # of the residual over the record, of the level [1]
+SURE = 4.0  # drift over its standard deviation [1]
 
-def remarks(found: "Fit", ready: "Prepared", law: Law, problem: Problem, estimate: Estimate) -> tuple[str, ...]:
-    """All warnings of a fit, in whole sentences."""
-    return (*_undetermined(found, law), *_memory(found, ready, law))
+
+def remarks(found: "Fit", ready: "Prepared", law: Law, e: np.ndarray) -> tuple[str, ...]:
+    """All warnings of a fit, in whole sentences; ``e`` are the residuals at the weighed samples [N m]."""
+    return (
+        *_undetermined(found, ready, law),
+        *_misfit(found, ready),
+        *_memory(found, ready, law),
+        *_sensors(ready, e),
+    )
 
 
-def _undetermined(found: "Fit", law: Law) -> list[str]:
+def _undetermined(found: "Fit", ready: "Prepared", law: Law) -> list[str]:
     values = [f"{name} = {getattr(found.parameters, name):g} {law.units[name]}" for name in found.undetermined]
     if not values:
         return []
-    return [f"the record does not determine {', '.join(values)}: kept there; record several speeds and wider loops"]
+    texts = [f"the record does not determine {', '.join(values)}: kept there; record several speeds and wider loops"]
+    if any(law.units[name] == "N m/rad" for name in found.undetermined):
+        step = float(np.median(np.abs(np.diff(ready.record.x))))
+        texts.append(
+            f"the torque follows a reversal within about a step of x between samples ({step:g} rad), so its stiffness "
+            "has only a lower bound: sample faster or move slower"
+        )
+    return texts
+
+
+def _misfit(found: "Fit", ready: "Prepared") -> list[str]:
+    level = ready.scales.torque
+    if found.residual <= max(UNLIKE * ready.own_noise, MATTERS * level):
+        return []
+    times = f", {found.residual / ready.own_noise:.3g} times the record's own noise" if ready.own_noise > 0.0 else ""
+    return [
+        f"the law does not describe the record: it leaves {found.residual:.3g} N m, {found.residual / level:.1%} of the "
+        f"level{times}; the intervals are of the law that fits best, not of the friction: try another law with "
+        "friction.compare"
+    ]
 
 
 def _memory(found: "Fit", ready: "Prepared", law: Law) -> list[str]:
@@ -30,9 +62,32 @@ def _memory(found: "Fit", ready: "Prepared", law: Law) -> list[str]:
     remembers = law.memory_size(found.parameters) > 0
     if branches.one_way:
         texts.append(
-            "the record goes one way: its memory at the start is taken as none, and what the zero of the torque sensor "
-            "adds counts as friction; record a reversal"
+            "the record goes one way: its memory at the start is taken as none, and the zero of the torque sensor as "
+            "true; record a reversal"
         )
     elif remembers and not branches.saturated[branches.first - 1]:
         texts.append("no reversal from saturation: the memory at the start is taken as none, which biases the rest")
+    return texts
+
+
+def _sensors(ready: "Prepared", e: np.ndarray) -> list[str]:
+    scales, texts = ready.scales, []
+    if ready.noise > DOMINANT * scales.displacement:
+        texts.append(
+            f"noise of x ({ready.noise:.3g} rad) is {ready.noise / scales.displacement:.0%} of the length over which the "
+            "torque follows a reversal: stiffness and damping are those of the filtered motion; use a finer sensor of x"
+        )
+    n = clipped(ready.record.torque)
+    if n:
+        texts.append(
+            f"the torque stands still at its extreme for {n} samples: if the sensor is at its limit, the level is a "
+            "lower bound; use a wider range"
+        )
+    t = np.linspace(-0.5, 0.5, e.size)
+    drift = 12.0 * float(np.mean(t * e))
+    deviation = float(np.sqrt(12.0 * samples_per_count(e) / e.size)) * float(np.std(e))
+    if abs(drift) > max(DRIFT * scales.torque, SURE * deviation):
+        texts.append(
+            f"the zero of the torque drifts by {-drift:.3g} N m over the record: subtract the drift, or fit parts"
+        )
     return texts

@@ -53,6 +53,8 @@ class FrictionRecord:
         Of ``displacement`` and ``torque``: rad and N m, or m and N.
     notes : tuple of str
         What was done to the recording, and what a reader has to know.
+    converted : str
+        How :meth:`with_lever` or :meth:`to_column` changed its units; empty as recorded.
     factors : dict
         Factors on ``displacement`` and ``torque`` that :meth:`scaled` and :meth:`to_column` have applied.
     """
@@ -64,6 +66,7 @@ class FrictionRecord:
     load: Array | None = None
     start: float = 0.0
     notes: tuple[str, ...] = ()
+    converted: str = ""
     factors: Mapping[str, float] = field(default_factory=lambda: {"displacement": 1.0, "torque": 1.0})
 
     @property
@@ -116,6 +119,7 @@ class FrictionRecord:
             x=displacement * self.x,
             friction=torque * self.friction,
             notes=(*self.notes, told),
+            converted=told,
             factors={"displacement": old["displacement"] * displacement, "torque": old["torque"] * torque},
         )
 

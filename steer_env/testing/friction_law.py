@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.integrate import solve_ivp
 
-from steer_env.friction import law, resolve
+from steer_env.friction import law, ode, resolve
 from steer_env.friction.numerics.kernel import bind
 from steer_env.testing.histories import (
     Array,
@@ -32,7 +32,8 @@ from steer_env.testing.histories import (
 )
 from steer_env.testing.plain_python import check_plain_python
 
-examples = settings(max_examples=40, derandomize=True, deadline=None, database=None)
+# One failure is enough, and an AssertionError; several would be a group of exceptions.
+examples = settings(max_examples=40, derandomize=True, deadline=None, database=None, report_multiple_bugs=False)
 
 
 class Tolerances(NamedTuple):
@@ -42,13 +43,17 @@ class Tolerances(NamedTuple):
     solved: float  # of the step equation
     parts: float  # of two steps against one
     scaled: float  # of torques at stretched times
+    slope: float  # of the difference of two mean torques at almost one speed
 
 
-EXACT = Tolerances(energy=1e-12, solved=1e-13, parts=1e-13, scaled=1e-12)  # a few to a hundred roundings
+# Closed forms: a few to a hundred roundings.
+EXACT = Tolerances(energy=1e-12, solved=1e-13, parts=1e-13, scaled=1e-12, slope=1e-14)
+# An equation that is integrated: 1e-10 in a substep, summed over the substeps, and more across a jump of the rate.
+INTEGRATED = Tolerances(energy=1e-8, solved=1e-8, parts=1e-8, scaled=1e-8, slope=3e-8)
 
 
 def _tolerances(p: Any) -> Tolerances:
-    return EXACT
+    return INTEGRATED if law.law_of(p).mean_torque is ode.mean_torque else EXACT
 
 
 def _fall(p: Any, torque_scale: float, h: float) -> float:
@@ -162,9 +167,9 @@ def check_steepest_fall(p: Any) -> None:
     """
 
     @settings(examples, max_examples=100 if law.law_of(p).mean_torque else 20)
-    @given(moves, log(-4, 1.5), log(-4, -0.3), log(-6, 0), torque_scales, st.booleans())
-    def holds(history, w, rise, h, torque_scale, against):
-        memory = after(p, [(-v if against else v, t) for v, t in history], torque_scale)
+    @given(moves, torque_scales, log(-4, 1.5), log(-4, -0.3), log(-6, 0), torque_scales)
+    def holds(history, before, w, rise, h, torque_scale):
+        memory = after(p, history, before)
         faster = w * (1.0 + rise)
         low, high = (_mean(p, torque_scale, memory, each, h) for each in (w, faster))
         fall = _fall(p, torque_scale, h)
@@ -199,7 +204,7 @@ def check_mean_torque(p: Any) -> None:
         rise = (
             law.mean_torque(p, torque_scale, memory, high, h)[0] - law.mean_torque(p, torque_scale, memory, low, h)[0]
         )
-        rounding = 1e-14 * (abs(mean) + size(p, torque_scale)) / abs(high - low)
+        rounding = _tolerances(p).slope * (abs(mean) + size(p, torque_scale)) / abs(high - low)
         assert abs(rise / (high - low) - slope) <= 1e-5 * abs(slope) + rounding
 
     holds()

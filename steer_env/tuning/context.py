@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from steer_env.friction.level import by_sample
 from steer_env.friction.response import response
 from steer_env.manoeuvres.common.driving import steering_stiffness
 from steer_env.randomise import Conditions
@@ -49,7 +50,8 @@ def context(car: Car, chassis: str, drawn: Conditions) -> Context:
         drawn.friction, speed=drawn.speed, robot=True, road_friction=drawn.road_friction, chassis=chassis
     )._replace(friction_torque_scale=drawn.friction_level)
     turned = np.arange(0.0, TURN + FIRST_TURN, FIRST_TURN)
-    torque = response(drawn.friction, turned, FIRST_TURN / SLIDING_SPEED, drawn.friction_level)
+    scales = by_sample(p.level, np.zeros(turned.size), drawn.friction_level)
+    torque = response(drawn.friction, turned, FIRST_TURN / SLIDING_SPEED, scales)
     return Context(
         mass=loaded.chassis["mass"],
         steering_stiffness=steering_stiffness(p),

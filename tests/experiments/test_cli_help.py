@@ -56,6 +56,7 @@ def test_names_in_the_help_are_those_of_the_registries():
     assert names.targets() == targets.available()
     assert names.drivers() == drivers.available()
     assert names.assists() == assists.available()
+    assert names.friction_records() == ("rig",)
     assert tuple(files.FORMATS) == names.FORMATS
     assert can_log.SUFFIXES == names.CAN_FORMATS
     assert tuple(road.ROUGHNESS) == names.ROAD_CLASSES

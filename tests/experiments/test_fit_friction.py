@@ -11,11 +11,15 @@ import pytest
 import steer_env.environments  # noqa: F401
 from steer_env import friction, manoeuvres
 from steer_env.experiments.cli.main import main
-from steer_env.experiments.report import friction_fit
+from steer_env.experiments.report import friction_fit, friction_fit_page
+from steer_env.friction import level
+from steer_env.friction.identification.fit import Fit
 from steer_env.recording import files, friction_record
 from steer_env.vehicle import cars
 from tests.friction.test_bad_input import refused
 
+ROOT = Path(__file__).parents[2]
+GUIDE = (ROOT / "docs" / "friction_measurement.md").read_text(encoding="utf-8")
 DT = 0.02  # [s]
 T = np.arange(0.0, 60.0, DT)
 X = 3.0 * np.sin(2.0 * np.pi * 0.1 * T)  # [deg]
@@ -71,7 +75,7 @@ def test_the_shipped_record_drives_a_column_as_told():
     options = {"rig": [], "lever": ["--lever", "0.00796"], "column": ["--to-column", "level=0.9,presliding_deg=0.5"]}
     found = {}
     for name, more in options.items():
-        assert main(["fit-friction", "rig", "--law", "dahl", "--out", name, *more]) == 0
+        assert main(["fit-friction", "rig", "--law", "dahl", "--rate-hz", "40", "--out", name, *more]) == 0
         found[name] = loaded(f"{name}/fit.json")
     record = found["rig"]["record"]
     for name in ("lever", "column"):
@@ -135,8 +139,18 @@ def test_a_weave_of_a_car_gives_the_friction_of_its_column():
     car = cars.load("compact", changes={"steering.friction_load": 0.0})
     run = manoeuvres.drive(car, manoeuvres.make("weave"), DAHL)
     files.write(run.without("friction_torque", "column_angle", "torsion_bar_torque"), "weave.csv", digits=7)
-    words = ["weave.csv", "--law", "dahl", "--vehicle", "compact", "--set", "steering.friction_load=0", "--out", "out"]
-    assert main(["fit-friction", *words]) == 0
+    words = [
+        "weave.csv",
+        "--law",
+        "dahl",
+        "--vehicle",
+        "compact",
+        "--set",
+        "steering.friction_load=0",
+        "--rate-hz",
+        "100",
+    ]
+    assert main(["fit-friction", *words, "--out", "out"]) == 0
     found = loaded("out/dahl.json")
     assert found["friction"]["F_c"] == pytest.approx(DAHL.F_c, rel=0.02)
     assert found["friction"]["sigma_0"] == pytest.approx(DAHL.sigma_0, rel=0.1)
@@ -156,6 +170,37 @@ def test_the_record_judges_on_what_was_not_fitted():
     whole = friction_fit.collect(record, "grown", ["dahl"], held_out=0.0)
     assert whole.first == 0
     assert whole.best.left[0] == pytest.approx(whole.best.fit.residual, rel=0.1)
+
+
+def test_noise_of_the_displacement_is_told_and_taken_out():
+    """0.02 deg over 6 deg of travel: the level within 2 %, and what is left is the torque's noise."""
+    noisy = np.radians(X + np.random.default_rng(2).normal(0.0, 0.02, T.size))
+    record = friction_record.FrictionRecord(noisy, F, DT, {"displacement": "rad", "torque": "N m"})
+    found = friction_fit.collect(record, "noisy", ["dahl"])
+    assert "noise of 0.02 deg" in found.record.notes[-1]
+    assert found.best.fit.parameters.F_c == pytest.approx(DAHL.F_c, rel=0.02)
+    assert found.best.left[0] < 0.02
+
+
+def test_a_level_by_load_is_in_the_curve_the_page_and_the_file(monkeypatch, tmp_path):
+    """What ``friction.fit`` says of the level is not lost: here it is told the truth, 2e-4 of the level per N."""
+    load = 2000.0 + 1500.0 * np.sin(2.0 * np.pi * T / 60.0)
+    found_level = level.make(load=2e-4)
+    torque = friction.response(DAHL, np.radians(X), DT, level.by_sample(found_level, load)) + NOISE
+    units = {"displacement": "rad", "torque": "N m"}
+    record = friction_record.FrictionRecord(np.radians(X), torque, DT, units, load)
+
+    def fit(x, torque, law, *, dt, load):
+        return Fit(law, DAHL, {"load": (1.9e-4, 2.1e-4)}, 0.0, 0.005, (), found_level)
+
+    monkeypatch.setattr(friction, "fit", fit)
+    found = friction_fit.collect(record, "loaded", ["dahl"])
+    assert found.best.left[0] == pytest.approx(0.005, rel=0.1)
+    friction_fit_page.write(tmp_path / "out", found, {})
+    assert loaded("out/dahl.json")["level"] == found_level._asdict()
+    page = Path("out/index.html").read_text(encoding="utf-8")
+    assert "level, load" in page
+    assert "steering.friction_load" in page
 
 
 def test_a_law_that_cannot_be_fitted_is_told_and_gives_no_file(capsys):
@@ -178,8 +223,19 @@ def test_one_way_from_rest_to_sliding_is_fitted_as_a_whole():
     assert any("goes one way" in text for text in found["laws"]["dahl"]["warnings"])
 
 
+@pytest.mark.filterwarnings("default")
+def test_a_level_that_the_car_has_to_have_is_told_in_one_line(capsys):
+    law = {"friction": friction.as_mapping(DAHL), "level": {"load": 0.0, "asymmetry": 0.1}}
+    Path("fitted.json").write_text(json.dumps(law), encoding="utf-8")
+    assert main(["run", "rig", "--friction", "fitted.json", "--rate-hz", "50", "--out", "run.csv"]) == 0
+    said = capsys.readouterr().err.splitlines()
+    assert [line for line in said if "steering.friction_asymmetry" in line] == said[:1]
+    assert said[0].startswith("steer-env run: warning: fitted.json: the level of this friction (asymmetry 0.1)")
+
+
 BAD = [
     (["nowhere.csv"], ["nowhere.csv", "No such file"]),
+    (["riig"], ["'riig'", "packaged record (rig)"]),
     (["mine.csv", "--law", "dahll"], ["dahll", "dahl"]),
     (["mine.csv", "--held-out", "0.95"], ["--held-out", "at most 0.9", "0.95"]),
     (["mine.csv", "--lever", "0.1", "--to-column"], ["--lever or --to-column"]),
@@ -215,3 +271,19 @@ def test_a_template_offers_the_columns_of_a_record():
         assert f"# [channels.{section}]" in text
     assert '# from = "pos [mm]"  # mm, -3 to 3' in text
     assert '# from = "load cell [N]"' in text
+
+
+def test_the_guide_is_true(monkeypatch, capsys):
+    """Its program runs, and the command has every option that it names."""
+    monkeypatch.chdir(ROOT)
+    (program,) = re.findall(r"^```python\n(.*?)^```", GUIDE, flags=re.DOTALL | re.MULTILINE)
+    names = {}
+    exec(compile(program, "friction_measurement.md", "exec"), names)
+    assert names["record"].of_a_column
+    assert names["found"].law == "dahl"
+    with pytest.raises(SystemExit):
+        main(["fit-friction", "--help"])
+    known = capsys.readouterr().out
+    named = set(re.findall(r"(--[a-z][a-z-]+)", GUIDE)) - {"--friction"}
+    assert len(named) > 10
+    assert [option for option in sorted(named) if option not in known] == []

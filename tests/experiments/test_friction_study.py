@@ -25,7 +25,7 @@ def test_one_calibration_holds_on_the_saturated_branches_only():
 def test_dry_and_set_valued_are_read_off_any_law(toy):
     found = {law: (study.dry(friction.make(law)), study.set_valued(friction.make(law))) for law in friction.available()}
     assert found.pop("viscous") == (False, False)
-    assert found.pop("coulomb") == (True, True)
+    assert found.pop("coulomb") == found.pop("stribeck") == (True, True)
     assert "toy_jenkins" in found
     assert set(found.values()) == {(True, False)}
     assert not study.dry(friction.make("viscous", sigma_2=100.0))

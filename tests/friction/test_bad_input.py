@@ -115,6 +115,8 @@ def test_register():
         law.register("lugre", dahl.parameters, **kernels, mean_torque=dahl.mean_torque)
     with refused(["'rust'", "mean_torque or solve"]):
         law.register("rust", dahl.parameters, **kernels)
+    with refused(["'rust'", "cut_back", "in advance"]):
+        law.register("rust", dahl.parameters, **kernels, mean_torque=dahl.mean_torque, cut_back=dahl.advance)
     del kernels["stored_energy"]
     with refused(["'rust'", "all or none", "stored_energy"]):
         law.register("rust", dahl.parameters, **kernels, mean_torque=dahl.mean_torque)

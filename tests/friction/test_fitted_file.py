@@ -44,6 +44,13 @@ def test_the_text_of_an_option_needs_the_file_no_longer(fitted):
     assert friction.as_mapping(Friction(option.text).parameters) == friction.as_mapping(option.parameters)
 
 
+def test_a_level_is_of_the_car(fitted):
+    level = {"load": 2e-4, "asymmetry": 0.0}
+    fitted.write_text(json.dumps({"friction": LAW, "level": level}))
+    with pytest.warns(UserWarning, match=r"fitted\.json: the level .*load 0\.0002\).*steering\.friction_load"):
+        friction.resolve(str(fitted))
+
+
 BAD = [
     (None, ["fitted.json", "No such file", "fit-friction"]),
     ("{", ["fitted.json", "no JSON"]),

@@ -1,6 +1,5 @@
 """Baseline assists: contracts that all of them keep, the friction observer, and the margins of the designed loops."""
 
-import itertools
 import math
 
 import gymnasium as gym
@@ -15,11 +14,11 @@ from steer_env.reference_feel import reference_torque
 from steer_env.tasks.assist_parking import WANTED
 from steer_env.tasks.assist_release import RELEASE_TIME
 from steer_env.vehicle import cars
+from tests.by_law import EACH_LAW, EACH_PAIR
 
 CAR = cars.load()
 NAMES = assists.available()
 SCENARIOS = ("Weave", "Release", "LaneChange", "LaneKeeping", "Parking")
-LAWS = friction.available()
 _made: dict = {}
 
 
@@ -114,7 +113,7 @@ def test_every_baseline_drives_every_task(name, scenario, law):
     assert info["metrics"]["rms_handwheel_speed"] < 2.0
 
 
-@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("law", EACH_LAW)
 def test_the_observer_is_the_laws_response(law):
     env = environment("Weave")
     seen = watched("Weave", 400)
@@ -142,7 +141,7 @@ def let_go(plant, name, **options):
 
 
 @pytest.mark.parametrize("share", [0.4, 0.7])
-@pytest.mark.parametrize(("plant", "observer"), list(itertools.product(LAWS, LAWS)))
+@pytest.mark.parametrize(("plant", "observer"), EACH_PAIR)
 def test_friction_compensation_comes_to_rest(plant, observer, share):
     """No limit cycle, held or let go, whatever friction the car has and the observer believes in."""
     speed = let_go(plant, "friction_compensation", law=observer, share=share)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from steer_env import friction, manoeuvres, metrics
+from steer_env import manoeuvres, metrics
 from steer_env.manoeuvres import crosswind as wind
 from steer_env.recording.recording import DEGREE
 from steer_env.synthetic.crosswind import SPEED, free, gusts
@@ -11,6 +11,7 @@ from steer_env.synthetic.faults import noisy
 from steer_env.synthetic.recordings import changed, mirrored, recording
 from steer_env.vehicle import cars
 from steer_env.vehicle.chassis.common.interface import WIND_FORCE, WIND_MOMENT
+from tests.by_law import EACH_LAW
 from tests.steer_env.checks import burst, check, refusals
 
 
@@ -95,7 +96,7 @@ def test_random_wind_is_seeded():
     assert 0.5 < one.std() / wind.side_force(np.array(5.0), SPEED) < 1.5
 
 
-@pytest.mark.parametrize("law", friction.available())
+@pytest.mark.parametrize("law", EACH_LAW)
 @pytest.mark.parametrize("test", ["crosswind", "crosswind-free"])
 def test_the_default_car_is_plausible(test, law):
     """2 kN on 1400 kg: 1.4 m/s2 and more, with the yaw that it brings; the deviation is that of the path, to 5 %."""

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import steer_env  # noqa: F401 (registers the ids)
-from steer_env import drivers, friction
+from steer_env import drivers
 from steer_env.courses.preview import PREVIEW_TIMES
 from steer_env.drivers.common import lq
 from steer_env.drivers.common.definition import (
@@ -26,6 +26,7 @@ from steer_env.drivers.common.definition import (
 from steer_env.tasks.common.path_following import PATH_OBSERVATIONS
 from steer_env.timing import UPDATE_INTERVAL
 from steer_env.vehicle import cars, linear
+from tests.by_law import EACH_LAW
 
 CAR = cars.load("compact")
 SPEED = 22.0  # [m/s]
@@ -60,7 +61,7 @@ def test_all_are_there():
     assert len(PATH_OBSERVATIONS) == 2 + len(PREVIEW_TIMES)
 
 
-@pytest.mark.parametrize("law", friction.available())
+@pytest.mark.parametrize("law", EACH_LAW)
 def test_preview_takes_the_default_car_through_the_double_lane_change(law):
     """ISO 3888-1 at 80 km/h without a cone, arms between driver and handwheel, whatever the friction."""
     env = gym.make("steer_env/DriverDoubleLaneChange-v1", friction=law)

@@ -1,20 +1,21 @@
 """Release, pulse and returnability against responses in closed form."""
 
+import functools
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from steer_env import friction, manoeuvres, metrics
+from steer_env import manoeuvres, metrics
 from steer_env.metrics.common import decay
 from steer_env.recording.recording import DEGREE
 from steer_env.synthetic.faults import noisy
 from steer_env.synthetic.free_hands import EVENT, HELD, pulse, release, returnability
 from steer_env.synthetic.recordings import changed, mirrored
 from steer_env.vehicle import cars
+from tests.by_law import EACH_LAW
 from tests.steer_env.checks import burst, check, refusals
 
-LAWS = friction.available()
 TESTS = {"release": release, "pulse": pulse, "returnability": returnability}
 
 
@@ -107,17 +108,17 @@ def test_a_car_that_still_weaves_has_no_residual():
 @pytest.fixture(scope="module")
 def driven():
     car = cars.load()
-    return {(test, law): manoeuvres.drive(car, manoeuvres.make(test), law) for test in TESTS for law in LAWS}
+    return functools.cache(lambda test, law: manoeuvres.drive(car, manoeuvres.make(test), law))
 
 
-@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("law", EACH_LAW)
 @pytest.mark.parametrize("test", TESTS)
 def test_the_default_car_is_plausible(driven, test, law):
     """Free yaw mode of 0.9 to 1.4 Hz; dry friction leaves a residue, and without it the car runs straight again.
 
     The mode is so well damped that a released handwheel stays on its side.
     """
-    found = metrics.evaluate(driven[test, law])
+    found = metrics.evaluate(driven(test, law))
     assert not any(value.reason for value in found.values())
     value = {name: entry.value for name, entry in found.items()}
     if test == "returnability":
@@ -135,7 +136,7 @@ def test_the_default_car_is_plausible(driven, test, law):
 
 def test_the_robot_lets_go_and_grips_again_without_a_jerk(driven):
     """Free hands feel nothing; after the grip the handwheel is back on its prescribed angle, at a bounded speed."""
-    run, manoeuvre = driven["release", "lugre"], manoeuvres.make("release")
+    run, manoeuvre = driven("release", "lugre"), manoeuvres.make("release")
     for let_go, grip in zip(manoeuvre.released[::2], manoeuvre.released[1::2]):
         free = (run.time > let_go + 1e-6) & (run.time <= grip + 1e-6)
         assert np.all(run["handwheel_torque"][free] == 0.0)
@@ -148,7 +149,7 @@ def test_the_robot_lets_go_and_grips_again_without_a_jerk(driven):
 
 def test_metrics_do_not_depend_on_the_sampling_of_the_simulation(driven):
     """At 100 Hz as at 1 kHz, within 1 %."""
-    run = driven["release", "lugre"]
+    run = driven("release", "lugre")
     fine, coarse = metrics.evaluate(run), metrics.evaluate(run.filtered(40.0).resampled(100.0))
     for name, value in fine.items():
         assert coarse[name].value == pytest.approx(value.value, rel=0.01, abs=0.05), name

@@ -54,6 +54,16 @@ def test_every_unit_gives_the_same_record(header, ticks, x, torque, tmp_path):
     assert record.dt == pytest.approx(DT)
 
 
+@pytest.mark.parametrize("suffix", [".csv", ".mat", pytest.param(".mf4", marks=pytest.mark.whole), ".parquet"])
+def test_every_format_gives_the_same_record(suffix, tmp_path):
+    load = 100.0 + 50.0 * np.sin(T)
+    files.write(rig(x=1e-3 * X, units=("m", "N"), load=(-load, "N")), tmp_path / f"rig{suffix}")
+    record = friction_record.from_recording(files.read(tmp_path / f"rig{suffix}"))
+    np.testing.assert_allclose(record.x, 1e-3 * X, rtol=1e-15)
+    np.testing.assert_array_equal(record.friction, F)
+    np.testing.assert_array_equal(record.load, load)
+
+
 def test_speed_in_place_of_the_displacement():
     speed = np.gradient(X, DT)
     recording = Recording(

@@ -6,11 +6,12 @@ import control
 import numpy as np
 import pytest
 
-from steer_env import friction, manoeuvres, metrics
+from steer_env import manoeuvres, metrics
 from steer_env.courses import iso3888
 from steer_env.drivers.common import lq
 from steer_env.timing import UPDATE_INTERVAL
 from steer_env.vehicle import cars, linear
+from tests.by_law import EACH_LAW
 
 CAR = cars.load()
 KPH = 1.0 / 3.6
@@ -169,7 +170,7 @@ def test_it_ends_behind_the_course(run):
     assert "amplitude_rad" not in run.meta
 
 
-@pytest.mark.parametrize("law", friction.available())
+@pytest.mark.parametrize("law", EACH_LAW)
 def test_double_lane_change_at_80_without_a_cone_on_a_single_track(law):
     values = metrics.evaluate(manoeuvres.drive(CAR, manoeuvres.make("double-lane-change"), law))
     assert (values["course_completed"].value, values["cones_hit"].value) == (1.0, 0.0)
@@ -177,7 +178,7 @@ def test_double_lane_change_at_80_without_a_cone_on_a_single_track(law):
     assert not any(value.reason for value in values.values())
 
 
-@pytest.mark.parametrize("law", friction.available())
+@pytest.mark.parametrize("law", EACH_LAW)
 def test_double_lane_change_at_80_without_a_cone_on_two_tracks(law):
     test = replace(manoeuvres.make("double-lane-change"), chassis="two_track")
     values = metrics.evaluate(manoeuvres.drive(CAR, test, law))

@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from steer_env import friction, manoeuvres, metrics
+from steer_env import manoeuvres, metrics
 from steer_env.manoeuvres.common import driving
 from steer_env.vehicle import cars, plant
+from tests.by_law import FEW, OTHERS
 
 CAR = cars.load()
-LAWS = friction.available()
 HANDS = (
     "weave",
     "hold",
@@ -28,7 +28,7 @@ HANDS = (
 
 @pytest.fixture(scope="module")
 def weaves():
-    return {law: manoeuvres.drive(CAR, manoeuvres.make("weave"), law) for law in LAWS}
+    return {law: manoeuvres.drive(CAR, manoeuvres.make("weave"), law) for law in FEW}
 
 
 @pytest.mark.parametrize("hand", [manoeuvres.make(name).hand for name in HANDS])
@@ -131,18 +131,28 @@ def test_an_acceleration_out_of_reach_is_refused():
 def test_laws_agree_where_they_must_and_differ_where_they_must(weaves):
     """Dry laws share one calibration, so on-centre torque agrees within 5 %; without dry friction the loop changes."""
     sets = {law: metrics.evaluate(recording) for law, recording in weaves.items()}
-    dry = [law for law in LAWS if law != "viscous"]
+    dry = [law for law in FEW if law != "viscous"]
     for name in ("torque_at_0g", "steering_sensitivity_at_0p1g", "yaw_rate_gain"):
         values = [sets[law][name].value for law in dry]
         assert max(values) / min(values) - 1.0 < 0.05, name
     # The car's response to the wheel is not friction's business.
-    gains = [sets[law]["yaw_rate_gain"].value for law in LAWS]
+    gains = [sets[law]["yaw_rate_gain"].value for law in FEW]
     assert max(gains) / min(gains) - 1.0 < 0.02
     # Where the hand reverses, Masing's corner and LuGre's rounding part by more than a hand can miss, 20 mN m.
     parted = weaves["masing"]["handwheel_torque"] - weaves["lugre"]["handwheel_torque"]
     assert np.abs(parted[10_000:-10_000]).max() > 0.02
     # What the hand feels off the plateau of the loop is: at its tip, the dry torque remains while the motion stops.
     assert sets["lugre"]["peak_handwheel_torque"].value - sets["viscous"]["peak_handwheel_torque"].value > 0.1
+
+
+@pytest.mark.whole
+@pytest.mark.parametrize("law", OTHERS)
+def test_the_other_laws_share_the_calibration(weaves, law):
+    """A Stribeck effect and a branch that damps change the on-centre torque by a few per cent, and nothing else."""
+    base = metrics.evaluate(weaves["lugre"])
+    found = metrics.evaluate(manoeuvres.drive(CAR, manoeuvres.make("weave"), law))
+    for name, share in (("torque_at_0g", 0.06), ("steering_sensitivity_at_0p1g", 0.05), ("yaw_rate_gain", 0.02)):
+        assert found[name].value == pytest.approx(base[name].value, rel=share), name
 
 
 def test_listing_the_manoeuvres_imports_none_of_them():

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from steer_env import friction, manoeuvres, metrics
+from steer_env import manoeuvres, metrics
 from steer_env.metrics.common import events, noise
 from steer_env.metrics.common.filtered_channels import FilteredChannels
 from steer_env.recording.recording import DEGREE, Recording
@@ -13,9 +13,8 @@ from steer_env.synthetic.faults import noisy
 from steer_env.synthetic.recordings import changed, mirrored, recording
 from steer_env.synthetic.standstill import SLOW_TORQUE, catch_up, hold, parking
 from steer_env.vehicle import cars
+from tests.by_law import EACH_LAW
 from tests.steer_env.checks import burst, check, refusals
-
-LAWS = friction.available()
 
 
 @pytest.mark.parametrize("rate", [50.0, 200.0, 1000.0])
@@ -171,7 +170,7 @@ def test_less_motor_damping_and_less_speed_move_the_catch_up():
     assert metrics.evaluate(slow)["catch_up_rate"].reason.startswith("not reached up to 1")
 
 
-@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("law", EACH_LAW)
 def test_hold_reads_what_the_simulation_shows(law):
     """The peak to peak of the unfiltered torque from 2 s into the hold on, within 3 %."""
     run = manoeuvres.drive(cars.load(), manoeuvres.make("hold"), law)

@@ -87,7 +87,7 @@ def test_bad_value(key, value, message):
 
 
 def test_bad_law_and_bad_key():
-    with pytest.raises(ValueError, match=r"^friction_law: unknown friction law 'lugr'; available: coulomb"):
+    with pytest.raises(ValueError, match=r"^friction_law: unknown friction law 'lugr'; available: .*coulomb"):
         eps.make(friction_law="lugr")
     with pytest.raises(ValueError, match=r"assist\.friction_law must be text, got 3"):
         compact(friction_law=3)

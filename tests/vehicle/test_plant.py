@@ -13,6 +13,7 @@ from steer_env.vehicle import cars, free_control, plant
 from steer_env.vehicle.chassis import single_track
 from steer_env.vehicle.chassis.common.interface import COMMON_OUTPUTS, HAND, INPUTS
 from steer_env.vehicle.plant import CHANNEL, CHANNELS
+from tests.by_law import EACH_LAW
 
 CAR = cars.load()
 KPH = 1.0 / 3.6
@@ -192,7 +193,7 @@ def test_same_run_twice_and_in_pieces(substeps):
     np.testing.assert_array_equal(row[0], record[-1])
 
 
-@pytest.mark.parametrize("law", friction.available())
+@pytest.mark.parametrize("law", EACH_LAW)
 def test_every_law_runs_and_mirrors_exactly(law):
     """The run is finite, and mirrored inputs give the mirrored run to the last bit, by hand torque and by robot."""
     same = ["x", "drive_force"]

@@ -5,6 +5,7 @@ import pytest
 
 from steer_env import friction
 from steer_env.vehicle import cars, plant, plant_batch, road
+from tests.by_law import EACH_LAW
 
 CAR = cars.load("compact")
 
@@ -17,7 +18,7 @@ def same(one, other):
 
 
 @pytest.mark.parametrize("chassis", cars.SPEEDS)
-@pytest.mark.parametrize("law", friction.available())
+@pytest.mark.parametrize("law", EACH_LAW)
 def test_a_plant_comes_back_from_its_numbers(law, chassis):
     template = CAR.plant(law, chassis=chassis)
     rows = np.array(

@@ -8,12 +8,13 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from steer_env import friction, manoeuvres
+from steer_env import manoeuvres
 from steer_env.manoeuvres.common.driving import run, run_closed
 from steer_env.vehicle import cars, plant, power
 from steer_env.vehicle.chassis import available, two_track
 from steer_env.vehicle.chassis.two_track.power import energies, powers
 from steer_env.vehicle.layout import layout_of
+from tests.by_law import EACH_LAW
 from tests.vehicle.test_two_track import CHASSIS, energy
 
 CAR = cars.load()
@@ -40,7 +41,7 @@ def hands(name):
 
 @pytest.mark.parametrize("chassis", available())
 @pytest.mark.parametrize("steered", ["robot", pytest.param("torque", marks=pytest.mark.whole), "arms"])
-@pytest.mark.parametrize("law", friction.available())
+@pytest.mark.parametrize("law", EACH_LAW)
 @pytest.mark.parametrize("name", RUNS)
 def test_steering_power(name, law, steered, chassis):
     p = CAR.plant(law, RUNS[name], robot=steered == "robot", chassis=chassis)

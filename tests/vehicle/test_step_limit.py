@@ -7,6 +7,7 @@ import pytest
 import steer_env  # noqa: F401
 from steer_env import friction, manoeuvres
 from steer_env.friction import law
+from steer_env.friction.level import both
 from steer_env.friction.models.lugre import LuGre
 from steer_env.manoeuvres.common.driving import build_plant
 from steer_env.vehicle import cars, step_limit
@@ -48,7 +49,7 @@ def test_the_longest_step_that_is_told_is_the_longest():
     with pytest.raises(ValueError, match="steps of up to") as refused:
         step_limit.checked(p, friction.resolve(STEEP))
     told = 1e-3 * float(str(refused.value).split("steps of up to ")[1].split(" ms")[0])
-    steep, scale = friction.resolve(STEEP), 1.0 + p.friction_load * step_limit.LARGEST_RACK_FORCE
+    steep, scale = friction.resolve(STEEP), 1.0 + p.level.load * step_limit.LARGEST_RACK_FORCE
     falls = [law.law_of(steep).steepest_fall(steep, scale, h) for h in (0.99 * told, 1.01 * told)]
     slopes = [step_limit.least_slope(p.column, h) for h in (0.99 * told, 1.01 * told)]
     assert falls[0] < slopes[0]
@@ -81,7 +82,7 @@ def test_the_slope_is_the_least_of_the_column(robot, arms):
     """S, read from a step: with viscous friction alone, the load over the speed that it gives is S + sigma_2."""
     c, h = column.make()._replace(I_arm=arms, K_arm=10.0 * arms, C_arm=arms), 1e-3
     p = friction.make("viscous", sigma_2=0.0)
-    _, w2, _, _ = column.step(c, p, 1.0, np.zeros(4), np.zeros(0), robot, 0.0, 0.0, 1.0, h)
+    _, w2, _, _ = column.step(c, p, both(1.0), np.zeros(4), np.zeros(0), robot, 0.0, 0.0, 1.0, h)
     assert 1.0 / w2 >= SLOPE * (1 - 1e-12)
     if not robot:
         assert 1.0 / w2 == pytest.approx(step_limit.least_slope(c, h), rel=1e-12)

@@ -13,7 +13,6 @@ import pytest
 from numba.core.runtime import _nrt_python, rtsys
 from scipy.integrate import DOP853
 
-from steer_env import friction
 from steer_env.friction.law import law_of, rate, torque
 from steer_env.vehicle import cars, plant, road, tyre
 from steer_env.vehicle.chassis import two_track
@@ -43,6 +42,7 @@ from steer_env.vehicle.chassis.two_track import (
 from steer_env.vehicle.constants import GRAVITY as G
 from steer_env.vehicle.plant import HAND, HAND_SPEED
 from steer_env.vehicle.suspension.macpherson import load_coefficients
+from tests.by_law import EACH_LAW
 from tests.vehicle.test_plant import robot_angle, weave
 
 CAR = cars.load()
@@ -537,7 +537,7 @@ def disturbed(n, seed=6):
     return u
 
 
-@pytest.mark.parametrize("law", friction.available())
+@pytest.mark.parametrize("law", EACH_LAW)
 def test_every_law_mirrors_exactly(law):
     """Mirrored inputs on a mirrored rough road of uneven grip give the mirrored run to the last bit."""
     rough = road.iso8608(1, "C", friction=(0.9, 0.6), length=400.0, bank=0.02)
@@ -792,7 +792,7 @@ def test_parking(boost, low, high):
     assert np.abs(at(record, "x")).max() < 0.15
 
 
-@pytest.mark.parametrize("law", friction.available())
+@pytest.mark.parametrize("law", EACH_LAW)
 def test_abuse_stays_finite(law):
     """Any combination of speed and inputs, on a road too slippery to roll over."""
     rng = np.random.default_rng(1)

@@ -1,8 +1,8 @@
 """One factor of the friction at a time: the cases of the friction study, and what each changes in the test battery.
 
 Every case is a change of one thing against the base of its factor: the law, its level, its pre-sliding distance, its
-micro-damping, the step length, the site where friction acts, its level by load, direction or temperature, or the assist. The base of most factors is LuGre with the
-default calibration.
+micro-damping, the step length, the site where friction acts, its level by load, direction or temperature, or the
+assist. The base of most factors is LuGre with the default calibration.
 """
 
 import math
@@ -72,12 +72,12 @@ def cases(laws: Mapping[str, Any], measured: Mapping[str, Any]) -> list[Case]:
     laws : name -> parameters
         With the calibration that the defaults share, LuGre among them.
     measured : name -> parameters
-        Calibrated to one measured record, at the scale of the car; LuGre among them, or none.
+        Calibrated to one measured record, at the scale of the car; the first is the base of the others.
     """
     p = laws[BASE_LAW]
     base = f"{LAW}: {BASE_LAW}"
     found = [Case(LAW, name, base, of) for name, of in laws.items()]
-    found += [Case(MEASURED, name, f"{MEASURED}: {BASE_LAW}", of) for name, of in measured.items()]
+    found += [Case(MEASURED, name, f"{MEASURED}: {next(iter(measured))}", of) for name, of in measured.items()]
     bare = f"{UNASSISTED}: {BASE_LAW}"
     found += [Case(UNASSISTED, name, bare, of, assist=False) for name, of in laws.items()]
     found += [Case(LEVEL, f"{part * defaults.F_C:.2g} N m", base, scaled(p, part, 1.0)) for part in LEVELS]

@@ -39,16 +39,16 @@ def _corrections() -> Experiment:
     """Small corrections of 0.2 deg at 0.5 Hz around a place that was reached from saturation."""
     approach = through((0.0, 4.0), 0.004) * DEGREE
     small = approach[-1] - 0.2 * DEGREE + 0.2 * DEGREE * np.cos(2.0 * math.pi * 0.5 * 2e-3 * np.arange(1, 4001))
-    return Experiment("small corrections, 0.2 deg at 0.5 Hz", np.append(approach, small), 2e-3, slice(2001, None))
+    return Experiment("small corrections (0.2 deg at 0.5 Hz)", np.append(approach, small), 2e-3, slice(2001, None))
 
 
 def experiments() -> dict[str, Experiment]:
     """The experiments by a short name."""
     nested, held = HISTORIES["nested_loops"], HISTORIES["held"]
     cycles = {
-        "slow": ("sine of 12 deg, 0.02 Hz", 12.0, 0.02),
-        "usual": ("sine of 12 deg, 0.2 Hz", 12.0, 0.2),
-        "quick": ("sine of 12 deg, 2 Hz", 12.0, 2.0),
+        "slow": ("a sine of 12 deg at 0.02 Hz", 12.0, 0.02),
+        "usual": ("a sine of 12 deg at 0.2 Hz", 12.0, 0.2),
+        "quick": ("a sine of 12 deg at 2 Hz", 12.0, 2.0),
     }
     last = slice(1000, None)  # without the first cycle
     sines = {
@@ -57,11 +57,11 @@ def experiments() -> dict[str, Experiment]:
     }
     return {
         "saturated": Experiment(
-            "reversal from saturation, 0.01 deg/s", nested.x, nested.dt, slice(SATURATED_TURN + 1, NESTED_TURN)
+            "reversals from saturation (0.01 deg/s)", nested.x, nested.dt, slice(SATURATED_TURN + 1, NESTED_TURN)
         ),
-        "nested": Experiment("nested loops, 0.01 deg/s", nested.x, nested.dt, slice(NESTED_TURN + 1, None)),
+        "nested": Experiment("nested loops (0.01 deg/s)", nested.x, nested.dt, slice(NESTED_TURN + 1, None)),
         "corrections": _corrections(),
-        "held": Experiment("motion at 1 deg/s, rest, motion back, rest", held.x, held.dt, slice(None)),
+        "held": Experiment("motion with rests (1 deg/s)", held.x, held.dt, slice(None)),
         **sines,
     }
 

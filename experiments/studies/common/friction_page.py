@@ -14,18 +14,20 @@ from steer_env.experiments.studies.common import friction_cases as cases
 from steer_env.experiments.studies.common import friction_records as records
 from steer_env.experiments.studies.common.battery import MATTERS
 from steer_env.experiments.studies.common.friction_cases import BASE_LAW, Effect
-from steer_env.experiments.studies.common.friction_distinction import TOLD, experiments
 from steer_env.experiments.studies.common.friction_results import SAMPLE, SCHEME, Results
 from steer_env.experiments.studies.common.page import Picture, Section, Table
 from steer_env.recording.recording import DEGREE
-
-BOTH = ("weave", "slow-ramp")  # at 0.2 and at 0.02 Hz
 
 
 def named(words: Sequence[str]) -> str:
     """A list in words: "a, b and c"."""
     words = list(words)
     return " and ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words) or "none"
+
+
+def _span(values: Sequence[float]) -> str:
+    low, high = percent(min(values), 2), percent(max(values), 2)
+    return low if low == high else f"{low} to {high}"
 
 
 def accuracy(r: Results) -> Section:
@@ -36,11 +38,26 @@ def accuracy(r: Results) -> Section:
     ranks = "; ".join(f"{each.law} {percent(each.error, 3)}" for each in others)
     ratio = best.error / r.repeatability
     verdict = (
-        f"On the measured record {best.law} is the most accurate law: of the mean friction it leaves "
-        f"{percent(best.error, 3)} (95 % interval {percent(best.low, 3)} to {percent(best.high, 3)}), "
-        f"{number(ratio, 2)} times the {percent(r.repeatability, 2)} by which one period differs from the next. "
-        f"The others leave: {ranks}."
+        f"Of the mean friction {best.law} leaves {percent(best.error, 3)} (95 % interval {percent(best.low, 3)} to "
+        f"{percent(best.high, 3)}), {number(ratio, 2)} times the {percent(r.repeatability, 2)} by which one period "
+        f"differs from the next. The others leave: {ranks}."
     )
+    leaders = [each for each in known if each.error <= best.high]
+    left = [each for each in known if each not in leaders]
+    headline = (
+        f"Most accurate on the measured record: {named([e.law for e in leaders])}, which "
+        f"{'leaves' if len(leaders) == 1 else 'leave'} {_span([e.error for e in leaders])} of the mean friction on "
+        "seconds "
+        f"that were not fitted, where one period differs from the next by {percent(r.repeatability, 2)}; "
+        + ", ".join(f"{each.law} {percent(each.error, 2)}" for each in left)
+        + "."
+    )
+    sure = [each for each in known if not each.undetermined]
+    if sure and sure[0] is not best:
+        verdict += (
+            f" The record does not determine every parameter of {named([e.law for e in known if e.undetermined])}; of "
+            f"the laws that it determines, {sure[0].law} leaves the least, {percent(sure[0].error, 3)}."
+        )
     period = round(records.REPEATS / r.record.dt)
     x, F = r.record.x[-period:] / DEGREE, r.record.friction[-period:]
     loops = {
@@ -52,21 +69,25 @@ def accuracy(r: Results) -> Section:
         (each.law, percent(each.error, 3), f"{percent(each.low, 3)} to {percent(each.high, 3)}",
          percent(each.fitted, 3), number(each.error / r.repeatability, 2), "; ".join(each.remarks) or "–")
         for each in known
-    ] + [(each.law, "–", "–", "–", "–", "; ".join(each.remarks)) for each in r.judged if each.parameters is None]  # fmt: skip
+    ]  # fmt: skip
+    rows += [(each.law, *("–" * 4), "; ".join(each.remarks)) for each in r.judged if each.parameters is None]
     head = ("law", "error, held out", "95 % interval", "error, fitted part", "over repeatability", "remarks of the fit")
     return Section(
         "Which law is more accurate?",
         "A law with more memory describes measured friction better than one with a single bristle.",
-        f"Every law is fitted to the first {records.FITTED:g} s of a measured record of {seconds:g} s and judged by the "
+        f"Every law is fitted to the first {records.FITTED:g} s of a measured record of {seconds:g} s and judged by "
+        "the "
         "RMS of what it leaves on the rest, over the mean friction there. The interval is that of the mean over the "
         f"periods of {records.REPEATS:g} s.",
         verdict,
         "The record has one stroke, one speed and one load, and comes from a reciprocating rig, not from a steering "
-        "gear. It says nothing of speed, of small strokes after large ones, or of load. It is stretched to the level and "
+        "gear. It says nothing of speed, of small strokes after large ones, or of load. It is stretched to the level "
+        "and "
         "the pre-sliding distance of a column, which changes no error.",
         [Picture(friction_pictures.record_loops((x, F), loops), "The last period of the record, and every law with an "
                  "error below 50 %, which were fitted to other periods.")],
         [Table("Laws on the held-out part of the measured record", head, rows)],
+        headline,
     )  # fmt: skip
 
 
@@ -89,7 +110,11 @@ def cost(r: Results) -> tuple[Section, str, str]:
     )
     longest = {law: real_time.usable_step(rows, SCHEME) for law, rows in r.tables.items()}
     explicit = {law: real_time.usable_step(rows, "explicit Euler") for law, rows in r.tables.items()}
-    steps = f"Longest step with an error of at most {percent(real_time.USABLE)}: {_steps(longest)}; with explicit Euler {_steps(explicit)}."
+    steps = (
+        f"Longest step with an error of at most {percent(real_time.USABLE)} in the project's scheme: "
+        f"{_steps(longest)}; "
+        f"with explicit Euler {_steps(explicit)}."
+    )
     rows = [
         (law, number(ratio[law], 2), number(r.sample_ns[law] / whole, 3), percent(worst[law], 2),
          percent(at[law].error, 2), _ms(longest[law]), _ms(explicit[law]))
@@ -101,7 +126,8 @@ def cost(r: Results) -> tuple[Section, str, str]:
         "Which law runs in real time?",
         "A law that is more accurate is too slow for real time.",
         "The column alone under 2.5 N m of hand torque at 0.5 Hz, with the project's step equation and with explicit "
-        "Euler, against a reference at a tight tolerance; compiled code of one processor, in one process. Ratios within "
+        "Euler, against a reference at a tight tolerance; compiled code of one processor, in one process. Ratios "
+        "within "
         "one run carry over between machines better than times.",
         f"{timed} {steps}",
         "Steps longer than those of the table were not tried, and steps between them were not either. The worst step "
@@ -122,24 +148,25 @@ def _steps(of: dict[str, float | None]) -> str:
     return ", ".join(f"{_ms(step)} ({', '.join(laws)})" for step, laws in groups)
 
 
-def _words(row: Effect) -> str:
+def in_words(row: Effect) -> str:
     test, level = row.test.replace("-", " "), row.case.level
     return f"{label(row.metric)} in the {test} by {percent(abs(row.found.share), 2)} ({level})"
 
 
-def _counts(rows: Sequence[Effect]) -> str:
+def counts(rows: Sequence[Effect]) -> str:
+    """How many metrics change, in words."""
     s = cases.summary(rows)
-    return (
-        f"{s.large} of {s.compared} metrics by more than {percent(MATTERS)}, and perceptibly {s.noticed} of the {s.known} "
-        "for which a threshold of perception is known"
-    )
+    text = f"{s.large} of {s.compared} compared metrics by more than {percent(MATTERS)}"
+    if not s.known:
+        return f"{text} (no threshold of perception is known for any)"
+    return f"{text}, {s.noticed or 'none'} of {s.known} with a known threshold perceptibly"
 
 
-def _case_table(caption: str, of: dict[str, list[Effect]], folded: bool = False) -> Table:
+def case_table(caption: str, of: dict[str, list[Effect]], folded: bool = False) -> Table:
     rows = []
     for name, effects in of.items():
         s = cases.summary(effects)
-        largest = _words(s.largest).rpartition(" (")[0] if s.largest else "–"
+        largest = in_words(s.largest).rpartition(" (")[0] if s.largest else "–"
         rows.append((name, str(s.compared), str(s.large), f"{s.noticed} of {s.known}", largest))
     head = ("case", "metrics compared", f"above {percent(MATTERS)}", "perceptible, of known", "largest share")
     return Table(caption, head, rows, folded=folded)
@@ -149,8 +176,9 @@ def _metric_table(caption: str, rows: Sequence[Effect]) -> Table:
     """Every perceptible or large effect, the largest first."""
     kept = sorted((row for row in rows if row.noticed or row.found.matters), key=lambda row: -abs(row.found.share))
     text = [
-        (row.test, label(row.metric), row.case.label, number(row.base.value), within(row.found.value, row.found.half_width),
-         row.base.unit, percent(row.found.share, 2), str(row.found.perception))
+        (row.test, label(row.metric), row.case.label, number(row.base.value),
+         within(row.found.value, row.found.half_width), row.base.unit,
+         percent(row.found.share, 2), str(row.found.perception))
         for row in kept
     ]  # fmt: skip
     head = ("test", "metric", "case", "base", "difference", "unit", "share", "perception")
@@ -164,32 +192,37 @@ def of_laws(r: Results) -> Section:
     remembering = [row for law in r.remembers() for row in levels.get(law, [])]
     verdict = (
         f"With one calibration the choice among the laws with pre-sliding ({named(r.remembers())} against {BASE_LAW}) "
-        f"changes {_counts(remembering)}"
+        f"changes {counts(remembering)}"
     )
+    headline = f"{verdict}."
     largest = cases.summary(remembering).largest
-    verdict += f"; most, the {_words(largest)}." if largest else "."
+    verdict += f"; most, the {in_words(largest)}." if largest else "."
     other = [law for law in levels if law not in r.remembers()]
     for law in other:
-        verdict += f" {law} changes {_counts(levels[law])}."
+        verdict += f" {law} changes {counts(levels[law])}."
     measured = [row for row in factors.get(cases.MEASURED, []) if row.case.level in r.remembers()]
     if measured:
-        verdict += f" With every law calibrated to the measured record it is {_counts(measured)}."
-    tables = [_case_table("Each law with the shared calibration, against LuGre", levels)]
+        base = measured[0].case.base.rpartition(" ")[2]
+        laws = named(sorted({row.case.level for row in measured}))
+        verdict += f" Calibrated to the measured record, {laws} against {base} change {counts(measured)}."
+    tables = [case_table("Each law with the shared calibration, against LuGre", levels)]
     if cases.MEASURED in factors:
-        text = "Each law calibrated to the measured record, against LuGre calibrated to it"
-        tables.append(_case_table(text, cases.by_level(factors[cases.MEASURED])))
+        text = "Each law that the measured record determines, calibrated to it, against the best of them"
+        tables.append(case_table(text, cases.by_level(factors[cases.MEASURED])))
     tables.append(_metric_table("Every large or perceptible difference between laws", factors[cases.LAW]))
     return Section(
         "What the choice of the law changes in the car",
         "The friction law decides how a steering feels.",
         f"The car '{r.car.name}' drives {len(r.scope.tests)} tests of the battery with every law, once with the "
         "calibration that the default laws share (saturated torque, branch after a reversal from saturation) and once "
-        "with every law calibrated to the measured record. A difference counts where its 95 % interval excludes zero.",
+        "with every law that the measured record determines calibrated to it. A difference counts where its 95 % "
+        "interval excludes zero.",
         verdict,
         "A threshold of perception is known for sustained torques and angles only "
         f"({percent(r.noticed)} of the smaller value). The simulation has no noise, so that the intervals are narrow.",
         (),
         tables,
+        headline,
     )
 
 
@@ -207,6 +240,14 @@ def of_factors(r: Results) -> Section:
     )
     order = ", ".join(f"{factor} {number(100.0 * _mean_large(rows), 2)} %" for factor, rows in ranked)
     noticed = [factor for factor, rows in ranked if cases.summary(rows).noticed]
+    law = next(k for k, (factor, _) in enumerate(ranked) if factor.startswith(cases.LAW))
+    of_law = number(100.0 * _mean_large(law_rows), 2)
+    stronger = [f"{factor} ({number(100.0 * _mean_large(rows), 2)} %)" for factor, rows in ranked[:law]]
+    weaker = [factor for factor, _ in ranked[law + 1 :]]
+    headline = (
+        f"The law changes {of_law} % of the metrics by more than {percent(MATTERS)}; stronger: {named(stronger)}; "
+        f"weaker: {named(weaker)}."
+    )
     verdict = (
         f"Share of the metrics that a factor changes by more than {percent(MATTERS)}, mean over its cases: {order}. "
         f"Perceptible differences of sustained torque or angle come from {named(noticed)}."
@@ -225,16 +266,19 @@ def of_factors(r: Results) -> Section:
     return Section(
         "What else changes it",
         "The law matters more than its parameters and than where friction acts.",
-        f"One factor at a time against {BASE_LAW} with the shared calibration: level by a third, pre-sliding distance and "
+        f"One factor at a time against {BASE_LAW} with the shared calibration: level by a third, pre-sliding distance "
+        "and "
         "micro-damping within their assumed ranges, step length, friction above the torsion bar in place of below it, "
         "and the part of the friction that grows with the rack force.",
         verdict,
         "One factor at a time shows no interaction. Ranges differ: those of level are measured, those of pre-sliding "
-        "distance and micro-damping assumed. Friction above the torsion bar is left out of tests with free hands.",
+        "distance and micro-damping assumed. Friction above the torsion bar is left out of tests with free hands. The "
+        "metrics of the battery are means of left and right, which hide what depends on the direction.",
         [Picture(friction_pictures.strips(shares, MATTERS), f"Every real difference of a metric from the base of its "
                  f"factor; dots: the largest. Shaded: below {percent(MATTERS)}.")],
-        [_case_table("Each case", levels), _metric_table("Every large or perceptible difference",
+        [case_table("Each case", levels), _metric_table("Every large or perceptible difference",
                                                          [row for rows in factors.values() for row in rows])],
+        headline,
     )  # fmt: skip
 
 
@@ -242,150 +286,3 @@ def _mean_large(rows: Sequence[Effect]) -> float:
     """Share of the compared metrics above ``MATTERS``, mean over the cases [1]."""
     found = [cases.summary(of) for of in cases.by_level(rows).values()]
     return float(np.mean([s.large / s.compared for s in found if s.compared])) if found else 0.0
-
-
-def apart(r: Results) -> Section:
-    """Where laws can be told apart with one calibration."""
-    remembering = r.remembers()
-    told = {name: [law for law in remembering if of[law] > TOLD] for name, of in r.apart.items()}
-    titles = {name: each.title for name, each in experiments().items()}
-    where = "; ".join(f"{titles[name]}: {named(laws)}" for name, laws in told.items() if laws)
-    alike = [titles[name] for name, laws in told.items() if not laws]
-    lasting = [each for each in r.held if each.lasting > 0.9 and each.ripple > 1e-3]
-    shaking = sorted({each.law for each in lasting})
-    verdict = (
-        f"Laws of one calibration differ from {BASE_LAW} by more than {percent(TOLD)} of F_c in: {where or 'none'}."
-    )
-    if alike:
-        verdict += f" They cannot be told apart in: {'; '.join(alike)}."
-    verdict += f" Under a held torque {named(shaking)} {'vibrate' if len(shaking) > 1 else 'vibrates'} lastingly."
-    free = [row for row in r.effects if row.case.factor == cases.LAW and row.test in ("release", "returnability")]
-    free = [row for row in free if row.case.level in remembering]
-    verdict += f" When the hands let go, the choice among the laws with pre-sliding changes {_counts(free)}."
-    columns = [law for law in r.laws if law != BASE_LAW]
-    rows = [(titles[name], *(percent(of[law], 2) for law in columns)) for name, of in r.apart.items()]
-    held = [
-        (f"ripple of a held torque, {title} [mN m]",
-         *(number(1e3 * next(e.ripple for e in r.held if (e.law, e.calibration) == (law, title)), 2) for law in columns))
-        for title in dict.fromkeys(each.calibration for each in r.held)
-    ]  # fmt: skip
-    return Section(
-        "Where laws can be told apart",
-        "Laws of one calibration are the same in use.",
-        "The same displacement is imposed on every law: the RMS difference of the torque from that of LuGre over the "
-        "saturated torque. A held torque is that of the page 'held-torque'.",
-        verdict,
-        f"The mark of {percent(TOLD)} is three times a noise of 1 % (assumed). A law's own micro-damping or viscous part "
-        "adds to the differences at 0.2 and 2 Hz.",
-        (),
-        [Table("Difference from LuGre over F_c", ("experiment", *columns), [*rows, *held])],
-    )
-
-
-def speeds(r: Results) -> Section:
-    """0.2 against 0.02 Hz."""
-    remembering = set(r.remembers())
-    shares: dict[str, dict[str, dict[str, float]]] = {}
-    for row in r.effects:
-        if row.test in BOTH and row.found.real and row.case.factor in (cases.LAW, cases.LEVEL):
-            if row.case.factor == cases.LEVEL or row.case.level in remembering:
-                of = shares.setdefault(row.metric, {}).setdefault(row.test, {})
-                of[row.case.factor] = max(of.get(row.case.factor, 0.0), abs(row.found.share))
-    common = {metric: of for metric, of in shares.items() if set(of) == set(BOTH)}
-    rows, ratios = [], {test: [] for test in BOTH}
-    for metric, of in common.items():
-        cells = [of[test].get(factor, 0.0) for test in BOTH for factor in (cases.LAW, cases.LEVEL)]
-        rows.append((label(metric), *(percent(cell, 2) for cell in cells)))
-        for test in BOTH:
-            ratios[test].append(of[test].get(cases.LAW, 0.0))
-    most = {test: max(values, default=0.0) for test, values in ratios.items()}
-    more = "more" if most[BOTH[1]] > most[BOTH[0]] else "less"
-    verdict = (
-        f"At 0.02 Hz the laws with pre-sliding differ {more} than at 0.2 Hz: by up to {percent(most[BOTH[1]], 2)} of a "
-        f"metric against {percent(most[BOTH[0]], 2)}, over the {len(rows)} metrics that both tests have."
-    )
-    head = ("metric", "law, 0.2 Hz", "level, 0.2 Hz", "law, 0.02 Hz", "level, 0.02 Hz")
-    return Section(
-        "0.2 against 0.02 Hz",
-        "The slow ramp shows friction better than the weave.",
-        "The largest share by which a law with pre-sliding, and a third more or less friction, changes a metric in the "
-        "weave (0.2 Hz, 100 km/h) and in the slow ramp (0.02 Hz, 50 km/h).",
-        verdict,
-        "The two tests differ in speed, too. 'steer-env study loop-width' separates friction from vehicle lag.",
-        (),
-        [Table("Largest change of a metric", head, rows)],
-    )
-
-
-def in_loop(r: Results) -> Section:
-    """Driver and assist in the loop."""
-    remembering = r.remembers()
-    bare = [row for row in r.effects if row.case.factor == cases.UNASSISTED and row.case.level in remembering]
-    assisted = [row for row in r.effects if row.case.factor == cases.LAW and row.case.level in remembering]
-    largest = cases.summary(bare).largest
-    verdict = (
-        f"Without assist the choice among the laws with pre-sliding changes {_counts(bare)} (with assist: "
-        f"{_counts(assisted)})"
-    )
-    verdict += f"; most, the {_words(largest)}. " if largest else ". "
-    rows, shares = [], {}
-    for task in dict.fromkeys(each.task for each in r.driven):
-        mine = {each.law: each.metrics for each in r.driven if each.task == task}
-        for metric, base in mine[BASE_LAW].items():
-            cells = []
-            for law in r.laws:
-                if law == BASE_LAW:
-                    continue
-                gap, half = cases.paired(mine[law][metric], base)
-                cells.append(within(gap, half))
-                scale = abs(float(np.mean(base)))
-                if law in remembering and not abs(gap) <= half and scale > 0.0:
-                    shares[task, metric, law] = abs(gap) / scale
-            rows.append((task.removeprefix("steer_env/"), label(metric), number(float(np.mean(base))), *cells))
-    large = [key for key, share in shares.items() if share > MATTERS]
-    verdict += f"With a driver model in the loop they differ by more than {percent(MATTERS)} in "
-    told = "; ".join(
-        f"{label(key[1])} ({key[2]}, {percent(shares[key], 2)})" for key in sorted(large, key=lambda k: -shares[k])[:3]
-    )
-    verdict += f"{len(large)} of {len(remembering) * len(rows)} comparisons{f', most in {told}' if told else ''}."
-    head = ("task", "metric", BASE_LAW, *(f"{law} less {BASE_LAW}" for law in r.laws if law != BASE_LAW))
-    return Section(
-        "Driver and assist in the loop",
-        "Assist and driver hide the difference between the laws.",
-        f"The battery without assist; and {r.scope.episodes} episodes of each task with a driver model whose arms hold "
-        "the handwheel, with the car's own assist, the same seeds for every law.",
-        verdict,
-        "The driver models are not persons. The perception of a driver in the loop is not known.",
-        (),
-        [
-            _case_table("Each law without assist, against LuGre without assist",
-                        cases.by_level([row for row in r.effects if row.case.factor == cases.UNASSISTED])),
-            Table(f"Driver in the loop: mean difference by seed ± half the 95 % interval, {r.scope.episodes} episodes",
-                  head, rows, folded=True),
-        ],
-    )  # fmt: skip
-
-
-def confusion(r: Results) -> Section:
-    """Which law is taken for which on synthetic records."""
-    tables, sentences = [], []
-    for record in records.RECORDS:
-        for noise in r.scope.noises:
-            table = records.shares(r.confusion, record, noise)
-            laws = list(table)
-            text = [(truth, *(percent(of[law], 2) for law in laws)) for truth, of in table.items()]
-            caption = f"{record}, noise {percent(noise)} of F_c: share of the records for which a law remains"
-            tables.append(Table(caption, ("true law", *laws), text, folded=noise != r.scope.noises[0]))
-            taken = [f"{truth} for {law}" for truth in laws for law in laws if truth != law and table[truth][law] > 0.5]
-            sentences.append(f"{record}, noise {percent(noise)}: {'; '.join(taken) or 'no law is taken for another'}")
-    return Section(
-        "Who is told from whom",
-        "A record tells which law is the true one.",
-        f"Synthetic records of each law, {r.scope.seeds} for each noise; every law is fitted to the first part and judged "
-        "on the rest. A law remains where it is not worse than the best one by more than the 95 % interval of their "
-        "difference in blocks of a second. Taken for another: it remains in more than half of the records.",
-        ". ".join(sentences) + ".",
-        "The records have white noise of the torque only. Laws with a break-away torque have one of 1.4 F_c here.",
-        (),
-        tables,
-    )

@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 REPEATS = 8.0  # period of the rig's motion, four strokes [s]
 FITTED = 48.0  # part of the rig's record that is fitted: six periods [s]
 LEVEL = 0.95  # of the intervals
-NOISES = (0.002, 0.01, 0.05)  # of the synthetic torque, over F_c [1]
+NOISES = (0.01, 0.05)  # of the synthetic torque, over F_c [1]
 BREAK_AWAY, STRIBECK_SPEED = 1.4, 0.1  # F_s over F_c, and v_s [rad/s] of the synthetic records; assumed
 BLOCK = 1.0  # of the synthetic records [s]
 SYNTHETIC_STEP = 0.01  # [s]
@@ -40,6 +40,7 @@ class Judged(NamedTuple):
     low: float  # 95 % interval from one period to the next [1]
     high: float  # [1]
     fitted: float  # the same error on the fitted part [1]
+    undetermined: tuple[str, ...]  # parameters that the fitted part does not determine
     remarks: tuple[str, ...]  # warnings of the fit, or why there is none
 
 
@@ -65,7 +66,7 @@ def judge(job: tuple[friction_record.FrictionRecord, str, float]) -> Judged:
     try:
         found = friction.fit(record.x[:n], record.friction[:n], law, dt=record.dt)
     except ValueError as error:
-        return Judged(law, None, math.nan, math.nan, math.nan, math.nan, (str(error),))
+        return Judged(law, None, math.nan, math.nan, math.nan, math.nan, (), (str(error),))
     residual = friction.response(found.parameters, record.x, record.dt) + found.offset - record.friction
     mean = float(np.mean(np.abs(record.friction[n:])))
     late = residual[n:]
@@ -75,7 +76,8 @@ def judge(job: tuple[friction_record.FrictionRecord, str, float]) -> Judged:
     mean_square = float(np.mean(late**2))
     low, high = (math.sqrt(max(mean_square + side * half, 0.0)) / mean for side in (-1.0, 1.0))
     fitted = float(np.sqrt(np.mean(residual[period:n] ** 2))) / mean
-    return Judged(law, found.parameters, math.sqrt(mean_square) / mean, low, high, fitted, found.warnings)
+    rms = math.sqrt(mean_square) / mean
+    return Judged(law, found.parameters, rms, low, high, fitted, found.undetermined, found.warnings)
 
 
 def true_laws(names: Sequence[str]) -> dict[str, Any]:

@@ -24,18 +24,20 @@ class Scope(NamedTuple):
 
     tests: tuple[str, ...]
     steps: tuple[float, ...]  # of the column alone [s]
+    records: tuple[str, ...]  # kinds of synthetic records, of ``friction_records.RECORDS``
     noises: tuple[float, ...]  # of the synthetic records, over F_c [1]
     seeds: int  # synthetic records of each law and noise
     episodes: int  # with a driver, of each law and task
 
 
-QUICK = Scope(("weave", "slow-ramp", "release"), (1e-4, 1e-3, 2e-3, 5e-3), (0.01,), 1, 2)
+_ONE_STROKE, _MANY = friction_records.RECORDS
+QUICK = Scope(("weave", "slow-ramp", "release"), (1e-4, 1e-3, 2e-3, 5e-3), (_MANY,), (0.01,), 1, 2)
 
 
 def full() -> Scope:
     """The whole study: every test of the battery except the rig, which has neither car nor road."""
     tests = tuple(name for name in manoeuvres.available() if name != "rig")
-    return Scope(tests, real_time.STEPS, friction_records.NOISES, 5, 12)
+    return Scope(tests, real_time.STEPS, (_ONE_STROKE, _MANY), friction_records.NOISES, 2, 12)
 
 
 class Job(NamedTuple):
@@ -117,7 +119,7 @@ def collect(
     found = swept(first, 0.0, 0.15)
     judged: list[Judged] = sorted(found[: len(fittable)], key=lambda each: (each.parameters is None, each.error))
     measured = {each.law: each.parameters for each in judged if _usable(each)}
-    cases = friction_cases.cases(laws, measured if BASE_LAW in measured else {})
+    cases = friction_cases.cases(laws, measured)
     true = friction_records.true_laws(fittable)
     jobs = [Job("battery", case.label, (car, case, scope.tests)) for case in cases]
     jobs += [Job("held torque", law, (car, law)) for law in laws]
@@ -128,7 +130,7 @@ def collect(
     ]
     jobs += [
         Job("confusion", f"{truth}, {record_of}, noise {noise:g}", (record_of, true, truth, noise, seed))
-        for record_of in friction_records.RECORDS
+        for record_of in scope.records
         for noise in scope.noises
         for truth in true
         for seed in range(scope.seeds)
@@ -156,8 +158,8 @@ def collect(
 
 
 def _usable(each: Judged) -> bool:
-    """Whether a law with the calibration of the record can stand for the record's friction in the car."""
-    return each.parameters is not None and friction_laws.dry(each.parameters)
+    """Whether a law has one calibration by the record with which it can act in the car."""
+    return each.parameters is not None and not each.undetermined and friction_laws.dry(each.parameters)
 
 
 def _timed(

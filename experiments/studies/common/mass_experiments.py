@@ -79,8 +79,9 @@ def move(
     """The mass from rest under ``force(t)`` [N], at steps of ``h`` [s]."""
     n = round(duration / h)
     out = np.empty((n, 3))
-    _steps(p, _memory(p), force(h * (np.arange(n) + 0.5)), h, stiffness, K_v, K_i, target, out)
-    return Motion(h * np.arange(1, n + 1), *out.T)
+    t: Array = h * np.arange(0.5, n)
+    _steps(p, _memory(p), force(t), h, stiffness, K_v, K_i, target, out)
+    return Motion(t + 0.5 * h, *out.T)
 
 
 def presliding(p: Any, h: float = 2e-4) -> Motion:

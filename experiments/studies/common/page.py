@@ -39,6 +39,7 @@ class Section(NamedTuple):
     limits: str
     pictures: Sequence[Picture] = ()
     tables: Sequence[Table] = ()
+    headline: str = ""  # the verdict in a sentence to quote; empty: the verdict itself
     measured: bool = False  # whether it has computing times, which differ from one run to the next
 
 

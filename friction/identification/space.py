@@ -1,0 +1,179 @@
+"""The parameters of a law that are sought, and the coordinates in which the search moves (F31)."""
+
+import inspect
+import math
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from steer_env.friction.law import Law
+
+
+class Sought(NamedTuple):
+    """A parameter that is sought, by its coordinate q in scaled units [1].
+
+    The coordinate is the logarithm where the law allows positive values only, the relative excess over another
+    parameter (``base``) where it allows none below that, as ``F_s`` over ``F_c``, and the value else.
+    """
+
+    name: str
+    logarithmic: bool
+    base: str | None
+    start: float  # of the coordinate [1]
+    bounded: bool  # whether the coordinate may not be negative
+    neutral: float | None  # coordinate without effect; None: the law derives the parameter from the others [1]
+
+    @property
+    def spare(self) -> bool:
+        """Whether the law does without it."""
+        return self.neutral is None or (self.neutral == 0.0 and not self.logarithmic)
+
+
+def sought_of(law: Law, given: Mapping[str, Any]) -> tuple[Sought, ...]:
+    """The scalar parameters of a law except those that are given; the law's constructor tells which may be zero."""
+    default = law.make()._asdict()
+    scalars = {name: v for name, v in default.items() if np.ndim(v) == 0 and isinstance(v, float)}
+    signature = inspect.signature(law.make).parameters
+    result = []
+    for name, value in scalars.items():
+        if name in given:
+            continue
+        pure = law.units.get(name) == "1"
+        base = next((other for other in scalars if _at_least(law, scalars, name, other)), None)
+        if base is not None:
+            result.append(Sought(name, False, base, 0.2, True, 0.0))
+        elif _allowed(law, {name: 0.0}):
+            start = value or 0.1 if pure else 0.1
+            result.append(Sought(name, False, None, start, not _allowed(law, {name: -1e-6}), 0.0))
+        else:
+            start = math.log(value) if pure else 0.0
+            derived = signature[name].default is None
+            result.append(Sought(name, True, None, start, False, None if derived else start))
+    return tuple(result)
+
+
+def _at_least(law: Law, scalars: Mapping[str, float], name: str, other: str) -> bool:
+    """Whether the law refuses a parameter below another one of the same unit."""
+    if name == other or law.units.get(name) != law.units.get(other) or scalars[other] <= 0.0:
+        return False
+    value = scalars[other]
+    zeros = {each: 0.0 for each in scalars if _allowed(law, {each: 0.0})}  # so that no third parameter is in the way
+    return _allowed(law, zeros | {other: value, name: value}) and not _allowed(
+        law, zeros | {other: value, name: 0.99 * value}
+    )
+
+
+def _allowed(law: Law, values: Mapping[str, Any]) -> bool:
+    try:
+        law.make(**values)
+    except (ValueError, OverflowError):
+        return False
+    return True
+
+
+class Space(NamedTuple):
+    """Coordinates of what is sought, and the rest of the law's parameters."""
+
+    law: Law
+    sought: tuple[Sought, ...]
+    held: Mapping[str, Any]  # other parameters; what is nowhere is left to the law's constructor
+    tied: Mapping[str, tuple[str, float]]  # others, as a relative excess over their base
+    start: NDArray[np.float64]  # (N,) about the record's own scales
+    inside: NDArray[np.float64]  # (N,) a set that the law allows
+
+    def values(self, q: NDArray) -> dict[str, Any]:
+        """Keywords of the law's constructor."""
+        values = dict(self.held)
+        pairs = list(zip(self.sought, q.tolist()))
+        values |= {s.name: math.exp(min(v, 300.0)) if s.logarithmic else v for s, v in pairs if s.base is None}
+        excesses = {s.name: (s.base, v) for s, v in pairs if s.base is not None} | dict(self.tied)
+        return values | {name: values[base] * (1.0 + v) for name, (base, v) in excesses.items()}
+
+    def made(self, q: NDArray) -> tuple[Any, float]:
+        """Parameters at ``q``, or at a set nearby that the law allows, and how far off that is.
+
+        Coordinates that may not be negative are cut to zero. Then the one coordinate is moved towards ``inside`` that
+        has the shortest way, or else all of them together.
+        """
+        cut = np.where([s.bounded for s in self.sought], np.maximum(q, 0.0), q)
+        try:
+            return self.law.make(**self.values(cut)), float(np.linalg.norm(q - cut))
+        except (ValueError, OverflowError):
+            pass
+        ends = [end for end in (self._moved(cut, axis) for axis in np.eye(q.size)) if end is not None]
+        everywhere = self._moved(cut, np.ones(q.size))
+        edge = min(ends, key=lambda end: float(np.linalg.norm(end - cut)), default=everywhere)
+        return self.law.make(**self.values(edge)), float(np.linalg.norm(q - edge))
+
+    def _moved(self, q: NDArray, along: NDArray) -> Any:
+        """The first allowed set on the way to ``inside`` along some coordinates, None if there is none."""
+        way = (self.inside - q) * along
+        if not _allowed(self.law, self.values(q + way)):
+            return None
+        low, high = 0.0, 1.0
+        for _ in range(40):
+            middle = 0.5 * (low + high)
+            if _allowed(self.law, self.values(q + middle * way)):
+                high = middle
+            else:
+                low = middle
+        return q + high * way
+
+    def coordinates(self, parameters: Any) -> NDArray[np.float64]:
+        """The coordinates of a set of parameters."""
+        values = parameters._asdict()
+        return np.array(
+            [
+                math.log(values[s.name])
+                if s.logarithmic
+                else values[s.name] / values[s.base] - 1.0
+                if s.base
+                else values[s.name]
+                for s in self.sought
+            ]
+        )
+
+    def without(self, name: str, q: NDArray, coordinate: float | None) -> "Space":
+        """The space with one coordinate held, or its parameter left to the constructor (None).
+
+        Raises
+        ------
+        ValueError
+            Where the law does not allow that beside the others.
+        """
+        names = [s.name for s in self.sought]
+        i = names.index(name)
+        keep = np.delete(np.arange(len(names)), i)
+        s, held, tied = self.sought[i], dict(self.held), dict(self.tied)
+        if coordinate is not None and s.base is not None:
+            tied[name] = (s.base, coordinate)
+        elif coordinate is not None:
+            held[name] = math.exp(coordinate) if s.logarithmic else coordinate
+        rest = tuple(self.sought[k] for k in keep)
+        near = np.where([s.bounded for s in rest], np.maximum(q[keep], 0.01), q[keep])
+        return _checked(Space(self.law, rest, held, tied, self.start[keep], near))
+
+
+def space_of(law: Law, held: Mapping[str, Any]) -> Space:
+    """The space of all scalar parameters that are not held, about the record's own scales.
+
+    Raises
+    ------
+    ValueError
+        If no set near them is allowed.
+    """
+    sought = sought_of(law, held)
+    q = np.array([s.start for s in sought])
+    return _checked(Space(law, sought, held, {}, q, q))
+
+
+def _checked(space: Space) -> Space:
+    """The space with ``inside`` moved to a set near it that the law allows, by drawing ever wider about it."""
+    rng, drawn = np.random.default_rng(0), space.inside
+    for i in range(400):
+        if _allowed(space.law, space.values(drawn)):
+            return space._replace(inside=drawn)
+        drawn = space.inside + rng.normal(0.0, 0.02 * (1 + i) ** 0.75, drawn.size)
+    raise ValueError(f"friction law {space.law.name!r} allows no parameters near those that the record suggests")

@@ -1,0 +1,245 @@
+"""Mean torque and memory of a law that is given by its ordinary differential equation alone, integrated numerically.
+
+    dm/dt = rate(m, w),    mean T = (1/h) times the integral of torque(m, w) over the step
+
+at the constant speed w over the step h, by the explicit Runge-Kutta pair of orders 5 and 4 of Dormand and Prince, with
+the result of order 5. The difference of the two orders is kept, in every substep, below TOLERANCE of the larger of an
+entry of the memory and of its change, and below TOLERANCE of the torque. The derivative by the speed is a difference
+quotient of two runs in the same substeps. Nothing prefers a side, so the mirrored history gives the mirrored results to
+the bit, and a rate of zero leaves the memory as it is.
+
+Friction that slides at constant speed becomes steady. Where every rate has fallen to TOLERANCE of that from rest, the
+remainder of the step is taken as steady, so that long steps cost no more than the way there. After MOST_SUBSTEPS,
+which no law with a fading memory needs, memory and torque become NaN, and the plant reports it.
+
+The memory of such a law holds its ``memory_size`` floats and behind them the space that the integration works in, which
+is zero between the steps. Its own functions receive their own floats only.
+
+Source: Dormand, Prince, J. Computational and Applied Mathematics 6 (1980) 19-26.
+"""
+
+import math
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from steer_env.friction.numerics.kernel import dispatch, kernel
+
+TOLERANCE = 1e-10  # of the local error, relative [1]
+MOST_SUBSTEPS = 100_000
+STEP_OF_SPEED = 1e-6  # for the derivative, relative to the speed [1]
+LEAST_STEP_OF_SPEED = 1e-9  # for the derivative at rest, assumed small beside every speed of the law [rad/s]
+STAGES = 7
+# Memory, its course and that at another speed, their ends of a substep, rates from rest, rates of the stages.
+BLOCKS = 6 + STAGES
+
+# Row i: weights of the rates of the stages before stage i; the last row is the result of order 5.
+A = np.array(
+    [
+        [0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
+        [1 / 5, 0.0, 0.0, 0.0, 0.0, 0.0],
+        [3 / 40, 9 / 40, 0.0, 0.0, 0.0, 0.0],
+        [44 / 45, -56 / 15, 32 / 9, 0.0, 0.0, 0.0],
+        [19372 / 6561, -25360 / 2187, 64448 / 6561, -212 / 729, 0.0, 0.0],
+        [9017 / 3168, -355 / 33, 46732 / 5247, 49 / 176, -5103 / 18656, 0.0],
+        [35 / 384, 0.0, 500 / 1113, 125 / 192, -2187 / 6784, 11 / 84],
+    ]
+)
+ORDER_5 = np.append(A[-1], 0.0)
+# Order 5 less order 4.
+DIFFERENCE = np.array([71 / 57600, 0.0, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 525, -1 / 40])
+
+
+class Equation(NamedTuple):
+    """The functions of a law as its file gives them; :func:`steer_env.friction.law.register` explains them."""
+
+    memory_size: Callable[[Any], int]
+    own_rate: Callable
+    own_torque: Callable
+    own_energy: Callable
+    own_cut: Callable
+
+
+EQUATIONS: dict[type, Equation] = {}  # by the class of the parameters
+
+
+# Dispatch points, as those of steer_env.friction.law.
+
+
+def own_rate(p, torque_scale, memory, w, out):
+    """Write the time derivative of the law's own memory into ``out``."""
+    EQUATIONS[type(p)].own_rate(p, torque_scale, memory, w, out)
+
+
+def own_torque(p, torque_scale, memory, w):
+    """Torque at this moment from the law's own memory [N m]."""
+    return EQUATIONS[type(p)].own_torque(p, torque_scale, memory, w)
+
+
+def own_energy(p, memory):
+    """Energy that the law's own memory can give back [J]."""
+    return EQUATIONS[type(p)].own_energy(p, memory)
+
+
+def own_cut(p, torque_scale, memory):
+    """Cut the law's own memory back to what break-away allows."""
+    EQUATIONS[type(p)].own_cut(p, torque_scale, memory)
+
+
+for _point in (own_rate, own_torque, own_energy, own_cut):
+    dispatch(_point, lambda parameters, name: getattr(EQUATIONS.get(parameters), name, None))
+
+
+@kernel
+def no_cut(p, torque_scale, memory):
+    """For a law that leaves its memory as it is when the torque scale falls."""
+
+
+def memory_size(p: Any) -> int:
+    """Floats of memory of a law with an equation, with the space to work in."""
+    return BLOCKS * EQUATIONS[type(p)].memory_size(p)
+
+
+@kernel
+def _substep(p, torque_scale, start, end, rates, from_rest, w, h):
+    """One step of the method from the memory ``start`` to ``end``.
+
+    Returns the mean torque [N m], the largest error over its tolerance, NaN where something is not finite, and whether
+    the memory is steady.
+    """
+    n = start.size
+    mean = error = size = 0.0
+    for i in range(STAGES):
+        for j in range(n):
+            change = 0.0
+            for k in range(i):
+                change += A[i, k] * rates[k * n + j]
+            end[j] = start[j] + h * change
+        out = rates[i * n : (i + 1) * n]
+        for j in range(n):
+            out[j] = 0.0  # a law may leave out what is zero
+        own_rate(p, torque_scale, end, w, out)
+        T = own_torque(p, torque_scale, end, w)
+        mean += ORDER_5[i] * T
+        error += DIFFERENCE[i] * T
+        size = max(size, abs(T))
+    worst = _larger(0.0, error, size)
+    steady = True
+    for j in range(n):
+        steady = steady and abs(rates[j]) <= TOLERANCE * from_rest[j]
+        error = 0.0
+        for i in range(STAGES):
+            error += DIFFERENCE[i] * rates[i * n + j]
+        worst = _larger(worst, h * error, max(abs(start[j]), abs(end[j])) + h * abs(rates[j]))
+    return mean, worst, steady
+
+
+@kernel
+def _larger(worst, error, size):
+    """The largest error over its tolerance, with one more error and the size that it is relative to."""
+    if error == 0.0:
+        return worst
+    excess = abs(error) / (TOLERANCE * size)
+    return worst if excess <= worst or math.isnan(worst) else excess
+
+
+@kernel
+def _course(p, torque_scale, memory, w, step_of_speed, h):
+    """Integrate over ``h`` into the second block of the memory.
+
+    Returns the integrals of the torque [N m s] at ``w`` and at ``w + step_of_speed``; the latter only where that is
+    another speed.
+    """
+    n = memory.size // BLOCKS
+    course, other, end, end_other = (
+        memory[n : 2 * n],
+        memory[2 * n : 3 * n],
+        memory[3 * n : 4 * n],
+        memory[4 * n : 5 * n],
+    )
+    from_rest, rates = memory[5 * n : 6 * n], memory[6 * n :]
+    own_rate(p, torque_scale, course, w, from_rest)  # at rest the course is zero, as it is still
+    for j in range(n):
+        from_rest[j] = abs(from_rest[j])
+        course[j] = memory[j]
+    own_cut(p, torque_scale, course)
+    for j in range(n):
+        other[j] = course[j]
+    T = T_other = mean_other = 0.0
+    faster = w + step_of_speed
+    left = dt = h
+    for _ in range(MOST_SUBSTEPS):
+        mean, excess, steady = _substep(p, torque_scale, course, end, rates, from_rest, w, dt)
+        if step_of_speed != 0.0:
+            mean_other, excess_other, too = _substep(p, torque_scale, other, end_other, rates, from_rest, faster, dt)
+            excess, steady = max(excess, excess_other), steady and too
+        if steady:
+            T += left * own_torque(p, torque_scale, course, w)
+            return T, T_other + left * own_torque(p, torque_scale, other, faster)
+        if not excess > 1.0:  # also where it is NaN, which no shorter step mends
+            T += dt * mean
+            T_other += dt * mean_other
+            for j in range(n):
+                course[j] = end[j]
+                other[j] = end_other[j]
+            if dt >= left:
+                return T, T_other
+            left -= dt
+        dt *= min(5.0, max(0.2, 0.9 * excess**-0.2)) if excess > 0.0 else 5.0
+        dt = min(dt, left)
+    for j in range(n):
+        course[j] = math.nan
+    return math.nan, math.nan
+
+
+@kernel
+def _clear(memory):
+    for j in range(memory.size // BLOCKS, memory.size):
+        memory[j] = 0.0
+
+
+@kernel
+def mean_torque(p, torque_scale, memory, w, h):
+    """Mean torque over ``h`` at constant ``w`` [N m], and its derivative by ``w`` [N m s/rad]."""
+    step = math.copysign(STEP_OF_SPEED * abs(w) + LEAST_STEP_OF_SPEED, w)
+    T, T_other = _course(p, torque_scale, memory, w, step, h)
+    _clear(memory)
+    return T / h, (T_other - T) / (step * h)
+
+
+@kernel
+def advance(p, torque_scale, memory, w, h):
+    """Advance the memory over ``h`` [s] at constant speed ``w`` [rad/s]."""
+    _course(p, torque_scale, memory, w, 0.0, h)
+    n = memory.size // BLOCKS
+    own_cut(p, torque_scale, memory[n : 2 * n])  # of what it passes break-away by, within the tolerance
+    for j in range(n):
+        memory[j] = memory[n + j]
+    _clear(memory)
+
+
+@kernel
+def torque(p, torque_scale, memory, w):
+    """Torque at this moment [N m]."""
+    n = memory.size // BLOCKS
+    cut = memory[n : 2 * n]
+    for j in range(n):
+        cut[j] = memory[j]
+    own_cut(p, torque_scale, cut)
+    T = own_torque(p, torque_scale, cut, w)
+    _clear(memory)
+    return T
+
+
+@kernel
+def rate(p, torque_scale, memory, w, out):
+    """Write the time derivative of the memory at speed ``w`` [rad/s] into ``out``."""
+    n = memory.size // BLOCKS
+    own_rate(p, torque_scale, memory[:n], w, out[:n])
+
+
+@kernel
+def stored_energy(p, memory):
+    """Energy that the memory can give back [J]."""
+    return own_energy(p, memory[: memory.size // BLOCKS])

@@ -1,0 +1,132 @@
+"""Laws from outside the package that give their equation only, and so are integrated.
+
+* ``toy_lugre``: LuGre, whose closed form the package has.
+* ``toy_jenkins_dahl``: a spring with a slider, whose rate jumps, beside an exponential spring.
+* ``toy_wheel``: a memory that turns for ever, which no law of friction does.
+"""
+
+from typing import NamedTuple
+
+from steer_env.friction.bristle import held
+from steer_env.friction.law import register
+from steer_env.friction.models import lugre
+from steer_env.friction.numerics.kernel import kernel
+
+
+class EquationLuGre(NamedTuple):
+    sigma_0: float  # [N m/rad]
+    sigma_1: float  # [N m s/rad]
+    sigma_2: float  # [N m s/rad]
+    F_c: float  # [N m]
+    F_s: float  # [N m]
+    v_s: float  # [rad/s]
+
+
+class JenkinsDahl(NamedTuple):
+    k: float  # stiffness [N m/rad]
+    F_c: float  # sliding torque [N m]
+    k_d: float  # stiffness of the exponential spring [N m/rad]
+    F_d: float  # its saturated torque [N m]
+
+
+class Wheel(NamedTuple):
+    turns: float  # radian per radian of motion [1]
+
+
+def make_lugre(
+    *,
+    sigma_0: float = 100.0,
+    sigma_1: float = 2.0,
+    sigma_2: float = 0.0,
+    F_c: float = 0.9,
+    F_s: float = 0.9,
+    v_s: float = 0.1,
+) -> EquationLuGre:
+    """Not checked."""
+    return EquationLuGre(sigma_0, sigma_1, sigma_2, F_c, F_s, v_s)
+
+
+def make_jenkins_dahl(*, k: float = 100.0, F_c: float = 0.9, k_d: float = 5.0, F_d: float = 0.2) -> JenkinsDahl:
+    """Not checked."""
+    return JenkinsDahl(k, F_c, k_d, F_d)
+
+
+def make_wheel(*, turns: float = 1e9) -> Wheel:
+    """Not checked."""
+    return Wheel(turns)
+
+
+@kernel
+def torque(p, torque_scale, memory, w):
+    return p.k * memory[0] + p.k_d * memory[1]
+
+
+@kernel
+def rate(p, torque_scale, memory, w, out):
+    if w * memory[0] < abs(w) * torque_scale * p.F_c / p.k:
+        out[0] = w
+    out[1] = w - abs(w) * p.k_d * memory[1] / (torque_scale * p.F_d)
+
+
+@kernel
+def cut_back(p, torque_scale, memory):
+    memory[0] = held(memory[0], torque_scale * p.F_c / p.k)
+    memory[1] = held(memory[1], torque_scale * p.F_d / p.k_d)
+
+
+@kernel
+def cut_bristle(p, torque_scale, memory):
+    memory[0] = held(memory[0], torque_scale * p.F_s / p.sigma_0)
+
+
+@kernel
+def stored_energy(p, memory):
+    return 0.5 * p.k * memory[0] ** 2 + 0.5 * p.k_d * memory[1] ** 2
+
+
+@kernel
+def wheel_torque(p, torque_scale, memory, w):
+    return memory[0]
+
+
+@kernel
+def wheel_rate(p, torque_scale, memory, w, out):
+    out[0] = w - p.turns * abs(w) * memory[1]
+    out[1] = p.turns * abs(w) * memory[0]
+
+
+@kernel
+def wheel_energy(p, memory):
+    return 0.5 * (memory[0] ** 2 + memory[1] ** 2)
+
+
+register(
+    "toy_lugre",
+    EquationLuGre,
+    make=make_lugre,
+    memory_size=lambda p: 1,
+    torque=lugre.torque,
+    rate=lugre.rate,
+    stored_energy=lugre.stored_energy,
+    cut_back=cut_bristle,
+    steepest_fall=lugre.steepest_fall,
+)
+register(
+    "toy_jenkins_dahl",
+    JenkinsDahl,
+    make=make_jenkins_dahl,
+    memory_size=lambda p: 2,
+    torque=torque,
+    rate=rate,
+    stored_energy=stored_energy,
+    cut_back=cut_back,
+)
+register(
+    "toy_wheel",
+    Wheel,
+    make=make_wheel,
+    memory_size=lambda p: 2,
+    torque=wheel_torque,
+    rate=wheel_rate,
+    stored_energy=wheel_energy,
+)
