@@ -27,10 +27,11 @@ USES: dict[str, dict[str, str]] = {
 }
 
 
-def text_of(root: ElementTree.Element) -> str:
+def text_of(root: ElementTree.Element) -> bytes:
     """An XML file."""
     ElementTree.indent(root)
-    return ElementTree.tostring(root, encoding="unicode", xml_declaration=True) + "\n"
+    text: bytes = ElementTree.tostring(root, encoding="utf-8", xml_declaration=True)
+    return text
 
 
 def number(value: float) -> str:
@@ -68,7 +69,7 @@ def experiment(root: ElementTree.Element) -> None:
     ElementTree.SubElement(root, "DefaultExperiment", startTime="0.0", stopTime="10.0", stepSize=number(SAMPLE_TIME))
 
 
-def fmi2(part: Part, variables: list[Variable], identifier: str, token: str, description: str) -> str:
+def fmi2(part: Part, variables: list[Variable], identifier: str, token: str, description: str) -> bytes:
     """The description of a unit.
 
     Parameters

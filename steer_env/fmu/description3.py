@@ -8,7 +8,7 @@ from steer_env.fmu.variables import Variable
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
 
 
-def fmi3(part: Part, variables: list[Variable], identifier: str, token: str, description: str) -> str:
+def fmi3(part: Part, variables: list[Variable], identifier: str, token: str, description: str) -> bytes:
     """The description of a unit; the arguments are those of :func:`steer_env.fmu.description.fmi2`."""
     about_unit = about(part, description, "instantiationToken", token)
     root = ElementTree.Element("fmiModelDescription", {"fmiVersion": "3.0", **about_unit})

@@ -10,6 +10,7 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
+from platform import machine
 
 SOURCES = Path(__file__).parent / "c"
 SUFFIXES = {"linux64": "so", "win64": "dll"}
@@ -37,12 +38,16 @@ def compiler(platform: str) -> list[str]:
     Raises
     ------
     ValueError
-        There is none; the message tells what to install.
+        There is none; the message tells what to install. Or this is another machine than those that were tried.
     """
+    if machine() not in ("x86_64", "AMD64"):
+        raise ValueError(f"an export needs a machine with an x86-64 processor, this one has {machine()}")
     if platform == "win64":
         if importlib.util.find_spec("ziglang") is None:
             raise ValueError(f"win64 is linked by zig, which is not installed: {INSTALL}")
         return [sys.executable, "-m", "ziglang", "cc", "-target", "x86_64-windows-gnu"]
+    if sys.platform != "linux":
+        raise ValueError(f"a binary for linux64 is linked on Linux only, and this is {sys.platform}")
     found = shutil.which(os.environ.get("CC", "cc"))
     if found is None:
         raise ValueError(

@@ -1,6 +1,9 @@
 """Export of a unit: kernels, C layer, description and documentation in one archive."""
 
 import hashlib
+import io
+import json
+import re
 import tempfile
 import uuid
 import zipfile
@@ -14,9 +17,10 @@ from steer_env.fmu.c_data import c_data
 from steer_env.fmu.description3 import fmi3
 from steer_env.fmu.object_code import PLATFORMS, module_text, object_code
 from steer_env.fmu.part import Part
-from steer_env.fmu.processor import processor
+from steer_env.fmu.processor import Processor, processor
 from steer_env.fmu.variables import variables
 from steer_env.friction import law_of, resolve
+from steer_env.friction.law import as_mapping
 from steer_env.vehicle import cars
 
 PARTS = ("car", "steering", "chassis")
@@ -54,8 +58,8 @@ def export(
         What the unit contains.
     friction : str, mapping or parameters
         A friction law as :func:`steer_env.friction.resolve` takes it; the chassis alone has none.
-    vehicle : str, path or mapping
-        A car as :func:`steer_env.vehicle.cars.load` takes it.
+    vehicle : str, path, mapping or Car
+        A car, or what makes one, as :func:`steer_env.vehicle.cars.load` takes it.
     chassis : str
         A name of :func:`steer_env.vehicle.chassis.available`; the steering alone has none.
     speed : float
@@ -97,8 +101,12 @@ def export(
         raise ValueError(f"a unit needs a platform: {', '.join(PLATFORMS)}")
     link.headers()
     law = resolve(friction)
-    loaded = cars.load(vehicle)
+    loaded = vehicle if isinstance(vehicle, cars.Car) else cars.load(vehicle)
     p = loaded.plant(law, speed, robot, road_friction, chassis)
+    made_of = {
+        **{"part": part, "chassis": chassis, "speed_m_s": speed, "robot": robot, "road_friction": road_friction},
+        **{"friction": as_mapping(law), "car": loaded.data()},
+    }
     name, rolls = law_of(law).name, f"chassis {chassis}, held speed {speed:.6g} m/s"
     made, contents, label = {
         "car": lambda: (car.part(p), f"friction law {name}, {rolls}", name),
@@ -106,24 +114,33 @@ def export(
         "chassis": lambda: (chassis_part.part(p), rolls, chassis),
     }[part]()
     told = f"Car {loaded.name}, {contents}; processor level {cpu}."
-    _write(target, made, f"steer_{part}_{label}", told, wanted, fmi, cpu)
+    files = _files(made, re.sub(r"\W", "_", f"steer_{part}_{label}"), told, wanted, fmi, processor(cpu))
+    files["resources/made_of.json"] = json.dumps(made_of, indent=1).encode()
+    archive = io.BytesIO()
+    with zipfile.ZipFile(archive, "w", zipfile.ZIP_DEFLATED) as packed:
+        for file, data in files.items():
+            packed.writestr(zipfile.ZipInfo(file, _DATE), data, zipfile.ZIP_DEFLATED)
+    target.parent.mkdir(parents=True, exist_ok=True)
+    target.write_bytes(archive.getvalue())
     return target
 
 
-def _write(
-    target: Path, part: Part, identifier: str, told: str, platforms: Sequence[str], version: int, cpu: str
-) -> None:
-    level, listed = processor(cpu), variables(part, version)
+def _files(
+    part: Part, identifier: str, told: str, platforms: Sequence[str], version: int, level: Processor
+) -> dict[str, bytes]:
+    """Contents of the archive by path: description, icon, documentation and binaries."""
+    listed = variables(part, version)
     module = module_text(
         part.advance, part.parameters, part.start.size, part.given_size, part.inputs, len(part.outputs)
     )
     objects = {platform: object_code(module, platform, level) for platform in platforms}
-    parts = (c_data(part, listed, level, ""), told, str(version), *(code.hex() for code in objects.values()))
+    sources = [file.read_text(encoding="utf-8") for file in sorted(link.SOURCES.iterdir())]
+    parts = (c_data(part, listed, level, ""), told, *sources, str(version), *(code.hex() for code in objects.values()))
     token = f"{{{uuid.UUID(hashlib.sha256(' '.join(parts).encode()).hexdigest()[:32])}}}"
     data = c_data(part, listed, level, token)
     text = (description.fmi2 if version == 2 else fmi3)(part, listed, identifier, token, told)
     files: dict[str, bytes] = {
-        "modelDescription.xml": text.encode(),
+        "modelDescription.xml": text,
         ICONS[version]: documentation.icon(),
         "documentation/index.html": documentation.page(part, listed, level, told).encode(),
     }
@@ -131,7 +148,4 @@ def _write(
         with tempfile.TemporaryDirectory() as folder:
             binary = link.link(platform, version, data, code, identifier, Path(folder))
             files[f"binaries/{FOLDERS[version][platform]}/{binary.name}"] = binary.read_bytes()
-    target.parent.mkdir(parents=True, exist_ok=True)
-    with zipfile.ZipFile(target, "w", zipfile.ZIP_DEFLATED) as archive:
-        for name, contents in files.items():
-            archive.writestr(zipfile.ZipInfo(name, _DATE), contents, zipfile.ZIP_DEFLATED)
+    return files

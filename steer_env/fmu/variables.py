@@ -49,8 +49,8 @@ def _comments(owner: type) -> dict[str, tuple[str, str]]:
         return {}
     found = {}
     for name, comment in re.findall(r"^\s+(\w+)\s*:[^#\n]*#\s*(.*?)\s*$", source, re.MULTILINE):
-        unit = re.search(r"\[([^\[\]]+)\]$", comment)
-        text = comment[: unit.start()].strip() if unit else comment
+        *_, unit = (None, *re.finditer(r" ?\[([^\[\]]+)\]", comment))  # the last in brackets
+        text = comment[: unit.start()] + comment[unit.end() :] if unit else comment
         found[name] = text, ("1" if unit[1] == "-" else unit[1]) if unit else ""
     return found
 

@@ -1,10 +1,12 @@
 """The exported car against the plant in Python, the standard's rules and a C importer."""
 
 import dataclasses
+import json
 import shutil
 import subprocess
 import sys
 import time
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -76,6 +78,52 @@ def test_a_whole_weave_with_every_law(law, chassis, tmp_path):
 
 def test_validation_has_no_remark(weave):
     assert validation.validate_fmu(str(weave[1])) == []
+
+
+def test_description_has_units_and_the_start_values_of_python(weave):
+    m, path = weave
+    p = manoeuvres.build_plant(cars.load("compact"), m, "lugre")
+    listed = {v.name: v for v in fmpy.read_model_description(str(path)).modelVariables}
+    assert all(v.unit and v.description for v in listed.values() if v.type == "Real")
+    assert (listed["column.K_tb"].unit, listed["friction.sigma_0"].unit) == ("N m/rad", "N m/rad")
+    starts = {
+        "column.I2": p.column.I2,
+        "assist.boost[2,3]": p.assist.boost[1, 2],
+        "assist.damping[6]": p.assist.damping[5],
+        "friction.F_c": p.friction.F_c,
+        "chassis.m": p.chassis.m,
+        "chassis.v_x": m.speed,
+        "tyre.PKY1": p.tyre[0].PKY1,
+        "pinion_radius": p.pinion_radius,
+        "level.load": p.level.load,
+    }
+    assert {name: float(listed[name].start) for name in starts} == starts
+    assert {name: listed[name].variability for name in ("column.I2", "friction.F_c", "chassis.m", "chassis.v_x")} == {
+        "column.I2": "tunable",
+        "friction.F_c": "tunable",
+        "chassis.m": "fixed",
+        "chassis.v_x": "constant",
+    }
+
+
+def test_units_are_products_of_base_units():
+    from steer_env.fmu.units import base_unit
+
+    assert base_unit("N m s/rad") == {"kg": 1, "m": 2, "s": -1, "rad": -1}
+    assert base_unit("m/s2") == {"m": 1, "s": -2}
+    assert base_unit("1") == {}
+    assert base_unit("furlong/s") is None
+
+
+def test_the_unit_tells_what_it_is_made_of(weave):
+    """The car and the law in the archive make the same plant again."""
+    m, path = weave
+    with zipfile.ZipFile(path) as archive:
+        found = json.loads(archive.read("resources/made_of.json"))
+        assert b"handwheel angle" in archive.read("documentation/index.html")
+        assert archive.read("model.png")[1:4] == b"PNG"
+    again = cars.load(found["car"]).plant(found["friction"], found["speed_m_s"], found["robot"])
+    assert repr(again) == repr(manoeuvres.build_plant(cars.load("compact"), m, "lugre"))
 
 
 def test_fmpy_simulates(weave):

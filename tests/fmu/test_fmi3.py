@@ -1,6 +1,8 @@
 """The unit of FMI 3.0: the same run as Python's, and the same refusals as with 2.0, whose core it shares."""
 
 import shutil
+import subprocess
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -120,3 +122,19 @@ def test_fmpy_simulates(exported):
     record = np.zeros((200, len(plant.channels(p))))
     plant.run(p, plant.initial_state(p), u, record, 1)
     assert found["handwheel_angle"][-1] == pytest.approx(record[-1, 0], rel=1e-12)
+
+
+def test_a_c_importer_and_valgrind_find_nothing(tmp_path):
+    if shutil.which("valgrind") is None:
+        pytest.skip("valgrind is not installed")
+    path = fmu.export(tmp_path / "car.fmu", fmi=3)  # valgrind knows no AVX-512, which this processor may have
+    fmpy.extract(str(path), str(tmp_path / "unit"))
+    (binary,) = (tmp_path / "unit" / "binaries" / "x86_64-linux").iterdir()
+    program, source = tmp_path / "harness3", Path(__file__).with_name("harness3.c")
+    include = f"-I{fmpy.__path__[0]}/c-code"
+    strict = ["-std=gnu11", "-g", "-Wall", "-Wextra", "-Werror"]
+    subprocess.run(["cc", *strict, include, source, "-o", program, "-ldl", "-lm"], check=True)
+    token = fmpy.read_model_description(str(path)).instantiationToken
+    command = ["valgrind", "--error-exitcode=9", "--leak-check=full", "--quiet", program, binary, token, "50", "20"]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout + done.stderr
