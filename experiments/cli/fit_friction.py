@@ -60,7 +60,7 @@ def _add_record(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--cutoff-hz", metavar="HZ", help=text)
     text = "subtract the straight line along which the zero of the friction drifts"
     group.add_argument("--without-drift", action="store_true", help=text)
-    text = "radius at which the force acts, 0.00796 for the rack of a compact: m and N become rad and N m [m]"
+    text = "radius at which the force acts, 0.00686 for the rack of the default car: m and N become rad and N m [m]"
     group.add_argument("--lever", metavar="METRES", help=text)
     text = (
         "stretch a record of another contact, whose shape is wanted, to the level [N m] and the pre-sliding distance "

@@ -133,28 +133,21 @@ def test_a_fitted_file_stands_for_a_law_on_the_command_line(capsys):
     assert main(["rerun", "run.csv"]) == 0, capsys.readouterr()
 
 
+@pytest.mark.whole
 def test_a_weave_of_a_car_gives_the_friction_of_its_column():
-    """Simulated with Dahl and no influence of the load; the level is found within 2 % behind assist and rack force."""
-    car = cars.load("compact", changes={"steering.friction_load": 0.0})
-    run = manoeuvres.drive(car, manoeuvres.make("weave"), DAHL)
+    """The default car with LuGre: level, stiffness and growth with the rack force, behind all other torques."""
+    run = manoeuvres.drive(cars.load(), manoeuvres.make("weave"), "lugre")
     files.write(run.without("friction_torque", "column_angle", "torsion_bar_torque"), "weave.csv", digits=7)
-    words = [
-        "weave.csv",
-        "--law",
-        "dahl",
-        "--vehicle",
-        "compact",
-        "--set",
-        "steering.friction_load=0",
-        "--rate-hz",
-        "100",
-    ]
+    words = ["weave.csv", "--law", "lugre", "--vehicle", "compact", "--by-load", "--rate-hz", "100", "--starts", "1"]
     assert main(["fit-friction", *words, "--out", "out"]) == 0
-    found = loaded("out/dahl.json")
-    assert found["friction"]["F_c"] == pytest.approx(DAHL.F_c, rel=0.02)
-    assert found["friction"]["sigma_0"] == pytest.approx(DAHL.sigma_0, rel=0.1)
+    found, true = loaded("out/lugre.json"), friction.make("lugre")
+    steering = cars.load().steering
+    growth = steering["friction_load"] * steering["pinion_radius"] / true.F_c  # (F11)
+    assert found["friction"]["F_c"] == pytest.approx(true.F_c, rel=0.02)
+    assert found["friction"]["sigma_0"] == pytest.approx(true.sigma_0, rel=0.02)
+    assert found["level"]["load"] == pytest.approx(growth, rel=0.02)
     assert any("balance of torques with the parameters of compact" in note for note in found["notes"])
-    assert found["trace"]["car"]["steering"]["friction_load"] == 0.0
+    assert found["trace"]["car"]["steering"] == steering
 
 
 def test_the_record_judges_on_what_was_not_fitted():
