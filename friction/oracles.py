@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from steer_env import friction
 from steer_env.friction import law
 from steer_env.friction.models.gms import level as gms_level
-from steer_env.friction.models.lugre import LuGre, saturation
+from steer_env.friction.models.lugre import saturation
 from steer_env.friction.models.masing import Masing, virgin_torque
 
 Array = NDArray[np.float64]
@@ -42,9 +42,8 @@ def _oracle(what: str, limit: float, unit: str) -> Callable[[Callable[[], Iterab
 
 
 STRIBECK = friction.make("lugre", sigma_1=1.0, sigma_2=0.6, F_c=0.9, F_s=1.35, v_s=0.02)
-ACTIVE = LuGre(
-    sigma_0=100.0, sigma_1=2.0, sigma_2=0.1, F_c=0.9, F_s=1.5, v_s=0.05
-)  # not passive; it only serves the formula
+# Not passive; it only serves the formula.
+ACTIVE = friction.make("lugre", sigma_1=2.0, sigma_2=0.1, F_c=0.9, F_s=1.5, v_s=0.05, allow_active=True)
 # Binary fractions, with which sums of displacements are exact, so that results must be equal to the bit.
 DYADIC = friction.make("masing", k=[64.0, 32.0, 16.0, 8.0], y=[1 / 512, 1 / 256, 3 / 256, 1 / 32])
 RATIOS = (0.1, 1.0, 10.0)  # amplitude over pre-sliding distance
