@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 BAND = 0.02  # of the range of x [1]: the search for reversals takes a smaller swing as noise; it still drives the law
 FLAT = 0.02  # rise over the last quarter of a saturated branch, of its whole rise [1]
+SLIDES = 0.2  # least torque of a record in which the contact always slides one way, of its level [1]
 LEAST = 20  # samples to weigh
 
 
@@ -49,12 +50,15 @@ def branches_of(x: NDArray, T: NDArray, band: float) -> Branches:
     rises = [math.copysign(1.0, x[b] - x[a]) * (T[a : b + 1] - T[a]) for a, b in pairwise(turns)]
     ways = [np.abs(x[a : b + 1] - x[a]) for a, b in pairwise(turns)]
     one_way = len(turns) == 2
-    if one_way and not saturates(ways[0], rises[0], 0.25 * swing):
+    if one_way:
+        swing = 2.0 * float(np.percentile(np.abs(T), 99))
+    slides = one_way and np.min(np.abs(np.percentile(T, (1, 99)))) > SLIDES * 0.5 * swing  # at several speeds
+    if one_way and not slides and not saturates(ways[0], rises[0], 0.125 * swing):
         raise ValueError(
             f"x must move and reverse at least once, or the torque must rise and break away, got a path from "
             f"{x.min():g} to {x.max():g} rad: record a stroke to and fro that slides at both ends"
         )
-    mean_rise = np.mean(np.concatenate(rises))
+    mean_rise = np.mean(T) * (x[-1] - x[0]) if slides else np.mean(np.concatenate(rises))
     if mean_rise <= 0.0:
         raise ValueError(
             f"torque must rise as x rises, as friction resists, got {mean_rise:g} N m on the mean after a reversal: "
@@ -100,10 +104,15 @@ def weighed_of(x: NDArray, branches: Branches, remembers: bool) -> NDArray[np.bo
 
 
 def saturates(way: NDArray, rise: NDArray, least: float) -> bool:
-    """Whether the torque of a branch has risen by ``least`` [N m] and is flat over the last quarter of its distance."""
+    """Whether the torque of a branch has risen by ``least`` [N m] and does not rise further.
+
+    It is flat over the last quarter of the distance, or was at its highest before (break-away, stick-slip).
+    """
     last = way >= 0.75 * way[-1]
     u, end = way[last] - np.mean(way[last]), np.mean(rise[last])
-    return bool(end >= least and abs(u @ rise[last]) * 0.25 * way[-1] < FLAT * end * (u @ u))
+    flat = abs(u @ rise[last]) * 0.25 * way[-1] < FLAT * end * (u @ u)
+    peaked = np.max(rise[~last], initial=0.0) > (1.0 + FLAT) * np.max(rise[last])
+    return bool(end >= least and (flat or peaked))
 
 
 def stiffness_of(branches: Branches) -> float:

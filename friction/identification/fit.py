@@ -14,12 +14,17 @@ from steer_env.friction.identification.displacement import BAND, motion_of, nois
 from steer_env.friction.identification.elements import Elements
 from steer_env.friction.identification.problem import Problem, searched
 from steer_env.friction.identification.quality import own_noise, refuse
+from steer_env.friction.identification.ranges import bootstrapped, profiled
 from steer_env.friction.identification.record import Record, checked
 from steer_env.friction.identification.remarks import remarks
 from steer_env.friction.identification.scales import Scales, scaled
 from steer_env.friction.identification.space import space_of
 from steer_env.friction.law import Law, law_of, make
-from steer_env.friction.numerics.check import number
+from steer_env.friction.level import Level
+from steer_env.friction.numerics.check import number, whole
+
+INTERVALS = ("linear", "bootstrap", "profile")
+HEAVIEST = 0.95  # share of the level that is in proportion to the load, at the mean load [1]
 
 Bound = float | NDArray[np.float64]  # an array for a curve
 
@@ -43,10 +48,21 @@ class Fit(NamedTuple):
     inertia: float = 0.0  # that the torque sensor moves along, given or estimated [kg m2]
 
 
+class Options(NamedTuple):
+    """How :func:`fit` goes about it."""
+
+    fixed: Mapping[str, float] = {}  # in the units of the record
+    starts: int = 3
+    intervals: str = "linear"
+    global_search: bool = False
+    seed: int = 0
+
+
 class Prepared(NamedTuple):
     """A record made ready for every law."""
 
-    record: Record  # with x freed of its noise
+    record: Record  # with x freed of its noise, and the torque of the inertia subtracted
+    inertia: float | None  # None: to be estimated [kg m2]
     noise: float  # of x [rad]
     own_noise: float  # of the torque: what even the true law leaves [N m]
     branches: Branches
@@ -60,9 +76,10 @@ def fit(
     *,
     dt: float,
     load: ArrayLike | None = None,
-    inertia: float = 0.0,
+    inertia: float | None = 0.0,
     fixed: Mapping[str, float] | None = None,
     starts: int = 3,
+    intervals: str = "linear",
     global_search: bool = False,
     seed: int = 0,
 ) -> Fit:
@@ -83,13 +100,17 @@ def fit(
     dt : float
         Time between samples [s].
     load : (T,) array_like, optional
-        Load on the contact [N].
-    inertia : float
-        Inertia between the friction and the torque sensor, whose torque is subtracted [kg m2].
+        Load on the contact [N]. The level then grows with it in proportion, ``fit.level.load``, and the parameters are
+        those without load.
+    inertia : float or None
+        Inertia between the friction and the torque sensor, whose torque is subtracted [kg m2]; None estimates it.
     fixed : mapping, optional
         Parameters that are known, in the units of the record.
     starts : int
         Number of starting points of the search.
+    intervals : str
+        ``"linear"``: from the derivatives at the optimum; ``"bootstrap"``: from blocks of samples drawn anew;
+        ``"profile"``: from the growth of the loss about the optimum, which shows bounds that are far from symmetric.
     global_search : bool
         Whether differential evolution looks for a better optimum.
     seed : int
@@ -109,17 +130,19 @@ def fit(
         converge.
     """
     friction_law = law_of(make(law))
-    ready = prepared(checked(x, torque, dt, load), inertia)
-    return fitted(ready, friction_law, fixed=fixed or {}, starts=starts, global_search=global_search, seed=seed)
+    if intervals not in INTERVALS:
+        raise ValueError(f"intervals must be one of {', '.join(INTERVALS)}, got {intervals!r}")
+    options = Options(fixed or {}, whole("starts", starts, 1), intervals, global_search, whole("seed", seed, 0))
+    return fitted(prepared(checked(x, torque, dt, load), inertia), friction_law, options)
 
 
-def prepared(record: Record, inertia: float = 0.0) -> Prepared:
+def prepared(record: Record, inertia: float | None = 0.0) -> Prepared:
     """The noise of x removed, torque of inertia subtracted, branches and scales found; see :func:`fit`."""
     noise = noise_of(record.x)
     refuse(record.x, record.torque, noise)
     path = motion_of(record.x, noise)
-    mass = number("inertia", inertia, minimum=0.0)
-    T = record.torque - mass * np.gradient(np.gradient(path, record.dt), record.dt) if mass else record.torque
+    mass = 0.0 if inertia is None else number("inertia", inertia, minimum=0.0)
+    T = record.torque - mass * _acceleration(path, record.dt) if mass else record.torque
     clean = record._replace(x=path, torque=T)
     branches = branches_of(path, T, max(SWING * float(np.ptp(path)), BAND * noise))
     level = 0.5 * branches.swing
@@ -129,64 +152,104 @@ def prepared(record: Record, inertia: float = 0.0) -> Prepared:
     speed = float(np.mean(moving)) / record.dt
     slope_noise = 0.5 * noise / length * level if path is not record.x else 0.0
     own = own_noise(path, T, branches, slope_noise)
-    return Prepared(clean, noise, own, branches, Scales(level, length, length / speed))
+    return Prepared(clean, inertia, noise, own, branches, Scales(level, length, length / speed))
 
 
-def fitted(
-    ready: Prepared,
-    law: Law,
-    *,
-    fixed: Mapping[str, float],
-    starts: int = 3,
-    global_search: bool = False,
-    seed: int = 0,
-) -> Fit:
+def _acceleration(x: NDArray, dt: float) -> NDArray[np.float64]:
+    return np.gradient(np.gradient(x, dt), dt)
+
+
+def fitted(ready: Prepared, law: Law, options: Options) -> Fit:
     """One law on a record that is ready; see :func:`fit`."""
+    problem = _problem(ready, law)
+    load = None if ready.record.load is None else np.abs(ready.record.load)
+    if load is None or not np.ptp(load) > 0.0:
+        return _told(ready, law, problem, *_estimated(ready, law, problem, options), options, 0.0)
+
+    def loaded(share: float) -> tuple[float, Problem]:
+        rate = share / (1.0 - share) / float(np.mean(load))  # c_F of (F38)
+        return rate, problem._replace(levels=1.0 + rate * load)
+
+    def cost(share: float) -> float:
+        few = options._replace(starts=1, global_search=False)
+        return float(np.sum(np.abs(_estimated(ready, law, loaded(share)[1], few)[0].optimum.residual)))
+
+    from scipy.optimize import minimize_scalar  # imported here, because that takes longer than the import of all laws
+
+    found = minimize_scalar(cost, bounds=(0.0, HEAVIEST), method="bounded", options={"xatol": 1e-4})
+    rate, problem = loaded(float(found.x))
+    return _told(ready, law, problem, *_estimated(ready, law, problem, options), options, rate)
+
+
+def _problem(ready: Prepared, law: Law) -> Problem:
+    """The record in its own scales (F30), with the samples that count for this law."""
     record, scales = ready.record, ready.scales
     remembers = law.memory_size(law.make()) > 0
-    weighed = weighed_of(record.x, ready.branches, remembers)
-    problem = Problem(
+    columns = (
+        [] if ready.branches.one_way else [np.ones(record.x.size)]
+    )  # one way, the offset is no other than friction
+    if ready.inertia is None:
+        columns.append(_acceleration(record.x / scales.displacement, record.dt / scales.time))
+    return Problem(
         record.x / scales.displacement,
         record.torque / scales.torque,
         record.dt / scales.time,
         np.ones(record.x.size),
-        weighed,
-        np.ones((record.x.size, 1)),
+        weighed_of(record.x, ready.branches, remembers),
+        np.column_stack(columns) if columns else np.zeros((record.x.size, 0)),
     )
-    known = scaled(law, fixed, scales)
-    held, elements = dict(known), None
+
+
+def _estimated(ready: Prepared, law: Law, problem: Problem, options: Options) -> tuple[Estimate, Elements | None]:
+    """What a law makes of a problem."""
+    held, elements = dict(scaled(law, options.fixed, ready.scales)), None
     if callable(law.fitted):
         arrays, elements = law.fitted(problem)
         held |= {name: value for name, value in arrays._asdict().items() if np.ndim(value)}
     space = space_of(law, held)
-    estimate = determined(problem, space, searched(problem, space, starts, seed, global_search))
-    return _told(ready, law, problem, estimate, elements)
+    optimum = searched(problem, space, options.starts, options.seed, options.global_search)
+    return determined(problem, space, optimum), elements
 
 
-def _told(ready: Prepared, law: Law, problem: Problem, estimate: Estimate, elements: Elements | None) -> Fit:
+def _told(
+    ready: Prepared,
+    law: Law,
+    problem: Problem,
+    estimate: Estimate,
+    elements: Elements | None,
+    options: Options,
+    rate: float,
+) -> Fit:
     """The estimate in the units of the record, with intervals and warnings."""
-    scales, branches, weighed = ready.scales, ready.branches, problem.weighed
-    values = scaled(law, estimate.parameters._asdict(), scales, back=True)
-    parameters = law.make(**values)
-    bounds = linear(estimate)
-    intervals = {name: tuple(scaled(law, {name: b}, scales, back=True)[name] for b in bounds[name]) for name in bounds}
+    scales, branches = ready.scales, ready.branches
+    parameters = law.make(**scaled(law, estimate.parameters._asdict(), scales, back=True))
+    if options.intervals == "bootstrap":
+        bounds = bootstrapped(estimate, options.seed)
+    else:
+        bounds = profiled(problem, estimate) if options.intervals == "profile" else linear(estimate)
+    intervals: dict[str, tuple[Bound, Bound]] = {}
+    for name, (low, high) in bounds.items():
+        scale = scales.of(law.units[name])
+        intervals[name] = low * scale, high * scale
     if elements is not None:
-        intervals |= {
-            name: (low * scales.torque, high * scales.torque) for name, (low, high) in elements.intervals.items()
-        }
+        for name, (least, most) in elements.intervals.items():
+            intervals[name] = least * scales.torque, most * scales.torque
     if "F_c" in intervals and not branches.saturates:
         intervals["F_c"] = intervals["F_c"][0], math.inf
     e = estimate.optimum.residual * scales.torque
     residual = math.sqrt(np.mean(e**2))
-    variance = float(np.var(ready.record.torque[weighed]))
+    variance = float(np.var(ready.record.torque[problem.weighed]))
+    factors = dict(zip(["offset"] * (not branches.one_way) + ["inertia"], (estimate.factors * scales.torque).tolist()))
     result = Fit(
         law.name,
         parameters,
         intervals,
-        float(estimate.factors[0]) * scales.torque,
+        factors.get("offset", 0.0),
         residual,
         (),
+        level=Level(load=rate) if rate else None,
         undetermined=tuple(estimate.undetermined),
         explained=1.0 - residual**2 / variance if variance else 0.0,
+        inertia=factors.get("inertia", 0.0) * scales.time**2 / scales.displacement + (ready.inertia or 0.0),
     )
     return result._replace(warnings=remarks(result, ready, law, e))

@@ -12,7 +12,7 @@ from steer_env.friction.numerics.frozen import frozen
 from steer_env.friction.response import follow
 
 PRIOR = 3e-4  # weight of a coordinate's distance from its start, where nothing else tells it [1]
-TRIES = 30  # steps of a search that only has to come near [1]
+TRIES = 40  # steps of a search that only has to come near [1]
 SCREENED = 48  # sets drawn at random, of which the best are starts too
 PENALTY = 100.0  # on the way out of the range that the law allows [1]
 
@@ -45,6 +45,11 @@ class Optimum(NamedTuple):
     jacobian: NDArray[np.float64]  # of the residual, with the weights of the loss [1]
     loss_scale: float  # where the loss turns from square to linear [1]
 
+    @property
+    def weakened(self) -> NDArray[np.float64]:
+        """Residuals whose squares are the loss [1]."""
+        return _soft(self.residual, self.loss_scale)
+
 
 def residuals(problem: Problem, space: Space, q: NDArray, prior: float) -> NDArray[np.float64]:
     """Residuals at the weighed samples (F31), and rows that keep the search near.
@@ -55,7 +60,7 @@ def residuals(problem: Problem, space: Space, q: NDArray, prior: float) -> NDArr
     n = len(space.sought)
     parameters, outside = space.made(q[:n])
     model = problem.response(space.law, parameters) + problem.columns @ q[n:]
-    e = (model - problem.torque)[problem.weighed]  # (F31)
+    e = np.nan_to_num(model - problem.torque, nan=1e6, posinf=1e6, neginf=-1e6)[problem.weighed]  # (F31)
     return np.concatenate([e, [PENALTY * math.sqrt(e.size) * outside], prior * (q[:n] - space.start)])
 
 
@@ -77,13 +82,11 @@ def descended(problem: Problem, space: Space, q: NDArray, loss_scale: float, *, 
         return e
 
     tolerance = 1e-12 if final else 1e-6
-    steps = 100 if final else TRIES
-    found = least_squares(
-        weakened, q, method="lm", xtol=tolerance, ftol=tolerance, gtol=1e-15, max_nfev=steps * (q.size + 1)
-    )
+    steps = 10 * TRIES if final else TRIES
+    found = least_squares(weakened, q, method="lm", xtol=tolerance, ftol=tolerance, gtol=1e-15, max_nfev=steps)
     if final and not found.success:  # the steps are short along the edge of what the law allows
         cost = found.cost
-        found = least_squares(weakened, found.x, method="lm", xtol=1e-9, ftol=1e-9, max_nfev=steps * (q.size + 1))
+        found = least_squares(weakened, found.x, method="lm", xtol=1e-9, ftol=1e-9, max_nfev=steps)
         found.success = found.success or found.cost > (1.0 - 1e-5) * cost
     if not np.isfinite(found.cost) or (final and not found.success):
         raise ValueError(
@@ -131,8 +134,12 @@ def searched(problem: Problem, space: Space, starts: int, seed: int, global_sear
         others = [drawn[i] for i in np.argsort(costs)[: starts - 1]]
     if global_search:
         others.append(_evolved(problem, space, middle, coarse, seed))
-    best = min((descended(problem, space, q, coarse) for q in [first, *others]), key=lambda end: end.cost)
-    return refined(problem, space, best)
+    free = space._replace(relaxed=True)  # the way to the optimum may lead through sets that the law refuses
+    best = min((descended(problem, free, q, coarse) for q in [first, *others]), key=lambda end: end.cost)
+    best = refined(problem, free, best)
+    n = len(space.sought)
+    q = space.coordinates(space.made(best.q[:n])[0])
+    return refined(problem, space, best._replace(q=np.append(q, best.q[n:])))
 
 
 def _drawn(space: Space, steps: NDArray) -> NDArray[np.float64]:

@@ -33,8 +33,8 @@ def refuse(x: NDArray, torque: NDArray, noise: float) -> None:
     beside = torque - np.polyval(np.polyfit(x - x.mean(), torque, 1), x - x.mean())
     if np.ptp(torque) > 0.0 and float(np.std(beside)) < STRAIGHT * float(np.ptp(torque)):
         raise ValueError(
-            f"torque must not follow x along a straight line, as it does within {STRAIGHT:.0%}: check that the torque's "
-            "column does not hold the displacement; a spring alone has no friction, so record wider strokes"
+            f"torque must not follow x along a straight line, as it does within {STRAIGHT:.0%}: check that the "
+            "torque's column does not hold the displacement; a spring alone has no friction, so record wider strokes"
         )
 
 

@@ -48,8 +48,8 @@ def _misfit(found: "Fit", ready: "Prepared") -> list[str]:
         return []
     times = f", {found.residual / ready.own_noise:.3g} times the record's own noise" if ready.own_noise > 0.0 else ""
     return [
-        f"the law does not describe the record: it leaves {found.residual:.3g} N m, {found.residual / level:.1%} of the "
-        f"level{times}; the intervals are of the law that fits best, not of the friction: try another law with "
+        f"the law does not describe the record: it leaves {found.residual:.3g} N m, {found.residual / level:.1%} of "
+        f"the level{times}; the intervals are of the law that fits best, not of the friction: try another law with "
         "friction.compare"
     ]
 
@@ -74,8 +74,8 @@ def _sensors(ready: "Prepared", e: np.ndarray) -> list[str]:
     scales, texts = ready.scales, []
     if ready.noise > DOMINANT * scales.displacement:
         texts.append(
-            f"noise of x ({ready.noise:.3g} rad) is {ready.noise / scales.displacement:.0%} of the length over which the "
-            "torque follows a reversal: stiffness and damping are those of the filtered motion; use a finer sensor of x"
+            f"noise of x ({ready.noise:.3g} rad) is {ready.noise / scales.displacement:.0%} of the length over which "
+            "the torque follows a reversal: stiffness and damping are those of the filtered motion; use a finer sensor"
         )
     n = clipped(ready.record.torque)
     if n:

@@ -10,6 +10,9 @@ from numpy.typing import NDArray
 
 from steer_env.friction.law import Law
 
+REACH = math.log(1e6)  # of a logarithm about its start [1]
+LARGEST = 9.0  # relative excess: a break-away of ten times the sliding torque; assumed [1]
+
 
 class Sought(NamedTuple):
     """A parameter that is sought, by its coordinate q in scaled units [1].
@@ -22,8 +25,14 @@ class Sought(NamedTuple):
     logarithmic: bool
     base: str | None
     start: float  # of the coordinate [1]
-    bounded: bool  # whether the coordinate may not be negative
+    lowest: float  # of the coordinate: 0 where it may not be negative [1]
+    highest: float  # of the coordinate [1]
     neutral: float | None  # coordinate without effect; None: the law derives the parameter from the others [1]
+
+    @property
+    def bounded(self) -> bool:
+        """Whether the coordinate may not be negative."""
+        return self.lowest == 0.0
 
     @property
     def spare(self) -> bool:
@@ -43,14 +52,17 @@ def sought_of(law: Law, given: Mapping[str, Any]) -> tuple[Sought, ...]:
         pure = law.units.get(name) == "1"
         base = next((other for other in scalars if _at_least(law, scalars, name, other)), None)
         if base is not None:
-            result.append(Sought(name, False, base, 0.2, True, 0.0))
+            result.append(Sought(name, False, base, 0.2, 0.0, LARGEST, 0.0))
         elif _allowed(law, {name: 0.0}):
             start = value or 0.1 if pure else 0.1
-            result.append(Sought(name, False, None, start, not _allowed(law, {name: -1e-6}), 0.0))
+            lowest = -math.inf if _allowed(law, {name: -1e-6}) else 0.0
+            result.append(Sought(name, False, None, start, lowest, math.inf, 0.0))
         else:
             start = math.log(value) if pure else 0.0
+            lowest = _lowest(law, name, start) if pure else start - REACH
+            start = max(start, lowest + 0.1)
             derived = signature[name].default is None
-            result.append(Sought(name, True, None, start, False, None if derived else start))
+            result.append(Sought(name, True, None, start, lowest, start + REACH, None if derived else start))
     return tuple(result)
 
 
@@ -63,6 +75,17 @@ def _at_least(law: Law, scalars: Mapping[str, float], name: str, other: str) -> 
     return _allowed(law, zeros | {other: value, name: value}) and not _allowed(
         law, zeros | {other: value, name: 0.99 * value}
     )
+
+
+def _lowest(law: Law, name: str, start: float) -> float:
+    """The least logarithm of a pure number that the law allows, within ``REACH`` of its default."""
+    low, high = start - REACH, start
+    if _allowed(law, {name: math.exp(low)}):
+        return low
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if _allowed(law, {name: math.exp(middle)}) else (middle, high)
+    return high + 1e-12
 
 
 def _allowed(law: Law, values: Mapping[str, Any]) -> bool:
@@ -82,6 +105,7 @@ class Space(NamedTuple):
     tied: Mapping[str, tuple[str, float]]  # others, as a relative excess over their base
     start: NDArray[np.float64]  # (N,) about the record's own scales
     inside: NDArray[np.float64]  # (N,) a set that the law allows
+    relaxed: bool = False  # whether sets count that the kernels take and the constructor refuses
 
     def values(self, q: NDArray) -> dict[str, Any]:
         """Keywords of the law's constructor."""
@@ -94,14 +118,15 @@ class Space(NamedTuple):
     def made(self, q: NDArray) -> tuple[Any, float]:
         """Parameters at ``q``, or at a set nearby that the law allows, and how far off that is.
 
-        Coordinates that may not be negative are cut to zero. Then the one coordinate is moved towards ``inside`` that
+        Coordinates are cut to their bounds. Then the one coordinate is moved towards ``inside`` that
         has the shortest way, or else all of them together.
         """
-        cut = np.where([s.bounded for s in self.sought], np.maximum(q, 0.0), q)
+        cut = np.clip(q, [s.lowest for s in self.sought], [s.highest for s in self.sought])
         try:
             return self.law.make(**self.values(cut)), float(np.linalg.norm(q - cut))
         except (ValueError, OverflowError):
-            pass
+            if self.relaxed and set(self.values(cut)) == set(getattr(self.law.parameters, "_fields", ())):
+                return self.law.parameters(**self.values(cut)), float(np.linalg.norm(q - cut))
         ends = [end for end in (self._moved(cut, axis) for axis in np.eye(q.size)) if end is not None]
         everywhere = self._moved(cut, np.ones(q.size))
         edge = min(ends, key=lambda end: float(np.linalg.norm(end - cut)), default=everywhere)
@@ -109,8 +134,9 @@ class Space(NamedTuple):
 
     def _moved(self, q: NDArray, along: NDArray) -> Any:
         """The first allowed set on the way to ``inside`` along some coordinates, None if there is none."""
-        way = (self.inside - q) * along
-        if not _allowed(self.law, self.values(q + way)):
+        end = np.where(along > 0.0, self.inside, q)
+        way = end - q
+        if not _allowed(self.law, self.values(end)):
             return None
         low, high = 0.0, 1.0
         for _ in range(40):
@@ -119,7 +145,7 @@ class Space(NamedTuple):
                 high = middle
             else:
                 low = middle
-        return q + high * way
+        return q + high * way if high < 1.0 else end
 
     def coordinates(self, parameters: Any) -> NDArray[np.float64]:
         """The coordinates of a set of parameters."""

@@ -172,6 +172,19 @@ def test_the_record_judges_on_what_was_not_fitted():
     assert whole.best.left[0] == pytest.approx(whole.best.fit.residual, rel=0.1)
 
 
+def test_the_criterion_charges_for_parameters_and_for_what_is_left():
+    """LuGre on a record of Dahl leaves as much and pays for what it determines more, Coulomb for what it leaves."""
+    record = friction_record.FrictionRecord(np.radians(X), F, DT, {"displacement": "rad", "torque": "N m"})
+    found = {each.law: each for each in friction_fit.collect(record, "own", ["dahl", "lugre", "coulomb"]).laws}
+    assert found["dahl"].criterion == 0.0
+    n = 0.5 * T.size
+    more = len(found["lugre"].fit.parameters) - len(found["lugre"].fit.undetermined) - 2
+    assert found["lugre"].criterion == pytest.approx(more * np.log(n), abs=10.0)
+    assert found["coulomb"].criterion > n
+    assert not found["lugre"].apart
+    assert found["coulomb"].apart
+
+
 def test_noise_of_the_displacement_is_told_and_taken_out():
     """0.02 deg over 6 deg of travel: the level within 2 %, and what is left is the torque's noise."""
     noisy = np.radians(X + np.random.default_rng(2).normal(0.0, 0.02, T.size))
