@@ -33,6 +33,7 @@ class Law(NamedTuple):
     steepest_fall: Callable[[Any, float, float], float]  # of parameters, torque scale, step [N m s/rad]
     relaxes: bool
     modes: Callable[[Any], int]
+    permission: Callable[[Any], Mapping[str, Any]]
     advance: Callable
     torque: Callable
     rate: Callable
@@ -61,6 +62,7 @@ def _no_energy(p, memory):
     return 0.0
 
 
+# Long: its docstring is the contract of every law.
 def register(
     name: str,
     parameters: type,
@@ -79,11 +81,12 @@ def register(
     relaxes: bool = False,
     modes: Callable[[Any], int] | None = None,
     cut_back: Callable | None = None,
+    permission: Callable[[Any], Mapping[str, Any]] | None = None,
 ) -> None:
     """Make a law known under a name; one call at the end of the law's file.
 
     A law with memory may leave out ``advance``, ``mean_torque`` and ``solve``: :mod:`steer_env.friction.ode` integrates
-    ``rate`` and ``torque``, to 1e-10 in every substep.
+    it.
 
     Parameters
     ----------
@@ -107,22 +110,22 @@ def register(
     mean_torque : ``(p, torque_scale, memory, w, h) -> (float, float)``, optional
         Exact mean torque over ``h`` at constant ``w`` [N m], and its derivative by ``w`` [N m s/rad].
     solve : ``(p, torque_scale, memory, S, R, h, w_guess) -> float``, optional
-        The speed ``w`` that solves ``S w + mean_torque(w) = R``. A law without this function is solved by a safeguarded
-        Newton iteration on ``mean_torque``, which starts at ``w_guess``.
+        The speed ``w`` with ``S w + mean_torque(w) = R``; by default from a safeguarded Newton iteration.
     fitted : tuple of str, or ``(problem) -> (parameters, elements)``, optional
-        For ``friction.fit``: the parameters without which it makes no sense; or, of a law with arrays, a function from
-        an ``identification.problem.Problem`` to a set with these arrays, and to ``Elements``.
+        For ``friction.fit``: the parameters that it needs; or, of a law with arrays, their ``Elements`` from a record.
     units : mapping, optional
         Unit of each field of ``parameters``, ``{"sigma_0": "N m/rad"}``, by which ``friction.fit`` scales; or ``"1"``.
     steepest_fall : ``(p, torque_scale, h) -> float``, optional
         The largest decrease of the mean torque over ``h`` with the speed [N m s/rad], over every memory and speed; 0
         by default. The step equation has one solution where ``S`` is larger; another plant is refused. No kernel.
     relaxes : bool
-        Whether a loaded memory gives way at rest, as a spring in series with a damper does.
+        Whether a loaded memory gives way at rest (``rate`` is not zero), as a spring behind a damper does.
     modes : callable, optional
         Parameters -> number of floats at the end of the memory that change in jumps (stick, slip), of rate zero.
     cut_back : ``(p, torque_scale, memory) -> None``, optional
         Of a law that is integrated: cuts the memory back to what break-away allows where the torque scale has fallen.
+    permission : callable, optional
+        Parameters -> keywords beyond the fields without which ``make`` would refuse the set, as ``allow_active``.
 
     Raises
     ------
@@ -140,6 +143,7 @@ def register(
         steepest_fall=steepest_fall or (lambda p, torque_scale, h: 0.0),
         relaxes=relaxes,
         modes=modes or (lambda p: 0),
+        permission=permission or (lambda p: {}),
         **_completed(name, parameters, given),
     )
     LAWS.register(name, law, parameters)
@@ -241,7 +245,12 @@ def parts(friction: Any) -> tuple[str, dict[str, Any]]:
             f"{friction!r} is not a set of friction parameters; give a name ({', '.join(available())}), text as"
             f" 'masing,elements=20', a mapping as {EXAMPLE}, or parameters from friction.make"
         )
-    return law_of(friction).name, friction._asdict()
+    return law_of(friction).name, _keywords(friction)
+
+
+def _keywords(parameters: Any) -> dict[str, Any]:
+    """What ``make`` takes for these parameters."""
+    return {**parameters._asdict(), **law_of(parameters).permission(parameters)}
 
 
 def as_mapping(parameters: Any) -> dict[str, Any]:
@@ -252,7 +261,7 @@ def as_mapping(parameters: Any) -> dict[str, Any]:
     ValueError
         If they are not parameters of a registered law.
     """
-    values = {key: np.asarray(value).tolist() for key, value in parameters._asdict().items()}
+    values = {key: np.asarray(value).tolist() for key, value in _keywords(parameters).items()}
     return {"law": law_of(parameters).name, **values}
 
 

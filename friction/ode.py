@@ -8,9 +8,10 @@ entry of the memory and of its change, and below TOLERANCE of the torque. The de
 quotient of two runs in the same substeps. Nothing prefers a side, so the mirrored history gives the mirrored results to
 the bit, and a rate of zero leaves the memory as it is.
 
-Friction that slides at constant speed becomes steady. Where every rate has fallen to TOLERANCE of that from rest, the
-remainder of the step is taken as steady, so that long steps cost no more than the way there. After MOST_SUBSTEPS,
-which no law with a fading memory needs, memory and torque become NaN, and the plant reports it.
+Friction that slides at constant speed becomes steady. Where the rate of every entry of the memory, over its change with
+that entry in the last substep, is below TOLERANCE of the entry, no more than that is left to change, and the remainder
+of the step is taken as steady: long steps cost no more than the way there. After MOST_SUBSTEPS, which no law with a
+fading memory needs, memory and torque become NaN, and the plant reports it.
 
 The memory of such a law holds its ``memory_size`` floats and behind them the space that the integration works in, which
 is zero between the steps. Its own functions receive their own floats only.
@@ -31,8 +32,7 @@ MOST_SUBSTEPS = 100_000
 STEP_OF_SPEED = 1e-6  # for the derivative, relative to the speed [1]
 LEAST_STEP_OF_SPEED = 1e-9  # for the derivative at rest, assumed small beside every speed of the law [rad/s]
 STAGES = 7
-# Memory, its course and that at another speed, their ends of a substep, rates from rest, rates of the stages.
-BLOCKS = 6 + STAGES
+BLOCKS = 5 + STAGES  # memory, its course and that at another speed, their ends of a substep, rates of the stages
 
 # Row i: weights of the rates of the stages before stage i; the last row is the result of order 5.
 A = np.array(
@@ -102,7 +102,7 @@ def memory_size(p: Any) -> int:
 
 
 @kernel
-def _substep(p, torque_scale, start, end, rates, from_rest, w, h):
+def _substep(p, torque_scale, start, end, rates, w, h):
     """One step of the method from the memory ``start`` to ``end``.
 
     Returns the mean torque [N m], the largest error over its tolerance, NaN where something is not finite, and whether
@@ -127,11 +127,13 @@ def _substep(p, torque_scale, start, end, rates, from_rest, w, h):
     worst = _larger(0.0, error, size)
     steady = True
     for j in range(n):
-        steady = steady and abs(rates[j]) <= TOLERANCE * from_rest[j]
+        size = max(abs(start[j]), abs(end[j]))
+        bend = abs(rates[(STAGES - 1) * n + j] - rates[j])
+        steady = steady and abs(rates[j] * (end[j] - start[j])) <= TOLERANCE * size * bend
         error = 0.0
         for i in range(STAGES):
             error += DIFFERENCE[i] * rates[i * n + j]
-        worst = _larger(worst, h * error, max(abs(start[j]), abs(end[j])) + h * abs(rates[j]))
+        worst = _larger(worst, h * error, size + h * abs(rates[j]))
     return mean, worst, steady
 
 
@@ -158,10 +160,8 @@ def _course(p, torque_scale, memory, w, step_of_speed, h):
         memory[3 * n : 4 * n],
         memory[4 * n : 5 * n],
     )
-    from_rest, rates = memory[5 * n : 6 * n], memory[6 * n :]
-    own_rate(p, torque_scale, course, w, from_rest)  # at rest the course is zero, as it is still
+    rates = memory[5 * n :]
     for j in range(n):
-        from_rest[j] = abs(from_rest[j])
         course[j] = memory[j]
     own_cut(p, torque_scale, course)
     for j in range(n):
@@ -170,23 +170,32 @@ def _course(p, torque_scale, memory, w, step_of_speed, h):
     faster = w + step_of_speed
     left = dt = h
     for _ in range(MOST_SUBSTEPS):
-        mean, excess, steady = _substep(p, torque_scale, course, end, rates, from_rest, w, dt)
+        mean, excess, steady = _substep(p, torque_scale, course, end, rates, w, dt)
         if step_of_speed != 0.0:
-            mean_other, excess_other, too = _substep(p, torque_scale, other, end_other, rates, from_rest, faster, dt)
-            excess, steady = max(excess, excess_other), steady and too
-        if steady:
-            T += left * own_torque(p, torque_scale, course, w)
-            return T, T_other + left * own_torque(p, torque_scale, other, faster)
-        if not excess > 1.0:  # also where it is NaN, which no shorter step mends
+            mean_other, excess_other, too = _substep(p, torque_scale, other, end_other, rates, faster, dt)
+            excess = excess if excess_other <= excess else excess_other
+            steady = steady and too
+        if excess <= 1.0:
             T += dt * mean
             T_other += dt * mean_other
             for j in range(n):
                 course[j] = end[j]
                 other[j] = end_other[j]
-            if dt >= left:
+            left -= dt  # exactly zero in the last substep
+            if steady:
+                T += left * own_torque(p, torque_scale, course, w)
+                return T, T_other + left * own_torque(p, torque_scale, other, faster)
+            if left == 0.0:
                 return T, T_other
-            left -= dt
-        dt *= min(5.0, max(0.2, 0.9 * excess**-0.2)) if excess > 0.0 else 5.0
+        if math.isnan(excess):  # a substep too long for numbers, or a memory that is not finite, which ends it
+            finite = True
+            for j in range(n):
+                finite = finite and abs(course[j]) < math.inf
+            if not (finite and abs(w) < math.inf):
+                break
+            dt *= 0.2
+        else:
+            dt *= min(5.0, max(0.2, 0.9 * excess**-0.2)) if excess > 0.0 else 5.0
         dt = min(dt, left)
     for j in range(n):
         course[j] = math.nan

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from steer_env import friction
 from steer_env.friction import law
 from steer_env.friction.models.gms import level as gms_level
-from steer_env.friction.models.lugre import LuGre, saturation
+from steer_env.friction.models.lugre import saturation
 from steer_env.friction.models.masing import Masing, virgin_torque
 
 Array = NDArray[np.float64]
@@ -42,9 +42,8 @@ def _oracle(what: str, limit: float, unit: str) -> Callable[[Callable[[], Iterab
 
 
 STRIBECK = friction.make("lugre", sigma_1=1.0, sigma_2=0.6, F_c=0.9, F_s=1.35, v_s=0.02)
-ACTIVE = LuGre(
-    sigma_0=100.0, sigma_1=2.0, sigma_2=0.1, F_c=0.9, F_s=1.5, v_s=0.05
-)  # not passive; it only serves the formula
+# Not passive; it only serves the formula.
+ACTIVE = friction.make("lugre", sigma_1=2.0, sigma_2=0.1, F_c=0.9, F_s=1.5, v_s=0.05, allow_active=True)
 # Binary fractions, with which sums of displacements are exact, so that results must be equal to the bit.
 DYADIC = friction.make("masing", k=[64.0, 32.0, 16.0, 8.0], y=[1 / 512, 1 / 256, 3 / 256, 1 / 32])
 RATIOS = (0.1, 1.0, 10.0)  # amplitude over pre-sliding distance
@@ -256,3 +255,41 @@ def coulomb_oscillator() -> Iterable[float]:
             yield abs(x - (-1) ** turns * (x_0 - turns * 2.0 * F / k))
         last = w
     yield math.inf if (turns, w) != (20, 0.0) else 0.0
+
+
+@_oracle("Elasto-plastic, loading: logistic beyond break-away", 1e-13, "of F_c")
+def elasto_plastic_loading() -> Iterable[float]:
+    """x = z up to z_ba, then z_ba + z_c b/(z_c + b) ln[(z + b) b/((z_c - z) z_c)], b = z_c - z_ba."""
+    p = friction.make("elasto_plastic", sigma_1=0.0, F_ba=0.6)
+    z_c, z_ba = p.F_c / p.sigma_0, p.F_ba / p.sigma_0
+    b = z_c - z_ba
+    z = np.linspace(0.0, 0.999, 50) * z_c
+    x = np.where(z <= z_ba, z, z_ba + z_c * b / (z_c + b) * np.log((z + b) * b / ((z_c - z) * z_c)))
+    for steps in (x, x[[0, -1]]):
+        yield np.abs(friction.response(p, steps, 1e-3) - p.sigma_0 * np.interp(steps, x, z)).max() / p.F_c
+
+
+@_oracle("Elasto-plastic does not drift below break-away", 1e-15, "of F_c")
+def elasto_plastic_drift() -> Iterable[float]:
+    """T = sigma_0 x, whatever the path."""
+    p = friction.make("elasto_plastic", sigma_1=0.0)
+    x = np.r_[0.0, np.random.default_rng(4).uniform(-1.0, 1.0, 200) * p.F_ba / p.sigma_0]
+    yield np.abs(friction.response(p, x, 1e-3) - p.sigma_0 * x).max() / p.F_c
+
+
+@_oracle("Bouc-Wen, loading with n = 1 and n = 2", 1e-9, "of F_c")
+def bouc_wen_loading() -> Iterable[float]:
+    """A/(b+g) (1 - exp(-(b+g) x)) and sqrt(A/c) tanh(sqrt(A c) x), c = b + g, in the parameters of the law."""
+    x = np.linspace(0.0, 0.1, 40)
+    for n, curve in ((1.0, lambda u: -np.expm1(-u)), (2.0, np.tanh)):
+        p = friction.make("bouc_wen", n=n, F_c=0.7)
+        yield np.abs(friction.response(p, x, 1e-3) / p.F_c - curve(p.sigma_0 / p.F_c * x)).max()
+
+
+@_oracle("Bouc-Wen with n = 1 and beta = 1 is Dahl", 1e-8, "of F_c")
+def bouc_wen_dahl() -> Iterable[float]:
+    """On a random path."""
+    x = np.cumsum(np.random.default_rng(6).normal(0.0, 4e-3, 300))
+    yield np.abs(
+        friction.response(friction.make("bouc_wen", n=1.0, beta=1.0), x, 1e-3) - friction.response("dahl", x, 1e-3)
+    ).max()

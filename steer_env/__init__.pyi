@@ -1,4 +1,17 @@
-from . import assists, drivers, experiments, friction, manoeuvres, metrics, recording, targets, tasks, tuning, vehicle
+from . import (
+    assists,
+    drivers,
+    experiments,
+    fmu,
+    friction,
+    manoeuvres,
+    metrics,
+    recording,
+    targets,
+    tasks,
+    tuning,
+    vehicle,
+)
 from .env import SteerEnv
 from .registration import REGISTERED
 from .vector import SteerVectorEnv
@@ -12,6 +25,7 @@ __all__ = [
     "assists",
     "drivers",
     "experiments",
+    "fmu",
     "friction",
     "manoeuvres",
     "metrics",

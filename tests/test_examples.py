@@ -1,11 +1,15 @@
 """The examples run, in short."""
 
 import importlib.util
+import sys
 from pathlib import Path
 
 import numpy as np
+import pytest
 
+from steer_env import friction
 from steer_env.experiments.cli.main import main
+from steer_env.friction import law
 from steer_env.vehicle import cars
 
 FOLDER = Path(__file__).parents[1] / "examples"
@@ -43,3 +47,32 @@ def test_tune_assist(tmp_path):
 def test_plan_by_cross_entropy():
     found = load("plan_by_cross_entropy").main(4.0)
     assert found["cross-entropy"] > found["zero action"]
+
+
+@pytest.fixture
+def own_laws(monkeypatch):
+    """The module of the example, importable in other processes too, and forgotten afterwards."""
+    monkeypatch.syspath_prepend(str(FOLDER))
+    with law.LAWS.restored():
+        yield importlib.import_module("own_friction_laws")
+        del sys.modules["own_friction_laws"]
+
+
+@pytest.mark.whole
+def test_own_friction_laws(own_laws, capsys):
+    own_laws.main()
+    assert capsys.readouterr().out.count("keeps every contract") == 2
+
+
+@pytest.mark.parametrize("i", [1.5, 2.0, 3.0])
+def test_the_equation_of_the_example_has_dahls_closed_form(own_laws, i):
+    """(1 - F/F_c)^(1-i) = 1 + (i - 1) sigma_0 x/F_c on loading."""
+    x = np.linspace(0.0, 0.05, 30)
+    F = friction.response({"law": "dahl_exponent", "i": i}, x, 1e-3)
+    np.testing.assert_allclose((1.0 - F / 0.9) ** (1.0 - i), 1.0 + (i - 1.0) * 100.0 * x / 0.9, rtol=1e-7)
+
+
+def test_the_page_on_own_laws_shows_the_example():
+    page = (FOLDER.parent / "docs" / "own_friction_law.md").read_text()
+    code = page.split("```python\n")[1].split("```")[0]
+    assert code in (FOLDER / "own_friction_laws.py").read_text()

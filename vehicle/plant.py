@@ -78,7 +78,7 @@ class Plant(NamedTuple):
 
 
 @part
-def _evaluate(p, state, u):
+def evaluate(p, state, u):
     """Evaluate the chassis at the present state: derivative, outputs and rack force; the last values become the former.
 
     The extrapolation gives a change of an input between two evaluations the effect of a change midway between them.
@@ -114,12 +114,31 @@ def _evaluate(p, state, u):
 
 
 @part
-def _step(p, state, hand, hand_speed, before, after, elapsed, u, h):
-    """Advance column, motor and chassis by one step ``h``; an evaluation of the chassis may follow."""
+def sample(p, state, speed, request):
+    """One sample of the assist at a vehicle speed [m/s]; the commands that act before and after its offset [N m]."""
     at = layout(p)
-    s = (state[at.steps] + 0.5) / STEPS_PER_CHASSIS_STEP  # middle of the step, in chassis steps after the evaluation
-    # (N1)
-    force = state[at.rack_force] + s * (state[at.rack_force] - state[at.rack_force + 1]) + u[RACK_DISTURBANCE]
+    torsion_bar_torque = p.column.K_tb * (state[column.HANDWHEEL_ANGLE] - state[column.COLUMN_ANGLE])
+    measured = Signals(
+        state[column.HANDWHEEL_ANGLE],
+        state[column.HANDWHEEL_SPEED],
+        state[column.COLUMN_SPEED],
+        torsion_bar_torque,
+        speed,
+    )
+    return eps.sample(
+        p.assist,
+        state[at.assist : at.steps],
+        torsion_bar_torque,
+        measured.column_speed,
+        measured.speed,
+        functions.requested(p.assist.functions, state[at.functions : at.memory], measured, request),
+    )
+
+
+@part
+def steer(p, state, hand, hand_speed, before, after, elapsed, force, h):
+    """Advance column and motor by one step ``h`` under a mean rack force ``force`` [N]."""
+    at = layout(p)
     motor = eps.motor_step(p.assist, state[at.assist : at.steps], before, after, elapsed, h)
     T_C = motor - p.pinion_radius * force  # (P2)
     state[at.hand_torque + 1] = state[at.hand_torque]
@@ -138,6 +157,12 @@ def _step(p, state, hand, hand_speed, before, after, elapsed, u, h):
     )
     state[at.hand_torque] = T1
     state[at.friction_torque] = T_F
+
+
+@part
+def roll(p, state, s, u, h):
+    """Advance the chassis by one step ``h``, whose middle lies ``s`` chassis steps after the last evaluation."""
+    at = layout(p)
     chassis.advance(
         p.chassis,
         state[at.chassis : at.rate],
@@ -155,10 +180,20 @@ def _step(p, state, hand, hand_speed, before, after, elapsed, u, h):
 
 
 @part
-def _report(p, state, u, row):
-    """Fill a row of channels at the present time."""
+def _step(p, state, hand, hand_speed, before, after, elapsed, u, h):
+    """Advance column, motor and chassis by one step ``h``; an evaluation of the chassis may follow."""
     at = layout(p)
-    s = state[at.steps] / STEPS_PER_CHASSIS_STEP
+    s = (state[at.steps] + 0.5) / STEPS_PER_CHASSIS_STEP  # middle of the step, in chassis steps after the evaluation
+    # (N1)
+    force = state[at.rack_force] + s * (state[at.rack_force] - state[at.rack_force + 1]) + u[RACK_DISTURBANCE]
+    steer(p, state, hand, hand_speed, before, after, elapsed, force, h)
+    roll(p, state, s, u, h)
+
+
+@part
+def report_column(p, state, row):
+    """Fill the channels of column and assist, the first of a row."""
+    at = layout(p)
     row[0] = state[column.HANDWHEEL_ANGLE]
     row[1] = state[column.HANDWHEEL_SPEED]
     # Step means are extrapolated to the end of the last step (N4); a prescribed hand torque is reported itself.
@@ -169,7 +204,14 @@ def _report(p, state, u, row):
     row[5] = p.column.K_tb * (state[column.HANDWHEEL_ANGLE] - state[column.COLUMN_ANGLE])
     row[6] = state[at.assist + eps.MOTOR_TORQUE]
     row[7] = 1.5 * state[at.friction_torque] - 0.5 * state[at.friction_torque + 1]
-    row[8] = state[at.rack_force] + s * (state[at.rack_force] - state[at.rack_force + 1])
+
+
+@part
+def report_chassis(p, state, u, row):
+    """Fill the rack force and the channels of the chassis, the rest of a row."""
+    at = layout(p)
+    s = state[at.steps] / STEPS_PER_CHASSIS_STEP
+    row[0] = state[at.rack_force] + s * (state[at.rack_force] - state[at.rack_force + 1])
     chassis.report(
         p.chassis,
         state[at.chassis : at.rate],
@@ -177,7 +219,7 @@ def _report(p, state, u, row):
         state[at.outputs_before : at.functions],
         s,
         u,
-        row[_OWN:],
+        row[1:],
     )
 
 
@@ -209,22 +251,7 @@ def run(p, state, inputs, record, substeps):
     for i in range(inputs.shape[0]):
         u = inputs[i]
         row = record[i if i < last else last]
-        torsion_bar_torque = p.column.K_tb * (state[column.HANDWHEEL_ANGLE] - state[column.COLUMN_ANGLE])
-        measured = Signals(
-            state[column.HANDWHEEL_ANGLE],
-            state[column.HANDWHEEL_SPEED],
-            state[column.COLUMN_SPEED],
-            torsion_bar_torque,
-            chassis.speed(p.chassis, state[at.chassis :]),
-        )
-        before, after = eps.sample(
-            p.assist,
-            state[at.assist : at.steps],
-            torsion_bar_torque,
-            measured.column_speed,
-            measured.speed,
-            functions.requested(p.assist.functions, state[at.functions : at.memory], measured, u[ASSIST_REQUEST]),
-        )
+        before, after = sample(p, state, chassis.speed(p.chassis, state[at.chassis :]), u[ASSIST_REQUEST])
         start, start_speed = state[column.HANDWHEEL_ANGLE], state[column.HANDWHEEL_SPEED]
         for j in range(substeps):
             hand, hand_speed = u[HAND], u[HAND_SPEED]
@@ -234,10 +261,11 @@ def run(p, state, inputs, record, substeps):
                 hand_speed = slope / T
             _step(p, state, hand, hand_speed, before, after, j * h, u, h)
             if state[at.steps] == STEPS_PER_CHASSIS_STEP:
-                _evaluate(p, state, u)
+                evaluate(p, state, u)
                 state[at.steps] = 0.0
         if i <= last or i == inputs.shape[0] - 1:
-            _report(p, state, u, row)
+            report_column(p, state, row)
+            report_chassis(p, state, u, row[_OWN - 1 :])
     finite = True
     for value in state:
         if not abs(value) < math.inf:

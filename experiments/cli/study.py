@@ -21,17 +21,22 @@ def add(commands: Any, common: argparse.ArgumentParser) -> None:
     study = commands.add_parser("study", help=text, description=more, parents=[common])
     study.add_argument("name", metavar="NAME", choices=tuple(studies), help="name of the study")
     study.add_argument("options", metavar="...", nargs=argparse.REMAINDER, help="options of the study")
-    study.set_defaults(function=lambda args: _study(args, studies[args.name]))
+    # 'rerun' gives the place of the result and the car of its trace
+    study.set_defaults(function=lambda args: _study(args, studies[args.name]), out="", vehicle=None)
 
 
 def _study(args: argparse.Namespace, module: str) -> int | None:
     if args.name in EXTRAS:
         require(EXTRAS[args.name], f"the study {args.name}")
-    main = importlib.import_module(module).main
+    main, words = importlib.import_module(module).main, [*args.options, *(["--out", args.out] if args.out else [])]
     if args.name not in SWEEPING:
-        return main(args.options)
+        return main(words)
     given = argparse.Namespace(modules=args.modules)
-    chosen, options = _sweep_parser(args.name).parse_known_args(args.options, given)
+    chosen, options = _sweep_parser(args.name).parse_known_args(words, given)
+    if args.vehicle is not None:
+        from steer_env.vehicle import cars
+
+        return main(options, runner(chosen), cars.load(args.vehicle))
     return main(options, runner(chosen))
 
 

@@ -20,9 +20,11 @@ from steer_env.experiments.output.pages import environment, image
 from steer_env.experiments.output.traces import embedded
 from steer_env.experiments.output.words import number as shown_number
 from steer_env.experiments.output.words import span
-from steer_env.experiments.report.friction_fit import SHOWN, Found, Judged, contents
+from steer_env.experiments.report.friction_fit import SHOWN, Found, Judged, contents, known_from
 from steer_env.friction.law import LAWS
 from steer_env.recording import friction_checks
+
+WITHIN = 1.5  # of the record's own repeatability: a law that leaves no more describes the record; assumed [1]
 
 
 class Row(NamedTuple):
@@ -60,6 +62,8 @@ def verdict(found: Found) -> str:
     if found.repeats is not None:
         own = percent(found, found.repeats)
         text += f"; from one period to the next the record itself differs by {shown_number(own)} %"
+        if value > WITHIN * own:
+            text += ", so that no law here describes all of it"
     return text[0].upper() + text[1:] + "."
 
 
@@ -137,7 +141,7 @@ def law_file(found: Found, each: Judged, trace: Mapping[str, Any]) -> dict[str, 
 def as_json(found: Found, trace: Mapping[str, Any]) -> dict[str, Any]:
     """Everything that was found, as JSON; null for an end of an interval that is open."""
     r = found.record
-    own = friction_checks.period(r.x)
+    own = friction_checks.period(r.motion)
     return {
         "record": {
             "name": found.name,
@@ -159,6 +163,7 @@ def as_json(found: Found, trace: Mapping[str, Any]) -> dict[str, Any]:
             if each.fit is None
             else {
                 **{key: value for key, value in law_file(found, each, {}).items() if key not in ("trace", "notes")},
+                "criterion": _plain(each.criterion),
                 "apart_from_best": each.apart,
             }
             for each in found.laws
@@ -178,11 +183,10 @@ def shown(found: Found) -> fit_pictures.Shown:
     """The record in the units of the page, with its last whole loop."""
     r = found.record
     (x_unit, x_size), (unit, size) = SHOWN[r.units["displacement"]], SHOWN[r.units["torque"]]
-    n, turns = friction_checks.period(r.x), friction_checks.turns(r.x)
-    known = int(turns[1]) if turns.size > 2 else 0
+    n, known = friction_checks.period(r.motion), known_from(r)
     loop = slice(-n if n else None, None)
     return fit_pictures.Shown(
-        r.time, r.x / x_size, r.friction / size, x_unit, unit, loop, known, found.first or r.x.size
+        r.time, r.motion / x_size, r.friction / size, x_unit, unit, loop, known, found.first or r.x.size
     )
 
 

@@ -25,8 +25,9 @@ Array = NDArray[np.float64]
 NAME = "canudas1995"
 MICRO = 1e6  # micrometres in a metre
 SETTLED = 50.0  # time from which on hunting is read, and length of the last part of it [s]
-# Marks of an effect, assumed: of a hundredth of F_c, a tenth of the time, a twentieth of the unit step.
-SEEN, STICKS, HUNTS = 0.01 * PAPER.F_c, 0.1, 0.05
+# Marks of an effect, assumed: a hundredth of F_c, a tenth of the time, a twentieth of the unit step, and what has to be
+# left of a swing after 50 s.
+SEEN, STICKS, HUNTS, LASTS = 0.01 * PAPER.F_c, 0.1, 0.05, 0.9
 AT_REST = 1e-3  # speed below which the mass counts as sticking, a hundredth of the drawn end's [m/s]
 
 
@@ -111,6 +112,7 @@ class Traits(NamedTuple):
     stuck: float  # share of the time at rest in stick-slip, from the first slip on [1]
     slips: int
     swing: float  # of the position in the last 50 s under position control [m]
+    before: float  # the same in the 50 s before [m]
 
     @property
     def presliding(self) -> bool:
@@ -125,7 +127,7 @@ class Traits(NamedTuple):
             "frictional lag": abs(self.lag) > SEEN,
             "a break-away force that falls with the force rate": self.presliding and self.slow - self.fast > SEEN,
             "stick-slip": self.slips > 1 and self.stuck > STICKS,
-            "hunting": self.swing > HUNTS,
+            "hunting": self.swing > max(HUNTS, LASTS * self.before),
         }
 
 
@@ -139,7 +141,8 @@ def traits(name: str) -> Traits:
     motion, controlled = mass.stick_slip(sliding), mass.hunting(sliding)
     slips = mass.upward_crossings(motion.t, motion.w, mass.TURN)
     after = motion.t > slips[0] if slips.size else np.ones(motion.t.size, bool)
-    last = controlled.x[controlled.t > controlled.t[-1] - SETTLED]
+    since = controlled.t[-1] - controlled.t
+    before, last = (np.ptp(controlled.x[(since >= k * SETTLED) & (since < (k + 1) * SETTLED)]) for k in (1, 0))
     return Traits(
         elastic=float(at[0]),
         creep=float(at[1] - at[0]),
@@ -148,7 +151,8 @@ def traits(name: str) -> Traits:
         fast=fast,
         stuck=float(np.mean(np.abs(motion.w[after]) < AT_REST)),
         slips=int(slips.size),
-        swing=float(np.ptp(last)),
+        swing=float(last),
+        before=float(before),
     )
 
 
@@ -185,7 +189,8 @@ CLAIMS = {
     "Hunting": (
         "A position controller with an integral part hunts around its target.",
         "Unit step of the position with K_v 6, K_p 3, K_i 4 for 200 s.",
-        "Swing of the last 50 s above 0.05 m counts as hunting (assumed); a slower decay would count, too.",
+        "A swing of the last 50 s above 0.05 m that is 0.9 or more of that of the 50 s before counts as hunting "
+        "(assumed).",
     ),
 }
 

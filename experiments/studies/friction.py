@@ -14,6 +14,7 @@ from steer_env.experiments.studies.common import page
 from steer_env.experiments.studies.common.friction_json import as_json
 from steer_env.experiments.studies.common.friction_results import QUICK, Results, collect, full
 from steer_env.experiments.sweep import Runner, run
+from steer_env.vehicle.cars import Car
 
 NAME = "friction"
 
@@ -33,7 +34,7 @@ def build(r: Results) -> page.Page:
     return page.Page(NAME, "Which friction law?", lead, verdict, [accuracy, cost, *others], [timed])
 
 
-def main(argv: Sequence[str] | None = None, sweep: Runner = run) -> None:
+def main(argv: Sequence[str] | None = None, sweep: Runner = run, car: Car | None = None) -> None:
     """Answer which friction law is more accurate, which runs in real time, and what the choice changes."""
     parser = page.parser(NAME, main.__doc__)
     car_options.add(parser)
@@ -41,7 +42,7 @@ def main(argv: Sequence[str] | None = None, sweep: Runner = run) -> None:
     parser.add_argument("--quick", action="store_true", help=text)
     args = parser.parse_args(argv)
     page.check(args.out, NAME)
-    car = car_options.load(args)
+    car = car or car_options.load(args)
     with progress("computing") as notify:
         results = collect(car, QUICK if args.quick else full(), sweep=sweep, notify=notify)
     found = build(results)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from steer_env import friction, manoeuvres
 from steer_env.friction.defaults import F_C, SIGMA_0
-from steer_env.friction.law import advance, law_of, rate, torque
+from steer_env.friction.law import advance, law_of, torque
 from steer_env.manoeuvres.hold import RISE
 from steer_env.metrics.hold import SETTLING
 from steer_env.recording.recording import DEGREE
@@ -99,20 +99,6 @@ def dry(p: Any) -> bool:
 def set_valued(p: Any) -> bool:
     """Whether the torque of a law jumps where motion begins."""
     return _creep_torque(p, 0.0) > NO_TORQUE
-
-
-def ordinary(p: Any) -> bool:
-    """Whether a differential equation gives the memory of a law: not where it notes events, as stick and slip.
-
-    A motion into saturation is integrated with the law's own ``rate`` and compared with what the law makes of it.
-    """
-    size, w, h = law_of(p).memory_size(p), 0.05, 2e-5
-    exact, summed, change = np.zeros(size), np.zeros(size), np.zeros(size)
-    for _ in range(20_000):
-        rate(p, 1.0, summed, w, change)
-        summed += h * change
-        advance(p, 1.0, exact, w, h)
-    return bool(np.allclose(summed, exact, rtol=0.01, atol=0.01 * np.abs(exact).max(initial=0.0)))
 
 
 class Calibration(NamedTuple):

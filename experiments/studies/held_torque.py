@@ -199,13 +199,13 @@ def build(results: Results, car: str) -> tuple[page.Page, dict[str, Any]]:
     return page.Page(NAME, "Held torque: does Masing friction vibrate?", lead, verdict, [main_section, others]), data
 
 
-def main(argv: Sequence[str] | None = None, sweep: Runner = run) -> None:
+def main(argv: Sequence[str] | None = None, sweep: Runner = run, car: Car | None = None) -> None:
     """Repeat the held-torque comparison of LuGre and Masing with every law, and write a page."""
     parser = page.parser(NAME, main.__doc__)
     car_options.add(parser)
     args = parser.parse_args(argv)
     page.check(args.out, NAME)
-    car, laws = car_options.load(args), list(friction.available())
+    car, laws = car or car_options.load(args), list(friction.available())
     with progress("driving") as notify:
         results = collect(car, laws, sweep, notify)
     found, data = build(results, car.name)

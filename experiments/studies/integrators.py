@@ -19,10 +19,12 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from steer_env import friction
-from steer_env.experiments.studies.friction_laws import ordinary, set_valued
+from steer_env.experiments.studies.friction_laws import set_valued
 from steer_env.friction.law import advance, law_of, rate, torque
 from steer_env.friction.numerics.kernel import kernel
 from steer_env.vehicle.steering import column
+
+SMALLEST = math.ulp(0.0)  # speed next to zero [rad/s]
 
 
 class Case(NamedTuple):
@@ -84,7 +86,9 @@ def backward_euler_step(c, p, q, memory, work, T1, K_road, h):
     rest = _end_torque(p, memory, work, 0.0, h)
     side = 1.0 if R > rest else -1.0
     low, high = 0.0, abs(R - rest) / S
-    while side * (S * side * high + _end_torque(p, memory, work, side * high, h) - R) < 0.0:
+    if side * (_end_torque(p, memory, work, side * SMALLEST, h) - R) >= 0.0:
+        high = 0.0  # a set-valued law sticks: the bisection would halve a thousand times to find it
+    while high > 0.0 and side * (S * side * high + _end_torque(p, memory, work, side * high, h) - R) < 0.0:
         low, high = high, 2.0 * high
     while True:
         middle = 0.5 * (low + high)
@@ -169,12 +173,12 @@ def reference(case: Case, h: float, tolerance: float = 1e-10) -> NDArray[np.floa
     """Mean friction torque over steps of ``h``, (N,) [N m], by scipy's DOP853 on the plain differential equations.
 
     The impulse of the friction torque is integrated with the states, so its differences are exact means. A law that
-    is set-valued or notes events has no differential equation: its reference is the midpoint scheme at 2 us, or at a
-    fifth of the step.
+    is set-valued or has modes, such as stick and slip, has no differential equation: its reference is the midpoint
+    scheme at 2 us, or at a fifth of the step.
     """
     p, c = case.friction, case.c
     n = round(case.duration / h)
-    if set_valued(p) or not ordinary(p):
+    if set_valued(p) or law_of(p).modes(p):
         parts = max(round(h / 2e-6), 5)
         fine, _ = integrate(case, "midpoint", h / parts)
         return fine.reshape(n, parts).mean(axis=1)

@@ -20,14 +20,14 @@ beyond the deflection at break-away is cut back to it.
 """
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from steer_env.friction import defaults
 from steer_env.friction.bristle import decay, displaced, held
 from steer_env.friction.law import register
-from steer_env.friction.numerics.check import not_negative, positive
+from steer_env.friction.numerics.check import flag, not_negative, positive
 from steer_env.friction.numerics.kernel import kernel
 
 
@@ -50,17 +50,20 @@ def make(
     F_c: float = defaults.F_C,
     F_s: float | None = None,
     v_s: float = 0.1,
+    allow_active: Any = False,
 ) -> LuGre:
     """Checked LuGre parameters.
 
-    ``F_s`` defaults to ``F_c``, because steering rigs show no Stribeck effect; the default ``v_s`` is assumed.
+    ``F_s`` defaults to ``F_c``, because steering rigs show no Stribeck effect; the default ``v_s`` is assumed. With
+    ``allow_active`` a set that creates energy at some speeds is taken too, as that of the paper is.
 
     Raises
     ------
     ValueError
-        For a value out of range, for ``F_s < F_c``, and for a set that creates energy: with constant ``sigma_1`` the
-        law is passive at all speeds only if ``sigma_2 >= sigma_1 (F_s - F_c)/F_c``.
+        For a value out of range, for ``F_s < F_c``, and, unless that is allowed, for a set that creates energy: with
+        constant ``sigma_1`` the law is passive at all speeds only if ``sigma_2 >= sigma_1 (F_s - F_c)/F_c``.
     """
+    allowed = flag("allow_active", allow_active)
     F_c = positive("F_c", F_c)
     F_s = F_c if F_s is None else positive("F_s", F_s)
     p = LuGre(
@@ -73,14 +76,21 @@ def make(
     )
     if F_s < F_c:
         raise ValueError(f"F_s must be at least F_c = {F_c:g} N m, got {F_s:g}")
-    least = p.sigma_1 * (F_s - F_c) / F_c  # (F10)
-    if p.sigma_2 < least * (1 - 1e-12):
+    if not allowed and _active(p):
         raise ValueError(
-            f"sigma_2 must be at least sigma_1 (F_s - F_c)/F_c = {least:g} N m s/rad for a passive LuGre law, "
-            f"got {p.sigma_2:g}; lower sigma_1 or F_s, or construct steer_env.friction.models.lugre.LuGre, which does "
-            "not check, to study a set that creates energy"
+            f"sigma_2 must be at least sigma_1 (F_s - F_c)/F_c = {_least_sigma_2(p):g} N m s/rad for a passive LuGre "
+            f"law, got {p.sigma_2:g}; lower sigma_1 or F_s, or allow_active=True to study a set that creates energy"
         )
     return p
+
+
+def _least_sigma_2(p: LuGre) -> float:
+    return p.sigma_1 * (p.F_s - p.F_c) / p.F_c  # (F10)
+
+
+def _active(p: LuGre) -> bool:
+    """Whether the set creates energy at some speeds."""
+    return p.sigma_2 < _least_sigma_2(p) * (1 - 1e-12)
 
 
 @kernel
@@ -163,6 +173,7 @@ register(
     mean_torque=mean_torque,
     fitted=("sigma_0", "F_c"),
     steepest_fall=steepest_fall,
+    permission=lambda p: {"allow_active": True} if _active(p) else {},
     units={
         "sigma_0": "N m/rad",
         "sigma_1": "N m s/rad",

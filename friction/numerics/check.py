@@ -43,6 +43,21 @@ def read_number(text: str) -> Any:
         return text
 
 
+def flag(name: str, value: Any) -> bool:
+    """``value`` as a truth value: True or False, 1 or 0, or the words, as the command line gives them.
+
+    Raises
+    ------
+    ValueError
+        Naming the parameter and the value received.
+    """
+    words = {"true": True, "false": False}
+    known = words.get(value.lower()) if isinstance(value, str) else value
+    if isinstance(known, bool | int | float) and known in (0, 1):
+        return bool(known)
+    raise ValueError(f"{name} must be True or False (1 or 0), got {value!r}")
+
+
 def whole(name: str, value: Any, minimum: int) -> int:
     """``value`` as an int, if it is a whole number, of Python or of numpy, and not below ``minimum``.
 

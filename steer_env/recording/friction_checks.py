@@ -16,6 +16,7 @@ BAND = 0.05  # of the travel: a smaller swing is no reversal [1]
 LEAST_WORK = 0.1  # net work over the sum of its magnitudes, below which a record has no sign [1]
 CONCAVE = 0.35  # of a branch's rise that friction has reached at half its way, at least [1]; a straight line has 0.5
 CLIPPED = 20  # samples in a row at the largest value that are taken for a sensor at its end
+ALTERNATING = 0.6  # third differences that change their sign, at least [1]; of white noise 0.77 do
 NOISY = 1e-3  # noise of a sensor's signal over its range, at least [1]
 DRIFT = 0.03  # of the level: a smaller drift of the zero is not told [1]
 ALIKE = 0.9  # correlation of the displacement with itself one period later, at least [1]
@@ -108,18 +109,22 @@ def clipped(friction: Array) -> str | None:
 def _noise(values: Array) -> float:
     """Standard deviation of white noise on a smooth history between its ends, by the third differences.
 
-    They have 20 times its variance. Zero where few samples lie between the ends.
+    They have 20 times its variance, and change their sign from sample to sample as those of a smooth motion do not.
+    Zero where few samples lie between the ends.
     """
     between = (values > values.min()) & (values < values.max())
     whole = between[3:] & between[2:-1] & between[1:-2] & between[:-3]
-    there = np.abs(np.diff(values, 3))[whole]
-    return 1.4826 * float(np.median(there)) / math.sqrt(20.0) if there.size > CLIPPED else 0.0
+    there = np.diff(values, 3)[whole]
+    if there.size <= CLIPPED or np.mean(there[1:] * there[:-1] < 0.0) < ALTERNATING:
+        return 0.0
+    return 1.4826 * float(np.median(np.abs(there))) / math.sqrt(20.0)
 
 
 def drift(t: Array, x: Array, friction: Array) -> tuple[float, float]:
     """Slope of the middle of the loops over time, and the drift over the record as a share of the level.
 
-    Zero where the record has fewer than three loops, or where the slope is within three standard errors.
+    Zero where the record has fewer than three loops, where the slope is within three standard errors, or where its two
+    halves do not agree.
     """
     at = turns(x)
     ends = at[::2]
@@ -127,6 +132,11 @@ def drift(t: Array, x: Array, friction: Array) -> tuple[float, float]:
         return 0.0, 0.0
     instants = np.array([0.5 * (t[a] + t[b]) for a, b in pairwise(ends)])
     middles = np.array([middle(x[a : b + 1], friction[a : b + 1]) for a, b in pairwise(ends)])
+    half = middles.size // 2
+    if half > 2:  # a memory that settles moves the first loops, a drift all of them
+        parts = [np.polyfit(instants[part], middles[part], 1)[0] for part in (slice(half), slice(half, None))]
+        if min(parts) * max(parts) <= 0.0 or min(map(abs, parts)) < 0.3 * max(map(abs, parts)):
+            return 0.0, 0.0
     (slope, _), covariance = np.polyfit(instants, middles, 1, cov="unscaled")
     left = middles - np.polyval(np.polyfit(instants, middles, 1), instants)
     error = math.sqrt(covariance[0, 0] * np.sum(left**2) / (middles.size - 2))

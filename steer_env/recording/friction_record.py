@@ -7,10 +7,12 @@ column from assist, rack force, inertia and damping. The units are rad and N m, 
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
 from steer_env.friction import defaults, fitted_file
+from steer_env.friction.identification.displacement import motion_of, noise_of
 from steer_env.friction.numerics.check import not_negative, positive
 from steer_env.recording import friction_checks as checks
 from steer_env.recording.channel_mapping import FRICTION
@@ -74,6 +76,11 @@ class FrictionRecord:
         """Time of the samples (T,) [s]."""
         return self.start + self.dt * np.arange(self.x.size, dtype=float)
 
+    @cached_property
+    def motion(self) -> Array:
+        """The displacement (T,) without its noise; itself where the noise is too small to matter."""
+        return motion_of(self.x, noise_of(self.x))
+
     @property
     def of_a_column(self) -> bool:
         """Whether its laws are in rad and N m, as those that drive a steering column are."""
@@ -103,7 +110,7 @@ class FrictionRecord:
         It keeps the shape of its loops and its time; nothing of the column was measured. By default level and distance
         are those that the default laws share.
         """
-        own = checks.scales(self.x, self.friction)
+        own = checks.scales(self.motion, self.friction)
         u = self.units
         told = (
             f"stretched to a column: level {own.level:.4g} {u['torque']} became {level:g} N m, pre-sliding distance "
@@ -203,7 +210,7 @@ def from_recording(
     told = ", ".join(f"{channel} = {name!r}" for channel, name in named.items() if channel != name)
     notes = (*([f"channels by their names: {told}"] if told else []), *notes)
     if not_negative("inertia", inertia):
-        sense = checks.sign(x, friction) if sign is None else float(sign)
+        sense = checks.sign(motion_of(x, noise_of(x)), friction) if sign is None else float(sign)
         speed = np.gradient(low_passed("displacement", x, cutoff_hz, recording.rate), dt)
         friction = friction - sense * inertia * np.gradient(speed, dt)
         unit = "kg m2" if units["torque"] == "N m" else "kg"
@@ -220,16 +227,17 @@ def checked(record: FrictionRecord, sign: int | None, without_drift: bool = Fals
     Errors are those of :func:`from_recording`.
     """
     _check_moves(record)
-    found = checks.sign(record.x, record.friction) if sign is None else float(sign)
+    x = record.motion
+    found = checks.sign(x, record.friction) if sign is None else float(sign)
     notes = record.notes
     if found < 0.0:
         why = "as --sign says" if sign is not None else "as the work that it takes shows"
         notes += (f"the friction was recorded with the other sign, {why}: it is turned to resist positive motion",)
     friction = found * record.friction
-    checks.check_columns(record.x, friction)
+    checks.check_columns(x, friction)
     if told := checks.clipped(friction):
         notes += (told,)
-    slope, share = checks.drift(record.time, record.x, friction)
+    slope, share = checks.drift(record.time, x, friction)
     if abs(share) > checks.DRIFT:
         text = f"the zero of the friction drifts by {share:.1%} of its level over the record"
         if without_drift:

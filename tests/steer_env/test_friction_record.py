@@ -84,6 +84,20 @@ def test_the_sign_is_found_for_every_law(law):
     assert "other sign" in record.notes[-1]
 
 
+STROKE = np.where(T < 30.0, 0.002 * T, 0.002 * (60.0 - T))  # [rad]
+
+
+@pytest.mark.parametrize("law", friction.available())
+@pytest.mark.parametrize("x", [X, STROKE, np.maximum(0.002 * (T - 2.0), 0.0)], ids=["sine", "stroke", "one way"])
+def test_noise_neither_hides_the_sign_nor_makes_a_fault(law, x):
+    """0.02 deg, many times the way from one sample to the next, and 0.02 N m."""
+    torque = friction.response(law, x, DT) - 0.3 + 2.0 * NOISE
+    noisy = x + np.radians(np.random.default_rng(3).normal(0.0, 0.02, T.size))
+    record = friction_record.from_recording(rig(noisy, -torque))
+    np.testing.assert_array_equal(record.friction, torque)
+    assert len(record.notes) == 1  # of the sign
+
+
 def test_the_sign_of_one_way_motion_is_found():
     x = np.maximum(np.linspace(-0.02, 0.06, 4000), 0.0)
     assert friction_checks.sign(x, 0.3 - friction.response(DAHL, x, DT)) == -1.0

@@ -14,6 +14,7 @@ MODULES = {
     "can": ("can", "cantools"),
     "test": ("vehiclemodels",),
     "integrations": ("minari", "h5py"),
+    "fmu": ("fmpy", "ziglang"),
 }  # extra -> modules that it brings
 OF_ALGORITHM = {"recurrent-ppo": "sb3_contrib"}
 

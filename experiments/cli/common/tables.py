@@ -214,7 +214,7 @@ def print_tuned(found: Mapping[str, Tuned], title: str) -> None:
 
 
 def print_fits(found: friction_fit.Found) -> None:
-    """Print what each law leaves of the friction and its parameters; then the verdict and the warnings of the best."""
+    """Print what each law leaves of the friction, its parameters, the warnings of the best ones, and the verdict."""
     table = _table()
     for heading in ("law", "left [%]", "95 % interval", "parameters"):
         table.add_column(heading, justify="right" if "%" in heading else "left", overflow="fold")
@@ -231,7 +231,12 @@ def print_fits(found: friction_fit.Found) -> None:
     printer = console()
     _print(printer, table, f"{found.name}: what is left of the mean friction on the part that judges")
     plain: dict[str, Any] = {"highlight": False, "soft_wrap": True, "markup": False}
+    others = 0
     for each in found.laws:
-        for warning in friction_fit_page.warnings(each, found.record.units) if each.fit is not None else ():
+        told = [] if each.fit is None else friction_fit_page.warnings(each, found.record.units)
+        others += len(told) if each.apart else 0
+        for warning in [] if each.apart else told:
             printer.print(f"{each.law}: {warning}", **plain)
+    if others:
+        printer.print(f"{others} warnings of the laws that leave more are on the page and in their files", **plain)
     printer.print(friction_fit_page.verdict(found), style="bold", **plain)

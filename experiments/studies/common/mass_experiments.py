@@ -20,14 +20,12 @@ from scipy.integrate import solve_ivp
 from steer_env.experiments.studies.common.scaling import scaled
 from steer_env.friction import defaults, make
 from steer_env.friction.law import advance, law_of, step, torque
-from steer_env.friction.models.lugre import LuGre
 from steer_env.friction.numerics.kernel import kernel
 
 Array = NDArray[np.float64]
 
-# Table I of the paper [N/m, N s/m, N s/m, N, N, m/s]. The set creates energy at some speeds, so that it is not made by
-# the constructor that checks.
-PAPER = LuGre(sigma_0=1e5, sigma_1=math.sqrt(1e5), sigma_2=0.4, F_c=1.0, F_s=1.5, v_s=1e-3)
+# Table I of the paper [N/m, N s/m, N s/m, N, N, m/s]. The set creates energy at some speeds.
+PAPER = make("lugre", sigma_0=1e5, sigma_1=math.sqrt(1e5), sigma_2=0.4, F_c=1.0, F_s=1.5, v_s=1e-3, allow_active=True)
 
 PRESLIDING_TIMES, PRESLIDING_FORCE = (0.0, 15.0, 20.0, 45.0, 50.0, 75.0), 1.425  # [s], [N]
 LAG_SPEED = 1e-3  # speed of the lag experiment: LAG_SPEED (1.5 + cos omega t) [m/s]

@@ -93,7 +93,10 @@ def write(out: Path, page: Page, data: Mapping[str, Any], trace: Mapping[str, An
 def trace_of(study: str, argv: Sequence[str] | None, out: Path, **made: Any) -> dict[str, Any]:
     """The trace of a study's result, as :func:`steer_env.experiments.output.provenance.trace`.
 
-    ``argv`` are the study's own words, None for those of this process, which is no command to be run again.
+    ``argv`` are the study's own words, None for those of this process, which is no command to be run again. The
+    command of the trace has no ``--out``, as the page does not depend on its place.
     """
-    command = None if argv is None else ["study", study, *argv]
+    placed = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
+    placed.add_argument("--out")
+    command = None if argv is None else ["study", study, *placed.parse_known_args(argv)[1]]
     return provenance.trace(command=command, result=out.name, **made)

@@ -1,0 +1,5 @@
+"""Export of the plant as a co-simulation unit (FMU) that needs no Python where it runs."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,0 +1,3 @@
+from .unit_export import export
+
+__all__ = ["export"]

@@ -1,0 +1,77 @@
+"""The binary of a unit: the C layer and the object code of the kernels, linked by a C compiler.
+
+For Linux the system's ``cc`` links, for Windows the compiler zig, which comes as the wheel ``ziglang``. The headers of
+FMI come with the package ``fmpy``. Both are in the extra ``fmu``.
+"""
+
+import importlib.util
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from platform import machine
+
+SOURCES = Path(__file__).parent / "c"
+SUFFIXES = {"linux64": "so", "win64": "dll"}
+_FLAGS = ("-std=gnu11", "-O2", "-shared", "-fvisibility=hidden", "-Wall", "-Wextra", "-Wno-unused-parameter", "-s")
+INSTALL = "pip install '.[fmu]'"
+
+
+def headers() -> Path:
+    """Folder of the standard's headers.
+
+    Raises
+    ------
+    ValueError
+        The package that contains them is not installed.
+    """
+    found = importlib.util.find_spec("fmpy")
+    if found is None or found.origin is None:
+        raise ValueError(f"the headers of FMI come with the package fmpy, which is not installed: {INSTALL}")
+    return Path(found.origin).parent / "c-code"
+
+
+def compiler(platform: str) -> list[str]:
+    """The command that compiles and links for a platform.
+
+    Raises
+    ------
+    ValueError
+        There is none; the message tells what to install. Or this is another machine than those that were tried.
+    """
+    if machine() not in ("x86_64", "AMD64"):
+        raise ValueError(f"an export needs a machine with an x86-64 processor, this one has {machine()}")
+    if platform == "win64":
+        if importlib.util.find_spec("ziglang") is None:
+            raise ValueError(f"win64 is linked by zig, which is not installed: {INSTALL}")
+        return [sys.executable, "-m", "ziglang", "cc", "-target", "x86_64-windows-gnu"]
+    if sys.platform != "linux":
+        raise ValueError(f"a binary for linux64 is linked on Linux only, and this is {sys.platform}")
+    found = shutil.which(os.environ.get("CC", "cc"))
+    if found is None:
+        raise ValueError(
+            "linux64 is linked by a C compiler, and there is none called cc: install one, as by 'apt install gcc', or "
+            "name it in the environment variable CC"
+        )
+    return [found, "-fPIC"]
+
+
+def link(platform: str, version: int, data: str, kernels: bytes, name: str, folder: Path) -> Path:
+    """The binary ``name.so`` or ``name.dll`` in a folder, from C data and the object code of the kernels.
+
+    Raises
+    ------
+    ValueError
+        No compiler, no headers, or a compiler that fails; the message has what it says.
+    """
+    command = compiler(platform)
+    binary = folder / f"{name}.{SUFFIXES[platform]}"
+    (folder / "data.c").write_text(data, encoding="utf-8")
+    (folder / "kernels.o").write_bytes(kernels)
+    files = (SOURCES / "core.c", SOURCES / f"fmi{version}.c", folder / "data.c", folder / "kernels.o")
+    paths = (f"-I{SOURCES}", f"-I{headers()}", "-o", str(binary))
+    done = subprocess.run([*command, *_FLAGS, *paths, *map(str, files), "-lm"], capture_output=True, text=True)
+    if done.returncode:
+        raise ValueError(f"the compiler {' '.join(command)} failed: {done.stderr.strip() or done.returncode}")
+    return binary

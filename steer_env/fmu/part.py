@@ -1,0 +1,78 @@
+"""What a part is: a kernel, its parameters, and the names and start values of what goes in and comes out."""
+
+import math
+from collections.abc import Callable, Iterable
+from typing import Any, NamedTuple
+
+from numpy.typing import NDArray
+
+from steer_env.friction.numerics.interpolation import hermite
+from steer_env.friction.numerics.kernel import kernel
+from steer_env.vehicle.steering.eps import SAMPLE_TIME
+
+
+class Signal(NamedTuple):
+    """An input or output of a unit."""
+
+    name: str
+    unit: str
+    description: str
+    start: float = 0.0  # of an input, in its unit
+
+
+class Part(NamedTuple):
+    """A part of the plant that becomes a unit."""
+
+    name: str
+    title: str  # one sentence
+    advance: Callable  # kernel (p, state, given, inputs, outputs, samples) -> whether the state is finite
+    parameters: Any  # NamedTuple, frozen
+    sections: tuple[str, ...]  # fields of the parameters that become parameters of the unit
+    states: tuple[str, ...]  # names
+    given: tuple[Signal, ...]  # the first of the given numbers; the rest stays zero
+    given_size: int
+    outputs: tuple[Signal, ...]
+    inputs: int  # numbers that the kernel needs for the inputs of one sample
+    begin: NDArray  # (S,) state from which it settles
+    start: NDArray  # (S,) settled state
+    shown: NDArray  # (C,) outputs there
+    zero_states: tuple[int, ...]  # states that are set to zero after settling
+    zero_outputs: tuple[int, ...]
+    settling: int  # samples
+
+
+def channel_signals(channels: Iterable[tuple[str, str]]) -> tuple[Signal, ...]:
+    """Outputs for channels of the plant, names and units."""
+    return tuple(Signal(name, unit, name.replace("_", " ")) for name, unit in channels)
+
+
+@kernel
+def reached(start, start_speed, end, end_speed, sample, samples):
+    """Value and speed at the end of a sample of a communication step, of what an importer prescribes for its end.
+
+    Up to there the value follows the cubic that meets value and speed at both ends.
+
+    Parameters
+    ----------
+    start, start_speed : float
+        At the beginning of the communication step.
+    end, end_speed : float
+        At its end.
+    sample, samples : int
+        Which sample, from 1, and how many there are.
+    """
+    if sample == samples:
+        return end, end_speed
+    length = samples * SAMPLE_TIME
+    value, slope = hermite(sample / samples, start, end, start_speed * length, end_speed * length)
+    return value, slope / length
+
+
+@kernel
+def is_finite(state):
+    """Whether every state is finite."""
+    finite = True
+    for value in state:
+        if not abs(value) < math.inf:
+            finite = False
+    return finite

@@ -1,0 +1,151 @@
+"""Export of a unit: kernels, C layer, description and documentation in one archive."""
+
+import hashlib
+import io
+import json
+import re
+import tempfile
+import uuid
+import zipfile
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from steer_env.fmu import car, description, documentation, link, steering
+from steer_env.fmu import chassis as chassis_part
+from steer_env.fmu.c_data import c_data
+from steer_env.fmu.description3 import fmi3
+from steer_env.fmu.object_code import PLATFORMS, module_text, object_code
+from steer_env.fmu.part import Part
+from steer_env.fmu.processor import Processor, processor
+from steer_env.fmu.variables import variables
+from steer_env.friction import law_of, resolve
+from steer_env.friction.law import as_mapping
+from steer_env.vehicle import cars
+
+PARTS = ("car", "steering", "chassis")
+VERSIONS = (2, 3)
+ICONS = {2: "model.png", 3: "terminalsAndIcons/icon.png"}
+# Folders of the binaries, by version and platform.
+FOLDERS = {
+    2: {"linux64": "linux64", "win64": "win64"},
+    3: {"linux64": "x86_64-linux", "win64": "x86_64-windows"},
+}
+_DATE = (1980, 1, 1, 0, 0, 0)  # of every file in the archive, so that the same export gives the same bytes
+
+
+def export(
+    path: str | Path,
+    *,
+    part: str = "car",
+    friction: Any = "lugre",
+    vehicle: Any = "compact",
+    chassis: str = "single_track",
+    speed: float = 100.0 / 3.6,
+    robot: bool = False,
+    road_friction: float = 1.0,
+    platforms: Sequence[str] = ("linux64",),
+    fmi: int = 2,
+    cpu: str = "x86-64-v3",
+) -> Path:
+    """Write a co-simulation unit (FMU) that needs no Python where it runs.
+
+    Parameters
+    ----------
+    path : str or Path
+        File to write, ending with ``.fmu``.
+    part : {"car", "steering", "chassis"}
+        What the unit contains.
+    friction : str, mapping or parameters
+        A friction law as :func:`steer_env.friction.resolve` takes it; the chassis alone has none.
+    vehicle : str, path, mapping or Car
+        A car, or what makes one, as :func:`steer_env.vehicle.cars.load` takes it.
+    chassis : str
+        A name of :func:`steer_env.vehicle.chassis.available`; the steering alone has none.
+    speed : float
+        Held speed [m/s], for which the unit is made; of the steering alone the start value of the vehicle's speed.
+    robot : bool
+        Start value of the parameter ``robot``: whether the handwheel angle is prescribed, and not the hand torque.
+    road_friction : float
+        Friction of the road over that of the tyre measurements [1].
+    platforms : sequence of {"linux64", "win64"}
+        Platforms to include binaries for.
+    fmi : {2, 3}
+        Version of FMI, 2.0 or 3.0.
+    cpu : str
+        Least processor of the machine that runs the unit: ``"x86-64-v3"``, another level of x86-64, or ``"native"`` for
+        that of this machine.
+
+    Returns
+    -------
+    Path
+        The file.
+
+    Raises
+    ------
+    ValueError
+        A bad value, a missing compiler or a missing package; the message tells what to do.
+    """
+    target = Path(path)
+    if target.suffix != ".fmu":
+        raise ValueError(f"the file of a unit must end with .fmu, got {target}")
+    for name, value, allowed in (("part", part, PARTS), ("fmi", fmi, VERSIONS)):
+        if value not in allowed:
+            raise ValueError(f"{name} must be one of {', '.join(map(str, allowed))}, got {value!r}")
+    wanted = tuple(dict.fromkeys(platforms))
+    for platform in wanted:
+        if platform not in PLATFORMS:
+            raise ValueError(f"platform must be one of {', '.join(PLATFORMS)}, got {platform!r}")
+        link.compiler(platform)
+    if not wanted:
+        raise ValueError(f"a unit needs a platform: {', '.join(PLATFORMS)}")
+    link.headers()
+    law = resolve(friction)
+    loaded = vehicle if isinstance(vehicle, cars.Car) else cars.load(vehicle)
+    p = loaded.plant(law, speed, robot, road_friction, chassis)
+    made_of = {
+        **{"part": part, "chassis": chassis, "speed_m_s": speed, "robot": robot, "road_friction": road_friction},
+        **{"friction": as_mapping(law), "car": loaded.data()},
+    }
+    name, rolls = law_of(law).name, f"chassis {chassis}, held speed {speed:.6g} m/s"
+    made, contents, label = {
+        "car": lambda: (car.part(p), f"friction law {name}, {rolls}", name),
+        "steering": lambda: (steering.part(p, speed), f"friction law {name}", name),
+        "chassis": lambda: (chassis_part.part(p), rolls, chassis),
+    }[part]()
+    told = f"Car {loaded.name}, {contents}; processor level {cpu}."
+    files = _files(made, re.sub(r"\W", "_", f"steer_{part}_{label}"), told, wanted, fmi, processor(cpu))
+    files["resources/made_of.json"] = json.dumps(made_of, indent=1).encode()
+    archive = io.BytesIO()
+    with zipfile.ZipFile(archive, "w", zipfile.ZIP_DEFLATED) as packed:
+        for file, data in files.items():
+            packed.writestr(zipfile.ZipInfo(file, _DATE), data, zipfile.ZIP_DEFLATED)
+    target.parent.mkdir(parents=True, exist_ok=True)
+    target.write_bytes(archive.getvalue())
+    return target
+
+
+def _files(
+    part: Part, identifier: str, told: str, platforms: Sequence[str], version: int, level: Processor
+) -> dict[str, bytes]:
+    """Contents of the archive by path: description, icon, documentation and binaries."""
+    listed = variables(part, version)
+    module = module_text(
+        part.advance, part.parameters, part.start.size, part.given_size, part.inputs, len(part.outputs)
+    )
+    objects = {platform: object_code(module, platform, level) for platform in platforms}
+    sources = [file.read_text(encoding="utf-8") for file in sorted(link.SOURCES.iterdir())]
+    parts = (c_data(part, listed, level, ""), told, *sources, str(version), *(code.hex() for code in objects.values()))
+    token = f"{{{uuid.UUID(hashlib.sha256(' '.join(parts).encode()).hexdigest()[:32])}}}"
+    data = c_data(part, listed, level, token)
+    text = (description.fmi2 if version == 2 else fmi3)(part, listed, identifier, token, told)
+    files: dict[str, bytes] = {
+        "modelDescription.xml": text,
+        ICONS[version]: documentation.icon(),
+        "documentation/index.html": documentation.page(part, listed, level, told).encode(),
+    }
+    for platform, code in objects.items():
+        with tempfile.TemporaryDirectory() as folder:
+            binary = link.link(platform, version, data, code, identifier, Path(folder))
+            files[f"binaries/{FOLDERS[version][platform]}/{binary.name}"] = binary.read_bytes()
+    return files

@@ -1,0 +1,264 @@
+"""The friction study: its cases, its records, and that its sentences follow from the numbers."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+
+from steer_env import friction, manoeuvres
+from steer_env.experiments.cli.main import main
+from steer_env.experiments.output import traces
+from steer_env.experiments.studies import friction as study
+from steer_env.experiments.studies.common import friction_cases as cases
+from steer_env.experiments.studies.common import friction_distinction as distinction
+from steer_env.experiments.studies.common import friction_page, friction_page_loops, friction_results
+from steer_env.experiments.studies.common import friction_records as records
+from steer_env.experiments.studies.common.friction_results import Scope
+from steer_env.experiments.studies.common.scaling import powers, scaled
+from steer_env.experiments.studies.real_time import Row
+from steer_env.metrics import Value
+from steer_env.metrics.common.filtered_channels import ANGLE, TORQUE
+from steer_env.recording.friction_record import FrictionRecord
+from steer_env.vehicle import cars
+
+LAWS = ("lugre", "dahl", "coulomb")
+
+
+@pytest.mark.parametrize("name", friction.available())
+def test_a_scaled_law_has_the_scaled_torque_at_the_scaled_displacement(name):
+    p, a, b = friction.make(name), 3.0, 0.25
+    x = np.radians(3.0) * np.sin(np.linspace(0.0, 12.0, 2001))
+    torque = friction.response(p, x, 1e-2)
+    if name == "viscous":  # a law of the speed alone
+        b = 1.0
+    np.testing.assert_allclose(friction.response(scaled(p, a, b), b * x, 1e-2), a * torque, rtol=0.0, atol=2e-7)
+
+
+def test_powers_of_a_unit_are_read():
+    assert powers("N m s/rad") == (1, -1)
+    assert powers("1/s") == (0, 0)
+    assert powers("rad/s") == (0, 1)
+    with pytest.raises(ValueError, match="furlong"):
+        powers("N furlong")
+
+
+@pytest.fixture(scope="module")
+def every():
+    return cases.cases({name: friction.make(name) for name in LAWS}, {"dahl": friction.make("dahl")})
+
+
+def test_every_case_has_its_base_among_the_cases(every):
+    labels = [case.label for case in every]
+    assert len(set(labels)) == len(labels)
+    assert {case.base for case in every} <= set(labels)
+
+
+def test_a_split_keeps_the_whole_friction(every):
+    x = np.radians(5.0) * np.sin(np.linspace(0.0, 12.0, 2001))
+    whole = friction.response("lugre", x, 1e-2)
+    split = [case for case in every if case.factor == cases.SITE]
+    assert len(split) == 2
+    for case in split:
+        parts = friction.response(case.friction, x, 1e-2) + friction.response(case.above, x, 1e-2)
+        np.testing.assert_allclose(parts, whole, atol=1e-12)
+
+
+def test_friction_above_the_torsion_bar_adds_to_the_hand_torque_and_to_nothing_else(every):
+    car, rig = cars.load(), manoeuvres.make("rig")
+    case = next(case for case in every if case.factor == cases.SITE)
+    with_it = cases.recording(case, car, rig, case.friction)
+    without = cases.recording(case._replace(above=None), car, rig, case.friction)
+    extra = with_it[TORQUE] - without[TORQUE]
+    np.testing.assert_allclose(extra, friction.response(case.above, with_it[ANGLE], 1e-3), atol=1e-14)
+    assert extra.max() == pytest.approx(cases.COLUMN_FRICTION, rel=1e-3)
+    for name in set(with_it.channels) - {TORQUE}:
+        np.testing.assert_array_equal(with_it[name], without[name])
+    with pytest.raises(ValueError, match="robot holds"):
+        cases.recording(case, car, manoeuvres.make("release"), case.friction)
+
+
+def test_half_the_step_changes_little_and_a_level_much(every):
+    car, tests = cars.load(), ("rig",)
+    kept = [
+        case for case in every if case.label == case.base == "law: lugre" or case.factor in (cases.STEP, cases.LEVEL)
+    ]
+    rows = cases.effects(kept, [cases.drives((car, case, tests)) for case in kept])
+    of = cases.by_factor(rows)
+    step, level = (max(abs(row.found.share) for row in of[factor]) for factor in (cases.STEP, cases.LEVEL))
+    assert step < 1e-3
+    assert level > 0.1
+    assert cases.summary(of[cases.LEVEL]).largest.case.factor == cases.LEVEL
+
+
+def test_paired_differences_by_hand():
+    gap, half = cases.paired([2.0, 3.0, 5.0], [1.0, 1.0, 2.0])
+    assert gap == pytest.approx(2.0)
+    assert half == pytest.approx(4.302652729911275 / math.sqrt(3.0))  # Student's t for two degrees of freedom
+    assert math.isnan(cases.paired([1.0], [0.0])[1])
+
+
+def test_the_laws_are_told_apart_where_they_should_be():
+    laws = {name: friction.make(name) for name in ("lugre", "dahl", "masing")}
+    apart = distinction.differences(laws, "lugre")
+    assert apart["saturated"]["masing"] < 0.01 < apart["nested"]["masing"]
+    assert apart["nested"]["dahl"] < 1e-3 < distinction.TOLD < apart["quick"]["dahl"]
+    assert apart["slow"]["dahl"] < apart["usual"]["dahl"] < apart["quick"]["dahl"]
+
+
+def _record(noise=0.0):
+    """Dahl friction over a motion of 8 s, and another law's that differs where it is judged."""
+    dt = 0.02
+    t = dt * np.arange(4800)
+    x = np.radians(2.0) * np.sin(2.0 * np.pi * t / records.REPEATS)
+    friction_of = friction.response("dahl", x, dt) + noise * np.random.default_rng(0).standard_normal(t.size)
+    return FrictionRecord(x, friction_of, dt, {"displacement": "rad", "torque": "N m"})
+
+
+def test_a_law_leaves_what_is_not_its_own():
+    record = _record(0.01)
+    own, other = (records.judge((record, law, records.FITTED)) for law in ("dahl", "coulomb"))
+    mean = np.mean(np.abs(record.friction))
+    assert own.error == pytest.approx(0.01 / mean, rel=0.05)
+    assert own.low < own.error < own.high
+    assert other.error > 5.0 * own.error
+    # the difference of two noises
+    assert records.repeatability(record) == pytest.approx(math.sqrt(2.0) * 0.01 / mean, rel=0.05)
+
+
+def test_a_law_without_a_fit_says_why():
+    record = _record()
+    still = FrictionRecord(0.0 * record.x, record.friction, record.dt, record.units)
+    found = records.judge((still, "dahl", records.FITTED))
+    assert found.parameters is None
+    assert math.isnan(found.error)
+    assert found.remarks
+
+
+def test_the_true_law_remains_and_another_does_not():
+    laws = {name: friction.make(name) for name in ("dahl", "coulomb")}
+    kind = next(iter(records.RECORDS))
+    found = records.confuse((kind, laws, "dahl", 0.01, 0))
+    assert found.remain == ("dahl",)
+    assert found.errors["dahl"] == pytest.approx(0.01, rel=0.2)
+    table = records.shares([found, found._replace(remain=("dahl", "coulomb"))], kind, 0.01)
+    assert table == {"dahl": {"dahl": 1.0, "coulomb": 0.5}}
+
+
+def _results(every):
+    """Results of three laws, by hand where a simulation would take long."""
+    laws = {name: friction.make(name) for name in LAWS}
+    record = _record()
+    judged = [
+        records.Judged("dahl", laws["dahl"], 0.05, 0.04, 0.06, 0.05, (), ()),
+        records.Judged("lugre", laws["lugre"], 0.10, 0.09, 0.11, 0.10, ("sigma_1",), ("told",)),
+        records.Judged("coulomb", None, math.nan, math.nan, math.nan, math.nan, (), ("no reversal",)),
+    ]
+    row = Row("midpoint", 1e-3, 1e-4, True, 100.0, 200.0)
+    tables = {law: [row, row._replace(scheme="explicit Euler", error=0.5)] for law in laws}
+    base, other = (Value(v, v, v, "N m", repeats=(v, v, v)) for v in (2.0, 3.0))
+    driven = []
+    for case in every:
+        value = other if case.factor == cases.LEVEL else base
+        drive = cases.Drive({"torque_at_0p1g": value}, {}, 0.1, None)
+        driven.append({"weave": drive, "slow-ramp": drive})
+    confused = [
+        records.Confusion(kind, law, 0.01, 0, dict.fromkeys(laws, 0.01), (law,))
+        for kind in records.RECORDS
+        for law in laws
+    ]
+    ripples = [friction_results.Ripple(law, "strong friction", 1e-4, 0.1) for law in laws]
+    return friction_results.Results(
+        car=cars.load(),
+        scope=Scope(("weave", "slow-ramp"), (1e-3,), tuple(records.RECORDS), (0.01,), 1, 2),
+        noticed=0.15,
+        laws=laws,
+        record=record,
+        judged=judged,
+        repeatability=0.025,
+        tables=tables,
+        sample_ns=dict.fromkeys(laws, 1000.0),
+        cases=every,
+        effects=cases.effects(every, driven),
+        apart=distinction.differences(laws, "lugre"),
+        held=ripples,
+        driven=[cases.Driven(law, "steer_env/AssistWeave-v1", {"rms_hand_torque": [1.0, 1.1]}) for law in laws],
+        confusion=confused,
+    )
+
+
+@pytest.fixture(scope="module")
+def results(every):
+    return _results(every)
+
+
+def test_the_sentences_follow_from_the_numbers(results):
+    accuracy = friction_page.accuracy(results)
+    assert accuracy.headline.startswith("Most accurate on the measured record: dahl, which leaves 5")
+    assert "does not determine every parameter of lugre" not in accuracy.verdict  # the best law is determined
+    _, timed, steps = friction_page.cost(results)
+    assert timed.startswith("All laws run in real time")
+    assert "with explicit Euler none" in steps
+    laws = friction_page.of_laws(results)
+    assert "changes 0 of 2 compared metrics" in laws.headline
+    factors = friction_page.of_factors(results)
+    assert "stronger: level (100 %)" in factors.headline
+    assert "Perceptible differences of sustained torque or angle come from level." in factors.verdict
+    assert "no law vibrates lastingly" in friction_page_loops.apart(results).verdict
+    assert "none of 1 comparisons" in friction_page_loops.in_loop(results).verdict
+    assert "no law is taken for another" in friction_page_loops.confusion(results).verdict
+
+
+def test_other_numbers_give_other_sentences(results):
+    slow = {law: [row._replace(worst_step_ns=5e5) for row in rows] for law, rows in results.tables.items()}
+    assert friction_page.cost(results._replace(tables=slow))[1].startswith("Not every law runs in real time")
+    first, second, third = results.judged
+    turned = friction_page.accuracy(results._replace(judged=[second._replace(error=0.02, high=0.03), first, third]))
+    assert "Most accurate on the measured record: lugre" in turned.headline
+    assert "does not determine every parameter of lugre; of the laws that it determines, dahl leaves" in turned.verdict
+    loud = [each._replace(ripple=0.05, lasting=1.0) for each in results.held if each.law == "dahl"]
+    others = [each for each in results.held if each.law != "dahl"]
+    assert "dahl vibrates lastingly" in friction_page_loops.apart(results._replace(held=loud + others)).verdict
+    taken = [each._replace(remain=LAWS) for each in results.confusion]
+    assert "dahl for lugre and coulomb" in friction_page_loops.confusion(results._replace(confusion=taken)).verdict
+
+
+def test_the_page_quotes_every_section(results):
+    page = study.build(results)
+    assert len(page.verdict) == 8
+    assert len(page.sections) == 8
+    assert all(sentence.endswith(".") for sentence in [*page.verdict, *page.timing])
+    assert all(section.claim and section.evidence and section.verdict and section.limits for section in page.sections)
+
+
+@pytest.mark.whole
+def test_the_quick_study_is_written_and_made_again(tmp_path, capsys):
+    """The page, its numbers and its pictures; all but the times are the same to the bit in another run."""
+    out = tmp_path / "friction"
+    assert main(["study", "friction", "--quick", "--workers", "1", "--out", str(out)]) == 0
+    printed = capsys.readouterr().out
+    data = json.loads((out / "friction.json").read_text())
+    text = (out / "index.html").read_text()
+    assert all(sentence in printed for sentence in data["verdict"])
+    assert all(name in data["record"]["laws"] for name in ("lugre", "masing", "dahl"))
+    assert data["record"]["laws"]["masing"]["error"] < 0.5 * data["record"]["laws"]["dahl"]["error"]
+    assert text.count("<h2") == len(data["verdict"]) + 2
+    assert main(["rerun", str(out / "friction.json")]) == 0
+    assert "equal to the bit" in capsys.readouterr().out
+
+
+@pytest.mark.whole
+@pytest.mark.parametrize("name", ["canudas1995", "held-torque"])
+def test_the_pages_of_the_papers_are_written_and_made_again(name, tmp_path, capsys):
+    out = tmp_path / name
+    assert main(["study", name, "--out", str(out)]) == 0
+    assert traces.read(out / "index.html")["command"][:2] == ["study", name]
+    for file in (f"{name}.json", "index.html"):
+        assert main(["rerun", str(out / file)]) == 0
+        assert "equal to the bit" in capsys.readouterr().out
+
+
+def test_a_directory_with_other_files_is_refused_before_the_work(tmp_path, capsys):
+    (tmp_path / "mine.txt").write_text("mine")
+    assert main(["study", "friction", "--quick", "--out", str(tmp_path)]) == 2
+    assert "holds other files (mine.txt)" in capsys.readouterr().err
