@@ -1,4 +1,4 @@
-"""``friction.fit``: parameters of a law from a record (F12), (F30) to (F36)."""
+"""``friction.fit``: parameters of a law from a record (F12)."""
 
 import math
 from collections.abc import Mapping
