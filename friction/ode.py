@@ -4,9 +4,10 @@
 
 at the constant speed w over the step h, by the explicit Runge-Kutta pair of orders 5 and 4 of Dormand and Prince, with
 the result of order 5. The difference of the two orders is kept, in every substep, below TOLERANCE of the larger of an
-entry of the memory and of its change, and below TOLERANCE of the torque; across a jump of the rate it shows an eightieth
-of the error at least. The derivative by the speed is a difference quotient of two runs in the same substeps. Nothing prefers a side, so the mirrored history gives the mirrored results to
-the bit, and a rate of zero leaves the memory as it is.
+entry of the memory and of its change, and below TOLERANCE of the torque. Across a jump of the rate it shows an
+eightieth of the error at least. The derivative by the speed is a difference quotient of two runs in the same substeps.
+Nothing prefers a side, so the mirrored history gives the mirrored results to the bit, and a rate of zero leaves the
+memory as it is.
 
 Friction that slides at constant speed becomes steady. Where the rate of every entry of the memory, over its change with
 that entry in a substep, is below TOLERANCE of the entry, no more than that is left to change. Where two substeps in a
