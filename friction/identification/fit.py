@@ -185,19 +185,24 @@ def _problem(ready: Prepared, law: Law) -> Problem:
     """The record in its own scales (F30), with the samples that count for this law."""
     record, scales = ready.record, ready.scales
     remembers = law.memory_size(law.make()) > 0
-    columns = (
-        [] if ready.branches.one_way else [np.ones(record.x.size)]
-    )  # one way, the offset is no other than friction
+    x = _rounded((record.x - record.x[0]) / scales.displacement)
+    dt = float(f"{record.dt / scales.time:.10g}")
+    columns = [] if ready.branches.one_way else [np.ones(x.size)]  # one way, friction is an offset too
     if ready.inertia is None:
-        columns.append(_acceleration(record.x / scales.displacement, record.dt / scales.time))
+        columns.append(_acceleration(x, dt))
     return Problem(
-        record.x / scales.displacement,
-        record.torque / scales.torque,
-        record.dt / scales.time,
-        np.ones(record.x.size),
+        x,
+        _rounded(record.torque / scales.torque),
+        dt,
+        np.ones(x.size),
         weighed_of(record.x, ready.branches, remembers),
-        np.column_stack(columns) if columns else np.zeros((record.x.size, 0)),
+        np.column_stack(columns) if columns else np.zeros((x.size, 0)),
     )
+
+
+def _rounded(values: NDArray) -> NDArray[np.float64]:
+    """To 2^-30: what a change of units does to the last digits then does not reach the search."""
+    return np.round(values * 2.0**30) / 2.0**30
 
 
 def _estimated(ready: Prepared, law: Law, problem: Problem, options: Options) -> tuple[Estimate, Elements | None]:

@@ -85,7 +85,8 @@ def _sensors(ready: "Prepared", e: np.ndarray) -> list[str]:
         )
     t = np.linspace(-0.5, 0.5, e.size)
     drift = 12.0 * float(np.mean(t * e))
-    deviation = float(np.sqrt(12.0 * samples_per_count(e) / e.size)) * float(np.std(e))
+    rest = e - np.mean(e) - drift * t
+    deviation = float(np.sqrt(12.0 * samples_per_count(rest) / e.size)) * float(np.std(rest))
     if abs(drift) > max(DRIFT * scales.torque, SURE * deviation):
         texts.append(
             f"the zero of the torque drifts by {-drift:.3g} N m over the record: subtract the drift, or fit parts"

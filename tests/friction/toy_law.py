@@ -69,5 +69,5 @@ register(
     rate=rate,
     stored_energy=stored_energy,
     mean_torque=mean_torque,
-    fitted=("k", "F_c"),
+    units={"k": "N m/rad", "F_c": "N m"},
 )
