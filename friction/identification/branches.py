@@ -106,12 +106,12 @@ def weighed_of(x: NDArray, branches: Branches, remembers: bool) -> NDArray[np.bo
 def saturates(way: NDArray, rise: NDArray, least: float) -> bool:
     """Whether the torque of a branch has risen by ``least`` [N m] and does not rise further.
 
-    It is flat over the last quarter of the distance, or was at its highest before (break-away, stick-slip).
+    It is flat over the last quarter of the distance, or was as high before (break-away, stick-slip).
     """
     last = way >= 0.75 * way[-1]
     u, end = way[last] - np.mean(way[last]), np.mean(rise[last])
     flat = abs(u @ rise[last]) * 0.25 * way[-1] < FLAT * end * (u @ u)
-    peaked = np.max(rise[~last], initial=0.0) > (1.0 + FLAT) * np.max(rise[last])
+    peaked = np.max(rise[~last], initial=0.0) >= (1.0 - 0.5 * FLAT) * np.max(rise[last])
     return bool(end >= least and (flat or peaked))
 
 

@@ -94,7 +94,7 @@ def _without(problem: Problem, space: Space, optimum: Optimum, name: str) -> tup
     allowed = WORSE * (np.mean(optimum.residual**2) + FLOOR**2) * samples_per_count(optimum.residual)
     again = np.where([s.bounded for s in smaller.sought], smaller.start, smaller.inside)  # what was zero may replace it
     for q in (smaller.inside, again):
-        near = descended(problem, smaller, np.append(q, optimum.q[n:]), 0.1 * float(np.ptp(problem.torque)))
+        near = descended(problem.thinned(), smaller, np.append(q, optimum.q[n:]), 0.1 * float(np.ptp(problem.torque)))
         end = refined(problem, smaller, near)
         if np.sum(end.residual**2) - np.sum(optimum.residual**2) <= allowed:
             return smaller, end

@@ -1,4 +1,4 @@
-"""``friction.fit``: parameters of a law from a record (F12), (F30) to (F36)."""
+"""``friction.fit``: parameters of a law from a record (F12)."""
 
 import math
 from collections.abc import Mapping
@@ -257,4 +257,4 @@ def _told(
         explained=1.0 - residual**2 / variance if variance else 0.0,
         inertia=factors.get("inertia", 0.0) * scales.time**2 / scales.displacement + (ready.inertia or 0.0),
     )
-    return result._replace(warnings=remarks(result, ready, law, e))
+    return result._replace(warnings=remarks(result, ready, law, estimate.optimum))

@@ -12,6 +12,7 @@ from steer_env.friction.numerics.frozen import frozen
 from steer_env.friction.response import follow
 
 PRIOR = 3e-4  # weight of a coordinate's distance from its start, where nothing else tells it [1]
+COARSE = 4000  # samples of a record for such a search
 TRIES = 40  # steps of a search that only has to come near [1]
 SCREENED = 48  # sets drawn at random, of which the best are starts too
 PENALTY = 100.0  # on the way out of the range that the law allows [1]
@@ -26,6 +27,12 @@ class Problem(NamedTuple):
     levels: NDArray[np.float64]  # factor on the saturated friction at each sample [1]
     weighed: NDArray[np.bool_]
     columns: NDArray[np.float64]  # (T, K) what adds to the torque in proportion: offset, acceleration [1]
+
+    def thinned(self) -> "Problem":
+        """Every so manieth sample, so that about ``COARSE`` are left, for a search that only has to come near."""
+        k = max(self.x.size // COARSE, 1)
+        part = self._replace(x=self.x[::k], torque=self.torque[::k], dt=self.dt * k, levels=self.levels[::k])
+        return part._replace(weighed=self.weighed[::k], columns=self.columns[::k])
 
     def response(self, law: Law, parameters: Any) -> NDArray[np.float64]:
         """Torque of the law along the record [1]."""
@@ -124,18 +131,18 @@ def searched(problem: Problem, space: Space, starts: int, seed: int, global_sear
     """The best of several searches: from the record's own scales, and from the best of sets drawn at random."""
     K = problem.columns.shape[1]
     middle = np.append(np.median(problem.torque[problem.weighed]), np.zeros(K))[:K]
-    coarse = 0.1 * float(np.ptp(problem.torque))
+    coarse, part = 0.1 * float(np.ptp(problem.torque)), problem.thinned()
     first = np.append(space.inside, middle)
     others: list[NDArray] = []
     if starts > 1 and space.sought:
         rng = np.random.default_rng(seed)
         drawn = [np.append(_drawn(space, rng.normal(0.0, 1.5, len(space.sought))), middle) for _ in range(SCREENED)]
-        costs = [np.sum(np.abs(residuals(problem, space, q, PRIOR))) for q in drawn]
+        costs = [np.sum(np.abs(residuals(part, space, q, PRIOR))) for q in drawn]
         others = [drawn[i] for i in np.argsort(costs)[: starts - 1]]
     if global_search:
-        others.append(_evolved(problem, space, middle, coarse, seed))
+        others.append(_evolved(part, space, middle, coarse, seed))
     free = space._replace(relaxed=True)  # the way to the optimum may lead through sets that the law refuses
-    best = min((descended(problem, free, q, coarse) for q in [first, *others]), key=lambda end: end.cost)
+    best = min((descended(part, free, q, coarse) for q in [first, *others]), key=lambda end: end.cost)
     best = refined(problem, free, best)
     n = len(space.sought)
     q = space.coordinates(space.made(best.q[:n])[0])

@@ -4,7 +4,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from steer_env.friction.identification.intervals import samples_per_count
+from steer_env.friction.identification.intervals import half_widths
+from steer_env.friction.identification.problem import Optimum
 from steer_env.friction.identification.quality import clipped
 from steer_env.friction.law import Law
 
@@ -15,16 +16,17 @@ UNLIKE = 1.5  # residual over the record's own noise, of a law that does not des
 MATTERS = 0.01  # ... where it is also more than this, of the level [1]
 DOMINANT = 0.1  # noise of x, of the length over which the torque follows a reversal [1]
 DRIFT = 0.05  # of the residual over the record, of the level [1]
-SURE = 4.0  # drift over its standard deviation [1]
+SHORT = 5.0  # steps between samples, within which the torque follows a reversal [1]
+SURE = 2.0  # drift over half its interval [1]
 
 
-def remarks(found: "Fit", ready: "Prepared", law: Law, e: np.ndarray) -> tuple[str, ...]:
-    """All warnings of a fit, in whole sentences; ``e`` are the residuals at the weighed samples [N m]."""
+def remarks(found: "Fit", ready: "Prepared", law: Law, optimum: Optimum) -> tuple[str, ...]:
+    """All warnings of a fit, in whole sentences; ``optimum`` is in the record's scales."""
     return (
         *_undetermined(found, ready, law),
         *_misfit(found, ready),
         *_memory(found, ready, law),
-        *_sensors(ready, e),
+        *_sensors(ready, optimum),
     )
 
 
@@ -33,8 +35,8 @@ def _undetermined(found: "Fit", ready: "Prepared", law: Law) -> list[str]:
     if not values:
         return []
     texts = [f"the record does not determine {', '.join(values)}: kept there; record several speeds and wider loops"]
-    if any(law.units[name] == "N m/rad" for name in found.undetermined):
-        step = float(np.median(np.abs(np.diff(ready.record.x))))
+    step = float(np.median(np.abs(np.diff(ready.record.x))))
+    if any(law.units[name] == "N m/rad" for name in found.undetermined) and ready.scales.displacement < SHORT * step:
         texts.append(
             f"the torque follows a reversal within about a step of x between samples ({step:g} rad), so its stiffness "
             "has only a lower bound: sample faster or move slower"
@@ -70,7 +72,7 @@ def _memory(found: "Fit", ready: "Prepared", law: Law) -> list[str]:
     return texts
 
 
-def _sensors(ready: "Prepared", e: np.ndarray) -> list[str]:
+def _sensors(ready: "Prepared", optimum: Optimum) -> list[str]:
     scales, texts = ready.scales, []
     if ready.noise > DOMINANT * scales.displacement:
         texts.append(
@@ -83,12 +85,19 @@ def _sensors(ready: "Prepared", e: np.ndarray) -> list[str]:
             f"the torque stands still at its extreme for {n} samples: if the sensor is at its limit, the level is a "
             "lower bound; use a wider range"
         )
-    t = np.linspace(-0.5, 0.5, e.size)
-    drift = 12.0 * float(np.mean(t * e))
-    rest = e - np.mean(e) - drift * t
-    deviation = float(np.sqrt(12.0 * samples_per_count(rest) / e.size)) * float(np.std(rest))
-    if abs(drift) > max(DRIFT * scales.torque, SURE * deviation):
+    drift, half = _drift(optimum)
+    if abs(drift) > max(DRIFT, SURE * half):
         texts.append(
-            f"the zero of the torque drifts by {-drift:.3g} N m over the record: subtract the drift, or fit parts"
+            f"the zero of the torque drifts by {drift * scales.torque:.3g} N m over the record: subtract it, or fit "
+            "shorter parts"
         )
     return texts
+
+
+def _drift(optimum: Optimum) -> tuple[float, float]:
+    """How far the torque drifts over the weighed samples, beside the other parameters, and half its interval [1]."""
+    e = optimum.weakened
+    A = np.column_stack([optimum.jacobian, np.linspace(-0.5, 0.5, e.size)])
+    change = np.linalg.lstsq(A, -e, rcond=None)[0]
+    half = half_widths(A, e + A @ change, np.eye(change.size)[-1:])
+    return float(change[-1]), float(half[0])
