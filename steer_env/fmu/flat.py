@@ -104,7 +104,10 @@ def _value(context: Any, builder: Any, kind: Any, rest: Iterator[Leaf], addresse
     leaf = next(rest)
     at = builder.gep(addresses[leaf.table], [_index(leaf.start)])
     if not isinstance(kind, types.Array):
-        return context.cast(builder, builder.load(at), types.float64, kind)
+        number = builder.load(at)
+        # No kernel writes to parameters: the compiler may load one where it is used, and need not keep all of them.
+        number.set_metadata("invariant.load", builder.module.add_metadata([]))
+        return context.cast(builder, number, types.float64, kind)
     array = context.make_array(kind)(context, builder)
     populate_array(
         array,

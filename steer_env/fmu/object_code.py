@@ -65,7 +65,8 @@ def module_text(advance: Callable, template: Any, state: int, given: int, inputs
     compiled.compile(signature)
     result = compiled.overloads[signature]
     module = llvm.parse_assembly(result.library.get_llvm_str())
-    module.get_function(result.fndesc.llvm_func_name).name = FUNCTION
+    function = module.get_function(result.fndesc.llvm_func_name)
+    function.name, function.visibility = FUNCTION, "hidden"  # several units in a process must not find one another's
     for member in (*module.functions, *module.global_variables):
         if not member.is_declaration and member.name != FUNCTION:
             member.linkage = "internal"

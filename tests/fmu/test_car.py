@@ -1,5 +1,6 @@
 """The exported car against the plant in Python, the standard's rules and a C importer."""
 
+import ctypes
 import dataclasses
 import json
 import shutil
@@ -13,6 +14,7 @@ import numpy as np
 import pytest
 
 from steer_env import fmu, friction, manoeuvres
+from steer_env.friction.numerics.kernel import bind
 from steer_env.vehicle import cars, plant
 from tests.fmu.runs import STEP, begin, bits, hand_names, opened, replay
 
@@ -215,6 +217,34 @@ def test_what_may_be_set_when(weave, tmp_path):
         assert unit.getReal([references["friction.F_c"]]) == [1.5]
 
 
+def test_a_run_that_diverges_names_the_state_and_goes_back(weave, tmp_path):
+    from fmpy.fmi1 import FMICallException
+
+    with opened(weave[1], tmp_path) as (unit, references, said):
+        begin(unit)
+        unit.setBoolean([references["robot"]], [False])
+        names = [references[name] for name in ("handwheel_speed", "column_angle", "yaw_rate", "handwheel_torque")]
+        torque = [references["hand_torque"]]
+        unit.setReal(torque, [2.0])
+        unit.doStep(0.0, 0.1)
+        before = unit.getReal(names)
+        unit.setReal(torque, [1e308])
+        with pytest.raises(FMICallException):
+            unit.doStep(0.1, 0.1)
+        assert "is no longer finite in the step from 0.1 s" in said[-1]
+        assert "the state handwheel_" in said[-1]
+        assert unit.getReal(names) == before
+        unit.setReal(torque, [2.0])
+        unit.doStep(0.1, 0.1)
+        after = unit.getReal(names)
+        unit.reset()
+        begin(unit)
+        unit.setBoolean([references["robot"]], [False])
+        unit.setReal(torque, [2.0])
+        unit.doStep(0.0, 0.2)
+        assert unit.getReal(names) == after  # as if nothing had happened
+
+
 def test_two_instances_do_not_know_of_each_other(weave, tmp_path):
     with opened(weave[1], tmp_path / "a") as (a, references, _), opened(weave[1], tmp_path / "a") as (b, _, _):
         begin(a)
@@ -316,20 +346,43 @@ def test_valgrind_finds_nothing(tmp_path):
     assert done.returncode == 0, done.stdout + done.stderr
 
 
+LOOP = """
+int loop(int (*step)(void *, double, double, int), void *unit, double start, long count)
+{
+    int status = 0;
+    for (long i = 0; i < count; i++)
+        status |= step(unit, start + 1e-3 * i, 1e-3, 1);
+    return status;
+}
+"""
+
+
 @pytest.mark.whole
-def test_a_step_takes_as_long_as_the_kernel(weave, harness):
-    m, _ = weave
+def test_a_step_takes_as_long_as_the_kernel(weave, tmp_path):
+    """Steps of 1 ms from C, against the kernel that advances one plant over as many samples in one call."""
+    (tmp_path / "loop.c").write_text(LOOP)
+    command = ["cc", "-O2", "-shared", "-fPIC", tmp_path / "loop.c", "-o", tmp_path / "loop.so"]
+    subprocess.run(command, check=True)
+    loop = ctypes.CDLL(str(tmp_path / "loop.so")).loop
+    loop.argtypes = [ctypes.c_void_p, ctypes.c_void_p, ctypes.c_double, ctypes.c_long]
+    m, path = weave
     p = manoeuvres.build_plant(cars.load("compact"), m, "lugre")
+    count = 2000
     state, row = plant.settled(p)
-    u = np.zeros((30_000, len(plant.INPUTS)))
-    record = np.zeros((len(u), row.size))  # the unit, too, gives its outputs after every step
-    kernels, steps = [], []
-    for _ in range(25):  # the least of several, as the machine does other things too
-        begun = time.perf_counter()
-        plant.run(p, state.copy(), u, record, 1)
-        kernels.append((time.perf_counter() - begun) / len(u) * 1e9)
-        steps.append(float(subprocess.check_output([*harness, "time", str(len(u))])))
-    print(f"kernel {min(kernels):.0f} ns, step of the unit {min(steps):.0f} ns")
+    arguments = p, state, np.zeros((count, len(plant.INPUTS))), np.zeros((count, row.size)), 1
+    run, kernels, steps = bind(plant.run, *arguments), [], []
+    with opened(path, tmp_path / "unit") as (unit, _, _):
+        begin(unit)
+        step = ctypes.cast(unit.dll.fmi2DoStep, ctypes.c_void_p)
+        for i in range(1000):  # the least of many, in turns, as the machine does other things too
+            times = [time.perf_counter()]
+            run(*arguments)
+            times.append(time.perf_counter())
+            assert loop(step, unit.component, i * count * STEP, count) == 0
+            times.append(time.perf_counter())
+            kernels.append((times[1] - times[0]) / count)
+            steps.append((times[2] - times[1]) / count)
+    print(f"kernel {min(kernels) * 1e9:.0f} ns, step of the unit {min(steps) * 1e9:.0f} ns")
     assert min(steps) < 1.2 * min(kernels)
 
 

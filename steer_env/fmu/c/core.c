@@ -274,10 +274,10 @@ int unit_set(struct instance *c, enum type type, const uint32_t *references, siz
 
 int unit_step(struct instance *c, double time, double size)
 {
-    double samples = nearbyint(size / SAMPLE);
-    if (!(size > 0.0) || !(samples <= MOST_SAMPLES))
+    if (!(size > 0.0) || !(size <= MOST_SAMPLES * SAMPLE))
         return unit_refuse(c, "the communication step must be positive and at most %g s, got %g s",
                            MOST_SAMPLES * SAMPLE, size);
+    double samples = (double)(int64_t)(size / SAMPLE + 0.5);
     if (samples < 1.0 || !(fabs(size - samples * SAMPLE) <= STEP_TOLERANCE))
         return unit_refuse(c, "the communication step must be a whole number of milliseconds, got %.12g s", size);
     if (!(fabs(time - unit_time(c)) < 0.5 * SAMPLE))
