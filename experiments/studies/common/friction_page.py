@@ -167,6 +167,7 @@ def _steps(of: dict[str, float | None]) -> str:
 
 
 def in_words(row: Effect) -> str:
+    """An effect in words: metric, test, share and case."""
     test, level = row.test.replace("-", " "), row.case.level
     return f"{label(row.metric)} in the {test} by {percent(abs(row.found.share), 2)} ({level})"
 
@@ -180,14 +181,15 @@ def counts(rows: Sequence[Effect]) -> str:
     return f"{text}, {s.noticed or 'none'} of {s.known} with a known threshold perceptibly"
 
 
-def case_table(caption: str, of: dict[str, list[Effect]], folded: bool = False) -> Table:
+def case_table(caption: str, of: dict[str, list[Effect]]) -> Table:
+    """Counts of large and perceptible differences, a row for each case."""
     rows = []
     for name, effects in of.items():
         s = cases.summary(effects)
         largest = in_words(s.largest).rpartition(" (")[0] if s.largest else "–"
         rows.append((name, str(s.compared), str(s.large), f"{s.noticed} of {s.known}", largest))
     head = ("case", "metrics compared", f"above {percent(MATTERS)}", "perceptible, of known", "largest share")
-    return Table(caption, head, rows, folded=folded)
+    return Table(caption, head, rows)
 
 
 def _metric_table(caption: str, rows: Sequence[Effect]) -> Table:
