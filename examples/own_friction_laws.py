@@ -1,8 +1,8 @@
 """Two friction laws of one's own: one with closed forms, one that gives its differential equation only.
 
 Put such a file where Python finds it, import it before an environment is made (the command line: ``--import
-own_friction_laws``), and use the laws by name. This program checks both: ``python -m own_friction_laws`` cannot, because
-the checks run the laws in another process, so it is ``python -c "import own_friction_laws as laws; laws.main()"``.
+own_friction_laws``), and use the laws by name. ``python -c "import own_friction_laws as laws; laws.main()"`` checks
+both; run as a script the file cannot be imported by the other process in which a check runs.
 """
 
 import math

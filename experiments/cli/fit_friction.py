@@ -60,7 +60,7 @@ def _add_record(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--cutoff-hz", metavar="HZ", help=text)
     text = "subtract the straight line along which the zero of the friction drifts"
     group.add_argument("--without-drift", action="store_true", help=text)
-    text = "radius at which the force acts, 0.00796 for the rack of a compact: m and N become rad and N m [m]"
+    text = "radius at which the force acts, 0.00686 for the rack of the default car: m and N become rad and N m [m]"
     group.add_argument("--lever", metavar="METRES", help=text)
     text = (
         "stretch a record of another contact, whose shape is wanted, to the level [N m] and the pre-sliding distance "
@@ -74,6 +74,12 @@ def _add_record(parser: argparse.ArgumentParser) -> None:
 
 def _add_fit(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("search")
+    text = (
+        "let the level grow with the load, of which the record needs a channel that varies (rack force, normal force)"
+    )
+    group.add_argument("--by-load", action="store_true", help=text)
+    text = "95 %% intervals from the derivatives (linear, default), blocks drawn anew, or the profile of the loss"
+    group.add_argument("--intervals", choices=("linear", "bootstrap", "profile"), default="linear", help=text)
     text = "starting points of the search for each law (default 3)"
     group.add_argument("--starts", metavar="N", type=whole_number(1), default=3, help=text)
     text = "look for a better optimum of each law by differential evolution, which takes minutes"
@@ -107,7 +113,9 @@ def _fit_friction(args: argparse.Namespace) -> None:
     car = car_options.load(args) if car_options.given(args) else None
     record = _record(path, args, car)
     with progress("fitting") as notify:
-        found = friction_fit.collect(record, name, laws, held_out=held_out, options=_options(args), notify=notify)
+        found = friction_fit.collect(
+            record, name, laws, held_out=held_out, by_load=args.by_load, options=_options(args), notify=notify
+        )
     print_fits(found)
     trace = provenance.trace(
         command=args.argv,
@@ -203,4 +211,4 @@ def _write_template(path: str, args: argparse.Namespace) -> None:
 
 def _options(args: argparse.Namespace) -> dict[str, Any]:
     """Arguments of ``friction.fit`` that the options give."""
-    return {"starts": args.starts, "global_search": args.global_search, "seed": args.seed}
+    return {"starts": args.starts, "intervals": args.intervals, "global_search": args.global_search, "seed": args.seed}

@@ -24,6 +24,7 @@ DRAWS = 2000  # of blocks
 SEED = 0  # of these
 # Unit in memory -> how a reader sees it, and the size of that.
 SHOWN = {"rad": ("deg", DEGREE), "m": ("mm", 1e-3), "N m": ("N m", 1.0), "N": ("N", 1.0)}
+LOADED = 0.2  # variation of a load by which a level can be fitted, over the largest load, at least; assumed [1]
 MATTERS = 0.05  # a law that leaves less than this share more than the best one is as good [1]
 
 
@@ -66,6 +67,7 @@ def collect(
     laws: Sequence[str],
     *,
     held_out: float | None = None,
+    by_load: bool = False,
     options: Mapping[str, Any] | None = None,
     notify: Callable[[float, str], None] = lambda part, text: None,
 ) -> Found:
@@ -81,6 +83,8 @@ def collect(
     held_out : float, optional
         Share of the record that judges; with 0 the whole record fits and judges [1]. By default ``HELD_OUT``, or 0
         where fewer than two reversals would remain to be fitted.
+    by_load : bool
+        Whether the level grows with the record's load.
     options : mapping, optional
         Further arguments of ``friction.fit``.
     notify : callable
@@ -89,9 +93,12 @@ def collect(
     Raises
     ------
     ValueError
-        For units that are of no law, or a share that is not in 0 to 0.9.
+        For units that are of no law, a share that is not in 0 to 0.9, or a level by a load that is not recorded or
+        does not vary.
     """
     check_units(record)
+    if by_load:
+        _check_load(record)
     n = record.x.size
     share = HELD_OUT if held_out is None else number("held_out", held_out, minimum=0.0, maximum=0.9)
     first = n - round(share * n) if share else 0
@@ -106,7 +113,7 @@ def collect(
     found = []
     for i, law in enumerate(laws):
         notify(i / len(laws), f"fitting {law.replace('_', ' ')}")
-        found.append(_judged(record, law, slice(0, first or None), judging, options or {}))
+        found.append(_judged(record, law, slice(0, first or None), judging, by_load, options or {}))
     found.sort(key=lambda each: each.left[0] if each.fit is not None else math.inf)
     if found and found[0].fit is not None:
         criteria = _criteria(record, found, first)
@@ -120,12 +127,14 @@ def collect(
     return Found(record, name, first, level, repeats, tuple(found))
 
 
-def _judged(record: FrictionRecord, law: str, fitting: slice, judging: slice, options: Mapping[str, Any]) -> Judged:
+def _judged(
+    record: FrictionRecord, law: str, fitting: slice, judging: slice, by_load: bool, options: Mapping[str, Any]
+) -> Judged:
     """One law."""
     part = record.part(fitting)
     nothing = (np.full(record.x.size, math.nan), (math.nan, math.nan, math.nan), math.nan, False)
     try:
-        fit = friction.fit(part.x, part.friction, law, dt=part.dt, load=part.load, **options)
+        fit = friction.fit(part.x, part.friction, law, dt=part.dt, load=part.load if by_load else None, **options)
     except ValueError as error:
         return Judged(law, None, str(error), *nothing)
     load = np.zeros(record.x.size) if record.load is None else record.load
@@ -135,6 +144,19 @@ def _judged(record: FrictionRecord, law: str, fitting: slice, judging: slice, op
     drawn = np.sqrt(np.mean(squares[_draws(squares.size)], axis=1))
     low, high = np.quantile(drawn, (0.025, 0.975))
     return Judged(law, fit, "", curve, (float(np.sqrt(np.mean(squares))), float(low), float(high)), math.nan, False)
+
+
+def _check_load(record: FrictionRecord) -> None:
+    if record.load is None:
+        raise ValueError(
+            "the record has no load by which its level could grow: name it with --map load=..., or leave --by-load out"
+        )
+    low, high = float(record.load.min()), float(record.load.max())
+    if high - low < LOADED * high:
+        raise ValueError(
+            f"the load hardly varies ({low:.4g} to {high:.4g}), so that nothing tells how the level grows with it: "
+            "leave --by-load out, or record under several loads"
+        )
 
 
 def known_from(record: FrictionRecord) -> int:

@@ -189,7 +189,8 @@ CLAIMS = {
     "Hunting": (
         "A position controller with an integral part hunts around its target.",
         "Unit step of the position with K_v 6, K_p 3, K_i 4 for 200 s.",
-        "A swing of the last 50 s above 0.05 m that is 0.9 or more of that of the 50 s before counts as hunting (assumed).",
+        "A swing of the last 50 s above 0.05 m that is 0.9 or more of that of the 50 s before counts as hunting "
+        "(assumed).",
     ),
 }
 

@@ -24,6 +24,8 @@ from steer_env.friction.law import advance, law_of, rate, torque
 from steer_env.friction.numerics.kernel import kernel
 from steer_env.vehicle.steering import column
 
+SMALLEST = math.ulp(0.0)  # speed next to zero [rad/s]
+
 
 class Case(NamedTuple):
     """One run of the column."""
@@ -84,7 +86,9 @@ def backward_euler_step(c, p, q, memory, work, T1, K_road, h):
     rest = _end_torque(p, memory, work, 0.0, h)
     side = 1.0 if R > rest else -1.0
     low, high = 0.0, abs(R - rest) / S
-    while side * (S * side * high + _end_torque(p, memory, work, side * high, h) - R) < 0.0:
+    if side * (_end_torque(p, memory, work, side * SMALLEST, h) - R) >= 0.0:
+        high = 0.0  # a set-valued law sticks: the bisection would halve a thousand times to find it
+    while high > 0.0 and side * (S * side * high + _end_torque(p, memory, work, side * high, h) - R) < 0.0:
         low, high = high, 2.0 * high
     while True:
         middle = 0.5 * (low + high)

@@ -64,7 +64,7 @@ def branches_of(x: NDArray, T: NDArray, band: float) -> Branches:
             f"torque must rise as x rises, as friction resists, got {mean_rise:g} N m on the mean after a reversal: "
             "if its sign is swapped, pass -torque"
         )
-    saturated = [saturates(way, rise, 0.25 * swing) for way, rise in zip(ways, rises)]
+    saturated = [slides or saturates(way, rise, 0.25 * swing) for way, rise in zip(ways, rises)]
     first = 1 + (saturated[:-1].index(True) if any(saturated[:-1]) else 0)
     return Branches(turns, ways, rises, swing, saturated, 0 if one_way else first, one_way)
 

@@ -51,7 +51,7 @@ def profiled(problem: Problem, estimate: Estimate) -> dict[str, tuple[float, flo
     result = linear(estimate)
     n = len(space.sought)
     for i, s in enumerate(space.sought):
-        low, high = result[s.name]
+        high = result[s.name][1]
         value = float(getattr(estimate.parameters, s.name))
         step = math.log(high / value) if s.logarithmic else (high - value) / (1.0 if s.base is None else value)
         ends = []

@@ -13,7 +13,6 @@ from steer_env import friction, manoeuvres
 from steer_env.experiments.cli.main import main
 from steer_env.experiments.report import friction_fit, friction_fit_page
 from steer_env.friction import level
-from steer_env.friction.identification.fit import Fit
 from steer_env.recording import files, friction_record
 from steer_env.vehicle import cars
 from tests.friction.test_bad_input import refused
@@ -134,28 +133,21 @@ def test_a_fitted_file_stands_for_a_law_on_the_command_line(capsys):
     assert main(["rerun", "run.csv"]) == 0, capsys.readouterr()
 
 
+@pytest.mark.whole
 def test_a_weave_of_a_car_gives_the_friction_of_its_column():
-    """Simulated with Dahl and no influence of the load; the level is found within 2 % behind assist and rack force."""
-    car = cars.load("compact", changes={"steering.friction_load": 0.0})
-    run = manoeuvres.drive(car, manoeuvres.make("weave"), DAHL)
+    """The default car with LuGre: level, stiffness and growth with the rack force, behind all other torques."""
+    run = manoeuvres.drive(cars.load(), manoeuvres.make("weave"), "lugre")
     files.write(run.without("friction_torque", "column_angle", "torsion_bar_torque"), "weave.csv", digits=7)
-    words = [
-        "weave.csv",
-        "--law",
-        "dahl",
-        "--vehicle",
-        "compact",
-        "--set",
-        "steering.friction_load=0",
-        "--rate-hz",
-        "100",
-    ]
+    words = ["weave.csv", "--law", "lugre", "--vehicle", "compact", "--by-load", "--rate-hz", "100", "--starts", "1"]
     assert main(["fit-friction", *words, "--out", "out"]) == 0
-    found = loaded("out/dahl.json")
-    assert found["friction"]["F_c"] == pytest.approx(DAHL.F_c, rel=0.02)
-    assert found["friction"]["sigma_0"] == pytest.approx(DAHL.sigma_0, rel=0.1)
+    found, true = loaded("out/lugre.json"), friction.make("lugre")
+    steering = cars.load().steering
+    growth = steering["friction_load"] * steering["pinion_radius"] / true.F_c  # (F11)
+    assert found["friction"]["F_c"] == pytest.approx(true.F_c, rel=0.02)
+    assert found["friction"]["sigma_0"] == pytest.approx(true.sigma_0, rel=0.02)
+    assert found["level"]["load"] == pytest.approx(growth, rel=0.02)
     assert any("balance of torques with the parameters of compact" in note for note in found["notes"])
-    assert found["trace"]["car"]["steering"]["friction_load"] == 0.0
+    assert found["trace"]["car"]["steering"] == steering
 
 
 def test_the_record_judges_on_what_was_not_fitted():
@@ -195,22 +187,19 @@ def test_noise_of_the_displacement_is_told_and_taken_out():
     assert found.best.left[0] < 0.02
 
 
-def test_a_level_by_load_is_in_the_curve_the_page_and_the_file(monkeypatch, tmp_path):
-    """What ``friction.fit`` says of the level is not lost: here it is told the truth, 2e-4 of the level per N."""
+def test_a_level_by_load_is_in_the_curve_the_page_and_the_file(tmp_path):
+    """2e-4 of the level per N, found beside the level itself."""
     load = 2000.0 + 1500.0 * np.sin(2.0 * np.pi * T / 60.0)
     found_level = level.make(load=2e-4)
     torque = friction.response(DAHL, np.radians(X), DT, level.by_sample(found_level, load)) + NOISE
     units = {"displacement": "rad", "torque": "N m"}
     record = friction_record.FrictionRecord(np.radians(X), torque, DT, units, load)
 
-    def fit(x, torque, law, *, dt, load):
-        return Fit(law, DAHL, {"load": (1.9e-4, 2.1e-4)}, 0.0, 0.005, (), found_level)
-
-    monkeypatch.setattr(friction, "fit", fit)
-    found = friction_fit.collect(record, "loaded", ["dahl"])
+    found = friction_fit.collect(record, "loaded", ["dahl"], by_load=True)
     assert found.best.left[0] == pytest.approx(0.005, rel=0.1)
     friction_fit_page.write(tmp_path / "out", found, {})
-    assert loaded("out/dahl.json")["level"] == found_level._asdict()
+    assert loaded("out/dahl.json")["level"]["load"] == pytest.approx(2e-4, rel=0.1)
+    assert loaded("out/dahl.json")["friction"]["F_c"] == pytest.approx(DAHL.F_c, rel=0.02)
     page = Path("out/index.html").read_text(encoding="utf-8")
     assert "level, load" in page
     assert "steering.friction_load" in page
@@ -260,6 +249,8 @@ BAD = [
     (["mine.csv", "--map", "friction=displacement[Nm]"], ["displacement [rad or m]", "names every channel"]),
     (["swapped.csv"], ["exchanged", "--map displacement="]),
     (["forces.csv"], ["rad", "in N", "--lever"]),
+    (["mine.csv", "--by-load"], ["no load", "--map load="]),
+    (["rig", "--by-load"], ["hardly varies (4.995 to 5.004)", "leave --by-load out"]),
     (["mine.csv", "--template", "mine.csv"], ["--template mine.csv exists"]),
     (["mine.csv", "--between", "100", "200"], ["no samples from 100"]),
 ]

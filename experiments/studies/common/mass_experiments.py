@@ -25,9 +25,7 @@ from steer_env.friction.numerics.kernel import kernel
 Array = NDArray[np.float64]
 
 # Table I of the paper [N/m, N s/m, N s/m, N, N, m/s]. The set creates energy at some speeds.
-PAPER = make(
-    "lugre", sigma_0=1e5, sigma_1=math.sqrt(1e5), sigma_2=0.4, F_c=1.0, F_s=1.5, v_s=1e-3, allow_active=True
-)
+PAPER = make("lugre", sigma_0=1e5, sigma_1=math.sqrt(1e5), sigma_2=0.4, F_c=1.0, F_s=1.5, v_s=1e-3, allow_active=True)
 
 PRESLIDING_TIMES, PRESLIDING_FORCE = (0.0, 15.0, 20.0, 45.0, 50.0, 75.0), 1.425  # [s], [N]
 LAG_SPEED = 1e-3  # speed of the lag experiment: LAG_SPEED (1.5 + cos omega t) [m/s]
