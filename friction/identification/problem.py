@@ -25,7 +25,7 @@ class Problem(NamedTuple):
     torque: NDArray[np.float64]  # [1]
     dt: float  # time between samples [1]
     levels: NDArray[np.float64]  # factor on the saturated friction at each sample [1]
-    weighed: NDArray[np.bool_]
+    weighed: NDArray[np.bool_]  # the samples that count
     columns: NDArray[np.float64]  # (T, K) what adds to the torque in proportion: offset, acceleration [1]
 
     def thinned(self) -> "Problem":
