@@ -4,14 +4,16 @@
 
 at the constant speed w over the step h, by the explicit Runge-Kutta pair of orders 5 and 4 of Dormand and Prince, with
 the result of order 5. The difference of the two orders is kept, in every substep, below TOLERANCE of the larger of an
-entry of the memory and of its change, and below TOLERANCE of the torque. The derivative by the speed is a difference
-quotient of two runs in the same substeps. Nothing prefers a side, so the mirrored history gives the mirrored results to
-the bit, and a rate of zero leaves the memory as it is.
+entry of the memory and of its change, and below TOLERANCE of the torque. Across a jump of the rate it shows an
+eightieth of the error at least. The derivative by the speed is a difference quotient of two runs in the same substeps.
+Nothing prefers a side, so the mirrored history gives the mirrored results to the bit, and a rate of zero leaves the
+memory as it is.
 
 Friction that slides at constant speed becomes steady. Where the rate of every entry of the memory, over its change with
-that entry in the last substep, is below TOLERANCE of the entry, no more than that is left to change, and the remainder
-of the step is taken as steady: long steps cost no more than the way there. After MOST_SUBSTEPS, which no law with a
-fading memory needs, memory and torque become NaN, and the plant reports it.
+that entry in a substep, is below TOLERANCE of the entry, no more than that is left to change. Where two substeps in a
+row say so (one of them may be a jump of the rate), the remainder of the step is taken as steady: long steps cost no
+more than the way there. After MOST_SUBSTEPS, which no law with a fading memory needs, memory and torque become NaN, and
+the plant reports it.
 
 The memory of such a law holds its ``memory_size`` floats and behind them the space that the integration works in, which
 is zero between the steps. Its own functions receive their own floats only.
@@ -169,6 +171,7 @@ def _course(p, torque_scale, memory, w, step_of_speed, h):
     T = T_other = mean_other = 0.0
     faster = w + step_of_speed
     left = dt = h
+    before = False
     for _ in range(MOST_SUBSTEPS):
         mean, excess, steady = _substep(p, torque_scale, course, end, rates, w, dt)
         if step_of_speed != 0.0:
@@ -182,11 +185,12 @@ def _course(p, torque_scale, memory, w, step_of_speed, h):
                 course[j] = end[j]
                 other[j] = end_other[j]
             left -= dt  # exactly zero in the last substep
-            if steady:
+            if steady and before:
                 T += left * own_torque(p, torque_scale, course, w)
                 return T, T_other + left * own_torque(p, torque_scale, other, faster)
             if left == 0.0:
                 return T, T_other
+            before = steady
         if math.isnan(excess):  # a substep too long for numbers, or a memory that is not finite, which ends it
             finite = True
             for j in range(n):

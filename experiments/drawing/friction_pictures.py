@@ -33,6 +33,7 @@ def strips(shares: Mapping[str, Mapping[str, Sequence[float]]], large: float) ->
             axes.plot(100.0 * x.max(), place, "o", color=colours[factor], markersize=4)
     axes.axvspan(100.0 * LEAST, 100.0 * large, color="#f0f0f0", zorder=0)
     axes.set(xscale="log", xlabel="difference from the base [% of the metric]", ylim=(len(rows) - 0.4, -0.6))
+    axes.xaxis.set_major_formatter("{x:g}")
     axes.set_yticks(range(len(rows)), [f"{factor}: {case}" for factor, case, _ in rows], fontsize=8)
     axes.grid(visible=False, axis="y")
     return svg(figure)

@@ -36,3 +36,5 @@ def _panel(axes: Axes, panel: Panel) -> None:
     for edge in panel.band or ():
         axes.plot(*thinned(edge, POINTS).T, color="#9aa5b1", linestyle=":", linewidth=0.9)
     axes.set(xlabel=panel.x, ylabel=panel.y, xscale="log" if panel.logarithmic else "linear")
+    if panel.logarithmic:
+        axes.xaxis.set_major_formatter("{x:g}")  # powers of ten would be more than plain text

@@ -20,7 +20,8 @@ from steer_env.experiments.output.pages import environment, image
 from steer_env.experiments.output.traces import embedded
 from steer_env.experiments.output.words import number as shown_number
 from steer_env.experiments.output.words import span
-from steer_env.experiments.report.friction_fit import SHOWN, Found, Judged, contents, known_from
+from steer_env.experiments.report.friction_fit import SHOWN, Found, contents, known_from
+from steer_env.friction import Compared, Fit
 from steer_env.friction.law import LAWS
 from steer_env.recording import friction_checks
 
@@ -47,7 +48,7 @@ def verdict(found: Found) -> str:
     if found.best is None:
         return "No law was fitted; the table says why."
     best = found.best
-    value, low, high = _shares(found, best)
+    value, low, high = shares(found, best)
     seconds = (found.record.x.size - found.first) * found.record.dt
     where = (
         f"the last {seconds:.3g} s, which were not fitted," if found.first else "the record, all of which was fitted,"
@@ -56,7 +57,7 @@ def verdict(found: Found) -> str:
         f"{_title(best.law)} describes this record best: on {where} it leaves {shown_number(value)} % of the mean "
         f"friction ({shown_number(low)} to {shown_number(high)} %)"
     )
-    alike = [_title(each.law) for each in found.laws[1:] if each.fit is not None and not each.apart]
+    alike = [_title(each.law) for each in found.laws[1:] if each.fit is not None and not found.apart(each)]
     if alike:
         text += f", and {_listed(alike)} {'are' if len(alike) > 1 else 'is'} as good on these data"
     if found.repeats is not None:
@@ -67,10 +68,10 @@ def verdict(found: Found) -> str:
     return text[0].upper() + text[1:] + "."
 
 
-def _shares(found: Found, each: Judged) -> tuple[float, float, float]:
+def shares(found: Found, each: Compared) -> tuple[float, float, float]:
     """What a law leaves and its interval [% of the mean friction]."""
-    value, low, high = each.left
-    return percent(found, value), percent(found, low), percent(found, high)
+    low, high = each.interval
+    return percent(found, each.residual), percent(found, low), percent(found, high)
 
 
 def _title(law: str) -> str:
@@ -97,42 +98,46 @@ def in_units(text: str, units: Mapping[str, str]) -> str:
     return re.sub(r"\brad\b", units["displacement"], re.sub(r"\bN m\b", units["torque"], text))
 
 
-def warnings(each: Judged, units: Mapping[str, str]) -> list[str]:
+def warnings(fit: Fit, units: Mapping[str, str]) -> list[str]:
     """The warnings of a fit in the units of the record."""
-    return [in_units(text, units) for text in each.fit.warnings]
+    return [in_units(text, units) for text in fit.warnings]
 
 
-def rows(each: Judged, units: Mapping[str, str]) -> list[Row]:
+def rows(fit: Fit, units: Mapping[str, str]) -> list[Row]:
     """The parameters of a law that was fitted."""
     found = []
-    for name, value in friction.as_mapping(each.fit.parameters).items():
+    for name, value in friction.as_mapping(fit.parameters).items():
         if name == "law":
             continue
-        interval = each.fit.intervals.get(name)
-        undetermined = name in each.fit.undetermined
+        interval = fit.intervals.get(name)
+        undetermined = name in fit.undetermined
         text = ", ".join(map(shown_number, value)) if isinstance(value, list) else shown_number(value, 4)
-        ends = "" if interval is None or np.ndim(interval[0]) else span(interval)
-        found.append(Row(name, text, ends, unit_of(each.law, name, units), not undetermined))
-    for name, value in ({} if each.fit.level is None else each.fit.level._asdict()).items():
+        ends = "" if interval is None or np.ndim(interval[0]) else span(map(float, interval))
+        found.append(Row(name, text, ends, unit_of(fit.law, name, units), not undetermined))
+    for name, value in ({} if fit.level is None else fit.level._asdict()).items():
         if value != 0.0:
-            interval = each.fit.intervals.get(name)
+            interval = fit.intervals.get(name)
             unit = {"load": "1/N", "temperature_rate": "1/K", "temperature_rise": "K"}.get(name, "1")
-            found.append(Row(f"level, {name}", shown_number(value, 4), span(interval) if interval else "", unit, True))
+            found.append(
+                Row(
+                    f"level, {name}", shown_number(value, 4), span(map(float, interval)) if interval else "", unit, True
+                )
+            )
     return found
 
 
-def law_file(found: Found, each: Judged, trace: Mapping[str, Any]) -> dict[str, Any]:
+def law_file(found: Found, each: Compared, fit: Fit, trace: Mapping[str, Any]) -> dict[str, Any]:
     """The file of a law, which ``friction="LAW.json"`` takes."""
     return {
-        "friction": friction.as_mapping(each.fit.parameters),
+        "friction": friction.as_mapping(fit.parameters),
         "units": dict(found.record.units),
-        "level": None if each.fit.level is None else each.fit.level._asdict(),
-        "intervals": {name: [_plain(end) for end in ends] for name, ends in each.fit.intervals.items()},
-        "undetermined": list(each.fit.undetermined),
-        "offset": each.fit.offset,
-        "residual": each.fit.residual,
-        "held_out": [_plain(x) for x in each.left],
-        "warnings": warnings(each, found.record.units),
+        "level": None if fit.level is None else fit.level._asdict(),
+        "intervals": {name: [_plain(end) for end in ends] for name, ends in fit.intervals.items()},
+        "undetermined": list(fit.undetermined),
+        "offset": fit.offset,
+        "residual": fit.residual,
+        "held_out": [_plain(x) for x in (each.residual, *each.interval)],
+        "warnings": warnings(fit, found.record.units),
         "notes": list(found.record.notes),
         "trace": dict(trace),
     }
@@ -159,12 +164,16 @@ def as_json(found: Found, trace: Mapping[str, Any]) -> dict[str, Any]:
         "verdict": verdict(found),
         "best": found.best and found.best.law,
         "laws": {
-            each.law: {"reason": each.reason}
+            each.law: {"refused": each.refused}
             if each.fit is None
             else {
-                **{key: value for key, value in law_file(found, each, {}).items() if key not in ("trace", "notes")},
-                "criterion": _plain(each.criterion),
-                "apart_from_best": each.apart,
+                **{
+                    key: value
+                    for key, value in law_file(found, each, each.fit, {}).items()
+                    if key not in ("trace", "notes")
+                },
+                "criterion": _plain(found.criterion(each)),
+                "alike": list(each.alike),
             }
             for each in found.laws
         },
@@ -194,7 +203,8 @@ def render(found: Found, trace: Mapping[str, Any], folder: str) -> str:
     """The page."""
     given = shown(found)
     fitted = [each for each in found.laws if each.fit is not None]
-    overview = {_title(e.law): _shares(found, e) for e in fitted}
+    fits = [each.fit for each in found.laws if each.fit is not None]
+    overview = {_title(e.law): shares(found, e) for e in fitted}
     repeats = None if found.repeats is None else percent(found, found.repeats)
     return (
         environment(__package__)
@@ -207,12 +217,13 @@ def render(found: Found, trace: Mapping[str, Any], folder: str) -> str:
             fitted=fitted,
             missed=[each for each in found.laws if each.fit is None],
             percent=lambda x: percent(found, x),
+            shares=lambda each: shares(found, each),
             title=_title,
-            warnings={each.law: warnings(each, found.record.units) for each in fitted},
-            rows={each.law: rows(each, found.record.units) for each in fitted},
+            warnings={fit.law: warnings(fit, found.record.units) for fit in fits},
+            rows={fit.law: rows(fit, found.record.units) for fit in fits},
             repeats=repeats,
             overview=image(fit_pictures.residuals(overview, repeats)) if fitted else None,
-            pictures={e.law: image(fit_pictures.law(given, e.curve, found.level)) for e in fitted},
+            pictures={e.law: image(fit_pictures.law(given, found.curves[e.law], found.level)) for e in fitted},
             travel=float(np.ptp(given.x)),
             x_unit=given.x_unit,
             unit=given.friction_unit,
@@ -233,4 +244,4 @@ def write(out: Path, found: Found, trace: Mapping[str, Any]) -> None:
         write_json(part / "fit.json", as_json(found, trace))
         for each in found.laws:
             if each.fit is not None:
-                write_json(part / f"{each.law}.json", law_file(found, each, trace))
+                write_json(part / f"{each.law}.json", law_file(found, each, each.fit, trace))

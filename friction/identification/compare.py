@@ -1,7 +1,7 @@
 """``friction.compare``: laws fitted to the first part of a record and judged on the rest (F39)."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -28,7 +28,7 @@ class Compared(NamedTuple):
     refused: str  # why, or empty
     residual: float  # RMS on the held-out part [N m]
     interval: tuple[float, float]  # of the residual, 95 %, from blocks drawn with replacement [N m]
-    aic: float  # Akaike's information criterion on the fitted part, with independent samples [1]
+    aic: float  # Akaike's information criterion on the fitted part [1]
     bic: float  # Bayes' [1]
     alike: tuple[str, ...]  # laws that the held-out part cannot tell from this one
 
@@ -40,7 +40,10 @@ def compare(
     held_out: float | slice = 1.0 / 3.0,
     inertia: float | None = 0.0,
     starts: int = 3,
+    intervals: str = "linear",
+    global_search: bool = False,
     seed: int = 0,
+    notify: Callable[[float, str], None] = lambda part, text: None,
 ) -> tuple[Compared, ...]:
     """Fit laws to the first part of a record and judge them on a later one, the best first.
 
@@ -54,13 +57,15 @@ def compare(
     laws : sequence of str, optional
         Names, by default of all laws.
     held_out : float or slice
-        Share of the record, its end, or the samples that judge [1].
+        Share of the record, its end, or the samples that judge [1]. With 0 the whole record is fitted and judges.
     inertia : float or None
         As in :func:`steer_env.friction.fit` [kg m2].
-    starts : int
-        Of each search.
+    starts, intervals, global_search
+        As in :func:`steer_env.friction.fit`.
     seed : int
         Of the draws.
+    notify : callable
+        Is told the part that is done and what comes next.
 
     Returns
     -------
@@ -70,7 +75,7 @@ def compare(
     Raises
     ------
     ValueError
-        For a share not between 0 and 0.9, an unknown law, or samples that judge before any that fit.
+        For a share not in 0 to 0.9, an unknown law, or samples that judge before any that fit.
     """
     whole = checked(record.x, record.torque, positive("dt", record.dt), record.load)
     judging = held_out if isinstance(held_out, slice) else slice(_first(whole, held_out), None)
@@ -79,40 +84,60 @@ def compare(
         raise ValueError(f"held_out must leave samples before it that fit, got it from sample {first}")
     load = None if whole.load is None else whole.load[:first]
     part = prepared(Record(whole.x[:first], whole.torque[:first], whole.dt, load), inertia)
-    options = Options(starts=starts, seed=seed)
-    found, squares = [], {}
-    for name in available() if laws is None else laws:
+    known = part.branches.turns[part.branches.first]  # before it, a law does not know its memory
+    if first == whole.x.size:
+        judging = slice(known, None)
+    options = Options(starts=starts, intervals=intervals, global_search=global_search, seed=seed)
+    found, squares, left = [], {}, {}
+    names = available() if laws is None else laws
+    for i, name in enumerate(names):
+        notify(i / len(names), f"fitting {name.replace('_', ' ')}")
         law = law_of(make(name))
         try:
             fit = fitted(part, law, options)
         except ValueError as error:
             found.append(Compared(name, None, str(error), math.inf, (math.inf, math.inf), math.inf, math.inf, ()))
             continue
-        e = _left(whole, fit)
+        e = remainder(whole, fit)
+        left[name] = e[known:first]
         squares[name] = np.array([np.mean(b) for b in np.array_split(e[judging] ** 2, BLOCKS)])
         drawn = np.sqrt(np.mean(squares[name][_draws(seed)], axis=1))
         low, high = np.quantile(drawn, (0.025, 0.975)).tolist()
-        aic, bic = _criteria(e[:first], fit)
-        found.append(Compared(name, fit, "", math.sqrt(np.mean(squares[name])), (low, high), aic, bic, ()))
+        residual = math.sqrt(np.mean(e[judging] ** 2))
+        found.append(Compared(name, fit, "", residual, (low, high), math.inf, math.inf, ()))
     found.sort(key=lambda each: each.residual)
-    return tuple(each._replace(alike=_alike(each.law, squares, seed)) for each in found)
+    result = []
+    for each in found:
+        aic, bic = _criteria(each, left)
+        result.append(each._replace(alike=_alike(each.law, squares, seed), aic=aic, bic=bic))
+    return tuple(result)
 
 
 def _first(record: Record, share: float) -> int:
-    return record.x.size - round(number("held_out", share, minimum=0.0, maximum=0.9, above=True) * record.x.size)
+    return record.x.size - round(number("held_out", share, minimum=0.0, maximum=0.9) * record.x.size)
 
 
-def _left(record: Record, fit: Fit) -> NDArray[np.float64]:
-    """What a law leaves of the torque of a whole record [N m]."""
+def remainder(record: Record, fit: Fit) -> NDArray[np.float64]:
+    """What a law that was fitted leaves of the torque of a whole record (T,), law less record [N m]."""
     clean = prepared(record, fit.inertia).record  # x freed of its noise, and without the torque of the inertia
     scale: Any = 1.0 if fit.level is None or record.load is None else by_sample(fit.level, record.load)
     return response(fit.parameters, clean.x, record.dt, scale) + fit.offset - clean.torque
 
 
-def _criteria(e: NDArray, fit: Fit) -> tuple[float, float]:
-    """Information criteria of a fit, whose samples count as often as they are independent (F39)."""
-    count = e.size / samples_per_count(e)
-    k = sum(np.size(v) for v in fit.parameters) - len(fit.undetermined) + 1  # with the offset
+def _criteria(each: Compared, left: dict[str, NDArray]) -> tuple[float, float]:
+    """Information criteria of a fit, in which samples count as often as they are independent (F39).
+
+    The number of independent samples is that of the law that leaves least, the same for every law, as criteria of
+    different numbers of samples cannot be compared.
+    """
+    if each.fit is None:
+        return math.inf, math.inf
+    e = left[each.law]
+    best = min(left.values(), key=lambda other: float(np.mean(other**2)))
+    count = best.size / samples_per_count(best)
+    values = [v for name, v in each.fit.parameters._asdict().items() if name not in each.fit.undetermined]
+    elements = max((np.size(v) for v in values if np.ndim(v)), default=0)  # of which each adds one
+    k = 1 + elements + sum(np.ndim(v) == 0 for v in values)  # with the offset
     gain = count * math.log(max(float(np.mean(e**2)), 1e-300))
     return gain + 2.0 * k, gain + k * math.log(count)
 

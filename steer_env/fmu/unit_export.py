@@ -19,7 +19,7 @@ from steer_env.fmu.object_code import PLATFORMS, module_text, object_code
 from steer_env.fmu.part import Part
 from steer_env.fmu.processor import Processor, processor
 from steer_env.fmu.variables import variables
-from steer_env.friction import law_of, resolve
+from steer_env.friction import law_of
 from steer_env.friction.law import as_mapping
 from steer_env.vehicle import cars
 
@@ -86,28 +86,10 @@ def export(
     ValueError
         A bad value, a missing compiler or a missing package; the message tells what to do.
     """
-    target = Path(path)
-    if target.suffix != ".fmu":
-        raise ValueError(f"the file of a unit must end with .fmu, got {target}")
-    for name, value, allowed in (("part", part, PARTS), ("fmi", fmi, VERSIONS)):
-        if value not in allowed:
-            raise ValueError(f"{name} must be one of {', '.join(map(str, allowed))}, got {value!r}")
-    wanted = tuple(dict.fromkeys(platforms))
-    for platform in wanted:
-        if platform not in PLATFORMS:
-            raise ValueError(f"platform must be one of {', '.join(PLATFORMS)}, got {platform!r}")
-        link.compiler(platform)
-    if not wanted:
-        raise ValueError(f"a unit needs a platform: {', '.join(PLATFORMS)}")
-    link.headers()
-    law = resolve(friction)
+    wanted = _checked(Path(path), part, fmi, platforms)
     loaded = vehicle if isinstance(vehicle, cars.Car) else cars.load(vehicle)
-    p = loaded.plant(law, speed, robot, road_friction, chassis)
-    made_of = {
-        **{"part": part, "chassis": chassis, "speed_m_s": speed, "robot": robot, "road_friction": road_friction},
-        **{"friction": as_mapping(law), "car": loaded.data()},
-    }
-    name, rolls = law_of(law).name, f"chassis {chassis}, held speed {speed:.6g} m/s"
+    p = loaded.plant(friction, speed, robot, road_friction, chassis)
+    name, rolls = law_of(p.friction).name, f"chassis {chassis}, held speed {speed:.6g} m/s"
     made, contents, label = {
         "car": lambda: (car.part(p), f"friction law {name}, {rolls}", name),
         "steering": lambda: (steering.part(p, speed), f"friction law {name}", name),
@@ -115,14 +97,40 @@ def export(
     }[part]()
     told = f"Car {loaded.name}, {contents}; processor level {cpu}."
     files = _files(made, re.sub(r"\W", "_", f"steer_{part}_{label}"), told, wanted, fmi, processor(cpu))
+    made_of = {
+        **{"part": part, "chassis": chassis, "speed_m_s": speed, "robot": robot, "road_friction": road_friction},
+        **{"friction": as_mapping(p.friction), "car": loaded.data()},
+    }
     files["resources/made_of.json"] = json.dumps(made_of, indent=1).encode()
+    _pack(Path(path), files)
+    return Path(path)
+
+
+def _checked(path: Path, part: str, fmi: int, platforms: Sequence[str]) -> tuple[str, ...]:
+    """The platforms, each once, after a look at what else may be wrong before long work begins."""
+    if path.suffix != ".fmu":
+        raise ValueError(f"the file of a unit must end with .fmu, got {path}")
+    for name, value, allowed in (("part", part, PARTS), ("fmi", fmi, VERSIONS)):
+        if value not in allowed:
+            raise ValueError(f"{name} must be one of {', '.join(map(str, allowed))}, got {value!r}")
+    for platform in platforms:
+        if platform not in PLATFORMS:
+            raise ValueError(f"platform must be one of {', '.join(PLATFORMS)}, got {platform!r}")
+        link.compiler(platform)
+    if not platforms:
+        raise ValueError(f"a unit needs a platform: {', '.join(PLATFORMS)}")
+    link.headers()
+    return tuple(dict.fromkeys(platforms))
+
+
+def _pack(path: Path, files: dict[str, bytes]) -> None:
+    """Write an archive at once, so that nothing half-written stays."""
     archive = io.BytesIO()
     with zipfile.ZipFile(archive, "w", zipfile.ZIP_DEFLATED) as packed:
-        for file, data in files.items():
-            packed.writestr(zipfile.ZipInfo(file, _DATE), data, zipfile.ZIP_DEFLATED)
-    target.parent.mkdir(parents=True, exist_ok=True)
-    target.write_bytes(archive.getvalue())
-    return target
+        for name, contents in files.items():
+            packed.writestr(zipfile.ZipInfo(name, _DATE), contents, zipfile.ZIP_DEFLATED)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_bytes(archive.getvalue())
 
 
 def _files(

@@ -203,7 +203,7 @@ def test_the_sentences_follow_from_the_numbers(results):
     assert "changes 0 of 2 compared metrics" in laws.headline
     factors = friction_page.of_factors(results)
     assert "stronger: level (100 %)" in factors.headline
-    assert "Perceptible differences of sustained torque or angle come from level." in factors.verdict
+    assert "A perceptible difference of a sustained torque or angle comes from level." in factors.verdict
     assert "no law vibrates lastingly" in friction_page_loops.apart(results).verdict
     assert "none of 1 comparisons" in friction_page_loops.in_loop(results).verdict
     assert "no law is taken for another" in friction_page_loops.confusion(results).verdict

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from steer_env import manoeuvres
-from steer_env.fmu import car, flat, object_code, processor
+from steer_env.fmu import car, flat, link, object_code, processor
 from steer_env.manoeuvres.common import driving
 from steer_env.vehicle import cars, plant
 from tests.fmu.runs import bits
@@ -22,8 +22,19 @@ pytestmark = pytest.mark.whole
 _made: dict = {}
 
 
+SHOWN = """
+#include "unit.h"
+
+int32_t shown(int32_t *finite, void **unused, const double *numbers, const double *tables, double *state,
+              const double *given, double *inputs, double *outputs, int64_t samples)
+{
+    return steer_advance(finite, unused, numbers, tables, state, given, inputs, outputs, samples);
+}
+"""
+
+
 def advance_of(p, folder):
-    """The function ``steer_advance`` for plants of this structure, and the sizes of its arrays."""
+    """The hidden function ``steer_advance`` for plants of this structure, and the sizes of its arrays."""
     state, channels = plant.size_of(p), len(plant.channels(p))
     sizes = state, len(plant.INPUTS) + 1, len(plant.INPUTS), channels
     key = (repr([(leaf.path, np.shape(leaf.value)) for leaf in flat.leaves(p)]), type(p.friction), type(p.chassis))
@@ -32,8 +43,10 @@ def advance_of(p, folder):
         code = object_code.object_code(module, "linux64", processor.processor("native"))
         (folder / "kernels.o").write_bytes(code)
         library = folder / f"kernels{len(_made)}.so"
-        subprocess.run(["cc", "-shared", "-o", library, folder / "kernels.o", "-lm"], check=True)
-        _made[key] = ctypes.CDLL(str(library))[object_code.FUNCTION]
+        (folder / "shown.c").write_text(SHOWN)
+        sources = f"-I{link.SOURCES}", folder / "shown.c", folder / "kernels.o"
+        subprocess.run(["cc", "-shared", "-fPIC", "-o", library, *sources, "-lm"], check=True)
+        _made[key] = ctypes.CDLL(str(library)).shown
     return _made[key], sizes
 
 

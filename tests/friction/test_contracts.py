@@ -29,8 +29,15 @@ SETS = {name: friction.make(name) for name in friction.available()} | {
 }
 
 
+# Sets whose branches are those of another set, nearly.
+FOR_THE_WHOLE_SUITE = ("elasto_plastic, viscous, late", "bouc_wen, as dahl")
+
+
 @pytest.mark.parametrize("check", CHECKS, ids=lambda check: check.__name__)
-@pytest.mark.parametrize("p", SETS.values(), ids=SETS)
+@pytest.mark.parametrize(
+    "p",
+    [pytest.param(p, id=name, marks=[pytest.mark.whole] * (name in FOR_THE_WHOLE_SUITE)) for name, p in SETS.items()],
+)
 def test_contract(p, check):
     check(p)
 

@@ -76,6 +76,17 @@ def test_several_memories_against_scipy():
     np.testing.assert_allclose(memory[:2], solution.y[:, -1], rtol=1e-7)  # scipy steps over the jump by up to 1e-6 s
 
 
+@pytest.mark.parametrize("share", [0.01, 0.5, 10.0, 100.0])
+def test_a_jump_of_the_rate_is_not_taken_as_steady(share):
+    """The memory after 1 s at 0.1 rad/s: up to the jump at full rate, then at the share."""
+    for jump in np.random.default_rng(0).uniform(1e-3, 5e-2, 300):
+        p = friction.make("toy_jump", y=float(jump), share=share)
+        memory = at_rest(p)
+        law.advance(p, 1.0, memory, 0.1, 1.0)
+        # the error across a jump is up to eighty times that which the two orders show; twice, for safety
+        assert memory[0] == pytest.approx(jump + share * (0.1 - jump), rel=2 * 80 * ode.TOLERANCE)
+
+
 def test_what_never_becomes_steady_is_not_a_number_after_the_largest_number_of_substeps():
     p = friction.make("toy_wheel")
     memory = at_rest(p)

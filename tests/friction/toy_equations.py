@@ -2,6 +2,7 @@
 
 * ``toy_lugre``: LuGre, whose closed form the package has.
 * ``toy_jenkins_dahl``: a spring with a slider, whose rate jumps, beside an exponential spring.
+* ``toy_jump``: a spring whose rate jumps to another one, a trap for what takes a law as steady.
 * ``toy_wheel``: a memory that turns for ever, which no law of friction does.
 """
 
@@ -29,6 +30,11 @@ class JenkinsDahl(NamedTuple):
     F_d: float  # its saturated torque [N m]
 
 
+class Jump(NamedTuple):
+    y: float  # where the rate jumps [rad]
+    share: float  # to which it jumps [1]
+
+
 class Wheel(NamedTuple):
     turns: float  # radian per radian of motion [1]
 
@@ -49,6 +55,11 @@ def make_lugre(
 def make_jenkins_dahl(*, k: float = 100.0, F_c: float = 0.9, k_d: float = 5.0, F_d: float = 0.2) -> JenkinsDahl:
     """Not checked."""
     return JenkinsDahl(k, F_c, k_d, F_d)
+
+
+def make_jump(*, y: float = 0.01, share: float = 100.0) -> Jump:
+    """Not checked."""
+    return Jump(y, share)
 
 
 def make_wheel(*, turns: float = 1e9) -> Wheel:
@@ -82,6 +93,21 @@ def cut_bristle(p, torque_scale, memory):
 @kernel
 def stored_energy(p, memory):
     return 0.5 * p.k * memory[0] ** 2 + 0.5 * p.k_d * memory[1] ** 2
+
+
+@kernel
+def jump_torque(p, torque_scale, memory, w):
+    return memory[0]
+
+
+@kernel
+def jump_rate(p, torque_scale, memory, w, out):
+    out[0] = w if w * memory[0] < abs(w) * p.y else p.share * w
+
+
+@kernel
+def jump_energy(p, memory):
+    return 0.5 * memory[0] ** 2
 
 
 @kernel
@@ -120,6 +146,15 @@ register(
     rate=rate,
     stored_energy=stored_energy,
     cut_back=cut_back,
+)
+register(
+    "toy_jump",
+    Jump,
+    make=make_jump,
+    memory_size=lambda p: 1,
+    torque=jump_torque,
+    rate=jump_rate,
+    stored_energy=jump_energy,
 )
 register(
     "toy_wheel",

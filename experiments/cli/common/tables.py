@@ -220,12 +220,12 @@ def print_fits(found: friction_fit.Found) -> None:
         table.add_column(heading, justify="right" if "%" in heading else "left", overflow="fold")
     for each in found.laws:
         if each.fit is None:
-            table.add_row(each.law, "", "", Text(f"not fitted: {each.reason}"))
+            table.add_row(each.law, "", "", Text(f"not fitted: {each.refused}"))
             continue
-        value, low, high = (friction_fit_page.percent(found, x) for x in each.left)
+        value, low, high = friction_fit_page.shares(found, each)
         shown = [
             f"{row.name} = {row.value}{f' {row.unit}' if row.unit != '1' else ''}" + ("" if row.determined else " (?)")
-            for row in friction_fit_page.rows(each, found.record.units)
+            for row in friction_fit_page.rows(each.fit, found.record.units)
         ]
         table.add_row(each.law, f"{value:.3g}", f"{low:.3g} .. {high:.3g}", Text(", ".join(shown)))
     printer = console()
@@ -233,9 +233,9 @@ def print_fits(found: friction_fit.Found) -> None:
     plain: dict[str, Any] = {"highlight": False, "soft_wrap": True, "markup": False}
     others = 0
     for each in found.laws:
-        told = [] if each.fit is None else friction_fit_page.warnings(each, found.record.units)
-        others += len(told) if each.apart else 0
-        for warning in [] if each.apart else told:
+        told = [] if each.fit is None else friction_fit_page.warnings(each.fit, found.record.units)
+        others += len(told) if found.apart(each) else 0
+        for warning in [] if found.apart(each) else told:
             printer.print(f"{each.law}: {warning}", **plain)
     if others:
         printer.print(f"{others} warnings of the laws that leave more are on the page and in their files", **plain)

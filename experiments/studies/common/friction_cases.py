@@ -223,7 +223,7 @@ class Driven(NamedTuple):
 
     law: str
     task: str
-    metrics: dict[str, list[float]]
+    metrics: dict[str, list[float]]  # by metric [unit of the metric]
 
 
 def with_driver(job: tuple[str, Any, str, int]) -> Driven:

@@ -24,6 +24,7 @@ TOLD = 0.03  # RMS difference over F_c from which on two laws count as told apar
 class Experiment(NamedTuple):
     """A displacement and the part of it that is compared."""
 
+    short: str
     title: str
     x: Array  # (T,) [rad]
     dt: float  # [s]
@@ -39,7 +40,13 @@ def _corrections() -> Experiment:
     """Small corrections of 0.2 deg at 0.5 Hz around a place that was reached from saturation."""
     approach = through((0.0, 4.0), 0.004) * DEGREE
     small = approach[-1] - 0.2 * DEGREE + 0.2 * DEGREE * np.cos(2.0 * math.pi * 0.5 * 2e-3 * np.arange(1, 4001))
-    return Experiment("small corrections (0.2 deg at 0.5 Hz)", np.append(approach, small), 2e-3, slice(2001, None))
+    return Experiment(
+        "small corrections",
+        "small corrections (0.2 deg at 0.5 Hz)",
+        np.append(approach, small),
+        2e-3,
+        slice(2001, None),
+    )
 
 
 def experiments() -> dict[str, Experiment]:
@@ -52,16 +59,22 @@ def experiments() -> dict[str, Experiment]:
     }
     last = slice(1000, None)  # without the first cycle
     sines = {
-        name: Experiment(title, _sine(amplitude, frequency, 3), 1e-3 / frequency, last)
+        name: Experiment(f"sines at {frequency:g} Hz", title, _sine(amplitude, frequency, 3), 1e-3 / frequency, last)
         for name, (title, amplitude, frequency) in cycles.items()
     }
     return {
         "saturated": Experiment(
-            "reversals from saturation (0.01 deg/s)", nested.x, nested.dt, slice(SATURATED_TURN + 1, NESTED_TURN)
+            "large slow loops",
+            "reversals from saturation (0.01 deg/s)",
+            nested.x,
+            nested.dt,
+            slice(SATURATED_TURN + 1, NESTED_TURN),
         ),
-        "nested": Experiment("nested loops (0.01 deg/s)", nested.x, nested.dt, slice(NESTED_TURN + 1, None)),
+        "nested": Experiment(
+            "nested loops", "nested loops (0.01 deg/s)", nested.x, nested.dt, slice(NESTED_TURN + 1, None)
+        ),
         "corrections": _corrections(),
-        "held": Experiment("motion with rests (1 deg/s)", held.x, held.dt, slice(None)),
+        "held": Experiment("rests", "motion with rests (1 deg/s)", held.x, held.dt, slice(None)),
         **sines,
     }
 

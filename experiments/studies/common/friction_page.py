@@ -30,6 +30,21 @@ def _span(values: Sequence[float]) -> str:
     return low if low == high else f"{low} to {high}"
 
 
+def _of_the_literature(known: Sequence[records.Judged]) -> str:
+    """LuGre against Masing, the two laws that the literature compares."""
+    of = {each.law: each for each in known}
+    if not {"lugre", "masing"} <= of.keys():
+        return ""
+    lugre, masing = of["lugre"], of["masing"]
+    text = (
+        f" Of the two that the literature compares, LuGre leaves {number(lugre.error / masing.error, 2)} times as much "
+    )
+    text += "as Masing"
+    if lugre.undetermined:
+        text += f", and the record does not determine its {named(lugre.undetermined)}"
+    return f"{text}."
+
+
 def accuracy(r: Results) -> Section:
     """Which law describes the measured record best."""
     known = r.known()
@@ -46,11 +61,10 @@ def accuracy(r: Results) -> Section:
     left = [each for each in known if each not in leaders]
     headline = (
         f"Most accurate on the measured record: {named([e.law for e in leaders])}, which "
-        f"{'leaves' if len(leaders) == 1 else 'leave'} {_span([e.error for e in leaders])} of the mean friction on "
-        "seconds "
-        f"that were not fitted, where one period differs from the next by {percent(r.repeatability, 2)}; "
+        f"{'leaves' if len(leaders) == 1 else 'leave'} {_span([e.error for e in leaders])} of the mean friction in "
+        f"seconds that were not fitted; one period differs from the next by {percent(r.repeatability, 2)}. The others: "
         + ", ".join(f"{each.law} {percent(each.error, 2)}" for each in left)
-        + "."
+        + f".{_of_the_literature(known)}"
     )
     sure = [each for each in known if not each.undetermined]
     if sure and sure[0] is not best:
@@ -67,11 +81,12 @@ def accuracy(r: Results) -> Section:
     }
     rows = [
         (each.law, percent(each.error, 3), f"{percent(each.low, 3)} to {percent(each.high, 3)}",
-         percent(each.fitted, 3), number(each.error / r.repeatability, 2), "; ".join(each.remarks) or "–")
+         percent(each.fitted, 3), number(each.error / r.repeatability, 2), ", ".join(each.undetermined) or "–")
         for each in known
     ]  # fmt: skip
-    rows += [(each.law, *("–" * 4), "; ".join(each.remarks)) for each in r.judged if each.parameters is None]
-    head = ("law", "error, held out", "95 % interval", "error, fitted part", "over repeatability", "remarks of the fit")
+    rows += [(each.law, *("–" * 5)) for each in r.judged if each.parameters is None]
+    head = ("law", "error, held out", "95 % interval", "error, fitted part", "over repeatability", "not determined")
+    remarks = [(each.law, "; ".join(each.remarks)) for each in r.judged if each.remarks]
     return Section(
         "Which law is more accurate?",
         "A law with more memory describes measured friction better than one with a single bristle.",
@@ -86,7 +101,8 @@ def accuracy(r: Results) -> Section:
         "the pre-sliding distance of a column, which changes no error.",
         [Picture(friction_pictures.record_loops((x, F), loops), "The last period of the record, and every law with an "
                  "error below 50 %, which were fitted to other periods.")],
-        [Table("Laws on the held-out part of the measured record", head, rows)],
+        [Table("Laws on the held-out part of the measured record", head, rows),
+         Table("Remarks of the fits", ("law", "remarks"), remarks, folded=True)],
         headline,
     )  # fmt: skip
 
@@ -108,6 +124,8 @@ def cost(r: Results) -> tuple[Section, str, str]:
         f"({cheap}) to {number(ratio[slow], 2)} times ({slow}) that of {BASE_LAW}, a sample of the whole car up to "
         f"{number(max(r.sample_ns.values()) / whole, 3)} times."
     )
+    if "masing" in ratio:
+        timed += f" Masing costs {number(ratio['masing'], 2)} times what LuGre does."
     longest = {law: real_time.usable_step(rows, SCHEME) for law, rows in r.tables.items()}
     explicit = {law: real_time.usable_step(rows, "explicit Euler") for law, rows in r.tables.items()}
     steps = (
@@ -149,6 +167,7 @@ def _steps(of: dict[str, float | None]) -> str:
 
 
 def in_words(row: Effect) -> str:
+    """An effect in words: metric, test, share and case."""
     test, level = row.test.replace("-", " "), row.case.level
     return f"{label(row.metric)} in the {test} by {percent(abs(row.found.share), 2)} ({level})"
 
@@ -162,14 +181,15 @@ def counts(rows: Sequence[Effect]) -> str:
     return f"{text}, {s.noticed or 'none'} of {s.known} with a known threshold perceptibly"
 
 
-def case_table(caption: str, of: dict[str, list[Effect]], folded: bool = False) -> Table:
+def case_table(caption: str, of: dict[str, list[Effect]]) -> Table:
+    """Counts of large and perceptible differences, a row for each case."""
     rows = []
     for name, effects in of.items():
         s = cases.summary(effects)
         largest = in_words(s.largest).rpartition(" (")[0] if s.largest else "–"
         rows.append((name, str(s.compared), str(s.large), f"{s.noticed} of {s.known}", largest))
     head = ("case", "metrics compared", f"above {percent(MATTERS)}", "perceptible, of known", "largest share")
-    return Table(caption, head, rows, folded=folded)
+    return Table(caption, head, rows)
 
 
 def _metric_table(caption: str, rows: Sequence[Effect]) -> Table:
@@ -250,7 +270,7 @@ def of_factors(r: Results) -> Section:
     )
     verdict = (
         f"Share of the metrics that a factor changes by more than {percent(MATTERS)}, mean over its cases: {order}. "
-        f"Perceptible differences of sustained torque or angle come from {named(noticed)}."
+        f"A perceptible difference of a sustained torque or angle comes from {named(noticed)}."
     )
     levels = {
         f"{factor}: {level}": of for factor, rows in factors.items() for level, of in cases.by_level(rows).items()

@@ -20,6 +20,7 @@ def apart(r: Results) -> Section:
     remembering = r.remembers()
     told = {name: [law for law in remembering if of[law] > TOLD] for name, of in r.apart.items()}
     titles = {name: each.title for name, each in experiments().items()}
+    short = {name: each.short for name, each in experiments().items()}
     where = "; ".join(f"{titles[name]}: {named(laws)}" for name, laws in told.items() if laws)
     alike = [titles[name] for name, laws in told.items() if not laws]
     lasting = [each for each in r.held if each.lasting > 0.9 and each.ripple > 1e-3]
@@ -31,7 +32,7 @@ def apart(r: Results) -> Section:
         verdict += f" They cannot be told apart in: {'; '.join(alike)}."
     groups: dict[tuple[str, ...], list[str]] = {}
     for law in remembering:
-        groups.setdefault(tuple(titles[name] for name, laws in told.items() if law in laws), []).append(law)
+        groups.setdefault(tuple(short[name] for name, laws in told.items() if law in laws), []).append(law)
     headline = f"With one calibration, {BASE_LAW} is told from " + "; from ".join(
         f"{named(laws)} in {named(where_)}" if where_ else f"{named(laws)} nowhere" for where_, laws in groups.items()
     )
@@ -111,7 +112,10 @@ def in_loop(r: Results) -> Section:
     most = f" Without assist the largest is the {in_words(largest)}." if largest else ""
     rows, shares = _with_driver(r)
     large = sorted((key for key, share in shares.items() if share > MATTERS), key=lambda key: -shares[key])
-    told = "; ".join(f"{label(metric)} ({law}, {percent(shares[task, metric, law], 2)})" for task, metric, law in large)
+    most_of: dict[str, float] = {}
+    for key in large:
+        most_of.setdefault(key[1], shares[key])  # the largest first
+    told = ", ".join(f"{label(metric)} (up to {percent(share, 2)})" for metric, share in most_of.items())
     driver = (
         f"With a driver model in the loop they differ by more than {percent(MATTERS)} in {len(large) or 'none'} of "
         f"{len(remembering) * len(rows)} comparisons{f': {told}' if told else ''}."
@@ -169,7 +173,8 @@ def confusion(r: Results) -> Section:
             others = float(np.mean([sum(of.values()) - of[truth] for truth, of in table.items()]))
             own = float(np.mean([table[truth][truth] for truth in laws]))
             summaries.append(
-                f"{record}, noise {percent(noise)}: {number(others, 2)} (the true one in {percent(own, 2)})"
+                f"A record of {record} with a noise of {percent(noise)} of F_c leaves {number(others, 2)} of "
+                f"{len(laws) - 1} other laws possible on the mean, and the true one in {percent(own, 2)}."
             )
     return Section(
         "Who is told from whom",
@@ -183,5 +188,5 @@ def confusion(r: Results) -> Section:
         "right where the other is the true one.",
         (),
         tables,
-        f"Of the {len(r.laws) - 1} other laws a record leaves possible, on the mean: {'; '.join(summaries)}.",
+        " ".join(summaries),
     )
