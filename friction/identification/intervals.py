@@ -46,7 +46,8 @@ def half_widths(J: NDArray, residual: NDArray, rows: NDArray, floor: float = 0.0
     freedom = max(n / samples_per_count(residual) - m, 1.0)
     size = np.linalg.norm(J, axis=0)
     size[size == 0.0] = 1e-12 * (size.max() or 1.0)
-    H = (J / size).T @ (J / size) + 1e-14 * np.eye(m)  # a parameter without influence gets a very large variance
+    w, V = np.linalg.eigh((J / size).T @ (J / size))
+    inverse = V / np.maximum(w, 1e-14) @ V.T  # parameters without influence get a very large variance
     variance = max(residual @ residual / freedom, floor**2)
-    C = variance * np.linalg.inv(H) / np.outer(size, size)
+    C = variance * inverse / np.outer(size, size)
     return stdtrit(freedom, 0.975) * np.sqrt(np.einsum("ki,ij,kj->k", rows, C, rows))

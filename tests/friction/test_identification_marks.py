@@ -95,7 +95,7 @@ def test_the_measured_rig():
     assert left["dahl"] == pytest.approx(0.12, abs=0.01)  # regression
 
 
-@pytest.mark.parametrize("name", ["coulomb", "dahl", "elasto_plastic", "exponential_spring"])
+@pytest.mark.parametrize("name", ["coulomb", "dahl", "elasto_plastic", "exponential_spring", "lugre", "stribeck"])
 def test_optima_of_the_measured_rig_are_those_of_a_global_search(name):
     record = rig()
     x, torque = record.x[:12000:4], record.friction[:12000:4]
