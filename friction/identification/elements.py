@@ -9,8 +9,9 @@ from steer_env.friction.identification.intervals import half_widths
 from steer_env.friction.identification.problem import Problem
 from steer_env.friction.numerics.bounds import within
 from steer_env.friction.numerics.kernel import kernel
+from steer_env.friction.virgin_curve import MAX_ELEMENTS
 
-GRIDS = (4, 8, 16, 32)  # numbers of yields that are compared on held-out samples
+GRIDS = (4, 8, 16, 32, 64)  # numbers of yields that are compared on held-out samples
 JUDGED = 1.0 / 3.0  # of the weighed samples, the last ones [1]
 ALIKE = 1.02  # of the least held-out residual: grids that leave no more widen the intervals [1]
 
@@ -55,10 +56,11 @@ def elements_of(problem: Problem) -> Elements:
     for y, A in zip(grids, regressors):
         F = _not_negative(A[:n], T[:n], y.size)
         left.append(float(np.linalg.norm(A[n:] @ F - T[n:])))
-    good = [i for i, each in enumerate(left) if each <= ALIKE * min(left)]
-    found = [_estimate(grids[i], regressors[i], T) for i in good]
-    best = found[good.index(int(np.argmin(left)))]
-    bounds = [_bounds(each, best.y) for each in found]
+    found = [(each, _estimate(y, A, T)) for each, y, A in zip(left, grids, regressors)]
+    found = [(each, elements) for each, elements in found if elements.y.size <= MAX_ELEMENTS]
+    least, best = min(found, key=lambda each: each[0])
+    found = [(each, elements) for each, elements in found if each <= ALIKE * least]
+    bounds = [_bounds(elements, best.y) for _, elements in found]
     low = np.maximum(np.min([each[0] for each in bounds], axis=0), 0.0)
     high = np.max([each[1] for each in bounds], axis=0)
     return best._replace(intervals={"F_c": (low[-1], high[-1]), "virgin_torque": (low, high)})

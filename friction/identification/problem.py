@@ -12,6 +12,7 @@ from steer_env.friction.numerics.frozen import frozen
 from steer_env.friction.response import follow
 
 PRIOR = 3e-4  # weight of a coordinate's distance from its start, where nothing else tells it [1]
+EQUAL = 1e-3  # cost of the first search beyond the best one, within which the first one counts [1]
 COARSE = 4000  # samples of a record for such a search
 TRIES = 40  # steps of a search that only has to come near [1]
 SCREENED = 48  # sets drawn at random, of which the best are starts too
@@ -142,7 +143,9 @@ def searched(problem: Problem, space: Space, starts: int, seed: int, global_sear
     if global_search:
         others.append(_evolved(part, space, middle, coarse, seed))
     free = space._replace(relaxed=True)  # the way to the optimum may lead through sets that the law refuses
-    best = min((descended(part, free, q, coarse) for q in [first, *others]), key=lambda end: end.cost)
+    ends = [descended(part, free, q, coarse) for q in [first, *others]]
+    best = min(ends, key=lambda end: end.cost)
+    best = ends[0] if ends[0].cost < (1.0 + EQUAL) * best.cost else best  # at one speed, two parts may change places
     best = refined(problem, free, best)
     n = len(space.sought)
     q = space.coordinates(space.made(best.q[:n])[0])

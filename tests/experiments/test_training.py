@@ -393,7 +393,8 @@ def test_evaluation_writes_its_report(trained, tmp_path, capsys, monkeypatch):
 
 def test_identified_laws_are_near_the_one_that_was_recorded():
     found = {law.label: law.parameters for law in shift.identified(LUGRE)}
-    assert list(found) == ["dahl, identified", "lugre, identified", "masing, identified"]  # others do not describe it
+    assert {"dahl, identified", "lugre, identified", "masing, identified"} <= set(found)
+    assert not {"coulomb, identified", "stribeck, identified", "viscous, identified"} & set(found)  # not described
     assert found["lugre, identified"].F_c == pytest.approx(LUGRE.parameters.F_c, rel=0.01)
     assert found["lugre, identified"].sigma_0 == pytest.approx(LUGRE.parameters.sigma_0, rel=0.01)
 

@@ -12,7 +12,7 @@ from tests.friction.test_identification import DT, LOOPS, SIGMA, P, mixed_speed,
 
 pytestmark = pytest.mark.whole
 
-SEEDS = 15
+SEEDS = 100
 F_C = 1.3  # [N m]
 TRUE = {
     "coulomb": friction.make("coulomb", F_c=F_C),
@@ -25,10 +25,6 @@ TRUE = {
     "bouc_wen": friction.make("bouc_wen", F_c=F_C, sigma_0=150.0, n=2.0, beta=0.8),
     "stribeck": friction.make("stribeck", F_c=F_C, F_s=F_C),
 }
-NESTED = {  # a law and those whose records it describes
-    "dahl": {"coulomb", "stribeck", "viscous"},  # stiff
-    "lugre": {"coulomb", "stribeck", "viscous", "dahl"},
-}
 
 
 def level(p):
@@ -39,10 +35,12 @@ def level(p):
 def test_own_records_with_noise_of_one_per_cent(name):
     """Level within 1 %, stiffness within 5 %, the truth in nine of ten intervals, never flagged."""
     p = TRUE[name]
-    clean = friction.response(p, LOOPS, DT)
+    # At one speed the Maxwell branch is an exponential spring too, and the two may change places.
+    x, dt = mixed_speed() if name == "exponential_spring" else (LOOPS, DT)
+    clean = friction.response(p, x, dt)
     held = {}
     for seed in range(SEEDS if name not in {"masing", "gms", "bouc_wen"} else 20):
-        found = friction.fit(LOOPS, clean + noise(seed, LOOPS.size), name, dt=DT)
+        found = friction.fit(x, clean + noise(seed, x.size), name, dt=dt)
         assert level(found.parameters) == pytest.approx(level(p), rel=0.01)
         if hasattr(p, "sigma_0"):
             assert found.parameters.sigma_0 == pytest.approx(p.sigma_0, rel=0.05)
@@ -119,6 +117,5 @@ def test_twenty_thousand_samples_of_all_laws_take_less_than_a_minute():
 
 
 def test_all_laws_are_held_to_it():
-    assert {*TRUE, "viscous"} >= {
-        each for each in friction.available() if law.LAWS[each].parameters.__module__.startswith("steer_env")
-    }
+    own = {each for each, known in law.LAWS.all().items() if known.parameters.__module__.startswith("steer_env.")}
+    assert {*TRUE, "viscous"} >= own
