@@ -189,6 +189,17 @@ def test_defects_are_told():
     assert any("the zero of the torque drifts by 0.08" in text for text in texts)
 
 
+def test_a_misfit_is_seen_in_a_periodic_record_from_rest():
+    """The branch from rest is not weighed and differs from the next period: that is no noise."""
+    t = np.arange(0.0, 60.0, DT)
+    x = 3.0 * DEG * np.sin(0.2 * np.pi * t)
+    torque = friction.response("dahl", x, DT) + noise(0, t.size, 0.005)
+    for begin in (0, 300):
+        texts = friction.fit(x[begin:], torque[begin:], "elasto_plastic", dt=DT).warnings
+        assert any("does not describe the record" in text for text in texts)
+    assert friction.fit(x, torque, "dahl", dt=DT).warnings == ()
+
+
 def test_times():
     torque = friction.response("dahl", LOOPS, DT)
     t = np.arange(LOOPS.size) * DT
