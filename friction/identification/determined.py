@@ -14,8 +14,8 @@ WIDEST = np.log(2.0)  # half the width of the interval of a logarithm that count
 SHARE = 0.5  # half the width of the interval of another parameter, of its value [1] ...
 SMALL = 0.05  # ... or, where it is small, of its scale [1]
 FLOOR = 1e-3  # deviation of the residuals at least, of the level [1]: what noise-free records are judged by
-WORSE = 6.6  # growth of the sum of squares, in deviations squared: quantile of 99 % of chi square, one degree
-
+WORSE = 6.6  # growth of the sum of squares, in deviations squared: quantile of 99 % of chi square, one degree ...
+HARDLY = 0.02  # ... and of the residual at most [1]: residuals that last for long allow much growth
 
 EDGE = 1e-3  # coordinate that counts as zero, where it may not be negative [1]
 
@@ -91,7 +91,9 @@ def _without(problem: Problem, space: Space, optimum: Optimum, name: str) -> tup
         smaller = space.without(name, optimum.q[:n], space.sought[i].neutral)
     except ValueError:
         return None
-    allowed = WORSE * (np.mean(optimum.residual**2) + FLOOR**2) * samples_per_count(optimum.residual)
+    n_e = optimum.residual.size / samples_per_count(optimum.residual)
+    growth = min(WORSE / n_e, (1.0 + HARDLY) ** 2 - 1.0)
+    allowed = growth * float(np.sum(optimum.residual**2 + FLOOR**2))
     again = np.where([s.bounded for s in smaller.sought], smaller.start, smaller.inside)  # what was zero may replace it
     for q in (smaller.inside, again):
         near = descended(problem.thinned(), smaller, np.append(q, optimum.q[n:]), 0.1 * float(np.ptp(problem.torque)))

@@ -189,6 +189,18 @@ def test_defects_are_told():
     assert any("the zero of the torque drifts by 0.08" in text for text in texts)
 
 
+@pytest.mark.parametrize(("wander", "level", "residual"), [("drift", 0.9, 0.076), ("swell", 0.9, 0.070)])
+def test_a_zero_that_wanders_leaves_the_level(wander, level, residual):
+    """Residuals that last for long decide little; the level is no worse for that."""
+    t = np.arange(0.0, 60.0, DT)
+    x = 1.5 * DEG * np.sin(0.2 * np.pi * t)
+    zero = 0.3 * t / 60.0 if wander == "drift" else 0.1 * np.sin(2.0 * np.pi * t / 40.0)
+    found = friction.fit(x, friction.response("dahl", x, DT) + zero + noise(0, t.size, 0.005), "dahl", dt=DT)
+    assert found.parameters.F_c == pytest.approx(level, rel=0.02)
+    assert found.residual == pytest.approx(residual, rel=0.05)
+    assert wander != "drift" or any("the zero of the torque drifts by 0.2" in text for text in found.warnings)
+
+
 def test_a_misfit_is_seen_in_a_periodic_record_from_rest():
     """The branch from rest is not weighed and differs from the next period: that is no noise."""
     t = np.arange(0.0, 60.0, DT)
