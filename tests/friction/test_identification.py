@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from steer_env import friction
+from steer_env.experiments.studies.common.friction_records import rig
 from steer_env.friction import law
 from steer_env.friction.identification.displacement import motion_of, noise_of
 from steer_env.friction.identification.record import timed
@@ -161,6 +162,19 @@ def test_inertia_is_subtracted_or_estimated():
         found = friction.fit(x, torque, "lugre", dt=dt, inertia=inertia)
         assert found.inertia == pytest.approx(0.05, rel=0.02)
         assert found.parameters == pytest.approx(P, rel=0.05)
+
+
+def test_a_break_away_that_the_rig_never_shows_is_not_found():
+    """F_c, F_s and v_s trade with each other; before, F_s was ten times F_c and five times the largest torque."""
+    record = rig()
+    x, torque, dt = record.x[:12000:4], record.friction[:12000:4], 4.0 * record.dt
+    found = friction.fit(x, torque, "lugre", dt=dt)
+    assert {"F_s", "v_s"} <= set(found.undetermined)
+    assert found.parameters.F_s == found.parameters.F_c == pytest.approx(1.08, rel=0.03)
+    slow = friction.response(found.parameters, np.linspace(0.0, 0.2, 20001), 0.1)
+    assert np.max(slow) < 1.1 * np.max(np.abs(torque))
+    texts = friction.fit(x, torque, "stribeck", dt=dt).warnings
+    assert any("F_s = 0.89 N m ends at the largest value of the search (10 F_c)" in text for text in texts)
 
 
 def test_level_by_load():
