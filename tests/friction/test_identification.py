@@ -177,6 +177,33 @@ def test_a_break_away_that_the_rig_never_shows_is_not_found():
     assert any("F_s = 0.89 N m ends at the largest value of the search (10 F_c)" in text for text in texts)
 
 
+def loaded(rate, seed, *, base=1.0, spread=300.0):
+    """A record of Dahl, its load [N], and the fit of it."""
+    t = 0.01 * np.arange(6000)
+    x, load = np.radians(3.0) * np.sin(0.2 * np.pi * t), 1000.0 + spread * np.sin(t / 3.0)
+    torque = friction.response("dahl", x, 0.01, base + rate * load) + noise(seed, x.size)
+    return friction.fit(x, torque, "dahl", dt=0.01, load=load)
+
+
+@pytest.mark.parametrize(("spread", "seeds"), [(300.0, 6), (5.0, 4)])
+def test_intervals_are_joint_with_that_of_the_rate(spread, seeds):
+    found = [loaded(3e-4, seed, spread=spread) for seed in range(seeds)]
+    for name, truth in (("F_c", 0.9), ("load", 3e-4)):
+        held = [each.intervals[name][0] <= truth <= each.intervals[name][1] for each in found if each.level]
+        assert sum(held) >= len(held) - 1
+    assert all(each.level or "load" in each.undetermined for each in found)
+
+
+def test_a_load_without_influence_is_told():
+    none, falls, alike = loaded(0.0, 0), loaded(-3e-4, 0, base=1.5, spread=800.0), loaded(0.0, 0, spread=0.1)
+    assert falls.level is alike.level is None
+    assert none.intervals["load"][0] == 0.0 < none.intervals["load"][1] < 1e-5
+    assert any("falls with the load" in text for text in falls.warnings)
+    assert alike.undetermined == ("load",)
+    assert "load" not in alike.intervals
+    assert any("does not determine the influence of the load" in text for text in alike.warnings)
+
+
 def test_level_by_load():
     x, dt = mixed_speed(20.0)
     load = 500.0 + 400.0 * np.sin(0.7 * np.arange(x.size) * dt)  # [N]
