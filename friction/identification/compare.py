@@ -138,7 +138,7 @@ def _criteria(each: Compared, left: dict[str, NDArray]) -> tuple[float, float]:
     values = [v for name, v in each.fit.parameters._asdict().items() if name not in each.fit.undetermined]
     elements = max((np.size(v) for v in values if np.ndim(v)), default=0)  # of which each adds one
     k = 1 + elements + sum(np.ndim(v) == 0 for v in values)  # with the offset
-    gain = count * math.log(max(float(np.mean(e**2)), 1e-300))
+    gain = count * math.log(max(float(np.mean(e**2)), 1e-300))  # (F39)
     return gain + 2.0 * k, gain + k * math.log(count)
 
 

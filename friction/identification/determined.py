@@ -122,7 +122,7 @@ def _without(problem: Problem, space: Space, optimum: Optimum, name: str) -> tup
     except ValueError:
         return None
     n_e = optimum.residual.size / samples_per_count(optimum.residual)
-    growth = min(WORSE / n_e, (1.0 + HARDLY) ** 2 - 1.0)
+    growth = min(WORSE / n_e, (1.0 + HARDLY) ** 2 - 1.0)  # (F34)
     allowed = growth * float(np.sum(optimum.residual**2 + FLOOR**2))
     again = np.where([s.bounded for s in smaller.sought], smaller.start, smaller.inside)  # what was zero may replace it
     for q in (smaller.inside, again):

@@ -34,7 +34,7 @@ def motion_of(x: NDArray, noise: float) -> NDArray[np.float64]:
     """
     if noise == 0.0:
         return x
-    turns = turns_of(x, BAND * noise)
+    turns = turns_of(x, BAND * noise)  # (F33)
     step = float(np.sum(np.abs(np.diff(x[turns])))) / x.size  # without the path of the noise
     if math.sqrt(2.0) * noise <= HARMLESS * step:
         return x

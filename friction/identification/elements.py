@@ -83,7 +83,7 @@ def _not_negative(A: NDArray, T: NDArray, n: int) -> NDArray[np.float64]:
 
     signed = np.column_stack([A, -A[:, n:], T])
     R = np.asarray(np.linalg.qr(signed, mode="r"))  # the same sum of squares in as many rows as columns
-    F, _ = nnls(R[:, :-1], R[:, -1])
+    F, _ = nnls(R[:, :-1], R[:, -1])  # (F32)
     factors = F[n : A.shape[1]] - F[A.shape[1] :]
     return np.append(F[:n], factors)
 

@@ -146,7 +146,7 @@ def prepared(record: Record, inertia: float | None = 0.0) -> Prepared:
     T = record.torque - mass * _acceleration(path, record.dt) if mass else record.torque
     clean = record._replace(x=path, torque=T)
     branches = branches_of(path, T, max(SWING * float(np.ptp(path)), BAND * noise))
-    level = 0.5 * branches.swing
+    level = 0.5 * branches.swing  # (F30)
     steps = np.abs(np.diff(path))
     moving = steps[steps > 0.0]
     length = max(2.0 * level / stiffness_of(branches), 0.1 * float(np.median(moving)))
@@ -237,7 +237,7 @@ def _told(
             intervals[name] = least * scales.torque, most * scales.torque
     if "F_c" in intervals and not branches.saturates:
         intervals["F_c"] = intervals["F_c"][0], math.inf
-    e = estimate.optimum.residual * scales.torque
+    e = estimate.optimum.residual * scales.torque  # (F12)
     residual = math.sqrt(np.mean(e**2))
     variance = float(np.var(ready.record.torque[problem.weighed]))
     factors = dict(

@@ -48,6 +48,6 @@ def half_widths(J: NDArray, residual: NDArray, rows: NDArray, floor: float = 0.0
     size[size == 0.0] = 1e-12 * (size.max() or 1.0)
     w, V = np.linalg.eigh((J / size).T @ (J / size))
     inverse = V / np.maximum(w, 1e-14) @ V.T  # parameters without influence get a very large variance
-    variance = max(residual @ residual / freedom, floor**2)
+    variance = max(residual @ residual / freedom, floor**2)  # (F35)
     C = variance * inverse / np.outer(size, size)
     return stdtrit(freedom, 0.975) * np.sqrt(np.einsum("ki,ij,kj->k", rows, C, rows))

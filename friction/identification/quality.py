@@ -73,4 +73,4 @@ def own_noise(x: NDArray, torque: NDArray, branches: Branches, slope_noise: floa
 
     The larger of the noise from sample to sample and of that from period to period, with what noise of x adds.
     """
-    return math.hypot(max(noise_of(torque), repeatability(x, torque, branches)), slope_noise)
+    return math.hypot(max(noise_of(torque), repeatability(x, torque, branches)), slope_noise)  # (F36)

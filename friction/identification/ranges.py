@@ -30,7 +30,7 @@ def bootstrapped(estimate: Estimate, seed: int) -> dict[str, tuple[float, float]
     rows = []
     for drawn in counts:
         total = np.tensordot(drawn, H, 1)
-        step = np.linalg.solve(total + 1e-12 * np.trace(total) * np.eye(len(total)), drawn @ g)
+        step = np.linalg.solve(total + 1e-12 * np.trace(total) * np.eye(len(total)), drawn @ g)  # (F37)
         rows.append(space.values((optimum.q - step)[: len(space.sought)]))
     result = linear(estimate)
     for s in space.sought:
@@ -47,7 +47,7 @@ def profiled(problem: Problem, estimate: Estimate) -> dict[str, tuple[float, flo
     """
     optimum, space = estimate.optimum, estimate.space
     variance = float(np.mean(optimum.weakened**2)) * samples_per_count(optimum.residual)
-    allowed = 0.5 * SIZE**2 * variance
+    allowed = 0.5 * SIZE**2 * variance  # (F37)
     result = linear(estimate)
     n = len(space.sought)
     for i, s in enumerate(space.sought):

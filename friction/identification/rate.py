@@ -45,7 +45,7 @@ def with_rate(
     from scipy.optimize import minimize_scalar  # imported here, because that takes longer than the import of all laws
 
     def at(rate: float) -> Problem:
-        return problem._replace(levels=1.0 + rate * load)
+        return problem._replace(levels=1.0 + rate * load)  # (F38)
 
     def cost(share: float) -> float:
         return float(np.sum(np.abs(estimated(at(share / (1.0 - share))).optimum.residual)))

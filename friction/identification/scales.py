@@ -58,5 +58,5 @@ def scaled(law: Law, values: Mapping[str, Any], scales: Scales, *, back: bool = 
                 f'{{"{name}": "N m"}} or its like, from which its scale in a record follows'
             )
         scale = scales.of(law.units[name])
-        result[name] = value * scale if back else value / scale
+        result[name] = value * scale if back else value / scale  # (F30)
     return result

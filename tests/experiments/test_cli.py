@@ -111,7 +111,7 @@ def test_step_steer_compared_with_commonroad(tmp_path, capsys):
         (["run"], "required: MANOEUVRE"),
         (["run", "loop"], "invalid choice: 'loop' (choose from"),
         (["run", "weave", "--speed"], "expected one argument"),
-        (["run", "weave", "--friction", "lugr"], "unknown friction law 'lugr'; available: coulomb"),
+        (["run", "weave", "--friction", "lugr"], "unknown friction law 'lugr'; available: bouc_wen, coulomb"),
         (["run", "weave", "--friction", "lugre,F=1"], "has no parameter 'F'; it takes: sigma_0"),
         (["run", "weave", "--friction", "lugre,F_c=-1"], "F_c must be finite and greater than 0, got -1.0"),
         (["run", "weave", "--friction", "lugre,F_c"], "expected LAW[,key=value...]"),

@@ -2,17 +2,24 @@
 The values of tyre and strut stand in ``steer_env.vehicle.oracles``.
 
 friction: Friction laws against their closed forms.
-  LuGre at constant speed from rest               1.7e-14  <= 1e-12 of the largest torque    pass
-  LuGre triangle: tip z_g tanh(A/z_g) and work    3.1e-16  <= 1e-12 of tip, of largest work  pass
-  LuGre sliding, linearised                       3.1e-06  <= 1e-05 of its branches          pass
-  Dahl, work of any waveform                      1.2e-16  <= 1e-11 of largest work          pass
-  Dahl's drift under a force cycle                3.8e-15  <= 1e-13 of the force             pass
-  Masing does not drift                           0.0e+00  <= 1e-15 of the force             pass
-  Masing, branch after a reversal                 4.9e-16  <= 1e-15 of F_c                   pass
-  Masing, return points and wiping out            0.0e+00  <= 0 N m                          pass
-  Masing, work of a cycle, two closed forms       3.5e-16  <= 1e-15 of 4 A f(A)              pass
-  Dahl's work over Masing's, 2.011, 2.255, 1.106  4.2e-04  <= 0.00051                        pass
-  Coulomb oscillator, 2 F_c/k a half cycle        7.1e-07  <= 2e-06 rad                      pass
+  LuGre at constant speed from rest                           1.7e-14  <= 1e-12 of the largest torque    pass
+  LuGre triangle: tip z_g tanh(A/z_g) and work                3.1e-16  <= 1e-12 of tip, of largest work  pass
+  LuGre sliding, linearised                                   3.1e-06  <= 1e-05 of its branches          pass
+  Dahl, work of any waveform                                  1.2e-16  <= 1e-11 of largest work          pass
+  Dahl's drift under a force cycle                            3.8e-15  <= 1e-13 of the force             pass
+  Masing does not drift                                       0.0e+00  <= 1e-15 of the force             pass
+  Masing, branch after a reversal                             6.2e-16  <= 1e-15 of F_c                   pass
+  Masing, return points and wiping out                        0.0e+00  <= 0 N m                          pass
+  Masing, work of a cycle, two closed forms                   3.5e-16  <= 1e-15 of 4 A f(A)              pass
+  Dahl's work over Masing's, 2.011, 2.255, 1.106              4.2e-04  <= 0.00051                        pass
+  GMS slip after a change of speed                            1.1e-16  <= 1e-12 of the level             pass
+  GMS without Stribeck effect is Masing                       3.3e-16  <= 1e-14 of F_c                   pass
+  Exponential spring with a Maxwell branch at constant speed  1.1e-14  <= 1e-12 of the largest torque    pass
+  Coulomb oscillator, 2 F_c/k a half cycle                    7.1e-07  <= 2e-06 rad                      pass
+  Elasto-plastic, loading: logistic beyond break-away         1.2e-16  <= 1e-13 of F_c                   pass
+  Elasto-plastic does not drift below break-away              3.4e-16  <= 1e-15 of F_c                   pass
+  Bouc-Wen, loading with n = 1 and n = 2                      2.0e-11  <= 1e-09 of F_c                   pass
+  Bouc-Wen with n = 1 and beta = 1 is Dahl                    7.8e-13  <= 1e-08 of F_c                   pass
 
 column: Column at 1 ms against DOP853 at 1e-10, twelve cases: RMS error of the friction torque.
   lugre, F_c 0.3 N m, 0.05 deg, 0.2 Hz   4.5e-06  <= 0.001 of F_c     pass

@@ -172,7 +172,7 @@ def test_a_car_of_a_mapping_is_that_of_a_file(tmp_path):
         ({"friction": "lugre,F_x=1"}, "'lugre' has no parameter 'F_x'; it takes: sigma_0"),
         ({"friction": "lugre,F_c=much"}, "F_c must be a number, got 'much'"),
         ({"friction": {"F_c": 1.2}}, r"^\{'F_c': 1\.2\} is not a set .*a mapping as \{'law': 'lugre', 'F_c': 1\.2\}"),
-        ({"friction": {"law": "glue"}}, "unknown friction law 'glue'; available: coulomb"),
+        ({"friction": {"law": "glue"}}, "unknown friction law 'glue'; available: bouc_wen, coulomb"),
         ({"friction": {"law": "lugre", "name": 3}}, "'lugre' has no parameter 'name'; it takes: sigma_0"),
         ({"friction": {"law": "lugre", "F_c": -1}}, "F_c must be .*got -1"),
         ({"friction": ["lugre"]}, r"\['lugre'\] is not a set of friction parameters; .*'masing,elements=20'"),
