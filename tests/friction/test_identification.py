@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from steer_env import friction
+from steer_env.experiments.studies.common.friction_records import rig
 from steer_env.friction import law
 from steer_env.friction.identification.displacement import motion_of, noise_of
 from steer_env.friction.identification.record import timed
@@ -163,6 +164,19 @@ def test_inertia_is_subtracted_or_estimated():
         assert found.parameters == pytest.approx(P, rel=0.05)
 
 
+def test_a_break_away_that_the_rig_never_shows_is_not_found():
+    """F_c, F_s and v_s trade with each other; before, F_s was ten times F_c and five times the largest torque."""
+    record = rig()
+    x, torque, dt = record.x[:12000:4], record.friction[:12000:4], 4.0 * record.dt
+    found = friction.fit(x, torque, "lugre", dt=dt)
+    assert {"F_s", "v_s"} <= set(found.undetermined)
+    assert found.parameters.F_s == found.parameters.F_c == pytest.approx(1.08, rel=0.03)
+    slow = friction.response(found.parameters, np.linspace(0.0, 0.2, 20001), 0.1)
+    assert np.max(slow) < 1.1 * np.max(np.abs(torque))
+    texts = friction.fit(x, torque, "stribeck", dt=dt).warnings
+    assert any("F_s = 0.89 N m ends at the largest value of the search (10 F_c)" in text for text in texts)
+
+
 def loaded(rate, seed, *, base=1.0, spread=300.0):
     """A record of Dahl, its load [N], and the fit of it."""
     t = 0.01 * np.arange(6000)
@@ -214,6 +228,29 @@ def test_defects_are_told():
     assert any("the torque stands still at its extreme" in text for text in texts)
     texts = friction.fit(LOOPS, torque + np.linspace(0.0, 0.1, LOOPS.size), "dahl", dt=DT).warnings
     assert any("the zero of the torque drifts by 0.08" in text for text in texts)
+
+
+@pytest.mark.parametrize(("wander", "level", "residual"), [("drift", 0.9, 0.076), ("swell", 0.9, 0.070)])
+def test_a_zero_that_wanders_leaves_the_level(wander, level, residual):
+    """Residuals that last for long decide little; the level is no worse for that."""
+    t = np.arange(0.0, 60.0, DT)
+    x = 1.5 * DEG * np.sin(0.2 * np.pi * t)
+    zero = 0.3 * t / 60.0 if wander == "drift" else 0.1 * np.sin(2.0 * np.pi * t / 40.0)
+    found = friction.fit(x, friction.response("dahl", x, DT) + zero + noise(0, t.size, 0.005), "dahl", dt=DT)
+    assert found.parameters.F_c == pytest.approx(level, rel=0.02)
+    assert found.residual == pytest.approx(residual, rel=0.05)
+    assert wander != "drift" or any("the zero of the torque drifts by 0.2" in text for text in found.warnings)
+
+
+def test_a_misfit_is_seen_in_a_periodic_record_from_rest():
+    """The branch from rest is not weighed and differs from the next period: that is no noise."""
+    t = np.arange(0.0, 60.0, DT)
+    x = 3.0 * DEG * np.sin(0.2 * np.pi * t)
+    torque = friction.response("dahl", x, DT) + noise(0, t.size, 0.005)
+    for begin in (0, 300):
+        texts = friction.fit(x[begin:], torque[begin:], "elasto_plastic", dt=DT).warnings
+        assert any("does not describe the record" in text for text in texts)
+    assert friction.fit(x, torque, "dahl", dt=DT).warnings == ()
 
 
 def test_times():
