@@ -1,5 +1,6 @@
 """Sliders in parallel from a record, by non-negative least squares on a grid of yields (F32)."""
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,6 +15,9 @@ from steer_env.friction.virgin_curve import MAX_ELEMENTS
 GRIDS = (4, 8, 16, 32, 64)  # numbers of yields that are compared on held-out samples
 JUDGED = 1.0 / 3.0  # of the weighed samples, the last ones [1]
 ALIKE = 1.02  # of the least held-out residual: grids that leave no more widen the intervals [1]
+
+
+Slider = Callable[[float], NDArray[np.float64]]  # yield -> torque (T,) of an element of unit level [1]
 
 
 class Elements(NamedTuple):
@@ -35,7 +39,7 @@ def _slider(x, levels, y, out):  # type: ignore[no-untyped-def]
         out[i] = e / y
 
 
-def elements_of(problem: Problem) -> Elements:
+def elements_of(problem: Problem, slider: Slider | None = None) -> Elements:
     """Elements on the grid of yields, of several, that describes held-out samples best.
 
     The method needs no initial guess and has no local minimum. A grid ends where an element only just yields, at half
@@ -44,17 +48,23 @@ def elements_of(problem: Problem) -> Elements:
     because the record determines only the sum of the stiffnesses of neighbouring elements, not each of them. They hold
     what all grids say that describe the held-out samples nearly as well.
 
+    Parameters
+    ----------
+    problem : Problem
+    slider : callable, optional
+        Torque (T,) of one element of unit level with a yield, along the record; by default of Maxwell slip.
+
     Source: Rizos, Fassois, Chaos 14 (2004) 431-445 (Maxwell slip as a regression); Lawson, Hanson, Solving Least
     Squares Problems, 1974.
     """
     widest = 0.5 * float(np.ptp(problem.x[problem.weighed]))
     grids = [np.geomspace(1e-3 * widest, widest, n) for n in GRIDS]
-    regressors = [_regressors(problem, y) for y in grids]
+    regressors = [regressors_of(problem, y, slider) for y in grids]
     T = problem.torque[problem.weighed]
     n = round((1.0 - JUDGED) * T.size)
     left = []
     for y, A in zip(grids, regressors):
-        F = _not_negative(A[:n], T[:n], y.size)
+        F = not_negative_factors(A[:n], T[:n], y.size)
         left.append(float(np.linalg.norm(A[n:] @ F - T[n:])))
     found = [(each, _estimate(y, A, T)) for each, y, A in zip(left, grids, regressors)]
     found = [(each, elements) for each, elements in found if elements.y.size <= MAX_ELEMENTS]
@@ -66,18 +76,21 @@ def elements_of(problem: Problem) -> Elements:
     return best._replace(intervals={"F_c": (low[-1], high[-1]), "virgin_torque": (low, high)})
 
 
-def _regressors(problem: Problem, y: NDArray) -> NDArray[np.float64]:
+def regressors_of(problem: Problem, y: NDArray, slider: Slider | None = None) -> NDArray[np.float64]:
     """Torques of unit sliders with these yields, then the columns of the problem, at the weighed samples."""
     A = np.zeros((problem.x.size, y.size + problem.columns.shape[1]))
-    out = np.zeros(problem.x.size)
-    for i, each in enumerate(y):
-        _slider(problem.x, problem.levels, float(each), out)
-        A[:, i] = out
+    for i, each in enumerate(y.tolist()):
+        if slider is None:
+            out = np.zeros(problem.x.size)
+            _slider(problem.x, problem.levels, each, out)
+            A[:, i] = out
+        else:
+            A[:, i] = slider(each)
     A[:, y.size :] = problem.columns
     return A[problem.weighed]
 
 
-def _not_negative(A: NDArray, T: NDArray, n: int) -> NDArray[np.float64]:
+def not_negative_factors(A: NDArray, T: NDArray, n: int) -> NDArray[np.float64]:
     """Least squares with the first ``n`` factors not negative (F32)."""
     from scipy.optimize import nnls  # imported here, because that takes longer than the import of all laws
 
@@ -90,7 +103,7 @@ def _not_negative(A: NDArray, T: NDArray, n: int) -> NDArray[np.float64]:
 
 def _estimate(y: NDArray, A: NDArray, T: NDArray) -> Elements:
     """Elements on one grid, without their intervals."""
-    F = _not_negative(A, T, y.size)
+    F = not_negative_factors(A, T, y.size)
     used, extra = np.flatnonzero(F[: y.size]), np.arange(y.size, A.shape[1])
     return Elements(y[used], F[used], F[extra], {}, A[:, np.append(used, extra)], A @ F - T)
 

@@ -131,3 +131,23 @@ def test_mapping_of_derived_elements_gives_the_same_set():
     again = friction.resolve(friction.as_mapping(p))
     assert all(np.array_equal(a, b) for a, b in zip(p, again))
     assert np.sum(p.k * at_rest(p)[:4]) == 0.0
+
+
+def test_a_fit_of_its_own_record_finds_curve_and_lag():
+    """A sweep of 8 deg from 0.1 to 3 Hz, of which elements without a Stribeck effect leave 0.056 N m."""
+    t = np.arange(0.0, 60.0, 0.02)
+    x = np.radians(8.0) * np.sin(2.0 * np.pi * np.cumsum(0.002 * 10.0 ** (1.5 * t / 60.0)))
+    own = friction.make("gms", elements=4, F_s=1.3, v_s=0.15, sigma_2=0.3, C=20.0)
+    found = friction.fit(x, friction.response(own, x, 0.02), "gms", dt=0.02, starts=1)
+    assert found.residual < 5e-3
+    for name, within in (("F_c", 0.01), ("F_s", 0.02), ("v_s", 0.02), ("C", 0.1), ("sigma_2", 0.02)):
+        value, (low, high) = getattr(found.parameters, name), found.intervals[name]
+        assert value == pytest.approx(getattr(own, name), rel=within)
+        assert low <= value <= high
+
+
+def test_what_a_record_does_not_determine_has_no_interval():
+    x = np.radians(3.0) * np.sin(0.2 * np.pi * np.arange(0.0, 60.0, 0.02))
+    found = friction.fit(x, friction.response("coulomb", x, 0.02), "gms", dt=0.02, starts=1)
+    assert "F_c" in found.undetermined
+    assert not set(found.undetermined) & set(found.intervals)
