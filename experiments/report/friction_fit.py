@@ -8,7 +8,7 @@ import numpy as np
 
 from steer_env import friction
 from steer_env.friction import Compared, Record
-from steer_env.friction.identification.compare import remainder
+from steer_env.friction.identification.compare import moving, remainder
 from steer_env.friction.identification.displacement import noise_of
 from steer_env.friction.law import LAWS
 from steer_env.friction.numerics.check import number
@@ -17,6 +17,7 @@ from steer_env.recording.friction_checks import Array
 from steer_env.recording.friction_record import FrictionRecord, check_units
 from steer_env.recording.units import DEGREE
 
+RESTS = 0.1  # of the judging part: shorter rests are those of reversals, and not told; assumed [1]
 HELD_OUT = 0.4  # of the record: its last part judges, the first one fits [1]
 # Unit in memory -> how a reader sees it, and the size of that.
 SHOWN = {"rad": ("deg", DEGREE), "m": ("mm", 1e-3), "N m": ("N m", 1.0), "N": ("N", 1.0)}
@@ -30,7 +31,8 @@ class Found(NamedTuple):
     name: str  # of the record
     first: int  # first sample that judges; 0 where all of them fit and judge
     level: float  # mean friction [unit of the friction]
-    repeats: float | None  # RMS difference from one period to the next on the part that judges [same unit]
+    repeats: float | None  # RMS difference from one equal period to the next where it judges and moves [same unit]
+    rests: float  # share of the part that judges at which the displacement stands still; 0 up to ``RESTS`` [1]
     laws: tuple[Compared, ...]
     curves: Mapping[str, Array]  # law -> (T,) its friction over the whole record [same unit]
 
@@ -108,7 +110,8 @@ def collect(
     middle = friction_checks.middle(record.motion, record.friction)
     level = float(np.mean(np.abs(record.friction - middle)))
     repeats = friction_checks.repeatability(record.motion, record.friction, first)
-    return Found(record, name, first, level, repeats, found, curves)
+    rests = 1.0 - float(np.mean(moving(record.motion[first:])))
+    return Found(record, name, first, level, repeats, rests if rests > RESTS else 0.0, found, curves)
 
 
 def known_from(record: FrictionRecord) -> int:

@@ -55,7 +55,7 @@ def verdict(found: Found) -> str:
     )
     text = (
         f"{_title(best.law)} describes this record best: on {where} it leaves {shown_number(value)} % of the mean "
-        f"friction ({shown_number(low)} to {shown_number(high)} %)"
+        f"friction{' while it moves' if found.rests else ''} ({shown_number(low)} to {shown_number(high)} %)"
     )
     alike = [_title(each.law) for each in found.laws[1:] if each.fit is not None and not found.apart(each)]
     if alike:
@@ -137,6 +137,7 @@ def law_file(found: Found, each: Compared, fit: Fit, trace: Mapping[str, Any]) -
         "offset": fit.offset,
         "residual": fit.residual,
         "held_out": [_plain(x) for x in (each.residual, *each.interval)],
+        "held_out_at_rest": each.resting,
         "warnings": warnings(fit, found.record.units),
         "notes": list(found.record.notes),
         "trace": dict(trace),
@@ -158,6 +159,7 @@ def as_json(found: Found, trace: Mapping[str, Any]) -> dict[str, Any]:
             "mean_friction": found.level,
             "period": None if own is None else own * r.dt,
             "repeats": found.repeats,
+            "rests": found.rests,
             "notes": list(r.notes),
         },
         "judged_from": r.start + found.first * r.dt,
