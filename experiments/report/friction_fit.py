@@ -1,5 +1,6 @@
 """Friction laws that are fitted to a record, and what each leaves on the part that judges."""
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
@@ -18,6 +19,7 @@ from steer_env.recording.friction_record import FrictionRecord, check_units
 from steer_env.recording.units import DEGREE
 
 RESTS = 0.1  # of the judging part: shorter rests are those of reversals, and not told; assumed [1]
+FAR = 20.0  # travels of the record, after which a law is saturated; assumed [1]
 HELD_OUT = 0.4  # of the record: its last part judges, the first one fits [1]
 # Unit in memory -> how a reader sees it, and the size of that.
 SHOWN = {"rad": ("deg", DEGREE), "m": ("mm", 1e-3), "N m": ("N m", 1.0), "N": ("N", 1.0)}
@@ -35,6 +37,7 @@ class Found(NamedTuple):
     rests: float  # share of the part that judges at which the displacement stands still; 0 up to ``RESTS`` [1]
     laws: tuple[Compared, ...]
     curves: Mapping[str, Array]  # law -> (T,) its friction over the whole record [same unit]
+    saturated: Mapping[str, float]  # law -> its friction after a long way at the record's median speed [same unit]
 
     @property
     def best(self) -> Compared | None:
@@ -111,7 +114,17 @@ def collect(
     level = float(np.mean(np.abs(record.friction - middle)))
     repeats = friction_checks.repeatability(record.motion, record.friction, first)
     rests = 1.0 - float(np.mean(moving(record.motion[first:])))
-    return Found(record, name, first, level, repeats, rests if rests > RESTS else 0.0, found, curves)
+    return Found(
+        record, name, first, level, repeats, rests if rests > RESTS else 0.0, found, curves, _saturated(record, found)
+    )
+
+
+def _saturated(record: FrictionRecord, laws: Sequence[Compared]) -> dict[str, float]:
+    """Friction of each law that was fitted after ``FAR`` travels of the record one way, at its median speed."""
+    steps = np.abs(np.diff(record.motion))
+    step = float(np.median(steps[steps > 0.0]))
+    way = step * np.arange(math.ceil(FAR * np.ptp(record.motion) / step))
+    return {e.law: float(friction.response(e.fit.parameters, way, record.dt)[-1]) for e in laws if e.fit is not None}
 
 
 def known_from(record: FrictionRecord) -> int:

@@ -54,6 +54,13 @@ def middle(x: Array, friction: Array) -> float:
     return float(np.mean(sides)) if len(sides) == 2 else float(friction[0])
 
 
+def work(x: Array, friction: Array) -> float:
+    """Net work that a friction takes, as a share of what goes in and out (-1 to 1) [1]."""
+    parts = (friction[1:] + friction[:-1] - 2.0 * middle(x, friction)) * np.diff(x)
+    whole = float(np.sum(np.abs(parts)))
+    return float(np.sum(parts)) / whole if whole > 0.0 else 0.0
+
+
 def sign(x: Array, friction: Array) -> float:
     """1 where the friction resists positive motion, -1 where it is the opposite force, by the work that it takes.
 
@@ -62,9 +69,7 @@ def sign(x: Array, friction: Array) -> float:
     ValueError
         Where the work is too small to tell, with the remedies.
     """
-    parts = (friction[1:] + friction[:-1] - 2.0 * middle(x, friction)) * np.diff(x)
-    whole = float(np.sum(np.abs(parts)))
-    share = float(np.sum(parts)) / whole if whole > 0.0 else 0.0
+    share = work(x, friction)
     if abs(share) < LEAST_WORK:
         raise ValueError(
             f"friction takes no work over the record (net {share:.1%} of what goes in and out), so that its sign is not"
