@@ -9,7 +9,7 @@ left to its reader; ``units`` are those of the record, and a law of other units 
 import json
 import os
 import warnings
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +25,7 @@ def named(friction: Any) -> bool:
 def read(path: str | os.PathLike[str]) -> dict[str, Any]:
     """The mapping of the law that a file holds, ``{"law": name, parameter: value}``.
 
-    Warns of a level by load or direction, which is of the plant.
+    Warns of a level by load or direction, which is of the plant, and of one that the record did not determine.
 
     Raises
     ------
@@ -59,4 +59,17 @@ def read(path: str | os.PathLike[str]) -> dict[str, Any]:
             "and steering.friction_asymmetry in the car",
             stacklevel=2,
         )
+    unsure = _level_of(law, data.get("undetermined") or ())
+    if unsure:
+        warnings.warn(
+            f"{path}: the record does not determine the level of this friction ({', '.join(unsure)}), which may be far "
+            "from what was measured: fit a record of several speeds and wider loops, or another law",
+            stacklevel=2,
+        )
     return dict(law)
+
+
+def _level_of(law: Mapping[str, Any], undetermined: Sequence[str]) -> list[str]:
+    """What the record leaves open of the saturated torque; a break-away that equals the sliding torque is neutral."""
+    names = [name for name in ("F_c", "F_s") if name in undetermined and name in law]
+    return [f"{name} {law[name]:g} N m" for name in names if name == "F_c" or law[name] != law.get("F_c")]

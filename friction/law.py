@@ -40,6 +40,7 @@ class Law(NamedTuple):
     stored_energy: Callable
     mean_torque: Callable | None
     solve: Callable
+    rest_torque: Callable  # (p, torque_scale, memory, h) -> mean torque of a step at rest, which decides its side [N m]
 
 
 TEXT = "LAW[,key=value...], a list of numbers as a:b:c, or a fitted FILE.json"  # a law as text
@@ -142,6 +143,7 @@ def register(
         units=dict(units or {}),
         steepest_fall=steepest_fall or (lambda p, torque_scale, h: 0.0),
         relaxes=relaxes,
+        rest_torque=_relaxing if relaxes else _resting,
         modes=modes or (lambda p: 0),
         permission=permission or (lambda p: {}),
         **_completed(name, parameters, given),
@@ -305,12 +307,25 @@ def solve(p, torque_scale, memory, S, R, h, w_guess):
     return law_of(p).solve(p, torque_scale, memory, S, R, h, w_guess)
 
 
-for _point in (advance, torque, rate, stored_energy, mean_torque, solve):
+def rest_torque(p, torque_scale, memory, h):
+    """Mean torque of a step of ``h`` [s] at rest [N m]: the side of a motion is that to which R exceeds it."""
+    return law_of(p).rest_torque(p, torque_scale, memory, h)
+
+
+for _point in (advance, torque, rate, stored_energy, mean_torque, solve, rest_torque):
     dispatch(_point, lambda parameters, name: getattr(LAWS.of(parameters), name, None))
 
 
+def _resting(p, torque_scale, memory, h):
+    return torque(p, torque_scale, memory, 0.0)
+
+
+def _relaxing(p, torque_scale, memory, h):
+    return mean_torque(p, torque_scale, memory, 0.0, h)[0]
+
+
 def _newton(p, torque_scale, memory, S, R, h, w_guess):
-    return newton(p, torque_scale, memory, S, R, h, w_guess, torque(p, torque_scale, memory, 0.0))
+    return newton(p, torque_scale, memory, S, R, h, w_guess, rest_torque(p, torque_scale, memory, h))
 
 
 @kernel

@@ -4,15 +4,17 @@
     L_+ = L (1 + a) in positive motion,    L_- = L (1 - a) in negative motion              (F11)
 
 F is the load, L_0 a factor of the episode. A law knows one scale at a time. Within a step the side of the motion is
-known before its speed: it is that to which R of the step equation (F7) exceeds the torque at rest T_0, as in
+known before its speed: it is that to which R of the step equation (F7) exceeds the mean torque of a step at rest, as in
 :func:`steer_env.friction.law.step`. :func:`chosen` therefore takes the scale of that side beforehand, with two rules
 for a memory (bristle, springs) that is loaded:
 
 * A memory holds what break-away allows in the direction in which it is loaded: it is cut back to L_+ where the torque
   at rest is positive, to L_- where it is negative.
-* A motion that unloads a memory which the scale of its own side could not hold goes on with the scale that it was
-  loaded with, until the other one holds it. The torque is therefore continuous at a reversal, and the only solution of
-  the step equation lies on the side that was chosen. A set-valued law sticks for -L_- F_c <= R <= L_+ F_c.
+* A motion takes the scale of its own side only where the mean torque of a step at rest is the same with both. Else it
+  goes on with the scale that the memory was loaded with: where the other one could not hold the memory, until it does,
+  and of a law that relaxes, until the torque at rest changes its sign. The torque is therefore continuous in R and at a
+  reversal, and the only solution of the step equation lies on the side that was chosen. A set-valued law sticks for
+  -L_- F_c <= R <= L_+ F_c.
 
 A law is passive however its scale changes from step to step, and so it is with both sides. With ``a = 0`` nothing of
 this is computed.
@@ -28,7 +30,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from steer_env.friction.law import advance, torque
+from steer_env.friction.law import advance, rest_torque, torque
 from steer_env.friction.numerics.check import not_negative, number, numbers
 from steer_env.friction.numerics.kernel import kernel, plain
 
@@ -92,7 +94,7 @@ def both(L):
 
 
 @kernel
-def chosen(p, scales, memory, R):
+def chosen(p, scales, memory, R, h):
     """The scale with which a law takes a step that ``R`` drives; the memory is cut back to what break-away allows.
 
     Parameters
@@ -102,17 +104,19 @@ def chosen(p, scales, memory, R):
     memory : (M,) array
     R : float
         Of the step equation [N m]; plus or minus infinity where the motion is prescribed.
+    h : float
+        Step [s].
     """
     positive, negative = scales.positive, scales.negative
     if positive == negative:
         return positive
     held = positive if positive > negative else negative
-    rest = torque(p, held, memory, 0.0)
-    if rest != 0.0:
-        held = positive if rest > 0.0 else negative
+    loaded = torque(p, held, memory, 0.0)
+    if loaded != 0.0:
+        held = positive if loaded > 0.0 else negative
         advance(p, held, memory, 0.0, 0.0)  # no motion and no time: only the cut
-        rest = torque(p, held, memory, 0.0)
+    rest = rest_torque(p, held, memory, h)
     if R == rest:
         return held
-    side, own = (1.0, positive) if R > rest else (-1.0, negative)
-    return held if side * (torque(p, own, memory, 0.0) - rest) > 0.0 else own
+    own = positive if R > rest else negative
+    return own if rest_torque(p, own, memory, h) == rest else held

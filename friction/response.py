@@ -32,7 +32,7 @@ def follow(p, scales, memory, x, dt, out):
     """
     for i in range(1, x.size):
         w = (x[i] - x[i - 1]) / dt
-        torque_scale = chosen(p, Scales(scales[i, 0], scales[i, 1]), memory, math.inf * w if w != 0.0 else 0.0)
+        torque_scale = chosen(p, Scales(scales[i, 0], scales[i, 1]), memory, math.inf * w if w != 0.0 else 0.0, dt)
         advance(p, torque_scale, memory, w, dt)
         out[i] = torque(p, torque_scale, memory, w)
 

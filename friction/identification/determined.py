@@ -7,17 +7,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from steer_env.friction.identification.intervals import half_widths, samples_per_count
-from steer_env.friction.identification.problem import Optimum, Problem, descended, refined
+from steer_env.friction.identification.problem import Optimum, Problem, descended, refined, searched
 from steer_env.friction.identification.space import Space
 
 WIDEST = np.log(2.0)  # half the width of the interval of a logarithm that counts as determined [1]
 SHARE = 0.5  # half the width of the interval of another parameter, of its value [1] ...
 SMALL = 0.05  # ... or, where it is small, of its scale [1]
 FLOOR = 1e-3  # deviation of the residuals at least, of the level [1]: what noise-free records are judged by
-WORSE = 6.6  # growth of the sum of squares, in deviations squared: quantile of 99 % of chi square, one degree
-
-
+WORSE = 6.6  # growth of the sum of squares, in deviations squared: quantile of 99 % of chi square, one degree ...
+HARDLY = 0.02  # ... and of the residual at most [1]: residuals that last for long allow much growth
 EDGE = 1e-3  # coordinate that counts as zero, where it may not be negative [1]
+STARTS = 3  # of the search without a break-away ...
+BEYOND = 1.5  # ... of so many times the largest torque of the record, which does not show it then; assumed [1]
 
 
 class Estimate(NamedTuple):
@@ -40,8 +41,35 @@ def determined(problem: Problem, space: Space, optimum: Optimum) -> Estimate:
 
     As long as one has a wide interval, those go first that zero or the law itself makes neutral, and the last of the
     law's fields before the others. One without which the fit is worse keeps its estimate, and is told if it is wide.
+    A break-away far beyond all torques of the record, wide or at the end of its range, goes even where the fit is
+    worse: it trades with the sliding torque, and the level that the record shows would go with both.
     """
     undetermined: list[str] = []
+    while True:
+        space, optimum, excess, half = _spared(problem, space, optimum, undetermined)
+        name = _beyond(problem, space, optimum, excess)
+        if name is None:
+            break
+        undetermined.append(name)
+        space = space.without(name, optimum.q[: len(space.sought)], 0.0)
+        optimum = searched(problem, space, STARTS, 0, False)
+    kept = [s.name for s in space.sought if excess[s.name] > 1.0]
+    at_zero = {s.name: h for s, q, h in zip(space.sought, optimum.q, half) if s.spare and s.bounded and q < EDGE}
+    for name in [*kept, *(name for name in at_zero if name not in kept)]:  # where the search would only chatter
+        i = [s.name for s in space.sought].index(name)
+        q = optimum.q[: len(space.sought)]
+        space = space.without(name, q, 0.0 if name in at_zero else float(q[i]))
+        optimum = optimum._replace(q=np.delete(optimum.q, i))
+    optimum = refined(problem, space, optimum, final=True)
+    parameters, _ = space.made(optimum.q[: len(space.sought)])
+    edges = {name: float(h) for name, h in at_zero.items() if name not in kept}
+    return Estimate(parameters, space, optimum, undetermined + kept, edges)
+
+
+def _spared(
+    problem: Problem, space: Space, optimum: Optimum, undetermined: list[str]
+) -> tuple[Space, Optimum, dict[str, float], NDArray[np.float64]]:
+    """What is left where all have gone that may, with how wide it is; adds to the names of what has gone."""
     stays: set[str] = set()
     while True:
         half = _half_widths(optimum, FLOOR)
@@ -61,17 +89,19 @@ def determined(problem: Problem, space: Space, optimum: Optimum) -> Estimate:
         else:
             undetermined.append(name)
             space, optimum = smaller
-    kept = [s.name for s in space.sought if excess[s.name] > 1.0]
-    at_zero = {s.name: h for s, q, h in zip(space.sought, optimum.q, half) if s.spare and s.bounded and q < EDGE}
-    for name in [*kept, *(name for name in at_zero if name not in kept)]:  # where the search would only chatter
-        i = [s.name for s in space.sought].index(name)
-        q = optimum.q[: len(space.sought)]
-        space = space.without(name, q, 0.0 if name in at_zero else float(q[i]))
-        optimum = optimum._replace(q=np.delete(optimum.q, i))
-    optimum = refined(problem, space, optimum, final=True)
-    parameters, _ = space.made(optimum.q[: len(space.sought)])
-    edges = {name: float(h) for name, h in at_zero.items() if name not in kept}
-    return Estimate(parameters, space, optimum, undetermined + kept, edges)
+    return space, optimum, excess, half
+
+
+def _beyond(problem: Problem, space: Space, optimum: Optimum, excess: dict[str, float]) -> str | None:
+    """A break-away that the record neither determines nor shows: ``BEYOND`` times its largest torque; None without."""
+    n = len(space.sought)
+    values = space.values(optimum.q[:n])
+    shown = np.abs(problem.torque - problem.columns @ optimum.q[n:])[problem.weighed] / problem.levels[problem.weighed]
+    for s, q in zip(space.sought, optimum.q.tolist()):
+        unsure = excess[s.name] > 1.0 or q > s.highest - EDGE
+        if s.base is not None and unsure and values[s.name] > BEYOND * float(np.max(shown)):
+            return s.name
+    return None
 
 
 def _excess(logarithmic: bool, q: float, half: float) -> float:
@@ -91,7 +121,9 @@ def _without(problem: Problem, space: Space, optimum: Optimum, name: str) -> tup
         smaller = space.without(name, optimum.q[:n], space.sought[i].neutral)
     except ValueError:
         return None
-    allowed = WORSE * (np.mean(optimum.residual**2) + FLOOR**2) * samples_per_count(optimum.residual)
+    n_e = optimum.residual.size / samples_per_count(optimum.residual)
+    growth = min(WORSE / n_e, (1.0 + HARDLY) ** 2 - 1.0)
+    allowed = growth * float(np.sum(optimum.residual**2 + FLOOR**2))
     again = np.where([s.bounded for s in smaller.sought], smaller.start, smaller.inside)  # what was zero may replace it
     for q in (smaller.inside, again):
         near = descended(problem.thinned(), smaller, np.append(q, optimum.q[n:]), 0.1 * float(np.ptp(problem.torque)))

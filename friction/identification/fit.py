@@ -15,6 +15,7 @@ from steer_env.friction.identification.elements import Elements
 from steer_env.friction.identification.problem import Problem, searched
 from steer_env.friction.identification.quality import own_noise, refuse
 from steer_env.friction.identification.ranges import bootstrapped, profiled
+from steer_env.friction.identification.rate import Rate, joint, told, with_rate
 from steer_env.friction.identification.record import Record, checked
 from steer_env.friction.identification.remarks import remarks
 from steer_env.friction.identification.scales import Scales, scaled
@@ -24,7 +25,6 @@ from steer_env.friction.level import Level
 from steer_env.friction.numerics.check import number, whole
 
 INTERVALS = ("linear", "bootstrap", "profile")
-HEAVIEST = 0.95  # share of the level that is in proportion to the load, at the mean load [1]
 
 Bound = float | NDArray[np.float64]  # an array for a curve
 
@@ -119,8 +119,9 @@ def fit(
     Returns
     -------
     Fit
-        The intervals cover noise of the torque, not a law that does not fit. That of ``F_c`` is open above where the
-        weighed torque never saturates; those of Masing are of ``F_c`` and of the ``virgin_torque`` at its yields.
+        The intervals cover noise of the torque, not a law that does not fit. That of ``"load"`` is of ``level.load``.
+        That of ``F_c`` is open above where the weighed torque never saturates; those of Masing are of ``F_c`` and of
+        the ``virgin_torque`` at its yields.
 
     Raises
     ------
@@ -164,21 +165,14 @@ def fitted(ready: Prepared, law: Law, options: Options) -> Fit:
     problem = _problem(ready, law)
     load = None if ready.record.load is None else np.abs(ready.record.load)
     if load is None or not np.ptp(load) > 0.0:
-        return _told(ready, law, problem, *_estimated(ready, law, problem, options), options, 0.0)
-
-    def loaded(share: float) -> tuple[float, Problem]:
-        rate = share / (1.0 - share) / float(np.mean(load))  # c_F of (F38)
-        return rate, problem._replace(levels=1.0 + rate * load)
-
-    def cost(share: float) -> float:
-        few = options._replace(starts=1, global_search=False)
-        return float(np.sum(np.abs(_estimated(ready, law, loaded(share)[1], few)[0].optimum.residual)))
-
-    from scipy.optimize import minimize_scalar  # imported here, because that takes longer than the import of all laws
-
-    found = minimize_scalar(cost, bounds=(0.0, HEAVIEST), method="bounded", options={"xatol": 1e-4})
-    rate, problem = loaded(float(found.x))
-    return _told(ready, law, problem, *_estimated(ready, law, problem, options), options, rate)
+        return _told(ready, law, problem, *_estimated(ready, law, problem, options), options, Rate())
+    few = options._replace(starts=1, global_search=False)
+    load = load / float(np.mean(load))
+    problem, rate = with_rate(problem, law, load, lambda each: _estimated(ready, law, each, few)[0])
+    estimate, elements = _estimated(ready, law, problem, options)
+    if rate.joint:
+        problem, estimate = joint(problem, law, load, rate, estimate)
+    return _told(ready, law, problem, estimate, elements, options, rate)
 
 
 def _problem(ready: Prepared, law: Law) -> Problem:
@@ -223,7 +217,7 @@ def _told(
     estimate: Estimate,
     elements: Elements | None,
     options: Options,
-    rate: float,
+    rate: Rate,
 ) -> Fit:
     """The estimate in the units of the record, with intervals and warnings."""
     scales, branches = ready.scales, ready.branches
@@ -238,13 +232,23 @@ def _told(
         intervals[name] = low * scale, high * scale
     if elements is not None:
         for name, (least, most) in elements.intervals.items():
+            if name in law.units:
+                continue  # sought beside others of this law, whose interval is of its own estimate
             intervals[name] = least * scales.torque, most * scales.torque
     if "F_c" in intervals and not branches.saturates:
         intervals["F_c"] = intervals["F_c"][0], math.inf
     e = estimate.optimum.residual * scales.torque
     residual = math.sqrt(np.mean(e**2))
     variance = float(np.var(ready.record.torque[problem.weighed]))
-    factors = dict(zip(["offset"] * (not branches.one_way) + ["inertia"], (estimate.factors * scales.torque).tolist()))
+    factors = dict(
+        zip(
+            ["offset"] * (not branches.one_way) + ["inertia"] * (ready.inertia is None),
+            (estimate.factors * scales.torque).tolist(),
+        )
+    )
+    mean = 1.0 if ready.record.load is None else float(np.mean(np.abs(ready.record.load)))
+    if not math.isnan(rate.half) and (rate.joint or not rate.undetermined):
+        intervals["load"] = max(rate.value - rate.half, 0.0) / mean, (rate.value + rate.half) / mean
     result = Fit(
         law.name,
         parameters,
@@ -252,9 +256,12 @@ def _told(
         factors.get("offset", 0.0),
         residual,
         (),
-        level=Level(load=rate) if rate else None,
+        level=Level(load=rate.value / mean) if rate.value else None,
         undetermined=tuple(estimate.undetermined),
         explained=1.0 - residual**2 / variance if variance else 0.0,
         inertia=factors.get("inertia", 0.0) * scales.time**2 / scales.displacement + (ready.inertia or 0.0),
     )
-    return result._replace(warnings=remarks(result, ready, law, estimate.optimum))
+    return result._replace(
+        warnings=(*remarks(result, ready, law, estimate.optimum), *told(rate)),
+        undetermined=result.undetermined + ("load",) * rate.undetermined,
+    )

@@ -51,11 +51,18 @@ def clipped(torque: NDArray) -> int:
 
 
 def repeatability(x: NDArray, torque: NDArray, branches: Branches) -> float:
-    """Deviation of the torque from one period to the next [N m]; 0 where the displacement has no period (F36)."""
+    """Deviation of the torque from one period to the next [N m]; 0 where the displacement has no period (F36).
+
+    What is before the weighed samples does not count: there the memory of the start makes a period differ.
+    """
     spans = np.subtract(branches.turns[3:-1], branches.turns[1:-3])
     if spans.size < 2:
         return 0.0
     period = int(np.median(spans))
+    begin = branches.turns[branches.first]
+    x, torque = x[begin:], torque[begin:]
+    if x.size <= period:
+        return 0.0
     if np.sqrt(np.mean((x[period:] - x[:-period]) ** 2)) > ALIKE * np.ptp(x):
         return 0.0
     return float(np.sqrt(0.5 * np.mean((torque[period:] - torque[:-period]) ** 2)))

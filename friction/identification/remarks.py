@@ -7,6 +7,8 @@ import numpy as np
 from steer_env.friction.identification.intervals import half_widths
 from steer_env.friction.identification.problem import Optimum
 from steer_env.friction.identification.quality import clipped
+from steer_env.friction.identification.scales import scaled
+from steer_env.friction.identification.space import Space, sought_of
 from steer_env.friction.law import Law
 
 if TYPE_CHECKING:
@@ -17,6 +19,7 @@ MATTERS = 0.01  # ... where it is also more than this, of the level [1]
 DOMINANT = 0.1  # noise of x, of the length over which the torque follows a reversal [1]
 DRIFT = 0.05  # of the residual over the record, of the level [1]
 SHORT = 5.0  # steps between samples, within which the torque follows a reversal [1]
+END = 1e-3  # distance of a coordinate from the end of its range, at which it is told [1]
 SURE = 2.0  # drift over half its interval [1]
 
 
@@ -24,6 +27,7 @@ def remarks(found: "Fit", ready: "Prepared", law: Law, optimum: Optimum) -> tupl
     """All warnings of a fit, in whole sentences; ``optimum`` is in the record's scales."""
     return (
         *_undetermined(found, ready, law),
+        *_bounds(found, ready, law),
         *_misfit(found, ready),
         *_memory(found, ready, law),
         *_sensors(ready, optimum),
@@ -41,6 +45,22 @@ def _undetermined(found: "Fit", ready: "Prepared", law: Law) -> list[str]:
             f"the torque follows a reversal within about a step of x between samples ({step:g} rad), so its stiffness "
             "has only a lower bound: sample faster or move slower"
         )
+    return texts
+
+
+def _bounds(found: "Fit", ready: "Prepared", law: Law) -> list[str]:
+    """What ends where the search does; zero is no such end, but a value like another."""
+    free = {*found.intervals, *found.undetermined}
+    sought = sought_of(law, {name: value for name, value in found.parameters._asdict().items() if name not in free})
+    values = law.parameters(**scaled(law, found.parameters._asdict(), ready.scales))
+    texts = []
+    for s, q in zip(sought, Space(law, sought, {}, {}, np.empty(0), np.empty(0)).coordinates(values).tolist()):
+        if q > s.highest - END or (not s.bounded and q < s.lowest + END):
+            side = "largest" if q > s.highest - END else "least"
+            limit = f" ({1.0 + s.highest:g} {s.base})" if s.base else ""
+            value = f"{s.name} = {getattr(found.parameters, s.name):.3g} {law.units[s.name]}"
+            end = f"ends at the {side} value of the search{limit}"
+            texts.append(f"{value} {end}: give it with fixed=, or try another law")
     return texts
 
 

@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 from steer_env.friction import defaults
 from steer_env.friction.bristle import decay, displaced, held, spring
-from steer_env.friction.law import newton, register
+from steer_env.friction.law import register
 from steer_env.friction.numerics.check import not_negative, positive
 from steer_env.friction.numerics.kernel import kernel
 
@@ -56,12 +56,6 @@ def mean_torque(p, torque_scale, memory, w, h):
 
 
 @kernel
-def solve(p, torque_scale, memory, S, R, h, w_guess):
-    rest, _ = mean_torque(p, torque_scale, memory, 0.0, h)  # the branch relaxes within the step
-    return newton(p, torque_scale, memory, S, R, h, w_guess, rest)
-
-
-@kernel
 def advance(p, torque_scale, memory, w, h):
     z_g = torque_scale * p.F_c / p.sigma_0
     memory[0] = displaced(memory[0], z_g, z_g, w, h)
@@ -95,7 +89,6 @@ register(
     rate=rate,
     stored_energy=stored_energy,
     mean_torque=mean_torque,
-    solve=solve,
     relaxes=True,
     fitted=("sigma_0", "F_c"),
     units={"sigma_0": "N m/rad", "F_c": "N m", "k_m": "N m/rad", "tau_m": "s"},

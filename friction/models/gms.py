@@ -220,7 +220,8 @@ def steepest_fall(p: GMS, torque_scale: float, h: float) -> float:
     """Bound of the fall of the mean torque with the speed (F18) [N m s/rad].
 
     It is that of the level, times what an element adds that decays to it from break-away: with r the excess over the
-    level, ``1 - exp(-x) (1 - r x)`` is at most ``1 + r exp(-1 - 1/r)``.
+    level, ``1 - exp(-x) (1 - r x)`` is at most ``1 + r exp(-1 - 1/r)``. A short step does not lessen it: an element
+    that slips follows its level with the lag only, but one that begins to slip within the step takes it at once.
     """
     r = p.F_s / p.F_c - 1.0
     if r == 0.0:

@@ -51,6 +51,16 @@ def test_a_level_is_of_the_car(fitted):
         friction.resolve(str(fitted))
 
 
+def test_a_level_that_the_record_did_not_determine_is_told(fitted):
+    law = {"law": "lugre", "sigma_1": 0.0, "F_c": 0.6, "F_s": 0.6}
+    fitted.write_text(json.dumps({"friction": law, "undetermined": ["F_s", "v_s"]}))
+    friction.resolve(fitted)  # without a Stribeck effect; a warning would fail
+    for undetermined, told in ((["F_c", "F_s"], "F_c 0.6 N m, F_s 5.6 N m"), (["F_s"], "F_s 5.6 N m")):
+        fitted.write_text(json.dumps({"friction": law | {"F_s": 5.6}, "undetermined": undetermined}))
+        with pytest.warns(UserWarning, match=rf"fitted\.json: the record does not determine the level .*\({told}\)"):
+            friction.resolve(fitted)
+
+
 BAD = [
     (None, ["fitted.json", "No such file", "fit-friction"]),
     ("{", ["fitted.json", "no JSON"]),

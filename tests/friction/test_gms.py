@@ -93,6 +93,22 @@ def test_the_fall_of_the_mean_torque_is_bounded():
     assert 0.25 * bound < steepest <= bound
 
 
+@pytest.mark.parametrize("h", [1e-6, 1e-3])
+def test_the_lag_does_not_lessen_the_fall(h):
+    """Elements that stick just below their level fall with all of its slope, in steps far shorter than the lag."""
+    p, scale, w, S = friction.make("gms", F_c=0.9, F_s=1.35, v_s=0.005), 4.0, 0.005 / np.sqrt(2.0), 105.0
+    bound, (s, slope) = gms.steepest_fall(p, scale, h), gms.level(p, scale, w)
+    memory = at_rest(p)
+    memory[: p.k.size] = p.alpha * s - 1e-4 * p.k * w * h
+    fall = -law.mean_torque(p, scale, memory, w, h)[1]
+    assert 0.95 * bound < fall <= bound
+    assert fall == pytest.approx(-slope, rel=0.01)
+    R = S * w + law.mean_torque(p, scale, memory, w, h)[0]
+    found = [law.solve(p, scale, memory, S, R, h, guess) for guess in (0.0, w, 10.0 * w)]
+    apart, width = max(found) - min(found), p.k.sum() * w * h / S
+    assert 1e-3 * width < apart < 0.5 * width  # the plant is therefore refused, although the solutions are close
+
+
 @pytest.mark.parametrize(
     ("given", "message"),
     [

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from steer_env import friction
+from steer_env.experiments.studies.common.friction_records import rig
 from steer_env.friction import law
 from steer_env.friction.identification.displacement import motion_of, noise_of
 from steer_env.friction.identification.record import timed
@@ -163,6 +164,46 @@ def test_inertia_is_subtracted_or_estimated():
         assert found.parameters == pytest.approx(P, rel=0.05)
 
 
+def test_a_break_away_that_the_rig_never_shows_is_not_found():
+    """F_c, F_s and v_s trade with each other; before, F_s was ten times F_c and five times the largest torque."""
+    record = rig()
+    x, torque, dt = record.x[:12000:4], record.friction[:12000:4], 4.0 * record.dt
+    found = friction.fit(x, torque, "lugre", dt=dt)
+    assert {"F_s", "v_s"} <= set(found.undetermined)
+    assert found.parameters.F_s == found.parameters.F_c == pytest.approx(1.08, rel=0.03)
+    slow = friction.response(found.parameters, np.linspace(0.0, 0.2, 20001), 0.1)
+    assert np.max(slow) < 1.1 * np.max(np.abs(torque))
+    texts = friction.fit(x, torque, "stribeck", dt=dt).warnings
+    assert any("F_s = 0.89 N m ends at the largest value of the search (10 F_c)" in text for text in texts)
+
+
+def loaded(rate, seed, *, base=1.0, spread=300.0):
+    """A record of Dahl, its load [N], and the fit of it."""
+    t = 0.01 * np.arange(6000)
+    x, load = np.radians(3.0) * np.sin(0.2 * np.pi * t), 1000.0 + spread * np.sin(t / 3.0)
+    torque = friction.response("dahl", x, 0.01, base + rate * load) + noise(seed, x.size)
+    return friction.fit(x, torque, "dahl", dt=0.01, load=load)
+
+
+@pytest.mark.parametrize(("spread", "seeds"), [(300.0, 6), (5.0, 4)])
+def test_intervals_are_joint_with_that_of_the_rate(spread, seeds):
+    found = [loaded(3e-4, seed, spread=spread) for seed in range(seeds)]
+    for name, truth in (("F_c", 0.9), ("load", 3e-4)):
+        held = [each.intervals[name][0] <= truth <= each.intervals[name][1] for each in found if each.level]
+        assert sum(held) >= len(held) - 1
+    assert all(each.level or "load" in each.undetermined for each in found)
+
+
+def test_a_load_without_influence_is_told():
+    none, falls, alike = loaded(0.0, 0), loaded(-3e-4, 0, base=1.5, spread=800.0), loaded(0.0, 0, spread=0.1)
+    assert falls.level is alike.level is None
+    assert none.intervals["load"][0] == 0.0 < none.intervals["load"][1] < 1e-5
+    assert any("falls with the load" in text for text in falls.warnings)
+    assert alike.undetermined == ("load",)
+    assert "load" not in alike.intervals
+    assert any("does not determine the influence of the load" in text for text in alike.warnings)
+
+
 def test_level_by_load():
     x, dt = mixed_speed(20.0)
     load = 500.0 + 400.0 * np.sin(0.7 * np.arange(x.size) * dt)  # [N]
@@ -187,6 +228,29 @@ def test_defects_are_told():
     assert any("the torque stands still at its extreme" in text for text in texts)
     texts = friction.fit(LOOPS, torque + np.linspace(0.0, 0.1, LOOPS.size), "dahl", dt=DT).warnings
     assert any("the zero of the torque drifts by 0.08" in text for text in texts)
+
+
+@pytest.mark.parametrize(("wander", "level", "residual"), [("drift", 0.9, 0.076), ("swell", 0.9, 0.070)])
+def test_a_zero_that_wanders_leaves_the_level(wander, level, residual):
+    """Residuals that last for long decide little; the level is no worse for that."""
+    t = np.arange(0.0, 60.0, DT)
+    x = 1.5 * DEG * np.sin(0.2 * np.pi * t)
+    zero = 0.3 * t / 60.0 if wander == "drift" else 0.1 * np.sin(2.0 * np.pi * t / 40.0)
+    found = friction.fit(x, friction.response("dahl", x, DT) + zero + noise(0, t.size, 0.005), "dahl", dt=DT)
+    assert found.parameters.F_c == pytest.approx(level, rel=0.02)
+    assert found.residual == pytest.approx(residual, rel=0.05)
+    assert wander != "drift" or any("the zero of the torque drifts by 0.2" in text for text in found.warnings)
+
+
+def test_a_misfit_is_seen_in_a_periodic_record_from_rest():
+    """The branch from rest is not weighed and differs from the next period: that is no noise."""
+    t = np.arange(0.0, 60.0, DT)
+    x = 3.0 * DEG * np.sin(0.2 * np.pi * t)
+    torque = friction.response("dahl", x, DT) + noise(0, t.size, 0.005)
+    for begin in (0, 300):
+        texts = friction.fit(x[begin:], torque[begin:], "elasto_plastic", dt=DT).warnings
+        assert any("does not describe the record" in text for text in texts)
+    assert friction.fit(x, torque, "dahl", dt=DT).warnings == ()
 
 
 def test_times():

@@ -44,7 +44,7 @@ def test_bad_values(given, message):
 
 
 def step(p, scales, memory, S, R, h, w_guess):
-    return law.step(p, level.chosen(p, scales, memory, R), memory, S, R, h, w_guess)
+    return law.step(p, level.chosen(p, scales, memory, R, h), memory, S, R, h, w_guess)
 
 
 @pytest.mark.parametrize("name", LAWS)
@@ -93,13 +93,36 @@ def test_the_motion_takes_the_side_of_its_scale(name):
     @given(moves, sides, log(-2, 4), signed(log(-3, 2)), log(-4, -2))
     def holds(history, scales, S, R, h):
         memory = after(p, history, max(scales))
-        used = level.chosen(p, scales, memory, R)
-        rest = law.torque(p, used, memory, 0.0)
+        used = level.chosen(p, scales, memory, R, h)
+        rest = law.rest_torque(p, used, memory, h)
         w, _ = law.step(p, used, memory, S, R, h, 0.0)
         assert w * (R - rest) >= 0.0
         assert used in scales
 
     holds()
+
+
+@pytest.mark.parametrize("tau_m", [0.003, 0.01, 0.5])
+@pytest.mark.parametrize("a", [0.5, -0.9])
+def test_a_branch_that_relaxes_chooses_the_side_of_its_motion(tau_m, a):
+    """3000 random steps: none goes to the other side, and the torque is continuous in R where the choice may change."""
+    rng, scales, S, h = np.random.default_rng(3), level.Scales(1.0 + a, 1.0 - a), 100.0, 1e-3
+    p = friction.make("exponential_spring", k_m=200.0, tau_m=tau_m)
+    memory, jumps = at_rest(p), []
+    for _ in range(3000):
+        loaded = memory.copy()
+        held = level.chosen(p, scales, loaded, 0.0, h)
+        rests = [law.rest_torque(p, each, loaded, h) for each in (held, *scales)]
+        for R in (law.torque(p, held, loaded, 0.0), *rests):
+            near = [step(p, scales, memory.copy(), S, R + side * 1e-9, h, 0.0)[1] for side in (-1.0, 1.0)]
+            jumps.append(abs(near[1] - near[0]))
+        R = rests[0] + rng.normal() * 10.0 ** rng.uniform(-3, 1)
+        used = level.chosen(p, scales, memory, R, h)
+        rest = law.rest_torque(p, used, memory, h)
+        w, _ = law.step(p, used, memory, S, R, h, 0.0)
+        assert w * (R - rest) > 0.0
+        assert (R > rest) == (R > rests[0])
+    assert max(jumps) < 1e-8
 
 
 def test_coulomb_sticks_between_its_two_limits():
@@ -172,5 +195,5 @@ def test_plain_python_chooses_alike():
     p, memory = friction.make("dahl"), np.array([0.02])
     other = memory.copy()
     scales = level.Scales(2.0, 0.5)
-    assert level.chosen(p, scales, memory, -1.0) == plain(level.chosen)(p, scales, other, -1.0) == 2.0
+    assert level.chosen(p, scales, memory, -1.0, 1e-3) == plain(level.chosen)(p, scales, other, -1.0, 1e-3) == 2.0
     assert memory == other
