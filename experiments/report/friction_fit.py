@@ -1,5 +1,6 @@
 """Friction laws that are fitted to a record, and what each leaves on the part that judges."""
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
@@ -8,7 +9,7 @@ import numpy as np
 
 from steer_env import friction
 from steer_env.friction import Compared, Record
-from steer_env.friction.identification.compare import remainder
+from steer_env.friction.identification.compare import moving, remainder
 from steer_env.friction.identification.displacement import noise_of
 from steer_env.friction.law import LAWS
 from steer_env.friction.numerics.check import number
@@ -17,6 +18,8 @@ from steer_env.recording.friction_checks import Array
 from steer_env.recording.friction_record import FrictionRecord, check_units
 from steer_env.recording.units import DEGREE
 
+RESTS = 0.1  # of the judging part: shorter rests are those of reversals, and not told; assumed [1]
+FAR = 20.0  # travels of the record, after which a law is saturated; assumed [1]
 HELD_OUT = 0.4  # of the record: its last part judges, the first one fits [1]
 # Unit in memory -> how a reader sees it, and the size of that.
 SHOWN = {"rad": ("deg", DEGREE), "m": ("mm", 1e-3), "N m": ("N m", 1.0), "N": ("N", 1.0)}
@@ -30,9 +33,11 @@ class Found(NamedTuple):
     name: str  # of the record
     first: int  # first sample that judges; 0 where all of them fit and judge
     level: float  # mean friction [unit of the friction]
-    repeats: float | None  # RMS difference from one period to the next on the part that judges [same unit]
+    repeats: float | None  # RMS difference from one equal period to the next where it judges and moves [same unit]
+    rests: float  # share of the part that judges at which the displacement stands still; 0 up to ``RESTS`` [1]
     laws: tuple[Compared, ...]
     curves: Mapping[str, Array]  # law -> (T,) its friction over the whole record [same unit]
+    saturated: Mapping[str, float]  # law -> its friction after a long way at the record's median speed [same unit]
 
     @property
     def best(self) -> Compared | None:
@@ -108,7 +113,18 @@ def collect(
     middle = friction_checks.middle(record.motion, record.friction)
     level = float(np.mean(np.abs(record.friction - middle)))
     repeats = friction_checks.repeatability(record.motion, record.friction, first)
-    return Found(record, name, first, level, repeats, found, curves)
+    rests = 1.0 - float(np.mean(moving(record.motion[first:])))
+    return Found(
+        record, name, first, level, repeats, rests if rests > RESTS else 0.0, found, curves, _saturated(record, found)
+    )
+
+
+def _saturated(record: FrictionRecord, laws: Sequence[Compared]) -> dict[str, float]:
+    """Friction of each law that was fitted after ``FAR`` travels of the record one way, at its median speed."""
+    steps = np.abs(np.diff(record.motion))
+    step = float(np.median(steps[steps > 0.0]))
+    way = step * np.arange(math.ceil(FAR * np.ptp(record.motion) / step))
+    return {e.law: float(friction.response(e.fit.parameters, way, record.dt)[-1]) for e in laws if e.fit is not None}
 
 
 def known_from(record: FrictionRecord) -> int:

@@ -19,12 +19,12 @@ from steer_env.experiments.output.files import replaced_directory, write_json
 from steer_env.experiments.output.pages import environment, image
 from steer_env.experiments.output.traces import embedded
 from steer_env.experiments.output.words import number as shown_number
-from steer_env.experiments.output.words import span
 from steer_env.experiments.report.friction_fit import SHOWN, Found, contents, known_from
 from steer_env.friction import Compared, Fit
 from steer_env.friction.law import LAWS
 from steer_env.recording import friction_checks
 
+ADVICE = ": try another law with friction.compare"  # at the end of a warning of a law that does not describe the record
 WITHIN = 1.5  # of the record's own repeatability: a law that leaves no more describes the record; assumed [1]
 
 
@@ -55,7 +55,7 @@ def verdict(found: Found) -> str:
     )
     text = (
         f"{_title(best.law)} describes this record best: on {where} it leaves {shown_number(value)} % of the mean "
-        f"friction ({shown_number(low)} to {shown_number(high)} %)"
+        f"friction{' while it moves' if found.rests else ''} ({shown_number(low)} to {shown_number(high)} %)"
     )
     alike = [_title(each.law) for each in found.laws[1:] if each.fit is not None and not found.apart(each)]
     if alike:
@@ -99,8 +99,18 @@ def in_units(text: str, units: Mapping[str, str]) -> str:
 
 
 def warnings(fit: Fit, units: Mapping[str, str]) -> list[str]:
-    """The warnings of a fit in the units of the record."""
-    return [in_units(text, units) for text in fit.warnings]
+    """The warnings of a fit in the units of the record, without the advice to compare laws, as they are compared."""
+    return [in_units(text.removesuffix(ADVICE), units) for text in fit.warnings]
+
+
+def beside(value: float, ends: tuple[Any, Any]) -> tuple[str, str]:
+    """A value and its interval with as many digits as the printed interval needs to hold the printed value."""
+    low, high = map(float, ends)
+    for digits in range(4, 10):
+        a, x, b = (float(f"{each:.{digits}g}") for each in (low, value, high))
+        if (a < x or low >= value) and (x < b or value >= high):  # an end may be the value itself
+            break
+    return shown_number(value, digits), f"{shown_number(low, digits)} to {shown_number(high, digits)}"
 
 
 def rows(fit: Fit, units: Mapping[str, str]) -> list[Row]:
@@ -111,18 +121,16 @@ def rows(fit: Fit, units: Mapping[str, str]) -> list[Row]:
             continue
         interval = fit.intervals.get(name)
         undetermined = name in fit.undetermined
-        text = ", ".join(map(shown_number, value)) if isinstance(value, list) else shown_number(value, 4)
-        ends = "" if interval is None or np.ndim(interval[0]) else span(map(float, interval))
+        text, ends = ", ".join(map(shown_number, value)) if isinstance(value, list) else shown_number(value, 4), ""
+        if interval is not None and not np.ndim(interval[0]):
+            text, ends = beside(value, interval)
         found.append(Row(name, text, ends, unit_of(fit.law, name, units), not undetermined))
     for name, value in ({} if fit.level is None else fit.level._asdict()).items():
         if value != 0.0:
             interval = fit.intervals.get(name)
             unit = {"load": "1/N", "temperature_rate": "1/K", "temperature_rise": "K"}.get(name, "1")
-            found.append(
-                Row(
-                    f"level, {name}", shown_number(value, 4), span(map(float, interval)) if interval else "", unit, True
-                )
-            )
+            text, ends = beside(value, interval) if interval else (shown_number(value, 4), "")
+            found.append(Row(f"level, {name}", text, ends, unit, True))
     return found
 
 
@@ -137,6 +145,7 @@ def law_file(found: Found, each: Compared, fit: Fit, trace: Mapping[str, Any]) -
         "offset": fit.offset,
         "residual": fit.residual,
         "held_out": [_plain(x) for x in (each.residual, *each.interval)],
+        "held_out_at_rest": each.resting,
         "warnings": warnings(fit, found.record.units),
         "notes": list(found.record.notes),
         "trace": dict(trace),
@@ -158,6 +167,7 @@ def as_json(found: Found, trace: Mapping[str, Any]) -> dict[str, Any]:
             "mean_friction": found.level,
             "period": None if own is None else own * r.dt,
             "repeats": found.repeats,
+            "rests": found.rests,
             "notes": list(r.notes),
         },
         "judged_from": r.start + found.first * r.dt,

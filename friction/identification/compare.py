@@ -26,11 +26,12 @@ class Compared(NamedTuple):
     law: str
     fit: Fit | None  # None where the law was refused
     refused: str  # why, or empty
-    residual: float  # RMS on the held-out part [N m]
+    residual: float  # RMS on the held-out part while it moves [N m]
     interval: tuple[float, float]  # of the residual, 95 %, from blocks drawn with replacement [N m]
     aic: float  # Akaike's information criterion on the fitted part [1]
     bic: float  # Bayes' [1]
     alike: tuple[str, ...]  # laws that the held-out part cannot tell from this one
+    resting: float | None = None  # RMS on the held-out part at rest; None without rests, or for a law without memory
 
 
 def compare(
@@ -45,7 +46,7 @@ def compare(
     seed: int = 0,
     notify: Callable[[float, str], None] = lambda part, text: None,
 ) -> tuple[Compared, ...]:
-    """Fit laws to the first part of a record and judge them on a later one, the best first.
+    """Fit laws to the first part of a record and judge them on the motion of a later one, the best first.
 
     Two laws are alike where the 95 % interval of the difference of their held-out mean squares holds zero, or where the
     worse one leaves at most 2 % more. Nested and equivalent laws are alike on the records of the smaller one: Dahl and
@@ -65,7 +66,7 @@ def compare(
     seed : int
         Of the draws.
     notify : callable
-        Is told the part that is done and what comes next.
+        Told the part that is done and what comes next.
 
     Returns
     -------
@@ -75,7 +76,7 @@ def compare(
     Raises
     ------
     ValueError
-        For a share not in 0 to 0.9, an unknown law, or samples that judge before any that fit.
+        For a share not in 0 to 0.9, an unknown law, or samples that judge before any that fit or without motion.
     """
     whole = checked(record.x, record.torque, positive("dt", record.dt), record.load)
     judging = held_out if isinstance(held_out, slice) else slice(_first(whole, held_out), None)
@@ -88,7 +89,7 @@ def compare(
     if first == whole.x.size:
         judging = slice(known, None)
     options = Options(starts=starts, intervals=intervals, global_search=global_search, seed=seed)
-    found, squares, left = [], {}, {}
+    found, squares, left, moves = [], {}, {}, _moves(whole, inertia, judging)
     names = available() if laws is None else laws
     for i, name in enumerate(names):
         notify(i / len(names), f"fitting {name.replace('_', ' ')}")
@@ -99,18 +100,32 @@ def compare(
             found.append(Compared(name, None, str(error), math.inf, (math.inf, math.inf), math.inf, math.inf, ()))
             continue
         e = remainder(whole, fit)
-        left[name] = e[known:first]
-        squares[name] = np.array([np.mean(b) for b in np.array_split(e[judging] ** 2, BLOCKS)])
+        left[name] = e[known:first][moves[known:first]]
+        counted, rest = e[judging][moves[judging]], e[judging][~moves[judging]]
+        squares[name] = np.array([np.mean(b) for b in np.array_split(counted**2, BLOCKS)])
         drawn = np.sqrt(np.mean(squares[name][_draws(seed)], axis=1))
         low, high = np.quantile(drawn, (0.025, 0.975)).tolist()
-        residual = math.sqrt(np.mean(e[judging] ** 2))
-        found.append(Compared(name, fit, "", residual, (low, high), math.inf, math.inf, ()))
+        residual, tells = math.sqrt(np.mean(counted**2)), rest.size > 0 and law.memory_size(fit.parameters) > 0
+        resting = math.sqrt(np.mean(rest**2)) if tells else None
+        found.append(Compared(name, fit, "", residual, (low, high), math.inf, math.inf, (), resting))
     found.sort(key=lambda each: each.residual)
     result = []
     for each in found:
         aic, bic = _criteria(each, left)
         result.append(each._replace(alike=_alike(each.law, squares, seed), aic=aic, bic=bic))
     return tuple(result)
+
+
+def moving(x: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """The samples (T,) at which a displacement moves, as a fit of a law without memory weighs them."""
+    return np.diff(x, prepend=x[0]) != 0.0
+
+
+def _moves(record: Record, inertia: float | None, judging: slice) -> NDArray[np.bool_]:
+    moves = moving(prepared(record, inertia).record.x)
+    if not np.any(moves[judging]):
+        raise ValueError("the samples that judge must hold motion, got a rest: choose another held_out")
+    return moves
 
 
 def _first(record: Record, share: float) -> int:

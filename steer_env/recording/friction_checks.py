@@ -11,6 +11,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from steer_env.friction.identification import compare
+
 Array = NDArray[np.float64]
 BAND = 0.05  # of the travel: a smaller swing is no reversal [1]
 LEAST_WORK = 0.1  # net work over the sum of its magnitudes, below which a record has no sign [1]
@@ -20,6 +22,7 @@ ALTERNATING = 0.6  # third differences that change their sign, at least [1]; of 
 NOISY = 1e-3  # noise of a sensor's signal over its range, at least [1]
 DRIFT = 0.03  # of the level: a smaller drift of the zero is not told [1]
 ALIKE = 0.9  # correlation of the displacement with itself one period later, at least [1]
+EQUAL = 0.02  # difference of two periods' displacement over their travel, in which they are equal strokes, at most [1]
 
 
 class Scales(NamedTuple):
@@ -51,6 +54,13 @@ def middle(x: Array, friction: Array) -> float:
     return float(np.mean(sides)) if len(sides) == 2 else float(friction[0])
 
 
+def work(x: Array, friction: Array) -> float:
+    """Net work that a friction takes, as a share of what goes in and out (-1 to 1) [1]."""
+    parts = (friction[1:] + friction[:-1] - 2.0 * middle(x, friction)) * np.diff(x)
+    whole = float(np.sum(np.abs(parts)))
+    return float(np.sum(parts)) / whole if whole > 0.0 else 0.0
+
+
 def sign(x: Array, friction: Array) -> float:
     """1 where the friction resists positive motion, -1 where it is the opposite force, by the work that it takes.
 
@@ -59,9 +69,7 @@ def sign(x: Array, friction: Array) -> float:
     ValueError
         Where the work is too small to tell, with the remedies.
     """
-    parts = (friction[1:] + friction[:-1] - 2.0 * middle(x, friction)) * np.diff(x)
-    whole = float(np.sum(np.abs(parts)))
-    share = float(np.sum(parts)) / whole if whole > 0.0 else 0.0
+    share = work(x, friction)
     if abs(share) < LEAST_WORK:
         raise ValueError(
             f"friction takes no work over the record (net {share:.1%} of what goes in and out), so that its sign is not"
@@ -160,14 +168,21 @@ def period(x: Array) -> int | None:
 
 
 def repeatability(x: Array, friction: Array, start: int = 0) -> float | None:
-    """RMS difference of the friction one period later, over the samples from ``start`` on that have such a partner.
+    """RMS difference of the friction one period later, over the samples from ``start`` on where it moves.
 
-    [unit of the friction]; None where the displacement does not repeat.
+    [unit of the friction]; None where the displacement does not repeat. A period counts where the next one has the
+    same strokes: the displacement differs by at most ``EQUAL`` of its travel, and did so for half a period before, so
+    that the memory of the contact is the same.
     """
     n = period(x)
-    if n is None or x.size - n - start < n // 2:
+    if n is None:
         return None
-    return float(np.sqrt(np.mean((friction[start + n :] - friction[start:-n]) ** 2)))
+    moves, squares = compare.moving(x), []
+    for a in range(max(start, n // 2), x.size - 2 * n + 1, n):
+        both = x[a - n // 2 : a + n], x[a - n // 2 + n : a + 2 * n]
+        if np.max(np.abs(both[1] - both[0])) <= EQUAL * min(map(np.ptp, both)):
+            squares.append((friction[a + n : a + 2 * n] - friction[a : a + n])[moves[a : a + n]] ** 2)
+    return float(np.sqrt(np.mean(np.concatenate(squares)))) if squares else None
 
 
 def scales(x: Array, friction: Array) -> Scales:

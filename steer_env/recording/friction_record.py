@@ -114,7 +114,8 @@ class FrictionRecord:
         u = self.units
         told = (
             f"stretched to a column: level {own.level:.4g} {u['torque']} became {level:g} N m, pre-sliding distance "
-            f"{own.distance:.4g} {u['displacement']} became {math.degrees(distance):.3g} deg; the time is as recorded"
+            f"{own.distance:.4g} {u['displacement']} became {math.degrees(distance):.3g} deg; the time is as recorded. "
+            "The level is the plateau of the record, not the saturated friction of a law, which can be larger"
         )
         found = self._scaled(positive("distance", distance) / own.distance, positive("level", level) / own.level, told)
         return replace(found, units=fitted_file.UNITS)
@@ -230,6 +231,13 @@ def checked(record: FrictionRecord, sign: int | None, without_drift: bool = Fals
     x = record.motion
     found = checks.sign(x, record.friction) if sign is None else float(sign)
     notes = record.notes
+    share = found * checks.work(x, record.friction)
+    if share < -checks.LEAST_WORK:
+        raise ValueError(
+            f"--sign {found:.0f} contradicts the work: with it, the friction would drive the motion (net work "
+            f"{share:.0%} of what goes in and out) instead of resisting it; leave --sign out, or give --sign "
+            f"{-found:.0f}; or check that displacement and friction are the columns they should be"
+        )
     if found < 0.0:
         why = "as --sign says" if sign is not None else "as the work that it takes shows"
         notes += (f"the friction was recorded with the other sign, {why}: it is turned to resist positive motion",)

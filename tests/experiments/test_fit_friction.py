@@ -65,7 +65,7 @@ def test_the_shipped_record_from_a_fresh_clone(capsys):
     mean = found["record"]["mean_friction"]
     own = found["record"]["repeats"] / mean
     dahl, coulomb = (found["laws"][law]["held_out"][0] / mean for law in ("dahl", "coulomb"))
-    assert own < 0.03 < dahl < 0.13 < 0.9 < coulomb
+    assert own < 0.03 < dahl < 0.17 < 0.7 < coulomb < 0.8  # while moving: Coulomb says nothing at rest
     with refused(["rig/dahl.json", "m and N", "--lever", "--to-column"]):
         gym.make("steer_env/AssistWeave-v1", friction="rig/dahl.json")
 

@@ -216,18 +216,29 @@ def print_tuned(found: Mapping[str, Tuned], title: str) -> None:
 def print_fits(found: friction_fit.Found) -> None:
     """Print what each law leaves of the friction, its parameters, the warnings of the best ones, and the verdict."""
     table = _table()
-    for heading in ("law", "left [%]", "95 % interval", "parameters"):
-        table.add_column(heading, justify="right" if "%" in heading else "left", overflow="fold")
+    saturated = f"saturated [{found.record.units['torque']}]"
+    for heading in ("law", "left [%]", "95 % interval", saturated, "parameters"):
+        # Text, as rich would take a unit in brackets for markup.
+        table.add_column(
+            Text(heading), justify="left" if heading in ("law", "parameters") else "right", overflow="fold"
+        )
     for each in found.laws:
         if each.fit is None:
-            table.add_row(each.law, "", "", Text(f"not fitted: {each.refused}"))
+            table.add_row(each.law, "", "", "", Text(f"not fitted: {each.refused}"))
             continue
         value, low, high = friction_fit_page.shares(found, each)
         shown = [
-            f"{row.name} = {row.value}{f' {row.unit}' if row.unit != '1' else ''}" + ("" if row.determined else " (?)")
+            f"{row.name} = {_first_of(row.value)}{f' {row.unit}' if row.unit != '1' else ''}"
+            + ("" if row.determined else " (?)")
             for row in friction_fit_page.rows(each.fit, found.record.units)
         ]
-        table.add_row(each.law, f"{value:.3g}", f"{low:.3g} .. {high:.3g}", Text(", ".join(shown)))
+        table.add_row(
+            each.law,
+            f"{value:.3g}",
+            f"{low:.3g} .. {high:.3g}",
+            f"{found.saturated[each.law]:.3g}",
+            Text(", ".join(shown)),
+        )
     printer = console()
     _print(printer, table, f"{found.name}: what is left of the mean friction on the part that judges")
     plain: dict[str, Any] = {"highlight": False, "soft_wrap": True, "markup": False}
@@ -240,3 +251,9 @@ def print_fits(found: friction_fit.Found) -> None:
     if others:
         printer.print(f"{others} warnings of the laws that leave more are on the page and in their files", **plain)
     printer.print(friction_fit_page.verdict(found), style="bold", **plain)
+
+
+def _first_of(value: str) -> str:
+    """The first four values of an array, which the page shows in full."""
+    values = value.split(", ")
+    return ", ".join([*values[:4], "…"] if len(values) > 4 else values)
