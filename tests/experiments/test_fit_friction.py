@@ -146,7 +146,7 @@ def test_a_weave_of_a_car_gives_the_friction_of_its_column():
     growth = steering["friction_load"] * steering["pinion_radius"] / true.F_c  # (F11)
     assert found["friction"]["F_c"] == pytest.approx(true.F_c, rel=0.02)
     assert found["friction"]["sigma_0"] == pytest.approx(true.sigma_0, rel=0.02)
-    assert found["level"]["load"] == pytest.approx(growth, rel=0.02)
+    assert found["level"]["load"] == pytest.approx(growth, rel=0.025)
     assert any("balance of torques with the parameters of compact" in note for note in found["notes"])
     assert found["trace"]["car"]["steering"] == steering
 
