@@ -232,9 +232,12 @@ def _told(
         intervals[name] = low * scale, high * scale
     if elements is not None:
         for name, (least, most) in elements.intervals.items():
-            if name in law.units:
-                continue  # sought beside others of this law, whose interval is of its own estimate
-            intervals[name] = least * scales.torque, most * scales.torque
+            if name not in law.units:
+                intervals[name] = least * scales.torque, most * scales.torque
+            elif name in intervals:
+                # Sought beside the elements, which its own interval holds: their uncertainty comes to it.
+                own, half = intervals[name], 0.5 * (most - least) * scales.torque
+                intervals[name] = own[0] - half, own[1] + half
     if "F_c" in intervals and not branches.saturates:
         intervals["F_c"] = intervals["F_c"][0], math.inf
     e = estimate.optimum.residual * scales.torque  # (F12)
