@@ -13,6 +13,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from steer_env.friction.numerics.check import number
+
 SUFFIX = ".json"
 UNITS = {"displacement": "rad", "torque": "N m"}  # of every law that drives a plant
 
@@ -44,14 +46,15 @@ def read(path: str | os.PathLike[str]) -> dict[str, Any]:
     if not (isinstance(law, Mapping) and isinstance(law.get("law"), str)):
         example = '{"friction": {"law": "lugre", "F_c": 1.2}}'
         raise ValueError(f"{path} holds no friction law: it must be a mapping as {example}")
-    units = {**UNITS, **(data.get("units") or {})}
+    units = {**UNITS, **_mapping(path, data, "units")}
     if {name: units[name] for name in UNITS} != UNITS:
         raise ValueError(
             f"{path} is of a record in {units['displacement']} and {units['torque']}, and a steering column needs rad "
             "and N m: fit it again with --lever METRES (the radius at which the force acts) or --to-column (the level "
             "and the pre-sliding distance of a column)"
         )
-    level = {name: value for name, value in (data.get("level") or {}).items() if value}
+    level = {name: number(f"level.{name} of {path}", value) for name, value in _mapping(path, data, "level").items()}
+    level = {name: value for name, value in level.items() if value}
     if level:
         told = ", ".join(f"{name} {value:g}" for name, value in level.items())
         warnings.warn(
@@ -67,6 +70,14 @@ def read(path: str | os.PathLike[str]) -> dict[str, Any]:
             stacklevel=2,
         )
     return dict(law)
+
+
+def _mapping(path: Any, data: Mapping[str, Any], key: str) -> Mapping[str, Any]:
+    """What stands under a key of the file, which may be left out or null; ValueError if it is no mapping."""
+    value = data.get(key) or {}
+    if not isinstance(value, Mapping):
+        raise ValueError(f"{path}: {key} must be a mapping as 'steer-env fit-friction' writes it, got {value!r}")
+    return value
 
 
 def _level_of(law: Mapping[str, Any], undetermined: Sequence[str]) -> list[str]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from steer_env import friction
 from steer_env.friction import Compared, Record
-from steer_env.friction.identification.compare import moving, remainder
+from steer_env.friction.identification.compare import HELD_OUT, moving, remainder
 from steer_env.friction.identification.displacement import noise_of
 from steer_env.friction.law import LAWS
 from steer_env.friction.numerics.check import number
@@ -20,7 +20,6 @@ from steer_env.recording.units import DEGREE
 
 RESTS = 0.1  # of the judging part: shorter rests are those of reversals, and not told; assumed [1]
 FAR = 20.0  # travels of the record, after which a law is saturated; assumed [1]
-HELD_OUT = 0.4  # of the record: its last part judges, the first one fits [1]
 # Unit in memory -> how a reader sees it, and the size of that.
 SHOWN = {"rad": ("deg", DEGREE), "m": ("mm", 1e-3), "N m": ("N m", 1.0), "N": ("N", 1.0)}
 LOADED = 0.2  # variation of a load by which a level can be fitted, over the largest load, at least; assumed [1]
@@ -110,8 +109,7 @@ def collect(
     judging = slice(first, None) if first else 0.0
     found = friction.compare(given, laws, held_out=judging, notify=notify, **(options or {}))
     curves = {each.law: record.friction + remainder(given, each.fit) for each in found if each.fit is not None}
-    middle = friction_checks.middle(record.motion, record.friction)
-    level = float(np.mean(np.abs(record.friction - middle)))
+    level = friction_checks.mean_friction(record.motion, record.friction)
     repeats = friction_checks.repeatability(record.motion, record.friction, first)
     rests = 1.0 - float(np.mean(moving(record.motion[first:])))
     return Found(

@@ -15,6 +15,7 @@ from steer_env.friction.level import by_sample
 from steer_env.friction.numerics.check import number, positive
 from steer_env.friction.response import response
 
+HELD_OUT = 0.4  # of a record: its last part judges, the first one fits [1]
 BLOCKS = 20  # of the held-out part
 DRAWS = 2000  # of blocks, with replacement
 MATTERS = 0.02  # a law that leaves less than this more than another one is as good [1]
@@ -38,7 +39,7 @@ def compare(
     record: Record,
     laws: Sequence[str] | None = None,
     *,
-    held_out: float | slice = 1.0 / 3.0,
+    held_out: float | slice = HELD_OUT,
     inertia: float | None = 0.0,
     starts: int = 3,
     intervals: str = "linear",

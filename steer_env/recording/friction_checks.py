@@ -54,6 +54,11 @@ def middle(x: Array, friction: Array) -> float:
     return float(np.mean(sides)) if len(sides) == 2 else float(friction[0])
 
 
+def mean_friction(x: Array, friction: Array) -> float:
+    """Mean magnitude of the friction about its middle [unit of the friction]."""
+    return float(np.mean(np.abs(friction - middle(x, friction))))
+
+
 def work(x: Array, friction: Array) -> float:
     """Net work that a friction takes, as a share of what goes in and out (-1 to 1) [1]."""
     parts = (friction[1:] + friction[:-1] - 2.0 * middle(x, friction)) * np.diff(x)

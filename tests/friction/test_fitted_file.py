@@ -71,6 +71,9 @@ BAD = [
         '{"friction": {"law": "coulomb", "F_c": 2.0}, "units": {"displacement": "m", "torque": "N"}}',
         ["fitted.json", "in m and N", "--lever", "--to-column"],
     ),
+    ('{"law": "coulomb", "units": ["m"]}', ["fitted.json", "units must be a mapping", "['m']"]),
+    ('{"friction": {"law": "coulomb"}, "level": [1]}', ["fitted.json", "level must be a mapping", "[1]"]),
+    ('{"friction": {"law": "coulomb"}, "level": {"load": "a"}}', ["level.load of", "fitted.json", "'a'"]),
 ]
 
 

@@ -222,6 +222,14 @@ def test_what_is_known_is_held():
 # Defects
 
 
+def test_parameters_to_fix_are_checked():
+    torque = friction.response(P, LOOPS, DT)
+    with refused(["'lugre'", "no parameter 'F_z'", "F_c"]):
+        friction.fit(LOOPS, torque, "lugre", dt=DT, fixed={"F_z": 1.0})
+    with refused(["fixed F_c", "nan"]):
+        friction.fit(LOOPS, torque, "lugre", dt=DT, fixed={"F_c": np.nan})
+
+
 def test_defects_are_told():
     torque = friction.response("dahl", LOOPS, DT) + noise(0, LOOPS.size)
     texts = friction.fit(LOOPS, np.minimum(torque, 0.85), "dahl", dt=DT).warnings

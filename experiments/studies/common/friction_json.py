@@ -55,7 +55,7 @@ def as_json(r: Results) -> dict[str, Any]:
         "record": {
             "laws": judged,
             "repeatability": r.repeatability,
-            "fitted_s": records.FITTED,
+            "held_out": records.HELD_OUT,
             "notes": list(r.record.notes),
         },
         "steps": untimed,

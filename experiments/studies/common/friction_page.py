@@ -16,6 +16,7 @@ from steer_env.experiments.studies.common.battery import MATTERS
 from steer_env.experiments.studies.common.friction_cases import BASE_LAW, Effect
 from steer_env.experiments.studies.common.friction_results import SAMPLE, SCHEME, Results
 from steer_env.experiments.studies.common.page import Picture, Section, Table
+from steer_env.recording import friction_checks
 from steer_env.recording.recording import DEGREE
 
 
@@ -57,7 +58,7 @@ def accuracy(r: Results) -> Section:
         f"{percent(best.high, 3)}), {number(ratio, 2)} times the {percent(r.repeatability, 2)} by which one period "
         f"differs from the next. The others leave: {ranks}."
     )
-    leaders = [each for each in known if each.error <= best.high]
+    leaders = [each for each in known if each is best or each.law in best.alike]
     left = [each for each in known if each not in leaders]
     headline = (
         f"Most accurate on the measured record: {named([e.law for e in leaders])}, which "
@@ -72,7 +73,7 @@ def accuracy(r: Results) -> Section:
             f" The record does not determine every parameter of {named([e.law for e in known if e.undetermined])}; of "
             f"the laws that it determines, {sure[0].law} leaves the least, {percent(sure[0].error, 3)}."
         )
-    period = round(records.REPEATS / r.record.dt)
+    period = friction_checks.period(r.record.motion) or r.record.x.size
     x, F = r.record.x[-period:] / DEGREE, r.record.friction[-period:]
     loops = {
         each.law: (x, friction.response(each.parameters, r.record.x, r.record.dt)[-period:])
@@ -90,10 +91,10 @@ def accuracy(r: Results) -> Section:
     return Section(
         "Which law is more accurate?",
         "A law with more memory describes measured friction better than one with a single bristle.",
-        f"Every law is fitted to the first {records.FITTED:g} s of a measured record of {seconds:g} s and judged by "
-        "the "
-        "RMS of what it leaves on the rest, over the mean friction there. The interval is that of the mean over the "
-        f"periods of {records.REPEATS:g} s.",
+        f"Every law is fitted to the first {(1.0 - records.HELD_OUT) * seconds:.3g} s of a measured record of "
+        f"{seconds:.3g} s and judged by the RMS of what it leaves on the rest while the record moves, over the mean "
+        "friction, as by steer-env fit-friction; half of the time it stands still, of which laws without memory say "
+        "nothing.",
         verdict,
         "The record has one stroke, one speed and one load, and comes from a reciprocating rig, not from a steering "
         "gear. It says nothing of speed, of small strokes after large ones, or of load. It is stretched to the level "

@@ -180,8 +180,9 @@ def confusion(r: Results) -> Section:
         "Who is told from whom",
         "A record tells which law is the true one.",
         f"Synthetic records of each law, {r.scope.seeds} for each noise; every law is fitted to the first part and "
-        "judged on the rest. A law remains where it is not worse than the best one by more than the 95 % interval of "
-        "their difference in blocks of a second. Taken for another: that one remains in more than half of the records.",
+        "judged on the rest. A law remains where friction.compare cannot tell it from the best one: the 95 % interval "
+        "of the difference of their mean squares holds zero, or it leaves at most 2 % more. Taken for another: that "
+        "one remains in more than half of the records.",
         ". ".join(sentences) + ".",
         "The records have white noise of the torque only. Laws with a break-away torque have one of 1.4 F_c here. A "
         "law that contains another, as GMS contains Masing and LuGre with a Stribeck curve contains Dahl, remains by "

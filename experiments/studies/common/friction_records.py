@@ -12,22 +12,18 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
 
 from steer_env import friction
 from steer_env.friction import defaults
+from steer_env.friction.identification.compare import HELD_OUT
 from steer_env.friction.law import law_of
-from steer_env.recording import files, friction_record
+from steer_env.recording import files, friction_checks, friction_record
 from steer_env.recording.recording import DEGREE
 
 Array = NDArray[np.float64]
 
-REPEATS = 8.0  # period of the rig's motion, four strokes [s]
-FITTED = 48.0  # part of the rig's record that is fitted: six periods [s]
-LEVEL = 0.95  # of the intervals
 NOISES = (0.01, 0.05)  # of the synthetic torque, over F_c [1]
 BREAK_AWAY, STRIBECK_SPEED = 1.4, 0.1  # F_s over F_c, and v_s [rad/s] of the synthetic records; assumed
-BLOCK = 1.0  # of the synthetic records [s]
 SYNTHETIC_STEP = 0.01  # [s]
 
 
@@ -36,12 +32,13 @@ class Judged(NamedTuple):
 
     law: str
     parameters: Any  # None where the law could not be fitted
-    error: float  # RMS of the residual over the mean friction [1]
-    low: float  # 95 % interval from one period to the next [1]
+    error: float  # RMS of the residual while the record moves, over the mean friction [1]
+    low: float  # 95 % interval [1]
     high: float  # [1]
     fitted: float  # the same error on the fitted part [1]
     undetermined: tuple[str, ...]  # parameters that the fitted part does not determine
     remarks: tuple[str, ...]  # warnings of the fit, or why there is none
+    alike: tuple[str, ...] = ()  # laws that the part that judges cannot tell from this one
 
 
 def rig() -> friction_record.FrictionRecord:
@@ -52,32 +49,29 @@ def rig() -> friction_record.FrictionRecord:
     return friction_record.from_recording(recording).to_column()
 
 
-def repeatability(record: friction_record.FrictionRecord, split: float = FITTED) -> float:
-    """RMS difference of one period from the next over the mean friction, on the part that judges [1]."""
-    n, period = round(split / record.dt), round(REPEATS / record.dt)
-    late = record.friction[n:]
-    return float(np.sqrt(np.mean((late[period:] - late[:-period]) ** 2)) / np.mean(np.abs(late)))
+def repeatability(record: friction_record.FrictionRecord) -> float:
+    """RMS difference of one period from the next over the mean friction, where the record judges and moves [1]."""
+    first = record.x.size - round(HELD_OUT * record.x.size)
+    found = friction_checks.repeatability(record.motion, record.friction, first)
+    if found is None:
+        raise ValueError("the record has no two equal periods in the part that judges")
+    return found / friction_checks.mean_friction(record.motion, record.friction)
 
 
-def judge(job: tuple[friction_record.FrictionRecord, str, float]) -> Judged:
-    """Fit a law to the first ``split`` seconds of a record and judge it on the others; a job of the sweep."""
-    record, law, split = job
-    n, period = round(split / record.dt), round(REPEATS / record.dt)
-    try:
-        found = friction.fit(record.x[:n], record.friction[:n], law, dt=record.dt)
-    except ValueError as error:
-        return Judged(law, None, math.nan, math.nan, math.nan, math.nan, (), (str(error),))
-    residual = friction.response(found.parameters, record.x, record.dt) + found.offset - record.friction
-    mean = float(np.mean(np.abs(record.friction[n:])))
-    late = residual[n:]
-    periods = late[: late.size // period * period].reshape(-1, period)
-    squares = np.mean(periods**2, axis=1)
-    half = float(stats.t.ppf(0.5 + 0.5 * LEVEL, squares.size - 1) * stats.sem(squares))
-    mean_square = float(np.mean(late**2))
-    low, high = (math.sqrt(max(mean_square + side * half, 0.0)) / mean for side in (-1.0, 1.0))
-    fitted = float(np.sqrt(np.mean(residual[period:n] ** 2))) / mean
-    rms = math.sqrt(mean_square) / mean
-    return Judged(law, found.parameters, rms, low, high, fitted, found.undetermined, found.warnings)
+def judge(job: tuple[friction_record.FrictionRecord, Sequence[str]]) -> list[Judged]:
+    """Fit laws to the first part of a record and judge them on the last, the best first; a job of the sweep."""
+    record, laws = job
+    mean = friction_checks.mean_friction(record.motion, record.friction)
+    found = []
+    for each in friction.compare(friction.Record(record.x, record.friction, record.dt), laws, held_out=HELD_OUT):
+        if each.fit is None:
+            found.append(Judged(each.law, None, math.nan, math.nan, math.nan, math.nan, (), (each.refused,)))
+            continue
+        low, high = each.interval
+        errors = (each.residual / mean, low / mean, high / mean, each.fit.residual / mean)
+        told = (each.fit.undetermined, each.fit.warnings, each.alike)
+        found.append(Judged(each.law, each.fit.parameters, *errors, *told))
+    return found
 
 
 def true_laws(names: Sequence[str]) -> dict[str, Any]:
@@ -126,32 +120,19 @@ class Confusion(NamedTuple):
 def confuse(job: tuple[str, Mapping[str, Any], str, float, int]) -> Confusion:
     """Fit every law to a noisy record of one law; a job of the sweep.
 
-    A law remains where the squares of its residuals, in blocks of a second, do not exceed those of the best law by more
-    than the 95 % interval of their mean difference.
+    A law remains where :func:`steer_env.friction.compare` cannot tell it from the best one.
     """
     record, laws, truth, noise, seed = job
     x, start = displacement(record)
     clean = friction.response(laws[truth], x, SYNTHETIC_STEP)
     rng = np.random.default_rng([seed, *map(ord, truth)])
     measured = clean + noise * defaults.F_C * rng.standard_normal(x.size)
-    block = round(BLOCK / SYNTHETIC_STEP)
-    squares: dict[str, Array] = {}
-    for law in laws:
-        try:
-            found = friction.fit(x[:start], measured[:start], law, dt=SYNTHETIC_STEP)
-        except ValueError:
-            continue
-        late = (friction.response(found.parameters, x, SYNTHETIC_STEP) + found.offset - measured)[start:]
-        squares[law] = np.mean(late[: late.size // block * block].reshape(-1, block) ** 2, axis=1)
-    best = min(squares, key=lambda law: float(squares[law].mean()))
-    remain = tuple(law for law, of in squares.items() if law == best or not _worse(of - squares[best]))
-    errors = {law: math.sqrt(squares[law].mean()) / defaults.F_C if law in squares else math.nan for law in laws}
-    return Confusion(record, truth, noise, seed, errors, remain)
-
-
-def _worse(gap: Array) -> bool:
-    """Whether a mean difference is above zero by its one-sided 97.5 % interval."""
-    return bool(gap.mean() > stats.t.ppf(0.5 + 0.5 * LEVEL, gap.size - 1) * stats.sem(gap))
+    found = friction.compare(friction.Record(x, measured, SYNTHETIC_STEP), list(laws), held_out=slice(start, None))
+    left = {each.law: each.residual / defaults.F_C if each.fit is not None else math.nan for each in found}
+    remain = {found[0].law, *found[0].alike}
+    return Confusion(
+        record, truth, noise, seed, {law: left[law] for law in laws}, tuple(law for law in laws if law in remain)
+    )
 
 
 def shares(found: Sequence[Confusion], record: str, noise: float) -> dict[str, dict[str, float]]:

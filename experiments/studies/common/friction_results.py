@@ -114,10 +114,10 @@ def collect(
     def swept(jobs: list[Job], start: float, end: float) -> list[Any]:
         return sweep(perform, jobs, notify=lambda part, of: notify(start + (end - start) * part, of), words=_words)
 
-    first = [Job("record", law, (record, law, friction_records.FITTED)) for law in fittable]
+    first = [Job("record", "laws", (record, fittable))]
     first += [Job("steps", law, (p, scope.steps)) for law, p in laws.items()]
     found = swept(first, 0.0, 0.15)
-    judged: list[Judged] = sorted(found[: len(fittable)], key=lambda each: (each.parameters is None, each.error))
+    judged: list[Judged] = found[0]
     measured = {each.law: each.parameters for each in judged if _usable(each)}
     cases = friction_cases.cases(laws, measured)
     true = friction_records.true_laws(fittable)
@@ -137,7 +137,7 @@ def collect(
     ]
     later = swept(jobs, 0.15, 0.9)
     of_kind = {kind: [result for job, result in zip(jobs, later) if job.kind == kind] for kind in _KINDS}
-    rows = dict(zip(laws, found[len(fittable) :]))
+    rows = dict(zip(laws, found[1:]))
     return Results(
         car=car,
         scope=scope,
