@@ -126,20 +126,20 @@ def fit(
     Raises
     ------
     ValueError
-        For an unknown law or one whose units are not told, a parameter to fix that it does not have, values that are not finite, arrays of unequal length, ``dt``
-        not positive, no motion, no reversal, too few samples, torque of the wrong sign, or a search that does not
-        converge.
+        For an unknown law or one whose units are not told, a parameter to fix that it does not have, values that are
+        not finite, arrays of unequal length, ``dt`` not positive, no motion, no reversal, too few samples, torque of
+        the wrong sign, or a search that does not converge.
     """
-    friction_law = law_of(make(law))
+    usual = make(law)
     if intervals not in INTERVALS:
         raise ValueError(f"intervals must be one of {', '.join(INTERVALS)}, got {intervals!r}")
     for name in fixed or ():
-        if name not in friction_law.parameters._fields:
-            names = ", ".join(friction_law.parameters._fields)
+        if name not in usual._fields:
+            names = ", ".join(usual._fields)
             raise ValueError(f"fixed: friction law {law!r} has no parameter {name!r}; it has {names}")
-    known = {name: number(f"fixed {name}", value) for name, value in (fixed or {}).items()}
-    options = Options(known, whole("starts", starts, 1), intervals, global_search, whole("seed", seed, 0))
-    return fitted(prepared(checked(x, torque, dt, load), inertia), friction_law, options)
+    held = {name: number(f"fixed {name}", value) for name, value in (fixed or {}).items()}
+    options = Options(held, whole("starts", starts, 1), intervals, global_search, whole("seed", seed, 0))
+    return fitted(prepared(checked(x, torque, dt, load), inertia), law_of(usual), options)
 
 
 def prepared(record: Record, inertia: float | None = 0.0) -> Prepared:
