@@ -142,10 +142,10 @@ def farthest(results: Results) -> tuple[str, float] | None:
     return max(((law, found[law].nested) for law in dry(results)), key=lambda pair: pair[1], default=None)
 
 
-def calibrated(results: Results) -> bool:
-    """Whether some dry law agrees with the base law on the saturated branches far better than in nested loops."""
-    found = residuals(results)
-    return any(found[law].saturated < 0.01 and found[law].nested > 2.0 * found[law].saturated for law in dry(results))
+def calibrated(results: Results) -> list[str]:
+    """Dry laws that agree with the base law on the saturated branches far better than in nested loops."""
+    laws = residuals(results)
+    return [law for law in dry(results) if laws[law].saturated < 0.01 and laws[law].nested > 2.0 * laws[law].saturated]
 
 
 class HeldTorque(NamedTuple):
