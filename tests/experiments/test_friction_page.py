@@ -153,9 +153,9 @@ def _results(every):
     laws = {name: friction.make(name) for name in LAWS}
     record = _record()
     judged = [
-        records.Judged("dahl", laws["dahl"], 0.05, 0.04, 0.06, 0.05, (), ()),
-        records.Judged("lugre", laws["lugre"], 0.10, 0.09, 0.11, 0.10, ("sigma_1",), ("told",)),
-        records.Judged("coulomb", None, math.nan, math.nan, math.nan, math.nan, (), ("no reversal",)),
+        records.Judged("dahl", laws["dahl"], 0.05, 0.04, 0.06, (), ()),
+        records.Judged("lugre", laws["lugre"], 0.10, 0.09, 0.11, ("sigma_1",), ("told",)),
+        records.Judged("coulomb", None, math.nan, math.nan, math.nan, (), ("no reversal",)),
     ]
     row = Row("midpoint", 1e-3, 1e-4, True, 100.0, 200.0)
     tables = {law: [row, row._replace(scheme="explicit Euler", error=0.5)] for law in laws}

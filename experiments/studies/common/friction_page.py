@@ -82,11 +82,11 @@ def accuracy(r: Results) -> Section:
     }
     rows = [
         (each.law, percent(each.error, 3), f"{percent(each.low, 3)} to {percent(each.high, 3)}",
-         percent(each.fitted, 3), number(each.error / r.repeatability, 2), ", ".join(each.undetermined) or "–")
+         number(each.error / r.repeatability, 2), ", ".join(each.undetermined) or "–")
         for each in known
     ]  # fmt: skip
-    rows += [(each.law, *("–" * 5)) for each in r.judged if each.parameters is None]
-    head = ("law", "error, held out", "95 % interval", "error, fitted part", "over repeatability", "not determined")
+    rows += [(each.law, *("–" * 4)) for each in r.judged if each.parameters is None]
+    head = ("law", "error, held out", "95 % interval", "over repeatability", "not determined")
     remarks = [(each.law, "; ".join(each.remarks)) for each in r.judged if each.remarks]
     return Section(
         "Which law is more accurate?",

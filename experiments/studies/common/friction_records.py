@@ -35,7 +35,6 @@ class Judged(NamedTuple):
     error: float  # RMS of the residual while the record moves, over the mean friction [1]
     low: float  # 95 % interval [1]
     high: float  # [1]
-    fitted: float  # the same error on the fitted part [1]
     undetermined: tuple[str, ...]  # parameters that the fitted part does not determine
     remarks: tuple[str, ...]  # warnings of the fit, or why there is none
     alike: tuple[str, ...] = ()  # laws that the part that judges cannot tell from this one
@@ -65,12 +64,11 @@ def judge(job: tuple[friction_record.FrictionRecord, Sequence[str]]) -> list[Jud
     found = []
     for each in friction.compare(friction.Record(record.x, record.friction, record.dt), laws, held_out=HELD_OUT):
         if each.fit is None:
-            found.append(Judged(each.law, None, math.nan, math.nan, math.nan, math.nan, (), (each.refused,)))
+            found.append(Judged(each.law, None, math.nan, math.nan, math.nan, (), (each.refused,)))
             continue
-        low, high = each.interval
-        errors = (each.residual / mean, low / mean, high / mean, each.fit.residual / mean)
-        told = (each.fit.undetermined, each.fit.warnings, each.alike)
-        found.append(Judged(each.law, each.fit.parameters, *errors, *told))
+        error, low, high = (value / mean for value in (each.residual, *each.interval))
+        of = each.fit
+        found.append(Judged(each.law, of.parameters, error, low, high, of.undetermined, of.warnings, each.alike))
     return found
 
 
