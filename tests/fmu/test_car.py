@@ -383,7 +383,8 @@ def test_a_step_takes_as_long_as_the_kernel(weave, tmp_path):
             kernels.append((times[1] - times[0]) / count)
             steps.append((times[2] - times[1]) / count)
     print(f"kernel {min(kernels) * 1e9:.0f} ns, step of the unit {min(steps) * 1e9:.0f} ns")
-    assert min(steps) < 1.2 * min(kernels)
+    # 1.15 to 1.18 was measured; the limit is for machines with other caches, and finds a step that does work twice.
+    assert min(steps) < 1.5 * min(kernels)
 
 
 @pytest.mark.whole

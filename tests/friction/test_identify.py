@@ -164,8 +164,8 @@ def warned(x, T, name, dt=DT):
 def test_what_a_record_does_not_determine_is_named():
     """At one speed the viscous part adds to the level; LuGre's damping shows at the reversals."""
     assert warned(LOOPS, record(LAWS[3]), "lugre") == (
-        "the record does not determine F_s = 1.3 N m, sigma_2 = 0 N m s/rad, v_s = 0.02 rad/s: kept there; record "
-        "several speeds and wider loops"
+        "the record does not determine F_s = 1.3 N m, sigma_2 = 0 N m s/rad, v_s = 0.02 rad/s: kept at these "
+        "values; record several speeds and wider loops"
     )
     for p in (*LAWS[:3], LAWS[4]):
         assert warned(LOOPS, record(p), name_of(p)) == ""
