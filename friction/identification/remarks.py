@@ -38,9 +38,8 @@ def _undetermined(found: "Fit", ready: "Prepared", law: Law) -> list[str]:
     values = [f"{name} = {getattr(found.parameters, name):g} {law.units[name]}" for name in found.undetermined]
     if not values:
         return []
-    texts = [
-        f"the record does not determine {', '.join(values)}: kept at these values; record several speeds and wider loops"
-    ]
+    text = f"the record does not determine {', '.join(values)}: kept at these values; "
+    texts = [text + "record several speeds and wider loops"]
     step = float(np.median(np.abs(np.diff(ready.record.x))))
     if any(law.units[name] == "N m/rad" for name in found.undetermined) and ready.scales.displacement < SHORT * step:
         texts.append(
