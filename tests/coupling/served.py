@@ -94,7 +94,7 @@ class FaultyClient(Client):
             wrong = bytearray(packet)
             wrong[self.draw.randrange(8, len(packet))] ^= 1 << self.draw.randrange(8)
             self._socket.send(wrong)
-        if self.former and self.sequence % 100 and self._happens("late"):
+        if self.former and self.sequence % 100 > 1 and self._happens("late"):
             self._socket.send(self.former)
         if self._happens("strange"):
             self.stranger.sendto(packet, self.address)
@@ -102,7 +102,7 @@ class FaultyClient(Client):
         if self._happens("doubled"):
             self._socket.send(packet)
         if self.sequence and self.sequence % 100 == 0:
-            self.former = packet  # which is late from the next request on
+            self.former = packet  # which is late from the next but one on
 
     def _receive(self):
         if self.lost:
