@@ -9,7 +9,7 @@ from steer_env.experiments.cli.common import plant_options
 from steer_env.experiments.cli.common.arguments import KPH, whole_number
 from steer_env.experiments.output import car_options
 
-# As in steer_env.coupling, whose import takes long.
+# As in steer_env.cosimulation, whose import takes long.
 FORMATS = ("text", "json", "c")
 LOOPBACK = "127.0.0.1"
 SILENCE = 10.0  # [s]
@@ -39,8 +39,8 @@ def add(commands: Any, common: argparse.ArgumentParser) -> None:
 
 
 def _serve(args: argparse.Namespace) -> None:
-    from steer_env import coupling
-    from steer_env.coupling.session import COUNTS
+    from steer_env import cosimulation
+    from steer_env.cosimulation.session import COUNTS
     from steer_env.fmu.parts import make_part
     from steer_env.friction.numerics.check import number
 
@@ -50,9 +50,9 @@ def _serve(args: argparse.Namespace) -> None:
     p = car_options.load(args).plant(args.friction.parameters, speed, robot, args.road_friction, args.chassis)
     part = make_part(args.part, p, speed)
     if args.describe:
-        sys.stdout.write(coupling.describe(coupling.layout_of(part), args.describe))
+        sys.stdout.write(cosimulation.describe(cosimulation.layout_of(part), args.describe))
         return
-    server = coupling.Server(part, args.address, args.port, silence)
+    server = cosimulation.Server(part, args.address, args.port, silence)
     try:
         with server:
             _announce(args, server)

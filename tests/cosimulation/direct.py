@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from steer_env.coupling.model import model_of
-from steer_env.coupling.packets import KINDS, layout_of, packed, unpacked
-from steer_env.coupling.session import COUNTS, NOTHING, REFUSAL, link_of, respond
+from steer_env.cosimulation.model import model_of
+from steer_env.cosimulation.packets import KINDS, layout_of, packed, unpacked
+from steer_env.cosimulation.session import COUNTS, NOTHING, REFUSAL, link_of, respond
 from steer_env.fmu.parts import make_part
 from steer_env.vehicle import cars
 

@@ -8,7 +8,7 @@ from types import TracebackType
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from steer_env.coupling.packets import (
+from steer_env.cosimulation.packets import (
     CLOSE,
     HEADER_SIZE,
     LARGEST,

@@ -12,11 +12,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from steer_env import coupling
-from steer_env.coupling import packets
-from steer_env.coupling.packets import HEADER, HEADER_SIZE, KINDS, MODES, REASONS, checksum, packed, unpacked
-from steer_env.coupling.session import end_where_silent
-from tests.coupling.direct import Direct
+from steer_env import cosimulation
+from steer_env.cosimulation import packets
+from steer_env.cosimulation.packets import HEADER, HEADER_SIZE, KINDS, MODES, REASONS, checksum, packed, unpacked
+from steer_env.cosimulation.session import end_where_silent
+from tests.cosimulation.direct import Direct
 
 REASON = {name: i for i, name in enumerate(REASONS, 1)}
 
@@ -215,7 +215,7 @@ def test_random_bytes_never_move_the_plant(served):
 
 def test_plain_python_gives_the_same_bytes(served):
     code = (
-        "from tests.coupling.direct import Direct\n"
+        "from tests.cosimulation.direct import Direct\n"
         "direct = Direct()\n"
         "for kind, sequence in (('open', 0), ('step', 1), ('step', 2), ('step', 2), ('close', 3)):\n"
         "    print(direct.send(direct.request(kind, sequence)).hex())\n"
@@ -229,10 +229,10 @@ def test_plain_python_gives_the_same_bytes(served):
 
 
 def test_description_has_every_field_value_kind_and_reason(served):
-    text = coupling.describe(served.layout)
+    text = cosimulation.describe(served.layout)
     named = [*HEADER.names, *KINDS, *MODES, *REASONS, *(s.name for s in (*served.part.given, *served.part.outputs))]
     for name in named:
         assert f" {name}" in text
     with pytest.raises(ValueError, match="form must be one of text, json, c, got 'xml'"):
-        coupling.describe(served.layout, "xml")
+        cosimulation.describe(served.layout, "xml")
     assert max(served.layout.request_size, served.layout.answer_size) < packets.LARGEST

@@ -9,7 +9,7 @@ import sys
 from contextlib import contextmanager
 from pathlib import Path
 
-from steer_env.coupling import Client, Layout, layout_of
+from steer_env.cosimulation import Client, Layout, layout_of
 from steer_env.fmu.parts import make_part
 from steer_env.vehicle import cars
 

@@ -1,6 +1,6 @@
 """What a server does with a packet: a session with one client, and the answer to each request.
 
-The kernels know no sockets: :mod:`steer_env.coupling.server` receives and sends. A request is carried out once. The
+The kernels know no sockets: :mod:`steer_env.cosimulation.server` receives and sends. A request is carried out once. The
 same request again, as a client sends it that did not get the answer, gets the same answer again, to the byte.
 """
 
@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from steer_env.coupling.model import restart, step
-from steer_env.coupling.packets import (
+from steer_env.cosimulation.model import restart, step
+from steer_env.cosimulation.packets import (
     BAD_KIND,
     BAD_LAYOUT,
     BAD_SAMPLES,

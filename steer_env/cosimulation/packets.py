@@ -1,7 +1,7 @@
 """The packets of the co-simulation over UDP: one header, then the values of a part, all little-endian.
 
 Every request of a part has one size and every answer has one size; a refusal is a header alone. docs/cosimulation.md
-describes the protocol, and :func:`steer_env.coupling.describe` prints the layout for a part.
+describes the protocol, and :func:`steer_env.cosimulation.describe` prints the layout for a part.
 """
 
 import struct

@@ -15,12 +15,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from steer_env.coupling import Client, Server
-from steer_env.coupling.packets import KINDS
+from steer_env.cosimulation import Client, Server
+from steer_env.cosimulation.packets import KINDS
 from steer_env.experiments.cli import serve
 from steer_env.experiments.cli.main import main
 from steer_env.vehicle import plant
-from tests.coupling.served import ROOT, FaultyClient, echoing, layout, part_of, serving
+from tests.cosimulation.served import ROOT, FaultyClient, echoing, layout, part_of, serving
 
 if sys.platform != "linux":
     pytest.skip("the server needs Linux", allow_module_level=True)
@@ -216,7 +216,7 @@ def test_a_port_out_of_range(capsys):
 
 
 def test_only_loopback_unless_another_address_is_named():
-    from steer_env.coupling import server
+    from steer_env.cosimulation import server
 
     assert serve.LOOPBACK == server.LOOPBACK == "127.0.0.1"
     assert serve.SILENCE == server.SILENCE

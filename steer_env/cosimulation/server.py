@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from steer_env.coupling.model import model_of
-from steer_env.coupling.packets import layout_of
-from steer_env.coupling.session import (
+from steer_env.cosimulation.model import model_of
+from steer_env.cosimulation.packets import layout_of
+from steer_env.cosimulation.session import (
     COUNTS,
     NOTHING,
     REFUSAL,
@@ -19,7 +19,7 @@ from steer_env.coupling.session import (
     link_of,
     respond,
 )
-from steer_env.coupling.system import bound_socket, clock, receive, send
+from steer_env.cosimulation.system import bound_socket, clock, receive, send
 from steer_env.fmu.part import Part
 from steer_env.friction.numerics.kernel import bind, kernel
 
@@ -118,5 +118,5 @@ class Server:
             self._thread.join(_WAKE)
 
     def counts(self) -> dict[str, int]:
-        """What happened so far, by the names of :data:`steer_env.coupling.session.COUNTS`."""
+        """What happened so far, by the names of :data:`steer_env.cosimulation.session.COUNTS`."""
         return dict(zip(COUNTS, self._link.counts.tolist()))

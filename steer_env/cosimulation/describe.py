@@ -4,7 +4,7 @@ import json
 from collections.abc import Iterable
 from typing import Any
 
-from steer_env.coupling.packets import (
+from steer_env.cosimulation.packets import (
     FIELDS,
     HEADER,
     HEADER_SIZE,
@@ -29,7 +29,7 @@ def describe(layout: Layout, form: str = "text") -> str:
     Parameters
     ----------
     layout : Layout
-        From :func:`steer_env.coupling.layout_of`.
+        From :func:`steer_env.cosimulation.layout_of`.
     form : {"text", "json", "c"}
         ``"c"`` is a header file with the structures, all numbers and the checksum.
 
