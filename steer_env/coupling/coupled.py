@@ -7,15 +7,23 @@ of the rack at the end of its step. With a delay it receives the motion of one c
 run at the same time.
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 
-from steer_env.coupling.vehicle import GIVEN, RACK, Array, CouplingError, Vehicle
+from steer_env.coupling.vehicle import GIVEN, RACK, START_SPEED, Array, CouplingError, Vehicle
 from steer_env.fmu import steering
 from steer_env.friction.numerics.kernel import bind
 from steer_env.vehicle import plant
-from steer_env.vehicle.chassis.common.interface import ASSIST_REQUEST, HAND, HAND_SPEED, RACK_DISTURBANCE, Names
+from steer_env.vehicle.chassis.common.interface import (
+    ASSIST_REQUEST,
+    HAND,
+    HAND_SPEED,
+    RACK_DISTURBANCE,
+    TARGET_SPEED,
+    Names,
+)
 from steer_env.vehicle.layout import size_of
 from steer_env.vehicle.steering.column import COLUMN_ANGLE, COLUMN_SPEED
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
@@ -24,7 +32,11 @@ _COLUMN = plant.CHANNEL["rack_force"]  # channels of column and assist, which co
 _MOTION = [name for name in plant.CHANNEL if name in GIVEN]
 _INPUT = {name: i for i, (name, _) in enumerate(plant.INPUTS)}
 SPEED = ("vehicle_speed", "m/s")  # the last channel
-SPREAD, STANDING = 0.03, 0.1  # largest deviation from the speed that is asked for, assumed [1], [m/s]
+TARGET = plant.INPUTS[TARGET_SPEED][0]
+SPREAD, STANDING = 0.03, 0.01  # largest deviation from the speed that is asked for, assumed [1], [m/s]
+STEADY = 1e-3  # largest deviation after a change of the speed, over a second, assumed [1]
+LEAD_IN = 60.0  # longest time for it, assumed [s]
+POSE = ("x", "y", "yaw_angle")
 
 
 class Coupling(NamedTuple):
@@ -77,19 +89,40 @@ class Coupled:
         """
         names = [name for name, _ in self.channels(p)]
         self._columns = [names.index(name) for name in self.vehicle.gives]
-        self._values = self._before = self.vehicle.start(self._start_speed)
         self._force, self._speed = (self.vehicle.gives.index(name) for name in ("rack_force", SPEED[0]))
         self._sample, self._time, self._sent, self.work[:] = 0, 0, 0.0, 0.0
         self._rack = 0.0, 0.0  # travel and speed at the last communication point
-        found = abs(self._values[self._speed])
-        if p.pinion_radius and abs(found - self._start_speed) > SPREAD * self._start_speed + STANDING:
-            raise CouplingError(
-                f"{self.vehicle.name} starts at {3.6 * found:.4g} km/h, and {3.6 * self._start_speed:.4g} km/h are "
-                "asked for: ask for its speed, or set its own (an input start_speed of the mapping, or a new export)"
-            )
+        self._taken[:], self._more_speed = 0.0, 0.0
+        self._values = self._before = self.vehicle.start(self._start_speed)
+        if p.pinion_radius and not self._at_speed():  # on a rig the vehicle does not matter
+            self._values = self._before = self._brought_to_speed()
+        self._pose_at_start = self._pose(self._values)
+        self._values = self._before = self._from_start(self._values)
         row = np.full(len(names), np.nan)
         row[:_COLUMN], row[self._columns] = 0.0, self._values
         return np.zeros(size_of(p)), row
+
+    def _at_speed(self, spread: float = SPREAD) -> bool:
+        """Whether the vehicle is at the speed to start at."""
+        return abs(abs(self._values[self._speed]) - self._start_speed) <= spread * self._start_speed + STANDING
+
+    def _brought_to_speed(self) -> Array:
+        """What the vehicle gives after it has changed its speed straight ahead, by its input ``target_speed``."""
+        first, takes = abs(self._values[self._speed]), self.vehicle.takes
+        self._more_speed = self._start_speed - first
+        if TARGET in takes:
+            self._taken[takes.index(TARGET)] = self._more_speed
+            steady = 0
+            for _ in range(round(LEAD_IN / SAMPLE_TIME / self.coupling.step)):
+                self._values = self.vehicle.step(self._taken, self.coupling.step)
+                steady = steady + self.coupling.step if self._at_speed(STEADY) else 0
+                if steady * SAMPLE_TIME >= 1.0:
+                    return self._values
+        raise CouplingError(
+            f"{self.vehicle.name} starts at {3.6 * first:.4g} km/h and does not reach the {3.6 * self._start_speed:.4g}"
+            f" km/h that are asked for: ask for its own speed, or let the mapping set it (input {START_SPEED} or"
+            f" {TARGET})"
+        )
 
     def run(self, p: plant.Plant, state: Array, inputs: Array, record: Array, substeps: int) -> bool:
         """As :func:`steer_env.vehicle.plant.run`, from where the last run ended.
@@ -142,8 +175,24 @@ class Coupled:
             if k is not None:
                 self._taken[k] = value
         for k, index in self._others:
-            self._taken[k] = u[index]
-        self._before, self._values = self._values, self.vehicle.step(self._taken, self.coupling.step)
+            self._taken[k] = u[index] + (self._more_speed if index == TARGET_SPEED else 0.0)
+        self._before = self._values
+        self._values = self._from_start(self.vehicle.step(self._taken, self.coupling.step))
         mean = 0.5 * (self._before[self._force] + self._values[self._force])
         self.work[1] += mean * (sent[0] - self._sent)
         self._sent, self._rack, self._sample = sent[0], rack, 0
+
+    def _pose(self, values: Array) -> list[float]:
+        """Place and heading; zero for what the vehicle does not give."""
+        gives = self.vehicle.gives
+        return [float(values[gives.index(name)]) if name in gives else 0.0 for name in POSE]
+
+    def _from_start(self, values: Array) -> Array:
+        """What the vehicle gives, with place and heading relative to those at the start."""
+        (x0, y0, yaw0), (x, y, yaw) = self._pose_at_start, self._pose(values)
+        c, s = math.cos(yaw0), math.sin(yaw0)
+        pose = c * (x - x0) + s * (y - y0), c * (y - y0) - s * (x - x0), yaw - yaw0
+        for name, value in zip(POSE, pose):
+            if name in self.vehicle.gives:
+                values[self.vehicle.gives.index(name)] = value
+        return values

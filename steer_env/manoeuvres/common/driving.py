@@ -303,7 +303,7 @@ def drive_plant(
     return Recording(
         time=SAMPLE_TIME * np.arange(1, len(record) + 1),
         channels=channels,
-        units={**dict(names), "vehicle_speed": "m/s"},
+        units={**{name: unit for name, unit in names if name in channels}, "vehicle_speed": "m/s"},
         meta={
             "manoeuvre": manoeuvre.name,
             "vehicle": car.name,

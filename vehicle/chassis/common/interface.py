@@ -179,8 +179,8 @@ def checked(name: str) -> str:
     """The name of a chassis of this project; ValueError for another one, with the names that there are."""
     if is_external(name):
         raise ValueError(
-            f"chassis={name!r} is an external vehicle, which drives in manoeuvres only (manoeuvres.drive, steer-env run, "
-            f"steer-env report); environments and single plants take one of {', '.join(available())}"
+            f"chassis={name!r} is an external vehicle, which drives in manoeuvres only (manoeuvres.drive, steer-env run"
+            f" and report); environments and single plants take one of {', '.join(available())}"
         )
     if name not in available():
         raise ValueError(f"chassis must be one of {', '.join(available())}, got {name!r}")
