@@ -34,8 +34,8 @@ _INPUT = {name: i for i, (name, _) in enumerate(plant.INPUTS)}
 SPEED = ("vehicle_speed", "m/s")  # the last channel
 TARGET = plant.INPUTS[TARGET_SPEED][0]
 SPREAD, STANDING = 0.03, 0.01  # largest deviation from the speed that is asked for, assumed [1], [m/s]
-STEADY = 1e-3  # largest deviation after a change of the speed, over a second, assumed [1]
-LEAD_IN = 60.0  # longest time for it, assumed [s]
+STEADY = 1e-3  # change in a second below which a speed is steady, assumed [m/s]
+LEAD_IN = 60  # longest time in which a vehicle changes its speed before the start, assumed [s]
 POSE = ("x", "y", "yaw_angle")
 
 
@@ -102,9 +102,9 @@ class Coupled:
         row[:_COLUMN], row[self._columns] = 0.0, self._values
         return np.zeros(size_of(p)), row
 
-    def _at_speed(self, spread: float = SPREAD) -> bool:
+    def _at_speed(self) -> bool:
         """Whether the vehicle is at the speed to start at."""
-        return abs(abs(self._values[self._speed]) - self._start_speed) <= spread * self._start_speed + STANDING
+        return abs(abs(self._values[self._speed]) - self._start_speed) <= SPREAD * self._start_speed + STANDING
 
     def _brought_to_speed(self) -> Array:
         """What the vehicle gives after it has changed its speed straight ahead, by its input ``target_speed``."""
@@ -112,11 +112,11 @@ class Coupled:
         self._more_speed = self._start_speed - first
         if TARGET in takes:
             self._taken[takes.index(TARGET)] = self._more_speed
-            steady = 0
-            for _ in range(round(LEAD_IN / SAMPLE_TIME / self.coupling.step)):
-                self._values = self.vehicle.step(self._taken, self.coupling.step)
-                steady = steady + self.coupling.step if self._at_speed(STEADY) else 0
-                if steady * SAMPLE_TIME >= 1.0:
+            for _ in range(LEAD_IN):
+                before = self._values[self._speed]
+                for _ in range(round(1.0 / SAMPLE_TIME / self.coupling.step)):
+                    self._values = self.vehicle.step(self._taken, self.coupling.step)
+                if self._at_speed() and abs(self._values[self._speed] - before) < STEADY:
                     return self._values
         raise CouplingError(
             f"{self.vehicle.name} starts at {3.6 * first:.4g} km/h and does not reach the {3.6 * self._start_speed:.4g}"

@@ -45,19 +45,17 @@ class FmuVehicle:
         self.mapping = m = mapping.load(unit, variables) if given is None else given
         try:
             _check_complete(m, given is None)
-            places = {
-                **{name: _place(f"inputs.{name}", e, variables, TAKEN[name], True) for name, e in m.inputs.items()},
-                **{name: _place(f"outputs.{name}", e, variables, GIVEN[name]) for name, e in m.outputs.items()},
-            }
+            into = {name: _place(f"inputs.{name}", e, variables, TAKEN[name], True) for name, e in m.inputs.items()}
+            out = [_place(f"outputs.{name}", e, variables, GIVEN[name]) for name, e in m.outputs.items()]
             fixed = [_variable(f"parameters.{name}", name, variables, True).valueReference for name in m.parameters]
         except ValueError as error:
             raise ValueError(f"{unit}: {error}") from None
         self.meta: dict[str, Any] = {"external_vehicle": self.name, "external_vehicle_sha256": digest, **m.meta}
         self.takes = tuple(name for name in m.inputs if name != START_SPEED)
         self.gives = (*m.outputs, *(("vehicle_speed",) if "vehicle_speed" not in m.outputs else ()))
-        self._inputs, self._input_size = _together(places[name] for name in self.takes)
-        self._outputs, self._output_size = _together(places[name] for name in m.outputs)
-        self._speed, self._speed_size = _together(places[name] for name in m.inputs if name == START_SPEED)
+        self._inputs, self._input_size = _together(into[name] for name in self.takes)
+        self._outputs, self._output_size = _together(out)
+        self._speed, self._speed_size = _together(into[name] for name in m.inputs if name == START_SPEED)
         self._parameters = Numbers(fixed)
         self._parameters.values[:] = list(m.parameters.values())
         self._folder = tempfile.TemporaryDirectory()
