@@ -157,7 +157,7 @@ def _variable(where: str, name: str, variables: dict[str, Any], setting: bool) -
     if found.type not in _REAL or found.dimensions:
         raise ValueError(f"{where}: {name} is of type {found.type}; a real scalar is needed")
     if setting and (found.causality not in _SETTABLE or found.variability == "constant"):
-        raise ValueError(f"{where}: {name} is a {found.causality}, which cannot be set")
+        raise ValueError(f"{where}: {name} is of causality {found.causality}, which cannot be set")
     return found
 
 
