@@ -94,7 +94,7 @@ class Coupled:
         self._rack = 0.0, 0.0  # travel and speed at the last communication point
         self._taken[:], self._more_speed = 0.0, 0.0
         self._values = self._before = self.vehicle.start(self._start_speed)
-        if p.pinion_radius and not self._at_speed():  # on a rig the vehicle does not matter
+        if not self._at_speed():
             self._values = self._before = self._brought_to_speed()
         self._pose_at_start = self._pose(self._values)
         self._values = self._before = self._from_start(self._values)

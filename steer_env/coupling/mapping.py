@@ -56,10 +56,10 @@ class Mapping(NamedTuple):
     fmu: Path
     inputs: dict[str, Entry]  # by names of ``TAKEN``
     outputs: dict[str, Entry]  # by names of ``GIVEN``
-    parameters: dict[str, float]
+    parameters: dict[str, float]  # start values [units of the FMU]
     speed: float | None  # of a unit that gives none [m/s]
     step: int  # communication step [ms]
-    meta: dict[str, float]  # of the recordings
+    meta: dict[str, float]  # of the recordings: geometry of the vehicle [units in the names]
 
 
 def load(path: str | Path, variables: Iterable[str]) -> Mapping:

@@ -294,7 +294,7 @@ def drive_plant(
     if "longitudinal_speed" in channels:
         _require_stable(p, manoeuvre, _reached(p, channels["longitudinal_speed"]))
     lateral = channels.get("lateral_speed", np.zeros(1))
-    if manoeuvre.speed and not manoeuvre.rig and np.any(np.abs(lateral) > channels["vehicle_speed"]):
+    if manoeuvre.speed and np.any(np.abs(lateral) > channels["vehicle_speed"]):
         raise LostControlError(f"{manoeuvre.name}: the car spins; {advice}")
     geometry = {
         "wheelbase_m": car.chassis["front_axle"] + car.chassis["rear_axle"],
