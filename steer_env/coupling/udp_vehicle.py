@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from steer_env.coupling.vehicle import GIVEN, OF_PLANT, RACK, Array, CouplingError
 from steer_env.cosimulation import Client, Layout
+from steer_env.coupling.vehicle import GIVEN, OF_PLANT, RACK, Array, CouplingError
 
 _NAMES = {name: name for name in RACK} | {exported: name for name, exported in OF_PLANT.items()}
 
