@@ -62,9 +62,11 @@ class Coupled:
 
     Attributes
     ----------
-    work : (2,) array
-        Work of the rack on the vehicle since the start: as the steering has done it, and as the vehicle has received it
-        [J].
+    work : (3,) array
+        Of the rack on the vehicle since the start [J]: as the steering has done it, as the vehicle has received it, and
+        what has passed in either direction.
+    force : float
+        Rack force of the vehicle that acted on the steering in the last sample [N].
     """
 
     def __init__(self, vehicle: Vehicle, speed: float, coupling: Coupling) -> None:
@@ -73,7 +75,7 @@ class Coupled:
         self._others = [(k, _INPUT[name]) for k, name in enumerate(vehicle.takes) if name not in RACK]
         self._given, self._row, self._unused = np.zeros(6), np.zeros((1, _COLUMN + 2)), np.zeros((1, 1))
         self._taken = np.zeros(len(vehicle.takes))
-        self.work = np.zeros(2)
+        self.work, self.force = np.zeros(3), 0.0
 
     def channels(self, p: plant.Plant) -> Names:
         """Names and units of the channels; those that the vehicle does not give are NaN."""
@@ -94,7 +96,7 @@ class Coupled:
         self._rack = 0.0, 0.0  # travel and speed at the last communication point
         self._taken[:], self._more_speed = 0.0, 0.0
         self._values = self._before = self.vehicle.start(self._start_speed)
-        if p.pinion_radius and not self._at_speed():  # on a rig the vehicle does not matter
+        if not self._at_speed():
             self._values = self._before = self._brought_to_speed()
         self._pose_at_start = self._pose(self._values)
         self._values = self._before = self._from_start(self._values)
@@ -144,7 +146,7 @@ class Coupled:
         record[:] = np.nan
         for i, u in enumerate(inputs):
             given[:3], given[3] = (u[HAND], u[HAND], u[HAND_SPEED]), u[ASSIST_REQUEST]
-            force = self._held_force()
+            self.force = force = self._held_force()
             given[4], given[5] = force + u[RACK_DISTURBANCE], abs(self._values[self._speed])
             before = p.pinion_radius * state[COLUMN_ANGLE]
             finite = advance(p, state, given, self._unused, self._row, 1)
@@ -153,7 +155,7 @@ class Coupled:
                 bad = plant.state_name(p, int(np.flatnonzero(~np.isfinite(state))[0]))
                 raise CouplingError(f"{bad} of the steering is not finite at {self._time * SAMPLE_TIME:.6g} s")
             rack = p.pinion_radius * state[COLUMN_ANGLE], p.pinion_radius * state[COLUMN_SPEED]
-            self.work[0] += force * (rack[0] - before)
+            self.work[[0, 2]] += force * (rack[0] - before), abs(force * (rack[0] - before))
             self._sample += 1
             if self._sample == self.coupling.step:
                 self._exchange(rack, u)

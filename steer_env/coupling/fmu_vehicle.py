@@ -3,6 +3,7 @@
 import hashlib
 import tempfile
 from collections.abc import Callable, Iterable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -79,7 +80,7 @@ class FmuVehicle:
         self._speed.values[:] = speed / self._speed_size
         for numbers in (self._parameters, self._speed):
             if numbers.size:
-                self._asked("a start value", lambda numbers=numbers: self._slave.set(numbers))
+                self._asked("a start value", partial(self._slave.set, numbers))
         self._asked("to start", self._slave.begin)
         return self._read()
 
@@ -120,9 +121,7 @@ class FmuVehicle:
             bad = self.gives[int(np.flatnonzero(~np.isfinite(found))[0])]
             variable = self.mapping.outputs[bad].variable
             raise CouplingError(f"{self.name} gave {variable} = {found[self.gives.index(bad)]} at {self._now()}")
-        if len(found) < len(self.gives):
-            found = np.append(found, self.mapping.speed)
-        return found
+        return found if self.mapping.speed is None else np.append(found, self.mapping.speed)
 
     def _asked(self, what: str, call: Callable[[], Any]) -> Any:
         """Result of a call of the unit."""
@@ -157,7 +156,7 @@ def _variable(where: str, name: str, variables: dict[str, Any], setting: bool) -
     if found.type not in _REAL or found.dimensions:
         raise ValueError(f"{where}: {name} is of type {found.type}; a real scalar is needed")
     if setting and (found.causality not in _SETTABLE or found.variability == "constant"):
-        raise ValueError(f"{where}: {name} is a {found.causality}, which cannot be set")
+        raise ValueError(f"{where}: {name} is of causality {found.causality}, which cannot be set")
     return found
 
 

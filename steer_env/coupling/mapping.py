@@ -5,6 +5,7 @@ A mapping is a small TOML file, which names the unit and every variable that is 
     fmu = "vehicle.fmu"        # beside this file, or a whole path
     step_ms = 1                # communication step, a whole number of milliseconds
     speed_m_s = 27.8           # where the unit gives no speed
+    own_process = true         # the unit runs in a process of its own, whose faults end the run and not the program
 
     [inputs.rack_travel]
     variable = "Steer.RackTravel"
@@ -30,13 +31,13 @@ from typing import Any, NamedTuple
 
 from steer_env.coupling.vehicle import GIVEN, OF_PLANT, TAKEN
 from steer_env.friction.numerics import toml
-from steer_env.friction.numerics.check import number, whole
+from steer_env.friction.numerics.check import flag, number, whole
 from steer_env.recording.channel_mapping import did_you_mean
 from steer_env.recording.units import SPELLINGS, parse_unit
 
 GEOMETRY = ("wheelbase_m", "steering_ratio")  # keys of the meta
 LONGEST_STEP = 100  # communication step [ms]
-_KEYS = ("fmu", "step_ms", "speed_m_s", "inputs", "outputs", "parameters", "meta")
+_KEYS = ("fmu", "step_ms", "speed_m_s", "inputs", "outputs", "parameters", "meta", "own_process")
 _ENTRY_KEYS = ("variable", "unit", "sign")
 # The held speed, by its name in the units of this project that do not report one.
 _HELD_SPEED = ("longitudinal_speed", "chassis.speed", "chassis.v_x")
@@ -56,10 +57,11 @@ class Mapping(NamedTuple):
     fmu: Path
     inputs: dict[str, Entry]  # by names of ``TAKEN``
     outputs: dict[str, Entry]  # by names of ``GIVEN``
-    parameters: dict[str, float]
+    parameters: dict[str, float]  # start values [units of the FMU]
     speed: float | None  # of a unit that gives none [m/s]
     step: int  # communication step [ms]
-    meta: dict[str, float]  # of the recordings
+    own_process: bool
+    meta: dict[str, float]  # of the recordings: geometry of the vehicle [units in the names]
 
 
 def load(path: str | Path, variables: Iterable[str]) -> Mapping:
@@ -78,7 +80,7 @@ def load(path: str | Path, variables: Iterable[str]) -> Mapping:
     speed = next((name for name in _HELD_SPEED if name in there), None)
     if speed is not None:
         outputs.setdefault("vehicle_speed", Entry(speed))
-    return Mapping(Path(path), inputs, outputs, {}, None, 1, {})
+    return Mapping(Path(path), inputs, outputs, {}, None, 1, False, {})
 
 
 def read(path: str | Path) -> Mapping:
@@ -119,6 +121,7 @@ def _from_data(data: dict[str, Any], folder: Path) -> Mapping:
         {name: number(f"parameters.{name}", value) for name, value in sections["parameters"].items()},
         speed,
         int(number("step_ms", step, maximum=LONGEST_STEP)),
+        flag("own_process", data.get("own_process", False)),
         {name: _meta(name, value) for name, value in sections["meta"].items()},
     )
 

@@ -6,6 +6,9 @@ from pathlib import Path
 
 from steer_env.coupling.coupled import Coupled, Coupling
 from steer_env.coupling.fmu_vehicle import FmuVehicle
+from steer_env.coupling.mapping import read
+from steer_env.coupling.own_process import OwnProcess
+from steer_env.coupling.vehicle import Vehicle
 
 
 @contextmanager
@@ -26,8 +29,9 @@ def opened(chassis: str | Path, speed: float, coupling: Coupling | None = None) 
     ValueError
         As :class:`steer_env.coupling.fmu_vehicle.FmuVehicle`.
     """
-    vehicle = FmuVehicle(chassis)
+    mapping = read(chassis) if Path(chassis).suffix == ".toml" else None
+    vehicle: Vehicle = OwnProcess(chassis) if mapping and mapping.own_process else FmuVehicle(chassis)
     try:
-        yield Coupled(vehicle, speed, coupling or Coupling(vehicle.mapping.step))
+        yield Coupled(vehicle, speed, coupling or Coupling(mapping.step if mapping else 1))
     finally:
         vehicle.close()

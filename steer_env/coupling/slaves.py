@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 
 class Numbers:
@@ -22,7 +23,7 @@ class Numbers:
         self.size = len(found)
         self.references = (ctypes.c_uint * self.size)(*found)
         self.buffer = (ctypes.c_double * self.size)()
-        self.values = np.frombuffer(self.buffer, np.float64) if found else np.zeros(0)  # (N,) what is set, or was read
+        self.values: NDArray[np.float64] = np.ctypeslib.as_array(self.buffer)  # (N,) what is set, or was read
 
 
 class Slave2:

@@ -1,6 +1,7 @@
 """Simulation of a manoeuvre: the plant that it needs, the amplitude of the hands, and the recording."""
 
 from collections.abc import Callable, Iterable
+from contextlib import nullcontext
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -277,15 +278,21 @@ def open_loop(p: plant.Plant, manoeuvre: Manoeuvre, simulator: Simulator = OWN) 
 
 
 def drive_plant(
-    car: Car, p: plant.Plant, manoeuvre: Manoeuvre, prepared: OpenLoop | None = None, substeps: int = 1
+    car: Car,
+    p: plant.Plant,
+    manoeuvre: Manoeuvre,
+    prepared: OpenLoop | None = None,
+    substeps: int = 1,
+    simulator: Simulator | None = None,
 ) -> Recording:
     """:func:`drive` with a plant from :func:`build_plant`, whose parameters may have been changed.
 
     In an open loop the inputs are computed for this plant, unless they were prepared, perhaps with another assist.
-    More ``substeps`` than one in each sample of 1 ms serve studies of convergence.
+    More ``substeps`` than one in each sample of 1 ms serve studies of convergence, as does another ``simulator`` of an
+    external vehicle than the one that the manoeuvre names.
     """
     _require_stable(p, manoeuvre, [manoeuvre.speed])
-    with simulator_of(manoeuvre) as simulator:
+    with simulator_of(manoeuvre) if simulator is None else nullcontext(simulator) as simulator:
         record, steered, advice = _driven(car, p, manoeuvre, prepared, substeps, simulator)
         names, about = simulator.channels(p), about_vehicle(simulator)
     channels = {names[i][0]: record[:, i].copy() for i in given(names, record)}
@@ -294,7 +301,7 @@ def drive_plant(
     if "longitudinal_speed" in channels:
         _require_stable(p, manoeuvre, _reached(p, channels["longitudinal_speed"]))
     lateral = channels.get("lateral_speed", np.zeros(1))
-    if manoeuvre.speed and not manoeuvre.rig and np.any(np.abs(lateral) > channels["vehicle_speed"]):
+    if manoeuvre.speed and np.any(np.abs(lateral) > channels["vehicle_speed"]):
         raise LostControlError(f"{manoeuvre.name}: the car spins; {advice}")
     geometry = {
         "wheelbase_m": car.chassis["front_axle"] + car.chassis["rear_axle"],
