@@ -88,12 +88,12 @@ def test_time_goes_by_and_a_client_that_falls_silent_loses_its_torque():
         with Stream(server.layout, server.address) as stream:
             inputs = np.zeros(len(server.layout.inputs))
             inputs[1] = 0.3  # a jump of the angle, at which the plant pulls back
-            start, first = time.monotonic(), stream.time
+            start, first, left_out = time.monotonic(), stream.time, server.counts()["missed"]
             answers = held(stream, 1.0, inputs)
             passed = time.monotonic() - start
             # what stalls take is counted as missed and not made up
-            missed = 1e-3 * server.counts()["missed"]
-            assert stream.time - first == pytest.approx(passed - missed, abs=0.05)
+            missed = 1e-3 * (server.counts()["missed"] - left_out)
+            assert stream.time - first == pytest.approx(passed - missed, abs=0.1)
             assert answers[-1].phase == "on"
             assert answers[-1].torque < -1.0
             assert all(answer.delay > 0.0 for answer in answers)
