@@ -37,6 +37,7 @@ from steer_env.tasks.common.definition import (
 from steer_env.thread_pool import ThreadPool
 from steer_env.timing import SAMPLES_PER_UPDATE
 from steer_env.vehicle import cars, plant, plant_batch, step_limit
+from steer_env.vehicle import chassis as chassis_models
 from steer_env.vehicle import tyre as tyres
 from steer_env.vehicle.road import Road, resolve
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
@@ -347,9 +348,7 @@ class EnvironmentBatch:
 
 
 def _checked_chassis(task: Task, chassis: str | None) -> str:
-    chassis = task.chassis[0] if chassis is None else chassis
-    if chassis not in cars.SPEEDS:
-        raise ValueError(f"chassis must be one of {', '.join(cars.SPEEDS)}, got {chassis!r}")
+    chassis = task.chassis[0] if chassis is None else chassis_models.checked(chassis)
     if chassis not in task.chassis:
         raise ValueError(f"{task.name} needs chassis={' or '.join(map(repr, task.chassis))}, got {chassis!r}")
     return chassis

@@ -3,13 +3,12 @@
 import argparse
 from typing import Any
 
-from steer_env.experiments.cli.common import names
-from steer_env.experiments.cli.common.arguments import FRICTION, KPH, friction_law
+from steer_env.experiments.cli.common import plant_options
+from steer_env.experiments.cli.common.arguments import KPH
 from steer_env.experiments.cli.common.extras import require
 from steer_env.experiments.output import car_options
 
 # As in steer_env.fmu, whose import takes long.
-PARTS = ("car", "steering", "chassis")
 PLATFORMS = ("linux64", "win64")
 VERSIONS = (2, 3)
 PROCESSORS = ("x86-64", "x86-64-v2", "x86-64-v3", "x86-64-v4", "native")
@@ -19,18 +18,12 @@ def add(commands: Any, common: argparse.ArgumentParser) -> None:
     """Add the command to a parser's."""
     text = "Write a co-simulation unit (FMU) that needs no Python where it runs."
     export = commands.add_parser("export-fmu", help=text, description=text, parents=[common])
-    export.add_argument("--part", choices=PARTS, default="car", help="what the unit contains (default car)")
-    text = f"{FRICTION} (default lugre)"
-    export.add_argument("--friction", metavar="LAW", type=friction_law, default="lugre", help=text)
-    car_options.add(export)
-    text = "chassis model (default single_track)"
-    export.add_argument("--chassis", choices=names.chassis(), default="single_track", help=text)
-    text = "held speed that the unit is made for (default 100)"
-    export.add_argument("--speed-kph", metavar="V", type=float, default=100.0, help=text)
-    text = "friction of the road over that of the tyre measurements (default 1)"
-    export.add_argument("--road-friction", metavar="MU", type=float, default=1.0, help=text)
-    text = "what the hands give at first, the parameter robot of the unit (default torque)"
-    export.add_argument("--hands", choices=("torque", "angle"), default="torque", help=text)
+    plant_options.add(
+        export,
+        part="what the unit contains",
+        speed="held speed that the unit is made for",
+        hands="what the hands give at first, the parameter robot of the unit",
+    )
     text = "platform to include a binary for; may be repeated (default linux64)"
     export.add_argument("--platform", dest="platforms", choices=PLATFORMS, action="append", help=text)
     export.add_argument("--fmi", type=int, choices=VERSIONS, default=2, help="version of FMI (default 2)")

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from steer_env.experiments.cli.common import inputs, names, noticed
-from steer_env.experiments.cli.common.arguments import FRICTION, friction_law
+from steer_env.experiments.cli.common.arguments import EXTERNAL, FRICTION, external_vehicle, friction_law
 from steer_env.experiments.cli.common.sweeping import add_sweep, runner
 from steer_env.experiments.output import car_options
 
@@ -19,6 +19,8 @@ def add(commands: Any, common: argparse.ArgumentParser) -> None:
     text = f"{FRICTION}; default: all laws ({', '.join(names.laws())})"
     report.add_argument("--friction", metavar="LAW", type=friction_law, nargs="+", help=text)
     car_options.add(report)
+    text = f"{EXTERNAL}; it drives every test in place of the chassis of this project (default: none)"
+    report.add_argument("--chassis", metavar="FILE", type=external_vehicle, help=text)
     text = "pictures in place of interactive plots: a page of less than 1 MB, to mail or to print"
     report.add_argument("--light", action="store_true", help=text)
     noticed.add(report)
@@ -51,5 +53,8 @@ def _report(args: argparse.Namespace) -> None:
     result = Path(args.out).name
     trace = provenance.trace(command=args.argv, result=result, car=car, friction=parameters, inputs=inputs.of(args))
     with progress("compiling and driving") as notify:
-        build.build(args.out, parameters, Scope(car=car), notify, build.Look(**look), trace, sweep)
+        scope = (
+            Scope(car=car) if args.chassis is None else Scope(car=car, chassis=args.chassis, vehicle=False, widths=())
+        )
+        build.build(args.out, parameters, scope, notify, build.Look(**look), trace, sweep)
     print(Path(args.out) / "index.html")

@@ -9,7 +9,7 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from steer_env.experiments.cli.common import inputs, names
-from steer_env.experiments.cli.common.arguments import FRICTION, KPH, friction_law
+from steer_env.experiments.cli.common.arguments import EXTERNAL, FRICTION, KPH, chassis, friction_law
 from steer_env.experiments.cli.common.extras import require_format
 from steer_env.experiments.cli.common.sweeping import OPTIONS as SWEEP
 from steer_env.experiments.cli.common.sweeping import add_sweep, refuse_sweep, runner, unswept
@@ -48,7 +48,8 @@ def add(commands: Any, common: argparse.ArgumentParser) -> None:
     text = "class of an ISO 8608 road, A to H, for two_track"
     run.add_argument("--road", metavar="CLASS", choices=names.ROAD_CLASSES, help=text)
     run.add_argument("--seed", metavar="N", type=int, help="seed of the road (default 0)")
-    run.add_argument("--chassis", choices=names.chassis(), help="default: the manoeuvre's")
+    text = f"{', '.join(names.chassis())}, or {EXTERNAL} (default: the manoeuvre's)"
+    run.add_argument("--chassis", metavar="CHASSIS", type=chassis, help=text)
     run.add_argument("--speed-kph", metavar="KPH", help="held speed [km/h] (default: the manoeuvre's)")
     text = (
         f"sampling rate of the file, low-passed before and with {FILE_DIGITS} significant digits (default "
@@ -104,7 +105,8 @@ def _run_all(args: argparse.Namespace, out: Path) -> None:
     from steer_env.experiments.cli.common.tables import print_metrics
     from steer_env.experiments.output.files import write_bytes
 
-    for name, value in (("--chassis", args.chassis), ("--speed-kph", args.speed_kph), ("--road", args.road)):
+    own = args.chassis if args.chassis in names.chassis() else None
+    for name, value in (("--chassis", own), ("--speed-kph", args.speed_kph), ("--road", args.road)):
         if value is not None:
             raise ValueError(f"{name} does not suit every manoeuvre: leave it out with {ALL}")
     if out.suffix:
@@ -166,7 +168,7 @@ def _manoeuvre(args: argparse.Namespace, name: str) -> "Manoeuvre":
         manoeuvre = manoeuvres.make(name, speed=speed) if "speed" in manoeuvres.options(name) else manoeuvre
         manoeuvre = replace(manoeuvre, speed=speed)
     if args.chassis not in (None, manoeuvre.chassis):
-        if manoeuvre.chassis == "two_track":
+        if manoeuvre.chassis == "two_track" and args.chassis in names.chassis():
             raise ValueError(f"--chassis {args.chassis} cannot drive {manoeuvre.name}, which needs two_track")
         manoeuvre = replace(manoeuvre, chassis=args.chassis)
     if args.road is None and args.seed is not None:

@@ -35,7 +35,7 @@ def add(commands: Any, common: argparse.ArgumentParser) -> None:
 
 def _tune(args: argparse.Namespace) -> None:
     from steer_env.experiments.cli.common.tables import print_tuned
-    from steer_env.experiments.learning import assist_suite, assist_tuning, tuned_assists
+    from steer_env.experiments.learning import assist_suite, assist_tuning, policy_report, training, tuned_assists
     from steer_env.experiments.output.options import progress
 
     for env_id in args.env:
@@ -59,4 +59,6 @@ def _tune(args: argparse.Namespace) -> None:
             path = tuned_assists.FILE if args.out == SHIPPED else Path(args.out)
             entries = {name: assist_tuning.as_json(result, args.episodes) for name, result in found.items()}
             tuned_assists.keep(env_id, entries, path)
-        print_tuned(found, f"{env_id}: {args.episodes} episodes for each candidate")
+        drawn = policy_report.conditions(training.conditions(env_id))
+        words = ", ".join(f"{name} {value}" for name, value in drawn.items()) or "nothing"
+        print_tuned(found, f"{env_id}: {args.episodes} episodes for each candidate, drawn as in the training: {words}")

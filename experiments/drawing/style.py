@@ -46,18 +46,18 @@ styled = matplotlib.rc_context(STYLE)  # as a decorator
 
 
 def styles(laws: Iterable[str]) -> dict[str, Style]:
-    """Colour and dash of every law."""
+    """Colour and dash of every law; a label of another name takes what the packaged laws beside it leave free."""
     laws = list(laws)
-    order = [*_FIRST, *(law for law in laws if law not in _FIRST)]
+    others = [law for law in laws if law not in _FIRST]
+    free = [i for i in range(len(PALETTE)) if i >= len(_FIRST) or _FIRST[i] not in laws] or range(len(PALETTE))
+    looks = {law: (PALETTE[i], DASHES[i % len(DASHES)]) for i, law in enumerate(_FIRST) if law in laws}
+    for k, law in enumerate(others):
+        i = free[k % len(free)]
+        # Round after round a colour comes back with another dash.
+        looks[law] = PALETTE[i], DASHES[(i + 1 + k // len(free)) % len(DASHES)]
     return {
-        law: {
-            "color": PALETTE[i % len(PALETTE)],
-            "linestyle": DASHES[i % len(DASHES)],
-            "label": law,
-            "zorder": 3.0 - 0.1 * i,
-        }
-        for i, law in enumerate(order)
-        if law in laws
+        law: {"color": colour, "linestyle": dash, "label": law, "zorder": 3.0 - 0.1 * i}
+        for i, (law, (colour, dash)) in enumerate(looks.items())
     }
 
 

@@ -3,8 +3,8 @@
 A candidate counts only if it passes the suite for assists (:mod:`steer_env.experiments.learning.assist_suite`). The
 search starts with the defaults, then tries a Latin hypercube over the declared ranges (``Baseline.tuned``), then draws
 around the best, ever closer. Its budget is the number of candidates times the episodes that each drives, on seeds apart
-from those of training and evaluation. What it finds is kept by
-:mod:`steer_env.experiments.learning.tuned_assists`, from which evaluations take the baselines.
+from those of training and evaluation, under the conditions that the training of the id's policies draws. What it finds
+is kept by :mod:`steer_env.experiments.learning.tuned_assists`, from which evaluations take the baselines.
 """
 
 import math
@@ -17,7 +17,7 @@ from scipy.stats import qmc
 
 from steer_env import assists
 from steer_env.assists.common.definition import BASELINES
-from steer_env.experiments.learning import assist_suite, held_out
+from steer_env.experiments.learning import assist_suite, held_out, training
 from steer_env.vehicle.cars import Car
 
 SEED = 5_000_000  # first of the episodes of a search
@@ -69,8 +69,9 @@ def tune(
     notify : (share, text) -> None
         Is told how far the search is.
     **arguments
-        Of ``gymnasium.make_vec``, for the episodes.
+        Of ``gymnasium.make_vec``, for the episodes; those that are not given are the conditions of the training.
     """
+    arguments = {**training.conditions(env_id), **arguments}
     ranges, rng = BASELINES[name].tuned, np.random.default_rng(seed)
     first = qmc.LatinHypercube(max(len(ranges), 1), seed=rng).random(max(budget // 2, 1))
     if car is not None:

@@ -90,7 +90,7 @@ class Scripted:
 def _push(seen: Mapping[str, NDArray[np.float64]]) -> NDArray[np.float64]:
     """Push against the robot's hands before the release, return strongly after it."""
     angle, speed, released = seen["handwheel_angle"], seen["handwheel_speed"], seen["released"]
-    return np.where(released > 0.5, -10.0 * angle - 1.0 * speed, -5.0 * np.sign(angle))
+    return np.where(released > 0.5, -40.0 * angle - 3.0 * speed, -5.0 * np.sign(angle))
 
 
 # Policies that an earlier reward paid for: name -> (tasks, what it does [N m]).

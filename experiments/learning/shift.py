@@ -88,6 +88,21 @@ def identified(home: Friction) -> list[Labelled]:
     return [Labelled(f"{found.law}, identified", found.parameters) for found in fits if found.residual < FITS]
 
 
+def person(task: tasks.Task) -> dict[str, float]:
+    """Options of a reset that give a policy what the driver models have: their delay, in whole decisions, and muscles.
+
+    Parameters
+    ----------
+    task : Task
+
+    Returns
+    -------
+    dict of str to float
+        ``delay`` and ``action_lag`` [s].
+    """
+    return {"delay": task.control_dt * round(DELAY / task.control_dt), "action_lag": MUSCLE_LAG}
+
+
 def changes(
     over: str, env_id: str, home: Friction, laws: Sequence[Friction] = (), own: cars.Car | None = None
 ) -> list[Change]:
@@ -131,10 +146,12 @@ def changes(
     if over == "human":
         if not task.name.startswith("Driver"):
             return []
-        delay, lag = task.control_dt * round(DELAY / task.control_dt), MUSCLE_LAG
-        alone = [*fixed("delay", (delay,), " ms of delay", 1e3), *fixed("action_lag", (lag,), " ms of lag", 1e3)]
-        both = " and ".join(change.label for change in alone)
-        return [*alone, Change(both, {}, {"delay": delay, "action_lag": lag})]
+        options = person(task)
+        alone = [
+            *fixed("delay", (options["delay"],), " ms of delay", 1e3),
+            *fixed("action_lag", (options["action_lag"],), " ms of lag", 1e3),
+        ]
+        return [*alone, Change(" and ".join(change.label for change in alone), {}, options)]
     if over == "delay":
         return fixed("delay", next(DELAYS[role] for role in DELAYS if task.name.startswith(role)), " ms", 1e3)
     values = {

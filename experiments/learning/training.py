@@ -42,19 +42,29 @@ def settings(env_id: str, algo: str) -> dict[str, Any]:
     ValueError
         For an unknown id or algorithm.
     """
-    policy.check_id(env_id)
     policy.algorithm(algo)
-    folder = files(experiments) / "data" / "training"
-    name = env_id.removeprefix("steer_env/")
     found: dict[str, Any] = {"environment": {}, "algorithm": {}, "controller": {}}
-    for file in ("default", "driver" if name.startswith("Driver") else "", name):
-        path = folder / f"{file}.toml"
-        if path.is_file():
-            given = toml.loads(path.read_text(encoding="utf-8"))
-            found["environment"] |= given.get("environment", {})
-            found["controller"] |= given.get("controller", {})
-            found["algorithm"] |= given.get(algo, {})
+    for given in _given(env_id):
+        for key in found:
+            found[key] |= given.get(algo if key == "algorithm" else key, {})
     return found
+
+
+def conditions(env_id: str) -> dict[str, Any]:
+    """Arguments of make in the training of an id, except the control time: what it draws in every episode."""
+    found: dict[str, Any] = {}
+    for given in _given(env_id):
+        found |= given.get("environment", {})
+    return policy.conditions({"settings": {"environment": found}})
+
+
+def _given(env_id: str) -> list[dict[str, Any]]:
+    """Contents of the data files that hold for an id, its own last; ValueError for an unknown id."""
+    policy.check_id(env_id)
+    name = env_id.removeprefix("steer_env/")
+    folder = files(experiments) / "data" / "training"
+    paths = [folder / f"{file}.toml" for file in ("default", "driver" if name.startswith("Driver") else "", name)]
+    return [toml.loads(path.read_text(encoding="utf-8")) for path in paths if path.is_file()]
 
 
 def library_settings(env_id: str, algo: str) -> dict[str, Any]:

@@ -107,6 +107,7 @@ def provenance_of(results: Results) -> dict[str, Any]:
         "laws": {law: provenance.law(p) for law, p in results.laws.items()},
         "calibration": provenance.calibration(),
         "car": provenance.car(results.car),
+        **({"external_vehicle": provenance.input_file(results.chassis)} if results.chassis else {}),
         "manoeuvres": {
             test: {
                 "definition": manoeuvre.definition,

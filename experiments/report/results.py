@@ -1,6 +1,8 @@
 """Everything that the report rests on, computed as one sweep; no text or picture is made here."""
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
+from functools import partial
 from typing import Any, NamedTuple
 
 from steer_env import manoeuvres
@@ -12,6 +14,7 @@ from steer_env.experiments.studies.vehicle import Study
 from steer_env.experiments.sweep import Runner, run
 from steer_env.friction.law import law_of
 from steer_env.manoeuvres import Manoeuvre
+from steer_env.recording.recording import Recording
 from steer_env.vehicle import cars
 
 Notify = Callable[[float, str], None]  # gets the part that is done and what comes next
@@ -31,6 +34,7 @@ class Scope(NamedTuple):
     speeds_kph: tuple[float, ...] = (0.0, 50.0, 100.0)  # speeds for the margins of the assist loop; 0 is parking
     vehicle: bool = True  # whether to study the full vehicle
     widths: tuple[float, ...] = loop_width.LEVELS  # levels of friction for the loop widths; empty: not studied
+    chassis: str | None = None  # file of an external vehicle that drives the tests; None: the chassis of this project
 
     def loaded(self) -> cars.Car:
         """The car."""
@@ -62,15 +66,21 @@ class Results(NamedTuple):
     vehicle: Study | None  # studied with the base law
     cross_validation: Compared | None  # manoeuvre -> case; computed if the full vehicle is studied
     loop_width: Curves | None
+    chassis: str | None = None  # file of the external vehicle that drove the tests
+
+
+def _drive(car: cars.Car, manoeuvre: Manoeuvre, p: Any, chassis: str | None) -> Recording:
+    """Drive a manoeuvre, with an external vehicle where one is given."""
+    return manoeuvres.drive(car, replace(manoeuvre, chassis=chassis) if chassis else manoeuvre, p)
 
 
 def _of_law(scope: Scope, p: Any, held: bool) -> LawResult:
-    car, name = scope.loaded(), law_of(p).name
+    car, name, run = scope.loaded(), law_of(p).name, partial(_drive, chassis=scope.chassis)
     return LawResult(
-        {test: battery.drive(car, p, test, options) for test, options in scope.tests.items()},
+        {test: battery.drive(car, p, test, options, run) for test, options in scope.tests.items()},
         friction_laws.characteristics(p),
         real_time.accuracy(p, scope.steps),
-        friction_laws.held_torque(car, name) if held and name in friction_laws.HELD_LAWS else [],
+        friction_laws.held_torque(car, name) if held and not scope.chassis and name in friction_laws.HELD_LAWS else [],
     )
 
 
@@ -143,5 +153,6 @@ def collect(laws: dict[str, Any], scope: Scope, notify: Notify, sweep: Runner = 
         vehicle=found.get(("full vehicle", None)),
         cross_validation=found.get(("cross validation", None)),
         loop_width=found.get(("loop widths", None)),
+        chassis=scope.chassis,
         margins={"parking" if kph == 0 else f"{kph:g} km/h": found["margins", kph] for kph in scope.speeds_kph},
     )

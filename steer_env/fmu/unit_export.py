@@ -11,19 +11,18 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from steer_env.fmu import car, description, documentation, link, steering
-from steer_env.fmu import chassis as chassis_part
+from steer_env.fmu import description, documentation, link
 from steer_env.fmu.c_data import c_data
 from steer_env.fmu.description3 import fmi3
 from steer_env.fmu.object_code import PLATFORMS, module_text, object_code
 from steer_env.fmu.part import Part
+from steer_env.fmu.parts import PARTS, make_part
 from steer_env.fmu.processor import Processor, processor
 from steer_env.fmu.variables import variables
 from steer_env.friction import law_of
 from steer_env.friction.law import as_mapping
 from steer_env.vehicle import cars
 
-PARTS = ("car", "steering", "chassis")
 VERSIONS = (2, 3)
 ICONS = {2: "model.png", 3: "terminalsAndIcons/icon.png"}
 # Folders of the binaries, by version and platform.
@@ -90,12 +89,13 @@ def export(
     loaded = vehicle if isinstance(vehicle, cars.Car) else cars.load(vehicle)
     p = loaded.plant(friction, speed, robot, road_friction, chassis)
     name, rolls = law_of(p.friction).name, f"chassis {chassis}, held speed {speed:.6g} m/s"
-    made, contents, label = {
-        "car": lambda: (car.part(p), f"friction law {name}, {rolls}", name),
-        "steering": lambda: (steering.part(p, speed), f"friction law {name}", name),
-        "chassis": lambda: (chassis_part.part(p), rolls, chassis),
-    }[part]()
+    contents, label = {
+        "car": (f"friction law {name}, {rolls}", name),
+        "steering": (f"friction law {name}", name),
+        "chassis": (rolls, chassis),
+    }[part]
     told = f"Car {loaded.name}, {contents}; processor level {cpu}."
+    made = make_part(part, p, speed)
     files = _files(made, re.sub(r"\W", "_", f"steer_{part}_{label}"), told, wanted, fmi, processor(cpu))
     made_of = {
         **{"part": part, "chassis": chassis, "speed_m_s": speed, "robot": robot, "road_friction": road_friction},

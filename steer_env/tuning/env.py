@@ -22,6 +22,7 @@ from steer_env.tuning import context, driving, reward
 from steer_env.tuning.parameters import KNOWN, keys, reported, tuned, values
 from steer_env.tuning.scenarios.common.definition import SPEEDS, Scenario
 from steer_env.vehicle import cars
+from steer_env.vehicle import chassis as chassis_models
 from steer_env.vehicle import tyre as tyres
 from steer_env.vehicle.steering.margins import Margins, worst_margins
 
@@ -117,9 +118,7 @@ class TuneEnv(PlainSpecification, gym.Env):
         if render_mode is not None:
             raise ValueError(f"tuning environments cannot render: render_mode must be None, got {render_mode!r}")
         self.render_mode = render_mode
-        if chassis not in cars.SPEEDS:
-            raise ValueError(f"chassis must be one of {', '.join(cars.SPEEDS)}, got {chassis!r}")
-        self._chassis = chassis
+        self._chassis = chassis_models.checked(chassis)
         if parameters is not None:
             self.scenario = replace(self.scenario, parameters=_chosen(parameters))
         self.car = cars.load(vehicle)

@@ -13,7 +13,15 @@ import pytest
 from steer_env import assists
 from steer_env.assists.common.definition import BASELINES, Baseline
 from steer_env.experiments.cli.main import main
-from steer_env.experiments.learning import assist_drives, assist_suite, assist_tuning, held_out, tuned_assists
+from steer_env.experiments.learning import (
+    assist_drives,
+    assist_suite,
+    assist_tuning,
+    held_out,
+    policy,
+    training,
+    tuned_assists,
+)
 from steer_env.vehicle import cars, free_control
 from steer_env.vehicle.plant import CHANNEL
 
@@ -146,6 +154,31 @@ def test_the_search_keeps_to_the_suite(monkeypatch):
     none = assist_tuning.tune("damping", WEAVE, budget=2, episodes=1)
     assert math.isnan(none.reward)
     assert none.options == {}
+
+
+def test_the_search_drives_the_conditions_of_the_training(monkeypatch):
+    drawn = []
+    drive_episodes = held_out.drive
+
+    def observed(env, controller, seed, *options):
+        env.reset(seed=seed)
+        drawn.append(list(env.unwrapped.batch.conditions))
+        return drive_episodes(env, controller, seed, *options)
+
+    monkeypatch.setattr(held_out, "drive", observed)
+    monkeypatch.setattr(assist_suite, "suite", lambda home, car: [])
+    ranges = policy.conditions(policy.about(policy.shipped(WEAVE)))["randomise"]
+    assert training.conditions(WEAVE) == {"randomise": ranges}
+    assist_tuning.tune("damping", WEAVE, budget=2, episodes=3)
+    assert drawn[0] == drawn[1]  # the same for every candidate
+    for name, (low, high) in ranges.items():
+        values = [getattr(found, name) for found in drawn[0]]
+        assert low <= min(values) < max(values) <= high
+    # A training without drawn conditions, and a search that is told others.
+    assist_tuning.tune("boost", "steer_env/AssistRelease-v1", episodes=3)
+    assist_tuning.tune("boost", WEAVE, episodes=3, randomise={"load": (100.0, 100.0)})
+    assert drawn[2][1:] == drawn[2][:1] * 2
+    assert {(found.load, found.delay) for found in drawn[3]} == {(100.0, 0.0)}
 
 
 def test_tuned_options_reach_the_evaluations(tmp_path):

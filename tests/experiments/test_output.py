@@ -26,6 +26,17 @@ def _response(p):
     return friction.response(p, [0.0, 0.1], 1e-3)
 
 
+@pytest.mark.parametrize("known", [["lugre"], ["lugre", "masing", "dahl"], sorted(friction.available())])
+def test_labels_of_ones_own_look_like_no_other(known):
+    """Fitted files and laws with parameters beside packaged laws; these keep their looks."""
+    labels = [*known, "rig.json", "lugre,F_c=1.2"]
+    found = style.styles(labels)
+    looks = {(look["color"], str(look["linestyle"])) for look in found.values()}
+    assert set(found) == set(labels)
+    assert len(looks) == len(labels)
+    assert all(found[law] | {"zorder": 0.0} == style.styles([law])[law] | {"zorder": 0.0} for law in known)
+
+
 def test_a_law_from_outside_reaches_the_worker_processes(toy):
     laws = [friction.make("toy_jenkins"), friction.make("toy_jenkins")]
     found = sweep.run(_response, laws, where=sweep.Where(2))

@@ -58,16 +58,26 @@ rack: Rack force by virtual work against the six equations of statics of the knu
   right wheel  5.8e-15  <= 1e-09 of its contributions  pass
 
 straight: Ten minutes without a disturbance: the column at rest, and the car straight ahead at 100 km/h, hands off.
-  coulomb, at rest: speed and torque      0.0e+00  <= 1e-12 SI  pass
-  coulomb, straight: any lateral channel  9.8e-18  <= 1e-12 SI  pass
-  dahl, at rest: speed and torque         0.0e+00  <= 1e-12 SI  pass
-  dahl, straight: any lateral channel     9.8e-18  <= 1e-12 SI  pass
-  lugre, at rest: speed and torque        0.0e+00  <= 1e-12 SI  pass
-  lugre, straight: any lateral channel    9.8e-18  <= 1e-12 SI  pass
-  masing, at rest: speed and torque       0.0e+00  <= 1e-12 SI  pass
-  masing, straight: any lateral channel   9.8e-18  <= 1e-12 SI  pass
-  viscous, at rest: speed and torque      0.0e+00  <= 1e-12 SI  pass
-  viscous, straight: any lateral channel  9.8e-18  <= 1e-12 SI  pass
+  bouc_wen, at rest: speed and torque                0.0e+00  <= 1e-12 SI  pass
+  bouc_wen, straight: any lateral channel            1.0e-17  <= 1e-12 SI  pass
+  coulomb, at rest: speed and torque                 0.0e+00  <= 1e-12 SI  pass
+  coulomb, straight: any lateral channel             1.0e-17  <= 1e-12 SI  pass
+  dahl, at rest: speed and torque                    0.0e+00  <= 1e-12 SI  pass
+  dahl, straight: any lateral channel                1.0e-17  <= 1e-12 SI  pass
+  elasto_plastic, at rest: speed and torque          0.0e+00  <= 1e-12 SI  pass
+  elasto_plastic, straight: any lateral channel      1.0e-17  <= 1e-12 SI  pass
+  exponential_spring, at rest: speed and torque      0.0e+00  <= 1e-12 SI  pass
+  exponential_spring, straight: any lateral channel  1.0e-17  <= 1e-12 SI  pass
+  gms, at rest: speed and torque                     0.0e+00  <= 1e-12 SI  pass
+  gms, straight: any lateral channel                 1.0e-17  <= 1e-12 SI  pass
+  lugre, at rest: speed and torque                   0.0e+00  <= 1e-12 SI  pass
+  lugre, straight: any lateral channel               1.0e-17  <= 1e-12 SI  pass
+  masing, at rest: speed and torque                  0.0e+00  <= 1e-12 SI  pass
+  masing, straight: any lateral channel              1.0e-17  <= 1e-12 SI  pass
+  stribeck, at rest: speed and torque                0.0e+00  <= 1e-12 SI  pass
+  stribeck, straight: any lateral channel            1.0e-17  <= 1e-12 SI  pass
+  viscous, at rest: speed and torque                 0.0e+00  <= 1e-12 SI  pass
+  viscous, straight: any lateral channel             1.0e-17  <= 1e-12 SI  pass
 
 assist: Margins of the assist loop, handwheel held.
   check loop, gain 5                56.6 deg, 13.2 dB  56 +- 2 deg, 13 +- 0.5 dB  pass

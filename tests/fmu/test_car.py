@@ -437,9 +437,10 @@ def test_command_line(tmp_path):
 
 def test_help_names_what_there_is():
     from steer_env.experiments.cli import export_fmu
-    from steer_env.fmu import object_code, processor, unit_export
+    from steer_env.experiments.cli.common import plant_options
+    from steer_env.fmu import object_code, parts, processor, unit_export
 
-    assert export_fmu.PARTS == unit_export.PARTS
+    assert plant_options.PARTS == parts.PARTS
     assert export_fmu.VERSIONS == unit_export.VERSIONS
     assert export_fmu.PLATFORMS == object_code.PLATFORMS
     assert export_fmu.PROCESSORS == processor.NAMES

@@ -106,9 +106,7 @@ class Car(NamedTuple):
             Unknown law or chassis, a value outside its range, or a law whose torque falls too steeply with the speed
             (:mod:`steer_env.vehicle.step_limit`).
         """
-        if chassis not in SPEEDS:
-            raise ValueError(f"chassis must be one of {', '.join(SPEEDS)}, got {chassis!r}")
-        low, high = SPEEDS[chassis]
+        low, high = SPEEDS[chassis_models.checked(chassis)]
         v_x = number("speed [m/s]", speed, minimum=low, maximum=high)
         mu = number("road_friction", road_friction, minimum=0.1, maximum=1.2)
         # An asymmetric tyre would pull the car to one side. The longitudinal shift would brake by 4 % of the load at

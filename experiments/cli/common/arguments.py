@@ -3,14 +3,28 @@
 import argparse
 import math
 from collections.abc import Callable
+from pathlib import Path
 
+from steer_env.experiments.cli.common import names
 from steer_env.experiments.learning.constants import HELD_OUT, SHIPPED, VALIDATION
 from steer_env.experiments.output.options import FRICTION, Friction
 
 KPH = 1.0 / 3.6  # [m/s]
 MOST_EPISODES = VALIDATION - HELD_OUT  # with more, the evaluation would use the seeds of the validation
 
-__all__ = ["FRICTION", "KPH", "MOST_EPISODES", "SHIPPED", "add_evaluation", "friction_law", "minutes", "whole_number"]
+__all__ = [
+    "EXTERNAL",
+    "FRICTION",
+    "KPH",
+    "MOST_EPISODES",
+    "SHIPPED",
+    "add_evaluation",
+    "chassis",
+    "external_vehicle",
+    "friction_law",
+    "minutes",
+    "whole_number",
+]
 
 
 def friction_law(text: str) -> Friction:
@@ -19,6 +33,26 @@ def friction_law(text: str) -> Friction:
         return Friction(text)
     except ValueError as error:
         raise argparse.ArgumentTypeError(str(error)) from None
+
+
+EXTERNAL = "an external vehicle: a unit (.fmu), or a mapping (.toml) that names one, as docs/fmu.md tells"
+
+
+def chassis(text: str) -> str:
+    """The name of a chassis of this project, or the file of an external vehicle."""
+    known = names.chassis()
+    return text if text in known else external_vehicle(text, f"{', '.join(known)} or ")
+
+
+def external_vehicle(text: str, others: str = "") -> str:
+    """The file of an external vehicle."""
+    from steer_env.vehicle.chassis import is_external
+
+    if not is_external(text):
+        raise argparse.ArgumentTypeError(f"expected {others}{EXTERNAL}, got {text!r}")
+    if not Path(text).is_file():
+        raise argparse.ArgumentTypeError(f"there is no file {text}")
+    return text
 
 
 def whole_number(least: int, most: float = math.inf) -> Callable[[str], int]:

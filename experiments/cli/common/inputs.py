@@ -21,7 +21,9 @@ def of(args: argparse.Namespace) -> list[dict[str, str]]:
     for word in words:
         path = Path(word)
         if path.suffix and word not in others and path.is_file():
-            kept = path.suffix.lower() in KEPT and path.stat().st_size <= LARGEST
+            # A mapping of an external vehicle names a file beside it, so that it is looked up where it lies.
+            beside = word == getattr(args, "chassis", None)
+            kept = path.suffix.lower() in KEPT and path.stat().st_size <= LARGEST and not beside
             found.append(provenance.input_file(word, kept))
     modules = own_modules.digests(args.modules)
     return [*found, *({"module": name, "sha256": digest} for name, digest in modules.items())]

@@ -26,9 +26,11 @@ def as_json(r: Results) -> dict[str, Any]:
     ]  # fmt: skip
     judged = {
         each.law: {
-            **{name: finite(getattr(each, name)) for name in ("error", "low", "high", "fitted")},
+            **{name: finite(getattr(each, name)) for name in ("error", "low", "high")},
             "parameters": None if each.parameters is None else friction.law.as_mapping(each.parameters),
+            "undetermined": list(each.undetermined),
             "remarks": list(each.remarks),
+            "alike": list(each.alike),
         }
         for each in r.judged
     }

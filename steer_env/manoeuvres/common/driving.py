@@ -1,6 +1,7 @@
 """Simulation of a manoeuvre: the plant that it needs, the amplitude of the hands, and the recording."""
 
 from collections.abc import Callable, Iterable
+from contextlib import nullcontext
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -12,6 +13,7 @@ from steer_env.friction.law import law_of
 from steer_env.friction.numerics.check import positive
 from steer_env.manoeuvres.common.definition import Manoeuvre
 from steer_env.manoeuvres.common.shapes import ramp_and_hold
+from steer_env.manoeuvres.common.simulator import OWN, Simulator, about_vehicle, given, require_vehicle, simulator_of
 from steer_env.recording.recording import Recording
 from steer_env.vehicle import chassis, plant
 from steer_env.vehicle.cars import Car
@@ -29,13 +31,19 @@ class LostControlError(ValueError):
 
 
 def build_plant(car: Car, manoeuvre: Manoeuvre, friction: Any, road_friction: float = 1.0) -> plant.Plant:
-    """The plant that a manoeuvre needs: with a robot or free hands, on the road or on a rig."""
+    """The plant that a manoeuvre needs: with a robot or free hands, on the road or on a rig.
+
+    Of a manoeuvre with an external vehicle it is the plant of the steering; a driver model knows the car by it.
+    """
+    external = chassis.is_external(manoeuvre.chassis)
+    if external and (manoeuvre.road is not None or road_friction != 1.0):
+        raise ValueError(f"{manoeuvre.chassis} has a road of its own: leave out road and road_friction")
     p = car.plant(
         friction,
         speed=manoeuvre.speed,
         robot=manoeuvre.robot,
         road_friction=road_friction,
-        chassis=manoeuvre.chassis,
+        chassis="two_track" if external else manoeuvre.chassis,
         road=manoeuvre.road,
     )
     if not manoeuvre.rig:
@@ -53,7 +61,7 @@ def inputs(manoeuvre: Manoeuvre, amplitude: float, duration: float) -> Array:
     return u
 
 
-def find_amplitude(p: plant.Plant, manoeuvre: Manoeuvre) -> float:
+def find_amplitude(p: plant.Plant, manoeuvre: Manoeuvre, simulator: Simulator = OWN) -> float:
     """Handwheel amplitude that reaches the manoeuvre's lateral acceleration [rad].
 
     Raises
@@ -64,7 +72,8 @@ def find_amplitude(p: plant.Plant, manoeuvre: Manoeuvre) -> float:
     target = positive("lateral_acceleration", manoeuvre.lateral_acceleration)
     amplitude = 0.2
     for _ in range(10):  # the response is nearly proportional, so each round removes most of the error
-        record = run(p, manoeuvre, inputs(manoeuvre, amplitude, manoeuvre.trial or manoeuvre.duration))
+        u = inputs(manoeuvre, amplitude, manoeuvre.trial or manoeuvre.duration)
+        record = run(p, manoeuvre, u, simulator=simulator)
         reached = manoeuvre.reach(record[:, plant.CHANNEL["lateral_acceleration"]])
         if abs(reached / target - 1.0) < 1e-5:
             return amplitude
@@ -94,10 +103,10 @@ def _reached(p: plant.Plant, speeds: Array) -> Array:
     return np.array([low, *p.assist.speeds[(p.assist.speeds > low) & (p.assist.speeds < high)], high])
 
 
-def _amplitude(p: plant.Plant, manoeuvre: Manoeuvre) -> float:
+def _amplitude(p: plant.Plant, manoeuvre: Manoeuvre, simulator: Simulator) -> float:
     if manoeuvre.amplitude is not None:
         return manoeuvre.amplitude
-    return p.rack_limit / p.pinion_radius if manoeuvre.lock else find_amplitude(p, manoeuvre)
+    return p.rack_limit / p.pinion_radius if manoeuvre.lock else find_amplitude(p, manoeuvre, simulator)
 
 
 def _text(value: Any) -> str:
@@ -105,13 +114,21 @@ def _text(value: Any) -> str:
     return ":".join(map(repr, np.ravel(value).tolist()))
 
 
-def run(p: plant.Plant, manoeuvre: Manoeuvre, u: Array, straight: Array | None = None, substeps: int = 1) -> Array:
+def run(
+    p: plant.Plant,
+    manoeuvre: Manoeuvre,
+    u: Array,
+    straight: Array | None = None,
+    substeps: int = 1,
+    simulator: Simulator = OWN,
+) -> Array:
     """Channels (T, C) of a plant with inputs (T, I) that starts running straight, at ``substeps`` steps in a sample.
 
     ``straight`` is the state of straight running; it is computed if it is not given.
     """
-    record = np.zeros((len(u), len(plant.channels(p))))
-    state = plant.initial_state(p) if straight is None else straight.copy()
+    require_vehicle(manoeuvre, simulator)
+    record = np.zeros((len(u), len(simulator.channels(p))))
+    state = simulator.settled(p)[0] if straight is None else straight.copy()
     changes = [min(round(t / SAMPLE_TIME), len(u)) for t in manoeuvre.released]
     for k, (start, end) in enumerate(pairwise([0, *changes, len(u)])):
         if start == end:
@@ -119,11 +136,11 @@ def run(p: plant.Plant, manoeuvre: Manoeuvre, u: Array, straight: Array | None =
         rows, free = u[start:end], k % 2 == 1
         if k and not free:
             rows = _regripped(rows, state[column.HANDWHEEL_ANGLE], state[column.HANDWHEEL_SPEED])
-        plant.run(p._replace(robot=0.0) if free else p, state, rows, record[start:end], substeps)
+        simulator.run(p._replace(robot=0.0) if free else p, state, rows, record[start:end], substeps)
     return record
 
 
-def run_closed(car: Car, p: plant.Plant, manoeuvre: Manoeuvre, substeps: int = 1) -> Array:
+def run_closed(car: Car, p: plant.Plant, manoeuvre: Manoeuvre, substeps: int = 1, simulator: Simulator = OWN) -> Array:
     """Channels (T, C) of a plant that starts running straight, steered by the manoeuvre's driver.
 
     Between two calls of the driver the handwheel angle is a cubic with the given angle and speed at both ends; a hand
@@ -131,8 +148,9 @@ def run_closed(car: Car, p: plant.Plant, manoeuvre: Manoeuvre, substeps: int = 1
     """
     if manoeuvre.driver is None:
         raise ValueError(f"{manoeuvre.name} has no driver: run it with its inputs")
+    require_vehicle(manoeuvre, simulator)
     driver, u = manoeuvre.driver(car, p), inputs(manoeuvre, 0.0, manoeuvre.duration)
-    state, row = plant.settled(p)
+    state, row = simulator.settled(p)
     record, x = np.zeros((len(u), row.size)), plant.CHANNEL["x"]
     s = np.arange(1.0, HOLD + 1.0) / HOLD
     hermite = np.array([(1 + 2 * s) * (1 - s) ** 2, s * (1 - s) ** 2, s * s * (3 - 2 * s), s * s * (s - 1)]).T
@@ -148,7 +166,7 @@ def run_closed(car: Car, p: plant.Plant, manoeuvre: Manoeuvre, substeps: int = 1
             u[part, plant.HAND] = last[0] + s * (hand[0] - last[0])
         if manoeuvre.coasts_from is not None and row[x] >= manoeuvre.coasts_from:
             u[part, chassis.COAST] = 1.0
-        finite = plant.run(p, state, u[part], record[part], substeps)
+        finite = simulator.run(p, state, u[part], record[part], substeps)
         row = record[done - 1]
         if not finite:
             row[:] = np.nan  # a state that is not finite may appear in no channel
@@ -253,44 +271,46 @@ class OpenLoop(NamedTuple):
     straight: Array  # (S,) state of straight running
 
 
-def open_loop(p: plant.Plant, manoeuvre: Manoeuvre) -> OpenLoop:
+def open_loop(p: plant.Plant, manoeuvre: Manoeuvre, simulator: Simulator = OWN) -> OpenLoop:
     """The inputs of a manoeuvre; ValueError where no amplitude reaches its lateral acceleration."""
-    amplitude = _amplitude(p, manoeuvre)
-    return OpenLoop(amplitude, inputs(manoeuvre, amplitude, manoeuvre.duration), plant.initial_state(p))
+    amplitude = _amplitude(p, manoeuvre, simulator)
+    return OpenLoop(amplitude, inputs(manoeuvre, amplitude, manoeuvre.duration), simulator.settled(p)[0])
 
 
 def drive_plant(
-    car: Car, p: plant.Plant, manoeuvre: Manoeuvre, prepared: OpenLoop | None = None, substeps: int = 1
+    car: Car,
+    p: plant.Plant,
+    manoeuvre: Manoeuvre,
+    prepared: OpenLoop | None = None,
+    substeps: int = 1,
+    simulator: Simulator | None = None,
 ) -> Recording:
     """:func:`drive` with a plant from :func:`build_plant`, whose parameters may have been changed.
 
     In an open loop the inputs are computed for this plant, unless they were prepared, perhaps with another assist.
-    More ``substeps`` than one in each sample of 1 ms serve studies of convergence.
+    More ``substeps`` than one in each sample of 1 ms serve studies of convergence, as does another ``simulator`` of an
+    external vehicle than the one that the manoeuvre names.
     """
     _require_stable(p, manoeuvre, [manoeuvre.speed])
-    if manoeuvre.driver is None:
-        amplitude, u, straight = prepared or open_loop(p, manoeuvre)
-        record = run(p, manoeuvre, u, straight, substeps)
-        if not np.isfinite(record[-1]).all():
-            raise ValueError(f"{manoeuvre.name} diverged: {plant.first_non_finite(p, straight, u)} first")
-        steered = {"amplitude_rad" if manoeuvre.robot else "amplitude_nm": amplitude}
-        advice = f"ask for less than {amplitude:g}, or for less speed"
-    else:
-        record, advice = run_closed(car, p, manoeuvre, substeps), "ask for less speed"
-        if not np.isfinite(record[-1]).all():
-            raise LostControlError(f"{manoeuvre.name} diverged: {advice}")
-        steered = {f"vehicle_{key}_m": value for key, value in outline(car)._asdict().items()}
-    names = plant.channels(p)
-    channels = {name: record[:, i].copy() for i, (name, _) in enumerate(names)}
-    channels["vehicle_speed"] = channels.get("longitudinal_speed", np.full(len(record), manoeuvre.speed))
+    with simulator_of(manoeuvre) if simulator is None else nullcontext(simulator) as simulator:
+        record, steered, advice = _driven(car, p, manoeuvre, prepared, substeps, simulator)
+        names, about = simulator.channels(p), about_vehicle(simulator)
+    channels = {names[i][0]: record[:, i].copy() for i in given(names, record)}
+    held = channels.get("vehicle_speed", np.full(len(record), manoeuvre.speed))
+    channels["vehicle_speed"] = channels.get("longitudinal_speed", held)
     if "longitudinal_speed" in channels:
         _require_stable(p, manoeuvre, _reached(p, channels["longitudinal_speed"]))
-    if manoeuvre.speed and np.any(np.abs(channels["lateral_speed"]) > channels["vehicle_speed"]):
+    lateral = channels.get("lateral_speed", np.zeros(1))
+    if manoeuvre.speed and np.any(np.abs(lateral) > channels["vehicle_speed"]):
         raise LostControlError(f"{manoeuvre.name}: the car spins; {advice}")
+    geometry = {
+        "wheelbase_m": car.chassis["front_axle"] + car.chassis["rear_axle"],
+        "steering_ratio": car.steering_ratio(),
+    }
     return Recording(
         time=SAMPLE_TIME * np.arange(1, len(record) + 1),
         channels=channels,
-        units={**dict(names), "vehicle_speed": "m/s"},
+        units={**{name: unit for name, unit in names if name in channels}, "vehicle_speed": "m/s"},
         meta={
             "manoeuvre": manoeuvre.name,
             "vehicle": car.name,
@@ -301,8 +321,24 @@ def drive_plant(
             "speed_m_s": manoeuvre.speed,
             **steered,
             "frequency_hz": manoeuvre.frequency,
-            "wheelbase_m": car.chassis["front_axle"] + car.chassis["rear_axle"],
-            "steering_ratio": car.steering_ratio(),
+            **(about or geometry),
             **manoeuvre.meta,
         },
     )
+
+
+def _driven(
+    car: Car, p: plant.Plant, manoeuvre: Manoeuvre, prepared: OpenLoop | None, substeps: int, simulator: Simulator
+) -> tuple[Array, dict[str, float], str]:
+    """Channels (T, C) of a manoeuvre, what the meta says of its hands, and advice for a car that spins."""
+    if manoeuvre.driver is not None:
+        record, advice = run_closed(car, p, manoeuvre, substeps, simulator), "ask for less speed"
+        if simulator is OWN and not np.isfinite(record[-1]).all():
+            raise LostControlError(f"{manoeuvre.name} diverged: {advice}")
+        return record, {f"vehicle_{key}_m": value for key, value in outline(car)._asdict().items()}, advice
+    amplitude, u, straight = prepared or open_loop(p, manoeuvre, simulator)
+    record = run(p, manoeuvre, u, straight, substeps, simulator)
+    if simulator is OWN and not np.isfinite(record[-1]).all():
+        raise ValueError(f"{manoeuvre.name} diverged: {plant.first_non_finite(p, straight, u)} first")
+    steered = {"amplitude_rad" if manoeuvre.robot else "amplitude_nm": amplitude}
+    return record, steered, f"ask for less than {amplitude:g}, or for less speed"

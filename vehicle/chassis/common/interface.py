@@ -44,6 +44,8 @@ INPUTS = (
 
 Names = tuple[tuple[str, str], ...]
 
+EXTERNAL = (".fmu", ".toml")  # ends of the files of external vehicles: a unit, or a mapping that names one
+
 SPEED_MIN, SPEED_MAX = 3.0, 70.0  # held speeds that every chassis accepts [m/s]
 WHEELS = ("front_left", "front_right", "rear_left", "rear_right")
 
@@ -166,6 +168,23 @@ def register(name: str, parameters: type, **fields: Any) -> None:
 def available() -> tuple[str, ...]:
     """Names of the chassis; imports none of them."""
     return CHASSIS.available()
+
+
+def is_external(name: str) -> bool:
+    """Whether the name of a chassis is the file of an external vehicle, which manoeuvres couple to the steering."""
+    return isinstance(name, str) and name.endswith(EXTERNAL)
+
+
+def checked(name: str) -> str:
+    """The name of a chassis of this project; ValueError for another one, with the names that there are."""
+    if is_external(name):
+        raise ValueError(
+            f"chassis={name!r} is an external vehicle, which drives in manoeuvres only (manoeuvres.drive, steer-env run"
+            f" and report); environments and single plants take one of {', '.join(available())}"
+        )
+    if name not in available():
+        raise ValueError(f"chassis must be one of {', '.join(available())}, got {name!r}")
+    return name
 
 
 def chassis_of(p: Any) -> Chassis:

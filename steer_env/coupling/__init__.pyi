@@ -1,0 +1,8 @@
+from .coupled import Coupled, Coupling
+from .fmu_vehicle import FmuVehicle
+from .opening import opened
+from .own_process import OwnProcess
+from .udp_vehicle import UdpVehicle
+from .vehicle import CouplingError, Vehicle
+
+__all__ = ["Coupled", "Coupling", "CouplingError", "FmuVehicle", "OwnProcess", "UdpVehicle", "Vehicle", "opened"]

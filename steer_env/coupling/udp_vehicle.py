@@ -1,0 +1,67 @@
+"""An external vehicle behind a port: a chassis that ``steer-env serve`` serves, or a program of the same protocol."""
+
+import numpy as np
+
+from steer_env.cosimulation import Client, Layout
+from steer_env.coupling.vehicle import GIVEN, OF_PLANT, RACK, Array, CouplingError
+
+_NAMES = {name: name for name in RACK} | {exported: name for name, exported in OF_PLANT.items()}
+
+
+class UdpVehicle:
+    """A chassis over UDP in lockstep; a :class:`steer_env.coupling.vehicle.Vehicle`.
+
+    Parameters
+    ----------
+    layout : Layout
+        Of the chassis that is served, of which the inputs and outputs have this project's names and units.
+    address : tuple of str and int
+        Where the server receives.
+    speed : float, optional
+        Of a chassis that does not report one [m/s].
+
+    Raises
+    ------
+    CouplingError
+        The server refuses or does not answer; of the constructor, where neither tells the speed.
+    """
+
+    def __init__(self, layout: Layout, address: tuple[str, int], speed: float | None = None) -> None:
+        self.name, self.meta = f"{address[0]}:{address[1]}", {"external_vehicle": f"{address[0]}:{address[1]}"}
+        names = [signal.name for signal in layout.outputs]
+        if speed is None and "longitudinal_speed" not in names:
+            raise CouplingError(f"the vehicle at {self.name} does not report its speed: give it")
+        self._layout, self._address, self._constant = layout, address, speed
+        self.takes = tuple(_NAMES[signal.name] for signal in layout.inputs)
+        self._places = [i for i, name in enumerate(names) if name in GIVEN]
+        self.gives = (*(names[i] for i in self._places), "vehicle_speed")
+        self._speed = names.index("longitudinal_speed") if speed is None else None
+        self._client: Client | None = None
+
+    def start(self, speed: float) -> Array:
+        """Open a new session, which begins in straight running; what the vehicle gives (G,)."""
+        self.close()
+        try:
+            self._client = Client(self._layout, self._address)
+        except (ValueError, OSError) as error:
+            raise CouplingError(str(error)) from None
+        return self._given(self._client.outputs)
+
+    def step(self, taken: Array, samples: int) -> Array:
+        """Advance by a communication step; what the vehicle gives at its end (G,)."""
+        if self._client is None:
+            raise CouplingError(f"the vehicle at {self.name} was not started")
+        try:
+            return self._given(self._client.step(taken, samples))
+        except (ValueError, OSError) as error:
+            raise CouplingError(f"{error}, at {self._client.time:.6g} s") from None
+
+    def close(self) -> None:
+        """Close the session."""
+        if self._client is not None:
+            client, self._client = self._client, None
+            client.__exit__(None, None, None)
+
+    def _given(self, outputs: Array) -> Array:
+        speed = self._constant if self._speed is None else outputs[self._speed]
+        return np.append(outputs[self._places], speed)

@@ -1,0 +1,95 @@
+"""The audit: a reward that pays for the wrong thing is found out, and known cheats do not pay."""
+
+from functools import partial
+
+import numpy as np
+import pytest
+
+from steer_env.experiments.cli.main import main
+from steer_env.experiments.learning import audit
+from steer_env.experiments.learning.audit import Behaviour, Verdict
+from steer_env.experiments.learning.policy_search import Budget
+from steer_env.registration import DRIVEN
+
+RELEASE, WEAVE = "steer_env/AssistRelease-v1", "steer_env/AssistWeave-v1"
+SMALL = Budget(rounds=1, candidates=2, best=1, episodes=1, steps=0)
+# A reward that judges an episode from the release on alone, as an earlier one did.
+AFTER_RELEASE = {"return": 1.0, "feel": 0.0, "ripple": 0.0, "smoothness": 0.0, "effort": 0.0}
+PUSH = "push before the release"
+
+
+@pytest.fixture
+def short(monkeypatch):
+    """Few episodes."""
+    monkeypatch.setattr(audit, "EPISODES", 2)
+
+
+def test_a_reward_that_pays_for_pushing_is_found_out(short):
+    found = {one.policy: one for one in audit.audit(RELEASE, SMALL, weights=AFTER_RELEASE)}
+    assert found[PUSH].cheats
+    assert "aim" in found[PUSH].worse_in
+    found = {one.policy: one for one in audit.audit(RELEASE, SMALL)}
+    assert not found[PUSH].cheats
+    assert found[PUSH].worse_in == ("ripple", "aim")
+
+
+@pytest.mark.parametrize(
+    ("changes", "worse"),
+    [
+        ({}, ()),
+        ({"failures": 0.01}, ("failures",)),
+        ({"ripple": 0.11}, ("ripple",)),
+        ({"ripple": 0.09}, ()),  # more than the best, but within what hands do not mind or a quarter more
+        ({"aim": 1.26}, ("aim",)),
+        ({"cones": 0.2}, ("cones",)),
+    ],
+)
+def test_who_scores_more_must_not_behave_worse(changes, worse):
+    best = Behaviour(reward=1.0, failures=0.0, ripple=0.08, aim=1.0, cones=0.0)
+    for reward, pays in ((1.1, True), (0.9, False)):
+        found = best._replace(reward=reward, **changes)
+        assert audit.worse_in(found, best) == worse
+        assert Verdict("id", "policy", found, best, "best", worse).cheats == (pays and bool(worse))
+
+
+def test_an_action_that_changes_its_sign_at_every_step_has_its_ripple(short):
+    class Chatter:
+        """Changes its sign between two samples of the ripple."""
+
+        def __init__(self, env):
+            self.n, self.sign = env.num_envs, 0.2
+
+        def reset(self, rows=None):
+            """Nothing is kept."""
+
+        def act(self, observation):
+            self.sign = -self.sign
+            return np.full((self.n, 1), self.sign, np.float32)
+
+    sampled, seen = (audit.behaviour(WEAVE, Chatter, remembers=known).ripple for known in (False, True))
+    assert sampled > 3.0 * seen
+
+
+@pytest.mark.parametrize(
+    "env_id",
+    [
+        pytest.param(each, marks=() if "ObstacleAvoidance" in each else pytest.mark.whole)
+        for each in DRIVEN
+        if audit.cheats_for(each)
+    ],
+)
+def test_known_cheats_do_not_pay(env_id, short):
+    found = audit.audit(env_id, SMALL)
+    assert {one.policy for one in found} > set(audit.cheats_for(env_id))
+    assert [one.policy for one in found if one.cheats] == []
+
+
+def test_the_command(short, capsys, monkeypatch):
+    command = ["audit", "--env", RELEASE, "--rounds", "1", "--steps", "0", "--workers", "1"]
+    assert main(command) == 0
+    text = capsys.readouterr().out
+    assert PUSH in text
+    assert "CHEATS" not in text
+    monkeypatch.setattr(audit, "audit", partial(audit.audit, weights=AFTER_RELEASE))
+    assert main(command) == 1
+    assert "CHEATS in ripple, aim" in capsys.readouterr().out
