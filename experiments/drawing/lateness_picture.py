@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 
 import numpy as np
+from matplotlib.ticker import FormatStrFormatter
 
 from steer_env.experiments.drawing.style import DASHES, PALETTE, legend, new_figure, styled, svg
 from steer_env.real_time.measure import Durations
@@ -31,6 +32,8 @@ def exceeded(panels: Mapping[str, Mapping[str, Durations]]) -> str:
                 label=label,
             )
         axes.set(xscale="log", yscale="log", xlabel="[µs]", title=title)
+        for axis in (axes.xaxis, axes.yaxis):
+            axis.set_major_formatter(FormatStrFormatter("%g"))  # powers would be set by matplotlib itself
     grid[0].set_ylabel("share that is longer")
     legend(figure, grid[0])
     return svg(figure)
