@@ -17,6 +17,7 @@ from steer_env.cosimulation.packets import (
     Layout,
 )
 from steer_env.fmu.part import Signal
+from steer_env.real_time.safety import PHASES
 
 FORMATS = ("text", "json", "c")
 _C_TYPES = {"<u2": "uint16_t", "<u4": "uint32_t", "<u8": "uint64_t", "<i8": "int64_t", "<f8": "double"}
@@ -60,6 +61,7 @@ def _data(layout: Layout) -> dict[str, Any]:
         ],
         "kinds": KINDS,
         "modes": MODES,
+        "phases": {name: i for i, name in enumerate(PHASES)},
         "reasons": {name: i for i, name in enumerate(REASONS, 1)},
         "inputs": [{**entry, "start": s.start} for entry, s in zip(_signals(layout.inputs), layout.inputs)],
         "outputs": _signals(layout.outputs),
@@ -101,6 +103,8 @@ def _text(layout: Layout) -> str:
         ]
     lines += ["", "Kinds", *(f"{number:6d}  {name}" for name, number in KINDS.items())]
     lines += ["", "Modes, in the field code of opened", *(f"{number:6d}  {name}" for name, number in MODES.items())]
+    lines += ["", "Phases of the watchdog, in the field code of stepped in free running"]
+    lines += [f"{number:6d}  {name}" for number, name in enumerate(PHASES)]
     lines += ["", "Reasons, in the field code of a refusal"]
     lines += [f"{number:6d}  {name:10s} {text}" for number, (name, text) in enumerate(REASONS.items(), 1)]
     return "\n".join(lines) + "\n"
@@ -167,6 +171,10 @@ def _c(layout: Layout) -> str:
         "};",
         *numbered("kind", "", ((name, f" = {number}", "in the field kind") for name, number in KINDS.items())),
         *numbered("reason", "BAD_", ((name, f" = {i}", text) for i, (name, text) in enumerate(REASONS.items(), 1))),
+        *numbered(
+            "mode", "", ((n.replace("-", "_"), f" = {i}", "in the field code of opened") for n, i in MODES.items())
+        ),
+        *numbered("phase", "PHASE_", ((n, f" = {i}", "of the watchdog") for i, n in enumerate(PHASES))),
         *numbered("input", "IN_", signals(layout.inputs)),
         *numbered("output", "OUT_", signals(layout.outputs)),
     ]

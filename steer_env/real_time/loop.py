@@ -86,7 +86,8 @@ def tick(model, loop, device, now, missed):
     if s.begun != model.begun[0]:
         s.begun = model.begun[0]
         safety.begin(s)
-    age = 1e-9 * (now - heard) if heard != NEVER else math.inf
+    # A time to come is no time of this clock; an input that arrives while a sample is computed is up to one ahead.
+    age = 1e-9 * (now - heard) if heard != NEVER and heard <= now + PERIOD else math.inf
     supervise(loop.limits, s, elapsed, age, missed)
     take_inputs(model, s.input_gain, age <= loop.limits.hold)
     torque = 0.0
