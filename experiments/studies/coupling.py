@@ -20,6 +20,7 @@ from steer_env.vehicle.cars import Car
 
 NAME = "coupling"
 SERIAL, PARALLEL, HELD = KINDS
+COUNTS = 1e-3  # share of a metric from which on a change counts, assumed [1]
 
 
 class Results(NamedTuple):
@@ -64,8 +65,8 @@ def sentences(results: Results) -> list[str]:
     late_law, late_error = largest(results, PARALLEL, 1, lambda cost: worst(cost)[1])
     slow_law, slow_error = largest(results, PARALLEL, 5, lambda cost: worst(cost)[1])
     return [
-        f"Where the vehicle steps after the steering every millisecond, the split at the rack costs nothing that "
-        f"counts: no metric of the weave changes by more than {percent(abs(error))} ({label(metric)}, {law}), the "
+        f"Where the vehicle steps after the steering every millisecond, the split at the rack "
+        f"{'costs nothing that counts' if abs(error) < COUNTS else 'is not free'}: no metric of the weave changes by more than {percent(abs(error))} ({label(metric)}, {law}), the "
         f"energy residual at the rack is {percent(abs(serial['energy']))} of what passes it, and the phase at "
         f"{FREQUENCY:g} Hz is off by {number(abs(np.degrees(serial['phase'])), 2)}°.",
         f"A delay of one step, as where both run at once, costs at 1 ms up to {percent(abs(late_error))} of a metric "

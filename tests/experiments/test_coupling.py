@@ -54,7 +54,7 @@ def test_page_begins_with_the_verdict_and_every_way_gives_the_same(made):
     page = (out / "index.html").read_text()
     assert len(data["verdict"]) == 5
     assert page.index("costs nothing that counts") < page.index("Largest change of a metric of the weave")
-    assert data["transports"] == dict.fromkeys(data["transports"], {"equal": True})
+    assert data["transports"] == {name: {"equal": True} for name in data["transports"]}
     assert list(data["transports"]) == ["FMU", "FMU in its own process", "UDP, from another process"]
 
 
@@ -64,7 +64,7 @@ def test_report_of_the_imported_chassis_is_that_of_the_whole_car(made, tmp_path)
     assert stated < 1e-5
     path = tmp_path / "chassis.fmu"
     path.write_bytes(runs.exported(cars.load()))
-    scope = Scope(tests={"weave": {}}, vehicle=False, widths=(), steps=(1e-3,), speeds_kph=())
+    scope = Scope(tests={"weave": {}}, vehicle=False, widths=(), steps=(1e-3,), speeds_kph=(0.0,))
     laws = {"lugre": make("lugre")}
     whole = build.build(tmp_path / "whole", laws, scope).drives["weave"]["lugre"].values
     build.build(tmp_path / "divided", laws, scope._replace(chassis=str(path)))
@@ -81,6 +81,7 @@ def test_verdict_tells_what_is_not_the_same(made):
     law = runs.LawCost({kind: {1: cost, 5: cost} for kind in KINDS}, {SERIAL: 200, PARALLEL: 5, HELD: None})
     ways = [runs.Transport("FMU", True, 1e-5), runs.Transport("UDP", False, 1e-5)]
     text = coupling.sentences(coupling.Results(car, {"lugre": law, "masing": law}, ways))
+    assert "the split at the rack is not free" in text[0]
     assert "20 % (loop area, lugre)" in text[0].replace("\u00a0", " ")
     assert "at least 200 ms; both at once, 5 ms; both at once, force held, less than 1 ms" in text[2]
     assert text[4] == "The way to the vehicle changes the numbers: UDP."
