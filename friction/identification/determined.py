@@ -89,6 +89,7 @@ def _spared(
         else:
             undetermined.append(name)
             space, optimum = smaller
+            stays.clear()
     return space, optimum, excess, half
 
 
@@ -125,9 +126,12 @@ def _without(problem: Problem, space: Space, optimum: Optimum, name: str) -> tup
     growth = min(WORSE / n_e, (1.0 + HARDLY) ** 2 - 1.0)  # (F34)
     allowed = growth * float(np.sum(optimum.residual**2 + FLOOR**2))
     again = np.where([s.bounded for s in smaller.sought], smaller.start, smaller.inside)  # what was zero may replace it
-    for q in (smaller.inside, again):
-        near = descended(problem.thinned(), smaller, np.append(q, optimum.q[n:]), 0.1 * float(np.ptp(problem.torque)))
-        end = refined(problem, smaller, near)
+    part, coarse = problem.thinned(), 0.1 * float(np.ptp(problem.torque))
+    for q in (smaller.inside, again, None):
+        if q is None:  # far from here, where others take its place
+            end = searched(problem, smaller, STARTS, 0, False)
+        else:
+            end = refined(problem, smaller, descended(part, smaller, np.append(q, optimum.q[n:]), coarse))
         if np.sum(end.residual**2) - np.sum(optimum.residual**2) <= allowed:
             return smaller, end
     return None

@@ -87,7 +87,7 @@ class FaultyClient(Client):
         if self.lost:
             return
         if self._happens("foreign"):
-            self._socket.send(self.draw.randbytes(8 * self.draw.randrange(8, 70)))
+            self._socket.send(self.draw.randbytes(8 * self.draw.randrange(10, 70)))
         if self._happens("truncated"):
             self._socket.send(packet[: self.draw.randrange(64)])
         if self._happens("damaged"):

@@ -178,14 +178,14 @@ def test_rate_beside_a_bare_echo():
 
 
 def test_ends_on_sigterm_too_and_refuses_in_words(capsys):
-    with serving("--part", "steering", end=signal.SIGTERM) as process:
-        with Client(layout("steering"), process.address) as client:
-            with pytest.raises(ValueError, match=r"a step takes 6 inputs \(hand_torque, "):
+    with serving(end=signal.SIGTERM) as process:
+        with Client(layout(), process.address) as client:
+            with pytest.raises(ValueError, match=r"a step takes 7 inputs \(hand_torque, "):
                 client.step([0.0])
             with pytest.raises(ValueError, match=r"an input is not finite; .* \(hand_torque\)"):
-                client.step([math.nan] * 6)
-        with Server(part_of("chassis")) as other, pytest.raises(ValueError, match="another part"):
-            Client(other.layout, process.address)
+                client.step([math.nan] * 7)
+        with pytest.raises(ValueError, match="another part"):
+            Client(layout("chassis"), process.address)
         port = str(process.address[1])
         assert main(["serve", "--port", port]) == 2
         assert f"port {port}: Address already in use; give" in capsys.readouterr().err
@@ -220,7 +220,7 @@ def test_only_loopback_unless_another_address_is_named():
 
     assert serve.LOOPBACK == server.LOOPBACK == "127.0.0.1"
     assert serve.SILENCE == server.SILENCE
-    with Server(part_of("steering")) as made:
+    with Server(part_of()) as made:
         assert made.address[0] == "127.0.0.1"
 
 

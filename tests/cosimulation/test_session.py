@@ -46,10 +46,10 @@ def test_checksum_is_that_of_zlib():
 def test_header_has_no_gaps_and_is_little_endian():
     ends = [offset + dtype.itemsize for dtype, offset, *_ in HEADER.fields.values()]
     assert [HEADER.fields[name][1] for name in HEADER.names] == [0, *ends[:-1]]
-    assert HEADER_SIZE == 64
+    assert HEADER_SIZE == 80
     packet = packed([1.5], sequence=0x01020304)
     assert packet[24:28] == bytes([4, 3, 2, 1])
-    assert packet[64:] == struct.pack("<d", 1.5)
+    assert packet[80:] == struct.pack("<d", 1.5)
     assert unpacked(packet)["sequence"] == 0x01020304
     assert unpacked(packet[:-1]) is None
 

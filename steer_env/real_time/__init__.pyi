@@ -1,0 +1,5 @@
+from .loop import RealTime
+from .mailbox import Mailboxes
+from .safety import Limits
+
+__all__ = ["Limits", "Mailboxes", "RealTime"]
