@@ -3,7 +3,7 @@
 ``common.coupling_runs`` drives the undivided car and the divided one, whose vehicle is the exported chassis.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -64,11 +64,12 @@ def sentences(results: Results) -> list[str]:
     slow = {name: largest(results, PARALLEL, 5, size)[1] for name, size in _SIZES.items()}
     late_law, late_error = largest(results, PARALLEL, 1, lambda cost: worst(cost)[1])
     slow_law, slow_error = largest(results, PARALLEL, 5, lambda cost: worst(cost)[1])
+    cost = "costs nothing that counts" if abs(error) < COUNTS else "is not free"
     return [
-        f"Where the vehicle steps after the steering every millisecond, the split at the rack "
-        f"{'costs nothing that counts' if abs(error) < COUNTS else 'is not free'}: no metric of the weave changes by more than {percent(abs(error))} ({label(metric)}, {law}), the "
-        f"energy residual at the rack is {percent(abs(serial['energy']))} of what passes it, and the phase at "
-        f"{FREQUENCY:g} Hz is off by {number(abs(np.degrees(serial['phase'])), 2)}°.",
+        f"Where the vehicle steps after the steering every millisecond, the split at the rack {cost}: no metric of the "
+        f"weave changes by more than {percent(abs(error))} ({label(metric)}, {law}), the energy residual at the rack is "
+        f"{percent(abs(serial['energy']))} of what passes it, and the phase at {FREQUENCY:g} Hz is off by "
+        f"{number(abs(np.degrees(serial['phase'])), 2)}°.",
         f"A delay of one step, as where both run at once, costs at 1 ms up to {percent(abs(late_error))} of a metric "
         f"({_metric_of(results, PARALLEL, 1, late_law)}), {percent(abs(late['energy']))} of the energy, "
         f"{number(abs(np.degrees(late['phase'])), 2)}° at {FREQUENCY:g} Hz, and {percent(late['swing'])} more motion "
@@ -217,7 +218,7 @@ def _transport_table(results: Results) -> page.Table:
     return page.Table("Transports", ("vehicle", "equal to the bit", "time of 1 ms [µs]"), rows)
 
 
-def as_json(results: Results) -> Mapping[str, Any]:
+def as_json(results: Results) -> dict[str, Any]:
     """The numbers, without times, so that a rerun gives the same."""
     return {
         "laws": {
