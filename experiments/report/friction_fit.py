@@ -10,7 +10,7 @@ import numpy as np
 from steer_env import friction
 from steer_env.friction import Compared, Record
 from steer_env.friction.identification.compare import HELD_OUT, moving, remainder
-from steer_env.friction.identification.displacement import noise_of
+from steer_env.friction.identification.displacement import deviation_of
 from steer_env.friction.law import LAWS
 from steer_env.friction.numerics.check import number
 from steer_env.recording import friction_checks
@@ -102,7 +102,7 @@ def collect(
         first = 0
     if record.motion is not record.x:
         unit, size = SHOWN[record.units["displacement"]]
-        noise = noise_of(record.x) / size
+        noise = deviation_of(record.x) / size
         text = f"the displacement has noise of {noise:.2g} {unit}: it is smoothed between reversals"
         record = replace(record, notes=(*record.notes, text))
     given = Record(record.x, record.friction, record.dt, record.load if by_load else None)

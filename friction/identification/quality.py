@@ -6,12 +6,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from steer_env.friction.identification.branches import Branches
-from steer_env.friction.identification.displacement import noise_of
+from steer_env.friction.identification.displacement import motion_of, noise_of
+from steer_env.friction.law import make
+from steer_env.friction.response import response
 
 STRAIGHT = 0.01  # torque beside a straight line through the displacement, of its range [1]
 NOISIEST = 0.05  # noise of the displacement, of its range [1]
 CLIPPED = 10  # samples in a row at the very extreme of a noisy torque
 ALIKE = 0.02  # difference of two periods: of the displacement, of its range [1]
+LOST = 2.0  # noise of x that leaves a torque, over what a second smoothing of the smoothed motion shows; assumed [1]
 
 
 def refuse(x: NDArray, torque: NDArray, noise: float) -> None:
@@ -68,9 +71,31 @@ def repeatability(x: NDArray, torque: NDArray, branches: Branches) -> float:
     return float(np.sqrt(0.5 * np.mean((torque[period:] - torque[:-period]) ** 2)))
 
 
-def own_noise(x: NDArray, torque: NDArray, branches: Branches, slope_noise: float) -> float:
+def own_noise(x: NDArray, torque: NDArray, branches: Branches, by_x: float) -> float:
     """What even the true law would leave of the torque [N m] (F36).
 
     The larger of the noise from sample to sample and of that from period to period, with what noise of x adds.
     """
-    return math.hypot(max(noise_of(torque), repeatability(x, torque, branches)), slope_noise)  # (F36)
+    return math.hypot(max(noise_of(torque), repeatability(x, torque, branches)), by_x)  # (F36)
+
+
+def by_noise(x: NDArray, noise: float, dt: float, level: float, length: float) -> float:
+    """What noise of a displacement leaves of the torque after it was smoothed [N m] (F36).
+
+    The smoothed motion gets such noise once more and is smoothed once more; the torque of a Dahl law with the record's
+    level and length then differs by about half of it, as small reversals that the first smoothing lost do not count.
+
+    Parameters
+    ----------
+    x : (T,) array
+        The smoothed motion [rad].
+    noise : float
+        Its deviation [rad].
+    dt : float
+        Time between samples [s].
+    level, length : float
+        The scales of the record [N m, rad].
+    """
+    law = make("dahl", F_c=level, sigma_0=level / length)
+    again = motion_of(x + np.random.default_rng(0).normal(0.0, noise, x.size), noise)
+    return LOST * float(np.std(response(law, again, dt) - response(law, x, dt)))

@@ -1,5 +1,6 @@
 """What a user has to know about an estimate: the warnings of a fit."""
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -99,6 +100,12 @@ def _sensors(ready: "Prepared", optimum: Optimum) -> list[str]:
         texts.append(
             f"noise of x ({ready.noise:.3g} rad) is {ready.noise / scales.displacement:.0%} of the length over which "
             "the torque follows a reversal: stiffness and damping are those of the filtered motion; use a finer sensor"
+        )
+    if ready.by_noise > max(MATTERS * scales.torque, math.sqrt(0.5) * ready.own_noise):
+        texts.append(
+            f"noise or steps of x (deviation {ready.noise:.3g} rad) leave about {ready.by_noise:.2g} N m, more than "
+            "the noise of the torque does: small loops are those of the filtered motion, no law is judged by less than "
+            "that, and the intervals do not allow for it; use a finer sensor, or fit a part with wider loops"
         )
     n = clipped(ready.record.torque)
     if n:

@@ -48,10 +48,10 @@ def moving(x: Array) -> NDArray[np.int_]:
 
 
 def middle(x: Array, friction: Array) -> float:
-    """The friction midway between its medians in either direction; where it moves in one only, that at the start."""
+    """The friction midway between its medians in either direction; where it moves in one only, that before it moves."""
     way = moving(x)
     sides = [np.median(friction[way == side]) for side in (1, -1) if np.any(way == side)]
-    return float(np.mean(sides)) if len(sides) == 2 else float(friction[0])
+    return float(np.mean(sides)) if len(sides) == 2 else float(np.median(friction[: np.argmax(way != 0) or 1]))
 
 
 def mean_friction(x: Array, friction: Array) -> float:
