@@ -107,12 +107,8 @@ def _sensors(ready: "Prepared", optimum: Optimum) -> list[str]:
             "the noise of the torque does: small loops are those of the filtered motion, no law is judged by less than "
             "that, and the intervals do not allow for it; use a finer sensor, or fit a part with wider loops"
         )
-    n = clipped(ready.record.torque)
-    if n:
-        texts.append(
-            f"the torque stands still at its extreme for {n} samples: if the sensor is at its limit, the level is a "
-            "lower bound; use a wider range"
-        )
+    if told := clipped(ready.record.torque):
+        texts.append(told)
     drift, half = _drift(optimum)
     if abs(drift) > max(DRIFT, SURE * half):
         texts.append(

@@ -13,6 +13,7 @@ import numpy as np
 
 from steer_env.friction import defaults, fitted_file
 from steer_env.friction.identification.displacement import deviation_of, motion_of
+from steer_env.friction.identification.quality import clipped
 from steer_env.friction.numerics.check import not_negative, positive
 from steer_env.recording import friction_checks as checks
 from steer_env.recording.channel_mapping import FRICTION
@@ -243,7 +244,7 @@ def checked(record: FrictionRecord, sign: int | None, without_drift: bool = Fals
         notes += (f"the friction was recorded with the other sign, {why}: it is turned to resist positive motion",)
     friction = found * record.friction
     checks.check_columns(x, friction)
-    if told := checks.clipped(friction):
+    if told := clipped(friction):
         notes += (told,)
     slope, share = checks.drift(record.time, x, friction)
     if abs(share) > checks.DRIFT:
