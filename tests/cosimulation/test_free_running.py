@@ -109,13 +109,15 @@ def test_time_goes_by_and_a_client_that_falls_silent_loses_its_torque():
 
 
 def test_the_command_ends_cleanly():
-    options = "--hands", "angle", "--free-running", "--torque-limit", "3"
+    options = "--hands", "angle", "--free-running", "--torque-limit", "3", "--wheel", "0.04,0.1,30"
     with (
         serving(*options, end=signal.SIGTERM) as process,
         Stream(layout(), process.address) as stream,
     ):
         held(stream, 0.3, np.zeros(7))
     assert process.returncode == 0
+    assert 0.0 < process.told["wheel"]["share"] < 1.0
+    assert process.told["wheel"]["longest_delay_s"] < 0.03
     assert process.counts["ticks"] > 100
     assert process.counts["steps"] > 10
 
