@@ -113,15 +113,14 @@ def _announce(args: argparse.Namespace, server: Any, found: Any) -> None:
             "layout": layout.fingerprint,
         }
         if found:
-            longest = found.longest_delay if found.longest_delay < math.inf else None
-            told["wheel"] = {"longest_delay_s": longest, "share": found.share}
+            delay = found.longest_delay if math.isfinite(found.longest_delay) else None
+            told["wheel"] = {"longest_delay_s": delay, "share": found.share}
         print(json.dumps(told), flush=True)
         return
     if found:
-        print(
-            f"the wheel is stable with delays of up to {1e3 * found.longest_delay:.1f} ms, with its own it gives "
-            f"{found.share:.0%} of the torque"
-        )
+        longest = f"delays of up to {1e3 * found.longest_delay:.1f} ms"
+        longest = longest if math.isfinite(found.longest_delay) else "every delay"
+        print(f"the wheel is stable with {longest}; with its own it gives {found.share:.0%} of the torque")
     print(
         f"{args.part} at {address}, port {port}, {server.mode}: requests of {layout.request_size} bytes, answers of "
         f"{layout.answer_size}, layout 0x{layout.fingerprint:08x}; Ctrl-C ends it",
