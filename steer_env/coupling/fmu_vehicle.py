@@ -59,11 +59,15 @@ class FmuVehicle:
         self._speed, self._speed_size = _together(into[name] for name in m.inputs if name == START_SPEED)
         self._parameters = Numbers(fixed)
         self._parameters.values[:] = list(m.parameters.values())
-        self._folder = tempfile.TemporaryDirectory()
-        archive.unpack(unit, Path(self._folder.name))
         self._alive, self._time = False, 0
         kind = Slave2 if description.fmiVersion.startswith("2") else Slave3
-        self._slave = self._asked("to load", lambda: kind(description, Path(self._folder.name)))
+        self._folder = tempfile.TemporaryDirectory()
+        try:
+            archive.unpack(unit, Path(self._folder.name))
+            self._slave = self._asked("to load", partial(kind, description, Path(self._folder.name)))
+        except BaseException:
+            self._folder.cleanup()
+            raise
 
     def start(self, speed: float) -> Array:
         """Make a new instance, which starts at time zero; what it gives (G,).
