@@ -11,7 +11,7 @@ from steer_env.friction.identification.branches import BAND as SWING
 from steer_env.friction.identification.branches import Branches, branches_of, stiffness_of, weighed_of
 from steer_env.friction.identification.determined import Estimate, determined, linear
 from steer_env.friction.identification.displacement import BAND, motion_of, noise_of
-from steer_env.friction.identification.elements import Elements
+from steer_env.friction.identification.elements import Elements, beside
 from steer_env.friction.identification.problem import Problem, searched
 from steer_env.friction.identification.quality import own_noise, refuse
 from steer_env.friction.identification.ranges import bootstrapped, profiled
@@ -168,15 +168,16 @@ def _acceleration(x: NDArray, dt: float) -> NDArray[np.float64]:
 def fitted(ready: Prepared, law: Law, options: Options) -> Fit:
     """One law on a record that is ready; see :func:`fit`."""
     problem = _problem(ready, law)
-    load = None if ready.record.load is None else np.abs(ready.record.load)
-    if load is None or not np.ptp(load) > 0.0:
-        return _told(ready, law, problem, *_estimated(ready, law, problem, options), options, Rate())
-    few = options._replace(starts=1, global_search=False)
-    load = load / float(np.mean(load))
-    problem, rate = with_rate(problem, law, load, lambda each: _estimated(ready, law, each, few)[0])
+    load, rate = None if ready.record.load is None else np.abs(ready.record.load), Rate()
+    if load is not None and np.ptp(load) > 0.0:
+        few = options._replace(starts=1, global_search=False)
+        load = load / float(np.mean(load))
+        problem, rate = with_rate(problem, law, load, lambda each: _estimated(ready, law, each, few)[0])
     estimate, elements = _estimated(ready, law, problem, options)
-    if rate.joint:
+    if load is not None and rate.joint:
         problem, estimate = joint(problem, law, load, rate, estimate)
+    if elements is not None:
+        problem, estimate = beside(problem, estimate, elements)
     return _told(ready, law, problem, estimate, elements, options, rate)
 
 
@@ -240,9 +241,8 @@ def _told(
             if name not in law.units:
                 intervals[name] = least * scales.torque, most * scales.torque
             elif name in intervals:
-                # Sought beside the elements, which its own interval holds: their uncertainty comes to it.
-                own, half = intervals[name], 0.5 * (most - least) * scales.torque
-                intervals[name] = own[0] - half, own[1] + half
+                low, high = intervals[name]  # at these yields; other yields that describe the record as well widen it
+                intervals[name] = min(low, least * scales.torque), max(high, most * scales.torque)
     if "F_c" in intervals and not branches.saturates:
         intervals["F_c"] = intervals["F_c"][0], math.inf
     e = estimate.optimum.residual * scales.torque  # (F12)

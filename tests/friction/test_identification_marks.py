@@ -56,6 +56,19 @@ def test_own_records_with_noise_of_one_per_cent(name):
     assert {key: float(np.mean(values)) for key, values in held.items() if np.mean(values) < 0.9} == {}
 
 
+def test_intervals_of_gms_allow_for_its_elements():
+    """With the elements held, v_s and C were outside in every record."""
+    p = friction.make("gms", F_c=0.9, F_s=1.3, v_s=0.1, C=9.0)
+    x, dt = mixed_speed(20.0)
+    clean, held = friction.response(p, x, dt), []
+    for seed in range(12):
+        bounds = friction.fit(x, clean + noise(seed, x.size, 0.009), "gms", dt=dt).intervals
+        held.append(
+            [low <= getattr(p, key) <= high for key in ("F_c", "F_s", "v_s", "C") for low, high in [bounds[key]]]
+        )
+    assert np.all(np.mean(held, axis=0) >= 0.9)
+
+
 @pytest.mark.parametrize("name", TRUE)
 def test_wrong_laws_are_flagged(name):
     """Those that differ by more than three times the noise, in nine of ten records; found by what they leave."""
