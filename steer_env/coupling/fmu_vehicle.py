@@ -59,7 +59,7 @@ class FmuVehicle:
         self._speed, self._speed_size = _together(into[name] for name in m.inputs if name == START_SPEED)
         self._parameters = Numbers(fixed)
         self._parameters.values[:] = list(m.parameters.values())
-        self._alive, self._time = False, 0
+        self._alive, self._running, self._time = False, False, 0
         kind = Slave2 if description.fmiVersion.startswith("2") else Slave3
         self._folder = tempfile.TemporaryDirectory()
         try:
@@ -86,6 +86,7 @@ class FmuVehicle:
             if numbers.size:
                 self._asked("a start value", partial(self._slave.set, numbers))
         self._asked("to start", self._slave.begin)
+        self._running = True
         return self._read()
 
     def step(self, taken: Array, samples: int) -> Array:
@@ -97,6 +98,7 @@ class FmuVehicle:
             The unit refuses, or gives a number that is not finite.
         """
         np.divide(taken, self._input_size, out=self._inputs.values)
+        self._slave.said = ""
         try:
             self._slave.set(self._inputs)
             self._slave.step(self._time * SAMPLE_TIME, samples * SAMPLE_TIME)
@@ -112,7 +114,9 @@ class FmuVehicle:
 
     def _end(self) -> None:
         if self._alive:
-            self._alive = False
+            if self._running:  # a unit that has failed may only be freed
+                self._asked("to terminate", self._slave.terminate)
+            self._alive = self._running = False
             self._slave.end()
 
     def _read(self) -> Array:
@@ -135,6 +139,7 @@ class FmuVehicle:
             raise self._failed(what, error) from None
 
     def _failed(self, what: str, error: Exception) -> CouplingError:
+        self._running = False
         said = getattr(getattr(self, "_slave", None), "said", "")
         return CouplingError(f"{self.name} refused {what} at {self._now()}: {said or error}")
 
