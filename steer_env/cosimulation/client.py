@@ -4,7 +4,7 @@ import secrets
 import socket
 import time
 from types import TracebackType
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -25,6 +25,7 @@ from steer_env.cosimulation.packets import (
 from steer_env.real_time.safety import PHASES
 
 _CYCLE = 2**32
+C = TypeVar("C", bound="Client")
 
 
 class Client:
@@ -67,7 +68,7 @@ class Client:
             self._socket.close()
             raise
 
-    def __enter__(self) -> "Client":
+    def __enter__(self: C) -> C:
         return self
 
     def __exit__(

@@ -86,7 +86,8 @@ def tick(model, loop, device, now, missed):
     if s.begun != model.begun[0]:
         s.begun = model.begun[0]
         safety.begin(s)
-    age = 1e-9 * (now - heard) if heard != NEVER else math.inf
+    # A time to come is no time of this clock; an input that arrives while a sample is computed is up to one ahead.
+    age = 1e-9 * (now - heard) if heard != NEVER and heard <= now + PERIOD else math.inf
     supervise(loop.limits, s, elapsed, age, missed)
     take_inputs(model, s.input_gain, age <= loop.limits.hold)
     torque = 0.0
@@ -95,7 +96,7 @@ def tick(model, loop, device, now, missed):
     elif model.torque >= 0:
         # The torsion bar pulls at the handwheel with the opposite of what it gives to the column.
         bar, speed = model.outputs[0, model.torque], model.outputs[0, model.speed]
-        torque = limited(loop.limits, s, -bar, speed, elapsed)
+        torque = limited(loop.limits, s, -loop.limits.share * bar, speed, elapsed)
     if not write(device, model, s, torque, now):
         s.failed = 1
     return torque
@@ -109,6 +110,27 @@ def note(histogram, width, worst, place, value):
 
 
 @kernel
+def wake(deadline, time, lateness, worst):
+    """Sleep until a deadline [ns] and note the lateness; the time then."""
+    sleep_until(deadline, time)
+    now = clock(time)
+    note(lateness, LATENESS_BIN, worst, 0, now - deadline)
+    return now
+
+
+@kernel
+def at_deadline(model, loop, device, deadline):
+    """Compute a sample at a deadline [ns]; the next deadline."""
+    now = wake(deadline, loop.time, loop.lateness, loop.worst)
+    missed = max(now - deadline, 0) // PERIOD
+    tick(model, loop, device, now, missed)
+    note(loop.work, WORK_BIN, loop.worst, 1, clock(loop.time) - now)
+    loop.counts[TICKS] += 1
+    loop.counts[MISSED] += missed
+    return deadline + (1 + missed) * PERIOD
+
+
+@kernel
 def run(model, loop, device):
     """Compute samples at their deadlines until ``loop.stop`` is set, or as many as there may be; then fade out."""
     s = loop.safety[0]
@@ -118,16 +140,7 @@ def run(model, loop, device):
             if s.gain == 0.0:
                 break
             s.phase = FADING
-        sleep_until(deadline, loop.time)
-        now = clock(loop.time)
-        late = now - deadline
-        missed = max(late, 0) // PERIOD
-        note(loop.lateness, LATENESS_BIN, loop.worst, 0, late)
-        tick(model, loop, device, now, missed)
-        note(loop.work, WORK_BIN, loop.worst, 1, clock(loop.time) - now)
-        loop.counts[TICKS] += 1
-        loop.counts[MISSED] += missed
-        deadline += (1 + missed) * PERIOD
+        deadline = at_deadline(model, loop, device, deadline)
     write(device, model, s, 0.0, clock(loop.time))
 
 

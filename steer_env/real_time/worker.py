@@ -1,5 +1,6 @@
 """A compiled loop in a thread of its own, without the GIL."""
 
+import ctypes
 import os
 import threading
 from collections.abc import Callable
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 from steer_env.friction.numerics.kernel import bind
 from steer_env.real_time.system import check
 
+_SET_TIMER_SLACK = 29  # PR_SET_TIMERSLACK
 WAKE = 0.1  # time after which a thread that waits looks whether it is to end [s]
 
 
@@ -48,6 +50,8 @@ class Worker:
 
     def _work(self) -> None:
         try:
+            # Otherwise Linux may wake the thread 50 us late, to serve several at once.
+            ctypes.CDLL(None).prctl(_SET_TIMER_SLACK, ctypes.c_ulong(1), 0, 0, 0)
             if self._priority:
                 self._rise()
             self._loop(*self._arguments)

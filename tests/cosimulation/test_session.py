@@ -16,6 +16,7 @@ from steer_env import cosimulation
 from steer_env.cosimulation import packets
 from steer_env.cosimulation.packets import HEADER, HEADER_SIZE, KINDS, MODES, REASONS, checksum, packed, unpacked
 from steer_env.cosimulation.session import end_where_silent
+from steer_env.real_time.safety import PHASES
 from tests.cosimulation.direct import Direct
 
 REASON = {name: i for i, name in enumerate(REASONS, 1)}
@@ -230,7 +231,14 @@ def test_plain_python_gives_the_same_bytes(served):
 
 def test_description_has_every_field_value_kind_and_reason(served):
     text = cosimulation.describe(served.layout)
-    named = [*HEADER.names, *KINDS, *MODES, *REASONS, *(s.name for s in (*served.part.given, *served.part.outputs))]
+    named = [
+        *HEADER.names,
+        *KINDS,
+        *MODES,
+        *PHASES,
+        *REASONS,
+        *(s.name for s in (*served.part.given, *served.part.outputs)),
+    ]
     for name in named:
         assert f" {name}" in text
     with pytest.raises(ValueError, match="form must be one of text, json, c, got 'xml'"):

@@ -165,6 +165,12 @@ def test_a_random_history_never_breaks_a_limit():
     assert counts(wheel.loop)["stale_trips"] > 50
 
 
+def test_a_time_to_come_is_no_input(wheel):
+    wheel.mail.put([0.0] * len(wheel.part.given), wheel.now + 10**12)
+    torques = wheel.run(0.1, silent=True)
+    assert not any(torques[round(1e3 * FADED) :])
+
+
 def test_every_phase_is_reached_and_named():
     assert PHASES == ("off", "starting", "on", "fading", "failed")
     memory = np.zeros(1, SAFETY).view(np.recarray)
