@@ -67,8 +67,8 @@ def sentences(results: Results) -> list[str]:
     cost = "costs nothing that counts" if abs(error) < COUNTS else "is not free"
     return [
         f"Where the vehicle steps after the steering every millisecond, the split at the rack {cost}: no metric of the "
-        f"weave changes by more than {percent(abs(error))} ({label(metric)}, {law}), the energy residual at the rack is "
-        f"{percent(abs(serial['energy']))} of what passes it, and the phase at {FREQUENCY:g} Hz is off by "
+        f"weave changes by more than {percent(abs(error))} ({label(metric)}, {law}), the energy residual at the rack "
+        f"is {percent(abs(serial['energy']))} of what passes it, and the phase at {FREQUENCY:g} Hz is off by "
         f"{number(abs(np.degrees(serial['phase'])), 2)}°.",
         f"A delay of one step, as where both run at once, costs at 1 ms up to {percent(abs(late_error))} of a metric "
         f"({_metric_of(results, PARALLEL, 1, late_law)}), {percent(abs(late['energy']))} of the energy, "

@@ -67,7 +67,11 @@ class OwnProcess:
         self._time, self.name = 0, Path(path).name
         command = [sys.executable, "-m", __name__, str(path)]
         self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
-        told = json.loads(self._answer())
+        try:
+            told = json.loads(self._answer())
+        except CouplingError:
+            self.close()
+            raise
         self.name = told["name"]
         self.takes, self.gives = tuple(told["takes"]), tuple(told["gives"])
         self.meta = told["meta"]
