@@ -12,20 +12,17 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eig
 
-from steer_env import friction
 from steer_env.friction.numerics.check import not_negative, number
 from steer_env.vehicle import plant
 from steer_env.vehicle.cars import SPEED_MAX, Car
 from steer_env.vehicle.chassis.common.interface import HAND, INPUTS, WHEELS
-from steer_env.vehicle.layout import layout_of, states
-from steer_env.vehicle.plant import CHANNEL, CHASSIS_STEP, STEPS_PER_CHASSIS_STEP, Plant
+from steer_env.vehicle.layout import layout_of
+from steer_env.vehicle.linearised import FRICTIONLESS, transition
+from steer_env.vehicle.plant import CHANNEL, CHASSIS_STEP, Plant
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
 
 Array = NDArray[np.float64]
 
-FRICTIONLESS = friction.make("viscous", sigma_2=0.0)
-
-_COUNTERS = {"steps_since_evaluation", "gear", "shift_time_left"}  # not continuous, and constant while cruising
 _PARTICIPATION = 1e-12  # of the steering in a mode: from 1e-8 up in its own modes, rounding of 1e-26 in the others
 FASTEST_MODE = 50.0  # frequency up to which modes are returned, where the step of 2 ms still resolves them [Hz]
 
@@ -37,53 +34,13 @@ STUCK = math.radians(0.02)  # amplitude below which the yaw rate counts as at re
 LOWEST, STRIDE = 10.0, 5.0  # speeds that are tried before the bisection for the limit, assumed [m/s]
 
 
-def transition(p: Plant, substeps: int = 1) -> tuple[Array, NDArray[np.int_]]:
-    """Transition matrix over two samples of 1 ms, which are one chassis step, linearised at straight running.
-
-    The matrix comes from central differences of :func:`steer_env.vehicle.plant.run` at zero inputs. States that no
-    other state reads are left out one after another, as they take no part in a motion: position and heading on a level
-    road, the distance, unused entries of the command queue, stored values of outputs. So are the counters.
-
-    Parameters
-    ----------
-    p : Plant
-        With any friction law; a law that is not differentiable at rest gives a secant.
-    substeps : int
-        As in ``run``.
-
-    Returns
-    -------
-    matrix : (n, n) array
-        In the units of the states.
-    index : (n,) array of int
-        Positions of the remaining states in the state array.
-    """
-    rest = plant.initial_state(p)
-    inputs, row = np.zeros((STEPS_PER_CHASSIS_STEP, len(INPUTS))), np.zeros((1, len(plant.channels(p))))
-    index = np.array([i for i, (name, _) in enumerate(states(p)) if not name.startswith(tuple(_COUNTERS))])
-    matrix = np.empty((index.size, index.size))
-    for j, i in enumerate(index):
-        step, ends = 1e-6 * max(1.0, abs(rest[i])), []
-        for side in (step, -step):
-            state = rest.copy()
-            state[i] += side
-            plant.run(p, state, inputs, row, substeps)
-            ends.append(state[index])
-        matrix[:, j] = (ends[0] - ends[1]) / (2.0 * step)
-    while True:
-        read = np.any(matrix - np.diag(np.diag(matrix)), axis=0)
-        if read.all():
-            return matrix, index
-        matrix, index = matrix[np.ix_(read, read)], index[read]
-
-
 def modes(p: Plant) -> NDArray[np.complex128]:
     """Eigenvalues of the free car that the steering takes part in: hands off, no friction, around straight running.
 
     On two tracks the left-right symmetric motions (heave, pitch, speed hold) are apart from the steering at straight
     running and do not count. They are told by the participation factors of handwheel and column, which are products of
     left and right eigenvectors and so free of units: they are zero but for rounding in a mode of these motions.
-    Neutral modes (position, yaw angle, distance) are left out by :func:`transition`.
+    Neutral modes (position, yaw angle, distance) are left out by :func:`steer_env.vehicle.linearised.transition`.
 
     Parameters
     ----------

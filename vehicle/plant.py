@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from steer_env.friction.level import Level, scales
 from steer_env.friction.numerics.bounds import within
 from steer_env.friction.numerics.interpolation import hermite
-from steer_env.friction.numerics.kernel import kernel, part
+from steer_env.friction.numerics.kernel import kernel, part, plain
 from steer_env.vehicle import chassis
 from steer_env.vehicle.chassis.common.interface import (
     ASSIST_REQUEST,
@@ -271,6 +271,14 @@ def run(p, state, inputs, record, substeps):
         if not abs(value) < math.inf:
             finite = False
     return finite
+
+
+def reported(p: Plant, state: NDArray[np.float64], u: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Channels (C,) of a state (S,) at the end of a sample with a row ``u`` (I,) of inputs."""
+    row = np.zeros(len(channels(p)))
+    plain(report_column)(p, state, row)
+    plain(report_chassis)(p, state, u, row[_OWN - 1 :])
+    return row
 
 
 def channels(p: Plant) -> Names:

@@ -28,6 +28,7 @@ class Problem(NamedTuple):
     levels: NDArray[np.float64]  # factor on the saturated friction at each sample [1]
     weighed: NDArray[np.bool_]  # the samples that count
     columns: NDArray[np.float64]  # (T, K) what adds to the torque in proportion: offset, acceleration [1]
+    own: float = 0.0  # deviation of the torque that the noise of a smoothed x explains [1]
 
     def thinned(self) -> "Problem":
         """Every so manieth sample, so that about ``COARSE`` are left, for a search that only has to come near."""

@@ -96,7 +96,7 @@ def tick(model, loop, device, now, missed):
     elif model.torque >= 0:
         # The torsion bar pulls at the handwheel with the opposite of what it gives to the column.
         bar, speed = model.outputs[0, model.torque], model.outputs[0, model.speed]
-        torque = limited(loop.limits, s, -bar, speed, elapsed)
+        torque = limited(loop.limits, s, -loop.limits.share * bar, speed, elapsed)
     if not write(device, model, s, torque, now):
         s.failed = 1
     return torque

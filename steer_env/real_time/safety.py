@@ -34,6 +34,7 @@ class Limits(NamedTuple):
     soft_start: float = 1.0  # [s]
     hold: float = 0.02  # time without an input, after which it is stale [s]
     fade: float = 0.025  # [s]
+    share: float = 1.0  # of the torsion bar's torque that the motor gives [1]
     missed: float = 25.0  # deadlines missed in a row, a miss being forgiven for every ten that are kept [1]
 
 

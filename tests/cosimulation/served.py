@@ -36,7 +36,7 @@ def serving(*options, end=signal.SIGINT):
     process = subprocess.Popen([*COMMAND, *options], cwd=ROOT, stdout=subprocess.PIPE, text=True)
     try:
         told = json.loads(process.stdout.readline())
-        process.address = told["address"], told["port"]
+        process.told, process.address = told, (told["address"], told["port"])
         yield process
         process.send_signal(end)
         said, _ = process.communicate(timeout=60)

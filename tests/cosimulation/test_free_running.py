@@ -99,11 +99,10 @@ def test_time_goes_by_and_a_client_that_falls_silent_loses_its_torque():
             assert answers[-1].torque < -1.0
             assert all(answer.delay > 0.0 for answer in answers)
             after = held(stream, 1.0, None)
-            assert "fading" in {answer.phase for answer in after}
+            assert server.counts()["stale_trips"] >= 1
             assert (after[-1].phase, after[-1].torque) == ("off", 0.0)
             assert held(stream, 0.5, inputs)[-1].phase == "on"
         counts = server.counts()
-        assert counts["stale_trips"] >= 1
         assert counts["sessions"] == 1
     assert server.counts()["missed"] >= counts["missed"]
 
@@ -124,3 +123,11 @@ def test_options_are_those_of_the_library():
     assert serve.TORQUE == Limits().torque
     with pytest.raises(ValueError, match="mode must be one of lockstep, free-running, got 'fast'"):
         Server(part_of(), mode="fast")
+
+
+@pytest.mark.whole
+def test_a_wheel_with_much_delay_gets_less_torque():
+    with serving("--hands", "angle", "--free-running", "--wheel", "0.04,0.1,30") as process:
+        pass
+    assert 0.0 < process.told["wheel"]["share"] < 1.0
+    assert process.told["wheel"]["longest_delay_s"] < 0.03

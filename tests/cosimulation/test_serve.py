@@ -198,6 +198,9 @@ def test_ends_on_sigterm_too_and_refuses_in_words(capsys):
     [
         (["--address", "192.0.2.1"], "cannot receive at address 192.0.2.1, port 0: Cannot assign requested address"),
         (["--address", "no.such.host.invalid"], "cannot receive at address no.such.host.invalid"),
+        (["--wheel", "0.04,0.5,8"], "--wheel needs --free-running"),
+        (["--free-running", "--wheel", "0.04,0.5,8"], "with hands that give the angle"),
+        (["--free-running", "--wheel", "0.04,0,8"], "damping of the wheel [N m s/rad] must be finite and greater"),
         (["--silence", "0"], "--silence must be finite and greater than 0"),
         (["--part", "chassis", "--speed-kph", "500"], "must be finite and at least 3 and at most 70"),
     ],
