@@ -8,7 +8,8 @@ import pytest
 
 from steer_env.vehicle import cars, linearised, plant, understeer
 from steer_env.vehicle.chassis.common.interface import ASSIST_REQUEST, HAND, HAND_SPEED, INPUTS, RACK_DISTURBANCE
-from steer_env.vehicle.linearised import cornering, held, linearise, steady
+from steer_env.vehicle.linearised import linearise
+from steer_env.vehicle.operating_point import HANDS, cornering, held, steady
 from steer_env.vehicle.steering.margins import boost_gain
 
 CAR = cars.load("compact")
@@ -149,7 +150,7 @@ def test_a_car_at_standstill():
 
 def test_names(turns):
     """States, inputs and outputs have the names of the plant, each once."""
-    for hands in linearised.HANDS:
+    for hands in HANDS:
         g = linearise(held(steady(turns["two_track"]), hands, "lugre", ARMS if hands == "arms" else (0.0,) * 3))
         for labels in (g.state_labels, g.input_labels, g.output_labels):
             assert len(set(labels)) == len(labels)
