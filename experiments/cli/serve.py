@@ -2,6 +2,7 @@
 
 import argparse
 import json
+import math
 import sys
 from typing import Any
 
@@ -13,11 +14,12 @@ from steer_env.experiments.output import car_options
 FORMATS = ("text", "json", "c")
 LOOPBACK = "127.0.0.1"
 SILENCE = 10.0  # [s]
+TORQUE = 8.0  # [N m]
 
 
 def add(commands: Any, common: argparse.ArgumentParser) -> None:
     """Add the command to a parser's."""
-    text = "Serve the car, its steering or its chassis to another program, over UDP and step by step, until Ctrl-C."
+    text = "Serve the car, its steering or its chassis to another program over UDP, step by step or free running."
     serve = commands.add_parser("serve", help=text, description=text, parents=[common])
     plant_options.add(
         serve,
@@ -29,6 +31,17 @@ def add(commands: Any, common: argparse.ArgumentParser) -> None:
     serve.add_argument("--port", metavar="N", type=whole_number(0, 65535), default=0, help=text)
     text = f"address of this machine at which to receive (default {LOOPBACK}: programs on this machine only)"
     serve.add_argument("--address", metavar="HOST", default=LOOPBACK, help=text)
+    text = "samples of 1 ms that follow the clock, with the last inputs, and not steps that the other program asks for"
+    serve.add_argument("--free-running", action="store_true", help=text)
+    text = f"in free running, largest torque of a motor at the handwheel in N m (default {TORQUE:g})"
+    serve.add_argument("--torque-limit", metavar="NM", type=float, default=TORQUE, help=text)
+    text = (
+        "in free running, inertia [kg m2], damping [N m s/rad] and delay [ms] of a force-feedback wheel: prints the "
+        "longest delay with which it is stable, and reduces the torque where its own is longer"
+    )
+    serve.add_argument("--wheel", metavar="J,B,MS", type=_wheel, help=text)
+    text = "in free running, priority 1 to 99 of the scheduler SCHED_FIFO (default: that of every program)"
+    serve.add_argument("--priority", metavar="N", type=whole_number(1, 99), default=0, help=text)
     text = f"seconds without a packet after which a session ends (default {SILENCE:.0f})"
     serve.add_argument("--silence", metavar="S", type=float, default=SILENCE, help=text)
     text = "print the layout of the packets and end; c is a header file"
@@ -38,11 +51,22 @@ def add(commands: Any, common: argparse.ArgumentParser) -> None:
     serve.set_defaults(function=_serve)
 
 
+def _wheel(text: str) -> tuple[float, float, float]:
+    """Inertia [kg m2], damping [N m s/rad] and delay [s] of a wheel from text."""
+    try:
+        inertia, damping, delay = map(float, text.split(","))
+    except ValueError:
+        form = "inertia, damping and delay, as in 0.04,0.5,8"
+        raise argparse.ArgumentTypeError(f"expected three numbers, {form}, got {text!r}") from None
+    return inertia, damping, 1e-3 * delay
+
+
 def _serve(args: argparse.Namespace) -> None:
     from steer_env import cosimulation
-    from steer_env.cosimulation.session import COUNTS
+    from steer_env.cosimulation.server import MEANINGS
     from steer_env.fmu.parts import make_part
     from steer_env.friction.numerics.check import number
+    from steer_env.real_time import Limits, haptics
 
     silence = number("--silence", args.silence, minimum=0.0, above=True, maximum=1e6)
     speed = args.speed_kph * KPH
@@ -52,10 +76,19 @@ def _serve(args: argparse.Namespace) -> None:
     if args.describe:
         sys.stdout.write(cosimulation.describe(cosimulation.layout_of(part), args.describe))
         return
-    server = cosimulation.Server(part, args.address, args.port, silence)
+    mode = "free-running" if args.free_running else "lockstep"
+    limits = Limits(torque=number("--torque-limit", args.torque_limit, minimum=0.0, maximum=50.0))
+    if args.wheel and not args.free_running:
+        raise ValueError("--wheel needs --free-running, as nothing is real time in lockstep")
+    found = haptics.stability(part, haptics.make(*args.wheel)) if args.wheel else None
+    if found:
+        limits = limits._replace(share=found.share)
+    server = cosimulation.Server(
+        part, args.address, args.port, silence, mode=mode, limits=limits, priority=args.priority
+    )
     try:
         with server:
-            _announce(args, server)
+            _announce(args, server, found)
             server.wait()
     except KeyboardInterrupt:  # how a server ends
         pass
@@ -65,18 +98,31 @@ def _serve(args: argparse.Namespace) -> None:
     else:
         width = max(map(len, counts))
         for name, count in counts.items():
-            print(f"{name:{width}s}  {count:9d}  {COUNTS[name]}")
+            print(f"{name:{width}s}  {count:9d}  {MEANINGS[name]}")
 
 
-def _announce(args: argparse.Namespace, server: Any) -> None:
-    """Say where the server receives, which a program that starts it reads."""
+def _announce(args: argparse.Namespace, server: Any, found: Any) -> None:
+    """Say where the server receives, which a program that starts it reads, and what a wheel may do."""
     (address, port), layout = server.address, server.layout
     if args.json:
-        told = {"part": args.part, "address": address, "port": port, "layout": layout.fingerprint}
+        told: dict[str, Any] = {
+            "part": args.part,
+            "mode": server.mode,
+            "address": address,
+            "port": port,
+            "layout": layout.fingerprint,
+        }
+        if found:
+            delay = found.longest_delay if math.isfinite(found.longest_delay) else None
+            told["wheel"] = {"longest_delay_s": delay, "share": found.share}
         print(json.dumps(told), flush=True)
         return
+    if found:
+        longest = f"delays of up to {1e3 * found.longest_delay:.1f} ms"
+        longest = longest if math.isfinite(found.longest_delay) else "every delay"
+        print(f"the wheel is stable with {longest}; with its own it gives {found.share:.0%} of the torque")
     print(
-        f"{args.part} at {address}, port {port}, in lockstep: requests of {layout.request_size} bytes, answers of "
+        f"{args.part} at {address}, port {port}, {server.mode}: requests of {layout.request_size} bytes, answers of "
         f"{layout.answer_size}, layout 0x{layout.fingerprint:08x}; Ctrl-C ends it",
         flush=True,
     )

@@ -8,8 +8,8 @@ from steer_env.experiments.cli.common.extras import require
 from steer_env.experiments.cli.common.sweeping import add_sweep, runner
 from steer_env.friction.numerics.registry import dashed, listed
 
-SWEEPING = ("friction", "hands-off", "held-torque", "loop-width")  # studies of many cases
-EXTRAS = {"commonroad": "test"}  # study -> the extra that it needs
+SWEEPING = ("coupling", "friction", "hands-off", "held-torque", "loop-width")  # studies of many cases
+EXTRAS = {"commonroad": "test", "coupling": "fmu"}  # study -> the extra that it needs
 
 
 def add(commands: Any, common: argparse.ArgumentParser) -> None:

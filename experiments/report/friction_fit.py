@@ -9,8 +9,9 @@ import numpy as np
 
 from steer_env import friction
 from steer_env.friction import Compared, Record
-from steer_env.friction.identification.compare import HELD_OUT, moving, remainder
-from steer_env.friction.identification.displacement import noise_of
+from steer_env.friction.identification import periods
+from steer_env.friction.identification.compare import HELD_OUT, remainder
+from steer_env.friction.identification.displacement import deviation_of
 from steer_env.friction.law import LAWS
 from steer_env.friction.numerics.check import number
 from steer_env.recording import friction_checks
@@ -102,7 +103,7 @@ def collect(
         first = 0
     if record.motion is not record.x:
         unit, size = SHOWN[record.units["displacement"]]
-        noise = noise_of(record.x) / size
+        noise = deviation_of(record.x) / size
         text = f"the displacement has noise of {noise:.2g} {unit}: it is smoothed between reversals"
         record = replace(record, notes=(*record.notes, text))
     given = Record(record.x, record.friction, record.dt, record.load if by_load else None)
@@ -110,8 +111,8 @@ def collect(
     found = friction.compare(given, laws, held_out=judging, notify=notify, **(options or {}))
     curves = {each.law: record.friction + remainder(given, each.fit) for each in found if each.fit is not None}
     level = friction_checks.mean_friction(record.motion, record.friction)
-    repeats = friction_checks.repeatability(record.motion, record.friction, first)
-    rests = 1.0 - float(np.mean(moving(record.motion[first:])))
+    repeats = periods.repeatability(record.motion, record.friction, first)
+    rests = 1.0 - float(np.mean(periods.moving(record.motion[first:])))
     return Found(
         record, name, first, level, repeats, rests if rests > RESTS else 0.0, found, curves, _saturated(record, found)
     )

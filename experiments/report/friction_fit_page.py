@@ -21,8 +21,8 @@ from steer_env.experiments.output.traces import embedded
 from steer_env.experiments.output.words import number as shown_number
 from steer_env.experiments.report.friction_fit import SHOWN, Found, contents, known_from
 from steer_env.friction import Compared, Fit
+from steer_env.friction.identification import periods
 from steer_env.friction.law import LAWS
-from steer_env.recording import friction_checks
 
 ADVICE = ": try another law with friction.compare"  # at the end of a warning of a law that does not describe the record
 WITHIN = 1.5  # of the record's own repeatability: a law that leaves no more describes the record; assumed [1]
@@ -155,7 +155,7 @@ def law_file(found: Found, each: Compared, fit: Fit, trace: Mapping[str, Any]) -
 def as_json(found: Found, trace: Mapping[str, Any]) -> dict[str, Any]:
     """Everything that was found, as JSON; null for an end of an interval that is open."""
     r = found.record
-    own = friction_checks.period(r.motion)
+    own = periods.period(r.motion)
     return {
         "record": {
             "name": found.name,
@@ -202,7 +202,7 @@ def shown(found: Found) -> fit_pictures.Shown:
     """The record in the units of the page, with its last whole loop."""
     r = found.record
     (x_unit, x_size), (unit, size) = SHOWN[r.units["displacement"]], SHOWN[r.units["torque"]]
-    n, known = friction_checks.period(r.motion), known_from(r)
+    n, known = periods.period(r.motion), known_from(r)
     loop = slice(-n if n else None, None)
     return fit_pictures.Shown(
         r.time, r.motion / x_size, r.friction / size, x_unit, unit, loop, known, found.first or r.x.size

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from steer_env.friction.identification.fit import Fit, Options, fitted, prepared
 from steer_env.friction.identification.intervals import samples_per_count
+from steer_env.friction.identification.periods import moving
 from steer_env.friction.identification.record import Record, checked
 from steer_env.friction.law import available, law_of, make
 from steer_env.friction.level import by_sample
@@ -115,11 +116,6 @@ def compare(
         aic, bic = _criteria(each, left)
         result.append(each._replace(alike=_alike(each.law, squares, seed), aic=aic, bic=bic))
     return tuple(result)
-
-
-def moving(x: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """The samples (T,) at which a displacement moves, as a fit of a law without memory weighs them."""
-    return np.diff(x, prepend=x[0]) != 0.0
 
 
 def _moves(record: Record, inertia: float | None, judging: slice) -> NDArray[np.bool_]:

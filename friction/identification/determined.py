@@ -76,7 +76,8 @@ def _spared(
         excess = {
             s.name: _excess(s.logarithmic, q, h) for s, q, h in zip(space.sought, optimum.q.tolist(), half.tolist())
         }
-        if all(each <= 1.0 for each in excess.values()):
+        squares = float(np.mean(optimum.residual**2))
+        if all(each <= 1.0 for each in excess.values()) and squares > problem.own**2:
             break
         spare = [s.name for s in space.sought if s.spare and s.name not in stays]
         wide = [s.name for s in space.sought if excess[s.name] > 1.0 and s.name not in stays]
@@ -89,6 +90,7 @@ def _spared(
         else:
             undetermined.append(name)
             space, optimum = smaller
+            stays.clear()
     return space, optimum, excess, half
 
 
@@ -123,12 +125,17 @@ def _without(problem: Problem, space: Space, optimum: Optimum, name: str) -> tup
         return None
     n_e = optimum.residual.size / samples_per_count(optimum.residual)
     growth = min(WORSE / n_e, (1.0 + HARDLY) ** 2 - 1.0)  # (F34)
-    allowed = growth * float(np.sum(optimum.residual**2 + FLOOR**2))
+    squares = float(np.sum(optimum.residual**2))
+    allowed = growth * (squares + FLOOR**2 * optimum.residual.size)
+    allowed = max(allowed, problem.own**2 * optimum.residual.size - squares)  # else it describes the noise of x
     again = np.where([s.bounded for s in smaller.sought], smaller.start, smaller.inside)  # what was zero may replace it
-    for q in (smaller.inside, again):
-        near = descended(problem.thinned(), smaller, np.append(q, optimum.q[n:]), 0.1 * float(np.ptp(problem.torque)))
-        end = refined(problem, smaller, near)
-        if np.sum(end.residual**2) - np.sum(optimum.residual**2) <= allowed:
+    part, coarse = problem.thinned(), 0.1 * float(np.ptp(problem.torque))
+    for q in (smaller.inside, again, None):
+        if q is None:  # far from here, where others take its place
+            end = searched(problem, smaller, STARTS, 0, False)
+        else:
+            end = refined(problem, smaller, descended(part, smaller, np.append(q, optimum.q[n:]), coarse))
+        if np.sum(end.residual**2) - squares <= allowed:
             return smaller, end
     return None
 

@@ -11,6 +11,8 @@ from steer_env.friction.identification.branches import turns_of
 BAND = 9.0  # deviations of the noise: a smaller swing is no reversal; 20,000 samples of noise alone stay below it [1]
 NEAR = 6.0  # deviations of the noise: so near to a reversal its place is sought [1]
 HARMLESS = 0.05  # noise of the speed between samples, of the speed itself [1]: less is left as it is
+LATTICE = 1e-6  # departure of steps from multiples of the least one [1]
+STAIRS = 0.1  # samples in motion after which the step changes, of a staircase at least [1]; assumed
 SMOOTH = 0.05  # noise of the speed after smoothing, of the speed itself [1]
 
 
@@ -20,6 +22,26 @@ def noise_of(values: NDArray) -> float:
     The third differences of white noise have 20 times its variance; those of a smooth motion are small.
     """
     return 1.4826 * float(np.median(np.abs(np.diff(values, 3)))) / math.sqrt(20.0) if values.size > 3 else 0.0
+
+
+def deviation_of(x: NDArray) -> float:
+    """Standard deviation of the noise of a displacement, which steps of its sensor or its file are too (F33)."""
+    return max(noise_of(x), quantum_of(x) / math.sqrt(12.0))
+
+
+def quantum_of(x: NDArray) -> float:
+    """Step of a displacement that is recorded in steps, at which a motion hesitates; 0 for any other (F33).
+
+    An even motion of one step for each sample is no such staircase.
+    """
+    steps = np.diff(x)
+    sizes = np.abs(steps[steps != 0.0])
+    if sizes.size < 2:
+        return 0.0
+    shares = sizes / np.min(sizes)
+    uneven = np.mean(np.abs(np.diff(steps))[steps[:-1] != 0.0] > 0.5 * np.min(sizes))
+    even = np.all(np.abs(shares - np.round(shares)) < LATTICE * shares)
+    return float(np.min(sizes)) if even and uneven > STAIRS else 0.0
 
 
 def motion_of(x: NDArray, noise: float) -> NDArray[np.float64]:
@@ -34,12 +56,14 @@ def motion_of(x: NDArray, noise: float) -> NDArray[np.float64]:
     """
     if noise == 0.0:
         return x
-    turns = turns_of(x, BAND * noise)  # (F33)
-    step = float(np.sum(np.abs(np.diff(x[turns])))) / x.size  # without the path of the noise
+    step = float(np.sum(np.abs(np.diff(x[turns_of(x, BAND * noise)])))) / x.size  # without the path of the noise
     if math.sqrt(2.0) * noise <= HARMLESS * step:
         return x
     window = (12.0 * (noise / (SMOOTH * max(step, 1e-3 * noise))) ** 2) ** (1.0 / 3.0)
-    turns = [turns[0], *(_vertex(x, turn, NEAR * noise) for turn in turns[1:-1]), turns[-1]]
+    smooth = _smooth(x, round(window))
+    turns = turns_of(smooth, BAND * noise * 1.5 / math.sqrt(window))  # (F33) the noise that local parabolas leave
+    inner = [_vertex(x, *each, NEAR * noise) for each in zip(turns, turns[1:], turns[2:])]
+    turns = [turns[0], *inner, turns[-1]]
     motion = x.copy()
     motion[: turns[0]] = x[: turns[0] + 1].mean()
     for a, b in pairwise(turns):
@@ -47,9 +71,13 @@ def motion_of(x: NDArray, noise: float) -> NDArray[np.float64]:
     return motion
 
 
-def _vertex(x: NDArray, turn: int, band: float) -> int:
-    """The sample of a reversal, by a parabola through the samples about it that are within ``band`` of it [rad]."""
+def _vertex(x: NDArray, before: int, turn: int, after: int, band: float) -> int:
+    """The sample of a reversal, by a parabola through the samples about it that are within ``band`` of it [rad].
+
+    It reaches half-way to the reversals ``before`` and ``after`` at most.
+    """
     far = np.abs(x - x[turn]) > band
+    far[[(before + turn) // 2, (turn + after) // 2]] = True
     a = turn - int(np.argmax(far[turn::-1]))
     b = turn + int(np.argmax(far[turn:]))
     if b - a < 4 or not a < turn < b:
@@ -61,8 +89,13 @@ def _vertex(x: NDArray, turn: int, band: float) -> int:
 def _branch(x: NDArray, window: int) -> NDArray[np.float64]:
     """The smooth and monotone motion of one branch."""
     from scipy.optimize import isotonic_regression  # imported here, because that takes longer than all laws
-    from scipy.signal import savgol_filter
+
+    return isotonic_regression(_smooth(x, window), increasing=bool(x[-1] > x[0])).x
+
+
+def _smooth(x: NDArray, window: int) -> NDArray[np.float64]:
+    """Local parabolas."""
+    from scipy.signal import savgol_filter  # imported here, as above
 
     width = min(window, x.size) // 2 * 2 - 1  # odd
-    smooth = savgol_filter(x, width, 2, mode="interp") if width > 3 else x
-    return isotonic_regression(smooth, increasing=bool(x[-1] > x[0])).x
+    return np.asarray(savgol_filter(x, width, 2, mode="interp")) if width > 3 else x

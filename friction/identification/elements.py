@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from steer_env.friction.identification.determined import Estimate
 from steer_env.friction.identification.intervals import half_widths
 from steer_env.friction.identification.problem import Problem
 from steer_env.friction.numerics.bounds import within
@@ -99,6 +100,23 @@ def not_negative_factors(A: NDArray, T: NDArray, n: int) -> NDArray[np.float64]:
     F, _ = nnls(R[:, :-1], R[:, -1])  # (F32)
     factors = F[n : A.shape[1]] - F[A.shape[1] :]
     return np.append(F[:n], factors)
+
+
+def beside(problem: Problem, estimate: Estimate, elements: Elements) -> tuple[Problem, Estimate]:
+    """Problem and estimate with columns for the elements, after the others, so that all intervals allow for them (F32).
+
+    Where the law has a level ``F_c`` of its own, the columns are those of what one element has more than the others.
+    """
+    size, end = elements.F.size, estimate.optimum
+    A = elements.J[:, :size]
+    if hasattr(estimate.parameters, "F_c"):
+        A = (A - (A @ elements.F / np.sum(elements.F))[:, None])[:, 1:]
+    jacobian = np.column_stack([end.jacobian, end.weight[:, None] * A])
+    columns = np.zeros((problem.x.size, A.shape[1]))  # what is not weighed does not count
+    columns[problem.weighed] = A
+    end = end._replace(q=np.append(end.q, np.zeros(A.shape[1])), jacobian=jacobian)
+    problem = problem._replace(columns=np.column_stack([problem.columns, columns]))
+    return problem, estimate._replace(optimum=end)
 
 
 def _estimate(y: NDArray, A: NDArray, T: NDArray) -> Elements:

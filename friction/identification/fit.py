@@ -10,10 +10,10 @@ from numpy.typing import ArrayLike, NDArray
 from steer_env.friction.identification.branches import BAND as SWING
 from steer_env.friction.identification.branches import Branches, branches_of, stiffness_of, weighed_of
 from steer_env.friction.identification.determined import Estimate, determined, linear
-from steer_env.friction.identification.displacement import BAND, motion_of, noise_of
-from steer_env.friction.identification.elements import Elements
+from steer_env.friction.identification.displacement import BAND, deviation_of, motion_of
+from steer_env.friction.identification.elements import Elements, beside
 from steer_env.friction.identification.problem import Problem, searched
-from steer_env.friction.identification.quality import own_noise, refuse
+from steer_env.friction.identification.quality import by_noise, own_noise, refuse
 from steer_env.friction.identification.ranges import bootstrapped, profiled
 from steer_env.friction.identification.rate import Rate, joint, told, with_rate
 from steer_env.friction.identification.record import Record, checked
@@ -64,6 +64,7 @@ class Prepared(NamedTuple):
     record: Record  # with x freed of its noise, and the torque of the inertia subtracted
     inertia: float | None  # None: to be estimated [kg m2]
     noise: float  # of x [rad]
+    by_noise: float  # what that noise leaves of the torque; 0 where it is too small to matter [N m]
     own_noise: float  # of the torque: what even the true law leaves [N m]
     branches: Branches
     scales: Scales
@@ -144,7 +145,7 @@ def fit(
 
 def prepared(record: Record, inertia: float | None = 0.0) -> Prepared:
     """The noise of x removed, torque of inertia subtracted, branches and scales found; see :func:`fit`."""
-    noise = noise_of(record.x)
+    noise = deviation_of(record.x)
     refuse(record.x, record.torque, noise)
     path = motion_of(record.x, noise)
     mass = 0.0 if inertia is None else number("inertia", inertia, minimum=0.0)
@@ -156,9 +157,10 @@ def prepared(record: Record, inertia: float | None = 0.0) -> Prepared:
     moving = steps[steps > 0.0]
     length = max(2.0 * level / stiffness_of(branches), 0.1 * float(np.median(moving)))
     speed = float(np.mean(moving)) / record.dt
-    slope_noise = 0.5 * noise / length * level if path is not record.x else 0.0
-    own = own_noise(path, T, branches, slope_noise)
-    return Prepared(clean, inertia, noise, own, branches, Scales(level, length, length / speed))
+    smoothed = path is not record.x
+    by_x = by_noise(path, noise, record.dt, level, length) if smoothed else 0.0
+    own = own_noise(path, T, branches, by_x)
+    return Prepared(clean, inertia, noise, by_x, own, branches, Scales(level, length, length / speed))
 
 
 def _acceleration(x: NDArray, dt: float) -> NDArray[np.float64]:
@@ -168,15 +170,16 @@ def _acceleration(x: NDArray, dt: float) -> NDArray[np.float64]:
 def fitted(ready: Prepared, law: Law, options: Options) -> Fit:
     """One law on a record that is ready; see :func:`fit`."""
     problem = _problem(ready, law)
-    load = None if ready.record.load is None else np.abs(ready.record.load)
-    if load is None or not np.ptp(load) > 0.0:
-        return _told(ready, law, problem, *_estimated(ready, law, problem, options), options, Rate())
-    few = options._replace(starts=1, global_search=False)
-    load = load / float(np.mean(load))
-    problem, rate = with_rate(problem, law, load, lambda each: _estimated(ready, law, each, few)[0])
+    load, rate = None if ready.record.load is None else np.abs(ready.record.load), Rate()
+    if load is not None and np.ptp(load) > 0.0:
+        few = options._replace(starts=1, global_search=False)
+        load = load / float(np.mean(load))
+        problem, rate = with_rate(problem, law, load, lambda each: _estimated(ready, law, each, few)[0])
     estimate, elements = _estimated(ready, law, problem, options)
-    if rate.joint:
+    if load is not None and rate.joint:
         problem, estimate = joint(problem, law, load, rate, estimate)
+    if elements is not None:
+        problem, estimate = beside(problem, estimate, elements)
     return _told(ready, law, problem, estimate, elements, options, rate)
 
 
@@ -196,6 +199,7 @@ def _problem(ready: Prepared, law: Law) -> Problem:
         np.ones(x.size),
         weighed_of(record.x, ready.branches, remembers),
         np.column_stack(columns) if columns else np.zeros((x.size, 0)),
+        ready.own_noise / scales.torque if ready.by_noise else 0.0,
     )
 
 
@@ -240,9 +244,8 @@ def _told(
             if name not in law.units:
                 intervals[name] = least * scales.torque, most * scales.torque
             elif name in intervals:
-                # Sought beside the elements, which its own interval holds: their uncertainty comes to it.
-                own, half = intervals[name], 0.5 * (most - least) * scales.torque
-                intervals[name] = own[0] - half, own[1] + half
+                own = intervals[name]  # at these yields; other yields that describe the record as well widen it
+                intervals[name] = min(own[0], least * scales.torque), max(own[1], most * scales.torque)
     if "F_c" in intervals and not branches.saturates:
         intervals["F_c"] = intervals["F_c"][0], math.inf
     e = estimate.optimum.residual * scales.torque  # (F12)

@@ -28,6 +28,7 @@ class Problem(NamedTuple):
     levels: NDArray[np.float64]  # factor on the saturated friction at each sample [1]
     weighed: NDArray[np.bool_]  # the samples that count
     columns: NDArray[np.float64]  # (T, K) what adds to the torque in proportion: offset, acceleration [1]
+    own: float = 0.0  # deviation of the torque that the noise of a smoothed x explains [1]
 
     def thinned(self) -> "Problem":
         """Every so manieth sample, so that about ``COARSE`` are left, for a search that only has to come near."""
@@ -57,6 +58,11 @@ class Optimum(NamedTuple):
     def weakened(self) -> NDArray[np.float64]:
         """Residuals whose squares are the loss [1]."""
         return _soft(self.residual, self.loss_scale)
+
+    @property
+    def weight(self) -> NDArray[np.float64]:
+        """Derivatives of the weakened residuals by the residuals [1]."""
+        return _slope(self.residual, self.loss_scale)
 
 
 def residuals(problem: Problem, space: Space, q: NDArray, prior: float) -> NDArray[np.float64]:
@@ -111,8 +117,7 @@ def _jacobian(problem: Problem, space: Space, q: NDArray, scale: float) -> NDArr
     """Derivatives of the weakened residuals, to the side that the law allows."""
     n = len(space.sought)
     first = residuals(problem, space, q, 0.0)
-    root = np.sqrt(1.0 + (first / scale) ** 2)
-    weight = np.sqrt(0.5 * (1.0 + root)) / root  # derivative of :func:`_soft`
+    weight = _slope(first, scale)
     columns = []
     for i in range(q.size):
         step = np.zeros(q.size)
@@ -126,6 +131,12 @@ def _jacobian(problem: Problem, space: Space, q: NDArray, scale: float) -> NDArr
 def _soft(e: NDArray, scale: float) -> NDArray[np.float64]:
     """Residuals whose squares are the loss soft L1, ``2 s^2 (sqrt(1 + (e/s)^2) - 1)``; small ones are unchanged."""
     return e * np.sqrt(2.0 / (1.0 + np.sqrt(1.0 + (e / scale) ** 2)))
+
+
+def _slope(e: NDArray, scale: float) -> NDArray[np.float64]:
+    """Derivative of :func:`_soft`."""
+    root = np.sqrt(1.0 + (e / scale) ** 2)
+    return np.sqrt(0.5 * (1.0 + root)) / root
 
 
 def searched(problem: Problem, space: Space, starts: int, seed: int, global_search: bool) -> Optimum:

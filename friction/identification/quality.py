@@ -6,12 +6,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from steer_env.friction.identification.branches import Branches
-from steer_env.friction.identification.displacement import noise_of
+from steer_env.friction.identification.displacement import motion_of, noise_of
+from steer_env.friction.identification.periods import repeatability
+from steer_env.friction.law import make
+from steer_env.friction.response import response
 
 STRAIGHT = 0.01  # torque beside a straight line through the displacement, of its range [1]
 NOISIEST = 0.05  # noise of the displacement, of its range [1]
-CLIPPED = 10  # samples in a row at the very extreme of a noisy torque
-ALIKE = 0.02  # difference of two periods: of the displacement, of its range [1]
+CLIPPED = 20  # samples in a row at the largest value that are taken for a sensor at its end
+ALTERNATING = 0.6  # third differences that change their sign, at least [1]; of white noise 0.77 do
+NOISY = 1e-3  # noise of a sensor's signal over its range, at least [1]
+LOST = 2.0  # noise of x that leaves a torque, over what a second smoothing of the smoothed motion shows; assumed [1]
 
 
 def refuse(x: NDArray, torque: NDArray, noise: float) -> None:
@@ -38,39 +43,63 @@ def refuse(x: NDArray, torque: NDArray, noise: float) -> None:
         )
 
 
-def clipped(torque: NDArray) -> int:
-    """The most samples in a row at the highest or lowest torque of a noisy record; 0 for less than ``CLIPPED``."""
-    if noise_of(torque) == 0.0:  # a constant torque is then no sign of a sensor at its limit
-        return 0
-    longest = 0
-    for limit in (torque.max(), torque.min()):
-        at = np.concatenate([[0], (torque == limit).astype(int), [0]])
-        edges = np.flatnonzero(np.diff(at))
-        longest = max(longest, int(np.max(edges[1::2] - edges[::2])))
-    return longest if longest >= CLIPPED else 0
+def clipped(friction: NDArray[np.float64]) -> str | None:
+    """A note where the friction stays at exactly its largest or smallest value though it is noisy elsewhere."""
+    if _noise(friction) < NOISY * np.ptp(friction):
+        return None  # a law's own plateau is as flat
+    for side, name in ((1.0, "largest"), (-1.0, "smallest")):
+        end = (side * friction).max()
+        at_end = side * friction == end
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], at_end.astype(int), [0]])))
+        longest = int(np.max(edges[1::2] - edges[::2]))
+        if longest >= CLIPPED:
+            return (
+                f"the friction stays at its {name} value, {side * end:g}, for {longest} samples in a row: the sensor is"
+                " at the end of its range, which makes the level a lower bound. Measure with a larger range"
+            )
+    return None
 
 
-def repeatability(x: NDArray, torque: NDArray, branches: Branches) -> float:
-    """Deviation of the torque from one period to the next [N m]; 0 where the displacement has no period (F36).
+def _noise(values: NDArray[np.float64]) -> float:
+    """Standard deviation of white noise on a smooth history between its ends, by the third differences.
 
-    What is before the weighed samples does not count: there the memory of the start makes a period differ.
+    They have 20 times its variance, and change their sign from sample to sample as those of a smooth motion do not.
+    Zero where few samples lie between the ends.
     """
-    spans = np.subtract(branches.turns[3:-1], branches.turns[1:-3])
-    if spans.size < 2:
+    between = (values > values.min()) & (values < values.max())
+    whole = between[3:] & between[2:-1] & between[1:-2] & between[:-3]
+    there = np.diff(values, 3)[whole]
+    if there.size <= CLIPPED or np.mean(there[1:] * there[:-1] < 0.0) < ALTERNATING:
         return 0.0
-    period = int(np.median(spans))
-    begin = branches.turns[branches.first]
-    x, torque = x[begin:], torque[begin:]
-    if x.size <= period:
-        return 0.0
-    if np.sqrt(np.mean((x[period:] - x[:-period]) ** 2)) > ALIKE * np.ptp(x):
-        return 0.0
-    return float(np.sqrt(0.5 * np.mean((torque[period:] - torque[:-period]) ** 2)))
+    return 1.4826 * float(np.median(np.abs(there))) / math.sqrt(20.0)
 
 
-def own_noise(x: NDArray, torque: NDArray, branches: Branches, slope_noise: float) -> float:
+def own_noise(x: NDArray, torque: NDArray, branches: Branches, by_x: float) -> float:
     """What even the true law would leave of the torque [N m] (F36).
 
     The larger of the noise from sample to sample and of that from period to period, with what noise of x adds.
     """
-    return math.hypot(max(noise_of(torque), repeatability(x, torque, branches)), slope_noise)  # (F36)
+    apart = repeatability(x, torque, branches.turns[branches.first]) or 0.0
+    return math.hypot(max(noise_of(torque), apart / math.sqrt(2.0)), by_x)  # (F36)
+
+
+def by_noise(x: NDArray, noise: float, dt: float, level: float, length: float) -> float:
+    """What noise of a displacement leaves of the torque after it was smoothed [N m] (F36).
+
+    The smoothed motion gets such noise once more and is smoothed once more; the torque of a Dahl law with the record's
+    level and length then differs by about half of it, as small reversals that the first smoothing lost do not count.
+
+    Parameters
+    ----------
+    x : (T,) array
+        The smoothed motion [rad].
+    noise : float
+        Its deviation [rad].
+    dt : float
+        Time between samples [s].
+    level, length : float
+        The scales of the record [N m, rad].
+    """
+    law = make("dahl", F_c=level, sigma_0=level / length)
+    again = motion_of(x + np.random.default_rng(0).normal(0.0, noise, x.size), noise)
+    return LOST * float(np.std(response(law, again, dt) - response(law, x, dt)))

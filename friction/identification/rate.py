@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from steer_env.friction.identification.determined import FLOOR, SHARE, SMALL, WORSE, Estimate
 from steer_env.friction.identification.intervals import half_widths, samples_per_count
-from steer_env.friction.identification.problem import Optimum, Problem
+from steer_env.friction.identification.problem import Problem
 from steer_env.friction.law import Law
 
 HEAVIEST = 0.95  # share of the level that is in proportion to the load, at the mean load [1]
@@ -71,7 +71,7 @@ def with_rate(
 def joint(problem: Problem, law: Law, load: NDArray, rate: Rate, estimate: Estimate) -> tuple[Problem, Estimate]:
     """Problem and estimate with a column for the rate, after the others, so that all intervals allow for it."""
     column, end = _column(problem, law, load, rate.value, estimate), estimate.optimum
-    jacobian = np.column_stack([end.jacobian, _weight(end) * column[problem.weighed]])
+    jacobian = np.column_stack([end.jacobian, end.weight * column[problem.weighed]])
     end = end._replace(q=np.append(end.q, 0.0), jacobian=jacobian)
     columns = np.column_stack([problem.columns, column])
     return problem._replace(columns=columns), estimate._replace(optimum=end)
@@ -96,16 +96,10 @@ def _column(problem: Problem, law: Law, load: NDArray, rate: float, estimate: Es
     return (ends[1] - ends[0]) / (2.0 * step)
 
 
-def _weight(end: Optimum) -> NDArray[np.float64]:
-    """Weight of the loss at the weighed samples, as the columns of the Jacobian have it [1]."""
-    root = np.sqrt(1.0 + (end.residual / end.loss_scale) ** 2)
-    return np.sqrt(0.5 * (1.0 + root)) / root
-
-
 def _judged(problem: Problem, law: Law, load: NDArray, rate: float, estimate: Estimate) -> tuple[float, float]:
     """Half the width of the interval of the rate beside the parameters, and the change that a linear step suggests."""
     column, end = _column(problem, law, load, rate, estimate), estimate.optimum
-    J, e = np.column_stack([end.jacobian, _weight(end) * column[problem.weighed]]), end.weakened
+    J, e = np.column_stack([end.jacobian, end.weight * column[problem.weighed]]), end.weakened
     change = np.linalg.lstsq(J, -e, rcond=None)[0]
     half = half_widths(J, e + J @ change, np.eye(J.shape[1])[-1:], FLOOR)
     return float(half[0]), float(change[-1])

@@ -1,5 +1,6 @@
 """What a user has to know about an estimate: the warnings of a fit."""
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -100,12 +101,14 @@ def _sensors(ready: "Prepared", optimum: Optimum) -> list[str]:
             f"noise of x ({ready.noise:.3g} rad) is {ready.noise / scales.displacement:.0%} of the length over which "
             "the torque follows a reversal: stiffness and damping are those of the filtered motion; use a finer sensor"
         )
-    n = clipped(ready.record.torque)
-    if n:
+    if ready.by_noise > max(MATTERS * scales.torque, math.sqrt(0.5) * ready.own_noise):
         texts.append(
-            f"the torque stands still at its extreme for {n} samples: if the sensor is at its limit, the level is a "
-            "lower bound; use a wider range"
+            f"noise or steps of x (deviation {ready.noise:.3g} rad) leave about {ready.by_noise:.2g} N m, more than "
+            "the noise of the torque does: small loops are those of the filtered motion, no law is judged by less than "
+            "that, and the intervals do not allow for it; use a finer sensor, or fit a part with wider loops"
         )
+    if told := clipped(ready.record.torque):
+        texts.append(told)
     drift, half = _drift(optimum)
     if abs(drift) > max(DRIFT, SURE * half):
         texts.append(

@@ -23,7 +23,7 @@ docs/model.md.
 """
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -255,19 +255,23 @@ def fit_elements(problem: Problem) -> tuple[GMS, Elements]:
     if np.mean(found.residual**2) < SMALL**2:
         return _made(found)
     part = _with_speed(problem.thinned())
-    grid, T = np.geomspace(0.005, 0.5, GRID) * float(np.ptp(part.x[part.weighed])), part.torque[part.weighed]
+    T, bounds = part.torque[part.weighed], ([0.0, -REACH, -REACH], [LARGEST, REACH, REACH])
 
-    def left(q: NDArray) -> NDArray[np.float64]:
-        A = regressors_of(part, grid, _slider(part, q))
-        return A @ not_negative_factors(A, T, grid.size) - T
+    def left(q: NDArray, y: NDArray) -> NDArray[np.float64]:
+        A = regressors_of(part, y, _slider(part, q))
+        return A @ not_negative_factors(A, T, y.size) - T
 
-    low, high = [0.0, -REACH, -REACH], [LARGEST, REACH, REACH]
-    starts = ([0.2, 0.0, lag] for lag in (0.0, 3.0))
-    ends = [least_squares(left, q, bounds=(low, high), max_nfev=TRIES, diff_step=1e-3) for q in starts]
-    best = min(ends, key=lambda end: float(end.cost))
-    effect = 2.0 * float(best.cost) < WORTH * float(np.sum(left(np.zeros(3)) ** 2))
+    def sought(y: NDArray, start: ArrayLike) -> Any:
+        return least_squares(left, start, bounds=bounds, max_nfev=TRIES, diff_step=1e-3, args=(y,))
+
+    grid = np.geomspace(0.005, 0.5, GRID) * float(np.ptp(part.x[part.weighed]))
+    best = min((sought(grid, [0.2, 0.0, lag]) for lag in (0.0, 3.0)), key=lambda end: float(end.cost))
+    if 2.0 * float(best.cost) > WORTH * float(np.sum(left(np.zeros(3), grid) ** 2)):
+        return _made(found)
     viscous = _with_speed(problem)
-    return _made(elements_of(viscous, _slider(viscous, best.x)) if effect else found)
+    found = elements_of(viscous, _slider(viscous, best.x))
+    best = sought(found.y, np.clip(best.x, bounds[0], bounds[1]))  # once more with the yields that were found
+    return _made(elements_of(viscous, _slider(viscous, best.x)))
 
 
 def _made(found: Elements) -> tuple[GMS, Elements]:

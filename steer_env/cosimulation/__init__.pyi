@@ -1,6 +1,6 @@
-from .client import Client
+from .client import Client, Stream
 from .describe import describe
 from .packets import Layout, layout_of
 from .server import Server
 
-__all__ = ["Client", "Layout", "Server", "describe", "layout_of"]
+__all__ = ["Client", "Layout", "Server", "Stream", "describe", "layout_of"]

@@ -4,6 +4,7 @@ import secrets
 import socket
 import time
 from types import TracebackType
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,12 +17,15 @@ from steer_env.cosimulation.packets import (
     REASONS,
     REFUSED,
     STEP,
+    STEPPED,
     Layout,
     packed,
     unpacked,
 )
+from steer_env.real_time.safety import PHASES
 
 _CYCLE = 2**32
+C = TypeVar("C", bound="Client")
 
 
 class Client:
@@ -46,22 +50,25 @@ class Client:
         No answer.
     """
 
+    period = 0  # asked for between answers, in free running [ms]
+
     def __init__(self, layout: Layout, address: tuple[str, int], patience: float = 0.2, tries: int = 25) -> None:
         self.layout, self.address, self.tries = layout, address, tries
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self._socket.settimeout(patience)
+        self.patience = patience
+        self._pause(patience)
         self._socket.connect(address)
         self.session = secrets.randbits(64)
         self.sequence = 0
         self.repeats = 0  # requests that were sent again
         self.time = 0.0  # of the simulation, at the last answer [s]
         try:
-            self.outputs = self.exchange(OPEN)  # at the begin, in the order of the layout
+            self.outputs = self.exchange(OPEN, samples=self.period)  # at the begin, in the order of the layout
         except BaseException:
             self._socket.close()
             raise
 
-    def __enter__(self) -> "Client":
+    def __enter__(self: C) -> C:
         return self
 
     def __exit__(
@@ -105,6 +112,10 @@ class Client:
             sent=time.monotonic_ns(),
         )
 
+    def _pause(self, time: float) -> None:
+        """How long to wait for a packet from now on [s]."""
+        self._socket.settimeout(time)
+
     def _send(self, packet: bytes) -> None:
         self._socket.send(packet)
 
@@ -129,3 +140,52 @@ class Client:
     def _reason(self, header: dict[str, int]) -> str:
         name, text = list(REASONS.items())[header["code"] - 1]
         return f"{text} ({self.layout.inputs[header['detail']].name})" if name == "value" else text
+
+
+class Answer(NamedTuple):
+    """What a server in free running tells."""
+
+    time: float  # of the simulation [s]
+    torque: float  # for a motor at the handwheel, limited and faded [N m]
+    gain: float  # of the watchdog in it, 0 to 1
+    phase: str  # of the watchdog: off, starting, on, fading or failed
+    delay: float  # since the client sent the inputs that it is the answer to [s]
+    outputs: NDArray[np.float64]  # (C,) in the order of the layout
+
+
+class Stream(Client):
+    """A session with a server in free running: inputs go and answers come, each at its own time.
+
+    Parameters and errors are those of :class:`Client`. The server answers in every millisecond from the first inputs
+    on. Without inputs for 20 ms its torque fades out; who turns it into a real one has to end it as well, where no
+    answer comes.
+    """
+
+    period = 1
+
+    def put(self, inputs: ArrayLike) -> None:
+        """Send inputs (I,), which act from the next sample on."""
+        self._send(self.request(STEP, inputs))
+        self.sequence = (self.sequence + 1) % _CYCLE
+
+    def get(self, wait: float = 0.0) -> Answer | None:
+        """The newest answer, for which to wait so long [s]; None where there is none."""
+        newest = None
+        self._pause(wait)
+        try:
+            while True:
+                packet = self._receive()
+                header = unpacked(packet)
+                if header is None or header["session"] != self.session or header["kind"] != STEPPED:
+                    continue
+                if header["time"] <= self.time:
+                    continue
+                self.time = header["time"]
+                delay = 1e-9 * (time.monotonic_ns() - header["echo"])
+                outputs = np.frombuffer(packet, "<f8", offset=HEADER_SIZE).copy()
+                newest = Answer(self.time, header["torque"], header["gain"], PHASES[header["code"]], delay, outputs)
+                self._pause(0.0)
+        except (TimeoutError, BlockingIOError, ConnectionRefusedError):
+            return newest
+        finally:
+            self._pause(self.patience)

@@ -17,7 +17,9 @@ from steer_env.cosimulation.packets import (
     Layout,
 )
 from steer_env.fmu.part import Signal
+from steer_env.real_time.safety import PHASES
 
+PLACES = {name: i for i, name in enumerate(PHASES)}  # of the phases of the watchdog
 FORMATS = ("text", "json", "c")
 _C_TYPES = {"<u2": "uint16_t", "<u4": "uint32_t", "<u8": "uint64_t", "<i8": "int64_t", "<f8": "double"}
 _WORDS = {"<u2": "uint16", "<u4": "uint32", "<u8": "uint64", "<i8": "int64", "<f8": "float64"}
@@ -60,6 +62,7 @@ def _data(layout: Layout) -> dict[str, Any]:
         ],
         "kinds": KINDS,
         "modes": MODES,
+        "phases": PLACES,
         "reasons": {name: i for i, name in enumerate(REASONS, 1)},
         "inputs": [{**entry, "start": s.start} for entry, s in zip(_signals(layout.inputs), layout.inputs)],
         "outputs": _signals(layout.outputs),
@@ -101,6 +104,8 @@ def _text(layout: Layout) -> str:
         ]
     lines += ["", "Kinds", *(f"{number:6d}  {name}" for name, number in KINDS.items())]
     lines += ["", "Modes, in the field code of opened", *(f"{number:6d}  {name}" for name, number in MODES.items())]
+    lines += ["", "Phases of the watchdog, in the field code of stepped in free running"]
+    lines += [f"{number:6d}  {name}" for name, number in PLACES.items()]
     lines += ["", "Reasons, in the field code of a refusal"]
     lines += [f"{number:6d}  {name:10s} {text}" for number, (name, text) in enumerate(REASONS.items(), 1)]
     return "\n".join(lines) + "\n"
@@ -134,6 +139,9 @@ def _c(layout: Layout) -> str:
     def signals(entries: Iterable[Signal]) -> list[tuple[str, str, str]]:
         return [(s.name, "", f"[{s.unit}] {s.description}") for s in entries]
 
+    def values(numbers: dict[str, int], text: str) -> list[tuple[str, str, str]]:
+        return [(name.replace("-", "_"), f" = {number}", text) for name, number in numbers.items()]
+
     fields = [f"    {_C_TYPES[kind]} {name}; /* {text} */" for name, kind, text in FIELDS]
     lines = [
         f"/* Packets of the part {layout.part} of steer-env; 'steer-env serve --part {layout.part} --describe c' wrote",
@@ -165,8 +173,10 @@ def _c(layout: Layout) -> str:
         "    struct steer_header header;",
         "    double outputs[STEER_OUTPUTS]; /* in the order of enum steer_output */",
         "};",
-        *numbered("kind", "", ((name, f" = {number}", "in the field kind") for name, number in KINDS.items())),
+        *numbered("kind", "", values(KINDS, "in the field kind")),
         *numbered("reason", "BAD_", ((name, f" = {i}", text) for i, (name, text) in enumerate(REASONS.items(), 1))),
+        *numbered("mode", "", values(MODES, "in the field code of opened")),
+        *numbered("phase", "PHASE_", values(PLACES, "of the watchdog, in the field code of stepped in free running")),
         *numbered("input", "IN_", signals(layout.inputs)),
         *numbered("output", "OUT_", signals(layout.outputs)),
     ]

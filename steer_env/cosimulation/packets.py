@@ -26,12 +26,14 @@ FIELDS = (
     ("layout", "<u4", "fingerprint of the part's inputs and outputs"),
     ("session", "<u8", "number of the session, chosen by the client, a new one each time"),
     ("sequence", "<u4", "one more in each new request, modulo 2^32; in an answer that of its request"),
-    ("samples", "<u4", "length of the step in lockstep, 1 to 10000 [ms]"),
-    ("code", "<u4", "of a refusal its reason; of opened the mode; of other packets 0"),
+    ("samples", "<u4", "in lockstep length of the step, 1 to 10000; of open in free running time between answers [ms]"),
+    ("code", "<u4", "of refused the reason, of opened the mode, of stepped in free running the phase of the watchdog"),
     ("detail", "<u4", "of the reason VALUE the number of the input, from 0; of other packets 0"),
     ("time", "<f8", "simulation time of the values [s]"),
     ("sent", "<i8", "monotonic clock of the sender [ns]"),
     ("echo", "<i8", "in an answer the field sent of its request [ns]"),
+    ("torque", "<f8", "in free running the torque for a motor at the handwheel, limited and faded; else 0 [N m]"),
+    ("gain", "<f8", "in free running the factor of the watchdog in that torque, 0 to 1; else 0"),
 )
 HEADER = np.dtype([(name, kind) for name, kind, _ in FIELDS])
 HEADER_SIZE = HEADER.itemsize  # [byte]
@@ -53,6 +55,7 @@ KINDS = {
 OPEN, STEP, CLOSE, OPENED, STEPPED, CLOSED, REFUSED = KINDS.values()
 
 MODES = {"lockstep": 0, "free-running": 1}
+FREE_RUNNING = MODES["free-running"]
 
 # Reason of a refusal -> what it means.
 REASONS = {

@@ -10,7 +10,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from steer_env.cosimulation.model import restart, step
 from steer_env.cosimulation.packets import (
     BAD_KIND,
     BAD_LAYOUT,
@@ -22,10 +21,12 @@ from steer_env.cosimulation.packets import (
     CLOSE,
     CLOSED,
     DIVERGED,
+    FREE_RUNNING,
     HEADER,
     HEADER_SIZE,
     LARGEST,
     MAGIC,
+    MODES,
     MOST_SAMPLES,
     NO_SESSION,
     OPEN,
@@ -40,6 +41,8 @@ from steer_env.cosimulation.packets import (
     checksum,
 )
 from steer_env.friction.numerics.kernel import kernel
+from steer_env.real_time.loop import NEVER
+from steer_env.real_time.model import restart, step
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
 
 # What is counted, and what it means.
@@ -48,6 +51,7 @@ COUNTS = {
     "sessions": "sessions opened",
     "steps": "steps carried out",
     "samples": "milliseconds simulated",
+    "lost": "requests that never came, in free running",
     "repeated": "requests that were answered before and got the same answer again",
     "late": "requests older than the last one, left unanswered",
     "truncated": "datagrams of another size than they tell, left unanswered",
@@ -62,6 +66,7 @@ COUNTS = {
     SESSIONS,
     STEPS,
     SAMPLES,
+    LOST,
     REPEATED,
     LATE,
     TRUNCATED,
@@ -85,6 +90,9 @@ STATE = np.dtype(
         ("open", "i8"),  # whether the session is open
         ("samples", "i8"),  # simulated since it was opened
         ("heard", "i8"),  # time of the client's last packet [ns]
+        ("asked", "i8"),  # in free running the time of its last inputs, NEVER before the first [ns]
+        ("stamp", "i8"),  # and its own time then [ns]
+        ("period", "i8"),  # samples between answers in free running
     ]
 )
 
@@ -93,6 +101,7 @@ class Link(NamedTuple):
     """The memory of a server: the last session, buffers for packets and the counts."""
 
     layout: int  # fingerprint
+    mode: int  # of MODES
     state: Any  # (1,) of STATE
     counts: NDArray[np.int64]  # (N,) in the order of COUNTS
     received: NDArray[np.int64]  # the datagram, with room for LARGEST bytes
@@ -105,13 +114,14 @@ class Link(NamedTuple):
     refusal: Any  # (1,) of HEADER, the same
 
 
-def link_of(layout: Layout) -> Link:
-    """The memory of a server before its first session."""
+def link_of(layout: Layout, mode: str = "lockstep") -> Link:
+    """The memory of a server in a mode of ``MODES``, before its first session."""
     received = np.zeros(LARGEST // 8)
     sent, refused = np.zeros(layout.answer_size // 8), np.zeros(HEADER_SIZE // 8)
     (request, given), (answer, shown), (refusal, _) = (_divided(packet) for packet in (received, sent, refused))
     return Link(
         layout=layout.fingerprint,
+        mode=MODES[mode],
         state=np.zeros(1, STATE).view(np.recarray),
         counts=np.zeros(len(COUNTS), np.int64),
         received=received.view(np.int64),
@@ -165,6 +175,9 @@ def respond(model, link, size, known, now):
     same = known and request.session == state.session
     ahead = (int(request.sequence) - int(state.sequence)) % _CYCLE
     if same and ahead == 0:
+        if link.mode == FREE_RUNNING and request.kind == STEP:
+            counts[REPEATED] += 1
+            return NOTHING
         if request.check != state.check:
             return _refuse(link, REUSED, 0, now)
         state.heard = now
@@ -183,7 +196,7 @@ def respond(model, link, size, known, now):
         return _answer(link, CLOSED, now)
     if request.kind != STEP:
         return _refuse(link, BAD_KIND, 0, now)
-    return _step(model, link, ahead, now)
+    return _take(model, link, ahead, now) if link.mode == FREE_RUNNING else _step(model, link, ahead, now)
 
 
 @kernel
@@ -210,12 +223,61 @@ def _open(model, link, now):
         return _refuse(link, BUSY, 0, now)
     if request.session == state.session:
         return _refuse(link, USED, 0, now)
+    if link.mode == FREE_RUNNING and request.samples > MOST_SAMPLES:
+        return _refuse(link, BAD_SAMPLES, 0, now)
     restart(model)
     state.session, state.open, state.samples, state.heard = request.session, 1, 0, now
+    state.asked, state.period = NEVER, max(int(request.samples), 1)
     link.counts[SESSIONS] += 1
     _show(model, link)
     _answer(link, OPENED, now)
     return WELCOME
+
+
+@kernel
+def _not_finite(link):
+    """Number of the first input that is not finite; -1 where all are."""
+    for i in range(link.given.size):
+        if not abs(link.given[i]) < math.inf:
+            return i
+    return -1
+
+
+@kernel
+def _take(model, link, ahead, now):
+    """Take the inputs of the request, which act from the next sample on; the answers follow at their own times."""
+    request, state = link.request[0], link.state[0]
+    bad = _not_finite(link)
+    if bad >= 0:
+        return _refuse(link, BAD_VALUE, bad, now)
+    for i in range(link.given.size):
+        model.wanted[i] = link.given[i]
+    state.sequence, state.check = request.sequence, request.check
+    state.asked, state.stamp = now, request.sent
+    link.counts[STEPS] += 1
+    link.counts[LOST] += ahead - 1
+    return NOTHING
+
+
+@kernel
+def report(model, link, s, torque, now):
+    """Make the answer of a sample in free running, once inputs have arrived; whether one is due.
+
+    ``s`` is the memory of the watchdog and ``torque`` that of the motor [N m].
+    """
+    state, answer = link.state[0], link.answer[0]
+    if not state.open:
+        return False
+    state.samples += 1
+    link.counts[SAMPLES] += 1
+    if state.asked == NEVER or state.samples % state.period != 0:
+        return False
+    _show(model, link)
+    answer.kind, answer.sequence, answer.echo = STEPPED, state.sequence, state.stamp
+    answer.time = state.samples * SAMPLE_TIME
+    answer.code, answer.torque, answer.gain = s.phase, torque, s.gain
+    _finish(answer, link.sent, now)
+    return True
 
 
 @kernel
@@ -227,9 +289,9 @@ def _step(model, link, ahead, now):
     samples = int(request.samples)
     if samples < 1 or samples > MOST_SAMPLES:
         return _refuse(link, BAD_SAMPLES, 0, now)
-    for i in range(link.given.size):
-        if not abs(link.given[i]) < math.inf:
-            return _refuse(link, BAD_VALUE, i, now)
+    bad = _not_finite(link)
+    if bad >= 0:
+        return _refuse(link, BAD_VALUE, bad, now)
     for i in range(link.given.size):
         model.given[i] = link.given[i]
     if not step(model, samples):
@@ -254,6 +316,8 @@ def _answer(link, kind, now):
     state.sequence, state.check = request.sequence, request.check
     _address(link, answer, kind)
     answer.samples = request.samples
+    answer.code = link.mode if kind == OPENED else 0
+    answer.torque, answer.gain = 0.0, 0.0
     _finish(answer, link.sent, now)
     return ANSWER
 

@@ -8,7 +8,8 @@ run at the same time.
 """
 
 import math
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -75,6 +76,7 @@ class Coupled:
         self._others = [(k, _INPUT[name]) for k, name in enumerate(vehicle.takes) if name not in RACK]
         self._given, self._row, self._unused = np.zeros(6), np.zeros((1, _COLUMN + 2)), np.zeros((1, 1))
         self._taken = np.zeros(len(vehicle.takes))
+        self._bound: tuple[tuple[Any, ...], Callable] | None = None  # members of a plant and the kernel for them
         self.work, self.force = np.zeros(3), 0.0
 
     def channels(self, p: plant.Plant) -> Names:
@@ -142,7 +144,7 @@ class Coupled:
             missing = ", ".join(name for name in _MOTION if name not in self.vehicle.gives)
             raise CouplingError(f"the driver gives no number, as {self.vehicle.name} does not give {missing}")
         row, given, last = self._row[0], self._given, len(record) - 1
-        advance = bind(steering.advance, p, state, given, self._unused, self._row, 1)
+        advance = self._kernel(p, state)
         record[:] = np.nan
         for i, u in enumerate(inputs):
             given[:3], given[3] = (u[HAND], u[HAND], u[HAND_SPEED]), u[ASSIST_REQUEST]
@@ -163,6 +165,14 @@ class Coupled:
             shown[:_COLUMN] = row[:_COLUMN]
             shown[self._columns] = self._values
         return True
+
+    def _kernel(self, p: plant.Plant, state: Array) -> Callable:
+        """The kernel of the steering for the types of a plant, kept while its members stay, as a look-up takes long."""
+        members = tuple(getattr(p, name) for name in p._fields if name != "robot")
+        if not self._bound or any(one is not other for one, other in zip(members, self._bound[0])):
+            kernel = bind(steering.advance, p, state, self._given, self._unused, self._row, 1)
+            self._bound = members, kernel
+        return self._bound[1]
 
     def _held_force(self) -> float:
         """Rack force of the vehicle in the middle of the present step of the steering [N]."""

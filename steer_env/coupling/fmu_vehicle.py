@@ -59,11 +59,15 @@ class FmuVehicle:
         self._speed, self._speed_size = _together(into[name] for name in m.inputs if name == START_SPEED)
         self._parameters = Numbers(fixed)
         self._parameters.values[:] = list(m.parameters.values())
-        self._folder = tempfile.TemporaryDirectory()
-        archive.unpack(unit, Path(self._folder.name))
-        self._alive, self._time = False, 0
+        self._alive, self._running, self._time = False, False, 0
         kind = Slave2 if description.fmiVersion.startswith("2") else Slave3
-        self._slave = self._asked("to load", lambda: kind(description, Path(self._folder.name)))
+        self._folder = tempfile.TemporaryDirectory()
+        try:
+            archive.unpack(unit, Path(self._folder.name))
+            self._slave = self._asked("to load", partial(kind, description, Path(self._folder.name)))
+        except BaseException:
+            self._folder.cleanup()
+            raise
 
     def start(self, speed: float) -> Array:
         """Make a new instance, which starts at time zero; what it gives (G,).
@@ -82,6 +86,7 @@ class FmuVehicle:
             if numbers.size:
                 self._asked("a start value", partial(self._slave.set, numbers))
         self._asked("to start", self._slave.begin)
+        self._running = True
         return self._read()
 
     def step(self, taken: Array, samples: int) -> Array:
@@ -93,6 +98,7 @@ class FmuVehicle:
             The unit refuses, or gives a number that is not finite.
         """
         np.divide(taken, self._input_size, out=self._inputs.values)
+        self._slave.said = ""
         try:
             self._slave.set(self._inputs)
             self._slave.step(self._time * SAMPLE_TIME, samples * SAMPLE_TIME)
@@ -108,7 +114,9 @@ class FmuVehicle:
 
     def _end(self) -> None:
         if self._alive:
-            self._alive = False
+            if self._running:  # a unit that has failed may only be freed
+                self._asked("to terminate", self._slave.terminate)
+            self._alive = self._running = False
             self._slave.end()
 
     def _read(self) -> Array:
@@ -131,6 +139,7 @@ class FmuVehicle:
             raise self._failed(what, error) from None
 
     def _failed(self, what: str, error: Exception) -> CouplingError:
+        self._running = False
         said = getattr(getattr(self, "_slave", None), "said", "")
         return CouplingError(f"{self.name} refused {what} at {self._now()}: {said or error}")
 

@@ -1,9 +1,15 @@
-"""An external vehicle in a process of its own, whose end does not end this one."""
+"""An external vehicle in a process of its own, whose end does not end this one.
+
+Each message in a pipe is its length as a little-endian integer of 8 bytes and its contents: a request has numbers as
+float64, an answer begins with a letter that tells whether the vehicle refused.
+"""
 
 import json
-from multiprocessing import get_context
-from multiprocessing.connection import Connection
+import os
+import subprocess
+import sys
 from pathlib import Path
+from typing import IO
 
 import numpy as np
 
@@ -11,28 +17,41 @@ from steer_env.coupling.fmu_vehicle import FmuVehicle
 from steer_env.coupling.vehicle import Array, CouplingError
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
 
-_FAILED, _VALUES = b"F", b"V"  # begin an answer: with the reason as text, or with what the vehicle gives as float64
+_FAILED, _DONE = b"F", b"D"  # begin an answer: with the reason as text, or with the result
+_LENGTH = 8  # of the length [byte]
 
 
-def _answer(connection: Connection, path: str) -> None:
-    """Serve a vehicle in the other process, until the connection is closed there."""
+def _send(pipe: IO[bytes], contents: bytes) -> None:
+    pipe.write(len(contents).to_bytes(_LENGTH, "little") + contents)
+    pipe.flush()
+
+
+def _received(pipe: IO[bytes]) -> bytes | None:
+    """The contents of the next message; None where the pipe was closed."""
+    length = pipe.read(_LENGTH)
+    contents = pipe.read(int.from_bytes(length, "little"))
+    return contents if len(length) == _LENGTH else None
+
+
+def _serve(path: str) -> None:
+    """Answer requests at standard input until it is closed; what the unit prints goes to standard error."""
+    answers = os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)
     try:
         vehicle = FmuVehicle(path)
     except (ValueError, OSError) as error:
-        connection.send_bytes(_FAILED + str(error).encode())
+        _send(answers, _FAILED + str(error).encode())
         return
     told = {"name": vehicle.name, "takes": vehicle.takes, "gives": vehicle.gives, "meta": vehicle.meta}
-    connection.send_bytes(_VALUES + json.dumps(told).encode())
-    try:
-        while True:
-            samples, *values = np.frombuffer(connection.recv_bytes())
-            try:
-                given = vehicle.step(np.array(values), int(samples)) if samples else vehicle.start(values[0])
-                connection.send_bytes(_VALUES + given.tobytes())
-            except CouplingError as error:
-                connection.send_bytes(_FAILED + str(error).encode())
-    except EOFError:
-        vehicle.close()
+    _send(answers, _DONE + json.dumps(told).encode())
+    while (request := _received(sys.stdin.buffer)) is not None:
+        samples, *values = np.frombuffer(request)
+        try:
+            given = vehicle.step(np.array(values), int(samples)) if samples else vehicle.start(values[0])
+            _send(answers, _DONE + given.tobytes())
+        except CouplingError as error:
+            _send(answers, _FAILED + str(error).encode())
+    vehicle.close()
 
 
 class OwnProcess:
@@ -46,13 +65,14 @@ class OwnProcess:
 
     def __init__(self, path: str | Path) -> None:
         self._time, self.name = 0, Path(path).name
-        context = get_context("spawn")  # a fork would take the threads of compiled kernels along
-        self._connection, other = context.Pipe()
-        self._process = context.Process(target=_answer, args=(other, str(path)), daemon=True)
-        self._process.start()
-        other.close()
-        told = json.loads(self._answered())
-        self.name: str = told["name"]
+        command = [sys.executable, "-m", __name__, str(path)]
+        self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+        try:
+            told = json.loads(self._answer())
+        except CouplingError:
+            self.close()
+            raise
+        self.name = told["name"]
         self.takes, self.gives = tuple(told["takes"]), tuple(told["gives"])
         self.meta = told["meta"]
 
@@ -69,28 +89,31 @@ class OwnProcess:
 
     def close(self) -> None:
         """End the process."""
-        self._connection.close()
-        self._process.join()
+        self._process.communicate()
 
     def _asked(self, numbers: Array) -> Array:
+        assert self._process.stdin is not None
         try:
-            self._connection.send_bytes(numbers.tobytes())
+            _send(self._process.stdin, numbers.tobytes())
         except BrokenPipeError:
             raise self._ended() from None
-        return np.frombuffer(self._answered()).copy()
+        return np.frombuffer(self._answer()).copy()
 
-    def _answered(self) -> bytes:
-        try:
-            answer = self._connection.recv_bytes()
-        except (EOFError, ConnectionResetError):
-            raise self._ended() from None
+    def _answer(self) -> bytes:
+        assert self._process.stdout is not None
+        answer = _received(self._process.stdout)
+        if answer is None:
+            raise self._ended()
         if answer[:1] == _FAILED:
             raise CouplingError(answer[1:].decode())
         return answer[1:]
 
     def _ended(self) -> CouplingError:
-        self._process.join()
         return CouplingError(
             f"the process of {self.name} ended at {self._time * SAMPLE_TIME:.6g} s with exit code"
-            f" {self._process.exitcode} (minus the number of a signal): the unit has a fault"
+            f" {self._process.wait()} (minus the number of a signal): the unit has a fault"
         )
+
+
+if __name__ == "__main__":
+    _serve(sys.argv[1])

@@ -73,6 +73,10 @@ class Slave2:
         """Advance by a communication step [s]."""
         self._unit.doStep(time, step)
 
+    def terminate(self) -> None:
+        """End the run."""
+        self._unit.terminate()
+
     def end(self) -> None:
         """Free the instance."""
         self._unit.fmi2FreeInstance(self._unit.component)
@@ -119,6 +123,10 @@ class Slave3:
         _, terminate, early, reached = self._unit.doStep(time, step)
         if terminate or early:
             raise RuntimeError(f"it ended a step early, at {reached:g} s")
+
+    def terminate(self) -> None:
+        """End the run."""
+        self._unit.terminate()
 
     def end(self) -> None:
         """Free the instance."""

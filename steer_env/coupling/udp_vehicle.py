@@ -35,7 +35,7 @@ class UdpVehicle:
         self.takes = tuple(_NAMES[signal.name] for signal in layout.inputs)
         self._places = [i for i, name in enumerate(names) if name in GIVEN]
         self.gives = (*(names[i] for i in self._places), "vehicle_speed")
-        self._speed = names.index("longitudinal_speed") if speed is None else None
+        self._speed = names.index("longitudinal_speed") if speed is None else -1
         self._client: Client | None = None
 
     def start(self, speed: float) -> Array:
@@ -63,5 +63,5 @@ class UdpVehicle:
             client.__exit__(None, None, None)
 
     def _given(self, outputs: Array) -> Array:
-        speed = self._constant if self._speed is None else outputs[self._speed]
+        speed = float(outputs[self._speed]) if self._constant is None else self._constant
         return np.append(outputs[self._places], speed)

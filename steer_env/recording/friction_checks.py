@@ -11,18 +11,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from steer_env.friction.identification import compare
-
 Array = NDArray[np.float64]
 BAND = 0.05  # of the travel: a smaller swing is no reversal [1]
 LEAST_WORK = 0.1  # net work over the sum of its magnitudes, below which a record has no sign [1]
 CONCAVE = 0.35  # of a branch's rise that friction has reached at half its way, at least [1]; a straight line has 0.5
-CLIPPED = 20  # samples in a row at the largest value that are taken for a sensor at its end
-ALTERNATING = 0.6  # third differences that change their sign, at least [1]; of white noise 0.77 do
-NOISY = 1e-3  # noise of a sensor's signal over its range, at least [1]
 DRIFT = 0.03  # of the level: a smaller drift of the zero is not told [1]
-ALIKE = 0.9  # correlation of the displacement with itself one period later, at least [1]
-EQUAL = 0.02  # difference of two periods' displacement over their travel, in which they are equal strokes, at most [1]
 
 
 class Scales(NamedTuple):
@@ -48,10 +41,10 @@ def moving(x: Array) -> NDArray[np.int_]:
 
 
 def middle(x: Array, friction: Array) -> float:
-    """The friction midway between its medians in either direction; where it moves in one only, that at the start."""
+    """The friction midway between its medians in either direction; where it moves in one only, that before it moves."""
     way = moving(x)
     sides = [np.median(friction[way == side]) for side in (1, -1) if np.any(way == side)]
-    return float(np.mean(sides)) if len(sides) == 2 else float(friction[0])
+    return float(np.mean(sides)) if len(sides) == 2 else float(np.median(friction[: np.argmax(way != 0) or 1]))
 
 
 def mean_friction(x: Array, friction: Array) -> float:
@@ -102,37 +95,6 @@ def check_columns(x: Array, friction: Array) -> None:
         )
 
 
-def clipped(friction: Array) -> str | None:
-    """A note where the friction stays at exactly its largest or smallest value though it is noisy elsewhere."""
-    if _noise(friction) < NOISY * np.ptp(friction):
-        return None  # a law's own plateau is as flat
-    for side, name in ((1.0, "largest"), (-1.0, "smallest")):
-        end = (side * friction).max()
-        at_end = side * friction == end
-        edges = np.flatnonzero(np.diff(np.concatenate([[0], at_end.astype(int), [0]])))
-        longest = int(np.max(edges[1::2] - edges[::2]))
-        if longest >= CLIPPED:
-            return (
-                f"the friction stays at its {name} value, {side * end:g}, for {longest} samples in a row: the sensor is"
-                " at the end of its range, which makes the level a lower bound. Measure with a larger range"
-            )
-    return None
-
-
-def _noise(values: Array) -> float:
-    """Standard deviation of white noise on a smooth history between its ends, by the third differences.
-
-    They have 20 times its variance, and change their sign from sample to sample as those of a smooth motion do not.
-    Zero where few samples lie between the ends.
-    """
-    between = (values > values.min()) & (values < values.max())
-    whole = between[3:] & between[2:-1] & between[1:-2] & between[:-3]
-    there = np.diff(values, 3)[whole]
-    if there.size <= CLIPPED or np.mean(there[1:] * there[:-1] < 0.0) < ALTERNATING:
-        return 0.0
-    return 1.4826 * float(np.median(np.abs(there))) / math.sqrt(20.0)
-
-
 def drift(t: Array, x: Array, friction: Array) -> tuple[float, float]:
     """Slope of the middle of the loops over time, and the drift over the record as a share of the level.
 
@@ -156,38 +118,6 @@ def drift(t: Array, x: Array, friction: Array) -> tuple[float, float]:
     if abs(slope) <= 3.0 * error:
         return 0.0, 0.0
     return float(slope), float(slope) * (t[-1] - t[0]) / scales(x, friction).level
-
-
-def period(x: Array) -> int | None:
-    """Samples of the period with which the displacement repeats, at least twice in the record; None if it does not."""
-    from scipy.signal import correlate, find_peaks  # here, as in `turns`
-
-    u = x - x.mean()
-    found = correlate(u, u, method="fft")[x.size - 1 :]
-    power = np.concatenate([[0.0], np.cumsum(u**2)])
-    lags = np.arange(x.size // 2)
-    norm = np.sqrt(power[x.size - lags] * (power[-1] - power[lags]))
-    alike = found[: lags.size] / np.where(norm > 0.0, norm, 1.0)
-    peaks = find_peaks(alike, height=ALIKE)[0]
-    return int(peaks[0]) if peaks.size else None
-
-
-def repeatability(x: Array, friction: Array, start: int = 0) -> float | None:
-    """RMS difference of the friction one period later, over the samples from ``start`` on where it moves.
-
-    [unit of the friction]; None where the displacement does not repeat. A period counts where the next one has the
-    same strokes: the displacement differs by at most ``EQUAL`` of its travel, and did so for half a period before, so
-    that the memory of the contact is the same.
-    """
-    n = period(x)
-    if n is None:
-        return None
-    moves, squares = compare.moving(x), []
-    for a in range(max(start, n // 2), x.size - 2 * n + 1, n):
-        both = x[a - n // 2 : a + n], x[a - n // 2 + n : a + 2 * n]
-        if np.max(np.abs(both[1] - both[0])) <= EQUAL * min(map(np.ptp, both)):
-            squares.append((friction[a + n : a + 2 * n] - friction[a : a + n])[moves[a : a + n]] ** 2)
-    return float(np.sqrt(np.mean(np.concatenate(squares)))) if squares else None
 
 
 def scales(x: Array, friction: Array) -> Scales:

@@ -2,21 +2,21 @@
 
 import numpy as np
 
-from steer_env.cosimulation.model import model_of
 from steer_env.cosimulation.packets import KINDS, layout_of, packed, unpacked
 from steer_env.cosimulation.session import COUNTS, NOTHING, REFUSAL, link_of, respond
 from steer_env.fmu.parts import make_part
+from steer_env.real_time.model import model_of
 from steer_env.vehicle import cars
 
 
 class Direct:
     """The memory of a server of a part, and a client's way to it."""
 
-    def __init__(self, part="steering", **options):
+    def __init__(self, part="steering", mode="lockstep", **options):
         speed = 20.0
         self.part = make_part(part, cars.load("compact").plant(speed=speed, **options), speed)
         self.layout = layout_of(self.part)
-        self.model, self.link = model_of(self.part), link_of(self.layout)
+        self.model, self.link = model_of(self.part), link_of(self.layout, mode)
         self.inputs = np.array([signal.start for signal in self.part.given])
 
     def send(self, packet, known=True, now=0):

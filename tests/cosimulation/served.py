@@ -36,7 +36,7 @@ def serving(*options, end=signal.SIGINT):
     process = subprocess.Popen([*COMMAND, *options], cwd=ROOT, stdout=subprocess.PIPE, text=True)
     try:
         told = json.loads(process.stdout.readline())
-        process.address = told["address"], told["port"]
+        process.told, process.address = told, (told["address"], told["port"])
         yield process
         process.send_signal(end)
         said, _ = process.communicate(timeout=60)
@@ -87,7 +87,7 @@ class FaultyClient(Client):
         if self.lost:
             return
         if self._happens("foreign"):
-            self._socket.send(self.draw.randbytes(8 * self.draw.randrange(8, 70)))
+            self._socket.send(self.draw.randbytes(8 * self.draw.randrange(10, 70)))
         if self._happens("truncated"):
             self._socket.send(packet[: self.draw.randrange(64)])
         if self._happens("damaged"):

@@ -178,14 +178,14 @@ def test_rate_beside_a_bare_echo():
 
 
 def test_ends_on_sigterm_too_and_refuses_in_words(capsys):
-    with serving("--part", "steering", end=signal.SIGTERM) as process:
-        with Client(layout("steering"), process.address) as client:
-            with pytest.raises(ValueError, match=r"a step takes 6 inputs \(hand_torque, "):
+    with serving(end=signal.SIGTERM) as process:
+        with Client(layout(), process.address) as client:
+            with pytest.raises(ValueError, match=r"a step takes 7 inputs \(hand_torque, "):
                 client.step([0.0])
             with pytest.raises(ValueError, match=r"an input is not finite; .* \(hand_torque\)"):
-                client.step([math.nan] * 6)
-        with Server(part_of("chassis")) as other, pytest.raises(ValueError, match="another part"):
-            Client(other.layout, process.address)
+                client.step([math.nan] * 7)
+        with pytest.raises(ValueError, match="another part"):
+            Client(layout("chassis"), process.address)
         port = str(process.address[1])
         assert main(["serve", "--port", port]) == 2
         assert f"port {port}: Address already in use; give" in capsys.readouterr().err
@@ -198,6 +198,9 @@ def test_ends_on_sigterm_too_and_refuses_in_words(capsys):
     [
         (["--address", "192.0.2.1"], "cannot receive at address 192.0.2.1, port 0: Cannot assign requested address"),
         (["--address", "no.such.host.invalid"], "cannot receive at address no.such.host.invalid"),
+        (["--wheel", "0.04,0.5,8"], "--wheel needs --free-running"),
+        (["--free-running", "--wheel", "0.04,0.5,8"], "with hands that give the angle"),
+        (["--free-running", "--wheel", "0.04,0,8"], "damping of the wheel [N m s/rad] must be finite and greater"),
         (["--silence", "0"], "--silence must be finite and greater than 0"),
         (["--part", "chassis", "--speed-kph", "500"], "must be finite and at least 3 and at most 70"),
     ],
@@ -220,7 +223,7 @@ def test_only_loopback_unless_another_address_is_named():
 
     assert serve.LOOPBACK == server.LOOPBACK == "127.0.0.1"
     assert serve.SILENCE == server.SILENCE
-    with Server(part_of("steering")) as made:
+    with Server(part_of()) as made:
         assert made.address[0] == "127.0.0.1"
 
 

@@ -16,6 +16,7 @@ from steer_env import cosimulation
 from steer_env.cosimulation import packets
 from steer_env.cosimulation.packets import HEADER, HEADER_SIZE, KINDS, MODES, REASONS, checksum, packed, unpacked
 from steer_env.cosimulation.session import end_where_silent
+from steer_env.real_time.safety import PHASES
 from tests.cosimulation.direct import Direct
 
 REASON = {name: i for i, name in enumerate(REASONS, 1)}
@@ -46,10 +47,10 @@ def test_checksum_is_that_of_zlib():
 def test_header_has_no_gaps_and_is_little_endian():
     ends = [offset + dtype.itemsize for dtype, offset, *_ in HEADER.fields.values()]
     assert [HEADER.fields[name][1] for name in HEADER.names] == [0, *ends[:-1]]
-    assert HEADER_SIZE == 64
+    assert HEADER_SIZE == 80
     packet = packed([1.5], sequence=0x01020304)
     assert packet[24:28] == bytes([4, 3, 2, 1])
-    assert packet[64:] == struct.pack("<d", 1.5)
+    assert packet[80:] == struct.pack("<d", 1.5)
     assert unpacked(packet)["sequence"] == 0x01020304
     assert unpacked(packet[:-1]) is None
 
@@ -230,7 +231,14 @@ def test_plain_python_gives_the_same_bytes(served):
 
 def test_description_has_every_field_value_kind_and_reason(served):
     text = cosimulation.describe(served.layout)
-    named = [*HEADER.names, *KINDS, *MODES, *REASONS, *(s.name for s in (*served.part.given, *served.part.outputs))]
+    named = [
+        *HEADER.names,
+        *KINDS,
+        *MODES,
+        *PHASES,
+        *REASONS,
+        *(s.name for s in (*served.part.given, *served.part.outputs)),
+    ]
     for name in named:
         assert f" {name}" in text
     with pytest.raises(ValueError, match="form must be one of text, json, c, got 'xml'"):

@@ -1,6 +1,6 @@
 /* A vehicle of somebody else, as a unit of FMI 2.0: a rack on a spring, lateral acceleration and yaw rate in proportion
  * to its travel, in units and signs of its own. Loading it writes the file that STEER_LOADED names. After the time
- * `breaks` it gives NaN, after `ends` it refuses a step. */
+ * `breaks` it gives NaN, after `ends` it refuses a step, and where `ends` is negative it ends the process. */
 
 #include "fmi2Functions.h"
 
@@ -78,7 +78,9 @@ fmi2Status fmi2DoStep(fmi2Component c, fmi2Real time, fmi2Real step, fmi2Boolean
 {
     struct unit *u = c;
     u->time = time + step;
-    if (u->time > u->values[ENDS]) {
+    if (u->values[ENDS] < 0.0 && u->time > -u->values[ENDS])
+        abort();
+    if (u->time > fabs(u->values[ENDS])) {
         u->callbacks.logger(u->callbacks.componentEnvironment, "vehicle", fmi2Error, "", "it ran out of road at %g m",
                             u->values[X]);
         return fmi2Error;

@@ -108,6 +108,26 @@ def test_a_run_that_the_vehicle_ends_tells_who_and_when(vehicle):
         driven(path)
 
 
+@pytest.mark.whole
+def test_a_process_of_its_own(vehicle):
+    """It changes no number, passes on what the vehicle says, and a fault of the unit ends only that process."""
+    here = driven(vehicle, "pulse")
+    path = changed(vehicle, ("[inputs]", "own_process = true\n[inputs]"))
+    there = driven(path, "pulse")
+    assert there.meta == {**here.meta, "chassis": there.meta["chassis"]}
+    for name, values in here.channels.items():
+        assert np.array_equal(there[name], values)
+    changed(vehicle, ("[outputs]", "[parameters]\nends = -0.1\nbreaks = 9.0\n[outputs]"))
+    with pytest.raises(coupling.CouplingError, match=r"process of foreign.fmu ended at 0\.1 s with exit code -6"):
+        driven(path, "pulse")
+    changed(vehicle, ("ends = -0.1", "ends = 0.5"))
+    with pytest.raises(coupling.CouplingError, match=r"refused a step at 0\.5 s: it ran out of road"):
+        driven(path, "pulse")
+    changed(vehicle, ('"Rack.q"', '"Rack.p"'))
+    with pytest.raises(ValueError, match=r"there is no variable 'Rack.p'"):
+        driven(path, "pulse")
+
+
 def test_two_vehicles_do_not_meet(vehicle):
     """Each start is a new instance, and two of them run side by side."""
     one, other = FmuVehicle(vehicle), FmuVehicle(vehicle)
@@ -229,6 +249,7 @@ def test_where_no_external_vehicle_can_be(vehicle):
         manoeuvres.build_plant(CAR, weave, "lugre", road_friction=0.5)
 
 
+@pytest.mark.whole
 def test_command_line(vehicle, tmp_path, capsys):
     assert main(["run", "weave", "--chassis", str(vehicle), "--out", str(tmp_path)]) == 0
     assert "torque_at_0g" in capsys.readouterr().out

@@ -9,7 +9,8 @@ from steer_env import friction
 from steer_env.experiments.cli.common.tables import print_fits
 from steer_env.experiments.cli.main import main
 from steer_env.experiments.report import friction_fit, friction_fit_page
-from steer_env.recording import friction_checks, friction_record
+from steer_env.friction.identification import periods
+from steer_env.recording import friction_record
 
 DT = 0.02  # [s]
 DAHL = friction.make("dahl", sigma_0=120.0, F_c=0.9)
@@ -37,12 +38,12 @@ def page(found):
 
 def test_only_periods_of_equal_strokes_tell_how_far_a_record_repeats():
     """Strokes of 3 deg are not compared with strokes of 6 deg that follow them."""
-    own = friction_checks.repeatability(STROKES.motion, STROKES.friction, 2700)
+    own = periods.repeatability(STROKES.motion, STROKES.friction, 2700)
     assert own == pytest.approx(0.005 * np.sqrt(2.0), rel=0.1)
 
 
 def test_a_record_that_does_not_repeat_has_no_repeatability():
-    assert friction_checks.repeatability(GROWING.motion, GROWING.friction) is None
+    assert periods.repeatability(GROWING.motion, GROWING.friction) is None
     found = friction_fit.collect(GROWING, "growing", ["dahl"])
     text = page(found)
     assert found.repeats is None

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from steer_env import friction, manoeuvres
+from steer_env.friction.identification import periods
 from steer_env.recording import Recording, column_balance, files, friction_checks, friction_record
 from steer_env.recording.channel_mapping import FRICTION, Mapping, from_data, parse_entry
 from steer_env.vehicle import cars
@@ -178,9 +179,9 @@ def test_a_sensor_at_its_end_and_a_drifting_zero_are_told():
 
 
 def test_the_period_and_what_repeats():
-    assert friction_checks.period(X) == 1000
-    assert friction_checks.repeatability(X, F + NOISE, 2000) == pytest.approx(0.01 * np.sqrt(2.0), rel=0.05)
-    assert friction_checks.period(X[:1500]) is None
+    assert periods.period(X) == 1000
+    assert periods.repeatability(X, F + NOISE, 2000) == pytest.approx(0.01 * np.sqrt(2.0), rel=0.05)
+    assert periods.period(X[:1500]) is None
 
 
 def test_mappings_name_the_channels_of_a_record(tmp_path):

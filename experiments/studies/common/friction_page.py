@@ -16,7 +16,7 @@ from steer_env.experiments.studies.common.battery import MATTERS
 from steer_env.experiments.studies.common.friction_cases import BASE_LAW, Effect
 from steer_env.experiments.studies.common.friction_results import SAMPLE, SCHEME, Results
 from steer_env.experiments.studies.common.page import Picture, Section, Table
-from steer_env.recording import friction_checks
+from steer_env.friction.identification import periods
 from steer_env.recording.recording import DEGREE
 
 
@@ -73,7 +73,7 @@ def accuracy(r: Results) -> Section:
             f" The record does not determine every parameter of {named([e.law for e in known if e.undetermined])}; of "
             f"the laws that it determines, {sure[0].law} leaves the least, {percent(sure[0].error, 3)}."
         )
-    period = friction_checks.period(r.record.motion) or r.record.x.size
+    period = periods.period(r.record.motion) or r.record.x.size
     x, F = r.record.x[-period:] / DEGREE, r.record.friction[-period:]
     loops = {
         each.law: (x, friction.response(each.parameters, r.record.x, r.record.dt)[-period:])

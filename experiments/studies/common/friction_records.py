@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from steer_env import friction
 from steer_env.friction import defaults
+from steer_env.friction.identification import periods
 from steer_env.friction.identification.compare import HELD_OUT
 from steer_env.friction.law import law_of
 from steer_env.recording import files, friction_checks, friction_record
@@ -51,7 +52,7 @@ def rig() -> friction_record.FrictionRecord:
 def repeatability(record: friction_record.FrictionRecord) -> float:
     """RMS difference of one period from the next over the mean friction, where the record judges and moves [1]."""
     first = record.x.size - round(HELD_OUT * record.x.size)
-    found = friction_checks.repeatability(record.motion, record.friction, first)
+    found = periods.repeatability(record.motion, record.friction, first)
     if found is None:
         raise ValueError("the record has no two equal periods in the part that judges")
     return found / friction_checks.mean_friction(record.motion, record.friction)

@@ -1,11 +1,11 @@
 """Shipped policies."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 from steer_env import friction, tasks
 from steer_env.experiments.learning import assist_suite, held_out, policy, policy_report, shift
-from steer_env.experiments.learning.controllers import baselines
+from steer_env.experiments.learning.controllers import Maker, baselines
 from steer_env.experiments.verification import step_time
 from steer_env.experiments.verification.requirements.common.rows import Row, verdict
 from steer_env.registration import VERSION
@@ -46,19 +46,26 @@ def rows(cases: int = CASES) -> Iterator[Row]:
 
 
 def _double_lane_change(cases: int) -> Iterator[Row]:
-    """The policy with the delay and the muscles of a person, beside a driver model that brings them itself."""
+    """The driver with its delay and lag drawn, and with those of a person beside a model that brings them itself."""
     path = policy.shipped(DRIVER)
-    made = policy.conditions(policy.about(path))
     person = shift.person(tasks.task("DriverDoubleLaneChange"))
-    driving = held_out.collect(DRIVER, policy.load(path), cases, options=person, **made)
-    clean = held_out.summary(driving)["clean_share"].value
-    yield Row("double lane changes without a cone", f"{clean:.1%}", f">= {CLEAN:.0%}", verdict(clean >= CLEAN))
-    model = held_out.collect(
-        DRIVER, baselines(DRIVER)["informed_preview"], cases, options=dict.fromkeys(person, 0.0), **made
-    )
+
+    def found(make: Maker, options: Mapping[str, float] | None = None) -> held_out.Episodes:
+        return held_out.collect(DRIVER, make, cases, options=options, **policy.conditions(policy.about(path)))
+
+    def clean(episodes: held_out.Episodes) -> float:
+        return held_out.summary(episodes)["clean_share"].value
+
+    drawn = clean(found(policy.load(path)))
+    yield Row("double lane changes without a cone", f"{drawn:.1%}", f">= {CLEAN:.0%}", verdict(drawn >= CLEAN))
+    driving, model = found(policy.load(path), person), found(baselines(DRIVER)["preview"], dict.fromkeys(person, 0.0))
+    words = "double lane changes without a cone", "a person's delay and muscles"
+    yield Row(f"{words[0]}, {words[1]}", f"{clean(driving):.1%}", "no limit", "pass")
+    yield Row(f"{words[0]}, preview driver", f"{clean(model):.1%}", "no limit", "pass")
     gap = held_out.differences(driving, model)["reward"]
-    text = f"{gap.low:.2f} to {gap.high:.2f}"
-    yield Row("reward less that of the preview driver told load and grip", text, "no limit", "pass")
+    yield Row(
+        f"reward with {words[1]} less the preview driver's", f"{gap.low:.2f} to {gap.high:.2f}", "no limit", "pass"
+    )
 
 
 def _shipped(env_id: str, baseline: str, cases: int, **more: Any) -> policy_report.Evaluation:

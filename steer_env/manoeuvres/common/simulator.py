@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from steer_env import coupling
+from steer_env.coupling.vehicle import OF_PLANT
 from steer_env.manoeuvres.common.definition import Manoeuvre
 from steer_env.vehicle import chassis, plant
-from steer_env.vehicle.chassis.common.interface import ASSIST_REQUEST, COAST, HAND, HAND_SPEED, RACK_DISTURBANCE, Names
+from steer_env.vehicle.chassis.common.interface import COAST, Names
 
 Array = NDArray[np.float64]
-_OF_STEERING = (HAND, HAND_SPEED, ASSIST_REQUEST, RACK_DISTURBANCE)
 
 
 class Simulator(Protocol):
@@ -71,8 +71,8 @@ def about_vehicle(simulator: Simulator) -> dict[str, Any]:
 
 def _require(manoeuvre: Manoeuvre, vehicle: coupling.Vehicle) -> None:
     inputs = [*manoeuvre.others, *([COAST] if manoeuvre.coasts_from is not None else [])]
-    for name in (plant.INPUTS[i][0] for i in inputs if i not in _OF_STEERING):
-        if name not in vehicle.takes:
+    for name in (plant.INPUTS[i][0] for i in inputs):
+        if name in OF_PLANT and name not in vehicle.takes:
             raise ValueError(f"{manoeuvre.name} needs the input {name}, which {vehicle.name} does not take")
     channels = ["x"] if manoeuvre.ends_at is not None or manoeuvre.coasts_from is not None else []
     if manoeuvre.driver is None and manoeuvre.amplitude is None and not manoeuvre.lock:

@@ -1,4 +1,4 @@
-"""The part that is served, and its arrays: what a step of a session works on."""
+"""A part of the plant that runs step by step, and its arrays."""
 
 from typing import Any, NamedTuple
 
@@ -57,35 +57,56 @@ def advance(part, state, given, inputs, outputs, samples):
 dispatch(advance, lambda kind, _: _KERNELS.get(kind))
 
 
+# What becomes of an input that no longer arrives: efforts and commands fade, positions hold, their speeds are zero.
+FADES, HOLDS, STOPS = range(3)
+_STALE = {
+    **{"hand_angle": HOLDS, "rack_travel": HOLDS, "vehicle_speed": HOLDS},
+    **{"hand_speed": STOPS, "rack_speed": STOPS},
+}
+
+
 class Model(NamedTuple):
     """A part with its state, and the state that it returns to."""
 
     part: Any  # Car, Steering or Chassis
     state: Array  # (S,)
-    given: Array  # (G,) inputs that hold, in the units of the part
+    given: Array  # (G,) inputs that act, in the units of the part
+    wanted: Array  # (G,) inputs as they arrived last, in real time
+    stale: NDArray[np.int64]  # (G,) what becomes of each that no longer arrives: FADES, HOLDS or STOPS
     outputs: Array  # (1, C) in the units of the part
     inputs: Array  # (1, I) what the kernel receives in a sample
     before: Array  # (S,) state before the step, to return to where it does not stay finite
     start: Array  # (S,) state at the begin of a session
     begin: Array  # (G,) inputs at the begin of a session
     shown: Array  # (1, C) outputs at the begin of a session
+    torque: int  # place of the torsion bar's torque among the outputs, -1 where there is none
+    speed: int  # place of the handwheel's speed
+    begun: NDArray[np.int64]  # (1,) how often it returned to the begin
 
 
 def model_of(part: Part) -> Model:
     """A part of :func:`steer_env.fmu.parts.make_part` at the begin of a session."""
     begin = np.zeros(part.given_size)
     begin[: len(part.given)] = [signal.start for signal in part.given]
+    stale = np.full(part.given_size, FADES)
+    stale[: len(part.given)] = [_STALE.get(signal.name, FADES) for signal in part.given]
+    names = [signal.name for signal in part.outputs]
     shown = part.shown.reshape(1, -1).copy()
     return Model(
         part=_CLASSES[part.name](part.parameters),
         state=part.start.copy(),
         given=begin.copy(),
+        wanted=begin.copy(),
+        stale=stale,
         outputs=shown.copy(),
         inputs=np.zeros((1, part.inputs)),
         before=part.start.copy(),
         start=part.start.copy(),
         begin=begin,
         shown=shown,
+        torque=names.index("torsion_bar_torque") if "torsion_bar_torque" in names else -1,
+        speed=names.index("handwheel_speed") if "handwheel_speed" in names else -1,
+        begun=np.zeros(1, np.int64),
     )
 
 
@@ -100,7 +121,9 @@ def restart(model):
     """Return to the begin of a session."""
     _copy(model.start, model.state)
     _copy(model.begin, model.given)
+    _copy(model.begin, model.wanted)
     _copy(model.shown[0], model.outputs[0])
+    model.begun[0] += 1
 
 
 @kernel
@@ -111,3 +134,15 @@ def step(model, samples):
         return True
     _copy(model.before, model.state)
     return False
+
+
+@kernel
+def take_inputs(model, gain, arrives):
+    """Let the inputs act as they arrived last; where they no longer arrive, what fades has this gain."""
+    for i in range(model.wanted.size):
+        value = model.wanted[i]
+        if model.stale[i] == FADES:
+            value = value * gain
+        elif model.stale[i] == STOPS and not arrives:
+            value = 0.0
+        model.given[i] = value

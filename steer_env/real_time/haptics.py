@@ -1,0 +1,146 @@
+"""Whether a force-feedback wheel on the loop is stable: how long its delay may be, or how much torque it may give.
+
+A person's wheel with inertia J and damping b feels the torsion bar's torque, which follows its angle through the plant
+and a delay. What the plant answers to a sine of the angle, G(jω) [N m/rad], is taken from the plant itself with its
+friction, assist and tyres, at several amplitudes, since friction makes small motions stiffer. With a delay tau the
+wheel oscillates at the limit of stability where
+
+    J s^2 + b s + G(s) e^(-s tau) = 0,  s = jω
+
+A column that stands still would give G = K_tb, and for a light wheel the limit b / K_tb. Hands only add damping.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from steer_env.fmu.part import Part
+from steer_env.friction.numerics.check import number
+from steer_env.friction.numerics.kernel import bind, kernel
+from steer_env.real_time.model import model_of, step
+from steer_env.vehicle.steering.eps import SAMPLE_TIME
+
+# From the angle, which is up to a sample old, to the torque, which holds for a sample [s].
+OWN_DELAY = 1.5 * SAMPLE_TIME
+AMPLITUDES = (0.003, 0.01, 0.03, 0.1)  # of the angle [rad]
+FREQUENCIES = np.geomspace(1.0, 30.0, 24)  # [Hz]
+_FINE = 4000  # frequencies between which a crossing is sought
+_LEAST_TIME, _LEAST_CYCLES = 1.0, 6  # of a sine [s]; the second half of it counts
+
+
+class Wheel(NamedTuple):
+    """A force-feedback wheel."""
+
+    inertia: float  # of rim and motor [kg m2]
+    damping: float  # of motor and bearings [N m s/rad]
+    delay: float  # from the angle of the rim to the loop, and from the loop to the torque at the rim, together [s]
+
+
+class Stability(NamedTuple):
+    """What a wheel may do."""
+
+    longest_delay: float  # of the wheel, beside the loop's own; infinite where every delay is stable [s]
+    frequency: float  # at which it oscillates beyond that; NaN where it never does [Hz]
+    share: float  # of the torsion bar's torque that the wheel may give with the delay that it has [1]
+
+
+def make(inertia: float, damping: float, delay: float) -> Wheel:
+    """A wheel.
+
+    Raises
+    ------
+    ValueError
+        A number outside its range.
+    """
+    return Wheel(
+        number("inertia of the wheel [kg m2]", inertia, minimum=0.001, maximum=1.0),
+        number("damping of the wheel [N m s/rad]", damping, minimum=0.0, above=True, maximum=100.0),
+        number("delay of the wheel [s]", delay, minimum=0.0, maximum=0.2),
+    )
+
+
+@kernel
+def _sine(model, angle, speed, omega, amplitude, torque):
+    """Turn the handwheel by a sine and note the torsion bar's torque after each sample."""
+    for i in range(torque.size):
+        t = (i + 1) * SAMPLE_TIME
+        model.given[angle] = amplitude * math.sin(omega * t)
+        model.given[speed] = amplitude * omega * math.cos(omega * t)
+        step(model, 1)
+        torque[i] = model.outputs[0, model.torque]
+
+
+def driving_stiffness(part: Part, amplitude: float) -> NDArray[np.complex128]:
+    """What the plant answers to a sine of the handwheel angle at ``FREQUENCIES``: (F,) [N m/rad].
+
+    Parameters
+    ----------
+    part : Part
+        The car, with ``robot=True``.
+    amplitude : float
+        Of the angle [rad].
+
+    Raises
+    ------
+    ValueError
+        Another part, or hands that give a torque.
+    """
+    if part.name != "car" or not part.parameters.robot:
+        raise ValueError("the stability of a wheel is that of the part car, with hands that give the angle")
+    names = [signal.name for signal in part.given]
+    places = names.index("hand_angle"), names.index("hand_speed")
+    answers = []
+    for frequency in FREQUENCIES:
+        omega = 2.0 * math.pi * frequency
+        cycles = max(_LEAST_CYCLES, math.ceil(_LEAST_TIME * frequency))
+        torque = np.zeros(round(cycles / frequency / SAMPLE_TIME))
+        bind(_sine, *(arguments := (model_of(part), *places, omega, amplitude, torque)))(*arguments)
+        t = SAMPLE_TIME * np.arange(1, torque.size + 1)[torque.size // 2 :]
+        shapes = np.column_stack([np.sin(omega * t), np.cos(omega * t), np.ones(t.size)])
+        real, imaginary, _ = np.linalg.lstsq(shapes, torque[torque.size // 2 :], rcond=None)[0]
+        answers.append((real + 1j * imaginary) / amplitude)
+    return np.array(answers)
+
+
+def longest_delay(wheel: Wheel, stiffness: NDArray[np.complex128]) -> tuple[float, float]:
+    """The longest delay of the whole loop [s] and the frequency [Hz] of the oscillation at it; (inf, NaN) for none.
+
+    ``stiffness`` (F,) is that at ``FREQUENCIES``.
+    """
+    omega = 2.0 * math.pi * np.geomspace(FREQUENCIES[0], FREQUENCIES[-1], _FINE)
+    known = 2.0 * math.pi * FREQUENCIES
+    size = np.interp(omega, known, np.abs(stiffness))
+    phase = np.interp(omega, known, np.unwrap(np.angle(stiffness)))
+    own = wheel.inertia * omega**2 - 1j * wheel.damping * omega
+    crossings = np.flatnonzero(np.diff(np.sign(size - np.abs(own))))
+    delays = [(phase[k] - np.angle(own[k])) % (2.0 * math.pi) / omega[k] for k in crossings]
+    if not delays:
+        return math.inf, math.nan
+    k = int(np.argmin(delays))
+    return float(delays[k]), float(omega[crossings[k]] / (2.0 * math.pi))
+
+
+def stability(part: Part, wheel: Wheel) -> Stability:
+    """What a wheel may do on a car: the worst of all amplitudes.
+
+    Raises
+    ------
+    ValueError
+        As :func:`driving_stiffness`.
+    """
+    answers = [driving_stiffness(part, amplitude) for amplitude in AMPLITUDES]
+
+    def longest(share: float) -> tuple[float, float]:
+        return min(longest_delay(wheel, share * stiffness) for stiffness in answers)
+
+    delay, frequency = longest(1.0)
+    low, high = 0.0, 1.0
+    if delay < wheel.delay + OWN_DELAY:
+        while high - low > 0.001:
+            middle = 0.5 * (low + high)
+            low, high = (middle, high) if longest(middle)[0] >= wheel.delay + OWN_DELAY else (low, middle)
+    else:
+        low = 1.0
+    return Stability(delay - OWN_DELAY, frequency, low)

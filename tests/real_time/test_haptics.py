@@ -1,0 +1,114 @@
+"""A fake wheel on the loop: its computed limit of stability against the one that a longer delay finds."""
+
+import math
+
+import numpy as np
+import pytest
+
+from steer_env.fmu.parts import make_part
+from steer_env.real_time import haptics
+from steer_env.real_time.haptics import FREQUENCIES, OWN_DELAY, Wheel, longest_delay, stability
+from steer_env.real_time.model import model_of, step
+from steer_env.vehicle import cars
+
+K_TB = 130.0  # of the default car [N m/rad]
+BIT = math.radians(900.0) / 2**16  # of a sensor with 16 bit over 900 deg [rad]
+PARTS = 10  # of a sample, in which the fake wheel moves
+LOOP = 0.0015  # delay of the loop below: the torque of a sample acts from the next one on, and holds for it [s]
+
+
+def part_of(speed=100.0 / 3.6, law="lugre", chassis="two_track"):
+    """The default car with a prescribed handwheel angle."""
+    return make_part("car", cars.load("compact").plant(law, speed, True, chassis=chassis), speed)
+
+
+def oscillation(part, wheel, delay, share=1.0, bit=0.0, friction=0.0, seconds=4.0):
+    """Peak to peak [rad] of the wheel's angle in the last second, after a push of 2 N m for 30 ms.
+
+    The wheel has ``delay`` [s], a sensor with a step of ``bit`` [rad] behind a filter, and Coulomb friction [N m].
+    """
+    model, names = model_of(part), [signal.name for signal in part.given]
+    places = names.index("hand_angle"), names.index("hand_speed")
+    angle = speed = filtered = filtered_speed = 0.0
+    waiting = [0.0] * (round(1e3 * delay) + 1)
+    angles = np.zeros(round(1e3 * seconds))
+    for i in range(angles.size):
+        if bit:  # an alpha-beta filter, which has no lag in a steady motion
+            seen = bit * round(angle / bit)
+            miss = seen - (filtered + 1e-3 * filtered_speed)
+            filtered += 1e-3 * filtered_speed + 0.5 * miss
+            filtered_speed += 100.0 * miss
+        else:
+            filtered, filtered_speed = angle, speed
+        model.given[places[0]], model.given[places[1]] = filtered, filtered_speed
+        step(model, 1)
+        waiting.append(-share * model.outputs[0, model.torque])
+        torque = waiting.pop(0) + (2.0 if i < 30 else 0.0)
+        for _ in range(PARTS):
+            rub = friction * math.tanh(speed / 0.01)
+            speed += 1e-3 / PARTS * (torque - rub - wheel.damping * speed) / wheel.inertia
+            angle += 1e-3 / PARTS * speed
+        angles[i] = angle
+        if abs(angle) > 3.0:
+            return math.inf
+    return float(np.ptp(angles[-1000:]))
+
+
+def found_delay(part, wheel, longest):
+    """The shortest whole number of milliseconds with which the wheel goes on oscillating [s]."""
+    low, high = 0, round(1e3 * longest)
+    assert oscillation(part, wheel, 0.0) < 0.002
+    assert oscillation(part, wheel, longest) > 0.01
+    while high - low > 1:
+        middle = (low + high) // 2
+        low, high = (low, middle) if oscillation(part, wheel, 1e-3 * middle) > 0.002 else (middle, high)
+    return 1e-3 * high
+
+
+def test_a_spring_has_the_limit_of_the_closed_form():
+    """J s^2 + b s + K e^(-s tau): at the limit J w^2 = K cos(w tau) and b w = K sin(w tau)."""
+    wheel = Wheel(0.04, 1.0, 0.0)
+    delay, frequency = longest_delay(wheel, np.full(FREQUENCIES.size, K_TB + 0.0j))
+    square = (-(wheel.damping**2) + math.sqrt(wheel.damping**4 + (2.0 * wheel.inertia * K_TB) ** 2)) / (
+        2.0 * wheel.inertia**2
+    )
+    omega = math.sqrt(square)
+    assert frequency == pytest.approx(omega / (2.0 * math.pi), rel=0.002)
+    assert delay == pytest.approx(math.atan2(wheel.damping * omega, wheel.inertia * square) / omega, rel=0.005)
+    assert delay == pytest.approx(wheel.damping / K_TB, rel=0.05)  # of a light wheel: 8 ms ask for 1 N m s/rad
+
+
+def test_a_plant_that_answers_little_is_always_stable():
+    assert longest_delay(Wheel(0.04, 1.0, 0.0), np.full(FREQUENCIES.size, 0.1 + 0.0j))[0] == math.inf
+
+
+@pytest.mark.whole
+@pytest.mark.parametrize(("law", "speed", "damping"), [("lugre", 28.0, 0.3), ("lugre", 28.0, 1.0), ("dahl", 14.0, 0.3)])
+def test_the_limit_is_where_a_longer_delay_finds_it(law, speed, damping):
+    part, wheel = part_of(speed, law), Wheel(0.04, damping, 0.0)
+    computed = stability(part, wheel).longest_delay + OWN_DELAY - LOOP
+    measured = found_delay(part, wheel, 0.06)
+    print(f"{law}, {speed} m/s, {damping} N m s/rad: computed {1e3 * computed:.1f} ms, found {1e3 * measured:.0f} ms")
+    assert measured == pytest.approx(computed, rel=0.2, abs=1e-3)
+
+
+@pytest.mark.whole
+@pytest.mark.parametrize("speed", [0.0, 5.0, 20.0, 40.0, 60.0])
+def test_a_wheel_with_16_bit_and_8_ms_is_stable_at_every_speed(speed):
+    """With the share that is computed; a wheel with little damping gets less than all of the torque."""
+    part = part_of(speed)
+    for damping in (1.0, 0.1):
+        wheel = Wheel(0.04, damping, 0.008)
+        found = stability(part, wheel)
+        print(f"{speed} m/s, {damping} N m s/rad: {found}")
+        assert 0.0 < found.share <= 1.0
+        assert (found.share == 1.0) == (found.longest_delay >= 0.008)
+        assert oscillation(part, wheel, wheel.delay, found.share, BIT, 0.05) < 0.01
+
+
+def test_bad_wheels_and_parts_are_named():
+    with pytest.raises(ValueError, match=r"damping of the wheel \[N m s/rad\] must be finite and greater than 0"):
+        haptics.make(0.04, 0.0, 0.008)
+    torque = make_part("car", cars.load("compact").plant(), 27.8)
+    with pytest.raises(ValueError, match="hands that give the angle"):
+        stability(torque, Wheel(0.04, 1.0, 0.008))

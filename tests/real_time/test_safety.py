@@ -1,0 +1,186 @@
+"""The watchdog and the limits, by faults on a fake wheel with a clock of its own."""
+
+import math
+
+import numpy as np
+import pytest
+
+from steer_env.fmu.parts import make_part
+from steer_env.real_time import Limits, Mailboxes
+from steer_env.real_time.loop import NEVER, counts
+from steer_env.real_time.safety import PHASES, SAFETY, limited, supervise
+from steer_env.vehicle import cars
+from tests.real_time.wheel import Wheel
+
+FADED = 0.050  # time from a fault to zero torque [s]
+
+
+@pytest.fixture
+def wheel():
+    """A wheel in use: past the soft start, with some newton metres."""
+    made = Wheel()
+    made.run(1.5)
+    assert made.phases[-1] == "on"
+    assert 1.0 < abs(made.torques[-1]) < made.limits.torque
+    return made
+
+
+def largest_step(torques):
+    """Largest change of the torque in a sample [N m]."""
+    return np.abs(np.diff(torques)).max()
+
+
+def test_nothing_before_an_input_then_a_soft_start():
+    wheel = Wheel()
+    assert set(wheel.run(0.2, silent=True)) == {0.0}
+    assert set(wheel.phases) == {"off"}
+    torques = np.abs(wheel.run(1.2))
+    assert wheel.phases[200] == "starting"
+    assert wheel.phases[199 + 1000 : 199 + 1003].count("on") >= 2
+    whole = Wheel(Limits(soft_start=1e-9))
+    whole.run(0.2, silent=True)
+    ramp = np.minimum(np.arange(1, 1201) / 1000.0, 1.0)
+    assert torques == pytest.approx(ramp * np.abs(whole.run(1.2)), abs=1e-9)
+
+
+def test_the_torque_is_that_of_the_torsion_bar(wheel):
+    names = [signal.name for signal in wheel.part.outputs]
+    bar = wheel.mail.get()[2][names.index("torsion_bar_torque")]
+    assert wheel.torques[-1] == pytest.approx(-bar, rel=1e-12)
+
+
+def test_inputs_that_cease_hold_then_fade_and_start_again_softly(wheel):
+    before = wheel.torques[-1]
+    torques = np.array(wheel.run(0.2, silent=True))
+    fading = wheel.phases.index("fading", 1400) - 1500  # samples after the last input
+    assert 1e-3 * fading <= wheel.limits.hold + 0.010  # detected, and begun within 10 ms of it
+    assert not torques[round(1e3 * FADED) :].any()
+    assert np.abs(torques).max() < abs(before) + 1.0
+    assert largest_step([before, *torques]) < 1.2 * (abs(before) + 1.0) / (1e3 * wheel.limits.fade)
+    assert wheel.phases[-1] == "off"
+    again = wheel.run(1.2)
+    assert largest_step([0.0, *again]) < 0.2
+    assert wheel.phases[-1] == "on"
+    assert counts(wheel.loop)["stale_trips"] == 1
+
+
+def test_an_input_that_is_back_in_time_is_no_fault(wheel):
+    for _ in range(5):
+        wheel.run(0.018, silent=True)
+        wheel.run(0.002)
+    assert set(wheel.phases[1500:]) == {"on"}
+    assert counts(wheel.loop)["stale_trips"] == 0
+
+
+@pytest.mark.parametrize("missed", [5, 16])
+def test_a_stall_of_the_machine_is_no_fault(wheel, missed):
+    wheel.run(0.3, missed=missed)
+    assert set(wheel.phases[1500:]) == {"on"}
+
+
+def test_missed_deadlines_fade(wheel):
+    before = wheel.torques[-1]
+    torques = wheel.run(0.06, missed=30)  # a stall of 31 ms, and what follows
+    assert wheel.phases[1500] in ("fading", "off")
+    assert not any(torques[round(1e3 * FADED) - 30 :])
+    assert abs(torques[0]) <= abs(before) + 1.0
+    wheel.run(2.0)
+    assert wheel.phases[-1] == "on"  # by itself, as soon as deadlines are kept
+    assert counts(wheel.loop)["deadline_trips"] == 1
+
+
+def test_many_short_stalls_fade_as_well(wheel):
+    for _ in range(12):
+        wheel.run(0.006, missed=3)
+    assert counts(wheel.loop)["deadline_trips"] == 1
+
+
+def test_a_stopped_process_fades_at_once(wheel):
+    """SIGSTOP for five seconds: meanwhile the wheel's own timeout ends its torque, then there is none."""
+    assert wheel.run(5.001, missed=5000) == [0.0]
+
+
+def test_a_sink_that_fails_stays_without_torque(wheel):
+    wheel.mail.fail()
+    torques = wheel.run(0.1)
+    assert not any(torques[round(1e3 * FADED) :])
+    assert wheel.phases[1501] == "fading"  # the sample after the one that it refused
+    wheel.mail.device.failed[0] = 0
+    assert not any(wheel.run(1.0))
+    assert wheel.phases[-1] == "failed"
+    wheel.model.begun[0] += 1  # a new session
+    wheel.run(1.2)
+    assert wheel.phases[-1] == "on"
+    assert counts(wheel.loop)["failure_trips"] == 1
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf])
+def test_a_plant_that_does_not_stay_finite_has_no_torque(wheel, value):
+    wheel.amplitude = value
+    torques = wheel.run(0.1)
+    assert np.isfinite(torques).all()
+    assert not any(torques[round(1e3 * FADED) :])
+    assert wheel.phases[-1] == "failed"
+    assert np.isfinite(wheel.model.state).all()
+
+
+def test_an_angle_beyond_all_bounds_gives_no_more_than_the_limit(wheel):
+    wheel.amplitude = 1e300
+    assert np.abs(wheel.run(0.2)).max() <= wheel.limits.torque
+
+
+def test_limits_of_torque_and_slew():
+    limits = Limits(torque=1.5, slew=20.0, soft_start=1e-9)
+    wheel = Wheel(limits)
+    torques = wheel.run(3.0)
+    assert np.abs(torques).max() == pytest.approx(1.5)
+    assert largest_step([0.0, *torques]) < 20.0 * 1e-3 * (1 + 1e-9)
+    free = Wheel(Limits(soft_start=1e-9))
+    within = np.abs(free.run(3.0)) > 1.5
+    assert abs(counts(wheel.loop)["clipped"] - within.sum()) < 30
+
+
+@pytest.mark.parametrize(("torque", "speed", "expected"), [(6.0, 20.0, 3.0), (6.0, -20.0, 6.0), (-6.0, -20.0, -3.0)])
+def test_the_power_that_drives_the_handwheel_is_limited(torque, speed, expected):
+    """Of 60 W at 20 rad/s: 3 N m; a torque that brakes takes power and is not limited."""
+    memory = np.zeros(1, SAFETY).view(np.recarray)
+    memory.gain = 1.0
+    assert limited(Limits(power=60.0, slew=1e9), memory[0], torque, speed, 1e-3) == pytest.approx(expected)
+
+
+def test_a_random_history_never_breaks_a_limit():
+    """Whatever happens: within the limit, no jump beyond slew and fade, and no torque 50 ms after the last input."""
+    draw = np.random.default_rng(4)
+    wheel = Wheel(Limits(torque=2.0, slew=100.0, soft_start=0.05), amplitude=1.0)
+    most = 100.0 * 1e-3 + 2.0 / 25.0  # slew and fade in one sample
+    for _ in range(400):
+        last = wheel.torques[-1] if wheel.torques else 0.0
+        silent = draw.random() < 0.4
+        length = int(draw.integers(40, 90))
+        torques = wheel.run(1e-3 * length, silent=silent)
+        assert np.abs(torques).max() <= 2.0
+        assert largest_step([last, *torques]) <= most * (1 + 1e-9)
+        if silent:
+            assert not any(torques[49:])
+    assert counts(wheel.loop)["stale_trips"] > 50
+
+
+def test_a_time_to_come_is_no_input(wheel):
+    wheel.mail.put([0.0] * len(wheel.part.given), wheel.now + 10**12)
+    torques = wheel.run(0.1, silent=True)
+    assert not any(torques[round(1e3 * FADED) :])
+
+
+def test_every_phase_is_reached_and_named():
+    assert PHASES == ("off", "starting", "on", "fading", "failed")
+    memory = np.zeros(1, SAFETY).view(np.recarray)
+    supervise(Limits(), memory[0], 1e-3, math.inf, 0)
+    assert (memory.phase[0], memory.gain[0]) == (0, 0.0)
+
+
+def test_mailboxes_keep_what_arrived_whole():
+    part = make_part("steering", cars.load("compact").plant(robot=True), 20.0)
+    mail = Mailboxes(part)
+    assert mail.device.heard[0] == NEVER
+    with pytest.raises(ValueError, match="broadcast"):
+        mail.put([1.0, 2.0])
