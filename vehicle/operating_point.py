@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import brentq
 
 from steer_env import friction as friction_laws
 from steer_env.friction.law import law_of
@@ -17,12 +18,12 @@ from steer_env.friction.numerics.check import number
 from steer_env.friction.numerics.frozen import frozen
 from steer_env.vehicle import plant
 from steer_env.vehicle.cars import Car
-from steer_env.vehicle.chassis.common.interface import HAND, HAND_SPEED, INPUTS, WHEELS
+from steer_env.vehicle.chassis.common.interface import ASSIST_REQUEST, HAND, HAND_SPEED, INPUTS, WHEELS
 from steer_env.vehicle.layout import layout_of
 from steer_env.vehicle.linearised import FRICTIONLESS, Point, by_input, transition
 from steer_env.vehicle.plant import CHANNEL, STEPS_PER_CHASSIS_STEP, Plant
 from steer_env.vehicle.steering.column import COLUMN_ANGLE, HANDWHEEL_ANGLE, HANDWHEEL_SPEED
-from steer_env.vehicle.steering.eps import Assist
+from steer_env.vehicle.steering.eps import LEAD_STATE, Assist, boost_curve
 
 Array = NDArray[np.float64]
 
@@ -50,14 +51,15 @@ def cornering(car: Car, speed: float, chassis: str = "single_track", road_fricti
     Parameters are those of :meth:`steer_env.vehicle.cars.Car.plant`, with its errors.
     """
     p = car.plant(FRICTIONLESS, speed, True, road_friction, chassis)
-    state, lock = plant.initial_state(p), 0.98 * p.rack_limit / p.pinion_radius
+    bare = _without_boost(p)  # which is stable where the assist is not; a rack position has the same chassis with both
+    state, lock = plant.initial_state(bare), 0.98 * p.rack_limit / p.pinion_radius
     names = {name: i for i, (name, _) in enumerate(plant.channels(p))}
     t = plant.SAMPLE_TIME * np.arange(1, round(_RAMP / plant.SAMPLE_TIME) + 1)
     inputs, row = np.zeros((t.size, len(INPUTS))), np.zeros((1, len(names)))
     inputs[:, HAND], inputs[:, HAND_SPEED] = lock * (t / _RAMP) ** 2, 2.0 * lock * t / _RAMP**2
     found, end = [state.copy()], "the steering is at its lock"
     for start in range(0, t.size if speed > 0.0 else 0, _CHUNK):
-        if not plant.run(p, state, inputs[start : start + _CHUNK], row, 1):
+        if not plant.run(bare, state, inputs[start : start + _CHUNK], row, 1):
             end = "the states leave the range of numbers"
             break
         forward = row[0, names["longitudinal_speed"]] if "longitudinal_speed" in names else p.chassis.v_x
@@ -69,8 +71,14 @@ def cornering(car: Car, speed: float, chassis: str = "single_track", road_fricti
             break
         found.append(state.copy())
     every = np.array(found)
-    angles = every[:, HANDWHEEL_ANGLE]
-    return Cornering(p, speed, every, angles, p.column.K_tb * (angles - every[:, COLUMN_ANGLE]), end)
+    whole = p.column.K_tb * (every[:, HANDWHEEL_ANGLE] - every[:, COLUMN_ANGLE])  # of torsion bar and boost
+    grid = np.linspace(0.0, max(whole.max(), 1.0), 2000)
+    torques = np.interp(whole, grid + [boost_curve(p.assist, T, speed)[0] for T in grid], grid)
+    return Cornering(p, speed, every, every[:, COLUMN_ANGLE] + torques / p.column.K_tb, torques, end)
+
+
+def _without_boost(p: Plant) -> Plant:
+    return frozen(p._replace(assist=p.assist._replace(boost=0.0 * p.assist.boost)))
 
 
 def steady(
@@ -95,56 +103,66 @@ def steady(
         raise ValueError("an operating point has a torque or a handwheel_angle: give one of them")
     key, wanted = ("torque [N m]", torque) if torque is not None else ("handwheel_angle [rad]", handwheel_angle or 0.0)
     wanted = number(key, wanted, minimum=0.0, maximum=100.0)
-    curve = c.torques if torque is not None else c.angles
+    top = int(np.argmax(c.torques))
+    curve = (c.torques if torque is not None else c.angles)[: top + 1]
     if wanted and c.speed == 0.0:
         raise ValueError("at standstill only straight running can be linearised: give a speed above 0, or no torque")
-    if wanted > curve.max():
+    if wanted > curve[-1]:
         raise ValueError(
             f"{key} of {wanted:g} is out of reach at {3.6 * c.speed:.4g} km/h: a slow turn of the handwheel reaches "
-            f"{curve.max():.4g}, then the grip of the front tyres fades or {c.end}; give less"
+            f"{curve[-1]:.4g}, then the torque falls as the grip of the front tyres fades, or {c.end}; give less"
         )
-    start = c.states[int(np.argmax(curve >= wanted))]
-    # The knots next to a given torque are moved first; at a given angle the torque is known only then.
-    p = _off_knots(c.plant, torque or 0.0, c.speed, above)
-    point = Point(p, start, np.zeros(len(INPUTS)), c.speed)
-    if c.speed > 0.0:
-        point = _newton(point, key, wanted, by_torque=torque is not None)
-    return point._replace(plant=_off_knots(p, point.torque, c.speed, above))
+    if handwheel_angle:
+        k = int(np.argmax(curve >= wanted))
+
+        def beyond(T: float) -> float:
+            return _newton(c, T, above).handwheel_angle - wanted
+
+        # The ramp is ahead of the steady turn by its speed: the torques around the angle are spread.
+        low, high = 0.8 * c.torques[k - 1], min(1.2 * c.torques[k], c.torques[top])
+        if beyond(low) * beyond(high) > 0.0:
+            raise ValueError(f"{key} of {wanted:g} is too near to the fading grip of the front tyres; give less")
+        torque = float(brentq(beyond, low, high, xtol=1e-12, rtol=1e-14))
+    return _newton(c, torque or 0.0, above)
 
 
-def _newton(point: Point, key: str, wanted: float, by_torque: bool) -> Point:
-    """The steady point from one nearby; its handwheel angle is unknown, too, where the torque is given (P7)."""
-    p, state, u = point.plant, point.state.copy(), point.inputs.copy()
-    u[HAND] = state[HANDWHEEL_ANGLE] if by_torque else wanted
-    row = np.zeros((1, len(plant.channels(p))))
-    state[HANDWHEEL_SPEED] = 0.0
+def _newton(c: Cornering, wanted: float, above: bool) -> Point:
+    """The steady point with a torque of the torsion bar [N m] (P7).
+
+    A request of the boost's size stands for the boost, so that the states settle where the assist loop is unstable.
+    """
+    p = _off_knots(c.plant, wanted, c.speed, above)
+    bare, a, K_tb, row = _without_boost(p), p.assist, p.column.K_tb, np.zeros((1, len(plant.channels(p))))
+    k = int(np.argmax(c.torques >= wanted))
+    state, u = c.states[k].copy(), np.zeros(len(INPUTS))
+    if c.speed == 0.0:
+        return Point(p, state, u, c.speed)
+    boost = boost_curve(a, wanted, c.speed)[0]
+    u[HAND], u[ASSIST_REQUEST] = c.angles[k], boost
+    state[HANDWHEEL_ANGLE], state[HANDWHEEL_SPEED] = c.angles[k], 0.0
     for _ in range(20):
-        rows = np.tile(u, (STEPS_PER_CHASSIS_STEP, 1))
-        plant.run(p, state, np.tile(u, (_RELAXED, 1)), row, 1)
-        after = state.copy()
-        plant.run(p, after, rows, row, 1)
-        matrix, index = transition(p, state=state, inputs=u)
-        off = np.append(after[index] - state[index], p.column.K_tb * (state[0] - state[COLUMN_ANGLE]) - wanted)
-        size = np.append(np.maximum(1.0, np.abs(state[index])), 1.0)
-        if np.all(np.abs(off / size)[: None if by_torque else -1] < 1e-10):
-            return Point(p, state, u, point.speed)
-        J = np.zeros((index.size + 1, index.size + 1))
-        J[:-1, :-1] = matrix - np.eye(index.size)
-        J[:-1, -1] = by_input(p, state, rows, index, [HAND])[:, :, 0].sum(axis=1)
-        if by_torque:
-            J[-1, :-1] = p.column.K_tb * ((index == HANDWHEEL_ANGLE) * 1.0 - (index == COLUMN_ANGLE))
-        else:
-            J[-1, -1], off[-1] = 1.0, 0.0
-        try:
-            change = np.linalg.solve(J, -off)  # (P7)
-        except np.linalg.LinAlgError:
+        plant.run(bare, state, np.tile(u, (_RELAXED, 1)), row, 1)
+        rows, after = np.tile(u, (STEPS_PER_CHASSIS_STEP, 1)), state.copy()
+        plant.run(bare, after, rows, row, 1)
+        A, index = transition(bare, state=state, inputs=u)
+        if not np.isfinite(A).all():
             break
+        off = np.append(after[index] - state[index], K_tb * (state[HANDWHEEL_ANGLE] - state[COLUMN_ANGLE]) - wanted)
+        if np.all(np.abs(off) < 1e-10 * np.append(np.maximum(1.0, np.abs(state[index])), 1.0)):
+            u[ASSIST_REQUEST] = 0.0
+            state[layout_of(p).assist + LEAD_STATE] = (1.0 - a.lead_b0) * boost
+            return Point(p, state, u, c.speed)
+        J = np.zeros((index.size + 1, index.size + 1))
+        J[:-1, :-1] = A - np.eye(index.size)
+        J[:-1, -1] = by_input(bare, state, rows, index, [HAND])[:, :, 0].sum(axis=1)
+        J[-1, :-1] = K_tb * ((index == HANDWHEEL_ANGLE) * 1.0 - (index == COLUMN_ANGLE))
+        change = np.linalg.solve(J, -off)  # (P7)
         state[index] += change[:-1]
         u[HAND] += change[-1]
         if not np.isfinite(state).all():
             break
     raise ValueError(
-        f"the car does not corner steadily with a {key} of {wanted:g} at {3.6 * point.speed:.4g} km/h; give less"
+        f"the car does not corner steadily with a torque of {wanted:g} N m at {3.6 * c.speed:.4g} km/h; give less"
     )
 
 
