@@ -25,7 +25,8 @@ def margin_map(
     """
     rows = -(-len(maps) // columns)
     figure = new_figure(4.8 * columns, rows * (0.42 * len(y) + 0.9) + 0.2)
-    places, image = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True), None
+    places = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True)
+    image: Any = None
     for axes, (label, values) in zip(places.flat, maps.items()):
         axes.set_facecolor(_NONE)
         shown = np.ma.masked_invalid(np.minimum(np.where(np.isnan(values), np.nan, values), top))
@@ -35,8 +36,8 @@ def margin_map(
             text = "–" if np.isnan(value) else "∞" if np.isinf(value) else f"{value:.0f}"
             axes.text(j, i, text, ha="center", va="center", fontsize=8.5, color="white" if dark else "black")
             if value < limit:
-                frame = {"edgecolor": _LIMIT, "linewidth": 2.0, "fill": False, "zorder": 4}
-                axes.add_patch(Rectangle((j - 0.46, i - 0.46), 0.92, 0.92, **frame))
+                place = (j - 0.46, i - 0.46)
+                axes.add_patch(Rectangle(place, 0.92, 0.92, edgecolor=_LIMIT, linewidth=2.0, fill=False, zorder=4))
         axes.set(title=label, xticks=range(len(x)), xticklabels=x, yticks=range(len(y)), yticklabels=y)
         axes.grid(visible=False)
     for axes in places[-1]:
@@ -58,8 +59,8 @@ def nyquist(curves: Mapping[str, NDArray[np.complex128]], disk: float, title: st
             axes.plot(L.real, L.imag, color=colour, linestyle=dash, label=label)
         low, high = (1.0 - 0.5 * disk) / (1.0 + 0.5 * disk), (1.0 + 0.5 * disk) / (1.0 - 0.5 * disk)
         ends = -high, -low
-        style = {"facecolor": "#b0002022", "edgecolor": _LIMIT, "linewidth": 1.0}
-        axes.add_patch(Circle((0.5 * sum(ends), 0.0), 0.5 * (ends[1] - ends[0]), **style))
+        middle, radius = 0.5 * sum(ends), 0.5 * (ends[1] - ends[0])
+        axes.add_patch(Circle((middle, 0.0), radius, facecolor="#b0002022", edgecolor=_LIMIT, linewidth=1.0))
         axes.plot(-1.0, 0.0, "+", color=_LIMIT, markersize=9)
         axes.set(xlabel="real part [1]", ylabel="imaginary part [1]")
         axes.set_aspect("equal", adjustable="datalim" if half is None else "box")

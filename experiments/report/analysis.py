@@ -255,7 +255,7 @@ def _margin_section(results: Results) -> Section:
         f"The assist loop should keep a phase margin of {PHASE_LIMIT:g} deg and a gain margin of {GAIN_LIMIT:g} dB "
         "(usual limits, assumed) wherever the car is driven.",
         f"The whole car ({results.chassis}) is linearised in steady cornering at every speed and torque of the torsion "
-        "bar, with a prescribed handwheel (on), with relaxed to tensed arms on it (arms) and with a constant hand "
+        "bar, with a prescribed handwheel (on), with half tensed arms on it (arms) and with a constant hand "
         f"torque (off), while friction slides at a constant torque or is at rest by its law ({results.law}). The loop "
         "is opened at the torque sensor, at 1 ms. At a knot of the boost table the slope above it counts.",
         " ".join(verdict),
