@@ -229,7 +229,12 @@ def resolve(friction: Any) -> Any:
 def parts(friction: Any) -> tuple[str, dict[str, Any]]:
     """Name of the law and the parameters that are given, from a form of :func:`resolve`; they are not checked."""
     if fitted_file.named(friction):
-        friction = fitted_file.read(friction)
+        path, friction = friction, fitted_file.read(friction)
+        if friction["law"] not in available():
+            raise ValueError(
+                f"{path} holds the friction law {friction['law']!r}, which is not registered here: import the module "
+                f"that registers it, on the command line with --import MODULE; available: {', '.join(available())}"
+            )
     if isinstance(friction, str):
         name, *pairs = friction.split(",")
         given: dict[str, Any] = {}

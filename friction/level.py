@@ -25,6 +25,7 @@ Phil. Trans. 177 (1886) 157); that it acts on the saturated torque, and not on a
 """
 
 import math
+import warnings
 from typing import NamedTuple
 
 import numpy as np
@@ -63,6 +64,8 @@ def make(
 ) -> Level:
     """A checked :class:`Level`.
 
+    Warns of a temperature without its rate, which has no effect.
+
     Raises
     ------
     ValueError
@@ -70,6 +73,12 @@ def make(
     """
     given = {"asymmetry": asymmetry, "temperature_rate": temperature_rate, "temperature_rise": temperature_rise}
     checked = {key: number(key, value, minimum=LIMITS[key][0], maximum=LIMITS[key][1]) for key, value in given.items()}
+    if checked["temperature_rise"] and not checked["temperature_rate"]:
+        warnings.warn(
+            f"temperature_rise {temperature_rise:g} K has no effect: temperature_rate is 0; give the relative decrease "
+            "of the friction by temperature, steering.friction_temperature_rate of a car [1/K]",
+            stacklevel=2,
+        )
     return Level(not_negative("load", load), **checked)
 
 

@@ -133,6 +133,11 @@ def _fit_friction(args: argparse.Namespace) -> None:
     file = out / f"{found.best.law}.json"
     if record.of_a_column:
         print(f"{file} holds the law that leaves least: --friction {file}")
+        if not args.by_load:
+            print(
+                "a car's own steering.friction_load (0.03 in most packaged cars) raises this level with the rack force,"
+                " as that of every law: --set steering.friction_load=0 leaves it as it was fitted"
+            )
     else:
         print(f"{file} is in {' and '.join(record.units.values())}: give --lever or --to-column for a steering column")
 

@@ -151,7 +151,7 @@ def build(results: Results) -> tuple[page.Page, dict[str, Any]]:
             f"{common} Every metric of the weave is compared.",
             verdict[0],
             "Between two communication points the channels of the vehicle hold, which reads as a lag of nearly half a "
-            "step: at 5 ms that is most of the change of the lags. Metrics that are refused are left out.",
+            "step; with a delay the vehicle is a whole step late besides. Metrics that are refused are left out.",
             (),
             [_table(results, "Largest change of a metric of the weave", _worst_text)],
         ),

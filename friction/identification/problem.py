@@ -103,9 +103,12 @@ def descended(problem: Problem, space: Space, q: NDArray, loss_scale: float, *, 
         found = least_squares(weakened, found.x, method="lm", xtol=1e-9, ftol=1e-9, max_nfev=steps)
         found.success = found.success or found.cost > (1.0 - 1e-5) * cost
     if not np.isfinite(found.cost) or (final and not found.success):
+        at = space.edges(space.coordinates(space.made(found.x[: len(space.sought)])[0]))
+        edge = f": it runs along the edge of what the law allows for {', '.join(at)}" if at else f" ({found.message})"
+        remedy = "the record may be of another law; " if at else "try more starts, global_search=True, or "
         raise ValueError(
-            f"the search for the parameters of {space.law.name!r} did not converge ({found.message}): try more starts, "
-            "global_search=True, or fixed= for what is known"
+            f"the search for the parameters of {space.law.name!r} did not converge{edge}: {remedy}give what is known "
+            "with fixed="
         )
     q = found.x.copy()
     q[: len(space.sought)] = space.coordinates(space.made(q[: len(space.sought)])[0])  # within what the law allows

@@ -16,6 +16,7 @@ NOISIEST = 0.05  # noise of the displacement, of its range [1]
 CLIPPED = 20  # samples in a row at the largest value that are taken for a sensor at its end
 ALTERNATING = 0.6  # third differences that change their sign, at least [1]; of white noise 0.77 do
 NOISY = 1e-3  # noise of a sensor's signal over its range, at least [1]
+DRIFT = 0.03  # of the level: a smaller drift of the zero is not told [1]
 LOST = 2.0  # noise of x that leaves a torque, over what a second smoothing of the smoothed motion shows; assumed [1]
 
 

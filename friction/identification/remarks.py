@@ -7,7 +7,7 @@ import numpy as np
 
 from steer_env.friction.identification.intervals import half_widths
 from steer_env.friction.identification.problem import Optimum
-from steer_env.friction.identification.quality import clipped
+from steer_env.friction.identification.quality import DRIFT, clipped
 from steer_env.friction.identification.scales import scaled
 from steer_env.friction.identification.space import Space, sought_of
 from steer_env.friction.law import Law
@@ -18,8 +18,9 @@ if TYPE_CHECKING:
 UNLIKE = 1.5  # residual over the record's own noise, of a law that does not describe it [1] ...
 MATTERS = 0.01  # ... where it is also more than this, of the level [1]
 DOMINANT = 0.1  # noise of x, of the length over which the torque follows a reversal [1]
-DRIFT = 0.05  # of the residual over the record, of the level [1]
 SHORT = 5.0  # steps between samples, within which the torque follows a reversal [1]
+SLOW = 6  # cosines that a zero may wander along, of half a period to three in the record; one for two branches at most
+WANDERS = 0.5  # of the sum of squares, that they must leave less than; assumed [1]
 END = 1e-3  # distance of a coordinate from the end of its range, at which it is told [1]
 SURE = 2.0  # drift over half its interval [1]
 
@@ -51,19 +52,30 @@ def _undetermined(found: "Fit", ready: "Prepared", law: Law) -> list[str]:
 
 
 def _bounds(found: "Fit", ready: "Prepared", law: Law) -> list[str]:
-    """What ends where the search does; zero is no such end, but a value like another."""
+    """What ends where the search does or the law allows no more; zero is no such end, but a value like another."""
+    scales, values = ready.scales, found.parameters._asdict()
     free = {*found.intervals, *found.undetermined}
-    sought = sought_of(law, {name: value for name, value in found.parameters._asdict().items() if name not in free})
-    values = law.parameters(**scaled(law, found.parameters._asdict(), ready.scales))
+    held = {name: value for name, value in scaled(law, values, scales).items() if name not in free}
+    space = Space(law, sought_of(law, held), held, {}, np.empty(0), np.empty(0))
+    q = space.coordinates(law.parameters(**scaled(law, values, scales)))
     texts = []
-    for s, q in zip(sought, Space(law, sought, {}, {}, np.empty(0), np.empty(0)).coordinates(values).tolist()):
-        if q > s.highest - END or (not s.bounded and q < s.lowest + END):
-            side = "largest" if q > s.highest - END else "least"
+    for s, each in zip(space.sought, q.tolist()):
+        if each > s.highest - END or (not s.bounded and each < s.lowest + END):
+            side = "largest" if each > s.highest - END else "least"
             limit = f" ({1.0 + s.highest:g} {s.base})" if s.base else ""
-            value = f"{s.name} = {getattr(found.parameters, s.name):.3g} {law.units[s.name]}"
             end = f"ends at the {side} value of the search{limit}"
-            texts.append(f"{value} {end}: give it with fixed=, or try another law")
+            texts.append(f"{_value(found, law, s.name)} {end}: give it with fixed=, or try another law")
+    at = [_value(found, law, name) for name in space.edges(q) if name in found.intervals]
+    if at:
+        texts.append(
+            f"{', '.join(at)} end at the edge of what the law allows: the record may be of another law; give what is "
+            "known with fixed=, or try another law"
+        )
     return texts
+
+
+def _value(found: "Fit", law: Law, name: str) -> str:
+    return f"{name} = {getattr(found.parameters, name):.3g} {law.units[name]}"
 
 
 def _misfit(found: "Fit", ready: "Prepared") -> list[str]:
@@ -109,19 +121,31 @@ def _sensors(ready: "Prepared", optimum: Optimum) -> list[str]:
         )
     if told := clipped(ready.record.torque):
         texts.append(told)
-    drift, half = _drift(optimum)
-    if abs(drift) > max(DRIFT, SURE * half):
-        texts.append(
-            f"the zero of the torque drifts by {drift * scales.torque:.3g} N m over the record: subtract it, or fit "
-            "shorter parts"
-        )
-    return texts
+    return [*texts, *_wandering(optimum, ready)]
 
 
-def _drift(optimum: Optimum) -> tuple[float, float]:
-    """How far the torque drifts over the weighed samples, beside the other parameters, and half its interval [1]."""
-    e = optimum.weakened
-    A = np.column_stack([optimum.jacobian, np.linspace(-0.5, 0.5, e.size)])
+def _wandering(optimum: Optimum, ready: "Prepared") -> list[str]:
+    """Whether the zero of the torque drifts along a straight line, or wanders otherwise, beside the other parameters.
+
+    It wanders where slow cosines take away more than half of what the law leaves.
+    """
+    level, branches = ready.scales.torque, len(ready.branches.saturated) - ready.branches.first
+    e, way = optimum.weakened, np.linspace(-0.5, 0.5, optimum.residual.size)
+    A = np.column_stack([optimum.jacobian, way])
     change = np.linalg.lstsq(A, -e, rcond=None)[0]
-    half = half_widths(A, e + A @ change, np.eye(change.size)[-1:])
-    return float(change[-1]), float(half[0])
+    left = e + A @ change
+    drift, half = float(change[-1]), float(half_widths(A, left, np.eye(change.size)[-1:])[0])
+    slow = np.column_stack([way, np.cos(np.pi * np.outer(way + 0.5, np.arange(min(SLOW, branches // 2) + 1)))])
+    zero = slow @ np.linalg.lstsq(slow, e, rcond=None)[0]
+    over = float(np.ptp(zero))
+    if ready.branches.saturates and over > DRIFT and np.sum((e - zero) ** 2) < WANDERS * (left @ left):
+        return [
+            f"the zero of the torque wanders over {over * level:.3g} N m in the course of the record, not along a "
+            "straight line: subtract it, or fit shorter parts"
+        ]
+    if abs(drift) > max(DRIFT, SURE * half):
+        return [
+            f"the zero of the torque drifts by {drift * level:.3g} N m over the record: subtract it, or fit shorter "
+            "parts"
+        ]
+    return []

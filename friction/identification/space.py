@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from steer_env.friction.law import Law
 
 REACH = math.log(1e6)  # of a logarithm about its start [1]
+NEAR = 1e-3  # change of a coordinate that shows an edge of what the law allows [1]
 LARGEST = 9.0  # relative excess: a break-away of ten times the sliding torque; assumed [1]
 
 
@@ -146,6 +147,16 @@ class Space(NamedTuple):
             else:
                 low = middle
         return q + high * way if high < 1.0 else end
+
+    def edges(self, q: NDArray) -> list[str]:
+        """Parameters that the law refuses slightly beyond ``q``, where they are within their own bounds."""
+        names = []
+        for s, each, axis in zip(self.sought, q.tolist(), np.eye(q.size)):
+            step = NEAR * max(1.0, abs(each))
+            ends = (end for end in (-step, step) if s.lowest <= each + end <= s.highest)
+            if not all(_allowed(self.law, self.values(q + end * axis)) for end in ends):
+                names.append(s.name)
+        return names
 
     def coordinates(self, parameters: Any) -> NDArray[np.float64]:
         """The coordinates of a set of parameters."""

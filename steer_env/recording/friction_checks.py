@@ -15,7 +15,6 @@ Array = NDArray[np.float64]
 BAND = 0.05  # of the travel: a smaller swing is no reversal [1]
 LEAST_WORK = 0.1  # net work over the sum of its magnitudes, below which a record has no sign [1]
 CONCAVE = 0.35  # of a branch's rise that friction has reached at half its way, at least [1]; a straight line has 0.5
-DRIFT = 0.03  # of the level: a smaller drift of the zero is not told [1]
 
 
 class Scales(NamedTuple):

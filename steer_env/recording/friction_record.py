@@ -13,7 +13,7 @@ import numpy as np
 
 from steer_env.friction import defaults, fitted_file
 from steer_env.friction.identification.displacement import deviation_of, motion_of
-from steer_env.friction.identification.quality import clipped
+from steer_env.friction.identification.quality import DRIFT, clipped
 from steer_env.friction.numerics.check import not_negative, positive
 from steer_env.recording import friction_checks as checks
 from steer_env.recording.channel_mapping import FRICTION
@@ -247,7 +247,7 @@ def checked(record: FrictionRecord, sign: int | None, without_drift: bool = Fals
     if told := clipped(friction):
         notes += (told,)
     slope, share = checks.drift(record.time, x, friction)
-    if abs(share) > checks.DRIFT:
+    if abs(share) > DRIFT:
         text = f"the zero of the friction drifts by {share:.1%} of its level over the record"
         if without_drift:
             friction = friction - slope * (record.time - record.time.mean())

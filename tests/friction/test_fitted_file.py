@@ -82,3 +82,9 @@ def test_a_file_without_a_law_of_a_column_is_refused(fitted, text, contains):
     fitted.unlink() if text is None else fitted.write_text(text)
     with refused(contains):
         friction.resolve(str(fitted))
+
+
+def test_a_law_of_a_users_module_needs_its_import(fitted):
+    fitted.write_text(json.dumps({"friction": {"law": "mine", "F_c": 1.0}}))
+    with refused(["fitted.json", "'mine'", "--import MODULE", "lugre"]):
+        friction.resolve(str(fitted))

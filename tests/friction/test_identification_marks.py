@@ -29,6 +29,16 @@ TRUE = {
     "stribeck": friction.make("stribeck", F_c=F_C, F_s=F_C),
 }
 
+NESTED = [  # (true law, law that has it as a case)
+    ("dahl", "lugre"),  # without damping
+    ("dahl", "exponential_spring"),  # without its Maxwell branch
+    ("coulomb", "stribeck"),
+    ("coulomb", "masing"),
+    ("coulomb", "gms"),
+    ("masing", "gms"),  # without a Stribeck effect
+    ("gms", "masing"),
+]
+
 
 def level(p):
     return float(np.sum(p.k * p.y)) if hasattr(p, "y") else p.F_c
@@ -70,17 +80,18 @@ def test_intervals_of_gms_allow_for_its_elements():
 
 
 @pytest.mark.parametrize("name", TRUE)
-def test_wrong_laws_are_flagged(name):
-    """Those that differ by more than three times the noise, in nine of ten records; found by what they leave."""
+def test_wrong_laws_are_flagged_and_nested_ones_are_not(name):
+    """Flagged in nine of ten records where they differ by more than three times the noise, found by what they leave."""
     clean = friction.response(TRUE[name], LOOPS, DT)
-    for other in ("coulomb", "dahl", "lugre", "masing", "viscous", "elasto_plastic"):
+    for other in [*TRUE, "viscous"]:
         apart = friction.fit(LOOPS, clean, other, dt=DT).residual
-        fits = [friction.fit(LOOPS, clean + noise(seed, LOOPS.size), other, dt=DT) for seed in range(10)]
+        records = [clean + noise(seed, LOOPS.size) for seed in range(3 if other in SLOW else 10)]
+        fits = [friction.fit(LOOPS, torque, other, dt=DT) for torque in records]
         flagged = np.mean([any("does not describe" in text for text in found.warnings) for found in fits])
         if apart > 3.0 * SIGMA:
-            assert flagged >= 0.9
-        if apart < 0.1 * SIGMA:
-            assert flagged == 0.0
+            assert flagged >= 0.9, other
+        if apart < 0.1 * SIGMA or (name, other) in NESTED:
+            assert flagged == 0.0, other
 
 
 @pytest.mark.parametrize("reference", [mixed_speed, stick_slip])

@@ -197,3 +197,8 @@ def test_plain_python_chooses_alike():
     scales = level.Scales(2.0, 0.5)
     assert level.chosen(p, scales, memory, -1.0, 1e-3) == plain(level.chosen)(p, scales, other, -1.0, 1e-3) == 2.0
     assert memory == other
+
+
+def test_a_temperature_without_its_rate_is_told():
+    with pytest.warns(UserWarning, match=r"temperature_rise 10 K has no effect: temperature_rate is 0"):
+        level.make(temperature_rise=10.0)

@@ -37,7 +37,7 @@ QUICK = Scope(("weave", "slow-ramp", "release"), (1e-4, 1e-3, 2e-3, 5e-3), (_MAN
 def full() -> Scope:
     """The whole study: every test of the battery except the rig, which has neither car nor road."""
     tests = tuple(name for name in manoeuvres.available() if name != "rig")
-    return Scope(tests, real_time.STEPS, (_ONE_STROKE, _MANY), friction_records.NOISES, 2, 12)
+    return Scope(tests, real_time.STEPS, (_ONE_STROKE, _MANY), friction_records.NOISES, 10, 12)
 
 
 class Job(NamedTuple):
