@@ -8,7 +8,8 @@ import pytest
 
 from steer_env.vehicle import cars, linearised, plant, understeer
 from steer_env.vehicle.chassis.common.interface import ASSIST_REQUEST, HAND, HAND_SPEED, INPUTS, RACK_DISTURBANCE
-from steer_env.vehicle.linearised import cornering, held, linearise, steady
+from steer_env.vehicle.linearised import linearise
+from steer_env.vehicle.operating_point import HANDS, cornering, held, steady
 from steer_env.vehicle.steering.margins import boost_gain
 
 CAR = cars.load("compact")
@@ -149,7 +150,7 @@ def test_a_car_at_standstill():
 
 def test_names(turns):
     """States, inputs and outputs have the names of the plant, each once."""
-    for hands in linearised.HANDS:
+    for hands in HANDS:
         g = linearise(held(steady(turns["two_track"]), hands, "lugre", ARMS if hands == "arms" else (0.0,) * 3))
         for labels in (g.state_labels, g.input_labels, g.output_labels):
             assert len(set(labels)) == len(labels)
@@ -173,3 +174,22 @@ def test_refusals(turns):
         held(steady(turn), "crossed")
     with pytest.raises(ValueError, match="needs arms"):
         held(steady(turn), "arms")
+
+
+def test_a_point_by_its_handwheel_angle(turns):
+    """A handwheel angle gives the point with that angle, which is the one of its torque."""
+    by_angle = steady(turns["single_track"], handwheel_angle=0.2)
+    assert by_angle.handwheel_angle == pytest.approx(0.2, abs=1e-9)
+    by_torque = steady(turns["single_track"], torque=by_angle.torque)
+    assert by_torque.handwheel_angle == pytest.approx(0.2, abs=1e-9)
+
+
+def test_a_point_with_an_unstable_assist():
+    """Where the assist loop oscillates, the point is still found: its states repeat themselves for a step."""
+    car = CAR._replace(assist=CAR.assist._replace(boost=3.0 * CAR.assist.boost, delay=4))
+    point = steady(cornering(car, SPEED), torque=2.0)
+    state, row = point.state.copy(), np.zeros((1, len(plant.channels(point.plant))))
+    plant.run(point.plant, state, np.tile(point.inputs, (2, 1)), row, 1)
+    A, index = linearised.transition(point.plant, state=point.state, inputs=point.inputs)
+    assert np.abs(np.linalg.eigvals(A)).max() > 1.01
+    np.testing.assert_allclose(state[index], point.state[index], rtol=1e-8, atol=1e-8)

@@ -104,7 +104,7 @@ def filter_model(f: FirstOrder, dt: float = SAMPLE_TIME) -> control.StateSpace:
     return control.ss(-f.a1, f.b1 - f.a1 * f.b0, 1.0, f.b0, dt)
 
 
-def _answer(a: Assist, gain: float, slope: float) -> control.StateSpace:
+def answer(a: Assist, gain: float, slope: float) -> control.StateSpace:
     """From the torsion bar's torque to the request, at a slope of the boost curve and one that needs no lead [1]."""
     boosted = gain * filter_model(FirstOrder(a.lead_b0, a.lead_b1, a.lead_a1))
     if not isinstance(a.functions, Functions):
@@ -115,7 +115,7 @@ def _answer(a: Assist, gain: float, slope: float) -> control.StateSpace:
 
 def assisted_plant(c: Column, a: Assist, gain: float, speed: float) -> control.StateSpace:
     """:func:`hands_fixed_plant` with boost and lead-lag closed, at a local gain of the boost curve [1]."""
-    plant, K = hands_fixed_plant(c, a, speed), _answer(a, gain, 0.0)
+    plant, K = hands_fixed_plant(c, a, speed), answer(a, gain, 0.0)
     T, request, n = plant.C[:1], plant.B[:, :1], K.nstates
     phi = np.block([[plant.A + request @ K.D @ T, request @ K.C], [K.B @ T, K.A]])
     gamma = np.vstack([plant.B, np.zeros((n, 3))])
@@ -140,7 +140,7 @@ def hands_fixed_loop(c: Column, a: Assist, gain: float, speed: float, slope: flo
     control.StateSpace
         Discrete at 1 ms; negative feedback around it is the assist loop.
     """
-    return -_answer(a, gain, slope) * hands_fixed_plant(c, a, speed)[0, 0]  # (E6)
+    return -answer(a, gain, slope) * hands_fixed_plant(c, a, speed)[0, 0]  # (E6)
 
 
 def slopes_of_functions(c: Column, a: Assist, low: float, high: float, speed: float) -> tuple[float, ...]:

@@ -1,0 +1,94 @@
+"""The assist loop of the whole car: its margins against the plant that they are margins of."""
+
+import math
+
+import control
+import numpy as np
+import pytest
+
+from steer_env.vehicle import assist_loop, cars, linearised
+from steer_env.vehicle.operating_point import cornering, held, steady
+from steer_env.vehicle.steering import margins
+from steer_env.vehicle.steering.eps import SAMPLE_TIME
+
+CAR = cars.load("compact")
+SPEED = 60.0 / 3.6  # between the speeds of the boost table [m/s]
+
+
+@pytest.fixture(scope="module")
+def turn():
+    """A slow turn of the single track."""
+    return cornering(CAR, SPEED)
+
+
+def growth(point, factor=1.0, samples=0):
+    """Largest eigenvalue of the closed plant with a factor on the slope of the boost, and with further delay."""
+    a = point.plant.assist
+    own = margins.boost_curve(a, point.torque, point.speed)[0]
+    changed = a._replace(boost=own + factor * (a.boost - own), delay=a.delay + samples)
+    state = point.state
+    A, _ = linearised.transition(point.plant._replace(assist=changed), state=state, inputs=point.inputs)
+    return np.abs(np.linalg.eigvals(A)).max()
+
+
+@pytest.mark.parametrize("law", [None, "lugre", "coulomb"])
+@pytest.mark.parametrize("hands", ["on", "off"])
+@pytest.mark.parametrize("torque", [1.5, 3.3])
+def test_gain_margin_is_where_the_plant_becomes_unstable(turn, torque, hands, law):
+    """The closed plant keeps still just below its gain margin and grows just above it, within 0.5 %."""
+    point = held(steady(turn, torque=torque), hands, law)
+    found = assist_loop.margins(point)
+    if law == "coulomb":  # a column that is held moves no torque with hands on, and the handwheel alone is stable
+        assert (found.gain, found.stable) == (math.inf, True)
+        return
+    assert found.stable
+    assert 3.0 < found.gain < 40.0
+    assert growth(point, 0.995 * found.gain) < 1.0 + 1e-6
+    assert growth(point, 1.005 * found.gain) > 1.0 + 1e-5
+
+
+@pytest.mark.parametrize("hands", ["on", "off"])
+def test_delay_margin_is_where_the_plant_becomes_unstable(hands):
+    """A boost is scaled until whole samples are its delay margin; without motor damping, which the plant delays too."""
+    car = CAR._replace(assist=CAR.assist._replace(damping=0.0 * CAR.assist.damping))
+    point = held(steady(cornering(car, SPEED), torque=2.5), hands)
+    loop, samples = assist_loop.open_loop(point), 3
+    f = assist_loop.FREQUENCIES
+    L = loop.response(f)
+
+    def delay(factor):
+        return assist_loop.read(f, factor * L).delay / SAMPLE_TIME - samples
+
+    low, high = 0.05, 4.0
+    assert delay(low) > 0.0 > delay(high)
+    for _ in range(40):
+        middle = math.sqrt(low * high)
+        low, high = (middle, high) if delay(middle) > 0.0 else (low, middle)
+    assert growth(point, 0.99 * low, samples) < 1.0 + 1e-6
+    assert growth(point, 1.01 * low, samples) > 1.0 + 1e-5
+
+
+def test_a_rig_has_the_loop_with_fixed_hands():
+    """Without rack force the loop is that of the closed forms of the column, within 0.5 % up to 20 Hz."""
+    rig = CAR._replace(steering={**CAR.steering, "pinion_radius": 1e-9})
+    point = steady(cornering(CAR, SPEED))
+    point = point._replace(plant=point.plant._replace(pinion_radius=rig.steering["pinion_radius"]))
+    gain = margins.boost_gain(CAR.assist, 0.0, SPEED)
+    f = np.geomspace(0.5, 20.0, 30)
+    expected = margins.hands_fixed_loop(CAR.column, CAR.assist, gain, SPEED)(np.exp(2j * math.pi * f * SAMPLE_TIME))
+    np.testing.assert_allclose(assist_loop.open_loop(point).response(f), expected, rtol=0.005)
+
+
+def test_margins_of_a_known_loop():
+    """Margins of a third-order loop with a delay are those of python-control, the disk margin too."""
+    dt = 1e-3
+    loop = control.c2d(control.tf([4e5], [1.0, 120.0, 9000.0, 1e5]), dt, "zoh") * control.tf([1.0], [1.0, 0.0], dt)
+    f = np.geomspace(0.1, 490.0, 4000)
+    found = assist_loop.read(f, loop(np.exp(2j * math.pi * f * dt)))
+    gain, phase, _, _, crossover, _ = control.stability_margins(control.frequency_response(loop, 2.0 * math.pi * f))
+    disk, _, _ = control.disk_margins(loop, 2.0 * math.pi * f)
+    assert found.gain == pytest.approx(gain, rel=1e-3)
+    assert math.degrees(found.phase) == pytest.approx(phase, rel=1e-3)
+    assert found.delay == pytest.approx(math.radians(phase) / crossover, rel=1e-3)
+    assert found.crossover == pytest.approx(crossover / (2.0 * math.pi), rel=1e-3)
+    assert found.disk == pytest.approx(disk, rel=1e-3)
