@@ -4,7 +4,6 @@ The kernels know no sockets: :mod:`steer_env.cosimulation.server` receives and s
 same request again, as a client sends it that did not get the answer, gets the same answer again, to the byte.
 """
 
-import math
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -42,7 +41,7 @@ from steer_env.cosimulation.packets import (
 )
 from steer_env.friction.numerics.kernel import kernel
 from steer_env.real_time.loop import NEVER
-from steer_env.real_time.model import restart, step
+from steer_env.real_time.model import implausible, restart, step
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
 
 # What is counted, and what it means.
@@ -172,7 +171,7 @@ def respond(model, link, size, known, now):
         return _refuse(link, BAD_VERSION, 0, now)
     if request.layout != link.layout or size != HEADER_SIZE + 8 * link.given.size:
         return _refuse(link, BAD_LAYOUT, 0, now)
-    same = known and request.session == state.session
+    same = known and counts[SESSIONS] > 0 and request.session == state.session
     ahead = (int(request.sequence) - int(state.sequence)) % _CYCLE
     if same and ahead == 0:
         if link.mode == FREE_RUNNING and request.kind == STEP:
@@ -191,12 +190,14 @@ def respond(model, link, size, known, now):
     if not (same and state.open):
         return _refuse(link, BUSY if state.open else NO_SESSION, 0, now)
     state.heard = now
+    if link.mode != FREE_RUNNING and ahead > 1:
+        return _refuse(link, BAD_SEQUENCE, 0, now)
     if request.kind == CLOSE:
         state.open = 0
         return _answer(link, CLOSED, now)
     if request.kind != STEP:
         return _refuse(link, BAD_KIND, 0, now)
-    return _take(model, link, ahead, now) if link.mode == FREE_RUNNING else _step(model, link, ahead, now)
+    return _take(model, link, ahead, now) if link.mode == FREE_RUNNING else _step(model, link, now)
 
 
 @kernel
@@ -221,7 +222,7 @@ def _open(model, link, now):
     request, state = link.request[0], link.state[0]
     if state.open:
         return _refuse(link, BUSY, 0, now)
-    if request.session == state.session:
+    if link.counts[SESSIONS] > 0 and request.session == state.session:
         return _refuse(link, USED, 0, now)
     if link.mode == FREE_RUNNING and request.samples > MOST_SAMPLES:
         return _refuse(link, BAD_SAMPLES, 0, now)
@@ -235,19 +236,10 @@ def _open(model, link, now):
 
 
 @kernel
-def _not_finite(link):
-    """Number of the first input that is not finite; -1 where all are."""
-    for i in range(link.given.size):
-        if not abs(link.given[i]) < math.inf:
-            return i
-    return -1
-
-
-@kernel
 def _take(model, link, ahead, now):
     """Take the inputs of the request, which act from the next sample on; the answers follow at their own times."""
     request, state = link.request[0], link.state[0]
-    bad = _not_finite(link)
+    bad = implausible(model, link.given)
     if bad >= 0:
         return _refuse(link, BAD_VALUE, bad, now)
     for i in range(link.given.size):
@@ -281,15 +273,13 @@ def report(model, link, s, torque, now):
 
 
 @kernel
-def _step(model, link, ahead, now):
+def _step(model, link, now):
     """Carry out a step with the inputs of the request."""
     request, state = link.request[0], link.state[0]
-    if ahead > 1:
-        return _refuse(link, BAD_SEQUENCE, 0, now)
     samples = int(request.samples)
     if samples < 1 or samples > MOST_SAMPLES:
         return _refuse(link, BAD_SAMPLES, 0, now)
-    bad = _not_finite(link)
+    bad = implausible(model, link.given)
     if bad >= 0:
         return _refuse(link, BAD_VALUE, bad, now)
     for i in range(link.given.size):

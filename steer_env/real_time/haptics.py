@@ -25,8 +25,9 @@ from steer_env.vehicle.steering.eps import SAMPLE_TIME
 # From the angle, which is up to a sample old, to the torque, which holds for a sample [s].
 OWN_DELAY = 1.5 * SAMPLE_TIME
 AMPLITUDES = (0.003, 0.01, 0.03, 0.1)  # of the angle [rad]
-FREQUENCIES = np.geomspace(1.0, 30.0, 24)  # [Hz]
-_FINE = 4000  # frequencies between which a crossing is sought
+FREQUENCIES = np.geomspace(0.5, 100.0, 40)  # [Hz]
+MARGIN = 0.8  # of the torque that oscillates with the delay of the wheel, the share that it may give; assumed
+_FINE = 10_000  # frequencies between which a crossing is sought
 _LEAST_TIME, _LEAST_CYCLES = 1.0, 6  # of a sine [s]; the second half of it counts
 
 
@@ -43,7 +44,7 @@ class Stability(NamedTuple):
 
     longest_delay: float  # of the wheel, beside the loop's own; infinite where every delay is stable [s]
     frequency: float  # at which it oscillates beyond that; NaN where it never does [Hz]
-    share: float  # of the torsion bar's torque that the wheel may give with the delay that it has [1]
+    share: float  # of the torsion bar's torque that it may give with its delay: MARGIN of what oscillates, at most 1
 
 
 def make(inertia: float, damping: float, delay: float) -> Wheel:
@@ -107,17 +108,23 @@ def driving_stiffness(part: Part, amplitude: float) -> NDArray[np.complex128]:
 def longest_delay(wheel: Wheel, stiffness: NDArray[np.complex128]) -> tuple[float, float]:
     """The longest delay of the whole loop [s] and the frequency [Hz] of the oscillation at it; (inf, NaN) for none.
 
-    ``stiffness`` (F,) is that at ``FREQUENCIES``.
+    ``stiffness`` (F,) is that at ``FREQUENCIES``; below and above them it is taken as at the first and the last. The
+    wheel begins to oscillate where its own stiffness outgrows that of the plant. A plant that lags by more than the
+    wheel there is unstable without any delay.
     """
-    omega = 2.0 * math.pi * np.geomspace(FREQUENCIES[0], FREQUENCIES[-1], _FINE)
-    known = 2.0 * math.pi * FREQUENCIES
-    size = np.interp(omega, known, np.abs(stiffness))
-    phase = np.interp(omega, known, np.unwrap(np.angle(stiffness)))
-    own = wheel.inertia * omega**2 - 1j * wheel.damping * omega
-    crossings = np.flatnonzero(np.diff(np.sign(size - np.abs(own))))
-    delays = [(phase[k] - np.angle(own[k])) % (2.0 * math.pi) / omega[k] for k in crossings]
-    if not delays:
+    known, answer = 2.0 * math.pi * FREQUENCIES, np.abs(stiffness)
+    if not answer.any():
         return math.inf, math.nan
+    # Beyond these the wheel's own stiffness is surely below, and above, that of the plant.
+    low = min(known[0], 0.5 * answer[0] / wheel.damping, math.sqrt(0.5 * answer[0] / wheel.inertia))
+    high = max(known[-1], 1.1 * math.sqrt(answer.max() / wheel.inertia))
+    omega = np.geomspace(low, high, _FINE)
+    size, phase = np.interp(omega, known, answer), np.interp(omega, known, np.unwrap(np.angle(stiffness)))
+    own = wheel.inertia * omega**2 - 1j * wheel.damping * omega
+    larger = size > np.abs(own)
+    crossings = np.flatnonzero(larger[:-1] & ~larger[1:])
+    lead = (phase[crossings] - np.angle(own[crossings]) + math.pi) % (2.0 * math.pi) - math.pi
+    delays = np.maximum(lead, 0.0) / omega[crossings]
     k = int(np.argmin(delays))
     return float(delays[k]), float(omega[crossings[k]] / (2.0 * math.pi))
 
@@ -135,12 +142,12 @@ def stability(part: Part, wheel: Wheel) -> Stability:
     def longest(share: float) -> tuple[float, float]:
         return min(longest_delay(wheel, share * stiffness) for stiffness in answers)
 
+    def quiet(share: float) -> bool:
+        return longest(share / MARGIN)[0] >= wheel.delay + OWN_DELAY
+
     delay, frequency = longest(1.0)
-    low, high = 0.0, 1.0
-    if delay < wheel.delay + OWN_DELAY:
-        while high - low > 0.001:
-            middle = 0.5 * (low + high)
-            low, high = (middle, high) if longest(middle)[0] >= wheel.delay + OWN_DELAY else (low, middle)
-    else:
-        low = 1.0
+    low, high = (1.0, 1.0) if quiet(1.0) else (0.0, 1.0)
+    while high - low > 0.001:
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if quiet(middle) else (low, middle)
     return Stability(delay - OWN_DELAY, frequency, low)

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from steer_env.fmu.part import Part
 from steer_env.friction.numerics.kernel import dispatch, kernel
 from steer_env.real_time import safety
-from steer_env.real_time.model import model_of, step, take_inputs
-from steer_env.real_time.safety import FADING, SAFETY, TRIPS, Limits, limited, supervise
+from steer_env.real_time.model import implausible, model_of, step, take_inputs
+from steer_env.real_time.safety import FADING, SAFETY, TRIPS, Limits, checked, cut, limited, supervise
 from steer_env.real_time.system import clock, sleep_until
 from steer_env.real_time.worker import Worker
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
@@ -69,12 +69,18 @@ class Loop(NamedTuple):
 
 
 def loop_of(limits: Limits, most: int = MANY) -> Loop:
-    """The memory of a loop that ends after so many samples at the latest."""
+    """The memory of a loop that ends after so many samples at the latest.
+
+    Raises
+    ------
+    ValueError
+        As :func:`steer_env.real_time.safety.checked`.
+    """
     memory = np.zeros(1, SAFETY).view(np.recarray)
     memory.input_gain = 1.0
     histograms = np.zeros(BINS, np.int64), np.zeros(BINS, np.int64)
     counts, worst, time, stop = (np.zeros(n, np.int64) for n in (len(COUNTS), 2, 2, 1))
-    return Loop(limits, memory, counts, *histograms, worst, time, stop, most)
+    return Loop(checked(limits), memory, counts, *histograms, worst, time, stop, most)
 
 
 @kernel
@@ -89,14 +95,17 @@ def tick(model, loop, device, now, missed):
     # A time to come is no time of this clock; an input that arrives while a sample is computed is up to one ahead.
     age = 1e-9 * (now - heard) if heard != NEVER and heard <= now + PERIOD else math.inf
     supervise(loop.limits, s, elapsed, age, missed)
-    take_inputs(model, s.input_gain, age <= loop.limits.hold)
     torque = 0.0
-    if not step(model, 1):
-        s.failed = 1
+    sound = implausible(model, model.wanted) < 0
+    if sound:
+        take_inputs(model, s.input_gain, age <= loop.limits.hold)
+        sound = step(model, 1)
+    if not sound:
+        cut(s)
     elif model.torque >= 0:
         # The torsion bar pulls at the handwheel with the opposite of what it gives to the column.
         bar, speed = model.outputs[0, model.torque], model.outputs[0, model.speed]
-        torque = limited(loop.limits, s, -loop.limits.share * bar, speed, elapsed)
+        torque = limited(loop.limits, s, -loop.limits.share * bar, speed)
     if not write(device, model, s, torque, now):
         s.failed = 1
     return torque
@@ -163,7 +172,7 @@ class RealTime(Worker):
     Raises
     ------
     ValueError
-        Another system than Linux, or kernels that are not compiled.
+        Another system than Linux, kernels that are not compiled, or limits that are not positive and finite.
     """
 
     def __init__(

@@ -68,7 +68,7 @@ class Mailboxes:
     """
 
     def __init__(self, part: Part) -> None:
-        self._given = len(part.given)
+        self._names = [signal.name for signal in part.given]
         self.device = Mailbox(
             count_in=np.zeros(1, np.int64),
             stamp_in=np.zeros(1, np.int64),
@@ -81,12 +81,23 @@ class Mailboxes:
         )
 
     def put(self, inputs: ArrayLike, stamp: int | None = None) -> None:
-        """Leave inputs (I,) for the loop, of a time of the monotonic clock, by default now [ns]."""
+        """Leave inputs (I,) for the loop, of a time of the monotonic clock, by default now [ns].
+
+        Raises
+        ------
+        ValueError
+            Another number of inputs, or something else than numbers; the loop keeps those that it has.
+        """
+        values = np.asarray(inputs, float)
+        if values.shape != (len(self._names),):
+            raise ValueError(f"put takes {len(self._names)} inputs ({', '.join(self._names)}), got {values.shape}")
+        written = time.monotonic_ns() if stamp is None else int(stamp)
         box = self.device
-        box.count_in[0] += 1
-        box.stamp_in[0] = time.monotonic_ns() if stamp is None else stamp
-        box.inputs[: self._given] = inputs
-        box.count_in[0] += 1
+        count = int(box.count_in[0]) // 2 * 2  # even also behind a call that an interrupt ended
+        box.count_in[0] = count + 1
+        box.stamp_in[0] = written
+        box.inputs[: values.size] = values
+        box.count_in[0] = count + 2
 
     def get(self) -> tuple[float, str, NDArray[np.float64]]:
         """The last torque of the motor [N m], the phase of the watchdog, and the outputs (C,)."""

@@ -1,12 +1,13 @@
 """A part of the plant that runs step by step, and its arrays."""
 
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from steer_env.fmu import car, chassis, steering
-from steer_env.fmu.part import Part
+from steer_env.fmu.part import Part, is_finite
 from steer_env.friction.numerics.kernel import dispatch, kernel
 
 Array = NDArray[np.float64]
@@ -63,6 +64,21 @@ _STALE = {
     **{"hand_angle": HOLDS, "rack_travel": HOLDS, "vehicle_speed": HOLDS},
     **{"hand_speed": STOPS, "rack_speed": STOPS},
 }
+# Largest size of an input that is taken, in its unit, far beyond what a car meets; all assumed. What is larger is the
+# mistake of a unit or a sensor, and would leave a state behind that takes seconds to return.
+LARGEST = {
+    "hand_torque": 200.0,
+    "hand_angle": 30.0,  # nearly five turns to either side
+    "hand_speed": 200.0,
+    "assist_request": 200.0,
+    "wind_force": 1e5,
+    "wind_moment": 1e5,
+    "rack_disturbance": 1e5,
+    "rack_force": 1e5,
+    "vehicle_speed": 150.0,
+    "rack_travel": 1.0,
+    "rack_speed": 10.0,
+}
 
 
 class Model(NamedTuple):
@@ -73,7 +89,9 @@ class Model(NamedTuple):
     given: Array  # (G,) inputs that act, in the units of the part
     wanted: Array  # (G,) inputs as they arrived last, in real time
     stale: NDArray[np.int64]  # (G,) what becomes of each that no longer arrives: FADES, HOLDS or STOPS
+    largest: Array  # (G,) size of each beyond which it is not taken
     outputs: Array  # (1, C) in the units of the part
+    last: Array  # (C,) outputs before the step, to return to as well
     inputs: Array  # (1, I) what the kernel receives in a sample
     before: Array  # (S,) state before the step, to return to where it does not stay finite
     start: Array  # (S,) state at the begin of a session
@@ -90,6 +108,8 @@ def model_of(part: Part) -> Model:
     begin[: len(part.given)] = [signal.start for signal in part.given]
     stale = np.full(part.given_size, FADES)
     stale[: len(part.given)] = [_STALE.get(signal.name, FADES) for signal in part.given]
+    largest = np.full(part.given_size, math.inf)
+    largest[: len(part.given)] = [LARGEST.get(signal.name, math.inf) for signal in part.given]
     names = [signal.name for signal in part.outputs]
     shown = part.shown.reshape(1, -1).copy()
     return Model(
@@ -98,7 +118,9 @@ def model_of(part: Part) -> Model:
         given=begin.copy(),
         wanted=begin.copy(),
         stale=stale,
+        largest=largest,
         outputs=shown.copy(),
+        last=shown[0].copy(),
         inputs=np.zeros((1, part.inputs)),
         before=part.start.copy(),
         start=part.start.copy(),
@@ -128,12 +150,24 @@ def restart(model):
 
 @kernel
 def step(model, samples):
-    """Advance the part; whether its state is finite. Where it is not, it stays as it was."""
+    """Advance the part; whether state and outputs are finite. Where they are not, both stay as they were."""
     _copy(model.state, model.before)
-    if advance(model.part, model.state, model.given, model.inputs, model.outputs, samples):
+    _copy(model.outputs[0], model.last)
+    finite = advance(model.part, model.state, model.given, model.inputs, model.outputs, samples)
+    if finite and is_finite(model.outputs[0]):
         return True
     _copy(model.before, model.state)
+    _copy(model.last, model.outputs[0])
     return False
+
+
+@kernel
+def implausible(model, inputs):
+    """Number of the first input that is not finite or larger than LARGEST; -1 where there is none."""
+    for i in range(inputs.size):
+        if not (abs(inputs[i]) <= model.largest[i] and abs(inputs[i]) < math.inf):
+            return i
+    return -1
 
 
 @kernel

@@ -8,9 +8,9 @@ The torque of the plant reaches the motor times a gain, which a state machine mo
     FADING    the gain falls to 0 in ``fade`` at most, and goes on falling whatever happens; then OFF, or FAILED.
     FAILED    gain 0 until a new session begins.
 
-From STARTING and ON it fades where no input arrived for ``hold``, where deadlines are missed, where the motor's side
-reports a failure, or where the plant does not stay finite; behind the last two it stays FAILED. docs/real_time.md has
-the same as a table.
+From STARTING and ON it fades where no input arrived for ``hold``, where deadlines are missed, or where the motor's side
+reports a failure, behind which it stays FAILED. Where an input is outside its range, or the plant does not stay finite,
+it is FAILED at once. docs/real_time.md has the same as a table.
 """
 
 import math
@@ -19,7 +19,9 @@ from typing import NamedTuple
 import numpy as np
 
 from steer_env.friction.numerics.bounds import within
+from steer_env.friction.numerics.check import number
 from steer_env.friction.numerics.kernel import kernel
+from steer_env.vehicle.steering.eps import SAMPLE_TIME
 
 PHASES = ("off", "starting", "on", "fading", "failed")
 OFF, STARTING, ON, FADING, FAILED = range(len(PHASES))
@@ -30,12 +32,29 @@ class Limits(NamedTuple):
 
     torque: float = 8.0  # largest of the motor [N m]
     power: float = 60.0  # largest that the motor gives to the handwheel [W]
-    slew: float = 1000.0  # fastest change of the torque [N m/s]
+    slew: float = 1000.0  # fastest change of the torque, but for a fall by the limit of power [N m/s]
     soft_start: float = 1.0  # [s]
     hold: float = 0.02  # time without an input, after which it is stale [s]
     fade: float = 0.025  # [s]
     share: float = 1.0  # of the torsion bar's torque that the motor gives [1]
     missed: float = 25.0  # deadlines missed in a row, a miss being forgiven for every ten that are kept [1]
+
+
+_MAY_BE_ZERO = "torque", "share"
+
+
+def checked(limits: Limits) -> Limits:
+    """The same limits.
+
+    Raises
+    ------
+    ValueError
+        One that is not finite or not positive; torque and share may be zero, and the share is at most 1.
+    """
+    for name, value in limits._asdict().items():
+        most = 1.0 if name == "share" else math.inf
+        number(f"{name} of Limits", value, minimum=0.0, above=name not in _MAY_BE_ZERO, maximum=most)
+    return limits
 
 
 SAFETY = np.dtype(
@@ -57,7 +76,7 @@ SAFETY = np.dtype(
 TRIPS = {
     "stale_trips": "times that the torque faded because no input arrived",
     "deadline_trips": "times that it faded because deadlines were missed",
-    "failure_trips": "times that it faded because the motor could not be reached, or the plant did not stay finite",
+    "failure_trips": "times that it ended because the motor could not be reached, or an input or the plant made no sense",
     "clipped": "samples in which a limit of torque or power acted",
 }
 FORGIVEN = 0.1  # of a missed deadline, by each that is kept
@@ -65,8 +84,15 @@ FORGIVEN = 0.1  # of a missed deadline, by each that is kept
 
 @kernel
 def begin(s):
-    """Return to OFF, and forget failures."""
-    s.phase, s.gain, s.input_gain, s.limited, s.misses, s.failed = OFF, 0.0, 1.0, 0.0, 0.0, 0
+    """Forget failures, and return to OFF once the torque of the last session has faded."""
+    s.phase, s.input_gain, s.misses, s.failed = FADING if s.gain > 0.0 else OFF, 1.0, 0.0, 0
+
+
+@kernel
+def cut(s):
+    """End the torque at once, until a new session begins."""
+    s.failure_trips += s.phase == STARTING or s.phase == ON
+    s.phase, s.gain, s.limited, s.failed = FAILED, 0.0, 0.0, 1
 
 
 @kernel
@@ -111,15 +137,18 @@ def supervise(limits, s, elapsed, age, missed):
 
 
 @kernel
-def limited(limits, s, torque, speed, elapsed):
-    """The torque of the motor [N m]: within the limits at a speed of the handwheel [rad/s], times the gain."""
+def limited(limits, s, torque, speed):
+    """The torque of the motor [N m] in a sample: within the limits at a speed of the handwheel [rad/s], times the gain.
+
+    The limit of power comes last, so that it holds in every sample: it only reduces, which needs no limit of slew.
+    """
     if not abs(torque) < math.inf or not abs(speed) < math.inf:
-        s.failed, s.limited = 1, 0.0
+        cut(s)
         return 0.0
-    allowed = within(torque, -limits.torque, limits.torque)
-    if allowed * speed > limits.power:  # it drives the handwheel; braking is not limited
-        allowed = limits.power / speed
-    s.clipped += allowed != torque
-    change = limits.slew * elapsed
-    s.limited = within(allowed, s.limited - change, s.limited + change)
+    wanted = within(torque, -limits.torque, limits.torque)
+    change = limits.slew * SAMPLE_TIME  # however many deadlines were missed: the motor has held its torque meanwhile
+    moved = within(wanted, s.limited - change, s.limited + change)
+    drives = moved * speed > limits.power  # the handwheel; braking is not limited
+    s.limited = limits.power / speed if drives else moved
+    s.clipped += drives or wanted != torque
     return s.gain * s.limited

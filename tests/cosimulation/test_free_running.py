@@ -37,9 +37,10 @@ def test_inputs_are_taken_in_order_and_counted(served):
     assert served.ask("step", 4, now=8) is None  # doubled
     assert (served.model.wanted[0], served.link.state[0].asked) == (2.0, 6)
     assert served.counts("lost", "late", "repeated", "steps") == {"lost": 2, "late": 1, "repeated": 1, "steps": 2}
-    served.inputs[0] = math.nan
-    assert served.ask("step", 5)["kind"] == KINDS["refused"]
-    assert served.model.wanted[0] == 2.0
+    for value in (math.nan, 1e300):
+        served.inputs[0] = value
+        assert served.ask("step", 5)["kind"] == KINDS["refused"]
+        assert served.model.wanted[0] == 2.0
 
 
 def test_answers_follow_their_own_times(served):

@@ -110,8 +110,20 @@ def test_sequence_numbers_wrap_around():
     assert direct.ask("step", 1)["kind"] == KINDS["stepped"]
 
 
-@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
-def test_an_input_that_is_not_finite_is_named(served, value):
+def test_session_0_is_a_number_like_others():
+    direct = Direct()
+    assert direct.ask("open", 0, session=0)["kind"] == KINDS["opened"]
+    assert direct.ask("close", 1, session=0)["kind"] == KINDS["closed"]
+    assert refused(direct.ask("open", 2, session=0), "used")
+
+
+def test_a_close_that_is_ahead_is_refused(served):
+    assert refused(served.ask("close", 50), "sequence")
+    assert served.ask("close", 1)["kind"] == KINDS["closed"]
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, 1e300, 201.0])
+def test_an_input_that_makes_no_sense_is_named(served, value):
     inputs = served.inputs.copy()
     inputs[2] = value
     assert refused(served.ask("step", 1, inputs=inputs), "value", 2)
@@ -126,12 +138,12 @@ def test_length_of_a_step(served, samples):
 
 def test_a_step_that_diverges_changes_nothing(served):
     served.ask("step", 1)
-    state, inputs = served.model.state.copy(), served.inputs.copy()
-    inputs[0] = 1e308
-    assert refused(served.ask("step", 2, inputs=inputs, samples=1000), "diverged")
+    served.model.state[:] = 1e308
+    state, shown = served.model.state.copy(), served.model.outputs.copy()
+    assert refused(served.ask("step", 2, samples=1000), "diverged")
     assert np.array_equal(served.model.state, state)
     answer = served.send(served.request("close", 2))
-    assert np.isfinite(np.frombuffer(answer[HEADER_SIZE:])).all()
+    assert np.array_equal(np.frombuffer(answer[HEADER_SIZE:]), shown[0])
 
 
 def test_what_is_no_packet_of_ours_is_counted_and_left_alone(served):

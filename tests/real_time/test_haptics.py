@@ -78,8 +78,60 @@ def test_a_spring_has_the_limit_of_the_closed_form():
     assert delay == pytest.approx(wheel.damping / K_TB, rel=0.05)  # of a light wheel: 8 ms ask for 1 N m s/rad
 
 
-def test_a_plant_that_answers_little_is_always_stable():
-    assert longest_delay(Wheel(0.04, 1.0, 0.0), np.full(FREQUENCIES.size, 0.1 + 0.0j))[0] == math.inf
+def constant(stiffness):
+    """A plant that answers every frequency alike."""
+    return np.full(FREQUENCIES.size, complex(stiffness))
+
+
+def test_a_plant_that_answers_little_takes_long_to_oscillate_and_one_that_does_not_answer_never_does():
+    delay, frequency = longest_delay(Wheel(0.04, 1.0, 0.0), constant(0.1))
+    assert delay == pytest.approx(0.5 * math.pi * 1.0 / 0.1, rel=0.01)  # a quarter of a turn behind, at K / b
+    assert frequency == pytest.approx(0.1 / (2.0 * math.pi), rel=0.01)
+    assert longest_delay(Wheel(0.04, 1.0, 0.0), constant(0.0))[0] == math.inf
+
+
+@pytest.mark.parametrize(
+    ("stiffness", "inertia", "damping"),
+    [(130.0, 0.003, 0.3), (130.0, 0.001, 0.5), (20.0, 1.0, 0.1), (5.0, 0.3, 0.3), (5.0, 1.0, 0.01), (400.0, 0.001, 0.1)],
+)
+def test_light_and_heavy_wheels_have_a_limit(stiffness, inertia, damping):
+    """Against the first delay in ms at which the roots of the discrete loop leave the unit circle."""
+    delay, _ = longest_delay(Wheel(inertia, damping, 0.0), constant(stiffness))
+    first = first_unstable(stiffness, inertia, damping)
+    print(f"computed {1e3 * (delay - LOOP):.2f} ms, discrete loop unstable from {first} ms")
+    assert first - 1.1 <= 1e3 * (delay - LOOP) <= first + 0.1 or (first == 0 and delay < LOOP)
+
+
+def first_unstable(stiffness, inertia, damping):
+    """Smallest delay [ms] at which a wheel behind a held torque, sampled at 1 ms, is unstable."""
+    decay = math.exp(-damping * 1e-3 / inertia)
+    slide = inertia / damping * (1.0 - decay)
+    for samples in range(400):
+        # angle, speed, and torques on their way, of which the last acts in this sample
+        a = np.zeros((3 + samples, 3 + samples))
+        a[0, :2], a[1, 1] = (1.0, slide), decay
+        a[0, -1], a[1, -1] = (1e-3 - slide) / damping, (1.0 - decay) / damping
+        a[2, 0] = -stiffness
+        a[3:, 2:-1] = np.eye(samples)
+        if np.abs(np.linalg.eigvals(a)).max() > 1.0:
+            return samples
+    raise AssertionError("stable with every delay")
+
+
+def test_a_plant_that_lags_is_unstable_without_delay():
+    assert longest_delay(Wheel(0.04, 0.01, 0.0), 130.0 * np.exp(constant(-0.05j)))[0] == 0.0
+
+
+def test_a_light_wheel_is_quiet_with_its_share():
+    """One that was called stable with every delay and is not, and one that hums with all that is stable."""
+    part = part_of(28.0)
+    for wheel in (Wheel(0.003, 0.3, 0.008), Wheel(0.008, 0.3, 0.008), Wheel(0.02, 0.1, 0.008)):
+        found = stability(part, wheel)
+        print(f"{wheel}: {found}, oscillates by {oscillation(part, wheel, 0.008, found.share):.5f} rad")
+        assert found.longest_delay < 0.008
+        assert 0.05 < found.share < haptics.MARGIN
+        assert oscillation(part, wheel, 0.008, 1.0) > 0.01
+        assert oscillation(part, wheel, 0.008, found.share) < 0.001
 
 
 @pytest.mark.whole
@@ -102,7 +154,7 @@ def test_a_wheel_with_16_bit_and_8_ms_is_stable_at_every_speed(speed):
         found = stability(part, wheel)
         print(f"{speed} m/s, {damping} N m s/rad: {found}")
         assert 0.0 < found.share <= 1.0
-        assert (found.share == 1.0) == (found.longest_delay >= 0.008)
+        assert found.share <= haptics.MARGIN or found.longest_delay >= 0.008
         assert oscillation(part, wheel, wheel.delay, found.share, BIT, 0.05) < 0.01
 
 

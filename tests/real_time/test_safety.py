@@ -5,9 +5,10 @@ import math
 import numpy as np
 import pytest
 
-from steer_env.fmu.parts import make_part
+from steer_env.fmu.parts import PARTS, make_part
 from steer_env.real_time import Limits, Mailboxes
-from steer_env.real_time.loop import NEVER, counts
+from steer_env.real_time.loop import NEVER, counts, loop_of
+from steer_env.real_time.model import LARGEST, restart
 from steer_env.real_time.safety import PHASES, SAFETY, limited, supervise
 from steer_env.vehicle import cars
 from tests.real_time.wheel import Wheel
@@ -124,9 +125,52 @@ def test_a_plant_that_does_not_stay_finite_has_no_torque(wheel, value):
     assert np.isfinite(wheel.model.state).all()
 
 
-def test_an_angle_beyond_all_bounds_gives_no_more_than_the_limit(wheel):
-    wheel.amplitude = 1e300
-    assert np.abs(wheel.run(0.2)).max() <= wheel.limits.torque
+@pytest.mark.parametrize("value", [math.nan, 1e300, 1e4, 31.0])
+def test_one_input_that_makes_no_sense_ends_the_torque_at_once(wheel, value):
+    """Also where good inputs follow; the plant and the outputs stay as they were before."""
+    state = wheel.model.state.copy()
+    shown = wheel.mail.get()[2]
+    good = [0.0] * len(wheel.part.given)
+    wheel.mail.put([*good[: wheel.angle], value, *good[wheel.angle + 1 :]], wheel.now + 1_000_000)
+    assert wheel.run(0.001, silent=True) == [0.0]
+    assert wheel.mail.get()[1] == "failed"
+    assert np.array_equal(wheel.model.state, state)
+    assert np.array_equal(wheel.mail.get()[2], shown)
+    assert set(wheel.run(0.1)) == {0.0}
+    assert counts(wheel.loop)["failure_trips"] == 1
+    wheel.model.begun[0] += 1  # a new session
+    wheel.run(1.2)
+    assert wheel.phases[-1] == "on"
+
+
+def test_a_plant_that_fails_within_the_ranges_shows_what_it_had(wheel):
+    wheel.model.state[:] = 1e308
+    shown = wheel.mail.get()[2]
+    assert wheel.run(0.01) == [0.0] * 10
+    assert wheel.phases[-10:] == ["failed"] * 10
+    assert np.array_equal(wheel.mail.get()[2], shown)
+
+
+def test_the_largest_angle_leaves_nothing_behind(wheel):
+    """What a range lets through is forgotten soon: a single sample of the largest angle against none."""
+    twin = Wheel()
+    twin.run(1.5)
+    wheel.amplitude, wheel.omega = 30.0, 0.5 * math.pi / (1e-9 * (wheel.now + 1_000_000))  # the next sample is the peak
+    wheel.run(0.001)
+    wheel.amplitude, wheel.omega = twin.amplitude, twin.omega
+    twin.run(0.001)
+    error = np.abs(np.subtract(wheel.run(1.0), twin.run(1.0)))
+    print(f"largest error {error.max():.2f} N m, after 0.5 s {error[500:].max():.3f}, after 1 s {error[-1]:.4f}")
+    assert wheel.phases[-1] == "on"
+    assert error[500:].max() < 0.5
+
+
+def test_inputs_that_make_sense_are_those_of_every_part():
+    """Every input of every part has a range, which holds its value at the start."""
+    for name in PARTS:
+        part = make_part(name, cars.load("compact").plant(robot=True), 60.0)
+        for signal in part.given:
+            assert abs(signal.start) < LARGEST[signal.name]
 
 
 def test_limits_of_torque_and_slew():
@@ -145,7 +189,48 @@ def test_the_power_that_drives_the_handwheel_is_limited(torque, speed, expected)
     """Of 60 W at 20 rad/s: 3 N m; a torque that brakes takes power and is not limited."""
     memory = np.zeros(1, SAFETY).view(np.recarray)
     memory.gain = 1.0
-    assert limited(Limits(power=60.0, slew=1e9), memory[0], torque, speed, 1e-3) == pytest.approx(expected)
+    assert limited(Limits(power=60.0, slew=1e9), memory[0], torque, speed) == pytest.approx(expected)
+
+
+def test_every_sample_keeps_the_limit_of_power():
+    draw = np.random.default_rng(3)
+    memory, limits = np.zeros(1, SAFETY).view(np.recarray), Limits()
+    memory.gain = 1.0
+    given = [(8.0, 0.0)] * 20 + [(8.0, 30.0)] * 3 + [(8.0, -30.0)] * 20 + [(8.0, 30.0)]
+    given += list(zip(10.0 * draw.standard_normal(20_000), 30.0 * draw.standard_normal(20_000)))
+    torques = np.array([limited(limits, memory[0], torque, speed) for torque, speed in given])
+    speeds = np.array([speed for _, speed in given])
+    assert torques.max() == 8.0
+    assert (torques * speeds).max() <= limits.power * (1 + 1e-12)
+    grown = np.diff(np.abs(torques))[np.sign(torques[1:]) == np.sign(torques[:-1])]
+    assert grown.max() <= limits.slew * 1e-3 * (1 + 1e-9)  # only what falls may do so faster
+
+
+@pytest.mark.parametrize("field", Limits._fields)
+@pytest.mark.parametrize("value", [math.nan, math.inf, -1.0])
+def test_limits_that_are_none_are_refused(field, value):
+    with pytest.raises(ValueError, match=rf"{field} of Limits must be finite"):
+        loop_of(Limits()._replace(**{field: value}))
+
+
+def test_a_stall_that_is_no_fault_is_no_way_around_the_slew():
+    wheel = Wheel(Limits(slew=100.0, soft_start=1e-9), amplitude=1.0)
+    wheel.run(1.5)
+    for missed in (5, 16, 1):
+        last = wheel.torques[-1]
+        wheel.omega += math.pi / (1e-9 * wheel.now)  # the other way round
+        wheel.run(0.02, missed=missed)
+        assert abs(wheel.torques[-20 + missed] - last) <= 0.1 * (1 + 1e-9)
+    assert set(wheel.phases[1500:]) == {"on"}
+
+
+def test_a_session_that_follows_at_once_lets_the_torque_fade(wheel):
+    before = wheel.torques[-1]
+    restart(wheel.model)
+    torques = wheel.run(0.1)
+    assert largest_step([before, *torques]) <= wheel.limits.slew * 1e-3 + abs(before) / 25.0
+    assert wheel.phases[1500] == "fading"
+    assert wheel.phases[1530] == "starting"
 
 
 def test_a_random_history_never_breaks_a_limit():
@@ -182,5 +267,11 @@ def test_mailboxes_keep_what_arrived_whole():
     part = make_part("steering", cars.load("compact").plant(robot=True), 20.0)
     mail = Mailboxes(part)
     assert mail.device.heard[0] == NEVER
-    with pytest.raises(ValueError, match="broadcast"):
-        mail.put([1.0, 2.0])
+    mail.put(np.ones(6))
+    for bad in ([1.0, 2.0], "text", None):
+        with pytest.raises(ValueError, match=r"put takes 6 inputs \(hand_torque, .*\), got \(|could not convert"):
+            mail.put(bad)
+        assert mail.device.count_in[0] == 2
+    mail.device.count_in[0] += 1  # an interrupt ended a call
+    mail.put(np.ones(6))
+    assert mail.device.count_in[0] == 4
