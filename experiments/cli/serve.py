@@ -103,6 +103,8 @@ def _serve(args: argparse.Namespace) -> None:
 
 def _announce(args: argparse.Namespace, server: Any, found: Any) -> None:
     """Say where the server receives, which a program that starts it reads, and what a wheel may do."""
+    from steer_env.real_time.haptics import MARGIN
+
     (address, port), layout = server.address, server.layout
     if args.json:
         told: dict[str, Any] = {
@@ -114,13 +116,17 @@ def _announce(args: argparse.Namespace, server: Any, found: Any) -> None:
         }
         if found:
             delay = found.longest_delay if math.isfinite(found.longest_delay) else None
-            told["wheel"] = {"longest_delay_s": delay, "share": found.share}
+            told["wheel"] = {"longest_delay_s": delay, "share": found.share, "margin": MARGIN}
         print(json.dumps(told), flush=True)
         return
     if found:
         longest = f"delays of up to {1e3 * found.longest_delay:.1f} ms"
         longest = longest if math.isfinite(found.longest_delay) else "every delay"
-        print(f"the wheel is stable with {longest}; with its own it gives {found.share:.0%} of the torque")
+        longest = longest if found.longest_delay >= 0.0 else "no delay"
+        print(
+            f"the wheel is stable with {longest}; with its own it gives {found.share:.0%} of the torque, which is at most "
+            f"{MARGIN:.0%} of what oscillates"
+        )
     print(
         f"{args.part} at {address}, port {port}, {server.mode}: requests of {layout.request_size} bytes, answers of "
         f"{layout.answer_size}, layout 0x{layout.fingerprint:08x}; Ctrl-C ends it",

@@ -18,6 +18,7 @@ from steer_env.cosimulation.packets import (
     REFUSED,
     STEP,
     STEPPED,
+    VERSION,
     Layout,
     packed,
     unpacked,
@@ -45,7 +46,7 @@ class Client:
     Raises
     ------
     ValueError
-        The server refuses, with the reason.
+        The server refuses, with the reason; or its answer is of another part or version.
     TimeoutError
         No answer.
     """
@@ -134,12 +135,28 @@ class Client:
                 continue  # another's, or the answer to a request that was repeated
             if header["kind"] == REFUSED:
                 raise ValueError(f"the server refused the request: {self._reason(header)}")
+            outputs = self._values(header, packet)
             self.time = header["time"]
-            return np.frombuffer(packet, "<f8", offset=HEADER_SIZE).copy()
+            return outputs
+
+    def _values(self, header: dict[str, int], packet: bytes) -> NDArray[np.float64]:
+        """Outputs (C,) of an answer, which has to be of this part."""
+        found = header["version"], header["layout"], len(packet)
+        expected = VERSION, self.layout.fingerprint, self.layout.answer_size
+        if found != expected:
+            has, needs = (f"version {v}, layout 0x{of:08x} and {size} bytes" for v, of, size in (found, expected))
+            raise ValueError(
+                f"the answer of {self.address[0]}, port {self.address[1]}, has {has}, but this client expects {needs}: "
+                "both ends need the same part and the same version"
+            )
+        return np.frombuffer(packet, "<f8", offset=HEADER_SIZE).copy()
 
     def _reason(self, header: dict[str, int]) -> str:
-        name, text = list(REASONS.items())[header["code"] - 1]
-        return f"{text} ({self.layout.inputs[header['detail']].name})" if name == "value" else text
+        code, detail, inputs = header["code"], header["detail"], self.layout.inputs
+        if not 1 <= code <= len(REASONS):
+            return f"for the reason {code}, which this version of the protocol does not know"
+        name, text = list(REASONS.items())[code - 1]
+        return f"{text} ({inputs[detail].name})" if name == "value" and detail < len(inputs) else text
 
 
 class Answer(NamedTuple):
@@ -180,9 +197,9 @@ class Stream(Client):
                     continue
                 if header["time"] <= self.time:
                     continue
+                outputs = self._values(header, packet)
                 self.time = header["time"]
                 delay = 1e-9 * (time.monotonic_ns() - header["echo"])
-                outputs = np.frombuffer(packet, "<f8", offset=HEADER_SIZE).copy()
                 newest = Answer(self.time, header["torque"], header["gain"], PHASES[header["code"]], delay, outputs)
                 self._pause(0.0)
         except (TimeoutError, BlockingIOError, ConnectionRefusedError):

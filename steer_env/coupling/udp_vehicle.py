@@ -23,7 +23,8 @@ class UdpVehicle:
     Raises
     ------
     CouplingError
-        The server refuses or does not answer; of the constructor, where neither tells the speed.
+        The server refuses, does not answer, or gives what is not finite; of the constructor, where neither tells the
+        speed.
     """
 
     def __init__(self, layout: Layout, address: tuple[str, int], speed: float | None = None) -> None:
@@ -36,6 +37,7 @@ class UdpVehicle:
         self._places = [i for i, name in enumerate(names) if name in GIVEN]
         self.gives = (*(names[i] for i in self._places), "vehicle_speed")
         self._speed = names.index("longitudinal_speed") if speed is None else -1
+        self._read = [*self._places, self._speed] if speed is None else self._places
         self._client: Client | None = None
 
     def start(self, speed: float) -> Array:
@@ -52,9 +54,10 @@ class UdpVehicle:
         if self._client is None:
             raise CouplingError(f"the vehicle at {self.name} was not started")
         try:
-            return self._given(self._client.step(taken, samples))
+            outputs = self._client.step(taken, samples)
         except (ValueError, OSError) as error:
-            raise CouplingError(f"{error}, at {self._client.time:.6g} s") from None
+            raise CouplingError(f"{error},{self._at()}") from None
+        return self._given(outputs)
 
     def close(self) -> None:
         """Close the session."""
@@ -62,6 +65,12 @@ class UdpVehicle:
             client, self._client = self._client, None
             client.__exit__(None, None, None)
 
+    def _at(self) -> str:
+        return f" at {self._client.time:.6g} s" if self._client else ""
+
     def _given(self, outputs: Array) -> Array:
+        for i in self._read:
+            if not np.isfinite(outputs[i]):
+                raise CouplingError(f"{self.name} gave {self._layout.outputs[i].name} = {outputs[i]:.6g}{self._at()}")
         speed = float(outputs[self._speed]) if self._constant is None else self._constant
         return np.append(outputs[self._places], speed)

@@ -76,7 +76,7 @@ SAFETY = np.dtype(
 TRIPS = {
     "stale_trips": "times that the torque faded because no input arrived",
     "deadline_trips": "times that it faded because deadlines were missed",
-    "failure_trips": "times that it ended because the motor could not be reached, or an input or the plant made no sense",
+    "failure_trips": "times that it ended because the motor, an input or the plant failed",
     "clipped": "samples in which a limit of torque or power acted",
 }
 FORGIVEN = 0.1  # of a missed deadline, by each that is kept

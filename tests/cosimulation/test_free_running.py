@@ -12,7 +12,7 @@ from steer_env.cosimulation import Server, Stream
 from steer_env.cosimulation.packets import KINDS, MODES, unpacked
 from steer_env.cosimulation.session import NEVER, report
 from steer_env.experiments.cli import serve
-from steer_env.real_time import Limits
+from steer_env.real_time import Limits, haptics
 from steer_env.real_time.safety import SAFETY
 from tests.cosimulation.direct import Direct
 from tests.cosimulation.served import layout, part_of, serving
@@ -132,3 +132,4 @@ def test_a_wheel_with_much_delay_gets_less_torque():
         pass
     assert 0.0 < process.told["wheel"]["share"] < 1.0
     assert process.told["wheel"]["longest_delay_s"] < 0.03
+    assert process.told["wheel"]["margin"] == haptics.MARGIN

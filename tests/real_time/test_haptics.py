@@ -92,7 +92,14 @@ def test_a_plant_that_answers_little_takes_long_to_oscillate_and_one_that_does_n
 
 @pytest.mark.parametrize(
     ("stiffness", "inertia", "damping"),
-    [(130.0, 0.003, 0.3), (130.0, 0.001, 0.5), (20.0, 1.0, 0.1), (5.0, 0.3, 0.3), (5.0, 1.0, 0.01), (400.0, 0.001, 0.1)],
+    [
+        (130.0, 0.003, 0.3),
+        (130.0, 0.001, 0.5),
+        (20.0, 1.0, 0.1),
+        (5.0, 0.3, 0.3),
+        (5.0, 1.0, 0.01),
+        (400.0, 0.001, 0.1),
+    ],
 )
 def test_light_and_heavy_wheels_have_a_limit(stiffness, inertia, damping):
     """Against the first delay in ms at which the roots of the discrete loop leave the unit circle."""
