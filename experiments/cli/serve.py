@@ -124,7 +124,7 @@ def _announce(args: argparse.Namespace, server: Any, found: Any) -> None:
         longest = longest if math.isfinite(found.longest_delay) else "every delay"
         longest = longest if found.longest_delay >= 0.0 else "no delay"
         print(
-            f"the wheel is stable with {longest}; with its own it gives {found.share:.0%} of the torque, which is at most "
+            f"the wheel is stable with {longest}; with its own it gives {found.share:.0%} of the torque, at most "
             f"{MARGIN:.0%} of what oscillates"
         )
     print(

@@ -68,7 +68,7 @@ REASONS = {
     "sequence": "requests are missing in between: the sequence number is ahead by more than one",
     "reused": "a request with this sequence number, but other contents, was answered before",
     "samples": "the length of the step is out of range",
-    "value": "an input is not finite, or too large to be meant; the field detail has its number",
+    "value": "an input is not finite or outside its range, docs/real_time.md; the field detail has its number",
     "diverged": "the step does not stay finite; nothing has changed",
 }
 (

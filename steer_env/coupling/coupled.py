@@ -37,6 +37,7 @@ TARGET = plant.INPUTS[TARGET_SPEED][0]
 SPREAD, STANDING = 0.03, 0.01  # largest deviation from the speed that is asked for, assumed [1], [m/s]
 STEADY = 1e-3  # change in a second below which a speed is steady, assumed [m/s]
 LEAD_IN = 60  # longest time in which a vehicle changes its speed before the start, assumed [s]
+BACKWARD = 0.5  # speed backwards, above which its sign is taken for wrong, assumed [m/s]
 POSE = ("x", "y", "yaw_angle")
 
 
@@ -89,7 +90,7 @@ class Coupled:
         Raises
         ------
         CouplingError
-            As :meth:`steer_env.coupling.vehicle.Vehicle.start`, or it starts at another speed.
+            As :meth:`steer_env.coupling.vehicle.Vehicle.start`, or it starts at another speed, or backwards.
         """
         names = [name for name, _ in self.channels(p)]
         self._columns = [names.index(name) for name in self.vehicle.gives]
@@ -100,7 +101,7 @@ class Coupled:
         self._values = self._before = self.vehicle.start(self._start_speed)
         if not self._at_speed():
             self._values = self._before = self._brought_to_speed()
-        self._pose_at_start = self._pose(self._values)
+        self._pose_at_start, self._yaw = self._pose(self._values), 0.0
         self._values = self._before = self._from_start(self._values)
         row = np.full(len(names), np.nan)
         row[:_COLUMN], row[self._columns] = 0.0, self._values
@@ -136,7 +137,8 @@ class Coupled:
         ValueError
             More than one substep.
         CouplingError
-            As :meth:`steer_env.coupling.vehicle.Vehicle.step`, or a state of the steering is no longer finite.
+            As :meth:`steer_env.coupling.vehicle.Vehicle.step`, or a state of the steering is no longer finite, or the
+            vehicle drives backwards.
         """
         if substeps != 1:
             raise ValueError(f"with an external vehicle a sample is one step, got {substeps} substeps")
@@ -200,10 +202,18 @@ class Coupled:
         return [float(values[gives.index(name)]) if name in gives else 0.0 for name in POSE]
 
     def _from_start(self, values: Array) -> Array:
-        """What the vehicle gives, with place and heading relative to those at the start."""
+        """What the vehicle gives, with place and heading relative to those at the start, the heading without jumps."""
+        if values[self._speed] < -BACKWARD:
+            raise CouplingError(
+                f"{self.vehicle.name} gives vehicle_speed = {values[self._speed]:.6g} m/s at "
+                f"{self._time * SAMPLE_TIME:.6g} s, but no manoeuvre drives backwards: give the channel the other sign "
+                "in the mapping, or another start"
+            )
         (x0, y0, yaw0), (x, y, yaw) = self._pose_at_start, self._pose(values)
         c, s = math.cos(yaw0), math.sin(yaw0)
-        pose = c * (x - x0) + s * (y - y0), c * (y - y0) - s * (x - x0), yaw - yaw0
+        turned = yaw - yaw0
+        self._yaw = turned + math.tau * round((self._yaw - turned) / math.tau)  # also where the vehicle wraps it
+        pose = c * (x - x0) + s * (y - y0), c * (y - y0) - s * (x - x0), self._yaw
         for name, value in zip(POSE, pose):
             if name in self.vehicle.gives:
                 values[self.vehicle.gives.index(name)] = value
