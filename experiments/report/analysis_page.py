@@ -140,7 +140,10 @@ def _bode_section(results: Results) -> Section:
             shown.append(Panel("frequency [Hz]", title, lines, None, True))
     yaw = results.bode["handwheel_angle", "yaw_rate"]
     peaks = {k: int(np.argmax(np.abs(y))) for k, y in yaw.items()}
-    told = [f"at {number(BODE_FREQUENCIES[i])} Hz ({k})" if i else f"at rest ({k})" for k, i in peaks.items()]
+    told = [
+        f"at {number(BODE_FREQUENCIES[i])} Hz ({k})" if i else f"below {number(BODE_FREQUENCIES[0])} Hz ({k})"
+        for k, i in peaks.items()
+    ]
     return Section(
         "Frequency responses of the car",
         "How the car answers the hands, with its sampled assist, in small motions.",
@@ -177,8 +180,8 @@ def _cycle_section(results: Results) -> Section:
     rows, counted = [], [each for _, _, each in results.cycles if each.sinusoidal]
     for kph, hands, each in results.cycles:
         c, m = each.predicted, each.simulated
-        own = (number(math.degrees(c.amplitude)), number(c.frequency)) if c else ("missed", "missed")
-        own += (number(math.degrees(m.amplitude)), number(m.frequency), number(100.0 * m.third))
+        told = (number(math.degrees(c.amplitude)), number(c.frequency)) if c else ("missed", "missed")
+        own = (*told, number(math.degrees(m.amplitude)), number(m.frequency), number(100.0 * m.third))
         rows.append((f"{kph:g}", hands, *own, "yes" if each.agrees else "no"))
     verdict = f"No limit cycle is predicted or found with {results.law}: every start comes to rest."
     if results.cycles:

@@ -19,7 +19,7 @@ def unstable():
     return steady(cornering(CAR._replace(assist=assist), SPEED))
 
 
-@pytest.mark.parametrize("hands", ["on", "off"])
+@pytest.mark.parametrize("hands", ["on", pytest.param("off", marks=pytest.mark.whole)])
 @pytest.mark.parametrize("law", ["coulomb", "lugre", "viscous"])
 def test_a_cycle_of_the_car_is_predicted(unstable, law, hands):
     """Frequency and amplitude within 10 % where the third harmonic is below 5 %; none is missed."""
