@@ -30,14 +30,14 @@ def _analyse(args: argparse.Namespace) -> None:
     from steer_env import friction
     from steer_env.experiments.output import provenance
     from steer_env.experiments.output.options import progress
-    from steer_env.experiments.report import analysis
+    from steer_env.experiments.report import analysis, analysis_page
     from steer_env.experiments.studies.common import page
 
     page.check(args.out, analysis.NAME)
     car = car_options.load(args)
     with progress("linearising") as notify:
         results = analysis.collect(car, args.friction, args.chassis, notify)
-    found, data = analysis.build(results)
+    found, data = analysis_page.build(results)
     print("\n".join(found.verdict))
     law = friction.resolve(getattr(args.friction, "parameters", args.friction))
     words = _without_out(args.argv)

@@ -25,6 +25,7 @@ def small(monkeypatch):
     monkeypatch.setattr(analysis, "BODE_SPEEDS", (100.0,))
 
 
+@pytest.mark.whole
 def test_page_of_a_car(tmp_path, capsys):
     """Margins as those of the loop itself; a torque out of reach is told; the same command gives the same files."""
     for name in ("first", "second"):
