@@ -71,16 +71,16 @@ if sys.platform != "linux":
     pytest.skip("the server needs Linux", allow_module_level=True)
 
 
-def held(stream, seconds, inputs, pause=0.002):
-    """Send inputs for so long; the answers."""
-    answers, end = [], time.monotonic() + seconds
+def until(stream, reached, inputs):
+    """The first answer for which ``reached`` is true, while inputs are sent; a machine under load may take its time."""
+    end = time.monotonic() + 60.0
     while time.monotonic() < end:
         if inputs is not None:
             stream.put(inputs)
-        answer = stream.get(pause)
-        if answer:
-            answers.append(answer)
-    return answers
+        answer = stream.get(0.002)
+        if answer and reached(answer):
+            return answer
+    pytest.fail("this did not come about in a minute")
 
 
 def test_time_goes_by_and_a_client_that_falls_silent_loses_its_torque():
@@ -90,19 +90,19 @@ def test_time_goes_by_and_a_client_that_falls_silent_loses_its_torque():
         with Stream(server.layout, server.address) as stream:
             inputs = np.zeros(len(server.layout.inputs))
             inputs[1] = 0.3  # a jump of the angle, at which the plant pulls back
-            start, first, left_out = time.monotonic(), stream.time, server.counts()["missed"]
-            answers = held(stream, 1.0, inputs)
+            first = until(stream, lambda answer: True, inputs)
+            start, missed = time.monotonic(), server.counts()["missed"]
+            found = until(stream, lambda answer: answer.phase == "on" and answer.torque < -1.0, inputs)
+            last = until(stream, lambda answer: answer.time > found.time + 0.5, inputs)
             passed = time.monotonic() - start
-            # what stalls take is counted as missed and not made up
-            missed = 1e-3 * (server.counts()["missed"] - left_out)
-            assert stream.time - first == pytest.approx(passed - missed, abs=0.1)
-            assert answers[-1].phase == "on"
-            assert answers[-1].torque < -1.0
-            assert all(answer.delay > 0.0 for answer in answers)
-            after = held(stream, 1.0, None)
+            missed = 1e-3 * (server.counts()["missed"] - missed)
+            # an answer is as old as its delay at most; what stalls take is counted as missed and not made up
+            assert passed - last.delay - missed - 0.01 < last.time - first.time < passed + first.delay + 0.01
+            assert last.delay > 0.0
+            end = until(stream, lambda answer: answer.phase == "off", None)
+            assert end.torque == 0.0
             assert server.counts()["stale_trips"] >= 1
-            assert (after[-1].phase, after[-1].torque) == ("off", 0.0)
-            assert held(stream, 0.5, inputs)[-1].phase == "on"
+            until(stream, lambda answer: answer.phase == "on", inputs)
         counts = server.counts()
         assert counts["sessions"] == 1
     assert server.counts()["missed"] >= counts["missed"]
@@ -114,7 +114,7 @@ def test_the_command_ends_cleanly():
         serving(*options, end=signal.SIGTERM) as process,
         Stream(layout(), process.address) as stream,
     ):
-        held(stream, 0.3, np.zeros(7))
+        until(stream, lambda answer: answer.time > 0.3, np.zeros(7))
     assert process.returncode == 0
     assert process.counts["ticks"] > 100
     assert process.counts["steps"] > 10
