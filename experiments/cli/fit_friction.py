@@ -30,7 +30,7 @@ def add(commands: Any, common: argparse.ArgumentParser) -> None:
     text = f"the record: {packaged} (packaged), or a file: .csv.gz, {names.RECORDED}"
     parser.add_argument("file", metavar="DATA", help=text)
     text = f"laws to fit: {ALL} (default), or some of {', '.join(names.laws())}"
-    parser.add_argument("--law", metavar="LAW", nargs="+", default=[ALL], help=text)
+    parser.add_argument("--law", metavar="LAW", nargs="+", action="extend", help=text)
     text = "directory for index.html, fit.json and LAW.json, replaced as a whole (default friction_NAME)"
     parser.add_argument("--out", metavar="DIR", help=text)
     text = "share of the record, its last part, that judges and is not fitted (default 0.4, where enough is left)"
@@ -102,7 +102,7 @@ def _fit_friction(args: argparse.Namespace) -> None:
     from steer_env.friction.law import LAWS
     from steer_env.friction.numerics.check import number, read_number
 
-    laws = list(LAWS.available()) if args.law == [ALL] else list(dict.fromkeys(args.law))
+    laws = list(LAWS.available()) if args.law in (None, [ALL]) else list(dict.fromkeys(args.law))
     for law in laws:
         LAWS[law]  # refuses an unknown one with those that are known
     held_out = None

@@ -19,7 +19,7 @@ def add(commands: Any, common: argparse.ArgumentParser) -> None:
     text = "seconds that the loop runs in all (default 60)"
     command.add_argument("--seconds", metavar="S", type=float, default=60.0, help=text)
     text = f"{FRICTION} (default: every packaged law)"
-    command.add_argument("--friction", metavar="LAW", nargs="+", type=friction_law, help=text)
+    command.add_argument("--friction", metavar="LAW", nargs="+", action="extend", type=friction_law, help=text)
     kinds = names.chassis()
     text = f"default: {' '.join(kinds)}"
     command.add_argument("--chassis", nargs="+", choices=kinds, default=list(kinds), help=text)

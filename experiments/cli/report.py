@@ -17,7 +17,7 @@ def add(commands: Any, common: argparse.ArgumentParser) -> None:
     text = "Drive every manoeuvre with every law, run the studies, and write index.html and metrics.json."
     report = commands.add_parser("report", help=text, description=text, parents=[common])
     text = f"{FRICTION}; default: all laws ({', '.join(names.laws())})"
-    report.add_argument("--friction", metavar="LAW", type=friction_law, nargs="+", help=text)
+    report.add_argument("--friction", metavar="LAW", type=friction_law, nargs="+", action="extend", help=text)
     car_options.add(report)
     text = f"{EXTERNAL}; it drives every test in place of the chassis of this project (default: none)"
     report.add_argument("--chassis", metavar="FILE", type=external_vehicle, help=text)

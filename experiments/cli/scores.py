@@ -18,11 +18,13 @@ def add(commands: Any, common: argparse.ArgumentParser) -> None:
         "same held-out episodes of every id at its default settings, with the terms on which each of them acts."
     )
     scores = commands.add_parser("scores", help=text, description=text, parents=[common])
-    scores.add_argument("--env", metavar="ID", nargs="+", help=f"ids (default: all): {', '.join(REGISTERED)}")
+    scores.add_argument(
+        "--env", metavar="ID", nargs="+", action="extend", help=f"ids (default: all): {', '.join(REGISTERED)}"
+    )
     text = "number of held-out episodes (default 100)"
     scores.add_argument("--episodes", metavar="N", type=whole_number(2, MOST_EPISODES), default=100, help=text)
     text = "directories of 'steer-env train', or above several, whose policies are evaluated too"
-    scores.add_argument("--policies", metavar="DIR", nargs="+", default=[], help=text)
+    scores.add_argument("--policies", metavar="DIR", nargs="+", action="extend", default=[], help=text)
     scores.add_argument("--out", metavar="FILE", help="file for the page, beside standard output")
     text = "JSON file for the reward_threshold of each id, in which the others are kept"
     scores.add_argument("--thresholds", metavar="FILE", help=text)

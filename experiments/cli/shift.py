@@ -34,7 +34,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         f"{FRICTION}, for --over law; default: {', '.join(names.laws())}, and the laws identified from a noisy record "
         "of the training's law that describe it"
     )
-    parser.add_argument("--friction", metavar="LAW", type=friction_law, nargs="+", help=text)
+    parser.add_argument("--friction", metavar="LAW", type=friction_law, nargs="+", action="extend", help=text)
     car_options.add(parser, default=None, usual="none beside the packaged ones, for --over car")
 
 

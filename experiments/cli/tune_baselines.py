@@ -15,9 +15,9 @@ def add(commands: Any, common: argparse.ArgumentParser) -> None:
     text = "Search for the options with which baseline assists earn most and pass the suite of 'assist-suite'."
     tune = commands.add_parser("tune-baselines", help=text, description=text, parents=[common])
     text = "environments, assists' ids"
-    tune.add_argument("--env", metavar="ID", nargs="+", required=True, help=text)
+    tune.add_argument("--env", metavar="ID", nargs="+", action="extend", required=True, help=text)
     text = f"baselines by name (default: {', '.join(names.assists())})"
-    tune.add_argument("--baseline", metavar="NAME", nargs="+", choices=names.assists(), help=text)
+    tune.add_argument("--baseline", metavar="NAME", nargs="+", action="extend", choices=names.assists(), help=text)
     text = "candidates for each baseline, its defaults among them (default 30)"
     tune.add_argument("--budget", metavar="N", type=whole_number(1), default=30, help=text)
     text = "episodes for each candidate (default 16)"

@@ -93,7 +93,7 @@ def test_the_shipped_record_drives_a_column_as_told():
 
 def test_a_file_of_ones_own_and_its_page(capsys):
     save()
-    assert main(["fit-friction", "mine.csv", "--law", "dahl", "coulomb"]) == 0
+    assert main(["fit-friction", "mine.csv", "--law", "dahl", "--law", "coulomb"]) == 0
     file, all_of_it = loaded("friction_mine/dahl.json"), loaded("friction_mine/fit.json")
     assert file["friction"] == {"law": "dahl", "sigma_0": file["friction"]["sigma_0"], "F_c": file["friction"]["F_c"]}
     for name, true in DAHL._asdict().items():

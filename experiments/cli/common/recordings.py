@@ -40,11 +40,11 @@ def add_reading(parser: argparse._ActionsContainer) -> None:
     text = (
         "names, units, signs and delays of a file's channels; one for each recording in order, the last may have none"
     )
-    parser.add_argument("--mapping", metavar="FILE.toml", nargs="+", default=[], help=text)
+    parser.add_argument("--mapping", metavar="FILE.toml", nargs="+", action="extend", default=[], help=text)
     text = "one channel of the first recording, e.g. handwheel_angle=SWA[deg],sign=-1,delay_ms=10; may be repeated"
     parser.add_argument("--map", dest="entries", metavar="ENTRY", action="append", default=[], help=text)
     text = "databases (.dbc, .kcd, .sym, .arxml) of CAN logs, which say what their frames hold"
-    parser.add_argument("--dbc", metavar="FILE", nargs="+", default=[], help=text)
+    parser.add_argument("--dbc", metavar="FILE", nargs="+", action="extend", default=[], help=text)
     text = "the bus of a CAN log, where a message occurs on several"
     parser.add_argument("--bus", metavar="NAME", help=text)
     text = "use only this part of the recording [s]"
