@@ -30,10 +30,21 @@ def part_of(name="car", speed=100.0 / 3.6, **options):
     return make_part(name, cars.load("compact").plant(speed=speed, **options), speed)
 
 
+def _heeds_ctrl_c():
+    """As in a terminal; what a shell starts in the background ignores the signal, and so would the process."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
 @contextmanager
 def serving(*options, end=signal.SIGINT):
     """A process of ``steer-env serve``; yields it with its address, and sets its counts and exit code at the end."""
-    process = subprocess.Popen([*COMMAND, *options], cwd=ROOT, stdout=subprocess.PIPE, text=True)
+    process = subprocess.Popen(
+        [*COMMAND, *options],
+        cwd=ROOT,
+        stdout=subprocess.PIPE,
+        text=True,
+        preexec_fn=_heeds_ctrl_c,
+    )
     try:
         told = json.loads(process.stdout.readline())
         process.told, process.address = told, (told["address"], told["port"])
