@@ -23,7 +23,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from steer_env.friction.numerics.check import constructed, number, positive
+from steer_env.friction.numerics.check import constructed, number, one_of, positive
 from steer_env.friction.numerics.interpolation import hermite
 from steer_env.friction.numerics.kernel import kernel
 from steer_env.vehicle.simd import broadcast, pack
@@ -199,8 +199,7 @@ def iso8608(
 
     if not isinstance(seed, np.random.Generator) and (not isinstance(seed, int | np.integer) or seed < 0):
         raise ValueError(f"seed must be a whole number of at least 0 or a numpy Generator, got {seed!r}")
-    if road_class not in ROUGHNESS:
-        raise ValueError(f"road_class must be one of {', '.join(ROUGHNESS)}, got {road_class!r}")
+    one_of("road_class", road_class, ROUGHNESS)
     spacing = number("spacing", spacing, minimum=0.01, maximum=1.0)
     size = round(number("length", length, minimum=200.0, maximum=1e5) / spacing)
     n = np.fft.rfftfreq(size, spacing)

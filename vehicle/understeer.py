@@ -15,7 +15,7 @@ import math
 import control
 import numpy as np
 
-from steer_env.friction.numerics.check import positive
+from steer_env.friction.numerics.check import one_of, positive
 from steer_env.vehicle import linear_axles
 from steer_env.vehicle.cars import Car
 from steer_env.vehicle.constants import GRAVITY
@@ -42,8 +42,7 @@ OUTPUTS = ("lateral_speed", "yaw_rate", "lateral_acceleration", "roll_angle")
 
 def _checked(speed: float, chassis: str) -> tuple[float, bool]:
     """Speed and whether the chassis has two tracks."""
-    if chassis not in CHASSIS:
-        raise ValueError(f"chassis must be one of {', '.join(CHASSIS)}, got {chassis!r}")
+    one_of("chassis", chassis, CHASSIS)
     return positive("speed [m/s]", speed), chassis == "two_track"
 
 

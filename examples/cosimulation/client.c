@@ -5,11 +5,14 @@
  *     steer-env serve --part car --port 5005 &
  *     ./client 127.0.0.1 5005
  *
- * It prints time, handwheel angle and torsion-bar torque after every millisecond. The sockets are those of POSIX. */
+ * It prints time, handwheel angle and torsion-bar torque after every millisecond. Both calls of 'serve' need the same
+ * options of the car; with '--hands angle' the car follows the input hand_angle and not this torque. The sockets are
+ * those of POSIX. */
 
 #include "packets.h"
 
 #include <arpa/inet.h>
+#include <errno.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -18,7 +21,7 @@
 #include <sys/time.h>
 #include <time.h>
 
-enum { STEPS = 1000, TRIES = 50 };
+enum { STEPS = 1000, TRIES = 50, PATIENCE_US = 100000 };
 
 static int64_t now(void)
 {
@@ -35,12 +38,15 @@ static int exchange(int link, struct steer_request *request, struct steer_answer
     asked->sent = now();
     asked->check = steer_checksum(request, sizeof *request);
     for (int i = 0; i < TRIES; i++) {
-        if (send(link, request, sizeof *request, 0) < 0)
+        if (send(link, request, sizeof *request, 0) < 0 && errno != ECONNREFUSED)
             perror("send");
         for (;;) {
             ssize_t size = recv(link, answer, sizeof *answer, 0);
-            if (size < 0)
+            if (size < 0) {
+                if (errno == ECONNREFUSED) /* the server does not receive at its port, yet */
+                    nanosleep(&(struct timespec){.tv_nsec = 1000L * PATIENCE_US}, NULL);
                 break; /* nothing in time: ask again */
+            }
             if (size < (ssize_t)sizeof *told || told->magic != STEER_MAGIC)
                 continue;
             if (told->check != steer_checksum(answer, (size_t)size))
@@ -68,7 +74,7 @@ int main(int count, char **words)
     }
     server.sin_port = htons((uint16_t)atoi(words[2]));
     int link = socket(AF_INET, SOCK_DGRAM, 0);
-    struct timeval patience = {.tv_usec = 100000};
+    struct timeval patience = {.tv_usec = PATIENCE_US};
     setsockopt(link, SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof patience);
     connect(link, (struct sockaddr *)&server, sizeof server);
 

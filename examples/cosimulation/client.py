@@ -4,7 +4,8 @@
     steer-env serve --part car --port 5005 &
     python client.py 127.0.0.1 5005
 
-It prints time, handwheel angle and torsion-bar torque after every millisecond.
+It prints time, handwheel angle and torsion-bar torque after every millisecond. Both calls of 'serve' need the same
+options of the car; with '--hands angle' the car follows the input hand_angle and not this torque.
 """
 
 import json
@@ -24,7 +25,7 @@ class Session:
     """A session with a server whose packets are as ``steer-env serve --describe json`` prints them."""
 
     def __init__(self, layout: dict, address: tuple[str, int], patience: float = 0.1, tries: int = 50) -> None:
-        self.layout, self.tries = layout, tries
+        self.layout, self.patience, self.tries = layout, patience, tries
         self.fields = [field["name"] for field in layout["header"]]
         self.header = struct.Struct("<" + "".join(LETTERS[field["type"]] for field in layout["header"]))
         self.link = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
@@ -50,7 +51,10 @@ class Session:
             try:
                 while (answer := self.understood(self.link.recv(4096))) is None:
                     pass  # an older answer
-            except (TimeoutError, ConnectionRefusedError):
+            except TimeoutError:
+                continue
+            except ConnectionRefusedError:  # the server does not receive at its port, yet
+                time.sleep(self.patience)
                 continue
             self.sequence = (self.sequence + 1) % 2**32
             return answer
@@ -102,6 +106,8 @@ def main(layout: dict, address: tuple[str, int]) -> list[dict[str, float]]:
 
 
 if __name__ == "__main__":
+    if len(sys.argv) != 3:
+        sys.exit("usage: client.py ADDRESS PORT")
     found = main(json.loads(Path("packets.json").read_text()), (sys.argv[1], int(sys.argv[2])))
     for row in found:
         print(f"{row['time']:.3f} {row['handwheel_angle']:.17g} {row['torsion_bar_torque']:.17g}")

@@ -12,8 +12,9 @@ from steer_env.experiments.output import car_options
 def add(commands: Any, common: argparse.ArgumentParser) -> None:
     """Add the command to a parser's."""
     text = (
-        "Run the loop of 'steer-env serve --free-running' with a fake wheel, and write a page of how it keeps its "
-        "deadlines on this machine beside a bare loop, what a sample takes, and the latency over UDP."
+        "Run the loop of 'steer-env drive' and 'serve --free-running' without a person, and write a page of how it "
+        "keeps its deadlines on this machine beside a bare loop, with and without priority, what a sample takes, and "
+        "the latency through a fake wheel, a virtual CAN bus and UDP."
     )
     command = commands.add_parser("real-time", help=text, description=text, parents=[common])
     text = "seconds that the loop runs in all (default 60)"
@@ -37,31 +38,30 @@ def _real_time(args: argparse.Namespace) -> None:
     from steer_env.experiments.output import provenance
     from steer_env.experiments.output.options import progress
     from steer_env.experiments.studies.common.page import check, write
-    from steer_env.experiments.verification import real_time_loop
+    from steer_env.experiments.verification import real_time_loop, real_time_page
     from steer_env.friction.numerics.check import number
     from steer_env.real_time.measure import lock_memory
 
-    check(args.out, real_time_loop.NAME)
+    check(args.out, real_time_page.NAME)
     seconds = number("--seconds", args.seconds, minimum=1.0, maximum=86400.0)
     car = car_options.load(args)
     if args.friction:
         laws = {law.label: law.parameters for law in args.friction}
     else:
         laws = {law: friction.make(law) for law in friction.available()}
-    conditions = f"priority {args.priority or 'of every program'}, memory {'' if args.lock_memory else 'not '}locked"
     if args.lock_memory:
         lock_memory()
     with progress("measuring") as notify:
         results = real_time_loop.collect(car, laws, args.chassis, seconds, args.priority, notify)
-    for table in real_time_loop.tables(results):
+    for table in real_time_page.tables(results):
         cells = [list(table.head), *map(list, table.rows)]
         widths = [max(len(row[i]) for row in cells) for i in range(len(table.head))]
         print(table.caption)
         for row in cells:
             print("  ".join(f"{cell:{width}s}" for cell, width in zip(row, widths)).rstrip())
-        print()
-    page = real_time_loop.page(results, seconds, conditions)
+        print(f"{table.note}\n" if table.note else "")
+    page = real_time_page.page(results, seconds, args.priority, args.lock_memory)
     trace = provenance.trace(command=args.argv, result=args.out.name, car=car, friction=laws)
     for sentence in page.timing:
         print(sentence)
-    print(write(args.out, page, real_time_loop.data(results), trace))
+    print(write(args.out, page, real_time_page.data(results), trace))

@@ -6,7 +6,7 @@ import math
 import sys
 from typing import Any
 
-from steer_env.experiments.cli.common import plant_options
+from steer_env.experiments.cli.common import plant_options, wheel_option
 from steer_env.experiments.cli.common.arguments import KPH, whole_number
 from steer_env.experiments.output import car_options
 
@@ -34,12 +34,8 @@ def add(commands: Any, common: argparse.ArgumentParser) -> None:
     text = "samples of 1 ms that follow the clock, with the last inputs, and not steps that the other program asks for"
     serve.add_argument("--free-running", action="store_true", help=text)
     text = f"in free running, largest torque of a motor at the handwheel in N m (default {TORQUE:g})"
-    serve.add_argument("--torque-limit", metavar="NM", type=float, default=TORQUE, help=text)
-    text = (
-        "in free running, inertia [kg m2], damping [N m s/rad] and delay [ms] of a force-feedback wheel: prints the "
-        "longest delay with which it is stable, and reduces the torque where its own is longer"
-    )
-    serve.add_argument("--wheel", metavar="J,B,MS", type=_wheel, help=text)
+    serve.add_argument("--torque-limit", metavar="NM", type=float, help=text)
+    wheel_option.add(serve, "in free running, ")
     text = "in free running, priority 1 to 99 of the scheduler SCHED_FIFO (default: that of every program)"
     serve.add_argument("--priority", metavar="N", type=whole_number(1, 99), default=0, help=text)
     text = f"seconds without a packet after which a session ends (default {SILENCE:.0f})"
@@ -49,16 +45,6 @@ def add(commands: Any, common: argparse.ArgumentParser) -> None:
     text = "print JSON: one line at the start, one with the counts at the end"
     serve.add_argument("--json", action="store_true", help=text)
     serve.set_defaults(function=_serve)
-
-
-def _wheel(text: str) -> tuple[float, float, float]:
-    """Inertia [kg m2], damping [N m s/rad] and delay [s] of a wheel from text."""
-    try:
-        inertia, damping, delay = map(float, text.split(","))
-    except ValueError:
-        form = "inertia, damping and delay, as in 0.04,0.5,8"
-        raise argparse.ArgumentTypeError(f"expected three numbers, {form}, got {text!r}") from None
-    return inertia, damping, 1e-3 * delay
 
 
 def _serve(args: argparse.Namespace) -> None:
@@ -77,9 +63,12 @@ def _serve(args: argparse.Namespace) -> None:
         sys.stdout.write(cosimulation.describe(cosimulation.layout_of(part), args.describe))
         return
     mode = "free-running" if args.free_running else "lockstep"
-    limits = Limits(torque=number("--torque-limit", args.torque_limit, minimum=0.0, maximum=50.0))
-    if args.wheel and not args.free_running:
-        raise ValueError("--wheel needs --free-running, as nothing is real time in lockstep")
+    real_time = {"--torque-limit": args.torque_limit is not None, "--wheel": args.wheel, "--priority": args.priority}
+    if not args.free_running and any(real_time.values()):
+        given = ", ".join(option for option, value in real_time.items() if value)
+        raise ValueError(f"{given}: only with --free-running, as nothing is real time in lockstep")
+    torque = TORQUE if args.torque_limit is None else args.torque_limit
+    limits = Limits(torque=number("--torque-limit", torque, minimum=0.0, maximum=50.0))
     found = haptics.stability(part, haptics.make(*args.wheel)) if args.wheel else None
     if found:
         limits = limits._replace(share=found.share)
@@ -96,9 +85,11 @@ def _serve(args: argparse.Namespace) -> None:
     if args.json:
         print(json.dumps({"counts": counts}))
     else:
-        width = max(map(len, counts))
-        for name, count in counts.items():
+        happened = {name: count for name, count in counts.items() if count}
+        width = max(map(len, happened), default=0)
+        for name, count in happened.items():
             print(f"{name:{width}s}  {count:9d}  {MEANINGS[name]}")
+        print("nothing else was counted" if happened else "no datagram arrived")
 
 
 def _announce(args: argparse.Namespace, server: Any, found: Any) -> None:
@@ -120,13 +111,7 @@ def _announce(args: argparse.Namespace, server: Any, found: Any) -> None:
         print(json.dumps(told), flush=True)
         return
     if found:
-        longest = f"delays of up to {1e3 * found.longest_delay:.1f} ms"
-        longest = longest if math.isfinite(found.longest_delay) else "every delay"
-        longest = longest if found.longest_delay >= 0.0 else "no delay"
-        print(
-            f"the wheel is stable with {longest}; with its own it gives {found.share:.0%} of the torque, at most "
-            f"{MARGIN:.0%} of what oscillates"
-        )
+        print(wheel_option.sentence(found))
     print(
         f"{args.part} at {address}, port {port}, {server.mode}: requests of {layout.request_size} bytes, answers of "
         f"{layout.answer_size}, layout 0x{layout.fingerprint:08x}; Ctrl-C ends it",

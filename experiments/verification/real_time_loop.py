@@ -1,30 +1,26 @@
-"""The loop in real time on this machine: how it keeps its deadlines, what a sample costs, and the latency over UDP."""
+"""The loop in real time on this machine: how it keeps its deadlines and what a sample costs, also under conditions."""
 
+import gc
 import os
-import platform
-import time
-from collections.abc import Callable, Mapping, Sequence
+import threading
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from functools import reduce
 from operator import add
-from pathlib import Path
 from typing import Any, NamedTuple
 
-import numpy as np
-
-from steer_env.cosimulation import Server, Stream
-from steer_env.experiments.drawing.lateness_picture import exceeded
-from steer_env.experiments.studies.common.page import Page, Picture, Section, Table
+from steer_env.experiments.verification import device_latency
+from steer_env.experiments.verification.device_latency import Latency
 from steer_env.fmu.part import Part
 from steer_env.fmu.parts import make_part
-from steer_env.real_time.measure import Durations, Measured, measure
+from steer_env.real_time.measure import Durations, Measured, lock_memory, measure
 from steer_env.vehicle.cars import Car
 
-NAME = "real_time"
 SPEED = 100.0 / 3.6  # held [m/s]
-FACTOR = 1.2  # of a percentile of the lateness over that of the bare loop, that a loop may have at most
-WORK = 20e-6  # of a sample at the 99th percentile, that the car on two tracks may take [s]
-PERCENTILES = (50.0, 99.0, 99.9)
-BIN = 10e-6  # of the histogram of latencies [s]
+PRIORITY = 50  # of SCHED_FIFO among the conditions, where the run has none of its own
+ROUNDS = 5  # that the conditions are measured one after another
+# Shares of the run's time, for the laws, the conditions, and each way of the latency.
+LAWS, CONDITIONS, WAY = 0.6, 0.25, 0.05
 
 
 class Row(NamedTuple):
@@ -35,12 +31,32 @@ class Row(NamedTuple):
     found: Measured
 
 
+class Condition(NamedTuple):
+    """How the process runs."""
+
+    name: str
+    priority: bool = False  # SCHED_FIFO
+    locked: bool = False  # memory
+    garbage: bool = False  # whether a thread of Python makes garbage and collects it meanwhile
+
+
 class Results(NamedTuple):
     """What a run of the command found."""
 
     rows: list[Row]
-    latency: Durations  # from the angle sent over UDP to the torque received
-    server: dict[str, int]  # counts of the server meanwhile
+    conditions: dict[str, Measured | str]  # by the name of the condition; the reason where it is not allowed
+    latencies: dict[str, Latency | str]  # by the way of the angle and the torque; the reason where there is none
+    priority: int  # of the loop meanwhile
+
+
+# Locked memory stays locked, so that it comes last.
+_CONDITIONS = (
+    Condition("as every program"),
+    Condition("as every program, beside garbage collection", garbage=True),
+    Condition("SCHED_FIFO", priority=True),
+    Condition("SCHED_FIFO, locked memory", priority=True, locked=True),
+    Condition("SCHED_FIFO, locked memory, beside garbage collection", priority=True, locked=True, garbage=True),
+)
 
 
 def part_of(car: Car, law: Any, chassis: str) -> Part:
@@ -56,183 +72,93 @@ def collect(
     priority: int = 0,
     notify: Callable[[float, str], None] = lambda part, text: None,
 ) -> Results:
-    """Measure every law on every chassis, ``seconds`` in all, and the latency over UDP for a tenth of that."""
+    """Measure every law on every chassis, then the last of them under conditions and the latency through devices.
+
+    It takes ``seconds`` in all, and the time to compile.
+    """
     cases = [(kind, law) for kind in chassis for law in laws]
     rows = []
     for i, (kind, law) in enumerate(cases):
-        notify(i / len(cases), f"{law}, {kind}")
-        rows.append(Row(kind, law, measure(part_of(car, laws[law], kind), seconds / len(cases), priority)))
-    notify(1.0, "over UDP")
+        notify(LAWS * i / len(cases), f"{law}, {kind}")
+        rows.append(Row(kind, law, measure(part_of(car, laws[law], kind), LAWS * seconds / len(cases), priority)))
     kind, law = cases[-1]
-    return Results(rows, *_over_udp(part_of(car, laws[law], kind), 0.1 * seconds, priority))
+    part = part_of(car, laws[law], kind)
+    notify(LAWS, "latency")
+    wanted = priority or PRIORITY
+    given = wanted if _allowed(wanted) else 0
+    latencies = device_latency.through_all(part, WAY * seconds, given)
+    notify(1.0 - CONDITIONS, "under conditions")
+    return Results(rows, under_conditions(part, CONDITIONS * seconds, wanted), latencies, given)
 
 
-def _over_udp(part: Part, seconds: float, priority: int) -> tuple[Durations, dict[str, int]]:
-    """Latency from an angle that is sent to the first torque that depends on it, in this process."""
-    delays = []
-    with (
-        Server(part, mode="free-running", priority=priority) as server,
-        Stream(server.layout, server.address) as stream,
-    ):
-        inputs, end = np.zeros(len(part.given)), time.monotonic() + seconds
-        while time.monotonic() < end:
-            stream.put(inputs)
-            answer = stream.get(0.1)
-            if answer:
-                delays.append(answer.delay)
-    histogram = np.bincount((np.array(delays) / BIN).astype(int))
-    return Durations(histogram, BIN, max(delays)), server.counts()
+def _allowed(priority: int) -> bool:
+    """Whether a thread of this process may have a priority of SCHED_FIFO."""
+
+    def rise() -> None:
+        try:
+            os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
+            found.append(True)
+        except PermissionError:
+            found.append(False)
+
+    found: list[bool] = []
+    thread = threading.Thread(target=rise)
+    thread.start()
+    thread.join()
+    return found[0]
+
+
+def under_conditions(part: Part, seconds: float, priority: int) -> dict[str, Measured | str]:
+    """Run a car under each condition for an equal time, in rounds; those that are not allowed have the reason."""
+    found: dict[str, Measured | str] = {}
+    each = seconds / len(_CONDITIONS) / ROUNDS
+    for locked in (False, True):
+        for _ in range(ROUNDS):
+            for condition in _CONDITIONS:
+                if condition.locked != locked or isinstance(found.get(condition.name), str):
+                    continue
+                try:
+                    if locked:
+                        lock_memory()
+                    with _collecting(condition.garbage):
+                        run = measure(part, each, priority if condition.priority else 0)
+                except PermissionError as error:
+                    found[condition.name] = str(error)
+                    continue
+                before = found.get(condition.name)
+                found[condition.name] = both(before, run) if isinstance(before, Measured) else run
+    return found
+
+
+@contextmanager
+def _collecting(wanted: bool) -> Iterator[None]:
+    """A thread that makes cycles of garbage and collects it, within the block."""
+    stop = threading.Event()
+
+    def work() -> None:
+        while not stop.is_set():
+            for _ in range(10_000):
+                cycle: list[Any] = []
+                cycle.append(cycle)
+            gc.collect()
+
+    thread = threading.Thread(target=work, daemon=True)
+    if wanted:
+        thread.start()
+    try:
+        yield
+    finally:
+        stop.set()
+        if wanted:
+            thread.join()
+
+
+def both(one: Measured, other: Measured) -> Measured:
+    """Two runs as one."""
+    counts = {name: value + other.counts[name] for name, value in one.counts.items()}
+    return Measured(one.lateness + other.lateness, one.bare + other.bare, one.work + other.work, counts)
 
 
 def together(rows: Sequence[Row], part: Callable[[Measured], Durations]) -> Durations:
     """The durations of several rows as one."""
     return reduce(add, (part(row.found) for row in rows))
-
-
-def machine() -> str:
-    """Kernel, governor of the processor and load of this machine, as text."""
-    file = Path("/sys/devices/system/cpu/cpu0/cpufreq/scaling_governor")
-    governor = file.read_text().strip() if file.exists() else "not told by the system"
-    load = os.getloadavg()[0]
-    version = platform.version()
-    return (
-        f"{platform.system()} {platform.release()} ({version}), {os.cpu_count()} processors, governor: {governor}, "
-        f"load at the end {load:.1f}"
-    )
-
-
-def ratios(rows: Sequence[Row]) -> dict[float, float]:
-    """Lateness of the loop over that of the bare loop, by percentile."""
-    loop, bare = (together(rows, lambda found, i=i: found[i]) for i in (0, 1))  # type: ignore[misc]
-    return {percent: loop.percentile(percent) / bare.percentile(percent) for percent in PERCENTILES}
-
-
-def _us(value: float) -> str:
-    return f"{1e6 * value:.1f}" if value < 1e-4 else f"{1e6 * value:.0f}"
-
-
-def _cells(durations: Durations) -> list[str]:
-    return [_us(durations.mean()), *(_us(durations.percentile(p)) for p in PERCENTILES), _us(durations.worst)]
-
-
-HEAD = ("mean", *(f"{percent:g} %" for percent in PERCENTILES), "worst")
-
-
-def tables(results: Results) -> list[Table]:
-    """Lateness, time of a sample, and latency over UDP [us]."""
-    rows = results.rows
-    late = [[row.chassis, row.law, *_cells(row.found.lateness), str(row.found.counts["missed"])] for row in rows]
-    late += [["all", "all", *_cells(together(rows, lambda f: f.lateness)), ""]]
-    late += [["bare loop", "", *_cells(together(rows, lambda f: f.bare)), ""]]
-    work = [
-        [
-            row.chassis,
-            row.law,
-            *_cells(row.found.work),
-            f"{row.found.counts['clipped'] / row.found.counts['ticks']:.1%}",
-        ]
-        for row in rows
-    ]
-    return [
-        Table("Lateness at the deadlines [µs]", ("chassis", "law", *HEAD, "missed"), late),
-        Table("Time of a sample [µs]", ("chassis", "law", *HEAD, "clipped"), work),
-        Table("From the angle sent over UDP to the torque received [µs]", HEAD, [_cells(results.latency)]),
-    ]
-
-
-def page(results: Results, seconds: float, conditions: str) -> Page:
-    """The page of the command."""
-    rows = results.rows
-    late, work, latency = tables(results)
-    found = ratios(rows)
-    kept = all(ratio <= FACTOR for ratio in found.values())
-    share = ", ".join(f"{ratio:.2f} at {percent:g} %" for percent, ratio in found.items())
-    slowest = max(rows, key=lambda row: row.found.work.percentile(99.0))
-    cost = slowest.found.work.percentile(99.0)
-    verdict = [
-        f"The lateness of the loop over that of a bare loop is {share}; {'within' if kept else 'beyond'} {FACTOR:g}.",
-        f"A sample takes at most {_us(cost)} µs in 99 % ({slowest.law}, {slowest.chassis}); "
-        f"{'within' if cost <= WORK else 'beyond'} {1e6 * WORK:g} µs.",
-    ]
-    trips = {name: sum(row.found.counts[name] for row in rows) for name in ("missed", "deadline_trips", "stale_trips")}
-    pictures = [
-        Picture(
-            exceeded(
-                {
-                    kind.replace("_", " "): {
-                        "loop": together([row for row in rows if row.chassis == kind], lambda f: f.lateness),
-                        "bare loop": together([row for row in rows if row.chassis == kind], lambda f: f.bare),
-                        "time of a sample": together([row for row in rows if row.chassis == kind], lambda f: f.work),
-                    }
-                    for kind in dict.fromkeys(row.chassis for row in rows)
-                }
-            ),
-            "Share of the deadlines at which the lateness is longer, and of the samples that take longer",
-        )
-    ]
-    limits = f"{machine()}; {conditions}. Figures of this machine say nothing about another."
-    return Page(
-        NAME,
-        "The loop in real time on this machine",
-        f"{seconds:g} s in all, a sample in every millisecond; a person is replaced by a sine of the handwheel angle.",
-        [],
-        [
-            Section(
-                "Deadlines",
-                "The loop keeps its deadlines as a bare loop does that computes nothing.",
-                "One thread wakes twice in every millisecond, once for each loop, by the same call of the C library.",
-                f"{verdict[0]} Missed and left out: {trips['missed']} deadlines; the watchdog tripped "
-                f"{trips['deadline_trips'] + trips['stale_trips']} times.",
-                limits,
-                pictures,
-                [late],
-                measured=True,
-            ),
-            Section(
-                "Time of a sample",
-                "A sample of the whole car leaves most of the millisecond to the machine.",
-                "From the return of the sleep to the end of the sample, the device included.",
-                verdict[1],
-                limits,
-                (),
-                [work],
-                measured=True,
-            ),
-            Section(
-                "Latency over UDP",
-                "A client at the same machine has its torque within two samples.",
-                "From the time at which a client in Python sends an angle to that at which it has the answer.",
-                f"{_us(results.latency.percentile(50.0))} µs in the median, "
-                f"{_us(results.latency.percentile(99.0))} µs in 99 %.",
-                f"{limits} The device's own latency comes on top.",
-                (),
-                [latency],
-                measured=True,
-            ),
-        ],
-        verdict,
-    )
-
-
-def data(results: Results) -> dict[str, Any]:
-    """The numbers of the page for its JSON file; under ``real_time``, which no rerun compares."""
-
-    def numbers(durations: Durations) -> dict[str, Any]:
-        filled = np.flatnonzero(durations.histogram)
-        histogram = {"bins": filled.tolist(), "counts": durations.histogram[filled].tolist()}
-        return {
-            "mean_s": durations.mean(),
-            **{f"percentile_{percent:g}_s": durations.percentile(percent) for percent in PERCENTILES},
-            "worst_s": durations.worst,
-            "histogram": {"width_s": durations.width, **histogram},
-        }
-
-    rows = [
-        {"chassis": row.chassis, "friction": row.law}
-        | {name: numbers(getattr(row.found, name)) for name in ("lateness", "bare", "work")}
-        | {"counts": row.found.counts}
-        for row in results.rows
-    ]
-    over = {f"{percent:g}": ratio for percent, ratio in ratios(results.rows).items()}
-    found = {"machine": machine(), "rows": rows, "over_bare": over, "udp": numbers(results.latency)}
-    return {"real_time": {**found, "server": results.server}}

@@ -22,7 +22,7 @@ from steer_env.friction.identification.scales import Scales, scaled
 from steer_env.friction.identification.space import space_of
 from steer_env.friction.law import Law, law_of, make
 from steer_env.friction.level import Level
-from steer_env.friction.numerics.check import number, whole
+from steer_env.friction.numerics.check import number, one_of, whole
 
 INTERVALS = ("linear", "bootstrap", "profile")
 
@@ -132,8 +132,7 @@ def fit(
         the wrong sign, or a search that does not converge.
     """
     usual = make(law)
-    if intervals not in INTERVALS:
-        raise ValueError(f"intervals must be one of {', '.join(INTERVALS)}, got {intervals!r}")
+    one_of("intervals", intervals, INTERVALS)
     for name in fixed or ():
         if name not in usual._fields:
             names = ", ".join(usual._fields)

@@ -84,9 +84,9 @@ def _misfit(found: "Fit", ready: "Prepared") -> list[str]:
         return []
     times = f", {found.residual / ready.own_noise:.3g} times the record's own noise" if ready.own_noise > 0.0 else ""
     return [
-        f"the law does not describe the record: it leaves {found.residual:.3g} N m, {found.residual / level:.1%} of "
-        f"the level{times}; the intervals are of the law that fits best, not of the friction: try another law with "
-        "friction.compare"
+        f"the law does not describe the record: it leaves {found.residual:.3g} N m RMS in the fitted samples, "
+        f"{found.residual / level:.1%} of the saturated level{times}; the intervals are of the law that fits best, "
+        "not of the friction: try another law with friction.compare"
     ]
 
 

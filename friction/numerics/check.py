@@ -3,7 +3,7 @@
 import inspect
 import math
 import operator
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -75,6 +75,20 @@ def whole(name: str, value: Any, minimum: int) -> int:
     except TypeError:
         pass
     raise ValueError(f"{name} must be a whole number of at least {minimum}, got {value!r}")
+
+
+def one_of(name: str, value: Any, allowed: Iterable[Any]) -> Any:
+    """``value``, if it is one of those that are allowed.
+
+    Raises
+    ------
+    ValueError
+        Naming the parameter, what is allowed and the value received.
+    """
+    known = list(allowed)
+    if value not in known:
+        raise ValueError(f"{name} must be one of {', '.join(map(str, known))}, got {value!r}")
+    return value
 
 
 def positive(name: str, value: Any) -> float:

@@ -73,7 +73,7 @@ def part(function: Callable) -> Any:
     return _by_numba(function, **merged) if _fast is None else _fast.kernel(function, _by_numba, **merged)
 
 
-def dispatch(point: Callable, choose: Callable[[type, str], Any]) -> None:
+def dispatch(point: Callable, choose: Callable[[type, str], Any], **more: Any) -> None:
     """Make compiled code take, for a call of ``point(p, ...)``, the function for the class of the parameters ``p``.
 
     The choice is made at compile time and the function becomes part of the caller, so that nothing is passed at run
@@ -85,6 +85,8 @@ def dispatch(point: Callable, choose: Callable[[type, str], Any]) -> None:
         Whose first argument selects.
     choose : (class, name of the point) -> function or None
         None where no function belongs to the class.
+    **more
+        Further options of ``numba.jit`` for the chosen function.
     """
     if not COMPILED:
         return
@@ -93,7 +95,7 @@ def dispatch(point: Callable, choose: Callable[[type, str], Any]) -> None:
     def chosen(p, *_):
         return plain(choose(getattr(p, "instance_class", type(None)), point.__name__))
 
-    options: Any = {"error_model": "numpy"} if _fast is None else _fast.dispatch_options(point)
+    options: Any = {**({"error_model": "numpy"} if _fast is None else _fast.dispatch_options(point)), **more}
     overload(point, jit_options=options, strict=False)(chosen)
 
 

@@ -128,7 +128,10 @@ class Client:
         while True:
             try:
                 packet = self._receive()
-            except (TimeoutError, ConnectionRefusedError):  # the latter where nothing receives at the port, yet
+            except TimeoutError:
+                return None
+            except ConnectionRefusedError:  # nothing receives at the port, yet
+                time.sleep(self.patience)
                 return None
             header = unpacked(packet)
             if header is None or (header["session"], header["sequence"]) != (self.session, self.sequence):

@@ -17,6 +17,7 @@ from steer_env.cosimulation.packets import (
     Layout,
 )
 from steer_env.fmu.part import Signal
+from steer_env.friction.numerics.check import one_of
 from steer_env.real_time.safety import PHASES
 
 PLACES = {name: i for i, name in enumerate(PHASES)}  # of the phases of the watchdog
@@ -40,8 +41,7 @@ def describe(layout: Layout, form: str = "text") -> str:
     ValueError
         For another form.
     """
-    if form not in FORMATS:
-        raise ValueError(f"form must be one of {', '.join(FORMATS)}, got {form!r}")
+    one_of("form", form, FORMATS)
     return {"text": _text, "json": _json, "c": _c}[form](layout)
 
 

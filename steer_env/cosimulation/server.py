@@ -21,6 +21,7 @@ from steer_env.cosimulation.session import (
 )
 from steer_env.cosimulation.system import NO_WAIT, bound_socket, receive, send
 from steer_env.fmu.part import Part
+from steer_env.friction.numerics.check import one_of
 from steer_env.friction.numerics.kernel import kernel
 from steer_env.real_time import loop as real_time
 from steer_env.real_time.loop import NEVER, loop_of, register
@@ -135,8 +136,7 @@ class Server(Worker):
         limits: Limits | None = None,
         priority: int = 0,
     ) -> None:
-        if mode not in MODES:
-            raise ValueError(f"mode must be one of {', '.join(MODES)}, got {mode!r}")
+        one_of("mode", mode, MODES)
         self.layout, self.mode = layout_of(part), mode
         self._socket = bound_socket(address, port, WAKE)
         self.address: tuple[str, int] = self._socket.getsockname()

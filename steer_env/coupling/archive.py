@@ -45,7 +45,9 @@ def description(path: Path) -> Any:
         if found.coSimulation is None:
             raise ValueError("is for model exchange only, which needs a solver: export it for co-simulation")
         _check_binary(found.coSimulation.modelIdentifier, version, files, fmpy)
-    except (zipfile.BadZipFile, ValueError) as error:
+    except zipfile.BadZipFile:
+        raise ValueError(f"{path} is no FMU, which is a zip archive: it is another file, or it was cut") from None
+    except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
     return found
 

@@ -124,9 +124,9 @@ class Coupled:
                 if self._at_speed() and abs(self._values[self._speed] - before) < STEADY:
                     return self._values
         raise CouplingError(
-            f"{self.vehicle.name} starts at {3.6 * first:.4g} km/h and does not reach the {3.6 * self._start_speed:.4g}"
-            f" km/h that are asked for: ask for its own speed, or let the mapping set it (input {START_SPEED} or"
-            f" {TARGET})"
+            f"{self.vehicle.name} starts at {round(3.6 * first, 3):g} km/h and does not reach the "
+            f"{3.6 * self._start_speed:.4g} km/h that are asked for: ask for its own speed, or let the mapping set it "
+            f"(input {START_SPEED} or {TARGET})"
         )
 
     def run(self, p: plant.Plant, state: Array, inputs: Array, record: Array, substeps: int) -> bool:

@@ -60,7 +60,6 @@ def part(p: plant.Plant) -> Part:
     return Part(
         name="car",
         title="Car with its steering: hands, throttle, brake and wind in, every channel out",
-        advance=advance,
         parameters=p,
         sections=p._fields,
         states=tuple(name for name, _ in states(p)),

@@ -53,7 +53,6 @@ def part(p: plant.Plant) -> Part:
     return whole._replace(
         name="chassis",
         title="Chassis: rack travel, wind, throttle and brake in; rack force and motion of the car out",
-        advance=advance,
         parameters=alone,
         sections=SECTIONS,
         given=given,

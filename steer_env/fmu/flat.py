@@ -5,20 +5,22 @@ each instance of a unit has its own, and the tables (kinematics, road), which al
 the fields. Nothing here knows a law, a car or a chassis: a new one is packed as it is.
 """
 
+import hashlib
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import numba
 import numpy as np
 from llvmlite import ir
-from numba import types
-from numba.extending import intrinsic
+from numba import extending, types
+from numba.extending import models, register_model
 from numba.np.arrayobj import populate_array
 from numpy.typing import NDArray
 
 from steer_env.vehicle.plant_batch import SHARED
 
 Array = NDArray[np.float64]
+_intrinsic: Any = extending.intrinsic  # whose first argument no caller gives
 
 
 class Leaf(NamedTuple):
@@ -78,31 +80,63 @@ def numbers_and_tables(parameters: Any) -> tuple[Array, Array]:
     return np.concatenate([np.zeros(0), *numbers]), np.concatenate([np.zeros(0), *tables])
 
 
-def at_addresses(template: Any) -> Any:
-    """A function ``(numbers, tables)`` for compiled code: parameters like the template, from two ``float*``.
+class _Place(NamedTuple):
+    """Where compiled code finds a leaf; the shapes are constants of the code."""
 
-    The shapes of the arrays are constants of the compiled code. The arrays within the result are views.
+    table: bool
+    start: int
+    shape: tuple[int, ...]
+    strides: tuple[int, ...]
+    itemsize: int
+
+
+class Floats(types.CPointer):
+    """The address of floats that make a value like a template: a type of compiled code, and the same to a machine.
+
+    Functions that take such addresses are therefore compiled for each structure of parameters, and called alike.
     """
-    kind = numba.typeof(template)
-    pointer = types.CPointer(types.float64)
 
-    @intrinsic
-    def parameters(typing_context, numbers, tables):  # numba's form of a function that makes its own code
-        def generate(context, builder, signature, addresses):
-            return _value(context, builder, kind, iter(leaves(template)), addresses)
+    def __init__(self, template: Any) -> None:
+        self.value_type = numba.typeof(template)  # of the value, which the cache of the kernels looks at
+        self.places = tuple(
+            _Place(leaf.table, leaf.start, value.shape, value.strides, value.itemsize)
+            for leaf in leaves(template)
+            for value in (np.asarray(leaf.value),)
+        )
+        super().__init__(types.float64)
+        content = repr((self.value_type, self.places)).encode()
+        self.name = f"Floats({hashlib.sha256(content).hexdigest()})"  # short, as it becomes part of names
 
-        return kind(pointer, pointer), generate
+    @property
+    def key(self) -> Any:
+        """What two equal types have in common."""
+        return self.value_type, self.places
 
-    return parameters
+
+register_model(Floats)(models.PointerModel)
 
 
-def _value(context: Any, builder: Any, kind: Any, rest: Iterator[Leaf], addresses: Any) -> Any:
-    """The value of a numba type from the leaves that come next."""
+@_intrinsic
+def at_addresses(typing_context, numbers, tables):  # numba's form of a function that makes its own code
+    """A value like the template of the address ``numbers``, of type ``Floats``, from there and from ``tables``.
+
+    The arrays within the value are views.
+    """
+    kind = numbers.value_type
+
+    def generate(context, builder, signature, addresses):
+        return _value(context, builder, kind, iter(numbers.places), addresses)
+
+    return kind(numbers, tables), generate
+
+
+def _value(context: Any, builder: Any, kind: Any, rest: Iterator[_Place], addresses: Any) -> Any:
+    """The value of a numba type from the places that come next."""
     if isinstance(kind, types.BaseTuple):
         members = [_value(context, builder, member, rest, addresses) for member in kind]  # type: ignore[attr-defined]
         return context.make_tuple(builder, kind, members)
-    leaf = next(rest)
-    at = builder.gep(addresses[leaf.table], [_index(leaf.start)])
+    place = next(rest)
+    at = builder.gep(addresses[place.table], [_index(place.start)])
     if not isinstance(kind, types.Array):
         number = builder.load(at)
         # No kernel writes to parameters: the compiler may load one where it is used, and need not keep all of them.
@@ -112,9 +146,9 @@ def _value(context: Any, builder: Any, kind: Any, rest: Iterator[Leaf], addresse
     populate_array(
         array,
         data=builder.bitcast(at, array.data.type),
-        shape=[_index(n) for n in leaf.value.shape],
-        strides=[_index(n) for n in leaf.value.strides],
-        itemsize=_index(leaf.value.itemsize),
+        shape=[_index(n) for n in place.shape],
+        strides=[_index(n) for n in place.strides],
+        itemsize=_index(place.itemsize),
         meminfo=None,
     )
     return array._getvalue()

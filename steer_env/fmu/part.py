@@ -1,7 +1,7 @@
 """What a part is: a kernel, its parameters, and the names and start values of what goes in and comes out."""
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 from numpy.typing import NDArray
@@ -25,7 +25,6 @@ class Part(NamedTuple):
 
     name: str
     title: str  # one sentence
-    advance: Callable  # kernel (p, state, given, inputs, outputs, samples) -> whether the state is finite
     parameters: Any  # NamedTuple, frozen
     sections: tuple[str, ...]  # fields of the parameters that become parameters of the unit
     states: tuple[str, ...]  # names

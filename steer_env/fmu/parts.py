@@ -2,6 +2,7 @@
 
 from steer_env.fmu import car, chassis, steering
 from steer_env.fmu.part import Part
+from steer_env.friction.numerics.check import one_of
 from steer_env.vehicle.plant import Plant
 
 PARTS = ("car", "steering", "chassis")
@@ -15,6 +16,5 @@ def make_part(name: str, p: Plant, speed: float) -> Part:
     ValueError
         For a name that is none of ``PARTS``.
     """
-    if name not in PARTS:
-        raise ValueError(f"part must be one of {', '.join(PARTS)}, got {name!r}")
+    one_of("part", name, PARTS)
     return steering.part(p, speed) if name == "steering" else (car if name == "car" else chassis).part(p)

@@ -4,6 +4,8 @@ from typing import NamedTuple
 
 from llvmlite import binding as llvm
 
+from steer_env.friction.numerics.check import one_of
+
 # Feature of LLVM -> where the instruction ``cpuid`` reports it: leaf, register (a, b, c, d) and bit; sub-leaf 0.
 # Source: Intel 64 and IA-32 Architectures Software Developer's Manual, volume 2, CPUID; AMD64 volume 3 for 0x80000001.
 FEATURES = {
@@ -67,8 +69,7 @@ def processor(name: str) -> Processor:
     ValueError
         For another name.
     """
-    if name not in NAMES:
-        raise ValueError(f"cpu must be one of {', '.join(NAMES)}, got {name!r}")
+    one_of("cpu", name, NAMES)
     if name in LEVELS:
         return Processor(name, LEVELS[name])
     here = llvm.get_host_cpu_features()

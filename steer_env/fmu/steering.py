@@ -49,7 +49,6 @@ def part(p: plant.Plant, speed: float) -> Part:
     return Part(
         name="steering",
         title="Steering: hands, rack force and vehicle speed in; handwheel, hand torque, rack travel and friction out",
-        advance=advance,
         parameters=p,
         sections=tuple(field for field in p._fields if field not in OF_CHASSIS),
         states=tuple(name for name, _ in states(p)),

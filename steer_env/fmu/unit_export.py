@@ -21,6 +21,7 @@ from steer_env.fmu.processor import Processor, processor
 from steer_env.fmu.variables import variables
 from steer_env.friction import law_of
 from steer_env.friction.law import as_mapping
+from steer_env.friction.numerics.check import one_of
 from steer_env.vehicle import cars
 
 VERSIONS = (2, 3)
@@ -111,11 +112,9 @@ def _checked(path: Path, part: str, fmi: int, platforms: Sequence[str]) -> tuple
     if path.suffix != ".fmu":
         raise ValueError(f"the file of a unit must end with .fmu, got {path}")
     for name, value, allowed in (("part", part, PARTS), ("fmi", fmi, VERSIONS)):
-        if value not in allowed:
-            raise ValueError(f"{name} must be one of {', '.join(map(str, allowed))}, got {value!r}")
+        one_of(name, value, allowed)
     for platform in platforms:
-        if platform not in PLATFORMS:
-            raise ValueError(f"platform must be one of {', '.join(PLATFORMS)}, got {platform!r}")
+        one_of("platform", platform, PLATFORMS)
         link.compiler(platform)
     if not platforms:
         raise ValueError(f"a unit needs a platform: {', '.join(PLATFORMS)}")
@@ -138,9 +137,7 @@ def _files(
 ) -> dict[str, bytes]:
     """Contents of the archive by path: description, icon, documentation and binaries."""
     listed = variables(part, version)
-    module = module_text(
-        part.advance, part.parameters, part.start.size, part.given_size, part.inputs, len(part.outputs)
-    )
+    module = module_text(part)
     objects = {platform: object_code(module, platform, level) for platform in platforms}
     sources = [file.read_text(encoding="utf-8") for file in sorted(link.SOURCES.iterdir())]
     parts = (c_data(part, listed, level, ""), told, *sources, str(version), *(code.hex() for code in objects.values()))

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from steer_env.fmu.part import Part
 from steer_env.friction.numerics.check import number
 from steer_env.friction.numerics.kernel import bind, kernel
+from steer_env.real_time.angle_filter import response
 from steer_env.real_time.model import model_of, step
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
 
@@ -129,15 +130,27 @@ def longest_delay(wheel: Wheel, stiffness: NDArray[np.complex128]) -> tuple[floa
     return float(delays[k]), float(omega[crossings[k]] / (2.0 * math.pi))
 
 
-def stability(part: Part, wheel: Wheel) -> Stability:
+def stability(part: Part, wheel: Wheel, bandwidth: float | None = None, interval: float = 0.002) -> Stability:
     """What a wheel may do on a car: the worst of all amplitudes.
+
+    Parameters
+    ----------
+    part : Part
+        As of :func:`driving_stiffness`.
+    wheel : Wheel
+    bandwidth : float, optional
+        Of the filter of the angle (``angle_bandwidth`` of ``Mailboxes``), whose answer counts beside the delay of the
+        wheel; by default there is none [Hz].
+    interval : float
+        Between the readings that the filter receives [s].
 
     Raises
     ------
     ValueError
-        As :func:`driving_stiffness`.
+        As :func:`driving_stiffness` and :func:`steer_env.real_time.angle_filter.response`.
     """
-    answers = [driving_stiffness(part, amplitude) for amplitude in AMPLITUDES]
+    filtered = response(FREQUENCIES, bandwidth, interval) if bandwidth is not None else 1.0
+    answers = [filtered * driving_stiffness(part, amplitude) for amplitude in AMPLITUDES]
 
     def longest(share: float) -> tuple[float, float]:
         return min(longest_delay(wheel, share * stiffness) for stiffness in answers)

@@ -15,8 +15,10 @@ from numpy.typing import NDArray
 from steer_env.fmu.part import Part
 from steer_env.friction.numerics.kernel import dispatch, kernel
 from steer_env.real_time import safety
-from steer_env.real_time.model import implausible, model_of, step, take_inputs
+from steer_env.real_time.model import implausible, jumps, model_of, part_of, step, take_inputs
+from steer_env.real_time.recorder import NO_RING, Recorder, Ring, keep
 from steer_env.real_time.safety import FADING, SAFETY, TRIPS, Limits, checked, cut, limited, supervise
+from steer_env.real_time.sets import CarSets
 from steer_env.real_time.system import clock, sleep_until
 from steer_env.real_time.worker import Worker
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
@@ -58,6 +60,7 @@ class Loop(NamedTuple):
     """What the loop has beside model and device."""
 
     limits: Limits
+    ring: Ring
     safety: Any  # (1,) of SAFETY
     counts: NDArray[np.int64]  # (N,) in the order of COUNTS
     lateness: NDArray[np.int64]  # (BINS,) histogram of the lateness at the deadlines
@@ -68,8 +71,8 @@ class Loop(NamedTuple):
     most: int  # samples after which it ends
 
 
-def loop_of(limits: Limits, most: int = MANY) -> Loop:
-    """The memory of a loop that ends after so many samples at the latest.
+def loop_of(limits: Limits, most: int = MANY, ring: Ring = NO_RING) -> Loop:
+    """The memory of a loop that ends after so many samples at the latest, and keeps samples in a ring.
 
     Raises
     ------
@@ -77,10 +80,10 @@ def loop_of(limits: Limits, most: int = MANY) -> Loop:
         As :func:`steer_env.real_time.safety.checked`.
     """
     memory = np.zeros(1, SAFETY).view(np.recarray)
-    memory.input_gain = 1.0
+    memory.input_gain, memory.heard = 1.0, NEVER
     histograms = np.zeros(BINS, np.int64), np.zeros(BINS, np.int64)
     counts, worst, time, stop = (np.zeros(n, np.int64) for n in (len(COUNTS), 2, 2, 1))
-    return Loop(checked(limits), memory, counts, *histograms, worst, time, stop, most)
+    return Loop(checked(limits), ring, memory, counts, *histograms, worst, time, stop, most)
 
 
 @kernel
@@ -94,9 +97,12 @@ def tick(model, loop, device, now, missed):
         safety.begin(s)
     # A time to come is no time of this clock; an input that arrives while a sample is computed is up to one ahead.
     age = 1e-9 * (now - heard) if heard != NEVER and heard <= now + PERIOD else math.inf
-    supervise(loop.limits, s, elapsed, age, missed)
+    supervise(loop.limits, s, elapsed, age, missed, model.released[0] != 0)
     torque = 0.0
-    sound = implausible(model, model.wanted) < 0
+    since = 1e-9 * (heard - s.heard) if heard != NEVER and s.heard != NEVER else math.inf
+    # Behind a pause without torque the angle may be another one, as where the user has set it anew.
+    sound = implausible(model, model.wanted) < 0 and not (s.gain > 0.0 and jumps(model, max(since, elapsed)))
+    s.heard = heard
     if sound:
         take_inputs(model, s.input_gain, age <= loop.limits.hold)
         sound = step(model, 1)
@@ -108,6 +114,7 @@ def tick(model, loop, device, now, missed):
         torque = limited(loop.limits, s, -loop.limits.share * bar, speed)
     if not write(device, model, s, torque, now):
         s.failed = 1
+    keep(loop.ring, model, s, now, missed, age, torque)
     return torque
 
 
@@ -158,8 +165,8 @@ class RealTime(Worker):
 
     Parameters
     ----------
-    part : Part
-        From :func:`steer_env.fmu.parts.make_part`.
+    source : Part or CarSets
+        From :func:`steer_env.fmu.parts.make_part`, or several of those.
     device : NamedTuple
         Of a class given to :func:`register`.
     limits : Limits
@@ -168,18 +175,33 @@ class RealTime(Worker):
         Samples after which it ends by itself.
     priority : int
         As of :class:`steer_env.real_time.worker.Worker`.
+    recorded : float
+        Time of which ``recorder`` keeps every sample until its ``drain`` takes them; 0 for no recorder [s].
 
     Raises
     ------
     ValueError
-        Another system than Linux, kernels that are not compiled, or limits that are not positive and finite.
+        Another system than Linux, kernels that are not compiled, limits that are not positive and finite, or a recorded
+        time outside its range.
     """
 
     def __init__(
-        self, part: Part, device: Any, limits: Limits | None = None, most: int = MANY, priority: int = 0
+        self,
+        source: Part | CarSets,
+        device: Any,
+        limits: Limits | None = None,
+        most: int = MANY,
+        priority: int = 0,
+        recorded: float = 10.0,
     ) -> None:
-        self.loop = loop_of(limits or Limits(), most)
-        super().__init__(run, (model_of(part), self.loop, device), self.loop.stop, priority)
+        self.recorder = Recorder(part_of(source), recorded)
+        self.loop = loop_of(limits or Limits(), most, self.recorder.ring)
+        self._model = model_of(source)
+        super().__init__(run, (self._model, self.loop, device), self.loop.stop, priority)
+
+    def resume(self) -> None:
+        """Forget a failure: the torque starts softly again where inputs arrive. The car stays as it is."""
+        self._model.begun[0] += 1
 
     def counts(self) -> dict[str, int]:
         """What happened so far, by the names of ``COUNTS`` and ``TRIPS``."""

@@ -28,8 +28,9 @@ from steer_env.real_time.loop import (
     register,
     wake,
 )
-from steer_env.real_time.model import model_of
+from steer_env.real_time.model import model_of, part_of
 from steer_env.real_time.safety import Limits
+from steer_env.real_time.sets import CarSets
 from steer_env.real_time.system import check, clock
 from steer_env.real_time.worker import Worker
 
@@ -104,13 +105,13 @@ class Measured(NamedTuple):
     counts: dict[str, int]  # of the loop, as steer_env.real_time.loop.counts
 
 
-def measure(part: Part, seconds: float, priority: int = 0) -> Measured:
+def measure(source: Part | CarSets, seconds: float, priority: int = 0) -> Measured:
     """Run a car with a prescribed handwheel angle for so long beside a bare loop.
 
     Parameters
     ----------
-    part : Part
-        The car or its steering, with ``robot=True``.
+    source : Part or CarSets
+        The car or its steering, with ``robot=True``, or sets.
     seconds : float
         [s]
     priority : int
@@ -123,13 +124,14 @@ def measure(part: Part, seconds: float, priority: int = 0) -> Measured:
     PermissionError
         The priority is not allowed.
     """
+    part = part_of(source)
     names = [signal.name for signal in part.given]
     if "hand_angle" not in names:
         raise ValueError(f"a part with a handwheel is measured, got {part.name}")
     loop: Loop = loop_of(Limits(), round(1e9 * seconds / PERIOD))
     device = Sine(names.index("hand_angle"), names.index("hand_speed"))
     lateness, worst = np.zeros(BINS, np.int64), np.zeros(1, np.int64)
-    with Worker(_beside_bare, (model_of(part), loop, device, lateness, worst), loop.stop, priority) as worker:
+    with Worker(_beside_bare, (model_of(source), loop, device, lateness, worst), loop.stop, priority) as worker:
         worker.wait()
     return Measured(
         Durations(loop.lateness, 1e-9 * LATENESS_BIN, 1e-9 * float(loop.worst[0])),

@@ -1,61 +1,20 @@
 """A part of the plant that runs step by step, and its arrays."""
 
 import math
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from steer_env.fmu import car, chassis, steering
+from steer_env.fmu.advance import CLASSES, advance
 from steer_env.fmu.part import Part, is_finite
-from steer_env.friction.numerics.kernel import dispatch, kernel
+from steer_env.friction.numerics.kernel import kernel
+from steer_env.real_time.switch import Switch
+
+if TYPE_CHECKING:
+    from steer_env.real_time.sets import CarSets
 
 Array = NDArray[np.float64]
-
-
-class Car(NamedTuple):
-    """The whole car; its class selects the kernel."""
-
-    plant: Any
-
-
-class Steering(NamedTuple):
-    """The steering alone; its class selects the kernel."""
-
-    plant: Any
-
-
-class Chassis(NamedTuple):
-    """The chassis alone; its class selects the kernel."""
-
-    plant: Any
-
-
-@kernel
-def _car(part, state, given, inputs, outputs, samples):
-    return car.advance(part.plant, state, given, inputs, outputs, samples)
-
-
-@kernel
-def _steering(part, state, given, inputs, outputs, samples):
-    return steering.advance(part.plant, state, given, inputs, outputs, samples)
-
-
-@kernel
-def _chassis(part, state, given, inputs, outputs, samples):
-    return chassis.advance(part.plant, state, given, inputs, outputs, samples)
-
-
-_KERNELS: dict[type, Any] = {Car: _car, Steering: _steering, Chassis: _chassis}
-_CLASSES: dict[str, Any] = {kind.__name__.lower(): kind for kind in _KERNELS}
-
-
-def advance(part, state, given, inputs, outputs, samples):
-    """Advance a part by so many samples of 1 ms; whether its state is finite."""
-    return _KERNELS[type(part)](part, state, given, inputs, outputs, samples)
-
-
-dispatch(advance, lambda kind, _: _KERNELS.get(kind))
 
 
 # What becomes of an input that no longer arrives: efforts and commands fade, positions hold, their speeds are zero.
@@ -78,13 +37,21 @@ LARGEST = {
     "vehicle_speed": 150.0,
     "rack_travel": 1.0,
     "rack_speed": 10.0,
+    "target_speed": 150.0,
+    "throttle_request": 1.0,
+    "brake_request": 1.0,
+    "hand_brake": 1.0,
+    "coast": 1.0,
 }
+# Handwheel speed beyond which a change of its angle is a fault of the sensor, and no motion [rad/s]; assumed. Hands
+# reach some 25, a motor without hands some 40.
+FASTEST = 60.0
 
 
 class Model(NamedTuple):
     """A part with its state, and the state that it returns to."""
 
-    part: Any  # Car, Steering or Chassis
+    part: Any  # Car, Steering, Chassis or Switch
     state: Array  # (S,)
     given: Array  # (G,) inputs that act, in the units of the part
     wanted: Array  # (G,) inputs as they arrived last, in real time
@@ -99,21 +66,31 @@ class Model(NamedTuple):
     shown: Array  # (1, C) outputs at the begin of a session
     torque: int  # place of the torsion bar's torque among the outputs, -1 where there is none
     speed: int  # place of the handwheel's speed
+    angle: int  # place of the handwheel's angle among the inputs, -1 where it is none
     begun: NDArray[np.int64]  # (1,) how often it returned to the begin
+    released: NDArray[np.int64]  # (1,) not 0 where a dead-man key is needed and not held
+    now: Array  # (3,) set that acts, the next one or -1, and its share
 
 
-def model_of(part: Part) -> Model:
-    """A part of :func:`steer_env.fmu.parts.make_part` at the begin of a session."""
+def part_of(source: "Part | CarSets") -> Part:
+    """The part that a loop runs: that of the sets, or the part itself."""
+    return source if isinstance(source, Part) else source.part
+
+
+def model_of(source: "Part | CarSets") -> Model:
+    """A part of :func:`steer_env.fmu.parts.make_part`, or sets, at the begin of a session."""
+    part = part_of(source)
+    switches = isinstance(part.parameters, Switch)
     begin = np.zeros(part.given_size)
     begin[: len(part.given)] = [signal.start for signal in part.given]
     stale = np.full(part.given_size, FADES)
     stale[: len(part.given)] = [_STALE.get(signal.name, FADES) for signal in part.given]
     largest = np.full(part.given_size, math.inf)
     largest[: len(part.given)] = [LARGEST.get(signal.name, math.inf) for signal in part.given]
-    names = [signal.name for signal in part.outputs]
+    names, given = ([signal.name for signal in signals] for signals in (part.outputs, part.given))
     shown = part.shown.reshape(1, -1).copy()
     return Model(
-        part=_CLASSES[part.name](part.parameters),
+        part=part.parameters if switches else CLASSES[part.name](part.parameters),
         state=part.start.copy(),
         given=begin.copy(),
         wanted=begin.copy(),
@@ -128,7 +105,10 @@ def model_of(part: Part) -> Model:
         shown=shown,
         torque=names.index("torsion_bar_torque") if "torsion_bar_torque" in names else -1,
         speed=names.index("handwheel_speed") if "handwheel_speed" in names else -1,
+        angle=given.index("hand_angle") if "hand_angle" in given else -1,
         begun=np.zeros(1, np.int64),
+        released=np.zeros(1, np.int64),
+        now=part.parameters.now if switches else np.array([0.0, -1.0, 0.0]),
     )
 
 
@@ -168,6 +148,12 @@ def implausible(model, inputs):
         if not (abs(inputs[i]) <= model.largest[i] and abs(inputs[i]) < math.inf):
             return i
     return -1
+
+
+@kernel
+def jumps(model, elapsed):
+    """Whether the handwheel angle that arrived is further from the one that acts than it turns in a time [s]."""
+    return model.angle >= 0 and abs(model.wanted[model.angle] - model.given[model.angle]) > FASTEST * elapsed
 
 
 @kernel

@@ -2,15 +2,16 @@
 
 The torque of the plant reaches the motor times a gain, which a state machine moves:
 
-    OFF       gain 0. Begins to start where inputs arrive and the loop keeps its deadlines.
+    OFF       gain 0. Begins to start where inputs arrive, a dead-man key is held, and the loop keeps its deadlines.
     STARTING  the gain rises from 0 to 1 in ``soft_start``.
     ON        gain 1.
     FADING    the gain falls to 0 in ``fade`` at most, and goes on falling whatever happens; then OFF, or FAILED.
     FAILED    gain 0 until a new session begins.
 
-From STARTING and ON it fades where no input arrived for ``hold``, where deadlines are missed, or where the motor's side
-reports a failure, behind which it stays FAILED. Where an input is outside its range, or the plant does not stay finite,
-it is FAILED at once. docs/real_time.md has the same as a table.
+From STARTING and ON it fades where no input arrived for ``hold``, where deadlines are missed, where a dead-man key is
+released, or where the motor's side reports a failure, behind which it stays FAILED. Where an input is outside its
+range, the handwheel angle jumps, or the plant does not stay finite, it is FAILED at once. docs/real_time.md has the
+same as a table.
 """
 
 import math
@@ -65,9 +66,11 @@ SAFETY = np.dtype(
         ("limited", "f8"),  # torque before the gain [N m]
         ("misses", "f8"),  # deadlines missed, less those that are forgiven
         ("failed", "i8"),  # whether the motor's side or the plant has failed
+        ("heard", "i8"),  # time of the input that acted last, -1 where there is none [ns]
         ("begun", "i8"),  # sessions of the model seen so far
         ("stale_trips", "i8"),  # fades because no input arrived
         ("deadline_trips", "i8"),  # because deadlines were missed
+        ("dead_man_trips", "i8"),  # because the dead-man key was released
         ("failure_trips", "i8"),  # because the motor's side or the plant failed
         ("clipped", "i8"),  # samples in which the torque was limited
     ]
@@ -76,6 +79,7 @@ SAFETY = np.dtype(
 TRIPS = {
     "stale_trips": "times that the torque faded because no input arrived",
     "deadline_trips": "times that it faded because deadlines were missed",
+    "dead_man_trips": "times that it faded because the dead-man key was released",
     "failure_trips": "times that it ended because the motor, an input or the plant failed",
     "clipped": "samples in which a limit of torque or power acted",
 }
@@ -85,7 +89,7 @@ FORGIVEN = 0.1  # of a missed deadline, by each that is kept
 @kernel
 def begin(s):
     """Forget failures, and return to OFF once the torque of the last session has faded."""
-    s.phase, s.input_gain, s.misses, s.failed = FADING if s.gain > 0.0 else OFF, 1.0, 0.0, 0
+    s.phase, s.input_gain, s.misses, s.failed, s.heard = FADING if s.gain > 0.0 else OFF, 1.0, 0.0, 0, -1
 
 
 @kernel
@@ -96,7 +100,7 @@ def cut(s):
 
 
 @kernel
-def supervise(limits, s, elapsed, age, missed):
+def supervise(limits, s, elapsed, age, missed, released):
     """Move the state machine by ``elapsed`` [s].
 
     Parameters
@@ -109,6 +113,8 @@ def supervise(limits, s, elapsed, age, missed):
         Of the last input, infinite where there is none [s].
     missed : int
         Deadlines missed since the last call.
+    released : bool
+        Whether a dead-man key is needed and not held.
     """
     stale = not age <= limits.hold
     s.misses = min(max(s.misses - FORGIVEN, 0.0) + missed, 2.0 * limits.missed)
@@ -116,15 +122,20 @@ def supervise(limits, s, elapsed, age, missed):
     step = elapsed / limits.fade
     s.input_gain = within(s.input_gain + (-step if stale else step), 0.0, 1.0)
     if s.phase == STARTING or s.phase == ON:
-        if s.failed != 0 or overrun or stale:
+        if s.failed != 0 or overrun or stale or released:
             s.phase = FADING
-            s.failure_trips += s.failed != 0
-            s.deadline_trips += s.failed == 0 and overrun
-            s.stale_trips += s.failed == 0 and not overrun and age < math.inf  # else the client has gone, as it told
+            if s.failed != 0:
+                s.failure_trips += 1
+            elif overrun:
+                s.deadline_trips += 1
+            elif stale:
+                s.stale_trips += age < math.inf  # else the client has gone, as it told
+            else:
+                s.dead_man_trips += 1
     elif s.phase == OFF:
         if s.failed != 0:
             s.phase = FAILED
-        elif not stale and not overrun:
+        elif not (stale or overrun or released):
             s.phase = STARTING
     if s.phase == STARTING:
         s.gain = min(s.gain + elapsed / limits.soft_start, 1.0)

@@ -6,12 +6,13 @@ The functions are those of the C library of Linux, which is part of every proces
 import sys
 from typing import Any
 
-from numba import types
+from numba import extending, types
 
 from steer_env.friction.numerics.kernel import COMPILED, kernel
 
 _CLOCK_MONOTONIC, _ABSOLUTE = 1, 1  # TIMER_ABSTIME
 _int: Any = types.int32
+_intrinsic: Any = extending.intrinsic  # whose first argument no caller gives
 _pointer = types.voidptr
 _clock_gettime: Any = types.ExternalFunction("clock_gettime", _int(_int, _pointer))
 _clock_nanosleep: Any = types.ExternalFunction("clock_nanosleep", _int(_int, _int, _pointer, _pointer))
@@ -29,6 +30,22 @@ def check() -> None:
     if sys.platform != "linux" or not COMPILED:
         reason = "unset NUMBA_DISABLE_JIT" if sys.platform == "linux" else f"this is {sys.platform}"
         raise ValueError(f"the compiled loop calls the C library of Linux: {reason}")
+
+
+@_intrinsic
+def _ordered(typing_context):
+    def generate(context, builder, signature, arguments):
+        builder.fence("acq_rel")
+        return context.get_dummy_value()
+
+    return types.void(), generate
+
+
+@kernel
+def fence():
+    """Keep the compiler from moving what is written or read before behind what follows; x86-64 keeps it so itself."""
+    if COMPILED:
+        _ordered()
 
 
 @kernel

@@ -80,6 +80,10 @@ class Worker:
         if self._error and kind is None:
             raise self._error
 
+    def runs(self) -> bool:
+        """Whether the loop runs: not before the block, and no longer where it has failed or ended by itself."""
+        return self._thread.is_alive()
+
     def wait(self) -> None:
         """Wait until the loop has ended by itself, or until a signal raises an exception."""
         while self._thread.is_alive():

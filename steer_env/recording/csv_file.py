@@ -12,6 +12,7 @@ cells empty (an empty cell is a gap), and be UTF-8, UTF-16 with a byte-order mar
 
 import gzip
 import json
+import os
 import re
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
@@ -26,6 +27,7 @@ from steer_env.recording.units import parse_unit
 
 COMPRESSED = ".csv.gz"  # end of the name of a file that gzip has made smaller, which is read only
 LONGEST_PREAMBLE = 50  # lines of a file among which its header is
+APPENDED = "appended"  # key of the meta of a file that grew while it was recorded, see `steer_env.recording.appended`
 _BLOCK = 10_000  # rows that are converted to text at a time, which limits the memory
 
 
@@ -33,17 +35,21 @@ def save(
     file: IO[bytes], time: np.ndarray, channels: list[tuple[str, str, np.ndarray]], meta: Mapping[str, Any]
 ) -> None:
     """Write the channels (name, unit in memory, values in file units); every number is read back unchanged."""
-    header = ["time_s"]
-    for name, unit, _ in channels:
-        header.append(label(name, unit))
-        if len(name.splitlines()) != 1 or re.search("[,;\t]", name) or header[-1] != _bare(header[-1]):
-            raise ValueError(f"channel {name!r} in {unit!r} cannot be a column: rename the channel")
-    for key, value in meta.items():
-        file.write(f"# {key}: {_meta_text(value)}\n".encode())
-    file.write((",".join(header) + "\n").encode())
+    file.write(head([(name, unit) for name, unit, _ in channels], meta))
     for start in range(0, time.size, _BLOCK):
         rows = np.column_stack([values[start : start + _BLOCK] for values in (time, *(v for _, _, v in channels))])
         file.write("".join([",".join(map(repr, row)) + "\n" for row in rows.tolist()]).encode())
+
+
+def head(channels: Sequence[tuple[str, str]], meta: Mapping[str, Any]) -> bytes:
+    """What stands above the rows: the meta, and the names of the channels (name, unit in memory)."""
+    header = ["time_s"]
+    for name, unit in channels:
+        header.append(label(name, unit))
+        if len(name.splitlines()) != 1 or re.search("[,;\t]", name) or header[-1] != _bare(header[-1]):
+            raise ValueError(f"channel {name!r} in {unit!r} cannot be a column: rename the channel")
+    lines = [f"# {key}: {_meta_text(value)}\n" for key, value in meta.items()]
+    return ("".join(lines) + ",".join(header) + "\n").encode()
 
 
 def open_table(path: str | PathLike[str]) -> Table:
@@ -72,8 +78,12 @@ def open_table(path: str | PathLike[str]) -> Table:
     if comments:
         meta["comment"] = "\n".join([*str(meta.get("comment", "")).splitlines(), *comments])
 
+    torn = meta.get(APPENDED) is True and not _ends(path)
+    if torn:
+        meta["torn"] = "the last line"
+
     def load(places: Sequence[int]) -> list[Values]:
-        return _load(path, encoding, above, separator, columns, places)
+        return _load(path, encoding, above, separator, columns, places, torn)
 
     return Table(columns, meta, True, load)
 
@@ -127,33 +137,35 @@ def _with_unit(named: Column, unit: str, line: int) -> Column:
 
 
 def _load(
-    path: Any, encoding: str, above: int, separator: str, columns: list[Column], places: Sequence[int]
+    path: Any, encoding: str, above: int, separator: str, columns: list[Column], places: Sequence[int], torn: bool
 ) -> list[Values]:
-    """The columns at the indices ``places``, the first of which is the time.
+    """The columns at the indices ``places``, the first of which is the time, without a last line that is ``torn``.
 
     A file that the fast reader refuses is read again slowly, to find the place of the error.
     """
     with _text(path, encoding) as file, warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # a file without rows
-        lines = _whole(_numerals(islice(_decoded(file), above, None), separator), separator, len(columns))
+        rows = _complete(file) if torn else _decoded(file)
+        lines = _whole(_numerals(islice(rows, above, None), separator), separator, len(columns))
         try:
             table = np.loadtxt(lines, delimiter=separator, comments=None, usecols=places, ndmin=2).T
         except ValueError:
-            return _load_slowly(path, encoding, above, separator, columns, places)
+            return _load_slowly(path, encoding, above, separator, columns, places, torn)
     if table.size and table.shape[1] > 1 and np.all(np.diff(table[0]) > 0):
         return list(table)
-    return _load_slowly(path, encoding, above, separator, columns, places)
+    return _load_slowly(path, encoding, above, separator, columns, places, torn)
 
 
 def _load_slowly(
-    path: Any, encoding: str, above: int, separator: str, columns: list[Column], places: Sequence[int]
+    path: Any, encoding: str, above: int, separator: str, columns: list[Column], places: Sequence[int], torn: bool
 ) -> list[Values]:
     """The columns of :func:`_load`; a ValueError names the line and the column of an error."""
     rows: list[list[float]] = []
     labels = [entry.label for entry in columns]
     number = above
     with _text(path, encoding) as file:
-        for number, text in enumerate(_numerals(islice(_decoded(file), above, None), separator), start=above + 1):
+        lines = _complete(file) if torn else _decoded(file)
+        for number, text in enumerate(_numerals(islice(lines, above, None), separator), start=above + 1):
             if not text.strip():
                 continue
             cells = text.rstrip("\n").split(separator)
@@ -232,6 +244,18 @@ def _decoded(file: IO[str]) -> Iterator[str]:
             number += 1
     except UnicodeDecodeError as error:
         raise ValueError(f"line {number} holds bytes that are not {error.encoding}: is it complete?") from None
+
+
+def _complete(file: IO[str]) -> Iterator[str]:
+    """The lines of a file that end; the last one may not, where the program that wrote it was killed."""
+    return (line for line in _decoded(file) if line.endswith("\n"))
+
+
+def _ends(path: Any) -> bool:
+    """Whether the last line of a file is complete."""
+    with gzip.open(path) if compressed(path) else open(path, "rb") as file:
+        file.seek(-1, os.SEEK_END)
+        return file.read() == b"\n"
 
 
 def _cells(line: str, separator: str) -> list[str]:

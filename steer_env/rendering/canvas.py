@@ -38,10 +38,14 @@ def _font_file(bold: bool) -> str:
     return str(Path(package.origin).parent / "mpl-data" / "fonts" / "ttf" / name)
 
 
+class NoWindowError(RuntimeError):
+    """There is no window system, or it refuses a window; the message says so without the name of what needs it."""
+
+
 class Canvas:
     """A picture of ``width`` by ``height`` pixels; points are (x, y) from its upper left corner, y downward.
 
-    Shapes are drawn into fields; text lies above all of them. Only :meth:`show` opens a window and needs a window
+    Shapes are drawn into fields; text lies above all of them. Only :meth:`open` and :meth:`show` need a window
     system. The width must be a multiple of four, otherwise the rows of an array would be padded.
     """
 
@@ -149,26 +153,43 @@ class Canvas:
         self._bytes.blit(self._finished(), (0, 0))
         return np.frombuffer(self._bytes.get_buffer(), np.uint8).reshape(self.height, self.width, 3).copy()
 
-    def show(self, title: str, period: float) -> bool:
-        """Show the picture in a window, ``period`` [s] after the last; False once the user has closed the window."""
+    def open(self, title: str) -> None:
+        """Open the window, unless it is open; NoWindowError where there is no window system."""
         pygame = self._pygame
         if self._window is None:
             try:
                 pygame.display.init()
+                # Without a display SDL draws where nobody sees it, and says nothing.
+                if pygame.display.get_driver() == "offscreen" != os.environ.get("SDL_VIDEODRIVER"):
+                    pygame.display.quit()
+                    raise pygame.error("no display was found")
                 self._window = pygame.display.set_mode((self.width, self.height))
             except pygame.error as error:
-                message = (
-                    f"render_mode='human' needs a window, and there is none ({error}); use render_mode='rgb_array'"
-                )
-                raise RuntimeError(message) from error
+                raise NoWindowError(f"needs a window, and there is none ({error})") from error
             pygame.display.set_caption(title)
             self._clock = pygame.time.Clock()
-        if any(event.type == pygame.QUIT for event in pygame.event.get()):
-            self.close()
-            return False
+
+    def events(self) -> tuple[list[Any], bool]:
+        """The events of pygame since the last call, and whether the user has closed the window."""
+        found = self._pygame.event.get()
+        return found, any(event.type == self._pygame.QUIT for event in found)
+
+    def flip(self, period: float) -> None:
+        """Show the picture in the open window, at least ``period`` [s] after the last."""
         self._clock.tick(1.0 / period)
         self._window.blit(self._finished(), (0, 0))
-        pygame.display.flip()
+        self._pygame.display.flip()
+
+    def show(self, title: str, period: float) -> bool:
+        """Show the picture in a window, ``period`` [s] after the last; False once the user has closed the window."""
+        try:
+            self.open(title)
+        except NoWindowError as error:
+            raise RuntimeError(f"render_mode='human' {error}; use render_mode='rgb_array'") from error
+        if self.events()[1]:
+            self.close()
+            return False
+        self.flip(period)
         return True
 
     def close(self) -> None:

@@ -19,6 +19,7 @@ from steer_env.cosimulation import Client, Server
 from steer_env.cosimulation.packets import KINDS
 from steer_env.experiments.cli import serve
 from steer_env.experiments.cli.main import main
+from steer_env.fmu.advance import CLASSES, advance
 from steer_env.vehicle import plant
 from tests.cosimulation.served import ROOT, FaultyClient, echoing, layout, part_of, serving
 
@@ -61,7 +62,7 @@ def driven(part, given):
     state, full, row = part.start.copy(), np.zeros(part.given_size), np.zeros((1, part.inputs))
     for i, values in enumerate(given):
         full[: len(values)] = values
-        part.advance(part.parameters, state, full, row, record[i : i + 1], 1)
+        advance(CLASSES[part.name](part.parameters), state, full, row, record[i : i + 1], 1)
     return record
 
 
@@ -198,7 +199,7 @@ def test_ends_on_sigterm_too_and_refuses_in_words(capsys):
     [
         (["--address", "192.0.2.1"], "cannot receive at address 192.0.2.1, port 0: Cannot assign requested address"),
         (["--address", "no.such.host.invalid"], "cannot receive at address no.such.host.invalid"),
-        (["--wheel", "0.04,0.5,8"], "--wheel needs --free-running"),
+        (["--wheel", "0.04,0.5,8", "--torque-limit", "3"], "--torque-limit, --wheel: only with --free-running"),
         (["--free-running", "--wheel", "0.04,0.5,8"], "with hands that give the angle"),
         (["--free-running", "--wheel", "0.04,0,8"], "damping of the wheel [N m s/rad] must be finite and greater"),
         (["--silence", "0"], "--silence must be finite and greater than 0"),

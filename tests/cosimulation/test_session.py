@@ -16,6 +16,7 @@ from steer_env import cosimulation
 from steer_env.cosimulation import packets
 from steer_env.cosimulation.packets import HEADER, HEADER_SIZE, KINDS, MODES, REASONS, checksum, packed, unpacked
 from steer_env.cosimulation.session import end_where_silent
+from steer_env.fmu.advance import advance
 from steer_env.real_time.safety import PHASES
 from tests.cosimulation.direct import Direct
 
@@ -69,9 +70,7 @@ def test_steps_are_those_of_the_kernel(served):
     for i in range(1, 200):
         given[0] = 3.0 * math.sin(0.05 * i)
         answer = served.send(served.request("step", i, inputs=given[: len(twin.inputs)], samples=1 + i % 3))
-        assert twin.part.advance(
-            twin.part.parameters, twin.model.state, given, twin.model.inputs, twin.model.outputs, 1 + i % 3
-        )
+        assert advance(twin.model.part, twin.model.state, given, twin.model.inputs, twin.model.outputs, 1 + i % 3)
         assert answer[HEADER_SIZE:] == twin.model.outputs.tobytes()
     assert unpacked(answer)["time"] == pytest.approx(1e-3 * sum(1 + i % 3 for i in range(1, 200)))
 

@@ -193,7 +193,7 @@ def test_a_link_and_a_file_that_is_no_archive_are_refused(vehicle):
     with pytest.raises(ValueError, match="holds the link 'resources/link'"):
         FmuVehicle(vehicle)
     unit.write_bytes(b"no archive")
-    with pytest.raises(ValueError, match=f"{re.escape(str(unit))}: File is not a zip file"):
+    with pytest.raises(ValueError, match=f"{re.escape(str(unit))} is no FMU, which is a zip archive"):
         FmuVehicle(vehicle)
 
 

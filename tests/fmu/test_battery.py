@@ -39,7 +39,7 @@ def advance_of(p, folder):
     sizes = state, len(plant.INPUTS) + 1, len(plant.INPUTS), channels
     key = (repr([(leaf.path, np.shape(leaf.value)) for leaf in flat.leaves(p)]), type(p.friction), type(p.chassis))
     if key not in _made:
-        module = object_code.module_text(car.advance, p, *sizes)
+        module = object_code.module_text(car.part(p))
         code = object_code.object_code(module, "linux64", processor.processor("native"))
         (folder / "kernels.o").write_bytes(code)
         library = folder / f"kernels{len(_made)}.so"

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from steer_env.fmu.parts import make_part
-from steer_env.real_time import haptics
+from steer_env.real_time import angle_filter, haptics
 from steer_env.real_time.haptics import FREQUENCIES, OWN_DELAY, Wheel, longest_delay, stability
 from steer_env.real_time.model import model_of, step
 from steer_env.vehicle import cars
@@ -22,22 +22,24 @@ def part_of(speed=100.0 / 3.6, law="lugre", chassis="two_track"):
     return make_part("car", cars.load("compact").plant(law, speed, True, chassis=chassis), speed)
 
 
-def oscillation(part, wheel, delay, share=1.0, bit=0.0, friction=0.0, seconds=4.0):
+def oscillation(part, wheel, delay, share=1.0, bit=0.0, friction=0.0, seconds=4.0, gap=3):
     """Peak to peak [rad] of the wheel's angle in the last second, after a push of 2 N m for 30 ms.
 
-    The wheel has ``delay`` [s], a sensor with a step of ``bit`` [rad] behind a filter, and Coulomb friction [N m].
+    The wheel has ``delay`` [s], a sensor with a step of ``bit`` [rad], and Coulomb friction [N m]. Its readings come at
+    uneven intervals of 1 ms to ``gap`` [ms], to the filter of the mailboxes.
     """
+    draw, sensor, due = np.random.default_rng(7), angle_filter.make(), 0
     model, names = model_of(part), [signal.name for signal in part.given]
     places = names.index("hand_angle"), names.index("hand_speed")
     angle = speed = filtered = filtered_speed = 0.0
     waiting = [0.0] * (round(1e3 * delay) + 1)
     angles = np.zeros(round(1e3 * seconds))
     for i in range(angles.size):
-        if bit:  # an alpha-beta filter, which has no lag in a steady motion
-            seen = bit * round(angle / bit)
-            miss = seen - (filtered + 1e-3 * filtered_speed)
-            filtered += 1e-3 * filtered_speed + 0.5 * miss
-            filtered_speed += 100.0 * miss
+        if bit:
+            if i >= due:
+                angle_filter.follow(sensor, bit * round(angle / bit), 1_000_000 * i)
+                due = i + int(draw.integers(1, gap + 1))
+            filtered, filtered_speed = angle_filter.estimate(sensor, 1_000_000 * i)
         else:
             filtered, filtered_speed = angle, speed
         model.given[places[0]], model.given[places[1]] = filtered, filtered_speed
@@ -54,14 +56,15 @@ def oscillation(part, wheel, delay, share=1.0, bit=0.0, friction=0.0, seconds=4.
     return float(np.ptp(angles[-1000:]))
 
 
-def found_delay(part, wheel, longest):
+def found_delay(part, wheel, longest, **sensor):
     """The shortest whole number of milliseconds with which the wheel goes on oscillating [s]."""
     low, high = 0, round(1e3 * longest)
-    assert oscillation(part, wheel, 0.0) < 0.002
-    assert oscillation(part, wheel, longest) > 0.01
+    quiet = 0.005 if sensor else 0.002  # some steps of the sensor
+    assert oscillation(part, wheel, 0.0, **sensor) < quiet
+    assert oscillation(part, wheel, longest, **sensor) > 2.0 * quiet
     while high - low > 1:
         middle = (low + high) // 2
-        low, high = (low, middle) if oscillation(part, wheel, 1e-3 * middle) > 0.002 else (middle, high)
+        low, high = (low, middle) if oscillation(part, wheel, 1e-3 * middle, **sensor) > quiet else (middle, high)
     return 1e-3 * high
 
 
@@ -152,13 +155,26 @@ def test_the_limit_is_where_a_longer_delay_finds_it(law, speed, damping):
 
 
 @pytest.mark.whole
+@pytest.mark.parametrize("gap", [3, 9])
+@pytest.mark.parametrize(("law", "speed", "damping"), [("lugre", 28.0, 0.3), ("dahl", 14.0, 0.3)])
+def test_the_limit_with_16_bit_and_a_filter_is_where_a_longer_delay_finds_it(law, speed, damping, gap):
+    """Readings at uneven intervals with a mean of 2 and 5 ms."""
+    part, wheel = part_of(speed, law), Wheel(0.04, damping, 0.0)
+    found = stability(part, wheel, angle_filter.BANDWIDTH, 0.5e-3 * (1 + gap))
+    computed = found.longest_delay + OWN_DELAY - LOOP
+    measured = found_delay(part, wheel, 0.06, bit=BIT, gap=gap)
+    print(f"{law}, {speed} m/s, up to {gap} ms: computed {1e3 * computed:.1f} ms, found {1e3 * measured:.0f} ms")
+    assert measured == pytest.approx(computed, rel=0.2, abs=1e-3)
+
+
+@pytest.mark.whole
 @pytest.mark.parametrize("speed", [0.0, 5.0, 20.0, 40.0, 60.0])
 def test_a_wheel_with_16_bit_and_8_ms_is_stable_at_every_speed(speed):
     """With the share that is computed; a wheel with little damping gets less than all of the torque."""
     part = part_of(speed)
     for damping in (1.0, 0.1):
         wheel = Wheel(0.04, damping, 0.008)
-        found = stability(part, wheel)
+        found = stability(part, wheel, angle_filter.BANDWIDTH)
         print(f"{speed} m/s, {damping} N m s/rad: {found}")
         assert 0.0 < found.share <= 1.0
         assert found.share <= haptics.MARGIN or found.longest_delay >= 0.008

@@ -7,7 +7,7 @@ import pytest
 
 from steer_env.fmu.parts import PARTS, make_part
 from steer_env.real_time import Limits, Mailboxes
-from steer_env.real_time.loop import NEVER, counts, loop_of
+from steer_env.real_time.loop import NEVER, PERIOD, counts, loop_of
 from steer_env.real_time.model import LARGEST, restart
 from steer_env.real_time.safety import PHASES, SAFETY, limited, supervise
 from steer_env.vehicle import cars
@@ -101,6 +101,18 @@ def test_a_stopped_process_fades_at_once(wheel):
     assert wheel.run(5.001, missed=5000) == [0.0]
 
 
+def test_a_loop_that_no_longer_writes_gives_no_torque(wheel):
+    """Its thread hangs or has died without a word; the program in Python takes zero."""
+    assert abs(wheel.mail.get()[0]) > 1.0
+    wheel.now += 31 * PERIOD
+    assert wheel.mail.get()[0] == 0.0
+    assert wheel.run(0.001)[0] != 0.0  # one that is back at the next deadline
+    wheel.run(0.05, missed=31)
+    wheel.run(2.0)
+    assert counts(wheel.loop)["deadline_trips"] == 1
+    assert wheel.phases[-1] == "on"
+
+
 def test_a_sink_that_fails_stays_without_torque(wheel):
     wheel.mail.fail()
     torques = wheel.run(0.1)
@@ -151,18 +163,86 @@ def test_a_plant_that_fails_within_the_ranges_shows_what_it_had(wheel):
     assert np.array_equal(wheel.mail.get()[2], shown)
 
 
-def test_the_largest_angle_leaves_nothing_behind(wheel):
-    """What a range lets through is forgotten soon: a single sample of the largest angle against none."""
-    twin = Wheel()
-    twin.run(1.5)
-    wheel.amplitude, wheel.omega = 30.0, 0.5 * math.pi / (1e-9 * (wheel.now + 1_000_000))  # the next sample is the peak
-    wheel.run(0.001)
-    wheel.amplitude, wheel.omega = twin.amplitude, twin.omega
-    twin.run(0.001)
-    error = np.abs(np.subtract(wheel.run(1.0), twin.run(1.0)))
-    print(f"largest error {error.max():.2f} N m, after 0.5 s {error[500:].max():.3f}, after 1 s {error[-1]:.4f}")
+@pytest.mark.parametrize("jump", [30.0, 0.1, -0.1])
+def test_an_angle_that_jumps_ends_the_torque_at_once(wheel, jump):
+    """Faster than any handwheel turns; the plant stays as it was, and a new session begins softly."""
+    state = wheel.model.state.copy()
+    inputs = [0.0] * len(wheel.part.given)
+    inputs[wheel.angle] = wheel.model.given[wheel.angle] + jump
+    wheel.mail.put(inputs, wheel.now + PERIOD)
+    assert wheel.run(0.001, silent=True) == [0.0]
+    assert wheel.mail.get()[1] == "failed"
+    assert np.array_equal(wheel.model.state, state)
+    assert set(wheel.run(0.1)) == {0.0}
+    assert counts(wheel.loop)["failure_trips"] == 1
+    wheel.model.begun[0] += 1
+    wheel.run(1.2)
     assert wheel.phases[-1] == "on"
-    assert error[500:].max() < 0.5
+
+
+def test_what_a_handwheel_can_do_is_no_jump():
+    """40 rad/s, in readings of 100 Hz; and another angle behind a pause, in which a user may have set it anew."""
+    wheel = Wheel(amplitude=0.0)
+    wheel.run(1.5)
+    for i in range(10):
+        wheel.run(0.009, silent=True)
+        wheel.amplitude, wheel.omega = 0.4 * (i + 1), 0.5 * math.pi / (1e-9 * (wheel.now + PERIOD))
+        wheel.run(0.001)
+    assert set(wheel.phases[1500:]) == {"on"}
+    wheel.run(0.1, silent=True)
+    assert wheel.phases[-1] == "off"
+    wheel.amplitude = 0.0
+    wheel.run(1.2)
+    assert wheel.phases[-1] == "on"
+    assert counts(wheel.loop)["failure_trips"] == 0
+
+
+def test_a_dead_man_key_that_is_released_fades_and_starts_again_softly():
+    wheel = Wheel(dead_man=True)
+    assert set(wheel.run(0.2, held=False)) == {0.0}
+    assert set(wheel.phases) == {"off"}
+    wheel.run(1.5)
+    assert wheel.phases[-1] == "on"
+    before = wheel.torques[-1]
+    torques = wheel.run(0.1, held=False)
+    assert wheel.phases[1700] == "fading"  # with the next sample
+    assert not any(torques[26:])
+    assert largest_step([before, *torques]) < 1.2 * (abs(before) + 1.0) / (1e3 * wheel.limits.fade)
+    assert wheel.phases[-1] == "off"
+    assert np.abs(wheel.model.given).max() > 0.1  # the wheel still turns the car
+    assert largest_step([0.0, *wheel.run(1.2)]) < 0.2
+    assert wheel.phases[-1] == "on"
+    assert counts(wheel.loop)["dead_man_trips"] == 1
+    silent = wheel.run(0.1, silent=True)  # a key that was held when the wheel fell silent
+    assert not any(silent[round(1e3 * FADED) :])
+
+
+def test_a_dead_man_key_counts_only_where_it_is_needed(wheel):
+    wheel.run(0.2, held=False)
+    assert set(wheel.phases[1500:]) == {"on"}
+
+
+@pytest.mark.parametrize("seconds", [-10.0, -0.05, 0.05, 10.0])
+def test_a_clock_that_jumps_ends_the_torque_and_nothing_else(wheel, seconds):
+    """That of the client by so much, against the loop's; it starts again when the times are right."""
+    wheel.offset = round(1e9 * seconds)
+    torques = wheel.run(0.2)
+    assert not any(torques[round(1e3 * FADED) :])
+    assert wheel.phases[-1] == "off"
+    wheel.offset = 0
+    wheel.run(1.2)
+    assert wheel.phases[-1] == "on"
+    assert counts(wheel.loop)["failure_trips"] == 0
+
+
+def test_a_clock_of_the_loop_that_jumps_on_is_a_stall(wheel):
+    """Its deadlines are left out; the torque fades and starts again."""
+    wheel.run(3.001, missed=3000)
+    wheel.run(0.05)
+    assert "fading" in wheel.phases[1500:] or wheel.phases[1500] == "off"
+    wheel.run(6.0)
+    assert wheel.phases[-1] == "on"
+    assert counts(wheel.loop)["deadline_trips"] == 1
 
 
 def test_inputs_that_make_sense_are_those_of_every_part():
@@ -214,9 +294,9 @@ def test_limits_that_are_none_are_refused(field, value):
 
 
 def test_a_stall_that_is_no_fault_is_no_way_around_the_slew():
-    wheel = Wheel(Limits(slew=100.0, soft_start=1e-9), amplitude=1.0)
+    wheel = Wheel(Limits(slew=100.0, soft_start=1e-9), amplitude=0.15)
     wheel.run(1.5)
-    for missed in (5, 16, 1):
+    for missed in (5, 16, 5):
         last = wheel.torques[-1]
         wheel.omega += math.pi / (1e-9 * wheel.now)  # the other way round
         assert abs(wheel.run(0.02, missed=missed)[0] - last) <= 0.1 * (1 + 1e-9)
@@ -255,10 +335,41 @@ def test_a_time_to_come_is_no_input(wheel):
     assert not any(torques[round(1e3 * FADED) :])
 
 
+def test_a_jump_that_is_stamped_to_come_is_no_way_around_the_watchdog(wheel):
+    """The reading is not taken, and the next one with a right time is the jump that it is."""
+    inputs = [0.0] * len(wheel.part.given)
+    inputs[wheel.angle] = wheel.model.given[wheel.angle] + 2.0
+    wheel.mail.put(inputs, wheel.now + 10**11)
+    before = wheel.torques[-1]
+    assert wheel.run(0.001, silent=True)[0] == pytest.approx(before, abs=0.1)
+    wheel.mail.put(inputs, wheel.now + PERIOD)
+    assert wheel.run(0.001, silent=True) == [0.0]
+    assert wheel.mail.get()[1] == "failed"
+
+
+def test_a_filter_goes_on_behind_a_time_to_come():
+    """One reading with a wrong time neither stops the filtered angle nor moves it."""
+    wheel = Wheel(angle_bandwidth=50.0)
+    wheel.run(1.5)
+    wheel.offset = 60 * 10**9
+    wheel.run(0.001)
+    wheel.offset = 0
+    wheel.run(0.5)
+    angle = wheel.amplitude * math.sin(wheel.omega * 1e-9 * wheel.now)
+    assert wheel.model.given[wheel.angle] == pytest.approx(angle, abs=1e-3)
+    assert set(wheel.phases[1500:]) == {"on"}
+
+
+def test_a_loop_that_ended_amid_a_sample_gives_no_torque(wheel):
+    wheel.mail.device.count_out[0] += 1
+    torque, phase, _ = wheel.mail.get()
+    assert (torque, phase) == (0.0, "failed")
+
+
 def test_every_phase_is_reached_and_named():
     assert PHASES == ("off", "starting", "on", "fading", "failed")
     memory = np.zeros(1, SAFETY).view(np.recarray)
-    supervise(Limits(), memory[0], 1e-3, math.inf, 0)
+    supervise(Limits(), memory[0], 1e-3, math.inf, 0, False)
     assert (memory.phase[0], memory.gain[0]) == (0, 0.0)
 
 

@@ -22,23 +22,30 @@ class Wheel:
         Of the angle [rad].
     frequency : float
         [Hz]
+    dead_man : bool
+        Whether the torque needs a dead-man key that is held.
+    angle_bandwidth : float, optional
+        Of a filter of the angle [Hz].
     options
         Of the plant.
     """
 
-    def __init__(self, limits=None, amplitude=0.5, frequency=0.5, **options):
+    def __init__(self, limits=None, amplitude=0.5, frequency=0.5, dead_man=False, angle_bandwidth=None, **options):
         self.limits = limits or Limits()
         self.part = make_part("car", cars.load("compact").plant(robot=True, **options), 100.0 / 3.6)
         names = [signal.name for signal in self.part.given]
         self.angle, self.speed = names.index("hand_angle"), names.index("hand_speed")
-        self.mail = Mailboxes(self.part)
+        clock = {"clock": lambda: self.now}
+        self.mail = Mailboxes(self.part, dead_man=dead_man, angle_bandwidth=angle_bandwidth, **clock)
         self.model, self.loop = model_of(self.part), loop_of(self.limits)
         self.amplitude, self.omega = amplitude, 2.0 * math.pi * frequency
         self.now = 5 * PERIOD  # [ns]
+        self.offset = 0  # of the clock that stamps the wheel's readings [ns]
         self.torques, self.times, self.phases = [], [], []  # of the motor, after each sample
 
-    def run(self, seconds, silent=False, missed=0):
-        """Let time pass; ``silent`` where the wheel's angle no longer arrives. The torques of these samples [N m]."""
+    def run(self, seconds, silent=False, missed=0, held=True):
+        """Let time pass; ``silent`` where the wheel's angle no longer arrives, and
+        ``held`` where the dead-man key is held. The torques of these samples [N m]."""
         first = len(self.torques)
         for _ in range(round(seconds * 1e3) - missed):
             self.now += (1 + missed) * PERIOD
@@ -47,7 +54,7 @@ class Wheel:
             inputs[self.angle] = self.amplitude * math.sin(self.omega * t)
             inputs[self.speed] = self.amplitude * self.omega * math.cos(self.omega * t)
             if not silent:
-                self.mail.put(inputs, self.now)
+                self.mail.put(inputs, self.now + self.offset, dead_man=held)
             tick(self.model, self.loop, self.mail.device, self.now, missed)
             missed = 0
             torque, phase, _ = self.mail.get()

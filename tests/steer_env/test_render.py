@@ -16,7 +16,7 @@ from gymnasium.vector import AutoresetMode
 
 from steer_env.reference_feel import reference_torque
 from steer_env.registration import DRIVEN
-from steer_env.rendering import canvas, renderer
+from steer_env.rendering import canvas, panels, renderer
 from steer_env.rendering.canvas import Canvas, nice_step
 from steer_env.tasks import assist_release as release
 from steer_env.tasks.common.definition import NON_FINITE
@@ -72,7 +72,7 @@ def test_a_mirrored_road_makes_a_mirrored_picture():
     for mirrored in (0.0, 1.0):
         env.reset(seed=0, options={"mirrored": mirrored, **STRAIGHT_ENTRY})
         acted(env, 400)  # the side lane is ahead
-        cones.append(places(env.render(), renderer.CONE, renderer.ROAD))
+        cones.append(places(env.render(), panels.CONE, renderer.ROAD))
     middle = 0.5 * (renderer.ROAD[2] - 1)
     upper = [found[found[:, 0] < 0.4 * renderer.ROAD[3], 1] - middle for found in cones]
     assert upper[0].mean() < -10.0  # pixels: 3.5 m to the left
@@ -87,7 +87,7 @@ def test_left_is_counter_clockwise_on_the_handwheel(side):
     info = acted(env, 40, 0.4 * side)
     assert 0.3 < side * info["handwheel_angle"] < 3.0
     frame, middle = env.render(), 122
-    for colour in (renderer.HAND, renderer.MOTOR):
+    for colour in (panels.HAND, panels.MOTOR):
         arc = places(frame, colour, (*renderer.DIAL[:2], 2 * middle, renderer.DIAL[3]))
         assert side * (arc[:, 1].mean() - middle) < -5.0
     # The mark at the rim's top stands where the angle says.
@@ -95,7 +95,7 @@ def test_left_is_counter_clockwise_on_the_handwheel(side):
     y = renderer.DIAL[1] + 0.5 * renderer.DIAL[3] + 14.0 - 73.0 * math.cos(info["handwheel_angle"])
     assert frame[int(y), int(x)].min() > 200
     # So do the front wheels: their upper halves, ahead of the axle, lie to the side.
-    wheels = places(frame, renderer.INK, renderer.ROAD)
+    wheels = places(frame, panels.INK, renderer.ROAD)
     front = wheels[wheels[:, 0] < 0.5 * renderer.ROAD[3]]
     axle = np.median(front[:, 0])
     assert side * (front[front[:, 0] < axle, 1].mean() - front[front[:, 0] > axle, 1].mean()) < -1.0
@@ -104,12 +104,12 @@ def test_left_is_counter_clockwise_on_the_handwheel(side):
 def test_touched_cones_change_their_colour():
     env = gym.make(LANE_CHANGE, render_mode="rgb_array", control_dt=0.01)
     env.reset(seed=0, options={"entry_offset": 0.6, "entry_heading": 0.0})
-    assert not len(places(env.render(), renderer.TOUCHED, renderer.ROAD))
+    assert not len(places(env.render(), panels.TOUCHED, renderer.ROAD))
     for _ in range(600):
         *_, info = env.step(np.zeros(1, np.float32))
         if info["metrics"]["cones_hit"]:
             break
-    assert len(places(env.render(), renderer.TOUCHED, renderer.ROAD)) > 20
+    assert len(places(env.render(), panels.TOUCHED, renderer.ROAD)) > 20
 
 
 def test_a_state_that_is_not_finite_leaves_a_picture():
@@ -243,7 +243,7 @@ def test_the_wanted_hand_torque_is_drawn_where_the_task_scores_it(name):
     # Every assist scores it, the one of the all-round task under another name.
     scored = {"feel", "goal"} & {term.name for term in env.unwrapped.task.rewards}
     assert bool(scored) == name.startswith("steer_env/Assist")
-    assert (len(places(env.render(), renderer.WANTED, renderer.LOOP)) > 20) == bool(scored)
+    assert (len(places(env.render(), panels.WANTED, renderer.LOOP)) > 20) == bool(scored)
 
 
 def test_the_drawn_torque_is_the_reference_feel_until_the_hands_let_go():
@@ -320,7 +320,7 @@ def test_fonts_outlive_another_environment_that_ends_pygame():
 
 def test_steps_of_scales():
     assert [nice_step(span, 5.0) for span in (10.0, 24.0, 25.0, 49.0, 50.0)] == [2.0, 2.0, 5.0, 5.0, 10.0]
-    scales = [renderer._full_scale(peak) for peak in (0.0, 5.0, 5.1, 19.0, 21.0, 60.0)]
+    scales = [panels.full_scale(peak) for peak in (0.0, 5.0, 5.1, 19.0, 21.0, 60.0)]
     assert scales == [5.0, 5.0, 10.0, 20.0, 50.0, 100.0]
-    assert [renderer._signed(value, 1) for value in (-0.04, 0.0, 1.0, -2.25)] == ["+0.0", "+0.0", "+1.0", "−2.2"]
+    assert [panels.signed(value, 1) for value in (-0.04, 0.0, 1.0, -2.25)] == ["+0.0", "+0.0", "+1.0", "−2.2"]
     assert canvas.around((0.0, 0.0), 1.0, 0.5 * math.pi) == pytest.approx([-1.0, 0.0])  # counter-clockwise is left

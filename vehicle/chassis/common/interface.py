@@ -9,6 +9,7 @@ sample of 1 ms, and the outputs and channels that all chassis share.
 from collections.abc import Callable
 from typing import Any, NamedTuple, Protocol
 
+from steer_env.friction.numerics.check import one_of
 from steer_env.friction.numerics.kernel import dispatch, kernel
 from steer_env.friction.numerics.registry import Registry
 from steer_env.vehicle.suspension.macpherson import MacPherson
@@ -182,8 +183,7 @@ def checked(name: str) -> str:
             f"chassis={name!r} is an external vehicle, which drives in manoeuvres only (manoeuvres.drive, steer-env run"
             f" and report); environments and single plants take one of {', '.join(available())}"
         )
-    if name not in available():
-        raise ValueError(f"chassis must be one of {', '.join(available())}, got {name!r}")
+    one_of("chassis", name, available())
     return name
 
 

@@ -1,0 +1,205 @@
+"""The command ``drive``: a person at the wheel, in real time."""
+
+import argparse
+import os
+import shlex
+import signal
+import sys
+import threading
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from steer_env.experiments.cli.common import drive_sets, names, wheel_option
+from steer_env.experiments.cli.common.arguments import KPH, whole_number
+from steer_env.experiments.cli.serve import TORQUE
+
+if TYPE_CHECKING:
+    from steer_env.devices import Device
+    from steer_env.drive.session import Session
+
+COURSES = ("plain", "double-lane-change", "obstacle-avoidance")  # of steer_env.drive.scene
+NICE = -10  # of the threads of Python where the loop has a priority; assumed
+
+
+def add(commands: Any, common: argparse.ArgumentParser) -> None:
+    """Add the command to a parser's."""
+    text = (
+        "Drive the car in real time with a wheel, gamepad, mouse or keyboard, change law, car and assist meanwhile, "
+        "and record the drive for 'steer-env evaluate'."
+    )
+    drive = commands.add_parser("drive", help=text, description=text, parents=[common])
+    text = f"the device, with its options (default keyboard); devices: {', '.join(names.devices())}"
+    drive.add_argument("--device", metavar="NAME[,KEY=VALUE...]", default="keyboard", help=text)
+    drive.add_argument("--list-devices", action="store_true", help="list the devices with their options, and end")
+    drive_sets.add(drive)
+    text = "what stands on the road (default plain: nothing)"
+    drive.add_argument("--course", choices=COURSES, default=COURSES[0], help=text)
+    text = "directory of the recordings, of which each drive adds one (default drives)"
+    drive.add_argument("--out", metavar="DIR", type=Path, default=Path("drives"), help=text)
+    text = "the test that is driven, so that 'steer-env evaluate' knows it"
+    drive.add_argument("--manoeuvre", metavar="TEST", choices=names.manoeuvres(), help=f"{text}: weave, ...")
+    drive.add_argument("--headless", action="store_true", help="no window")
+    drive.add_argument("--seconds", metavar="S", type=float, help="end after so long (default: when you end it)")
+    text = f"largest torque of the motor at the handwheel in N m (default {TORQUE:g})"
+    drive.add_argument("--torque-limit", metavar="NM", type=float, default=TORQUE, help=text)
+    wheel_option.add(drive)
+    text = "torque only while the dead-man key is held (space, or a button of the device)"
+    drive.add_argument("--dead-man", action="store_true", help=text)
+    text = "priority 1 to 99 of the scheduler SCHED_FIFO for the loop (default: that of every program)"
+    drive.add_argument("--priority", metavar="N", type=whole_number(1, 99), default=0, help=text)
+    drive.set_defaults(function=_drive)
+
+
+def _drive(args: argparse.Namespace) -> None:
+    if args.list_devices:
+        _list()
+        return
+
+    from steer_env.devices.common.window_input import WindowInput
+    from steer_env.drive.session import DriveError, Options, Session
+    from steer_env.experiments.output import provenance
+    from steer_env.friction.numerics.check import number
+    from steer_env.real_time import Limits
+
+    signalled = _signals()
+    seconds = number("--seconds", args.seconds, minimum=0.1, maximum=86400.0) if args.seconds is not None else None
+    limits = Limits(torque=number("--torque-limit", args.torque_limit, minimum=0.0, maximum=50.0))
+    device = _device(args.device)
+    if args.headless and isinstance(device, WindowInput):
+        raise ValueError(f"the device {device.name} needs the window, from which its events come: leave out --headless")
+    sets, cars = drive_sets.make(args, device.hands)
+    if args.wheel:
+        limits = limits._replace(share=_share(args, sets, device))
+    window = None if args.headless else _window(args.course, cars)
+    laws = {info.label: each.part.parameters.friction for each, info in sets}
+    trace = provenance.trace(car=cars[0], friction=laws)  # without the command, which makes no drive again
+    about = {"manoeuvre": args.manoeuvre} if args.manoeuvre else {}
+    meta = {**about, **_of_first(cars[0], sets[0][1]), "command": shlex.join(args.argv), "trace": trace}
+    options = Options(args.speed_kph * KPH, limits, args.priority, args.dead_man, args.out, meta)
+    if args.priority:
+        _hurry()
+    session = Session(sets, device, options)
+    if signalled:  # while a kernel was compiled, where Python drops what a handler raises
+        raise KeyboardInterrupt
+    try:
+        with session:
+            print(f"driving with {device.about}; recording {session.path}; Ctrl-C ends it", flush=True)
+            _until_end(session, window, seconds)
+    except KeyboardInterrupt:  # how a drive ends
+        pass
+    finally:
+        if window is not None:
+            window.close()
+    print("\n".join(session.summary()))
+    if window is not None:
+        print(f"{window.frame_rate():.0f} frames a second")
+    if session.path is not None:
+        print(session.path)
+    if session.failure:
+        raise DriveError(session.failure)
+
+
+def _signals() -> list[int]:
+    """Let SIGINT, SIGTERM and a terminal that closes end the drive; the signals that came, to which one may look."""
+    found: list[int] = []
+
+    def end(number: int, frame: Any) -> None:
+        found.append(number)
+        raise KeyboardInterrupt
+
+    if threading.current_thread() is threading.main_thread():
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            if signal.getsignal(number) != signal.SIG_IGN:  # as behind nohup
+                signal.signal(number, end)
+    return found
+
+
+def _of_first(car: Any, info: Any) -> dict[str, Any]:
+    """What a recording tells of the car of the first set, as that of a robot's drive does."""
+    return {
+        "vehicle": car.name,
+        "tyre": car.tyre.name,
+        "chassis": info.chassis,
+        "friction": info.law,
+        "wheelbase_m": car.chassis["front_axle"] + car.chassis["rear_axle"],
+        "steering_ratio": car.steering_ratio(),
+    }
+
+
+def _hurry() -> None:
+    """Let the threads of Python go before other programs, though not before the loop."""
+    try:
+        os.nice(NICE)
+    except PermissionError:
+        print(f"steer-env drive: the device's thread has no priority (nice {NICE} is not allowed)", file=sys.stderr)
+
+
+def _until_end(session: "Session", window: Any, seconds: float | None) -> None:
+    """Wait, or draw, until the drive is to end."""
+    if window is None:
+        session.wait(*([] if seconds is None else [seconds]))
+        return
+    end = float("inf") if seconds is None else time.monotonic() + seconds
+    while not session.over.is_set() and time.monotonic() < end:
+        events, closed = window.events()
+        session.device.feed(events)
+        if closed:
+            break
+        window.show(session.shown())
+
+
+def _device(text: str) -> "Device":
+    """A device from ``NAME[,KEY=VALUE...]``."""
+    from steer_env import devices
+
+    name, *pairs = text.split(",")
+    given = {}
+    for pair in pairs:
+        key, equals, value = pair.partition("=")
+        if not equals:
+            raise ValueError(f"--device takes NAME[,KEY=VALUE...], got {pair!r} in {text!r}")
+        given[key.strip()] = value.strip()
+    return devices.make(name, **given)
+
+
+def _list() -> None:
+    from steer_env import devices
+
+    for name in devices.available():
+        options = ", ".join(f"{key}={value}" for key, value in devices.options(name).items())
+        print(f"{name}\n    {options}")
+
+
+def _share(args: argparse.Namespace, sets: list[Any], device: "Device") -> float:
+    """The share of the torque with which a wheel is stable on every set behind the drive's filter, which is printed."""
+    from steer_env.drive.session import PERIOD
+    from steer_env.real_time import haptics
+    from steer_env.real_time.angle_filter import BANDWIDTH
+
+    if device.hands != "angle":
+        raise ValueError(f"--wheel is for a wheel with a motor, and {device.name} has none: leave it out")
+    share = 1.0
+    for each, info in sets:
+        found = haptics.stability(each.part, haptics.make(*args.wheel), BANDWIDTH, PERIOD)
+        print(f"{info.label}: {wheel_option.sentence(found)}")
+        share = min(share, found.share)
+    return share
+
+
+def _window(course: str, cars: list[Any]) -> Any:
+    """The window, open; one sentence where there is none."""
+    from gymnasium.error import DependencyNotInstalled
+
+    from steer_env.drive.scene import Scene
+    from steer_env.drive.window import Window
+    from steer_env.rendering.canvas import NoWindowError
+
+    try:
+        window = Window(Scene(course, cars[0]), cars)
+        window.open()
+    except DependencyNotInstalled:
+        raise ValueError("the window needs pygame-ce: pip install '.[drive]', or drive with --headless") from None
+    except NoWindowError as error:
+        raise ValueError(f"the drive {error}: log in at a screen, or drive with --headless") from None
+    return window
