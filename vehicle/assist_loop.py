@@ -31,7 +31,7 @@ from steer_env.vehicle.layout import layout_of
 from steer_env.vehicle.linearised import Point
 from steer_env.vehicle.steering import eps
 from steer_env.vehicle.steering.assist.functions import Functions
-from steer_env.vehicle.steering.column import COLUMN_ANGLE, HANDWHEEL_ANGLE
+from steer_env.vehicle.steering.column import COLUMN_ANGLE, COLUMN_SPEED, HANDWHEEL_ANGLE
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
 from steer_env.vehicle.steering.margins import answer, boost_gain
 
@@ -56,15 +56,15 @@ class Loop(NamedTuple):
     """The open loop of a point: its plant without boost over two samples, and what answers the torque."""
 
     samples: tuple[tuple[Array, Array], tuple[Array, Array]]  # A (n, n) and B (n, 2) of both, of request and rack force
-    outputs: Array  # (2, n): torque of the torsion bar, column angle
+    outputs: Array  # (3, n): torque of the torsion bar, column angle and speed
     answer: control.StateSpace  # K, from the torque to the request
 
     def plant_response(self, frequency: Array) -> NDArray[np.complex128]:
-        """Torque and column angle over request and rack disturbance (F, 2, 2) at frequencies (F,) [Hz]."""
+        """Torque, column angle and speed over request and rack disturbance (F, 3, 2) at frequencies (F,) [Hz]."""
         (A0, B0), (A1, B1) = self.samples
         T, Q = schur(A1 @ A0, output="complex")  # a triangle, so that each frequency is quick
         drive, read_0, read_1 = Q.conj().T @ np.hstack([A1 @ B0, B1]), self.outputs @ Q, self.outputs @ A0 @ Q
-        found = np.empty((len(frequency), 2, 2), complex)
+        found = np.empty((len(frequency), 3, 2), complex)
         for i, f in enumerate(frequency):
             z = np.exp(2j * math.pi * SAMPLE_TIME * f)
             x0 = solve_triangular(z**2 * np.eye(len(T)) - T, drive @ np.vstack([np.eye(2), z * np.eye(2)]))  # (E17)
@@ -89,7 +89,7 @@ def without_boost(point: Point) -> Point:
     trial, row = state.copy(), np.zeros((1, len(plant.channels(p))))
     plant.run(p, trial, u[None, :], row, 1)
     u[ASSIST_REQUEST] += state[at + eps.QUEUE] - trial[at + eps.QUEUE]
-    return Point(p, state, u, point.speed)
+    return point._replace(plant=p, state=state, inputs=u)
 
 
 def open_loop(point: Point) -> Loop:
@@ -102,9 +102,9 @@ def open_loop(point: Point) -> Loop:
         found.append(linearised.one_sample(here, [ASSIST_REQUEST, RACK_DISTURBANCE]))
         plant.run(p, state, bare.inputs[None, :], row, 1)
     index = found[0][2]
-    outputs = np.zeros((2, index.size))
+    outputs = np.zeros((3, index.size))
     outputs[0] = p.column.K_tb * ((index == HANDWHEEL_ANGLE) * 1.0 - (index == COLUMN_ANGLE))
-    outputs[1] = index == COLUMN_ANGLE
+    outputs[1], outputs[2] = index == COLUMN_ANGLE, index == COLUMN_SPEED
     (A0, B0, _), (A1, B1, _) = found
     # Each sample reads what the other one writes.
     read = linearised.read_states(np.abs(A0) + np.abs(A1), outputs)

@@ -1,14 +1,15 @@
 """Limit cycles of the assist loop by harmonic balance: what friction and the boost's end make of an unstable loop.
 
-In a motion of the column x = A sin(omega t) around straight running, friction is its describing function N (F40) and
-the boost, an odd curve of the torsion bar's torque, has the real one
+In a motion of the column x = A sin(omega t) around straight running, friction is its describing function N (F40), and
+the command of the assist the first harmonic of what the controller makes of a sinusoidal torque T and column speed w,
 
-    B(a) = 2/(pi a) int_0^pi boost(a sin phi) sin phi dphi                                         (E19)
+    q(T, w) = 2/period int limit(K boost(T sin) - D w sin) exp(-j omega t) dt                      (E19)
 
-The linear rest is the plant without boost and friction, P and Q the torque and the column angle over the request r and
-the disturbance d of the rack (E17), K the filter of the boost. With x = A, d = N x/r_p in the middle of a sample,
+with the boost, the filter K behind it at every harmonic below half the sampling rate, motor damping D and the motor's
+limit. The linear rest is the plant without them and friction, P, Q and W the torque, the column angle and the column
+speed over the request r and the disturbance d of the rack (E17). With x = A, d = N x/r_p in the middle of a sample,
 
-    r = (x - Q_d d)/Q_r,   T = P_r r + P_d d,   r = K B(|T|) T                                      (E20)
+    r = (x - Q_d d)/Q_r,   T = P_r r + P_d d,   w = W_r r + W_d d,   r = q(T, w)                    (E20)
 
 are two real equations for A and omega. At complex omega the growth of a motion whose amplitude is a little larger tells
 whether the cycle attracts. The filter behind the boost and the rest must pass little of the third harmonic.
@@ -23,10 +24,11 @@ from scipy.interpolate import RectBivariateSpline
 from scipy.optimize import root
 
 from steer_env.friction.describing_function import describing_function
+from steer_env.friction.numerics.frozen import frozen
 from steer_env.vehicle import assist_loop, plant
 from steer_env.vehicle.linearised import Point
 from steer_env.vehicle.operating_point import held
-from steer_env.vehicle.steering.eps import SAMPLE_TIME, Assist, boost_curve
+from steer_env.vehicle.steering.eps import SAMPLE_TIME, boost_curve
 from steer_env.vehicle.steering.margins import answer
 
 Array = NDArray[np.float64]
@@ -36,6 +38,7 @@ FREQUENCIES = np.geomspace(2.0, 150.0, 80)  # [Hz]
 _RATES = np.geomspace(1.5, 200.0, 6)  # frequencies between which the describing function is interpolated [Hz]
 KICKS = 0.02, 0.1  # amplitudes from which cycles are sought in the simulation, assumed [rad]
 THIRD, AGREES = 0.05, 0.1  # third harmonic below which a prediction counts, and how close it then is [1]
+_PHASE = 2.0 * math.pi * np.arange(256) / 256.0  # of a period
 _LARGER = 1.02  # amplitude at which the growth is read, over that of the cycle, assumed [1]
 
 
@@ -75,18 +78,15 @@ class Compared(NamedTuple):
         return abs(c.amplitude / m.amplitude - 1.0) < AGREES and abs(c.frequency / m.frequency - 1.0) < AGREES
 
 
-def boost_gain(a: Assist, amplitude: float, speed: float) -> float:
-    """B of (E19) at an amplitude of the torsion bar's torque [N m] and a vehicle speed [m/s]."""
-    phase = math.pi * (np.arange(200) + 0.5) / 200.0
-    boost = np.array([boost_curve(a, amplitude * s, speed)[0] for s in np.sin(phase)])
-    return float(2.0 * np.mean(boost * np.sin(phase)) / amplitude)  # (E19)
-
-
 class _Balance:
     """The balance (E20) of one point as a function of amplitude and complex frequency."""
 
     def __init__(self, point: Point, law: Any) -> None:
-        self.point, self.loop = point, assist_loop.open_loop(point)
+        a = point.plant.assist
+        undamped = frozen(point.plant._replace(assist=a._replace(damping=0.0 * a.damping)))
+        self.point, self.loop = point, assist_loop.open_loop(point._replace(plant=undamped))
+        self.damping = boost_curve(a, 0.0, point.speed)[1]
+        self.boost = np.array([boost_curve(a, float(t), point.speed)[0] for t in a.torques])
         self.filter = answer(point.plant.assist, 1.0, 0.0)
         values = np.array([[describing_function(law, A, f).value for f in _RATES] for A in AMPLITUDES])
         over = np.log(AMPLITUDES), np.log(_RATES)
@@ -97,14 +97,28 @@ class _Balance:
         return complex(*(float(part(math.log(A), math.log(f))[0, 0]) / A for part in self._friction))
 
     def off(self, A: float, f: complex, responses: Any = None) -> complex:
-        """One less K B T/r, which is zero in a cycle."""
+        """One less q/r, which is zero in a cycle."""
         p = self.point.plant
-        (P_r, P_d), (Q_r, Q_d) = self.loop.plant_response(np.array([f]))[0] if responses is None else responses
+        (P_r, P_d), (Q_r, Q_d), (W_r, W_d) = (
+            self.loop.plant_response(np.array([f]))[0] if responses is None else responses
+        )
         z = np.exp(2j * math.pi * SAMPLE_TIME * f)
         d = self.friction(A, complex(f).real) * A / p.pinion_radius * np.sqrt(z)  # the mean of the coming sample
         r = (A - Q_d * d) / Q_r
-        T = P_r * r + P_d * d
-        return complex(1.0 - self.filter(z) * boost_gain(p.assist, abs(T), self.point.speed) * T / r)  # (E20)
+        T, w = P_r * r + P_d * d, W_r * r + W_d * d
+        return complex(1.0 - self.command(z, T, w) / r)  # (E20)
+
+    def command(self, z: complex, T: complex, w: complex) -> complex:
+        """q of (E19) for first harmonics of torque and column speed [N m]."""
+        a = self.point.plant.assist
+        torque = abs(T) * np.cos(_PHASE)
+        boost = np.fft.rfft(np.sign(torque) * np.interp(np.abs(torque), a.torques, self.boost))
+        n = min(int(math.pi / abs(np.angle(z))), _PHASE.size // 2)  # harmonics below half the sampling rate
+        boost[1 : n + 1 : 2] *= self.filter(z ** np.arange(1, n + 1, 2))
+        boost[n + 1 :] = 0.0
+        asked = np.fft.irfft(boost) - self.damping * np.real(w / T * abs(T) * np.exp(1j * _PHASE))
+        first = np.fft.rfft(np.clip(asked, -a.limit, a.limit))[1] * 2.0 / _PHASE.size
+        return complex(first * T / abs(T))  # (E19)
 
 
 def predict(point: Point, law: Any) -> list[Cycle]:

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from steer_env import friction as friction_laws
+from steer_env.friction.law import torque as law_torque
 from steer_env.friction.numerics.interpolation import hermite
 from steer_env.friction.numerics.kernel import plain
 from steer_env.vehicle import plant
@@ -30,6 +31,8 @@ from steer_env.vehicle.chassis.common.interface import (
 )
 from steer_env.vehicle.layout import layout_of, states
 from steer_env.vehicle.plant import CHASSIS_STEP, STEPS_PER_CHASSIS_STEP, Plant
+from steer_env.vehicle.steering.assist.friction_compensation import LIMITED
+from steer_env.vehicle.steering.assist.functions import FRICTION, Functions
 from steer_env.vehicle.steering.column import COLUMN_ANGLE, HANDWHEEL_ANGLE
 
 Array = NDArray[np.float64]
@@ -72,12 +75,29 @@ def by_state(
     index = np.array([i for i, (name, _) in enumerate(states(p)) if not name.startswith(tuple(_LEFT_OUT))])
 
     def end(i: int, change: float) -> Array:
-        after = state.copy()
-        after[i] += change
+        after = _changed(p, state, i, change)
         plant.run(p, after, inputs, row, substeps)
         return after[index]
 
     return np.stack([derivative(partial(end, i), i) for i in index], axis=1), index
+
+
+def _changed(p: Plant, state: Array, i: int, change: float) -> Array:
+    """The state after a change of one.
+
+    The torque of a friction compensation's observer follows the memory of its law, or it would not be differentiable:
+    a change of the memory changes the torque, and the torque is not changed alone.
+    """
+    after, f, at = state.copy(), p.assist.functions, layout_of(p)
+    after[i] += change
+    if isinstance(f, Functions) and (size := f.friction_compensation.memory_size):
+        memory, limited, law = at.memory - size, at.functions + FRICTION + LIMITED, f.friction_compensation.law
+        if i == limited:
+            after[i] = state[i]
+        elif memory <= i < at.memory:
+            torques = [plain(law_torque)(law, 1.0, x[memory : at.memory], 0.0) for x in (after, state)]
+            after[limited] += torques[0] - torques[1]
+    return after
 
 
 def by_input(
@@ -168,6 +188,7 @@ class Point(NamedTuple):
     state: Array  # (S,)
     inputs: Array  # (I,) that hold the point
     speed: float  # held [m/s]
+    compensated: Array | None = None  # (V,) share of the friction that the assist compensates where friction rests [1]
 
     @property
     def torque(self) -> float:
@@ -193,6 +214,7 @@ def _steps(p: Plant, state: Array) -> Array:
     at, found = layout_of(p), 1e-6 * np.maximum(1.0, np.abs(state))
     found[: at.assist] = found[at.memory :] = 1e-6
     found[at.assist : at.chassis] = found[at.rate : at.functions] = 1e-3
+    found[at.functions : min(at.functions + FRICTION, at.memory)] = 1e-3  # filters of the assist's functions
     return found
 
 

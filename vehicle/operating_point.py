@@ -2,7 +2,8 @@
 
 A point solves x = f(x, hand angle) for the states after a chassis step, with the torque of the torsion bar where that
 is given, by Newton's rule from a slow ramp of the handwheel angle (P7). It is that of the car without friction, the
-middle of the hysteresis; :func:`held` gives it other hands, and friction at rest.
+middle of the hysteresis; :func:`held` gives it other hands, and friction at rest. The compensation of friction by the
+assist follows it: while friction slides, so does its observer, at a constant torque; at rest it acts by its own slope.
 """
 
 import math
@@ -14,7 +15,7 @@ from scipy.optimize import brentq
 
 from steer_env import friction as friction_laws
 from steer_env.friction.law import law_of
-from steer_env.friction.numerics.check import number
+from steer_env.friction.numerics.check import number, one_of
 from steer_env.friction.numerics.frozen import frozen
 from steer_env.vehicle import plant
 from steer_env.vehicle.cars import Car
@@ -22,6 +23,7 @@ from steer_env.vehicle.chassis.common.interface import ASSIST_REQUEST, HAND, HAN
 from steer_env.vehicle.layout import layout_of
 from steer_env.vehicle.linearised import FRICTIONLESS, Point, by_input, transition
 from steer_env.vehicle.plant import CHANNEL, STEPS_PER_CHASSIS_STEP, Plant
+from steer_env.vehicle.steering.assist import friction_compensation, functions
 from steer_env.vehicle.steering.column import COLUMN_ANGLE, HANDWHEEL_ANGLE, HANDWHEEL_SPEED
 from steer_env.vehicle.steering.eps import LEAD_STATE, Assist, boost_curve
 
@@ -30,19 +32,21 @@ Array = NDArray[np.float64]
 HANDS = ("on", "off", "arms")
 _AT_KNOT = 1e-9, 1e-2  # distance to a knot that counts as on it, and how far it is then moved [N m, m/s]
 _RAMP, _CHUNK = 20.0, 100  # duration of the ramp to the lock [s], samples between its stored states, assumed
-_RELAXED = 100  # samples between Newton's steps, in which the stored values follow the states; even
+_RELAXED = 4000  # samples between Newton's steps, in which stored values follow and the body comes to rest; even
+_HELD = 100_000  # samples before them, in which a car with a drivetrain comes near the speed that it holds; even
 _SPIN = 0.5  # sideslip angle at which the ramp ends, assumed [rad]
 
 
 class Cornering(NamedTuple):
     """A slow turn of the handwheel from straight running up to what the car can follow."""
 
-    plant: Plant  # without friction, handwheel prescribed
+    plant: Plant  # without friction and its compensation, handwheel prescribed
     speed: float  # [m/s]
     states: Array  # (K, S) every 0.1 s
     angles: Array  # (K,) of the handwheel [rad]
     torques: Array  # (K,) of the torsion bar [N m]
     end: str  # why it ended
+    compensated: Array | None = None  # (V,) share of the friction that the assist compensates [1]
 
 
 def cornering(car: Car, speed: float, chassis: str = "single_track", road_friction: float = 1.0) -> Cornering:
@@ -50,7 +54,7 @@ def cornering(car: Car, speed: float, chassis: str = "single_track", road_fricti
 
     Parameters are those of :meth:`steer_env.vehicle.cars.Car.plant`, with its errors.
     """
-    p = car.plant(FRICTIONLESS, speed, True, road_friction, chassis)
+    p, compensated = _without_compensation(car.plant(FRICTIONLESS, speed, True, road_friction, chassis))
     bare = _without_boost(p)  # which is stable where the assist is not; a rack position has the same chassis with both
     state, lock = plant.initial_state(bare), 0.98 * p.rack_limit / p.pinion_radius
     names = {name: i for i, (name, _) in enumerate(plant.channels(p))}
@@ -74,7 +78,32 @@ def cornering(car: Car, speed: float, chassis: str = "single_track", road_fricti
     whole = p.column.K_tb * (every[:, HANDWHEEL_ANGLE] - every[:, COLUMN_ANGLE])  # of torsion bar and boost
     grid = np.linspace(0.0, max(whole.max(), 1.0), 2000)
     torques = np.interp(whole, grid + [boost_curve(p.assist, T, speed)[0] for T in grid], grid)
-    return Cornering(p, speed, every, every[:, COLUMN_ANGLE] + torques / p.column.K_tb, torques, end)
+    return Cornering(p, speed, every, every[:, COLUMN_ANGLE] + torques / p.column.K_tb, torques, end, compensated)
+
+
+def _without_compensation(p: Plant) -> tuple[Plant, Array | None]:
+    """The plant whose assist compensates no friction, and the share (V,) that it compensated."""
+    f = p.assist.functions
+    if not isinstance(f, functions.Functions):
+        return p, None
+    share = f.friction_compensation.gain
+    return _compensating(p, 0.0 * share), share
+
+
+def _compensating(p: Plant, share: Array) -> Plant:
+    f = p.assist.functions
+    assert isinstance(f, functions.Functions)
+    own = f._replace(friction_compensation=f.friction_compensation._replace(gain=share))
+    return frozen(p._replace(assist=p.assist._replace(functions=own)))
+
+
+def _rested(p: Plant, state: Array, torque: float) -> Array:
+    """The state with the observer of the friction compensation in the middle of its hysteresis, as the friction is."""
+    found, at = state.copy(), layout_of(p)
+    observer = found[at.functions + functions.FRICTION : at.memory]
+    observer[:] = 0.0
+    observer[friction_compensation.GRIP : friction_compensation.GRIP + 1] = abs(torque)
+    return found
 
 
 def _without_boost(p: Plant) -> Plant:
@@ -136,10 +165,12 @@ def _newton(c: Cornering, wanted: float, above: bool) -> Point:
     k = int(np.argmax(c.torques >= wanted))
     state, u = c.states[k].copy(), np.zeros(len(INPUTS))
     if c.speed == 0.0:
-        return Point(p, state, u, c.speed)
+        return Point(p, state, u, c.speed, c.compensated)
     boost = boost_curve(a, wanted, c.speed)[0]
     u[HAND], u[ASSIST_REQUEST] = c.angles[k], boost
     state[HANDWHEEL_ANGLE], state[HANDWHEEL_SPEED] = c.angles[k], 0.0
+    if "longitudinal_speed" in dict(plant.channels(p)):
+        plant.run(bare, state, np.tile(u, (_HELD, 1)), row, 1)
     for _ in range(20):
         plant.run(bare, state, np.tile(u, (_RELAXED, 1)), row, 1)
         rows, after = np.tile(u, (STEPS_PER_CHASSIS_STEP, 1)), state.copy()
@@ -151,7 +182,7 @@ def _newton(c: Cornering, wanted: float, above: bool) -> Point:
         if np.all(np.abs(off) < 1e-10 * np.append(np.maximum(1.0, np.abs(state[index])), 1.0)):
             u[ASSIST_REQUEST] = 0.0
             state[layout_of(p).assist + LEAD_STATE] = (1.0 - a.lead_b0) * boost
-            return Point(p, state, u, c.speed)
+            return Point(p, _rested(p, state, wanted), u, c.speed, c.compensated)
         J = np.zeros((index.size + 1, index.size + 1))
         J[:-1, :-1] = A - np.eye(index.size)
         J[:-1, -1] = by_input(bare, state, rows, index, [HAND])[:, :, 0].sum(axis=1)
@@ -215,8 +246,7 @@ def held(point: Point, hands: str = "on", law: Any = None, arms: tuple[float, fl
     ValueError
         Other hands, or arms without inertia, damping and stiffness.
     """
-    if hands not in HANDS:
-        raise ValueError(f"hands must be one of {', '.join(HANDS)}, got {hands!r}")
+    one_of("hands", hands, HANDS)
     if (hands == "arms") != any(arms):
         raise ValueError("hands='arms' needs arms=(inertia, damping, stiffness), and other hands have none")
     p, state, u = point.plant, point.state, point.inputs.copy()
@@ -227,5 +257,7 @@ def held(point: Point, hands: str = "on", law: Any = None, arms: tuple[float, fl
     if law is not None:
         resting = friction_laws.resolve(law)
         p = p._replace(friction=frozen(resting))
+        if point.compensated is not None:
+            p = _compensating(p, point.compensated)
         state = np.append(state[: layout_of(p).memory], np.zeros(law_of(resting).memory_size(resting)))
-    return Point(p, state, u, point.speed)
+    return point._replace(plant=p, state=state, inputs=u)

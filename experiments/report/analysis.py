@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from itertools import product
 from typing import Any, NamedTuple
 
@@ -88,23 +89,22 @@ def worst_of(cells: list[Cell]) -> Cell:
     return min((cell for cell in cells if cell.margins), key=lambda cell: cell.margins.disk)  # type: ignore[union-attr]
 
 
-def _held(turn: Cornering, torque: float, hands: str, law: Any) -> Point:
-    arms = arm()[:3] if hands == "arms" else (0.0, 0.0, 0.0)
-    return held(steady(turn, torque=torque), hands, law, arms)
+def _held(point: Point, hands: str, law: Any) -> Point:
+    return held(point, hands, law, arm()[:3] if hands == "arms" else (0.0, 0.0, 0.0))
 
 
-def _map(turn: Cornering, kph: float, law: Any) -> Iterator[Cell]:
+def map_of(turn: Cornering, kph: float, law: Any) -> Iterator[Cell]:
     """The cells of one speed."""
     for torque in TORQUES:
-        try:
-            steady(turn, torque=torque)
-        except ValueError:  # the car does not reach it, which the map shows
-            reached = False
-        else:
-            reached = True
+        point: Point | None = None
+        if torque <= turn.torques.max():  # otherwise the car does not reach it, which the map shows
+            with suppress(ValueError):  # too near to the limit of the front tyres
+                point = steady(turn, torque=torque)
         for hands, friction in product(HANDS, (SLIDING, RESTING)):
-            point = _held(turn, torque, hands, law if friction == RESTING else None) if reached else None
-            yield Cell(kph, torque, hands, friction, assist_loop.margins(point) if point else None)
+            law_of = law if friction == RESTING else None
+            yield Cell(
+                kph, torque, hands, friction, assist_loop.margins(_held(point, hands, law_of)) if point else None
+            )
 
 
 def _modes(A: Array) -> Complexes:
@@ -138,19 +138,19 @@ def collect(
     for i, kph in enumerate(SPEEDS):
         notify(0.8 * i / len(SPEEDS), f"margins at {kph:g} km/h")
         turns[kph] = cornering(car, kph / KPH, chassis)
-        cells += _map(turns[kph], kph, p)
+        cells += map_of(turns[kph], kph, p)
     worst = worst_of(cells)
     notify(0.8, "responses and modes")
     at = [c for c in cells if c.margins and c[0] == worst.speed_kph and c[2:4] == (worst.hands, worst.friction)]
     resting = p if worst.friction == RESTING else None
     loops = {
         f"{cell.torque:g} N m": assist_loop.open_loop(
-            _held(turns[worst.speed_kph], cell.torque, worst.hands, resting)
+            _held(steady(turns[worst.speed_kph], torque=cell.torque), worst.hands, resting)
         ).response(FREQUENCIES)
         for cell in at
     }
-    point = _held(turns[worst.speed_kph], worst.torque, worst.hands, resting)
-    gain = worst.margins.gain if worst.margins else math.inf
+    point = _held(steady(turns[worst.speed_kph], torque=worst.torque), worst.hands, resting)
+    gain = worst.margins.gain if worst.margins and worst.margins.stable else 1.0  # the locus ends above the limit
     factors = np.linspace(0.0, 1.2 * min(gain, 20.0), 60)
     boost_modes = [
         _modes(linearised.transition(each.plant, state=each.state, inputs=each.inputs)[0])

@@ -169,8 +169,12 @@ def _root_section(results: Results) -> Section:
         "No motion of the closed loop grows.",
         "Eigenvalues of the plant over a chassis step: of the free car without friction over speed, and over a factor "
         f"on the slope of the boost at the smallest disk margin ({w.where}).",
-        f"Hands off the motion {free}. The assist becomes unstable {boosted}; its gain margin is "
-        f"{number(w.margins.gain)}.",  # type: ignore[union-attr]
+        f"Hands off the motion {free}. "
+        + (
+            f"The assist becomes unstable {boosted}; its gain margin is {number(w.margins.gain)}."  # type: ignore[union-attr]
+            if w.margins.stable  # type: ignore[union-attr]
+            else "The assist is unstable with the slope that it has, so that its margins are no more than a distance."
+        ),
         "On the upper half plane; modes beyond the panel are not shown.",
         [Picture(analysis_pictures.root_loci(loci), "Root loci over speed and over the slope of the boost")],
     )
@@ -199,7 +203,8 @@ def _cycle_section(results: Results) -> Section:
         f"({results.law}) and of the boost, beside simulations of 20 s in which the column is let go at {starts} deg "
         "and above every predicted cycle.",
         verdict,
-        "The balance needs a motion that is nearly sinusoidal. The limit of the motor counts in the simulation only.",
+        "The balance needs a motion that is nearly sinusoidal, of the column as of what the motor's limit leaves. A "
+        "compensation of friction counts in the simulation only.",
         (),
         [Table("Limit cycles of the column angle", head, rows)] if rows else (),
     )

@@ -19,6 +19,7 @@ from steer_env.randomise import RANGES, SENSOR_NOISE
 from steer_env.registration import DRIVEN
 from steer_env.tuning.env import DRAWN, TuneEnv
 from steer_env.tuning.scenarios.common.definition import SCENARIOS, SPEEDS
+from steer_env.tuning.vector import TuneVectorEnv
 from steer_env.vector import SteerVectorEnv
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
@@ -124,9 +125,10 @@ _VECTOR = """
 ## Vector environments
 
 `gymnasium.make_vec("steer_env/AssistWeave-v1", num_envs=64, threads=2, autoreset_mode="SameStep")` steps 64
-sub-environments in two threads and resets a finished one in the same step. The tuning ids have no vector environment.
-Gymnasium's own vector environments of an id (`vectorization_mode="sync"`) give the same observations, rewards, infos
-and pictures to the bit.
+sub-environments in two threads and resets a finished one in the same step. A vector environment of a tuning id drives
+parameter sets in worker processes (below); `steer_env.experiments.learning.parameter_sets` drives many of them on other
+machines, too. Gymnasium's own vector environments of an id (`vectorization_mode="sync"`) give the same observations,
+rewards, infos and pictures to the bit.
 """
 _STATE = """
 ## Copies: state, pickle, deepcopy
@@ -233,7 +235,8 @@ def environments_page() -> str:
     sections += [_SENSORS, table(("observation", "deviation", "unit"), noise)]
     for title, made in (("driving", SteerEnv), ("tuning", TuneEnv)):
         sections.append(f"\n## Arguments of the {title} ids\n\n```text\n{inspect.getdoc(made)}\n```")
-    sections += [_VECTOR, f"```text\n{inspect.getdoc(SteerVectorEnv)}\n```", _STATE.rstrip()]
+    sections += [_VECTOR, f"```text\n{inspect.getdoc(SteerVectorEnv)}\n```", "\nOf the tuning ids:\n"]
+    sections += [f"```text\n{inspect.getdoc(TuneVectorEnv)}\n```", _STATE.rstrip()]
     return "\n".join(sections) + "\n"
 
 

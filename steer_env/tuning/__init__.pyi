@@ -1,4 +1,5 @@
 from .env import TuneEnv
 from .environments import TuneAllRound, TuneOnCentre
+from .vector import TuneVectorEnv
 
-__all__ = ["TuneAllRound", "TuneEnv", "TuneOnCentre"]
+__all__ = ["TuneAllRound", "TuneEnv", "TuneOnCentre", "TuneVectorEnv"]

@@ -1,4 +1,4 @@
-"""A parameter set driven through the tests of a scenario, and the metrics of them all."""
+"""A parameter set driven through the tests of a scenario: the metrics of them all, and the margins of the loop."""
 
 from dataclasses import replace
 from typing import NamedTuple
@@ -10,11 +10,13 @@ from steer_env.manoeuvres.common.driving import OpenLoop, build_plant, drive_pla
 from steer_env.metrics import Value
 from steer_env.randomise import Conditions
 from steer_env.recording.recording import Recording
+from steer_env.thread_pool import one_blas_thread
 from steer_env.tuning.scenarios.common.definition import Drive, Scenario
-from steer_env.vehicle import step_limit
+from steer_env.vehicle import layout, plant, step_limit
 from steer_env.vehicle.cars import Car
 from steer_env.vehicle.plant import Plant
 from steer_env.vehicle.steering.eps import Assist
+from steer_env.vehicle.steering.margins import Margins, worst_margins
 
 
 class PreparedDrive(NamedTuple):
@@ -24,6 +26,13 @@ class PreparedDrive(NamedTuple):
     car: Car  # with its load
     plant: Plant  # with the car's own assist
     course: OpenLoop  # with which the car's own assist reaches the test's lateral acceleration
+
+
+class Tried(NamedTuple):
+    """What the tests of a parameter set give."""
+
+    metrics: dict[str, Value]  # by name; those of a run that diverges or spins out are refused
+    margins: Margins  # the smallest ones over the speeds of the tests
 
 
 def adapted(scenario: Scenario, chassis: str, drawn: Conditions) -> list[Drive]:
@@ -59,17 +68,33 @@ def prepare(scenario: Scenario, car: Car, chassis: str, drawn: Conditions) -> tu
     return tuple(prepared)
 
 
+def tried(drives: tuple[PreparedDrive, ...], assist: Assist) -> Tried:
+    """Drive an assist through the tests; the result depends on no processor's number."""
+    with one_blas_thread():
+        return Tried(evaluate(drives, assist), _margins(drives, assist))
+
+
+def _margins(drives: tuple[PreparedDrive, ...], assist: Assist) -> Margins:
+    speeds = {each.drive.manoeuvre.speed for each in drives}
+    every = [worst_margins(drives[0].car.column, assist, speed) for speed in sorted(speeds)]
+    worst = min(every, key=lambda m: m.phase)
+    return worst._replace(gain=min(m.gain for m in every), stable=all(m.stable for m in every))
+
+
 def evaluate(drives: tuple[PreparedDrive, ...], assist: Assist) -> dict[str, Value]:
-    """Every metric of the drives with an assist; the metrics of a run that diverges or spins out are refused."""
+    """Every metric of the drives with an assist, without intervals."""
     found: dict[str, Value] = {}
     for drive, car, p, prepared in drives:
+        tuned = p._replace(assist=assist)
+        if layout.size_of(tuned) != prepared.straight.size:  # functions that the car's own assist does not have
+            prepared = prepared._replace(straight=plant.initial_state(tuned))
         try:
-            recording = drive_plant(car, p._replace(assist=assist), drive.manoeuvre, prepared)
+            recording = drive_plant(car, tuned, drive.manoeuvre, prepared)
         except ValueError as error:
             names = metrics.available(drive.manoeuvre.name)
             found |= {n: Value(np.nan, np.nan, np.nan, metrics.definition(n).unit, str(error)) for n in names}
         else:
-            found |= metrics.evaluate(thinned(recording, drive.thinning))
+            found |= metrics.evaluate(thinned(recording, drive.thinning), intervals=False)
     return found
 
 

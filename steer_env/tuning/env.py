@@ -24,9 +24,10 @@ from steer_env.tuning.scenarios.common.definition import SPEEDS, Scenario
 from steer_env.vehicle import cars
 from steer_env.vehicle import chassis as chassis_models
 from steer_env.vehicle import tyre as tyres
-from steer_env.vehicle.steering.margins import Margins, worst_margins
+from steer_env.vehicle.steering.eps import Assist
+from steer_env.vehicle.steering.margins import Margins
 
-SETS = 8  # parameter sets in an episode
+SETS = 8  # default of the parameter sets in an episode
 SPEED = 100.0 / 3.6  # default of the context's speed [m/s]
 DRAWN = ("load", "road_friction", "friction_level", "speed")  # keys of RANGES; there are no sensors in the loop
 _MARGINS = (
@@ -45,6 +46,11 @@ def observed(scenario: Scenario) -> tuple[Quantity, ...]:
         *_MARGINS,
         _REFUSED,
     )
+
+
+def same(one: Conditions, other: Conditions) -> bool:
+    """Whether two draws of the same environment give the same context."""
+    return one.friction is other.friction and one[:4] == other[:4]
 
 
 def _chosen(parameters: Sequence[str]) -> tuple[str, ...]:
@@ -82,6 +88,11 @@ class TuneEnv(PlainSpecification, gym.Env):
     parameters : sequence of str, optional
         Parameters that the action sets, in this order, in place of the scenario's: those of ``PARAMETERS`` and
         ``FUNCTIONS`` in ``steer_env.tuning.parameters``.
+    sets : int, optional, default 8
+        Parameter sets after which an episode is truncated; with None it has no end, and the context stays.
+    vector_reward : bool, default False
+        Whether the reward is an array of the terms that weigh more than 0, whose sum it is otherwise. It has the form
+        of MO-Gymnasium, with ``reward_space`` and ``reward_dim``; ``reward_components`` are the names of the terms.
     render_mode : None
         There is no rendering.
 
@@ -110,6 +121,8 @@ class TuneEnv(PlainSpecification, gym.Env):
         randomise: Mapping[str, Any] | None = None,
         weights: Mapping[str, float] | None = None,
         parameters: Sequence[str] | None = None,
+        sets: int | None = SETS,
+        vector_reward: bool = False,
         render_mode: None = None,
         **unknown: Any,
     ) -> None:
@@ -118,7 +131,7 @@ class TuneEnv(PlainSpecification, gym.Env):
         if render_mode is not None:
             raise ValueError(f"tuning environments cannot render: render_mode must be None, got {render_mode!r}")
         self.render_mode = render_mode
-        self._chassis = chassis_models.checked(chassis)
+        self.chassis = chassis_models.checked(chassis)
         if parameters is not None:
             self.scenario = replace(self.scenario, parameters=_chosen(parameters))
         self.car = cars.load(vehicle)
@@ -136,8 +149,16 @@ class TuneEnv(PlainSpecification, gym.Env):
         n = len(self.scenario.parameters)
         self.action_space = gym.spaces.Box(-1.0, 1.0, (n,), np.float32)
         self.observation_space = gym.spaces.Box(-bound, bound, dtype=np.float32)
-        self._prepared: tuple[Conditions, context.Context, tuple[driving.PreparedDrive, ...]] | None = None
-        self._sets = SETS  # tried so far; the episode is over at SETS
+        self.sets = None if sets is None else whole("sets", sets, 1)
+        self.reward_components = (*(name for name, term in self.terms.items() if term.weight), *reward.MARGIN_TERMS)
+        if vector_reward:  # only then, as MO-Gymnasium's users tell such an environment by it
+            self.reward_dim = len(self.reward_components)
+            worst = [reward.worst(self.terms, name) for name in self.reward_components]
+            self.reward_space = gym.spaces.Box(np.array(worst, np.float32), np.zeros(self.reward_dim, np.float32))
+        self._vector_reward = bool(vector_reward)
+        self._drawn: tuple[Conditions, context.Context] | None = None
+        self._drives: tuple[driving.PreparedDrive, ...] = ()  # in the context; empty where others drive
+        self._left = 0.0  # parameter sets left in the episode
         self.units = {name: definition(name).unit for name in self.scenario.metrics}
         self._forget()
 
@@ -149,21 +170,20 @@ class TuneEnv(PlainSpecification, gym.Env):
         self._metrics = dict.fromkeys(self.scenario.metrics, math.nan)  # of the best set
 
     def __getstate__(self) -> dict[str, Any]:
-        if self._prepared is None:
-            return self.__dict__
-        drawn, known, drives = self._prepared
         # The motion of a manoeuvre's hands is a function within a function and cannot be pickled.
-        return {**self.__dict__, "_prepared": (drawn, known, tuple(drive[1:] for drive in drives))}
+        kept = {key: value for key, value in self.__dict__.items() if key != "scenario"}
+        return {**kept, "_drives": [drive[1:] for drive in self._drives], "_parameters": self.scenario.parameters}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        self.__dict__.update(state)
-        if state["_prepared"] is not None:
-            drawn, known, parts = state["_prepared"]
-            drives = driving.adapted(self.scenario, self._chassis, drawn)
-            prepared = (
-                driving.PreparedDrive(drive, car, frozen(p), course) for drive, (car, p, course) in zip(drives, parts)
+        own = dict(state)
+        self.scenario = replace(type(self).scenario, parameters=own.pop("_parameters"))
+        self.__dict__.update(own)
+        if self._drawn is not None:
+            drives = driving.adapted(self.scenario, self.chassis, self._drawn[0])
+            self._drives = tuple(
+                driving.PreparedDrive(drive, car, frozen(p), course)
+                for drive, (car, p, course) in zip(drives, state["_drives"])
             )
-            self._prepared = drawn, known, tuple(prepared)
 
     @property
     def baseline_action(self) -> NDArray[np.float32]:
@@ -196,17 +216,27 @@ class TuneEnv(PlainSpecification, gym.Env):
         ValueError
             An option is unknown or out of its range, or the car does not reach a test's lateral acceleration.
         """
+        drawn = self.draw(seed, options)
+        if self._drawn is None or not same(self._drawn[0], drawn):
+            known = context.context(self.car, self.chassis, drawn)
+            self._drives = driving.prepare(self.scenario, self.car, self.chassis, drawn)
+        else:
+            known = self._drawn[1]
+        return self.begin(drawn, known)
+
+    def draw(self, seed: int | None, options: dict[str, Any] | None) -> Conditions:
+        """The conditions of the next episode, as :meth:`reset` draws them."""
         super().reset(seed=None if seed is None else whole("seed", seed, 0))
         options = options or {}
         for key in options:
             if key not in DRAWN:
                 raise ValueError(f"unknown reset option {key!r}; {self.scenario.name} takes: {', '.join(DRAWN)}")
-        drawn = self._randomise.draw(self.np_random, options)
-        same = self._prepared and self._prepared[0].friction is drawn.friction and self._prepared[0][:4] == drawn[:4]
-        if not same:
-            found = context.context(self.car, self._chassis, drawn)
-            self._prepared = drawn, found, driving.prepare(self.scenario, self.car, self._chassis, drawn)
-        self._sets = 0
+        return self._randomise.draw(self.np_random, options)
+
+    def begin(self, drawn: Conditions, known: context.Context) -> tuple[NDArray[np.float32], dict[str, Any]]:
+        """Start an episode in the context of drawn conditions: what :meth:`reset` returns."""
+        self._drawn = drawn, known
+        self._left = math.inf if self.sets is None else self.sets
         self._forget()
         nothing = {
             "evaluated": dict.fromkeys(self.scenario.metrics, math.nan),
@@ -216,7 +246,7 @@ class TuneEnv(PlainSpecification, gym.Env):
         }
         return self._observation(None, {}, None), self._info(self.baseline_action, nothing)
 
-    def step(self, action: Any) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
+    def step(self, action: Any) -> tuple[NDArray[np.float32], Any, bool, bool, dict[str, Any]]:
         """Try a parameter set: an action in [-1, 1]; an action beyond is clipped.
 
         Raises
@@ -230,16 +260,23 @@ class TuneEnv(PlainSpecification, gym.Env):
         if not isinstance(action, np.ndarray) or action.shape != shape:
             raise ValueError(f"action must be an array of shape {shape}, got {action!r}")
         action = clipped(action)
-        if self._sets == SETS or self._prepared is None:
+        if not self._left:
             raise RuntimeError("the episode is over or has not begun: call reset")
-        drives = self._prepared[2]
-        assist = tuned(self.car.assist, values(self.car.assist, self.scenario.parameters, action))
-        found = driving.evaluate(drives, assist)
-        margins = self._margins(assist)
+        return self.told(action, driving.tried(self._drives, self.assist(action)))
+
+    def assist(self, action: NDArray[Any]) -> Assist:
+        """The assist of an action in [-1, 1]."""
+        return tuned(self.car.assist, values(self.car.assist, self.scenario.parameters, action))
+
+    def told(
+        self, action: NDArray[Any], tried: driving.Tried
+    ) -> tuple[NDArray[np.float32], Any, bool, bool, dict[str, Any]]:
+        """What :meth:`step` returns for an action and what its tests gave."""
+        found, margins = tried
         shortfall = reward.margin_shortfall(margins)
         terms = reward.reward_terms(self.terms, found, shortfall)
         total = float(sum(terms.values()))
-        self._sets += 1
+        self._left -= 1
         self.refused = {name: value.reason for name, value in found.items() if value.reason}
         evaluated = {name: math.nan if found[name].reason else float(found[name].value) for name in self.units}
         if self.best_action is None or total > self._best["reward"]:
@@ -251,22 +288,15 @@ class TuneEnv(PlainSpecification, gym.Env):
             "reward_terms": terms,
             "cost_terms": shortfall,
         }
-        observation = self._observation(action, found, margins)
-        return observation, total, False, self._sets == SETS, self._info(action, results)
-
-    def _margins(self, assist: Any) -> Margins:
-        """The smallest margins over the speeds at which the scenario drives."""
-        assert self._prepared is not None
-        speeds = {prepared.drive.manoeuvre.speed for prepared in self._prepared[2]}
-        each = [worst_margins(self.car.column, assist, speed) for speed in sorted(speeds)]
-        worst = min(each, key=lambda m: m.phase)
-        return worst._replace(gain=min(m.gain for m in each), stable=all(m.stable for m in each))
+        observation, given = self._observation(action, found, margins), self._info(action, results)
+        own = np.array([terms[name] for name in self.reward_components], np.float32) if self._vector_reward else total
+        return observation, own, False, self._left == 0, given
 
     def _info(self, action: NDArray[Any], results: Mapping[str, Mapping[str, float]]) -> dict[str, Any]:
         """The info of a parameter set with its results; plain floats, in dicts of their own."""
-        assert self._prepared is not None
+        assert self._drawn is not None
         every = {
-            "context": self._prepared[1]._asdict(),
+            "context": self._drawn[1]._asdict(),
             "parameters": values(self.car.assist, self.scenario.parameters, action),
             **results,
             "best": self._best,
@@ -280,9 +310,9 @@ class TuneEnv(PlainSpecification, gym.Env):
         self, action: NDArray[Any] | None, found: Mapping[str, Value], margins: Margins | None
     ) -> NDArray[np.float32]:
         """The context and the last parameter set with its results, which are zero before the first."""
-        assert self._prepared is not None
+        assert self._drawn is not None
         seen = np.zeros(len(self._quantities))
-        known = self._prepared[1]
+        known = self._drawn[1]
         seen[: len(known)] = known
         if action is not None and margins is not None:
             metrics = [found[name] for name in self.scenario.bounds]

@@ -15,6 +15,7 @@ from steer_env.tuning import reward
 from steer_env.tuning.env import DRAWN, SETS, TuneEnv, observed
 from steer_env.tuning.parameters import PARAMETERS
 from steer_env.tuning.scenarios.common.definition import SCENARIOS, Scenario
+from steer_env.tuning.vector import TuneVectorEnv
 from steer_env.vehicle import cars
 from steer_env.vehicle.steering.margins import TARGETS as MARGINS
 
@@ -68,7 +69,9 @@ def _documentation(scenario: Scenario) -> str:
             f"over the band's width, at most {reward.MAX_DISTANCE:g}; it is 0 inside the band and "
             f"{reward.MAX_DISTANCE:g} for a refused metric. The term of a margin is its shortfall below its least "
             "value over that value; it is 1 if the loop is unstable. "
-            'The terms are in `info["reward_terms"]`; the bands are those of `targets="compact"`.'
+            'The terms are in `info["reward_terms"]`; the bands are those of `targets="compact"`. With '
+            "`vector_reward=True` the reward is an array of the terms that weigh more than 0, for multi-objective "
+            "learning and Pareto fronts, in the form of MO-Gymnasium."
         ),
         table(("term", "weight", "band", "unit"), [*terms, *margins]),
         '## Cost\n\nFor constrained learning: `info["cost_terms"]` are the shortfalls of both margins, `info["cost"]` '
@@ -86,7 +89,7 @@ def _documentation(scenario: Scenario) -> str:
             "first set."
         ),
         "## Start\n\nA context is drawn; `options` fix what would be drawn.",
-        f"## End\n\nThe episode is truncated after {SETS} parameter sets.",
+        f"## End\n\nThe episode is truncated after {SETS} parameter sets, or as many as the argument `sets` says.",
         "## Arguments",
         "Those of `steer_env.tuning.TuneEnv`. `reset(options={...})` fixes what would be drawn:",
         table(("option", "meaning"), [(f"`{key}`", RANGES[key][2]) for key in DRAWN]),
@@ -102,7 +105,15 @@ def _made(name: str) -> type[TuneEnv]:
     return type(name, (TuneEnv,), fields)
 
 
-def __getattr__(name: str) -> type[TuneEnv]:
+@cache
+def _vector(name: str) -> type[TuneVectorEnv]:
+    fields = {"single": _made(name), "__doc__": TuneVectorEnv.__doc__, "__module__": __name__}
+    return type(f"{name}Vector", (TuneVectorEnv,), fields)
+
+
+def __getattr__(name: str) -> type[TuneEnv] | type[TuneVectorEnv]:
     if name in SCENARIOS.available():
         return _made(name)
+    if (single := name.removesuffix("Vector")) in SCENARIOS.available():
+        return _vector(single)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -42,6 +42,11 @@ def terms(scenario: Scenario, targets: Targets, weights: Mapping[str, float] | N
     return {name: Term(band, not_negative(f"weights[{name!r}]", weighted[name])) for name, band in bands.items()}
 
 
+def worst(wanted: Mapping[str, Term], name: str) -> float:
+    """The smallest value of a term of the reward."""
+    return -wanted[name].weight * MAX_DISTANCE if name in wanted else -MARGIN_WEIGHT
+
+
 def distance(value: Value, band: Band) -> float:
     """Distance of a value from the good band over the band's width [1].
 

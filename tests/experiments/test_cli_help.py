@@ -7,7 +7,9 @@ import sys
 import numpy as np
 import pytest
 
-from steer_env import assists, drivers, friction, manoeuvres, metrics, targets
+from steer_env import assists, devices, drivers, friction, manoeuvres, metrics, targets
+from steer_env.drive import scene
+from steer_env.experiments.cli import drive
 from steer_env.experiments.cli.common import names
 from steer_env.experiments.cli.common.messages import in_options
 from steer_env.experiments.cli.main import main
@@ -56,6 +58,8 @@ def test_names_in_the_help_are_those_of_the_registries():
     assert names.targets() == targets.available()
     assert names.drivers() == drivers.available()
     assert names.assists() == assists.available()
+    assert names.devices() == devices.available()
+    assert drive.COURSES == scene.COURSES
     assert names.friction_records() == ("rig",)
     assert tuple(files.FORMATS) == names.FORMATS
     assert can_log.SUFFIXES == names.CAN_FORMATS

@@ -7,6 +7,8 @@ import pytest
 
 from steer_env.vehicle import cars, limit_cycle
 from steer_env.vehicle.operating_point import cornering, held, steady
+from steer_env.vehicle.steering.eps import SAMPLE_TIME
+from steer_env.vehicle.steering.margins import answer, boost_gain
 
 CAR = cars.load("compact")
 SPEED = 25.0  # [m/s]
@@ -43,9 +45,25 @@ def test_a_car_without_a_cycle():
     assert limit_cycle.compare(steady(cornering(CAR, SPEED)), "lugre") == []
 
 
-def test_gain_of_the_boost():
-    """At small amplitudes its slope at zero, at large ones 4/pi of its end over the amplitude."""
-    a = CAR.assist
-    row = np.array([np.interp(SPEED, a.speeds, a.boost[:, i]) for i in range(a.torques.size)])
-    assert limit_cycle.boost_gain(a, 0.01, SPEED) == pytest.approx(row[1] / a.torques[1], rel=1e-6)
-    assert limit_cycle.boost_gain(a, 1e4, SPEED) == pytest.approx(4.0 * row[-1] / (math.pi * 1e4), rel=1e-3)
+def test_first_harmonic_of_the_command():
+    """Small amplitudes: slope of the boost with its filter, less the damping; a large torque: 4/pi of the limit."""
+    a, f = CAR.assist, 20.0
+    balance = limit_cycle._Balance(steady(cornering(CAR, SPEED)), "coulomb")
+    z = np.exp(2j * math.pi * f * SAMPLE_TIME)
+    slope, D = boost_gain(a, 0.0, SPEED), np.interp(SPEED, a.speeds, a.damping)
+    T, w = 0.01 * np.exp(0.3j), 0.02j
+    expected = answer(a, slope, 0.0)(z) * T - D * w
+    assert abs(balance.command(z, T, w) / expected - 1.0) < 1e-3
+    weak = limit_cycle._Balance(steady(cornering(CAR._replace(assist=a._replace(limit=1e-3)), SPEED)), "coulomb")
+    assert abs(weak.command(z, 5.0, 0.0)) == pytest.approx(4e-3 / math.pi, rel=1e-3)
+
+
+@pytest.mark.parametrize("kph", [50.0, 100.0])
+@pytest.mark.whole
+def test_a_cycle_at_the_limit_of_the_motor(kph):
+    """Hands off with the motor's own limit: within 10 %, where the limit halves the frequency."""
+    assist = CAR.assist._replace(boost=3.0 * CAR.assist.boost, delay=4)
+    point = held(steady(cornering(CAR._replace(assist=assist), kph / 3.6)), "off")
+    largest = max(limit_cycle.compare(point, "lugre"), key=lambda each: each.simulated.amplitude)
+    assert largest.agrees
+    assert largest.simulated.frequency < 20.0

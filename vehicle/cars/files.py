@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from steer_env.friction.numerics import toml
+from steer_env.friction.numerics.check import one_of
 from steer_env.vehicle import tyre
 from steer_env.vehicle.cars import contradictions, plausible
 from steer_env.vehicle.cars.car import Car
@@ -239,8 +240,7 @@ def _completed(given: Any, name: str, folder: Path) -> Any:
         lacking = ", ".join(key for key in SECTIONS if key not in data)
         raise ValueError(f"car lacks {lacking}; give them, or a base: {', '.join(available())}")
     if isinstance(data, dict) and "base" in data:
-        if data["base"] not in available():
-            raise ValueError(f"base must be one of {', '.join(available())}, got {data['base']!r}")
+        one_of("base", data["base"], available())
         base = _data(data.pop("base"))
         require_known("car", data, ("base", *SECTIONS))
         sections = {key: {**base[key], **data[key]} for key in TABLES if isinstance(data.get(key), dict)}

@@ -18,6 +18,7 @@ __all__ = [
     "assists",
     "cars",
     "chassis",
+    "devices",
     "drivers",
     "friction_records",
     "laws",
@@ -46,6 +47,11 @@ def manoeuvres() -> tuple[str, ...]:
 def chassis() -> tuple[str, ...]:
     """Chassis models."""
     return tuple(listed("steer_env.vehicle.chassis"))
+
+
+def devices() -> tuple[str, ...]:
+    """Devices of a drive."""
+    return tuple(listed("steer_env.devices"))
 
 
 def drivers() -> tuple[str, ...]:

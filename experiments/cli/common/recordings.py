@@ -9,11 +9,13 @@ from steer_env.experiments.cli.common import conditions, inputs, names, noticed
 from steer_env.experiments.cli.common.arguments import KPH
 from steer_env.experiments.cli.common.extras import require_format
 
+MANY_MISSED = 0.01  # share of the deadlines of a drive from which on it is told; assumed [1]
 # Key of a recording's meta -> what it tells, printed before the metrics.
 NOTES = {
     "not_read": "columns that are not read",
     "uncalibrated": "in counts of the sensor, uncalibrated",
     "seconds_assumed": "without a unit, read in seconds",
+    "torn": "cut off where the drive ended, and left out",
 }
 
 
@@ -116,6 +118,25 @@ def _notes(meta: Mapping[str, Any], frames: bool) -> Iterator[str]:
             yield f"gaps of {name}: {told['gaps']}, longest step {longest}{counted}"
 
 
+def _of_drive(found: Any) -> Iterator[str]:
+    """What to know of a person's drive: which set acted when, and whether the simulation kept up with the clock."""
+    if not {"chosen_set", "deadlines_missed"} <= found.channels.keys() or "sets" not in found.meta:
+        return
+
+    import numpy as np
+
+    acting, missed = found["chosen_set"], float(found["deadlines_missed"].sum())
+    starts = [0, *(np.flatnonzero(np.diff(acting)) + 1).tolist()]
+    if len(starts) > 1:
+        ends = [*found.time[starts[1:]].tolist(), found.time[-1]]
+        labels = [found.meta["sets"][round(acting[start]) - 1]["label"] for start in starts]
+        told = ", ".join(f"{label} to {end:.1f} s" for label, end in zip(labels, ends))
+        yield f"several sets, of which --between takes one: {told}"
+    share = missed / (missed + names.SAMPLE_RATE * (found.time[-1] - found.time[0]))
+    if share > MANY_MISSED:
+        yield f"{share:.1%} of the deadlines were missed, by which the person was too fast for the simulation"
+
+
 def can_options(args: argparse.Namespace) -> Any:
     """How CAN logs are read, by the options."""
     from steer_env.recording import can_log
@@ -172,7 +193,7 @@ def read(path: str, place: int, args: argparse.Namespace) -> Any:
     from steer_env.recording import can_log, files
 
     found = files.read(path, mapping_of(place, args), can=can_options(args)).without(*args.without)
-    for note in _notes(found.meta, can_log.recognised(path)):
+    for note in (*_notes(found.meta, can_log.recognised(path)), *_of_drive(found)):
         print(f"{path}: {note}")
     return found.between(*args.between) if args.between else found
 

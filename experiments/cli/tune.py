@@ -1,0 +1,163 @@
+"""The command ``tune``: the assist of a car tuned to target bands."""
+
+import argparse
+import functools
+import shlex
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from steer_env.experiments.cli.common import names
+from steer_env.experiments.cli.common.arguments import FRICTION, friction_law, whole_number
+from steer_env.experiments.cli.common.extras import require
+from steer_env.experiments.cli.common.sweeping import add_sweep
+from steer_env.experiments.output import car_options
+
+SAMPLERS = ("surface", "tpe", "nsga2", "nsga3", "random")
+FILES = ("index.html", "tune.json", "best.toml", "start.toml", "before", "after")
+MOST_WORKERS = 64  # at the address of a cluster, which has a number of its own
+POLL = 1.0  # between looks at how far the search is [s]
+
+
+def add(commands: Any, common: argparse.ArgumentParser) -> None:
+    """Add the command to a parser's."""
+    text = (
+        "Tune the assist of a car to target bands, for the worst of friction and load, with margins of the assist loop "
+        "and stability with free hands as constraints; write a page, tune.json and the car file best.toml. The same "
+        "command on the same --out goes on, or shares the work."
+    )
+    tune = commands.add_parser("tune", help=text, description=text, parents=[common])
+    car_options.add(tune)
+    text = "packaged target bands, or a .toml file (default compact)"
+    tune.add_argument("--targets", metavar="NAME", default="compact", help=text)
+    text = f"friction at level 1: {FRICTION} (default lugre)"
+    tune.add_argument("--friction", metavar="LAW", type=friction_law, default="lugre", help=text)
+    text = "added mass of the laden car [kg] (default 300)"
+    tune.add_argument("--load", metavar="KG", type=float, default=300.0, help=text)
+    text = "tuned parameters (default: boost, damping, lead, active return, handwheel damping, friction compensation)"
+    tune.add_argument("--parameters", metavar="NAME", nargs="+", action="extend", help=text)
+    text = "chassis model (default single_track)"
+    tune.add_argument("--chassis", choices=names.chassis(), default="single_track", help=text)
+    text = "evaluated sets in all (default 300); a second optimiser has as many where not every band is reached"
+    tune.add_argument("--budget", metavar="N", type=whole_number(1), default=300, help=text)
+    text = f"optimiser: {', '.join(SAMPLERS)} (default surface)"
+    tune.add_argument("--sampler", choices=SAMPLERS, default="surface", help=text)
+    text = "seed of the search (default 0)"
+    tune.add_argument("--seed", metavar="N", type=whole_number(0), default=0, help=text)
+    text = "database in place of the journal in --out, as sqlite:///study.db or postgresql://USER@HOST/NAME"
+    tune.add_argument("--storage", metavar="URL", help=text)
+    text = "without the second optimiser"
+    tune.add_argument("--unconfirmed", action="store_true", help=text)
+    text = "write the evaluation reports of the car before and after, too"
+    tune.add_argument("--report", action="store_true", help=text)
+    add_sweep(tune, "that share the search")
+    text = "directory of journal, page and car file (default tune)"
+    tune.add_argument("--out", metavar="DIR", type=Path, default=Path("tune"), help=text)
+    tune.set_defaults(function=_tune)
+
+
+def _tune(args: argparse.Namespace) -> None:
+    require("tune", "tune")
+
+    from steer_env import targets
+    from steer_env.experiments import sweep
+    from steer_env.experiments.output import files
+    from steer_env.experiments.output.options import progress
+    from steer_env.experiments.tuning import problem, storage, tuning
+
+    if args.cluster is not None:
+        require("cluster", f"--cluster {args.cluster}")
+    where = sweep.Where.parse(args.workers, args.cluster)
+    known = (*FILES, storage.JOURNAL, f"{storage.JOURNAL}.lock", storage.PROCESSES)
+    files.usable(args.out, frozenset(known))
+    car = car_options.load(args)
+    chosen = args.parameters or problem.TUNED
+    law = getattr(args.friction, "parameters", args.friction)
+    posed = problem.make(car, targets.load(args.targets), law, chosen, args.load, args.chassis)
+    storage.require_whole(args.out / storage.JOURNAL, lambda text: print(f"steer-env tune: {text}", file=sys.stderr))
+    run = functools.partial(sweep.run, where=where, modules=args.modules)
+    remote = where.cluster not in ("", sweep.where.LOCAL)
+    workers = MOST_WORKERS if remote else where.workers
+    with progress("tuning") as notify, _watched(notify, args) as began:
+        outcome = tuning.tune(
+            posed, args.out, args.budget, run, workers, began=began,
+            address=args.storage, sampler=args.sampler, seed=args.seed, resume=args.resume, second=not args.unconfirmed,
+        )  # fmt: skip
+        _write(args, posed, outcome, notify)
+    if args.report and outcome.best is not None:
+        for name, file in (("before", "start.toml"), ("after", "best.toml")):
+            _report(args, file, name)
+
+
+@contextmanager
+def _watched(notify: Callable[[float, str], None], args: argparse.Namespace) -> Iterator[Callable[[Any], None]]:
+    """Tells how far the search is; yields what takes a job that begins."""
+    from steer_env.experiments.tuning import search, storage
+
+    ended, jobs = threading.Event(), list[Any]()
+
+    def watch() -> None:
+        while not ended.wait(POLL):
+            if jobs:
+                job = jobs[-1]
+                done = search.count(job, storage.opened(args.out, args.storage))
+                notify(min(done / job.budget, 1.0) * 0.95, f"{job.name}: {done} of {job.budget} sets")
+
+    thread = threading.Thread(target=watch, daemon=True)
+    thread.start()
+    try:
+        yield jobs.append
+    finally:
+        ended.set()
+        thread.join()
+
+
+def _write(args: argparse.Namespace, posed: Any, outcome: Any, notify: Callable[[float, str], None]) -> None:
+    """Write the page, its numbers and the car files, and print what was found."""
+    from steer_env.experiments.cli.common.sweeping import unswept
+    from steer_env.experiments.output import provenance
+    from steer_env.experiments.report import tuning_page
+    from steer_env.experiments.studies.common import page
+    from steer_env.experiments.tuning import problem
+    from steer_env.friction.law import law_of
+    from steer_env.vehicle import cars
+
+    cars.write(posed.car, args.out / "start.toml")
+    cells = []
+    if outcome.best is not None:
+        tuned = problem.tuned_car(posed, outcome.best.params)
+        cars.write(tuned, args.out / "best.toml")
+        loads = tuple(dict.fromkeys(c.load for c in posed.conditions))
+        cells = tuning_page.mapped(tuned, posed.law, loads, posed.chassis, notify)
+    else:
+        (args.out / "best.toml").unlink(missing_ok=True)
+    found, data = tuning_page.build(outcome, cells)
+    trace = provenance.trace(
+        command=unswept(args, "--out", "--storage"),
+        result=args.out.name,
+        car=posed.car,
+        friction={law_of(posed.law).name: posed.law},
+        seed=args.seed,
+    )
+    page.place(args.out, found, data, trace)
+    print("\n".join(found.verdict))
+    print(args.out / "index.html")
+    if outcome.best is not None and not args.report:
+        for name, file in (("before", "start.toml"), ("after", "best.toml")):
+            print(shlex.join(["steer-env", *_words(args, file, name)]))
+
+
+def _words(args: argparse.Namespace, file: str, name: str) -> list[str]:
+    """The command of the evaluation report of a car file."""
+    law = getattr(args.friction, "text", args.friction)
+    return ["report", "--friction", law, "--vehicle", str(args.out / file), "--light", "--out", str(args.out / name)]
+
+
+def _report(args: argparse.Namespace, file: str, name: str) -> None:
+    from steer_env.experiments.cli.main import parsed
+
+    report = parsed(_words(args, file, name))
+    report.function(report)

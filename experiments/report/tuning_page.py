@@ -1,0 +1,306 @@
+"""The page of a tuning: what is feasible first, then the front, the bands, the parameters and the margins."""
+
+import functools
+import math
+import warnings
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+import optuna
+from optuna.importance import PedAnovaImportanceEvaluator, get_param_importances
+from optuna.trial import FrozenTrial
+
+from steer_env import metrics
+from steer_env.experiments.drawing import tuning_pictures
+from steer_env.experiments.output.words import number
+from steer_env.experiments.report import analysis, analysis_page
+from steer_env.experiments.studies.common.page import Page, Picture, Section, Table
+from steer_env.experiments.tuning import constraints, feasibility, search
+from steer_env.experiments.tuning.problem import distance
+from steer_env.experiments.tuning.tuning import MOVED, Outcome
+from steer_env.vehicle.cars import Car
+from steer_env.vehicle.operating_point import cornering
+
+NAME = "tune"
+LABELS = {
+    "surface": "response surfaces",
+    "tpe": "TPE",
+    "nsga2": "NSGA-II",
+    "nsga3": "NSGA-III",
+    "random": "random search",
+}
+TOP = 2.0  # end of the axes of the front [widths of a band]
+
+
+def label(name: str) -> str:
+    """An optimiser as people write it, from the name of its study."""
+    return LABELS[name.split()[-1]]
+
+
+def mapped(
+    car: Car, law: Any, loads: tuple[float, ...], chassis: str, notify: Callable[[float, str], None] = lambda *_: None
+) -> list[analysis.Cell]:
+    """The margins of the whole car at every point of the map of ``analyse``, with every load [kg]."""
+    cells, count = list[analysis.Cell](), len(loads) * len(analysis.SPEEDS)
+    for load in loads:
+        for kph in analysis.SPEEDS:
+            notify(len(cells) / (count * 36.0), f"margin map at {kph:g} km/h")
+            cells += analysis.map_of(cornering(car.loaded(load), kph / analysis.KPH, chassis), kph, law)
+    return cells
+
+
+def _objectives(trials: list[FrozenTrial]) -> Any:
+    width = len(trials[0].user_attrs["objectives"]) if trials else 1
+    return np.array([t.user_attrs["objectives"] for t in trials if search.kept(t)]).reshape(-1, width)
+
+
+def _front(values: Any) -> Any:
+    """The rows that no other row is at least as good as in everything and better in something."""
+    better = [bool(np.any(np.all(values <= row, axis=1) & np.any(values < row, axis=1))) for row in values]
+    return np.unique(values[~np.array(better, bool)], axis=0)
+
+
+def _pareto_section(o: Outcome) -> Section:
+    names = list(dict.fromkeys(o.problem.groups[name] for name in o.counted))
+    sets = {label(key): _objectives(trials) for key, trials in o.trials.items()}
+    every = np.concatenate(list(sets.values()))
+    chosen = _front(every) if len(every) else every
+    marks = {
+        text: t.user_attrs["objectives"] for text, t in (("starting point", o.own), ("best", o.best)) if t is not None
+    }
+    told = "No set keeps the constraints."
+    if o.best is not None:
+        parts = " + ".join(number(x) for x in o.best.user_attrs["objectives"])
+        told = f"The best set is {parts} = {number(search.total(o.best))} widths off."
+        alone = ", ".join(f"{name} {number(float(every[:, k].min()))}" for k, name in enumerate(names))
+        told += f" Each objective by itself comes down to: {alone}."
+    course = {}
+    for key, trials in o.trials.items():
+        best = np.minimum.accumulate([search.total(t) if search.kept(t) else math.inf for t in trials])
+        course[label(key)] = np.where(np.isfinite(best), best, np.nan)
+    own = search.total(o.own) if o.own is not None else math.nan
+    return Section(
+        "Pareto front",
+        "What one group of bands costs another.",
+        "An objective is the sum over its bands of the largest distance in any condition, in widths of the band: 0 "
+        "where all are reached. Only sets that keep the margins and the stability of the free car count.",
+        told,
+        "What the sets show that were tried; another set may be better.",
+        [
+            Picture(
+                tuning_pictures.front(sets, chosen, marks, names, TOP), "Sets and Pareto front by pairs of objectives"
+            ),
+            Picture(tuning_pictures.course(course, own), "The best set so far"),
+        ],
+    )
+
+
+def _units(o: Outcome) -> dict[str, str]:
+    return {name: metrics.definition(name).unit for name in o.problem.bands}
+
+
+def _span(trial: FrozenTrial | None, name: str) -> tuple[float, float]:
+    """Smallest and largest value of a metric over the conditions [its unit]; NaN where a test refused it."""
+    if trial is None:
+        return math.nan, math.nan
+    values = [values[name] for values in trial.user_attrs["details"]["metrics"].values()]
+    known = [math.nan if value is None else value for value in values]
+    return float(np.min(known)), float(np.max(known))
+
+
+def _off(o: Outcome, trial: FrozenTrial | None, name: str) -> str:
+    if trial is None:
+        return "–"
+    each = trial.user_attrs["details"]["metrics"]
+    far = {text: distance(values[name], o.problem.bands[name]) for text, values in each.items()}
+    worst = max(far, key=lambda text: far[text])
+    return "in band" if far[worst] <= feasibility.IN_BAND else f"{number(far[worst])} off, {worst}"
+
+
+def _band_section(o: Outcome) -> Section:
+    units, rows = _units(o), []
+    places = dict[str, dict[str, tuple[float, float]]]()
+    for name in o.counted:
+        low, high = o.problem.bands[name].good
+        before, after = _span(o.own, name), _span(o.best, name)
+        shown = [f"{number(a)} to {number(b)}" for a, b in (before, after)]
+        off = [_off(o, o.own, name), _off(o, o.best, name)]
+        rows.append((name, units[name], f"{low:g} to {high:g}", shown[0], off[0], shown[1], off[1]))
+        if not any(map(math.isnan, (*before, *after))):
+            of = {"before": before, "after": after}
+            places[name] = {text: ((a - low) / (high - low), (b - low) / (high - low)) for text, (a, b) in of.items()}
+    inside = [sum(row[column] == "in band" for row in rows) for column in (4, 6)]
+    left = [
+        (name, units[name], f"{o.problem.bands[name].good[0]:g} to {o.problem.bands[name].good[1]:g}",
+         *(f"{number(a)} to {number(b)}" for a, b in (_span(o.own, name), _span(o.best, name))), number(o.moved[name]))
+        for name in o.problem.bands if name not in o.counted
+    ]  # fmt: skip
+    head = ["metric", "unit", "good band", "before", "worst before", "after", "worst after"]
+    tables = [Table("Metrics over all conditions, before and after", head, rows)]
+    if left:
+        head = ["metric", "unit", "good band", "before", "after", "moved by at most [widths of the band]"]
+        tables.append(Table("Bands that no parameter of the assist moves, left out of the search", head, left))
+    levels = ", ".join(c.label for c in o.problem.conditions)
+    pictures = [Picture(tuning_pictures.bands(places), "Spans over the conditions, before and after")] if places else []
+    return Section(
+        "Bands",
+        "Every metric is in its good band, whatever friction and load.",
+        "Each set is driven through weave, release, returnability, step steer and parking in the conditions: "
+        f"{levels}, with the handwheel angles that the starting point needs.",
+        f"{inside[1]} of {len(rows)} bands are reached in all conditions; before {inside[0]}.",
+        f"A band is left out where no parameter at an end of its range moves the metric by {MOVED:g} of its width.",
+        pictures,
+        tables,
+    )
+
+
+def _objective(k: int, trial: FrozenTrial) -> float:
+    return trial.values[k]
+
+
+def importances(o: Outcome) -> dict[str, dict[str, float]]:
+    """Share of each parameter in what makes the better sets better, by objective, from all sets [1]."""
+    names = list(dict.fromkeys(o.problem.groups[name] for name in o.counted))
+    spaces, found = search.distributions(o.ranges), {}
+    with search.quiet(), warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "PedAnova.*low `target`", UserWarning)  # which is what is wanted
+        study = optuna.create_study(directions=["minimize"] * len(names))
+        for t in (t for trials in o.trials.values() for t in trials):
+            values = t.user_attrs["objectives"]
+            study.add_trial(optuna.trial.create_trial(values=values, params=t.params, distributions=spaces))
+        for k, name in enumerate(names):
+            if len({t.values[k] for t in study.trials}) > 1:
+                value = functools.partial(_objective, k)
+                found[name] = get_param_importances(study, evaluator=PedAnovaImportanceEvaluator(), target=value)
+    return found
+
+
+def _parameter_section(o: Outcome, shares: Mapping[str, Mapping[str, float]]) -> Section:
+    rows = []
+    for r in o.ranges:
+        first = next(f for f in o.problem.ranges if f.name == r.name)
+        best = math.nan if o.best is None else o.best.params[r.name]
+        wide = f"{number(r.low)} to {number(r.high)}"
+        note = f"widened from {number(first.low)} to {number(first.high)}" if r.name in o.widened else ""
+        rows.append((r.name, r.unit, number(r.own), number(best), wide, note))
+    told = (
+        "No optimum lay on a limit of its range."
+        if not o.widened
+        else ("Ranges were widened where an optimum lay on their limit: " + ", ".join(o.widened) + ".")
+    )
+    pictures = []
+    if shares:  # an objective without bands, or the same in every set, has none
+        drawn = tuning_pictures.importances(shares, [r.name for r in o.ranges])
+        pictures = [Picture(drawn, "Importances by objective")]
+    return Section(
+        "Parameters",
+        "The parameters that matter, and their ranges.",
+        "The importance is that of PED-ANOVA over all evaluated sets: how far the better sets of an objective differ "
+        "from all sets in a parameter.",
+        told,
+        "Importances hold for the ranges that were searched. A range is widened only as far as the assist accepts.",
+        pictures,
+        [Table("Parameters", ("parameter", "unit", "before", "after", "range", ""), rows)],
+    )
+
+
+def _margin_section(o: Outcome, cells: list[analysis.Cell]) -> Section:
+    rows, sides = [], [t.user_attrs["details"]["margins"] for t in (o.own, o.best) if t is not None]
+    for key in sides[0] if sides else ():
+        if key.startswith(("phase_", "gain_", "column_")):
+            unit = "deg" if "phase" in key else "dB"
+            rows.append(
+                (
+                    key.rpartition("_")[0].replace("_", " "),
+                    key.rpartition("_")[2],
+                    unit,
+                    *(number(m[key]) for m in sides),
+                )
+            )
+    head = ("margin", "speed [km/h]", "unit", "before", "after")[: 3 + len(sides)]
+    verdict = "No set keeps the margins."
+    if o.best is not None:
+        least, below = constraints.least(sides[-1]), analysis_page.missed(cells)
+        verdict = (
+            f"The best set keeps {number(least['phase_margin'])} deg and {number(least['gain_margin'])} dB where the "
+            f"search looks, and at {len([c for c in cells if c.margins]) - len(below)} of "
+            f"{len([c for c in cells if c.margins])} points of the whole map."
+        )
+        if below:
+            verdict += " It misses: " + "; ".join(c.where for c in below[:4]) + "."
+    return Section(
+        "Margins",
+        f"Phase and gain margin are at least {constraints.PHASE:g} deg and {constraints.GAIN:g} dB at all speeds.",
+        "The search looks at the whole laden car with hands off, where its boost is steepest, with friction sliding or "
+        "at rest; and at the column with fixed hands at all speeds of the boost table. The best set is then read on "
+        "the whole map of 'steer-env analyse': every torque, hands and friction, unladen and laden.",
+        verdict,
+        "Small motions around a steady point, on a level and dry road.",
+        (),
+        [Table("Margins, before and after", head, rows)] if rows else (),
+    )
+
+
+def build(o: Outcome, cells: list[analysis.Cell]) -> tuple[Page, dict[str, Any]]:
+    """The page and its numbers as JSON."""
+    optimisers = " and ".join(f"{label(key)} ({len(trials)})" for key, trials in o.trials.items())
+    verdict = feasibility.sentences(o.problem, o.feasibility, _units(o), optimisers)
+    if left := [name for name in o.problem.bands if name not in o.counted]:
+        verdict.append(f"No parameter of the assist moves {', '.join(left)}: left out.")
+    if below := analysis_page.missed(cells):
+        verdict.append(f"The best set misses a margin or is unstable at {len(below)} points of the whole map.")
+    shares = importances(o)
+    first = Section(
+        "Feasibility",
+        "All bands can be reached together.",
+        f"All {o.feasibility.sets} evaluated sets of {optimisers}; {o.feasibility.constrained} miss a constraint.",
+        verdict[0],
+        f"That {'two optimisers find' if len(o.trials) > 1 else 'one optimiser finds'} nothing is evidence, not a "
+        "proof, and the weaker the fewer sets there are.",
+        (),
+        [
+            Table(
+                "Bands that are reached one by one but never together",
+                ("band", "and band", "off [widths]", "off [widths]"),
+                [(*p.metrics, *map(number, p.distances)) for p in o.feasibility.pairs],
+                folded=True,
+            )
+        ]
+        if o.feasibility.pairs
+        else (),
+    )
+    sections = [first, _pareto_section(o), _band_section(o), _parameter_section(o, shares), _margin_section(o, cells)]
+    data = {
+        "feasibility": feasibility.as_json(o.feasibility),
+        "counted": list(o.counted),
+        "moved": o.moved,
+        "units": _units(o),
+        "start": _as_json(o.own),
+        "best": _as_json(o.best),
+        "ranges": [r._asdict() for r in o.ranges],
+        "widened": {name: [list(r[2:4]) for r in pair] for name, pair in o.widened.items()},
+        "importances": shares,
+        "map_missed": [c.where for c in analysis_page.missed(cells)],
+        "sets": {
+            key: [
+                {"parameters": t.params, "objectives": t.user_attrs["objectives"], "kept": search.kept(t)}
+                for t in trials
+            ]
+            for key, trials in o.trials.items()
+        },
+    }
+    lead = f"The assist of '{o.problem.car.name}' tuned to target bands, for the worst of friction and load."
+    return Page(NAME, "Tuning of the assist", lead, verdict, sections), data
+
+
+def _as_json(trial: FrozenTrial | None) -> dict[str, Any] | None:
+    if trial is None:
+        return None
+    details = trial.user_attrs["details"]
+    values = {
+        "parameters": trial.params,
+        "objectives": trial.user_attrs["objectives"],
+        "constraints": trial.constraints,
+    }
+    return {"set": trial.number, **values, "metrics": details["metrics"], "margins": details["margins"]}

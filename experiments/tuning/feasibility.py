@@ -1,0 +1,117 @@
+"""Which bands can be reached, alone and together, as all evaluated sets show it."""
+
+from collections.abc import Mapping, Sequence
+from itertools import combinations
+from typing import Any, NamedTuple
+
+from optuna.trial import FrozenTrial
+
+from steer_env.experiments.tuning.constraints import GAIN, PHASE
+from steer_env.experiments.tuning.problem import Problem, distance
+from steer_env.experiments.tuning.search import best, kept
+from steer_env.targets import Band
+
+IN_BAND = 1e-9  # distance that counts as within the band [1]
+
+
+class Closest(NamedTuple):
+    """How near the sets come to a band."""
+
+    metric: str
+    distance: float  # smallest of the worst over the conditions, of sets that keep the margins [1]
+    unkept: float  # the same of all sets [1]
+    low: float  # smallest and largest value over the conditions, of the nearest set [unit]
+    high: float  # [unit]
+    conditions: tuple[str, ...]  # of the nearest set, in which the metric is outside
+
+
+class Pair(NamedTuple):
+    """Two bands that are reached one by one, but by no set together."""
+
+    metrics: tuple[str, str]
+    distances: tuple[float, float]  # of the set that comes nearest to both [1]
+
+
+class Feasibility(NamedTuple):
+    """What the sets show."""
+
+    sets: int
+    reached: bool  # whether a set has all counted bands in every condition and keeps the constraints
+    never: tuple[Closest, ...]  # bands that no set reaches while it keeps the constraints
+    pairs: tuple[Pair, ...]
+    missed: tuple[str, ...]  # bands that the best set misses
+    constrained: int  # sets that miss a constraint
+
+
+def distances(problem: Problem, trial: FrozenTrial, counted: Sequence[str]) -> dict[str, float]:
+    """The largest distance of each metric from its band over the conditions [1]."""
+    each = trial.user_attrs["details"]["metrics"].values()
+    return {name: max(distance(values[name], problem.bands[name]) for values in each) for name in counted}
+
+
+def _closest(name: str, band: Band, trials: Sequence[FrozenTrial], far: Mapping[int, Mapping[str, float]]) -> Closest:
+    def nearest(chosen: Sequence[FrozenTrial]) -> FrozenTrial:
+        return min(chosen, key=lambda t: (far[id(t)][name], t.number))
+
+    safe = [t for t in trials if kept(t)]
+    leader = nearest(safe or trials)
+    of = {label: values[name] for label, values in leader.user_attrs["details"]["metrics"].items()}
+    known = [value for value in of.values() if value is not None] or [float("nan")]
+    outside = tuple(label for label, value in of.items() if distance(value, band) > IN_BAND)
+    return Closest(name, far[id(leader)][name], far[id(nearest(trials))][name], min(known), max(known), outside)
+
+
+def judge(problem: Problem, trials: Sequence[FrozenTrial], counted: Sequence[str]) -> Feasibility:
+    """What the evaluated sets show of the bands that are counted."""
+    far = {id(t): distances(problem, t, counted) for t in trials}
+    safe = [t for t in trials if kept(t)]
+    alone = {name for name in counted if any(far[id(t)][name] <= IN_BAND for t in safe)}
+    never = tuple(_closest(n, problem.bands[n], trials, far) for n in counted if n not in alone)
+    pairs = []
+    for a, b in combinations([n for n in counted if n in alone], 2):
+        near = min(safe, key=lambda t: far[id(t)][a] + far[id(t)][b])
+        if far[id(near)][a] + far[id(near)][b] > IN_BAND:
+            pairs.append(Pair((a, b), (far[id(near)][a], far[id(near)][b])))
+    leader = best(list(trials))
+    missed = tuple(n for n in counted if leader is None or far[id(leader)][n] > IN_BAND)
+    return Feasibility(
+        len(trials), leader is not None and not missed, never, tuple(pairs), missed, len(trials) - len(safe)
+    )
+
+
+def sentences(problem: Problem, found: Feasibility, units: Mapping[str, str], confirmed: str) -> list[str]:
+    """The verdict in words; ``confirmed`` names the optimisers whose sets these are."""
+    margins = f"{PHASE:g} deg and {GAIN:g} dB"
+    if found.reached:
+        return [f"Feasible: a set has every counted band in all conditions and keeps {margins} at all speeds."]
+    told = [
+        f"Not feasible as far as {found.sets} sets of {confirmed} show: none has every counted band in all conditions "
+        f"and keeps {margins}."
+    ]
+    for c in found.never:
+        low, high = problem.bands[c.metric].good
+        unit = "" if units[c.metric] == "1" else f" {units[c.metric]}"
+        limit = " while the margins are kept" if c.unkept <= IN_BAND else ""
+        where = f", outside at {'; '.join(c.conditions)}" if c.conditions else ""
+        told.append(
+            f"{c.metric} is in no set in its band of {low:g} to {high:g}{unit} in all conditions{limit}: at best "
+            f"{c.low:.3g} to {c.high:.3g}{where}."
+        )
+    for pair in sorted(found.pairs, key=lambda p: -sum(p.distances))[:6]:
+        (a, b), (x, y) = pair
+        told.append(
+            f"{a} and {b} conflict, as far as {found.sets - found.constrained} sets that keep the constraints show: "
+            f"each is reached, but by none together; at best they are {x:.2f} and {y:.2f} widths off their bands."
+        )
+    if not found.never and not found.pairs:
+        told.append(f"Every two bands are reached together; the best set misses {', '.join(found.missed)}.")
+    return told
+
+
+def as_json(found: Feasibility) -> dict[str, Any]:
+    """The verdict as JSON."""
+    return {
+        **found._asdict(),
+        "never": [c._asdict() for c in found.never],
+        "pairs": [p._asdict() for p in found.pairs],
+    }

@@ -1,0 +1,55 @@
+"""Parameter sets of tuning environments as a sweep."""
+
+from functools import partial
+from itertools import chain
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+from steer_env.experiments.learning import parameter_sets
+from steer_env.experiments.sweep import Where, run
+from tests.steer_env.test_state import equal
+
+ENV = "steer_env/TuneOnCentre-v1"
+ARGUMENTS = {"randomise": {"load": (0, 300)}, "vector_reward": True}
+CONTEXTS = [{"speed": 25.0}, {"friction_level": 2.0}]
+
+
+def evaluated(**options):
+    actions = np.random.default_rng(0).uniform(-0.5, 0.5, (3, 5))
+    return actions, parameter_sets.evaluate(
+        ENV, actions, arguments=ARGUMENTS, contexts=CONTEXTS, seed=4, together=2, **options
+    )
+
+
+def test_are_those_of_the_environment():
+    actions, found = evaluated()
+    assert [len(each) for each in found] == [3, 3]
+    for context, results in zip(CONTEXTS, found, strict=True):
+        env = gym.make(ENV, **ARGUMENTS).unwrapped
+        env.reset(seed=4, options=context)
+        for action, result in zip(actions, results, strict=True):
+            _, reward, _, _, info = env.step(action.astype(np.float32))
+            assert np.array_equal(reward, result.reward)
+            assert equal(info["evaluated"], result.info["evaluated"])
+            assert env.refused == result.refused
+
+
+@pytest.mark.whole
+@pytest.mark.parametrize("where", [Where(workers=2), Where(1, "local")])
+def test_are_equal_to_the_bit_in_processes_and_on_a_cluster(where):
+    _, here = evaluated()
+    _, there = evaluated(sweep=partial(run, where=where))
+    for one, other in zip(chain(*here), chain(*there), strict=True):
+        assert np.array_equal(one.reward, other.reward)
+        assert equal(one.info, other.info)
+
+
+def test_bad_input():
+    with pytest.raises(ValueError, match=r"env_id must be one of steer_env/TuneAllRound-v1, .*got 'CartPole-v1'"):
+        parameter_sets.evaluate("CartPole-v1", np.zeros((1, 5)))
+    with pytest.raises(ValueError, match=r"actions must be an array \(K, n\) with at least one row, got shape \(5,\)"):
+        parameter_sets.evaluate(ENV, np.zeros(5))
+    with pytest.raises(ValueError, match="unknown reset option 'delay'"):
+        parameter_sets.evaluate(ENV, np.zeros((1, 5)), contexts=[{"delay": 1.0}])

@@ -1,0 +1,272 @@
+"""Tuning: a study that is shared, killed and resumed; what it does with bad input; what its sets show."""
+
+import json
+import subprocess
+import sys
+import time
+from types import SimpleNamespace
+
+import numpy as np
+import optuna
+import pytest
+
+from steer_env import targets
+from steer_env.experiments.cli.main import main
+from steer_env.experiments.sweep import Where, run
+from steer_env.experiments.tuning import feasibility, problem, search, storage
+from steer_env.experiments.tuning.search import WorkerOf
+from steer_env.targets import Band
+from steer_env.vehicle import cars
+from tests.experiments.quick_search import RANGES, job
+
+COMPLETE, RUNNING = optuna.trial.TrialState.COMPLETE, optuna.trial.TrialState.RUNNING
+
+
+def study_of(one):
+    with search.quiet(), storage.alone(search.Path(one.out)):
+        return search.current(one, storage.opened(search.Path(one.out), one.address))
+
+
+def process(out, budget, seconds):
+    command = [sys.executable, "-m", "tests.experiments.quick_search", str(out), str(budget), str(seconds)]
+    return subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+
+
+def wait_for(condition, seconds=60.0):
+    end = time.monotonic() + seconds
+    while not (found := condition()):
+        assert time.monotonic() < end
+        time.sleep(0.02)
+    return found
+
+
+def test_resumes_where_it_ended_with_the_same_best(tmp_path):
+    assert search.work(WorkerOf(job(tmp_path, 12), 0)) == 12
+    first = search.best(search.finished(study_of(job(tmp_path, 12))))
+    assert search.work(WorkerOf(job(tmp_path, 12), 0)) == 0
+    again = search.best(search.finished(study_of(job(tmp_path, 12))))
+    assert (again.params, search.total(again)) == (first.params, search.total(first))
+    assert search.work(WorkerOf(job(tmp_path, 15), 0)) == 3
+    more = search.finished(study_of(job(tmp_path, 15)))
+    assert len(more) == 15
+    assert search.total(search.best(more)) <= search.total(first)
+
+
+def test_begins_with_the_starting_point_and_widens_where_the_optimum_is_on_a_limit(tmp_path):
+    one = job(tmp_path, 45)
+    search.work(WorkerOf(one, 0))
+    study = study_of(one)
+    done = search.finished(study)
+    assert done[0].params == {"x": 0.9, "y": 1.0}
+    x = search.ranges(study)[0]
+    assert x.low == 0.0
+    assert x.high > 1.0
+    assert search.best(done).params["x"] > 1.0
+    assert int(study.study_name[-1]) > 1
+
+
+def test_a_round_that_was_not_made_whole_is_made_again(tmp_path):
+    one = job(tmp_path, 6)
+    search.work(WorkerOf(one, 0))
+    with search.quiet():
+        optuna.create_study(study_name="surface-2", storage=storage.opened(tmp_path), directions=["minimize"])
+    study = study_of(one)
+    assert study.study_name == "surface-1"
+    assert len(search.finished(study)) == 6
+
+
+def test_ranges_end_where_the_parameter_does():
+    wider = search.widened(RANGES, {"x": 0.5, "y": 9.99})
+    assert wider == RANGES
+    low = search.widened(RANGES, {"x": 1.0, "y": 0.1})
+    assert (low[0].low, low[0].high) == (0.0, 1.5)
+    assert low[1].low == pytest.approx(0.01)
+
+
+def test_processes_share_a_study_and_lose_no_set_of_a_killed_one(tmp_path):
+    budget, one = 20, job(tmp_path, 20)
+
+    def taken():
+        trials = study_of(one).get_trials(deepcopy=False, states=(RUNNING,))
+        return [t.params for t in trials if f"-{killed.pid}-" in t.user_attrs["process"]]
+
+    with process(tmp_path, budget, 60.0) as killed:
+        (lost,) = wait_for(taken)
+        with process(tmp_path, budget, 0.1) as other:
+            wait_for(lambda: len(search.finished(study_of(one))) > 1)
+            killed.kill()
+            shared = int(other.communicate(timeout=120)[0])
+    trials = study_of(one).get_trials(deepcopy=False)
+    done = [t for t in trials if t.state is COMPLETE]
+    assert len(done) == shared == budget
+    assert not [t for t in trials if t.state is RUNNING]
+    assert [t.params for t in done if "again" in t.user_attrs] == [lost]
+
+
+@pytest.mark.whole
+@pytest.mark.parametrize("where", [Where(workers=2), Where(2, "local")])
+def test_workers_of_a_sweep_share_a_study(tmp_path, where):
+    one = job(tmp_path, 10, 0.2)
+    counts = run(search.work, [WorkerOf(one, i) for i in range(2)], where=where)
+    assert sum(counts) == 10
+    assert min(counts) > 0
+    assert len(search.finished(study_of(one))) == 10
+
+
+def test_torn_journal(tmp_path):
+    one = job(tmp_path, 5)
+    search.work(WorkerOf(one, 0))
+    path, told = tmp_path / storage.JOURNAL, []
+    whole = path.read_bytes()
+    path.write_bytes(whole + b'{"op_code": 4, "trial')
+    storage.require_whole(path, told.append)
+    assert path.read_bytes() == whole
+    assert "ended within a line" in told[0]
+    assert len(search.finished(study_of(one))) == 5
+    lines = whole.splitlines(keepends=True)
+    path.write_bytes(b"".join([*lines[:3], lines[3][:10] + b"\n", *lines[4:]]))
+    with pytest.raises(ValueError, match=rf"journal.log, line 4 of {len(lines)}, is torn: keep the sets before it"):
+        storage.require_whole(path)
+
+
+def test_locked_journal(tmp_path):
+    held, wanted = (storage.FileLock(tmp_path / "journal.log.lock", patience) for patience in (1.0, 0.05))
+    with held, pytest.raises(OSError, match=r"locked by another process for 0.05 s: end that process, or wait"):
+        wanted.acquire()
+    with wanted:
+        assert not storage.FileLock(wanted.path).tried()
+
+
+def test_a_database_takes_a_study(tmp_path):
+    address = f"sqlite:///{tmp_path / 'study.db'}"
+    one = job(tmp_path, 6, address=address)
+    assert search.work(WorkerOf(one, 0)) == 6
+    assert len(search.finished(study_of(one))) == 6
+    assert not (tmp_path / storage.JOURNAL).exists()
+    with pytest.raises(ValueError, match=r"--storage nonsense cannot be opened .* leave it out for a journal"):
+        storage.opened(tmp_path, "nonsense")
+
+
+def sets(*rows):
+    """Evaluated sets with values of the metrics a and b in two conditions, and whether they keep the margins."""
+    return [
+        SimpleNamespace(
+            number=i,
+            constraints={"phase_margin": -0.1 if kept else 0.1},
+            user_attrs={
+                "objectives": [0.0 if kept else 1.0, float(i)],
+                "details": {"metrics": {"calm": {"a": a[0], "b": b[0]}, "rough": {"a": a[1], "b": b[1]}}},
+            },
+        )
+        for i, (a, b, kept) in enumerate(rows)
+    ]
+
+
+def test_what_the_sets_show():
+    bands = {name: Band((0.0, 1.0), (-1.0, 2.0)) for name in "ab"}
+    posed, units = SimpleNamespace(bands=bands), dict.fromkeys("ab", "N m")
+
+    def judged(*rows):
+        found = feasibility.judge(posed, sets(*rows), ("a", "b"))
+        return found, " ".join(feasibility.sentences(posed, found, units, "TPE"))
+
+    found, told = judged(((0.5, 0.5), (0.5, 1.0), True), ((9.0, 9.0), (9.0, 9.0), True))
+    assert found.reached
+    assert told.startswith("Feasible")
+    found, told = judged(((0.5, 0.5), (0.5, 1.5), True), ((0.5, 2.0), (0.5, 0.6), True))
+    assert not found.reached
+    assert not found.never
+    assert found.pairs[0].metrics == ("a", "b")
+    assert "a and b conflict, as far as" in told
+    found, told = judged(((0.5, 1.5), (0.5, 0.5), True), ((0.5, 0.5), (0.5, 0.5), False))
+    assert [c.metric for c in found.never] == ["a"]
+    assert "a is in no set in its band of 0 to 1 N m in all conditions while the margins are kept" in told
+    assert "outside at rough" in told
+
+
+@pytest.fixture(scope="module")
+def posed():
+    return problem.make(cars.load("compact"), targets.load("compact"))
+
+
+def test_a_set_is_the_car_file(posed):
+    values = {**problem.own(posed), "boost_level": 1.2, "return_gain": 1.5, "lead_zero": 17.0}
+    car = problem.tuned_car(posed, values)
+    again = cars.load(car.data())
+    assert feasibility_of(car.assist) == feasibility_of(problem.assist(posed, values))
+    assert feasibility_of(again.assist) == feasibility_of(car.assist)
+
+
+def feasibility_of(assist):
+    """An assist as something that can be compared to the bit."""
+    return json.dumps(assist, default=lambda x: x.tolist())
+
+
+@pytest.mark.whole
+def test_functions_that_the_car_does_not_have_change_little_where_they_are_weak(posed):
+    one = posed._replace(conditions=posed.conditions[:1])
+    usual, weak = (problem.evaluate(one, values) for values in ({}, {"return_gain": 1e-6}))
+    label = one.conditions[0].label
+    assert None not in usual.metrics[label].values()
+    for name, value in usual.metrics[label].items():
+        assert weak.metrics[label][name] == pytest.approx(value, rel=1e-3, abs=1e-3), name
+    assert usual.margins["stable"] == 1.0
+    assert all(value <= 0.0 for value in problem.constraints.violations(usual.margins).values())
+
+
+@pytest.mark.whole
+def test_margins_that_are_missed(posed):
+    found = problem.evaluate(posed, {"boost_level": 2.5, "lead_zero": 5.0}, every_metric=False)
+    missed = problem.constraints.violations(found.margins)
+    assert missed["stable"] == 1.0
+    assert set(found.refused) == set(posed.bands)
+    assert problem.objectives(posed, found, tuple(posed.bands))["effort"] == 2 * problem.FARTHEST
+
+
+def refused(capfd, *words):
+    assert main(["tune", *words]) == 2
+    return capfd.readouterr().err
+
+
+@pytest.mark.filterwarnings("ignore::steer_env.vehicle.cars.UnusualCar")
+def test_bad_input(tmp_path, capfd, monkeypatch):
+    out = ["--out", str(tmp_path / "study")]
+    with pytest.raises(SystemExit):
+        main(["tune", "--budget", "0"])
+    assert "must be a whole number of at least 1, got '0'" in capfd.readouterr().err
+    car = cars.load("compact")
+    table = car.assist.boost.copy()
+    table[2, 4] = 0.5 * table[2, 3]
+    falls = f"assist.boost={table.tolist()}"
+    assert "correct this row in the car file" in refused(capfd, "--set", falls, *out)
+    table[2, 4] = np.inf
+    assert "boost must be finite" in refused(capfd, "--set", f"assist.boost={table.tolist()}", *out)
+    unstable = refused(capfd, "--set", "assist.boost_scale=6", *out)
+    assert "the starting point, 'compact', cannot be driven" in unstable
+    assert "begin with a milder assist" in unstable
+    text = (targets.FOLDER / "compact.toml").read_text(encoding="utf-8")
+    line = next(line for line in text.splitlines() if line.startswith("torque_gradient_ratio"))
+    contradicting = tmp_path / "own.toml"
+    high = 'torque_gradient_ratio = { unit = "1", good = [3.0, 4.0], fair = [2.0, 5.0] }'
+    contradicting.write_text(text.replace(line, high), encoding="utf-8")
+    assert "contradict each other" in refused(capfd, "--targets", str(contradicting), *out)
+    assert "no study that could be resumed" in refused(capfd, "--resume", "--workers", "1", *out)
+    assert "parameters must be some of" in refused(capfd, "--parameters", "colour", *out)
+    monkeypatch.setattr("steer_env.experiments.cli.common.extras.find_spec", lambda name: None)
+    assert "tune needs optuna: pip install '.[tune]'" in refused(capfd, *out)
+
+
+@pytest.mark.whole
+def test_command(tmp_path, capfd):
+    words = ["tune", "--budget", "4", "--workers", "1", "--out", str(tmp_path / "study")]
+    assert main([*words, "--parameters", "boost_level", "return_gain"]) == 0
+    first = json.loads((tmp_path / "study" / "tune.json").read_text(encoding="utf-8"))
+    assert capfd.readouterr().out.startswith("Not feasible")
+    assert len(first["sets"]) == 2
+    car = cars.load(tmp_path / "study" / "best.toml")
+    assert car.name == "compact_tuned"
+    assert main([*words, "--parameters", "boost_level", "return_gain", "--resume"]) == 0
+    again = json.loads((tmp_path / "study" / "tune.json").read_text(encoding="utf-8"))
+    assert again == first
+    assert main(words) == 2
+    assert "has the study of another problem" in capfd.readouterr().err
