@@ -21,7 +21,7 @@ def _entry_points(package: str, module: str) -> dict[str, str]:
     return {f"steer_env/{name}-{VERSION}": f"{module}:{name}" for name in listed(package, camel_case)}
 
 
-# A step is one control step of a drive; each id has a vector environment.
+# A step is one control step of a drive.
 DRIVEN = _entry_points("steer_env.tasks", "steer_env.environments")
 # A step is the evaluation of one parameter set.
 TUNED = _entry_points("steer_env.tuning.scenarios", "steer_env.tuning.environments")
@@ -32,6 +32,5 @@ def register() -> None:
     """Register the ids with Gymnasium; `steer-env scores` wrote the mean rewards of the best baselines."""
     thresholds = json.loads((files("steer_env") / "data" / "scores" / "reward_thresholds.json").read_text("utf-8"))
     for name, entry_point in REGISTERED.items():
-        vector = f"{entry_point}Vector" if name in DRIVEN else None
         solved = thresholds.get(name)
-        gym.register(name, entry_point=entry_point, vector_entry_point=vector, reward_threshold=solved)
+        gym.register(name, entry_point=entry_point, vector_entry_point=f"{entry_point}Vector", reward_threshold=solved)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from stable_baselines3.common.vec_env import VecEnv
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices
 
+from steer_env.friction.numerics.check import one_of
 from steer_env.infos import row
 from steer_env.registration import DRIVEN
 
@@ -34,12 +35,11 @@ class SteerVecEnv(VecEnv):
     Raises
     ------
     ValueError
-        The id is a tuning environment's, which has no vector form, or not one of this package.
+        The id is a tuning environment's, whose infos hold no failures, or not one of this package.
     """
 
     def __init__(self, env_id: str, num_envs: int, **arguments: Any) -> None:
-        if env_id not in DRIVEN:
-            raise ValueError(f"env_id must be one of {', '.join(DRIVEN)}, got {env_id!r}")
+        one_of("env_id", env_id, DRIVEN)
         self.vector: Any = gym.make_vec(env_id, num_envs, autoreset_mode=AutoresetMode.SAME_STEP, **arguments)
         super().__init__(num_envs, self.vector.single_observation_space, self.vector.single_action_space)
         self.metadata = self.vector.metadata

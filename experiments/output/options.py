@@ -22,6 +22,8 @@ class Friction:
 
     Attributes
     ----------
+    given : str
+        The text as it was given.
     label : str
         The text; of a file its name without the folder, so that a result does not depend on where it was.
     text : str
@@ -39,7 +41,7 @@ class Friction:
         from steer_env import friction
         from steer_env.friction import fitted_file
 
-        self.label = self.text = text
+        self.given = self.label = self.text = text
         self.parameters = friction.resolve(text)
         if fitted_file.named(text):
             law = friction.as_mapping(self.parameters)

@@ -20,6 +20,12 @@ from steer_env.vehicle.cars import Car
 
 NAME = "coupling"
 SERIAL, PARALLEL, HELD = KINDS
+MEANINGS = (
+    "Vehicle after the steering: in every communication step the steering advances first, and the vehicle follows with "
+    "the rack travel that the steering has reached. Both at once: both advance with what the other had at the "
+    "beginning of the step, a delay of one step, as where they run in parallel. Force held: the rack force holds over "
+    "the step, and is not extrapolated from its last two values."
+)
 COUNTS = 1e-3  # share of a metric from which on a change counts, assumed [1]
 
 
@@ -102,7 +108,8 @@ def _stability(results: Results) -> str:
         least = min(known) if len(known) == len(found) else None
         enough = "at least " if least == runs.STEPS[-1] else ""
         words.append(f"{kind}, {enough}{least} ms" if least else f"{kind}, less than {runs.STEPS[0]} ms")
-    return f"Communication steps up to which the motion after a pulse dies out with every law: {'; '.join(words)}."
+    every = " with every law" if len(results.laws) > 1 else ""
+    return f"Communication steps up to which the motion after a pulse dies out{every}: {'; '.join(words)}."
 
 
 def _spread(results: Results) -> str:
@@ -206,7 +213,7 @@ def build(results: Results) -> tuple[page.Page, dict[str, Any]]:
     ]
     lead = (
         "Full-vehicle programs take a steering as a unit of its own, or give their vehicle to one. What the split at "
-        "the rack costs in accuracy, energy and stability, for every friction law."
+        "the rack costs in accuracy, energy and stability, for each friction law. " + MEANINGS
     )
     times = "; ".join(f"{way.name} {number(1e6 * way.seconds, 2)} µs" for way in results.transports)
     timing = [f"A millisecond of the divided car takes, with everything: {times}."]

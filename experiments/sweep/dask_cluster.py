@@ -10,7 +10,6 @@ from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from typing import Any
 
-from steer_env.experiments.sweep.processes import ONE_THREAD
 from steer_env.experiments.sweep.where import LOCAL, Where
 from steer_env.experiments.sweep.work import (
     KEPT,
@@ -23,8 +22,8 @@ from steer_env.experiments.sweep.work import (
     identity,
     identity_with,
     perform,
-    settle,
 )
+from steer_env.worker_process import ONE_THREAD, settle
 
 PATIENCE = 30.0  # for a scheduler to answer, or for a first worker to be there [s]
 POLL, CHECK = 0.01, 2.0  # between looks for results, and for the cluster while there are none [s]
@@ -90,7 +89,7 @@ def _client(where: Where) -> Iterator[Any]:
                     dashboard_address=None,
                     worker_dashboard_address=None,
                     silence_logs=logging.CRITICAL,
-                    env=dict.fromkeys(ONE_THREAD, "1"),
+                    env=ONE_THREAD,
                 )
             )
         try:

@@ -10,13 +10,10 @@ from contextlib import contextmanager
 from itertools import islice
 from typing import Any
 
-from steer_env.experiments.sweep.work import KEPT, LostError, Outcome, Task, end_with, perform, settle
+from steer_env.experiments.sweep.work import KEPT, LostError, Outcome, Task, perform
+from steer_env.worker_process import ONE_THREAD, end_with, settle
 
 TRIES = 3  # deaths of workers in a row, with no case finished between them, after which a sweep gives up
-# Libraries of linear algebra that would start threads in every worker read these when they are loaded.
-ONE_THREAD = dict.fromkeys(
-    f"{name}_NUM_THREADS" for name in ("OMP", "OPENBLAS", "MKL", "BLIS", "VECLIB", "NUMEXPR", "NUMBA")
-)
 
 
 def outcomes(tasks: Mapping[int, Task], workers: int) -> Iterator[Outcome]:
@@ -70,11 +67,10 @@ def _reason(error: BrokenProcessPool) -> str:
 def _pool(workers: int) -> Iterator[Any]:
     from joblib.externals.loky import ProcessPoolExecutor
 
-    environment = dict.fromkeys(ONE_THREAD, "1")
     with warnings.catch_warnings():
         # A worker whose memory has grown is replaced by a new one, which loses nothing.
         warnings.filterwarnings("ignore", "A worker stopped while some jobs were given", UserWarning)
-        pool = ProcessPoolExecutor(workers, initializer=_begin, initargs=(os.getpid(),), env=environment)
+        pool = ProcessPoolExecutor(workers, initializer=_begin, initargs=(os.getpid(),), env=ONE_THREAD)
         try:
             yield pool
             pool.shutdown()

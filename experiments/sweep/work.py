@@ -2,11 +2,8 @@
 
 import functools
 import importlib
-import os
 import pickle
 import platform
-import sys
-import threading
 import traceback
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
@@ -14,7 +11,7 @@ from typing import Any, NamedTuple
 
 from steer_env.experiments.output import own_modules, provenance
 from steer_env.experiments.sweep.store import Store
-from steer_env.thread_pool import THREADS, one_blas_thread
+from steer_env.thread_pool import one_blas_thread
 
 PACKAGES = ("numpy", "numba", "llvmlite", "scipy")  # on which the bits of results depend
 REFUSED = "refused"  # kind of failure beside the names of exceptions
@@ -124,26 +121,6 @@ def perform(task: Task) -> Outcome:
     if store:
         store.try_save(task.key, result)
     return Outcome(task.number, result)
-
-
-def settle() -> None:
-    """Make this process a worker: its vector environments step in one thread."""
-    os.environ[THREADS] = "1"
-
-
-def end_with(parent: int) -> None:
-    """End this process when its parent has gone, however that ended."""
-
-    def watch() -> None:
-        while os.getppid() == parent:
-            _pause.wait(0.3)
-        os._exit(1)
-
-    if sys.platform != "win32":  # there the process id of the parent stays
-        threading.Thread(target=watch, daemon=True).start()
-
-
-_pause = threading.Event()
 
 
 def folder_of(store: Store | None) -> tuple[str, str] | None:

@@ -8,6 +8,7 @@ import pytest
 from steer_env import friction
 from steer_env.friction import law
 from steer_env.friction.models.masing import from_virgin_curve
+from steer_env.friction.numerics.check import one_of
 
 NAN, INF = float("nan"), float("inf")
 
@@ -137,3 +138,13 @@ def test_parameters_are_immutable():
     k = np.ones(2)
     friction.make("masing", k=k, y=[1.0, 2.0])
     k[0] = 5.0  # the caller's array stays his own
+
+
+def test_one_of():
+    """The helper of every choice; also of values that no mapping can hold."""
+    assert one_of("form", "c", {"text": 1, "c": 2}) == "c"
+    for value in ("d", None, ["c"]):
+        with pytest.raises(ValueError, match=re.escape(f"form must be one of text, c, got {value!r}")):
+            one_of("form", value, {"text": 1, "c": 2})
+    with pytest.raises(ValueError, match="fmi must be one of 2, 3, got 4"):
+        one_of("fmi", 4, (2, 3))

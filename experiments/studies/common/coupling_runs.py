@@ -37,7 +37,7 @@ STEPS = (1, 2, 5, 10, 20, 50, 100, 200)  # communication steps whose stability i
 DECAYED = 0.05  # share of the motion in the first second that may be left in the last one, assumed [1]
 
 
-# How steering and vehicle take turns, in words, without the communication step.
+# How steering and vehicle take turns, without the communication step. `studies.coupling` defines the words.
 KINDS = {
     "vehicle after the steering": Coupling(),
     "both at once": Coupling(delay=True),

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from steer_env.experiments.output import provenance
-from steer_env.experiments.output.files import replaced_directory, usable, write_json
+from steer_env.experiments.output.files import replaced_directory, usable, write_json, write_text
 from steer_env.experiments.output.pages import environment, image
 from steer_env.experiments.output.traces import embedded
 
@@ -80,14 +80,19 @@ def write(out: Path, page: Page, data: Mapping[str, Any], trace: Mapping[str, An
     ValueError
         If ``out`` holds other files or cannot be written.
     """
+    with replaced_directory(out, contents(page.name)) as part:
+        place(part, page, data, trace)
+    return out / "index.html"
+
+
+def place(folder: Path, page: Page, data: Mapping[str, Any], trace: Mapping[str, Any]) -> None:
+    """Write both files into a folder that is there, each as a whole."""
     template = environment("steer_env.experiments.studies").get_template("study.html.j2")
     command = shlex.join(["steer-env", *trace["command"]]) if "command" in trace else ""
     text = template.render(page=page, image=image, trace=trace, command=command)
     verdict = {"verdict": list(page.verdict)}  # without what rests on times, so that a rerun gives the same
-    with replaced_directory(out, contents(page.name)) as part:
-        (part / "index.html").write_text(embedded(text, trace), encoding="utf-8")
-        write_json(part / f"{page.name}.json", {**verdict, **data, "trace": trace})
-    return out / "index.html"
+    write_text(folder / "index.html", embedded(text, trace))
+    write_json(folder / f"{page.name}.json", {**verdict, **data, "trace": trace})
 
 
 def trace_of(study: str, argv: Sequence[str] | None, out: Path, **made: Any) -> dict[str, Any]:
