@@ -22,7 +22,7 @@ from typing import NamedTuple
 import control
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import schur, solve_triangular
+from scipy.linalg import schur
 
 from steer_env.friction.numerics.frozen import frozen
 from steer_env.vehicle import linearised, plant
@@ -62,14 +62,13 @@ class Loop(NamedTuple):
     def plant_response(self, frequency: Array) -> NDArray[np.complex128]:
         """Torque, column angle and speed over request and rack disturbance (F, 3, 2) at frequencies (F,) [Hz]."""
         (A0, B0), (A1, B1) = self.samples
-        T, Q = schur(A1 @ A0, output="complex")  # a triangle, so that each frequency is quick
-        drive, read_0, read_1 = Q.conj().T @ np.hstack([A1 @ B0, B1]), self.outputs @ Q, self.outputs @ A0 @ Q
-        found = np.empty((len(frequency), 3, 2), complex)
-        for i, f in enumerate(frequency):
-            z = np.exp(2j * math.pi * SAMPLE_TIME * f)
-            x0 = solve_triangular(z**2 * np.eye(len(T)) - T, drive @ np.vstack([np.eye(2), z * np.eye(2)]))  # (E17)
-            found[i] = 0.5 * (read_0 @ x0 + (read_1 @ x0 + self.outputs @ B0) / z)  # (E17)
-        return found
+        T, Q = schur(A1 @ A0, output="complex")  # a triangle, solved from its last row for all frequencies at once
+        z = np.exp(2j * math.pi * SAMPLE_TIME * np.asarray(frequency))[:, None, None]
+        x0 = Q.conj().T @ (A1 @ B0 + B1 * z)  # (F, n, 2)
+        for i in reversed(range(len(T))):
+            x0[:, i] = (x0[:, i] + T[i, i + 1 :] @ x0[:, i + 1 :]) / (z[:, 0] ** 2 - T[i, i])  # (E17)
+        x0 = Q @ x0
+        return 0.5 * (self.outputs @ x0 + self.outputs @ (A0 @ x0 + B0) / z)  # type: ignore[no-any-return]  # (E17)
 
     def response(self, frequency: Array) -> NDArray[np.complex128]:
         """The open loop L (F,) at frequencies (F,) [Hz]; negative feedback closes it."""

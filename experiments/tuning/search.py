@@ -161,7 +161,7 @@ def current(job: Job, store: Any, number: int = 0) -> Study:
             return study
         optuna.delete_study(study_name=name, storage=store)  # its maker was killed before it had all sets
     study = _made(job, store, 1, job.ranges)
-    for values in _first(job.ranges, job.seed, 1 if job.sampler == "random" else min(FIRST, 1 + job.budget // 3)):
+    for values in _first(job.ranges, job.seed, min(FIRST, 1 + job.budget // 3)):
         study.enqueue_trial(values)
     study.set_user_attr("whole", True)
     return study

@@ -111,6 +111,22 @@ def key(problem: Problem) -> str:
     return problems.digest(problem) + str([r[:6] for r in problem.ranges])
 
 
+def job_of(
+    problem: Problem,
+    shares: Mapping[str, float],
+    out: Path,
+    budget: int,
+    address: str | None = None,
+    sampler: str = "surface",
+    seed: int = 0,
+) -> Job:
+    """The search of a sampler in a folder, for the metrics whose bands the parameters move (see :func:`moved`)."""
+    counted = tuple(name for name in problem.bands if shares[name] >= MOVED)
+    objectives = tuple(dict.fromkeys(problem.groups[name] for name in counted))
+    subject = Subject(problem, counted)
+    return Job(str(out), address, sampler, sampler, seed, budget, subject, found, objectives, problem.ranges)
+
+
 def tune(
     problem: Problem,
     out: Path,
@@ -157,10 +173,8 @@ def tune(
     problems.prepared(problem)  # refuses an unstable starting point before anything is written
     out.mkdir(parents=True, exist_ok=True)
     shares = begun(problem, out, address, sweep, resume)
-    counted = tuple(name for name in problem.bands if shares[name] >= MOVED)
-    objectives = tuple(dict.fromkeys(problem.groups[name] for name in counted))
-    subject = Subject(problem, counted)
-    job = Job(str(out), address, sampler, sampler, seed, budget, subject, found, objectives, problem.ranges)
+    job = job_of(problem, shares, out, budget, address, sampler, seed)
+    counted = job.subject.counted
     trials: dict[str, list[FrozenTrial]] = {}
     last = problem.ranges
     for _ in range(2):

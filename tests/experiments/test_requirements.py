@@ -203,7 +203,7 @@ import pytest
 
 from steer_env.experiments.cli.main import main
 from steer_env.experiments.verification import requirements
-from steer_env.experiments.verification.requirements import feel
+from steer_env.experiments.verification.requirements import feel, tuning
 from steer_env.experiments.verification.requirements.common import rows
 from steer_env.friction.numerics.kernel import COMPILED
 
@@ -243,7 +243,7 @@ def test_policies():
     assert [line.partition("<value>")[0] for line in found] == [line.partition("<value>")[0] for line in pinned]
 
 
-APART = ("synthetic", "time", "policies")  # see test_synthetic.py, and above
+APART = ("synthetic", "time", "policies", "tuning")  # see test_synthetic.py, above, and below
 LONG = ("assist", "column", "linear", "power", "straight")
 
 
@@ -260,6 +260,18 @@ def test_a_group_of_requirements_is_kept(name):
     assert "FAIL" not in text
     if name in PINNED:
         assert masked(text) == masked(PINNED[name])
+
+
+@pytest.mark.whole
+@pytest.mark.skipif(not COMPILED, reason="hours without")
+def test_surfaces_are_ahead_of_random_search():
+    """With two seeds and few sets; ``steer-env verify tuning`` has ten and more."""
+    assert list(tuning.rows(seeds=2, budget=30))[-1].verdict == "pass"
+
+
+@pytest.mark.parametrize(("course", "sets"), [([3.0, 2.0, 1.0], 2), ([3.0, 2.5], 2), ([1.0], 1)])
+def test_sets_until_a_level(course, sets):
+    assert tuning.until(course, 2.0) == sets
 
 
 @pytest.mark.parametrize(("error", "code"), [(0.5, 0), (2.0, 1), (float("nan"), 1)])
