@@ -265,13 +265,10 @@ def test_a_group_of_requirements_is_kept(name):
 @pytest.mark.whole
 @pytest.mark.skipif(not COMPILED, reason="hours without")
 def test_surfaces_are_ahead_of_random_search():
-    """With two seeds and few sets; ``steer-env verify tuning`` has ten and more."""
-    assert list(tuning.rows(seeds=2, budget=30))[-1].verdict == "pass"
-
-
-@pytest.mark.parametrize(("course", "sets"), [([3.0, 2.0, 1.0], 2), ([3.0, 2.5], 2), ([1.0], 1)])
-def test_sets_until_a_level(course, sets):
-    assert tuning.until(course, 2.0) == sets
+    """With one seed and few sets; ``steer-env verify tuning`` has ten and more."""
+    rows = list(tuning.rows(seeds=1, budget=40))
+    assert len(rows) == 4
+    assert {row.verdict for row in rows} == {"pass"}
 
 
 @pytest.mark.parametrize(("error", "code"), [(0.5, 0), (2.0, 1), (float("nan"), 1)])
