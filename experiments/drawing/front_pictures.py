@@ -87,7 +87,7 @@ def noticed(found: Sequence[Share], threshold: float) -> str:
     axes.axvspan(-100.0 * threshold, 100.0 * threshold, color=_NOT_NOTICED, zorder=0)
     axes.axvline(0.0, color="#999999", linewidth=0.8)
     axes.set(xlabel="difference [%]", xlim=(-edge, edge), yticks=range(len(titles)), ylim=(len(titles) - 0.4, -0.6))
-    axes.set_yticklabels(titles, fontsize=8)
+    axes.set_yticklabels(titles, fontsize=6.5, linespacing=0.95, multialignment="right")  # two lines each
     axes.grid(visible=False, axis="y")
     legend(figure, axes, 3)
     return svg(figure)
