@@ -6,6 +6,7 @@ A scheduler and its workers run whatever a client sends them, so the local clust
 import logging
 import socket
 import time
+import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from typing import Any
@@ -121,12 +122,15 @@ def _knock(address: str) -> None:
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """Silence the log of distributed, whose events are told in sentences here."""
+    """Silence log and advice of distributed, whose events are told in sentences here."""
     before = {logger: logger.level for logger in map(logging.getLogger, LOGGERS)}
     for logger in before:
         logger.setLevel(logging.CRITICAL)
     try:
-        yield
+        with warnings.catch_warnings():
+            # A case holds all that its result depends on, a car of 0.4 MB among it.
+            warnings.filterwarnings("ignore", "Sending large graph")
+            yield
     finally:
         for logger, level in before.items():
             logger.setLevel(level)

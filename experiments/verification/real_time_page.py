@@ -13,6 +13,7 @@ from steer_env.experiments.studies.common.page import Page, Picture, Section, Ta
 from steer_env.experiments.verification.device_latency import Latency
 from steer_env.experiments.verification.real_time_loop import Results, Row, together
 from steer_env.real_time.measure import Durations, Measured
+from steer_env.recording.driven import MANY_MISSED
 
 NAME = "real_time"
 FACTOR = 1.2  # of a percentile of the lateness over that of the bare loop, that a loop may have at most
@@ -136,6 +137,27 @@ def verdict(results: Results) -> list[str]:
     return sentences
 
 
+def drivable(results: Results, priority: int) -> str:
+    """Whether a person can drive on this machine, in a sentence with what to do where not."""
+    counts = [row.found.counts for row in results.rows]
+    share, most = _missed(counts), f"{MANY_MISSED:.0%} at most"
+    run = f"with the priority {priority}" if priority else "without a priority"
+    if share <= MANY_MISSED:
+        return f"A person can drive here {run}: {share:.2%} of the deadlines were missed, {most} are wanted."
+    sentence = f"A person cannot drive here {run}: {share:.1%} of the deadlines were missed, {most} are wanted."
+    preferred = results.conditions.get("SCHED_FIFO")
+    if not priority and isinstance(preferred, Measured) and (other := _missed([preferred.counts])) <= MANY_MISSED:
+        return f"{sentence} Give --priority, with which {other:.2%} were missed."
+    remedy = "end other programs" if priority else "end other programs, or allow SCHED_FIFO and give --priority"
+    return f"{sentence} To drive, {remedy} (docs/real_time.md)."
+
+
+def _missed(counts: Sequence[Mapping[str, int]]) -> float:
+    """Share of the deadlines that were missed [1]."""
+    missed = sum(each["missed"] for each in counts)
+    return missed / (missed + sum(each["ticks"] for each in counts))
+
+
 def page(results: Results, seconds: float, priority: int, locked: bool) -> Page:
     """The page of the command, for a run with a priority, 0 for that of every program, and memory locked or not."""
     memory = f"memory {'' if locked else 'not '}locked"
@@ -206,7 +228,7 @@ def page(results: Results, seconds: float, priority: int, locked: bool) -> Page:
         f"{_ANOTHER}",
         [],
         sections,
-        marks,
+        [drivable(results, priority), *marks],
     )
 
 

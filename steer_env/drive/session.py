@@ -138,7 +138,8 @@ class Session:
 
     def _meta(self) -> dict[str, Any]:
         sets = [info._asdict() for info in self.infos]
-        return {**self.options.meta, "speed_m_s": self.options.speed, "device": self.device.about, "sets": sets}
+        device = {"device": self.device.about, "motor": self.device.motor}
+        return {**self.options.meta, "speed_m_s": self.options.speed, **device, "sets": sets}
 
     # -- the threads
 

@@ -153,7 +153,7 @@ def test_several_sets_are_told_where_a_recording_is_read(tmp_path, capsys):
     capsys.readouterr()
     main(["evaluate", str(path), "--manoeuvre", "weave"])
     out = capsys.readouterr().out
-    assert "several sets, of which --between takes one: lugre to" in out
+    assert "several sets acted: lugre to" in out
     assert "% of the deadlines were missed, by which the person was too fast" in out
 
 

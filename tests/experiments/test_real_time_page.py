@@ -55,6 +55,28 @@ def test_marks_are_met_or_missed():
     assert found[3] == "Time of a sample with the car on two tracks: not measured; mark 20 µs."
 
 
+@pytest.mark.parametrize(
+    ("missed", "preferred", "priority", "told"),
+    [
+        (3, None, 0, "A person can drive here without a priority: 0.30% of the deadlines"),
+        (3, None, 50, "A person can drive here with the priority 50: 0.30%"),
+        (100, 2, 0, "missed, 1% at most are wanted. Give --priority, with which 0.20% were missed."),
+        (100, 100, 0, "To drive, end other programs, or allow SCHED_FIFO and give --priority"),
+        (100, None, 0, "To drive, end other programs, or allow SCHED_FIFO and give --priority"),
+        (100, 2, 50, "A person cannot drive here with the priority 50: 9.1% of the deadlines were missed"),
+    ],
+)
+def test_the_verdict_begins_with_whether_one_can_drive(missed, preferred, priority, told):
+    def counted(each, missed):
+        return each._replace(counts={**each.counts, "missed": missed})
+
+    one = row("lugre", "two_track", 5)
+    found = results(one._replace(found=counted(one.found, missed)))
+    if preferred is not None:
+        found.conditions["SCHED_FIFO"] = counted(one.found, preferred)
+    assert told in page(found, 1.0, priority, False).timing[0]
+
+
 def test_latency_is_from_a_jump_to_the_first_torque_that_jumps():
     """The jumps are at 40, 80 and 120 ms; the torque jumps 4 ms behind the first and 5 ms behind the last."""
     found = results(row("lugre", "two_track", 5)).latencies["fake wheel"]

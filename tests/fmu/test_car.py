@@ -445,3 +445,13 @@ def test_help_names_what_there_is():
     assert export_fmu.PLATFORMS == object_code.PLATFORMS
     assert export_fmu.PROCESSORS == processor.NAMES
     assert sys.byteorder == "little"  # of every platform that units are made for
+
+
+@pytest.mark.parametrize("part", ["car", "chassis"])
+def test_a_part_at_another_speed_than_its_plant_is_refused(part):
+    from steer_env.fmu.parts import make_part
+
+    p = cars.load("compact").plant(speed=20.0)
+    assert make_part(part, p, 20.0).name == part
+    with pytest.raises(ValueError, match=f"plant of the {part} drives at 20 m/s, not at 25 m/s"):
+        make_part(part, p, 25.0)

@@ -116,6 +116,6 @@ def test_bad_filters_are_named():
         make(0.5)
     with pytest.raises(ValueError, match=r"interval of the readings \[s\]"):
         response([1.0], 50.0, 0.1)
-    chassis = make_part("chassis", cars.load("compact").plant(robot=True), 20.0)
+    chassis = make_part("chassis", cars.load("compact").plant(speed=20.0, robot=True), 20.0)
     with pytest.raises(ValueError, match="needs a part that takes it, got 'Chassis"):
         Mailboxes(chassis, angle_bandwidth=50.0)

@@ -184,6 +184,6 @@ def test_a_wheel_with_16_bit_and_8_ms_is_stable_at_every_speed(speed):
 def test_bad_wheels_and_parts_are_named():
     with pytest.raises(ValueError, match=r"damping of the wheel \[N m s/rad\] must be finite and greater than 0"):
         haptics.make(0.04, 0.0, 0.008)
-    torque = make_part("car", cars.load("compact").plant(), 27.8)
+    torque = make_part("car", cars.load("compact").plant(speed=27.8), 27.8)
     with pytest.raises(ValueError, match="hands that give the angle"):
         stability(torque, Wheel(0.04, 1.0, 0.008))

@@ -248,7 +248,7 @@ def test_a_clock_of_the_loop_that_jumps_on_is_a_stall(wheel):
 def test_inputs_that_make_sense_are_those_of_every_part():
     """Every input of every part has a range, which holds its value at the start."""
     for name in PARTS:
-        part = make_part(name, cars.load("compact").plant(robot=True), 60.0)
+        part = make_part(name, cars.load("compact").plant(speed=60.0, robot=True), 60.0)
         for signal in part.given:
             assert abs(signal.start) < LARGEST[signal.name]
 

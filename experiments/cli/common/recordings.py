@@ -9,7 +9,6 @@ from steer_env.experiments.cli.common import conditions, inputs, names, noticed
 from steer_env.experiments.cli.common.arguments import KPH
 from steer_env.experiments.cli.common.extras import require_format
 
-MANY_MISSED = 0.01  # share of the deadlines of a drive from which on it is told; assumed [1]
 # Key of a recording's meta -> what it tells, printed before the metrics.
 NOTES = {
     "not_read": "columns that are not read",
@@ -119,22 +118,14 @@ def _notes(meta: Mapping[str, Any], frames: bool) -> Iterator[str]:
 
 
 def _of_drive(found: Any) -> Iterator[str]:
-    """What to know of a person's drive: which set acted when, and whether the simulation kept up with the clock."""
-    if not {"chosen_set", "deadlines_missed"} <= found.channels.keys() or "sets" not in found.meta:
-        return
+    """What to know of a person's drive: whether the simulation kept up with the clock."""
+    from steer_env.recording import driven
 
-    import numpy as np
-
-    acting, missed = found["chosen_set"], float(found["deadlines_missed"].sum())
-    starts = [0, *(np.flatnonzero(np.diff(acting)) + 1).tolist()]
-    if len(starts) > 1:
-        ends = [*found.time[starts[1:]].tolist(), found.time[-1]]
-        labels = [found.meta["sets"][round(acting[start]) - 1]["label"] for start in starts]
-        told = ", ".join(f"{label} to {end:.1f} s" for label, end in zip(labels, ends))
-        yield f"several sets, of which --between takes one: {told}"
-    share = missed / (missed + names.SAMPLE_RATE * (found.time[-1] - found.time[0]))
-    if share > MANY_MISSED:
-        yield f"{share:.1%} of the deadlines were missed, by which the person was too fast for the simulation"
+    if driven.is_drive(found):
+        missed = float(found["deadlines_missed"].sum())
+        share = missed / (missed + names.SAMPLE_RATE * (found.time[-1] - found.time[0]))
+        if share > driven.MANY_MISSED:
+            yield f"{share:.1%} of the deadlines were missed, by which the person was too fast for the simulation"
 
 
 def can_options(args: argparse.Namespace) -> Any:

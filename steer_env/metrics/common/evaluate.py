@@ -22,6 +22,7 @@ from steer_env.metrics.common.definitions import (
     evaluation_of,
 )
 from steer_env.metrics.common.filtered_channels import ANGLE, TORQUE, DoubleFiltered
+from steer_env.recording import driven
 from steer_env.recording.recording import Recording
 
 SCALE = "torque_scale_error"  # key of the meta
@@ -137,6 +138,7 @@ def read(recording: Recording, test: str | None = None, **given: Any) -> Any:
     meta = {key: recording.meta[key] for key in entry.conditions if recording.meta.get(key) is not None}
     conditions = {**entry.conditions, **meta, **given}
     try:
+        driven.check(recording)
         if entry.constant_speed:
             _check_speed(recording, conditions)
         if entry.steered:

@@ -1,0 +1,78 @@
+"""Drives that have no metrics as a whole, and the part of them that has."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from steer_env import manoeuvres, metrics
+from steer_env.vehicle import cars
+
+
+@pytest.fixture(scope="module")
+def robot():
+    return manoeuvres.drive(cars.load("compact"), manoeuvres.make("weave"), "lugre")
+
+
+def driven(robot, motor=True, gain=(), sets=()):
+    """The robot's weave as a person's drive, with a gain or a set from a time to another."""
+    time = robot.time
+    own = {"chosen_set": np.ones(time.size), "share_of_next_set": np.zeros(time.size)}
+    own["watchdog_gain"] = np.minimum(time - time[0], 1.0)  # soft start
+    for name, changes in (("watchdog_gain", gain), ("chosen_set", sets)):
+        for t0, t1, value in changes:
+            own[name][(time >= t0) & (time < t1)] = value
+    own["share_of_next_set"][1:] = np.abs(np.diff(own["chosen_set"])) * 0.5
+    meta = {**robot.meta, "motor": motor, "sets": [{"label": "lugre"}, {"label": "masing"}]}
+    units = {**robot.units, **dict.fromkeys(own, "1")}
+    return replace(robot, channels={**robot.channels, **own}, units=units, meta=meta)
+
+
+def refusal(recording):
+    reasons = {value.reason for value in metrics.evaluate(recording, intervals=False).values()}
+    assert len(reasons) == 1
+    return reasons.pop()
+
+
+def between(sentence):
+    """The part that a refusal tells."""
+    return [float(word) for word in sentence.rpartition("--between ")[2].split()]
+
+
+def test_soft_start_and_last_fade_belong_to_a_drive(robot):
+    expected = metrics.evaluate(robot, intervals=False)
+    end = robot.time[-1]
+    found = metrics.evaluate(driven(robot, gain=[(end - 0.1, end + 1.0, 0.0)]), intervals=False)
+    assert {name: value.value for name, value in found.items()} == {n: v.value for n, v in expected.items()}
+
+
+def test_a_torque_that_was_off_is_refused_with_the_part_that_is_whole(robot):
+    off = driven(robot, gain=[(10.0, 11.0, 0.0)])
+    sentence = refusal(off)
+    assert "the torque was off or faded, first at 10.0 s" in sentence
+    start, end = between(sentence)
+    assert (start, end) == (11.0, pytest.approx(robot.time[-1], abs=0.1))
+    assert not any(value.reason for value in metrics.evaluate(off.between(start, end), intervals=False).values())
+
+
+def test_a_torque_that_ends_early_or_never_begins_is_refused(robot):
+    end = robot.time[-1]
+    assert between(refusal(driven(robot, gain=[(end - 2.0, end + 1.0, 0.0)])))[1] == pytest.approx(end - 2.0, abs=0.11)
+    assert "drive again" in refusal(driven(robot, gain=[(0.0, end + 1.0, 0.0)]))
+    assert "off or faded, first at 0.0 s" in refusal(driven(robot, gain=[(0.0, 5.0, 0.0)]))
+
+
+def test_without_a_motor_there_is_no_torque_that_could_be_off(robot):
+    found = metrics.evaluate(driven(robot, motor=False, gain=[(0.0, 1e3, 0.0)]), intervals=False)
+    assert not any(value.reason for value in found.values())
+
+
+def test_several_sets_are_refused_with_the_longest_part_of_one(robot):
+    several = driven(robot, motor=False, sets=[(0.0, 8.0, 2.0)])
+    sentence = refusal(several)
+    assert "several sets acted: masing to 8.0 s, lugre to" in sentence
+    start, end = between(sentence)
+    assert start == pytest.approx(8.0, abs=0.1)
+    part = several.between(start, end)
+    assert set(part["chosen_set"]) == {1.0}
+    assert not any(value.reason for value in metrics.evaluate(part, intervals=False).values())
