@@ -39,8 +39,8 @@ Array = NDArray[np.float64]
 
 FREQUENCIES = np.geomspace(0.3, 490.0, 400)  # at which margins are read [Hz]
 # Growth of a motion in a step of 2 ms that still counts as none [1]. Bristles at rest, of the friction and of the
-# observer that compensates it, neither grow nor decay: differences find their eigenvalue of 1 within 1e-8. A motion that
-# grows by 1e-6 doubles in 23 minutes.
+# observer that compensates it, neither grow nor decay: differences find their eigenvalue of 1 within 1e-8. A motion
+# that grows by 1e-6 doubles in 23 minutes.
 STABLE = 1e-6
 
 

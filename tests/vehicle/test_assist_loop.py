@@ -87,13 +87,14 @@ def test_a_motion_grows_where_the_simulation_grows(kph, share, boost, delay):
     """Hands off, friction and the observer that compensates it at rest: a bristle that keeps its place is no growth."""
     a = cars.load("compact", changes={"assist.friction_share": share}).assist if share else CAR.assist
     turn = cornering(CAR._replace(assist=a._replace(boost=boost * a.boost, delay=a.delay + delay)), kph / 3.6)
-    for torque in (1.0, 2.0) if boost > 1.0 else (1.0, 2.0, 3.0):  # three times the boost leaves less to the hands
+    # At 40 km/h three times the boost leaves less than 3 N m to the hands.
+    torques = (1.0, 2.0) if boost > 1.0 and kph == 40.0 else (1.0, 2.0, 3.0)
+    for torque in torques:
         point = held(steady(turn, torque=torque), "off", "lugre")
         rest = remains(point)
-        assert rest < 0.01 or rest > 10.0, "the point is too near to the limit for a verdict"
+        assert rest < 0.1 or rest > 10.0, "the point is too near to the limit for a verdict"
         assert assist_loop.grows(point) == (rest > 10.0), (torque, rest)
-        if (boost, delay, torque, kph) == (3.0, 4, 2.0, 40.0):
-            assert rest > 10.0  # one of both verdicts at least
+    assert (rest > 10.0) == (delay > 0), "both verdicts must be met, at the largest torque"
 
 
 def test_a_rig_has_the_loop_with_fixed_hands():
