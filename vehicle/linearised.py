@@ -236,10 +236,8 @@ def linearise(point: Point, coarser: float = 1.0) -> control.StateSpace:
         and y [SI]. States: those of the plant that another one or an output reads. All are differences to the point.
         At standstill the derivatives by states are those from above.
     """
-    p, u = point.plant, point.inputs
-    rows = np.tile(u, (STEPS_PER_CHASSIS_STEP, 1))
-    steps, side = coarser * _steps(p, point.state), 1 if point.speed == 0.0 else 0
-    A, index = by_state(p, point.state, rows, lambda f, i: slope(f, steps[i], side))  # (P6)
+    p, rows = point.plant, np.tile(point.inputs, (STEPS_PER_CHASSIS_STEP, 1))
+    A, index = one_step(point, coarser)
     hand, others = ([HAND, HAND_SPEED] if p.robot else [HAND]), list(_CHOSEN)
     B = by_input(p, point.state, rows, index, hand + others, coarser)
     total = B.sum(axis=1)
@@ -260,6 +258,17 @@ def linearise(point: Point, coarser: float = 1.0) -> control.StateSpace:
         + [INPUTS[i][0] for i in others],
         outputs=names,
     )  # fmt: skip
+
+
+def one_step(point: Point, coarser: float = 1.0) -> tuple[Array, NDArray[np.int_]]:
+    """A (n, n) of (P6) over 2 ms, and the positions (n,) of the states; ``coarser`` and standstill as in ``linearise``.
+
+    A motion that neither grows nor decays, as that of a bristle at rest, has an eigenvalue of 1 within 1e-8, where
+    :func:`transition` has a larger error: that of the terms x|x|, which the differences here remove.
+    """
+    rows = np.tile(point.inputs, (STEPS_PER_CHASSIS_STEP, 1))
+    steps, side = coarser * _steps(point.plant, point.state), 1 if point.speed == 0.0 else 0
+    return by_state(point.plant, point.state, rows, lambda f, i: slope(f, steps[i], side))  # (P6)
 
 
 def one_sample(point: Point, chosen: list[int]) -> tuple[Array, Array, NDArray[np.int_]]:

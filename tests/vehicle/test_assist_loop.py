@@ -6,8 +6,10 @@ import control
 import numpy as np
 import pytest
 
-from steer_env.vehicle import assist_loop, cars, linearised
+from steer_env.vehicle import assist_loop, cars, linearised, plant
+from steer_env.vehicle.chassis.common.interface import HAND
 from steer_env.vehicle.operating_point import cornering, held, steady
+from steer_env.vehicle.plant import CHANNEL
 from steer_env.vehicle.steering import margins
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
 
@@ -66,6 +68,33 @@ def test_delay_margin_is_where_the_plant_becomes_unstable(hands):
         low, high = (middle, high) if delay(middle) > 0.0 else (low, middle)
     assert growth(point, 0.99 * low, samples) < 1.0 + 1e-6
     assert growth(point, 1.01 * low, samples) > 1.0 + 1e-5
+
+
+def remains(point):
+    """Largest column speed from 7 to 8 s after a kick of the hands, over the largest in its first 20 ms."""
+    u = np.tile(point.inputs, (8000, 1))
+    u[:20, HAND] += 1e-3
+    record, state = np.zeros((len(u), len(plant.channels(point.plant)))), point.state.copy()
+    assert plant.run(point.plant, state, u, record, 1)
+    speed = np.abs(record[:, CHANNEL["column_speed"]])
+    return speed[-1000:].max() / speed[:20].max()
+
+
+@pytest.mark.parametrize("kph", [40.0, 80.0])
+@pytest.mark.parametrize("share", [0.0, 0.7, 1.0])
+@pytest.mark.parametrize(("boost", "delay"), [(1.0, 0), (3.0, 0), (3.0, 4)])
+def test_a_motion_grows_where_the_simulation_grows(kph, share, boost, delay):
+    """Hands off, friction and the observer that compensates it at rest: a bristle that keeps its place is no growth."""
+    a = cars.load("compact", changes={"assist.friction_share": share}).assist if share else CAR.assist
+    turn = cornering(CAR._replace(assist=a._replace(boost=boost * a.boost, delay=a.delay + delay)), kph / 3.6)
+    # At 40 km/h three times the boost leaves less than 3 N m to the hands.
+    torques = (1.0, 2.0) if boost > 1.0 and kph == 40.0 else (1.0, 2.0, 3.0)
+    for torque in torques:
+        point = held(steady(turn, torque=torque), "off", "lugre")
+        rest = remains(point)
+        assert rest < 0.1 or rest > 10.0, "the point is too near to the limit for a verdict"
+        assert assist_loop.grows(point) == (rest > 10.0), (torque, rest)
+    assert (rest > 10.0) == (delay > 0), "both verdicts must be met, at the largest torque"
 
 
 def test_a_rig_has_the_loop_with_fixed_hands():
