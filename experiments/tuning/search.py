@@ -167,7 +167,9 @@ def current(job: Job, store: Any, number: int = 0) -> Study:
     for name in reversed(_names(job, store)):
         study = optuna.load_study(study_name=name, storage=store)
         if study.user_attrs.get("whole"):
-            study.sampler = _sampler(job, job.seed + 1000 * number + len(study.get_trials(deepcopy=False)))
+            # Sets of killed processes do not count, as they are tried again: the seeds are those without the kill.
+            known = [t for t in study.get_trials(deepcopy=False) if t.state is not TrialState.FAIL]
+            study.sampler = _sampler(job, job.seed + 1000 * number + len(known))
             return study
         optuna.delete_study(study_name=name, storage=store)  # its maker was killed before it had all sets
     study = _made(job, store, 1, job.ranges)

@@ -27,8 +27,8 @@ def study_of(one):
         return search.current(one, storage.opened(search.Path(one.out), one.address))
 
 
-def process(out, budget, seconds):
-    command = [sys.executable, "-m", "tests.experiments.quick_search", str(out), str(budget), str(seconds)]
+def process(out, budget, seconds, *more):
+    command = [sys.executable, "-m", "tests.experiments.quick_search", *map(str, (out, budget, seconds, *more))]
     return subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
 
 
@@ -50,6 +50,27 @@ def test_resumes_where_it_ended_with_the_same_best(tmp_path):
     more = search.finished(study_of(job(tmp_path, 15)))
     assert len(more) == 15
     assert search.total(search.best(more)) <= search.total(first)
+
+
+@pytest.mark.parametrize("sampler", ["surface", *(pytest.param(x, marks=pytest.mark.whole) for x in ("tpe", "nsga2"))])
+def test_killed_and_resumed_it_tries_the_same_sets(tmp_path, sampler):
+    """Killed among its first sets and among those that the sampler chooses; every set is the uninterrupted one's."""
+    budget = 30
+    whole, killed = (job(tmp_path / name, budget, name=sampler, sampler=sampler) for name in ("whole", "killed"))
+    for one in (whole, killed):
+        storage.Path(one.out).mkdir()
+    search.work(WorkerOf(whole, 1))
+    for hangs, count in ((5, 4), (22, 25)):
+        with process(killed.out, budget, 0.0, sampler, hangs) as running:
+            wait_for(lambda: len(search.finished(study_of(killed))) == count)
+            wait_for(lambda: study_of(killed).get_trials(deepcopy=False, states=(RUNNING,)))
+            running.kill()
+    assert search.work(WorkerOf(killed, 1)) == 5
+    first, again = (search.finished(study_of(one)) for one in (whole, killed))
+    assert len(first) == len(again) == budget
+    one, other = (sorted((t.params["x"], t.params["y"]) for t in trials) for trials in (first, again))
+    assert one == other
+    assert search.best(again).params == search.best(first).params
 
 
 def test_begins_with_the_starting_point_and_widens_where_the_optimum_is_on_a_limit(tmp_path):
