@@ -18,10 +18,11 @@ from steer_env.registration import REGISTERED
 class SteerVecEnv(VecEnv):
     """``num_envs`` environments of an id for Stable-Baselines3.
 
-    Every info has the step's ``cost`` and, of the driving ids, ``failure``. A sub-environment whose episode ends is reset at once; its info
-    is then the whole one of that step, as a single environment gives it, with ``terminal_observation`` and
-    ``TimeLimit.truncated``. ``reset_infos`` has the whole infos of ``reset``. To give whole infos at every step would
-    take a fifth of the time. VecMonitor, VecNormalize, VecVideoRecorder, EvalCallback and so on wrap it as usual.
+    Every info has the step's ``cost`` and, of the driving ids, ``failure``. A sub-environment whose episode ends is
+    reset at once; its info is then the whole one of that step, as a single environment gives it, with
+    ``terminal_observation`` and ``TimeLimit.truncated``. ``reset_infos`` has the whole infos of ``reset``. To give
+    whole infos at every step would take a fifth of the time. VecMonitor, VecNormalize, VecVideoRecorder,
+    EvalCallback and so on wrap it as usual.
 
     Parameters
     ----------

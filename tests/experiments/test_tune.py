@@ -10,7 +10,7 @@ import numpy as np
 import optuna
 import pytest
 
-from steer_env import targets
+from steer_env import manoeuvres, metrics, targets
 from steer_env.experiments.cli.main import main
 from steer_env.experiments.sweep import Where, run
 from steer_env.experiments.tuning import feasibility, problem, search, storage
@@ -62,7 +62,7 @@ def test_killed_and_resumed_it_tries_the_same_sets(tmp_path, sampler):
     search.work(WorkerOf(whole, 1))
     for hangs, count in ((5, 4), (22, 25)):
         with process(killed.out, budget, 0.0, sampler, hangs) as running:
-            wait_for(lambda: len(search.finished(study_of(killed))) == count)
+            wait_for(lambda count=count: len(search.finished(study_of(killed))) == count)
             wait_for(lambda: study_of(killed).get_trials(deepcopy=False, states=(RUNNING,)))
             running.kill()
     assert search.work(WorkerOf(killed, 1)) == 5
@@ -286,8 +286,51 @@ def test_command(tmp_path, capfd):
     assert len(first["sets"]) == 2
     car = cars.load(tmp_path / "study" / "best.toml")
     assert car.name == "compact_tuned"
+    driven = metrics.evaluate(manoeuvres.drive(car, manoeuvres.make("release")))
+    told = first["best"]["metrics"]["friction x 1, unladen"]
+    for name in ("yaw_rate_after_1s", "release_overshoot", "residual_handwheel_angle"):
+        assert told[name] == pytest.approx(driven[name].value, rel=1e-3), name  # of two releases, here of more
     assert main([*words, "--parameters", "boost_level", "return_gain", "--resume"]) == 0
     again = json.loads((tmp_path / "study" / "tune.json").read_text(encoding="utf-8"))
     assert again == first
     assert main(words) == 2
     assert "has the study of another problem" in capfd.readouterr().err
+
+
+@pytest.mark.whole
+def test_command_whose_processes_are_killed_keeps_every_set(tmp_path, capfd):
+    """Two processes of one command: one is killed within a set, then the other, and the command is resumed."""
+    words = ["tune", "--budget", "12", "--workers", "1", "--unconfirmed", "--out", str(tmp_path / "study")]
+    words += ["--parameters", "boost_level", "return_gain"]
+    program = "import sys; from steer_env.experiments.cli.main import main; sys.exit(main(sys.argv[1:]))"
+
+    def trials():
+        with search.quiet():
+            if not storage.there(tmp_path / "study"):
+                return []
+            study = search.studies(storage.opened(tmp_path / "study")).get("surface")
+            return study.get_trials() if study else []
+
+    def under_way(one, count):
+        """The running sets of a process, once as many are finished."""
+        every = trials()
+        own = [t for t in every if t.state is RUNNING and f"-{one.pid}-" in t.user_attrs.get("process", "")]
+        return own if sum(t.state is COMPLETE for t in every) >= count else []
+
+    one, other = (subprocess.Popen([sys.executable, "-c", program, *words]) for _ in range(2))
+    kept, lost = [], []
+    with one, other:
+        for each, count in ((one, 2), (other, 5)):
+            lost += wait_for(lambda each=each, count=count: under_way(each, count), 240.0)
+            each.kill()
+            each.wait()
+            kept += [t for t in trials() if t.state is COMPLETE]
+    assert 5 <= len({t.number for t in kept}) < 12
+    assert main([*words, "--resume"]) == 0
+    assert "Not feasible as far as 12 sets" in capfd.readouterr().out
+    done = [t for t in trials() if t.state is COMPLETE]
+    params = [t.params for t in done]
+    assert len(done) == len({json.dumps(p) for p in params}) == 12
+    assert all(t.params in params for t in [*kept, *lost])
+    written = json.loads((tmp_path / "study" / "tune.json").read_text(encoding="utf-8"))
+    assert [each["parameters"] for each in written["sets"]["surface"]] == params
