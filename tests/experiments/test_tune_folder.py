@@ -95,6 +95,18 @@ def test_the_budget_counts_the_finished_sets_of_one_sampler(tmp_path, posed, qui
     assert {name: len(trials) for name, trials in found.trials.items()} == {"random": 6, "tpe": 5}
 
 
+def test_a_search_and_a_confirmation_by_the_same_optimiser_are_both_on_the_page(tmp_path, posed, quick):
+    tuning.tune(posed, tmp_path, 3, here, sampler="random")
+    found = tuned(posed, tmp_path, 4, sampler="nsga2")
+    assert {name: len(trials) for name, trials in found.trials.items()} == {"random": 3, "second nsga2": 3, "nsga2": 4}
+    page, data = tuning_page.build(found, [])
+    assert "random search (3) and NSGA-II, confirming (3) and NSGA-II (4)" in page.sections[0].evidence
+    assert data["own_angles"]["best"]["difference"] == found.checks["best"].difference
+    bands = next(section for section in page.sections if section.title == "Bands")
+    assert f"by up to {SHIFT:.2g} widths of its band" in bands.evidence
+    assert set(own_angles.sentences(found.checks)) <= set(page.verdict)
+
+
 def test_the_best_set_has_the_metrics_with_its_own_handwheel_angles(tmp_path, posed, quick):
     found = tuned(posed, tmp_path, 12, sampler="random")
     before, check = found.checks["best"].searched, found.checks["best"]
