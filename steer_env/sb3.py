@@ -12,34 +12,41 @@ from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices
 
 from steer_env.friction.numerics.check import one_of
 from steer_env.infos import row
-from steer_env.registration import DRIVEN
+from steer_env.registration import REGISTERED
 
 
 class SteerVecEnv(VecEnv):
     """``num_envs`` environments of an id for Stable-Baselines3.
 
-    Every info has the step's ``cost`` and ``failure``. A sub-environment whose episode ends is reset at once; its info
-    is then the whole one of that step, as a single environment gives it, with ``terminal_observation`` and
-    ``TimeLimit.truncated``. ``reset_infos`` has the whole infos of ``reset``. To give whole infos at every step would
-    take a fifth of the time. VecMonitor, VecNormalize, VecVideoRecorder, EvalCallback and so on wrap it as usual.
+    Every info has the step's ``cost`` and, of the driving ids, ``failure``. A sub-environment whose episode ends is
+    reset at once; its info is then the whole one of that step, as a single environment gives it, with
+    ``terminal_observation`` and ``TimeLimit.truncated``. ``reset_infos`` has the whole infos of ``reset``. To give
+    whole infos at every step would take a fifth of the time. VecMonitor, VecNormalize, VecVideoRecorder,
+    EvalCallback and so on wrap it as usual.
 
     Parameters
     ----------
     env_id : str
-        Id of a driver's or an assist's task.
+        An id of this package.
     num_envs : int
         Number of sub-environments.
     arguments :
-        As :class:`steer_env.vector.SteerVectorEnv`, without ``autoreset_mode``.
+        As :class:`steer_env.vector.SteerVectorEnv`, or of a tuning id :class:`steer_env.tuning.TuneVectorEnv`, without
+        ``autoreset_mode``.
 
     Raises
     ------
     ValueError
-        The id is a tuning environment's, whose infos hold no failures, or not one of this package.
+        The id is not one of this package, or ``vector_reward`` is given, as Stable-Baselines3 takes one number.
     """
 
     def __init__(self, env_id: str, num_envs: int, **arguments: Any) -> None:
-        one_of("env_id", env_id, DRIVEN)
+        one_of("env_id", env_id, REGISTERED)
+        if arguments.get("vector_reward"):
+            raise ValueError(
+                "vector_reward must be False for Stable-Baselines3, whose rewards are numbers, got True: leave it out, "
+                "and use gymnasium.make_vec where rewards are to be arrays"
+            )
         self.vector: Any = gym.make_vec(env_id, num_envs, autoreset_mode=AutoresetMode.SAME_STEP, **arguments)
         super().__init__(num_envs, self.vector.single_observation_space, self.vector.single_action_space)
         self.metadata = self.vector.metadata
@@ -59,14 +66,14 @@ class SteerVecEnv(VecEnv):
         return observations
 
     def step_async(self, actions: NDArray[np.float32]) -> None:
-        """Keep the actions (num_envs, 1) for ``step_wait``."""
+        """Keep the actions (num_envs, A) for ``step_wait``."""
         self._actions = actions
 
     def step_wait(self) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
         """Observations, rewards, whether episodes ended, infos."""
         observations, rewards, terminated, truncated, info = self.vector.step(self._actions)
-        pairs = zip(info["cost"].tolist(), info["failure"].tolist())
-        infos: list[dict[str, Any]] = [{"cost": cost, "failure": failure} for cost, failure in pairs]
+        told = [key for key in ("cost", "failure") if key in info]  # nothing fails in a tuning environment
+        infos: list[dict[str, Any]] = [dict(zip(told, x)) for x in zip(*(info[key].tolist() for key in told))]
         done = terminated | truncated
         for i in np.flatnonzero(done).tolist():
             infos[i] = {
@@ -77,7 +84,7 @@ class SteerVecEnv(VecEnv):
         return observations, rewards.astype(np.float32), done, infos
 
     def close(self) -> None:
-        """Stop the threads."""
+        """Stop the threads or worker processes."""
         self.vector.close()
 
     def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:

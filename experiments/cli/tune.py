@@ -27,7 +27,8 @@ def add(commands: Any, common: argparse.ArgumentParser) -> None:
     text = (
         "Tune the assist of a car to target bands, for the worst of friction and load, with margins of the assist loop "
         "and stability with free hands as constraints; write a page, tune.json and the car file best.toml. The same "
-        "command on the same --out goes on, or shares the work."
+        "command on the same --out goes on, or shares the work; with another --sampler it begins a study beside those "
+        "that are there, and page and best.toml are of the sets of all."
     )
     tune = commands.add_parser("tune", help=text, description=text, parents=[common])
     car_options.add(tune)
@@ -41,11 +42,14 @@ def add(commands: Any, common: argparse.ArgumentParser) -> None:
     tune.add_argument("--parameters", metavar="NAME", nargs="+", action="extend", help=text)
     text = "chassis model (default single_track)"
     tune.add_argument("--chassis", choices=names.chassis(), default="single_track", help=text)
-    text = "evaluated sets in all (default 300); a second optimiser has as many where not every band is reached"
+    text = (
+        "finished sets of this sampler's study, those before included (default 300), whatever sets other samplers have "
+        "in --out; a second optimiser has as many where not every band is reached"
+    )
     tune.add_argument("--budget", metavar="N", type=whole_number(1), default=300, help=text)
     text = f"optimiser: {', '.join(SAMPLERS)} (default surface)"
     tune.add_argument("--sampler", choices=SAMPLERS, default="surface", help=text)
-    text = "seed of the search (default 0)"
+    text = "seed of new sets; a study that has begun keeps those it has (default 0)"
     tune.add_argument("--seed", metavar="N", type=whole_number(0), default=0, help=text)
     text = "database in place of the journal in --out, as sqlite:///study.db or postgresql://USER@HOST/NAME"
     tune.add_argument("--storage", metavar="URL", help=text)

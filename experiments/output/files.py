@@ -44,7 +44,7 @@ def usable(out: Path, contents: frozenset[str] | None = None) -> None:
         others = sorted(entry.name for entry in out.iterdir() if contents is not None and entry.name not in contents)
         if others:
             raise ValueError(
-                f"{out} holds other files ({others[0]}): give a new directory, which is replaced as a whole"
+                f"{out} holds other files ({others[0]}): give a new directory, or one with the output of an earlier run"
             )
     place = out if out.exists() and contents is None else out.parent
     there = next(folder for folder in (place, *place.parents) if folder.exists())

@@ -16,7 +16,7 @@ from steer_env.experiments.drawing import tuning_pictures
 from steer_env.experiments.output.words import number
 from steer_env.experiments.report import analysis, analysis_page
 from steer_env.experiments.studies.common.page import Page, Picture, Section, Table
-from steer_env.experiments.tuning import constraints, feasibility, search
+from steer_env.experiments.tuning import constraints, feasibility, own_angles, search
 from steer_env.experiments.tuning.problem import distance
 from steer_env.experiments.tuning.tuning import MOVED, Outcome
 from steer_env.vehicle.cars import Car
@@ -34,8 +34,9 @@ TOP = 2.0  # end of the axes of the front [widths of a band]
 
 
 def label(name: str) -> str:
-    """An optimiser as people write it, from the name of its study."""
-    return LABELS[name.split()[-1]]
+    """An optimiser as people write it, from the name of its study; different for every study."""
+    optimiser = LABELS[name.split()[-1]]
+    return f"{optimiser}, confirming" if name.startswith("second ") else optimiser
 
 
 def mapped(
@@ -142,12 +143,14 @@ def _band_section(o: Outcome) -> Section:
         head = ["metric", "unit", "good band", "before", "after", "moved by at most [widths of the band]"]
         tables.append(Table("Bands that no parameter of the assist moves, left out of the search", head, left))
     levels = ", ".join(c.label for c in o.problem.conditions)
+    most = max((check.difference for check in o.checks.values()), default=0.0)
     pictures = [Picture(tuning_pictures.bands(places), "Spans over the conditions, before and after")] if places else []
     return Section(
         "Bands",
         "Every metric is in its good band, whatever friction and load.",
         "Each set is driven through weave, release, returnability, step steer and parking in the conditions: "
-        f"{levels}, with the handwheel angles that the starting point needs.",
+        f"{levels}, with the handwheel angles that the starting point needs; the two sets below once more with those "
+        f"that each needs itself, which changes a metric by up to {most:.2g} widths of its band.",
         f"{inside[1]} of {len(rows)} bands are reached in all conditions; before {inside[0]}.",
         f"A band is left out where no parameter at an end of its range moves the metric by {MOVED:g} of its width.",
         pictures,
@@ -250,6 +253,7 @@ def build(o: Outcome, cells: list[analysis.Cell]) -> tuple[Page, dict[str, Any]]
         verdict.append(f"No parameter of the assist moves {', '.join(left)}: left out.")
     if below := analysis_page.missed(cells):
         verdict.append(f"The best set misses a margin or is unstable at {len(below)} points of the whole map.")
+    verdict += own_angles.sentences(o.checks)
     shares = importances(o)
     first = Section(
         "Feasibility",
@@ -278,6 +282,7 @@ def build(o: Outcome, cells: list[analysis.Cell]) -> tuple[Page, dict[str, Any]]
         "units": _units(o),
         "start": _as_json(o.own),
         "best": _as_json(o.best),
+        "own_angles": own_angles.as_json(o.checks),
         "ranges": [r._asdict() for r in o.ranges],
         "widened": {name: [list(r[2:4]) for r in pair] for name, pair in o.widened.items()},
         "importances": shares,

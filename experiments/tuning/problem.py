@@ -225,7 +225,7 @@ def prepared(problem: Problem) -> Prepared:
     """
     key = digest(problem)
     if key not in _KEPT:
-        _require_stable(problem)
+        require_stable(problem)
         drives = []
         for condition in problem.conditions:
             load, level = condition.load, condition.friction_level
@@ -233,25 +233,38 @@ def prepared(problem: Problem) -> Prepared:
             try:
                 drives.append(driving.prepare(SCENARIO, problem.car, problem.chassis, drawn))
             except ValueError as error:
-                raise ValueError(_undriven(problem, f" with {condition.label}", error)) from None
+                remedy = "begin with a car or tyre that reaches it, or with a smaller --load"
+                raise ValueError(_undriven(problem, f" with {condition.label}", error, remedy)) from None
         laden = problem.car.loaded(problem.conditions[-1].load)
         _KEPT[key] = Prepared(tuple(drives), constraints.reaches(laden, problem.chassis))
     return _KEPT[key]
 
 
-def _require_stable(problem: Problem) -> None:
+def require_stable(problem: Problem) -> None:
     """Refuse a starting point whose assist loop is unstable at a speed of its table, hands fixed or free."""
     c, a = problem.car.column, problem.car.assist
     for v, free in product(a.speeds.tolist(), (False, True)):
         if found := stability.reason(c, a, v, free=free):
-            raise ValueError(_undriven(problem, "", found))
+            raise ValueError(_undriven(problem, "", found, _remedy(problem.car)))
 
 
-def _undriven(problem: Problem, condition: str, why: object) -> str:
-    return (
-        f"the starting point, {problem.car.name!r}{condition}, cannot be driven: {why}; begin with a milder assist, as "
-        "--set assist.boost_scale=0.5"
-    )
+def _remedy(car: Car) -> str:
+    """What makes an unstable loop stable at all speeds, as a factor on what the car has now."""
+    c, a = car.column, car.assist
+    if 0.0 < (factor := stability.functions_to_the_limit(c, a)) < 1.0:
+        own = functions.keys(a.functions, SAMPLE_TIME)
+        on = [key for key in stability.STRENGTHS.split(", ") if np.any(own.get(key, 0.0))]
+        return f"begin with at most {stability.three_digits(factor)} times its {', '.join(on)}"
+    if 0.0 < (factor := stability.boost_to_the_limit(c, a)) < 1.0:
+        return (
+            f"begin with at most {stability.three_digits(factor)} times its boost: multiply assist.boost_scale, which "
+            "is 1 where the car file has none, by that"
+        )
+    return f"begin with less assist.boost and less of {stability.STRENGTHS} together"
+
+
+def _undriven(problem: Problem, condition: str, why: object, remedy: str) -> str:
+    return f"the starting point, {problem.car.name!r}{condition}, cannot be driven: {why}; {remedy}"
 
 
 def own(problem: Problem) -> dict[str, float]:

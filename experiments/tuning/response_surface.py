@@ -57,8 +57,9 @@ class ResponseSurfaces(BaseSampler):
         self, study: Study, trial: FrozenTrial, search_space: dict[str, BaseDistribution]
     ) -> dict[str, Any]:
         """The best set of the model near the best set so far; nothing where there are too few."""
-        trials = study.get_trials(deepcopy=False)
-        done = [t for t in trials if t.state is TrialState.COMPLETE]
+        trials = [t for t in study.get_trials(deepcopy=False) if t.state is not TrialState.FAIL]  # tried again
+        # In an order of their own, so that rounding does not depend on which set was finished first.
+        done = sorted((t for t in trials if t.state is TrialState.COMPLETE), key=lambda t: sorted(t.params.items()))
         driven = [t for t in done if np.isfinite(_places(t)).all()]
         if not search_space or len(driven) < len(search_space) + 2:
             return {}

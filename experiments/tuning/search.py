@@ -7,7 +7,7 @@ the best set of a round lies on a limit of a range, the next round has a wider o
 import math
 import time
 import warnings
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -152,12 +152,24 @@ def _names(job: Job, store: Any) -> list[str]:
     return sorted(there, key=lambda name: int(name.rpartition("-")[2]))
 
 
+def studies(store: Any) -> dict[str, Study]:
+    """The latest whole round of every study by the study's name, in the order in which they were begun."""
+    found = dict[str, Study]()
+    for each in sorted(store.get_all_studies()):
+        study = optuna.load_study(study_name=each.study_name, storage=store)
+        if study.user_attrs.get("whole"):
+            found[each.study_name.rpartition("-")[0]] = study
+    return found
+
+
 def current(job: Job, store: Any, number: int = 0) -> Study:
     """The latest round of a study, which is made if there is none; one process at a time."""
     for name in reversed(_names(job, store)):
         study = optuna.load_study(study_name=name, storage=store)
         if study.user_attrs.get("whole"):
-            study.sampler = _sampler(job, job.seed + 1000 * number + len(study.get_trials(deepcopy=False)))
+            # Sets of killed processes do not count, as they are tried again: the seeds are those without the kill.
+            known = [t for t in study.get_trials(deepcopy=False) if t.state is not TrialState.FAIL]
+            study.sampler = _sampler(job, job.seed + 1000 * number + len(known))
             return study
         optuna.delete_study(study_name=name, storage=store)  # its maker was killed before it had all sets
     study = _made(job, store, 1, job.ranges)
@@ -181,6 +193,12 @@ def _made(job: Job, store: Any, number: int, ranges: tuple[Range, ...]) -> Study
 def ranges(study: Study) -> tuple[Range, ...]:
     """The ranges of a round."""
     return tuple(Range(**{**row, "limits": tuple(row["limits"])}) for row in study.user_attrs["ranges"])
+
+
+def spanned(every: Iterable[tuple[Range, ...]]) -> tuple[Range, ...]:
+    """The ranges that hold those of several studies."""
+    columns = zip(*every)
+    return tuple(rs[0]._replace(low=min(r.low for r in rs), high=max(r.high for r in rs)) for rs in columns)
 
 
 def widened(given: tuple[Range, ...], values: Mapping[str, float]) -> tuple[Range, ...]:

@@ -5,8 +5,10 @@ process holds a lock on a file of its own for as long as it lives, which the sys
 set whose process has gone is enqueued again. The journal's own lock is released in the same way.
 """
 
+import io
 import json
 import os
+import shlex
 import socket
 import time
 import uuid
@@ -151,7 +153,7 @@ def require_whole(path: Path, notify: Any = lambda text: None) -> None:
     if not path.is_file():
         return
     with FileLock(path.with_name(f"{path.name}.lock")):
-        lines = path.read_bytes().splitlines(keepends=True)
+        lines = io.BytesIO(path.read_bytes()).readlines()  # which end with \n alone, as those that head counts
         kept = 0
         for number, line in enumerate(lines, 1):
             try:
@@ -164,11 +166,17 @@ def require_whole(path: Path, notify: Any = lambda text: None) -> None:
                 os.truncate(path, kept)
                 notify(f"{path} ended within a line, as of a process killed while it wrote: the torn line is cut off")
             else:
+                old, new = (shlex.quote(str(file.resolve())) for file in (path, path.with_name("whole.log")))
                 raise ValueError(
-                    f"{path}, line {number} of {len(lines)}, is torn: keep the sets before it with 'head -n "
-                    f"{number - 1} {path.name} > whole.log' and 'mv whole.log {path.name}', or begin anew with "
+                    f"{path}, line {number} of {len(lines)}, is torn: keep the sets before it with `head -n "
+                    f"{number - 1} {old} > {new} && mv {new} {old}` while no process works on it, or begin anew with "
                     "another --out"
                 )
+
+
+def there(out: Path, address: str | None = None) -> bool:
+    """Whether there can be a study: a journal in the folder, or the address of a database."""
+    return address is not None or (out / JOURNAL).is_file()
 
 
 def opened(out: Path, address: str | None = None) -> BaseStorage:

@@ -1,6 +1,11 @@
-"""The whole of a tuning: what the parameters move, the search, and where it fails a second optimiser."""
+"""The whole of a tuning: what the parameters move, the search, and where it fails a second optimiser.
+
+A folder or database has one problem and any number of studies of it, one for each optimiser. What is found is found
+of all their sets.
+"""
 
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -8,9 +13,10 @@ import optuna
 from optuna.trial import FrozenTrial
 
 from steer_env.experiments.sweep import Runner
-from steer_env.experiments.tuning import constraints, feasibility, search, storage
+from steer_env.experiments.tuning import constraints, feasibility, own_angles, search, storage
 from steer_env.experiments.tuning import problem as problems
 from steer_env.experiments.tuning.feasibility import Feasibility
+from steer_env.experiments.tuning.own_angles import OwnAngles
 from steer_env.experiments.tuning.problem import Problem, Range
 from steer_env.experiments.tuning.search import Found, Job, WorkerOf
 
@@ -32,10 +38,11 @@ class Outcome(NamedTuple):
     problem: Problem
     counted: tuple[str, ...]
     moved: dict[str, float]  # metric -> largest change by one parameter over its band's width [1]
-    own: FrozenTrial | None  # the starting point
-    best: FrozenTrial | None  # None where no set keeps the constraints
-    trials: dict[str, list[FrozenTrial]]  # optimiser -> its evaluated sets
-    ranges: tuple[Range, ...]  # of the last round
+    own: FrozenTrial | None  # the starting point, driven with its own handwheel angles
+    best: FrozenTrial | None  # with its own handwheel angles, too; None where no set keeps the constraints
+    checks: dict[str, OwnAngles]  # what their own handwheel angles change, of "start" and "best"
+    trials: dict[str, list[FrozenTrial]]  # study -> its evaluated sets, of all studies in the folder
+    ranges: tuple[Range, ...]  # that hold the sets of all studies
     widened: dict[str, tuple[Range, Range]]  # first and last range of those that were widened
     feasibility: Feasibility
 
@@ -71,29 +78,34 @@ def moved(problem: Problem, sweep: Runner) -> dict[str, float]:
 
 
 def _about(store: Any) -> optuna.Study | None:
-    """The study that holds what all share; one whose maker was killed is deleted."""
+    """The study that holds what all share, if its maker has finished it."""
     if ABOUT not in [s.study_name for s in store.get_all_studies()]:
         return None
     study = optuna.load_study(study_name=ABOUT, storage=store)
-    if "problem" in study.user_attrs:
-        return study
-    optuna.delete_study(study_name=ABOUT, storage=store)
-    return None
+    return study if "problem" in study.user_attrs else None
 
 
-def begun(problem: Problem, out: Path, address: str | None, sweep: Runner, resume: bool) -> dict[str, Any]:
+def _require_begun(out: Path, address: str | None) -> None:
+    """Refuse to resume where there is nothing, before anything is written."""
+    with search.quiet():
+        if not storage.there(out, address) or _about(storage.opened(out, address)) is None:
+            place = out if address is None else address
+            raise ValueError(f"{place} has no study that could be resumed: leave --resume out to begin one")
+
+
+def begun(problem: Problem, out: Path, address: str | None, sweep: Runner) -> dict[str, Any]:
     """What all processes of a tuning share, made by the first of them.
 
     Raises
     ------
     ValueError
-        The folder has the study of another problem, or is to be resumed and has none.
+        The folder has the study of another problem.
     """
     with search.quiet(), storage.alone(out):
         store = storage.opened(out, address)
         if (study := _about(store)) is None:
-            if resume:
-                raise ValueError(f"{out} has no study that could be resumed: leave --resume out to begin one")
+            with suppress(KeyError):  # one whose maker was killed
+                optuna.delete_study(study_name=ABOUT, storage=store)
             shares = moved(problem, sweep)
             study = optuna.create_study(storage=store, study_name=ABOUT)
             study.set_user_attr("moved", shares)
@@ -140,7 +152,7 @@ def tune(
     second: bool = True,
     began: Callable[[Job], None] = lambda job: None,
 ) -> Outcome:
-    """Tune the assist of a problem in a folder; what the folder holds of it is taken up.
+    """Tune the assist of a problem in a folder; the outcome is that of all studies that the folder has of it.
 
     Parameters
     ----------
@@ -148,7 +160,8 @@ def tune(
     out : Path
         Of the journal.
     budget : int
-        Sets in all; the second optimiser has as many.
+        Finished sets of this sampler's study, those before included; sets of other samplers do not count. The second
+        optimiser has as many.
     sweep : Runner
         Where the processes run.
     workers : int
@@ -158,6 +171,7 @@ def tune(
     sampler : str
         Of ``search.SAMPLERS``.
     seed : int
+        Of the sets that are new; a study that has begun keeps its sets.
     resume : bool
         Whether there must be a study.
     second : bool
@@ -168,37 +182,53 @@ def tune(
     Raises
     ------
     ValueError
-        The car's own assist cannot be driven, or the folder holds another problem's study.
+        The car's own assist cannot be driven, the folder holds another problem's study, or is to be resumed and has
+        none.
     """
+    if resume:
+        _require_begun(out, address)
     problems.prepared(problem)  # refuses an unstable starting point before anything is written
     out.mkdir(parents=True, exist_ok=True)
-    shares = begun(problem, out, address, sweep, resume)
+    shares = begun(problem, out, address, sweep)
     job = job_of(problem, shares, out, budget, address, sampler, seed)
-    counted = job.subject.counted
-    trials: dict[str, list[FrozenTrial]] = {}
-    last = problem.ranges
     for _ in range(2):
         began(job)
         sweep(search.work, [WorkerOf(job, i) for i in range(workers)], words=lambda case: f"process {case.number}")
         with search.quiet():
-            study = search.current(job, storage.opened(out, address))
-            trials[job.name] = search.finished(study)
-            last = search.ranges(study) if job.widens else last
-        if not second or job.name != sampler or search.reached(trials[sampler]):
+            studies = search.studies(storage.opened(out, address))
+            trials = {name: search.finished(study) for name, study in studies.items()}
+            given = {name: search.ranges(study) for name, study in studies.items()}
+        if not second or job.name != sampler or search.reached([t for each in trials.values() for t in each]):
             break
         other = SECOND if sampler != SECOND else "tpe"
-        job = job._replace(name=f"second {other}", sampler=other, seed=seed + 1, ranges=last, widens=False)
+        job = job._replace(name=f"second {other}", sampler=other, seed=seed + 1, ranges=given[sampler], widens=False)
+    return _outcome(job.subject, shares, trials, search.spanned(given.values()), sweep)
+
+
+def _outcome(
+    subject: Subject,
+    shares: dict[str, float],
+    trials: dict[str, list[FrozenTrial]],
+    ranges: tuple[Range, ...],
+    sweep: Runner,
+) -> Outcome:
+    """What the sets of all studies show; the best of them and the starting point are driven once more."""
+    problem, counted = subject
     every = [t for each in trials.values() for t in each]
-    pairs = {a.name: (a, b) for a, b in zip(problem.ranges, last) if a != b}
     own = next((t for t in every if t.params == problems.own(problem)), None)
-    return Outcome(
-        problem,
-        counted,
-        shares,
-        own,
-        search.best(every),
-        trials,
-        last,
-        pairs,
-        feasibility.judge(problem, every, counted),
+    named = {key: t for key, t in (("start", own), ("best", search.best(every))) if t is not None}
+    evaluations = sweep(
+        own_angles.driven,
+        [(problem, t.params) for t in named.values()],
+        words=lambda case: "check with own handwheel angles",
     )
+    checked = {k: own_angles.replaced(problem, counted, t, e) for (k, t), e in zip(named.items(), evaluations)}
+    checks = {key: own_angles.compared(problem, counted, t, checked[key]) for key, t in named.items()}
+    best = checked.get("best")
+    judged = feasibility.judge(problem, [best if best and t is named["best"] else t for t in every], counted)
+    if best is not None:  # by its own angles it may no longer be first
+        far = feasibility.distances(problem, best, counted)
+        missed = tuple(name for name in counted if far[name] > feasibility.IN_BAND)
+        judged = judged._replace(missed=missed, reached=not missed)
+    widened = {a.name: (a, b) for a, b in zip(problem.ranges, ranges) if a != b}
+    return Outcome(problem, counted, shares, checked.get("start"), best, checks, trials, ranges, widened, judged)

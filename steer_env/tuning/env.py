@@ -91,8 +91,11 @@ class TuneEnv(PlainSpecification, gym.Env):
     sets : int, optional, default 8
         Parameter sets after which an episode is truncated; with None it has no end, and the context stays.
     vector_reward : bool, default False
-        Whether the reward is an array of the terms that weigh more than 0, whose sum it is otherwise. It has the form
-        of MO-Gymnasium, with ``reward_space`` and ``reward_dim``; ``reward_components`` are the names of the terms.
+        Whether the reward is an array of float32, (reward_dim,), of the terms that weigh more than 0. Their sum, which
+        the reward is otherwise, a float, agrees to 1e-6 of it, the rounding of float32. It has the form of
+        MO-Gymnasium, with ``reward_space`` and ``reward_dim``; ``reward_components`` are the names of the terms.
+        Gymnasium's checker warns of every reward that is no number:
+        ``gymnasium.make(id, vector_reward=True, disable_env_checker=True)`` leaves it out.
     render_mode : None
         There is no rendering.
 

@@ -75,6 +75,6 @@ def margin_shortfall(margins: Margins) -> dict[str, float]:
 def reward_terms(
     wanted: Mapping[str, Term], values: Mapping[str, Value], shortfall: Mapping[str, float]
 ) -> dict[str, float]:
-    """The terms of the reward, by name."""
-    found = {name: -term.weight * distance(values[name], term.band) for name, term in wanted.items()}
-    return found | {name: -MARGIN_WEIGHT * value for name, value in shortfall.items()}
+    """The terms of the reward, by name; one that costs nothing is 0, not -0."""
+    found = {name: 0.0 - term.weight * distance(values[name], term.band) for name, term in wanted.items()}
+    return found | {name: 0.0 - MARGIN_WEIGHT * value for name, value in shortfall.items()}

@@ -42,10 +42,11 @@ class TuneVectorEnv(PlainSpecification, VectorEnv):
     max_episode_steps : int, optional
         Parameter sets after which an episode is truncated, where ``sets`` is not smaller; -1 is none.
 
-    ``reset(seed=s)`` seeds sub-environment i with s + i. ``envs[i]`` is sub-environment i, with its ``best_action``,
-    ``refused`` and ``tuned_car``; it is reset and stepped by the vector environment alone. With ``vector_reward`` the
-    rewards are an array (num_envs, reward_dim). Infos hold arrays over the sub-environments, with masks, as those of
-    Gymnasium's vector environments do.
+    ``reset(seed=s)`` seeds sub-environment i with s + i. ``envs[i]`` is sub-environment i, with its
+    ``best_action``, ``refused`` and ``tuned_car``; it is reset and stepped by the vector environment alone. With
+    ``vector_reward`` the rewards are an array of float32, (num_envs, reward_dim), otherwise of float64,
+    (num_envs,). Infos hold arrays over the sub-environments, with masks, as those of Gymnasium's vector
+    environments do.
     """
 
     metadata = {"render_modes": [], "autoreset_mode": AutoresetMode.NEXT_STEP}  # noqa: RUF012 (Gymnasium's own form)

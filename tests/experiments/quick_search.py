@@ -1,8 +1,11 @@
 """A search that is quick: two bands of which one parameter reaches one each; run as a program, it is a process of it.
 
-python -m tests.experiments.quick_search OUT BUDGET SECONDS
+python -m tests.experiments.quick_search OUT BUDGET SECONDS [SAMPLER HANGS]
+
+where it hangs at its set of number HANGS, to be killed there.
 """
 
+import itertools
 import sys
 import time
 
@@ -31,5 +34,13 @@ def job(out, budget, seconds=0.0, **options):
     )
 
 
+def hanging(number):
+    """An evaluation that hangs at the set of a number, counted from 1."""
+    numbers = itertools.count(1)
+    return lambda seconds, values: evaluate(60.0 if next(numbers) == number else seconds, values)
+
+
 if __name__ == "__main__":
-    print(search.work(WorkerOf(job(sys.argv[1], int(sys.argv[2]), float(sys.argv[3])), 1)))
+    out, budget, seconds, sampler, hangs = [*sys.argv[1:], "surface", "0"][:5]
+    one = job(out, int(budget), float(seconds), name=sampler, sampler=sampler)
+    print(search.work(WorkerOf(one._replace(evaluate=hanging(int(hangs))), 1)))

@@ -10,7 +10,7 @@ import numpy as np
 import optuna
 import pytest
 
-from steer_env import targets
+from steer_env import manoeuvres, metrics, targets
 from steer_env.experiments.cli.main import main
 from steer_env.experiments.sweep import Where, run
 from steer_env.experiments.tuning import feasibility, problem, search, storage
@@ -27,8 +27,8 @@ def study_of(one):
         return search.current(one, storage.opened(search.Path(one.out), one.address))
 
 
-def process(out, budget, seconds):
-    command = [sys.executable, "-m", "tests.experiments.quick_search", str(out), str(budget), str(seconds)]
+def process(out, budget, seconds, *more):
+    command = [sys.executable, "-m", "tests.experiments.quick_search", *map(str, (out, budget, seconds, *more))]
     return subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
 
 
@@ -50,6 +50,27 @@ def test_resumes_where_it_ended_with_the_same_best(tmp_path):
     more = search.finished(study_of(job(tmp_path, 15)))
     assert len(more) == 15
     assert search.total(search.best(more)) <= search.total(first)
+
+
+@pytest.mark.parametrize("sampler", ["surface", *(pytest.param(x, marks=pytest.mark.whole) for x in ("tpe", "nsga2"))])
+def test_killed_and_resumed_it_tries_the_same_sets(tmp_path, sampler):
+    """Killed among its first sets and among those that the sampler chooses; every set is the uninterrupted one's."""
+    budget = 30
+    whole, killed = (job(tmp_path / name, budget, name=sampler, sampler=sampler) for name in ("whole", "killed"))
+    for one in (whole, killed):
+        storage.Path(one.out).mkdir()
+    search.work(WorkerOf(whole, 1))
+    for hangs, count in ((5, 4), (22, 25)):
+        with process(killed.out, budget, 0.0, sampler, hangs) as running:
+            wait_for(lambda count=count: len(search.finished(study_of(killed))) == count)
+            wait_for(lambda: study_of(killed).get_trials(deepcopy=False, states=(RUNNING,)))
+            running.kill()
+    assert search.work(WorkerOf(killed, 1)) == 5
+    first, again = (search.finished(study_of(one)) for one in (whole, killed))
+    assert len(first) == len(again) == budget
+    one, other = (sorted((t.params["x"], t.params["y"]) for t in trials) for trials in (first, again))
+    assert one == other
+    assert search.best(again).params == search.best(first).params
 
 
 def test_begins_with_the_starting_point_and_widens_where_the_optimum_is_on_a_limit(tmp_path):
@@ -243,7 +264,7 @@ def test_bad_input(tmp_path, capfd, monkeypatch):
     assert "boost must be finite" in refused(capfd, "--set", f"assist.boost={table.tolist()}", *out)
     unstable = refused(capfd, "--set", "assist.boost_scale=6", *out)
     assert "the starting point, 'compact', cannot be driven" in unstable
-    assert "begin with a milder assist" in unstable
+    assert "begin with at most 0.364 times its boost: multiply assist.boost_scale" in unstable
     text = (targets.FOLDER / "compact.toml").read_text(encoding="utf-8")
     line = next(line for line in text.splitlines() if line.startswith("torque_gradient_ratio"))
     contradicting = tmp_path / "own.toml"
@@ -265,8 +286,51 @@ def test_command(tmp_path, capfd):
     assert len(first["sets"]) == 2
     car = cars.load(tmp_path / "study" / "best.toml")
     assert car.name == "compact_tuned"
+    driven = metrics.evaluate(manoeuvres.drive(car, manoeuvres.make("release")))
+    told = first["best"]["metrics"]["friction x 1, unladen"]
+    for name in ("yaw_rate_after_1s", "release_overshoot", "residual_handwheel_angle"):
+        assert told[name] == pytest.approx(driven[name].value, rel=1e-3), name  # of two releases, here of more
     assert main([*words, "--parameters", "boost_level", "return_gain", "--resume"]) == 0
     again = json.loads((tmp_path / "study" / "tune.json").read_text(encoding="utf-8"))
     assert again == first
     assert main(words) == 2
     assert "has the study of another problem" in capfd.readouterr().err
+
+
+@pytest.mark.whole
+def test_command_whose_processes_are_killed_keeps_every_set(tmp_path, capfd):
+    """Two processes of one command: one is killed within a set, then the other, and the command is resumed."""
+    words = ["tune", "--budget", "12", "--workers", "1", "--unconfirmed", "--out", str(tmp_path / "study")]
+    words += ["--parameters", "boost_level", "return_gain"]
+    program = "import sys; from steer_env.experiments.cli.main import main; sys.exit(main(sys.argv[1:]))"
+
+    def trials():
+        with search.quiet():
+            if not storage.there(tmp_path / "study"):
+                return []
+            study = search.studies(storage.opened(tmp_path / "study")).get("surface")
+            return study.get_trials() if study else []
+
+    def under_way(one, count):
+        """The running sets of a process, once as many are finished."""
+        every = trials()
+        own = [t for t in every if t.state is RUNNING and f"-{one.pid}-" in t.user_attrs.get("process", "")]
+        return own if sum(t.state is COMPLETE for t in every) >= count else []
+
+    one, other = (subprocess.Popen([sys.executable, "-c", program, *words]) for _ in range(2))
+    kept, lost = [], []
+    with one, other:
+        for each, count in ((one, 2), (other, 5)):
+            lost += wait_for(lambda each=each, count=count: under_way(each, count), 240.0)
+            each.kill()
+            each.wait()
+            kept += [t for t in trials() if t.state is COMPLETE]
+    assert 5 <= len({t.number for t in kept}) < 12
+    assert main([*words, "--resume"]) == 0
+    assert "Not feasible as far as 12 sets" in capfd.readouterr().out
+    done = [t for t in trials() if t.state is COMPLETE]
+    params = [t.params for t in done]
+    assert len(done) == len({json.dumps(p) for p in params}) == 12
+    assert all(t.params in params for t in [*kept, *lost])
+    written = json.loads((tmp_path / "study" / "tune.json").read_text(encoding="utf-8"))
+    assert [each["parameters"] for each in written["sets"]["surface"]] == params

@@ -139,7 +139,12 @@ def test_bad_calls():
 
 def test_rewards_in_components_add_up_to_the_reward():
     """In the form of MO-Gymnasium: an array of float32 in ``reward_space``, (num_envs, reward_dim) of a vector."""
-    env = gym.make(ON_CENTRE, vector_reward=True, weights={"yaw_lag": 2.0}).unwrapped
+    env = gym.make(ON_CENTRE, vector_reward=True, disable_env_checker=True, weights={"yaw_lag": 2.0})
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")  # as of Gymnasium's checker
+        env.reset(seed=0)
+        env.step(env.unwrapped.baseline_action)
+    env = env.unwrapped
     plain = gym.make(ON_CENTRE, weights={"yaw_lag": 2.0}).unwrapped
     assert not hasattr(plain, "reward_space")
     assert env.reward_components == (*(name for name in env.terms if env.terms[name].weight), *reward.MARGIN_TERMS)
@@ -153,6 +158,9 @@ def test_rewards_in_components_add_up_to_the_reward():
     assert env.reward_space.contains(given)
     assert given.tolist() == [np.float32(info["reward_terms"][name]) for name in env.reward_components]
     assert given.sum() == pytest.approx(total, rel=1e-6)
+    assert 0.0 in given
+    assert not np.signbit(given[given == 0.0]).any()
+    assert not any(np.signbit(x) for x in info["reward_terms"].values() if x == 0.0)
     vector = gym.make_vec(ON_CENTRE, 2, workers=1, vector_reward=True, weights={"yaw_lag": 2.0})
     vector.reset(seed=0)
     _, rewards, *_ = vector.step(np.tile(tried, (2, 1)))

@@ -137,13 +137,29 @@ def functions_to_the_limit(c: Column, a: Assist) -> float:
         return math.inf
 
     def calm(factor: float) -> bool:
-        scaled = _scaled(a, list(_KEYS), USUAL_LIMIT * factor)
-        return all(stable(c, scaled, speed, free=free) for speed in a.speeds for free in (False, True))
+        return _stable_everywhere(c, _scaled(a, list(_KEYS), USUAL_LIMIT * factor))
 
     return math.inf if calm(1.0) else USUAL_LIMIT * _largest(calm)
 
 
-def _three_digits(value: float) -> str:
+def boost_to_the_limit(c: Column, a: Assist) -> float:
+    """The factor on the boost at which the loop becomes unstable at a speed of the boost table, at most 1 [1].
+
+    0 where it is unstable without boost, too.
+    """
+
+    def calm(factor: float) -> bool:
+        return _stable_everywhere(c, a._replace(boost=factor * a.boost))
+
+    return 1.0 if calm(1.0) else _largest(calm) if calm(0.0) else 0.0
+
+
+def _stable_everywhere(c: Column, a: Assist) -> bool:
+    """Whether the loop is stable at every speed of the boost table, with held and with free handwheel."""
+    return all(stable(c, a, speed, free=free) for speed in a.speeds for free in (False, True))
+
+
+def three_digits(value: float) -> str:
     """A value rounded towards 0 to three digits."""
     step = 10.0 ** (math.floor(math.log10(abs(value))) - 2) if value else 1.0
     return f"{math.trunc(value / step) * step:.3g}"
@@ -182,9 +198,9 @@ def reason(c: Column, a: Assist, speed: float, *, free: bool) -> str:
     def flatter(factor: float) -> bool:
         return calm(c, a._replace(boost=factor * a.boost))
 
-    ways = f"K_tb {_three_digits(_largest(softer) * c.K_tb)}"
+    ways = f"K_tb {three_digits(_largest(softer) * c.K_tb)}"
     if flatter(0.0):
-        ways += f", or with {_three_digits(_largest(flatter))} times the boost"
+        ways += f", or with {three_digits(_largest(flatter))} times the boost"
     return f"{text}: K_tb {c.K_tb:g} N m/rad is too stiff for this assist; it is stable with {ways}"
 
 
@@ -193,4 +209,4 @@ def _strength(f: Functions, name: str, speed: float, factor: float) -> str:
     key, unit, more = _KEYS[name]
     gain = getattr(f, name).gain
     value = gain_at(f, gain, speed) if np.ndim(gain) else gain
-    return f"assist.{key} is {value:.4g}{unit}; it is stable with {_three_digits(factor * value)}{more}"
+    return f"assist.{key} is {value:.4g}{unit}; it is stable with {three_digits(factor * value)}{more}"

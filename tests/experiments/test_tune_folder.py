@@ -1,0 +1,223 @@
+"""What a tuning makes of all studies in a folder, of the set that it takes last, and of a car that cannot be driven.
+
+The sets are evaluated by a formula in place of the drives: a band is reached where its parameter is, and the handwheel
+angles of the set itself shift every metric by a little.
+"""
+
+import json
+import re
+import subprocess
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from steer_env import targets
+from steer_env.experiments.cli.main import main
+from steer_env.experiments.report import tuning_page
+from steer_env.experiments.tuning import own_angles, problem, search, storage, tuning
+from steer_env.experiments.tuning.problem import Evaluation
+from steer_env.vehicle import cars
+
+pytestmark = pytest.mark.filterwarnings("ignore::steer_env.vehicle.cars.UnusualCar")
+
+MARGINS = {
+    "column_phase_0": 50.0, "column_gain_0": 9.0, "phase_100": 45.0, "gain_100": 8.0, "free_damping_100": 0.1,
+    "free_pulse_100": 1.0, "stable": 1.0,
+}  # fmt: skip
+PARAMETERS = ("boost_level", "damping_level")
+SHIFT = 0.25  # of a metric by a set's own handwheel angles [widths of the band]
+
+
+def formula(posed, values, every_metric=True):
+    """Metrics in the middle of their bands where boost, or damping for those of the return, is 2.5 times the car's."""
+    own, start = posed.car.name.endswith("_tuned"), cars.load("compact").assist
+    tried = problem.assist(posed, values)
+    factors = tried.boost[0, -1] / start.boost[0, -1], tried.damping[0] / start.damping[0]
+    metrics = {}
+    for name, (low, high) in ((n, b.good) for n, b in posed.bands.items()):
+        place = factors[posed.groups[name] == "return"] - 2.0 - (SHIFT if own else 0.0)
+        metrics[name] = low + (high - low) * place
+    return Evaluation({c.label: dict(metrics) for c in posed.conditions}, MARGINS, {})
+
+
+def here(function, cases, **options):
+    """A sweep in this process."""
+    return [function(case) for case in cases]
+
+
+@pytest.fixture
+def quick(monkeypatch):
+    monkeypatch.setattr(problem, "evaluate", formula)
+    monkeypatch.setattr(problem, "prepared", lambda posed: None)
+
+
+@pytest.fixture(scope="module")
+def posed():
+    return problem.make(cars.load("compact"), targets.load("compact"), names=PARAMETERS)
+
+
+def tuned(posed, out, budget=6, **options):
+    return tuning.tune(posed, out, budget, here, second=False, **options)
+
+
+def params(trials):
+    return [t.params for t in trials]
+
+
+@pytest.mark.parametrize("database", [False, True])
+def test_another_sampler_or_seed_keeps_the_sets_of_all_studies(tmp_path, posed, quick, database):
+    options = {"address": f"sqlite:///{tmp_path / 'study.db'}"} if database else {}
+    first = tuned(posed, tmp_path, 24, **options)
+    other = tuned(posed, tmp_path, 3, sampler="random", seed=5, **options)
+    assert list(other.trials) == ["surface", "random"]
+    assert params(other.trials["surface"]) == params(first.trials["surface"])
+    assert len(other.trials["random"]) == 3
+    assert search.total(other.best) <= search.total(first.best)
+    assert other.feasibility.sets == sum(map(len, other.trials.values())) == len(first.trials["surface"]) + 3
+    for r, before in zip(other.ranges, first.ranges):
+        assert r.low <= before.low
+        assert r.high >= before.high
+    assert other.widened == first.widened
+    again = tuned(posed, tmp_path, 3, seed=7, sampler="random", **options)
+    assert params(again.trials["random"]) == params(other.trials["random"])
+    page, data = tuning_page.build(other, [])
+    assert "random search (3)" in page.sections[0].evidence
+    assert sorted(map(len, data["sets"].values())) == sorted(map(len, other.trials.values()))
+    assert again.best.params == other.best.params
+
+
+def test_the_budget_counts_the_finished_sets_of_one_sampler(tmp_path, posed, quick):
+    tuned(posed, tmp_path, 4, sampler="random")
+    found = tuned(posed, tmp_path, 6, sampler="random")
+    assert [len(trials) for trials in found.trials.values()] == [6]
+    found = tuned(posed, tmp_path, 5, sampler="tpe")
+    assert {name: len(trials) for name, trials in found.trials.items()} == {"random": 6, "tpe": 5}
+
+
+def test_a_search_and_a_confirmation_by_the_same_optimiser_are_both_on_the_page(tmp_path, posed, quick):
+    tuning.tune(posed, tmp_path, 3, here, sampler="random")
+    found = tuned(posed, tmp_path, 4, sampler="nsga2")
+    assert {name: len(trials) for name, trials in found.trials.items()} == {"random": 3, "second nsga2": 3, "nsga2": 4}
+    page, data = tuning_page.build(found, [])
+    assert "random search (3) and NSGA-II, confirming (3) and NSGA-II (4)" in page.sections[0].evidence
+    assert data["own_angles"]["best"]["difference"] == found.checks["best"].difference
+    bands = next(section for section in page.sections if section.title == "Bands")
+    assert f"by up to {SHIFT:.2g} widths of its band" in bands.evidence
+    assert set(own_angles.sentences(found.checks)) <= set(page.verdict)
+
+
+def test_the_best_set_has_the_metrics_with_its_own_handwheel_angles(tmp_path, posed, quick):
+    found = tuned(posed, tmp_path, 12, sampler="random")
+    before, check = found.checks["best"].searched, found.checks["best"]
+    assert before in found.trials["random"]
+    assert (found.best.params, found.best.number) == (before.params, before.number)
+    expected = formula(posed._replace(car=problem.tuned_car(posed, before.params)), {})
+    assert found.best.user_attrs["details"]["metrics"] == expected.metrics
+    assert found.best.user_attrs["details"]["margins"] == before.user_attrs["details"]["margins"]
+    assert found.best.user_attrs["objectives"] == list(problem.objectives(posed, expected, found.counted).values())
+    assert check.difference == pytest.approx(SHIFT)
+    assert check.metric in found.counted
+    far = {n: problem.distance(x, posed.bands[n]) for n, x in next(iter(expected.metrics.values())).items()}
+    assert set(found.feasibility.missed) == {n for n in found.counted if far[n] > 1e-9}
+    assert found.checks["start"].difference == pytest.approx(SHIFT)
+    assert found.own.params == problem.own(posed)
+
+
+def test_a_band_that_changes_side_is_told(posed):
+    inside = {name: 0.5 * sum(band.good) for name, band in posed.bands.items()}
+    outside = {**inside, "yaw_lag": posed.bands["yaw_lag"].good[1] + 1.0}
+    refused = {**inside, "release_overshoot": None}
+    trials = [
+        SimpleNamespace(user_attrs={"details": {"metrics": {"calm": inside, "rough": values}}})
+        for values in (inside, outside, refused)
+    ]
+    counted = tuple(posed.bands)
+    same = own_angles.compared(posed, counted, trials[0], trials[0])
+    assert (same.difference, same.metric, same.changed) == (0.0, "", ())
+    assert own_angles.sentences({"start": same, "best": same}) == []
+    left = own_angles.compared(posed, counted, trials[0], trials[1])
+    assert left.changed == (("yaw_lag", "rough", False),)
+    told = own_angles.sentences({"best": left})
+    assert len(told) == 1
+    assert "yaw_lag at rough leaves its band" in told[0]
+    back = own_angles.sentences({"start": own_angles.compared(posed, counted, trials[1], trials[0])})
+    assert "yaw_lag at rough comes into its band" in back[0]
+    lost = own_angles.compared(posed, counted, trials[0], trials[2])
+    assert lost.difference == problem.FARTHEST
+    assert lost.changed == (("release_overshoot", "rough", False),)
+    text = json.dumps(own_angles.as_json({"best": lost}))
+    assert json.loads(text)["best"]["changed"] == [["release_overshoot", "rough", False]]
+
+
+def test_targets_whose_bands_are_all_in_one_group(tmp_path, quick):
+    file = tmp_path / "parking.toml"
+    text = (targets.FOLDER / "compact.toml").read_text(encoding="utf-8")
+    head, *sections = re.split(r"^(?=\[)", text, flags=re.MULTILINE)
+    file.write_text(head + "".join(s for s in sections if s.startswith("[parking")), encoding="utf-8")
+    one = problem.make(cars.load("compact"), targets.load(str(file)), names=PARAMETERS)
+    assert set(one.groups.values()) == {"effort"}
+    for sampler in ("surface", "nsga2"):
+        found = tuned(one, tmp_path / sampler, 5, sampler=sampler)
+        assert len(found.best.user_attrs["objectives"]) == 1
+        page, data = tuning_page.build(found, [])
+        assert set(data["importances"]) <= {"effort"}
+        assert "<svg" in page.sections[1].pictures[0].svg
+
+
+def test_nothing_is_left_behind_where_there_is_nothing_to_resume(tmp_path, posed, quick, capfd):
+    for address in (None, f"sqlite:///{tmp_path / 'study.db'}"):
+        with pytest.raises(ValueError, match="has no study that could be resumed"):
+            tuned(posed, tmp_path / "not" / "here", resume=True, address=address)
+        assert not (tmp_path / "not").exists()
+    assert main(["tune", "--resume", "--workers", "1", "--out", str(tmp_path / "nothere")]) == 2
+    assert "leave --resume out" in capfd.readouterr().err
+    assert not (tmp_path / "nothere").exists()
+
+
+def test_a_folder_with_other_files_is_refused_in_true_words(tmp_path, capfd):
+    (tmp_path / "thesis.txt").write_text("mine")
+    assert main(["tune", "--out", str(tmp_path)]) == 2
+    told = capfd.readouterr().err
+    assert "holds other files (thesis.txt): give a new directory, or one with the output of an earlier run" in told
+    assert "replaced" not in told
+
+
+@pytest.mark.parametrize(
+    ("key", "own"),
+    [("boost_scale", 6.0), ("boost_scale", [6.0] * 4 + [3.0] * 4), ("return_gain", 200.0)],
+)
+def test_the_remedy_for_an_unstable_start_works(key, own):
+    """The factor is one on what the car has, whatever scale its file has, and the largest one."""
+    data = cars.load("compact").data()
+
+    def check(factor):
+        given = {**data["assist"], key: np.multiply(factor, own).tolist()}
+        problem.require_stable(problem.make(cars.load({**data, "assist": given}), targets.load("compact")))
+
+    with pytest.raises(ValueError, match=r"cannot be driven: .* is unstable .*; begin with at most") as caught:
+        check(1.0)
+    factor, of = re.search(r"begin with at most ([\d.e-]+) times its (.*)$", str(caught.value)).groups()
+    assert of.startswith("boost: multiply assist.boost_scale, which is 1" if key == "boost_scale" else key)
+    check(float(factor))
+    with pytest.raises(ValueError, match="cannot be driven"):
+        check(1.02 * float(factor))
+
+
+def test_the_advice_for_a_torn_journal_can_be_run(tmp_path, posed, quick):
+    out = tmp_path / "my study"
+    found = tuned(posed, out, 5, sampler="random")
+    path = out / storage.JOURNAL
+    lines = path.read_bytes().splitlines(keepends=True)
+    at = next(i for i, line in enumerate(lines) if b'"op_code":6' in line.replace(b" ", b"") and i > len(lines) // 2)
+    path.write_bytes(b"".join([*lines[:at], b"\0\r\0" + lines[at][:9] + b"\n", *lines[at + 1 :]]))
+    with pytest.raises(ValueError, match=f"line {at + 1} of {len(lines)}, is torn") as caught:
+        storage.require_whole(path)
+    command = re.search(r"with `(.*?)`", str(caught.value)).group(1)
+    subprocess.run(command, shell=True, check=True, cwd="/")
+    storage.require_whole(path)
+    assert path.read_bytes() == b"".join(lines[:at])
+    kept = tuned(posed, out, 5, sampler="random").trials["random"]
+    assert len(kept) == 5
+    assert [t.params for t in kept][:2] == params(found.trials["random"])[:2]
+    assert not (out / "whole.log").exists()
