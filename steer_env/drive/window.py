@@ -5,6 +5,7 @@ It draws what a session shows and passes the events of pygame on; the drive itse
 
 import math
 import time
+from collections import deque
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,7 @@ from steer_env.vehicle.plant import CHANNEL
 
 WIDTH, HEIGHT = 1280, 680
 FRAMES = 60.0  # at most in a second [1/s]
+KEPT = 10.0  # time for which the arcs suit a torque that was large; that of the loop [s]
 TORQUE = "torsion-bar torque"  # which a wheel gives, and which has no noise of the sensor
 TITLE = "steer-env drive"
 # Panels: left, top, width, height.
@@ -51,7 +53,8 @@ class Window:
         self.canvas = Canvas(WIDTH, HEIGHT)
         self._scene, self._cars = scene, cars
         self._peaks = np.array([20.0, 2.0])  # of the axes of the loop [deg], [N m]
-        self._full = np.zeros(2)  # largest torques of torsion bar and assist so far [N m]
+        # Times [s] and torques of torsion bar and assist [N m] that may be the largest of the last seconds.
+        self._largest: tuple[deque[tuple[float, float]], ...] = (deque(), deque())
         self._seen = 0.0  # time up to which the cones know the way [s]
         self.frames, self._began = 0, math.nan
 
@@ -137,10 +140,15 @@ class Window:
     def _dial(self, shown: Shown) -> None:
         now = shown.channels
         angle, hand, motor = (now[CHANNEL[name]] for name in ("handwheel_angle", "torsion_bar_torque", "motor_torque"))
-        self._full = np.maximum(self._full, np.abs([hand, motor]))
+        for largest, value in zip(self._largest, (hand, motor)):
+            while largest and largest[-1][1] <= abs(value):
+                largest.pop()
+            largest.append((shown.time, abs(float(value))))
+            while largest[0][0] < shown.time - KEPT:
+                largest.popleft()
         arcs = [
-            panels.Arc(float(value), panels.full_scale(float(peak)), colour)
-            for value, peak, colour in zip((hand, motor), self._full, (HAND, MOTOR))
+            panels.Arc(float(value), full, colour)
+            for value, full, colour in zip((hand, motor), self.full_scales(), (HAND, MOTOR))
         ]
         rows = [
             panels.Row("handwheel angle", f"{signed(math.degrees(angle), 1)} deg"),
@@ -152,6 +160,10 @@ class Window:
         if wanted is not None:
             rows.insert(1, panels.Row("wanted angle", f"{signed(math.degrees(wanted), 1)} deg", WANTED))
         panels.dial(self.canvas, DIAL, float(angle), arcs, rows, wanted)
+
+    def full_scales(self) -> list[float]:
+        """Full scales of the arcs of torsion bar and assist, by their largest torques of the last seconds [N m]."""
+        return [panels.full_scale(largest[0][1]) for largest in self._largest]
 
     def _loop(self, shown: Shown) -> None:
         history = shown.history

@@ -38,7 +38,7 @@ class Worker:
     ValueError
         Another system than Linux, or kernels that are not compiled.
     PermissionError
-        The priority is not allowed, and what to do; raised where the block ends.
+        The priority is not allowed, and what to do; raised where the block begins.
     """
 
     def __init__(self, loop: Callable, arguments: tuple, stop: NDArray[Any], priority: int = 0) -> None:
@@ -46,6 +46,7 @@ class Worker:
         self._loop, self._arguments = bind(loop, *arguments), arguments
         self._stop, self._priority = stop, priority
         self._error: BaseException | None = None
+        self._begun = threading.Event()
         self._thread = threading.Thread(target=self._work, daemon=True)
 
     def _work(self) -> None:
@@ -54,9 +55,12 @@ class Worker:
             ctypes.CDLL(None).prctl(_SET_TIMER_SLACK, ctypes.c_ulong(1), 0, 0, 0)
             if self._priority:
                 self._rise()
+            self._begun.set()
             self._loop(*self._arguments)
         except BaseException as error:
             self._error = error
+        finally:
+            self._begun.set()
 
     def _rise(self) -> None:
         """Take the priority, for this thread alone."""
@@ -70,15 +74,25 @@ class Worker:
 
     def __enter__(self: W) -> W:
         self._thread.start()
+        try:
+            self._begun.wait()
+            if self._error:
+                raise self._error
+        except BaseException:
+            self._end()
+            raise
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self._stop[0] = 1
-        self._thread.join()
+        self._end()
         if self._error and kind is None:
             raise self._error
+
+    def _end(self) -> None:
+        self._stop[0] = 1
+        self._thread.join()
 
     def runs(self) -> bool:
         """Whether the loop runs: not before the block, and no longer where it has failed or ended by itself."""

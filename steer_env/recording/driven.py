@@ -1,8 +1,7 @@
-"""What a person's drive must be to have metrics: one set throughout, and at a motor the whole torque of that set.
+"""What a person's drive must be to have metrics: one set throughout, in time, and at a motor the whole torque.
 
-The recording of ``steer-env drive`` has the channels ``chosen_set``, ``share_of_next_set`` and ``watchdog_gain``, and
-its meta tells by ``motor`` whether a device gave the torque. The soft start at the begin of a recording and the fade at
-its end belong to every drive.
+The recording of ``steer-env drive`` has the channels ``CHANNELS``, and its meta tells by ``motor`` whether a device
+gave the torque. The soft start at the begin of a recording and the fade at its end belong to every drive.
 """
 
 from itertools import pairwise
@@ -11,15 +10,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from steer_env.recording.recording import Recording
+from steer_env.vehicle.steering.eps import SAMPLE_TIME
 
+CHANNELS = ("chosen_set", "share_of_next_set", "watchdog_gain", "deadlines_missed")
 MANY_MISSED = 0.01  # share of the deadlines from which on a person is too fast for the simulation; assumed [1]
+STOOD = 0.1  # shortest time without a sample that a person feels as a halt; assumed [s]
 WHOLE = 0.999  # gain of the watchdog from which on the torque counts as whole; assumed [1]
 START, END = 2.0, 0.5  # longest time without the whole torque at begin and end that is not told; assumed [s]
+TENTHS = 10.0  # of a second, to which the bounds of a part are told [1/s]
 
 
 def is_drive(recording: Recording) -> bool:
     """Whether a recording is that of a person's drive."""
-    return "chosen_set" in recording.channels and "sets" in recording.meta
+    return "sets" in recording.meta and all(name in recording.channels for name in CHANNELS)
 
 
 def acted(recording: Recording) -> list[tuple[str, float, float]]:
@@ -30,43 +33,76 @@ def acted(recording: Recording) -> list[tuple[str, float, float]]:
 
 
 def check(recording: Recording) -> None:
-    """Refuse a drive without one set and its whole torque throughout; other recordings pass.
+    """Refuse a drive without one set, its samples in time and its whole torque throughout; other recordings pass.
 
     Raises
     ------
     ValueError
-        Says what acted when, or when the torque was off, and the longest part that can be evaluated.
+        Says which sets acted, when the torque was off, when the simulation stood still, or how many deadlines it
+        missed, and the longest part that can be evaluated.
     """
     if not is_drive(recording):
         return
-    time, acting = recording.time, recording["chosen_set"]
+    time, acting, missed = recording.time, recording["chosen_set"], recording["deadlines_missed"]
     torque = np.ones(time.size, bool)
     if recording.meta.get("motor"):
         torque = recording["watchdog_gain"] >= WHOLE
-    whole = np.flatnonzero(torque)
-    lost = time[~torque]
-    if whole.size and time[whole[0]] - time[0] <= START:
-        lost = lost[lost > time[whole[0]]]
-    if whole.size and time[-1] - time[whole[-1]] <= END:
-        lost = lost[lost < time[whole[-1]]]
+    stood, excess = missed * SAMPLE_TIME >= STOOD, _excess(time, missed)
+    changed = np.diff(acting, prepend=acting[0]) != 0.0
     found = []
-    if lost.size:
+    if (lost := _lost(time, torque)).size:
         found.append(f"the torque was off or faded, first at {lost[0]:.1f} s")
-    if (acting != acting[0]).any():
+    if changed.any():
         each = ", ".join(f"{label} to {end:.1f} s" for label, _, end in acted(recording))
         found.append(f"several sets acted: {each}")
+    if stood.any():
+        at, most = time[stood][0], SAMPLE_TIME * missed.max()
+        found.append(f"the simulation stood still, first at {at:.1f} s and for up to {most:.1f} s")
+    if excess.sum() > 0:
+        share = missed.sum() / (missed.sum() + time.size * _samples(time))
+        found.append(
+            f"{share:.1%} of the deadlines were missed, first at {time[missed > 0][0]:.1f} s, by which the person was "
+            "too fast for the simulation"
+        )
     if found:
-        usable = torque & (recording["share_of_next_set"] <= 0.0)
-        raise ValueError(f"{'; '.join(found)}. {_part(time, usable, acting)}")
+        usable = torque & (recording["share_of_next_set"] <= 0.0) & ~changed & ~stood
+        raise ValueError(f"{'; '.join(found)}. {_part(time, usable, excess)}")
 
 
-def _part(time: NDArray[np.float64], usable: NDArray[np.bool_], acting: NDArray[np.float64]) -> str:
-    """The longest part of one set that is usable throughout, in words."""
-    ends = np.flatnonzero((usable[1:] != usable[:-1]) | (acting[1:] != acting[:-1]))
-    runs = [(i, j) for i, j in pairwise([0, *(ends + 1).tolist(), time.size]) if usable[i]]
-    if not runs:
-        return "No part has the whole torque of one set: drive again"
-    i, j = max(runs, key=lambda run: time[run[1] - 1] - time[run[0]])
-    # Rounded to the inside, so that the part is what is told.
-    start, end = np.ceil(10.0 * time[i]) / 10.0, np.floor(10.0 * time[j - 1]) / 10.0
-    return f"The longest part that is whole: --between {start:.1f} {end:.1f}"
+def _lost(time: NDArray[np.float64], torque: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """Times without the whole torque, but for a soft start and a fade at the end [s]."""
+    whole, lost = time[torque], time[~torque]
+    if whole.size and whole[0] - time[0] <= START:
+        lost = lost[lost > whole[0]]
+    if whole.size and time[-1] - whole[-1] <= END:
+        lost = lost[lost < whole[-1]]
+    return lost
+
+
+def _samples(time: NDArray[np.float64]) -> float:
+    """Samples of the loop in a row [1]."""
+    return float(np.median(np.diff(time))) / SAMPLE_TIME
+
+
+def _excess(time: NDArray[np.float64], missed: NDArray[np.float64]) -> NDArray[np.int64]:
+    """By row, a number whose sum is positive where more than ``MANY_MISSED`` of the deadlines were missed.
+
+    Whole numbers, so that a part whose sum is 0 still is one when it is evaluated alone.
+    """
+    return np.rint((1.0 / MANY_MISSED - 1.0) * missed - _samples(time)).astype(np.int64)
+
+
+def _part(time: NDArray[np.float64], usable: NDArray[np.bool_], excess: NDArray[np.int64]) -> str:
+    """The longest part that is usable throughout and has not too many missed deadlines, in words."""
+    # A row that is not usable outweighs all others.
+    sums = np.append(0, np.cumsum(np.where(usable, excess, np.abs(excess).sum() + 1)))
+    # Tenths to the inside, so that the part is what is told.
+    bounds = np.arange(np.ceil(TENTHS * time[0]), np.floor(TENTHS * time[-1]) + 1.0) / TENTHS
+    before, upto = (sums[np.searchsorted(time, bounds, side)] for side in ("left", "right"))
+    # The first bound whose sum is not below that at the end: the rows between have no excess.
+    first = np.searchsorted(np.maximum.accumulate(before), upto)
+    lengths = np.arange(bounds.size) - first
+    if not (lengths > 0).any():
+        return "No part has the whole torque of one set in time: drive again"
+    end = int(lengths.argmax())
+    return f"The longest part that is whole: --between {bounds[first[end]]:.1f} {bounds[end]:.1f}"

@@ -24,8 +24,11 @@ SURFACE, EDGE, GUIDE = (229, 232, 238), (140, 149, 163), (176, 184, 197)
 BODY, OUTLINE, GLASS, TRACE = (112, 135, 174), (55, 71, 99), (222, 231, 243), (150, 170, 205)
 HAND, MOTOR, WANTED = (37, 99, 235), (13, 148, 136), (168, 50, 210)
 CONE, TOUCHED = (245, 130, 32), (190, 18, 60)
-# Of the loops of several sets, which differ in lightness as well as in hue.
-COLOURS: tuple[Colour, ...] = (HAND, (217, 93, 14), (22, 128, 80), (126, 58, 160), (120, 90, 60), (90, 100, 120))
+# Of the loops of several sets, as many as there are keys for; they differ in lightness as well as in hue.
+COLOURS: tuple[Colour, ...] = (
+    *(HAND, (217, 93, 14), (22, 128, 80), (126, 58, 160), (120, 90, 60), (90, 100, 120)),
+    *((219, 39, 119), (202, 160, 10), (20, 30, 40)),
+)
 
 _FULL_ARC = math.radians(120.0)  # angle of an arc at full scale
 _WHEEL = np.array([[0.31, 0.1], [0.31, -0.1], [-0.31, -0.1], [-0.31, 0.1]])  # of a 205/60 R15 tyre [m]

@@ -4,8 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from steer_env import manoeuvres, metrics
+from steer_env.recording import driven as driven_module
 from steer_env.vehicle import cars
 
 
@@ -14,12 +17,13 @@ def robot():
     return manoeuvres.drive(cars.load("compact"), manoeuvres.make("weave"), "lugre")
 
 
-def driven(robot, motor=True, gain=(), sets=()):
-    """The robot's weave as a person's drive, with a gain or a set from a time to another."""
+def driven(robot, motor=True, gain=(), sets=(), missed=()):
+    """The robot's weave as a person's drive, with a gain, a set or missed deadlines by row from a time to another."""
     time = robot.time
     own = {"chosen_set": np.ones(time.size), "share_of_next_set": np.zeros(time.size)}
+    own["deadlines_missed"] = np.zeros(time.size)
     own["watchdog_gain"] = np.minimum(time - time[0], 1.0)  # soft start
-    for name, changes in (("watchdog_gain", gain), ("chosen_set", sets)):
+    for name, changes in (("watchdog_gain", gain), ("chosen_set", sets), ("deadlines_missed", missed)):
         for t0, t1, value in changes:
             own[name][(time >= t0) & (time < t1)] = value
     own["share_of_next_set"][1:] = np.abs(np.diff(own["chosen_set"])) * 0.5
@@ -76,3 +80,48 @@ def test_several_sets_are_refused_with_the_longest_part_of_one(robot):
     part = several.between(start, end)
     assert set(part["chosen_set"]) == {1.0}
     assert not any(value.reason for value in metrics.evaluate(part, intervals=False).values())
+
+
+def test_a_simulation_that_stood_still_is_refused_with_the_part_in_time(robot):
+    at = robot.time[np.searchsorted(robot.time, 9.0)]
+    halted = driven(robot, motor=False, missed=[(at, at + 1e-9, 150.0)])
+    sentence = refusal(halted)
+    assert f"the simulation stood still, first at {at:.1f} s and for up to 0.1 s" in sentence
+    start, end = between(sentence)
+    assert (start, end) == (pytest.approx(at, abs=0.11), pytest.approx(robot.time[-1], abs=0.11))
+    assert not any(value.reason for value in metrics.evaluate(halted.between(start, end), intervals=False).values())
+
+
+def test_many_missed_deadlines_are_refused_with_a_part_that_has_few(robot):
+    many = driven(robot, missed=[(2.0, 8.0, 1.0)])
+    sentence = refusal(many)
+    assert "% of the deadlines were missed, first at 2.0 s, by which the person was too fast" in sentence
+    start, end = between(sentence)
+    assert 7.4 < start <= 7.6  # 1 % of the 52.5 s to the end are 0.5 s with a deadline missed at each sample
+    driven_module.check(many.between(start, end))
+    with pytest.raises(ValueError, match="deadlines were missed"):
+        driven_module.check(many.between(start - 0.1, end))
+    assert "drive again" in refusal(driven(robot, missed=[(0.0, 1e3, 1.0)]))
+
+
+def test_few_missed_deadlines_are_no_reason(robot):
+    driven_module.check(driven(robot, missed=[(5.0, 5.02, 20.0)]))
+
+
+@given(seed=st.integers(0, 2**32 - 1), share=st.floats(0.001, 0.02))
+def test_the_part_that_is_told_is_sound_and_none_that_is_longer(robot, seed, share):
+    rng = np.random.default_rng(seed)
+    whole = driven(robot)
+    gain = whole["watchdog_gain"].copy()
+    gain[rng.integers(0.2 * gain.size, 0.9 * gain.size, size=3)] = 0.5
+    missed = rng.binomial(1, share, gain.size).astype(float)
+    several = replace(whole, channels={**whole.channels, "watchdog_gain": gain, "deadlines_missed": missed})
+    with pytest.raises(ValueError, match="torque was off") as error:
+        driven_module.check(several)
+    start, end = between(str(error.value))
+    driven_module.check(several.between(start, end))
+    for earlier, later in ((round(start - 0.1, 1), end), (start, round(end + 0.1, 1))):
+        if earlier >= robot.time[0] + 1.0 and later <= robot.time[-1]:
+            wider = several.between(earlier, later)
+            many = wider["deadlines_missed"].sum()  # of a robot's drive, a row is one sample
+            assert many / (many + wider.time.size) > 0.01 or (wider["watchdog_gain"] < 1.0).any()

@@ -1,6 +1,7 @@
 """The window: what it draws of a moment, without a screen."""
 
 import math
+from itertools import combinations
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ from steer_env.drive import window
 from steer_env.drive.scene import COURSES, FIRST, Scene
 from steer_env.drive.shown import History, SetInfo, Shown
 from steer_env.drive.window import DIAL, HEALTH, HEIGHT, LOOP, ROAD, WIDTH, Window
+from steer_env.experiments.cli.common.drive_sets import MOST
 from steer_env.real_time.safety import PHASES
 from steer_env.rendering.canvas import Canvas, NoWindowError
 from steer_env.rendering.panels import COLOURS, CONE, TOUCHED, WANTED, Pose
@@ -59,6 +61,24 @@ def test_the_loop_has_the_colour_of_the_set(chosen):
     assert frame.shape == (HEIGHT, WIDTH, 3)
     assert seen(frame, COLOURS[chosen], LOOP) > 100
     assert seen(frame, COLOURS[1 - chosen], LOOP) == 0
+
+
+def test_every_set_that_has_a_key_has_a_colour_of_its_own():
+    assert len(COLOURS) >= MOST
+    for colour, other in combinations([np.array(each) for each in COLOURS], 2):
+        assert np.abs(colour - other).sum() > 60
+
+
+def test_the_arcs_grow_at_once_and_shrink_behind_some_seconds():
+    car = cars.load("compact")
+    made = Window(Scene("plain", car), [car] * len(INFOS))
+    shown = []
+    for time, torque in ((1.0, 40.0), (2.0, 1.0), (1.0 + window.KEPT - 0.1, 1.0), (1.0 + window.KEPT + 0.1, 1.0)):
+        channels = np.zeros(len(CHANNELS))
+        channels[CHANNEL["motor_torque"]] = torque
+        made.draw(moment(time=time, channels=channels))
+        shown.append(made.full_scales()[1])
+    assert shown == [50.0, 50.0, 50.0, 5.0]
 
 
 def test_behind_a_switch_the_loop_has_both_colours_and_fades():

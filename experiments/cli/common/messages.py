@@ -4,6 +4,7 @@ import re
 
 KPH = 3.6  # [km/h] of 1 m/s
 _NUMBER = r"(\d[\d.e+-]*\d|\d)"
+_SPEED = re.compile(rf"\bspeed \[m/s\]( must be [^;:]*, got -?{_NUMBER})")
 # What a message says to people who write Python -> what it says at the command line.
 _WORDS = (
     (rf"\bfrequency_hz={_NUMBER}", r"--frequency-hz \1"),
@@ -22,7 +23,12 @@ def in_options(text: str) -> str:
 
     >>> in_options("say that the test was at 80 km/h (speed_m_s=22.22)")
     'say that the test was at 80 km/h (--speed-kph 79.99)'
+    >>> in_options("speed [m/s] must be finite and at least 0 and at most 70, got 250.0")
+    'speed [km/h] must be finite and at least 0 and at most 252, got 900'
     """
+    if found := _SPEED.search(text):
+        inside = re.sub(_NUMBER, lambda each: f"{KPH * float(each[1]):.6g}", found[1])
+        text = f"{text[: found.start()]}speed [km/h]{inside}{text[found.end() :]}"
     text = re.sub(rf"\bspeed_m_s={_NUMBER}", lambda found: f"--speed-kph {KPH * float(found[1]):.4g}", text)
     for words, options in _WORDS:
         text = re.sub(words, options, text)
