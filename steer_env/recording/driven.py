@@ -13,7 +13,8 @@ from steer_env.recording.recording import Recording
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
 
 CHANNELS = ("chosen_set", "share_of_next_set", "watchdog_gain", "deadlines_missed")
-MANY_MISSED = 0.01  # share of the deadlines from which on a person is too fast for the simulation; assumed [1]
+MANY_MISSED = 0.01  # share of the deadlines from which on it is told that a person is too fast; assumed [1]
+TOO_MANY = 0.1  # the same, from which on a drive is no measurement; assumed [1]
 STOOD = 0.1  # shortest time without a sample that a person feels as a halt; assumed [s]
 WHOLE = 0.999  # gain of the watchdog from which on the torque counts as whole; assumed [1]
 START, END = 2.0, 0.5  # longest time without the whole torque at begin and end that is not told; assumed [s]
@@ -59,10 +60,10 @@ def check(recording: Recording) -> None:
         at, most = time[stood][0], SAMPLE_TIME * missed.max()
         found.append(f"the simulation stood still, first at {at:.1f} s and for up to {most:.1f} s")
     if excess.sum() > 0:
-        share = missed.sum() / (missed.sum() + time.size * _samples(time))
+        share, first = share_missed(recording), time[missed > 0][0]
         found.append(
-            f"{share:.1%} of the deadlines were missed, first at {time[missed > 0][0]:.1f} s, by which the person was "
-            "too fast for the simulation"
+            f"{share:.1%} of the deadlines were missed, first at {first:.1f} s, by which the person was too fast for "
+            "the simulation"
         )
     if found:
         usable = torque & (recording["share_of_next_set"] <= 0.0) & ~changed & ~stood
@@ -79,17 +80,23 @@ def _lost(time: NDArray[np.float64], torque: NDArray[np.bool_]) -> NDArray[np.fl
     return lost
 
 
+def share_missed(recording: Recording) -> float:
+    """Share of the deadlines of a drive that were missed [1]."""
+    missed = float(recording["deadlines_missed"].sum())
+    return missed / (missed + recording.time.size * _samples(recording.time))
+
+
 def _samples(time: NDArray[np.float64]) -> float:
     """Samples of the loop in a row [1]."""
     return float(np.median(np.diff(time))) / SAMPLE_TIME
 
 
 def _excess(time: NDArray[np.float64], missed: NDArray[np.float64]) -> NDArray[np.int64]:
-    """By row, a number whose sum is positive where more than ``MANY_MISSED`` of the deadlines were missed.
+    """By row, a number whose sum is positive where more than ``TOO_MANY`` of the deadlines were missed.
 
     Whole numbers, so that a part whose sum is 0 still is one when it is evaluated alone.
     """
-    return np.rint((1.0 / MANY_MISSED - 1.0) * missed - _samples(time)).astype(np.int64)
+    return np.rint((1.0 / TOO_MANY - 1.0) * missed - _samples(time)).astype(np.int64)
 
 
 def _part(time: NDArray[np.float64], usable: NDArray[np.bool_], excess: NDArray[np.int64]) -> str:

@@ -149,7 +149,7 @@ def test_several_sets_are_told_where_a_recording_is_read(tmp_path, capsys):
     chosen, missed = head.index("chosen_set_1"), head.index("deadlines_missed_1")
     for k in range(len(rows) - 20, len(rows)):
         cells = rows[k].split(",")
-        cells[chosen], cells[missed] = "2", "5"
+        cells[chosen], cells[missed] = "2", "9"
         rows[k] = ",".join(cells)
     path.write_text("\n".join(rows) + "\n")
     capsys.readouterr()

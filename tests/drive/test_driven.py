@@ -93,11 +93,11 @@ def test_a_simulation_that_stood_still_is_refused_with_the_part_in_time(robot):
 
 
 def test_many_missed_deadlines_are_refused_with_a_part_that_has_few(robot):
-    many = driven(robot, missed=[(2.0, 8.0, 1.0)])
+    many = driven(robot, missed=[(2.0, 8.0, 3.0)])
     sentence = refusal(many)
     assert "% of the deadlines were missed, first at 2.0 s, by which the person was too fast" in sentence
     start, end = between(sentence)
-    assert 7.4 < start <= 7.6  # 1 % of the 52.5 s to the end are 0.5 s with a deadline missed at each sample
+    assert 5.9 < start <= 6.1  # 2 s with three deadlines missed at each sample are 10 % of the 60 s that they last
     driven_module.check(many.between(start, end))
     with pytest.raises(ValueError, match="deadlines were missed"):
         driven_module.check(many.between(start - 0.1, end))
@@ -108,7 +108,7 @@ def test_few_missed_deadlines_are_no_reason(robot):
     driven_module.check(driven(robot, missed=[(5.0, 5.02, 20.0)]))
 
 
-@given(seed=st.integers(0, 2**32 - 1), share=st.floats(0.001, 0.02))
+@given(seed=st.integers(0, 2**32 - 1), share=st.floats(0.01, 0.2))
 def test_the_part_that_is_told_is_sound_and_none_that_is_longer(robot, seed, share):
     rng = np.random.default_rng(seed)
     whole = driven(robot)
@@ -124,4 +124,4 @@ def test_the_part_that_is_told_is_sound_and_none_that_is_longer(robot, seed, sha
         if earlier >= robot.time[0] + 1.0 and later <= robot.time[-1]:
             wider = several.between(earlier, later)
             many = wider["deadlines_missed"].sum()  # of a robot's drive, a row is one sample
-            assert many / (many + wider.time.size) > 0.01 or (wider["watchdog_gain"] < 1.0).any()
+            assert many / (many + wider.time.size) > 0.1 or (wider["watchdog_gain"] < 1.0).any()

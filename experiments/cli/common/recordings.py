@@ -117,6 +117,14 @@ def _notes(meta: Mapping[str, Any], frames: bool) -> Iterator[str]:
             yield f"gaps of {name}: {told['gaps']}, longest step {longest}{counted}"
 
 
+def _of_drive(found: Any) -> Iterator[str]:
+    """What to know of a person's drive: whether the simulation kept up with the clock."""
+    from steer_env.recording import driven
+
+    if driven.is_drive(found) and (share := driven.share_missed(found)) > driven.MANY_MISSED:
+        yield f"{share:.1%} of the deadlines were missed, by which the person was too fast for the simulation"
+
+
 def can_options(args: argparse.Namespace) -> Any:
     """How CAN logs are read, by the options."""
     from steer_env.recording import can_log
@@ -173,7 +181,7 @@ def read(path: str, place: int, args: argparse.Namespace) -> Any:
     from steer_env.recording import can_log, files
 
     found = files.read(path, mapping_of(place, args), can=can_options(args)).without(*args.without)
-    for note in _notes(found.meta, can_log.recognised(path)):
+    for note in (*_notes(found.meta, can_log.recognised(path)), *_of_drive(found)):
         print(f"{path}: {note}")
     return found.between(*args.between) if args.between else found
 
