@@ -159,3 +159,19 @@ def violations(found: Mapping[str, float]) -> dict[str, float]:
         elif "pulse_" in key:
             missed[key] = 0.5 - value
     return missed
+
+
+def told(constraint: str, violation: float) -> str:
+    """A missed limit in words, from its :func:`violations`."""
+    kind, _, end = constraint.rpartition("_")
+    at = f" at {end} km/h" if end.isdigit() else ""
+    where = "the column with fixed hands" if kind.startswith("column_") else "the laden car with hands off"
+    if "phase" in constraint:
+        return f"the phase margin of {where}{at}, {PHASE * (1.0 - violation):.3g} of {PHASE:g} deg"
+    if "gain" in constraint:
+        return f"the gain margin of {where}{at}, {GAIN * (1.0 - violation):.3g} of {GAIN:g} dB"
+    if "damping" in constraint:
+        return f"the damping of the free car{at}, a ratio of {-violation:.2g} where it must be above 0"
+    if "pulse" in constraint:
+        return f"the rest of the free car{at}, whose motion does not decay after a pulse of the hands"
+    return "stability, as a loop has a motion that grows"
