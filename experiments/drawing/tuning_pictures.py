@@ -10,12 +10,17 @@ from steer_env.experiments.drawing.style import DASHES, PALETTE, new_figure, sty
 
 Array = NDArray[np.float64]
 
-_SHADE, _GOOD = "#c4ccd4", "#e3f2ea"
+_SHADE, _GOOD = "#8a949e", "#e3f2ea"
+_MARKS = ("s", "#555f69"), ("D", "#b00020"), ("^", "#882255"), ("v", "#332288")  # shape and colour
 
 
 @styled
 def front(
-    sets: Mapping[str, Array], chosen: Array, marks: Mapping[str, Sequence[float]], names: Sequence[str], top: float
+    sets: Mapping[str, Array],
+    chosen: Array,
+    marks: Mapping[str, Sequence[float]],
+    names: Sequence[str],
+    ends: Sequence[float],
 ) -> str:
     """Pareto front, in a panel for each pair of objectives.
 
@@ -26,27 +31,31 @@ def front(
     chosen : (M, K) array
         Those on the front.
     marks : mapping of str to (K,)
-        Sets with a name of their own.
+        Sets with a name of their own, at most four.
     names : sequence of str
         Of the objectives.
-    top : float
-        End of both axes; what is beyond is at the edge [1].
+    ends : (K,) sequence of float
+        Of the axes; a set beyond the end of any of them is not drawn [1].
     """
     pairs = list(combinations(range(len(names)), 2)) or [(0, 0)]
-    figure = new_figure(3.6 * len(pairs) + 0.4, 3.5)
+    figure = new_figure(3.6 * len(pairs) + 0.4, 3.9)
     for axes, (i, j) in zip(figure.subplots(1, len(pairs), squeeze=False)[0], pairs):
         for (label, values), colour in zip(sets.items(), PALETTE):
-            x, y = np.minimum(values[:, [i, j]], top).T
-            axes.plot(x, y, ".", color=colour, markersize=4, alpha=0.45, label=label)
-        x, y = np.minimum(chosen[:, [i, j]], top).T
-        axes.plot(x, y, "o", markerfacecolor="none", color="black", markersize=6, label="Pareto front of all")
-        for (label, point), shape in zip(marks.items(), "sD^v"):
-            at = min(point[i], top), min(point[j], top)
-            axes.plot(*at, shape, color="#b00020", markersize=8, markerfacecolor="none", markeredgewidth=2, label=label)
-        edges = (-0.03 * top, 1.03 * top)
-        axes.set(xlabel=f"{names[i]}: widths off the bands", ylabel=names[j], xlim=edges, ylim=edges)
+            x, y = _inside(values, ends)[:, [i, j]].T
+            axes.plot(x, y, "o", color=colour, markersize=5, markeredgewidth=0, alpha=0.6, label=label)
+        x, y = _inside(chosen, ends)[:, [i, j]].T
+        axes.plot(x, y, "o", markerfacecolor="none", color="black", markersize=8, label="Pareto front of all")
+        for (label, point), (shape, colour) in zip(marks.items(), _MARKS):
+            axes.plot(point[i], point[j], shape, color=colour, markersize=10, markeredgecolor="white", label=label)
+        axes.set(xlabel=f"{names[i]}: widths off the bands", ylabel=f"{names[j]}: widths off the bands")
+        axes.set(xlim=(-0.04 * ends[i], ends[i]), ylim=(-0.04 * ends[j], ends[j]))
     figure.legend(*figure.axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=5)
     return svg(figure)
+
+
+def _inside(values: Array, ends: Sequence[float]) -> Array:
+    found: Array = values[np.all(values <= np.asarray(ends), axis=1)]
+    return found
 
 
 @styled
@@ -71,8 +80,11 @@ def course(curves: Mapping[str, Array], own: float) -> str:
     for (label, y), colour, dash in zip(curves.items(), PALETTE, DASHES):
         axes.step(np.arange(1, len(y) + 1), y, color=colour, linestyle=dash, where="post", label=label)
     axes.axhline(own, color=_SHADE, linewidth=1.0, label="starting point")
-    axes.set(xlabel="evaluated sets", ylabel="widths off the bands, in all", ylim=(0.0, None))
-    axes.legend(fontsize=8)
+    most = np.nanmax([own, *(y for each in curves.values() for y in each)]) if curves else own
+    axes.set(
+        xlabel="evaluated sets", ylabel="widths off the bands, in all", ylim=(0.0, 1.1 * most if most > 0.0 else None)
+    )
+    axes.legend(fontsize=8, loc="lower left")
     return svg(figure)
 
 
@@ -90,7 +102,7 @@ def bands(rows: Mapping[str, Mapping[str, tuple[float, float]]]) -> str:
             ends = np.clip([low, high], -0.98, 1.98)
             name = label if k == 0 else None
             axes.plot(ends, [k + shift] * 2, "|-", color=colour, linewidth=3.0, markersize=7, label=name)
-    axes.set(yticks=range(len(rows)), yticklabels=[name.replace("_", " ") for name in rows], xlim=(-1.0, 2.0))
+    axes.set(yticks=range(len(rows)), yticklabels=list(rows), xlim=(-1.0, 2.0))
     axes.set(xlabel="place in the band: 0 its lower end, 1 its upper; spans over friction and load")
     axes.grid(visible=False, axis="y")
     axes.invert_yaxis()

@@ -24,6 +24,7 @@ TITLES = {
     "parking": "Parking",
     "": "Assist loop, hands fixed",
 }
+PALE = f"grey: below {100.0 * SMALL:.0f} %, or not told apart from none; –: no value to compare with"
 _LONGEST = 90  # letters of a reason in the picture
 
 
@@ -75,7 +76,7 @@ def _columns(factors: Sequence[Range]) -> list[tuple[str, str]]:
 def _picture(results: Results, rows: Sequence[Row], heads: tuple[str, str], caption: str) -> Picture:
     tests = dict.fromkeys(row.test for row in rows)
     groups = {TITLES.get(t, t): [_line(row, results.points) for row in rows if row.test == t] for t in tests}
-    return Picture(heat_map(_columns(results.study.factors), groups, heads), caption)
+    return Picture(heat_map(_columns(results.study.factors), groups, heads, PALE), caption)
 
 
 def ranking(results: Results, rows: Sequence[Row]) -> dict[str, float]:
@@ -159,7 +160,8 @@ def build(results: Results) -> tuple[Page, dict[str, Any]]:
     reading = (
         "Each number is the change of the output while the parameter goes from the low to the high end of its range, "
         "the others anywhere in theirs, in per cent of {}. Blue and +: the output rises with the parameter. Red and −: "
-        "it falls. Violet and ±: both. Pale: below 10 %, or not told apart from none."
+        "it falls. Violet and ±: both. Grey: below 10 %, or not told apart from none by the 95 % "
+        "interval; the parameter hardly matters there."
     )
     sections = [
         Section(
@@ -175,7 +177,7 @@ def build(results: Results) -> tuple[Page, dict[str, Any]]:
                     wanted,
                     ("change in % of the band's width,\nof a margin in % of its limit", "value now\n(band)"),
                     reading.format("the width of the target band, of a margin in per cent of its limit")
-                    + " Grey beside the name: the value of the car as it is, and the band.",
+                    + " Beside the name: the value of the car as it is, and the band.",
                 )
             ],
             [_table(results, wanted), *_reasons(results)],
@@ -191,7 +193,7 @@ def build(results: Results) -> tuple[Page, dict[str, Any]]:
                     results,
                     others,
                     ("change in % of the value now", "value now"),
-                    reading.format("the value of the car as it is, which stands in grey"),
+                    reading.format("the value of the car as it is, which stands beside the name"),
                 )
             ],
             [_table(results, others)],

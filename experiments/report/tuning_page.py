@@ -1,9 +1,9 @@
-"""The page of a tuning: what is feasible first, then the front, the bands, the parameters and the margins."""
+"""The page of a tuning: the gain first, then what is feasible, the front, the bands, the parameters and the margins."""
 
 import functools
 import math
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -13,7 +13,8 @@ from optuna.trial import FrozenTrial
 
 from steer_env import metrics
 from steer_env.experiments.drawing import tuning_pictures
-from steer_env.experiments.output.words import number
+from steer_env.experiments.output.words import label as in_words
+from steer_env.experiments.output.words import number, unit
 from steer_env.experiments.report import analysis, analysis_page
 from steer_env.experiments.studies.common.page import Page, Picture, Section, Table
 from steer_env.experiments.tuning import constraints, feasibility, own_angles, search
@@ -30,7 +31,8 @@ LABELS = {
     "nsga3": "NSGA-III",
     "random": "random search",
 }
-TOP = 2.0  # end of the axes of the front [widths of a band]
+REACH = 1.5  # of the farthest marked set, up to which the axes of the front go; assumed [1]
+FEW = 100  # sets of NSGA-II that are only its first generations; assumed
 
 
 def label(name: str) -> str:
@@ -62,6 +64,18 @@ def _front(values: Any) -> Any:
     return np.unique(values[~np.array(better, bool)], axis=0)
 
 
+def ends(values: Any, marks: Sequence[Sequence[float]]) -> list[float]:
+    """Ends (K,) of the axes of the front: all sets (N, K) where they are near, and the marked ones [1]."""
+    farthest = np.max([*marks, *_front(values)], axis=0)
+    most = np.maximum(np.max([*marks, *values], axis=0), 0.1)
+    return [float(x) for x in np.minimum(1.05 * most, np.maximum(REACH * farthest, 0.1))]
+
+
+def outside(values: Any, ends: Sequence[float]) -> int:
+    """Number of sets (N, K) beyond the end of an axis."""
+    return int(np.sum(np.any(np.asarray(values) > np.asarray(ends), axis=1)))
+
+
 def _pareto_section(o: Outcome) -> Section:
     names = list(dict.fromkeys(o.problem.groups[name] for name in o.counted))
     sets = {label(key): _objectives(trials) for key, trials in o.trials.items()}
@@ -76,6 +90,13 @@ def _pareto_section(o: Outcome) -> Section:
         told = f"The best set is {parts} = {number(search.total(o.best))} widths off."
         alone = ", ".join(f"{name} {number(float(every[:, k].min()))}" for k, name in enumerate(names))
         told += f" Each objective by itself comes down to: {alone}."
+    pictures = []
+    if len(every):
+        limits = ends(every, list(marks.values()))
+        beyond = outside(every, limits)
+        caption = f"All {len(every)} sets that keep the constraints, by pairs of objectives"
+        caption += f"; {beyond} of them lie beyond the end of an axis" if beyond else ""
+        pictures.append(Picture(tuning_pictures.front(sets, chosen, marks, names, limits), caption))
     course = {}
     for key, trials in o.trials.items():
         best = np.minimum.accumulate([search.total(t) if search.kept(t) else math.inf for t in trials])
@@ -88,12 +109,7 @@ def _pareto_section(o: Outcome) -> Section:
         "where all are reached. Only sets that keep the margins and the stability of the free car count.",
         told,
         "What the sets show that were tried; another set may be better.",
-        [
-            Picture(
-                tuning_pictures.front(sets, chosen, marks, names, TOP), "Sets and Pareto front by pairs of objectives"
-            ),
-            Picture(tuning_pictures.course(course, own), "The best set so far"),
-        ],
+        [*pictures, Picture(tuning_pictures.course(course, own), "The best set so far")],
     )
 
 
@@ -119,6 +135,47 @@ def _off(o: Outcome, trial: FrozenTrial | None, name: str) -> str:
     return "in band" if far[worst] <= feasibility.IN_BAND else f"{number(far[worst])} off, {worst}"
 
 
+def _reached(o: Outcome, trial: FrozenTrial | None) -> str:
+    """Number of the counted bands that a set reaches in all conditions."""
+    return "–" if trial is None else str(sum(_off(o, trial, name) == "in band" for name in o.counted))
+
+
+def _gain_section(o: Outcome) -> Section:
+    if o.own is None or o.best is None:
+        missing = "no set keeps the constraints" if o.best is None else "the starting point was not evaluated"
+        told, rows = f"There is no gain to tell: {missing}.", []
+    else:
+        both, count = (o.own, o.best), len(o.counted)
+        rows = [
+            ("bands reached in all conditions", f"of {count}", *(_reached(o, t) for t in both)),
+            ("distance from all bands", "widths", *(number(search.total(t)) for t in both)),
+        ]
+        for k, name in enumerate(dict.fromkeys(o.problem.groups[name] for name in o.counted)):
+            each = (number(t.user_attrs["objectives"][k]) for t in both)
+            rows.append((f"of these, {name}", "widths", *each))
+        for key, (text, sign) in {
+            "phase_margin": ("least phase margin", "deg"),
+            "gain_margin": ("least gain margin", "dB"),
+        }.items():
+            rows.append(
+                (text, sign, *(number(constraints.least(t.user_attrs["details"]["margins"])[key]) for t in both))
+            )
+        told = (
+            f"From the starting point to the best set: {rows[0][2]} → {rows[0][3]} of {count} bands reached in all "
+            f"conditions, {rows[1][2]} → {rows[1][3]} widths off in all."
+        )
+    return Section(
+        "Gain",
+        "What the tuning improves.",
+        "The distance is the sum over the bands of the largest distance of the metric in any condition, in widths of "
+        "its band: 0 where all are reached.",
+        told,
+        "The best set is the one with the smallest distance that keeps the constraints; it may reach fewer bands.",
+        (),
+        [Table("Before and after", ("", "unit", "before", "after"), rows)] if rows else (),
+    )
+
+
 def _band_section(o: Outcome) -> Section:
     units, rows = _units(o), []
     places = dict[str, dict[str, tuple[float, float]]]()
@@ -127,13 +184,14 @@ def _band_section(o: Outcome) -> Section:
         before, after = _span(o.own, name), _span(o.best, name)
         shown = [f"{number(a)} to {number(b)}" for a, b in (before, after)]
         off = [_off(o, o.own, name), _off(o, o.best, name)]
-        rows.append((name, units[name], f"{low:g} to {high:g}", shown[0], off[0], shown[1], off[1]))
+        rows.append((in_words(name), unit(units[name]), f"{low:g} to {high:g}", shown[0], off[0], shown[1], off[1]))
         if not any(map(math.isnan, (*before, *after))):
             of = {"before": before, "after": after}
-            places[name] = {text: ((a - low) / (high - low), (b - low) / (high - low)) for text, (a, b) in of.items()}
-    inside = [sum(row[column] == "in band" for row in rows) for column in (4, 6)]
+            places[in_words(name)] = {
+                text: ((a - low) / (high - low), (b - low) / (high - low)) for text, (a, b) in of.items()
+            }
     left = [
-        (name, units[name], f"{o.problem.bands[name].good[0]:g} to {o.problem.bands[name].good[1]:g}",
+        (in_words(name), unit(units[name]), f"{o.problem.bands[name].good[0]:g} to {o.problem.bands[name].good[1]:g}",
          *(f"{number(a)} to {number(b)}" for a, b in (_span(o.own, name), _span(o.best, name))), number(o.moved[name]))
         for name in o.problem.bands if name not in o.counted
     ]  # fmt: skip
@@ -144,14 +202,23 @@ def _band_section(o: Outcome) -> Section:
         tables.append(Table("Bands that no parameter of the assist moves, left out of the search", head, left))
     levels = ", ".join(c.label for c in o.problem.conditions)
     most = max((check.difference for check in o.checks.values()), default=0.0)
-    pictures = [Picture(tuning_pictures.bands(places), "Spans over the conditions, before and after")] if places else []
+    pictures = (
+        [
+            Picture(
+                tuning_pictures.bands(places),
+                "Spans over the conditions, before and after, cut one width outside the band",
+            )
+        ]
+        if places
+        else []
+    )
     return Section(
         "Bands",
         "Every metric is in its good band, whatever friction and load.",
         "Each set is driven through weave, release, returnability, step steer and parking in the conditions: "
         f"{levels}, with the handwheel angles that the starting point needs; the two sets below once more with those "
         f"that each needs itself, which changes a metric by up to {most:.2g} widths of its band.",
-        f"{inside[1]} of {len(rows)} bands are reached in all conditions; before {inside[0]}.",
+        f"{_reached(o, o.best)} of {len(rows)} bands are reached in all conditions; before {_reached(o, o.own)}.",
         f"A band is left out where no parameter at an end of its range moves the metric by {MOVED:g} of its width.",
         pictures,
         tables,
@@ -186,15 +253,16 @@ def _parameter_section(o: Outcome, shares: Mapping[str, Mapping[str, float]]) ->
         best = math.nan if o.best is None else o.best.params[r.name]
         wide = f"{number(r.low)} to {number(r.high)}"
         note = f"widened from {number(first.low)} to {number(first.high)}" if r.name in o.widened else ""
-        rows.append((r.name, r.unit, number(r.own), number(best), wide, note))
+        rows.append((in_words(r.name), unit(r.unit), number(r.own), number(best), wide, note))
     told = (
         "No optimum lay on a limit of its range."
         if not o.widened
-        else ("Ranges were widened where an optimum lay on their limit: " + ", ".join(o.widened) + ".")
+        else ("Ranges were widened where an optimum lay on their limit: " + ", ".join(map(in_words, o.widened)) + ".")
     )
     pictures = []
     if shares:  # an objective without bands, or the same in every set, has none
-        drawn = tuning_pictures.importances(shares, [r.name for r in o.ranges])
+        named = {group: {in_words(name): x for name, x in each.items()} for group, each in shares.items()}
+        drawn = tuning_pictures.importances(named, [in_words(r.name) for r in o.ranges])
         pictures = [Picture(drawn, "Importances by objective")]
     return Section(
         "Parameters",
@@ -212,15 +280,10 @@ def _margin_section(o: Outcome, cells: list[analysis.Cell]) -> Section:
     rows, sides = [], [t.user_attrs["details"]["margins"] for t in (o.own, o.best) if t is not None]
     for key in sides[0] if sides else ():
         if key.startswith(("phase_", "gain_", "column_")):
-            unit = "deg" if "phase" in key else "dB"
-            rows.append(
-                (
-                    key.rpartition("_")[0].replace("_", " "),
-                    key.rpartition("_")[2],
-                    unit,
-                    *(number(m[key]) for m in sides),
-                )
-            )
+            kind, _, speed = key.rpartition("_")
+            sign, which = ("deg", "phase margin") if "phase" in key else ("dB", "gain margin")
+            where = "column, fixed hands" if kind.startswith("column") else "laden car, hands off"
+            rows.append((f"{which}, {where}", speed, sign, *(number(m[key]) for m in sides)))
     head = ("margin", "speed [km/h]", "unit", "before", "after")[: 3 + len(sides)]
     verdict = "No set keeps the margins."
     if o.best is not None:
@@ -245,36 +308,50 @@ def _margin_section(o: Outcome, cells: list[analysis.Cell]) -> Section:
     )
 
 
+def _limits(o: Outcome) -> str:
+    """What the numbers of sets say of the verdict."""
+    told = (
+        f"That {'several optimisers find' if len(o.trials) > 1 else 'one optimiser finds'} nothing is evidence, not a "
+        "proof, and the weaker the fewer sets there are. All optimisers begin with the same first sets."
+    )
+    for key, trials in o.trials.items():
+        if key.endswith("nsga2") and len(trials) < FEW:
+            told += (
+                f" The {len(trials)} sets of {label(key)}, with {search.POPULATION} in a generation, are its first "
+                f"generations only, and confirm little; give a --budget of {FEW} or more."
+            )
+    return told
+
+
 def build(o: Outcome, cells: list[analysis.Cell]) -> tuple[Page, dict[str, Any]]:
     """The page and its numbers as JSON."""
     optimisers = " and ".join(f"{label(key)} ({len(trials)})" for key, trials in o.trials.items())
     verdict = feasibility.sentences(o.problem, o.feasibility, _units(o), optimisers)
     if left := [name for name in o.problem.bands if name not in o.counted]:
-        verdict.append(f"No parameter of the assist moves {', '.join(left)}: left out.")
+        verdict.append(f"No parameter of the assist moves {', '.join(map(in_words, left))}: left out.")
     if below := analysis_page.missed(cells):
         verdict.append(f"The best set misses a margin or is unstable at {len(below)} points of the whole map.")
     verdict += own_angles.sentences(o.checks)
-    shares = importances(o)
+    shares, gain, limits = importances(o), _gain_section(o), _limits(o)
     first = Section(
         "Feasibility",
         "All bands can be reached together.",
         f"All {o.feasibility.sets} evaluated sets of {optimisers}; {o.feasibility.constrained} miss a constraint.",
         verdict[0],
-        f"That {'two optimisers find' if len(o.trials) > 1 else 'one optimiser finds'} nothing is evidence, not a "
-        "proof, and the weaker the fewer sets there are.",
+        limits,
         (),
         [
             Table(
                 "Bands that are reached one by one but never together",
                 ("band", "and band", "off [widths]", "off [widths]"),
-                [(*p.metrics, *map(number, p.distances)) for p in o.feasibility.pairs],
+                [(*map(in_words, p.metrics), *map(number, p.distances)) for p in o.feasibility.pairs],
                 folded=True,
             )
         ]
         if o.feasibility.pairs
         else (),
     )
-    sections = [first, _pareto_section(o), _band_section(o), _parameter_section(o, shares), _margin_section(o, cells)]
+    others = _pareto_section(o), _band_section(o), _parameter_section(o, shares), _margin_section(o, cells)
     data = {
         "feasibility": feasibility.as_json(o.feasibility),
         "counted": list(o.counted),
@@ -295,8 +372,9 @@ def build(o: Outcome, cells: list[analysis.Cell]) -> tuple[Page, dict[str, Any]]
             for key, trials in o.trials.items()
         },
     }
-    lead = f"The assist of '{o.problem.car.name}' tuned to target bands, for the worst of friction and load."
-    return Page(NAME, "Tuning of the assist", lead, verdict, sections), data
+    lead = f"The assist of '{o.problem.car.name}' tuned to target bands, for the worst of friction and load. "
+    lead += gain.verdict
+    return Page(NAME, "Tuning of the assist", lead, verdict, [gain, first, *others]), data
 
 
 def _as_json(trial: FrozenTrial | None) -> dict[str, Any] | None:

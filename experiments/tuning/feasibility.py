@@ -6,7 +6,8 @@ from typing import Any, NamedTuple
 
 from optuna.trial import FrozenTrial
 
-from steer_env.experiments.tuning.constraints import GAIN, PHASE
+from steer_env.experiments.output.words import label, unit
+from steer_env.experiments.tuning.constraints import GAIN, PHASE, told
 from steer_env.experiments.tuning.problem import Problem, distance
 from steer_env.experiments.tuning.search import best, kept
 from steer_env.targets import Band
@@ -41,6 +42,10 @@ class Feasibility(NamedTuple):
     pairs: tuple[Pair, ...]
     missed: tuple[str, ...]  # bands that the best set misses
     constrained: int  # sets that miss a constraint
+    nearest: tuple[
+        tuple[str, float], ...
+    ] = ()  # constraints that the set misses which misses them least, if none keeps
+    # them, with the violation over the limit's size, the largest first [1]
 
 
 def distances(problem: Problem, trial: FrozenTrial, counted: Sequence[str]) -> dict[str, float]:
@@ -74,9 +79,16 @@ def judge(problem: Problem, trials: Sequence[FrozenTrial], counted: Sequence[str
             pairs.append(Pair((a, b), (far[id(near)][a], far[id(near)][b])))
     leader = best(list(trials))
     missed = tuple(n for n in counted if leader is None or far[id(leader)][n] > IN_BAND)
-    return Feasibility(
-        len(trials), leader is not None and not missed, never, tuple(pairs), missed, len(trials) - len(safe)
-    )
+    reached, constrained = leader is not None and not missed, len(trials) - len(safe)
+    return Feasibility(len(trials), reached, never, tuple(pairs), missed, constrained, _least(trials, safe))
+
+
+def _least(trials: Sequence[FrozenTrial], safe: Sequence[FrozenTrial]) -> tuple[tuple[str, float], ...]:
+    """What the set misses whose largest violation is the smallest; nothing where a set keeps all constraints."""
+    if safe or not trials:
+        return ()
+    nearest = min(trials, key=lambda t: (max(t.constraints.values()), t.number)).constraints
+    return tuple(sorted(((name, far) for name, far in nearest.items() if far > 0.0), key=lambda item: -item[1]))
 
 
 def sentences(problem: Problem, found: Feasibility, units: Mapping[str, str], confirmed: str) -> list[str]:
@@ -84,28 +96,38 @@ def sentences(problem: Problem, found: Feasibility, units: Mapping[str, str], co
     margins = f"{PHASE:g} deg and {GAIN:g} dB"
     if found.reached:
         return [f"Feasible: a set has every counted band in all conditions and keeps {margins} at all speeds."]
-    told = [
+    kept = found.sets - found.constrained
+    said = [
         f"Not feasible as far as {found.sets} sets of {confirmed} show: none has every counted band in all conditions "
         f"and keeps {margins}."
     ]
+    if found.nearest:
+        each = "; ".join(told(*miss) for miss in found.nearest[:3])
+        more = f", and {len(found.nearest) - 3} more" if len(found.nearest) > 3 else ""
+        said[0] = f"Not feasible as far as {found.sets} sets of {confirmed} show: no set keeps the constraints."
+        said.append(f"The set that comes nearest misses {each}{more}.")
     for c in found.never:
         low, high = problem.bands[c.metric].good
-        unit = "" if units[c.metric] == "1" else f" {units[c.metric]}"
-        limit = " while the margins are kept" if c.unkept <= IN_BAND else ""
+        band = f"its band of {low:g} to {high:g} {unit(units[c.metric])}".rstrip()
+        none = f"in none of the {found.sets} sets in {band} in all conditions"
+        if kept and c.unkept <= IN_BAND:
+            none = (
+                f"in no set in {band} in all conditions while the margins are kept, as {kept} of {found.sets} sets do"
+            )
+        elif kept < found.sets:
+            none += f", of which {kept} keep the constraints" if kept else ", whatever constraints they miss"
         where = f", outside at {'; '.join(c.conditions)}" if c.conditions else ""
-        told.append(
-            f"{c.metric} is in no set in its band of {low:g} to {high:g}{unit} in all conditions{limit}: at best "
-            f"{c.low:.3g} to {c.high:.3g}{where}."
-        )
+        said.append(f"The metric {label(c.metric)} is {none}: at best {c.low:.3g} to {c.high:.3g}{where}.")
     for pair in sorted(found.pairs, key=lambda p: -sum(p.distances))[:6]:
         (a, b), (x, y) = pair
-        told.append(
-            f"{a} and {b} conflict, as far as {found.sets - found.constrained} sets that keep the constraints show: "
+        said.append(
+            f"The metrics {label(a)} and {label(b)} conflict, as far as {kept} sets that keep the constraints show: "
             f"each is reached, but by none together; at best they are {x:.2f} and {y:.2f} widths off their bands."
         )
-    if not found.never and not found.pairs:
-        told.append(f"Every two bands are reached together; the best set misses {', '.join(found.missed)}.")
-    return told
+    if not found.never and not found.pairs and kept:
+        missed = ", ".join(map(label, found.missed))
+        said.append(f"Every two bands are reached together; the best set misses {missed}.")
+    return said
 
 
 def as_json(found: Feasibility) -> dict[str, Any]:

@@ -82,7 +82,7 @@ def test_another_sampler_or_seed_keeps_the_sets_of_all_studies(tmp_path, posed, 
     again = tuned(posed, tmp_path, 3, seed=7, sampler="random", **options)
     assert params(again.trials["random"]) == params(other.trials["random"])
     page, data = tuning_page.build(other, [])
-    assert "random search (3)" in page.sections[0].evidence
+    assert "random search (3)" in page.sections[1].evidence
     assert sorted(map(len, data["sets"].values())) == sorted(map(len, other.trials.values()))
     assert again.best.params == other.best.params
 
@@ -100,7 +100,7 @@ def test_a_search_and_a_confirmation_by_the_same_optimiser_are_both_on_the_page(
     found = tuned(posed, tmp_path, 4, sampler="nsga2")
     assert {name: len(trials) for name, trials in found.trials.items()} == {"random": 3, "second nsga2": 3, "nsga2": 4}
     page, data = tuning_page.build(found, [])
-    assert "random search (3) and NSGA-II, confirming (3) and NSGA-II (4)" in page.sections[0].evidence
+    assert "random search (3) and NSGA-II, confirming (3) and NSGA-II (4)" in page.sections[1].evidence
     assert data["own_angles"]["best"]["difference"] == found.checks["best"].difference
     bands = next(section for section in page.sections if section.title == "Bands")
     assert f"by up to {SHIFT:.2g} widths of its band" in bands.evidence
@@ -162,7 +162,7 @@ def test_targets_whose_bands_are_all_in_one_group(tmp_path, quick):
         assert len(found.best.user_attrs["objectives"]) == 1
         page, data = tuning_page.build(found, [])
         assert set(data["importances"]) <= {"effort"}
-        assert "<svg" in page.sections[1].pictures[0].svg
+        assert "<svg" in page.sections[2].pictures[0].svg
 
 
 def test_nothing_is_left_behind_where_there_is_nothing_to_resume(tmp_path, posed, quick, capfd):
