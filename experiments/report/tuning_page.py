@@ -336,7 +336,7 @@ def build(o: Outcome, cells: list[analysis.Cell]) -> tuple[Page, dict[str, Any]]
     first = Section(
         "Feasibility",
         "All bands can be reached together.",
-        f"All {o.feasibility.sets} evaluated sets of {optimisers}; {o.feasibility.constrained} miss a constraint.",
+        f"All {o.feasibility.sets} different sets of {optimisers}; {o.feasibility.constrained} miss a constraint.",
         verdict[0],
         limits,
         (),

@@ -98,13 +98,15 @@ def sentences(problem: Problem, found: Feasibility, units: Mapping[str, str], co
         return [f"Feasible: a set has every counted band in all conditions and keeps {margins} at all speeds."]
     kept = found.sets - found.constrained
     said = [
-        f"Not feasible as far as {found.sets} sets of {confirmed} show: none has every counted band in all conditions "
-        f"and keeps {margins}."
+        f"Not feasible as far as {found.sets} different sets of {confirmed} show: none has every counted band in all "
+        f"conditions and keeps {margins}."
     ]
     if found.nearest:
         each = "; ".join(told(*miss) for miss in found.nearest[:3])
         more = f", and {len(found.nearest) - 3} more" if len(found.nearest) > 3 else ""
-        said[0] = f"Not feasible as far as {found.sets} sets of {confirmed} show: no set keeps the constraints."
+        said[0] = (
+            f"Not feasible as far as {found.sets} different sets of {confirmed} show: no set keeps the constraints."
+        )
         said.append(f"The set that comes nearest misses {each}{more}.")
     for c in found.never:
         low, high = problem.bands[c.metric].good

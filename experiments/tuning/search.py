@@ -12,6 +12,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
 import optuna
 from optuna.distributions import BaseDistribution, FloatDistribution
 from optuna.samplers import BaseSampler, NSGAIIISampler, NSGAIISampler, RandomSampler, TPESampler
@@ -103,7 +104,9 @@ def count(job: Job, store: Any) -> int:
     return len(finished(optuna.load_study(study_name=names[-1], storage=store))) if names else 0
 
 
-def _sampler(job: Job, seed: int) -> BaseSampler:
+def _sampler(job: Job, number: int = 0, known: int = 0) -> BaseSampler:
+    """The sampler of a job for a process or round and so many sets; each has a sequence of its own."""
+    seed = int(np.random.SeedSequence([job.seed, number, known]).generate_state(1)[0])
     if job.sampler == "surface":
         return ResponseSurfaces(seed)
     if job.sampler == "tpe":
@@ -169,7 +172,7 @@ def current(job: Job, store: Any, number: int = 0) -> Study:
         if study.user_attrs.get("whole"):
             # Sets of killed processes do not count, as they are tried again: the seeds are those without the kill.
             known = [t for t in study.get_trials(deepcopy=False) if t.state is not TrialState.FAIL]
-            study.sampler = _sampler(job, job.seed + 1000 * number + len(known))
+            study.sampler = _sampler(job, number, len(known))
             return study
         optuna.delete_study(study_name=name, storage=store)  # its maker was killed before it had all sets
     study = _made(job, store, 1, job.ranges)
@@ -184,7 +187,7 @@ def _made(job: Job, store: Any, number: int, ranges: tuple[Range, ...]) -> Study
         storage=store,
         study_name=f"{job.name}-{number}",
         directions=["minimize"] * len(_told(job, (0.0,) * len(job.objectives))),
-        sampler=_sampler(job, job.seed),
+        sampler=_sampler(job),
     )
     study.set_user_attr("ranges", [r._asdict() for r in ranges])
     return study
@@ -217,14 +220,16 @@ def widened(given: tuple[Range, ...], values: Mapping[str, float]) -> tuple[Rang
     return tuple(found)
 
 
+def _due(budget: int, checked: int, done: int) -> bool:
+    """Whether a part of the budget at which ranges may be widened lies between two numbers of sets."""
+    return any(checked < part * budget <= done for part in CHECKS)
+
+
 def _advanced(job: Job, study: Study, store: Any, done: list[FrozenTrial]) -> Study:
-    """The next round where the budget is at a check and the best set lies on a limit; else the same one."""
-    part = sum(len(done) >= check * job.budget for check in CHECKS)
-    if not job.widens or part <= study.user_attrs.get("checked", 0):
-        return study
+    """The next round where the best set lies on a limit; else the same one, whose ranges are checked now."""
     leader, given = best(done), ranges(study)
     if leader is None or (wider := widened(given, leader.params)) == given:
-        study.set_user_attr("checked", part)
+        study.set_user_attr("checked", len(done))
         return study
     number = int(study.study_name.rpartition("-")[2]) + 1
     following = _made(job, store, number, wider)
@@ -240,9 +245,9 @@ def _advanced(job: Job, study: Study, store: Any, done: list[FrozenTrial]) -> St
         )
     for trial in study.get_trials(deepcopy=False, states=(TrialState.WAITING,)):
         following.enqueue_trial(trial.system_attrs["fixed_params"], trial.user_attrs)
-    following.set_user_attr("checked", part)
+    following.set_user_attr("checked", len(done))
     following.set_user_attr("whole", True)
-    following.sampler = _sampler(job, job.seed + number + len(done))
+    following.sampler = _sampler(job, number, len(done))
     return following
 
 
@@ -257,7 +262,7 @@ def _next(job: Job, store: Any, number: int, process: str) -> tuple[Study, Trial
             running, spent = len(open_sets), len(done) + sum(storage.elsewhere(out, trial) for trial in open_sets)
             if spent >= job.budget or (job.stops and reached(done)):
                 return None
-            due = job.widens and sum(len(done) >= c * job.budget for c in CHECKS) > study.user_attrs.get("checked", 0)
+            due = job.widens and _due(job.budget, study.user_attrs.get("checked", 0), len(done))
             if due and not running:
                 study = _advanced(job, study, store, done)
             if len(done) + running < job.budget and not (due and running):

@@ -6,6 +6,7 @@ of all their sets.
 
 from collections.abc import Callable, Mapping
 from contextlib import suppress
+from itertools import chain
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -214,7 +215,10 @@ def _outcome(
 ) -> Outcome:
     """What the sets of all studies show; the best of them and the starting point are driven once more."""
     problem, counted = subject
-    every = [t for each in trials.values() for t in each]
+    distinct = dict[tuple[tuple[str, float], ...], FrozenTrial]()  # studies have their first sets in common
+    for t in chain(*trials.values()):
+        distinct.setdefault(tuple(sorted(t.params.items())), t)
+    every = list(distinct.values())
     own = next((t for t in every if t.params == problems.own(problem)), None)
     named = {key: t for key, t in (("start", own), ("best", search.best(every))) if t is not None}
     evaluations = sweep(

@@ -18,6 +18,7 @@ TOO_MANY = 0.1  # the same, from which on a drive is no measurement; assumed [1]
 STOOD = 0.1  # shortest time without a sample that a person feels as a halt; assumed [s]
 WHOLE = 0.999  # gain of the watchdog from which on the torque counts as whole; assumed [1]
 START, END = 2.0, 0.5  # longest time without the whole torque at begin and end that is not told; assumed [s]
+SHORTEST = 1.0  # part that is told; assumed [s]
 TENTHS = 10.0  # of a second, to which the bounds of a part are told [1/s]
 
 
@@ -49,13 +50,17 @@ def check(recording: Recording) -> None:
     if recording.meta.get("motor"):
         torque = recording["watchdog_gain"] >= WHOLE
     stood, excess = missed * SAMPLE_TIME >= STOOD, _excess(time, missed)
-    changed = np.diff(acting, prepend=acting[0]) != 0.0
+    if not np.isin(acting, np.arange(1.0, len(recording.meta["sets"]) + 1.0)).all():
+        raise ValueError("chosen_set is not everywhere the number of one of the sets in the meta: drive again")
+    changed, alone = np.diff(acting, prepend=acting[0]) != 0.0, recording["share_of_next_set"] <= 0.0
     found = []
     if (lost := _lost(time, torque)).size:
         found.append(f"the torque was off or faded, first at {lost[0]:.1f} s")
     if changed.any():
         each = ", ".join(f"{label} to {end:.1f} s" for label, _, end in acted(recording))
         found.append(f"several sets acted: {each}")
+    elif not alone.all():
+        found.append(f"two sets were mixed, first at {time[~alone][0]:.1f} s")
     if stood.any():
         at, most = time[stood][0], SAMPLE_TIME * missed.max()
         found.append(f"the simulation stood still, first at {at:.1f} s and for up to {most:.1f} s")
@@ -66,7 +71,7 @@ def check(recording: Recording) -> None:
             "the simulation"
         )
     if found:
-        usable = torque & (recording["share_of_next_set"] <= 0.0) & ~changed & ~stood
+        usable = torque & alone & ~changed & ~stood
         raise ValueError(f"{'; '.join(found)}. {_part(time, usable, excess)}")
 
 
@@ -109,7 +114,7 @@ def _part(time: NDArray[np.float64], usable: NDArray[np.bool_], excess: NDArray[
     # The first bound whose sum is not below that at the end: the rows between have no excess.
     first = np.searchsorted(np.maximum.accumulate(before), upto)
     lengths = np.arange(bounds.size) - first
-    if not (lengths > 0).any():
+    if lengths.max(initial=0) < SHORTEST * TENTHS:
         return "No part has the whole torque of one set in time: drive again"
     end = int(lengths.argmax())
     return f"The longest part that is whole: --between {bounds[first[end]]:.1f} {bounds[end]:.1f}"

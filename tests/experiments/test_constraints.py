@@ -24,16 +24,33 @@ PEAKED = {
 }
 
 
+# Its active return is saturated in a turn, so that the gain margin is 7 dB smaller there than straight ahead.
+SATURATED = {
+    "boost_level": 0.441,
+    "boost_progression": 1.025,
+    "boost_low_speed": 0.845,
+    "damping_level": 0.453,
+    "damping_low_speed": 1.436,
+    "lead_zero": 25.094,
+    "lead_pole": 107.585,
+    "return_gain": 6.659,
+    "return_saturation": 0.501,
+    "handwheel_damping": 0.113,
+    "friction_share": 0.531,
+}
+
+
 @pytest.mark.parametrize(
-    ("values", "kph", "torques"),
+    ("values", "kph", "torques", "most"),
     [
-        (PEAKED, 140.0, (0.0, 2.0, 2.6, 3.0, 3.5, 4.0)),
-        (PEAKED, 100.0, (0.0, 2.6, 3.0, 4.0)),
-        ({}, 140.0, (0.0, 2.0, 3.0, 4.0, 5.0)),
-        ({"boost_level": 1.35, "friction_share": 0.3}, 40.0, (0.0, 2.0, 3.0)),
+        (PEAKED, 140.0, (0.0, 2.0, 2.6, 3.0, 3.5, 4.0), 0.1),
+        (PEAKED, 100.0, (0.0, 2.6, 3.0, 4.0), 0.1),
+        (SATURATED, 140.0, (0.0, 3.0, 4.0, 6.0), 0.5),
+        ({}, 140.0, (0.0, 2.0, 3.0, 4.0, 5.0), 0.1),
+        ({"boost_level": 1.35, "friction_share": 0.3}, 40.0, (0.0, 2.0, 3.0), 0.1),
     ],
 )
-def test_gain_margin_is_that_of_the_worst_steady_turn(monkeypatch, values, kph, torques):
+def test_gain_margin_is_that_of_the_worst_steady_turn(monkeypatch, values, kph, torques, most):
     car, law = cars.load("compact"), friction.resolve("lugre")
     laden, a = car.loaded(LOAD), problem.assist(problem.make(car, load("compact")), values)
     monkeypatch.setattr(constraints, "SPEEDS", (kph,))
@@ -42,7 +59,7 @@ def test_gain_margin_is_that_of_the_worst_steady_turn(monkeypatch, values, kph, 
     points = [steady(turn, torque=torque) for torque in torques]
     worst = min(assist_loop.margins(held(p, "off", of)).gain for p in points for of in (None, law))
     over = found[f"gain_{kph:.0f}"] - 20.0 * math.log10(worst)
-    assert -0.25 <= over <= 0.1
+    assert -0.25 <= over <= most
 
 
 def test_steepest_part_counts_once_the_car_reaches_where_it_begins():

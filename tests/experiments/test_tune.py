@@ -86,6 +86,24 @@ def test_begins_with_the_starting_point_and_widens_where_the_optimum_is_on_a_lim
     assert int(study.study_name[-1]) > 1
 
 
+def test_a_larger_budget_widens_too(tmp_path):
+    search.work(WorkerOf(job(tmp_path, 12), 0))
+    more = job(tmp_path, 60)
+    search.work(WorkerOf(more, 0))
+    assert search.ranges(study_of(more))[0].high > 1.0
+
+
+@pytest.mark.parametrize("sampler", ["random", "tpe"])
+def test_seeds_give_sets_of_their_own(tmp_path, sampler):
+    found = []
+    for seed in (0, 1, 2):
+        one = job(tmp_path / str(seed), 30, name=sampler, sampler=sampler, seed=seed, widens=False)
+        (tmp_path / str(seed)).mkdir()
+        search.work(WorkerOf(one, 0))
+        found += [tuple(t.params.values()) for t in search.finished(study_of(one))]
+    assert len(set(found)) == 3 * 30 - 2  # the starting point is common
+
+
 def test_a_round_that_was_not_made_whole_is_made_again(tmp_path):
     one = job(tmp_path, 6)
     search.work(WorkerOf(one, 0))

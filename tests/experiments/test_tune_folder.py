@@ -74,7 +74,7 @@ def test_another_sampler_or_seed_keeps_the_sets_of_all_studies(tmp_path, posed, 
     assert params(other.trials["surface"]) == params(first.trials["surface"])
     assert len(other.trials["random"]) == 3
     assert search.total(other.best) <= search.total(first.best)
-    assert other.feasibility.sets == sum(map(len, other.trials.values())) == len(first.trials["surface"]) + 3
+    assert other.feasibility.sets == len(first.trials["surface"]) + 3 - 1  # the starting point is common
     for r, before in zip(other.ranges, first.ranges):
         assert r.low <= before.low
         assert r.high >= before.high

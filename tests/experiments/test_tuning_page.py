@@ -36,7 +36,7 @@ def test_verdict_where_no_set_keeps_the_constraints():
     far, near = {"phase_20": 0.4, "gain_20": -1.0}, {"phase_20": 0.1, "gain_140": 0.05, "stable": 0.0}
     found, said = judged(((0.5, 0.5), far), ((2.0, 0.5), near))
     assert [name for name, _ in found.nearest] == ["phase_20", "gain_140"]
-    assert said[0] == "Not feasible as far as 2 sets of TPE show: no set keeps the constraints."
+    assert said[0] == "Not feasible as far as 2 different sets of TPE show: no set keeps the constraints."
     assert "27 of 30 deg" in said[1]
     assert "5.7 of 6 dB" in said[1]
     text = " ".join(said)

@@ -48,7 +48,7 @@ def rows(seeds: int = SEEDS, budget: int = BUDGET) -> Iterator[Row]:
 def _course(case: Job) -> list[float]:
     """Distance of the best set that keeps the constraints, after each set of a search [band widths]."""
     with TemporaryDirectory() as out, search.quiet():
-        job = case._replace(out=out)
+        job = case._replace(out=out, stops=False)
         search.work(WorkerOf(job, 0))
         trials = search.finished(search.current(job, storage.opened(Path(out), None)))
     distances = (search.total(trial) if search.kept(trial) else math.inf for trial in trials)

@@ -113,7 +113,7 @@ def _declared(recording: Recording, timing: float, scale: float, again: Callable
     """The doubts that the user has declared: how well the channels are aligned, and how well the torque is scaled."""
     found = []
     for channel in recording.channels if timing else ():
-        if channel != ANGLE:
+        if channel != ANGLE and channel not in driven.CHANNELS:
             others = tuple(again(_shifted(recording, channel, by)) for by in (-timing, timing))
             found.append(Doubt(f"the timing of {channel}", "align the channels more closely", others))
     if scale and TORQUE in recording.channels:
