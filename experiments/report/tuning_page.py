@@ -327,6 +327,9 @@ def build(o: Outcome, cells: list[analysis.Cell]) -> tuple[Page, dict[str, Any]]
     """The page and its numbers as JSON."""
     optimisers = " and ".join(f"{label(key)} ({len(trials)})" for key, trials in o.trials.items())
     verdict = feasibility.sentences(o.problem, o.feasibility, _units(o), optimisers)
+    if o.best is not None and o.own is not None and o.best.params == o.own.params:
+        found = "No set that keeps the constraints is better than the starting point, which best.toml has"
+        verdict.insert(1, f"{found}: give a larger --budget.")
     if left := [name for name in o.problem.bands if name not in o.counted]:
         verdict.append(f"No parameter of the assist moves {', '.join(map(in_words, left))}: left out.")
     if below := analysis_page.missed(cells):

@@ -124,6 +124,11 @@ def test_the_best_set_has_the_metrics_with_its_own_handwheel_angles(tmp_path, po
     assert found.own.params == problem.own(posed)
 
 
+def test_a_search_that_finds_nothing_better_says_so(tmp_path, posed, quick):
+    page, _ = tuning_page.build(tuned(posed, tmp_path, 1), [])
+    assert any("better than the starting point" in sentence for sentence in page.verdict)
+
+
 def test_a_band_that_changes_side_is_told(posed):
     inside = {name: 0.5 * sum(band.good) for name, band in posed.bands.items()}
     outside = {**inside, "yaw_lag": posed.bands["yaw_lag"].good[1] + 1.0}
