@@ -113,7 +113,8 @@ def test_a_closed_pipe_prints_no_error(command, tmp_path):
     process.stdout.close()
     assert process.stderr.read() == ""
     process.stderr.close()
-    assert process.wait() == (0 if command == ["--help"] else 141)
+    # A text that the buffer takes whole is lost at the end of the program, without a failure.
+    assert process.wait() in ((0, 141) if command == ["--help"] else (141,))
 
 
 def test_messages_name_options():

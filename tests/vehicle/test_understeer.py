@@ -104,9 +104,10 @@ def sines(car, chassis, law, amplitude, v=V):
 @EACH
 @pytest.mark.parametrize(("chassis", "gain", "phase"), [("single_track", 0.01, 1.0), ("two_track", 0.03, 1.0)])
 def test_response_is_that_of_a_simulation(name, chassis, gain, phase):
-    """Gain, and phase in degrees, at 0.03 m/s2 without friction; the mark of the yaw lag at 0.2 Hz is 5 ms."""
-    car = CARS[name]
-    found = sines(car, chassis, friction.make("viscous", sigma_2=0.0), 2e-3)
+    """Gain, and phase in degrees, at 0.003 m/s2 without friction; the mark of the yaw lag at 0.2 Hz is 5 ms."""
+    data = CARS[name].data()
+    car = cars.load({**data, "assist": {**data["assist"], "friction_share": 0.0}})  # which the model leaves out
+    found = sines(car, chassis, friction.make("viscous", sigma_2=0.0), 2e-4)  # the return fades with the torque
     model = understeer.response(car, V, chassis)
     expected = np.array([model(2j * math.pi * f)[:, 0] for f in FREQUENCIES])
     np.testing.assert_allclose(np.abs(found / expected), 1.0, atol=gain)
