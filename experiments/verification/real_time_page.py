@@ -197,7 +197,7 @@ def page(results: Results, seconds: float, priority: int, locked: bool) -> Page:
         Section(
             "Priority, memory and garbage",
             "The scheduler's priority keeps a loop's deadlines where other programs run; Python's collection of "
-            "garbage does not touch them, as the loop holds no lock of Python.",
+            "garbage is one of these, and does not stop the loop, which holds no lock of Python.",
             f"{rows[-1].law} on the chassis {rows[-1].chassis}, under each condition for an equal time, one after "
             "another in rounds; the bare loop runs beside each. Garbage is made and collected all the time.",
             _told(results),
