@@ -47,6 +47,7 @@ class Cell(NamedTuple):
     hands: str
     friction: str
     margins: Margins | None  # None where the car does not reach the torque
+    load: float = 0.0  # [kg]
 
     @property
     def phase_deg(self) -> float:
@@ -61,7 +62,8 @@ class Cell(NamedTuple):
     @property
     def where(self) -> str:
         """The point in words."""
-        return f"{self.speed_kph:g} km/h, {self.torque:g} N m, hands {self.hands}, {self.friction}"
+        laden = f", {self.load:g} kg of load" if self.load else ""
+        return f"{self.speed_kph:g} km/h, {self.torque:g} N m, hands {self.hands}, {self.friction}{laden}"
 
 
 class Results(NamedTuple):

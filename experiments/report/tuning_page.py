@@ -49,7 +49,8 @@ def mapped(
     for load in loads:
         for kph in analysis.SPEEDS:
             notify(len(cells) / (count * 36.0), f"margin map at {kph:g} km/h")
-            cells += analysis.map_of(cornering(car.loaded(load), kph / analysis.KPH, chassis), kph, law)
+            found = analysis.map_of(cornering(car.loaded(load), kph / analysis.KPH, chassis), kph, law)
+            cells += [cell._replace(load=load) for cell in found]
     return cells
 
 

@@ -8,9 +8,10 @@ import optuna
 import pytest
 
 from steer_env.experiments.drawing import tuning_pictures
-from steer_env.experiments.report import tuning_page
+from steer_env.experiments.report import analysis, tuning_page
 from steer_env.experiments.tuning import constraints, feasibility
 from steer_env.targets import Band
+from steer_env.vehicle import assist_loop
 
 UNITS = {"torque_deadband": "N m", "angle_deadband": "deg"}
 POSED = SimpleNamespace(bands={name: Band((0.0, 1.0), (-1.0, 2.0)) for name in UNITS})
@@ -67,6 +68,13 @@ def test_verdict_tells_its_number_of_sets():
 )
 def test_constraints_in_words(constraint, violation, words):
     assert words in constraints.told(constraint, violation)
+
+
+def test_a_point_of_the_map_tells_its_load():
+    margins = assist_loop.Margins(4.0, 0.2, 0.01, 0.4, 5.0, True)
+    cell = analysis.Cell(20.0, 4.0, "off", "friction slides", margins)
+    assert cell.where == "20 km/h, 4 N m, hands off, friction slides"
+    assert cell._replace(load=300.0).where.endswith("friction slides, 300 kg of load")
 
 
 def test_front_shows_or_counts_every_set():
