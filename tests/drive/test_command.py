@@ -22,16 +22,17 @@ from steer_env.vehicle import cars
 COMMAND = [sys.executable, "-m", "steer_env.experiments.cli.main"]
 
 
-def _heeds_ctrl_c():
-    """As in a terminal; what a shell starts in the background ignores the signal, and so would the process."""
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
+def _heeds_signals():
+    """As in a terminal; what a shell starts in the background or by nohup ignores one, and so would the process."""
+    for number in (signal.SIGINT, signal.SIGHUP):
+        signal.signal(number, signal.SIG_DFL)
 
 
 def started(folder, *options):
     """The command in a process of its own, once it drives."""
     command = [*COMMAND, "drive", "--device", "fake", "--headless", "--out", str(folder), *options]
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
-    process = subprocess.Popen(command, **pipes, preexec_fn=_heeds_ctrl_c)
+    process = subprocess.Popen(command, **pipes, preexec_fn=_heeds_signals)
     assert "driving with" in process.stdout.readline()
     return process, folder / "drive-0001.csv"
 

@@ -1,6 +1,7 @@
 """CommonRoad's model as an oracle: its signs in ours, closed forms, what is odd, and the stored reference."""
 
 import copy
+import zipfile
 
 import numpy as np
 import pytest
@@ -20,6 +21,12 @@ STEP = MANOEUVRES["step_20"]._replace(duration=4.0)
 @pytest.fixture(scope="module")
 def turn():
     return drive(P, STEP)
+
+
+def members(path):
+    """The files in an archive; what the archive says of itself depends on the version of Python."""
+    with zipfile.ZipFile(path) as file:
+        return [(name, file.read(name)) for name in file.namelist()]
 
 
 def last(run, name):
@@ -177,6 +184,6 @@ def test_the_reference_has_their_parameters_and_names_what_reconciling_changes(t
     assert [path.name for path in tmp_path.iterdir()] == ["again.npz"]
     again, stored = commonroad_reference.load(tmp_path / "again.npz"), commonroad_reference.load()
     assert again[:2] == stored[:2]
-    assert (tmp_path / "again.npz").read_bytes() == commonroad_reference.FILE.read_bytes()
+    assert members(tmp_path / "again.npz") == members(commonroad_reference.FILE)
     assert stored.about["version"] == "3.0.2"
     assert list(commonroad_reference.PECULIARITIES) == [*QUIRKS, *CODE]
