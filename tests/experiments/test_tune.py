@@ -127,7 +127,7 @@ def test_processes_share_a_study_and_lose_no_set_of_a_killed_one(tmp_path):
 
     def taken():
         trials = study_of(one).get_trials(deepcopy=False, states=(RUNNING,))
-        return [t.params for t in trials if f"-{killed.pid}-" in t.user_attrs["process"]]
+        return [t.params for t in trials if f"-{killed.pid}-" in t.user_attrs.get("process", "")]
 
     with process(tmp_path, budget, 60.0) as killed:
         (lost,) = wait_for(taken)
@@ -345,7 +345,7 @@ def test_command_whose_processes_are_killed_keeps_every_set(tmp_path, capfd):
             kept += [t for t in trials() if t.state is COMPLETE]
     assert 5 <= len({t.number for t in kept}) < 12
     assert main([*words, "--resume"]) == 0
-    assert "Not feasible as far as 12 sets" in capfd.readouterr().out
+    assert "Not feasible as far as 12 different sets" in capfd.readouterr().out
     done = [t for t in trials() if t.state is COMPLETE]
     params = [t.params for t in done]
     assert len(done) == len({json.dumps(p) for p in params}) == 12
