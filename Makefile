@@ -2,7 +2,7 @@ PYTHON ?= python3
 PYTEST = .venv-test/bin/python -m pytest --numprocesses auto --dist loadfile
 SEED := $(shell date +%s)
 
-.PHONY: report test test-all test-matrix test-integrations audit clean
+.PHONY: report test test-whole test-all test-matrix test-integrations audit clean
 
 # The main job: the core packages alone, then the evaluation report in report/index.html.
 report: .venv/.stamp
@@ -12,11 +12,14 @@ report: .venv/.stamp
 test: .venv-test/.stamp
 	$(PYTEST) -m "not whole"
 
-# The whole suite, then the property tests once more with a random seed, which is printed.
-test-all: .venv-test/.stamp
-	$(PYTEST)
+# The other tests, then the property tests once more with a random seed, which is printed.
+test-whole: .venv-test/.stamp
+	$(PYTEST) -m whole
 	@echo "property tests with --hypothesis-seed=$(SEED)"
 	$(PYTEST) -m hypothesis --hypothesis-profile=random --hypothesis-seed=$(SEED)
+
+# The whole suite.
+test-all: test test-whole
 
 # A short smoke test over several versions of numba and the lowest versions of all dependencies.
 test-matrix:

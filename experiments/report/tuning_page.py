@@ -1,21 +1,17 @@
 """The page of a tuning: the gain first, then what is feasible, the front, the bands, the parameters and the margins."""
 
-import functools
 import math
-import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
-import optuna
-from optuna.importance import PedAnovaImportanceEvaluator, get_param_importances
 from optuna.trial import FrozenTrial
 
 from steer_env import metrics
 from steer_env.experiments.drawing import tuning_pictures
 from steer_env.experiments.output.words import label as in_words
 from steer_env.experiments.output.words import number, unit
-from steer_env.experiments.report import analysis, analysis_page
+from steer_env.experiments.report import analysis, analysis_page, tuning_parameters
 from steer_env.experiments.studies.common.page import Page, Picture, Section, Table
 from steer_env.experiments.tuning import constraints, feasibility, own_angles, search
 from steer_env.experiments.tuning.problem import distance
@@ -32,7 +28,6 @@ LABELS = {
     "random": "random search",
 }
 REACH = 1.5  # of the farthest marked set, up to which the axes of the front go; assumed [1]
-FEW = 100  # sets of NSGA-II that are only its first generations; assumed
 
 
 def label(name: str) -> str:
@@ -226,57 +221,6 @@ def _band_section(o: Outcome) -> Section:
     )
 
 
-def _objective(k: int, trial: FrozenTrial) -> float:
-    return trial.values[k]
-
-
-def importances(o: Outcome) -> dict[str, dict[str, float]]:
-    """Share of each parameter in what makes the better sets better, by objective, from all sets [1]."""
-    names = list(dict.fromkeys(o.problem.groups[name] for name in o.counted))
-    spaces, found = search.distributions(o.ranges), {}
-    with search.quiet(), warnings.catch_warnings():
-        warnings.filterwarnings("ignore", "PedAnova.*low `target`", UserWarning)  # which is what is wanted
-        study = optuna.create_study(directions=["minimize"] * len(names))
-        for t in (t for trials in o.trials.values() for t in trials):
-            values = t.user_attrs["objectives"]
-            study.add_trial(optuna.trial.create_trial(values=values, params=t.params, distributions=spaces))
-        for k, name in enumerate(names):
-            if len({t.values[k] for t in study.trials}) > 1:
-                value = functools.partial(_objective, k)
-                found[name] = get_param_importances(study, evaluator=PedAnovaImportanceEvaluator(), target=value)
-    return found
-
-
-def _parameter_section(o: Outcome, shares: Mapping[str, Mapping[str, float]]) -> Section:
-    rows = []
-    for r in o.ranges:
-        first = next(f for f in o.problem.ranges if f.name == r.name)
-        best = math.nan if o.best is None else o.best.params[r.name]
-        wide = f"{number(r.low)} to {number(r.high)}"
-        note = f"widened from {number(first.low)} to {number(first.high)}" if r.name in o.widened else ""
-        rows.append((in_words(r.name), unit(r.unit), number(r.own), number(best), wide, note))
-    told = (
-        "No optimum lay on a limit of its range."
-        if not o.widened
-        else ("Ranges were widened where an optimum lay on their limit: " + ", ".join(map(in_words, o.widened)) + ".")
-    )
-    pictures = []
-    if shares:  # an objective without bands, or the same in every set, has none
-        named = {group: {in_words(name): x for name, x in each.items()} for group, each in shares.items()}
-        drawn = tuning_pictures.importances(named, [in_words(r.name) for r in o.ranges])
-        pictures = [Picture(drawn, "Importances by objective")]
-    return Section(
-        "Parameters",
-        "The parameters that matter, and their ranges.",
-        "The importance is that of PED-ANOVA over all evaluated sets: how far the better sets of an objective differ "
-        "from all sets in a parameter.",
-        told,
-        "Importances hold for the ranges that were searched. A range is widened only as far as the assist accepts.",
-        pictures,
-        [Table("Parameters", ("parameter", "unit", "before", "after", "range", ""), rows)],
-    )
-
-
 def _margin_section(o: Outcome, cells: list[analysis.Cell]) -> Section:
     rows, sides = [], [t.user_attrs["details"]["margins"] for t in (o.own, o.best) if t is not None]
     for key in sides[0] if sides else ():
@@ -316,10 +260,10 @@ def _limits(o: Outcome) -> str:
         "proof, and the weaker the fewer sets there are. All optimisers begin with the same first sets."
     )
     for key, trials in o.trials.items():
-        if key.endswith("nsga2") and len(trials) < FEW:
+        if key.endswith("nsga2") and len(trials) < feasibility.FEW:
             told += (
                 f" The {len(trials)} sets of {label(key)}, with {search.POPULATION} in a generation, are its first "
-                f"generations only, and confirm little; give a --budget of {FEW} or more."
+                f"generations only, and confirm little; give a --budget of {feasibility.FEW} or more."
             )
     return told
 
@@ -336,7 +280,7 @@ def build(o: Outcome, cells: list[analysis.Cell]) -> tuple[Page, dict[str, Any]]
     if below := analysis_page.missed(cells):
         verdict.append(f"The best set misses a margin or is unstable at {len(below)} points of the whole map.")
     verdict += own_angles.sentences(o.checks)
-    shares, gain, limits = importances(o), _gain_section(o), _limits(o)
+    shares, gain, limits = tuning_parameters.importances(o), _gain_section(o), _limits(o)
     first = Section(
         "Feasibility",
         "All bands can be reached together.",
@@ -355,7 +299,7 @@ def build(o: Outcome, cells: list[analysis.Cell]) -> tuple[Page, dict[str, Any]]
         if o.feasibility.pairs
         else (),
     )
-    others = _pareto_section(o), _band_section(o), _parameter_section(o, shares), _margin_section(o, cells)
+    others = _pareto_section(o), _band_section(o), tuning_parameters.section(o, shares), _margin_section(o, cells)
     data = {
         "feasibility": feasibility.as_json(o.feasibility),
         "counted": list(o.counted),

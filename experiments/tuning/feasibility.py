@@ -13,6 +13,7 @@ from steer_env.experiments.tuning.search import best, kept
 from steer_env.targets import Band
 
 IN_BAND = 1e-9  # distance that counts as within the band [1]
+FEW = 100  # sets with which an optimiser has hardly begun, so that they show little; assumed
 
 
 class Closest(NamedTuple):
@@ -122,9 +123,12 @@ def sentences(problem: Problem, found: Feasibility, units: Mapping[str, str], co
         said.append(f"The metric {label(c.metric)} is {none}: at best {c.low:.3g} to {c.high:.3g}{where}.")
     for pair in sorted(found.pairs, key=lambda p: -sum(p.distances))[:6]:
         (a, b), (x, y) = pair
+        shown = f"conflict, as far as {kept} sets that keep the constraints show"
+        if kept < FEW:
+            shown = f"may conflict, of which {kept} sets that keep the constraints show little"
         said.append(
-            f"The metrics {label(a)} and {label(b)} conflict, as far as {kept} sets that keep the constraints show: "
-            f"each is reached, but by none together; at best they are {x:.2f} and {y:.2f} widths off their bands."
+            f"The metrics {label(a)} and {label(b)} {shown}: each is reached, but by none together; at best they are "
+            f"{x:.2f} and {y:.2f} widths off their bands."
         )
     if not found.never and not found.pairs and kept:
         missed = ", ".join(map(label, found.missed))

@@ -7,15 +7,18 @@ car file has in ``steer-env report``.
 
 import copy
 import math
+import warnings
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 from optuna.trial import FrozenTrial
 
+from steer_env.experiments.output.words import label
 from steer_env.experiments.tuning import problem as problems
 from steer_env.experiments.tuning.feasibility import IN_BAND
 from steer_env.experiments.tuning.problem import FARTHEST, Evaluation, Problem, distance
 from steer_env.targets import Band
+from steer_env.vehicle.cars import UnusualCar
 
 TITLES = {"start": "the starting point", "best": "the best set"}
 
@@ -37,7 +40,10 @@ def driven(case: tuple[Problem, Mapping[str, float]]) -> Evaluation:
     """
     problem, values = case
     try:
-        return problems.evaluate(problem._replace(car=problems.tuned_car(problem, values)), {})
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UnusualCar)  # told when the command makes its car file
+            car = problems.tuned_car(problem, values)
+        return problems.evaluate(problem._replace(car=car), {})
     except ValueError as error:
         nothing = dict[str, float | None].fromkeys(problem.bands)
         return Evaluation({c.label: nothing for c in problem.conditions}, {}, dict.fromkeys(nothing, str(error)))
@@ -68,13 +74,13 @@ def compared(problem: Problem, counted: Sequence[str], searched: FrozenTrial, ch
     """What differs between a set as the search saw it and the same with its own handwheel angles."""
     before, after = (t.user_attrs["details"]["metrics"] for t in (searched, checked))
     most, changed = (0.0, "", ""), []
-    for label in before:
+    for where in before:
         for name in counted:
-            band, values = problem.bands[name], (before[label][name], after[label][name])
-            most = max(most, (_change(*values, band), name, label), key=lambda found: found[0])
+            band, values = problem.bands[name], (before[where][name], after[where][name])
+            most = max(most, (_change(*values, band), name, where), key=lambda found: found[0])
             was, now = (distance(value, band) <= IN_BAND for value in values)
             if was != now:
-                changed.append((name, label, now))
+                changed.append((name, where, now))
     return OwnAngles(searched, *most, tuple(changed))
 
 
@@ -83,7 +89,9 @@ def sentences(checks: Mapping[str, OwnAngles]) -> list[str]:
     told = []
     for key, check in checks.items():
         if check.changed:
-            each = (f"{n} at {label} {'comes into' if now else 'leaves'} its band" for n, label, now in check.changed)
+            each = (
+                f"{label(n)} at {where} {'comes into' if now else 'leaves'} its band" for n, where, now in check.changed
+            )
             told.append(
                 f"Driven with its own handwheel angles in place of the starting car's, {TITLES[key]} changes by up to "
                 f"{check.difference:.2g} widths of a band: {'; '.join(each)}."

@@ -289,9 +289,14 @@ def complete(problem: Problem, values: Mapping[str, float]) -> dict[str, float]:
     return {name: values.get(name, KNOWN[name].value(a, 0.0)) for name in parameters.reported(tuple(values))}
 
 
+def without_effect(assist: Assist) -> set[str]:
+    """Parameters of functions that an assist does not have, whose values are where a search begins."""
+    return set(KEYS) - functions.keys(assist.functions, SAMPLE_TIME).keys()
+
+
 def tuned_car(problem: Problem, values: Mapping[str, float]) -> Car:
     """The car with a parameter set, whose assist is to the bit the one that was evaluated."""
-    data = {**problem.car.data(), "name": f"{problem.car.name}_tuned"}
+    data = {**problem.car.data(), "name": f"{problem.car.name}_best"}
     return cars.load({**data, "assist": keys(problem, values)})
 
 

@@ -208,16 +208,24 @@ def widened(given: tuple[Range, ...], values: Mapping[str, float]) -> tuple[Rang
     """The ranges, wider at the ends on which a set lies, as far as a parameter may go."""
     found = []
     for r in given:
-        low, high, x = (_scale(r, value) for value in (r.low, r.high, values[r.name]))
-        near, more = ON_LIMIT * (high - low), WIDER * (high - low)
-        if x - low < near:
+        at_low, at_high = on_limit(r, values[r.name])
+        low, high = _scale(r, r.low), _scale(r, r.high)
+        more = WIDER * (high - low)
+        if at_low:
             end = math.exp(low - more) if r.logarithmic else low - more
             r = r._replace(low=max(end, r.limits[0]))
-        if high - x < near:
+        if at_high:
             end = math.exp(high + more) if r.logarithmic else high + more
             r = r._replace(high=min(end, r.limits[1]))
         found.append(r)
     return tuple(found)
+
+
+def on_limit(r: Range, value: float) -> tuple[bool, bool]:
+    """Whether a value lies on the lower and on the upper end of a range."""
+    low, high, x = (_scale(r, each) for each in (r.low, r.high, value))
+    near = ON_LIMIT * (high - low)
+    return x - low < near, high - x < near
 
 
 def _due(budget: int, checked: int, done: int) -> bool:

@@ -216,7 +216,9 @@ def test_what_the_sets_show():
     assert not found.reached
     assert not found.never
     assert found.pairs[0].metrics == ("a", "b")
-    assert "a and b conflict, as far as" in told
+    assert "a and b may conflict, of which 2 sets that keep the constraints show little" in told
+    many = [((0.5, 0.5), (0.5, 1.5), True), ((0.5, 2.0), (0.5, 0.6), True)] * (feasibility.FEW // 2)
+    assert "a and b conflict, as far as 100 sets" in judged(*many)[1]
     found, told = judged(((0.5, 1.5), (0.5, 0.5), True), ((0.5, 0.5), (0.5, 0.5), False))
     assert [c.metric for c in found.never] == ["a"]
     assert "a is in no set in its band of 0 to 1 N m in all conditions while the margins are kept" in told
@@ -303,7 +305,7 @@ def test_command(tmp_path, capfd):
     assert capfd.readouterr().out.startswith("Not feasible")
     assert len(first["sets"]) == 2
     car = cars.load(tmp_path / "study" / "best.toml")
-    assert car.name == "compact_tuned"
+    assert car.name == "compact_best"
     driven = metrics.evaluate(manoeuvres.drive(car, manoeuvres.make("release")))
     told = first["best"]["metrics"]["friction x 1, unladen"]
     for name in ("yaw_rate_after_1s", "release_overshoot", "residual_handwheel_angle"):

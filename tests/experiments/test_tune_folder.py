@@ -14,7 +14,7 @@ import pytest
 
 from steer_env import targets
 from steer_env.experiments.cli.main import main
-from steer_env.experiments.report import tuning_page
+from steer_env.experiments.report import tuning_page, tuning_parameters
 from steer_env.experiments.tuning import own_angles, problem, search, storage, tuning
 from steer_env.experiments.tuning.problem import Evaluation
 from steer_env.vehicle import cars
@@ -31,7 +31,7 @@ SHIFT = 0.25  # of a metric by a set's own handwheel angles [widths of the band]
 
 def formula(posed, values, every_metric=True):
     """Metrics in the middle of their bands where boost, or damping for those of the return, is 2.5 times the car's."""
-    own, start = posed.car.name.endswith("_tuned"), cars.load("compact").assist
+    own, start = posed.car.name.endswith("_best"), cars.load("compact").assist
     tried = problem.assist(posed, values)
     factors = tried.boost[0, -1] / start.boost[0, -1], tried.damping[0] / start.damping[0]
     metrics = {}
@@ -129,6 +129,34 @@ def test_a_search_that_finds_nothing_better_says_so(tmp_path, posed, quick):
     assert any("better than the starting point" in sentence for sentence in page.verdict)
 
 
+def section(page, title):
+    return next(each for each in page.sections if each.title == title)
+
+
+def test_parameters_tell_ends_of_ranges_functions_that_are_off_and_few_sets(tmp_path, quick):
+    names = ("boost_level", "damping_level", "return_gain", "return_saturation")
+    posed = problem.make(cars.load("compact"), targets.load("compact"), names=names)
+    found = tuned(posed, tmp_path, 6)
+    cut = [r._replace(high=found.best.params[r.name]) if r.name == "boost_level" else r for r in found.ranges]
+    told = section(tuning_page.build(found._replace(ranges=tuple(cut)), [])[0], "Parameters")
+    rows = {row[0]: row for row in told.tables[0].rows}
+    assert rows["boost level"][-1].endswith("best on the upper limit")
+    assert "The best set lies on a limit of boost level" in told.verdict
+    assert rows["return saturation"][2] == "–"  # the car has no active return
+    assert rows["return gain"][2] == "0"
+    assert "6 sets show little of them" in told.limits
+    returning = cars.load("compact").data() | {"assist": problem.keys(posed, problem.own(posed) | {"return_gain": 1.0})}
+    assert problem.without_effect(posed.car.assist) == {"return_saturation"}
+    assert problem.without_effect(cars.load(returning).assist) == set()
+
+
+def test_a_range_that_ends_where_the_assist_does_is_no_limit(posed):
+    r = posed.ranges[0]
+    assert tuning_parameters.at_end(r, r.low) == "best on the lower limit"
+    assert not tuning_parameters.at_end(r, r.own)
+    assert not tuning_parameters.at_end(r._replace(limits=(r.low, r.high)), r.low)
+
+
 def test_a_band_that_changes_side_is_told(posed):
     inside = {name: 0.5 * sum(band.good) for name, band in posed.bands.items()}
     outside = {**inside, "yaw_lag": posed.bands["yaw_lag"].good[1] + 1.0}
@@ -145,9 +173,9 @@ def test_a_band_that_changes_side_is_told(posed):
     assert left.changed == (("yaw_lag", "rough", False),)
     told = own_angles.sentences({"best": left})
     assert len(told) == 1
-    assert "yaw_lag at rough leaves its band" in told[0]
+    assert "yaw lag at rough leaves its band" in told[0]
     back = own_angles.sentences({"start": own_angles.compared(posed, counted, trials[1], trials[0])})
-    assert "yaw_lag at rough comes into its band" in back[0]
+    assert "yaw lag at rough comes into its band" in back[0]
     lost = own_angles.compared(posed, counted, trials[0], trials[2])
     assert lost.difference == problem.FARTHEST
     assert lost.changed == (("release_overshoot", "rough", False),)
