@@ -90,7 +90,7 @@ def _tune(args: argparse.Namespace) -> None:
             posed, args.out, args.budget, run, workers, began=began,
             address=args.storage, sampler=args.sampler, seed=args.seed, resume=args.resume, second=not args.unconfirmed,
         )  # fmt: skip
-        _write(args, posed, outcome, notify)
+        _write(args, posed, outcome)
     if args.report and outcome.best is not None:
         for name, file in (("before", "start.toml"), ("after", "best.toml")):
             _report(args, file, name)
@@ -119,7 +119,7 @@ def _watched(notify: Callable[[float, str], None], args: argparse.Namespace) -> 
         thread.join()
 
 
-def _write(args: argparse.Namespace, posed: Any, outcome: Any, notify: Callable[[float, str], None]) -> None:
+def _write(args: argparse.Namespace, posed: Any, outcome: Any) -> None:
     """Write the page, its numbers and the car files, and print what was found."""
     from steer_env.experiments.cli.common.sweeping import unswept
     from steer_env.experiments.output import provenance
@@ -130,15 +130,11 @@ def _write(args: argparse.Namespace, posed: Any, outcome: Any, notify: Callable[
     from steer_env.vehicle import cars
 
     cars.write(posed.car, args.out / "start.toml")
-    cells = []
     if outcome.best is not None:
-        tuned = problem.tuned_car(posed, outcome.best.params)
-        cars.write(tuned, args.out / "best.toml")
-        loads = tuple(dict.fromkeys(c.load for c in posed.conditions))
-        cells = tuning_page.mapped(tuned, posed.law, loads, posed.chassis, notify)
+        cars.write(problem.tuned_car(posed, outcome.best.params), args.out / "best.toml")
     else:
         (args.out / "best.toml").unlink(missing_ok=True)
-    found, data = tuning_page.build(outcome, cells)
+    found, data = tuning_page.build(outcome)
     trace = provenance.trace(
         command=unswept(args, "--out", "--storage"),
         result=args.out.name,

@@ -1,21 +1,21 @@
 """The linearised car: margins of the assist loop as a map, open loops, frequency responses, modes, limit cycles."""
 
 import math
-from collections.abc import Callable, Iterator
-from contextlib import suppress
+from collections.abc import Callable
 from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from steer_env.drivers.common.definition import arm
+from steer_env.experiments.tuning import margin_map
+from steer_env.experiments.tuning.margin_map import KPH, RESTING, Cell
 from steer_env.vehicle import assist_loop, limit_cycle, linearised
-from steer_env.vehicle.assist_loop import FREQUENCIES, Margins
+from steer_env.vehicle.assist_loop import FREQUENCIES
 from steer_env.vehicle.cars import Car
 from steer_env.vehicle.limit_cycle import Compared
 from steer_env.vehicle.linearised import Point
-from steer_env.vehicle.operating_point import HANDS, Cornering, cornering, held, steady
+from steer_env.vehicle.operating_point import Cornering, cornering, held, steady
 from steer_env.vehicle.plant import CHASSIS_STEP
 from steer_env.vehicle.steering.eps import boost_curve
 
@@ -23,13 +23,9 @@ Array = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 
 NAME = "analyse"
-KPH = 3.6  # [km/h] of 1 m/s
-SPEEDS = (20.0, 40.0, 60.0, 80.0, 100.0, 120.0, 140.0)  # of the map [km/h]
-TORQUES = (0.0, 1.0, 2.0, 3.0, 3.5, 4.0)  # of the map [N m]
 MODES_SPEEDS = np.arange(20.0, 201.0, 6.0)  # of the modes [km/h]
 BODE_SPEEDS = (50.0, 100.0, 140.0)  # [km/h]
 BODE_FREQUENCIES = np.geomspace(0.1, 30.0, 120)  # [Hz]
-SLIDING, RESTING = "friction slides", "friction at rest"
 # Hands, input and output of the frequency responses that are drawn, and the unit of their gain.
 PATHS = (
     ("on", "handwheel_angle", "yaw_rate", "1/s"),
@@ -37,33 +33,6 @@ PATHS = (
     ("on", "handwheel_angle", "handwheel_torque", "N m/rad"),
     ("off", "hand_torque", "yaw_rate", "(rad/s)/(N m)"),
 )
-
-
-class Cell(NamedTuple):
-    """One point of the map."""
-
-    speed_kph: float  # [km/h]
-    torque: float  # of the torsion bar [N m]
-    hands: str
-    friction: str
-    margins: Margins | None  # None where the car does not reach the torque
-    load: float = 0.0  # [kg]
-
-    @property
-    def phase_deg(self) -> float:
-        """Phase margin [deg]; NaN without a point."""
-        return math.nan if self.margins is None else math.degrees(self.margins.phase)
-
-    @property
-    def gain_db(self) -> float:
-        """Gain margin [dB]; NaN without a point."""
-        return math.nan if self.margins is None else 20.0 * math.log10(self.margins.gain)
-
-    @property
-    def where(self) -> str:
-        """The point in words."""
-        laden = f", {self.load:g} kg of load" if self.load else ""
-        return f"{self.speed_kph:g} km/h, {self.torque:g} N m, hands {self.hands}, {self.friction}{laden}"
 
 
 class Results(NamedTuple):
@@ -89,24 +58,6 @@ class Results(NamedTuple):
 def worst_of(cells: list[Cell]) -> Cell:
     """The cell with the smallest disk margin."""
     return min((cell for cell in cells if cell.margins), key=lambda cell: cell.margins.disk)  # type: ignore[union-attr]
-
-
-def _held(point: Point, hands: str, law: Any) -> Point:
-    return held(point, hands, law, arm()[:3] if hands == "arms" else (0.0, 0.0, 0.0))
-
-
-def map_of(turn: Cornering, kph: float, law: Any) -> Iterator[Cell]:
-    """The cells of one speed."""
-    for torque in TORQUES:
-        point: Point | None = None
-        if torque <= turn.torques.max():  # otherwise the car does not reach it, which the map shows
-            with suppress(ValueError):  # too near to the limit of the front tyres
-                point = steady(turn, torque=torque)
-        for hands, friction in product(HANDS, (SLIDING, RESTING)):
-            law_of = law if friction == RESTING else None
-            yield Cell(
-                kph, torque, hands, friction, assist_loop.margins(_held(point, hands, law_of)) if point else None
-            )
 
 
 def _modes(A: Array) -> Complexes:
@@ -137,21 +88,21 @@ def collect(
     """
     label, p = (law, law) if isinstance(law, str) else (law.label, law.parameters)
     cells, turns = list[Cell](), dict[float, Cornering]()
-    for i, kph in enumerate(SPEEDS):
-        notify(0.8 * i / len(SPEEDS), f"margins at {kph:g} km/h")
+    for i, kph in enumerate(margin_map.SPEEDS):
+        notify(0.8 * i / len(margin_map.SPEEDS), f"margins at {kph:g} km/h")
         turns[kph] = cornering(car, kph / KPH, chassis)
-        cells += map_of(turns[kph], kph, p)
+        cells += margin_map.of_speed(turns[kph], kph, p)
     worst = worst_of(cells)
     notify(0.8, "responses and modes")
     at = [c for c in cells if c.margins and c[0] == worst.speed_kph and c[2:4] == (worst.hands, worst.friction)]
     resting = p if worst.friction == RESTING else None
     loops = {
         f"{cell.torque:g} N m": assist_loop.open_loop(
-            _held(steady(turns[worst.speed_kph], torque=cell.torque), worst.hands, resting)
+            margin_map.hold(steady(turns[worst.speed_kph], torque=cell.torque), worst.hands, resting)
         ).response(FREQUENCIES)
         for cell in at
     }
-    point = _held(steady(turns[worst.speed_kph], torque=worst.torque), worst.hands, resting)
+    point = margin_map.hold(steady(turns[worst.speed_kph], torque=worst.torque), worst.hands, resting)
     gain = worst.margins.gain if worst.margins and worst.margins.stable else 1.0  # the locus ends above the limit
     factors = np.linspace(0.0, 1.2 * min(gain, 20.0), 60)
     boost_modes = [

@@ -17,29 +17,19 @@ from steer_env.experiments.report.analysis import (
     BODE_FREQUENCIES,
     NAME,
     PATHS,
-    RESTING,
-    SLIDING,
-    Cell,
     Results,
     worst_of,
 )
 from steer_env.experiments.studies.common.page import Page, Picture, Section, Table
+from steer_env.experiments.tuning import margin_map
+from steer_env.experiments.tuning.margin_map import GAIN_LIMIT, PHASE_LIMIT, RESTING, SLIDING, Cell, missed
 from steer_env.vehicle import limit_cycle
 from steer_env.vehicle.assist_loop import FREQUENCIES
 from steer_env.vehicle.operating_point import HANDS
-from steer_env.vehicle.steering.margins import TARGETS
 
 Array = NDArray[np.float64]
 
-PHASE_LIMIT, GAIN_LIMIT = TARGETS  # [deg], [dB]
 LIMIT_DISK = 2.0 * math.tan(math.radians(0.5 * PHASE_LIMIT))  # whose disk has this phase margin [1]
-
-
-def missed(cells: list[Cell]) -> list[Cell]:
-    """The cells below the limits of phase or gain margin, or unstable."""
-    return [
-        c for c in cells if c.margins and (c.phase_deg < PHASE_LIMIT or c.gain_db < GAIN_LIMIT or not c.margins.stable)
-    ]
 
 
 def sentences(results: Results) -> list[str]:
@@ -68,12 +58,12 @@ def _maps(results: Results, value: Callable[[Cell], float]) -> dict[str, Array]:
     found = {}
     for hands, friction in product(HANDS, (SLIDING, RESTING)):
         own = [value(c) for c in results.cells if (c.hands, c.friction) == (hands, friction)]
-        found[f"hands {hands}, {friction}"] = np.reshape(own, (len(analysis.SPEEDS), len(analysis.TORQUES))).T
+        found[f"hands {hands}, {friction}"] = np.reshape(own, (len(margin_map.SPEEDS), len(margin_map.TORQUES))).T
     return found
 
 
 def _margin_section(results: Results) -> Section:
-    axes = [f"{v:g}" for v in analysis.SPEEDS], [f"{T:g}" for T in analysis.TORQUES]
+    axes = [f"{v:g}" for v in margin_map.SPEEDS], [f"{T:g}" for T in margin_map.TORQUES]
     pictures = [
         Picture(
             analysis_pictures.margin_map(_maps(results, value), *axes, limit, top, label),
@@ -85,7 +75,7 @@ def _margin_section(results: Results) -> Section:
         )
     ]
     rows = []
-    for kph in analysis.SPEEDS:
+    for kph in margin_map.SPEEDS:
         own = [c for c in results.cells if c.margins and c.speed_kph == kph]
         worst = worst_of(own)
         least = [min(values) for values in zip(*((c.phase_deg, c.gain_db, 1e3 * c.margins.delay) for c in own))]  # type: ignore[union-attr]

@@ -1,7 +1,8 @@
 """The page of a tuning: the gain first, then what is feasible, the front, the bands, the parameters and the margins."""
 
+import itertools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -11,13 +12,11 @@ from steer_env import metrics
 from steer_env.experiments.drawing import tuning_pictures
 from steer_env.experiments.output.words import label as in_words
 from steer_env.experiments.output.words import number, unit
-from steer_env.experiments.report import analysis, analysis_page, tuning_parameters
+from steer_env.experiments.report import tuning_parameters
 from steer_env.experiments.studies.common.page import Page, Picture, Section, Table
-from steer_env.experiments.tuning import constraints, feasibility, own_angles, search
+from steer_env.experiments.tuning import constraints, feasibility, margin_map, own_angles, search
 from steer_env.experiments.tuning.problem import distance
 from steer_env.experiments.tuning.tuning import MOVED, Outcome
-from steer_env.vehicle.cars import Car
-from steer_env.vehicle.operating_point import cornering
 
 NAME = "tune"
 LABELS = {
@@ -34,19 +33,6 @@ def label(name: str) -> str:
     """An optimiser as people write it, from the name of its study; different for every study."""
     optimiser = LABELS[name.split()[-1]]
     return f"{optimiser}, confirming" if name.startswith("second ") else optimiser
-
-
-def mapped(
-    car: Car, law: Any, loads: tuple[float, ...], chassis: str, notify: Callable[[float, str], None] = lambda *_: None
-) -> list[analysis.Cell]:
-    """The margins of the whole car at every point of the map of ``analyse``, with every load [kg]."""
-    cells, count = list[analysis.Cell](), len(loads) * len(analysis.SPEEDS)
-    for load in loads:
-        for kph in analysis.SPEEDS:
-            notify(len(cells) / (count * 36.0), f"margin map at {kph:g} km/h")
-            found = analysis.map_of(cornering(car.loaded(load), kph / analysis.KPH, chassis), kph, law)
-            cells += [cell._replace(load=load) for cell in found]
-    return cells
 
 
 def _objectives(trials: list[FrozenTrial]) -> Any:
@@ -166,7 +152,8 @@ def _gain_section(o: Outcome) -> Section:
         "The distance is the sum over the bands of the largest distance of the metric in any condition, in widths of "
         "its band: 0 where all are reached.",
         told,
-        "The best set is the one with the smallest distance that keeps the constraints; it may reach fewer bands.",
+        "The best set is the one with the smallest distance that keeps the constraints and the margins on the whole "
+        "map; it may reach fewer bands.",
         (),
         [Table("Before and after", ("", "unit", "before", "after"), rows)] if rows else (),
     )
@@ -221,7 +208,7 @@ def _band_section(o: Outcome) -> Section:
     )
 
 
-def _margin_section(o: Outcome, cells: list[analysis.Cell]) -> Section:
+def _margin_section(o: Outcome) -> Section:
     rows, sides = [], [t.user_attrs["details"]["margins"] for t in (o.own, o.best) if t is not None]
     for key in sides[0] if sides else ():
         if key.startswith(("phase_", "gain_", "column_")):
@@ -232,11 +219,11 @@ def _margin_section(o: Outcome, cells: list[analysis.Cell]) -> Section:
     head = ("margin", "speed [km/h]", "unit", "before", "after")[: 3 + len(sides)]
     verdict = "No set keeps the margins."
     if o.best is not None:
-        least, below = constraints.least(sides[-1]), analysis_page.missed(cells)
+        least, below = constraints.least(sides[-1]), margin_map.missed(o.cells)
         verdict = (
             f"The best set keeps {number(least['phase_margin'])} deg and {number(least['gain_margin'])} dB where the "
-            f"search looks, and at {len([c for c in cells if c.margins]) - len(below)} of "
-            f"{len([c for c in cells if c.margins])} points of the whole map."
+            f"search looks, and at {len([c for c in o.cells if c.margins]) - len(below)} of "
+            f"{len([c for c in o.cells if c.margins])} points of the whole map."
         )
         if below:
             verdict += " It misses: " + "; ".join(c.where for c in below[:4]) + "."
@@ -244,13 +231,32 @@ def _margin_section(o: Outcome, cells: list[analysis.Cell]) -> Section:
         "Margins",
         f"Phase and gain margin are at least {constraints.PHASE:g} deg and {constraints.GAIN:g} dB at all speeds.",
         "The search looks at the whole laden car with hands off, where its boost is steepest, with friction sliding or "
-        "at rest; and at the column with fixed hands at all speeds of the boost table. The best set is then read on "
-        "the whole map of 'steer-env analyse': every torque, hands and friction, unladen and laden.",
+        "at rest; and at the column with fixed hands at all speeds of the boost table. The sets nearest to the "
+        "bands are then read on the whole map of 'steer-env analyse', every torque, hands and friction, unladen and "
+        "laden, until one keeps it.",
         verdict,
         "Small motions around a steady point, on a level and dry road.",
         (),
         [Table("Margins, before and after", head, rows)] if rows else (),
     )
+
+
+def _of_the_map(o: Outcome) -> list[str]:
+    """What the sets that were read on the whole map miss there."""
+    if below := margin_map.missed(o.cells):
+        where = "; ".join(c.where for c in below[:4])
+        return [
+            f"None of the {len(o.tried)} sets nearest to the bands keeps the margins at every point of the whole map. "
+            f"The one here misses the fewest, {len(below)}: {where}."
+        ]
+    better = list(itertools.takewhile(lambda pair: o.best is not None and pair[0].params != o.best.params, o.tried))
+    if not better:
+        return []
+    far, where = number(search.total(better[0][0])), better[0][1][0].where
+    return [
+        f"Sets nearer to the bands are passed over, as they miss a margin on the whole map: {len(better)}, the nearest "
+        f"{far} widths off, at {where}."
+    ]
 
 
 def _limits(o: Outcome) -> str:
@@ -268,17 +274,16 @@ def _limits(o: Outcome) -> str:
     return told
 
 
-def build(o: Outcome, cells: list[analysis.Cell]) -> tuple[Page, dict[str, Any]]:
+def build(o: Outcome) -> tuple[Page, dict[str, Any]]:
     """The page and its numbers as JSON."""
     optimisers = " and ".join(f"{label(key)} ({len(trials)})" for key, trials in o.trials.items())
     verdict = feasibility.sentences(o.problem, o.feasibility, _units(o), optimisers)
-    if o.best is not None and o.own is not None and o.best.params == o.own.params:
+    if o.best is not None and o.own is not None and o.best.params == o.own.params == o.tried[0][0].params:
         found = "No set that keeps the constraints is better than the starting point, which best.toml has"
         verdict.insert(1, f"{found}: give a larger --budget.")
     if left := [name for name in o.problem.bands if name not in o.counted]:
         verdict.append(f"No parameter of the assist moves {', '.join(map(in_words, left))}: left out.")
-    if below := analysis_page.missed(cells):
-        verdict.append(f"The best set misses a margin or is unstable at {len(below)} points of the whole map.")
+    verdict += _of_the_map(o)
     verdict += own_angles.sentences(o.checks)
     shares, gain, limits = tuning_parameters.importances(o), _gain_section(o), _limits(o)
     first = Section(
@@ -299,7 +304,7 @@ def build(o: Outcome, cells: list[analysis.Cell]) -> tuple[Page, dict[str, Any]]
         if o.feasibility.pairs
         else (),
     )
-    others = _pareto_section(o), _band_section(o), tuning_parameters.section(o, shares), _margin_section(o, cells)
+    others = _pareto_section(o), _band_section(o), tuning_parameters.section(o, shares), _margin_section(o)
     data = {
         "feasibility": feasibility.as_json(o.feasibility),
         "counted": list(o.counted),
@@ -311,7 +316,8 @@ def build(o: Outcome, cells: list[analysis.Cell]) -> tuple[Page, dict[str, Any]]
         "ranges": [r._asdict() for r in o.ranges],
         "widened": {name: [list(r[2:4]) for r in pair] for name, pair in o.widened.items()},
         "importances": shares,
-        "map_missed": [c.where for c in analysis_page.missed(cells)],
+        "map_missed": [c.where for c in margin_map.missed(o.cells)],
+        "tried": [{"set": t.number, "parameters": t.params, "missed": [c.where for c in m]} for t, m in o.tried],
         "sets": {
             key: [
                 {"parameters": t.params, "objectives": t.user_attrs["objectives"], "kept": search.kept(t)}

@@ -8,7 +8,7 @@ too large, and 0.44 dB where the return is saturated. It is up to 1 dB too small
 boost is only just reached. While friction slides the phase margin is within 0.3 deg for the packaged cars; at rest it
 is up to 2 deg on the safe side. Where the grip of the front tyres fades it is far smaller: 14 in place of 32 deg in one
 set, laden, at 20 km/h and the last tenth of a newton metre of a turn. The map of ``steer-env analyse`` has all torques
-and hands; a study reads its best set on that map.
+and hands; a study reads its best sets on that map.
 """
 
 import math

@@ -7,7 +7,6 @@ car file has in ``steer-env report``.
 
 import copy
 import math
-import warnings
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -18,7 +17,6 @@ from steer_env.experiments.tuning import problem as problems
 from steer_env.experiments.tuning.feasibility import IN_BAND
 from steer_env.experiments.tuning.problem import FARTHEST, Evaluation, Problem, distance
 from steer_env.targets import Band
-from steer_env.vehicle.cars import UnusualCar
 
 TITLES = {"start": "the starting point", "best": "the best set"}
 
@@ -40,10 +38,7 @@ def driven(case: tuple[Problem, Mapping[str, float]]) -> Evaluation:
     """
     problem, values = case
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", UnusualCar)  # told when the command makes its car file
-            car = problems.tuned_car(problem, values)
-        return problems.evaluate(problem._replace(car=car), {})
+        return problems.evaluate(problem._replace(car=problems.tuned_car_quietly(problem, values)), {})
     except ValueError as error:
         nothing = dict[str, float | None].fromkeys(problem.bands)
         return Evaluation({c.label: nothing for c in problem.conditions}, {}, dict.fromkeys(nothing, str(error)))

@@ -7,6 +7,7 @@ assist. All functions and their arguments can be pickled, so that any worker eva
 import hashlib
 import math
 import pickle
+import warnings
 from collections.abc import Mapping, Sequence
 from itertools import product
 from typing import Any, NamedTuple
@@ -23,7 +24,7 @@ from steer_env.tuning.env import SPEED
 from steer_env.tuning.parameters import FUNCTIONS, KNOWN, PARAMETERS
 from steer_env.tuning.scenarios.tune_all_round import SCENARIO
 from steer_env.vehicle import cars
-from steer_env.vehicle.cars import Car
+from steer_env.vehicle.cars import Car, UnusualCar
 from steer_env.vehicle.steering import eps, stability
 from steer_env.vehicle.steering.assist import functions
 from steer_env.vehicle.steering.eps import SAMPLE_TIME, Assist
@@ -298,6 +299,13 @@ def tuned_car(problem: Problem, values: Mapping[str, float]) -> Car:
     """The car with a parameter set, whose assist is to the bit the one that was evaluated."""
     data = {**problem.car.data(), "name": f"{problem.car.name}_best"}
     return cars.load({**data, "assist": keys(problem, values)})
+
+
+def tuned_car_quietly(problem: Problem, values: Mapping[str, float]) -> Car:
+    """:func:`tuned_car` without its warnings, which are told where its file is written."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UnusualCar)
+        return tuned_car(problem, values)
 
 
 def evaluate(problem: Problem, values: Mapping[str, float], every_metric: bool = True) -> Evaluation:

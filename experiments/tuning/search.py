@@ -93,9 +93,14 @@ def finished(study: Study) -> list[FrozenTrial]:
     return study.get_trials(deepcopy=False, states=(TrialState.COMPLETE,))
 
 
+def ranked(trials: list[FrozenTrial]) -> list[FrozenTrial]:
+    """The sets that keep the constraints by the sum of their objectives, the smallest first."""
+    return sorted(filter(kept, trials), key=lambda t: (total(t), t.number))
+
+
 def best(trials: list[FrozenTrial]) -> FrozenTrial | None:
     """The set that keeps the constraints with the smallest sum of the objectives, the first of equals."""
-    return min(filter(kept, trials), key=lambda t: (total(t), t.number), default=None)
+    return next(iter(ranked(trials)), None)
 
 
 def count(job: Job, store: Any) -> int:

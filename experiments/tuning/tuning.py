@@ -4,7 +4,7 @@ A folder or database has one problem and any number of studies of it, one for ea
 of all their sets.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from itertools import chain
 from pathlib import Path
@@ -14,13 +14,15 @@ import optuna
 from optuna.trial import FrozenTrial
 
 from steer_env.experiments.sweep import Runner
-from steer_env.experiments.tuning import constraints, feasibility, own_angles, search, storage
+from steer_env.experiments.tuning import constraints, feasibility, margin_map, own_angles, search, storage
 from steer_env.experiments.tuning import problem as problems
 from steer_env.experiments.tuning.feasibility import Feasibility
+from steer_env.experiments.tuning.margin_map import Cell
 from steer_env.experiments.tuning.own_angles import OwnAngles
 from steer_env.experiments.tuning.problem import Problem, Range
 from steer_env.experiments.tuning.search import Found, Job, WorkerOf
 
+TRIED = 8  # best sets that are read on the whole map, until one keeps all of it; assumed
 MOVED = 0.15  # part of its band's width by which a metric must move to count as tuned; assumed
 SECOND = "nsga2"  # optimiser that confirms
 ABOUT = "about"  # name of the study that holds what all share
@@ -46,6 +48,8 @@ class Outcome(NamedTuple):
     ranges: tuple[Range, ...]  # that hold the sets of all studies
     widened: dict[str, tuple[Range, Range]]  # first and last range of those that were widened
     feasibility: Feasibility
+    cells: list[Cell]  # margins of the best at every point of the map, with every load
+    tried: list[tuple[FrozenTrial, list[Cell]]]  # sets nearest to the bands, and where on the map each misses a margin
 
 
 def found(subject: Subject, values: Mapping[str, float]) -> Found:
@@ -203,7 +207,34 @@ def tune(
             break
         other = SECOND if sampler != SECOND else "tpe"
         job = job._replace(name=f"second {other}", sampler=other, seed=seed + 1, ranges=given[sampler], widens=False)
-    return _outcome(job.subject, shares, trials, search.spanned(given.values()), sweep)
+    return _outcome(job.subject, shares, trials, search.spanned(given.values()), sweep, workers)
+
+
+def mapped(case: tuple[Problem, Mapping[str, float]]) -> list[Cell]:
+    """The margins of a set at every point of the map, with every load."""
+    problem, values = case
+    loads = tuple(dict.fromkeys(c.load for c in problem.conditions))
+    return margin_map.of_car(problems.tuned_car_quietly(problem, values), problem.law, loads, problem.chassis)
+
+
+def _safest(
+    problem: Problem, ranked: Sequence[FrozenTrial], sweep: Runner, workers: int
+) -> tuple[FrozenTrial | None, list[Cell], list[tuple[FrozenTrial, list[Cell]]]]:
+    """The first set that keeps the whole map, its map, and what each set misses that was read on it.
+
+    If none keeps it, it is the one that misses the fewest points.
+    """
+    maps = list[list[Cell]]()
+    while len(maps) < len(ranked):
+        several = ranked[len(maps) : len(maps) + workers]
+        maps += sweep(mapped, [(problem, t.params) for t in several], words=lambda case: "margin map")
+        if not all(map(margin_map.missed, maps)):
+            break
+    if not maps:
+        return None, [], []
+    misses = [margin_map.missed(cells) for cells in maps]
+    k = min(range(len(maps)), key=lambda i: len(misses[i]))
+    return ranked[k], maps[k], list(zip(ranked, misses))
 
 
 def _outcome(
@@ -212,6 +243,7 @@ def _outcome(
     trials: dict[str, list[FrozenTrial]],
     ranges: tuple[Range, ...],
     sweep: Runner,
+    workers: int,
 ) -> Outcome:
     """What the sets of all studies show; the best of them and the starting point are driven once more."""
     problem, counted = subject
@@ -220,7 +252,8 @@ def _outcome(
         distinct.setdefault(tuple(sorted(t.params.items())), t)
     every = list(distinct.values())
     own = next((t for t in every if t.params == problems.own(problem)), None)
-    named = {key: t for key, t in (("start", own), ("best", search.best(every))) if t is not None}
+    leader, cells, tried = _safest(problem, search.ranked(every)[:TRIED], sweep, workers)
+    named = {key: t for key, t in (("start", own), ("best", leader)) if t is not None}
     evaluations = sweep(
         own_angles.driven,
         [(problem, t.params) for t in named.values()],
@@ -235,4 +268,5 @@ def _outcome(
         missed = tuple(name for name in counted if far[name] > feasibility.IN_BAND)
         judged = judged._replace(missed=missed, reached=not missed)
     widened = {a.name: (a, b) for a, b in zip(problem.ranges, ranges) if a != b}
-    return Outcome(problem, counted, shares, checked.get("start"), best, checks, trials, ranges, widened, judged)
+    own, seen = checked.get("start"), (trials, ranges, widened, judged)
+    return Outcome(problem, counted, shares, own, best, checks, *seen, cells, tried)

@@ -10,6 +10,7 @@ import pytest
 
 from steer_env.experiments.cli.main import main
 from steer_env.experiments.report import analysis
+from steer_env.experiments.tuning import margin_map
 from steer_env.vehicle import assist_loop, cars
 from steer_env.vehicle.operating_point import cornering, held, steady
 
@@ -19,8 +20,8 @@ ROOT = Path(__file__).parents[2]
 @pytest.fixture(autouse=True)
 def small(monkeypatch):
     """A map of four points for each pair of hands and friction."""
-    monkeypatch.setattr(analysis, "SPEEDS", (30.0, 60.0))
-    monkeypatch.setattr(analysis, "TORQUES", (0.0, 3.0, 9.0))
+    monkeypatch.setattr(margin_map, "SPEEDS", (30.0, 60.0))
+    monkeypatch.setattr(margin_map, "TORQUES", (0.0, 3.0, 9.0))
     monkeypatch.setattr(analysis, "MODES_SPEEDS", np.array([50.0, 100.0]))
     monkeypatch.setattr(analysis, "BODE_SPEEDS", (100.0,))
 
@@ -39,7 +40,7 @@ def test_page_of_a_car(tmp_path, capsys):
     own = next(c for c in data["map"] if (c["speed_kph"], c["torque"], c["hands"]) == (60.0, 3.0, "off"))
     point = held(steady(cornering(cars.load("compact"), 60.0 / 3.6), torque=3.0), "off")
     expected = assist_loop.margins(point)
-    assert own["friction"] == analysis.SLIDING
+    assert own["friction"] == margin_map.SLIDING
     assert (own["gain"], own["phase"], own["disk"]) == pytest.approx((expected.gain, expected.phase, expected.disk))
     page = (tmp_path / "first" / "index.html").read_text(encoding="utf-8")
     assert page.count("<figure>") == 5

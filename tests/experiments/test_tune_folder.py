@@ -5,6 +5,7 @@ angles of the set itself shift every metric by a little.
 """
 
 import json
+import math
 import re
 import subprocess
 from types import SimpleNamespace
@@ -15,9 +16,9 @@ import pytest
 from steer_env import targets
 from steer_env.experiments.cli.main import main
 from steer_env.experiments.report import tuning_page, tuning_parameters
-from steer_env.experiments.tuning import own_angles, problem, search, storage, tuning
+from steer_env.experiments.tuning import margin_map, own_angles, problem, search, storage, tuning
 from steer_env.experiments.tuning.problem import Evaluation
-from steer_env.vehicle import cars
+from steer_env.vehicle import assist_loop, cars
 
 pytestmark = pytest.mark.filterwarnings("ignore::steer_env.vehicle.cars.UnusualCar")
 
@@ -41,6 +42,13 @@ def formula(posed, values, every_metric=True):
     return Evaluation({c.label: dict(metrics) for c in posed.conditions}, MARGINS, {})
 
 
+def cell(phase, torque=3.5):
+    """A point of the map with a phase margin [rad]."""
+    return margin_map.Cell(
+        20.0, torque, "off", margin_map.SLIDING, assist_loop.Margins(4.0, phase, 0.01, 0.4, 5.0, True)
+    )
+
+
 def here(function, cases, **options):
     """A sweep in this process."""
     return [function(case) for case in cases]
@@ -50,6 +58,7 @@ def here(function, cases, **options):
 def quick(monkeypatch):
     monkeypatch.setattr(problem, "evaluate", formula)
     monkeypatch.setattr(problem, "prepared", lambda posed: None)
+    monkeypatch.setattr(tuning, "mapped", lambda case: [cell(math.radians(50.0))])
 
 
 @pytest.fixture(scope="module")
@@ -81,7 +90,7 @@ def test_another_sampler_or_seed_keeps_the_sets_of_all_studies(tmp_path, posed, 
     assert other.widened == first.widened
     again = tuned(posed, tmp_path, 3, seed=7, sampler="random", **options)
     assert params(again.trials["random"]) == params(other.trials["random"])
-    page, data = tuning_page.build(other, [])
+    page, data = tuning_page.build(other)
     assert "random search (3)" in page.sections[1].evidence
     assert sorted(map(len, data["sets"].values())) == sorted(map(len, other.trials.values()))
     assert again.best.params == other.best.params
@@ -99,7 +108,7 @@ def test_a_search_and_a_confirmation_by_the_same_optimiser_are_both_on_the_page(
     tuning.tune(posed, tmp_path, 3, here, sampler="random")
     found = tuned(posed, tmp_path, 4, sampler="nsga2")
     assert {name: len(trials) for name, trials in found.trials.items()} == {"random": 3, "second nsga2": 3, "nsga2": 4}
-    page, data = tuning_page.build(found, [])
+    page, data = tuning_page.build(found)
     assert "random search (3) and NSGA-II, confirming (3) and NSGA-II (4)" in page.sections[1].evidence
     assert data["own_angles"]["best"]["difference"] == found.checks["best"].difference
     bands = next(section for section in page.sections if section.title == "Bands")
@@ -125,7 +134,7 @@ def test_the_best_set_has_the_metrics_with_its_own_handwheel_angles(tmp_path, po
 
 
 def test_a_search_that_finds_nothing_better_says_so(tmp_path, posed, quick):
-    page, _ = tuning_page.build(tuned(posed, tmp_path, 1), [])
+    page, _ = tuning_page.build(tuned(posed, tmp_path, 1))
     assert any("better than the starting point" in sentence for sentence in page.verdict)
 
 
@@ -138,7 +147,7 @@ def test_parameters_tell_ends_of_ranges_functions_that_are_off_and_few_sets(tmp_
     posed = problem.make(cars.load("compact"), targets.load("compact"), names=names)
     found = tuned(posed, tmp_path, 6)
     cut = [r._replace(high=found.best.params[r.name]) if r.name == "boost_level" else r for r in found.ranges]
-    told = section(tuning_page.build(found._replace(ranges=tuple(cut)), [])[0], "Parameters")
+    told = section(tuning_page.build(found._replace(ranges=tuple(cut)))[0], "Parameters")
     rows = {row[0]: row for row in told.tables[0].rows}
     assert rows["boost level"][-1].endswith("best on the upper limit")
     assert "The best set lies on a limit of boost level" in told.verdict
@@ -155,6 +164,44 @@ def test_a_range_that_ends_where_the_assist_does_is_no_limit(posed):
     assert tuning_parameters.at_end(r, r.low) == "best on the lower limit"
     assert not tuning_parameters.at_end(r, r.own)
     assert not tuning_parameters.at_end(r._replace(limits=(r.low, r.high)), r.low)
+
+
+def test_a_set_that_misses_the_whole_map_is_passed_over(tmp_path, posed, quick, monkeypatch):
+    first = tuned(posed, tmp_path, 12, sampler="random")
+    ranked = search.ranked(first.trials["random"])
+    assert first.best.params == ranked[0].params
+    assert not [text for text in tuning_page.build(first)[0].verdict if "whole map" in text]
+
+    def mapped(case):
+        bad = case[1] in [t.params for t in ranked[:3]]
+        return [cell(math.radians(50.0), 1.0), cell(math.radians(20.0 if bad else 50.0))]
+
+    monkeypatch.setattr(tuning, "mapped", mapped)
+    for workers in (1, 2, 5):
+        found = tuned(posed, tmp_path, 12, sampler="random", workers=workers)
+        assert found.best.params == ranked[3].params
+        assert not margin_map.missed(found.cells)
+        page, data = tuning_page.build(found)
+        (told,) = (text for text in page.verdict if "whole map" in text)
+        assert "passed over" in told
+        assert "3, the nearest" in told
+        assert "at 20 km/h, 3.5 N m" in told
+        assert [bool(each["missed"]) for each in data["tried"][:4]] == [True, True, True, False]
+
+
+def test_where_no_set_keeps_the_whole_map_the_one_with_the_fewest_misses_is_told(tmp_path, posed, quick, monkeypatch):
+    ranked = search.ranked(tuned(posed, tmp_path, 12, sampler="random").trials["random"])
+
+    def mapped(case):
+        return [cell(math.radians(20.0), torque) for torque in ((1.0,) if case[1] == ranked[2].params else (1.0, 2.0))]
+
+    monkeypatch.setattr(tuning, "mapped", mapped)
+    found = tuned(posed, tmp_path, 12, sampler="random")
+    assert len(found.tried) == min(tuning.TRIED, len(ranked))
+    assert found.best.params == ranked[2].params
+    (told,) = (text for text in tuning_page.build(found)[0].verdict if "whole map" in text)
+    assert f"None of the {len(found.tried)} sets nearest to the bands" in told
+    assert "misses the fewest, 1: 20 km/h, 1 N m" in told
 
 
 def test_a_band_that_changes_side_is_told(posed):
@@ -193,7 +240,7 @@ def test_targets_whose_bands_are_all_in_one_group(tmp_path, quick):
     for sampler in ("surface", "nsga2"):
         found = tuned(one, tmp_path / sampler, 5, sampler=sampler)
         assert len(found.best.user_attrs["objectives"]) == 1
-        page, data = tuning_page.build(found, [])
+        page, data = tuning_page.build(found)
         assert set(data["importances"]) <= {"effort"}
         assert "<svg" in page.sections[2].pictures[0].svg
 

@@ -8,8 +8,8 @@ import optuna
 import pytest
 
 from steer_env.experiments.drawing import tuning_pictures
-from steer_env.experiments.report import analysis, tuning_page
-from steer_env.experiments.tuning import constraints, feasibility
+from steer_env.experiments.report import tuning_page
+from steer_env.experiments.tuning import constraints, feasibility, margin_map
 from steer_env.targets import Band
 from steer_env.vehicle import assist_loop
 
@@ -72,7 +72,7 @@ def test_constraints_in_words(constraint, violation, words):
 
 def test_a_point_of_the_map_tells_its_load():
     margins = assist_loop.Margins(4.0, 0.2, 0.01, 0.4, 5.0, True)
-    cell = analysis.Cell(20.0, 4.0, "off", "friction slides", margins)
+    cell = margin_map.Cell(20.0, 4.0, "off", "friction slides", margins)
     assert cell.where == "20 km/h, 4 N m, hands off, friction slides"
     assert cell._replace(load=300.0).where.endswith("friction slides, 300 kg of load")
 
