@@ -25,10 +25,10 @@ POLL = 1.0  # between looks at how far the search is [s]
 def add(commands: Any, common: argparse.ArgumentParser) -> None:
     """Add the command to a parser's."""
     text = (
-        "Tune the assist of a car to target bands, for the worst of friction and load, with margins of the assist loop "
-        "and stability with free hands as constraints; write a page, tune.json and the car file best.toml. The same "
-        "command on the same --out goes on, or shares the work; with another --sampler it begins a study beside those "
-        "that are there, and page and best.toml are of the sets of all."
+        "Tune the assist of a car to target bands, for the worst of friction and load. The margins of the assist loop, "
+        "stability with free hands and the limit of the motor are constraints. Writes a page, tune.json and the car "
+        "file best.toml. The same command on the same --out goes on, or shares the work; with another --sampler it "
+        "begins a study beside those that are there, and page and best.toml are of the sets of all."
     )
     tune = commands.add_parser("tune", help=text, description=text, parents=[common])
     car_options.add(tune)

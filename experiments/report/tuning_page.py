@@ -88,7 +88,7 @@ def _pareto_section(o: Outcome) -> Section:
         "Pareto front",
         "What one group of bands costs another.",
         "An objective is the sum over its bands of the largest distance in any condition, in widths of the band: 0 "
-        "where all are reached. Only sets that keep the margins and the stability of the free car count.",
+        "where all are reached. Only sets that keep the constraints count.",
         told,
         "What the sets show that were tried; another set may be better.",
         [*pictures, Picture(tuning_pictures.course(course, own), "The best set so far")],
@@ -216,6 +216,10 @@ def _margin_section(o: Outcome) -> Section:
             sign, which = ("deg", "phase margin") if "phase" in key else ("dB", "gain margin")
             where = "column, fixed hands" if kind.startswith("column") else "laden car, hands off"
             rows.append((f"{which}, {where}", speed, sign, *(number(m[key]) for m in sides)))
+    if sides:
+        rows.append(
+            ("greatest boost over the limit of the motor", "all", "1", *(number(m["motor_limit"]) for m in sides))
+        )
     head = ("margin", "speed [km/h]", "unit", "before", "after")[: 3 + len(sides)]
     verdict = "No set keeps the margins."
     if o.best is not None:

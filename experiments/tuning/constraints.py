@@ -1,4 +1,5 @@
-"""What a parameter set must keep wherever the car is driven: margins of the assist loop, and the car's stability.
+"""What a parameter set must keep wherever the car is driven: margins of the assist loop, the car's stability, and a
+boost that the motor can give.
 
 The loop of the whole laden car is read with hands off, which is worst, at the speeds of ``SPEEDS``: straight running,
 with the slope that the boost has where the car reaches its steepest part, while friction slides or is at rest, and
@@ -115,7 +116,8 @@ def margins(
     dict
         By speed V [km/h]: ``phase_V`` [deg] and ``gain_V`` [dB]; ``column_phase_V`` and ``column_gain_V``, those of the
         column with fixed hands; ``free_damping_V``, the least damping ratio of the free car [1]; ``free_pulse_V``, 1
-        where its motion after a pulse decays. ``stable`` is 1 where every loop is.
+        where its motion after a pulse decays. ``motor_limit``, the greatest boost over the limit of the motor [1].
+        ``stable`` is 1 where every loop is.
     """
     laden = car.loaded(load)
     found, stable = dict[str, float](), True
@@ -134,7 +136,8 @@ def margins(
         each = [assist_loop.read(FREQUENCIES, assist_loop.open_loop(p).response(FREQUENCIES)) for p in points]
         found[f"phase_{kph:.0f}"] = min(math.degrees(min(m.phase for m in each)), ENOUGH[0])
         found[f"gain_{kph:.0f}"] = min(_level(min(m.gain for m in each)), ENOUGH[1])
-    return {**found, **_free(car._replace(assist=a), law, load, chassis), "stable": float(stable)}
+    free, share = _free(car._replace(assist=a), law, load, chassis), float(a.boost.max()) / a.limit
+    return {**found, **free, "motor_limit": share, "stable": float(stable)}
 
 
 def _free(car: Car, law: Any, load: float, chassis: str) -> dict[str, float]:
@@ -162,7 +165,7 @@ def least(found: Mapping[str, float]) -> dict[str, float]:
 
 def violations(found: Mapping[str, float]) -> dict[str, float]:
     """By how much each limit is missed, over its size; kept where it is 0 or less."""
-    missed = {"stable": 1.0 - found["stable"]}
+    missed = {"motor_limit": found["motor_limit"] - 1.0, "stable": 1.0 - found["stable"]}
     for key, value in found.items():
         if "phase_" in key:
             missed[key] = 1.0 - value / PHASE
@@ -188,4 +191,6 @@ def told(constraint: str, violation: float) -> str:
         return f"the damping of the free car{at}, a ratio of {-violation:.2g} where it must be above 0"
     if "pulse" in constraint:
         return f"the rest of the free car{at}, whose motion does not decay after a pulse of the hands"
+    if constraint == "motor_limit":
+        return f"the limit of the motor, of which the boost asks for {1.0 + violation:.3g} times"
     return "stability, as a loop has a motion that grows"

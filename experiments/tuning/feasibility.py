@@ -114,9 +114,7 @@ def sentences(problem: Problem, found: Feasibility, units: Mapping[str, str], co
         band = f"its band of {low:g} to {high:g} {unit(units[c.metric])}".rstrip()
         none = f"in none of the {found.sets} sets in {band} in all conditions"
         if kept and c.unkept <= IN_BAND:
-            none = (
-                f"in no set in {band} in all conditions while the margins are kept, as {kept} of {found.sets} sets do"
-            )
+            none = f"in no set in {band} in all conditions while the constraints are kept, as {kept} of {found.sets} do"
         elif kept < found.sets:
             none += f", of which {kept} keep the constraints" if kept else ", whatever constraints they miss"
         where = f", outside at {'; '.join(c.conditions)}" if c.conditions else ""
@@ -128,7 +126,7 @@ def sentences(problem: Problem, found: Feasibility, units: Mapping[str, str], co
             shown = f"may conflict, of which {kept} sets that keep the constraints show little"
         said.append(
             f"The metrics {label(a)} and {label(b)} {shown}: each is reached, but by none together; at best they are "
-            f"{x:.2f} and {y:.2f} widths off their bands."
+            f"{x:.2g} and {y:.2g} widths off their bands."
         )
     if not found.never and not found.pairs and kept:
         missed = ", ".join(map(label, found.missed))

@@ -221,7 +221,7 @@ def test_what_the_sets_show():
     assert "a and b conflict, as far as 100 sets" in judged(*many)[1]
     found, told = judged(((0.5, 1.5), (0.5, 0.5), True), ((0.5, 0.5), (0.5, 0.5), False))
     assert [c.metric for c in found.never] == ["a"]
-    assert "a is in no set in its band of 0 to 1 N m in all conditions while the margins are kept" in told
+    assert "a is in no set in its band of 0 to 1 N m in all conditions while the constraints are kept" in told
     assert "outside at rough" in told
 
 
@@ -260,6 +260,9 @@ def test_margins_that_are_missed(posed):
     found = problem.evaluate(posed, {"boost_level": 2.5, "lead_zero": 5.0}, every_metric=False)
     missed = problem.constraints.violations(found.margins)
     assert missed["stable"] == 1.0
+    tuned = problem.assist(posed, {"boost_level": 2.5, "lead_zero": 5.0})
+    assert missed["motor_limit"] == pytest.approx(tuned.boost.max() / tuned.limit - 1.0)
+    assert missed["motor_limit"] > 0.5
     assert set(found.refused) == set(posed.bands)
     assert problem.objectives(posed, found, tuple(posed.bands))["effort"] == 2 * problem.FARTHEST
 

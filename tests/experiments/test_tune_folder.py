@@ -24,7 +24,7 @@ pytestmark = pytest.mark.filterwarnings("ignore::steer_env.vehicle.cars.UnusualC
 
 MARGINS = {
     "column_phase_0": 50.0, "column_gain_0": 9.0, "phase_100": 45.0, "gain_100": 8.0, "free_damping_100": 0.1,
-    "free_pulse_100": 1.0, "stable": 1.0,
+    "free_pulse_100": 1.0, "motor_limit": 0.8, "stable": 1.0,
 }  # fmt: skip
 PARAMETERS = ("boost_level", "damping_level")
 SHIFT = 0.25  # of a metric by a set's own handwheel angles [widths of the band]

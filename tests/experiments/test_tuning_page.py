@@ -41,7 +41,7 @@ def test_verdict_where_no_set_keeps_the_constraints():
     assert "27 of 30 deg" in said[1]
     assert "5.7 of 6 dB" in said[1]
     text = " ".join(said)
-    assert "while the margins are kept" not in text
+    assert "while the constraints are kept" not in text
     assert "torque dead band is in none of the 2 sets in its band of 0 to 1 N m" not in said[0]
 
 
@@ -50,7 +50,7 @@ def test_verdict_tells_its_number_of_sets():
     _, said = judged(((2.0, 0.5), kept), ((3.0, 0.5), kept), ((0.5, 2.0), missed))
     text = " ".join(said)
     assert "torque dead band is in no set" in text
-    assert "while the margins are kept, as 2 of 3 sets do" in text
+    assert "while the constraints are kept, as 2 of 3 do" in text
     _, said = judged(((2.0, 0.5), kept), ((3.0, 0.5), missed))
     assert "torque dead band is in none of the 2 sets in its band of 0 to 1 N m" in " ".join(said)
     assert "of which 1 keep the constraints" in " ".join(said)
@@ -63,6 +63,7 @@ def test_verdict_tells_its_number_of_sets():
         ("gain_11", 0.25, "the gain margin of the laden car with hands off at 11 km/h, 4.5 of 6 dB"),
         ("free_damping_60", 0.02, "the damping of the free car at 60 km/h, a ratio of -0.02"),
         ("free_pulse_140", 0.5, "at 140 km/h, whose motion does not decay"),
+        ("motor_limit", 0.2, "the limit of the motor, of which the boost asks for 1.2 times"),
         ("stable", 1.0, "stability"),
     ],
 )
