@@ -22,6 +22,8 @@ from steer_env import experiments, friction, vehicle
 from steer_env.friction import defaults
 from steer_env.friction.law import law_of
 from steer_env.vehicle.cars import Car, key_meanings
+from steer_env.vehicle.steering.assist import functions
+from steer_env.vehicle.steering.eps import SAMPLE_TIME
 
 PACKAGES = ("numpy", "numba", "llvmlite", "scipy", "control", "gymnasium", "matplotlib", "jinja2", "rich")
 
@@ -181,6 +183,10 @@ def law(p: Any) -> dict[str, Any]:
 
 def car(c: Car) -> dict[str, Any]:
     """Source, assumptions and parameters of a car, SI."""
+    keys, own = key_meanings()["assist"], functions.keys(c.assist.functions, SAMPLE_TIME)
+    assist = {name: about for name, about in parameters(c.assist).items() if name != "functions"}
+    for name, value in own.items():
+        assist[name] = {"value": _plain(value), "meaning": f"{keys[name].meaning} [{keys[name].unit}]"}
     return {
         "name": c.name,
         "description": c.description,
@@ -189,7 +195,7 @@ def car(c: Car) -> dict[str, Any]:
         "chassis": _with_units("chassis", c.chassis),
         "steering": _with_units("steering", c.steering),
         "column": parameters(c.column),
-        "assist": parameters(c.assist),
+        "assist": assist,
     }
 
 

@@ -1,7 +1,9 @@
 """What the report is made with: atomic output, worker processes, provenance, differences of metrics."""
 
+import json
 import os
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -20,6 +22,7 @@ from steer_env.metrics.common.confidence import difference
 from steer_env.vehicle import cars
 
 CONTENTS = build.CONTENTS
+ROOT = Path(__file__).parents[2]
 
 
 def _response(p):
@@ -46,6 +49,18 @@ def test_a_law_from_outside_reaches_the_worker_processes(toy):
 def test_every_number_of_the_car_has_its_unit():
     car = cars.load()
     assert provenance.car(car)["chassis"]["mass"] == {"value": car.chassis["mass"], "unit": "kg"}
+
+
+@pytest.mark.filterwarnings("ignore::steer_env.vehicle.cars.UnusualCar")
+@pytest.mark.parametrize("name", [*cars.available(), str(ROOT / "examples" / "assist_functions.toml")])
+def test_every_car_can_be_written_as_json_with_the_functions_of_its_assist(name):
+    car = cars.load(name)
+    told = json.loads(json.dumps(provenance.car(car), allow_nan=False))["assist"]
+    assert told["boost"]["value"] == car.assist.boost.tolist()
+    gains = {key: told[key]["value"] for key in ("return_gain", "friction_share") if key in told}
+    for key, value in gains.items():
+        np.testing.assert_array_equal(np.ravel(value), np.ravel(car.data()["assist"][key]))
+    assert bool(gains) == (name == "compact_tuned" or name.endswith(".toml"))
 
 
 def test_shares_are_of_the_value_or_of_the_usual_range():
