@@ -251,7 +251,7 @@ def _of_the_map(o: Outcome) -> list[str]:
         where = "; ".join(c.where for c in below[:4])
         return [
             f"None of the {len(o.tried)} sets nearest to the bands keeps the margins at every point of the whole map. "
-            f"The one here misses the fewest, {len(below)}: {where}."
+            f"The one here misses {len(below)}: {where}."
         ]
     better = list(itertools.takewhile(lambda pair: o.best is not None and pair[0].params != o.best.params, o.tried))
     if not better:

@@ -53,16 +53,24 @@ def hold(point: Point, hands: str, law: Any) -> Point:
     return held(point, hands, law, arm()[:3] if hands == "arms" else (0.0, 0.0, 0.0))
 
 
+def _turned(turn: Cornering, torque: float) -> Point | None:
+    """The steady turn at a torque [N m]; None where the car does not reach it, which the map shows."""
+    if torque <= turn.torques.max():
+        with suppress(ValueError):  # too near to the limit of the front tyres
+            return steady(turn, torque=torque)
+    return None
+
+
+def _margins(point: Point | None, hands: str, friction: str, law: Any) -> Margins | None:
+    return assist_loop.margins(hold(point, hands, law if friction == RESTING else None)) if point else None
+
+
 def of_speed(turn: Cornering, kph: float, law: Any) -> Iterator[Cell]:
     """The cells of one speed."""
     for torque in TORQUES:
-        point: Point | None = None
-        if torque <= turn.torques.max():  # otherwise the car does not reach it, which the map shows
-            with suppress(ValueError):  # too near to the limit of the front tyres
-                point = steady(turn, torque=torque)
+        point = _turned(turn, torque)
         for hands, friction in product(HANDS, (SLIDING, RESTING)):
-            law_of = law if friction == RESTING else None
-            yield Cell(kph, torque, hands, friction, assist_loop.margins(hold(point, hands, law_of)) if point else None)
+            yield Cell(kph, torque, hands, friction, _margins(point, hands, friction, law))
 
 
 def of_car(car: Car, law: Any, loads: Sequence[float], chassis: str) -> list[Cell]:
@@ -72,6 +80,15 @@ def of_car(car: Car, law: Any, loads: Sequence[float], chassis: str) -> list[Cel
         found = of_speed(cornering(car.loaded(load), kph / KPH, chassis), kph, law)
         cells += [cell._replace(load=load) for cell in found]
     return cells
+
+
+def at(points: Sequence[Cell], car: Car, law: Any, chassis: str) -> list[Cell]:
+    """The cells of a car at the points of other cells."""
+    found = list[Cell]()
+    for p in points:
+        turn = cornering(car.loaded(p.load), p.speed_kph / KPH, chassis)
+        found.append(p._replace(margins=_margins(_turned(turn, p.torque), p.hands, p.friction, law)))
+    return found
 
 
 def missed(cells: Sequence[Cell]) -> list[Cell]:

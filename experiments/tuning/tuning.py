@@ -22,7 +22,7 @@ from steer_env.experiments.tuning.own_angles import OwnAngles
 from steer_env.experiments.tuning.problem import Problem, Range
 from steer_env.experiments.tuning.search import Found, Job, WorkerOf
 
-TRIED = 8  # best sets that are read on the whole map, until one keeps all of it; assumed
+MAPS = 8  # sets at most that are read on the whole map, until one keeps all of it; assumed
 MOVED = 0.15  # part of its band's width by which a metric must move to count as tuned; assumed
 SECOND = "nsga2"  # optimiser that confirms
 ABOUT = "about"  # name of the study that holds what all share
@@ -207,34 +207,43 @@ def tune(
             break
         other = SECOND if sampler != SECOND else "tpe"
         job = job._replace(name=f"second {other}", sampler=other, seed=seed + 1, ranges=given[sampler], widens=False)
-    return _outcome(job.subject, shares, trials, search.spanned(given.values()), sweep, workers)
+    return _outcome(job.subject, shares, trials, search.spanned(given.values()), sweep)
 
 
-def mapped(case: tuple[Problem, Mapping[str, float]]) -> list[Cell]:
-    """The margins of a set at every point of the map, with every load."""
+def mapped(case: tuple[Problem, Mapping[str, float]], points: Sequence[Cell] | None = None) -> list[Cell]:
+    """The margins of a set at every point of the map, with every load, or at the points of other cells."""
     problem, values = case
+    car = problems.tuned_car_quietly(problem, values)
+    if points is not None:
+        return margin_map.at(points, car, problem.law, problem.chassis)
     loads = tuple(dict.fromkeys(c.load for c in problem.conditions))
-    return margin_map.of_car(problems.tuned_car_quietly(problem, values), problem.law, loads, problem.chassis)
+    return margin_map.of_car(car, problem.law, loads, problem.chassis)
 
 
 def _safest(
-    problem: Problem, ranked: Sequence[FrozenTrial], sweep: Runner, workers: int
+    problem: Problem, ranked: Sequence[FrozenTrial], sweep: Runner
 ) -> tuple[FrozenTrial | None, list[Cell], list[tuple[FrozenTrial, list[Cell]]]]:
-    """The first set that keeps the whole map, its map, and what each set misses that was read on it.
+    """The first set that keeps the whole map, its map, and what each set misses that was tried.
 
-    If none keeps it, it is the one that misses the fewest points.
+    Near the best set others are like it: a set is first read where those before it missed a margin, which takes little.
+    If none keeps the map, it is the one of ``MAPS`` whole maps that misses the fewest points.
     """
-    maps = list[list[Cell]]()
-    while len(maps) < len(ranked):
-        several = ranked[len(maps) : len(maps) + workers]
-        maps += sweep(mapped, [(problem, t.params) for t in several], words=lambda case: "margin map")
-        if not all(map(margin_map.missed, maps)):
+    tried, whole = list[tuple[FrozenTrial, list[Cell]]](), list[tuple[FrozenTrial, list[Cell]]]()
+    known = list[Cell]()
+    for trial in ranked:
+        case = (problem, trial.params)
+        misses = margin_map.missed(mapped(case, known))
+        if not misses:
+            (cells,) = sweep(mapped, [case], words=lambda case: "margin map")
+            misses = margin_map.missed(cells)
+            whole.append((trial, cells))
+            known += misses
+        tried.append((trial, misses))
+        if not misses or len(whole) == MAPS:
             break
-    if not maps:
+    if not whole:
         return None, [], []
-    misses = [margin_map.missed(cells) for cells in maps]
-    k = min(range(len(maps)), key=lambda i: len(misses[i]))
-    return ranked[k], maps[k], list(zip(ranked, misses))
+    return *min(whole, key=lambda pair: len(margin_map.missed(pair[1]))), tried
 
 
 def _outcome(
@@ -243,7 +252,6 @@ def _outcome(
     trials: dict[str, list[FrozenTrial]],
     ranges: tuple[Range, ...],
     sweep: Runner,
-    workers: int,
 ) -> Outcome:
     """What the sets of all studies show; the best of them and the starting point are driven once more."""
     problem, counted = subject
@@ -252,7 +260,7 @@ def _outcome(
         distinct.setdefault(tuple(sorted(t.params.items())), t)
     every = list(distinct.values())
     own = next((t for t in every if t.params == problems.own(problem)), None)
-    leader, cells, tried = _safest(problem, search.ranked(every)[:TRIED], sweep, workers)
+    leader, cells, tried = _safest(problem, search.ranked(every), sweep)
     named = {key: t for key, t in (("start", own), ("best", leader)) if t is not None}
     evaluations = sweep(
         own_angles.driven,
