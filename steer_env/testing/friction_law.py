@@ -47,7 +47,7 @@ class Tolerances(NamedTuple):
 
 
 # Closed forms: a few to a hundred roundings.
-EXACT = Tolerances(energy=1e-12, solved=1e-13, parts=1e-13, scaled=1e-12, slope=1e-14)
+EXACT = Tolerances(energy=1e-12, solved=1e-13, parts=1e-13, scaled=1e-12, slope=1e-13)
 # An equation that is integrated: 1e-10 in a substep, summed over the substeps, and more across a jump of the rate.
 INTEGRATED = Tolerances(energy=1e-8, solved=1e-8, parts=1e-8, scaled=1e-8, slope=3e-8)
 
