@@ -76,7 +76,8 @@ def _tune(args: argparse.Namespace) -> None:
         require("cluster", f"--cluster {args.cluster}")
     where = sweep.Where.parse(args.workers, args.cluster)
     known = (*FILES, storage.JOURNAL, f"{storage.JOURNAL}.lock", storage.PROCESSES)
-    files.usable(args.out, frozenset(known))
+    database = Path((args.storage or "").removeprefix("sqlite:///"))
+    files.usable(args.out, frozenset({*known, database.name} if database.parent == args.out else known))
     car = car_options.load(args)
     chosen = args.parameters or problem.TUNED
     law = getattr(args.friction, "parameters", args.friction)
@@ -153,7 +154,9 @@ def _write(args: argparse.Namespace, posed: Any, outcome: Any) -> None:
 def _words(args: argparse.Namespace, file: str, name: str) -> list[str]:
     """The command of the evaluation report of a car file."""
     law = getattr(args.friction, "text", args.friction)
-    return ["report", "--friction", law, "--vehicle", str(args.out / file), "--light", "--out", str(args.out / name)]
+    modules = [word for module in args.modules for word in ("--import", module)]
+    words = ["--friction", law, "--vehicle", str(args.out / file), "--light", "--out", str(args.out / name)]
+    return ["report", *modules, *words]
 
 
 def _report(args: argparse.Namespace, file: str, name: str) -> None:

@@ -152,8 +152,8 @@ def _gain_section(o: Outcome) -> Section:
         "The distance is the sum over the bands of the largest distance of the metric in any condition, in widths of "
         "its band: 0 where all are reached.",
         told,
-        "The best set is the one with the smallest distance that keeps the constraints and the margins on the whole "
-        "map; it may reach fewer bands.",
+        "The best set is the one with the smallest distance that keeps the constraints and, if one of those nearest "
+        "to the bands does, the margins on the whole map; it may reach fewer bands.",
         (),
         [Table("Before and after", ("", "unit", "before", "after"), rows)] if rows else (),
     )
@@ -226,8 +226,9 @@ def _margin_section(o: Outcome) -> Section:
         least, below = constraints.least(sides[-1]), margin_map.missed(o.cells)
         verdict = (
             f"The best set keeps {number(least['phase_margin'])} deg and {number(least['gain_margin'])} dB where the "
-            f"search looks, and at {len([c for c in o.cells if c.margins]) - len(below)} of "
-            f"{len([c for c in o.cells if c.margins])} points of the whole map."
+            f"search looks, and {constraints.PHASE:g} deg and {constraints.GAIN:g} dB at "
+            f"{len([c for c in o.cells if c.margins]) - len(below)} of {len([c for c in o.cells if c.margins])} points "
+            "of the whole map."
         )
         if below:
             verdict += " It misses: " + "; ".join(c.where for c in below[:4]) + "."
@@ -248,7 +249,7 @@ def _margin_section(o: Outcome) -> Section:
 def _of_the_map(o: Outcome) -> list[str]:
     """What the sets that were read on the whole map miss there."""
     if below := margin_map.missed(o.cells):
-        where = "; ".join(c.where for c in below[:4])
+        where = "; ".join(c.where if c.margins and c.margins.stable else f"{c.where} (unstable)" for c in below[:4])
         return [
             f"None of the {len(o.tried)} sets nearest to the bands keeps the margins at every point of the whole map. "
             f"The one here misses {len(below)}: {where}."
@@ -259,7 +260,7 @@ def _of_the_map(o: Outcome) -> list[str]:
     far, where = number(search.total(better[0][0])), better[0][1][0].where
     return [
         f"Sets nearer to the bands are passed over, as they miss a margin on the whole map: {len(better)}, the nearest "
-        f"{far} widths off, at {where}."
+        f"{far} widths off with the starting car's handwheel angles, at {where}."
     ]
 
 
@@ -267,7 +268,7 @@ def _limits(o: Outcome) -> str:
     """What the numbers of sets say of the verdict."""
     told = (
         f"That {'several optimisers find' if len(o.trials) > 1 else 'one optimiser finds'} nothing is evidence, not a "
-        "proof, and the weaker the fewer sets there are. All optimisers begin with the same first sets."
+        "proof, and the weaker the fewer sets there are. All optimisers begin with the starting point."
     )
     for key, trials in o.trials.items():
         if key.endswith("nsga2") and len(trials) < feasibility.FEW:
@@ -282,7 +283,8 @@ def build(o: Outcome) -> tuple[Page, dict[str, Any]]:
     """The page and its numbers as JSON."""
     optimisers = " and ".join(f"{label(key)} ({len(trials)})" for key, trials in o.trials.items())
     verdict = feasibility.sentences(o.problem, o.feasibility, _units(o), optimisers)
-    if o.best is not None and o.own is not None and o.best.params == o.own.params == o.tried[0][0].params:
+    alone = o.best is not None and o.own is not None and o.best.params == o.own.params == o.tried[0][0].params
+    if alone and not o.feasibility.reached:
         found = "No set that keeps the constraints is better than the starting point, which best.toml has"
         verdict.insert(1, f"{found}: give a larger --budget.")
     if left := [name for name in o.problem.bands if name not in o.counted]:

@@ -193,4 +193,6 @@ def told(constraint: str, violation: float) -> str:
         return f"the rest of the free car{at}, whose motion does not decay after a pulse of the hands"
     if constraint == "motor_limit":
         return f"the limit of the motor, of which the boost asks for {1.0 + violation:.3g} times"
+    if constraint == "whole_map":
+        return "the margins at a point of the whole map"
     return "stability, as a loop has a motion that grows"

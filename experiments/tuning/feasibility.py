@@ -1,5 +1,6 @@
 """Which bands can be reached, alone and together, as all evaluated sets show it."""
 
+import math
 from collections.abc import Mapping, Sequence
 from itertools import combinations
 from typing import Any, NamedTuple
@@ -110,6 +111,8 @@ def sentences(problem: Problem, found: Feasibility, units: Mapping[str, str], co
         )
         said.append(f"The set that comes nearest misses {each}{more}.")
     for c in found.never:
+        if not kept and c.unkept <= IN_BAND:
+            continue  # it is reached, by sets that miss a constraint, as all do
         low, high = problem.bands[c.metric].good
         band = f"its band of {low:g} to {high:g} {unit(units[c.metric])}".rstrip()
         none = f"in none of the {found.sets} sets in {band} in all conditions"
@@ -118,7 +121,8 @@ def sentences(problem: Problem, found: Feasibility, units: Mapping[str, str], co
         elif kept < found.sets:
             none += f", of which {kept} keep the constraints" if kept else ", whatever constraints they miss"
         where = f", outside at {'; '.join(c.conditions)}" if c.conditions else ""
-        said.append(f"The metric {label(c.metric)} is {none}: at best {c.low:.3g} to {c.high:.3g}{where}.")
+        values = "refused in all conditions" if math.isnan(c.low) else f"{c.low:.3g} to {c.high:.3g}"
+        said.append(f"The metric {label(c.metric)} is {none}: at best {values}{where}.")
     for pair in sorted(found.pairs, key=lambda p: -sum(p.distances))[:6]:
         (a, b), (x, y) = pair
         shown = f"conflict, as far as {kept} sets that keep the constraints show"
@@ -128,7 +132,7 @@ def sentences(problem: Problem, found: Feasibility, units: Mapping[str, str], co
             f"The metrics {label(a)} and {label(b)} {shown}: each is reached, but by none together; at best they are "
             f"{x:.2g} and {y:.2g} widths off their bands."
         )
-    if not found.never and not found.pairs and kept:
+    if not found.never and not found.pairs and found.missed and kept:
         missed = ", ".join(map(label, found.missed))
         said.append(f"Every two bands are reached together; the best set misses {missed}.")
     return said
@@ -138,6 +142,9 @@ def as_json(found: Feasibility) -> dict[str, Any]:
     """The verdict as JSON."""
     return {
         **found._asdict(),
-        "never": [c._asdict() for c in found.never],
+        "never": [
+            {key: None if isinstance(x, float) and math.isnan(x) else x for key, x in c._asdict().items()}
+            for c in found.never
+        ],
         "pairs": [p._asdict() for p in found.pairs],
     }

@@ -117,6 +117,7 @@ def ranges_of(assist: Assist, names: Sequence[str] = USED) -> tuple[Range, ...]:
         if name in KEYS:
             unit, (low, high), limits, usual = KEYS[name]
             value = float(functions.keys(assist.functions, SAMPLE_TIME).get(name, usual))
+            limits = min(limits[0], value), max(limits[1], value)
             found.append(Range(name, unit, min(low, value), max(high, value), value, True, limits))
             continue
         p = KNOWN[name]

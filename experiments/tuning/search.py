@@ -272,13 +272,15 @@ def _next(job: Job, store: Any, number: int, process: str) -> tuple[Study, Trial
             study = current(job, store, number)
             storage.again(study, out)
             done, open_sets = finished(study), study.get_trials(deepcopy=False, states=(TrialState.RUNNING,))
-            running, spent = len(open_sets), len(done) + sum(storage.elsewhere(out, trial) for trial in open_sets)
+            # Sets of machines that cannot be seen from here count as spent, and nothing waits for them.
+            running, lost = len(open_sets), sum(storage.elsewhere(out, trial) for trial in open_sets)
+            spent, awaited = len(done) + lost, running > lost
             if spent >= job.budget or (job.stops and reached(done)):
                 return None
             due = job.widens and _due(job.budget, study.user_attrs.get("checked", 0), len(done))
-            if due and not running:
+            if due and not awaited:
                 study = _advanced(job, study, store, done)
-            if len(done) + running < job.budget and not (due and running):
+            if len(done) + running < job.budget and not (due and awaited):
                 trial = study.ask(distributions(ranges(study)))
                 trial.set_user_attr("process", process)
                 return study, trial

@@ -24,6 +24,8 @@ from steer_env.experiments.tuning.search import Found, Job, WorkerOf
 
 MAPS = 8  # sets at most that are read on the whole map, until one keeps all of it; assumed
 MOVED = 0.15  # part of its band's width by which a metric must move to count as tuned; assumed
+EVALUATION = 2  # raised where the evaluation of a set changes, so that a folder's sets are all of one kind
+UNREAD = 0.1  # by which a set keeps the map until it is read, and misses it if it does; assumed [1]
 SECOND = "nsga2"  # optimiser that confirms
 ABOUT = "about"  # name of the study that holds what all share
 
@@ -57,9 +59,12 @@ def found(subject: Subject, values: Mapping[str, float]) -> Found:
     evaluation = problems.evaluate(subject.problem, values, every_metric=False)
     objectives = problems.objectives(subject.problem, evaluation, subject.counted)
     places = problems.places(subject.problem, evaluation, subject.counted)
-    return Found(
-        tuple(objectives.values()), constraints.violations(evaluation.margins), places, dict(evaluation._asdict())
-    )
+    violations = constraints.violations(evaluation.margins)
+    # Only a set that would end the search is read on the whole map here: that takes as long as several sets.
+    ends = max(*objectives.values(), *violations.values()) <= 0.0
+    misses = ends and margin_map.missed(mapped((subject.problem, values)))
+    violations["whole_map"] = UNREAD if misses else -UNREAD
+    return Found(tuple(objectives.values()), violations, places, dict(evaluation._asdict()))
 
 
 def movement(case: tuple[Problem, dict[str, float]]) -> dict[str, float | None]:
@@ -79,6 +84,8 @@ def moved(problem: Problem, sweep: Runner) -> dict[str, float]:
         value = at[name]
         changes = [abs(x[name] - value) for x in others if x[name] is not None and value is not None]  # type: ignore[operator]
         found[name] = max(changes, default=0.0) / (band.good[1] - band.good[0])
+        if value is None and any(x[name] is not None for x in others):
+            found[name] = problems.FARTHEST  # a parameter decides whether the test can be driven at all
     return found
 
 
@@ -125,7 +132,7 @@ def begun(problem: Problem, out: Path, address: str | None, sweep: Runner) -> di
 
 def key(problem: Problem) -> str:
     """A text that tells problems apart, ranges included."""
-    return problems.digest(problem) + str([r[:6] for r in problem.ranges])
+    return f"{EVALUATION} {problems.digest(problem)}" + str([r[:6] for r in problem.ranges])
 
 
 def job_of(
@@ -195,13 +202,19 @@ def tune(
     problems.prepared(problem)  # refuses an unstable starting point before anything is written
     out.mkdir(parents=True, exist_ok=True)
     shares = begun(problem, out, address, sweep)
+    if max(shares.values()) < MOVED:
+        raise ValueError(
+            f"no parameter of {', '.join(r.name for r in problem.ranges)} moves a metric by {MOVED:g} of its band's "
+            "width: name others with --parameters, or other targets, with a new --out"
+        )
     job = job_of(problem, shares, out, budget, address, sampler, seed)
     for _ in range(2):
         began(job)
         sweep(search.work, [WorkerOf(job, i) for i in range(workers)], words=lambda case: f"process {case.number}")
         with search.quiet():
             studies = search.studies(storage.opened(out, address))
-            trials = {name: search.finished(study) for name, study in studies.items()}
+            every = {name: search.finished(study) for name, study in studies.items()}
+            trials = {name: sets for name, sets in every.items() if sets}  # one that has just begun has none
             given = {name: search.ranges(study) for name, study in studies.items()}
         if not second or job.name != sampler or search.reached([t for each in trials.values() for t in each]):
             break
@@ -220,13 +233,19 @@ def mapped(case: tuple[Problem, Mapping[str, float]], points: Sequence[Cell] | N
     return margin_map.of_car(car, problem.law, loads, problem.chassis)
 
 
+def _misses(cells: list[Cell]) -> tuple[int, int]:
+    """Number of the unstable points of a map, and of all that miss a margin."""
+    missed = margin_map.missed(cells)
+    return sum(not c.margins.stable for c in missed if c.margins), len(missed)
+
+
 def _safest(
     problem: Problem, ranked: Sequence[FrozenTrial], sweep: Runner
 ) -> tuple[FrozenTrial | None, list[Cell], list[tuple[FrozenTrial, list[Cell]]]]:
     """The first set that keeps the whole map, its map, and what each set misses that was tried.
 
     Near the best set others are like it: a set is first read where those before it missed a margin, which takes little.
-    If none keeps the map, it is the one of ``MAPS`` whole maps that misses the fewest points.
+    If none keeps the map, it is the one of ``MAPS`` whole maps with the fewest unstable points, then misses.
     """
     tried, whole = list[tuple[FrozenTrial, list[Cell]]](), list[tuple[FrozenTrial, list[Cell]]]()
     known = list[Cell]()
@@ -243,7 +262,7 @@ def _safest(
             break
     if not whole:
         return None, [], []
-    return *min(whole, key=lambda pair: len(margin_map.missed(pair[1]))), tried
+    return *min(whole, key=lambda pair: _misses(pair[1])), tried
 
 
 def _outcome(
@@ -255,7 +274,7 @@ def _outcome(
 ) -> Outcome:
     """What the sets of all studies show; the best of them and the starting point are driven once more."""
     problem, counted = subject
-    distinct = dict[tuple[tuple[str, float], ...], FrozenTrial]()  # studies have their first sets in common
+    distinct = dict[tuple[tuple[str, float], ...], FrozenTrial]()  # studies may have sets in common
     for t in chain(*trials.values()):
         distinct.setdefault(tuple(sorted(t.params.items())), t)
     every = list(distinct.values())
@@ -274,7 +293,7 @@ def _outcome(
     if best is not None:  # by its own angles it may no longer be first
         far = feasibility.distances(problem, best, counted)
         missed = tuple(name for name in counted if far[name] > feasibility.IN_BAND)
-        judged = judged._replace(missed=missed, reached=not missed)
+        judged = judged._replace(missed=missed, reached=not missed and not margin_map.missed(cells))
     widened = {a.name: (a, b) for a, b in zip(problem.ranges, ranges) if a != b}
     own, seen = checked.get("start"), (trials, ranges, widened, judged)
     return Outcome(problem, counted, shares, own, best, checks, *seen, cells, tried)

@@ -320,3 +320,65 @@ def test_the_advice_for_a_torn_journal_can_be_run(tmp_path, posed, quick):
     assert len(kept) == 5
     assert [t.params for t in kept][:2] == params(found.trials["random"])[:2]
     assert not (out / "whole.log").exists()
+
+
+def test_a_set_that_reaches_every_band_but_misses_the_map_does_not_end_the_search(tmp_path, posed, quick, monkeypatch):
+    ended = tuned(posed, tmp_path / "first", 60)
+    count = len(ended.trials["surface"])
+    assert count < 60
+    assert search.reached(ended.trials["surface"])
+    monkeypatch.setattr(tuning, "mapped", lambda case, points=None: [cell(math.radians(20.0))])
+    found = tuned(posed, tmp_path / "second", count + 8)
+    assert len(found.trials["surface"]) == count + 8
+    assert not found.feasibility.reached
+    page, data = tuning_page.build(found)
+    assert page.verdict[0].startswith("Not feasible")
+    assert not data["feasibility"]["reached"]
+    missed = [t for t in found.trials["surface"] if t.constraints["whole_map"] > 0.0]
+    assert missed
+    assert not any(map(search.kept, missed))
+
+
+def test_an_unstable_point_counts_more_than_missed_margins(posed, monkeypatch):
+    slack, unstable = cell(math.radians(29.0)), cell(math.radians(50.0))
+    unstable = unstable._replace(margins=unstable.margins._replace(stable=False))
+    maps = [[unstable], [slack, slack._replace(torque=1.0)]]
+    monkeypatch.setattr(tuning, "mapped", lambda case, points=None: maps[case[1]] if points is None else [])
+    ranked = [SimpleNamespace(params=k) for k in range(2)]
+    assert tuning._safest(posed, ranked, here)[0] is ranked[1]
+
+
+def test_parameters_that_move_no_band_are_refused(tmp_path, quick):
+    posed = problem.make(cars.load("compact"), targets.load("compact"), names=("lead_zero", "lead_pole"))
+    with pytest.raises(ValueError, match="no parameter of lead_zero, lead_pole moves a metric by"):
+        tuned(posed, tmp_path)
+
+
+def test_a_metric_that_only_the_start_refuses_is_moved(posed, monkeypatch):
+    def refused(posed, values, every_metric=True):
+        found = formula(posed, values)
+        if values == problem.own(posed):
+            found.metrics[posed.conditions[0].label]["release_overshoot"] = None
+        return found
+
+    monkeypatch.setattr(problem, "evaluate", refused)
+    assert tuning.moved(posed, here)["release_overshoot"] == problem.FARTHEST
+
+
+def test_a_study_that_has_only_begun_is_left_out(tmp_path, posed, quick):
+    first = tuned(posed, tmp_path, 4)
+    job = tuning.job_of(posed, first.moved, tmp_path, 4)._replace(name="second nsga2", sampler="nsga2")
+    with search.quiet():
+        search.current(job, storage.opened(tmp_path))
+    found = tuned(posed, tmp_path, 5)
+    assert list(found.trials) == ["surface"]
+    tuning_page.build(found)
+
+
+def test_nothing_waits_for_a_set_of_a_machine_that_went_down(tmp_path, posed, quick, monkeypatch):
+    job = tuning.job_of(posed, tuning.moved(posed, here), tmp_path, 12)._replace(stops=False)
+    with search.quiet():
+        study = search.current(job, storage.opened(tmp_path))
+        study.ask(search.distributions(search.ranges(study))).set_user_attr("process", "elsewhere-1-dead")
+    monkeypatch.setattr(search.time, "sleep", lambda seconds: pytest.fail("it waits"))
+    assert search.work(search.WorkerOf(job, 0)) == 11
