@@ -127,10 +127,10 @@ def sentences(problem: Problem, found: Feasibility, units: Mapping[str, str], co
         (a, b), (x, y) = pair
         shown = f"conflict, as far as {kept} sets that keep the constraints show"
         if kept < FEW:
-            shown = f"may conflict, of which {kept} sets that keep the constraints show little"
+            shown = f"may conflict ({kept} sets that keep the constraints are too few to tell)"
         said.append(
-            f"The metrics {label(a)} and {label(b)} {shown}: each is reached, but by none together; at best they are "
-            f"{x:.2g} and {y:.2g} widths off their bands."
+            f"The metrics {label(a)} and {label(b)} {shown}: each band is reached, but no set reaches both; the one "
+            f"that comes nearest to both is {x:.2g} and {y:.2g} widths off."
         )
     if not found.never and not found.pairs and found.missed and kept:
         missed = ", ".join(map(label, found.missed))

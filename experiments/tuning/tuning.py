@@ -25,7 +25,7 @@ from steer_env.experiments.tuning.search import Found, Job, WorkerOf
 MAPS = 8  # sets at most that are read on the whole map, until one keeps all of it; assumed
 MOVED = 0.15  # part of its band's width by which a metric must move to count as tuned; assumed
 EVALUATION = 2  # raised where the evaluation of a set changes, so that a folder's sets are all of one kind
-UNREAD = 0.1  # by which a set keeps the map until it is read, and misses it if it does; assumed [1]
+MAP_MISSED = 0.1  # violation of a set that misses a margin on the map; its negative where it is kept or unread; assumed
 SECOND = "nsga2"  # optimiser that confirms
 ABOUT = "about"  # name of the study that holds what all share
 
@@ -63,7 +63,7 @@ def found(subject: Subject, values: Mapping[str, float]) -> Found:
     # Only a set that would end the search is read on the whole map here: that takes as long as several sets.
     ends = max(*objectives.values(), *violations.values()) <= 0.0
     misses = ends and margin_map.missed(mapped((subject.problem, values)))
-    violations["whole_map"] = UNREAD if misses else -UNREAD
+    violations["whole_map"] = MAP_MISSED if misses else -MAP_MISSED
     return Found(tuple(objectives.values()), violations, places, dict(evaluation._asdict()))
 
 

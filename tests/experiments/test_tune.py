@@ -216,7 +216,7 @@ def test_what_the_sets_show():
     assert not found.reached
     assert not found.never
     assert found.pairs[0].metrics == ("a", "b")
-    assert "a and b may conflict, of which 2 sets that keep the constraints show little" in told
+    assert "a and b may conflict (2 sets that keep the constraints are too few to tell)" in told
     many = [((0.5, 0.5), (0.5, 1.5), True), ((0.5, 2.0), (0.5, 0.6), True)] * (feasibility.FEW // 2)
     assert "a and b conflict, as far as 100 sets" in judged(*many)[1]
     found, told = judged(((0.5, 1.5), (0.5, 0.5), True), ((0.5, 0.5), (0.5, 0.5), False))
