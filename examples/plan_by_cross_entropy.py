@@ -16,7 +16,7 @@ from gymnasium.vector import VectorEnv
 from numpy.typing import NDArray
 
 import steer_env  # noqa: F401 (registers the ids)
-from steer_env.state import State
+from steer_env.engine.state import State
 
 ENV, STEP = "steer_env/DriverLaneKeeping-v1", 0.05  # time between two actions [s]
 SEQUENCES, BEST, ROUNDS = 64, 8, 3

@@ -8,12 +8,12 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
-from steer_env.batch import EnvironmentBatch
+from steer_env.engine.batch import EnvironmentBatch
+from steer_env.engine.infos import Infos
+from steer_env.engine.specification import PlainSpecification
+from steer_env.engine.state import State, copied, restore
 from steer_env.friction.numerics.check import whole
-from steer_env.infos import Infos
 from steer_env.rendering.modes import MODES, checked_mode, frame_rate
-from steer_env.specification import PlainSpecification
-from steer_env.state import State, copied, restore
 from steer_env.tasks import Task
 from steer_env.tasks.common.definition import COST_LIMIT
 
@@ -50,8 +50,8 @@ class SteerEnv(PlainSpecification, gym.Env):
         and its options, as in ``{"driver": "preview", "effort": 0.03, "co_contraction": 0.25}``, or from
         ``steer_env.drivers.make``; "preview" by default.
     randomise : mapping, optional
-        What to draw at every reset: keys of ``steer_env.randomise.RANGES`` to (low, high), and under "friction" the
-        law's own parameters, as in ``{"load": (0, 300), "friction": {"F_c": (0.6, 1.2)}}``.
+        What to draw at every reset: keys of ``steer_env.episode.randomise.RANGES`` to (low, high), and under "friction"
+        the law's own parameters, as in ``{"load": (0, 300), "friction": {"F_c": (0.6, 1.2)}}``.
     weights : mapping, optional
         Weights of reward terms that replace the task's: 0 or more, for ``failure`` 0 or less. The reward stays below 1
         per second as long as the positive ones add up to 1 at most.

@@ -10,7 +10,7 @@ from functools import cache
 
 from steer_env import tasks
 from steer_env.env import SteerEnv
-from steer_env.randomise import RANGES
+from steer_env.episode.randomise import RANGES
 from steer_env.registration import HISTORY
 from steer_env.rendering.modes import frame_rate
 from steer_env.tasks import Task

@@ -30,7 +30,7 @@ REGISTERED = DRIVEN | TUNED
 
 def register() -> None:
     """Register the ids with Gymnasium; `steer-env scores` wrote the mean rewards of the best baselines."""
-    thresholds = json.loads((files("steer_env") / "data" / "scores" / "reward_thresholds.json").read_text("utf-8"))
+    thresholds = json.loads((files("steer_env") / "reward_thresholds.json").read_text("utf-8"))
     for name, entry_point in REGISTERED.items():
         solved = thresholds.get(name)
         gym.register(name, entry_point=entry_point, vector_entry_point=f"{entry_point}Vector", reward_threshold=solved)

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from stable_baselines3.common.vec_env import VecEnv
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices
 
+from steer_env.engine.infos import row
 from steer_env.friction.numerics.check import one_of
-from steer_env.infos import row
 from steer_env.registration import REGISTERED
 
 

@@ -9,15 +9,15 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
+from steer_env.engine.infos import Infos, of_some
+from steer_env.engine.specification import PlainSpecification
+from steer_env.engine.state import State, copied, restore
 from steer_env.env import batch_of, clipped
 from steer_env.friction.numerics.check import whole
-from steer_env.infos import Infos, of_some
+from steer_env.friction.numerics.thread_pool import most_threads
 from steer_env.rendering.modes import VECTOR_MODES, checked_mode, frame_rate
-from steer_env.specification import PlainSpecification
-from steer_env.state import State, copied, restore
 from steer_env.tasks import Task
 from steer_env.tasks.common.definition import COST_LIMIT
-from steer_env.thread_pool import most_threads
 
 ROWS_PER_THREAD = 16  # sub-environments that make another thread worthwhile
 

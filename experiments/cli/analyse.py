@@ -6,7 +6,7 @@ from typing import Any
 
 from steer_env.experiments.cli.common import names
 from steer_env.experiments.cli.common.arguments import FRICTION, friction_law
-from steer_env.experiments.output import car_options
+from steer_env.experiments.pages import car_options
 
 
 def add(commands: Any, common: argparse.ArgumentParser) -> None:
@@ -28,10 +28,10 @@ def add(commands: Any, common: argparse.ArgumentParser) -> None:
 
 def _analyse(args: argparse.Namespace) -> None:
     from steer_env import friction
-    from steer_env.experiments.output import provenance
-    from steer_env.experiments.output.options import progress
-    from steer_env.experiments.report import analysis, analysis_page
-    from steer_env.experiments.studies.common import page
+    from steer_env.experiments.pages import provenance
+    from steer_env.experiments.pages import study_page as page
+    from steer_env.experiments.pages.options import progress
+    from steer_env.experiments.reports import analysis, analysis_page
 
     page.check(args.out, analysis.NAME)
     car = car_options.load(args)

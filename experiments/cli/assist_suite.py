@@ -7,7 +7,7 @@ from typing import Any
 from steer_env.experiments.cli.common import names
 from steer_env.experiments.cli.common.arguments import SHIPPED
 from steer_env.experiments.cli.common.sweeping import add_sweep, runner
-from steer_env.experiments.output import car_options
+from steer_env.experiments.pages import car_options
 
 
 def add(commands: Any, common: argparse.ArgumentParser) -> None:
@@ -42,8 +42,8 @@ def _suite(args: argparse.Namespace) -> int:
     from steer_env.experiments.cli.common.policies import trace
     from steer_env.experiments.cli.common.tables import print_suite
     from steer_env.experiments.learning import assist_suite, policy
-    from steer_env.experiments.output.files import write_json
-    from steer_env.experiments.output.options import progress
+    from steer_env.experiments.pages.files import write_json
+    from steer_env.experiments.pages.options import progress
 
     own = next((name for name in policies if name != SHIPPED), None)
     if args.env is None and own is None:

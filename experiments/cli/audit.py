@@ -35,7 +35,7 @@ def _audit(args: argparse.Namespace) -> int:
     from steer_env.experiments.cli.common.tables import console
     from steer_env.experiments.learning.audit import audited
     from steer_env.experiments.learning.policy_search import Budget
-    from steer_env.experiments.output.options import progress
+    from steer_env.experiments.pages.options import progress
 
     table = Table(
         "id",

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from steer_env.experiments.cli.common import names
-from steer_env.experiments.output import car_options
+from steer_env.experiments.pages import car_options
 
 
 def add(commands: Any, common: argparse.ArgumentParser) -> None:
@@ -47,9 +47,9 @@ def _car(args: argparse.Namespace) -> None:
     out = Path(args.out or f"car_{car.name}")
 
     from steer_env.experiments.cli.common.tables import print_quantities
-    from steer_env.experiments.output import files, provenance
-    from steer_env.experiments.output.options import progress
-    from steer_env.experiments.report import car_page
+    from steer_env.experiments.pages import files, provenance
+    from steer_env.experiments.pages.options import progress
+    from steer_env.experiments.reports import car_page
 
     files.usable(out, car_page.CONTENTS)
     with progress("compiling and driving", None) as notify:

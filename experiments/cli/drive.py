@@ -15,10 +15,10 @@ from steer_env.experiments.cli.common.arguments import KPH, whole_number
 from steer_env.experiments.cli.serve import TORQUE
 
 if TYPE_CHECKING:
-    from steer_env.devices import Device
-    from steer_env.drive.session import Session
+    from steer_env.live.devices import Device
+    from steer_env.live.drive.session import Session
 
-COURSES = ("plain", "double-lane-change", "obstacle-avoidance")  # of steer_env.drive.scene
+COURSES = ("plain", "double-lane-change", "obstacle-avoidance")  # of steer_env.live.drive.scene
 NICE = -10  # of the threads of Python where the loop has a priority; assumed
 
 
@@ -56,11 +56,11 @@ def _drive(args: argparse.Namespace) -> None:
         _list()
         return
 
-    from steer_env.devices.common.window_input import WindowInput
-    from steer_env.drive.session import DriveError, Options, Session
-    from steer_env.experiments.output import provenance
+    from steer_env.experiments.pages import provenance
     from steer_env.friction.numerics.check import number
-    from steer_env.real_time import Limits
+    from steer_env.live.devices.common.window_input import WindowInput
+    from steer_env.live.drive.session import DriveError, Options, Session
+    from steer_env.live.real_time import Limits
 
     signalled = _signals()
     seconds = number("--seconds", args.seconds, minimum=0.1, maximum=86400.0) if args.seconds is not None else None
@@ -151,7 +151,7 @@ def _until_end(session: "Session", window: Any, seconds: float | None) -> None:
 
 def _device(text: str) -> "Device":
     """A device from ``NAME[,KEY=VALUE...]``."""
-    from steer_env import devices
+    from steer_env.live import devices
 
     name, *pairs = text.split(",")
     given = {}
@@ -164,7 +164,7 @@ def _device(text: str) -> "Device":
 
 
 def _list() -> None:
-    from steer_env import devices
+    from steer_env.live import devices
 
     for name in devices.available():
         options = ", ".join(f"{key}={value}" for key, value in devices.options(name).items())
@@ -173,9 +173,9 @@ def _list() -> None:
 
 def _share(args: argparse.Namespace, sets: list[Any], device: "Device") -> float:
     """The share of the torque with which a wheel is stable on every set behind the drive's filter, which is printed."""
-    from steer_env.drive.session import PERIOD
-    from steer_env.real_time import haptics
-    from steer_env.real_time.angle_filter import BANDWIDTH
+    from steer_env.live.drive.session import PERIOD
+    from steer_env.live.real_time import haptics
+    from steer_env.live.real_time.angle_filter import BANDWIDTH
 
     if device.hands != "angle":
         raise ValueError(f"--wheel is for a wheel with a motor, and {device.name} has none: leave it out")
@@ -191,8 +191,8 @@ def _window(course: str, cars: list[Any]) -> Any:
     """The window, open; one sentence where there is none."""
     from gymnasium.error import DependencyNotInstalled
 
-    from steer_env.drive.scene import Scene
-    from steer_env.drive.window import Window
+    from steer_env.live.drive.scene import Scene
+    from steer_env.live.drive.window import Window
     from steer_env.rendering.canvas import NoWindowError
 
     try:

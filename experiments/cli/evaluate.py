@@ -49,7 +49,7 @@ def _write_template(args: argparse.Namespace) -> int:
         raise ValueError(f"--template {args.template} exists already: name another file, or remove it")
     require_format([args.file])
 
-    from steer_env.experiments.output.files import write_text
+    from steer_env.experiments.pages.files import write_text
     from steer_env.metrics import CHANNELS
     from steer_env.recording import mapping_template
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from steer_env.experiments.cli.common.arguments import FRICTION, SHIPPED, add_evaluation, friction_law
 from steer_env.experiments.cli.common.extras import require
 from steer_env.experiments.cli.common.sweeping import add_sweep, runner
-from steer_env.experiments.output import car_options
+from steer_env.experiments.pages import car_options
 from steer_env.registration import DRIVEN
 
 if TYPE_CHECKING:
@@ -42,7 +42,7 @@ def _evaluate(args: argparse.Namespace) -> None:
 
     from steer_env.experiments.cli.common.policies import evaluate_and_report
     from steer_env.experiments.learning import policy, policy_report
-    from steer_env.experiments.output.files import usable
+    from steer_env.experiments.pages.files import usable
 
     own = next((name for name in args.file if is_policy(name) and name != SHIPPED), None)
     if args.env is None and own is None:

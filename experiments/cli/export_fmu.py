@@ -6,9 +6,9 @@ from typing import Any
 from steer_env.experiments.cli.common import plant_options
 from steer_env.experiments.cli.common.arguments import KPH
 from steer_env.experiments.cli.common.extras import require
-from steer_env.experiments.output import car_options
+from steer_env.experiments.pages import car_options
 
-# As in steer_env.fmu, whose import takes long.
+# As in steer_env.connect.fmu, whose import takes long.
 PLATFORMS = ("linux64", "win64")
 VERSIONS = (2, 3)
 PROCESSORS = ("x86-64", "x86-64-v2", "x86-64-v3", "x86-64-v4", "native")
@@ -36,8 +36,8 @@ def add(commands: Any, common: argparse.ArgumentParser) -> None:
 def _export(args: argparse.Namespace) -> None:
     require("fmu", "the export of an FMU")
 
-    from steer_env import fmu
-    from steer_env.experiments.output.options import progress
+    from steer_env.connect import fmu
+    from steer_env.experiments.pages.options import progress
 
     car = car_options.load(args)
     with progress("compiling and linking", None) as notify:

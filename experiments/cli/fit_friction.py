@@ -9,7 +9,7 @@ from steer_env.experiments.cli.common import inputs, names
 from steer_env.experiments.cli.common.arguments import whole_number
 from steer_env.experiments.cli.common.extras import require_format
 from steer_env.experiments.cli.common.recordings import add_reading, can_options, check_can, mapping_of, read
-from steer_env.experiments.output import car_options
+from steer_env.experiments.pages import car_options
 
 if TYPE_CHECKING:
     from steer_env.recording.friction_record import FrictionRecord
@@ -96,9 +96,9 @@ def _fit_friction(args: argparse.Namespace) -> None:
         return
 
     from steer_env.experiments.cli.common.tables import print_fits
-    from steer_env.experiments.output import files, provenance
-    from steer_env.experiments.output.options import progress
-    from steer_env.experiments.report import friction_fit, friction_fit_page
+    from steer_env.experiments.pages import files, provenance
+    from steer_env.experiments.pages.options import progress
+    from steer_env.experiments.reports import friction_fit, friction_fit_page
     from steer_env.friction.law import LAWS
     from steer_env.friction.numerics.check import number, read_number
 
@@ -204,7 +204,7 @@ def _column(text: str) -> dict[str, float]:
 
 def _write_template(path: str, args: argparse.Namespace) -> None:
     """A mapping to fill in."""
-    from steer_env.experiments.output.files import write_text
+    from steer_env.experiments.pages.files import write_text
     from steer_env.recording import mapping_template
     from steer_env.recording.channel_mapping import FRICTION
 

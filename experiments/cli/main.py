@@ -125,7 +125,7 @@ def _run(argv: Sequence[str]) -> int:
         # SIGTERM is handled as Ctrl-C is: the workers stop and no file stays half-written.
         signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
-        from steer_env.thread_pool import one_blas_thread
+        from steer_env.friction.numerics.thread_pool import one_blas_thread
 
         with _warnings_in_one_line(args.command), one_blas_thread():
             return args.function(args) or 0

@@ -6,7 +6,7 @@ from typing import Any
 
 from steer_env.experiments.cli.common import names
 from steer_env.experiments.cli.common.arguments import FRICTION, friction_law, whole_number
-from steer_env.experiments.output import car_options
+from steer_env.experiments.pages import car_options
 
 
 def add(commands: Any, common: argparse.ArgumentParser) -> None:
@@ -35,12 +35,12 @@ def add(commands: Any, common: argparse.ArgumentParser) -> None:
 
 def _real_time(args: argparse.Namespace) -> None:
     from steer_env import friction
-    from steer_env.experiments.output import provenance
-    from steer_env.experiments.output.options import progress
-    from steer_env.experiments.studies.common.page import check, write
+    from steer_env.experiments.pages import provenance
+    from steer_env.experiments.pages.options import progress
+    from steer_env.experiments.pages.study_page import check, write
     from steer_env.experiments.verification import real_time_loop, real_time_page
     from steer_env.friction.numerics.check import number
-    from steer_env.real_time.measure import lock_memory
+    from steer_env.live.real_time.measure import lock_memory
 
     check(args.out, real_time_page.NAME)
     seconds = number("--seconds", args.seconds, minimum=1.0, maximum=86400.0)

@@ -7,7 +7,7 @@ from typing import Any
 from steer_env.experiments.cli.common.arguments import FRICTION, SHIPPED, friction_law, whole_number
 from steer_env.experiments.cli.common.extras import require
 from steer_env.experiments.learning.constants import HELD_OUT
-from steer_env.experiments.output import car_options
+from steer_env.experiments.pages import car_options
 from steer_env.registration import DRIVEN
 
 
@@ -37,8 +37,8 @@ def _record(args: argparse.Namespace) -> None:
 
     from steer_env.experiments.cli.common.policies import caution
     from steer_env.experiments.learning import controllers, dataset, policy
-    from steer_env.experiments.output.files import usable
-    from steer_env.experiments.output.options import progress
+    from steer_env.experiments.pages.files import usable
+    from steer_env.experiments.pages.options import progress
 
     policy.check_driven(args.env)
     out, made = Path(args.out), {}

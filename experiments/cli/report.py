@@ -7,7 +7,7 @@ from typing import Any
 from steer_env.experiments.cli.common import inputs, names, noticed
 from steer_env.experiments.cli.common.arguments import EXTERNAL, FRICTION, external_vehicle, friction_law
 from steer_env.experiments.cli.common.sweeping import add_sweep, runner
-from steer_env.experiments.output import car_options
+from steer_env.experiments.pages import car_options
 
 COMPARED = ("lugre", "masing")  # the two laws that the literature compares, which come first
 
@@ -32,7 +32,7 @@ def add(commands: Any, common: argparse.ArgumentParser) -> None:
 
 def _report(args: argparse.Namespace) -> None:
     from steer_env import friction
-    from steer_env.experiments.output.options import Friction, progress
+    from steer_env.experiments.pages.options import Friction, progress
 
     every_law = sorted(friction.available(), key=lambda name: name not in COMPARED)
     laws = args.friction or [Friction(name) for name in every_law]
@@ -45,9 +45,9 @@ def _report(args: argparse.Namespace) -> None:
     look = {"light": args.light, "noticed": noticed.share(args)}
     car = car_options.load(args)
 
-    from steer_env.experiments.output import provenance
-    from steer_env.experiments.report import build
-    from steer_env.experiments.report.results import Scope
+    from steer_env.experiments.pages import provenance
+    from steer_env.experiments.reports import build
+    from steer_env.experiments.reports.results import Scope
 
     parameters = {law.label: law.parameters for law in laws}
     result = Path(args.out).name

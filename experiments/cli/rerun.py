@@ -33,7 +33,7 @@ def add(commands: Any, common: argparse.ArgumentParser) -> None:
 
 def _rerun(args: argparse.Namespace) -> int:
     from steer_env.experiments.cli.common.extras import require_format
-    from steer_env.experiments.output import traces
+    from steer_env.experiments.pages import traces
 
     file = Path(args.file)
     require_format([file])
@@ -59,7 +59,7 @@ def _rerun(args: argparse.Namespace) -> int:
 
 def _check_versions(file: Path, trace: Mapping[str, Any], go_on: bool) -> None:
     """Refuse, or say, that another version made the result."""
-    from steer_env.experiments.output import provenance
+    from steer_env.experiments.pages import provenance
 
     now = provenance.trace()
     packages = {f"package {name}": version for name, version in now["packages"].items()}
@@ -114,7 +114,7 @@ def _path_with(folder: Path) -> Iterator[None]:
 def _check_modules(file: Path, then: Mapping[str, str], words: Sequence[str]) -> None:
     """ValueError unless ``import`` will take the very modules with which the result was made."""
     from steer_env.experiments.cli import main
-    from steer_env.experiments.output import own_modules
+    from steer_env.experiments.pages import own_modules
 
     for name in then:
         if own_modules.spec_of(name) is None:

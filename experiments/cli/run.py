@@ -13,8 +13,8 @@ from steer_env.experiments.cli.common.arguments import EXTERNAL, FRICTION, KPH, 
 from steer_env.experiments.cli.common.extras import require_format
 from steer_env.experiments.cli.common.sweeping import OPTIONS as SWEEP
 from steer_env.experiments.cli.common.sweeping import add_sweep, refuse_sweep, runner, unswept
-from steer_env.experiments.output import car_options
-from steer_env.experiments.output.options import progress
+from steer_env.experiments.pages import car_options
+from steer_env.experiments.pages.options import progress
 
 if TYPE_CHECKING:
     from steer_env.manoeuvres import Manoeuvre
@@ -103,7 +103,7 @@ def _run_all(args: argparse.Namespace, out: Path) -> None:
     """Drive every manoeuvre, side by side; one that cannot be driven says why, and the others go on."""
     from steer_env import manoeuvres
     from steer_env.experiments.cli.common.tables import print_metrics
-    from steer_env.experiments.output.files import write_bytes
+    from steer_env.experiments.pages.files import write_bytes
 
     own = args.chassis if args.chassis in names.chassis() else None
     for name, value in (("--chassis", own), ("--speed-kph", args.speed_kph), ("--road", args.road)):
@@ -183,9 +183,9 @@ def _manoeuvre(args: argparse.Namespace, name: str) -> "Manoeuvre":
 def drive(args: argparse.Namespace, manoeuvre: "Manoeuvre", out: Path) -> Run:
     """Drive a manoeuvre with the law, car and tyre of the options; write the recording, and its metrics beside it."""
     from steer_env import manoeuvres
-    from steer_env.experiments.output import provenance
-    from steer_env.experiments.output.files import write_json
-    from steer_env.experiments.output.metrics_json import entries
+    from steer_env.experiments.pages import provenance
+    from steer_env.experiments.pages.files import write_json
+    from steer_env.experiments.pages.metrics_json import entries
     from steer_env.friction.numerics.check import number, read_number
     from steer_env.metrics import evaluate, tests
     from steer_env.recording import files
@@ -217,7 +217,7 @@ def drive(args: argparse.Namespace, manoeuvre: "Manoeuvre", out: Path) -> Run:
 
 def _trace(args: argparse.Namespace, manoeuvre: str, car: "Car", out: Path) -> dict[str, Any]:
     """What one recording is made from; of several manoeuvres that one command drives, its own."""
-    from steer_env.experiments.output import provenance
+    from steer_env.experiments.pages import provenance
 
     command = [manoeuvre if word == ALL else word for word in args.argv]
     laws = {args.friction.label: args.friction.parameters}
@@ -255,8 +255,8 @@ def _check_comparable(args: argparse.Namespace) -> None:
 
 def _compare(args: argparse.Namespace, directory: Path) -> None:
     """Print the comparison in the step steers, and write it with its picture into a directory."""
-    from steer_env.experiments.drawing import pictures
-    from steer_env.experiments.output.files import write_json, write_text
+    from steer_env.experiments.pages import pictures
+    from steer_env.experiments.pages.files import write_json, write_text
     from steer_env.experiments.studies import cross_validation
 
     with progress("comparing", total=None):

@@ -37,8 +37,8 @@ def _scores(args: argparse.Namespace) -> None:
 
     from steer_env.experiments.cli.common.policies import caution
     from steer_env.experiments.learning import policy, scores
-    from steer_env.experiments.output.files import usable, write_text
-    from steer_env.experiments.output.options import progress
+    from steer_env.experiments.pages.files import usable, write_text
+    from steer_env.experiments.pages.options import progress
 
     sweep = runner(args)
     chosen = args.env or list(REGISTERED)

@@ -8,7 +8,7 @@ from steer_env.experiments.cli.common import names
 from steer_env.experiments.cli.common.arguments import FRICTION, friction_law, whole_number
 from steer_env.experiments.cli.common.extras import require
 from steer_env.experiments.cli.common.sweeping import add_sweep, runner, unswept
-from steer_env.experiments.output import car_options
+from steer_env.experiments.pages import car_options
 
 SAMPLES = {"morris": 20, "sobol": 64}
 
@@ -52,12 +52,12 @@ def add(commands: Any, common: argparse.ArgumentParser) -> None:
 def _sensitivity(args: argparse.Namespace) -> None:
     require("tune", "sensitivity", "SALib")
 
-    from steer_env import friction, targets
-    from steer_env.experiments.output import provenance
-    from steer_env.experiments.output.options import progress
-    from steer_env.experiments.report import sensitivity_page
-    from steer_env.experiments.studies.common import page
-    from steer_env.experiments.tuning import problem, screening, sensitivity
+    from steer_env import friction
+    from steer_env.experiments.calibration import problem, screening, sensitivity, sensitivity_page
+    from steer_env.experiments.pages import provenance
+    from steer_env.experiments.pages import study_page as page
+    from steer_env.experiments.pages.options import progress
+    from steer_env.metrics import targets
 
     page.check(args.out, sensitivity_page.NAME)
     sweep, wanted = runner(args), targets.load(args.targets)

@@ -8,9 +8,9 @@ from typing import Any
 
 from steer_env.experiments.cli.common import plant_options, wheel_option
 from steer_env.experiments.cli.common.arguments import KPH, whole_number
-from steer_env.experiments.output import car_options
+from steer_env.experiments.pages import car_options
 
-# As in steer_env.cosimulation, whose import takes long.
+# As in steer_env.connect.udp, whose import takes long.
 FORMATS = ("text", "json", "c")
 LOOPBACK = "127.0.0.1"
 SILENCE = 10.0  # [s]
@@ -48,11 +48,11 @@ def add(commands: Any, common: argparse.ArgumentParser) -> None:
 
 
 def _serve(args: argparse.Namespace) -> None:
-    from steer_env import cosimulation
-    from steer_env.cosimulation.server import MEANINGS
-    from steer_env.fmu.parts import make_part
+    from steer_env.connect import udp as cosimulation
+    from steer_env.connect.udp.server import MEANINGS
     from steer_env.friction.numerics.check import number
-    from steer_env.real_time import Limits, haptics
+    from steer_env.live.real_time import Limits, haptics
+    from steer_env.vehicle.subsystems.make import make_part
 
     silence = number("--silence", args.silence, minimum=0.0, above=True, maximum=1e6)
     speed = args.speed_kph * KPH
@@ -94,7 +94,7 @@ def _serve(args: argparse.Namespace) -> None:
 
 def _announce(args: argparse.Namespace, server: Any, found: Any) -> None:
     """Say where the server receives, which a program that starts it reads, and what a wheel may do."""
-    from steer_env.real_time.haptics import MARGIN
+    from steer_env.live.real_time.haptics import MARGIN
 
     (address, port), layout = server.address, server.layout
     if args.json:

@@ -9,7 +9,7 @@ from steer_env.experiments.cli.common.arguments import FRICTION, SHIPPED, add_ev
 from steer_env.experiments.cli.common.extras import require
 from steer_env.experiments.cli.common.sweeping import add_sweep, runner
 from steer_env.experiments.learning.constants import SHIFTS
-from steer_env.experiments.output import car_options
+from steer_env.experiments.pages import car_options
 
 
 def add(commands: Any, common: argparse.ArgumentParser) -> None:
@@ -57,8 +57,8 @@ def shift(args: argparse.Namespace) -> None:
     from steer_env.experiments.cli.common.tables import print_shift
     from steer_env.experiments.learning import policy, policy_report
     from steer_env.experiments.learning import shift as shifted
-    from steer_env.experiments.output.files import usable
-    from steer_env.experiments.output.options import progress
+    from steer_env.experiments.pages.files import usable
+    from steer_env.experiments.pages.options import progress
 
     sweep = runner(args)
     path = policy.shipped(args.env) if args.file == SHIPPED else Path(args.file)

@@ -13,7 +13,7 @@ from steer_env.experiments.cli.common.arguments import (
 )
 from steer_env.experiments.cli.common.extras import OF_ALGORITHM, require
 from steer_env.experiments.learning.constants import ALGORITHMS
-from steer_env.experiments.output import car_options
+from steer_env.experiments.pages import car_options
 from steer_env.registration import DRIVEN
 
 MINUTES = 15.0  # of training by default
@@ -55,8 +55,8 @@ def _train(args: argparse.Namespace) -> None:
     from steer_env.experiments.cli.common.policies import evaluate_and_report
     from steer_env.experiments.learning import policy, policy_report
     from steer_env.experiments.learning.training import Training
-    from steer_env.experiments.output.files import usable
-    from steer_env.experiments.output.options import progress
+    from steer_env.experiments.pages.files import usable
+    from steer_env.experiments.pages.options import progress
 
     out, library = Path(args.out), args.library_defaults
     if library and args.resume:

@@ -14,7 +14,7 @@ from steer_env.experiments.cli.common import names
 from steer_env.experiments.cli.common.arguments import FRICTION, friction_law, whole_number
 from steer_env.experiments.cli.common.extras import require
 from steer_env.experiments.cli.common.sweeping import add_sweep
-from steer_env.experiments.output import car_options
+from steer_env.experiments.pages import car_options
 
 SAMPLERS = ("surface", "tpe", "nsga2", "nsga3", "random")
 FILES = ("index.html", "tune.json", "best.toml", "start.toml", "before", "after")
@@ -66,11 +66,11 @@ def add(commands: Any, common: argparse.ArgumentParser) -> None:
 def _tune(args: argparse.Namespace) -> None:
     require("tune", "tune")
 
-    from steer_env import targets
     from steer_env.experiments import sweep
-    from steer_env.experiments.output import files
-    from steer_env.experiments.output.options import progress
-    from steer_env.experiments.tuning import problem, storage, tuning
+    from steer_env.experiments.calibration import problem, storage, tuning
+    from steer_env.experiments.pages import files
+    from steer_env.experiments.pages.options import progress
+    from steer_env.metrics import targets
 
     if args.cluster is not None:
         require("cluster", f"--cluster {args.cluster}")
@@ -100,7 +100,7 @@ def _tune(args: argparse.Namespace) -> None:
 @contextmanager
 def _watched(notify: Callable[[float, str], None], args: argparse.Namespace) -> Iterator[Callable[[Any], None]]:
     """Tells how far the search is; yields what takes a job that begins."""
-    from steer_env.experiments.tuning import search, storage
+    from steer_env.experiments.calibration import search, storage
 
     ended, jobs = threading.Event(), list[Any]()
 
@@ -122,11 +122,10 @@ def _watched(notify: Callable[[float, str], None], args: argparse.Namespace) -> 
 
 def _write(args: argparse.Namespace, posed: Any, outcome: Any) -> None:
     """Write the page, its numbers and the car files, and print what was found."""
+    from steer_env.experiments.calibration import problem, tuning_page
     from steer_env.experiments.cli.common.sweeping import unswept
-    from steer_env.experiments.output import provenance
-    from steer_env.experiments.report import tuning_page
-    from steer_env.experiments.studies.common import page
-    from steer_env.experiments.tuning import problem
+    from steer_env.experiments.pages import provenance
+    from steer_env.experiments.pages import study_page as page
     from steer_env.friction.law import law_of
     from steer_env.vehicle import cars
 

@@ -7,7 +7,7 @@ from typing import Any
 from steer_env.experiments.cli.common import names
 from steer_env.experiments.cli.common.arguments import SHIPPED, whole_number
 from steer_env.experiments.cli.common.sweeping import add_sweep, runner
-from steer_env.experiments.output import car_options
+from steer_env.experiments.pages import car_options
 
 
 def add(commands: Any, common: argparse.ArgumentParser) -> None:
@@ -36,7 +36,7 @@ def add(commands: Any, common: argparse.ArgumentParser) -> None:
 def _tune(args: argparse.Namespace) -> None:
     from steer_env.experiments.cli.common.tables import print_tuned
     from steer_env.experiments.learning import assist_suite, assist_tuning, policy_report, training, tuned_assists
-    from steer_env.experiments.output.options import progress
+    from steer_env.experiments.pages.options import progress
 
     for env_id in args.env:
         assist_suite.task_named(env_id)

@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 
 from steer_env import friction, manoeuvres, tasks
 from steer_env.courses import path
+from steer_env.episode.timing import UPDATE_INTERVAL
 from steer_env.manoeuvres.release import FREE, HELD, RISE
 from steer_env.tasks import Task
 from steer_env.tasks.common import lane, scripted
 from steer_env.tasks.common.definition import EpisodeContext, EpisodeSetup
 from steer_env.tasks.common.standstill import CREEPING
-from steer_env.timing import UPDATE_INTERVAL
 from steer_env.vehicle.cars import Car
 from steer_env.vehicle.chassis.common.interface import HAND
 

@@ -22,11 +22,11 @@ from numpy.typing import NDArray
 from scipy import signal
 
 from steer_env import assists, tasks
+from steer_env.engine.state import State
 from steer_env.experiments.learning.assist_drives import KINDS, Drive, suite, task_of
 from steer_env.experiments.learning.controllers import Maker
-from steer_env.experiments.output import provenance
+from steer_env.experiments.pages import provenance
 from steer_env.experiments.sweep import Runner, run
-from steer_env.state import State
 from steer_env.tasks import Task
 from steer_env.tasks.common.definition import Quantity
 from steer_env.vector import SteerVectorEnv

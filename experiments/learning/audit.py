@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from steer_env import tasks
+from steer_env.episode.timing import UPDATE_INTERVAL
 from steer_env.experiments.learning import held_out, policy
 from steer_env.experiments.learning.controllers import ZeroAction, baselines
 from steer_env.experiments.learning.policy_search import Budget, LinearPolicy, ModelPolicy, cross_entropy, plain_ppo
-from steer_env.timing import UPDATE_INTERVAL
 
 EPISODES = 16
 SAMPLED = 0.005  # of the torque of policies without memory, for the ripple [s]

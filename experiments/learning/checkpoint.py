@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from steer_env.experiments.learning import policy
-from steer_env.experiments.output.files import write_json, write_text
+from steer_env.experiments.pages.files import write_json, write_text
 
 FOLDER, STATE, CURVE, BEST = "checkpoint", "state.json", "learning.csv", "policy.zip"
 KEYS = ("env", "algo", "seed", "friction", "seconds", "steps", "model", "scaling")

@@ -16,10 +16,10 @@ import numpy as np
 from minari.data_collector import EpisodeBuffer
 
 from steer_env import friction
+from steer_env.engine.specification import plain
 from steer_env.experiments.learning.controllers import Maker
-from steer_env.experiments.output import provenance
-from steer_env.experiments.output.files import replaced_directory
-from steer_env.specification import plain
+from steer_env.experiments.pages import provenance
+from steer_env.experiments.pages.files import replaced_directory
 
 DATA = "data"  # the folder that minari.MinariDataset opens
 CONTENTS = frozenset({DATA})

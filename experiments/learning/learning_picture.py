@@ -6,9 +6,9 @@ python -m steer_env.experiments.learning.learning_picture
 from pathlib import Path
 
 from steer_env import tasks
-from steer_env.experiments.drawing.pictures import LearningCurves, learning
 from steer_env.experiments.learning import policy
 from steer_env.experiments.learning.policy_report import aim, read_curve
+from steer_env.experiments.pages.pictures import LearningCurves, learning
 from steer_env.registration import VERSION
 
 if __name__ == "__main__":

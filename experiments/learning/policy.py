@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from steer_env import REGISTERED, experiments, tasks
 from steer_env.experiments.learning import network
 from steer_env.experiments.learning.constants import ALGORITHMS
-from steer_env.experiments.output.options import Friction
+from steer_env.experiments.pages.options import Friction
 from steer_env.friction.numerics.check import number
 from steer_env.registration import DRIVEN, VERSION
 

@@ -17,20 +17,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from steer_env import friction, tasks
-from steer_env.experiments.drawing import plots
-from steer_env.experiments.drawing.style import colours
+from steer_env.episode.randomise import RANGES
 from steer_env.experiments.learning import held_out
 from steer_env.experiments.learning.constants import HELD_OUT
 from steer_env.experiments.learning.controllers import Maker, baselines
 from steer_env.experiments.learning.held_out import Episodes, Estimate
-from steer_env.experiments.output import provenance
-from steer_env.experiments.output.files import replaced_directory, write_json
-from steer_env.experiments.output.pages import environment
-from steer_env.experiments.output.traces import embedded
-from steer_env.experiments.output.words import label, plain
+from steer_env.experiments.pages import plots, provenance
+from steer_env.experiments.pages.files import replaced_directory, write_json
+from steer_env.experiments.pages.pages import environment
+from steer_env.experiments.pages.style import colours
+from steer_env.experiments.pages.traces import embedded
+from steer_env.experiments.pages.words import label, plain
 from steer_env.experiments.sweep import Runner, run
 from steer_env.friction.law import law_of
-from steer_env.randomise import RANGES
 
 CONTENTS = frozenset({"index.html", "evaluation.json"})
 FRAMES = 4  # pictures of the first held-out episode
@@ -231,7 +230,7 @@ def write(
 ) -> None:
     """Write ``index.html`` and ``evaluation.json`` into a directory, which appears or is replaced as a whole.
 
-    Both hold the ``trace`` of :func:`steer_env.experiments.output.provenance.trace`, by default that of a Python
+    Both hold the ``trace`` of :func:`steer_env.experiments.pages.provenance.trace`, by default that of a Python
     program.
     """
     trace = provenance.trace() if trace is None else trace

@@ -16,8 +16,8 @@ from steer_env.experiments.learning import held_out, policy, policy_report
 from steer_env.experiments.learning.constants import HELD_OUT
 from steer_env.experiments.learning.controllers import SIMPLE, Maker, baselines
 from steer_env.experiments.learning.held_out import Episodes, Estimate, Job
-from steer_env.experiments.output.files import write_json
-from steer_env.experiments.output.words import number
+from steer_env.experiments.pages.files import write_json
+from steer_env.experiments.pages.words import number
 from steer_env.experiments.sweep import Runner, run
 from steer_env.friction.numerics import toml
 from steer_env.registration import TUNED

@@ -9,16 +9,16 @@ import numpy as np
 
 from steer_env import friction, tasks
 from steer_env.drivers.common.definition import DELAY, MUSCLE_LAG
-from steer_env.experiments.drawing.shift_picture import Point, shifts
 from steer_env.experiments.learning import held_out, policy, policy_report
 from steer_env.experiments.learning.constants import HELD_OUT
 from steer_env.experiments.learning.controllers import ZeroAction, baselines
 from steer_env.experiments.learning.held_out import Estimate, Job
-from steer_env.experiments.output import provenance
-from steer_env.experiments.output.files import replaced_directory, write_json
-from steer_env.experiments.output.options import Friction
-from steer_env.experiments.output.pages import environment, image
-from steer_env.experiments.output.traces import embedded
+from steer_env.experiments.pages import provenance
+from steer_env.experiments.pages.files import replaced_directory, write_json
+from steer_env.experiments.pages.options import Friction
+from steer_env.experiments.pages.pages import environment, image
+from steer_env.experiments.pages.shift_picture import Point, shifts
+from steer_env.experiments.pages.traces import embedded
 from steer_env.experiments.sweep import Runner, run
 from steer_env.friction.law import law_of
 from steer_env.vehicle import cars
@@ -39,7 +39,7 @@ DELAYS = {"Assist": (0.0, 0.01, 0.02, 0.04), "Driver": (0.0, 0.05, 0.1, 0.15)}  
 
 
 class Labelled(NamedTuple):
-    """A law with its parameters, as :class:`steer_env.experiments.output.options.Friction`."""
+    """A law with its parameters, as :class:`steer_env.experiments.pages.options.Friction`."""
 
     label: str
     parameters: Any

@@ -14,9 +14,9 @@ import numpy as np
 from steer_env import experiments, tasks
 from steer_env.experiments.learning import checkpoint, held_out, policy
 from steer_env.experiments.learning.constants import VALIDATION
-from steer_env.experiments.output import provenance
-from steer_env.experiments.output.files import usable, write_json
-from steer_env.experiments.output.options import Friction
+from steer_env.experiments.pages import provenance
+from steer_env.experiments.pages.files import usable, write_json
+from steer_env.experiments.pages.options import Friction
 from steer_env.friction.numerics import toml
 from steer_env.friction.numerics.check import number
 

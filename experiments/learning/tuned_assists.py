@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from steer_env import assists, experiments
-from steer_env.experiments.output.files import write_json
+from steer_env.experiments.pages.files import write_json
 
 FILE = Path(experiments.__file__).parent / "data" / "baselines" / "assists.json"
 

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from steer_env.experiments.output import car_options
-from steer_env.vehicle import assist_design
+from steer_env.experiments.pages import car_options
+from steer_env.vehicle.analysis import assist_design
 
 MERGE = """\
 # A file that has a section [assist] takes these keys into it, in place of its own speeds, torques, boost, boost_scale

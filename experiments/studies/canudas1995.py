@@ -12,12 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from steer_env import friction
-from steer_env.experiments.drawing import still_plots
-from steer_env.experiments.drawing.plots import Line, Panel
-from steer_env.experiments.drawing.style import colours
-from steer_env.experiments.output.words import number
+from steer_env.experiments.pages import still_plots
+from steer_env.experiments.pages import study_page as page
+from steer_env.experiments.pages.plots import Line, Panel
+from steer_env.experiments.pages.style import colours
+from steer_env.experiments.pages.words import number
 from steer_env.experiments.studies.common import mass_experiments as mass
-from steer_env.experiments.studies.common import page
 from steer_env.experiments.studies.common.mass_experiments import PAPER
 
 Array = NDArray[np.float64]

@@ -9,11 +9,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from steer_env import friction
-from steer_env.experiments.output import car_options
-from steer_env.experiments.output.options import progress
-from steer_env.experiments.output.words import label, number, percent
+from steer_env.experiments.pages import car_options
+from steer_env.experiments.pages import study_page as page
+from steer_env.experiments.pages.options import progress
+from steer_env.experiments.pages.words import label, number, percent
 from steer_env.experiments.studies.common import coupling_runs as runs
-from steer_env.experiments.studies.common import page
 from steer_env.experiments.studies.common.coupling_runs import COMPARED, FREQUENCY, KINDS, Cost, LawCost, Transport
 from steer_env.experiments.sweep import Runner, run
 from steer_env.vehicle.cars import Car

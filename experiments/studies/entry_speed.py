@@ -9,7 +9,7 @@ from dataclasses import replace
 from typing import Any
 
 from steer_env import manoeuvres
-from steer_env.experiments.output import car_options
+from steer_env.experiments.pages import car_options
 from steer_env.friction.numerics.check import number
 from steer_env.manoeuvres.common.driving import LostControlError
 from steer_env.metrics import evaluate

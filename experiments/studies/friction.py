@@ -6,11 +6,11 @@
 from collections.abc import Sequence
 from typing import Any
 
-from steer_env.experiments.output import car_options
-from steer_env.experiments.output.options import progress
+from steer_env.experiments.pages import car_options
+from steer_env.experiments.pages import study_page as page
+from steer_env.experiments.pages.options import progress
 from steer_env.experiments.studies.common import friction_page as sections
 from steer_env.experiments.studies.common import friction_page_loops as loops
-from steer_env.experiments.studies.common import page
 from steer_env.experiments.studies.common.friction_json import as_json
 from steer_env.experiments.studies.common.friction_results import QUICK, Results, collect, full
 from steer_env.experiments.sweep import Runner, run

@@ -1,6 +1,6 @@
 """What becomes of the car after a pulse of hand torque with free hands, over speed, friction law and chassis.
 
-:mod:`steer_env.vehicle.free_control` runs each pulse and says what its verdicts mean.
+:mod:`steer_env.vehicle.analysis.free_control` runs each pulse and says what its verdicts mean.
 """
 
 import argparse
@@ -12,12 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from steer_env import friction
-from steer_env.experiments.drawing import pictures
-from steer_env.experiments.output import car_options
-from steer_env.experiments.output.files import write_text
-from steer_env.experiments.output.options import progress
+from steer_env.experiments.pages import car_options, pictures
+from steer_env.experiments.pages.files import write_text
+from steer_env.experiments.pages.options import progress
 from steer_env.experiments.sweep import Runner, run
-from steer_env.vehicle import cars, free_control
+from steer_env.vehicle import cars
+from steer_env.vehicle.analysis import free_control
 from steer_env.vehicle.cars import Car
 from steer_env.vehicle.plant import CHANNEL
 

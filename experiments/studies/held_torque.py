@@ -7,12 +7,11 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 from steer_env import friction
-from steer_env.experiments.drawing import pictures
-from steer_env.experiments.output import car_options
-from steer_env.experiments.output.options import progress
-from steer_env.experiments.output.words import number, percent
+from steer_env.experiments.pages import car_options, pictures
+from steer_env.experiments.pages import study_page as page
+from steer_env.experiments.pages.options import progress
+from steer_env.experiments.pages.words import number, percent
 from steer_env.experiments.studies import friction_laws
-from steer_env.experiments.studies.common import page
 from steer_env.experiments.studies.common.scaling import scaled
 from steer_env.experiments.studies.friction_laws import ASSIST, CALIBRATIONS, DAMPING_RATIOS, HELD_LAWS, Held, Verdict
 from steer_env.experiments.sweep import Runner, run

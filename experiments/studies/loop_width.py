@@ -23,8 +23,8 @@ from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
 from steer_env import friction, manoeuvres
-from steer_env.experiments.drawing import pictures
-from steer_env.experiments.output.options import progress
+from steer_env.experiments.pages import pictures
+from steer_env.experiments.pages.options import progress
 from steer_env.experiments.sweep import Runner, run
 from steer_env.friction import defaults
 from steer_env.metrics.common.filtered_channels import ANGLE, AY, TORQUE

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from steer_env import friction
-from steer_env.experiments.drawing import pictures
-from steer_env.experiments.output.files import write_text
+from steer_env.experiments.pages import pictures
+from steer_env.experiments.pages.files import write_text
 from steer_env.experiments.studies.common.battery import drive
 from steer_env.experiments.studies.friction_laws import through
 from steer_env.experiments.studies.loop_width import law_at

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from steer_env import manoeuvres
-from steer_env.experiments.output.metrics_json import entries
+from steer_env.experiments.pages.metrics_json import entries
 from steer_env.friction.numerics.frozen import frozen
 from steer_env.metrics import Value, evaluate
 from steer_env.recording.recording import Recording

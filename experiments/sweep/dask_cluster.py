@@ -24,7 +24,7 @@ from steer_env.experiments.sweep.work import (
     identity_with,
     perform,
 )
-from steer_env.worker_process import ONE_THREAD, settle
+from steer_env.friction.numerics.worker_process import ONE_THREAD, settle
 
 PATIENCE = 30.0  # for a scheduler to answer, or for a first worker to be there [s]
 POLL, CHECK = 0.01, 2.0  # between looks for results, and for the cluster while there are none [s]

@@ -11,7 +11,7 @@ from itertools import islice
 from typing import Any
 
 from steer_env.experiments.sweep.work import KEPT, LostError, Outcome, Task, perform
-from steer_env.worker_process import ONE_THREAD, end_with, settle
+from steer_env.friction.numerics.worker_process import ONE_THREAD, end_with, settle
 
 TRIES = 3  # deaths of workers in a row, with no case finished between them, after which a sweep gives up
 

@@ -15,7 +15,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from steer_env.experiments.output.files import write_json
+from steer_env.experiments.pages.files import write_json
 
 ABOUT, SUFFIX = "sweep.json", ".case"
 _DIGEST = 32  # bytes of SHA-256

@@ -9,7 +9,7 @@ from collections.abc import Callable, Generator, Iterable, Mapping
 from contextlib import closing
 from typing import Any, Protocol
 
-from steer_env.experiments.output import own_modules
+from steer_env.experiments.pages import own_modules
 from steer_env.experiments.sweep.store import Store
 from steer_env.experiments.sweep.where import SERIAL, Where
 from steer_env.experiments.sweep.work import (

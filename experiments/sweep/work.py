@@ -9,9 +9,9 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from steer_env.experiments.output import own_modules, provenance
+from steer_env.experiments.pages import own_modules, provenance
 from steer_env.experiments.sweep.store import Store
-from steer_env.thread_pool import one_blas_thread
+from steer_env.friction.numerics.thread_pool import one_blas_thread
 
 PACKAGES = ("numpy", "numba", "llvmlite", "scipy")  # on which the bits of results depend
 REFUSED = "refused"  # kind of failure beside the names of exceptions

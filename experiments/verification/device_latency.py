@@ -14,14 +14,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from steer_env import devices
-from steer_env.cosimulation import Server, Stream
-from steer_env.devices import Device, DeviceError, Reading
-from steer_env.devices.fake import Fake
-from steer_env.fmu.part import Part
-from steer_env.real_time import Mailboxes, RealTime
-from steer_env.real_time.angle_filter import BANDWIDTH
-from steer_env.real_time.measure import Durations
+from steer_env.connect.udp import Server, Stream
+from steer_env.live import devices
+from steer_env.live.devices import Device, DeviceError, Reading
+from steer_env.live.devices.fake import Fake
+from steer_env.live.real_time import Mailboxes, RealTime
+from steer_env.live.real_time.angle_filter import BANDWIDTH
+from steer_env.live.real_time.measure import Durations
+from steer_env.vehicle.subsystems.subsystem import Part
 
 BIN = 10e-6  # of the histogram [s]
 EXCHANGE = 0.002  # of the thread of Python with a device [s]

@@ -11,8 +11,8 @@ from steer_env import manoeuvres
 from steer_env.metrics import CHANNELS, evaluate, frequency_response_curve
 from steer_env.recording.recording import DEGREE, Recording
 from steer_env.vehicle import cars
+from steer_env.vehicle.analysis.linear import from_car
 from steer_env.vehicle.constants import GRAVITY as G
-from steer_env.vehicle.linear import from_car
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
 
 Array = NDArray[Any]

@@ -11,10 +11,10 @@ from typing import Any, NamedTuple
 
 from steer_env.experiments.verification import device_latency
 from steer_env.experiments.verification.device_latency import Latency
-from steer_env.fmu.part import Part
-from steer_env.fmu.parts import make_part
-from steer_env.real_time.measure import Durations, Measured, lock_memory, measure
+from steer_env.live.real_time.measure import Durations, Measured, lock_memory, measure
 from steer_env.vehicle.cars import Car
+from steer_env.vehicle.subsystems.make import make_part
+from steer_env.vehicle.subsystems.subsystem import Part
 
 SPEED = 100.0 / 3.6  # held [m/s]
 PRIORITY = 50  # of SCHED_FIFO among the conditions, where the run has none of its own

@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from steer_env.experiments.drawing.lateness_picture import exceeded
-from steer_env.experiments.studies.common.page import Page, Picture, Section, Table
+from steer_env.experiments.pages.lateness_picture import exceeded
+from steer_env.experiments.pages.study_page import Page, Picture, Section, Table
 from steer_env.experiments.verification.device_latency import Latency
 from steer_env.experiments.verification.real_time_loop import Results, Row, together
-from steer_env.real_time.measure import Durations, Measured
+from steer_env.live.real_time.measure import Durations, Measured
 from steer_env.recording.driven import MANY_MISSED
 
 NAME = "real_time"

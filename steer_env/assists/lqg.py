@@ -10,8 +10,8 @@ under these w1 and d, the regulator minimises the sum of (T - r)^2 + (effort (u 
 
 Linearisation: the boost curve has its slope at ``linearised_at``. Friction slides at constant torque and the rack has
 no stiffness; d represents both. The handwheel's motion is prescribed, as by firm hands. The hand torque is the
-torsion-bar torque, which neglects the handwheel's inertia. The reference (:mod:`steer_env.reference_feel`, or that of
-parking) stays nonlinear, from lateral acceleration and handwheel speed.
+torsion-bar torque, which neglects the handwheel's inertia. The reference (:mod:`steer_env.tasks.common.reference_feel`,
+or that of parking) stays nonlinear, from lateral acceleration and handwheel speed.
 
 The request may use the whole of the action, times the share by which an assist that follows a feel steps back where
 nobody holds the handwheel or it moves quickly (:mod:`steer_env.assists.common.feel`), and nothing while the hands are
@@ -28,8 +28,8 @@ import numpy as np
 from steer_env.assists.common.definition import Array, register
 from steer_env.assists.common.feel import Feel
 from steer_env.assists.common.linear import Linear, LinearBaseline, sampled
+from steer_env.episode.randomise import SENSOR_NOISE
 from steer_env.friction.numerics.check import not_negative, number, positive
-from steer_env.randomise import SENSOR_NOISE
 
 
 class LQG(LinearBaseline):
@@ -46,7 +46,7 @@ class LQG(LinearBaseline):
         Torsion-bar torque at which the slope of the boost curve is taken [N m].
     torque_noise, speed_noise : float
         Standard deviations of the change of the torque d [N m] and of the handwheel speed [rad/s] in a control step.
-        The sensors' noise is ``steer_env.randomise.SENSOR_NOISE``.
+        The sensors' noise is ``steer_env.episode.randomise.SENSOR_NOISE``.
     caution : float
         How far quick motions of the handwheel fade the request [1].
     """

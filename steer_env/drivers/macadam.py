@@ -14,9 +14,9 @@ from steer_env.drivers.common.definition import (
     register,
     register_preview_model,
 )
+from steer_env.episode.timing import UPDATE_INTERVAL
 from steer_env.friction.numerics.check import number
 from steer_env.friction.numerics.kernel import kernel
-from steer_env.timing import UPDATE_INTERVAL
 from steer_env.vehicle.cars import Car
 
 Array = NDArray[np.float64]
@@ -44,7 +44,7 @@ def _gains(p: MacAdam, car: Car, speed: float) -> Array:
     IEEE Trans. SMC 11 (1981). Deviation: the model contains the driver's own delay and arms.
     """
     from steer_env.drivers.common import lq  # here, because python-control takes longer to import than an environment
-    from steer_env.vehicle import linear
+    from steer_env.vehicle.analysis import linear
 
     A, B, _ = lq.sampled_model(linear.from_car(car, speed), DELAYED_COMMANDS)
     free, held, of_state, of_command = np.eye(len(A)), np.zeros(len(A)), [], []

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from steer_env.courses.preview import PREVIEW_TIMES
 from steer_env.drivers.common.definition import NEUROMUSCULAR_STATES, Driver, arm, register, register_preview_model
 from steer_env.drivers.common.known_torque import acceleration_gain
+from steer_env.episode.timing import UPDATE_INTERVAL
 from steer_env.friction.numerics.check import positive
 from steer_env.friction.numerics.kernel import kernel
-from steer_env.timing import UPDATE_INTERVAL
 from steer_env.vehicle.cars import Car
 
 Array = NDArray[np.float64]
@@ -37,7 +37,7 @@ def _gains(p: Preview, car: Car, speed: float) -> Array:
     [rad/s].
     """
     from steer_env.drivers.common import lq  # here, because python-control takes longer to import than an environment
-    from steer_env.vehicle import linear
+    from steer_env.vehicle.analysis import linear
 
     effort = p.effort * acceleration_gain(car, speed)
     K, g, _ = lq.gains(linear.from_car(car, speed), PREVIEW_TIMES[-1], effort=effort)

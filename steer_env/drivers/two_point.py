@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 
 from steer_env.courses.preview import PREVIEW_TIMES
 from steer_env.drivers.common.definition import Driver, arm, register, register_preview_model
+from steer_env.episode.timing import UPDATE_INTERVAL
 from steer_env.friction.numerics.check import number, positive
 from steer_env.friction.numerics.kernel import kernel
-from steer_env.timing import UPDATE_INTERVAL
 from steer_env.vehicle.cars import Car
 
 Array = NDArray[np.float64]
@@ -34,7 +34,7 @@ def _gains(p: TwoPoint, car: Car, speed: float) -> Array:
 
     Source: Salvucci, Gray, A two-point visual control model of steering, Perception 33 (2004); gains rescaled here.
     """
-    from steer_env.vehicle import linear
+    from steer_env.vehicle.analysis import linear
 
     system = linear.from_car(car, speed).state_space("handwheel")
     steady = -np.linalg.solve(system.A, system.B)[1, 0]  # yaw rate over handwheel angle

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from steer_env.batch import EnvironmentBatch
 from steer_env.courses.iso3888 import outline
+from steer_env.engine.batch import EnvironmentBatch
 from steer_env.friction.law import law_of
 from steer_env.rendering import panels
 from steer_env.rendering.canvas import Canvas

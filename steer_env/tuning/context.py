@@ -4,10 +4,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from steer_env.episode.randomise import Conditions
 from steer_env.friction.level import by_sample
 from steer_env.friction.response import response
 from steer_env.manoeuvres.common.driving import steering_stiffness
-from steer_env.randomise import Conditions
 from steer_env.tasks import Quantity
 from steer_env.tasks.common.definition import SPEED
 from steer_env.vehicle.cars import Car

@@ -6,11 +6,11 @@ from typing import NamedTuple
 import numpy as np
 
 from steer_env import metrics
+from steer_env.episode.randomise import Conditions
+from steer_env.friction.numerics.thread_pool import one_blas_thread
 from steer_env.manoeuvres.common.driving import OpenLoop, build_plant, drive_plant, open_loop
 from steer_env.metrics import Value
-from steer_env.randomise import Conditions
 from steer_env.recording.recording import Recording
-from steer_env.thread_pool import one_blas_thread
 from steer_env.tuning.scenarios.common.definition import Drive, Scenario
 from steer_env.vehicle import layout, plant, step_limit
 from steer_env.vehicle.cars import Car

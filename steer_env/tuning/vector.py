@@ -12,11 +12,11 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
+from steer_env.engine.specification import PlainSpecification
 from steer_env.env import clipped
+from steer_env.episode.randomise import Conditions
 from steer_env.friction.numerics.check import whole
-from steer_env.randomise import Conditions
-from steer_env.specification import PlainSpecification
-from steer_env.thread_pool import most_threads
+from steer_env.friction.numerics.thread_pool import most_threads
 from steer_env.tuning.context import Context
 from steer_env.tuning.driving import Tried
 from steer_env.tuning.env import TuneEnv, same

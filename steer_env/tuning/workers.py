@@ -14,14 +14,14 @@ from collections.abc import Iterable, Sequence
 from concurrent.futures.process import BrokenProcessPool
 from typing import Any, NamedTuple
 
-from steer_env.randomise import Conditions
+from steer_env.episode.randomise import Conditions
+from steer_env.friction.numerics.worker_process import ONE_THREAD, end_with, settle
 from steer_env.tuning import context, driving
 from steer_env.tuning.context import Context
 from steer_env.tuning.driving import PreparedDrive
 from steer_env.tuning.scenarios.common.definition import SCENARIOS
 from steer_env.vehicle.cars import Car
 from steer_env.vehicle.steering.eps import Assist
-from steer_env.worker_process import ONE_THREAD, end_with, settle
 
 TRIES = 3  # deaths of workers in a row, with no result between them, after which they are given up
 

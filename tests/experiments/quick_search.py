@@ -9,9 +9,9 @@ import itertools
 import sys
 import time
 
-from steer_env.experiments.tuning import search
-from steer_env.experiments.tuning.problem import Range
-from steer_env.experiments.tuning.search import Found, Job, WorkerOf
+from steer_env.experiments.calibration import search
+from steer_env.experiments.calibration.problem import Range
+from steer_env.experiments.calibration.search import Found, Job, WorkerOf
 
 RANGES = (
     Range("x", "1", 0.0, 1.0, 0.9, False, (0.0, 8.0)),

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import threadpoolctl
 
-from steer_env.thread_pool import most_threads
+from steer_env.friction.numerics.thread_pool import most_threads
 
 
 def rooted(x):

@@ -8,11 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from steer_env.experiments.calibration import margin_map
 from steer_env.experiments.cli.main import main
-from steer_env.experiments.report import analysis
-from steer_env.experiments.tuning import margin_map
-from steer_env.vehicle import assist_loop, cars
-from steer_env.vehicle.operating_point import cornering, held, steady
+from steer_env.experiments.reports import analysis
+from steer_env.vehicle import cars
+from steer_env.vehicle.analysis import assist_loop
+from steer_env.vehicle.analysis.operating_point import cornering, held, steady
 
 ROOT = Path(__file__).parents[2]
 

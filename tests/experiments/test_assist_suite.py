@@ -22,7 +22,8 @@ from steer_env.experiments.learning import (
     training,
     tuned_assists,
 )
-from steer_env.vehicle import cars, free_control
+from steer_env.vehicle import cars
+from steer_env.vehicle.analysis import free_control
 from steer_env.vehicle.plant import CHANNEL
 
 WEAVE = "steer_env/AssistWeave-v1"
@@ -91,7 +92,7 @@ def test_a_quicker_loop_ripples_with_delay():
 
 
 def test_the_pulse_is_that_of_free_control():
-    """Without an assist, the drive is the plant's run of :func:`steer_env.vehicle.free_control.pulse`."""
+    """Without an assist, the drive is the plant's run of :func:`steer_env.vehicle.analysis.free_control.pulse`."""
     found = assist_suite.driven(drive("pulse"), partial(assists.make, "boost"), WEAVE)
     own = free_control.pulse(cars.load().plant("lugre", 180.0 / 3.6)).record[: 10 * len(found.angle)]
     angle = own[9::10, CHANNEL["handwheel_angle"]]

@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 
 from steer_env.experiments.cli.main import main
-from steer_env.experiments.report import car_page, car_quantities, car_simulated, car_suspension
-from steer_env.experiments.report.car_quantities import JUDGEMENT, NONE, PUBLISHED, Quantity
+from steer_env.experiments.reports import car_page, car_quantities, car_simulated, car_suspension
+from steer_env.experiments.reports.car_quantities import JUDGEMENT, NONE, PUBLISHED, Quantity
 from steer_env.recording.recording import DEGREE
-from steer_env.vehicle import cars, free_control, understeer
+from steer_env.vehicle import cars
+from steer_env.vehicle.analysis import free_control, understeer
 from steer_env.vehicle.constants import GRAVITY
 
 OWN = """

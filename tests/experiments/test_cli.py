@@ -11,9 +11,9 @@ import pytest
 
 from steer_env import experiments, friction, manoeuvres, metrics
 from steer_env.experiments.cli.main import main
-from steer_env.experiments.output import provenance
-from steer_env.experiments.output.metrics_json import entries
-from steer_env.experiments.output.options import Friction
+from steer_env.experiments.pages import provenance
+from steer_env.experiments.pages.metrics_json import entries
+from steer_env.experiments.pages.options import Friction
 from steer_env.friction.models import viscous
 from steer_env.metrics import evaluate
 from steer_env.recording import files

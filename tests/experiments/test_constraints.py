@@ -5,10 +5,11 @@ import math
 import pytest
 
 from steer_env import friction
-from steer_env.experiments.tuning import constraints, problem
-from steer_env.targets import load
-from steer_env.vehicle import assist_loop, cars
-from steer_env.vehicle.operating_point import cornering, held, steady
+from steer_env.experiments.calibration import constraints, problem
+from steer_env.metrics.targets import load
+from steer_env.vehicle import cars
+from steer_env.vehicle.analysis import assist_loop
+from steer_env.vehicle.analysis.operating_point import cornering, held, steady
 
 LOAD = 300.0  # [kg]
 # From the beginning of a search. At 140 km/h the response has a sharp peak where the gain margin is read.

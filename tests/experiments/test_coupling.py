@@ -7,8 +7,8 @@ import shutil
 import pytest
 
 from steer_env.experiments.cli.main import main
-from steer_env.experiments.report import build
-from steer_env.experiments.report.results import Scope
+from steer_env.experiments.reports import build
+from steer_env.experiments.reports.results import Scope
 from steer_env.experiments.studies import coupling
 from steer_env.experiments.studies.common import coupling_runs as runs
 from steer_env.experiments.studies.common.coupling_runs import FREQUENCY, KINDS

@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from steer_env.experiments.drawing import pictures
+from steer_env.experiments.pages import pictures
 from steer_env.experiments.studies import cross_validation
 from steer_env.experiments.studies.common.commonroad_manoeuvres import (
     MANOEUVRES,

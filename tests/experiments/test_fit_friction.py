@@ -12,7 +12,7 @@ import steer_env.environments  # noqa: F401
 from steer_env import friction, manoeuvres
 from steer_env.experiments.cli.common.tables import print_fits
 from steer_env.experiments.cli.main import main
-from steer_env.experiments.report import friction_fit, friction_fit_page
+from steer_env.experiments.reports import friction_fit, friction_fit_page
 from steer_env.friction import level
 from steer_env.recording import files, friction_record
 from steer_env.vehicle import cars

@@ -8,7 +8,7 @@ import pytest
 from steer_env import friction
 from steer_env.experiments.cli.common.tables import print_fits
 from steer_env.experiments.cli.main import main
-from steer_env.experiments.report import friction_fit, friction_fit_page
+from steer_env.experiments.reports import friction_fit, friction_fit_page
 from steer_env.friction.identification import periods
 from steer_env.recording import friction_record
 

@@ -8,7 +8,7 @@ import pytest
 
 from steer_env import friction, manoeuvres
 from steer_env.experiments.cli.main import main
-from steer_env.experiments.output import traces
+from steer_env.experiments.pages import traces
 from steer_env.experiments.studies import friction as study
 from steer_env.experiments.studies.common import friction_cases as cases
 from steer_env.experiments.studies.common import friction_distinction as distinction

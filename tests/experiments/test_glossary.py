@@ -2,13 +2,13 @@
 
 import pytest
 
-from steer_env.experiments.report import glossary
+from steer_env.experiments.reports import glossary
 
 
 @pytest.mark.parametrize("path", glossary.PAGES, ids=lambda path: path.name)
 def test_the_page_is_up_to_date(path):
     assert path.read_text(encoding="utf-8") == glossary.PAGES[path](), (
-        "run python -m steer_env.experiments.report.glossary"
+        "run python -m steer_env.experiments.reports.glossary"
     )
 
 

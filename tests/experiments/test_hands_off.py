@@ -5,7 +5,8 @@ import re
 import pytest
 
 from steer_env.experiments.studies import hands_off
-from steer_env.vehicle import cars, free_control
+from steer_env.vehicle import cars
+from steer_env.vehicle.analysis import free_control
 
 
 def test_table_and_picture(tmp_path, capsys):

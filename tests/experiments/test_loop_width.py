@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 
 from steer_env import manoeuvres
-from steer_env.experiments.drawing import pictures
+from steer_env.experiments.pages import pictures
 from steer_env.experiments.studies import loop_width
 from steer_env.experiments.studies.loop_width import AT_0G, DEADBAND, SLOW, WEAVE, Key, Width, verdict
 from steer_env.friction import defaults

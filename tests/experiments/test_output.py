@@ -12,11 +12,10 @@ from scipy import stats
 from steer_env import friction, metrics
 from steer_env.experiments import sweep
 from steer_env.experiments.cli.common import tables
-from steer_env.experiments.drawing import front_pictures, style
-from steer_env.experiments.output import options, pages, provenance, small_svg, words
-from steer_env.experiments.output.files import replaced_directory
-from steer_env.experiments.output.words import number
-from steer_env.experiments.report import build
+from steer_env.experiments.pages import front_pictures, options, pages, provenance, small_svg, style, words
+from steer_env.experiments.pages.files import replaced_directory
+from steer_env.experiments.pages.words import number
+from steer_env.experiments.reports import build
 from steer_env.experiments.studies.common import battery
 from steer_env.metrics.common.confidence import difference
 from steer_env.vehicle import cars
@@ -93,7 +92,7 @@ def test_an_interrupted_swap_puts_the_old_report_back(tmp_path, monkeypatch):
             raise KeyboardInterrupt
         rename(source, target)
 
-    monkeypatch.setattr("steer_env.experiments.output.files.os.rename", interrupted)
+    monkeypatch.setattr("steer_env.experiments.pages.files.os.rename", interrupted)
     with pytest.raises(KeyboardInterrupt), replaced_directory(out, CONTENTS) as part:
         (part / "index.html").write_text("new")
     assert [path.name for path in tmp_path.rglob("*")] == ["report", "index.html"]

@@ -13,7 +13,7 @@ import torch
 from steer_env.experiments.cli.main import main
 from steer_env.experiments.learning import network, policy
 from steer_env.experiments.learning.training import Training
-from steer_env.experiments.output.options import Friction
+from steer_env.experiments.pages.options import Friction
 
 WEAVE = "steer_env/AssistWeave-v1"
 SHIPPED = sorted(

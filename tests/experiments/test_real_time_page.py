@@ -6,7 +6,7 @@ import pytest
 from steer_env.experiments.verification.device_latency import Jumps
 from steer_env.experiments.verification.real_time_loop import Results, Row
 from steer_env.experiments.verification.real_time_page import page, verdict
-from steer_env.real_time.measure import Durations, Measured
+from steer_env.live.real_time.measure import Durations, Measured
 
 MS = 1_000_000  # [ns]
 

@@ -16,9 +16,9 @@ import pytest
 from steer_env import friction, metrics
 from steer_env.experiments import sweep
 from steer_env.experiments.cli.main import main
-from steer_env.experiments.output import traces
-from steer_env.experiments.report import build, findings
-from steer_env.experiments.report.results import Scope
+from steer_env.experiments.pages import traces
+from steer_env.experiments.reports import build, findings
+from steer_env.experiments.reports.results import Scope
 from steer_env.experiments.studies.common.commonroad_manoeuvres import MANOEUVRES
 from steer_env.vehicle import cars
 

@@ -12,7 +12,7 @@ import pytest
 
 from steer_env import manoeuvres
 from steer_env.experiments.cli.main import main
-from steer_env.experiments.output import provenance, traces
+from steer_env.experiments.pages import provenance, traces
 from steer_env.recording import Recording, files
 from steer_env.vehicle import cars, tyre
 

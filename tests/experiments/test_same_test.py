@@ -120,7 +120,7 @@ def test_a_directory_is_not_named_like_a_file_and_is_checked_before_the_work(wea
     assert not (tmp_path / "r").exists()
     (tmp_path / "foreign").mkdir()
     (tmp_path / "foreign" / "thesis.txt").write_text("mine")
-    monkeypatch.setattr("steer_env.experiments.report.assessment.assess", None)  # which is not reached
+    monkeypatch.setattr("steer_env.experiments.reports.assessment.assess", None)  # which is not reached
     code, error = told("evaluate", "a.csv", "--out", "foreign")
     assert code == 2
     assert "foreign holds other files (thesis.txt)" in error

@@ -13,7 +13,7 @@ from steer_env.experiments.cli.main import main
 from steer_env.experiments.learning import scores
 from steer_env.experiments.learning.held_out import Estimate
 from steer_env.experiments.learning.training import Training
-from steer_env.experiments.output.options import Friction
+from steer_env.experiments.pages.options import Friction
 from steer_env.friction.numerics import toml
 from steer_env.registration import REGISTERED
 

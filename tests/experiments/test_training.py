@@ -15,7 +15,7 @@ from steer_env.experiments.cli.main import main
 from steer_env.experiments.learning import held_out, policy, policy_report, shift
 from steer_env.experiments.learning.constants import SHIFTS
 from steer_env.experiments.learning.training import Training, settings
-from steer_env.experiments.output.options import Friction
+from steer_env.experiments.pages.options import Friction
 from steer_env.vehicle import cars
 
 WEAVE = "steer_env/AssistWeave-v1"
@@ -208,7 +208,7 @@ from pathlib import Path
 from steer_env.experiments.learning import training
 from steer_env.experiments.learning.constants import SHIFTS
 from steer_env.experiments.learning.training import Training
-from steer_env.experiments.output.options import Friction
+from steer_env.experiments.pages.options import Friction
 training.VALIDATE_STEPS, training.VALIDATED, training.CHECKPOINT_EVERY = 64, 2, 1e9
 left, rename, replace = [int(sys.argv[2])], os.replace, Path.replace
 def counted(function):

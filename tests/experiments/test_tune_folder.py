@@ -13,12 +13,22 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from steer_env import friction, targets
+from steer_env import friction
+from steer_env.experiments.calibration import (
+    margin_map,
+    own_angles,
+    problem,
+    search,
+    storage,
+    tuning,
+    tuning_page,
+    tuning_parameters,
+)
+from steer_env.experiments.calibration.problem import Evaluation
 from steer_env.experiments.cli.main import main
-from steer_env.experiments.report import tuning_page, tuning_parameters
-from steer_env.experiments.tuning import margin_map, own_angles, problem, search, storage, tuning
-from steer_env.experiments.tuning.problem import Evaluation
-from steer_env.vehicle import assist_loop, cars
+from steer_env.metrics import targets
+from steer_env.vehicle import cars
+from steer_env.vehicle.analysis import assist_loop
 
 pytestmark = pytest.mark.filterwarnings("ignore::steer_env.vehicle.cars.UnusualCar")
 

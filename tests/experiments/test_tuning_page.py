@@ -7,11 +7,10 @@ import numpy as np
 import optuna
 import pytest
 
-from steer_env.experiments.drawing import tuning_pictures
-from steer_env.experiments.report import tuning_page
-from steer_env.experiments.tuning import constraints, feasibility, margin_map
-from steer_env.targets import Band
-from steer_env.vehicle import assist_loop
+from steer_env.experiments.calibration import constraints, feasibility, margin_map, tuning_page
+from steer_env.experiments.pages import tuning_pictures
+from steer_env.metrics.targets import Band
+from steer_env.vehicle.analysis import assist_loop
 
 UNITS = {"torque_deadband": "N m", "angle_deadband": "deg"}
 POSED = SimpleNamespace(bands={name: Band((0.0, 1.0), (-1.0, 2.0)) for name in UNITS})

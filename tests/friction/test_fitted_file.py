@@ -8,7 +8,7 @@ from gymnasium.envs.registration import EnvSpec
 
 import steer_env.environments  # noqa: F401
 from steer_env import friction
-from steer_env.experiments.output.options import Friction
+from steer_env.experiments.pages.options import Friction
 from steer_env.friction.law import parts
 from tests.friction.test_bad_input import refused
 

@@ -10,9 +10,9 @@ from steer_env import assists, friction
 from steer_env.assists import lead_lag
 from steer_env.assists.common.feel import Feel
 from steer_env.assists.common.linear import response, sampled, slopes
-from steer_env.reference_feel import reference_torque
 from steer_env.tasks.assist_parking import WANTED
 from steer_env.tasks.assist_release import RELEASE_TIME
+from steer_env.tasks.common.reference_feel import reference_torque
 from steer_env.vehicle import cars
 from tests.by_law import EACH_LAW, EACH_PAIR
 

@@ -5,9 +5,11 @@ import numpy as np
 import pytest
 
 import steer_env  # noqa: F401 (registers the ids)
-from steer_env import drivers, infos
+from steer_env import drivers
 from steer_env.drivers.common.known_torque import acceleration_gain, known_torque
-from steer_env.vehicle import cars, linear, plant
+from steer_env.engine import infos
+from steer_env.vehicle import cars, plant
+from steer_env.vehicle.analysis import linear
 
 KPH = 1.0 / 3.6
 LANE_CHANGE, SWERVE = "steer_env/DriverDoubleLaneChange-v1", "steer_env/DriverObstacleAvoidance-v1"

@@ -23,9 +23,10 @@ from steer_env.drivers.common.definition import (
     muscle_matrices,
     neuromuscular_step,
 )
+from steer_env.episode.timing import UPDATE_INTERVAL
 from steer_env.tasks.common.path_following import PATH_OBSERVATIONS
-from steer_env.timing import UPDATE_INTERVAL
-from steer_env.vehicle import cars, linear
+from steer_env.vehicle import cars
+from steer_env.vehicle.analysis import linear
 from tests.by_law import EACH_LAW
 
 CAR = cars.load("compact")

@@ -14,14 +14,15 @@ import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 
-from steer_env import friction, randomise, tasks
+from steer_env import friction, tasks
+from steer_env.episode import randomise
+from steer_env.episode.timing import UPDATE_INTERVAL
 from steer_env.friction.numerics.kernel import COMPILED
-from steer_env.reference_feel import reference_torque
 from steer_env.registration import DRIVEN
 from steer_env.tasks import driver_parking as parking
 from steer_env.tasks.common import terms
 from steer_env.tasks.common.definition import DEPARTED, LAST_ACTION, NON_FINITE, ROLLED_OVER, SPUN_OUT, EpisodeContext
-from steer_env.timing import UPDATE_INTERVAL
+from steer_env.tasks.common.reference_feel import reference_torque
 from steer_env.vehicle import cars, plant
 from steer_env.vehicle import tyre as tyres
 from steer_env.vehicle.chassis import two_track

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 from gymnasium.vector import AutoresetMode
 
-from steer_env import randomise, tasks
-from steer_env.infos import row
+from steer_env import tasks
+from steer_env.engine.infos import row
+from steer_env.episode import randomise
 from steer_env.registration import DRIVEN
 from tests.steer_env.test_state import equal
 

@@ -9,8 +9,9 @@ import pytest
 from steer_env import manoeuvres, metrics
 from steer_env.courses import iso3888
 from steer_env.drivers.common import lq
-from steer_env.timing import UPDATE_INTERVAL
-from steer_env.vehicle import cars, linear
+from steer_env.episode.timing import UPDATE_INTERVAL
+from steer_env.vehicle import cars
+from steer_env.vehicle.analysis import linear
 from tests.by_law import EACH_LAW
 
 CAR = cars.load()

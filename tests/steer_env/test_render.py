@@ -14,12 +14,12 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AutoresetMode
 
-from steer_env.reference_feel import reference_torque
 from steer_env.registration import DRIVEN
 from steer_env.rendering import canvas, panels, renderer
 from steer_env.rendering.canvas import Canvas, nice_step
 from steer_env.tasks import assist_release as release
 from steer_env.tasks.common.definition import NON_FINITE
+from steer_env.tasks.common.reference_feel import reference_torque
 
 IDS = tuple(DRIVEN)
 LANE_CHANGE = "steer_env/DriverDoubleLaneChange-v1"

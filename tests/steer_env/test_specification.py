@@ -10,7 +10,7 @@ import pytest
 from gymnasium.envs.registration import EnvSpec
 
 from steer_env import drivers, friction
-from steer_env.experiments.output.options import FRICTION
+from steer_env.experiments.pages.options import FRICTION
 from steer_env.registration import REGISTERED
 from steer_env.vehicle import cars, road
 from steer_env.vehicle import tyre as tyres

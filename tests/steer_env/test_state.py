@@ -13,8 +13,8 @@ import pytest
 from gymnasium.vector import AutoresetMode
 
 from steer_env import friction
-from steer_env.batch_kernels import evaluate
 from steer_env.drivers import DriverBatch, make
+from steer_env.engine.kernels import evaluate
 from steer_env.friction.numerics.kernel import COMPILED
 from steer_env.registration import DRIVEN, TUNED
 from steer_env.vehicle import plant_batch, road

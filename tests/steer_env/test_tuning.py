@@ -10,7 +10,7 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 from steer_env import friction, manoeuvres, metrics
-from steer_env.infos import row
+from steer_env.engine.infos import row
 from steer_env.metrics import Value
 from steer_env.registration import REGISTERED, TUNED
 from steer_env.tuning import driving, parameters, reward

@@ -11,7 +11,8 @@ import pytest
 from steer_env import friction
 from steer_env.experiments.studies.assist_design import main
 from steer_env.friction.numerics import toml
-from steer_env.vehicle import assist_design, cars, free_control
+from steer_env.vehicle import cars
+from steer_env.vehicle.analysis import assist_design, free_control
 from steer_env.vehicle.constants import GRAVITY as G
 from steer_env.vehicle.steering import margins
 from steer_env.vehicle.steering.torque_build_up import torque_build_up

@@ -9,7 +9,8 @@ import pytest
 
 from steer_env import friction, manoeuvres, metrics
 from steer_env.manoeuvres import drive
-from steer_env.vehicle import assist_design, cars, plant, plant_batch, understeer
+from steer_env.vehicle import cars, plant, plant_batch
+from steer_env.vehicle.analysis import assist_design, understeer
 from steer_env.vehicle.layout import layout_of, size_of, states
 from steer_env.vehicle.steering import column, eps, stability
 from steer_env.vehicle.steering.assist import active_return, functions

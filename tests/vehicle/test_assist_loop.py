@@ -6,9 +6,10 @@ import control
 import numpy as np
 import pytest
 
-from steer_env.vehicle import assist_loop, cars, linearised, plant
+from steer_env.vehicle import cars, plant
+from steer_env.vehicle.analysis import assist_loop, linearised
+from steer_env.vehicle.analysis.operating_point import cornering, held, steady
 from steer_env.vehicle.chassis.common.interface import HAND
-from steer_env.vehicle.operating_point import cornering, held, steady
 from steer_env.vehicle.plant import CHANNEL
 from steer_env.vehicle.steering import margins
 from steer_env.vehicle.steering.eps import SAMPLE_TIME

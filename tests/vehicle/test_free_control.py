@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from steer_env import friction
-from steer_env.vehicle import cars, free_control, plant
+from steer_env.vehicle import cars, plant
+from steer_env.vehicle.analysis import free_control
 from steer_env.vehicle.chassis.common.interface import INPUTS, RACK_DISTURBANCE
 
 CAR = cars.load("compact")

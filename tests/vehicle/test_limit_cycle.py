@@ -5,8 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from steer_env.vehicle import cars, limit_cycle
-from steer_env.vehicle.operating_point import cornering, held, steady
+from steer_env.vehicle import cars
+from steer_env.vehicle.analysis import limit_cycle
+from steer_env.vehicle.analysis.operating_point import cornering, held, steady
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
 from steer_env.vehicle.steering.margins import answer, boost_gain
 

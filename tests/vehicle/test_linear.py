@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from steer_env import friction
-from steer_env.vehicle import cars, linear, plant
+from steer_env.vehicle import cars, plant
+from steer_env.vehicle.analysis import linear
 from tests.vehicle.test_single_track import linearised
 
 CAR = cars.load()

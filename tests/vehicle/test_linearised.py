@@ -6,10 +6,11 @@ import control
 import numpy as np
 import pytest
 
-from steer_env.vehicle import cars, linearised, plant, understeer
+from steer_env.vehicle import cars, plant
+from steer_env.vehicle.analysis import linearised, understeer
+from steer_env.vehicle.analysis.linearised import linearise
+from steer_env.vehicle.analysis.operating_point import HANDS, cornering, held, steady
 from steer_env.vehicle.chassis.common.interface import ASSIST_REQUEST, HAND, HAND_SPEED, INPUTS, RACK_DISTURBANCE
-from steer_env.vehicle.linearised import linearise
-from steer_env.vehicle.operating_point import HANDS, cornering, held, steady
 from steer_env.vehicle.steering.margins import boost_gain
 
 CAR = cars.load("compact")

@@ -9,7 +9,8 @@ from scipy.integrate import DOP853
 from steer_env import friction
 from steer_env.friction.law import law_of, rate, torque
 from steer_env.friction.level import Level
-from steer_env.vehicle import cars, free_control, plant
+from steer_env.vehicle import cars, plant
+from steer_env.vehicle.analysis import free_control
 from steer_env.vehicle.chassis import single_track
 from steer_env.vehicle.chassis.common.interface import COMMON_OUTPUTS, HAND, INPUTS
 from steer_env.vehicle.plant import CHANNEL, CHANNELS

@@ -10,7 +10,8 @@ import pytest
 
 from steer_env import manoeuvres
 from steer_env.manoeuvres.common.driving import run, run_closed
-from steer_env.vehicle import cars, plant, power
+from steer_env.vehicle import cars, plant
+from steer_env.vehicle.analysis import power
 from steer_env.vehicle.chassis import available, two_track
 from steer_env.vehicle.chassis.two_track.power import energies, powers
 from steer_env.vehicle.layout import layout_of

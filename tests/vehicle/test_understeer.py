@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from steer_env import friction
-from steer_env.vehicle import cars, linear, plant, tyre, understeer
+from steer_env.vehicle import cars, plant, tyre
+from steer_env.vehicle.analysis import linear, understeer
 from steer_env.vehicle.constants import GRAVITY as G
 from tests.vehicle.test_linear import STEERED, settled
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from steer_env.experiments.cli.common import names
 from steer_env.experiments.learning.constants import HELD_OUT, SHIPPED, VALIDATION
-from steer_env.experiments.output.options import FRICTION, Friction
+from steer_env.experiments.pages.options import FRICTION, Friction
 
 KPH = 1.0 / 3.6  # [m/s]
 MOST_EPISODES = VALIDATION - HELD_OUT  # with more, the evaluation would use the seeds of the validation

@@ -6,7 +6,7 @@ from typing import Any, NoReturn
 
 from steer_env.experiments.cli.common import names
 from steer_env.experiments.cli.common.arguments import FRICTION, KPH, friction_law
-from steer_env.experiments.output import car_options
+from steer_env.experiments.pages import car_options
 
 MOST = 9  # sets, as there are keys 1 to 9
 _KEYS = ("vehicle", "tyre", "set", "friction", "chassis")
@@ -59,7 +59,7 @@ def _differences(text: str) -> argparse.Namespace:
 
 def make(args: argparse.Namespace, hands: str) -> tuple[list[Any], list[Any]]:
     """The sets of the options for a device's hands, each a set with what is told of it, and their cars."""
-    from steer_env.drive.sets import car_set
+    from steer_env.live.drive.sets import car_set
 
     wanted = []
     laws = args.friction or [friction_law("lugre")]

@@ -13,7 +13,7 @@ def of(args: argparse.Namespace) -> list[dict[str, str]]:
     A file has a ``name``, a module a dotted name as ``module``. The files of the car are not among them, as the trace
     holds the car itself, nor is what the command writes.
     """
-    from steer_env.experiments.output import own_modules, provenance
+    from steer_env.experiments.pages import own_modules, provenance
 
     others = {str(getattr(args, name, None)) for name in ("vehicle", "tyre", "out")}
     words = dict.fromkeys(value for word in args.argv for value in (word, word.partition("=")[2]))

@@ -5,7 +5,7 @@
 
 from importlib.resources import files
 
-from steer_env.experiments.output.car_options import packaged as cars
+from steer_env.experiments.pages.car_options import packaged as cars
 from steer_env.friction.numerics.registry import dashed, listed
 
 __all__ = [
@@ -51,7 +51,7 @@ def chassis() -> tuple[str, ...]:
 
 def devices() -> tuple[str, ...]:
     """Devices of a drive."""
-    return tuple(listed("steer_env.devices"))
+    return tuple(listed("steer_env.live.devices"))
 
 
 def drivers() -> tuple[str, ...]:

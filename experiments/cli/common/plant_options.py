@@ -4,9 +4,9 @@ import argparse
 
 from steer_env.experiments.cli.common import names
 from steer_env.experiments.cli.common.arguments import FRICTION, friction_law
-from steer_env.experiments.output import car_options
+from steer_env.experiments.pages import car_options
 
-PARTS = ("car", "steering", "chassis")  # as in steer_env.fmu.parts, whose import takes long
+PARTS = ("car", "steering", "chassis")  # as in steer_env.vehicle.subsystems.make, whose import takes long
 
 
 def add(parser: argparse.ArgumentParser, part: str, speed: str, hands: str) -> None:

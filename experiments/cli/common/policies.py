@@ -23,7 +23,7 @@ def caution(path: Path, about: Mapping[str, Any]) -> None:
 
 def trace(args: argparse.Namespace, made: Mapping[str, Any]) -> dict[str, Any]:
     """The trace of an evaluation with these arguments of the environment."""
-    from steer_env.experiments.output import provenance
+    from steer_env.experiments.pages import provenance
     from steer_env.friction import resolve
     from steer_env.friction.law import law_of
     from steer_env.vehicle import cars
@@ -65,7 +65,7 @@ def evaluate_and_report(
     from steer_env.experiments.cli.common.tables import print_estimates
     from steer_env.experiments.learning import policy_report
     from steer_env.experiments.learning.controllers import baselines
-    from steer_env.experiments.output.options import progress
+    from steer_env.experiments.pages.options import progress
     from steer_env.experiments.sweep import run
 
     if find_spec("pygame") is None:

@@ -61,12 +61,12 @@ def assess(paths: list[str], args: argparse.Namespace, tolerances: str | None) -
     """
     require_format(paths)
 
-    from steer_env import targets
     from steer_env.experiments.cli.common.tables import print_differences, print_metrics
-    from steer_env.experiments.output.files import usable
-    from steer_env.experiments.report import assessment
+    from steer_env.experiments.pages.files import usable
+    from steer_env.experiments.reports import assessment
     from steer_env.experiments.studies.common import simulation_vs_measurement
     from steer_env.friction.numerics.check import number
+    from steer_env.metrics import targets
 
     labels = _labels(paths)
     if len(args.mapping) > len(paths):
@@ -169,7 +169,7 @@ def mapping_of(place: int, args: argparse.Namespace) -> Any:
 
 def _trace(args: argparse.Namespace, labels: list[str], result: str) -> dict[str, Any]:
     """What an assessment is made from, with what each recording was read through."""
-    from steer_env.experiments.output import provenance
+    from steer_env.experiments.pages import provenance
 
     chosen = {label: mapping_of(place, args) for place, label in enumerate(labels)}
     mapping = {label: one.plain() for label, one in chosen.items()}

@@ -13,11 +13,11 @@ from steer_env.experiments.cli.common.messages import in_options
 from steer_env.experiments.learning.assist_suite import Result
 from steer_env.experiments.learning.assist_tuning import Tuned
 from steer_env.experiments.learning.held_out import Estimate
-from steer_env.experiments.report import friction_fit, friction_fit_page
-from steer_env.experiments.report.car_quantities import Quantity
+from steer_env.experiments.reports import friction_fit, friction_fit_page
+from steer_env.experiments.reports.car_quantities import Quantity
 from steer_env.metrics import Value, definition
 from steer_env.metrics.common.just_noticeable import Perception
-from steer_env.targets import Rating
+from steer_env.metrics.targets import Rating
 
 PIPED_WIDTH = 160  # columns of a table that is not printed on a terminal
 

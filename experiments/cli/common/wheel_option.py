@@ -25,8 +25,8 @@ def _wheel(text: str) -> tuple[float, float, float]:
 
 
 def sentence(found: Any) -> str:
-    """What a wheel may do, from :func:`steer_env.real_time.stability`."""
-    from steer_env.real_time.haptics import MARGIN
+    """What a wheel may do, from :func:`steer_env.live.real_time.stability`."""
+    from steer_env.live.real_time.haptics import MARGIN
 
     longest = f"delays of up to {1e3 * found.longest_delay:.1f} ms"
     longest = longest if math.isfinite(found.longest_delay) else "every delay"

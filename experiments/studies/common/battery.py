@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from steer_env import manoeuvres, metrics
-from steer_env.experiments.drawing.plots import thinned
+from steer_env.experiments.pages.plots import thinned
 from steer_env.experiments.studies.common import simulation_vs_measurement
 from steer_env.metrics import RefusedError, Value
 from steer_env.metrics.common import just_noticeable

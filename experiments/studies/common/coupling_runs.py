@@ -15,16 +15,17 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from steer_env import fmu, manoeuvres, metrics
-from steer_env.cosimulation import Server, layout_of
-from steer_env.coupling import Coupled, Coupling, CouplingError, FmuVehicle, OwnProcess, UdpVehicle, Vehicle
-from steer_env.fmu.parts import make_part
+from steer_env import manoeuvres, metrics
+from steer_env.connect import fmu
+from steer_env.connect.external import Coupled, Coupling, CouplingError, FmuVehicle, OwnProcess, UdpVehicle, Vehicle
+from steer_env.connect.udp import Server, layout_of
 from steer_env.manoeuvres.common.driving import drive_plant
 from steer_env.recording.recording import Recording
 from steer_env.vehicle import plant
 from steer_env.vehicle.cars import Car
 from steer_env.vehicle.layout import layout_of as plant_layout
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
+from steer_env.vehicle.subsystems.make import make_part
 
 Array = NDArray[np.float64]
 

@@ -7,15 +7,15 @@ from itertools import groupby
 import numpy as np
 
 from steer_env import friction
-from steer_env.experiments.drawing import friction_pictures
-from steer_env.experiments.output.words import label, number, percent, within
+from steer_env.experiments.pages import friction_pictures
+from steer_env.experiments.pages.study_page import Picture, Section, Table
+from steer_env.experiments.pages.words import label, number, percent, within
 from steer_env.experiments.studies import real_time
 from steer_env.experiments.studies.common import friction_cases as cases
 from steer_env.experiments.studies.common import friction_records as records
 from steer_env.experiments.studies.common.battery import MATTERS
 from steer_env.experiments.studies.common.friction_cases import BASE_LAW, Effect
 from steer_env.experiments.studies.common.friction_results import SAMPLE, SCHEME, Results
-from steer_env.experiments.studies.common.page import Picture, Section, Table
 from steer_env.friction.identification import periods
 from steer_env.recording.recording import DEGREE
 

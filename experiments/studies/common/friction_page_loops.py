@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from steer_env.experiments.output.words import label, number, percent, within
+from steer_env.experiments.pages.study_page import Section, Table
+from steer_env.experiments.pages.words import label, number, percent, within
 from steer_env.experiments.studies.common import friction_cases as cases
 from steer_env.experiments.studies.common import friction_records as records
 from steer_env.experiments.studies.common.battery import MATTERS
@@ -10,7 +11,6 @@ from steer_env.experiments.studies.common.friction_cases import BASE_LAW
 from steer_env.experiments.studies.common.friction_distinction import TOLD, experiments
 from steer_env.experiments.studies.common.friction_page import case_table, counts, in_words, named
 from steer_env.experiments.studies.common.friction_results import Results
-from steer_env.experiments.studies.common.page import Section, Table
 
 BOTH = ("weave", "slow-ramp")  # at 0.2 and at 0.02 Hz
 

@@ -2,9 +2,10 @@
 
 from collections.abc import Iterator
 
-from steer_env import manoeuvres, metrics, targets
-from steer_env.experiments.output.words import label
+from steer_env import manoeuvres, metrics
+from steer_env.experiments.pages.words import label
 from steer_env.experiments.verification.requirements.common.rows import Row, verdict
+from steer_env.metrics import targets
 from steer_env.vehicle import cars
 
 

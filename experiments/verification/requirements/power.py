@@ -10,7 +10,8 @@ from scipy.optimize import brentq
 from steer_env import friction, manoeuvres
 from steer_env.experiments.verification.requirements.common.rows import Row, at_most
 from steer_env.manoeuvres.common.driving import run_closed
-from steer_env.vehicle import cars, plant, power
+from steer_env.vehicle import cars, plant
+from steer_env.vehicle.analysis import power
 from steer_env.vehicle.chassis import available, two_track
 from steer_env.vehicle.chassis.two_track.power import energies, powers
 from steer_env.vehicle.constants import GRAVITY

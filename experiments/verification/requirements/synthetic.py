@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from functools import partial
 
-from steer_env.experiments.output.words import label
+from steer_env.experiments.pages.words import label
 from steer_env.experiments.sweep import Where, run
 from steer_env.experiments.verification.requirements.common.rows import Row, verdict
 from steer_env.synthetic.coverage import collect

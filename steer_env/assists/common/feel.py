@@ -25,8 +25,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from steer_env.friction.numerics.kernel import kernel
-from steer_env.reference_feel import reference_torque
 from steer_env.tasks.assist_parking import WANTED, wanted_torque
+from steer_env.tasks.common.reference_feel import reference_torque
 from steer_env.tasks.common.standstill import CREEPING
 
 Array = NDArray[np.float64]

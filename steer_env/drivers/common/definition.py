@@ -28,11 +28,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from steer_env.episode.timing import UPDATE_INTERVAL
 from steer_env.friction.numerics.bounds import within
 from steer_env.friction.numerics.check import constructed, not_negative, number, positive
 from steer_env.friction.numerics.kernel import dispatch, kernel
 from steer_env.friction.numerics.registry import Registry
-from steer_env.timing import UPDATE_INTERVAL
 from steer_env.vehicle.cars import Car
 
 Array = NDArray[np.float64]

@@ -20,10 +20,10 @@ from steer_env.drivers.common.definition import (
     resolve,
 )
 from steer_env.drivers.common.known_torque import Response, known_torque
+from steer_env.episode.randomise import Conditions
+from steer_env.episode.timing import SAMPLES_PER_UPDATE, UPDATE_INTERVAL
 from steer_env.friction.numerics.bounds import within
 from steer_env.friction.numerics.kernel import bind, kernel
-from steer_env.randomise import Conditions
-from steer_env.timing import SAMPLES_PER_UPDATE, UPDATE_INTERVAL
 from steer_env.vehicle.cars import Car
 from steer_env.vehicle.plant import CHANNEL, Plant
 
@@ -183,7 +183,7 @@ class DriverBatch:
     ) -> None:
         """In the loop: write the hand torque of the next update as the first of the scripted ``inputs`` (n, U, M).
 
-        The arrays are those of :class:`steer_env.batch_arrays.BatchArrays`; the rows are ``low`` to ``high`` - 1.
+        The arrays are those of :class:`steer_env.engine.arrays.BatchArrays`; the rows are ``low`` to ``high`` - 1.
         """
         arguments = (
             self.driver.preview_model,

@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from steer_env.randomise import Conditions
+from steer_env.episode.randomise import Conditions
 from steer_env.vehicle.cars import Car
 
 Array = NDArray[np.float64]
@@ -47,7 +47,7 @@ def acceleration_gain(car: Car, speed: float) -> float:
 
     An oversteering car counts as neutral, because its gain is infinite at the critical speed.
     """
-    from steer_env.vehicle import linear  # here, because it takes longer to import than an environment
+    from steer_env.vehicle.analysis import linear  # here, because it takes longer to import than an environment
 
     model = linear.from_car(car, speed)
     per_acceleration = (model.front_axle + model.rear_axle) / speed**2 + max(model.understeer_gradient(), 0.0)  # (L4)

@@ -12,9 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from steer_env.drivers.common.definition import ARM_DAMPING, ARM_FREQUENCY, DELAY, MUSCLE_LAG
+from steer_env.episode.timing import UPDATE_INTERVAL
 from steer_env.friction.numerics.check import number
-from steer_env.timing import UPDATE_INTERVAL
-from steer_env.vehicle import chassis, linear, plant
+from steer_env.vehicle import chassis, plant
+from steer_env.vehicle.analysis import linear
 from steer_env.vehicle.cars import Car
 
 Array = NDArray[np.float64]

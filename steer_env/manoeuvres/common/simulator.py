@@ -7,8 +7,8 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from steer_env import coupling
-from steer_env.coupling.vehicle import OF_PLANT
+from steer_env.connect import external as coupling
+from steer_env.connect.external.vehicle import OF_PLANT
 from steer_env.manoeuvres.common.definition import Manoeuvre
 from steer_env.vehicle import chassis, plant
 from steer_env.vehicle.chassis.common.interface import COAST, Names

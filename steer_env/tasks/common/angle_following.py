@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from steer_env.episode.timing import UPDATE_INTERVAL
 from steer_env.friction.numerics.bounds import within
 from steer_env.friction.numerics.kernel import kernel
 from steer_env.manoeuvres.common.shapes import ramp_and_hold
@@ -22,7 +23,6 @@ from steer_env.tasks.common.definition import (
 )
 from steer_env.tasks.common.scripted import update_times
 from steer_env.tasks.common.terms import COMMON_METRICS, COMMON_REWARDS, evaluate_common, quality
-from steer_env.timing import UPDATE_INTERVAL
 from steer_env.vehicle.plant import CHANNEL
 
 Array = NDArray[np.float64]

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from steer_env.courses import iso3888, path
+from steer_env.episode.timing import UPDATE_INTERVAL
 from steer_env.friction.numerics.kernel import kernel
 from steer_env.manoeuvres.double_lane_change import APPROACH, RUN_OUT
 from steer_env.tasks.common.definition import (
@@ -36,7 +37,6 @@ from steer_env.tasks.common.path_following import (
     offset_term,
 )
 from steer_env.tasks.common.terms import COMMON_COSTS, COMMON_METRICS, COMMON_REWARDS, assist_costs, evaluate_added_work
-from steer_env.timing import UPDATE_INTERVAL
 from steer_env.vehicle.plant import CHANNEL
 
 Array = NDArray[np.float64]

@@ -1,8 +1,8 @@
 """The term of tasks that shape the hand torque: its deviation from a reference feel."""
 
 from steer_env.friction.numerics.kernel import kernel
-from steer_env.reference_feel import reference_torque
 from steer_env.tasks.common.definition import RMS, EpisodeMetric, Term
+from steer_env.tasks.common.reference_feel import reference_torque
 from steer_env.tasks.common.terms import quality
 from steer_env.vehicle.plant import CHANNEL
 

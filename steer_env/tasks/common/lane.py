@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from steer_env.courses import path
+from steer_env.episode.timing import UPDATE_INTERVAL
 from steer_env.friction.numerics.kernel import kernel
 from steer_env.tasks.common.definition import (
     DEPARTED,
@@ -29,7 +30,6 @@ from steer_env.tasks.common.path_following import (
     offset_term,
 )
 from steer_env.tasks.common.terms import COMMON_COSTS, COMMON_REWARDS, evaluate_added_work
-from steer_env.timing import UPDATE_INTERVAL
 from steer_env.vehicle.chassis.common.interface import RACK_DISTURBANCE, WIND_FORCE, WIND_MOMENT
 
 DURATION = 30.0  # [s]

@@ -3,8 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from steer_env.episode.timing import UPDATE_INTERVAL
 from steer_env.manoeuvres.common.definition import Manoeuvre
-from steer_env.timing import UPDATE_INTERVAL
 from steer_env.vehicle.chassis.common.interface import HAND, HAND_SPEED
 
 HANDS = (HAND, HAND_SPEED)

@@ -5,10 +5,10 @@ docs/rewards.md derives the rewards; the scales below are its numbers.
 
 import math
 
+from steer_env.episode.timing import UPDATE_INTERVAL
 from steer_env.friction.numerics.bounds import within
 from steer_env.friction.numerics.kernel import kernel
 from steer_env.tasks.common.definition import FAILURE, PEAK, RMS, SUM, Cost, EpisodeMetric, Term
-from steer_env.timing import UPDATE_INTERVAL
 from steer_env.vehicle.plant import CHANNEL
 
 HAND_TORQUE_LIMIT = 8.0  # above it steering is heavy work at speed, assumed [N m]

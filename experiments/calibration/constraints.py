@@ -1,0 +1,199 @@
+"""What a parameter set must keep wherever the car is driven: margins of the assist loop, the car's stability, and a
+boost that the motor can give.
+
+The loop of the whole laden car is read with hands off, which is worst, at the speeds of ``SPEEDS``: straight running,
+with the slope that the boost has where the car reaches its steepest part, while friction slides or is at rest, and
+while it slides also without the slope of the active return, which is saturated in a turn. Against the worst of all
+torques at the same speed, for 15 sets around the packaged cars at 20 to 140 km/h, the gain margin is at most 0.13 dB
+too large, and 0.44 dB where the return is saturated. It is up to 1 dB too small, and 2.5 dB where the last part of the
+boost is only just reached. While friction slides the phase margin is within 0.3 deg for the packaged cars; at rest it
+is up to 2 deg on the safe side. Where the grip of the front tyres fades it is far smaller: 14 in place of 32 deg in one
+set, laden, at 20 km/h and the last tenth of a newton metre of a turn. The map of ``steer-env analyse`` has all torques
+and hands; a study reads its best sets on that map.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from steer_env.friction.numerics.frozen import frozen
+from steer_env.vehicle import plant
+from steer_env.vehicle.analysis import assist_loop, free_control
+from steer_env.vehicle.analysis.linearised import FRICTIONLESS, Point
+from steer_env.vehicle.analysis.operating_point import cornering
+from steer_env.vehicle.cars import Car
+from steer_env.vehicle.chassis.common.interface import INPUTS
+from steer_env.vehicle.steering import stability
+from steer_env.vehicle.steering.assist.functions import Functions
+from steer_env.vehicle.steering.column import COLUMN_ANGLE, HANDWHEEL_ANGLE, Column
+from steer_env.vehicle.steering.eps import SAMPLE_TIME, Assist, boost_curve
+from steer_env.vehicle.steering.margins import TARGETS, answer, boost_gain, hands_fixed_plant, slopes_of_functions
+
+KPH = 3.6  # [km/h] of 1 m/s
+SPEEDS = (11.0, 20.0, 40.0, 100.0, 140.0)  # of the loop of the whole car [km/h]
+RESTING_UP_TO = 60.0  # above it friction at rest never has the smallest margin [km/h]
+FREE_SPEEDS = (60.0, 140.0)  # of the free car [km/h]
+PHASE, GAIN = TARGETS  # [deg], [dB]
+FREQUENCIES = assist_loop.FREQUENCIES  # of the loop of the whole car [Hz]
+COLUMN_FREQUENCIES = FREQUENCIES[::3]  # of the column, whose response has no sharp peaks [Hz]
+ENOUGH = 90.0, 40.0  # in place of larger margins, which are of no interest [deg, dB]
+
+
+def _level(gain: float) -> float:
+    return 20.0 * math.log10(gain) if gain > 0.0 else -ENOUGH[1]
+
+
+def reaches(car: Car, chassis: str = "single_track") -> tuple[float, ...]:
+    """The greatest torque of torsion bar and boost together in a turn, at each of ``SPEEDS`` [N m]."""
+    found = []
+    for kph in SPEEDS:
+        turn = cornering(car, kph / KPH, chassis)
+        twist = turn.states[:, HANDWHEEL_ANGLE] - turn.states[:, COLUMN_ANGLE]  # of a car without boost
+        found.append(float(car.column.K_tb * twist.max()))
+    return tuple(found)
+
+
+def steepest(a: Assist, speed: float, reach: float) -> float:
+    """The steepest slope of the boost at a speed [m/s] up to a torque of torsion bar and boost together [N m]."""
+    boost = np.array([boost_curve(a, float(t), speed)[0] for t in a.torques])
+    slopes = np.diff(boost) / np.diff(a.torques)
+    return float(slopes[: max(int(np.sum(a.torques[:-1] + boost[:-1] < reach)), 1)].max())
+
+
+def _straight(car: Car, a: Assist, slope: float, law: Any, speed: float, chassis: str) -> Point:
+    """Straight running, hands off, with a slope of the boost."""
+    curve = np.tile(slope * a.torques, (a.speeds.size, 1))
+    p = car._replace(assist=frozen(a._replace(boost=curve))).plant(law, speed, chassis=chassis)
+    return Point(p, plant.initial_state(p), np.zeros(len(INPUTS)), speed)
+
+
+def _return_saturated(a: Assist) -> Assist:
+    """The assist in a turn, where the active return is saturated and has no slope; the same one without a return."""
+    f = a.functions
+    if not isinstance(f, Functions) or not f.active_return.gain.any():
+        return a
+    off = f.active_return._replace(gain=np.zeros_like(f.active_return.gain))
+    return a._replace(functions=f._replace(active_return=off))
+
+
+def _column(c: Column, a: Assist, speed: float) -> tuple[float, float]:
+    """Smallest phase [rad] and gain margin [1] of the column with fixed hands, a stable loop.
+
+    These are those of :func:`steer_env.vehicle.steering.margins.worst_margins`, with the response of the plant read
+    once for all slopes of boost and functions.
+    """
+    z = np.exp(2j * math.pi * SAMPLE_TIME * COLUMN_FREQUENCIES)
+    P, others = hands_fixed_plant(c, a, speed)[0, 0](z), np.atleast_1d(answer(a, 0.0, 0.0)(z))
+    lead, found = answer(a, 1.0, 0.0)(z) - others, list[assist_loop.Margins]()
+    for low, high in pairwise(a.torques.tolist()):
+        slope = boost_gain(a, 0.5 * (low + high), speed)
+        for more in slopes_of_functions(c, a, low, high, speed):
+            found.append(assist_loop.read(COLUMN_FREQUENCIES, -(slope * lead + others + more) * P))
+    return min(m.phase for m in found), min(m.gain for m in found)
+
+
+def margins(
+    car: Car, a: Assist, law: Any, load: float, reached: Sequence[float], chassis: str = "single_track"
+) -> dict[str, float]:
+    """The smallest margins of a car with an assist.
+
+    Parameters
+    ----------
+    car : Car
+    a : Assist
+    law : parameters
+        The friction law at rest and of the free car.
+    load : float
+        Of the laden car [kg].
+    reached : sequence of float
+        :func:`reaches` of the laden car with its own assist [N m].
+    chassis : str
+
+    Returns
+    -------
+    dict
+        By speed V [km/h]: ``phase_V`` [deg] and ``gain_V`` [dB]; ``column_phase_V`` and ``column_gain_V``, those of the
+        column with fixed hands; ``free_damping_V``, the least damping ratio of the free car [1]; ``free_pulse_V``, 1
+        where its motion after a pulse decays. ``motor_limit``, the greatest boost over the limit of the motor [1].
+        ``stable`` is 1 where every loop is.
+    """
+    laden = car.loaded(load)
+    found, stable = dict[str, float](), True
+    for v in sorted({0.0, *a.speeds.tolist()}):
+        phase, gain = _column(car.column, a, v)
+        found[f"column_phase_{KPH * v:.0f}"] = min(math.degrees(phase), ENOUGH[0])
+        found[f"column_gain_{KPH * v:.0f}"] = min(_level(gain), ENOUGH[1])
+        stable &= all(stability.stable(car.column, a, v, free=free) for free in (False, True))
+    for kph, reach in zip(SPEEDS, reached, strict=True):
+        slope, points = steepest(a, kph / KPH, reach), list[Point]()
+        for friction in (FRICTIONLESS, law)[: 2 if kph <= RESTING_UP_TO else 1]:
+            points.append(_straight(laden, a, slope, friction, kph / KPH, chassis))
+            stable &= not assist_loop.grows(points[-1])
+        if (turning := _return_saturated(a)) is not a:
+            points.append(_straight(laden, turning, slope, FRICTIONLESS, kph / KPH, chassis))
+        each = [assist_loop.read(FREQUENCIES, assist_loop.open_loop(p).response(FREQUENCIES)) for p in points]
+        found[f"phase_{kph:.0f}"] = min(math.degrees(min(m.phase for m in each)), ENOUGH[0])
+        found[f"gain_{kph:.0f}"] = min(_level(min(m.gain for m in each)), ENOUGH[1])
+    free, share = _free(car._replace(assist=a), law, load, chassis), float(a.boost.max()) / a.limit
+    return {**found, **free, "motor_limit": share, "stable": float(stable)}
+
+
+def _free(car: Car, law: Any, load: float, chassis: str) -> dict[str, float]:
+    found = dict[str, float]()
+    for kph in FREE_SPEEDS:
+        damping, decays = math.inf, True
+        for mass in dict.fromkeys((0.0, load)):
+            p = car.loaded(mass).plant(law, kph / KPH, chassis=chassis)
+            damping = min(damping, free_control.least_damping_ratio(p)[0])
+            decays &= free_control.pulse(p._replace(friction_torque_scale=0.5)).decays
+        found |= {f"free_damping_{kph:.0f}": damping, f"free_pulse_{kph:.0f}": float(decays)}
+    return found
+
+
+def least(found: Mapping[str, float]) -> dict[str, float]:
+    """The smallest of each kind over the speeds: phase [deg], gain [dB], damping ratio of the free car, its decay."""
+    kinds = {
+        "phase_margin": ("phase_", "column_phase_"),
+        "gain_margin": ("gain_", "column_gain_"),
+        "free_damping": ("free_damping_",),
+        "free_pulse": ("free_pulse_",),
+    }
+    return {kind: min(v for key, v in found.items() if key.startswith(starts)) for kind, starts in kinds.items()}
+
+
+def violations(found: Mapping[str, float]) -> dict[str, float]:
+    """By how much each limit is missed, over its size; kept where it is 0 or less."""
+    missed = {"motor_limit": found["motor_limit"] - 1.0, "stable": 1.0 - found["stable"]}
+    for key, value in found.items():
+        if "phase_" in key:
+            missed[key] = 1.0 - value / PHASE
+        elif "gain_" in key:
+            missed[key] = 1.0 - value / GAIN
+        elif "damping_" in key:
+            missed[key] = -value
+        elif "pulse_" in key:
+            missed[key] = 0.5 - value
+    return missed
+
+
+def told(constraint: str, violation: float) -> str:
+    """A missed limit in words, from its :func:`violations`."""
+    kind, _, end = constraint.rpartition("_")
+    at = f" at {end} km/h" if end.isdigit() else ""
+    where = "the column with fixed hands" if kind.startswith("column_") else "the laden car with hands off"
+    if "phase" in constraint:
+        return f"the phase margin of {where}{at}, {PHASE * (1.0 - violation):.3g} of {PHASE:g} deg"
+    if "gain" in constraint:
+        return f"the gain margin of {where}{at}, {GAIN * (1.0 - violation):.3g} of {GAIN:g} dB"
+    if "damping" in constraint:
+        return f"the damping of the free car{at}, a ratio of {-violation:.2g} where it must be above 0"
+    if "pulse" in constraint:
+        return f"the rest of the free car{at}, whose motion does not decay after a pulse of the hands"
+    if constraint == "motor_limit":
+        return f"the limit of the motor, of which the boost asks for {1.0 + violation:.3g} times"
+    if constraint == "whole_map":
+        return "the margins at a point of the whole map"
+    return "stability, as a loop has a motion that grows"

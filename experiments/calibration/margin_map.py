@@ -1,0 +1,98 @@
+"""The margins of the assist loop at every point where a car is driven: speed, torque, hands and friction."""
+
+import math
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from itertools import product
+from typing import Any, NamedTuple
+
+from steer_env.drivers.common.definition import arm
+from steer_env.vehicle.analysis import assist_loop
+from steer_env.vehicle.analysis.assist_loop import Margins
+from steer_env.vehicle.analysis.linearised import Point
+from steer_env.vehicle.analysis.operating_point import HANDS, Cornering, cornering, held, steady
+from steer_env.vehicle.cars import Car
+from steer_env.vehicle.steering.margins import TARGETS
+
+KPH = 3.6  # [km/h] of 1 m/s
+SPEEDS = (20.0, 40.0, 60.0, 80.0, 100.0, 120.0, 140.0)  # [km/h]
+TORQUES = (0.0, 1.0, 2.0, 3.0, 3.5, 4.0)  # [N m]
+SLIDING, RESTING = "friction slides", "friction at rest"
+PHASE_LIMIT, GAIN_LIMIT = TARGETS  # [deg], [dB]
+
+
+class Cell(NamedTuple):
+    """One point of the map."""
+
+    speed_kph: float  # [km/h]
+    torque: float  # of the torsion bar [N m]
+    hands: str
+    friction: str
+    margins: Margins | None  # None where the car does not reach the torque
+    load: float = 0.0  # [kg]
+
+    @property
+    def phase_deg(self) -> float:
+        """Phase margin [deg]; NaN without a point."""
+        return math.nan if self.margins is None else math.degrees(self.margins.phase)
+
+    @property
+    def gain_db(self) -> float:
+        """Gain margin [dB]; NaN without a point."""
+        return math.nan if self.margins is None else 20.0 * math.log10(self.margins.gain)
+
+    @property
+    def where(self) -> str:
+        """The point in words."""
+        laden = f", {self.load:g} kg of load" if self.load else ""
+        return f"{self.speed_kph:g} km/h, {self.torque:g} N m, hands {self.hands}, {self.friction}{laden}"
+
+
+def hold(point: Point, hands: str, law: Any) -> Point:
+    """The point with hands of ``HANDS``; ``law`` is that of the friction at rest, None where it slides."""
+    return held(point, hands, law, arm()[:3] if hands == "arms" else (0.0, 0.0, 0.0))
+
+
+def _turned(turn: Cornering, torque: float) -> Point | None:
+    """The steady turn at a torque [N m]; None where the car does not reach it, which the map shows."""
+    if torque <= turn.torques.max():
+        with suppress(ValueError):  # too near to the limit of the front tyres
+            return steady(turn, torque=torque)
+    return None
+
+
+def _margins(point: Point | None, hands: str, friction: str, law: Any) -> Margins | None:
+    return assist_loop.margins(hold(point, hands, law if friction == RESTING else None)) if point else None
+
+
+def of_speed(turn: Cornering, kph: float, law: Any) -> Iterator[Cell]:
+    """The cells of one speed."""
+    for torque in TORQUES:
+        point = _turned(turn, torque)
+        for hands, friction in product(HANDS, (SLIDING, RESTING)):
+            yield Cell(kph, torque, hands, friction, _margins(point, hands, friction, law))
+
+
+def of_car(car: Car, law: Any, loads: Sequence[float], chassis: str) -> list[Cell]:
+    """The cells of all speeds with every load [kg]."""
+    cells = list[Cell]()
+    for load, kph in product(loads, SPEEDS):
+        found = of_speed(cornering(car.loaded(load), kph / KPH, chassis), kph, law)
+        cells += [cell._replace(load=load) for cell in found]
+    return cells
+
+
+def at(points: Sequence[Cell], car: Car, law: Any, chassis: str) -> list[Cell]:
+    """The cells of a car at the points of other cells."""
+    found = list[Cell]()
+    for p in points:
+        turn = cornering(car.loaded(p.load), p.speed_kph / KPH, chassis)
+        found.append(p._replace(margins=_margins(_turned(turn, p.torque), p.hands, p.friction, law)))
+    return found
+
+
+def missed(cells: Sequence[Cell]) -> list[Cell]:
+    """The cells below the limits of phase or gain margin, or unstable."""
+    return [
+        c for c in cells if c.margins and (c.phase_deg < PHASE_LIMIT or c.gain_db < GAIN_LIMIT or not c.margins.stable)
+    ]

@@ -1,0 +1,246 @@
+"""The page of the sensitivity of metrics to parameters: heat maps, sentences and tables, and the numbers as JSON."""
+
+import math
+import textwrap
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from steer_env.experiments.calibration.problem import Range
+from steer_env.experiments.calibration.screening import Effect
+from steer_env.experiments.calibration.sensitivity import Results, Row
+from steer_env.experiments.pages.sensitivity_picture import Cell, Line, heat_map
+from steer_env.experiments.pages.study_page import Page, Picture, Section, Table
+from steer_env.experiments.pages.words import label, number, unit
+
+NAME = "sensitivity"
+SMALL = 0.1  # change that matters, as a share of what it is told as a share of; assumed [1]
+TITLES = {
+    "weave": "Weave, on centre",
+    "release": "Release of the handwheel in a turn",
+    "returnability": "Returnability at low speed",
+    "step-steer": "Step steer",
+    "parking": "Parking",
+    "": "Assist loop, hands fixed",
+}
+PALE = f"grey: below {100.0 * SMALL:.0f} %, or not told apart from none; –: no value to compare with"
+_LONGEST = 90  # letters of a reason in the picture
+
+
+def share(row: Row, effect: Effect) -> float:
+    """Size of a change as a share of the row's scale; NaN where the row has none [1]."""
+    return effect.size / row.scale if row.scale else math.nan
+
+
+def matters(row: Row, effect: Effect) -> bool:
+    """Whether a change is large enough to matter, and is told apart from none."""
+    return effect.low > 0.0 and share(row, effect) >= SMALL
+
+
+def _cell(row: Row, effect: Effect) -> Cell:
+    size, mark = 100.0 * share(row, effect), {1: "+", -1: "−", 0: "±"}[effect.sign]
+    if math.isnan(size):
+        return Cell("–", 0.0, 0.0, False)
+    text = f"{mark}{size:.0f}" if round(size) else "0"
+    return Cell(text, effect.sign * size, size, matters(row, effect))
+
+
+def _line(row: Row, points: int) -> Line:
+    text, note = unit(row.unit), ""
+    own = f"{number(row.own)} {text}".strip()
+    if row.band is None:
+        about = own
+    elif math.isinf(row.band[1]):
+        about = f"{own} (from {number(row.band[0])})"
+    else:
+        about = f"{own} ({number(row.band[0])} to {number(row.band[1])})"
+    if row.effects is None:
+        note = textwrap.shorten(f"refused at {row.refused} of {points}: {row.reason}", _LONGEST)
+    return Line(label(row.name), about, [_cell(row, e) for e in row.effects or ()], note)
+
+
+def _name(parameter: str) -> str:
+    """A parameter in words; a key of a file or of a law as it is written there."""
+    return parameter if "." in parameter else label(parameter)
+
+
+def _columns(factors: Sequence[Range]) -> list[tuple[str, str]]:
+    found = []
+    for f in factors:
+        name = textwrap.fill(_name(f.name).replace(".", ". "), 9, break_long_words=False).replace(". ", ".")
+        found.append((name, f"{number(f.low)} to\n{number(f.high)} {unit(f.unit)}".strip()))
+    return found
+
+
+def _picture(results: Results, rows: Sequence[Row], heads: tuple[str, str], caption: str) -> Picture:
+    tests = dict.fromkeys(row.test for row in rows)
+    groups = {TITLES.get(t, t): [_line(row, results.points) for row in rows if row.test == t] for t in tests}
+    return Picture(heat_map(_columns(results.study.factors), groups, heads, PALE), caption)
+
+
+def ranking(results: Results, rows: Sequence[Row]) -> dict[str, float]:
+    """Parameters by the mean of their shares over rows, the largest first [1]."""
+    known = [row for row in rows if row.effects is not None and row.scale]
+    means = {
+        factor.name: float(np.mean([share(row, row.effects[j]) for row in known]))  # type: ignore[index]
+        for j, factor in enumerate(results.study.factors)
+    }
+    return dict(sorted(means.items(), key=lambda item: -item[1]))
+
+
+def sentences(results: Results) -> list[str]:
+    """The verdict in sentences."""
+    rows = [row for row in results.rows if row.band and row.test]
+    order, names = ranking(results, rows), [factor.name for factor in results.study.factors]
+    first, *_, last = order
+    found = [
+        f"Over its range {_name(first)} changes the {len(rows)} metrics with a target band most, by "
+        f"{number(100.0 * order[first], 2)} % of the band's width on average; {_name(last)} least, by "
+        f"{number(100.0 * order[last], 2)} %."
+    ]
+    moved = {row.name: [n for n, e in zip(names, row.effects or ()) if matters(row, e)] for row in rows}
+    still = [label(row.name) for row in rows if row.effects is not None and not moved[row.name]]
+    if still:
+        found.append(f"No parameter changes these by {100.0 * SMALL:.0f} % of their bands: {', '.join(still)}.")
+    alone = {name: [label(m) for m, by in moved.items() if by == [name]] for name in names}
+    told = [f"{_name(name)} alone changes {', '.join(by)}" for name, by in alone.items() if by]
+    if told:
+        found.append(f"{'; '.join(told)[0].upper()}{'; '.join(told)[1:]}.")
+    refused = [row for row in results.rows if row.refused]
+    if refused:
+        most = max(refused, key=lambda row: row.refused)
+        found.append(
+            f"{len(refused)} outputs are refused at some of the {results.points} parameter sets, {label(most.name)} at "
+            f"most, {most.refused}: {most.reason}."
+        )
+    return found
+
+
+def _table(results: Results, rows: Sequence[Row]) -> Table:
+    head = ("output", "test", "unit", *(_name(f.name) for f in results.study.factors), "refused")
+    cells = []
+    for row in rows:
+        text = [
+            f"{number(e.mean if e.sign else e.size)} ({number(e.low)} to {number(e.high)})" for e in row.effects or ()
+        ] or ["–"] * len(results.study.factors)
+        cells.append((label(row.name), row.test or "loop", unit(row.unit), *text, str(row.refused)))
+    note = "Change over the range, with its sign where it has one, and the 95 % interval of its size, in the unit."
+    return Table("All changes in the units of the outputs", head, cells, note, folded=True)
+
+
+def _reasons(results: Results) -> list[Table]:
+    rows = [(label(row.name), f"{row.refused} of {results.points}", row.reason) for row in results.rows if row.refused]
+    return [Table("Refused outputs", ("output", "parameter sets", "most frequent reason"), rows, folded=True)] * bool(
+        rows
+    )
+
+
+def _evidence(results: Results) -> str:
+    d, s = results.design, results.study
+    blocks, each = d.points.shape[:2]
+    how = (
+        f"{blocks} trajectories of {each} parameter sets on a grid of 4 levels (Morris); a number is the mean size of "
+        "the changes over all trajectories"
+        if d.method == "morris"
+        else f"{blocks} base samples of {each} parameter sets (Sobol); a number is sqrt(12 S_T V), with the variance V "
+        "and the parameter's total share S_T of it: the range of a linear effect of the same variance"
+    )
+    return (
+        f"{how}. Each set is driven through the tests ({s.chassis}, {results.law}); seed {d.seed}. The hands move as "
+        "the plant with its own assist needs it for the test."
+    )
+
+
+def build(results: Results) -> tuple[Page, dict[str, Any]]:
+    """The page and its numbers as JSON."""
+    wanted = [row for row in results.rows if row.band]
+    others = [row for row in results.rows if not row.band]
+    verdict = sentences(results)
+    reading = (
+        "Each number is the change of the output while the parameter goes from the low to the high end of its range, "
+        "the others anywhere in theirs, in per cent of {}. Blue and +: the output rises with the parameter. Red and −: "
+        "it falls. Violet and ±: both. Grey: below 10 %, or not told apart from none by the 95 % "
+        "interval; the parameter hardly matters there."
+    )
+    sections = [
+        Section(
+            "Target bands and margins",
+            "Which parameter moves which metric, and how far.",
+            _evidence(results),
+            verdict[0],
+            "Level, dry road. A mean over the whole ranges: at a given set a parameter may do more or less, most of "
+            "all where it shares its effect with others.",
+            [
+                _picture(
+                    results,
+                    wanted,
+                    ("change in % of the band's width,\nof a margin in % of its limit", "value now\n(band)"),
+                    reading.format("the width of the target band, of a margin in per cent of its limit")
+                    + " Beside the name: the value of the car as it is, and the band.",
+                )
+            ],
+            [_table(results, wanted), *_reasons(results)],
+        ),
+        Section(
+            "Metrics without a band",
+            "The same for the other metrics of the tests.",
+            "As above.",
+            f"{len(others)} metrics.",
+            "A metric that is 0 for the car as it is has no share.",
+            [
+                _picture(
+                    results,
+                    others,
+                    ("change in % of the value now", "value now"),
+                    reading.format("the value of the car as it is, which stands beside the name"),
+                )
+            ],
+            [_table(results, others)],
+        ),
+    ]
+    lead = (
+        f"What {len(results.study.factors)} parameters do to the metrics and margins of '{results.study.car.name}', "
+        f"beside the target bands '{results.targets}'."
+    )
+    return Page(NAME, "Sensitivity", lead, verdict, sections), _json(results)
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
+def _json(results: Results) -> dict[str, Any]:
+    d, s = results.design, results.study
+    return {
+        "method": d.method,
+        "blocks": d.points.shape[0],
+        "parameter_sets": results.points,
+        "seed": d.seed,
+        "chassis": s.chassis,
+        "friction": results.law,
+        "targets": results.targets,
+        "parameters": {
+            f.name: {"unit": f.unit, "low": f.low, "high": f.high, "own": f.own, "logarithmic": f.logarithmic}
+            for f in s.factors
+        },
+        "ranking": ranking(results, [row for row in results.rows if row.band and row.test]),
+        "outputs": {
+            row.name: {
+                "test": row.test or "loop",
+                "unit": row.unit,
+                "own": _finite(row.own),
+                "band": row.band and [_finite(end) for end in row.band],
+                "scale": _finite(row.scale),
+                "refused": row.refused,
+                "reason": row.reason,
+                "effects": row.effects
+                and {
+                    f.name: {key: _finite(x) for key, x in e._asdict().items()}
+                    | {"sign": e.sign, "share": _finite(share(row, e)), "matters": matters(row, e)}
+                    for f, e in zip(s.factors, row.effects)
+                },
+            }
+            for row in results.rows
+        },
+    }

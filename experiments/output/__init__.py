@@ -1,1 +1,0 @@
-"""Writing results: atomic output, provenance, JSON, templates, numbers in words, progress."""

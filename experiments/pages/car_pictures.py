@@ -1,0 +1,164 @@
+"""Pictures of the page of a car as SVG text. What they show is handed over; nothing is simulated or evaluated here."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from numpy.typing import NDArray
+
+from steer_env.experiments.pages.style import DASHES, PALETTE, legend, new_figure, styled, svg
+from steer_env.recording.recording import DEGREE
+
+Array = NDArray[np.float64]
+Range = tuple[float, float]
+
+_BAND, _LINE = "#e3f2ea", "#999999"
+_SPUN = 60.0  # yaw rate from which on the crosses of spins are drawn, above one another [deg/s]
+_FORCE, _TORQUE = 3.0, 100.0  # up to which compliance steer is drawn [kN], [N m]
+
+
+def _lines(axes: Axes, x: Array, of_label: Mapping[str, Array], **style: Any) -> None:
+    for (label, y), colour, dash in zip(of_label.items(), PALETTE, DASHES):
+        axes.plot(x, y, **{"color": colour, "linestyle": dash, "label": label, **style})
+
+
+@styled
+def budget(terms: Mapping[str, float], simulated: Mapping[str, float], limits: Range) -> str:
+    """Understeer by term as a waterfall, its sum, and the simulated gradients [deg/g]; the range is shaded."""
+    figure = new_figure(9.6, 0.9 + 0.28 * (len(terms) + 1 + len(simulated)))
+    axes = figure.subplots()
+    start, labels = 0.0, list[str]()
+    for term, value in terms.items():
+        axes.barh(len(labels), value, left=start, height=0.62, color=PALETTE[0] if value >= 0.0 else PALETTE[1])
+        axes.annotate(
+            f"{value:+.2f}".replace("-", "−"), (max(start, start + value), len(labels)), xytext=(4, 0),
+            textcoords="offset points", va="center", fontsize=8,
+        )  # fmt: skip
+        start += value
+        labels.append(term)
+    for label, value in {"sum": start, **simulated}.items():
+        axes.barh(len(labels), value, height=0.62, color="#555555" if label == "sum" else "#aaaaaa")
+        axes.annotate(
+            f"{value:.2f}".replace("-", "−"), (max(value, 0.0), len(labels)), xytext=(4, 0),
+            textcoords="offset points", va="center", fontsize=8,
+        )  # fmt: skip
+        labels.append(label)
+    axes.axvspan(*limits, color=_BAND, zorder=0)
+    axes.axvline(0.0, color=_LINE, linewidth=0.8)
+    axes.set(xlabel="understeer [deg/g]", yticks=range(len(labels)), yticklabels=labels)
+    axes.invert_yaxis()
+    axes.grid(visible=False, axis="y")
+    axes.set_axisbelow(True)
+    axes.margins(x=0.08)
+    return svg(figure)
+
+
+@styled
+def lag(speeds: Array, lags: Mapping[str, Mapping[str, Array]], marked: float, limits: Range) -> str:
+    """Yaw lag [ms] over speed [km/h], a panel for each chassis; the range at the marked speed is a bar."""
+    figure = new_figure(9.6, 3.4)
+    panels = figure.subplots(1, len(lags), sharey=True)
+    for axes, (title, of_label) in zip(panels, lags.items()):
+        _lines(axes, speeds, of_label)
+        style = {"linewidth": 7.0, "alpha": 0.25, "solid_capstyle": "butt", "label": "usual range"}
+        axes.plot([marked, marked], limits, color=PALETTE[2], **style)
+        axes.axhline(0.0, color=_LINE, linewidth=0.8)
+        axes.set(title=title, xlabel="speed [km/h]")
+    panels[0].set_ylabel("yaw lag at 0.2 Hz [ms]")
+    legend(figure, panels[0])
+    return svg(figure)
+
+
+@styled
+def hands_off(speeds: Array, damping: Mapping[str, Array], amplitudes: Mapping[str, Array], allowed: float) -> str:
+    """Damping ratio without friction, and yaw rate [deg/s] long after a pulse, over speed [km/h].
+
+    An infinite amplitude is a spin, drawn as a cross; ``allowed`` is the amplitude that may remain.
+    """
+    figure = new_figure(9.6, 3.4)
+    left, right = figure.subplots(1, 2)
+    _lines(left, speeds, damping)
+    left.axhline(0.0, color=_LINE, linewidth=0.8)
+    left.set(title="least damped mode, without friction", xlabel="speed [km/h]", ylabel="damping ratio [1]")
+    left.legend(fontsize=8)
+    for k, ((label, values), colour, dash, marker) in enumerate(zip(amplitudes.items(), PALETTE, DASHES, "osD^")):
+        style = {"color": colour, "linestyle": dash, "label": label, "marker": marker, "markersize": 3.5}
+        right.semilogy(speeds, np.where(np.isfinite(values), np.maximum(values, 1e-4), np.nan), **style)
+        right.plot(
+            speeds[np.isinf(values)], [_SPUN * 2.0**k] * int(np.isinf(values).sum()), "x", color=colour, markersize=6
+        )
+    right.axhline(allowed, color=_LINE, linewidth=0.8)
+    right.annotate("may remain", (0.01, allowed), xycoords=("axes fraction", "data"), fontsize=8, va="bottom")
+    right.set(
+        title="8 to 10 s after a pulse of 3 N m", xlabel="speed [km/h]", ylabel="amplitude of the yaw rate [deg/s]"
+    )
+    right.set(ylim=(5e-5, 2e3), xlim=left.get_xlim())
+    right.set_yticks(10.0 ** np.arange(-4, 3))
+    legend(figure, right)
+    return svg(figure)
+
+
+@styled
+def kinematics(c: Any) -> str:
+    """Toe-in, camber and roll-centre height over the travel of the wheels; ``c`` as in report.car_suspension.Curves."""
+    figure = new_figure(9.6, 3.0)
+    panels = figure.subplots(1, 3)
+    for axes, curves, unit, title in zip(
+        panels,
+        (c.toe, c.camber, c.roll_centre),
+        (DEGREE, DEGREE, 1e-3),
+        ("toe-in [deg]", "camber [deg]", "height [mm]"),
+    ):
+        _lines(axes, 1e3 * c.travel, {axle: y / unit for axle, y in curves.items()})
+        axes.set(xlabel="travel, bump positive [mm]", ylabel=title)
+    for axes, title in zip(panels, ("toe", "camber", "roll centre")):
+        axes.set_title(title)
+    legend(figure, panels[0])
+    return svg(figure)
+
+
+@styled
+def steering(c: Any) -> str:
+    """Angles of both front wheels over the rack with Ackermann, and the steering ratio over the handwheel angle."""
+    figure = new_figure(9.6, 3.2)
+    angles, ratio = figure.subplots(1, 2)
+    wheels = {"left wheel": c.left, "right wheel": c.right, "right wheel by Ackermann": c.ideal_right}
+    _lines(angles, 1e3 * c.rack, {label: y / DEGREE for label, y in wheels.items()})
+    angles.set(title="wheel angles", xlabel="rack travel [mm]", ylabel="steer angle [deg]")
+    angles.legend(fontsize=8)
+    ratio.plot(c.handwheel / DEGREE, c.ratio, color=PALETTE[0])
+    ratio.set(title="ratio", xlabel="handwheel angle [deg]", ylabel="steering ratio, local [1]")
+    return svg(figure)
+
+
+@styled
+def compliance(lateral: Mapping[str, float], aligning: Mapping[str, float], roll: Mapping[str, float]) -> str:
+    """Understeer by lateral force [deg/kN], by aligning torque [deg/(N m)] and by roll [1], a line for each axle."""
+    figure = new_figure(9.6, 2.9)
+    panels = figure.subplots(1, 3, sharey=True)
+    for axes, slopes, end, label in zip(
+        panels, (lateral, aligning, roll), (_FORCE, _TORQUE, 5.0),
+        ("lateral force of each wheel [kN]", "aligning torque of each wheel [N m]", "roll angle [deg]"),
+    ):  # fmt: skip
+        x = np.array([0.0, end])
+        _lines(axes, x, {axle: slope * x for axle, slope in slopes.items()})
+        axes.set_xlabel(label)
+    panels[0].set_ylabel("steer angle, understeer positive [deg]")
+    legend(figure, panels[0])
+    return svg(figure)
+
+
+@styled
+def assist(torques: Array, boost: Mapping[str, Array], speeds: Array, damping: Array) -> str:
+    """Boost over the torsion-bar torque, a line for each speed, and the motor damping over speed [km/h]."""
+    figure = new_figure(9.6, 3.2)
+    left, right = figure.subplots(1, 2, width_ratios=(1.6, 1.0))
+    shades: Sequence[Any] = [str(x) for x in np.linspace(0.0, 0.7, len(boost))]
+    for (label, y), shade in zip(boost.items(), shades):
+        left.plot(torques, y, color=shade, label=label)
+    left.set(title="boost", xlabel="torsion-bar torque [N m]", ylabel="torque at the column [N m]")
+    left.legend(fontsize=8)
+    right.plot(speeds, damping, "o-", color=PALETTE[0], markersize=3.5)
+    right.set(title="motor damping", xlabel="speed [km/h]", ylabel="at the column [N m s/rad]", ylim=(0.0, None))
+    return svg(figure)

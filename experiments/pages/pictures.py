@@ -1,0 +1,355 @@
+"""Pictures of the report as SVG text. What they show is handed over; nothing is simulated or evaluated here."""
+
+from collections.abc import Mapping, Sequence
+from itertools import product
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+from matplotlib.patches import Patch
+from numpy.typing import NDArray
+
+from steer_env.experiments.pages.style import DASHES, PALETTE, legend, new_figure, styled, styles, svg
+from steer_env.metrics.common.filtered_channels import ANGLE, AY, TORQUE
+from steer_env.recording.recording import DEGREE
+from steer_env.vehicle.constants import GRAVITY
+
+Array = NDArray[np.float64]
+
+SECOND_CYCLE = (1000, 1500)  # samples of the growing sine around a reversal before saturation
+LAWS_IN_A_ROW = 5  # of panels that are wide enough to read
+CROSSES = (300.0, 5000.0)  # heights of the crosses for runs that are not bounded [%]
+
+
+class History(Protocol):
+    """A displacement over time."""
+
+    @property
+    def x(self) -> Array:
+        """Displacement (T,) [rad]."""
+
+    @property
+    def dt(self) -> float:
+        """Time between the samples [s]."""
+
+
+@styled
+def characteristics(histories: Mapping[str, History], torques: Mapping[str, Mapping[str, Array]]) -> str:
+    """Torque over displacement for every law: a growing sine above, nested loops below; ``LAWS_IN_A_ROW`` side by side.
+
+    Parameters
+    ----------
+    histories : name -> history with ``x`` [rad] and ``dt`` [s]
+        ``growing_sine`` and ``nested_loops``.
+    torques : law -> name of the history -> (T,) torque [N m]
+    """
+    style = styles(torques)
+    laws, columns = list(torques), min(len(torques), LAWS_IN_A_ROW)
+    blocks = [laws[i : i + columns] for i in range(0, len(laws), columns)]
+    figure = new_figure(9.6, 4.6 * len(blocks))
+    grid = figure.subplots(2 * len(blocks), columns, sharex="row", sharey="row", squeeze=False)
+    for row, (block, name) in zip(grid, product(blocks, ("growing_sine", "nested_loops"))):
+        x = histories[name].x / DEGREE
+        for axes, law in zip(row, block):
+            axes.plot(x, torques[law][name], color=style[law]["color"], linewidth=1.0)
+            axes.set_title(law if name == "growing_sine" else "")
+            axes.set_xlabel("displacement [deg]")
+        for axes in row[len(block) :]:
+            axes.set_axis_off()
+        row[0].set_ylabel("torque [N m]")
+    return svg(figure)
+
+
+@styled
+def reversal_and_hold(histories: Mapping[str, History], torques: Mapping[str, Mapping[str, Array]]) -> str:
+    """A reversal of the growing sine, over displacement and over time, and a displacement that is held.
+
+    The arguments are those of :func:`characteristics`, with the history ``held``.
+    """
+    figure = new_figure(9.6, 3.2)
+    over_x, over_t, held = figure.subplots(1, 3)
+    sine, hold = histories["growing_sine"], histories["held"]
+    turn = SECOND_CYCLE[0] + int(np.argmax(sine.x[slice(*SECOND_CYCLE)]))
+    part = slice(turn - 80, turn + 81)
+    for law, style in styles(torques).items():
+        held.plot(np.arange(hold.x.size) * hold.dt, torques[law]["held"], **style)
+        if torques[law]["held"][-1] != 0.0:  # only laws with a memory; the others jump, or follow the speed alone
+            torque = torques[law]["growing_sine"]
+            over_x.plot(sine.x[part] / DEGREE, (torque - torque[turn])[part], **style)
+            over_t.plot((np.arange(torque.size) - turn)[part] * sine.dt, (torque - torque[turn])[part], **style)
+    over_x.set(title="reversal", xlabel="displacement [deg]", ylabel="torque less that at the reversal [N m]")
+    over_t.set(title="the same over time", xlabel="time from the reversal [s]")
+    held.set(title="displacement held", xlabel="time [s]", ylabel="torque [N m]")
+    at_rest = np.flatnonzero(np.diff(hold.x) == 0.0) * hold.dt
+    for part_at_rest in np.split(at_rest, np.flatnonzero(np.diff(at_rest) > 1.5 * hold.dt) + 1):
+        held.axvspan(part_at_rest[0], part_at_rest[-1], color="#f0f0f0", zorder=0)
+    legend(figure, held)
+    return svg(figure)
+
+
+@styled
+def held_torque(tests: Sequence[Any], sample_time: float, settling: float) -> str:
+    """Torsion-bar torque during a hold, less its final mean: a row for each calibration, a column for each damper.
+
+    Parameters
+    ----------
+    tests : sequence of held-torque tests
+        With ``calibration``, ``law``, ``damping_ratio`` and ``torque`` (T,) [N m] from the start of the hold on.
+    sample_time : float
+        Between the samples of the torque [s].
+    settling : float
+        Time from which on the ripple is read [s].
+    """
+    calibrations = dict.fromkeys(test.calibration for test in tests)
+    ratios = dict.fromkeys(test.damping_ratio for test in tests)
+    figure = new_figure(9.6, 4.0)
+    grid = figure.subplots(len(calibrations), len(ratios), sharex=True, sharey="row", squeeze=False)
+    style = styles(test.law for test in tests)
+    for row, calibration in zip(grid, calibrations):
+        for axes, ratio in zip(row, ratios):
+            shown = [test for test in tests if (test.calibration, test.damping_ratio) == (calibration, ratio)]
+            for test in reversed(shown):
+                t = np.arange(test.torque.size) * sample_time
+                torque = test.torque - test.torque[t > t[-1] - 1.0].mean()
+                axes.plot(t, torque, **{**style[test.law], "linestyle": "-", "linewidth": 1.0})
+            axes.axvspan(settling, t[-1], color="#f0f0f0", zorder=0)
+            axes.set_title(f"{calibration}, " + (f"damping ratio {ratio:g}" if ratio else "no micro-damper"))
+        row[0].set_ylabel("torque [N m]")
+    for axes in grid[-1]:
+        axes.set_xlabel("time held [s]")
+    legend(figure, grid[0, 0])
+    return svg(figure)
+
+
+@styled
+def readme(
+    x: Array, loops: Mapping[str, tuple[str, Array]], weave: Mapping[str, Array], frictionless: Mapping[str, Array]
+) -> str:
+    """Friction torque over one displacement, a panel for each law; beside them the hand torque in a weave.
+
+    Parameters
+    ----------
+    x : (T,) array
+        Displacement [rad].
+    loops : title -> (law, (T,) friction torque [N m])
+    weave, frictionless : channel -> (n,) mean cycle, closed, SI
+        The weave with LuGre friction and without friction.
+    """
+    figure = new_figure(9.6, 2.9)
+    *panels, last = figure.subplots(1, len(loops) + 1, width_ratios=[1.0] * len(loops) + [1.5])
+    for axes, (title, (law, torque)) in zip(panels, loops.items()):
+        axes.plot(x / DEGREE, torque, color=styles([law])[law]["color"], linewidth=1.2)
+        axes.set(title=title, xlabel="displacement [deg]", ylim=(-1.05, 1.05))
+        axes.tick_params(labelleft=axes is panels[0])
+    panels[0].set_ylabel("friction torque [N m]")
+    lines = (
+        (weave, {"color": PALETTE[0], "label": "with friction (LuGre)"}),
+        (frictionless, {"color": "#777777", "linestyle": DASHES[1], "label": "without friction"}),
+    )
+    for cycle, style in lines:
+        last.plot(cycle[ANGLE] / DEGREE, cycle[TORQUE], **style)
+    last.set(title="in the car: a weave at 100 km/h", xlabel="handwheel angle [deg]", ylabel="hand torque [N m]")
+    last.legend(loc="lower right", fontsize=8)
+    return svg(figure)
+
+
+@styled
+def real_time(tables: Mapping[str, Sequence[Any]], usable: float) -> str:
+    """Error over step length, a panel for each scheme; a cross at the top where a run does not stay bounded.
+
+    Parameters
+    ----------
+    tables : law -> rows
+        With ``scheme``, ``step`` [s], ``error`` [1] or None, and ``bounded``.
+    usable : float
+        Error up to which a scheme counts as usable, drawn as a line [1].
+    """
+    schemes = dict.fromkeys(row.scheme for rows in tables.values() for row in rows)
+    figure = new_figure(9.6, 3.4)
+    grid = figure.subplots(1, len(schemes), sharex=True, sharey=True)
+    for axes, scheme in zip(grid, schemes):
+        for (law, style), height in zip(styles(tables).items(), np.geomspace(*CROSSES, len(tables))):
+            rows = [row for row in tables[law] if row.scheme == scheme]
+            kept = [row for row in rows if row.bounded]
+            axes.loglog([1e3 * row.step for row in kept], [100 * (row.error or 0.0) for row in kept], **style)
+            lost = [1e3 * row.step for row in rows if not row.bounded]
+            axes.plot(lost, [height] * len(lost), "x", color=style["color"], markersize=5)
+        axes.axhline(100 * usable, color="#999999", linewidth=0.8)
+        axes.set(title=scheme, xlabel="step [ms]")
+        axes.set_xticks([0.1, 1.0, 10.0], ["0.1", "1", "10"])
+    grid[0].set(ylabel="RMS error of friction torque [%]", ylim=(None, 1e4))
+    legend(figure, grid[0])
+    return svg(figure)
+
+
+@styled
+def margins(points: dict[str, list[Any]], targets: tuple[float, float]) -> str:
+    """Phase margin [deg] and gain margin [dB] over torsion-bar torque, one line for each speed."""
+    figure = new_figure(9.6, 3.0)
+    panels = figure.subplots(1, 2, sharex=True)
+    for (speed, cells), colour, marker in zip(points.items(), PALETTE, "osD^v"):
+        torque = [cell.torque for cell in cells]
+        for axes, values in zip(panels, zip(*((cell.phase_deg, cell.gain_db) for cell in cells))):
+            axes.plot(torque, values, marker=marker, markersize=4, color=colour, label=speed)
+    for axes, target, label in zip(panels, targets, ("phase margin [deg]", "gain margin [dB]")):
+        axes.axhline(target, color="#999999", linewidth=0.8)
+        axes.annotate("usual target", (0.01, target), xycoords=("axes fraction", "data"), fontsize=8, va="bottom")
+        axes.set(xlabel="torsion-bar torque [N m]", ylabel=label, ylim=(0.0, None))
+    legend(figure, panels[0])
+    return svg(figure)
+
+
+@styled
+def chassis(cycles: dict[str, dict[str, Array]]) -> str:
+    """The same weave on both chassis: hand torque, rack force and roll angle as cross plots."""
+    figure = new_figure(9.6, 3.2)
+    panels = figure.subplots(1, 3)
+    pairs = (
+        ("torque over lateral acceleration", AY, GRAVITY, "lateral acceleration [g]", TORQUE, 1.0, "torque [N m]"),
+        ("rack force over handwheel angle", ANGLE, DEGREE, "handwheel angle [deg]", "rack_force", 1, "rack force [N]"),
+        ("roll over lateral acceleration", AY, GRAVITY, "lateral acceleration [g]", "roll_angle", DEGREE, "roll [deg]"),
+    )
+    for axes, (title, x, per_x, x_label, y, per_y, y_label) in zip(panels, pairs):
+        for (name, cycle), colour, dash in zip(cycles.items(), PALETTE, DASHES):
+            axes.plot(cycle[x] / per_x, cycle[y] / per_y, color=colour, linestyle=dash, label=name)
+        axes.set(title=title, xlabel=x_label, ylabel=y_label)
+    legend(figure, panels[0])
+    return svg(figure)
+
+
+@styled
+def parking(found: dict[str, Any]) -> str:
+    """Rack force and hand torque over the handwheel angle, from lock to lock and back."""
+    figure = new_figure(9.6, 3.2)
+    panels = figure.subplots(1, 2)
+    for (state, drive), colour, dash in zip(found.items(), PALETTE, DASHES):
+        angle = np.append(drive.angle, drive.angle[0]) / DEGREE
+        for axes, y in zip(panels, (1e-3 * drive.rack_force, drive.torque)):
+            axes.plot(angle, np.append(y, y[0]), color=colour, linestyle=dash, label=state)
+    for axes, label in zip(panels, ("rack force [kN]", "handwheel torque [N m]")):
+        axes.set(xlabel="handwheel angle [deg]", ylabel=label)
+    legend(figure, panels[0])
+    return svg(figure)
+
+
+@styled
+def cross_validation(results: Mapping[str, Mapping[str, Any]]) -> str:
+    """Yaw rate and lateral acceleration of both models, a column for each manoeuvre of ``results``."""
+    figure = new_figure(9.6, 4.6)
+    grid = figure.subplots(2, len(results), sharex="col", sharey="row", squeeze=False)
+    for column, result in zip(grid.T, results.values()):
+        published, reconciled = result["published"], result["reconciled"]
+        lines = (
+            (published.theirs, "CommonRoad as published", {"color": PALETTE[1], "linewidth": 1.0}),
+            (reconciled.theirs, "CommonRoad reconciled", {"color": PALETTE[3], "linewidth": 1.0}),
+            (published.ours, "two tracks", {"color": PALETTE[6], "linestyle": (0, (2, 3)), "linewidth": 1.8}),
+        )
+        for run, label, style in lines:
+            column[0].plot(run.time, run["yaw_rate"] / DEGREE, label=label, **style)
+            column[1].plot(run.time, run["lateral_acceleration"], label=label, **style)
+        column[0].set_title(f"{run.meta['manoeuvre']}, {run.meta['speed_m_s']:g} m/s")
+        column[1].set_xlabel("time [s]")
+    grid[0, 0].set_ylabel("yaw rate [deg/s]")
+    grid[1, 0].set_ylabel("lateral acceleration [m/s²]")
+    legend(figure, grid[0, 0])
+    return svg(figure)
+
+
+@styled
+def loop_width(panels: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> str:
+    """Signed loop widths over friction, a row for each metric and a column for each test.
+
+    Thin and dashed: the part that comes from vehicle lag and motor damping.
+    """
+    figure = new_figure(9.6, 5.4)
+    grid = figure.subplots(len(panels), len(next(iter(panels.values()))), sharex=True, sharey="row", squeeze=False)
+    for row, (metric, of_test) in zip(grid, panels.items()):
+        for axes, (test, of_car) in zip(row, of_test.items()):
+            axes.axhline(0.0, color="#999999", linewidth=0.8)
+            for (car, curve), colour in zip(of_car.items(), PALETTE):
+                F_c = [width.F_c for width in curve]
+                axes.plot(F_c, [width.total for width in curve], "o-", color=colour, markersize=3, label=car)
+                axes.plot(F_c, [width.rest for width in curve], color=colour, linewidth=1.0, linestyle=(0, (4, 2)))
+            axes.set_title(test if axes in grid[0] else "")
+        row[0].set_ylabel(f"{metric}, signed [N m]")
+    for axes in grid[-1]:
+        axes.set_xlabel("friction torque [N m]")
+    legend(figure, grid[0, 0])
+    return svg(figure)
+
+
+class LearningCurves(NamedTuple):
+    """Curves of one task."""
+
+    title: str  # of the metric that the training is for, with its unit
+    metric: str  # its name among the columns
+    runs: Mapping[str, Mapping[str, Array]]  # label -> column ("steps", "reward", metrics) -> (n,)
+
+
+@styled
+def learning(tasks: Mapping[str, LearningCurves]) -> str:
+    """Learning curves, a row for each task: the reward, and the metric that the training is for."""
+    figure = new_figure(9.6, 1.9 * len(tasks))
+    grid = figure.subplots(len(tasks), 2, squeeze=False)
+    for (task, curves), row in zip(tasks.items(), grid):
+        for axes, column, title in zip(row, ("reward", curves.metric), ("reward", curves.title)):
+            for k, (name, run) in enumerate(curves.runs.items()):
+                axes.plot(1e-6 * run["steps"], run[column], color=PALETTE[k], linestyle=DASHES[k], label=name)
+            axes.set_xlabel("steps of training [millions]")
+            axes.set_ylabel(title)
+        row[0].set_title(task)
+    legend(figure, max(grid[:, 0], key=lambda axes: len(axes.lines)))
+    return svg(figure)
+
+
+HIGHEST_YAW_RATE = 30.0  # that is shown after a pulse of the hands [deg/s]
+# Colour and meaning of the verdicts after a pulse of the hands.
+VERDICTS = {
+    "settles": ("#8FD3BD", "settles: after 6 s the yaw rate swings by less than ±0.5 deg/s"),
+    "decays": ("#F0C857", "decays, but takes longer"),
+    "oscillates": ("#D55E00", "keeps oscillating"),
+    "spins": ("#000000", "spins or lifts a wheel"),
+}
+
+
+@styled
+def hands_off(
+    law: str,
+    curves: Mapping[str, Mapping[float, Array]],
+    verdicts: Mapping[tuple[str, float, str], Mapping[float, str]],
+) -> str:
+    """What becomes of the car after a pulse of the hands: a column for each chassis.
+
+    Parameters
+    ----------
+    law : str
+        That of the curves.
+    curves : chassis -> speed [m/s] -> (T,) yaw rate [rad/s], sampled at 1 ms
+    verdicts : (chassis, torque [N m], law) -> speed [m/s] -> verdict
+        As in ``VERDICTS``; the speeds are evenly spaced.
+    """
+    torques, laws = list(dict.fromkeys(key[1] for key in verdicts)), list(dict.fromkeys(key[2] for key in verdicts))
+    figure = new_figure(9.6, 2.1 + (0.7 + 0.22 * len(laws)) * len(torques))
+    heights = [8.0, *(len(laws) for _ in torques)]
+    grid = figure.subplots(1 + len(torques), len(curves), sharey="row", squeeze=False, height_ratios=heights)
+    for column, (chassis, over_time) in zip(grid.T, curves.items()):
+        name = chassis.replace("_", " ")
+        for (speed, rate), colour, dash in zip(over_time.items(), PALETTE, DASHES):
+            beyond = np.flatnonzero(np.abs(rate) > HIGHEST_YAW_RATE * DEGREE)
+            shown = rate[: beyond[0] if beyond.size else None : 10] / DEGREE  # a curve ends where it leaves the panel
+            column[0].plot(1e-2 * np.arange(shown.size), shown, color=colour, linestyle=dash, label=f"{speed:g} m/s")
+        column[0].set(title=f"{name}: {torques[0]:g} N m, {law}", xlabel="time from the start of the pulse [s]")
+        for axes, torque in zip(column[1:], torques):
+            axes.grid(visible=False)
+            for row, of in enumerate(verdicts[chassis, torque, each] for each in laws):
+                speeds, words = np.array(list(of)), np.array(list(of.values()))
+                half = 0.5 * (speeds[1] - speeds[0])
+                for part in np.split(np.arange(speeds.size), np.flatnonzero(words[1:] != words[:-1]) + 1):
+                    left, width = speeds[part[0]] - half, 2.0 * half * part.size
+                    axes.barh(row, width, 0.8, left, color=VERDICTS[words[part[0]]][0])
+            axes.set(title=f"{name}: {torque:g} N m", xlabel="speed [m/s]", yticks=range(len(laws)), yticklabels=laws)
+            axes.set(xlim=(speeds[0] - half, speeds[-1] + half), ylim=(len(laws) - 0.4, -0.6))
+    grid[0, 0].set_ylabel("yaw rate [deg/s]")
+    legend(figure, grid[0, 0])
+    patches = [Patch(color=colour, label=text) for colour, text in VERDICTS.values()]
+    figure.legend(handles=patches, loc="outside lower center", ncols=len(patches), columnspacing=1.2)
+    return svg(figure)

@@ -1,0 +1,124 @@
+"""Result files: the trace that each holds, and whether two of them hold the same results.
+
+A trace (:func:`steer_env.experiments.pages.provenance.trace`) is the key ``trace`` of a JSON file and of the meta of a
+recording, and an element of a page.
+"""
+
+import json
+import os
+import re
+from collections.abc import Collection, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from steer_env.recording import files
+
+# What describes the run and not its result, at the top of a JSON file: dates, durations, machine, versions, the trace.
+_ABOUT_THE_RUN = frozenset({"trace", "versions", "provenance", "real_time", "version"})
+_ELEMENT = re.compile(r'<script type="application/json" id="trace">(.*?)</script>\n?', re.DOTALL)
+_DATE = re.compile(r"\d{4}-\d\d-\d\d(?:[T ]\d\d:\d\d(?::\d\d)?(?:\+00:00)?)?")
+_MEASURED = re.compile(r"<!-- measured -->.*?<!-- end of measured -->", re.DOTALL)  # durations, and the machine
+_DRAWN = re.compile(r"[0-9a-f]{8}-(?:[0-9a-f]{4}-){3}[0-9a-f]{12}")  # random names of plots in a page
+SUFFIXES = (".json", ".html", *files.FORMATS)
+
+
+def embedded(page: str, trace: Mapping[str, Any]) -> str:
+    """A page with a trace, which a browser does not show."""
+    text = json.dumps(trace, ensure_ascii=False).replace("</", "<\\/")
+    head, end, tail = page.rpartition("</body>")
+    return f'{head}<script type="application/json" id="trace">{text}</script>\n{end}{tail}'
+
+
+def read(path: str | os.PathLike[str]) -> dict[str, Any]:
+    """The trace of a result file.
+
+    Raises
+    ------
+    ValueError
+        A file of another kind, or without a trace.
+    OSError
+        A file that cannot be read.
+    """
+    suffix = Path(path).suffix.lower()
+    if suffix not in SUFFIXES:
+        raise ValueError(f"{path}: results end in {', '.join(SUFFIXES)}")
+    if suffix == ".html":
+        element = _ELEMENT.search(Path(path).read_text(encoding="utf-8"))
+        found = json.loads(element[1]) if element else None
+    elif suffix == ".json":
+        contents = _json(path)
+        found = contents.get("trace") if isinstance(contents, dict) else None
+    else:
+        found = files.read(path).meta.get("trace")
+    if not isinstance(found, dict):
+        raise ValueError(f"{path}: holds no trace, so nothing tells what it was made from")
+    return found
+
+
+def _json(path: str | os.PathLike[str]) -> Any:
+    try:
+        return json.loads(Path(path).read_text(encoding="utf-8"))
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+
+
+def differences(one: str | os.PathLike[str], other: str | os.PathLike[str]) -> list[str]:
+    """What two result files of a kind do not have in common, to the bit; none for equal results.
+
+    The trace is not compared, nor what stands at the top of a JSON file, or marked in a page, about the run: date,
+    durations, machine, versions.
+    """
+    suffix = Path(one).suffix.lower()
+    if suffix == ".html":
+        return [] if _page(one) == _page(other) else ["the text of the page"]
+    if suffix == ".json":
+        a, b = (_result(_json(path), _ABOUT_THE_RUN) for path in (one, other))
+    else:
+        a, b = _recorded(one), _recorded(other)
+    return [name for name in {**a, **b} if name not in a or name not in b or not _equal(a[name], b[name])]
+
+
+def _page(path: str | os.PathLike[str]) -> str:
+    """The text of a page without its trace, its dates, what it marks as measured, and the random names of its plots."""
+    text = _MEASURED.sub("", _ELEMENT.sub("", Path(path).read_text(encoding="utf-8")))
+    return _DRAWN.sub("", _DATE.sub("", text))
+
+
+def _values(value: Any, name: str = "") -> Iterator[tuple[str, Any]]:
+    """The values of nested mappings and lists with their places."""
+    if isinstance(value, Mapping | list) and value:
+        for key, each in value.items() if isinstance(value, Mapping) else enumerate(value):
+            yield from _values(each, f"{name}.{key}" if name else str(key))
+    else:
+        yield name, value
+
+
+def _result(contents: Any, about_the_run: Collection[str]) -> dict[str, Any]:
+    """The values of a result file with their places, without what is about the run at its top."""
+    if isinstance(contents, Mapping):
+        contents = {key: value for key, value in contents.items() if key not in about_the_run}
+    return dict(_values(contents))
+
+
+def _recorded(path: str | os.PathLike[str]) -> dict[str, Any]:
+    """Time, channels, units and meta of a recording."""
+    recording = files.read(path)
+    meta = {f"meta {name}": value for name, value in _result(recording.meta, {"trace"}).items()}
+    return {
+        "time": recording.time,
+        **recording.channels,
+        **{f"unit of {k}": v for k, v in recording.units.items()},
+        **meta,
+    }
+
+
+def _equal(one: Any, other: Any) -> bool:
+    """Whether two values are of the same bits: zeros with other signs are not, NaN with the same bits are."""
+    if type(one) is not type(other):
+        return False
+    if isinstance(one, np.ndarray | float):
+        a, b = np.asarray(one), np.asarray(other)
+        return (a.dtype, a.shape, a.tobytes()) == (b.dtype, b.shape, b.tobytes())
+    return one == other

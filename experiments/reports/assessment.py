@@ -1,0 +1,212 @@
+"""Assessment of one or two recordings of a test: metrics with ratings, differences, simulation against measurement.
+
+Measured and simulated recordings are treated alike.
+"""
+
+import math
+import shlex
+from collections.abc import Mapping
+from importlib import metadata
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from steer_env import metrics
+from steer_env.experiments.pages import plots, provenance
+from steer_env.experiments.pages.files import replaced_directory, write_json
+from steer_env.experiments.pages.metrics_json import entries
+from steer_env.experiments.pages.pages import environment
+from steer_env.experiments.pages.traces import embedded
+from steer_env.experiments.reports.verdict import title, verdict
+from steer_env.experiments.studies.common import battery, simulation_vs_measurement
+from steer_env.metrics import RefusedError, Value, targets
+from steer_env.metrics.common import frequency_response, just_noticeable
+from steer_env.metrics.common.confidence import difference
+from steer_env.recording.recording import Recording
+
+CONTENTS = frozenset({"index.html", "evaluation.json"})
+
+
+class Assessment(NamedTuple):
+    """Metrics of one or two recordings of a test, with their ratings, differences and curves."""
+
+    test: str
+    values: dict[str, dict[str, Value]]  # label of the recording -> metric
+    ratings: dict[str, dict[str, targets.Rating | None]]  # label -> metric with a target band
+    bands: dict[str, targets.Band]
+    targets: targets.Targets | None
+    differences: dict[str, tuple[float, float, float]]  # second less first with its 95 % interval [unit of the metric]
+    perceptions: dict[str, just_noticeable.Perception]  # of the differences
+    noticed: float  # just-noticeable difference that they are judged by [1]
+    large: frozenset[str]  # metrics whose difference counts as large, as in the report
+    pairs: list[simulation_vs_measurement.Pair]  # cross plots with boundaries, the first recording being the reference
+    allowed: Mapping[str, simulation_vs_measurement.Tolerance]  # by channel, that the boundaries are made of
+    curves: dict[str, simulation_vs_measurement.Curves]
+    zeros: dict[str, list[str]]  # what is known of the sensors' zeros in cross plots over time, in sentences
+
+
+def assess(
+    recordings: Mapping[str, Recording],
+    test: str | None = None,
+    wanted: targets.Targets | None = None,
+    allowed: Mapping[str, simulation_vs_measurement.Tolerance] | None = None,
+    timing: float = 0.0,
+    noticed: float = just_noticeable.SHARE,
+    **given: Any,
+) -> Assessment:
+    """Assess one recording, or compare a second with the first.
+
+    Parameters
+    ----------
+    recordings : mapping of str to Recording
+        Label -> recording; the first is the reference.
+    test : str, optional
+        By default the manoeuvre that the first recording's meta names.
+    wanted : Targets, optional
+        Target bands that the values are rated by.
+    allowed : mapping of str to Tolerance, optional
+        Tolerances by channel; if given, the second recording is compared with the boundaries around the first.
+    timing : float
+        Bound on the unknown delay between channels, as for :func:`steer_env.metrics.evaluate` [s].
+    noticed : float
+        Just-noticeable difference of a sustained torque or angle, as for :func:`just_noticeable.perception` [1].
+    given
+        Conditions as for :func:`steer_env.metrics.evaluate`.
+
+    Raises
+    ------
+    ValueError
+        For an unknown test or condition, or if no cross plot is possible.
+    """
+    first = next(iter(recordings.values()))
+    evaluation = metrics.evaluation_of(first, test)
+    values = {
+        label: metrics.evaluate(found, evaluation.name, timing=timing, **given) for label, found in recordings.items()
+    }
+    held = wanted.bands.get(evaluation.name, {}) if wanted else {}
+    differences, perceptions, large = {}, {}, set()
+    if len(values) == 2:
+        a, b = values.values()
+        differences = {
+            name: difference(np.array(a[name].repeats), np.array(b[name].repeats))
+            for name in a
+            if not a[name].reason and not b[name].reason
+        }
+        perceptions = {
+            name: just_noticeable.perception(name, a[name].value, gap, noticed) for name, gap in differences.items()
+        }
+        large = {name for name in differences if battery.difference(name, b[name], a[name]).matters}
+    curves = {}
+    for label, recording in recordings.items():
+        try:
+            curves[label] = simulation_vs_measurement.curves(recording, evaluation, **given)
+        except RefusedError:
+            continue  # the metrics give the reason
+    pairs = []
+    if allowed:
+        reference, other = recordings.values()
+        pairs = simulation_vs_measurement.compare(reference, other, evaluation.name, allowed, **given)
+    return Assessment(
+        test=evaluation.name,
+        values=values,
+        ratings={label: targets.ratings(found, held) for label, found in values.items()},
+        bands=held,
+        targets=wanted,
+        differences=differences,
+        perceptions=perceptions,
+        noticed=noticed,
+        large=frozenset(large),
+        pairs=pairs,
+        allowed=allowed or {},
+        curves=curves,
+        zeros={
+            label: simulation_vs_measurement.zero_notes(found, evaluation)
+            for label, found in recordings.items()
+            if pairs
+        },
+    )
+
+
+def as_json(found: Assessment) -> dict[str, Any]:
+    """The assessment as JSON."""
+
+    def finite(x: float) -> float | None:
+        return x if math.isfinite(x) else None
+
+    return {
+        "manoeuvre": found.test,
+        "metrics": {label: entries(values) for label, values in found.values.items()},
+        "targets": found.targets.name if found.targets else None,
+        "lights": {
+            label: {name: rating._asdict() if rating else None for name, rating in ratings.items()}
+            for label, ratings in found.ratings.items()
+        },
+        "differences": {
+            name: {
+                "value": finite(gap),
+                "ci": [finite(low), finite(high)],
+                "unit": metrics.definition(name).unit,
+                "large": name in found.large,
+                "perception": found.perceptions[name].verdict,
+                "perception_sure": found.perceptions[name].sure,
+            }
+            for name, (gap, low, high) in found.differences.items()
+        },
+        "noticed_share": found.noticed,
+        "verdict": verdict(found),
+        "cross_plots": [{"x": p.x, "y": p.y, "inside": p.inside, "worst": p.worst} for p in found.pairs],
+        "zeros": found.zeros,
+        "version": metadata.version("steer-env"),
+    }
+
+
+def render(found: Assessment, recordings: Mapping[str, Recording], trace: Mapping[str, Any] | None = None) -> str:
+    """The page: verdict, tolerances, values with ratings, differences, plots, definitions, and what it is made from.
+
+    Command and mappings are those of the ``trace``.
+    """
+    labels = list(recordings)
+    trace = trace or {}
+    channels = dict.fromkeys(name for pair in found.pairs for name in (pair.x, pair.y))
+    limits = [plots.boundaries(pair, (labels[0], labels[1])) for pair in found.pairs]
+    drawn = plots.panels(found.curves, metrics.evaluation_of(recordings[labels[0]], found.test).plots)
+    responses = plots.responses(recordings, found.test) if found.test in frequency_response.TESTS else []
+    return (
+        environment(__package__)
+        .get_template("evaluation.html.j2")
+        .render(
+            f=found,
+            labels=labels,
+            title=title(found),
+            verdict=verdict(found),
+            command=shlex.join(["steer-env", *trace["command"]]) if "command" in trace else None,
+            mappings={label: of for label, of in trace.get("mapping", {}).items() if of["channels"] or of["meta"]},
+            tolerances={plots.axis(name): found.allowed[name] for name in channels},
+            enough=simulation_vs_measurement.ENOUGH,
+            matters=battery.MATTERS,
+            leasts=battery.LEAST,
+            metas={label: {k: v for k, v in r.meta.items() if k != "trace"} for label, r in recordings.items()},
+            definitions={name: metrics.definition(name) for name in metrics.available(found.test)},
+            script=plots.script(),
+            figure=plots.draw(drawn) if drawn else "",
+            noticeable=just_noticeable,
+            responses=plots.draw(responses, 300, 3) if responses else "",
+            boundaries=plots.draw(limits) if limits else "",
+            version=metadata.version("steer-env"),
+        )
+    )
+
+
+def write(
+    out: Path, found: Assessment, recordings: Mapping[str, Recording], trace: Mapping[str, Any] | None = None
+) -> None:
+    """Write ``index.html`` and ``evaluation.json`` into a directory, which appears or is replaced as a whole.
+
+    Both hold the ``trace`` of :func:`steer_env.experiments.pages.provenance.trace`, by default that of a Python
+    program.
+    """
+    trace = provenance.trace() if trace is None else trace
+    with replaced_directory(out, CONTENTS) as part:
+        (part / "index.html").write_text(embedded(render(found, recordings, trace), trace), encoding="utf-8")
+        write_json(part / "evaluation.json", {**as_json(found), "trace": trace})

@@ -1,0 +1,274 @@
+"""The evaluation report: effects of the friction law on feel, accuracy and real-time cost.
+
+``build`` writes ``index.html`` (self-contained) and ``metrics.json`` into a directory beside the target, which replaces
+the target when everything is done. The page begins with what a person reads in two minutes; details are folded.
+"""
+
+import math
+import os
+import shlex
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from steer_env import metrics
+from steer_env.experiments.pages import front_pictures, pictures, plots, provenance, still_plots, traces
+from steer_env.experiments.pages.files import replaced_directory, write_json
+from steer_env.experiments.pages.metrics_json import entries
+from steer_env.experiments.pages.pages import environment, image
+from steer_env.experiments.pages.words import label
+from steer_env.experiments.reports import findings
+from steer_env.experiments.reports.results import Notify, Results, Scope, collect
+from steer_env.experiments.studies import cross_validation, friction_laws, loop_width, real_time, vehicle
+from steer_env.experiments.studies.common import battery, commonroad_reference
+from steer_env.experiments.sweep import Runner, run
+from steer_env.metrics import targets
+from steer_env.metrics.common import just_noticeable
+from steer_env.metrics.common.filtered_channels import ANGLE, TORQUE
+from steer_env.vehicle import plant
+from steer_env.vehicle.steering.eps import SAMPLE_TIME
+
+CONTENTS = frozenset({"index.html", "metrics.json"})
+EVERYTHING = Scope()
+SHARES = 10  # differences in the picture on the first screen, at most
+WANTED = "compact"  # target bands that the summary rates the laws by
+
+
+class Look(NamedTuple):
+    """How the page shows the results."""
+
+    light: bool = False  # pictures in place of interactive plots, so that the page is small enough for a mail
+    noticed: float = just_noticeable.SHARE  # just-noticeable difference of sustained torque and angle [1]
+
+
+DEFAULT = Look()
+
+
+def metrics_json(results: Results, source: dict[str, Any], look: Look = DEFAULT) -> dict[str, Any]:
+    """The numbers of the report: metrics of the weave by name, those of other tests with the test's name ahead."""
+    return {
+        "metrics": {
+            law: {
+                _key(test, name): entry
+                for test, drives in results.drives.items()
+                for name, entry in entries(drives[law].values).items()
+            }
+            for law in results.laws
+        },
+        "differences": _differences_json(results, look.noticed),
+        "real_time": {
+            "case": "column alone, hand torque 2.5 N m at 0.5 Hz",
+            "units": {"step": "s", "error": "1", "ns_per_step": "ns", "worst_step_ns": "ns", "whole_car": "ns"},
+            "laws": {law: [row._asdict() for row in rows] for law, rows in results.tables.items()},
+            "whole_car": results.sample_ns,
+        },
+        **({"vehicle": _vehicle_json(results)} if results.vehicle else {}),
+        "provenance": source,
+    }
+
+
+def _key(test: str, metric: str) -> str:
+    return metric if test == "weave" else f"{test.replace('-', '_')}.{metric}"
+
+
+def _differences_json(results: Results, noticed: float) -> dict[str, Any]:
+    """Differences from the base law; those of refused metrics are left out."""
+    found = {
+        law: {
+            _key(test, name): battery.as_json(of_law[law])
+            for test in results.drives
+            for name, of_law in findings.feel(results, test, noticed).table.items()
+            if math.isfinite(of_law[law].value)
+        }
+        for law in results.laws
+        if law != results.base
+    }
+    return {"base": results.base, "noticed_share": noticed, "laws": found}
+
+
+def _vehicle_json(results: Results) -> dict[str, Any]:
+    study, compared = results.vehicle, results.cross_validation
+    assert study is not None
+    assert compared is not None
+    return {
+        "weave_peaks": {
+            "units": {name: unit for name, unit in plant.CHANNELS if name in vehicle.SHOWN},
+            **{row.title: row.values for row in study.peaks},
+        },
+        "parking": {state: entries(found.values) for state, found in study.parking.items()},
+        "cross_validation": cross_validation.entries(compared),
+    }
+
+
+def provenance_of(results: Results) -> dict[str, Any]:
+    """Versions, laws, car and manoeuvres of a report."""
+    return {
+        **provenance.versions(),
+        "laws": {law: provenance.law(p) for law, p in results.laws.items()},
+        "calibration": provenance.calibration(),
+        "car": provenance.car(results.car),
+        **({"external_vehicle": provenance.input_file(results.chassis)} if results.chassis else {}),
+        "manoeuvres": {
+            test: {
+                "definition": manoeuvre.definition,
+                "source": manoeuvre.source,
+                "amplitude_rad" if manoeuvre.robot else "amplitude_nm": {
+                    law: drive.amplitude if math.isfinite(drive.amplitude) else None
+                    for law, drive in results.drives[test].items()
+                },
+            }
+            for test, manoeuvre in results.manoeuvres.items()
+        },
+    }
+
+
+def render(results: Results, source: dict[str, Any], look: Look = DEFAULT, command: Sequence[str] | None = None) -> str:
+    """The page; ``command`` is what made it, without ``steer-env``."""
+    feels = {test: findings.feel(results, test, look.noticed) for test in results.drives}
+    differences = findings.differences(results, feels)
+    drawn = {**_first_pictures(results, differences, look.noticed), **_pictures(results)}
+    weave = _weave(results)
+    return (
+        environment(__package__)
+        .get_template("report.html.j2")
+        .render(
+            r=results,
+            source=source,
+            command=None if command is None else shlex.join(["steer-env", *command]),
+            findings=findings,
+            feels=feels,
+            differences=differences,
+            look=look,
+            study=friction_laws,
+            timing=real_time,
+            crossing=cross_validation,
+            reference=commonroad_reference,
+            width=loop_width,
+            noticeable=just_noticeable,
+            definitions={name: metrics.definition(name) for test in results.drives for name in metrics.available(test)},
+            coincident=front_pictures.coincident(weave) if weave else [],
+            images={name: image(svg) for name, svg in drawn.items()},
+            plots=_plots(results, look.light),
+            script="" if look.light else plots.script(),
+            wanted=targets.load(WANTED),
+            rate=targets.rating,
+        )
+    )
+
+
+def _weave(results: Results) -> dict[str, Any]:
+    """Curves of the weave by law, those of the base law first; none where a law has not both of its channels."""
+    drives = results.drives.get("weave", {})
+    curves = {law: drives[law].curves for law in sorted(drives, key=lambda law: law != results.base)}
+    return curves if all({ANGLE, TORQUE} <= of.keys() for of in curves.values()) else {}
+
+
+def _first_pictures(results: Results, found: findings.Differences, noticed: float) -> dict[str, str]:
+    """The pictures of the first screen, as SVG by name; without a test or a difference its picture is missing."""
+    history = friction_laws.HISTORIES["growing_sine"].x
+    drawn = {
+        "first_loops": front_pictures.loops(history, {law: of["growing_sine"] for law, of in results.torques.items()})
+    }
+    if weave := _weave(results):
+        drawn["first_weave"] = front_pictures.weave(weave)
+    titles = list(dict.fromkeys((row.metric, row.test) for row in found.known))[:SHARES]
+    shares = [
+        front_pictures.Share(
+            f"{label(row.metric)},\n{row.test.replace('-', ' ')}",
+            row.law,
+            row.found.value / abs(row.base.value),
+            row.found.half_width / abs(row.base.value),
+        )
+        for row in found.known
+        if (row.metric, row.test) in titles
+    ]
+    if shares:
+        drawn["first_noticed"] = front_pictures.noticed(shares, noticed)
+    return drawn
+
+
+def _pictures(results: Results) -> dict[str, str]:
+    """Every picture as SVG, by name."""
+    drawn = {
+        "characteristics": pictures.characteristics(friction_laws.HISTORIES, results.torques),
+        "reversal": pictures.reversal_and_hold(friction_laws.HISTORIES, results.torques),
+        "real_time": pictures.real_time(results.tables, real_time.USABLE),
+        "margins": pictures.margins(results.margins, findings.TARGETS),
+    }
+    if results.held:
+        step = friction_laws.THIN * SAMPLE_TIME
+        for state in friction_laws.ASSIST:
+            tests = [test for test in results.held if test.assist == state]
+            drawn[f"held_{state}"] = pictures.held_torque(tests, step, friction_laws.SETTLING)
+    if results.vehicle:
+        drawn["chassis"] = pictures.chassis(results.vehicle.cycles)
+        drawn["parking"] = pictures.parking(results.vehicle.parking)
+    if results.cross_validation:
+        shown = {name: found for name, found in results.cross_validation.items() if name in cross_validation.SHOWN}
+        drawn["cross_validation"] = pictures.cross_validation(shown)
+    if results.loop_width:
+        drawn["loop_width"] = pictures.loop_width(loop_width.panels(results.loop_width))
+    return drawn
+
+
+def _plots(results: Results, light: bool) -> dict[str, str]:
+    """Plots by test as HTML, interactive unless the page is light; for loops also the torque less the base law's."""
+    drawn = {}
+    for test, drives in results.drives.items():
+        curves = {law: drive.curves for law, drive in drives.items() if drive.curves}
+        pairs = metrics.evaluation_by_name(test).plots
+        shown = plots.panels(curves, pairs)
+        if results.base in curves and "time" not in curves[results.base]:
+            torques = [pair for pair in pairs if pair[1] == TORQUE]
+            shown = shown[: len(torques)] + plots.apart(curves, results.base, torques)
+        if shown and light:
+            alt = f"{test.replace('-', ' ')}: {'; '.join(f'{panel.y} over {panel.x}' for panel in shown)}"
+            drawn[test] = f'<img src="{image(still_plots.draw(shown))}" alt="{alt}">'
+        elif shown:
+            drawn[test] = plots.draw(shown, height=330)
+    return drawn
+
+
+def build(
+    out: str | os.PathLike[str],
+    laws: dict[str, Any],
+    scope: Scope = EVERYTHING,
+    notify: Notify = lambda part, what: None,
+    look: Look = DEFAULT,
+    trace: Mapping[str, Any] | None = None,
+    sweep: Runner = run,
+) -> Results:
+    """Write the report to a directory, which appears or is replaced as a whole.
+
+    Parameters
+    ----------
+    out : path
+        New, empty, or an earlier report.
+    laws : mapping of str to parameters
+        Label -> parameters of a friction law.
+    scope : Scope
+        Extent of the report.
+    notify : callable
+        Receives the part that is done, from 0 to 1, and what comes next.
+    look : Look
+        How the page shows the results.
+    trace : mapping, optional
+        What both files hold as their trace, by default car and laws without a command.
+    sweep : Runner
+        What runs the parts of the report; by default this process, one after the other.
+
+    Raises
+    ------
+    ValueError
+        If ``out`` holds other files, a manoeuvre cannot be driven, or the car was changed so that no car file makes it.
+    """
+    kept = provenance.trace(car=scope.loaded(), friction=laws) if trace is None else trace
+    with replaced_directory(Path(out), CONTENTS) as part:
+        results = collect(laws, scope, notify, sweep)
+        notify(0.96, "drawing")
+        source = provenance_of(results)
+        page = render(results, source, look, kept.get("command"))
+        (part / "index.html").write_text(traces.embedded(page, kept), encoding="utf-8")
+        write_json(part / "metrics.json", {**metrics_json(results, source, look), "trace": kept})
+    notify(1.0, "done")
+    return results

@@ -1,0 +1,257 @@
+"""The page and the files of friction laws that are fitted to a record (:mod:`friction_fit`).
+
+``write`` makes ``index.html``, ``fit.json`` with everything, and ``LAW.json`` for each law that was fitted, which
+``friction="LAW.json"`` takes.
+"""
+
+import math
+import re
+from collections.abc import Mapping
+from importlib import metadata
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from steer_env import friction
+from steer_env.experiments.pages import fit_pictures
+from steer_env.experiments.pages.files import replaced_directory, write_json
+from steer_env.experiments.pages.pages import environment, image
+from steer_env.experiments.pages.traces import embedded
+from steer_env.experiments.pages.words import number as shown_number
+from steer_env.experiments.reports.friction_fit import SHOWN, Found, contents, known_from
+from steer_env.friction import Compared, Fit
+from steer_env.friction.identification import periods
+from steer_env.friction.law import LAWS
+
+ADVICE = ": try another law with friction.compare"  # at the end of a warning of a law that does not describe the record
+WITHIN = 1.5  # of the record's own repeatability: a law that leaves no more describes the record; assumed [1]
+
+
+class Row(NamedTuple):
+    """A parameter as the page shows it, in the units of the record."""
+
+    name: str
+    value: str
+    interval: str
+    unit: str
+    determined: bool
+
+
+def percent(found: Found, value: float) -> float:
+    """A friction as a share of the mean friction [%]."""
+    return 100.0 * value / found.level
+
+
+def verdict(found: Found) -> str:
+    """One sentence: the law that leaves least, beside what the record itself repeats to, and those as good."""
+    if found.best is None:
+        return "No law was fitted; the table says why."
+    best = found.best
+    value, low, high = shares(found, best)
+    seconds = (found.record.x.size - found.first) * found.record.dt
+    where = (
+        f"the last {seconds:.3g} s, which were not fitted," if found.first else "the record, all of which was fitted,"
+    )
+    text = (
+        f"{_title(best.law)} describes this record best: on {where} it leaves {shown_number(value)} % of the mean "
+        f"friction{' while it moves' if found.rests else ''} ({shown_number(low)} to {shown_number(high)} %)"
+    )
+    alike = [_title(each.law) for each in found.laws[1:] if each.fit is not None and not found.apart(each)]
+    if alike:
+        text += f", and {_listed(alike)} {'are' if len(alike) > 1 else 'is'} as good on these data"
+    if found.repeats is not None:
+        own = percent(found, found.repeats)
+        text += f"; from one period to the next the record itself differs by {shown_number(own)} %"
+        if value > WITHIN * own:
+            text += ", so that no law here describes all of it"
+    return text[0].upper() + text[1:] + "."
+
+
+def shares(found: Found, each: Compared) -> tuple[float, float, float]:
+    """What a law leaves and its interval [% of the mean friction]."""
+    low, high = each.interval
+    return percent(found, each.residual), percent(found, low), percent(found, high)
+
+
+def _title(law: str) -> str:
+    return LAW_TITLES.get(law, law.replace("_", " "))
+
+
+LAW_TITLES = {  # of laws whose names are not plain words
+    **{"bouc_wen": "Bouc-Wen", "coulomb": "Coulomb", "dahl": "Dahl", "elasto_plastic": "elasto-plastic (Dupont)"},
+    **{"gms": "GMS", "lugre": "LuGre", "masing": "Masing", "stribeck": "Stribeck"},
+}
+
+
+def _listed(words: list[str]) -> str:
+    return " and ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)
+
+
+def unit_of(law: str, parameter: str, units: Mapping[str, str]) -> str:
+    """Unit of a parameter for a record in these units."""
+    return in_units(LAWS[law].units.get(parameter, ""), units)
+
+
+def in_units(text: str, units: Mapping[str, str]) -> str:
+    """A text on a law, which is in rad and N m, in the units of a record."""
+    return re.sub(r"\brad\b", units["displacement"], re.sub(r"\bN m\b", units["torque"], text))
+
+
+def warnings(fit: Fit, units: Mapping[str, str]) -> list[str]:
+    """The warnings of a fit in the units of the record, without the advice to compare laws, as they are compared."""
+    return [in_units(text.removesuffix(ADVICE), units) for text in fit.warnings]
+
+
+def beside(value: float, ends: tuple[Any, Any]) -> tuple[str, str]:
+    """A value and its interval with as many digits as the printed interval needs to hold the printed value."""
+    low, high = map(float, ends)
+    for digits in range(4, 10):
+        a, x, b = (float(f"{each:.{digits}g}") for each in (low, value, high))
+        if (a < x or low >= value) and (x < b or value >= high):  # an end may be the value itself
+            break
+    return shown_number(value, digits), f"{shown_number(low, digits)} to {shown_number(high, digits)}"
+
+
+def rows(fit: Fit, units: Mapping[str, str]) -> list[Row]:
+    """The parameters of a law that was fitted."""
+    found = []
+    for name, value in friction.as_mapping(fit.parameters).items():
+        if name == "law":
+            continue
+        interval = fit.intervals.get(name)
+        undetermined = name in fit.undetermined
+        text, ends = ", ".join(map(shown_number, value)) if isinstance(value, list) else shown_number(value, 4), ""
+        if interval is not None and not np.ndim(interval[0]):
+            text, ends = beside(value, interval)
+        found.append(Row(name, text, ends, unit_of(fit.law, name, units), not undetermined))
+    for name, value in ({} if fit.level is None else fit.level._asdict()).items():
+        if value != 0.0:
+            interval = fit.intervals.get(name)
+            unit = {"load": "1/N", "temperature_rate": "1/K", "temperature_rise": "K"}.get(name, "1")
+            text, ends = beside(value, interval) if interval else (shown_number(value, 4), "")
+            found.append(Row(f"level, {name}", text, ends, unit, True))
+    return found
+
+
+def law_file(found: Found, each: Compared, fit: Fit, trace: Mapping[str, Any]) -> dict[str, Any]:
+    """The file of a law, which ``friction="LAW.json"`` takes."""
+    return {
+        "friction": friction.as_mapping(fit.parameters),
+        "units": dict(found.record.units),
+        "level": None if fit.level is None else fit.level._asdict(),
+        "intervals": {name: [_plain(end) for end in ends] for name, ends in fit.intervals.items()},
+        "undetermined": list(fit.undetermined),
+        "offset": fit.offset,
+        "residual": fit.residual,
+        "held_out": [_plain(x) for x in (each.residual, *each.interval)],
+        "held_out_at_rest": each.resting,
+        "warnings": warnings(fit, found.record.units),
+        "notes": list(found.record.notes),
+        "trace": dict(trace),
+    }
+
+
+def as_json(found: Found, trace: Mapping[str, Any]) -> dict[str, Any]:
+    """Everything that was found, as JSON; null for an end of an interval that is open."""
+    r = found.record
+    own = periods.period(r.motion)
+    return {
+        "record": {
+            "name": found.name,
+            "samples": r.x.size,
+            "dt": r.dt,
+            "start": r.start,
+            "units": dict(r.units),
+            "factors": dict(r.factors),
+            "mean_friction": found.level,
+            "period": None if own is None else own * r.dt,
+            "repeats": found.repeats,
+            "rests": found.rests,
+            "notes": list(r.notes),
+        },
+        "judged_from": r.start + found.first * r.dt,
+        "verdict": verdict(found),
+        "best": found.best and found.best.law,
+        "laws": {
+            each.law: {"refused": each.refused}
+            if each.fit is None
+            else {
+                **{
+                    key: value
+                    for key, value in law_file(found, each, each.fit, {}).items()
+                    if key not in ("trace", "notes")
+                },
+                "criterion": _plain(found.criterion(each)),
+                "alike": list(each.alike),
+            }
+            for each in found.laws
+        },
+        "trace": dict(trace),
+    }
+
+
+def _plain(value: Any) -> Any:
+    """Numbers that JSON holds; None for those that are not finite."""
+    if np.ndim(value):
+        return [_plain(each) for each in value]
+    return float(value) if math.isfinite(value) else None
+
+
+def shown(found: Found) -> fit_pictures.Shown:
+    """The record in the units of the page, with its last whole loop."""
+    r = found.record
+    (x_unit, x_size), (unit, size) = SHOWN[r.units["displacement"]], SHOWN[r.units["torque"]]
+    n, known = periods.period(r.motion), known_from(r)
+    loop = slice(-n if n else None, None)
+    return fit_pictures.Shown(
+        r.time, r.motion / x_size, r.friction / size, x_unit, unit, loop, known, found.first or r.x.size
+    )
+
+
+def render(found: Found, trace: Mapping[str, Any], folder: str) -> str:
+    """The page."""
+    given = shown(found)
+    fitted = [each for each in found.laws if each.fit is not None]
+    fits = [each.fit for each in found.laws if each.fit is not None]
+    overview = {_title(e.law): shares(found, e) for e in fitted}
+    repeats = None if found.repeats is None else percent(found, found.repeats)
+    return (
+        environment(__package__)
+        .get_template("friction_fit.html.j2")
+        .render(
+            found=found,
+            record=found.record,
+            folder=folder,
+            verdict=verdict(found),
+            fitted=fitted,
+            missed=[each for each in found.laws if each.fit is None],
+            percent=lambda x: percent(found, x),
+            shares=lambda each: shares(found, each),
+            title=_title,
+            warnings={fit.law: warnings(fit, found.record.units) for fit in fits},
+            rows={fit.law: rows(fit, found.record.units) for fit in fits},
+            repeats=repeats,
+            overview=image(fit_pictures.residuals(overview, repeats)) if fitted else None,
+            pictures={e.law: image(fit_pictures.law(given, found.curves[e.law], found.level)) for e in fitted},
+            travel=float(np.ptp(given.x)),
+            x_unit=given.x_unit,
+            unit=given.friction_unit,
+            command=" ".join(trace.get("command") or ()),
+            version=metadata.version("steer-env"),
+        )
+    )
+
+
+def write(out: Path, found: Found, trace: Mapping[str, Any]) -> None:
+    """Write page and files into a directory, which appears or is replaced as a whole.
+
+    ``trace`` is of :func:`steer_env.experiments.pages.provenance.trace`; every file holds it.
+    """
+    page = render(found, trace, out.name)
+    with replaced_directory(out, contents()) as part:
+        (part / "index.html").write_text(embedded(page, trace), encoding="utf-8")
+        write_json(part / "fit.json", as_json(found, trace))
+        for each in found.laws:
+            if each.fit is not None:
+                write_json(part / f"{each.law}.json", law_file(found, each, each.fit, trace))

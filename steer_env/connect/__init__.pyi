@@ -1,0 +1,3 @@
+from . import external, fmu, udp
+
+__all__ = ["external", "fmu", "udp"]

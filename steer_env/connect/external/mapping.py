@@ -1,0 +1,159 @@
+"""Mappings: which variable of a foreign unit (FMU) is which input or channel, with its unit and sign.
+
+A mapping is a small TOML file, which names the unit and every variable that is used:
+
+    fmu = "vehicle.fmu"        # beside this file, or a whole path
+    step_ms = 1                # communication step, a whole number of milliseconds
+    speed_m_s = 27.8           # where the unit gives no speed
+    own_process = true         # the unit runs in a process of its own, whose faults end the run and not the program
+
+    [inputs.rack_travel]
+    variable = "Steer.RackTravel"
+    unit = "mm"                # needed where the unit (FMU) names none, or a wrong one
+    sign = -1                  # 1 or -1; the rack travel is positive where it steers left
+
+    [outputs.rack_force]       # positive where it resists a left turn
+    variable = "Steer.RackForce"
+
+    [parameters]               # start values, in the units of the FMU
+    "Road.Friction" = 0.9
+
+    [meta]                     # for metrics that need the geometry of the car; they are refused without it
+    wheelbase_m = 2.6
+    steering_ratio = 15.8      # handwheel angle over road-wheel angle, straight ahead
+
+A unit that this project exports, or another one with the same names, needs no mapping.
+"""
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from steer_env.connect.external.vehicle import GIVEN, OF_PLANT, TAKEN
+from steer_env.friction.numerics import toml
+from steer_env.friction.numerics.check import flag, number, whole
+from steer_env.recording.channel_mapping import did_you_mean
+from steer_env.recording.units import SPELLINGS, parse_unit
+
+GEOMETRY = ("wheelbase_m", "steering_ratio")  # keys of the meta
+LONGEST_STEP = 100  # communication step [ms]
+_KEYS = ("fmu", "step_ms", "speed_m_s", "inputs", "outputs", "parameters", "meta", "own_process")
+_ENTRY_KEYS = ("variable", "unit", "sign")
+# The held speed, by its name in the units of this project that do not report one.
+_HELD_SPEED = ("longitudinal_speed", "chassis.speed", "chassis.v_x")
+
+
+class Entry(NamedTuple):
+    """A variable of the unit."""
+
+    variable: str
+    unit: str | None = None  # None: the one that the unit names
+    sign: float = 1.0  # 1 or -1
+
+
+class Mapping(NamedTuple):
+    """A unit and how it is coupled."""
+
+    fmu: Path
+    inputs: dict[str, Entry]  # by names of ``TAKEN``
+    outputs: dict[str, Entry]  # by names of ``GIVEN``
+    parameters: dict[str, float]  # start values [units of the FMU]
+    speed: float | None  # of a unit that gives none [m/s]
+    step: int  # communication step [ms]
+    own_process: bool
+    meta: dict[str, float]  # of the recordings: geometry of the vehicle [units in the names]
+
+
+def load(path: str | Path, variables: Iterable[str]) -> Mapping:
+    """The mapping of a unit without a file: every variable that has one of this project's names.
+
+    Parameters
+    ----------
+    path : str or Path
+        The unit.
+    variables : iterable of str
+        Names of its variables.
+    """
+    there = set(variables)
+    inputs = {name: Entry(OF_PLANT.get(name, name)) for name in TAKEN if OF_PLANT.get(name, name) in there}
+    outputs = {name: Entry(name) for name in GIVEN if name in there}
+    speed = next((name for name in _HELD_SPEED if name in there), None)
+    if speed is not None:
+        outputs.setdefault("vehicle_speed", Entry(speed))
+    return Mapping(Path(path), inputs, outputs, {}, None, 1, False, {})
+
+
+def read(path: str | Path) -> Mapping:
+    """A mapping from a TOML file.
+
+    Raises
+    ------
+    ValueError
+        If the file is not a mapping; the message names the file, the key and what is allowed there.
+    OSError
+        If the file cannot be opened.
+    """
+    try:
+        data = toml.loads(Path(path).read_text(encoding="utf-8-sig"))
+        return _from_data(data, Path(path).parent)
+    except UnicodeDecodeError:
+        raise ValueError(f"{path}: expected text in UTF-8") from None
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+
+
+def _from_data(data: dict[str, Any], folder: Path) -> Mapping:
+    for key in data:
+        if key not in _KEYS:
+            raise ValueError(f"a mapping has no key {key!r}; it takes {', '.join(_KEYS)}")
+    if not isinstance(data.get("fmu"), str):
+        raise ValueError(f'a mapping names its unit, as fmu = "vehicle.fmu", got {data.get("fmu")!r}')
+    sections = {name: data.get(name, {}) for name in ("inputs", "outputs", "parameters", "meta")}
+    for name, section in sections.items():
+        if not isinstance(section, dict):
+            raise ValueError(f"{name} must hold keys and values, got {section!r}")
+    step = whole("step_ms", data.get("step_ms", 1), 1)
+    speed = number("speed_m_s", data["speed_m_s"], minimum=0.0) if "speed_m_s" in data else None
+    return Mapping(
+        folder / data["fmu"],
+        {name: _entry(f"inputs.{name}", name, given, TAKEN) for name, given in sections["inputs"].items()},
+        {name: _entry(f"outputs.{name}", name, given, GIVEN) for name, given in sections["outputs"].items()},
+        {name: number(f"parameters.{name}", value) for name, value in sections["parameters"].items()},
+        speed,
+        int(number("step_ms", step, maximum=LONGEST_STEP)),
+        flag("own_process", data.get("own_process", False)),
+        {name: _meta(name, value) for name, value in sections["meta"].items()},
+    )
+
+
+def _meta(name: str, value: Any) -> float:
+    if name not in GEOMETRY:
+        raise ValueError(f"meta has no key {name!r}; it takes {', '.join(GEOMETRY)}")
+    return number(f"meta.{name}", value, minimum=0.0, above=True)
+
+
+def _entry(where: str, name: str, given: Any, known: dict[str, str]) -> Entry:
+    if name not in known:
+        raise ValueError(f"{where}: nothing is known as {name!r}, {did_you_mean(name, known)}")
+    if not isinstance(given, dict) or not isinstance(given.get("variable"), str):
+        raise ValueError(f'{where} must name a variable, as variable = "Car.yaw_rate", got {given!r}')
+    for key in given:
+        if key not in _ENTRY_KEYS:
+            raise ValueError(f"{where} has no key {key!r}; it takes {', '.join(_ENTRY_KEYS)}")
+    unit, sign = given.get("unit"), given.get("sign", 1)
+    if unit is not None:
+        factor(where, str(unit), known[name])
+    if isinstance(sign, bool) or sign not in (1, -1):
+        raise ValueError(f"{where}.sign must be 1 or -1, got {sign!r}")
+    return Entry(given["variable"], unit, float(sign))
+
+
+def factor(where: str, unit: str | None, wanted: str) -> float:
+    """Size in SI of one of a unit, for a quantity that is kept in another; ValueError where it does not fit."""
+    found = parse_unit(unit or "")
+    if found is None:
+        told = f"{where}.unit {unit!r} is not known" if unit else f"{where} has no unit: give one"
+        raise ValueError(f"{told}; known are {SPELLINGS}")
+    if found[0] != wanted:
+        raise ValueError(f"{where}.unit {unit!r} does not fit a quantity that is kept in {wanted!r}")
+    return found[1]

@@ -1,0 +1,156 @@
+"""Export of a unit: kernels, C layer, description and documentation in one archive."""
+
+import hashlib
+import io
+import json
+import re
+import tempfile
+import uuid
+import zipfile
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from steer_env.connect.fmu import description, documentation, link
+from steer_env.connect.fmu.c_data import c_data
+from steer_env.connect.fmu.description3 import fmi3
+from steer_env.connect.fmu.variables import variables
+from steer_env.friction import law_of
+from steer_env.friction.law import as_mapping
+from steer_env.friction.numerics.check import one_of
+from steer_env.vehicle import cars
+from steer_env.vehicle.subsystems.make import PARTS, make_part
+from steer_env.vehicle.subsystems.object_code import PLATFORMS, module_text, object_code
+from steer_env.vehicle.subsystems.processor import Processor, processor
+from steer_env.vehicle.subsystems.subsystem import Part
+
+VERSIONS = (2, 3)
+ICONS = {2: "model.png", 3: "terminalsAndIcons/icon.png"}
+# Folders of the binaries, by version and platform.
+FOLDERS = {
+    2: {"linux64": "linux64", "win64": "win64"},
+    3: {"linux64": "x86_64-linux", "win64": "x86_64-windows"},
+}
+_DATE = (1980, 1, 1, 0, 0, 0)  # of every file in the archive, so that the same export gives the same bytes
+
+
+def export(
+    path: str | Path,
+    *,
+    part: str = "car",
+    friction: Any = "lugre",
+    vehicle: Any = "compact",
+    chassis: str = "single_track",
+    speed: float = 100.0 / 3.6,
+    robot: bool = False,
+    road_friction: float = 1.0,
+    platforms: Sequence[str] = ("linux64",),
+    fmi: int = 2,
+    cpu: str = "x86-64-v3",
+) -> Path:
+    """Write a co-simulation unit (FMU) that needs no Python where it runs.
+
+    Parameters
+    ----------
+    path : str or Path
+        File to write, ending with ``.fmu``.
+    part : {"car", "steering", "chassis"}
+        What the unit contains.
+    friction : str, mapping or parameters
+        A friction law as :func:`steer_env.friction.resolve` takes it; the chassis alone has none.
+    vehicle : str, path, mapping or Car
+        A car, or what makes one, as :func:`steer_env.vehicle.cars.load` takes it.
+    chassis : str
+        A name of :func:`steer_env.vehicle.chassis.available`; the steering alone has none.
+    speed : float
+        Held speed [m/s], for which the unit is made; of the steering alone the start value of the vehicle's speed.
+    robot : bool
+        Start value of the parameter ``robot``: whether the handwheel angle is prescribed, and not the hand torque.
+    road_friction : float
+        Friction of the road over that of the tyre measurements [1].
+    platforms : sequence of {"linux64", "win64"}
+        Platforms to include binaries for.
+    fmi : {2, 3}
+        Version of FMI, 2.0 or 3.0.
+    cpu : str
+        Least processor of the machine that runs the unit: ``"x86-64-v3"``, another level of x86-64, or ``"native"`` for
+        that of this machine.
+
+    Returns
+    -------
+    Path
+        The file.
+
+    Raises
+    ------
+    ValueError
+        A bad value, a missing compiler or a missing package; the message tells what to do.
+    """
+    wanted = _checked(Path(path), part, fmi, platforms)
+    loaded = vehicle if isinstance(vehicle, cars.Car) else cars.load(vehicle)
+    p = loaded.plant(friction, speed, robot, road_friction, chassis)
+    name, rolls = law_of(p.friction).name, f"chassis {chassis}, held speed {speed:.6g} m/s"
+    contents, label = {
+        "car": (f"friction law {name}, {rolls}", name),
+        "steering": (f"friction law {name}", name),
+        "chassis": (rolls, chassis),
+    }[part]
+    told = f"Car {loaded.name}, {contents}; processor level {cpu}."
+    made = make_part(part, p, speed)
+    files = _files(made, re.sub(r"\W", "_", f"steer_{part}_{label}"), told, wanted, fmi, processor(cpu))
+    made_of = {
+        **{"part": part, "chassis": chassis, "speed_m_s": speed, "robot": robot, "road_friction": road_friction},
+        **{"friction": as_mapping(p.friction), "car": loaded.data()},
+    }
+    files["resources/made_of.json"] = json.dumps(made_of, indent=1).encode()
+    _pack(Path(path), files)
+    return Path(path)
+
+
+def _checked(path: Path, part: str, fmi: int, platforms: Sequence[str]) -> tuple[str, ...]:
+    """The platforms, each once, after a look at what else may be wrong before long work begins."""
+    if path.suffix != ".fmu":
+        raise ValueError(f"the file of a unit must end with .fmu, got {path}")
+    for name, value, allowed in (("part", part, PARTS), ("fmi", fmi, VERSIONS)):
+        one_of(name, value, allowed)
+    for platform in platforms:
+        one_of("platform", platform, PLATFORMS)
+        link.compiler(platform)
+    if not platforms:
+        raise ValueError(f"a unit needs a platform: {', '.join(PLATFORMS)}")
+    link.headers()
+    return tuple(dict.fromkeys(platforms))
+
+
+def _pack(path: Path, files: dict[str, bytes]) -> None:
+    """Write an archive at once, so that nothing half-written stays."""
+    archive = io.BytesIO()
+    with zipfile.ZipFile(archive, "w", zipfile.ZIP_DEFLATED) as packed:
+        for name, contents in files.items():
+            packed.writestr(zipfile.ZipInfo(name, _DATE), contents, zipfile.ZIP_DEFLATED)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_bytes(archive.getvalue())
+
+
+def _files(
+    part: Part, identifier: str, told: str, platforms: Sequence[str], version: int, level: Processor
+) -> dict[str, bytes]:
+    """Contents of the archive by path: description, icon, documentation and binaries."""
+    listed = variables(part, version)
+    module = module_text(part)
+    objects = {platform: object_code(module, platform, level) for platform in platforms}
+    sources = [file.read_text(encoding="utf-8") for file in sorted(link.SOURCES.iterdir())]
+    parts = (c_data(part, listed, level, ""), told, *sources, str(version), *(code.hex() for code in objects.values()))
+    token = f"{{{uuid.UUID(hashlib.sha256(' '.join(parts).encode()).hexdigest()[:32])}}}"
+    data = c_data(part, listed, level, token)
+    text = (description.fmi2 if version == 2 else fmi3)(part, listed, identifier, token, told)
+    files: dict[str, bytes] = {
+        "modelDescription.xml": text,
+        ICONS[version]: documentation.icon(),
+        "documentation/index.html": documentation.page(part, listed, level, told).encode(),
+    }
+    for platform, code in objects.items():
+        with tempfile.TemporaryDirectory() as folder:
+            binary = link.link(platform, version, data, code, identifier, Path(folder))
+            files[f"binaries/{FOLDERS[version][platform]}/{binary.name}"] = binary.read_bytes()
+    return files

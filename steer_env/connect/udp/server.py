@@ -1,0 +1,173 @@
+"""A server of a part over UDP, in lockstep or free running: a compiled loop in a thread without the GIL."""
+
+from types import TracebackType
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from steer_env.connect.udp import session
+from steer_env.connect.udp.packets import MODES, layout_of
+from steer_env.connect.udp.session import (
+    NOTHING,
+    REFUSAL,
+    UNSENT,
+    WELCOME,
+    Link,
+    end_where_silent,
+    link_of,
+    report,
+    respond,
+)
+from steer_env.connect.udp.system import NO_WAIT, bound_socket, receive, send
+from steer_env.friction.numerics.check import one_of
+from steer_env.friction.numerics.kernel import kernel
+from steer_env.live.real_time import loop as real_time
+from steer_env.live.real_time.loop import NEVER, loop_of, register
+from steer_env.live.real_time.model import model_of
+from steer_env.live.real_time.safety import TRIPS, Limits
+from steer_env.live.real_time.system import clock
+from steer_env.live.real_time.worker import WAKE, Worker
+from steer_env.vehicle.subsystems.subsystem import Part
+
+LOOPBACK = "127.0.0.1"
+SILENCE = 10.0  # of a client, after which its session ends [s]; assumed
+MOST_PER_SAMPLE = 64  # datagrams that free running takes in a sample; the rest waits
+
+
+class Port(NamedTuple):
+    """The socket and what belongs to it."""
+
+    descriptor: int  # of the socket
+    sender: NDArray[np.uint64]  # (2,) address of the last datagram
+    client: NDArray[np.uint64]  # (2,) address of the session's client
+    length: NDArray[np.int32]  # (1,) of an address
+    time: NDArray[np.int64]  # (2,) of the clock
+    stop: NDArray[np.int64]  # (1,) not 0 where the loop is to end
+    silence: int  # [ns]
+
+
+class Udp(NamedTuple):
+    """A client as the device of a loop in real time."""
+
+    link: Link
+    port: Port
+
+
+@kernel
+def _handle(model, link, port, size, now):
+    """Answer a datagram of ``size`` bytes."""
+    known = port.sender[0] == port.client[0]  # family, port and number; the rest of an address is not used
+    action = respond(model, link, size, known, now)
+    if action == WELCOME:
+        port.client[0] = port.sender[0]
+    if action != NOTHING and not send(port.descriptor, link.refused if action == REFUSAL else link.sent, port.sender):
+        link.counts[UNSENT] += 1
+
+
+@kernel
+def lockstep(model, link, port):
+    """Answer requests until ``port.stop`` is set."""
+    while port.stop[0] == 0:
+        size = receive(port.descriptor, link.received, port.sender, port.length, 0)
+        now = clock(port.time)
+        end_where_silent(link, now, port.silence)
+        if size >= 0:
+            _handle(model, link, port, size, now)
+
+
+@kernel
+def _read(device, model, now):
+    link, port = device.link, device.port
+    for _ in range(MOST_PER_SAMPLE):
+        size = receive(port.descriptor, link.received, port.sender, port.length, NO_WAIT)
+        if size < 0:
+            break
+        _handle(model, link, port, size, now)
+    return link.state[0].asked if end_where_silent(link, now, port.silence) else NEVER
+
+
+@kernel
+def _write(device, model, s, torque, now):
+    link, port = device.link, device.port
+    if report(model, link, s, torque, now) and not send(port.descriptor, link.sent, port.client):
+        link.counts[UNSENT] += 1
+        return False
+    return True
+
+
+register(Udp, _read, _write)
+
+
+class Server(Worker):
+    """A part behind a port, for one client at a time; it serves within a ``with`` block.
+
+    Parameters
+    ----------
+    part : Part
+        From :func:`steer_env.vehicle.subsystems.make.make_part`.
+    address : str
+        Of an interface of this machine; by default only programs on this machine reach it.
+    port : int
+        Port, or 0 for a free one.
+    silence : float
+        Time without a packet of the client after which its session ends [s].
+    mode : {"lockstep", "free-running"}
+        Whether each request asks for a step, or samples of 1 ms follow the clock.
+    limits : Limits
+        Of the torque, and times of the watchdog, in free running.
+    priority : int
+        As of :class:`steer_env.live.real_time.worker.Worker`.
+
+    Raises
+    ------
+    ValueError
+        An address or port that cannot be used, another mode, or another system than Linux; the message says what to do.
+    """
+
+    def __init__(
+        self,
+        part: Part,
+        address: str = LOOPBACK,
+        port: int = 0,
+        silence: float = SILENCE,
+        *,
+        mode: str = "lockstep",
+        limits: Limits | None = None,
+        priority: int = 0,
+    ) -> None:
+        one_of("mode", mode, MODES)
+        self.layout, self.mode = layout_of(part), mode
+        self._socket = bound_socket(address, port, WAKE)
+        self.address: tuple[str, int] = self._socket.getsockname()
+        self.loop, self._link, model = loop_of(limits or Limits()), link_of(self.layout, mode), model_of(part)
+        of_socket = Port(
+            descriptor=self._socket.fileno(),
+            sender=np.zeros(2, np.uint64),
+            client=np.zeros(2, np.uint64),
+            length=np.zeros(1, np.int32),
+            time=np.zeros(2, np.int64),
+            stop=self.loop.stop,
+            silence=int(1e9 * silence),
+        )
+        if mode == "lockstep":
+            super().__init__(lockstep, (model, self._link, of_socket), self.loop.stop, priority)
+        else:
+            device = Udp(self._link, of_socket)
+            super().__init__(real_time.run, (model, self.loop, device), self.loop.stop, priority)
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        try:
+            super().__exit__(kind, error, trace)
+        finally:
+            self._socket.close()
+
+    def counts(self) -> dict[str, int]:
+        """What happened so far, by name."""
+        found = dict(zip(session.COUNTS, self._link.counts.tolist()))
+        return found if self.mode == "lockstep" else {**found, **real_time.counts(self.loop)}
+
+
+MEANINGS = {**session.COUNTS, **real_time.COUNTS, **TRIPS}  # of the counts of a server

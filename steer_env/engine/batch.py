@@ -1,0 +1,393 @@
+"""Several episodes of one task at once: the common engine of the single and the vector environment.
+
+A row of the batch is one sub-environment: its plant, its episode's setup, and what the kernels remember. One step of
+all rows runs in compiled code without the GIL, so a plain thread pool can share them:
+
+    fill_inputs (scripted inputs and action) -> plant -> evaluate (observations, reward terms, metrics)
+
+in rounds of at most one update of 10 ms; driver models act before each update. Each row draws from its own generator.
+"""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from steer_env import drivers
+from steer_env.engine.arrays import EPISODE, allocate, layout, stored
+from steer_env.engine.kernels import evaluate, fill_inputs
+from steer_env.engine.sensor_noise import SensorNoise
+from steer_env.episode.randomise import LIMITS, RANGES, SENSOR_NOISE, Conditions, Randomise
+from steer_env.episode.timing import SAMPLES_PER_UPDATE
+from steer_env.friction.numerics.check import number, whole
+from steer_env.friction.numerics.frozen import frozen
+from steer_env.friction.numerics.kernel import bind
+from steer_env.friction.numerics.renamed import renamed
+from steer_env.friction.numerics.thread_pool import ThreadPool
+from steer_env.manoeuvres.common.driving import sine_response
+from steer_env.tasks.common.definition import (
+    FAILURE,
+    FAILURES,
+    NON_FINITE,
+    EpisodeContext,
+    EpisodeSetup,
+    Scenery,
+    Task,
+)
+from steer_env.vehicle import cars, plant, plant_batch, step_limit
+from steer_env.vehicle import chassis as chassis_models
+from steer_env.vehicle import tyre as tyres
+from steer_env.vehicle.road import Road, resolve
+from steer_env.vehicle.steering.eps import SAMPLE_TIME
+
+Array = NDArray[np.float64]
+
+_POSE = ("x", "y", "yaw_angle")
+
+__getattr__ = renamed(__name__, {"Lanes": "steer_env.engine.batch:EnvironmentBatch"})
+
+
+class EnvironmentBatch:
+    """``n`` episodes of a task; :class:`steer_env.env.SteerEnv` describes the arguments.
+
+    Attributes
+    ----------
+    task : Task
+    n : int
+    observed : tuple of Quantity
+        The observations in their order.
+    control_dt : float
+        Time between actions [s].
+    car : Car
+    chassis : str
+    road : Road or None
+    driver : Driver or None
+        The driver model in the loop.
+    channels, states : tuple of str
+        Names of the plant's channels and states.
+    observation_scale : (O,) array
+        SI value of an observation of 1: the usual sizes with ``normalise``, ones without.
+    bound : (O,) array of float32
+        The observation space spans +- these.
+    arrays : BatchArrays
+        States, channels, observations and so on of all rows.
+    episodes : (n,) array of EPISODE
+        Progress of the episodes; the same memory as ``arrays.episodes``.
+    over : (n,) array of bool
+        Whether the episode is over or has not begun.
+    conditions : list of Conditions
+        What was drawn for each episode.
+    condition_names : tuple of str
+        Names of the conditions in infos.
+    condition_values : (n, names) array
+        Their values for each episode.
+    noise : SensorNoise
+    drivers : DriverBatch or None
+    """
+
+    def __init__(
+        self,
+        task: Task,
+        n: int,
+        *,
+        friction: Any = "lugre",
+        speed: float | None = None,
+        vehicle: str | Mapping[str, Any] = "compact",
+        chassis: str | None = None,
+        tyre: str | None = None,
+        road: Road | Mapping[str, Any] | None = None,
+        control_dt: float | None = None,
+        driver: Any = None,
+        randomise: Mapping[str, Any] | None = None,
+        weights: Mapping[str, float] | None = None,
+        normalise: bool = True,
+        threads: int = 1,
+        max_episode_steps: int | None = None,
+    ) -> None:
+        self.task, self.n, self.observed = task, n, task.observed
+        self.chassis, self.road = _checked_chassis(task, chassis), resolve(road)
+        if driver is not None and not task.driver_in_loop:
+            raise ValueError(f"{task.name} has no driver model in its loop, so it takes no driver, got {driver!r}")
+        self.control_dt, samples = _checked_control_dt(task.control_dt if control_dt is None else control_dt)
+        self._samples_per_round = min(samples, SAMPLES_PER_UPDATE)
+        self._rounds = samples // self._samples_per_round
+        limits = task.speed_limits(self.chassis)
+        if task.draw_scenario is not None:
+            if speed is not None or "speed" in (randomise or {}):
+                raise ValueError(f"{task.name} draws its speeds with its scenarios: leave speed out")
+            limits = (task.speed, task.speed)
+        given = task.speed if speed is None else speed
+        speed = number("speed [m/s]", given, minimum=limits[0], maximum=limits[1])
+        self.car = cars.load(vehicle)
+        if tyre is not None:
+            self.car = self.car._replace(tyre=tyres.load(tyre))
+        self.driver = drivers.resolve("preview" if driver is None else driver) if task.driver_in_loop else None
+        self._randomise = Randomise(randomise, friction, speed, LIMITS | {"speed": limits})
+        weights_of = _weights(task, weights)
+
+        usual = self._randomise.usual
+        template = self._template = self._plant(usual, task.robot, self.driver)
+        for law in self._randomise.corners:  # refused now, not in some later episode
+            step_limit.checked(template, law, self._randomise.highest_level)
+        self.channels = tuple(name for name, _ in plant.channels(template))
+        self.states = tuple(name for name, _ in plant.states(template))
+        self._pose_states = [self.states.index(name) for name in _POSE]
+        self._pose_channels = [plant.CHANNEL[name] for name in _POSE]
+        delay_steps = round(LIMITS["delay"][1] / self.control_dt)
+        self.arrays = allocate(task, template, n, self._samples_per_round, delay_steps)
+        self.episodes = self.arrays.episodes.view(EPISODE, np.ndarray)
+        self.observation_scale = _scales(task, normalise)
+        of_rewards = np.array(list(weights_of.values()))
+        self._layout = layout(task, template, samples, of_rewards, self.observation_scale, max_episode_steps)
+        self.bound = (self._layout.bounds / self.observation_scale).astype(np.float32)
+        self.over = np.ones(n, bool)
+        self.conditions: list[Conditions] = [usual] * n
+        self.condition_names = (*self._randomise.names, *(["scenario"] if task.draw_scenario else []))
+        self.condition_values = np.zeros((n, len(self.condition_names)))
+        self.condition_values[:, : len(self._randomise.names)] = usual.values(self._randomise.names)
+        self.noise = SensorNoise(n, np.array([SENSOR_NOISE.get(quantity.name, 0.0) for quantity in self.observed]))
+        self._bind()
+        self._usual_start = self._settled(template)
+        self.drivers = (
+            drivers.DriverBatch(self.driver, self.car, n, self.steering_response, usual) if self.driver else None
+        )
+        self._pool = ThreadPool(n, whole("threads", threads, 1))
+
+    def _bind(self) -> None:
+        """Look up the compiled kernels for the types of the arrays."""
+        a, at = self.arrays, self._layout
+        plants = self._template, a.plants, a.states, a.inputs, a.channels, a.finite
+        self._advance = bind(plant_batch.run, *plants, 0, self.n)
+        self._fill_inputs = bind(fill_inputs, a, at, True, 0, self.n)
+        self._evaluate = bind(evaluate, a, at, self.task.parameters, 0, True, 0, self.n)
+
+    def __getstate__(self) -> dict[str, Any]:
+        # Compiled functions cannot be pickled, and the episodes are another view of their array.
+        left_out = ("_advance", "_fill_inputs", "_evaluate", "episodes")
+        return {key: value for key, value in self.__dict__.items() if key not in left_out}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        self._template = frozen(self._template)  # a copied array can be written to, which is another type to a kernel
+        self.episodes = self.arrays.episodes.view(EPISODE, np.ndarray)
+        self._bind()
+
+    def _plant(self, drawn: Conditions, robot: bool, driver: drivers.Driver | None = None) -> plant.Plant:
+        """The plant of an episode, with a robot, with the arms of a driver or with free hands."""
+        p = self.car.loaded(drawn.load).plant(
+            drawn.friction,
+            speed=drawn.speed,
+            robot=robot,
+            road_friction=drawn.road_friction,
+            chassis=self.chassis,
+            road=self.road,
+        )
+        p = step_limit.checked(p._replace(friction_torque_scale=drawn.friction_level))
+        return p if robot or driver is None else drivers.with_arms(p, driver.arm)
+
+    def _runner(self, p: plant.Plant) -> Callable[..., None]:
+        """Runs one plant as :func:`steer_env.vehicle.plant.run` does, but by the kernel that the batch has compiled."""
+        numbers, finite = plant_batch.numbers(p)[None], np.ones(1, bool)
+
+        def run(_: Any, state: Array, inputs: Array, channels: Array, substeps: int) -> None:
+            self._advance(self._template, numbers, state[None], inputs[None], channels, finite, 0, 1)
+
+        return run
+
+    def _settled(self, p: plant.Plant) -> tuple[Array, Array, Array]:
+        """Numbers, settled state and channels of a plant."""
+        return (plant_batch.numbers(p), *plant.settled(p, self._runner(p)))
+
+    @property
+    def usual_conditions(self) -> Conditions:
+        """The conditions of an episode if nothing is drawn."""
+        return self._randomise.usual
+
+    def steering_response(self, conditions: Conditions, amplitude: float, frequency: float) -> NDArray[np.complex128]:
+        """Hand torque, lateral speed and yaw rate over a sine of the handwheel angle in some conditions.
+
+        As :func:`steer_env.manoeuvres.common.driving.sine_response`, with an amplitude [rad] and a frequency [Hz].
+        """
+        p = self._plant(conditions, robot=True)
+        return sine_response(p, amplitude, frequency, self._runner(p))
+
+    def start(self, i: int, rng: np.random.Generator, options: Mapping[str, Any]) -> None:
+        """Begin an episode in row ``i``; ``options`` fix what would be drawn. ValueError for an unknown option."""
+        task = self.task
+        _check_options(task, options)
+        drawn = self._randomise.draw(rng, {key: value for key, value in options.items() if key in RANGES})
+        own = {key: task.checked_option(key, value) for key, value in options.items() if key in task.options}
+        scenario = 0
+        if task.draw_scenario is not None:
+            scenario, speed = task.draw_scenario(rng, own)
+            drawn = drawn._replace(speed=speed)
+        setup = task.draw_setup(rng, EpisodeContext(self.car, drawn.speed, scenario), own)
+        self._store(i, setup, drawn)
+        self.over[i] = False
+        self.set_conditions(i, drawn)
+        if self.drivers is not None and self.episodes["driven"][i]:
+            self.drivers.start(i, drawn)
+        self.arrays.noise[i] = self.noise.begin(i, drawn.sensor_noise, rng)
+        self._evaluate(self.arrays, self._layout, task.parameters, 0, True, i, i + 1)
+        past = self.arrays.past_observations
+        past[i] = past[i, self.episodes["latest"][i]]  # a delayed observation shows the start until newer ones come
+        self.arrays.observations[i] = past[i, 0] / self.observation_scale
+
+    def set_conditions(self, i: int, drawn: Conditions) -> None:
+        """Note what was drawn for the episode of row ``i``."""
+        self.conditions[i] = drawn
+        values = drawn.values(self._randomise.names)
+        self.condition_values[i, : len(values)] = values
+        if self.task.draw_scenario is not None:
+            self.condition_values[i, -1] = self.arrays.task_data[i, 0]
+
+    def deliver(self) -> None:
+        """Give every row its present observation: that of its delay, over this batch's scales."""
+        past, episodes = self.arrays.past_observations, self.episodes
+        delayed = (episodes["latest"] - episodes["delay"]) % past.shape[1]
+        rows, own = np.arange(self.n), len(self.task.channels) + 1  # the last action is known without delay
+        seen = past[rows, delayed]
+        seen[:, own] = past[rows, episodes["latest"], own]
+        self.arrays.observations[:] = seen / self.observation_scale
+
+    def _store(self, i: int, setup: EpisodeSetup, drawn: Conditions) -> None:
+        """Put an episode's setup and its plant into the arrays."""
+        path = np.zeros((0, 4)) if setup.path is None else setup.path
+        data = np.zeros(0) if setup.data is None else setup.data
+        setups = {"scripted_inputs": setup.scripted_inputs[None], "paths": path[None], "task_data": data[None]}
+        self.arrays = a = stored(self.arrays, slice(i, i + 1), setups)
+        robot = self.task.robot if setup.robot is None else setup.robot
+        driven = self.driver is not None and not robot
+        a.plants[i], a.states[i], a.channels[i] = self._start_of(drawn, robot, driven)
+        a.states[i, self._pose_states] = setup.pose
+        a.channels[i, self._pose_channels] = setup.pose
+        episode = np.zeros((), EPISODE)
+        episode["end"] = (len(setup.scripted_inputs) - 1) * SAMPLES_PER_UPDATE
+        episode["release"] = -1 if setup.release_time is None else round(setup.release_time / SAMPLE_TIME)
+        episode["path_points"], episode["data_size"] = len(path), len(data)
+        episode["speed"] = episode["held_speed"] = drawn.speed
+        episode["action_gain"], episode["driven"] = drawn.action_gain, driven
+        episode["action_kept"] = math.exp(-SAMPLE_TIME / drawn.action_lag) if drawn.action_lag > 0.0 else 0.0
+        episode["delay"] = round(drawn.delay / self.control_dt)
+        self.episodes[i] = episode
+        a.task_memory[i] = a.metrics[i] = a.terms[i] = 0.0
+        a.finite[i] = True
+
+    def _start_of(self, drawn: Conditions, robot: bool, driven: bool) -> tuple[Array, Array, Array]:
+        usual = self._randomise.usual
+        if drawn.friction is usual.friction and drawn[:4] == usual[:4] and self.task.draw_scenario is None:
+            return self._usual_start
+        return self._settled(self._plant(drawn, robot, self.driver if driven else None))
+
+    def step(self, actions: NDArray[np.float32], generators: Sequence[np.random.Generator]) -> None:
+        """Hold the clipped actions (n,) for ``control_dt`` in every row.
+
+        The results are in ``arrays`` and ``episodes``. A row whose episode is over is advanced as
+        well, but its results have no meaning, and it draws nothing from its generator.
+        """
+        self.arrays.actions[:] = actions
+        if self.noise.noisy:
+            self.noise.advance(~self.over, generators, self.arrays.noise)
+        self._pool.run(self._step_rows)
+
+    def _step_rows(self, low: int, high: int) -> None:
+        a, last = self.arrays, self._rounds - 1
+        for k in range(self._rounds):
+            if self.drivers is not None:
+                self.drivers.write_hand_torque(
+                    a.episodes, a.channels, a.task_observations, a.scripted_inputs, low, high
+                )
+            self._fill_inputs(a, self._layout, k == 0, low, high)
+            self._advance(self._template, a.plants, a.states, a.inputs, a.channels, a.finite, low, high)
+            self._evaluate(a, self._layout, self.task.parameters, self._samples_per_round, k == last, low, high)
+
+    def failure_text(self, code: Any) -> str:
+        """A failure in words, empty for 0; that of a state names those of the rows that failed so in the last step.
+
+        Raises
+        ------
+        ValueError
+            There is no failure with this code.
+        """
+        code = whole("failure", code, 0)
+        if code >= len(FAILURES):
+            raise ValueError(f"failure must be a whole number from 0 to {len(FAILURES) - 1}, got {code}")
+        rows = np.flatnonzero((self.episodes["failure"] == NON_FINITE) & (code == NON_FINITE))
+        names = dict.fromkeys(self._first_non_finite(i) for i in rows.tolist())
+        return f"{FAILURES[code]}: {', '.join(names)}" if names else FAILURES[code]
+
+    def _first_non_finite(self, i: int) -> str:
+        """Repeat the last round of row ``i``, sample by sample; a run is reproducible to the bit."""
+        a, row = self.arrays, slice(i, i + 1)
+        state, channels, finite = a.previous_states[row].copy(), a.channels[row].copy(), np.ones(1, bool)
+        for k in range(self._samples_per_round):
+            self._advance(self._template, a.plants[row], state, a.inputs[row, k : k + 1].copy(), channels, finite, 0, 1)
+            bad = np.flatnonzero(~np.isfinite(state[0]))
+            if bad.size:
+                return plant.state_name(self._template, int(bad[0]))
+        return "the reward"
+
+    def path(self, i: int) -> Array | None:
+        """The path (P, 4) of row ``i``, or None."""
+        points = self.episodes["path_points"][i]
+        return self.arrays.paths[i, :points] if points else None
+
+    def scenery(self, i: int) -> Scenery:
+        """What a picture shows of row ``i`` besides its path."""
+        if self.task.scenery is None:
+            return Scenery()
+        a = self.arrays
+        data = a.task_data[i, : self.episodes["data_size"][i]]
+        return self.task.scenery(a.channels[i], a.task_observations[i], data, a.task_memory[i])
+
+    def close(self) -> None:
+        """Stop the threads."""
+        self._pool.close()
+
+
+def _checked_chassis(task: Task, chassis: str | None) -> str:
+    chassis = task.chassis[0] if chassis is None else chassis_models.checked(chassis)
+    if chassis not in task.chassis:
+        raise ValueError(f"{task.name} needs chassis={' or '.join(map(repr, task.chassis))}, got {chassis!r}")
+    return chassis
+
+
+def _checked_control_dt(control_dt: Any) -> tuple[float, int]:
+    """The control step [s] and its samples of 1 ms."""
+    dt = number("control_dt [s]", control_dt, minimum=SAMPLE_TIME, maximum=0.1)
+    samples = round(dt / SAMPLE_TIME)
+    if not math.isclose(samples * SAMPLE_TIME, dt) or (SAMPLES_PER_UPDATE % samples and samples % SAMPLES_PER_UPDATE):
+        raise ValueError(f"control_dt must be 1, 2 or 5 ms or a multiple of 10 ms, got {control_dt!r} s")
+    return dt, samples
+
+
+def _check_options(task: Task, options: Any) -> None:
+    if not isinstance(options, Mapping):
+        raise ValueError(f"reset options must map names to values, got {options!r}")
+    for key in options:
+        if key == "speed" and task.draw_scenario is not None:
+            raise ValueError(f"{task.name} draws its speeds with its scenarios: leave the reset option 'speed' out")
+        if key not in RANGES and key not in task.options:
+            raise ValueError(f"unknown reset option {key!r}; {task.name} takes: {', '.join([*task.options, *RANGES])}")
+
+
+def _scales(task: Task, normalise: Any) -> Array:
+    """SI value of each observation of 1 (O,)."""
+    if not isinstance(normalise, bool | np.bool_):
+        raise ValueError(f"normalise must be True or False, got {normalise!r}")
+    return np.array([quantity.usual if normalise else 1.0 for quantity in task.observed])
+
+
+def _weights(task: Task, given: Mapping[str, float] | None) -> dict[str, float]:
+    """Weight of every reward term; ValueError for an unknown term, or where a failure would pay."""
+    weights = {term.name: term.weight for term in task.rewards}
+    if not isinstance(given, Mapping | None):
+        raise ValueError(f"weights must map reward terms to numbers, got {given!r}")
+    for name, value in (given or {}).items():
+        if name not in weights:
+            raise ValueError(f"{task.name} has no reward term {name!r}; there are {', '.join(weights)}")
+        low, high = (-math.inf, 0.0) if name == FAILURE.name else (0.0, math.inf)
+        weights[name] = number(f"weights[{name!r}]", value, minimum=low, maximum=high)
+    return weights

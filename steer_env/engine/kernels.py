@@ -1,0 +1,200 @@
+"""The compiled parts of a step: inputs of the plant, rewards and metrics, observation.
+
+Every kernel takes the arrays of a batch, its layout, and the rows ``low`` to ``high`` - 1 that it works on.
+"""
+
+import math
+
+from steer_env.episode.timing import SAMPLES_PER_UPDATE, UPDATE_INTERVAL
+from steer_env.friction.numerics.bounds import within
+from steer_env.friction.numerics.interpolation import hermite
+from steer_env.friction.numerics.kernel import kernel
+from steer_env.tasks.common import definition as tasks
+from steer_env.tasks.common.definition import GOES_ON, NON_FINITE, PEAK, RMS, ROLLED_OVER, SPUN_OUT, StepContext
+from steer_env.vehicle import plant
+from steer_env.vehicle.chassis.common.interface import HAND, HAND_SPEED
+from steer_env.vehicle.steering.eps import SAMPLE_TIME
+
+OVERTURNS = 1.0  # roll angle beyond which a car is taken to overturn [rad]
+SLOW = 3.0  # forward speed below which a car that slides sideways has not spun out; assumed [m/s]
+
+_LATERAL_SPEED = plant.CHANNEL["lateral_speed"]
+_ROLL = plant.CHANNEL["roll_angle"]
+
+
+@kernel
+def fill_inputs(arrays, layout, begins, low, high):
+    """Fill the plant's inputs for the coming samples; the first call of a control step (``begins``) takes the action.
+
+    The inputs are the scripted ones, straight lines between their updates, plus the action behind its lag. A scripted
+    handwheel angle comes with its speed and follows the cubic that meets both at the updates. Once the hands have let
+    go, the handwheel is free. A row whose state is not finite keeps the inputs and the previous state that led there.
+    """
+    for i in range(low, high):
+        episode = arrays.episodes[i]
+        if begins:
+            episode.last_action, episode.action = episode.action, arrays.actions[i]
+            episode.action_rate = (episode.action - episode.last_action) / layout.control_dt
+            episode.terminated, episode.failure = False, 0
+            for k in range(arrays.terms.shape[1]):
+                arrays.terms[i, k] = 0.0
+        if not arrays.finite[i]:
+            continue
+        for k in range(arrays.states.shape[1]):
+            arrays.previous_states[i, k] = arrays.states[i, k]
+        free = episode.release >= 0 and episode.sample >= episode.release
+        if free:
+            arrays.plants[i, layout.robot] = 0.0
+        for j in range(arrays.inputs.shape[1]):
+            u, sample = arrays.inputs[i, j], episode.sample + j + 1
+            for k in range(u.size):
+                u[k] = 0.0
+            update = within((sample - 1) // SAMPLES_PER_UPDATE, 0, arrays.scripted_inputs.shape[1] - 2)
+            s = (sample - update * SAMPLES_PER_UPDATE) / SAMPLES_PER_UPDATE
+            start, end = arrays.scripted_inputs[i, update], arrays.scripted_inputs[i, update + 1]
+            _interpolate(layout.scripted, start, end, s, episode.driven == 0, u)
+            if free:
+                u[HAND] = 0.0
+                u[HAND_SPEED] = 0.0
+            asked = layout.action_scale * episode.action_gain * _present_action(layout, episode, sample)
+            episode.asked = asked + episode.action_kept * (episode.asked - asked)
+            u[layout.action_input] += episode.asked
+
+
+@kernel
+def _present_action(layout, episode, sample):
+    """The action at the end of a sample, whose number since the start of the episode is given."""
+    if not layout.ramped:
+        return episode.action
+    share = ((sample - 1) % layout.samples_per_step + 1) / layout.samples_per_step
+    return episode.last_action + share * (episode.action - episode.last_action)
+
+
+@kernel
+def _interpolate(scripted, start, end, s, robot, u):
+    """Scripted inputs at a share ``s`` of the interval between two updates; places among the inputs u: ``scripted``.
+
+    A handwheel angle of a ``robot`` comes with its speed.
+    """
+    for k in range(scripted.size):
+        u[scripted[k]] = start[k] + s * (end[k] - start[k])
+    if robot and scripted.size > 1 and scripted[1] == HAND_SPEED:  # angles and speeds of both ends
+        begin_slope, end_slope = start[1] * UPDATE_INTERVAL, end[1] * UPDATE_INTERVAL
+        u[HAND], slope = hermite(s, start[0], end[0], begin_slope, end_slope)
+        u[HAND_SPEED] = slope / UPDATE_INTERVAL
+
+
+@kernel
+def evaluate(arrays, layout, parameters, samples, ends, low, high):
+    """Advance the time by ``samples``, observe, and evaluate; the last call of a control step (``ends``) finishes it.
+
+    ``parameters`` are the task's; their class selects its kernels. Rows whose episode has ended or whose state is not
+    finite are not evaluated. With no samples, only the observations are updated.
+    """
+    dt = samples * SAMPLE_TIME
+    for i in range(low, high):
+        episode, channels, observed = arrays.episodes[i], arrays.channels[i], arrays.task_observations[i]
+        episode.sample += samples
+        if layout.speed_channel >= 0:
+            episode.speed = channels[layout.speed_channel]
+        step = StepContext(
+            episode.sample * SAMPLE_TIME, dt, episode.speed, episode.held_speed, episode.action, episode.action_rate,
+            episode.asked,
+        )  # fmt: skip
+        data, memory = arrays.task_data[i, : episode.data_size], arrays.task_memory[i]
+        tasks.observe(parameters, channels, arrays.paths[i, : episode.path_points], data, step, memory, observed)
+        if samples > 0 and arrays.finite[i] and not episode.terminated:
+            episode.evaluated += samples
+            rewards, costs = arrays.terms[i, : layout.n_rewards], arrays.terms[i, layout.n_rewards :]
+            present = arrays.metrics[i, 0]
+            outcome = tasks.evaluate_step(parameters, channels, observed, data, step, memory, rewards, costs, present)
+            episode.terminated, episode.failure = outcome != GOES_ON, max(outcome, 0)
+            _accumulate(layout.metric_kinds, dt, present, arrays.metrics[i, 1])
+        if ends:
+            _finish_step(layout, episode, channels, arrays.finite[i], arrays.terms[i])
+            _conclude(layout.metric_kinds, episode.evaluated * SAMPLE_TIME, arrays.metrics[i, 1], arrays.metrics[i, 2])
+            _observe(layout, episode, channels, observed, arrays.noise[i], arrays.past_observations[i])
+            delayed = (episode.latest - episode.delay) % arrays.past_observations.shape[1]
+            for k in range(layout.bounds.size):
+                arrays.observations[i, k] = arrays.past_observations[i, delayed, k] / layout.scales[k]
+            own = layout.observed_channels.size + 1  # a controller knows its last action without delay
+            arrays.observations[i, own] = arrays.past_observations[i, episode.latest, own] / layout.scales[own]
+
+
+@kernel
+def _accumulate(kinds, dt, present, accumulated):
+    """Take the present values (F,) of the metrics into what has accumulated: largest size, mean square, or sum."""
+    for k in range(kinds.size):
+        size = abs(present[k])
+        if kinds[k] == PEAK:
+            if size > accumulated[k]:
+                accumulated[k] = size
+        else:
+            accumulated[k] += dt * size * size if kinds[k] == RMS else size
+
+
+@kernel
+def _conclude(kinds, time, accumulated, so_far):
+    """The metrics (F,) of the time [s] that has been evaluated; NaN before any."""
+    for k in range(kinds.size):
+        if time == 0.0:
+            so_far[k] = math.nan
+        else:
+            so_far[k] = math.sqrt(accumulated[k] / time) if kinds[k] == RMS else accumulated[k]
+
+
+@kernel
+def _finish_step(layout, episode, channels, finite, terms):
+    """Weight the terms, and decide whether the episode ends; what comes after the task's own end does not count."""
+    episode.truncated = episode.sample + layout.samples_per_step > episode.end or episode.sample >= layout.time_limit
+    if not episode.terminated:
+        episode.failure = _failure(episode, channels, finite, terms)
+        episode.terminated = episode.failure > 0
+    if episode.failure == NON_FINITE:  # nor are its terms
+        for k in range(terms.size):
+            terms[k] = 0.0
+    failure = layout.n_rewards - 1  # the last reward
+    episode.reward = episode.cost = 0.0
+    for k in range(terms.size):
+        terms[k] *= layout.weights[k]
+        if k == failure:
+            terms[k] = layout.weights[k] if episode.failure > 0 else 0.0
+        if k <= failure:
+            episode.reward += terms[k]
+        else:
+            episode.cost += terms[k]
+
+
+@kernel
+def _failure(episode, channels, finite, terms):
+    """The failure of an episode that its task lets go on; 0 for none."""
+    total = 0.0
+    for k in range(terms.size):
+        total += terms[k]
+    if not finite or not abs(total) < math.inf:
+        return NON_FINITE
+    if abs(channels[_ROLL]) > OVERTURNS:
+        return ROLLED_OVER
+    if abs(channels[_LATERAL_SPEED]) > within(episode.speed, SLOW, math.inf):
+        return SPUN_OUT
+    return 0
+
+
+@kernel
+def _observe(layout, episode, channels, observed, noise, past_observations):
+    """Put the present observation into the ring buffer (D, O): with noise, and clipped to the bounds."""
+    episode.latest = (episode.latest + 1) % past_observations.shape[0]
+    n = layout.observed_channels.size
+    for k in range(layout.bounds.size):
+        if k < n:
+            value = channels[layout.observed_channels[k]]
+        elif k == n:
+            value = episode.speed
+        elif k == n + 1:
+            value = episode.action
+        else:
+            value = observed[k - n - 2]
+        value += noise[k]
+        # NaN of a failed row becomes zero.
+        clipped = within(value, -layout.bounds[k], layout.bounds[k]) if abs(value) <= math.inf else 0.0
+        past_observations[episode.latest, k] = clipped

@@ -1,0 +1,1 @@
+"""What an episode is given: its clock, and the conditions that a reset draws."""

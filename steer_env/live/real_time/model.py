@@ -1,0 +1,168 @@
+"""A part of the plant that runs step by step, and its arrays."""
+
+import math
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from steer_env.friction.numerics.kernel import kernel
+from steer_env.live.real_time.switch import Switch
+from steer_env.vehicle.subsystems.advance import CLASSES, advance
+from steer_env.vehicle.subsystems.subsystem import Part, is_finite
+
+if TYPE_CHECKING:
+    from steer_env.live.real_time.sets import CarSets
+
+Array = NDArray[np.float64]
+
+
+# What becomes of an input that no longer arrives: efforts and commands fade, positions hold, their speeds are zero.
+FADES, HOLDS, STOPS = range(3)
+_STALE = {
+    **{"hand_angle": HOLDS, "rack_travel": HOLDS, "vehicle_speed": HOLDS},
+    **{"hand_speed": STOPS, "rack_speed": STOPS},
+}
+# Largest size of an input that is taken, in its unit, far beyond what a car meets; all assumed. What is larger is the
+# mistake of a unit or a sensor, and would leave a state behind that takes seconds to return.
+LARGEST = {
+    "hand_torque": 200.0,
+    "hand_angle": 30.0,  # nearly five turns to either side
+    "hand_speed": 200.0,
+    "assist_request": 200.0,
+    "wind_force": 1e5,
+    "wind_moment": 1e5,
+    "rack_disturbance": 1e5,
+    "rack_force": 1e5,
+    "vehicle_speed": 150.0,
+    "rack_travel": 1.0,
+    "rack_speed": 10.0,
+    "target_speed": 150.0,
+    "throttle_request": 1.0,
+    "brake_request": 1.0,
+    "hand_brake": 1.0,
+    "coast": 1.0,
+}
+# Handwheel speed beyond which a change of its angle is a fault of the sensor, and no motion [rad/s]; assumed. Hands
+# reach some 25, a motor without hands some 40.
+FASTEST = 60.0
+
+
+class Model(NamedTuple):
+    """A part with its state, and the state that it returns to."""
+
+    part: Any  # Car, Steering, Chassis or Switch
+    state: Array  # (S,)
+    given: Array  # (G,) inputs that act, in the units of the part
+    wanted: Array  # (G,) inputs as they arrived last, in real time
+    stale: NDArray[np.int64]  # (G,) what becomes of each that no longer arrives: FADES, HOLDS or STOPS
+    largest: Array  # (G,) size of each beyond which it is not taken
+    outputs: Array  # (1, C) in the units of the part
+    last: Array  # (C,) outputs before the step, to return to as well
+    inputs: Array  # (1, I) what the kernel receives in a sample
+    before: Array  # (S,) state before the step, to return to where it does not stay finite
+    start: Array  # (S,) state at the begin of a session
+    begin: Array  # (G,) inputs at the begin of a session
+    shown: Array  # (1, C) outputs at the begin of a session
+    torque: int  # place of the torsion bar's torque among the outputs, -1 where there is none
+    speed: int  # place of the handwheel's speed
+    angle: int  # place of the handwheel's angle among the inputs, -1 where it is none
+    begun: NDArray[np.int64]  # (1,) how often it returned to the begin
+    released: NDArray[np.int64]  # (1,) not 0 where a dead-man key is needed and not held
+    now: Array  # (3,) set that acts, the next one or -1, and its share
+
+
+def part_of(source: "Part | CarSets") -> Part:
+    """The part that a loop runs: that of the sets, or the part itself."""
+    return source if isinstance(source, Part) else source.part
+
+
+def model_of(source: "Part | CarSets") -> Model:
+    """A part of :func:`steer_env.vehicle.subsystems.make.make_part`, or sets, at the begin of a session."""
+    part = part_of(source)
+    switches = isinstance(part.parameters, Switch)
+    begin = np.zeros(part.given_size)
+    begin[: len(part.given)] = [signal.start for signal in part.given]
+    stale = np.full(part.given_size, FADES)
+    stale[: len(part.given)] = [_STALE.get(signal.name, FADES) for signal in part.given]
+    largest = np.full(part.given_size, math.inf)
+    largest[: len(part.given)] = [LARGEST.get(signal.name, math.inf) for signal in part.given]
+    names, given = ([signal.name for signal in signals] for signals in (part.outputs, part.given))
+    shown = part.shown.reshape(1, -1).copy()
+    return Model(
+        part=part.parameters if switches else CLASSES[part.name](part.parameters),
+        state=part.start.copy(),
+        given=begin.copy(),
+        wanted=begin.copy(),
+        stale=stale,
+        largest=largest,
+        outputs=shown.copy(),
+        last=shown[0].copy(),
+        inputs=np.zeros((1, part.inputs)),
+        before=part.start.copy(),
+        start=part.start.copy(),
+        begin=begin,
+        shown=shown,
+        torque=names.index("torsion_bar_torque") if "torsion_bar_torque" in names else -1,
+        speed=names.index("handwheel_speed") if "handwheel_speed" in names else -1,
+        angle=given.index("hand_angle") if "hand_angle" in given else -1,
+        begun=np.zeros(1, np.int64),
+        released=np.zeros(1, np.int64),
+        now=part.parameters.now if switches else np.array([0.0, -1.0, 0.0]),
+    )
+
+
+@kernel
+def _copy(source, target):
+    for i in range(source.size):
+        target[i] = source[i]
+
+
+@kernel
+def restart(model):
+    """Return to the begin of a session."""
+    _copy(model.start, model.state)
+    _copy(model.begin, model.given)
+    _copy(model.begin, model.wanted)
+    _copy(model.shown[0], model.outputs[0])
+    model.begun[0] += 1
+
+
+@kernel
+def step(model, samples):
+    """Advance the part; whether state and outputs are finite. Where they are not, both stay as they were."""
+    _copy(model.state, model.before)
+    _copy(model.outputs[0], model.last)
+    finite = advance(model.part, model.state, model.given, model.inputs, model.outputs, samples)
+    if finite and is_finite(model.outputs[0]):
+        return True
+    _copy(model.before, model.state)
+    _copy(model.last, model.outputs[0])
+    return False
+
+
+@kernel
+def implausible(model, inputs):
+    """Number of the first input that is not finite or larger than LARGEST; -1 where there is none."""
+    for i in range(inputs.size):
+        if not (abs(inputs[i]) <= model.largest[i] and abs(inputs[i]) < math.inf):
+            return i
+    return -1
+
+
+@kernel
+def jumps(model, elapsed):
+    """Whether the handwheel angle that arrived is further from the one that acts than it turns in a time [s]."""
+    return model.angle >= 0 and abs(model.wanted[model.angle] - model.given[model.angle]) > FASTEST * elapsed
+
+
+@kernel
+def take_inputs(model, gain, arrives):
+    """Let the inputs act as they arrived last; where they no longer arrive, what fades has this gain."""
+    for i in range(model.wanted.size):
+        value = model.wanted[i]
+        if model.stale[i] == FADES:
+            value = value * gain
+        elif model.stale[i] == STOPS and not arrives:
+            value = 0.0
+        model.given[i] = value

@@ -1,0 +1,270 @@
+"""Several cars in one loop, of which one acts, and how another one takes over without a jump.
+
+Each car is a function at an address (:mod:`steer_env.vehicle.subsystems.object_code`), so that the loop is compiled
+once whatever cars there are. A switch goes through these phases, each in whole samples:
+
+run-in (``RUN_IN``)   The next car receives the states of the acting one and runs beside it with the same inputs. What
+                      is shown is the acting one to the bit. Where the hands give a torque, the next car follows the
+                      handwheel of the acting one.
+fade (``FADE``)       Every channel shown is ``(1 - share) acting + share next``, the share rising linearly. Where
+                      that would change the torsion bar's torque by more than ``LARGEST_STEP`` in a sample, the share
+                      rises slower. Where the hands give a torque, one handwheel moves under the mixed torque, by the
+                      equation of the column (C1), and both cars follow it.
+
+A next car that does not stay finite, whose torsion bar passes ``IMPLAUSIBLE``, or whose fade takes longer than
+``LONGEST`` is dropped: in the run-in at once, in the fade by fading back from what it showed last, its torque at most
+``FARTHEST`` from that of the acting car. A choice within a run-in replaces the next car. Within a fade, the choice of
+the acting car turns the fade round; another one waits for the end, and the latest wins.
+
+The state array holds ``HEAD`` numbers of the switch and behind them two places for the state of a car, so that a sample
+that fails leaves switch and cars as they were.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from steer_env.friction.numerics.bounds import within
+from steer_env.friction.numerics.kernel import kernel
+from steer_env.vehicle.plant import CHANNEL, CHANNELS
+from steer_env.vehicle.steering.column import COLUMN_ANGLE, COLUMN_SPEED, HANDWHEEL_ANGLE, HANDWHEEL_SPEED
+from steer_env.vehicle.steering.eps import SAMPLE_TIME
+from steer_env.vehicle.subsystems.advance import register
+from steer_env.vehicle.subsystems.object_code import call
+from steer_env.vehicle.subsystems.subsystem import is_finite
+
+RUN_IN = 200  # samples; assumed, some time constants of assist and tyres
+FADE = 100  # samples
+LARGEST_STEP = 0.04  # of the torque, by the fade, in a sample [N m]; half of it where the hands give a torque
+LONGEST = 2000  # samples of a fade; assumed, at LARGEST_STEP a difference of 80 N m
+IMPLAUSIBLE = 1000.0  # torque that no torsion bar of a car has; assumed [N m]
+FARTHEST = 8.0  # torque from which it fades back, beside that of the acting car, within 0.4 s; assumed [N m]
+
+HEAD = 8
+# Positions of the switch's own numbers: which car acts, at which place its state stands, which car is next (-1: none),
+# samples since the choice, share of the next car, whether it was dropped, the choice that was taken last, and whether
+# the fade goes back.
+ACTING, PLACE, NEXT, AGE, SHARE, DROPPED, TAKEN, BACK = range(HEAD)
+SWITCHED, FAILED = range(2)  # counts
+HAND_ANGLE, HAND_SPEED = 1, 2  # among the inputs of a car, behind the hand torque
+_SHOWN = len(CHANNELS)
+_TORQUE, _HANDWHEEL_TORQUE = CHANNEL["torsion_bar_torque"], CHANNEL["handwheel_torque"]
+
+Addresses = NDArray[np.int64]  # (N,) one for each car
+
+
+class Switch(NamedTuple):
+    """Memory of N cars, whose states have up to S numbers and whose rows up to C channels."""
+
+    code: Addresses
+    parameters: NDArray[np.float64]  # (P,) of all cars, to which the next three point, and which lives as they do
+    numbers: Addresses  # of the parameters as they are
+    held: Addresses  # of the same with a handwheel angle that is prescribed
+    tables: Addresses
+    sizes: NDArray[np.int64]  # (N,) of the states
+    columns: Any  # (N,) records of Column
+    start: NDArray[np.float64]  # (N, S) settled states
+    source: NDArray[np.int64]  # (N, N, S) where each state of the second comes from in the first; -1: from its start
+    scale: NDArray[np.float64]  # (N, N, S) and by what it is multiplied
+    shift: NDArray[np.float64]  # (N, N, S) and what is added
+    rows: NDArray[np.float64]  # (3, C) channels at both places, and those of the next car in the sample before
+    given: NDArray[np.float64]  # (G,) inputs of a car that follows
+    by_torque: bool  # whether the hands give a torque
+    wanted: NDArray[np.int64]  # (1,) the last choice: a number that grows, times N, plus the car
+    now: NDArray[np.float64]  # (3,) car that acts, next car or -1, its share
+    counts: NDArray[np.int64]  # (2,) SWITCHED and FAILED
+
+
+@kernel
+def _begin(m, state):
+    """Take the last choice: the car that becomes the next one receives the state of the acting one."""
+    wanted = m.wanted[0]  # once, as it may change meanwhile
+    acting, chosen = int(state[ACTING]), wanted % m.code.size
+    state[TAKEN] = wanted
+    if chosen == acting:
+        state[NEXT] = -1.0
+    elif chosen != int(state[NEXT]):
+        first, size = int(state[PLACE]) * m.start.shape[1], m.start.shape[1]
+        old, new = HEAD + first, HEAD + size - first
+        for k in range(m.sizes[chosen]):
+            source = m.source[acting, chosen, k]
+            value = m.start[chosen, k]
+            if source >= 0:
+                value = m.scale[acting, chosen, k] * state[old + source] + m.shift[acting, chosen, k]
+            state[new + k] = value
+        state[NEXT], state[AGE], state[SHARE], state[DROPPED], state[BACK] = chosen, 0.0, 0.0, 0.0, 0.0
+
+
+@kernel
+def _turn(m, state):
+    """Within a fade, take the choice of one of its two cars."""
+    wanted = m.wanted[0]  # once, as it may change meanwhile
+    chosen = wanted % m.code.size
+    if chosen == int(state[ACTING]):
+        state[TAKEN], state[BACK] = wanted, 1.0
+    elif chosen == int(state[NEXT]) and state[DROPPED] == 0.0:
+        state[TAKEN], state[BACK] = wanted, 0.0
+
+
+@kernel
+def _run(m, car, place, follows, state, given, inputs):
+    """Advance a car by a sample; whether its state is finite."""
+    return call(
+        m.code[car],
+        m.held[car] if follows else m.numbers[car],
+        m.tables[car],
+        state.ctypes.data + 8 * (HEAD + place * m.start.shape[1]),
+        given.ctypes.data,
+        inputs.ctypes.data,
+        m.rows.ctypes.data + 8 * place * m.rows.shape[1],
+        1,
+    )
+
+
+@kernel
+def _column(m, car, place, state, twist):
+    """What a column adds to the equation of the handwheel, ``a w1 = r + hand torque`` (C4), over a step.
+
+    ``twist`` is the torque of a torsion bar that no longer moves [N m]; NaN where it does.
+    """
+    c, q = m.columns[car], state[HEAD + place * m.start.shape[1] :]
+    inertia = 2.0 * (c.I1 + c.I_arm) / SAMPLE_TIME
+    a = inertia + c.C1 + c.C_arm + 0.5 * SAMPLE_TIME * c.K_arm
+    r = inertia * q[HANDWHEEL_SPEED] - c.K_arm * q[HANDWHEEL_ANGLE]
+    if twist == twist:
+        return a, r - twist
+    K = c.C_tb + 0.5 * SAMPLE_TIME * c.K_tb  # (C4)
+    return a + K, r - c.K_tb * (q[HANDWHEEL_ANGLE] - q[COLUMN_ANGLE]) + K * q[COLUMN_SPEED]
+
+
+@kernel
+def _arms(c, angle, speed, w):
+    """Torque that arms take from that of the hands over a step with the mean speed ``w`` (C3) [N m]."""
+    return c.I_arm * 2.0 * (w - speed) / SAMPLE_TIME + c.C_arm * w + c.K_arm * (angle + 0.5 * SAMPLE_TIME * w)
+
+
+@kernel
+def _handwheel(m, state, hand):
+    """Move the one handwheel of both cars by a step under a hand torque [N m].
+
+    The column speeds are those at the begin of the step. The new angle [rad] and speed [rad/s] become inputs of the
+    cars, which follow.
+
+    Returns
+    -------
+    float
+        Hand torque less that of arms [N m].
+    """
+    place, share = int(state[PLACE]), state[SHARE]
+    acting, following = int(state[ACTING]), int(state[NEXT])
+    a, r = _column(m, acting, place, state, np.nan)
+    twist = m.rows[1 - place, _TORQUE] if state[DROPPED] != 0.0 else np.nan
+    a_next, r_next = _column(m, following, 1 - place, state, twist)
+    first = HEAD + place * m.start.shape[1]
+    angle, speed = state[first + HANDWHEEL_ANGLE], state[first + HANDWHEEL_SPEED]
+    # (C7), of a column between both
+    w = ((1.0 - share) * r + share * r_next + hand) / ((1.0 - share) * a + share * a_next)
+    m.given[HAND_ANGLE] = angle + SAMPLE_TIME * w
+    m.given[HAND_SPEED] = 2.0 * w - speed
+    arms = _arms(m.columns[acting], angle, speed, w), _arms(m.columns[following], angle, speed, w)
+    return hand - (1.0 - share) * arms[0] - share * arms[1]
+
+
+@kernel
+def _drop(m, state):
+    """Let the next car show what it showed last; in the run-in, where nothing of it is shown, forget it."""
+    m.counts[FAILED] += 1
+    state[DROPPED] = state[BACK] = 1.0
+    if state[SHARE] == 0.0:
+        state[NEXT] = -1.0
+    place = int(state[PLACE])
+    for j in range(m.rows.shape[1]):
+        m.rows[1 - place, j] = m.rows[2, j]
+    own = m.rows[place, _TORQUE]
+    m.rows[1 - place, _TORQUE] = within(m.rows[2, _TORQUE], own - FARTHEST, own + FARTHEST)
+
+
+@kernel
+def _run_next(m, state, inputs):
+    """Advance the next car, beside the acting one."""
+    place = 1 - int(state[PLACE])
+    row = m.rows[place]
+    for j in range(row.size):
+        m.rows[2, j] = row[j]
+    finite = _run(m, int(state[NEXT]), place, True, state, m.given, inputs) and is_finite(row[:_SHOWN])
+    if not (finite and abs(row[_TORQUE]) <= IMPLAUSIBLE and state[AGE] <= RUN_IN + LONGEST):
+        _drop(m, state)
+
+
+@kernel
+def _fade(m, state):
+    """Move the share of the next car; at its end that car acts."""
+    place = int(state[PLACE])
+    difference = abs(m.rows[1 - place, _TORQUE] - m.rows[place, _TORQUE])
+    # A free handwheel answers a ramp of the torque with up to twice its slope.
+    most = 0.5 * LARGEST_STEP if m.by_torque else LARGEST_STEP
+    change = 1.0 / FADE
+    if change * difference > most:
+        change = most / difference
+    state[SHARE] = within(state[SHARE] + (-change if state[BACK] != 0.0 else change), 0.0, 1.0)
+    if state[SHARE] == 0.0:
+        state[NEXT] = -1.0
+    elif state[SHARE] >= 1.0 - 1e-9:  # a sum of hundredths is not exactly 1
+        state[ACTING], state[PLACE], state[NEXT], state[SHARE] = state[NEXT], 1 - place, -1.0, 0.0
+        m.counts[SWITCHED] += 1
+
+
+@kernel
+def _sample(m, state, given, inputs, outputs):
+    """Advance all by one sample; whether the acting car stays finite."""
+    if state[TAKEN] != m.wanted[0]:
+        if state[SHARE] == 0.0:
+            _begin(m, state)
+        else:
+            _turn(m, state)
+    switching = state[NEXT] >= 0.0
+    fading = switching and state[AGE] >= RUN_IN
+    if switching:
+        state[AGE] += 1.0
+        for i in range(given.size):
+            m.given[i] = given[i]
+    hand = _handwheel(m, state, given[0]) if fading and m.by_torque else 0.0
+    place = int(state[PLACE])
+    if not _run(m, int(state[ACTING]), place, fading, state, m.given if fading else given, inputs):
+        return False
+    if switching:
+        if m.by_torque and not fading:
+            first = HEAD + place * m.start.shape[1]
+            m.given[HAND_ANGLE] = state[first + HANDWHEEL_ANGLE]
+            m.given[HAND_SPEED] = state[first + HANDWHEEL_SPEED]
+        if state[DROPPED] == 0.0:
+            _run_next(m, state, inputs)
+    if fading:
+        _fade(m, state)
+    _show(m, state, outputs[0])
+    if fading and m.by_torque:
+        outputs[0, _HANDWHEEL_TORQUE] = hand
+    return True
+
+
+@kernel
+def _show(m, state, shown):
+    """Mix the channels of both cars, and tell which acts."""
+    place, share = int(state[PLACE]), state[SHARE]
+    for j in range(shown.size):
+        shown[j] = m.rows[place, j]
+        if share > 0.0:
+            shown[j] += share * (m.rows[1 - place, j] - m.rows[place, j])
+    m.now[0], m.now[1], m.now[2] = state[ACTING], state[NEXT], share
+
+
+@kernel
+def _advance(part, state, given, inputs, outputs, samples):
+    finite = True
+    for _ in range(samples):
+        finite = finite and _sample(part, state, given, inputs, outputs)
+    return finite
+
+
+register(Switch, _advance)

@@ -1,0 +1,460 @@
+"""The exported car against the plant in Python, the standard's rules and a C importer."""
+
+import ctypes
+import dataclasses
+import json
+import shutil
+import subprocess
+import sys
+import time
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from steer_env import friction, manoeuvres
+from steer_env.connect import fmu
+from steer_env.friction.numerics.kernel import bind
+from steer_env.vehicle import cars, plant
+from tests.connect.fmu.runs import STEP, begin, bits, hand_names, opened, replay
+
+fmpy = pytest.importorskip("fmpy", reason="the extra fmu is not installed")
+validation = pytest.importorskip("fmpy.validation", reason="the extra fmu is not installed")
+if shutil.which("cc") is None:
+    pytest.skip("there is no C compiler", allow_module_level=True)
+
+HARNESS = Path(__file__).with_name("harness.c")
+
+
+@pytest.fixture(scope="module")
+def weave(tmp_path_factory):
+    """A unit for the weave on one track, for this processor."""
+    m = manoeuvres.make("weave")
+    path = tmp_path_factory.mktemp("weave") / "weave.fmu"
+    return m, fmu.export(path, speed=m.speed, robot=True, cpu="native")
+
+
+def in_python(p, u, names):
+    """Channels (T, C) of the plant in Python, and those of its start."""
+    record = np.zeros((len(u), len(names)))
+    state, row = plant.settled(p)
+    plant.run(p, state, u, record, 1)
+    return record, row
+
+
+def compared(m, path, folder, law, duration):
+    """Channels of a unit and of Python over part of a manoeuvre with a steering robot."""
+    p = manoeuvres.build_plant(cars.load("compact"), m, law)
+    u = manoeuvres.inputs(m, 0.2, duration)
+    names = [name for name, _ in plant.channels(p)]
+    expected, start = in_python(p, u, names)
+    with opened(path, folder) as (unit, references, said):
+        begin(unit)
+        first = unit.getReal([references[name] for name in names])
+        assert np.array_equal(bits(np.array(first)), bits(start))
+        found = replay(unit, references, u, hand_names(m.robot), names)
+        assert not said
+    return expected, found
+
+
+def test_weave_is_that_of_python_to_the_bit(weave, tmp_path):
+    m, path = weave
+    expected, found = compared(m, path, tmp_path, "lugre", 20.0)
+    assert np.ptp(expected[:, plant.CHANNEL["lateral_acceleration"]]) > 3.0  # the car does turn
+    assert np.array_equal(bits(expected), bits(found))
+
+
+@pytest.mark.whole
+@pytest.mark.parametrize("law", friction.available())
+@pytest.mark.parametrize("chassis", ["single_track", "two_track"])
+def test_a_whole_weave_with_every_law(law, chassis, tmp_path):
+    m = dataclasses.replace(manoeuvres.make("weave"), chassis=chassis)
+    begun = time.monotonic()
+    path = fmu.export(tmp_path / "car.fmu", friction=law, chassis=chassis, speed=m.speed, robot=True, cpu="native")
+    assert time.monotonic() - begun < 60.0
+    assert path.stat().st_size < 2e6
+    assert validation.validate_fmu(str(path)) == []
+    expected, found = compared(m, path, tmp_path / "unit", law, m.duration)
+    assert np.array_equal(bits(expected), bits(found))
+
+
+def test_validation_has_no_remark(weave):
+    assert validation.validate_fmu(str(weave[1])) == []
+
+
+def test_description_has_units_and_the_start_values_of_python(weave):
+    m, path = weave
+    p = manoeuvres.build_plant(cars.load("compact"), m, "lugre")
+    listed = {v.name: v for v in fmpy.read_model_description(str(path)).modelVariables}
+    assert all(v.unit and v.description for v in listed.values() if v.type == "Real")
+    assert (listed["column.K_tb"].unit, listed["friction.sigma_0"].unit) == ("N m/rad", "N m/rad")
+    starts = {
+        "column.I2": p.column.I2,
+        "assist.boost[2,3]": p.assist.boost[1, 2],
+        "assist.damping[6]": p.assist.damping[5],
+        "friction.F_c": p.friction.F_c,
+        "chassis.m": p.chassis.m,
+        "chassis.v_x": m.speed,
+        "tyre.PKY1": p.tyre[0].PKY1,
+        "pinion_radius": p.pinion_radius,
+        "level.load": p.level.load,
+    }
+    assert {name: float(listed[name].start) for name in starts} == starts
+    assert {name: listed[name].variability for name in ("column.I2", "friction.F_c", "chassis.m", "chassis.v_x")} == {
+        "column.I2": "tunable",
+        "friction.F_c": "tunable",
+        "chassis.m": "fixed",
+        "chassis.v_x": "constant",
+    }
+
+
+def test_units_are_products_of_base_units():
+    from steer_env.connect.fmu.units import base_unit
+
+    assert base_unit("N m s/rad") == {"kg": 1, "m": 2, "s": -1, "rad": -1}
+    assert base_unit("m/s2") == {"m": 1, "s": -2}
+    assert base_unit("1") == {}
+    assert base_unit("furlong/s") is None
+
+
+def test_the_unit_tells_what_it_is_made_of(weave):
+    """The car and the law in the archive make the same plant again."""
+    m, path = weave
+    with zipfile.ZipFile(path) as archive:
+        found = json.loads(archive.read("resources/made_of.json"))
+        assert b"handwheel angle" in archive.read("documentation/index.html")
+        assert archive.read("model.png")[1:4] == b"PNG"
+    again = cars.load(found["car"]).plant(found["friction"], found["speed_m_s"], found["robot"])
+    assert repr(again) == repr(manoeuvres.build_plant(cars.load("compact"), m, "lugre"))
+
+
+def test_fmpy_simulates(weave):
+    """An importer's own loop, with steps of 10 ms, in which the angle is a cubic between the ends."""
+    m, path = weave
+    t = np.arange(0.0, 2.0 + 1e-9, 0.01)
+    angle, speed = m.hand(t, 0.2)
+    inputs = np.array(list(zip(t, angle, speed)), dtype=[("time", float), ("hand_angle", float), ("hand_speed", float)])
+    found = fmpy.simulate_fmu(
+        str(path), stop_time=2.0, step_size=0.01, output_interval=0.01, input=inputs, output=["yaw_rate"]
+    )
+    p = manoeuvres.build_plant(cars.load("compact"), m, "lugre")
+    record, _ = in_python(p, manoeuvres.inputs(m, 0.2, 2.0), plant.channels(p))
+    expected = record[9::10, plant.CHANNEL["yaw_rate"]]
+    # fmpy sets the inputs of the beginning of a step, so that the hands are a step of 10 ms late.
+    late = np.interp(t[1:] - 0.01, t[1:], expected)
+    assert found["yaw_rate"][1:] == pytest.approx(late, abs=2e-3 * np.ptp(expected))
+
+
+def test_longer_steps_end_where_steps_of_a_millisecond_do(weave, tmp_path):
+    _, path = weave
+    with opened(path, tmp_path) as (unit, references, _):
+        begin(unit)
+        wanted = [references["handwheel_angle"], references["handwheel_speed"], references["yaw_rate"]]
+        hands = [references["hand_angle"], references["hand_speed"]]
+        unit.setReal(hands, [0.1, 0.5])
+        unit.doStep(0.0, 0.02)
+        assert unit.getReal(wanted)[:2] == [0.1, 0.5]
+        unit.reset()
+        begin(unit)
+        # The cubic that meets 0 rad at rest and 0.1 rad at 0.5 rad/s, 20 ms later.
+        for k in range(20):
+            s = (k + 1) / 20
+            angle = 0.1 * s * s * (3 - 2 * s) + 0.02 * 0.5 * s * s * (s - 1)
+            speed = (0.6 * s * (1 - s) + 0.01 * s * (3 * s - 2)) / 0.02
+            unit.setReal(hands, [angle, speed])
+            unit.doStep(k * STEP, STEP)
+        steps = unit.getReal(wanted)
+    with opened(path, tmp_path) as (unit, references, _):
+        begin(unit)
+        unit.setReal(hands, [0.1, 0.5])
+        unit.doStep(0.0, 0.02)
+        assert unit.getReal(wanted) == pytest.approx(steps, rel=1e-12)
+
+
+def test_parameters_settle_and_act_as_in_python(weave, tmp_path):
+    """Changed parameters give the run of a plant with these numbers, from its own straight running."""
+    m, path = weave
+    p = manoeuvres.build_plant(cars.load("compact"), m, "lugre")
+    p = p._replace(
+        column=p.column._replace(K_tb=110.0),
+        friction=p.friction._replace(F_c=1.3, F_s=1.3),
+        chassis=p.chassis._replace(m=1300.0, mu=0.8),
+        robot=0.0,
+    )
+    u = np.zeros((500, len(plant.INPUTS)))
+    u[:, plant.HAND] = 1.5
+    names = [name for name, _ in plant.channels(p)]
+    expected, start = in_python(p, u, names)
+    changed = {"column.K_tb": 110.0, "friction.F_c": 1.3, "friction.F_s": 1.3, "chassis.m": 1300.0, "chassis.mu": 0.8}
+    with opened(path, tmp_path) as (unit, references, _):
+        unit.setupExperiment()
+        unit.setReal([references[name] for name in changed], list(changed.values()))
+        unit.enterInitializationMode()
+        unit.setBoolean([references["robot"]], [False])
+        first = unit.getReal([references[name] for name in names])
+        assert np.array_equal(bits(np.array(first)), bits(start))
+        unit.exitInitializationMode()
+        found = replay(unit, references, u, hand_names(False), names)
+    assert np.array_equal(bits(expected), bits(found))
+
+
+def test_what_may_be_set_when(weave, tmp_path):
+    from fmpy.fmi1 import FMICallException
+
+    with opened(weave[1], tmp_path) as (unit, references, said):
+
+        def refused(name, value):
+            with pytest.raises(FMICallException):
+                unit.setReal([references[name]], [value])
+            return said[-1]
+
+        assert "yaw_rate is an output" in refused("yaw_rate", 0.0)
+        assert "chassis.v_x is a constant" in refused("chassis.v_x", 20.0)
+        assert "column.K_tb must not be negative, got -1" in refused("column.K_tb", -1.0)
+        begin(unit)
+        assert "chassis.m is fixed" in refused("chassis.m", 1300.0)
+        unit.setReal([references["friction.F_c"]], [1.5])
+        assert unit.getReal([references["friction.F_c"]]) == [1.5]
+
+
+def test_a_run_that_diverges_names_the_state_and_goes_back(weave, tmp_path):
+    from fmpy.fmi1 import FMICallException
+
+    with opened(weave[1], tmp_path) as (unit, references, said):
+        begin(unit)
+        unit.setBoolean([references["robot"]], [False])
+        names = [references[name] for name in ("handwheel_speed", "column_angle", "yaw_rate", "handwheel_torque")]
+        torque = [references["hand_torque"]]
+        unit.setReal(torque, [2.0])
+        unit.doStep(0.0, 0.1)
+        before = unit.getReal(names)
+        unit.setReal(torque, [1e308])
+        with pytest.raises(FMICallException):
+            unit.doStep(0.1, 0.1)
+        assert "is no longer finite in the step from 0.1 s" in said[-1]
+        assert "the state handwheel_" in said[-1]
+        assert unit.getReal(names) == before
+        unit.setReal(torque, [2.0])
+        unit.doStep(0.1, 0.1)
+        after = unit.getReal(names)
+        unit.reset()
+        begin(unit)
+        unit.setBoolean([references["robot"]], [False])
+        unit.setReal(torque, [2.0])
+        unit.doStep(0.0, 0.2)
+        assert unit.getReal(names) == after  # as if nothing had happened
+
+
+def test_two_instances_do_not_know_of_each_other(weave, tmp_path):
+    with opened(weave[1], tmp_path / "a") as (a, references, _), opened(weave[1], tmp_path / "a") as (b, _, _):
+        begin(a)
+        begin(b)
+        names = [references["hand_angle"]], [references["lateral_acceleration"]]
+        a.setReal(names[0], [0.3])
+        for k in range(50):
+            a.doStep(k * STEP, STEP)
+            b.doStep(k * STEP, STEP)
+        assert abs(a.getReal(names[1])[0]) > 0.01
+        assert b.getReal(names[1]) == [0.0]
+
+
+def test_libcosimpy_runs_it_alike(weave, tmp_path):
+    """An importer that shares no code with fmpy."""
+    pytest.importorskip("libcosimpy", reason="libcosimpy is not installed")
+    from libcosimpy.CosimExecution import CosimExecution
+    from libcosimpy.CosimManipulator import CosimManipulator
+    from libcosimpy.CosimObserver import CosimObserver
+    from libcosimpy.CosimSlave import CosimLocalSlave
+
+    _, path = weave
+    execution = CosimExecution.from_step_size(1_000_000)
+    index = execution.add_local_slave(CosimLocalSlave(fmu_path=str(path), instance_name="car"))
+    observer, manipulator = CosimObserver.create_last_value(), CosimManipulator.create_override()
+    assert execution.add_observer(observer)
+    assert execution.add_manipulator(manipulator)
+    with opened(path, tmp_path) as (unit, references, _):
+        begin(unit)
+        hands = [references["hand_angle"], references["hand_speed"]]
+        outputs = [references[name] for name in ("handwheel_torque", "yaw_rate", "lateral_acceleration")]
+        for k in range(300):
+            t = (k + 1) * STEP
+            values = [0.2 * (1.0 - np.cos(3.0 * t)), 0.6 * np.sin(3.0 * t)]
+            manipulator.slave_real_values(index, hands, values)
+            unit.setReal(hands, values)
+            execution.step()
+            unit.doStep(k * STEP, STEP)
+            assert list(observer.last_real_values(index, outputs)) == pytest.approx(unit.getReal(outputs), rel=1e-9)
+        assert abs(unit.getReal(outputs)[2]) > 0.1
+
+
+def built_harness(folder):
+    """The C importer, compiled."""
+    include = f"-I{fmpy.__path__[0]}/c-code"
+    program = folder / "harness"
+    command = [
+        "cc",
+        "-std=gnu11",
+        "-O1",
+        "-g",
+        "-Wall",
+        "-Wextra",
+        "-Werror",
+        include,
+        HARNESS,
+        "-o",
+        program,
+        "-ldl",
+        "-lm",
+    ]
+    subprocess.run(command, check=True)
+    return program
+
+
+def unpacked(path, folder):
+    """Binary of a unit for Linux, and its token."""
+    fmpy.extract(str(path), str(folder))
+    (binary,) = (folder / "binaries" / "linux64").iterdir()
+    return binary, fmpy.read_model_description(str(path)).guid
+
+
+@pytest.fixture(scope="module")
+def harness(weave, tmp_path_factory):
+    """Command of the C importer with the unit of the weave."""
+    folder = tmp_path_factory.mktemp("harness")
+    return [built_harness(folder), *unpacked(weave[1], folder)]
+
+
+def test_bad_calls_are_refused_and_harmless(harness):
+    done = subprocess.run([*harness, "check", "1000", "100"], capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout
+
+
+@pytest.mark.whole
+def test_memory_does_not_grow(harness):
+    done = subprocess.run([*harness, "check", "1000000", "1000"], capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout
+    assert int(done.stdout) < 1_000_000  # one state kept per instance would be 3 MB, one per step 3 GB
+
+
+@pytest.mark.whole
+def test_valgrind_finds_nothing(tmp_path):
+    if shutil.which("valgrind") is None:
+        pytest.skip("valgrind is not installed")
+    path = fmu.export(tmp_path / "car.fmu")  # valgrind knows no AVX-512, which the processor may have
+    command = ["valgrind", "--error-exitcode=9", "--leak-check=full", "--quiet", built_harness(tmp_path)]
+    done = subprocess.run([*command, *unpacked(path, tmp_path), "check", "200", "20"], capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+LOOP = """
+int loop(int (*step)(void *, double, double, int), void *unit, double start, long count)
+{
+    int status = 0;
+    for (long i = 0; i < count; i++)
+        status |= step(unit, start + 1e-3 * i, 1e-3, 1);
+    return status;
+}
+"""
+
+
+@pytest.mark.whole
+def test_a_step_takes_as_long_as_the_kernel(weave, tmp_path):
+    """Steps of 1 ms from C, against the kernel that advances one plant over as many samples in one call."""
+    (tmp_path / "loop.c").write_text(LOOP)
+    command = ["cc", "-O2", "-shared", "-fPIC", tmp_path / "loop.c", "-o", tmp_path / "loop.so"]
+    subprocess.run(command, check=True)
+    loop = ctypes.CDLL(str(tmp_path / "loop.so")).loop
+    loop.argtypes = [ctypes.c_void_p, ctypes.c_void_p, ctypes.c_double, ctypes.c_long]
+    m, path = weave
+    p = manoeuvres.build_plant(cars.load("compact"), m, "lugre")
+    count = 2000
+    state, row = plant.settled(p)
+    arguments = p, state, np.zeros((count, len(plant.INPUTS))), np.zeros((count, row.size)), 1
+    run, kernels, steps = bind(plant.run, *arguments), [], []
+    with opened(path, tmp_path / "unit") as (unit, _, _):
+        begin(unit)
+        step = ctypes.cast(unit.dll.fmi2DoStep, ctypes.c_void_p)
+        for i in range(1000):  # the least of many, in turns, as the machine does other things too
+            times = [time.perf_counter()]
+            run(*arguments)
+            times.append(time.perf_counter())
+            assert loop(step, unit.component, i * count * STEP, count) == 0
+            times.append(time.perf_counter())
+            kernels.append((times[1] - times[0]) / count)
+            steps.append((times[2] - times[1]) / count)
+    print(f"kernel {min(kernels) * 1e9:.0f} ns, step of the unit {min(steps) * 1e9:.0f} ns")
+    # 1.15 to 1.18 was measured; the limit is for machines with other caches, and finds a step that does work twice.
+    assert min(steps) < 1.5 * min(kernels)
+
+
+@pytest.mark.whole
+def test_a_processor_that_lacks_something_is_refused(tmp_path, monkeypatch):
+    """The C layer asks the processor before any code for it runs; here for a bit that is reserved, and never set."""
+    from steer_env.vehicle.subsystems import processor
+
+    monkeypatch.setitem(processor.FEATURES, "cx16", (7, "d", 0))
+    path = fmu.export(tmp_path / "car.fmu", cpu="x86-64-v2")
+    said = []
+    with pytest.raises(Exception, match="instantiate"), opened(path, tmp_path / "unit", log=said):
+        pass
+    assert "made for processors of level x86-64-v2" in said[0]
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"part": "engine"}, "part must be one of"),
+        ({"fmi": 1}, "fmi must be one of"),
+        ({"cpu": "pentium"}, "cpu must be one of"),
+        ({"platforms": ["darwin64"]}, "platform must be one of"),
+        ({"platforms": []}, "needs a platform"),
+        ({"friction": "glue"}, "unknown friction law"),
+        ({"speed": 500.0}, "speed"),
+    ],
+)
+def test_bad_values_are_refused(options, message, tmp_path):
+    with pytest.raises(ValueError, match=message):
+        fmu.export(tmp_path / "car.fmu", **options)
+
+
+def test_a_missing_compiler_is_told(tmp_path, monkeypatch):
+    monkeypatch.setenv("CC", "no-such-compiler")
+    with pytest.raises(ValueError, match="apt install gcc"):
+        fmu.export(tmp_path / "car.fmu")
+
+
+@pytest.mark.whole
+def test_command_line(tmp_path):
+    from steer_env.experiments.cli.main import main
+
+    out = tmp_path / "car.fmu"
+    assert main(["export-fmu", "--friction", "masing,elements=4", "--out", str(out)]) == 0
+    names = {v.name for v in fmpy.read_model_description(str(out)).modelVariables}
+    assert {"friction.k[1]", "friction.k[4]", "assist.boost[6,9]", "hand_torque", "wind_force"} <= names
+    assert "throttle_request" not in names  # the speed of a single track is held
+    assert main(["export-fmu", "--out", str(tmp_path / "car.zip")]) == 2
+
+
+def test_help_names_what_there_is():
+    from steer_env.connect.fmu import unit_export
+    from steer_env.experiments.cli import export_fmu
+    from steer_env.experiments.cli.common import plant_options
+    from steer_env.vehicle.subsystems import make as parts
+    from steer_env.vehicle.subsystems import object_code, processor
+
+    assert plant_options.PARTS == parts.PARTS
+    assert export_fmu.VERSIONS == unit_export.VERSIONS
+    assert export_fmu.PLATFORMS == object_code.PLATFORMS
+    assert export_fmu.PROCESSORS == processor.NAMES
+    assert sys.byteorder == "little"  # of every platform that units are made for
+
+
+@pytest.mark.parametrize("part", ["car", "chassis"])
+def test_a_part_at_another_speed_than_its_plant_is_refused(part):
+    from steer_env.vehicle.subsystems.make import make_part
+
+    p = cars.load("compact").plant(speed=20.0)
+    assert make_part(part, p, 20.0).name == part
+    with pytest.raises(ValueError, match=f"plant of the {part} drives at 20 m/s, not at 25 m/s"):
+        make_part(part, p, 25.0)

@@ -1,0 +1,141 @@
+"""The unit of FMI 3.0: the same run as Python's, and the same refusals as with 2.0, whose core it shares."""
+
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from steer_env import manoeuvres
+from steer_env.connect import fmu
+from steer_env.vehicle import cars, plant
+from tests.connect.fmu.runs import STEP, bits
+
+fmpy = pytest.importorskip("fmpy", reason="the extra fmu is not installed")
+validation = pytest.importorskip("fmpy.validation", reason="the extra fmu is not installed")
+if shutil.which("cc") is None:
+    pytest.skip("there is no C compiler", allow_module_level=True)
+
+pytestmark = pytest.mark.whole
+
+
+@pytest.fixture(scope="module", params=["single_track", "two_track"])
+def exported(request, tmp_path_factory):
+    """The chassis, and a unit for this processor, whose handwheel angle is prescribed."""
+    path = tmp_path_factory.mktemp("fmi3") / "car.fmu"
+    return request.param, fmu.export(path, chassis=request.param, robot=True, cpu="native", fmi=3)
+
+
+@pytest.fixture
+def opened(exported, tmp_path):
+    """An instance, the references of the variables, and what the unit says."""
+    from fmpy.fmi3 import FMU3Slave
+
+    _, path = exported
+    description = fmpy.read_model_description(str(path))
+    fmpy.extract(str(path), str(tmp_path))
+    said = []
+    unit = FMU3Slave(
+        guid=description.guid,
+        unzipDirectory=str(tmp_path),
+        modelIdentifier=description.coSimulation.modelIdentifier,
+        instanceName="unit",
+    )
+    unit.instantiate(logMessage=lambda environment, status, kind, text: said.append(text.decode()))
+    yield unit, {v.name: v.valueReference for v in description.modelVariables}, said
+    unit.freeInstance()
+
+
+def begin(unit, **times):
+    """From instantiation to step mode."""
+    unit.enterInitializationMode(**times)
+    unit.exitInitializationMode()
+
+
+def test_validation_has_no_remark(exported):
+    assert validation.validate_fmu(str(exported[1])) == []
+
+
+def test_weave_is_that_of_python_to_the_bit(exported, opened):
+    chassis, (unit, references, said) = exported[0], opened
+    m = manoeuvres.make("weave")
+    p = cars.load("compact").plant("lugre", m.speed, robot=True, chassis=chassis)
+    u = manoeuvres.inputs(m, 0.2, 10.0)
+    names = [name for name, _ in plant.channels(p)]
+    expected, found = np.zeros((len(u), len(names))), np.zeros((len(u), len(names)))
+    plant.run(p, plant.initial_state(p), u, expected, 1)
+    begin(unit)
+    hands, outputs = [references["hand_angle"], references["hand_speed"]], [references[name] for name in names]
+    for k, row in enumerate(u):
+        unit.setFloat64(hands, row[:2].tolist())
+        unit.doStep(k * STEP, STEP)
+        found[k] = unit.getFloat64(outputs)
+    assert not said
+    assert np.array_equal(bits(expected), bits(found))
+    assert unit.getFloat64([references["time"]]) == [pytest.approx(10.0)]
+
+
+def test_bad_calls_are_refused(opened):
+    from fmpy.fmi1 import FMICallException
+
+    unit, references, said = opened
+
+    def refused(call, *values):
+        before = len(said)
+        with pytest.raises(FMICallException):
+            call(*values)
+        assert len(said) == before + 1
+        return said[-1]
+
+    assert "fmi3DoStep is not allowed before initialization" in refused(unit.doStep, 0.0, STEP)
+    begin(unit)
+    torque = [references["hand_torque"]]
+    assert "hand_torque must be finite" in refused(unit.setFloat64, torque, [np.nan])
+    assert "time is the independent one" in refused(unit.setFloat64, [references["time"]], [1.0])
+    assert "1 value references but 2 values" in refused(unit.setFloat64, torque, [1.0, 2.0])
+    assert "value reference 99999" in refused(unit.getFloat64, [99999])
+    assert "no variables of this type" in refused(unit.getInt32, torque)
+    assert "whole number of milliseconds" in refused(unit.doStep, 0.0, 1.5e-3)
+    assert "does not offer fmi3EnterEventMode" in refused(unit.enterEventMode)
+    kept = unit.getFMUState()
+    stored = unit.serializeFMUState(kept)
+    assert "this unit's have" in refused(unit.deserializeFMUState, stored[:-8])
+    unit.setFMUState(kept)
+    unit.doStep(0.0, STEP)  # after all of this, it runs
+    unit.freeFMUState(kept)
+    unit.terminate()
+    assert "after termination" in refused(unit.doStep, STEP, STEP)
+
+
+def test_fmpy_simulates(exported):
+    chassis, path = exported
+    found = fmpy.simulate_fmu(
+        str(path),
+        stop_time=0.2,
+        step_size=STEP,
+        output_interval=STEP,
+        start_values={"robot": False, "hand_torque": 2.0},
+    )
+    p = cars.load("compact").plant("lugre", chassis=chassis)
+    u = np.zeros((200, len(plant.INPUTS)))
+    u[:, plant.HAND] = 2.0
+    record = np.zeros((200, len(plant.channels(p))))
+    plant.run(p, plant.initial_state(p), u, record, 1)
+    assert found["handwheel_angle"][-1] == pytest.approx(record[-1, 0], rel=1e-12)
+
+
+def test_a_c_importer_and_valgrind_find_nothing(tmp_path):
+    if shutil.which("valgrind") is None:
+        pytest.skip("valgrind is not installed")
+    path = fmu.export(tmp_path / "car.fmu", fmi=3)  # valgrind knows no AVX-512, which this processor may have
+    fmpy.extract(str(path), str(tmp_path / "unit"))
+    (binary,) = (tmp_path / "unit" / "binaries" / "x86_64-linux").iterdir()
+    program, source = tmp_path / "harness3", Path(__file__).with_name("harness3.c")
+    include = f"-I{fmpy.__path__[0]}/c-code"
+    strict = ["-std=gnu11", "-g", "-Wall", "-Wextra", "-Werror"]
+    subprocess.run(["cc", *strict, include, source, "-o", program, "-ldl", "-lm"], check=True)
+    token = fmpy.read_model_description(str(path)).instantiationToken
+    command = ["valgrind", "--error-exitcode=9", "--leak-check=full", "--quiet", program, binary, token, "50", "20"]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout + done.stderr

@@ -1,0 +1,88 @@
+"""A client and a vehicle behind a port that answers what it should not."""
+
+import socket
+import threading
+from contextlib import contextmanager
+
+import numpy as np
+import pytest
+
+from steer_env.connect.external import CouplingError, UdpVehicle
+from steer_env.connect.udp import Client, Stream, layout_of
+from steer_env.connect.udp.packets import KINDS, LARGEST, MAGIC, packed, unpacked
+from tests.connect.udp.served import part_of
+
+LAYOUT = layout_of(part_of("chassis"))
+ANSWERS = {KINDS["open"]: KINDS["opened"], KINDS["step"]: KINDS["stepped"], KINDS["close"]: KINDS["closed"]}
+
+
+@contextmanager
+def answering(values=None, **changed):
+    """The address of a server whose answers to steps have these values, or fields of the header that are changed."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as server:
+        server.bind(("127.0.0.1", 0))
+
+        def answer():
+            while True:
+                packet, client = server.recvfrom(LARGEST)
+                if packet == b"end":
+                    return
+                asked = unpacked(packet)
+                fields = {key: asked[key] for key in ("session", "sequence", "layout")}
+                step = asked["kind"] == KINDS["step"]
+                fields |= {"kind": ANSWERS[asked["kind"]], "time": 1e-3 * step, **(changed if step else {})}
+                outputs = np.zeros(len(LAYOUT.outputs)) if values is None or not step else values
+                server.sendto(packed(outputs, **{"magic": MAGIC, **fields}), client)
+
+        thread = threading.Thread(target=answer)
+        thread.start()
+        try:
+            yield server.getsockname()
+        finally:
+            with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as end:
+                end.sendto(b"end", server.getsockname())
+            thread.join()
+
+
+@pytest.mark.parametrize(
+    ("faults", "message"),
+    [
+        ({"layout": LAYOUT.fingerprint ^ 1}, "both ends need the same part and the same version"),
+        ({"version": 2}, "has version 2, .* this client expects version 1"),
+        ({"values": [0.0]}, "and 88 bytes, but this client expects"),
+        ({"kind": KINDS["refused"], "values": [], "code": 99}, "for the reason 99, which this version"),
+        ({"kind": KINDS["refused"], "values": [], "code": 0}, "for the reason 0, which this version"),
+        ({"kind": KINDS["refused"], "values": [], "code": 10, "detail": 4000}, "an input is not finite"),
+    ],
+)
+def test_answers_of_another_protocol_are_told(faults, message):
+    with answering(**faults) as address:
+        client = Client(LAYOUT, address)
+        with pytest.raises(ValueError, match=message):
+            client.step(np.zeros(len(LAYOUT.inputs)))
+        client.__exit__(None, None, None)
+        vehicle = UdpVehicle(LAYOUT, address, 20.0)
+        vehicle.start(20.0)
+        with pytest.raises(CouplingError, match=message):
+            vehicle.step(np.zeros(len(vehicle.takes)), 1)
+        vehicle.close()
+
+
+def test_a_stream_refuses_another_layout():
+    with answering(layout=1) as address, Stream(LAYOUT, address) as stream:
+        stream.put(np.zeros(len(LAYOUT.inputs)))
+        with pytest.raises(ValueError, match="both ends need the same part"):
+            stream.get(1.0)
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+@pytest.mark.parametrize("name", ["rack_force", "yaw_rate"])
+def test_a_vehicle_that_gives_no_number_is_named(name, value):
+    values = np.zeros(len(LAYOUT.outputs))
+    values[[signal.name for signal in LAYOUT.outputs].index(name)] = value
+    with answering(values) as address:
+        vehicle = UdpVehicle(LAYOUT, address, 20.0)
+        vehicle.start(20.0)
+        with pytest.raises(CouplingError, match=rf"127\.0\.0\.1:\d+ gave {name} = {value} at 0\.001 s"):
+            vehicle.step(np.zeros(len(vehicle.takes)), 1)
+        vehicle.close()

@@ -1,0 +1,274 @@
+"""A server over UDP: the numbers of Python to the bit, faults, the rate, the command and clients in other languages."""
+
+import importlib.util
+import json
+import math
+import secrets
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from steer_env.connect.udp import Client, Server
+from steer_env.connect.udp.packets import KINDS
+from steer_env.experiments.cli import serve
+from steer_env.experiments.cli.main import main
+from steer_env.vehicle import plant
+from steer_env.vehicle.subsystems.advance import CLASSES, advance
+from tests.connect.udp.served import ROOT, FaultyClient, echoing, layout, part_of, serving
+
+if sys.platform != "linux":
+    pytest.skip("the server needs Linux", allow_module_level=True)
+
+EXAMPLES = ROOT / "examples" / "cosimulation"
+
+
+def inputs_of(part, n):
+    """Inputs (n, I) of a part: the plant's in a lively drive, those of the others like them."""
+    t = 1e-3 * np.arange(1.0, n + 1.0)
+    known = {
+        "hand_torque": 3.0 * np.sin(4.0 * t),
+        "hand_angle": 0.4 * np.sin(4.0 * t),
+        "hand_speed": 1.6 * np.cos(4.0 * t),
+        "assist_request": 0.5 * np.sin(9.0 * t),
+        "wind_force": 200.0 * np.sin(2.0 * t),
+        "rack_force": 900.0 * np.sin(3.0 * t),
+        "vehicle_speed": 20.0 + np.sin(t),
+        "rack_travel": 0.01 * np.sin(4.0 * t),
+        "rack_speed": 0.04 * np.cos(4.0 * t),
+        "brake_request": np.where((t > 0.5) & (t < 0.7), 0.1, 0.0),
+    }
+    zero = np.zeros(n)
+    return np.column_stack([known.get(signal.name, zero) for signal in part.given])
+
+
+def driven(part, given):
+    """Outputs (T, C) of a part under inputs (T, I) as the plant computes them in Python."""
+    record = np.zeros((len(given), len(part.outputs)))
+    if part.name == "car":
+        p = part.parameters
+        hands = [1, 2] if p.robot else [0]
+        u = np.zeros((len(given), len(plant.INPUTS)))
+        u[:, : len(hands)] = given[:, hands]
+        u[:, 2 : given.shape[1] - 1] = given[:, 3:]
+        assert plant.run(p, part.start.copy(), u, record, 1)
+        return record
+    state, full, row = part.start.copy(), np.zeros(part.given_size), np.zeros((1, part.inputs))
+    for i, values in enumerate(given):
+        full[: len(values)] = values
+        advance(CLASSES[part.name](part.parameters), state, full, row, record[i : i + 1], 1)
+    return record
+
+
+def equals_python(part, n=3000):
+    """What a client receives is what Python computes, to the bit."""
+    given = inputs_of(part, n)
+    found = np.zeros((n, len(part.outputs)))
+    with Server(part) as server, Client(server.layout, server.address) as client:
+        assert np.array_equal(client.outputs, part.shown)
+        for i in range(n):
+            found[i] = client.step(given[i])
+        assert client.time == pytest.approx(1e-3 * n)
+    assert server.counts()["samples"] == n
+    assert np.ptp(found, axis=0).max() > 1.0
+    assert found.tobytes() == driven(part, given).tobytes()
+
+
+def test_the_car_over_udp_equals_python_to_the_bit():
+    equals_python(part_of("car"))
+
+
+@pytest.mark.whole
+@pytest.mark.parametrize(
+    ("name", "law", "chassis", "robot"),
+    [
+        ("car", "masing", "two_track", False),
+        ("car", "lugre", "two_track", True),
+        ("steering", "gms", "single_track", False),
+        ("steering", "coulomb", "single_track", True),
+        ("chassis", "lugre", "two_track", False),
+        ("chassis", "lugre", "single_track", False),
+    ],
+)
+def test_every_part_over_udp_equals_python_to_the_bit(name, law, chassis, robot):
+    equals_python(part_of(name, friction=law, chassis=chassis, robot=robot))
+
+
+def resident(process):
+    """Memory of a process [MB]."""
+    fields = dict(line.split(":", 1) for line in Path(f"/proc/{process.pid}/status").read_text().splitlines())
+    return float(fields["VmRSS"].split()[0]) / 1024.0
+
+
+def soak(n, faults):
+    """Exchanges on a bad network; the server's counts, and its growth [MB] after the first tenth."""
+    part = part_of("car")
+    given = inputs_of(part, n)
+    names = [signal.name for signal in part.outputs]
+    torques = [names.index(name) for name in ("handwheel_torque", "torsion_bar_torque", "motor_torque")]
+    largest, before = np.zeros(len(torques)), 0.0
+    with serving() as process, FaultyClient(layout(), process.address, faults) as client:
+        for i in range(n):
+            found = client.step(given[i])
+            assert math.isfinite(found.sum())
+            largest = np.maximum(largest, np.abs(found[torques]))
+            if i == n // 10:
+                before = resident(process)
+        growth = resident(process) - before
+        injected = client.injected
+    expected = driven(part, given)
+    assert found.tobytes() == expected[-1].tobytes()
+    assert np.array_equal(largest, np.abs(expected[:, torques]).max(axis=0))
+    assert (largest < 50.0).all()
+    counts = process.counts
+    assert counts["steps"] == n
+    for name in ("foreign", "truncated", "damaged", "late"):
+        assert counts[name] == injected[name] > 0
+    assert counts["refused"] == injected["strange"] > 0
+    assert counts["repeated"] >= injected["doubled"] > 0
+    return counts, growth
+
+
+def test_faults_of_the_network_change_nothing():
+    soak(5000, 0.02)
+
+
+@pytest.mark.whole
+def test_soak_of_a_million_exchanges():
+    counts, growth = soak(1_000_000, 0.01)
+    print(counts, f"grown by {growth:.3f} MB")
+    assert growth < 1.0
+
+
+def exchanges(address, requests):
+    """Time of sending each request and receiving its answer [s]."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as link:
+        link.settimeout(5.0)
+        link.connect(address)
+        start = time.perf_counter()
+        for request in requests:
+            link.send(request)
+            link.recv(4096)
+        return time.perf_counter() - start
+
+
+def test_rate_beside_a_bare_echo():
+    """Lockstep against an echo of the same packets by a Python process, in turns; the packets are made before."""
+    rounds, n = 7, 1000
+    times = {"echo": [], "lockstep": []}
+    with serving() as process, echoing() as echo:
+        for _ in range(rounds):
+            client = Client.__new__(Client)
+            client.layout, client.session, client.sequence = layout(), secrets.randbits(64), 0
+            requests = []
+            for kind in ["open", *["step"] * n, "close"]:
+                requests.append(client.request(KINDS[kind], samples=1))
+                client.sequence += 1
+            times["echo"].append(exchanges(echo, requests))
+            times["lockstep"].append(exchanges(process.address, requests))
+    assert process.counts["steps"] == rounds * n
+    echo, lockstep = (1e6 * float(np.median(times[name])) / n for name in ("echo", "lockstep"))
+    print(f"an exchange takes {echo:.1f} us with the echo and {lockstep:.1f} us with the server: {echo / lockstep:.2f}")
+    assert echo / lockstep > 0.5
+
+
+def test_ends_on_sigterm_too_and_refuses_in_words(capsys):
+    with serving(end=signal.SIGTERM) as process:
+        with Client(layout(), process.address) as client:
+            with pytest.raises(ValueError, match=r"a step takes 7 inputs \(hand_torque, "):
+                client.step([0.0])
+            with pytest.raises(ValueError, match=r"an input is not finite or .* \(hand_torque\)"):
+                client.step([math.nan] * 7)
+        with pytest.raises(ValueError, match="another part"):
+            Client(layout("chassis"), process.address)
+        port = str(process.address[1])
+        assert main(["serve", "--port", port]) == 2
+        assert f"port {port}: Address already in use; give" in capsys.readouterr().err
+    assert process.returncode == 0
+    assert process.counts["refused"] == 2
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--address", "192.0.2.1"], "cannot receive at address 192.0.2.1, port 0: Cannot assign requested address"),
+        (["--address", "no.such.host.invalid"], "cannot receive at address no.such.host.invalid"),
+        (["--wheel", "0.04,0.5,8", "--torque-limit", "3"], "--torque-limit, --wheel: only with --free-running"),
+        (["--free-running", "--wheel", "0.04,0.5,8"], "with hands that give the angle"),
+        (["--free-running", "--wheel", "0.04,0,8"], "damping of the wheel [N m s/rad] must be finite and greater"),
+        (["--silence", "0"], "--silence must be finite and greater than 0"),
+        (
+            ["--part", "chassis", "--speed-kph", "500"],
+            "speed [km/h] must be finite and at least 10.8 and at most 252",
+        ),
+    ],
+)
+def test_a_bad_option_is_one_line(options, message, capsys):
+    assert main(["serve", *options]) == 2
+    error = capsys.readouterr().err
+    assert message in error
+    assert error.count("\n") == 1
+
+
+def test_a_port_out_of_range(capsys):
+    with pytest.raises(SystemExit):
+        main(["serve", "--port", "70000"])
+    assert "must be a whole number of at least 0 and at most 65535" in capsys.readouterr().err
+
+
+def test_only_loopback_unless_another_address_is_named():
+    from steer_env.connect.udp import server
+
+    assert serve.LOOPBACK == server.LOOPBACK == "127.0.0.1"
+    assert serve.SILENCE == server.SILENCE
+    with Server(part_of()) as made:
+        assert made.address[0] == "127.0.0.1"
+
+
+def test_a_client_without_a_server_is_told():
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
+        free.bind(("127.0.0.1", 0))
+        with pytest.raises(TimeoutError, match=r"no answer from 127\.0\.0\.1, port .* is 'steer-env serve' there\?"):
+            Client(layout(), free.getsockname(), patience=0.01, tries=3)
+
+
+def sine():
+    """Handwheel angle and torsion-bar torque (1000, 2) in the drive of the examples."""
+    part = part_of("car")
+    given = np.zeros((1000, len(part.given)))
+    # as the C library computes it, where numpy's vectors may differ in the last bit
+    given[:, 0] = [3.0 * math.sin(2.0 * math.pi * 1e-3 * i) for i in range(1, 1001)]
+    return driven(part, given)[:, [plant.CHANNEL["handwheel_angle"], plant.CHANNEL["torsion_bar_torque"]]]
+
+
+def test_the_example_in_python(capsys):
+    spec = importlib.util.spec_from_file_location("cosimulation_client", EXAMPLES / "client.py")
+    example = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(example)
+    assert main(["serve", "--describe", "json"]) == 0
+    described = json.loads(capsys.readouterr().out)
+    with Server(part_of("car")) as server:
+        found = example.main(described, server.address)
+    columns = [[row["handwheel_angle"], row["torsion_bar_torque"]] for row in found]
+    assert np.array(columns).tobytes() == np.ascontiguousarray(sine()).tobytes()
+    assert found[-1]["time"] == pytest.approx(1.0)
+
+
+@pytest.mark.skipif(shutil.which("cc") is None, reason="there is no C compiler")
+def test_the_example_in_c(tmp_path, capsys):
+    assert main(["serve", "--describe", "c"]) == 0
+    (tmp_path / "packets.h").write_text(capsys.readouterr().out)
+    program = tmp_path / "client"
+    flags = ["-std=gnu11", "-Wall", "-Wextra", "-Werror", f"-I{tmp_path}", "-o", str(program)]
+    subprocess.run(["cc", *flags, str(EXAMPLES / "client.c"), "-lm"], check=True)
+    with Server(part_of("car")) as server:
+        done = subprocess.run([program, *map(str, server.address)], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    found = np.array([line.split() for line in done.stdout.splitlines()], float)
+    assert found[:, 1:].tobytes() == np.ascontiguousarray(sine()).tobytes()

@@ -1,0 +1,152 @@
+"""The assist loop of the whole car, opened at the torque sensor of the torsion bar, with its margins.
+
+The loop is that of :mod:`steer_env.vehicle.steering.margins` with everything that the column is connected to: rack,
+tyres, chassis, hands and friction. The plant is sampled at 1 ms and its chassis at 2 ms, so that it repeats itself
+after two samples. With the linearised samples x1 = A0 x0 + B0 r0 and x2 = A1 x1 + B1 r1 of the plant without boost, the
+answer of the torque T = c x to a request r = z^k, at the frequency of the request, is
+
+    P(z) = (c x0 + c x1/z)/2,   x1 = A0 x0 + B0,   z^2 x0 = A1 x1 + B1 z,   z = exp(j omega 1 ms)              (E17)
+    L(z) = -K(z) P(z),   K the boost's slope and all else that answers the torque with a filter                (E17)
+    alpha = 1/max |S - 1/2|,   S = 1/(1 + L)                                                                   (E18)
+
+Motor damping, damping of the handwheel, inertia compensation, active return and friction compensation stay closed in P.
+alpha is the disk margin: the loop stays stable while gain and phase together change by any complex factor of the disk
+whose real ends are (1 - alpha/2)/(1 + alpha/2) and its inverse.
+
+Source of (E18): Seiler, Packard, Gahinet, An introduction to disk margins, IEEE Control Systems Magazine 40 (2020).
+"""
+
+import math
+from typing import NamedTuple
+
+import control
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import schur
+
+from steer_env.friction.numerics.frozen import frozen
+from steer_env.vehicle import plant
+from steer_env.vehicle.analysis import linearised
+from steer_env.vehicle.analysis.linearised import Point
+from steer_env.vehicle.chassis.common.interface import ASSIST_REQUEST, RACK_DISTURBANCE
+from steer_env.vehicle.layout import layout_of
+from steer_env.vehicle.steering import eps
+from steer_env.vehicle.steering.assist.functions import Functions
+from steer_env.vehicle.steering.column import COLUMN_ANGLE, COLUMN_SPEED, HANDWHEEL_ANGLE
+from steer_env.vehicle.steering.eps import SAMPLE_TIME
+from steer_env.vehicle.steering.margins import answer, boost_gain
+
+Array = NDArray[np.float64]
+
+FREQUENCIES = np.geomspace(0.3, 490.0, 400)  # at which margins are read [Hz]
+# Growth of a motion in a step of 2 ms that still counts as none [1]. Bristles at rest, of the friction and of the
+# observer that compensates it, neither grow nor decay: differences find their eigenvalue of 1 within 1e-8. A motion
+# that grows by 1e-6 doubles in 23 minutes.
+STABLE = 1e-6
+
+
+class Margins(NamedTuple):
+    """Margins of one operating point; infinite where the loop has no such crossing."""
+
+    gain: float  # largest factor that the boost's slope may take [1]
+    phase: float  # [rad]
+    delay: float  # further delay [s]
+    disk: float  # alpha of (E18) [1]
+    crossover: float  # highest frequency of unit gain; NaN without one [Hz]
+    stable: bool  # no motion of the closed loop grows
+
+
+class Loop(NamedTuple):
+    """The open loop of a point: its plant without boost over two samples, and what answers the torque."""
+
+    samples: tuple[tuple[Array, Array], tuple[Array, Array]]  # A (n, n) and B (n, 2) of both, of request and rack force
+    outputs: Array  # (3, n): torque of the torsion bar, column angle and speed
+    answer: control.StateSpace  # K, from the torque to the request
+
+    def plant_response(self, frequency: Array) -> NDArray[np.complex128]:
+        """Torque, column angle and speed over request and rack disturbance (F, 3, 2) at frequencies (F,) [Hz]."""
+        (A0, B0), (A1, B1) = self.samples
+        T, Q = schur(A1 @ A0, output="complex")  # a triangle, solved from its last row for all frequencies at once
+        z = np.exp(2j * math.pi * SAMPLE_TIME * np.asarray(frequency))[:, None, None]
+        x0 = Q.conj().T @ (A1 @ B0 + B1 * z)  # (F, n, 2)
+        for i in reversed(range(len(T))):
+            x0[:, i] = (x0[:, i] + T[i, i + 1 :] @ x0[:, i + 1 :]) / (z[:, 0] ** 2 - T[i, i])  # (E17)
+        x0 = Q @ x0
+        return 0.5 * (self.outputs @ x0 + self.outputs @ (A0 @ x0 + B0) / z)  # type: ignore[no-any-return]  # (E17)
+
+    def response(self, frequency: Array) -> NDArray[np.complex128]:
+        """The open loop L (F,) at frequencies (F,) [Hz]; negative feedback closes it."""
+        K = self.answer(np.exp(2j * math.pi * SAMPLE_TIME * np.asarray(frequency)))
+        return -np.atleast_1d(K) * self.plant_response(frequency)[:, 0, 0]  # (E17)
+
+
+def without_boost(point: Point) -> Point:
+    """The same point with a request in place of boost and lead-lag."""
+    p, a, state, u = point.plant, point.plant.assist, point.state.copy(), point.inputs.copy()
+    f = a.functions
+    if isinstance(f, Functions):
+        f = f._replace(lead_lag=f.lead_lag._replace(gain=0.0))
+    p = frozen(p._replace(assist=a._replace(boost=0.0 * a.boost, functions=f)))
+    at = layout_of(p).assist
+    state[at + eps.LEAD_STATE] = 0.0
+    trial, row = state.copy(), np.zeros((1, len(plant.channels(p))))
+    plant.run(p, trial, u[None, :], row, 1)
+    u[ASSIST_REQUEST] += state[at + eps.QUEUE] - trial[at + eps.QUEUE]
+    return point._replace(plant=p, state=state, inputs=u)
+
+
+def open_loop(point: Point) -> Loop:
+    """The assist loop around a point of :mod:`steer_env.vehicle.analysis.linearised`, opened at the torque sensor."""
+    bare = without_boost(point)
+    p, state, row = bare.plant, bare.state.copy(), np.zeros((1, len(plant.channels(bare.plant))))
+    found = []
+    for _ in range(2):
+        here = bare._replace(state=state)
+        found.append(linearised.one_sample(here, [ASSIST_REQUEST, RACK_DISTURBANCE]))
+        plant.run(p, state, bare.inputs[None, :], row, 1)
+    index = found[0][2]
+    outputs = np.zeros((3, index.size))
+    outputs[0] = p.column.K_tb * ((index == HANDWHEEL_ANGLE) * 1.0 - (index == COLUMN_ANGLE))
+    outputs[1], outputs[2] = index == COLUMN_ANGLE, index == COLUMN_SPEED
+    (A0, B0, _), (A1, B1, _) = found
+    # Each sample reads what the other one writes.
+    read = linearised.read_states(np.abs(A0) + np.abs(A1), outputs)
+    kept = np.ix_(read, read)
+    speed = point.channel("longitudinal_speed") if "longitudinal_speed" in dict(plant.channels(p)) else point.speed
+    K = answer(point.plant.assist, boost_gain(point.plant.assist, point.torque, speed), 0.0)
+    return Loop(((A0[kept], B0[read]), (A1[kept], B1[read])), outputs[:, read], K)
+
+
+def grows(point: Point) -> bool:
+    """Whether a motion of the closed loop grows."""
+    A, _ = linearised.one_step(point)
+    kept = linearised.read_states(A)
+    return bool(np.abs(np.linalg.eigvals(A[np.ix_(kept, kept)])).max() > 1.0 + STABLE)
+
+
+def margins(point: Point) -> Margins:
+    """The margins of the assist loop around a point."""
+    loop = open_loop(point)
+    return read(FREQUENCIES, loop.response(FREQUENCIES))._replace(stable=not grows(point))
+
+
+def read(frequency: Array, L: NDArray[np.complex128]) -> Margins:
+    """Margins of a stable loop from its response (F,) at ascending frequencies (F,) [Hz]."""
+    phase = delay = gain = math.inf
+    if not L.any():  # a set-valued law at rest holds the column
+        return Margins(gain, phase, delay, 2.0, math.nan, True)
+    size, angle = np.log(np.abs(L)), np.unwrap(np.angle(L))
+    crossover = math.nan
+    for i in np.flatnonzero(np.signbit(size[1:]) != np.signbit(size[:-1])):
+        s = size[i] / (size[i] - size[i + 1])
+        f = float(frequency[i] * (frequency[i + 1] / frequency[i]) ** s)
+        lag = (angle[i] + s * (angle[i + 1] - angle[i]) + math.pi) % (2.0 * math.pi)  # that may be added
+        phase, delay = min(phase, lag, 2.0 * math.pi - lag), min(delay, lag / (2.0 * math.pi * f))
+        crossover = f
+    for i in np.flatnonzero(np.signbit(L.imag[1:]) != np.signbit(L.imag[:-1])):
+        s = L.imag[i] / (L.imag[i] - L.imag[i + 1])
+        real = L.real[i] + s * (L.real[i + 1] - L.real[i])
+        if -1.0 < real < 0.0:
+            gain = min(gain, -1.0 / real)
+    disk = 1.0 / np.abs(1.0 / (1.0 + L) - 0.5).max()  # (E18)
+    return Margins(float(gain), float(phase), float(delay), float(disk), crossover, True)

@@ -1,0 +1,65 @@
+"""The steering alone as a unit: hands, column, friction, assist and the end stops of the rack, under a rack force."""
+
+import numpy as np
+
+from steer_env.friction.numerics.bounds import within
+from steer_env.friction.numerics.kernel import kernel
+from steer_env.vehicle import plant
+from steer_env.vehicle.layout import size_of, states
+from steer_env.vehicle.steering.column import COLUMN_ANGLE, COLUMN_SPEED, HANDWHEEL_ANGLE, HANDWHEEL_SPEED
+from steer_env.vehicle.steering.eps import SAMPLE_TIME
+from steer_env.vehicle.subsystems.car import HANDS, NAMED
+from steer_env.vehicle.subsystems.subsystem import Part, Signal, channel_signals, is_finite, reached
+
+# Fields of the plant that belong to the chassis.
+OF_CHASSIS = ("chassis", "strut", "tyre")
+_COLUMN = 8  # channels of the plant that are those of column and assist
+
+
+@kernel
+def advance(p, state, given, inputs, outputs, samples):
+    """Advance the steering by a communication step of so many samples; whether its state is finite."""
+    start, start_speed = state[HANDWHEEL_ANGLE], state[HANDWHEEL_SPEED]
+    row = outputs[0]
+    for i in range(samples):
+        hand, hand_speed = given[0], 0.0
+        if p.robot > 0.0:
+            hand, hand_speed = reached(start, start_speed, given[1], given[2], i + 1, samples)
+        before, after = plant.sample(p, state, given[5], given[3])
+        rack = p.pinion_radius * state[COLUMN_ANGLE]  # (P1)
+        beyond = rack - within(rack, -p.rack_limit, p.rack_limit)
+        force = given[4] + plant.STOP_STIFFNESS * beyond  # (P4)
+        plant.steer(p, state, hand, hand_speed, before, after, 0.0, force, SAMPLE_TIME)
+    plant.report_column(p, state, row)
+    row[_COLUMN] = p.pinion_radius * state[COLUMN_ANGLE]  # (P1)
+    row[_COLUMN + 1] = p.pinion_radius * state[COLUMN_SPEED]
+    return is_finite(state)
+
+
+def part(p: plant.Plant, speed: float) -> Part:
+    """The steering of a plant; ``speed`` is the start value of the vehicle's [m/s]."""
+    given = (
+        *HANDS,
+        Signal("assist_request", "N m", NAMED["assist_request"][1]),
+        Signal("rack_force", "N", "mean over the step, positive where it resists a left turn"),
+        Signal("vehicle_speed", "m/s", "forward speed that the assist sees", speed),
+    )
+    rack = (("rack_travel", "m"), ("rack_speed", "m/s"))
+    outputs = channel_signals((*plant.CHANNELS[:_COLUMN], *rack))
+    return Part(
+        name="steering",
+        title="Steering: hands, rack force and vehicle speed in; handwheel, hand torque, rack travel and friction out",
+        parameters=p,
+        sections=tuple(field for field in p._fields if field not in OF_CHASSIS),
+        states=tuple(name for name, _ in states(p)),
+        given=given,
+        given_size=len(given),
+        outputs=outputs,
+        inputs=1,
+        begin=np.zeros(size_of(p)),
+        start=np.zeros(size_of(p)),
+        shown=np.zeros(len(outputs)),
+        zero_states=(),
+        zero_outputs=(),
+        settling=0,
+    )
