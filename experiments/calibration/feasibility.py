@@ -11,7 +11,7 @@ from steer_env.experiments.calibration.constraints import GAIN, PHASE, told
 from steer_env.experiments.calibration.problem import Problem, distance
 from steer_env.experiments.calibration.search import best, kept
 from steer_env.experiments.pages.words import label, unit
-from steer_env.metrics.targets import Band
+from steer_env.targets import Band
 
 IN_BAND = 1e-9  # distance that counts as within the band [1]
 FEW = 100  # sets with which an optimiser has hardly begun, so that they show little; assumed

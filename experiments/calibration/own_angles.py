@@ -16,7 +16,7 @@ from steer_env.experiments.calibration import problem as problems
 from steer_env.experiments.calibration.feasibility import IN_BAND
 from steer_env.experiments.calibration.problem import FARTHEST, Evaluation, Problem, distance
 from steer_env.experiments.pages.words import label
-from steer_env.metrics.targets import Band
+from steer_env.targets import Band
 
 TITLES = {"start": "the starting point", "best": "the best set"}
 

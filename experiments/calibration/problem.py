@@ -18,7 +18,7 @@ from steer_env import friction as friction_laws
 from steer_env.episode.randomise import LIMITS, Conditions
 from steer_env.experiments.calibration import constraints
 from steer_env.friction.numerics.check import number
-from steer_env.metrics.targets import Band, Targets
+from steer_env.targets import Band, Targets
 from steer_env.tuning import driving, parameters
 from steer_env.tuning.env import SPEED
 from steer_env.tuning.parameters import FUNCTIONS, KNOWN, PARAMETERS

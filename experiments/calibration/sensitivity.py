@@ -16,7 +16,7 @@ from steer_env.experiments.sweep import Runner, run
 from steer_env.friction.law import law_of
 from steer_env.friction.numerics.check import number
 from steer_env.metrics import available, definition
-from steer_env.metrics.targets import Targets
+from steer_env.targets import Targets
 from steer_env.tuning import driving, parameters, reward
 from steer_env.tuning.env import SPEED
 from steer_env.tuning.parameters import KNOWN

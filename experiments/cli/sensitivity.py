@@ -52,12 +52,11 @@ def add(commands: Any, common: argparse.ArgumentParser) -> None:
 def _sensitivity(args: argparse.Namespace) -> None:
     require("tune", "sensitivity", "SALib")
 
-    from steer_env import friction
+    from steer_env import friction, targets
     from steer_env.experiments.calibration import problem, screening, sensitivity, sensitivity_page
     from steer_env.experiments.pages import provenance
     from steer_env.experiments.pages import study_page as page
     from steer_env.experiments.pages.options import progress
-    from steer_env.metrics import targets
 
     page.check(args.out, sensitivity_page.NAME)
     sweep, wanted = runner(args), targets.load(args.targets)

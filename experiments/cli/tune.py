@@ -66,11 +66,11 @@ def add(commands: Any, common: argparse.ArgumentParser) -> None:
 def _tune(args: argparse.Namespace) -> None:
     require("tune", "tune")
 
+    from steer_env import targets
     from steer_env.experiments import sweep
     from steer_env.experiments.calibration import problem, storage, tuning
     from steer_env.experiments.pages import files
     from steer_env.experiments.pages.options import progress
-    from steer_env.metrics import targets
 
     if args.cluster is not None:
         require("cluster", f"--cluster {args.cluster}")

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from steer_env import metrics
+from steer_env import metrics, targets
 from steer_env.experiments.pages import plots, provenance
 from steer_env.experiments.pages.files import replaced_directory, write_json
 from steer_env.experiments.pages.metrics_json import entries
@@ -20,7 +20,7 @@ from steer_env.experiments.pages.pages import environment
 from steer_env.experiments.pages.traces import embedded
 from steer_env.experiments.reports.verdict import title, verdict
 from steer_env.experiments.studies.common import battery, simulation_vs_measurement
-from steer_env.metrics import RefusedError, Value, targets
+from steer_env.metrics import RefusedError, Value
 from steer_env.metrics.common import frequency_response, just_noticeable
 from steer_env.metrics.common.confidence import difference
 from steer_env.recording.recording import Recording

@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from steer_env import metrics
+from steer_env import metrics, targets
 from steer_env.experiments.pages import front_pictures, pictures, plots, provenance, still_plots, traces
 from steer_env.experiments.pages.files import replaced_directory, write_json
 from steer_env.experiments.pages.metrics_json import entries
@@ -22,7 +22,6 @@ from steer_env.experiments.reports.results import Notify, Results, Scope, collec
 from steer_env.experiments.studies import cross_validation, friction_laws, loop_width, real_time, vehicle
 from steer_env.experiments.studies.common import battery, commonroad_reference
 from steer_env.experiments.sweep import Runner, run
-from steer_env.metrics import targets
 from steer_env.metrics.common import just_noticeable
 from steer_env.metrics.common.filtered_channels import ANGLE, TORQUE
 from steer_env.vehicle import plant

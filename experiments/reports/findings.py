@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from steer_env import targets
 from steer_env.experiments.pages.words import label, plain
 from steer_env.experiments.reports.results import Results
 from steer_env.experiments.studies import friction_laws, real_time
@@ -15,7 +16,7 @@ from steer_env.experiments.studies.common.battery import LEAST, MATTERS
 from steer_env.experiments.studies.friction_laws import Held, Residual, Verdict
 from steer_env.experiments.studies.real_time import Row
 from steer_env.manoeuvres import Manoeuvre
-from steer_env.metrics import Value, targets
+from steer_env.metrics import Value
 from steer_env.metrics.common import just_noticeable
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
 

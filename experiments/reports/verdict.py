@@ -3,10 +3,10 @@
 from collections import Counter
 from typing import TYPE_CHECKING
 
+from steer_env import targets
 from steer_env.experiments.pages.words import label, number, percent
 from steer_env.experiments.studies.common import simulation_vs_measurement
 from steer_env.experiments.studies.common.battery import MATTERS
-from steer_env.metrics import targets
 from steer_env.metrics.common import just_noticeable
 
 if TYPE_CHECKING:

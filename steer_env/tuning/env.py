@@ -16,7 +16,7 @@ from steer_env.episode.randomise import LIMITS, Conditions, Randomise
 from steer_env.friction.numerics.check import number, whole
 from steer_env.friction.numerics.frozen import frozen
 from steer_env.metrics import Value, definition
-from steer_env.metrics.targets import load as load_targets
+from steer_env.targets import load as load_targets
 from steer_env.tasks import Quantity
 from steer_env.tuning import context, driving, reward
 from steer_env.tuning.parameters import KNOWN, keys, reported, tuned, values
@@ -79,7 +79,7 @@ class TuneEnv(PlainSpecification, gym.Env):
     tyre : str, optional
         A packaged tyre or a ``.tir`` file that replaces the car's own.
     targets : str, default "compact"
-        Packaged target bands (``steer_env.metrics.targets.available()``) or a ``.toml`` file.
+        Packaged target bands (``steer_env.targets.available()``) or a ``.toml`` file.
     randomise : mapping, optional
         What to draw at every reset: load, road_friction, friction_level, speed to (low, high), and under
         "friction" the law's own parameters, as in ``{"load": (0, 300), "friction": {"F_c": (0.6, 1.2)}}``.

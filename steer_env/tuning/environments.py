@@ -6,9 +6,10 @@ A class is made when it is first asked for.
 import textwrap
 from functools import cache
 
+from steer_env import targets
 from steer_env.environments import table
 from steer_env.episode.randomise import RANGES
-from steer_env.metrics import definition, targets
+from steer_env.metrics import definition
 from steer_env.registration import HISTORY
 from steer_env.tuning import reward
 from steer_env.tuning.env import DRAWN, SETS, TuneEnv, observed

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from steer_env.friction.numerics.check import not_negative
 from steer_env.metrics import Value
-from steer_env.metrics.targets import Band, Targets
+from steer_env.targets import Band, Targets
 from steer_env.tuning.scenarios.common.definition import Scenario
 from steer_env.vehicle.steering.margins import TARGETS as MARGINS
 from steer_env.vehicle.steering.margins import Margins

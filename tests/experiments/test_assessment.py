@@ -6,13 +6,12 @@ import re
 import numpy as np
 import pytest
 
-from steer_env import manoeuvres, metrics
+from steer_env import manoeuvres, metrics, targets
 from steer_env import recording as recordings
 from steer_env.experiments.cli.main import main
 from steer_env.experiments.reports import assessment, verdict
 from steer_env.experiments.studies.common import simulation_vs_measurement
-from steer_env.metrics import Value, targets
-from steer_env.metrics.targets import Band, Rating, rating
+from steer_env.metrics import Value
 from steer_env.recording.recording import Recording
 from steer_env.synthetic.faults import noisy
 from steer_env.synthetic.frequency_response import swept_sine
@@ -20,6 +19,7 @@ from steer_env.synthetic.recordings import changed
 from steer_env.synthetic.sine import sines
 from steer_env.synthetic.step import steps
 from steer_env.synthetic.transition import transitions
+from steer_env.targets import Band, Rating, rating
 from steer_env.vehicle import cars
 
 LOGGED = {"handwheel_angle", "handwheel_torque", "lateral_acceleration", "yaw_rate", "vehicle_speed"}

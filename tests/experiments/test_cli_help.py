@@ -7,7 +7,7 @@ import sys
 import numpy as np
 import pytest
 
-from steer_env import assists, drivers, friction, manoeuvres, metrics
+from steer_env import assists, drivers, friction, manoeuvres, metrics, targets
 from steer_env.experiments.cli import drive
 from steer_env.experiments.cli.common import names
 from steer_env.experiments.cli.common.messages import in_options
@@ -17,7 +17,6 @@ from steer_env.friction.numerics.registry import dashed, listed
 from steer_env.friction.numerics.renamed import REMOVED_IN
 from steer_env.live import devices
 from steer_env.live.drive import scene
-from steer_env.metrics import targets
 from steer_env.recording import Recording, can_log, files
 from steer_env.vehicle import cars, road
 from steer_env.vehicle.steering.eps import SAMPLE_TIME

@@ -6,7 +6,7 @@ import pytest
 
 from steer_env import friction
 from steer_env.experiments.calibration import constraints, problem
-from steer_env.metrics.targets import load
+from steer_env.targets import load
 from steer_env.vehicle import cars
 from steer_env.vehicle.analysis import assist_loop
 from steer_env.vehicle.analysis.operating_point import cornering, held, steady

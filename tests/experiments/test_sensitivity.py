@@ -8,12 +8,11 @@ from functools import partial
 import numpy as np
 import pytest
 
-from steer_env import friction
+from steer_env import friction, targets
 from steer_env.experiments.calibration import screening, sensitivity, sensitivity_page
 from steer_env.experiments.calibration.sensitivity import SCENARIO, Block, Outputs, Study
 from steer_env.experiments.cli.main import main
 from steer_env.experiments.sweep import Where, run
-from steer_env.metrics import targets
 from steer_env.vehicle import cars
 
 LAW = friction.make("lugre")

@@ -10,13 +10,12 @@ import numpy as np
 import optuna
 import pytest
 
-from steer_env import manoeuvres, metrics
+from steer_env import manoeuvres, metrics, targets
 from steer_env.experiments.calibration import feasibility, problem, search, storage
 from steer_env.experiments.calibration.search import WorkerOf
 from steer_env.experiments.cli.main import main
 from steer_env.experiments.sweep import Where, run
-from steer_env.metrics import targets
-from steer_env.metrics.targets import Band
+from steer_env.targets import Band
 from steer_env.vehicle import cars
 from tests.experiments.quick_search import RANGES, job
 

@@ -9,7 +9,7 @@ import pytest
 from steer_env.experiments.calibration import feasibility, problem, search
 from steer_env.experiments.cli import tune
 from steer_env.experiments.cli.main import parsed
-from steer_env.metrics.targets import Band
+from steer_env.targets import Band
 from steer_env.vehicle import cars
 
 pytestmark = pytest.mark.filterwarnings("ignore::steer_env.vehicle.cars.UnusualCar")

@@ -13,7 +13,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from steer_env import friction
+from steer_env import friction, targets
 from steer_env.experiments.calibration import (
     margin_map,
     own_angles,
@@ -26,7 +26,6 @@ from steer_env.experiments.calibration import (
 )
 from steer_env.experiments.calibration.problem import Evaluation
 from steer_env.experiments.cli.main import main
-from steer_env.metrics import targets
 from steer_env.vehicle import cars
 from steer_env.vehicle.analysis import assist_loop
 

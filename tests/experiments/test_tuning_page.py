@@ -9,7 +9,7 @@ import pytest
 
 from steer_env.experiments.calibration import constraints, feasibility, margin_map, tuning_page
 from steer_env.experiments.pages import tuning_pictures
-from steer_env.metrics.targets import Band
+from steer_env.targets import Band
 from steer_env.vehicle.analysis import assist_loop
 
 UNITS = {"torque_deadband": "N m", "angle_deadband": "deg"}

@@ -239,7 +239,7 @@ STAMPS = """
 {imports}
 import numba, numpy as np, gymnasium
 from steer_env.friction.numerics.stamp import stamp
-from steer_env import batch
+from steer_env.engine import batch
 from steer_env.vehicle import cars, plant
 p = cars.load().plant("lugre", chassis="two_track")
 arrays = np.zeros(2), np.zeros((1, len(plant.INPUTS))), np.zeros((1, 2))

@@ -8,18 +8,14 @@ import gymnasium as gym
 import pytest
 
 import steer_env
-from steer_env import assists, drivers
-from steer_env.metrics import targets
+from steer_env import assists, drivers, targets
 
 OLD_NAMES = [
     *((steer_env.__name__, old, new) for old, new in steer_env._OLD_NAMES.items()),
     *((drivers.__name__, old, new) for old, new in drivers._OLD_NAMES.items()),
-    *(
-        (targets.__name__, old, f"steer_env.metrics.targets:{new}")
-        for old, new in (("Light", "Rating"), ("light", "rating"))
-    ),
-    ("steer_env.metrics.targets", "lights", "steer_env.metrics.targets:ratings"),
-    ("steer_env.metrics.targets", "reference_torque", "steer_env.tasks.common.reference_feel:reference_torque"),
+    *((targets.__name__, old, f"steer_env.targets:{new}") for old, new in (("Light", "Rating"), ("light", "rating"))),
+    ("steer_env.targets", "lights", "steer_env.targets:ratings"),
+    ("steer_env.targets", "reference_torque", "steer_env.tasks.common.reference_feel:reference_torque"),
     ("steer_env.engine.batch", "Lanes", "steer_env.engine.batch:EnvironmentBatch"),
 ]
 

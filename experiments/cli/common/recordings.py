@@ -61,12 +61,12 @@ def assess(paths: list[str], args: argparse.Namespace, tolerances: str | None) -
     """
     require_format(paths)
 
+    from steer_env import targets
     from steer_env.experiments.cli.common.tables import print_differences, print_metrics
     from steer_env.experiments.pages.files import usable
     from steer_env.experiments.reports import assessment
     from steer_env.experiments.studies.common import simulation_vs_measurement
     from steer_env.friction.numerics.check import number
-    from steer_env.metrics import targets
 
     labels = _labels(paths)
     if len(args.mapping) > len(paths):

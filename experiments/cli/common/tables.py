@@ -17,7 +17,7 @@ from steer_env.experiments.reports import friction_fit, friction_fit_page
 from steer_env.experiments.reports.car_quantities import Quantity
 from steer_env.metrics import Value, definition
 from steer_env.metrics.common.just_noticeable import Perception
-from steer_env.metrics.targets import Rating
+from steer_env.targets import Rating
 
 PIPED_WIDTH = 160  # columns of a table that is not printed on a terminal
 

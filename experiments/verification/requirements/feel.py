@@ -2,10 +2,9 @@
 
 from collections.abc import Iterator
 
-from steer_env import manoeuvres, metrics
+from steer_env import manoeuvres, metrics, targets
 from steer_env.experiments.pages.words import label
 from steer_env.experiments.verification.requirements.common.rows import Row, verdict
-from steer_env.metrics import targets
 from steer_env.vehicle import cars
 
 

@@ -8,11 +8,11 @@ from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from steer_env import targets
 from steer_env.experiments.calibration import problem, search, storage, tuning
 from steer_env.experiments.calibration.search import Job, WorkerOf
 from steer_env.experiments.sweep import Where, run
 from steer_env.experiments.verification.requirements.common.rows import Row, verdict
-from steer_env.metrics import targets
 from steer_env.vehicle import cars
 
 CAR = "compact"

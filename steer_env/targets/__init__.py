@@ -10,15 +10,15 @@ from steer_env.friction.numerics import toml
 from steer_env.friction.numerics.renamed import renamed
 from steer_env.metrics import Value
 
-FOLDER = Path(__file__).parent / "data" / "targets"
+FOLDER = Path(__file__).parent
 COLOURS = ("green", "amber", "red")
 
 __getattr__ = renamed(
     __name__,
     {
-        "Light": "steer_env.metrics.targets:Rating",
-        "light": "steer_env.metrics.targets:rating",
-        "lights": "steer_env.metrics.targets:ratings",
+        "Light": "steer_env.targets:Rating",
+        "light": "steer_env.targets:rating",
+        "lights": "steer_env.targets:ratings",
         "reference_torque": "steer_env.tasks.common.reference_feel:reference_torque",
     },
 )
