@@ -1,21 +1,30 @@
-"""Every Python example of the README runs and prints what the README says."""
+"""Every Python example of the README and of the pages that it opens runs and prints what stands there."""
 
 import re
 from pathlib import Path
 
 import pytest
 
-README = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
-EXAMPLES = re.findall(r"^```python\n(.*?)^```\n(?:\n```text\n(.*?)^```)?", README, flags=re.DOTALL | re.MULTILINE)
+ROOT = Path(__file__).parents[1]
+PAGES = ("README.md", "docs/friction_laws.md", "docs/learning.md")
+EXAMPLES = [
+    (page, code, printed)
+    for page in PAGES
+    for code, printed in re.findall(
+        r"^```python\n(.*?)^```\n(?:\n```text\n(.*?)^```)?",
+        (ROOT / page).read_text(encoding="utf-8"),
+        flags=re.DOTALL | re.MULTILINE,
+    )
+]
 
 
-def test_there_are_examples():
-    assert len(EXAMPLES) >= 2
-    assert any(printed for _, printed in EXAMPLES)
+@pytest.mark.parametrize("page", PAGES)
+def test_there_are_examples(page):
+    assert any(page == where for where, _, _ in EXAMPLES)
 
 
-@pytest.mark.parametrize(("code", "printed"), EXAMPLES, ids=lambda text: text.splitlines()[0] if text else "")
-def test_example(code, printed, capsys):
-    exec(compile(code, "README.md", "exec"), {"__name__": "readme"})
+@pytest.mark.parametrize(("page", "code", "printed"), EXAMPLES, ids=[page for page, _, _ in EXAMPLES])
+def test_example(page, code, printed, capsys):
+    exec(compile(code, page, "exec"), {"__name__": "readme"})
     out = capsys.readouterr().out
     assert out == printed if printed else out
