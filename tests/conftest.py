@@ -2,6 +2,7 @@
 
 import importlib
 import os
+import signal
 import sys
 
 import pytest
@@ -10,6 +11,9 @@ from hypothesis import settings
 from steer_env.friction import law
 
 pytest.register_assert_rewrite("steer_env.testing.friction_law")  # what differs is printed, as in a test
+
+# A shell that starts the suite in the background makes it ignore Ctrl-C, which several tests send.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 
 # Windows of render_mode="human" that no screen has to show.
 os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
