@@ -167,22 +167,28 @@ def _manoeuvre(args: argparse.Namespace, name: str) -> "Manoeuvre":
         # The course or the gust of some manoeuvres depends on the speed.
         manoeuvre = manoeuvres.make(name, speed=speed) if "speed" in manoeuvres.options(name) else manoeuvre
         manoeuvre = replace(manoeuvre, speed=speed)
-    if args.chassis not in (None, manoeuvre.chassis):
-        if manoeuvre.chassis == "two_track" and args.chassis in names.chassis():
+    if args.chassis in names.chassis() and args.chassis != manoeuvre.chassis:
+        if manoeuvre.chassis == "two_track":
             raise ValueError(f"--chassis {args.chassis} cannot drive {manoeuvre.name}, which needs two_track")
         manoeuvre = replace(manoeuvre, chassis=args.chassis)
     if args.road is None and args.seed is not None:
         raise ValueError("--seed is of a random road: give its class with --road")
     if args.road is not None:
-        if manoeuvre.chassis != "two_track":
+        if _chassis(args, manoeuvre) != "two_track":
             raise ValueError("--road needs --chassis two_track")
         manoeuvre = replace(manoeuvre, road=road.iso8608(args.seed or 0, args.road))
     return manoeuvre
 
 
+def _chassis(args: argparse.Namespace, manoeuvre: "Manoeuvre") -> str:
+    """The chassis that drives a manoeuvre: the name of one, or the file of an external vehicle."""
+    return args.chassis or manoeuvre.chassis
+
+
 def drive(args: argparse.Namespace, manoeuvre: "Manoeuvre", out: Path) -> Run:
     """Drive a manoeuvre with the law, car and tyre of the options; write the recording, and its metrics beside it."""
     from steer_env import manoeuvres
+    from steer_env.connect import external
     from steer_env.experiments.pages import provenance
     from steer_env.experiments.pages.files import write_json
     from steer_env.experiments.pages.metrics_json import entries
@@ -194,7 +200,11 @@ def drive(args: argparse.Namespace, manoeuvre: "Manoeuvre", out: Path) -> Run:
     wanted = FILE_RATE if args.rate_hz is None else read_number(args.rate_hz)
     rate = number("--rate-hz", wanted, minimum=20.0, maximum=FASTEST)
     trace = _trace(args, manoeuvre.name, car, out)
-    recording = manoeuvres.drive(car, manoeuvre, args.friction.parameters)
+    if args.chassis in (None, *names.chassis()):
+        recording = manoeuvres.drive(car, manoeuvre, args.friction.parameters)
+    else:
+        with external.opened(args.chassis, manoeuvre.speed) as simulator:
+            recording = manoeuvres.drive(car, manoeuvre, args.friction.parameters, simulator)
     recording = replace(recording, meta={**recording.meta, "trace": trace})
     values = evaluate(recording) if manoeuvre.name in tests() else {}  # a manoeuvre may have no metrics
     if rate < FASTEST:
@@ -211,7 +221,7 @@ def drive(args: argparse.Namespace, manoeuvre: "Manoeuvre", out: Path) -> Run:
             "trace": trace,
         },
     )
-    about = manoeuvre.name, args.friction.label, f"{car.name} on {car.tyre.name}", manoeuvre.chassis
+    about = manoeuvre.name, args.friction.label, f"{car.name} on {car.tyre.name}", _chassis(args, manoeuvre)
     return Run(", ".join(about), values, out)
 
 

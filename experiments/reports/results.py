@@ -1,11 +1,11 @@
 """Everything that the report rests on, computed as one sweep; no text or picture is made here."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 from functools import partial
 from typing import Any, NamedTuple
 
 from steer_env import manoeuvres
+from steer_env.connect import external
 from steer_env.experiments.studies import cross_validation, friction_laws, loop_width, real_time, vehicle
 from steer_env.experiments.studies.common import battery
 from steer_env.experiments.studies.common.assist_margins import Cell, assist_cells
@@ -71,7 +71,10 @@ class Results(NamedTuple):
 
 def _drive(car: cars.Car, manoeuvre: Manoeuvre, p: Any, chassis: str | None) -> Recording:
     """Drive a manoeuvre, with an external vehicle where one is given."""
-    return manoeuvres.drive(car, replace(manoeuvre, chassis=chassis) if chassis else manoeuvre, p)
+    if chassis is None:
+        return manoeuvres.drive(car, manoeuvre, p)
+    with external.opened(chassis, manoeuvre.speed) as simulator:
+        return manoeuvres.drive(car, manoeuvre, p, simulator)
 
 
 def _of_law(scope: Scope, p: Any, held: bool) -> LawResult:

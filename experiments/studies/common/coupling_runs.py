@@ -169,7 +169,7 @@ def _free(car: Car, law: str) -> plant.Plant:
 
 
 def _weave(car: Car, law: str, weave: manoeuvres.Manoeuvre, coupled: Coupled) -> Recording:
-    weave = replace(weave, chassis="chassis.fmu")
+    weave = coupled.suited(weave)
     return drive_plant(car, manoeuvres.build_plant(car, weave, law), weave, simulator=coupled)
 
 

@@ -9,15 +9,19 @@ run at the same time.
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from steer_env.connect.external.vehicle import GIVEN, RACK, START_SPEED, Array, CouplingError, Vehicle
+from steer_env.connect.external.vehicle import GIVEN, OF_PLANT, RACK, START_SPEED, Array, CouplingError, Vehicle
 from steer_env.friction.numerics.kernel import bind
+from steer_env.manoeuvres import Manoeuvre
 from steer_env.vehicle import plant
+from steer_env.vehicle.cars import Car
 from steer_env.vehicle.chassis.common.interface import (
     ASSIST_REQUEST,
+    COAST,
     HAND,
     HAND_SPEED,
     RACK_DISTURBANCE,
@@ -50,7 +54,7 @@ class Coupling(NamedTuple):
 
 
 class Coupled:
-    """A steering and an external vehicle, with the functions of :mod:`steer_env.vehicle.plant` that drive a manoeuvre.
+    """A steering and an external vehicle: a simulator for :func:`steer_env.manoeuvres.drive`.
 
     Their plants are those of the project's car on two tracks, whose chassis is not used. The vehicle keeps its state
     from one :meth:`run` to the next; :meth:`settled` begins anew.
@@ -61,6 +65,8 @@ class Coupled:
     speed : float
         At which it starts [m/s].
     coupling : Coupling
+    chassis : str, optional
+        What recordings name as the chassis; by default the vehicle's name.
 
     Attributes
     ----------
@@ -71,7 +77,8 @@ class Coupled:
         Rack force of the vehicle that acted on the steering in the last sample [N].
     """
 
-    def __init__(self, vehicle: Vehicle, speed: float, coupling: Coupling) -> None:
+    def __init__(self, vehicle: Vehicle, speed: float, coupling: Coupling, chassis: str | None = None) -> None:
+        self._chassis = chassis or vehicle.name
         self.vehicle, self.coupling, self._start_speed = vehicle, coupling, speed
         self._places = [vehicle.takes.index(name) if name in vehicle.takes else None for name in RACK]
         self._others = [(k, _INPUT[name]) for k, name in enumerate(vehicle.takes) if name not in RACK]
@@ -79,6 +86,34 @@ class Coupled:
         self._taken = np.zeros(len(vehicle.takes))
         self._bound: tuple[tuple[Any, ...], Callable] | None = None  # members of a plant and the kernel for them
         self.work, self.force = np.zeros(3), 0.0
+
+    def suited(self, manoeuvre: Manoeuvre) -> Manoeuvre:
+        """The manoeuvre on two tracks, as the plant whose steering drives is; a driver model knows the car by it.
+
+        Raises
+        ------
+        ValueError
+            The manoeuvre has a road, or needs an input that the vehicle does not take or a channel that it does not
+            give.
+        """
+        name, vehicle = manoeuvre.name, self.vehicle
+        if manoeuvre.road is not None:
+            raise ValueError(f"{vehicle.name} has a road of its own: leave out that of {name}")
+        inputs = [*manoeuvre.others, *([COAST] if manoeuvre.coasts_from is not None else [])]
+        for needed in (plant.INPUTS[i][0] for i in inputs):
+            if needed in OF_PLANT and needed not in vehicle.takes:
+                raise ValueError(f"{name} needs the input {needed}, which {vehicle.name} does not take")
+        channels = ["x"] if manoeuvre.ends_at is not None or manoeuvre.coasts_from is not None else []
+        if manoeuvre.driver is None and manoeuvre.amplitude is None and not manoeuvre.lock:
+            channels.append("lateral_acceleration")
+        for needed in channels:
+            if needed not in vehicle.gives:
+                raise ValueError(f"{name} needs the channel {needed}, which {vehicle.name} does not give")
+        return replace(manoeuvre, chassis="two_track")
+
+    def about(self, car: Car) -> dict[str, Any]:
+        """What recordings tell of the vehicle in place of chassis, tyre and geometry of this project's car."""
+        return {"chassis": self._chassis, "tyre": f"that of {self.vehicle.name}", **self.vehicle.meta}
 
     def channels(self, p: plant.Plant) -> Names:
         """Names and units of the channels; those that the vehicle does not give are NaN."""

@@ -33,6 +33,6 @@ def opened(chassis: str | Path, speed: float, coupling: Coupling | None = None) 
     mapping = read(chassis) if Path(chassis).suffix == ".toml" else None
     vehicle: Vehicle = OwnProcess(chassis) if mapping and mapping.own_process else FmuVehicle(chassis)
     try:
-        yield Coupled(vehicle, speed, coupling or Coupling(mapping.step if mapping else 1))
+        yield Coupled(vehicle, speed, coupling or Coupling(mapping.step if mapping else 1), str(chassis))
     finally:
         vehicle.close()

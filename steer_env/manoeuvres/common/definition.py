@@ -52,9 +52,7 @@ class Manoeuvre:
     frequency: float | None = None  # of a periodic manoeuvre [Hz]
     rig: bool = False  # steering on a rig: no rack load, no assist
     lock: bool = False  # the amplitude is the whole travel of the rack
-    # two_track where the car must stand or change its speed; or the file of an external vehicle
-    # (steer_env.connect.external).
-    chassis: str = "single_track"
+    chassis: str = "single_track"  # two_track where the car must stand or change its speed
     # Closes the loop and replaces `hand`. It is called every 10 ms with the time [s] and the channels (C,), and returns
     # the handwheel angle [rad] and speed [rad/s] 10 ms later.
     driver: Callable[[Car, plant.Plant], Callable[[float, Array], tuple[float, float]]] | None = None

@@ -1,9 +1,8 @@
 """Simulation of a manoeuvre: the plant that it needs, the amplitude of the hands, and the recording."""
 
 from collections.abc import Callable, Iterable
-from contextlib import nullcontext
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,10 +12,10 @@ from steer_env.friction.law import law_of
 from steer_env.friction.numerics.check import positive
 from steer_env.manoeuvres.common.definition import Manoeuvre
 from steer_env.manoeuvres.common.shapes import ramp_and_hold
-from steer_env.manoeuvres.common.simulator import OWN, Simulator, about_vehicle, given, require_vehicle, simulator_of
 from steer_env.recording.recording import Recording
 from steer_env.vehicle import chassis, plant
 from steer_env.vehicle.cars import Car
+from steer_env.vehicle.chassis.common.interface import Names
 from steer_env.vehicle.steering import column, stability
 from steer_env.vehicle.steering.eps import SAMPLE_TIME, without_assist
 
@@ -30,20 +29,66 @@ class LostControlError(ValueError):
     """The car spun in a manoeuvre, or the simulation with a driver diverged."""
 
 
-def build_plant(car: Car, manoeuvre: Manoeuvre, friction: Any, road_friction: float = 1.0) -> plant.Plant:
-    """The plant that a manoeuvre needs: with a robot or free hands, on the road or on a rig.
+class Simulator(Protocol):
+    """What runs the plants of a manoeuvre: the kernels of this project, or its steering with another vehicle."""
 
-    Of a manoeuvre with an external vehicle it is the plant of the steering; a driver model knows the car by it.
-    """
-    external = chassis.is_external(manoeuvre.chassis)
-    if external and (manoeuvre.road is not None or road_friction != 1.0):
-        raise ValueError(f"{manoeuvre.chassis} has a road of its own: leave out road and road_friction")
+    def suited(self, manoeuvre: Manoeuvre) -> Manoeuvre:
+        """The manoeuvre on the chassis of the plants that are run.
+
+        ValueError where the manoeuvre needs an input or a channel that there is not.
+        """
+
+    def channels(self, p: plant.Plant) -> Names:
+        """Names and units of the channels; those that are not given are NaN."""
+
+    def settled(self, p: plant.Plant) -> tuple[Array, Array]:
+        """State (S,) and channels (C,) of straight running."""
+
+    def run(self, p: plant.Plant, state: Array, inputs: Array, record: Array, substeps: int) -> bool:
+        """As :func:`steer_env.vehicle.plant.run`."""
+
+    def about(self, car: Car) -> dict[str, Any]:
+        """What the meta of a recording tells of the vehicle."""
+
+
+class WholeCar:
+    """The simulator of this project's own car, by the kernels of :mod:`steer_env.vehicle.plant`."""
+
+    def suited(self, manoeuvre: Manoeuvre) -> Manoeuvre:
+        """The manoeuvre as it is."""
+        return manoeuvre
+
+    def channels(self, p: plant.Plant) -> Names:
+        """As :func:`steer_env.vehicle.plant.channels`."""
+        return plant.channels(p)
+
+    def settled(self, p: plant.Plant) -> tuple[Array, Array]:
+        """As :func:`steer_env.vehicle.plant.settled`."""
+        return plant.settled(p)
+
+    def run(self, p: plant.Plant, state: Array, inputs: Array, record: Array, substeps: int) -> bool:
+        """As :func:`steer_env.vehicle.plant.run`."""
+        return plant.run(p, state, inputs, record, substeps)
+
+    def about(self, car: Car) -> dict[str, Any]:
+        """The geometry that metrics need."""
+        return {
+            "wheelbase_m": car.chassis["front_axle"] + car.chassis["rear_axle"],
+            "steering_ratio": car.steering_ratio(),
+        }
+
+
+OWN = WholeCar()  # which tells a divergence by channels that are not finite; others raise an error of their own
+
+
+def build_plant(car: Car, manoeuvre: Manoeuvre, friction: Any, road_friction: float = 1.0) -> plant.Plant:
+    """The plant that a manoeuvre needs: with a robot or free hands, on the road or on a rig."""
     p = car.plant(
         friction,
         speed=manoeuvre.speed,
         robot=manoeuvre.robot,
         road_friction=road_friction,
-        chassis="two_track" if external else manoeuvre.chassis,
+        chassis=manoeuvre.chassis,
         road=manoeuvre.road,
     )
     if not manoeuvre.rig:
@@ -126,7 +171,6 @@ def run(
 
     ``straight`` is the state of straight running; it is computed if it is not given.
     """
-    require_vehicle(manoeuvre, simulator)
     record = np.zeros((len(u), len(simulator.channels(p))))
     state = simulator.settled(p)[0] if straight is None else straight.copy()
     changes = [min(round(t / SAMPLE_TIME), len(u)) for t in manoeuvre.released]
@@ -148,7 +192,6 @@ def run_closed(car: Car, p: plant.Plant, manoeuvre: Manoeuvre, substeps: int = 1
     """
     if manoeuvre.driver is None:
         raise ValueError(f"{manoeuvre.name} has no driver: run it with its inputs")
-    require_vehicle(manoeuvre, simulator)
     driver, u = manoeuvre.driver(car, p), inputs(manoeuvre, 0.0, manoeuvre.duration)
     state, row = simulator.settled(p)
     record, x = np.zeros((len(u), row.size)), plant.CHANNEL["x"]
@@ -239,7 +282,7 @@ def _regripped(u: Array, angle: float, speed: float) -> Array:
     return u
 
 
-def drive(car: Car, manoeuvre: Manoeuvre, friction: Any = "lugre") -> Recording:
+def drive(car: Car, manoeuvre: Manoeuvre, friction: Any = "lugre", simulator: Simulator = OWN) -> Recording:
     """Drive a manoeuvre and record every channel at 1 kHz.
 
     Parameters
@@ -248,6 +291,9 @@ def drive(car: Car, manoeuvre: Manoeuvre, friction: Any = "lugre") -> Recording:
     manoeuvre : Manoeuvre
     friction : str or parameters
         Name of a law, for its default parameters, or parameters from ``friction.make``.
+    simulator : Simulator
+        What runs the plant: the kernels of this project, or its steering with an external vehicle, as
+        ``steer_env.connect.external.opened`` makes it.
 
     Returns
     -------
@@ -258,9 +304,11 @@ def drive(car: Car, manoeuvre: Manoeuvre, friction: Any = "lugre") -> Recording:
     ------
     ValueError
         If the law is unknown, no amplitude reaches the lateral acceleration, the car spins, the assist loop is
-        unstable at the speed (the message names the cause), or a state does not stay finite (it names the state).
+        unstable at the speed (the message names the cause), a state does not stay finite (it names the state), or the
+        simulator lacks an input or a channel that the manoeuvre needs.
     """
-    return drive_plant(car, build_plant(car, manoeuvre, friction), manoeuvre)
+    manoeuvre = simulator.suited(manoeuvre)
+    return drive_plant(car, build_plant(car, manoeuvre, friction), manoeuvre, simulator=simulator)
 
 
 class OpenLoop(NamedTuple):
@@ -283,19 +331,18 @@ def drive_plant(
     manoeuvre: Manoeuvre,
     prepared: OpenLoop | None = None,
     substeps: int = 1,
-    simulator: Simulator | None = None,
+    simulator: Simulator = OWN,
 ) -> Recording:
     """:func:`drive` with a plant from :func:`build_plant`, whose parameters may have been changed.
 
     In an open loop the inputs are computed for this plant, unless they were prepared, perhaps with another assist.
-    More ``substeps`` than one in each sample of 1 ms serve studies of convergence, as does another ``simulator`` of an
-    external vehicle than the one that the manoeuvre names.
+    More ``substeps`` than one in each sample of 1 ms serve studies of convergence. With another ``simulator`` than the
+    whole car, plant and manoeuvre are those of its ``suited``.
     """
     _require_stable(p, manoeuvre, [manoeuvre.speed])
-    with simulator_of(manoeuvre) if simulator is None else nullcontext(simulator) as simulator:
-        record, steered, advice = _driven(car, p, manoeuvre, prepared, substeps, simulator)
-        names, about = simulator.channels(p), about_vehicle(simulator)
-    channels = {names[i][0]: record[:, i].copy() for i in given(names, record)}
+    record, steered, advice = _driven(car, p, manoeuvre, prepared, substeps, simulator)
+    names = simulator.channels(p)
+    channels = {names[i][0]: record[:, i].copy() for i in _given(record)}
     held = channels.get("vehicle_speed", np.full(len(record), manoeuvre.speed))
     channels["vehicle_speed"] = channels.get("longitudinal_speed", held)
     if "longitudinal_speed" in channels:
@@ -303,10 +350,6 @@ def drive_plant(
     lateral = channels.get("lateral_speed", np.zeros(1))
     if manoeuvre.speed and np.any(np.abs(lateral) > channels["vehicle_speed"]):
         raise LostControlError(f"{manoeuvre.name}: the car spins; {advice}")
-    geometry = {
-        "wheelbase_m": car.chassis["front_axle"] + car.chassis["rear_axle"],
-        "steering_ratio": car.steering_ratio(),
-    }
     return Recording(
         time=SAMPLE_TIME * np.arange(1, len(record) + 1),
         channels=channels,
@@ -321,10 +364,16 @@ def drive_plant(
             "speed_m_s": manoeuvre.speed,
             **steered,
             "frequency_hz": manoeuvre.frequency,
-            **(about or geometry),
+            **simulator.about(car),
             **manoeuvre.meta,
         },
     )
+
+
+def _given(record: Array) -> list[int]:
+    """Positions of the channels that a record (T, C) holds: those that a simulator does not give are NaN."""
+    first = np.isnan(record[0])  # most channels are given, and are not looked at any further
+    return [i for i in range(record.shape[1]) if not (first[i] and np.isnan(record[:, i]).all())]
 
 
 def _driven(

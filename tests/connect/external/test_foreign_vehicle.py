@@ -14,7 +14,7 @@ from steer_env import manoeuvres, metrics
 from steer_env.connect import external as coupling
 from steer_env.connect.external.fmu_vehicle import FmuVehicle
 from steer_env.experiments.cli.main import main
-from steer_env.vehicle import cars
+from steer_env.vehicle import cars, road
 from tests.connect.external import foreign
 
 if shutil.which("cc") is None:
@@ -46,7 +46,9 @@ def changed(path, *pairs):
 
 
 def driven(chassis, name="weave", **options):
-    return manoeuvres.drive(CAR, replace(manoeuvres.make(name, **options), chassis=str(chassis)))
+    manoeuvre = manoeuvres.make(name, **options)
+    with coupling.opened(chassis, manoeuvre.speed) as simulator:
+        return manoeuvres.drive(CAR, manoeuvre, simulator=simulator)
 
 
 def test_units_and_signs_of_the_mapping(vehicle):
@@ -242,12 +244,14 @@ def test_where_no_external_vehicle_can_be(vehicle):
         gymnasium.make("steer_env/TuneOnCentre-v1", chassis=str(vehicle))
     with pytest.raises(ValueError, match="is an external vehicle, which drives in manoeuvres only"):
         CAR.plant(chassis=str(vehicle))
-    weave = replace(manoeuvres.make("weave"), chassis=str(vehicle))
-    p = manoeuvres.build_plant(CAR, weave, "lugre")
-    with pytest.raises(ValueError, match=r"drive it by manoeuvres\.drive"):
-        manoeuvres.find_amplitude(p, weave)
-    with pytest.raises(ValueError, match="has a road of its own"):
-        manoeuvres.build_plant(CAR, weave, "lugre", road_friction=0.5)
+    weave = manoeuvres.make("weave")
+    with pytest.raises(ValueError, match="is an external vehicle, which drives in manoeuvres only"):
+        manoeuvres.drive(CAR, replace(weave, chassis=str(vehicle)))
+    with (
+        coupling.opened(vehicle, weave.speed) as simulator,
+        pytest.raises(ValueError, match="has a road of its own: leave out that of weave"),
+    ):
+        manoeuvres.drive(CAR, replace(weave, road=road.iso8608(0, "C")), simulator=simulator)
 
 
 @pytest.mark.whole

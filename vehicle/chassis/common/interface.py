@@ -180,8 +180,9 @@ def checked(name: str) -> str:
     """The name of a chassis of this project; ValueError for another one, with the names that there are."""
     if is_external(name):
         raise ValueError(
-            f"chassis={name!r} is an external vehicle, which drives in manoeuvres only (manoeuvres.drive, steer-env run"
-            f" and report); environments and single plants take one of {', '.join(available())}"
+            f"chassis={name!r} is an external vehicle, which drives in manoeuvres only (steer-env run and report, or as"
+            " the simulator of manoeuvres.drive); environments, manoeuvres and single plants take one of"
+            f" {', '.join(available())}"
         )
     one_of("chassis", name, available())
     return name
