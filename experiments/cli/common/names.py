@@ -66,15 +66,15 @@ def assists() -> tuple[str, ...]:
 
 def friction_records() -> tuple[str, ...]:
     """Packaged records of friction."""
-    return _stems("steer_env.experiments", ".csv.gz", "friction")
+    return _stems("steer_env.experiments", ".csv.gz", "data", "friction")
 
 
 def targets() -> tuple[str, ...]:
     """Packaged sets of target bands."""
-    return _stems("steer_env", ".toml", "targets")
+    return _stems("steer_env.targets", ".toml")
 
 
 def _stems(package: str, suffix: str, *folder: str) -> tuple[str, ...]:
-    """File names without suffix in a data folder of a package."""
-    entries = files(package).joinpath("data", *folder).iterdir()
+    """File names without suffix in a folder of a package."""
+    entries = files(package).joinpath(*folder).iterdir()
     return tuple(sorted(entry.name.removesuffix(suffix) for entry in entries if entry.name.endswith(suffix)))
