@@ -24,6 +24,7 @@ from steer_env.friction.level import Level, scales
 from steer_env.friction.numerics.bounds import within
 from steer_env.friction.numerics.interpolation import hermite
 from steer_env.friction.numerics.kernel import kernel, part, plain
+from steer_env.friction.numerics.packing import of_row
 from steer_env.vehicle import chassis
 from steer_env.vehicle.chassis.common.interface import (
     ASSIST_REQUEST,
@@ -271,6 +272,30 @@ def run(p, state, inputs, record, substeps):
         if not abs(value) < math.inf:
             finite = False
     return finite
+
+
+@kernel
+def run_rows(template, rows, states, inputs, channels, finite, low, high):
+    """Advance many plants of one kind, the rows from ``low`` to ``high``, by one sample of 1 ms per row of inputs.
+
+    Parameters
+    ----------
+    template : Plant
+        A plant of the kind that all rows have; they share its tables of strut and road.
+    rows : (N, K) array
+        Numbers of the plants, as :func:`steer_env.friction.numerics.packing.pack` gives them.
+    states : (N, S) array
+        Advanced in place.
+    inputs : (N, T, I) array
+        As in ``INPUTS``.
+    channels : (N, C) array
+        Receives the channels at the end.
+    finite : (N,) array of bool
+        Receives whether every state is finite.
+    """
+    for i in range(low, high):
+        p = of_row(template, rows, i)
+        finite[i] = run(p, states[i], inputs[i], channels[i : i + 1], 1)
 
 
 def reported(p: Plant, state: NDArray[np.float64], u: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -23,6 +23,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from steer_env.friction.numerics import packing
 from steer_env.friction.numerics.check import constructed, number, one_of, positive
 from steer_env.friction.numerics.interpolation import hermite
 from steer_env.friction.numerics.kernel import kernel
@@ -35,6 +36,7 @@ LOWEST_WAVE_NUMBER, HIGHEST_WAVE_NUMBER = 0.01, 10.0  # [cycle/m]
 LEVEL_START, RUN_IN = 5.0, 20.0  # at either end of a random road: exactly level, then rising to full height [m]
 
 
+@packing.shared
 class Road(NamedTuple):
     """Road as the kernels take it; the functions below make and check it. Rows of arrays: left, right."""
 

@@ -1,8 +1,8 @@
 /* A client of 'steer-env serve' in C: one second of a sine of 3 N m at the handwheel, step by step.
  *
- *     steer-env serve --part car --describe c > packets.h
+ *     steer-env serve --subsystem car --describe c > packets.h
  *     cc -std=gnu11 -O2 -o client client.c -lm
- *     steer-env serve --part car --port 5005 &
+ *     steer-env serve --subsystem car --port 5005 &
  *     ./client 127.0.0.1 5005
  *
  * It prints time, handwheel angle and torsion-bar torque after every millisecond. Both calls of 'serve' need the same

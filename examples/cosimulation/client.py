@@ -1,7 +1,7 @@
 """A client of 'steer-env serve' with Python's standard library alone: one second of a sine of 3 N m at the handwheel.
 
-    steer-env serve --part car --describe json > packets.json
-    steer-env serve --part car --port 5005 &
+    steer-env serve --subsystem car --describe json > packets.json
+    steer-env serve --subsystem car --port 5005 &
     python client.py 127.0.0.1 5005
 
 It prints time, handwheel angle and torsion-bar torque after every millisecond. Both calls of 'serve' need the same

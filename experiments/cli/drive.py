@@ -72,7 +72,7 @@ def _drive(args: argparse.Namespace) -> None:
     if args.wheel:
         limits = limits._replace(share=_share(args, sets, device))
     window = None if args.headless else _window(args.course, cars)
-    laws = {info.label: each.part.parameters.friction for each, info in sets}
+    laws = {info.label: each.subsystem.parameters.friction for each, info in sets}
     trace = provenance.trace(car=cars[0], friction=laws)  # without the command, which makes no drive again
     about = {"manoeuvre": args.manoeuvre} if args.manoeuvre else {}
     meta = {**about, **_of_first(cars[0], sets[0][1]), "command": shlex.join(args.argv), "trace": trace}
@@ -181,7 +181,7 @@ def _share(args: argparse.Namespace, sets: list[Any], device: "Device") -> float
         raise ValueError(f"--wheel is for a wheel with a motor, and {device.name} has none: leave it out")
     share = 1.0
     for each, info in sets:
-        found = haptics.stability(each.part, haptics.make(*args.wheel), BANDWIDTH, PERIOD)
+        found = haptics.stability(each.subsystem, haptics.make(*args.wheel), BANDWIDTH, PERIOD)
         print(f"{info.label}: {wheel_option.sentence(found)}")
         share = min(share, found.share)
     return share

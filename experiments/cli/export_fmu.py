@@ -1,4 +1,4 @@
-"""The command ``export-fmu``: a part of the plant as a co-simulation unit without Python."""
+"""The command ``export-fmu``: a subsystem of the plant as a co-simulation unit without Python."""
 
 import argparse
 from typing import Any
@@ -20,7 +20,7 @@ def add(commands: Any, common: argparse.ArgumentParser) -> None:
     export = commands.add_parser("export-fmu", help=text, description=text, parents=[common])
     plant_options.add(
         export,
-        part="what the unit contains",
+        subsystem="what the unit contains",
         speed="held speed that the unit is made for",
         hands="what the hands give at first, the parameter robot of the unit",
     )
@@ -44,7 +44,7 @@ def _export(args: argparse.Namespace) -> None:
         notify(0.0, "compiling and linking")
         path = fmu.export(
             args.out,
-            part=args.part,
+            subsystem=args.subsystem,
             friction=args.friction.parameters,
             vehicle=car.data(),
             chassis=args.chassis,

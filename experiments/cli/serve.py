@@ -1,4 +1,4 @@
-"""The command ``serve``: a part of the plant behind a port, for tools that speak no FMI."""
+"""The command ``serve``: a subsystem of the plant behind a port, for tools that speak no FMI."""
 
 import argparse
 import json
@@ -23,7 +23,7 @@ def add(commands: Any, common: argparse.ArgumentParser) -> None:
     serve = commands.add_parser("serve", help=text, description=text, parents=[common])
     plant_options.add(
         serve,
-        part="what is served",
+        subsystem="what is served",
         speed="held speed, and start value of the vehicle_speed that the steering takes",
         hands="what the hands of the other program give",
     )
@@ -52,15 +52,15 @@ def _serve(args: argparse.Namespace) -> None:
     from steer_env.connect.udp.server import MEANINGS
     from steer_env.friction.numerics.check import number
     from steer_env.live.real_time import Limits, haptics
-    from steer_env.vehicle.subsystems.make import make_part
+    from steer_env.vehicle import subsystems
 
     silence = number("--silence", args.silence, minimum=0.0, above=True, maximum=1e6)
     speed = args.speed_kph * KPH
     robot = args.hands == "angle"
     p = car_options.load(args).plant(args.friction.parameters, speed, robot, args.road_friction, args.chassis)
-    part = make_part(args.part, p, speed)
+    subsystem = subsystems.make(args.subsystem, p, speed)
     if args.describe:
-        sys.stdout.write(cosimulation.describe(cosimulation.layout_of(part), args.describe))
+        sys.stdout.write(cosimulation.describe(cosimulation.layout_of(subsystem), args.describe))
         return
     mode = "free-running" if args.free_running else "lockstep"
     real_time = {"--torque-limit": args.torque_limit is not None, "--wheel": args.wheel, "--priority": args.priority}
@@ -69,11 +69,11 @@ def _serve(args: argparse.Namespace) -> None:
         raise ValueError(f"{given}: only with --free-running, as nothing is real time in lockstep")
     torque = TORQUE if args.torque_limit is None else args.torque_limit
     limits = Limits(torque=number("--torque-limit", torque, minimum=0.0, maximum=50.0))
-    found = haptics.stability(part, haptics.make(*args.wheel)) if args.wheel else None
+    found = haptics.stability(subsystem, haptics.make(*args.wheel)) if args.wheel else None
     if found:
         limits = limits._replace(share=found.share)
     server = cosimulation.Server(
-        part, args.address, args.port, silence, mode=mode, limits=limits, priority=args.priority
+        subsystem, args.address, args.port, silence, mode=mode, limits=limits, priority=args.priority
     )
     try:
         with server:
@@ -99,7 +99,7 @@ def _announce(args: argparse.Namespace, server: Any, found: Any) -> None:
     (address, port), layout = server.address, server.layout
     if args.json:
         told: dict[str, Any] = {
-            "part": args.part,
+            "part": args.subsystem,
             "mode": server.mode,
             "address": address,
             "port": port,
@@ -113,7 +113,7 @@ def _announce(args: argparse.Namespace, server: Any, found: Any) -> None:
     if found:
         print(wheel_option.sentence(found))
     print(
-        f"{args.part} at {address}, port {port}, {server.mode}: requests of {layout.request_size} bytes, answers of "
-        f"{layout.answer_size}, layout 0x{layout.fingerprint:08x}; Ctrl-C ends it",
+        f"{args.subsystem} at {address}, port {port}, {server.mode}: requests of {layout.request_size} bytes, answers "
+        f"of {layout.answer_size}, layout 0x{layout.fingerprint:08x}; Ctrl-C ends it",
         flush=True,
     )

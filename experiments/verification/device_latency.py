@@ -21,7 +21,7 @@ from steer_env.live.devices.fake import Fake
 from steer_env.live.real_time import Mailboxes, RealTime
 from steer_env.live.real_time.angle_filter import BANDWIDTH
 from steer_env.live.real_time.measure import Durations
-from steer_env.vehicle.subsystems.subsystem import Part
+from steer_env.vehicle.subsystems import Subsystem
 
 BIN = 10e-6  # of the histogram [s]
 EXCHANGE = 0.002  # of the thread of Python with a device [s]
@@ -116,9 +116,9 @@ class _Jumping(Fake):
         self.heard.append((self.clock(), torque))
 
 
-def _exchange(device: Device, mail: Mailboxes, part: Part, jumps: Jumps) -> None:
+def _exchange(device: Device, mail: Mailboxes, subsystem: Subsystem, jumps: Jumps) -> None:
     """Take the angle of a device to the loop and the torque back, as a drive does."""
-    inputs, angle = np.zeros(len(part.given)), [signal.name for signal in part.given].index("hand_angle")
+    inputs, angle = np.zeros(len(subsystem.given)), [signal.name for signal in subsystem.given].index("hand_angle")
     due = time.monotonic()
     while not jumps.over():
         reading = device.read()
@@ -132,21 +132,21 @@ def _exchange(device: Device, mail: Mailboxes, part: Part, jumps: Jumps) -> None
         time.sleep(max(due - time.monotonic(), 0.0))
 
 
-def _compiled(part: Part, priority: int) -> tuple[Mailboxes, RealTime]:
-    mail = Mailboxes(part, angle_bandwidth=BANDWIDTH)
-    return mail, RealTime(part, mail.device, priority=priority)
+def _compiled(subsystem: Subsystem, priority: int) -> tuple[Mailboxes, RealTime]:
+    mail = Mailboxes(subsystem, angle_bandwidth=BANDWIDTH)
+    return mail, RealTime(subsystem, mail.device, priority=priority)
 
 
-def through_fake(part: Part, seconds: float, priority: int = 0) -> Latency:
+def through_fake(subsystem: Subsystem, seconds: float, priority: int = 0) -> Latency:
     """Through the fake device without a delay of its own: the exchange and the loop."""
-    mail, loop = _compiled(part, priority)
+    mail, loop = _compiled(subsystem, priority)
     jumps = Jumps(seconds)
     with _Jumping(jumps) as device, loop:
-        _exchange(device, mail, part, jumps)
+        _exchange(device, mail, subsystem, jumps)
     return jumps.latency(device.heard, device.clipping())
 
 
-def through_can(part: Part, seconds: float, priority: int = 0) -> Latency:
+def through_can(subsystem: Subsystem, seconds: float, priority: int = 0) -> Latency:
     """Through python-can's virtual bus, whose node sends its angle at once where it jumps, and else every 2 ms.
 
     Raises
@@ -155,14 +155,14 @@ def through_can(part: Part, seconds: float, priority: int = 0) -> Latency:
         python-can or cantools are not installed.
     """
     dbc = files("steer_env.experiments") / "data" / "real_time" / "wheel.dbc"
-    mail, loop = _compiled(part, priority)
+    mail, loop = _compiled(subsystem, priority)
     with devices.make("can", dbc=str(dbc), interface="virtual", channel=_BUS, max_torque=8.0) as device:
         jumps, heard, over = Jumps(seconds), list[tuple[int, float]](), threading.Event()
         node = threading.Thread(target=_node, args=(jumps, heard, over), daemon=True)
         node.start()
         try:
             with loop:
-                _exchange(device, mail, part, jumps)
+                _exchange(device, mail, subsystem, jumps)
         finally:
             over.set()
             node.join()
@@ -188,13 +188,13 @@ def _node(jumps: Jumps, heard: list[tuple[int, float]], over: threading.Event) -
                 heard.append((time.monotonic_ns(), _SCALE[1] * value))
 
 
-def through_udp(part: Part, seconds: float, priority: int = 0) -> Latency:
+def through_udp(subsystem: Subsystem, seconds: float, priority: int = 0) -> Latency:
     """Over UDP by the server of ``steer-env serve``, with a client in Python that waits for answers."""
     with (
-        Server(part, mode="free-running", priority=priority) as server,
+        Server(subsystem, mode="free-running", priority=priority) as server,
         Stream(server.layout, server.address) as stream,
     ):
-        inputs, angle = np.zeros(len(part.given)), [signal.name for signal in part.given].index("hand_angle")
+        inputs, angle = np.zeros(len(subsystem.given)), [signal.name for signal in subsystem.given].index("hand_angle")
         jumps, heard = Jumps(seconds), list[tuple[int, float]]()
         while not jumps.over():
             inputs[angle] = jumps.angle()
@@ -209,12 +209,12 @@ def through_udp(part: Part, seconds: float, priority: int = 0) -> Latency:
 WAYS = {"fake wheel": through_fake, "virtual CAN": through_can, "UDP": through_udp}
 
 
-def through_all(part: Part, seconds: float, priority: int = 0) -> dict[str, Latency | str]:
+def through_all(subsystem: Subsystem, seconds: float, priority: int = 0) -> dict[str, Latency | str]:
     """The latency by each of ``WAYS``, for so long each [s]; the reason where there is none."""
     found: dict[str, Latency | str] = {}
     for name, through in WAYS.items():
         try:
-            found[name] = through(part, seconds, priority)
+            found[name] = through(subsystem, seconds, priority)
         except (TooBusyError, DeviceError) as error:
             found[name] = str(error)
     return found

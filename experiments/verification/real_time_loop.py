@@ -12,9 +12,9 @@ from typing import Any, NamedTuple
 from steer_env.experiments.verification import device_latency
 from steer_env.experiments.verification.device_latency import Latency
 from steer_env.live.real_time.measure import Durations, Measured, lock_memory, measure
+from steer_env.vehicle import subsystems
 from steer_env.vehicle.cars import Car
-from steer_env.vehicle.subsystems.make import make_part
-from steer_env.vehicle.subsystems.subsystem import Part
+from steer_env.vehicle.subsystems import Subsystem
 
 SPEED = 100.0 / 3.6  # held [m/s]
 PRIORITY = 50  # of SCHED_FIFO among the conditions, where the run has none of its own
@@ -59,9 +59,9 @@ _CONDITIONS = (
 )
 
 
-def part_of(car: Car, law: Any, chassis: str) -> Part:
+def part_of(car: Car, law: Any, chassis: str) -> Subsystem:
     """The car with a prescribed handwheel angle."""
-    return make_part("car", car.plant(law, SPEED, True, chassis=chassis), SPEED)
+    return subsystems.make("car", car.plant(law, SPEED, True, chassis=chassis), SPEED)
 
 
 def collect(
@@ -108,7 +108,7 @@ def _allowed(priority: int) -> bool:
     return found[0]
 
 
-def under_conditions(part: Part, seconds: float, priority: int) -> dict[str, Measured | str]:
+def under_conditions(part: Subsystem, seconds: float, priority: int) -> dict[str, Measured | str]:
     """Run a car under each condition for an equal time, in rounds; those that are not allowed have the reason."""
     found: dict[str, Measured | str] = {}
     each = seconds / len(_CONDITIONS) / ROUNDS

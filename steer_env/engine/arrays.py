@@ -6,8 +6,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from steer_env.friction.numerics.packing import pack, slices
 from steer_env.tasks.common.definition import COST_LIMIT, Task
-from steer_env.vehicle import plant, plant_batch
+from steer_env.vehicle import plant
 from steer_env.vehicle.chassis.common.interface import INPUTS
 from steer_env.vehicle.plant import Plant
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
@@ -53,7 +54,7 @@ class BatchArrays(NamedTuple):
 
     episodes: Any  # (n,) records of EPISODE
     actions: NDArray[np.float32]  # (n,) of the present step, clipped to [-1, 1]
-    plants: Array  # (n, K) numbers of each plant, as steer_env.vehicle.plant_batch.numbers gives them
+    plants: Array  # (n, K) numbers of each plant, as steer_env.friction.numerics.packing.pack gives them
     states: Array  # (n, S)
     previous_states: Array  # (n, S) before the last round of samples
     finite: NDArray[np.bool_]  # (n,) whether every state is finite
@@ -102,7 +103,7 @@ def allocate(task: Task, template: Plant, n: int, samples_per_round: int, delay_
     return BatchArrays(
         episodes=np.zeros(n, EPISODE).view(np.recarray),  # a view whose fields plain Python finds as kernels do
         actions=np.zeros(n, np.float32),
-        plants=np.tile(plant_batch.numbers(template), (n, 1)),
+        plants=np.tile(pack(template).numbers, (n, 1)),
         states=np.zeros((n, states)),
         previous_states=np.zeros((n, states)),
         finite=np.ones(n, bool),
@@ -136,7 +137,7 @@ def layout(
         action_input=task.action.input,
         action_scale=task.action.scale,
         ramped=task.action.ramped,
-        robot=plant_batch.slices(template)["robot"].start,
+        robot=slices(template)["robot"].start,
         speed_channel=names.index("longitudinal_speed") if "longitudinal_speed" in names else -1,
         n_rewards=len(task.rewards),
         scripted=np.array(task.scripted_inputs, np.int64),

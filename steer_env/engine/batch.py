@@ -24,6 +24,7 @@ from steer_env.episode.timing import SAMPLES_PER_UPDATE
 from steer_env.friction.numerics.check import number, whole
 from steer_env.friction.numerics.frozen import frozen
 from steer_env.friction.numerics.kernel import bind
+from steer_env.friction.numerics.packing import pack
 from steer_env.friction.numerics.renamed import renamed
 from steer_env.friction.numerics.thread_pool import ThreadPool
 from steer_env.manoeuvres.common.driving import sine_response
@@ -36,7 +37,7 @@ from steer_env.tasks.common.definition import (
     Scenery,
     Task,
 )
-from steer_env.vehicle import cars, plant, plant_batch, step_limit
+from steer_env.vehicle import cars, plant, step_limit
 from steer_env.vehicle import chassis as chassis_models
 from steer_env.vehicle import tyre as tyres
 from steer_env.vehicle.road import Road, resolve
@@ -159,7 +160,7 @@ class EnvironmentBatch:
         """Look up the compiled kernels for the types of the arrays."""
         a, at = self.arrays, self._layout
         plants = self._template, a.plants, a.states, a.inputs, a.channels, a.finite
-        self._advance = bind(plant_batch.run, *plants, 0, self.n)
+        self._advance = bind(plant.run_rows, *plants, 0, self.n)
         self._fill_inputs = bind(fill_inputs, a, at, True, 0, self.n)
         self._evaluate = bind(evaluate, a, at, self.task.parameters, 0, True, 0, self.n)
 
@@ -189,7 +190,7 @@ class EnvironmentBatch:
 
     def _runner(self, p: plant.Plant) -> Callable[..., None]:
         """Runs one plant as :func:`steer_env.vehicle.plant.run` does, but by the kernel that the batch has compiled."""
-        numbers, finite = plant_batch.numbers(p)[None], np.ones(1, bool)
+        numbers, finite = pack(p).numbers[None], np.ones(1, bool)
 
         def run(_: Any, state: Array, inputs: Array, channels: Array, substeps: int) -> None:
             self._advance(self._template, numbers, state[None], inputs[None], channels, finite, 0, 1)
@@ -198,7 +199,7 @@ class EnvironmentBatch:
 
     def _settled(self, p: plant.Plant) -> tuple[Array, Array, Array]:
         """Numbers, settled state and channels of a plant."""
-        return (plant_batch.numbers(p), *plant.settled(p, self._runner(p)))
+        return (pack(p).numbers, *plant.settled(p, self._runner(p)))
 
     @property
     def usual_conditions(self) -> Conditions:

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from steer_env import friction, manoeuvres, metrics
+from steer_env.friction.numerics import packing
 from steer_env.manoeuvres import drive
-from steer_env.vehicle import cars, plant, plant_batch
+from steer_env.vehicle import cars, plant
 from steer_env.vehicle.analysis import assist_design, understeer
 from steer_env.vehicle.layout import layout_of, size_of, states
 from steer_env.vehicle.steering import column, eps, stability
@@ -99,7 +100,7 @@ def test_bad_law_and_bad_key():
 @pytest.mark.parametrize("law", friction.available())
 def test_keys_make_the_same_assist(law):
     a = eps.make(boost_scale=[1.0, 1.1, 1.2, 1.3, 1.4, 1.5], **EVERY, friction_law=law)
-    assert plant_batch.numbers(eps.make(**eps.keys(a))).tolist() == plant_batch.numbers(a).tolist()
+    assert packing.pack(eps.make(**eps.keys(a))).numbers.tolist() == packing.pack(a).numbers.tolist()
     assert type(eps.make(**eps.keys(a)).functions.friction_compensation.law) is type(friction.make(law))
 
 
@@ -315,10 +316,10 @@ def test_states_are_named_and_rows_run_alone():
     assert names[at.functions : at.functions + 2] == ["acceleration_filter", "lead_lag_filter_0"]
     assert names[at.memory] == "friction_memory_0"
     state, row = plant.settled(p)
-    rows, inputs, finite = plant_batch.numbers(p)[None], np.zeros((1, 300, len(plant.INPUTS))), np.zeros(1, bool)
+    rows, inputs, finite = packing.pack(p).numbers[None], np.zeros((1, 300, len(plant.INPUTS))), np.zeros(1, bool)
     inputs[0, :, plant.HAND] = 2.0
     many, channels, record = state[None].copy(), row[None].copy(), np.zeros((1, row.size))
-    plant_batch.run(p, rows, many, inputs, channels, finite, 0, 1)
+    plant.run_rows(p, rows, many, inputs, channels, finite, 0, 1)
     assert plant.run(p, state, inputs[0], record, 1)
     assert finite[0]
     assert np.array_equal(many[0], state)

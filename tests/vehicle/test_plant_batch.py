@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from steer_env import friction
-from steer_env.vehicle import cars, plant, plant_batch, road
+from steer_env.friction.numerics import packing
+from steer_env.vehicle import cars, plant, road
 from tests.by_law import EACH_LAW
 
 CAR = cars.load("compact")
@@ -21,17 +22,16 @@ def same(one, other):
 @pytest.mark.parametrize("law", EACH_LAW)
 def test_a_plant_comes_back_from_its_numbers(law, chassis):
     template = CAR.plant(law, chassis=chassis)
-    rows = np.array(
-        [plant_batch.numbers(template), plant_batch.numbers(CAR.loaded(200.0).plant(law, speed=20.0, chassis=chassis))]
-    )
-    assert same(plant_batch.plant_of_row(template, rows, 0), template)
-    other = plant_batch.plant_of_row(template, rows, 1)
-    assert same(other._replace(tyre=template.tyre), CAR.loaded(200.0).plant(law, speed=20.0, chassis=chassis))
+    loaded = CAR.loaded(200.0).plant(law, speed=20.0, chassis=chassis)
+    rows = np.array([packing.pack(template).numbers, packing.pack(loaded).numbers])
+    assert same(packing.of_row(template, rows, 0), template)
+    other = packing.of_row(template, rows, 1)
+    assert same(other._replace(tyre=template.tyre), loaded)
 
 
 def test_slices_are_those_of_the_numbers():
     p = CAR.plant("masing", chassis="two_track", road=road.iso8608(1, "C"))
-    numbers, places = plant_batch.numbers(p), plant_batch.slices(p)
+    numbers, places = packing.pack(p).numbers, packing.slices(p)
     assert numbers[places["column.K_tb"]] == p.column.K_tb
     assert numbers[places["robot"]] == p.robot
     assert np.array_equal(numbers[places["friction.k"]], p.friction.k)
@@ -51,12 +51,12 @@ def test_rows_run_as_their_plants_alone(law, chassis):
     ]
     settled = [plant.settled(p) for p in plants]
     states, channels = (np.array([pair[k] for pair in settled]) for k in (0, 1))
-    rows, finite = np.array([plant_batch.numbers(p) for p in plants]), np.zeros(3, bool)
+    rows, finite = np.array([packing.pack(p).numbers for p in plants]), np.zeros(3, bool)
     inputs = np.zeros((3, 40, len(plant.INPUTS)))
     inputs[:, :, plant.HAND] = rng.uniform(-3.0, 3.0, (3, 40))
     third = states[2].copy()
     for _ in range(10):
-        plant_batch.run(plants[0], rows, states, inputs, channels, finite, 0, 2)
+        plant.run_rows(plants[0], rows, states, inputs, channels, finite, 0, 2)
     assert finite.tolist() == [True, True, False]
     assert np.array_equal(states[2], third)
     for i in range(2):

@@ -1,4 +1,4 @@
-"""The whole car as a unit: the plant as the environments and manoeuvres run it."""
+"""The whole car as a subsystem: the plant as the environments and manoeuvres run it."""
 
 import numpy as np
 
@@ -7,7 +7,7 @@ from steer_env.vehicle import chassis, plant
 from steer_env.vehicle.chassis.common.interface import ASSIST_REQUEST, HAND, HAND_SPEED, INPUTS, TARGET_SPEED
 from steer_env.vehicle.layout import layout_of, size_of, states
 from steer_env.vehicle.steering.column import HANDWHEEL_ANGLE, HANDWHEEL_SPEED
-from steer_env.vehicle.subsystems.subsystem import Part, Signal, channel_signals, reached
+from steer_env.vehicle.subsystems.subsystem import Signal, Subsystem, channel_signals, reached
 
 HANDS = (
     Signal("hand_torque", "N m", "torque of the hands, where the hand torque is given (robot is false)"),
@@ -46,7 +46,7 @@ def advance(p, state, given, inputs, outputs, samples):
     return True
 
 
-def part(p: plant.Plant) -> Part:
+def subsystem(p: plant.Plant) -> Subsystem:
     """The car of a plant."""
     kind = chassis.chassis_of(p.chassis)
     begin = np.zeros(size_of(p))
@@ -57,7 +57,7 @@ def part(p: plant.Plant) -> Part:
     # A chassis that does not report its speed holds it; inputs that would change the speed have no effect.
     end = len(INPUTS) if "longitudinal_speed" in dict(kind.channels) else TARGET_SPEED
     inputs = tuple(Signal(NAMED[name][0], unit, NAMED[name][1]) for name, unit in INPUTS[ASSIST_REQUEST:])
-    return Part(
+    return Subsystem(
         name="car",
         title="Car with its steering: hands, throttle, brake and wind in, every channel out",
         parameters=p,

@@ -1,4 +1,4 @@
-"""The chassis alone as a unit: the motion of the rack in, the rack force and the motion of the car out.
+"""The chassis alone as a subsystem: the motion of the rack in, the rack force and the motion of the car out.
 
 The kernels are those of the plant, whose column becomes the rack itself: with a pinion radius of 1 the angle of the
 column is the travel of the rack. The end stops belong to the steering.
@@ -13,7 +13,7 @@ from steer_env.vehicle.layout import layout
 from steer_env.vehicle.steering.column import COLUMN_ANGLE, COLUMN_SPEED
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
 from steer_env.vehicle.subsystems import car
-from steer_env.vehicle.subsystems.subsystem import Part, Signal, channel_signals, is_finite, reached
+from steer_env.vehicle.subsystems.subsystem import Signal, Subsystem, channel_signals, is_finite, reached
 
 SECTIONS = ("chassis", "tyre")
 NO_STOP = 1e9  # travel that no rack reaches [m]
@@ -41,9 +41,9 @@ def advance(p, state, given, inputs, outputs, samples):
     return is_finite(state)
 
 
-def part(p: plant.Plant) -> Part:
+def subsystem(p: plant.Plant) -> Subsystem:
     """The chassis of a plant, in straight running."""
-    whole = car.part(p)
+    whole = car.subsystem(p)
     alone = p._replace(pinion_radius=1.0, rack_limit=NO_STOP)
     given = (
         Signal("rack_travel", "m", "at the end of the step, positive where it steers left"),

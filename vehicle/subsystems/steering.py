@@ -1,4 +1,4 @@
-"""The steering alone as a unit: hands, column, friction, assist and the end stops of the rack, under a rack force."""
+"""The steering alone as a subsystem: hands, column, friction, assist and end stops, under a rack force."""
 
 import numpy as np
 
@@ -9,7 +9,7 @@ from steer_env.vehicle.layout import size_of, states
 from steer_env.vehicle.steering.column import COLUMN_ANGLE, COLUMN_SPEED, HANDWHEEL_ANGLE, HANDWHEEL_SPEED
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
 from steer_env.vehicle.subsystems.car import HANDS, NAMED
-from steer_env.vehicle.subsystems.subsystem import Part, Signal, channel_signals, is_finite, reached
+from steer_env.vehicle.subsystems.subsystem import Signal, Subsystem, channel_signals, is_finite, reached
 
 # Fields of the plant that belong to the chassis.
 OF_CHASSIS = ("chassis", "strut", "tyre")
@@ -36,7 +36,7 @@ def advance(p, state, given, inputs, outputs, samples):
     return is_finite(state)
 
 
-def part(p: plant.Plant, speed: float) -> Part:
+def subsystem(p: plant.Plant, speed: float) -> Subsystem:
     """The steering of a plant; ``speed`` is the start value of the vehicle's [m/s]."""
     given = (
         *HANDS,
@@ -46,7 +46,7 @@ def part(p: plant.Plant, speed: float) -> Part:
     )
     rack = (("rack_travel", "m"), ("rack_speed", "m/s"))
     outputs = channel_signals((*plant.CHANNELS[:_COLUMN], *rack))
-    return Part(
+    return Subsystem(
         name="steering",
         title="Steering: hands, rack force and vehicle speed in; handwheel, hand torque, rack travel and friction out",
         parameters=p,

@@ -1,4 +1,4 @@
-"""What a part is: a kernel, its parameters, and the names and start values of what goes in and comes out."""
+"""What a subsystem is: a kernel, its parameters, and the names and start values of what goes in and comes out."""
 
 import math
 from collections.abc import Iterable
@@ -12,7 +12,7 @@ from steer_env.vehicle.steering.eps import SAMPLE_TIME
 
 
 class Signal(NamedTuple):
-    """An input or output of a unit."""
+    """An input or output of a subsystem."""
 
     name: str
     unit: str
@@ -20,13 +20,13 @@ class Signal(NamedTuple):
     start: float = 0.0  # of an input, in its unit
 
 
-class Part(NamedTuple):
-    """A part of the plant that becomes a unit."""
+class Subsystem(NamedTuple):
+    """A part of the plant that advances by itself."""
 
     name: str
     title: str  # one sentence
     parameters: Any  # NamedTuple, frozen
-    sections: tuple[str, ...]  # fields of the parameters that become parameters of the unit
+    sections: tuple[str, ...]  # fields of the parameters that a user may change
     states: tuple[str, ...]  # names
     given: tuple[Signal, ...]  # the first of the given numbers; the rest stays zero
     given_size: int
@@ -47,7 +47,7 @@ def channel_signals(channels: Iterable[tuple[str, str]]) -> tuple[Signal, ...]:
 
 @kernel
 def reached(start, start_speed, end, end_speed, sample, samples):
-    """Value and speed at the end of a sample of a communication step, of what an importer prescribes for its end.
+    """Value and speed at the end of a sample of a communication step, of what is prescribed for its end.
 
     Up to there the value follows the cubic that meets value and speed at both ends.
 

@@ -11,12 +11,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from steer_env.friction.numerics import packing
 from steer_env.friction.numerics.frozen import frozen
 from steer_env.friction.numerics.kernel import kernel, plain
 from steer_env.vehicle.simd import load, unpack
 from steer_env.vehicle.suspension.macpherson import MacPherson, load_coefficients
 
 
+@packing.shared
 class KinematicsTable(NamedTuple):
     """Spline coefficients of a left wheel on a uniform grid; its channels are the fields of ``Knuckle``, ``Travel``."""
 

@@ -1,4 +1,4 @@
-"""Options of the commands that give a part of the plant to other tools: which part, with which law, car and speed."""
+"""Options of the commands that give a subsystem to other tools: which one, with which law, car and speed."""
 
 import argparse
 
@@ -6,12 +6,12 @@ from steer_env.experiments.cli.common import names
 from steer_env.experiments.cli.common.arguments import FRICTION, friction_law
 from steer_env.experiments.pages import car_options
 
-PARTS = ("car", "steering", "chassis")  # as in steer_env.vehicle.subsystems.make, whose import takes long
+SUBSYSTEMS = ("car", "steering", "chassis")  # as in steer_env.vehicle.subsystems, whose import takes long
 
 
-def add(parser: argparse.ArgumentParser, part: str, speed: str, hands: str) -> None:
-    """Add the options to a parser; the texts say what part, speed and hands are for."""
-    parser.add_argument("--part", choices=PARTS, default="car", help=f"{part} (default car)")
+def add(parser: argparse.ArgumentParser, subsystem: str, speed: str, hands: str) -> None:
+    """Add the options to a parser; the texts say what subsystem, speed and hands are for."""
+    parser.add_argument("--subsystem", choices=SUBSYSTEMS, default="car", help=f"{subsystem} (default car)")
     text = f"{FRICTION} (default lugre)"
     parser.add_argument("--friction", metavar="LAW", type=friction_law, default="lugre", help=text)
     car_options.add(parser)

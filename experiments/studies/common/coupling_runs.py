@@ -21,11 +21,10 @@ from steer_env.connect.external import Coupled, Coupling, CouplingError, FmuVehi
 from steer_env.connect.udp import Server, layout_of
 from steer_env.manoeuvres.common.driving import drive_plant
 from steer_env.recording.recording import Recording
-from steer_env.vehicle import plant
+from steer_env.vehicle import plant, subsystems
 from steer_env.vehicle.cars import Car
 from steer_env.vehicle.layout import layout_of as plant_layout
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
-from steer_env.vehicle.subsystems.make import make_part
 
 Array = NDArray[np.float64]
 
@@ -75,7 +74,7 @@ def exported(car: Car) -> bytes:
     """The chassis of a car as a unit."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder, "chassis.fmu")
-        return fmu.export(path, part="chassis", vehicle=car, chassis=CHASSIS, speed=SPEED).read_bytes()
+        return fmu.export(path, subsystem="chassis", vehicle=car, chassis=CHASSIS, speed=SPEED).read_bytes()
 
 
 def of_law(car: Car, law: str, unit: bytes, steps: Sequence[int] = COMPARED) -> LawCost:
@@ -137,7 +136,7 @@ def _vehicle(unit: bytes, kind: Any = FmuVehicle) -> Iterator[Vehicle]:
 @contextmanager
 def _served(car: Car, law: str) -> Iterator[Vehicle]:
     """The chassis behind a port of another process."""
-    part = make_part("chassis", car.plant(law, SPEED, chassis=CHASSIS), SPEED)
+    part = subsystems.make("chassis", car.plant(law, SPEED, chassis=CHASSIS), SPEED)
     context = get_context("spawn")
     connection, other = context.Pipe()
     process = context.Process(target=_serve, args=(other, car.data(), law), daemon=True)
@@ -157,7 +156,7 @@ def _serve(connection: Connection, data: dict[str, Any], law: str) -> None:
     from steer_env.vehicle import cars
 
     p = cars.load(data).plant(law, SPEED, chassis=CHASSIS)
-    with Server(make_part("chassis", p, SPEED)) as server, ExitStack() as stack:
+    with Server(subsystems.make("chassis", p, SPEED)) as server, ExitStack() as stack:
         stack.callback(connection.close)
         connection.send(server.address)
         connection.poll(None)

@@ -1,7 +1,7 @@
 """The steering of this project with an external vehicle, split at the rack.
 
-Column, assist and friction law advance in steps of 1 ms by the kernel that a unit of the part ``steering`` has; the
-vehicle advances once in each communication step. Its rack force is extrapolated linearly from the last two
+Column, assist and friction law advance in steps of 1 ms by the kernel of the subsystem ``steering``; the vehicle
+advances once in each communication step. Its rack force is extrapolated linearly from the last two
 communication points to the middle of each step of the steering, as in the undivided plant (N1); it receives the motion
 of the rack at the end of its step. With a delay it receives the motion of one communication step earlier, as where both
 run at the same time.

@@ -6,34 +6,34 @@ from collections.abc import Iterable
 
 import numpy as np
 
+from steer_env.connect.fmu.object_code import Processor
 from steer_env.connect.fmu.variables import Variable
-from steer_env.vehicle.subsystems.packing import numbers_and_tables
-from steer_env.vehicle.subsystems.processor import Processor
-from steer_env.vehicle.subsystems.subsystem import Part
+from steer_env.friction.numerics.packing import pack
+from steer_env.vehicle.subsystems import Subsystem
 
 
-def c_data(part: Part, variables: list[Variable], processor: Processor, token: str) -> str:
+def c_data(subsystem: Subsystem, variables: list[Variable], processor: Processor, token: str) -> str:
     """C source that defines ``unit``."""
-    numbers, tables = numbers_and_tables(part.parameters)
+    numbers, tables = pack(subsystem.parameters)
     needed = processor.masks().items()
     lines = [
         '#include "unit.h"',
         _array("struct requirement", "requirements", (f"{{{leaf}u, '{r}', {bits}u}}" for (leaf, r), bits in needed)),
         _array("struct variable", "variables", map(_variable, variables)),
-        _array("char *const", "states", map(json.dumps, part.states)),
+        _array("char *const", "states", map(json.dumps, subsystem.states)),
         *(
             _array("double", name, map(_float, values))
             for name, values in (
                 ("numbers", numbers),
                 ("tables", tables),
-                ("begin", part.begin),
-                ("start", part.start),
-                ("shown", part.shown),
-                ("given", [s.start for s in part.given] + [0.0] * (part.given_size - len(part.given))),
+                ("begin", subsystem.begin),
+                ("start", subsystem.start),
+                ("shown", subsystem.shown),
+                ("given", [s.start for s in subsystem.given] + [0.0] * (subsystem.given_size - len(subsystem.given))),
             )
         ),
-        _array("unsigned", "places", map(str, part.zero_states)),
-        _array("unsigned", "rows", map(str, part.zero_outputs)),
+        _array("unsigned", "places", map(str, subsystem.zero_states)),
+        _array("unsigned", "rows", map(str, subsystem.zero_outputs)),
         "const struct unit unit = {",
         f"    .token = {json.dumps(token)},",
         f"    .processor = {json.dumps(processor.name)},",
@@ -42,13 +42,13 @@ def c_data(part: Part, variables: list[Variable], processor: Processor, token: s
         f"    .requirement_count = {len(needed)},",
         f"    .variable_count = {len(variables)},",
         f"    .number_count = {numbers.size},",
-        f"    .state_count = {part.start.size},",
-        f"    .given_count = {part.given_size},",
-        f"    .input_count = {part.inputs},",
-        f"    .output_count = {len(part.outputs)},",
-        f"    .place_count = {len(part.zero_states)},",
-        f"    .row_count = {len(part.zero_outputs)},",
-        f"    .settling = {part.settling},",
+        f"    .state_count = {subsystem.start.size},",
+        f"    .given_count = {subsystem.given_size},",
+        f"    .input_count = {subsystem.inputs},",
+        f"    .output_count = {len(subsystem.outputs)},",
+        f"    .place_count = {len(subsystem.zero_states)},",
+        f"    .row_count = {len(subsystem.zero_outputs)},",
+        f"    .settling = {subsystem.settling},",
         "};",
     ]
     return "\n".join(lines) + "\n"

@@ -11,7 +11,7 @@ from xml.etree import ElementTree
 from steer_env.connect.fmu.units import base_unit
 from steer_env.connect.fmu.variables import Variable
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
-from steer_env.vehicle.subsystems.subsystem import Part
+from steer_env.vehicle.subsystems import Subsystem
 
 STEP_NOTE = (
     "The internal step is 1 ms. A communication step is a whole number of milliseconds, to 1e-9 s. Inputs hold over a "
@@ -51,12 +51,12 @@ def unit_definitions(root: ElementTree.Element, variables: list[Variable]) -> No
             ElementTree.SubElement(each, "BaseUnit", {base: str(power) for base, power in powers.items()})
 
 
-def about(part: Part, description: str, token_name: str, token: str) -> dict[str, str]:
+def about(subsystem: Subsystem, description: str, token_name: str, token: str) -> dict[str, str]:
     """Attributes of the description that both versions have."""
     return {
-        "modelName": f"steer-env {part.name}",
+        "modelName": f"steer-env {subsystem.name}",
         token_name: token,
-        "description": f"{part.title}. {description} {STEP_NOTE}",
+        "description": f"{subsystem.title}. {description} {STEP_NOTE}",
         "version": metadata.version("steer-env"),
         "license": "MIT",
         "generationTool": f"steer-env {metadata.version('steer-env')}",
@@ -69,12 +69,12 @@ def experiment(root: ElementTree.Element) -> None:
     ElementTree.SubElement(root, "DefaultExperiment", startTime="0.0", stopTime="10.0", stepSize=number(SAMPLE_TIME))
 
 
-def fmi2(part: Part, variables: list[Variable], identifier: str, token: str, description: str) -> bytes:
+def fmi2(subsystem: Subsystem, variables: list[Variable], identifier: str, token: str, description: str) -> bytes:
     """The description of a unit.
 
     Parameters
     ----------
-    part : Part
+    subsystem : Subsystem
     variables : list of Variable
         Whose position is the value reference.
     identifier : str
@@ -84,7 +84,9 @@ def fmi2(part: Part, variables: list[Variable], identifier: str, token: str, des
     description : str
         Sentences that tell the car, the friction law and the chassis.
     """
-    root = ElementTree.Element("fmiModelDescription", {"fmiVersion": "2.0", **about(part, description, "guid", token)})
+    root = ElementTree.Element(
+        "fmiModelDescription", {"fmiVersion": "2.0", **about(subsystem, description, "guid", token)}
+    )
     capabilities: dict[str, Any] = {
         "modelIdentifier": identifier,
         "canHandleVariableCommunicationStepSize": "true",

@@ -5,12 +5,12 @@ from xml.etree import ElementTree
 from steer_env.connect.fmu.description import USES, about, experiment, number, text_of, unit_definitions
 from steer_env.connect.fmu.variables import Variable
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
-from steer_env.vehicle.subsystems.subsystem import Part
+from steer_env.vehicle.subsystems import Subsystem
 
 
-def fmi3(part: Part, variables: list[Variable], identifier: str, token: str, description: str) -> bytes:
+def fmi3(subsystem: Subsystem, variables: list[Variable], identifier: str, token: str, description: str) -> bytes:
     """The description of a unit; the arguments are those of :func:`steer_env.connect.fmu.description.fmi2`."""
-    about_unit = about(part, description, "instantiationToken", token)
+    about_unit = about(subsystem, description, "instantiationToken", token)
     root = ElementTree.Element("fmiModelDescription", {"fmiVersion": "3.0", **about_unit})
     capabilities = {
         "modelIdentifier": identifier,

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 
 from steer_env.connect.fmu.description import STEP_NOTE
+from steer_env.connect.fmu.object_code import Processor
 from steer_env.connect.fmu.variables import Variable
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
-from steer_env.vehicle.subsystems.processor import Processor
-from steer_env.vehicle.subsystems.subsystem import Part
+from steer_env.vehicle.subsystems import Subsystem
 
 _GROUPS = {
     "Inputs": "INPUT",
@@ -23,7 +23,7 @@ _GROUPS = {
 _SIZE = 100  # of the icon [pixels]
 
 
-def page(part: Part, variables: list[Variable], processor: Processor, told: str) -> str:
+def page(subsystem: Subsystem, variables: list[Variable], processor: Processor, told: str) -> str:
     """The page as HTML."""
     from jinja2 import Environment, FileSystemLoader
 
@@ -33,10 +33,10 @@ def page(part: Part, variables: list[Variable], processor: Processor, told: str)
         Environment(loader=FileSystemLoader(folder), autoescape=True, trim_blocks=True, lstrip_blocks=True)
         .get_template("index.html")
         .render(
-            title=part.title,
+            title=subsystem.title,
             told=told,
             step_note=STEP_NOTE,
-            settling=f"{part.settling * SAMPLE_TIME:g}",
+            settling=f"{subsystem.settling * SAMPLE_TIME:g}",
             processor=processor.name,
             groups=[(heading, group) for heading, group in listed.items() if group],
             version=metadata.version("steer-env"),

@@ -14,15 +14,13 @@ from typing import Any
 from steer_env.connect.fmu import description, documentation, link
 from steer_env.connect.fmu.c_data import c_data
 from steer_env.connect.fmu.description3 import fmi3
+from steer_env.connect.fmu.object_code import PLATFORMS, Processor, module_text, object_code, processor
 from steer_env.connect.fmu.variables import variables
 from steer_env.friction import law_of
 from steer_env.friction.law import as_mapping
 from steer_env.friction.numerics.check import one_of
-from steer_env.vehicle import cars
-from steer_env.vehicle.subsystems.make import PARTS, make_part
-from steer_env.vehicle.subsystems.object_code import PLATFORMS, module_text, object_code
-from steer_env.vehicle.subsystems.processor import Processor, processor
-from steer_env.vehicle.subsystems.subsystem import Part
+from steer_env.vehicle import cars, subsystems
+from steer_env.vehicle.subsystems import Subsystem
 
 VERSIONS = (2, 3)
 ICONS = {2: "model.png", 3: "terminalsAndIcons/icon.png"}
@@ -37,7 +35,7 @@ _DATE = (1980, 1, 1, 0, 0, 0)  # of every file in the archive, so that the same 
 def export(
     path: str | Path,
     *,
-    part: str = "car",
+    subsystem: str = "car",
     friction: Any = "lugre",
     vehicle: Any = "compact",
     chassis: str = "single_track",
@@ -54,7 +52,7 @@ def export(
     ----------
     path : str or Path
         File to write, ending with ``.fmu``.
-    part : {"car", "steering", "chassis"}
+    subsystem : {"car", "steering", "chassis"}
         What the unit contains.
     friction : str, mapping or parameters
         A friction law as :func:`steer_env.friction.resolve` takes it; the chassis alone has none.
@@ -86,7 +84,7 @@ def export(
     ValueError
         A bad value, a missing compiler or a missing package; the message tells what to do.
     """
-    wanted = _checked(Path(path), part, fmi, platforms)
+    wanted = _checked(Path(path), subsystem, fmi, platforms)
     loaded = vehicle if isinstance(vehicle, cars.Car) else cars.load(vehicle)
     p = loaded.plant(friction, speed, robot, road_friction, chassis)
     name, rolls = law_of(p.friction).name, f"chassis {chassis}, held speed {speed:.6g} m/s"
@@ -94,12 +92,12 @@ def export(
         "car": (f"friction law {name}, {rolls}", name),
         "steering": (f"friction law {name}", name),
         "chassis": (rolls, chassis),
-    }[part]
+    }[subsystem]
     told = f"Car {loaded.name}, {contents}; processor level {cpu}."
-    made = make_part(part, p, speed)
-    files = _files(made, re.sub(r"\W", "_", f"steer_{part}_{label}"), told, wanted, fmi, processor(cpu))
+    made = subsystems.make(subsystem, p, speed)
+    files = _files(made, re.sub(r"\W", "_", f"steer_{subsystem}_{label}"), told, wanted, fmi, processor(cpu))
     made_of = {
-        **{"part": part, "chassis": chassis, "speed_m_s": speed, "robot": robot, "road_friction": road_friction},
+        **{"part": subsystem, "chassis": chassis, "speed_m_s": speed, "robot": robot, "road_friction": road_friction},
         **{"friction": as_mapping(p.friction), "car": loaded.data()},
     }
     files["resources/made_of.json"] = json.dumps(made_of, indent=1).encode()
@@ -107,11 +105,11 @@ def export(
     return Path(path)
 
 
-def _checked(path: Path, part: str, fmi: int, platforms: Sequence[str]) -> tuple[str, ...]:
+def _checked(path: Path, subsystem: str, fmi: int, platforms: Sequence[str]) -> tuple[str, ...]:
     """The platforms, each once, after a look at what else may be wrong before long work begins."""
     if path.suffix != ".fmu":
         raise ValueError(f"the file of a unit must end with .fmu, got {path}")
-    for name, value, allowed in (("part", part, PARTS), ("fmi", fmi, VERSIONS)):
+    for name, value, allowed in (("subsystem", subsystem, subsystems.SUBSYSTEMS), ("fmi", fmi, VERSIONS)):
         one_of(name, value, allowed)
     for platform in platforms:
         one_of("platform", platform, PLATFORMS)
@@ -133,21 +131,27 @@ def _pack(path: Path, files: dict[str, bytes]) -> None:
 
 
 def _files(
-    part: Part, identifier: str, told: str, platforms: Sequence[str], version: int, level: Processor
+    subsystem: Subsystem, identifier: str, told: str, platforms: Sequence[str], version: int, level: Processor
 ) -> dict[str, bytes]:
     """Contents of the archive by path: description, icon, documentation and binaries."""
-    listed = variables(part, version)
-    module = module_text(part)
+    listed = variables(subsystem, version)
+    module = module_text(subsystem)
     objects = {platform: object_code(module, platform, level) for platform in platforms}
     sources = [file.read_text(encoding="utf-8") for file in sorted(link.SOURCES.iterdir())]
-    parts = (c_data(part, listed, level, ""), told, *sources, str(version), *(code.hex() for code in objects.values()))
+    parts = (
+        c_data(subsystem, listed, level, ""),
+        told,
+        *sources,
+        str(version),
+        *(code.hex() for code in objects.values()),
+    )
     token = f"{{{uuid.UUID(hashlib.sha256(' '.join(parts).encode()).hexdigest()[:32])}}}"
-    data = c_data(part, listed, level, token)
-    text = (description.fmi2 if version == 2 else fmi3)(part, listed, identifier, token, told)
+    data = c_data(subsystem, listed, level, token)
+    text = (description.fmi2 if version == 2 else fmi3)(subsystem, listed, identifier, token, told)
     files: dict[str, bytes] = {
         "modelDescription.xml": text,
         ICONS[version]: documentation.icon(),
-        "documentation/index.html": documentation.page(part, listed, level, told).encode(),
+        "documentation/index.html": documentation.page(subsystem, listed, level, told).encode(),
     }
     for platform, code in objects.items():
         with tempfile.TemporaryDirectory() as folder:

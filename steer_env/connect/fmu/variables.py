@@ -1,7 +1,7 @@
 """The variables of a unit: inputs, outputs and parameters, each with its unit, description and start value.
 
-The parameters are the numbers of the part's parameters. Unit and description come from the comment beside the field,
-which the style of the project asks for, and of a friction law's field from the units that the law registers.
+The parameters are the numbers of the subsystem's parameters. Unit and description come from the comment beside the
+field, which the style of the project asks for, and of a friction law's field from the units that the law registers.
 """
 
 import inspect
@@ -13,9 +13,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from steer_env.friction.law import LAWS
+from steer_env.friction.numerics.packing import Leaf, leaves
 from steer_env.vehicle.chassis.two_track.parameters import Body
-from steer_env.vehicle.subsystems.packing import Leaf, leaves
-from steer_env.vehicle.subsystems.subsystem import Part
+from steer_env.vehicle.subsystems import Subsystem
 from steer_env.vehicle.tyre.coefficients import MagicFormula
 
 # Sections whose parameters may change while the unit runs; those of the others belong to the settled start.
@@ -87,9 +87,9 @@ def _settable(leaf: Leaf) -> bool:
     return True
 
 
-def _parameters(part: Part) -> Iterator[Variable]:
-    for leaf in leaves(part.parameters):
-        if leaf.path[0] not in part.sections or not _settable(leaf):
+def _parameters(subsystem: Subsystem) -> Iterator[Variable]:
+    for leaf in leaves(subsystem.parameters):
+        if leaf.path[0] not in subsystem.sections or not _settable(leaf):
             continue
         for name, field, owner, place, value in _elements(leaf):
             text, unit = _described(leaf, field, owner)
@@ -104,14 +104,14 @@ def _parameters(part: Part) -> Iterator[Variable]:
 TIME = Variable("time", "s", "simulation time", "TIME", 0, "INDEPENDENT", False, 0.0, False)
 
 
-def variables(part: Part, version: int) -> list[Variable]:
-    """Every variable of a part in a version of FMI; the position in the list is the value reference."""
+def variables(subsystem: Subsystem, version: int) -> list[Variable]:
+    """Every variable of a subsystem in a version of FMI; the position in the list is the value reference."""
     inputs = [
         Variable(s.name, s.unit, s.description, "GIVEN", i, "INPUT", False, s.start, False)
-        for i, s in enumerate(part.given)
+        for i, s in enumerate(subsystem.given)
     ]
     outputs = [
-        Variable(s.name, s.unit, s.description, "OUTPUTS", i, "OUTPUT", False, float(part.shown[i]), False)
-        for i, s in enumerate(part.outputs)
+        Variable(s.name, s.unit, s.description, "OUTPUTS", i, "OUTPUT", False, float(subsystem.shown[i]), False)
+        for i, s in enumerate(subsystem.outputs)
     ]
-    return [*inputs, *outputs, *_parameters(part), *((TIME,) if version == 3 else ())]
+    return [*inputs, *outputs, *_parameters(subsystem), *((TIME,) if version == 3 else ())]

@@ -1,4 +1,4 @@
-"""Co-simulation over UDP: a part of the plant behind a port, for tools that speak no FMI."""
+"""Co-simulation over UDP: a subsystem of the plant behind a port, for tools that speak no FMI."""
 
 import lazy_loader
 

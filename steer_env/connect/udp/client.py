@@ -1,4 +1,4 @@
-"""A client of a server of a part: it asks for steps, and asks again where an answer is lost."""
+"""A client of a server of a subsystem: it asks for steps, and asks again where an answer is lost."""
 
 import secrets
 import socket
@@ -35,7 +35,7 @@ class Client:
     Parameters
     ----------
     layout : Layout
-        Of the part that is served.
+        Of the subsystem that is served.
     address : tuple of str and int
         Where the server receives.
     patience : float
@@ -46,7 +46,7 @@ class Client:
     Raises
     ------
     ValueError
-        The server refuses, with the reason; or its answer is of another part or version.
+        The server refuses, with the reason; or its answer is of another subsystem or version.
     TimeoutError
         No answer.
     """
@@ -143,14 +143,14 @@ class Client:
             return outputs
 
     def _values(self, header: dict[str, int], packet: bytes) -> NDArray[np.float64]:
-        """Outputs (C,) of an answer, which has to be of this part."""
+        """Outputs (C,) of an answer, which has to be of this subsystem."""
         found = header["version"], header["layout"], len(packet)
         expected = VERSION, self.layout.fingerprint, self.layout.answer_size
         if found != expected:
             has, needs = (f"version {v}, layout 0x{of:08x} and {size} bytes" for v, of, size in (found, expected))
             raise ValueError(
                 f"the answer of {self.address[0]}, port {self.address[1]}, has {has}, but this client expects {needs}: "
-                "both ends need the same part and the same version"
+                "both ends need the same subsystem and the same version"
             )
         return np.frombuffer(packet, "<f8", offset=HEADER_SIZE).copy()
 

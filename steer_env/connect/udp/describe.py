@@ -1,4 +1,4 @@
-"""The layout of the packets of a part, for those who write the other end: as text, JSON, or a header file for C."""
+"""The layout of the packets of a subsystem, for those who write the other end: as text, JSON, or a header for C."""
 
 import json
 from collections.abc import Iterable
@@ -18,7 +18,7 @@ from steer_env.connect.udp.packets import (
 )
 from steer_env.friction.numerics.check import one_of
 from steer_env.live.real_time.safety import PHASES
-from steer_env.vehicle.subsystems.subsystem import Signal
+from steer_env.vehicle.subsystems import Signal
 
 PLACES = {name: i for i, name in enumerate(PHASES)}  # of the phases of the watchdog
 FORMATS = ("text", "json", "c")
@@ -27,7 +27,7 @@ _WORDS = {"<u2": "uint16", "<u4": "uint32", "<u8": "uint64", "<i8": "int64", "<f
 
 
 def describe(layout: Layout, form: str = "text") -> str:
-    """The layout of the packets of a part.
+    """The layout of the packets of a subsystem.
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ def describe(layout: Layout, form: str = "text") -> str:
 def _data(layout: Layout) -> dict[str, Any]:
     """Everything about the packets, as JSON holds it."""
     return {
-        "part": layout.part,
+        "part": layout.subsystem,
         "version": VERSION,
         "layout": layout.fingerprint,
         "byte_order": "little-endian",
@@ -87,7 +87,8 @@ def _json(layout: Layout) -> str:
 def _text(layout: Layout) -> str:
     data = _data(layout)
     lines = [
-        f"Packets of the part {layout.part}, version {VERSION} of the protocol, layout 0x{layout.fingerprint:08x}.",
+        f"Packets of the subsystem {layout.subsystem}, version {VERSION} of the protocol, layout"
+        f" 0x{layout.fingerprint:08x}.",
         f"Little-endian. A request has {layout.request_size} bytes, an answer {layout.answer_size}, a refusal "
         f"{HEADER_SIZE}.",
         "",
@@ -144,8 +145,9 @@ def _c(layout: Layout) -> str:
 
     fields = [f"    {_C_TYPES[kind]} {name}; /* {text} */" for name, kind, text in FIELDS]
     lines = [
-        f"/* Packets of the part {layout.part} of steer-env; 'steer-env serve --part {layout.part} --describe c' wrote",
-        " * this file. The packets are little-endian, as the machine that this is compiled for has to be. */",
+        f"/* Packets of the subsystem {layout.subsystem} of steer-env, written by",
+        f" * 'steer-env serve --subsystem {layout.subsystem} --describe c'. The packets are little-endian,",
+        " * as the machine that this is compiled for has to be. */",
         "",
         "#ifndef STEER_PACKETS_H",
         "#define STEER_PACKETS_H",

@@ -1,7 +1,7 @@
-"""The packets of the co-simulation over UDP: one header, then the values of a part, all little-endian.
+"""The packets of the co-simulation over UDP: one header, then the values of a subsystem, all little-endian.
 
-Every request of a part has one size and every answer has one size; a refusal is a header alone. docs/cosimulation.md
-describes the protocol, and :func:`steer_env.connect.udp.describe` prints the layout for a part.
+Every request of a subsystem has one size and every answer has one size; a refusal is a header alone.
+docs/cosimulation.md describes the protocol, and :func:`steer_env.connect.udp.describe` prints a layout.
 """
 
 import struct
@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from steer_env.friction.numerics.frozen import frozen
 from steer_env.friction.numerics.kernel import kernel
-from steer_env.vehicle.subsystems.subsystem import Part, Signal
+from steer_env.vehicle.subsystems import Signal, Subsystem
 
 VERSION = 1
 MAGIC = int.from_bytes(b"SENV", "little")
@@ -23,7 +23,7 @@ FIELDS = (
     ("check", "<u4", "CRC-32 (as in zlib and Ethernet) of all bytes of the packet from offset 8 on"),
     ("version", "<u2", f"of the protocol, {VERSION}"),
     ("kind", "<u2", "what the packet is"),
-    ("layout", "<u4", "fingerprint of the part's inputs and outputs"),
+    ("layout", "<u4", "fingerprint of the subsystem's inputs and outputs"),
     ("session", "<u8", "number of the session, chosen by the client, a new one each time"),
     ("sequence", "<u4", "one more in each new request, modulo 2^32; in an answer that of its request"),
     ("samples", "<u4", "in lockstep length of the step, 1 to 10000; of open in free running time between answers [ms]"),
@@ -60,7 +60,7 @@ FREE_RUNNING = MODES["free-running"]
 # Reason of a refusal -> what it means.
 REASONS = {
     "version": "the packet is of another version of the protocol",
-    "layout": "the packet is of another part, or its size is another",
+    "layout": "the packet is of another subsystem, or its size is another",
     "kind": "a request of this kind is not known",
     "busy": "a session of another client is open",
     "no_session": "the session is not open: it was closed, or silent for too long, or never opened",
@@ -87,9 +87,9 @@ REASONS = {
 
 
 class Layout(NamedTuple):
-    """What the packets of a part hold behind the header: its inputs in a request, its outputs in an answer."""
+    """What the packets of a subsystem hold behind the header: its inputs in a request, its outputs in an answer."""
 
-    part: str
+    subsystem: str
     inputs: tuple[Signal, ...]
     outputs: tuple[Signal, ...]
 
@@ -105,14 +105,14 @@ class Layout(NamedTuple):
 
     @property
     def fingerprint(self) -> int:
-        """A number of 32 bits that changes with the protocol, the part, and the names and units of its values."""
+        """A number of 32 bits that changes with the protocol, the subsystem, and the names and units of its values."""
         lists = ([f"{s.name} [{s.unit}]" for s in signals] for signals in (self.inputs, self.outputs))
-        return zlib.crc32(repr((VERSION, self.part, *lists)).encode())
+        return zlib.crc32(repr((VERSION, self.subsystem, *lists)).encode())
 
 
-def layout_of(part: Part) -> Layout:
-    """The packets of a part: its inputs and outputs are those of the unit that ``export-fmu`` writes."""
-    return Layout(part.name, part.given, part.outputs)
+def layout_of(subsystem: Subsystem) -> Layout:
+    """The packets of a subsystem: its inputs and outputs are those of the unit that ``export-fmu`` writes."""
+    return Layout(subsystem.name, subsystem.given, subsystem.outputs)
 
 
 def packed(values: ArrayLike = (), **fields: Any) -> bytes:

@@ -1,4 +1,4 @@
-"""A server of a part over UDP, in lockstep or free running: a compiled loop in a thread without the GIL."""
+"""A server of a subsystem over UDP, in lockstep or free running: a compiled loop in a thread without the GIL."""
 
 from types import TracebackType
 from typing import NamedTuple
@@ -28,7 +28,7 @@ from steer_env.live.real_time.model import model_of
 from steer_env.live.real_time.safety import TRIPS, Limits
 from steer_env.live.real_time.system import clock
 from steer_env.live.real_time.worker import WAKE, Worker
-from steer_env.vehicle.subsystems.subsystem import Part
+from steer_env.vehicle.subsystems import Subsystem
 
 LOOPBACK = "127.0.0.1"
 SILENCE = 10.0  # of a client, after which its session ends [s]; assumed
@@ -100,12 +100,12 @@ register(Udp, _read, _write)
 
 
 class Server(Worker):
-    """A part behind a port, for one client at a time; it serves within a ``with`` block.
+    """A subsystem behind a port, for one client at a time; it serves within a ``with`` block.
 
     Parameters
     ----------
-    part : Part
-        From :func:`steer_env.vehicle.subsystems.make.make_part`.
+    subsystem : Subsystem
+        From :func:`steer_env.vehicle.subsystems.make`.
     address : str
         Of an interface of this machine; by default only programs on this machine reach it.
     port : int
@@ -127,7 +127,7 @@ class Server(Worker):
 
     def __init__(
         self,
-        part: Part,
+        subsystem: Subsystem,
         address: str = LOOPBACK,
         port: int = 0,
         silence: float = SILENCE,
@@ -137,10 +137,10 @@ class Server(Worker):
         priority: int = 0,
     ) -> None:
         one_of("mode", mode, MODES)
-        self.layout, self.mode = layout_of(part), mode
+        self.layout, self.mode = layout_of(subsystem), mode
         self._socket = bound_socket(address, port, WAKE)
         self.address: tuple[str, int] = self._socket.getsockname()
-        self.loop, self._link, model = loop_of(limits or Limits()), link_of(self.layout, mode), model_of(part)
+        self.loop, self._link, model = loop_of(limits or Limits()), link_of(self.layout, mode), model_of(subsystem)
         of_socket = Port(
             descriptor=self._socket.fileno(),
             sender=np.zeros(2, np.uint64),

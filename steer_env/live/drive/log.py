@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from steer_env.live.real_time.recorder import OWN, Recorder
 from steer_env.recording.appended import Appended
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
-from steer_env.vehicle.subsystems.subsystem import Part
+from steer_env.vehicle.subsystems import Subsystem
 
 Array = NDArray[np.float64]
 
@@ -48,10 +48,10 @@ class Column(NamedTuple):
     place: int
 
 
-def columns_of(part: Part, recorder: Recorder) -> list[Column]:
-    """The channels that a recording has of the samples of a part."""
-    units = [*[""] * len(OWN), *(signal.unit for signal in (*part.given, *part.outputs))]
-    first = len(OWN) + len(part.given)
+def columns_of(subsystem: Subsystem, recorder: Recorder) -> list[Column]:
+    """The channels that a recording has of the samples of a subsystem."""
+    units = [*[""] * len(OWN), *(signal.unit for signal in (*subsystem.given, *subsystem.outputs))]
+    first = len(OWN) + len(subsystem.given)
     found = []
     for place, (name, unit) in enumerate(zip(recorder.columns, units)):
         if place < len(OWN):

@@ -89,7 +89,7 @@ class Session:
         wheel = device.hands == "angle"
         self._mail = Mailboxes(self._sets, angle_bandwidth=BANDWIDTH if wheel else None, dead_man=True)
         self._loop = RealTime(self._sets, self._mail.device, options.limits, priority=options.priority)
-        self._names = [signal.name for signal in self._sets.part.given]
+        self._names = [signal.name for signal in self._sets.subsystem.given]
         self._hands, self._pedals, self._paused = Arms(), Pedals(options.speed), False
         self._recentres, self._odd, self._withheld = False, False, False
         self._heard, self._silent = math.inf, False  # time of the last reading [s], and whether its lack was told
@@ -107,7 +107,7 @@ class Session:
             stack.callback(sys.setswitchinterval, sys.getswitchinterval())
             sys.setswitchinterval(SWITCH_INTERVAL)
             stack.enter_context(self.device)
-            columns = columns_of(self._sets.part, self._loop.recorder)
+            columns = columns_of(self._sets.subsystem, self._loop.recorder)
             file = None
             if self.options.folder is not None:
                 self.path, file = new_file(self.options.folder, columns, self._meta())
@@ -305,7 +305,7 @@ class Session:
             self._recentres = True
         elif name in ("faster", "slower"):
             self._pedals.change(1 if name == "faster" else -1, self.speed())
-            given = [signal.name for signal in self._sets.sets[self._asked].part.given]
+            given = [signal.name for signal in self._sets.sets[self._asked].subsystem.given]
             kept = "" if "target_speed" in given else ", but not by this chassis, whose speed does not change"
             self._tell(f"speed held at {3.6 * self._pedals.held:.0f} km/h{kept}")
         else:

@@ -6,9 +6,9 @@ from steer_env.friction.law import law_of
 from steer_env.live.drive.hands import ARM
 from steer_env.live.drive.shown import SetInfo
 from steer_env.live.real_time import CarSet
+from steer_env.vehicle import subsystems
 from steer_env.vehicle.cars import Car
 from steer_env.vehicle.steering.assist.functions import NoFunctions
-from steer_env.vehicle.subsystems.make import make_part
 
 
 def car_set(
@@ -46,4 +46,4 @@ def car_set(
         p = p._replace(column=p.column._replace(I_arm=ARM.inertia, C_arm=ARM.damping, K_arm=ARM.stiffness))
     assist = "boost curve" if isinstance(p.assist.functions, NoFunctions) else "boost curve, functions"
     info = SetInfo(label, car.name, law or law_of(p.friction).name, assist, chassis)
-    return CarSet(label, make_part("car", p, speed)), info
+    return CarSet(label, subsystems.make("car", p, speed)), info

@@ -21,7 +21,7 @@ from steer_env.friction.numerics.kernel import bind, kernel
 from steer_env.live.real_time.angle_filter import response
 from steer_env.live.real_time.model import model_of, step
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
-from steer_env.vehicle.subsystems.subsystem import Part
+from steer_env.vehicle.subsystems import Subsystem
 
 # From the angle, which is up to a sample old, to the torque, which holds for a sample [s].
 OWN_DELAY = 1.5 * SAMPLE_TIME
@@ -74,12 +74,12 @@ def _sine(model, angle, speed, omega, amplitude, torque):
         torque[i] = model.outputs[0, model.torque]
 
 
-def driving_stiffness(part: Part, amplitude: float) -> NDArray[np.complex128]:
+def driving_stiffness(subsystem: Subsystem, amplitude: float) -> NDArray[np.complex128]:
     """What the plant answers to a sine of the handwheel angle at ``FREQUENCIES``: (F,) [N m/rad].
 
     Parameters
     ----------
-    part : Part
+    subsystem : Subsystem
         The car, with ``robot=True``.
     amplitude : float
         Of the angle [rad].
@@ -87,18 +87,18 @@ def driving_stiffness(part: Part, amplitude: float) -> NDArray[np.complex128]:
     Raises
     ------
     ValueError
-        Another part, or hands that give a torque.
+        Another subsystem, or hands that give a torque.
     """
-    if part.name != "car" or not part.parameters.robot:
-        raise ValueError("the stability of a wheel is that of the part car, with hands that give the angle")
-    names = [signal.name for signal in part.given]
+    if subsystem.name != "car" or not subsystem.parameters.robot:
+        raise ValueError("the stability of a wheel is that of the subsystem car, with hands that give the angle")
+    names = [signal.name for signal in subsystem.given]
     places = names.index("hand_angle"), names.index("hand_speed")
     answers = []
     for frequency in FREQUENCIES:
         omega = 2.0 * math.pi * frequency
         cycles = max(_LEAST_CYCLES, math.ceil(_LEAST_TIME * frequency))
         torque = np.zeros(round(cycles / frequency / SAMPLE_TIME))
-        bind(_sine, *(arguments := (model_of(part), *places, omega, amplitude, torque)))(*arguments)
+        bind(_sine, *(arguments := (model_of(subsystem), *places, omega, amplitude, torque)))(*arguments)
         t = SAMPLE_TIME * np.arange(1, torque.size + 1)[torque.size // 2 :]
         shapes = np.column_stack([np.sin(omega * t), np.cos(omega * t), np.ones(t.size)])
         real, imaginary, _ = np.linalg.lstsq(shapes, torque[torque.size // 2 :], rcond=None)[0]
@@ -130,12 +130,12 @@ def longest_delay(wheel: Wheel, stiffness: NDArray[np.complex128]) -> tuple[floa
     return float(delays[k]), float(omega[crossings[k]] / (2.0 * math.pi))
 
 
-def stability(part: Part, wheel: Wheel, bandwidth: float | None = None, interval: float = 0.002) -> Stability:
+def stability(subsystem: Subsystem, wheel: Wheel, bandwidth: float | None = None, interval: float = 0.002) -> Stability:
     """What a wheel may do on a car: the worst of all amplitudes.
 
     Parameters
     ----------
-    part : Part
+    subsystem : Subsystem
         As of :func:`driving_stiffness`.
     wheel : Wheel
     bandwidth : float, optional
@@ -150,7 +150,7 @@ def stability(part: Part, wheel: Wheel, bandwidth: float | None = None, interval
         As :func:`driving_stiffness` and :func:`steer_env.live.real_time.angle_filter.response`.
     """
     filtered = response(FREQUENCIES, bandwidth, interval) if bandwidth is not None else 1.0
-    answers = [filtered * driving_stiffness(part, amplitude) for amplitude in AMPLITUDES]
+    answers = [filtered * driving_stiffness(subsystem, amplitude) for amplitude in AMPLITUDES]
 
     def longest(share: float) -> tuple[float, float]:
         return min(longest_delay(wheel, share * stiffness) for stiffness in answers)

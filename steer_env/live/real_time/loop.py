@@ -14,14 +14,14 @@ from numpy.typing import NDArray
 
 from steer_env.friction.numerics.kernel import dispatch, kernel
 from steer_env.live.real_time import safety
-from steer_env.live.real_time.model import implausible, jumps, model_of, part_of, step, take_inputs
+from steer_env.live.real_time.model import implausible, jumps, model_of, step, subsystem_of, take_inputs
 from steer_env.live.real_time.recorder import NO_RING, Recorder, Ring, keep
 from steer_env.live.real_time.safety import FADING, SAFETY, TRIPS, Limits, checked, cut, limited, supervise
 from steer_env.live.real_time.sets import CarSets
 from steer_env.live.real_time.system import clock, sleep_until
 from steer_env.live.real_time.worker import Worker
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
-from steer_env.vehicle.subsystems.subsystem import Part
+from steer_env.vehicle.subsystems import Subsystem
 
 PERIOD = 1_000_000  # [ns]
 NEVER = -1  # time of an input that never arrived
@@ -161,12 +161,12 @@ def run(model, loop, device):
 
 
 class RealTime(Worker):
-    """A part in real time in a thread; used in a ``with`` block, at whose end its torque fades out.
+    """A subsystem in real time in a thread; used in a ``with`` block, at whose end its torque fades out.
 
     Parameters
     ----------
-    source : Part or CarSets
-        From :func:`steer_env.vehicle.subsystems.make.make_part`, or several of those.
+    source : Subsystem or CarSets
+        From :func:`steer_env.vehicle.subsystems.make`, or several of those.
     device : NamedTuple
         Of a class given to :func:`register`.
     limits : Limits
@@ -187,14 +187,14 @@ class RealTime(Worker):
 
     def __init__(
         self,
-        source: Part | CarSets,
+        source: Subsystem | CarSets,
         device: Any,
         limits: Limits | None = None,
         most: int = MANY,
         priority: int = 0,
         recorded: float = 10.0,
     ) -> None:
-        self.recorder = Recorder(part_of(source), recorded)
+        self.recorder = Recorder(subsystem_of(source), recorded)
         self.loop = loop_of(limits or Limits(), most, self.recorder.ring)
         self._model = model_of(source)
         super().__init__(run, (self._model, self.loop, device), self.loop.stop, priority)

@@ -17,11 +17,11 @@ from steer_env.friction.numerics.kernel import kernel
 from steer_env.live.real_time import angle_filter
 from steer_env.live.real_time.angle_filter import AngleFilter, estimate, follow
 from steer_env.live.real_time.loop import NEVER, PERIOD, register
-from steer_env.live.real_time.model import part_of
+from steer_env.live.real_time.model import subsystem_of
 from steer_env.live.real_time.safety import FAILED, PHASES
 from steer_env.live.real_time.sets import CarSets
 from steer_env.live.real_time.system import fence
-from steer_env.vehicle.subsystems.subsystem import Part
+from steer_env.vehicle.subsystems import Subsystem
 
 # Time without a sample behind which the loop counts as dead [ns]. A loop that goes on after so long a pause begins with
 # no torque itself, as the fade goes by the time that has passed.
@@ -88,7 +88,7 @@ class Mailboxes:
 
     Parameters
     ----------
-    source : Part or CarSets
+    source : Subsystem or CarSets
         What the loop runs.
     angle_bandwidth : float, optional
         Bandwidth of a filter of the handwheel angle [Hz], for a wheel whose readings are coarse or slower than 1 kHz
@@ -102,24 +102,26 @@ class Mailboxes:
     Raises
     ------
     ValueError
-        A bandwidth outside its range, or a filter for a part that takes no handwheel angle.
+        A bandwidth outside its range, or a filter for a subsystem that takes no handwheel angle.
     """
 
     def __init__(
         self,
-        source: Part | CarSets,
+        source: Subsystem | CarSets,
         *,
         angle_bandwidth: float | None = None,
         dead_man: bool = False,
         clock: Callable[[], int] = time.monotonic_ns,
     ) -> None:
-        part = part_of(source)
+        subsystem = subsystem_of(source)
         self._clock = clock
-        self._names = [signal.name for signal in part.given]
+        self._names = [signal.name for signal in subsystem.given]
         angle = -1
         if angle_bandwidth is not None:
             if "hand_angle" not in self._names:
-                raise ValueError(f"a filter of the handwheel angle needs a part that takes it, got {part.title!r}")
+                raise ValueError(
+                    f"a filter of the handwheel angle needs a subsystem that takes it, got {subsystem.title!r}"
+                )
             angle = self._names.index("hand_angle")
         self.device = Mailbox(
             angle=angle,
@@ -128,12 +130,12 @@ class Mailboxes:
             dead_man=np.zeros(2, np.int64),
             count_in=np.zeros(1, np.int64),
             stamp_in=np.zeros(1, np.int64),
-            inputs=np.zeros(part.given_size),
-            taken=np.zeros(part.given_size),
+            inputs=np.zeros(subsystem.given_size),
+            taken=np.zeros(subsystem.given_size),
             heard=np.full(1, NEVER),
             count_out=np.zeros(1, np.int64),
             stamp_out=np.zeros(1, np.int64),
-            outputs=np.zeros(2 + len(part.outputs)),
+            outputs=np.zeros(2 + len(subsystem.outputs)),
             failed=np.zeros(1, np.int64),
         )
 
@@ -143,7 +145,7 @@ class Mailboxes:
         Parameters
         ----------
         inputs : (I,) array_like
-            In the order of the part's ``given``.
+            In the order of the subsystem's ``given``.
         stamp : int, optional
             Time of the inputs on the monotonic clock, by default now [ns].
         dead_man : bool

@@ -27,12 +27,12 @@ from steer_env.live.real_time.loop import (
     register,
     wake,
 )
-from steer_env.live.real_time.model import model_of, part_of
+from steer_env.live.real_time.model import model_of, subsystem_of
 from steer_env.live.real_time.safety import Limits
 from steer_env.live.real_time.sets import CarSets
 from steer_env.live.real_time.system import check, clock
 from steer_env.live.real_time.worker import Worker
-from steer_env.vehicle.subsystems.subsystem import Part
+from steer_env.vehicle.subsystems import Subsystem
 
 AMPLITUDE, FREQUENCY = 0.5, 0.5  # of the handwheel's angle [rad], [Hz]
 _LOCK_NOW_AND_LATER = 3  # MCL_CURRENT | MCL_FUTURE
@@ -105,12 +105,12 @@ class Measured(NamedTuple):
     counts: dict[str, int]  # of the loop, as steer_env.live.real_time.loop.counts
 
 
-def measure(source: Part | CarSets, seconds: float, priority: int = 0) -> Measured:
+def measure(source: Subsystem | CarSets, seconds: float, priority: int = 0) -> Measured:
     """Run a car with a prescribed handwheel angle for so long beside a bare loop.
 
     Parameters
     ----------
-    source : Part or CarSets
+    source : Subsystem or CarSets
         The car or its steering, with ``robot=True``, or sets.
     seconds : float
         [s]
@@ -120,14 +120,14 @@ def measure(source: Part | CarSets, seconds: float, priority: int = 0) -> Measur
     Raises
     ------
     ValueError
-        Another system than Linux, or a part without a handwheel.
+        Another system than Linux, or a subsystem without a handwheel.
     PermissionError
         The priority is not allowed.
     """
-    part = part_of(source)
-    names = [signal.name for signal in part.given]
+    subsystem = subsystem_of(source)
+    names = [signal.name for signal in subsystem.given]
     if "hand_angle" not in names:
-        raise ValueError(f"a part with a handwheel is measured, got {part.name}")
+        raise ValueError(f"a subsystem with a handwheel is measured, got {subsystem.name}")
     loop: Loop = loop_of(Limits(), round(1e9 * seconds / PERIOD))
     device = Sine(names.index("hand_angle"), names.index("hand_speed"))
     lateness, worst = np.zeros(BINS, np.int64), np.zeros(1, np.int64)

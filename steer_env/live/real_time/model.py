@@ -1,4 +1,4 @@
-"""A part of the plant that runs step by step, and its arrays."""
+"""A subsystem of the plant that runs step by step, and its arrays."""
 
 import math
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 
 from steer_env.friction.numerics.kernel import kernel
 from steer_env.live.real_time.switch import Switch
-from steer_env.vehicle.subsystems.advance import CLASSES, advance
-from steer_env.vehicle.subsystems.subsystem import Part, is_finite
+from steer_env.vehicle.subsystems import CLASSES, Subsystem, advance, is_finite
 
 if TYPE_CHECKING:
     from steer_env.live.real_time.sets import CarSets
@@ -49,15 +48,15 @@ FASTEST = 60.0
 
 
 class Model(NamedTuple):
-    """A part with its state, and the state that it returns to."""
+    """A subsystem with its state, and the state that it returns to."""
 
-    part: Any  # Car, Steering, Chassis or Switch
+    subsystem: Any  # Car, Steering, Chassis or Switch
     state: Array  # (S,)
-    given: Array  # (G,) inputs that act, in the units of the part
+    given: Array  # (G,) inputs that act, in the units of the subsystem
     wanted: Array  # (G,) inputs as they arrived last, in real time
     stale: NDArray[np.int64]  # (G,) what becomes of each that no longer arrives: FADES, HOLDS or STOPS
     largest: Array  # (G,) size of each beyond which it is not taken
-    outputs: Array  # (1, C) in the units of the part
+    outputs: Array  # (1, C) in the units of the subsystem
     last: Array  # (C,) outputs before the step, to return to as well
     inputs: Array  # (1, I) what the kernel receives in a sample
     before: Array  # (S,) state before the step, to return to where it does not stay finite
@@ -72,35 +71,35 @@ class Model(NamedTuple):
     now: Array  # (3,) set that acts, the next one or -1, and its share
 
 
-def part_of(source: "Part | CarSets") -> Part:
-    """The part that a loop runs: that of the sets, or the part itself."""
-    return source if isinstance(source, Part) else source.part
+def subsystem_of(source: "Subsystem | CarSets") -> Subsystem:
+    """The subsystem that a loop runs: that of the sets, or the subsystem itself."""
+    return source if isinstance(source, Subsystem) else source.subsystem
 
 
-def model_of(source: "Part | CarSets") -> Model:
-    """A part of :func:`steer_env.vehicle.subsystems.make.make_part`, or sets, at the begin of a session."""
-    part = part_of(source)
-    switches = isinstance(part.parameters, Switch)
-    begin = np.zeros(part.given_size)
-    begin[: len(part.given)] = [signal.start for signal in part.given]
-    stale = np.full(part.given_size, FADES)
-    stale[: len(part.given)] = [_STALE.get(signal.name, FADES) for signal in part.given]
-    largest = np.full(part.given_size, math.inf)
-    largest[: len(part.given)] = [LARGEST.get(signal.name, math.inf) for signal in part.given]
-    names, given = ([signal.name for signal in signals] for signals in (part.outputs, part.given))
-    shown = part.shown.reshape(1, -1).copy()
+def model_of(source: "Subsystem | CarSets") -> Model:
+    """A subsystem of :func:`steer_env.vehicle.subsystems.make`, or sets, at the begin of a session."""
+    subsystem = subsystem_of(source)
+    switches = isinstance(subsystem.parameters, Switch)
+    begin = np.zeros(subsystem.given_size)
+    begin[: len(subsystem.given)] = [signal.start for signal in subsystem.given]
+    stale = np.full(subsystem.given_size, FADES)
+    stale[: len(subsystem.given)] = [_STALE.get(signal.name, FADES) for signal in subsystem.given]
+    largest = np.full(subsystem.given_size, math.inf)
+    largest[: len(subsystem.given)] = [LARGEST.get(signal.name, math.inf) for signal in subsystem.given]
+    names, given = ([signal.name for signal in signals] for signals in (subsystem.outputs, subsystem.given))
+    shown = subsystem.shown.reshape(1, -1).copy()
     return Model(
-        part=part.parameters if switches else CLASSES[part.name](part.parameters),
-        state=part.start.copy(),
+        subsystem=subsystem.parameters if switches else CLASSES[subsystem.name](subsystem.parameters),
+        state=subsystem.start.copy(),
         given=begin.copy(),
         wanted=begin.copy(),
         stale=stale,
         largest=largest,
         outputs=shown.copy(),
         last=shown[0].copy(),
-        inputs=np.zeros((1, part.inputs)),
-        before=part.start.copy(),
-        start=part.start.copy(),
+        inputs=np.zeros((1, subsystem.inputs)),
+        before=subsystem.start.copy(),
+        start=subsystem.start.copy(),
         begin=begin,
         shown=shown,
         torque=names.index("torsion_bar_torque") if "torsion_bar_torque" in names else -1,
@@ -108,7 +107,7 @@ def model_of(source: "Part | CarSets") -> Model:
         angle=given.index("hand_angle") if "hand_angle" in given else -1,
         begun=np.zeros(1, np.int64),
         released=np.zeros(1, np.int64),
-        now=part.parameters.now if switches else np.array([0.0, -1.0, 0.0]),
+        now=subsystem.parameters.now if switches else np.array([0.0, -1.0, 0.0]),
     )
 
 
@@ -130,10 +129,10 @@ def restart(model):
 
 @kernel
 def step(model, samples):
-    """Advance the part; whether state and outputs are finite. Where they are not, both stay as they were."""
+    """Advance the subsystem; whether state and outputs are finite. Where they are not, both stay as they were."""
     _copy(model.state, model.before)
     _copy(model.outputs[0], model.last)
-    finite = advance(model.part, model.state, model.given, model.inputs, model.outputs, samples)
+    finite = advance(model.subsystem, model.state, model.given, model.inputs, model.outputs, samples)
     if finite and is_finite(model.outputs[0]):
         return True
     _copy(model.before, model.state)

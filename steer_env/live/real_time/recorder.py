@@ -13,7 +13,7 @@ from steer_env.friction.numerics.check import number
 from steer_env.friction.numerics.kernel import kernel
 from steer_env.live.real_time.system import fence
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
-from steer_env.vehicle.subsystems.subsystem import Part
+from steer_env.vehicle.subsystems import Subsystem
 
 # What stands before inputs and outputs in a row.
 OWN = {
@@ -74,8 +74,8 @@ class Recorder:
 
     Parameters
     ----------
-    part : Part
-        The part that the loop runs.
+    subsystem : Subsystem
+        The subsystem that the loop runs.
     seconds : float
         That the ring holds, 0 for no ring [s].
 
@@ -85,9 +85,9 @@ class Recorder:
         A time outside 0 to 3600 s.
     """
 
-    def __init__(self, part: Part, seconds: float) -> None:
+    def __init__(self, subsystem: Subsystem, seconds: float) -> None:
         held = number("recorded seconds", seconds, minimum=0.0, maximum=3600.0)
-        signals = [signal.name for signal in (*part.given, *part.outputs)]
+        signals = [signal.name for signal in (*subsystem.given, *subsystem.outputs)]
         self.columns = (*OWN, *signals)  # names of the numbers in a row
         self.ring = ring_of(round(held / SAMPLE_TIME), len(self.columns)) if held else NO_RING
         self._lost = 0

@@ -7,13 +7,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from steer_env.friction.numerics.packing import pack
 from steer_env.live.real_time.switch import ACTING, FAILED, HEAD, NEXT, SWITCHED, TAKEN, Switch
 from steer_env.vehicle.plant import CHANNELS
 from steer_env.vehicle.steering.column import Column
-from steer_env.vehicle.subsystems.advance import Car
-from steer_env.vehicle.subsystems.object_code import address
-from steer_env.vehicle.subsystems.packing import numbers_and_tables
-from steer_env.vehicle.subsystems.subsystem import Part, channel_signals
+from steer_env.vehicle.subsystems import Car, Subsystem, channel_signals
+from steer_env.vehicle.subsystems.machine_code import address
 
 # One quantity under two names, of the chassis on two tracks and on one.
 _SAME = {"body_speed_y": "lateral_speed", "body_rate_z": "yaw_rate", "body_rate_x": "roll_rate", "tan_alpha": "slip"}
@@ -28,11 +27,11 @@ class CarSet(NamedTuple):
     """A car with its law, assist and chassis, and what the user calls it."""
 
     label: str
-    part: Part  # the part "car" of steer_env.vehicle.subsystems.make.make_part
+    subsystem: Subsystem  # the subsystem "car" of steer_env.vehicle.subsystems.make
 
 
 class CarSets:
-    """Cars for one loop, which is given this in place of a part; the first one acts.
+    """Cars for one loop, which is given this in place of a subsystem; the first one acts.
 
     Parameters
     ----------
@@ -43,30 +42,30 @@ class CarSets:
     Raises
     ------
     ValueError
-        No set, two with one label, another part than the car, hands that differ, or kernels that are not compiled.
+        No set, two with one label, another subsystem than the car, hands that differ, or kernels that are not compiled.
     """
 
     def __init__(self, sets: Sequence[CarSet]) -> None:
         self.sets = tuple(CarSet(*each) for each in sets)
         _check(self.sets)
-        parts = [each.part for each in self.sets]
+        cars = [each.subsystem for each in self.sets]
         self._choices = itertools.count(1)
-        self.memory = _memory(parts)
+        self.memory = _memory(cars)
         state = np.zeros(HEAD + 2 * self.memory.start.shape[1])
         state[NEXT], state[ACTING], state[TAKEN] = -1.0, 0.0, 0.0
         state[HEAD : HEAD + self.memory.start.shape[1]] = self.memory.start[0]
-        self.part = parts[
+        self.subsystem = cars[
             0
         ]._replace(
             name="sets",
             title="Cars of which one acts",
             parameters=self.memory,
             states=(),
-            given=max((part.given for part in parts), key=len),  # those of a chassis whose speed is not held, too
+            given=max((car.given for car in cars), key=len),  # those of a chassis whose speed is not held, too
             outputs=channel_signals(CHANNELS),
             begin=state,
             start=state,
-            shown=parts[0].shown[: len(CHANNELS)].copy(),
+            shown=cars[0].shown[: len(CHANNELS)].copy(),
         )
 
     def choose(self, index: int) -> None:
@@ -98,46 +97,47 @@ def _check(sets: tuple[CarSet, ...]) -> None:
     for each in sets:
         if labels.count(each.label) > 1:
             raise ValueError(f"each set needs its own label, got {each.label!r} twice")
-        if each.part.name != "car":
-            raise ValueError(f"a set is made of the part car, got {each.part.name} for {each.label!r}")
-        if each.part.parameters.robot != sets[0].part.parameters.robot:
+        if each.subsystem.name != "car":
+            raise ValueError(f"a set is made of the subsystem car, got {each.subsystem.name} for {each.label!r}")
+        if each.subsystem.parameters.robot != sets[0].subsystem.parameters.robot:
             raise ValueError(f"the hands of all sets give an angle or of all a torque; those of {each.label!r} differ")
 
 
-def _memory(parts: list[Part]) -> Switch:
-    n, most = len(parts), max(part.start.size for part in parts)
+def _memory(cars: list[Subsystem]) -> Switch:
+    n, most = len(cars), max(car.start.size for car in cars)
     start = np.zeros((n, most))
-    for i, part in enumerate(parts):
-        start[i, : part.start.size] = part.start
+    for i, car in enumerate(cars):
+        start[i, : car.start.size] = car.start
     source, scale, shift = np.full((n, n, most), -1), np.ones((n, n, most)), np.zeros((n, n, most))
     for old, new in itertools.permutations(range(n), 2):
-        _hand_over(parts[old], parts[new], source[old, new], scale[old, new], shift[old, new])
-    rows = np.zeros((3, max(len(part.outputs) for part in parts)))
-    rows[0, : len(parts[0].outputs)] = parts[0].shown
+        _hand_over(cars[old], cars[new], source[old, new], scale[old, new], shift[old, new])
+    rows = np.zeros((3, max(len(car.outputs) for car in cars)))
+    rows[0, : len(cars[0].outputs)] = cars[0].shown
     columns = np.rec.array(
-        [tuple(part.parameters.column) for part in parts], dtype=[(name, np.float64) for name in Column._fields]
+        [tuple(car.parameters.column) for car in cars],
+        dtype=[(name, np.float64) for name in Column._fields],
     )
     pieces = []
-    for p in (part.parameters for part in parts):
-        pieces += [*numbers_and_tables(Car(p)), numbers_and_tables(Car(p._replace(robot=1.0)))[0]]
+    for p in (car.parameters for car in cars):
+        pieces += [*pack(Car(p)), pack(Car(p._replace(robot=1.0)))[0]]
     parameters = np.concatenate(pieces)
     first = np.cumsum([0, *(piece.size for piece in pieces[:-1])])
     addresses = parameters.ctypes.data + parameters.itemsize * first
     return Switch(
-        code=np.array([address(part) for part in parts]),
+        code=np.array([address(car) for car in cars]),
         parameters=parameters,
         numbers=addresses[0::3].copy(),
         tables=addresses[1::3].copy(),
         held=addresses[2::3].copy(),
-        sizes=np.array([part.start.size for part in parts]),
+        sizes=np.array([car.start.size for car in cars]),
         columns=columns,
         start=start,
         source=source,
         scale=scale,
         shift=shift,
         rows=rows,
-        given=np.zeros(parts[0].given_size),
-        by_torque=parts[0].parameters.robot == 0.0,
+        given=np.zeros(cars[0].given_size),
+        by_torque=cars[0].parameters.robot == 0.0,
         wanted=np.zeros(1, np.int64),
         now=np.array([0.0, -1.0, 0.0]),
         counts=np.zeros(2, np.int64),
@@ -150,7 +150,7 @@ def _common(name: str) -> str:
 
 
 def _hand_over(
-    old: Part, new: Part, source: NDArray[np.int64], scale: NDArray[np.float64], shift: NDArray[np.float64]
+    old: Subsystem, new: Subsystem, source: NDArray[np.int64], scale: NDArray[np.float64], shift: NDArray[np.float64]
 ) -> None:
     """Where each state of a new car comes from in an old one, what it is multiplied by and what is added."""
     places = {_common(name): i for i, name in enumerate(old.states)}
@@ -164,7 +164,7 @@ def _hand_over(
         if name.startswith(_FROM_SETTLED):
             shift[k] = new.start[k] - old.start[i]
         elif name.startswith(_WHEEL_SPEED) and not name.endswith(("_derivative", "_before")):
-            before, after = (part.start[part.states.index(_CAR_SPEED)] for part in (old, new))
+            before, after = (subsystem.start[subsystem.states.index(_CAR_SPEED)] for subsystem in (old, new))
             if min(abs(v) for v in (before, after, old.start[i])) > 1.0:  # at rest, no radius can be told
                 scale[k] = new.start[k] / after / (old.start[i] / before)
 
@@ -172,4 +172,4 @@ def _hand_over(
 def _equal(old: Any, new: Any, field: str) -> bool:
     """Whether a field of two plants holds the same law or chassis with the same numbers."""
     a, b = getattr(old, field), getattr(new, field)
-    return type(a) is type(b) and all(map(np.array_equal, numbers_and_tables(a), numbers_and_tables(b)))
+    return type(a) is type(b) and all(map(np.array_equal, pack(a), pack(b)))

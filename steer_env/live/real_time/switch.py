@@ -1,6 +1,6 @@
 """Several cars in one loop, of which one acts, and how another one takes over without a jump.
 
-Each car is a function at an address (:mod:`steer_env.vehicle.subsystems.object_code`), so that the loop is compiled
+Each car is a function at an address (:mod:`steer_env.vehicle.subsystems.machine_code`), so that the loop is compiled
 once whatever cars there are. A switch goes through these phases, each in whole samples:
 
 run-in (``RUN_IN``)   The next car receives the states of the acting one and runs beside it with the same inputs. What
@@ -30,9 +30,8 @@ from steer_env.friction.numerics.kernel import kernel
 from steer_env.vehicle.plant import CHANNEL, CHANNELS
 from steer_env.vehicle.steering.column import COLUMN_ANGLE, COLUMN_SPEED, HANDWHEEL_ANGLE, HANDWHEEL_SPEED
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
-from steer_env.vehicle.subsystems.advance import register
-from steer_env.vehicle.subsystems.object_code import call
-from steer_env.vehicle.subsystems.subsystem import is_finite
+from steer_env.vehicle.subsystems import is_finite, register
+from steer_env.vehicle.subsystems.machine_code import call
 
 RUN_IN = 200  # samples; assumed, some time constants of assist and tyres
 FADE = 100  # samples
@@ -260,10 +259,10 @@ def _show(m, state, shown):
 
 
 @kernel
-def _advance(part, state, given, inputs, outputs, samples):
+def _advance(subsystem, state, given, inputs, outputs, samples):
     finite = True
     for _ in range(samples):
-        finite = finite and _sample(part, state, given, inputs, outputs)
+        finite = finite and _sample(subsystem, state, given, inputs, outputs)
     return finite
 
 

@@ -10,8 +10,7 @@ from steer_env import manoeuvres, metrics
 from steer_env.connect import fmu
 from steer_env.connect.external import Coupled, Coupling, CouplingError, FmuVehicle, UdpVehicle, opened
 from steer_env.connect.udp import Server
-from steer_env.vehicle import cars, plant
-from steer_env.vehicle.subsystems.make import make_part
+from steer_env.vehicle import cars, plant, subsystems
 
 pytest.importorskip("fmpy", reason="the extra fmu is not installed")
 if shutil.which("cc") is None:
@@ -25,13 +24,13 @@ SPEED = 100.0 / 3.6
 
 @pytest.fixture(scope="module")
 def unit(tmp_path_factory):
-    return fmu.export(tmp_path_factory.mktemp("unit") / "chassis.fmu", part="chassis", speed=SPEED)
+    return fmu.export(tmp_path_factory.mktemp("unit") / "chassis.fmu", subsystem="chassis", speed=SPEED)
 
 
 @pytest.fixture(scope="module")
 def standing(tmp_path_factory):
     path = tmp_path_factory.mktemp("standing") / "chassis.fmu"
-    return fmu.export(path, part="chassis", chassis="two_track", speed=0.0)
+    return fmu.export(path, subsystem="chassis", chassis="two_track", speed=0.0)
 
 
 def hard_sine(samples=4000):
@@ -80,10 +79,10 @@ def test_the_divided_car_converges_to_the_whole_one(law, unit):
 
 
 def test_every_way_to_the_vehicle_gives_the_same_bits(unit, tmp_path):
-    third = fmu.export(tmp_path / "third.fmu", part="chassis", speed=SPEED, fmi=3)
+    third = fmu.export(tmp_path / "third.fmu", subsystem="chassis", speed=SPEED, fmi=3)
     reference = coupled_run(FmuVehicle(unit), "lugre", Coupling())
     assert np.array_equal(coupled_run(FmuVehicle(third), "lugre", Coupling()), reference)
-    with Server(make_part("chassis", CAR.plant("lugre", SPEED), SPEED)) as server:
+    with Server(subsystems.make("chassis", CAR.plant("lugre", SPEED), SPEED)) as server:
         assert np.array_equal(
             coupled_run(UdpVehicle(server.layout, server.address, SPEED), "lugre", Coupling()), reference
         )
@@ -92,7 +91,7 @@ def test_every_way_to_the_vehicle_gives_the_same_bits(unit, tmp_path):
 
 
 def test_a_vehicle_behind_a_silent_port_is_told(unit):
-    with Server(make_part("chassis", CAR.plant("lugre", SPEED), SPEED)) as server:
+    with Server(subsystems.make("chassis", CAR.plant("lugre", SPEED), SPEED)) as server:
         vehicle = UdpVehicle(server.layout, server.address, SPEED)
         vehicle.start(SPEED)
         first = vehicle.step(np.array([1e-3, 0.0, 0.0, 0.0]), 1)

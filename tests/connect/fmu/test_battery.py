@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from steer_env import manoeuvres
-from steer_env.connect.fmu import link
+from steer_env.connect.fmu import link, object_code
+from steer_env.friction.numerics import packing
 from steer_env.manoeuvres.common import driving
 from steer_env.vehicle import cars, plant
-from steer_env.vehicle.subsystems import car, object_code, processor
-from steer_env.vehicle.subsystems import packing as flat
+from steer_env.vehicle.subsystems import car
 from tests.connect.fmu.runs import bits
 
 if shutil.which("cc") is None:
@@ -39,10 +39,10 @@ def advance_of(p, folder):
     """The hidden function ``steer_advance`` for plants of this structure, and the sizes of its arrays."""
     state, channels = plant.size_of(p), len(plant.channels(p))
     sizes = state, len(plant.INPUTS) + 1, len(plant.INPUTS), channels
-    key = (repr([(leaf.path, np.shape(leaf.value)) for leaf in flat.leaves(p)]), type(p.friction), type(p.chassis))
+    key = (repr([(leaf.path, np.shape(leaf.value)) for leaf in packing.leaves(p)]), type(p.friction), type(p.chassis))
     if key not in _made:
-        module = object_code.module_text(car.part(p))
-        code = object_code.object_code(module, "linux64", processor.processor("native"))
+        module = object_code.module_text(car.subsystem(p))
+        code = object_code.object_code(module, "linux64", object_code.processor("native"))
         (folder / "kernels.o").write_bytes(code)
         library = folder / f"kernels{len(_made)}.so"
         (folder / "shown.c").write_text(SHOWN)
@@ -55,7 +55,7 @@ def advance_of(p, folder):
 def replayed(p, state, u, folder):
     """Channels (T, C) of the object code, one sample at a time."""
     advance, (_, given_size, inputs, channels) = advance_of(p, folder)
-    numbers, tables = flat.numbers_and_tables(p)
+    numbers, tables = packing.pack(p)
     given, scratch, record = np.zeros(given_size), np.zeros(inputs), np.zeros((len(u), channels))
     finite, unused = ctypes.c_int32(), ctypes.c_void_p()
     fixed = [ctypes.c_void_p(a.ctypes.data) for a in (numbers, tables, state, given, scratch)]

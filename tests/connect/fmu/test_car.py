@@ -391,9 +391,9 @@ def test_a_step_takes_as_long_as_the_kernel(weave, tmp_path):
 @pytest.mark.whole
 def test_a_processor_that_lacks_something_is_refused(tmp_path, monkeypatch):
     """The C layer asks the processor before any code for it runs; here for a bit that is reserved, and never set."""
-    from steer_env.vehicle.subsystems import processor
+    from steer_env.connect.fmu import object_code
 
-    monkeypatch.setitem(processor.FEATURES, "cx16", (7, "d", 0))
+    monkeypatch.setitem(object_code.FEATURES, "cx16", (7, "d", 0))
     path = fmu.export(tmp_path / "car.fmu", cpu="x86-64-v2")
     said = []
     with pytest.raises(Exception, match="instantiate"), opened(path, tmp_path / "unit", log=said):
@@ -404,7 +404,7 @@ def test_a_processor_that_lacks_something_is_refused(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"part": "engine"}, "part must be one of"),
+        ({"subsystem": "engine"}, "subsystem must be one of"),
         ({"fmi": 1}, "fmi must be one of"),
         ({"cpu": "pentium"}, "cpu must be one of"),
         ({"platforms": ["darwin64"]}, "platform must be one of"),
@@ -437,24 +437,23 @@ def test_command_line(tmp_path):
 
 
 def test_help_names_what_there_is():
-    from steer_env.connect.fmu import unit_export
+    from steer_env.connect.fmu import object_code, unit_export
     from steer_env.experiments.cli import export_fmu
     from steer_env.experiments.cli.common import plant_options
-    from steer_env.vehicle.subsystems import make as parts
-    from steer_env.vehicle.subsystems import object_code, processor
+    from steer_env.vehicle import subsystems
 
-    assert plant_options.PARTS == parts.PARTS
+    assert plant_options.SUBSYSTEMS == subsystems.SUBSYSTEMS
     assert export_fmu.VERSIONS == unit_export.VERSIONS
     assert export_fmu.PLATFORMS == object_code.PLATFORMS
-    assert export_fmu.PROCESSORS == processor.NAMES
+    assert export_fmu.PROCESSORS == object_code.NAMES
     assert sys.byteorder == "little"  # of every platform that units are made for
 
 
-@pytest.mark.parametrize("part", ["car", "chassis"])
-def test_a_part_at_another_speed_than_its_plant_is_refused(part):
-    from steer_env.vehicle.subsystems.make import make_part
+@pytest.mark.parametrize("name", ["car", "chassis"])
+def test_a_subsystem_at_another_speed_than_its_plant_is_refused(name):
+    from steer_env.vehicle import subsystems
 
     p = cars.load("compact").plant(speed=20.0)
-    assert make_part(part, p, 20.0).name == part
-    with pytest.raises(ValueError, match=f"plant of the {part} drives at 20 m/s, not at 25 m/s"):
-        make_part(part, p, 25.0)
+    assert subsystems.make(name, p, 20.0).name == name
+    with pytest.raises(ValueError, match=f"plant of the {name} drives at 20 m/s, not at 25 m/s"):
+        subsystems.make(name, p, 25.0)

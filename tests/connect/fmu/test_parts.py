@@ -44,7 +44,7 @@ def steering_equals(tmp_path, law, chassis, robot):
     """The exported steering gives the plant's channels under the plant's rack forces."""
     p = cars.load("compact").plant(law, robot=robot, chassis=chassis)
     u, record, force, speed = undivided(p)
-    path = fmu.export(tmp_path / "steering.fmu", part="steering", friction=law, robot=robot, cpu="native")
+    path = fmu.export(tmp_path / "steering.fmu", subsystem="steering", friction=law, robot=robot, cpu="native")
     assert validation.validate_fmu(str(path)) == []
     hands = ["hand_angle", "hand_speed"] if robot else ["hand_torque"]
     columns = [*(u[:, i] for i in range(len(hands))), u[:, 2], force, speed]
@@ -63,7 +63,7 @@ def chassis_equals(tmp_path, chassis, changed):
     if changed:
         p = p._replace(chassis=p.chassis._replace(mu=0.7, m=1300.0))
     u, record, _, _ = undivided(p)
-    path = fmu.export(tmp_path / "chassis.fmu", part="chassis", chassis=chassis, cpu="native")
+    path = fmu.export(tmp_path / "chassis.fmu", subsystem="chassis", chassis=chassis, cpu="native")
     assert validation.validate_fmu(str(path)) == []
     rack = p.pinion_radius * record[:, [plant.CHANNEL["column_angle"], plant.CHANNEL["column_speed"]]]
     names = ["rack_travel", "rack_speed", *(NAMED[name][0] for name, _ in plant.INPUTS[3:])]
@@ -102,7 +102,7 @@ def test_chassis(tmp_path, chassis, changed):
 def test_end_stops_belong_to_the_steering(tmp_path):
     """A hand torque of 60 N m winds the rack against the stop, which holds it."""
     p = cars.load("compact").plant()
-    path = fmu.export(tmp_path / "steering.fmu", part="steering")
+    path = fmu.export(tmp_path / "steering.fmu", subsystem="steering")
     with opened(path, tmp_path / "unit") as (unit, references, _):
         begin(unit)
         held = replay(unit, references, np.full((3000, 1), 60.0), ["hand_torque"], ["rack_travel", "rack_speed"])[-1]

@@ -5,19 +5,18 @@ import numpy as np
 from steer_env.connect.udp.packets import KINDS, layout_of, packed, unpacked
 from steer_env.connect.udp.session import COUNTS, NOTHING, REFUSAL, link_of, respond
 from steer_env.live.real_time.model import model_of
-from steer_env.vehicle import cars
-from steer_env.vehicle.subsystems.make import make_part
+from steer_env.vehicle import cars, subsystems
 
 
 class Direct:
     """The memory of a server of a part, and a client's way to it."""
 
-    def __init__(self, part="steering", mode="lockstep", **options):
+    def __init__(self, subsystem="steering", mode="lockstep", **options):
         speed = 20.0
-        self.part = make_part(part, cars.load("compact").plant(speed=speed, **options), speed)
-        self.layout = layout_of(self.part)
-        self.model, self.link = model_of(self.part), link_of(self.layout, mode)
-        self.inputs = np.array([signal.start for signal in self.part.given])
+        self.subsystem = subsystems.make(subsystem, cars.load("compact").plant(speed=speed, **options), speed)
+        self.layout = layout_of(self.subsystem)
+        self.model, self.link = model_of(self.subsystem), link_of(self.layout, mode)
+        self.inputs = np.array([signal.start for signal in self.subsystem.given])
 
     def send(self, packet, known=True, now=0):
         """What the server sends back, None for nothing."""

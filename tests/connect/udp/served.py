@@ -10,8 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from steer_env.connect.udp import Client, Layout, layout_of
-from steer_env.vehicle import cars
-from steer_env.vehicle.subsystems.make import make_part
+from steer_env.vehicle import cars, subsystems
 
 ROOT = Path(__file__).parents[3]
 COMMAND = [sys.executable, "-m", "steer_env.experiments.cli.main", "serve", "--json"]
@@ -27,7 +26,7 @@ while True:
 
 def part_of(name="car", speed=100.0 / 3.6, **options):
     """A part of the default car as the command line makes it."""
-    return make_part(name, cars.load("compact").plant(speed=speed, **options), speed)
+    return subsystems.make(name, cars.load("compact").plant(speed=speed, **options), speed)
 
 
 def _heeds_ctrl_c():

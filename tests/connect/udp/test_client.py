@@ -47,7 +47,7 @@ def answering(values=None, **changed):
 @pytest.mark.parametrize(
     ("faults", "message"),
     [
-        ({"layout": LAYOUT.fingerprint ^ 1}, "both ends need the same part and the same version"),
+        ({"layout": LAYOUT.fingerprint ^ 1}, "both ends need the same subsystem and the same version"),
         ({"version": 2}, "has version 2, .* this client expects version 1"),
         ({"values": [0.0]}, "and 88 bytes, but this client expects"),
         ({"kind": KINDS["refused"], "values": [], "code": 99}, "for the reason 99, which this version"),
@@ -71,7 +71,7 @@ def test_answers_of_another_protocol_are_told(faults, message):
 def test_a_stream_refuses_another_layout():
     with answering(layout=1) as address, Stream(LAYOUT, address) as stream:
         stream.put(np.zeros(len(LAYOUT.inputs)))
-        with pytest.raises(ValueError, match="both ends need the same part"):
+        with pytest.raises(ValueError, match="both ends need the same subsystem"):
             stream.get(1.0)
 
 

@@ -20,7 +20,7 @@ from steer_env.connect.udp.packets import KINDS
 from steer_env.experiments.cli import serve
 from steer_env.experiments.cli.main import main
 from steer_env.vehicle import plant
-from steer_env.vehicle.subsystems.advance import CLASSES, advance
+from steer_env.vehicle.subsystems import CLASSES, advance
 from tests.connect.udp.served import ROOT, FaultyClient, echoing, layout, part_of, serving
 
 if sys.platform != "linux":
@@ -185,7 +185,7 @@ def test_ends_on_sigterm_too_and_refuses_in_words(capsys):
                 client.step([0.0])
             with pytest.raises(ValueError, match=r"an input is not finite or .* \(hand_torque\)"):
                 client.step([math.nan] * 7)
-        with pytest.raises(ValueError, match="another part"):
+        with pytest.raises(ValueError, match="another subsystem"):
             Client(layout("chassis"), process.address)
         port = str(process.address[1])
         assert main(["serve", "--port", port]) == 2
@@ -204,7 +204,7 @@ def test_ends_on_sigterm_too_and_refuses_in_words(capsys):
         (["--free-running", "--wheel", "0.04,0,8"], "damping of the wheel [N m s/rad] must be finite and greater"),
         (["--silence", "0"], "--silence must be finite and greater than 0"),
         (
-            ["--part", "chassis", "--speed-kph", "500"],
+            ["--subsystem", "chassis", "--speed-kph", "500"],
             "speed [km/h] must be finite and at least 10.8 and at most 252",
         ),
     ],

@@ -17,7 +17,7 @@ from steer_env.connect.udp import packets
 from steer_env.connect.udp.packets import HEADER, HEADER_SIZE, KINDS, MODES, REASONS, checksum, packed, unpacked
 from steer_env.connect.udp.session import end_where_silent
 from steer_env.live.real_time.safety import PHASES
-from steer_env.vehicle.subsystems.advance import advance
+from steer_env.vehicle.subsystems import advance
 from tests.connect.udp.direct import Direct
 
 REASON = {name: i for i, name in enumerate(REASONS, 1)}
@@ -57,20 +57,20 @@ def test_header_has_no_gaps_and_is_little_endian():
 
 
 def test_inputs_and_outputs_are_those_of_the_unit(served):
-    assert served.layout.inputs == served.part.given
-    assert served.layout.outputs == served.part.outputs
+    assert served.layout.inputs == served.subsystem.given
+    assert served.layout.outputs == served.subsystem.outputs
     other = served.layout._replace(inputs=(served.layout.inputs[0]._replace(unit="N mm"), *served.layout.inputs[1:]))
     assert other.fingerprint != served.layout.fingerprint
 
 
 def test_steps_are_those_of_the_kernel(served):
     twin = Direct()
-    given = np.zeros(twin.part.given_size)
+    given = np.zeros(twin.subsystem.given_size)
     given[: len(twin.inputs)] = twin.inputs
     for i in range(1, 200):
         given[0] = 3.0 * math.sin(0.05 * i)
         answer = served.send(served.request("step", i, inputs=given[: len(twin.inputs)], samples=1 + i % 3))
-        assert advance(twin.model.part, twin.model.state, given, twin.model.inputs, twin.model.outputs, 1 + i % 3)
+        assert advance(twin.model.subsystem, twin.model.state, given, twin.model.inputs, twin.model.outputs, 1 + i % 3)
         assert answer[HEADER_SIZE:] == twin.model.outputs.tobytes()
     assert unpacked(answer)["time"] == pytest.approx(1e-3 * sum(1 + i % 3 for i in range(1, 200)))
 
@@ -248,7 +248,7 @@ def test_description_has_every_field_value_kind_and_reason(served):
         *MODES,
         *PHASES,
         *REASONS,
-        *(s.name for s in (*served.part.given, *served.part.outputs)),
+        *(s.name for s in (*served.subsystem.given, *served.subsystem.outputs)),
     ]
     for name in named:
         assert f" {name}" in text

@@ -8,8 +8,7 @@ from steer_env.live.real_time import Limits, Mailboxes
 from steer_env.live.real_time.angle_filter import BANDWIDTH
 from steer_env.live.real_time.loop import PERIOD, loop_of, tick
 from steer_env.live.real_time.model import model_of
-from steer_env.vehicle import cars
-from steer_env.vehicle.subsystems.make import make_part
+from steer_env.vehicle import cars, subsystems
 from tests.live.devices.stages import Clock
 
 EXCHANGE = 2  # of Python's thread with the device [ms]
@@ -22,7 +21,7 @@ class Coupled:
         self.clock = Clock()
         self.device = devices.make("fake", clock=self.clock, **options)
         self.device.__enter__()
-        self.part = make_part("car", cars.load("compact").plant("lugre", speed, True), speed)
+        self.part = subsystems.make("car", cars.load("compact").plant("lugre", speed, True), speed)
         self.names = [signal.name for signal in self.part.given]
         self.mail = Mailboxes(self.part, angle_bandwidth=BANDWIDTH, clock=self.clock)
         self.limits = limits or Limits()

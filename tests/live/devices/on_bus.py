@@ -7,14 +7,13 @@ import numpy as np
 
 from steer_env.live import devices
 from steer_env.live.real_time import Mailboxes, RealTime
-from steer_env.vehicle import cars
-from steer_env.vehicle.subsystems.make import make_part
+from steer_env.vehicle import cars, subsystems
 
 
 def main(dbc, channel):
     """Exchange angle and torque with the loop in every 2 ms."""
     speed = 100.0 / 3.6
-    part = make_part("car", cars.load("compact").plant("lugre", speed, True), speed)
+    part = subsystems.make("car", cars.load("compact").plant("lugre", speed, True), speed)
     names = [signal.name for signal in part.given]
     mail = Mailboxes(part)
     options = {"dbc": dbc, "interface": "udp_multicast", "channel": channel, "speed": "WHEEL.SPEED"}

@@ -110,7 +110,7 @@ def test_a_signal_that_was_dropped_while_a_kernel_was_compiled_ends_the_command(
 
 def test_a_wheel_gets_the_torque_with_which_it_is_stable_behind_the_filter(tmp_path, capsys):
     wheel = 0.003, 0.3, 0.001
-    part = car_set("lugre", cars.load("compact"), hands="angle")[0].part
+    part = car_set("lugre", cars.load("compact"), hands="angle")[0].subsystem
     found = [haptics.stability(part, haptics.make(*wheel), *more) for more in ((), (BANDWIDTH, PERIOD))]
     assert found[1].share < found[0].share - 0.1
     options = ["--headless", "--seconds", "0.1", "--out", str(tmp_path), "--wheel", "0.003,0.3,1"]

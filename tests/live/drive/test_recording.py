@@ -36,10 +36,10 @@ def weave(folder, amplitude, seconds, chassis, bits=None):
     sets = CarSets([car_set("lugre", car, chassis=chassis)[0]])
     mail = Mailboxes(sets, angle_bandwidth=BANDWIDTH)
     real_time = RealTime(sets, mail.device, Limits())
-    columns = columns_of(sets.part, real_time.recorder)
+    columns = columns_of(sets.subsystem, real_time.recorder)
     path, file = new_file(folder, columns, {"manoeuvre": "weave", "speed_m_s": 100.0 / 3.6})
     log = Log(columns, file)
-    names = [signal.name for signal in sets.part.given]
+    names = [signal.name for signal in sets.subsystem.given]
     model, loop, _ = real_time._arguments
     step = math.radians(900.0) / 2**bits if bits else None
     for k in range(round(1e3 * seconds)):
@@ -83,7 +83,7 @@ def test_rows_are_means_and_the_speed_is_that_of_the_way(tmp_path):
 def test_no_file_is_ever_overwritten(tmp_path):
     (tmp_path / "drive-0007.csv").write_text("mine")
     sets = CarSets([car_set("lugre", cars.load("compact"))[0]])
-    columns = columns_of(sets.part, RealTime(sets, Mailboxes(sets).device).recorder)
+    columns = columns_of(sets.subsystem, RealTime(sets, Mailboxes(sets).device).recorder)
     made = [new_file(tmp_path, columns, {})[0].name for _ in range(2)]
     assert made == ["drive-0008.csv", "drive-0009.csv"]
     assert (tmp_path / "drive-0007.csv").read_text() == "mine"
@@ -99,7 +99,7 @@ def test_a_folder_that_takes_no_file_is_named_with_a_remedy(tmp_path):
 
 def test_lost_samples_leave_a_gap(tmp_path):
     sets = CarSets([car_set("lugre", cars.load("compact"))[0]])
-    columns = columns_of(sets.part, RealTime(sets, Mailboxes(sets).device).recorder)
+    columns = columns_of(sets.subsystem, RealTime(sets, Mailboxes(sets).device).recorder)
     path, file = new_file(tmp_path, columns, {})
     log, rows = Log(columns, file), np.zeros((100, 60))
     log.add(rows, 50)

@@ -9,8 +9,7 @@ from steer_env.live.real_time import Limits, Mailboxes
 from steer_env.live.real_time.angle_filter import HORIZON, estimate, follow, make, response
 from steer_env.live.real_time.loop import PERIOD, loop_of, tick
 from steer_env.live.real_time.model import model_of
-from steer_env.vehicle import cars
-from steer_env.vehicle.subsystems.make import make_part
+from steer_env.vehicle import cars, subsystems
 
 BIT = math.radians(900.0) / 2**16  # of a sensor with 16 bit over 900 deg [rad]
 
@@ -80,7 +79,7 @@ def test_a_filtered_wheel_shakes_less_than_its_steps():
     """A slow turn by a sensor with 16 bit: the handwheel torque of the robot, with and without the filter."""
 
     def hand_torque(**options):
-        part = make_part("car", cars.load("compact").plant(robot=True), 100.0 / 3.6)
+        part = subsystems.make("car", cars.load("compact").plant(robot=True), 100.0 / 3.6)
         mail, model, loop = Mailboxes(part, **options), model_of(part), loop_of(Limits())
         names, torque = [signal.name for signal in part.outputs], []
         for k in range(1500):
@@ -100,7 +99,7 @@ def test_a_filtered_wheel_shakes_less_than_its_steps():
 
 def test_a_reading_that_is_no_number_or_jumps_still_ends_the_torque():
     for value in (math.nan, math.inf, 20.0):
-        part = make_part("car", cars.load("compact").plant(robot=True), 100.0 / 3.6)
+        part = subsystems.make("car", cars.load("compact").plant(robot=True), 100.0 / 3.6)
         mail, model, loop = Mailboxes(part, angle_bandwidth=50.0), model_of(part), loop_of(Limits(soft_start=0.01))
         for k in range(200):
             now = (k + 10) * PERIOD
@@ -116,6 +115,6 @@ def test_bad_filters_are_named():
         make(0.5)
     with pytest.raises(ValueError, match=r"interval of the readings \[s\]"):
         response([1.0], 50.0, 0.1)
-    chassis = make_part("chassis", cars.load("compact").plant(speed=20.0, robot=True), 20.0)
-    with pytest.raises(ValueError, match="needs a part that takes it, got 'Chassis"):
+    chassis = subsystems.make("chassis", cars.load("compact").plant(speed=20.0, robot=True), 20.0)
+    with pytest.raises(ValueError, match="needs a subsystem that takes it, got 'Chassis"):
         Mailboxes(chassis, angle_bandwidth=50.0)

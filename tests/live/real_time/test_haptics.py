@@ -8,8 +8,7 @@ import pytest
 from steer_env.live.real_time import angle_filter, haptics
 from steer_env.live.real_time.haptics import FREQUENCIES, OWN_DELAY, Wheel, longest_delay, stability
 from steer_env.live.real_time.model import model_of, step
-from steer_env.vehicle import cars
-from steer_env.vehicle.subsystems.make import make_part
+from steer_env.vehicle import cars, subsystems
 
 K_TB = 130.0  # of the default car [N m/rad]
 BIT = math.radians(900.0) / 2**16  # of a sensor with 16 bit over 900 deg [rad]
@@ -19,7 +18,7 @@ LOOP = 0.0015  # delay of the loop below: the torque of a sample acts from the n
 
 def part_of(speed=100.0 / 3.6, law="lugre", chassis="two_track"):
     """The default car with a prescribed handwheel angle."""
-    return make_part("car", cars.load("compact").plant(law, speed, True, chassis=chassis), speed)
+    return subsystems.make("car", cars.load("compact").plant(law, speed, True, chassis=chassis), speed)
 
 
 def oscillation(part, wheel, delay, share=1.0, bit=0.0, friction=0.0, seconds=4.0, gap=3):
@@ -184,6 +183,6 @@ def test_a_wheel_with_16_bit_and_8_ms_is_stable_at_every_speed(speed):
 def test_bad_wheels_and_parts_are_named():
     with pytest.raises(ValueError, match=r"damping of the wheel \[N m s/rad\] must be finite and greater than 0"):
         haptics.make(0.04, 0.0, 0.008)
-    torque = make_part("car", cars.load("compact").plant(speed=27.8), 27.8)
+    torque = subsystems.make("car", cars.load("compact").plant(speed=27.8), 27.8)
     with pytest.raises(ValueError, match="hands that give the angle"):
         stability(torque, Wheel(0.04, 1.0, 0.008))

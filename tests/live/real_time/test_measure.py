@@ -11,8 +11,7 @@ from steer_env.live.real_time import Mailboxes, RealTime
 from steer_env.live.real_time.loop import BINS
 from steer_env.live.real_time.measure import Durations, measure
 from steer_env.live.real_time.worker import Worker
-from steer_env.vehicle import cars
-from steer_env.vehicle.subsystems.make import make_part
+from steer_env.vehicle import cars, subsystems
 
 if sys.platform != "linux":
     pytest.skip("the loop needs Linux", allow_module_level=True)
@@ -20,7 +19,7 @@ if sys.platform != "linux":
 
 def part(name="car"):
     """The default car, or a part of it, with a prescribed handwheel angle."""
-    return make_part(name, cars.load("compact").plant(robot=True), 100.0 / 3.6)
+    return subsystems.make(name, cars.load("compact").plant(robot=True), 100.0 / 3.6)
 
 
 def test_durations_against_the_values_themselves():
@@ -43,7 +42,7 @@ def test_both_loops_wake_in_every_millisecond():
     assert abs(found.bare.histogram.sum() - 500) <= 1 + found.counts["missed"]
     assert found.lateness.worst > 0.0
     assert 1e-7 < found.work.percentile(50.0) < 1e-3
-    with pytest.raises(ValueError, match="a part with a handwheel is measured, got chassis"):
+    with pytest.raises(ValueError, match="a subsystem with a handwheel is measured, got chassis"):
         measure(part("chassis"), 0.5)
 
 

@@ -9,8 +9,7 @@ from steer_env.live.real_time import Limits, Mailboxes
 from steer_env.live.real_time.loop import NEVER, PERIOD, counts, loop_of
 from steer_env.live.real_time.model import LARGEST, restart
 from steer_env.live.real_time.safety import PHASES, SAFETY, limited, supervise
-from steer_env.vehicle import cars
-from steer_env.vehicle.subsystems.make import PARTS, make_part
+from steer_env.vehicle import cars, subsystems
 from tests.live.real_time.wheel import Wheel
 
 FADED = 0.050  # time from a fault to zero torque [s]
@@ -247,8 +246,8 @@ def test_a_clock_of_the_loop_that_jumps_on_is_a_stall(wheel):
 
 def test_inputs_that_make_sense_are_those_of_every_part():
     """Every input of every part has a range, which holds its value at the start."""
-    for name in PARTS:
-        part = make_part(name, cars.load("compact").plant(speed=60.0, robot=True), 60.0)
+    for name in subsystems.SUBSYSTEMS:
+        part = subsystems.make(name, cars.load("compact").plant(speed=60.0, robot=True), 60.0)
         for signal in part.given:
             assert abs(signal.start) < LARGEST[signal.name]
 
@@ -374,7 +373,7 @@ def test_every_phase_is_reached_and_named():
 
 
 def test_mailboxes_keep_what_arrived_whole():
-    part = make_part("steering", cars.load("compact").plant(robot=True), 20.0)
+    part = subsystems.make("steering", cars.load("compact").plant(robot=True), 20.0)
     mail = Mailboxes(part)
     assert mail.device.heard[0] == NEVER
     mail.put(np.ones(6))

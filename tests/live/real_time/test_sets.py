@@ -14,10 +14,9 @@ from steer_env import friction
 from steer_env.live.real_time import CarSet, CarSets, Mailboxes, RealTime
 from steer_env.live.real_time.model import model_of, restart, step
 from steer_env.live.real_time.switch import FADE, HEAD, IMPLAUSIBLE, LONGEST, NEXT, PLACE, RUN_IN, SHARE
-from steer_env.vehicle import cars
+from steer_env.vehicle import cars, subsystems
 from steer_env.vehicle.plant import CHANNEL, channels
 from steer_env.vehicle.steering.column import HANDWHEEL_ANGLE, Column
-from steer_env.vehicle.subsystems.make import make_part
 
 if sys.platform != "linux":
     pytest.skip("the loop needs Linux", allow_module_level=True)
@@ -37,7 +36,7 @@ LAWS = {law: ("compact", law, "single_track") for law in friction.available()}
 def set_of(label, kind, robot=True, speed=100.0 / 3.6):
     """A set by car, law and chassis."""
     car, law, chassis = kind
-    return CarSet(label, make_part("car", cars.load(car).plant(law, speed, robot, chassis=chassis), speed))
+    return CarSet(label, subsystems.make("car", cars.load(car).plant(law, speed, robot, chassis=chassis), speed))
 
 
 def sets_of(kinds, robot=True, speed=100.0 / 3.6):
@@ -144,10 +143,10 @@ def test_the_motion_of_the_car_goes_on_in_the_next_one():
     """In a turn, also to a chassis that calls its states otherwise; at a lower speed, without a brake or a push."""
     sets = sets_of(DIFFERENT)
     model = model_of(sets)
-    names = [name for name, _ in channels(sets.sets[0].part.parameters)]
+    names = [name for name, _ in channels(sets.sets[0].subsystem.parameters)]
     yaw, speed = names.index("yaw_rate"), names.index("longitudinal_speed")
     model.given[1] = 0.2
-    model.given[[signal.name for signal in sets.part.given].index("target_speed")] = -8.0
+    model.given[[signal.name for signal in sets.subsystem.given].index("target_speed")] = -8.0
     for target in (1, 2, 0):
         for _ in range(6000):
             assert step(model, 1)
@@ -356,7 +355,7 @@ def test_sets_run_in_real_time_beside_threads_that_choose():
         for each in threads:
             each.start()
         while sets.counts()["switched"] < 2 and running.counts()["ticks"] < 15_000:
-            mail.put(np.zeros(len(sets.part.given)))
+            mail.put(np.zeros(len(sets.subsystem.given)))
         over.set()
         for each in threads:
             each.join()
@@ -379,8 +378,8 @@ def test_bad_sets_are_named():
     other = set_of("b", DIFFERENT["compact on two tracks, lugre"], robot=False)
     with pytest.raises(ValueError, match="those of 'b' differ"):
         CarSets([car, other])
-    steering = CarSet("s", make_part("steering", cars.load("compact").plant(robot=True), 20.0))
-    with pytest.raises(ValueError, match="made of the part car, got steering for 's'"):
+    steering = CarSet("s", subsystems.make("steering", cars.load("compact").plant(robot=True), 20.0))
+    with pytest.raises(ValueError, match="made of the subsystem car, got steering for 's'"):
         CarSets([steering])
     sets = CarSets([car])
     for index in (1, -1, 0.5, "a"):

@@ -5,8 +5,7 @@ import math
 from steer_env.live.real_time import Limits, Mailboxes
 from steer_env.live.real_time.loop import PERIOD, loop_of, tick
 from steer_env.live.real_time.model import model_of
-from steer_env.vehicle import cars
-from steer_env.vehicle.subsystems.make import make_part
+from steer_env.vehicle import cars, subsystems
 
 TIMEOUT = 0.1  # after which the motor of the wheel stops if nobody refreshes its torque [s]
 
@@ -32,7 +31,7 @@ class Wheel:
 
     def __init__(self, limits=None, amplitude=0.5, frequency=0.5, dead_man=False, angle_bandwidth=None, **options):
         self.limits = limits or Limits()
-        self.part = make_part("car", cars.load("compact").plant(robot=True, **options), 100.0 / 3.6)
+        self.part = subsystems.make("car", cars.load("compact").plant(robot=True, **options), 100.0 / 3.6)
         names = [signal.name for signal in self.part.given]
         self.angle, self.speed = names.index("hand_angle"), names.index("hand_speed")
         clock = {"clock": lambda: self.now}

@@ -1,0 +1,250 @@
+"""Packed parameters: a tuple of parameters as flat numbers, and compiled code that puts it together again.
+
+A ``NamedTuple`` of parameters, with tuples and arrays within it, becomes two arrays of floats in the order of the
+fields: the numbers, which each row of a batch and each instance of an FMU has of its own, and the tables, which all of
+them share, as they are too large for a copy each. A class whose values are tables is marked by :func:`shared`. Nothing
+here knows a law, a car or a chassis: a new one is packed as it is.
+"""
+
+import hashlib
+from collections.abc import Callable, Iterator
+from typing import Any, NamedTuple, TypeVar
+
+import numba
+import numpy as np
+from llvmlite import ir
+from numba import extending, types
+from numba.core.imputils import impl_ret_borrowed
+from numba.extending import models, register_model
+from numba.np.arrayobj import populate_array
+from numpy.typing import NDArray
+
+from steer_env.friction.numerics.kernel import COMPILED
+
+Array = NDArray[np.float64]
+Class = TypeVar("Class", bound=type)
+_intrinsic: Any = extending.intrinsic  # whose first argument no caller gives
+_shared: set[type] = set()
+
+
+def shared(kind: Class) -> Class:
+    """Mark a class of parameters as tables."""
+    _shared.add(kind)
+    return kind
+
+
+class Leaf(NamedTuple):
+    """A number, an array or a record of the parameters, and where its numbers stand."""
+
+    path: tuple[str, ...]  # names of the fields that lead to it
+    value: Any
+    owner: type | None  # the class that declares the last field; None for a value that is no field
+    table: bool  # whether it stands in the tables, not in the numbers
+    start: int  # position there
+
+    @property
+    def size(self) -> int:
+        """How many floats it takes."""
+        return self.value.nbytes // 8 if np.ndim(self.value) else 1
+
+
+def leaves(parameters: Any) -> list[Leaf]:
+    """Every leaf of the parameters in the order of their fields.
+
+    Raises
+    ------
+    TypeError
+        An array whose elements do not fill whole floats.
+    """
+    ends = [0, 0]
+    found = []
+    for path, value, owner, table in _walk((), parameters, None, False):
+        if np.ndim(value) and (value.itemsize % 8 or not value.flags.c_contiguous):
+            raise TypeError(f"{'.'.join(path)} must be a contiguous array of floats, got {value.dtype}")
+        leaf = Leaf(path, value, owner, table, ends[table])
+        ends[table] += leaf.size
+        found.append(leaf)
+    return found
+
+
+def _walk(path: tuple[str, ...], value: Any, owner: type | None, table: bool) -> Iterator[tuple]:
+    if isinstance(value, tuple):
+        table = table or type(value) in _shared
+        names = getattr(value, "_fields", range(len(value)))
+        for name, member in zip(names, value):
+            yield from _walk((*path, str(name)), member, type(value), table)
+    else:
+        yield path, value, owner, table
+
+
+class Packed(NamedTuple):
+    """Parameters as floats."""
+
+    numbers: Array  # (N,)
+    tables: Array  # (T,)
+
+
+def pack(parameters: Any) -> Packed:
+    """All numbers and all tables of the parameters."""
+    found = leaves(parameters)
+    numbers, tables = ([_floats(leaf) for leaf in found if leaf.table == table] for table in (False, True))
+    return Packed(np.concatenate([np.zeros(0), *numbers]), np.concatenate([np.zeros(0), *tables]))
+
+
+def _floats(leaf: Leaf) -> Array:
+    if np.ndim(leaf.value):
+        return np.ascontiguousarray(leaf.value).view(np.float64).ravel()
+    return np.array([float(leaf.value)])
+
+
+def slices(parameters: Any) -> dict[str, slice]:
+    """Slice of each parameter in the numbers, by its dotted name."""
+    numbers = (leaf for leaf in leaves(parameters) if not leaf.table)
+    return {".".join(leaf.path): slice(leaf.start, leaf.start + leaf.size) for leaf in numbers}
+
+
+def of_row(template, rows, i):
+    """The parameters of row ``i``: a template with the numbers (N,) of ``rows[i]``, and its own tables.
+
+    Compiled code assembles it in registers, so that the kernels receive the same tuple as of parameters alone.
+    """
+    return _filled(template, iter(leaves(template)), rows[i])
+
+
+def _filled(value: Any, rest: Iterator[Leaf], row: Array) -> Any:
+    if isinstance(value, tuple):
+        return type(value)(*[_filled(member, rest, row) for member in value])
+    leaf = next(rest)
+    numbers = row[leaf.start : leaf.start + leaf.size]
+    if leaf.table:
+        return value
+    if np.ndim(value):
+        return numbers.view(value.dtype).reshape(value.shape).view(type(value))
+    return type(value)(numbers[0])
+
+
+# Compiled code.
+
+
+def _rebuilt(context: Any, builder: Any, kind: Any, leaf: Callable[[Any, Any], Any], template: Any = None) -> Any:
+    """The value of a numba type from its leaves, each by its type and by what a template, if there is one, has there.
+
+    The tables are those of the template.
+    """
+    if not isinstance(kind, types.BaseTuple):
+        return leaf(kind, template)
+    if template is not None and getattr(kind, "instance_class", None) in _shared:
+        return template
+    members = []
+    for k, member in enumerate(kind):  # type: ignore[arg-type,var-annotated]  # numba declares no members
+        inner = None if template is None else builder.extract_value(template, k)
+        members.append(_rebuilt(context, builder, member, leaf, inner))
+    return context.make_tuple(builder, kind, members)
+
+
+@_intrinsic
+def _of_row(typing_context, template, rows, i):  # numba's form of a function that makes its own code
+    def generate(context, builder, signature, arguments):
+        array = context.make_array(signature.args[1])(context, builder, arguments[1])
+        stride = builder.extract_value(array.strides, 0)  # in bytes
+        start = builder.bitcast(array.data, ir.IntType(8).as_pointer())
+        first = builder.gep(start, [builder.mul(stride, arguments[2])])
+        next_number = builder.bitcast(first, ir.DoubleType().as_pointer())
+
+        def leaf(kind, value):
+            nonlocal next_number
+            at = next_number
+            if not isinstance(kind, types.Array):
+                next_number = builder.gep(at, [_index(1)])
+                return context.cast(builder, builder.load(at), types.float64, kind)
+            array = context.make_array(kind)(context, builder, value)
+            array.data = builder.bitcast(at, array.data.type)
+            next_number = builder.gep(at, [builder.udiv(builder.mul(array.nitems, array.itemsize), _index(8))])
+            return array._getvalue()
+
+        filled = _rebuilt(context, builder, signature.args[0], leaf, arguments[0])
+        return impl_ret_borrowed(context, builder, signature.return_type, filled)  # the arrays stay the template's
+
+    return template(template, rows, types.intp), generate
+
+
+if COMPILED:
+
+    @extending.overload(of_row, strict=False)
+    def _chosen(template, rows, i):
+        return lambda template, rows, i: _of_row(template, rows, i)
+
+
+class _Place(NamedTuple):
+    """Where compiled code finds a leaf; the shapes are constants of the code."""
+
+    table: bool
+    start: int
+    shape: tuple[int, ...]
+    strides: tuple[int, ...]
+    itemsize: int
+
+
+class Floats(types.CPointer):
+    """The address of floats that make a value like a template: a type of compiled code, and the same to a machine.
+
+    Functions that take such addresses are therefore compiled for each structure of parameters, and called alike.
+    """
+
+    def __init__(self, template: Any) -> None:
+        self.value_type = numba.typeof(template)  # of the value, which the cache of the kernels looks at
+        self.places = tuple(
+            _Place(leaf.table, leaf.start, value.shape, value.strides, value.itemsize)
+            for leaf in leaves(template)
+            for value in (np.asarray(leaf.value),)
+        )
+        super().__init__(types.float64)
+        content = repr((self.value_type, self.places)).encode()
+        self.name = f"Floats({hashlib.sha256(content).hexdigest()})"  # short, as it becomes part of names
+
+    @property
+    def key(self) -> Any:
+        """What two equal types have in common."""
+        return self.value_type, self.places
+
+
+register_model(Floats)(models.PointerModel)
+
+
+@_intrinsic
+def at_addresses(typing_context, numbers, tables):
+    """A value like the template of the address ``numbers``, of type ``Floats``, from there and from ``tables``.
+
+    The arrays within the value are views.
+    """
+    kind = numbers.value_type
+
+    def generate(context, builder, signature, addresses):
+        rest = iter(numbers.places)
+
+        def leaf(kind, _):
+            place = next(rest)
+            at = builder.gep(addresses[place.table], [_index(place.start)])
+            if not isinstance(kind, types.Array):
+                number = builder.load(at)
+                # No kernel writes to parameters: the compiler may load one where it is used, and need not keep them.
+                number.set_metadata("invariant.load", builder.module.add_metadata([]))
+                return context.cast(builder, number, types.float64, kind)
+            array = context.make_array(kind)(context, builder)
+            populate_array(
+                array,
+                data=builder.bitcast(at, array.data.type),
+                shape=[_index(n) for n in place.shape],
+                strides=[_index(n) for n in place.strides],
+                itemsize=_index(place.itemsize),
+                meminfo=None,
+            )
+            return array._getvalue()
+
+        return _rebuilt(context, builder, kind, leaf)
+
+    return kind(numbers, tables), generate
+
+
+def _index(i: int) -> ir.Constant:
+    return ir.Constant(ir.IntType(64), i)

@@ -1,0 +1,17 @@
+from .kinds import CLASSES, SUBSYSTEMS, Car, Chassis, Steering, advance, make, register
+from .subsystem import Signal, Subsystem, channel_signals, is_finite
+
+__all__ = [
+    "CLASSES",
+    "SUBSYSTEMS",
+    "Car",
+    "Chassis",
+    "Signal",
+    "Steering",
+    "Subsystem",
+    "advance",
+    "channel_signals",
+    "is_finite",
+    "make",
+    "register",
+]
