@@ -8,11 +8,12 @@ import sys
 import threading
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NoReturn
 
-from steer_env.experiments.cli.common import drive_sets, names, wheel_option
-from steer_env.experiments.cli.common.arguments import KPH, whole_number
+from steer_env.experiments.cli.common import names, wheel_option
+from steer_env.experiments.cli.common.arguments import FRICTION, KPH, friction_law, whole_number
 from steer_env.experiments.cli.serve import TORQUE
+from steer_env.experiments.pages import car_options
 
 if TYPE_CHECKING:
     from steer_env.live.devices import Device
@@ -20,6 +21,8 @@ if TYPE_CHECKING:
 
 COURSES = ("plain", "double-lane-change", "obstacle-avoidance")  # of steer_env.live.drive.scene
 NICE = -10  # of the threads of Python where the loop has a priority; assumed
+MOST = 9  # configurations, as there are keys 1 to 9
+_KEYS = ("vehicle", "tyre", "set", "friction", "chassis")
 
 
 def add(commands: Any, common: argparse.ArgumentParser) -> None:
@@ -32,7 +35,7 @@ def add(commands: Any, common: argparse.ArgumentParser) -> None:
     text = f"the device, with its options (default keyboard); devices: {', '.join(names.devices())}"
     drive.add_argument("--device", metavar="NAME[,KEY=VALUE...]", default="keyboard", help=text)
     drive.add_argument("--list-devices", action="store_true", help="list the devices with their options, and end")
-    drive_sets.add(drive)
+    _add_configurations(drive)
     text = "what stands on the road (default plain: nothing)"
     drive.add_argument("--course", choices=COURSES, default=COURSES[0], help=text)
     text = "directory of the recordings, of which each drive adds one (default drives)"
@@ -68,18 +71,18 @@ def _drive(args: argparse.Namespace) -> None:
     device = _device(args.device)
     if args.headless and isinstance(device, WindowInput):
         raise ValueError(f"the device {device.name} needs the window, from which its events come: leave out --headless")
-    sets, cars = drive_sets.make(args, device.hands)
+    configurations, cars = _configurations(args, device.hands)
     if args.wheel:
-        limits = limits._replace(share=_share(args, sets, device))
+        limits = limits._replace(share=_share(args, configurations, device))
     window = None if args.headless else _window(args.course, cars)
-    laws = {info.label: each.subsystem.parameters.friction for each, info in sets}
+    laws = {info.label: each.subsystem.parameters.friction for each, info in configurations}
     trace = provenance.trace(car=cars[0], friction=laws)  # without the command, which makes no drive again
     about = {"manoeuvre": args.manoeuvre} if args.manoeuvre else {}
-    meta = {**about, **_of_first(cars[0], sets[0][1]), "command": shlex.join(args.argv), "trace": trace}
+    meta = {**about, **_of_first(cars[0], configurations[0][1]), "command": shlex.join(args.argv), "trace": trace}
     options = Options(args.speed_kph * KPH, limits, args.priority, args.dead_man, args.out, meta)
     if args.priority:
         _hurry()
-    session = Session(sets, device, options)
+    session = Session(configurations, device, options)
     if signalled:  # while a kernel was compiled, where Python drops what a handler raises
         raise KeyboardInterrupt
     try:
@@ -116,7 +119,7 @@ def _signals() -> list[int]:
 
 
 def _of_first(car: Any, info: Any) -> dict[str, Any]:
-    """What a recording tells of the car of the first set, as that of a robot's drive does."""
+    """What a recording tells of the car of the first configuration, as that of a robot's drive does."""
     return {
         "vehicle": car.name,
         "tyre": car.tyre.name,
@@ -171,8 +174,8 @@ def _list() -> None:
         print(f"{name}\n    {options}")
 
 
-def _share(args: argparse.Namespace, sets: list[Any], device: "Device") -> float:
-    """The share of the torque with which a wheel is stable on every set behind the drive's filter, which is printed."""
+def _share(args: argparse.Namespace, configurations: list[Any], device: "Device") -> float:
+    """The share of the torque with which a wheel is stable on every configuration behind the drive's filter."""
     from steer_env.live.drive.session import PERIOD
     from steer_env.live.real_time import haptics
     from steer_env.live.real_time.angle_filter import BANDWIDTH
@@ -180,7 +183,7 @@ def _share(args: argparse.Namespace, sets: list[Any], device: "Device") -> float
     if device.hands != "angle":
         raise ValueError(f"--wheel is for a wheel with a motor, and {device.name} has none: leave it out")
     share = 1.0
-    for each, info in sets:
+    for each, info in configurations:
         found = haptics.stability(each.subsystem, haptics.make(*args.wheel), BANDWIDTH, PERIOD)
         print(f"{info.label}: {wheel_option.sentence(found)}")
         share = min(share, found.share)
@@ -203,3 +206,88 @@ def _window(course: str, cars: list[Any]) -> Any:
     except NoWindowError as error:
         raise ValueError(f"the drive {error}: log in at a screen, or drive with --headless") from None
     return window
+
+
+class _Quiet(argparse.ArgumentParser):
+    def error(self, message: str) -> NoReturn:
+        raise ValueError(message)
+
+
+def _add_configurations(parser: argparse.ArgumentParser) -> None:
+    """Add the options that choose configurations: cars with their laws and chassis, which a key exchanges."""
+    text = f"{FRICTION}; several laws make several configurations; laws: {', '.join(names.laws())} (default lugre)"
+    parser.add_argument("--friction", metavar="LAW", nargs="+", action="extend", type=friction_law, help=text)
+    car_options.add(parser)
+    text = "chassis model (default two_track)"
+    parser.add_argument("--chassis", choices=names.chassis(), default="two_track", help=text)
+    text = (
+        "a further configuration by what differs from the first, as words of "
+        f"{', '.join(f'{key}=...' for key in _KEYS)}: "
+        '--b "friction=dahl set=column.K_tb=143"; may be repeated'
+    )
+    parser.add_argument(
+        "--b", dest="others", metavar="WORDS", action="append", default=[], type=_differences, help=text
+    )
+    text = "friction of the road over that of the tyre measurements (default 1)"
+    parser.add_argument("--road-friction", metavar="MU", type=float, default=1.0, help=text)
+    text = "speed that is held at the start, in km/h (default 100)"
+    parser.add_argument("--speed-kph", metavar="V", type=float, default=100.0, help=text)
+
+
+def _differences(text: str) -> argparse.Namespace:
+    """What a further configuration has of its own, from words ``KEY=VALUE``."""
+    parser = _Quiet(add_help=False, allow_abbrev=False)
+    parser.add_argument("--friction", type=friction_law)
+    parser.add_argument("--chassis", choices=names.chassis())
+    car_options.add(parser, default=None)
+    try:
+        words = shlex.split(text)
+        if not words:
+            raise ValueError("it is empty")
+        for word in words:
+            if word.partition("=")[0] not in _KEYS or "=" not in word:
+                raise ValueError(f"{word!r} is none of {', '.join(f'{key}=...' for key in _KEYS)}")
+        found = parser.parse_args([f"--{word}" for word in words])
+        found.label = ", ".join(word.partition("=")[2] for word in words)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(f"{text!r}: {error}") from None
+    return found
+
+
+def _configurations(args: argparse.Namespace, hands: str) -> tuple[list[Any], list[Any]]:
+    """The configurations of the options for a device's hands, each with what is told of it, and their cars."""
+    from steer_env.live.drive.hands import car_configuration
+
+    wanted = []
+    laws = args.friction or [friction_law("lugre")]
+    labels = [law.label for law in laws]
+    for law in laws:
+        words = [law.label if labels.count(law.label) == 1 else law.given, *([args.tyre] if args.tyre else [])]
+        wanted.append((", ".join(words), args, law, args.chassis))
+    for other in args.others:
+        mixed = argparse.Namespace(
+            vehicle=other.vehicle or args.vehicle,
+            tyre=other.tyre or args.tyre,
+            changes=[*(each for each in args.changes if each[0] not in dict(other.changes)), *other.changes],
+        )
+        wanted.append((other.label, mixed, other.friction or wanted[0][2], other.chassis or args.chassis))
+    if len(wanted) > MOST:
+        raise ValueError(f"{len(wanted)} configurations are given, and there are keys for {MOST}: leave some out")
+    configurations, cars = [], []
+    for label, options, law, chassis in wanted:
+        car = car_options.load(options)
+        changed = [f"{key}={value}" for key, value in options.changes] if options is args else []
+        configurations.append(
+            car_configuration(
+                ", ".join([label, *changed]),
+                car,
+                law.parameters,
+                speed=args.speed_kph * KPH,
+                hands=hands,
+                chassis=chassis,
+                road_friction=args.road_friction,
+                law=law.label if law.label == law.text else f"{law.text.partition(',')[0]} of {law.label}",
+            )
+        )
+        cars.append(car)
+    return configurations, cars

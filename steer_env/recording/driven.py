@@ -40,8 +40,8 @@ def check(recording: Recording) -> None:
     Raises
     ------
     ValueError
-        Says which sets acted, when the torque was off, when the simulation stood still, or how many deadlines it
-        missed, and the longest part that can be evaluated.
+        Says which configurations acted, when the torque was off, when the simulation stood still, or how many deadlines
+        it missed, and the longest part that can be evaluated.
     """
     if not is_drive(recording):
         return
@@ -51,16 +51,18 @@ def check(recording: Recording) -> None:
         torque = recording["watchdog_gain"] >= WHOLE
     stood, excess = missed * SAMPLE_TIME >= STOOD, _excess(time, missed)
     if not np.isin(acting, np.arange(1.0, len(recording.meta["sets"]) + 1.0)).all():
-        raise ValueError("chosen_set is not everywhere the number of one of the sets in the meta: drive again")
+        raise ValueError(
+            "chosen_set is not everywhere the number of one of the configurations in the meta: drive again"
+        )
     changed, alone = np.diff(acting, prepend=acting[0]) != 0.0, recording["share_of_next_set"] <= 0.0
     found = []
     if (lost := _lost(time, torque)).size:
         found.append(f"the torque was off or faded, first at {lost[0]:.1f} s")
     if changed.any():
         each = ", ".join(f"{label} to {end:.1f} s" for label, _, end in acted(recording))
-        found.append(f"several sets acted: {each}")
+        found.append(f"several configurations acted: {each}")
     elif not alone.all():
-        found.append(f"two sets were mixed, first at {time[~alone][0]:.1f} s")
+        found.append(f"two configurations were mixed, first at {time[~alone][0]:.1f} s")
     if stood.any():
         at, most = time[stood][0], SAMPLE_TIME * missed.max()
         found.append(f"the simulation stood still, first at {at:.1f} s and for up to {most:.1f} s")

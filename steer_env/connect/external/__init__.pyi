@@ -1,6 +1,5 @@
-from .coupled import Coupled, Coupling
+from .coupled import Coupled, Coupling, opened
 from .fmu_vehicle import FmuVehicle
-from .opening import opened
 from .own_process import OwnProcess
 from .udp_vehicle import UdpVehicle
 from .vehicle import CouplingError, Vehicle

@@ -8,12 +8,17 @@ run at the same time.
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from steer_env.connect.external.fmu_vehicle import FmuVehicle
+from steer_env.connect.external.mapping import read
+from steer_env.connect.external.own_process import OwnProcess
 from steer_env.connect.external.vehicle import GIVEN, OF_PLANT, RACK, START_SPEED, Array, CouplingError, Vehicle
 from steer_env.friction.numerics.kernel import bind
 from steer_env.manoeuvres import Manoeuvre
@@ -253,3 +258,30 @@ class Coupled:
             if name in self.vehicle.gives:
                 values[self.vehicle.gives.index(name)] = value
         return values
+
+
+@contextmanager
+def opened(chassis: str | Path, speed: float, coupling: Coupling | None = None) -> Iterator[Coupled]:
+    """Our steering with an external vehicle, which is closed at the end.
+
+    Parameters
+    ----------
+    chassis : str or path
+        A unit (``.fmu``) or a mapping (``.toml``), as :class:`steer_env.connect.external.fmu_vehicle.FmuVehicle` takes
+        it.
+    speed : float
+        At which the vehicle shall start [m/s].
+    coupling : Coupling, optional
+        By default the communication step of the mapping, without a delay.
+
+    Raises
+    ------
+    ValueError
+        As :class:`steer_env.connect.external.fmu_vehicle.FmuVehicle`.
+    """
+    mapping = read(chassis) if Path(chassis).suffix == ".toml" else None
+    vehicle: Vehicle = OwnProcess(chassis) if mapping and mapping.own_process else FmuVehicle(chassis)
+    try:
+        yield Coupled(vehicle, speed, coupling or Coupling(mapping.step if mapping else 1), str(chassis))
+    finally:
+        vehicle.close()

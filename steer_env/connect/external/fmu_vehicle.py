@@ -1,23 +1,160 @@
-"""An external vehicle as a unit (FMU) for co-simulation of FMI 2.0 or 3.0."""
+"""An external vehicle as an FMU for co-simulation of FMI 2.0 or 3.0; fmpy loads its library.
 
+An FMU is a program, and it runs with the rights of the user who loads it. What is checked before any code of it runs
+tells early what cannot work, and keeps its files within their folder; it does not make an FMU safe whose origin is
+unknown.
+"""
+
+import ctypes
 import hashlib
+import re
+import stat
 import tempfile
+import zipfile
 from collections.abc import Callable, Iterable
 from functools import partial
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
+from numpy.typing import NDArray
 
-from steer_env.connect.external import archive, mapping
+from steer_env.connect.external import mapping
 from steer_env.connect.external.mapping import Entry, factor
-from steer_env.connect.external.slaves import Numbers, Slave2, Slave3
 from steer_env.connect.external.vehicle import GIVEN, START_SPEED, TAKEN, Array, CouplingError
 from steer_env.recording.channel_mapping import did_you_mean
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
 
+
+class Numbers:
+    """Real variables of a unit that are set or read together.
+
+    Parameters
+    ----------
+    references : iterable of int
+        Value references.
+    """
+
+    def __init__(self, references: Iterable[int]) -> None:
+        found = list(references)
+        self.size = len(found)
+        self.references = (ctypes.c_uint * self.size)(*found)
+        self.buffer = (ctypes.c_double * self.size)()
+        self.values: NDArray[np.float64] = np.ctypeslib.as_array(self.buffer)  # (N,) what is set, or was read
+
+
+class Slave2:
+    """A unit of FMI 2.0."""
+
+    def __init__(self, description: Any, folder: Path) -> None:
+        from fmpy import calloc, fmi2, free
+        from fmpy.logging import addLoggerProxy
+
+        self.said = ""  # the last message of the unit
+        self._unit = fmi2.FMU2Slave(
+            guid=description.guid,
+            unzipDirectory=str(folder),
+            modelIdentifier=description.coSimulation.modelIdentifier,
+            instanceName="vehicle",
+        )
+        self._callbacks = fmi2.fmi2CallbackFunctions()
+        self._callbacks.logger = fmi2.fmi2CallbackLoggerTYPE(lambda *words: self._hear(words[-1]))
+        self._callbacks.allocateMemory = fmi2.fmi2CallbackAllocateMemoryTYPE(calloc)
+        self._callbacks.freeMemory = fmi2.fmi2CallbackFreeMemoryTYPE(free)
+        addLoggerProxy(ctypes.byref(self._callbacks))  # which fills in what the unit passes beside the text
+
+    def _hear(self, text: bytes) -> None:
+        self.said = text.decode(errors="replace")
+
+    def instantiate(self) -> None:
+        """Make an instance."""
+        self._unit.instantiate(callbacks=self._callbacks)
+
+    def begin(self) -> None:
+        """Initialize, up to time zero."""
+        self._unit.setupExperiment(startTime=0.0)
+        self._unit.enterInitializationMode()
+        self._unit.exitInitializationMode()
+
+    def set(self, numbers: Numbers) -> None:
+        """Set variables."""
+        unit = self._unit
+        unit.fmi2SetReal(unit.component, numbers.references, numbers.size, numbers.buffer)
+
+    def get(self, numbers: Numbers) -> None:
+        """Read variables."""
+        unit = self._unit
+        unit.fmi2GetReal(unit.component, numbers.references, numbers.size, numbers.buffer)
+
+    def step(self, time: float, step: float) -> None:
+        """Advance by a communication step [s]."""
+        self._unit.doStep(time, step)
+
+    def terminate(self) -> None:
+        """End the run."""
+        self._unit.terminate()
+
+    def end(self) -> None:
+        """Free the instance."""
+        self._unit.fmi2FreeInstance(self._unit.component)
+
+
+class Slave3:
+    """A unit of FMI 3.0."""
+
+    def __init__(self, description: Any, folder: Path) -> None:
+        from fmpy import fmi3
+
+        self.said = ""
+        self._unit = fmi3.FMU3Slave(
+            guid=description.guid,
+            unzipDirectory=str(folder),
+            modelIdentifier=description.coSimulation.modelIdentifier,
+            instanceName="vehicle",
+        )
+
+    def _hear(self, environment: Any, status: int, category: bytes, message: bytes) -> None:
+        self.said = message.decode(errors="replace")
+
+    def instantiate(self) -> None:
+        """Make an instance."""
+        self._unit.instantiate(logMessage=self._hear)
+
+    def begin(self) -> None:
+        """Initialize, up to time zero."""
+        self._unit.enterInitializationMode(startTime=0.0)
+        self._unit.exitInitializationMode()
+
+    def set(self, numbers: Numbers) -> None:
+        """Set variables."""
+        unit = self._unit
+        unit.fmi3SetFloat64(unit.component, numbers.references, numbers.size, numbers.buffer, numbers.size)
+
+    def get(self, numbers: Numbers) -> None:
+        """Read variables."""
+        unit = self._unit
+        unit.fmi3GetFloat64(unit.component, numbers.references, numbers.size, numbers.buffer, numbers.size)
+
+    def step(self, time: float, step: float) -> None:
+        """Advance by a communication step [s]."""
+        _, terminate, early, reached = self._unit.doStep(time, step)
+        if terminate or early:
+            raise RuntimeError(f"it ended a step early, at {reached:g} s")
+
+    def terminate(self) -> None:
+        """End the run."""
+        self._unit.terminate()
+
+    def end(self) -> None:
+        """Free the instance."""
+        self._unit.fmi3FreeInstance(self._unit.component)
+
+
 _REAL = ("Real", "Float64")
 _SETTABLE = ("input", "parameter")
+DESCRIPTION = "modelDescription.xml"
+LARGEST = 4e9  # of all files together, unpacked; assumed [byte]
 
 
 class FmuVehicle:
@@ -40,7 +177,7 @@ class FmuVehicle:
         given = mapping.read(path) if Path(path).suffix == ".toml" else None
         unit = Path(path) if given is None else given.fmu
         self.name = unit.name
-        description = archive.description(unit)
+        description = _description(unit)
         digest = hashlib.sha256(unit.read_bytes()).hexdigest()
         variables = {v.name: v for v in description.modelVariables}
         self.mapping = m = mapping.load(unit, variables) if given is None else given
@@ -63,7 +200,7 @@ class FmuVehicle:
         kind = Slave2 if description.fmiVersion.startswith("2") else Slave3
         self._folder = tempfile.TemporaryDirectory()
         try:
-            archive.unpack(unit, Path(self._folder.name))
+            _unpack(unit, Path(self._folder.name))
             self._slave = self._asked("to load", partial(kind, description, Path(self._folder.name)))
         except BaseException:
             self._folder.cleanup()
@@ -179,3 +316,84 @@ def _place(where: str, entry: Entry, variables: dict[str, Any], unit: str, setti
 def _together(places: Iterable[tuple[int, float]]) -> tuple[Numbers, Array]:
     found = list(places)
     return Numbers(reference for reference, _ in found), np.array([size for _, size in found])
+
+
+def _description(path: Path) -> Any:
+    """The description of a unit that this machine can run for co-simulation, as fmpy reads it; no code of it runs.
+
+    Raises
+    ------
+    ValueError
+        With the reason: no archive, a file that would leave the folder of the unit, no description or a bad one,
+        FMI 1.0, model exchange only, no binary for this platform, or fmpy is not installed.
+    OSError
+        The file cannot be opened.
+    """
+    try:
+        import fmpy
+    except ImportError:
+        raise ValueError(
+            f"{path}: a unit is loaded by the package fmpy, which is not installed: pip install '.[fmu]'"
+        ) from None
+    try:
+        with zipfile.ZipFile(path) as archive:
+            files = _checked_names(archive)
+            if DESCRIPTION not in files:
+                raise ValueError(f"is no FMU: it holds no {DESCRIPTION}")
+            version = _version(archive.read(DESCRIPTION))
+        try:
+            found = fmpy.read_model_description(str(path))
+        except Exception as error:  # fmpy raises bare exceptions
+            raise ValueError(f"its {DESCRIPTION} is not valid: {error}") from None
+        if found.coSimulation is None:
+            raise ValueError("is for model exchange only, which needs a solver: export it for co-simulation")
+        _check_binary(found.coSimulation.modelIdentifier, version, files, fmpy)
+    except zipfile.BadZipFile:
+        raise ValueError(f"{path} is no FMU, which is a zip archive: it is another file, or it was cut") from None
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+    return found
+
+
+def _unpack(path: Path, folder: Path) -> None:
+    """Unpack a unit that :func:`_description` has checked."""
+    with zipfile.ZipFile(path) as archive:
+        _checked_names(archive)
+        archive.extractall(folder)
+
+
+def _checked_names(archive: zipfile.ZipFile) -> set[str]:
+    """Names of the files; ValueError where one of them would leave the folder that the archive is unpacked into."""
+    for each in archive.infolist():
+        name = PurePosixPath(each.filename.replace("\\", "/"))
+        if name.is_absolute() or ".." in name.parts or re.match(r"[A-Za-z]:", each.filename):
+            raise ValueError(f"holds the file {each.filename!r}, which climbs out of the folder of the unit")
+        if stat.S_ISLNK(each.external_attr >> 16):
+            raise ValueError(f"holds the link {each.filename!r}, which may lead out of the folder of the unit")
+    if sum(each.file_size for each in archive.infolist()) > LARGEST:
+        raise ValueError(f"takes more than {LARGEST / 1e9:g} GB unpacked")
+    return set(archive.namelist())
+
+
+def _version(text: bytes) -> str:
+    """Version of FMI, ``"2"`` or ``"3"``."""
+    try:
+        found = ElementTree.fromstring(text).get("fmiVersion", "")
+    except ElementTree.ParseError as error:
+        raise ValueError(f"its {DESCRIPTION} is not valid: {error}") from None
+    if not re.match(r"(2\.0$|3\.)", found):
+        raise ValueError(f"is of FMI {found or 'no version'}; 2.0 and 3.0 can be loaded: export it in one of these")
+    return found[0]
+
+
+def _check_binary(identifier: str, version: str, files: set[str], fmpy: Any) -> None:
+    """ValueError unless there is a binary for this platform, in the folder of the unit."""
+    if not re.fullmatch(r"[A-Za-z_]\w*", identifier or ""):
+        raise ValueError(f"its modelIdentifier must be a C identifier, got {identifier!r}")
+    here = fmpy.platform if version == "2" else fmpy.platform_tuple
+    if f"binaries/{here}/{identifier}{fmpy.sharedLibraryExtension}" not in files:
+        there = sorted({name.split("/")[1] for name in files if re.match(r"binaries/[^/]+/.", name)})
+        raise ValueError(
+            f"has no binary {identifier}{fmpy.sharedLibraryExtension} for this platform, {here}; it has binaries for "
+            f"{', '.join(there) or 'none'}: export it for {here}"
+        )

@@ -1,3 +1,3 @@
-from .unit_export import export
+from .exporter import export
 
 __all__ = ["export"]

@@ -1,9 +1,12 @@
 """A server of a subsystem over UDP, in lockstep or free running: a compiled loop in a thread without the GIL."""
 
+import socket
+import struct
 from types import TracebackType
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numba import types
 from numpy.typing import NDArray
 
 from steer_env.connect.udp import session
@@ -19,16 +22,67 @@ from steer_env.connect.udp.session import (
     report,
     respond,
 )
-from steer_env.connect.udp.system import NO_WAIT, bound_socket, receive, send
 from steer_env.friction.numerics.check import one_of
 from steer_env.friction.numerics.kernel import kernel
 from steer_env.live.real_time import loop as real_time
 from steer_env.live.real_time.loop import NEVER, loop_of, register
 from steer_env.live.real_time.model import model_of
 from steer_env.live.real_time.safety import TRIPS, Limits
-from steer_env.live.real_time.system import clock
-from steer_env.live.real_time.worker import WAKE, Worker
+from steer_env.live.real_time.system import WAKE, Worker, check, clock
 from steer_env.vehicle.subsystems import Subsystem
+
+_int: Any = types.int32
+_long: Any = types.int64
+_pointer = types.voidptr
+_recvfrom: Any = types.ExternalFunction("recvfrom", _long(_int, _pointer, _long, _int, _pointer, _pointer))
+_sendto: Any = types.ExternalFunction("sendto", _long(_int, _pointer, _long, _int, _pointer, _int))
+NO_WAIT = 0x40  # MSG_DONTWAIT of Linux
+ADDRESS_SIZE = 16  # of an address of IPv4 [byte]
+
+
+@kernel
+def receive(descriptor, datagram, sender, length, flags):
+    """The size of the next datagram, or a negative number where there is none.
+
+    It waits as long as the socket is set to, or not at all with ``NO_WAIT`` as ``flags``.
+
+    ``datagram`` (N,) of int64 receives it, longer ones cut; ``sender`` (2,) of uint64 receives the address that it
+    comes from. ``length`` (1,) of int32 is for the use of the system.
+    """
+    length[0] = ADDRESS_SIZE
+    return _recvfrom(descriptor, datagram.ctypes, 8 * datagram.size, flags, sender.ctypes, length.ctypes)
+
+
+@kernel
+def send(descriptor, datagram, receiver):
+    """Send a datagram (N,) of int64 to an address; whether the system took it."""
+    size = 8 * datagram.size
+    return _sendto(descriptor, datagram.ctypes, size, 0, receiver.ctypes, ADDRESS_SIZE) == size
+
+
+def bound_socket(address: str, port: int, wait: float) -> socket.socket:
+    """A socket for datagrams at an address of this machine, whose :func:`receive` waits for so long [s].
+
+    Raises
+    ------
+    ValueError
+        Another operating system, kernels that are not compiled, or an address or port that cannot be used.
+    """
+    check()
+    made = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    try:
+        made.bind((address, port))
+    except (OSError, OverflowError) as error:
+        made.close()
+        told = error.strerror if isinstance(error, OSError) else "must be at most 65535"
+        raise ValueError(
+            f"cannot receive at address {address}, port {port}: {told}; give the address of an interface of this "
+            "machine, and a port that no other program uses (0 takes a free one)"
+        ) from None
+    seconds = int(wait)
+    made.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, struct.pack("ll", seconds, int(1e6 * (wait - seconds))))
+    return made
+
 
 LOOPBACK = "127.0.0.1"
 SILENCE = 10.0  # of a client, after which its session ends [s]; assumed
@@ -117,7 +171,7 @@ class Server(Worker):
     limits : Limits
         Of the torque, and times of the watchdog, in free running.
     priority : int
-        As of :class:`steer_env.live.real_time.worker.Worker`.
+        As of :class:`steer_env.live.real_time.system.Worker`.
 
     Raises
     ------

@@ -10,9 +10,8 @@ import errno
 import time
 from typing import Any
 
-from steer_env.live.devices.common.axes import pedal, wheel_angle
 from steer_env.live.devices.common.commands import BUTTONS
-from steer_env.live.devices.common.device import Clock, DeviceError, Reading, register
+from steer_env.live.devices.common.device import Clock, DeviceError, Reading, pedal, register, wheel_angle
 from steer_env.live.devices.common.force_wheel import ForceWheel
 
 _LEFT = 0x4000

@@ -7,7 +7,7 @@ from steer_env.friction.numerics.bounds import within
 from steer_env.friction.numerics.check import number
 from steer_env.live.devices.common.commands import BUTTONS
 from steer_env.live.devices.common.device import Clock, Reading, register
-from steer_env.live.devices.common.joystick_input import JoystickInput
+from steer_env.live.devices.common.window_input import JoystickInput
 
 
 class Gamepad(JoystickInput):

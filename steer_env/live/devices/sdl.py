@@ -10,11 +10,10 @@ import warnings
 from typing import Any
 
 from steer_env.friction.numerics.check import whole
-from steer_env.live.devices.common.axes import pedal, wheel_angle
 from steer_env.live.devices.common.commands import BUTTONS
-from steer_env.live.devices.common.device import Clock, DeviceError, Reading, register
+from steer_env.live.devices.common.device import Clock, DeviceError, Reading, pedal, register, wheel_angle
 from steer_env.live.devices.common.force_wheel import ForceWheel
-from steer_env.live.devices.common.joystick_input import NO_AXIS, chosen
+from steer_env.live.devices.common.window_input import NO_AXIS, chosen
 
 _END = 32767  # of an axis
 

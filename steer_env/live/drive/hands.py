@@ -7,9 +7,16 @@ wanted angle. Their resting point enters as the torque K_arm angle + C_arm speed
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 from steer_env.drivers.common.definition import Arm
+from steer_env.friction.law import law_of
 from steer_env.friction.numerics.bounds import within
+from steer_env.live.drive.shown import ConfigurationInfo
+from steer_env.live.real_time import CarConfiguration
+from steer_env.vehicle import subsystems
+from steer_env.vehicle.cars import Car
+from steer_env.vehicle.steering.assist.functions import NoFunctions
 
 # Between the relaxed and the tensed arms of steer_env.drivers, without their inertia, to follow at once; assumed.
 ARM = Arm(inertia=0.0, damping=1.5, stiffness=24.0, reflex=0.0)
@@ -68,3 +75,41 @@ class Pedals:
 def arranged(names: Sequence[str], values: dict[str, float]) -> list[float]:
     """Inputs in the order of their names; those that are not given are zero, those that the car lacks are left out."""
     return [values.get(name, 0.0) for name in names]
+
+
+def car_configuration(
+    label: str,
+    car: Car,
+    friction: Any = "lugre",
+    *,
+    speed: float = 100.0 / 3.6,
+    hands: str = "angle",
+    chassis: str = "two_track",
+    road_friction: float = 1.0,
+    law: str = "",
+) -> tuple[CarConfiguration, ConfigurationInfo]:
+    """A configuration.
+
+    Parameters
+    ----------
+    label : str
+        What the user calls it.
+    car : Car
+    friction : str or parameters
+        As of ``Car.plant``, as are ``speed`` [m/s], ``chassis`` and ``road_friction`` [1].
+    hands : {"angle", "torque"}
+        Of the device: where it gives a torque, arms hold the handwheel.
+    law : str
+        The friction law in words, by default its name.
+
+    Raises
+    ------
+    ValueError
+        As of ``Car.plant``.
+    """
+    p = car.plant(friction, speed, hands == "angle", road_friction, chassis)
+    if hands == "torque":
+        p = p._replace(column=p.column._replace(I_arm=ARM.inertia, C_arm=ARM.damping, K_arm=ARM.stiffness))
+    assist = "boost curve" if isinstance(p.assist.functions, NoFunctions) else "boost curve, functions"
+    info = ConfigurationInfo(label, car.name, law or law_of(p.friction).name, assist, chassis)
+    return CarConfiguration(label, subsystems.make("car", p, speed)), info

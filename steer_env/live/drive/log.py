@@ -110,7 +110,7 @@ class Log:
         self._file, self._places = file, [column.place for column in columns]
         self._sums, self._last = ([names.index(name) for name in which] for which in (_SUMS, _LAST))
         self._pose, self._shown = ([names.index(name) for name in which] for which in (HISTORY[:3], HISTORY))
-        self._set = names.index("chosen_set")
+        self._configuration = names.index("chosen_set")
         self._rest = np.zeros((0, 1 + len(names)))
         self._history: deque[Array] = deque(maxlen=round(SECONDS / SPACING))
         self._before: Array | None = None  # time, x, y of the last row
@@ -140,7 +140,7 @@ class Log:
         rows = values.mean(axis=1)
         rows[:, self._sums] = values[..., self._sums].sum(axis=1)
         rows[:, self._last] = values[:, -1, self._last]
-        rows[:, self._set] += 1.0  # as the keys count
+        rows[:, self._configuration] += 1.0  # as the keys count
         speeds = self._speeds(time, rows[:, self._pose])
         if self._file is not None:
             self._file.add(time, np.column_stack([rows, speeds]))

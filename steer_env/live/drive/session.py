@@ -1,4 +1,4 @@
-"""A drive: sets of the car, a device, the loop in real time, and a file that grows.
+"""A drive: configurations of the car, a device, the loop in real time, and a file that grows.
 
 Three threads take part. The loop is compiled and holds the deadlines. A thread of Python, some 500 times in a second,
 takes the device's readings to the loop and the torque to the device. Another writes what the loop has recorded. The
@@ -20,14 +20,92 @@ import numpy as np
 
 from steer_env.live.devices import Device, DeviceError, Reading
 from steer_env.live.drive.hands import Arms, Pedals, arranged
-from steer_env.live.drive.happened import Happened, waits_for
 from steer_env.live.drive.log import Log, columns_of, new_file
-from steer_env.live.drive.shown import History, SetInfo, Shown
-from steer_env.live.real_time import CarSet, CarSets, Limits, Mailboxes, RealTime
+from steer_env.live.drive.shown import ConfigurationInfo, History, Shown
+from steer_env.live.real_time import CarConfiguration, CarConfigurations, Limits, Mailboxes, RealTime
 from steer_env.live.real_time.angle_filter import BANDWIDTH
 from steer_env.live.real_time.loop import LATENESS_BIN
+from steer_env.live.real_time.measure import Durations
 from steer_env.live.real_time.recorder import OWN
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
+
+# What the watchdog counts, and what to do; of a failure, the sentence that ended the drive tells.
+FADED = {
+    "stale_trips": "no angle arrived in time; is the device there, and the machine not too busy (--priority)?",
+    "deadline_trips": "too many deadlines were missed; end other programs, or give --priority",
+    "dead_man_trips": "the dead-man key was released",
+}
+NOTED = 6.0  # time for which the window tells what happened [s]
+
+
+class Happened:
+    """Keeps events with their times.
+
+    Parameters
+    ----------
+    motor : bool
+        Whether there is a torque that can fade.
+
+    Attributes
+    ----------
+    events : list of (float, str)
+        Time of the simulation [s], and words.
+    """
+
+    def __init__(self, motor: bool) -> None:
+        self.events: list[tuple[float, str]] = []
+        self._noted = (0.0, "")
+        self._trips = dict.fromkeys(FADED, 0)
+        self._fades: dict[str, list[float]] = {name: [] for name in FADED}
+        self._motor = motor
+
+    def tell(self, at: float, words: str) -> None:
+        """Keep an event, and note it for the window."""
+        self._noted = at, words
+        self.events.append(self._noted)
+
+    def faded(self, at: float, counts: Mapping[str, int], asked: bool) -> None:
+        """Keep the fades that the watchdog has counted since the last call; ``asked``: the person ended the torque."""
+        for name, words in FADED.items():
+            new, self._trips[name] = counts[name] > self._trips[name], counts[name]
+            if new and self._motor and not (asked and name == "dead_man_trips"):
+                self._fades[name].append(at)
+                self._noted = at, f"the torque faded: {words}"
+
+    def note(self, now: float) -> str:
+        """What happened last, empty where that was long ago."""
+        at, words = self._noted
+        return words if now - at < NOTED else ""
+
+    def summary(self, loop: RealTime, about: str, acted: float, clipping: float) -> list[str]:
+        """A drive in lines: its loop, the device, how long there was torque [s], and what the device clipped [1]."""
+        counts, kept = loop.counts(), loop.loop
+        ticks = max(counts["ticks"], 1)
+        lines = [f"drove {1e-3 * counts['ticks']:.1f} s with {about}"]
+        if self._motor:
+            lines[0] += f", with torque for {acted:.1f} s"
+        lines += [f"{at:8.1f} s  {words}" for at, words in self.events]
+        lateness = Durations(kept.lateness, 1e-9 * LATENESS_BIN, 1e-9 * float(kept.worst[0]))
+        most, worst = 1e3 * lateness.percentile(99.0), 1e3 * lateness.worst
+        lines.append(f"late by {most:.2f} ms at most in 99 of 100 deadlines, {worst:.1f} ms at worst")
+        missed = f"deadlines missed {counts['missed'] / (counts['missed'] + ticks):.2%}"
+        limited = f", torque limited {counts['clipped'] / ticks:.2%} of the time, and by the device {clipping:.2%}"
+        lines.append(missed + limited * self._motor)
+        for name, times in self._fades.items():
+            if times:
+                often = f"{len(times)} times, first" if len(times) > 1 else "once,"
+                lines.append(f"the torque faded {often} at {times[0]:.1f} s: {FADED[name]}")
+        return lines
+
+
+def waits_for(device: Any, paused: bool, released: bool) -> str:
+    """What the torque waits for, in words for the window."""
+    if not device.motor:
+        return ""
+    if paused:
+        return "paused (P)"
+    return "hold Space" if released else ""
+
 
 PERIOD = 0.002  # of the exchange with the device [s]
 WRITTEN = 0.1  # time between two additions to the file [s]
@@ -59,10 +137,11 @@ class Session:
 
     Parameters
     ----------
-    sets : sequence of (CarSet, SetInfo)
+    configurations : sequence of (CarConfiguration, ConfigurationInfo)
         The first acts first.
     device : Device
-        Not yet open. The sets are made for its ``hands``: by :func:`steer_env.live.drive.sets.car_set`.
+        Not yet open. The configurations are made for its ``hands``, by
+        :func:`steer_env.live.drive.hands.car_configuration`.
     options : Options
         ``dead_man``: whether the motor has a torque only while the device's dead-man key is held. ``folder``: of the
         recording, without which there is none. ``meta``: of the recording, beside what the session tells itself.
@@ -74,28 +153,33 @@ class Session:
     OSError
         The folder takes no file.
     ValueError
-        As of ``CarSets`` and ``RealTime``.
+        As of ``CarConfigurations`` and ``RealTime``.
     """
 
-    def __init__(self, sets: Sequence[tuple[CarSet, SetInfo]], device: Device, options: Options) -> None:
-        self.infos = tuple(info for _, info in sets)
+    def __init__(
+        self,
+        configurations: Sequence[tuple[CarConfiguration, ConfigurationInfo]],
+        device: Device,
+        options: Options,
+    ) -> None:
+        self.infos = tuple(info for _, info in configurations)
         self.device, self.options = device, options
         self.failure = ""  # what ended the drive, empty where nothing did
         self.over = threading.Event()  # whether it is to end
         self.path: Path | None = None
         self._happened = Happened(device.motor)
         self.events = self._happened.events  # with their times [s]
-        self._sets = CarSets([each for each, _ in sets])
+        self._configurations = CarConfigurations([each for each, _ in configurations])
         wheel = device.hands == "angle"
-        self._mail = Mailboxes(self._sets, angle_bandwidth=BANDWIDTH if wheel else None, dead_man=True)
-        self._loop = RealTime(self._sets, self._mail.device, options.limits, priority=options.priority)
-        self._names = [signal.name for signal in self._sets.subsystem.given]
+        self._mail = Mailboxes(self._configurations, angle_bandwidth=BANDWIDTH if wheel else None, dead_man=True)
+        self._loop = RealTime(self._configurations, self._mail.device, options.limits, priority=options.priority)
+        self._names = [signal.name for signal in self._configurations.subsystem.given]
         self._hands, self._pedals, self._paused = Arms(), Pedals(options.speed), False
         self._recentres, self._odd, self._withheld = False, False, False
         self._heard, self._silent = math.inf, False  # time of the last reading [s], and whether its lack was told
         self._reading: Reading | None = None
         self._torque = 0.0
-        self._asked, self._pair, self._dropped = 0, (0, min(1, len(sets) - 1)), 0  # sets
+        self._asked, self._pair, self._dropped = 0, (0, min(1, len(configurations) - 1)), 0  # configurations
         self._stop = threading.Event()  # of the threads, which outlive the loop
         self._lateness, self._late, self._looked = self._loop.loop.lateness.copy(), 0.0, time.monotonic()
         self._lost, self._acted = 0, 0  # samples that nobody recorded, and those with torque
@@ -107,7 +191,7 @@ class Session:
             stack.callback(sys.setswitchinterval, sys.getswitchinterval())
             sys.setswitchinterval(SWITCH_INTERVAL)
             stack.enter_context(self.device)
-            columns = columns_of(self._sets.subsystem, self._loop.recorder)
+            columns = columns_of(self._configurations.subsystem, self._loop.recorder)
             file = None
             if self.options.folder is not None:
                 self.path, file = new_file(self.options.folder, columns, self._meta())
@@ -137,9 +221,9 @@ class Session:
             raise self._error
 
     def _meta(self) -> dict[str, Any]:
-        sets = [info._asdict() for info in self.infos]
+        configurations = [info._asdict() for info in self.infos]
         device = {"device": self.device.about, "motor": self.device.motor}
-        return {**self.options.meta, "speed_m_s": self.options.speed, **device, "sets": sets}
+        return {**self.options.meta, "speed_m_s": self.options.speed, **device, "sets": configurations}
 
     # -- the threads
 
@@ -238,11 +322,12 @@ class Session:
             self.over.set()  # the end of the block tells why
         asked, self._withheld = self._withheld, self._paused or self._recentres
         self._happened.faded(self.time(), self._loop.counts(), asked)
-        dropped = self._sets.counts()["dropped"]
+        dropped = self._configurations.counts()["dropped"]
         if dropped > self._dropped:
             self._dropped = dropped
-            self._tell(f"set {self._asked + 1} did not stay finite: set {self._sets.chosen() + 1} goes on")
-            self._asked = self._sets.chosen()
+            goes_on = self._configurations.chosen()
+            self._tell(f"configuration {self._asked + 1} did not stay finite: configuration {goes_on + 1} goes on")
+            self._asked = self._configurations.chosen()
         samples, lost = self._loop.recorder.drain()
         self._lost += lost
         self._acted += int((samples[:, _GAIN] > 0.0).sum())
@@ -305,7 +390,7 @@ class Session:
             self._recentres = True
         elif name in ("faster", "slower"):
             self._pedals.change(1 if name == "faster" else -1, self.speed())
-            given = [signal.name for signal in self._sets.sets[self._asked].subsystem.given]
+            given = [signal.name for signal in self._configurations.configurations[self._asked].subsystem.given]
             kept = "" if "target_speed" in given else ", but not by this chassis, whose speed does not change"
             self._tell(f"speed held at {3.6 * self._pedals.held:.0f} km/h{kept}")
         else:
@@ -313,15 +398,15 @@ class Session:
             self._choose((b if self._asked == a else a) if name == "swap" else int(name.removeprefix("set_")) - 1)
 
     def _choose(self, wanted: int) -> None:
-        """Let a set take over; the pair that swaps is the present and the former one."""
+        """Let a configuration take over; the pair that swaps is the present and the former one."""
         if wanted >= len(self.infos) or len(self.infos) == 1:
-            self._tell(f"there is no set {max(wanted + 1, 2)}")
+            self._tell(f"there is no configuration {max(wanted + 1, 2)}")
         elif wanted != self._asked:
             if wanted not in self._pair:
                 self._pair = (self._asked, wanted)
             self._asked = wanted
-            self._sets.choose(wanted)
-            self._tell(f"set {wanted + 1}: {self.infos[wanted].label}")
+            self._configurations.choose(wanted)
+            self._tell(f"configuration {wanted + 1}: {self.infos[wanted].label}")
 
     def _tell(self, words: str) -> None:
         self._happened.tell(self.time(), words)
@@ -367,8 +452,8 @@ class Session:
             clipped=max(counts["clipped"] / ticks, self.device.clipping()),
             late=self.late(),
             missed=counts["missed"] / (counts["missed"] + ticks),
-            sets=self.infos,
-            chosen=self._sets.chosen(),
+            configurations=self.infos,
+            chosen=self._configurations.chosen(),
             pair=self._pair,
             waits=waits_for(self.device, self._paused, self.options.dead_man and not (reading and reading.dead_man)),
             note=self._happened.note(1e-3 * counts["ticks"]),

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 
-class SetInfo(NamedTuple):
-    """A set in words."""
+class ConfigurationInfo(NamedTuple):
+    """A configuration in words."""
 
     label: str
     car: str
@@ -22,7 +22,7 @@ class History(NamedTuple):
     pose: NDArray[np.float64]  # (N, 3) x, y [m], yaw angle [rad]
     angle: NDArray[np.float64]  # (N,) of the handwheel [rad]
     torque: NDArray[np.float64]  # (N,) of the torsion bar [N m]
-    sets: NDArray[np.int64]  # (N,) that acted
+    configurations: NDArray[np.int64]  # (N,) that acted
 
 
 class Shown(NamedTuple):
@@ -39,9 +39,9 @@ class Shown(NamedTuple):
     clipped: float  # share of the time in which the torque was limited [1]
     late: float  # lateness at the deadlines that 99 of 100 keep, in the last seconds [s]
     missed: float  # share of the deadlines that were missed [1]
-    sets: tuple[SetInfo, ...]
-    chosen: int  # set that acts
-    pair: tuple[int, int]  # sets that swap
+    configurations: tuple[ConfigurationInfo, ...]
+    chosen: int  # configuration that acts
+    pair: tuple[int, int]  # configurations that swap
     waits: str  # what the torque waits for, empty for nothing
     note: str  # last thing that happened
     file: str  # of the recording

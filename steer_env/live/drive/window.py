@@ -1,4 +1,4 @@
-"""The window of a drive: road and car, handwheel, torque over angle with a fading trail, sets, and how the loop keeps.
+"""The window of a drive: road and car, handwheel, torque over angle with a fading trail, configurations, and the loop.
 
 It draws what a session shows and passes the events of pygame on; the drive itself is the same without it.
 """
@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from steer_env.live.drive.scene import LANE, LANES, Scene
-from steer_env.live.drive.shown import SetInfo, Shown
+from steer_env.live.drive.shown import ConfigurationInfo, Shown
 from steer_env.rendering import panels
 from steer_env.rendering.canvas import Box, Canvas, Colour, mixed
 from steer_env.rendering.panels import COLOURS, HAND, INK, MOTOR, MUTED, PANEL, PAPER, RULE, WANTED, signed
@@ -27,7 +27,7 @@ TITLE = "steer-env drive"
 ROAD, DIAL, LOOP, HEALTH = (14, 70, 440, 560), (468, 70, 498, 254), (468, 338, 498, 292), (980, 70, 286, 254)
 SETS = (980, 338, 286, 292)
 _STEER = "Left, Right or a, d  steer      Up, Down or w, s  pedals      "
-KEYS = "Tab  swap A and B      1–9  set      Page up, Page down  speed      C  recentre      P  pause      Esc  end"
+KEYS = "Tab  swap A and B      1–9  choose      Page up, Page down  speed      C  recentre      P  pause      Esc  end"
 GOOD, WAITS, BAD = (22, 128, 80), (202, 138, 4), (190, 18, 60)
 _PHASES = {"on": GOOD, "starting": WAITS, "fading": WAITS, "off": MUTED, "failed": BAD}
 _AGES = np.linspace(0.08, 1.0, 24).tolist()
@@ -41,7 +41,7 @@ class Window:
     ----------
     scene : Scene
     cars : sequence of Car
-        Of the sets.
+        Of the configurations.
 
     Raises
     ------
@@ -89,13 +89,13 @@ class Window:
         self._dial(shown)
         self._loop(shown)
         self._health(shown)
-        self._sets(shown)
+        self._configurations(shown)
         keys = f"{_STEER if shown.keyboard else ''}{KEYS}{'      Space  hold for torque' if shown.dead_man else ''}"
         canvas.text(keys, (16, HEIGHT - 14), MUTED, 12)
         canvas.text(_cut(shown.note, 170), (16, HEIGHT - 36), INK, 13, bold=True)
 
     def _status(self, shown: Shown) -> None:
-        canvas, info = self.canvas, shown.sets[shown.chosen]
+        canvas, info = self.canvas, shown.configurations[shown.chosen]
         speed = f"{round(3.6 * shown.speed)}"
         right = 16 + canvas.text(speed, (16, 36), INK, 34, bold=True)
         canvas.text("km/h", (right + 8, 42), MUTED, 13)
@@ -180,7 +180,7 @@ class Window:
                 self._peaks,
                 "last 10 s",
                 ages=_AGES,
-                sets=history.sets,
+                sets=history.configurations,
                 title=TORQUE,
             )
 
@@ -209,14 +209,14 @@ class Window:
             y += 30
         canvas.text(_cut(shown.device, 42), (left + 16, y + 6), MUTED, 11)
 
-    def _sets(self, shown: Shown) -> None:
+    def _configurations(self, shown: Shown) -> None:
         canvas, (left, top, width, height) = self.canvas, SETS
         canvas.field((left + 1, top + 1, width - 2, height - 2), PANEL)
-        step = min(58, (height - 16) // max(len(shown.sets), 1))
-        for number, info in enumerate(shown.sets):
-            self._set(shown, number, info, (left + 8, top + 8 + number * step, width - 16, step - 6))
+        step = min(58, (height - 16) // max(len(shown.configurations), 1))
+        for number, info in enumerate(shown.configurations):
+            self._configuration(shown, number, info, (left + 8, top + 8 + number * step, width - 16, step - 6))
 
-    def _set(self, shown: Shown, number: int, info: SetInfo, box: Box) -> None:
+    def _configuration(self, shown: Shown, number: int, info: ConfigurationInfo, box: Box) -> None:
         canvas, (left, top, width, height) = self.canvas, box
         colour, acts = COLOURS[number % len(COLOURS)], number == shown.chosen
         corners = [(left, top), (left + width, top), (left + width, top + height), (left, top + height)]
@@ -230,7 +230,7 @@ class Window:
         canvas.text(_cut(info.label, 22), (left + 42, middle - 8 * two), INK, 14, bold=acts)
         if two:
             canvas.text(_cut(more, 32), (left + 42, middle + 11), MUTED, 11)
-        if number in shown.pair and len(shown.sets) > 1:
+        if number in shown.pair and len(shown.configurations) > 1:
             letter = "AB"[shown.pair.index(number)]
             canvas.text(letter, (left + width - 14, middle), colour if acts else MUTED, 17, bold=True, align=0.5)
 

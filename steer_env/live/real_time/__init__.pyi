@@ -1,7 +1,7 @@
+from .configurations import CarConfiguration, CarConfigurations
 from .haptics import Wheel, stability
 from .loop import RealTime
 from .mailbox import Mailboxes
 from .safety import Limits
-from .sets import CarSet, CarSets
 
-__all__ = ["CarSet", "CarSets", "Limits", "Mailboxes", "RealTime", "Wheel", "stability"]
+__all__ = ["CarConfiguration", "CarConfigurations", "Limits", "Mailboxes", "RealTime", "Wheel", "stability"]

@@ -14,12 +14,11 @@ from numpy.typing import NDArray
 
 from steer_env.friction.numerics.kernel import dispatch, kernel
 from steer_env.live.real_time import safety
+from steer_env.live.real_time.configurations import CarConfigurations
 from steer_env.live.real_time.model import implausible, jumps, model_of, step, subsystem_of, take_inputs
 from steer_env.live.real_time.recorder import NO_RING, Recorder, Ring, keep
 from steer_env.live.real_time.safety import FADING, SAFETY, TRIPS, Limits, checked, cut, limited, supervise
-from steer_env.live.real_time.sets import CarSets
-from steer_env.live.real_time.system import clock, sleep_until
-from steer_env.live.real_time.worker import Worker
+from steer_env.live.real_time.system import Worker, clock, sleep_until
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
 from steer_env.vehicle.subsystems import Subsystem
 
@@ -165,7 +164,7 @@ class RealTime(Worker):
 
     Parameters
     ----------
-    source : Subsystem or CarSets
+    source : Subsystem or CarConfigurations
         From :func:`steer_env.vehicle.subsystems.make`, or several of those.
     device : NamedTuple
         Of a class given to :func:`register`.
@@ -174,7 +173,7 @@ class RealTime(Worker):
     most : int
         Samples after which it ends by itself.
     priority : int
-        As of :class:`steer_env.live.real_time.worker.Worker`.
+        As of :class:`steer_env.live.real_time.system.Worker`.
     recorded : float
         Time of which ``recorder`` keeps every sample until its ``drain`` takes them; 0 for no recorder [s].
 
@@ -187,7 +186,7 @@ class RealTime(Worker):
 
     def __init__(
         self,
-        source: Subsystem | CarSets,
+        source: Subsystem | CarConfigurations,
         device: Any,
         limits: Limits | None = None,
         most: int = MANY,

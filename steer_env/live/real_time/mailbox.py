@@ -16,10 +16,10 @@ from numpy.typing import ArrayLike, NDArray
 from steer_env.friction.numerics.kernel import kernel
 from steer_env.live.real_time import angle_filter
 from steer_env.live.real_time.angle_filter import AngleFilter, estimate, follow
+from steer_env.live.real_time.configurations import CarConfigurations
 from steer_env.live.real_time.loop import NEVER, PERIOD, register
 from steer_env.live.real_time.model import subsystem_of
 from steer_env.live.real_time.safety import FAILED, PHASES
-from steer_env.live.real_time.sets import CarSets
 from steer_env.live.real_time.system import fence
 from steer_env.vehicle.subsystems import Subsystem
 
@@ -88,7 +88,7 @@ class Mailboxes:
 
     Parameters
     ----------
-    source : Subsystem or CarSets
+    source : Subsystem or CarConfigurations
         What the loop runs.
     angle_bandwidth : float, optional
         Bandwidth of a filter of the handwheel angle [Hz], for a wheel whose readings are coarse or slower than 1 kHz
@@ -107,7 +107,7 @@ class Mailboxes:
 
     def __init__(
         self,
-        source: Subsystem | CarSets,
+        source: Subsystem | CarConfigurations,
         *,
         angle_bandwidth: float | None = None,
         dead_man: bool = False,

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from steer_env.friction.numerics.kernel import kernel
+from steer_env.live.real_time.configurations import CarConfigurations
 from steer_env.live.real_time.loop import (
     BINS,
     LATENESS_BIN,
@@ -29,9 +30,7 @@ from steer_env.live.real_time.loop import (
 )
 from steer_env.live.real_time.model import model_of, subsystem_of
 from steer_env.live.real_time.safety import Limits
-from steer_env.live.real_time.sets import CarSets
-from steer_env.live.real_time.system import check, clock
-from steer_env.live.real_time.worker import Worker
+from steer_env.live.real_time.system import Worker, check, clock
 from steer_env.vehicle.subsystems import Subsystem
 
 AMPLITUDE, FREQUENCY = 0.5, 0.5  # of the handwheel's angle [rad], [Hz]
@@ -105,17 +104,17 @@ class Measured(NamedTuple):
     counts: dict[str, int]  # of the loop, as steer_env.live.real_time.loop.counts
 
 
-def measure(source: Subsystem | CarSets, seconds: float, priority: int = 0) -> Measured:
+def measure(source: Subsystem | CarConfigurations, seconds: float, priority: int = 0) -> Measured:
     """Run a car with a prescribed handwheel angle for so long beside a bare loop.
 
     Parameters
     ----------
-    source : Subsystem or CarSets
-        The car or its steering, with ``robot=True``, or sets.
+    source : Subsystem or CarConfigurations
+        The car or its steering, with ``robot=True``, or configurations.
     seconds : float
         [s]
     priority : int
-        As of :class:`steer_env.live.real_time.worker.Worker`.
+        As of :class:`steer_env.live.real_time.system.Worker`.
 
     Raises
     ------

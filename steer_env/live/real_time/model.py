@@ -7,11 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from steer_env.friction.numerics.kernel import kernel
-from steer_env.live.real_time.switch import Switch
+from steer_env.live.real_time.configurations import Switch
 from steer_env.vehicle.subsystems import CLASSES, Subsystem, advance, is_finite
 
 if TYPE_CHECKING:
-    from steer_env.live.real_time.sets import CarSets
+    from steer_env.live.real_time.configurations import CarConfigurations
 
 Array = NDArray[np.float64]
 
@@ -68,16 +68,16 @@ class Model(NamedTuple):
     angle: int  # place of the handwheel's angle among the inputs, -1 where it is none
     begun: NDArray[np.int64]  # (1,) how often it returned to the begin
     released: NDArray[np.int64]  # (1,) not 0 where a dead-man key is needed and not held
-    now: Array  # (3,) set that acts, the next one or -1, and its share
+    now: Array  # (3,) configuration that acts, the next one or -1, and its share
 
 
-def subsystem_of(source: "Subsystem | CarSets") -> Subsystem:
-    """The subsystem that a loop runs: that of the sets, or the subsystem itself."""
+def subsystem_of(source: "Subsystem | CarConfigurations") -> Subsystem:
+    """The subsystem that a loop runs: that of the configurations, or the subsystem itself."""
     return source if isinstance(source, Subsystem) else source.subsystem
 
 
-def model_of(source: "Subsystem | CarSets") -> Model:
-    """A subsystem of :func:`steer_env.vehicle.subsystems.make`, or sets, at the begin of a session."""
+def model_of(source: "Subsystem | CarConfigurations") -> Model:
+    """A subsystem of :func:`steer_env.vehicle.subsystems.make`, or configurations, at the begin of a session."""
     subsystem = subsystem_of(source)
     switches = isinstance(subsystem.parameters, Switch)
     begin = np.zeros(subsystem.given_size)

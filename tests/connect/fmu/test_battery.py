@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from steer_env import manoeuvres
-from steer_env.connect.fmu import link, object_code
+from steer_env.connect.fmu import binary, object_code
 from steer_env.friction.numerics import packing
 from steer_env.manoeuvres.common import driving
 from steer_env.vehicle import cars, plant
@@ -46,7 +46,7 @@ def advance_of(p, folder):
         (folder / "kernels.o").write_bytes(code)
         library = folder / f"kernels{len(_made)}.so"
         (folder / "shown.c").write_text(SHOWN)
-        sources = f"-I{link.SOURCES}", folder / "shown.c", folder / "kernels.o"
+        sources = f"-I{binary.SOURCES}", folder / "shown.c", folder / "kernels.o"
         subprocess.run(["cc", "-shared", "-fPIC", "-o", library, *sources, "-lm"], check=True)
         _made[key] = ctypes.CDLL(str(library)).shown
     return _made[key], sizes

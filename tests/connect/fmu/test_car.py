@@ -110,7 +110,7 @@ def test_description_has_units_and_the_start_values_of_python(weave):
 
 
 def test_units_are_products_of_base_units():
-    from steer_env.connect.fmu.units import base_unit
+    from steer_env.connect.fmu.description import base_unit
 
     assert base_unit("N m s/rad") == {"kg": 1, "m": 2, "s": -1, "rad": -1}
     assert base_unit("m/s2") == {"m": 1, "s": -2}
@@ -437,13 +437,13 @@ def test_command_line(tmp_path):
 
 
 def test_help_names_what_there_is():
-    from steer_env.connect.fmu import object_code, unit_export
+    from steer_env.connect.fmu import exporter, object_code
     from steer_env.experiments.cli import export_fmu
     from steer_env.experiments.cli.common import plant_options
     from steer_env.vehicle import subsystems
 
     assert plant_options.SUBSYSTEMS == subsystems.SUBSYSTEMS
-    assert export_fmu.VERSIONS == unit_export.VERSIONS
+    assert export_fmu.VERSIONS == exporter.VERSIONS
     assert export_fmu.PLATFORMS == object_code.PLATFORMS
     assert export_fmu.PROCESSORS == object_code.NAMES
     assert sys.byteorder == "little"  # of every platform that units are made for

@@ -13,8 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from steer_env.live.devices.common.wheel_model import Rim, WheelModel
-from steer_env.live.devices.fake import hands_of
+from steer_env.live.devices.fake import Rim, WheelModel, hands_of
 from tests.live.devices.stages import DBC, TIMEOUT
 
 if sys.platform != "linux":

@@ -12,8 +12,8 @@ import pytest
 
 from steer_env import friction
 from steer_env.experiments.cli.main import main
+from steer_env.live.drive.hands import car_configuration
 from steer_env.live.drive.session import PERIOD, Session
-from steer_env.live.drive.sets import car_set
 from steer_env.live.real_time import haptics
 from steer_env.live.real_time.angle_filter import BANDWIDTH
 from steer_env.recording import files
@@ -110,7 +110,7 @@ def test_a_signal_that_was_dropped_while_a_kernel_was_compiled_ends_the_command(
 
 def test_a_wheel_gets_the_torque_with_which_it_is_stable_behind_the_filter(tmp_path, capsys):
     wheel = 0.003, 0.3, 0.001
-    part = car_set("lugre", cars.load("compact"), hands="angle")[0].subsystem
+    part = car_configuration("lugre", cars.load("compact"), hands="angle")[0].subsystem
     found = [haptics.stability(part, haptics.make(*wheel), *more) for more in ((), (BANDWIDTH, PERIOD))]
     assert found[1].share < found[0].share - 0.1
     options = ["--headless", "--seconds", "0.1", "--out", str(tmp_path), "--wheel", "0.003,0.3,1"]
@@ -138,7 +138,7 @@ def test_a_priority_that_is_not_allowed_is_told(tmp_path, monkeypatch, capsys):
     assert not list(tmp_path.iterdir())
 
 
-def test_several_sets_are_told_where_a_recording_is_read(tmp_path, capsys):
+def test_several_configurations_are_told_where_a_recording_is_read(tmp_path, capsys):
     options = ["--headless", "--seconds", "1", "--out", str(tmp_path), "--b", "friction=lugre,F_c=1.1"]
     assert main(["drive", "--device", "fake", *options]) == 0
     path = tmp_path / "drive-0001.csv"
@@ -156,7 +156,7 @@ def test_several_sets_are_told_where_a_recording_is_read(tmp_path, capsys):
     capsys.readouterr()
     main(["evaluate", str(path), "--manoeuvre", "weave"])
     out = capsys.readouterr().out
-    assert "several sets acted: lugre to" in out
+    assert "several configurations acted: lugre to" in out
     assert "% of the deadlines were missed, first at " in out
 
 
@@ -169,9 +169,9 @@ def test_files_of_one_name_are_told_by_their_folders_and_with_their_law(tmp_path
         laws.append(str(path))
     options = ["--headless", "--seconds", "0.1", "--out", str(tmp_path), "--friction", *laws]
     assert main(["drive", "--device", "fake", *options]) == 0
-    sets = files.read(tmp_path / "drive-0001.csv").meta["sets"]
-    assert [each["label"] for each in sets] == laws
-    assert {each["law"] for each in sets} == {"lugre of fitted.json"}
+    configurations = files.read(tmp_path / "drive-0001.csv").meta["sets"]
+    assert [each["label"] for each in configurations] == laws
+    assert {each["law"] for each in configurations} == {"lugre of fitted.json"}
 
 
 def test_the_devices_are_listed(capsys):
@@ -209,7 +209,7 @@ def test_what_cannot_be_is_told_in_a_sentence(options, sentence, capsys):
     ("words", "sentence"),
     [("friction=butter", "butter"), ("dahl", "'dahl' is none of"), ("", "it is empty"), ("set=5", "SECTION.KEY=VALUE")],
 )
-def test_a_further_set_that_makes_no_sense_is_refused(words, sentence, capsys):
+def test_a_further_configuration_that_makes_no_sense_is_refused(words, sentence, capsys):
     with pytest.raises(SystemExit) as stop:
         main(["drive", "--device", "fake", "--headless", "--b", words])
     assert stop.value.code == 2

@@ -17,13 +17,13 @@ def robot():
     return manoeuvres.drive(cars.load("compact"), manoeuvres.make("weave"), "lugre")
 
 
-def driven(robot, motor=True, gain=(), sets=(), missed=(), mixed=()):
-    """The robot's weave as a person's drive, with other values of gain, set, missed deadlines by row, and share."""
+def driven(robot, motor=True, gain=(), configurations=(), missed=(), mixed=()):
+    """The robot's weave as a person's drive, with other values of gain, configuration, missed deadlines and share."""
     time = robot.time
     own = {"chosen_set": np.ones(time.size), "share_of_next_set": np.zeros(time.size)}
     own["deadlines_missed"] = np.zeros(time.size)
     own["watchdog_gain"] = np.minimum(time - time[0], 1.0)  # soft start
-    for name, changes in zip(("watchdog_gain", "chosen_set", "deadlines_missed"), (gain, sets, missed)):
+    for name, changes in zip(("watchdog_gain", "chosen_set", "deadlines_missed"), (gain, configurations, missed)):
         for t0, t1, value in changes:
             own[name][(time >= t0) & (time < t1)] = value
     own["share_of_next_set"][1:] = np.abs(np.diff(own["chosen_set"])) * 0.5
@@ -68,12 +68,14 @@ def test_a_torque_that_ends_early_or_never_begins_is_refused(robot):
     assert "off or faded, first at 0.0 s" in refusal(driven(robot, gain=[(0.0, 5.0, 0.0)]))
 
 
-def test_two_sets_that_are_mixed_and_numbers_of_no_set_are_refused(robot):
+def test_two_configurations_that_are_mixed_and_numbers_of_none_are_refused(robot):
     mixed = driven(robot, motor=False, mixed=[(20.0, 20.5, 0.9)])
-    assert "two sets were mixed, first at 20.0 s. The longest part that is whole: --between 20.5" in refusal(mixed)
-    assert "two sets were mixed" in refusal(driven(robot, motor=False, mixed=[(0.0, 1e3, np.nan)]))
+    assert "two configurations were mixed, first at 20.0 s. The longest part that is whole: --between 20.5" in refusal(
+        mixed
+    )
+    assert "two configurations were mixed" in refusal(driven(robot, motor=False, mixed=[(0.0, 1e3, np.nan)]))
     for number in (np.nan, 3.0, 0.0):
-        assert "chosen_set is not everywhere the number" in refusal(driven(robot, sets=[(5.0, 6.0, number)]))
+        assert "chosen_set is not everywhere the number" in refusal(driven(robot, configurations=[(5.0, 6.0, number)]))
 
 
 def test_no_part_below_a_second_is_told(robot):
@@ -93,10 +95,10 @@ def test_without_a_motor_there_is_no_torque_that_could_be_off(robot):
     assert not any(value.reason for value in found.values())
 
 
-def test_several_sets_are_refused_with_the_longest_part_of_one(robot):
-    several = driven(robot, motor=False, sets=[(0.0, 8.0, 2.0)])
+def test_several_configurations_are_refused_with_the_longest_part_of_one(robot):
+    several = driven(robot, motor=False, configurations=[(0.0, 8.0, 2.0)])
     sentence = refusal(several)
-    assert "several sets acted: masing to 8.0 s, lugre to" in sentence
+    assert "several configurations acted: masing to 8.0 s, lugre to" in sentence
     start, end = between(sentence)
     assert start == pytest.approx(8.0, abs=0.1)
     part = several.between(start, end)

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from steer_env import manoeuvres, metrics
+from steer_env.live.drive.hands import car_configuration
 from steer_env.live.drive.log import Column, Log, columns_of, new_file
-from steer_env.live.drive.sets import car_set
-from steer_env.live.real_time import CarSets, Limits, Mailboxes, RealTime
+from steer_env.live.real_time import CarConfigurations, Limits, Mailboxes, RealTime
 from steer_env.live.real_time.angle_filter import BANDWIDTH
 from steer_env.live.real_time.loop import PERIOD, tick
 from steer_env.recording import files
@@ -33,13 +33,13 @@ def test_a_full_disk_leaves_no_empty_file(tmp_path, monkeypatch):
 def weave(folder, amplitude, seconds, chassis, bits=None):
     """A weave by readings of a wheel every 2 ms, on a clock that is not the machine's; the recording that it leaves."""
     car = cars.load("compact")
-    sets = CarSets([car_set("lugre", car, chassis=chassis)[0]])
-    mail = Mailboxes(sets, angle_bandwidth=BANDWIDTH)
-    real_time = RealTime(sets, mail.device, Limits())
-    columns = columns_of(sets.subsystem, real_time.recorder)
+    configurations = CarConfigurations([car_configuration("lugre", car, chassis=chassis)[0]])
+    mail = Mailboxes(configurations, angle_bandwidth=BANDWIDTH)
+    real_time = RealTime(configurations, mail.device, Limits())
+    columns = columns_of(configurations.subsystem, real_time.recorder)
     path, file = new_file(folder, columns, {"manoeuvre": "weave", "speed_m_s": 100.0 / 3.6})
     log = Log(columns, file)
-    names = [signal.name for signal in sets.subsystem.given]
+    names = [signal.name for signal in configurations.subsystem.given]
     model, loop, _ = real_time._arguments
     step = math.radians(900.0) / 2**bits if bits else None
     for k in range(round(1e3 * seconds)):
@@ -82,8 +82,8 @@ def test_rows_are_means_and_the_speed_is_that_of_the_way(tmp_path):
 
 def test_no_file_is_ever_overwritten(tmp_path):
     (tmp_path / "drive-0007.csv").write_text("mine")
-    sets = CarSets([car_set("lugre", cars.load("compact"))[0]])
-    columns = columns_of(sets.subsystem, RealTime(sets, Mailboxes(sets).device).recorder)
+    configurations = CarConfigurations([car_configuration("lugre", cars.load("compact"))[0]])
+    columns = columns_of(configurations.subsystem, RealTime(configurations, Mailboxes(configurations).device).recorder)
     made = [new_file(tmp_path, columns, {})[0].name for _ in range(2)]
     assert made == ["drive-0008.csv", "drive-0009.csv"]
     assert (tmp_path / "drive-0007.csv").read_text() == "mine"
@@ -98,8 +98,8 @@ def test_a_folder_that_takes_no_file_is_named_with_a_remedy(tmp_path):
 
 
 def test_lost_samples_leave_a_gap(tmp_path):
-    sets = CarSets([car_set("lugre", cars.load("compact"))[0]])
-    columns = columns_of(sets.subsystem, RealTime(sets, Mailboxes(sets).device).recorder)
+    configurations = CarConfigurations([car_configuration("lugre", cars.load("compact"))[0]])
+    columns = columns_of(configurations.subsystem, RealTime(configurations, Mailboxes(configurations).device).recorder)
     path, file = new_file(tmp_path, columns, {})
     log, rows = Log(columns, file), np.zeros((100, 60))
     log.add(rows, 50)

@@ -15,8 +15,8 @@ import pytest
 from steer_env.live.devices import DeviceError, make
 from steer_env.live.devices.fake import Fake
 from steer_env.live.devices.keyboard import Keyboard
+from steer_env.live.drive.hands import car_configuration
 from steer_env.live.drive.session import Options, Session
-from steer_env.live.drive.sets import car_set
 from steer_env.recording import files
 from steer_env.vehicle import cars
 
@@ -28,8 +28,8 @@ def session(folder, device=None, laws=LAWS[:2], **options):
     """A session that is not yet begun."""
     device = device or make("fake")
     car = cars.load("compact")
-    sets = [car_set(law, car, law, speed=SPEED, hands=device.hands) for law in laws]
-    return Session(sets, device, Options(SPEED, folder=folder, **options))
+    configurations = [car_configuration(law, car, law, speed=SPEED, hands=device.hands) for law in laws]
+    return Session(configurations, device, Options(SPEED, folder=folder, **options))
 
 
 def until(condition, seconds=20.0):
@@ -64,7 +64,7 @@ class Broken(Fake):
         return super().read()
 
 
-def test_a_drive_is_recorded_and_sets_change_while_driving(tmp_path):
+def test_a_drive_is_recorded_and_configurations_change_while_driving(tmp_path):
     drive = session(tmp_path)
     with drive:
         until(lambda: drive.time() > 0.5)
@@ -78,10 +78,15 @@ def test_a_drive_is_recorded_and_sets_change_while_driving(tmp_path):
         assert shown.held == pytest.approx(105.0 / 3.6)
         until(lambda: drive.time() > now + 0.3)
     assert shown.device == drive.device.about
-    assert [info.label for info in shown.sets] == list(LAWS[:2])
+    assert [info.label for info in shown.configurations] == list(LAWS[:2])
     assert not drive.failure
     told = [words for _, words in drive.events]
-    assert told == ["set 2: lugre,F_c=1.1", "set 1: lugre", "there is no set 5", "speed held at 105 km/h"]
+    assert told == [
+        "configuration 2: lugre,F_c=1.1",
+        "configuration 1: lugre",
+        "there is no configuration 5",
+        "speed held at 105 km/h",
+    ]
     recording = driven(drive)
     assert set(recording["chosen_set"]) == {1.0, 2.0}
     assert recording["target_speed"].max() == pytest.approx(5.0 / 3.6)
@@ -112,19 +117,25 @@ def test_a_mistake_of_a_program_is_not_hidden_and_loses_nothing(tmp_path):
     assert driven(drive).time[-1] > 0.1
 
 
-def test_two_quick_swaps_end_where_they_began_and_a_third_set_becomes_one_of_the_pair(tmp_path):
+def test_two_quick_swaps_end_where_they_began_and_a_third_configuration_becomes_one_of_the_pair(tmp_path):
     drive = session(None, laws=LAWS)
     with drive:
         for name in ("swap", "swap", "set_3", "swap", "swap"):
             drive.command(name)
         until(lambda: drive.shown().chosen == 2)
         assert drive.shown().pair == (0, 2)
-    assert [words[:5] for _, words in drive.events] == ["set 2", "set 1", "set 3", "set 1", "set 3"]
+    assert [words.partition(":")[0] for _, words in drive.events] == [
+        "configuration 2",
+        "configuration 1",
+        "configuration 3",
+        "configuration 1",
+        "configuration 3",
+    ]
 
 
 def test_a_chassis_that_keeps_its_speed_says_so():
     device, car = make("fake"), cars.load("compact")
-    one = car_set("lugre", car, speed=SPEED, hands=device.hands, chassis="single_track")
+    one = car_configuration("lugre", car, speed=SPEED, hands=device.hands, chassis="single_track")
     drive = Session([one], device, Options(SPEED))
     with drive:
         drive.command("faster")
@@ -361,7 +372,7 @@ def test_the_keyboard_steers_by_arms(tmp_path):
         drive.wait(30.0)
     assert drive.over.is_set()
     assert not drive.failure
-    assert [words for _, words in drive.events] == ["there is no set 2"]
+    assert [words for _, words in drive.events] == ["there is no configuration 2"]
     assert driven(drive)["handwheel_torque"].max() > 0.1
     assert driven(drive)["lateral_acceleration"].max() > 0.1
 

@@ -6,10 +6,10 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from steer_env.experiments.cli.common.drive_sets import MOST
+from steer_env.experiments.cli.drive import MOST
 from steer_env.live.drive import window
 from steer_env.live.drive.scene import COURSES, FIRST, Scene
-from steer_env.live.drive.shown import History, SetInfo, Shown
+from steer_env.live.drive.shown import ConfigurationInfo, History, Shown
 from steer_env.live.drive.window import DIAL, HEALTH, HEIGHT, LOOP, ROAD, WIDTH, Window
 from steer_env.live.real_time.safety import PHASES
 from steer_env.rendering.canvas import Canvas, NoWindowError
@@ -18,24 +18,25 @@ from steer_env.vehicle import cars
 from steer_env.vehicle.plant import CHANNEL, CHANNELS
 
 INFOS = tuple(
-    SetInfo(f"set of {law}", "compact", law, "boost curve", "two_track") for law in ("lugre", "dahl", "masing")
+    ConfigurationInfo(f"configuration of {law}", "compact", law, "boost curve", "two_track")
+    for law in ("lugre", "dahl", "masing")
 )
 
 
-def moment(x=50.0, chosen=0, sets=None, **more):
+def moment(x=50.0, chosen=0, configurations=None, **more):
     """A moment of a drive whose handwheel went to and fro."""
     t = np.arange(0.0, 10.0, 0.01)
     angle, torque = 0.3 * np.sin(1.3 * t), 2.0 * np.cos(1.3 * t)
-    sets = np.full(t.size, chosen) if sets is None else sets
+    configurations = np.full(t.size, chosen) if configurations is None else configurations
     pose = np.column_stack([x - 20.0 * (10.0 - t), 0.0 * t, 0.0 * t])
     channels = np.zeros(len(CHANNELS))
     channels[CHANNEL["x"]] = x
     usual = {
         "time": 12.0, "channels": channels, "speed": 20.0, "held": 20.0, "wanted": math.nan, "torque": -1.0,
-        "phase": "on", "gain": 1.0, "clipped": 0.0, "late": 1e-4, "missed": 0.0, "sets": INFOS, "chosen": chosen,
+        "phase": "on", "gain": 1.0, "clipped": 0.0, "late": 1e-4, "missed": 0.0, "configurations": INFOS, "chosen": chosen,
         "pair": (0, 1), "note": "", "waits": "",
         "motor": True, "keyboard": False, "dead_man": False, "file": "drive-0001.csv", "device": "the fake wheel",
-        "history": History(pose, angle, torque, sets),
+        "history": History(pose, angle, torque, configurations),
     }  # fmt: skip
     return Shown(**{**usual, **more})
 
@@ -56,14 +57,14 @@ def seen(frame, colour, box):
 
 
 @pytest.mark.parametrize("chosen", [0, 1])
-def test_the_loop_has_the_colour_of_the_set(chosen):
+def test_the_loop_has_the_colour_of_the_configuration(chosen):
     frame = drawn(chosen=chosen)
     assert frame.shape == (HEIGHT, WIDTH, 3)
     assert seen(frame, COLOURS[chosen], LOOP) > 100
     assert seen(frame, COLOURS[1 - chosen], LOOP) == 0
 
 
-def test_every_set_that_has_a_key_has_a_colour_of_its_own():
+def test_every_configuration_that_has_a_key_has_a_colour_of_its_own():
     assert len(COLOURS) >= MOST
     for colour, other in combinations([np.array(each) for each in COLOURS], 2):
         assert np.abs(colour - other).sum() > 60
@@ -82,9 +83,9 @@ def test_the_arcs_grow_at_once_and_shrink_behind_some_seconds():
 
 
 def test_behind_a_switch_the_loop_has_both_colours_and_fades():
-    frame = drawn(chosen=1, sets=np.repeat([0, 1], [800, 200]))
+    frame = drawn(chosen=1, configurations=np.repeat([0, 1], [800, 200]))
     assert seen(frame, COLOURS[1], LOOP) > 50
-    newest, oldest = (drawn(sets=np.repeat(which, [100, 900])) for which in ([1, 0], [0, 1]))
+    newest, oldest = (drawn(configurations=np.repeat(which, [100, 900])) for which in ([1, 0], [0, 1]))
     assert seen(newest, COLOURS[1], LOOP) < seen(oldest, COLOURS[1], LOOP)
 
 

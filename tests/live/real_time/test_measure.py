@@ -10,7 +10,7 @@ from steer_env.experiments.cli.main import main
 from steer_env.live.real_time import Mailboxes, RealTime
 from steer_env.live.real_time.loop import BINS
 from steer_env.live.real_time.measure import Durations, measure
-from steer_env.live.real_time.worker import Worker
+from steer_env.live.real_time.system import Worker
 from steer_env.vehicle import cars, subsystems
 
 if sys.platform != "linux":

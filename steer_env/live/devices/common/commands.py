@@ -4,8 +4,8 @@ import threading
 from typing import Any
 
 COMMANDS = {
-    "swap": "exchange the sets A and B",
-    **{f"set_{i}": f"choose set {i}" for i in range(1, 10)},
+    "swap": "exchange the configurations A and B",
+    **{f"set_{i}": f"choose configuration {i}" for i in range(1, 10)},
     "faster": "raise the speed",
     "slower": "lower the speed",
     "recentre": "take the present angle as straight ahead",

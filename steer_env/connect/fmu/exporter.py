@@ -8,18 +8,21 @@ import tempfile
 import uuid
 import zipfile
 from collections.abc import Sequence
+from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from steer_env.connect.fmu import description, documentation, link
-from steer_env.connect.fmu.c_data import c_data
-from steer_env.connect.fmu.description3 import fmi3
+import numpy as np
+
+from steer_env.connect.fmu import binary, description
+from steer_env.connect.fmu.description import STEP_NOTE
 from steer_env.connect.fmu.object_code import PLATFORMS, Processor, module_text, object_code, processor
-from steer_env.connect.fmu.variables import variables
+from steer_env.connect.fmu.variables import Variable, variables
 from steer_env.friction import law_of
 from steer_env.friction.law import as_mapping
 from steer_env.friction.numerics.check import one_of
 from steer_env.vehicle import cars, subsystems
+from steer_env.vehicle.steering.eps import SAMPLE_TIME
 from steer_env.vehicle.subsystems import Subsystem
 
 VERSIONS = (2, 3)
@@ -113,10 +116,10 @@ def _checked(path: Path, subsystem: str, fmi: int, platforms: Sequence[str]) -> 
         one_of(name, value, allowed)
     for platform in platforms:
         one_of("platform", platform, PLATFORMS)
-        link.compiler(platform)
+        binary.compiler(platform)
     if not platforms:
         raise ValueError(f"a unit needs a platform: {', '.join(PLATFORMS)}")
-    link.headers()
+    binary.headers()
     return tuple(dict.fromkeys(platforms))
 
 
@@ -137,24 +140,71 @@ def _files(
     listed = variables(subsystem, version)
     module = module_text(subsystem)
     objects = {platform: object_code(module, platform, level) for platform in platforms}
-    sources = [file.read_text(encoding="utf-8") for file in sorted(link.SOURCES.iterdir())]
+    sources = [file.read_text(encoding="utf-8") for file in sorted(binary.SOURCES.iterdir())]
     parts = (
-        c_data(subsystem, listed, level, ""),
+        binary.c_data(subsystem, listed, level, ""),
         told,
         *sources,
         str(version),
         *(code.hex() for code in objects.values()),
     )
     token = f"{{{uuid.UUID(hashlib.sha256(' '.join(parts).encode()).hexdigest()[:32])}}}"
-    data = c_data(subsystem, listed, level, token)
-    text = (description.fmi2 if version == 2 else fmi3)(subsystem, listed, identifier, token, told)
+    data = binary.c_data(subsystem, listed, level, token)
+    text = (description.fmi2 if version == 2 else description.fmi3)(subsystem, listed, identifier, token, told)
     files: dict[str, bytes] = {
         "modelDescription.xml": text,
-        ICONS[version]: documentation.icon(),
-        "documentation/index.html": documentation.page(subsystem, listed, level, told).encode(),
+        ICONS[version]: _icon(),
+        "documentation/index.html": _page(subsystem, listed, level, told).encode(),
     }
     for platform, code in objects.items():
         with tempfile.TemporaryDirectory() as folder:
-            binary = link.link(platform, version, data, code, identifier, Path(folder))
-            files[f"binaries/{FOLDERS[version][platform]}/{binary.name}"] = binary.read_bytes()
+            linked = binary.link(platform, version, data, code, identifier, Path(folder))
+            files[f"binaries/{FOLDERS[version][platform]}/{linked.name}"] = linked.read_bytes()
     return files
+
+
+_GROUPS = {
+    "Inputs": "INPUT",
+    "Outputs": "OUTPUT",
+    "Tunable parameters": "TUNABLE",
+    "Fixed parameters": "FIXED",
+    "Constants": "CONSTANT",
+    "Independent variable": "INDEPENDENT",
+}
+_SIZE = 100  # of the icon [pixels]
+
+
+def _page(subsystem: Subsystem, variables: list[Variable], processor: Processor, told: str) -> str:
+    """The page as HTML."""
+    from jinja2 import Environment, FileSystemLoader
+
+    folder = Path(__file__).parent / "templates"
+    listed = {heading: [v for v in variables if v.use == use] for heading, use in _GROUPS.items()}
+    return (
+        Environment(loader=FileSystemLoader(folder), autoescape=True, trim_blocks=True, lstrip_blocks=True)
+        .get_template("index.html")
+        .render(
+            title=subsystem.title,
+            told=told,
+            step_note=STEP_NOTE,
+            settling=f"{subsystem.settling * SAMPLE_TIME:g}",
+            processor=processor.name,
+            groups=[(heading, group) for heading, group in listed.items() if group],
+            version=metadata.version("steer-env"),
+        )
+    )
+
+
+def _icon() -> bytes:
+    """A handwheel with three spokes, as PNG."""
+    from matplotlib.image import imsave
+
+    y, x = np.mgrid[-1.0 : 1.0 : _SIZE * 1j, -1.0 : 1.0 : _SIZE * 1j]
+    radius = np.hypot(x, y)
+    rim, hub = np.abs(radius - 0.8) < 0.12, radius < 0.25
+    spokes = (radius < 0.8) & ((np.abs(y) < 0.08) | ((np.abs(x) < 0.08) & (y > 0.0)))
+    image = np.zeros((_SIZE, _SIZE, 4))
+    image[rim | hub | spokes] = (0.13, 0.29, 0.53, 1.0)
+    file = io.BytesIO()
+    imsave(file, image, format="png")
+    return file.getvalue()

@@ -1,4 +1,4 @@
-"""Sets of cars in one loop: a switch without a jump, whatever the next car does."""
+"""Configurations of cars in one loop: a switch without a jump, whatever the next car does."""
 
 import gc
 import itertools
@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from steer_env import friction
-from steer_env.live.real_time import CarSet, CarSets, Mailboxes, RealTime
+from steer_env.live.real_time import CarConfiguration, CarConfigurations, Mailboxes, RealTime
+from steer_env.live.real_time.configurations import FADE, HEAD, IMPLAUSIBLE, LONGEST, NEXT, PLACE, RUN_IN, SHARE
 from steer_env.live.real_time.model import model_of, restart, step
-from steer_env.live.real_time.switch import FADE, HEAD, IMPLAUSIBLE, LONGEST, NEXT, PLACE, RUN_IN, SHARE
 from steer_env.vehicle import cars, subsystems
 from steer_env.vehicle.plant import CHANNEL, channels
 from steer_env.vehicle.steering.column import HANDWHEEL_ANGLE, Column
@@ -33,26 +33,28 @@ DIFFERENT = {
 LAWS = {law: ("compact", law, "single_track") for law in friction.available()}
 
 
-def set_of(label, kind, robot=True, speed=100.0 / 3.6):
-    """A set by car, law and chassis."""
+def configuration_of(label, kind, robot=True, speed=100.0 / 3.6):
+    """A configuration by car, law and chassis."""
     car, law, chassis = kind
-    return CarSet(label, subsystems.make("car", cars.load(car).plant(law, speed, robot, chassis=chassis), speed))
+    return CarConfiguration(
+        label, subsystems.make("car", cars.load(car).plant(law, speed, robot, chassis=chassis), speed)
+    )
 
 
-def sets_of(kinds, robot=True, speed=100.0 / 3.6):
-    return CarSets([set_of(label, kind, robot, speed) for label, kind in kinds.items()])
+def configurations_of(kinds, robot=True, speed=100.0 / 3.6):
+    return CarConfigurations([configuration_of(label, kind, robot, speed) for label, kind in kinds.items()])
 
 
-def drive(sets, samples, amplitude, frequency=0.5, choices=(), robot=True):
-    """Channels of a sine of the handwheel's angle or torque, and the next set's share: (N, C + 1).
+def drive(configurations, samples, amplitude, frequency=0.5, choices=(), robot=True):
+    """Channels of a sine of the handwheel's angle or torque, and the next configuration's share: (N, C + 1).
 
-    ``choices`` are pairs of a sample and a set.
+    ``choices`` are pairs of a sample and a configuration.
     """
-    model, choices = model_of(sets), dict(choices)
+    model, choices = model_of(configurations), dict(choices)
     omega, found = 2.0 * math.pi * frequency, np.zeros((samples, len(CHANNEL) + 1))
     for k in range(samples):
         if k in choices:
-            sets.choose(choices[k])
+            configurations.choose(choices[k])
         t = 1e-3 * (k + 1)
         size = amplitude * min(t, 1.0)
         if robot:
@@ -64,16 +66,16 @@ def drive(sets, samples, amplitude, frequency=0.5, choices=(), robot=True):
     return found
 
 
-def break_parameters(sets, index):
-    """Let a set not stay finite from now on."""
-    m = sets.memory
+def break_parameters(configurations, index):
+    """Let a configuration not stay finite from now on."""
+    m = configurations.memory
     for first in (m.numbers[index], m.held[index]):
         place = (first - m.parameters.ctypes.data) // 8
         m.parameters[place : place + 9] = math.nan  # the column
 
 
 def excess(switched, one, other):
-    """Largest change of the torque in a sample beyond that of the drive unswitched, with either set [N m]."""
+    """Largest change of the torque in a sample beyond that of the drive unswitched, with either configuration [N m]."""
     changes = (np.abs(np.diff(each[: len(switched), TORQUE])) for each in (switched, one, other))
     mine, *unswitched = changes
     return float((mine - np.maximum(*unswitched)).max())
@@ -81,19 +83,19 @@ def excess(switched, one, other):
 
 def worst_switch(kinds, amplitude, frequency=0.5, robot=True, speed=100.0 / 3.6):
     """Largest excess over all pairs, in both directions, at the turning points of the second weave and between."""
-    made = [set_of(label, kind, robot, speed) for label, kind in kinds.items()]
+    made = [configuration_of(label, kind, robot, speed) for label, kind in kinds.items()]
     turning = 1e3 * 1.25 / frequency
     ats = [round(turning - 0.25e3 / frequency), round(turning)]
     length = ats[-1] + 500
-    alone = [drive(CarSets([each]), length, amplitude, frequency, robot=robot) for each in made]
+    alone = [drive(CarConfigurations([each]), length, amplitude, frequency, robot=robot) for each in made]
     found = []
     for i, j in itertools.permutations(range(len(made)), 2):
         for at in ats:
             begin = at - RUN_IN - FADE // 2
-            sets = CarSets([made[i], made[j]])
-            switched = drive(sets, at + 500, amplitude, frequency, [(begin, 1)], robot)
+            configurations = CarConfigurations([made[i], made[j]])
+            switched = drive(configurations, at + 500, amplitude, frequency, [(begin, 1)], robot)
             assert np.array_equal(switched[: begin + RUN_IN], alone[i][: begin + RUN_IN])
-            assert sets.chosen() == 1
+            assert configurations.chosen() == 1
             if not robot:  # later, the handwheel is elsewhere than in either drive
                 switched = switched[: np.flatnonzero(switched[:, -1])[-1] + 20]
             found.append((excess(switched, alone[i], alone[j]), made[i].label, made[j].label, at))
@@ -129,31 +131,31 @@ def test_a_switch_between_any_two_laws_under_a_hand_torque_does_not_jump(torque)
     assert worst_switch(LAWS, torque, robot=False)[0] < MARK
 
 
-def test_a_set_that_took_over_is_the_car_itself():
-    """Soon behind the switch to an equal chassis, the torque is that of the drive with the other set throughout."""
+def test_a_configuration_that_took_over_is_the_car_itself():
+    """Soon behind the switch to an equal chassis, the torque is that of a drive with the other configuration alone."""
     kinds = {law: ("compact", law, "two_track") for law in ("lugre", "masing")}
-    first, second = (set_of(label, kind) for label, kind in kinds.items())
-    switched = drive(CarSets([first, second]), 2600, 0.7, choices=[(1200, 1)])
-    alone = drive(CarSets([second]), 2600, 0.7)
+    first, second = (configuration_of(label, kind) for label, kind in kinds.items())
+    switched = drive(CarConfigurations([first, second]), 2600, 0.7, choices=[(1200, 1)])
+    alone = drive(CarConfigurations([second]), 2600, 0.7)
     assert np.abs(switched[1600:, TORQUE] - alone[1600:, TORQUE]).max() < 0.05
     assert np.abs(switched[:1400, TORQUE] - alone[:1400, TORQUE]).max() > 0.1
 
 
 def test_the_motion_of_the_car_goes_on_in_the_next_one():
     """In a turn, also to a chassis that calls its states otherwise; at a lower speed, without a brake or a push."""
-    sets = sets_of(DIFFERENT)
-    model = model_of(sets)
-    names = [name for name, _ in channels(sets.sets[0].subsystem.parameters)]
+    configurations = configurations_of(DIFFERENT)
+    model = model_of(configurations)
+    names = [name for name, _ in channels(configurations.configurations[0].subsystem.parameters)]
     yaw, speed = names.index("yaw_rate"), names.index("longitudinal_speed")
     model.given[1] = 0.2
-    model.given[[signal.name for signal in sets.subsystem.given].index("target_speed")] = -8.0
+    model.given[[signal.name for signal in configurations.subsystem.given].index("target_speed")] = -8.0
     for target in (1, 2, 0):
         for _ in range(6000):
             assert step(model, 1)
         acting = int(model.state[PLACE])
-        sets.choose(target)
+        configurations.choose(target)
         assert step(model, 1)
-        before, after = sets.memory.rows[acting], sets.memory.rows[1 - acting]
+        before, after = configurations.memory.rows[acting], configurations.memory.rows[1 - acting]
         assert abs(before[yaw]) > 0.05
         assert after[yaw] == pytest.approx(before[yaw], rel=0.05)
     assert before[speed] < 21.0  # far below that of straight running, from which the last two cars began
@@ -164,12 +166,12 @@ def test_the_motion_of_the_car_goes_on_in_the_next_one():
 
 def test_cars_under_a_hand_torque_share_one_handwheel():
     """In run-in and fade both have the same angle, which goes on without a jump, as its speed does."""
-    sets = sets_of(DIFFERENT, robot=False)
-    model, width = model_of(sets), sets.memory.start.shape[1]
+    configurations = configurations_of(DIFFERENT, robot=False)
+    model, width = model_of(configurations), configurations.memory.start.shape[1]
     angles = []
     for k in range(2500):
         if k == 1500:
-            sets.choose(1)
+            configurations.choose(1)
         model.given[0] = 3.0 * math.sin(math.pi * 1e-3 * k)
         assert step(model, 1)
         both = model.state[[HEAD + HANDWHEEL_ANGLE, HEAD + width + HANDWHEEL_ANGLE]]
@@ -178,18 +180,18 @@ def test_cars_under_a_hand_torque_share_one_handwheel():
             assert model.outputs[0, ANGLE] == pytest.approx(both[0], abs=1e-12)
             assert model.outputs[0, CHANNEL["handwheel_torque"]] == pytest.approx(model.given[0], abs=1e-9)
         angles.append(model.outputs[0, ANGLE])
-    assert sets.chosen() == 1
+    assert configurations.chosen() == 1
     bends = np.abs(np.diff(angles, 2))
     assert bends[1490:1900].max() < 1.5 * bends[500:1490].max()
 
 
 def test_a_choice_within_a_switch():
-    """In the run-in the latest replaces the next set, and that of the acting one ends it.
+    """In the run-in the latest replaces the next configuration, and that of the acting one ends it.
 
-    A fade turns round for the acting set, and goes on first for another one.
+    A fade turns round for the acting configuration, and goes on first for another one.
     """
-    sets = sets_of(DIFFERENT)
-    model = model_of(sets)
+    configurations = configurations_of(DIFFERENT)
+    model = model_of(configurations)
     model.given[1] = 0.3
     torque = []
 
@@ -199,31 +201,31 @@ def test_a_choice_within_a_switch():
             torque.append(model.outputs[0, TORQUE])
 
     run(1000)
-    sets.choose(1)
+    configurations.choose(1)
     run(RUN_IN // 2)
-    assert sets.memory.now.tolist() == [0.0, 1.0, 0.0]
-    sets.choose(0)
+    assert configurations.memory.now.tolist() == [0.0, 1.0, 0.0]
+    configurations.choose(0)
     run(1)
-    assert sets.memory.now.tolist() == [0.0, -1.0, 0.0]
-    sets.choose(1)
+    assert configurations.memory.now.tolist() == [0.0, -1.0, 0.0]
+    configurations.choose(1)
     run(RUN_IN // 2)
-    sets.choose(2)
+    configurations.choose(2)
     run(RUN_IN + FADE // 2)
-    assert sets.memory.now[1] == 2.0
-    assert 0.2 < sets.memory.now[2] < 1.0
-    share = sets.memory.now[2]
-    sets.choose(1)
-    sets.choose(0)
+    assert configurations.memory.now[1] == 2.0
+    assert 0.2 < configurations.memory.now[2] < 1.0
+    share = configurations.memory.now[2]
+    configurations.choose(1)
+    configurations.choose(0)
     run(1)
-    assert sets.memory.now[2] < share
+    assert configurations.memory.now[2] < share
     run(RUN_IN)
-    assert sets.memory.now.tolist() == [0.0, -1.0, 0.0]
-    sets.choose(2)
+    assert configurations.memory.now.tolist() == [0.0, -1.0, 0.0]
+    configurations.choose(2)
     run(RUN_IN + FADE // 2)
-    sets.choose(1)
+    configurations.choose(1)
     run(1000)
-    assert sets.chosen() == 1
-    assert sets.counts() == {"switched": 2, "dropped": 0}
+    assert configurations.chosen() == 1
+    assert configurations.counts() == {"switched": 2, "dropped": 0}
     assert np.abs(np.diff(torque[990:])).max() < MARK
 
 
@@ -232,23 +234,23 @@ def test_random_choices_never_jump(robot):
     draw = np.random.default_rng(6)
     choices = [(k, int(draw.integers(3))) for k in np.cumsum(draw.integers(1, 400, 40)) + 1000]
     length, size = choices[-1][0] + 500, 0.5 if robot else 2.0
-    sets = sets_of(DIFFERENT, robot)
-    switched = drive(sets, length, size, choices=choices, robot=robot)
-    alone = [drive(CarSets([each]), length, size, robot=robot) for each in sets.sets]
+    configurations = configurations_of(DIFFERENT, robot)
+    switched = drive(configurations, length, size, choices=choices, robot=robot)
+    alone = [drive(CarConfigurations([each]), length, size, robot=robot) for each in configurations.configurations]
     usual = max(np.abs(np.diff(each[:, TORQUE])).max() for each in alone)
-    assert sets.counts()["switched"] > 10
+    assert configurations.counts()["switched"] > 10
     assert np.abs(np.diff(switched[:, TORQUE])).max() < usual + MARK
 
 
 @pytest.mark.parametrize("damping", [-20.0, -50.0, -150.0])
-def test_a_set_that_diverges_and_stays_finite_is_dropped(damping):
-    """It does not keep the torque, and another set can be chosen behind it."""
-    sets = CarSets([set_of(label, LAWS["lugre"]) for label in "abc"])
-    alone = drive(CarSets([sets.sets[0]]), 6000, 0.3)[:, TORQUE]
-    m, model, torque = sets.memory, model_of(sets), []
+def test_a_configuration_that_diverges_and_stays_finite_is_dropped(damping):
+    """It does not keep the torque, and another configuration can be chosen behind it."""
+    configurations = CarConfigurations([configuration_of(label, LAWS["lugre"]) for label in "abc"])
+    alone = drive(CarConfigurations([configurations.configurations[0]]), 6000, 0.3)[:, TORQUE]
+    m, model, torque = configurations.memory, model_of(configurations), []
     for k in range(6000):
         if k in (1000, 4500):
-            sets.choose(1 if k == 1000 else 2)
+            configurations.choose(1 if k == 1000 else 2)
         if k == 1000 + RUN_IN + FADE // 2:
             for first in (m.numbers[1], m.held[1]):
                 m.parameters[(first - m.parameters.ctypes.data) // 8 + Column._fields.index("C2")] = damping
@@ -258,26 +260,26 @@ def test_a_set_that_diverges_and_stays_finite_is_dropped(damping):
         assert step(model, 1)
         torque.append(model.outputs[0, TORQUE])
     beyond = np.flatnonzero(np.abs(np.array(torque) - alone) > 0.1)
-    assert sets.counts() == {"switched": 1, "dropped": 1}
-    assert sets.chosen() == 2
+    assert configurations.counts() == {"switched": 1, "dropped": 1}
+    assert configurations.chosen() == 2
     assert np.abs(torque).max() <= IMPLAUSIBLE
     assert beyond.max(initial=0) < 1000 + RUN_IN + LONGEST + 4 * FADE
 
 
 @pytest.mark.parametrize("robot", [True, False])
 @pytest.mark.parametrize("fading", [False, True])
-def test_a_set_that_does_not_stay_finite_is_dropped(robot, fading):
-    """In the run-in at once, in the fade by fading back; the acting set goes on, and others can be chosen."""
-    sets = sets_of(DIFFERENT, robot)
-    alone = drive(CarSets([sets.sets[0]]), 1500, 0.5, robot=robot)
-    model, torque = model_of(sets), []
+def test_a_configuration_that_does_not_stay_finite_is_dropped(robot, fading):
+    """In the run-in at once, in the fade by fading back; the acting configuration goes on, and others can be chosen."""
+    configurations = configurations_of(DIFFERENT, robot)
+    alone = drive(CarConfigurations([configurations.configurations[0]]), 1500, 0.5, robot=robot)
+    model, torque = model_of(configurations), []
     for k in range(3000):
         if k == 1000:
-            sets.choose(1)
+            configurations.choose(1)
         if k == 1000 + (RUN_IN + FADE // 2 if fading else RUN_IN // 2):
-            break_parameters(sets, 1)
+            break_parameters(configurations, 1)
         if k == 2000:
-            sets.choose(2)
+            configurations.choose(2)
         t = 1e-3 * (k + 1)
         size = 0.5 * min(t, 1.0)
         sine, cosine = math.sin(math.pi * t), math.cos(math.pi * t)
@@ -285,22 +287,22 @@ def test_a_set_that_does_not_stay_finite_is_dropped(robot, fading):
         assert step(model, 1)
         torque.append(model.outputs[0, TORQUE])
         if k == 1900:
-            assert sets.memory.now.tolist() == [0.0, -1.0, 0.0]
-            assert sets.counts() == {"switched": 0, "dropped": 1}
-    assert sets.chosen() == 2
+            assert configurations.memory.now.tolist() == [0.0, -1.0, 0.0]
+            assert configurations.counts() == {"switched": 0, "dropped": 1}
+    assert configurations.chosen() == 2
     assert np.isfinite(torque).all()
     if not fading:
         assert np.array_equal(torque[:1500], alone[:, TORQUE])
     assert np.abs(np.diff(torque)).max() < np.abs(np.diff(alone[:, TORQUE])).max() + MARK
 
 
-def test_an_acting_set_that_does_not_stay_finite_is_a_failure_and_leaves_all_as_it_was():
-    sets = sets_of(dict(list(DIFFERENT.items())[:2]))
-    model = model_of(sets)
-    sets.choose(1)
+def test_an_acting_configuration_that_does_not_stay_finite_is_a_failure_and_leaves_all_as_it_was():
+    configurations = configurations_of(dict(list(DIFFERENT.items())[:2]))
+    model = model_of(configurations)
+    configurations.choose(1)
     for _ in range(RUN_IN + FADE // 2):
         assert step(model, 1)
-    break_parameters(sets, 0)
+    break_parameters(configurations, 0)
     before, shown = model.state.copy(), model.outputs.copy()
     assert not step(model, 1)
     assert np.array_equal(model.state, before)
@@ -308,27 +310,27 @@ def test_an_acting_set_that_does_not_stay_finite_is_a_failure_and_leaves_all_as_
     assert 0.0 < model.state[SHARE] < 1.0
 
 
-def test_a_new_session_begins_with_the_first_set_and_takes_the_choice_again():
-    sets = sets_of(dict(list(DIFFERENT.items())[:2]))
-    model = model_of(sets)
-    sets.choose(1)
+def test_a_new_session_begins_with_the_first_configuration_and_takes_the_choice_again():
+    configurations = configurations_of(dict(list(DIFFERENT.items())[:2]))
+    model = model_of(configurations)
+    configurations.choose(1)
     for _ in range(RUN_IN + 2 * FADE):
         step(model, 1)
-    assert sets.chosen() == 1
+    assert configurations.chosen() == 1
     restart(model)
     step(model, 1)
-    assert sets.chosen() == 0
+    assert configurations.chosen() == 0
     for _ in range(RUN_IN + 2 * FADE):
         step(model, 1)
-    assert sets.chosen() == 1
+    assert configurations.chosen() == 1
     assert model.state[PLACE] == 1.0
 
 
-def test_sets_keep_what_their_code_needs():
-    sets = sets_of(dict(list(DIFFERENT.items())[:1]))
-    expected = drive(sets, 200, 1.0)
-    model = model_of(sets)
-    del sets
+def test_configurations_keep_what_their_code_needs():
+    configurations = configurations_of(dict(list(DIFFERENT.items())[:1]))
+    expected = drive(configurations, 200, 1.0)
+    model = model_of(configurations)
+    del configurations
     gc.collect()
     noise = [np.random.default_rng(1).random(60_000) for _ in range(20)]  # takes the place of what was freed
     for k in range(200):
@@ -339,23 +341,23 @@ def test_sets_keep_what_their_code_needs():
     assert noise
 
 
-def test_sets_run_in_real_time_beside_threads_that_choose():
+def test_configurations_run_in_real_time_beside_threads_that_choose():
     """Choices of three threads, the loop at its deadlines, and every sample in the recorder."""
-    sets = sets_of(dict(list(DIFFERENT.items())[:2]))
-    mail = Mailboxes(sets)
+    configurations = configurations_of(dict(list(DIFFERENT.items())[:2]))
+    mail = Mailboxes(configurations)
     over = threading.Event()
 
     def choose(seed):
         draw = np.random.default_rng(seed)
         while not over.wait(0.2 + 0.4 * draw.random()):
-            sets.choose(int(draw.integers(2)))
+            configurations.choose(int(draw.integers(2)))
 
     threads = [threading.Thread(target=choose, args=(seed,)) for seed in range(3)]
-    with RealTime(sets, mail.device, most=20_000) as running:
+    with RealTime(configurations, mail.device, most=20_000) as running:
         for each in threads:
             each.start()
-        while sets.counts()["switched"] < 2 and running.counts()["ticks"] < 15_000:
-            mail.put(np.zeros(len(sets.subsystem.given)))
+        while configurations.counts()["switched"] < 2 and running.counts()["ticks"] < 15_000:
+            mail.put(np.zeros(len(configurations.subsystem.given)))
         over.set()
         for each in threads:
             each.join()
@@ -369,19 +371,19 @@ def test_sets_run_in_real_time_beside_threads_that_choose():
     assert np.abs(np.diff(rows[:, names.index("torsion_bar_torque")])).max() < MARK
 
 
-def test_bad_sets_are_named():
-    car = set_of("a", DIFFERENT["compact on two tracks, lugre"])
-    with pytest.raises(ValueError, match="at least one set"):
-        CarSets([])
+def test_bad_configurations_are_named():
+    car = configuration_of("a", DIFFERENT["compact on two tracks, lugre"])
+    with pytest.raises(ValueError, match="at least one configuration"):
+        CarConfigurations([])
     with pytest.raises(ValueError, match="its own label, got 'a' twice"):
-        CarSets([car, car])
-    other = set_of("b", DIFFERENT["compact on two tracks, lugre"], robot=False)
+        CarConfigurations([car, car])
+    other = configuration_of("b", DIFFERENT["compact on two tracks, lugre"], robot=False)
     with pytest.raises(ValueError, match="those of 'b' differ"):
-        CarSets([car, other])
-    steering = CarSet("s", subsystems.make("steering", cars.load("compact").plant(robot=True), 20.0))
+        CarConfigurations([car, other])
+    steering = CarConfiguration("s", subsystems.make("steering", cars.load("compact").plant(robot=True), 20.0))
     with pytest.raises(ValueError, match="made of the subsystem car, got steering for 's'"):
-        CarSets([steering])
-    sets = CarSets([car])
+        CarConfigurations([steering])
+    configurations = CarConfigurations([car])
     for index in (1, -1, 0.5, "a"):
-        with pytest.raises(ValueError, match=r"the set must be one of 0 \(a\), got"):
-            sets.choose(index)
+        with pytest.raises(ValueError, match=r"the configuration must be one of 0 \(a\), got"):
+            configurations.choose(index)
