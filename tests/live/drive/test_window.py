@@ -33,8 +33,8 @@ def moment(x=50.0, chosen=0, configurations=None, **more):
     channels[CHANNEL["x"]] = x
     usual = {
         "time": 12.0, "channels": channels, "speed": 20.0, "held": 20.0, "wanted": math.nan, "torque": -1.0,
-        "phase": "on", "gain": 1.0, "clipped": 0.0, "late": 1e-4, "missed": 0.0, "configurations": INFOS, "chosen": chosen,
-        "pair": (0, 1), "note": "", "waits": "",
+        "phase": "on", "gain": 1.0, "clipped": 0.0, "late": 1e-4, "missed": 0.0, "chosen": chosen,
+        "configurations": INFOS, "pair": (0, 1), "note": "", "waits": "",
         "motor": True, "keyboard": False, "dead_man": False, "file": "drive-0001.csv", "device": "the fake wheel",
         "history": History(pose, angle, torque, configurations),
     }  # fmt: skip
