@@ -1,7 +1,7 @@
 """Closed forms of the friction laws: the error of the kernels against each, and its limit.
 
 Work is summed from exact step means, so where a limit is 1e-11 or less only rounding contributes. The tests and
-``steer-env verify friction`` evaluate the errors.
+``steer-env maintain verify friction`` evaluate the errors.
 """
 
 import math

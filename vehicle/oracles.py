@@ -1,4 +1,4 @@
-"""Published and independent values that the models are compared with, by the tests and by ``steer-env verify``."""
+"""Published and independent values that tests and ``steer-env maintain verify`` compare the models with."""
 
 import numpy as np
 from numpy.typing import NDArray

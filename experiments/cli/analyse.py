@@ -1,32 +1,27 @@
-"""The command ``analyse``: the linearised car and the margins of its assist loop as a page."""
+"""Linearise a car: margins of its assist, frequency responses and modes, as a page.
+
+The page shows the margins of the assist loop over speed, torque, hands and friction, its Nyquist curves, the frequency
+responses of the car, and the modes over speed and boost.
+"""
 
 import argparse
-from pathlib import Path
-from typing import Any
 
-from steer_env.experiments.cli.common import names
-from steer_env.experiments.cli.common.arguments import FRICTION, friction_law
+from steer_env.experiments.cli.common import names, options
 from steer_env.experiments.pages import car_options
 
-
-def add(commands: Any, common: argparse.ArgumentParser) -> None:
-    """Add the command to a parser's."""
-    text = (
-        "Linearise a car with its assist and write a page: the margins of the assist loop over speed, torque, hands "
-        "and friction, its Nyquist curves, the frequency responses of the car, and the modes over speed and boost."
-    )
-    analyse = commands.add_parser("analyse", help=text, description=text, parents=[common])
-    car_options.add(analyse)
-    text = f"friction at rest: {FRICTION} (default lugre)"
-    analyse.add_argument("--friction", metavar="LAW", type=friction_law, default="lugre", help=text)
-    text = "chassis model (default single_track)"
-    analyse.add_argument("--chassis", choices=names.chassis(), default="single_track", help=text)
-    text = "directory of the page, replaced as a whole (default analyse)"
-    analyse.add_argument("--out", metavar="DIR", type=Path, default=Path("analyse"), help=text)
-    analyse.set_defaults(function=_analyse)
+GROUP = "car"
 
 
-def _analyse(args: argparse.Namespace) -> None:
+def add(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
+    car_options.add(parser)
+    options.add(parser, "--friction", ", at rest", "lugre")
+    options.add(parser, "--chassis", default="single_track", choices=names.chassis())
+    options.add_out(parser, "of the page, replaced as a whole", "analyse")
+
+
+def run(args: argparse.Namespace) -> None:
+    """Write the page, and print its verdict."""
     from steer_env import friction
     from steer_env.experiments.pages import provenance
     from steer_env.experiments.pages import study_page as page

@@ -1,36 +1,36 @@
-"""The command ``car``: print a car, or write the page of its derived quantities."""
+"""Print a car with every key, write a new car file, or a page of derived quantities.
+
+The keys are printed as JSON in SI units. The page derives understeer, yaw lag, natural frequencies, free control,
+parking and kinematics, and compares them with published ranges.
+"""
 
 import argparse
 import json
 from pathlib import Path
-from typing import Any
 
-from steer_env.experiments.cli.common import names
+from steer_env.experiments.cli.common import names, options
 from steer_env.experiments.pages import car_options
 
+GROUP = "car"
 
-def add(commands: Any, common: argparse.ArgumentParser) -> None:
-    """Add the command to a parser's."""
-    text = (
-        "Print a car as JSON, with every key that a car file may set, in SI units; with --page derive its understeer, "
-        "yaw lag, natural frequencies, free control, parking and kinematics, and compare them with published ranges."
-    )
-    car = commands.add_parser("car", help=text, description=text, parents=[common])
+
+def add(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
     text = f"{', '.join(names.cars())}, or a .toml or .json file of your own"
-    car.add_argument("name", metavar="NAME", nargs="?", help=text)
+    parser.add_argument("name", metavar="NAME", nargs="?", help=text)
     text = "write a new car file in which a comment explains every key"
-    car.add_argument("--new", metavar="FILE.toml", help=text)
-    text = "car that the new file begins with (default compact)"
-    car.add_argument("--base", metavar="NAME", help=text)
-    car_options.add_changes(car)
+    parser.add_argument("--new", metavar="FILE.toml", help=text)
+    text = "car that the new file begins with (default: compact)"
+    parser.add_argument("--base", metavar="NAME", help=text)
+    car_options.add_changes(parser)
     text = "write index.html and car.json with the derived quantities, and print them"
-    car.add_argument("--page", action="store_true", help=text)
-    text = "directory of the page, replaced as a whole (default car_NAME)"
-    car.add_argument("--out", metavar="DIR", help=text)
-    car.set_defaults(function=_car, vehicle=None)
+    parser.add_argument("--page", action="store_true", help=text)
+    options.add_out(parser, "of the page, replaced as a whole", otherwise="car_NAME")
+    parser.set_defaults(vehicle=None)
 
 
-def _car(args: argparse.Namespace) -> None:
+def run(args: argparse.Namespace) -> None:
+    """Print the car, or write its file or page."""
     if args.out and not args.page:
         raise ValueError("--out is the directory of the page: give --page with it")
     if args.new:

@@ -1,4 +1,7 @@
-"""The command ``drive``: a person at the wheel, in real time."""
+"""Drive the car in real time with a wheel, gamepad, mouse or keyboard.
+
+The drive is recorded. Law, car and assist can be changed meanwhile. 'steer-env evaluate' reads the recording.
+"""
 
 import argparse
 import os
@@ -7,54 +10,57 @@ import signal
 import sys
 import threading
 import time
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
-from steer_env.experiments.cli.common import names, wheel_option
-from steer_env.experiments.cli.common.arguments import FRICTION, KPH, friction_law, whole_number
-from steer_env.experiments.cli.serve import TORQUE
+from steer_env.experiments.cli.common import names, options
+from steer_env.experiments.cli.common.options import KPH, TORQUE
 from steer_env.experiments.pages import car_options
 
 if TYPE_CHECKING:
     from steer_env.live.devices import Device
     from steer_env.live.drive.session import Session
 
+GROUP = "drive"
 COURSES = ("plain", "double-lane-change", "obstacle-avoidance")  # of steer_env.live.drive.scene
 NICE = -10  # of the threads of Python where the loop has a priority; assumed
 MOST = 9  # configurations, as there are keys 1 to 9
 _KEYS = ("vehicle", "tyre", "set", "friction", "chassis")
 
 
-def add(commands: Any, common: argparse.ArgumentParser) -> None:
-    """Add the command to a parser's."""
+def add(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
+    text = f"the device, with its options (default: keyboard); devices: {', '.join(names.devices())}"
+    parser.add_argument("--device", metavar="NAME[,KEY=VALUE...]", default="keyboard", help=text)
+    parser.add_argument("--list-devices", action="store_true", help="list the devices with their options, and end")
+    text = f"; several make several configurations, which keys exchange; laws: {', '.join(names.laws())}"
+    options.add(parser, "--friction", text, otherwise="lugre", nargs="+", action="extend")
+    car_options.add(parser)
+    options.add(parser, "--chassis", default="two_track", choices=names.chassis())
     text = (
-        "Drive the car in real time with a wheel, gamepad, mouse or keyboard, change law, car and assist meanwhile, "
-        "and record the drive for 'steer-env evaluate'."
+        f"a further configuration by what differs from the first, as words of {', '.join(f'{k}=...' for k in _KEYS)}: "
+        '--b "friction=dahl set=column.K_tb=143"; may be repeated'
     )
-    drive = commands.add_parser("drive", help=text, description=text, parents=[common])
-    text = f"the device, with its options (default keyboard); devices: {', '.join(names.devices())}"
-    drive.add_argument("--device", metavar="NAME[,KEY=VALUE...]", default="keyboard", help=text)
-    drive.add_argument("--list-devices", action="store_true", help="list the devices with their options, and end")
-    _add_configurations(drive)
-    text = "what stands on the road (default plain: nothing)"
-    drive.add_argument("--course", choices=COURSES, default=COURSES[0], help=text)
-    text = "directory of the recordings, of which each drive adds one (default drives)"
-    drive.add_argument("--out", metavar="DIR", type=Path, default=Path("drives"), help=text)
-    text = "the test that is driven, so that 'steer-env evaluate' knows it"
-    drive.add_argument("--manoeuvre", metavar="TEST", choices=names.manoeuvres(), help=f"{text}: weave, ...")
-    drive.add_argument("--headless", action="store_true", help="no window")
-    drive.add_argument("--seconds", metavar="S", type=float, help="end after so long (default: when you end it)")
-    text = f"largest torque of the motor at the handwheel in N m (default {TORQUE:g})"
-    drive.add_argument("--torque-limit", metavar="NM", type=float, default=TORQUE, help=text)
-    wheel_option.add(drive)
+    parser.add_argument(
+        "--b", dest="others", metavar="WORDS", action="append", default=[], type=_differences, help=text
+    )
+    options.add(parser, "--road-friction", default=1.0)
+    options.add(parser, "--speed-kph", "that is held at the start", 100.0)
+    text = "what stands on the road (default: plain, nothing)"
+    parser.add_argument("--course", choices=COURSES, default=COURSES[0], help=text)
+    options.add_out(parser, "of the recordings, of which each drive adds one", "drives")
+    text = "; so that 'steer-env evaluate' knows it"
+    options.add(parser, "--manoeuvre", text, otherwise="none", choices=names.manoeuvres())
+    parser.add_argument("--headless", action="store_true", help="no window")
+    options.add(parser, "--seconds", "after which the drive ends", otherwise="when you end it")
+    options.add(parser, "--torque-limit", default=TORQUE)
+    options.add(parser, "--wheel")
     text = "torque only while the dead-man key is held (space, or a button of the device)"
-    drive.add_argument("--dead-man", action="store_true", help=text)
-    text = "priority 1 to 99 of the scheduler SCHED_FIFO for the loop (default: that of every program)"
-    drive.add_argument("--priority", metavar="N", type=whole_number(1, 99), default=0, help=text)
-    drive.set_defaults(function=_drive)
+    parser.add_argument("--dead-man", action="store_true", help=text)
+    options.add(parser, "--priority", default=0, otherwise="that of every program")
 
 
-def _drive(args: argparse.Namespace) -> None:
+def run(args: argparse.Namespace) -> None:
+    """Drive until it is ended."""
     if args.list_devices:
         _list()
         return
@@ -79,10 +85,10 @@ def _drive(args: argparse.Namespace) -> None:
     trace = provenance.trace(car=cars[0], friction=laws)  # without the command, which makes no drive again
     about = {"manoeuvre": args.manoeuvre} if args.manoeuvre else {}
     meta = {**about, **_of_first(cars[0], configurations[0][1]), "command": shlex.join(args.argv), "trace": trace}
-    options = Options(args.speed_kph * KPH, limits, args.priority, args.dead_man, args.out, meta)
+    wanted = Options(args.speed_kph * KPH, limits, args.priority, args.dead_man, args.out, meta)
     if args.priority:
         _hurry()
-    session = Session(configurations, device, options)
+    session = Session(configurations, device, wanted)
     if signalled:  # while a kernel was compiled, where Python drops what a handler raises
         raise KeyboardInterrupt
     try:
@@ -170,8 +176,8 @@ def _list() -> None:
     from steer_env.live import devices
 
     for name in devices.available():
-        options = ", ".join(f"{key}={value}" for key, value in devices.options(name).items())
-        print(f"{name}\n    {options}")
+        given = ", ".join(f"{key}={value}" for key, value in devices.options(name).items())
+        print(f"{name}\n    {given}")
 
 
 def _share(args: argparse.Namespace, configurations: list[Any], device: "Device") -> float:
@@ -185,7 +191,7 @@ def _share(args: argparse.Namespace, configurations: list[Any], device: "Device"
     share = 1.0
     for each, info in configurations:
         found = haptics.stability(each.subsystem, haptics.make(*args.wheel), BANDWIDTH, PERIOD)
-        print(f"{info.label}: {wheel_option.sentence(found)}")
+        print(f"{info.label}: {options.wheel_verdict(found)}")
         share = min(share, found.share)
     return share
 
@@ -213,31 +219,10 @@ class _Quiet(argparse.ArgumentParser):
         raise ValueError(message)
 
 
-def _add_configurations(parser: argparse.ArgumentParser) -> None:
-    """Add the options that choose configurations: cars with their laws and chassis, which a key exchanges."""
-    text = f"{FRICTION}; several laws make several configurations; laws: {', '.join(names.laws())} (default lugre)"
-    parser.add_argument("--friction", metavar="LAW", nargs="+", action="extend", type=friction_law, help=text)
-    car_options.add(parser)
-    text = "chassis model (default two_track)"
-    parser.add_argument("--chassis", choices=names.chassis(), default="two_track", help=text)
-    text = (
-        "a further configuration by what differs from the first, as words of "
-        f"{', '.join(f'{key}=...' for key in _KEYS)}: "
-        '--b "friction=dahl set=column.K_tb=143"; may be repeated'
-    )
-    parser.add_argument(
-        "--b", dest="others", metavar="WORDS", action="append", default=[], type=_differences, help=text
-    )
-    text = "friction of the road over that of the tyre measurements (default 1)"
-    parser.add_argument("--road-friction", metavar="MU", type=float, default=1.0, help=text)
-    text = "speed that is held at the start, in km/h (default 100)"
-    parser.add_argument("--speed-kph", metavar="V", type=float, default=100.0, help=text)
-
-
 def _differences(text: str) -> argparse.Namespace:
     """What a further configuration has of its own, from words ``KEY=VALUE``."""
     parser = _Quiet(add_help=False, allow_abbrev=False)
-    parser.add_argument("--friction", type=friction_law)
+    parser.add_argument("--friction", type=options.friction_law)
     parser.add_argument("--chassis", choices=names.chassis())
     car_options.add(parser, default=None)
     try:
@@ -259,7 +244,7 @@ def _configurations(args: argparse.Namespace, hands: str) -> tuple[list[Any], li
     from steer_env.live.drive.hands import car_configuration
 
     wanted = []
-    laws = args.friction or [friction_law("lugre")]
+    laws = args.friction or [options.friction_law("lugre")]
     labels = [law.label for law in laws]
     for law in laws:
         words = [law.label if labels.count(law.label) == 1 else law.given, *([args.tyre] if args.tyre else [])]
@@ -274,9 +259,9 @@ def _configurations(args: argparse.Namespace, hands: str) -> tuple[list[Any], li
     if len(wanted) > MOST:
         raise ValueError(f"{len(wanted)} configurations are given, and there are keys for {MOST}: leave some out")
     configurations, cars = [], []
-    for label, options, law, chassis in wanted:
-        car = car_options.load(options)
-        changed = [f"{key}={value}" for key, value in options.changes] if options is args else []
+    for label, given, law, chassis in wanted:
+        car = car_options.load(given)
+        changed = [f"{key}={value}" for key, value in given.changes] if given is args else []
         configurations.append(
             car_configuration(
                 ", ".join([label, *changed]),

@@ -1,11 +1,15 @@
-"""The command ``evaluate``: the metrics of a recording, or of two with their differences."""
+"""Compute the metrics of a recording, measured or simulated, or compare two.
+
+The exit code is 1 where a recording gives no metric.
+"""
 
 import argparse
 from pathlib import Path
-from typing import Any
 
-from steer_env.experiments.cli.common import names, recordings
+from steer_env.experiments.cli.common import names, options, recordings
 from steer_env.experiments.cli.common.extras import require_format
+
+GROUP = "test"
 
 # Channels of a mapping to fill in: those that are measured in a car and that metrics read.
 MEASURED = (
@@ -20,21 +24,17 @@ MEASURED = (
 )
 
 
-def add(commands: Any, common: argparse.ArgumentParser) -> None:
-    """Add the command to a parser's."""
-    text = "Compute the metrics of a recording, measured or simulated; with --compare those of two recordings."
-    more = f"{text} The exit code is 1 where a recording gives no metric."
-    evaluate = commands.add_parser("evaluate", help=text, description=more, parents=[common])
-    evaluate.add_argument("file", metavar="FILE", nargs="?", help=f"the recording: {names.RECORDED}")
+def add(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
+    parser.add_argument("file", metavar="FILE", nargs="?", help=f"the recording: {names.RECORDED}")
     text = "two recordings; the differences are B less A"
-    evaluate.add_argument("--compare", metavar=("A", "B"), nargs=2, help=text)
-    recordings.add_options(evaluate)
-    text = "write a mapping to fill in, which lists every column of FILE with its unit and range, and do no more"
-    evaluate.add_argument("--template", metavar="FILE.toml", help=text)
-    evaluate.set_defaults(function=_evaluate)
+    parser.add_argument("--compare", metavar=("A", "B"), nargs=2, help=text)
+    recordings.add_options(parser)
+    options.add(parser, "--template")
 
 
-def _evaluate(args: argparse.Namespace) -> int:
+def run(args: argparse.Namespace) -> int:
+    """Print the metrics, and write them where --out says; the exit code."""
     if (args.file is None) == (args.compare is None):
         raise ValueError("give one FILE, or two with --compare A B")
     if args.template:

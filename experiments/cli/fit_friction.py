@@ -1,12 +1,15 @@
-"""The command ``fit-friction``: friction laws fitted to a measured record, and which of them describes it."""
+"""Fit friction laws to a measured record, and judge which of them describes it.
+
+The record holds displacement and friction. The laws are judged on the part that was not fitted. Writes a page, and a
+file of each law that --friction and gym.make take (docs/friction_measurement.md).
+"""
 
 import argparse
 import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from steer_env.experiments.cli.common import inputs, names
-from steer_env.experiments.cli.common.arguments import whole_number
+from steer_env.experiments.cli.common import inputs, names, options
 from steer_env.experiments.cli.common.extras import require_format
 from steer_env.experiments.cli.common.recordings import add_reading, can_options, check_can, mapping_of, read
 from steer_env.experiments.pages import car_options
@@ -15,39 +18,33 @@ if TYPE_CHECKING:
     from steer_env.recording.friction_record import FrictionRecord
     from steer_env.vehicle.cars import Car
 
+GROUP = "friction"
 ALL = "all"
 COLUMN = ("level", "presliding_deg")  # keys of --to-column
 
 
-def add(commands: Any, common: argparse.ArgumentParser) -> None:
-    """Add the command to a parser's."""
-    text = (
-        "Fit friction laws to a record of displacement and friction, judge them on the part that was not fitted, and "
-        "write a page, and a file of each law that --friction and gym.make take (docs/friction_measurement.md)."
-    )
-    parser = commands.add_parser("fit-friction", help=text, description=text, parents=[common])
+def add(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
     packaged = ", ".join(names.friction_records())
     text = f"the record: {packaged} (packaged), or a file: .csv.gz, {names.RECORDED}"
     parser.add_argument("file", metavar="DATA", help=text)
     text = f"laws to fit: {ALL} (default), or some of {', '.join(names.laws())}"
     parser.add_argument("--law", metavar="LAW", nargs="+", action="extend", help=text)
-    text = "directory for index.html, fit.json and LAW.json, replaced as a whole (default friction_NAME)"
-    parser.add_argument("--out", metavar="DIR", help=text)
-    text = "share of the record, its last part, that judges and is not fitted (default 0.4, where enough is left)"
-    parser.add_argument("--held-out", metavar="SHARE", help=text)
+    text = "for index.html, fit.json and LAW.json, replaced as a whole"
+    options.add_out(parser, text, otherwise="friction_NAME")
+    text = "share of the record, its last part, that judges and is not fitted (default: 0.4, where enough is left)"
+    parser.add_argument("--held-out", metavar="SHARE", type=options.real, help=text)
     _add_reading(parser)
     _add_record(parser)
     _add_fit(parser)
-    parser.set_defaults(function=_fit_friction)
 
 
 def _add_reading(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("reading")
     add_reading(group)
-    text = "samples a second that are fitted, where the record has many more than the motion needs (default: all)"
-    group.add_argument("--rate-hz", metavar="HZ", help=text)
-    text = "write a mapping to fill in, which lists every column of DATA with its unit and range, and do no more"
-    group.add_argument("--template", metavar="FILE.toml", help=text)
+    text = "that are fitted, where the record has many more than the motion needs"
+    options.add(group, "--rate-hz", text, otherwise="all")
+    options.add(group, "--template")
 
 
 def _add_record(parser: argparse.ArgumentParser) -> None:
@@ -55,13 +52,13 @@ def _add_record(parser: argparse.ArgumentParser) -> None:
     text = "1 where the friction is positive when it resists positive motion, -1 else (default: by the work it takes)"
     group.add_argument("--sign", type=int, choices=(1, -1), help=text)
     text = "inertia that the sensor of the friction accelerates along, whose torque is subtracted [kg m2, or kg]"
-    group.add_argument("--inertia", metavar="I", help=text)
-    text = "low-pass before the displacement is differentiated for the torque of inertia and damping [Hz] (default 10)"
-    group.add_argument("--cutoff-hz", metavar="HZ", help=text)
+    group.add_argument("--inertia", metavar="I", type=options.real, help=text)
+    text = "low-pass before the displacement is differentiated for the torque of inertia and damping [Hz] (default: 10)"
+    group.add_argument("--cutoff-hz", metavar="HZ", type=options.real, help=text)
     text = "subtract the straight line along which the zero of the friction drifts"
     group.add_argument("--without-drift", action="store_true", help=text)
     text = "radius at which the force acts, 0.00686 for the rack of the default car: m and N become rad and N m [m]"
-    group.add_argument("--lever", metavar="METRES", help=text)
+    group.add_argument("--lever", metavar="METRES", type=options.real, help=text)
     text = (
         "stretch a record of another contact, whose shape is wanted, to the level [N m] and the pre-sliding distance "
         "[deg] of a steering column: level=0.9,presliding_deg=0.516, which are those of the default laws"
@@ -80,15 +77,15 @@ def _add_fit(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--by-load", action="store_true", help=text)
     text = "95 %% intervals from the derivatives (linear, default), blocks drawn anew, or the profile of the loss"
     group.add_argument("--intervals", choices=("linear", "bootstrap", "profile"), default="linear", help=text)
-    text = "starting points of the search for each law (default 3)"
-    group.add_argument("--starts", metavar="N", type=whole_number(1), default=3, help=text)
+    text = "starting points of the search for each law (default: 3)"
+    group.add_argument("--starts", metavar="N", type=options.whole_number(1), default=3, help=text)
     text = "look for a better optimum of each law by differential evolution, which takes minutes"
     group.add_argument("--global-search", action="store_true", help=text)
-    text = "seed of the draws of both (default 0)"
-    group.add_argument("--seed", metavar="N", type=whole_number(0), default=0, help=text)
+    options.add(group, "--seed", "of the draws of --intervals and --global-search", 0)
 
 
-def _fit_friction(args: argparse.Namespace) -> None:
+def run(args: argparse.Namespace) -> None:
+    """Fit, judge and write."""
     path, name = _place(args.file)
     require_format([path])
     if args.template:
@@ -100,14 +97,14 @@ def _fit_friction(args: argparse.Namespace) -> None:
     from steer_env.experiments.pages.options import progress
     from steer_env.experiments.reports import friction_fit, friction_fit_page
     from steer_env.friction.law import LAWS
-    from steer_env.friction.numerics.check import number, read_number
+    from steer_env.friction.numerics.check import number
 
     laws = list(LAWS.available()) if args.law in (None, [ALL]) else list(dict.fromkeys(args.law))
     for law in laws:
         LAWS[law]  # refuses an unknown one with those that are known
     held_out = None
     if args.held_out is not None:
-        held_out = number("--held-out", read_number(args.held_out), minimum=0.0, maximum=0.9)
+        held_out = number("--held-out", args.held_out, minimum=0.0, maximum=0.9)
     out = Path(args.out or f"friction_{name}")
     files.usable(out, friction_fit.contents())
     car = car_options.load(args) if car_options.given(args) else None
@@ -155,7 +152,7 @@ def _place(given: str) -> tuple[str, str]:
 
 def _record(path: str, args: argparse.Namespace, car: "Car | None") -> "FrictionRecord":
     """The record of friction that a file holds, in the units that the options ask for."""
-    from steer_env.friction.numerics.check import number, read_number
+    from steer_env.friction.numerics.check import number
     from steer_env.recording import column_balance, friction_record
 
     check_can([path], args)
@@ -163,13 +160,13 @@ def _record(path: str, args: argparse.Namespace, car: "Car | None") -> "Friction
         raise ValueError(f"{len(args.mapping)} mappings are given for one record")
     if args.zero and car is None:
         raise ValueError("--zero is of a record of a car: give its --vehicle")
-    inertia = 0.0 if args.inertia is None else number("--inertia", read_number(args.inertia), minimum=0.0)
+    inertia = 0.0 if args.inertia is None else number("--inertia", args.inertia, minimum=0.0)
     recording = read(path, 0, args)
     kept: dict[str, Any] = {"sign": args.sign, "without_drift": args.without_drift}
     if args.cutoff_hz is not None:
-        kept["cutoff_hz"] = number("--cutoff-hz", read_number(args.cutoff_hz), minimum=0.0, above=True)
+        kept["cutoff_hz"] = number("--cutoff-hz", args.cutoff_hz, minimum=0.0, above=True)
     if args.rate_hz is not None:
-        rate = number("--rate-hz", read_number(args.rate_hz), minimum=0.0, above=True)
+        rate = number("--rate-hz", args.rate_hz, minimum=0.0, above=True)
         recording = recording.bridged().resampled(rate)
     if car is None:
         found = friction_record.from_recording(recording, inertia=inertia, **kept)
@@ -180,7 +177,7 @@ def _record(path: str, args: argparse.Namespace, car: "Car | None") -> "Friction
     if args.lever is not None and args.to_column is not None:
         raise ValueError("give --lever or --to-column: both lead to rad and N m")
     if args.lever is not None:
-        found = found.with_lever(number("--lever", read_number(args.lever), minimum=0.0, above=True))
+        found = found.with_lever(number("--lever", args.lever, minimum=0.0, above=True))
     elif args.to_column is not None:
         found = found.to_column(**_column(args.to_column))
     for note in found.notes:

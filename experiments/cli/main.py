@@ -1,35 +1,42 @@
 """The command line ``steer-env``.
 
-Each command is one file in this folder with ``add(commands, common)``, found by its name. The modules of the commands
+Each command is one file in this folder, found by its name: its docstring is its help, the first sentence in the list of
+all commands; ``GROUP`` is the kind of work that it is listed under; ``add(parser)`` adds its options, and ``run(args)``
+does the work. A folder is a word with commands of its own, ``steer-env policy evaluate``. The modules of the commands
 import what is slow to import inside the functions that run, so that ``--help`` answers at once. A bad value ends in one
 line on standard error and exit code 2, never in a traceback; a warning is one line there, too.
 """
 
 import argparse
 import importlib
+import inspect
 import os
 import signal
 import sys
 import threading
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from importlib import metadata
 from pathlib import Path
+from types import ModuleType
 from typing import Any, NoReturn
 
 from steer_env.experiments.cli.common.messages import in_options
 from steer_env.experiments.cli.common.sweeping import unswept
 from steer_env.friction.numerics.registry import dashed, listed
-from steer_env.friction.numerics.renamed import REMOVED_IN
 
-# Former names of options, with an underscore before the unit -> present ones.
-RENAMED = {
-    "--speed_kph": "--speed-kph",
-    "--frequency_hz": "--frequency-hz",
-    "--timing_ms": "--timing-ms",
-    "--rate_hz": "--rate-hz",
+# Kind of work -> its heading in the list of commands, in this order.
+GROUPS = {
+    "car": "Analyse a car",
+    "test": "Tests and metrics",
+    "friction": "Friction",
+    "learn": "Learn",
+    "couple": "Couple with other programs",
+    "drive": "Drive",
+    "maintain": "Maintain the package",
 }
+PACKAGE = "steer_env.experiments.cli"
 PIPE_CLOSED = 141  # exit code of a program that SIGPIPE ends, 128 + 13
 
 
@@ -71,43 +78,74 @@ def import_modules(argv: Sequence[str]) -> None:
             parser.error(f"--import {module}: {error}")
 
 
-def _parser() -> argparse.ArgumentParser:
-    text = "Simulate, evaluate and report steering feel with a selectable friction law."
-    parser = _Parser(prog="steer-env", description=text, parents=[_common()])
-    parser.add_argument("--version", action=_Version, nargs=0, help="print the version and exit")
-    commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
-    for name, module in listed(__package__ or "steer_env.experiments.cli", dashed).items():
-        if name != "main":
-            importlib.import_module(module).add(commands, _common())
-    return parser
+def commands(package: str = PACKAGE) -> dict[str, ModuleType]:
+    """The commands of a folder by name, each the module of its file, or the package that holds further words."""
+    found = {name: module for name, module in listed(package, dashed).items() if name != "main"}
+    return {name: importlib.import_module(module) for name, module in found.items()}
+
+
+def parser() -> argparse.ArgumentParser:
+    """The parser of the whole command line."""
+    there = commands()
+    made = _Parser(
+        prog="steer-env",
+        usage="steer-env COMMAND [OPTION ...]",
+        description="Simulate, evaluate and report steering feel with a selectable friction law.\n"
+        "'steer-env COMMAND --help' tells the options of a command.",
+        epilog=_grouped(there),
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    made.add_argument("--version", action=_Version, nargs=0, help="print the version and exit")
+    _add_commands(made, there, help=argparse.SUPPRESS)
+    return made
+
+
+def _grouped(there: Mapping[str, ModuleType]) -> str:
+    """The list of commands, each below the heading of its kind of work."""
+    lines = []
+    for group, heading in GROUPS.items():
+        lines.append(f"\n{heading}")
+        for name, command in there.items():
+            if group == command.GROUP:
+                lines.append(f"  {name:13s} {_paragraphs(command)[0].rstrip('.')}")
+    return "\n".join(lines)
+
+
+def _paragraphs(command: ModuleType) -> list[str]:
+    """What the docstring of a command says: the line of the lists, then what its own help says beside it."""
+    return (inspect.getdoc(command) or "").split("\n\n")
+
+
+def _add_commands(to: argparse.ArgumentParser, there: Mapping[str, ModuleType], **more: Any) -> None:
+    """Add commands, and those of folders, to a parser."""
+    words = to.add_subparsers(dest="command", metavar="COMMAND", required=True, prog=to.prog, **more)
+    for name, command in there.items():
+        told, *further = _paragraphs(command)
+        if hasattr(command, "__path__"):
+            folder = words.add_parser(name, help=told, description=told)
+            _add_commands(folder, commands(command.__name__))
+            continue
+        made = words.add_parser(name, help=told, description=" ".join([told, *further]), parents=[_common()])
+        command.add(made)
+        made.set_defaults(function=command.run, prog=made.prog)
 
 
 def parsed(argv: Sequence[str]) -> argparse.Namespace:
     """The options of a command line, with the words themselves as ``argv``; SystemExit for what a parser refuses."""
-    args = _parser().parse_args(argv, argparse.Namespace(argv=list(argv)))
+    args = parser().parse_args(argv, argparse.Namespace(argv=list(argv)))
     args.argv = unswept(args)  # results do not depend on where they were computed
     return args
 
 
-def _renamed(text: str) -> str:
-    """An argument by its present name; of a former one, a line on standard error tells it."""
-    name, equals, value = text.partition("=")
-    if name not in RENAMED:
-        return text
-    new = RENAMED[name]
-    print(f"steer-env: {name} is now {new}; release {REMOVED_IN} removes the old name", file=sys.stderr)
-    return new + equals + value
-
-
 @contextmanager
-def _warnings_in_one_line(command: str) -> Iterator[None]:
+def _warnings_in_one_line(program: str) -> Iterator[None]:
     """Show a warning that is meant for users as one line on standard error, without the place in the code."""
     with warnings.catch_warnings():
         show = warnings.showwarning
 
         def one_line(message: Warning | str, category: type[Warning], *place: Any, **more: Any) -> None:
             if issubclass(category, UserWarning):
-                print(f"steer-env {command}: warning: {message}", file=sys.stderr)
+                print(f"{program}: warning: {message}", file=sys.stderr)
             else:
                 show(message, category, *place, **more)
 
@@ -117,9 +155,8 @@ def _warnings_in_one_line(command: str) -> Iterator[None]:
 
 def _run(argv: Sequence[str]) -> int:
     """Run a command; its exit code."""
-    argv = [_renamed(text) for text in argv]
     import_modules(argv)
-    with _warnings_in_one_line(argv[0] if argv else ""):
+    with _warnings_in_one_line(f"steer-env {argv[0] if argv else ''}"):
         args = parsed(argv)
     if threading.current_thread() is threading.main_thread():
         # SIGTERM is handled as Ctrl-C is: the workers stop and no file stays half-written.
@@ -127,16 +164,16 @@ def _run(argv: Sequence[str]) -> int:
     try:
         from steer_env.friction.numerics.thread_pool import one_blas_thread
 
-        with _warnings_in_one_line(args.command), one_blas_thread():
+        with _warnings_in_one_line(args.prog), one_blas_thread():
             return args.function(args) or 0
     except BrokenPipeError:
         raise
     except (ValueError, OSError) as error:
         message = f"{error.filename}: {error.strerror}" if isinstance(error, OSError) and error.filename else str(error)
-        print(f"steer-env {args.command}: {in_options(message)}", file=sys.stderr)
+        print(f"{args.prog}: {in_options(message)}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
-        print(f"steer-env {args.command}: interrupted", file=sys.stderr)
+        print(f"{args.prog}: interrupted", file=sys.stderr)
         return 130
 
 

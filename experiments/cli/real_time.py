@@ -1,39 +1,31 @@
-"""The command ``real-time``: the loop in real time without a person, on this machine."""
+"""Measure deadlines and latency of the loop of 'drive' and 'serve' on this machine.
+
+The loop runs without a person. The page tells how it keeps its deadlines beside a bare loop, with and without priority,
+what a sample takes, and the latency through a fake wheel, a virtual CAN bus and UDP.
+"""
 
 import argparse
-from pathlib import Path
-from typing import Any
 
-from steer_env.experiments.cli.common import names
-from steer_env.experiments.cli.common.arguments import FRICTION, friction_law, whole_number
+from steer_env.experiments.cli.common import names, options
 from steer_env.experiments.pages import car_options
 
+GROUP = "drive"
 
-def add(commands: Any, common: argparse.ArgumentParser) -> None:
-    """Add the command to a parser's."""
-    text = (
-        "Run the loop of 'steer-env drive' and 'serve --free-running' without a person, and write a page of how it "
-        "keeps its deadlines on this machine beside a bare loop, with and without priority, what a sample takes, and "
-        "the latency through a fake wheel, a virtual CAN bus and UDP."
-    )
-    command = commands.add_parser("real-time", help=text, description=text, parents=[common])
-    text = "seconds that the loop runs in all (default 60)"
-    command.add_argument("--seconds", metavar="S", type=float, default=60.0, help=text)
-    text = f"{FRICTION} (default: every packaged law)"
-    command.add_argument("--friction", metavar="LAW", nargs="+", action="extend", type=friction_law, help=text)
+
+def add(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
+    options.add(parser, "--seconds", "of the loop in all", 60.0)
+    options.add(parser, "--friction", otherwise="every packaged law", nargs="+", action="extend")
     kinds = names.chassis()
-    text = f"default: {' '.join(kinds)}"
-    command.add_argument("--chassis", nargs="+", choices=kinds, default=list(kinds), help=text)
-    car_options.add(command)
-    text = "priority 1 to 99 of the scheduler SCHED_FIFO (default: that of every program)"
-    command.add_argument("--priority", metavar="N", type=whole_number(1, 99), default=0, help=text)
-    command.add_argument("--lock-memory", action="store_true", help="keep the memory from being swapped out")
-    text = "directory of the page, replaced as a whole (default real-time)"
-    command.add_argument("--out", metavar="DIR", type=Path, default=Path("real-time"), help=text)
-    command.set_defaults(function=_real_time)
+    options.add(parser, "--chassis", default=list(kinds), otherwise="all of them", nargs="+", choices=kinds)
+    car_options.add(parser)
+    options.add(parser, "--priority", default=0, otherwise="that of every program")
+    parser.add_argument("--lock-memory", action="store_true", help="keep the memory from being swapped out")
+    options.add_out(parser, "of the page, replaced as a whole", "real-time")
 
 
-def _real_time(args: argparse.Namespace) -> None:
+def run(args: argparse.Namespace) -> None:
+    """Measure, and write the page."""
     from steer_env import friction
     from steer_env.experiments.pages import provenance
     from steer_env.experiments.pages.options import progress

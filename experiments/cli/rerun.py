@@ -1,4 +1,9 @@
-"""The command ``rerun``: a result once more, by its own content, and whether it is the same to the bit."""
+"""Make a result once more by its own trace, and tell whether it is equal to the bit.
+
+Car, tyre and friction laws are those of the trace, not those of the files that the command named. Measurements,
+policies and modules are looked up by name, here and beside the result, and checked by their digest. Dates and durations
+are not compared. The exit code is 1 where the result is another.
+"""
 
 import argparse
 import contextlib
@@ -10,28 +15,22 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from steer_env.experiments.cli.common import names
+from steer_env.experiments.cli.common import names, options
+
+GROUP = "test"
 
 
-def add(commands: Any, common: argparse.ArgumentParser) -> None:
-    """Add the command to a parser's."""
-    text = "Make a result file once more by the trace that it holds, and tell whether it is equal to the bit."
-    more = (
-        f"{text} Car, tyre and friction laws are those of the trace, not those of the files that the command named. "
-        "Measurements, policies and modules are looked up by name, here and beside the result, and checked by their "
-        "digest. "
-        "Dates and durations are not compared. The exit code is 1 where the result is another."
-    )
-    rerun = commands.add_parser("rerun", help=text, description=more, parents=[common])
-    rerun.add_argument("file", metavar="FILE", help=f"a result: {', '.join(names.FORMATS)}, .json or .html")
-    text = "keep what is made in this directory, which must not hold anything yet (default: it is not kept)"
-    rerun.add_argument("--out", metavar="DIR", help=text)
+def add(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
+    parser.add_argument("file", metavar="FILE", help=f"a result: {', '.join(names.FORMATS)}, .json or .html")
+    text = "in which what is made is kept; it must not hold anything yet"
+    options.add_out(parser, text, otherwise="it is not kept")
     text = "go on with another version of the program or of its packages, and say so"
-    rerun.add_argument("--any-version", action="store_true", help=text)
-    rerun.set_defaults(function=_rerun)
+    parser.add_argument("--any-version", action="store_true", help=text)
 
 
-def _rerun(args: argparse.Namespace) -> int:
+def run(args: argparse.Namespace) -> int:
+    """Make the result again and compare it; the exit code."""
     from steer_env.experiments.cli.common.extras import require_format
     from steer_env.experiments.pages import traces
 
@@ -42,7 +41,7 @@ def _rerun(args: argparse.Namespace) -> int:
         raise ValueError(f"{file}: its trace holds no command, as a Python program wrote it")
     _check_versions(file, trace, args.any_version)
     with contextlib.ExitStack() as stack:
-        if args.out and Path(args.out).exists() and (not Path(args.out).is_dir() or any(Path(args.out).iterdir())):
+        if args.out and args.out.exists() and (not args.out.is_dir() or any(args.out.iterdir())):
             raise ValueError(f"--out {args.out} is there already: give a new directory")
         out = Path(args.out or stack.enter_context(tempfile.TemporaryDirectory()))
         out.mkdir(parents=True, exist_ok=True)

@@ -1,4 +1,4 @@
-"""The command ``run``: drive a manoeuvre, or all of them, and write recordings and metrics."""
+"""Drive a manoeuvre, or all of them, and write recordings and metrics."""
 
 import argparse
 import math
@@ -8,9 +8,9 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from steer_env.experiments.cli.common import inputs, names
-from steer_env.experiments.cli.common.arguments import EXTERNAL, FRICTION, KPH, chassis, friction_law
+from steer_env.experiments.cli.common import inputs, names, options
 from steer_env.experiments.cli.common.extras import require_format
+from steer_env.experiments.cli.common.options import KPH
 from steer_env.experiments.cli.common.sweeping import OPTIONS as SWEEP
 from steer_env.experiments.cli.common.sweeping import add_sweep, refuse_sweep, runner, unswept
 from steer_env.experiments.pages import car_options
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from steer_env.metrics import Value
     from steer_env.vehicle.cars import Car
 
+GROUP = "test"
 ALL = "all"
 FASTEST = names.SAMPLE_RATE  # [Hz]
 FILE_RATE = 200.0  # default rate of a file [Hz]
@@ -36,44 +37,41 @@ class Run(NamedTuple):
     failure: str = ""
 
 
-def add(commands: Any, common: argparse.ArgumentParser) -> None:
-    """Add the command to a parser's."""
-    text = "Drive a manoeuvre, write the recording to a file and its metrics to JSON, and print the metrics."
-    run = commands.add_parser("run", help=text, description=text, parents=[common])
+def add(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
     known = *names.manoeuvres(), ALL
-    run.add_argument("manoeuvre", metavar="MANOEUVRE", choices=known, help=", ".join(known))
-    text = f"{FRICTION}; laws: {', '.join(names.laws())} (default lugre)"
-    run.add_argument("--friction", metavar="LAW", type=friction_law, default="lugre", help=text)
-    car_options.add(run)
+    parser.add_argument("manoeuvre", metavar="MANOEUVRE", choices=known, help=", ".join(known))
+    options.add(parser, "--friction", f"; laws: {', '.join(names.laws())}", "lugre")
+    car_options.add(parser)
     text = "class of an ISO 8608 road, A to H, for two_track"
-    run.add_argument("--road", metavar="CLASS", choices=names.ROAD_CLASSES, help=text)
-    run.add_argument("--seed", metavar="N", type=int, help="seed of the road (default 0)")
-    text = f"{', '.join(names.chassis())}, or {EXTERNAL} (default: the manoeuvre's)"
-    run.add_argument("--chassis", metavar="CHASSIS", type=chassis, help=text)
-    run.add_argument("--speed-kph", metavar="KPH", help="held speed [km/h] (default: the manoeuvre's)")
+    parser.add_argument("--road", metavar="CLASS", choices=names.ROAD_CLASSES, help=text)
+    options.add(parser, "--seed", "of the road", otherwise="0")
+    kinds = f": {', '.join(names.chassis())}, or {options.EXTERNAL}"
+    options.add(parser, "--chassis", kinds, otherwise="the manoeuvre's", type=options.chassis)
+    options.add(parser, "--speed-kph", "that is held", otherwise="the manoeuvre's")
     text = (
-        f"sampling rate of the file, low-passed before and with {FILE_DIGITS} significant digits (default "
-        f"{FILE_RATE:g}); at {FASTEST:g} every sample is written with all digits; the metrics are of the full rate"
+        f"of the file, low-passed before and with {FILE_DIGITS} significant digits; at {FASTEST:g} every sample is "
+        "written with all digits; the metrics are of the full rate"
     )
-    run.add_argument("--rate-hz", metavar="HZ", help=text)
+    options.add(parser, "--rate-hz", text, FILE_RATE)
     text = (
         f"a file ({', '.join(names.FORMATS)}), or a directory for MANOEUVRE.csv, which is made if it is missing; the "
-        "JSON file goes beside it (default .)"
+        "JSON file goes beside it (default: the working directory)"
     )
-    run.add_argument("--out", metavar="PATH", default=".", help=text)
+    parser.add_argument("--out", metavar="PATH", default=".", help=text)
     text = (
-        "step-steer on two_track only: also compare the car bmw_320i with CommonRoad's model of it, and write a table "
-        "and an SVG picture"
+        "step-steer on two_track only: also drive CommonRoad's model of the car bmw_320i, and write a table and an SVG "
+        "picture of both"
     )
-    run.add_argument("--compare", choices=("commonroad",), help=text)
-    add_sweep(run, f"of {ALL}")
-    run.set_defaults(function=_run)
+    parser.add_argument("--reference", choices=("commonroad",), help=text)
+    add_sweep(parser, f"of {ALL}")
 
 
-def _run(args: argparse.Namespace) -> None:
+def run(args: argparse.Namespace) -> None:
+    """Drive, write and print."""
     from steer_env.experiments.cli.common.tables import print_metrics
 
-    if args.compare:
+    if args.reference:
         _check_comparable(args)
     out = Path(args.out)
     require_format([out])
@@ -95,7 +93,7 @@ def _run(args: argparse.Namespace) -> None:
         done = drive(args, _manoeuvre(args, args.manoeuvre), out)
     print_metrics(done.values, done.title)
     print(out, out.with_suffix(".json"), sep="\n")
-    if args.compare:
+    if args.reference:
         _compare(args, out.parent)
 
 
@@ -153,7 +151,7 @@ def driven(case: tuple[str, dict[str, Any]]) -> tuple[Run, dict[str, bytes]]:
 def _manoeuvre(args: argparse.Namespace, name: str) -> "Manoeuvre":
     """A manoeuvre with the speed, chassis and road of the options."""
     from steer_env import manoeuvres
-    from steer_env.friction.numerics.check import number, read_number
+    from steer_env.friction.numerics.check import number
     from steer_env.vehicle import cars, road
 
     manoeuvre = manoeuvres.make(name)
@@ -163,7 +161,7 @@ def _manoeuvre(args: argparse.Namespace, name: str) -> "Manoeuvre":
         if manoeuvre.rig:
             raise ValueError(f"--speed-kph has no effect on {manoeuvre.name}, which is done on a rig: leave it out")
         low, high = cars.SPEED_MIN / KPH, cars.SPEED_MAX / KPH
-        speed = KPH * number("--speed-kph", read_number(args.speed_kph), minimum=low, maximum=high)
+        speed = KPH * number("--speed-kph", args.speed_kph, minimum=low, maximum=high)
         # The course or the gust of some manoeuvres depends on the speed.
         manoeuvre = manoeuvres.make(name, speed=speed) if "speed" in manoeuvres.options(name) else manoeuvre
         manoeuvre = replace(manoeuvre, speed=speed)
@@ -192,13 +190,12 @@ def drive(args: argparse.Namespace, manoeuvre: "Manoeuvre", out: Path) -> Run:
     from steer_env.experiments.pages import provenance
     from steer_env.experiments.pages.files import write_json
     from steer_env.experiments.pages.metrics_json import entries
-    from steer_env.friction.numerics.check import number, read_number
+    from steer_env.friction.numerics.check import number
     from steer_env.metrics import evaluate, tests
     from steer_env.recording import files
 
     car = car_options.load(args)
-    wanted = FILE_RATE if args.rate_hz is None else read_number(args.rate_hz)
-    rate = number("--rate-hz", wanted, minimum=20.0, maximum=FASTEST)
+    rate = number("--rate-hz", args.rate_hz, minimum=20.0, maximum=FASTEST)
     trace = _trace(args, manoeuvre.name, car, out)
     if args.chassis in (None, *names.chassis()):
         recording = manoeuvres.drive(car, manoeuvre, args.friction.parameters)
@@ -241,7 +238,7 @@ def _nan(value: Any) -> bool:
 
 
 def _check_comparable(args: argparse.Namespace) -> None:
-    """ValueError unless there is a stored run of ``--compare`` for what is asked for."""
+    """ValueError unless there is a stored run of ``--reference`` for what is asked for."""
     from steer_env.experiments.studies.common import commonroad_reference
     from steer_env.vehicle import cars
 
@@ -252,7 +249,7 @@ def _check_comparable(args: argparse.Namespace) -> None:
     given = dict(zip(needed, (args.manoeuvre, args.chassis or "single_track", vehicle)))
     for name, value in needed.items():
         if given[name] != value:
-            raise ValueError(f"--compare {args.compare} needs {name} {value}, got {given[name]}")
+            raise ValueError(f"--reference {args.reference} needs {name} {value}, got {given[name]}")
     for name, value in (
         ("--tyre", args.tyre),
         ("--speed-kph", args.speed_kph),
@@ -260,7 +257,7 @@ def _check_comparable(args: argparse.Namespace) -> None:
         ("--set", args.changes or None),
     ):
         if value is not None:
-            raise ValueError(f"--compare {args.compare} has a tyre, speeds and a road of its own: leave out {name}")
+            raise ValueError(f"--reference {args.reference} has a tyre, speeds and a road of its own: leave out {name}")
 
 
 def _compare(args: argparse.Namespace, directory: Path) -> None:
@@ -271,7 +268,7 @@ def _compare(args: argparse.Namespace, directory: Path) -> None:
 
     with progress("comparing", total=None):
         results = cross_validation.collect(cross_validation.STEPS)
-    path = directory / f"{args.manoeuvre}-{args.compare}"
+    path = directory / f"{args.manoeuvre}-{args.reference}"
     write_text(path.with_suffix(".svg"), pictures.cross_validation(results))
     kept = _trace(args, args.manoeuvre, car_options.load(args), Path("compared"))
     write_json(path.with_suffix(".json"), {**cross_validation.entries(results), "trace": kept})

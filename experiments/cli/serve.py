@@ -1,4 +1,7 @@
-"""The command ``serve``: a subsystem of the plant behind a port, for tools that speak no FMI."""
+"""Serve the car, its steering or its chassis to another program over UDP.
+
+It answers step by step, or runs freely in real time.
+"""
 
 import argparse
 import json
@@ -6,48 +9,44 @@ import math
 import sys
 from typing import Any
 
-from steer_env.experiments.cli.common import plant_options, wheel_option
-from steer_env.experiments.cli.common.arguments import KPH, whole_number
+from steer_env.experiments.cli.common import options
+from steer_env.experiments.cli.common.options import KPH, TORQUE
 from steer_env.experiments.pages import car_options
+
+GROUP = "couple"
 
 # As in steer_env.connect.udp, whose import takes long.
 FORMATS = ("text", "json", "c")
 LOOPBACK = "127.0.0.1"
 SILENCE = 10.0  # [s]
-TORQUE = 8.0  # [N m]
 
 
-def add(commands: Any, common: argparse.ArgumentParser) -> None:
-    """Add the command to a parser's."""
-    text = "Serve the car, its steering or its chassis to another program over UDP, step by step or free running."
-    serve = commands.add_parser("serve", help=text, description=text, parents=[common])
-    plant_options.add(
-        serve,
-        subsystem="what is served",
-        speed="held speed, and start value of the vehicle_speed that the steering takes",
-        hands="what the hands of the other program give",
+def add(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
+    options.add_plant(
+        parser,
+        speed="that is held, and start value of the vehicle_speed that the steering takes",
+        hands="; those of the other program",
     )
-    text = "port (default 0: a free one, which is printed)"
-    serve.add_argument("--port", metavar="N", type=whole_number(0, 65535), default=0, help=text)
-    text = f"address of this machine at which to receive (default {LOOPBACK}: programs on this machine only)"
-    serve.add_argument("--address", metavar="HOST", default=LOOPBACK, help=text)
+    text = "port (default: 0, a free one, which is printed)"
+    parser.add_argument("--port", metavar="N", type=options.whole_number(0, 65535), default=0, help=text)
+    text = f"address of this machine at which to receive (default: {LOOPBACK}, programs on this machine only)"
+    parser.add_argument("--address", metavar="HOST", default=LOOPBACK, help=text)
     text = "samples of 1 ms that follow the clock, with the last inputs, and not steps that the other program asks for"
-    serve.add_argument("--free-running", action="store_true", help=text)
-    text = f"in free running, largest torque of a motor at the handwheel in N m (default {TORQUE:g})"
-    serve.add_argument("--torque-limit", metavar="NM", type=float, help=text)
-    wheel_option.add(serve, "in free running, ")
-    text = "in free running, priority 1 to 99 of the scheduler SCHED_FIFO (default: that of every program)"
-    serve.add_argument("--priority", metavar="N", type=whole_number(1, 99), default=0, help=text)
-    text = f"seconds without a packet after which a session ends (default {SILENCE:.0f})"
-    serve.add_argument("--silence", metavar="S", type=float, default=SILENCE, help=text)
+    parser.add_argument("--free-running", action="store_true", help=text)
+    options.add(parser, "--torque-limit", ", only with --free-running", otherwise=f"{TORQUE:g}")
+    options.add(parser, "--wheel", "; only with --free-running")
+    options.add(parser, "--priority", ", only with --free-running", 0, otherwise="that of every program")
+    text = f"seconds without a packet after which a session ends (default: {SILENCE:.0f})"
+    parser.add_argument("--silence", metavar="S", type=options.real, default=SILENCE, help=text)
     text = "print the layout of the packets and end; c is a header file"
-    serve.add_argument("--describe", nargs="?", choices=FORMATS, const="text", help=text)
+    parser.add_argument("--describe", nargs="?", choices=FORMATS, const="text", help=text)
     text = "print JSON: one line at the start, one with the counts at the end"
-    serve.add_argument("--json", action="store_true", help=text)
-    serve.set_defaults(function=_serve)
+    parser.add_argument("--json", action="store_true", help=text)
 
 
-def _serve(args: argparse.Namespace) -> None:
+def run(args: argparse.Namespace) -> None:
+    """Serve until it is ended, or describe the packets."""
     from steer_env.connect import udp as cosimulation
     from steer_env.connect.udp.server import MEANINGS
     from steer_env.friction.numerics.check import number
@@ -111,7 +110,7 @@ def _announce(args: argparse.Namespace, server: Any, found: Any) -> None:
         print(json.dumps(told), flush=True)
         return
     if found:
-        print(wheel_option.sentence(found))
+        print(options.wheel_verdict(found))
     print(
         f"{args.subsystem} at {address}, port {port}, {server.mode}: requests of {layout.request_size} bytes, answers "
         f"of {layout.answer_size}, layout 0x{layout.fingerprint:08x}; Ctrl-C ends it",

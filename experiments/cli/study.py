@@ -1,34 +1,39 @@
-"""The command ``study``: one of the studies behind the report and the documentation."""
+"""Run one of the studies behind the report and the documentation.
+
+'steer-env study NAME --help' tells the options of one.
+"""
 
 import argparse
 import importlib
-from typing import Any
 
 from steer_env.experiments.cli.common.extras import require
 from steer_env.experiments.cli.common.sweeping import add_sweep, runner
 from steer_env.friction.numerics.registry import dashed, listed
 
+GROUP = "test"
+STUDIES = listed("steer_env.experiments.studies", dashed)
 SWEEPING = ("coupling", "friction", "hands-off", "held-torque", "loop-width")  # studies of many cases
 EXTRAS = {"commonroad": "test", "coupling": "fmu"}  # study -> the extra that it needs
 
 
-def add(commands: Any, common: argparse.ArgumentParser) -> None:
-    """Add the command to a parser's."""
-    studies = listed("steer_env.experiments.studies", dashed)
-    text = "Run a study and print its table or write its picture."
-    more = f"{text} Studies: {', '.join(studies)}. 'steer-env study NAME --help' tells the options of one."
-    more += f" {', '.join(SWEEPING)} also take {_sweep_parser('NAME').format_usage().partition('NAME ')[2].strip()}."
-    study = commands.add_parser("study", help=text, description=more, parents=[common])
-    study.add_argument("name", metavar="NAME", choices=tuple(studies), help="name of the study")
-    study.add_argument("options", metavar="...", nargs=argparse.REMAINDER, help="options of the study")
+def add(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
+    words = _sweep_parser("NAME").format_usage().partition("NAME ")[2].strip()
+    parser.epilog = f"{', '.join(SWEEPING)} also take {words}."
+    parser.add_argument("name", metavar="NAME", choices=tuple(STUDIES), help=f"the study: {', '.join(STUDIES)}")
+    parser.add_argument("options", metavar="...", nargs=argparse.REMAINDER, help="options of the study")
     # 'rerun' gives the place of the result and the car of its trace
-    study.set_defaults(function=lambda args: _study(args, studies[args.name]), out="", vehicle=None)
+    parser.set_defaults(out="", vehicle=None)
 
 
-def _study(args: argparse.Namespace, module: str) -> int | None:
+def run(args: argparse.Namespace) -> int | None:
+    """Run the study; its exit code."""
     if args.name in EXTRAS:
         require(EXTRAS[args.name], f"the study {args.name}")
-    main, words = importlib.import_module(module).main, [*args.options, *(["--out", args.out] if args.out else [])]
+    main, words = (
+        importlib.import_module(STUDIES[args.name]).main,
+        [*args.options, *(["--out", args.out] if args.out else [])],
+    )
     if args.name not in SWEEPING:
         return main(words)
     given = argparse.Namespace(modules=args.modules)

@@ -1,4 +1,9 @@
-"""The command ``tune``: the assist of a car tuned to target bands."""
+"""Tune the assist of a car to target bands, for the worst of friction and load.
+
+The margins of the assist loop, stability with free hands and the limit of the motor are constraints. Writes a page,
+tune.json and the car file best.toml. The same command on the same --out goes on, or shares the work; with another
+--sampler it begins a study beside those that are there, and page and best.toml are of the candidates of all.
+"""
 
 import argparse
 import functools
@@ -10,60 +15,48 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from steer_env.experiments.cli.common import names
-from steer_env.experiments.cli.common.arguments import FRICTION, friction_law, whole_number
+from steer_env.experiments.cli.common import names, options
 from steer_env.experiments.cli.common.extras import require
 from steer_env.experiments.cli.common.sweeping import add_sweep
 from steer_env.experiments.pages import car_options
 
+GROUP = "car"
 SAMPLERS = ("surface", "tpe", "nsga2", "nsga3", "random")
 FILES = ("index.html", "tune.json", "best.toml", "start.toml", "before", "after")
 MOST_WORKERS = 64  # at the address of a cluster, which has a number of its own
 POLL = 1.0  # between looks at how far the search is [s]
 
 
-def add(commands: Any, common: argparse.ArgumentParser) -> None:
-    """Add the command to a parser's."""
+def add(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
+    car_options.add(parser)
+    options.add(parser, "--targets", default="compact")
+    options.add(parser, "--friction", "; at friction level 1", "lugre")
+    text = "added mass of the laden car [kg] (default: 300)"
+    parser.add_argument("--load", metavar="KG", type=options.real, default=300.0, help=text)
+    text = "boost, damping, lead, active return, handwheel damping, friction compensation"
+    options.add(parser, "--parameters", "by name", otherwise=text, nargs="+", action="extend")
+    options.add(parser, "--chassis", default="single_track", choices=names.chassis())
     text = (
-        "Tune the assist of a car to target bands, for the worst of friction and load. The margins of the assist loop, "
-        "stability with free hands and the limit of the motor are constraints. Writes a page, tune.json and the car "
-        "file best.toml. The same command on the same --out goes on, or shares the work; with another --sampler it "
-        "begins a study beside those that are there, and page and best.toml are of the sets of all."
+        "of this sampler's study, those before included, whatever other samplers have in --out; a second optimiser has "
+        "as many where not every band is reached"
     )
-    tune = commands.add_parser("tune", help=text, description=text, parents=[common])
-    car_options.add(tune)
-    text = "packaged target bands, or a .toml file (default compact)"
-    tune.add_argument("--targets", metavar="NAME", default="compact", help=text)
-    text = f"friction at level 1: {FRICTION} (default lugre)"
-    tune.add_argument("--friction", metavar="LAW", type=friction_law, default="lugre", help=text)
-    text = "added mass of the laden car [kg] (default 300)"
-    tune.add_argument("--load", metavar="KG", type=float, default=300.0, help=text)
-    text = "tuned parameters (default: boost, damping, lead, active return, handwheel damping, friction compensation)"
-    tune.add_argument("--parameters", metavar="NAME", nargs="+", action="extend", help=text)
-    text = "chassis model (default single_track)"
-    tune.add_argument("--chassis", choices=names.chassis(), default="single_track", help=text)
-    text = (
-        "finished sets of this sampler's study, those before included (default 300), whatever sets other samplers have "
-        "in --out; a second optimiser has as many where not every band is reached"
-    )
-    tune.add_argument("--budget", metavar="N", type=whole_number(1), default=300, help=text)
-    text = f"optimiser: {', '.join(SAMPLERS)} (default surface)"
-    tune.add_argument("--sampler", choices=SAMPLERS, default="surface", help=text)
-    text = "seed of new sets; a study that has begun keeps those it has (default 0)"
-    tune.add_argument("--seed", metavar="N", type=whole_number(0), default=0, help=text)
+    options.add(parser, "--budget", text, 300)
+    text = f"optimiser: {', '.join(SAMPLERS)} (default: surface)"
+    parser.add_argument("--sampler", metavar="NAME", choices=SAMPLERS, default="surface", help=text)
+    options.add(parser, "--seed", "of new candidates; a study that has begun keeps those it has", 0)
     text = "database in place of the journal in --out, as sqlite:///study.db or postgresql://USER@HOST/NAME"
-    tune.add_argument("--storage", metavar="URL", help=text)
+    parser.add_argument("--storage", metavar="URL", help=text)
     text = "without the second optimiser"
-    tune.add_argument("--unconfirmed", action="store_true", help=text)
+    parser.add_argument("--unconfirmed", action="store_true", help=text)
     text = "write the evaluation reports of the car before and after, too"
-    tune.add_argument("--report", action="store_true", help=text)
-    add_sweep(tune, "that share the search")
-    text = "directory of journal, page and car file (default tune)"
-    tune.add_argument("--out", metavar="DIR", type=Path, default=Path("tune"), help=text)
-    tune.set_defaults(function=_tune)
+    parser.add_argument("--report", action="store_true", help=text)
+    add_sweep(parser, "that share the search")
+    options.add_out(parser, "of journal, page and car file", "tune")
 
 
-def _tune(args: argparse.Namespace) -> None:
+def run(args: argparse.Namespace) -> None:
+    """Search, and write what was found."""
     require("tune", "tune")
 
     from steer_env import targets

@@ -15,6 +15,6 @@ SHIFTS = (
     "delay",
     "noise",
     "human",
-)  # what `steer-env shift` replaces
+)  # what `steer-env policy shift` replaces
 
 ALGORITHMS = ("ppo", "sac", "recurrent-ppo")

@@ -1,6 +1,6 @@
 """Write docs/metrics.md and docs/environments.md from the definitions in the code.
 
-python -m steer_env.experiments.reports.glossary
+steer-env maintain glossary
 """
 
 import inspect
@@ -25,7 +25,7 @@ from steer_env.vector import SteerVectorEnv
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 _METRICS = """# Tests and metrics
 
-`python -m steer_env.experiments.reports.glossary` writes this page from the definitions in `steer_env/manoeuvres/` and
+`steer-env maintain glossary` writes this page from the definitions in `steer_env/manoeuvres/` and
 `steer_env/metrics/`. No conformance with any standard is claimed. A value is the mean over the repeats in a recording
 (cycles, steps, sweeps, segments), with a 95 % interval where there are several. A metric that a recording cannot
 support is refused with the reason. Usual ranges are those of passenger cars, by engineering judgement. "Noticed" is the
@@ -69,8 +69,8 @@ holds before the input counts as the sensor's zero there. Random steering, relea
 catch-up have no such part; nor has a recording that begins with the input, or in a turn above 0.5 deg/s. Then
 `validate` says so and compares the readings as they are: give the offsets in a mapping.
 
-`steer-env verify synthetic` prints how often the intervals hold known answers behind such faults, for weave and slow
-ramp metric by metric.
+`steer-env maintain verify synthetic` prints how often the intervals hold known answers behind such faults, for weave and
+slow ramp metric by metric.
 
 ## What `validate` does not tell
 
@@ -110,7 +110,7 @@ the doubts above make it unreadable. The reason says what to do.
 """
 _ENVIRONMENTS = """# Environments
 
-`python -m steer_env.experiments.reports.glossary` writes this page from the tasks in `steer_env/tasks/`.
+`steer-env maintain glossary` writes this page from the tasks in `steer_env/tasks/`.
 `import steer_env` registers the ids; `gymnasium.make(id)` makes an environment, `gymnasium.make_vec(id, num_envs=N)` a
 vector environment. The last sections give the sensor noise, the arguments of the driving ids, of the two tuning ids (in
 which a step is a set of assist parameters with its tests) and of the vector environments, and how to copy them.
@@ -257,6 +257,9 @@ def _anchor(name: str) -> str:
 
 PAGES: dict[Path, Callable[[], str]] = {DOCS / "metrics.md": metrics_page, DOCS / "environments.md": environments_page}
 
-if __name__ == "__main__":
+
+def write() -> list[Path]:
+    """Write the pages; their files."""
     for path, page in PAGES.items():
         path.write_text(page(), encoding="utf-8")
+    return list(PAGES)

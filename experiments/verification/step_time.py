@@ -1,6 +1,6 @@
 """Computing time of steps: an environment against CartPole-v1, the plant against its friction law, and the first step.
 
-``steer-env verify time`` prints them.
+``steer-env maintain verify time`` prints them.
 """
 
 import math

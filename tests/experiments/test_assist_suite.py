@@ -218,7 +218,7 @@ def test_the_suite_of_an_own_car_is_made_again_by_its_trace(tmp_path, capsys, mo
     monkeypatch.chdir(tmp_path)
     whole = assist_drives.suite
     monkeypatch.setattr(assist_suite, "suite", lambda *given: [d for d in whole(*given) if d.kind == "lane change"])
-    command = ["assist-suite", "boost", "damping", "--env", WEAVE, "--set", "column.K_tb=143", "--out", "suite.json"]
+    command = ["policy", "suite", "boost", "damping", "--env", WEAVE, "--set", "column.K_tb=143", "--out", "suite.json"]
     assert main(command) == 0
     found = json.loads(Path("suite.json").read_text())
     assert found["trace"]["car"]["column"]["K_tb"] == 143.0
@@ -233,15 +233,15 @@ def test_the_command(tmp_path, capsys, monkeypatch):
     change = drive("lane change")
     monkeypatch.setattr(assist_suite, "suite", lambda home, car: [change])
     out = tmp_path / "suite.json"
-    assert main(["assist-suite", "boost", "damping", "--env", WEAVE, "--out", str(out)]) == 0
+    assert main(["policy", "suite", "boost", "damping", "--env", WEAVE, "--out", str(out)]) == 0
     text = capsys.readouterr().out
     assert "holds in 6 of 6 conditions" in text
     found = json.loads(out.read_text())["controllers"]
     assert found["boost"]["holds"]
     assert found["boost"]["results"][0]["worst"] == pytest.approx(1.0)
     monkeypatch.setitem(assist_suite.JUDGES, "steering", assist_suite.JUDGES["steering"]._replace(limit=0.5))
-    assert main(["assist-suite", "boost", "--env", WEAVE]) == 1
-    assert main(["assist-suite", "boost", "--env", "steer_env/DriverLaneKeeping-v1"]) == 2
+    assert main(["policy", "suite", "boost", "--env", WEAVE]) == 1
+    assert main(["policy", "suite", "boost", "--env", "steer_env/DriverLaneKeeping-v1"]) == 2
     assert "the suite judges assists" in capsys.readouterr().err
-    assert main(["assist-suite", "boost"]) == 2
-    assert main(["tune-baselines", "--env", "steer_env/DriverLaneKeeping-v1"]) == 2
+    assert main(["policy", "suite", "boost"]) == 2
+    assert main(["maintain", "tune-baselines", "--env", "steer_env/DriverLaneKeeping-v1"]) == 2

@@ -86,7 +86,7 @@ def test_known_cheats_do_not_pay(env_id, short):
 
 def test_the_command(short, capsys, monkeypatch):
     monkeypatch.setenv("COLUMNS", "200")
-    command = ["audit", "--env", RELEASE, "--rounds", "1", "--steps", "0", "--workers", "1"]
+    command = ["maintain", "audit", "--env", RELEASE, "--rounds", "1", "--steps", "0", "--workers", "1"]
     assert main(command) == 0
     text = capsys.readouterr().out
     assert PUSH in text

@@ -90,7 +90,7 @@ def test_a_rig_has_the_metrics_that_need_no_car(tmp_path, capsys):
 
 
 def test_step_steer_compared_with_commonroad(tmp_path, capsys):
-    options = ["--chassis", "two_track", "--vehicle", "bmw_320i", "--compare", "commonroad"]
+    options = ["--chassis", "two_track", "--vehicle", "bmw_320i", "--reference", "commonroad"]
     assert main(["run", "step-steer", *options, "--out", str(tmp_path)]) == 0
     printed = capsys.readouterr().out
     for name in ("step_20", "step_30"):
@@ -118,18 +118,18 @@ def test_step_steer_compared_with_commonroad(tmp_path, capsys):
         (["run", "weave", "--friction", "lugre,F_c=1,F_c=2"], "each key once"),
         (["run", "weave", "--friction", "masing,k=1:2,y=0.1"], "got 2 and 1"),
         (["run", "weave", "--vehicle", "lorry"], "vehicle must be a .toml or .json file or one of "),
-        (["run", "weave", "--speed-kph", "fast"], "--speed-kph must be a number, got 'fast'"),
+        (["run", "weave", "--speed-kph", "fast"], "--speed-kph: must be a number, got 'fast'"),
         (["run", "weave", "--speed-kph", "500"], "at most 252, got 500.0"),
         (["run", "weave", "--rate-hz", "5000"], "--rate-hz must be finite and at least 20 and at most 1000"),
         (["run", "weave", "--out", "weave.json"], "--out must be a directory or end in one of .csv"),
         (["run", "weave", "--out", "no/such/weave.csv"], "there is no directory no/such"),
-        (["run", "weave", "--compare", "commonroad"], "--compare commonroad needs MANOEUVRE step-steer, got weave"),
-        (["run", "step-steer", "--compare", "commonroad"], "needs --chassis two_track, got single_track"),
+        (["run", "weave", "--reference", "commonroad"], "--reference commonroad needs MANOEUVRE step-steer, got weave"),
+        (["run", "step-steer", "--reference", "commonroad"], "needs --chassis two_track, got single_track"),
         (
-            ["run", "step-steer", "--chassis", "two_track", "--compare", "commonroad"],
-            "--compare commonroad needs --vehicle bmw_320i, got compact",
+            ["run", "step-steer", "--chassis", "two_track", "--reference", "commonroad"],
+            "--reference commonroad needs --vehicle bmw_320i, got compact",
         ),
-        (["run", "step-steer", "--compare", "carsim"], "invalid choice: 'carsim'"),
+        (["run", "step-steer", "--reference", "carsim"], "invalid choice: 'carsim'"),
         (["--import"], "expected one argument"),
         (["run", "weave", "--import", "no_such_law"], "--import no_such_law: No module named 'no_such_law'"),
         (["report", "--friction"], "expected at least one argument"),
@@ -221,8 +221,8 @@ def test_car_prints_every_key_of_a_file(capsys, tmp_path):
     assert all(np.array_equal(a, b) for a, b in zip(mine.assist, car.assist))
 
 
-def test_compare_takes_no_option_that_it_would_ignore(capsys):
-    command = ["run", "step-steer", "--chassis", "two_track", "--vehicle", "bmw_320i", "--compare", "commonroad"]
+def test_a_reference_takes_no_option_that_it_would_ignore(capsys):
+    command = ["run", "step-steer", "--chassis", "two_track", "--vehicle", "bmw_320i", "--reference", "commonroad"]
     assert main([*command, "--tyre", "example_mf52"]) == 2
     assert "leave out --tyre" in capsys.readouterr().err
 

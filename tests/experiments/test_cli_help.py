@@ -1,5 +1,6 @@
 """Help answers at once: no command imports a simulation for it. Missing extras and a closed pipe end in a sentence."""
 
+import argparse
 import re
 import subprocess
 import sys
@@ -9,19 +10,28 @@ import pytest
 
 from steer_env import assists, drivers, friction, manoeuvres, metrics, targets
 from steer_env.experiments.cli import drive
-from steer_env.experiments.cli.common import names
+from steer_env.experiments.cli.common import names, options
 from steer_env.experiments.cli.common.messages import in_options
-from steer_env.experiments.cli.main import main
+from steer_env.experiments.cli.main import GROUPS, commands, main, parser
 from steer_env.experiments.learning import policy_report
 from steer_env.friction.numerics.registry import dashed, listed
-from steer_env.friction.numerics.renamed import REMOVED_IN
 from steer_env.live import devices
 from steer_env.live.drive import scene
 from steer_env.recording import Recording, can_log, files
 from steer_env.vehicle import cars, road
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
 
-COMMANDS = [name for name in listed("steer_env.experiments.cli", dashed) if name != "main"]
+
+def _commands(words, made):
+    """Words of every command below a parser -> its parser."""
+    below = [action.choices for action in made._actions if isinstance(action, argparse._SubParsersAction)]
+    if not below:
+        return {words: made}
+    return {key: one for name, sub in below[0].items() for key, one in _commands((*words, name), sub).items()}
+
+
+COMMANDS = _commands((), parser())
+FOLDERS = ("policy", "maintain")  # words with commands of their own
 SLOW = ("numba", "scipy", "matplotlib", "torch", "plotly")  # to import
 HELP = """
 import sys, time
@@ -39,7 +49,7 @@ def _processor_time(*command):
     return done.stdout, done.stderr.split()
 
 
-@pytest.mark.parametrize("command", [[], *([name] for name in COMMANDS)], ids=lambda command: " ".join(command))
+@pytest.mark.parametrize("command", [(), *((name,) for name in FOLDERS), *COMMANDS], ids=" ".join)
 def test_help_imports_nothing_slow(command):
     text, (code, *slow, seconds) = _processor_time(HELP.format(slow=SLOW), *command, "--help")
     assert (code, slow) == ("0", [])
@@ -72,11 +82,11 @@ def test_names_in_the_help_are_those_of_the_registries():
     ("missing", "command", "extra"),
     [
         ("torch", ["train", "--env", "steer_env/AssistWeave-v1"], "train"),
-        ("stable_baselines3", ["evaluate-policy", "shipped", "--env", "steer_env/AssistWeave-v1"], "train"),
-        ("stable_baselines3", ["shift", "policy.zip"], "train"),
-        ("minari", ["record", "--env", "steer_env/AssistWeave-v1", "--policy", "zero"], "integrations"),
+        ("stable_baselines3", ["policy", "evaluate", "shipped", "--env", "steer_env/AssistWeave-v1"], "train"),
+        ("stable_baselines3", ["policy", "shift", "policy.zip"], "train"),
+        ("minari", ["policy", "record", "--env", "steer_env/AssistWeave-v1", "--policy", "zero"], "integrations"),
         ("sb3_contrib", ["train", "--env", "steer_env/AssistWeave-v1", "--algo", "recurrent-ppo"], "train"),
-        ("torch", ["verify", "policies"], "train"),
+        ("torch", ["maintain", "verify", "policies"], "train"),
         ("asammdf", ["evaluate", "weave.mf4"], "mdf"),
         ("asammdf", ["run", "weave", "--out", "weave.mf4"], "mdf"),
         ("pyarrow", ["run", "weave", "--out", "weave.parquet"], "parquet"),
@@ -179,24 +189,121 @@ def test_every_study_has_help(name, capsys):
     assert f"usage: steer-env study {name}" in capsys.readouterr().out
 
 
-def test_former_names_of_options_are_taken_and_told(tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    assert main(["run", "weave", "--speed_kph", "500"]) == 2
-    assert main(["run", "weave", "--rate_hz=5000"]) == 2
-    lines = capsys.readouterr().err.splitlines()
-    assert lines[0] == f"steer-env: --speed_kph is now --speed-kph; release {REMOVED_IN} removes the old name"
-    assert [line.startswith("steer-env run: --") for line in lines] == [False, True, False, True]
-
-
 def test_episodes_have_no_frames_without_pygame(monkeypatch):
     """A core install evaluates baselines without pictures, and does not end in a traceback after the work."""
     monkeypatch.setattr(policy_report, "find_spec", lambda name: None)
     assert policy_report.frames("steer_env/AssistWeave-v1", None) == []
 
 
-@pytest.mark.parametrize("name", COMMANDS)
-def test_options_have_hyphens(name, capsys):
+def test_the_list_of_commands_fits_a_screen_and_shows_each_in_its_group(monkeypatch, capsys):
+    monkeypatch.setenv("COLUMNS", "100")
     with pytest.raises(SystemExit):
-        main([name, "--help"])
-    text = capsys.readouterr().out
-    assert not re.search(r"--\w*_", text)
+        main(["--help"])
+    lines = capsys.readouterr().out.splitlines()
+    assert 24 <= len(lines) <= 40
+    assert max(map(len, lines)) <= 100
+    found, group = {}, None
+    for line in lines:
+        group = line if line in GROUPS.values() else group
+        if group and line.startswith("  "):
+            found.setdefault(group, []).append(line.split()[0])
+    assert list(found) == list(GROUPS.values())
+    assert sorted(name for names in found.values() for name in names) == sorted(commands())
+    assert set(FOLDERS) == {words[0] for words in COMMANDS if len(words) > 1}
+
+
+def _options(name):
+    """Words of each command that has an option -> the action of the option."""
+    return {words: made._option_string_actions[name] for words, made in COMMANDS.items() if name in _names(made)}
+
+
+def _names(made):
+    return {name for name in made._option_string_actions if name.startswith("--")}
+
+
+def _meaning(name, action):
+    """What the declaration of an option says, with which its help begins; the whole help of one without."""
+    text = options.OPTIONS[name].text if name in options.OPTIONS else action.help
+    return text if action.help.startswith(text) else action.help
+
+
+def _type(action):
+    """A type by its name, as two whole numbers with other limits are the same type."""
+    return getattr(action.type, "__qualname__", None)
+
+
+ALL = sorted(set().union(*(_names(made) for made in COMMANDS.values())) - {"--help"})
+# Option -> what may differ between commands, as it tells other things of the same meaning.
+DIFFERENT = {
+    "--chassis": {"type"},  # 'run' and 'report' also take the file of an external vehicle, which is checked
+    "--out": {"type", "metavar", "meaning"},  # a directory or a file, which has a test of its own
+    "--vehicle": {"meaning"},  # names of cars
+    "--workers": {"meaning"},  # of some of the cases
+    "--resume": {"meaning"},  # of a training from its checkpoint
+}
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_an_option_means_the_same_in_every_command(name):
+    found = _options(name)
+    told = {
+        "type": {_type(action) for action in found.values()},
+        "metavar": {action.metavar for action in found.values()},
+        "meaning": {_meaning(name, action) for action in found.values()},
+        "attribute": {action.dest for action in found.values()},
+    }
+    assert {key for key, values in told.items() if len(values) > 1} <= DIFFERENT.get(name, set()), told
+
+
+@pytest.mark.parametrize("words", COMMANDS, ids=" ".join)
+def test_options_are_told_in_one_form(words):
+    for action in COMMANDS[words]._actions:
+        assert action.help
+        assert not re.search(r"\(default [^)]", action.help), action.help
+        assert all("_" not in name for name in action.option_strings)
+
+
+@pytest.mark.parametrize("words", _options("--out"), ids=" ".join)
+def test_out_says_whether_it_is_a_directory_or_a_file(words):
+    action = _options("--out")[words]
+    if words == ("run",):
+        assert re.match(r"a file \(\.csv.*\), or a directory ", action.help)
+    elif action.metavar == "DIR":
+        assert action.help.startswith("directory ")
+    else:
+        assert re.fullmatch(r"FILE\.\w+", action.metavar)
+        assert action.help.startswith("file ")
+
+
+def test_vehicle_names_the_cars_and_friction_the_form_of_a_law():
+    for action in _options("--vehicle").values():
+        assert action.help.startswith(", ".join(cars.available()))
+    for action in _options("--friction").values():
+        assert action.help.startswith("friction law: LAW[,key=value...]")
+
+
+# What computes many cases, each by itself. A training and a fit are one computation; a measurement of time and a
+# drive cannot be spread.
+SWEEPS = {
+    ("maintain", "audit"),
+    ("maintain", "scores"),
+    ("maintain", "tune-baselines"),
+    ("policy", "evaluate"),
+    ("policy", "shift"),
+    ("policy", "suite"),
+    ("report",),
+    ("run",),
+    ("sensitivity",),
+    ("tune",),
+}
+
+
+def test_what_computes_many_cases_takes_workers_and_resumes():
+    for name in ("--workers", "--cluster"):
+        assert set(_options(name)) == SWEEPS
+    assert set(_options("--resume")) == SWEEPS | {("train",)}
+    assert set(_options("--import")) == set(COMMANDS)
+    for action in _options("--workers").values():
+        assert action.help.startswith("worker processes")
+    for action in _options("--resume").values():
+        assert action.help.startswith("go on from ")

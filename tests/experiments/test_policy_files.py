@@ -84,7 +84,7 @@ def test_a_poisoned_file_is_not_executed(trained, tmp_path, capsys):
     with zipfile.ZipFile(trained) as archive:
         data = archive.read("data")
     path = _changed(trained, tmp_path / "policy.zip", {"data": _poisoned_data(data, mark)})
-    command = ["evaluate-policy", str(path), "--episodes", "1", "--out", str(tmp_path / "out")]
+    command = ["policy", "evaluate", str(path), "--episodes", "1", "--out", str(tmp_path / "out")]
     assert main(command) == 0
     (line,) = capsys.readouterr().err.splitlines()
     assert "policy.zip is not shipped with steer-env. A policy file is code" in line

@@ -282,7 +282,17 @@ def test_a_manoeuvre_of_all_is_made_again_by_itself(tmp_path, monkeypatch, capsy
 @pytest.mark.whole
 def test_an_evaluation_of_policies_is_made_again_with_an_own_car(tmp_path, capsys):
     (tmp_path / "a.toml").write_text(STIFF.format(140.0))
-    command = ["evaluate-policy", "damping", "--env", "steer_env/AssistWeave-v1", "--episodes", "2", "--out", "found"]
+    command = [
+        "policy",
+        "evaluate",
+        "damping",
+        "--env",
+        "steer_env/AssistWeave-v1",
+        "--episodes",
+        "2",
+        "--out",
+        "found",
+    ]
     assert main([*command, "--vehicle", "a.toml"]) == 0
     data = json.loads((tmp_path / "found" / "evaluation.json").read_text())
     assert data["trace"]["car"]["column"]["K_tb"] == 140.0

@@ -30,7 +30,7 @@ def test_one_command_prints_the_page_and_writes_the_thresholds(tmp_path, capsys)
     run.run(steps=64)
     page, thresholds = tmp_path / "scores.md", tmp_path / "thresholds.json"
     thresholds.write_text(json.dumps({"other": 1.0, RELEASE: 5.0}))
-    command = ["scores", "--env", RELEASE, TUNE, "--episodes", "2", "--policies", str(tmp_path)]
+    command = ["maintain", "scores", "--env", RELEASE, TUNE, "--episodes", "2", "--policies", str(tmp_path)]
     assert main([*command, "--out", str(page), "--thresholds", str(thresholds)]) == 0
     printed = capsys.readouterr()
     assert page.read_text(encoding="utf-8") == printed.out
@@ -110,7 +110,7 @@ def test_the_ids_have_the_thresholds_of_the_page():
 def test_bad_commands(options, message, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     try:
-        code = main(["scores", *options])
+        code = main(["maintain", "scores", *options])
     except SystemExit as end:
         code = end.code
     assert code == 2

@@ -260,7 +260,7 @@ def _as_trained_on(source, folder, **changes):
 def test_policies_of_several_laws_are_compared_on_one(trained, tmp_path, capsys):
     ours = str(trained / "policy.zip")
     other = _as_trained_on(ours, tmp_path / "other", friction="masing")
-    command = ["evaluate-policy", ours, other, "--episodes", "1", "--out", str(tmp_path / "out")]
+    command = ["policy", "evaluate", ours, other, "--episodes", "1", "--out", str(tmp_path / "out")]
     assert main(command) == 2
     error = capsys.readouterr().err
     assert "trained with friction lugre" in error
@@ -273,14 +273,27 @@ def test_policies_of_several_laws_are_compared_on_one(trained, tmp_path, capsys)
     assert "run against the others" in page
     settings = {"environment": {"control_dt": 0.01, "randomise": {"load": [0, 100]}}}
     third = _as_trained_on(ours, tmp_path / "third", settings=settings)
-    assert main(["evaluate-policy", ours, third, "--out", str(tmp_path / "out")]) == 2
+    assert main(["policy", "evaluate", ours, third, "--out", str(tmp_path / "out")]) == 2
     assert "with load 0 to 300 kg, " in capsys.readouterr().err
 
 
 def test_shift_command(trained, tmp_path, capsys, monkeypatch):
     monkeypatch.setenv("COLUMNS", "160")
     path, out = str(trained / "policy.zip"), tmp_path / "shift"
-    command = ["shift", path, "--over", "level", "law", "--friction", "coulomb", "--episodes", "2", "--out", str(out)]
+    command = [
+        "policy",
+        "shift",
+        path,
+        "--over",
+        "level",
+        "law",
+        "--friction",
+        "coulomb",
+        "--episodes",
+        "2",
+        "--out",
+        str(out),
+    ]
     assert main(command) == 0
     printed = capsys.readouterr().out
     for name in ("best baseline", "coulomb", "rms feel error [N m]", "±", "as trained"):
@@ -294,21 +307,14 @@ def test_shift_command(trained, tmp_path, capsys, monkeypatch):
     assert list(found["over"]["level"]) == ["0.5", "1", "2", "3", "5"]
     assert list(found["over"]["law"]) == ["coulomb"]
     assert set(found["over"]["level"]["2"]["metrics"]) >= {"policy", "lqg"}
-    assert main(["shift", path, "--env", "steer_env/AssistRelease-v1"]) == 2
+    assert main(["policy", "shift", path, "--env", "steer_env/AssistRelease-v1"]) == 2
     assert "was trained for steer_env/AssistWeave-v1, not steer_env/AssistRelease-v1" in capsys.readouterr().err
-    assert main(["shift", path, "--over", "load", "--friction", "coulomb"]) == 2
+    assert main(["policy", "shift", path, "--over", "load", "--friction", "coulomb"]) == 2
     assert "--friction names the laws of --over law, and --over is load" in capsys.readouterr().err
 
 
-def test_the_former_name_of_the_shift_over_laws(trained, tmp_path, capsys):
-    path, out = str(trained / "policy.zip"), tmp_path / "shift"
-    assert main(["friction-shift", path, "--friction", "dahl", "--episodes", "1", "--out", str(out)]) == 0
-    assert "is now 'steer-env shift --over law'; release 1.0" in capsys.readouterr().err
-    assert list(json.loads((out / "shift.json").read_text())["over"]) == ["law"]
-
-
 def test_evaluation_on_another_task_names_both(trained, tmp_path, capsys):
-    command = ["evaluate-policy", str(trained / "policy.zip"), "--out", str(tmp_path / "out")]
+    command = ["policy", "evaluate", str(trained / "policy.zip"), "--out", str(tmp_path / "out")]
     assert main([*command, "--env", "steer_env/DriverParking-v1"]) == 2
     assert (
         "was trained for steer_env/AssistWeave-v1 and cannot act in steer_env/DriverParking" in capsys.readouterr().err
@@ -370,12 +376,13 @@ def test_evaluation_writes_its_report(trained, tmp_path, capsys, monkeypatch):
     monkeypatch.setenv("COLUMNS", "120")  # a terminal in which no name of a metric is folded
     out = tmp_path / "evaluation"
     assert (
-        main(["evaluate-policy", str(trained / "policy.zip"), "--env", WEAVE, "--episodes", "3", "--out", str(out)])
+        main(["policy", "evaluate", str(trained / "policy.zip"), "--env", WEAVE, "--episodes", "3", "--out", str(out)])
         == 0
     )
     found = json.loads((out / "evaluation.json").read_text())
     assert set(found["metrics"]) >= {"policy", "boost", "lqg"}
-    assert found["metrics"]["policy"]["rms_feel_error"]["unit"] == "N m"
+    baseline = ["policy", "evaluate", "boost", "--env", WEAVE]
+    assert main([*baseline, "--episodes", "2", "--out", str(tmp_path / "boost")]) == 0
     page = (out / "index.html").read_text(encoding="utf-8")
     assert "policy less active return, boost, damping, friction compensation" in page
     assert "load 0 to 300 kg; speed 22 to 33 m/s; friction level 0.5 to 2; sensor noise 0 to 1; " in page
@@ -388,7 +395,9 @@ def test_evaluation_writes_its_report(trained, tmp_path, capsys, monkeypatch):
     printed = capsys.readouterr().out
     for name in ("rms feel error", "damping", "compensation"):
         assert name in printed
-    assert main(["evaluate-policy", "boost", "--env", WEAVE, "--episodes", "2", "--out", str(tmp_path / "boost")]) == 0
+    assert (
+        main(["policy", "evaluate", "boost", "--env", WEAVE, "--episodes", "2", "--out", str(tmp_path / "boost")]) == 0
+    )
 
 
 def test_identified_laws_are_near_the_one_that_was_recorded():
@@ -454,7 +463,9 @@ def test_speeds_of_scenarios_are_not_replaced(tmp_path, capsys):
     run = Training(all_round, None, tmp_path / "run", friction=LUGRE)
     run.settings["algorithm"] |= SMALL
     run.run(steps=64)
-    assert main(["shift", str(run.out / "policy.zip"), "--over", "speed", "--out", str(tmp_path / "shift")]) == 2
+    assert (
+        main(["policy", "shift", str(run.out / "policy.zip"), "--over", "speed", "--out", str(tmp_path / "shift")]) == 2
+    )
     assert "takes no other speed: give another condition with --over" in capsys.readouterr().err
 
 
@@ -482,17 +493,17 @@ def test_shift_over_everything(trained, tmp_path):
         (["train", "--env", WEAVE, "--out", "file/run"], "cannot be made, as .*file is a file"),
         (["train", "--env", WEAVE, "--out", "file"], "file is a file: give a directory"),
         (["train", "--env", "steer_env/TuneOnCentre-v1"], "tunes assist parameters"),
-        (["evaluate-policy", "boost", "--env", WEAVE, "--out", "file"], "file is a file: give a directory"),
-        (["evaluate-policy", "boost", "boost", "--env", WEAVE], "'boost' is given twice"),
-        (["evaluate-policy", "boost"], "--env must name the environment"),
-        (["shift", "lqg"], "a baseline, which was not trained"),
+        (["policy", "evaluate", "boost", "--env", WEAVE, "--out", "file"], "file is a file: give a directory"),
+        (["policy", "evaluate", "boost", "boost", "--env", WEAVE], "'boost' is given twice"),
+        (["policy", "evaluate", "boost"], "--env must name the environment"),
+        (["policy", "shift", "lqg"], "a baseline, which was not trained"),
         (["train", "--env", WEAVE, "--resume", "--library-defaults"], "a resumed one keeps its settings: leave it out"),
-        (["shift", "weave"], "'weave' is no policy: give a policy.zip"),
+        (["policy", "shift", "weave"], "'weave' is no policy: give a policy.zip"),
         (["train", "--env", WEAVE, "--algo", "dqn"], "invalid choice: 'dqn'"),
         (["train", "--env", WEAVE, "--minutes", "1", "--steps", "5"], "not allowed with"),
-        (["evaluate-policy", "nobody", "--env", WEAVE], "neither a policy.zip nor a baseline .*boost"),
-        (["evaluate-policy", "nothing.zip", "--env", WEAVE], "no file nothing.zip"),
-        (["friction-shift", "nothing.zip"], "no file nothing.zip"),
+        (["policy", "evaluate", "nobody", "--env", WEAVE], "neither a policy.zip nor a baseline .*boost"),
+        (["policy", "evaluate", "nothing.zip", "--env", WEAVE], "no file nothing.zip"),
+        (["policy", "shift", "nothing.zip", "--over", "law"], "no file nothing.zip"),
     ],
 )
 def test_bad_commands(arguments, message, tmp_path, monkeypatch, capsys):

@@ -39,5 +39,5 @@ def test_a_database_in_the_folder_and_modules_of_ones_own(tmp_path):
     words = ["tune", "--import", "json", "--storage", f"sqlite:///{tmp_path / 'study.db'}", "--out", str(tmp_path)]
     (tmp_path / "study.db").touch()
     with pytest.raises(ValueError, match="has no study that could be resumed"):
-        tune._tune(parsed([*words, "--resume"]))
+        tune.run(parsed([*words, "--resume"]))
     assert tune._words(parsed(words), "best.toml", "after")[1:3] == ["--import", "json"]

@@ -15,7 +15,7 @@ WEAVE = "steer_env/AssistWeave-v1"
 
 
 def _recorded(out, *options):
-    assert main(["record", *options, "--out", str(out)]) == 0
+    assert main(["policy", "record", *options, "--out", str(out)]) == 0
     return minari.MinariDataset(out / "data")
 
 
@@ -66,7 +66,7 @@ def test_the_folder_is_replaced_as_a_whole(tmp_path, capsys):
     assert [path.name for path in out.iterdir()] == ["data"]
     assert json.loads((out / "data" / "metadata.json").read_text())["total_episodes"] == 1
     (out / "mine.txt").write_text("")
-    assert main(["record", "--env", WEAVE, "--policy", "zero", "--out", str(out)]) == 2
+    assert main(["policy", "record", "--env", WEAVE, "--policy", "zero", "--out", str(out)]) == 2
     assert "holds other files (mine.txt)" in capsys.readouterr().err
 
 
@@ -82,7 +82,7 @@ def test_bad_commands(options, message, tmp_path, monkeypatch, capsys):
     import re
 
     monkeypatch.chdir(tmp_path)
-    assert main(["record", "--env", WEAVE, *options]) == 2
+    assert main(["policy", "record", "--env", WEAVE, *options]) == 2
     assert re.search(message, capsys.readouterr().err)
     assert not list(tmp_path.iterdir())
 

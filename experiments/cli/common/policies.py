@@ -31,7 +31,7 @@ def trace(args: argparse.Namespace, made: Mapping[str, Any]) -> dict[str, Any]:
     law = resolve(made.get("friction", "lugre"))
     car = cars.load(made.get("vehicle", "compact"))
     laws = {law_of(law).name: law}
-    name = Path(args.out).name
+    name = args.out.name
     return provenance.trace(command=args.argv, result=name, car=car, friction=laws, inputs=inputs.of(args))
 
 

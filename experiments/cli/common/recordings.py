@@ -1,13 +1,15 @@
 """What ``evaluate`` and ``validate`` share: options of recorded files, and the assessment that both print and write."""
 
 import argparse
+import math
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from steer_env.experiments.cli.common import conditions, inputs, names, noticed
-from steer_env.experiments.cli.common.arguments import KPH
+from steer_env.experiments.cli.common import inputs, names, options
 from steer_env.experiments.cli.common.extras import require_format
+from steer_env.experiments.cli.common.options import KPH
+from steer_env.friction.numerics.check import number
 
 # Key of a recording's meta -> what it tells, printed before the metrics.
 NOTES = {
@@ -17,23 +19,26 @@ NOTES = {
     "torn": "cut off where the drive ended, and left out",
 }
 
+SCALE = "torque_scale_error"
+# Condition -> how far two recordings that are compared may be apart, as far as one may be from what its test
+# prescribes; its option, the unit of that, and how many of it are one SI.
+APART = {"speed_m_s": (0.03, "--speed-kph", "km/h", 3.6), "frequency_hz": (0.1, "--frequency-hz", "Hz", 1.0)}
+TEXTS = ("edition", "mirrored")  # conditions that are no numbers
+
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the options that say how files are read and what is made of them."""
-    tests = names.manoeuvres()
-    parser.add_argument("--manoeuvre", metavar="TEST", choices=tests, help=f"the test: {', '.join(tests)}")
-    text = f"target bands for the metrics: {', '.join(names.targets())}, or a .toml file"
-    parser.add_argument("--targets", metavar="NAME", help=text)
+    options.add(parser, "--manoeuvre", otherwise="that of the recording's meta", choices=names.manoeuvres())
+    options.add(parser, "--targets", ", by which the metrics are rated", otherwise="none")
     add_reading(parser)
-    text = "speed at which the test was driven [km/h]"
-    parser.add_argument("--speed-kph", metavar="KPH", type=float, help=text)
+    options.add(parser, "--speed-kph", "at which the test was driven", otherwise="that of the recording, or the test's")
     text = "frequency of the steering in the test [Hz]"
-    parser.add_argument("--frequency-hz", metavar="HZ", type=float, help=text)
-    text = "bound on the unknown delay between channels, in either direction [ms] (default 0)"
-    parser.add_argument("--timing-ms", metavar="MS", type=float, default=0.0, help=text)
-    noticed.add(parser)
-    text = "directory for index.html and evaluation.json, replaced as a whole"
-    parser.add_argument("--out", metavar="DIR", help=text)
+    parser.add_argument("--frequency-hz", metavar="HZ", type=options.real, help=text)
+    text = "bound on the unknown delay between channels, in either direction [ms] (default: 0)"
+    parser.add_argument("--timing-ms", metavar="MS", type=options.real, default=0.0, help=text)
+    options.add_noticed(parser)
+    text = "for index.html and evaluation.json, replaced as a whole"
+    options.add_out(parser, text, otherwise="none is written")
 
 
 def add_reading(parser: argparse._ActionsContainer) -> None:
@@ -49,7 +54,7 @@ def add_reading(parser: argparse._ActionsContainer) -> None:
     text = "the bus of a CAN log, where a message occurs on several"
     parser.add_argument("--bus", metavar="NAME", help=text)
     text = "use only this part of the recording [s]"
-    parser.add_argument("--between", metavar=("T0", "T1"), type=float, nargs=2, help=text)
+    parser.add_argument("--between", metavar=("T0", "T1"), type=options.real, nargs=2, help=text)
     text = "leave a channel out, e.g. one with gaps; may be repeated"
     parser.add_argument("--without", metavar="CHANNEL", action="append", default=[], help=text)
 
@@ -66,21 +71,20 @@ def assess(paths: list[str], args: argparse.Namespace, tolerances: str | None) -
     from steer_env.experiments.pages.files import usable
     from steer_env.experiments.reports import assessment
     from steer_env.experiments.studies.common import simulation_vs_measurement
-    from steer_env.friction.numerics.check import number
 
     labels = _labels(paths)
     if len(args.mapping) > len(paths):
         raise ValueError(f"{len(args.mapping)} mappings are given for {len(paths)} recordings")
     check_can(paths, args)
     if args.out:
-        usable(Path(args.out), assessment.CONTENTS)
+        usable(args.out, assessment.CONTENTS)
     recordings = {label: _read(path, place, args) for place, (label, path) in enumerate(zip(labels, paths))}
     wanted = targets.load(args.targets) if args.targets else None
     allowed = simulation_vs_measurement.tolerances(tolerances) if tolerances else None
     given = _conditions(args)
-    conditions.check(dict(zip(_places(paths, args), recordings.values())), args.manoeuvre, given)
+    _check_conditions(dict(zip(_places(paths, args), recordings.values())), args.manoeuvre, given)
     timing = 1e-3 * number("--timing-ms", args.timing_ms, minimum=0.0)
-    found = assessment.assess(recordings, args.manoeuvre, wanted, allowed, timing, noticed.share(args), **given)
+    found = assessment.assess(recordings, args.manoeuvre, wanted, allowed, timing, options.noticed(args), **given)
     if wanted and not found.bands:
         print(f"targets {wanted.name!r} have no bands for {found.test}; they have some for {', '.join(wanted.bands)}")
     for label in labels:
@@ -97,7 +101,7 @@ def assess(paths: list[str], args: argparse.Namespace, tolerances: str | None) -
         said = "agree" if agree else "do not agree"
         print(f"{labels[0]} and {labels[1]} {said} within the tolerances {tolerances}")
     if args.out:
-        out = Path(args.out)
+        out = args.out
         assessment.write(out, found, recordings, _trace(args, labels, out.name))
         print(out / "index.html")
     readable = all(any(not value.reason for value in values.values()) for values in found.values.values())
@@ -198,3 +202,75 @@ def _conditions(args: argparse.Namespace) -> dict[str, float]:
     """The conditions of the test that the options give, as keywords of :func:`steer_env.metrics.evaluate`."""
     given = {"speed_m_s": args.speed_kph and KPH * args.speed_kph, "frequency_hz": args.frequency_hz}
     return {name: value for name, value in given.items() if value is not None}
+
+
+def _check_conditions(recordings: Mapping[str, Any], asked: str | None, given: Mapping[str, float]) -> None:
+    """Refuse recordings of another test than the one asked for, bad values of conditions, and unlike conditions.
+
+    Parameters
+    ----------
+    recordings : mapping of str to Recording
+        Where each comes from, in the user's words -> one or two recordings.
+    asked : str or None
+        The test that the options name; None if they name none.
+    given : mapping of str to float
+        Conditions that the options give, in place of those of the recordings [SI].
+
+    Raises
+    ------
+    ValueError
+        With the file, the key, the value and what is allowed, or with both values of two recordings.
+    """
+    from steer_env import metrics
+
+    tests = {place: _test(place, recording.meta.get("manoeuvre"), asked) for place, recording in recordings.items()}
+    if len(set(tests.values())) > 1:
+        said = " and ".join(f"{place} is of {test!r}" for place, test in tests.items())
+        raise ValueError(f"{said}: only recordings of the same test can be compared")
+    (test,) = set(tests.values())
+    prescribed = metrics.conditions(test)
+    found = {place: _conditions_of(place, recording.meta, prescribed) for place, recording in recordings.items()}
+    for key, (share, option, unit, size) in APART.items():
+        if key not in prescribed:
+            continue
+        if key in given:
+            number(option, size * given[key], minimum=0.0, above=bool(prescribed[key]))
+            continue
+        values = [size * conditions[key] for conditions in found.values()]
+        if max(values) - min(values) > share * max(values) * (1 + 1e-9):
+            said = " and ".join(f"{place} at {value:.4g} {unit}" for place, value in zip(found, values))
+            raise ValueError(
+                f"{said} are more than {share:.0%} apart, so that their metrics differ by the test already: compare "
+                f"recordings of one {key}, or correct the meta in a mapping, [meta] {key}"
+            )
+
+
+def _test(place: str, named: Any, asked: str | None) -> str:
+    """The test of a recording by its own meta and the options."""
+    from steer_env import metrics
+
+    tests = metrics.tests()
+    if named is not None and not isinstance(named, str):
+        raise ValueError(f"{place}: manoeuvre must be text, one of {', '.join(tests)}; got {named!r}")
+    if asked is None:
+        if named not in tests:
+            raise ValueError(f"{place} names no known test, {named!r}: give --manoeuvre, one of {', '.join(tests)}")
+        return named
+    if named in tests and named != asked:
+        raise ValueError(
+            f"{place} is of {named!r} by its meta, not of {asked!r}: leave --manoeuvre {asked} out, or, where the "
+            f'meta is wrong, correct it in a mapping, [meta] manoeuvre = "{asked}"'
+        )
+    return asked
+
+
+def _conditions_of(place: str, meta: Mapping[str, Any], prescribed: Mapping[str, Any]) -> dict[str, Any]:
+    """The conditions of a recording: those of its meta, else those of the test."""
+    found = {**prescribed, **{key: meta[key] for key in prescribed if meta.get(key) is not None}}
+    for key, value in found.items():
+        if key in meta and key not in TEXTS and value is not None:
+            least = 0.0 if key in APART or prescribed[key] else -math.inf
+            number(f"{place}: {key}", value, minimum=least, above=bool(prescribed[key]))
+    if SCALE in meta:
+        number(f"{place}: {SCALE}", meta[SCALE], minimum=0.0, maximum=1.0)
+    return found

@@ -7,8 +7,8 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from steer_env.experiments.cli.common.arguments import whole_number
 from steer_env.experiments.cli.common.extras import require
+from steer_env.experiments.cli.common.options import whole_number
 
 if TYPE_CHECKING:
     from steer_env.experiments.sweep import Runner

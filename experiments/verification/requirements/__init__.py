@@ -1,7 +1,7 @@
 """The requirements on accuracy, feel and cost: one file for each group, ``common`` for their rows.
 
 A group has a function ``rows()`` that yields every requirement with its measured value; the function's docstring is the
-title of the table. ``steer-env verify`` prints the tables.
+title of the table. ``steer-env maintain verify`` prints the tables.
 """
 
 import importlib

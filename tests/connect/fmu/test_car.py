@@ -439,10 +439,10 @@ def test_command_line(tmp_path):
 def test_help_names_what_there_is():
     from steer_env.connect.fmu import exporter, object_code
     from steer_env.experiments.cli import export_fmu
-    from steer_env.experiments.cli.common import plant_options
+    from steer_env.experiments.cli.common import options
     from steer_env.vehicle import subsystems
 
-    assert plant_options.SUBSYSTEMS == subsystems.SUBSYSTEMS
+    assert options.SUBSYSTEMS == subsystems.SUBSYSTEMS
     assert export_fmu.VERSIONS == exporter.VERSIONS
     assert export_fmu.PLATFORMS == object_code.PLATFORMS
     assert export_fmu.PROCESSORS == object_code.NAMES

@@ -11,7 +11,7 @@ import pytest
 from steer_env.connect.udp import Server, Stream
 from steer_env.connect.udp.packets import KINDS, MODES, unpacked
 from steer_env.connect.udp.session import NEVER, report
-from steer_env.experiments.cli import serve
+from steer_env.experiments.cli.common import options
 from steer_env.live.real_time import Limits, haptics
 from steer_env.live.real_time.safety import SAFETY
 from tests.connect.udp.direct import Direct
@@ -121,7 +121,7 @@ def test_the_command_ends_cleanly():
 
 
 def test_options_are_those_of_the_library():
-    assert serve.TORQUE == Limits().torque
+    assert options.TORQUE == Limits().torque
     with pytest.raises(ValueError, match="mode must be one of lockstep, free-running, got 'fast'"):
         Server(part_of(), mode="fast")
 

@@ -1,32 +1,31 @@
-"""The command ``audit``: what scores more than the classical controllers must not behave worse."""
+"""Search for policies that a reward pays for and nobody wants.
+
+The exit code is 1 where one is found.
+"""
 
 import argparse
 from collections.abc import Sequence
 from operator import itemgetter
-from typing import Any
 
-from steer_env.experiments.cli.common.arguments import whole_number
+from steer_env.experiments.cli.common import options
 from steer_env.experiments.cli.common.extras import require
 from steer_env.experiments.cli.common.sweeping import add_sweep, runner
 from steer_env.registration import DRIVEN
 
 
-def add(commands: Any, common: argparse.ArgumentParser) -> None:
-    """Add the command to a parser's."""
-    text = "Search for policies that a reward pays for and nobody wants; the exit code is 1 if one is found."
-    audit = commands.add_parser("audit", help=text, description=text, parents=[common])
-    text = f"environments (default: all): {', '.join(DRIVEN)}"
-    audit.add_argument("--env", metavar="ID", nargs="+", choices=tuple(DRIVEN), default=list(DRIVEN), help=text)
-    text = "rounds of the cross-entropy method on linear policies (default 12)"
-    audit.add_argument("--rounds", metavar="N", type=whole_number(1), default=12, help=text)
-    text = "steps of PPO with its defaults, 0 leaves it out (default 100000)"
-    audit.add_argument("--steps", metavar="N", type=whole_number(0), default=100_000, help=text)
-    audit.add_argument("--seed", metavar="N", type=whole_number(0), default=0, help="of the searches (default 0)")
-    add_sweep(audit)
-    audit.set_defaults(function=_audit)
+def add(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
+    text = f": {', '.join(DRIVEN)}"
+    options.add(parser, "--env", text, list(DRIVEN), "all of them", nargs="+", choices=tuple(DRIVEN))
+    text = "rounds of the cross-entropy method on linear policies (default: 12)"
+    parser.add_argument("--rounds", metavar="N", type=options.whole_number(1), default=12, help=text)
+    options.add(parser, "--steps", "by PPO with its defaults; 0 leaves it out", 100_000)
+    options.add(parser, "--seed", "of the searches", 0)
+    add_sweep(parser)
 
 
-def _audit(args: argparse.Namespace) -> int:
+def run(args: argparse.Namespace) -> int:
+    """Search, and print what was found; the exit code."""
     if args.steps:
         require("train", "the search by PPO")
 

@@ -1,36 +1,31 @@
-"""The command ``record``: a data set of episodes in Minari's format."""
+"""Record episodes of a controller as a Minari data set, with costs, to learn without an environment."""
 
 import argparse
 from pathlib import Path
-from typing import Any
 
-from steer_env.experiments.cli.common.arguments import FRICTION, SHIPPED, friction_law, whole_number
+from steer_env.experiments.cli.common import options
 from steer_env.experiments.cli.common.extras import require
+from steer_env.experiments.cli.common.options import SHIPPED
 from steer_env.experiments.learning.constants import HELD_OUT
 from steer_env.experiments.pages import car_options
 from steer_env.registration import DRIVEN
 
 
-def add(commands: Any, common: argparse.ArgumentParser) -> None:
-    """Add the command to a parser's."""
-    text = "Record episodes of a controller as a Minari data set, with costs, for learning without an environment."
-    record = commands.add_parser("record", help=text, description=text, parents=[common])
-    record.add_argument("--env", metavar="ID", required=True, help=", ".join(DRIVEN))
+def add(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
+    options.add(parser, "--env", f": {', '.join(DRIVEN)}", required=True)
     text = f"the name of a baseline, zero, random, {SHIPPED!r}, or a policy.zip that 'steer-env train' wrote"
-    record.add_argument("--policy", metavar="NAME", required=True, help=text)
-    text = "number of episodes (default 100)"
-    record.add_argument("--episodes", metavar="N", type=whole_number(1, HELD_OUT), default=100, help=text)
-    text = f"seed of the first episode (default 0); all stay below {HELD_OUT}, where held-out episodes begin"
-    record.add_argument("--seed", metavar="N", type=whole_number(0, HELD_OUT - 1), default=0, help=text)
-    text = f"{FRICTION} (default: lugre, or that of the training)"
-    record.add_argument("--friction", metavar="LAW", type=friction_law, help=text)
-    car_options.add(record, default=None)
-    text = "directory of the data set, replaced as a whole (default dataset)"
-    record.add_argument("--out", metavar="DIR", default="dataset", help=text)
-    record.set_defaults(function=_record)
+    parser.add_argument("--policy", metavar="NAME", required=True, help=text)
+    options.add(parser, "--episodes", default=100, type=options.whole_number(1, HELD_OUT))
+    text = f"of the first episode; all stay below {HELD_OUT}, where held-out episodes begin"
+    options.add(parser, "--seed", text, 0, type=options.whole_number(0, HELD_OUT - 1))
+    options.add(parser, "--friction", otherwise="lugre, or that of the training")
+    car_options.add(parser, default=None)
+    options.add_out(parser, "of the data set, replaced as a whole", "dataset")
 
 
-def _record(args: argparse.Namespace) -> None:
+def run(args: argparse.Namespace) -> None:
+    """Write the data set."""
     if args.seed + args.episodes > HELD_OUT:
         raise ValueError(f"--seed {args.seed} with {args.episodes} episodes reaches the held-out seeds, {HELD_OUT} on")
     require("integrations", "recording a data set")
@@ -41,7 +36,7 @@ def _record(args: argparse.Namespace) -> None:
     from steer_env.experiments.pages.options import progress
 
     policy.check_driven(args.env)
-    out, made = Path(args.out), {}
+    out, made = args.out, {}
     if controllers.is_policy(args.policy):
         require("train", "a trained policy")
         path = controllers.path_of(args.policy, args.env)

@@ -1,36 +1,34 @@
-"""The command ``assist-suite``: whether an assist is stable in every drive of the suite."""
+"""Drive assists through a suite of conditions, and tell in which they are unstable.
+
+The exit code is 1 where one is unstable.
+"""
 
 import argparse
 from pathlib import Path
-from typing import Any
 
-from steer_env.experiments.cli.common import names
-from steer_env.experiments.cli.common.arguments import SHIPPED
+from steer_env.experiments.cli.common import names, options
+from steer_env.experiments.cli.common.options import SHIPPED
 from steer_env.experiments.cli.common.sweeping import add_sweep, runner
 from steer_env.experiments.pages import car_options
 
 
-def add(commands: Any, common: argparse.ArgumentParser) -> None:
-    """Add the command to a parser's."""
-    text = "Drive assists through a suite of conditions, and tell in which they are unstable; the exit code is then 1."
-    suite = commands.add_parser("assist-suite", help=text, description=text, parents=[common])
+def add(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
     text = (
         "baselines by name, a policy.zip of 'steer-env train', or "
         f"{SHIPPED!r} for the policy that is shipped with the id (default: every baseline)"
     )
-    suite.add_argument("controllers", metavar="CONTROLLER", nargs="*", help=text)
-    text = "environment that the controllers are for, an assist's (default: that of the first policy.zip)"
-    suite.add_argument("--env", metavar="ID", help=text)
-    text = "file for the results as JSON (default: none is written)"
-    suite.add_argument("--out", metavar="FILE.json", type=Path, help=text)
+    parser.add_argument("controllers", metavar="CONTROLLER", nargs="*", help=text)
+    options.add(parser, "--env", "of an assist", otherwise="that of the first policy.zip")
+    options.add_out(parser, "for the results", form="FILE.json", otherwise="none is written")
     text = "print every condition, not only the worst of each drive and those that fail"
-    suite.add_argument("--all", action="store_true", help=text)
-    car_options.add(suite, default=None, usual="those of the suite")
-    add_sweep(suite)
-    suite.set_defaults(function=_suite)
+    parser.add_argument("--all", action="store_true", help=text)
+    car_options.add(parser, default=None, usual="those of the suite")
+    add_sweep(parser)
 
 
-def _suite(args: argparse.Namespace) -> int:
+def run(args: argparse.Namespace) -> int:
+    """Print the results, and write them where --out says; the exit code."""
     from steer_env.experiments.cli.common.extras import require
     from steer_env.experiments.learning.controllers import is_policy, named
 

@@ -1,12 +1,13 @@
-"""The command ``evaluate-policy``: policies and baselines on the same held-out episodes."""
+"""Evaluate policies and baselines against the baselines on held-out episodes, and write a report."""
 
 import argparse
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from steer_env.experiments.cli.common.arguments import FRICTION, SHIPPED, add_evaluation, friction_law
+from steer_env.experiments.cli.common import options
 from steer_env.experiments.cli.common.extras import require
+from steer_env.experiments.cli.common.options import SHIPPED
 from steer_env.experiments.cli.common.sweeping import add_sweep, runner
 from steer_env.experiments.pages import car_options
 from steer_env.registration import DRIVEN
@@ -15,26 +16,22 @@ if TYPE_CHECKING:
     from steer_env.experiments.learning.controllers import Maker
 
 
-def add(commands: Any, common: argparse.ArgumentParser) -> None:
-    """Add the command to a parser's."""
-    text = "Evaluate policies, or a baseline, against the baselines on held-out episodes, and write a report."
-    evaluate = commands.add_parser("evaluate-policy", help=text, description=text, parents=[common])
+def add(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
     text = (
         f"a policy.zip that 'steer-env train' wrote, {SHIPPED!r} for the policy that is shipped with the id, or the "
         "name of a baseline"
     )
-    evaluate.add_argument("file", metavar="FILE", nargs="+", help=text)
-    text = f"environment (default: that of the first policy.zip): {', '.join(DRIVEN)}"
-    evaluate.add_argument("--env", metavar="ID", help=text)
-    add_evaluation(evaluate, "evaluation")
-    text = f"{FRICTION} (default: that of the training)"
-    evaluate.add_argument("--friction", metavar="LAW", type=friction_law, help=text)
-    car_options.add(evaluate, default=None)
-    add_sweep(evaluate)
-    evaluate.set_defaults(function=_evaluate)
+    parser.add_argument("file", metavar="FILE", nargs="+", help=text)
+    options.add(parser, "--env", f": {', '.join(DRIVEN)}", otherwise="that of the first policy.zip")
+    options.add_evaluation(parser, "evaluation")
+    options.add(parser, "--friction", otherwise="that of the training")
+    car_options.add(parser, default=None)
+    add_sweep(parser)
 
 
-def _evaluate(args: argparse.Namespace) -> None:
+def run(args: argparse.Namespace) -> None:
+    """Evaluate, print the table and write the report."""
     from steer_env.experiments.learning.controllers import is_policy
 
     if any(map(is_policy, args.file)):
@@ -50,14 +47,14 @@ def _evaluate(args: argparse.Namespace) -> None:
     env_id = args.env or policy.about(Path(own))["env"]  # type: ignore[arg-type]
     policy.check_driven(env_id)
     sweep = runner(args)
-    usable(Path(args.out), policy_report.CONTENTS)
+    usable(args.out, policy_report.CONTENTS)
     controllers, paths, made = _controllers(args, env_id)
     curves = {
         title: file for label, path in paths.items() for title, file in policy.learning_curves(path, label).items()
     }
     if car_options.given(args):
         made["vehicle"] = car_options.load(args).data()
-    evaluate_and_report(args, env_id, controllers, Path(args.out), made, curves, sweep)
+    evaluate_and_report(args, env_id, controllers, args.out, made, curves, sweep)
 
 
 def _controllers(args: argparse.Namespace, env_id: str) -> "tuple[dict[str, Maker], dict[str, Path], dict[str, Any]]":

@@ -1,44 +1,33 @@
-"""The command ``shift``: a policy under conditions that its training did not draw."""
+"""Evaluate a policy beside the baselines under conditions that its training did not draw."""
 
 import argparse
 from pathlib import Path
-from typing import Any
 
-from steer_env.experiments.cli.common import names
-from steer_env.experiments.cli.common.arguments import FRICTION, SHIPPED, add_evaluation, friction_law
+from steer_env.experiments.cli.common import names, options
 from steer_env.experiments.cli.common.extras import require
+from steer_env.experiments.cli.common.options import SHIPPED
 from steer_env.experiments.cli.common.sweeping import add_sweep, runner
 from steer_env.experiments.learning.constants import SHIFTS
 from steer_env.experiments.pages import car_options
 
 
-def add(commands: Any, common: argparse.ArgumentParser) -> None:
-    """Add the command to a parser's."""
-    text = "Evaluate a policy beside the baselines under conditions that its training did not draw: table and picture."
-    parser = commands.add_parser("shift", help=text, description=text, parents=[common])
-    text = "conditions that are replaced, one at a time (default: all)"
-    parser.add_argument("--over", choices=SHIFTS, nargs="+", default=list(SHIFTS), help=text)
-    add_options(parser)
-    parser.set_defaults(function=shift)
-
-
-def add_options(parser: argparse.ArgumentParser) -> None:
-    """Add what the command has in common with its old name."""
+def add(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
     text = f"a policy.zip that 'steer-env train' wrote, or {SHIPPED!r} with --env ID"
     parser.add_argument("file", metavar="FILE", help=text)
-    text = f"environment whose shipped policy is meant (default: that of FILE), for {SHIPPED!r}"
-    parser.add_argument("--env", metavar="ID", help=text)
-    add_evaluation(parser, "shift")
+    text = "conditions that are replaced, one at a time (default: all)"
+    parser.add_argument("--over", choices=SHIFTS, nargs="+", default=list(SHIFTS), help=text)
+    options.add(parser, "--env", f"whose policy is meant by {SHIPPED!r}", otherwise="that of FILE")
+    options.add_evaluation(parser, "shift")
     add_sweep(parser)
     text = (
-        f"{FRICTION}, for --over law; default: {', '.join(names.laws())}, and the laws identified from a noisy record "
-        "of the training's law that describe it"
+        f"{', '.join(names.laws())}, and the laws identified from a noisy record of the training's law that describe it"
     )
-    parser.add_argument("--friction", metavar="LAW", type=friction_law, nargs="+", action="extend", help=text)
+    options.add(parser, "--friction", ", for --over law", otherwise=text, nargs="+", action="extend")
     car_options.add(parser, default=None, usual="none beside the packaged ones, for --over car")
 
 
-def shift(args: argparse.Namespace) -> None:
+def run(args: argparse.Namespace) -> None:
     """Evaluate, print the table and write the report."""
     if args.file in (*names.assists(), *names.drivers()):
         raise ValueError(f"{args.file!r} is a baseline, which was not trained: give a policy.zip")
@@ -66,7 +55,7 @@ def shift(args: argparse.Namespace) -> None:
     if args.env not in (None, about["env"]):
         raise ValueError(f"{path} was trained for {about['env']}, not {args.env}: leave --env out")
     policy.check_observations(path, about, about["env"])
-    out, home = Path(args.out), policy.law(about["friction"], path)
+    out, home = args.out, policy.law(about["friction"], path)
     usable(out, shifted.CONTENTS)
     caution(path, about)
     with progress("evaluating") as notify:

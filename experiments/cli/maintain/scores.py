@@ -1,38 +1,34 @@
-"""The command ``scores``: every kind of controller on the held-out episodes of every id."""
+"""Print the page of scores: every kind of controller on the held-out episodes of every id.
+
+The page is in Markdown. It has zero action, random actions, every baseline and the trained policies on the same
+episodes at the default settings of each id, with the terms on which each of them acts.
+"""
 
 import argparse
 import sys
 from pathlib import Path
-from typing import Any
 
-from steer_env.experiments.cli.common.arguments import MOST_EPISODES, whole_number
+from steer_env.experiments.cli.common import options
 from steer_env.experiments.cli.common.extras import require
 from steer_env.experiments.cli.common.sweeping import add_sweep, runner
 from steer_env.registration import REGISTERED
 
 
-def add(commands: Any, common: argparse.ArgumentParser) -> None:
-    """Add the command to a parser's."""
-    text = (
-        "Print, in Markdown, the scores of zero action, random actions, every baseline and the trained policies on the "
-        "same held-out episodes of every id at its default settings, with the terms on which each of them acts."
-    )
-    scores = commands.add_parser("scores", help=text, description=text, parents=[common])
-    scores.add_argument(
-        "--env", metavar="ID", nargs="+", action="extend", help=f"ids (default: all): {', '.join(REGISTERED)}"
-    )
-    text = "number of held-out episodes (default 100)"
-    scores.add_argument("--episodes", metavar="N", type=whole_number(2, MOST_EPISODES), default=100, help=text)
+def add(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
+    options.add(parser, "--env", f": {', '.join(REGISTERED)}", otherwise="all", nargs="+", action="extend")
+    most = options.whole_number(2, options.MOST_EPISODES)
+    options.add(parser, "--episodes", "held out from every training", 100, type=most)
     text = "directories of 'steer-env train', or above several, whose policies are evaluated too"
-    scores.add_argument("--policies", metavar="DIR", nargs="+", action="extend", default=[], help=text)
-    scores.add_argument("--out", metavar="FILE", help="file for the page, beside standard output")
+    parser.add_argument("--policies", metavar="DIR", nargs="+", action="extend", default=[], help=text)
+    options.add_out(parser, "for the page, beside standard output", form="FILE.md", otherwise="none is written")
     text = "JSON file for the reward_threshold of each id, in which the others are kept"
-    scores.add_argument("--thresholds", metavar="FILE", help=text)
-    add_sweep(scores)
-    scores.set_defaults(function=_scores)
+    parser.add_argument("--thresholds", metavar="FILE.json", help=text)
+    add_sweep(parser)
 
 
-def _scores(args: argparse.Namespace) -> None:
+def run(args: argparse.Namespace) -> None:
+    """Evaluate, and print the page."""
     require("train", "evaluating a policy")
 
     from steer_env.experiments.cli.common.policies import caution
@@ -54,6 +50,6 @@ def _scores(args: argparse.Namespace) -> None:
     page = scores.markdown(found, args.episodes)
     sys.stdout.write(page)
     if args.out:
-        write_text(Path(args.out), page)
+        write_text(args.out, page)
     if args.thresholds:
         scores.write_thresholds(Path(args.thresholds), found)

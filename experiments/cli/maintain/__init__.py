@@ -1,0 +1,3 @@
+"""For maintainers: requirements, scores, audit, baselines, reference pages."""
+
+GROUP = "maintain"

@@ -1,0 +1,3 @@
+"""Evaluate policies and baselines, record them, and test their stability."""
+
+GROUP = "learn"
