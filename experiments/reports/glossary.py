@@ -69,8 +69,8 @@ holds before the input counts as the sensor's zero there. Random steering, relea
 catch-up have no such part; nor has a recording that begins with the input, or in a turn above 0.5 deg/s. Then
 `validate` says so and compares the readings as they are: give the offsets in a mapping.
 
-`steer-env maintain verify synthetic` prints how often the intervals hold known answers behind such faults, for weave and
-slow ramp metric by metric.
+`steer-env maintain verify synthetic` prints how often the intervals hold known answers behind such faults, for weave
+and slow ramp metric by metric.
 
 ## What `validate` does not tell
 
