@@ -221,7 +221,8 @@ def markdown(found: Iterable[Scores], episodes: int) -> str:
     lines = [
         "# Scores",
         f"`steer-env maintain scores --episodes {episodes}` prints this page: every controller in the same "
-        f"{episodes} held-out episodes of each id, seeds from {HELD_OUT} on, at the id's default settings, mean and 95 % interval. "
+        f"{episodes} held-out episodes of each id, seeds from {HELD_OUT} on, at the id's default settings, mean and "
+        "95 % interval. "
         "Authority is the largest torque that a controller may ask for; an action is held where its controller decides "
         "less often than the environment; the delay is the controller's own, beside that of the observation.",
     ]
