@@ -3,15 +3,15 @@
 import math
 import textwrap
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from steer_env.experiments.calibration.problem import Range
 from steer_env.experiments.calibration.screening import Effect
 from steer_env.experiments.calibration.sensitivity import Results, Row
+from steer_env.experiments.pages.pages import Page
 from steer_env.experiments.pages.sensitivity_picture import Cell, Line, heat_map
-from steer_env.experiments.pages.study_page import Page, Picture, Section, Table
 from steer_env.experiments.pages.words import label, number, unit
 
 NAME = "sensitivity"
@@ -73,10 +73,10 @@ def _columns(factors: Sequence[Range]) -> list[tuple[str, str]]:
     return found
 
 
-def _picture(results: Results, rows: Sequence[Row], heads: tuple[str, str], caption: str) -> Picture:
+def _picture(results: Results, rows: Sequence[Row], heads: tuple[str, str]) -> str:
     tests = dict.fromkeys(row.test for row in rows)
     groups = {TITLES.get(t, t): [_line(row, results.points) for row in rows if row.test == t] for t in tests}
-    return Picture(heat_map(_columns(results.study.factors), groups, heads, PALE), caption)
+    return heat_map(_columns(results.study.factors), groups, heads, PALE)
 
 
 def ranking(results: Results, rows: Sequence[Row]) -> dict[str, float]:
@@ -89,121 +89,50 @@ def ranking(results: Results, rows: Sequence[Row]) -> dict[str, float]:
     return dict(sorted(means.items(), key=lambda item: -item[1]))
 
 
-def sentences(results: Results) -> list[str]:
-    """The verdict in sentences."""
-    rows = [row for row in results.rows if row.band and row.test]
-    order, names = ranking(results, rows), [factor.name for factor in results.study.factors]
-    first, *_, last = order
-    found = [
-        f"Over its range {_name(first)} changes the {len(rows)} metrics with a target band most, by "
-        f"{number(100.0 * order[first], 2)} % of the band's width on average; {_name(last)} least, by "
-        f"{number(100.0 * order[last], 2)} %."
-    ]
-    moved = {row.name: [n for n, e in zip(names, row.effects or ()) if matters(row, e)] for row in rows}
-    still = [label(row.name) for row in rows if row.effects is not None and not moved[row.name]]
-    if still:
-        found.append(f"No parameter changes these by {100.0 * SMALL:.0f} % of their bands: {', '.join(still)}.")
-    alone = {name: [label(m) for m, by in moved.items() if by == [name]] for name in names}
-    told = [f"{_name(name)} alone changes {', '.join(by)}" for name, by in alone.items() if by]
-    if told:
-        found.append(f"{'; '.join(told)[0].upper()}{'; '.join(told)[1:]}.")
-    refused = [row for row in results.rows if row.refused]
-    if refused:
-        most = max(refused, key=lambda row: row.refused)
-        found.append(
-            f"{len(refused)} outputs are refused at some of the {results.points} parameter sets, {label(most.name)} at "
-            f"most, {most.refused}: {most.reason}."
-        )
-    return found
-
-
-def _table(results: Results, rows: Sequence[Row]) -> Table:
-    head = ("output", "test", "unit", *(_name(f.name) for f in results.study.factors), "refused")
+def _table(results: Results, rows: Sequence[Row]) -> list[tuple[str, ...]]:
     cells = []
     for row in rows:
         text = [
             f"{number(e.mean if e.sign else e.size)} ({number(e.low)} to {number(e.high)})" for e in row.effects or ()
         ] or ["–"] * len(results.study.factors)
         cells.append((label(row.name), row.test or "loop", unit(row.unit), *text, str(row.refused)))
-    note = "Change over the range, with its sign where it has one, and the 95 % interval of its size, in the unit."
-    return Table("All changes in the units of the outputs", head, cells, note, folded=True)
+    return cells
 
 
-def _reasons(results: Results) -> list[Table]:
-    rows = [(label(row.name), f"{row.refused} of {results.points}", row.reason) for row in results.rows if row.refused]
-    return [Table("Refused outputs", ("output", "parameter sets", "most frequent reason"), rows, folded=True)] * bool(
-        rows
-    )
+class Shown(NamedTuple):
+    """The outputs of one section."""
 
-
-def _evidence(results: Results) -> str:
-    d, s = results.design, results.study
-    blocks, each = d.points.shape[:2]
-    how = (
-        f"{blocks} trajectories of {each} parameter sets on a grid of 4 levels (Morris); a number is the mean size of "
-        "the changes over all trajectories"
-        if d.method == "morris"
-        else f"{blocks} base samples of {each} parameter sets (Sobol); a number is sqrt(12 S_T V), with the variance V "
-        "and the parameter's total share S_T of it: the range of a linear effect of the same variance"
-    )
-    return (
-        f"{how}. Each set is driven through the tests ({s.chassis}, {results.law}); seed {d.seed}. The hands move as "
-        "the plant with its own assist needs it for the test."
-    )
+    map: str  # SVG
+    rows: list[tuple[str, ...]]
 
 
 def build(results: Results) -> tuple[Page, dict[str, Any]]:
     """The page and its numbers as JSON."""
     wanted = [row for row in results.rows if row.band]
     others = [row for row in results.rows if not row.band]
-    verdict = sentences(results)
-    reading = (
-        "Each number is the change of the output while the parameter goes from the low to the high end of its range, "
-        "the others anywhere in theirs, in per cent of {}. Blue and +: the output rises with the parameter. Red and −: "
-        "it falls. Violet and ±: both. Grey: below 10 %, or not told apart from none by the 95 % "
-        "interval; the parameter hardly matters there."
-    )
-    sections = [
-        Section(
-            "Target bands and margins",
-            "Which parameter moves which metric, and how far.",
-            _evidence(results),
-            verdict[0],
-            "Level, dry road. A mean over the whole ranges: at a given set a parameter may do more or less, most of "
-            "all where it shares its effect with others.",
-            [
-                _picture(
-                    results,
-                    wanted,
-                    ("change in % of the band's width,\nof a margin in % of its limit", "value now\n(band)"),
-                    reading.format("the width of the target band, of a margin in per cent of its limit")
-                    + " Beside the name: the value of the car as it is, and the band.",
-                )
-            ],
-            [_table(results, wanted), *_reasons(results)],
-        ),
-        Section(
-            "Metrics without a band",
-            "The same for the other metrics of the tests.",
-            "As above.",
-            f"{len(others)} metrics.",
-            "A metric that is 0 for the car as it is has no share.",
-            [
-                _picture(
-                    results,
-                    others,
-                    ("change in % of the value now", "value now"),
-                    reading.format("the value of the car as it is, which stands beside the name"),
-                )
-            ],
-            [_table(results, others)],
-        ),
-    ]
-    lead = (
-        f"What {len(results.study.factors)} parameters do to the metrics and margins of '{results.study.car.name}', "
-        f"beside the target bands '{results.targets}'."
-    )
-    return Page(NAME, "Sensitivity", lead, verdict, sections), _json(results)
+    banded = [row for row in wanted if row.test]
+    order, names = ranking(results, banded), [factor.name for factor in results.study.factors]
+    first, *_, last = order
+    moved = {row.name: [n for n, e in zip(names, row.effects or ()) if matters(row, e)] for row in banded}
+    alone = {_name(name): [m for m, by in moved.items() if by == [name]] for name in names}
+    refused = [row for row in results.rows if row.refused]
+    of_bands = "change in % of the band's width,\nof a margin in % of its limit", "value now\n(band)"
+    of_values = "change in % of the value now", "value now"
+    values = {
+        "r": results,
+        "small": 100.0 * SMALL,
+        "parameters": list(map(_name, names)),
+        "banded": len(banded),
+        "most": {"name": _name(first), "percent": 100.0 * order[first]},
+        "least": {"name": _name(last), "percent": 100.0 * order[last]},
+        "still": [row.name for row in banded if row.effects is not None and not moved[row.name]],
+        "alone": {name: by for name, by in alone.items() if by},
+        "refused": refused,
+        "reasons": [(label(row.name), f"{row.refused} of {results.points}", row.reason) for row in refused],
+        "wanted": Shown(_picture(results, wanted, of_bands), _table(results, wanted)),
+        "others": Shown(_picture(results, others, of_values), _table(results, others)),
+    }
+    return Page(NAME, values), _json(results)
 
 
 def _finite(value: float) -> float | None:

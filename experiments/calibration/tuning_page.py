@@ -1,11 +1,15 @@
 """The page of a tuning: the gain first, then what is feasible, the front, the bands, the parameters and the margins."""
 
+import functools
 import itertools
 import math
-from collections.abc import Sequence
+import warnings
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+import optuna
+from optuna.importance import PedAnovaImportanceEvaluator, get_param_importances
 from optuna.trial import FrozenTrial
 
 from steer_env import metrics
@@ -15,12 +19,12 @@ from steer_env.experiments.calibration import (
     margin_map,
     own_angles,
     search,
-    tuning_parameters,
 )
-from steer_env.experiments.calibration.problem import distance
+from steer_env.experiments.calibration import problem as problems
+from steer_env.experiments.calibration.problem import Range, distance
 from steer_env.experiments.calibration.tuning import MOVED, Outcome
 from steer_env.experiments.pages import tuning_pictures
-from steer_env.experiments.pages.study_page import Page, Picture, Section, Table
+from steer_env.experiments.pages.pages import Page
 from steer_env.experiments.pages.words import label as in_words
 from steer_env.experiments.pages.words import number, unit
 
@@ -64,41 +68,29 @@ def outside(values: Any, ends: Sequence[float]) -> int:
     return int(np.sum(np.any(np.asarray(values) > np.asarray(ends), axis=1)))
 
 
-def _pareto_section(o: Outcome) -> Section:
+def _pareto(o: Outcome) -> dict[str, Any]:
+    """The sets by their objectives."""
     names = list(dict.fromkeys(o.problem.groups[name] for name in o.counted))
     sets = {label(key): _objectives(trials) for key, trials in o.trials.items()}
     every = np.concatenate(list(sets.values()))
-    chosen = _front(every) if len(every) else every
     marks = {
         text: t.user_attrs["objectives"] for text, t in (("starting point", o.own), ("best", o.best)) if t is not None
     }
-    told = "No set keeps the constraints."
-    if o.best is not None:
-        parts = " + ".join(number(x) for x in o.best.user_attrs["objectives"])
-        told = f"The best set is {parts} = {number(search.total(o.best))} widths off."
-        alone = ", ".join(f"{name} {number(float(every[:, k].min()))}" for k, name in enumerate(names))
-        told += f" Each objective by itself comes down to: {alone}."
-    pictures = []
-    if len(every):
-        limits = ends(every, list(marks.values()))
-        beyond = outside(every, limits)
-        caption = f"All {len(every)} sets that keep the constraints, by pairs of objectives"
-        caption += f"; {beyond} of them lie beyond the end of an axis" if beyond else ""
-        pictures.append(Picture(tuning_pictures.front(sets, chosen, marks, names, limits), caption))
+    limits = ends(every, list(marks.values())) if len(every) else []
     course = {}
     for key, trials in o.trials.items():
         best = np.minimum.accumulate([search.total(t) if search.kept(t) else math.inf for t in trials])
         course[label(key)] = np.where(np.isfinite(best), best, np.nan)
     own = search.total(o.own) if o.own is not None else math.nan
-    return Section(
-        "Pareto front",
-        "What one group of bands costs another.",
-        "An objective is the sum over its bands of the largest distance in any condition, in widths of the band: 0 "
-        "where all are reached. Only sets that keep the constraints count.",
-        told,
-        "What the sets show that were tried; another set may be better.",
-        [*pictures, Picture(tuning_pictures.course(course, own), "The best set so far")],
-    )
+    return {
+        "parts": [] if o.best is None else [number(x) for x in o.best.user_attrs["objectives"]],
+        "total": "" if o.best is None else number(search.total(o.best)),
+        "single": {} if o.best is None else {name: float(every[:, k].min()) for k, name in enumerate(names)},
+        "sets": len(every),
+        "beyond": outside(every, limits) if len(every) else 0,
+        "picture": tuning_pictures.front(sets, _front(every), marks, names, limits) if len(every) else "",
+        "course": tuning_pictures.course(course, own),
+    }
 
 
 def _units(o: Outcome) -> dict[str, str]:
@@ -128,44 +120,26 @@ def _reached(o: Outcome, trial: FrozenTrial | None) -> str:
     return "–" if trial is None else str(sum(_off(o, trial, name) == "in band" for name in o.counted))
 
 
-def _gain_section(o: Outcome) -> Section:
+def _gain(o: Outcome) -> list[tuple[str, ...]]:
+    """What the tuning improves, before and after; nothing where one of both is missing."""
     if o.own is None or o.best is None:
-        missing = "no set keeps the constraints" if o.best is None else "the starting point was not evaluated"
-        told, rows = f"There is no gain to tell: {missing}.", []
-    else:
-        both, count = (o.own, o.best), len(o.counted)
-        rows = [
-            ("bands reached in all conditions", f"of {count}", *(_reached(o, t) for t in both)),
-            ("distance from all bands", "widths", *(number(search.total(t)) for t in both)),
-        ]
-        for k, name in enumerate(dict.fromkeys(o.problem.groups[name] for name in o.counted)):
-            each = (number(t.user_attrs["objectives"][k]) for t in both)
-            rows.append((f"of these, {name}", "widths", *each))
-        for key, (text, sign) in {
-            "phase_margin": ("least phase margin", "deg"),
-            "gain_margin": ("least gain margin", "dB"),
-        }.items():
-            rows.append(
-                (text, sign, *(number(constraints.least(t.user_attrs["details"]["margins"])[key]) for t in both))
-            )
-        told = (
-            f"From the starting point to the best set: {rows[0][2]} → {rows[0][3]} of {count} bands reached in all "
-            f"conditions, {rows[1][2]} → {rows[1][3]} widths off in all."
-        )
-    return Section(
-        "Gain",
-        "What the tuning improves.",
-        "The distance is the sum over the bands of the largest distance of the metric in any condition, in widths of "
-        "its band: 0 where all are reached.",
-        told,
-        "The best set is the one with the smallest distance that keeps the constraints and, if one of those nearest "
-        "to the bands does, the margins on the whole map; it may reach fewer bands.",
-        (),
-        [Table("Before and after", ("", "unit", "before", "after"), rows)] if rows else (),
-    )
+        return []
+    both = o.own, o.best
+    rows: list[tuple[str, ...]] = [
+        ("bands reached in all conditions", f"of {len(o.counted)}", *(_reached(o, t) for t in both)),
+        ("distance from all bands", "widths", *(number(search.total(t)) for t in both)),
+    ]
+    for k, name in enumerate(dict.fromkeys(o.problem.groups[name] for name in o.counted)):
+        each = (number(t.user_attrs["objectives"][k]) for t in both)
+        rows.append((f"of these, {name}", "widths", *each))
+    for key, text, sign in (("phase_margin", "least phase margin", "deg"), ("gain_margin", "least gain margin", "dB")):
+        each = (number(constraints.least(t.user_attrs["details"]["margins"])[key]) for t in both)
+        rows.append((text, sign, *each))
+    return rows
 
 
-def _band_section(o: Outcome) -> Section:
+def _bands(o: Outcome) -> dict[str, Any]:
+    """Every band before and after."""
     units, rows = _units(o), []
     places = dict[str, dict[str, tuple[float, float]]]()
     for name in o.counted:
@@ -184,37 +158,18 @@ def _band_section(o: Outcome) -> Section:
          *(f"{number(a)} to {number(b)}" for a, b in (_span(o.own, name), _span(o.best, name))), number(o.moved[name]))
         for name in o.problem.bands if name not in o.counted
     ]  # fmt: skip
-    head = ["metric", "unit", "good band", "before", "worst before", "after", "worst after"]
-    tables = [Table("Metrics over all conditions, before and after", head, rows)]
-    if left:
-        head = ["metric", "unit", "good band", "before", "after", "moved by at most [widths of the band]"]
-        tables.append(Table("Bands that no parameter of the assist moves, left out of the search", head, left))
-    levels = ", ".join(c.label for c in o.problem.conditions)
-    most = max((check.difference for check in o.checks.values()), default=0.0)
-    pictures = (
-        [
-            Picture(
-                tuning_pictures.bands(places),
-                "Spans over the conditions, before and after, cut one width outside the band",
-            )
-        ]
-        if places
-        else []
-    )
-    return Section(
-        "Bands",
-        "Every metric is in its good band, whatever friction and load.",
-        "Each set is driven through weave, release, returnability, step steer and parking in the conditions: "
-        f"{levels}, with the handwheel angles that the starting point needs; the two sets below once more with those "
-        f"that each needs itself, which changes a metric by up to {most:.2g} widths of its band.",
-        f"{_reached(o, o.best)} of {len(rows)} bands are reached in all conditions; before {_reached(o, o.own)}.",
-        f"A band is left out where no parameter at an end of its range moves the metric by {MOVED:g} of its width.",
-        pictures,
-        tables,
-    )
+    return {
+        "rows": rows,
+        "left": left,
+        "before": _reached(o, o.own),
+        "after": _reached(o, o.best),
+        "most_changed": max((check.difference for check in o.checks.values()), default=0.0),
+        "picture": tuning_pictures.bands(places) if places else "",
+    }
 
 
-def _margin_section(o: Outcome) -> Section:
+def _margins(o: Outcome) -> dict[str, Any]:
+    """The margins before and after."""
     rows, sides = [], [t.user_attrs["details"]["margins"] for t in (o.own, o.best) if t is not None]
     for key in sides[0] if sides else ():
         if key.startswith(("phase_", "gain_", "column_")):
@@ -226,97 +181,102 @@ def _margin_section(o: Outcome) -> Section:
         rows.append(
             ("greatest boost over the limit of the motor", "all", "1", *(number(m["motor_limit"]) for m in sides))
         )
-    head = ("margin", "speed [km/h]", "unit", "before", "after")[: 3 + len(sides)]
-    verdict = "No set keeps the margins."
-    if o.best is not None:
-        least, below = constraints.least(sides[-1]), margin_map.missed(o.cells)
-        verdict = (
-            f"The best set keeps {number(least['phase_margin'])} deg and {number(least['gain_margin'])} dB where the "
-            f"search looks, and {constraints.PHASE:g} deg and {constraints.GAIN:g} dB at "
-            f"{len([c for c in o.cells if c.margins]) - len(below)} of {len([c for c in o.cells if c.margins])} points "
-            "of the whole map."
-        )
-        if below:
-            verdict += " It misses: " + "; ".join(c.where for c in below[:4]) + "."
-    return Section(
-        "Margins",
-        f"Phase and gain margin are at least {constraints.PHASE:g} deg and {constraints.GAIN:g} dB at all speeds.",
-        "The search looks at the whole laden car with hands off, where its boost is steepest, with friction sliding or "
-        "at rest; and at the column with fixed hands at all speeds of the boost table. The sets nearest to the "
-        "bands are then read on the whole map of 'steer-env analyse', every torque, hands and friction, unladen and "
-        "laden, until one keeps it.",
-        verdict,
-        "Small motions around a steady point, on a level and dry road.",
-        (),
-        [Table("Margins, before and after", head, rows)] if rows else (),
-    )
+    return {
+        "rows": rows,
+        "columns": 3 + len(sides),
+        "least": {} if o.best is None else constraints.least(sides[-1]),
+        "points": len([c for c in o.cells if c.margins]),
+    }
 
 
-def _of_the_map(o: Outcome) -> list[str]:
-    """What the sets that were read on the whole map miss there."""
-    if below := margin_map.missed(o.cells):
-        where = "; ".join(c.where if c.margins and c.margins.stable else f"{c.where} (unstable)" for c in below[:4])
-        return [
-            f"None of the {len(o.tried)} sets nearest to the bands keeps the margins at every point of the whole map. "
-            f"The one here misses {len(below)}: {where}."
-        ]
+def _passed(o: Outcome) -> dict[str, Any]:
+    """The sets that were read on the whole map before the best one, as they miss a margin there."""
     better = list(itertools.takewhile(lambda pair: o.best is not None and pair[0].params != o.best.params, o.tried))
     if not better:
-        return []
-    far, where = number(search.total(better[0][0])), better[0][1][0].where
-    return [
-        f"Sets nearer to the bands are passed over, as they miss a margin on the whole map: {len(better)}, the nearest "
-        f"{far} widths off with the starting car's handwheel angles, at {where}."
-    ]
+        return {"count": 0}
+    return {"count": len(better), "off": search.total(better[0][0]), "where": better[0][1][0].where}
 
 
-def _limits(o: Outcome) -> str:
-    """What the numbers of sets say of the verdict."""
-    told = (
-        f"That {'several optimisers find' if len(o.trials) > 1 else 'one optimiser finds'} nothing is evidence, not a "
-        "proof, and the weaker the fewer sets there are. All optimisers begin with the starting point."
-    )
-    for key, trials in o.trials.items():
-        if key.endswith("nsga2") and len(trials) < feasibility.FEW:
-            told += (
-                f" The {len(trials)} sets of {label(key)}, with {search.POPULATION} in a generation, are its first "
-                f"generations only, and confirm little; give a --budget of {feasibility.FEW} or more."
-            )
-    return told
+def _objective(k: int, trial: FrozenTrial) -> float:
+    return trial.values[k]
+
+
+def importances(o: Outcome) -> dict[str, dict[str, float]]:
+    """Share of each parameter in what makes the better sets better, by objective, from all sets [1]."""
+    names = list(dict.fromkeys(o.problem.groups[name] for name in o.counted))
+    spaces, found = search.distributions(o.ranges), {}
+    with search.quiet(), warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "PedAnova.*low `target`", UserWarning)  # which is what is wanted
+        study = optuna.create_study(directions=["minimize"] * len(names))
+        for t in (t for trials in o.trials.values() for t in trials):
+            values = t.user_attrs["objectives"]
+            study.add_trial(optuna.trial.create_trial(values=values, params=t.params, distributions=spaces))
+        for k, name in enumerate(names):
+            if len({t.values[k] for t in study.trials}) > 1:
+                value = functools.partial(_objective, k)
+                found[name] = get_param_importances(study, evaluator=PedAnovaImportanceEvaluator(), target=value)
+    return found
+
+
+def at_end(r: Range, value: float) -> str:
+    """Which end of a range a value lies on, if that is no end of what the assist accepts; in words."""
+    low, high = search.on_limit(r, value)
+    if low and r.low > r.limits[0]:
+        return "best on the lower limit"
+    return "best on the upper limit" if high and r.high < r.limits[1] else ""
+
+
+def parameters(o: Outcome, shares: Mapping[str, Mapping[str, float]]) -> dict[str, Any]:
+    """The tuned parameters, with the shares of :func:`importances`."""
+    rows, ends, off = [], [], problems.without_effect(o.problem.car.assist)
+    for r in o.ranges:
+        first = next(f for f in o.problem.ranges if f.name == r.name)
+        best = math.nan if o.best is None else o.best.params[r.name]
+        notes = [f"widened from {number(first.low)} to {number(first.high)}"] if r.name in o.widened else []
+        if o.best is not None and (where := at_end(r, best)):
+            notes.append(where)
+            ends.append(r.name)
+        own = "–" if r.name in off else number(r.own)
+        wide = f"{number(r.low)} to {number(r.high)}"
+        rows.append((in_words(r.name), unit(r.unit), own, number(best), wide, "; ".join(notes)))
+    drawn = ""
+    if shares:  # an objective without bands, or the same in every set, has none
+        named = {group: {in_words(name): x for name, x in each.items()} for group, each in shares.items()}
+        drawn = tuning_pictures.importances(named, [in_words(r.name) for r in o.ranges])
+    return {"rows": rows, "ends": ends, "count": sum(map(len, o.trials.values())), "picture": drawn}
 
 
 def build(o: Outcome) -> tuple[Page, dict[str, Any]]:
     """The page and its numbers as JSON."""
-    optimisers = " and ".join(f"{label(key)} ({len(trials)})" for key, trials in o.trials.items())
-    verdict = feasibility.sentences(o.problem, o.feasibility, _units(o), optimisers)
+    sets = {label(key): len(trials) for key, trials in o.trials.items()}
+    confirmed = " and ".join(f"{name} ({count})" for name, count in sets.items())
     alone = o.best is not None and o.own is not None and o.best.params == o.own.params == o.tried[0][0].params
-    if alone and not o.feasibility.reached:
-        found = "No set that keeps the constraints is better than the starting point, which best.toml has"
-        verdict.insert(1, f"{found}: give a larger --budget.")
-    if left := [name for name in o.problem.bands if name not in o.counted]:
-        verdict.append(f"No parameter of the assist moves {', '.join(map(in_words, left))}: left out.")
-    verdict += _of_the_map(o)
-    verdict += own_angles.sentences(o.checks)
-    shares, gain, limits = tuning_parameters.importances(o), _gain_section(o), _limits(o)
-    first = Section(
-        "Feasibility",
-        "All bands can be reached together.",
-        f"All {o.feasibility.sets} different sets of {optimisers}; {o.feasibility.constrained} miss a constraint.",
-        verdict[0],
-        limits,
-        (),
-        [
-            Table(
-                "Bands that are reached one by one but never together",
-                ("band", "and band", "off [widths]", "off [widths]"),
-                [(*map(in_words, p.metrics), *map(number, p.distances)) for p in o.feasibility.pairs],
-                folded=True,
-            )
-        ]
-        if o.feasibility.pairs
-        else (),
-    )
-    others = _pareto_section(o), _band_section(o), tuning_parameters.section(o, shares), _margin_section(o)
+    shares = importances(o)
+    values = {
+        "o": o,
+        "constraints": constraints,
+        "few": feasibility.FEW,
+        "population": search.POPULATION,
+        "moved": MOVED,
+        "sets": sets,
+        "short": {
+            label(key): len(trials)
+            for key, trials in o.trials.items()
+            if key.endswith("nsga2") and len(trials) < feasibility.FEW
+        },
+        "feasible": feasibility.sentences(o.problem, o.feasibility, _units(o), confirmed),
+        "alone": alone and not o.feasibility.reached,
+        "left": [name for name in o.problem.bands if name not in o.counted],
+        "missed": margin_map.missed(o.cells),
+        "passed": _passed(o),
+        "own_angles": own_angles.sentences(o.checks),
+        "gain": _gain(o),
+        "pairs": [(*map(in_words, p.metrics), *map(number, p.distances)) for p in o.feasibility.pairs],
+        "pareto": _pareto(o),
+        "bands": _bands(o),
+        "parameters": parameters(o, shares),
+        "margins": _margins(o),
+    }
     data = {
         "feasibility": feasibility.as_json(o.feasibility),
         "counted": list(o.counted),
@@ -338,9 +298,7 @@ def build(o: Outcome) -> tuple[Page, dict[str, Any]]:
             for key, trials in o.trials.items()
         },
     }
-    lead = f"The assist of '{o.problem.car.name}' tuned to target bands, for the worst of friction and load. "
-    lead += gain.verdict
-    return Page(NAME, "Tuning of the assist", lead, verdict, [gain, first, *others]), data
+    return Page(NAME, values), data
 
 
 def _as_json(trial: FrozenTrial | None) -> dict[str, Any] | None:

@@ -23,8 +23,8 @@ def add(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> None:
     """Write the page, and print its verdict."""
     from steer_env import friction
+    from steer_env.experiments.pages import pages as page
     from steer_env.experiments.pages import provenance
-    from steer_env.experiments.pages import study_page as page
     from steer_env.experiments.pages.options import progress
     from steer_env.experiments.reports import analysis, analysis_page
 

@@ -45,8 +45,8 @@ def run(args: argparse.Namespace) -> None:
 
     from steer_env import friction, targets
     from steer_env.experiments.calibration import problem, screening, sensitivity, sensitivity_page
+    from steer_env.experiments.pages import pages as page
     from steer_env.experiments.pages import provenance
-    from steer_env.experiments.pages import study_page as page
     from steer_env.experiments.pages.options import progress
 
     page.check(args.out, sensitivity_page.NAME)

@@ -117,8 +117,8 @@ def _write(args: argparse.Namespace, posed: Any, outcome: Any) -> None:
     """Write the page, its numbers and the car files, and print what was found."""
     from steer_env.experiments.calibration import problem, tuning_page
     from steer_env.experiments.cli.common.sweeping import unswept
+    from steer_env.experiments.pages import pages as page
     from steer_env.experiments.pages import provenance
-    from steer_env.experiments.pages import study_page as page
     from steer_env.friction.law import law_of
     from steer_env.vehicle import cars
 

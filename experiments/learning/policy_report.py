@@ -6,7 +6,6 @@ import io
 import math
 import re
 from collections.abc import Callable, Collection, Mapping
-from importlib import metadata
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -23,10 +22,9 @@ from steer_env.experiments.learning.constants import HELD_OUT
 from steer_env.experiments.learning.controllers import Maker, baselines
 from steer_env.experiments.learning.held_out import Episodes, Estimate
 from steer_env.experiments.pages import plots, provenance
-from steer_env.experiments.pages.files import replaced_directory, write_json
-from steer_env.experiments.pages.pages import environment
+from steer_env.experiments.pages.files import replaced_directory
+from steer_env.experiments.pages.pages import Page, place
 from steer_env.experiments.pages.style import colours
-from steer_env.experiments.pages.traces import embedded
 from steer_env.experiments.pages.words import label, plain
 from steer_env.experiments.sweep import Runner, run
 from steer_env.friction.law import law_of
@@ -239,23 +237,18 @@ def write(
     pictures = {
         name: frames(found.env_id, controllers[name], **found.about) for name in dict.fromkeys([names[0], best])
     }
-    page = (
-        environment(__package__)
-        .get_template("policies.html.j2")
-        .render(
-            f=found,
-            names=names,
-            metrics=list(found.values[names[0]]),
-            pictures=pictures,
-            conditions=conditions(found.about),
-            others="the baselines" if set(names[1:]) <= baselines(found.env_id).keys() else "the others",
-            shade=shade,
-            curve=_learning(curves, found.units) if curves else "",
-            script=plots.script() if curves else "",
-            version=metadata.version("steer-env"),
-            first_seed=HELD_OUT,
-        )
-    )
+    values = {
+        "f": found,
+        "names": names,
+        "metrics": list(found.values[names[0]]),
+        "pictures": pictures,
+        "conditions": conditions(found.about),
+        "others": "the baselines" if set(names[1:]) <= baselines(found.env_id).keys() else "the others",
+        "shade": shade,
+        "curve": _learning(curves, found.units) if curves else "",
+        "script": plots.script() if curves else "",
+        "first_seed": HELD_OUT,
+    }
+    page = Page("policies", values)
     with replaced_directory(out, CONTENTS) as part:
-        (part / "index.html").write_text(embedded(page, trace), encoding="utf-8")
-        write_json(part / "evaluation.json", {**as_json(found), "trace": trace})
+        place(part, page, {"evaluation.json": as_json(found)}, trace)

@@ -1,7 +1,6 @@
 """Shift: a policy under conditions that its training did not draw, beside the baselines in the same episodes."""
 
 from collections.abc import Callable, Mapping, Sequence
-from importlib import metadata
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -14,11 +13,10 @@ from steer_env.experiments.learning.constants import HELD_OUT
 from steer_env.experiments.learning.controllers import ZeroAction, baselines
 from steer_env.experiments.learning.held_out import Estimate, Job
 from steer_env.experiments.pages import provenance
-from steer_env.experiments.pages.files import replaced_directory, write_json
+from steer_env.experiments.pages.files import replaced_directory
 from steer_env.experiments.pages.options import Friction
-from steer_env.experiments.pages.pages import environment, image
+from steer_env.experiments.pages.pages import Page, image, place
 from steer_env.experiments.pages.shift_picture import Point, shifts
-from steer_env.experiments.pages.traces import embedded
 from steer_env.experiments.sweep import Runner, run
 from steer_env.friction.law import law_of
 from steer_env.vehicle import cars
@@ -240,21 +238,16 @@ def write(out: Path, found: Shift, trace: Mapping[str, Any] | None = None) -> No
     """
     trace = provenance.trace() if trace is None else trace
     drawn = picture(found)
-    page = (
-        environment(__package__)
-        .get_template("shift.html.j2")
-        .render(
-            f=found,
-            names=list(found.home.values),
-            rows={HOME: {found.trained: found.home}, **found.cells},
-            aim=policy_report.aim(found.units),
-            picture=image(drawn),
-            shade=policy_report.shade,
-            version=metadata.version("steer-env"),
-            first_seed=HELD_OUT,
-        )
-    )
+    values = {
+        "f": found,
+        "names": list(found.home.values),
+        "rows": {HOME: {found.trained: found.home}, **found.cells},
+        "aim": policy_report.aim(found.units),
+        "picture": image(drawn),
+        "shade": policy_report.shade,
+        "first_seed": HELD_OUT,
+    }
+    page = Page("shift", values)
     with replaced_directory(out, CONTENTS) as part:
-        (part / "index.html").write_text(embedded(page, trace), encoding="utf-8")
         (part / "shift.svg").write_text(drawn, encoding="utf-8")
-        write_json(part / "shift.json", {**as_json(found), "trace": trace})
+        place(part, page, {"shift.json": as_json(found)}, trace)

@@ -1,19 +1,52 @@
-"""Pages as HTML from templates; ``templates`` in this folder holds the style sheet that all pages share."""
+"""From results to a page: a template of the folder ``templates`` and what it says; beside it the numbers as JSON.
 
+Every template extends ``base.html.j2``; sentences, tables and captions stand in templates. A page whose verdict is to
+be quoted has its sentences in elements of the class ``finding``.
+"""
+
+import argparse
+import json
+import re
+import shlex
+from collections.abc import Mapping, Sequence
+from functools import lru_cache
+from importlib import metadata
+from pathlib import Path
+from typing import Any, NamedTuple
 from urllib.parse import quote
 
 import jinja2
 from markupsafe import Markup
 
-from steer_env.experiments.pages import words
-from steer_env.experiments.pages.small_svg import smaller
+from steer_env.experiments.pages import provenance, words
+from steer_env.experiments.pages.files import replaced_directory, usable, write_json, write_text
+from steer_env.experiments.pages.style import smaller
+
+_FINDING = re.compile(r'(<!-- measured -->)?<div class="finding">(.*?)</div>', re.DOTALL)
+_HEADING = re.compile(r'<h2 id="[^"]*">(.*?)</h2>')
+_KEPT = " !$'()*+,-./:;<=>?@[]^_`{|}~"  # may stand in a quoted attribute of HTML and in an address of data as they are
 
 
-def environment(package: str) -> jinja2.Environment:
-    """The templates of a package, with the shared style sheet and the filters for numbers and names."""
-    packages = (package, "steer_env.experiments.pages")
+def image(svg: str) -> Markup:
+    """A picture as the source of an image, which needs no other file."""
+    return Markup("data:image/svg+xml," + quote(smaller(svg), safe=_KEPT))
+
+
+def anchor(title: str) -> str:
+    """The name of a place in a page, from its heading."""
+    return re.sub(r"\W+", "-", title.lower()).strip("-")
+
+
+def titles(html: str) -> list[str]:
+    """The headings of a part of a page that have a name."""
+    return [Markup(each).unescape() for each in _HEADING.findall(html)]
+
+
+@lru_cache
+def environment() -> jinja2.Environment:
+    """The templates, with the filters for numbers and names."""
     found = jinja2.Environment(
-        loader=jinja2.ChoiceLoader([jinja2.PackageLoader(name) for name in packages]),
+        loader=jinja2.PackageLoader("steer_env.experiments.pages"),
         autoescape=True,
         trim_blocks=True,
         lstrip_blocks=True,
@@ -29,15 +62,108 @@ def environment(package: str) -> jinja2.Environment:
         words.span,
         words.plain,
         words.within,
+        words.capital,
+        anchor,
+        titles,
     )
     found.filters |= {f.__name__: f for f in filters}
+    found.globals |= {"image": image, "version": metadata.version("steer-env"), "script": ""}
     return found
 
 
-# Characters that may stand in a quoted attribute of HTML and in an address of data as they are.
-_KEPT = " !$'()*+,-./:;<=>?@[]^_`{|}~"
+class Page(NamedTuple):
+    """A page: what its template says.
+
+    Parameters
+    ----------
+    name : str
+        Of the template, without suffix; of a study also of its JSON file.
+    values : mapping
+        What the template refers to.
+    """
+
+    name: str
+    values: Mapping[str, Any]
+
+    def html(self, trace: Mapping[str, Any] | None = None) -> str:
+        """The page with the trace of its results, by default none."""
+        found = {"sources": "", **(trace or {})}
+        element = json.dumps(trace or {}, ensure_ascii=False).replace("</", "<\\/")
+        command = shlex.join(["steer-env", *found["command"]]) if found.get("command") else ""
+        template = environment().get_template(f"{self.name}.html.j2")
+        made = {"name": self.name, "trace": found, "command": command, "trace_element": Markup(element)}
+        return template.render({**made, **self.values})
+
+    def _findings(self, measured: bool) -> list[str]:
+        found = _FINDING.findall(self.html())
+        return [Markup(text).unescape() for mark, text in found if bool(mark) == measured]
+
+    @property
+    def verdict(self) -> list[str]:
+        """The sentences to quote, without those that rest on computing times."""
+        return self._findings(measured=False)
+
+    @property
+    def timing(self) -> list[str]:
+        """The sentences to quote that rest on computing times."""
+        return self._findings(measured=True)
+
+    def text(self) -> str:
+        """The words of the page, without marks."""
+        body = re.sub(r"<(style|script).*?</\1>", "", self.html(), flags=re.DOTALL)
+        return Markup(body).striptags()
 
 
-def image(svg: str) -> Markup:
-    """A picture as the source of an image, which needs no other file."""
-    return Markup("data:image/svg+xml," + quote(smaller(svg), safe=_KEPT))
+def place(folder: Path, page: Page, files: Mapping[str, Mapping[str, Any]], trace: Mapping[str, Any]) -> None:
+    """Write ``index.html`` and JSON files by name into a folder that is there, each as a whole and with the trace."""
+    write_text(folder / "index.html", page.html(trace))
+    for name, data in files.items():
+        write_json(folder / name, {**data, "trace": dict(trace)})
+
+
+def write(out: Path, page: Page, data: Mapping[str, Any], trace: Mapping[str, Any]) -> Path:
+    """Write the page of a study with its verdict and numbers as JSON; returns the path of the page.
+
+    Raises
+    ------
+    ValueError
+        If ``out`` holds other files or cannot be written.
+    """
+    with replaced_directory(out, contents(page.name)) as part:
+        place(part, page, numbers(page, data), trace)
+    return out / "index.html"
+
+
+def numbers(page: Page, data: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+    """The JSON file of a study; its verdict is without what rests on times, so that a rerun gives the same."""
+    return {f"{page.name}.json": {"verdict": page.verdict, **data}}
+
+
+def contents(name: str) -> frozenset[str]:
+    """Files of the page of a study."""
+    return frozenset({"index.html", f"{name}.json"})
+
+
+def check(out: Path, name: str) -> None:
+    """ValueError for a directory that cannot take the page of a study, to be called before the work."""
+    usable(out, contents(name))
+
+
+def parser(study: str, description: str | None) -> argparse.ArgumentParser:
+    """A parser with the option ``--out``, the directory of the page."""
+    found = argparse.ArgumentParser(prog=f"steer-env study {study}", description=description)
+    text = f"directory, replaced as a whole (default {study})"
+    found.add_argument("--out", metavar="DIR", type=Path, default=Path(study), help=text)
+    return found
+
+
+def trace_of(study: str, argv: Sequence[str] | None, out: Path, **made: Any) -> dict[str, Any]:
+    """The trace of a study's result, as :func:`steer_env.experiments.pages.provenance.trace`.
+
+    ``argv`` are the study's own words, None for those of this process, which is no command to be run again. The
+    command of the trace has no ``--out``, as the page does not depend on its place.
+    """
+    placed = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
+    placed.add_argument("--out")
+    command = None if argv is None else ["study", study, *placed.parse_known_args(argv)[1]]
+    return provenance.trace(command=command, result=out.name, **made)

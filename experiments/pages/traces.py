@@ -24,13 +24,6 @@ _DRAWN = re.compile(r"[0-9a-f]{8}-(?:[0-9a-f]{4}-){3}[0-9a-f]{12}")  # random na
 SUFFIXES = (".json", ".html", *files.FORMATS)
 
 
-def embedded(page: str, trace: Mapping[str, Any]) -> str:
-    """A page with a trace, which a browser does not show."""
-    text = json.dumps(trace, ensure_ascii=False).replace("</", "<\\/")
-    head, end, tail = page.rpartition("</body>")
-    return f'{head}<script type="application/json" id="trace">{text}</script>\n{end}{tail}'
-
-
 def read(path: str | os.PathLike[str]) -> dict[str, Any]:
     """The trace of a result file.
 

@@ -83,3 +83,8 @@ def plain(value: Any) -> str:
     if isinstance(value, list):
         return "[" + ", ".join(plain(x) for x in value) + "]"
     return f"{value:.6g}".replace("-", "−") if isinstance(value, float) else str(value)
+
+
+def capital(text: str) -> str:
+    """A text with a capital at its beginning."""
+    return text[:1].upper() + text[1:]

@@ -4,7 +4,6 @@ Measured and simulated recordings are treated alike.
 """
 
 import math
-import shlex
 from collections.abc import Mapping
 from importlib import metadata
 from pathlib import Path
@@ -14,10 +13,9 @@ import numpy as np
 
 from steer_env import metrics, targets
 from steer_env.experiments.pages import plots, provenance
-from steer_env.experiments.pages.files import replaced_directory, write_json
+from steer_env.experiments.pages.files import replaced_directory
 from steer_env.experiments.pages.metrics_json import entries
-from steer_env.experiments.pages.pages import environment
-from steer_env.experiments.pages.traces import embedded
+from steer_env.experiments.pages.pages import Page, place
 from steer_env.experiments.reports.verdict import title, verdict
 from steer_env.experiments.studies.common import battery, simulation_vs_measurement
 from steer_env.metrics import RefusedError, Value
@@ -161,10 +159,10 @@ def as_json(found: Assessment) -> dict[str, Any]:
     }
 
 
-def render(found: Assessment, recordings: Mapping[str, Recording], trace: Mapping[str, Any] | None = None) -> str:
+def page_of(found: Assessment, recordings: Mapping[str, Recording], trace: Mapping[str, Any] | None = None) -> Page:
     """The page: verdict, tolerances, values with ratings, differences, plots, definitions, and what it is made from.
 
-    Command and mappings are those of the ``trace``.
+    The mappings are those of the ``trace``.
     """
     labels = list(recordings)
     trace = trace or {}
@@ -172,30 +170,25 @@ def render(found: Assessment, recordings: Mapping[str, Recording], trace: Mappin
     limits = [plots.boundaries(pair, (labels[0], labels[1])) for pair in found.pairs]
     drawn = plots.panels(found.curves, metrics.evaluation_of(recordings[labels[0]], found.test).plots)
     responses = plots.responses(recordings, found.test) if found.test in frequency_response.TESTS else []
-    return (
-        environment(__package__)
-        .get_template("evaluation.html.j2")
-        .render(
-            f=found,
-            labels=labels,
-            title=title(found),
-            verdict=verdict(found),
-            command=shlex.join(["steer-env", *trace["command"]]) if "command" in trace else None,
-            mappings={label: of for label, of in trace.get("mapping", {}).items() if of["channels"] or of["meta"]},
-            tolerances={plots.axis(name): found.allowed[name] for name in channels},
-            enough=simulation_vs_measurement.ENOUGH,
-            matters=battery.MATTERS,
-            leasts=battery.LEAST,
-            metas={label: {k: v for k, v in r.meta.items() if k != "trace"} for label, r in recordings.items()},
-            definitions={name: metrics.definition(name) for name in metrics.available(found.test)},
-            script=plots.script(),
-            figure=plots.draw(drawn) if drawn else "",
-            noticeable=just_noticeable,
-            responses=plots.draw(responses, 300, 3) if responses else "",
-            boundaries=plots.draw(limits) if limits else "",
-            version=metadata.version("steer-env"),
-        )
-    )
+    values = {
+        "f": found,
+        "labels": labels,
+        "title": title(found),
+        "verdict": verdict(found),
+        "mappings": {label: of for label, of in trace.get("mapping", {}).items() if of["channels"] or of["meta"]},
+        "tolerances": {plots.axis(name): found.allowed[name] for name in channels},
+        "enough": simulation_vs_measurement.ENOUGH,
+        "matters": battery.MATTERS,
+        "leasts": battery.LEAST,
+        "metas": {label: {k: v for k, v in r.meta.items() if k != "trace"} for label, r in recordings.items()},
+        "definitions": {name: metrics.definition(name) for name in metrics.available(found.test)},
+        "script": plots.script(),
+        "figure": plots.draw(drawn) if drawn else "",
+        "noticeable": just_noticeable,
+        "responses": plots.draw(responses, 300, 3) if responses else "",
+        "boundaries": plots.draw(limits) if limits else "",
+    }
+    return Page("evaluation", values)
 
 
 def write(
@@ -208,5 +201,4 @@ def write(
     """
     trace = provenance.trace() if trace is None else trace
     with replaced_directory(out, CONTENTS) as part:
-        (part / "index.html").write_text(embedded(render(found, recordings, trace), trace), encoding="utf-8")
-        write_json(part / "evaluation.json", {**as_json(found), "trace": trace})
+        place(part, page_of(found, recordings, trace), {"evaluation.json": as_json(found)}, trace)

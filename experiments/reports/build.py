@@ -6,16 +6,15 @@ the target when everything is done. The page begins with what a person reads in 
 
 import math
 import os
-import shlex
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from steer_env import metrics, targets
-from steer_env.experiments.pages import front_pictures, pictures, plots, provenance, still_plots, traces
-from steer_env.experiments.pages.files import replaced_directory, write_json
+from steer_env.experiments.pages import front_pictures, pictures, plots, provenance, still_plots
+from steer_env.experiments.pages.files import replaced_directory
 from steer_env.experiments.pages.metrics_json import entries
-from steer_env.experiments.pages.pages import environment, image
+from steer_env.experiments.pages.pages import Page, image, place
 from steer_env.experiments.pages.words import label
 from steer_env.experiments.reports import findings
 from steer_env.experiments.reports.results import Notify, Results, Scope, collect
@@ -121,38 +120,34 @@ def provenance_of(results: Results) -> dict[str, Any]:
     }
 
 
-def render(results: Results, source: dict[str, Any], look: Look = DEFAULT, command: Sequence[str] | None = None) -> str:
-    """The page; ``command`` is what made it, without ``steer-env``."""
+def page_of(results: Results, source: dict[str, Any], look: Look = DEFAULT) -> Page:
+    """The page."""
     feels = {test: findings.feel(results, test, look.noticed) for test in results.drives}
     differences = findings.differences(results, feels)
     drawn = {**_first_pictures(results, differences, look.noticed), **_pictures(results)}
     weave = _weave(results)
-    return (
-        environment(__package__)
-        .get_template("report.html.j2")
-        .render(
-            r=results,
-            source=source,
-            command=None if command is None else shlex.join(["steer-env", *command]),
-            findings=findings,
-            feels=feels,
-            differences=differences,
-            look=look,
-            study=friction_laws,
-            timing=real_time,
-            crossing=cross_validation,
-            reference=commonroad_reference,
-            width=loop_width,
-            noticeable=just_noticeable,
-            definitions={name: metrics.definition(name) for test in results.drives for name in metrics.available(test)},
-            coincident=front_pictures.coincident(weave) if weave else [],
-            images={name: image(svg) for name, svg in drawn.items()},
-            plots=_plots(results, look.light),
-            script="" if look.light else plots.script(),
-            wanted=targets.load(WANTED),
-            rate=targets.rating,
-        )
-    )
+    values = {
+        "r": results,
+        "source": source,
+        "findings": findings,
+        "feels": feels,
+        "differences": differences,
+        "look": look,
+        "study": friction_laws,
+        "timing": real_time,
+        "crossing": cross_validation,
+        "reference": commonroad_reference,
+        "width": loop_width,
+        "noticeable": just_noticeable,
+        "definitions": {name: metrics.definition(name) for test in results.drives for name in metrics.available(test)},
+        "coincident": front_pictures.coincident(weave) if weave else [],
+        "images": {name: image(svg) for name, svg in drawn.items()},
+        "plots": _plots(results, look.light),
+        "script": "" if look.light else plots.script(),
+        "wanted": targets.load(WANTED),
+        "rate": targets.rating,
+    }
+    return Page("report", values)
 
 
 def _weave(results: Results) -> dict[str, Any]:
@@ -266,8 +261,7 @@ def build(
         results = collect(laws, scope, notify, sweep)
         notify(0.96, "drawing")
         source = provenance_of(results)
-        page = render(results, source, look, kept.get("command"))
-        (part / "index.html").write_text(traces.embedded(page, kept), encoding="utf-8")
-        write_json(part / "metrics.json", {**metrics_json(results, source, look), "trace": kept})
+        numbers = {"metrics.json": metrics_json(results, source, look)}
+        place(part, page_of(results, source, look), numbers, kept)
     notify(1.0, "done")
     return results

@@ -12,9 +12,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from steer_env.experiments.pages import car_pictures, pictures, provenance
-from steer_env.experiments.pages.files import replaced_directory, write_json
-from steer_env.experiments.pages.pages import environment, image
-from steer_env.experiments.pages.traces import embedded
+from steer_env.experiments.pages.files import replaced_directory
+from steer_env.experiments.pages.pages import Page, image, place
 from steer_env.experiments.reports import car_quantities, car_suspension
 from steer_env.experiments.reports.car_quantities import CHASSIS, Quantity, ranges
 from steer_env.experiments.reports.car_simulated import LAW, SPEED, SPEEDS, Simulated, simulate
@@ -139,23 +138,19 @@ def _pictures(car: Car, found: list[Quantity], simulated: Simulated) -> dict[str
     }
 
 
-def render(car: Car, found: list[Quantity], simulated: Simulated) -> str:
+def page_of(car: Car, found: list[Quantity], simulated: Simulated) -> Page:
     """The page."""
-    return (
-        environment(__package__)
-        .get_template("car.html.j2")
-        .render(
-            car=car,
-            data=car.data(),
-            keys=cars.key_meanings(),
-            groups={group: list(members) for group, members in groupby(found, key=lambda q: q.group)},
-            outside=outside(found),
-            strip=strip,
-            images={name: image(svg) for name, svg in _pictures(car, found, simulated).items()},
-            law=LAW,
-            version=metadata.version("steer-env"),
-        )
-    )
+    values = {
+        "car": car,
+        "data": car.data(),
+        "keys": cars.key_meanings(),
+        "groups": {group: list(members) for group, members in groupby(found, key=lambda q: q.group)},
+        "outside": outside(found),
+        "strip": strip,
+        "images": {name: image(svg) for name, svg in _pictures(car, found, simulated).items()},
+        "law": LAW,
+    }
+    return Page("car", values)
 
 
 def build(out: Path, car: Car, trace: dict[str, Any] | None = None) -> list[Quantity]:
@@ -178,6 +173,5 @@ def build(out: Path, car: Car, trace: dict[str, Any] | None = None) -> list[Quan
     with replaced_directory(out, CONTENTS) as part:
         simulated = simulate(car)
         found = car_quantities.collect(car, simulated)
-        (part / "index.html").write_text(embedded(render(car, found, simulated), trace), encoding="utf-8")
-        write_json(part / "car.json", {**as_json(car, found), "trace": trace})
+        place(part, page_of(car, found, simulated), {"car.json": as_json(car, found)}, trace)
     return found

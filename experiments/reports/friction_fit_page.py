@@ -7,7 +7,6 @@
 import math
 import re
 from collections.abc import Mapping
-from importlib import metadata
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -15,9 +14,8 @@ import numpy as np
 
 from steer_env import friction
 from steer_env.experiments.pages import fit_pictures
-from steer_env.experiments.pages.files import replaced_directory, write_json
-from steer_env.experiments.pages.pages import environment, image
-from steer_env.experiments.pages.traces import embedded
+from steer_env.experiments.pages.files import replaced_directory
+from steer_env.experiments.pages.pages import Page, image, place
 from steer_env.experiments.pages.words import number as shown_number
 from steer_env.experiments.reports.friction_fit import SHOWN, Found, contents, known_from
 from steer_env.friction import Compared, Fit
@@ -134,7 +132,7 @@ def rows(fit: Fit, units: Mapping[str, str]) -> list[Row]:
     return found
 
 
-def law_file(found: Found, each: Compared, fit: Fit, trace: Mapping[str, Any]) -> dict[str, Any]:
+def law_file(found: Found, each: Compared, fit: Fit) -> dict[str, Any]:
     """The file of a law, which ``friction="LAW.json"`` takes."""
     return {
         "friction": friction.as_mapping(fit.parameters),
@@ -148,11 +146,10 @@ def law_file(found: Found, each: Compared, fit: Fit, trace: Mapping[str, Any]) -
         "held_out_at_rest": each.resting,
         "warnings": warnings(fit, found.record.units),
         "notes": list(found.record.notes),
-        "trace": dict(trace),
     }
 
 
-def as_json(found: Found, trace: Mapping[str, Any]) -> dict[str, Any]:
+def as_json(found: Found) -> dict[str, Any]:
     """Everything that was found, as JSON; null for an end of an interval that is open."""
     r = found.record
     own = periods.period(r.motion)
@@ -177,17 +174,12 @@ def as_json(found: Found, trace: Mapping[str, Any]) -> dict[str, Any]:
             each.law: {"refused": each.refused}
             if each.fit is None
             else {
-                **{
-                    key: value
-                    for key, value in law_file(found, each, each.fit, {}).items()
-                    if key not in ("trace", "notes")
-                },
+                **{key: value for key, value in law_file(found, each, each.fit).items() if key != "notes"},
                 "criterion": _plain(found.criterion(each)),
                 "alike": list(each.alike),
             }
             for each in found.laws
         },
-        "trace": dict(trace),
     }
 
 
@@ -209,38 +201,33 @@ def shown(found: Found) -> fit_pictures.Shown:
     )
 
 
-def render(found: Found, trace: Mapping[str, Any], folder: str) -> str:
+def page_of(found: Found, folder: str) -> Page:
     """The page."""
     given = shown(found)
     fitted = [each for each in found.laws if each.fit is not None]
     fits = [each.fit for each in found.laws if each.fit is not None]
     overview = {_title(e.law): shares(found, e) for e in fitted}
     repeats = None if found.repeats is None else percent(found, found.repeats)
-    return (
-        environment(__package__)
-        .get_template("friction_fit.html.j2")
-        .render(
-            found=found,
-            record=found.record,
-            folder=folder,
-            verdict=verdict(found),
-            fitted=fitted,
-            missed=[each for each in found.laws if each.fit is None],
-            percent=lambda x: percent(found, x),
-            shares=lambda each: shares(found, each),
-            title=_title,
-            warnings={fit.law: warnings(fit, found.record.units) for fit in fits},
-            rows={fit.law: rows(fit, found.record.units) for fit in fits},
-            repeats=repeats,
-            overview=image(fit_pictures.residuals(overview, repeats)) if fitted else None,
-            pictures={e.law: image(fit_pictures.law(given, found.curves[e.law], found.level)) for e in fitted},
-            travel=float(np.ptp(given.x)),
-            x_unit=given.x_unit,
-            unit=given.friction_unit,
-            command=" ".join(trace.get("command") or ()),
-            version=metadata.version("steer-env"),
-        )
-    )
+    values = {
+        "found": found,
+        "record": found.record,
+        "folder": folder,
+        "verdict": verdict(found),
+        "fitted": fitted,
+        "missed": [each for each in found.laws if each.fit is None],
+        "percent": lambda x: percent(found, x),
+        "shares": lambda each: shares(found, each),
+        "title": _title,
+        "warnings": {fit.law: warnings(fit, found.record.units) for fit in fits},
+        "rows": {fit.law: rows(fit, found.record.units) for fit in fits},
+        "repeats": repeats,
+        "overview": image(fit_pictures.residuals(overview, repeats)) if fitted else None,
+        "pictures": {e.law: image(fit_pictures.law(given, found.curves[e.law], found.level)) for e in fitted},
+        "travel": float(np.ptp(given.x)),
+        "x_unit": given.x_unit,
+        "unit": given.friction_unit,
+    }
+    return Page("friction_fit", values)
 
 
 def write(out: Path, found: Found, trace: Mapping[str, Any]) -> None:
@@ -248,10 +235,8 @@ def write(out: Path, found: Found, trace: Mapping[str, Any]) -> None:
 
     ``trace`` is of :func:`steer_env.experiments.pages.provenance.trace`; every file holds it.
     """
-    page = render(found, trace, out.name)
+    fitted = [(each, each.fit) for each in found.laws if each.fit is not None]
+    laws = {f"{each.law}.json": law_file(found, each, fit) for each, fit in fitted}
+    page = page_of(found, out.name)
     with replaced_directory(out, contents()) as part:
-        (part / "index.html").write_text(embedded(page, trace), encoding="utf-8")
-        write_json(part / "fit.json", as_json(found, trace))
-        for each in found.laws:
-            if each.fit is not None:
-                write_json(part / f"{each.law}.json", law_file(found, each, each.fit, trace))
+        place(part, page, {"fit.json": as_json(found), **laws}, trace)

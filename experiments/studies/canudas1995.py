@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from steer_env import friction
-from steer_env.experiments.pages import still_plots
-from steer_env.experiments.pages import study_page as page
+from steer_env.experiments.pages import pages, still_plots
 from steer_env.experiments.pages.plots import Line, Panel
 from steer_env.experiments.pages.style import colours
 from steer_env.experiments.pages.words import number
@@ -163,36 +162,6 @@ NUMBERS: Mapping[str, Callable[[], list[Number]]] = {
     "Stick-slip": stick_slip_numbers,
     "Hunting": hunting_numbers,
 }
-CLAIMS = {
-    "Pre-sliding displacement": (
-        "Below break-away the mass moves as on a spring with hysteresis, and the loop closes.",
-        "A force goes to 1.425 N in 15 s, 95 % of the break-away force, holds for 5 s, comes to -1.425 N and returns.",
-        "The other laws have here the break-away force as their saturated force. A law that holds no force at rest "
-        "slides away, and its curve leaves the picture.",
-    ),
-    "Frictional lag": (
-        "At a varying speed friction is larger while the speed rises than while it falls, the more so the faster.",
-        "The speed is 1 mm/s (1.5 + cos omega t); friction is read at 1.5 mm/s of the second cycle.",
-        "A law whose friction depends on speed without lag, or not at all, has one line in place of a loop.",
-    ),
-    "Break-away force": (
-        "The break-away force falls with the rate at which the force grows.",
-        "A force grows from zero at 1 to 50 N/s; the break-away force is the first local maximum of the friction.",
-        "The expected values come from the equations of the paper in an adaptive solver, as its own are in a figure. "
-        "For the other laws the picture has the largest friction of the ramp.",
-    ),
-    "Stick-slip": (
-        "A mass that a spring pulls at a low constant speed sticks and slips in turn.",
-        "Mass 1 kg, spring 2 N/m, drawn at 0.1 m/s from rest.",
-        "Without a friction that falls with speed the mass swings on the spring, which it does not leave at rest.",
-    ),
-    "Hunting": (
-        "A position controller with an integral part hunts around its target.",
-        "Unit step of the position with K_v 6, K_p 3, K_i 4 for 200 s.",
-        "A swing of the last 50 s above 0.05 m that is 0.9 or more of that of the 50 s before counts as hunting "
-        "(assumed).",
-    ),
-}
 
 
 def _lines(curves: Mapping[str, tuple[Array, Array]]) -> list[Line]:
@@ -242,29 +211,7 @@ def panels(names: Sequence[str]) -> dict[str, list[Panel]]:
     }
 
 
-def _named(names: Sequence[str]) -> str:
-    return ", ".join(names) if names else "none"
-
-
-def sentences(numbers: Mapping[str, Sequence[Number]], found: Mapping[str, Traits]) -> list[str]:
-    """The verdict in sentences."""
-    every = [each for rows in numbers.values() for each in rows]
-    agreeing = sum(each.agrees for each in every)
-    share = "All" if agreeing == len(every) else f"{agreeing} of"
-    texts = [
-        f"{share} {len(every)} numbers of the five experiments of Canudas de Wit and others (1995) are reproduced "
-        "within their tolerances by the step equation that the car runs with."
-    ]
-    effects = list(next(iter(found.values())).effects)
-    for effect in effects:
-        showing = [name for name, of in found.items() if of.effects[effect]]
-        texts.append(f"{effect[0].upper()}{effect[1:]}: shown by {_named(showing)}; not by the other laws.")
-    return texts
-
-
-def _law_table(found: Mapping[str, Traits]) -> page.Table:
-    head = ("law", "displacement at 95 % [µm]", "creep in 5 s [µm]", "lag [mN]", "largest friction at 1 N/s [N]",
-            "at 50 N/s [N]", "slips in 40 s", "time at rest [%]", "swing after 150 s [m]")  # fmt: skip
+def _laws(found: Mapping[str, Traits]) -> list[tuple[str, ...]]:
     rows = []
     for name, of in found.items():
         held = of.presliding
@@ -272,53 +219,52 @@ def _law_table(found: Mapping[str, Traits]) -> page.Table:
         creep = number(MICRO * of.creep, 2) if held else "slides"
         row = (number(1e3 * of.lag, 2), number(of.slow), number(of.fast), str(of.slips), number(100.0 * of.stuck, 2))
         rows.append((name, far, creep, *row, number(of.swing, 2)))
-    return page.Table("Every law in the five experiments", head, rows)
+    return rows
 
 
-def _section(title: str, numbers: Sequence[Number], shown: Sequence[Panel]) -> page.Section:
-    claim, evidence, limits = CLAIMS[title]
-    worst = max(numbers, key=lambda each: abs(each.found - each.expected) / each.tolerance)
-    missed = [each.what for each in numbers if not each.agrees]
-    verdict = f"Not reproduced: {', '.join(missed)}." if missed else f"Reproduced: all {len(numbers)} numbers agree."
-    verdict += (
-        f" The largest difference, of the {worst.what}, is {number(abs(worst.found - worst.expected), 2)} {worst.unit}."
-    )
-    digits = 6 if title == "Frictional lag" else 5
-    rows = [
-        (each.what, number(each.expected, digits), number(each.found, digits), each.unit, number(each.tolerance, 1))
-        for each in numbers
-    ]
-    return page.Section(
-        title, claim, evidence, verdict, limits,
-        [page.Picture(still_plots.draw(shown), f"{title}: the paper's experiment with LuGre, and with every law")],
-        [page.Table("Numbers", ("quantity", "expected", "found", "unit", "tolerance"), rows)],
-    )  # fmt: skip
+class Experiment(NamedTuple):
+    """One experiment of the paper, as the page shows it."""
+
+    numbers: Sequence[Number]
+    picture: str  # SVG
+
+    @property
+    def worst(self) -> Number:
+        """The number with the largest difference, in tolerances."""
+        return max(self.numbers, key=lambda each: abs(each.found - each.expected) / each.tolerance)
+
+    @property
+    def missed(self) -> list[str]:
+        """Numbers that do not agree."""
+        return [each.what for each in self.numbers if not each.agrees]
 
 
-def build(names: Sequence[str]) -> tuple[page.Page, dict[str, Any]]:
+def shown_by(found: Mapping[str, Traits]) -> dict[str, list[str]]:
+    """Effect in words -> laws that show it."""
+    effects = next(iter(found.values())).effects
+    return {effect: [name for name, of in found.items() if of.effects[effect]] for effect in effects}
+
+
+def as_page(
+    numbers: Mapping[str, Sequence[Number]], found: Mapping[str, Traits], shown: Mapping[str, Sequence[Panel]]
+) -> pages.Page:
+    """The page of numbers, laws and figures by experiment."""
+    every = [each for rows in numbers.values() for each in rows]
+    values = {
+        "count": len(every),
+        "agreeing": sum(each.agrees for each in every),
+        "effects": shown_by(found),
+        "experiments": {title: Experiment(rows, still_plots.draw(shown[title])) for title, rows in numbers.items()},
+        "laws": _laws(found),
+        "marks": {"seen": SEEN, "sticks": 100 * STICKS, "hunts": HUNTS},
+    }
+    return pages.Page(NAME, values)
+
+
+def build(names: Sequence[str]) -> tuple[pages.Page, dict[str, Any]]:
     """The page and its numbers as JSON, for the named laws, of which LuGre is the first."""
     numbers = {title: of() for title, of in NUMBERS.items()}
     found = {name: traits(name) for name in names}
-    shown = panels(names)
-    sections = [_section(title, rows, shown[title]) for title, rows in numbers.items()]
-    sections.append(
-        page.Section(
-            "The other laws",
-            "What LuGre shows in these experiments is its own.",
-            "Every law of the project runs in the same experiments at the same scale: saturated force 1 N (1.5 N in "
-            "the first), stiffness 1e5 N/m, and the other values of table I where a law has them.",
-            " ".join(sentences(numbers, found)[1:]),
-            f"An effect counts from {SEEN:g} N, from {100 * STICKS:g} % of the time at rest, and from {HUNTS:g} m of "
-            "swing on (assumed). A law with a parameter that is not in table I has the car's value in these units.",
-            (),
-            [_law_table(found)],
-        )
-    )
-    lead = (
-        "C. Canudas de Wit, H. Olsson, K. J. Åström, P. Lischinsky: A new model for control of systems with friction, "
-        "IEEE Transactions on Automatic Control 40 (1995) 419-425, experiments of section III with the parameters of "
-        "table I. That set creates energy at some speeds; it serves these experiments and no car."
-    )
     data = {
         "numbers": {
             title: [{**each._asdict(), "agrees": each.agrees} for each in rows] for title, rows in numbers.items()
@@ -326,16 +272,15 @@ def build(names: Sequence[str]) -> tuple[page.Page, dict[str, Any]]:
         "laws": {name: {**of._asdict(), "effects": of.effects} for name, of in found.items()},
         "units": {"displacement": "m", "force": "N", "time": "s"},
     }
-    verdict = sentences(numbers, found)
-    return page.Page(NAME, "The experiments of the LuGre paper, reproduced", lead, verdict, sections), data
+    return as_page(numbers, found, panels(names)), data
 
 
 def main(argv: Sequence[str] | None = None) -> None:
-    """Reproduce the experiments of the LuGre paper (1995), run every law in them, and write a page."""
-    args = page.parser(NAME, main.__doc__).parse_args(argv)
-    page.check(args.out, NAME)
+    """Reproduce the experiments of the LuGre paper (1995), run every law in them, and write a pages."""
+    args = pages.parser(NAME, main.__doc__).parse_args(argv)
+    pages.check(args.out, NAME)
     names = ["lugre", *(name for name in friction.available() if name != "lugre")]
     found, data = build(names)
     made = mass.laws(names)
     print("\n".join(found.verdict))
-    print(page.write(args.out, found, data, page.trace_of(NAME, argv, args.out, friction=made)))
+    print(pages.write(args.out, found, data, pages.trace_of(NAME, argv, args.out, friction=made)))

@@ -9,8 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from steer_env import friction
-from steer_env.experiments.pages import car_options
-from steer_env.experiments.pages import study_page as page
+from steer_env.experiments.pages import car_options, pages
 from steer_env.experiments.pages.options import progress
 from steer_env.experiments.pages.words import label, number, percent
 from steer_env.experiments.studies.common import coupling_runs as runs
@@ -20,12 +19,6 @@ from steer_env.vehicle.cars import Car
 
 NAME = "coupling"
 SERIAL, PARALLEL, HELD = KINDS
-MEANINGS = (
-    "Vehicle after the steering: in every communication step the steering advances first, and the vehicle follows with "
-    "the rack travel that the steering has reached. Both at once: both advance with what the other had at the "
-    "beginning of the step, a delay of one step, as where they run in parallel. Force held: the rack force holds over "
-    "the step, and is not extrapolated from its last two values."
-)
 COUNTS = 1e-3  # share of a metric from which on a change counts, assumed [1]
 
 
@@ -61,82 +54,43 @@ def largest(results: Results, kind: str, step: int, size: Callable[[Cost], float
     return law, found[law]
 
 
-def sentences(results: Results) -> list[str]:
-    """The verdict in sentences."""
-    law, error = largest(results, SERIAL, 1, lambda cost: worst(cost)[1])
-    metric = worst(results.laws[law].costs[SERIAL][1])[0]
-    serial = {name: largest(results, SERIAL, 1, size)[1] for name, size in _SIZES.items()}
-    late = {name: largest(results, PARALLEL, 1, size)[1] for name, size in _SIZES.items()}
-    slow = {name: largest(results, PARALLEL, 5, size)[1] for name, size in _SIZES.items()}
-    late_law, late_error = largest(results, PARALLEL, 1, lambda cost: worst(cost)[1])
-    slow_law, slow_error = largest(results, PARALLEL, 5, lambda cost: worst(cost)[1])
-    cost = "costs nothing that counts" if abs(error) < COUNTS else "is not free"
-    return [
-        f"Where the vehicle steps after the steering every millisecond, the split at the rack {cost}: no metric of the "
-        f"weave changes by more than {percent(abs(error))} ({label(metric)}, {law}), the energy residual at the rack "
-        f"is {percent(abs(serial['energy']))} of what passes it, and the phase at {FREQUENCY:g} Hz is off by "
-        f"{number(abs(np.degrees(serial['phase'])), 2)}°.",
-        f"A delay of one step, as where both run at once, costs at 1 ms up to {percent(abs(late_error))} of a metric "
-        f"({_metric_of(results, PARALLEL, 1, late_law)}), {percent(abs(late['energy']))} of the energy, "
-        f"{number(abs(np.degrees(late['phase'])), 2)}° at {FREQUENCY:g} Hz, and {percent(late['swing'])} more motion "
-        f"after a pulse of the free hands; at 5 ms {percent(abs(slow_error))} "
-        f"({_metric_of(results, PARALLEL, 5, slow_law)}), {percent(abs(slow['energy']))}, "
-        f"{number(abs(np.degrees(slow['phase'])), 2)}° and {percent(slow['swing'])}.",
-        _stability(results),
-        _spread(results),
-        _same(results),
-    ]
+class Worst(NamedTuple):
+    """What a coupling costs with the law for which each cost is largest."""
+
+    law: str  # with the largest change of a metric
+    metric: str
+    share: float  # change of the metric [1]
+    energy: float  # residual over what passes the rack [1]
+    phase: float  # of the rack force [rad]
+    swing: float  # more motion after a pulse [1]
 
 
-_SIZES: dict[str, Callable[[Cost], float]] = {
-    "energy": lambda cost: cost.energy,
-    "phase": lambda cost: cost.phase,
-    "swing": lambda cost: cost.swing,
-}
-
-
-def _metric_of(results: Results, kind: str, step: int, law: str) -> str:
-    return f"{label(worst(results.laws[law].costs[kind][step])[0])}, {law}"
-
-
-def _stability(results: Results) -> str:
-    """The longest steps at which the motion dies out with every law."""
-    words = []
-    for kind in KINDS:
-        found = [of.longest[kind] for of in results.laws.values()]
-        known = [step for step in found if step is not None]
-        least = min(known) if len(known) == len(found) else None
-        enough = "at least " if least == runs.STEPS[-1] else ""
-        words.append(f"{kind}, {enough}{least} ms" if least else f"{kind}, less than {runs.STEPS[0]} ms")
-    every = " with every law" if len(results.laws) > 1 else ""
-    return f"Communication steps up to which the motion after a pulse dies out{every}: {'; '.join(words)}."
-
-
-def _spread(results: Results) -> str:
-    """Whether the laws differ in what the coupling costs them."""
-    if len(results.laws) < 2:
-        return f"Only {next(iter(results.laws))} was studied."
-    swings = {law: of.costs[PARALLEL][5].swing for law, of in results.laws.items()}
-    low, high = (pick(swings, key=lambda law: swings[law]) for pick in (min, max))
-    return (
-        f"What a delay costs depends on the law: at 5 ms the motion after a pulse grows by {percent(swings[low])} with "
-        f"{low}, least of all, and by {percent(swings[high])} with {high}, most of all."
+def of_coupling(results: Results, kind: str, step: int) -> Worst:
+    """The largest costs of a coupling over the laws."""
+    law, share = largest(results, kind, step, lambda cost: worst(cost)[1])
+    return Worst(
+        law,
+        worst(results.laws[law].costs[kind][step])[0],
+        abs(share),
+        largest(results, kind, step, lambda cost: cost.energy)[1],
+        largest(results, kind, step, lambda cost: cost.phase)[1],
+        largest(results, kind, step, lambda cost: cost.swing)[1],
     )
 
 
-def _same(results: Results) -> str:
-    unequal = [way.name for way in results.transports if not way.equal]
-    if unequal:
-        return f"The way to the vehicle changes the numbers: {', '.join(unequal)}."
-    return f"The way to the vehicle changes no bit: {', '.join(way.name for way in results.transports)}."
+def longest_steps(results: Results) -> dict[str, int | None]:
+    """Coupling -> longest step at which the motion dies out with every law [ms]; None where it does not with one."""
+    found = {kind: [of.longest[kind] for of in results.laws.values()] for kind in KINDS}
+    return {
+        kind: None if None in steps else min(step for step in steps if step is not None)
+        for kind, steps in found.items()
+    }
 
 
-def _table(results: Results, caption: str, text: Callable[[Cost], str], note: str = "") -> page.Table:
-    """A table of the laws over the couplings."""
-    head = ("law", *(f"{kind}, {step} ms" for kind in KINDS for step in COMPARED))
+def _rows(results: Results, text: Callable[[Cost], str]) -> list[tuple[str, ...]]:
+    """Text of a cost, for each law a row over the couplings."""
     couplings = [(kind, step) for kind in KINDS for step in COMPARED]
-    rows = [(law, *(text(of.costs[kind][step]) for kind, step in couplings)) for law, of in results.laws.items()]
-    return page.Table(caption, head, rows, note)
+    return [(law, *(text(of.costs[kind][step]) for kind, step in couplings)) for law, of in results.laws.items()]
 
 
 def _worst_text(cost: Cost) -> str:
@@ -144,85 +98,35 @@ def _worst_text(cost: Cost) -> str:
     return f"{percent(abs(share))} ({label(name)})"
 
 
-def build(results: Results) -> tuple[page.Page, dict[str, Any]]:
+def build(results: Results) -> tuple[pages.Page, dict[str, Any]]:
     """The page and its numbers as JSON."""
-    verdict = sentences(results)
-    common = (
-        f"The car '{results.car.name}' on a single track at 100 km/h; the vehicle is its chassis, exported as a unit "
-        "(FMU). Every law runs undivided, and split at the rack with the same motion of the hands."
-    )
-    sections = [
-        page.Section(
-            "Accuracy",
-            "A steering that is coupled to another program reports what the whole car would.",
-            f"{common} Every metric of the weave is compared.",
-            verdict[0],
-            "Between two communication points the channels of the vehicle hold, which reads as a lag of nearly half a "
-            "step; with a delay the vehicle is a whole step late besides. Metrics that are refused are left out.",
-            (),
-            [_table(results, "Largest change of a metric of the weave", _worst_text)],
-        ),
-        page.Section(
-            "Energy and phase at the rack",
-            "A delay between force and motion creates energy.",
-            f"{common} The work that the steering does on the rack, less what the vehicle receives, over what passes "
-            f"the rack in the weave; and the phase of the rack force that acts on the steering, over the rack travel, "
-            f"in a sine of {runs.AMPLITUDE:g} rad at {FREQUENCY:g} Hz, less that of the undivided car.",
-            verdict[1],
-            f"A delay of one millisecond is {360e-3 * FREQUENCY:g}° at {FREQUENCY:g} Hz. A negative residual is energy "
-            "that the steering received and the vehicle did not give.",
-            (),
-            [
-                _table(results, "Energy residual", lambda cost: percent(cost.energy)),
-                _table(results, f"Phase at {FREQUENCY:g} Hz [°]", lambda cost: number(np.degrees(cost.phase))),
-            ],
-        ),
-        page.Section(
-            "Stability",
-            "Coupled simulations need short steps to stay stable.",
-            f"{common} A pulse of {runs.PULSE:g} N m for {runs.LENGTH:g} s, then free hands; the motion of the column "
-            f"in the second after it against the undivided car's, and the longest of the steps "
-            f"{', '.join(map(str, runs.STEPS))} ms at which less than {percent(runs.DECAYED)} of it is left after "
-            f"{runs.DURATION:g} s.",
-            f"{verdict[2]} {verdict[3]}",
-            "One car, one speed. A stiffer tyre, a higher speed or hands on the wheel give other limits, and a vehicle "
-            "with a stiff rack of its own gives shorter ones.",
-            (),
-            [
-                _table(
-                    results, "Motion after a pulse, more than the undivided car's", lambda cost: percent(cost.swing)
-                ),
-                page.Table(
-                    "Longest communication step at which the motion dies out [ms]",
-                    ("law", *KINDS),
-                    [(law, *(str(of.longest[kind] or "none") for kind in KINDS)) for law, of in results.laws.items()],
-                ),
-            ],
-        ),
-        page.Section(
-            "The way to the vehicle",
-            "A vehicle in another process gives other numbers.",
-            "The weave with the unit in this process, in a process of its own, and with the same chassis served over "
-            "UDP from another process, in lockstep.",
-            verdict[4],
-            "Lost packets are asked for again, so that they cost time and no accuracy; free running is another matter.",
-            (),
-            [_transport_table(results)],
-            measured=True,
-        ),
-    ]
-    lead = (
-        "Full-vehicle programs take a steering as a unit of its own, or give their vehicle to one. What the split at "
-        "the rack costs in accuracy, energy and stability, for each friction law. " + MEANINGS
-    )
-    times = "; ".join(f"{way.name} {number(1e6 * way.seconds, 2)} µs" for way in results.transports)
-    timing = [f"A millisecond of the divided car takes, with everything: {times}."]
-    return page.Page(NAME, "Steering and vehicle as two simulations", lead, verdict, sections, timing), as_json(results)
-
-
-def _transport_table(results: Results) -> page.Table:
-    rows = [(way.name, "yes" if way.equal else "no", number(1e6 * way.seconds, 2)) for way in results.transports]
-    return page.Table("Transports", ("vehicle", "equal to the bit", "time of 1 ms [µs]"), rows)
+    swings = {law: of.costs[PARALLEL][5].swing for law, of in results.laws.items()}
+    low, high = (pick(swings, key=lambda law: swings[law]) for pick in (min, max))
+    values = {
+        "r": results,
+        "runs": runs,
+        "counts": COUNTS,
+        "serial": of_coupling(results, SERIAL, 1),
+        "late": of_coupling(results, PARALLEL, 1),
+        "slow": of_coupling(results, PARALLEL, 5),
+        "swings": {"least_law": low, "least": swings[low], "most_law": high, "most": swings[high]},
+        "longest": longest_steps(results),
+        "couplings": [f"{kind}, {step} ms" for kind in KINDS for step in COMPARED],
+        "tables": {
+            "Largest change of a metric of the weave": _rows(results, _worst_text),
+            "Energy residual": _rows(results, lambda cost: percent(cost.energy)),
+            f"Phase at {FREQUENCY:g} Hz [°]": _rows(results, lambda cost: number(np.degrees(cost.phase))),
+            "Motion after a pulse, more than the undivided car's": _rows(results, lambda cost: percent(cost.swing)),
+        },
+        "kinds": list(KINDS),
+        "longest_rows": [
+            (law, *(str(of.longest[kind] or "none") for kind in KINDS)) for law, of in results.laws.items()
+        ],
+        "transport_rows": [
+            (way.name, "yes" if way.equal else "no", number(1e6 * way.seconds, 2)) for way in results.transports
+        ],
+    }
+    return pages.Page(NAME, values), as_json(results)
 
 
 def as_json(results: Results) -> dict[str, Any]:
@@ -244,18 +148,18 @@ def as_json(results: Results) -> dict[str, Any]:
 
 
 def main(argv: Sequence[str] | None = None, sweep: Runner = run, car: Car | None = None) -> None:
-    """Split the car at the rack, couple both halves in several ways with every law, and write a page."""
-    parser = page.parser(NAME, main.__doc__)
+    """Split the car at the rack, couple both halves in several ways with every law, and write a pages."""
+    parser = pages.parser(NAME, main.__doc__)
     car_options.add(parser)
     known = friction.available()
     text = f"laws to study (default: {' '.join(known)})"
     parser.add_argument("--friction", metavar="LAW", nargs="+", choices=known, default=list(known), help=text)
     args = parser.parse_args(argv)
-    page.check(args.out, NAME)
+    pages.check(args.out, NAME)
     car = car or car_options.load(args)
     with progress("coupling") as notify:
         results = collect(car, args.friction, sweep, notify)
     found, data = build(results)
     print("\n".join([*found.verdict, *found.timing]))
     made: dict[str, Any] = {"car": car, "friction": {law: friction.make(law) for law in args.friction}}
-    print(page.write(args.out, found, data, page.trace_of(NAME, argv, args.out, **made)))
+    print(pages.write(args.out, found, data, pages.trace_of(NAME, argv, args.out, **made)))

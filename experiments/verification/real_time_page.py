@@ -4,16 +4,37 @@ import os
 import platform
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from steer_env.experiments.pages.lateness_picture import exceeded
-from steer_env.experiments.pages.study_page import Page, Picture, Section, Table
+from steer_env.experiments.pages.pages import Page
 from steer_env.experiments.verification.device_latency import Latency
 from steer_env.experiments.verification.real_time_loop import Results, Row, together
 from steer_env.live.real_time.measure import Durations, Measured
 from steer_env.recording.driven import MANY_MISSED
+
+
+class Table(NamedTuple):
+    """A table of text."""
+
+    caption: str
+    head: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    note: str = ""
+
+
+class Section(NamedTuple):
+    """A claim and what the measurement says of it."""
+
+    title: str
+    claim: str
+    evidence: str
+    verdict: str
+    limits: str
+    table: Table
+
 
 NAME = "real_time"
 FACTOR = 1.2  # of a percentile of the lateness over that of the bare loop, that a loop may have at most
@@ -167,10 +188,7 @@ def page(results: Results, seconds: float, priority: int, locked: bool) -> Page:
     trips = sum(row.found.counts[name] for row in rows for name in ("deadline_trips", "stale_trips"))
     samples = _number(together(rows, lambda f: f.lateness))
     kinds = dict.fromkeys(row.chassis for row in rows)
-    picture = Picture(
-        exceeded({kind.replace("_", " "): _lines([row for row in rows if row.chassis == kind]) for kind in kinds}),
-        "Share of the deadlines at which the lateness is longer, and of the samples that take longer",
-    )
+    picture = exceeded({kind.replace("_", " "): _lines([row for row in rows if row.chassis == kind]) for kind in kinds})
     sections = [
         Section(
             "Deadlines",
@@ -180,9 +198,7 @@ def page(results: Results, seconds: float, priority: int, locked: bool) -> Page:
             + f" Missed and left out: {missed} deadlines beside {samples} that had a sample; the watchdog tripped "
             f"{trips} times.",
             limits,
-            [picture],
-            [late],
-            measured=True,
+            late,
         ),
         Section(
             "Time of a sample",
@@ -190,9 +206,7 @@ def page(results: Results, seconds: float, priority: int, locked: bool) -> Page:
             "From the return of the sleep to the end of the sample, the device included.",
             marks[-1],
             limits,
-            (),
-            [work],
-            measured=True,
+            work,
         ),
         Section(
             "Priority, memory and garbage",
@@ -203,9 +217,7 @@ def page(results: Results, seconds: float, priority: int, locked: bool) -> Page:
             _told(results),
             f"{machine()}. {_ANOTHER} The thread that collects takes a processor, which the bare loop feels alike."
             + (" The memory is locked under every condition, as --lock-memory asks for." if locked else ""),
-            (),
-            [under],
-            measured=True,
+            under,
         ),
         Section(
             "Latency through devices",
@@ -216,20 +228,17 @@ def page(results: Results, seconds: float, priority: int, locked: bool) -> Page:
             f"{f'the priority {results.priority} of SCHED_FIFO' if results.priority else 'none either'}.",
             _ways_told(results),
             f"{machine()}. {_ANOTHER} What a real wheel, its cable or its bus add comes on top.",
-            (),
-            [latency],
-            measured=True,
+            latency,
         ),
     ]
-    return Page(
-        NAME,
-        "The loop in real time on this machine",
-        f"{seconds:g} s in all, a sample in every millisecond; a person is replaced by a sine of the handwheel angle. "
-        f"{_ANOTHER}",
-        [],
-        sections,
-        [drivable(results, priority), *marks],
-    )
+    values = {
+        "seconds": seconds,
+        "another": _ANOTHER,
+        "picture_of_lateness": picture,
+        "sections": sections,
+        "sentences": [drivable(results, priority), *marks],
+    }
+    return Page(NAME, values)
 
 
 def _lines(rows: Sequence[Row]) -> dict[str, Durations]:

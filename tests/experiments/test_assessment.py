@@ -286,11 +286,11 @@ def test_large_is_what_the_report_calls_large(weaves):
     assert {"torque_at_0g", "peak_handwheel_torque"} <= found.large
     assert "peak_handwheel_angle" not in found.large
     assert assessment.as_json(found)["differences"]["torque_at_0g"]["large"] is True
-    assert "above 5\u00a0% of a's value" in assessment.render(found, {"a": clean, "b": clean})
+    assert "above 5\u00a0% of a's value" in assessment.page_of(found, {"a": clean, "b": clean}).html()
 
 
 def test_a_value_lies_in_its_printed_interval(weaves):
-    page = assessment.render(assessment.assess(weaves), weaves).replace("−", "-")
+    page = assessment.page_of(assessment.assess(weaves), weaves).html().replace("−", "-")
     cells = re.findall(r"<td[^>]*>(-?[\d.]+) <small>(-?[\d.]+) to (-?[\d.]+)</small>", page)
     assert len(cells) > 40
     assert all(float(low) <= float(value) <= float(high) for value, low, high in cells)
@@ -388,12 +388,14 @@ def test_the_difference_of_noisy_recordings_covers_the_truth():
 
 def test_frequency_responses_are_drawn():
     made, _ = swept_sine(50.0)
-    page = assessment.render(assessment.assess({"made": made}), {"made": made})
+    page = assessment.page_of(assessment.assess({"made": made}), {"made": made}).html()
     assert "Frequency responses to the handwheel angle" in page
     assert page.count("squared coherence [1]") == 3  # of yaw rate, lateral acceleration and torque
     kept = ("handwheel_angle", "yaw_rate", "lateral_acceleration", "vehicle_speed")
     bare = Recording(made.time, {n: made[n] for n in kept}, {n: made.units[n] for n in kept}, made.meta)
-    assert assessment.render(assessment.assess({"bare": bare}), {"bare": bare}).count("squared coherence [1]") == 2
+    assert (
+        assessment.page_of(assessment.assess({"bare": bare}), {"bare": bare}).html().count("squared coherence [1]") == 2
+    )
 
 
 def test_what_a_recording_hides_is_told(weaves, tmp_path, capsys):

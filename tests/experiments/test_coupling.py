@@ -80,8 +80,12 @@ def test_verdict_tells_what_is_not_the_same(made):
     cost = runs.Cost({"yaw_lag": 0.1, "loop_area": -0.2}, -0.01, -0.5, 0.3)
     law = runs.LawCost({kind: {1: cost, 5: cost} for kind in KINDS}, {SERIAL: 200, PARALLEL: 5, HELD: None})
     ways = [runs.Transport("FMU", True, 1e-5), runs.Transport("UDP", False, 1e-5)]
-    text = coupling.sentences(coupling.Results(car, {"lugre": law, "masing": law}, ways))
-    assert "the split at the rack is not free" in text[0]
-    assert "20 % (loop area, lugre)" in text[0].replace("\u00a0", " ")
-    assert "at least 200 ms; both at once, 5 ms; both at once, force held, less than 1 ms" in text[2]
-    assert text[4] == "The way to the vehicle changes the numbers: UDP."
+    results = coupling.Results(car, {"lugre": law, "masing": law}, ways)
+    found = coupling.of_coupling(results, SERIAL, 1)
+    assert (found.law, found.metric) == ("lugre", "loop_area")
+    assert found.share == pytest.approx(0.2)
+    assert found.share > coupling.COUNTS
+    assert coupling.longest_steps(results) == {SERIAL: 200, PARALLEL: 5, HELD: None}
+    page, data = coupling.build(results)
+    assert len(page.verdict) == 5
+    assert data["transports"]["UDP"] == {"equal": False}

@@ -33,7 +33,7 @@ RESTS = record_of(np.interp(np.arange(0.0, 80.0, DT) % 8.0, [0.0, 2.0, 4.0, 6.0,
 
 
 def page(found):
-    return friction_fit_page.render(found, {}, "out")
+    return friction_fit_page.page_of(found, "out").html()
 
 
 def test_only_periods_of_equal_strokes_tell_how_far_a_record_repeats():

@@ -1,4 +1,4 @@
-"""The friction study: its cases, its records, and that its sentences follow from the numbers."""
+"""The friction study: its cases, its records, and that its page follows from the numbers."""
 
 import json
 import math
@@ -9,10 +9,9 @@ import pytest
 from steer_env import friction, manoeuvres
 from steer_env.experiments.cli.main import main
 from steer_env.experiments.pages import traces
-from steer_env.experiments.studies import friction as study
 from steer_env.experiments.studies.common import friction_cases as cases
 from steer_env.experiments.studies.common import friction_distinction as distinction
-from steer_env.experiments.studies.common import friction_page, friction_page_loops, friction_results
+from steer_env.experiments.studies.common import friction_page, friction_results
 from steer_env.experiments.studies.common import friction_records as records
 from steer_env.experiments.studies.common.friction_results import Scope
 from steer_env.experiments.studies.common.scaling import powers, scaled
@@ -195,43 +194,50 @@ def results(every):
     return _results(every)
 
 
-def test_the_sentences_follow_from_the_numbers(results):
+def test_the_page_says_what_the_numbers_are(results):
     accuracy = friction_page.accuracy(results)
-    assert accuracy.headline.startswith("Most accurate on the measured record: dahl, which leaves 5")
-    assert "does not determine every parameter of lugre" not in accuracy.verdict  # the best law is determined
-    _, timed, steps = friction_page.cost(results)
-    assert timed.startswith("All laws run in real time")
-    assert "with explicit Euler none" in steps
-    laws = friction_page.of_laws(results)
-    assert "changes 0 of 2 compared metrics" in laws.headline
+    assert [each.law for each in accuracy["leaders"]] == ["dahl"]
+    assert accuracy["leaders"][0].error == pytest.approx(0.05, rel=0.2)
+    assert accuracy["sure"].law == "dahl"  # the best law is determined
+    cost = friction_page.cost(results)
+    assert cost["in_real_time"]
+    assert [step for step, _ in cost["explicit"]] == [None]
+    laws = friction_page.of_laws(results)["remembering"]
+    assert (laws.large, laws.compared) == (0, 2)
     factors = friction_page.of_factors(results)
-    assert "stronger: level (100 %)" in factors.headline
-    assert "A perceptible difference of a sustained torque or angle comes from level." in factors.verdict
-    assert "no law vibrates lastingly" in friction_page_loops.apart(results).verdict
-    assert "none of 1 comparisons" in friction_page_loops.in_loop(results).verdict
-    assert "no law is taken for another" in friction_page_loops.confusion(results).verdict
+    assert factors["stronger"][cases.LEVEL] == 1.0
+    assert factors["noticed"] == [cases.LEVEL]
+    assert not friction_page.apart(results)["shaking"]
+    loop = friction_page.in_loop(results)
+    assert (loop["large"], loop["comparisons"]) == (0, 1)
+    assert not any(each["taken"] for each in friction_page.confusion(results))
 
 
-def test_other_numbers_give_other_sentences(results):
+def test_other_numbers_are_said_otherwise(results):
     slow = {law: [row._replace(worst_step_ns=5e5) for row in rows] for law, rows in results.tables.items()}
-    assert friction_page.cost(results._replace(tables=slow))[1].startswith("Not every law runs in real time")
+    assert not friction_page.cost(results._replace(tables=slow))["in_real_time"]
     first, second, third = results.judged
-    turned = friction_page.accuracy(results._replace(judged=[second._replace(error=0.02, high=0.03), first, third]))
-    assert "Most accurate on the measured record: lugre" in turned.headline
-    assert "does not determine every parameter of lugre; of the laws that it determines, dahl leaves" in turned.verdict
+    turned = results._replace(judged=[second._replace(error=0.02, high=0.03), first, third])
+    accuracy = friction_page.accuracy(turned)
+    assert [each.law for each in accuracy["leaders"]] == ["lugre"]
+    assert accuracy["undetermined"] == ["lugre"]
+    assert accuracy["sure"].law == "dahl"
     loud = [each._replace(ripple=0.05, lasting=1.0) for each in results.held if each.law == "dahl"]
     others = [each for each in results.held if each.law != "dahl"]
-    assert "dahl vibrates lastingly" in friction_page_loops.apart(results._replace(held=loud + others)).verdict
+    assert friction_page.apart(results._replace(held=loud + others))["shaking"] == ["dahl"]
     taken = [each._replace(remain=LAWS) for each in results.confusion]
-    assert "dahl for lugre and coulomb" in friction_page_loops.confusion(results._replace(confusion=taken)).verdict
+    found, *_ = friction_page.confusion(results._replace(confusion=taken))
+    assert found["taken"]["dahl"] == ["lugre", "coulomb"]
 
 
 def test_the_page_quotes_every_section(results):
-    page = study.build(results)
+    page = friction_page.page_of(results)
     assert len(page.verdict) == 8
-    assert len(page.sections) == 8
+    assert len(page.timing) == 1
     assert all(sentence.endswith(".") for sentence in [*page.verdict, *page.timing])
-    assert all(section.claim and section.evidence and section.verdict and section.limits for section in page.sections)
+    text = page.html()
+    assert text.count('class="claim"') == 8
+    assert "<dd></dd>" not in text
 
 
 @pytest.mark.whole

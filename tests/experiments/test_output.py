@@ -12,7 +12,7 @@ from scipy import stats
 from steer_env import friction, metrics
 from steer_env.experiments import sweep
 from steer_env.experiments.cli.common import tables
-from steer_env.experiments.pages import front_pictures, options, pages, provenance, small_svg, style, words
+from steer_env.experiments.pages import front_pictures, options, pages, provenance, style, words
 from steer_env.experiments.pages.files import replaced_directory
 from steer_env.experiments.pages.words import number
 from steer_env.experiments.reports import build
@@ -168,10 +168,11 @@ def test_a_smaller_picture_is_the_same_picture():
     axes.plot([0.0, 1.0, 2.0], [0.0, 0.123456, -0.4], label='a "b" & <c>')
     axes.legend()
     drawn = style.svg(figure)
-    small = small_svg.smaller(drawn)
+    small = style.smaller(drawn)
     assert len(small) < 0.7 * len(drawn)
+    svg = "{http://www.w3.org/2000/svg}"
     before, after = ElementTree.fromstring(drawn), ElementTree.fromstring(small)
-    text, path = f"{small_svg.SVG}text", f"{small_svg.SVG}path"
+    text, path = f"{svg}text", f"{svg}path"
     assert [each.text for each in before.iter(text)] == [each.text for each in after.iter(text)]
     for one, other in zip(before.iter(path), after.iter(path), strict=True):
         points, rounded = (re.findall(r"-?\d+\.?\d*", each.get("d", "")) for each in (one, other))

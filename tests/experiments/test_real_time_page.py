@@ -95,7 +95,7 @@ def test_no_torque_at_all_is_told():
 
 def test_the_page_tells_what_is_not_allowed_and_what_machine_it_was():
     made = page(results(row("lugre", "two_track", 5)), 12.0, 0, True)
-    deadlines, _, conditions, latency = made.sections
+    deadlines, _, conditions, latency = made.values["sections"]
     assert "SCHED_FIFO not allowed" in conditions.verdict
     assert "The memory is locked under every condition" in conditions.limits
     assert "priority of every program, memory locked" in deadlines.limits
@@ -105,4 +105,4 @@ def test_the_page_tells_what_is_not_allowed_and_what_machine_it_was():
     assert "the loop has the priority 50 of SCHED_FIFO" in latency.evidence
     assert ["fake wheel", "2", "4500", "4010", "5000", "5000", "1", "25.0%"] in latency.tables[0].rows
     assert "governor: " in deadlines.limits
-    assert "A figure of this machine says nothing about another." in made.lead
+    assert made.values["another"] == "A figure of this machine says nothing about another."

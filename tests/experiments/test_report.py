@@ -108,7 +108,7 @@ def test_what_is_read_first(made):
 
 
 def test_a_light_page_is_small_and_has_no_script_library(made, source):
-    text = build.render(made[1], source, build.Look(light=True))
+    text = build.page_of(made[1], source, build.Look(light=True)).html()
     assert len(text.encode()) < 600_000
     page = Page(text)
     assert page.open == []
@@ -136,11 +136,11 @@ def test_a_law_that_a_driver_feels_is_in_the_verdict(made, source):
     values = {**drive.values, "steady_step_torque": louder}
     drives = {**results.drives, "step-steer": {**results.drives["step-steer"], "masing": drive._replace(values=values)}}
     changed = results._replace(drives=drives)
-    text = " ".join(build.render(changed, source).split())
+    text = " ".join(build.page_of(changed, source).html().split())
     assert "a driver would feel a difference with masing: 1 of 5 sustained torques and angles differ" in text
     assert '<span class="badge perceptible">perceptible</span>' in text
     assert "feel the same in this car" not in text
-    deaf = " ".join(build.render(changed, source, build.Look(noticed=0.3)).split())
+    deaf = " ".join(build.page_of(changed, source, build.Look(noticed=0.3)).html().split())
     assert "feel the same in this car: none of 5 sustained torques and angles differs by the 30" in deaf
     json_of = build.metrics_json(changed, source)["differences"]["laws"]["masing"]
     assert json_of["step_steer.steady_step_torque"]["perception"] == "perceptible"
@@ -166,7 +166,9 @@ def test_computing_times_do_not_make_another_result(made, source, tmp_path):
     other = build.provenance_of(results) | {"date": "2000-01-01T00:00:00+00:00", "processor": "abacus", "cores": 1}
     pages = {"one": (results, source), "slow": (slower, other), "changed": (ratio_of(results), source)}
     for name, (found, about) in pages.items():
-        (tmp_path / f"{name}.html").write_text(build.render(found, about, build.Look(light=True)), encoding="utf-8")
+        (tmp_path / f"{name}.html").write_text(
+            build.page_of(found, about, build.Look(light=True)).html(), encoding="utf-8"
+        )
     assert traces.differences(tmp_path / "one.html", tmp_path / "slow.html") == []
     assert traces.differences(tmp_path / "one.html", tmp_path / "changed.html") != []
 
@@ -246,7 +248,7 @@ def test_refused_metrics_are_null_with_a_reason(made, monkeypatch):
     source = build.provenance_of(changed)
     entry = build.metrics_json(changed, source)["metrics"]["lugre"]["yaw_lag"]
     assert entry == {"value": None, "ci": [None, None], "unit": "ms", "reason": "no yaw rate"}
-    assert "Refused: yaw lag (lugre): no yaw rate." in build.render(changed, source)
+    assert "Refused: yaw lag (lugre): no yaw rate." in build.page_of(changed, source).html()
 
 
 def row_of(law, **changes):
@@ -311,7 +313,7 @@ def bare(test):
 )
 def test_a_claim_changes_with_its_number(made, source, monkeypatch, change, gone, instead):
     monkeypatch.setattr(build, "_pictures", lambda _: dict.fromkeys(FIGURES, "<svg/>"))
-    before, after = (build.render(results, source) for results in (sure(made[1]), change(sure(made[1]))))
+    before, after = (build.page_of(results, source).html() for results in (sure(made[1]), change(sure(made[1]))))
     assert gone in before
     assert gone not in after
     assert instead in after
@@ -340,7 +342,7 @@ def test_one_law_alone_makes_a_page_too(made):
         vehicle=None,
         cross_validation=None,
     )
-    page = build.render(alone, build.provenance_of(alone))
+    page = build.page_of(alone, build.provenance_of(alone)).html()
     assert "made without one of them" in page
     assert "6 Provenance" in page
     assert "Cross-validation" not in page
@@ -348,11 +350,11 @@ def test_one_law_alone_makes_a_page_too(made):
 
 def test_the_cross_validation_says_what_its_numbers_say(made, source, monkeypatch):
     monkeypatch.setattr(build, "_pictures", lambda _: dict.fromkeys(FIGURES, "<svg/>"))
-    before = build.render(made[1], source)
+    before = build.page_of(made[1], source).html()
     found = made[1].cross_validation
     missed = found["step_20"]["reconciled"]._replace(rms={"yaw_rate": 0.5, "lateral_acceleration": 0.0})
     step = {**found["step_20"], "reconciled": missed}
-    after = build.render(made[1]._replace(cross_validation={**found, "step_20": step}), source)
+    after = build.page_of(made[1]._replace(cross_validation={**found, "step_20": step}), source).html()
     assert "nothing changed in ours, all manoeuvres are within" in before
     assert ">missed</td>" not in before
     assert "7 of 8 manoeuvres are within the limits, with at most 50\u00a0% RMS" in after

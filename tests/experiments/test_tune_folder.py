@@ -22,7 +22,6 @@ from steer_env.experiments.calibration import (
     storage,
     tuning,
     tuning_page,
-    tuning_parameters,
 )
 from steer_env.experiments.calibration.problem import Evaluation
 from steer_env.experiments.cli.main import main
@@ -100,7 +99,7 @@ def test_another_sampler_or_seed_keeps_the_sets_of_all_studies(tmp_path, posed, 
     again = tuned(posed, tmp_path, 3, seed=7, sampler="random", **options)
     assert params(again.trials["random"]) == params(other.trials["random"])
     page, data = tuning_page.build(other)
-    assert "random search (3)" in page.sections[1].evidence
+    assert page.values["sets"]["random search"] == 3
     assert sorted(map(len, data["sets"].values())) == sorted(map(len, other.trials.values()))
     assert again.best.params == other.best.params
 
@@ -118,10 +117,9 @@ def test_a_search_and_a_confirmation_by_the_same_optimiser_are_both_on_the_page(
     found = tuned(posed, tmp_path, 4, sampler="nsga2")
     assert {name: len(trials) for name, trials in found.trials.items()} == {"random": 3, "second nsga2": 3, "nsga2": 4}
     page, data = tuning_page.build(found)
-    assert "random search (3) and NSGA-II, confirming (3) and NSGA-II (4)" in page.sections[1].evidence
+    assert page.values["sets"] == {"random search": 3, "NSGA-II, confirming": 3, "NSGA-II": 4}
     assert data["own_angles"]["best"]["difference"] == found.checks["best"].difference
-    bands = next(section for section in page.sections if section.title == "Bands")
-    assert f"by up to {SHIFT:.2g} widths of its band" in bands.evidence
+    assert page.values["bands"]["most_changed"] == pytest.approx(SHIFT)
     assert set(own_angles.sentences(found.checks)) <= set(page.verdict)
 
 
@@ -144,11 +142,8 @@ def test_the_best_set_has_the_metrics_with_its_own_handwheel_angles(tmp_path, po
 
 def test_a_search_that_finds_nothing_better_says_so(tmp_path, posed, quick):
     page, _ = tuning_page.build(tuned(posed, tmp_path, 1))
+    assert page.values["alone"]
     assert any("better than the starting point" in sentence for sentence in page.verdict)
-
-
-def section(page, title):
-    return next(each for each in page.sections if each.title == title)
 
 
 def test_parameters_tell_ends_of_ranges_functions_that_are_off_and_few_sets(tmp_path, quick):
@@ -156,13 +151,13 @@ def test_parameters_tell_ends_of_ranges_functions_that_are_off_and_few_sets(tmp_
     posed = problem.make(cars.load("compact"), targets.load("compact"), names=names)
     found = tuned(posed, tmp_path, 6)
     cut = [r._replace(high=found.best.params[r.name]) if r.name == "boost_level" else r for r in found.ranges]
-    told = section(tuning_page.build(found._replace(ranges=tuple(cut)))[0], "Parameters")
-    rows = {row[0]: row for row in told.tables[0].rows}
+    shown = tuning_page.build(found._replace(ranges=tuple(cut)))[0].values["parameters"]
+    rows = {row[0]: row for row in shown["rows"]}
     assert rows["boost level"][-1].endswith("best on the upper limit")
-    assert "The best set lies on a limit of boost level" in told.verdict
+    assert "boost_level" in shown["ends"]
     assert rows["return saturation"][2] == "–"  # the car has no active return
     assert rows["return gain"][2] == "0"
-    assert "6 sets show little of them" in told.limits
+    assert shown["count"] == 6
     returning = cars.load("compact").data() | {"assist": problem.keys(posed, problem.own(posed) | {"return_gain": 1.0})}
     assert problem.without_effect(posed.car.assist) == {"return_saturation"}
     assert problem.without_effect(cars.load(returning).assist) == set()
@@ -170,16 +165,18 @@ def test_parameters_tell_ends_of_ranges_functions_that_are_off_and_few_sets(tmp_
 
 def test_a_range_that_ends_where_the_assist_does_is_no_limit(posed):
     r = posed.ranges[0]
-    assert tuning_parameters.at_end(r, r.low) == "best on the lower limit"
-    assert not tuning_parameters.at_end(r, r.own)
-    assert not tuning_parameters.at_end(r._replace(limits=(r.low, r.high)), r.low)
+    assert tuning_page.at_end(r, r.low) == "best on the lower limit"
+    assert not tuning_page.at_end(r, r.own)
+    assert not tuning_page.at_end(r._replace(limits=(r.low, r.high)), r.low)
 
 
 def test_a_set_that_misses_the_whole_map_is_passed_over(tmp_path, posed, quick, monkeypatch):
     first = tuned(posed, tmp_path, 12, sampler="random")
     ranked = search.ranked(first.trials["random"])
     assert first.best.params == ranked[0].params
-    assert not [text for text in tuning_page.build(first)[0].verdict if "whole map" in text]
+    values = tuning_page.build(first)[0].values
+    assert not values["missed"]
+    assert values["passed"] == {"count": 0}
 
     whole = []
 
@@ -197,10 +194,10 @@ def test_a_set_that_misses_the_whole_map_is_passed_over(tmp_path, posed, quick, 
     assert found.best.params == ranked[3].params
     assert not margin_map.missed(found.cells)
     page, data = tuning_page.build(found)
-    (told,) = (text for text in page.verdict if "whole map" in text)
-    assert "passed over" in told
-    assert "3, the nearest" in told
-    assert "at 20 km/h, 3.5 N m" in told
+    passed = page.values["passed"]
+    assert passed["count"] == 3
+    assert passed["where"].startswith("20 km/h, 3.5 N m")
+    assert sum("passed over" in text for text in page.verdict) == 1
     assert [bool(each["missed"]) for each in data["tried"]] == [True, True, True, False]
 
 
@@ -218,9 +215,10 @@ def test_where_no_set_keeps_the_whole_map_the_one_with_the_fewest_misses_is_told
     found = tuned(posed, tmp_path, 12, sampler="random")
     assert len(found.tried) == min(tuning.MAPS, len(ranked))
     assert found.best.params == ranked[2].params
-    (told,) = (text for text in tuning_page.build(found)[0].verdict if "whole map" in text)
-    assert f"None of the {len(found.tried)} sets nearest to the bands" in told
-    assert "The one here misses 1: 20 km/h, 2 N m" in told
+    page = tuning_page.build(found)[0]
+    (missed,) = page.values["missed"]
+    assert missed.where.startswith("20 km/h, 2 N m")
+    assert sum("whole map" in text for text in page.verdict) == 1
 
 
 def test_points_that_are_read_again_are_those_of_the_map(monkeypatch):
@@ -270,7 +268,7 @@ def test_targets_whose_bands_are_all_in_one_group(tmp_path, quick):
         assert len(found.best.user_attrs["objectives"]) == 1
         page, data = tuning_page.build(found)
         assert set(data["importances"]) <= {"effort"}
-        assert "<svg" in page.sections[2].pictures[0].svg
+        assert "<svg" in page.values["pareto"]["picture"]
 
 
 def test_nothing_is_left_behind_where_there_is_nothing_to_resume(tmp_path, posed, quick, capfd):

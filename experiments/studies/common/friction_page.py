@@ -1,78 +1,57 @@
-"""The page of the friction study: sentences and tables that follow from the results."""
+"""The page of the friction study: what its template says of the results."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import groupby
+from typing import Any
 
 import numpy as np
 
 from steer_env import friction
 from steer_env.experiments.pages import friction_pictures
-from steer_env.experiments.pages.study_page import Picture, Section, Table
+from steer_env.experiments.pages.pages import Page
 from steer_env.experiments.pages.words import label, number, percent, within
 from steer_env.experiments.studies import real_time
 from steer_env.experiments.studies.common import friction_cases as cases
 from steer_env.experiments.studies.common import friction_records as records
 from steer_env.experiments.studies.common.battery import MATTERS
 from steer_env.experiments.studies.common.friction_cases import BASE_LAW, Effect
+from steer_env.experiments.studies.common.friction_distinction import TOLD, experiments
 from steer_env.experiments.studies.common.friction_results import SAMPLE, SCHEME, Results
 from steer_env.friction.identification import periods
 from steer_env.recording.recording import DEGREE
 
-
-def named(words: Sequence[str]) -> str:
-    """A list in words: "a, b and c"."""
-    words = list(words)
-    return " and ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words) or "none"
+BOTH = ("weave", "slow-ramp")  # at 0.2 and at 0.02 Hz
 
 
-def _span(values: Sequence[float]) -> str:
-    low, high = percent(min(values), 2), percent(max(values), 2)
-    return low if low == high else f"{low} to {high}"
+def page_of(r: Results) -> Page:
+    """The page."""
+    values = {
+        "r": r,
+        "base": BASE_LAW,
+        "others": [law for law in r.laws if law != BASE_LAW],
+        "matters": MATTERS,
+        "told": TOLD,
+        "usable": real_time.USABLE,
+        "a": accuracy(r),
+        "c": cost(r),
+        "laws": of_laws(r),
+        "factors": of_factors(r),
+        "apart": apart(r),
+        "speeds": speeds(r),
+        "loops": in_loop(r),
+        "confusion": confusion(r),
+    }
+    return Page("friction", values)
 
 
-def _of_the_literature(known: Sequence[records.Judged]) -> str:
-    """LuGre against Masing, the two laws that the literature compares."""
-    of = {each.law: each for each in known}
-    if not {"lugre", "masing"} <= of.keys():
-        return ""
-    lugre, masing = of["lugre"], of["masing"]
-    text = (
-        f" Of the two that the literature compares, LuGre leaves {number(lugre.error / masing.error, 2)} times as much "
-    )
-    text += "as Masing"
-    if lugre.undetermined:
-        text += f", and the record does not determine its {named(lugre.undetermined)}"
-    return f"{text}."
-
-
-def accuracy(r: Results) -> Section:
+def accuracy(r: Results) -> dict[str, Any]:
     """Which law describes the measured record best."""
     known = r.known()
-    best, others = known[0], known[1:]
+    of = {each.law: each for each in known}
+    leaders = [each for each in known if each is known[0] or each.law in known[0].alike]
+    ends = [percent(pick(each.error for each in leaders), 2) for pick in (min, max)]
     seconds = r.record.dt * r.record.x.size
-    ranks = "; ".join(f"{each.law} {percent(each.error, 3)}" for each in others)
-    ratio = best.error / r.repeatability
-    verdict = (
-        f"Of the mean friction {best.law} leaves {percent(best.error, 3)} (95 % interval {percent(best.low, 3)} to "
-        f"{percent(best.high, 3)}), {number(ratio, 2)} times the {percent(r.repeatability, 2)} by which one period "
-        f"differs from the next. The others leave: {ranks}."
-    )
-    leaders = [each for each in known if each is best or each.law in best.alike]
-    left = [each for each in known if each not in leaders]
-    headline = (
-        f"Most accurate on the measured record: {named([e.law for e in leaders])}, which "
-        f"{'leaves' if len(leaders) == 1 else 'leave'} {_span([e.error for e in leaders])} of the mean friction in "
-        f"seconds that were not fitted; one period differs from the next by {percent(r.repeatability, 2)}. The others: "
-        + ", ".join(f"{each.law} {percent(each.error, 2)}" for each in left)
-        + f".{_of_the_literature(known)}"
-    )
-    sure = [each for each in known if not each.undetermined]
-    if sure and sure[0] is not best:
-        verdict += (
-            f" The record does not determine every parameter of {named([e.law for e in known if e.undetermined])}; of "
-            f"the laws that it determines, {sure[0].law} leaves the least, {percent(sure[0].error, 3)}."
-        )
     period = periods.period(r.record.motion) or r.record.x.size
     x, F = r.record.x[-period:] / DEGREE, r.record.friction[-period:]
     loops = {
@@ -86,196 +65,108 @@ def accuracy(r: Results) -> Section:
         for each in known
     ]  # fmt: skip
     rows += [(each.law, *("–" * 4)) for each in r.judged if each.parameters is None]
-    head = ("law", "error, held out", "95 % interval", "over repeatability", "not determined")
-    remarks = [(each.law, "; ".join(each.remarks)) for each in r.judged if each.remarks]
-    return Section(
-        "Which law is more accurate?",
-        "A law with more memory describes measured friction better than one with a single bristle.",
-        f"Every law is fitted to the first {(1.0 - records.HELD_OUT) * seconds:.3g} s of a measured record of "
-        f"{seconds:.3g} s and judged by the RMS of what it leaves on the rest while the record moves, over the mean "
-        "friction, as by steer-env fit-friction; half of the time it stands still, of which laws without memory say "
-        "nothing.",
-        verdict,
-        "The record has one stroke, one speed and one load, and comes from a reciprocating rig, not from a steering "
-        "gear. It says nothing of speed, of small strokes after large ones, or of load. It is stretched to the level "
-        "and "
-        "the pre-sliding distance of a column, which changes no error.",
-        [Picture(friction_pictures.record_loops((x, F), loops), "The last period of the record, and every law with an "
-                 "error below 50 %, which were fitted to other periods.")],
-        [Table("Laws on the held-out part of the measured record", head, rows),
-         Table("Remarks of the fits", ("law", "remarks"), remarks, folded=True)],
-        headline,
-    )  # fmt: skip
+    return {
+        "known": known,
+        "leaders": leaders,
+        "leaders_span": list(dict.fromkeys(ends)),
+        "left": [each for each in known if each not in leaders],
+        "lugre": of.get("lugre"),
+        "masing": of.get("masing"),
+        "sure": next((each for each in known if not each.undetermined), None),
+        "undetermined": [each.law for each in known if each.undetermined],
+        "seconds": seconds,
+        "fitted": (1.0 - records.HELD_OUT) * seconds,
+        "picture": friction_pictures.record_loops((x, F), loops),
+        "rows": rows,
+        "remarks": [(each.law, "; ".join(each.remarks)) for each in r.judged if each.remarks],
+    }
 
 
-def cost(r: Results) -> tuple[Section, str, str]:
-    """Cost and longest step of each law; beside the section the sentence on times and the one that rests on none."""
+def cost(r: Results) -> dict[str, Any]:
+    """Cost and longest step of each law."""
     at = {
         law: next(row for row in rows if (row.scheme, row.step) == (SCHEME, SAMPLE)) for law, rows in r.tables.items()
     }
     base, whole = at[BASE_LAW].ns_per_step or math.nan, r.sample_ns[BASE_LAW]
     ratio = {law: (row.ns_per_step or math.nan) / base for law, row in at.items()}
     worst = {law: 1e-9 * (row.worst_step_ns or math.nan) / SAMPLE for law, row in at.items()}
-    slow, long = (max(of, key=lambda law: of[law]) for of in (ratio, worst))
-    cheap = min(ratio, key=lambda law: ratio[law])
-    fast = worst[long] < 0.1
-    timed = (
-        f"{'All laws run' if fast else 'Not every law runs'} in real time: at a step of 1 ms the worst step of the "
-        f"column takes {percent(worst[long], 2)} of the step ({long}). A step costs from {number(ratio[cheap], 2)} "
-        f"({cheap}) to {number(ratio[slow], 2)} times ({slow}) that of {BASE_LAW}, a sample of the whole car up to "
-        f"{number(max(r.sample_ns.values()) / whole, 3)} times."
-    )
-    if "masing" in ratio:
-        timed += f" Masing costs {number(ratio['masing'], 2)} times what LuGre does."
+    dearest, slowest = (max(of, key=lambda law: of[law]) for of in (ratio, worst))
     longest = {law: real_time.usable_step(rows, SCHEME) for law, rows in r.tables.items()}
     explicit = {law: real_time.usable_step(rows, "explicit Euler") for law, rows in r.tables.items()}
-    steps = (
-        f"Longest step with an error of at most {percent(real_time.USABLE)} in the project's scheme: "
-        f"{_steps(longest)}; "
-        f"with explicit Euler {_steps(explicit)}."
-    )
     rows = [
         (law, number(ratio[law], 2), number(r.sample_ns[law] / whole, 3), percent(worst[law], 2),
          percent(at[law].error, 2), _ms(longest[law]), _ms(explicit[law]))
         for law in r.laws
     ]  # fmt: skip
-    head = ("law", "step of the column, over LuGre's", "sample of the car, over LuGre's", "worst step, share of 1 ms",
-            "error at 1 ms", "longest step", "with explicit Euler")  # fmt: skip
-    section = Section(
-        "Which law runs in real time?",
-        "A law that is more accurate is too slow for real time.",
-        "The column alone under 2.5 N m of hand torque at 0.5 Hz, with the project's step equation and with explicit "
-        "Euler, against a reference at a tight tolerance; compiled code of one processor, in one process. Ratios "
-        "within "
-        "one run carry over between machines better than times.",
-        f"{timed} {steps}",
-        "Steps longer than those of the table were not tried, and steps between them were not either. The worst step "
-        "excludes what the operating system adds.",
-        (),
-        [Table("Cost and longest step", head, rows)],
-        measured=True,
-    )
-    return section, timed, steps
+    return {
+        "in_real_time": worst[slowest] < 0.1,
+        "ratio": ratio,
+        "worst": worst,
+        "longest_law": slowest,
+        "dearest": dearest,
+        "cheapest": min(ratio, key=lambda law: ratio[law]),
+        "whole_car": max(r.sample_ns.values()) / whole,
+        "longest": _by_step(longest),
+        "explicit": _by_step(explicit),
+        "rows": rows,
+    }
 
 
 def _ms(step: float | None) -> str:
     return f"{1e3 * step:g} ms" if step else "none"
 
 
-def _steps(of: dict[str, float | None]) -> str:
+def _by_step(of: Mapping[str, float | None]) -> list[tuple[float | None, list[str]]]:
+    """Laws by their longest step, the longest first."""
     groups = groupby(sorted(of, key=lambda law: -(of[law] or 0.0)), key=lambda law: of[law])
-    return ", ".join(f"{_ms(step)} ({', '.join(laws)})" for step, laws in groups)
+    return [(step, list(laws)) for step, laws in groups]
 
 
-def in_words(row: Effect) -> str:
-    """An effect in words: metric, test, share and case."""
-    test, level = row.test.replace("-", " "), row.case.level
-    return f"{label(row.metric)} in the {test} by {percent(abs(row.found.share), 2)} ({level})"
+def _summaries(of: Mapping[str, Sequence[Effect]]) -> dict[str, Any]:
+    return {name: cases.summary(effects) for name, effects in of.items()}
 
 
-def counts(rows: Sequence[Effect]) -> str:
-    """How many metrics change, in words."""
-    s = cases.summary(rows)
-    text = f"{s.large} of {s.compared} compared metrics by more than {percent(MATTERS)}"
-    if not s.known:
-        return f"{text} (no threshold of perception is known for any)"
-    return f"{text}, {s.noticed or 'none'} of {s.known} with a known threshold perceptibly"
-
-
-def case_table(caption: str, of: dict[str, list[Effect]]) -> Table:
-    """Counts of large and perceptible differences, a row for each case."""
-    rows = []
-    for name, effects in of.items():
-        s = cases.summary(effects)
-        largest = in_words(s.largest).rpartition(" (")[0] if s.largest else "–"
-        rows.append((name, str(s.compared), str(s.large), f"{s.noticed} of {s.known}", largest))
-    head = ("case", "metrics compared", f"above {percent(MATTERS)}", "perceptible, of known", "largest share")
-    return Table(caption, head, rows)
-
-
-def _metric_table(caption: str, rows: Sequence[Effect]) -> Table:
+def _outstanding(rows: Sequence[Effect]) -> list[Effect]:
     """Every perceptible or large effect, the largest first."""
-    kept = sorted((row for row in rows if row.noticed or row.found.matters), key=lambda row: -abs(row.found.share))
-    text = [
-        (row.test, label(row.metric), row.case.label, number(row.base.value),
-         within(row.found.value, row.found.half_width), row.base.unit,
-         percent(row.found.share, 2), str(row.found.perception))
-        for row in kept
-    ]  # fmt: skip
-    head = ("test", "metric", "case", "base", "difference", "unit", "share", "perception")
-    return Table(caption, head, text, folded=True)
+    kept = (row for row in rows if row.noticed or row.found.matters)
+    return sorted(kept, key=lambda row: -abs(row.found.share))
 
 
-def of_laws(r: Results) -> Section:
+def of_laws(r: Results) -> dict[str, Any]:
     """What the law alone changes in the battery."""
     factors = cases.by_factor(r.effects)
     levels = cases.by_level(factors[cases.LAW])
     remembering = [row for law in r.remembers() for row in levels.get(law, [])]
-    verdict = (
-        f"With one calibration the choice among the laws with pre-sliding ({named(r.remembers())} against {BASE_LAW}) "
-        f"changes {counts(remembering)}"
-    )
-    headline = f"{verdict}."
-    largest = cases.summary(remembering).largest
-    verdict += f"; most, the {in_words(largest)}." if largest else "."
-    other = [law for law in levels if law not in r.remembers()]
-    for law in other:
-        verdict += f" {law} changes {counts(levels[law])}."
     measured = [row for row in factors.get(cases.MEASURED, []) if row.case.level in r.remembers()]
-    if measured:
-        base = measured[0].case.base.rpartition(" ")[2]
-        laws = named(sorted({row.case.level for row in measured}))
-        verdict += f" Calibrated to the measured record, {laws} against {base} change {counts(measured)}."
-    tables = [case_table("Each law with the shared calibration, against LuGre", levels)]
-    if cases.MEASURED in factors:
-        text = "Each law that the measured record determines, calibrated to it, against the best of them"
-        tables.append(case_table(text, cases.by_level(factors[cases.MEASURED])))
-    tables.append(_metric_table("Every large or perceptible difference between laws", factors[cases.LAW]))
-    return Section(
-        "What the choice of the law changes in the car",
-        "The friction law decides how a steering feels.",
-        f"The car '{r.car.name}' drives {len(r.scope.tests)} tests of the battery with every law, once with the "
-        "calibration that the default laws share (saturated torque, branch after a reversal from saturation) and once "
-        "with every law that the measured record determines calibrated to it. A difference counts where its 95 % "
-        "interval excludes zero.",
-        verdict,
-        "A threshold of perception is known for sustained torques and angles only "
-        f"({percent(r.noticed)} of the smaller value). The simulation has no noise, so that the intervals are narrow.",
-        (),
-        tables,
-        headline,
-    )
+    return {
+        "remembering": cases.summary(remembering),
+        "other": _summaries({law: rows for law, rows in levels.items() if law not in r.remembers()}),
+        "measured": cases.summary(measured) if measured else None,
+        "measured_laws": sorted({row.case.level for row in measured}),
+        "measured_base": measured[0].case.base.rpartition(" ")[2] if measured else "",
+        "levels": _summaries(levels),
+        "measured_levels": _summaries(cases.by_level(factors.get(cases.MEASURED, []))),
+        "effects": _outstanding(factors[cases.LAW]),
+    }
 
 
-def of_factors(r: Results) -> Section:
+def of_factors(r: Results) -> dict[str, Any]:
     """What level, pre-sliding distance, damping, step, site and load change beside the law."""
     factors = {
         factor: rows
         for factor, rows in cases.by_factor(r.effects).items()
         if factor not in (cases.LAW, cases.MEASURED, cases.UNASSISTED)
     }
+    of_law = f"{cases.LAW} (with pre-sliding)"
     remembering = set(r.remembers())
-    law_rows = [row for row in r.effects if row.case.factor == cases.LAW and row.case.level in remembering]
-    ranked = sorted(
-        {**factors, f"{cases.LAW} (with pre-sliding)": law_rows}.items(), key=lambda pair: -_mean_large(pair[1])
-    )
-    order = ", ".join(f"{factor} {number(100.0 * _mean_large(rows), 2)} %" for factor, rows in ranked)
-    noticed = [factor for factor, rows in ranked if cases.summary(rows).noticed]
-    law = next(k for k, (factor, _) in enumerate(ranked) if factor.startswith(cases.LAW))
-    of_law = number(100.0 * _mean_large(law_rows), 2)
-    stronger = [f"{factor} ({number(100.0 * _mean_large(rows), 2)} %)" for factor, rows in ranked[:law]]
-    weaker = [factor for factor, _ in ranked[law + 1 :]]
-    headline = (
-        f"The law changes {of_law} % of the metrics by more than {percent(MATTERS)}; stronger: {named(stronger)}; "
-        f"weaker: {named(weaker)}."
-    )
-    verdict = (
-        f"Share of the metrics that a factor changes by more than {percent(MATTERS)}, mean over its cases: {order}. "
-        f"A perceptible difference of a sustained torque or angle comes from {named(noticed)}."
-    )
-    levels = {
-        f"{factor}: {level}": of for factor, rows in factors.items() for level, of in cases.by_level(rows).items()
+    compared = {
+        **factors,
+        of_law: [row for row in r.effects if row.case.factor == cases.LAW and row.case.level in remembering],
     }
+    means = {factor: _mean_large(rows) for factor, rows in compared.items()}
+    ranked = dict(sorted(means.items(), key=lambda pair: -pair[1]))
+    order = list(ranked)
+    place = order.index(of_law)
     every = {factor: cases.by_level(rows) for factor, rows in cases.by_factor(r.effects).items()}
     shares = {
         factor: {
@@ -284,26 +175,130 @@ def of_factors(r: Results) -> Section:
         }
         for factor, of in every.items()
     }
-    return Section(
-        "What else changes it",
-        "The law matters more than its parameters and than where friction acts.",
-        f"One factor at a time against {BASE_LAW} with the shared calibration: level by a third, pre-sliding distance "
-        "and "
-        "micro-damping within their assumed ranges, step length, friction above the torsion bar in place of below it, "
-        "and the part of the friction that grows with the rack force.",
-        verdict,
-        "One factor at a time shows no interaction. Ranges differ: those of level are measured, those of pre-sliding "
-        "distance and micro-damping assumed. Friction above the torsion bar is left out of tests with free hands. The "
-        "metrics of the battery are means of left and right, which hide what depends on the direction.",
-        [Picture(friction_pictures.strips(shares, MATTERS), f"Every real difference of a metric from the base of its "
-                 f"factor; dots: the largest. Shaded: below {percent(MATTERS)}.")],
-        [case_table("Each case", levels), _metric_table("Every large or perceptible difference",
-                                                         [row for rows in factors.values() for row in rows])],
-        headline,
-    )  # fmt: skip
+    return {
+        "ranked": ranked,
+        "law": ranked[of_law],
+        "stronger": {factor: ranked[factor] for factor in order[:place]},
+        "weaker": order[place + 1 :],
+        "noticed": [factor for factor in order if cases.summary(compared[factor]).noticed],
+        "picture": friction_pictures.strips(shares, MATTERS),
+        "levels": _summaries(
+            {f"{factor}: {level}": of for factor, rows in factors.items() for level, of in cases.by_level(rows).items()}
+        ),
+        "effects": _outstanding([row for rows in factors.values() for row in rows]),
+    }
 
 
 def _mean_large(rows: Sequence[Effect]) -> float:
     """Share of the compared metrics above ``MATTERS``, mean over the cases [1]."""
     found = [cases.summary(of) for of in cases.by_level(rows).values()]
     return float(np.mean([s.large / s.compared for s in found if s.compared])) if found else 0.0
+
+
+def apart(r: Results) -> dict[str, Any]:
+    """Where laws can be told apart with one calibration."""
+    remembering = r.remembers()
+    told = {name: [law for law in remembering if of[law] > TOLD] for name, of in r.apart.items()}
+    of_name = experiments()
+    groups: dict[tuple[str, ...], list[str]] = {}
+    for law in remembering:
+        where = tuple(of_name[name].short for name, laws in told.items() if law in laws)
+        groups.setdefault(where, []).append(law)
+    free = [row for row in r.effects if row.case.factor == cases.LAW and row.test in ("release", "returnability")]
+    columns = [law for law in r.laws if law != BASE_LAW]
+    rows = [(of_name[name].title, *(percent(of[law], 2) for law in columns)) for name, of in r.apart.items()]
+    ripples = {(each.law, each.calibration): 1e3 * each.ripple for each in r.held}
+    rows += [
+        (f"ripple of a held torque, {title} [mN m]", *(number(ripples[law, title], 2) for law in columns))
+        for title in dict.fromkeys(each.calibration for each in r.held)
+    ]
+    return {
+        "where": {of_name[name].title: laws for name, laws in told.items() if laws},
+        "alike": [of_name[name].title for name, laws in told.items() if not laws],
+        "groups": list(groups.items()),
+        "shaking": sorted({each.law for each in r.held if each.lasting > 0.9 and each.ripple > 1e-3}),
+        "free": cases.summary([row for row in free if row.case.level in remembering]),
+        "rows": rows,
+    }
+
+
+def speeds(r: Results) -> dict[str, Any]:
+    """0.2 against 0.02 Hz."""
+    remembering = set(r.remembers())
+    shares: dict[str, dict[str, dict[str, float]]] = {}
+    for row in r.effects:
+        factor, level = row.case.factor, row.case.level
+        counts_here = factor == cases.LEVEL or (factor == cases.LAW and level in remembering)
+        if row.test in BOTH and row.found.real and counts_here:
+            of = shares.setdefault(row.metric, {}).setdefault(row.test, {})
+            of[factor] = max(of.get(factor, 0.0), abs(row.found.share))
+    common = {metric: of for metric, of in shares.items() if set(of) == set(BOTH)}
+    rows = []
+    for metric, both in common.items():
+        cells = [both[test].get(factor, 0.0) for test in BOTH for factor in (cases.LAW, cases.LEVEL)]
+        rows.append((label(metric), *(percent(cell, 2) for cell in cells)))
+    fast, slow = (max((both[test].get(cases.LAW, 0.0) for both in common.values()), default=0.0) for test in BOTH)
+    return {"fast": fast, "slow": slow, "rows": rows}
+
+
+def in_loop(r: Results) -> dict[str, Any]:
+    """Driver and assist in the loop."""
+    remembering = r.remembers()
+    every = [row for row in r.effects if row.case.factor == cases.UNASSISTED]
+    assisted = [row for row in r.effects if row.case.factor == cases.LAW and row.case.level in remembering]
+    rows, shares = _with_driver(r)
+    large = sorted((key for key, share in shares.items() if share > MATTERS), key=lambda key: -shares[key])
+    most: dict[str, float] = {}
+    for key in large:
+        most.setdefault(key[1], shares[key])  # the largest first
+    return {
+        "bare": cases.summary([row for row in every if row.case.level in remembering]),
+        "assisted": cases.summary(assisted),
+        "levels": _summaries(cases.by_level(every)),
+        "large": len(large),
+        "comparisons": len(remembering) * len(rows),
+        "most": most,
+        "columns": [f"{law} less {BASE_LAW}" for law in r.laws if law != BASE_LAW],
+        "rows": rows,
+    }
+
+
+def _with_driver(r: Results) -> tuple[list[tuple[str, ...]], dict[tuple[str, str, str], float]]:
+    """Rows of the table, and the real differences of laws with pre-sliding by task, metric and law, as shares [1]."""
+    rows, shares = [], {}
+    for task in dict.fromkeys(each.task for each in r.driven):
+        mine = {each.law: each.metrics for each in r.driven if each.task == task}
+        for metric, base in mine[BASE_LAW].items():
+            scale, cells = abs(float(np.mean(base))), []
+            for law in r.laws:
+                if law == BASE_LAW:
+                    continue
+                gap, half = cases.paired(mine[law][metric], base)
+                cells.append(within(gap, half))
+                if law in r.remembers() and not abs(gap) <= half and scale > 0.0:
+                    shares[task, metric, law] = abs(gap) / scale
+            rows.append((task.removeprefix("steer_env/"), label(metric), number(float(np.mean(base))), *cells))
+    return rows, shares
+
+
+def confusion(r: Results) -> list[dict[str, Any]]:
+    """Which law is taken for which on synthetic records, by kind of record and noise."""
+    found = []
+    for record in r.scope.records:
+        for noise in r.scope.noises:
+            table = records.shares(r.confusion, record, noise)
+            laws = list(table)
+            taken = {truth: [law for law in laws if law != truth and table[truth][law] > 0.5] for truth in laws}
+            found.append(
+                {
+                    "record": record,
+                    "noise": noise,
+                    "table": table,
+                    "rows": [(truth, *(percent(of[law], 2) for law in laws)) for truth, of in table.items()],
+                    "folded": noise != r.scope.noises[0],
+                    "taken": {truth: others for truth, others in taken.items() if others},
+                    "others": float(np.mean([sum(of.values()) - of[truth] for truth, of in table.items()])),
+                    "own": float(np.mean([table[truth][truth] for truth in laws])),
+                }
+            )
+    return found
