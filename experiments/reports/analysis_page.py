@@ -65,7 +65,7 @@ def _bode(results: Results) -> str:
 
 def _cycles(results: Results) -> list[tuple[str, ...]]:
     """Limit cycles, predicted and simulated, a row for each."""
-    rows = []
+    rows: list[tuple[str, ...]] = []
     for kph, hands, each in results.cycles:
         c, m = each.predicted, each.simulated
         predicted = (number(math.degrees(c.amplitude)), number(c.frequency)) if c else ("missed", "missed")

@@ -212,7 +212,7 @@ def panels(names: Sequence[str]) -> dict[str, list[Panel]]:
 
 
 def _laws(found: Mapping[str, Traits]) -> list[tuple[str, ...]]:
-    rows = []
+    rows: list[tuple[str, ...]] = []
     for name, of in found.items():
         held = of.presliding
         far = number(MICRO * of.elastic) if held else "slides"

@@ -99,10 +99,10 @@ def test_the_page_tells_what_is_not_allowed_and_what_machine_it_was():
     assert "SCHED_FIFO not allowed" in conditions.verdict
     assert "The memory is locked under every condition" in conditions.limits
     assert "priority of every program, memory locked" in deadlines.limits
-    assert conditions.tables[0].note == "The priority 50 of SCHED_FIFO is not allowed."
+    assert conditions.table.note == "The priority 50 of SCHED_FIFO is not allowed."
     assert "virtual CAN not measured" in latency.verdict
-    assert latency.tables[0].note.endswith("CAN needs the packages python-can.")
+    assert latency.table.note.endswith("CAN needs the packages python-can.")
     assert "the loop has the priority 50 of SCHED_FIFO" in latency.evidence
-    assert ["fake wheel", "2", "4500", "4010", "5000", "5000", "1", "25.0%"] in latency.tables[0].rows
+    assert ["fake wheel", "2", "4500", "4010", "5000", "5000", "1", "25.0%"] in latency.table.rows
     assert "governor: " in deadlines.limits
     assert made.values["another"] == "A figure of this machine says nothing about another."
