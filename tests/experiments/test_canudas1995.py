@@ -69,8 +69,11 @@ def test_only_a_law_with_a_falling_curve_and_a_bristle_shows_every_effect():
 
 def test_a_number_that_does_not_agree_is_told():
     rows = {"Hunting": [study.Number("period", 24.4, 25.0, 0.06, "s"), study.Number("least", 1.0, 1.0, 0.1, "m")]}
-    first, *_ = study.sentences(rows, {"lugre": study.traits("lugre")})
-    assert first.startswith("1 of 2 numbers")
+    experiment = study.Experiment(rows["Hunting"], "")
+    assert experiment.missed == ["period"]
+    assert experiment.worst.what == "period"
+    values = study.as_page(rows, {"lugre": study.traits("lugre")}, study.panels(["lugre"])).values
+    assert (values["agreeing"], values["count"]) == (1, 2)
 
 
 def test_the_laws_take_the_scale_of_the_paper():
