@@ -11,7 +11,7 @@ from steer_env.experiments.calibration.problem import Range
 from steer_env.experiments.calibration.screening import Effect
 from steer_env.experiments.calibration.sensitivity import Results, Row
 from steer_env.experiments.pages.pages import Page
-from steer_env.experiments.pages.sensitivity_picture import Cell, Line, heat_map
+from steer_env.experiments.pages.tuning_pictures import Cell, Line, heat_map
 from steer_env.experiments.pages.words import label, number, unit
 
 NAME = "sensitivity"

@@ -1,10 +1,13 @@
 """Pictures of the friction study as SVG text. What they show is handed over."""
 
 from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
+from matplotlib.ticker import LogLocator, NullFormatter
 from numpy.typing import NDArray
 
+from steer_env.experiments.pages.plots import thinned
 from steer_env.experiments.pages.style import PALETTE, legend, new_figure, styled, styles, svg
 
 Array = NDArray[np.float64]
@@ -57,4 +60,76 @@ def record_loops(measured: tuple[Array, Array], laws: Mapping[str, tuple[Array, 
     loop.set(title="one period", xlabel="displacement [deg]", ylabel="friction [N m]")
     left.set(title="law less measurement", xlabel="displacement [deg]", ylabel="friction [N m]")
     legend(figure, loop, 6)
+    return svg(figure)
+
+
+POINTS = 1500  # of a line over the whole record, at most
+_MEASURED, _FITTED = "#5b6675", PALETTE[1]
+
+
+class Shown(NamedTuple):
+    """A record in the units in which it is shown."""
+
+    t: Array  # (T,) [s]
+    x: Array  # (T,) [units]
+    friction: Array  # (T,) [units]
+    x_unit: str
+    friction_unit: str
+    loop: slice  # samples whose loop is drawn
+    known: int  # first sample at which the memory of a law no longer depends on what was before the record
+    held_out: int  # first sample that judges; T if none does
+
+
+@styled
+def residuals(rows: Mapping[str, tuple[float, float, float]], repeats: float | None) -> str:
+    """What each law leaves of the friction: value and ends of the interval [%], and how far the record repeats [%]."""
+    figure = new_figure(7.4, 0.9 + 0.32 * len(rows))
+    axes = figure.subplots()
+    places = np.arange(len(rows))[::-1]
+    values = np.array(list(rows.values()))
+    axes.hlines(places, values[:, 1], values[:, 2], color=PALETTE[0], linewidth=2.2)
+    axes.plot(values[:, 0], places, "o", color=PALETTE[0], markersize=5)
+    if repeats is not None:
+        axes.axvline(repeats, color=PALETTE[2], linestyle="--", linewidth=1.2)
+        axes.annotate(
+            "the record repeats so far", (repeats, 1.0), xycoords=("data", "axes fraction"), xytext=(4, -2),
+            textcoords="offset points", va="top", fontsize=8, color=PALETTE[2],
+        )  # fmt: skip
+    axes.set_yticks(places, [name.replace("_", " ") for name in rows])
+    axes.set_ylim(-0.6, len(rows) - 0.2)
+    axes.set_xscale("log")
+    axes.set_xlabel("RMS of what is left on the judging part, of the mean friction [%]")
+    axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axes.xaxis.set_major_formatter("{x:g}")
+    axes.xaxis.set_minor_formatter(NullFormatter())
+    return svg(figure)
+
+
+@styled
+def law(shown: Shown, fitted: Array, level: float) -> str:
+    """One law: the loop, measured and fitted, and what is left over time [% of the mean friction, ``level``]."""
+    figure = new_figure(9.6, 2.9)
+    left, right = figure.subplots(1, 2, width_ratios=(1, 1.55))
+    part = shown.loop
+    for values, colour, label, dash in ((shown.friction, _MEASURED, "measured", "-"), (fitted, _FITTED, "law", "--")):
+        left.plot(
+            thinned(shown.x[part], POINTS),
+            thinned(values[part], POINTS),
+            dash,
+            color=colour,
+            label=label,
+            linewidth=1.3,
+        )
+    left.set(xlabel=f"displacement [{shown.x_unit}]", ylabel=f"friction [{shown.friction_unit}]")
+    left.legend(loc="best", fontsize=8)
+    rest = 100.0 * (fitted - shown.friction)[shown.known :] / level
+    right.plot(thinned(shown.t[shown.known :], POINTS), thinned(rest, POINTS), color=_FITTED, linewidth=0.9)
+    right.set_xlim(shown.t[0], shown.t[-1])
+    if shown.held_out < shown.t.size:
+        right.axvspan(shown.t[shown.held_out], shown.t[-1], color="#eef2f7", zorder=0)
+        right.annotate(
+            "judges", (shown.t[shown.held_out], 1.0), xycoords=("data", "axes fraction"), xytext=(4, -2),
+            textcoords="offset points", va="top", fontsize=8, color=_MEASURED,
+        )  # fmt: skip
+    right.set(xlabel="time [s]", ylabel="law less measured [%]")
     return svg(figure)

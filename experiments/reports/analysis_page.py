@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from steer_env.experiments.calibration import margin_map
 from steer_env.experiments.calibration.margin_map import GAIN_LIMIT, PHASE_LIMIT, RESTING, SLIDING, Cell, missed
-from steer_env.experiments.pages import analysis_pictures, still_plots
+from steer_env.experiments.pages import car_pictures, still_plots
 from steer_env.experiments.pages.pages import Page
 from steer_env.experiments.pages.plots import Line, Panel
 from steer_env.experiments.pages.style import colours
@@ -83,7 +83,7 @@ def _page(results: Results) -> Page:
     found, worst = [cell for cell in results.cells if cell.margins], results.worst
     axes = [f"{v:g}" for v in margin_map.SPEEDS], [f"{T:g}" for T in margin_map.TORQUES]
     maps = [
-        (label, limit, analysis_pictures.margin_map(_maps(results, value), *axes, limit, top, label))
+        (label, limit, car_pictures.margin_map(_maps(results, value), *axes, limit, top, label))
         for value, limit, top, label in (
             (lambda c: c.phase_deg, PHASE_LIMIT, 90.0, "phase margin [deg]"),
             (lambda c: c.gain_db, GAIN_LIMIT, 24.0, "gain margin [dB]"),
@@ -109,13 +109,13 @@ def _page(results: Results) -> Page:
         "disk_gain": -20.0 * math.log10((1.0 - 0.5 * LIMIT_DISK) / (1.0 + 0.5 * LIMIT_DISK)),
         "frequencies": FREQUENCIES,
         "loops_at": loops_at,
-        "nyquist": analysis_pictures.nyquist(results.loops, LIMIT_DISK, loops_at),
+        "nyquist": car_pictures.nyquist(results.loops, LIMIT_DISK, loops_at),
         "peaks": {k: (i > 0, BODE_FREQUENCIES[i]) for k, i in peaks.items()},
         "bode": _bode(results),
         "grows_from": _grows(analysis.MODES_SPEEDS, results.speed_modes),
         "unstable_factor": _grows(results.factors, results.boost_modes),
         "mode_speeds": analysis.MODES_SPEEDS,
-        "loci": analysis_pictures.root_loci(loci),
+        "loci": car_pictures.root_loci(loci),
         "kicks": [f"{math.degrees(kick):.1f}" for kick in limit_cycle.KICKS],
         "third": limit_cycle.THIRD,
         "sinusoidal": [each for _, _, each in results.cycles if each.sinusoidal],

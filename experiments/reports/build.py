@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from steer_env import metrics, targets
-from steer_env.experiments.pages import front_pictures, pictures, plots, provenance, still_plots
+from steer_env.experiments.pages import pictures, plots, provenance, still_plots
 from steer_env.experiments.pages.files import replaced_directory
 from steer_env.experiments.pages.metrics_json import entries
 from steer_env.experiments.pages.pages import Page, image, place
@@ -140,7 +140,7 @@ def page_of(results: Results, source: dict[str, Any], look: Look = DEFAULT) -> P
         "width": loop_width,
         "noticeable": just_noticeable,
         "definitions": {name: metrics.definition(name) for test in results.drives for name in metrics.available(test)},
-        "coincident": front_pictures.coincident(weave) if weave else [],
+        "coincident": pictures.coincident(weave) if weave else [],
         "images": {name: image(svg) for name, svg in drawn.items()},
         "plots": _plots(results, look.light),
         "script": "" if look.light else plots.script(),
@@ -160,14 +160,12 @@ def _weave(results: Results) -> dict[str, Any]:
 def _first_pictures(results: Results, found: findings.Differences, noticed: float) -> dict[str, str]:
     """The pictures of the first screen, as SVG by name; without a test or a difference its picture is missing."""
     history = friction_laws.HISTORIES["growing_sine"].x
-    drawn = {
-        "first_loops": front_pictures.loops(history, {law: of["growing_sine"] for law, of in results.torques.items()})
-    }
+    drawn = {"first_loops": pictures.loops(history, {law: of["growing_sine"] for law, of in results.torques.items()})}
     if weave := _weave(results):
-        drawn["first_weave"] = front_pictures.weave(weave)
+        drawn["first_weave"] = pictures.weave(weave)
     titles = list(dict.fromkeys((row.metric, row.test) for row in found.known))[:SHARES]
     shares = [
-        front_pictures.Share(
+        pictures.Share(
             f"{label(row.metric)},\n{row.test.replace('-', ' ')}",
             row.law,
             row.found.value / abs(row.base.value),
@@ -177,7 +175,7 @@ def _first_pictures(results: Results, found: findings.Differences, noticed: floa
         if (row.metric, row.test) in titles
     ]
     if shares:
-        drawn["first_noticed"] = front_pictures.noticed(shares, noticed)
+        drawn["first_noticed"] = pictures.noticed(shares, noticed)
     return drawn
 
 

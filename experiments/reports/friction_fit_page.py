@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from steer_env import friction
-from steer_env.experiments.pages import fit_pictures
+from steer_env.experiments.pages import friction_pictures
 from steer_env.experiments.pages.files import replaced_directory
 from steer_env.experiments.pages.pages import Page, image, place
 from steer_env.experiments.pages.words import number as shown_number
@@ -190,13 +190,13 @@ def _plain(value: Any) -> Any:
     return float(value) if math.isfinite(value) else None
 
 
-def shown(found: Found) -> fit_pictures.Shown:
+def shown(found: Found) -> friction_pictures.Shown:
     """The record in the units of the page, with its last whole loop."""
     r = found.record
     (x_unit, x_size), (unit, size) = SHOWN[r.units["displacement"]], SHOWN[r.units["torque"]]
     n, known = periods.period(r.motion), known_from(r)
     loop = slice(-n if n else None, None)
-    return fit_pictures.Shown(
+    return friction_pictures.Shown(
         r.time, r.motion / x_size, r.friction / size, x_unit, unit, loop, known, found.first or r.x.size
     )
 
@@ -221,8 +221,8 @@ def page_of(found: Found, folder: str) -> Page:
         "warnings": {fit.law: warnings(fit, found.record.units) for fit in fits},
         "rows": {fit.law: rows(fit, found.record.units) for fit in fits},
         "repeats": repeats,
-        "overview": image(fit_pictures.residuals(overview, repeats)) if fitted else None,
-        "pictures": {e.law: image(fit_pictures.law(given, found.curves[e.law], found.level)) for e in fitted},
+        "overview": image(friction_pictures.residuals(overview, repeats)) if fitted else None,
+        "pictures": {e.law: image(friction_pictures.law(given, found.curves[e.law], found.level)) for e in fitted},
         "travel": float(np.ptp(given.x)),
         "x_unit": given.x_unit,
         "unit": given.friction_unit,

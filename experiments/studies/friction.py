@@ -8,8 +8,7 @@ from typing import Any
 
 from steer_env.experiments.pages import car_options, pages
 from steer_env.experiments.pages.options import progress
-from steer_env.experiments.studies.common.friction_json import as_json
-from steer_env.experiments.studies.common.friction_page import page_of
+from steer_env.experiments.studies.common.friction_page import as_json, page_of
 from steer_env.experiments.studies.common.friction_results import QUICK, collect, full
 from steer_env.experiments.sweep import Runner, run
 from steer_env.vehicle.cars import Car

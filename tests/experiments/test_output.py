@@ -12,7 +12,7 @@ from scipy import stats
 from steer_env import friction, metrics
 from steer_env.experiments import sweep
 from steer_env.experiments.cli.common import tables
-from steer_env.experiments.pages import front_pictures, options, pages, provenance, style, words
+from steer_env.experiments.pages import options, pages, pictures, provenance, style, words
 from steer_env.experiments.pages.files import replaced_directory
 from steer_env.experiments.pages.words import number
 from steer_env.experiments.reports import build
@@ -242,7 +242,7 @@ def test_curves_that_coincide_are_named():
     base = {"handwheel_angle": 0.2 * np.cos(phase), "handwheel_torque": 3.0 * np.cos(phase - 0.3)}
     late = {name: np.roll(values[:-1], 7) for name, values in base.items()}  # the same line, begun elsewhere
     weak = {**base, "handwheel_torque": 0.97 * base["handwheel_torque"]}
-    assert front_pictures.coincident({"lugre": base, "masing": late, "dahl": weak}) == ["masing"]
+    assert pictures.coincident({"lugre": base, "masing": late, "dahl": weak}) == ["masing"]
 
 
 def test_a_difference_of_values_near_zero_is_not_seventeen_fold():
