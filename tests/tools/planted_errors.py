@@ -1,0 +1,210 @@
+"""Twenty errors planted in the code, one after the other: the tests have to kill every one.
+
+``python tests/tools/planted_errors.py`` copies the checkout, plants an error, and runs the tests that stand beside it
+in the list until one fails. An error that no test notices is printed, and the exit code is 1. ``--only NAME`` plants
+the errors whose name contains a word. ``tests/test_planted_errors.py`` keeps the list in step with the code.
+"""
+
+import argparse
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from typing import NamedTuple
+
+ROOT = Path(__file__).parents[2]
+
+
+class Planted(NamedTuple):
+    """An error: the text that stands once in a file, what replaces it, and where the tests are that shall notice."""
+
+    name: str
+    file: str
+    right: str
+    wrong: str
+    tests: str  # paths of tests, with blanks between them
+
+
+ERRORS = (
+    Planted(
+        "LuGre decays with the signed speed",
+        "friction/models/lugre.py",
+        "X = p.sigma_0 * abs(w) * h / G  # (F8)",
+        "X = p.sigma_0 * w * h / G  # (F8)",
+        "tests/friction",
+    ),
+    Planted(
+        "the Stribeck effect has the wrong exponent",
+        "friction/models/lugre.py",
+        "bump = torque_scale * (p.F_s - p.F_c) * math.exp(-x * x)",
+        "bump = torque_scale * (p.F_s - p.F_c) * math.exp(-abs(x))",
+        "tests/friction",
+    ),
+    Planted(
+        "Masing's elements keep the yield of another friction scale",
+        "friction/models/masing.py",
+        "memory[i] = within(memory[i], -limit, limit)  # the torque scale may have fallen since the last step",
+        "memory[i] = within(memory[i], -2.0 * limit, 2.0 * limit)",
+        "tests/friction",
+    ),
+    Planted(
+        "a sticking column keeps its momentum",
+        "vehicle/steering/column.py",
+        "q[COLUMN_SPEED] = 2.0 * w2 - q[COLUMN_SPEED] if w2 != 0.0 else 0.0",
+        "q[COLUMN_SPEED] = 2.0 * w2 - q[COLUMN_SPEED]",
+        "tests/vehicle/test_column.py tests/vehicle",
+    ),
+    Planted(
+        "the robot forgets the handwheel's damping",
+        "vehicle/steering/column.py",
+        "T1 = c.I1 * (hand_speed - q[HANDWHEEL_SPEED]) / h + c.C1 * w1 + torsion_bar_torque + K * (w1 - w2)",
+        "T1 = c.I1 * (hand_speed - q[HANDWHEEL_SPEED]) / h + torsion_bar_torque + K * (w1 - w2)",
+        "tests/vehicle/test_column.py tests/vehicle",
+    ),
+    Planted(
+        "the rack force is extrapolated backwards",
+        "vehicle/plant.py",
+        "s * (state[at.rack_force] - state[at.rack_force + 1]) + u[RACK_DISTURBANCE]",
+        "s * (state[at.rack_force + 1] - state[at.rack_force]) + u[RACK_DISTURBANCE]",
+        "tests/vehicle/test_plant.py tests/vehicle",
+    ),
+    Planted(
+        "the rack force turns the column the wrong way",
+        "vehicle/plant.py",
+        "T_C = motor - p.pinion_radius * force  # (P2)",
+        "T_C = motor + p.pinion_radius * force  # (P2)",
+        "tests/vehicle/test_plant.py",
+    ),
+    Planted(
+        "roll steers the rear axle to the wrong side",
+        "vehicle/chassis/single_track/derivative.py",
+        "steer_rl = p.roll_steer_r * phi + p.compliance_steer_r * Fy_rl  # (V13)",
+        "steer_rl = p.compliance_steer_r * Fy_rl - p.roll_steer_r * phi  # (V13)",
+        "tests/vehicle/test_single_track.py tests/vehicle",
+    ),
+    Planted(
+        "the unsprung mass is lifted by the struts",
+        "vehicle/chassis/single_track/derivative.py",
+        "past_l, past_r = weight - bar, weight + bar  # (S9)",
+        "past_l, past_r = weight + bar, weight - bar  # (S9)",
+        "tests/vehicle/test_single_track.py tests/vehicle",
+    ),
+    Planted(
+        "the pneumatic trail ignores camber",
+        "vehicle/tyre/magic_formula/aligning.py",
+        "(1.0 + c.QDZ3 * fabs(p.g) + c.QDZ3G * p.g + c.QDZ4 * p.g2)",
+        "(1.0 + c.QDZ3 * p.g + c.QDZ3G * p.g + c.QDZ4 * p.g2)",
+        "tests/vehicle/test_tyre.py tests/vehicle/test_tir.py tests/vehicle",
+    ),
+    Planted(
+        "the lead of the assist has its corners exchanged",
+        "vehicle/steering/eps.py",
+        "gain = (1.0 / zero + 1.0) / (1.0 / pole + 1.0)  # (E3)",
+        "gain = (1.0 / pole + 1.0) / (1.0 / zero + 1.0)  # (E3)",
+        "tests/vehicle/test_eps.py tests/vehicle",
+    ),
+    Planted(
+        "returnability is the whole width of the loop",
+        "steer_env/metrics/common/on_centre.py",
+        "return -loops.width(AY, TORQUE) / 2",
+        "return -loops.width(AY, TORQUE)",
+        "tests/steer_env",
+    ),
+    Planted(
+        "a lag has the wrong sign",
+        "steer_env/metrics/common/loops.py",
+        "self.fundamental(ANGLE) * self.fundamental(name).conj()",
+        "self.fundamental(ANGLE).conj() * self.fundamental(name)",
+        "tests/steer_env",
+    ),
+    Planted(
+        "the work of the assist may be negative",
+        "steer_env/tasks/common/terms.py",
+        "abs(step.asked * channels[_COLUMN_SPEED]) * step.dt",
+        "step.asked * channels[_COLUMN_SPEED] * step.dt",
+        "tests/steer_env",
+    ),
+    Planted(
+        "a cone is counted at every step",
+        "steer_env/tasks/common/cones.py",
+        "touched += 1.0 - memory[_FLAGS + k]",
+        "touched += 1.0",
+        "tests/steer_env",
+    ),
+    Planted(
+        "the car as an FMU takes its inputs one place off",
+        "vehicle/subsystems/car.py",
+        "u[i] = given[i + 1]",
+        "u[i] = given[i]",
+        "tests/connect/fmu tests/connect",
+    ),
+    Planted(
+        "a reset FMU keeps its parameters",
+        "steer_env/connect/fmu/c/core.c",
+        "    memcpy(c->numbers, unit.numbers, unit.number_count * sizeof *c->numbers);\n    memcpy(c->given",
+        "    memcpy(c->given",
+        "tests/connect/fmu",
+    ),
+    Planted(
+        "the torque fades too late",
+        "steer_env/live/real_time/safety.py",
+        "stale = not age <= limits.hold",
+        "stale = not age <= 2.0 * limits.hold",
+        "tests/live/real_time tests/live",
+    ),
+    Planted(
+        "the power limit brakes instead of driving",
+        "steer_env/live/real_time/safety.py",
+        "drives = moved * speed > limits.power",
+        "drives = moved * speed < -limits.power",
+        "tests/live/real_time tests/live",
+    ),
+    Planted(
+        "decimal commas are taken for separators",
+        "steer_env/recording/csv_file.py",
+        'return lines if separator == "," else (line.replace(",", ".") for line in lines)',
+        'return lines if separator != ";" else (line.replace(",", ".") for line in lines)',
+        "tests/steer_env",
+    ),
+)
+
+
+def place(error: Planted, root: Path) -> None:
+    """Plant an error in a checkout; ValueError where its text does not stand there exactly once."""
+    path = root / error.file
+    text = path.read_text(encoding="utf-8")
+    if text.count(error.right) != 1:
+        raise ValueError(f"{error.name}: {error.right!r} stands {text.count(error.right)} times in {error.file}")
+    path.write_text(text.replace(error.right, error.wrong), encoding="utf-8")
+
+
+def killed(error: Planted) -> bool:
+    """Whether a test fails in a copy of the checkout that holds the error."""
+    with tempfile.TemporaryDirectory() as folder:
+        copy = Path(folder) / "checkout"
+        shutil.copytree(ROOT, copy, symlinks=True, ignore=shutil.ignore_patterns(".venv*", ".git", "report"))
+        place(error, copy)
+        command = [sys.executable, "-m", "pytest", "-q", "-x", "--numprocesses", "2", *error.tests.split()]
+        environment = os.environ | {"PYTHONPATH": str(copy)}
+        run = subprocess.run(command, cwd=copy, env=environment, capture_output=True, text=True, check=False)
+        if run.returncode not in (0, 1):
+            raise RuntimeError(f"{error.name}: the tests did not run\n{run.stdout[-2000:]}{run.stderr[-2000:]}")
+        last = [line for line in run.stdout.splitlines() if line.startswith("FAILED")]
+        print(f"{error.name}: {last[0] if last else 'NOT NOTICED'}", flush=True)
+        return run.returncode == 1
+
+
+def main() -> int:
+    """Plant the errors; 1 where one is not noticed."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--only", default="", help="a word of the names")
+    args = parser.parse_args()
+    results = [killed(error) for error in ERRORS if args.only in error.name]
+    print(f"{sum(results)} of {len(results)} errors noticed")
+    return int(not all(results))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
