@@ -25,7 +25,7 @@ from typing import Any
 
 import numpy as np
 
-from steer_env.friction.numerics.kernel import COMPILED, short_arithmetic
+from steer_env.friction.numerics.kernel import COMPILED
 
 
 def pack(a: Any, b: Any, c: Any, d: Any) -> Any:
@@ -306,7 +306,6 @@ if COMPILED:
     for _point, _name in (("add", "fadd"), ("sub", "fsub"), ("mul", "fmul"), ("truediv", "fdiv")):
         for _prefix in ("", "i"):
             _define(getattr(operator, _prefix + _point), FOUR, (FOUR, FOUR), getattr(ir.IRBuilder, _name))
-    short_arithmetic(FOUR)
     _define(operator.neg, FOUR, (FOUR,), ir.IRBuilder.fneg)
     for _point, _name in (("lt", "<"), ("le", "<="), ("gt", ">"), ("ge", ">="), ("eq", "==")):
         _define(getattr(operator, _point), MASK, (FOUR, FOUR), partial(_compare, _name))

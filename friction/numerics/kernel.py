@@ -4,10 +4,9 @@ A kernel is a small scalar function decorated with :func:`kernel`. It is compile
 symmetry has to be exact) and without the GIL (rows of a batch run in threads), and its machine code is kept on disk
 (:mod:`steer_env.friction.numerics.cache`).
 
-``STEER_ENV_COMPILER=numba`` selects numba's own compiler, through its public options, and ``STEER_ENV_COMPILER=fast``
-:mod:`steer_env.friction.numerics.compiler_fast`, which compiles in half the time and to the same numbers but builds on
-numba's internals. Without the variable the fast one is taken where it was tested with the numba that is installed.
-Where the fast one fails, numba's own takes over.
+:mod:`steer_env.friction.numerics.compiler` compiles in half the time of numba's own compiler, but builds on numba's
+internals. Where a version of numba lacks one of them, and where ``STEER_ENV_COMPILER=numba`` says so, numba's own
+compiler takes over, with the same options and to the same numbers.
 """
 
 import os
@@ -22,55 +21,49 @@ from steer_env.friction.numerics import cache
 from steer_env.friction.numerics.frozen import frozen
 from steer_env.friction.numerics.stamp import POINTS
 
-# Of numba, those that the fast compiler was tested with: docs/compatibility.md.
-FAST_VERSIONS = ("0.61", "0.62", "0.63", "0.64", "0.65", "0.66", "0.67", "0.68")
 COMPILED = not numba.config.DISABLE_JIT  # type: ignore[attr-defined]  # False: kernels are plain Python
 
+# Kernels pass parameter tuples by value, so they are inlined: a call would copy up to a hundred floats. There is no C
+# callback, as nothing takes one, and no counting of references, as kernels own no arrays.
+_FIXED = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True, "_nrt": False}
 
-def _chosen_compiler() -> str:
-    """``"fast"`` or ``"numba"``, by the environment variable or else by the version of numba."""
+
+def _chosen_compiler() -> Any:
+    """The module of the fast compiler, or None for numba's own."""
     choice = os.environ.get("STEER_ENV_COMPILER", "")
     if choice not in ("", "numba", "fast"):
-        raise ValueError(f"STEER_ENV_COMPILER must be 'numba' or 'fast', or unset for the best choice, got {choice!r}")
-    tested = ".".join(numba.__version__.split(".")[:2]) in FAST_VERSIONS
-    if not (choice or tested):
-        cache.say(
-            "version",
-            f"numba {numba.__version__} is not among the versions that the fast compiler was tested with "
-            f"({', '.join(FAST_VERSIONS)}); numba's own compiles the kernels, which takes longer",
-        )
-    return choice or ("fast" if tested else "numba")
+        raise ValueError(f"STEER_ENV_COMPILER must be 'numba' or 'fast', or unset for the fast one, got {choice!r}")
+    if choice != "numba" and COMPILED:
+        try:
+            from steer_env.friction.numerics import compiler
+
+            return compiler
+        except Exception as error:  # numba has renamed something that the fast compiler builds on
+            cache.say("compiler", f"the fast compiler cannot be loaded ({error!r}); numba's own takes over")
+    return None
 
 
-_fast: Any = None  # the module of the fast compiler, where it is the one
-if COMPILED and _chosen_compiler() == "fast":
-    try:
-        from steer_env.friction.numerics import compiler_fast as _fast
-    except Exception as error:  # numba has renamed something that the fast compiler builds on
-        cache.say("compiler", f"the fast compiler cannot be loaded ({error!r}); numba's own takes over")
+_fast = _chosen_compiler()
+COMPILER = "fast" if _fast else "numba"
 
 
-def _by_numba(function: Callable, **options: Any) -> Any:
-    """A kernel as numba's own compiler compiles it, through its public options alone."""
-    dispatcher: Any = numba.njit(nogil=True, error_model="numpy", **options)(function)
+def _dispatcher(function: Callable, **inlining: Any) -> Any:
+    """A function that is compiled for each new signature or read from the cache."""
+    options = _FIXED | inlining
+    dispatcher: Any = _fast.Kernel(function, options) if _fast else numba.njit(**options)(function)
     compile = dispatcher.compile
-    dispatcher.compile = lambda signature: cache.compile_cached(dispatcher, signature, compile, "numba")
+    dispatcher.compile = lambda signature: cache.compile_cached(dispatcher, signature, compile, COMPILER)
     return dispatcher
 
 
 def kernel(function: Callable) -> Any:
     """Compile a scalar kernel on first use; plain Python under ``NUMBA_DISABLE_JIT=1``."""
-    if not COMPILED:
-        return function
-    return _by_numba(function) if _fast is None else _fast.kernel(function, _by_numba)
+    return _dispatcher(function, forceinline=True) if COMPILED else function
 
 
 def part(function: Callable) -> Any:
     """A kernel with one caller, merged into it before anything is compiled: it compiles sooner."""
-    if not COMPILED:
-        return function
-    merged = {"inline": "always"}
-    return _by_numba(function, **merged) if _fast is None else _fast.kernel(function, _by_numba, **merged)
+    return _dispatcher(function, inline="always") if COMPILED else function
 
 
 def dispatch(point: Callable, choose: Callable[[type, str], Any], **more: Any) -> None:
@@ -95,7 +88,9 @@ def dispatch(point: Callable, choose: Callable[[type, str], Any], **more: Any) -
     def chosen(p, *_):
         return plain(choose(getattr(p, "instance_class", type(None)), point.__name__))
 
-    options: Any = {**({"error_model": "numpy"} if _fast is None else _fast.dispatch_options(point)), **more}
+    options: Any = {"error_model": "numpy", "_nrt": False, **more}
+    if _fast:
+        options["pipeline_class"] = _fast.Drafter
     overload(point, jit_options=options, strict=False)(chosen)
 
 
@@ -123,9 +118,3 @@ def bind(function: Any, *arguments: Any) -> Callable:
     signature = tuple(numba.typeof(argument) for argument in arguments)
     function.compile(signature)
     return function.get_overload(signature)
-
-
-def short_arithmetic(kind: Any) -> None:
-    """Tell the fast compiler that a type's arithmetic is that of LLVM's own instructions for floats."""
-    if _fast is not None:
-        _fast.short_arithmetic(kind)

@@ -41,10 +41,9 @@ for i in range(50):
     digest.update(seen.tobytes() + np.float64(reward).tobytes())
     if i == 0:
         first = time.process_time()
-fast = kernel._fast is not None and kernel._fast._works
 print(json.dumps({
     "numba": numba.__version__, "llvmlite": llvmlite.__version__, "numpy": np.__version__, "first": first,
-    "digest": digest.hexdigest()[:8], "compiler": "fast" if fast else "numba",
+    "digest": digest.hexdigest()[:8], "compiler": kernel.COMPILER,
 }))
 """
 
