@@ -14,11 +14,21 @@ from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from steer_env.friction import fitted_file, ode
 from steer_env.friction.numerics.check import constructed, read_number
 from steer_env.friction.numerics.kernel import dispatch, kernel
 from steer_env.friction.numerics.registry import Registry
+
+
+class Sliders(NamedTuple):
+    """How the parameters of a law of sliders in parallel follow from those that ``friction.fit`` finds in a record."""
+
+    made: Callable[[NDArray, NDArray], Any]  # levels (N,) [N m], yields (N,) [rad] -> parameters
+    # Of a law whose sliders follow a Stribeck curve with a lag: yield, relative excess of break-away, Stribeck speed
+    # and attraction -> parameters of one slider of level 1. By default the level of a slider is constant.
+    one: Callable[[float, float, float, float], Any] | None = None
 
 
 class Law(NamedTuple):
@@ -28,7 +38,7 @@ class Law(NamedTuple):
     parameters: type
     make: Callable[..., Any]
     memory_size: Callable[[Any], int]
-    fitted: tuple[str, ...] | Callable
+    fitted: tuple[str, ...] | Sliders
     units: Mapping[str, str]
     steepest_fall: Callable[[Any, float, float], float]  # of parameters, torque scale, step [N m s/rad]
     relaxes: bool
@@ -76,7 +86,7 @@ def register(
     stored_energy: Callable | None = None,
     mean_torque: Callable | None = None,
     solve: Callable | None = None,
-    fitted: tuple[str, ...] | Callable = (),
+    fitted: tuple[str, ...] | Sliders = (),
     units: Mapping[str, str] | None = None,
     steepest_fall: Callable[[Any, float, float], float] | None = None,
     relaxes: bool = False,
@@ -112,8 +122,8 @@ def register(
         Exact mean torque over ``h`` at constant ``w`` [N m], and its derivative by ``w`` [N m s/rad].
     solve : ``(p, torque_scale, memory, S, R, h, w_guess) -> float``, optional
         The speed ``w`` with ``S w + mean_torque(w) = R``; by default from a safeguarded Newton iteration.
-    fitted : tuple of str, or ``(problem) -> (parameters, elements)``, optional
-        For ``friction.fit``: the parameters that it needs; or, of a law with arrays, their ``Elements`` from a record.
+    fitted : tuple of str or Sliders, optional
+        For ``friction.fit``: the parameters that it needs; or, of sliders in parallel, how parameters follow from them.
     units : mapping, optional
         Unit of each field of ``parameters``, ``{"sigma_0": "N m/rad"}``, by which ``friction.fit`` scales; or ``"1"``.
     steepest_fall : ``(p, torque_scale, h) -> float``, optional

@@ -1,7 +1,6 @@
 """Torque of a law along a prescribed displacement."""
 
 import math
-import warnings
 from typing import Any
 
 import numpy as np
@@ -12,7 +11,6 @@ from steer_env.friction.level import Scales, chosen
 from steer_env.friction.numerics.check import numbers, positive
 from steer_env.friction.numerics.frozen import frozen
 from steer_env.friction.numerics.kernel import kernel
-from steer_env.friction.numerics.renamed import REMOVED_IN
 
 
 @kernel
@@ -37,9 +35,7 @@ def follow(p, scales, memory, x, dt, out):
         out[i] = torque(p, torque_scale, memory, w)
 
 
-def response(
-    law: Any, x: ArrayLike, dt: float, friction_torque_scale: ArrayLike = 1.0, *, level: float | None = None
-) -> NDArray[np.float64]:
+def response(law: Any, x: ArrayLike, dt: float, friction_torque_scale: ArrayLike = 1.0) -> NDArray[np.float64]:
     """Friction torque at the samples of a displacement history, with straight lines between the samples.
 
     Parameters
@@ -54,8 +50,6 @@ def response(
         Factor on the saturated friction [1]: one; one for each sample, which holds since the one before; or one for
         each sample and direction of motion, positive and negative, as :func:`steer_env.friction.level.by_sample` gives
         them.
-    level : float, optional
-        The former name of ``friction_torque_scale``, which release 1.0 removes.
 
     Returns
     -------
@@ -68,10 +62,6 @@ def response(
         If ``law`` is none, ``x`` is not a finite one-dimensional history, ``dt`` or a scale is not positive, or the
         scales are not as many as the samples.
     """
-    if level is not None:
-        text = f"response(level=...) is now response(friction_torque_scale=...); release {REMOVED_IN} removes level"
-        warnings.warn(text, DeprecationWarning, stacklevel=2)
-        friction_torque_scale = level
     p = frozen(resolve(law))
     path = numbers("x", x)
     scales = _scales(friction_torque_scale, path.size)

@@ -4,11 +4,12 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from steer_env.friction.identification.determined import Estimate
 from steer_env.friction.identification.intervals import half_widths
 from steer_env.friction.identification.problem import Problem
+from steer_env.friction.law import Law, Sliders
 from steer_env.friction.numerics.bounds import within
 from steer_env.friction.numerics.kernel import kernel
 from steer_env.friction.virgin_curve import MAX_ELEMENTS
@@ -16,6 +17,14 @@ from steer_env.friction.virgin_curve import MAX_ELEMENTS
 GRIDS = (4, 8, 16, 32, 64)  # numbers of yields that are compared on held-out samples
 JUDGED = 1.0 / 3.0  # of the weighed samples, the last ones [1]
 ALIKE = 1.02  # of the least held-out residual: grids that leave no more widen the intervals [1]
+
+# Of the search for the Stribeck curve and the lag of sliders that have them:
+YIELDS = 8  # on which it begins
+TRIES = 20  # steps
+LARGEST = 4.0  # relative excess of break-away; assumed [1]
+REACH = 6.0  # of the logarithms of Stribeck speed and C about the record's own scales [1]
+SMALL = 0.01  # RMS that sliders without a Stribeck effect leave, of the level, which calls for none [1]
+WORTH = 0.9  # of the sum of squares without a Stribeck effect, that one must leave less than [1]
 
 
 Slider = Callable[[float], NDArray[np.float64]]  # yield -> torque (T,) of an element of unit level [1]
@@ -38,6 +47,56 @@ def _slider(x, levels, y, out):  # type: ignore[no-untyped-def]
     for i in range(1, x.size):
         e = within(e + x[i] - x[i - 1], -levels[i] * y, levels[i] * y)
         out[i] = e / y
+
+
+def fitted_sliders(problem: Problem, law: Law) -> tuple[Any, Elements]:
+    """Parameters of a law of sliders in parallel from a record, and what :func:`elements_of` tells of the sliders.
+
+    The torque of a slider is in proportion to its level, so that sliders are linear at one Stribeck curve and lag.
+    Those are sought first, where the law has them, but where sliders without them leave little, or hardly more.
+    """
+    from scipy.optimize import least_squares  # imported here, because that takes longer than the import of all laws
+
+    declared = law.fitted
+    assert isinstance(declared, Sliders)
+    found = elements_of(problem)
+    if declared.one is None or np.mean(found.residual**2) < SMALL**2:
+        return declared.made(found.F, found.y), found
+    part = _with_speed(problem.thinned())
+    T, bounds = part.torque[part.weighed], ([0.0, -REACH, -REACH], [LARGEST, REACH, REACH])
+
+    def left(q: NDArray, y: NDArray) -> NDArray[np.float64]:
+        A = regressors_of(part, y, _weakening(part, law, q))
+        return A @ not_negative_factors(A, T, y.size) - T
+
+    def sought(y: NDArray, start: ArrayLike) -> Any:
+        return least_squares(left, start, bounds=bounds, max_nfev=TRIES, diff_step=1e-3, args=(y,))
+
+    grid = np.geomspace(0.005, 0.5, YIELDS) * float(np.ptp(part.x[part.weighed]))
+    best = min((sought(grid, [0.2, 0.0, lag]) for lag in (0.0, 3.0)), key=lambda end: float(end.cost))
+    if 2.0 * float(best.cost) > WORTH * float(np.sum(left(np.zeros(3), grid) ** 2)):
+        return declared.made(found.F, found.y), found
+    viscous = _with_speed(problem)
+    found = elements_of(viscous, _weakening(viscous, law, best.x))
+    best = sought(found.y, np.clip(best.x, bounds[0], bounds[1]))  # once more with the yields that were found
+    found = elements_of(viscous, _weakening(viscous, law, best.x))
+    return declared.made(found.F, found.y), found
+
+
+def _with_speed(problem: Problem) -> Problem:
+    """The problem with a column for the viscous part, after the others."""
+    speed = np.diff(problem.x, prepend=problem.x[0]) / problem.dt
+    return problem._replace(columns=np.column_stack([problem.columns, speed]))
+
+
+def _weakening(problem: Problem, law: Law, q: NDArray) -> Slider:
+    """A slider of level 1, by the relative excess of break-away and the logarithms of Stribeck speed and C."""
+    v_s, C = np.exp(q[1:]).tolist()
+
+    def torque_of(y: float) -> NDArray[np.float64]:
+        return problem.response(law, law.fitted.one(y, float(q[0]), v_s, C))  # type: ignore[union-attr, misc]
+
+    return torque_of
 
 
 def elements_of(problem: Problem, slider: Slider | None = None) -> Elements:

@@ -11,7 +11,7 @@ from steer_env.friction.identification.branches import BAND as SWING
 from steer_env.friction.identification.branches import Branches, branches_of, stiffness_of, weighed_of
 from steer_env.friction.identification.determined import Estimate, determined, linear
 from steer_env.friction.identification.displacement import BAND, deviation_of, motion_of
-from steer_env.friction.identification.elements import Elements, beside
+from steer_env.friction.identification.elements import Elements, beside, fitted_sliders
 from steer_env.friction.identification.problem import Problem, searched
 from steer_env.friction.identification.quality import by_noise, own_noise, refuse
 from steer_env.friction.identification.ranges import bootstrapped, profiled
@@ -20,7 +20,7 @@ from steer_env.friction.identification.record import Record, checked
 from steer_env.friction.identification.remarks import remarks
 from steer_env.friction.identification.scales import Scales, scaled
 from steer_env.friction.identification.space import space_of
-from steer_env.friction.law import Law, law_of, make
+from steer_env.friction.law import Law, Sliders, law_of, make
 from steer_env.friction.level import Level
 from steer_env.friction.numerics.check import number, one_of, whole
 
@@ -210,8 +210,8 @@ def _rounded(values: NDArray) -> NDArray[np.float64]:
 def _estimated(ready: Prepared, law: Law, problem: Problem, options: Options) -> tuple[Estimate, Elements | None]:
     """What a law makes of a problem."""
     held, elements = dict(scaled(law, options.fixed, ready.scales)), None
-    if callable(law.fitted):
-        arrays, elements = law.fitted(problem)
+    if isinstance(law.fitted, Sliders):
+        arrays, elements = fitted_sliders(problem, law)
         held |= {name: value for name, value in arrays._asdict().items() if np.ndim(value)}
     space = space_of(law, held)
     optimum = searched(problem, space, options.starts, options.seed, options.global_search)

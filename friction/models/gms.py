@@ -23,33 +23,18 @@ docs/model.md.
 """
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from steer_env.friction import defaults
-from steer_env.friction.identification.elements import (
-    Elements,
-    Slider,
-    elements_of,
-    not_negative_factors,
-    regressors_of,
-)
-from steer_env.friction.identification.problem import Problem
-from steer_env.friction.law import law_of, register
+from steer_env.friction.law import Sliders, register
 from steer_env.friction.numerics.bounds import within
 from steer_env.friction.numerics.check import not_negative, numbers, positive
 from steer_env.friction.numerics.frozen import frozen
 from steer_env.friction.numerics.kernel import kernel
 from steer_env.friction.virgin_curve import MAX_ELEMENTS, exponential, stiffnesses
-
-GRID = 8  # yields of the elements in the search for their Stribeck curve
-TRIES = 20  # steps of that search
-LARGEST = 4.0  # relative excess of break-away in that search; assumed [1]
-REACH = 6.0  # of the logarithms of Stribeck speed and C about the record's own scales [1]
-SMALL = 0.01  # RMS that elements without a Stribeck effect leave, of the level, which calls for none [1]
-WORTH = 0.9  # of the sum of squares without a Stribeck effect, that one must leave less than [1]
 
 
 class GMS(NamedTuple):
@@ -243,57 +228,13 @@ def steepest_fall(p: GMS, torque_scale: float, h: float) -> float:
     return max(fall * (1.0 + r * math.exp(-1.0 - 1.0 / r)) - p.sigma_2, 0.0)  # (F18)
 
 
-def fit_elements(problem: Problem) -> tuple[GMS, Elements]:
-    """Elements from a record, and what :func:`steer_env.friction.identification.elements.elements_of` tells of them.
-
-    The torque of an element is in proportion to its level, so that the elements are linear at one Stribeck curve and
-    lag. Those are sought first, but where elements without them leave little, or hardly more.
-    """
-    from scipy.optimize import least_squares  # imported here, because that takes longer than the import of all laws
-
-    found = elements_of(problem)
-    if np.mean(found.residual**2) < SMALL**2:
-        return _made(found)
-    part = _with_speed(problem.thinned())
-    T, bounds = part.torque[part.weighed], ([0.0, -REACH, -REACH], [LARGEST, REACH, REACH])
-
-    def left(q: NDArray, y: NDArray) -> NDArray[np.float64]:
-        A = regressors_of(part, y, _slider(part, q))
-        return A @ not_negative_factors(A, T, y.size) - T
-
-    def sought(y: NDArray, start: ArrayLike) -> Any:
-        return least_squares(left, start, bounds=bounds, max_nfev=TRIES, diff_step=1e-3, args=(y,))
-
-    grid = np.geomspace(0.005, 0.5, GRID) * float(np.ptp(part.x[part.weighed]))
-    best = min((sought(grid, [0.2, 0.0, lag]) for lag in (0.0, 3.0)), key=lambda end: float(end.cost))
-    if 2.0 * float(best.cost) > WORTH * float(np.sum(left(np.zeros(3), grid) ** 2)):
-        return _made(found)
-    viscous = _with_speed(problem)
-    found = elements_of(viscous, _slider(viscous, best.x))
-    best = sought(found.y, np.clip(best.x, bounds[0], bounds[1]))  # once more with the yields that were found
-    return _made(elements_of(viscous, _slider(viscous, best.x)))
+def _of_sliders(F: NDArray, y: NDArray) -> GMS:
+    F_c = float(F.sum())
+    return make(k=F / y, alpha=F / F_c, F_c=F_c, F_s=F_c)
 
 
-def _made(found: Elements) -> tuple[GMS, Elements]:
-    F_c = float(found.F.sum())
-    return make(k=found.F / found.y, alpha=found.F / F_c, F_c=F_c, F_s=F_c), found
-
-
-def _with_speed(problem: Problem) -> Problem:
-    """The problem with a column for the viscous part, after the others."""
-    speed = np.diff(problem.x, prepend=problem.x[0]) / problem.dt
-    return problem._replace(columns=np.column_stack([problem.columns, speed]))
-
-
-def _slider(problem: Problem, q: NDArray) -> Slider:
-    """An element of level 1, by the relative excess of break-away and the logarithms of Stribeck speed and C."""
-    v_s, C = np.exp(q[1:]).tolist()
-
-    def torque_of(y: float) -> NDArray[np.float64]:
-        one = GMS(np.array([1.0 / y]), np.ones(1), 1.0, 1.0 + float(q[0]), v_s, C, 0.0)
-        return problem.response(law_of(one), one)
-
-    return torque_of
+def _one_slider(y: float, excess: float, v_s: float, C: float) -> GMS:
+    return GMS(np.array([1.0 / y]), np.ones(1), 1.0, 1.0 + excess, v_s, C, 0.0)
 
 
 register(
@@ -308,7 +249,7 @@ register(
     stored_energy=stored_energy,
     mean_torque=mean_torque,
     steepest_fall=steepest_fall,
-    fitted=fit_elements,
+    fitted=Sliders(_of_sliders, _one_slider),
     units={
         "k": "N m/rad",
         "alpha": "1",

@@ -26,9 +26,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from steer_env.friction import defaults
-from steer_env.friction.identification.elements import Elements, elements_of
-from steer_env.friction.identification.problem import Problem
-from steer_env.friction.law import register
+from steer_env.friction.law import Sliders, register
 from steer_env.friction.numerics.bounds import within
 from steer_env.friction.numerics.check import not_negative, numbers, positive
 from steer_env.friction.numerics.frozen import frozen
@@ -204,10 +202,8 @@ def stored_energy(p, memory):
     return E
 
 
-def fit_elements(problem: Problem) -> tuple[Masing, Elements]:
-    """Elements from a record, and what :func:`steer_env.friction.identification.elements.elements_of` tells of them."""
-    found = elements_of(problem)
-    return _elements(found.F / found.y, found.y, 0.0), found
+def _of_sliders(F: NDArray, y: NDArray) -> Masing:
+    return _elements(F / y, y, 0.0)
 
 
 register(
@@ -220,6 +216,6 @@ register(
     rate=rate,
     stored_energy=stored_energy,
     solve=solve,
-    fitted=fit_elements,
+    fitted=Sliders(_of_sliders),
     units={"k": "N m/rad", "y": "rad", "sigma_1": "N m s/rad"},
 )

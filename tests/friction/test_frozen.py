@@ -46,10 +46,3 @@ def test_plants_of_one_kind_have_one_signature(chassis):
     pickled = cars.load().plant(pickle.loads(pickle.dumps(law)), chassis=chassis)
     unassisted = fresh._replace(assist=without_assist(fresh.assist))
     assert numba.typeof(fresh) == numba.typeof(pickled) == numba.typeof(unassisted)
-
-
-def test_the_former_name_of_the_torque_scale():
-    x = np.linspace(0.0, 0.02, 5)
-    with pytest.warns(DeprecationWarning, match=r"response\(friction_torque_scale=...\); release 1\.0 removes level"):
-        found = friction.response("lugre", x, 0.01, level=2.0)
-    np.testing.assert_array_equal(found, friction.response("lugre", x, 0.01, 2.0))
