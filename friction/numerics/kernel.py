@@ -25,7 +25,7 @@ COMPILED = not numba.config.DISABLE_JIT  # type: ignore[attr-defined]  # False: 
 
 # Kernels pass parameter tuples by value, so they are inlined: a call would copy up to a hundred floats. There is no C
 # callback, as nothing takes one, and no counting of references, as kernels own no arrays.
-_FIXED = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True, "_nrt": False}
+_FIXED: dict[str, Any] = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True, "_nrt": False}
 
 
 def _chosen_compiler() -> Any:
