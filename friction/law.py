@@ -23,12 +23,14 @@ from steer_env.friction.numerics.registry import Registry
 
 
 class Sliders(NamedTuple):
-    """How the parameters of a law of sliders in parallel follow from those that ``friction.fit`` finds in a record."""
+    """How the parameters of a law of sliders in parallel follow from those that ``friction.fit`` finds in a record.
+
+    A law whose sliders follow a Stribeck curve with a lag also says what one of them is: from its yield, the relative
+    excess of break-away, the Stribeck speed and the attraction. Else the level of a slider is constant.
+    """
 
     made: Callable[[NDArray, NDArray], Any]  # levels (N,) [N m], yields (N,) [rad] -> parameters
-    # Of a law whose sliders follow a Stribeck curve with a lag: yield, relative excess of break-away, Stribeck speed
-    # and attraction -> parameters of one slider of level 1. By default the level of a slider is constant.
-    one: Callable[[float, float, float, float], Any] | None = None
+    one: Callable[[float, float, float, float], Any] | None = None  # -> parameters of a slider of level 1 [N m]
 
 
 class Law(NamedTuple):
