@@ -31,7 +31,7 @@ test-integrations: .venv-integrations/.stamp
 
 # Policy search against every reward: what scores more than the classical controllers must not behave worse.
 audit: .venv-test/.stamp
-	.venv-test/bin/steer-env maintain audit
+	.venv-test/bin/python -m tests.maintain audit
 
 .venv/.stamp: pyproject.toml constraints.txt
 	$(PYTHON) -m venv .venv

@@ -36,7 +36,7 @@ GROUPS = {
     "drive": "Drive",
     "maintain": "Maintain the package",
 }
-PACKAGE = "steer_env.experiments.cli"
+PACKAGE, PROGRAM = "steer_env.experiments.cli", "steer-env"
 PIPE_CLOSED = 141  # exit code of a program that SIGPIPE ends, 128 + 13
 
 
@@ -80,18 +80,18 @@ def import_modules(argv: Sequence[str]) -> None:
 
 def commands(package: str = PACKAGE) -> dict[str, ModuleType]:
     """The commands of a folder by name, each the module of its file, or the package that holds further words."""
-    found = {name: module for name, module in listed(package, dashed).items() if name != "main"}
-    return {name: importlib.import_module(module) for name, module in found.items()}
+    found = listed(package, dashed)
+    return {name: importlib.import_module(module) for name, module in found.items() if name.strip("-") != "main"}
 
 
-def parser() -> argparse.ArgumentParser:
-    """The parser of the whole command line."""
-    there = commands()
+def parser(package: str = PACKAGE, prog: str = PROGRAM) -> argparse.ArgumentParser:
+    """The parser of a whole command line: of the program, or of the commands of another folder."""
+    there = commands(package)
     made = _Parser(
-        prog="steer-env",
-        usage="steer-env COMMAND [OPTION ...]",
+        prog=prog,
+        usage=f"{prog} COMMAND [OPTION ...]",
         description="Simulate, evaluate and report steering feel with a selectable friction law.\n"
-        "'steer-env COMMAND --help' tells the options of a command.",
+        f"'{prog} COMMAND --help' tells the options of a command.",
         epilog=_grouped(there),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
@@ -104,10 +104,10 @@ def _grouped(there: Mapping[str, ModuleType]) -> str:
     """The list of commands, each below the heading of its kind of work."""
     lines = []
     for group, heading in GROUPS.items():
-        lines.append(f"\n{heading}")
-        for name, command in there.items():
-            if group == command.GROUP:
-                lines.append(f"  {name:13s} {_paragraphs(command)[0].rstrip('.')}")
+        of_group = [(name, command) for name, command in there.items() if group == command.GROUP]
+        if of_group:
+            lines.append(f"\n{heading}")
+        lines += [f"  {name:14s} {_paragraphs(command)[0].rstrip('.')}" for name, command in of_group]
     return "\n".join(lines)
 
 
@@ -130,9 +130,9 @@ def _add_commands(to: argparse.ArgumentParser, there: Mapping[str, ModuleType], 
         made.set_defaults(function=command.run, prog=made.prog)
 
 
-def parsed(argv: Sequence[str]) -> argparse.Namespace:
+def parsed(argv: Sequence[str], package: str = PACKAGE, prog: str = PROGRAM) -> argparse.Namespace:
     """The options of a command line, with the words themselves as ``argv``; SystemExit for what a parser refuses."""
-    args = parser().parse_args(argv, argparse.Namespace(argv=list(argv)))
+    args = parser(package, prog).parse_args(argv, argparse.Namespace(argv=list(argv)))
     args.argv = unswept(args)  # results do not depend on where they were computed
     return args
 
@@ -153,11 +153,11 @@ def _warnings_in_one_line(program: str) -> Iterator[None]:
         yield
 
 
-def _run(argv: Sequence[str]) -> int:
+def _run(argv: Sequence[str], package: str, prog: str) -> int:
     """Run a command; its exit code."""
     import_modules(argv)
-    with _warnings_in_one_line(f"steer-env {argv[0] if argv else ''}"):
-        args = parsed(argv)
+    with _warnings_in_one_line(f"{prog} {argv[0] if argv else ''}"):
+        args = parsed(argv, package, prog)
     if threading.current_thread() is threading.main_thread():
         # SIGTERM is handled as Ctrl-C is: the workers stop and no file stays half-written.
         signal.signal(signal.SIGTERM, signal.default_int_handler)
@@ -177,8 +177,8 @@ def _run(argv: Sequence[str]) -> int:
         return 130
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run a command.
+def main(argv: Sequence[str] | None = None, package: str = PACKAGE, prog: str = PROGRAM) -> int:
+    """Run a command of the program, or of the folder of commands ``package``, which is started as ``prog``.
 
     Returns
     -------
@@ -188,7 +188,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """
     try:
         try:
-            return _run(sys.argv[1:] if argv is None else argv)
+            return _run(sys.argv[1:] if argv is None else argv, package, prog)
         finally:
             sys.stdout.flush()
     except BrokenPipeError:

@@ -30,7 +30,7 @@ def run(args: argparse.Namespace) -> None:
     from steer_env.experiments.pages import provenance
     from steer_env.experiments.pages.options import progress
     from steer_env.experiments.pages.pages import check, write
-    from steer_env.experiments.verification import real_time_loop, real_time_page
+    from steer_env.experiments.studies.common import real_time_loop, real_time_page
     from steer_env.friction.numerics.check import number
     from steer_env.live.real_time.measure import lock_memory
 

@@ -13,14 +13,14 @@ from steer_env.experiments.reports import assessment, verdict
 from steer_env.experiments.studies.common import simulation_vs_measurement
 from steer_env.metrics import Value
 from steer_env.recording.recording import Recording
-from steer_env.synthetic.faults import noisy
-from steer_env.synthetic.frequency_response import swept_sine
-from steer_env.synthetic.recordings import changed
-from steer_env.synthetic.sine import sines
-from steer_env.synthetic.step import steps
-from steer_env.synthetic.transition import transitions
 from steer_env.targets import Band, Rating, rating
 from steer_env.vehicle import cars
+from tests.synthetic.faults import noisy
+from tests.synthetic.frequency_response import swept_sine
+from tests.synthetic.recordings import changed
+from tests.synthetic.sine import sines
+from tests.synthetic.step import steps
+from tests.synthetic.transition import transitions
 
 LOGGED = {"handwheel_angle", "handwheel_torque", "lateral_acceleration", "yaw_rate", "vehicle_speed"}
 BAND = Band(good=(1.0, 2.0), fair=(0.5, 2.5))

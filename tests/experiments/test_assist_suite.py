@@ -13,18 +13,12 @@ import pytest
 from steer_env import assists
 from steer_env.assists.common.definition import BASELINES, Baseline
 from steer_env.experiments.cli.main import main
-from steer_env.experiments.learning import (
-    assist_drives,
-    assist_suite,
-    assist_tuning,
-    held_out,
-    policy,
-    training,
-    tuned_assists,
-)
+from steer_env.experiments.learning import assist_drives, assist_suite, held_out, policy, training, tuned_assists
 from steer_env.vehicle import cars
 from steer_env.vehicle.analysis import free_control
 from steer_env.vehicle.plant import CHANNEL
+from tests.maintain.__main__ import run as maintain
+from tests.tools import assist_tuning
 
 WEAVE = "steer_env/AssistWeave-v1"
 
@@ -244,4 +238,4 @@ def test_the_command(tmp_path, capsys, monkeypatch):
     assert main(["policy", "suite", "boost", "--env", "steer_env/DriverLaneKeeping-v1"]) == 2
     assert "the suite judges assists" in capsys.readouterr().err
     assert main(["policy", "suite", "boost"]) == 2
-    assert main(["maintain", "tune-baselines", "--env", "steer_env/DriverLaneKeeping-v1"]) == 2
+    assert maintain(["tune-baselines", "--env", "steer_env/DriverLaneKeeping-v1"]) == 2

@@ -5,11 +5,11 @@ from functools import partial
 import numpy as np
 import pytest
 
-from steer_env.experiments.cli.main import main
-from steer_env.experiments.learning import audit
-from steer_env.experiments.learning.audit import Behaviour, Verdict
-from steer_env.experiments.learning.policy_search import Budget
 from steer_env.registration import DRIVEN
+from tests.maintain.__main__ import run as maintain
+from tests.tools import audit
+from tests.tools.audit import Behaviour, Verdict
+from tests.tools.policy_search import Budget
 
 RELEASE, WEAVE = "steer_env/AssistRelease-v1", "steer_env/AssistWeave-v1"
 SMALL = Budget(rounds=1, candidates=2, best=1, episodes=1, steps=0)
@@ -86,11 +86,11 @@ def test_known_cheats_do_not_pay(env_id, short):
 
 def test_the_command(short, capsys, monkeypatch):
     monkeypatch.setenv("COLUMNS", "200")
-    command = ["maintain", "audit", "--env", RELEASE, "--rounds", "1", "--steps", "0", "--workers", "1"]
-    assert main(command) == 0
+    command = ["audit", "--env", RELEASE, "--rounds", "1", "--steps", "0", "--workers", "1"]
+    assert maintain(command) == 0
     text = capsys.readouterr().out
     assert PUSH in text
     assert "CHEATS" not in text
     monkeypatch.setattr(audit, "audit", partial(audit.audit, weights=AFTER_RELEASE))
-    assert main(command) == 1
+    assert maintain(command) == 1
     assert "CHEATS in ripple, aim" in capsys.readouterr().out

@@ -31,7 +31,7 @@ def _commands(words, made):
 
 
 COMMANDS = _commands((), parser())
-FOLDERS = ("policy", "maintain")  # words with commands of their own
+FOLDERS = ("policy",)  # words with commands of their own
 SLOW = ("numba", "scipy", "matplotlib", "torch", "plotly")  # to import
 HELP = """
 import sys, time
@@ -86,7 +86,6 @@ def test_names_in_the_help_are_those_of_the_registries():
         ("stable_baselines3", ["policy", "shift", "policy.zip"], "train"),
         ("minari", ["policy", "record", "--env", "steer_env/AssistWeave-v1", "--policy", "zero"], "integrations"),
         ("sb3_contrib", ["train", "--env", "steer_env/AssistWeave-v1", "--algo", "recurrent-ppo"], "train"),
-        ("torch", ["maintain", "verify", "policies"], "train"),
         ("asammdf", ["evaluate", "weave.mf4"], "mdf"),
         ("asammdf", ["run", "weave", "--out", "weave.mf4"], "mdf"),
         ("pyarrow", ["run", "weave", "--out", "weave.parquet"], "parquet"),
@@ -285,9 +284,6 @@ def test_vehicle_names_the_cars_and_friction_the_form_of_a_law():
 # What computes many cases, each by itself. A training and a fit are one computation; a measurement of time and a
 # drive cannot be spread.
 SWEEPS = {
-    ("maintain", "audit"),
-    ("maintain", "scores"),
-    ("maintain", "tune-baselines"),
     ("policy", "evaluate"),
     ("policy", "shift"),
     ("policy", "suite"),

@@ -2,12 +2,12 @@
 
 import pytest
 
-from steer_env.experiments.reports import glossary
+from tests.tools import glossary
 
 
 @pytest.mark.parametrize("path", glossary.PAGES, ids=lambda path: path.name)
 def test_the_page_is_up_to_date(path):
-    assert path.read_text(encoding="utf-8") == glossary.PAGES[path](), "run steer-env maintain glossary"
+    assert path.read_text(encoding="utf-8") == glossary.PAGES[path](), "run python -m tests.maintain glossary"
 
 
 def test_environments_tell_ranges_noise_and_both_kinds_of_arguments():

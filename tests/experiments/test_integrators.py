@@ -40,7 +40,7 @@ from steer_env.experiments.studies.integrators import (
     twelve_cases,
     twelve_references,
 )
-from steer_env.experiments.verification.requirements.column import MOST
+from tests.verification.column import MOST
 
 CASES = {law: twelve_cases(law) for law in MOST}
 # The pinned table, by row: {law: [(midpoint, explicit Euler, backward Euler), ...]} in %.

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from steer_env.experiments.verification.device_latency import Jumps
-from steer_env.experiments.verification.real_time_loop import Results, Row
-from steer_env.experiments.verification.real_time_page import page, verdict
+from steer_env.experiments.studies.common.device_latency import Jumps
+from steer_env.experiments.studies.common.real_time_loop import Results, Row
+from steer_env.experiments.studies.common.real_time_page import page, verdict
 from steer_env.live.real_time.measure import Durations, Measured
 
 MS = 1_000_000  # [ns]

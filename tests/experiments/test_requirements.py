@@ -1,5 +1,5 @@
-"""Every requirement is kept; the tables as ``steer-env maintain verify`` prints them are pinned here.
-The values of tyre and strut stand in ``steer_env.vehicle.oracles``.
+"""Every requirement is kept; the tables as ``python -m tests.maintain verify`` prints them are pinned here.
+The values of tyre and strut stand in ``tests.vehicle.oracles``.
 
 friction: Friction laws against their closed forms.
   LuGre at constant speed from rest                           1.7e-14  <= 1e-12 of the largest torque    pass
@@ -201,11 +201,11 @@ import re
 
 import pytest
 
-from steer_env.experiments.cli.main import main
-from steer_env.experiments.verification import requirements
-from steer_env.experiments.verification.requirements import feel, tuning
-from steer_env.experiments.verification.requirements.common import rows
 from steer_env.friction.numerics.kernel import COMPILED
+from tests import verification as requirements
+from tests.maintain.__main__ import run as maintain
+from tests.verification import feel, tuning
+from tests.verification.common import rows
 
 PINNED = {text.partition(":")[0]: text for text in (__doc__ or "").strip().split("\n\n")[1:]}
 
@@ -265,7 +265,7 @@ def test_a_group_of_requirements_is_kept(name):
 @pytest.mark.whole
 @pytest.mark.skipif(not COMPILED, reason="hours without")
 def test_surfaces_are_ahead_of_random_search():
-    """With one seed and few sets; ``steer-env maintain verify tuning`` has ten and more."""
+    """With one seed and few sets; ``python -m tests.maintain verify tuning`` has ten and more."""
     rows = list(tuning.rows(seeds=1, budget=40))
     assert len(rows) == 4
     assert {row.verdict for row in rows} == {"pass"}
@@ -278,7 +278,7 @@ def test_the_exit_code_says_whether_a_requirement_is_missed(monkeypatch, capsys,
         yield rows.at_most("size", [0.1, error], 1.0, "m")
 
     monkeypatch.setattr(feel, "rows", measure)
-    assert main(["maintain", "verify", "feel"]) == code
+    assert maintain(["verify", "feel"]) == code
     assert ("FAIL" if code else "pass") in capsys.readouterr().out
 
 
@@ -288,5 +288,5 @@ def test_a_deviation_from_a_source_is_named_and_nothing_else_passes():
 
 
 def test_an_unknown_group_lists_the_known(capsys):
-    assert main(["maintain", "verify", "weight"]) == 2
+    assert maintain(["verify", "weight"]) == 2
     assert "unknown group 'weight'; there are assist, column" in capsys.readouterr().err

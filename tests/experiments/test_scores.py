@@ -2,20 +2,19 @@
 
 import json
 import re
-from importlib.resources import files
 from pathlib import Path
 
 import gymnasium as gym
 import pytest
 
-from steer_env import assists, drivers, experiments
-from steer_env.experiments.cli.main import main
-from steer_env.experiments.learning import scores
+from steer_env import assists, drivers
 from steer_env.experiments.learning.held_out import Estimate
 from steer_env.experiments.learning.training import Training
 from steer_env.experiments.pages.options import Friction
 from steer_env.friction.numerics import toml
 from steer_env.registration import REGISTERED
+from tests.maintain.__main__ import run as maintain
+from tests.tools import scores
 
 RELEASE, TUNE = "steer_env/AssistRelease-v1", "steer_env/TuneOnCentre-v1"
 
@@ -30,8 +29,8 @@ def test_one_command_prints_the_page_and_writes_the_thresholds(tmp_path, capsys)
     run.run(steps=64)
     page, thresholds = tmp_path / "scores.md", tmp_path / "thresholds.json"
     thresholds.write_text(json.dumps({"other": 1.0, RELEASE: 5.0}))
-    command = ["maintain", "scores", "--env", RELEASE, TUNE, "--episodes", "2", "--policies", str(tmp_path)]
-    assert main([*command, "--out", str(page), "--thresholds", str(thresholds)]) == 0
+    command = ["scores", "--env", RELEASE, TUNE, "--episodes", "2", "--policies", str(tmp_path)]
+    assert maintain([*command, "--out", str(page), "--thresholds", str(thresholds)]) == 0
     printed = capsys.readouterr()
     assert page.read_text(encoding="utf-8") == printed.out
     assert "policy.zip is not shipped" in printed.err
@@ -83,7 +82,7 @@ def test_a_task_with_scenarios_has_a_table_of_them():
 
 
 def test_every_controller_states_its_terms():
-    told = toml.loads((files(experiments) / "data" / "controllers.toml").read_text(encoding="utf-8"))
+    told = toml.loads(scores.TOLD.read_text(encoding="utf-8"))
     names = {"zero", "random", *assists.available(), *drivers.available()} - {"free"}
     assert names <= set(told)
     assert all(set(entry) <= set(scores.TERMS) and entry["information"] for entry in told.values())
@@ -110,7 +109,7 @@ def test_the_ids_have_the_thresholds_of_the_page():
 def test_bad_commands(options, message, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     try:
-        code = main(["maintain", "scores", *options])
+        code = maintain(["scores", *options])
     except SystemExit as end:
         code = end.code
     assert code == 2

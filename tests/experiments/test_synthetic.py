@@ -10,14 +10,14 @@ from scipy import stats
 from steer_env import metrics
 from steer_env.experiments import sweep
 from steer_env.experiments.sweep.where import processors
-from steer_env.experiments.verification.requirements import synthetic
 from steer_env.metrics.common import definitions
 from steer_env.metrics.common import evaluate as evaluation
-from steer_env.synthetic import faults, loops
-from steer_env.synthetic.cases import CASES
-from steer_env.synthetic.coverage import Coverage, collect, coverage, examples
-from steer_env.synthetic.faults import DELAY, FAULTS, TOGETHER, Fault
-from steer_env.synthetic.loops import linear_car
+from tests.synthetic import faults, loops
+from tests.synthetic.cases import CASES
+from tests.synthetic.coverage import Coverage, collect, coverage, examples
+from tests.synthetic.faults import DELAY, FAULTS, TOGETHER, Fault
+from tests.synthetic.loops import linear_car
+from tests.verification import synthetic
 
 LOOPS = [name for name in CASES if name.startswith(("weave", "slow ramp"))]
 TRIALS = 2  # of a case behind a fault; the mark has 200

@@ -5,9 +5,9 @@ import pytest
 
 from steer_env import manoeuvres
 from steer_env.experiments.studies.common import simulation_vs_measurement
-from steer_env.synthetic import faults
-from steer_env.synthetic.recordings import recording
 from steer_env.vehicle import cars
+from tests.synthetic import faults
+from tests.synthetic.recordings import recording
 
 LOGGED = ("handwheel_angle", "handwheel_torque", "lateral_acceleration", "yaw_rate", "vehicle_speed")
 

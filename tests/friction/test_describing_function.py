@@ -7,7 +7,7 @@ import pytest
 
 from steer_env import friction
 from steer_env.friction.describing_function import describing_function
-from steer_env.friction.oracles import masing_loop_work
+from tests.friction.oracles import masing_loop_work
 
 
 @pytest.mark.parametrize("A", [1e-3, 0.05])

@@ -1,4 +1,4 @@
-"""Masing: step equation, constructors, comparison with Dahl; ``steer_env.friction.oracles`` has the closed forms."""
+"""Masing: step equation, constructors, comparison with Dahl; ``tests.friction.oracles`` has the closed forms."""
 
 import math
 
@@ -8,7 +8,7 @@ import pytest
 from steer_env import friction
 from steer_env.friction import law
 from steer_env.friction.models.masing import Masing, from_virgin_curve, virgin_torque
-from steer_env.friction.oracles import DYADIC, at_rest, exponential
+from tests.friction.oracles import DYADIC, at_rest, exponential
 
 
 def mean_torque(p, memory, w, h):

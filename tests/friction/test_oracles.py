@@ -1,4 +1,4 @@
-"""The closed forms of the laws in ``steer_env.friction.oracles``, and Coulomb and viscous friction by hand."""
+"""The closed forms of the laws in ``tests.friction.oracles``, and Coulomb and viscous friction by hand."""
 
 import math
 
@@ -7,7 +7,7 @@ import pytest
 
 from steer_env import friction
 from steer_env.friction import law
-from steer_env.friction.oracles import ORACLES
+from tests.friction.oracles import ORACLES
 
 
 @pytest.mark.parametrize("name", ORACLES)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from steer_env import metrics
-from steer_env.synthetic.recordings import changed
+from tests.synthetic.recordings import changed
 
 
 def check(clean, answers, tolerance, without=()):

@@ -6,13 +6,13 @@ import pytest
 from steer_env import manoeuvres, metrics
 from steer_env.manoeuvres import crosswind as wind
 from steer_env.recording.recording import DEGREE
-from steer_env.synthetic.crosswind import SPEED, free, gusts
-from steer_env.synthetic.faults import noisy
-from steer_env.synthetic.recordings import changed, mirrored, recording
 from steer_env.vehicle import cars
 from steer_env.vehicle.chassis.common.interface import WIND_FORCE, WIND_MOMENT
 from tests.by_law import EACH_LAW
 from tests.steer_env.checks import burst, check, refusals
+from tests.synthetic.crosswind import SPEED, free, gusts
+from tests.synthetic.faults import noisy
+from tests.synthetic.recordings import changed, mirrored, recording
 
 
 def constant(rate):

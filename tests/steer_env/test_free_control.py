@@ -9,12 +9,12 @@ import pytest
 from steer_env import manoeuvres, metrics
 from steer_env.metrics.common import decay
 from steer_env.recording.recording import DEGREE
-from steer_env.synthetic.faults import noisy
-from steer_env.synthetic.free_hands import EVENT, HELD, pulse, release, returnability
-from steer_env.synthetic.recordings import changed, mirrored
 from steer_env.vehicle import cars
 from tests.by_law import EACH_LAW
 from tests.steer_env.checks import burst, check, refusals
+from tests.synthetic.faults import noisy
+from tests.synthetic.free_hands import EVENT, HELD, pulse, release, returnability
+from tests.synthetic.recordings import changed, mirrored
 
 TESTS = {"release": release, "pulse": pulse, "returnability": returnability}
 

@@ -6,9 +6,9 @@ import pytest
 from steer_env import metrics
 from steer_env.metrics import frequency_response_curve
 from steer_env.recording.recording import DEGREE
-from steer_env.synthetic.frequency_response import driven, random_angle, random_steer, swept_sine
-from steer_env.synthetic.recordings import changed
 from tests.steer_env.checks import burst, check, refusals
+from tests.synthetic.frequency_response import driven, random_angle, random_steer, swept_sine
+from tests.synthetic.recordings import changed
 
 TESTS = ("frequency-response", "random-steer")
 

@@ -7,7 +7,8 @@ import pytest
 
 from steer_env import metrics
 from steer_env.recording.recording import Recording
-from steer_env.synthetic.lane_change import (
+from tests.steer_env.checks import check, refusals
+from tests.synthetic.lane_change import (
     FRONT,
     REAR,
     SPEED,
@@ -16,8 +17,7 @@ from steer_env.synthetic.lane_change import (
     lane_change,
     obstacle_avoidance,
 )
-from steer_env.synthetic.recordings import changed, mirrored
-from tests.steer_env.checks import check, refusals
+from tests.synthetic.recordings import changed, mirrored
 
 
 def evaluate(recording, **given):

@@ -8,13 +8,13 @@ import pytest
 from steer_env import manoeuvres, metrics
 from steer_env.metrics.common import straight
 from steer_env.recording.recording import DEGREE
-from steer_env.synthetic import faults
-from steer_env.synthetic.loops import linear_car, rough_car
-from steer_env.synthetic.recordings import changed, recording, smooth_step
-from steer_env.synthetic.sine import sines
-from steer_env.synthetic.step import HOLD, RISE, SIZE, STRAIGHT, TORQUE, steps
-from steer_env.synthetic.transition import transitions
 from steer_env.vehicle import cars, road
+from tests.synthetic import faults
+from tests.synthetic.loops import linear_car, rough_car
+from tests.synthetic.recordings import changed, recording, smooth_step
+from tests.synthetic.sine import sines
+from tests.synthetic.step import HOLD, RISE, SIZE, STRAIGHT, TORQUE, steps
+from tests.synthetic.transition import transitions
 
 LOGGED = ("handwheel_angle", "handwheel_torque", "lateral_acceleration", "yaw_rate", "vehicle_speed")
 

@@ -10,9 +10,9 @@ from steer_env import manoeuvres, metrics
 from steer_env.metrics.common import definitions
 from steer_env.metrics.common.registry import EVALUATIONS
 from steer_env.recording.recording import DEGREE, Recording
-from steer_env.synthetic.loops import AY_PEAK, linear_car, linear_car_answers, rough_car, rough_car_answers
-from steer_env.synthetic.recordings import changed, mirrored
 from steer_env.vehicle import cars
+from tests.synthetic.loops import AY_PEAK, linear_car, linear_car_answers, rough_car, rough_car_answers
+from tests.synthetic.recordings import changed, mirrored
 
 G = 9.80665
 RATE = 100.0  # Hz

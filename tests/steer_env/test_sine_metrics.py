@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from steer_env import metrics
-from steer_env.synthetic.faults import noisy
-from steer_env.synthetic.recordings import changed, mirrored
-from steer_env.synthetic.sine import FIRST, sine_answers, sines
 from tests.steer_env.checks import burst, check, refusals
+from tests.synthetic.faults import noisy
+from tests.synthetic.recordings import changed, mirrored
+from tests.synthetic.sine import FIRST, sine_answers, sines
 
 
 @pytest.mark.parametrize("rate", [50.0, 200.0, 1000.0])

@@ -9,12 +9,12 @@ from steer_env import manoeuvres, metrics
 from steer_env.metrics.common import events, noise
 from steer_env.metrics.common.filtered_channels import FilteredChannels
 from steer_env.recording.recording import DEGREE, Recording
-from steer_env.synthetic.faults import noisy
-from steer_env.synthetic.recordings import changed, mirrored, recording
-from steer_env.synthetic.standstill import SLOW_TORQUE, catch_up, hold, parking
 from steer_env.vehicle import cars
 from tests.by_law import EACH_LAW
 from tests.steer_env.checks import burst, check, refusals
+from tests.synthetic.faults import noisy
+from tests.synthetic.recordings import changed, mirrored, recording
+from tests.synthetic.standstill import SLOW_TORQUE, catch_up, hold, parking
 
 
 @pytest.mark.parametrize("rate", [50.0, 200.0, 1000.0])

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from steer_env import metrics
-from steer_env.synthetic.recordings import changed, mirrored
-from steer_env.synthetic.steady_circle import circles, constant_radius, constant_speed, oversteering
 from tests.steer_env.checks import burst, check, refusals
+from tests.synthetic.recordings import changed, mirrored
+from tests.synthetic.steady_circle import circles, constant_radius, constant_speed, oversteering
 
 
 @pytest.mark.parametrize("rate", [50.0, 200.0, 1000.0])

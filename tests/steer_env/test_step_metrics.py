@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from steer_env import metrics
-from steer_env.synthetic.recordings import changed, mirrored
-from steer_env.synthetic.step import SIZE, SPEED, YAW, step_answers, steps
 from tests.steer_env.checks import burst, check, refusals
+from tests.synthetic.recordings import changed, mirrored
+from tests.synthetic.step import SIZE, SPEED, YAW, step_answers, steps
 
 
 @pytest.mark.parametrize("rate", [50.0, 200.0, 1000.0])

@@ -5,9 +5,9 @@ import pytest
 
 from steer_env import metrics
 from steer_env.recording.recording import DEGREE
-from steer_env.synthetic.recordings import changed, mirrored
-from steer_env.synthetic.transition import transition_answers, transitions
 from tests.steer_env.checks import burst, check, refusals
+from tests.synthetic.recordings import changed, mirrored
+from tests.synthetic.transition import transition_answers, transitions
 
 
 @pytest.mark.parametrize("rate", [50.0, 200.0, 1000.0])

@@ -11,12 +11,12 @@ import pytest
 from steer_env import manoeuvres
 from steer_env.manoeuvres.common.driving import run, run_closed
 from steer_env.vehicle import cars, plant
-from steer_env.vehicle.analysis import power
 from steer_env.vehicle.chassis import available, two_track
-from steer_env.vehicle.chassis.two_track.power import energies, powers
 from steer_env.vehicle.layout import layout_of
 from tests.by_law import EACH_LAW
 from tests.vehicle.test_two_track import CHASSIS, energy
+from tests.verification.common import power
+from tests.verification.common.two_track_power import energies, powers
 
 CAR = cars.load()
 KPH = 1.0 / 3.6

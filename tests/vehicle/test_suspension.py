@@ -5,7 +5,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from steer_env.vehicle.oracles import STRUT_S1, STRUT_S1_DEVIATIONS, strut_s1
 from steer_env.vehicle.suspension.macpherson import (
     POINTS,
     MacPherson,
@@ -14,6 +13,7 @@ from steer_env.vehicle.suspension.macpherson import (
     mirrored,
     rack_force,
 )
+from tests.vehicle.oracles import STRUT_S1, STRUT_S1_DEVIATIONS, strut_s1
 
 STRUT = MacPherson.load("s1")
 RACK = st.floats(-0.075, 0.075)

@@ -19,10 +19,10 @@ from numpy import abs, arccos, arctan, cos, exp, pi, sign, sin, sqrt, tan
 
 from steer_env.friction.numerics.kernel import kernel
 from steer_env.vehicle import tyre
-from steer_env.vehicle.oracles import TYRE_FORCES
 from steer_env.vehicle.simd import broadcast, first, load, store
 from steer_env.vehicle.tyre import tir
 from steer_env.vehicle.tyre.magic_formula import forces_of_four
+from tests.vehicle.oracles import TYRE_FORCES
 
 DATA = files("steer_env.vehicle").joinpath("data", "tyres")
 V52, V61, V62 = (DATA.joinpath(f"{name}.tir") for name in tyre.EXAMPLES)

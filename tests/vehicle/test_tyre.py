@@ -12,8 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from steer_env.vehicle import tyre
-from steer_env.vehicle.oracles import TYRE_FORCES
 from steer_env.vehicle.tyre.coefficients import MagicFormula
+from tests.vehicle.oracles import TYRE_FORCES
 
 LEFT = tyre.load()
 SYMMETRIC = tyre.load(symmetric=True)

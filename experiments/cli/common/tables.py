@@ -11,7 +11,6 @@ from rich.text import Text
 
 from steer_env.experiments.cli.common.messages import in_options
 from steer_env.experiments.learning.assist_suite import Result
-from steer_env.experiments.learning.assist_tuning import Tuned
 from steer_env.experiments.learning.held_out import Estimate
 from steer_env.experiments.reports import friction_fit, friction_fit_page
 from steer_env.experiments.reports.car_quantities import Quantity
@@ -198,19 +197,6 @@ def print_suite(found: Sequence[Result], title: str, whole: bool) -> None:
     holding, excused, rows = (sum(of) for of in zip(*((one.holds, one.excused, one.rows) for one in found)))
     text = f"holds in {holding} of {len(found)} conditions"
     printer.print(f"{text}; {excused} of {rows} drives excused: the car with its boost alone fails there", style="bold")
-
-
-def print_tuned(found: Mapping[str, Tuned], title: str) -> None:
-    """Print what searches for the options of baselines have found."""
-    table = _table()
-    for heading in ("baseline", "reward by default", "reward", "options", "candidates", "refused"):
-        table.add_column(heading, justify="left" if heading in ("baseline", "options") else "right")
-    for name, one in found.items():
-        options = ", ".join(f"{key}={value:g}" for key, value in one.options.items()) or "the defaults"
-        if math.isnan(one.reward):
-            options = "none passes the suite"
-        table.add_row(name, f"{one.usual:.4g}", f"{one.reward:.4g}", options, str(one.candidates), str(one.refused))
-    _print(console(), table, title)
 
 
 def print_fits(found: friction_fit.Found) -> None:

@@ -1,3 +1,0 @@
-"""For maintainers: requirements, scores, audit, baselines, reference pages."""
-
-GROUP = "maintain"

@@ -1,1 +1,0 @@
-"""The requirements with their measured values, and the independent calculations that they are compared with."""

@@ -1,0 +1,1 @@
+"""What maintainers run from a checkout, one file a command: ``python -m tests.maintain COMMAND``."""

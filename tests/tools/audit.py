@@ -1,0 +1,175 @@
+"""Audit of the rewards: does anything that scores more than the classical controllers behave worse than they do?
+
+A policy cheats if its reward is above that of the best classical controller while its behaviour is worse: more ripple
+in the hands, more failures, or a larger error in what the task is about. Policies are searched for, and policies that
+once cheated are tried again: :data:`CHEATS`.
+"""
+
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from steer_env import tasks
+from steer_env.episode.timing import UPDATE_INTERVAL
+from steer_env.experiments.learning import held_out, policy
+from steer_env.experiments.learning.controllers import ZeroAction, baselines
+from tests.tools.policy_search import Budget, LinearPolicy, ModelPolicy, cross_entropy, plain_ppo
+
+EPISODES = 16
+SAMPLED = 0.005  # of the torque of policies without memory, for the ripple [s]
+RIPPLE_LIMIT = 0.05  # root mean square above 10 Hz that hands do not mind, assumed [N m]
+WORSE = 1.25  # factor on a measure of behaviour above which it counts as worse, assumed [1]
+# What the tasks are about; the first that a task has is its aim.
+AIMS = ("rms_angle_error", "rms_feel_error", "rms_lateral_offset")
+
+
+class Behaviour(NamedTuple):
+    """What a controller does, whatever the reward says: means over the episodes."""
+
+    reward: float  # sum over the episode [s]
+    failures: float  # share of the episodes
+    ripple: float  # [N m]
+    aim: float  # root mean square of the task's error [its unit]
+    cones: float  # touched per episode
+
+
+class Verdict(NamedTuple):
+    """One policy beside the best classical controller."""
+
+    env_id: str
+    policy: str
+    found: Behaviour
+    best: Behaviour  # of the classical controllers and zero action, by reward
+    best_name: str
+    worse_in: tuple[str, ...]  # if its reward is higher
+
+    @property
+    def cheats(self) -> bool:
+        """Whether it scores more and behaves worse."""
+        return self.found.reward > self.best.reward and bool(self.worse_in)
+
+
+class Held:
+    """A controller without memory that acts every ``times`` steps of an environment with shorter steps."""
+
+    def __init__(self, make: Callable[[Any], Any], times: int, env: Any) -> None:
+        self._controller, self._times, self._since = make(env), times, 0
+
+    def reset(self, rows: Any = slice(None)) -> None:
+        """It remembers no episode; all episodes begin together."""
+        self._since = 0
+
+    def act(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
+        """The action of the present interval."""
+        if self._since % self._times == 0:
+            self._action: NDArray[np.float32] = self._controller.act(observation)
+        self._since += 1
+        return self._action
+
+
+class Scripted:
+    """A policy that depends on the observations by a function of their names."""
+
+    def __init__(self, act: Callable[[Mapping[str, NDArray[np.float64]]], NDArray[np.float64]], env: Any) -> None:
+        self._act, self._names = act, [quantity.name for quantity in env.unwrapped.batch.observed]
+        self._scale = getattr(env.unwrapped, "observation_scale", 1.0)
+        self.scale = env.unwrapped.batch.task.action.scale
+
+    def reset(self, rows: Any = slice(None)) -> None:
+        """It remembers nothing."""
+
+    def act(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Actions (n, 1) for observations (n, O)."""
+        seen = dict(zip(self._names, (observation * self._scale).astype(float).T))
+        return np.clip(self._act(seen) / self.scale, -1.0, 1.0).astype(np.float32)[:, None]
+
+
+def _push(seen: Mapping[str, NDArray[np.float64]]) -> NDArray[np.float64]:
+    """Push against the robot's hands before the release, return strongly after it."""
+    angle, speed, released = seen["handwheel_angle"], seen["handwheel_speed"], seen["released"]
+    return np.where(released > 0.5, -40.0 * angle - 3.0 * speed, -5.0 * np.sign(angle))
+
+
+# Policies that an earlier reward paid for: name -> (tasks, what it does [N m]).
+CHEATS: dict[str, tuple[str, Callable[[Mapping[str, NDArray[np.float64]]], NDArray[np.float64]]]] = {
+    "full lock into the ditch": ("lateral_offset", lambda seen: np.full(seen["speed"].size, 25.0)),
+    "hands off": ("Driver", lambda seen: np.zeros(seen["speed"].size)),
+    "stiff servo that chatters": ("target_0.0s", lambda seen: 80.0 * seen["target_0.0s"]),
+    "push before the release": ("released", _push),
+}
+
+
+def cheats_for(env_id: str) -> dict[str, Callable[[Any], Any]]:
+    """The known cheats that an id's observations or name allow."""
+    task = tasks.task(env_id.removeprefix("steer_env/").rpartition("-")[0])
+    names = [quantity.name for quantity in task.observed]
+    return {
+        name: partial(Scripted, act)
+        for name, (needs, act) in CHEATS.items()
+        if task.name.startswith("Driver" if needs in ("Driver", "lateral_offset") else "")
+        and (needs in names or task.name.startswith(needs))
+    }
+
+
+def behaviour(env_id: str, make: Callable[[Any], Any], *, remembers: bool, **arguments: Any) -> Behaviour:
+    """Drive a controller on held-out episodes.
+
+    The ripple of one that remembers nothing is sampled at ``SAMPLED``: with the environment's own steps of 10 ms an
+    action that changes its sign at every step would be seen near its zeros.
+    """
+    found = held_out.collect(env_id, make, EPISODES, **arguments)
+    step = tasks.task(policy.check_driven(env_id)).control_dt
+    rippled = found
+    if not remembers and step < 2.0 * UPDATE_INTERVAL:  # longer ones are sampled at the updates
+        held = partial(Held, make, round(step / SAMPLED))
+        rippled = held_out.collect(env_id, held, EPISODES, control_dt=SAMPLED, **arguments)
+    aim = next((name for name in AIMS if name in found.metrics), None)
+    means = {name: float(np.mean(values)) for name, values in found.metrics.items()}
+    return Behaviour(
+        float(found.reward.mean()),
+        float(np.mean(found.failure > 0)),
+        float(np.mean(rippled.metrics["rms_ripple"])),
+        means[aim] if aim else 0.0,
+        means.get("cones_hit", 0.0),
+    )
+
+
+def worse_in(found: Behaviour, best: Behaviour) -> tuple[str, ...]:
+    """The measures in which a behaviour is worse than another."""
+    judged = {
+        "failures": found.failures > best.failures,
+        "ripple": found.ripple > max(RIPPLE_LIMIT, WORSE * best.ripple),
+        "aim": found.aim > WORSE * best.aim,
+        "cones": found.cones > best.cones + 1.0 / EPISODES,
+    }
+    return tuple(name for name, worse in judged.items() if worse)
+
+
+def audited(case: tuple[str, Budget, int]) -> list[Verdict]:
+    """:func:`audit` with its arguments as one, for sweeps."""
+    return audit(*case)
+
+
+def audit(env_id: str, budget: Budget, seed: int = 0, **arguments: Any) -> list[Verdict]:
+    """Every known cheat that fits an id, and what the searches find, beside the best classical controller."""
+    classical: dict[str, Callable[[Any], Any]] = {
+        "zero action": ZeroAction,
+        **baselines(env_id),
+    }
+    scores = {name: behaviour(env_id, make, remembers=True, **arguments) for name, make in classical.items()}
+    best_name = max(scores, key=lambda name: scores[name].reward)
+    best = scores[best_name]
+    tried: dict[str, Callable[[Any], Any]] = dict(cheats_for(env_id))
+    weights = cross_entropy(env_id, budget, seed, **arguments)
+    tried["linear, cross-entropy method"] = lambda env: LinearPolicy(env, weights)
+    if budget.steps > 0:
+        model = plain_ppo(env_id, budget, seed, **arguments)
+        tried["PPO, defaults"] = lambda _: ModelPolicy(model)
+    verdicts = []
+    for name, make in tried.items():
+        found = behaviour(env_id, make, remembers=False, **arguments)
+        verdicts.append(Verdict(env_id, name, found, best, best_name, worse_in(found, best)))
+    return verdicts

@@ -1,0 +1,74 @@
+"""Shipped policies."""
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from steer_env import friction, tasks
+from steer_env.experiments.learning import assist_suite, held_out, policy, policy_report, shift
+from steer_env.experiments.learning.controllers import Maker, baselines
+from steer_env.registration import VERSION
+from tests.verification.common import step_time
+from tests.verification.common.rows import Row, verdict
+
+CASES = 200  # held-out episodes
+CLEAN = 0.95  # least share of double lane changes without a cone
+BETTER = 0.5  # least share by which the policy's feel error is below the boost table's
+SHARE = 0.15  # largest share of the environment in the wall time of PPO
+DRIVER, ASSIST = f"steer_env/DriverDoubleLaneChange-{VERSION}", f"steer_env/AssistWeave-{VERSION}"
+ALL_ROUND = f"steer_env/AssistAllRound-{VERSION}"
+
+
+def rows(cases: int = CASES) -> Iterator[Row]:
+    """Shipped policies on held-out episodes beside classical controllers on the same terms, and their stability."""
+    yield from _double_lane_change(cases)
+    for name in friction.available():
+        if name == policy.about(policy.shipped(ASSIST))["friction"]:
+            continue
+        feeling = _shipped(ASSIST, "boost", cases, friction=name)
+        less = -feeling.gaps["boost"]["rms_feel_error"].high / feeling.values["boost"]["rms_feel_error"].value
+        yield Row(
+            f"feel error on {name} below the boost table's",
+            f"{less:.0%} at least",
+            f">= {BETTER:.0%}",
+            verdict(less >= BETTER),
+        )
+    gap = _shipped(ASSIST, "lqg", cases).gaps["lqg"]["rms_feel_error"]
+    yield Row("feel error less LQG's", f"{gap.low:.3f} to {gap.high:.3f} N m", "no limit", "pass")
+    for env_id in (ASSIST, ALL_ROUND):
+        found = assist_suite.examine(policy.load(policy.shipped(env_id)), env_id)
+        held, name = sum(result.holds for result in found), env_id.removeprefix("steer_env/")
+        text = f"{held} of {len(found)}"
+        yield Row(f"conditions of the assist suite, {name}", text, "all", verdict(held == len(found)))
+    share = step_time.training_share(ASSIST)
+    yield Row(
+        "environment in PPO's wall time, 64 sub-environments", f"{share:.1%}", f"< {SHARE:.0%}", verdict(share < SHARE)
+    )
+
+
+def _double_lane_change(cases: int) -> Iterator[Row]:
+    """The driver with its delay and lag drawn, and with those of a person beside a model that brings them itself."""
+    path = policy.shipped(DRIVER)
+    person = shift.person(tasks.task("DriverDoubleLaneChange"))
+
+    def found(make: Maker, options: Mapping[str, float] | None = None) -> held_out.Episodes:
+        return held_out.collect(DRIVER, make, cases, options=options, **policy.conditions(policy.about(path)))
+
+    def clean(episodes: held_out.Episodes) -> float:
+        return held_out.summary(episodes)["clean_share"].value
+
+    drawn = clean(found(policy.load(path)))
+    yield Row("double lane changes without a cone", f"{drawn:.1%}", f">= {CLEAN:.0%}", verdict(drawn >= CLEAN))
+    driving, model = found(policy.load(path), person), found(baselines(DRIVER)["preview"], dict.fromkeys(person, 0.0))
+    words = "double lane changes without a cone", "a person's delay and muscles"
+    yield Row(f"{words[0]}, {words[1]}", f"{clean(driving):.1%}", "no limit", "pass")
+    yield Row(f"{words[0]}, preview driver", f"{clean(model):.1%}", "no limit", "pass")
+    gap = held_out.differences(driving, model)["reward"]
+    yield Row(
+        f"reward with {words[1]} less the preview driver's", f"{gap.low:.2f} to {gap.high:.2f}", "no limit", "pass"
+    )
+
+
+def _shipped(env_id: str, baseline: str, cases: int, **more: Any) -> policy_report.Evaluation:
+    path = policy.shipped(env_id)
+    controllers = {"policy": policy.load(path), baseline: baselines(env_id)[baseline]}
+    return policy_report.evaluate(env_id, controllers, cases, **policy.conditions(policy.about(path)), **more)
