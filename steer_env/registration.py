@@ -29,7 +29,7 @@ REGISTERED = DRIVEN | TUNED
 
 
 def register() -> None:
-    """Register the ids with Gymnasium; `python -m tests.maintain scores` wrote the mean rewards of the best baselines."""
+    """Register the ids with Gymnasium; ``tests.maintain scores`` wrote the mean rewards of the best baselines."""
     thresholds = json.loads((files("steer_env") / "reward_thresholds.json").read_text("utf-8"))
     for name, entry_point in REGISTERED.items():
         solved = thresholds.get(name)

@@ -34,7 +34,6 @@ GROUPS = {
     "learn": "Learn",
     "couple": "Couple with other programs",
     "drive": "Drive",
-    "maintain": "Maintain the package",
 }
 PACKAGE, PROGRAM = "steer_env.experiments.cli", "steer-env"
 PIPE_CLOSED = 141  # exit code of a program that SIGPIPE ends, 128 + 13
@@ -103,10 +102,10 @@ def parser(package: str = PACKAGE, prog: str = PROGRAM) -> argparse.ArgumentPars
 def _grouped(there: Mapping[str, ModuleType]) -> str:
     """The list of commands, each below the heading of its kind of work."""
     lines = []
-    for group, heading in GROUPS.items():
+    for group in dict.fromkeys([*GROUPS, *(command.GROUP for command in there.values())]):
         of_group = [(name, command) for name, command in there.items() if group == command.GROUP]
         if of_group:
-            lines.append(f"\n{heading}")
+            lines.append(f"\n{GROUPS.get(group, group)}")
         lines += [f"  {name:14s} {_paragraphs(command)[0].rstrip('.')}" for name, command in of_group]
     return "\n".join(lines)
 

@@ -25,7 +25,6 @@ from steer_env.friction.numerics.check import number, whole
 from steer_env.friction.numerics.frozen import frozen
 from steer_env.friction.numerics.kernel import bind
 from steer_env.friction.numerics.packing import pack
-from steer_env.friction.numerics.renamed import renamed
 from steer_env.friction.numerics.thread_pool import ThreadPool
 from steer_env.manoeuvres.common.driving import sine_response
 from steer_env.tasks.common.definition import (
@@ -46,8 +45,6 @@ from steer_env.vehicle.steering.eps import SAMPLE_TIME
 Array = NDArray[np.float64]
 
 _POSE = ("x", "y", "yaw_angle")
-
-__getattr__ = renamed(__name__, {"Lanes": "steer_env.engine.batch:EnvironmentBatch"})
 
 
 class EnvironmentBatch:

@@ -30,11 +30,9 @@ from typing import Any, NamedTuple
 from steer_env.friction.numerics import toml
 from steer_env.friction.numerics.check import number, read_number
 from steer_env.recording.recording import check_meta
-from steer_env.recording.renamed_channels import announce
 from steer_env.recording.units import COUNTS, SPELLINGS, parse_unit
 from steer_env.vehicle import plant
 from steer_env.vehicle.chassis import two_track
-from steer_env.vehicle.chassis.common.interface import RENAMED_CHANNELS
 
 # Known channels -> unit in memory.
 KNOWN = {**dict(plant.CHANNELS), **dict(two_track.CHANNELS), "vehicle_speed": "m/s", "sideslip_angle": "rad"}
@@ -113,14 +111,9 @@ def from_data(data: dict[str, Any]) -> Mapping:
     return Mapping({found.name: found for found in entries}, dict(meta))
 
 
-def current_name(name: str) -> str:
-    """The present name of a channel that may bear an old one."""
-    return RENAMED_CHANNELS.get(name, name)
-
-
 def entry(name: str, given: Any) -> Entry:
     """An entry from the keys of its section; a ValueError names the wrong key and what is allowed there."""
-    where, old, name = f"channels.{name}", name, current_name(name)
+    where = f"channels.{name}"
     allowed = _TIME_KEYS if name == "time" else _KEYS
     if not isinstance(given, dict):
         raise ValueError(f"{where} must hold keys and values ({', '.join(allowed)}), got {given!r}")
@@ -130,7 +123,7 @@ def entry(name: str, given: Any) -> Entry:
     for key in ("from", "unit"):
         if not isinstance(given.get(key, ""), str):
             raise ValueError(f"{where}.{key} must be text, got {given[key]!r}")
-    source, unit, sign = given.get("from") or old, given.get("unit"), given.get("sign", 1)
+    source, unit, sign = given.get("from") or name, given.get("unit"), given.get("sign", 1)
     known = (*KNOWN, *FRICTION)
     if name not in known and name != "time" and not (name.startswith(OWN) and unit is not None):
         hint = f"{did_you_mean(name, known)} (a channel of your own begins with {OWN} and has a unit)"
@@ -139,8 +132,6 @@ def entry(name: str, given: Any) -> Entry:
         _check_unit(where, name, unit)
     if isinstance(sign, bool) or sign not in (1, -1):
         raise ValueError(f"{where}.sign must be 1 or -1, got {sign!r}")
-    if name != old:
-        announce(where, [old])
     delay, offset = (number(f"{where}.{key}", given.get(key, 0.0)) for key in ("delay_ms", "offset"))
     scale = number(f"{where}.scale", given.get("scale", 1.0), minimum=0.0, above=True)
     return Entry(name, source, unit, float(sign), delay / 1e3, offset, scale)

@@ -16,9 +16,8 @@ import numpy as np
 
 from steer_env.recording import can_log, csv_file, mat_file, mdf_file, parquet_file
 from steer_env.recording import channel_mapping as mappings
-from steer_env.recording.channel_mapping import KNOWN, Entry, Mapping, current_name, did_you_mean
+from steer_env.recording.channel_mapping import KNOWN, Entry, Mapping, did_you_mean
 from steer_env.recording.recording import Recording
-from steer_env.recording.renamed_channels import announce
 from steer_env.recording.table import Column, Table, Values, named_time, time_place
 from steer_env.recording.units import COUNTS, FILE_UNITS, SPELLINGS, parse_unit, spellings
 
@@ -84,8 +83,6 @@ def read(
         if "time" in mapping.channels and not table.timed:
             raise ValueError("this format has a time base of its own: remove [channels.time] from the mapping")
         choices, left = _choose(table.columns, mapping, [choice.place for choice in time])
-        names = [table.columns[choice.place].name for choice in choices if choice.name not in mapping.channels]
-        announce(path, [name for name in names if current_name(name) != name])
         loaded = table.load([choice.place for choice in time + choices])
         instants = _instants(table.columns, time[0], loaded[0]) if time else loaded[0]
         assumed = [table.columns[k.place].label for k in time if _assumed(table.columns[k.place], k.entry)]
@@ -249,7 +246,7 @@ def _choose(columns: list[Column], mapping: Mapping, used: list[int]) -> tuple[l
     used = used + [choice.place for choice in mapped]
     left = []
     for place, column in enumerate(columns):
-        name = current_name(column.name)
+        name = column.name
         known = name in KNOWN
         if place in used or name in mapping.channels or (mapped and not known):
             continue

@@ -7,21 +7,10 @@ from typing import Any, NamedTuple
 
 from steer_env import metrics
 from steer_env.friction.numerics import toml
-from steer_env.friction.numerics.renamed import renamed
 from steer_env.metrics import Value
 
 FOLDER = Path(__file__).parent
 COLOURS = ("green", "amber", "red")
-
-__getattr__ = renamed(
-    __name__,
-    {
-        "Light": "steer_env.targets:Rating",
-        "light": "steer_env.targets:rating",
-        "lights": "steer_env.targets:ratings",
-        "reference_torque": "steer_env.tasks.common.reference_feel:reference_torque",
-    },
-)
 
 
 class Band(NamedTuple):

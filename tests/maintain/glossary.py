@@ -5,7 +5,7 @@ The pages of a checkout are replaced; an installed package has none.
 
 import argparse
 
-GROUP = "maintain"
+GROUP = "Maintain the package"
 
 
 def add(parser: argparse.ArgumentParser) -> None:

@@ -13,7 +13,7 @@ from steer_env.experiments.cli.common.extras import require
 from steer_env.experiments.cli.common.sweeping import add_sweep, runner
 from steer_env.registration import REGISTERED
 
-GROUP = "maintain"
+GROUP = "Maintain the package"
 
 
 def add(parser: argparse.ArgumentParser) -> None:

@@ -14,7 +14,7 @@ from steer_env.experiments.pages import car_options
 from tests.tools import assist_tuning
 from tests.tools.assist_tuning import Tuned
 
-GROUP = "maintain"
+GROUP = "Maintain the package"
 
 
 def add(parser: argparse.ArgumentParser) -> None:

@@ -12,7 +12,7 @@ GROUPS = tuple(listed("tests.verification"))
 NEEDS = {"policies": "train", "tuning": "tune"}  # group -> extra
 
 
-GROUP = "maintain"
+GROUP = "Maintain the package"
 
 
 def add(parser: argparse.ArgumentParser) -> None:

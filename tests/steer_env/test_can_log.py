@@ -352,7 +352,7 @@ def test_gaps_and_channels_without_values_are_told_before_the_metrics(tmp_path, 
 
 def test_the_page_says_what_is_uncalibrated(tmp_path, capsys):
     command = ["evaluate", str(LOG), "--dbc", str(DBC), "--mapping", str(FOLDER / "rav4.toml"), "--manoeuvre", "weave"]
-    assert main([*command, "--between", "0", "20", "--speed_kph", "65", "--out", str(tmp_path / "page")]) == 1
+    assert main([*command, "--between", "0", "20", "--speed-kph", "65", "--out", str(tmp_path / "page")]) == 1
     assert "in counts of the sensor, uncalibrated: handwheel_torque" in capsys.readouterr().out
     page = (tmp_path / "page" / "index.html").read_text()
     assert '<td>uncalibrated</td><td class="text wide">handwheel_torque</td>' in page

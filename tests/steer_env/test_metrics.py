@@ -288,8 +288,3 @@ def test_a_recording_without_a_manoeuvre_asks_for_the_test():
     nameless = Recording(clean.time, clean.channels, clean.units)
     with pytest.raises(ValueError, match=r"meta names no manoeuvre; say which test it is: .*weave"):
         metrics.evaluate(nameless)
-
-
-def test_old_names_still_work():
-    with pytest.warns(DeprecationWarning, match="ManoeuvreEvaluation; release 1.0 removes the old name"):
-        assert metrics.Procedure is metrics.ManoeuvreEvaluation

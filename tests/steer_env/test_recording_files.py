@@ -9,11 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from steer_env import metrics
-from steer_env.recording import channel_mapping
 from steer_env.recording.files import FORMATS, read, write
 from steer_env.recording.recording import DEGREE, FILE_UNITS, Recording
-from steer_env.vehicle.chassis.common.interface import RENAMED_CHANNELS
-from tests.steer_env.recorded import mapped
 
 UNITS = {"handwheel_angle": "rad", "handwheel_torque": "N m", "lateral_acceleration": "m/s2", "yaw_rate": "rad/s"}
 SUFFIXES = [*FORMATS]
@@ -232,20 +229,3 @@ def test_a_table_from_a_spreadsheet_is_read(tmp_path):
     path = tmp_path / "run.csv"
     path.write_bytes("\ufefftime_s, handwheel_angle_deg\r\n0, 180\r\n0.5, -90\r\n".encode())
     np.testing.assert_allclose(read(path)["handwheel_angle"], [np.pi, -np.pi / 2])
-
-
-def test_old_names_of_channels_are_replaced(tmp_path, capsys, monkeypatch):
-    """One line on standard error names the new name and the release that forgets the old one."""
-    assert {old for old in RENAMED_CHANNELS if old.startswith("wheel_spin_")} == RENAMED_CHANNELS.keys()
-    assert set(RENAMED_CHANNELS.values()) <= channel_mapping.KNOWN.keys()
-    monkeypatch.setitem(RENAMED_CHANNELS, "turn_rate", "yaw_rate")
-    path = tmp_path / "old.csv"
-    path.write_text("time_s,turn_rate_deg_s\n0,1\n1,2\n")
-    found = read(path)
-    assert found.units == {"yaw_rate": "rad/s"}
-    np.testing.assert_allclose(found["yaw_rate"], np.radians([1.0, 2.0]))
-    assert capsys.readouterr().err == f"{path}: turn_rate is now yaw_rate; release 1.0 will not know the old name\n"
-    assert read(path, mapped("turn_rate=turn_rate,sign=-1"))["yaw_rate"][1] == pytest.approx(-np.radians(2.0))
-    assert capsys.readouterr().err.count("turn_rate is now yaw_rate; release 1.0") == 1
-    assert read(path, mapped("yaw_rate=turn_rate"))["yaw_rate"][1] == pytest.approx(np.radians(2.0))
-    assert capsys.readouterr().err == ""

@@ -1,6 +1,5 @@
 """A checked car, and the plant that it makes at a speed with a friction law and a chassis."""
 
-import warnings
 from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
@@ -8,7 +7,6 @@ from steer_env.friction import defaults, level, resolve
 from steer_env.friction.numerics.check import number
 from steer_env.friction.numerics.frozen import frozen, rebuilt
 from steer_env.friction.numerics.kernel import record
-from steer_env.friction.numerics.renamed import REMOVED_IN
 from steer_env.vehicle import chassis as chassis_models
 from steer_env.vehicle import road, step_limit, tyre
 from steer_env.vehicle.cars import contents
@@ -155,10 +153,3 @@ class Car(NamedTuple):
     def steering_ratio(self) -> float:
         """Handwheel angle per road-wheel angle, straight ahead, without compliance [1]."""
         return 1.0 / self.steering_gain()
-
-    @property
-    def strut_map(self) -> KinematicsTable:
-        """Former name of ``kinematics_table``."""
-        text = f"Car.strut_map is now Car.kinematics_table; the old name goes in release {REMOVED_IN}"
-        warnings.warn(text, DeprecationWarning, stacklevel=2)
-        return self.kinematics_table

@@ -6,7 +6,6 @@ row by row, so that its actions do not depend on the number of sub-environments.
 """
 
 import inspect
-import warnings
 from collections.abc import Mapping
 from typing import Any
 
@@ -14,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from steer_env.friction.numerics.registry import Registry
-from steer_env.friction.numerics.renamed import REMOVED_IN
 from steer_env.vehicle.chassis.common.interface import ASSIST_REQUEST
 
 Array = NDArray[np.float64]
@@ -90,7 +88,6 @@ class Baseline:
         raise NotImplementedError
 
 
-RENAMED = {"return": "active_return"}  # old name -> new
 BASELINES: Registry[type[Baseline]] = Registry("baseline assist", "steer_env.assists")
 
 
@@ -113,10 +110,6 @@ def make(name: str, env: Any, **options: Any) -> Baseline:
         The name or an option is unknown (the message lists the valid ones), a value is out of range, or the baseline
         cannot act in the environment.
     """
-    if name in RENAMED:
-        text = f"the baseline assist {name!r} is now {RENAMED[name]!r}; the old name goes in release {REMOVED_IN}"
-        warnings.warn(text, DeprecationWarning, stacklevel=2)
-        name = RENAMED[name]
     valid = list(inspect.signature(BASELINES[name]).parameters)[1:]
     for key in options:
         if key not in valid:

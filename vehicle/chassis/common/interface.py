@@ -76,8 +76,6 @@ COMMON_CHANNELS: Names = (
     ("drive_force", "N"),
     *COMMON_OUTPUTS,
 )
-# Channels that an earlier release called differently: old name -> new name. Readers of recordings map them.
-RENAMED_CHANNELS = {f"wheel_spin_{wheel}": f"wheel_angular_velocity_{wheel}" for wheel in WHEELS}
 
 
 class CarData(Protocol):
