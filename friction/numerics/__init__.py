@@ -1,1 +1,1 @@
-"""What the four packages share: compiled kernels and their cache, checks of values, the registry, former names."""
+"""What the four packages share: compiled kernels and their cache, checks of values and the registry."""

@@ -236,13 +236,12 @@ class _Walk:
             return
         code = _code(module)
         names = _names(code)
+        makes_code = "extending" in " ".join(names)  # by numba.extending; it may import, when it runs, what it needs
         self.parts.add(_hash("module", name, _bytecode(code)))
         for each in names:
             if each in vars(module) and not each.startswith("__"):
                 self._member(f"{name}.{each}", vars(module)[each], names)
-            if "." in each and "extending" in " ".join(
-                names
-            ):  # what makes code may import, when it runs, what it needs
+            if makes_code and "." in each:
                 self._refer(each)
 
     def _member(self, name: str, member: Any, names: tuple[str, ...]) -> None:

@@ -9,7 +9,7 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.integrate import solve_ivp
@@ -191,6 +191,7 @@ def check_mean_torque(p: Any) -> None:
 
     @settings(examples, max_examples=30)
     @given(moves, speeds, log(-5, -1), torque_scales)
+    @example([(1.0, 1.0)], 0.0, 0.1, 10**0.03125)  # a slider that is at its limit but for rounding
     def holds(history, w, h, torque_scale):
         memory = after(p, history, torque_scale)
         mean, slope = law.mean_torque(p, torque_scale, memory, w, h)
@@ -199,13 +200,18 @@ def check_mean_torque(p: Any) -> None:
             abs(mean) + size(p, torque_scale)
         )
         # Central difference: 1e-6 of w loses ten digits of the torque to rounding and w**2 F''' 1e-12 to curvature.
-        # At w = 0, where |w| has its kink, the difference is one-sided.
-        high, low = (1e-9, 0.0) if w == 0.0 else (w * (1 + 1e-6), w * (1 - 1e-6))
-        rise = (
-            law.mean_torque(p, torque_scale, memory, high, h)[0] - law.mean_torque(p, torque_scale, memory, low, h)[0]
-        )
-        rounding = _tolerances(p).slope * (abs(mean) + size(p, torque_scale)) / abs(high - low)
-        assert abs(rise / (high - low) - slope) <= 1e-5 * abs(slope) + rounding
+        # At w = 0, where |w| has its kink, and a slider at its limit has one, the difference is that of either side,
+        # over a speed that changes the torque by at most 1e-6 of its size.
+        near = 1e-6 / max(1e3, abs(slope) / size(p, torque_scale))
+        spans = ((0.0, near), (-near, 0.0)) if w == 0.0 else ((w * (1 - 1e-6), w * (1 + 1e-6)),)
+
+        def difference(low, high):
+            above = law.mean_torque(p, torque_scale, memory, high, h)[0]
+            return (above - law.mean_torque(p, torque_scale, memory, low, h)[0]) / (high - low)
+
+        rounding = _tolerances(p).slope * (abs(mean) + size(p, torque_scale)) / abs(spans[0][1] - spans[0][0])
+        errors = [abs(difference(low, high) - slope) for low, high in spans]
+        assert min(errors) <= 1e-5 * abs(slope) + rounding
 
     holds()
 
