@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from steer_env.friction.identification.determined import samples_per_count
 from steer_env.friction.identification.fit import Fit, Options, fitted, prepared
-from steer_env.friction.identification.intervals import samples_per_count
 from steer_env.friction.identification.periods import moving
 from steer_env.friction.identification.record import Record, checked
 from steer_env.friction.law import available, law_of, make

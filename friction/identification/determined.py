@@ -1,4 +1,8 @@
-"""Which parameters a record determines: found from the fit, not declared (F34)."""
+"""Which parameters a record determines, found from the fit and not declared (F34), and their intervals (F35, F37).
+
+The intervals allow for residuals that are not independent of each other. Block bootstrap and profile of the loss do
+without the linear theory.
+"""
 
 import math
 from typing import Any, NamedTuple
@@ -6,7 +10,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from steer_env.friction.identification.intervals import half_widths, samples_per_count
 from steer_env.friction.identification.problem import Optimum, Problem, descended, refined, searched
 from steer_env.friction.identification.space import Space
 
@@ -19,6 +22,9 @@ HARDLY = 0.02  # ... and of the residual at most [1]: residuals that last for lo
 EDGE = 1e-3  # coordinate that counts as zero, where it may not be negative [1]
 STARTS = 3  # of the search without a break-away ...
 BEYOND = 1.5  # ... of so many times the largest torque of the record, which does not show it then; assumed [1]
+DRAWS = 400  # resamplings
+BLOCKS = 40  # of the weighed samples
+SIZE = 1.96  # deviations of the normal distribution: 95 %
 
 
 class Estimate(NamedTuple):
@@ -34,6 +40,55 @@ class Estimate(NamedTuple):
     def factors(self) -> NDArray[np.float64]:
         """Of the problem's columns: offset [1]."""
         return self.optimum.q[len(self.space.sought) :]
+
+
+def samples_per_count(residual: NDArray) -> float:
+    """How many samples count as one, ``1 + 2 sum r_k``, where the residuals are not independent (F35).
+
+    r_k is the autocorrelation of the residuals, summed up to the first lag where it is not positive.
+
+    Source: Bayley, Hammersley, J. R. Statistical Society Suppl. 8 (1946) 184-197.
+    """
+    n = residual.size
+    power = np.abs(np.fft.rfft(residual, 2 * n)) ** 2  # padded to twice the length, so that the end does not wrap
+    r = np.fft.irfft(power)[:n]
+    if not r[0] > 0.0:
+        return 1.0
+    return float(1.0 + (2.0 * np.sum(r[1 : np.argmax(r <= 0.0)]) / r[0] if (r <= 0.0).any() else n))
+
+
+def half_widths(J: NDArray, residual: NDArray, rows: NDArray, floor: float = 0.0) -> NDArray[np.float64]:
+    """Half the widths of the 95 % intervals of the combinations ``rows @ parameters``, by Student's t (F35).
+
+    The covariance ``s^2 inv(J'J)`` of independent residuals is multiplied by :func:`samples_per_count`.
+
+    Parameters
+    ----------
+    J : (n, m) array
+        Derivatives of the residuals by the parameters.
+    residual : (n,) array
+        Residuals at the estimate, in order of time.
+    rows : (k, m) array
+        Combinations of parameters.
+    floor : float
+        Least standard deviation that the residuals count with.
+
+    Returns
+    -------
+    (k,) array
+        In the units of the combinations; very large where the residuals do not depend on a parameter.
+    """
+    from scipy.special import stdtrit  # imported here, because that takes longer than the import of all laws
+
+    n, m = J.shape
+    freedom = max(n / samples_per_count(residual) - m, 1.0)
+    size = np.linalg.norm(J, axis=0)
+    size[size == 0.0] = 1e-12 * (size.max() or 1.0)
+    w, V = np.linalg.eigh((J / size).T @ (J / size))
+    inverse = V / np.maximum(w, 1e-14) @ V.T  # parameters without influence get a very large variance
+    variance = max(residual @ residual / freedom, floor**2)  # (F35)
+    C = variance * inverse / np.outer(size, size)
+    return stdtrit(freedom, 0.975) * np.sqrt(np.einsum("ki,ij,kj->k", rows, C, rows))
 
 
 def determined(problem: Problem, space: Space, optimum: Optimum) -> Estimate:
@@ -164,4 +219,81 @@ def linear(estimate: Estimate) -> dict[str, tuple[float, float]]:
     for name, h in estimate.edges.items():
         value = float(getattr(estimate.parameters, name))
         result[name] = (value, value * (1.0 + h) if name in space.tied else value + h)
+    return result
+
+
+def bootstrapped(estimate: Estimate, seed: int) -> dict[str, tuple[float, float]]:
+    """95 % intervals from blocks of samples drawn with replacement, one step of the search for each draw (F37).
+
+    Blocks keep what neighbouring residuals share, also what a wrong law leaves: the intervals are then those of the law
+    that fits best. Source: Künsch, Annals of Statistics 17 (1989) 1217-1241; one step: Davison, Hinkley, Bootstrap
+    Methods, 1997, 2.7.
+    """
+    optimum, space = estimate.optimum, estimate.space
+    J, e = optimum.jacobian, optimum.weakened
+    blocks = np.array_split(np.arange(e.size), min(BLOCKS, e.size))
+    H = np.array([J[b].T @ J[b] for b in blocks])
+    g = np.array([J[b].T @ e[b] for b in blocks])
+    counts = np.random.default_rng(seed).multinomial(len(blocks), np.full(len(blocks), 1.0 / len(blocks)), DRAWS)
+    rows = []
+    for drawn in counts:
+        total = np.tensordot(drawn, H, 1)
+        step = np.linalg.solve(total + 1e-12 * np.trace(total) * np.eye(len(total)), drawn @ g)  # (F37)
+        rows.append(space.values((optimum.q - step)[: len(space.sought)]))
+    result = linear(estimate)
+    for s in space.sought:
+        low, high = np.quantile([row[s.name] for row in rows], (0.025, 0.975))
+        result[s.name] = (max(float(low), 0.0) if s.bounded else float(low), float(high))
+    return result
+
+
+def profiled(problem: Problem, estimate: Estimate) -> dict[str, tuple[float, float]]:
+    """95 % intervals at whose ends the loss, with all else fitted anew, has grown by what the noise explains (F37).
+
+    Source: Bates, Watts, Nonlinear Regression Analysis, 1988, 6.1. An end farther than ten linear half-widths counts as
+    open.
+    """
+    optimum, space = estimate.optimum, estimate.space
+    variance = float(np.mean(optimum.weakened**2)) * samples_per_count(optimum.residual)
+    allowed = 0.5 * SIZE**2 * variance  # (F37)
+    result = linear(estimate)
+    n = len(space.sought)
+    for i, s in enumerate(space.sought):
+        high = result[s.name][1]
+        value = float(getattr(estimate.parameters, s.name))
+        step = math.log(high / value) if s.logarithmic else (high - value) / (1.0 if s.base is None else value)
+        ends = []
+        for side in (-1.0, 1.0):
+
+            def excess(way: float, side: float = side, i: int = i, step: float = step) -> float:
+                coordinate = optimum.q[i] + side * way * step
+                smaller = space.without(space.sought[i].name, optimum.q[:n], coordinate)
+                start = np.append(smaller.inside, optimum.q[n:])
+                return descended(problem, smaller, start, optimum.loss_scale).cost - optimum.cost - allowed
+
+            ends.append(optimum.q[i] + side * step * _crossing(excess))
+        bounds = [space.values(_put(optimum.q[:n], i, end))[s.name] for end in np.clip(ends, s.lowest, s.highest)]
+        result[s.name] = (float(bounds[0]), float(bounds[1]))
+    return result
+
+
+def _crossing(excess: object) -> float:
+    """Where an excess turns positive, in linear half-widths; infinite beyond ten of them."""
+    from scipy.optimize import brentq
+
+    def at(way: float) -> float:
+        try:
+            return excess(way)  # type: ignore[operator]
+        except ValueError:  # the law does not allow it: its bound is the end
+            return 1.0
+
+    for way in (1.5, 4.0, 10.0):
+        if at(way) > 0.0:
+            return float(brentq(at, 0.0, way, xtol=0.02))
+    return math.inf
+
+
+def _put(q: NDArray, i: int, value: float) -> NDArray[np.float64]:
+    result = q.copy()
+    result[i] = value
     return result

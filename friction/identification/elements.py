@@ -6,8 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from steer_env.friction.identification.determined import Estimate
-from steer_env.friction.identification.intervals import half_widths
+from steer_env.friction.identification.determined import Estimate, half_widths
 from steer_env.friction.identification.problem import Problem
 from steer_env.friction.law import Law, Sliders
 from steer_env.friction.numerics.bounds import within

@@ -9,12 +9,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from steer_env.friction.identification.branches import BAND as SWING
 from steer_env.friction.identification.branches import Branches, branches_of, stiffness_of, weighed_of
-from steer_env.friction.identification.determined import Estimate, determined, linear
+from steer_env.friction.identification.determined import Estimate, bootstrapped, determined, linear, profiled
 from steer_env.friction.identification.displacement import BAND, deviation_of, motion_of
 from steer_env.friction.identification.elements import Elements, beside, fitted_sliders
 from steer_env.friction.identification.problem import Problem, searched
 from steer_env.friction.identification.quality import by_noise, own_noise, refuse
-from steer_env.friction.identification.ranges import bootstrapped, profiled
 from steer_env.friction.identification.rate import Rate, joint, told, with_rate
 from steer_env.friction.identification.record import Record, checked
 from steer_env.friction.identification.remarks import remarks

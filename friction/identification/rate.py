@@ -7,8 +7,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from steer_env.friction.identification.determined import FLOOR, SHARE, SMALL, WORSE, Estimate
-from steer_env.friction.identification.intervals import half_widths, samples_per_count
+from steer_env.friction.identification.determined import (
+    FLOOR,
+    SHARE,
+    SMALL,
+    WORSE,
+    Estimate,
+    half_widths,
+    samples_per_count,
+)
 from steer_env.friction.identification.problem import Problem
 from steer_env.friction.law import Law
 

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from steer_env.friction.identification.intervals import half_widths
+from steer_env.friction.identification.determined import half_widths
 from steer_env.friction.identification.problem import Optimum
 from steer_env.friction.identification.quality import DRIFT, clipped
 from steer_env.friction.identification.scales import scaled
