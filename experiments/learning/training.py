@@ -1,6 +1,16 @@
-"""Training of policies with Stable-Baselines3: settings by id, checkpoints, resuming, validation."""
+"""Training of policies with Stable-Baselines3: settings by id, checkpoints, resuming, validation.
 
+Files of a training run, consistent at every moment at which the process may be killed.
+
+Model and scaling of a checkpoint are named by their step, and ``state.json``, which a rename replaces, says which of
+them count. The curve is replaced as a whole. The best policy is replaced by a rename after its row stands in the curve,
+so that its reward is that of its own step there. A checkpoint comes before each validation: no row is ahead of the
+checkpoint, and the time of a resumed run does not run back.
+"""
+
+import csv
 import inspect
+import io
 import json
 import time
 from collections.abc import Callable, Mapping
@@ -12,13 +22,62 @@ from typing import Any
 import numpy as np
 
 from steer_env import experiments, tasks
-from steer_env.experiments.learning import checkpoint, held_out, policy
+from steer_env.experiments.learning import held_out, policy
 from steer_env.experiments.learning.constants import VALIDATION
 from steer_env.experiments.pages import provenance
-from steer_env.experiments.pages.files import usable, write_json
+from steer_env.experiments.pages.files import usable, write_json, write_text
 from steer_env.experiments.pages.options import Friction
 from steer_env.friction.numerics import toml
 from steer_env.friction.numerics.check import number
+
+FOLDER, STATE, CURVE, BEST = "checkpoint", "state.json", "learning.csv", "policy.zip"
+KEYS = ("env", "algo", "seed", "friction", "seconds", "steps", "model", "scaling")
+
+
+def save(out: Path, state: Mapping[str, Any], model: Any, scaling: Any) -> None:
+    """Write what resuming needs; ``state`` has the entries of ``KEYS`` but for the two file names."""
+    folder = out / FOLDER
+    folder.mkdir(exist_ok=True)
+    names = {"model": f"model-{state['steps']}.zip", "scaling": f"scaling-{state['steps']}.pkl"}
+    if not (folder / STATE).is_file() or load(out)["steps"] != state["steps"]:  # else these files are in use, and right
+        model.save(folder / names["model"], exclude=policy.SCHEDULE)
+        scaling.save(str(folder / names["scaling"]))
+    write_json(folder / STATE, {**state, **names})
+    for path in folder.iterdir():
+        if path.name not in (STATE, *names.values()):
+            path.unlink()
+
+
+def load(out: Path) -> dict[str, Any]:
+    """State of a run at its checkpoint; ValueError if there is none or something is missing."""
+    kept = out / FOLDER / STATE
+    if not kept.is_file():
+        raise ValueError(f"{out} holds no checkpoint to resume")
+    state = json.loads(kept.read_text(encoding="utf-8"))
+    for key in KEYS:
+        if key not in state:
+            raise ValueError(f"{kept} has no entry {key}, as with older versions: train from the start")
+    return state
+
+
+def append(out: Path, row: Mapping[str, Any]) -> None:
+    """Add a row to the curve."""
+    path, text = out / CURVE, io.StringIO(newline="")
+    writer = csv.DictWriter(text, row, lineterminator="\n")
+    if not path.exists():
+        writer.writeheader()
+    writer.writerow(row)
+    write_text(path, (path.read_text(encoding="utf-8") if path.exists() else "") + text.getvalue())
+
+
+def best(out: Path) -> float:
+    """Reward of the best policy when it was validated; minus infinity where there is none yet."""
+    if not (out / BEST).is_file():
+        return -np.inf
+    steps = policy.about(out / BEST)["steps"]
+    with (out / CURVE).open(encoding="utf-8", newline="") as file:
+        return max(float(row["reward"]) for row in csv.DictReader(file) if int(row["steps"]) == steps)
+
 
 # Intervals of wall time; a checkpoint takes a fraction of a second, a validation some seconds.
 CHECKPOINT_EVERY, VALIDATE_EVERY = 60.0, 60.0  # [s]
@@ -104,7 +163,7 @@ def new_model(algo: str, env: Any, chosen: dict[str, Any], seed: int, logs: str 
 
 def _checkpoint(out: Path) -> dict[str, Any]:
     """State of a run at its checkpoint, with its ``settings``; ValueError if something is missing."""
-    state, chosen = checkpoint.load(out), out / "settings.json"
+    state, chosen = load(out), out / "settings.json"
     if not chosen.is_file():
         raise ValueError(f"{out} holds a checkpoint but no settings.json, without which it cannot be resumed")
     read = json.loads(chosen.read_text(encoding="utf-8"))
@@ -201,7 +260,7 @@ class Training:
                         f"the checkpoint in {out} is of {key} {state[key]}, not {value}: resume with "
                         f"--{key} {state[key]}, or train in another directory"
                     )
-            self.seconds, self.best, self._trained = state["seconds"], checkpoint.best(out), state["steps"]
+            self.seconds, self.best, self._trained = state["seconds"], best(out), state["steps"]
         else:
             usable(out)
             if out.exists() and any(out.iterdir()):
@@ -255,7 +314,7 @@ class Training:
         caution = policy.guard_of({"settings": self.settings})
         monitored = VecMonitor(raw if caution is None else GuardedVecEnv(raw, caution))
         if self._resume:
-            kept = {key: self.out / checkpoint.FOLDER / self._files[key] for key in ("model", "scaling")}
+            kept = {key: self.out / FOLDER / self._files[key] for key in ("model", "scaling")}
             self._env = VecNormalize.load(str(kept["scaling"]), monitored)
             # Another seed, as the episodes and the noise of the first session would otherwise be drawn again.
             model = policy.algorithm(self.algo).load(
@@ -355,7 +414,7 @@ class Training:
     def checkpoint(self, model: Any, seconds: float) -> None:
         """Write what resuming needs."""
         state = {**self._identity, "steps": model.num_timesteps, "seconds": seconds}
-        checkpoint.save(self.out, state, model, self._env)
+        save(self.out, state, model, self._env)
 
     def validate(self, model: Any, seconds: float) -> None:
         """Evaluate the present policy on the validation seeds, and keep it if it is the best so far."""
@@ -379,9 +438,9 @@ class Training:
             "cost": float(found.cost.mean()),
         }
         row |= {name: float(values.mean()) for name, values in found.metrics.items()}
-        checkpoint.append(self.out, row)
+        append(self.out, row)
         if reward > self.best:
             self.best = reward
-            latest.replace(self.out / checkpoint.BEST)
+            latest.replace(self.out / BEST)
         else:
             latest.unlink()

@@ -1,17 +1,376 @@
 """Which friction law is more accurate, which runs in real time, and what the choice changes in the car.
 
-``common.friction_results`` computes everything as sweeps, ``common.friction_page`` says what the page shows.
+``common.friction_results`` computes everything as sweeps; the functions here say what the page shows of it.
 """
 
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
+from itertools import groupby
 from typing import Any
 
-from steer_env.experiments.pages import car_options, pages
+import numpy as np
+
+from steer_env import friction
+from steer_env.experiments.pages import car_options, friction_pictures, pages
 from steer_env.experiments.pages.options import progress
-from steer_env.experiments.studies.common.friction_page import as_json, page_of
-from steer_env.experiments.studies.common.friction_results import QUICK, collect, full
+from steer_env.experiments.pages.pages import Page
+from steer_env.experiments.pages.words import label, number, percent, within
+from steer_env.experiments.studies import real_time
+from steer_env.experiments.studies.common import friction_cases as cases
+from steer_env.experiments.studies.common import friction_records as records
+from steer_env.experiments.studies.common.battery import MATTERS
+from steer_env.experiments.studies.common.friction_cases import BASE_LAW, Effect
+from steer_env.experiments.studies.common.friction_distinction import TOLD, experiments
+from steer_env.experiments.studies.common.friction_results import QUICK, SAMPLE, SCHEME, Results, collect, full
 from steer_env.experiments.sweep import Runner, run
+from steer_env.friction.identification import periods
+from steer_env.recording.recording import DEGREE
 from steer_env.vehicle.cars import Car
+
+BOTH = ("weave", "slow-ramp")  # at 0.2 and at 0.02 Hz
+
+
+def page_of(r: Results) -> Page:
+    """The page."""
+    values = {
+        "r": r,
+        "base": BASE_LAW,
+        "others": [law for law in r.laws if law != BASE_LAW],
+        "matters": MATTERS,
+        "told": TOLD,
+        "usable": real_time.USABLE,
+        "a": accuracy(r),
+        "c": cost(r),
+        "laws": of_laws(r),
+        "factors": of_factors(r),
+        "apart": apart(r),
+        "speeds": speeds(r),
+        "loops": in_loop(r),
+        "confusion": confusion(r),
+    }
+    return Page("friction", values)
+
+
+def accuracy(r: Results) -> dict[str, Any]:
+    """Which law describes the measured record best."""
+    known = r.known()
+    of = {each.law: each for each in known}
+    leaders = [each for each in known if each is known[0] or each.law in known[0].alike]
+    ends = [percent(pick(each.error for each in leaders), 2) for pick in (min, max)]
+    seconds = r.record.dt * r.record.x.size
+    period = periods.period(r.record.motion) or r.record.x.size
+    x, F = r.record.x[-period:] / DEGREE, r.record.friction[-period:]
+    loops = {
+        each.law: (x, friction.response(each.parameters, r.record.x, r.record.dt)[-period:])
+        for each in known
+        if each.error < 0.5
+    }
+    rows = [
+        (each.law, percent(each.error, 3), f"{percent(each.low, 3)} to {percent(each.high, 3)}",
+         number(each.error / r.repeatability, 2), ", ".join(each.undetermined) or "–")
+        for each in known
+    ]  # fmt: skip
+    rows += [(each.law, *("–" * 4)) for each in r.judged if each.parameters is None]
+    return {
+        "known": known,
+        "leaders": leaders,
+        "leaders_span": list(dict.fromkeys(ends)),
+        "left": [each for each in known if each not in leaders],
+        "lugre": of.get("lugre"),
+        "masing": of.get("masing"),
+        "sure": next((each for each in known if not each.undetermined), None),
+        "undetermined": [each.law for each in known if each.undetermined],
+        "seconds": seconds,
+        "fitted": (1.0 - records.HELD_OUT) * seconds,
+        "picture": friction_pictures.record_loops((x, F), loops),
+        "rows": rows,
+        "remarks": [(each.law, "; ".join(each.remarks)) for each in r.judged if each.remarks],
+    }
+
+
+def cost(r: Results) -> dict[str, Any]:
+    """Cost and longest step of each law."""
+    at = {
+        law: next(row for row in rows if (row.scheme, row.step) == (SCHEME, SAMPLE)) for law, rows in r.tables.items()
+    }
+    base, whole = at[BASE_LAW].ns_per_step or math.nan, r.sample_ns[BASE_LAW]
+    ratio = {law: (row.ns_per_step or math.nan) / base for law, row in at.items()}
+    worst = {law: 1e-9 * (row.worst_step_ns or math.nan) / SAMPLE for law, row in at.items()}
+    dearest, slowest = (max(of, key=lambda law: of[law]) for of in (ratio, worst))
+    longest = {law: real_time.usable_step(rows, SCHEME) for law, rows in r.tables.items()}
+    explicit = {law: real_time.usable_step(rows, "explicit Euler") for law, rows in r.tables.items()}
+    rows = [
+        (law, number(ratio[law], 2), number(r.sample_ns[law] / whole, 3), percent(worst[law], 2),
+         percent(at[law].error, 2), _ms(longest[law]), _ms(explicit[law]))
+        for law in r.laws
+    ]  # fmt: skip
+    return {
+        "in_real_time": worst[slowest] < 0.1,
+        "ratio": ratio,
+        "worst": worst,
+        "longest_law": slowest,
+        "dearest": dearest,
+        "cheapest": min(ratio, key=lambda law: ratio[law]),
+        "whole_car": max(r.sample_ns.values()) / whole,
+        "longest": _by_step(longest),
+        "explicit": _by_step(explicit),
+        "rows": rows,
+    }
+
+
+def _ms(step: float | None) -> str:
+    return f"{1e3 * step:g} ms" if step else "none"
+
+
+def _by_step(of: Mapping[str, float | None]) -> list[tuple[float | None, list[str]]]:
+    """Laws by their longest step, the longest first."""
+    groups = groupby(sorted(of, key=lambda law: -(of[law] or 0.0)), key=lambda law: of[law])
+    return [(step, list(laws)) for step, laws in groups]
+
+
+def _summaries(of: Mapping[str, Sequence[Effect]]) -> dict[str, Any]:
+    return {name: cases.summary(effects) for name, effects in of.items()}
+
+
+def _outstanding(rows: Sequence[Effect]) -> list[Effect]:
+    """Every perceptible or large effect, the largest first."""
+    kept = (row for row in rows if row.noticed or row.found.matters)
+    return sorted(kept, key=lambda row: -abs(row.found.share))
+
+
+def of_laws(r: Results) -> dict[str, Any]:
+    """What the law alone changes in the battery."""
+    factors = cases.by_factor(r.effects)
+    levels = cases.by_level(factors[cases.LAW])
+    remembering = [row for law in r.remembers() for row in levels.get(law, [])]
+    measured = [row for row in factors.get(cases.MEASURED, []) if row.case.level in r.remembers()]
+    return {
+        "remembering": cases.summary(remembering),
+        "other": _summaries({law: rows for law, rows in levels.items() if law not in r.remembers()}),
+        "measured": cases.summary(measured) if measured else None,
+        "measured_laws": sorted({row.case.level for row in measured}),
+        "measured_base": measured[0].case.base.rpartition(" ")[2] if measured else "",
+        "levels": _summaries(levels),
+        "measured_levels": _summaries(cases.by_level(factors.get(cases.MEASURED, []))),
+        "effects": _outstanding(factors[cases.LAW]),
+    }
+
+
+def of_factors(r: Results) -> dict[str, Any]:
+    """What level, pre-sliding distance, damping, step, site and load change beside the law."""
+    factors = {
+        factor: rows
+        for factor, rows in cases.by_factor(r.effects).items()
+        if factor not in (cases.LAW, cases.MEASURED, cases.UNASSISTED)
+    }
+    of_law = f"{cases.LAW} (with pre-sliding)"
+    remembering = set(r.remembers())
+    compared = {
+        **factors,
+        of_law: [row for row in r.effects if row.case.factor == cases.LAW and row.case.level in remembering],
+    }
+    means = {factor: _mean_large(rows) for factor, rows in compared.items()}
+    ranked = dict(sorted(means.items(), key=lambda pair: -pair[1]))
+    order = list(ranked)
+    place = order.index(of_law)
+    every = {factor: cases.by_level(rows) for factor, rows in cases.by_factor(r.effects).items()}
+    shares = {
+        factor: {
+            level: [row.found.share for row in rows if row.found.real and math.isfinite(row.found.share)]
+            for level, rows in of.items()
+        }
+        for factor, of in every.items()
+    }
+    return {
+        "ranked": ranked,
+        "law": ranked[of_law],
+        "stronger": {factor: ranked[factor] for factor in order[:place]},
+        "weaker": order[place + 1 :],
+        "noticed": [factor for factor in order if cases.summary(compared[factor]).noticed],
+        "picture": friction_pictures.strips(shares, MATTERS),
+        "levels": _summaries(
+            {f"{factor}: {level}": of for factor, rows in factors.items() for level, of in cases.by_level(rows).items()}
+        ),
+        "effects": _outstanding([row for rows in factors.values() for row in rows]),
+    }
+
+
+def _mean_large(rows: Sequence[Effect]) -> float:
+    """Share of the compared metrics above ``MATTERS``, mean over the cases [1]."""
+    found = [cases.summary(of) for of in cases.by_level(rows).values()]
+    return float(np.mean([s.large / s.compared for s in found if s.compared])) if found else 0.0
+
+
+def apart(r: Results) -> dict[str, Any]:
+    """Where laws can be told apart with one calibration."""
+    remembering = r.remembers()
+    told = {name: [law for law in remembering if of[law] > TOLD] for name, of in r.apart.items()}
+    of_name = experiments()
+    groups: dict[tuple[str, ...], list[str]] = {}
+    for law in remembering:
+        where = tuple(of_name[name].short for name, laws in told.items() if law in laws)
+        groups.setdefault(where, []).append(law)
+    free = [row for row in r.effects if row.case.factor == cases.LAW and row.test in ("release", "returnability")]
+    columns = [law for law in r.laws if law != BASE_LAW]
+    rows = [(of_name[name].title, *(percent(of[law], 2) for law in columns)) for name, of in r.apart.items()]
+    ripples = {(each.law, each.calibration): 1e3 * each.ripple for each in r.held}
+    rows += [
+        (f"ripple of a held torque, {title} [mN m]", *(number(ripples[law, title], 2) for law in columns))
+        for title in dict.fromkeys(each.calibration for each in r.held)
+    ]
+    return {
+        "where": {of_name[name].title: laws for name, laws in told.items() if laws},
+        "alike": [of_name[name].title for name, laws in told.items() if not laws],
+        "groups": list(groups.items()),
+        "shaking": sorted({each.law for each in r.held if each.lasting > 0.9 and each.ripple > 1e-3}),
+        "free": cases.summary([row for row in free if row.case.level in remembering]),
+        "rows": rows,
+    }
+
+
+def speeds(r: Results) -> dict[str, Any]:
+    """0.2 against 0.02 Hz."""
+    remembering = set(r.remembers())
+    shares: dict[str, dict[str, dict[str, float]]] = {}
+    for row in r.effects:
+        factor, level = row.case.factor, row.case.level
+        counts_here = factor == cases.LEVEL or (factor == cases.LAW and level in remembering)
+        if row.test in BOTH and row.found.real and counts_here:
+            of = shares.setdefault(row.metric, {}).setdefault(row.test, {})
+            of[factor] = max(of.get(factor, 0.0), abs(row.found.share))
+    common = {metric: of for metric, of in shares.items() if set(of) == set(BOTH)}
+    rows = []
+    for metric, both in common.items():
+        cells = [both[test].get(factor, 0.0) for test in BOTH for factor in (cases.LAW, cases.LEVEL)]
+        rows.append((label(metric), *(percent(cell, 2) for cell in cells)))
+    fast, slow = (max((both[test].get(cases.LAW, 0.0) for both in common.values()), default=0.0) for test in BOTH)
+    return {"fast": fast, "slow": slow, "rows": rows}
+
+
+def in_loop(r: Results) -> dict[str, Any]:
+    """Driver and assist in the loop."""
+    remembering = r.remembers()
+    every = [row for row in r.effects if row.case.factor == cases.UNASSISTED]
+    assisted = [row for row in r.effects if row.case.factor == cases.LAW and row.case.level in remembering]
+    rows, shares = _with_driver(r)
+    large = sorted((key for key, share in shares.items() if share > MATTERS), key=lambda key: -shares[key])
+    most: dict[str, float] = {}
+    for key in large:
+        most.setdefault(key[1], shares[key])  # the largest first
+    return {
+        "bare": cases.summary([row for row in every if row.case.level in remembering]),
+        "assisted": cases.summary(assisted),
+        "levels": _summaries(cases.by_level(every)),
+        "large": len(large),
+        "comparisons": len(remembering) * len(rows),
+        "most": most,
+        "columns": [f"{law} less {BASE_LAW}" for law in r.laws if law != BASE_LAW],
+        "rows": rows,
+    }
+
+
+def _with_driver(r: Results) -> tuple[list[tuple[str, ...]], dict[tuple[str, str, str], float]]:
+    """Rows of the table, and the real differences of laws with pre-sliding by task, metric and law, as shares [1]."""
+    rows, shares = [], {}
+    for task in dict.fromkeys(each.task for each in r.driven):
+        mine = {each.law: each.metrics for each in r.driven if each.task == task}
+        for metric, base in mine[BASE_LAW].items():
+            scale, cells = abs(float(np.mean(base))), []
+            for law in r.laws:
+                if law == BASE_LAW:
+                    continue
+                gap, half = cases.paired(mine[law][metric], base)
+                cells.append(within(gap, half))
+                if law in r.remembers() and not abs(gap) <= half and scale > 0.0:
+                    shares[task, metric, law] = abs(gap) / scale
+            rows.append((task.removeprefix("steer_env/"), label(metric), number(float(np.mean(base))), *cells))
+    return rows, shares
+
+
+def confusion(r: Results) -> list[dict[str, Any]]:
+    """Which law is taken for which on synthetic records, by kind of record and noise."""
+    found = []
+    for record in r.scope.records:
+        for noise in r.scope.noises:
+            table = records.shares(r.confusion, record, noise)
+            laws = list(table)
+            taken = {truth: [law for law in laws if law != truth and table[truth][law] > 0.5] for truth in laws}
+            found.append(
+                {
+                    "record": record,
+                    "noise": noise,
+                    "table": table,
+                    "rows": [(truth, *(percent(of[law], 2) for law in laws)) for truth, of in table.items()],
+                    "folded": noise != r.scope.noises[0],
+                    "taken": {truth: others for truth, others in taken.items() if others},
+                    "others": float(np.mean([sum(of.values()) - of[truth] for truth, of in table.items()])),
+                    "own": float(np.mean([table[truth][truth] for truth in laws])),
+                }
+            )
+    return found
+
+
+def as_json(r: Results) -> dict[str, Any]:
+    """The numbers of the study; null for what is not finite."""
+
+    def finite(x: float | None) -> float | None:
+        return x if x is not None and math.isfinite(x) else None
+
+    effects = [
+        {
+            "factor": row.case.factor, "level": row.case.level, "test": row.test, "metric": row.metric,
+            "base": finite(row.base.value), "unit": row.base.unit, "difference": finite(row.found.value),
+            "half_width": finite(row.found.half_width), "share": finite(row.found.share), "real": row.found.real,
+            "perception": row.found.perception.verdict, "perception_sure": row.found.perception.sure,
+        }
+        for row in r.effects
+        if math.isfinite(row.found.value)
+    ]  # fmt: skip
+    judged = {
+        each.law: {
+            **{name: finite(getattr(each, name)) for name in ("error", "low", "high")},
+            "parameters": None if each.parameters is None else friction.law.as_mapping(each.parameters),
+            "undetermined": list(each.undetermined),
+            "remarks": list(each.remarks),
+            "alike": list(each.alike),
+        }
+        for each in r.judged
+    }
+    confused = [{**each._asdict(), "errors": {k: finite(v) for k, v in each.errors.items()}} for each in r.confusion]
+    rows = {law: [row._asdict() for row in of] for law, of in r.tables.items()}
+    untimed = {
+        law: [
+            {
+                k: finite(v) if isinstance(v, float) else v
+                for k, v in row.items()
+                if not k.endswith(("step_ns", "per_step"))
+            }
+            for row in of
+        ]
+        for law, of in rows.items()
+    }
+    times = {
+        law: [
+            {k: row[k] for k in ("scheme", "step", "ns_per_step", "worst_step_ns")} for row in of if row["ns_per_step"]
+        ]
+        for law, of in rows.items()
+    }
+    return {
+        "record": {
+            "laws": judged,
+            "repeatability": r.repeatability,
+            "held_out": records.HELD_OUT,
+            "notes": list(r.record.notes),
+        },
+        "steps": untimed,
+        "effects": effects,
+        "apart": r.apart,
+        "held_torque": [each._asdict() for each in r.held],
+        "driver": [each._asdict() for each in r.driven],
+        "confusion": confused,
+        "real_time": {"columns": times, "whole_car_ns": r.sample_ns},
+    }
+
 
 NAME = "friction"
 

@@ -27,7 +27,7 @@ from steer_env.recording.units import parse_unit
 
 COMPRESSED = ".csv.gz"  # end of the name of a file that gzip has made smaller, which is read only
 LONGEST_PREAMBLE = 50  # lines of a file among which its header is
-APPENDED = "appended"  # key of the meta of a file that grew while it was recorded, see `steer_env.recording.appended`
+APPENDED = "appended"  # key of the meta of a file that grew while it was recorded, see `steer_env.live.drive.log`
 _BLOCK = 10_000  # rows that are converted to text at a time, which limits the memory
 
 

@@ -9,7 +9,7 @@ import pytest
 from steer_env import manoeuvres, metrics, targets
 from steer_env import recording as recordings
 from steer_env.experiments.cli.main import main
-from steer_env.experiments.reports import assessment, verdict
+from steer_env.experiments.reports import assessment
 from steer_env.experiments.studies.common import simulation_vs_measurement
 from steer_env.metrics import Value
 from steer_env.recording.recording import Recording
@@ -262,14 +262,14 @@ def test_a_simulation_that_does_not_agree_is_told_first(weaves, tmp_path):
     strong = Recording(clean.time, {**clean.channels, **torque}, clean.units, clean.meta)
     both = {"car": clean, "model": strong}
     found = assessment.assess(both, allowed=simulation_vs_measurement.tolerances())
-    said = verdict.verdict(found)
+    said = assessment.verdict(found)
     assert said.startswith("No: model does not agree with car within the tolerances: in 2 of 3 cross plots")
     assert re.search(r"fewest \([\d.]+\s%, up to [\d.]+ tolerances away\) in handwheel torque over", said)
     assert "lateral acceleration over handwheel angle" not in said
     assert assessment.as_json(found)["verdict"] == said
     rated = assessment.assess({"car": clean}, wanted=targets.load("compact"))
-    assert verdict.verdict(rated).startswith("Of 15 rated metrics of car, ")
-    assert verdict.verdict(assessment.assess({"car": clean})) == ""
+    assert assessment.verdict(rated).startswith("Of 15 rated metrics of car, ")
+    assert assessment.verdict(assessment.assess({"car": clean})) == ""
 
 
 def test_large_is_what_the_report_calls_large(weaves):

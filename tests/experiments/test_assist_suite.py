@@ -13,7 +13,7 @@ import pytest
 from steer_env import assists
 from steer_env.assists.common.definition import BASELINES, Baseline
 from steer_env.experiments.cli.main import main
-from steer_env.experiments.learning import assist_drives, assist_suite, held_out, policy, training, tuned_assists
+from steer_env.experiments.learning import assist_drives, assist_suite, controllers, held_out, policy, training
 from steer_env.vehicle import cars
 from steer_env.vehicle.analysis import free_control
 from steer_env.vehicle.plant import CHANNEL
@@ -179,13 +179,13 @@ def test_the_search_drives_the_conditions_of_the_training(monkeypatch):
 def test_tuned_options_reach_the_evaluations(tmp_path):
     path = tmp_path / "assists.json"
     found = assist_tuning.Tuned({"gain": 1.5}, 2.0, 1.0, 3, 0)
-    tuned_assists.keep(WEAVE, {"damping": assist_tuning.as_json(found, 4)}, path)
-    tuned_assists.keep("steer_env/AssistRelease-v1", {"boost": assist_tuning.as_json(found, 4)}, path)
-    assert tuned_assists.options(WEAVE, path) == {"damping": {"gain": 1.5}}
-    assert tuned_assists.options("steer_env/AssistParking-v1", path) == {}
+    controllers.keep(WEAVE, {"damping": assist_tuning.as_json(found, 4)}, path)
+    controllers.keep("steer_env/AssistRelease-v1", {"boost": assist_tuning.as_json(found, 4)}, path)
+    assert controllers.options(WEAVE, path) == {"damping": {"gain": 1.5}}
+    assert controllers.options("steer_env/AssistParking-v1", path) == {}
     env = gym.make(WEAVE)
-    assert tuned_assists.makers(WEAVE, path)["damping"](env).gain == 1.5
-    assert tuned_assists.makers(WEAVE, path)["lqg"](env).effort == assists.make("lqg", env).effort
+    assert controllers.makers(WEAVE, path)["damping"](env).gain == 1.5
+    assert controllers.makers(WEAVE, path)["lqg"](env).effort == assists.make("lqg", env).effort
 
 
 def test_every_range_takes_the_default():

@@ -9,10 +9,11 @@ import pytest
 from steer_env import friction, manoeuvres
 from steer_env.experiments.cli.main import main
 from steer_env.experiments.pages import traces
+from steer_env.experiments.studies import friction as friction_study
 from steer_env.experiments.studies.common import friction_cases as cases
 from steer_env.experiments.studies.common import friction_distinction as distinction
-from steer_env.experiments.studies.common import friction_page, friction_results
 from steer_env.experiments.studies.common import friction_records as records
+from steer_env.experiments.studies.common import friction_results
 from steer_env.experiments.studies.common.friction_results import Scope
 from steer_env.experiments.studies.common.scaling import powers, scaled
 from steer_env.experiments.studies.real_time import Row
@@ -195,43 +196,43 @@ def results(every):
 
 
 def test_the_page_says_what_the_numbers_are(results):
-    accuracy = friction_page.accuracy(results)
+    accuracy = friction_study.accuracy(results)
     assert [each.law for each in accuracy["leaders"]] == ["dahl"]
     assert accuracy["leaders"][0].error == pytest.approx(0.05, rel=0.2)
     assert accuracy["sure"].law == "dahl"  # the best law is determined
-    cost = friction_page.cost(results)
+    cost = friction_study.cost(results)
     assert cost["in_real_time"]
     assert [step for step, _ in cost["explicit"]] == [None]
-    laws = friction_page.of_laws(results)["remembering"]
+    laws = friction_study.of_laws(results)["remembering"]
     assert (laws.large, laws.compared) == (0, 2)
-    factors = friction_page.of_factors(results)
+    factors = friction_study.of_factors(results)
     assert factors["stronger"][cases.LEVEL] == 1.0
     assert factors["noticed"] == [cases.LEVEL]
-    assert not friction_page.apart(results)["shaking"]
-    loop = friction_page.in_loop(results)
+    assert not friction_study.apart(results)["shaking"]
+    loop = friction_study.in_loop(results)
     assert (loop["large"], loop["comparisons"]) == (0, 1)
-    assert not any(each["taken"] for each in friction_page.confusion(results))
+    assert not any(each["taken"] for each in friction_study.confusion(results))
 
 
 def test_other_numbers_are_said_otherwise(results):
     slow = {law: [row._replace(worst_step_ns=5e5) for row in rows] for law, rows in results.tables.items()}
-    assert not friction_page.cost(results._replace(tables=slow))["in_real_time"]
+    assert not friction_study.cost(results._replace(tables=slow))["in_real_time"]
     first, second, third = results.judged
     turned = results._replace(judged=[second._replace(error=0.02, high=0.03), first, third])
-    accuracy = friction_page.accuracy(turned)
+    accuracy = friction_study.accuracy(turned)
     assert [each.law for each in accuracy["leaders"]] == ["lugre"]
     assert accuracy["undetermined"] == ["lugre"]
     assert accuracy["sure"].law == "dahl"
     loud = [each._replace(ripple=0.05, lasting=1.0) for each in results.held if each.law == "dahl"]
     others = [each for each in results.held if each.law != "dahl"]
-    assert friction_page.apart(results._replace(held=loud + others))["shaking"] == ["dahl"]
+    assert friction_study.apart(results._replace(held=loud + others))["shaking"] == ["dahl"]
     taken = [each._replace(remain=LAWS) for each in results.confusion]
-    found, *_ = friction_page.confusion(results._replace(confusion=taken))
+    found, *_ = friction_study.confusion(results._replace(confusion=taken))
     assert found["taken"]["dahl"] == ["lugre", "coulomb"]
 
 
 def test_the_page_quotes_every_section(results):
-    page = friction_page.page_of(results)
+    page = friction_study.page_of(results)
     assert len(page.verdict) == 8
     assert len(page.timing) == 1
     assert all(sentence.endswith(".") for sentence in [*page.verdict, *page.timing])

@@ -33,7 +33,7 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> None:
     """Search, print and keep what was found."""
-    from steer_env.experiments.learning import assist_suite, policy_report, training, tuned_assists
+    from steer_env.experiments.learning import assist_suite, controllers, policy_report, training
     from steer_env.experiments.pages.options import progress
 
     for env_id in args.env:
@@ -54,9 +54,9 @@ def run(args: argparse.Namespace) -> None:
     for env_id in args.env:
         found = {search.name: result for search, result in zip(searches, results) if search.env_id == env_id}
         if args.out:
-            path = tuned_assists.FILE if str(args.out) == SHIPPED else args.out
+            path = controllers.FILE if str(args.out) == SHIPPED else args.out
             entries = {name: assist_tuning.as_json(result, args.episodes) for name, result in found.items()}
-            tuned_assists.keep(env_id, entries, path)
+            controllers.keep(env_id, entries, path)
         drawn = policy_report.conditions(training.conditions(env_id))
         words = ", ".join(f"{name} {value}" for name, value in drawn.items()) or "nothing"
         _print_tuned(found, f"{env_id}: {args.episodes} episodes for each candidate, drawn as in the training: {words}")

@@ -4,7 +4,7 @@ A candidate counts only if it passes the suite for assists (:mod:`steer_env.expe
 search starts with the defaults, then tries a Latin hypercube over the declared ranges (``Baseline.tuned``), then draws
 around the best, ever closer. Its budget is the number of candidates times the episodes that each drives, on seeds apart
 from those of training and evaluation, under the conditions that the training of the id's policies draws. What it finds
-is kept by :mod:`steer_env.experiments.learning.tuned_assists`, from which evaluations take the baselines.
+is kept by :mod:`steer_env.experiments.learning.controllers`, from which evaluations take the baselines.
 """
 
 import math

@@ -1,6 +1,5 @@
-from .coupled import Coupled, Coupling, opened
+from .coupled import Coupled, Coupling, OwnProcess, opened
 from .fmu_vehicle import FmuVehicle
-from .own_process import OwnProcess
 from .udp_vehicle import UdpVehicle
 from .vehicle import CouplingError, Vehicle
 

@@ -9,12 +9,11 @@ import pytest
 
 from steer_env import manoeuvres, metrics
 from steer_env.live.drive.hands import car_configuration
-from steer_env.live.drive.log import Column, Log, columns_of, new_file
+from steer_env.live.drive.log import Appended, Column, Log, columns_of, new_file
 from steer_env.live.real_time import CarConfigurations, Limits, Mailboxes, RealTime
 from steer_env.live.real_time.angle_filter import BANDWIDTH
 from steer_env.live.real_time.loop import PERIOD, tick
 from steer_env.recording import files
-from steer_env.recording.appended import Appended
 from steer_env.vehicle import cars
 
 CHANNELS = [("handwheel_angle", "rad"), ("handwheel_torque", "N m"), ("chosen_set", "1")]
