@@ -3,11 +3,12 @@
 A study begins with the starting point and a Latin hypercube; then a sampler of Optuna chooses. It goes in rounds: where
 the best set of a round lies on a limit of a range, the next round has a wider one and takes all sets with it.
 
-One of the samplers models response surfaces of every metric and constraint. A distance from a band has no slope inside the band and jumps from one condition to another, but the metrics themselves
-are smooth in the parameters. So radial basis functions are fitted to the place of every metric in its band in every
-condition and to every constraint, and the next set is the best one of the model within a distance of the best set so
-far. The distances take turns, from coarse to fine, as in the stochastic method of Regis and Shoemaker, A stochastic
-radial basis function method for the global optimization of expensive functions, INFORMS Journal on Computing 19 (2007).
+One of the samplers models response surfaces of every metric and constraint. A distance from a band has no slope inside
+the band and jumps from one condition to another, but the metrics themselves are smooth in the parameters. So radial
+basis functions are fitted to the place of every metric in its band in every condition and to every constraint, and the
+next set is the best one of the model within a distance of the best set so far. The distances take turns, from coarse to
+fine, as in the stochastic method of Regis and Shoemaker, A stochastic radial basis function method for the global
+optimization of expensive functions, INFORMS Journal on Computing 19 (2007).
 """
 
 import math

@@ -8,7 +8,7 @@ import pytest
 
 from steer_env import manoeuvres, metrics
 from steer_env.metrics.common import definitions
-from steer_env.metrics.common.definitions import EVALUATIONS
+from steer_env.metrics.common.registry import EVALUATIONS
 from steer_env.recording.recording import DEGREE, Recording
 from steer_env.vehicle import cars
 from tests.synthetic.loops import AY_PEAK, linear_car, linear_car_answers, rough_car, rough_car_answers
