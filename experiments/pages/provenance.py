@@ -21,7 +21,7 @@ import steer_env
 from steer_env import experiments, friction, vehicle
 from steer_env.friction import defaults
 from steer_env.friction.law import law_of
-from steer_env.vehicle.cars import Car, key_meanings
+from steer_env.vehicle.cars import Car, declared_keys
 from steer_env.vehicle.steering.assist import functions
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
 
@@ -183,7 +183,7 @@ def law(p: Any) -> dict[str, Any]:
 
 def car(c: Car) -> dict[str, Any]:
     """Source, assumptions and parameters of a car, SI."""
-    keys, own = key_meanings()["assist"], functions.keys(c.assist.functions, SAMPLE_TIME)
+    keys, own = declared_keys()["assist"], functions.keys(c.assist.functions, SAMPLE_TIME)
     assist = {name: about for name, about in parameters(c.assist).items() if name != "functions"}
     for name, value in own.items():
         assist[name] = {"value": _plain(value), "meaning": f"{keys[name].meaning} [{keys[name].unit}]"}
@@ -200,7 +200,7 @@ def car(c: Car) -> dict[str, Any]:
 
 
 def _with_units(section: str, values: dict[str, float]) -> dict[str, dict[str, Any]]:
-    keys = key_meanings()[section]
+    keys = declared_keys()[section]
     return {name: {"value": value, "unit": keys[name].unit} for name, value in values.items()}
 
 

@@ -143,7 +143,7 @@ def page_of(car: Car, found: list[Quantity], simulated: Simulated) -> Page:
     values = {
         "car": car,
         "data": car.data(),
-        "keys": cars.key_meanings(),
+        "keys": cars.declared_keys(),
         "groups": {group: list(members) for group, members in groupby(found, key=lambda q: q.group)},
         "outside": outside(found),
         "strip": strip,

@@ -239,7 +239,7 @@ def test_a_new_car_file_explains_every_key_and_is_the_base_car(base, tmp_path, m
     assert capsys.readouterr().out == "mine.toml\n"
     assert cars.load("mine.toml").data() == {**cars.load(base).data(), "name": "mine"}
     lines = (tmp_path / "mine.toml").read_text().splitlines()
-    for section, keys in cars.key_meanings().items():
+    for section, keys in cars.declared_keys().items():
         for key, about in keys.items():
             above = lines[
                 next(k for k in range(lines.index(f"[{section}]"), len(lines)) if lines[k].startswith(f"{key} =")) - 1

@@ -1,8 +1,9 @@
 """Cars: a data file each, checked key by key, which makes the parameters of the plant."""
 
 from steer_env.vehicle.cars.car import SPEEDS, Car
-from steer_env.vehicle.cars.contents import key_meanings, write
+from steer_env.vehicle.cars.contents import write
 from steer_env.vehicle.cars.files import available, every_key, from_data, load
+from steer_env.vehicle.cars.keys import declared_keys
 from steer_env.vehicle.cars.plausible import UnusualCar
 from steer_env.vehicle.chassis.common.interface import SPEED_MAX, SPEED_MIN
 
@@ -13,9 +14,9 @@ __all__ = [
     "Car",
     "UnusualCar",
     "available",
+    "declared_keys",
     "every_key",
     "from_data",
-    "key_meanings",
     "load",
     "write",
 ]

@@ -3,22 +3,19 @@
 import json
 import os
 from collections.abc import Mapping
-from functools import lru_cache
 from inspect import signature
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from steer_env.friction.numerics import toml
 from steer_env.vehicle import tyre
-from steer_env.vehicle.cars.keys import CONSTRUCTORS, TEXTS
+from steer_env.vehicle.cars.keys import CONSTRUCTORS, TEXTS, declared_keys
 from steer_env.vehicle.suspension.macpherson import MacPherson
 
 if TYPE_CHECKING:
     from steer_env.vehicle.cars.car import Car
 
-KEYS = Path(__file__).parents[1] / "data" / "cars" / "keys.toml"
 _HEADINGS = {
     "": "A car file of steer-env: every key with its meaning, unit and range. Units are SI, left is positive.\n"
     'What is left out of a section with defaults takes them; with base = "compact" a file takes all that it leaves\n'
@@ -143,26 +140,11 @@ def _toml(contents: Mapping[str, Any], comments: Mapping[str, str], section: str
     return "\n".join([*lines, "", *tables])
 
 
-class Key(NamedTuple):
-    """What a key of a car file means."""
-
-    meaning: str
-    unit: str
-    allowed: str
-
-
-@lru_cache
-def key_meanings() -> dict[str, dict[str, Key]]:
-    """Section -> key -> meaning, unit and allowed values."""
-    sections = toml.loads(KEYS.read_text(encoding="utf-8"))
-    return {section: {key: Key(**about) for key, about in keys.items()} for section, keys in sections.items()}
-
-
 def explained() -> dict[str, str]:
     """A comment for the file, for each section and for each key, in the form that a written file takes."""
     keys = {
         f"{section}.{key}": f"{about.meaning}{f' [{about.unit}]' if about.unit else ''}; {about.allowed}"
-        for section, each in key_meanings().items()
+        for section, each in declared_keys().items()
         for key, about in each.items()
     }
     return {**_HEADINGS, **keys}

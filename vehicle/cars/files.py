@@ -19,13 +19,8 @@ from steer_env.vehicle import tyre
 from steer_env.vehicle.cars import contradictions, plausible
 from steer_env.vehicle.cars.car import Car
 from steer_env.vehicle.cars.keys import (
-    CHASSIS,
-    CHASSIS_DEFAULTS,
     CONSTRUCTORS,
     SECTIONS,
-    SIZE,
-    STEERING,
-    STEERING_DEFAULTS,
     TABLES,
     TEXTS,
     numbers,
@@ -61,8 +56,8 @@ def from_data(data: dict[str, Any]) -> Car:
 def _checked(data: dict[str, Any]) -> Car:
     require("car", data, SECTIONS)
     _require_text(data)
-    chassis = numbers("chassis", data["chassis"], CHASSIS, SIZE, CHASSIS_DEFAULTS)
-    steering = numbers("steering", data["steering"], STEERING, (), STEERING_DEFAULTS)
+    chassis = numbers("chassis", data["chassis"])
+    steering = numbers("steering", data["steering"])
     assumed = {*data, *chassis, *steering}
     for key in data["assumed"]:
         if key not in assumed:

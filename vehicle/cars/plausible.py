@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from steer_env.vehicle import chassis as chassis_models
 from steer_env.vehicle import tyre
+from steer_env.vehicle.cars.keys import JUDGEMENT, declared_keys
 from steer_env.vehicle.constants import GRAVITY
 from steer_env.vehicle.steering import stability
 from steer_env.vehicle.steering.assist.functions import Functions
@@ -22,11 +23,10 @@ from steer_env.vehicle.steering.assist.functions import Functions
 if TYPE_CHECKING:
     from steer_env.vehicle.cars.car import Car
 
-JUDGEMENT = "engineering judgement"
 GILLESPIE = "Gillespie 1992, chapter 5, widened"
 MILLIKEN = "Milliken and Milliken 1995, chapter 16, widened"
 PUBLISHED = "published single-track sets, widened"
-SETS = "published column and steering sets, widened"
+SETS = "published column and steering sets, widened"  # of a derived quantity
 
 
 class UnusualCar(UserWarning):
@@ -125,14 +125,16 @@ def _functions_to_the_limit(car: "Car") -> float:
     return stability.functions_to_the_limit(car.column, car.assist)
 
 
-def _of(section: str, key: str, unit: str, low: float, high: float, source: str = JUDGEMENT) -> Quantity:
-    """A number of a car file as it is."""
+def _of(section: str, key: str) -> Quantity:
+    """A number of a car file as it is; ``keys.toml`` declares what is usual."""
 
     def value(car: "Car") -> float:
         values = getattr(car, section)
         return float(values[key] if isinstance(values, dict) else getattr(values, key))
 
-    return Quantity(f"{section}.{key}", "", unit, value, low, high, source)
+    about = declared_keys()[section][key]
+    assert about.usual is not None
+    return Quantity(f"{section}.{key}", "", about.unit, value, *about.usual, about.source)
 
 
 def _axle(axle: str) -> list[Quantity]:
@@ -146,16 +148,16 @@ def _axle(axle: str) -> list[Quantity]:
             f"{axle} damping ratio", f"{damper}, {spring}, {masses}", "1", _damping_ratio(axle), 0.1, 0.7, GILLESPIE
         ),
         Quantity(stiffness, f"tyre, {factor}, {axles}", "1/rad", _stiffness_over_load(axle), 8.0, 30.0),
-        _of("chassis", factor, "1", 0.8, 1.7),
-        _of("chassis", f"{axle}_track", "m", 1.2, 1.8),
-        _of("chassis", f"{axle}_bump_clearance", "m", 0.03, 0.12),
+        _of("chassis", factor),
+        _of("chassis", f"{axle}_track"),
+        _of("chassis", f"{axle}_bump_clearance"),
     ]
 
 
 _AXLES = "front_axle, rear_axle"
 _ROLL = "front_spring, rear_spring, front_anti_roll, rear_anti_roll, sprung_mass, sprung_height"
-USUAL: tuple[Quantity, ...] = (
-    _of("chassis", "mass", "kg", 600.0, 3500.0),
+_PLACED: tuple[Quantity, ...] = (
+    _of("chassis", "mass"),
     Quantity("wheelbase", _AXLES, "m", _wheelbase, 1.8, 3.8),
     Quantity("share of the weight on the front axle", _AXLES, "1", _front_share, 0.35, 0.65),
     Quantity("share of the unsprung masses", "sprung_mass, mass", "1", _unsprung_share, 0.05, 0.20),
@@ -163,27 +165,27 @@ USUAL: tuple[Quantity, ...] = (
         "dynamic index k^2/(a b) of yaw", f"yaw_inertia, mass, {_AXLES}", "1", _dynamic_index, 0.65, 1.2, PUBLISHED
     ),
     Quantity("roll gradient", _ROLL, "deg/g", _roll_gradient, 1.5, 10.0, MILLIKEN),
-    _of("chassis", "sprung_height", "m", 0.4, 1.0),
-    _of("chassis", "rear_roll_centre", "m", 0.0, 0.4),
+    _of("chassis", "sprung_height"),
+    _of("chassis", "rear_roll_centre"),
     *_axle("front"),
     *_axle("rear"),
-    _of("chassis", "rear_bump_steer", "rad/m", -0.3, 0.3),
-    _of("chassis", "rear_camber_gain", "rad/m", -0.3, 1.2),
-    _of("chassis", "rear_lateral_compliance", "rad/N", -6e-6, 6e-6),
-    _of("chassis", "drag_area", "m2", 0.3, 2.0),
+    _of("chassis", "rear_bump_steer"),
+    _of("chassis", "rear_camber_gain"),
+    _of("chassis", "rear_lateral_compliance"),
+    _of("chassis", "drag_area"),
     Quantity("static deflection of the more loaded tyres", "tyre, mass", "m", _deflection, 0.008, 0.04),
     Quantity("radius of the tyre over the height of the wheel centre", "tyre, strut", "1", _radius_ratio, 1.02, 1.12),
     Quantity("steering ratio", "pinion_radius, strut", "1", lambda car: car.steering_ratio(), 10.0, 25.0, SETS),
-    _of("steering", "pinion_radius", "m", 0.005, 0.012, SETS),
-    _of("steering", "rack_limit", "m", 0.05, 0.075, SETS),
-    _of("steering", "compliance", "N m/rad", 3e3, 100e3),
-    _of("steering", "friction_load", "1", 0.0, 0.1),
-    _of("column", "I1", "kg m2", 0.02, 0.08, SETS),
-    _of("column", "I2", "kg m2", 0.005, 0.15, SETS),
-    _of("column", "K_tb", "N m/rad", 50.0, 300.0, SETS),
-    _of("column", "C_tb", "N m s/rad", 0.0, 1.0, SETS),
-    _of("column", "C1", "N m s/rad", 0.0, 0.5, SETS),
-    _of("column", "C2", "N m s/rad", 0.0, 3.0, SETS),
+    _of("steering", "pinion_radius"),
+    _of("steering", "rack_limit"),
+    _of("steering", "compliance"),
+    _of("steering", "friction_load"),
+    _of("column", "I1"),
+    _of("column", "I2"),
+    _of("column", "K_tb"),
+    _of("column", "C_tb"),
+    _of("column", "C1"),
+    _of("column", "C2"),
     Quantity(
         *("inertia compensation over the inertia below the torsion bar", "inertia_compensation, I2", "1"),
         *(_compensated_inertia, 0.0, 0.5),
@@ -195,6 +197,16 @@ USUAL: tuple[Quantity, ...] = (
     Quantity("greatest boost over the limit of the motor", "boost, limit", "1", _boost_share, 0.0, 1.0),
     Quantity("deceleration with the full pedal", "brakes, mass", "g", _braking, 0.8, 1.6),
 )
+
+
+def _others() -> list[Quantity]:
+    """The declared ranges of keys that have no place of their own above."""
+    placed = {q.name for q in _PLACED}
+    keys = [(section, name) for section, of in declared_keys().items() for name, key in of.items() if key.usual]
+    return [_of(*key) for key in keys if ".".join(key) not in placed]
+
+
+USUAL = (*_PLACED, *_others())
 
 
 def unusual(car: "Car") -> list[str]:
