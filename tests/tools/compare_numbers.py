@@ -1,15 +1,21 @@
 """Whether two commits give the same numbers, to the bit.
 
-``python compare_numbers.py record OUT.npz`` drives a fixed rollout of every environment id and stores what it gave.
+``python compare_numbers.py record OUT.npz`` stores what a checkout computes: a fixed rollout of every environment id,
+with nominal and with drawn conditions, alone and as a vector environment that resets its sub-environments; channels and
+metrics of every manoeuvre; and the outputs of exported FMUs.
 ``python compare_numbers.py compare OLD.npz NEW.npz`` compares two such files; with ``--reports OLD.json NEW.json`` it
 also compares the ``metrics.json`` of two reports, except times. Run ``record`` in a checkout of each commit with that
-commit's packages installed: the script needs only gymnasium and ``steer_env``. The exit code is 1 if any number
+commit's packages installed: the script needs only gymnasium, ``steer_env`` and fmpy. The exit code is 1 if any number
 differs. CONTRIBUTING.md says when to run it.
 """
 
 import argparse
+import importlib
+import inspect
 import json
+import shutil
 import sys
+import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -20,6 +26,21 @@ import numpy as np
 STEPS = 400  # control steps of each rollout
 TUNING_STEPS = 2
 VARIANTS = ({"friction": "lugre"}, {"friction": "masing"}, {"friction": "coulomb", "chassis": "two_track"})
+DRAWS = {
+    "load": (0.0, 200.0),
+    "road_friction": (0.8, 1.0),
+    "friction_level": (0.7, 1.3),
+    "sensor_noise": (0.5, 1.0),
+    "delay": (0.0, 0.05),
+    "action_gain": (0.8, 1.2),
+    "action_lag": (0.0, 0.05),
+    "friction": {"F_c": (0.6, 1.2)},
+}  # of the conditions of every episode
+SUB_ENVIRONMENTS = 3
+EPISODE_STEPS = 90  # control steps after which the drawn episodes end, so that several of them are compared
+LAWS = ("lugre", "masing")  # of the manoeuvres
+FMUS = (("car", "lugre", 2), ("steering", "masing", 3))  # subsystem, law and version of FMI of the exported FMUs
+FMU_SECONDS = 2.0
 
 # Names in a report's metrics.json that changed: old -> new. Values must not.
 RENAMED: dict[str, str] = {
@@ -30,12 +51,22 @@ RENAMED: dict[str, str] = {
 NOT_RESULTS = ("real_time", "provenance")
 
 
+def _numbers_in(info: Any) -> list[float]:
+    """Every number of an info, which may hold mappings and arrays, in the order of the names."""
+    if isinstance(info, dict):
+        return [number for key in sorted(info) for number in _numbers_in(info[key])]
+    try:
+        return np.ravel(np.asarray(info, float)).tolist()
+    except (TypeError, ValueError):
+        return []
+
+
 def _rollout(name: str, arguments: dict[str, Any], steps: int) -> dict[str, np.ndarray]:
     """Observations, rewards, costs and episode metrics of a rollout with actions drawn from a fixed generator."""
     env: Any = gym.make(name, **arguments)
     actions = np.random.default_rng(7)
-    observation, _ = env.reset(seed=11)
-    observations, rewards, costs, metrics = [observation], [], [], []
+    observation, info = env.reset(seed=11)
+    observations, rewards, costs, metrics, drawn = [observation], [], [], [], _numbers_in(info)
     for _ in range(steps):
         action = actions.uniform(-0.3, 0.3, env.action_space.shape).astype(np.float32)
         observation, reward, terminated, truncated, info = env.step(action)
@@ -44,26 +75,118 @@ def _rollout(name: str, arguments: dict[str, Any], steps: int) -> dict[str, np.n
         costs.append(info.get("cost", 0.0))
         if terminated or truncated:
             metrics += [float(value) for value in info.get("metrics", {}).values() if isinstance(value, int | float)]
-            observation, _ = env.reset()
+            observation, info = env.reset()
             observations.append(observation)
+            drawn += _numbers_in(info)
     env.close()
-    arrays = {"observations": observations, "rewards": rewards, "costs": costs, "metrics": metrics}
+    arrays = {"observations": observations, "rewards": rewards, "costs": costs, "metrics": metrics, "drawn": drawn}
     return {key: np.asarray(value) for key, value in arrays.items()}
 
 
-def record(out: Path) -> None:
-    """Drive every id on every variant that it takes, and store the arrays."""
+def _vector_rollout(name: str, arguments: dict[str, Any], steps: int) -> dict[str, np.ndarray]:
+    """Observations, rewards, ends and infos of a vector environment that resets its sub-environments itself."""
+    env: Any = gym.make_vec(name, SUB_ENVIRONMENTS, "vector_entry_point", **arguments)
+    actions = np.random.default_rng(7)
+    observation, info = env.reset(seed=[3, 11, 29])
+    observations, rewards, ends, infos = [observation.copy()], [], [], _numbers_in(info)
+    for _ in range(steps):
+        action = actions.uniform(-0.3, 0.3, env.action_space.shape).astype(np.float32)
+        observation, reward, terminated, truncated, info = env.step(action)
+        observations.append(observation.copy())
+        rewards.append(reward.copy())
+        ends.append([terminated.copy(), truncated.copy()])
+        infos += _numbers_in(info)
+    env.close()
+    arrays = {"observations": observations, "rewards": rewards, "ends": ends, "infos": infos}
+    return {key: np.asarray(value) for key, value in arrays.items()}
+
+
+def _environments() -> Iterator[tuple[str, dict[str, np.ndarray]]]:
+    """Every id on every variant that it takes, with drawn conditions, and as a vector environment."""
     import steer_env
 
-    arrays: dict[str, np.ndarray] = {}
     for name in sorted(steer_env.REGISTERED):
-        tunes = "/Tune" in name
-        for arguments in VARIANTS[:1] if tunes else VARIANTS:
-            found = _rollout(name, arguments, TUNING_STEPS if tunes else STEPS)
-            label = " ".join([name, *arguments.values()])
-            print(label, found["rewards"].sum(), file=sys.stderr)
+        if "/Tune" in name:
+            yield f"{name} lugre", _rollout(name, {"friction": "lugre"}, TUNING_STEPS)
+            continue
+        for arguments in VARIANTS:
+            yield " ".join([name, *arguments.values()]), _rollout(name, arguments, STEPS)
+        short = {"friction": "lugre", "randomise": _draws(name), "max_episode_steps": EPISODE_STEPS}
+        yield f"{name} drawn", _rollout(name, short, STEPS)
+        yield f"{name} vector", _vector_rollout(name, short, STEPS)
+
+
+def _draws(name: str) -> dict[str, Any]:
+    """Ranges of the conditions that an id draws: the speed too, of those that drive at one speed."""
+    env: Any = gym.make(name)
+    speed = env.unwrapped.task.speed if env.unwrapped.task.draw_scenario is None else 0.0
+    env.close()
+    return {**DRAWS, "speed": (0.9 * speed, 1.1 * speed)} if speed else DRAWS
+
+
+def _manoeuvres() -> Iterator[tuple[str, dict[str, np.ndarray]]]:
+    """Channels and metrics of every manoeuvre of the default car, or the text of the error that refuses it."""
+    from steer_env import manoeuvres, metrics
+    from steer_env.vehicle import cars
+
+    car = cars.load("compact")
+    for name in manoeuvres.available():
+        for law in LAWS:
+            label = f"manoeuvre {name} {law}"
+            try:
+                recording = manoeuvres.drive(car, manoeuvres.make(name), law)
+            except ValueError as error:
+                yield label, {"refused": np.asarray(str(error))}
+                continue
+            channels = {f"channel {key}": values[::10] for key, values in recording.channels.items()}
+            values = metrics.evaluate(recording, intervals=False) if name in metrics.tests() else {}
+            yield label, channels | {f"metric {key}": np.asarray(v.value) for key, v in values.items()}
+
+
+def _exported_fmus() -> Iterator[tuple[str, dict[str, np.ndarray]]]:
+    """Outputs of exported FMUs whose first input is a sine, at every communication step."""
+    import fmpy
+
+    try:
+        export = importlib.import_module("steer_env.connect.fmu").export
+    except ModuleNotFoundError:  # where the exporter stood before
+        export = importlib.import_module("steer_env.fmu").export
+    for subsystem, law, version in FMUS:
+        folder = Path(tempfile.mkdtemp())
+        path = export(folder / "exported.fmu", **_subsystem(export, subsystem), friction=law, fmi=version)
+        variables = fmpy.read_model_description(str(path)).modelVariables
+        first = next(v.name for v in variables if v.causality == "input")
+        outputs = [v.name for v in variables if v.causality == "output" and v.type in ("Real", "Float64")]
+        time = np.arange(0.0, FMU_SECONDS, 1e-3)
+        sine = np.zeros(time.size, [("time", float), (first, float)])
+        sine["time"], sine[first] = time, np.sin(2.0 * np.pi * time)
+        found = fmpy.simulate_fmu(
+            str(path),
+            start_time=0.0,
+            stop_time=FMU_SECONDS,
+            step_size=1e-3,
+            output_interval=1e-3,
+            input=sine,
+            output=outputs,
+        )
+        shutil.rmtree(folder)
+        yield f"FMU {subsystem} {law} FMI {version}", {name: found[name] for name in found.dtype.names}
+
+
+def _subsystem(export: Any, subsystem: str) -> dict[str, str]:
+    """The argument of an exporter for what the FMU contains, by the name that it has in this checkout."""
+    known = inspect.signature(export).parameters
+    return {next(name for name in ("subsystem", "part") if name in known): subsystem}
+
+
+def record(out: Path) -> None:
+    """Compute everything and store the arrays."""
+    arrays: dict[str, np.ndarray] = {}
+    for parts in (_environments, _manoeuvres, _exported_fmus):
+        for label, found in parts():
+            print(label, sum(np.asarray(values).size for values in found.values()), file=sys.stderr)
             arrays |= {f"{label} {key}": value for key, value in found.items()}
-    np.savez(out, **arrays)  # type: ignore[arg-type]  # numpy's stub sees a keyword of its own
+    np.savez_compressed(out, **arrays)  # type: ignore[arg-type]  # numpy's stub sees a keyword of its own
 
 
 def _leaves(node: Any, path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], float]]:
@@ -87,6 +210,9 @@ def compare(old: Path, new: Path, reports: list[Path]) -> list[str]:
         a, b = before[key], after[key]
         if a.shape != b.shape:
             lines.append(f"{key}: shape {a.shape}, now {b.shape}")
+        elif a.dtype.kind in "US":
+            if a != b:
+                lines.append(f"{key}: {a}, now {b}")
         elif not np.array_equal(a, b, equal_nan=True):
             lines.append(f"{key}: largest difference {np.nanmax(np.abs(a - b)):.3g}")
     if reports:
@@ -95,7 +221,7 @@ def compare(old: Path, new: Path, reports: list[Path]) -> list[str]:
             if left.get(place) != right.get(place):
                 lines.append(f"{'.'.join(place)}: {left.get(place)}, now {right.get(place)}")
         print(f"{len(left.keys() & right.keys())} numbers of the reports compared")
-    print(f"{len({*before.files} & {*after.files})} arrays of rollouts compared")
+    print(f"{len({*before.files} & {*after.files})} arrays compared")
     return lines
 
 
