@@ -1,6 +1,7 @@
 """The house rules that a machine can check: format, lint, types, direction of imports, what is installed."""
 
 import ast
+import itertools
 import os
 import re
 import subprocess
@@ -9,6 +10,8 @@ from pathlib import Path
 
 import pytest
 import setuptools
+
+from tests.by_law import pairs
 
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("friction", "vehicle", "experiments", "steer_env")
@@ -120,3 +123,13 @@ def test_functions_and_calls_are_short():
                 if name not in DISPATCHED:
                     found.append(f"{path}:{node.lineno} {name} is called with {len(node.args)} positional arguments")
     assert not found, "\n".join(found)
+
+
+def test_pairs_meet_every_value_of_another_dimension():
+    rows = list(itertools.product("ab", range(10), "xyz", (True, False)))
+    chosen = pairs(rows)
+    assert len(chosen) <= len(rows) / 3
+    for i, j in itertools.combinations(range(4), 2):
+        assert {(row[i], row[j]) for row in chosen} == {(row[i], row[j]) for row in rows}
+    possible = [row for row in rows if row[:2] != ("a", 3)]
+    assert set(pairs(possible)) <= set(possible)

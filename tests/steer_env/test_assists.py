@@ -1,6 +1,7 @@
 """Baseline assists: contracts that all of them keep, the friction observer, and the margins of the designed loops."""
 
 import math
+from itertools import product
 
 import gymnasium as gym
 import numpy as np
@@ -14,7 +15,7 @@ from steer_env.tasks.assist_parking import WANTED
 from steer_env.tasks.assist_release import RELEASE_TIME
 from steer_env.tasks.common.reference_feel import reference_torque
 from steer_env.vehicle import cars
-from tests.by_law import EACH_LAW, EACH_PAIR
+from tests.by_law import EACH_LAW, EACH_PAIR, pairs
 
 CAR = cars.load()
 NAMES = assists.available()
@@ -92,9 +93,7 @@ def test_actions_stay_within_their_span(name):
             assert abs(action[0]) <= 1.0
 
 
-@pytest.mark.parametrize("law", ["lugre", "masing"])
-@pytest.mark.parametrize("scenario", SCENARIOS)
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize(("name", "scenario", "law"), pairs(product(NAMES, SCENARIOS, ("lugre", "masing"))))
 def test_every_baseline_drives_every_task(name, scenario, law):
     env = environment(scenario, law)
     baseline = assists.make(name, env)

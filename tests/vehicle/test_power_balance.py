@@ -4,16 +4,17 @@ From what a user records at 1 ms, within 0.5 % of the net work of hand and motor
 """
 
 from functools import lru_cache
+from itertools import product
 
 import numpy as np
 import pytest
 
-from steer_env import manoeuvres
+from steer_env import friction, manoeuvres
 from steer_env.manoeuvres.common.driving import run, run_closed
 from steer_env.vehicle import cars, plant
 from steer_env.vehicle.chassis import available, two_track
 from steer_env.vehicle.layout import layout_of
-from tests.by_law import EACH_LAW
+from tests.by_law import FEW, pairs
 from tests.vehicle.test_two_track import CHASSIS, energy
 from tests.verification.common import power
 from tests.verification.common.two_track_power import energies, powers
@@ -40,10 +41,14 @@ def hands(name):
     return u, record[:, plant.CHANNEL["handwheel_torque"]]
 
 
-@pytest.mark.parametrize("chassis", available())
-@pytest.mark.parametrize("steered", ["robot", pytest.param("torque", marks=pytest.mark.whole), "arms"])
-@pytest.mark.parametrize("law", EACH_LAW)
-@pytest.mark.parametrize("name", RUNS)
+QUICK = pairs(product(RUNS, FEW, ("robot", "arms"), available()))
+EVERY = pairs(product(RUNS, friction.available(), ("robot", "torque", "arms"), available()))
+
+
+@pytest.mark.parametrize(
+    ("name", "law", "steered", "chassis"),
+    [*QUICK, *(pytest.param(*row, marks=pytest.mark.whole) for row in EVERY if row not in QUICK)],
+)
 def test_steering_power(name, law, steered, chassis):
     p = CAR.plant(law, RUNS[name], robot=steered == "robot", chassis=chassis)
     u, torque = hands(name)
