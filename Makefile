@@ -2,15 +2,19 @@ PYTHON ?= python3
 PYTEST = .venv-test/bin/python -m pytest --numprocesses auto --dist loadfile
 SEED := $(shell date +%s)
 
-.PHONY: report test test-whole test-all test-matrix test-integrations audit clean
+.PHONY: report test types test-whole test-all test-matrix test-integrations audit clean
 
 # The main job: the core packages alone, then the evaluation report in report/index.html.
 report: .venv/.stamp
 	.venv/bin/steer-env report --out report
 
-# What a contributor runs: core, test and training packages, then everything but the tests marked `whole`.
-test: .venv-test/.stamp
+# What a contributor runs: core, test and training packages, the types, then everything but the tests marked `whole`.
+test: types
 	$(PYTEST) -m "not whole"
+
+# The types of the packages; only what has changed is read again.
+types: .venv-test/.stamp
+	.venv-test/bin/python -m mypy
 
 # The other tests, then the property tests once more with a random seed, which is printed.
 test-whole: .venv-test/.stamp
