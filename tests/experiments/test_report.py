@@ -16,7 +16,7 @@ import pytest
 from steer_env import friction, metrics
 from steer_env.experiments import sweep
 from steer_env.experiments.cli.main import main
-from steer_env.experiments.pages import traces
+from steer_env.experiments.pages import pages, traces
 from steer_env.experiments.reports import build, findings
 from steer_env.experiments.reports.results import Scope
 from steer_env.experiments.studies.common.commonroad_manoeuvres import MANOEUVRES
@@ -367,13 +367,13 @@ def test_an_error_half_way_leaves_the_old_report(made, tmp_path, monkeypatch):
     out.mkdir()
     (out / "index.html").write_text("old")
     monkeypatch.setattr(build, "collect", lambda *_: results)
-    monkeypatch.setattr(build, "render", lambda *_: "<body>new</body>")
+    monkeypatch.setattr(pages.Page, "html", lambda *_: "<body>new</body>")
 
     def fail(*_):
         raise RuntimeError("disk on fire")
 
     with monkeypatch.context() as patch:
-        patch.setattr(build, "write_json", fail)  # the page is written by then
+        patch.setattr(pages, "write_json", fail)  # the page is written by then
         with pytest.raises(RuntimeError, match="disk on fire"):
             build.build(out, LAWS, SCOPE, sweep=IN_TWO)
     assert [path.name for path in tmp_path.rglob("*")] == ["report", "index.html"]
