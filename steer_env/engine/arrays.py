@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from steer_env.friction.numerics.packing import pack, slices
-from steer_env.tasks.common.definition import COST_LIMIT, Task
+from steer_env.tasks.common.definition import COST_LIMIT, Task, by_name
 from steer_env.vehicle import plant
 from steer_env.vehicle.chassis.common.interface import INPUTS
 from steer_env.vehicle.plant import Plant
@@ -90,6 +90,23 @@ class BatchLayout(NamedTuple):
     weights: Array  # (rewards and costs,)
     bounds: Array  # (O,) of the observations [SI]
     scales: Array  # (O,) SI value of an observation of 1
+
+
+class Scores(NamedTuple):
+    """Terms and metrics of a batch as records that the task's kernels write by name; the memory is that of the arrays."""
+
+    rewards: Any  # (n,) records of the task's rewards, in ``BatchArrays.terms``
+    costs: Any  # (n,) of its costs, in ``BatchArrays.terms``
+    metrics: Any  # (n,) present values of its metrics, in ``BatchArrays.metrics``
+
+
+def scores(task: Task, arrays: BatchArrays) -> Scores:
+    """The records of a task in the arrays of a batch."""
+    return Scores(
+        by_name(arrays.terms, task.rewards),
+        by_name(arrays.terms, task.costs, first=len(task.rewards)),
+        by_name(arrays.metrics, task.metrics)[:, 0],
+    )
 
 
 def allocate(task: Task, template: Plant, n: int, samples_per_round: int, delay_steps: int) -> BatchArrays:

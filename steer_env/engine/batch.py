@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from steer_env import drivers
-from steer_env.engine.arrays import EPISODE, allocate, layout, stored
+from steer_env.engine.arrays import EPISODE, allocate, layout, scores, stored
 from steer_env.engine.kernels import evaluate, fill_inputs
 from steer_env.engine.sensor_noise import SensorNoise
 from steer_env.episode.randomise import LIMITS, RANGES, SENSOR_NOISE, Conditions, Randomise
@@ -136,6 +136,7 @@ class EnvironmentBatch:
         delay_steps = round(LIMITS["delay"][1] / self.control_dt)
         self.arrays = allocate(task, template, n, self._samples_per_round, delay_steps)
         self.episodes = self.arrays.episodes.view(EPISODE, np.ndarray)
+        self._scores = scores(task, self.arrays)
         self.observation_scale = _scales(task, normalise)
         of_rewards = np.array(list(weights_of.values()))
         self._layout = layout(task, template, samples, of_rewards, self.observation_scale, max_episode_steps)
@@ -159,17 +160,18 @@ class EnvironmentBatch:
         plants = self._template, a.plants, a.states, a.inputs, a.channels, a.finite
         self._advance = bind(plant.run_rows, *plants, 0, self.n)
         self._fill_inputs = bind(fill_inputs, a, at, True, 0, self.n)
-        self._evaluate = bind(evaluate, a, at, self.task.parameters, 0, True, 0, self.n)
+        self._evaluate = bind(evaluate, a, self._scores, at, self.task.parameters, 0, True, 0, self.n)
 
     def __getstate__(self) -> dict[str, Any]:
-        # Compiled functions cannot be pickled, and the episodes are another view of their array.
-        left_out = ("_advance", "_fill_inputs", "_evaluate", "episodes")
+        # Compiled functions cannot be pickled, and the episodes and scores are other views of their arrays.
+        left_out = ("_advance", "_fill_inputs", "_evaluate", "episodes", "_scores")
         return {key: value for key, value in self.__dict__.items() if key not in left_out}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
         self._template = frozen(self._template)  # a copied array can be written to, which is another type to a kernel
         self.episodes = self.arrays.episodes.view(EPISODE, np.ndarray)
+        self._scores = scores(self.task, self.arrays)
         self._bind()
 
     def _plant(self, drawn: Conditions, robot: bool, driver: drivers.Driver | None = None) -> plant.Plant:
@@ -228,7 +230,7 @@ class EnvironmentBatch:
         if self.drivers is not None and self.episodes["driven"][i]:
             self.drivers.start(i, drawn)
         self.arrays.noise[i] = self.noise.begin(i, drawn.sensor_noise, rng)
-        self._evaluate(self.arrays, self._layout, task.parameters, 0, True, i, i + 1)
+        self._evaluate(self.arrays, self._scores, self._layout, task.parameters, 0, True, i, i + 1)
         past = self.arrays.past_observations
         past[i] = past[i, self.episodes["latest"][i]]  # a delayed observation shows the start until newer ones come
         self.arrays.observations[i] = past[i, 0] / self.observation_scale
@@ -299,7 +301,9 @@ class EnvironmentBatch:
                 )
             self._fill_inputs(a, self._layout, k == 0, low, high)
             self._advance(self._template, a.plants, a.states, a.inputs, a.channels, a.finite, low, high)
-            self._evaluate(a, self._layout, self.task.parameters, self._samples_per_round, k == last, low, high)
+            self._evaluate(
+                a, self._scores, self._layout, self.task.parameters, self._samples_per_round, k == last, low, high
+            )
 
     def failure_text(self, code: Any) -> str:
         """A failure in words, empty for 0; that of a state names those of the rows that failed so in the last step.

@@ -85,11 +85,12 @@ def _interpolate(scripted, start, end, s, robot, u):
 
 
 @kernel
-def evaluate(arrays, layout, parameters, samples, ends, low, high):
+def evaluate(arrays, scores, layout, parameters, samples, ends, low, high):
     """Advance the time by ``samples``, observe, and evaluate; the last call of a control step (``ends``) finishes it.
 
-    ``parameters`` are the task's; their class selects its kernels. Rows whose episode has ended or whose state is not
-    finite are not evaluated. With no samples, only the observations are updated.
+    ``parameters`` are the task's; their class selects its kernels, which write the ``scores`` by name. Rows whose
+    episode has ended or whose state is not finite are not evaluated. With no samples, only the observations are
+    updated.
     """
     dt = samples * SAMPLE_TIME
     for i in range(low, high):
@@ -105,11 +106,10 @@ def evaluate(arrays, layout, parameters, samples, ends, low, high):
         tasks.observe(parameters, channels, arrays.paths[i, : episode.path_points], data, step, memory, observed)
         if samples > 0 and arrays.finite[i] and not episode.terminated:
             episode.evaluated += samples
-            rewards, costs = arrays.terms[i, : layout.n_rewards], arrays.terms[i, layout.n_rewards :]
-            present = arrays.metrics[i, 0]
-            outcome = tasks.evaluate_step(parameters, channels, observed, data, step, memory, rewards, costs, present)
+            rewards, costs, metrics = scores.rewards[i], scores.costs[i], scores.metrics[i]
+            outcome = tasks.evaluate_step(parameters, channels, observed, data, step, memory, rewards, costs, metrics)
             episode.terminated, episode.failure = outcome != GOES_ON, max(outcome, 0)
-            _accumulate(layout.metric_kinds, dt, present, arrays.metrics[i, 1])
+            _accumulate(layout.metric_kinds, dt, arrays.metrics[i, 0], arrays.metrics[i, 1])
         if ends:
             _finish_step(layout, episode, channels, arrays.finite[i], arrays.terms[i])
             _conclude(layout.metric_kinds, episode.evaluated * SAMPLE_TIME, arrays.metrics[i, 1], arrays.metrics[i, 2])

@@ -82,23 +82,23 @@ def _observe(parameters, channels, path, data, step, memory, observations):
 def _evaluate(parameters, channels, observations, data, step, memory, rewards, costs, metrics):
     evaluate_common(channels, step, step.dt, memory, rewards, costs, metrics)
     evaluate_added_work(channels, step, costs)
-    scenario, n = data[0], metrics.size
-    metrics[n - 3] = metrics[n - 2] = metrics[n - 1] = 0.0
+    scenario = data[0]
+    metrics.cones_hit = metrics.rms_feel_error = metrics.rms_released_angle = 0.0
     if scenario == RELEASE and step.time > parameters.release_time:
-        metrics[n - 1] = channels[_ANGLE]
-        rewards[0] += step.dt * quality(channels[_ANGLE] / assist_release.ANGLE_SCALE)
+        metrics.rms_released_angle = channels[_ANGLE]
+        rewards.goal += step.dt * quality(channels[_ANGLE] / assist_release.ANGLE_SCALE)
         return GOES_ON
     if scenario == PARKING:
         error = channels[_TORQUE] - assist_parking.wanted_torque(parameters.parking_torque, channels[_SPEED])
     else:
         error = feel_error(channels)
-    metrics[n - 2] = error
-    rewards[0] += step.dt * feel_quality(error)
+    metrics.rms_feel_error = error
+    rewards.goal += step.dt * feel_quality(error)
     if scenario != LANE_CHANGE:
         return GOES_ON
     touched = cones.newly_touched(channels, data[1:], memory)
-    metrics[n - 3] = touched
-    costs[costs.size - 1] += touched
+    metrics.cones_hit = touched
+    costs.cones += touched
     return cones.outcome_of(parameters, channels, observations, data[1:])
 
 

@@ -66,14 +66,13 @@ def _observe(parameters, channels, path, data, step, memory, observations):
 def _evaluate(parameters, channels, observations, data, step, memory, rewards, costs, metrics):
     evaluate_common(channels, step, step.dt, memory, rewards, costs, metrics)
     evaluate_added_work(channels, step, costs)
-    n = metrics.size
     if step.time > parameters.time:
-        rewards[1] += step.dt * quality(channels[_ANGLE] / ANGLE_SCALE)
-        metrics[n - 2], metrics[n - 1] = 0.0, channels[_ANGLE]
+        rewards["return"] += step.dt * quality(channels[_ANGLE] / ANGLE_SCALE)
+        metrics.rms_feel_error, metrics.rms_released_angle = 0.0, channels[_ANGLE]
     else:
         error = feel_error(channels)
-        rewards[0] += step.dt * feel_quality(error)
-        metrics[n - 2], metrics[n - 1] = error, 0.0
+        rewards.feel += step.dt * feel_quality(error)
+        metrics.rms_feel_error, metrics.rms_released_angle = error, 0.0
     return GOES_ON
 
 

@@ -52,8 +52,8 @@ def _evaluate(parameters, channels, observations, data, step, memory, rewards, c
     evaluate_common(channels, step, step.dt, memory, rewards, costs, metrics)
     evaluate_added_work(channels, step, costs)
     error = feel_error(channels)
-    rewards[0] += step.dt * feel_quality(error)
-    metrics[metrics.size - 1] = error
+    rewards.feel += step.dt * feel_quality(error)
+    metrics.rms_feel_error = error
     return GOES_ON
 
 

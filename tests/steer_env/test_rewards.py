@@ -1,6 +1,9 @@
 """Rewards, costs and failures against docs/rewards.md: bounds by the declared terms, and against what pays."""
 
+import itertools
+
 import gymnasium as gym
+import numba
 import numpy as np
 import pytest
 from scipy import signal
@@ -36,6 +39,12 @@ def episode(env, act, seed=SEED):
     return reward, time, failure, np.array(steps)
 
 
+def records(task, *values):
+    """Arrays of a task's rewards, costs and metrics as the records that its kernels take."""
+    groups = (task.rewards, task.costs, task.metrics)
+    return [definition.by_name(each[None], group)[0] for each, group in zip(values, groups)]
+
+
 @pytest.mark.parametrize("name", NAMES)
 def test_no_way_to_fail_is_worth_more_than_to_go_on(name):
     """By bound: every term but the failure lies between 0 and its weight per second, the weights add up to 1."""
@@ -65,10 +74,10 @@ def test_qualities_stay_between_zero_and_one_whatever_the_car_does(name):
         data = a.task_data[row, : episodes["data_size"][row]]
         path = a.paths[row, : episodes["path_points"][row]]
         observed, memory = a.task_observations[row], a.task_memory[row]
-        rewards, costs = np.zeros(len(task.rewards)), np.zeros(len(task.costs))
+        rewards, costs, metrics = (np.zeros(len(each)) for each in (task.rewards, task.costs, task.metrics))
         definition.observe(task.parameters, channels, path, data, step, memory, observed)
         outcome = definition.evaluate_step(
-            task.parameters, channels, observed, data, step, memory, rewards, costs, a.metrics[row, 0]
+            task.parameters, channels, observed, data, step, memory, *records(task, rewards, costs, metrics)
         )
         assert outcome in (FINISHED, GOES_ON, DEPARTED)
         assert (rewards[:-1] >= 0.0).all()
@@ -98,16 +107,18 @@ def test_dawdling_and_turning_back_gain_nothing():
     task = env.batch.task
     env.reset(seed=SEED)
     a = env.batch.arrays
-    memory, rewards, total = a.task_memory[0].copy(), np.zeros(len(task.rewards)), 0.0
+    memory, total = a.task_memory[0].copy(), 0.0
     speed = float(env.batch.episodes["held_speed"][0])
     channels, data, path = a.channels[0].copy(), a.task_data[0], a.paths[0, : env.batch.episodes["path_points"][0]]
-    observed, metrics, costs = a.task_observations[0].copy(), a.metrics[0, 0].copy(), np.zeros(len(task.costs))
+    observed = a.task_observations[0].copy()
+    rewards, costs, metrics = (np.zeros(len(each)) for each in (task.rewards, task.costs, task.metrics))
+    scores = records(task, rewards, costs, metrics)
     x0 = channels[CHANNEL["x"]]
     for k in range(400):  # back and forth over the same 20 m
         channels[CHANNEL["x"]] = x0 + 10.0 - 10.0 * np.cos(0.1 * k)
         step = StepContext(0.01 * (k + 1), 0.01, speed, speed, 0.0, 0.0, 0.0)
         definition.observe(task.parameters, channels, path, data, step, memory, observed)
-        definition.evaluate_step(task.parameters, channels, observed, data, step, memory, rewards, costs, metrics)
+        definition.evaluate_step(task.parameters, channels, observed, data, step, memory, *scores)
         total = sum(rewards)
     assert 0.0 < total <= (20.0 / speed) * len(rewards)
     assert rewards.max() <= 20.0 / speed + 1e-9
@@ -302,3 +313,19 @@ def test_an_assists_torque_is_held_and_its_lag_counts_in_its_work():
         env.step(np.array([0.5], np.float32))
         np.testing.assert_allclose(inputs[0, :, env.task.action.input], expected, rtol=1e-12)
         assert env.batch.episodes["asked"][0] == pytest.approx(expected[-1])
+
+
+def test_numba_takes_no_record_of_a_task_for_that_of_another():
+    """A kernel that tasks share is compiled for each of their records, without a conversion and its warning."""
+    kinds = set()
+    for name in NAMES:
+        task = tasks.task(name)
+        values = [np.zeros(len(task.rewards) + len(task.costs)), np.zeros(len(task.metrics))]
+        kinds |= {
+            numba.typeof(definition.by_name(values[0][None], task.rewards)).dtype,
+            numba.typeof(definition.by_name(values[0][None], task.costs, len(task.rewards))).dtype,
+            numba.typeof(definition.by_name(values[1][None], task.metrics)).dtype,
+        }
+    assert len(kinds) > 10
+    for one, other in itertools.permutations(kinds, 2):
+        assert one.can_convert_to(None, other) is None

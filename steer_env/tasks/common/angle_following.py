@@ -95,8 +95,8 @@ def evaluate(parameters, channels, observations, data, step, memory, rewards, co
     """The ``evaluate_step`` of these tasks: the error of the angle."""
     evaluate_common(channels, step, step.dt, memory, rewards, costs, metrics)
     error = observations[0]
-    metrics[metrics.size - 1] = error
-    rewards[0] += step.dt * quality(error / parameters.scale)
+    metrics.rms_angle_error = error
+    rewards.angle += step.dt * quality(error / parameters.scale)
     return GOES_ON
 
 

@@ -36,7 +36,7 @@ from steer_env.tasks.common.path_following import (
     observe_path,
     offset_term,
 )
-from steer_env.tasks.common.terms import COMMON_COSTS, COMMON_METRICS, COMMON_REWARDS, assist_costs, evaluate_added_work
+from steer_env.tasks.common.terms import COMMON_METRICS, COMMON_REWARDS, assist_costs, evaluate_added_work
 from steer_env.vehicle.plant import CHANNEL
 
 Array = NDArray[np.float64]
@@ -45,7 +45,6 @@ COURSE_HALF_WIDTH = 4.0  # lateral offset from the path that ends an episode: no
 TIME_RATIO = 1.5  # time for a run over the time that the course takes at the held speed [1]
 BEHIND, BEYOND = 20.0, 80.0  # length of the path before the start and after the end [m]
 MAX_CONES = 64  # a course has fewer
-HAND_SPEED_LIMIT = 2.0  # above it steering is hectic, assumed [rad/s]
 # Lateral offset at which a driver's quality is 71 %, and that of an assist, whose driver follows the path; assumed [m].
 DRIVER_OFFSET, ASSIST_OFFSET = 0.3, 0.1
 
@@ -54,8 +53,7 @@ _END, _LENGTH, _WIDTH, _CENTRE, _FIRST = range(5)
 _COUNT = FOLLOWING_MEMORY  # place of the number of touched cones in a task's memory; the flags of the cones follow
 _FLAGS = _COUNT + 1
 MEMORY = _FLAGS + MAX_CONES
-_CONES = len(COMMON_METRICS)  # place of that number among the metrics
-_X, _Y, _YAW, _HAND_SPEED = (CHANNEL[name] for name in ("x", "y", "yaw_angle", "handwheel_speed"))
+_X, _Y, _YAW = (CHANNEL[name] for name in ("x", "y", "yaw_angle"))
 
 
 class DriverCones(NamedTuple):
@@ -148,7 +146,7 @@ def _evaluate(parameters, channels, observations, data, scale, step, memory, rew
     """
     progress = evaluate_following(channels, observations, scale, step, memory, rewards, costs, metrics)
     touched = newly_touched(channels, data, memory)
-    metrics[_CONES] = touched
+    metrics.cones_hit = touched
     return progress, touched, outcome_of(parameters, channels, observations, data)
 
 
@@ -158,10 +156,8 @@ def evaluate(parameters, channels, observations, data, step, memory, rewards, co
     progress, touched, outcome = _evaluate(
         parameters, channels, observations, data, DRIVER_OFFSET, step, memory, rewards, costs, metrics
     )
-    if costs.size > len(COMMON_COSTS) and abs(channels[_HAND_SPEED]) > HAND_SPEED_LIMIT:
-        costs[len(COMMON_COSTS)] += step.dt
     memory[_COUNT] += touched
-    rewards[1] += progress / (1.0 + memory[_COUNT])
+    rewards.clean += progress / (1.0 + memory[_COUNT])
     return outcome
 
 
@@ -172,10 +168,10 @@ def evaluate_assist(parameters, channels, observations, data, step, memory, rewa
         parameters, channels, observations, data, ASSIST_OFFSET, step, memory, rewards, costs, metrics
     )
     evaluate_added_work(channels, step, costs)
-    costs[costs.size - 1] += touched
+    costs.cones += touched
     error = feel_error(channels)
-    rewards[1] += progress * feel_quality(error)
-    metrics[metrics.size - 3] = error
+    rewards.feel += progress * feel_quality(error)
+    metrics.rms_feel_error = error
     return outcome
 
 
@@ -195,11 +191,6 @@ DRIVER_REWARDS = (
 DRIVER_METRICS = (*COMMON_METRICS, CONE_METRIC, *FOLLOWING_METRICS[-2:])
 ASSIST_REWARDS = (offset_term(0.2, ASSIST_OFFSET), feel_term(0.5), *COMMON_REWARDS)
 ASSIST_METRICS = (*COMMON_METRICS, CONE_METRIC, FEEL_METRIC, *FOLLOWING_METRICS[-2:])
-# What the preview drivers keep in the double lane change at its usual speed; the swerve cannot be driven so calmly.
-CALM_COSTS = (
-    *COMMON_COSTS,
-    Cost("hand_speed", 0.35, "s", f"time with a handwheel speed above {HAND_SPEED_LIMIT:g} rad/s"),
-)
 
 
 def lane_change_costs(budget: float) -> tuple[Cost, ...]:

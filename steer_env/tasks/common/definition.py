@@ -8,7 +8,7 @@ the friction law nor on the chassis, so they compile once.
 """
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -78,6 +78,35 @@ class EpisodeMetric(NamedTuple):
 
 
 RMS, PEAK, SUM = range(3)
+
+
+def by_name(values: Array, declared: Sequence[Term | Cost | EpisodeMetric], first: int = 0) -> Any:
+    """Rows of floats as records, in which every declared term, cost or metric has its float by its name.
+
+    The records are the same memory: a kernel that writes ``rewards.feel`` writes the float of the term "feel", at a
+    place that is known when the kernel is compiled. Plain Python writes it in the same words.
+
+    Parameters
+    ----------
+    values : (..., K) array
+    declared : sequence of Term, Cost or EpisodeMetric
+    first : int
+        Column of the first of them.
+
+    Returns
+    -------
+    (...) array of records
+    """
+    size = values.itemsize * values.shape[-1]
+    fields: dict[str, tuple[Any, int]] = {
+        each.name: (values.dtype, values.itemsize * (first + k)) for k, each in enumerate(declared)
+    }
+    # An empty field at the end of the row, because numba takes a record whose fields begin as those of another one for
+    # that one, and warns: rows of different length then differ in a field.
+    fields["end_of_row"] = ((values.dtype, (0,)), size)
+    formats, offsets = zip(*fields.values())
+    kind = np.dtype({"names": list(fields), "formats": formats, "offsets": offsets, "itemsize": size}, align=True)
+    return values.view(kind)[..., 0].view(np.recarray)
 
 
 class Action(NamedTuple):
@@ -251,8 +280,9 @@ def register(task: Task, observe: Callable, evaluate_step: Callable) -> Task:
         Writes the task's observations in SI, from the plant's channels and the :class:`EpisodeSetup`.
     evaluate_step : ``(parameters, channels, observations, data, step, memory, rewards, costs, metrics) -> int``
         Adds the quality or quantity of every reward but the last and of every cost over the last ``step.dt`` to what
-        the arrays hold, gives every metric its present value (a SUM its increment), and returns ``FINISHED``,
-        ``GOES_ON`` or ``DEPARTED``.
+        the records hold, gives every metric its present value (a SUM its increment), and returns ``FINISHED``,
+        ``GOES_ON`` or ``DEPARTED``. The records name what the task declares: ``rewards.feel``, ``metrics.rms_ripple``
+        (:func:`by_name`).
     """
     TASKS.register(task.name, task)
     _kernels[type(task.parameters)] = {"observe": observe, "evaluate_step": evaluate_step}

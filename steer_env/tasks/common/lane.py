@@ -151,6 +151,6 @@ def evaluate_assist(parameters, channels, observations, data, step, memory, rewa
     progress = evaluate_following(channels, observations, ASSIST_OFFSET, step, memory, rewards, costs, metrics)
     evaluate_added_work(channels, step, costs)
     error = feel_error(channels)
-    rewards[1] += progress * feel_quality(error)
-    metrics[metrics.size - 3] = error
+    rewards.feel += progress * feel_quality(error)
+    metrics.rms_feel_error = error
     return DEPARTED if has_departed(observations, parameters.half_width) else GOES_ON

@@ -47,7 +47,7 @@ def observe_path(channels, path, step, memory, observations):
 
 @kernel
 def evaluate_following(channels, observations, scale, step, memory, rewards, costs, metrics):
-    """Add the common terms and the quality of the lateral offset, whose scale [m] is given, as the first reward.
+    """Add the common terms and the quality of the lateral offset, whose scale [m] is given.
 
     Returns the progress that all rewards of the step count: way gained along the path over the held speed, at most
     ``step.dt`` [s]. Way that the car has gained before is not counted again.
@@ -57,10 +57,9 @@ def evaluate_following(channels, observations, scale, step, memory, rewards, cos
     progress = within(gained, 0.0, step.dt)
     evaluate_common(channels, step, progress, memory, rewards, costs, metrics)
     offset = observations[0]
-    rewards[0] += progress * quality(offset / scale)
-    n = metrics.size
-    metrics[n - 2] = offset
-    metrics[n - 1] = offset
+    rewards.offset += progress * quality(offset / scale)
+    metrics.rms_lateral_offset = offset
+    metrics.peak_lateral_offset = offset
     return progress
 
 

@@ -91,13 +91,13 @@ def _rms_rate(step, memory):
 
 @kernel
 def evaluate_added_work(channels, step, costs):
-    """Add the cost of :func:`assist_costs`, which stands behind the common ones."""
-    costs[len(COMMON_COSTS)] += abs(step.asked * channels[_COLUMN_SPEED]) * step.dt
+    """Add the cost of :func:`assist_costs` beside the common ones."""
+    costs.added_work += abs(step.asked * channels[_COLUMN_SPEED]) * step.dt
 
 
 @kernel
 def evaluate_common(channels, step, share, memory, rewards, costs, metrics):
-    """Add the common rewards, which stand last, and costs, and give the common metrics their values, both first.
+    """Add the common rewards and costs, and give the common metrics their values.
 
     ``share`` is the time, or the progress over the held speed, that the rewards count for this step [s].
     """
@@ -106,25 +106,24 @@ def evaluate_common(channels, step, share, memory, rewards, costs, metrics):
     # A car that stands has no sideslip angle.
     sideslip = abs(channels[_LATERAL_SPEED]) / within(step.speed, 1.0, math.inf)
     if abs(torque) > HAND_TORQUE_LIMIT:
-        costs[0] += step.dt
+        costs.hand_torque += step.dt
     if sideslip > SIDESLIP_LIMIT:
-        costs[1] += step.dt
+        costs.stability += step.dt
     ripple = _ripple(torque, step.dt, begun, memory)
     updates = step.time / UPDATE_INTERVAL
     if abs(updates - math.floor(updates + 0.5)) < 0.01:  # between updates the channel is extrapolated, with kinks
         if begun and abs(acceleration - memory[_LAST_ACCELERATION]) > JERK_LIMIT * UPDATE_INTERVAL:
-            costs[2] += UPDATE_INTERVAL
+            costs.comfort += UPDATE_INTERVAL
         memory[_LAST_ACCELERATION] = acceleration
     elif not begun:
         memory[_LAST_ACCELERATION] = acceleration
     memory[_BEGUN] = 1.0
-    first = rewards.size - 4
-    rewards[first] += share * quality(step.action / ACTION_SCALE)
-    rewards[first + 1] += share * quality(_rms_rate(step, memory) / RATE_SCALE)
-    rewards[first + 2] += share * quality(ripple / RIPPLE_SCALE)
-    metrics[0] = acceleration
-    metrics[1] = sideslip
-    metrics[2] = torque
-    metrics[3] = channels[_SPEED]
-    metrics[4] = abs(torque * channels[_SPEED]) * step.dt
-    metrics[5] = ripple
+    rewards.effort += share * quality(step.action / ACTION_SCALE)
+    rewards.smoothness += share * quality(_rms_rate(step, memory) / RATE_SCALE)
+    rewards.ripple += share * quality(ripple / RIPPLE_SCALE)
+    metrics.peak_lateral_acceleration = acceleration
+    metrics.peak_sideslip = sideslip
+    metrics.rms_hand_torque = torque
+    metrics.rms_handwheel_speed = channels[_SPEED]
+    metrics.steering_work = abs(torque * channels[_SPEED]) * step.dt
+    metrics.rms_ripple = ripple
