@@ -93,7 +93,7 @@ class BatchLayout(NamedTuple):
 
 
 class Scores(NamedTuple):
-    """Terms and metrics of a batch as records that the task's kernels write by name; the memory is that of the arrays."""
+    """Terms and metrics of a batch as records, which kernels write by name, in the memory of the arrays."""
 
     rewards: Any  # (n,) records of the task's rewards, in ``BatchArrays.terms``
     costs: Any  # (n,) of its costs, in ``BatchArrays.terms``
