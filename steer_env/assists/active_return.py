@@ -18,7 +18,8 @@ from steer_env.vehicle.steering.assist import active_return
 def _torques(p, gain, seen, out):
     """The return's torque in every row."""
     for i in range(seen.shape[0]):
-        out[i] = active_return.torque(p, gain, seen[i, 0], seen[i, 1], seen[i, 2], seen[i, 3])
+        at = seen[i]
+        out[i] = active_return.torque(p, gain, at.handwheel_angle, at.handwheel_speed, at.torsion_bar_torque, at.speed)
 
 
 class ActiveReturn(Baseline):
@@ -52,7 +53,7 @@ class ActiveReturn(Baseline):
             return_hold=positive("hold [N m]", hold),
         )
 
-    def torque(self, seen: Array) -> Array:
+    def torque(self, seen: Any) -> Array:
         """Torque towards the centre [N m]."""
         out = np.zeros(self.n)
         _torques(self._law, self.gain, seen, out)

@@ -29,9 +29,9 @@ class Damping(Baseline):
         super().__init__(env)
         self.gain = not_negative("gain [N m s/rad]", gain)
 
-    def torque(self, seen: Array) -> Array:
+    def torque(self, seen: Any) -> Array:
         """Torque against the column speed [N m]."""
-        return plain(damping.torque)(self.gain, seen[:, 0])
+        return plain(damping.torque)(self.gain, seen.column_speed)
 
 
 register("damping", Damping)

@@ -27,7 +27,7 @@ from steer_env.vehicle.steering.assist.friction_compensation import MEMORY, OBSE
 def _compensate(p, seen, memory, out):
     """Torque to feed back in every row, before the share is taken."""
     for i in range(seen.shape[0]):
-        out[i] = friction_compensation.torque(p, memory[i], seen[i, 0], seen[i, 1])
+        out[i] = friction_compensation.torque(p, memory[i], seen[i].column_speed, seen[i].torsion_bar_torque)
 
 
 class FrictionCompensation(Baseline):
@@ -59,11 +59,11 @@ class FrictionCompensation(Baseline):
         self.observed = self._memory[:, OBSERVED]
         self._kernel: Callable[..., None] | None = None
 
-    def begin(self, i: int, seen: Array) -> None:
+    def begin(self, i: int, seen: Any) -> None:
         """Start the observer at rest."""
         self._memory[i] = 0.0
 
-    def torque(self, seen: Array) -> Array:
+    def torque(self, seen: Any) -> Array:
         """A share of the observed friction torque [N m]."""
         out = np.zeros(self.n)
         arguments = self._law, seen, self._memory, out

@@ -46,16 +46,16 @@ class Integral(Baseline):
         self.caution = not_negative("caution", caution)
         self._feel, self._integral = Feel(self.batch, self.caution), np.zeros(self.n)
 
-    def begin(self, i: int, seen: Array) -> None:
+    def begin(self, i: int, seen: Any) -> None:
         """Start without a request."""
         self._integral[i] = 0.0
-        self._feel.begin(i, seen[3])
+        self._feel.begin(i, seen.handwheel_speed)
 
-    def torque(self, seen: Array) -> Array:
+    def torque(self, seen: Any) -> Array:
         """Torque that the integral requests [N m]."""
-        speed, twist, acceleration, rate = seen.T
-        share = self._feel.shares(twist, rate, speed)
-        error = twist - self._feel.references(acceleration, rate, speed)
+        twist, rate = seen.torsion_bar_torque, seen.handwheel_speed
+        share = self._feel.shares(twist, rate, seen.speed)
+        error = twist - self._feel.references(seen.lateral_acceleration, rate, seen.speed)
         # Row by row, as numpy's own exponential may depend on the number of rows.
         kept = np.array([math.exp(-(1.0 - each) * self.control_dt / LEAK) for each in share.tolist()])
         grown = kept * (self._integral + self.rate * self.control_dt * share * error)

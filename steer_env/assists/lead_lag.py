@@ -39,7 +39,7 @@ POINTS = 2000  # of each frequency response
 def _torques(p, gains, seen, x, out):
     """The feedback's torque in every row, each with its own gain."""
     for i in range(seen.shape[0]):
-        out[i] = filter_law.torque(p, gains[i], x[i], seen[i, 1])
+        out[i] = filter_law.torque(p, gains[i], x[i], seen[i].torsion_bar_torque)
 
 
 def compensator(gain: float, p: filter_law.LeadLag, dt: float) -> "control.StateSpace":
@@ -147,14 +147,14 @@ class LeadLag(Baseline):
         shares = np.linspace(0.0, 1.0, STEPS + 1)
         return self.gain * max(itertools.takewhile(allowed, shares), default=0.0)
 
-    def begin(self, i: int, seen: Array) -> None:
+    def begin(self, i: int, seen: Any) -> None:
         """Start at rest, with the gain for the speed rounded to whole m/s."""
-        speed = float(round(abs(seen[0])))
+        speed = float(round(abs(seen.speed)))
         if speed not in self._designs:
             self._designs[speed] = self.design(speed)
         self._gains[i], self._x[i] = self._designs[speed], 0.0
 
-    def torque(self, seen: Array) -> Array:
+    def torque(self, seen: Any) -> Array:
         """Feedback of the torsion-bar torque [N m]."""
         out = np.zeros(self.n)
         _torques(self._law, self._gains, seen, self._x, out)

@@ -75,18 +75,20 @@ class LQG(LinearBaseline):
         self.caution = not_negative("caution", caution)
         self._feel = Feel(self.batch, self.caution)
 
-    def begin(self, i: int, seen: Array) -> None:
+    def begin(self, i: int, seen: Any) -> None:
         """Start at rest, without hands."""
         super().begin(i, seen)
-        self._feel.begin(i, seen[4])
+        self._feel.begin(i, seen.handwheel_speed)
 
-    def signals(self, seen: Array) -> Array:
+    def signals(self, seen: Any) -> Array:
         """Torsion-bar torque, column speed and reference (n, 3)."""
-        return np.column_stack([seen[:, 1:3], self._feel.references(seen[:, 3], seen[:, 4], seen[:, 0])])
+        reference = self._feel.references(seen.lateral_acceleration, seen.handwheel_speed, seen.speed)
+        return np.column_stack([seen.torsion_bar_torque, seen.column_speed, reference])
 
-    def shares(self, seen: Array) -> Array:
+    def shares(self, seen: Any) -> Array:
         """The share of a feel that may be followed, zero while the hands are known to be off."""
-        return self._feel.shares(seen[:, 1], seen[:, 4], seen[:, 0]) * (1.0 - seen[:, 5])
+        share = self._feel.shares(seen.torsion_bar_torque, seen.handwheel_speed, seen.speed)
+        return share * (1.0 - seen.released)
 
     def design(self, speed: float) -> Linear:
         """Filter and regulator for a speed [m/s]."""
@@ -103,7 +105,7 @@ class LQG(LinearBaseline):
         whole = np.block([[A, plant.B[:, 1:]], [np.zeros((2, n)), np.eye(2)]])
         seen = np.hstack([plant.C, np.zeros((2, 2))])
         wander = np.diag([self.speed_noise**2, self.torque_noise**2])
-        sensors = np.diag([SENSOR_NOISE[name] ** 2 for name in self.needs[1:3]])
+        sensors = np.diag([SENSOR_NOISE[name] ** 2 for name in ("torsion_bar_torque", "column_speed")])
         _, P, _ = control.dlqe(whole, np.eye(n + 2)[:, n:], seen, wander, sensors)
         L = P @ seen.T @ np.linalg.inv(seen @ P @ seen.T + sensors)  # gain of the estimate after the measurement
         # Steady state (x_s, u_s) from (w1, d, r), and the request from these and the estimate of (x, w1, d).

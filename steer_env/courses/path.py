@@ -5,6 +5,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from steer_env.courses.preview import AHEAD, HEADING_ERROR, LATERAL_OFFSET
 from steer_env.friction.numerics.bounds import within
 from steer_env.friction.numerics.kernel import kernel
 
@@ -102,12 +103,12 @@ def locate(path, x, y, yaw, guess, step, out):
     # On an arc with the point's curvature the direction changes linearly and the offset from the tangent quadratically.
     c, s = math.cos(path[i, _YAW]), math.sin(path[i, _YAW])
     across = (y - path[i, _Y]) * c - (x - path[i, _X]) * s
-    out[0] = across - 0.5 * k * part * part
+    out[LATERAL_OFFSET] = across - 0.5 * k * part * part
     error = yaw - path[i, _YAW] - k * part
-    out[1] = error - 2.0 * math.pi * math.floor(error / (2.0 * math.pi) + 0.5)
+    out[HEADING_ERROR] = error - 2.0 * math.pi * math.floor(error / (2.0 * math.pi) + 0.5)
     position = SPACING * i + along
     c_car, s_car = math.cos(yaw), math.sin(yaw)
-    for j in range(out.size - 2):
+    for j in range(out.size - AHEAD):
         # After the last point the path continues straight.
         ahead = within(position + (j + 1) * step, 0.0, math.inf)
         n = within(int(ahead / SPACING), 0, last)
@@ -116,5 +117,5 @@ def locate(path, x, y, yaw, guess, step, out):
         c, s = math.cos(path[n, _YAW]), math.sin(path[n, _YAW])
         left = 0.5 * k * part * part
         to_x, to_y = path[n, _X] + part * c - left * s - x, path[n, _Y] + part * s + left * c - y
-        out[2 + j] = to_y * c_car - to_x * s_car
+        out[AHEAD + j] = to_y * c_car - to_x * s_car
     return position

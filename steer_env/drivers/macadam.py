@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from steer_env.courses.preview import PREVIEW_TIMES
+from steer_env.courses.preview import AHEAD, PREVIEW_TIMES
 from steer_env.drivers.common.definition import (
     DELAYED_COMMANDS,
     NEUROMUSCULAR_STATES,
@@ -63,7 +63,7 @@ def _gains(p: MacAdam, car: Car, speed: float) -> Array:
 def _command(p, gains, path, lateral_speed, yaw_rate, z, memory):
     u = -gains[_POINTS] * lateral_speed - gains[_POINTS + 1] * yaw_rate
     for k in range(_POINTS):
-        u += gains[k] * path[2 + k]
+        u += gains[k] * path[AHEAD + k]
     for k in range(NEUROMUSCULAR_STATES):
         u -= gains[_POINTS + 2 + k] * z[k]
     return u

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from steer_env.courses.preview import PREVIEW_TIMES
+from steer_env.courses.preview import AHEAD, LATERAL_OFFSET, PREVIEW_TIMES
 from steer_env.drivers.common.definition import NEUROMUSCULAR_STATES, Driver, arm, register, register_preview_model
 from steer_env.drivers.common.known_torque import acceleration_gain
 from steer_env.episode.timing import UPDATE_INTERVAL
@@ -50,9 +50,9 @@ def _gains(p: Preview, car: Car, speed: float) -> Array:
 @kernel
 def _command(p, gains, path, lateral_speed, yaw_rate, z, memory):
     # In the car's frame its own y and psi are zero, and the path beside the car lies at minus the lateral offset.
-    u = -gains[0] * path[0]
+    u = -gains[0] * path[LATERAL_OFFSET]
     for k in range(_POINTS):
-        u += gains[1 + k] * path[2 + k]
+        u += gains[1 + k] * path[AHEAD + k]
     u -= gains[1 + _POINTS] * lateral_speed + gains[2 + _POINTS] * yaw_rate
     for k in range(NEUROMUSCULAR_STATES):
         u -= gains[3 + _POINTS + k] * z[k]

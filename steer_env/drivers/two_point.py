@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from steer_env.courses.preview import PREVIEW_TIMES
+from steer_env.courses.preview import AHEAD, PREVIEW_TIMES
 from steer_env.drivers.common.definition import Driver, arm, register, register_preview_model
 from steer_env.episode.timing import UPDATE_INTERVAL
 from steer_env.friction.numerics.check import number, positive
@@ -17,6 +17,8 @@ Array = NDArray[np.float64]
 
 FAR, NEAR, NEAR_INTEGRAL = 16.0, 4.0, 3.0  # relative gains on the two angles and on the near angle's integral
 _FAR_POINT = 8  # place of the point 0.9 s ahead among the points
+# Places among the gains.
+_FAR_GAIN, _NEAR_GAIN, _INTEGRAL_GAIN, _FAR_DISTANCE, _NEAR_PLACE, _NEAR_DISTANCE = range(6)
 
 
 class TwoPoint(NamedTuple):
@@ -49,12 +51,12 @@ def _gains(p: TwoPoint, car: Car, speed: float) -> Array:
 
 @kernel
 def _command(p, gains, path, lateral_speed, yaw_rate, z, memory):
-    far = math.atan2(path[2 + _FAR_POINT], gains[3])
-    n = int(gains[4])
-    part = gains[4] - n
-    near = math.atan2(path[1 + n] + part * (path[min(2 + n, path.size - 1)] - path[1 + n]), gains[5])
+    far = math.atan2(path[AHEAD + _FAR_POINT], gains[_FAR_DISTANCE])
+    n = int(gains[_NEAR_PLACE])  # counted from one
+    part, before = gains[_NEAR_PLACE] - n, path[AHEAD + n - 1]
+    near = math.atan2(before + part * (path[min(AHEAD + n, path.size - 1)] - before), gains[_NEAR_DISTANCE])
     memory[0] += near * UPDATE_INTERVAL
-    return gains[0] * far + gains[1] * near + gains[2] * memory[0]
+    return gains[_FAR_GAIN] * far + gains[_NEAR_GAIN] * near + gains[_INTEGRAL_GAIN] * memory[0]
 
 
 register_preview_model(TwoPoint, _gains, _command)

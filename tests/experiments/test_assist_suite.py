@@ -29,7 +29,7 @@ class Pushing(Baseline):
     needs = ("column_speed",)
 
     def torque(self, seen):
-        return 8.0 * seen[:, 0]
+        return 8.0 * seen.column_speed
 
 
 class Delayed(Baseline):
@@ -42,7 +42,7 @@ class Delayed(Baseline):
         self.sum = np.zeros(self.n)
 
     def torque(self, seen):
-        self.sum = np.clip(self.sum + 0.15 * (seen[:, 0] - 2.0 * seen[:, 1]), -5.0, 5.0)
+        self.sum = np.clip(self.sum + 0.15 * (seen.torsion_bar_torque - 2.0 * seen.lateral_acceleration), -5.0, 5.0)
         return self.sum
 
 
@@ -115,8 +115,8 @@ def test_a_controller_sees_what_its_task_observes():
         optional = ("released", "last_action")
 
         def torque(self, observations):
-            seen.setdefault("released", []).append(observations[0, 1])
-            seen.setdefault("last", []).append(observations[0, 2])
+            seen.setdefault("released", []).append(observations.released[0])
+            seen.setdefault("last", []).append(observations.last_action[0])
             return np.full(self.n, 0.5)
 
     assist_suite.driven(drive("release"), Watching, "steer_env/AssistRelease-v1")

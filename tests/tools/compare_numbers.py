@@ -1,8 +1,8 @@
 """Whether two commits give the same numbers, to the bit.
 
 ``python compare_numbers.py record OUT.npz`` stores what a checkout computes: a fixed rollout of every environment id,
-with nominal and with drawn conditions, alone and as a vector environment that resets its sub-environments; channels and
-metrics of every manoeuvre; and the outputs of exported FMUs.
+with nominal and with drawn conditions, alone and as a vector environment that resets its sub-environments; every
+baseline assist and driver model; channels and metrics of every manoeuvre; and the outputs of exported FMUs.
 ``python compare_numbers.py compare OLD.npz NEW.npz`` compares two such files; with ``--reports OLD.json NEW.json`` it
 also compares the ``metrics.json`` of two reports, except times. Run ``record`` in a checkout of each commit with that
 commit's packages installed: the script needs only gymnasium, ``steer_env`` and fmpy. The exit code is 1 if any number
@@ -143,6 +143,35 @@ def _manoeuvres() -> Iterator[tuple[str, dict[str, np.ndarray]]]:
             yield label, channels | {f"metric {key}": np.asarray(v.value) for key, v in values.items()}
 
 
+def _controllers() -> Iterator[tuple[str, dict[str, np.ndarray]]]:
+    """Actions and rewards of every baseline assist and driver model."""
+    from steer_env import assists, drivers
+
+    for name in assists.available():
+        for env_id in ("steer_env/AssistRelease-v1", "steer_env/AssistAllRound-v1"):
+            yield f"assist {name} {env_id}", _controlled(env_id, lambda env, name=name: assists.make(name, env))
+    for name in drivers.available():
+        env_id = "steer_env/DriverDoubleLaneChange-v1"
+        yield f"driver {name}", _controlled(env_id, lambda env, name=name: drivers.Controller(env, name))
+
+
+def _controlled(env_id: str, make: Any) -> dict[str, np.ndarray]:
+    """Actions and rewards of a controller over some episodes, which it forgets at each reset."""
+    env: Any = gym.make(env_id, friction="lugre")
+    controller = make(env)
+    observation, _ = env.reset(seed=11)
+    actions, rewards = [], []
+    for _ in range(STEPS):
+        actions.append(controller.act(observation))
+        observation, reward, terminated, truncated, _ = env.step(actions[-1])
+        rewards.append(reward)
+        if terminated or truncated:
+            controller.reset()
+            observation, _ = env.reset()
+    env.close()
+    return {"actions": np.asarray(actions), "rewards": np.asarray(rewards)}
+
+
 def _exported_fmus() -> Iterator[tuple[str, dict[str, np.ndarray]]]:
     """Outputs of exported FMUs whose first input is a sine, at every communication step."""
     import fmpy
@@ -182,7 +211,7 @@ def _subsystem(export: Any, subsystem: str) -> dict[str, str]:
 def record(out: Path) -> None:
     """Compute everything and store the arrays."""
     arrays: dict[str, np.ndarray] = {}
-    for parts in (_environments, _manoeuvres, _exported_fmus):
+    for parts in (_environments, _controllers, _manoeuvres, _exported_fmus):
         for label, found in parts():
             print(label, sum(np.asarray(values).size for values in found.values()), file=sys.stderr)
             arrays |= {f"{label} {key}": value for key, value in found.items()}

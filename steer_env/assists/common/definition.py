@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from steer_env.friction.numerics.registry import Registry
+from steer_env.tasks.common.definition import Quantity, by_name
 from steer_env.vehicle.chassis.common.interface import ASSIST_REQUEST
 
 Array = NDArray[np.float64]
@@ -33,8 +34,8 @@ class Baseline:
         The environment has another action, or does not observe what the baseline needs.
     """
 
-    needs: tuple[str, ...] = ()  # observations, in the order in which ``torque`` takes them
-    optional: tuple[str, ...] = ()  # observations after these, zero where the environment does not have them
+    needs: tuple[str, ...] = ()  # observations that ``torque`` reads by their names
+    optional: tuple[str, ...] = ()  # further ones, zero where the environment does not have them
     # Options to tune, with their least and largest value; on a logarithmic scale where the least is above zero.
     tuned: Mapping[str, tuple[float, float]] = {}
 
@@ -49,8 +50,10 @@ class Baseline:
                 raise ValueError(f"{batch.task.name} does not observe {name}; it has: {', '.join(observed)}")
         self.batch = batch
         self.n, self.scale, self.control_dt = batch.n, batch.task.action.scale, batch.control_dt
-        # Column -1 of what `act` puts together is zero.
-        self._places = [observed.index(name) if name in observed else -1 for name in (*self.needs, *self.optional)]
+        # Column -1 of what `act` puts together is zero; it is always read, so that a record is never empty.
+        read = (*self.needs, *self.optional)
+        self._places = [*(observed.index(name) if name in observed else -1 for name in read), -1]
+        self._quantities = [Quantity(name, "", np.inf) for name in read]
         self._width = len(observed)
         self._units = getattr(env.unwrapped, "observation_scale", np.ones(self._width))
         self._new = np.ones(self.n, bool)
@@ -70,9 +73,9 @@ class Baseline:
         allowed = [(self.n, self._width)] + [(self._width,)] * (self.n == 1)
         if np.shape(observation) not in allowed:
             raise ValueError(f"observation must be an array {allowed[-1]}, got {observation!r}")
-        seen = np.zeros((self.n, self._width + 1))
-        seen[:, :-1] = observation * self._units
-        seen = np.ascontiguousarray(seen[:, self._places])
+        values = np.zeros((self.n, self._width + 1))
+        values[:, :-1] = observation * self._units
+        seen = by_name(np.ascontiguousarray(values[:, self._places]), self._quantities)
         if self._new.any():
             for i in np.flatnonzero(self._new):
                 self.begin(int(i), seen[i])
@@ -80,11 +83,14 @@ class Baseline:
         action = np.clip(self.torque(seen) / self.scale, -1.0, 1.0).astype(np.float32)
         return action if observation.ndim == 1 else action[:, None]
 
-    def begin(self, i: int, seen: Array) -> None:
-        """Begin an episode in row ``i`` with its first observations (N,)."""
+    def begin(self, i: int, seen: Any) -> None:
+        """Begin an episode in row ``i`` with the record of its first observations."""
 
-    def torque(self, seen: Array) -> Array:
-        """Requested torque (n,) [N m] from the needed observations (n, N) in SI; :meth:`act` clips it to the action."""
+    def torque(self, seen: Any) -> Array:
+        """Requested torque (n,) [N m]; :meth:`act` clips it to the action.
+
+        ``seen`` are records (n,) of the needed observations in SI: ``seen.column_speed`` is (n,).
+        """
         raise NotImplementedError
 
 

@@ -57,7 +57,7 @@ def _step(controllers, limit, shares, y, x, new, out):
 
 
 class LinearBaseline(Baseline):
-    """A baseline that is a linear controller; a subclass gives :meth:`design`, and ``speed`` as its first need."""
+    """A linear controller; a subclass gives :meth:`design` and :meth:`signals`, and ``speed`` is among its needs."""
 
     authority = 1.0  # largest torque over the action's full scale
 
@@ -71,17 +71,17 @@ class LinearBaseline(Baseline):
         """The controller for a speed [m/s]."""
         raise NotImplementedError
 
-    def signals(self, seen: Array) -> Array:
+    def signals(self, seen: Any) -> Array:
         """The controller's inputs y (n, m) from the needed observations."""
-        return seen[:, 1:].copy()
+        raise NotImplementedError
 
-    def shares(self, seen: Array) -> Array:
+    def shares(self, seen: Any) -> Array:
         """The share (n,) of the controller's torque that is requested, 0 to 1."""
         return np.ones(self.n)
 
-    def begin(self, i: int, seen: Array) -> None:
+    def begin(self, i: int, seen: Any) -> None:
         """Start at rest, with the design for the speed rounded to whole m/s."""
-        speed = float(round(abs(seen[0])))
+        speed = float(round(abs(seen.speed)))
         if speed not in self._designs:
             self._designs[speed] = self.design(speed)
         design = self._designs[speed]
@@ -93,7 +93,7 @@ class LinearBaseline(Baseline):
             rows[i] = matrix
         self._x[i] = 0.0
 
-    def torque(self, seen: Array) -> Array:
+    def torque(self, seen: Any) -> Array:
         """Torque that the controller requests [N m]."""
         limit = self.authority * self.scale
         arguments = self._controllers, limit, self.shares(seen), self.signals(seen), self._x, self._new_x, self._out

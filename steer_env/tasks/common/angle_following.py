@@ -28,6 +28,7 @@ from steer_env.vehicle.plant import CHANNEL
 Array = NDArray[np.float64]
 
 TARGET_TIMES = (0.0, 0.2, 0.5, 1.0)  # at which the target is observed, from now [s]
+_NOW = 0  # place of the first of them among the observations
 METRICS = (*COMMON_METRICS, EpisodeMetric("rms_angle_error", "rad", RMS, "handwheel angle minus the target angle"))
 
 _ANGLE = CHANNEL["handwheel_angle"]
@@ -94,7 +95,7 @@ def observe(parameters, channels, path, data, step, memory, observations):
 def evaluate(parameters, channels, observations, data, step, memory, rewards, costs, metrics):
     """The ``evaluate_step`` of these tasks: the error of the angle."""
     evaluate_common(channels, step, step.dt, memory, rewards, costs, metrics)
-    error = observations[0]
+    error = observations[_NOW]
     metrics.rms_angle_error = error
     rewards.angle += step.dt * quality(error / parameters.scale)
     return GOES_ON
@@ -102,4 +103,4 @@ def evaluate(parameters, channels, observations, data, step, memory, rewards, co
 
 def scenery(channels: Array, observations: Array, data: Array, memory: Array) -> Scenery:
     """The wanted angle, for the picture."""
-    return Scenery(wanted_angle=float(channels[_ANGLE] + observations[0]))
+    return Scenery(wanted_angle=float(channels[_ANGLE] + observations[_NOW]))

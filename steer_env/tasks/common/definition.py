@@ -80,8 +80,8 @@ class EpisodeMetric(NamedTuple):
 RMS, PEAK, SUM = range(3)
 
 
-def by_name(values: Array, declared: Sequence[Term | Cost | EpisodeMetric], first: int = 0) -> Any:
-    """Rows of floats as records, in which every declared term, cost or metric has its float by its name.
+def by_name(values: Array, declared: Sequence[Term | Cost | EpisodeMetric | Quantity], first: int = 0) -> Any:
+    """Rows of floats as records, in which every declared term, cost, metric or quantity has its float by its name.
 
     The records are the same memory: a kernel that writes ``rewards.feel`` writes the float of the term "feel", at a
     place that is known when the kernel is compiled. Plain Python writes it in the same words.
@@ -89,7 +89,7 @@ def by_name(values: Array, declared: Sequence[Term | Cost | EpisodeMetric], firs
     Parameters
     ----------
     values : (..., K) array
-    declared : sequence of Term, Cost or EpisodeMetric
+    declared : sequence of Term, Cost, EpisodeMetric or Quantity
     first : int
         Column of the first of them.
 

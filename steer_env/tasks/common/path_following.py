@@ -3,7 +3,7 @@
 import math
 
 from steer_env.courses import path as paths
-from steer_env.courses.preview import PREVIEW_NAMES, PREVIEW_TIMES
+from steer_env.courses.preview import HEADING_ERROR, LATERAL_OFFSET, PREVIEW_NAMES, PREVIEW_TIMES
 from steer_env.friction.numerics.bounds import within
 from steer_env.friction.numerics.kernel import kernel
 from steer_env.tasks.common.definition import PEAK, RMS, EpisodeMetric, Quantity, Term
@@ -56,7 +56,7 @@ def evaluate_following(channels, observations, scale, step, memory, rewards, cos
     memory[_FURTHEST] = max(memory[_FURTHEST], memory[_NEAREST])
     progress = within(gained, 0.0, step.dt)
     evaluate_common(channels, step, progress, memory, rewards, costs, metrics)
-    offset = observations[0]
+    offset = observations[LATERAL_OFFSET]
     rewards.offset += progress * quality(offset / scale)
     metrics.rms_lateral_offset = offset
     metrics.peak_lateral_offset = offset
@@ -66,4 +66,4 @@ def evaluate_following(channels, observations, scale, step, memory, rewards, cos
 @kernel
 def has_departed(observations, half_width):
     """Whether the car has left a lane of this half width [m] or points across it."""
-    return abs(observations[0]) > half_width or abs(observations[1]) > 0.5 * math.pi
+    return abs(observations[LATERAL_OFFSET]) > half_width or abs(observations[HEADING_ERROR]) > 0.5 * math.pi
