@@ -1,5 +1,5 @@
 PYTHON ?= python3
-PYTEST = .venv-test/bin/python -m pytest --numprocesses auto --dist loadfile
+PYTEST = .venv-test/bin/python -m pytest --numprocesses auto --dist worksteal
 SEED := $(shell date +%s)
 
 .PHONY: report test types test-whole test-all test-matrix test-integrations audit clean
