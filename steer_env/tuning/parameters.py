@@ -19,6 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from steer_env.vehicle.keys import declared_keys
 from steer_env.vehicle.steering import eps
 from steer_env.vehicle.steering.assist import functions
 from steer_env.vehicle.steering.eps import SAMPLE_TIME, Assist
@@ -26,7 +27,7 @@ from steer_env.vehicle.steering.eps import SAMPLE_TIME, Assist
 Array = NDArray[np.float64]
 
 HIGH_SPEED = 100.0 / 3.6  # speed from which on a factor at standstill has no effect [m/s]
-HIGHEST_CORNER = 450.0  # highest corner of the lead that :func:`steer_env.vehicle.steering.eps.make` accepts [Hz]
+HIGHEST_CORNER = declared_keys()["assist"]["lead_zero"].high  # of the lead [Hz]
 
 
 class Parameter(NamedTuple):

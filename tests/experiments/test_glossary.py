@@ -1,4 +1,4 @@
-"""The pages of metrics and environments are what their definitions say."""
+"""The pages of metrics, environments and car files are what their definitions say."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""Write the reference pages that are made of the program: docs/metrics.md and docs/environments.md.
+"""Write what is made of the program: docs/metrics.md, docs/environments.md and the tables of docs/car_files.md.
 
 The pages of a checkout are replaced; an installed package has none.
 """
@@ -13,7 +13,7 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> None:
-    """Write both pages."""
+    """Write the pages."""
     from tests.tools import glossary
 
     for path in glossary.write():

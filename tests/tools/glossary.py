@@ -1,4 +1,4 @@
-"""Write docs/metrics.md and docs/environments.md from the definitions in the code.
+"""Write docs/metrics.md, docs/environments.md and the tables of docs/car_files.md from the definitions in the code.
 
 python -m tests.maintain glossary
 """
@@ -6,9 +6,12 @@ python -m tests.maintain glossary
 import inspect
 import re
 from collections.abc import Callable
+from inspect import signature
 from pathlib import Path
+from typing import Any
 
 import gymnasium as gym
+import numpy as np
 from gymnasium.envs.registration import load_env_creator
 
 from steer_env import REGISTERED, manoeuvres, metrics, tasks
@@ -21,6 +24,9 @@ from steer_env.tuning.env import DRAWN, TuneEnv
 from steer_env.tuning.scenarios.common.definition import SCENARIOS, SPEEDS
 from steer_env.tuning.vector import TuneVectorEnv
 from steer_env.vector import SteerVectorEnv
+from steer_env.vehicle.cars import plausible
+from steer_env.vehicle.cars.keys import CONSTRUCTORS
+from steer_env.vehicle.keys import Key, declared_keys
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 _METRICS = """# Tests and metrics
@@ -255,7 +261,58 @@ def _anchor(name: str) -> str:
     return name.lower().replace("/", "")
 
 
-PAGES: dict[Path, Callable[[], str]] = {DOCS / "metrics.md": metrics_page, DOCS / "environments.md": environments_page}
+def default(section: str, key: str) -> Any:
+    """Default of a key of a car file, None where it has none."""
+    make = CONSTRUCTORS.get(section)
+    return signature(make).parameters[key].default if make else declared_keys()[section][key].default
+
+
+def _default_in_words(section: str, key: str, about: Key) -> str:
+    value = default(section, key)
+    if value is None:
+        return "none" if about.optional else ""
+    if isinstance(value, str):
+        return value
+    return "table" if np.size(value) > 2 else ", ".join(f"{one:g}" for one in np.ravel(value))
+
+
+def _keys(section: str) -> str:
+    """The keys of a section of a car file as a table."""
+    rows = []
+    for key, about in declared_keys()[section].items():
+        usual = "{:g} to {:g}".format(*about.usual) if about.usual else ""
+        rows.append(
+            (f"`{key}`", about.meaning, about.unit, _default_in_words(section, key, about), about.allowed, usual)
+        )
+    return table(("key", "meaning", "unit", "default", "allowed", "usual"), rows)
+
+
+def _usual() -> str:
+    """What passenger cars have of quantities that several keys determine, as a table."""
+    rows = []
+    for q in plausible.USUAL:
+        if q.keys:
+            listed = ", ".join(f"`{key}`" for key in q.keys.split(", "))
+            rows.append((q.name, listed, q.unit, f"{q.low:g} to {q.high:g}", q.source))
+    return table(("quantity", "keys that determine it", "unit", "usual", "source"), rows)
+
+
+def car_files_page() -> str:
+    """The page of car files with the tables of its keys."""
+    made = {**{section: _keys(section) for section in declared_keys()}, "What is usual": _usual()}
+    text = (DOCS / "car_files.md").read_text(encoding="utf-8")
+    for title, rows in made.items():
+        before, heading, rest = text.partition(f"\n## {title}\n")
+        first, last = re.search(r"^\|(.|\n\|)*\n", rest, re.MULTILINE).span()
+        text = before + heading + rest[:first] + rows + "\n" + rest[last:]
+    return text
+
+
+PAGES: dict[Path, Callable[[], str]] = {
+    DOCS / "metrics.md": metrics_page,
+    DOCS / "environments.md": environments_page,
+    DOCS / "car_files.md": car_files_page,
+}
 
 
 def write() -> list[Path]:

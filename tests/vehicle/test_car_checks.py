@@ -1,18 +1,19 @@
-"""Cars that contradict themselves are refused, unusual ones warned about, and docs/car_files.md says what is taken."""
+"""Cars that contradict themselves are refused, unusual ones warned about, and a key takes what is declared of it."""
 
 import copy
 import math
 import re
 import warnings
 from inspect import signature
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from steer_env.experiments.cli.main import main
-from steer_env.vehicle import cars
-from steer_env.vehicle.cars import contradictions, keys, plausible
+from steer_env.vehicle import cars, keys
+from steer_env.vehicle.cars import contradictions, plausible
+from steer_env.vehicle.cars import keys as sections
+from tests.tools.glossary import default
 
 DATA = cars.every_key("ford_escort")
 CAR = cars.load("ford_escort")
@@ -192,87 +193,52 @@ def test_the_line_of_the_first_key_that_a_message_names(tmp_path):
         cars.load(path)
 
 
-PAGE = (Path(__file__).parents[2] / "docs" / "car_files.md").read_text(encoding="utf-8")
-ROWS = {
-    section: [[cell.strip() for cell in line.strip("|").split("|")] for line in re.findall(r"^\| `.*$", text, re.M)]
-    for section, text in re.findall(r"^## (\w+)\n(.*?)(?=^## )", PAGE, re.M | re.S)
-}
-SECTIONS = ("chassis", "steering", *keys.CONSTRUCTORS)
+SECTIONS = ("chassis", "steering", *sections.CONSTRUCTORS)
+NUMBERS = [
+    (section, key)
+    for section in SECTIONS
+    for key, about in keys.declared_keys()[section].items()
+    if re.match(r"above |at least |[-\d]", about.allowed) and np.size(default(section, key)) == 1
+]
 
 
 @pytest.mark.parametrize("section", SECTIONS)
-def test_the_page_has_every_key_of_a_section(section):
-    listed = [row[0].strip("`") for row in ROWS[section]]
+def test_every_key_is_declared(section):
     known = keys.declared_keys()[section]
-    make = keys.CONSTRUCTORS.get(section)
-    assert sorted(listed) == sorted(known if make is None else signature(make).parameters)
-    assert all(len(row) == 5 for row in ROWS[section])
-
-
-@pytest.mark.parametrize("section", SECTIONS)
-def test_every_key_is_explained_as_on_the_page(section):
-    """What ``steer-env car --new`` writes beside the keys."""
-    explained = cars.declared_keys()[section]
-    assert set(explained) == set(cars.load().data()[section])
-    for row in ROWS[section]:
-        name, meaning, unit, _, allowed = (cell.replace("`", "") for cell in row)
-        assert explained[name][:3] == (meaning, unit, allowed)
+    assert set(known) == set(cars.load().data()[section])
+    if section in sections.CONSTRUCTORS:
+        assert set(known) == set(signature(sections.CONSTRUCTORS[section]).parameters)
 
 
 def accepts(section, key, value):
     try:
-        if section in keys.CONSTRUCTORS:
-            keys.CONSTRUCTORS[section](**{key: value})
+        if section in sections.CONSTRUCTORS:
+            sections.CONSTRUCTORS[section](**{key: value})
         else:
-            keys.numbers(section, {key: value}, required=False)
+            sections.numbers(section, {key: value}, required=False)
     except ValueError:
         return False
     return True
 
 
-@pytest.mark.parametrize(
-    ("section", "key", "default", "allowed"),
-    [
-        (section, row[0].strip("`"), *row[3:])
-        for section in SECTIONS
-        for row in ROWS[section]
-        if row[3] != "table" and not row[4].startswith(("two numbers", "text"))
-    ],
-)
-def test_the_page_gives_defaults_and_allowed_values(section, key, default, allowed):
+@pytest.mark.parametrize(("section", "key"), NUMBERS)
+def test_what_is_declared_is_allowed(section, key):
     about = keys.declared_keys()[section][key]
-    defaults = {} if about.default is None else {key: about.default}
-    if section in keys.CONSTRUCTORS:
-        defaults = {name: p.default for name, p in signature(keys.CONSTRUCTORS[section]).parameters.items()}
-    assert default == ("none" if about.optional else f"{np.ravel(defaults[key])[0]:g}" if key in defaults else "")
-    form = re.fullmatch(r"any|(?:(above|at least) (\S+?)|(\S+))(?:(?:, at most| to) (\S+))?", allowed)
+    form = re.fullmatch(r"(?:(above|at least) (\S+?)|(\S+))(?:(?:, at most| to) (\S+))?", about.allowed)
     above, low, start, high = form.groups()
-    low = -1e6 if allowed == "any" else float(low or start)
-    high = 1e6 if high is None else float(high)
+    low, high = float(low or start), 1e6 if high is None else float(high)
     assert accepts(section, key, low + 1e-9 if above == "above" else low)
     assert accepts(section, key, high)
     assert not accepts(section, key, math.nan)
-    if allowed != "any":
-        assert not accepts(section, key, low if above == "above" else math.nextafter(low, -math.inf))
+    assert not accepts(section, key, low if above == "above" else math.nextafter(low, -math.inf))
     if high < 1e6:
         assert not accepts(section, key, math.nextafter(high, math.inf))
 
 
-def test_the_page_gives_pairs_and_text_of_the_assist():
-    rows = {row[0].strip("`"): row[3:] for row in ROWS["assist"]}
-    make = keys.CONSTRUCTORS["assist"]
+def test_what_is_declared_of_pairs_and_text_of_the_assist_is_allowed():
+    declared = keys.declared_keys()["assist"]
     for key in ("lead_lag_lag", "lead_lag_lead"):
-        default, allowed = rows[key]
-        assert default == "{:g}, {:g}".format(*signature(make).parameters[key].default)
-        assert allowed == "two numbers, each 0.01 to 490"
+        assert declared[key].allowed == "two numbers, each 0.01 to 490"
         assert [accepts("assist", key, [f, f]) for f in (0.0099, 0.01, 490.0, 491.0)] == [False, True, True, False]
-    assert rows["friction_law"] == [signature(make).parameters["friction_law"].default, "text as `masing,F_c=0.8`"]
+    assert declared["friction_law"].allowed == "text as masing,F_c=0.8"
     assert accepts("assist", "friction_law", "masing,F_c=0.8")
-
-
-def test_the_page_lists_what_is_usual():
-    for q in plausible.USUAL:
-        name = q.name if q.keys else f"`{q.name}`"
-        listed = ", ".join(f"`{key}`" for key in q.keys.split(", ")) if q.keys else ""
-        assert f"| {name} | {listed} | {q.unit} | {q.low:g} to {q.high:g} | {q.source} |" in PAGE
-    assert PAGE.partition("## What is usual")[2].count("\n|") == len(plausible.USUAL) + 2

@@ -10,8 +10,7 @@ import pytest
 from vehiclemodels.utils import tire_model
 from vehiclemodels.vehicle_parameters import setup_vehicle_parameters
 
-from steer_env.vehicle import cars, commonroad
-from steer_env.vehicle.cars import keys
+from steer_env.vehicle import cars, commonroad, keys
 
 P = setup_vehicle_parameters(vehicle_id=2)
 FILES = {"ford_escort": 1, "bmw_320i": 2, "vw_vanagon": 3}

@@ -3,9 +3,9 @@
 from steer_env.vehicle.cars.car import SPEEDS, Car
 from steer_env.vehicle.cars.contents import write
 from steer_env.vehicle.cars.files import available, every_key, from_data, load
-from steer_env.vehicle.cars.keys import declared_keys
 from steer_env.vehicle.cars.plausible import UnusualCar
 from steer_env.vehicle.chassis.common.interface import SPEED_MAX, SPEED_MIN
+from steer_env.vehicle.keys import declared_keys
 
 __all__ = [
     "SPEEDS",

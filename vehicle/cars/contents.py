@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from steer_env.vehicle import tyre
-from steer_env.vehicle.cars.keys import CONSTRUCTORS, TEXTS, declared_keys
+from steer_env.vehicle.cars.keys import CONSTRUCTORS, TEXTS
+from steer_env.vehicle.keys import declared_keys
 from steer_env.vehicle.suspension.macpherson import MacPherson
 
 if TYPE_CHECKING:

@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from steer_env.vehicle import chassis as chassis_models
 from steer_env.vehicle import tyre
-from steer_env.vehicle.cars.keys import JUDGEMENT, declared_keys
 from steer_env.vehicle.constants import GRAVITY
+from steer_env.vehicle.keys import JUDGEMENT, declared_keys
 from steer_env.vehicle.steering import stability
 from steer_env.vehicle.steering.assist.functions import Functions
 

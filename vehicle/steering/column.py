@@ -20,8 +20,8 @@ from typing import NamedTuple
 
 from steer_env.friction.law import step as law_step
 from steer_env.friction.level import both, chosen
-from steer_env.friction.numerics.check import not_negative, positive
 from steer_env.friction.numerics.kernel import kernel
+from steer_env.vehicle.keys import checked
 
 STATES = (
     ("handwheel_angle", "rad"),
@@ -68,12 +68,12 @@ def make(
         An inertia or stiffness that is not positive, or a damping below zero.
     """
     return Column(
-        positive("I1", I1),
-        positive("I2", I2),
-        positive("K_tb", K_tb),
-        not_negative("C_tb", C_tb),
-        not_negative("C1", C1),
-        not_negative("C2", C2),
+        checked("column", "I1", I1),
+        checked("column", "I2", I2),
+        checked("column", "K_tb", K_tb),
+        checked("column", "C_tb", C_tb),
+        checked("column", "C1", C1),
+        checked("column", "C2", C2),
     )
 
 

@@ -20,10 +20,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from steer_env.friction.numerics.bounds import within
-from steer_env.friction.numerics.check import number, positive
+from steer_env.friction.numerics.check import number
 from steer_env.friction.numerics.frozen import frozen
 from steer_env.friction.numerics.interpolation import bracket
 from steer_env.friction.numerics.kernel import kernel
+from steer_env.vehicle.keys import checked
 from steer_env.vehicle.steering.assist import damping as damping_law
 from steer_env.vehicle.steering.assist import functions
 from steer_env.vehicle.steering.assist.by_speed import between, by_speed, table
@@ -120,22 +121,22 @@ def make(
     samples = int(latency / SAMPLE_TIME + 1e-9)
     # Tustin's rule on (1 + s/z)/(1 + s/p), corners pre-warped
     zero, pole = (
-        math.tan(math.pi * number(name, f, minimum=0.0, maximum=450.0, above=True) * SAMPLE_TIME)
+        math.tan(math.pi * checked("assist", name, f) * SAMPLE_TIME)
         for name, f in (("lead_zero", lead_zero), ("lead_pole", lead_pole))
     )
     gain = (1.0 / zero + 1.0) / (1.0 / pole + 1.0)  # (E3)
     return Assist(
         frozen(v),
         frozen(t),
-        frozen(by_speed("boost_scale", boost_scale, v.size, maximum=10.0)[:, None] * b),
+        frozen(by_speed("boost_scale", boost_scale, v.size)[:, None] * b),
         frozen(d),
         lead_b0=gain,
         lead_b1=(1.0 - 1.0 / zero) / (1.0 + 1.0 / pole),  # (E3)
         lead_a1=(1.0 - 1.0 / pole) / (1.0 + 1.0 / pole),  # (E3)
         delay=samples,
         offset=max(latency - samples * SAMPLE_TIME, 0.0),
-        bandwidth=2.0 * math.pi * positive("bandwidth", bandwidth),
-        limit=positive("limit", limit),
+        bandwidth=2.0 * math.pi * checked("assist", "bandwidth", bandwidth),
+        limit=checked("assist", "limit", limit),
         functions=functions.make(frozen(v), SAMPLE_TIME, **more),
     )
 

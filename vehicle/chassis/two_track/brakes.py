@@ -9,8 +9,8 @@ forward rolling. Source: derived here; the default torques are assumed.
 import math
 from typing import NamedTuple
 
-from steer_env.friction.numerics.check import not_negative, positive
 from steer_env.friction.numerics.kernel import kernel
+from steer_env.vehicle.keys import checked
 
 
 class Brakes(NamedTuple):
@@ -32,7 +32,11 @@ def make(*, front: float = 1900.0, rear: float = 330.0, hand: float = 900.0) -> 
     ValueError
         Naming the parameter, the value and what is allowed.
     """
-    return Brakes(positive("front", front), positive("rear", rear), not_negative("hand", hand))
+    return Brakes(
+        checked("brakes", "front", front),
+        checked("brakes", "rear", rear),
+        checked("brakes", "hand", hand),
+    )
 
 
 @kernel

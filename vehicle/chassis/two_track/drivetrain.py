@@ -19,9 +19,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from steer_env.friction.numerics.bounds import within
-from steer_env.friction.numerics.check import not_negative, number, numbers, positive
+from steer_env.friction.numerics.check import numbers
 from steer_env.friction.numerics.interpolation import bracket
 from steer_env.friction.numerics.kernel import kernel
+from steer_env.vehicle.keys import checked
 
 RPM = math.pi / 30.0  # [rad/s]
 ENGINE_SPEEDS = tuple(rpm * RPM for rpm in (800, 1500, 2000, 3000, 4000, 5000, 6000, 6300, 6600))
@@ -110,16 +111,16 @@ def make(
         n,
         full,
         closed,
-        inertia=not_negative("inertia", inertia),
+        inertia=checked("drivetrain", "inertia", inertia),
         ratios=i,
-        final_drive=positive("final_drive", final_drive),
-        efficiency=number("efficiency", efficiency, minimum=0.0, maximum=1.0, above=True),
+        final_drive=checked("drivetrain", "final_drive", final_drive),
+        efficiency=checked("drivetrain", "efficiency", efficiency),
         up_closed=float(up[0]),
         up_open=float(up[1]),
         down_closed=float(down[0]),
         down_open=float(down[1]),
-        shift_time=not_negative("shift_time", shift_time),
-        front_share=number("front_share", front_share, minimum=0.0, maximum=1.0),
+        shift_time=checked("drivetrain", "shift_time", shift_time),
+        front_share=checked("drivetrain", "front_share", front_share),
     )
 
 

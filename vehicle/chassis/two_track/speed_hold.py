@@ -6,9 +6,9 @@ Source: derived here; the default gains are assumed.
 from typing import NamedTuple
 
 from steer_env.friction.numerics.bounds import within
-from steer_env.friction.numerics.check import not_negative, positive
 from steer_env.friction.numerics.kernel import kernel
 from steer_env.vehicle.chassis.two_track.drivetrain import axle_torques, reflected_inertia, throttle_for
+from steer_env.vehicle.keys import checked
 
 
 class SpeedHold(NamedTuple):
@@ -37,11 +37,11 @@ def make(
         Naming the parameter, the value and what is allowed.
     """
     return SpeedHold(
-        positive("proportional", proportional),
-        not_negative("integral", integral),
-        positive("band", band),
-        positive("acceleration", acceleration),
-        positive("deceleration", deceleration),
+        checked("speed_hold", "proportional", proportional),
+        checked("speed_hold", "integral", integral),
+        checked("speed_hold", "band", band),
+        checked("speed_hold", "acceleration", acceleration),
+        checked("speed_hold", "deceleration", deceleration),
     )
 
 

@@ -14,8 +14,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from steer_env.friction.numerics.check import number
 from steer_env.friction.numerics.kernel import kernel
+from steer_env.vehicle.keys import checked
 from steer_env.vehicle.steering.assist.by_speed import by_speed, shortest
 
 HALF_SPEED = 3.0  # v_0, assumed [m/s]
@@ -61,11 +61,11 @@ def make(
         Vehicle speed at which the return has half its size, 0.1 to 100 [m/s].
     """
     return ActiveReturn(
-        by_speed("return_gain", return_gain, count, maximum=200.0),
-        number("return_saturation", return_saturation, minimum=0.0, maximum=50.0, above=True),
-        number("return_lead", return_lead, minimum=0.0, maximum=1.0),
-        number("return_hold", return_hold, minimum=0.01, maximum=100.0),
-        number("return_speed", return_speed, minimum=0.1, maximum=100.0),
+        by_speed("return_gain", return_gain, count),
+        checked("assist", "return_saturation", return_saturation),
+        checked("assist", "return_lead", return_lead),
+        checked("assist", "return_hold", return_hold),
+        checked("assist", "return_speed", return_speed),
     )
 
 

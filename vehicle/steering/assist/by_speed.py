@@ -5,6 +5,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from steer_env.friction.numerics.frozen import frozen
 from steer_env.friction.numerics.kernel import kernel
+from steer_env.vehicle.keys import declared_keys
 
 
 def table(name: str, values: ArrayLike) -> NDArray[np.float64]:
@@ -15,18 +16,19 @@ def table(name: str, values: ArrayLike) -> NDArray[np.float64]:
         raise ValueError(f"{name} must hold numbers, in rows of one length, got {values!r}") from None
 
 
-def by_speed(name: str, values: ArrayLike, count: int, *, minimum: float = 0.0, maximum: float) -> NDArray[np.float64]:
-    """``values`` (count,), one for each speed of the boost table; a lone value counts for every speed.
+def by_speed(name: str, values: ArrayLike, count: int) -> NDArray[np.float64]:
+    """``values`` (count,) of a key of the assist, one for each speed of the boost table; a lone value counts for all.
 
     Raises
     ------
     ValueError
         Naming the key, the range and the number of speeds.
     """
+    about = declared_keys()["assist"][name]
     given = table(name, values)
     found = np.full(count, given) if given.shape in ((), (1,)) else given
-    if found.shape != (count,) or not np.all((found >= minimum) & (found <= maximum)):
-        allowed = f"one number, or {count} for as many speeds, from {minimum:g} to {maximum:g}"
+    if found.shape != (count,) or not np.all((found >= about.low) & (found <= about.high)):
+        allowed = f"one number, or {count} for as many speeds, from {about.low:g} to {about.high:g}"
         raise ValueError(f"{name} must be {allowed}, got {given.tolist()}")
     return frozen(found)
 

@@ -26,7 +26,7 @@ STATES: tuple[tuple[str, str], ...] = ()
 
 def make(count: int, *, handwheel_damping: ArrayLike = (0.0,)) -> HandwheelDamping:
     """Damping of the handwheel speed [N m s/rad], 0 to 10, for each of ``count`` speeds or one for all; 0 is off."""
-    return HandwheelDamping(by_speed("handwheel_damping", handwheel_damping, count, maximum=10.0))
+    return HandwheelDamping(by_speed("handwheel_damping", handwheel_damping, count))
 
 
 def keys(p: HandwheelDamping) -> dict[str, Any]:

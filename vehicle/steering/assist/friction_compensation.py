@@ -29,8 +29,8 @@ from steer_env import friction
 from steer_env.friction import defaults
 from steer_env.friction.law import advance, as_mapping, law_of
 from steer_env.friction.law import torque as law_torque
-from steer_env.friction.numerics.check import number
 from steer_env.friction.numerics.kernel import kernel
+from steer_env.vehicle.keys import checked
 from steer_env.vehicle.steering.assist.by_speed import by_speed, shortest
 
 STIFFNESS = 2.0 * defaults.SIGMA_0  # slope of the default laws directly after a reversal from saturation [N m/rad]
@@ -98,14 +98,14 @@ def make(
     except ValueError as error:
         raise ValueError(f"friction_law: {error}") from None
     return FrictionCompensation(
-        by_speed("friction_share", friction_share, count, maximum=1.0),
+        by_speed("friction_share", friction_share, count),
         law,
         law_of(law).memory_size(law),
-        number("friction_stiffness", friction_stiffness, minimum=1.0, maximum=1e4),
-        number("friction_limit", friction_limit, minimum=0.0, maximum=20.0, above=True),
-        number("friction_hold", friction_hold, minimum=0.01, maximum=100.0),
+        checked("assist", "friction_stiffness", friction_stiffness),
+        checked("assist", "friction_limit", friction_limit),
+        checked("assist", "friction_hold", friction_hold),
         dt,
-        math.exp(-dt / number("friction_grip_time", friction_grip_time, minimum=0.01, maximum=100.0)),
+        math.exp(-dt / checked("assist", "friction_grip_time", friction_grip_time)),
     )
 
 

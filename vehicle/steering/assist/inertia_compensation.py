@@ -12,13 +12,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from steer_env.friction.numerics.check import number
 from steer_env.friction.numerics.kernel import kernel
+from steer_env.vehicle.keys import checked
 from steer_env.vehicle.steering.assist import first_order
 from steer_env.vehicle.steering.assist.by_speed import by_speed, shortest
 from steer_env.vehicle.steering.assist.first_order import FirstOrder, filtered
-
-HIGHEST_CORNER = 450.0  # below half the sampling rate [Hz]
 
 
 class InertiaCompensation(NamedTuple):
@@ -48,8 +46,8 @@ def make(
         Corner p up to which the column speed is differentiated, 1 to 450 [Hz].
     """
     return InertiaCompensation(
-        by_speed("inertia_compensation", inertia_compensation, count, maximum=1.0),
-        first_order.derivative(number("inertia_bandwidth", inertia_bandwidth, minimum=1.0, maximum=HIGHEST_CORNER), dt),
+        by_speed("inertia_compensation", inertia_compensation, count),
+        first_order.derivative(checked("assist", "inertia_bandwidth", inertia_bandwidth), dt),
     )
 
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from steer_env.friction.numerics.check import number
 from steer_env.friction.numerics.kernel import kernel
+from steer_env.vehicle.keys import checked
 from steer_env.vehicle.steering.assist import first_order
 from steer_env.vehicle.steering.assist.first_order import FirstOrder, filtered
 
@@ -44,7 +45,7 @@ def make(dt: float, *, lead_lag_gain: float = 0.0, lead_lag_lag: Any = LAG, lead
     lead_lag_lag, lead_lag_lead : (float, float)
         Zero and pole, above 0 and at most 0.49/dt, at 1 ms 490 Hz [Hz].
     """
-    gain = number("lead_lag_gain", lead_lag_gain, minimum=-0.9, maximum=10.0)
+    gain = checked("assist", "lead_lag_gain", lead_lag_gain)
     lag, lead = (
         first_order.lead(*_corners(name, pair, 0.49 / dt), dt)
         for name, pair in (("lead_lag_lag", lead_lag_lag), ("lead_lag_lead", lead_lag_lead))
