@@ -230,12 +230,12 @@ def test_a_reflex_answers_to_an_error_50_ms_old(ahead):
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda: drivers.make("chauffeur"), "unknown driver 'chauffeur'; available: free, macadam, preview, robot"),
+        (lambda: drivers.make("chauffeur"), "unknown driver 'chauffeur'; available: .*free, macadam, preview, robot"),
         (lambda: drivers.make("preview", co_contraction=1.5), "co_contraction must be .*at most 1, got 1.5"),
         (lambda: drivers.make("preview", effort=0.0), r"effort \[s2\] must be .*greater than 0"),
         (lambda: drivers.make("macadam", preview_time=9.0), r"preview_time \[s\] must be .*at most 1.5"),
         (lambda: drivers.make("two_point", near=0.0), r"near \[m\] must be .*at least 2"),
-        (lambda: gym.make("steer_env/AssistLaneKeeping-v1", driver=3), "driver must be one of free, .*got 3"),
+        (lambda: gym.make("steer_env/AssistLaneKeeping-v1", driver=3), "driver must be one of .*free, .*got 3"),
         (lambda: gym.make("steer_env/AssistWeave-v1", driver="preview"), "AssistWeave has no driver model in its loop"),
         (lambda: drivers.Controller(gym.make("steer_env/AssistWeave-v1")), "no driver model can act in AssistWeave"),
         (

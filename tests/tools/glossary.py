@@ -26,7 +26,7 @@ from steer_env.tuning.vector import TuneVectorEnv
 from steer_env.vector import SteerVectorEnv
 from steer_env.vehicle.cars import plausible
 from steer_env.vehicle.cars.keys import CONSTRUCTORS
-from steer_env.vehicle.keys import Key, declared_keys
+from steer_env.vehicle.keys import JUDGEMENT, Key, declared_keys
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 _METRICS = """# Tests and metrics
@@ -293,7 +293,7 @@ def _usual() -> str:
     for q in plausible.USUAL:
         if q.keys:
             listed = ", ".join(f"`{key}`" for key in q.keys.split(", "))
-            rows.append((q.name, listed, q.unit, f"{q.low:g} to {q.high:g}", q.source))
+            rows.append((q.name, listed, q.unit, f"{q.low:g} to {q.high:g}", "" if q.source == JUDGEMENT else q.source))
     return table(("quantity", "keys that determine it", "unit", "usual", "source"), rows)
 
 

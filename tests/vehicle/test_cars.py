@@ -73,9 +73,7 @@ def test_friction_by_name_or_by_parameters():
 
 def test_packaged_cars_load_once():
     assert cars.load("compact") is cars.load("compact")
-    assert cars.available() == (
-        *("bmw_320i", "compact", "compact_tuned", "ford_escort", "rear_drive_saloon", "vw_vanagon"),
-    )
+    assert {"compact", "bmw_320i", "ford_escort", "vw_vanagon"} < {*cars.available()}
     assert cars.from_data(DATA).chassis == CAR.chassis
 
 
