@@ -10,9 +10,8 @@ from vehiclemodels.vehicle_parameters import setup_vehicle_parameters
 from steer_env.experiments.studies import commonroad
 from steer_env.experiments.studies.common import commonroad_reference
 from steer_env.experiments.studies.common.commonroad_manoeuvres import BRAKE_TIME, MANOEUVRES, Manoeuvre
-from steer_env.experiments.studies.common.commonroad_two_track import drive_two_track
 from steer_env.experiments.studies.commonroad import CODE, QUIRKS, drive, reconciled
-from steer_env.experiments.studies.cross_validation import difference
+from steer_env.experiments.studies.cross_validation import difference, drive_two_track
 
 P = setup_vehicle_parameters(vehicle_id=2)
 STEP = MANOEUVRES["step_20"]._replace(duration=4.0)

@@ -17,8 +17,7 @@ from steer_env.experiments.studies.common.commonroad_manoeuvres import (
     road_wheel_angle,
 )
 from steer_env.experiments.studies.common.commonroad_reference import PECULIARITIES, load
-from steer_env.experiments.studies.common.commonroad_two_track import drive_two_track
-from steer_env.experiments.studies.cross_validation import MOST_RMS, MOST_STEADY, compare, difference
+from steer_env.experiments.studies.cross_validation import MOST_RMS, MOST_STEADY, compare, difference, drive_two_track
 
 STEP = MANOEUVRES["step_20"]._replace(duration=4.0)
 comparison = cache(compare)

@@ -93,7 +93,7 @@ ERRORS = (
     ),
     Planted(
         "the pneumatic trail ignores camber",
-        "vehicle/tyre/magic_formula/aligning.py",
+        "vehicle/tyre/magic_formula/forces.py",
         "(1.0 + c.QDZ3 * fabs(p.g) + c.QDZ3G * p.g + c.QDZ4 * p.g2)",
         "(1.0 + c.QDZ3 * p.g + c.QDZ3G * p.g + c.QDZ4 * p.g2)",
         "tests/vehicle/test_tyre.py tests/vehicle/test_tir.py tests/vehicle",

@@ -88,7 +88,7 @@ NAMED = sorted({(path.relative_to(ROOT).as_posix(), name or "") for _, path, nam
 def test_the_tables_are_read():
     assert len(NAMED) > 300
     assert ("vehicle/plant.py", "evaluate") in NAMED
-    assert ("vehicle/tyre/magic_formula/aligning.py", "pneumatic_trail") in NAMED  # named without its folder, too
+    assert ("vehicle/tyre/magic_formula/forces.py", "pneumatic_trail") in NAMED
 
 
 @pytest.mark.parametrize("path", sorted({path for path, _ in NAMED}))
