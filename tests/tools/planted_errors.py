@@ -33,21 +33,21 @@ ERRORS = (
         "friction/models/lugre.py",
         "X = p.sigma_0 * abs(w) * h / G  # (F8)",
         "X = p.sigma_0 * w * h / G  # (F8)",
-        "tests/friction",
+        "tests/friction/test_contracts.py tests/friction",
     ),
     Planted(
         "the Stribeck effect has the wrong exponent",
         "friction/models/lugre.py",
         "bump = torque_scale * (p.F_s - p.F_c) * math.exp(-x * x)",
         "bump = torque_scale * (p.F_s - p.F_c) * math.exp(-abs(x))",
-        "tests/friction",
+        "tests/friction/test_contracts.py tests/friction",
     ),
     Planted(
         "Masing's elements keep the yield of another friction scale",
         "friction/models/masing.py",
         "memory[i] = within(memory[i], -limit, limit)  # the torque scale may have fallen since the last step",
         "memory[i] = within(memory[i], -2.0 * limit, 2.0 * limit)",
-        "tests/friction",
+        "tests/friction/test_contracts.py tests/friction",
     ),
     Planted(
         "a sticking column keeps its momentum",
@@ -189,7 +189,7 @@ def killed(error: Planted) -> bool:
         command = [sys.executable, "-m", "pytest", "-q", "-x", "--numprocesses", "2", *error.tests.split()]
         environment = os.environ | {"PYTHONPATH": str(copy)}
         run = subprocess.run(command, cwd=copy, env=environment, capture_output=True, text=True, check=False)
-        failed = [line for line in run.stdout.splitlines() if line.startswith("FAILED")]
+        failed = [line for line in run.stdout.splitlines() if line.startswith(("FAILED", "ERROR"))]
         if run.returncode and not failed:
             raise RuntimeError(f"{error.name}: the tests did not run\n{run.stdout[-2000:]}{run.stderr[-2000:]}")
         print(f"{error.name}: {failed[0] if failed else 'NOT NOTICED'}", flush=True)
