@@ -110,28 +110,28 @@ ERRORS = (
         "steer_env/metrics/common/on_centre.py",
         "return -loops.width(AY, TORQUE) / 2",
         "return -loops.width(AY, TORQUE)",
-        "tests/steer_env",
+        "tests/steer_env/test_metrics.py tests/steer_env",
     ),
     Planted(
         "a lag has the wrong sign",
         "steer_env/metrics/common/loops.py",
         "self.fundamental(ANGLE) * self.fundamental(name).conj()",
         "self.fundamental(ANGLE).conj() * self.fundamental(name)",
-        "tests/steer_env",
+        "tests/steer_env/test_measurement_truth.py tests/steer_env/test_metrics.py tests/steer_env",
     ),
     Planted(
         "the work of the assist may be negative",
         "steer_env/tasks/common/terms.py",
         "abs(step.asked * channels[_COLUMN_SPEED]) * step.dt",
         "step.asked * channels[_COLUMN_SPEED] * step.dt",
-        "tests/steer_env",
+        "tests/steer_env/test_rewards.py tests/steer_env/test_vector.py tests/steer_env",
     ),
     Planted(
         "a cone is counted at every step",
         "steer_env/tasks/common/cones.py",
         "touched += 1.0 - memory[_FLAGS + k]",
         "touched += 1.0",
-        "tests/steer_env",
+        "tests/steer_env/test_lane_change.py tests/steer_env/test_driver_courses.py tests/steer_env",
     ),
     Planted(
         "the car as an FMU takes its inputs one place off",
@@ -166,7 +166,7 @@ ERRORS = (
         "steer_env/recording/csv_file.py",
         'return lines if separator == "," else (line.replace(",", ".") for line in lines)',
         'return lines if separator != ";" else (line.replace(",", ".") for line in lines)',
-        "tests/steer_env",
+        "tests/steer_env/test_measured_files.py tests/steer_env/test_recording_files.py tests/steer_env",
     ),
 )
 
