@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import control
+import gymnasium as gym
 import numpy as np
 import pytest
 
@@ -10,8 +11,10 @@ from steer_env import manoeuvres, metrics
 from steer_env.courses import iso3888
 from steer_env.drivers.common import lq
 from steer_env.episode.timing import UPDATE_INTERVAL
+from steer_env.tasks.common import cones
 from steer_env.vehicle import cars
 from steer_env.vehicle.analysis import linear
+from steer_env.vehicle.plant import CHANNEL
 from tests.by_law import EACH_LAW
 
 CAR = cars.load()
@@ -219,3 +222,24 @@ def test_a_driver_follows_a_gentle_path():
     recording = manoeuvres.drive(CAR, test, "lugre")
     late = recording.time > 3.0
     assert recording["y"][late] == pytest.approx(np.interp(recording["x"][late], *path.T), abs=0.03)
+
+
+def test_a_cone_is_counted_once_while_the_car_stays_on_it():
+    memory, channels = np.zeros(cones.MEMORY), np.zeros(len(CHANNEL))
+    data = np.array([100.0, 4.0, 1.8, 0.2, 1.0, 0.5, 2.1, -0.8, 2.3, 0.0, 30.0, 0.5])  # end, outline, four cones
+    counted = []
+    for x in (0.0, 0.1, 0.2, 27.5, 28.0, 29.0):
+        channels[CHANNEL["x"]] = x
+        counted.append(cones.newly_touched(channels, data, memory))
+    assert counted == [2.0, 1.0, 0.0, 0.0, 1.0, 0.0]
+
+
+def test_a_car_that_goes_straight_on_beside_the_middle_touches_one_side_of_the_first_lane():
+    """Four cones, 5 m apart: at 80 km/h and a decision every 50 ms the car is on each of them for several steps."""
+    env = gym.make("steer_env/DriverDoubleLaneChange-v1")
+    env.reset(seed=0, options={"entry_offset": 0.5, "entry_heading": 0.0, "mirrored": 0})
+    over = False
+    while not over:
+        *_, terminated, truncated, info = env.step(np.zeros(1, np.float32))
+        over = terminated or truncated
+    assert info["metrics"]["cones_hit"] == 4.0
