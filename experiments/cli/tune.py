@@ -135,7 +135,7 @@ def _write(args: argparse.Namespace, posed: Any, outcome: Any) -> None:
         friction={law_of(posed.law).name: posed.law},
         seed=args.seed,
     )
-    page.place(args.out, found, data, trace)
+    page.place(args.out, found, page.numbers(found, data), trace)
     print("\n".join(found.verdict))
     print(args.out / "index.html")
     if outcome.best is not None and not args.report:

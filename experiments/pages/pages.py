@@ -114,13 +114,11 @@ class Page(NamedTuple):
         return Markup(body).striptags()
 
 
-def place(folder: Path, page: Page, data: Mapping[str, Any], trace: Mapping[str, Any]) -> None:
-    """Write a page and its numbers into a folder that is there, each as a whole and with the trace.
-
-    The verdict among the numbers is without what rests on times, so that a rerun gives the same.
-    """
+def place(folder: Path, page: Page, files: Mapping[str, Mapping[str, Any]], trace: Mapping[str, Any]) -> None:
+    """Write ``index.html`` and JSON files by name into a folder that is there, each as a whole and with the trace."""
     write_text(folder / "index.html", page.html(trace))
-    write_json(folder / f"{page.name}.json", {"verdict": page.verdict, **data, "trace": dict(trace)})
+    for name, data in files.items():
+        write_json(folder / name, {**data, "trace": dict(trace)})
 
 
 def write(out: Path, page: Page, data: Mapping[str, Any], trace: Mapping[str, Any]) -> Path:
@@ -132,8 +130,13 @@ def write(out: Path, page: Page, data: Mapping[str, Any], trace: Mapping[str, An
         If ``out`` holds other files or cannot be written.
     """
     with replaced_directory(out, contents(page.name)) as part:
-        place(part, page, data, trace)
+        place(part, page, numbers(page, data), trace)
     return out / "index.html"
+
+
+def numbers(page: Page, data: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+    """The JSON file of a study; its verdict is without what rests on times, so that a rerun gives the same."""
+    return {f"{page.name}.json": {"verdict": page.verdict, **data}}
 
 
 def contents(name: str) -> frozenset[str]:
