@@ -1,1 +1,1 @@
-"""Tuning of a car's assist against target bands, for the worst of several friction levels and loads."""
+"""Tuning of a car's assist against target bands, for the worst of several friction scales and loads."""

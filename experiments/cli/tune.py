@@ -31,7 +31,7 @@ def add(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
     car_options.add(parser)
     options.add(parser, "--targets", default="compact")
-    options.add(parser, "--friction", "; at friction level 1", "lugre")
+    options.add(parser, "--friction", "; at friction scale 1", "lugre")
     text = "added mass of the laden car [kg] (default: 300)"
     parser.add_argument("--load", metavar="KG", type=options.real, default=300.0, help=text)
     text = "boost, damping, lead, active return, handwheel damping, friction compensation"

@@ -2,7 +2,7 @@
 
 The drives are tasks of the package with another setup: hands that prescribe a torque in place of an angle, a straight
 road. They are no ids. A drive is one vector environment, whose rows differ in what ``reset`` fixes: speed, load,
-friction level, sensors, delay, the gain of the action. Law, car and chassis differ between drives.
+friction scale, sensors, delay, the gain of the action. Law, car and chassis differ between drives.
 """
 
 from collections.abc import Mapping
@@ -46,7 +46,7 @@ class Row(NamedTuple):
 
     @property
     def place(self) -> str:
-        """Speed and friction level in words."""
+        """Speed and friction scale in words."""
         level = self.options["friction_level"]
         return f"{self.speed:g} km/h" + (f", friction {level:g} times" if level != 1.0 else "")
 
@@ -116,7 +116,7 @@ _EVERY = {**_MARGINS, **_LOADED}
 def _rows(
     speeds: tuple[int, ...], levels: tuple[float, ...], variants: Mapping[str, Mapping[str, float]]
 ) -> tuple[Row, ...]:
-    """A row for every speed, friction level and variant (words -> options of ``reset``)."""
+    """A row for every speed, friction scale and variant (words -> options of ``reset``)."""
     return tuple(
         Row(speed, words, {**options, "friction_level": level})
         for words, options in variants.items()

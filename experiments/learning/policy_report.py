@@ -109,10 +109,15 @@ def conditions(made: Mapping[str, Any]) -> dict[str, str]:
                     words |= {f"friction's {own}": _range(ends) for own, ends in pair.items()}
                 else:
                     unit = re.search(r"\[([^\]]+)\]$", RANGES[name][2])
-                    words[name.replace("_", " ")] = _range(pair, unit[1] if unit and unit[1] != "1" else "")
+                    words[_title(name)] = _range(pair, unit[1] if unit and unit[1] != "1" else "")
         else:
-            words[key.replace("_", " ")] = plain(value)
+            words[_title(key)] = plain(value)
     return words
+
+
+def _title(option: str) -> str:
+    """An option of an environment in words."""
+    return "friction scale" if option == "friction_level" else option.replace("_", " ")
 
 
 def _range(pair: Any, unit: str = "") -> str:

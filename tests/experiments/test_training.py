@@ -385,7 +385,7 @@ def test_evaluation_writes_its_report(trained, tmp_path, capsys, monkeypatch):
     assert main([*baseline, "--episodes", "2", "--out", str(tmp_path / "boost")]) == 0
     page = (out / "index.html").read_text(encoding="utf-8")
     assert "policy less active return, boost, damping, friction compensation" in page
-    assert "load 0 to 300 kg; speed 22 to 33 m/s; friction level 0.5 to 2; sensor noise 0 to 1; " in page
+    assert "load 0 to 300 kg; speed 22 to 33 m/s; friction scale 0.5 to 2; sensor noise 0 to 1; " in page
     assert "; action gain 0.8 to 1.5; friction lugre" in page
     assert "clean share" not in page  # as there are no cones
     assert "failed share" in page
