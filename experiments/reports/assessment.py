@@ -18,8 +18,9 @@ from steer_env.experiments.pages.files import replaced_directory
 from steer_env.experiments.pages.metrics_json import entries
 from steer_env.experiments.pages.pages import Page, place
 from steer_env.experiments.pages.words import label, number, percent
-from steer_env.experiments.studies.common import battery, simulation_vs_measurement
+from steer_env.experiments.studies.common import battery, comparison_power, simulation_vs_measurement
 from steer_env.experiments.studies.common.battery import MATTERS
+from steer_env.experiments.studies.common.comparison_power import Power, in_words
 from steer_env.metrics import RefusedError, Value
 from steer_env.metrics.common import frequency_response, just_noticeable
 from steer_env.metrics.common.confidence import difference
@@ -30,7 +31,7 @@ def title(found: "Assessment") -> str:
     """What the page is about: one recording, two that are compared, or a simulation against a measurement."""
     labels, test = list(found.values), found.test.replace("-", " ").capitalize()
     if found.pairs:
-        return f"{test}: is {labels[1]} a valid simulation of {labels[0]}?"
+        return f"{test}: {labels[1]} against {labels[0]}"
     return f"{test}: {labels[1]} compared with {labels[0]}" if len(labels) == 2 else f"{test}: {labels[0]}"
 
 
@@ -46,16 +47,16 @@ def verdict(found: "Assessment") -> str:
 def _agreement(found: "Assessment") -> str:
     reference, other = found.values
     needed = percent(simulation_vs_measurement.ENOUGH, 3)
-    if simulation_vs_measurement.passes(found.pairs):
+    if found.power is not None:
         worst = number(max(pair.worst for pair in found.pairs), 2)
         return (
-            f"Yes: {other} agrees with {reference} within the tolerances: at least {needed} of the points of every "
-            f"cross plot are inside; the farthest is {worst} tolerances away."
+            f"{other} agrees with {reference} in this {found.test}: at least {needed} of the points of every cross "
+            f"plot are within the tolerances, the farthest {worst} tolerances away."
         )
     missed = [pair for pair in found.pairs if not simulation_vs_measurement.passes([pair])]
     least = min(missed, key=lambda pair: pair.inside)
     return (
-        f"No: {other} does not agree with {reference} within the tolerances: in {len(missed)} of {len(found.pairs)} "
+        f"{other} does not agree with {reference} within the tolerances: in {len(missed)} of {len(found.pairs)} "
         f"cross plots less than {needed} of the points are inside; fewest ({percent(least.inside, 3)}, up to "
         f"{number(least.worst, 2)} tolerances away) in {label(least.y)} over {label(least.x)}."
     )
@@ -73,8 +74,8 @@ def _comparison(found: "Assessment") -> str:
         return f"A driver would feel the difference between {reference} and {other}: by {names}; {large}."
     if known:
         return (
-            f"As far as a driver's thresholds are known, {reference} and {other} feel the same: none of {len(known)} "
-            f"sustained torques and angles differs by the {percent(found.noticed)} that a driver notices; {large}."
+            f"{large}; a driver's threshold is known for {len(known)} of them, sustained torques and angles, none of "
+            f"which differs by the {percent(found.noticed)} that is noticed."
         )
     return f"No threshold of perception is known for what was driven here; {large}."
 
@@ -87,6 +88,35 @@ def _rating(found: "Assessment") -> str:
     return (
         f"Of {rated} rated metrics of {name}, {good} are in their good band, {fair} in the fair band, {bad} outside it."
     )
+
+
+def differing(recordings: Mapping[str, Recording]) -> list[tuple[str, list[Any]]] | None:
+    """Parameters of cars and laws that differ, by their key in a car file, with the value of each recording.
+
+    None where one of the recordings is not of a car that its trace holds.
+    """
+    traces = [recording.meta.get("trace") or {} for recording in recordings.values()]
+    if not all("car" in trace for trace in traces):
+        return None
+    flat = [_flat({**trace["car"], **_law(trace)}) for trace in traces]
+    rows = {key: [each.get(key) for each in flat] for key in dict.fromkeys(key for each in flat for key in each)}
+    return [(key, row) for key, row in rows.items() if any(value != row[0] for value in row)]
+
+
+def _law(trace: Mapping[str, Any]) -> dict[str, Any]:
+    """The law of a recording, and no text beside numbers, in place of those of the car."""
+    laws = [{"law": each["law"], **each["parameters"]} for each in trace.get("friction", {}).values()]
+    return {"description": None, "source": None, "friction": laws[0] if len(laws) == 1 else None}
+
+
+def _flat(value: Any, key: str = "") -> dict[str, Any]:
+    """The leaves of mappings by their dotted keys; a list of one number is that number."""
+    if isinstance(value, list) and len(value) == 1:
+        value = value[0]
+    if not isinstance(value, Mapping):
+        return {key: value}
+    prefix = f"{key}." if key else ""
+    return {k: leaf for name, each in value.items() for k, leaf in _flat(each, f"{prefix}{name}").items()}
 
 
 CONTENTS = frozenset({"index.html", "evaluation.json"})
@@ -104,7 +134,9 @@ class Assessment(NamedTuple):
     perceptions: dict[str, just_noticeable.Perception]  # of the differences
     noticed: float  # just-noticeable difference that they are judged by [1]
     large: frozenset[str]  # metrics whose difference counts as large, as in the report
+    parameters: list[tuple[str, list[Any]]] | None  # that differ, as of :func:`differing`
     pairs: list[simulation_vs_measurement.Pair]  # cross plots with boundaries, the first recording being the reference
+    power: Power | None  # what the comparison would have shown, where the curves agree
     allowed: Mapping[str, simulation_vs_measurement.Tolerance]  # by channel, that the boundaries are made of
     curves: dict[str, simulation_vs_measurement.Curves]
     zeros: dict[str, list[str]]  # what is known of the sensors' zeros in cross plots over time, in sentences
@@ -149,28 +181,20 @@ def assess(
         label: metrics.evaluate(found, evaluation.name, timing=timing, **given) for label, found in recordings.items()
     }
     held = wanted.bands.get(evaluation.name, {}) if wanted else {}
-    differences, perceptions, large = {}, {}, set()
-    if len(values) == 2:
-        a, b = values.values()
-        differences = {
-            name: difference(np.array(a[name].repeats), np.array(b[name].repeats))
-            for name in a
-            if not a[name].reason and not b[name].reason
-        }
-        perceptions = {
-            name: just_noticeable.perception(name, a[name].value, gap, noticed) for name, gap in differences.items()
-        }
-        large = {name for name in differences if battery.difference(name, b[name], a[name]).matters}
+    differences = _differences(*values.values()) if len(values) == 2 else {}
+    of = list(values.values())
     curves = {}
     for name, recording in recordings.items():
         try:
             curves[name] = simulation_vs_measurement.curves(recording, evaluation, **given)
         except RefusedError:
             continue  # the metrics give the reason
-    pairs = []
+    pairs, power = [], None
     if allowed:
         reference, other = recordings.values()
         pairs = simulation_vs_measurement.compare(reference, other, evaluation.name, allowed, **given)
+        if simulation_vs_measurement.passes(pairs):
+            power = comparison_power.power(other, evaluation.name, allowed, frozenset(reference.channels), **given)
     return Assessment(
         test=evaluation.name,
         values=values,
@@ -178,10 +202,14 @@ def assess(
         bands=held,
         targets=wanted,
         differences=differences,
-        perceptions=perceptions,
+        perceptions={
+            name: just_noticeable.perception(name, of[0][name].value, gap, noticed) for name, gap in differences.items()
+        },
         noticed=noticed,
-        large=frozenset(large),
+        large=frozenset(name for name in differences if battery.difference(name, of[-1][name], of[0][name]).matters),
+        parameters=differing(recordings) if len(recordings) > 1 else None,
         pairs=pairs,
+        power=power,
         allowed=allowed or {},
         curves=curves,
         zeros={
@@ -190,6 +218,15 @@ def assess(
             if pairs
         },
     )
+
+
+def _differences(a: Mapping[str, Value], b: Mapping[str, Value]) -> dict[str, tuple[float, float, float]]:
+    """The second less the first with its 95 % interval, of the metrics that both have."""
+    return {
+        name: difference(np.array(a[name].repeats), np.array(b[name].repeats))
+        for name in a
+        if not a[name].reason and not b[name].reason
+    }
 
 
 def as_json(found: Assessment) -> dict[str, Any]:
@@ -218,7 +255,9 @@ def as_json(found: Assessment) -> dict[str, Any]:
             for name, (gap, low, high) in found.differences.items()
         },
         "noticed_share": found.noticed,
-        "verdict": verdict(found),
+        "parameters": found.parameters and dict(found.parameters),
+        "verdict": " ".join([verdict(found), *([in_words(found.power)] if found.power else [])]),
+        "power": found.power and comparison_power.as_json(found.power),
         "cross_plots": [{"x": p.x, "y": p.y, "inside": p.inside, "worst": p.worst} for p in found.pairs],
         "zeros": found.zeros,
         "version": metadata.version("steer-env"),
@@ -232,6 +271,7 @@ def page_of(found: Assessment, recordings: Mapping[str, Recording], trace: Mappi
     """
     labels = list(recordings)
     trace = trace or {}
+    unknown = found.power if found.power and found.power.unknown else None  # else a table says it
     channels = dict.fromkeys(name for pair in found.pairs for name in (pair.x, pair.y))
     limits = [plots.boundaries(pair, (labels[0], labels[1])) for pair in found.pairs]
     drawn = plots.panels(found.curves, metrics.evaluation_of(recordings[labels[0]], found.test).plots)
@@ -240,7 +280,7 @@ def page_of(found: Assessment, recordings: Mapping[str, Recording], trace: Mappi
         "f": found,
         "labels": labels,
         "title": title(found),
-        "verdict": verdict(found),
+        "verdict": " ".join([verdict(found), *([in_words(unknown)] if unknown else [])]),
         "mappings": {label: of for label, of in trace.get("mapping", {}).items() if of["channels"] or of["meta"]},
         "tolerances": {plots.axis(name): found.allowed[name] for name in channels},
         "enough": simulation_vs_measurement.ENOUGH,
@@ -248,6 +288,8 @@ def page_of(found: Assessment, recordings: Mapping[str, Recording], trace: Mappi
         "leasts": battery.LEAST,
         "metas": {label: {k: v for k, v in r.meta.items() if k != "trace"} for label, r in recordings.items()},
         "definitions": {name: metrics.definition(name) for name in metrics.available(found.test)},
+        "power": comparison_power.rows(found.power) if found.power and not found.power.unknown else [],
+        "tried": comparison_power.FACTORS[-1],
         "script": plots.script(),
         "figure": plots.draw(drawn) if drawn else "",
         "noticeable": just_noticeable,

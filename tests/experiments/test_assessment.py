@@ -2,15 +2,18 @@
 
 import json
 import re
+import warnings
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from steer_env import manoeuvres, metrics, targets
+from steer_env import friction, manoeuvres, metrics, targets
 from steer_env import recording as recordings
 from steer_env.experiments.cli.main import main
+from steer_env.experiments.pages import provenance
 from steer_env.experiments.reports import assessment
-from steer_env.experiments.studies.common import simulation_vs_measurement
+from steer_env.experiments.studies.common import comparison_power, simulation_vs_measurement
 from steer_env.metrics import Value
 from steer_env.recording.recording import Recording
 from steer_env.targets import Band, Rating, rating
@@ -247,13 +250,13 @@ def test_two_recordings_side_by_side(weaves, tmp_path, capsys):
     assert main(["validate", *map(str, files), "--out", str(tmp_path / "valid")]) == 1  # friction against a damper
     assert "100.0% inside" in capsys.readouterr().out
     page = (tmp_path / "valid" / "index.html").read_text()
-    first = page.index("No: viscous does not agree with lugre within the tolerances: in 2 of 3 cross plots")
+    first = page.index("viscous does not agree with lugre within the tolerances: in 2 of 3 cross plots")
     assert first < page.index("<h2") < page.index("Within the tol")
     assert page.index("Within the tol") < page.index(">Metrics</h2>")
-    assert "<title>Weave: is viscous a valid simulation of lugre?" in page
+    assert "<title>Weave: viscous against lugre" in page
     compared = (tmp_path / "out" / "index.html").read_text()
     assert "<title>Weave: viscous compared with lugre" in compared
-    assert "lugre and viscous feel the same: none of 3 sustained torques and angles differs by the 15" in compared
+    assert "threshold is known for 3 of them, sustained torques and angles, none of which" in compared
 
 
 def test_a_simulation_that_does_not_agree_is_told_first(weaves, tmp_path):
@@ -263,7 +266,7 @@ def test_a_simulation_that_does_not_agree_is_told_first(weaves, tmp_path):
     both = {"car": clean, "model": strong}
     found = assessment.assess(both, allowed=simulation_vs_measurement.tolerances())
     said = assessment.verdict(found)
-    assert said.startswith("No: model does not agree with car within the tolerances: in 2 of 3 cross plots")
+    assert said.startswith("model does not agree with car within the tolerances: in 2 of 3 cross plots")
     assert re.search(r"fewest \([\d.]+\s%, up to [\d.]+ tolerances away\) in handwheel torque over", said)
     assert "lateral acceleration over handwheel angle" not in said
     assert assessment.as_json(found)["verdict"] == said
@@ -414,3 +417,103 @@ def test_what_a_recording_hides_is_told(weaves, tmp_path, capsys):
     assert found["notes"][0].startswith(note)
     assert main(["evaluate", files["radians"]]) == 1
     assert '[channels.handwheel_angle] unit = "rad"' in capsys.readouterr().out
+
+
+def logged(found):
+    """What a car's logger has of a recording."""
+    return found.without(*(found.channels.keys() - LOGGED))
+
+
+def simulated(law="lugre", **options):
+    """A weave as ``steer-env run`` records it, with its trace."""
+    p = friction.make(law)
+    found = logged(manoeuvres.drive(cars.load(), manoeuvres.make("weave", **options), p))
+    trace = provenance.trace(car=cars.load(), friction={law: p})
+    return replace(found, meta={**found.meta, "trace": trace}).filtered(80.0).resampled(200.0)
+
+
+@pytest.fixture
+def _little(monkeypatch):
+    """One parameter of the car and one other law."""
+    monkeypatch.setattr(comparison_power, "CHANGES", {"friction": comparison_power.CHANGES["friction"]})
+    monkeypatch.setattr(comparison_power.friction, "available", lambda: ("lugre", "viscous"))
+
+
+@pytest.mark.usefixtures("_little")
+def test_what_agrees_says_what_it_would_have_shown(tmp_path, capsys):
+    clean = simulated(cycles=6)
+    for name, found in (("car", noisy(clean, np.random.default_rng(1))), ("model", clean)):
+        recordings.write(found, tmp_path / f"{name}.csv")
+    files = [str(tmp_path / f"{name}.csv") for name in ("car", "model")]
+    assert main(["validate", *files, "--out", str(tmp_path / "out")]) == 0
+    found = json.loads((tmp_path / "out" / "evaluation.json").read_text())["power"]
+    below, above = found["parameters"]["friction"]
+    assert 0.5 < below < 1.0 < above < 2.0
+    assert found["laws"] == {"viscous": True}
+    assert found["unknown"] is None
+    assert "It would have shown a difference of friction" in capsys.readouterr().out
+    strong = changed(clean, handwheel_torque=1.3 * clean["handwheel_torque"])
+    both = {"car": clean, "model": strong}
+    assert assessment.assess(both, allowed=simulation_vs_measurement.tolerances()).power is None  # they do not agree
+
+
+def test_without_a_car_to_drive_the_power_is_unknown(weaves):
+    both = {"a": weaves["lugre"], "b": weaves["lugre"]}
+    found = assessment.assess(both, allowed=simulation_vs_measurement.tolerances())
+    assert found.power.parameters == ()
+    assert found.power.unknown == "its trace names no car and law that could be driven again"
+    assert found.power.unknown in assessment.as_json(found)["verdict"]
+    assert found.power.unknown in assessment.page_of(found, both).html()
+    other = simulated(cycles=6)
+    meta = {**other.meta, "trace": {**other.meta["trace"], "friction": {"x": {"law": "unheard", "parameters": {}}}}}
+    assert "'unheard'" in comparison_power.power(replace(other, meta=meta), "weave", {}, frozenset(LOGGED)).unknown
+
+
+@pytest.mark.usefixtures("_little")
+def test_a_recording_that_its_trace_does_not_give_has_no_power():
+    found = simulated(cycles=6)
+    slack = changed(found, handwheel_torque=1.1 * found["handwheel_torque"])
+    told = comparison_power.power(slack, "weave", simulation_vs_measurement.tolerances(), frozenset(LOGGED))
+    assert told.unknown == "driven again by its trace it is another one"
+
+
+@pytest.mark.whole
+def test_what_would_have_been_shown_is_shown_behind_noise():
+    """Cars that differ by what is said or by up to a third more, and equal ones, with the noise of sensors."""
+    clean = simulated()
+    allowed, rng = simulation_vs_measurement.tolerances(), np.random.default_rng(2)
+    own = comparison_power.simulated(clean)
+    found = comparison_power.power(clean, "weave", allowed, frozenset(LOGGED))
+    sides = [(each.parameter, end) for each in found.parameters for end in (each.below, each.above) if end]
+    assert len(sides) >= 8
+
+    def agrees(car, law):
+        driven = logged(manoeuvres.drive(car, own.manoeuvre, law))
+        measured = noisy(driven.filtered(40.0).resampled(100.0), rng)
+        return simulation_vs_measurement.passes(simulation_vs_measurement.compare(measured, clean, "weave", allowed))
+
+    told = []
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", cars.UnusualCar)
+        for parameter, end in 6 * sides:
+            factor = end ** rng.uniform(1.0, 1.3)
+            told.append(not agrees(*comparison_power.CHANGES[parameter](own.car, own.law, factor)))
+    told += [not agrees(own.car, friction.make(law)) for law, shown in found.laws.items() if shown]
+    assert np.mean(told) >= 0.95
+    assert np.mean([agrees(own.car, own.law) for _ in range(40)]) >= 0.95
+
+
+def test_only_what_differs_between_the_cars_is_listed():
+    law = friction.make("masing", elements=20)
+    other = cars.load(changes={"column.K_tb": 143.0})
+    one, two = simulated(cycles=3), simulated(cycles=3)
+    changed_car = {**two.meta["trace"], **provenance.trace(car=other, friction={"masing": law})}
+    two = replace(two, meta={**two.meta, "trace": changed_car})
+    rows = dict(assessment.differing({"one": one, "two": two}))
+    assert rows["column.K_tb"] == [130.0, 143.0]
+    assert rows["friction.law"] == ["lugre", "masing"]
+    assert {key.partition(".")[0] for key in rows} == {"column", "friction"}
+    assert assessment.differing({"one": one, "same": one}) == []
+    assert assessment.differing({"one": one, "measured": replace(two, meta={})}) is None
+    page = assessment.page_of(assessment.assess({"one": one, "two": two}), {"one": one, "two": two}).html()
+    assert "<td>column.K_tb</td><td>130</td><td>143</td>" in page

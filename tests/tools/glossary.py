@@ -80,7 +80,8 @@ weave and slow ramp metric by metric.
 
 ## What `validate` does not tell
 
-The default tolerances pass an equal car whose sensors are off by 2 deg, 2 % + 0.05 N m and noise. They must therefore
+With each agreement `validate` says which changes of the simulated car it would have shown. The default tolerances pass
+an equal car whose sensors are off by 2 deg, 2 % + 0.05 N m and noise. They must therefore
 pass cars that differ by less than that. With noise, the simulated compact against itself:
 
 - a `boost_scale` of 1.1 or 0.9 passes in weave and slow ramp (largest distance 0.54 to 0.79 tolerances), and 1.1 in

@@ -3,12 +3,14 @@
 import argparse
 import math
 from collections.abc import Iterator, Mapping
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
 from steer_env.experiments.cli.common import inputs, names, options
 from steer_env.experiments.cli.common.extras import require_format
 from steer_env.experiments.cli.common.options import KPH
+from steer_env.experiments.pages.options import progress
 from steer_env.friction.numerics.check import number
 
 # Key of a recording's meta -> what it tells, printed before the metrics.
@@ -70,7 +72,7 @@ def assess(paths: list[str], args: argparse.Namespace, tolerances: str | None) -
     from steer_env.experiments.cli.common.tables import print_differences, print_metrics
     from steer_env.experiments.pages.files import usable
     from steer_env.experiments.reports import assessment
-    from steer_env.experiments.studies.common import simulation_vs_measurement
+    from steer_env.experiments.studies.common import comparison_power, simulation_vs_measurement
 
     labels = _labels(paths)
     if len(args.mapping) > len(paths):
@@ -84,7 +86,8 @@ def assess(paths: list[str], args: argparse.Namespace, tolerances: str | None) -
     given = _conditions(args)
     _check_conditions(dict(zip(_places(paths, args), recordings.values())), args.manoeuvre, given)
     timing = 1e-3 * number("--timing-ms", args.timing_ms, minimum=0.0)
-    found = assessment.assess(recordings, args.manoeuvre, wanted, allowed, timing, options.noticed(args), **given)
+    with progress("driving variants of the simulation", total=None) if tolerances else nullcontext():
+        found = assessment.assess(recordings, args.manoeuvre, wanted, allowed, timing, options.noticed(args), **given)
     if wanted and not found.bands:
         print(f"targets {wanted.name!r} have no bands for {found.test}; they have some for {', '.join(wanted.bands)}")
     for label in labels:
@@ -100,6 +103,8 @@ def assess(paths: list[str], args: argparse.Namespace, tolerances: str | None) -
     if found.pairs:
         said = "agree" if agree else "do not agree"
         print(f"{labels[0]} and {labels[1]} {said} within the tolerances {tolerances}")
+        if found.power is not None:
+            print(comparison_power.in_words(found.power))
     if args.out:
         out = args.out
         assessment.write(out, found, recordings, _trace(args, labels, out.name))

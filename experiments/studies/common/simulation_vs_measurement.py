@@ -179,7 +179,7 @@ def _distance(points: Array, curve: Array, at_curve: Array | None, at_points: Ar
         places = [np.zeros(len(way)), np.ones(len(way))]
         for a, b in ((off[:, 0], way[:, 0]), (off[:, 1], way[:, 1]), *_even(off, way)):
             places.append(np.clip(np.divide(-a, b, out=np.zeros_like(a), where=b != 0.0), 0.0, 1.0))
-        found[k] = min(np.min(np.max(np.abs(off + s[:, None] * way), axis=1)) for s in places)
+        found[k] = min(np.min(np.maximum(*np.abs(off + s[:, None] * way).T)) for s in places)
     return found
 
 

@@ -1,0 +1,203 @@
+"""What a comparison of a simulation with a measurement would have shown: its power.
+
+The simulation is driven again with one parameter of its car changed at a time, and takes the place of the measurement.
+A change is shown where the comparison then fails, with a part to spare for the noise of a measurement. A simulation
+that agrees says no more of its parameters than that.
+"""
+
+import warnings
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from functools import partial
+from typing import Any, NamedTuple
+
+from steer_env import friction, manoeuvres
+from steer_env.experiments.pages.words import percent
+from steer_env.experiments.studies.common import simulation_vs_measurement
+from steer_env.experiments.studies.common.scaling import scaled
+from steer_env.experiments.studies.common.simulation_vs_measurement import ENOUGH, Tolerance
+from steer_env.friction.law import law_of
+from steer_env.metrics import RefusedError
+from steer_env.recording.recording import Recording
+from steer_env.vehicle import cars
+from steer_env.vehicle.cars import Car
+
+FACTORS = (1.1, 1.2, 1.35, 1.5, 2.0, 3.0)  # by which a parameter is multiplied and divided, assumed [1]
+_BELOW = tuple(1.0 / factor for factor in FACTORS)
+SPARE = 0.04  # share of the points that has to be outside beyond what is allowed: a measurement has noise, assumed [1]
+SAME = 0.1  # distance up to which the simulation that is driven again is the one that was given, assumed [tolerances]
+WORKERS = 4  # threads; the kernels run without Python's lock
+
+Change = Callable[[Car, Any, float], tuple[Car, Any]]
+
+
+class Simulated(NamedTuple):
+    """What a simulation was made with."""
+
+    car: Car
+    law: Any  # parameters
+    manoeuvre: manoeuvres.Manoeuvre
+
+
+class Shown(NamedTuple):
+    """From which change on the comparison would have failed."""
+
+    parameter: str  # in words
+    below: float | None  # greatest factor below 1 that is shown; None where none of those that were tried is [1]
+    above: float | None  # least factor above 1 [1]
+
+
+class Power(NamedTuple):
+    """What a comparison would have shown, and what not."""
+
+    parameters: tuple[Shown, ...]
+    laws: Mapping[str, bool]  # every other law with its defaults -> whether it is shown
+    unknown: str = ""  # why nothing is known, in words
+
+
+def _level(car: Car, law: Any, factor: float) -> tuple[Car, Any]:
+    return car, scaled(law, factor, 1.0)
+
+
+def _key(name: str, car: Car, law: Any, factor: float) -> tuple[Car, Any]:
+    section, _, key = name.partition(".")
+    own = car.data()[section].get(key, 1.0)
+    changed = [factor * value for value in own] if isinstance(own, list) else factor * own
+    return cars.load(car.data(), changes={name: changed}), law
+
+
+CHANGES: Mapping[str, Change] = {
+    "friction": _level,
+    "torsion bar (K_tb)": partial(_key, "column.K_tb"),
+    "inertia below it (I2)": partial(_key, "column.I2"),
+    "boost": partial(_key, "assist.boost_scale"),
+    "delay of the assist": partial(_key, "assist.delay"),
+    "cornering stiffness in front": partial(_key, "chassis.front_cornering_stiffness_factor"),
+    "cornering stiffness behind": partial(_key, "chassis.rear_cornering_stiffness_factor"),
+}
+
+
+def simulated(recording: Recording) -> Simulated:
+    """What a recording was simulated with, by its trace.
+
+    Raises
+    ------
+    ValueError
+        In words, where the recording is none of this project's own car.
+    """
+    trace = recording.meta.get("trace") or {}
+    laws = [*trace.get("friction", {}).values()]
+    if "car" not in trace or len(laws) != 1:
+        raise ValueError("its trace names no car and law that could be driven again")
+    try:
+        law = friction.resolve({"law": laws[0]["law"], **laws[0]["parameters"]})
+        made = manoeuvres.make(recording.meta["manoeuvre"])
+        manoeuvre = replace(made, speed=recording.meta["speed_m_s"], chassis=recording.meta["chassis"])
+        return Simulated(cars.load(trace["car"]), law, manoeuvre)
+    except (KeyError, TypeError, ValueError) as error:
+        raise ValueError(f"the car or the law of its trace is not known here: {error}") from None
+
+
+def power(
+    recording: Recording, test: str, allowed: Mapping[str, Tolerance], channels: frozenset[str], **given: Any
+) -> Power:
+    """What the comparison with a simulation would have shown.
+
+    Parameters
+    ----------
+    recording : Recording
+        The simulation.
+    test : str
+    allowed : mapping
+        Tolerances by channel.
+    channels : set of str
+        Those that the measurement has, too.
+    given
+        Conditions as for :func:`simulation_vs_measurement.compare`.
+    """
+    kept = recording.without(*(recording.channels.keys() - channels))
+
+    def inside(car: Car, law: Any) -> tuple[float, float]:
+        """Least share of points inside over the cross plots, and the largest distance [tolerances]."""
+        driven = manoeuvres.drive(car, own.manoeuvre, law)
+        driven = driven.without(*(driven.channels.keys() - channels))
+        pairs = simulation_vs_measurement.compare(driven, kept, test, allowed, **given)
+        return min(pair.inside for pair in pairs), max(pair.worst for pair in pairs)
+
+    def shows(car: Car, law: Any) -> bool | None:
+        """Whether a change is shown; None where it cannot be driven or read."""
+        try:
+            return inside(car, law)[0] < ENOUGH - SPARE
+        except (ValueError, RefusedError):
+            return None
+
+    def first(cases: list[tuple[float, Car, Any]]) -> float | None:
+        """The first factor that is shown, where all before it could be driven."""
+        for factor, car, law in cases:
+            shown = shows(car, law)
+            if shown is not False:
+                return factor if shown else None
+        return None
+
+    try:
+        own = simulated(recording)
+        if inside(own.car, own.law)[1] > SAME:
+            raise ValueError("driven again by its trace it is another one")
+    except (ValueError, RefusedError) as error:
+        return Power((), {}, str(error))
+    name = law_of(own.law).name
+    others = {law: friction.make(law) for law in friction.available() if law != name}
+    sides = [(change, factors) for change in CHANGES.values() for factors in (_BELOW, FACTORS)]
+    with ThreadPoolExecutor(WORKERS) as pool:
+        ends = list(pool.map(first, [_changed(own, change, factors) for change, factors in sides]))
+        laws = dict(zip(others, pool.map(lambda p: bool(shows(own.car, p)), others.values())))
+    return Power(tuple(map(Shown, CHANGES, ends[::2], ends[1::2])), laws)
+
+
+def _changed(own: Simulated, change: Change, factors: Sequence[float]) -> list[tuple[float, Car, Any]]:
+    """Car and law with a parameter times each factor, up to the first that car file or law do not allow."""
+    cases = []
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", cars.UnusualCar)
+        for factor in factors:
+            try:
+                cases.append((factor, *change(own.car, own.law, factor)))
+            except ValueError:
+                break
+    return cases
+
+
+def rows(power: Power) -> list[tuple[str, str, str]]:
+    """What was changed, from which change on it would have been shown, and what would not, in words."""
+
+    def of(factor: float | None) -> str:
+        return "" if factor is None else f"{percent(abs(factor - 1.0))} {'more' if factor > 1.0 else 'less'}"
+
+    found = []
+    for each in power.parameters:
+        ends = [text for text in map(of, (each.below, each.above)) if text]
+        hidden = [side for side, end in (("less", each.below), ("more", each.above)) if end is None]
+        found.append((each.parameter, " or ".join(ends), " or ".join(hidden)))
+    told, hidden = ([law for law, shown in power.laws.items() if shown is wanted] for wanted in (True, False))
+    return [*found, ("another friction law, with its defaults", ", ".join(told), ", ".join(hidden))]
+
+
+def in_words(power: Power) -> str:
+    """What the comparison would have shown, in one or two sentences."""
+    if power.unknown:
+        return f"What differences of the car this would have shown is unknown: {power.unknown}."
+    *parameters, laws = rows(power)
+    shown = [f"{name} {ends}" for name, ends, _ in parameters if ends] + [f"the law {laws[1]}"] * bool(laws[1])
+    hidden = [name for name, ends, _ in parameters if not ends] + [f"the law {laws[2]}"] * bool(laws[2])
+    said = f"It would have shown a difference of {', '.join(shown)}" if shown else "It would have shown nothing"
+    return f"{said}, but not {', '.join(hidden)}." if hidden else f"{said}."
+
+
+def as_json(power: Power) -> dict[str, Any]:
+    """The power as JSON; null where no factor that was tried is shown."""
+    return {
+        "parameters": {each.parameter: [each.below, each.above] for each in power.parameters},
+        "laws": dict(power.laws),
+        "unknown": power.unknown or None,
+    }
