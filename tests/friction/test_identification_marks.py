@@ -100,7 +100,7 @@ def test_reference_records(reference):
     x, dt = reference()
     clean = friction.response(P, x, dt)
     held = {key: [] for key in P._fields}
-    for seed in range(SEEDS):
+    for seed in range(100):  # 40 are too few to tell nine of ten
         found = friction.fit(x, clean + 0.1 + noise(seed, x.size, 0.009), "lugre", dt=dt)
         assert found.parameters == pytest.approx(P, rel=0.1)
         for key in P._fields:
