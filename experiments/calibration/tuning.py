@@ -1,4 +1,4 @@
-"""The whole of a tuning: what the parameters move, the search, and where it fails a second optimiser.
+"""The whole of a tuning: what the parameters move, the search, and if asked a second optimiser where it fails.
 
 A folder or database has one problem and any number of studies of it, one for each optimiser. What is found is found
 of all their sets.
@@ -18,7 +18,8 @@ from steer_env.experiments.calibration import problem as problems
 from steer_env.experiments.calibration.feasibility import Feasibility
 from steer_env.experiments.calibration.margin_map import Cell
 from steer_env.experiments.calibration.own_angles import OwnAngles
-from steer_env.experiments.calibration.problem import Problem, Range
+from steer_env.experiments.calibration.pace import Pace
+from steer_env.experiments.calibration.problem import Evaluation, Problem, Range
 from steer_env.experiments.calibration.search import Found, Job, WorkerOf
 from steer_env.experiments.sweep import Runner
 
@@ -28,6 +29,8 @@ EVALUATION = 2  # raised where the evaluation of a set changes, so that a folder
 MAP_MISSED = 0.1  # violation of a set that misses a margin on the map; its negative where it is kept or unread; assumed
 SECOND = "nsga2"  # optimiser that confirms
 ABOUT = "about"  # name of the study that holds what all share
+OWN_ANGLES = "check with own handwheel angles"
+LAST = {"map": 1, "check": 1}  # pieces of work that follow a search
 
 
 class Subject(NamedTuple):
@@ -35,6 +38,13 @@ class Subject(NamedTuple):
 
     problem: Problem
     counted: tuple[str, ...]  # metrics
+
+
+class Start(NamedTuple):
+    """What is known of the starting point before the search."""
+
+    driven: Evaluation  # with its own handwheel angles
+    cells: list[Cell]  # margins at every point of the map, with every load
 
 
 class Outcome(NamedTuple):
@@ -51,6 +61,7 @@ class Outcome(NamedTuple):
     widened: dict[str, tuple[Range, Range]]  # first and last range of those that were widened
     feasibility: Feasibility
     cells: list[Cell]  # margins of the best at every point of the map, with every load
+    start_cells: list[Cell]  # of the starting point
     tried: list[tuple[FrozenTrial, list[Cell]]]  # sets nearest to the bands, and where on the map each misses a margin
 
 
@@ -161,8 +172,9 @@ def tune(
     sampler: str = "surface",
     seed: int = 0,
     resume: bool = False,
-    second: bool = True,
+    confirm: bool = False,
     began: Callable[[Job], None] = lambda job: None,
+    pace: Pace | None = None,
 ) -> Outcome:
     """Tune the assist of a problem in a folder; the outcome is that of all studies that the folder has of it.
 
@@ -186,10 +198,12 @@ def tune(
         Of the sets that are new; a study that has begun keeps its sets.
     resume : bool
         Whether there must be a study.
-    second : bool
-        Whether a second optimiser confirms that not everything is reached.
+    confirm : bool
+        Whether a second optimiser searches, too, where not everything is reached.
     began : callable
         Is told each job that begins.
+    pace : Pace, optional
+        Is told each phase that begins.
 
     Raises
     ------
@@ -199,6 +213,8 @@ def tune(
     """
     if resume:
         _require_begun(out, address)
+    pace = pace or Pace()
+    pace.begin("effect", "effect of the parameters", {})
     problems.prepared(problem)  # refuses an unstable starting point before anything is written
     out.mkdir(parents=True, exist_ok=True)
     shares = begun(problem, out, address, sweep)
@@ -208,7 +224,9 @@ def tune(
             "width: name others with --parameters, or other targets, with a new --out"
         )
     job = job_of(problem, shares, out, budget, address, sampler, seed)
-    for _ in range(2):
+    start = _start(problem, sweep, pace)
+    for again in (confirm, False):
+        pace.begin("set", job.name, LAST | ({"set": budget} if again else {}), budget)
         began(job)
         sweep(search.work, [WorkerOf(job, i) for i in range(workers)], words=lambda case: f"process {case.number}")
         with search.quiet():
@@ -216,11 +234,21 @@ def tune(
             every = {name: search.finished(study) for name, study in studies.items()}
             trials = {name: sets for name, sets in every.items() if sets}  # one that has just begun has none
             given = {name: search.ranges(study) for name, study in studies.items()}
-        if not second or job.name != sampler or search.reached([t for each in trials.values() for t in each]):
+        if not again or search.reached([t for each in trials.values() for t in each]):
             break
         other = SECOND if sampler != SECOND else "tpe"
         job = job._replace(name=f"second {other}", sampler=other, seed=seed + 1, ranges=given[sampler], widens=False)
-    return _outcome(job.subject, shares, trials, search.spanned(given.values()), sweep)
+    return _outcome(job.subject, shares, trials, search.spanned(given.values()), start, sweep, pace)
+
+
+def _start(problem: Problem, sweep: Runner, pace: Pace) -> Start:
+    """The starting point, read on the whole map and driven with its own handwheel angles before the search."""
+    case = (problem, problems.own(problem))
+    pace.begin("check", OWN_ANGLES, {})
+    (driven,) = sweep(own_angles.driven, [case], words=lambda case: OWN_ANGLES)
+    pace.begin("map", "margin map of the starting point", {})
+    (cells,) = sweep(mapped, [case], words=lambda case: "margin map of the starting point")
+    return Start(driven, cells)
 
 
 def mapped(case: tuple[Problem, Mapping[str, float]], points: Sequence[Cell] | None = None) -> list[Cell]:
@@ -240,7 +268,7 @@ def _misses(cells: list[Cell]) -> tuple[int, int]:
 
 
 def _safest(
-    problem: Problem, ranked: Sequence[FrozenTrial], sweep: Runner
+    problem: Problem, ranked: Sequence[FrozenTrial], sweep: Runner, pace: Pace
 ) -> tuple[FrozenTrial | None, list[Cell], list[tuple[FrozenTrial, list[Cell]]]]:
     """The first set that keeps the whole map, its map, and what each set misses that was tried.
 
@@ -253,6 +281,7 @@ def _safest(
         case = (problem, trial.params)
         misses = margin_map.missed(mapped(case, known))
         if not misses:
+            pace.begin("map", f"margin map {len(whole) + 1}", {"check": 1})
             (cells,) = sweep(mapped, [case], words=lambda case: "margin map")
             misses = margin_map.missed(cells)
             whole.append((trial, cells))
@@ -270,23 +299,24 @@ def _outcome(
     shares: dict[str, float],
     trials: dict[str, list[FrozenTrial]],
     ranges: tuple[Range, ...],
+    start: Start,
     sweep: Runner,
+    pace: Pace,
 ) -> Outcome:
-    """What the sets of all studies show; the best of them and the starting point are driven once more."""
+    """What the sets of all studies show; the best of them is driven once more."""
     problem, counted = subject
     distinct = dict[tuple[tuple[str, float], ...], FrozenTrial]()  # studies may have sets in common
     for t in chain(*trials.values()):
         distinct.setdefault(tuple(sorted(t.params.items())), t)
     every = list(distinct.values())
     own = next((t for t in every if t.params == problems.own(problem)), None)
-    leader, cells, tried = _safest(problem, search.ranked(every), sweep)
+    leader, cells, tried = _safest(problem, search.ranked(every), sweep, pace)
     named = {key: t for key, t in (("start", own), ("best", leader)) if t is not None}
-    evaluations = sweep(
-        own_angles.driven,
-        [(problem, t.params) for t in named.values()],
-        words=lambda case: "check with own handwheel angles",
-    )
-    checked = {k: own_angles.replaced(problem, counted, t, e) for (k, t), e in zip(named.items(), evaluations)}
+    driven = {"start": start.driven}
+    if leader is not None:
+        pace.begin("check", OWN_ANGLES, {})
+        (driven["best"],) = sweep(own_angles.driven, [(problem, leader.params)], words=lambda case: OWN_ANGLES)
+    checked = {key: own_angles.replaced(problem, counted, t, driven[key]) for key, t in named.items()}
     checks = {key: own_angles.compared(problem, counted, t, checked[key]) for key, t in named.items()}
     best = checked.get("best")
     judged = feasibility.judge(problem, [best if best and t is named["best"] else t for t in every], counted)
@@ -296,4 +326,4 @@ def _outcome(
         judged = judged._replace(missed=missed, reached=not missed and not margin_map.missed(cells))
     widened = {a.name: (a, b) for a, b in zip(problem.ranges, ranges) if a != b}
     own, seen = checked.get("start"), (trials, ranges, widened, judged)
-    return Outcome(problem, counted, shares, own, best, checks, *seen, cells, tried)
+    return Outcome(problem, counted, shares, own, best, checks, *seen, cells, start.cells, tried)

@@ -38,8 +38,8 @@ def add(parser: argparse.ArgumentParser) -> None:
     options.add(parser, "--parameters", "by name", otherwise=text, nargs="+", action="extend")
     options.add(parser, "--chassis", default="single_track", choices=names.chassis())
     text = (
-        "of this sampler's study, those before included, whatever other samplers have in --out; a second optimiser has "
-        "as many where not every band is reached"
+        "of this sampler's study, those before included, whatever other samplers have in --out; the second optimiser "
+        "of --confirm has as many"
     )
     options.add(parser, "--budget", text, 300)
     text = f"optimiser: {', '.join(SAMPLERS)} (default: surface)"
@@ -47,8 +47,8 @@ def add(parser: argparse.ArgumentParser) -> None:
     options.add(parser, "--seed", "of new candidates; a study that has begun keeps those it has", 0)
     text = "database in place of the journal in --out, as sqlite:///study.db or postgresql://USER@HOST/NAME"
     parser.add_argument("--storage", metavar="URL", help=text)
-    text = "without the second optimiser"
-    parser.add_argument("--unconfirmed", action="store_true", help=text)
+    text = "search with a second optimiser, too, where not every band is reached; takes as long again"
+    parser.add_argument("--confirm", action="store_true", help=text)
     text = "write the evaluation reports of the car before and after, too"
     parser.add_argument("--report", action="store_true", help=text)
     add_sweep(parser, "that share the search")
@@ -62,6 +62,7 @@ def run(args: argparse.Namespace) -> None:
     from steer_env import targets
     from steer_env.experiments import sweep
     from steer_env.experiments.calibration import problem, storage, tuning
+    from steer_env.experiments.calibration.pace import Pace
     from steer_env.experiments.pages import files
     from steer_env.experiments.pages.options import progress
 
@@ -79,10 +80,11 @@ def run(args: argparse.Namespace) -> None:
     run = functools.partial(sweep.run, where=where, modules=args.modules)
     remote = where.cluster not in ("", sweep.where.LOCAL)
     workers = MOST_WORKERS if remote else where.workers
-    with progress("tuning") as notify, _watched(notify, args) as began:
+    pace = Pace()
+    with progress("tuning", timed=True) as notify, _watched(notify, args, pace) as began:
         outcome = tuning.tune(
-            posed, args.out, args.budget, run, workers, began=began,
-            address=args.storage, sampler=args.sampler, seed=args.seed, resume=args.resume, second=not args.unconfirmed,
+            posed, args.out, args.budget, run, workers, began=began, pace=pace,
+            address=args.storage, sampler=args.sampler, seed=args.seed, resume=args.resume, confirm=args.confirm,
         )  # fmt: skip
         _write(args, posed, outcome)
     if args.report and outcome.best is not None:
@@ -91,18 +93,22 @@ def run(args: argparse.Namespace) -> None:
 
 
 @contextmanager
-def _watched(notify: Callable[[float, str], None], args: argparse.Namespace) -> Iterator[Callable[[Any], None]]:
-    """Tells how far the search is; yields what takes a job that begins."""
+def _watched(
+    notify: Callable[[float, str], None], args: argparse.Namespace, pace: Any
+) -> Iterator[Callable[[Any], None]]:
+    """Tells how far the tuning is, by the time that its phases take; yields what takes a job that begins."""
     from steer_env.experiments.calibration import search, storage
 
     ended, jobs = threading.Event(), list[Any]()
 
     def watch() -> None:
         while not ended.wait(POLL):
-            if jobs:
-                job = jobs[-1]
+            text = pace.text
+            if jobs and text == (job := jobs[-1]).name:
                 done = search.count(job, storage.opened(args.out, args.storage))
-                notify(min(done / job.budget, 1.0) * 0.95, f"{job.name}: {done} of {job.budget} sets")
+                pace.count(done)
+                text = f"{text}: {done} of {job.budget} sets"
+            notify(pace.part, text)
 
     thread = threading.Thread(target=watch, daemon=True)
     thread.start()

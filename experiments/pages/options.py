@@ -54,7 +54,7 @@ def _plain(value: float | list[float]) -> str:
     return ":".join(map(repr, value)) if isinstance(value, list) else repr(value)
 
 
-def _lines(total: float | None) -> Callable[[float, str], None]:
+def _lines(total: float | None, timed: bool) -> Callable[[float, str], None]:
     """Says on standard error which tenth of long work is done, each once; ``STEER_ENV_QUIET=1`` silences it."""
     start, said = time.monotonic(), 0
 
@@ -64,29 +64,53 @@ def _lines(total: float | None) -> Callable[[float, str], None]:
         seconds = time.monotonic() - start
         if said < tenths < 10 and seconds > LONG and os.environ.get("STEER_ENV_QUIET", "0") in ("", "0"):
             said = tenths
-            clock = f"{seconds // 60:.0f}:{seconds % 60:02.0f}"
-            print(f"steer-env: {10 * tenths} % done after {clock} min, {text}", file=sys.stderr, flush=True)
+            left = f", {_clock(seconds * (total / part - 1.0))} left" if timed and total else ""
+            told = f"{10 * tenths} % done after {_clock(seconds)} min{left}, {text}"
+            print(f"steer-env: {told}", file=sys.stderr, flush=True)
 
     return notify
 
 
+def _clock(seconds: float) -> str:
+    """Minutes and seconds."""
+    minutes, rest = divmod(round(seconds), 60)
+    return f"{minutes}:{rest:02d}"
+
+
 @contextmanager
-def progress(what: str, total: float | None = 1.0) -> Iterator[Callable[[float, str], None]]:
+def progress(what: str, total: float | None = 1.0, timed: bool = False) -> Iterator[Callable[[float, str], None]]:
     """A progress bar on standard error, or a line for every tenth of long work if that is no terminal.
 
     Yields a function of the part that is done and of what comes next. The bar tells the time so far, and the time left
-    as far as it can be told; without a total it only moves, and there are no lines.
+    as far as it can be told; without a total it only moves, and there are no lines. Where the parts are ``timed``, they
+    are those of the time.
     """
     from rich.console import Console
-    from rich.progress import BarColumn, Progress, ProgressColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+    from rich.progress import (
+        BarColumn,
+        Progress,
+        ProgressColumn,
+        Task,
+        TextColumn,
+        TimeElapsedColumn,
+        TimeRemainingColumn,
+    )
+    from rich.text import Text
+
+    class Left(ProgressColumn):
+        """The time left by the part of the time that is over; the other column has the speed of the last seconds."""
+
+        def render(self, task: Task) -> Text:
+            part, over = task.percentage / 100.0, task.elapsed or 0.0
+            return Text(_clock(over / part - over) if part else "-:--", style="progress.remaining")
 
     console = Console(stderr=True)
     if not console.is_terminal:
-        yield _lines(total)
+        yield _lines(total, timed)
         return
     columns: list[ProgressColumn] = [TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn()]
     if total is not None:
-        columns += [TextColumn("left"), TimeRemainingColumn()]
+        columns += [TextColumn("left"), Left() if timed else TimeRemainingColumn()]
     with Progress(*columns, console=console, transient=True) as shown:
         task = shown.add_task(what, total=total)
         yield lambda part, text: shown.update(task, completed=part, description=text)

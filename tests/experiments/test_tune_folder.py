@@ -23,6 +23,7 @@ from steer_env.experiments.calibration import (
     tuning,
     tuning_page,
 )
+from steer_env.experiments.calibration.pace import Pace
 from steer_env.experiments.calibration.problem import Evaluation
 from steer_env.experiments.cli.main import main
 from steer_env.vehicle import cars
@@ -75,7 +76,7 @@ def posed():
 
 
 def tuned(posed, out, budget=6, **options):
-    return tuning.tune(posed, out, budget, here, second=False, **options)
+    return tuning.tune(posed, out, budget, here, **options)
 
 
 def params(trials):
@@ -113,7 +114,7 @@ def test_the_budget_counts_the_finished_sets_of_one_sampler(tmp_path, posed, qui
 
 
 def test_a_search_and_a_confirmation_by_the_same_optimiser_are_both_on_the_page(tmp_path, posed, quick):
-    tuning.tune(posed, tmp_path, 3, here, sampler="random")
+    tuned(posed, tmp_path, 3, sampler="random", confirm=True)
     found = tuned(posed, tmp_path, 4, sampler="nsga2")
     assert {name: len(trials) for name, trials in found.trials.items()} == {"random": 3, "second nsga2": 3, "nsga2": 4}
     page, data = tuning_page.build(found)
@@ -190,7 +191,8 @@ def test_a_set_that_misses_the_whole_map_is_passed_over(tmp_path, posed, quick, 
 
     monkeypatch.setattr(tuning, "mapped", mapped)
     found = tuned(posed, tmp_path, 12, sampler="random")
-    assert whole == [ranked[0].params, ranked[3].params]  # the others miss what the first one does
+    # The start before the search; of the best, the others miss what the first one does.
+    assert whole == [problem.own(posed), ranked[0].params, ranked[3].params]
     assert found.best.params == ranked[3].params
     assert not margin_map.missed(found.cells)
     page, data = tuning_page.build(found)
@@ -352,7 +354,7 @@ def test_an_unstable_point_counts_more_than_missed_margins(posed, monkeypatch):
     maps = [[unstable], [slack, slack._replace(torque=1.0)]]
     monkeypatch.setattr(tuning, "mapped", lambda case, points=None: maps[case[1]] if points is None else [])
     ranked = [SimpleNamespace(params=k) for k in range(2)]
-    assert tuning._safest(posed, ranked, here)[0] is ranked[1]
+    assert tuning._safest(posed, ranked, here, Pace())[0] is ranked[1]
 
 
 def test_parameters_that_move_no_band_are_refused(tmp_path, quick):
