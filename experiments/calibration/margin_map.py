@@ -1,6 +1,7 @@
 """The margins of the assist loop at every point where a car is driven: speed, torque, hands and friction."""
 
 import math
+import time
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from itertools import product
@@ -16,6 +17,7 @@ from steer_env.vehicle.steering.margins import TARGETS
 
 KPH = 3.6  # [km/h] of 1 m/s
 SPEEDS = (20.0, 40.0, 60.0, 80.0, 100.0, 120.0, 140.0)  # [km/h]
+SAMPLE = 60.0  # whose points are timed [km/h]
 TORQUES = (0.0, 1.0, 2.0, 3.0, 3.5, 4.0)  # [N m]
 SLIDING, RESTING = "friction slides", "friction at rest"
 PHASE_LIMIT, GAIN_LIMIT = TARGETS  # [deg], [dB]
@@ -80,6 +82,13 @@ def of_car(car: Car, law: Any, loads: Sequence[float], chassis: str) -> list[Cel
         found = of_speed(cornering(car.loaded(load), kph / KPH, chassis), kph, law)
         cells += [cell._replace(load=load) for cell in found]
     return cells
+
+
+def seconds(car: Car, law: Any, chassis: str) -> float:
+    """Time that a point of the map takes, of those of one speed that the car reaches [s]."""
+    start = time.perf_counter()
+    cells = list(of_speed(cornering(car, SAMPLE / KPH, chassis), SAMPLE, law))
+    return (time.perf_counter() - start) / sum(cell.margins is not None for cell in cells)
 
 
 def at(points: Sequence[Cell], car: Car, law: Any, chassis: str) -> list[Cell]:

@@ -59,6 +59,10 @@ class Pace:
             self._took[self._kind] = self._clock() - self._began
         self._kind = ""
 
+    def scale(self, kind: str, factor: float) -> None:
+        """Work of a kind takes longer from here on, by a factor [1]."""
+        self._took[kind] *= factor
+
     def count(self, finished: int) -> None:
         """So many sets of this search are finished, those of earlier commands included."""
         if not self._finished or finished > self._finished[-1][1]:

@@ -248,6 +248,11 @@ def _start(problem: Problem, sweep: Runner, pace: Pace) -> Start:
     (driven,) = sweep(own_angles.driven, [case], words=lambda case: OWN_ANGLES)
     pace.begin("map", "margin map of the starting point", {})
     (cells,) = sweep(mapped, [case], words=lambda case: "margin map of the starting point")
+    pace.end()
+    # A set of the search has all functions, and the more of them the longer its map takes.
+    middle = problems.tuned_car_quietly(problem, {r.name: 0.5 * (r.low + r.high) for r in problem.ranges})
+    each = [margin_map.seconds(car, problem.law, problem.chassis) for car in (problem.car, middle)]
+    pace.scale("map", each[1] / each[0])
     return Start(driven, cells)
 
 
