@@ -39,6 +39,15 @@ FREE_SPEEDS = (60.0, 140.0)  # of the free car [km/h]
 PHASE, GAIN = TARGETS  # [deg], [dB]
 FREQUENCIES = assist_loop.FREQUENCIES  # of the loop of the whole car [Hz]
 COLUMN_FREQUENCIES = FREQUENCIES[::3]  # of the column, whose response has no sharp peaks [Hz]
+KINDS = {
+    "stable": "stability",
+    "phase": "phase margin",
+    "gain": "gain margin",
+    "motor": "motor limit",
+    "damping": "free-car damping",
+    "pulse": "free-car rest",
+    "map": "margin map",
+}  # part of a constraint's name -> its limit in words
 ENOUGH = 90.0, 40.0  # in place of larger margins, which are of no interest [deg, dB]
 
 
@@ -177,6 +186,11 @@ def violations(found: Mapping[str, float]) -> dict[str, float]:
         elif "pulse_" in key:
             missed[key] = 0.5 - value
     return missed
+
+
+def kind(constraint: str) -> str:
+    """Which limit a constraint is of, without its place and speed, as the values of ``KINDS``."""
+    return next(words for part, words in KINDS.items() if part in constraint)
 
 
 def told(constraint: str, violation: float) -> str:

@@ -85,12 +85,17 @@ def judge(problem: Problem, trials: Sequence[FrozenTrial], counted: Sequence[str
     return Feasibility(len(trials), reached, never, tuple(pairs), missed, constrained, _least(trials, safe))
 
 
+def nearest(trials: Sequence[FrozenTrial]) -> FrozenTrial:
+    """The set whose largest violation of a constraint is the smallest."""
+    return min(trials, key=lambda t: (max(t.constraints.values()), t.number))
+
+
 def _least(trials: Sequence[FrozenTrial], safe: Sequence[FrozenTrial]) -> tuple[tuple[str, float], ...]:
-    """What the set misses whose largest violation is the smallest; nothing where a set keeps all constraints."""
+    """What :func:`nearest` misses; nothing where a set keeps all constraints."""
     if safe or not trials:
         return ()
-    nearest = min(trials, key=lambda t: (max(t.constraints.values()), t.number)).constraints
-    return tuple(sorted(((name, far) for name, far in nearest.items() if far > 0.0), key=lambda item: -item[1]))
+    missed = nearest(trials).constraints
+    return tuple(sorted(((name, far) for name, far in missed.items() if far > 0.0), key=lambda item: -item[1]))
 
 
 def sentences(problem: Problem, found: Feasibility, units: Mapping[str, str], confirmed: str) -> list[str]:

@@ -44,6 +44,14 @@ class Cell(NamedTuple):
         return math.nan if self.margins is None else 20.0 * math.log10(self.margins.gain)
 
     @property
+    def broken(self) -> tuple[str, ...]:
+        """The limits that the point breaks, in words."""
+        if self.margins is None:
+            return ()
+        broken = not self.margins.stable, self.phase_deg < PHASE_LIMIT, self.gain_db < GAIN_LIMIT
+        return tuple(words for words, each in zip(("stability", "phase margin", "gain margin"), broken) if each)
+
+    @property
     def where(self) -> str:
         """The point in words."""
         laden = f", {self.load:g} kg of load" if self.load else ""
@@ -102,6 +110,4 @@ def at(points: Sequence[Cell], car: Car, law: Any, chassis: str) -> list[Cell]:
 
 def missed(cells: Sequence[Cell]) -> list[Cell]:
     """The cells below the limits of phase or gain margin, or unstable."""
-    return [
-        c for c in cells if c.margins and (c.phase_deg < PHASE_LIMIT or c.gain_db < GAIN_LIMIT or not c.margins.stable)
-    ]
+    return [cell for cell in cells if cell.broken]

@@ -1,11 +1,11 @@
-"""The page of a tuning: the gain first, then what is feasible, the front, the bands, the parameters and the margins."""
+"""The page of a tuning: what it means first, then parameters, bands, what is not reached, margins and the front."""
 
 import functools
 import itertools
 import math
 import warnings
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import optuna
@@ -21,6 +21,7 @@ from steer_env.experiments.calibration import (
     search,
 )
 from steer_env.experiments.calibration import problem as problems
+from steer_env.experiments.calibration.margin_map import Cell
 from steer_env.experiments.calibration.problem import Range, distance
 from steer_env.experiments.calibration.tuning import MOVED, Outcome
 from steer_env.experiments.pages import tuning_pictures
@@ -115,62 +116,141 @@ def _off(o: Outcome, trial: FrozenTrial | None, name: str) -> str:
     return "in band" if far[worst] <= feasibility.IN_BAND else f"{number(far[worst])} off, {worst}"
 
 
-def _reached(o: Outcome, trial: FrozenTrial | None) -> str:
-    """Number of the counted bands that a set reaches in all conditions."""
-    return "–" if trial is None else str(sum(_off(o, trial, name) == "in band" for name in o.counted))
+def _reached(o: Outcome, trial: FrozenTrial | None) -> tuple[str, ...]:
+    """The counted bands that a set reaches in all conditions."""
+    return () if trial is None else tuple(name for name in o.counted if _off(o, trial, name) == "in band")
 
 
-def _gain(o: Outcome) -> list[tuple[str, ...]]:
-    """What the tuning improves, before and after; nothing where one of both is missing."""
-    if o.own is None or o.best is None:
-        return []
-    both = o.own, o.best
-    rows: list[tuple[str, ...]] = [
-        ("bands reached in all conditions", f"of {len(o.counted)}", *(_reached(o, t) for t in both)),
-        ("distance from all bands", "widths", *(number(search.total(t)) for t in both)),
-    ]
-    for k, name in enumerate(dict.fromkeys(o.problem.groups[name] for name in o.counted)):
-        each = (number(t.user_attrs["objectives"][k]) for t in both)
-        rows.append((f"of these, {name}", "widths", *each))
-    for key, text, sign in (("phase_margin", "least phase margin", "deg"), ("gain_margin", "least gain margin", "dB")):
-        each = (number(constraints.least(t.user_attrs["details"]["margins"])[key]) for t in both)
-        rows.append((text, sign, *each))
-    return rows
+def other(o: Outcome) -> FrozenTrial | None:
+    """What is set against the starting point: the best set, or where none keeps the limits that which misses least."""
+    every = [t for trials in o.trials.values() for t in trials]
+    return o.best or (feasibility.nearest(every) if every else None)
+
+
+class Answer(NamedTuple):
+    """What a tuning has found, in terms of its limits and bands."""
+
+    start: tuple[str, ...]  # limits that the starting point breaks, in words
+    broken: tuple[str, ...]  # those that :func:`other` breaks
+    points: int  # of the margin map at which it does
+    kept: bool  # whether a set keeps all constraints
+    alone: bool  # whether no set is better than the starting point
+    reached: tuple[str, ...]  # bands that it reaches in all conditions
+    never: tuple[str, ...]  # that no set reaches while it keeps the limits
+    given_up: tuple[str, ...]  # that only the starting point reaches
+    farther: float  # distance from all bands beyond that of the starting point, 0 where it is nearer [widths]
+
+
+def _broken(trial: FrozenTrial | None, cells: Sequence[Cell]) -> tuple[str, ...]:
+    """The limits that a set breaks where the search looks or on its map, in words and in the order of all limits."""
+    found = set[str]()
+    if trial is not None:
+        found = {constraints.kind(name) for name, far in trial.constraints.items() if far > 0.0}
+    found |= {words for cell in cells for words in cell.broken}
+    if cells:
+        found.discard(constraints.KINDS["map"])  # the cells say which margin
+    return tuple(words for words in constraints.KINDS.values() if words in found)
+
+
+def answer(o: Outcome) -> Answer:
+    """What the first screen says."""
+    shown, far = other(o), 0.0
+    if o.own is not None and shown is not None:
+        far = max(search.total(shown) - search.total(o.own), 0.0)
+    before, after = _reached(o, o.own), _reached(o, shown)
+    return Answer(
+        start=_broken(o.own, o.start_cells),
+        broken=_broken(shown, o.cells),
+        points=len(margin_map.missed(o.cells)),
+        kept=o.best is not None,
+        alone=o.best is not None and o.own is not None and o.best.params == o.own.params,
+        reached=after,
+        never=tuple(c.metric for c in o.feasibility.never),
+        given_up=tuple(name for name in before if name not in after),
+        farther=far,
+    )
+
+
+class Side(NamedTuple):
+    """A value in the table of the first screen."""
+
+    text: str
+    kept: bool | None = None  # whether it keeps the limit of its row; None where the row has none
+
+
+def _limited(value: float, limit: float, highest: bool = False) -> Side:
+    """A value beside its least limit, or its highest one, with as many digits as tell a broken limit."""
+    kept = value <= limit if highest else value >= limit
+    told = (number(value, digits) for digits in range(3, 9))
+    return Side(number(value) if kept else next((x for x in told if x != number(limit)), number(value)), kept)
+
+
+def _side(trial: FrozenTrial | None, cells: Sequence[Cell]) -> dict[str, Side]:
+    """What a set has beside each limit, by row."""
+    if trial is None:
+        return {}
+    margins = trial.user_attrs["details"]["margins"]
+    least, known = constraints.least(margins), [cell for cell in cells if cell.margins]
+    phase = min([least["phase_margin"], *(cell.phase_deg for cell in known)])
+    gain = min([least["gain_margin"], *(cell.gain_db for cell in known)])
+    missed = len(margin_map.missed(known))
+    return {
+        "phase": _limited(phase, constraints.PHASE),
+        "gain": _limited(gain, constraints.GAIN),
+        "map": Side(f"{missed}\u00a0of\u00a0{len(known)}", not missed) if known else Side("–"),
+        "motor": _limited(margins["motor_limit"], 1.0, highest=True),
+        "damping": _limited(least["free_damping"], 0.0),
+        "rest": Side("yes" if least["free_pulse"] else "no", bool(least["free_pulse"])),
+    }
+
+
+def _compared(o: Outcome, found: Answer) -> dict[str, tuple[Side, Side]]:
+    """The table of the first screen: the starting point and :func:`other` in each row, at most ten."""
+    shown = other(o)
+    sides = [(o.own, o.start_cells), (shown, o.cells)]
+    rows = {"bands": [Side("–" if t is None else str(len(_reached(o, t)))) for t, _ in sides]}
+    rows["distance"] = [Side("–" if t is None else number(search.total(t))) for t, _ in sides]
+    rows["given_up"] = [Side("–"), Side(", ".join(map(in_words, found.given_up)) or "none")]
+    if found.farther and found.kept:
+        rows["farther"] = [Side("–"), Side(number(found.farther))]
+    each = [_side(*side) for side in sides]
+    for key in ("phase", "gain", "map", "motor", "damping", "rest"):
+        rows[key] = [side.get(key, Side("–")) for side in each]
+    return {key: (row[0], row[1]) for key, row in rows.items()}
 
 
 def _bands(o: Outcome) -> dict[str, Any]:
     """Every band before and after."""
-    units, rows = _units(o), []
+    units, against, rows = _units(o), other(o), []
     places = dict[str, dict[str, tuple[float, float]]]()
+    never = [in_words(c.metric) for c in o.feasibility.never if o.best is not None]
     for name in o.counted:
         low, high = o.problem.bands[name].good
-        before, after = _span(o.own, name), _span(o.best, name)
+        before, after = _span(o.own, name), _span(against, name)
         shown = [f"{number(a)} to {number(b)}" for a, b in (before, after)]
-        off = [_off(o, o.own, name), _off(o, o.best, name)]
+        off = [_off(o, o.own, name), _off(o, against, name)]
         rows.append((in_words(name), unit(units[name]), f"{low:g} to {high:g}", shown[0], off[0], shown[1], off[1]))
         if not any(map(math.isnan, (*before, *after))):
-            of = {"before": before, "after": after}
+            of = {"start": before, "best" if o.best is not None else "nearest": after}
             places[in_words(name)] = {
                 text: ((a - low) / (high - low), (b - low) / (high - low)) for text, (a, b) in of.items()
             }
     left = [
         (in_words(name), unit(units[name]), f"{o.problem.bands[name].good[0]:g} to {o.problem.bands[name].good[1]:g}",
-         *(f"{number(a)} to {number(b)}" for a, b in (_span(o.own, name), _span(o.best, name))), number(o.moved[name]))
+         *(f"{number(a)} to {number(b)}" for a, b in (_span(o.own, name), _span(against, name))), number(o.moved[name]))
         for name in o.problem.bands if name not in o.counted
     ]  # fmt: skip
     return {
         "rows": rows,
         "left": left,
-        "before": _reached(o, o.own),
-        "after": _reached(o, o.best),
         "most_changed": max((check.difference for check in o.checks.values()), default=0.0),
-        "picture": tuning_pictures.bands(places) if places else "",
+        "picture": tuning_pictures.bands(places, never) if places else "",
     }
 
 
 def _margins(o: Outcome) -> dict[str, Any]:
     """The margins before and after."""
-    rows, sides = [], [t.user_attrs["details"]["margins"] for t in (o.own, o.best) if t is not None]
+    rows, sides = [], [t.user_attrs["details"]["margins"] for t in (o.own, other(o)) if t is not None]
     for key in sides[0] if sides else ():
         if key.startswith(("phase_", "gain_", "column_")):
             kind, _, speed = key.rpartition("_")
@@ -250,10 +330,12 @@ def build(o: Outcome) -> tuple[Page, dict[str, Any]]:
     """The page and its numbers as JSON."""
     sets = {label(key): len(trials) for key, trials in o.trials.items()}
     confirmed = " and ".join(f"{name} ({count})" for name, count in sets.items())
-    alone = o.best is not None and o.own is not None and o.best.params == o.own.params == o.tried[0][0].params
-    shares = importances(o)
+    found, shares = answer(o), importances(o)
     values = {
         "o": o,
+        "answer": found,
+        "before": _reached(o, o.own),
+        "compared": _compared(o, found),
         "constraints": constraints,
         "few": feasibility.FEW,
         "population": search.POPULATION,
@@ -265,12 +347,10 @@ def build(o: Outcome) -> tuple[Page, dict[str, Any]]:
             if key.endswith("nsga2") and len(trials) < feasibility.FEW
         },
         "feasible": feasibility.sentences(o.problem, o.feasibility, _units(o), confirmed),
-        "alone": alone and not o.feasibility.reached,
         "left": [name for name in o.problem.bands if name not in o.counted],
         "missed": margin_map.missed(o.cells),
         "passed": _passed(o),
         "own_angles": own_angles.sentences(o.checks),
-        "gain": _gain(o),
         "pairs": [(*map(in_words, p.metrics), *map(number, p.distances)) for p in o.feasibility.pairs],
         "pareto": _pareto(o),
         "bands": _bands(o),
@@ -278,6 +358,7 @@ def build(o: Outcome) -> tuple[Page, dict[str, Any]]:
         "margins": _margins(o),
     }
     data = {
+        "answer": found._asdict(),
         "feasibility": feasibility.as_json(o.feasibility),
         "counted": list(o.counted),
         "moved": o.moved,
@@ -289,6 +370,7 @@ def build(o: Outcome) -> tuple[Page, dict[str, Any]]:
         "widened": {name: [list(r[2:4]) for r in pair] for name, pair in o.widened.items()},
         "importances": shares,
         "map_missed": [c.where for c in margin_map.missed(o.cells)],
+        "start_map_missed": [c.where for c in margin_map.missed(o.start_cells)],
         "tried": [{"set": t.number, "parameters": t.params, "missed": [c.where for c in m]} for t, m in o.tried],
         "sets": {
             key: [

@@ -142,7 +142,7 @@ def _write(args: argparse.Namespace, posed: Any, outcome: Any) -> None:
         seed=args.seed,
     )
     page.place(args.out, found, page.numbers(found, data), trace)
-    print("\n".join(found.verdict))
+    print(found.verdict[0])
     print(args.out / "index.html")
     if outcome.best is not None and not args.report:
         for name, file in (("before", "start.toml"), ("after", "best.toml")):

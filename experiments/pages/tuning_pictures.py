@@ -1,6 +1,6 @@
 """Pictures of a tuning as SVG text. What they show is handed over; nothing is computed here."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from itertools import combinations
 from typing import Any, NamedTuple
 
@@ -93,21 +93,28 @@ def course(curves: Mapping[str, Array], own: float) -> str:
 
 
 @styled
-def bands(rows: Mapping[str, Mapping[str, tuple[float, float]]]) -> str:
+def bands(rows: Mapping[str, Mapping[str, tuple[float, float]]], never: Collection[str]) -> str:
     """Span of each metric over the conditions beside its band, which is shaded, in widths of the band.
 
-    ``rows`` has for each metric the spans before and after, from 0 at the lower end of the band to 1 at the upper [1].
+    ``rows`` has for each metric the spans of two sets, from 0 at the lower end of the band to 1 at the upper [1];
+    ``never`` has those that no set reaches.
     """
-    figure = new_figure(7.4, 0.3 * len(rows) + 0.9)
+    figure = new_figure(4.5, 0.25 * len(rows) + 0.8)
     axes = figure.subplots()
     axes.axvspan(0.0, 1.0, color=_GOOD, zorder=0)
-    for k, spans in enumerate(rows.values()):
-        for (label, (low, high)), colour, shift in zip(spans.items(), ("#8a949e", PALETTE[0]), (-0.14, 0.14)):
-            ends = np.clip([low, high], -0.98, 1.98)
+    for k, (metric, spans) in enumerate(rows.items()):
+        for (label, (low, high)), colour, shift in zip(spans.items(), (_SHADE, PALETTE[0]), (-0.17, 0.17)):
+            ends = np.clip([low, high], -0.95, 1.95)
             name = label if k == 0 else None
-            axes.plot(ends, [k + shift] * 2, "|-", color=colour, linewidth=3.0, markersize=7, label=name)
-    axes.set(yticks=range(len(rows)), yticklabels=list(rows), xlim=(-1.0, 2.0))
-    axes.set(xlabel="place in the band: 0 its lower end, 1 its upper; spans over friction and load")
+            axes.plot(ends, [k + shift] * 2, "|-", color=colour, linewidth=3.0, markersize=6, label=name)
+            if low < -0.95:
+                axes.plot(-0.95, k + shift, "<", color=colour, markersize=6)
+            if high > 1.95:
+                axes.plot(1.95, k + shift, ">", color=colour, markersize=6)
+        if metric in never:
+            axes.text(2.05, k, "no set", va="center", fontsize=8, color=_MARKS[1][1])
+    axes.set(yticks=range(len(rows)), yticklabels=list(rows), xlim=(-1.0, 2.0), xticks=(0.0, 1.0))
+    axes.set(xticklabels=("lower", "upper"), xlabel="end of the good band")
     axes.grid(visible=False, axis="y")
     axes.invert_yaxis()
     figure.legend(loc="outside upper center", ncols=2)

@@ -15,6 +15,7 @@ import pytest
 
 from steer_env import friction, targets
 from steer_env.experiments.calibration import (
+    constraints,
     margin_map,
     own_angles,
     problem,
@@ -143,9 +144,81 @@ def test_the_best_set_has_the_metrics_with_its_own_handwheel_angles(tmp_path, po
 
 
 def test_a_search_that_finds_nothing_better_says_so(tmp_path, posed, quick):
-    page, _ = tuning_page.build(tuned(posed, tmp_path, 1))
-    assert page.values["alone"]
-    assert any("better than the starting point" in sentence for sentence in page.verdict)
+    page, data = tuning_page.build(tuned(posed, tmp_path, 1))
+    assert page.values["answer"].alone
+    assert not data["answer"]["start"]
+    looked(page)
+
+
+def looked(page):
+    """The first screen of a page, which is a sentence, a picture and a table."""
+    look = page.html().partition("<body")[2].partition("<h2")[0]
+    assert [look.count(part) for part in ('class="finding"', "<img ", "<table>")] == [1, 1, 1]
+    assert len(page.verdict[0].split()) <= 25
+    assert len(page.values["compared"]) <= 10
+    return page.verdict[0]
+
+
+BROKEN = {"column_phase_0": 20.0, "column_gain_0": 5.0, "free_damping_100": -0.1, "free_pulse_100": 0.0}
+BROKEN |= {"motor_limit": 1.5, "stable": 0.0}
+
+
+@pytest.mark.parametrize("missed", [BROKEN, {"column_gain_0": 5.0}, {"column_gain_0": 5.0, "column_phase_0": 20.0}])
+@pytest.mark.parametrize("whose", ["start", "all"])
+def test_the_first_screen_says_which_limits_are_broken(tmp_path, posed, quick, monkeypatch, missed, whose):
+    def breaking(posed, values, every_metric=True):
+        found = formula(posed, values, every_metric)
+        start = np.array_equal(problem.assist(posed, values).boost, cars.load("compact").assist.boost)
+        return found._replace(margins=MARGINS | missed) if start or whose == "all" else found
+
+    monkeypatch.setattr(problem, "evaluate", breaking)
+    page, data = tuning_page.build(tuned(posed, tmp_path, 6))
+    said, words = looked(page), {constraints.kind(name) for name in missed}
+    assert set(data["answer"]["start"]) == words
+    assert set(data["answer"]["broken"]) == (words if whose == "all" else set())
+    assert data["answer"]["kept"] == (whose == "start")
+    assert (
+        next(iter(constraints.KINDS[key] for key in ("stable", "phase", "gain") if constraints.KINDS[key] in words))
+        in said
+    )
+    gain = page.values["compared"]["gain"]
+    assert [side.kept for side in gain] == [False, whose == "start"]
+    assert gain[0].text == "5"
+    assert tuning_page._limited(5.9996, 6.0) == ("5.9996", False)
+    assert tuning_page._limited(1.2, 1.0, highest=True) == ("1.2", False)
+
+
+def test_a_distance_that_grew_for_a_limit_is_given_up_and_no_gain(tmp_path, posed, quick, monkeypatch):
+    """The start reaches all bands, but breaks a limit; what keeps it is farther from the bands."""
+
+    def breaking(posed, values, every_metric=True):
+        found = formula(posed, values, every_metric)
+        start = np.array_equal(problem.assist(posed, values).boost, cars.load("compact").assist.boost)
+        inside = {name: sum(band.good) / 2.0 for name, band in posed.bands.items()}
+        where = dict.fromkeys(found.metrics, inside)
+        return found._replace(metrics=where, margins=MARGINS | {"column_gain_0": 5.0}) if start else found
+
+    monkeypatch.setattr(problem, "evaluate", breaking)
+    shares = dict.fromkeys(posed.bands, 1.0)
+    monkeypatch.setattr(tuning, "moved", lambda posed, sweep: shares)
+    found = tuned(posed, tmp_path, 6)
+    page, data = tuning_page.build(found)
+    assert search.total(found.own) == 0.0
+    assert data["answer"]["farther"] == pytest.approx(search.total(found.best))
+    assert data["answer"]["given_up"] == tuple(n for n in found.counted if n not in data["answer"]["reached"])
+    assert page.values["compared"]["farther"][1].text == page.values["compared"]["distance"][1].text
+    assert "gain" not in looked(page).partition(";")[2]
+    assert ">Gain<" not in page.html()
+
+
+def test_the_first_screen_where_the_best_set_misses_a_margin_on_the_map(tmp_path, posed, quick, monkeypatch):
+    monkeypatch.setattr(tuning, "mapped", lambda case, points=None: [cell(0.3)] * 2 if points is None else points)
+    page, data = tuning_page.build(tuned(posed, tmp_path, 12))
+    assert data["answer"]["broken"] == data["answer"]["start"] == ("phase margin",)
+    assert data["answer"]["points"] == 2
+    assert data["start_map_missed"]
+    assert page.values["compared"]["phase"][1] == ("17.2", False)
+    assert "2 points" in looked(page)
 
 
 def test_parameters_tell_ends_of_ranges_functions_that_are_off_and_few_sets(tmp_path, quick):
@@ -222,6 +295,7 @@ def test_where_no_set_keeps_the_whole_map_the_one_with_the_fewest_misses_is_told
     (missed,) = page.values["missed"]
     assert missed.where.startswith("20 km/h, 2 N m")
     assert sum("whole map" in text for text in page.verdict) == 1
+    looked(page)
 
 
 def test_points_that_are_read_again_are_those_of_the_map(monkeypatch):
@@ -342,7 +416,7 @@ def test_a_set_that_reaches_every_band_but_misses_the_map_does_not_end_the_searc
     assert len(found.trials["surface"]) == count + 8
     assert not found.feasibility.reached
     page, data = tuning_page.build(found)
-    assert page.verdict[0].startswith("Not feasible")
+    assert not page.values["o"].feasibility.reached
     assert not data["feasibility"]["reached"]
     missed = [t for t in found.trials["surface"] if t.constraints["whole_map"] > 0.0]
     assert missed
