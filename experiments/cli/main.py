@@ -60,7 +60,13 @@ def _common() -> _Parser:
 
 def modules_of(argv: Sequence[str]) -> list[str]:
     """The modules that ``--import`` names."""
-    return _common().parse_known_args(argv)[0].modules
+    return without_imports(argv)[0]
+
+
+def without_imports(words: Sequence[str]) -> tuple[list[str], list[str]]:
+    """The modules that ``--import`` names, and the words without it."""
+    found, others = _common().parse_known_args(words)
+    return found.modules, others
 
 
 def import_modules(argv: Sequence[str]) -> None:
@@ -70,11 +76,16 @@ def import_modules(argv: Sequence[str]) -> None:
     """
     parser = _common()
     for module in modules_of(argv):
+        if module.endswith(".py"):
+            name = Path(module).stem
+            parser.error(f"--import {module}: give the name of the module, --import {name}, where {name}.py lies")
         sys.path.insert(0, str(Path.cwd()))
         try:
             importlib.import_module(module)
-        except Exception as error:  # whatever the module does
-            parser.error(f"--import {module}: {error}")
+        except (Exception, SystemExit) as error:  # whatever the module does
+            told = " ".join(str(error).split()) or "no more is known"
+            kind = "" if isinstance(error, (ImportError, SyntaxError, ValueError)) else f"{type(error).__name__}: "
+            parser.error(f"--import {module}: {kind}{told}")
 
 
 def commands(package: str = PACKAGE) -> dict[str, ModuleType]:

@@ -28,15 +28,16 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int | None:
     """Run the study; its exit code."""
+    from steer_env.experiments.cli.main import without_imports
+
     if args.name in EXTRAS:
         require(EXTRAS[args.name], f"the study {args.name}")
-    main, words = (
-        importlib.import_module(STUDIES[args.name]).main,
-        [*args.options, *(["--out", args.out] if args.out else [])],
-    )
+    main = importlib.import_module(STUDIES[args.name]).main
+    modules, options = without_imports(args.options)  # which may stand before the name, too
+    words = [*options, *(["--out", args.out] if args.out else [])]
     if args.name not in SWEEPING:
         return main(words)
-    given = argparse.Namespace(modules=args.modules)
+    given = argparse.Namespace(modules=[*args.modules, *modules])
     chosen, options = _sweep_parser(args.name).parse_known_args(words, given)
     if args.vehicle is not None:
         from steer_env.vehicle import cars

@@ -14,6 +14,8 @@ from importlib.machinery import ModuleSpec, PathFinder
 from pathlib import Path
 from typing import NamedTuple
 
+from steer_env.friction.law import LAWS
+
 PACKAGE = "steer_env"
 _INSTALLED = frozenset({"site-packages", "dist-packages"})  # folders of installed packages
 
@@ -57,6 +59,15 @@ def digests(names: Iterable[str]) -> dict[str, str]:
             found[name] = source.digest
             left += source.imports
     return dict(sorted(found.items()))
+
+
+def of_laws() -> list[str]:
+    """The user's own modules that have registered friction laws, which a process that knows a law by its name needs.
+
+    A law of a notebook or of the script itself is in none that another process could import.
+    """
+    modules = {module for law in LAWS.registered() for module in (law.parameters.__module__, law.make.__module__)}
+    return sorted(name for name in modules if name != "__main__" and is_own(name))
 
 
 def is_own(name: str) -> bool:

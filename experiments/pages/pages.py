@@ -18,7 +18,7 @@ from urllib.parse import quote
 import jinja2
 from markupsafe import Markup
 
-from steer_env.experiments.pages import provenance, words
+from steer_env.experiments.pages import own_modules, provenance, words
 from steer_env.experiments.pages.files import replaced_directory, usable, write_json, write_text
 from steer_env.experiments.pages.style import smaller
 
@@ -161,9 +161,13 @@ def trace_of(study: str, argv: Sequence[str] | None, out: Path, **made: Any) -> 
     """The trace of a study's result, as :func:`steer_env.experiments.pages.provenance.trace`.
 
     ``argv`` are the study's own words, None for those of this process, which is no command to be run again. The
-    command of the trace has no ``--out``, as the page does not depend on its place.
+    command of the trace has no ``--out``, as the page does not depend on its place, and imports the laws of the user's
+    own.
     """
     placed = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
     placed.add_argument("--out")
-    command = None if argv is None else ["study", study, *placed.parse_known_args(argv)[1]]
-    return provenance.trace(command=command, result=out.name, **made)
+    laws = own_modules.of_laws()
+    imports = [word for name in laws for word in ("--import", name)]
+    command = None if argv is None else ["study", study, *imports, *placed.parse_known_args(argv)[1]]
+    inputs = [{"module": name, "sha256": digest} for name, digest in own_modules.digests(laws).items()]
+    return provenance.trace(command=command, result=out.name, inputs=inputs, **made)

@@ -11,7 +11,7 @@ from steer_env.experiments.pages import car_options, pages, pictures
 from steer_env.experiments.pages.options import progress
 from steer_env.experiments.pages.words import number, percent
 from steer_env.experiments.studies import friction_laws
-from steer_env.experiments.studies.common.scaling import scaled
+from steer_env.experiments.studies.common.scaling import check, scaled
 from steer_env.experiments.studies.friction_laws import ASSIST, CALIBRATIONS, DAMPING_RATIOS, HELD_LAWS, Held, Verdict
 from steer_env.experiments.sweep import Runner, run
 from steer_env.friction.defaults import F_C, SIGMA_0
@@ -58,7 +58,8 @@ class Results(NamedTuple):
 
 
 def collect(car: Car, laws: Sequence[str], sweep: Runner = run, notify: Any = lambda *_: None) -> Results:
-    """All tests of a car as a sweep."""
+    """All tests of a car as a sweep; ValueError for a law that declares no units."""
+    check(map(friction.make, laws))
     jobs = [("damped", car, law) for law in HELD_LAWS] + [("every", car, law) for law in laws]
     found = sweep(_case, jobs, notify=notify, words=lambda job: job[2])
     tests, ripples = found[: len(HELD_LAWS)], found[len(HELD_LAWS) :]

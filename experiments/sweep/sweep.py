@@ -67,8 +67,8 @@ def run(
     words : case -> str
         A case in words, for messages.
     modules : iterable of str
-        Own modules that the results depend on beside that of the function, those of the cases' classes, and what these
-        import. The workers import them, too.
+        Own modules that the results depend on beside that of the function, those of the cases' classes, those that have
+        registered friction laws, and what these import. The workers import all of them before they read a case.
 
     Raises
     ------
@@ -118,7 +118,7 @@ def _prepared(
     """The tasks that are left to do by index, and a list with the results that are kept."""
     tasks: dict[int, Task] = {}
     results: list[Any] = [None] * len(cases)
-    place, named = folder_of(store), {name.partition(":")[0], *modules}
+    place, named = folder_of(store), {name.partition(":")[0], *own_modules.of_laws(), *modules}
     program_of = functools.cache(identity)
     for index, case in enumerate(cases):
         try:

@@ -97,6 +97,10 @@ class Registry(Generic[T]):
             raise ValueError(f"unknown {self.kind} {name!r}; available: {', '.join(self.available())}")
         return self._things[name]
 
+    def registered(self) -> list[T]:
+        """The things whose modules are imported, those from elsewhere among them."""
+        return list(self._things.values())
+
     def of(self, parameters: Any) -> T | None:
         """The thing that was registered with the class ``parameters``; None if there is none."""
         return self._by_class.get(parameters)

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import threadpoolctl
 
+from steer_env import friction
 from steer_env.friction.numerics.thread_pool import most_threads
 
 
@@ -68,3 +69,9 @@ def counted(case):
 def fatal(x):
     """A case that always kills its worker."""
     os.kill(os.getpid(), signal.SIGKILL)
+
+
+def knows_law(name):
+    """What a worker makes of a friction law that it knows by name only: its process, a parameter and the module."""
+    p = friction.make(name)
+    return os.getpid(), (p.k, type(p).__module__)

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from steer_env import manoeuvres, metrics
+from steer_env import friction, manoeuvres, metrics
 from steer_env.connect import fmu
 from steer_env.connect.external import Coupled, Coupling, CouplingError, FmuVehicle, OwnProcess, UdpVehicle, Vehicle
 from steer_env.connect.udp import Server, layout_of
@@ -139,7 +139,7 @@ def _served(car: Car, law: str) -> Iterator[Vehicle]:
     part = subsystems.make("chassis", car.plant(law, SPEED, chassis=CHASSIS), SPEED)
     context = get_context("spawn")
     connection, other = context.Pipe()
-    process = context.Process(target=_serve, args=(other, car.data(), law), daemon=True)
+    process = context.Process(target=_serve, args=(other, car.data(), friction.make(law)), daemon=True)
     process.start()
     other.close()
     try:
@@ -151,8 +151,8 @@ def _served(car: Car, law: str) -> Iterator[Vehicle]:
         process.join()
 
 
-def _serve(connection: Connection, data: dict[str, Any], law: str) -> None:
-    """Serve a chassis until the connection is closed at its other end."""
+def _serve(connection: Connection, data: dict[str, Any], law: Any) -> None:
+    """Serve a chassis until the connection is closed at its other end; parameters bring the module of their law."""
     from steer_env.vehicle import cars
 
     p = cars.load(data).plant(law, SPEED, chassis=CHASSIS)

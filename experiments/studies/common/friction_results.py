@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 
 from steer_env import friction, manoeuvres
 from steer_env.experiments.studies import friction_laws, held_torque, real_time
-from steer_env.experiments.studies.common import friction_cases, friction_distinction, friction_records
+from steer_env.experiments.studies.common import friction_cases, friction_distinction, friction_records, scaling
 from steer_env.experiments.studies.common.friction_cases import BASE_LAW, DRIVER_TASKS, Case, Driven, Effect
 from steer_env.experiments.studies.common.friction_records import Confusion, Judged
 from steer_env.experiments.studies.held_torque import Ripple
@@ -108,6 +108,7 @@ def collect(
 ) -> Results:
     """Run everything; times are taken at the end in this process, when no worker runs."""
     laws = {name: friction.make(name) for name in sorted(friction.available(), key=lambda name: name != BASE_LAW)}
+    scaling.check(laws.values())
     record = friction_records.rig()
     fittable = friction_records.fittable(list(laws))
 
