@@ -70,7 +70,7 @@ IMPORT = ["--import", MODULE]
 COMMANDS = {
     "run": ["run", "all", "--friction", NAME, *IMPORT],
     "report": ["report", "--friction", NAME, "--light", *IMPORT],
-    "tune": ["tune", "--friction", NAME, "--budget", "2", "--unconfirmed", *IMPORT],
+    "tune": ["tune", "--friction", NAME, "--budget", "2", *IMPORT],
     "sensitivity": ["sensitivity", "--friction", NAME, "--samples", "4", *IMPORT],
     "policy evaluate": [
         "policy", "evaluate", "damping", "--env", ASSIST, "--friction", NAME, "--episodes", "2", *IMPORT
