@@ -322,7 +322,7 @@ def test_command(tmp_path, capfd):
 
 
 @pytest.mark.whole
-def test_command_whose_processes_are_killed_keeps_every_set(tmp_path, capfd):
+def test_command_whose_processes_are_killed_keeps_every_set(tmp_path):
     """Two processes of one command: one is killed within a set, then the other, and the command is resumed."""
     words = ["tune", "--budget", "12", "--workers", "1", "--out", str(tmp_path / "study")]
     words += ["--parameters", "boost_level", "return_gain"]
