@@ -17,7 +17,7 @@ def add(parser: argparse.ArgumentParser) -> None:
     car_options.add(parser)
     options.add(parser, "--friction", ", at rest", "lugre")
     options.add(parser, "--chassis", default="single_track", choices=names.chassis())
-    options.add_out(parser, "of the page, replaced as a whole", "analyse")
+    options.add_page(parser, "of the page, replaced as a whole", "analyse")
 
 
 def run(args: argparse.Namespace) -> None:

@@ -25,7 +25,7 @@ def add(parser: argparse.ArgumentParser) -> None:
     car_options.add_changes(parser)
     text = "write index.html and car.json with the derived quantities, and print them"
     parser.add_argument("--page", action="store_true", help=text)
-    options.add_out(parser, "of the page, replaced as a whole", otherwise="car_NAME")
+    options.add_page(parser, "of the page, replaced as a whole", otherwise="car_NAME")
     parser.set_defaults(vehicle=None)
 
 

@@ -31,7 +31,7 @@ def add(parser: argparse.ArgumentParser) -> None:
     text = f"laws to fit: {ALL} (default), or some of {', '.join(names.laws())}"
     parser.add_argument("--law", metavar="LAW", nargs="+", action="extend", help=text)
     text = "for index.html, fit.json and LAW.json, replaced as a whole"
-    options.add_out(parser, text, otherwise="friction_NAME")
+    options.add_page(parser, text, otherwise="friction_NAME")
     text = "share of the record, its last part, that judges and is not fitted (default: 0.4, where enough is left)"
     parser.add_argument("--held-out", metavar="SHARE", type=options.real, help=text)
     _add_reading(parser)

@@ -23,6 +23,7 @@ from types import ModuleType
 from typing import Any, NoReturn
 
 from steer_env.experiments.cli.common.messages import in_options
+from steer_env.experiments.cli.common.options import figures
 from steer_env.experiments.cli.common.sweeping import unswept
 from steer_env.friction.numerics.registry import dashed, listed
 
@@ -174,7 +175,7 @@ def _run(argv: Sequence[str], package: str, prog: str) -> int:
     try:
         from steer_env.friction.numerics.thread_pool import one_blas_thread
 
-        with _warnings_in_one_line(args.prog), one_blas_thread():
+        with _warnings_in_one_line(args.prog), one_blas_thread(), figures(args):
             return args.function(args) or 0
     except BrokenPipeError:
         raise

@@ -21,7 +21,7 @@ def add(parser: argparse.ArgumentParser) -> None:
     car_options.add(parser)
     options.add(parser, "--priority", default=0, otherwise="that of every program")
     parser.add_argument("--lock-memory", action="store_true", help="keep the memory from being swapped out")
-    options.add_out(parser, "of the page, replaced as a whole", "real-time")
+    options.add_page(parser, "of the page, replaced as a whole", "real-time")
 
 
 def run(args: argparse.Namespace) -> None:

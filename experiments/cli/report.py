@@ -20,11 +20,9 @@ def add(parser: argparse.ArgumentParser) -> None:
     car_options.add(parser)
     text = f": {options.EXTERNAL}, which drives every test in place of those of this project"
     options.add(parser, "--chassis", text, otherwise="none", type=options.external_vehicle)
-    text = "pictures in place of interactive plots: a page of less than 1 MB, to mail or to print"
-    parser.add_argument("--light", action="store_true", help=text)
     options.add_noticed(parser)
     add_sweep(parser)
-    options.add_out(parser, "of the report, replaced as a whole", "report")
+    options.add_page(parser, "of the report, replaced as a whole", "report", full=True)
 
 
 def run(args: argparse.Namespace) -> None:
@@ -40,7 +38,7 @@ def run(args: argparse.Namespace) -> None:
             raise ValueError(f"--friction names {label!r} twice")
 
     sweep = runner(args)
-    look = {"light": args.light, "noticed": options.noticed(args)}
+    look = {"full": args.full, "noticed": options.noticed(args)}
     car = car_options.load(args)
 
     from steer_env.experiments.pages import provenance

@@ -36,7 +36,7 @@ def add(parser: argparse.ArgumentParser) -> None:
     options.add(parser, "--seed", "of the draws", 0)
     options.add(parser, "--chassis", ", for tests that do not need two tracks", "single_track", choices=names.chassis())
     add_sweep(parser)
-    options.add_out(parser, "of the page, replaced as a whole", "sensitivity")
+    options.add_page(parser, "of the page, replaced as a whole", "sensitivity")
 
 
 def run(args: argparse.Namespace) -> None:

@@ -5,7 +5,9 @@
 
 import argparse
 import importlib
+from collections.abc import Callable
 
+from steer_env.experiments.cli.common import options
 from steer_env.experiments.cli.common.extras import require
 from steer_env.experiments.cli.common.sweeping import add_sweep, runner
 from steer_env.friction.numerics.registry import dashed, listed
@@ -19,7 +21,7 @@ EXTRAS = {"commonroad": "test", "coupling": "fmu"}  # study -> the extra that it
 def add(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
     words = _sweep_parser("NAME").format_usage().partition("NAME ")[2].strip()
-    parser.epilog = f"{', '.join(SWEEPING)} also take {words}."
+    parser.epilog = f"Every study takes --figures DIR; {', '.join(SWEEPING)} also take {words}."
     parser.add_argument("name", metavar="NAME", choices=tuple(STUDIES), help=f"the study: {', '.join(STUDIES)}")
     parser.add_argument("options", metavar="...", nargs=argparse.REMAINDER, help="options of the study")
     # 'rerun' gives the place of the result and the car of its trace
@@ -33,17 +35,25 @@ def run(args: argparse.Namespace) -> int | None:
     if args.name in EXTRAS:
         require(EXTRAS[args.name], f"the study {args.name}")
     main = importlib.import_module(STUDIES[args.name]).main
-    modules, options = without_imports(args.options)  # which may stand before the name, too
-    words = [*options, *(["--out", args.out] if args.out else [])]
+    modules, given = without_imports(args.options)  # which may stand before the name, too
+    parser = argparse.ArgumentParser(prog=f"steer-env study {args.name}", add_help=False, allow_abbrev=False)
+    options.add_figures(parser)
+    pictures, words = parser.parse_known_args([*given, *(["--out", args.out] if args.out else [])])
+    with options.figures(pictures):
+        return _study(args, main, words, [*args.modules, *modules])
+
+
+def _study(
+    args: argparse.Namespace, main: Callable[..., int | None], words: list[str], modules: list[str]
+) -> int | None:
     if args.name not in SWEEPING:
         return main(words)
-    given = argparse.Namespace(modules=[*args.modules, *modules])
-    chosen, options = _sweep_parser(args.name).parse_known_args(words, given)
+    chosen, others = _sweep_parser(args.name).parse_known_args(words, argparse.Namespace(modules=modules))
     if args.vehicle is not None:
         from steer_env.vehicle import cars
 
-        return main(options, runner(chosen), cars.load(args.vehicle))
-    return main(options, runner(chosen))
+        return main(others, runner(chosen), cars.load(args.vehicle))
+    return main(others, runner(chosen))
 
 
 def _sweep_parser(name: str) -> argparse.ArgumentParser:

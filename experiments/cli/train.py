@@ -37,7 +37,7 @@ def add(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--library-defaults", action="store_true", help=text)
     most = options.whole_number(1, options.MOST_EPISODES)
     options.add(parser, "--episodes", "of the evaluation, held out from the training", 200, type=most)
-    options.add_out(parser, "of the policy, its checkpoint and its report", "training")
+    options.add_page(parser, "of the policy, its checkpoint and its report", "training")
 
 
 def run(args: argparse.Namespace) -> None:

@@ -52,7 +52,7 @@ def add(parser: argparse.ArgumentParser) -> None:
     text = "write the evaluation reports of the car before and after, too"
     parser.add_argument("--report", action="store_true", help=text)
     add_sweep(parser, "that share the search")
-    options.add_out(parser, "of journal, page and car file", "tune")
+    options.add_page(parser, "of journal, page and car file", "tune")
 
 
 def run(args: argparse.Namespace) -> None:
@@ -153,7 +153,7 @@ def _words(args: argparse.Namespace, file: str, name: str) -> list[str]:
     """The command of the evaluation report of a car file."""
     law = getattr(args.friction, "text", args.friction)
     modules = [word for module in args.modules for word in ("--import", module)]
-    words = ["--friction", law, "--vehicle", str(args.out / file), "--light", "--out", str(args.out / name)]
+    words = ["--friction", law, "--vehicle", str(args.out / file), "--out", str(args.out / name)]
     return ["report", *modules, *words]
 
 

@@ -221,7 +221,7 @@ def _learning(curves: Mapping[str, Path], units: Mapping[str, str]) -> str:
         )
         for metric in ("reward", aim(next(iter(runs.values()))))
     ]
-    return plots.draw(shown)
+    return plots.markup(shown, "learning", False)
 
 
 def write(
@@ -251,7 +251,6 @@ def write(
         "others": "the baselines" if set(names[1:]) <= baselines(found.env_id).keys() else "the others",
         "shade": shade,
         "curve": _learning(curves, found.units) if curves else "",
-        "script": plots.script() if curves else "",
         "first_seed": HELD_OUT,
     }
     page = Page("policies", values)

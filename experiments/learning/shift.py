@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from steer_env import friction, tasks
 from steer_env.drivers.common.definition import DELAY, MUSCLE_LAG
@@ -19,7 +20,7 @@ from steer_env.experiments.pages import provenance
 from steer_env.experiments.pages.files import replaced_directory
 from steer_env.experiments.pages.options import Friction
 from steer_env.experiments.pages.pages import Page, image, place
-from steer_env.experiments.pages.style import DASHES, PALETTE, legend, new_figure, styled, svg
+from steer_env.experiments.pages.style import DASHES, PALETTE, legend, new_figure, styled
 from steer_env.experiments.sweep import Runner, run
 from steer_env.friction.law import law_of
 from steer_env.vehicle import cars
@@ -38,7 +39,7 @@ class Point(NamedTuple):
 
 
 @styled
-def shifts(panels: Mapping[str, Mapping[str, Sequence[Point]]], home: Mapping[str, float]) -> str:
+def shifts(panels: Mapping[str, Mapping[str, Sequence[Point]]], home: Mapping[str, float]) -> Figure:
     """The reward over each condition, a panel for each, with a dotted line at the policy's reward as trained.
 
     Parameters
@@ -79,7 +80,7 @@ def shifts(panels: Mapping[str, Mapping[str, Sequence[Point]]], home: Mapping[st
     for axes in grid[len(panels) :]:
         axes.set_axis_off()
     legend(figure, grid[0])
-    return svg(figure)
+    return figure
 
 
 CONTENTS = frozenset({"index.html", "shift.json", "shift.svg"})

@@ -5,10 +5,11 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Rectangle
 from numpy.typing import NDArray
 
-from steer_env.experiments.pages.style import DASHES, PALETTE, legend, new_figure, styled, svg
+from steer_env.experiments.pages.style import DASHES, PALETTE, legend, new_figure, styled
 from steer_env.recording.recording import DEGREE
 
 Array = NDArray[np.float64]
@@ -25,7 +26,7 @@ def _lines(axes: Axes, x: Array, of_label: Mapping[str, Array], **style: Any) ->
 
 
 @styled
-def budget(terms: Mapping[str, float], simulated: Mapping[str, float], limits: Range) -> str:
+def budget(terms: Mapping[str, float], simulated: Mapping[str, float], limits: Range) -> Figure:
     """Understeer by term as a waterfall, its sum, and the simulated gradients [deg/g]; the range is shaded."""
     figure = new_figure(9.6, 0.9 + 0.28 * (len(terms) + 1 + len(simulated)))
     axes = figure.subplots()
@@ -52,11 +53,11 @@ def budget(terms: Mapping[str, float], simulated: Mapping[str, float], limits: R
     axes.grid(visible=False, axis="y")
     axes.set_axisbelow(True)
     axes.margins(x=0.08)
-    return svg(figure)
+    return figure
 
 
 @styled
-def lag(speeds: Array, lags: Mapping[str, Mapping[str, Array]], marked: float, limits: Range) -> str:
+def lag(speeds: Array, lags: Mapping[str, Mapping[str, Array]], marked: float, limits: Range) -> Figure:
     """Yaw lag [ms] over speed [km/h], a panel for each chassis; the range at the marked speed is a bar."""
     figure = new_figure(9.6, 3.4)
     panels = figure.subplots(1, len(lags), sharey=True)
@@ -68,11 +69,11 @@ def lag(speeds: Array, lags: Mapping[str, Mapping[str, Array]], marked: float, l
         axes.set(title=title, xlabel="speed [km/h]")
     panels[0].set_ylabel("yaw lag at 0.2 Hz [ms]")
     legend(figure, panels[0])
-    return svg(figure)
+    return figure
 
 
 @styled
-def hands_off(speeds: Array, damping: Mapping[str, Array], amplitudes: Mapping[str, Array], allowed: float) -> str:
+def hands_off(speeds: Array, damping: Mapping[str, Array], amplitudes: Mapping[str, Array], allowed: float) -> Figure:
     """Damping ratio without friction, and yaw rate [deg/s] long after a pulse, over speed [km/h].
 
     An infinite amplitude is a spin, drawn as a cross; ``allowed`` is the amplitude that may remain.
@@ -97,11 +98,11 @@ def hands_off(speeds: Array, damping: Mapping[str, Array], amplitudes: Mapping[s
     right.set(ylim=(5e-5, 2e3), xlim=left.get_xlim())
     right.set_yticks(10.0 ** np.arange(-4, 3))
     legend(figure, right)
-    return svg(figure)
+    return figure
 
 
 @styled
-def kinematics(c: Any) -> str:
+def kinematics(c: Any) -> Figure:
     """Toe-in, camber and roll-centre height over the travel of the wheels; ``c`` as in report.car_suspension.Curves."""
     figure = new_figure(9.6, 3.0)
     panels = figure.subplots(1, 3)
@@ -116,11 +117,11 @@ def kinematics(c: Any) -> str:
     for axes, title in zip(panels, ("toe", "camber", "roll centre")):
         axes.set_title(title)
     legend(figure, panels[0])
-    return svg(figure)
+    return figure
 
 
 @styled
-def steering(c: Any) -> str:
+def steering(c: Any) -> Figure:
     """Angles of both front wheels over the rack with Ackermann, and the steering ratio over the handwheel angle."""
     figure = new_figure(9.6, 3.2)
     angles, ratio = figure.subplots(1, 2)
@@ -130,11 +131,11 @@ def steering(c: Any) -> str:
     angles.legend(fontsize=8)
     ratio.plot(c.handwheel / DEGREE, c.ratio, color=PALETTE[0])
     ratio.set(title="ratio", xlabel="handwheel angle [deg]", ylabel="steering ratio, local [1]")
-    return svg(figure)
+    return figure
 
 
 @styled
-def compliance(lateral: Mapping[str, float], aligning: Mapping[str, float], roll: Mapping[str, float]) -> str:
+def compliance(lateral: Mapping[str, float], aligning: Mapping[str, float], roll: Mapping[str, float]) -> Figure:
     """Understeer by lateral force [deg/kN], by aligning torque [deg/(N m)] and by roll [1], a line for each axle."""
     figure = new_figure(9.6, 2.9)
     panels = figure.subplots(1, 3, sharey=True)
@@ -147,11 +148,11 @@ def compliance(lateral: Mapping[str, float], aligning: Mapping[str, float], roll
         axes.set_xlabel(label)
     panels[0].set_ylabel("steer angle, understeer positive [deg]")
     legend(figure, panels[0])
-    return svg(figure)
+    return figure
 
 
 @styled
-def assist(torques: Array, boost: Mapping[str, Array], speeds: Array, damping: Array) -> str:
+def assist(torques: Array, boost: Mapping[str, Array], speeds: Array, damping: Array) -> Figure:
     """Boost over the torsion-bar torque, a line for each speed, and the motor damping over speed [km/h]."""
     figure = new_figure(9.6, 3.2)
     left, right = figure.subplots(1, 2, width_ratios=(1.6, 1.0))
@@ -162,7 +163,7 @@ def assist(torques: Array, boost: Mapping[str, Array], speeds: Array, damping: A
     left.legend(fontsize=8)
     right.plot(speeds, damping, "o-", color=PALETTE[0], markersize=3.5)
     right.set(title="motor damping", xlabel="speed [km/h]", ylabel="at the column [N m s/rad]", ylim=(0.0, None))
-    return svg(figure)
+    return figure
 
 
 _NONE, _LIMIT = "#e8e8e8", "#b00020"
@@ -171,7 +172,7 @@ _NONE, _LIMIT = "#e8e8e8", "#b00020"
 @styled
 def margin_map(
     maps: Mapping[str, Array], x: Sequence[str], y: Sequence[str], limit: float, top: float, axis: str, columns: int = 2
-) -> str:
+) -> Figure:
     """A map for each label, with its values (Y, X) as numbers; NaN where there is no point, infinite without crossing.
 
     The colour ends at ``top``. A red frame is around every value below the limit, which the scale shows as a red line.
@@ -199,11 +200,11 @@ def margin_map(
         axes.set_ylabel("torsion-bar torque [N m]")
     scale = figure.colorbar(image, ax=places, label=axis, shrink=0.8, aspect=30)
     scale.ax.axhline(limit, color=_LIMIT, linewidth=2.0)
-    return svg(figure)
+    return figure
 
 
 @styled
-def nyquist(curves: Mapping[str, NDArray[np.complex128]], disk: float, title: str) -> str:
+def nyquist(curves: Mapping[str, NDArray[np.complex128]], disk: float, title: str) -> Figure:
     """Open loops in the plane, and the disk around -1 that they must not enter, through its two real ends."""
     figure = new_figure(9.6, 4.4)
     wide, near = figure.subplots(1, 2)
@@ -223,18 +224,18 @@ def nyquist(curves: Mapping[str, NDArray[np.complex128]], disk: float, title: st
     near.set_title("near −1")
     handles, labels = wide.get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper center", ncols=6)
-    return svg(figure)
+    return figure
 
 
 @styled
-def root_loci(loci: Sequence[tuple[str, str, Array, Sequence[NDArray[np.complex128]], float]]) -> str:
+def root_loci(loci: Sequence[tuple[str, str, Array, Sequence[NDArray[np.complex128]], float]]) -> Figure:
     """Modes [1/s] over a parameter, a panel for each (title, name of the parameter, values, modes, highest [Hz])."""
     figure = new_figure(9.6, 4.2)
     for axes, (title, name, values, modes, highest) in zip(figure.subplots(1, len(loci), squeeze=False)[0], loci):
         image = _locus(axes, values, modes, highest)
         axes.set(title=title, xlabel="real part [1/s]", ylabel="imaginary part [Hz]")
         figure.colorbar(image, ax=axes, label=name, location="bottom", aspect=35)
-    return svg(figure)
+    return figure
 
 
 def _locus(axes: Axes, values: Array, modes: Sequence[NDArray[np.complex128]], highest: float) -> Any:

@@ -4,11 +4,12 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
+from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 from numpy.typing import NDArray
 
 from steer_env.experiments.pages.plots import thinned
-from steer_env.experiments.pages.style import PALETTE, legend, new_figure, styled, styles, svg
+from steer_env.experiments.pages.style import PALETTE, legend, new_figure, styled, styles
 
 Array = NDArray[np.float64]
 
@@ -16,7 +17,7 @@ LEAST = 1e-5  # share at which smaller ones are drawn [1]
 
 
 @styled
-def strips(shares: Mapping[str, Mapping[str, Sequence[float]]], large: float) -> str:
+def strips(shares: Mapping[str, Mapping[str, Sequence[float]]], large: float) -> Figure:
     """What each case changes: a row for each case, a mark for each metric at its share [1], on a logarithmic axis.
 
     Parameters
@@ -39,11 +40,11 @@ def strips(shares: Mapping[str, Mapping[str, Sequence[float]]], large: float) ->
     axes.xaxis.set_major_formatter("{x:g}")
     axes.set_yticks(range(len(rows)), [f"{factor}: {case}" for factor, case, _ in rows], fontsize=8)
     axes.grid(visible=False, axis="y")
-    return svg(figure)
+    return figure
 
 
 @styled
-def record_loops(measured: tuple[Array, Array], laws: Mapping[str, tuple[Array, Array]]) -> str:
+def record_loops(measured: tuple[Array, Array], laws: Mapping[str, tuple[Array, Array]]) -> Figure:
     """Friction over displacement, measured and by each law, and what each law leaves of it.
 
     Parameters
@@ -60,7 +61,7 @@ def record_loops(measured: tuple[Array, Array], laws: Mapping[str, tuple[Array, 
     loop.set(title="one period", xlabel="displacement [deg]", ylabel="friction [N m]")
     left.set(title="law less measurement", xlabel="displacement [deg]", ylabel="friction [N m]")
     legend(figure, loop, 6)
-    return svg(figure)
+    return figure
 
 
 POINTS = 1500  # of a line over the whole record, at most
@@ -81,7 +82,7 @@ class Shown(NamedTuple):
 
 
 @styled
-def residuals(rows: Mapping[str, tuple[float, float, float]], repeats: float | None) -> str:
+def residuals(rows: Mapping[str, tuple[float, float, float]], repeats: float | None) -> Figure:
     """What each law leaves of the friction: value and ends of the interval [%], and how far the record repeats [%]."""
     figure = new_figure(7.4, 0.9 + 0.32 * len(rows))
     axes = figure.subplots()
@@ -102,11 +103,11 @@ def residuals(rows: Mapping[str, tuple[float, float, float]], repeats: float | N
     axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     axes.xaxis.set_major_formatter("{x:g}")
     axes.xaxis.set_minor_formatter(NullFormatter())
-    return svg(figure)
+    return figure
 
 
 @styled
-def law(shown: Shown, fitted: Array, level: float) -> str:
+def law(shown: Shown, fitted: Array, level: float) -> Figure:
     """One law: the loop, measured and fitted, and what is left over time [% of the mean friction, ``level``]."""
     figure = new_figure(9.6, 2.9)
     left, right = figure.subplots(1, 2, width_ratios=(1, 1.55))
@@ -132,4 +133,4 @@ def law(shown: Shown, fitted: Array, level: float) -> str:
             textcoords="offset points", va="top", fontsize=8, color=_MEASURED,
         )  # fmt: skip
     right.set(xlabel="time [s]", ylabel="law less measured [%]")
-    return svg(figure)
+    return figure

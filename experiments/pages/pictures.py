@@ -5,11 +5,12 @@ from itertools import product
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
+from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
-from steer_env.experiments.pages.style import DASHES, PALETTE, legend, new_figure, styled, styles, svg
+from steer_env.experiments.pages.plots import coincide
+from steer_env.experiments.pages.style import DASHES, PALETTE, legend, new_figure, styled, styles
 from steer_env.metrics.common.filtered_channels import ANGLE, AY, TORQUE
 from steer_env.recording.recording import DEGREE
 from steer_env.vehicle.constants import GRAVITY
@@ -34,7 +35,7 @@ class History(Protocol):
 
 
 @styled
-def characteristics(histories: Mapping[str, History], torques: Mapping[str, Mapping[str, Array]]) -> str:
+def characteristics(histories: Mapping[str, History], torques: Mapping[str, Mapping[str, Array]]) -> Figure:
     """Torque over displacement for every law: a growing sine above, nested loops below; ``LAWS_IN_A_ROW`` side by side.
 
     Parameters
@@ -57,11 +58,11 @@ def characteristics(histories: Mapping[str, History], torques: Mapping[str, Mapp
         for axes in row[len(block) :]:
             axes.set_axis_off()
         row[0].set_ylabel("torque [N m]")
-    return svg(figure)
+    return figure
 
 
 @styled
-def reversal_and_hold(histories: Mapping[str, History], torques: Mapping[str, Mapping[str, Array]]) -> str:
+def reversal_and_hold(histories: Mapping[str, History], torques: Mapping[str, Mapping[str, Array]]) -> Figure:
     """A reversal of the growing sine, over displacement and over time, and a displacement that is held.
 
     The arguments are those of :func:`characteristics`, with the history ``held``.
@@ -84,11 +85,11 @@ def reversal_and_hold(histories: Mapping[str, History], torques: Mapping[str, Ma
     for part_at_rest in np.split(at_rest, np.flatnonzero(np.diff(at_rest) > 1.5 * hold.dt) + 1):
         held.axvspan(part_at_rest[0], part_at_rest[-1], color="#f0f0f0", zorder=0)
     legend(figure, held)
-    return svg(figure)
+    return figure
 
 
 @styled
-def held_torque(tests: Sequence[Any], sample_time: float, settling: float) -> str:
+def held_torque(tests: Sequence[Any], sample_time: float, settling: float) -> Figure:
     """Torsion-bar torque during a hold, less its final mean: a row for each calibration, a column for each damper.
 
     Parameters
@@ -118,13 +119,13 @@ def held_torque(tests: Sequence[Any], sample_time: float, settling: float) -> st
     for axes in grid[-1]:
         axes.set_xlabel("time held [s]")
     legend(figure, grid[0, 0])
-    return svg(figure)
+    return figure
 
 
 @styled
 def readme(
     x: Array, loops: Mapping[str, tuple[str, Array]], weave: Mapping[str, Array], frictionless: Mapping[str, Array]
-) -> str:
+) -> Figure:
     """Friction torque over one displacement, a panel for each law; beside them the hand torque in a weave.
 
     Parameters
@@ -150,11 +151,11 @@ def readme(
         last.plot(cycle[ANGLE] / DEGREE, cycle[TORQUE], **style)
     last.set(title="in the car: a weave at 100 km/h", xlabel="handwheel angle [deg]", ylabel="hand torque [N m]")
     last.legend(loc="lower right", fontsize=8)
-    return svg(figure)
+    return figure
 
 
 @styled
-def real_time(tables: Mapping[str, Sequence[Any]], usable: float) -> str:
+def real_time(tables: Mapping[str, Sequence[Any]], usable: float) -> Figure:
     """Error over step length, a panel for each scheme; a cross at the top where a run does not stay bounded.
 
     Parameters
@@ -179,11 +180,11 @@ def real_time(tables: Mapping[str, Sequence[Any]], usable: float) -> str:
         axes.set_xticks([0.1, 1.0, 10.0], ["0.1", "1", "10"])
     grid[0].set(ylabel="RMS error of friction torque [%]", ylim=(None, 1e4))
     legend(figure, grid[0])
-    return svg(figure)
+    return figure
 
 
 @styled
-def margins(points: dict[str, list[Any]], targets: tuple[float, float]) -> str:
+def margins(points: dict[str, list[Any]], targets: tuple[float, float]) -> Figure:
     """Phase margin [deg] and gain margin [dB] over torsion-bar torque, one line for each speed."""
     figure = new_figure(9.6, 3.0)
     panels = figure.subplots(1, 2, sharex=True)
@@ -196,11 +197,11 @@ def margins(points: dict[str, list[Any]], targets: tuple[float, float]) -> str:
         axes.annotate("usual target", (0.01, target), xycoords=("axes fraction", "data"), fontsize=8, va="bottom")
         axes.set(xlabel="torsion-bar torque [N m]", ylabel=label, ylim=(0.0, None))
     legend(figure, panels[0])
-    return svg(figure)
+    return figure
 
 
 @styled
-def chassis(cycles: dict[str, dict[str, Array]]) -> str:
+def chassis(cycles: dict[str, dict[str, Array]]) -> Figure:
     """The same weave on both chassis: hand torque, rack force and roll angle as cross plots."""
     figure = new_figure(9.6, 3.2)
     panels = figure.subplots(1, 3)
@@ -214,11 +215,11 @@ def chassis(cycles: dict[str, dict[str, Array]]) -> str:
             axes.plot(cycle[x] / per_x, cycle[y] / per_y, color=colour, linestyle=dash, label=name)
         axes.set(title=title, xlabel=x_label, ylabel=y_label)
     legend(figure, panels[0])
-    return svg(figure)
+    return figure
 
 
 @styled
-def parking(found: dict[str, Any]) -> str:
+def parking(found: dict[str, Any]) -> Figure:
     """Rack force and hand torque over the handwheel angle, from lock to lock and back."""
     figure = new_figure(9.6, 3.2)
     panels = figure.subplots(1, 2)
@@ -229,11 +230,11 @@ def parking(found: dict[str, Any]) -> str:
     for axes, label in zip(panels, ("rack force [kN]", "handwheel torque [N m]")):
         axes.set(xlabel="handwheel angle [deg]", ylabel=label)
     legend(figure, panels[0])
-    return svg(figure)
+    return figure
 
 
 @styled
-def cross_validation(results: Mapping[str, Mapping[str, Any]]) -> str:
+def cross_validation(results: Mapping[str, Mapping[str, Any]]) -> Figure:
     """Yaw rate and lateral acceleration of both models, a column for each manoeuvre of ``results``."""
     figure = new_figure(9.6, 4.6)
     grid = figure.subplots(2, len(results), sharex="col", sharey="row", squeeze=False)
@@ -252,11 +253,11 @@ def cross_validation(results: Mapping[str, Mapping[str, Any]]) -> str:
     grid[0, 0].set_ylabel("yaw rate [deg/s]")
     grid[1, 0].set_ylabel("lateral acceleration [m/s²]")
     legend(figure, grid[0, 0])
-    return svg(figure)
+    return figure
 
 
 @styled
-def loop_width(panels: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> str:
+def loop_width(panels: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> Figure:
     """Signed loop widths over friction, a row for each metric and a column for each test.
 
     Thin and dashed: the part that comes from vehicle lag and motor damping.
@@ -275,7 +276,7 @@ def loop_width(panels: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> str:
     for axes in grid[-1]:
         axes.set_xlabel("friction torque [N m]")
     legend(figure, grid[0, 0])
-    return svg(figure)
+    return figure
 
 
 class LearningCurves(NamedTuple):
@@ -287,7 +288,7 @@ class LearningCurves(NamedTuple):
 
 
 @styled
-def learning(tasks: Mapping[str, LearningCurves]) -> str:
+def learning(tasks: Mapping[str, LearningCurves]) -> Figure:
     """Learning curves, a row for each task: the reward, and the metric that the training is for."""
     figure = new_figure(9.6, 1.9 * len(tasks))
     grid = figure.subplots(len(tasks), 2, squeeze=False)
@@ -299,7 +300,7 @@ def learning(tasks: Mapping[str, LearningCurves]) -> str:
             axes.set_ylabel(title)
         row[0].set_title(task)
     legend(figure, max(grid[:, 0], key=lambda axes: len(axes.lines)))
-    return svg(figure)
+    return figure
 
 
 HIGHEST_YAW_RATE = 30.0  # that is shown after a pulse of the hands [deg/s]
@@ -317,7 +318,7 @@ def hands_off(
     law: str,
     curves: Mapping[str, Mapping[float, Array]],
     verdicts: Mapping[tuple[str, float, str], Mapping[float, str]],
-) -> str:
+) -> Figure:
     """What becomes of the car after a pulse of the hands: a column for each chassis.
 
     Parameters
@@ -353,27 +354,17 @@ def hands_off(
     legend(figure, grid[0, 0])
     patches = [Patch(color=colour, label=text) for colour, text in VERDICTS.values()]
     figure.legend(handles=patches, loc="outside lower center", ncols=len(patches), columnspacing=1.2)
-    return svg(figure)
+    return figure
 
 
 _SIZE = (4.0, 3.4)  # [inch]
 _WIDE = 5.0  # line of the law that the others are compared with [point]
-_LINE = 0.007  # width of a usual line, 1.5 point, as a share of the picture's extent [1]
 _NOT_NOTICED = "#e3f2ea"
 _WIDEST = 4.0  # half the width of the axis of the differences at most, in thresholds; what is beyond is at its edge
 
 
-class Share(NamedTuple):
-    """A difference as a share of the value that it is compared with."""
-
-    title: str
-    law: str
-    value: float  # [1]
-    half_width: float  # of its 95 % interval; NaN where there is none [1]
-
-
 @styled
-def weave(curves: Mapping[str, Mapping[str, Array]]) -> str:
+def weave(curves: Mapping[str, Mapping[str, Array]]) -> Figure:
     """Hand torque over handwheel angle in a test that repeats itself, a line for each law (SI).
 
     The first law's line is wide and light and lies below the others, so that they are seen where they coincide.
@@ -386,22 +377,18 @@ def weave(curves: Mapping[str, Mapping[str, Array]]) -> str:
         axes.plot(curves[law][ANGLE] / DEGREE, curves[law][TORQUE], **style)
     axes.set(xlabel="handwheel angle [deg]", ylabel="hand torque [N m]")
     legend(figure, axes, 3)
-    return svg(figure)
+    return figure
 
 
 def coincident(curves: Mapping[str, Mapping[str, Array]]) -> list[str]:
     """The laws whose whole line in :func:`weave` lies within the width of a line from that of the first law."""
     lines = {law: np.column_stack((of[ANGLE], of[TORQUE])) for law, of in curves.items()}
     first, *others = lines
-    scale = np.ptp(lines[first], axis=0)
-    dense = np.linspace(0.0, len(lines[first]) - 1.0, 20 * len(lines[first]))
-    drawn = np.column_stack([np.interp(dense, np.arange(len(x)), x) for x in (lines[first] / scale).T])
-    places = cKDTree(drawn)
-    return [law for law in others if places.query(lines[law] / scale)[0].max() < _LINE]
+    return [law for law in others if coincide(lines[first], lines[law])]
 
 
 @styled
-def loops(x: Array, torques: Mapping[str, Array]) -> str:
+def loops(x: Array, torques: Mapping[str, Array]) -> Figure:
     """Friction torque (T,) [N m] over displacement (T,) [rad], a line for each law."""
     figure = new_figure(*_SIZE)
     axes = figure.subplots()
@@ -409,28 +396,31 @@ def loops(x: Array, torques: Mapping[str, Array]) -> str:
         axes.plot(x / DEGREE, torques[law], **{**style, "linewidth": 1.0})
     axes.set(xlabel="displacement [deg]", ylabel="friction torque [N m]")
     legend(figure, axes, 3)
-    return svg(figure)
+    return figure
 
 
 @styled
-def noticed(found: Sequence[Share], threshold: float) -> str:
-    """Differences with their 95 % intervals beside the just-noticeable difference, which is shaded [1]."""
-    figure = new_figure(*_SIZE)
-    axes = figure.subplots()
-    titles = list(dict.fromkeys(share.title for share in found))
-    style = styles(share.law for share in found)
-    edge = min(max([1.6, *(1.1 * abs(share.value) / threshold for share in found)]), _WIDEST) * 100.0 * threshold
-    step = 0.6 / max(len(style), 1)
-    for k, (law, look) in enumerate(style.items()):
-        mine = [share for share in found if share.law == law]
-        places = [titles.index(share.title) + step * (k - 0.5 * (len(style) - 1)) for share in mine]
-        values = np.clip([100.0 * share.value for share in mine], -edge, edge)
-        widths = np.nan_to_num([100.0 * share.half_width for share in mine])
-        axes.errorbar(values, places, xerr=widths, fmt="o", color=look["color"], markersize=4, capsize=2, label=law)
-    axes.axvspan(-100.0 * threshold, 100.0 * threshold, color=_NOT_NOTICED, zorder=0)
-    axes.axvline(0.0, color="#999999", linewidth=0.8)
-    axes.set(xlabel="difference [%]", xlim=(-edge, edge), yticks=range(len(titles)), ylim=(len(titles) - 0.4, -0.6))
-    axes.set_yticklabels(titles, fontsize=6.5, linespacing=0.95, multialignment="right")  # two lines each
-    axes.grid(visible=False, axis="y")
-    legend(figure, axes, 3)
-    return svg(figure)
+def terms(shares: Mapping[str, Mapping[str, Sequence[float]]], threshold: float) -> Figure:
+    """Differences from the base law beside the just-noticeable difference, which is shaded: a row for each law.
+
+    Parameters
+    ----------
+    shares : term -> law -> differences [1]
+        A panel for each term.
+    threshold : float
+        Just-noticeable difference [1].
+    """
+    laws = list(dict.fromkeys(law for of in shares.values() for law in of))
+    look = styles(laws)
+    figure = new_figure(9.6, 1.0 + 0.26 * len(laws))
+    farthest = max(abs(value) for of in shares.values() for values in of.values() for value in values)
+    edge = 100.0 * min(max(1.6 * threshold, 1.1 * farthest), _WIDEST * threshold)
+    for axes, (title, of) in zip(figure.subplots(1, len(shares), sharey=True, squeeze=False)[0], shares.items()):
+        axes.axvspan(-100.0 * threshold, 100.0 * threshold, color=_NOT_NOTICED, zorder=0)
+        axes.axvline(0.0, color="#999999", linewidth=0.8)
+        for place, law in enumerate(laws):  # not in the order of their styles
+            x = np.clip(100.0 * np.array(of.get(law, ()), float), -edge, edge)
+            axes.plot(x, np.full(x.size, place), "o", color=look[law]["color"], markersize=5, alpha=0.7, label=law)
+        axes.set(title=title, xlabel="difference [%]", xlim=(-1.04 * edge, 1.04 * edge), ylim=(len(laws) - 0.4, -0.6))
+        axes.set_yticks(range(len(laws)), [law.replace("_", " ") for law in laws])
+    return figure

@@ -1,21 +1,29 @@
-"""Interactive plots as HTML that needs no network: cross plots and time histories of recordings."""
+"""Panels of lines, cross plots and time histories of recordings, as a picture or as an interactive plot."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-import plotly.offline
+from markupsafe import escape
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
-from plotly.subplots import make_subplots
+from scipy.spatial import cKDTree
 
-from steer_env.experiments.pages.style import colours
+from steer_env.experiments.pages.pages import image
+from steer_env.experiments.pages.style import colours, new_figure, styled
 from steer_env.metrics import CHANNELS, UNITS, RefusedError, frequency_response_curve
 from steer_env.recording.recording import FILE_UNITS, Recording
 
 Array = NDArray[np.float64]
 Curves = Mapping[str, Array]  # channel, or "time" -> (n,) [SI]
 POINTS = 3000  # of a line, at most
+_WIDTH = 0.007  # of a line, 1.5 point, as a share of the picture's extent [1]
+STILL = 240  # of a line of a picture, at most: the width of a panel in points of paper
 _DASHES = ("solid", "dash", "dot", "dashdot", "longdash")
+_STILL: dict[str, Any] = {
+    **{"solid": "-", "dash": (0, (5, 1.5)), "dot": (0, (1.5, 1.2)), "dashdot": "-.", "longdash": (0, (7, 2))}
+}
 _NAMES = {"rad": "deg", "rad/s": "deg/s", "rad/s2": "deg/s²", "m/s2": "m/s²"}
 
 
@@ -41,7 +49,9 @@ class Panel(NamedTuple):
 
 def script() -> str:
     """The plotting library, which a page holds once."""
-    return plotly.offline.get_plotlyjs()
+    from plotly.offline import get_plotlyjs  # takes long to import
+
+    return get_plotlyjs()
 
 
 def axis(name: str) -> tuple[str, float]:
@@ -81,6 +91,28 @@ def apart(curves: Mapping[str, Curves], base: str, pairs: Sequence[tuple[str, st
         if all(len(curve[y]) == len(curves[base][y]) for _, y in pairs)
     }
     return [panel._replace(y=panel.y.replace("[", f"less {base}'s [")) for panel in panels(moved, pairs)]
+
+
+def coincide(line: Array, other: Array) -> bool:
+    """Whether the whole of another line (m, 2) lies within the width of a line (n, 2) on a picture of that."""
+    if not (np.isfinite(line).all() and np.isfinite(other).all()):
+        return False
+    extent = np.ptp(line, axis=0)
+    scale = np.where(extent > 0.0, extent, 1.0)
+    dense = np.linspace(0.0, len(line) - 1.0, 20 * len(line))
+    drawn = np.column_stack([np.interp(dense, np.arange(len(x)), x) for x in (line / scale).T])
+    return bool(cKDTree(drawn).query(other / scale)[0].max() < _WIDTH)
+
+
+def without_coincident(shown: Sequence[Panel], base: str) -> tuple[list[Panel], list[str]]:
+    """Panels without the lines that coincide with the base's, and the labels that are then in none of them."""
+    kept = []
+    for panel in shown:
+        points = {line.label: np.column_stack((line.x, line.y)) for line in panel.lines}
+        lines = [line for line in panel.lines if line.label == base or not coincide(points[base], points[line.label])]
+        kept.append(panel._replace(lines=lines))
+    before, after = ({line.label: 0 for panel in of for line in panel.lines} for of in (shown, kept))
+    return kept, [label for label in before if label not in after]
 
 
 def boundaries(pair: Any, labels: tuple[str, str]) -> Panel:
@@ -133,8 +165,50 @@ def _response_titles(name: str, unit: str) -> tuple[str, str, str]:
     return f"{shown}, gain [{unit}]", "phase [deg]", "squared coherence [1]"
 
 
-def draw(shown: Sequence[Panel], height: int = 380, columns: int = 2) -> str:
+@styled
+def draw(shown: Sequence[Panel], name: str, height: float = 2.7, columns: int = 2) -> Figure:
+    """Panels as one picture; ``height`` is that of a row [inch], ``name`` that of its file."""
+    columns = min(columns, len(shown))
+    rows = -(-len(shown) // columns)
+    figure = new_figure(4.8 * columns, height * rows + 0.3)
+    figure.set_label(name)
+    places = list(figure.subplots(rows, columns, squeeze=False).flat)
+    for axes, panel in zip(places, shown):
+        _panel(axes, panel)
+    for axes in places[len(shown) :]:
+        axes.remove()
+    shown_once = {
+        label: handle for axes in places[: len(shown)] for handle, label in zip(*axes.get_legend_handles_labels())
+    }
+    figure.legend(shown_once.values(), shown_once.keys(), loc="outside upper center", ncols=min(len(shown_once), 7))
+    return figure
+
+
+def _panel(axes: Axes, panel: Panel) -> None:
+    for line in panel.lines:
+        style = {"color": line.colour, "linestyle": _STILL[line.dash], "linewidth": 1.2, "label": line.label}
+        axes.plot(thinned(line.x, STILL), thinned(line.y, STILL), **style)  # type: ignore[arg-type]
+    for edge in panel.band or ():
+        axes.plot(*thinned(edge, STILL).T, color="#9aa5b1", linestyle=":", linewidth=0.9)
+    axes.set(xlabel=panel.x, ylabel=panel.y, xscale="log" if panel.logarithmic else "linear")
+    if panel.logarithmic:
+        axes.xaxis.set_major_formatter("{x:g}")  # powers of ten would be more than plain text
+
+
+def markup(shown: Sequence[Panel], name: str, full: bool, columns: int = 2) -> str:
+    """Panels as HTML: interactive on a ``full`` page, which holds :func:`script`, else as a picture; empty for none."""
+    if not shown:
+        return ""
+    if full:
+        return interactive(shown, columns=columns)
+    alt = f"{name.replace('-', ' ')}: {'; '.join(f'{panel.y} over {panel.x}' for panel in shown)}"
+    return f'<img src="{image(draw(shown, name, columns=columns))}" alt="{escape(alt)}">'
+
+
+def interactive(shown: Sequence[Panel], height: int = 330, columns: int = 2) -> str:
     """Panels as HTML; a click on a label hides its lines in all of them."""
+    from plotly.subplots import make_subplots  # takes long to import
+
     columns = min(columns, len(shown))
     rows = -(-len(shown) // columns)
     figure = make_subplots(rows=rows, cols=columns, horizontal_spacing=0.09, vertical_spacing=0.22 / rows)

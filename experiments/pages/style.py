@@ -1,15 +1,27 @@
-"""The look that all pictures share: one colour and one dash for each law throughout."""
+"""The look that all pictures share, one colour and one dash for each law throughout, and how they become files."""
 
+import csv
+import functools
 import io
 import re
-from collections.abc import Iterable
-from typing import Any
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+from itertools import chain, count
+from pathlib import Path
+from typing import Any, ParamSpec
 
 import matplotlib
+import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection, PathCollection
 from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
+
+from steer_env.experiments.pages.files import write_bytes, write_text
 
 Style = dict[str, Any]
+P = ParamSpec("P")
 
 # Okabe and Ito's palette, which colour-blind readers tell apart, and three of Tol's; the dashes serve print in grey.
 PALETTE = (
@@ -34,16 +46,53 @@ STYLE: Any = {
     "axes.spines.top": False,
     "axes.spines.right": False,
     "axes.grid": True,
+    **{
+        "xtick.major.size": 0,
+        "ytick.major.size": 0,
+        "xtick.minor.size": 0,
+        "ytick.minor.size": 0,
+    },  # as the grid
     "grid.color": "#e4e4e4",
     "grid.linewidth": 0.6,
     "lines.linewidth": 1.5,
     "legend.frameon": False,
     "svg.fonttype": "none",  # text stays text: small files, and the font of the page
     "svg.hashsalt": "steer-env",  # the same picture is the same file
+    "pdf.fonttype": 42,  # whole fonts, as publishers ask for
     "path.simplify_threshold": 0.3,
 }
 
-styled = matplotlib.rc_context(STYLE)  # as a decorator
+_kept: ContextVar[tuple[Path, set[str]] | None] = ContextVar("folder of the pictures and their names", default=None)
+
+
+@contextmanager
+def kept(folder: Path | None) -> Iterator[None]:
+    """Write every picture that is drawn meanwhile into a folder as SVG and PDF, with its data as CSV; None: nowhere."""
+    if folder is not None:
+        folder.mkdir(parents=True, exist_ok=True)
+    token = _kept.set(None if folder is None else (folder, set()))
+    try:
+        yield
+    finally:
+        _kept.reset(token)
+
+
+def styled(draw: Callable[P, Figure]) -> Callable[P, str]:
+    """Make a function that draws a figure one that gives it as SVG text, in the style of all pictures.
+
+    The file of a picture (:func:`kept`) is named by the figure's label, or by the function.
+    """
+
+    @functools.wraps(draw)
+    def drawn(*args: P.args, **kwargs: P.kwargs) -> str:
+        with matplotlib.rc_context(STYLE):
+            figure = draw(*args, **kwargs)
+            text = _saved(figure, "svg").decode()
+            if place := _kept.get():
+                _write(*place, str(figure.get_label()) or draw.__name__, figure, text)
+        return text
+
+    return drawn
 
 
 def styles(laws: Iterable[str]) -> dict[str, Style]:
@@ -79,44 +128,120 @@ def legend(figure: Figure, axes: Axes, columns: int | None = None) -> None:
     figure.legend(handles, labels, loc="outside upper center", ncols=min(columns or LEGEND_COLUMNS, len(labels)))
 
 
-def svg(figure: Figure) -> str:
-    """A figure as SVG text."""
-    file = io.StringIO()
-    figure.savefig(file, format="svg", metadata={"Date": None, "Creator": None})
+def _saved(figure: Figure, form: str) -> bytes:
+    file = io.BytesIO()
+    date = {"svg": "Date", "pdf": "CreationDate"}[form]
+    figure.savefig(file, format=form, metadata={date: None, "Creator": None})
     return file.getvalue()
 
 
-_PLACES = re.compile(r'(?<=\s)(d|x|y|transform)="([^"]*)"')  # attributes that hold coordinates
+def _write(folder: Path, written: set[str], label: str, figure: Figure, svg: str) -> None:
+    """Write a picture and its data; the second of a name is ``name_2``."""
+    name = re.sub(r"\W+", "_", label).strip("_").lower()
+    name = next(each for each in chain([name], (f"{name}_{k}" for k in count(2))) if each not in written)
+    written.add(name)
+    write_text(folder / f"{name}.svg", svg)
+    write_bytes(folder / f"{name}.pdf", _saved(figure, "pdf"))
+    write_text(folder / f"{name}.csv", _data(figure))
+
+
+def _data(figure: Figure) -> str:
+    """What a figure shows, a row for each point, end of a bar or cell of a map, in the units of its axes."""
+    file = io.StringIO()
+    rows = csv.writer(file, lineterminator="\n")
+    rows.writerow(("panel", "title", "x_axis", "y_axis", "label", "x", "y", "value"))
+    for k, axes in enumerate(figure.axes, 1):
+        about = (k, axes.get_title(loc="left"), axes.get_xlabel(), axes.get_ylabel())
+        for label, points in _points(axes):
+            rows.writerows((*about, "" if label.startswith("_") else label, *point) for point in points)
+    return file.getvalue()
+
+
+def _points(axes: Axes) -> Iterator[tuple[str, Any]]:
+    """Label and rows (n, 2), or (n, 3) with a value, of everything that is drawn in the units of the axes."""
+    for line in axes.lines:
+        if line.get_transform() == axes.transData:  # a limit across the whole axes is not
+            yield str(line.get_label()), line.get_xydata()
+    for marks in axes.collections:
+        if isinstance(marks, PathCollection):
+            yield str(marks.get_label()), marks.get_offsets()
+        elif isinstance(marks, LineCollection):
+            for segment in marks.get_segments():
+                yield str(marks.get_label()), segment
+    for bar in (patch for patch in axes.patches if isinstance(patch, Rectangle)):
+        yield str(bar.get_label()), [(bar.get_x() + bar.get_width(), bar.get_y() + 0.5 * bar.get_height())]
+    for image in axes.images:
+        values: Any = np.ma.filled(np.ma.asarray(image.get_array(), float), np.nan)
+        left, right, bottom, top = image.get_extent()
+        (n, m), half = values.shape, 0.5
+        x = left + (right - left) * (np.arange(m) + half) / m
+        y = bottom + (top - bottom) * (np.arange(n) + half) / n
+        yield str(image.get_label()), [(a, b, values[j, i]) for j, b in enumerate(y) for i, a in enumerate(x)]
+
+
+_PLACES = re.compile(r'(?<=\s)(x|y|transform)="([^"]*)"')  # attributes that hold coordinates
+_PATH = re.compile(r'(?<=\s)d="([^"]*)"')
 _LONG = re.compile(r"-?\d+\.\d+")
-_COMMAND = re.compile(r"\s*([A-Za-z])\s*")
-_LEFT_OUT = re.compile(r"<\?.*?\?>|<!.*?>|<metadata>.*?</metadata>|(?<=>)\s+(?=<)|(?<=\n) +", re.DOTALL)
+_COMMAND = re.compile(r"([A-Za-z])([^A-Za-z]*)")
+_LEFT_OUT = re.compile(
+    r'<\?.*?\?>|<!.*?>|<metadata>.*?</metadata>|(?<=>)\s+(?=<)|(?<=\n) +| transform="rotate\(-0 [^"]*"', re.DOTALL
+)
+_GROUP = re.compile(r"<g>|<g [^>]*>|</g>")
 _NAME = re.compile(r' id="([^"]*)"')
 _STYLE = re.compile(r'style="([^"]*)"')
 _REFERENCE = re.compile(r'="#([^"]*)"|url\(#([^)]*)\)')
 
 
 def smaller(svg: str) -> str:
-    """A picture that looks the same with about half the text.
+    """A picture that looks the same with about a third of the text.
 
-    Coordinates are rounded to a tenth of a point of paper, every style is written once, and metadata and the names of
-    what nothing refers to go.
+    Coordinates are rounded to a tenth of a point of paper and given from one point to the next, every style is written
+    once, names that are referred to are short, and what has no effect goes: metadata, other names, bare groups.
     """
-    used = {name for pair in _REFERENCE.findall(svg) for name in pair}
+    used = dict.fromkeys(name for pair in _REFERENCE.findall(svg) for name in pair if name)
+    short = {name: f"i{k}" for k, name in enumerate(used)}
     styles: dict[str, str] = {}
 
     def named(found: re.Match[str]) -> str:
-        return found[0] if found[1] in used else ""
+        return f' id="{short[found[1]]}"' if found[1] in short else ""
+
+    def referred(found: re.Match[str]) -> str:
+        return f'="#{short[found[1]]}"' if found[1] else f"url(#{short[found[2]]})"
 
     def classed(found: re.Match[str]) -> str:
         return f'class="{styles.setdefault(found[1], f"s{len(styles)}")}"'
 
-    text = _NAME.sub(named, _LEFT_OUT.sub("", svg))
-    text = _PLACES.sub(_rounded, _STYLE.sub(classed, text))
+    text = _REFERENCE.sub(referred, _NAME.sub(named, _LEFT_OUT.sub("", svg)))
+    text = _PATH.sub(_stepwise, _PLACES.sub(_rounded, _STYLE.sub(classed, text)))
     sheet = "".join(f".{name}{{{style}}}" for style, name in styles.items())
-    return re.sub(r"(<svg[^>]*>)", rf"\1<style>{sheet}</style>", text, count=1)
+    return re.sub(r"(<svg[^>]*>)", rf"\1<style>{sheet}</style>", _ungrouped(text), count=1)
 
 
 def _rounded(place: re.Match[str]) -> str:
     text = _LONG.sub(lambda found: f"{float(found[0]):.1f}".removesuffix(".0"), place[2])
-    short = _COMMAND.sub(r"\1", " ".join(text.split()))
-    return f'{place[1]}="{short}"'
+    return f'{place[1]}="{text}"'
+
+
+def _stepwise(path: re.Match[str]) -> str:
+    """A path in tenths of a point, every segment relative to the end of the one before it."""
+    text, last = "", np.zeros(2, int)
+    for command, numbers in _COMMAND.findall(path[1]):  # one for each segment
+        points = np.round(10.0 * np.array(numbers.split(), float)).astype(int).reshape(-1, 2)
+        steps = points if command == "M" else points - last
+        shown = " ".join(f"{0.1 * step:.1f}".removesuffix(".0") for step in steps.ravel())
+        text += (command if command == "M" else command.lower()) + shown.replace(" -", "-")
+        last = points[-1] if points.size else last  # a closed path begins anew with an M
+    return f'd="{text}"'
+
+
+def _ungrouped(svg: str) -> str:
+    """A picture without the groups that have no attribute."""
+    kept: list[bool] = []
+
+    def group(found: re.Match[str]) -> str:
+        if found[0] != "</g>":
+            kept.append(found[0] != "<g>")
+            return found[0] if kept[-1] else ""
+        return "</g>" if kept.pop() else ""
+
+    return _GROUP.sub(group, svg)

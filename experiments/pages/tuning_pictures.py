@@ -7,10 +7,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from matplotlib import colormaps
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 
-from steer_env.experiments.pages.style import DASHES, PALETTE, new_figure, styled, svg
+from steer_env.experiments.pages.style import DASHES, PALETTE, new_figure, styled
 
 Array = NDArray[np.float64]
 
@@ -25,7 +26,7 @@ def front(
     marks: Mapping[str, Sequence[float]],
     names: Sequence[str],
     ends: Sequence[float],
-) -> str:
+) -> Figure:
     """Pareto front, in a panel for each pair of objectives.
 
     Parameters
@@ -54,7 +55,7 @@ def front(
         axes.set(xlabel=f"{names[i]}: widths off the bands", ylabel=f"{names[j]}: widths off the bands")
         axes.set(xlim=(-0.04 * ends[i], ends[i]), ylim=(-0.04 * ends[j], ends[j]))
     figure.legend(*figure.axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=5)
-    return svg(figure)
+    return figure
 
 
 def _inside(values: Array, ends: Sequence[float]) -> Array:
@@ -63,7 +64,7 @@ def _inside(values: Array, ends: Sequence[float]) -> Array:
 
 
 @styled
-def importances(shares: Mapping[str, Mapping[str, float]], parameters: Sequence[str]) -> str:
+def importances(shares: Mapping[str, Mapping[str, float]], parameters: Sequence[str]) -> Figure:
     """Share of each parameter in the spread of each objective, as bars [1]."""
     figure = new_figure(3.3 * len(shares) + 1.2, 0.28 * len(parameters) + 0.9)
     panels = figure.subplots(1, len(shares), squeeze=False, sharey=True)[0]
@@ -73,11 +74,11 @@ def importances(shares: Mapping[str, Mapping[str, float]], parameters: Sequence[
         axes.set(title=title, xlabel="share [%]", yticks=places, yticklabels=parameters, xlim=(0.0, 100.0))
         axes.grid(visible=False, axis="y")
     panels[0].invert_yaxis()
-    return svg(figure)
+    return figure
 
 
 @styled
-def course(curves: Mapping[str, Array], own: float) -> str:
+def course(curves: Mapping[str, Array], own: float) -> Figure:
     """The best set so far over the number of evaluated sets, a line for each optimiser [1]."""
     figure = new_figure(6.4, 2.8)
     axes = figure.subplots()
@@ -89,11 +90,11 @@ def course(curves: Mapping[str, Array], own: float) -> str:
         xlabel="evaluated sets", ylabel="widths off the bands, in all", ylim=(0.0, 1.1 * most if most > 0.0 else None)
     )
     axes.legend(fontsize=8, loc="lower left")
-    return svg(figure)
+    return figure
 
 
 @styled
-def bands(rows: Mapping[str, Mapping[str, tuple[float, float]]], never: Collection[str]) -> str:
+def bands(rows: Mapping[str, Mapping[str, tuple[float, float]]], never: Collection[str]) -> Figure:
     """Span of each metric over the conditions beside its band, which is shaded, in widths of the band.
 
     ``rows`` has for each metric the spans of two sets, from 0 at the lower end of the band to 1 at the upper [1];
@@ -118,7 +119,7 @@ def bands(rows: Mapping[str, Mapping[str, tuple[float, float]]], never: Collecti
     axes.grid(visible=False, axis="y")
     axes.invert_yaxis()
     figure.legend(loc="outside upper center", ncols=2)
-    return svg(figure)
+    return figure
 
 
 _MIXED, _NONE, _PALE = "#b9a7c9", "#f4f4f4", "#9a9a9a"
@@ -152,7 +153,7 @@ def heat_map(
     heads: tuple[str, str],
     pale: str,
     top: float = 100.0,
-) -> str:
+) -> Figure:
     """Rows by group; the colour ends at ``top`` per cent.
 
     A column has a name and its range; ``heads`` stand above the labels of the rows and above what is about them;
@@ -197,7 +198,7 @@ def heat_map(
             y += 1.0
         y += 0.2
     _key(axes, height - _KEY + 0.6, -left + 0.15, heads[0].replace("\n", " "), pale, top)
-    return svg(figure)
+    return figure
 
 
 def _colour(share: float) -> Any:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from steer_env.experiments.calibration import margin_map
 from steer_env.experiments.calibration.margin_map import GAIN_LIMIT, PHASE_LIMIT, RESTING, SLIDING, Cell, missed
-from steer_env.experiments.pages import car_pictures, still_plots
+from steer_env.experiments.pages import car_pictures, plots
 from steer_env.experiments.pages.pages import Page
 from steer_env.experiments.pages.plots import Line, Panel
 from steer_env.experiments.pages.style import colours
@@ -60,7 +60,7 @@ def _bode(results: Results) -> str:
         ):
             lines = [Line(k, BODE_FREQUENCIES, y, shade) for (k, y), shade in zip(values.items(), shades)]
             shown.append(Panel("frequency [Hz]", title, lines, None, True))
-    return still_plots.draw(shown)
+    return plots.draw(shown, "bode")
 
 
 def _cycles(results: Results) -> list[tuple[str, ...]]:

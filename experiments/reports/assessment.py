@@ -264,10 +264,15 @@ def as_json(found: Assessment) -> dict[str, Any]:
     }
 
 
-def page_of(found: Assessment, recordings: Mapping[str, Recording], trace: Mapping[str, Any] | None = None) -> Page:
+def page_of(
+    found: Assessment,
+    recordings: Mapping[str, Recording],
+    trace: Mapping[str, Any] | None = None,
+    full: bool = False,
+) -> Page:
     """The page: verdict, tolerances, values with ratings, differences, plots, definitions, and what it is made from.
 
-    The mappings are those of the ``trace``.
+    The mappings are those of the ``trace``; the plots of a ``full`` page are interactive.
     """
     labels = list(recordings)
     trace = trace or {}
@@ -290,23 +295,27 @@ def page_of(found: Assessment, recordings: Mapping[str, Recording], trace: Mappi
         "definitions": {name: metrics.definition(name) for name in metrics.available(found.test)},
         "power": comparison_power.rows(found.power) if found.power and not found.power.unknown else [],
         "tried": comparison_power.FACTORS[-1],
-        "script": plots.script(),
-        "figure": plots.draw(drawn) if drawn else "",
+        "script": plots.script() if full else "",
+        "figure": plots.markup(drawn, found.test, full),
         "noticeable": just_noticeable,
-        "responses": plots.draw(responses, 300, 3) if responses else "",
-        "boundaries": plots.draw(limits) if limits else "",
+        "responses": plots.markup(responses, "frequency-responses", full, columns=3),
+        "boundaries": plots.markup(limits, "tolerances", full),
     }
     return Page("evaluation", values)
 
 
 def write(
-    out: Path, found: Assessment, recordings: Mapping[str, Recording], trace: Mapping[str, Any] | None = None
+    out: Path,
+    found: Assessment,
+    recordings: Mapping[str, Recording],
+    trace: Mapping[str, Any] | None = None,
+    full: bool = False,
 ) -> None:
     """Write ``index.html`` and ``evaluation.json`` into a directory, which appears or is replaced as a whole.
 
     Both hold the ``trace`` of :func:`steer_env.experiments.pages.provenance.trace`, by default that of a Python
-    program.
+    program. The plots of a ``full`` page are interactive.
     """
     trace = provenance.trace() if trace is None else trace
     with replaced_directory(out, CONTENTS) as part:
-        place(part, page_of(found, recordings, trace), {"evaluation.json": as_json(found)}, trace)
+        place(part, page_of(found, recordings, trace, full), {"evaluation.json": as_json(found)}, trace)

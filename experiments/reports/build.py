@@ -6,18 +6,17 @@ the target when everything is done. The page begins with what a person reads in 
 
 import math
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from steer_env import metrics, targets
-from steer_env.experiments.pages import pictures, plots, provenance, still_plots
+from steer_env.experiments.pages import pictures, plots, provenance
 from steer_env.experiments.pages.files import replaced_directory
 from steer_env.experiments.pages.metrics_json import entries
 from steer_env.experiments.pages.pages import Page, image, place
-from steer_env.experiments.pages.words import label
 from steer_env.experiments.reports import findings
-from steer_env.experiments.reports.results import Notify, Results, Scope, collect
+from steer_env.experiments.reports.results import Drives, Notify, Results, Scope, collect
 from steer_env.experiments.studies import cross_validation, friction_laws, loop_width, real_time, vehicle
 from steer_env.experiments.studies.common import battery, commonroad_reference
 from steer_env.experiments.sweep import Runner, run
@@ -28,14 +27,13 @@ from steer_env.vehicle.steering.eps import SAMPLE_TIME
 
 CONTENTS = frozenset({"index.html", "metrics.json"})
 EVERYTHING = Scope()
-SHARES = 10  # differences in the picture on the first screen, at most
 WANTED = "compact"  # target bands that the summary rates the laws by
 
 
 class Look(NamedTuple):
     """How the page shows the results."""
 
-    light: bool = False  # pictures in place of interactive plots, so that the page is small enough for a mail
+    full: bool = False  # interactive plots in place of pictures, which makes the page ten times as large
     noticed: float = just_noticeable.SHARE  # just-noticeable difference of sustained torque and angle [1]
 
 
@@ -53,7 +51,8 @@ def metrics_json(results: Results, source: dict[str, Any], look: Look = DEFAULT)
             }
             for law in results.laws
         },
-        "differences": _differences_json(results, look.noticed),
+        "differences": _differences_json(results.drives, results.base, look.noticed),
+        "fitted": _fitted_json(results, look.noticed),
         "real_time": {
             "case": "column alone, hand torque 2.5 N m at 0.5 Hz",
             "units": {"step": "s", "error": "1", "ns_per_step": "ns", "worst_step_ns": "ns", "whole_car": "ns"},
@@ -69,19 +68,23 @@ def _key(test: str, metric: str) -> str:
     return metric if test == "weave" else f"{test.replace('-', '_')}.{metric}"
 
 
-def _differences_json(results: Results, noticed: float) -> dict[str, Any]:
+def _differences_json(drives: Drives, base: str, noticed: float) -> dict[str, Any]:
     """Differences from the base law; those of refused metrics are left out."""
-    found = {
-        law: {
-            _key(test, name): battery.as_json(of_law[law])
-            for test in results.drives
-            for name, of_law in findings.feel(results, test, noticed).table.items()
-            if math.isfinite(of_law[law].value)
-        }
-        for law in results.laws
-        if law != results.base
+    found: dict[str, dict[str, Any]] = {law: {} for of in drives.values() for law in of if law != base}
+    for row in findings.differences(drives, base, noticed).rows:
+        if math.isfinite(row.found.value):
+            found[row.law][_key(row.test, row.metric)] = battery.as_json(row.found)
+    return {"base": base, "noticed_share": noticed, "laws": found}
+
+
+def _fitted_json(results: Results, noticed: float) -> dict[str, Any]:
+    """The laws as fitted to the measured friction, and their differences where there are two."""
+    term, on_terms = results.fitted, findings.terms(results, noticed)
+    laws = {
+        law: {**provenance.law(p), "without_effect_or_zero": list(term.neutral[law])} for law, p in term.laws.items()
     }
-    return {"base": results.base, "noticed_share": noticed, "laws": found}
+    found = _differences_json(term.drives, on_terms[1].base, noticed) if len(on_terms) > 1 else None
+    return {"laws": laws, "differences": found}
 
 
 def _vehicle_json(results: Results) -> dict[str, Any]:
@@ -123,15 +126,16 @@ def provenance_of(results: Results) -> dict[str, Any]:
 def page_of(results: Results, source: dict[str, Any], look: Look = DEFAULT) -> Page:
     """The page."""
     feels = {test: findings.feel(results, test, look.noticed) for test in results.drives}
-    differences = findings.differences(results, feels)
-    drawn = {**_first_pictures(results, differences, look.noticed), **_pictures(results)}
+    terms = findings.terms(results, look.noticed)
+    drawn = {**_first_pictures(results, terms, look.noticed), **_pictures(results)}
     weave = _weave(results)
     values = {
         "r": results,
         "source": source,
         "findings": findings,
         "feels": feels,
-        "differences": differences,
+        "terms": terms,
+        "differences": terms[0].differences,
         "look": look,
         "study": friction_laws,
         "timing": real_time,
@@ -142,8 +146,8 @@ def page_of(results: Results, source: dict[str, Any], look: Look = DEFAULT) -> P
         "definitions": {name: metrics.definition(name) for test in results.drives for name in metrics.available(test)},
         "coincident": pictures.coincident(weave) if weave else [],
         "images": {name: image(svg) for name, svg in drawn.items()},
-        "plots": _plots(results, look.light),
-        "script": "" if look.light else plots.script(),
+        "plots": _plots(results, look.full),
+        "script": plots.script() if look.full else "",
         "wanted": targets.load(WANTED),
         "rate": targets.rating,
     }
@@ -157,25 +161,18 @@ def _weave(results: Results) -> dict[str, Any]:
     return curves if all({ANGLE, TORQUE} <= of.keys() for of in curves.values()) else {}
 
 
-def _first_pictures(results: Results, found: findings.Differences, noticed: float) -> dict[str, str]:
-    """The pictures of the first screen, as SVG by name; without a test or a difference its picture is missing."""
+def _first_pictures(results: Results, terms: Sequence[findings.OnTerm], noticed: float) -> dict[str, str]:
+    """The pictures that come first, as SVG by name; without a test or a difference its picture is missing."""
     history = friction_laws.HISTORIES["growing_sine"].x
     drawn = {"first_loops": pictures.loops(history, {law: of["growing_sine"] for law, of in results.torques.items()})}
     if weave := _weave(results):
         drawn["first_weave"] = pictures.weave(weave)
-    titles = list(dict.fromkeys((row.metric, row.test) for row in found.known))[:SHARES]
-    shares = [
-        pictures.Share(
-            f"{label(row.metric)},\n{row.test.replace('-', ' ')}",
-            row.law,
-            row.found.value / abs(row.base.value),
-            row.found.half_width / abs(row.base.value),
-        )
-        for row in found.known
-        if (row.metric, row.test) in titles
-    ]
-    if shares:
-        drawn["first_noticed"] = pictures.noticed(shares, noticed)
+    shares = {
+        term.title: {law: [row.found.value / abs(row.base.value) for row in of.known] for law, of in term.laws.items()}
+        for term in terms
+    }
+    if any(values for of in shares.values() for values in of.values()):
+        drawn["first_terms"] = pictures.terms(shares, noticed)
     return drawn
 
 
@@ -203,21 +200,25 @@ def _pictures(results: Results) -> dict[str, str]:
     return drawn
 
 
-def _plots(results: Results, light: bool) -> dict[str, str]:
-    """Plots by test as HTML, interactive unless the page is light; for loops also the torque less the base law's."""
+class Plot(NamedTuple):
+    """The plot of a test."""
+
+    html: str
+    left_out: list[str]  # laws whose lines coincide with those of the base law in every panel
+
+
+def _plots(results: Results, full: bool) -> dict[str, Plot]:
+    """Plots by test, interactive on a full page; for loops also the torque of every law less the base law's."""
     drawn = {}
     for test, drives in results.drives.items():
         curves = {law: drive.curves for law, drive in drives.items() if drive.curves}
         pairs = metrics.evaluation_by_name(test).plots
-        shown = plots.panels(curves, pairs)
+        shown, left_out = plots.without_coincident(plots.panels(curves, pairs), results.base)
         if results.base in curves and "time" not in curves[results.base]:
             torques = [pair for pair in pairs if pair[1] == TORQUE]
             shown = shown[: len(torques)] + plots.apart(curves, results.base, torques)
-        if shown and light:
-            alt = f"{test.replace('-', ' ')}: {'; '.join(f'{panel.y} over {panel.x}' for panel in shown)}"
-            drawn[test] = f'<img src="{image(still_plots.draw(shown))}" alt="{alt}">'
-        elif shown:
-            drawn[test] = plots.draw(shown, height=330)
+        if shown:
+            drawn[test] = Plot(plots.markup(shown, test, full), left_out)
     return drawn
 
 

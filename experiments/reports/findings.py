@@ -8,13 +8,14 @@ import numpy as np
 
 from steer_env import targets
 from steer_env.experiments.pages.words import label, plain
-from steer_env.experiments.reports.results import Results
+from steer_env.experiments.reports.results import Drives, Results
 from steer_env.experiments.studies import friction_laws, real_time
 from steer_env.experiments.studies.common import battery
 from steer_env.experiments.studies.common.assist_margins import TARGETS, Cell, on_target
 from steer_env.experiments.studies.common.battery import LEAST, MATTERS
 from steer_env.experiments.studies.friction_laws import Held, Residual, Verdict
 from steer_env.experiments.studies.real_time import Row
+from steer_env.friction.law import law_of
 from steer_env.manoeuvres import Manoeuvre
 from steer_env.metrics import Value
 from steer_env.metrics.common import just_noticeable
@@ -76,6 +77,7 @@ class Differences(NamedTuple):
     none: int  # the interval of the difference contains zero
     refused: int
     known: list[Differing]  # those for which a threshold of perception is known, perceptible or not
+    rows: list[Differing]  # all of them
 
     def laws(self) -> list[str]:
         """The laws that differ perceptibly."""
@@ -87,12 +89,12 @@ class Differences(NamedTuple):
         return ", ".join(f"{test.replace('-', ' ')} ({count})" for test, count in counts)
 
 
-def differences(results: Results, feels: dict[str, Feel]) -> Differences:
-    """The differences of all tests together."""
+def differences(drives: Drives, base: str, noticed: float = just_noticeable.SHARE) -> Differences:
+    """The differences from a base law in all tests together; ``noticed`` is the just-noticeable difference [1]."""
     rows = [
-        Differing(test, metric, law, results.drives[test][results.base].values[metric], found)
-        for test, feel in feels.items()
-        for metric, of_law in feel.table.items()
+        Differing(test, metric, law, of[base].values[metric], found)
+        for test, of in drives.items()
+        for metric, of_law in battery.differences(of, base, noticed).items()
         for law, found in of_law.items()
     ]
     rows.sort(key=lambda row: -abs(row.found.share) if math.isfinite(row.found.share) else 0.0)
@@ -106,6 +108,7 @@ def differences(results: Results, feels: dict[str, Feel]) -> Differences:
         none=len(kinds["none"]),
         refused=len(kinds["refused"]),
         known=[row for row in rows if row.found.perception.verdict != just_noticeable.UNKNOWN],
+        rows=rows,
     )
 
 
@@ -117,6 +120,59 @@ def _kind(found: battery.Difference) -> str:
     if found.matters:
         return "large"
     return "small" if found.real else "none"
+
+
+class Compared(NamedTuple):
+    """What a law changes against the base law, on one term."""
+
+    compared: int  # metrics with a value of both
+    large: int  # of them, real and above ``MATTERS``
+    known: list[Differing]  # those with a threshold of perception
+    perceptible: list[Differing]
+    largest: Differing | None  # the real difference with the largest share
+
+
+def by_law(found: Differences) -> dict[str, Compared]:
+    """What each law changes."""
+    laws: dict[str, list[Differing]] = defaultdict(list)
+    for row in found.rows:
+        if math.isfinite(row.found.value):
+            laws[row.law].append(row)
+    return {
+        law: Compared(
+            len(rows),
+            sum(row.found.matters for row in rows),
+            [row for row in found.known if row.law == law],
+            [row for row in found.perceptible if row.law == law],
+            next((row for row in rows if row.found.real), None),
+        )
+        for law, rows in laws.items()
+    }
+
+
+class OnTerm(NamedTuple):
+    """The laws on one term, compared with a base law."""
+
+    title: str
+    base: str
+    differences: Differences
+    laws: dict[str, Compared]  # without the base law
+
+    @property
+    def felt(self) -> list[str]:
+        """The laws that a driver would tell from the base law."""
+        return [law for law, of in self.laws.items() if of.perceptible]
+
+
+def terms(results: Results, noticed: float = just_noticeable.SHARE) -> list[OnTerm]:
+    """One calibration for all laws, and each fitted to the same measurement where that holds for two or more."""
+    shared = differences(results.drives, results.base, noticed)
+    found = [OnTerm("one calibration for all laws", results.base, shared, by_law(shared))]
+    own = law_of(results.laws[results.base]).name
+    if own in results.fitted.laws and len(results.fitted.laws) > 1:
+        fitted = differences(results.fitted.drives, own, noticed)
+        found.append(OnTerm("each law fitted to the same measurement", own, fitted, by_law(fitted)))
+    return found
 
 
 def rated(results: Results, wanted: targets.Targets, law: str) -> dict[str, int]:

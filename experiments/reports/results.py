@@ -7,8 +7,9 @@ from typing import Any, NamedTuple
 from steer_env import manoeuvres
 from steer_env.connect import external
 from steer_env.experiments.studies import cross_validation, friction_laws, loop_width, real_time, vehicle
-from steer_env.experiments.studies.common import battery
+from steer_env.experiments.studies.common import battery, friction_records
 from steer_env.experiments.studies.common.assist_margins import Cell, assist_cells
+from steer_env.experiments.studies.common.friction_records import Judged
 from steer_env.experiments.studies.loop_width import Curves
 from steer_env.experiments.studies.vehicle import Study
 from steer_env.experiments.sweep import Runner, run
@@ -41,6 +42,17 @@ class Scope(NamedTuple):
         return cars.load(self.car) if isinstance(self.car, str) else self.car
 
 
+Drives = dict[str, dict[str, battery.Drive]]  # test -> law
+
+
+class Term(NamedTuple):
+    """Laws in the tests on one term: with one calibration for all, or each fitted to the same measured friction."""
+
+    laws: dict[str, Any]  # label -> parameters
+    drives: Drives
+    neutral: dict[str, tuple[str, ...]]  # law -> parameters that the measurement leaves open, without effect or zero
+
+
 class LawResult(NamedTuple):
     """Results of one law, except times."""
 
@@ -57,7 +69,8 @@ class Results(NamedTuple):
     base: str
     car: cars.Car
     manoeuvres: dict[str, Manoeuvre]  # by test
-    drives: dict[str, dict[str, battery.Drive]]  # test -> law
+    drives: Drives
+    fitted: Term  # each law fitted to the measured friction, by its name; those that can be
     torques: dict[str, dict[str, Any]]
     held: list[friction_laws.Held]
     tables: dict[str, list[real_time.Row]]
@@ -77,10 +90,21 @@ def _drive(car: cars.Car, manoeuvre: Manoeuvre, p: Any, chassis: str | None) -> 
         return manoeuvres.drive(car, manoeuvre, p, simulator)
 
 
+def _drives(scope: Scope, p: Any) -> dict[str, battery.Drive]:
+    car, run = scope.loaded(), partial(_drive, chassis=scope.chassis)
+    return {test: battery.drive(car, p, test, options, run) for test, options in scope.tests.items()}
+
+
+def _fitted(scope: Scope, law: str) -> tuple[Judged, dict[str, battery.Drive]]:
+    """A law that is fitted to the packaged measurement, and the tests with it; no tests where it cannot be fitted."""
+    (found,) = friction_records.judge((friction_records.rig(), [law]))
+    return found, {} if found.parameters is None else _drives(scope, found.parameters)
+
+
 def _of_law(scope: Scope, p: Any, held: bool) -> LawResult:
-    car, name, run = scope.loaded(), law_of(p).name, partial(_drive, chassis=scope.chassis)
+    car, name = scope.loaded(), law_of(p).name
     return LawResult(
-        {test: battery.drive(car, p, test, options, run) for test, options in scope.tests.items()},
+        _drives(scope, p),
         friction_laws.characteristics(p),
         real_time.accuracy(p, scope.steps),
         friction_laws.held_torque(car, name) if held and not scope.chassis and name in friction_laws.HELD_LAWS else [],
@@ -100,6 +124,7 @@ _PARTS: dict[str, Callable[..., Any]] = {
     "cross validation": cross_validation.collect,
     "loop widths": loop_width.collect,
     "law": _of_law,
+    "fitted": _fitted,
     "margins": assist_cells,
 }
 
@@ -121,6 +146,7 @@ def _parts(laws: dict[str, Any], base: str, car: cars.Car, scope: Scope) -> list
     if scope.widths:
         parts.append(Part("loop widths", None, ([car], ["lugre"], tuple(loop_width.TESTS), scope.widths)))
     parts += [Part("law", law, (scope, p, first[law_of(p).name] == law)) for law, p in laws.items()]
+    parts += [Part("fitted", law, (scope, law)) for law in friction_records.fittable(list(first))]
     return parts + [Part("margins", kph, (car, kph)) for kph in scope.speeds_kph]
 
 
@@ -140,6 +166,7 @@ def collect(laws: dict[str, Any], scope: Scope, notify: Notify, sweep: Runner = 
     results = sweep(_computed, parts, notify=lambda part, text: notify(0.75 * part, text), words=_in_words)
     found = {(part.name, part.of): result for part, result in zip(parts, results)}
     of_law: dict[str, LawResult] = {law: found["law", law] for law in laws}
+    fits = {law: fit for (name, law), fit in found.items() if name == "fitted" and fit[1]}
     tables = real_time.timed(
         {law: (p, of_law[law].rows) for law, p in laws.items()}, lambda part: notify(0.75 + 0.2 * part, "timing")
     )
@@ -149,6 +176,11 @@ def collect(laws: dict[str, Any], scope: Scope, notify: Notify, sweep: Runner = 
         car=car,
         manoeuvres={test: manoeuvres.make(test, **options) for test, options in scope.tests.items()},
         drives={test: {law: of_law[law].drives[test] for law in laws} for test in scope.tests},
+        fitted=Term(
+            {law: fit.parameters for law, (fit, _) in fits.items()},
+            {test: {law: drives[test] for law, (_, drives) in fits.items()} for test in scope.tests},
+            {law: fit.undetermined for law, (fit, _) in fits.items()},
+        ),
         torques={law: of_law[law].torques for law in laws},
         held=[test for law in laws for test in of_law[law].held],
         tables=tables,

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from steer_env import friction
-from steer_env.experiments.pages import pages, still_plots
+from steer_env.experiments.pages import pages, plots
 from steer_env.experiments.pages.plots import Line, Panel
 from steer_env.experiments.pages.style import colours
 from steer_env.experiments.pages.words import number
@@ -254,7 +254,7 @@ def as_page(
         "count": len(every),
         "agreeing": sum(each.agrees for each in every),
         "effects": shown_by(found),
-        "experiments": {title: Experiment(rows, still_plots.draw(shown[title])) for title, rows in numbers.items()},
+        "experiments": {title: Experiment(rows, plots.draw(shown[title], title)) for title, rows in numbers.items()},
         "laws": _laws(found),
         "marks": {"seen": SEEN, "sticks": 100 * STICKS, "hunts": HUNTS},
     }

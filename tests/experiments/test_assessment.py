@@ -234,7 +234,8 @@ def test_evaluate_gives_the_numbers_of_run(suffix, weaves, tmp_path, capsys):
     assert "torque_at_0g" in capsys.readouterr().out
     page = (out / "index.html").read_text()
     assert "Half the height of the loop torque" in page  # the definition
-    assert "plotly-graph-div" in page
+    assert "data:image/svg+xml" in page
+    assert "plotly" not in page
 
 
 def test_two_recordings_side_by_side(weaves, tmp_path, capsys):

@@ -1,5 +1,6 @@
 """What the report is made with: atomic output, worker processes, provenance, differences of metrics."""
 
+import csv
 import json
 import os
 import re
@@ -159,28 +160,62 @@ def test_ranges_and_units_are_read_as_words():
     assert [words.unit(name) for name in ("1", "m/s2", "N m")] == ["", "m/s²", "N m"]
 
 
+@style.styled
+def _drawn():
+    figure = style.new_figure(4.0, 3.0)
+    axes = figure.subplots()
+    axes.plot([0.0, 1.0, 2.0], [0.0, 0.123456, -0.4], label='a "b" & <c>')
+    axes.barh([0.0], [1.0])
+    axes.legend()
+    return figure
+
+
 def test_a_smaller_picture_is_the_same_picture():
     """Every word and every line stays, each point within a twentieth of a point of paper."""
     from xml.etree import ElementTree
 
-    figure = style.new_figure(4.0, 3.0)
-    axes = figure.subplots()
-    axes.plot([0.0, 1.0, 2.0], [0.0, 0.123456, -0.4], label='a "b" & <c>')
-    axes.legend()
-    drawn = style.svg(figure)
+    drawn = _drawn()
     small = style.smaller(drawn)
-    assert len(small) < 0.7 * len(drawn)
+    assert len(small) < 0.5 * len(drawn)
     svg = "{http://www.w3.org/2000/svg}"
     before, after = ElementTree.fromstring(drawn), ElementTree.fromstring(small)
     text, path = f"{svg}text", f"{svg}path"
     assert [each.text for each in before.iter(text)] == [each.text for each in after.iter(text)]
     for one, other in zip(before.iter(path), after.iter(path), strict=True):
-        points, rounded = (re.findall(r"-?\d+\.?\d*", each.get("d", "")) for each in (one, other))
-        assert [float(x) for x in rounded] == pytest.approx([float(x) for x in points], abs=0.0501)
+        points = [float(x) for x in re.findall(r"-?\d+\.?\d*", one.get("d", ""))]
+        assert _absolute(other.get("d", "")) == pytest.approx(points, abs=0.0501)
     classes = {each.get("class") for each in after.iter() if each.get("class")}
     assert all(f".{name}{{" in small for name in classes)
     assert pages.image(drawn).startswith("data:image/svg+xml,<svg")
     assert not set('"&#') & set(pages.image(drawn))  # which would end the attribute, or the address
+
+
+def _absolute(path):
+    """The points of a path whose segments are relative to the end of the one before."""
+    found, end, begin = [], (0.0, 0.0), (0.0, 0.0)
+    for command, text in re.findall(r"([A-Za-z])([^A-Za-z]*)", path):
+        numbers = [float(x) for x in re.findall(r"-?\d+\.?\d*", text)]
+        base = (0.0, 0.0) if command == "M" else end
+        points = [(base[0] + x, base[1] + y) for x, y in zip(numbers[::2], numbers[1::2])]
+        begin = points[0] if command == "M" else begin
+        end = points[-1] if points else begin
+        found += [x for point in points for x in point]
+    return found
+
+
+def test_pictures_are_kept_as_files_with_their_data(tmp_path):
+    with style.kept(tmp_path):
+        text = [_drawn(), _drawn()][0]
+    expected = {f"drawn{number}.{form}" for form in ("csv", "pdf", "svg") for number in ("", "_2")}
+    assert {each.name for each in tmp_path.iterdir()} == expected
+    assert (tmp_path / "drawn.svg").read_text(encoding="utf-8") == text
+    assert (tmp_path / "drawn.pdf").read_bytes().startswith(b"%PDF")
+    rows = list(csv.DictReader((tmp_path / "drawn.csv").open(encoding="utf-8")))
+    line = [row for row in rows if row["label"] == 'a "b" & <c>']
+    assert [(float(row["x"]), float(row["y"])) for row in line] == [(0.0, 0.0), (1.0, 0.123456), (2.0, -0.4)]
+    assert ("1.0", "0.0") in [(row["x"], row["y"]) for row in rows]  # the end of the bar
+    assert _drawn() == text  # which is kept nowhere
+    assert len(list(tmp_path.iterdir())) == 6
 
 
 @pytest.mark.parametrize(

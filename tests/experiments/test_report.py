@@ -28,7 +28,7 @@ LAWS = {law: friction.make(law) for law in ("lugre", "masing")}
 TESTS = {"weave": {"cycles": 6}, "slow-ramp": {}, "step-steer": {}, "hold": {}}
 SCOPE = Scope(tests=TESTS, widths=(0.0, 1.0, 2.0), steps=(1e-3, 1e-2), speeds_kph=(0.0,))
 IN_TWO = partial(sweep.run, where=sweep.Where(2))
-FIRST = ("first_weave", "first_loops", "first_noticed")
+FIRST = ("first_terms", "first_weave", "first_loops")
 FIGURES = (
     *("characteristics", "reversal", "real_time", "margins", "held_on", "held_off"),
     *("chassis", "parking", "cross_validation", "loop_width"),
@@ -76,12 +76,11 @@ def test_the_page_is_well_formed_and_needs_nothing_from_outside(made):
     page = Page(text)
     assert page.open == []
     images = [attrs["src"] for tag, attrs in page.tags if tag == "img"]
-    assert len(images) == len(set(images)) == len(FIRST) + len(FIGURES)
+    assert len(images) == len(set(images)) == len(FIRST) + len(FIGURES) + len(TESTS)
     assert all(src.startswith("data:image/svg+xml,") for src in images)
     assert all(attrs["alt"] for tag, attrs in page.tags if tag == "img")
     assert not {"link", "iframe"} & {tag for tag, _ in page.tags}
     assert not [attrs for tag, attrs in page.tags if tag == "script" and "src" in attrs]
-    assert sum("plotly-graph-div" in (attrs.get("class") or "") for _, attrs in page.tags) == len(TESTS)
     ids = [attrs["id"] for _, attrs in page.tags if "id" in attrs]
     links = {attrs["href"] for tag, attrs in page.tags if tag == "a"}
     assert len(ids) == len(set(ids))
@@ -89,16 +88,15 @@ def test_the_page_is_well_formed_and_needs_nothing_from_outside(made):
 
 
 def test_what_is_read_first(made):
-    """Verdict, three pictures and what differs come before anything else; the glossary is the end."""
+    """Verdict, a picture, a table and what differs come before anything else; the glossary is the end."""
     text = (made[0] / "index.html").read_text(encoding="utf-8")
     headings = ("verdict", "differs", "ratings", "characteristics", "held", "feel", "real_time", "assist", "vehicle")
     places = [text.index(f'<section id="{name}">') for name in (*headings, "provenance", "glossary")]
     assert places == sorted(places)
     first = " ".join("".join(Page(text[places[0] : places[1]]).words).split())
-    assert (
-        "lugre and masing feel the same in this car: none of 5 sustained torques and angles differs by the 15" in first
-    )
-    assert text[places[0] : places[1]].count("<img ") == 3
+    assert "Against lugre, known thresholds say that a driver feels no other law with one calibration for all" in first
+    assert len(re.search(r'<p class="verdict">(.*?)</p>', text, re.DOTALL)[1].split()) <= 25
+    assert [text[places[0] : places[1]].count(tag) for tag in ("<img ", "<table")] == [3, 1]
     differs = Page(text[places[1] : places[2]])
     assert "Of " in "".join(differs.words)
     assert "Newberry, Griffin and Dowson" in "".join(differs.words)
@@ -107,9 +105,32 @@ def test_what_is_read_first(made):
     assert [tag for tag, _ in Page(text).tags].count("details") > 10
 
 
-def test_a_light_page_is_small_and_has_no_script_library(made, source):
-    text = build.page_of(made[1], source, build.Look(light=True)).html()
-    assert len(text.encode()) < 600_000
+def test_both_terms_have_all_laws_and_their_numbers_are_those_of_the_json(made):
+    """Counts of the table, from the differences that the JSON holds."""
+    numbers = json.loads((made[0] / "metrics.json").read_text(encoding="utf-8"))
+    terms = findings.terms(made[1])
+    held = numbers["differences"], numbers["fitted"]["differences"]
+    for term, of in zip(terms, held, strict=True):
+        assert of["base"] == term.base == "lugre"
+        assert list(of["laws"]) == list(term.laws) == ["masing"]
+        rows = of["laws"]["masing"].values()
+        assert term.laws["masing"].compared == len(rows)
+        assert term.laws["masing"].large == sum(row["large"] for row in rows)
+        assert len(term.laws["masing"].perceptible) == sum(row["perception"] == "perceptible" for row in rows)
+    assert terms[1].laws["masing"].large > terms[0].laws["masing"].large
+    assert numbers["fitted"]["laws"]["lugre"]["without_effect_or_zero"] == ["sigma_1", "sigma_2", "F_s", "v_s"]
+    fitted = made[1].fitted.laws["lugre"]
+    assert (fitted.sigma_1, fitted.sigma_2, fitted.F_s) == (0.0, 0.0, fitted.F_c)
+
+
+def test_a_full_page_is_interactive(made, source):
+    page = Page(build.page_of(made[1], source, build.Look(full=True)).html())
+    assert sum("plotly-graph-div" in (attrs.get("class") or "") for _, attrs in page.tags) == len(TESTS)
+
+
+def test_the_page_is_small_and_has_no_script_library(made, source):
+    text = build.page_of(made[1], source).html()
+    assert len(text.encode()) < 400_000
     page = Page(text)
     assert page.open == []
     assert "Plotly.newPlot" not in text
@@ -137,11 +158,10 @@ def test_a_law_that_a_driver_feels_is_in_the_verdict(made, source):
     drives = {**results.drives, "step-steer": {**results.drives["step-steer"], "masing": drive._replace(values=values)}}
     changed = results._replace(drives=drives)
     text = " ".join(build.page_of(changed, source).html().split())
-    assert "a driver would feel a difference with masing: 1 of 5 sustained torques and angles differ" in text
+    assert "a driver feels masing with one calibration for all" in text
     assert '<span class="badge perceptible">perceptible</span>' in text
-    assert "feel the same in this car" not in text
     deaf = " ".join(build.page_of(changed, source, build.Look(noticed=0.3)).html().split())
-    assert "feel the same in this car: none of 5 sustained torques and angles differs by the 30" in deaf
+    assert "a driver feels no other law with one calibration for all" in deaf
     json_of = build.metrics_json(changed, source)["differences"]["laws"]["masing"]
     assert json_of["step_steer.steady_step_torque"]["perception"] == "perceptible"
 
@@ -166,9 +186,7 @@ def test_computing_times_do_not_make_another_result(made, source, tmp_path):
     other = build.provenance_of(results) | {"date": "2000-01-01T00:00:00+00:00", "processor": "abacus", "cores": 1}
     pages = {"one": (results, source), "slow": (slower, other), "changed": (ratio_of(results), source)}
     for name, (found, about) in pages.items():
-        (tmp_path / f"{name}.html").write_text(
-            build.page_of(found, about, build.Look(light=True)).html(), encoding="utf-8"
-        )
+        (tmp_path / f"{name}.html").write_text(build.page_of(found, about).html(), encoding="utf-8")
     assert traces.differences(tmp_path / "one.html", tmp_path / "slow.html") == []
     assert traces.differences(tmp_path / "one.html", tmp_path / "changed.html") != []
 
@@ -187,7 +205,7 @@ def test_the_report_of_an_own_car(tmp_path, monkeypatch):
         seen.update(car=scope.loaded(), look=look, trace=trace)
 
     monkeypatch.setattr(build, "build", build_)
-    options = ["--vehicle", "bmw_320i", "--set", "column.K_tb=143", "--light", "--noticed-percent", "10"]
+    options = ["--vehicle", "bmw_320i", "--set", "column.K_tb=143", "--noticed-percent", "10"]
     command = ["report", *options, "--friction", "lugre", "--out", str(tmp_path / "mine")]
     assert main(command) == 0
     assert (seen["car"].name, seen["car"].column.K_tb) == ("bmw_320i", 143.0)

@@ -3,6 +3,7 @@
 import argparse
 import math
 from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -26,11 +27,14 @@ __all__ = [
     "TORQUE",
     "add",
     "add_evaluation",
+    "add_figures",
     "add_noticed",
     "add_out",
+    "add_page",
     "add_plant",
     "chassis",
     "external_vehicle",
+    "figures",
     "friction_law",
     "noticed",
     "real",
@@ -185,10 +189,43 @@ def add_out(
     parser.add_argument("--out", metavar=form, type=Path, default=default and Path(default), help=text, **more)
 
 
+def add_page(
+    parser: argparse.ArgumentParser, what: str, default: str | None = None, otherwise: str = "", full: bool = False
+) -> None:
+    """Add ``--out`` for a page, ``--figures``, and with ``full`` the option ``--full`` for interactive plots."""
+    add_out(parser, what, default, otherwise=otherwise)
+    add_figures(parser)
+    if full:
+        text = "interactive plots in place of pictures; the page has some 5 MB or more"
+        parser.add_argument("--full", action="store_true", help=text)
+
+
+def add_figures(parser: argparse.ArgumentParser) -> None:
+    """Add ``--figures``."""
+    text = "also write every picture into this directory, as SVG and PDF with its data as CSV"
+    parser.add_argument("--figures", metavar="DIR", type=Path, help=text)
+
+
+def figures(args: argparse.Namespace) -> AbstractContextManager[None]:
+    """The context in which pictures are also written where ``--figures`` says.
+
+    Raises
+    ------
+    ValueError
+        If the directory cannot be written.
+    """
+    if getattr(args, "figures", None) is None:
+        return nullcontext()
+    from steer_env.experiments.pages import files, style
+
+    files.usable(args.figures)
+    return style.kept(args.figures)
+
+
 def add_evaluation(parser: argparse.ArgumentParser, out: str) -> None:
     """Add the options of an evaluation on held-out episodes: how many, and where its report goes."""
     add(parser, "--episodes", "held out from every training", 200, type=whole_number(1, MOST_EPISODES))
-    add_out(parser, "of the report, replaced as a whole", out)
+    add_page(parser, "of the report, replaced as a whole", out)
 
 
 def add_plant(parser: argparse.ArgumentParser, speed: str, hands: str) -> None:

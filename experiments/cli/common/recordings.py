@@ -40,7 +40,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--timing-ms", metavar="MS", type=options.real, default=0.0, help=text)
     options.add_noticed(parser)
     text = "for index.html and evaluation.json, replaced as a whole"
-    options.add_out(parser, text, otherwise="none is written")
+    options.add_page(parser, text, otherwise="none is written", full=True)
 
 
 def add_reading(parser: argparse._ActionsContainer) -> None:
@@ -107,7 +107,7 @@ def assess(paths: list[str], args: argparse.Namespace, tolerances: str | None) -
             print(comparison_power.in_words(found.power))
     if args.out:
         out = args.out
-        assessment.write(out, found, recordings, _trace(args, labels, out.name))
+        assessment.write(out, found, recordings, _trace(args, labels, out.name), args.full)
         print(out / "index.html")
     readable = all(any(not value.reason for value in values.values()) for values in found.values.values())
     return int(not (agree and readable))

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from steer_env.experiments.cli.common import options
 from steer_env.experiments.cli.common.extras import require
 from steer_env.experiments.cli.common.options import whole_number
 
@@ -31,14 +32,15 @@ def add_sweep(parser: argparse.ArgumentParser, cases: str = "") -> None:
 
 
 def unswept(args: argparse.Namespace, *others: str) -> list[str]:
-    """The words of a command line without those that say where its cases run, and without ``others`` and their values.
+    """The words of a command line that its result depends on.
 
-    All words of a command that has no such options.
+    These are all but those that say where its cases run and where its pictures go, and ``others`` with their values.
     """
-    if not hasattr(args, "cluster"):
-        return args.argv
     parser = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
-    add_sweep(parser)
+    if hasattr(args, "cluster"):
+        add_sweep(parser)
+    if hasattr(args, "figures"):
+        options.add_figures(parser)
     for name in others:
         parser.add_argument(name)
     return parser.parse_known_args(args.argv)[1]

@@ -72,12 +72,13 @@ def cases(laws: Mapping[str, Any], measured: Mapping[str, Any]) -> list[Case]:
     laws : name -> parameters
         With the calibration that the defaults share, LuGre among them.
     measured : name -> parameters
-        Calibrated to one measured record, at the scale of the car; the first is the base of the others.
+        Calibrated to one measured record, at the scale of the car; LuGre is the base of the others, else the first.
     """
     p = laws[BASE_LAW]
     base = f"{LAW}: {BASE_LAW}"
     found = [Case(LAW, name, base, of) for name, of in laws.items()]
-    found += [Case(MEASURED, name, f"{MEASURED}: {next(iter(measured))}", of) for name, of in measured.items()]
+    first = BASE_LAW if BASE_LAW in measured else next(iter(measured), "")
+    found += [Case(MEASURED, name, f"{MEASURED}: {first}", of) for name, of in measured.items()]
     bare = f"{UNASSISTED}: {BASE_LAW}"
     found += [Case(UNASSISTED, name, bare, of, assist=False) for name, of in laws.items()]
     found += [Case(LEVEL, f"{part * defaults.F_C:.2g} N m", base, scaled(p, part, 1.0)) for part in LEVELS]

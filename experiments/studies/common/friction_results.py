@@ -159,8 +159,8 @@ def collect(
 
 
 def _usable(each: Judged) -> bool:
-    """Whether a law has one calibration by the record with which it can act in the car."""
-    return each.parameters is not None and not each.undetermined and friction_laws.dry(each.parameters)
+    """Whether a law could be fitted and is dry; a parameter that the record leaves open is without effect or zero."""
+    return each.parameters is not None and friction_laws.dry(each.parameters)
 
 
 def _timed(

@@ -10,10 +10,11 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from matplotlib.figure import Figure
 from matplotlib.ticker import FormatStrFormatter
 
 from steer_env.experiments.pages.pages import Page
-from steer_env.experiments.pages.style import DASHES, PALETTE, legend, new_figure, styled, svg
+from steer_env.experiments.pages.style import DASHES, PALETTE, legend, new_figure, styled
 from steer_env.experiments.studies.common.device_latency import Latency
 from steer_env.experiments.studies.common.real_time_loop import Results, Row, together
 from steer_env.live.real_time.measure import Durations, Measured
@@ -21,7 +22,7 @@ from steer_env.recording.driven import MANY_MISSED
 
 
 @styled
-def exceeded(panels: Mapping[str, Mapping[str, Durations]]) -> str:
+def exceeded(panels: Mapping[str, Mapping[str, Durations]]) -> Figure:
     """Share of durations that exceed a length, over that length, both logarithmic; a panel for each title.
 
     Parameters
@@ -47,7 +48,7 @@ def exceeded(panels: Mapping[str, Mapping[str, Durations]]) -> str:
             axis.set_major_formatter(FormatStrFormatter("%g"))  # powers would be set by matplotlib itself
     grid[0].set_ylabel("share that is longer")
     legend(figure, grid[0])
-    return svg(figure)
+    return figure
 
 
 class Table(NamedTuple):
