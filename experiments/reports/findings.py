@@ -2,6 +2,7 @@
 
 import math
 from collections import Counter, defaultdict
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
@@ -159,9 +160,23 @@ class OnTerm(NamedTuple):
     laws: dict[str, Compared]  # without the base law
 
     @property
+    def metrics(self) -> int:
+        """Number of metrics that are compared."""
+        return _metrics(row for row in self.differences.rows if math.isfinite(row.found.value))
+
+    @property
+    def thresholds(self) -> int:
+        """Number of metrics with a known threshold of perception."""
+        return _metrics(self.differences.known)
+
+    @property
     def felt(self) -> list[str]:
         """The laws that a driver would tell from the base law."""
         return [law for law, of in self.laws.items() if of.perceptible]
+
+
+def _metrics(rows: Iterable[Differing]) -> int:
+    return len({(row.test, row.metric) for row in rows})
 
 
 def terms(results: Results, noticed: float = just_noticeable.SHARE) -> list[OnTerm]:

@@ -394,7 +394,7 @@ def test_frequency_responses_are_drawn():
     made, _ = swept_sine(50.0)
     page = assessment.page_of(assessment.assess({"made": made}), {"made": made}).html()
     assert "Frequency responses to the handwheel angle" in page
-    assert page.count("squared coherence [1]") == 3  # of yaw rate, lateral acceleration and torque
+    assert page.count(">squared coherence [1]<") == 3  # of yaw rate, lateral acceleration and torque
     kept = ("handwheel_angle", "yaw_rate", "lateral_acceleration", "vehicle_speed")
     bare = Recording(made.time, {n: made[n] for n in kept}, {n: made.units[n] for n in kept}, made.meta)
     assert (

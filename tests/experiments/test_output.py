@@ -210,7 +210,7 @@ def test_pictures_are_kept_as_files_with_their_data(tmp_path):
     assert {each.name for each in tmp_path.iterdir()} == expected
     assert (tmp_path / "drawn.svg").read_text(encoding="utf-8") == text
     assert (tmp_path / "drawn.pdf").read_bytes().startswith(b"%PDF")
-    rows = list(csv.DictReader((tmp_path / "drawn.csv").open(encoding="utf-8")))
+    rows = list(csv.DictReader((tmp_path / "drawn.csv").read_text(encoding="utf-8").splitlines()))
     line = [row for row in rows if row["label"] == 'a "b" & <c>']
     assert [(float(row["x"]), float(row["y"])) for row in line] == [(0.0, 0.0), (1.0, 0.123456), (2.0, -0.4)]
     assert ("1.0", "0.0") in [(row["x"], row["y"]) for row in rows]  # the end of the bar

@@ -69,7 +69,7 @@ IMPORT = ["--import", MODULE]
 # Command -> its words with the law, where it has a place for one. A study takes '--import' before its name or after it.
 COMMANDS = {
     "run": ["run", "all", "--friction", NAME, *IMPORT],
-    "report": ["report", "--friction", NAME, "--light", *IMPORT],
+    "report": ["report", "--friction", NAME, *IMPORT],
     "tune": ["tune", "--friction", NAME, "--budget", "2", *IMPORT],
     "sensitivity": ["sensitivity", "--friction", NAME, "--samples", "4", *IMPORT],
     "policy evaluate": [

@@ -94,7 +94,7 @@ def test_what_is_read_first(made):
     places = [text.index(f'<section id="{name}">') for name in (*headings, "provenance", "glossary")]
     assert places == sorted(places)
     first = " ".join("".join(Page(text[places[0] : places[1]]).words).split())
-    assert "Against lugre, known thresholds say that a driver feels no other law with one calibration for all" in first
+    assert "a driver tells no law from lugre with one calibration, no law with each fitted." in first
     assert len(re.search(r'<p class="verdict">(.*?)</p>', text, re.DOTALL)[1].split()) <= 25
     assert [text[places[0] : places[1]].count(tag) for tag in ("<img ", "<table")] == [3, 1]
     differs = Page(text[places[1] : places[2]])
@@ -158,10 +158,10 @@ def test_a_law_that_a_driver_feels_is_in_the_verdict(made, source):
     drives = {**results.drives, "step-steer": {**results.drives["step-steer"], "masing": drive._replace(values=values)}}
     changed = results._replace(drives=drives)
     text = " ".join(build.page_of(changed, source).html().split())
-    assert "a driver feels masing with one calibration for all" in text
+    assert "a driver tells masing from lugre with one calibration" in text
     assert '<span class="badge perceptible">perceptible</span>' in text
     deaf = " ".join(build.page_of(changed, source, build.Look(noticed=0.3)).html().split())
-    assert "a driver feels no other law with one calibration for all" in deaf
+    assert "a driver tells no law from lugre with one calibration" in deaf
     json_of = build.metrics_json(changed, source)["differences"]["laws"]["masing"]
     assert json_of["step_steer.steady_step_torque"]["perception"] == "perceptible"
 
