@@ -398,7 +398,8 @@ def test_frequency_responses_are_drawn():
     kept = ("handwheel_angle", "yaw_rate", "lateral_acceleration", "vehicle_speed")
     bare = Recording(made.time, {n: made[n] for n in kept}, {n: made.units[n] for n in kept}, made.meta)
     assert (
-        assessment.page_of(assessment.assess({"bare": bare}), {"bare": bare}).html().count("squared coherence [1]") == 2
+        assessment.page_of(assessment.assess({"bare": bare}), {"bare": bare}).html().count(">squared coherence [1]<")
+        == 2
     )
 
 

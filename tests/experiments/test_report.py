@@ -209,7 +209,7 @@ def test_the_report_of_an_own_car(tmp_path, monkeypatch):
     command = ["report", *options, "--friction", "lugre", "--out", str(tmp_path / "mine")]
     assert main(command) == 0
     assert (seen["car"].name, seen["car"].column.K_tb) == ("bmw_320i", 143.0)
-    assert seen["look"] == build.Look(light=True, noticed=pytest.approx(0.1))
+    assert seen["look"] == build.Look(noticed=pytest.approx(0.1))
     assert (seen["trace"]["command"], seen["trace"]["result"]) == (command, "mine")
     assert cars.load(seen["trace"]["car"]).column.K_tb == 143.0
 
@@ -233,7 +233,7 @@ def test_the_page_says_everything_in_plain_words(made):
 
 def test_metrics_json(made):
     data = json.loads((made[0] / "metrics.json").read_text(encoding="utf-8"))
-    assert set(data) == {"metrics", "differences", "real_time", "vehicle", "provenance", "trace"}
+    assert set(data) == {"metrics", "differences", "fitted", "real_time", "vehicle", "provenance", "trace"}
     assert set(data["differences"]["laws"]) == {"masing"}
     assert data["differences"]["noticed_share"] == 0.15
     assert set(data["vehicle"]) == {"weave_peaks", "parking", "cross_validation"}
