@@ -14,7 +14,6 @@ and hands; a study reads its best sets on that map.
 
 import math
 from collections.abc import Mapping, Sequence
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -28,17 +27,15 @@ from steer_env.vehicle.cars import Car
 from steer_env.vehicle.chassis.common.interface import INPUTS
 from steer_env.vehicle.steering import stability
 from steer_env.vehicle.steering.assist.functions import Functions
-from steer_env.vehicle.steering.column import COLUMN_ANGLE, HANDWHEEL_ANGLE, Column
-from steer_env.vehicle.steering.eps import SAMPLE_TIME, Assist, boost_curve
-from steer_env.vehicle.steering.margins import TARGETS, answer, boost_gain, hands_fixed_plant, slopes_of_functions
+from steer_env.vehicle.steering.column import COLUMN_ANGLE, HANDWHEEL_ANGLE
+from steer_env.vehicle.steering.eps import Assist, boost_curve
+from steer_env.vehicle.steering.margins import FREQUENCIES, TARGETS, read, worst_margins
 
 KPH = 3.6  # [km/h] of 1 m/s
 SPEEDS = (11.0, 20.0, 40.0, 100.0, 140.0)  # of the loop of the whole car [km/h]
 RESTING_UP_TO = 60.0  # above it friction at rest never has the smallest margin [km/h]
 FREE_SPEEDS = (60.0, 140.0)  # of the free car [km/h]
 PHASE, GAIN = TARGETS  # [deg], [dB]
-FREQUENCIES = assist_loop.FREQUENCIES  # of the loop of the whole car [Hz]
-COLUMN_FREQUENCIES = FREQUENCIES[::3]  # of the column, whose response has no sharp peaks [Hz]
 KINDS = {
     "stable": "stability",
     "phase": "phase margin",
@@ -88,22 +85,6 @@ def _return_saturated(a: Assist) -> Assist:
     return a._replace(functions=f._replace(active_return=off))
 
 
-def _column(c: Column, a: Assist, speed: float) -> tuple[float, float]:
-    """Smallest phase [rad] and gain margin [1] of the column with fixed hands, a stable loop.
-
-    These are those of :func:`steer_env.vehicle.steering.margins.worst_margins`, with the response of the plant read
-    once for all slopes of boost and functions.
-    """
-    z = np.exp(2j * math.pi * SAMPLE_TIME * COLUMN_FREQUENCIES)
-    P, others = hands_fixed_plant(c, a, speed)[0, 0](z), np.atleast_1d(answer(a, 0.0, 0.0)(z))
-    lead, found = answer(a, 1.0, 0.0)(z) - others, list[assist_loop.Margins]()
-    for low, high in pairwise(a.torques.tolist()):
-        slope = boost_gain(a, 0.5 * (low + high), speed)
-        for more in slopes_of_functions(c, a, low, high, speed):
-            found.append(assist_loop.read(COLUMN_FREQUENCIES, -(slope * lead + others + more) * P))
-    return min(m.phase for m in found), min(m.gain for m in found)
-
-
 def margins(
     car: Car, a: Assist, law: Any, load: float, reached: Sequence[float], chassis: str = "single_track"
 ) -> dict[str, float]:
@@ -132,9 +113,9 @@ def margins(
     laden = car.loaded(load)
     found, stable = dict[str, float](), True
     for v in sorted({0.0, *a.speeds.tolist()}):
-        phase, gain = _column(car.column, a, v)
-        found[f"column_phase_{KPH * v:.0f}"] = min(math.degrees(phase), ENOUGH[0])
-        found[f"column_gain_{KPH * v:.0f}"] = min(_level(gain), ENOUGH[1])
+        column = worst_margins(car.column, a, v)
+        found[f"column_phase_{KPH * v:.0f}"] = min(math.degrees(column.phase), ENOUGH[0])
+        found[f"column_gain_{KPH * v:.0f}"] = min(_level(column.gain), ENOUGH[1])
         stable &= all(stability.stable(car.column, a, v, free=free) for free in (False, True))
     for kph, reach in zip(SPEEDS, reached, strict=True):
         slope, points = steepest(a, kph / KPH, reach), list[Point]()
@@ -143,7 +124,7 @@ def margins(
             stable &= not assist_loop.grows(points[-1])
         if (turning := _return_saturated(a)) is not a:
             points.append(_straight(laden, turning, slope, FRICTIONLESS, kph / KPH, chassis))
-        each = [assist_loop.read(FREQUENCIES, assist_loop.open_loop(p).response(FREQUENCIES)) for p in points]
+        each = [read(FREQUENCIES, assist_loop.open_loop(p).response(FREQUENCIES)) for p in points]
         found[f"phase_{kph:.0f}"] = min(math.degrees(min(m.phase for m in each)), ENOUGH[0])
         found[f"gain_{kph:.0f}"] = min(_level(min(m.gain for m in each)), ENOUGH[1])
     free, share = _free(car._replace(assist=a), law, load, chassis), float(a.boost.max()) / a.limit

@@ -9,11 +9,10 @@ from typing import Any, NamedTuple
 
 from steer_env.drivers.common.definition import arm
 from steer_env.vehicle.analysis import assist_loop
-from steer_env.vehicle.analysis.assist_loop import Margins
 from steer_env.vehicle.analysis.linearised import Point
 from steer_env.vehicle.analysis.operating_point import HANDS, Cornering, cornering, held, steady
 from steer_env.vehicle.cars import Car
-from steer_env.vehicle.steering.margins import TARGETS
+from steer_env.vehicle.steering.margins import TARGETS, Margins, of_cells
 
 KPH = 3.6  # [km/h] of 1 m/s
 SPEEDS = (20.0, 40.0, 60.0, 80.0, 100.0, 120.0, 140.0)  # [km/h]
@@ -81,6 +80,12 @@ def of_speed(turn: Cornering, kph: float, law: Any) -> Iterator[Cell]:
         point = _turned(turn, torque)
         for hands, friction in product(HANDS, (SLIDING, RESTING)):
             yield Cell(kph, torque, hands, friction, _margins(point, hands, friction, law))
+
+
+def standing(car: Car) -> list[Cell]:
+    """The points at standstill: the column against a rack force that stays, in every cell of the boost table."""
+    cells = of_cells(car.column, car.assist, 0.0)
+    return [Cell(0.0, cell.torque, "on", SLIDING, cell.margins) for cell in cells]
 
 
 def of_car(car: Car, law: Any, loads: Sequence[float], chassis: str) -> list[Cell]:

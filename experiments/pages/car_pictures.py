@@ -16,6 +16,7 @@ Array = NDArray[np.float64]
 Range = tuple[float, float]
 
 _BAND, _LINE = "#e3f2ea", "#999999"
+_NONE, _LIMIT = "#e8e8e8", "#b00020"
 _SPUN = 60.0  # yaw rate from which on the crosses of spins are drawn, above one another [deg/s]
 _FORCE, _TORQUE = 3.0, 100.0  # up to which compliance steer is drawn [kN], [N m]
 
@@ -166,7 +167,36 @@ def assist(torques: Array, boost: Mapping[str, Array], speeds: Array, damping: A
     return figure
 
 
-_NONE, _LIMIT = "#e8e8e8", "#b00020"
+@styled
+def in_ranges(groups: Mapping[str, Sequence[float]]) -> Figure:
+    """Quantities by group over their ranges: each as its share of the way from the lower to the upper end."""
+    figure = new_figure(5.0, 0.36 * len(groups) + 0.9)
+    axes = figure.subplots()
+    axes.axvspan(0.0, 1.0, color=_BAND, zorder=0)
+    for row, places in enumerate(groups.values()):
+        for x in places:
+            kept = 0.0 <= x <= 1.0
+            axes.plot(x, -row, "o" if kept else "D", color="#1d2530" if kept else _LIMIT, markersize=5, alpha=0.7)
+    axes.set(xlim=(-0.5, 1.5), xticks=(0.0, 1.0), xticklabels=("lower end", "upper end"))
+    axes.set(yticks=[-row for row in range(len(groups))], yticklabels=list(groups), ylim=(0.5 - len(groups), 0.5))
+    axes.grid(visible=False)
+    return figure
+
+
+@styled
+def least_margins(found: Mapping[str, tuple[Array, Array, Array]], limits: tuple[float, float]) -> Figure:
+    """Smallest phase [deg] and gain margin [dB] over speed [km/h], a line for each label, with their limits."""
+    figure = new_figure(5.0, 4.6)
+    panels = figure.subplots(2, 1, sharex=True)
+    for (label, (speed, *values)), colour, marker in zip(found.items(), PALETTE, "osD"):
+        for axes, y in zip(panels, values):
+            axes.plot(speed, y, marker=marker, markersize=4, color=colour, label=label)
+    for axes, limit, name in zip(panels, limits, ("phase margin [deg]", "gain margin [dB]")):
+        axes.axhline(limit, color=_LIMIT, linewidth=1.5)
+        axes.set(ylabel=name, ylim=(0.0, None))
+    panels[1].set_xlabel("speed [km/h]")
+    legend(figure, panels[0])
+    return figure
 
 
 @styled

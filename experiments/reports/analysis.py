@@ -41,7 +41,7 @@ class Results(NamedTuple):
     car: str
     chassis: str
     law: str
-    cells: list[Cell]
+    cells: list[Cell]  # at standstill, then of the moving car
     loops: dict[str, Complexes]  # label -> open loop at FREQUENCIES, at the speed and hands of the worst cell
     bode: dict[tuple[str, str], dict[str, Complexes]]  # (input, output) -> label -> response at BODE_FREQUENCIES
     speed_modes: list[Complexes]  # over MODES_SPEEDS, hands off, straight [1/s]
@@ -51,8 +51,8 @@ class Results(NamedTuple):
 
     @property
     def worst(self) -> Cell:
-        """The cell with the smallest disk margin."""
-        return worst_of(self.cells)
+        """The point of the moving car with the smallest disk margin."""
+        return worst_of([cell for cell in self.cells if cell.speed_kph])
 
 
 def worst_of(cells: list[Cell]) -> Cell:
@@ -87,12 +87,12 @@ def collect(
         Told the part that is done and what comes next.
     """
     label, p = (law, law) if isinstance(law, str) else (law.label, law.parameters)
-    cells, turns = list[Cell](), dict[float, Cornering]()
+    cells, turns = margin_map.standing(car), dict[float, Cornering]()
     for i, kph in enumerate(margin_map.SPEEDS):
         notify(0.8 * i / len(margin_map.SPEEDS), f"margins at {kph:g} km/h")
         turns[kph] = cornering(car, kph / KPH, chassis)
         cells += margin_map.of_speed(turns[kph], kph, p)
-    worst = worst_of(cells)
+    worst = worst_of([cell for cell in cells if cell.speed_kph])
     notify(0.8, "responses and modes")
     at = [c for c in cells if c.margins and c[0] == worst.speed_kph and c[2:4] == (worst.hands, worst.friction)]
     resting = p if worst.friction == RESTING else None

@@ -30,7 +30,7 @@ def _maps(results: Results, value: Callable[[Cell], float]) -> dict[str, Array]:
     """Values (torque, speed) of every pair of hands and friction."""
     found = {}
     for hands, friction in product(HANDS, (SLIDING, RESTING)):
-        own = [value(c) for c in results.cells if (c.hands, c.friction) == (hands, friction)]
+        own = [value(c) for c in results.cells if c.speed_kph and (c.hands, c.friction) == (hands, friction)]
         found[f"hands {hands}, {friction}"] = np.reshape(own, (len(margin_map.SPEEDS), len(margin_map.TORQUES))).T
     return found
 
@@ -38,13 +38,26 @@ def _maps(results: Results, value: Callable[[Cell], float]) -> dict[str, Array]:
 def _speeds(results: Results) -> list[tuple[str, ...]]:
     """Smallest margins at each speed, a row for each."""
     rows = []
-    for kph in margin_map.SPEEDS:
+    for kph in sorted({c.speed_kph for c in results.cells}):
         own = [c for c in results.cells if c.margins and c.speed_kph == kph]
         worst = worst_of(own)
         least = [min(values) for values in zip(*((c.phase_deg, c.gain_db, 1e3 * c.margins.delay) for c in own))]  # type: ignore[union-attr]
         m = worst.margins
-        rows.append((f"{kph:g}", *map(number, least), number(m.disk), worst.where, number(m.crossover)))  # type: ignore[union-attr]
+        rows.append((f"{kph:g}", *map(number, least), number(m.disk), worst.where.partition(", ")[2]))  # type: ignore[union-attr]
     return rows
+
+
+def _least(results: Results) -> dict[str, tuple[Array, Array, Array]]:
+    """Speeds [km/h] with the smallest phase [deg] and gain margin [dB], for all hands."""
+    found = {}
+    for hands in HANDS:
+        own = [c for c in results.cells if c.margins and c.hands == hands]
+        speeds = sorted({c.speed_kph for c in own})
+        at = [[c for c in own if c.speed_kph == kph] for kph in speeds]
+        rows = [(min(c.phase_deg for c in each), min(c.gain_db for c in each)) for each in at]
+        phase, gain = np.array(rows).T
+        found[f"hands {hands}"] = np.array(speeds), phase, gain
+    return found
 
 
 def _bode(results: Results) -> str:
@@ -103,6 +116,7 @@ def _page(results: Results) -> Page:
         "missed": missed(found),
         "phase": min(found, key=lambda c: c.phase_deg),
         "gain": min(found, key=lambda c: c.gain_db),
+        "least": car_pictures.least_margins(_least(results), (PHASE_LIMIT, GAIN_LIMIT)),
         "maps": maps,
         "speeds": _speeds(results),
         "limit_disk": LIMIT_DISK,
@@ -152,6 +166,10 @@ def build(results: Results) -> tuple[Page, dict[str, Any]]:
             }
             for kph, hands, each in results.cycles
         ],
+        "least": {
+            "phase_deg": min(c.phase_deg for c in results.cells if c.margins),
+            "gain_db": min(c.gain_db for c in results.cells if c.margins),
+        },
         "missed": [c.where for c in missed(results.cells)],
     }
     return _page(results), data

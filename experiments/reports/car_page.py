@@ -82,6 +82,16 @@ def strip(q: Quantity) -> Strip | None:
     return Strip(25.0 if low else 0.0, 75.0 if high else 100.0, min(max(place, 2.0), 98.0))
 
 
+def _in_ranges(found: list[Quantity]) -> str:
+    """Where the quantities stand in their ranges, by group; one with a single limit keeps it or not."""
+    groups = dict[str, list[float]]()
+    for q in found:
+        if place := strip(q):
+            x, group = (place.value - 25.0) / 50.0, q.group.split(",")[0].split(" at ")[0]
+            groups.setdefault(group, []).append(min(max(x, 0.0), 1.0) if q.plausible else x)
+    return car_pictures.in_ranges(groups)
+
+
 def _limits(name: str) -> tuple[float, float]:
     found = ranges()[name]
     return found["low"], found["high"]
@@ -110,6 +120,7 @@ def _pictures(car: Car, found: list[Quantity], simulated: Simulated) -> dict[str
     cells = {"parking" if kph == 0.0 else f"{kph:g} km/h": found for kph, found in simulated.assist.items()}
     axles, a = ("front", "rear"), car.assist
     return {
+        "in_ranges": _in_ranges(found),
         "budget": car_pictures.budget(terms, shown, _limits("understeer_gradient")),
         "lag": car_pictures.lag(
             KPH * speeds,

@@ -8,12 +8,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from steer_env.experiments.calibration import margin_map
+from steer_env import friction
+from steer_env.experiments.calibration import constraints, margin_map
 from steer_env.experiments.cli.main import main
 from steer_env.experiments.reports import analysis
+from steer_env.experiments.studies.common.assist_margins import assist_cells
 from steer_env.vehicle import cars
 from steer_env.vehicle.analysis import assist_loop
 from steer_env.vehicle.analysis.operating_point import cornering, held, steady
+from steer_env.vehicle.steering.margins import worst_margins
+from tests.experiments.first_screen import sentence
 
 ROOT = Path(__file__).parents[2]
 
@@ -32,20 +36,41 @@ def test_page_of_a_car(tmp_path, capsys):
     """Margins as those of the loop itself; a torque out of reach is told; the same command gives the same files."""
     for name in ("first", "second"):
         assert main(["analyse", "--vehicle", "compact", "--out", str(tmp_path / name)]) == 0
-    assert "keeps 30 deg and 6 dB at all 24 points" in capsys.readouterr().out
+    assert "keeps 30 deg and 6 dB at all 34 points" in capsys.readouterr().out  # 10 of them at standstill
     texts = [(tmp_path / name / "analyse.json").read_text(encoding="utf-8") for name in ("first", "second")]
     data = json.loads(texts[0])
     assert texts[0].replace('"first"', '"second"') == texts[1]
-    assert len(data["map"]) == 36
-    assert sum(cell["reached"] for cell in data["map"]) == 24
+    standing = [cell for cell in data["map"] if cell["speed_kph"] == 0.0]
+    assert len(data["map"]) - len(standing) == 36
+    assert sum(cell["reached"] for cell in data["map"]) - len(standing) == 24
     own = next(c for c in data["map"] if (c["speed_kph"], c["torque"], c["hands"]) == (60.0, 3.0, "off"))
     point = held(steady(cornering(cars.load("compact"), 60.0 / 3.6), torque=3.0), "off")
     expected = assist_loop.margins(point)
     assert own["friction"] == margin_map.SLIDING
     assert (own["gain"], own["phase"], own["disk"]) == pytest.approx((expected.gain, expected.phase, expected.disk))
     page = (tmp_path / "first" / "index.html").read_text(encoding="utf-8")
-    assert page.count("<figure>") == 5
-    assert "Smallest margins at each speed" in page
+    assert page.count("<figure>") == 6
+    assert f"least {data['least']['phase_deg']:.3g} deg (standstill)" in sentence(page)
+
+
+def test_every_page_has_the_margins_of_one_function(tmp_path):
+    """At standstill, of pages of the car and of the analysis, of the report, a tuning and the tuning environment."""
+    for command in (["car", "compact", "--page"], ["analyse", "--vehicle", "compact"]):
+        assert main([*command, "--out", str(tmp_path / command[0])]) == 0
+    car, found = cars.load("compact"), list[tuple[float, float]]()
+    quantities = json.loads((tmp_path / "car" / "car.json").read_text(encoding="utf-8"))["quantities"]
+    found.append((quantities["phase_margin_0"]["value"], quantities["gain_margin_0"]["value"]))
+    analysed = json.loads((tmp_path / "analyse" / "analyse.json").read_text(encoding="utf-8"))
+    standing = [cell for cell in analysed["map"] if cell["speed_kph"] == 0.0]
+    phase, gain = min(cell["phase"] for cell in standing), min(cell["gain"] for cell in standing)
+    found += [(math.degrees(phase), 20.0 * math.log10(gain)), tuple(analysed["least"].values())]
+    cells = assist_cells(car, 0.0)
+    found.append((min(cell.phase_deg for cell in cells), min(cell.gain_db for cell in cells)))
+    tuned = constraints.margins(car, car.assist, friction.make("lugre"), 0.0, constraints.reaches(car))
+    found.append((tuned["column_phase_0"], tuned["column_gain_0"]))
+    worst = worst_margins(car.column, car.assist, 0.0)
+    found.append((math.degrees(worst.phase), 20.0 * math.log10(worst.gain)))
+    assert len({(round(phase, 9), round(gain, 9)) for phase, gain in found}) == 1, found
 
 
 def test_a_loop_that_misses_the_limits(tmp_path, capsys):
@@ -66,6 +91,7 @@ def test_a_loop_that_misses_the_limits(tmp_path, capsys):
     assert below
     assert len(below) == len(data["missed"])
     assert f"misses 30 deg and 6 dB at {len(below)} of" in capsys.readouterr().out
+    sentence((tmp_path / "page" / "index.html").read_text(encoding="utf-8"))
 
 
 def test_a_directory_with_other_files_is_refused(tmp_path, capsys):

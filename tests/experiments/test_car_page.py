@@ -13,6 +13,7 @@ from steer_env.recording.recording import DEGREE
 from steer_env.vehicle import cars
 from steer_env.vehicle.analysis import free_control, understeer
 from steer_env.vehicle.constants import GRAVITY
+from tests.experiments.first_screen import sentence
 
 OWN = """
 base = "ford_escort"
@@ -47,7 +48,7 @@ def page(tmp_path_factory):
 def test_the_page_is_self_contained_and_complete(page):
     html = (page / "index.html").read_text(encoding="utf-8")
     assert "<h1>Car soft</h1>" in html
-    assert html.count("data:image/svg+xml,") == 9
+    assert html.count("data:image/svg+xml,") == 10
     for place in ("<link", 'src="http', "<script src", "<script>"):
         assert place not in html
     data = json.loads((page / "car.json").read_text(encoding="utf-8"))
@@ -71,7 +72,9 @@ def test_an_implausible_number_is_marked(page, capsys):
     q = data["quantities"]["rear_lateral_steer"]
     assert q["value"] == pytest.approx(5e-6 * 1e3 * 180.0 / math.pi)
     html = (page / "index.html").read_text(encoding="utf-8")
-    summary = html[html.index("Summary") : html.index('id="g1"')]
+    rated = sum(q["plausible"] is not None for q in data["quantities"].values())
+    assert sentence(html).startswith(f"{len(data['outside'])} of {rated} quantities")
+    summary = html[: html.index('id="g1"')]
     assert "understeer by lateral force, rear" in summary
     assert 'class="matters"' in summary
 

@@ -28,7 +28,7 @@ from steer_env.experiments.calibration.pace import Pace
 from steer_env.experiments.calibration.problem import Evaluation
 from steer_env.experiments.cli.main import main
 from steer_env.vehicle import cars
-from steer_env.vehicle.analysis import assist_loop
+from steer_env.vehicle.steering.margins import Margins
 
 pytestmark = pytest.mark.filterwarnings("ignore::steer_env.vehicle.cars.UnusualCar")
 
@@ -54,9 +54,7 @@ def formula(posed, values, every_metric=True):
 
 def cell(phase, torque=3.5):
     """A point of the map with a phase margin [rad]."""
-    return margin_map.Cell(
-        20.0, torque, "off", margin_map.SLIDING, assist_loop.Margins(4.0, phase, 0.01, 0.4, 5.0, True)
-    )
+    return margin_map.Cell(20.0, torque, "off", margin_map.SLIDING, Margins(4.0, phase, 0.01, 0.4, 5.0, True))
 
 
 def here(function, cases, **options):

@@ -10,7 +10,7 @@ import pytest
 from steer_env.experiments.calibration import constraints, feasibility, margin_map, tuning_page
 from steer_env.experiments.pages import tuning_pictures
 from steer_env.targets import Band
-from steer_env.vehicle.analysis import assist_loop
+from steer_env.vehicle.steering.margins import Margins
 
 UNITS = {"torque_deadband": "N m", "angle_deadband": "deg"}
 POSED = SimpleNamespace(bands={name: Band((0.0, 1.0), (-1.0, 2.0)) for name in UNITS})
@@ -71,7 +71,7 @@ def test_constraints_in_words(constraint, violation, words):
 
 
 def test_a_point_of_the_map_tells_its_load():
-    margins = assist_loop.Margins(4.0, 0.2, 0.01, 0.4, 5.0, True)
+    margins = Margins(4.0, 0.2, 0.01, 0.4, 5.0, True)
     cell = margin_map.Cell(20.0, 4.0, "off", "friction slides", margins)
     assert cell.where == "20 km/h, 4 N m, hands off, friction slides"
     assert cell._replace(load=300.0).where.endswith("friction slides, 300 kg of load")

@@ -195,7 +195,7 @@ def test_lost_margins_cost():
     *_, info = env.step(wild)
     assert info["cost_terms"] == {"phase_margin": 1.0, "gain_margin": 1.0}  # unstable at standstill
     assert info["reward_terms"]["gain_margin"] == -reward.MARGIN_WEIGHT
-    half = reward.margin_shortfall(Margins(math.radians(15.0), 10.0 ** (7.5 / 20.0), 20.0, True))
+    half = reward.margin_shortfall(Margins(10.0 ** (7.5 / 20.0), math.radians(15.0), 0.01, 0.5, 20.0, True))
     assert half == {"phase_margin": pytest.approx(0.5), "gain_margin": 0.0}
 
 

@@ -56,11 +56,11 @@ def test_delay_margin_is_where_the_plant_becomes_unstable(hands):
     car = CAR._replace(assist=CAR.assist._replace(damping=0.0 * CAR.assist.damping))
     point = held(steady(cornering(car, SPEED), torque=2.5), hands)
     loop, samples = assist_loop.open_loop(point), 3
-    f = assist_loop.FREQUENCIES
+    f = margins.FREQUENCIES
     L = loop.response(f)
 
     def delay(factor):
-        return assist_loop.read(f, factor * L).delay / SAMPLE_TIME - samples
+        return margins.read(f, factor * L).delay / SAMPLE_TIME - samples
 
     low, high = 0.05, 4.0
     assert delay(low) > 0.0 > delay(high)
@@ -114,7 +114,7 @@ def test_margins_of_a_known_loop():
     dt = 1e-3
     loop = control.c2d(control.tf([4e5], [1.0, 120.0, 9000.0, 1e5]), dt, "zoh") * control.tf([1.0], [1.0, 0.0], dt)
     f = np.geomspace(0.1, 490.0, 4000)
-    found = assist_loop.read(f, loop(np.exp(2j * math.pi * f * dt)))
+    found = margins.read(f, loop(np.exp(2j * math.pi * f * dt)))
     gain, phase, _, _, crossover, _ = control.stability_margins(control.frequency_response(loop, 2.0 * math.pi * f))
     disk, _, _ = control.disk_margins(loop, 2.0 * math.pi * f)
     assert found.gain == pytest.approx(gain, rel=1e-3)

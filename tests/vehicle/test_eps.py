@@ -217,7 +217,7 @@ def growth(gain, sensor_delay=0.0):
 def test_margins_separate_stable_from_unstable_in_simulation(gain):
     m = margins(LOOP, DEFAULT, gain, 0.0)
     assert growth(0.97 * gain * m.gain) < 0.0 < growth(1.03 * gain * m.gain)
-    delay = m.phase / (2.0 * math.pi * m.phase_crossover)
+    delay = m.phase / (2.0 * math.pi * m.crossover)
     assert growth(gain, 0.96 * delay) < 0.0 < growth(gain, 1.04 * delay)
 
 

@@ -34,26 +34,14 @@ from steer_env.vehicle.steering import eps
 from steer_env.vehicle.steering.assist.functions import Functions
 from steer_env.vehicle.steering.column import COLUMN_ANGLE, COLUMN_SPEED, HANDWHEEL_ANGLE
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
-from steer_env.vehicle.steering.margins import answer, boost_gain
+from steer_env.vehicle.steering.margins import FREQUENCIES, Margins, answer, boost_gain, read
 
 Array = NDArray[np.float64]
 
-FREQUENCIES = np.geomspace(0.3, 490.0, 400)  # at which margins are read [Hz]
 # Growth of a motion in a step of 2 ms that still counts as none [1]. Bristles at rest, of the friction and of the
 # observer that compensates it, neither grow nor decay: differences find their eigenvalue of 1 within 1e-8. A motion
 # that grows by 1e-6 doubles in 23 minutes.
 STABLE = 1e-6
-
-
-class Margins(NamedTuple):
-    """Margins of one operating point; infinite where the loop has no such crossing."""
-
-    gain: float  # largest factor that the boost's slope may take [1]
-    phase: float  # [rad]
-    delay: float  # further delay [s]
-    disk: float  # alpha of (E18) [1]
-    crossover: float  # highest frequency of unit gain; NaN without one [Hz]
-    stable: bool  # no motion of the closed loop grows
 
 
 class Loop(NamedTuple):
@@ -127,26 +115,4 @@ def grows(point: Point) -> bool:
 def margins(point: Point) -> Margins:
     """The margins of the assist loop around a point."""
     loop = open_loop(point)
-    return read(FREQUENCIES, loop.response(FREQUENCIES))._replace(stable=not grows(point))
-
-
-def read(frequency: Array, L: NDArray[np.complex128]) -> Margins:
-    """Margins of a stable loop from its response (F,) at ascending frequencies (F,) [Hz]."""
-    phase = delay = gain = math.inf
-    if not L.any():  # a set-valued law at rest holds the column
-        return Margins(gain, phase, delay, 2.0, math.nan, True)
-    size, angle = np.log(np.abs(L)), np.unwrap(np.angle(L))
-    crossover = math.nan
-    for i in np.flatnonzero(np.signbit(size[1:]) != np.signbit(size[:-1])):
-        s = size[i] / (size[i] - size[i + 1])
-        f = float(frequency[i] * (frequency[i + 1] / frequency[i]) ** s)
-        lag = (angle[i] + s * (angle[i + 1] - angle[i]) + math.pi) % (2.0 * math.pi)  # that may be added
-        phase, delay = min(phase, lag, 2.0 * math.pi - lag), min(delay, lag / (2.0 * math.pi * f))
-        crossover = f
-    for i in np.flatnonzero(np.signbit(L.imag[1:]) != np.signbit(L.imag[:-1])):
-        s = L.imag[i] / (L.imag[i] - L.imag[i + 1])
-        real = L.real[i] + s * (L.real[i + 1] - L.real[i])
-        if -1.0 < real < 0.0:
-            gain = min(gain, -1.0 / real)
-    disk = 1.0 / np.abs(1.0 / (1.0 + L) - 0.5).max()  # (E18)
-    return Margins(float(gain), float(phase), float(delay), float(disk), crossover, True)
+    return read(FREQUENCIES, loop.response(FREQUENCIES), not grows(point))

@@ -7,6 +7,7 @@ active return and, as a spring of negative stiffness, the friction compensation 
 """
 
 import math
+from collections.abc import Iterable, Sequence
 from functools import lru_cache
 from itertools import pairwise
 from typing import NamedTuple
@@ -26,13 +27,26 @@ Array = NDArray[np.float64]
 TARGETS = 30.0, 6.0  # usual lower limits of phase [deg] and gain [dB] margin of an assist loop; assumed
 
 
+FREQUENCIES = np.geomspace(0.3, 490.0, 400)  # at which margins are read [Hz]
+
+
 class Margins(NamedTuple):
     """Margins of one operating point; infinite where the loop has no such crossing."""
 
+    gain: float  # largest factor that the boost's slope may take [1]
     phase: float  # [rad]
-    gain: float  # factor [1]
-    phase_crossover: float  # frequency of unit gain, where the phase margin is read [Hz]
-    stable: bool  # the closed loop's poles lie inside the unit circle
+    delay: float  # further delay [s]
+    disk: float  # alpha of (E18) [1]
+    crossover: float  # highest frequency of unit gain; NaN without one [Hz]
+    stable: bool  # no motion of the closed loop grows
+
+
+class Cell(NamedTuple):
+    """The column's loop in one cell of the boost table."""
+
+    torque: float  # of the torsion bar, in the middle of the cell [N m]
+    slope: float  # of the boost curve [1]
+    margins: Margins
 
 
 def boost_gain(a: Assist, torque: float, speed: float) -> float:
@@ -157,66 +171,83 @@ def slopes_of_functions(c: Column, a: Assist, low: float, high: float, speed: fl
     return tuple(sorted({-spring, 0.0, fade, fade - spring}))
 
 
+def read(frequency: Array, L: NDArray[np.complex128], stable: bool = True) -> Margins:
+    """Margins of a loop from its response (F,) at ascending frequencies (F,) [Hz].
+
+    Those of a loop that is not stable are distances; its gain margin is below 1 where less boost would be stable.
+    """
+    phase = delay = gain = math.inf
+    if not L.any():  # a set-valued law at rest holds the column
+        return Margins(gain, phase, delay, 2.0, math.nan, stable)
+    size, angle = np.log(np.abs(L)), np.unwrap(np.angle(L))
+    crossover = math.nan
+    for i in np.flatnonzero(np.signbit(size[1:]) != np.signbit(size[:-1])):
+        s = size[i] / (size[i] - size[i + 1])
+        f = float(frequency[i] * (frequency[i + 1] / frequency[i]) ** s)
+        lag = (angle[i] + s * (angle[i + 1] - angle[i]) + math.pi) % (2.0 * math.pi)  # that may be added
+        phase, delay = min(phase, lag, 2.0 * math.pi - lag), min(delay, lag / (2.0 * math.pi * f))
+        crossover = f
+    for i in np.flatnonzero(np.signbit(L.imag[1:]) != np.signbit(L.imag[:-1])):
+        s = L.imag[i] / (L.imag[i] - L.imag[i + 1])
+        real = L.real[i] + s * (L.real[i + 1] - L.real[i])
+        if real < 0.0 and not (stable and real <= -1.0):
+            gain = min(gain, -1.0 / real)
+    disk = 1.0 / np.abs(1.0 / (1.0 + L) - 0.5).max()  # (E18)
+    return Margins(float(gain), float(phase), float(delay), float(disk), crossover, stable)
+
+
+def _response(system: control.StateSpace, z: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    """Output over input at points z (F,), of a system with one of each."""
+    inputs = np.broadcast_to(system.B, (z.size, *system.B.shape))
+    states = np.linalg.solve(z[:, None, None] * np.eye(system.nstates) - system.A, inputs)
+    return (system.C @ states + system.D)[:, 0, 0]  # type: ignore[no-any-return]
+
+
+def of_slopes(c: Column, a: Assist, slopes: Iterable[tuple[float, float]], speed: float) -> list[Margins]:
+    """Margins of :func:`hands_fixed_loop` at each pair of slopes, of boost and functions [1], at a speed [m/s].
+
+    The plant is read once for all, and the answer to the torque, which is linear in the slope of the boost, at 0 and 1.
+    """
+    plant, none, one = hands_fixed_plant(c, a, speed)[0, 0], answer(a, 0.0, 0.0), answer(a, 1.0, 0.0)
+    z = np.exp(2j * math.pi * FREQUENCIES * SAMPLE_TIME)
+    P, others, lead = (_response(system, z) for system in (plant, none, one - none))
+    found = []
+    for boost, more in slopes:
+        B, D = none.B + boost * (one.B - none.B), none.D + boost * (one.D - none.D) + more
+        closed = np.block([[plant.A + plant.B @ D @ plant.C, plant.B @ one.C], [B @ plant.C, one.A]])
+        stable = bool(np.abs(np.linalg.eigvals(closed)).max() < 1.0)
+        found.append(read(FREQUENCIES, -(others + boost * lead + more) * P, stable))  # (E6)
+    return found
+
+
 def margins(c: Column, a: Assist, gain: float, speed: float, slope: float = 0.0) -> Margins:
-    """Phase and gain margin of :func:`hands_fixed_loop`, and whether the closed loop is stable."""
-    loop = hands_fixed_loop(c, a, gain, speed, slope)
-    omega = np.geomspace(1.0, 0.999 * math.pi / SAMPLE_TIME, 2000)
-    response = control.frequency_response(loop, omega)
-    gain_margin, phase_margin, _, _, crossover, _ = control.stability_margins(response)  # (E6)
-    closed = control.feedback(loop, 1)
-    return Margins(
-        math.radians(phase_margin),
-        float(gain_margin),
-        crossover / (2.0 * math.pi),
-        bool(np.all(np.abs(closed.poles()) < 1.0)),
-    )
+    """Margins of :func:`hands_fixed_loop`, whose parameters these are, and whether the closed loop is stable."""
+    return of_slopes(c, a, [(gain, slope)], speed)[0]
+
+
+def least(found: Sequence[Margins]) -> Margins:
+    """The margins with the smallest phase margin, with the smallest of the others; stable where all are."""
+    worst = min(found, key=lambda m: m.phase)
+    gain, delay, disk = (min(getattr(m, name) for m in found) for name in ("gain", "delay", "disk"))
+    return worst._replace(gain=gain, delay=delay, disk=disk, stable=all(m.stable for m in found))
+
+
+def of_cells(c: Column, a: Assist, speed: float) -> list[Cell]:
+    """The column's loop in every cell of the boost table that answers the torque at a speed [m/s].
+
+    With functions of the assist it is :func:`least` over their slopes of :func:`slopes_of_functions`.
+    """
+    found = []
+    for low, high in pairwise(a.torques.tolist()):
+        torque = 0.5 * (high + low)
+        slope = boost_gain(a, torque, speed)
+        if slope > 1e-6 or isinstance(a.functions, Functions):  # the table is flat at its end
+            pairs = [(slope, more) for more in slopes_of_functions(c, a, low, high, speed)]
+            found.append(Cell(torque, slope, least(of_slopes(c, a, pairs, speed))))
+    return found
 
 
 def worst_margins(c: Column, a: Assist, speed: float) -> Margins:
-    """Smallest phase and gain margin over the slopes of the boost curve at a speed [m/s].
-
-    The results are those of :func:`margins` at every slope, but from one frequency response without functions of the
-    assist, in a hundredth of the time. With functions each slope of the boost curve meets those of
-    :func:`slopes_of_functions`. The loop counts as stable if it is stable at every slope. A loop without a crossing at
-    any slope has infinite margins.
-    """
-    omega = np.geomspace(1.0, 0.999 * math.pi / SAMPLE_TIME, 1000)
-    torques = list(pairwise(a.torques))
-    slopes = [boost_gain(a, 0.5 * (high + low), speed) for low, high in torques]
-    if isinstance(a.functions, Functions):
-        cases = {
-            (slope, more)
-            for slope, (low, high) in zip(slopes, torques)
-            for more in slopes_of_functions(c, a, low, high, speed)
-        }
-        found = [_read(hands_fixed_loop(c, a, slope, speed, more), omega, [1.0]) for slope, more in sorted(cases)]
-    else:
-        found = [_read(hands_fixed_loop(c, a, 1.0, speed), omega, [g for g in np.unique(slopes) if g > 0.0])]
-    worst = min(found, key=lambda m: m.phase)
-    return worst._replace(gain=min(m.gain for m in found), stable=all(m.stable for m in found))
-
-
-def _read(loop: control.StateSpace, omega: Array, gains: list[float]) -> Margins:
-    """Smallest margins of a loop at frequencies (N,) [rad/s], with a gain that takes each of some values."""
-    A, B, C, D = loop.A, loop.B, loop.C, loop.D
-    z = np.exp(1j * omega * SAMPLE_TIME)
-    inverse = np.linalg.solve(z[:, None, None] * np.eye(len(A)) - A, np.broadcast_to(B, (z.size, *B.shape)))
-    response = (C @ inverse + D)[:, 0, 0]
-    size, angle = np.log(np.abs(response)), np.unwrap(np.angle(response))
-    phase, crossover, gain = math.inf, math.nan, math.inf
-    for each in gains:
-        above = size + math.log(each)
-        for i in np.flatnonzero(np.signbit(above[1:]) != np.signbit(above[:-1])):
-            s = above[i] / (above[i] - above[i + 1])
-            turned = angle[i] + s * (angle[i + 1] - angle[i])
-            left = abs(math.remainder(turned + math.pi, 2.0 * math.pi))  # to -180 deg
-            if left < phase:
-                phase, crossover = left, float(omega[i] * (omega[i + 1] / omega[i]) ** s) / (2.0 * math.pi)
-    imaginary = response.imag
-    for i in np.flatnonzero(np.signbit(imaginary[1:]) != np.signbit(imaginary[:-1])) if gains else ():
-        s = imaginary[i] / (imaginary[i] - imaginary[i + 1])
-        real = response.real[i] + s * (response.real[i + 1] - response.real[i])
-        if real < 0.0:
-            gain = min(gain, -1.0 / (gains[-1] * real))
-    poles = [np.abs(np.linalg.eigvals(A - each / (1.0 + each * D[0, 0]) * B @ C)).max() for each in gains]
-    return Margins(phase, float(gain), crossover, all(pole < 1.0 for pole in poles))
+    """:func:`least` over :func:`of_cells` at a speed [m/s]; infinite for an assist that answers no torque."""
+    cells = of_cells(c, a, speed)
+    return least([cell.margins for cell in cells]) if cells else Margins(*(math.inf,) * 3, 2.0, math.nan, True)

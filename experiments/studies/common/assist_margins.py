@@ -1,7 +1,6 @@
 """Margins of the assist loop in every cell of a car's boost table."""
 
 import math
-from itertools import pairwise
 from typing import NamedTuple
 
 from steer_env.vehicle import cars
@@ -23,15 +22,17 @@ class Cell(NamedTuple):
 def assist_cells(car: str | cars.Car, speed_kph: float) -> list[Cell]:
     """Margins of the assist loop of a car, or of the packaged car of a name, in every cell that assists at a speed."""
     loaded = cars.load(car) if isinstance(car, str) else car
-    cells = []
-    for low, high in pairwise(loaded.assist.torques):
-        torque = 0.5 * float(low + high)
-        gain = margins.boost_gain(loaded.assist, torque, speed_kph / 3.6)
-        if gain > 1e-6:  # the table is flat at its end
-            m = margins.margins(loaded.column, loaded.assist, gain, speed_kph / 3.6)
-            decibel = 20.0 * math.log10(m.gain)
-            cells.append(Cell(torque, gain, math.degrees(m.phase), decibel, float(m.phase_crossover), m.stable))
-    return cells
+    return [
+        Cell(
+            torque,
+            slope,
+            math.degrees(m.phase),
+            20.0 * math.log10(m.gain),
+            m.crossover,
+            m.stable,
+        )
+        for torque, slope, m in margins.of_cells(loaded.column, loaded.assist, speed_kph / 3.6)
+    ]
 
 
 def on_target(cell: Cell) -> bool:
