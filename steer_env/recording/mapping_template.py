@@ -1,4 +1,4 @@
-"""A mapping to fill in: the channels that are wanted, and every column of a file with its unit and range."""
+"""A mapping to check: the channels that are wanted, with a guess for each, and every column with unit and range."""
 
 import json
 from collections.abc import Mapping
@@ -12,7 +12,9 @@ from steer_env.recording.table import Column, Table, Values, time_place
 from steer_env.recording.units import file_unit, parse_unit
 
 HEAD = """\
-# How to read {name}. Remove the # of the lines that apply, and fill in the name that the channel has in the file.
+# How to read {name}.
+# Names without a # before them are guessed: check them, and the signs; a left turn is positive.
+# Remove the # of further lines that apply, and fill in the name that the channel has in the file.
 # value in SI = sign * scale * (reading - offset) in the unit; a channel that is late by delay_ms is moved back.
 # The unit "counts" is that of a sensor without a calibration; signals of a CAN message may be added, "A + B".
 """
@@ -29,13 +31,13 @@ USUAL = {
     **friction_record.USUAL,
     "sideslip_angle": ("slip angle", "beta", "Schwimmwinkel"),
 }
-CLEAR = 0.8  # likeness of a name from which it tells what a column without a unit is; assumed [1]
+CLEAR = 0.8  # likeness of a name from which on it tells what a column is; assumed [1]
 
 
 def text(
     path: str | PathLike[str], channels: Mapping[str, str | tuple[str, ...]], can: can_log.Options | None = None
 ) -> str:
-    """The text of a mapping file, in which every line is a comment until it is filled in.
+    """The text of a mapping file; a channel whose name and unit are clear is mapped, all else is a comment.
 
     Parameters
     ----------
@@ -76,10 +78,15 @@ def text(
 def _block(
     name: str, unit: str, offered: list[Column], found: Mapping[Column, str], settings: tuple[str, ...]
 ) -> list[str]:
-    """The lines of a channel, with the unit of the first of the columns that are offered for it."""
+    """The lines of a channel, with the unit of the first of the columns that are offered for it.
+
+    A column without a unit is no guess, as another quantity or a sensor's counts may stand in it.
+    """
     own = _spelled(offered[0]) if offered and parse_unit(offered[0].unit or "") else None
-    lines = [f"# from = {_quoted(entry)}  # {found[entry]}" for entry in offered] or ['# from = ""']
-    return [f"# [channels.{name}]", *lines, f'# unit = "{own or file_unit(unit)}"', *settings, ""]
+    off = "" if own and (name == "time" or _likeness(offered[0], name) >= CLEAR) else "# "
+    lines = [f"{'# ' if k else off}from = {_quoted(entry)}  # {found[entry]}" for k, entry in enumerate(offered)]
+    unit = f'unit = "{own or file_unit(unit)}"'
+    return [f"{off}[channels.{name}]", *(lines or ['# from = ""']), off + unit, *settings, ""]
 
 
 def _offered(columns: list[Column], channels: Mapping[str, tuple[str, ...]]) -> dict[str, list[Column]]:

@@ -364,9 +364,9 @@ def test_a_template_lists_what_the_log_has_and_is_a_mapping(tmp_path, capsys):
     command = ["evaluate", str(LOG), "--dbc", str(DBC), "--template", str(out)]
     assert main(command) == 0
     text = out.read_text()
-    assert '# [channels.handwheel_angle]\n# from = "STEER_ANGLE_SENSOR.STEER_ANGLE"  # deg, -4.5 to 3' in text
+    assert '[channels.handwheel_angle]\nfrom = "STEER_ANGLE_SENSOR.STEER_ANGLE"  # deg, -4.5 to 3' in text
     assert '# "STEER_TORQUE_SENSOR.STEER_TORQUE_DRIVER": no unit, -148.176 to 138' in text
-    (section,) = (part for part in text.split("\n\n") if part.startswith("# [channels.vehicle_speed]"))
+    (section,) = (part for part in text.split("\n\n") if part.startswith("[channels.vehicle_speed]"))
     out.write_text("\n".join(line.removeprefix("# ") for line in section.splitlines() if '"m/s"' not in line))
     assert set(read(LOG, out, can=OPTIONS).channels) == {"vehicle_speed"}
     capsys.readouterr()

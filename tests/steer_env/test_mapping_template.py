@@ -16,10 +16,10 @@ def sections(path):
     text = path.read_text()
     found = {}
     for part in text.split("\n\n"):
-        if match := re.match(r"# \[channels\.(\w+)\]", part):
+        if match := re.match(r"(?:# )?\[channels\.(\w+)\]", part):
             found[match[1]] = (
-                re.findall(r'^# from = "(.*?)"', part, re.M),
-                re.search(r'^# unit = "(.*)"', part, re.M)[1],
+                re.findall(r'^(?:# )?from = "(.*?)"', part, re.M),
+                re.search(r'^(?:# )?unit = "(.*)"', part, re.M)[1],
             )
     return found
 
@@ -51,6 +51,15 @@ def test_a_template_offers_each_column_once_with_its_own_unit(tmp_path):
         "sideslip_angle": ([""], "deg"),
     }
     assert '# "V_km_h": km/h, 0 to 2' in out.read_text()
+    guessed = channel_mapping.load(out).channels  # "Steering_SWA" is not clear, and neither is "time" without a unit
+    assert {name: channel.source for name, channel in guessed.items()} == {
+        "handwheel_torque": "SWT_Nm",
+        "vehicle_speed": "V_km_h",
+        "yaw_rate": "Yaw_deg_s",
+        "handwheel_speed": "Steering_Angle_Rate_deg_s",
+        "roll_angle": "Roll_deg",
+        "lateral_acceleration": "AY",
+    }
 
 
 def test_a_filled_in_template_is_a_mapping(tmp_path):
@@ -69,3 +78,16 @@ def test_a_filled_in_template_is_a_mapping(tmp_path):
     found = read(path, out)
     np.testing.assert_allclose(found.time, [0.0, 0.01])
     np.testing.assert_allclose(np.degrees(found["handwheel_angle"]), [1.0, 2.0])
+
+
+def test_what_is_clear_is_guessed(tmp_path, capsys):
+    """A German file is read as its template comes; a column that names no unit is left to the reader."""
+    path, out = tmp_path / "fahrt.csv", tmp_path / "map.toml"
+    path.write_text("Zeit [s];Lenkradwinkel [deg];Lenkmoment;Geschwindigkeit [km/h]\n0,00;1,0;5;36\n0,02;2,0;6;72\n")
+    assert main(["evaluate", str(path), "--manoeuvre", "weave"]) == 1
+    assert "--template map.toml guesses a mapping" in capsys.readouterr().out
+    assert main(["evaluate", str(path), "--template", str(out)]) == 0
+    found = read(path, out)
+    assert set(found.channels) == {"handwheel_angle", "vehicle_speed"}
+    np.testing.assert_allclose(found["vehicle_speed"], [10.0, 20.0])
+    assert '# from = "Lenkmoment"' in out.read_text()

@@ -55,7 +55,8 @@ class FilteredChannels:
         unit = self.recording.units.get(name)
         if unit is None:
             raise RefusedError(
-                f"the recording has no channel {name!r}: record it, or map it from the name that it has in the file"
+                f"the recording has no channel {name!r}: record it, or map it from the name that it has in the file "
+                "(steer-env evaluate FILE --template map.toml guesses a mapping)"
             )
         if unit != CHANNELS[name]:
             if unit == COUNTS:
