@@ -58,7 +58,6 @@ def test_a_template_offers_each_column_once_with_its_own_unit(tmp_path):
         "yaw_rate": "Yaw_deg_s",
         "handwheel_speed": "Steering_Angle_Rate_deg_s",
         "roll_angle": "Roll_deg",
-        "lateral_acceleration": "AY",
     }
 
 
