@@ -42,7 +42,7 @@ def available() -> tuple[str, ...]:
 
 
 def load(name: str) -> Targets:
-    """Targets by packaged name or from a TOML file.
+    """Targets by packaged name or from a TOML file, which may begin with the bands of a packaged ``base``.
 
     Raises
     ------
@@ -59,6 +59,11 @@ def load(name: str) -> Targets:
         data = toml.loads(path.read_text(encoding="utf-8"))
     except toml.TOMLDecodeError as error:
         raise ValueError(f"{path}: {error}") from None
+    bands = {}
+    if (base := data.pop("base", None)) is not None:
+        if base not in available():
+            raise ValueError(f"{path}, base: expected one of {', '.join(available())}, got {base!r}")
+        bands = {test: dict(entries) for test, entries in load(base).bands.items()}
     texts = {}
     for key in ("name", "description", "source"):
         texts[key] = data.pop(key, None)
@@ -68,11 +73,11 @@ def load(name: str) -> Targets:
             )
         if not isinstance(texts[key], str) or not texts[key]:
             raise ValueError(f"{path}, {key}: expected a text, got {texts[key]!r}")
-    bands = {}
     for test, entries in data.items():
         if test not in metrics.tests() or not isinstance(entries, dict):
             raise ValueError(f"{path}, [{test}]: expected a table of a test out of {', '.join(metrics.tests())}")
-        bands[test] = {key: _band(f"{path}, [{test}] {key}", test, key, entry) for key, entry in entries.items()}
+        own = {key: _band(f"{path}, [{test}] {key}", test, key, entry) for key, entry in entries.items()}
+        bands[test] = bands.get(test, {}) | own
     return Targets(**texts, bands=bands)
 
 

@@ -57,9 +57,22 @@ def test_a_refused_value_gets_no_rating():
 
 
 def test_packaged_targets_load():
+    usual = targets.load("compact")
+    assert usual.bands["weave"]["torque_at_0g"].good == (0.6, 2.0)
     for name in targets.available():
         found = targets.load(name)
-        assert found.bands["weave"]["torque_at_0g"].good == (0.6, 2.0)
+        assert found.name == name
+        assert found.bands.keys() == usual.bands.keys()
+
+
+def test_targets_begin_with_those_of_a_packaged_base(tmp_path):
+    path = tmp_path / "compact.toml"
+    own = '[weave]\ntorque_at_0g = {unit="N m", good=[1, 2], fair=[0, 3]}\n'
+    path.write_text(HEAD + 'base = "suv"\n' + own)
+    found, base = targets.load(str(path)), targets.load("suv")
+    assert found.bands["weave"].pop("torque_at_0g") == targets.Band((1.0, 2.0), (0.0, 3.0))
+    base.bands["weave"].pop("torque_at_0g")
+    assert found.bands == base.bands
 
 
 HEAD = 'name = "a"\ndescription = "b"\nsource = "c"\n'
@@ -77,6 +90,7 @@ HEAD = 'name = "a"\ndescription = "b"\nsource = "c"\n'
         (HEAD + '[weave]\ntorque_at_0g = {unit="N m", good=[2, 1], fair=[0, 3]}', r"good: expected \[low, high\]"),
         (HEAD + '[weave]\ntorque_at_0g = {unit="N m", good=[1, 4], fair=[0, 3]}', "must lie in fair"),
         ("name = ", "Invalid value"),
+        (HEAD + 'base = "sedan"', "bad.toml, base: expected one of compact, saloon, small, suv, got 'sedan'"),
     ],
 )
 def test_bad_targets_are_refused(text, message, tmp_path):
