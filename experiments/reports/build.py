@@ -55,9 +55,9 @@ def metrics_json(results: Results, source: dict[str, Any], look: Look = DEFAULT)
         "fitted": _fitted_json(results, look.noticed),
         "real_time": {
             "case": "column alone, hand torque 2.5 N m at 0.5 Hz",
-            "units": {"step": "s", "error": "1", "ns_per_step": "ns", "worst_step_ns": "ns", "whole_car": "ns"},
+            "units": {"step": "s", "error": "1", "ns": "ns", "over_base": "1"},
             "laws": {law: [row._asdict() for row in rows] for law, rows in results.tables.items()},
-            "whole_car": results.sample_ns,
+            "times": results.times.as_json(),
         },
         **({"vehicle": _vehicle_json(results)} if results.vehicle else {}),
         "provenance": source,

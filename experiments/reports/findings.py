@@ -286,28 +286,19 @@ def held_torque(results: Results) -> HeldTorque | None:
 
 
 def at_sample(results: Results) -> dict[str, Row]:
-    """The midpoint scheme with every law at the step of the controller, or at the nearest step in the table."""
+    """Error of the midpoint scheme with every law at the step of the controller, or at the nearest step in the table."""
     rows = {law: [row for row in table if row.scheme == "midpoint"] for law, table in results.tables.items()}
     return {law: min(found, key=lambda row: abs(row.step - SAMPLE_TIME)) for law, found in rows.items()}
 
 
-def cheap(row: Row) -> bool:
-    """Whether even the worst step takes a small share of real time."""
-    return row.bounded and row.worst_step_ns is not None and 1e-9 * row.worst_step_ns < CHEAP * row.step
+def cheap(cost: Cost) -> bool:
+    """Whether a step takes a small share of real time, in nine blocks of ten."""
+    return 1e-9 * cost.ns.late < CHEAP * SAMPLE_TIME
 
 
 def accurate(rows: list[Row]) -> bool:
     """Whether all errors are below the usable error."""
     return all(row.error is not None and row.error < real_time.USABLE for row in rows)
-
-
-def cheapest(results: Results, scheme: str) -> bool:
-    """Whether a scheme has the shortest mean step of all timed rows with every law."""
-    for rows in results.tables.values():
-        times = [(row.ns_per_step, row.scheme) for row in rows if row.ns_per_step is not None]
-        if times and min(times)[1] != scheme:
-            return False
-    return True
 
 
 def title(manoeuvre: Manoeuvre) -> str:
@@ -320,9 +311,9 @@ def title(manoeuvre: Manoeuvre) -> str:
 
 
 def by_time(results: Results) -> list[str]:
-    """The laws, the one with the quickest step first."""
-    rows = at_sample(results)
-    return sorted(rows, key=lambda law: rows[law].ns_per_step or math.inf)
+    """The laws, the one with the quickest step first; none where times are not measurable."""
+    laws = results.laws if results.times.measurable else ()
+    return sorted(laws, key=lambda law: results.times.of(law).ns.median)
 
 
 def usable(results: Results, scheme: str) -> dict[float | None, list[str]]:

@@ -7,8 +7,9 @@ from typing import Any, NamedTuple
 from steer_env import manoeuvres
 from steer_env.connect import external
 from steer_env.experiments.studies import cross_validation, friction_laws, loop_width, real_time, vehicle
-from steer_env.experiments.studies.common import battery, friction_records
+from steer_env.experiments.studies.common import battery, computing_time, friction_records
 from steer_env.experiments.studies.common.assist_margins import Cell, assist_cells
+from steer_env.experiments.studies.common.computing_time import Times
 from steer_env.experiments.studies.common.friction_records import Judged
 from steer_env.experiments.studies.loop_width import Curves
 from steer_env.experiments.studies.vehicle import Study
@@ -74,7 +75,7 @@ class Results(NamedTuple):
     torques: dict[str, dict[str, Any]]
     held: list[friction_laws.Held]
     tables: dict[str, list[real_time.Row]]
-    sample_ns: dict[str, float]  # whole car [ns]
+    times: Times
     margins: dict[str, list[Cell]]  # by speed
     vehicle: Study | None  # studied with the base law
     cross_validation: Compared | None  # manoeuvre -> case; computed if the full vehicle is studied
@@ -167,9 +168,6 @@ def collect(laws: dict[str, Any], scope: Scope, notify: Notify, sweep: Runner = 
     found = {(part.name, part.of): result for part, result in zip(parts, results)}
     of_law: dict[str, LawResult] = {law: found["law", law] for law in laws}
     fits = {law: fit for (name, law), fit in found.items() if name == "fitted" and fit[1]}
-    tables = real_time.timed(
-        {law: (p, of_law[law].rows) for law, p in laws.items()}, lambda part: notify(0.75 + 0.2 * part, "timing")
-    )
     return Results(
         laws=laws,
         base=base,
@@ -183,8 +181,8 @@ def collect(laws: dict[str, Any], scope: Scope, notify: Notify, sweep: Runner = 
         ),
         torques={law: of_law[law].torques for law in laws},
         held=[test for law in laws for test in of_law[law].held],
-        tables=tables,
-        sample_ns=real_time.plant_samples(car, laws),
+        tables={law: of_law[law].rows for law in laws},
+        times=computing_time.of_laws(laws, car, lambda part: notify(0.75 + 0.2 * part, "timing")),
         vehicle=found.get(("full vehicle", None)),
         cross_validation=found.get(("cross validation", None)),
         loop_width=found.get(("loop widths", None)),

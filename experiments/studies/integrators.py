@@ -38,6 +38,11 @@ class Case(NamedTuple):
     K_road: float = 20.0  # road spring at the column [N m/rad], assumed: about the default car's at 100 km/h
 
 
+def default_case(p: Any) -> Case:
+    """Column of the default car with a law; one cycle of the hand torque passes through every regime."""
+    return Case(column.make(), p, amplitude=2.5, frequency=0.5, duration=4.0)
+
+
 @kernel
 def midpoint_step(c, p, q, memory, work, T1, K_road, h):
     """The project's midpoint scheme; as in the plant, the road torque is extrapolated to the middle of the step."""

@@ -5,7 +5,8 @@ from typing import Any, NamedTuple
 
 from steer_env import friction, manoeuvres
 from steer_env.experiments.studies import friction_laws, held_torque, real_time
-from steer_env.experiments.studies.common import friction_cases, friction_distinction, friction_records, scaling
+from steer_env.experiments.studies.common import computing_time, friction_cases, friction_distinction, friction_records, scaling
+from steer_env.experiments.studies.common.computing_time import Times
 from steer_env.experiments.studies.common.friction_cases import BASE_LAW, DRIVER_TASKS, Case, Driven, Effect
 from steer_env.experiments.studies.common.friction_records import Confusion, Judged
 from steer_env.experiments.studies.held_torque import Ripple
@@ -15,8 +16,6 @@ from steer_env.recording.friction_record import FrictionRecord
 from steer_env.vehicle.cars import Car
 
 Notify = Callable[[float, str], None]
-SCHEME = "midpoint"  # of the project
-SAMPLE = 1e-3  # step at which the cost is compared [s]
 
 
 class Scope(NamedTuple):
@@ -73,8 +72,8 @@ class Results(NamedTuple):
     record: FrictionRecord
     judged: list[Judged]  # the best first, those without a fit last
     repeatability: float  # of the record [1]
-    tables: dict[str, list[real_time.Row]]  # of the column alone, with times at ``SAMPLE``
-    sample_ns: dict[str, float]  # of the whole car [ns]
+    tables: dict[str, list[real_time.Row]]  # of the column alone
+    times: Times
     cases: list[Case]
     effects: list[Effect]
     apart: dict[str, dict[str, float]]  # experiment -> law -> difference from the base law [1]
@@ -138,7 +137,6 @@ def collect(
     ]
     later = swept(jobs, 0.15, 0.9)
     of_kind = {kind: [result for job, result in zip(jobs, later) if job.kind == kind] for kind in _KINDS}
-    rows = dict(zip(laws, found[1:]))
     return Results(
         car=car,
         scope=scope,
@@ -147,8 +145,8 @@ def collect(
         record=record,
         judged=judged,
         repeatability=friction_records.repeatability(record),
-        tables=_timed(laws, rows, lambda part: notify(0.9 + 0.08 * part, "timing")),
-        sample_ns=real_time.plant_samples(car, laws),
+        tables=dict(zip(laws, found[1:])),
+        times=computing_time.of_laws(laws, car, lambda part: notify(0.9 + 0.08 * part, "timing")),
         cases=cases,
         effects=friction_cases.effects(cases, of_kind["battery"], noticed),
         apart=friction_distinction.differences(laws, BASE_LAW),
@@ -161,17 +159,3 @@ def collect(
 def _usable(each: Judged) -> bool:
     """Whether a law could be fitted and is dry; a parameter that the record leaves open is without effect or zero."""
     return each.parameters is not None and friction_laws.dry(each.parameters)
-
-
-def _timed(
-    laws: Mapping[str, Any], rows: Mapping[str, list[real_time.Row]], notify: Callable[[float], None]
-) -> dict[str, list[real_time.Row]]:
-    """The rows of every law, with the time of the project's scheme at one step length."""
-
-    def compared(row: real_time.Row) -> bool:
-        return row.scheme == SCHEME and row.step == SAMPLE
-
-    clocked = real_time.timed(
-        {law: (laws[law], [row for row in of if compared(row)]) for law, of in rows.items()}, notify
-    )
-    return {law: [row for row in of if not compared(row)] + clocked[law] for law, of in rows.items()}
