@@ -18,7 +18,7 @@ from steer_env.experiments.pages.pages import Page, image, place
 from steer_env.experiments.reports import findings
 from steer_env.experiments.reports.results import Drives, Notify, Results, Scope, collect
 from steer_env.experiments.studies import cross_validation, friction_laws, loop_width, real_time, vehicle
-from steer_env.experiments.studies.common import battery, commonroad_reference
+from steer_env.experiments.studies.common import battery, commonroad_reference, computing_time
 from steer_env.experiments.sweep import Runner, run
 from steer_env.metrics.common import just_noticeable
 from steer_env.metrics.common.filtered_channels import ANGLE, TORQUE
@@ -139,6 +139,7 @@ def page_of(results: Results, source: dict[str, Any], look: Look = DEFAULT) -> P
         "look": look,
         "study": friction_laws,
         "timing": real_time,
+        "computing": computing_time,
         "crossing": cross_validation,
         "reference": commonroad_reference,
         "width": loop_width,

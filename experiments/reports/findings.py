@@ -24,8 +24,6 @@ from steer_env.vehicle.steering.eps import SAMPLE_TIME
 
 __all__ = ["LEAST", "MATTERS", "TARGETS", "on_target", "plain"]  # the templates reach these through this module
 
-CHEAP = 0.01  # a step whose computing time is below this share of its length counts as cheap; assumed
-
 
 def dry(results: Results) -> list[str]:
     """The laws with dry friction, except the base law."""
@@ -291,11 +289,6 @@ def at_sample(results: Results) -> dict[str, Row]:
     return {law: min(found, key=lambda row: abs(row.step - SAMPLE_TIME)) for law, found in rows.items()}
 
 
-def cheap(cost: Cost) -> bool:
-    """Whether a step takes a small share of real time, in nine blocks of ten."""
-    return 1e-9 * cost.ns.late < CHEAP * SAMPLE_TIME
-
-
 def accurate(rows: list[Row]) -> bool:
     """Whether all errors are below the usable error."""
     return all(row.error is not None and row.error < real_time.USABLE for row in rows)
@@ -308,12 +301,6 @@ def title(manoeuvre: Manoeuvre) -> str:
         return manoeuvre.name.replace("-", " ") + frequency
     speed = f"{3.6 * manoeuvre.speed:.4g} km/h"
     return manoeuvre.name.replace("-", " ") + (f"{frequency} and {speed}" if frequency else f" at {speed}")
-
-
-def by_time(results: Results) -> list[str]:
-    """The laws, the one with the quickest step first; none where times are not measurable."""
-    laws = results.laws if results.times.measurable else ()
-    return sorted(laws, key=lambda law: results.times.of(law).ns.median)
 
 
 def usable(results: Results, scheme: str) -> dict[float | None, list[str]]:

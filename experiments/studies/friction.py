@@ -16,16 +16,19 @@ from steer_env.experiments.pages.options import progress
 from steer_env.experiments.pages.pages import Page
 from steer_env.experiments.pages.words import label, number, percent, within
 from steer_env.experiments.studies import real_time
+from steer_env.experiments.studies.common import computing_time
 from steer_env.experiments.studies.common import friction_cases as cases
 from steer_env.experiments.studies.common import friction_records as records
 from steer_env.experiments.studies.common.battery import MATTERS
+from steer_env.experiments.studies.common.computing_time import SCHEME
 from steer_env.experiments.studies.common.friction_cases import BASE_LAW, Effect
 from steer_env.experiments.studies.common.friction_distinction import TOLD, experiments
-from steer_env.experiments.studies.common.friction_results import QUICK, SAMPLE, SCHEME, Results, collect, full
+from steer_env.experiments.studies.common.friction_results import QUICK, Results, collect, full
 from steer_env.experiments.sweep import Runner, run
 from steer_env.friction.identification import periods
 from steer_env.recording.recording import DEGREE
 from steer_env.vehicle.cars import Car
+from steer_env.vehicle.steering.eps import SAMPLE_TIME
 
 BOTH = ("weave", "slow-ramp")  # at 0.2 and at 0.02 Hz
 
@@ -39,8 +42,9 @@ def page_of(r: Results) -> Page:
         "matters": MATTERS,
         "told": TOLD,
         "usable": real_time.USABLE,
+        "computing": computing_time,
         "a": accuracy(r),
-        "c": cost(r),
+        "c": steps(r),
         "laws": of_laws(r),
         "factors": of_factors(r),
         "apart": apart(r),
@@ -88,30 +92,16 @@ def accuracy(r: Results) -> dict[str, Any]:
     }
 
 
-def cost(r: Results) -> dict[str, Any]:
-    """Cost and longest step of each law."""
+def steps(r: Results) -> dict[str, Any]:
+    """Error at 1 ms and longest step of each law."""
     at = {
-        law: next(row for row in rows if (row.scheme, row.step) == (SCHEME, SAMPLE)) for law, rows in r.tables.items()
+        law: next(row for row in rows if (row.scheme, row.step) == (SCHEME, SAMPLE_TIME))
+        for law, rows in r.tables.items()
     }
-    base, whole = at[BASE_LAW].ns_per_step or math.nan, r.sample_ns[BASE_LAW]
-    ratio = {law: (row.ns_per_step or math.nan) / base for law, row in at.items()}
-    worst = {law: 1e-9 * (row.worst_step_ns or math.nan) / SAMPLE for law, row in at.items()}
-    dearest, slowest = (max(of, key=lambda law: of[law]) for of in (ratio, worst))
     longest = {law: real_time.usable_step(rows, SCHEME) for law, rows in r.tables.items()}
     explicit = {law: real_time.usable_step(rows, "explicit Euler") for law, rows in r.tables.items()}
-    rows = [
-        (law, number(ratio[law], 2), number(r.sample_ns[law] / whole, 3), percent(worst[law], 2),
-         percent(at[law].error, 2), _ms(longest[law]), _ms(explicit[law]))
-        for law in r.laws
-    ]  # fmt: skip
+    rows = [(law, percent(at[law].error, 2), _ms(longest[law]), _ms(explicit[law])) for law in r.laws]
     return {
-        "in_real_time": worst[slowest] < 0.1,
-        "ratio": ratio,
-        "worst": worst,
-        "longest_law": slowest,
-        "dearest": dearest,
-        "cheapest": min(ratio, key=lambda law: ratio[law]),
-        "whole_car": max(r.sample_ns.values()) / whole,
         "longest": _by_step(longest),
         "explicit": _by_step(explicit),
         "rows": rows,
@@ -337,24 +327,6 @@ def as_json(r: Results) -> dict[str, Any]:
         for each in r.judged
     }
     confused = [{**each._asdict(), "errors": {k: finite(v) for k, v in each.errors.items()}} for each in r.confusion]
-    rows = {law: [row._asdict() for row in of] for law, of in r.tables.items()}
-    untimed = {
-        law: [
-            {
-                k: finite(v) if isinstance(v, float) else v
-                for k, v in row.items()
-                if not k.endswith(("step_ns", "per_step"))
-            }
-            for row in of
-        ]
-        for law, of in rows.items()
-    }
-    times = {
-        law: [
-            {k: row[k] for k in ("scheme", "step", "ns_per_step", "worst_step_ns")} for row in of if row["ns_per_step"]
-        ]
-        for law, of in rows.items()
-    }
     return {
         "record": {
             "laws": judged,
@@ -362,13 +334,13 @@ def as_json(r: Results) -> dict[str, Any]:
             "held_out": records.HELD_OUT,
             "notes": list(r.record.notes),
         },
-        "steps": untimed,
+        "steps": {law: [row._asdict() for row in of] for law, of in r.tables.items()},
         "effects": effects,
         "apart": r.apart,
         "held_torque": [each._asdict() for each in r.held],
         "driver": [each._asdict() for each in r.driven],
         "confusion": confused,
-        "real_time": {"columns": times, "whole_car_ns": r.sample_ns},
+        "real_time": r.times.as_json(),
     }
 
 

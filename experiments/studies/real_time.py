@@ -1,4 +1,4 @@
-"""Whether friction laws run in real time: error and boundedness for every scheme and step length, and what a step costs.
+"""Friction laws in real time: error and boundedness for every scheme and step length, and what a step costs.
 
 All are of one case: the default car's column under a sine of 2.5 N m of hand torque at 0.5 Hz for 4 s. Errors are
 against :func:`steer_env.experiments.studies.integrators.reference`; ``common.computing_time`` measures the cost.
@@ -69,13 +69,16 @@ def main(argv: Sequence[str] | None = None) -> None:
     for law, p in chosen.items():
         for row in accuracy(p):
             found = f"{100.0 * row.error:13.4f}" if row.error is not None else f"{'not finite':>13s}"
-            print(f"{law:{width}s}{row.scheme:16s}{1e3 * row.step:9.1f}  {found}{'' if row.bounded else '  not bounded'}")
+            print(
+                f"{law:{width}s}{row.scheme:16s}{1e3 * row.step:9.1f}  {found}{'' if row.bounded else '  not bounded'}"
+            )
     print("\nComputing time of a step of 1 ms: median and what nine blocks of ten keep [ns], and over LuGre's")
     times = computing_time.of_laws(chosen, cars.load())
     if not times.measurable:
-        waiting, spread, width = times.load
-        print(f"not measurable now: a bare loop waited for {waiting:.0%} and varied by {spread:.0%} of its time; ratios "
-              f"are known within {width:.0%}")
+        waits, varies, known = (f"{share:.0%}" for share in times.load)
+        print(
+            f"not measurable now: a bare loop waits {waits} of the time and varies by {varies}; ratios within {known}"
+        )
         return
     for law in chosen:
         for what in (computing_time.COLUMN, computing_time.CAR):

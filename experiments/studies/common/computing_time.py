@@ -9,7 +9,7 @@ arithmetic is timed too: where it waits for the processor for long, or its time 
 import gc
 import math
 import time
-from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial
 from typing import Any, Generic, NamedTuple, TypeVar
@@ -34,6 +34,7 @@ MOST_SECONDS = 20.0  # after which no round begins, unless there are too few [s]
 BLOCK = 1e6  # length of a block [ns]
 BARE_STEPS = 50_000  # of the bare loop, some tenths of a millisecond
 LATE = 90.0  # percentile beside the median [%]
+CHEAP = 0.01  # a step that takes a smaller part of real time counts as cheap; assumed [1]
 # What still counts as measurable. Ratios of the column kept within 1 % while the bare loop waited for half of the time.
 MOST_WAITING = 0.5  # share of the time that the bare loop waits for the processor [1]
 MOST_SPREAD = 0.3  # of the bare loop between its percentiles of 10 and 90, over the lower one, assumed [1]
@@ -174,6 +175,18 @@ class Times(NamedTuple):
     def of(self, law: str, what: str = COLUMN) -> Cost:
         """Cost of a law; KeyError where nothing was measurable."""
         return self.measured.costs[law, what]
+
+    def ordered(self, laws: Iterable[str]) -> list[str]:
+        """Laws by what a step of the column costs, the cheapest first; none where that is not measurable."""
+        return sorted(laws, key=lambda law: self.of(law).ns.median) if self.measurable else []
+
+    def share(self, law: str) -> float:
+        """Part of real time that a step of the column takes, in nine blocks of ten [1]."""
+        return 1e-9 * self.of(law).ns.late / SAMPLE_TIME
+
+    def cheap(self, law: str) -> bool:
+        """Whether a step of the column takes a small part of real time."""
+        return self.share(law) < CHEAP
 
     def as_json(self) -> dict[str, Any]:
         """The numbers, without times where they are not measurable."""

@@ -5,7 +5,13 @@ from typing import Any, NamedTuple
 
 from steer_env import friction, manoeuvres
 from steer_env.experiments.studies import friction_laws, held_torque, real_time
-from steer_env.experiments.studies.common import computing_time, friction_cases, friction_distinction, friction_records, scaling
+from steer_env.experiments.studies.common import (
+    computing_time,
+    friction_cases,
+    friction_distinction,
+    friction_records,
+    scaling,
+)
 from steer_env.experiments.studies.common.computing_time import Times
 from steer_env.experiments.studies.common.friction_cases import BASE_LAW, DRIVER_TASKS, Case, Driven, Effect
 from steer_env.experiments.studies.common.friction_records import Confusion, Judged
