@@ -21,6 +21,7 @@ from steer_env.metrics import Value
 from steer_env.metrics.common.filtered_channels import ANGLE, TORQUE
 from steer_env.recording.friction_record import FrictionRecord
 from steer_env.vehicle import cars
+from tests.experiments.faked_times import NONE, faked
 
 LAWS = ("lugre", "dahl", "coulomb")
 
@@ -157,7 +158,7 @@ def _results(every):
         records.Judged("lugre", laws["lugre"], 0.10, 0.09, 0.11, ("sigma_1",), ("told",)),
         records.Judged("coulomb", None, math.nan, math.nan, math.nan, (), ("no reversal",)),
     ]
-    row = Row("midpoint", 1e-3, 1e-4, True, 100.0, 200.0)
+    row = Row("midpoint", 1e-3, 1e-4, True)
     tables = {law: [row, row._replace(scheme="explicit Euler", error=0.5)] for law in laws}
     base, other = (Value(v, v, v, "N m", repeats=(v, v, v)) for v in (2.0, 3.0))
     driven = []
@@ -180,7 +181,7 @@ def _results(every):
         judged=judged,
         repeatability=0.025,
         tables=tables,
-        sample_ns=dict.fromkeys(laws, 1000.0),
+        times=faked(dict.fromkeys(laws, 100.0) | {"dahl": 1370.0}, ["dahl"]),
         cases=every,
         effects=cases.effects(every, driven),
         apart=distinction.differences(laws, "lugre"),
@@ -200,9 +201,7 @@ def test_the_page_says_what_the_numbers_are(results):
     assert [each.law for each in accuracy["leaders"]] == ["dahl"]
     assert accuracy["leaders"][0].error == pytest.approx(0.05, rel=0.2)
     assert accuracy["sure"].law == "dahl"  # the best law is determined
-    cost = friction_study.cost(results)
-    assert cost["in_real_time"]
-    assert [step for step, _ in cost["explicit"]] == [None]
+    assert [step for step, _ in friction_study.steps(results)["explicit"]] == [None]
     laws = friction_study.of_laws(results)["remembering"]
     assert (laws.large, laws.compared) == (0, 2)
     factors = friction_study.of_factors(results)
@@ -215,8 +214,6 @@ def test_the_page_says_what_the_numbers_are(results):
 
 
 def test_other_numbers_are_said_otherwise(results):
-    slow = {law: [row._replace(worst_step_ns=5e5) for row in rows] for law, rows in results.tables.items()}
-    assert not friction_study.cost(results._replace(tables=slow))["in_real_time"]
     first, second, third = results.judged
     turned = results._replace(judged=[second._replace(error=0.02, high=0.03), first, third])
     accuracy = friction_study.accuracy(turned)
@@ -229,6 +226,18 @@ def test_other_numbers_are_said_otherwise(results):
     taken = [each._replace(remain=LAWS) for each in results.confusion]
     found, *_ = friction_study.confusion(results._replace(confusion=taken))
     assert found["taken"]["dahl"] == ["lugre", "coulomb"]
+
+
+def test_the_page_says_what_a_law_costs_or_that_nobody_knows_now(results):
+    (cheap,), (slow,), (none,) = (
+        friction_study.page_of(results._replace(times=times)).timing
+        for times in (results.times, faked(dict.fromkeys(LAWS, 100.0) | {"dahl": 5e5}), NONE)
+    )
+    assert cheap.startswith("All laws run")
+    assert "13.7 (13.6 to 13.8) times (dahl, integrated numerically)" in cheap
+    assert slow.startswith("Not every law runs")
+    assert none.startswith("Computing times are not measurable now")
+    assert friction_study.as_json(results._replace(times=NONE))["real_time"]["costs"] == {}
 
 
 def test_the_page_quotes_every_section(results):
