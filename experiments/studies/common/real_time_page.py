@@ -102,16 +102,16 @@ def _us(value: float) -> str:
 
 
 def _cells(durations: Durations) -> list[str]:
-    return [_us(durations.mean()), *(_us(durations.percentile(p)) for p in PERCENTILES), _us(durations.worst)]
+    return [*(_us(durations.percentile(p)) for p in PERCENTILES), _us(durations.worst)]
 
 
 def _judged(kept: bool) -> str:
     return "met" if kept else "missed"
 
 
-HEAD = ("mean", *(f"{percent:g} %" for percent in PERCENTILES), "worst")
+HEAD = (*(f"{percent:g} %" for percent in PERCENTILES), "worst")
 _LOST = "Lost: jumps that no torque followed before the next one, as where the watchdog had faded it."
-_LATENCY_HEAD = ("way", "jumps", "mean", "50 %", "90 %", "worst", "lost", "clipped")
+_LATENCY_HEAD = ("way", "jumps", "50 %", "90 %", "worst", "lost", "clipped")
 
 
 def tables(results: Results) -> list[Table]:
@@ -152,7 +152,7 @@ def _ways(results: Results) -> list[list[str]]:
             lines.append([name, "none", *[""] * (len(_LATENCY_HEAD) - 2)])
             continue
         d = found.durations
-        times = [d.mean(), d.percentile(50.0), d.percentile(90.0), d.worst]
+        times = [d.percentile(50.0), d.percentile(90.0), d.worst]
         lines.append([name, str(_number(d)), *map(_us, times), str(found.lost), f"{found.clipping:.1%}"])
     return lines
 
@@ -310,7 +310,6 @@ def data(results: Results) -> dict[str, Any]:
         filled = np.flatnonzero(durations.histogram)
         histogram = {"bins": filled.tolist(), "counts": durations.histogram[filled].tolist()}
         return {
-            "mean_s": durations.mean(),
             **{f"percentile_{percent:g}_s": durations.percentile(percent) for percent in PERCENTILES},
             "worst_s": durations.worst,
             "histogram": {"width_s": durations.width, **histogram},

@@ -81,10 +81,6 @@ class Durations(NamedTuple):
     width: float  # of a bin [s]
     worst: float  # the longest [s]
 
-    def mean(self) -> float:
-        """Mean [s], with every duration in the middle of its bin."""
-        return float(np.average(np.arange(self.histogram.size) + 0.5, weights=self.histogram) * self.width)
-
     def percentile(self, percent: float) -> float:
         """The duration [s] that a share is at most as long as, to a bin; the longest where it is in the last bin."""
         place = int(np.argmax(np.cumsum(self.histogram) >= percent / 100.0 * self.histogram.sum()))
