@@ -42,11 +42,11 @@ WIDEST = 0.1  # interval of a ratio over the ratio, assumed [1]
 
 
 class Estimate(NamedTuple):
-    """A quantity over the blocks."""
+    """A time of a step [ns], or a ratio of two [1], over the blocks."""
 
-    median: float
-    low: float  # the 95 % interval of the median
-    high: float
+    median: float  # [ns] or [1]
+    low: float  # of the 95 % interval of the median
+    high: float  # of the same interval
     late: float  # nine blocks of ten are at most this
 
 
