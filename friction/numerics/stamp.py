@@ -110,7 +110,11 @@ def _unchanged(file: Path) -> Path:
 
 def _code(module: ModuleType) -> CodeType:
     """The code of a module as Python imports it."""
-    file = _unchanged(Path(getattr(module, "__file__", None) or ""))
+    return _read(module, _unchanged(Path(getattr(module, "__file__", None) or "")))
+
+
+@functools.cache  # what has not changed since the process started is read once
+def _read(module: ModuleType, file: Path) -> CodeType:
     spec = module.__spec__
     if spec is None or not hasattr(spec.loader, "get_code"):  # a script, or a test whose assertions pytest rewrites
         return compile(file.read_bytes(), str(file), "exec", dont_inherit=True)
