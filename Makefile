@@ -2,6 +2,9 @@ PYTHON ?= python3
 PYTEST = .venv-test/bin/python -m pytest --numprocesses auto --dist worksteal
 SEED := $(shell date +%s)
 
+# The tests start many processes, which would compile every module that they import.
+unexport PYTHONDONTWRITEBYTECODE
+
 .PHONY: report test types test-whole test-all test-matrix test-integrations audit clean
 
 # The main job: the core packages alone, then the evaluation report in report/index.html.
