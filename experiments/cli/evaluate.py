@@ -1,6 +1,7 @@
-"""Compute the metrics of a recording, measured or simulated, or compare two.
+"""Compute the metrics of recordings, measured or simulated, or compare up to eight.
 
-The exit code is 1 where a recording gives no metric.
+A folder stands for the recordings in it. One that cannot be read is named, and the others are evaluated. The exit code
+is 1 where a recording gives no metric.
 """
 
 import argparse
@@ -26,9 +27,9 @@ MEASURED = (
 
 def add(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
-    parser.add_argument("file", metavar="FILE", nargs="?", help=f"the recording: {names.RECORDED}")
-    text = "two recordings; the differences are B less A"
-    parser.add_argument("--compare", metavar=("A", "B"), nargs=2, help=text)
+    parser.add_argument("file", metavar="FILE", nargs="?", help=f"a recording, or a folder of them: {names.RECORDED}")
+    text = "two to eight recordings, or folders of them; the differences are those to the first"
+    parser.add_argument("--compare", metavar="FILE", nargs="+", help=text)
     recordings.add_options(parser)
     options.add(parser, "--template")
 
@@ -36,10 +37,10 @@ def add(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Print the metrics, and write them where --out says; the exit code."""
     if (args.file is None) == (args.compare is None):
-        raise ValueError("give one FILE, or two with --compare A B")
+        raise ValueError("give one FILE, or two to eight with --compare")
     if args.template:
         return _write_template(args)
-    return recordings.assess([args.file] if args.file else args.compare, args, None)
+    return recordings.assess([args.file] if args.file else args.compare, args, None, compare=args.file is None)
 
 
 def _write_template(args: argparse.Namespace) -> int:

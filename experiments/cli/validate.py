@@ -25,4 +25,4 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Print how far they agree, and write it where --out says; the exit code."""
-    return recordings.assess([args.measured, args.simulated], args, args.tolerances)
+    return recordings.assess([args.measured, args.simulated], args, args.tolerances, compare=True)

@@ -424,3 +424,32 @@ def terms(shares: Mapping[str, Mapping[str, Sequence[float]]], threshold: float)
         axes.set(title=title, xlabel="difference [%]", xlim=(-1.04 * edge, 1.04 * edge), ylim=(len(laws) - 0.4, -0.6))
         axes.set_yticks(range(len(laws)), [law.replace("_", " ") for law in laws])
     return figure
+
+
+@styled
+def differences(rows: Mapping[str, Mapping[str, tuple[float, float]]], large: float) -> Figure:
+    """Differences of metrics from a base recording, a row for each metric, a mark for each recording.
+
+    Parameters
+    ----------
+    rows : metric -> recording -> difference and half width of its interval [1]
+    large : float
+        From which on a difference is called large; less is shaded [1].
+    """
+    names = list(dict.fromkeys(name for of in rows.values() for name in of))
+    figure = new_figure(5.0, 1.0 + 0.3 * len(rows))
+    axes = figure.subplots()
+    axes.axvspan(-100.0 * large, 100.0 * large, color=_NOT_NOTICED, zorder=0)
+    axes.axvline(0.0, color="#999999", linewidth=0.8)
+    for k, name in enumerate(names):
+        found = [(row, *of[name]) for row, of in enumerate(rows.values()) if name in of]
+        y, x, reach = np.array(found).T
+        axes.errorbar(
+            100.0 * x, y, xerr=100.0 * reach, linestyle="", elinewidth=1.0, label=name,
+            color=PALETTE[k % len(PALETTE)], marker="osD^vP*"[k % 7], markersize=5, alpha=0.8,
+        )  # fmt: skip
+    axes.set(xlabel="difference [%]", ylim=(len(rows) - 0.4, -0.6))
+    axes.set_yticks(range(len(rows)), list(rows))
+    if len(names) > 1:
+        legend(figure, axes)
+    return figure

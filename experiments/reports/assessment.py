@@ -1,93 +1,104 @@
-"""Assessment of one or two recordings of a test: metrics with ratings, differences, simulation against measurement.
+"""Assessment of recordings of a test: metrics with ratings, differences, simulation against measurement.
 
 Measured and simulated recordings are treated alike.
 """
 
+import csv
 import math
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from importlib import metadata
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from steer_env import metrics, targets
-from steer_env.experiments.pages import plots, provenance
+from steer_env.experiments.pages import car_pictures, pictures, plots, provenance
 from steer_env.experiments.pages.files import replaced_directory
 from steer_env.experiments.pages.metrics_json import entries
-from steer_env.experiments.pages.pages import Page, place
-from steer_env.experiments.pages.words import label, number, percent
+from steer_env.experiments.pages.pages import Page, image, place
+from steer_env.experiments.pages.words import label, listed, number, percent
 from steer_env.experiments.studies.common import battery, comparison_power, simulation_vs_measurement
 from steer_env.experiments.studies.common.battery import MATTERS
-from steer_env.experiments.studies.common.comparison_power import Power, in_words
+from steer_env.experiments.studies.common.comparison_power import Power
 from steer_env.metrics import RefusedError, Value
 from steer_env.metrics.common import frequency_response, just_noticeable
-from steer_env.metrics.common.confidence import difference
+from steer_env.recording import driven
 from steer_env.recording.recording import Recording
+
+LONGEST = 10  # rows of a table of the first screen
 
 
 def title(found: "Assessment") -> str:
-    """What the page is about: one recording, two that are compared, or a simulation against a measurement."""
+    """What the page is about: one recording, several, or a simulation against a measurement."""
     labels, test = list(found.values), found.test.replace("-", " ").capitalize()
     if found.pairs:
         return f"{test}: {labels[1]} against {labels[0]}"
-    return f"{test}: {labels[1]} compared with {labels[0]}" if len(labels) == 2 else f"{test}: {labels[0]}"
+    if found.differences:
+        return f"{test}: {listed(labels[1:])} compared with {labels[0]}"
+    return f"{test}: {labels[0] if len(labels) == 1 else f'{len(labels)} recordings'}"
 
 
 def verdict(found: "Assessment") -> str:
-    """The answer in one sentence; empty where no target and no other recording is given."""
+    """The answer in one sentence of at most 25 words, but for long names of recordings."""
     if found.pairs:
         return _agreement(found)
-    if len(found.values) == 2:
+    if found.differences:
         return _comparison(found)
-    return _rating(found) if found.bands else ""
+    return _rating(found)
 
 
 def _agreement(found: "Assessment") -> str:
     reference, other = found.values
-    needed = percent(simulation_vs_measurement.ENOUGH, 3)
-    if found.power is not None:
-        worst = number(max(pair.worst for pair in found.pairs), 2)
+    if found.power is None:
+        missed = [pair for pair in found.pairs if not simulation_vs_measurement.passes([pair])]
+        worst = max(missed, key=lambda pair: pair.worst)
         return (
-            f"{other} agrees with {reference} in this {found.test}: at least {needed} of the points of every cross "
-            f"plot are within the tolerances, the farthest {worst} tolerances away."
+            f"{other} does not agree with {reference}: {len(missed)} of {len(found.pairs)} cross plots leave the "
+            f"tolerances, {label(worst.y)} over {label(worst.x)} by up to {number(worst.worst, 2)} tolerances."
         )
-    missed = [pair for pair in found.pairs if not simulation_vs_measurement.passes([pair])]
-    least = min(missed, key=lambda pair: pair.inside)
-    return (
-        f"{other} does not agree with {reference} within the tolerances: in {len(missed)} of {len(found.pairs)} "
-        f"cross plots less than {needed} of the points are inside; fewest ({percent(least.inside, 3)}, up to "
-        f"{number(least.worst, 2)} tolerances away) in {label(least.y)} over {label(least.x)}."
-    )
+    said = f"{other} agrees with {reference} in this {found.test} within the tolerances"
+    if found.power.unknown:
+        return f"{said}; what differences it would have shown is unknown."
+    shown = sum(bool(ends) for _, ends, _ in comparison_power.rows(found.power))
+    return f"{said}, which would have shown {shown} of {len(comparison_power.rows(found.power))} changes of the car."
 
 
 def _comparison(found: "Assessment") -> str:
-    reference, other = found.values
-    if not found.differences:
-        return f"{other} and {reference} cannot be compared: no metric is read from both."
-    large = f"{len(found.large)} of {len(found.differences)} metrics differ by more than {percent(MATTERS)}"
-    known = {n: p.verdict for n, p in found.perceptions.items() if p.verdict != just_noticeable.UNKNOWN}
-    felt = [label(name) for name, verdict in known.items() if verdict == just_noticeable.PERCEPTIBLE]
-    if felt:
-        names = ", ".join(felt)
-        return f"A driver would feel the difference between {reference} and {other}: by {names}; {large}."
-    if known:
+    reference, *others = found.values
+    many = {name: each for name, each in found.differences.items() if each}
+    if not many:
+        return f"{listed(others)} and {reference} cannot be compared: no metric is read from both."
+    large = {name: sum(d.matters for d in each.values()) for name, each in many.items()}
+    known = [just_noticeable.UNKNOWN != d.perception.verdict for each in many.values() for d in each.values()]
+    felt = {name: [d.perception.verdict for d in each.values()].count(just_noticeable.PERCEPTIBLE)
+            for name, each in many.items()}  # fmt: skip
+    if len(others) == 1:
+        metrics = f"{large[others[0]]} of {len(many[others[0]])} metrics differ by more than {percent(MATTERS)}"
+        if not any(known):
+            return f"{others[0]} and {reference}: {metrics}; no threshold of perception is known for any."
+        if not felt[others[0]]:
+            return f"{others[0]} and {reference}: {metrics}; none exceeds one of the {sum(known)} known thresholds."
         return (
-            f"{large}; a driver's threshold is known for {len(known)} of them, sustained torques and angles, none of "
-            f"which differs by the {percent(found.noticed)} that is noticed."
+            f"A driver would tell {others[0]} from {reference} by {felt[others[0]]} of {sum(known)} known thresholds; "
+            f"{metrics}."
         )
-    return f"No threshold of perception is known for what was driven here; {large}."
+    most = max(large, key=lambda name: large[name])
+    farthest = f"{most} differs most, by more than {percent(MATTERS)} in {large[most]} of {len(many[most])} metrics"
+    if not any(known):
+        return f"No threshold of perception is known; {farthest} from {reference}."
+    told = sum(map(bool, felt.values()))
+    return f"By known thresholds a driver tells {told} of {len(others)} from {reference}; {farthest}."
 
 
 def _rating(found: "Assessment") -> str:
-    (name,), (ratings,) = found.values, found.ratings.values()
-    counts = Counter(rating.colour for rating in ratings.values() if rating)
+    counts = Counter(rating.colour for of in found.ratings.values() for rating in of.values() if rating)
     good, fair, bad = (counts[colour] for colour in targets.COLOURS)
-    rated = good + fair + bad
-    return (
-        f"Of {rated} rated metrics of {name}, {good} are in their good band, {fair} in the fair band, {bad} outside it."
-    )
+    who = next(iter(found.values)) if len(found.values) == 1 else f"{len(found.values)} recordings"
+    if rated := good + fair + bad:
+        return f"Of {rated} rated metrics of {who}, {good} are good, {fair} fair and {bad} outside."
+    read = [not value.reason for values in found.values.values() for value in values.values()]
+    return f"{sum(read)} of {len(read)} metrics of {who} can be read in this {found.test}; no targets rate them."
 
 
 def differing(recordings: Mapping[str, Recording]) -> list[tuple[str, list[Any]]] | None:
@@ -119,27 +130,34 @@ def _flat(value: Any, key: str = "") -> dict[str, Any]:
     return {k: leaf for name, each in value.items() for k, leaf in _flat(each, f"{prefix}{name}").items()}
 
 
-CONTENTS = frozenset({"index.html", "evaluation.json"})
+CONTENTS = frozenset({"index.html", "evaluation.json", "metrics.csv"})
 
 
 class Assessment(NamedTuple):
-    """Metrics of one or two recordings of a test, with their ratings, differences and curves."""
+    """Metrics of recordings of a test, with their ratings, differences to the first and curves."""
 
     test: str
     values: dict[str, dict[str, Value]]  # label of the recording -> metric
     ratings: dict[str, dict[str, targets.Rating | None]]  # label -> metric with a target band
     bands: dict[str, targets.Band]
     targets: targets.Targets | None
-    differences: dict[str, tuple[float, float, float]]  # second less first with its 95 % interval [unit of the metric]
-    perceptions: dict[str, just_noticeable.Perception]  # of the differences
+    differences: dict[str, dict[str, battery.Difference]]  # label -> metric -> difference to the first recording
     noticed: float  # just-noticeable difference that they are judged by [1]
-    large: frozenset[str]  # metrics whose difference counts as large, as in the report
     parameters: list[tuple[str, list[Any]]] | None  # that differ, as of :func:`differing`
     pairs: list[simulation_vs_measurement.Pair]  # cross plots with boundaries, the first recording being the reference
     power: Power | None  # what the comparison would have shown, where the curves agree
     allowed: Mapping[str, simulation_vs_measurement.Tolerance]  # by channel, that the boundaries are made of
     curves: dict[str, simulation_vs_measurement.Curves]
     zeros: dict[str, list[str]]  # what is known of the sensors' zeros in cross plots over time, in sentences
+    simulated: frozenset[str]  # labels of recordings without chance, whose repeats say nothing of an uncertainty
+    broken: Mapping[str, str] = MappingProxyType({})  # label -> why a recording that was asked for is left out
+
+    def shown(self, label: str) -> dict[str, Value]:
+        """The metrics of a recording, with an interval only where chance makes one."""
+        return {
+            name: value._replace(low=math.nan, high=math.nan) if label in self.simulated else value
+            for name, value in self.values[label].items()
+        }
 
 
 def assess(
@@ -149,9 +167,10 @@ def assess(
     allowed: Mapping[str, simulation_vs_measurement.Tolerance] | None = None,
     timing: float = 0.0,
     noticed: float = just_noticeable.SHARE,
+    compare: bool = True,
     **given: Any,
 ) -> Assessment:
-    """Assess one recording, or compare a second with the first.
+    """Assess recordings of a test, and compare all with the first.
 
     Parameters
     ----------
@@ -167,6 +186,8 @@ def assess(
         Bound on the unknown delay between channels, as for :func:`steer_env.metrics.evaluate` [s].
     noticed : float
         Just-noticeable difference of a sustained torque or angle, as for :func:`just_noticeable.perception` [1].
+    compare : bool
+        Whether differences are computed.
     given
         Conditions as for :func:`steer_env.metrics.evaluate`.
 
@@ -181,8 +202,12 @@ def assess(
         label: metrics.evaluate(found, evaluation.name, timing=timing, **given) for label, found in recordings.items()
     }
     held = wanted.bands.get(evaluation.name, {}) if wanted else {}
-    differences = _differences(*values.values()) if len(values) == 2 else {}
-    of = list(values.values())
+    base, *others = recordings
+    differences = {
+        label: _differences(values[label], values[base], noticed, {base, label} <= _simulated(recordings))
+        for label in others
+        if compare
+    }
     curves = {}
     for name, recording in recordings.items():
         try:
@@ -202,12 +227,8 @@ def assess(
         bands=held,
         targets=wanted,
         differences=differences,
-        perceptions={
-            name: just_noticeable.perception(name, of[0][name].value, gap, noticed) for name, gap in differences.items()
-        },
         noticed=noticed,
-        large=frozenset(name for name in differences if battery.difference(name, of[-1][name], of[0][name]).matters),
-        parameters=differing(recordings) if len(recordings) > 1 else None,
+        parameters=differing(recordings) if compare and others else None,
         pairs=pairs,
         power=power,
         allowed=allowed or {},
@@ -217,16 +238,29 @@ def assess(
             for label, found in recordings.items()
             if pairs
         },
+        simulated=_simulated(recordings),
     )
 
 
-def _differences(a: Mapping[str, Value], b: Mapping[str, Value]) -> dict[str, tuple[float, float, float]]:
-    """The second less the first with its 95 % interval, of the metrics that both have."""
-    return {
-        name: difference(np.array(a[name].repeats), np.array(b[name].repeats))
-        for name in a
-        if not a[name].reason and not b[name].reason
+def _simulated(recordings: Mapping[str, Recording]) -> frozenset[str]:
+    """Recordings of a car that a robot drove in this project, which noise never met."""
+    return frozenset(
+        label
+        for label, each in recordings.items()
+        if "car" in (each.meta.get("trace") or {}) and not driven.is_drive(each)
+    )
+
+
+def _differences(
+    values: Mapping[str, Value], base: Mapping[str, Value], noticed: float, certain: bool
+) -> dict[str, battery.Difference]:
+    """Differences to the base of the metrics that both have; ``certain`` ones have no interval."""
+    found = {
+        name: battery.difference(name, values[name], base[name], noticed)
+        for name in base
+        if not base[name].reason and not values[name].reason
     }
+    return {name: each._replace(half_width=0.0) for name, each in found.items()} if certain else found
 
 
 def as_json(found: Assessment) -> dict[str, Any]:
@@ -244,24 +278,71 @@ def as_json(found: Assessment) -> dict[str, Any]:
             for label, ratings in found.ratings.items()
         },
         "differences": {
-            name: {
-                "value": finite(gap),
-                "ci": [finite(low), finite(high)],
-                "unit": metrics.definition(name).unit,
-                "large": name in found.large,
-                "perception": found.perceptions[name].verdict,
-                "perception_sure": found.perceptions[name].sure,
-            }
-            for name, (gap, low, high) in found.differences.items()
+            label: {name: {**battery.as_json(each), "unit": metrics.definition(name).unit} for name, each in of.items()}
+            for label, of in found.differences.items()
         },
         "noticed_share": found.noticed,
         "parameters": found.parameters and dict(found.parameters),
-        "verdict": " ".join([verdict(found), *([in_words(found.power)] if found.power else [])]),
-        "power": found.power and comparison_power.as_json(found.power),
+        "verdict": verdict(found),
+        "broken": dict(found.broken),
+        "power": found.power
+        and {**comparison_power.as_json(found.power), "in_words": comparison_power.in_words(found.power)},
         "cross_plots": [{"x": p.x, "y": p.y, "inside": p.inside, "worst": p.worst} for p in found.pairs],
         "zeros": found.zeros,
         "version": metadata.version("steer-env"),
     }
+
+
+COLUMNS = ("recording", "metric", "unit", "value", "low", "high", "rating", "difference", "share", "refused")
+
+
+def as_rows(found: Assessment) -> Iterator[Sequence[Any]]:
+    """A row for each metric of each recording below the names of ``COLUMNS``; empty for what there is not."""
+    yield COLUMNS
+    for recording in found.values:
+        for name, value in found.shown(recording).items():
+            rating = found.ratings[recording].get(name)
+            gap = found.differences.get(recording, {}).get(name)
+            numbers = (*value[:3], rating.colour if rating else "", *((gap.value, gap.share) if gap else ("", "")))
+            shown = ["" if isinstance(x, float) and math.isnan(x) else x for x in numbers]
+            yield recording, name, value.unit, *shown, value.reason
+
+
+def largest(found: Assessment) -> list[str]:
+    """Metrics with the largest differences from the first recording, at most ``LONGEST``, the largest first."""
+    shares = dict[str, float]()
+    for of in found.differences.values():
+        for name, each in of.items():
+            if math.isfinite(each.share):
+                shares[name] = max(shares.get(name, 0.0), abs(each.share))
+    return sorted(shares, key=lambda name: -shares[name])[:LONGEST]
+
+
+def _off(found: Assessment) -> list[tuple[str, targets.Band]]:
+    """Metrics of the only recording that are not in their good bands."""
+    (ratings,) = found.ratings.values()
+    return [(name, found.bands[name]) for name, r in ratings.items() if r and r.colour != targets.COLOURS[0]]
+
+
+def _picture(found: Assessment, drawn: Sequence[plots.Panel], limits: Sequence[plots.Panel], full: bool) -> str:
+    """What the sentence says, as HTML: tolerances, differences, places in the target bands, or the curves."""
+    if found.pairs:
+        return plots.markup(limits[:1], "tolerances", full)
+    if names := largest(found):
+        rows = {
+            label(name): {
+                other: (of[name].share, of[name].reach) for other, of in found.differences.items() if name in of
+            }
+            for name in names
+        }
+        return f'<img src="{image(pictures.differences(rows, MATTERS))}" alt="Largest differences">'
+    if found.bands:
+        places = dict[str, list[float]]()
+        for name, (low, high) in ((name, band.good) for name, band in found.bands.items()):
+            of = [values[name] for values in found.values.values()]
+            places[label(name)] = [(v.value - low) / (high - low) for v in of if not v.reason]
+        return f'<img src="{image(car_pictures.in_ranges(places))}" alt="Metrics in their target bands">'
+    return plots.markup(drawn[:1], found.test, full)
 
 
 def page_of(
@@ -276,7 +357,6 @@ def page_of(
     """
     labels = list(recordings)
     trace = trace or {}
-    unknown = found.power if found.power and found.power.unknown else None  # else a table says it
     channels = dict.fromkeys(name for pair in found.pairs for name in (pair.x, pair.y))
     limits = [plots.boundaries(pair, (labels[0], labels[1])) for pair in found.pairs]
     drawn = plots.panels(found.curves, metrics.evaluation_of(recordings[labels[0]], found.test).plots)
@@ -284,8 +364,14 @@ def page_of(
     values = {
         "f": found,
         "labels": labels,
+        "values": {label: found.shown(label) for label in labels},
+        "longest": LONGEST,
+        "off": _off(found) if len(labels) == 1 else [],
         "title": title(found),
-        "verdict": " ".join([verdict(found), *([in_words(unknown)] if unknown else [])]),
+        "verdict": verdict(found),
+        "unknown": comparison_power.in_words(found.power) if found.power and found.power.unknown else "",
+        "largest": largest(found),
+        "picture": _picture(found, drawn, limits, full),
         "mappings": {label: of for label, of in trace.get("mapping", {}).items() if of["channels"] or of["meta"]},
         "tolerances": {plots.axis(name): found.allowed[name] for name in channels},
         "enough": simulation_vs_measurement.ENOUGH,
@@ -311,11 +397,13 @@ def write(
     trace: Mapping[str, Any] | None = None,
     full: bool = False,
 ) -> None:
-    """Write ``index.html`` and ``evaluation.json`` into a directory, which appears or is replaced as a whole.
+    """Write ``index.html``, ``evaluation.json`` and ``metrics.csv`` into a directory, which is replaced as a whole.
 
-    Both hold the ``trace`` of :func:`steer_env.experiments.pages.provenance.trace`, by default that of a Python
-    program. The plots of a ``full`` page are interactive.
+    The first two hold the ``trace`` of :func:`steer_env.experiments.pages.provenance.trace`, by default that of a
+    Python program. The plots of a ``full`` page are interactive.
     """
     trace = provenance.trace() if trace is None else trace
     with replaced_directory(out, CONTENTS) as part:
         place(part, page_of(found, recordings, trace, full), {"evaluation.json": as_json(found)}, trace)
+        with (part / "metrics.csv").open("w", encoding="utf-8", newline="") as file:
+            csv.writer(file).writerows(as_rows(found))

@@ -1,5 +1,6 @@
 """Targets, comparison and validation of recordings, and the commands for them."""
 
+import csv
 import json
 import re
 import warnings
@@ -15,9 +16,11 @@ from steer_env.experiments.pages import provenance
 from steer_env.experiments.reports import assessment
 from steer_env.experiments.studies.common import comparison_power, simulation_vs_measurement
 from steer_env.metrics import Value
+from steer_env.metrics.common.confidence import difference
 from steer_env.recording.recording import Recording
 from steer_env.targets import Band, Rating, rating
 from steer_env.vehicle import cars
+from tests.experiments.first_screen import sentence
 from tests.synthetic.faults import noisy
 from tests.synthetic.frequency_response import swept_sine
 from tests.synthetic.recordings import changed
@@ -258,20 +261,69 @@ def test_two_recordings_side_by_side(weaves, tmp_path, capsys):
         recordings.write(recording, path)
     assert main(["evaluate", "--compare", *map(str, files), "--out", str(tmp_path / "out")]) == 0
     a, b = (metrics.evaluate(recording)["torque_deadband"].value for recording in weaves.values())
-    found = json.loads((tmp_path / "out" / "evaluation.json").read_text())["differences"]["torque_deadband"]
+    found = json.loads((tmp_path / "out" / "evaluation.json").read_text())["differences"]["viscous"]["torque_deadband"]
     assert found["value"] == pytest.approx(b - a, rel=1e-6)
-    assert found["ci"][0] <= found["value"] <= found["ci"][1]
+    assert found["share"] == pytest.approx((b - a) / max(a, 2.5), rel=1e-6)  # 2.5 N m is the width of the usual range
     assert "viscous less lugre" in capsys.readouterr().out
     assert main(["validate", *map(str, files), "--out", str(tmp_path / "valid")]) == 1  # friction against a damper
     assert "100.0% inside" in capsys.readouterr().out
     page = (tmp_path / "valid" / "index.html").read_text()
-    first = page.index("viscous does not agree with lugre within the tolerances: in 2 of 3 cross plots")
-    assert first < page.index("<h2") < page.index("Within the tol")
+    assert sentence(page).startswith("viscous does not agree with lugre: 2 of 3 cross plots leave the tolerances, ")
     assert page.index("Within the tol") < page.index(">Metrics</h2>")
     assert "<title>Weave: viscous against lugre" in page
     compared = (tmp_path / "out" / "index.html").read_text()
     assert "<title>Weave: viscous compared with lugre" in compared
-    assert "threshold is known for 3 of them, sustained torques and angles, none of which" in compared
+    assert sentence(compared).endswith("; none exceeds one of the 3 known thresholds.")
+    rows = list(csv.DictReader((tmp_path / "out" / "metrics.csv").read_text(encoding="utf-8").splitlines()))
+    assert {row["recording"] for row in rows} == set(weaves)
+    (row,) = (row for row in rows if (row["recording"], row["metric"]) == ("viscous", "torque_deadband"))
+    assert float(row["difference"]) == found["value"]
+    assert float(row["low"]) <= float(row["value"]) <= float(row["high"])
+
+
+def test_of_eight_recordings_a_broken_one_is_left_out(weaves, tmp_path, capsys, monkeypatch):
+    """The others are compared, in a folder and by name, and the page names the broken one with its reason."""
+    monkeypatch.chdir(tmp_path)
+    clean = weaves["lugre"].resampled(100.0)
+    for k in range(1, 8):
+        torque = (1.0 + 0.02 * (k - 1)) * clean["handwheel_torque"]
+        recordings.write(changed(clean, handwheel_torque=torque), tmp_path / f"car{k}.csv")
+    (tmp_path / "car0.csv").write_text("not a table")
+    assert main(["evaluate", "--compare", ".", "--out", "compared"]) == 1
+    found = json.loads((tmp_path / "compared" / "evaluation.json").read_text())
+    assert list(found["broken"]) == ["car0"]
+    assert "no time among the columns" in found["broken"]["car0"]
+    shares = [found["differences"][f"car{k}"]["peak_handwheel_torque"]["share"] for k in range(2, 8)]
+    np.testing.assert_allclose(shares, 0.02 * np.arange(1, 7), rtol=1e-6)
+    page = (tmp_path / "compared" / "index.html").read_text()
+    assert sentence(page) == " ".join(found["verdict"].split())
+    assert "car0 is left out" in page
+    recordings.write(clean, tmp_path / "car8.csv")
+    assert main(["evaluate", "--compare", ".", "car1.csv"]) == 2
+    assert "car1.csv is given twice" in capsys.readouterr().err
+    assert main(["evaluate", "--compare", "."]) == 2
+    assert "--compare takes two to 8 recordings, got 9" in capsys.readouterr().err
+    assert main(["evaluate", ".", "--targets", "compact", "--out", "series"]) == 1
+    page = (tmp_path / "series" / "index.html").read_text()
+    assert sentence(page).startswith("Of 120 rated metrics of 8 recordings, ")
+    assert main(["evaluate", "--compare", "car0.csv", "car1.csv"]) == 2
+    (tmp_path / "empty").mkdir()
+    assert main(["evaluate", "empty"]) == 2
+    assert "empty holds no recording" in capsys.readouterr().err
+
+
+def test_a_simulation_shows_no_uncertainty(tmp_path):
+    """Its repeats are equal but for how they settle; a noisy recording without its trace has intervals."""
+    clean = simulated(cycles=6)
+    measured = noisy(
+        replace(clean, meta={k: v for k, v in clean.meta.items() if k != "trace"}), np.random.default_rng(1)
+    )
+    found = assessment.assess({"a": clean, "b": clean, "c": measured})
+    assert found.simulated == {"a", "b"}
+    assert {each.half_width for each in found.differences["b"].values()} == {0.0}
+    assert all(each.half_width > 0.0 for each in found.differences["c"].values())
+    rows = [dict(zip(assessment.COLUMNS, row)) for row in assessment.as_rows(found)][1:]
+    assert {row["recording"] for row in rows if row["low"] != ""} == {"c"}
 
 
 def test_a_simulation_that_does_not_agree_is_told_first(weaves, tmp_path):
@@ -281,13 +333,14 @@ def test_a_simulation_that_does_not_agree_is_told_first(weaves, tmp_path):
     both = {"car": clean, "model": strong}
     found = assessment.assess(both, allowed=simulation_vs_measurement.tolerances())
     said = assessment.verdict(found)
-    assert said.startswith("model does not agree with car within the tolerances: in 2 of 3 cross plots")
-    assert re.search(r"fewest \([\d.]+\s%, up to [\d.]+ tolerances away\) in handwheel torque over", said)
-    assert "lateral acceleration over handwheel angle" not in said
+    assert said.startswith(
+        "model does not agree with car: 2 of 3 cross plots leave the tolerances, handwheel torque over"
+    )
+    assert re.search(r" by up to [\d.]+ tolerances\.$", said)
     assert assessment.as_json(found)["verdict"] == said
     rated = assessment.assess({"car": clean}, wanted=targets.load("compact"))
     assert assessment.verdict(rated).startswith("Of 15 rated metrics of car, ")
-    assert assessment.verdict(assessment.assess({"car": clean})) == ""
+    assert assessment.verdict(assessment.assess({"car": clean})).startswith("19 of 19 metrics of car can be read")
 
 
 def test_large_is_what_the_report_calls_large(weaves):
@@ -299,18 +352,19 @@ def test_large_is_what_the_report_calls_large(weaves):
         strong = Recording(clean.time, {**clean.channels, **torque}, clean.units, clean.meta)
         return assessment.assess({"a": clean, "b": strong})
 
-    assert large(1.03).large == set()
+    assert not any(each.matters for each in large(1.03).differences["b"].values())
     found = large(1.3)
-    assert {"torque_at_0g", "peak_handwheel_torque"} <= found.large
-    assert "peak_handwheel_angle" not in found.large
-    assert assessment.as_json(found)["differences"]["torque_at_0g"]["large"] is True
-    assert "above 5\u00a0% of a's value" in assessment.page_of(found, {"a": clean, "b": clean}).html()
+    named = {name for name, each in found.differences["b"].items() if each.matters}
+    assert {"torque_at_0g", "peak_handwheel_torque"} <= named
+    assert "peak_handwheel_angle" not in named
+    assert assessment.as_json(found)["differences"]["b"]["torque_at_0g"]["large"] is True
+    assert assessment.largest(found)[0] in named
 
 
 def test_a_value_lies_in_its_printed_interval(weaves):
     page = assessment.page_of(assessment.assess(weaves), weaves).html().replace("−", "-")
     cells = re.findall(r"<td[^>]*>(-?[\d.]+) <small>(-?[\d.]+) to (-?[\d.]+)</small>", page)
-    assert len(cells) > 40
+    assert len(cells) == 38
     assert all(float(low) <= float(value) <= float(high) for value, low, high in cells)
     assert '<td>speed_m_s</td><td class="text wide">27.7778</td>' in page
 
@@ -328,7 +382,7 @@ def test_a_stronger_torque_is_perceptible_where_it_is_sustained(weaves, tmp_path
 
     def verdicts(*more):
         assert main([*options, "--out", str(tmp_path / "out"), *more]) == 0
-        found = json.loads((tmp_path / "out" / "evaluation.json").read_text())["differences"]
+        found = json.loads((tmp_path / "out" / "evaluation.json").read_text())["differences"]["strong"]
         names = ("torque_at_0p1g", "peak_handwheel_torque", "peak_handwheel_angle", "torque_deadband", "torque_at_0g")
         return [found[name]["perception"] for name in names]
 
@@ -336,7 +390,7 @@ def test_a_stronger_torque_is_perceptible_where_it_is_sustained(weaves, tmp_path
     assert verdicts() == [felt, felt, unfelt, unknown, unknown]
     printed = capsys.readouterr().out
     assert next(line for line in printed.splitlines() if line.startswith("torque_at_0p1g") and felt in line)
-    assert ">perceptible</td>" in (tmp_path / "out" / "index.html").read_text()
+    assert '<span class="differs">perceptible</span>' in (tmp_path / "out" / "index.html").read_text()
     assert verdicts("--noticed-percent", "40") == [unfelt, unfelt, unfelt, unknown, unknown]
 
 
@@ -378,7 +432,7 @@ def test_a_file_that_names_no_test_needs_its_name(weaves, tmp_path, capsys):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ([], "give one FILE, or two with --compare A B"),
+        ([], "give one FILE, or two to eight with --compare"),
         (["FILE", "--targets", "sedan"], "no targets 'sedan'"),
         (["FILE", "--speed-kph", "80"], "not 80 km/h +- 3%"),
         (["FILE", "--map", "torque"], "torque"),
@@ -399,7 +453,7 @@ def test_the_difference_of_noisy_recordings_covers_the_truth():
     rng = np.random.default_rng(1)
     covered = 0
     for _ in range(400):
-        _, low, high = assessment.difference(rng.normal(2.0, 0.3, 10), rng.normal(3.0, 0.6, 10))
+        _, low, high = difference(rng.normal(2.0, 0.3, 10), rng.normal(3.0, 0.6, 10))
         covered += low <= 1.0 <= high
     assert covered >= 360
 
@@ -478,7 +532,8 @@ def test_without_a_car_to_drive_the_power_is_unknown(weaves):
     found = assessment.assess(both, allowed=simulation_vs_measurement.tolerances())
     assert found.power.parameters == ()
     assert found.power.unknown == "its trace names no car and law that could be driven again"
-    assert found.power.unknown in assessment.as_json(found)["verdict"]
+    assert assessment.verdict(found).endswith("what differences it would have shown is unknown.")
+    assert found.power.unknown in assessment.as_json(found)["power"]["in_words"]
     assert found.power.unknown in assessment.page_of(found, both).html()
     other = simulated(cycles=6)
     meta = {**other.meta, "trace": {**other.meta["trace"], "friction": {"x": {"law": "unheard", "parameters": {}}}}}

@@ -3,6 +3,8 @@
 import argparse
 from pathlib import Path
 
+from steer_env.experiments.cli.common import names
+
 KEPT = (".toml", ".json", ".dbc")  # files that say how something is done, whose text the trace keeps
 LARGEST = 256_000  # of these [byte]; a larger one is looked up when the result is made again
 
@@ -18,7 +20,8 @@ def of(args: argparse.Namespace) -> list[dict[str, str]]:
     others = {str(getattr(args, name, None)) for name in ("vehicle", "tyre", "out")}
     words = dict.fromkeys(value for word in args.argv for value in (word, word.partition("=")[2]))
     found = []
-    for word in words:
+    folders = (str(path) for word in words if word not in others for path in recorded(word))
+    for word in dict.fromkeys((*words, *folders)):
         path = Path(word)
         if path.suffix and word not in others and path.is_file():
             # A mapping of an external vehicle names a file beside it, so that it is looked up where it lies.
@@ -27,3 +30,11 @@ def of(args: argparse.Namespace) -> list[dict[str, str]]:
             found.append(provenance.input_file(word, kept))
     modules = own_modules.digests(args.modules)
     return [*found, *({"module": name, "sha256": digest} for name, digest in modules.items())]
+
+
+def recorded(path: str) -> list[Path]:
+    """The recordings in a folder, by name; none where the path is no folder."""
+    if not path or not Path(path).is_dir():
+        return []
+    endings = (*names.FORMATS, *names.CAN_FORMATS, ".csv.gz")
+    return sorted(each for each in Path(path).iterdir() if each.name.lower().endswith(endings))

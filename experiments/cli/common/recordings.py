@@ -25,6 +25,7 @@ SCALE = "torque_scale_error"
 # Condition -> how far two recordings that are compared may be apart, as far as one may be from what its test
 # prescribes; its option, the unit of that, and how many of it are one SI.
 APART = {"speed_m_s": (0.03, "--speed-kph", "km/h", 3.6), "frequency_hz": (0.1, "--frequency-hz", "Hz", 1.0)}
+MOST = 8  # recordings that are compared
 TEXTS = ("edition", "mirrored")  # conditions that are no numbers
 
 
@@ -61,56 +62,104 @@ def add_reading(parser: argparse._ActionsContainer) -> None:
     parser.add_argument("--without", metavar="CHANNEL", action="append", default=[], help=text)
 
 
-def assess(paths: list[str], args: argparse.Namespace, tolerances: str | None) -> int:
+def assess(given: list[str], args: argparse.Namespace, tolerances: str | None, compare: bool) -> int:
     """Assess recordings, print the result and write it.
 
     The exit code is 1 where a recording gives no metric at all, or where two do not agree within the tolerances.
     """
-    require_format(paths)
-
     from steer_env import targets
-    from steer_env.experiments.cli.common.tables import print_differences, print_metrics
     from steer_env.experiments.pages.files import usable
     from steer_env.experiments.reports import assessment
-    from steer_env.experiments.studies.common import comparison_power, simulation_vs_measurement
+    from steer_env.experiments.studies.common import simulation_vs_measurement
 
-    labels = _labels(paths)
-    if len(args.mapping) > len(paths):
-        raise ValueError(f"{len(args.mapping)} mappings are given for {len(paths)} recordings")
-    check_can(paths, args)
+    paths = _expanded(given)
+    require_format(paths)
+    if compare and not 2 <= len(paths) <= MOST:
+        raise ValueError(f"--compare takes two to {MOST} recordings, got {len(paths)}")
+    if len(args.mapping) > len(given):
+        raise ValueError(f"{len(args.mapping)} mappings are given for {len(given)} recordings")
+    check_can([*paths], args)
     if args.out:
         usable(args.out, assessment.CONTENTS)
-    recordings = {label: _read(path, place, args) for place, (label, path) in enumerate(zip(labels, paths))}
+    labels = _labels([*paths])
+    places = dict(zip(labels, paths.values()))
+    recordings, broken = _read_all(dict(zip(labels, paths)), places, args, 2 if compare else 1)
+    if tolerances and broken:
+        raise ValueError("; ".join(broken.values()))
     wanted = targets.load(args.targets) if args.targets else None
     allowed = simulation_vs_measurement.tolerances(tolerances) if tolerances else None
-    given = _conditions(args)
-    _check_conditions(dict(zip(_places(paths, args), recordings.values())), args.manoeuvre, given)
+    conditions = _conditions(args)
+    told = {label: path + _mapped(places[label], args) for label, path in zip(labels, paths) if label in recordings}
+    _check_conditions({told[label]: each for label, each in recordings.items()}, args.manoeuvre, conditions, compare)
     timing = 1e-3 * number("--timing-ms", args.timing_ms, minimum=0.0)
     with progress("driving variants of the simulation", total=None) if tolerances else nullcontext():
-        found = assessment.assess(recordings, args.manoeuvre, wanted, allowed, timing, options.noticed(args), **given)
+        found = assessment.assess(
+            recordings, args.manoeuvre, wanted, allowed, timing, options.noticed(args), compare=compare, **conditions
+        )._replace(broken=broken)
+    agree = not found.pairs or simulation_vs_measurement.passes(found.pairs)
+    _print(found, agree, tolerances)
+    if args.out:
+        out = args.out
+        assessment.write(out, found, recordings, _trace(args, places, out.name), args.full)
+        print(out / "index.html")
+    readable = all(any(not value.reason for value in values.values()) for values in found.values.values())
+    return int(not (agree and readable) or bool(broken))
+
+
+def _expanded(given: list[str]) -> dict[str, int]:
+    """The files, a folder's recordings in its place -> place of what was given."""
+    paths = dict[str, int]()
+    for place, path in enumerate(given):
+        within = [str(each) for each in inputs.recorded(path)]
+        if Path(path).is_dir() and not within:
+            raise ValueError(f"{path} holds no recording: {names.RECORDED}")
+        for each in within or [path]:
+            if each in paths:
+                raise ValueError(f"{each} is given twice")
+            paths[each] = place
+    return paths
+
+
+def _read_all(
+    paths: Mapping[str, str], places: Mapping[str, int], args: argparse.Namespace, least: int
+) -> tuple[dict[str, Any], dict[str, str]]:
+    """The recordings by label, and why others cannot be read; ValueError where fewer than ``least`` are left."""
+    found, broken = dict[str, Any](), dict[str, str]()
+    for label, path in paths.items():
+        try:
+            found[label] = _read(path, places[label], args)
+        except (ValueError, OSError) as error:
+            if len(paths) == least:
+                raise
+            broken[label] = str(error)
+            print(f"{path} is left out: {error}")
+    if len(found) < least:
+        raise ValueError(f"only {len(found)} of {len(paths)} recordings can be read: {'; '.join(broken.values())}")
+    return found, broken
+
+
+def _print(found: Any, agree: bool, tolerances: str | None) -> None:
+    """Print what was found."""
+    from steer_env.experiments.cli.common.tables import print_differences, print_metrics
+    from steer_env.experiments.studies.common import comparison_power
+
+    labels, wanted = list(found.values), found.targets
     if wanted and not found.bands:
         print(f"targets {wanted.name!r} have no bands for {found.test}; they have some for {', '.join(wanted.bands)}")
     for label in labels:
-        print_metrics(found.values[label], f"{found.test}, {label}", found.ratings[label])
-    if found.differences:
-        print_differences(found.differences, found.perceptions, f"{labels[1]} less {labels[0]}")
+        print_metrics(found.shown(label), f"{found.test}, {label}", found.ratings[label])
+    for label, differences in found.differences.items():
+        print_differences(differences, f"{label} less {labels[0]}")
     for label, notes in found.zeros.items():
         for note in notes:
             print(f"{label}: {note}")
     for pair in found.pairs:
         print(f"{pair.y} over {pair.x}: {pair.inside:.1%} inside, largest distance {pair.worst:.2f} tolerances")
-    agree = not found.pairs or simulation_vs_measurement.passes(found.pairs)
     if found.pairs:
         said = "agree" if agree else "do not agree"
         print(f"{labels[0]} and {labels[1]} {said} within the tolerances {tolerances}")
         if found.power is not None:
             print(comparison_power.in_words(found.power))
-    if args.out:
-        out = args.out
-        assessment.write(out, found, recordings, _trace(args, labels, out.name), args.full)
-        print(out / "index.html")
-    readable = all(any(not value.reason for value in values.values()) for values in found.values.values())
-    return int(not (agree and readable))
 
 
 def _notes(meta: Mapping[str, Any], frames: bool) -> Iterator[str]:
@@ -153,17 +202,12 @@ def check_can(paths: list[str], args: argparse.Namespace) -> None:
 def _labels(paths: list[str]) -> list[str]:
     """File names without suffix, or the paths where those are the same."""
     labels = [Path(path).stem for path in paths]
-    if len(set(labels)) < len(labels):
-        labels = paths
-    if len(set(labels)) < len(labels):
-        raise ValueError(f"{paths[0]} is given twice")
-    return labels
+    return paths if len(set(labels)) < len(labels) else labels
 
 
-def _places(paths: list[str], args: argparse.Namespace) -> list[str]:
-    """Where each recording comes from, for messages about its meta."""
-    mappings = [f" (mapping {name})" for name in args.mapping] + [""] * len(paths)
-    return [path + mapping for path, mapping in zip(paths, mappings)]
+def _mapped(place: int, args: argparse.Namespace) -> str:
+    """The mapping of a recording, for messages about its meta."""
+    return f" (mapping {args.mapping[place]})" if place < len(args.mapping) else ""
 
 
 def mapping_of(place: int, args: argparse.Namespace) -> Any:
@@ -176,11 +220,11 @@ def mapping_of(place: int, args: argparse.Namespace) -> Any:
     return chosen
 
 
-def _trace(args: argparse.Namespace, labels: list[str], result: str) -> dict[str, Any]:
+def _trace(args: argparse.Namespace, places: Mapping[str, int], result: str) -> dict[str, Any]:
     """What an assessment is made from, with what each recording was read through."""
     from steer_env.experiments.pages import provenance
 
-    chosen = {label: mapping_of(place, args) for place, label in enumerate(labels)}
+    chosen = {label: mapping_of(place, args) for label, place in places.items()}
     mapping = {label: one.plain() for label, one in chosen.items()}
     return provenance.trace(command=args.argv, result=result, inputs=inputs.of(args), mapping=mapping)
 
@@ -209,17 +253,21 @@ def _conditions(args: argparse.Namespace) -> dict[str, float]:
     return {name: value for name, value in given.items() if value is not None}
 
 
-def _check_conditions(recordings: Mapping[str, Any], asked: str | None, given: Mapping[str, float]) -> None:
+def _check_conditions(
+    recordings: Mapping[str, Any], asked: str | None, given: Mapping[str, float], compare: bool
+) -> None:
     """Refuse recordings of another test than the one asked for, bad values of conditions, and unlike conditions.
 
     Parameters
     ----------
     recordings : mapping of str to Recording
-        Where each comes from, in the user's words -> one or two recordings.
+        Where each comes from, in the user's words -> a recording.
     asked : str or None
         The test that the options name; None if they name none.
     given : mapping of str to float
         Conditions that the options give, in place of those of the recordings [SI].
+    compare : bool
+        Whether conditions must be alike.
 
     Raises
     ------
@@ -231,7 +279,7 @@ def _check_conditions(recordings: Mapping[str, Any], asked: str | None, given: M
     tests = {place: _test(place, recording.meta.get("manoeuvre"), asked) for place, recording in recordings.items()}
     if len(set(tests.values())) > 1:
         said = " and ".join(f"{place} is of {test!r}" for place, test in tests.items())
-        raise ValueError(f"{said}: only recordings of the same test can be compared")
+        raise ValueError(f"{said}: only recordings of the same test {'can be compared' if compare else 'share a page'}")
     (test,) = set(tests.values())
     prescribed = metrics.conditions(test)
     found = {place: _conditions_of(place, recording.meta, prescribed) for place, recording in recordings.items()}
@@ -242,7 +290,7 @@ def _check_conditions(recordings: Mapping[str, Any], asked: str | None, given: M
             number(option, size * given[key], minimum=0.0, above=bool(prescribed[key]))
             continue
         values = [size * conditions[key] for conditions in found.values()]
-        if max(values) - min(values) > share * max(values) * (1 + 1e-9):
+        if compare and max(values) - min(values) > share * max(values) * (1 + 1e-9):
             said = " and ".join(f"{place} at {value:.4g} {unit}" for place, value in zip(found, values))
             raise ValueError(
                 f"{said} are more than {share:.0%} apart, so that their metrics differ by the test already: compare "

@@ -14,8 +14,8 @@ from steer_env.experiments.learning.assist_suite import Result
 from steer_env.experiments.learning.held_out import Estimate
 from steer_env.experiments.reports import friction_fit, friction_fit_page
 from steer_env.experiments.reports.car_quantities import Quantity
+from steer_env.experiments.studies.common.battery import Difference
 from steer_env.metrics import Value, definition
-from steer_env.metrics.common.just_noticeable import Perception
 from steer_env.targets import Rating
 
 PIPED_WIDTH = 160  # columns of a table that is not printed on a terminal
@@ -82,17 +82,16 @@ def _rating(rating: Rating | None) -> str:
     return f"[{style}]{rating.colour}[/{style}]" + ("?" if rating.sure is False else "")
 
 
-def print_differences(
-    differences: Mapping[str, tuple[float, float, float]], perceptions: Mapping[str, Perception], title: str
-) -> None:
-    """Print the differences of metrics (value, lower and upper end of the interval) and whether a driver notices."""
+def print_differences(differences: Mapping[str, Difference], title: str) -> None:
+    """Print the differences of metrics with their intervals, and whether a driver notices."""
     table = _table()
-    headings = {"metric": "left", "difference": "right", "95 % interval": "right", "unit": "left", "a driver": "left"}
-    for heading, justify in headings.items():
+    headings = {"metric": "left", "difference": "right", "±": "right", "unit": "left", "share": "right"}
+    for heading, justify in {**headings, "a driver": "left"}.items():
         table.add_column(heading, justify=justify, no_wrap=True)  # type: ignore[arg-type]
-    for name, (gap, low, high) in differences.items():
-        interval = "" if math.isnan(low) else f"{low:.3g} .. {high:.3g}"
-        table.add_row(name, f"{gap:.3g}", interval, definition(name).unit, str(perceptions[name]))
+    for name, found in differences.items():
+        reach = f"{found.half_width:.2g}" if found.half_width > 0.0 else ""
+        share = f"{found.share:.1%}" if math.isfinite(found.share) else ""
+        table.add_row(name, f"{found.value:.3g}", reach, definition(name).unit, share, str(found.perception))
     _print(console(), table, title)
 
 

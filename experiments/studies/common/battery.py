@@ -90,6 +90,12 @@ class Difference(NamedTuple):
     perception: just_noticeable.Perception = just_noticeable.Perception(just_noticeable.UNKNOWN)
 
     @property
+    def reach(self) -> float:
+        """The half width as a share, as the difference itself is [1]; 0 without an interval."""
+        reach = self.half_width * abs(self.share / self.value) if self.value else 0.0
+        return reach if math.isfinite(reach) else 0.0
+
+    @property
     def real(self) -> bool:
         """Whether the interval excludes zero; a difference of single events counts as real."""
         return math.isfinite(self.share) and not abs(self.value) <= self.half_width
