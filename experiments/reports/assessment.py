@@ -57,7 +57,7 @@ def _agreement(found: "Assessment") -> str:
             f"{other} does not agree with {reference}: {len(missed)} of {len(found.pairs)} cross plots leave the "
             f"tolerances, {label(worst.y)} over {label(worst.x)} by up to {number(worst.worst, 2)} tolerances."
         )
-    said = f"{other} agrees with {reference} in this {found.test} within the tolerances"
+    said = f"Within the tolerances {other} agrees with {reference} in this {found.test}"
     if found.power.unknown:
         return f"{said}; what differences it would have shown is unknown."
     shown = sum(bool(ends) for _, ends, _ in comparison_power.rows(found.power))
@@ -371,6 +371,9 @@ def page_of(
         "verdict": verdict(found),
         "unknown": comparison_power.in_words(found.power) if found.power and found.power.unknown else "",
         "largest": largest(found),
+        "caption": f"Largest differences from {labels[0]}; less than {percent(MATTERS)} is shaded."
+        if found.differences and not found.pairs
+        else "",
         "picture": _picture(found, drawn, limits, full),
         "mappings": {label: of for label, of in trace.get("mapping", {}).items() if of["channels"] or of["meta"]},
         "tolerances": {plots.axis(name): found.allowed[name] for name in channels},
