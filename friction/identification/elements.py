@@ -1,12 +1,13 @@
 """Sliders in parallel from a record, by non-negative least squares on a grid of yields (F32)."""
 
+import math
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from steer_env.friction.identification.determined import Estimate, half_widths
+from steer_env.friction.identification.determined import FLOOR, WIDEST, Estimate, half_widths
 from steer_env.friction.identification.problem import Problem
 from steer_env.friction.law import Law, Sliders
 from steer_env.friction.numerics.bounds import within
@@ -15,6 +16,7 @@ from steer_env.friction.virgin_curve import MAX_ELEMENTS
 
 GRIDS = (4, 8, 16, 32, 64)  # numbers of yields that are compared on held-out samples
 JUDGED = 1.0 / 3.0  # of the weighed samples, the last ones [1]
+YIELD_STEP = 1e-3  # of the logarithm of a yield, for derivatives by it [1]
 ALIKE = 1.02  # of the least held-out residual: grids that leave no more widen the intervals [1]
 
 # Of the search for the Stribeck curve and the lag of sliders that have them:
@@ -38,6 +40,17 @@ class Elements(NamedTuple):
     intervals: dict[str, tuple[Any, Any]]  # F_c, and virgin_torque at the yields [N m]
     J: NDArray[np.float64]  # (n, N + K) regressors that are used
     residual: NDArray[np.float64]  # (n,) at the weighed samples [N m]
+    sets: tuple["SliderSet", ...] = ()
+
+
+class SliderSet(NamedTuple):
+    """Neighbouring sliders as one: together the record tells their stiffness and yield, singly it does not."""
+
+    sliders: int  # how many
+    k: float  # sum of their stiffnesses [N m/rad]
+    y: float  # torque of all after their yields, over k [rad]
+    k_interval: tuple[float, float] | None  # 95 %; None where the record does not determine it [N m/rad]
+    y_interval: tuple[float, float] | None  # [rad]
 
 
 @kernel
@@ -132,7 +145,8 @@ def elements_of(problem: Problem, slider: Slider | None = None) -> Elements:
     bounds = [_bounds(elements, best.y) for _, elements in found]
     low = np.maximum(np.min([each[0] for each in bounds], axis=0), 0.0)
     high = np.max([each[1] for each in bounds], axis=0)
-    return best._replace(intervals={"F_c": (low[-1], high[-1]), "virgin_torque": (low, high)})
+    intervals = {"F_c": (low[-1], high[-1]), "virgin_torque": (low, high)}
+    return best._replace(intervals=intervals, sets=_sets(problem, best, slider))
 
 
 def regressors_of(problem: Problem, y: NDArray, slider: Slider | None = None) -> NDArray[np.float64]:
@@ -189,3 +203,40 @@ def _bounds(found: Elements, y: NDArray) -> tuple[NDArray, NDArray]:
     shares = np.minimum(y[:, None] / found.y, 1.0)
     half = half_widths(found.J, found.residual, np.column_stack([shares, np.zeros((y.size, found.factors.size))]))
     return shares @ found.F - half, shares @ found.F + half
+
+
+def _sets(problem: Problem, found: Elements, slider: Slider | None) -> tuple[SliderSet, ...]:
+    """The most sets of neighbouring sliders whose stiffness and yield are determined by (F34), by the delta method.
+
+    The covariance of (F35) is that of the torques of all sliders and of the logarithms of their yields. The intervals
+    also hold what a linear step finds best with yields off the grid.
+    """
+    y, F, N = found.y, found.F, found.y.size
+    ends = [regressors_of(problem, y * math.exp(h), slider)[:, :N] for h in (-YIELD_STEP, YIELD_STEP)]
+    J = np.column_stack([found.J, F * (ends[1] - ends[0]) / (2.0 * YIELD_STEP)])
+    groups = [slice(i, j) for j in range(1, N + 1) for i in range(j)]
+    rows = np.zeros((2, len(groups), J.shape[1]))  # derivatives of the logarithms of k and y
+    for row_k, row_y, part in zip(*rows, groups):
+        k = F[part] / y[part]
+        yields = np.arange(J.shape[1] - N, J.shape[1])[part]
+        row_k[part], row_k[yields] = 1.0 / y[part] / k.sum(), -k / k.sum()
+        row_y[:] = -row_k
+        row_y[part] += 1.0 / F[part].sum()
+    judged = half_widths(J, found.residual, rows.reshape(-1, J.shape[1]), FLOOR).reshape(2, -1) <= WIDEST
+    step = np.linalg.lstsq(J, -found.residual, rcond=1e-6)[0]  # to yields off the grid
+    change = rows @ step
+    half = half_widths(J, found.residual + J @ step, rows.reshape(-1, J.shape[1])).reshape(2, -1)
+    best: list[tuple[int, int, list[int]]] = [(0, 0, [])]  # of the first sliders: sets determined, less others; which
+    for j in range(1, N + 1):
+        last = [(m, part.start) for m, part in enumerate(groups) if part.stop == j]
+        told = [(best[i], m, bool(judged[:, m].all())) for m, i in last]
+        best.append(max((n + sure, less - (not sure), [*which, m]) for (n, less, which), m, sure in told))
+    result = []
+    for m in best[N][2]:
+        k, level = float(np.sum((F / y)[groups[m]])), float(np.sum(F[groups[m]]))
+        both = [
+            (value * math.exp(min(off, 0.0) - h), value * math.exp(max(off, 0.0) + h)) if sure else None
+            for value, off, h, sure in zip((k, level / k), change[:, m].tolist(), half[:, m].tolist(), judged[:, m])
+        ]
+        result.append(SliderSet(groups[m].stop - groups[m].start, k, level / k, both[0], both[1]))
+    return tuple(result)

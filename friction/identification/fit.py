@@ -9,20 +9,29 @@ from numpy.typing import ArrayLike, NDArray
 
 from steer_env.friction.identification.branches import BAND as SWING
 from steer_env.friction.identification.branches import Branches, branches_of, stiffness_of, weighed_of
-from steer_env.friction.identification.determined import Estimate, bootstrapped, determined, linear, profiled
+from steer_env.friction.identification.determined import (
+    Estimate,
+    bootstrapped,
+    determined,
+    half_widths,
+    linear,
+    profiled,
+)
 from steer_env.friction.identification.displacement import BAND, deviation_of, motion_of
-from steer_env.friction.identification.elements import Elements, beside, fitted_sliders
+from steer_env.friction.identification.elements import Elements, SliderSet, beside, fitted_sliders
 from steer_env.friction.identification.problem import Problem, searched
 from steer_env.friction.identification.quality import by_noise, own_noise, refuse
 from steer_env.friction.identification.rate import Rate, joint, told, with_rate
 from steer_env.friction.identification.record import Record, checked
 from steer_env.friction.identification.remarks import remarks
 from steer_env.friction.identification.scales import Scales, scaled
-from steer_env.friction.identification.space import space_of
+from steer_env.friction.identification.space import space_of, within_law
 from steer_env.friction.law import Law, Sliders, law_of, make
 from steer_env.friction.level import Level
 from steer_env.friction.numerics.check import number, one_of, whole
 
+FAR = 20.0  # travels of the record, after which a law is saturated; assumed [1]
+STEP = 1e-5  # of a coordinate, for the derivative of the saturated torque [1]
 INTERVALS = ("linear", "bootstrap", "profile")
 
 Bound = float | NDArray[np.float64]  # an array for a curve
@@ -45,6 +54,9 @@ class Fit(NamedTuple):
     undetermined: tuple[str, ...] = ()  # names of the parameters that the record does not determine
     explained: float = 0.0  # share of the variance of the weighed torque [1]
     inertia: float = 0.0  # that the torque sensor moves along, given or estimated [kg m2]
+    limits: Mapping[str, tuple[bool, bool]] = {}  # name -> whether the low and the high end are bounds of the law
+    sets: tuple[SliderSet, ...] = ()  # of sliders in parallel, that the record tells from each other
+    saturated: tuple[float, float, float] = (math.nan, math.nan, math.nan)  # far one way, and its interval [N m]
 
 
 class Options(NamedTuple):
@@ -246,6 +258,7 @@ def _told(
                 intervals[name] = min(own[0], least * scales.torque), max(own[1], most * scales.torque)
     if "F_c" in intervals and not branches.saturates:
         intervals["F_c"] = intervals["F_c"][0], math.inf
+    intervals, limits = within_law(law, parameters, intervals, estimate.space.tied)
     e = estimate.optimum.residual * scales.torque  # (F12)
     residual = math.sqrt(np.mean(e**2))
     variance = float(np.var(ready.record.torque[problem.weighed]))
@@ -269,8 +282,52 @@ def _told(
         undetermined=tuple(estimate.undetermined),
         explained=1.0 - residual**2 / variance if variance else 0.0,
         inertia=factors.get("inertia", 0.0) * scales.time**2 / scales.displacement + (ready.inertia or 0.0),
+        limits=limits,
+        sets=() if elements is None else tuple(_in_units(each, scales) for each in elements.sets),
+        saturated=_saturated(ready, law, problem, estimate, elements),
     )
     return result._replace(
         warnings=(*remarks(result, ready, law, estimate.optimum), *told(rate)),
         undetermined=result.undetermined + ("load",) * rate.undetermined,
     )
+
+
+def _in_units(found: SliderSet, scales: Scales) -> SliderSet:
+    """A set of sliders in the units of the record."""
+    stiffness = scales.torque / scales.displacement
+    k_ends = found.k_interval and (found.k_interval[0] * stiffness, found.k_interval[1] * stiffness)
+    y_ends = found.y_interval and (
+        found.y_interval[0] * scales.displacement,
+        found.y_interval[1] * scales.displacement,
+    )
+    return SliderSet(found.sliders, found.k * stiffness, found.y * scales.displacement, k_ends, y_ends)
+
+
+def _saturated(
+    ready: Prepared, law: Law, problem: Problem, estimate: Estimate, elements: Elements | None
+) -> tuple[float, float, float]:
+    """Friction after ``FAR`` travels one way at the record's median speed, and its interval by the delta method [N m].
+
+    It has the covariance of the parameters (F35); of sliders it holds what all grids say that are nearly as good.
+    """
+    space, end = estimate.space, estimate.optimum
+    steps = np.abs(np.diff(problem.x))
+    step = float(np.median(steps[steps > 0.0]))
+    way = step * np.arange(math.ceil(FAR * float(np.ptp(problem.x)) / step), dtype=float)
+    far = problem._replace(x=way, levels=np.ones(way.size))
+    value = float(far.response(law, estimate.parameters)[-1])
+    row, n = np.zeros((1, end.q.size)), len(space.sought)
+    for i in range(n):
+        ends = [end.q[:n] + side * STEP * max(1.0, abs(end.q[i])) * np.eye(n)[i] for side in (-1.0, 1.0)]
+        inside = [q if space.made(q)[1] == 0.0 else end.q[:n] for q in ends]
+        low, high = (far.response(law, space.made(q)[0])[-1] for q in inside)
+        row[0, i] = (high - low) / max(inside[1][i] - inside[0][i], STEP)
+    if elements is not None and not hasattr(estimate.parameters, "F_c"):
+        row[0, -elements.F.size :] = 1.0  # the columns that stand beside the parameters
+    half = float(half_widths(end.jacobian, end.residual, row)[0])
+    low, high = max(value - half, 0.0), value + half
+    if elements is not None:
+        least, most = elements.intervals["F_c"]
+        low, high = min(low, least), max(high, most)
+    torque = ready.scales.torque
+    return value * torque, low * torque, high * torque if ready.branches.saturates else math.inf

@@ -2,7 +2,8 @@
 
 import inspect
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,6 +13,7 @@ from steer_env.friction.law import Law
 
 REACH = math.log(1e6)  # of a logarithm about its start [1]
 NEAR = 1e-3  # change of a coordinate that shows an edge of what the law allows [1]
+HALVINGS = 60  # of a way to a bound of the law
 LARGEST = 9.0  # relative excess: a break-away of ten times the sliding torque; assumed [1]
 
 
@@ -95,6 +97,52 @@ def _allowed(law: Law, values: Mapping[str, Any]) -> bool:
     except (ValueError, OverflowError):
         return False
     return True
+
+
+def within_law(
+    law: Law, parameters: Any, intervals: Mapping[str, tuple[Any, Any]], tied: Mapping[str, tuple[str, float]]
+) -> tuple[dict[str, tuple[Any, Any]], dict[str, tuple[bool, bool]]]:
+    """Intervals of single parameters cut to what the law allows, and which of their ends are bounds of the law.
+
+    An end is beyond the law where its constructor refuses it beside all others, be they at their estimates or at ends
+    of their own intervals: the end of one may need another one that is not at its estimate. ``tied`` are as in
+    :class:`Space`.
+    """
+    values = parameters._asdict() | dict(law.permission(parameters))
+    single = {
+        name: ends for name, ends in intervals.items() if np.ndim(values.get(name, ())) == 0 and name in law.units
+    }
+    result, limits = dict(intervals), {}
+    for name, ends in single.items():
+        others = [[(other, end) for end in both if math.isfinite(end)] for other, both in single.items()]
+        others = [pairs for pairs in others if pairs and pairs[0][0] != name]
+        sets = [values, *(values | dict(corner) for corner in product(*others))]
+
+        def allowed(value: float, name: str = name, sets: list[dict[str, Any]] = sets) -> bool:
+            given = [each | {name: value} for each in sets]
+            follow = [{one: each[base] * (1.0 + excess) for one, (base, excess) in tied.items()} for each in given]
+            return any(_allowed(law, each | others) for each, others in zip(given, follow))
+
+        cut, at = zip(*(_cut(values[name], end, allowed) for end in ends))
+        result[name] = cut
+        if any(at):
+            limits[name] = at
+    return result, limits
+
+
+def _cut(value: float, end: float, allowed: Callable[[float], bool]) -> tuple[float, bool]:
+    """The end of an interval, or the last allowed value on the way to it, and whether that is a bound."""
+    if not math.isfinite(end):
+        return end, False
+    if allowed(end):
+        step = 1e-9 * abs(end) or math.ulp(0.0)
+        sides = [math.copysign(step, end - value)] if end != value else [-step, step]
+        return end, not all(allowed(end + side) for side in sides)
+    low, high = value, end
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if allowed(middle) else (low, middle)
+    return low, True
 
 
 class Space(NamedTuple):

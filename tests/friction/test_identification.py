@@ -1,6 +1,7 @@
 """Units, noise of the displacement, speeds, load, inertia, intervals and comparison of ``friction.fit``."""
 
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from steer_env.friction import law
 from steer_env.friction.identification.displacement import deviation_of, motion_of, noise_of, quantum_of
 from steer_env.friction.identification.record import timed
 from steer_env.friction.identification.scales import Scales, exponents
+from steer_env.friction.identification.space import within_law
 from tests.friction.test_bad_input import refused
 
 DT = 0.01  # [s]
@@ -374,3 +376,92 @@ def test_comparison():
     assert min(found, key=lambda each: each.bic).law in {"dahl", "lugre"}
     with refused(["held_out", "0.95"]):
         friction.compare(friction.Record(LOOPS, torque, DT), ["dahl"], held_out=0.95)
+
+
+# What the law allows, and sets of sliders
+
+
+def test_intervals_end_where_the_law_does():
+    """Of a record of Dahl, whose n is the least that Bouc-Wen allows: the interval went on below it."""
+    p = friction.make("dahl", sigma_0=100.0, F_c=0.9)
+    found = friction.fit(LOOPS, friction.response(p, LOOPS, DT) + noise(0, LOOPS.size), "bouc_wen", dt=DT)
+    assert found.intervals["n"][0] == pytest.approx(1.0, abs=1e-9)
+    assert found.limits["n"] == (True, False)
+    for name in ("sigma_0", "F_c"):
+        assert name not in found.limits
+
+
+def test_an_upper_bound_of_the_law_ends_an_interval():
+    """Of a share that the law allows up to 1, and of a pair whose ends need each other."""
+
+    def make(kappa=0.5, F_c=1.0, F_ba=0.5):
+        if not (0.0 <= kappa <= 1.0 and F_ba < F_c):
+            raise ValueError
+        return friction.make("dahl")
+
+    class Parameters(NamedTuple):
+        kappa: float
+        F_c: float
+        F_ba: float
+
+    fake = law.LAWS["dahl"]._replace(make=make, units={"kappa": "1", "F_c": "N m", "F_ba": "N m"})
+    given = {"kappa": (0.936, 1.008), "F_c": (0.89, 0.97), "F_ba": (0.85, 1.2)}
+    cut, limits = within_law(fake, Parameters(0.97, 0.93, 0.92), given, {})
+    assert cut["kappa"] == (0.936, pytest.approx(1.0, abs=1e-12))
+    assert cut["F_c"] == given["F_c"]
+    assert cut["F_ba"] == (0.85, pytest.approx(0.97))
+    assert limits == {"kappa": (False, True), "F_ba": (False, True)}
+
+
+def test_a_tied_parameter_bounds_no_interval():
+    """F_s of a LuGre at one speed follows F_c, and is no bound to it."""
+    found = friction.fit(LOOPS, friction.response("dahl", LOOPS, DT) + noise(0, LOOPS.size), "lugre", dt=DT)
+    low, high = found.intervals["F_c"]
+    assert low < found.parameters.F_c < high
+    assert "F_c" not in found.limits
+
+
+def test_stiffness_and_yield_of_two_sliders_off_the_grid_of_yields():
+    """Each is shared by two sliders of the grid, of which the record determines only the sum."""
+    p = friction.make("masing", k=[200.0, 20.0], y=[0.003, 0.03])
+    clean, held = friction.response(p, LOOPS, DT), []
+    for seed in range(20):
+        found = friction.fit(LOOPS, clean + noise(seed, LOOPS.size), "masing", dt=DT)
+        assert len(found.sets) == 2
+        assert sum(each.sliders for each in found.sets) == found.parameters.k.size
+        for each, k, y in zip(found.sets, p.k, p.y):
+            assert each.k == pytest.approx(k, rel=0.03)
+            held.append(each.k_interval[0] <= k <= each.k_interval[1])
+            held.append(each.y_interval[0] <= y <= each.y_interval[1])
+        value, low, high = found.saturated
+        assert low <= 1.2 <= high
+        assert value == pytest.approx(np.sum(found.parameters.k * found.parameters.y))
+    assert np.mean(held) >= 0.9
+
+
+def test_what_a_slider_is_not_determined_in_is_not_told():
+    """The corner of Coulomb has a yield and a stiffness that no sample shows, but a level."""
+    p = friction.make("coulomb", F_c=1.3)
+    found = friction.fit(LOOPS, friction.response(p, LOOPS, DT) + noise(0, LOOPS.size), "masing", dt=DT)
+    assert all(each.k_interval is None for each in found.sets)
+    _, low, high = found.saturated
+    assert low < 1.3 < high
+    assert high - low < 0.05
+
+
+@pytest.mark.parametrize("name", ["dahl", "lugre", "viscous", "stribeck"])
+def test_the_saturated_friction_has_the_interval_of_what_it_is_made_of(name):
+    p = friction.make(name) if name != "lugre" else P
+    x, dt = mixed_speed(20.0)
+    torque = friction.response(p, x, dt) + noise(1, x.size)
+    value, low, high = friction.fit(x, torque, name, dt=dt).saturated
+    steps = np.abs(np.diff(x))
+    far = np.median(steps) * np.arange(10000)
+    assert low < friction.response(p, far, dt)[-1] < high
+    assert high - low < 0.2 * value
+
+
+def test_the_saturated_friction_is_open_where_the_record_does_not_saturate():
+    x = path(0.002, -0.002, 0.002, -0.002, 0.0)
+    found = friction.fit(x, friction.response("dahl", x, DT) + noise(0, x.size), "dahl", dt=DT)
+    assert found.saturated[2] == np.inf
