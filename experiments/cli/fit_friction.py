@@ -127,16 +127,21 @@ def run(args: argparse.Namespace) -> None:
     print(out / "index.html")
     if found.best is None:
         raise ValueError("no law was fitted: the table and the page say why")
-    file = out / f"{found.best.law}.json"
+    files_of = [str(out / f"{each.law}.json") for each in found.equals]
     if record.of_a_column:
-        print(f"{file} holds the law that leaves least: --friction {file}")
+        if len(files_of) > 1:
+            print(f"{', '.join(files_of)} hold laws that the record cannot tell apart; --friction takes any")
+        else:
+            print(f"{files_of[0]} holds the law that leaves least: --friction {files_of[0]}")
         if not args.by_load:
             print(
                 "a car's own steering.friction_load (0.03 in most packaged cars) raises this level with the rack force,"
                 " as that of every law: --set steering.friction_load=0 leaves it as it was fitted"
             )
     else:
-        print(f"{file} is in {' and '.join(record.units.values())}: give --lever or --to-column for a steering column")
+        print(
+            f"the laws are in {' and '.join(record.units.values())}: give --lever or --to-column for a steering column"
+        )
 
 
 def _place(given: str) -> tuple[str, str]:

@@ -65,7 +65,9 @@ def record_loops(measured: tuple[Array, Array], laws: Mapping[str, tuple[Array, 
 
 
 POINTS = 1500  # of a line over the whole record, at most
-_MEASURED, _FITTED = "#5b6675", PALETTE[1]
+LOOP = 300  # of a loop in a small panel, at most
+_LOOP = "#b9c1cb"
+_MEASURED = "#5b6675"
 
 
 class Shown(NamedTuple):
@@ -79,6 +81,41 @@ class Shown(NamedTuple):
     loop: slice  # samples whose loop is drawn
     known: int  # first sample at which the memory of a law no longer depends on what was before the record
     held_out: int  # first sample that judges; T if none does
+
+
+@styled
+def fitted_loops(shown: Shown, curves: Mapping[str, Array], titles: Mapping[str, str], columns: int = 5) -> Figure:
+    """The last loop, measured in grey with a law over it, a panel for each law.
+
+    Parameters
+    ----------
+    shown : Shown
+    curves : law -> (T,) its friction [units]
+    titles : law -> title of its panel
+    columns : int
+        Panels side by side, at most.
+    """
+    columns = min(columns, len(curves))
+    rows = -(-len(curves) // columns)
+    width = 9.6 if columns > 2 else 4.0 * columns if len(curves) <= 2 else 2.3 * columns
+    figure = new_figure(width, rows * (2.6 if columns < 5 and len(curves) <= 4 else 1.6) + 0.4)
+    grid = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
+    part = shown.loop
+    places, x = list(grid.flat), thinned(shown.x[part], LOOP)
+    look = styles(curves)
+    for axes, law in zip(places, curves):
+        style = look[law]
+        axes.plot(x, thinned(shown.friction[part], LOOP), color=_LOOP, linewidth=3.2, label="measured")
+        axes.plot(x, thinned(curves[law][part], LOOP), **{**style, "linewidth": 1.2, "linestyle": "-"})
+        axes.set_title(titles[law], color=style["color"], fontsize=8.5)
+    for axes in places[len(curves) :]:
+        axes.set_axis_off()
+    low, high = places[0].get_ylim()
+    places[0].set_ylim(low, high + 0.18 * (high - low))
+    places[0].text(0.03, 0.98, "measured", transform=places[0].transAxes, va="top", fontsize=8, color=_MEASURED)
+    figure.supxlabel(f"displacement [{shown.x_unit}]", fontsize=8.5)
+    figure.supylabel(f"friction [{shown.friction_unit}]", fontsize=8.5)
+    return figure
 
 
 @styled
@@ -107,24 +144,24 @@ def residuals(rows: Mapping[str, tuple[float, float, float]], repeats: float | N
 
 
 @styled
-def law(shown: Shown, fitted: Array, level: float) -> Figure:
+def law(shown: Shown, fitted: Array, level: float, colour: str) -> Figure:
     """One law: the loop, measured and fitted, and what is left over time [% of the mean friction, ``level``]."""
     figure = new_figure(9.6, 2.9)
     left, right = figure.subplots(1, 2, width_ratios=(1, 1.55))
     part = shown.loop
-    for values, colour, label, dash in ((shown.friction, _MEASURED, "measured", "-"), (fitted, _FITTED, "law", "--")):
+    for values, shade, label, dash in ((shown.friction, _MEASURED, "measured", "-"), (fitted, colour, "law", "--")):
         left.plot(
             thinned(shown.x[part], POINTS),
             thinned(values[part], POINTS),
             dash,
-            color=colour,
+            color=shade,
             label=label,
             linewidth=1.3,
         )
     left.set(xlabel=f"displacement [{shown.x_unit}]", ylabel=f"friction [{shown.friction_unit}]")
     left.legend(loc="best", fontsize=8)
     rest = 100.0 * (fitted - shown.friction)[shown.known :] / level
-    right.plot(thinned(shown.t[shown.known :], POINTS), thinned(rest, POINTS), color=_FITTED, linewidth=0.9)
+    right.plot(thinned(shown.t[shown.known :], POINTS), thinned(rest, POINTS), color=colour, linewidth=0.9)
     right.set_xlim(shown.t[0], shown.t[-1])
     if shown.held_out < shown.t.size:
         right.axvspan(shown.t[shown.held_out], shown.t[-1], color="#eef2f7", zorder=0)

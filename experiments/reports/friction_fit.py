@@ -1,6 +1,5 @@
 """Friction laws that are fitted to a record, and what each leaves on the part that judges."""
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
@@ -20,7 +19,6 @@ from steer_env.recording.friction_record import FrictionRecord, check_units
 from steer_env.recording.units import DEGREE
 
 RESTS = 0.1  # of the judging part: shorter rests are those of reversals, and not told; assumed [1]
-FAR = 20.0  # travels of the record, after which a law is saturated; assumed [1]
 # Unit in memory -> how a reader sees it, and the size of that.
 SHOWN = {"rad": ("deg", DEGREE), "m": ("mm", 1e-3), "N m": ("N m", 1.0), "N": ("N", 1.0)}
 LOADED = 0.2  # variation of a load by which a level can be fitted, over the largest load, at least; assumed [1]
@@ -37,12 +35,23 @@ class Found(NamedTuple):
     rests: float  # share of the part that judges at which the displacement stands still; 0 up to ``RESTS`` [1]
     laws: tuple[Compared, ...]
     curves: Mapping[str, Array]  # law -> (T,) its friction over the whole record [same unit]
-    saturated: Mapping[str, float]  # law -> its friction after a long way at the record's median speed [same unit]
+    intervals: str = "linear"  # way to the intervals of parameters
 
     @property
     def best(self) -> Compared | None:
-        """The law that leaves least; None where no law was fitted."""
+        """The law that leaves least, maybe no less than others (``equals``); None where no law was fitted."""
         return self.laws[0] if self.laws and self.laws[0].fit is not None else None
+
+    @property
+    def equals(self) -> tuple[Compared, ...]:
+        """The laws that the judging part cannot tell from the one that leaves least, with it; those that leave less
+        come first."""
+        return tuple(each for each in self.laws if each.fit is not None and not self.apart(each))
+
+    @property
+    def saturated(self) -> dict[str, float]:
+        """Friction of each law after a long way at the record's median speed [unit of the friction]."""
+        return {each.law: each.fit.saturated[0] for each in self.laws if each.fit is not None}
 
     def apart(self, each: Compared) -> bool:
         """Whether a law leaves more than the best one, as :func:`steer_env.friction.compare` tells."""
@@ -113,17 +122,8 @@ def collect(
     level = friction_checks.mean_friction(record.motion, record.friction)
     repeats = periods.repeatability(record.motion, record.friction, first)
     rests = 1.0 - float(np.mean(periods.moving(record.motion[first:])))
-    return Found(
-        record, name, first, level, repeats, rests if rests > RESTS else 0.0, found, curves, _saturated(record, found)
-    )
-
-
-def _saturated(record: FrictionRecord, laws: Sequence[Compared]) -> dict[str, float]:
-    """Friction of each law that was fitted after ``FAR`` travels of the record one way, at its median speed."""
-    steps = np.abs(np.diff(record.motion))
-    step = float(np.median(steps[steps > 0.0]))
-    way = step * np.arange(math.ceil(FAR * np.ptp(record.motion) / step))
-    return {e.law: float(friction.response(e.fit.parameters, way, record.dt)[-1]) for e in laws if e.fit is not None}
+    way = (options or {}).get("intervals", "linear")
+    return Found(record, name, first, level, repeats, rests if rests > RESTS else 0.0, found, curves, way)
 
 
 def known_from(record: FrictionRecord) -> int:

@@ -11,11 +11,14 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from markupsafe import Markup
 
 from steer_env import friction
 from steer_env.experiments.pages import friction_pictures
 from steer_env.experiments.pages.files import replaced_directory
-from steer_env.experiments.pages.pages import Page, image, place
+from steer_env.experiments.pages.pages import Page, environment, image, place
+from steer_env.experiments.pages.style import colours, kept
+from steer_env.experiments.pages.words import capital
 from steer_env.experiments.pages.words import number as shown_number
 from steer_env.experiments.reports.friction_fit import SHOWN, Found, contents, known_from
 from steer_env.friction import Compared, Fit
@@ -23,6 +26,7 @@ from steer_env.friction.identification import periods
 from steer_env.friction.law import LAWS
 
 ADVICE = ": try another law with friction.compare"  # at the end of a warning of a law that does not describe the record
+ROWS = 10  # of the first table
 WITHIN = 1.5  # of the record's own repeatability: a law that leaves no more describes the record; assumed [1]
 
 
@@ -34,6 +38,7 @@ class Row(NamedTuple):
     interval: str
     unit: str
     determined: bool
+    limit: str = ""  # which end of the interval is a bound of the law: "lower", "upper", "lower and upper", or none
 
 
 def percent(found: Found, value: float) -> float:
@@ -42,28 +47,16 @@ def percent(found: Found, value: float) -> float:
 
 
 def verdict(found: Found) -> str:
-    """One sentence: the law that leaves least, beside what the record itself repeats to, and those as good."""
-    if found.best is None:
-        return "No law was fitted; the table says why."
-    best = found.best
-    value, low, high = shares(found, best)
-    seconds = (found.record.x.size - found.first) * found.record.dt
-    where = (
-        f"the last {seconds:.3g} s, which were not fitted," if found.first else "the record, all of which was fitted,"
+    """One sentence: the laws that the record cannot tell from the best one, and what they leave."""
+    template = environment().get_template("friction_fit_said.html.j2")
+    said = template.render(
+        found=found,
+        equals=[_title(each.law) for each in found.equals],
+        shares=[shares(found, each) for each in found.equals],
+        fitted=len(found.curves),
+        repeats=None if found.repeats is None else percent(found, found.repeats),
     )
-    text = (
-        f"{_title(best.law)} describes this record best: on {where} it leaves {shown_number(value)} % of the mean "
-        f"friction{' while it moves' if found.rests else ''} ({shown_number(low)} to {shown_number(high)} %)"
-    )
-    alike = [_title(each.law) for each in found.laws[1:] if each.fit is not None and not found.apart(each)]
-    if alike:
-        text += f", and {_listed(alike)} {'are' if len(alike) > 1 else 'is'} as good on these data"
-    if found.repeats is not None:
-        own = percent(found, found.repeats)
-        text += f"; from one period to the next the record itself differs by {shown_number(own)} %"
-        if value > WITHIN * own:
-            text += ", so that no law here describes all of it"
-    return text[0].upper() + text[1:] + "."
+    return capital(str(Markup(said.strip()).unescape())).replace(" %", "\u00a0%")
 
 
 def shares(found: Found, each: Compared) -> tuple[float, float, float]:
@@ -80,10 +73,6 @@ LAW_TITLES = {  # of laws whose names are not plain words
     **{"bouc_wen": "Bouc-Wen", "coulomb": "Coulomb", "dahl": "Dahl", "elasto_plastic": "elasto-plastic (Dupont)"},
     **{"gms": "GMS", "lugre": "LuGre", "masing": "Masing", "stribeck": "Stribeck"},
 }
-
-
-def _listed(words: list[str]) -> str:
-    return " and ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)
 
 
 def unit_of(law: str, parameter: str, units: Mapping[str, str]) -> str:
@@ -106,7 +95,10 @@ def beside(value: float, ends: tuple[Any, Any]) -> tuple[str, str]:
     low, high = map(float, ends)
     for digits in range(4, 10):
         a, x, b = (float(f"{each:.{digits}g}") for each in (low, value, high))
-        if (a < x or low >= value) and (x < b or value >= high):  # an end may be the value itself
+        # An end may be the value itself.
+        if (a < x or low >= value or math.isclose(low, value)) and (
+            x < b or value >= high or math.isclose(high, value)
+        ):
             break
     return shown_number(value, digits), f"{shown_number(low, digits)} to {shown_number(high, digits)}"
 
@@ -122,13 +114,35 @@ def rows(fit: Fit, units: Mapping[str, str]) -> list[Row]:
         text, ends = ", ".join(map(shown_number, value)) if isinstance(value, list) else shown_number(value, 4), ""
         if interval is not None and not np.ndim(interval[0]):
             text, ends = beside(value, interval)
-        found.append(Row(name, text, ends, unit_of(fit.law, name, units), not undetermined))
+        limit = " and ".join(side for side, at in zip(("lower", "upper"), fit.limits.get(name, (False, False))) if at)
+        found.append(Row(name, text, ends, unit_of(fit.law, name, units), not undetermined, limit))
     for name, value in ({} if fit.level is None else fit.level._asdict()).items():
         if value != 0.0:
             interval = fit.intervals.get(name)
             unit = {"load": "1/N", "temperature_rate": "1/K", "temperature_rise": "K"}.get(name, "1")
             text, ends = beside(value, interval) if interval else (shown_number(value, 4), "")
             found.append(Row(f"level, {name}", text, ends, unit, True))
+    return found
+
+
+def saturated(fit: Fit, units: Mapping[str, str]) -> Row:
+    """The saturated friction at the record's speed; open above where the record does not saturate."""
+    value, low, high = fit.saturated
+    text, ends = beside(value, (low, high))
+    return Row("saturated friction at the record’s speed", text, ends, units["torque"], True)
+
+
+def sets(fit: Fit) -> list[tuple[str, str, str, str, str]]:
+    """Sliders that the record tells from each other: which, and stiffness and yield, each with its interval or none."""
+    found, first = [], 1
+    for each in fit.sets:
+        last = first + each.sliders - 1
+        k, y = (
+            beside(value, ends) if ends else (shown_number(value, 4), "")
+            for value, ends in ((each.k, each.k_interval), (each.y, each.y_interval))
+        )
+        found.append((f"{first} to {last}" if last > first else f"{first}", *k, *y))
+        first = last + 1
     return found
 
 
@@ -139,6 +153,9 @@ def law_file(found: Found, each: Compared, fit: Fit) -> dict[str, Any]:
         "units": dict(found.record.units),
         "level": None if fit.level is None else fit.level._asdict(),
         "intervals": {name: [_plain(end) for end in ends] for name, ends in fit.intervals.items()},
+        "limits": {name: list(ends) for name, ends in fit.limits.items()},
+        "saturated": [_plain(x) for x in fit.saturated],
+        "sets": [{name: _plain(x) for name, x in each._asdict().items()} for each in fit.sets],
         "undetermined": list(fit.undetermined),
         "offset": fit.offset,
         "residual": fit.residual,
@@ -169,7 +186,9 @@ def as_json(found: Found) -> dict[str, Any]:
         },
         "judged_from": r.start + found.first * r.dt,
         "verdict": verdict(found),
-        "best": found.best and found.best.law,
+        "best": found.best.law if found.best and len(found.equals) == 1 else None,
+        "equals": [each.law for each in found.equals],
+        "intervals": found.intervals,
         "laws": {
             each.law: {"refused": each.refused}
             if each.fit is None
@@ -185,6 +204,8 @@ def as_json(found: Found) -> dict[str, Any]:
 
 def _plain(value: Any) -> Any:
     """Numbers that JSON holds; None for those that are not finite."""
+    if value is None:
+        return None
     if np.ndim(value):
         return [_plain(each) for each in value]
     return float(value) if math.isfinite(value) else None
@@ -207,6 +228,8 @@ def page_of(found: Found, folder: str) -> Page:
     fitted = [each for each in found.laws if each.fit is not None]
     fits = [each.fit for each in found.laws if each.fit is not None]
     overview = {_title(e.law): shares(found, e) for e in fitted}
+    shades = dict(zip(found.curves, colours(found.curves)))
+    titles = {e.law: f"{_title(e.law)}, {shown_number(shares(found, e)[0])} %" for e in fitted}
     repeats = None if found.repeats is None else percent(found, found.repeats)
     values = {
         "found": found,
@@ -214,20 +237,34 @@ def page_of(found: Found, folder: str) -> Page:
         "folder": folder,
         "verdict": verdict(found),
         "fitted": fitted,
+        "first": fitted[:ROWS],
+        "equals": [each.law for each in found.equals],
         "missed": [each for each in found.laws if each.fit is None],
         "percent": lambda x: percent(found, x),
         "shares": lambda each: shares(found, each),
         "title": _title,
         "warnings": {fit.law: warnings(fit, found.record.units) for fit in fits},
-        "rows": {fit.law: rows(fit, found.record.units) for fit in fits},
+        "rows": {fit.law: [saturated(fit, found.record.units), *rows(fit, found.record.units)] for fit in fits},
+        "sets": {fit.law: sets(fit) for fit in fits},
+        "loops": image(friction_pictures.fitted_loops(given, found.curves, titles)) if fitted else None,
+        "narrow_loops": image(_narrow(given, found.curves, titles)) if fitted else None,
+        "within": found.best is not None and (repeats is None or shares(found, found.best)[0] <= WITHIN * repeats),
         "repeats": repeats,
         "overview": image(friction_pictures.residuals(overview, repeats)) if fitted else None,
-        "pictures": {e.law: image(friction_pictures.law(given, found.curves[e.law], found.level)) for e in fitted},
+        "pictures": {
+            e.law: image(friction_pictures.law(given, found.curves[e.law], found.level, shades[e.law])) for e in fitted
+        },
         "travel": float(np.ptp(given.x)),
         "x_unit": given.x_unit,
         "unit": given.friction_unit,
     }
     return Page("friction_fit", values)
+
+
+def _narrow(given: friction_pictures.Shown, curves: Mapping[str, Any], titles: Mapping[str, str]) -> str:
+    """The loops for a narrow screen, which no folder of pictures needs beside the wide ones."""
+    with kept(None):
+        return friction_pictures.fitted_loops(given, curves, titles, columns=2)
 
 
 def write(out: Path, found: Found, trace: Mapping[str, Any]) -> None:

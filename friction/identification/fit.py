@@ -133,7 +133,9 @@ def fit(
     Fit
         The intervals cover noise of the torque, not a law that does not fit. That of ``"load"`` is of ``level.load``.
         That of ``F_c`` is open above where the weighed torque never saturates; those of Masing are of ``F_c`` and of
-        the ``virgin_torque`` at its yields.
+        the ``virgin_torque`` at its yields. They end where the law does (``limits``). ``sets`` are the sliders in
+        parallel that the record tells from each other, and ``saturated`` is the friction after a long way at the
+        record's median speed, both with intervals by the delta method.
 
     Raises
     ------
