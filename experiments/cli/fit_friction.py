@@ -139,9 +139,8 @@ def run(args: argparse.Namespace) -> None:
                 " as that of every law: --set steering.friction_load=0 leaves it as it was fitted"
             )
     else:
-        print(
-            f"the laws are in {' and '.join(record.units.values())}: give --lever or --to-column for a steering column"
-        )
+        units = " and ".join(record.units.values())
+        print(f"the laws are in {units}: give --lever or --to-column for a steering column")
 
 
 def _place(given: str) -> tuple[str, str]:

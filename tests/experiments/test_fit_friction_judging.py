@@ -49,7 +49,7 @@ def test_a_record_that_does_not_repeat_has_no_repeatability():
     assert found.repeats is None
     assert "does not repeat" in text
     assert "times the record" not in text
-    assert "one period" not in friction_fit_page.verdict(found)
+    assert "repeats" not in friction_fit_page.verdict(found)
 
 
 def test_laws_are_judged_while_moving_and_rests_are_told_apart():
@@ -133,3 +133,54 @@ def test_numbers_do_not_break_and_pictures_fit_a_narrow_screen():
     own = text[: text.index("</style>")]
     assert re.search(r"td \{ white-space: nowrap", own)
     assert own.rindex("figure > img { width: 100%; }") > own.rindex("figure > img { width: 46rem; }")
+
+
+NESTED_ON_DAHL = ("dahl", "lugre", "exponential_spring", "coulomb", "bouc_wen")
+
+
+@pytest.fixture(scope="module")
+def among_equals():
+    return friction_fit.collect(STROKES, "strokes", NESTED_ON_DAHL)
+
+
+def test_no_law_is_named_best_among_equals(among_equals):
+    """On a record of Dahl, LuGre and the exponential spring are equal to it, and Coulomb is not."""
+    equal = {each.law for each in among_equals.equals}
+    assert {"dahl", "lugre", "exponential_spring"} <= equal
+    assert "coulomb" not in equal
+    found = friction_fit_page.as_json(among_equals)
+    assert found["best"] is None
+    assert set(found["equals"]) == equal
+    values = friction_fit_page.page_of(among_equals, "out").values
+    assert [each.law for each in values["first"]] == [each.law for each in among_equals.laws]
+    assert set(values["equals"]) == equal
+
+
+@pytest.mark.parametrize("laws", [("dahl",), ("dahl", "coulomb"), ("dahl", "lugre", "coulomb"), NESTED_ON_DAHL])
+@pytest.mark.parametrize("record", [STROKES, GROWING])
+def test_the_first_sentence_is_short(record, laws):
+    found = friction_fit.collect(record, "one", laws)
+    said = friction_fit_page.verdict(found)
+    assert len(said.split()) <= 25
+    if len(found.equals) == 1:
+        assert "apart" not in said
+
+
+def test_the_page_and_the_file_hold_the_intervals_of_sliders():
+    """Stiffness, yield and saturated friction of Masing, and where an interval ends with the law."""
+    found = friction_fit.collect(RESTS, "rests", ["masing", "bouc_wen"])
+    values = friction_fit_page.page_of(found, "out").values
+    laws = friction_fit_page.as_json(found)["laws"]
+    for each in found.laws:
+        assert laws[each.law]["saturated"] == list(each.fit.saturated)
+        assert values["rows"][each.law][0].name.startswith("saturated friction")
+        assert values["rows"][each.law][0].interval
+    masing = next(each.fit for each in found.laws if each.law == "masing")
+    assert [row["k"] for row in laws["masing"]["sets"]] == [each.k for each in masing.sets]
+    assert len(values["sets"]["masing"]) == len(masing.sets)
+    for row, each in zip(values["sets"]["masing"], masing.sets):
+        assert bool(row[2]) == (each.k_interval is not None)
+        assert bool(row[4]) == (each.y_interval is not None)
+    limited = {row.name: row.limit for row in values["rows"]["masing"]}
+    assert limited["sigma_1"] == "lower"
+    assert laws["masing"]["limits"]["sigma_1"] == [True, False]
