@@ -95,10 +95,10 @@ def fitted_loops(shown: Shown, curves: Mapping[str, Array], titles: Mapping[str,
     columns : int
         Panels side by side, at most.
     """
-    columns = min(columns, len(curves))
+    few, narrow, columns = len(curves) <= 2, columns == 2, min(columns, len(curves))
     rows = -(-len(curves) // columns)
-    width = 9.6 if columns > 2 else 4.0 * columns if len(curves) <= 2 else 2.3 * columns
-    figure = new_figure(width, rows * (2.6 if columns < 5 and len(curves) <= 4 else 1.6) + 0.4)
+    size = (2.3, 1.85) if narrow else (3.3, 2.5) if few else (9.6 / columns, 1.6 if columns == 5 else 2.4)
+    figure = new_figure(size[0] * columns, size[1] * rows + 0.4)
     grid = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
     part = shown.loop
     places, x = list(grid.flat), thinned(shown.x[part], LOOP)
