@@ -13,6 +13,7 @@ from steer_env.experiments.pages import car_options, pages
 from steer_env.experiments.pages.options import progress
 from steer_env.experiments.pages.words import label, number, percent
 from steer_env.experiments.studies.common import coupling_runs as runs
+from steer_env.experiments.studies.common.computing_time import Measured
 from steer_env.experiments.studies.common.coupling_runs import COMPARED, FREQUENCY, KINDS, Cost, LawCost, Transport
 from steer_env.experiments.sweep import Runner, run
 from steer_env.vehicle.cars import Car
@@ -28,6 +29,7 @@ class Results(NamedTuple):
     car: Car
     laws: dict[str, LawCost]
     transports: list[Transport]
+    times: Measured[str]  # of a communication step, by transport
 
 
 def _case(job: tuple[Car, str, bytes]) -> LawCost:
@@ -38,7 +40,7 @@ def collect(car: Car, laws: Sequence[str], sweep: Runner = run, notify: Any = la
     """All runs of a car as a sweep, with a case for each law; the transports follow, when no worker runs."""
     unit = runs.exported(car)
     found = sweep(_case, [(car, law, unit) for law in laws], notify=notify, words=lambda job: job[1])
-    return Results(car, dict(zip(laws, found)), runs.transports(car, laws[0], unit))
+    return Results(car, dict(zip(laws, found)), *runs.transports(car, laws[0], unit))
 
 
 def worst(cost: Cost) -> tuple[str, float]:
@@ -122,9 +124,7 @@ def build(results: Results) -> tuple[pages.Page, dict[str, Any]]:
         "longest_rows": [
             (law, *(str(of.longest[kind] or "none") for kind in KINDS)) for law, of in results.laws.items()
         ],
-        "transport_rows": [
-            (way.name, "yes" if way.equal else "no", number(1e6 * way.seconds, 2)) for way in results.transports
-        ],
+        "transport_rows": [(way.name, "yes" if way.equal else "no") for way in results.transports],
     }
     return pages.Page(NAME, values), as_json(results)
 

@@ -14,6 +14,7 @@ from steer_env.experiments.studies.common import coupling_runs as runs
 from steer_env.experiments.studies.common.coupling_runs import FREQUENCY, KINDS
 from steer_env.friction import make
 from steer_env.vehicle import cars
+from tests.experiments.faked_times import NONE
 
 pytest.importorskip("fmpy", reason="the extra fmu is not installed")
 if shutil.which("cc") is None:
@@ -79,8 +80,8 @@ def test_verdict_tells_what_is_not_the_same(made):
     car = cars.load()
     cost = runs.Cost({"yaw_lag": 0.1, "loop_area": -0.2}, -0.01, -0.5, 0.3)
     law = runs.LawCost({kind: {1: cost, 5: cost} for kind in KINDS}, {SERIAL: 200, PARALLEL: 5, HELD: None})
-    ways = [runs.Transport("FMU", True, 1e-5), runs.Transport("UDP", False, 1e-5)]
-    results = coupling.Results(car, {"lugre": law, "masing": law}, ways)
+    ways = [runs.Transport("FMU", True), runs.Transport("UDP", False)]
+    results = coupling.Results(car, {"lugre": law, "masing": law}, ways, NONE.measured)
     found = coupling.of_coupling(results, SERIAL, 1)
     assert (found.law, found.metric) == ("lugre", "loop_area")
     assert found.share == pytest.approx(0.2)

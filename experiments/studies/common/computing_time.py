@@ -37,6 +37,7 @@ LATE = 90.0  # percentile beside the median [%]
 CHEAP = 0.01  # a step that takes a smaller part of real time counts as cheap; assumed [1]
 # What still counts as measurable. Ratios of the column kept within 1 % while the bare loop waited for half of the time.
 MOST_WAITING = 0.5  # share of the time that the bare loop waits for the processor [1]
+MOST_WAITING_OF_OTHERS = 0.05  # the same where blocks are timed on the wall, assumed [1]
 MOST_SPREAD = 0.3  # of the bare loop between its percentiles of 10 and 90, over the lower one, assumed [1]
 WIDEST = 0.1  # interval of a ratio over the ratio, assumed [1]
 
@@ -98,6 +99,7 @@ class Clocks(NamedTuple):
 
     wall: Callable[[], int] = time.perf_counter_ns
     own: Callable[[], int] = OWN
+    block: Callable[[], int] = OWN  # of the blocks; that of the wall where other processes do their work
 
 
 def estimate(values: Sequence[float]) -> Estimate:
@@ -142,7 +144,7 @@ def in_turns(
                 before = clocks.wall()
                 beside.append(_timed(bare, clocks.own))
                 waited += clocks.wall() - before
-                times[name].append(_timed(blocks[name].run, clocks.own) / blocks[name].steps)
+                times[name].append(_timed(blocks[name].run, clocks.block) / blocks[name].steps)
             spent = 1e-9 * (clocks.wall() - start) / MOST_SECONDS
             notify(min(max((i + 1) / ROUNDS, spent), 1.0))
             if spent >= 1.0 and i + 1 >= LEAST_ROUNDS:
@@ -153,7 +155,8 @@ def in_turns(
     }
     width = max((ratio.high - ratio.low) / ratio.median for _, ratio in costs.values())
     load = Load(max(1.0 - sum(beside) / waited, 0.0), float(slow / quick - 1.0), width)
-    return Measured(load, costs if load.small else {})
+    quiet = clocks.block is clocks.own or load.waiting <= MOST_WAITING_OF_OTHERS
+    return Measured(load, costs if load.small and quiet else {})
 
 
 class Times(NamedTuple):

@@ -2,7 +2,6 @@
 
 import math
 import tempfile
-import time
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
@@ -19,6 +18,7 @@ from steer_env import friction, manoeuvres, metrics
 from steer_env.connect import fmu
 from steer_env.connect.external import Coupled, Coupling, CouplingError, FmuVehicle, OwnProcess, UdpVehicle, Vehicle
 from steer_env.connect.udp import Server, layout_of
+from steer_env.experiments.studies.common.computing_time import Block, Clocks, Measured, in_turns
 from steer_env.manoeuvres.common.driving import drive_plant
 from steer_env.recording.recording import Recording
 from steer_env.vehicle import plant, subsystems
@@ -34,6 +34,7 @@ FREQUENCY, AMPLITUDE = 15.0, 0.05  # of the handwheel in the frequency response,
 PULSE, LENGTH = 8.0, 0.1  # hand torque and its duration before the hands let go, assumed [N m], [s]
 DURATION = 6.0  # of the run after the pulse [s]
 STEPS = (1, 2, 5, 10, 20, 50, 100, 200)  # communication steps whose stability is tried [ms]
+EXCHANGES = 20  # of a block that is timed, about a millisecond
 DECAYED = 0.05  # share of the motion in the first second that may be left in the last one, assumed [1]
 
 
@@ -67,7 +68,6 @@ class Transport(NamedTuple):
 
     name: str
     equal: bool  # every channel to the bit with that of the unit in this process
-    seconds: float  # of a communication step, with that of the steering [s]
 
 
 def exported(car: Car) -> bytes:
@@ -100,25 +100,35 @@ def of_law(car: Car, law: str, unit: bytes, steps: Sequence[int] = COMPARED) -> 
     return LawCost(costs, longest)
 
 
-def transports(car: Car, law: str, unit: bytes) -> list[Transport]:
-    """The weave with the vehicle in this process, as a unit in its own process, and served over UDP from another."""
+def transports(car: Car, law: str, unit: bytes) -> tuple[list[Transport], Measured[str]]:
+    """The weave with the vehicle in this process, as a unit in its own process, and served over UDP from another.
+
+    The times are of a communication step with that of the steering, on the wall, over those in this process.
+    """
     weave = replace(manoeuvres.make("weave"), amplitude=0.25)
-    reference: Recording | None = None
-    found = []
     ways = {
         "FMU": _vehicle(unit),
         "FMU in its own process": _vehicle(unit, OwnProcess),
         "UDP, from another process": _served(car, law),
     }
-    for name, opened in ways.items():
-        with opened as vehicle:
-            start = time.perf_counter()
-            recording = _weave(car, law, weave, Coupled(vehicle, SPEED, Coupling()))
-            taken = time.perf_counter() - start
-        reference = reference or recording
-        equal = all(np.array_equal(recording[c], values) for c, values in reference.channels.items())
-        found.append(Transport(name, equal, taken / recording.time.size))
-    return found
+    with ExitStack() as stack:
+        vehicles = {name: stack.enter_context(opened) for name, opened in ways.items()}
+        driven = {name: _weave(car, law, weave, Coupled(of, SPEED, Coupling())) for name, of in vehicles.items()}
+        blocks = {name: _exchanges(car, law, Coupled(of, SPEED, Coupling())) for name, of in vehicles.items()}
+        times = in_turns(blocks, lambda _: "FMU", clocks=Clocks(block=Clocks().wall))
+    first = driven["FMU"].channels
+    return [
+        Transport(name, all(np.array_equal(found[c], values) for c, values in first.items()))
+        for name, found in driven.items()
+    ], times
+
+
+def _exchanges(car: Car, law: str, coupled: Coupled) -> Block:
+    """Steps with the handwheel held."""
+    p = car.plant(law, SPEED, robot=True, chassis="two_track")
+    state, row = coupled.settled(p)
+    u, record = np.zeros((EXCHANGES, len(plant.INPUTS))), np.zeros((EXCHANGES, row.size))
+    return Block(lambda: coupled.run(p, state, u, record, 1), EXCHANGES)
 
 
 @contextmanager
