@@ -43,10 +43,18 @@ class Machine:
         self.own += passed
         self.wall += passed / (1.0 - self.waiting)
 
-    def measure(self):
+    def clocks(self, on_the_wall=False):
+        def wall():
+            return round(self.wall)
+
+        def own():
+            return round(self.own)
+
+        return Clocks(wall, own, wall if on_the_wall else own)
+
+    def measure(self, on_the_wall=False):
         blocks = {law: Block(lambda ns=ns: self.spend(ns), STEPS) for law, ns in TRUE.items()}
-        clocks = Clocks(lambda: round(self.wall), lambda: round(self.own))
-        return in_turns(blocks, lambda _: "lugre", clocks=clocks, bare=lambda: self.spend(BARE))
+        return in_turns(blocks, lambda _: "lugre", clocks=self.clocks(on_the_wall), bare=lambda: self.spend(BARE))
 
 
 def test_time_and_ratio_are_those_of_the_blocks():
@@ -75,6 +83,11 @@ def test_another_programs_share_of_the_processor_changes_no_time(waiting):
         assert busy.costs[law].ns.median == pytest.approx(quiet.costs[law].ns.median, rel=0.01)
 
 
+def test_on_the_wall_another_program_is_not_borne():
+    assert Machine(waiting=0.02).measure(on_the_wall=True).measurable
+    assert not Machine(waiting=0.1).measure(on_the_wall=True).measurable
+
+
 @pytest.mark.parametrize("disturbed", [{"waiting": 0.6}, {"noise": 0.5}, {"drift": 2.0}])
 def test_nothing_is_shown_past_a_threshold(disturbed):
     found = Machine(**disturbed).measure()
@@ -93,8 +106,7 @@ def test_a_ratio_that_is_not_known_closely_is_not_shown():
         "lugre": Block(lambda: machine.spend(1e5), STEPS),
         "other": Block(lambda: machine.spend(random.choice([1e5, 3e5])), STEPS),
     }
-    clocks = Clocks(lambda: round(machine.wall), lambda: round(machine.own))
-    found = in_turns(blocks, lambda _: "lugre", clocks=clocks, bare=lambda: machine.spend(BARE))
+    found = in_turns(blocks, lambda _: "lugre", clocks=machine.clocks(), bare=lambda: machine.spend(BARE))
     assert found.load.spread < computing_time.MOST_SPREAD
     assert found.load.width > computing_time.WIDEST
     assert not found.measurable
@@ -109,8 +121,7 @@ def test_the_interval_holds_the_median_of_nineteen_in_twenty():
 def test_long_blocks_end_after_so_long():
     machine, rounds = Machine(), []
     blocks = {"lugre": Block(lambda: machine.spend(1e9), 1)}
-    clocks = Clocks(lambda: round(machine.wall), lambda: round(machine.own))
-    in_turns(blocks, lambda _: "lugre", rounds.append, clocks, lambda: machine.spend(BARE))
+    in_turns(blocks, lambda _: "lugre", rounds.append, machine.clocks(), lambda: machine.spend(BARE))
     assert len(rounds) == computing_time.LEAST_ROUNDS
     assert rounds[-1] == 1.0
 
