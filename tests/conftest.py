@@ -9,8 +9,6 @@ import sys
 import pytest
 from hypothesis import settings
 
-from steer_env.friction import law
-
 pytest.register_assert_rewrite("steer_env.testing.friction_law")  # what differs is printed, as in a test
 
 # A shell that starts the suite in the background makes it ignore Ctrl-C, which several tests send.
@@ -21,6 +19,10 @@ os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
 
 # No line about compilation on the standard error that tests look at.
 os.environ.setdefault("STEER_ENV_QUIET", "1")
+
+# One thread for linear algebra, as commands take it: tests run side by side, and threads that wait take a processor.
+# The libraries read this when they are imported.
+os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 # Tests run side by side and change the program that they test: commands start no workers unless they are asked to.
 os.environ.setdefault("STEER_ENV_WORKERS", "1")
@@ -41,6 +43,8 @@ def pytest_collection_finish():
 @pytest.fixture(scope="module")
 def toy():
     """The toy law, registered for one module's tests only."""
+    from steer_env.friction import law
+
     with law.LAWS.restored():
         module = importlib.import_module("tests.friction.toy_law")
         yield module
