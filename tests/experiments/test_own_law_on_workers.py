@@ -88,7 +88,9 @@ COMMANDS = {
     "scores": ["scores", "--env", ASSIST, "--episodes", "2", *IMPORT],
     "tune-baselines": ["tune-baselines", "--env", ASSIST, "--budget", "1", "--episodes", "1", *IMPORT],
 }  # fmt: skip
-EVERY_LAW = ("study friction", "study held-torque")  # without being told
+# With cases of the law, two of them without being told.
+DRIVEN = ("study friction", "study held-torque", *(command for command, words in COMMANDS.items() if NAME in words))
+DRIVING_FIRST = ("tune", "study coupling")  # before their sweeps, with the law, which is compiled each time
 OF_MAINTAINERS = ("audit", "scores", "tune-baselines")
 
 
@@ -138,16 +140,39 @@ def test_every_command_that_has_workers_is_here():
     assert sorted(COMMANDS) == sorted(found)
 
 
-@pytest.mark.parametrize("command", COMMANDS)
-def test_workers_know_the_law_before_they_work(command, written, monkeypatch):
-    """In place of each command's first cases, its workers are asked for the law by its name."""
+@pytest.fixture(scope="module")
+def asked():
+    """What a sweep of two cases makes of the law, asked for by its name, with the options that a command gives."""
+    return functools.partial(sweep.run, sweep_cases.knows_law, [NAME, NAME])
+
+
+@pytest.mark.parametrize("command", [command for command in COMMANDS if command not in DRIVING_FIRST])
+def test_workers_import_the_law_before_they_work(command, written, monkeypatch, asked):
+    """In place of each command's first cases; the tasks go to worker processes, and each names the module."""
     written()
-    whole = sweep.run
 
-    def asked(function, cases, *, notify=None, words=None, store=None, **options):
-        raise StoppedError(whole(sweep_cases.knows_law, [NAME, NAME], **options))
+    def sent(tasks, workers):
+        raise StoppedError(workers, [task.modules for task in tasks.values()])
 
-    monkeypatch.setattr(sweep, "run", asked)
+    monkeypatch.setattr(sweep.processes, "outcomes", sent)
+    monkeypatch.setattr(sweep, "run", lambda _, cases, *, notify=None, words=None, store=None, **given: asked(**given))
+    with pytest.raises(StoppedError) as found:
+        run(COMMANDS[command])
+    workers, modules = found.value.args
+    assert (workers, len(modules)) == (2, 2)
+    assert all(MODULE in each for each in modules)
+
+
+@pytest.mark.whole
+@pytest.mark.parametrize("command", [command for command in COMMANDS if command not in DRIVEN])
+def test_workers_know_the_law_before_they_work(command, written, monkeypatch, asked):
+    """The same in processes; the commands that have cases with the law drive them in the next test."""
+    written()
+
+    def kept(_, cases, *, notify=None, words=None, store=None, **given):
+        raise StoppedError(asked(**given))
+
+    monkeypatch.setattr(sweep, "run", kept)
     with pytest.raises(StoppedError) as found:
         run(COMMANDS[command])
     for process, (k, module) in found.value.args[0]:
@@ -155,7 +180,7 @@ def test_workers_know_the_law_before_they_work(command, written, monkeypatch):
 
 
 @pytest.mark.whole
-@pytest.mark.parametrize("command", [*EVERY_LAW, *(command for command, words in COMMANDS.items() if NAME in words)])
+@pytest.mark.parametrize("command", DRIVEN)
 def test_workers_drive_with_the_law(command, written, monkeypatch):
     """Two of each command's own cases with the law run on its workers."""
     written()

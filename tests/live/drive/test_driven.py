@@ -135,7 +135,7 @@ def test_few_missed_deadlines_are_no_reason(robot):
 @given(seed=st.integers(0, 2**32 - 1), share=st.floats(0.01, 0.09))
 def test_the_part_that_is_told_is_sound_and_none_that_is_longer(robot, seed, share):
     rng = np.random.default_rng(seed)
-    whole = driven(robot)
+    whole = driven(robot.without(*list(robot.channels)[1:]))  # what is checked are the channels of a drive
     gain = whole["watchdog_gain"].copy()
     gain[rng.integers(0.2 * gain.size, 0.9 * gain.size, size=3)] = 0.5
     missed = rng.binomial(1, share, gain.size).astype(float)
