@@ -10,6 +10,7 @@ import numpy as np
 from steer_env.experiments.calibration.problem import Range
 from steer_env.experiments.calibration.screening import Effect
 from steer_env.experiments.calibration.sensitivity import Results, Row
+from steer_env.experiments.pages import tuning_pictures
 from steer_env.experiments.pages.pages import Page
 from steer_env.experiments.pages.tuning_pictures import Cell, Line, heat_map
 from steer_env.experiments.pages.words import label, number, unit
@@ -112,6 +113,7 @@ def build(results: Results) -> tuple[Page, dict[str, Any]]:
     others = [row for row in results.rows if not row.band]
     banded = [row for row in wanted if row.test]
     order, names = ranking(results, banded), [factor.name for factor in results.study.factors]
+    of = {factor.name: factor for factor in results.study.factors}
     first, *_, last = order
     moved = {row.name: [n for n, e in zip(names, row.effects or ()) if matters(row, e)] for row in banded}
     alone = {_name(name): [m for m, by in moved.items() if by == [name]] for name in names}
@@ -125,6 +127,10 @@ def build(results: Results) -> tuple[Page, dict[str, Any]]:
         "banded": len(banded),
         "most": {"name": _name(first), "percent": 100.0 * order[first]},
         "least": {"name": _name(last), "percent": 100.0 * order[last]},
+        "ranking": tuning_pictures.ranking({_name(name): share for name, share in order.items()}),
+        "ranges": [
+            (_name(name), f"{number(of[name].low)} to {number(of[name].high)}", unit(of[name].unit)) for name in order
+        ],
         "still": [row.name for row in banded if row.effects is not None and not moved[row.name]],
         "alone": {name: by for name, by in alone.items() if by},
         "refused": refused,

@@ -121,7 +121,7 @@ def fitted_loops(shown: Shown, curves: Mapping[str, Array], titles: Mapping[str,
 @styled
 def residuals(rows: Mapping[str, tuple[float, float, float]], repeats: float | None) -> Figure:
     """What each law leaves of the friction: value and ends of the interval [%], and how far the record repeats [%]."""
-    figure = new_figure(7.4, 0.9 + 0.32 * len(rows))
+    figure = new_figure(5.6, 0.9 + 0.32 * len(rows))
     axes = figure.subplots()
     places = np.arange(len(rows))[::-1]
     values = np.array(list(rows.values()))
@@ -136,7 +136,7 @@ def residuals(rows: Mapping[str, tuple[float, float, float]], repeats: float | N
     axes.set_yticks(places, [name.replace("_", " ") for name in rows])
     axes.set_ylim(-0.6, len(rows) - 0.2)
     axes.set_xscale("log")
-    axes.set_xlabel("RMS of what is left on the judging part, of the mean friction [%]")
+    axes.set_xlabel("RMS of what is left on the judging part, of the mean [%]")
     axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     axes.xaxis.set_major_formatter("{x:g}")
     axes.xaxis.set_minor_formatter(NullFormatter())

@@ -78,6 +78,18 @@ def importances(shares: Mapping[str, Mapping[str, float]], parameters: Sequence[
 
 
 @styled
+def ranking(shares: Mapping[str, float]) -> Figure:
+    """Mean change by parameter as bars, in per cent of a band [1]."""
+    figure = new_figure(5.0, 0.28 * len(shares) + 0.9)
+    axes = figure.subplots()
+    axes.barh(list(shares), [100.0 * share for share in shares.values()], color=PALETTE[0])
+    axes.set(xlabel="mean change over its range [% of a band]")
+    axes.grid(visible=False, axis="y")
+    axes.invert_yaxis()
+    return figure
+
+
+@styled
 def course(curves: Mapping[str, Array], own: float) -> Figure:
     """The best set so far over the number of evaluated sets, a line for each optimiser [1]."""
     figure = new_figure(6.4, 2.8)

@@ -87,6 +87,10 @@ def accuracy(r: Results) -> dict[str, Any]:
         "seconds": seconds,
         "fitted": (1.0 - records.HELD_OUT) * seconds,
         "picture": friction_pictures.record_loops((x, F), loops),
+        "errors": friction_pictures.residuals(
+            {each.law: (100.0 * each.error, 100.0 * each.low, 100.0 * each.high) for each in known},
+            100.0 * r.repeatability,
+        ),
         "rows": rows,
         "remarks": [(each.law, "; ".join(each.remarks)) for each in r.judged if each.remarks],
     }

@@ -22,6 +22,7 @@ from steer_env.metrics.common.filtered_channels import ANGLE, TORQUE
 from steer_env.recording.friction_record import FrictionRecord
 from steer_env.vehicle import cars
 from tests.experiments.faked_times import NONE, faked
+from tests.experiments.first_screen import sentence
 
 LAWS = ("lugre", "dahl", "coulomb")
 
@@ -242,10 +243,11 @@ def test_the_page_says_what_a_law_costs_or_that_nobody_knows_now(results):
 
 def test_the_page_quotes_every_section(results):
     page = friction_study.page_of(results)
-    assert len(page.verdict) == 8
+    assert len(page.verdict) == 9
     assert len(page.timing) == 1
     assert all(sentence.endswith(".") for sentence in [*page.verdict, *page.timing])
     text = page.html()
+    assert sentence(text).startswith("On one contact dahl leaves least, 5 %; with one calibration laws change 0 of 2 ")
     assert text.count('class="claim"') == 8
     assert "<dd></dd>" not in text
 

@@ -14,6 +14,7 @@ from steer_env.experiments.calibration.sensitivity import SCENARIO, Block, Outpu
 from steer_env.experiments.cli.main import main
 from steer_env.experiments.sweep import Where, run
 from steer_env.vehicle import cars
+from tests.experiments.first_screen import sentence
 
 LAW = friction.make("lugre")
 PAIR = ("boost_level", "damping_level")
@@ -146,7 +147,9 @@ def test_page_json_and_repeatability(tmp_path):
     assert one["outputs"]["gain_margin"]["effects"]["column.K_tb"]["sign"] == -1
     html = (tmp_path / "one" / "index.html").read_text(encoding="utf-8")
     assert "Each number is the change of the output" in html
-    assert html.count("<figure>") == 2
+    assert html.count("<figure>") == 3
+    first, *_ = one["ranking"]
+    assert sentence(html).startswith(f"Over its range {first.replace('_', ' ')} changes the ")
 
 
 @pytest.mark.whole
