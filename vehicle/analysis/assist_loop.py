@@ -7,13 +7,8 @@ answer of the torque T = c x to a request r = z^k, at the frequency of the reque
 
     P(z) = (c x0 + c x1/z)/2,   x1 = A0 x0 + B0,   z^2 x0 = A1 x1 + B1 z,   z = exp(j omega 1 ms)              (E17)
     L(z) = -K(z) P(z),   K the boost's slope and all else that answers the torque with a filter                (E17)
-    alpha = 1/max |S - 1/2|,   S = 1/(1 + L)                                                                   (E18)
 
 Motor damping, damping of the handwheel, inertia compensation, active return and friction compensation stay closed in P.
-alpha is the disk margin: the loop stays stable while gain and phase together change by any complex factor of the disk
-whose real ends are (1 - alpha/2)/(1 + alpha/2) and its inverse.
-
-Source of (E18): Seiler, Packard, Gahinet, An introduction to disk margins, IEEE Control Systems Magazine 40 (2020).
 """
 
 import math

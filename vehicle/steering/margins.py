@@ -4,6 +4,13 @@ The loop is the sampled loop of the plant: the mechanics with the lag of the mot
 in whole samples, motor damping and inertia compensation closed, and the boost curve replaced by its local gain. All
 that answers the torsion bar's torque stands beside the boost: the lead-lag, and at their steepest the fade of the
 active return and, as a spring of negative stiffness, the friction compensation (E16).
+
+    alpha = 1/max |S - 1/2|,   S = 1/(1 + L)                                                                   (E18)
+
+alpha is the disk margin: the loop stays stable while gain and phase together change by any complex factor of the disk
+whose real ends are (1 - alpha/2)/(1 + alpha/2) and its inverse.
+
+Source of (E18): Seiler, Packard, Gahinet, An introduction to disk margins, IEEE Control Systems Magazine 40 (2020).
 """
 
 import math
@@ -25,7 +32,6 @@ from steer_env.vehicle.steering.eps import SAMPLE_TIME, Assist, boost_curve
 Array = NDArray[np.float64]
 
 TARGETS = 30.0, 6.0  # usual lower limits of phase [deg] and gain [dB] margin of an assist loop; assumed
-
 
 FREQUENCIES = np.geomspace(0.3, 490.0, 400)  # at which margins are read [Hz]
 
