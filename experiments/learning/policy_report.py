@@ -24,12 +24,14 @@ from steer_env.experiments.learning.held_out import Episodes, Estimate
 from steer_env.experiments.pages import plots, provenance
 from steer_env.experiments.pages.files import replaced_directory
 from steer_env.experiments.pages.pages import Page, place
+from steer_env.experiments.pages.pictures import dots
 from steer_env.experiments.pages.style import colours
 from steer_env.experiments.pages.words import label, plain
 from steer_env.experiments.sweep import Runner, run
 from steer_env.friction.law import law_of
 
 CONTENTS = frozenset({"index.html", "evaluation.json"})
+MOST = 10  # controllers on the first screen
 FRAMES = 4  # pictures of the first held-out episode
 
 # Metrics of which more (1) or less (-1) is better; the others only describe.
@@ -238,13 +240,16 @@ def write(
     """
     trace = provenance.trace() if trace is None else trace
     names = list(found.values)
-    best = max(names[1:], key=lambda name: found.values[name]["reward"].value, default=names[0])
-    pictures = {
-        name: frames(found.env_id, controllers[name], **found.about) for name in dict.fromkeys([names[0], best])
-    }
+    best = max(names[1:], key=lambda name: found.values[name]["reward"].value, default=None)
+    pictures = {name: frames(found.env_id, controllers[name], **found.about) for name in (names[0], best) if name}
+    ranked = sorted(names, key=lambda name: -found.values[name]["reward"].value)[:MOST]
     values = {
         "f": found,
         "names": names,
+        "best": best,
+        "ranked": ranked,
+        "first": list(dict.fromkeys(["reward", aim(found.units), "cost"])),
+        "rewards": dots({label(name): found.values[name]["reward"] for name in ranked}, "reward"),
         "metrics": list(found.values[names[0]]),
         "pictures": pictures,
         "conditions": conditions(found.about),

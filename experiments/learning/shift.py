@@ -20,12 +20,14 @@ from steer_env.experiments.pages import provenance
 from steer_env.experiments.pages.files import replaced_directory
 from steer_env.experiments.pages.options import Friction
 from steer_env.experiments.pages.pages import Page, image, place
+from steer_env.experiments.pages.pictures import dots
 from steer_env.experiments.pages.style import DASHES, PALETTE, legend, new_figure, styled
 from steer_env.experiments.sweep import Runner, run
 from steer_env.friction.law import law_of
 from steer_env.vehicle import cars
 
 COLUMNS = 3
+TITLES = {"level": "friction level", "noise": "sensor noise"}  # of conditions whose name alone is not clear
 
 
 class Point(NamedTuple):
@@ -300,9 +302,20 @@ def write(out: Path, found: Shift, trace: Mapping[str, Any] | None = None) -> No
     """
     trace = provenance.trace() if trace is None else trace
     drawn = picture(found)
+    names = list(found.home.values)
+    losses = {
+        TITLES.get(over, over): min(each.items(), key=lambda pair: pair[1].lost.value)
+        for over, each in found.cells.items()
+    }
+    over, (changed, cell) = min(losses.items(), key=lambda pair: pair[1][1].lost.value)
     values = {
         "f": found,
-        "names": list(found.home.values),
+        "names": names,
+        "losses": losses,
+        "worst": (over, changed, cell),
+        "ahead": [name for name, gap in cell.gained.items() if gap.value < 0.0],
+        "shown": names[:1] + sorted(names[1:], key=lambda name: -cell.values[name]["reward"].value)[:2],
+        "first": dots({f"{over} {label}": c.lost for over, (label, c) in losses.items()}, "change of the reward"),
         "rows": {HOME: {found.trained: found.home}, **found.cells},
         "aim": policy_report.aim(found.units),
         "picture": image(drawn),

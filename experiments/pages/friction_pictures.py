@@ -5,9 +5,9 @@ from typing import NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
-from matplotlib.ticker import LogLocator, NullFormatter
 from numpy.typing import NDArray
 
+from steer_env.experiments.pages.pictures import dots
 from steer_env.experiments.pages.plots import thinned
 from steer_env.experiments.pages.style import PALETTE, legend, new_figure, styled, styles
 
@@ -17,7 +17,12 @@ LEAST = 1e-5  # share at which smaller ones are drawn [1]
 
 
 @styled
-def strips(shares: Mapping[str, Mapping[str, Sequence[float]]], large: float) -> Figure:
+def strips(
+    shares: Mapping[str, Mapping[str, Sequence[float]]],
+    large: float,
+    label: str = "difference from the base [% of the metric]",
+    width: float = 9.6,
+) -> Figure:
     """What each case changes: a row for each case, a mark for each metric at its share [1], on a logarithmic axis.
 
     Parameters
@@ -25,9 +30,13 @@ def strips(shares: Mapping[str, Mapping[str, Sequence[float]]], large: float) ->
     shares : factor -> case -> shares of the metrics [1]
     large : float
         Share below which a difference counts as small; shaded [1].
+    label : str
+        Of the axis.
+    width : float
+        Of the picture [inch].
     """
     rows = [(factor, case, of[case]) for factor, of in shares.items() for case in of]
-    figure = new_figure(9.6, 0.6 + 0.2 * len(rows))
+    figure = new_figure(width, 0.6 + 0.2 * len(rows))
     axes = figure.subplots()
     colours = dict(zip(shares, PALETTE * len(shares)))
     for place, (factor, _, values) in enumerate(rows):
@@ -36,7 +45,7 @@ def strips(shares: Mapping[str, Mapping[str, Sequence[float]]], large: float) ->
         if x.size:
             axes.plot(100.0 * x.max(), place, "o", color=colours[factor], markersize=4)
     axes.axvspan(100.0 * LEAST, 100.0 * large, color="#f0f0f0", zorder=0)
-    axes.set(xscale="log", xlabel="difference from the base [% of the metric]", ylim=(len(rows) - 0.4, -0.6))
+    axes.set(xscale="log", xlabel=label, ylim=(len(rows) - 0.4, -0.6))
     axes.xaxis.set_major_formatter("{x:g}")
     axes.set_yticks(range(len(rows)), [f"{factor}: {case}" for factor, case, _ in rows], fontsize=8)
     axes.grid(visible=False, axis="y")
@@ -118,29 +127,10 @@ def fitted_loops(shown: Shown, curves: Mapping[str, Array], titles: Mapping[str,
     return figure
 
 
-@styled
-def residuals(rows: Mapping[str, tuple[float, float, float]], repeats: float | None) -> Figure:
+def residuals(rows: Mapping[str, tuple[float, float, float]], repeats: float | None) -> str:
     """What each law leaves of the friction: value and ends of the interval [%], and how far the record repeats [%]."""
-    figure = new_figure(5.6, 0.9 + 0.32 * len(rows))
-    axes = figure.subplots()
-    places = np.arange(len(rows))[::-1]
-    values = np.array(list(rows.values()))
-    axes.hlines(places, values[:, 1], values[:, 2], color=PALETTE[0], linewidth=2.2)
-    axes.plot(values[:, 0], places, "o", color=PALETTE[0], markersize=5)
-    if repeats is not None:
-        axes.axvline(repeats, color=PALETTE[2], linestyle="--", linewidth=1.2)
-        axes.annotate(
-            "the record repeats so far", (repeats, 1.0), xycoords=("data", "axes fraction"), xytext=(4, -2),
-            textcoords="offset points", va="top", fontsize=8, color=PALETTE[2],
-        )  # fmt: skip
-    axes.set_yticks(places, [name.replace("_", " ") for name in rows])
-    axes.set_ylim(-0.6, len(rows) - 0.2)
-    axes.set_xscale("log")
-    axes.set_xlabel("RMS of what is left on the judging part, of the mean [%]")
-    axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-    axes.xaxis.set_major_formatter("{x:g}")
-    axes.xaxis.set_minor_formatter(NullFormatter())
-    return figure
+    line = None if repeats is None else (repeats, "the record repeats so far")
+    return dots(rows, "RMS of what is left on the judging part, of the mean [%]", line, True, "residuals")
 
 
 @styled

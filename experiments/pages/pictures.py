@@ -7,6 +7,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
+from matplotlib.ticker import LogLocator, NullFormatter
 from numpy.typing import NDArray
 
 from steer_env.experiments.pages.plots import coincide
@@ -103,7 +104,7 @@ def held_torque(tests: Sequence[Any], sample_time: float, settling: float) -> Fi
     """
     calibrations = dict.fromkeys(test.calibration for test in tests)
     ratios = dict.fromkeys(test.damping_ratio for test in tests)
-    figure = new_figure(9.6, 4.0)
+    figure = new_figure(3.2 * len(ratios), 0.8 + 1.6 * len(calibrations))
     grid = figure.subplots(len(calibrations), len(ratios), sharex=True, sharey="row", squeeze=False)
     style = styles(test.law for test in tests)
     for row, calibration in zip(grid, calibrations):
@@ -452,4 +453,48 @@ def differences(rows: Mapping[str, Mapping[str, tuple[float, float]]], large: fl
     axes.set_yticks(range(len(rows)), list(rows))
     if len(names) > 1:
         legend(figure, axes)
+    return figure
+
+
+@styled
+def dots(
+    rows: Mapping[str, tuple[float, float, float]],
+    label: str,
+    line: tuple[float, str] | None = None,
+    logarithmic: bool = False,
+    name: str = "dots",
+) -> Figure:
+    """A value and the ends of its interval for each row; an interval that is not known is left out.
+
+    Parameters
+    ----------
+    rows : name -> value, low, high
+    label : str
+        Of the axis, with its unit.
+    line : (float, str), optional
+        A value to compare with, and its name.
+    logarithmic : bool
+    name : str
+        Of the picture's file.
+    """
+    figure = new_figure(5.6, 0.9 + 0.32 * len(rows))
+    figure.set_label(name)
+    axes = figure.subplots()
+    places = np.arange(len(rows))[::-1]
+    values = np.array(list(rows.values()))
+    axes.hlines(places, values[:, 1], values[:, 2], color=PALETTE[0], linewidth=2.2)
+    axes.plot(values[:, 0], places, "o", color=PALETTE[0], markersize=5)
+    if line is not None:
+        axes.axvline(line[0], color=PALETTE[2], linestyle="--", linewidth=1.2)
+        axes.annotate(
+            line[1], (line[0], 1.0), xycoords=("data", "axes fraction"), xytext=(4, -2),
+            textcoords="offset points", va="top", fontsize=8, color=PALETTE[2],
+        )  # fmt: skip
+    axes.set_yticks(places, [name.replace("_", " ") for name in rows])
+    axes.set(ylim=(-0.6, len(rows) - 0.2), xlabel=label)
+    if logarithmic:
+        axes.set_xscale("log")
+        axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        axes.xaxis.set_major_formatter("{x:g}")
+        axes.xaxis.set_minor_formatter(NullFormatter())
     return figure

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from steer_env import friction
-from steer_env.experiments.pages import pages, plots
+from steer_env.experiments.pages import friction_pictures, pages, plots
 from steer_env.experiments.pages.plots import Line, Panel
 from steer_env.experiments.pages.style import colours
 from steer_env.experiments.pages.words import number
@@ -27,6 +27,14 @@ SETTLED = 50.0  # time from which on hunting is read, and length of the last par
 # Marks of an effect, assumed: a hundredth of F_c, a tenth of the time, a twentieth of the unit step, and what has to be
 # left of a swing after 50 s.
 SEEN, STICKS, HUNTS, LASTS = 0.01 * PAPER.F_c, 0.1, 0.05, 0.9
+# Effect in words -> in a word.
+EFFECTS = {
+    "pre-sliding displacement": "pre-sliding",
+    "frictional lag": "lag",
+    "a break-away force that falls with the force rate": "break-away",
+    "stick-slip": "stick-slip",
+    "hunting": "hunting",
+}
 AT_REST = 1e-3  # speed below which the mass counts as sticking, a hundredth of the drawn end's [m/s]
 
 
@@ -40,9 +48,14 @@ class Number(NamedTuple):
     unit: str
 
     @property
+    def share(self) -> float:
+        """The difference over the tolerance [1]."""
+        return float(abs(self.found - self.expected) / self.tolerance)
+
+    @property
     def agrees(self) -> bool:
         """Whether the difference is within the tolerance."""
-        return bool(abs(self.found - self.expected) <= self.tolerance)
+        return self.share <= 1.0
 
 
 def presliding_numbers() -> list[Number]:
@@ -120,14 +133,15 @@ class Traits(NamedTuple):
 
     @property
     def effects(self) -> dict[str, bool]:
-        """Effect in words -> whether the law shows it."""
-        return {
-            "pre-sliding displacement": self.presliding,
-            "frictional lag": abs(self.lag) > SEEN,
-            "a break-away force that falls with the force rate": self.presliding and self.slow - self.fast > SEEN,
-            "stick-slip": self.slips > 1 and self.stuck > STICKS,
-            "hunting": self.swing > max(HUNTS, LASTS * self.before),
-        }
+        """Effect in words, of ``EFFECTS`` -> whether the law shows it."""
+        shown = (
+            self.presliding,
+            abs(self.lag) > SEEN,
+            self.presliding and self.slow - self.fast > SEEN,
+            self.slips > 1 and self.stuck > STICKS,
+            self.swing > max(HUNTS, LASTS * self.before),
+        )
+        return dict(zip(EFFECTS, shown))
 
 
 def traits(name: str) -> Traits:
@@ -231,7 +245,7 @@ class Experiment(NamedTuple):
     @property
     def worst(self) -> Number:
         """The number with the largest difference, in tolerances."""
-        return max(self.numbers, key=lambda each: abs(each.found - each.expected) / each.tolerance)
+        return max(self.numbers, key=lambda each: each.share)
 
     @property
     def missed(self) -> list[str]:
@@ -256,6 +270,14 @@ def as_page(
         "effects": shown_by(found),
         "experiments": {title: Experiment(rows, plots.draw(shown[title], title)) for title, rows in numbers.items()},
         "laws": _laws(found),
+        "shares": friction_pictures.strips(
+            {title: {f"{len(rows)} numbers": [each.share for each in rows]} for title, rows in numbers.items()},
+            1.0,
+            "difference [% of the tolerance]",
+            5.6,
+        ),
+        "short": EFFECTS.values(),
+        "shown": [(law, *("yes" if of.effects[effect] else "no" for effect in EFFECTS)) for law, of in found.items()],
         "marks": {"seen": SEEN, "sticks": 100 * STICKS, "hunts": HUNTS},
     }
     return pages.Page(NAME, values)

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from steer_env import friction
-from steer_env.experiments.pages import car_options, pages
+from steer_env.experiments.pages import car_options, friction_pictures, pages
 from steer_env.experiments.pages.options import progress
 from steer_env.experiments.pages.words import label, number, percent
 from steer_env.experiments.studies.common import coupling_runs as runs
@@ -104,6 +104,7 @@ def build(results: Results) -> tuple[pages.Page, dict[str, Any]]:
     """The page and its numbers as JSON."""
     swings = {law: of.costs[PARALLEL][5].swing for law, of in results.laws.items()}
     low, high = (pick(swings, key=lambda law: swings[law]) for pick in (min, max))
+    laws = results.laws.values()
     values = {
         "r": results,
         "runs": runs,
@@ -113,6 +114,18 @@ def build(results: Results) -> tuple[pages.Page, dict[str, Any]]:
         "slow": of_coupling(results, PARALLEL, 5),
         "swings": {"least_law": low, "least": swings[low], "most_law": high, "most": swings[high]},
         "longest": longest_steps(results),
+        "changes": friction_pictures.strips(
+            {
+                kind: {
+                    f"{step} ms": [share for of in laws for share in of.costs[kind][step].metrics.values()]
+                    for step in COMPARED
+                }
+                for kind in KINDS
+            },
+            COUNTS,
+            "change [% of the undivided car's]",
+            5.6,
+        ),
         "couplings": [f"{kind}, {step} ms" for kind in KINDS for step in COMPARED],
         "tables": {
             "Largest change of a metric of the weave": _rows(results, _worst_text),

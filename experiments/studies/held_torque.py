@@ -24,6 +24,7 @@ SMOOTH = 2.0  # ripple of Masing over that of LuGre from which on the first vibr
 STEP = 0.05  # change of the ripple with a tenth of the step up to which the step is not its cause, assumed [1]
 # What a prototype of the project gave, N m: Masing and LuGre without micro-damping, and with damping ratio 0.1 in both.
 PROTOTYPE = (0.114, 0.029, 0.006, 0.002)
+RIPPLE_HEAD = ("assist", "calibration", "Masing", "LuGre", "Masing, damped", "LuGre, damped", "removed by the damper")
 
 
 class Ripple(NamedTuple):
@@ -127,12 +128,20 @@ def _damping(results: Results, ratio: float) -> list[tuple[str, ...]]:
 
 def build(results: Results, car: str) -> tuple[pages.Page, dict[str, Any]]:
     """The page and its numbers as JSON."""
-    thin = friction_laws.THIN * SAMPLE_TIME
+    thin, c = friction_laws.THIN * SAMPLE_TIME, compared(results)
+    first = [
+        test
+        for test in results.tests
+        if (test.assist, test.calibration) == (c.bare.assist, c.bare.calibration)
+        and test.damping_ratio in (DAMPING_RATIOS[0], DAMPING_RATIOS[-1])
+    ]
     values = {
         "car": car,
         "study": friction_laws,
         "ratios": DAMPING_RATIOS,
-        "c": compared(results),
+        "c": c,
+        "first": pictures.held_torque(first, thin, friction_laws.SETTLING),
+        "ripple_head": RIPPLE_HEAD,
         "pictures": {
             words: pictures.held_torque(
                 [test for test in results.tests if test.assist == state], thin, friction_laws.SETTLING

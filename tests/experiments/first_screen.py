@@ -15,6 +15,6 @@ def sentence(page: str) -> str:
     (text,) = re.findall(r'<div class="finding">(.*?)</div>', shown, re.S)
     text = " ".join(re.sub(r"<[^>]+>", " ", text).split())
     assert len(text.split()) <= 25, text
-    assert shown.count("<img ") == 1
+    assert shown.count("<figure") == 1
     assert all(table.count("<tr") <= 10 for table in re.findall(r"<tbody>(.*?)</tbody>", shown, re.S))
     return text

@@ -16,6 +16,7 @@ from steer_env.experiments.reports import friction_fit, friction_fit_page
 from steer_env.friction import level
 from steer_env.recording import files, friction_record
 from steer_env.vehicle import cars
+from tests.experiments.first_screen import sentence
 from tests.friction.test_bad_input import refused
 
 ROOT = Path(__file__).parents[2]
@@ -108,6 +109,7 @@ def test_a_file_of_ones_own_and_its_page(capsys):
     page = Path("friction_mine/index.html").read_text(encoding="utf-8")
     assert all_of_it["verdict"] in page
     assert page.index('class="finding"') < page.index("<h2")  # the answer first
+    assert sentence(page) == all_of_it["verdict"].replace("\u00a0", " ")
     assert page.count("data:image/svg+xml,") == 5  # loops, wide and narrow, what is left, and two laws
     for place in ("<link", 'src="http', "<script src", "nan", "None"):
         assert place not in re.sub(r'"data:[^"]*"|<script.*?</script>', "", page, flags=re.DOTALL)

@@ -5,6 +5,7 @@ import pytest
 from steer_env import friction
 from steer_env.experiments.studies import friction_laws, held_torque
 from steer_env.vehicle import cars
+from tests.experiments.first_screen import sentence
 
 
 @pytest.fixture(scope="module")
@@ -44,4 +45,6 @@ def test_the_page_holds_every_number(results):
     page, data = held_torque.build(results, "compact")
     assert len(data["tests"]) == 24
     assert {row["law"] for row in data["laws"]} == {"masing", "dahl"}
-    assert len(page.verdict) == 5
+    said = sentence(page.html())
+    assert said.startswith("Under held torque undamped Masing vibrates (")
+    assert [said] == [" ".join(each.split()) for each in page.verdict]

@@ -17,6 +17,7 @@ from steer_env.experiments.learning.constants import SHIFTS
 from steer_env.experiments.learning.training import Training, settings
 from steer_env.experiments.pages.options import Friction
 from steer_env.vehicle import cars
+from tests.experiments.first_screen import sentence
 
 WEAVE = "steer_env/AssistWeave-v1"
 LUGRE = Friction("lugre")
@@ -384,6 +385,7 @@ def test_evaluation_writes_its_report(trained, tmp_path, capsys, monkeypatch):
     baseline = ["policy", "evaluate", "boost", "--env", WEAVE]
     assert main([*baseline, "--episodes", "2", "--out", str(tmp_path / "boost")]) == 0
     page = (out / "index.html").read_text(encoding="utf-8")
+    assert sentence(page).startswith("Policy: reward ")
     assert "policy less active return, boost, damping, friction compensation" in page
     assert "load 0 to 300 kg; speed 22 to 33 m/s; friction scale 0.5 to 2; sensor noise 0 to 1; " in page
     assert "; action gain 0.8 to 1.5; friction lugre" in page
@@ -477,7 +479,9 @@ def test_shift_over_everything(trained, tmp_path):
     assert found.cells["law"]["coulomb"].lost.value != 0.0
     assert found.cells["noise"]["0"].lost.value != 0.0  # the training draws noise
     shift.write(tmp_path / "shift", found)
-    assert "coulomb" in (tmp_path / "shift" / "index.html").read_text(encoding="utf-8")
+    page = (tmp_path / "shift" / "index.html").read_text(encoding="utf-8")
+    assert "coulomb" in page
+    assert sentence(page).startswith("The reward of the policy falls most with ")
 
 
 @pytest.mark.parametrize(

@@ -29,7 +29,7 @@ def exceeded(panels: Mapping[str, Mapping[str, Durations]]) -> Figure:
     ----------
     panels : title -> label -> durations
     """
-    figure = new_figure(9.6, 3.4)
+    figure = new_figure(4.8 * len(panels), 3.4)
     grid = figure.subplots(1, len(panels), squeeze=False, sharey=True).ravel()
     for axes, (title, lines) in zip(grid, panels.items()):
         for k, (label, durations) in enumerate(lines.items()):
@@ -193,19 +193,37 @@ def verdict(results: Results) -> list[str]:
     return sentences
 
 
-def drivable(results: Results, priority: int) -> str:
-    """Whether a person can drive on this machine, in a sentence with what to do where not."""
+def marks(results: Results) -> list[tuple[str, str, str, str]]:
+    """The marks of :func:`verdict` as a table: what, found, mark, met or missed."""
+    found = [
+        (
+            "lateness over a bare loop's, " + ("median" if percent == 50.0 else f"{percent:g} %"),
+            f"{ratio:.2f}",
+            f"{FACTOR:g}",
+            _judged(ratio <= FACTOR),
+        )
+        for percent, ratio in ratios(results.rows).items()
+    ]
+    costs = [row.found.work.percentile(99.0) for row in results.rows if row.chassis == WORK_CHASSIS]
+    if costs:
+        what = "time of a sample, two tracks, 99 % [µs]"
+        found.append((what, _us(max(costs)), f"{1e6 * WORK:g}", _judged(max(costs) <= WORK)))
+    return found
+
+
+def drivable(results: Results, priority: int) -> tuple[str, str]:
+    """Whether a person can drive on this machine, and what to do where not, in a sentence each."""
     counts = [row.found.counts for row in results.rows]
     share, most = _missed(counts), f"{MANY_MISSED:.0%} at most"
     run = f"with the priority {priority}" if priority else "without a priority"
     if share <= MANY_MISSED:
-        return f"A person can drive here {run}: {share:.2%} of the deadlines were missed, {most} are wanted."
+        return f"A person can drive here {run}: {share:.2%} of the deadlines were missed, {most} are wanted.", ""
     sentence = f"A person cannot drive here {run}: {share:.1%} of the deadlines were missed, {most} are wanted."
     preferred = results.conditions.get("SCHED_FIFO")
     if not priority and isinstance(preferred, Measured) and (other := _missed([preferred.counts])) <= MANY_MISSED:
-        return f"{sentence} Give --priority, with which {other:.2%} were missed."
+        return sentence, f"Give --priority, with which {other:.2%} were missed."
     remedy = "end other programs" if priority else "end other programs, or allow SCHED_FIFO and give --priority"
-    return f"{sentence} To drive, {remedy} (docs/real_time.md)."
+    return sentence, f"To drive, {remedy} (docs/real_time.md)."
 
 
 def _missed(counts: Sequence[Mapping[str, int]]) -> float:
@@ -218,7 +236,7 @@ def page(results: Results, seconds: float, priority: int, locked: bool) -> Page:
     """The page of the command, for a run with a priority, 0 for that of every program, and memory locked or not."""
     memory = f"memory {'' if locked else 'not '}locked"
     limits = f"{machine()}; priority {priority or 'of every program'}, {memory}. {_ANOTHER}"
-    rows, (late, work, under, latency), marks = results.rows, tables(results), verdict(results)
+    rows, (late, work, under, latency), said = results.rows, tables(results), verdict(results)
     missed = sum(row.found.counts["missed"] for row in rows)
     trips = sum(row.found.counts[name] for row in rows for name in ("deadline_trips", "stale_trips"))
     samples = _number(together(rows, lambda f: f.lateness))
@@ -229,7 +247,7 @@ def page(results: Results, seconds: float, priority: int, locked: bool) -> Page:
             "Deadlines",
             "The loop keeps its deadlines as a bare loop does that computes nothing.",
             "One thread wakes twice in every millisecond, once for each loop, by the same call of the C library.",
-            " ".join(marks[: len(PERCENTILES)])
+            " ".join(said[: len(PERCENTILES)])
             + f" Missed and left out: {missed} deadlines beside {samples} that had a sample; the watchdog tripped "
             f"{trips} times.",
             limits,
@@ -239,7 +257,7 @@ def page(results: Results, seconds: float, priority: int, locked: bool) -> Page:
             "Time of a sample",
             "A sample of the whole car leaves most of the millisecond to the machine.",
             "From the return of the sleep to the end of the sample, the device included.",
-            marks[-1],
+            said[-1],
             limits,
             work,
         ),
@@ -266,12 +284,16 @@ def page(results: Results, seconds: float, priority: int, locked: bool) -> Page:
             latency,
         ),
     ]
+    sentence, remedy = drivable(results, priority)
     values = {
         "seconds": seconds,
         "another": _ANOTHER,
         "picture_of_lateness": picture,
         "sections": sections,
-        "sentences": [drivable(results, priority), *marks],
+        "drivable": sentence,
+        "remedy": remedy,
+        "first": exceeded({"on this machine": _lines(rows)}),
+        "marks": marks(results),
     }
     return Page(NAME, values)
 
