@@ -73,8 +73,9 @@ def test_a_number_that_does_not_agree_is_told():
     experiment = study.Experiment(rows["Hunting"], "")
     assert experiment.missed == ["period"]
     assert experiment.worst.what == "period"
-    page = study.as_page(rows, {"lugre": study.traits("lugre")}, {"Hunting": study.panels(["lugre"])["Hunting"]})
-    assert sentence(page.html()).startswith("1 of 2 numbers of the five experiments ")
+    every = {title: rows["Hunting"] for title in study.NUMBERS}
+    page = study.as_page(every, {"lugre": study.traits("lugre")}, study.panels(["lugre"]))
+    assert sentence(page.html()).startswith("5 of 10 numbers of the five experiments ")
 
 
 def test_the_laws_take_the_scale_of_the_paper():

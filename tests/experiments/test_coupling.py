@@ -54,7 +54,7 @@ def test_a_delay_is_seen_in_phase_energy_and_motion(made):
 def test_page_begins_with_the_verdict_and_every_way_gives_the_same(made):
     out, data = made
     page = (out / "index.html").read_text()
-    assert sentence(page).startswith("Split at the rack, in turn every millisecond, no metric changes by more than ")
+    assert sentence(page).startswith("A 1 ms split at the rack changes metrics by at most ")
     assert page.index("costs nothing that counts") < page.index("Largest change of a metric of the weave")
     assert data["transports"] == {name: {"equal": True} for name in data["transports"]}
     assert list(data["transports"]) == ["FMU", "FMU in its own process", "UDP, from another process"]
@@ -89,5 +89,5 @@ def test_verdict_tells_what_is_not_the_same(made):
     assert found.share > coupling.COUNTS
     assert coupling.longest_steps(results) == {SERIAL: 200, PARALLEL: 5, HELD: None}
     page, data = coupling.build(results)
-    assert "more than 20 %" in sentence(page.html())
+    assert "by at most 20 %" in sentence(page.html())
     assert data["transports"]["UDP"] == {"equal": False}
