@@ -39,7 +39,7 @@ def test_tools_are_content(command):
 
 
 def test_core_does_not_import_torch():
-    names = ("vehicle.steering.margins", "experiments.cli.main", "experiments.reports.build", "environments")
+    names = ("vehicle.steering.margins", "experiments.cli.main", "experiments.reports.report", "environments")
     modules = ", ".join(f"steer_env.{name}" for name in names)
     code = f"import sys, {modules}; assert not {{'torch', 'stable_baselines3'}} & set(sys.modules)"
     subprocess.run([sys.executable, "-c", code], check=True, cwd=ROOT)

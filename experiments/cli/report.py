@@ -42,8 +42,8 @@ def run(args: argparse.Namespace) -> None:
     car = car_options.load(args)
 
     from steer_env.experiments.pages import provenance
-    from steer_env.experiments.reports import build
-    from steer_env.experiments.reports.results import Scope
+    from steer_env.experiments.reports import report
+    from steer_env.experiments.reports.report_results import Scope
 
     parameters = {law.label: law.parameters for law in laws}
     trace = provenance.trace(
@@ -53,5 +53,5 @@ def run(args: argparse.Namespace) -> None:
         scope = (
             Scope(car=car) if args.chassis is None else Scope(car=car, chassis=args.chassis, vehicle=False, widths=())
         )
-        build.build(args.out, parameters, scope, notify, build.Look(**look), trace, sweep)
+        report.build(args.out, parameters, scope, notify, report.Look(**look), trace, sweep)
     print(args.out / "index.html")

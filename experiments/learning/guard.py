@@ -1,8 +1,8 @@
 """A guard around a trained assist: it fades the action without hands and in quick steering, as the classical ones do.
 
 A network that has learnt to shape the feel of slow steering may make a released handwheel oscillate. LQG and integral
-control step back there by :class:`steer_env.assists.common.feel.Feel`; with the guard a trained policy does so by the
-same rule. It belongs to the policy: it acts during the training, and wherever the policy acts later.
+control step back there by :class:`steer_env.assists.common.reference_feel.Feel`; with the guard a trained policy does
+so by the same rule. It belongs to the policy: it acts during the training, and wherever the policy acts later.
 """
 
 from typing import Any
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from stable_baselines3.common.vec_env import VecEnvWrapper
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvObs, VecEnvStepReturn
 
-from steer_env.assists.common.feel import Feel
+from steer_env.assists.common.reference_feel import Feel
 
 _NEEDS = ("torsion_bar_torque", "handwheel_speed", "speed")
 
@@ -26,7 +26,7 @@ class Guard:
     scale : (O,) array
         SI value of an observation of 1.
     caution : float
-        Weight of quick motions, as in :class:`steer_env.assists.common.feel.Feel` [1].
+        Weight of quick motions, as in :class:`steer_env.assists.common.reference_feel.Feel` [1].
     """
 
     def __init__(self, batch: Any, scale: NDArray[np.float64], caution: float) -> None:

@@ -1,1 +1,1 @@
-"""The evaluation report, the assessment of recordings, and the generated pages of the documentation."""
+"""Pages on one thing: the report on friction laws, a car, an assist, recordings, and the friction of a record."""

@@ -3,8 +3,8 @@
     I <- (I + rate share e dt) exp(-(1 - share) dt/LEAK),    e = T_tb - r,    request = share (I + proportional e)
 
 r is the reference of the task, and the share fades the request when nobody holds the handwheel or it moves quickly
-(:mod:`steer_env.assists.common.feel`); the integral then leaks. It has the whole of the action's scale. The torsion
-bar's torque stands for the hand torque, which neglects the handwheel's inertia.
+(:mod:`steer_env.assists.common.reference_feel`); the integral then leaks. It has the whole of the action's scale. The
+torsion bar's torque stands for the hand torque, which neglects the handwheel's inertia.
 
 The defaults are near the largest with which the suite for assists holds
 (:mod:`steer_env.experiments.learning.assist_suite`): a quicker loop ripples where the action is doubled.
@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from steer_env.assists.common.definition import Array, Baseline, register
-from steer_env.assists.common.feel import Feel
+from steer_env.assists.common.reference_feel import Feel
 from steer_env.friction.numerics.check import not_negative
 
 LEAK = 0.2  # time constant with which the integral fades where the assist does, assumed [s]

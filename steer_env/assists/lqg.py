@@ -14,10 +14,10 @@ torsion-bar torque, which neglects the handwheel's inertia. The reference (:mod:
 or that of parking) stays nonlinear, from lateral acceleration and handwheel speed.
 
 The request may use the whole of the action, times the share by which an assist that follows a feel steps back where
-nobody holds the handwheel or it moves quickly (:mod:`steer_env.assists.common.feel`), and nothing while the hands are
-known to be off. Without that share a released handwheel oscillates, and the arms of a driver on some cars. The boost
-curve is linearised on centre, where it is flat, because of the margins: there, filter and regulator designed for a
-steeper slope would be almost unstable. ``effort`` then leaves 30 deg and 6 dB at every slope of the curve, and
+nobody holds the handwheel or it moves quickly (:mod:`steer_env.assists.common.reference_feel`), and nothing while the
+hands are known to be off. Without that share a released handwheel oscillates, and the arms of a driver on some cars.
+The boost curve is linearised on centre, where it is flat, because of the margins: there, filter and regulator designed
+for a steeper slope would be almost unstable. ``effort`` then leaves 30 deg and 6 dB at every slope of the curve, and
 ``torque_noise`` is small enough for 20 ms of delay, which a quicker filter answers with a ripple.
 """
 
@@ -26,8 +26,8 @@ from typing import Any
 import numpy as np
 
 from steer_env.assists.common.definition import Array, register
-from steer_env.assists.common.feel import Feel
 from steer_env.assists.common.linear import Linear, LinearBaseline, sampled
+from steer_env.assists.common.reference_feel import Feel
 from steer_env.episode.randomise import SENSOR_NOISE
 from steer_env.friction.numerics.check import not_negative, number, positive
 

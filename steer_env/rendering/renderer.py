@@ -20,7 +20,7 @@ from steer_env.rendering.modes import frame_rate
 from steer_env.rendering.panels import HAND, INK, MOTOR, MUTED, PANEL, PAPER, RULE, WANTED, signed
 from steer_env.rendering.view import extended
 from steer_env.tasks.common.definition import NON_FINITE, Task
-from steer_env.tasks.common.feel import FEEL_METRIC
+from steer_env.tasks.common.feel_term import FEEL_METRIC
 from steer_env.vehicle.plant import CHANNEL
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
 

@@ -22,7 +22,7 @@ from steer_env.tasks.common.definition import (
     Term,
     register,
 )
-from steer_env.tasks.common.feel import FEEL_SCALE, feel_error, feel_quality
+from steer_env.tasks.common.feel_term import FEEL_SCALE, feel_error, feel_quality
 from steer_env.tasks.common.path_following import PATH_OBSERVATIONS, observe_path
 from steer_env.tasks.common.standstill import TWO_TRACK
 from steer_env.tasks.common.terms import COMMON_METRICS, COMMON_REWARDS, evaluate_added_work, evaluate_common, quality

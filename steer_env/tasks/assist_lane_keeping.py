@@ -2,7 +2,7 @@
 
 from steer_env.tasks.common import lane
 from steer_env.tasks.common.definition import ASSIST_CHANNELS, ASSIST_TORQUE, Task, register
-from steer_env.tasks.common.feel import FEEL_METRIC, feel_term
+from steer_env.tasks.common.feel_term import FEEL_METRIC, feel_term
 from steer_env.tasks.common.path_following import FOLLOWING_MEMORY, FOLLOWING_METRICS, PATH_OBSERVATIONS, offset_term
 from steer_env.tasks.common.terms import COMMON_METRICS, COMMON_REWARDS, assist_costs
 from steer_env.vehicle.chassis.common.interface import HAND

@@ -21,7 +21,7 @@ from steer_env.tasks.common.definition import (
     Term,
     register,
 )
-from steer_env.tasks.common.feel import FEEL_SCALE, feel_quality
+from steer_env.tasks.common.feel_term import FEEL_SCALE, feel_quality
 from steer_env.tasks.common.standstill import CREEPING, TWO_TRACK, USUAL, angle_at_lock
 from steer_env.tasks.common.terms import (
     COMMON_MEMORY,

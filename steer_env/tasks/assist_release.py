@@ -22,7 +22,7 @@ from steer_env.tasks.common.definition import (
     Term,
     register,
 )
-from steer_env.tasks.common.feel import FEEL_METRIC, FEEL_SCALE, feel_error, feel_quality, feel_term
+from steer_env.tasks.common.feel_term import FEEL_METRIC, FEEL_SCALE, feel_error, feel_quality, feel_term
 from steer_env.tasks.common.terms import (
     COMMON_MEMORY,
     COMMON_METRICS,

@@ -18,7 +18,7 @@ from steer_env.tasks.common.definition import (
     Task,
     register,
 )
-from steer_env.tasks.common.feel import FEEL_METRIC, feel_error, feel_quality, feel_term
+from steer_env.tasks.common.feel_term import FEEL_METRIC, feel_error, feel_quality, feel_term
 from steer_env.tasks.common.terms import (
     COMMON_MEMORY,
     COMMON_METRICS,

@@ -7,8 +7,8 @@ import shutil
 import pytest
 
 from steer_env.experiments.cli.main import main
-from steer_env.experiments.reports import build
-from steer_env.experiments.reports.results import Scope
+from steer_env.experiments.reports import report
+from steer_env.experiments.reports.report_results import Scope
 from steer_env.experiments.studies import coupling
 from steer_env.experiments.studies.common import coupling_runs as runs
 from steer_env.experiments.studies.common.coupling_runs import FREQUENCY, KINDS
@@ -68,8 +68,8 @@ def test_report_of_the_imported_chassis_is_that_of_the_whole_car(made, tmp_path)
     path.write_bytes(runs.exported(cars.load()))
     scope = Scope(tests={"weave": {}}, vehicle=False, widths=(), steps=(1e-3,), speeds_kph=(0.0,))
     laws = {"lugre": make("lugre")}
-    whole = build.build(tmp_path / "whole", laws, scope).drives["weave"]["lugre"].values
-    build.build(tmp_path / "divided", laws, scope._replace(chassis=str(path)))
+    whole = report.build(tmp_path / "whole", laws, scope).drives["weave"]["lugre"].values
+    report.build(tmp_path / "divided", laws, scope._replace(chassis=str(path)))
     metrics = json.loads((tmp_path / "divided" / "metrics.json").read_text())
     for name, value in whole.items():
         assert metrics["metrics"]["lugre"][name]["value"] == pytest.approx(value.value, rel=1.1 * stated)

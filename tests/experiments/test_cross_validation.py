@@ -24,7 +24,7 @@ comparison = cache(compare)
 
 
 def test_nothing_needs_their_package():
-    modules = "studies.cross_validation", "reports.build", "cli.main"
+    modules = "studies.cross_validation", "reports.report", "cli.main"
     imports = ", ".join(f"steer_env.experiments.{name}" for name in modules)
     load = "from steer_env.experiments.studies.common import commonroad_reference; commonroad_reference.load()"
     code = f"import sys; sys.modules['vehiclemodels'] = None; import {imports}; {load}"

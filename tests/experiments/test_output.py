@@ -16,12 +16,12 @@ from steer_env.experiments.cli.common import tables
 from steer_env.experiments.pages import options, pages, pictures, provenance, style, words
 from steer_env.experiments.pages.files import replaced_directory
 from steer_env.experiments.pages.words import number
-from steer_env.experiments.reports import build
+from steer_env.experiments.reports import report
 from steer_env.experiments.studies.common import battery
 from steer_env.metrics.common.confidence import difference
 from steer_env.vehicle import cars
 
-CONTENTS = build.CONTENTS
+CONTENTS = report.CONTENTS
 ROOT = Path(__file__).parents[2]
 
 
@@ -103,7 +103,7 @@ def test_an_interrupted_swap_puts_the_old_report_back(tmp_path, monkeypatch):
 def test_a_directory_with_other_files_is_not_replaced(tmp_path):
     (tmp_path / "thesis.tex").write_text("years of work")
     with pytest.raises(ValueError, match=r"holds other files \(thesis\.tex\)"):
-        build.build(tmp_path, {})
+        report.build(tmp_path, {})
     assert (tmp_path / "thesis.tex").read_text() == "years of work"
 
 

@@ -17,8 +17,8 @@ from steer_env import friction, metrics
 from steer_env.experiments import sweep
 from steer_env.experiments.cli.main import main
 from steer_env.experiments.pages import pages, traces
-from steer_env.experiments.reports import build, findings
-from steer_env.experiments.reports.results import Scope
+from steer_env.experiments.reports import report, report_findings
+from steer_env.experiments.reports.report_results import Scope
 from steer_env.experiments.studies.common.commonroad_manoeuvres import MANOEUVRES
 from steer_env.vehicle import cars
 from tests.experiments.faked_times import NONE, faked
@@ -41,7 +41,7 @@ FIGURES = (
 def made(tmp_path_factory):
     out = tmp_path_factory.mktemp("made") / "report"
     seen = []
-    results = build.build(out, LAWS, SCOPE, lambda part, what: seen.append(part), sweep=IN_TWO)
+    results = report.build(out, LAWS, SCOPE, lambda part, what: seen.append(part), sweep=IN_TWO)
     assert seen == sorted(seen)
     assert seen[-1] == 1.0
     return out, results
@@ -49,7 +49,7 @@ def made(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def source(made):
-    return build.provenance_of(made[1])
+    return report.provenance_of(made[1])
 
 
 class Page(HTMLParser):
@@ -110,7 +110,7 @@ def test_what_is_read_first(made):
 def test_both_terms_have_all_laws_and_their_numbers_are_those_of_the_json(made):
     """Counts of the table, from the differences that the JSON holds."""
     numbers = json.loads((made[0] / "metrics.json").read_text(encoding="utf-8"))
-    terms = findings.terms(made[1])
+    terms = report_findings.terms(made[1])
     held = numbers["differences"], numbers["fitted"]["differences"]
     for term, of in zip(terms, held, strict=True):
         assert of["base"] == term.base == "lugre"
@@ -126,12 +126,12 @@ def test_both_terms_have_all_laws_and_their_numbers_are_those_of_the_json(made):
 
 
 def test_a_full_page_is_interactive(made, source):
-    page = Page(build.page_of(made[1], source, build.Look(full=True)).html())
+    page = Page(report.page_of(made[1], source, report.Look(full=True)).html())
     assert sum("plotly-graph-div" in (attrs.get("class") or "") for _, attrs in page.tags) == len(TESTS)
 
 
 def test_the_page_is_small_and_has_no_script_library(made, source):
-    text = build.page_of(made[1], source).html()
+    text = report.page_of(made[1], source).html()
     assert len(text.encode()) < 400_000
     page = Page(text)
     assert page.open == []
@@ -159,12 +159,12 @@ def test_a_law_that_a_driver_feels_is_in_the_verdict(made, source):
     values = {**drive.values, "steady_step_torque": louder}
     drives = {**results.drives, "step-steer": {**results.drives["step-steer"], "masing": drive._replace(values=values)}}
     changed = results._replace(drives=drives)
-    text = " ".join(build.page_of(changed, source).html().split())
+    text = " ".join(report.page_of(changed, source).html().split())
     assert "a driver tells masing from lugre with one calibration" in text
     assert '<span class="badge perceptible">perceptible</span>' in text
-    deaf = " ".join(build.page_of(changed, source, build.Look(noticed=0.3)).html().split())
+    deaf = " ".join(report.page_of(changed, source, report.Look(noticed=0.3)).html().split())
     assert "a driver tells no law from lugre with one calibration" in deaf
-    json_of = build.metrics_json(changed, source)["differences"]["laws"]["masing"]
+    json_of = report.metrics_json(changed, source)["differences"]["laws"]["masing"]
     assert json_of["step_steer.steady_step_torque"]["perception"] == "perceptible"
 
 
@@ -185,10 +185,10 @@ def test_both_files_hold_the_trace(made):
 def test_computing_times_do_not_make_another_result(made, source, tmp_path):
     results = sure(made[1])
     slower = times(lugre=200.0, masing=1e4)(results)
-    other = build.provenance_of(results) | {"date": "2000-01-01T00:00:00+00:00", "processor": "abacus", "cores": 1}
+    other = report.provenance_of(results) | {"date": "2000-01-01T00:00:00+00:00", "processor": "abacus", "cores": 1}
     pages = {"one": (results, source), "slow": (slower, other), "changed": (ratio_of(results), source)}
     for name, (found, about) in pages.items():
-        (tmp_path / f"{name}.html").write_text(build.page_of(found, about).html(), encoding="utf-8")
+        (tmp_path / f"{name}.html").write_text(report.page_of(found, about).html(), encoding="utf-8")
     assert traces.differences(tmp_path / "one.html", tmp_path / "slow.html") == []
     assert traces.differences(tmp_path / "one.html", tmp_path / "changed.html") != []
 
@@ -206,12 +206,12 @@ def test_the_report_of_an_own_car(tmp_path, monkeypatch):
     def build_(out, laws, scope, notify, look, trace, sweep):
         seen.update(car=scope.loaded(), look=look, trace=trace)
 
-    monkeypatch.setattr(build, "build", build_)
+    monkeypatch.setattr(report, "build", build_)
     options = ["--vehicle", "bmw_320i", "--set", "column.K_tb=143", "--noticed-percent", "10"]
     command = ["report", *options, "--friction", "lugre", "--out", str(tmp_path / "mine")]
     assert main(command) == 0
     assert (seen["car"].name, seen["car"].column.K_tb) == ("bmw_320i", 143.0)
-    assert seen["look"] == build.Look(noticed=pytest.approx(0.1))
+    assert seen["look"] == report.Look(noticed=pytest.approx(0.1))
     assert (seen["trace"]["command"], seen["trace"]["result"]) == (command, "mine")
     assert cars.load(seen["trace"]["car"]).column.K_tb == 143.0
 
@@ -222,7 +222,7 @@ def test_the_page_says_everything_in_plain_words(made):
     for heading in (*headings, "Parking", "Cross-validation", "Glossary"):
         assert heading in words
     for name in {name for test in TESTS for name in metrics.available(test)}:
-        assert " ".join(findings.label(name).split()) in words
+        assert " ".join(report_findings.label(name).split()) in words
     assert not {"nan", "None", "Undefined", "inf"} & set(words.split())
     lasting = r"keeps vibrating with strong friction \(3 N m\) and assist on: [\d.]+ mN m without a micro-damper, "
     light = r"[\d.]+ mN m with a damping ratio of 0\.1, "
@@ -259,16 +259,16 @@ def test_metrics_json(made):
 
 
 def test_refused_metrics_are_null_with_a_reason(made, monkeypatch):
-    monkeypatch.setattr(build, "_pictures", lambda _: dict.fromkeys(FIGURES, "<svg/>"))
+    monkeypatch.setattr(report, "_pictures", lambda _: dict.fromkeys(FIGURES, "<svg/>"))
     _, results = made
     drive = results.drives["weave"]["lugre"]
     refused = {**drive.values, "yaw_lag": metrics.Value(float("nan"), float("nan"), float("nan"), "ms", "no yaw rate")}
     drives = {**results.drives, "weave": {**results.drives["weave"], "lugre": drive._replace(values=refused)}}
     changed = results._replace(drives=drives)
-    source = build.provenance_of(changed)
-    entry = build.metrics_json(changed, source)["metrics"]["lugre"]["yaw_lag"]
+    source = report.provenance_of(changed)
+    entry = report.metrics_json(changed, source)["metrics"]["lugre"]["yaw_lag"]
     assert entry == {"value": None, "ci": [None, None], "unit": "ms", "reason": "no yaw rate"}
-    assert "Refused: yaw lag (lugre): no yaw rate." in build.page_of(changed, source).html()
+    assert "Refused: yaw lag (lugre): no yaw rate." in report.page_of(changed, source).html()
 
 
 def row_of(law, **changes):
@@ -342,8 +342,8 @@ def bare(test):
     ],
 )
 def test_a_claim_changes_with_its_number(made, source, monkeypatch, change, gone, instead):
-    monkeypatch.setattr(build, "_pictures", lambda _: dict.fromkeys(FIGURES, "<svg/>"))
-    before, after = (build.page_of(results, source).html() for results in (sure(made[1]), change(sure(made[1]))))
+    monkeypatch.setattr(report, "_pictures", lambda _: dict.fromkeys(FIGURES, "<svg/>"))
+    before, after = (report.page_of(results, source).html() for results in (sure(made[1]), change(sure(made[1]))))
     assert gone in before
     assert gone not in after
     assert instead in after
@@ -361,19 +361,19 @@ def test_one_law_alone_makes_a_page_too(made):
         vehicle=None,
         cross_validation=None,
     )
-    page = build.page_of(alone, build.provenance_of(alone)).html()
+    page = report.page_of(alone, report.provenance_of(alone)).html()
     assert "made without one of them" in page
     assert "6 Provenance" in page
     assert "Cross-validation" not in page
 
 
 def test_the_cross_validation_says_what_its_numbers_say(made, source, monkeypatch):
-    monkeypatch.setattr(build, "_pictures", lambda _: dict.fromkeys(FIGURES, "<svg/>"))
-    before = build.page_of(made[1], source).html()
+    monkeypatch.setattr(report, "_pictures", lambda _: dict.fromkeys(FIGURES, "<svg/>"))
+    before = report.page_of(made[1], source).html()
     found = made[1].cross_validation
     missed = found["step_20"]["reconciled"]._replace(rms={"yaw_rate": 0.5, "lateral_acceleration": 0.0})
     step = {**found["step_20"], "reconciled": missed}
-    after = build.page_of(made[1]._replace(cross_validation={**found, "step_20": step}), source).html()
+    after = report.page_of(made[1]._replace(cross_validation={**found, "step_20": step}), source).html()
     assert "nothing changed in ours, all manoeuvres are within" in before
     assert ">missed</td>" not in before
     assert "7 of 8 manoeuvres are within the limits, with at most 50\u00a0% RMS" in after
@@ -385,7 +385,7 @@ def test_an_error_half_way_leaves_the_old_report(made, tmp_path, monkeypatch):
     out = tmp_path / "report"
     out.mkdir()
     (out / "index.html").write_text("old")
-    monkeypatch.setattr(build, "collect", lambda *_: results)
+    monkeypatch.setattr(report, "collect", lambda *_: results)
     monkeypatch.setattr(pages.Page, "html", lambda *_: "<body>new</body>")
 
     def fail(*_):
@@ -394,10 +394,10 @@ def test_an_error_half_way_leaves_the_old_report(made, tmp_path, monkeypatch):
     with monkeypatch.context() as patch:
         patch.setattr(pages, "write_json", fail)  # the page is written by then
         with pytest.raises(RuntimeError, match="disk on fire"):
-            build.build(out, LAWS, SCOPE, sweep=IN_TWO)
+            report.build(out, LAWS, SCOPE, sweep=IN_TWO)
     assert [path.name for path in tmp_path.rglob("*")] == ["report", "index.html"]
     assert (out / "index.html").read_text() == "old"
-    build.build(out, LAWS, SCOPE, sweep=IN_TWO)
+    report.build(out, LAWS, SCOPE, sweep=IN_TWO)
     assert "<body>new" in (out / "index.html").read_text()
     assert sorted(path.name for path in tmp_path.rglob("*")) == ["index.html", "metrics.json", "report"]
 

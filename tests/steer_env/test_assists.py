@@ -9,8 +9,8 @@ import pytest
 
 from steer_env import assists, friction
 from steer_env.assists import lead_lag
-from steer_env.assists.common.feel import Feel
 from steer_env.assists.common.linear import response, sampled, slopes
+from steer_env.assists.common.reference_feel import Feel
 from steer_env.tasks.assist_parking import WANTED
 from steer_env.tasks.assist_release import RELEASE_TIME
 from steer_env.tasks.common.reference_feel import reference_torque

@@ -1,1 +1,1 @@
-"""What analyses a car: linear models, operating points, margins, limit cycles, free control, understeer, power."""
+"""What analyses a car: linear models, operating points, limit cycles, free control, understeer, assist design."""

@@ -30,7 +30,7 @@ from steer_env.vehicle.steering.eps import SAMPLE_TIME, without_assist
 
 Array = NDArray[np.float64]
 
-BASE_LAW, BASE = "lugre", "base"
+BASE_LAW = "lugre"
 LAW, MEASURED, UNASSISTED = "law", "law, measured calibration", "law, without assist"
 LEVEL, PRESLIDING, DAMPING = "level", "pre-sliding distance", "micro-damping"
 STEP, SITE, LOAD = "step length", "site", "load"

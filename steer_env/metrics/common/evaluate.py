@@ -1,9 +1,8 @@
 """Evaluation of a recording: every metric of a test with its 95 % interval, or the reason for which it is refused.
 
-Whether the sizes of handwheel angle, torque, yaw rate and lateral acceleration fit each other, as in any car.
-
-A unit that a file names wrongly makes a channel 57 times (degrees, radians), 9.8 times (g) or 3.6 times (km/h) too
-large or too small. The yaw rate of a car in a steady turn is
+Before that, the sizes of handwheel angle, torque, yaw rate and lateral acceleration have to fit each other, as they do
+in any car. A unit that a file names wrongly makes a channel 57 times (degrees, radians), 9.8 times (g) or 3.6 times
+(km/h) too large or too small. The yaw rate of a car in a steady turn is
 
     r/delta = v/(i l (1 + (v/v_ch)^2))        a_y = v r
 

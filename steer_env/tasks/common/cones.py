@@ -26,7 +26,7 @@ from steer_env.tasks.common.definition import (
     Scenery,
     Term,
 )
-from steer_env.tasks.common.feel import FEEL_METRIC, feel_error, feel_quality, feel_term
+from steer_env.tasks.common.feel_term import FEEL_METRIC, feel_error, feel_quality, feel_term
 from steer_env.tasks.common.path_following import (
     FOLLOWING_MEMORY,
     FOLLOWING_METRICS,

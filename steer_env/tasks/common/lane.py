@@ -19,7 +19,7 @@ from steer_env.tasks.common.definition import (
     EpisodeSetup,
     Task,
 )
-from steer_env.tasks.common.feel import feel_error, feel_quality
+from steer_env.tasks.common.feel_term import feel_error, feel_quality
 from steer_env.tasks.common.path_following import (
     FOLLOWING_MEMORY,
     FOLLOWING_METRICS,

@@ -1,1 +1,1 @@
-"""The two chassis models, one file or folder each, and what they share."""
+"""What chassis models have in common: their interface to the plant, and their registry."""

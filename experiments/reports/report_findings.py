@@ -9,7 +9,7 @@ import numpy as np
 
 from steer_env import targets
 from steer_env.experiments.pages.words import label, plain
-from steer_env.experiments.reports.results import Drives, Results
+from steer_env.experiments.reports.report_results import Drives, Results
 from steer_env.experiments.studies import friction_laws, real_time
 from steer_env.experiments.studies.common import battery
 from steer_env.experiments.studies.common.assist_margins import TARGETS, Cell, on_target
@@ -46,9 +46,6 @@ class Feel(NamedTuple):
     def matters(self) -> bool:
         """Whether the choice among dry laws changes a metric by a share that matters."""
         return self.dry is not None and self.dry.share > MATTERS
-
-
-FEEL = ("weave", "slow-ramp")  # tests that the summary has a sentence on
 
 
 def feel(results: Results, test: str, noticed: float = just_noticeable.SHARE) -> Feel:

@@ -15,8 +15,8 @@ from steer_env.experiments.pages import pictures, plots, provenance
 from steer_env.experiments.pages.files import replaced_directory
 from steer_env.experiments.pages.metrics_json import entries
 from steer_env.experiments.pages.pages import Page, image, place
-from steer_env.experiments.reports import findings
-from steer_env.experiments.reports.results import Drives, Notify, Results, Scope, collect
+from steer_env.experiments.reports import report_findings
+from steer_env.experiments.reports.report_results import Drives, Notify, Results, Scope, collect
 from steer_env.experiments.studies import cross_validation, friction_laws, loop_width, real_time, vehicle
 from steer_env.experiments.studies.common import battery, commonroad_reference, computing_time
 from steer_env.experiments.sweep import Runner, run
@@ -71,7 +71,7 @@ def _key(test: str, metric: str) -> str:
 def _differences_json(drives: Drives, base: str, noticed: float) -> dict[str, Any]:
     """Differences from the base law; those of refused metrics are left out."""
     found: dict[str, dict[str, Any]] = {law: {} for of in drives.values() for law in of if law != base}
-    for row in findings.differences(drives, base, noticed).rows:
+    for row in report_findings.differences(drives, base, noticed).rows:
         if math.isfinite(row.found.value):
             found[row.law][_key(row.test, row.metric)] = battery.as_json(row.found)
     return {"base": base, "noticed_share": noticed, "laws": found}
@@ -79,7 +79,7 @@ def _differences_json(drives: Drives, base: str, noticed: float) -> dict[str, An
 
 def _fitted_json(results: Results, noticed: float) -> dict[str, Any]:
     """The laws as fitted to the measured friction, and their differences where there are two."""
-    term, on_terms = results.fitted, findings.terms(results, noticed)
+    term, on_terms = results.fitted, report_findings.terms(results, noticed)
     laws = {
         law: {**provenance.law(p), "without_effect_or_zero": list(term.neutral[law])} for law, p in term.laws.items()
     }
@@ -125,14 +125,14 @@ def provenance_of(results: Results) -> dict[str, Any]:
 
 def page_of(results: Results, source: dict[str, Any], look: Look = DEFAULT) -> Page:
     """The page."""
-    feels = {test: findings.feel(results, test, look.noticed) for test in results.drives}
-    terms = findings.terms(results, look.noticed)
+    feels = {test: report_findings.feel(results, test, look.noticed) for test in results.drives}
+    terms = report_findings.terms(results, look.noticed)
     drawn = {**_first_pictures(results, terms, look.noticed), **_pictures(results)}
     weave = _weave(results)
     values = {
         "r": results,
         "source": source,
-        "findings": findings,
+        "findings": report_findings,
         "feels": feels,
         "terms": terms,
         "differences": terms[0].differences,
@@ -162,7 +162,7 @@ def _weave(results: Results) -> dict[str, Any]:
     return curves if all({ANGLE, TORQUE} <= of.keys() for of in curves.values()) else {}
 
 
-def _first_pictures(results: Results, terms: Sequence[findings.OnTerm], noticed: float) -> dict[str, str]:
+def _first_pictures(results: Results, terms: Sequence[report_findings.OnTerm], noticed: float) -> dict[str, str]:
     """The pictures that come first, as SVG by name; without a test or a difference its picture is missing."""
     history = friction_laws.HISTORIES["growing_sine"].x
     drawn = {"first_loops": pictures.loops(history, {law: of["growing_sine"] for law, of in results.torques.items()})}
@@ -183,7 +183,7 @@ def _pictures(results: Results) -> dict[str, str]:
         "characteristics": pictures.characteristics(friction_laws.HISTORIES, results.torques),
         "reversal": pictures.reversal_and_hold(friction_laws.HISTORIES, results.torques),
         "real_time": pictures.real_time(results.tables, real_time.USABLE),
-        "margins": pictures.margins(results.margins, findings.TARGETS),
+        "margins": pictures.margins(results.margins, report_findings.TARGETS),
     }
     if results.held:
         step = friction_laws.THIN * SAMPLE_TIME
