@@ -108,10 +108,10 @@ def test_what_is_read_first(made):
 
 
 def test_both_terms_have_all_laws_and_their_numbers_are_those_of_the_json(made):
-    """Counts of the table, from the differences that the JSON holds."""
+    """Counts of the first screen's table, from the differences that the JSON holds."""
     numbers = json.loads((made[0] / "metrics.json").read_text(encoding="utf-8"))
     terms = report_findings.terms(made[1])
-    held = numbers["differences"], numbers["fitted"]["differences"]
+    held, shown = (numbers["differences"], numbers["fitted"]["differences"]), []
     for term, of in zip(terms, held, strict=True):
         assert of["base"] == term.base == "lugre"
         assert list(of["laws"]) == list(term.laws) == ["masing"]
@@ -119,6 +119,11 @@ def test_both_terms_have_all_laws_and_their_numbers_are_those_of_the_json(made):
         assert term.laws["masing"].compared == len(rows)
         assert term.laws["masing"].large == sum(row["large"] for row in rows)
         assert len(term.laws["masing"].perceptible) == sum(row["perception"] == "perceptible" for row in rows)
+        known = sum(row["perception"] != "no threshold known" for row in rows)
+        shown += [(len(term.laws["masing"].perceptible), known), (term.laws["masing"].large, len(rows))]
+    first = (made[0] / "index.html").read_text(encoding="utf-8").partition("</section>")[0]
+    (row,) = re.findall("<tr><td>masing</td>(.*?)</tr>", first)
+    assert re.findall(r"<td>(\d+) of (\d+)</td>", row) == [(str(part), str(of)) for part, of in shown]
     assert terms[1].laws["masing"].large > terms[0].laws["masing"].large
     assert numbers["fitted"]["laws"]["lugre"]["without_effect_or_zero"] == ["sigma_1", "sigma_2", "F_s", "v_s"]
     fitted = made[1].fitted.laws["lugre"]
