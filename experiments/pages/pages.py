@@ -29,7 +29,8 @@ _KEPT = " !$'()*+,-./:;<=>?@[]^_`{|}~"  # may stand in a quoted attribute of HTM
 
 def image(svg: str) -> Markup:
     """A picture as the source of an image, which needs no other file."""
-    return Markup("data:image/svg+xml," + quote(smaller(svg), safe=_KEPT))
+    text = re.sub(r'="([^"\']*)"', r"='\1'", smaller(svg))  # the other quotes need no escape
+    return Markup("data:image/svg+xml," + quote(text, safe=_KEPT))
 
 
 def anchor(title: str) -> str:

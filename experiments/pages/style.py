@@ -229,7 +229,7 @@ def _stepwise(path: re.Match[str]) -> str:
         points = np.round(10.0 * np.array(numbers.split(), float)).astype(int).reshape(-1, 2)
         steps = points if command == "M" else points - last
         shown = " ".join(f"{0.1 * step:.1f}".removesuffix(".0") for step in steps.ravel())
-        text += (command if command == "M" else command.lower()) + shown.replace(" -", "-")
+        text += (command if command == "M" else command.lower()) + re.sub(r"\b0\.", ".", shown).replace(" -", "-")
         last = points[-1] if points.size else last  # a closed path begins anew with an M
     return f'd="{text}"'
 

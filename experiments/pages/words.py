@@ -74,8 +74,8 @@ def prose(text: str) -> str:
 
 
 def span(limits: Iterable[float]) -> str:
-    """A range in words, which a minus sign does not garble."""
-    return " to ".join(number(x) for x in limits)
+    """A range in words, which a minus sign does not garble; one number where both ends are written alike."""
+    return " to ".join(dict.fromkeys(number(x) for x in limits))
 
 
 def plain(value: Any) -> str:

@@ -157,6 +157,7 @@ def test_names_of_metrics_are_read_as_words(name, expected):
 
 def test_ranges_and_units_are_read_as_words():
     assert words.span((-20.0, 20.0)) == "−20 to 20"
+    assert words.span((6.141, 6.142)) == "6.14"
     assert [words.unit(name) for name in ("1", "m/s2", "N m")] == ["", "m/s²", "N m"]
 
 
