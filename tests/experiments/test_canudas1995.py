@@ -73,7 +73,7 @@ def test_a_number_that_does_not_agree_is_told():
     experiment = study.Experiment(rows["Hunting"], "")
     assert experiment.missed == ["period"]
     assert experiment.worst.what == "period"
-    every = {title: rows["Hunting"] for title in study.NUMBERS}
+    every = dict.fromkeys(study.NUMBERS, rows["Hunting"])
     page = study.as_page(every, {"lugre": study.traits("lugre")}, study.panels(["lugre"]))
     assert sentence(page.html()).startswith("5 of 10 numbers of the five experiments ")
 

@@ -392,7 +392,7 @@ def test_evaluation_writes_its_report(trained, tmp_path, capsys, monkeypatch):
     assert "clean share" not in page  # as there are no cones
     assert "failed share" in page
     assert "<h2>Learning</h2>" in page
-    assert page.count('<img src="data:image/svg+xml') == 1  # the learning curve
+    assert page.count('<img src="data:image/svg+xml') == 2  # rewards with intervals, and the learning curve
     assert page.count('<img src="data:image/png') == 8  # frames of two first episodes
     printed = capsys.readouterr().out
     for name in ("rms feel error", "damping", "compensation"):
