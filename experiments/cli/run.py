@@ -59,11 +59,6 @@ def add(parser: argparse.ArgumentParser) -> None:
         "JSON file goes beside it (default: the working directory)"
     )
     parser.add_argument("--out", metavar="PATH", default=".", help=text)
-    text = (
-        "step-steer on two_track only: also drive CommonRoad's model of the car bmw_320i, and write a table and an SVG "
-        "picture of both"
-    )
-    parser.add_argument("--reference", choices=("commonroad",), help=text)
     add_sweep(parser, f"of {ALL}")
 
 
@@ -71,8 +66,6 @@ def run(args: argparse.Namespace) -> None:
     """Drive, write and print."""
     from steer_env.experiments.cli.common.tables import print_metrics
 
-    if args.reference:
-        _check_comparable(args)
     out = Path(args.out)
     require_format([out])
     args.inputs = inputs.of(args)
@@ -93,8 +86,6 @@ def run(args: argparse.Namespace) -> None:
         done = drive(args, _manoeuvre(args, args.manoeuvre), out)
     print_metrics(done.values, done.title)
     print(out, out.with_suffix(".json"), sep="\n")
-    if args.reference:
-        _compare(args, out.parent)
 
 
 def _run_all(args: argparse.Namespace, out: Path) -> None:
@@ -235,41 +226,3 @@ def _trace(args: argparse.Namespace, manoeuvre: str, car: "Car", out: Path) -> d
 
 def _nan(value: Any) -> bool:
     return isinstance(value, float) and math.isnan(value)
-
-
-def _check_comparable(args: argparse.Namespace) -> None:
-    """ValueError unless there is a stored run of ``--reference`` for what is asked for."""
-    from steer_env.experiments.studies.common import commonroad_reference
-    from steer_env.vehicle import cars
-
-    car = commonroad_reference.load().about["car"]
-    # A car that is made again from a trace is given by its data.
-    vehicle = car if args.vehicle == cars.load(car).data() else args.vehicle
-    needed = {"MANOEUVRE": "step-steer", "--chassis": "two_track", "--vehicle": car}
-    given = dict(zip(needed, (args.manoeuvre, args.chassis or "single_track", vehicle)))
-    for name, value in needed.items():
-        if given[name] != value:
-            raise ValueError(f"--reference {args.reference} needs {name} {value}, got {given[name]}")
-    for name, value in (
-        ("--tyre", args.tyre),
-        ("--speed-kph", args.speed_kph),
-        ("--road", args.road),
-        ("--set", args.changes or None),
-    ):
-        if value is not None:
-            raise ValueError(f"--reference {args.reference} has a tyre, speeds and a road of its own: leave out {name}")
-
-
-def _compare(args: argparse.Namespace, directory: Path) -> None:
-    """Print the comparison in the step steers, and write it with its picture into a directory."""
-    from steer_env.experiments.pages import pictures
-    from steer_env.experiments.pages.files import write_json, write_text
-    from steer_env.experiments.studies import cross_validation
-
-    with progress("comparing", total=None):
-        results = cross_validation.collect(cross_validation.STEPS)
-    path = directory / f"{args.manoeuvre}-{args.reference}"
-    write_text(path.with_suffix(".svg"), pictures.cross_validation(results))
-    kept = _trace(args, args.manoeuvre, car_options.load(args), Path("compared"))
-    write_json(path.with_suffix(".json"), {**cross_validation.entries(results), "trace": kept})
-    print(f"\n{cross_validation.table(results)}\n\n{path.with_suffix('.svg')}")

@@ -15,7 +15,7 @@ from steer_env.friction.numerics.registry import dashed, listed
 GROUP = "test"
 STUDIES = listed("steer_env.experiments.studies", dashed)
 SWEEPING = ("coupling", "friction", "hands-off", "held-torque", "loop-width")  # studies of many cases
-EXTRAS = {"commonroad": "test", "coupling": "fmu"}  # study -> the extra that it needs
+EXTRAS = {"coupling": "fmu"}  # study -> the extra that it needs
 
 
 def add(parser: argparse.ArgumentParser) -> None:

@@ -235,29 +235,6 @@ def parking(found: dict[str, Any]) -> Figure:
 
 
 @styled
-def cross_validation(results: Mapping[str, Mapping[str, Any]]) -> Figure:
-    """Yaw rate and lateral acceleration of both models, a column for each manoeuvre of ``results``."""
-    figure = new_figure(9.6, 4.6)
-    grid = figure.subplots(2, len(results), sharex="col", sharey="row", squeeze=False)
-    for column, result in zip(grid.T, results.values()):
-        published, reconciled = result["published"], result["reconciled"]
-        lines = (
-            (published.theirs, "CommonRoad as published", {"color": PALETTE[1], "linewidth": 1.0}),
-            (reconciled.theirs, "CommonRoad reconciled", {"color": PALETTE[3], "linewidth": 1.0}),
-            (published.ours, "two tracks", {"color": PALETTE[6], "linestyle": (0, (2, 3)), "linewidth": 1.8}),
-        )
-        for run, label, style in lines:
-            column[0].plot(run.time, run["yaw_rate"] / DEGREE, label=label, **style)
-            column[1].plot(run.time, run["lateral_acceleration"], label=label, **style)
-        column[0].set_title(f"{run.meta['manoeuvre']}, {run.meta['speed_m_s']:g} m/s")
-        column[1].set_xlabel("time [s]")
-    grid[0, 0].set_ylabel("yaw rate [deg/s]")
-    grid[1, 0].set_ylabel("lateral acceleration [m/s²]")
-    legend(figure, grid[0, 0])
-    return figure
-
-
-@styled
 def loop_width(panels: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> Figure:
     """Signed loop widths over friction, a row for each metric and a column for each test.
 

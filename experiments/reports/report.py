@@ -17,8 +17,8 @@ from steer_env.experiments.pages.metrics_json import entries
 from steer_env.experiments.pages.pages import Page, image, place
 from steer_env.experiments.reports import report_findings
 from steer_env.experiments.reports.report_results import Drives, Notify, Results, Scope, collect
-from steer_env.experiments.studies import cross_validation, friction_laws, loop_width, real_time, vehicle
-from steer_env.experiments.studies.common import battery, commonroad_reference, computing_time
+from steer_env.experiments.studies import friction_laws, loop_width, real_time, vehicle
+from steer_env.experiments.studies.common import battery, computing_time
 from steer_env.experiments.sweep import Runner, run
 from steer_env.metrics.common import just_noticeable
 from steer_env.metrics.common.filtered_channels import ANGLE, TORQUE
@@ -88,16 +88,14 @@ def _fitted_json(results: Results, noticed: float) -> dict[str, Any]:
 
 
 def _vehicle_json(results: Results) -> dict[str, Any]:
-    study, compared = results.vehicle, results.cross_validation
+    study = results.vehicle
     assert study is not None
-    assert compared is not None
     return {
         "weave_peaks": {
             "units": {name: unit for name, unit in plant.CHANNELS if name in vehicle.SHOWN},
             **{row.title: row.values for row in study.peaks},
         },
         "parking": {state: entries(found.values) for state, found in study.parking.items()},
-        "cross_validation": cross_validation.entries(compared),
     }
 
 
@@ -140,8 +138,6 @@ def page_of(results: Results, source: dict[str, Any], look: Look = DEFAULT) -> P
         "study": friction_laws,
         "timing": real_time,
         "computing": computing_time,
-        "crossing": cross_validation,
-        "reference": commonroad_reference,
         "width": loop_width,
         "noticeable": just_noticeable,
         "definitions": {name: metrics.definition(name) for test in results.drives for name in metrics.available(test)},
@@ -193,9 +189,6 @@ def _pictures(results: Results) -> dict[str, str]:
     if results.vehicle:
         drawn["chassis"] = pictures.chassis(results.vehicle.cycles)
         drawn["parking"] = pictures.parking(results.vehicle.parking)
-    if results.cross_validation:
-        shown = {name: found for name, found in results.cross_validation.items() if name in cross_validation.SHOWN}
-        drawn["cross_validation"] = pictures.cross_validation(shown)
     if results.loop_width:
         drawn["loop_width"] = pictures.loop_width(loop_width.panels(results.loop_width))
     return drawn

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 from steer_env import manoeuvres
 from steer_env.connect import external
-from steer_env.experiments.studies import cross_validation, friction_laws, loop_width, real_time, vehicle
+from steer_env.experiments.studies import friction_laws, loop_width, real_time, vehicle
 from steer_env.experiments.studies.common import battery, computing_time, friction_records
 from steer_env.experiments.studies.common.assist_margins import Cell, assist_cells
 from steer_env.experiments.studies.common.computing_time import Times
@@ -20,7 +20,6 @@ from steer_env.recording.recording import Recording
 from steer_env.vehicle import cars
 
 Notify = Callable[[float, str], None]  # gets the part that is done and what comes next
-Compared = dict[str, dict[str, cross_validation.Comparison]]  # manoeuvre -> case
 
 # Every manoeuvre, those for on-centre feel first.
 _FIRST = ("weave", "slow-ramp")
@@ -78,7 +77,6 @@ class Results(NamedTuple):
     times: Times
     margins: dict[str, list[Cell]]  # by speed
     vehicle: Study | None  # studied with the base law
-    cross_validation: Compared | None  # manoeuvre -> case; computed if the full vehicle is studied
     loop_width: Curves | None
     chassis: str | None = None  # file of the external vehicle that drove the tests
 
@@ -122,7 +120,6 @@ class Part(NamedTuple):
 
 _PARTS: dict[str, Callable[..., Any]] = {
     "full vehicle": vehicle.collect,
-    "cross validation": cross_validation.collect,
     "loop widths": loop_width.collect,
     "law": _of_law,
     "fitted": _fitted,
@@ -143,7 +140,7 @@ def _in_words(part: Part) -> str:
 def _parts(laws: dict[str, Any], base: str, car: cars.Car, scope: Scope) -> list[Part]:
     """The parts of a report, those that take long first."""
     first = {law_of(p).name: law for law, p in reversed(laws.items())}
-    parts = [Part("full vehicle", None, (car, laws[base])), Part("cross validation", None)] if scope.vehicle else []
+    parts = [Part("full vehicle", None, (car, laws[base]))] if scope.vehicle else []
     if scope.widths:
         parts.append(Part("loop widths", None, ([car], ["lugre"], tuple(loop_width.TESTS), scope.widths)))
     parts += [Part("law", law, (scope, p, first[law_of(p).name] == law)) for law, p in laws.items()]
@@ -184,7 +181,6 @@ def collect(laws: dict[str, Any], scope: Scope, notify: Notify, sweep: Runner = 
         tables={law: of_law[law].rows for law in laws},
         times=computing_time.of_laws(laws, car, lambda part: notify(0.75 + 0.2 * part, "timing")),
         vehicle=found.get(("full vehicle", None)),
-        cross_validation=found.get(("cross validation", None)),
         loop_width=found.get(("loop widths", None)),
         chassis=scope.chassis,
         margins={"parking" if kph == 0 else f"{kph:g} km/h": found["margins", kph] for kph in scope.speeds_kph},

@@ -89,21 +89,6 @@ def test_a_rig_has_the_metrics_that_need_no_car(tmp_path, capsys):
     assert "loop_area" in capsys.readouterr().out
 
 
-def test_step_steer_compared_with_commonroad(tmp_path, capsys):
-    options = ["--chassis", "two_track", "--vehicle", "bmw_320i", "--reference", "commonroad"]
-    assert main(["run", "step-steer", *options, "--out", str(tmp_path)]) == 0
-    printed = capsys.readouterr().out
-    for name in ("step_20", "step_30"):
-        assert f"| {name} | published |" in printed
-        assert f"| {name} | reconciled |" in printed
-    data = json.loads((tmp_path / "step-steer-commonroad.json").read_text())
-    assert set(data["manoeuvres"]) == {"step_20", "step_30"}
-    assert data["reference"]["version"] == "3.0.2"
-    assert "step, 20 m/s" in (tmp_path / "step-steer-commonroad.svg").read_text()
-    assert (tmp_path / "step-steer.csv").exists()
-    assert main(["rerun", str(tmp_path / "step-steer-commonroad.json")]) == 0
-
-
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -123,13 +108,6 @@ def test_step_steer_compared_with_commonroad(tmp_path, capsys):
         (["run", "weave", "--rate-hz", "5000"], "--rate-hz must be finite and at least 20 and at most 1000"),
         (["run", "weave", "--out", "weave.json"], "--out must be a directory or end in one of .csv"),
         (["run", "weave", "--out", "no/such/weave.csv"], "there is no directory no/such"),
-        (["run", "weave", "--reference", "commonroad"], "--reference commonroad needs MANOEUVRE step-steer, got weave"),
-        (["run", "step-steer", "--reference", "commonroad"], "needs --chassis two_track, got single_track"),
-        (
-            ["run", "step-steer", "--chassis", "two_track", "--reference", "commonroad"],
-            "--reference commonroad needs --vehicle bmw_320i, got compact",
-        ),
-        (["run", "step-steer", "--reference", "carsim"], "invalid choice: 'carsim'"),
         (["--import"], "expected one argument"),
         (["run", "weave", "--import", "no_such_law"], "--import no_such_law: No module named 'no_such_law'"),
         (["report", "--friction"], "expected at least one argument"),
@@ -219,12 +197,6 @@ def test_car_prints_every_key_of_a_file(capsys, tmp_path):
     assert mine.chassis == car.chassis
     assert mine.column == car.column
     assert all(np.array_equal(a, b) for a, b in zip(mine.assist, car.assist))
-
-
-def test_a_reference_takes_no_option_that_it_would_ignore(capsys):
-    command = ["run", "step-steer", "--chassis", "two_track", "--vehicle", "bmw_320i", "--reference", "commonroad"]
-    assert main([*command, "--tyre", "example_mf52"]) == 2
-    assert "leave out --tyre" in capsys.readouterr().err
 
 
 def test_a_seed_without_a_road_is_refused(capsys):

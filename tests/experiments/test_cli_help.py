@@ -90,7 +90,6 @@ def test_names_in_the_help_are_those_of_the_registries():
         ("asammdf", ["run", "weave", "--out", "weave.mf4"], "mdf"),
         ("pyarrow", ["run", "weave", "--out", "weave.parquet"], "parquet"),
         ("cantools", ["evaluate", "drive.log.gz", "--dbc", "car.dbc"], "can"),
-        ("vehiclemodels", ["study", "commonroad"], "test"),
     ],
 )
 def test_a_missing_extra_is_named_before_the_work_begins(missing, command, extra, monkeypatch, tmp_path, capsys):

@@ -19,7 +19,6 @@ from steer_env.experiments.cli.main import main
 from steer_env.experiments.pages import pages, traces
 from steer_env.experiments.reports import report, report_findings
 from steer_env.experiments.reports.report_results import Scope
-from steer_env.experiments.studies.common.commonroad_manoeuvres import MANOEUVRES
 from steer_env.vehicle import cars
 from tests.experiments.faked_times import NONE, faked
 from tests.experiments.first_screen import sentence
@@ -33,7 +32,7 @@ IN_TWO = partial(sweep.run, where=sweep.Where(2))
 FIRST = ("first_terms", "first_weave", "first_loops")
 FIGURES = (
     *("characteristics", "reversal", "real_time", "margins", "held_on", "held_off"),
-    *("chassis", "parking", "cross_validation", "loop_width"),
+    *("chassis", "parking", "loop_width"),
 )
 
 
@@ -243,8 +242,7 @@ def test_metrics_json(made):
     assert set(data) == {"metrics", "differences", "fitted", "real_time", "vehicle", "provenance", "trace"}
     assert set(data["differences"]["laws"]) == {"masing"}
     assert data["differences"]["noticed_share"] == 0.15
-    assert set(data["vehicle"]) == {"weave_peaks", "parking", "cross_validation"}
-    assert set(data["vehicle"]["cross_validation"]["manoeuvres"]) == set(MANOEUVRES)
+    assert set(data["vehicle"]) == {"weave_peaks", "parking"}
     prefixes = {"weave": "", "slow-ramp": "slow_ramp.", "step-steer": "step_steer.", "hold": "hold."}
     names = {prefix + name for test, prefix in prefixes.items() for name in metrics.available(test)}
     for law in LAWS:
@@ -364,25 +362,10 @@ def test_one_law_alone_makes_a_page_too(made):
         tables={"masing": results.tables["masing"]},
         held=[test for test in results.held if test.law == "masing"],
         vehicle=None,
-        cross_validation=None,
     )
     page = report.page_of(alone, report.provenance_of(alone)).html()
     assert "made without one of them" in page
     assert "6 Provenance" in page
-    assert "Cross-validation" not in page
-
-
-def test_the_cross_validation_says_what_its_numbers_say(made, source, monkeypatch):
-    monkeypatch.setattr(report, "_pictures", lambda _: dict.fromkeys(FIGURES, "<svg/>"))
-    before = report.page_of(made[1], source).html()
-    found = made[1].cross_validation
-    missed = found["step_20"]["reconciled"]._replace(rms={"yaw_rate": 0.5, "lateral_acceleration": 0.0})
-    step = {**found["step_20"], "reconciled": missed}
-    after = report.page_of(made[1]._replace(cross_validation={**found, "step_20": step}), source).html()
-    assert "nothing changed in ours, all manoeuvres are within" in before
-    assert ">missed</td>" not in before
-    assert "7 of 8 manoeuvres are within the limits, with at most 50\u00a0% RMS" in after
-    assert after.count(">missed</td>") == 2
 
 
 def test_an_error_half_way_leaves_the_old_report(made, tmp_path, monkeypatch):

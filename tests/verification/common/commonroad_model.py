@@ -3,7 +3,8 @@
 ``vehiclemodels.vehicle_dynamics_mb`` has 29 states: the body, two axles that springs join to it, and four wheels, on
 steady-state Magic Formula tyres. Its axes are SAE (y right, z down, nose up positive); everything here is ISO 8855.
 Every difference beyond the limits has a name and a switch in the CommonRoad model: a value (``QUIRKS``) or a few lines
-of code (``CODE``). The study prints the effect of each switch; with ``--write`` it writes the stored reference instead.
+of code (``CODE``). Run as a module it prints the effect of each switch; with ``--write`` it writes the stored reference
+instead.
 
 Source: commonroad-vehicle-models 3.0.2 (BSD). Its bounds of 0.4 rad/s of steering and 11.5 m/s2 are not reached here.
 """
@@ -28,7 +29,8 @@ from vehiclemodels.init_mb import init_mb
 from vehiclemodels.vehicle_dynamics_mb import vehicle_dynamics_mb
 from vehiclemodels.vehicle_parameters import setup_vehicle_parameters
 
-from steer_env.experiments.studies.common.commonroad_manoeuvres import (
+from steer_env.recording.recording import Recording
+from tests.verification.common.commonroad_manoeuvres import (
     MANOEUVRES,
     Manoeuvre,
     acceleration,
@@ -37,9 +39,8 @@ from steer_env.experiments.studies.common.commonroad_manoeuvres import (
     road_wheel_angle,
     sample_times,
 )
-from steer_env.experiments.studies.common.commonroad_reference import FILE, STORED, interval
-from steer_env.experiments.studies.cross_validation import difference, steady
-from steer_env.recording.recording import Recording
+from tests.verification.common.commonroad_reference import FILE, STORED, interval
+from tests.verification.common.cross_validation import difference, steady
 
 Array = NDArray[np.float64]
 
@@ -304,7 +305,7 @@ def write(path: Path = FILE) -> None:
         "source": f"commonroad-vehicle-models, vehicle {VEHICLE} (BMW 320i), multi-body model",
         "licence": "BSD",
         "version": metadata.version("commonroad-vehicle-models"),
-        "command": "steer-env study commonroad --write",
+        "command": "python -m tests.verification.common.commonroad_model --write",
         "car": CAR,
         "parameters": numbers(p),
     }
@@ -323,7 +324,9 @@ def write(path: Path = FILE) -> None:
 
 def main(argv: Sequence[str] | None = None) -> None:
     """Print the effect of each peculiarity alone, or write the reference."""
-    parser = argparse.ArgumentParser(prog="steer-env study commonroad", description=main.__doc__)
+    parser = argparse.ArgumentParser(
+        prog="python -m tests.verification.common.commonroad_model", description=main.__doc__
+    )
     parser.add_argument("--write", action="store_true", help=f"write {FILE} and print nothing")
     if parser.parse_args(argv).write:
         write()
@@ -335,3 +338,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     for name, manoeuvre in MANOEUVRES.items():
         cells = (" / ".join(f"{100.0 * value:.1f}" for value in values) for values in alone(manoeuvre, p).values())
         print(f"| {name} | {' | '.join(cells)} |", flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -9,7 +9,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from steer_env.experiments.studies.common.commonroad_manoeuvres import (
+from steer_env.recording.recording import Recording
+from steer_env.vehicle.chassis import two_track
+from tests.verification.common.commonroad_manoeuvres import (
     MANOEUVRES,
     UNITS,
     Manoeuvre,
@@ -17,14 +19,11 @@ from steer_env.experiments.studies.common.commonroad_manoeuvres import (
     road_wheel_angle,
     sample_times,
 )
-from steer_env.recording.recording import Recording
-from steer_env.vehicle.chassis import two_track
 
-FILE = Path(__file__).parents[2] / "data" / "commonroad.npz"
+FILE = Path(__file__).with_name("commonroad.npz")
 CASES = ("published", "reconciled")  # of the CommonRoad model
 
-# What reconciling changes in the CommonRoad model; steer_env.experiments.studies.commonroad has the values and lines
-# of code.
+# What reconciling changes in the CommonRoad model; ``commonroad_model`` has the values and lines of code.
 PECULIARITIES = {
     "jump": "A shift of the lateral tyre force, 2 % of the load, changes its sign where a wheel passes upright.",
     "drag": "The longitudinal tyre force has an offset: a drag of 1 % of the load at zero slip.",
@@ -67,7 +66,7 @@ def _namespace(values: Mapping[str, Any]) -> SimpleNamespace:
 
 @lru_cache
 def load(path: Path = FILE) -> Reference:
-    """Read what ``steer-env study commonroad --write`` has written."""
+    """Read what ``python -m tests.verification.common.commonroad_model --write`` has written."""
     histories: dict[str, dict[str, Recording]] = {}
     with np.load(path) as stored:
         about = json.loads(str(stored["about"]))

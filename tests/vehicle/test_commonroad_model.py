@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from vehiclemodels.vehicle_parameters import setup_vehicle_parameters
 
-from steer_env.experiments.studies import commonroad
-from steer_env.experiments.studies.common import commonroad_reference
-from steer_env.experiments.studies.common.commonroad_manoeuvres import BRAKE_TIME, MANOEUVRES, Manoeuvre
-from steer_env.experiments.studies.commonroad import CODE, QUIRKS, drive, reconciled
-from steer_env.experiments.studies.cross_validation import difference, drive_two_track
+from tests.verification.common import commonroad_model as commonroad
+from tests.verification.common import commonroad_reference
+from tests.verification.common.commonroad_manoeuvres import BRAKE_TIME, MANOEUVRES, Manoeuvre
+from tests.verification.common.commonroad_model import CODE, QUIRKS, drive, reconciled
+from tests.verification.common.cross_validation import difference, drive_two_track
 
 P = setup_vehicle_parameters(vehicle_id=2)
 STEP = MANOEUVRES["step_20"]._replace(duration=4.0)

@@ -1,30 +1,16 @@
-"""Cross-validation of our two-track car against CommonRoad's multi-body model: comparison, limits, table.
+"""Cross-validation of our two-track car against CommonRoad's multi-body model: comparison and limits.
 
 Our car has the parameters of CommonRoad's and gets the same road-wheel angle and torques. CommonRoad's results are a
-stored reference, which :mod:`steer_env.experiments.studies.commonroad` computes: ``published`` is the CommonRoad model
+stored reference, which ``commonroad_model`` computes: ``published`` is the CommonRoad model
 as it is, ``reconciled`` the same without the peculiarities that ``commonroad_reference.PECULIARITIES`` names.
 """
 
-import argparse
-from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from steer_env.experiments.studies.common.commonroad_manoeuvres import (
-    FREQUENCY,
-    MANOEUVRES,
-    UNITS,
-    Manoeuvre,
-    acceleration,
-    longest_step,
-    recording_of,
-    road_wheel_angle,
-    sample_times,
-)
-from steer_env.experiments.studies.common.commonroad_reference import Reference, interval, load
 from steer_env.friction import make as make_law
 from steer_env.friction.numerics.kernel import record
 from steer_env.recording.recording import Recording
@@ -34,6 +20,17 @@ from steer_env.vehicle.chassis.common.interface import BRAKE, COAST, INPUTS, THR
 from steer_env.vehicle.constants import GRAVITY
 from steer_env.vehicle.suspension import kinematics_table
 from steer_env.vehicle.suspension.macpherson import MacPherson
+from tests.verification.common.commonroad_manoeuvres import (
+    FREQUENCY,
+    MANOEUVRES,
+    Manoeuvre,
+    acceleration,
+    longest_step,
+    recording_of,
+    road_wheel_angle,
+    sample_times,
+)
+from tests.verification.common.commonroad_reference import Reference, interval, load
 
 Array = NDArray[np.float64]
 
@@ -102,12 +99,12 @@ def drive_two_track(
     dt: float = 0.005,
     tolerance: float = 1e-6,
 ) -> Recording:
-    """Drive our two-track car with their parameters; the channels are those of ``commonroad.drive``.
+    """Drive our two-track car with their parameters; the channels are those of ``commonroad_model.drive``.
 
     Parameters
     ----------
     parameters, manoeuvre, dt
-        As in :func:`steer_env.experiments.studies.commonroad.drive`.
+        As in ``commonroad_model.drive``.
     relaxation_length : float
         Relaxation length of our tyres, short, because those of the CommonRoad model have none [m].
     tolerance : float
@@ -165,9 +162,6 @@ def drive_two_track(
     ]
     return recording_of(times, values, manoeuvre)
 
-
-SHOWN = ("step_20", "step_30", "sine_20", "sine_30")  # in the report's picture
-STEPS = ("step_20", "step_30")
 
 MOST_STEADY, MOST_RMS = 0.03, 0.05  # limits of the differences: of steady values, and of histories over their peak [1]
 
@@ -232,96 +226,3 @@ def compare(name: str, reference: Reference | None = None) -> dict[str, Comparis
     manoeuvre = MANOEUVRES[name]
     ours = drive_two_track(reference.parameters, manoeuvre, dt=interval(manoeuvre))
     return {case: comparison(ours, run, reference.parameters) for case, run in reference.histories[name].items()}
-
-
-def collect(names: Iterable[str] = tuple(MANOEUVRES)) -> dict[str, dict[str, Comparison]]:
-    """Comparisons by manoeuvre and case; all eight take some 5 s of one core once compiled."""
-    return {name: compare(name) for name in names}
-
-
-class Row(NamedTuple):
-    """A line of the table; differences as shares of 1."""
-
-    manoeuvre: str
-    case: str
-    rms: dict[str, float]  # over the peak [1]
-    steady: dict[str, float]  # of the wheel loads the largest only
-    verdict: str  # "pass", "explained" (beyond a limit, but within it once reconciled), or "FAIL"
-
-
-def rows(results: Mapping[str, Mapping[str, Comparison]]) -> list[Row]:
-    """Lines of the table."""
-    found = []
-    for name, result in results.items():
-        for case, compared in result.items():
-            verdict = "pass" if compared.passed else "explained" if result["reconciled"].passed else "FAIL"
-            gaps = {key: gap for key, (*_, gap) in compared.steady.items()}
-            gaps.pop("understeer", None)  # the inverse of the yaw rate
-            loads = [gaps.pop(f"wheel_load_{wheel}") for wheel in two_track.WHEELS]
-            found.append(Row(name, case, compared.rms, gaps | {"wheel_loads": max(loads, key=abs)}, verdict))
-    return found
-
-
-class Extent(NamedTuple):
-    """Largest differences of the models over several manoeuvres."""
-
-    rms: float  # largest [1]
-    steady: float  # largest, without sign [1]
-    kept: list[str]  # manoeuvres within the limits
-
-
-def extent(results: Mapping[str, Mapping[str, Comparison]], case: str) -> Extent:
-    """The largest differences from one case of the CommonRoad model."""
-    of_case = {name: result[case] for name, result in results.items()}
-    return Extent(
-        max(max(compared.rms.values()) for compared in of_case.values()),
-        max(abs(gap) for compared in of_case.values() for *_, gap in compared.steady.values()),
-        [name for name, compared in of_case.items() if compared.passed],
-    )
-
-
-def entries(results: Mapping[str, Mapping[str, Comparison]]) -> dict[str, Any]:
-    """The numbers for a JSON file."""
-    names = {name for result in results.values() for compared in result.values() for name in compared.steady}
-    return {
-        "reference": load().about,
-        "marks": {"steady": MOST_STEADY, "rms_over_peak": MOST_RMS},
-        "units": {name: UNITS.get(name, {"sideslip_angle": "rad"}.get(name, "1")) for name in sorted(names)},
-        "manoeuvres": {
-            name: {
-                case: {
-                    "rms_over_peak": compared.rms,
-                    "steady": {
-                        key: {"ours": ours, "theirs": theirs, "difference": gap}
-                        for key, (ours, theirs, gap) in compared.steady.items()
-                    },
-                    "passed": compared.passed,
-                }
-                for case, compared in result.items()
-            }
-            for name, result in results.items()
-        },
-    }
-
-
-def table(results: Mapping[str, Mapping[str, Comparison]]) -> str:
-    """The table as text."""
-    lines = [
-        f"Two tracks against CommonRoad {load().about['version']} [%]; "
-        f"limits: {100 * MOST_RMS:g} RMS, {100 * MOST_STEADY:g} steady values\n",
-        "| manoeuvre | theirs | RMS yaw rate | RMS a_y | yaw rate | a_y | roll | side-slip | wheel loads | |",
-        "|---|---|---|---|---|---|---|---|---|---|",
-    ]
-    for row in rows(results):
-        cells = [f"{100.0 * gap:.2f}" for gap in row.rms.values()]
-        cells += [f"{100.0 * gap:+.2f}" for gap in row.steady.values()]
-        lines.append(f"| {row.manoeuvre} | {row.case} | {' | '.join(cells)} | {row.verdict} |")
-    return "\n".join(lines)
-
-
-def main(argv: Sequence[str] | None = None) -> int:
-    """Print the table; exit code 1 where a limit is missed although all peculiarities are out."""
-    argparse.ArgumentParser(prog="steer-env study cross-validation", description=main.__doc__).parse_args(argv)
-    results = collect()
-    print(table(results))
-    return 0 if all(result["reconciled"].passed for result in results.values()) else 1
