@@ -18,15 +18,18 @@ from matplotlib.collections import LineCollection, PathCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
+from steer_env import friction
 from steer_env.experiments.pages.files import write_bytes, write_text
 
 Style = dict[str, Any]
 P = ParamSpec("P")
 
-# Okabe and Ito's palette, which colour-blind readers tell apart, and three of Tol's; the dashes serve print in grey.
+# Okabe and Ito's palette, which colour-blind readers tell apart, three of Tol's, and three for laws of one's own; the
+# dashes serve print in grey.
 PALETTE = (
     *("#0072B2", "#D55E00", "#009E73", "#000000", "#CC79A7", "#E69F00", "#56B4E9"),
     *("#882255", "#999933", "#332288"),
+    *("#7A4A21", "#7FB800", "#9467BD"),
 )
 DASHES: tuple[Any, ...] = ("-", (0, (5, 1.5)), (0, (1.5, 1.2)), "-.", (0, (7, 2, 1.5, 2, 1.5, 2)))
 # These keep their colours whatever else is drawn.
@@ -96,11 +99,12 @@ def styled(draw: Callable[P, Figure]) -> Callable[P, str]:
 
 
 def styles(laws: Iterable[str]) -> dict[str, Style]:
-    """Colour and dash of every law; a label of another name takes what the packaged laws beside it leave free."""
+    """Colour and dash of every law, laws of one's own too; a label of another name takes what they leave free."""
     laws = list(laws)
-    others = [law for law in laws if law not in _FIRST]
-    free = [i for i in range(len(PALETTE)) if i >= len(_FIRST) or _FIRST[i] not in laws] or range(len(PALETTE))
-    looks = {law: (PALETTE[i], DASHES[i % len(DASHES)]) for i, law in enumerate(_FIRST) if law in laws}
+    known = (*_FIRST, *(law for law in friction.available() if law not in _FIRST))
+    others = [law for law in laws if law not in known]
+    free = [i for i in range(len(PALETTE)) if i >= len(known) or known[i] not in laws] or range(len(PALETTE))
+    looks = {law: (PALETTE[i % len(PALETTE)], DASHES[i % len(DASHES)]) for i, law in enumerate(known) if law in laws}
     for k, law in enumerate(others):
         i = free[k % len(free)]
         # Round after round a colour comes back with another dash.

@@ -40,6 +40,15 @@ def test_labels_of_ones_own_look_like_no_other(known):
     assert all(found[law] | {"zorder": 0.0} == style.styles([law])[law] | {"zorder": 0.0} for law in known)
 
 
+def test_a_law_from_outside_looks_the_same_on_every_page_and_like_no_other(toy):
+    """In colour alone, as some pictures have no dashes."""
+    own = style.styles(["toy_jenkins"])["toy_jenkins"]["color"]
+    packaged = [law for law in friction.available() if law != "toy_jenkins"]
+    assert style.styles([*packaged, "toy_jenkins"])["toy_jenkins"]["color"] == own
+    assert style.styles(["lugre", "toy_jenkins", "rig.json"])["toy_jenkins"]["color"] == own
+    assert own not in style.colours(packaged)
+
+
 def test_a_law_from_outside_reaches_the_worker_processes(toy):
     laws = [friction.make("toy_jenkins"), friction.make("toy_jenkins")]
     found = sweep.run(_response, laws, where=sweep.Where(2))
