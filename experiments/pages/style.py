@@ -14,9 +14,11 @@ from typing import Any, ParamSpec
 import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.collections import LineCollection, PathCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
+from matplotlib.ticker import FuncFormatter
 
 from steer_env import friction
 from steer_env.experiments.pages.files import write_bytes, write_text
@@ -153,12 +155,26 @@ def _data(figure: Figure) -> str:
     """What a figure shows, a row for each point, end of a bar or cell of a map, in the units of its axes."""
     file = io.StringIO()
     rows = csv.writer(file, lineterminator="\n")
-    rows.writerow(("panel", "title", "x_axis", "y_axis", "label", "x", "y", "value"))
+    rows.writerow(("panel", "title", "x_axis", "y_axis", "label", "x", "y", "value", "x_name", "y_name"))
     for k, axes in enumerate(figure.axes, 1):
-        about = (k, axes.get_title(loc="left"), axes.get_xlabel(), axes.get_ylabel())
+        words = (axes.get_xlabel() or figure.get_supxlabel(), axes.get_ylabel() or figure.get_supylabel())
+        columns, rows_of = _names(axes.xaxis), _names(axes.yaxis)
         for label, points in _points(axes):
-            rows.writerows((*about, "" if label.startswith("_") else label, *point) for point in points)
+            about = (k, axes.get_title(loc="left"), *words, "" if label.startswith("_") else label)
+            for x, y, *value in points:
+                rows.writerow((*about, x, y, *(value or [""]), _nearest(columns, x), _nearest(rows_of, y)))
     return file.getvalue()
+
+
+def _names(axis: Axis) -> dict[float, str]:
+    """Place -> what stands there on an axis of names, as of laws; nothing on an axis of numbers."""
+    if not isinstance(axis.get_major_formatter(), FuncFormatter):
+        return {}
+    return dict(zip(axis.get_majorticklocs().tolist(), (text.get_text() for text in axis.get_majorticklabels())))
+
+
+def _nearest(names: dict[float, str], place: float) -> str:
+    return names[min(names, key=lambda each: abs(each - place))] if names else ""
 
 
 def _points(axes: Axes) -> Iterator[tuple[str, Any]]:

@@ -228,6 +228,16 @@ def test_pictures_are_kept_as_files_with_their_data(tmp_path):
     assert len(list(tmp_path.iterdir())) == 6
 
 
+def test_the_data_of_a_picture_name_its_rows(tmp_path):
+    """Dots of laws stand at places, whose names are in the file as they are in the picture."""
+    with style.kept(tmp_path):
+        pictures.dots({"lugre": (1.0, 0.9, 1.1), "bouc_wen": (2.0, 1.9, 2.2)}, "left [%]", name="left")
+    rows = list(csv.DictReader((tmp_path / "left.csv").read_text(encoding="utf-8").splitlines()))
+    found = {(row["y_name"], float(row["x"])) for row in rows}
+    assert found == {("lugre", x) for x in (0.9, 1.0, 1.1)} | {("bouc wen", x) for x in (1.9, 2.0, 2.2)}
+    assert {(row["x_axis"], row["x_name"]) for row in rows} == {("left [%]", "")}
+
+
 @pytest.mark.parametrize(
     ("x", "text"),
     [
