@@ -134,12 +134,13 @@ def residuals(rows: Mapping[str, tuple[float, float, float]], repeats: float | N
 
 
 @styled
-def law(shown: Shown, fitted: Array, level: float, colour: str) -> Figure:
+def law(title: str, shown: Shown, fitted: Array, level: float, colour: str) -> Figure:
     """One law: the loop, measured and fitted, and what is left over time [% of the mean friction, ``level``]."""
     figure = new_figure(9.6, 2.9)
+    figure.set_label(f"law {title}")
     left, right = figure.subplots(1, 2, width_ratios=(1, 1.55))
     part = shown.loop
-    for values, shade, label, dash in ((shown.friction, _MEASURED, "measured", "-"), (fitted, colour, "law", "--")):
+    for values, shade, label, dash in ((shown.friction, _MEASURED, "measured", "-"), (fitted, colour, title, "--")):
         left.plot(
             thinned(shown.x[part], POINTS),
             thinned(values[part], POINTS),

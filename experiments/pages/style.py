@@ -14,19 +14,24 @@ from typing import Any, ParamSpec
 import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.collections import LineCollection, PathCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
+from matplotlib.ticker import FuncFormatter
 
+from steer_env import friction
 from steer_env.experiments.pages.files import write_bytes, write_text
 
 Style = dict[str, Any]
 P = ParamSpec("P")
 
-# Okabe and Ito's palette, which colour-blind readers tell apart, and three of Tol's; the dashes serve print in grey.
+# Okabe and Ito's palette, which colour-blind readers tell apart, three of Tol's, and three for laws of one's own; the
+# dashes serve print in grey.
 PALETTE = (
     *("#0072B2", "#D55E00", "#009E73", "#000000", "#CC79A7", "#E69F00", "#56B4E9"),
     *("#882255", "#999933", "#332288"),
+    *("#7A4A21", "#7FB800", "#9467BD"),
 )
 DASHES: tuple[Any, ...] = ("-", (0, (5, 1.5)), (0, (1.5, 1.2)), "-.", (0, (7, 2, 1.5, 2, 1.5, 2)))
 # These keep their colours whatever else is drawn.
@@ -96,11 +101,12 @@ def styled(draw: Callable[P, Figure]) -> Callable[P, str]:
 
 
 def styles(laws: Iterable[str]) -> dict[str, Style]:
-    """Colour and dash of every law; a label of another name takes what the packaged laws beside it leave free."""
+    """Colour and dash of every law, laws of one's own too; a label of another name takes what they leave free."""
     laws = list(laws)
-    others = [law for law in laws if law not in _FIRST]
-    free = [i for i in range(len(PALETTE)) if i >= len(_FIRST) or _FIRST[i] not in laws] or range(len(PALETTE))
-    looks = {law: (PALETTE[i], DASHES[i % len(DASHES)]) for i, law in enumerate(_FIRST) if law in laws}
+    known = (*_FIRST, *(law for law in friction.available() if law not in _FIRST))
+    others = [law for law in laws if law not in known]
+    free = [i for i in range(len(PALETTE)) if i >= len(known) or known[i] not in laws] or range(len(PALETTE))
+    looks = {law: (PALETTE[i % len(PALETTE)], DASHES[i % len(DASHES)]) for i, law in enumerate(known) if law in laws}
     for k, law in enumerate(others):
         i = free[k % len(free)]
         # Round after round a colour comes back with another dash.
@@ -149,12 +155,26 @@ def _data(figure: Figure) -> str:
     """What a figure shows, a row for each point, end of a bar or cell of a map, in the units of its axes."""
     file = io.StringIO()
     rows = csv.writer(file, lineterminator="\n")
-    rows.writerow(("panel", "title", "x_axis", "y_axis", "label", "x", "y", "value"))
+    rows.writerow(("panel", "title", "x_axis", "y_axis", "label", "x", "y", "value", "x_name", "y_name"))
     for k, axes in enumerate(figure.axes, 1):
-        about = (k, axes.get_title(loc="left"), axes.get_xlabel(), axes.get_ylabel())
+        words = (axes.get_xlabel() or figure.get_supxlabel(), axes.get_ylabel() or figure.get_supylabel())
+        columns, rows_of = _names(axes.xaxis), _names(axes.yaxis)
         for label, points in _points(axes):
-            rows.writerows((*about, "" if label.startswith("_") else label, *point) for point in points)
+            about = (k, axes.get_title(loc="left"), *words, "" if label.startswith("_") else label)
+            for x, y, *value in points:
+                rows.writerow((*about, x, y, *(value or [""]), _nearest(columns, x), _nearest(rows_of, y)))
     return file.getvalue()
+
+
+def _names(axis: Axis) -> dict[float, str]:
+    """Place -> what stands there on an axis of names, as of laws; nothing on an axis of numbers."""
+    if not isinstance(axis.get_major_formatter(), FuncFormatter):
+        return {}
+    return dict(zip(axis.get_majorticklocs().tolist(), (text.get_text() for text in axis.get_majorticklabels())))
+
+
+def _nearest(names: dict[float, str], place: float) -> str:
+    return names[min(names, key=lambda each: abs(each - place))] if names else ""
 
 
 def _points(axes: Axes) -> Iterator[tuple[str, Any]]:

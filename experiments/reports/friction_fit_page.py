@@ -252,7 +252,8 @@ def page_of(found: Found, folder: str) -> Page:
         "repeats": repeats,
         "overview": image(friction_pictures.residuals(overview, repeats)) if fitted else None,
         "pictures": {
-            e.law: image(friction_pictures.law(given, found.curves[e.law], found.level, shades[e.law])) for e in fitted
+            e.law: image(friction_pictures.law(_title(e.law), given, found.curves[e.law], found.level, shades[e.law]))
+            for e in fitted
         },
         "travel": float(np.ptp(given.x)),
         "x_unit": given.x_unit,

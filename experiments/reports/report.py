@@ -80,9 +80,7 @@ def _differences_json(drives: Drives, base: str, noticed: float) -> dict[str, An
 def _fitted_json(results: Results, noticed: float) -> dict[str, Any]:
     """The laws as fitted to the measured friction, and their differences where there are two."""
     term, on_terms = results.fitted, report_findings.terms(results, noticed)
-    laws = {
-        law: {**provenance.law(p), "without_effect_or_zero": list(term.neutral[law])} for law, p in term.laws.items()
-    }
+    laws = {law: {**provenance.law(p), "undetermined": list(term.undetermined[law])} for law, p in term.laws.items()}
     found = _differences_json(term.drives, on_terms[1].base, noticed) if len(on_terms) > 1 else None
     return {"laws": laws, "differences": found}
 

@@ -50,7 +50,7 @@ class Term(NamedTuple):
 
     laws: dict[str, Any]  # label -> parameters
     drives: Drives
-    neutral: dict[str, tuple[str, ...]]  # law -> parameters that the measurement leaves open, without effect or zero
+    undetermined: dict[str, tuple[str, ...]]  # law -> parameters that the measurement leaves open
 
 
 class LawResult(NamedTuple):

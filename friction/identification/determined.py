@@ -35,6 +35,7 @@ class Estimate(NamedTuple):
     optimum: Optimum
     undetermined: list[str]
     edges: dict[str, float]  # half the widths of the intervals of coordinates that ended at zero [1]
+    wide: tuple[Space, Optimum] | None  # before estimates that are not determined were held; None: there are none
 
     @property
     def factors(self) -> NDArray[np.float64]:
@@ -109,6 +110,7 @@ def determined(problem: Problem, space: Space, optimum: Optimum) -> Estimate:
         space = space.without(name, optimum.q[: len(space.sought)], 0.0)
         optimum = searched(problem, space, STARTS, 0, False)
     kept = [s.name for s in space.sought if excess[s.name] > 1.0]
+    wide = (space, optimum) if kept else None
     at_zero = {s.name: h for s, q, h in zip(space.sought, optimum.q, half) if s.spare and s.bounded and q < EDGE}
     for name in [*kept, *(name for name in at_zero if name not in kept)]:  # where the search would only chatter
         i = [s.name for s in space.sought].index(name)
@@ -118,7 +120,7 @@ def determined(problem: Problem, space: Space, optimum: Optimum) -> Estimate:
     optimum = refined(problem, space, optimum, final=True)
     parameters, _ = space.made(optimum.q[: len(space.sought)])
     edges = {name: float(h) for name, h in at_zero.items() if name not in kept}
-    return Estimate(parameters, space, optimum, undetermined + kept, edges)
+    return Estimate(parameters, space, optimum, undetermined + kept, edges, wide)
 
 
 def _spared(

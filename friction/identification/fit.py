@@ -310,9 +310,10 @@ def _saturated(
 ) -> tuple[float, float, float]:
     """Friction after ``FAR`` travels one way at the record's median speed, and its interval by the delta method [N m].
 
-    It has the covariance of the parameters (F35); of sliders it holds what all grids say that are nearly as good.
+    It has the covariance of the parameters (F35), also of those that are not determined one by one: parts of a law side
+    by side may exchange theirs. Of sliders it holds what all grids say that are nearly as good.
     """
-    space, end = estimate.space, estimate.optimum
+    space, end = estimate.wide or (estimate.space, estimate.optimum)
     steps = np.abs(np.diff(problem.x))
     step = float(np.median(steps[steps > 0.0]))
     way = step * np.arange(math.ceil(FAR * float(np.ptp(problem.x)) / step), dtype=float)

@@ -55,7 +55,8 @@ def fails(capsys, *words):
 
 def test_the_shipped_record_from_a_fresh_clone(capsys):
     """Two laws of the rig: the bristle beats Coulomb by far, in m and N, which drive no column until they are told."""
-    assert main(["fit-friction", "rig", "--law", "dahl", "coulomb", "--out", "rig"]) == 0
+    assert main(["fit-friction", "rig", "--law", "dahl", "coulomb", "--out", "rig", "--figures", "figures"]) == 0
+    assert {each.stem for each in Path("figures").iterdir()} == {"fitted_loops", "residuals", "law_dahl", "law_coulomb"}
     printed = capsys.readouterr().out
     assert "turned to resist positive motion" in printed
     found = loaded("rig/fit.json")

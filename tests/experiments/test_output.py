@@ -40,6 +40,15 @@ def test_labels_of_ones_own_look_like_no_other(known):
     assert all(found[law] | {"zorder": 0.0} == style.styles([law])[law] | {"zorder": 0.0} for law in known)
 
 
+def test_a_law_from_outside_looks_the_same_on_every_page_and_like_no_other(toy):
+    """In colour alone, as some pictures have no dashes."""
+    own = style.styles(["toy_jenkins"])["toy_jenkins"]["color"]
+    packaged = [law for law in friction.available() if law != "toy_jenkins"]
+    assert style.styles([*packaged, "toy_jenkins"])["toy_jenkins"]["color"] == own
+    assert style.styles(["lugre", "toy_jenkins", "rig.json"])["toy_jenkins"]["color"] == own
+    assert own not in style.colours(packaged)
+
+
 def test_a_law_from_outside_reaches_the_worker_processes(toy):
     laws = [friction.make("toy_jenkins"), friction.make("toy_jenkins")]
     found = sweep.run(_response, laws, where=sweep.Where(2))
@@ -217,6 +226,16 @@ def test_pictures_are_kept_as_files_with_their_data(tmp_path):
     assert ("1.0", "0.0") in [(row["x"], row["y"]) for row in rows]  # the end of the bar
     assert _drawn() == text  # which is kept nowhere
     assert len(list(tmp_path.iterdir())) == 6
+
+
+def test_the_data_of_a_picture_name_its_rows(tmp_path):
+    """Dots of laws stand at places, whose names are in the file as they are in the picture."""
+    with style.kept(tmp_path):
+        pictures.dots({"lugre": (1.0, 0.9, 1.1), "bouc_wen": (2.0, 1.9, 2.2)}, "left [%]", name="left")
+    rows = list(csv.DictReader((tmp_path / "left.csv").read_text(encoding="utf-8").splitlines()))
+    found = {(row["y_name"], float(row["x"])) for row in rows}
+    assert found == {("lugre", x) for x in (0.9, 1.0, 1.1)} | {("bouc wen", x) for x in (1.9, 2.0, 2.2)}
+    assert {(row["x_axis"], row["x_name"]) for row in rows} == {("left [%]", "")}
 
 
 @pytest.mark.parametrize(

@@ -17,6 +17,7 @@ from steer_env import friction, metrics
 from steer_env.experiments import sweep
 from steer_env.experiments.cli.main import main
 from steer_env.experiments.pages import pages, traces
+from steer_env.experiments.pages.words import number
 from steer_env.experiments.reports import report, report_findings
 from steer_env.experiments.reports.report_results import Scope
 from steer_env.vehicle import cars
@@ -124,9 +125,10 @@ def test_both_terms_have_all_laws_and_their_numbers_are_those_of_the_json(made):
     (row,) = re.findall("<tr><td>masing</td>(.*?)</tr>", first)
     assert re.findall(r"<td>(\d+) of (\d+)</td>", row) == [(str(part), str(of)) for part, of in shown]
     assert terms[1].laws["masing"].large > terms[0].laws["masing"].large
-    assert numbers["fitted"]["laws"]["lugre"]["without_effect_or_zero"] == ["sigma_1", "sigma_2", "F_s", "v_s"]
+    assert numbers["fitted"]["laws"]["lugre"]["undetermined"] == ["sigma_1", "sigma_2", "F_s", "v_s"]
     fitted = made[1].fitted.laws["lugre"]
     assert (fitted.sigma_1, fitted.sigma_2, fitted.F_s) == (0.0, 0.0, fitted.F_c)
+    assert f"lugre sigma_1 = 0, sigma_2 = 0, F_s = {number(fitted.F_c)}, v_s = {number(fitted.v_s)}" in first
 
 
 def test_a_full_page_is_interactive(made, source):

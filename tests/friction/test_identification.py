@@ -13,6 +13,8 @@ from steer_env.friction.identification.displacement import deviation_of, motion_
 from steer_env.friction.identification.record import timed
 from steer_env.friction.identification.scales import Scales, exponents
 from steer_env.friction.identification.space import within_law
+from steer_env.friction.numerics.check import positive
+from steer_env.friction.numerics.kernel import kernel
 from tests.friction.test_bad_input import refused
 
 DT = 0.01  # [s]
@@ -459,6 +461,42 @@ def test_the_saturated_friction_has_the_interval_of_what_it_is_made_of(name):
     far = np.median(steps) * np.arange(10000)
     assert low < friction.response(p, far, dt)[-1] < high
     assert high - low < 0.2 * value
+
+
+class Twins(NamedTuple):
+    c_1: float  # [N m s/rad]
+    c_2: float  # [N m s/rad]
+
+
+def make_twins(*, c_1: float = 1.0, c_2: float = 1.0) -> Twins:
+    """Two viscous dampers side by side."""
+    return Twins(positive("c_1", c_1), positive("c_2", c_2))
+
+
+@kernel
+def twins_torque(p, torque_scale, memory, w):
+    return (p.c_1 + p.c_2) * w
+
+
+@kernel
+def twins_mean_torque(p, torque_scale, memory, w, h):
+    return (p.c_1 + p.c_2) * w, p.c_1 + p.c_2
+
+
+def test_the_saturated_friction_of_parts_that_take_each_others_place_keeps_its_interval():
+    """No part is determined and their sum is: the interval is that of the law with one part."""
+    torque = friction.response(friction.make("viscous", sigma_2=50.0), LOOPS, DT) + noise(0, LOOPS.size, 0.1)
+    units = {"c_1": "N m s/rad", "c_2": "N m s/rad"}
+    with law.LAWS.restored():
+        friction.register(
+            "twins", Twins, make=make_twins, torque=twins_torque, mean_torque=twins_mean_torque,
+            fitted=("c_1", "c_2"), units=units,
+        )  # fmt: skip
+        found = friction.fit(LOOPS, torque, "twins", dt=DT)
+    assert set(found.undetermined) == {"c_1", "c_2"}
+    alone = friction.fit(LOOPS, torque, "viscous", dt=DT)
+    assert found.saturated == pytest.approx(alone.saturated, rel=1e-3)
+    assert np.ptp(found.saturated) == pytest.approx(np.ptp(alone.saturated), rel=0.05)
 
 
 def test_the_saturated_friction_is_open_where_the_record_does_not_saturate():
