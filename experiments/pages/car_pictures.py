@@ -169,14 +169,18 @@ def assist(torques: Array, boost: Mapping[str, Array], speeds: Array, damping: A
 
 @styled
 def in_ranges(groups: Mapping[str, Sequence[float]]) -> Figure:
-    """Quantities by group over their ranges: each as its share of the way from the lower to the upper end."""
+    """Quantities by group over their ranges: each as its share of the way from the lower to the upper end.
+
+    One that is far outside stands at the edge of the picture.
+    """
     figure = new_figure(5.0, 0.36 * len(groups) + 0.9)
     axes = figure.subplots()
     axes.axvspan(0.0, 1.0, color=_BAND, zorder=0)
     for row, places in enumerate(groups.values()):
         for x in places:
             kept = 0.0 <= x <= 1.0
-            axes.plot(x, -row, "o" if kept else "D", color="#1d2530" if kept else _LIMIT, markersize=5, alpha=0.7)
+            mark, color = ("o", "#1d2530") if kept else ("D", _LIMIT)
+            axes.plot(min(max(x, -0.45), 1.45), -row, mark, color=color, markersize=5, alpha=0.7)
     axes.set(xlim=(-0.5, 1.5), xticks=(0.0, 1.0), xticklabels=("lower end", "upper end"))
     axes.set(yticks=[-row for row in range(len(groups))], yticklabels=list(groups), ylim=(0.5 - len(groups), 0.5))
     axes.grid(visible=False)

@@ -60,8 +60,13 @@ def _agreement(found: "Assessment") -> str:
     said = f"Within the tolerances {other} agrees with {reference} in this {found.test}"
     if found.power.unknown:
         return f"{said}; what differences it would have shown is unknown."
-    shown = sum(bool(ends) for _, ends, _ in comparison_power.rows(found.power))
-    return f"{said}, which would have shown {shown} of {len(comparison_power.rows(found.power))} changes of the car."
+    *parameters, _ = comparison_power.rows(found.power)
+    both_ways = sum(not hidden for _, _, hidden in parameters)
+    laws = found.power.laws.values()
+    return (
+        f"{said}, which would have shown {both_ways} of {len(parameters)} parameters and {sum(laws)} of {len(laws)} "
+        "laws changed."
+    )
 
 
 def _comparison(found: "Assessment") -> str:
@@ -84,11 +89,20 @@ def _comparison(found: "Assessment") -> str:
             f"{metrics}."
         )
     most = max(large, key=lambda name: large[name])
-    farthest = f"{most} differs most, by more than {percent(MATTERS)} in {large[most]} of {len(many[most])} metrics"
-    if not any(known):
-        return f"No threshold of perception is known; {farthest} from {reference}."
+    farthest = f"{most} differs most, over {percent(MATTERS)} in {large[most]}"
+    if not large[most]:
+        farthest = f"none differs by more than {percent(MATTERS)}"
+    if apart := len(others) - len(many):
+        farthest = f"{apart} {'other shares' if apart == 1 else 'others share'} no metric with it"
+    read = {name: d for each in many.values() for name, d in each.items()}
+    with_threshold = sum(d.perception.verdict != just_noticeable.UNKNOWN for d in read.values())
     told = sum(map(bool, felt.values()))
-    return f"By known thresholds a driver tells {told} of {len(others)} from {reference}; {farthest}."
+    if not with_threshold:
+        return f"No threshold of perception is known to tell one from {reference}; {farthest}."
+    return (
+        f"By the thresholds known for {with_threshold} of {len(read)} metrics a driver tells {told} of {len(many)} "
+        f"from {reference}; {farthest}."
+    )
 
 
 def _rating(found: "Assessment") -> str:
@@ -104,14 +118,19 @@ def _rating(found: "Assessment") -> str:
 def differing(recordings: Mapping[str, Recording]) -> list[tuple[str, list[Any]]] | None:
     """Parameters of cars and laws that differ, by their key in a car file, with the value of each recording.
 
-    None where one of the recordings is not of a car that its trace holds.
+    A recording whose trace holds no car, as a measured one, has None. None in place of the list where fewer than two
+    hold one, or where those that do are equal beside one that does not.
     """
     traces = [recording.meta.get("trace") or {} for recording in recordings.values()]
-    if not all("car" in trace for trace in traces):
+    flat = [_flat({**trace["car"], **_law(trace)}) if "car" in trace else None for trace in traces]
+    known = [each for each in flat if each is not None]
+    if len(known) < 2:
         return None
-    flat = [_flat({**trace["car"], **_law(trace)}) for trace in traces]
-    rows = {key: [each.get(key) for each in flat] for key in dict.fromkeys(key for each in flat for key in each)}
-    return [(key, row) for key, row in rows.items() if any(value != row[0] for value in row)]
+    keys = dict.fromkeys(key for each in known for key in each)
+    differ = [key for key in keys if any(each.get(key) != known[0].get(key) for each in known)]
+    if not differ and len(known) < len(flat):
+        return None
+    return [(key, [each and each.get(key) for each in flat]) for key in differ]
 
 
 def _law(trace: Mapping[str, Any]) -> dict[str, Any]:
@@ -345,6 +364,17 @@ def _picture(found: Assessment, drawn: Sequence[plots.Panel], limits: Sequence[p
     return plots.markup(drawn[:1], found.test, full)
 
 
+def _caption(found: Assessment) -> str:
+    """What the picture shows, where its axes do not say it."""
+    if found.pairs:
+        return ""
+    if found.differences:
+        return f"Largest differences from {next(iter(found.values))}; less than {percent(MATTERS)} is shaded."
+    if found.bands:
+        return "Each dot is a metric in its good band (green); a diamond is outside, at the edge if far outside."
+    return ""
+
+
 def page_of(
     found: Assessment,
     recordings: Mapping[str, Recording],
@@ -371,9 +401,7 @@ def page_of(
         "verdict": verdict(found),
         "unknown": comparison_power.in_words(found.power) if found.power and found.power.unknown else "",
         "largest": largest(found),
-        "caption": f"Largest differences from {labels[0]}; less than {percent(MATTERS)} is shaded."
-        if found.differences and not found.pairs
-        else "",
+        "caption": _caption(found),
         "picture": _picture(found, drawn, limits, full),
         "mappings": {label: of for label, of in trace.get("mapping", {}).items() if of["channels"] or of["meta"]},
         "tolerances": {plots.axis(name): found.allowed[name] for name in channels},

@@ -28,6 +28,7 @@ from steer_env.recording.units import parse_unit
 COMPRESSED = ".csv.gz"  # end of the name of a file that gzip has made smaller, which is read only
 LONGEST_PREAMBLE = 50  # lines of a file among which its header is
 APPENDED = "appended"  # key of the meta of a file that grew while it was recorded, see `steer_env.live.drive.log`
+_CONTROL = re.compile(r"[\x00-\x08\x0e-\x1f]")  # characters that no table has
 _BLOCK = 10_000  # rows that are converted to text at a time, which limits the memory
 
 
@@ -73,6 +74,8 @@ def open_table(path: str | PathLike[str]) -> Table:
             raise ValueError("no header: expected a line that names the columns, time_s or Time [s] among them")
         first = len(top)
         top += islice(lines, max(LONGEST_PREAMBLE - first, 0) + 2)
+    if _CONTROL.search("".join(top)):
+        raise ValueError("no table: it begins with bytes that are no text (UTF-8, UTF-16 with its mark, or Latin-1)")
     place, above, separator, columns = _header(top, first - 1)
     comments += [line.lstrip("#").strip() for line in top[first - 1 : place] if line.strip()]
     if comments:

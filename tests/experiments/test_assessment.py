@@ -12,7 +12,8 @@ import pytest
 from steer_env import friction, manoeuvres, metrics, targets
 from steer_env import recording as recordings
 from steer_env.experiments.cli.main import main
-from steer_env.experiments.pages import provenance
+from steer_env.experiments.pages import car_pictures, provenance
+from steer_env.experiments.pages.words import percent
 from steer_env.experiments.reports import assessment
 from steer_env.experiments.studies.common import comparison_power, simulation_vs_measurement
 from steer_env.metrics import Value
@@ -312,6 +313,36 @@ def test_of_eight_recordings_a_broken_one_is_left_out(weaves, tmp_path, capsys, 
     assert "empty holds no recording" in capsys.readouterr().err
 
 
+def test_a_sentence_of_three_says_how_many_thresholds_are_known(weaves, tmp_path, capsys):
+    """One that shares no channel with the first is not counted among those that a driver would not tell."""
+    clean = weaves["lugre"].resampled(100.0)
+    strong = changed(clean, handwheel_torque=1.05 * clean["handwheel_torque"])
+    both = {"measured": clean, "same": clean, "strong": strong}
+    found = assessment.assess(both)
+    known = "By the thresholds known for 3 of 19 metrics a driver tells 0 of 2 from measured; "
+    large = sum(each.matters for each in found.differences["strong"].values())
+    assert assessment.verdict(found) == f"{known}strong differs most, over {percent(0.05)} in {large}."
+    assert sentence(assessment.page_of(found, both).html()) == " ".join(assessment.verdict(found).split())
+    equal = assessment.assess({"measured": clean, "one": clean, "same": clean})
+    assert assessment.verdict(equal) == f"{known}none differs by more than {percent(0.05)}."
+    apart = clean.without(*(clean.channels.keys() - {"lateral_acceleration"}))
+    both = {"measured": clean.without("lateral_acceleration"), "same": clean, "apart": apart}
+    found = assessment.assess(both)
+    assert assessment.verdict(found).endswith("a driver tells 0 of 1 from measured; 1 other shares no metric with it.")
+    assert "apart is not compared:" in assessment.page_of(found, both).html()
+    for name, each in both.items():
+        recordings.write(each, tmp_path / f"{name}.csv")
+    assert main(["evaluate", "--compare", *(str(tmp_path / f"{name}.csv") for name in both)]) == 1
+    assert "apart is not compared: no metric is read from both it and measured" in capsys.readouterr().out
+
+
+def test_a_metric_far_outside_its_band_stands_at_the_edge_of_the_picture():
+    figure = car_pictures.in_ranges.__wrapped__({"near": [0.5], "far": [-3.0, 1.2, 9.0]})
+    (axes,) = figure.axes
+    low, high = axes.get_xlim()
+    assert all(low < line.get_xdata()[0] < high for line in axes.lines)
+
+
 def test_a_simulation_shows_no_uncertainty(tmp_path):
     """Its repeats are equal but for how they settle; a noisy recording without its trace has intervals."""
     clean = simulated(cycles=6)
@@ -522,9 +553,23 @@ def test_what_agrees_says_what_it_would_have_shown(tmp_path, capsys):
     assert found["laws"] == {"viscous": True}
     assert found["unknown"] is None
     assert "It would have shown a difference of friction" in capsys.readouterr().out
+    said = sentence((tmp_path / "out" / "index.html").read_text())
+    assert said.endswith("in this weave, which would have shown 1 of 1 parameters and 1 of 1 laws changed.")
     strong = changed(clean, handwheel_torque=1.3 * clean["handwheel_torque"])
     both = {"car": clean, "model": strong}
     assert assessment.assess(both, allowed=simulation_vs_measurement.tolerances()).power is None  # they do not agree
+
+
+def test_a_change_that_is_shown_one_way_only_is_not_counted(weaves):
+    """The sentence counts the parameters that are shown less and more, and the laws by themselves."""
+    ends = (("friction", 0.8, 1.2), ("boost", 0.8, None), ("delay of the assist", None, None))
+    power = comparison_power.Power(
+        tuple(comparison_power.Shown(*each) for each in ends), {"viscous": True, "gms": False}
+    )
+    both = {"car": weaves["lugre"], "model": weaves["lugre"]}
+    found = assessment.assess(both, allowed=simulation_vs_measurement.tolerances())._replace(power=power)
+    assert assessment.verdict(found).endswith("which would have shown 1 of 3 parameters and 1 of 2 laws changed.")
+    assert f"boost {percent(0.2)} less, the law viscous, but not boost more" in comparison_power.in_words(power)
 
 
 def test_without_a_car_to_drive_the_power_is_unknown(weaves):
@@ -585,6 +630,10 @@ def test_only_what_differs_between_the_cars_is_listed():
     assert rows["friction.law"] == ["lugre", "masing"]
     assert {key.partition(".")[0] for key in rows} == {"column", "friction"}
     assert assessment.differing({"one": one, "same": one}) == []
-    assert assessment.differing({"one": one, "measured": replace(two, meta={})}) is None
+    measured = replace(two, meta={})
+    assert assessment.differing({"one": one, "measured": measured}) is None
+    assert assessment.differing({"measured": measured, "one": one, "same": one}) is None
+    rows = dict(assessment.differing({"measured": measured, "one": one, "two": two}))
+    assert rows["column.K_tb"] == [None, 130.0, 143.0]
     page = assessment.page_of(assessment.assess({"one": one, "two": two}), {"one": one, "two": two}).html()
     assert "<td>column.K_tb</td><td>130</td><td>143</td>" in page

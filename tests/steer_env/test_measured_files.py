@@ -109,6 +109,15 @@ def test_text_that_is_refused(tmp_path, text, message):
     assert message in refusal(path)
 
 
+def test_bytes_that_are_no_text_are_refused_and_not_printed(tmp_path):
+    path = tmp_path / "run.csv"
+    path.write_bytes(np.random.default_rng(1).bytes(3000))
+    told = refusal(path)
+    assert "no table: it begins with bytes that are no text" in told
+    assert len(told) < 200
+    assert told.isprintable()
+
+
 def test_columns_that_are_not_read_are_not_looked_into_but_counted(tmp_path):
     path = tmp_path / "run.csv"
     path.write_text("time_s,yaw_rate_deg_s,Status\n0,1,ok\n1,2,b,ad\n")

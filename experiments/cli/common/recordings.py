@@ -149,7 +149,10 @@ def _print(found: Any, agree: bool, tolerances: str | None) -> None:
     for label in labels:
         print_metrics(found.shown(label), f"{found.test}, {label}", found.ratings[label])
     for label, differences in found.differences.items():
-        print_differences(differences, f"{label} less {labels[0]}")
+        if differences:
+            print_differences(differences, f"{label} less {labels[0]}")
+        else:
+            print(f"{label} is not compared: no metric is read from both it and {labels[0]}")
     for label, notes in found.zeros.items():
         for note in notes:
             print(f"{label}: {note}")

@@ -189,7 +189,8 @@ def in_words(power: Power) -> str:
         return f"What differences of the car this would have shown is unknown: {power.unknown}."
     *parameters, laws = rows(power)
     shown = [f"{name} {ends}" for name, ends, _ in parameters if ends] + [f"the law {laws[1]}"] * bool(laws[1])
-    hidden = [name for name, ends, _ in parameters if not ends] + [f"the law {laws[2]}"] * bool(laws[2])
+    hidden = [f"{name} {side}" if ends else name for name, ends, side in parameters if side]
+    hidden += [f"the law {laws[2]}"] * bool(laws[2])
     said = f"It would have shown a difference of {', '.join(shown)}" if shown else "It would have shown nothing"
     return f"{said}, but not {', '.join(hidden)}." if hidden else f"{said}."
 
