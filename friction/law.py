@@ -14,7 +14,6 @@ from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from steer_env.friction import fitted_file, ode
 from steer_env.friction.numerics.check import constructed, read_number
@@ -26,11 +25,13 @@ class Sliders(NamedTuple):
     """How the parameters of a law of sliders in parallel follow from those that ``friction.fit`` finds in a record.
 
     A law whose sliders follow a Stribeck curve with a lag also says what one of them is: from its yield, the relative
-    excess of break-away, the Stribeck speed and the attraction. Else the level of a slider is constant.
+    excess of break-away, the Stribeck speed and the attraction. Else the level of a slider is constant, or linear in
+    the position: ``made`` then also takes the slopes (N,) of the levels and the ends (2,) of the stroke.
     """
 
-    made: Callable[[NDArray, NDArray], Any]  # levels (N,) [N m], yields (N,) [rad] -> parameters
+    made: Callable[..., Any]  # levels (N,) [N m], yields (N,) [rad] -> parameters
     one: Callable[[float, float, float, float], Any] | None = None  # -> parameters of a slider of level 1 [N m]
+    by_position: bool = False  # whether a level may grow to either end of the stroke, from zero at the other one
 
 
 class Law(NamedTuple):

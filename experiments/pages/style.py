@@ -26,11 +26,11 @@ from steer_env.experiments.pages.files import write_bytes, write_text
 Style = dict[str, Any]
 P = ParamSpec("P")
 
-# Okabe and Ito's palette, which colour-blind readers tell apart, three of Tol's, and three for laws of one's own; the
+# Okabe and Ito's palette, which colour-blind readers tell apart, four of Tol's, and three for laws of one's own; the
 # dashes serve print in grey.
 PALETTE = (
     *("#0072B2", "#D55E00", "#009E73", "#000000", "#CC79A7", "#E69F00", "#56B4E9"),
-    *("#882255", "#999933", "#332288"),
+    *("#882255", "#999933", "#332288", "#AA4499"),
     *("#7A4A21", "#7FB800", "#9467BD"),
 )
 DASHES: tuple[Any, ...] = ("-", (0, (5, 1.5)), (0, (1.5, 1.2)), "-.", (0, (7, 2, 1.5, 2, 1.5, 2)))
@@ -38,6 +38,7 @@ DASHES: tuple[Any, ...] = ("-", (0, (5, 1.5)), (0, (1.5, 1.2)), "-.", (0, (7, 2,
 _FIRST = (
     *("lugre", "masing", "dahl", "coulomb", "viscous"),
     *("gms", "stribeck", "exponential_spring", "elasto_plastic", "bouc_wen"),
+    "masing_position",
 )
 LEGEND_COLUMNS = 5  # that a row has room for
 

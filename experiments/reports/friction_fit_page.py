@@ -72,6 +72,7 @@ def _title(law: str) -> str:
 LAW_TITLES = {  # of laws whose names are not plain words
     **{"bouc_wen": "Bouc-Wen", "coulomb": "Coulomb", "dahl": "Dahl", "elasto_plastic": "elasto-plastic (Dupont)"},
     **{"gms": "GMS", "lugre": "LuGre", "masing": "Masing", "stribeck": "Stribeck"},
+    "masing_position": "Masing by position",
 }
 
 

@@ -1,7 +1,7 @@
 """Sliders in parallel from a record, by non-negative least squares on a grid of yields (F32)."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,6 +16,8 @@ from steer_env.friction.virgin_curve import MAX_ELEMENTS
 
 GRIDS = (4, 8, 16, 32, 64)  # numbers of yields that are compared on held-out samples
 JUDGED = 1.0 / 3.0  # of the weighed samples, the last ones [1]
+CONSTANT = (0.0,)  # slopes of the levels of sliders: none depends on the position [1]
+SLOPES = (1.0, 0.5, 0.0, -0.5, -1.0)  # of sets that may; at 1 and -1 the level is zero at one end of the stroke [1]
 YIELD_STEP = 1e-3  # of the logarithm of a yield, for derivatives by it [1]
 ALIKE = 1.02  # of the least held-out residual: grids that leave no more widen the intervals [1]
 
@@ -40,6 +42,7 @@ class Elements(NamedTuple):
     intervals: dict[str, tuple[Any, Any]]  # F_c, and virgin_torque at the yields [N m]
     J: NDArray[np.float64]  # (n, N + K) regressors that are used
     residual: NDArray[np.float64]  # (n,) at the weighed samples [N m]
+    slope: NDArray[np.float64]  # (N,) of the yields over the stroke [1]
     sets: tuple["SliderSet", ...] = ()
 
 
@@ -71,6 +74,9 @@ def fitted_sliders(problem: Problem, law: Law) -> tuple[Any, Elements]:
 
     declared = law.fitted
     assert isinstance(declared, Sliders)
+    if declared.by_position:
+        found = elements_of(problem, slopes=SLOPES)
+        return declared.made(found.F, found.y, found.slope, stroke_of(problem)), found
     found = elements_of(problem)
     if declared.one is None or np.mean(found.residual**2) < SMALL**2:
         return declared.made(found.F, found.y), found
@@ -111,7 +117,13 @@ def _weakening(problem: Problem, law: Law, q: NDArray) -> Slider:
     return torque_of
 
 
-def elements_of(problem: Problem, slider: Slider | None = None) -> Elements:
+def stroke_of(problem: Problem) -> NDArray[np.float64]:
+    """The ends (2,) of the stroke that the weighed samples show [rad]."""
+    x = problem.x[problem.weighed]
+    return np.array([x.min(), x.max()])
+
+
+def elements_of(problem: Problem, slider: Slider | None = None, slopes: Sequence[float] = CONSTANT) -> Elements:
     """Elements on the grid of yields, of several, that describes held-out samples best.
 
     The method needs no initial guess and has no local minimum. A grid ends where an element only just yields, at half
@@ -125,20 +137,23 @@ def elements_of(problem: Problem, slider: Slider | None = None) -> Elements:
     problem : Problem
     slider : callable, optional
         Torque (T,) of one element of unit level with a yield, along the record; by default of Maxwell slip.
+    slopes : sequence of float
+        Of the levels over the stroke, one set of sliders for each [1]; for Maxwell slip only.
 
     Source: Rizos, Fassois, Chaos 14 (2004) 431-445 (Maxwell slip as a regression); Lawson, Hanson, Solving Least
     Squares Problems, 1974.
     """
     widest = 0.5 * float(np.ptp(problem.x[problem.weighed]))
-    grids = [np.geomspace(1e-3 * widest, widest, n) for n in GRIDS]
-    regressors = [regressors_of(problem, y, slider) for y in grids]
+    grids = [np.repeat(np.geomspace(1e-3 * widest, widest, n), len(slopes)) for n in GRIDS]
+    sets = [np.tile(slopes, n) for n in GRIDS]
+    regressors = [regressors_of(problem, y, slider, each) for y, each in zip(grids, sets)]
     T = problem.torque[problem.weighed]
     n = round((1.0 - JUDGED) * T.size)
     left = []
     for y, A in zip(grids, regressors):
         F = not_negative_factors(A[:n], T[:n], y.size)
         left.append(float(np.linalg.norm(A[n:] @ F - T[n:])))
-    found = [(each, _estimate(y, A, T)) for each, y, A in zip(left, grids, regressors)]
+    found = [(each, _estimate(y, A, T, m)) for each, y, A, m in zip(left, grids, regressors, sets)]
     found = [(each, elements) for each, elements in found if elements.y.size <= MAX_ELEMENTS]
     least, best = min(found, key=lambda each: each[0])
     found = [(each, elements) for each, elements in found if each <= ALIKE * least]
@@ -149,13 +164,21 @@ def elements_of(problem: Problem, slider: Slider | None = None) -> Elements:
     return best._replace(intervals=intervals, sets=_sets(problem, best, slider))
 
 
-def regressors_of(problem: Problem, y: NDArray, slider: Slider | None = None) -> NDArray[np.float64]:
-    """Torques of unit sliders with these yields, then the columns of the problem, at the weighed samples."""
+def regressors_of(
+    problem: Problem, y: NDArray, slider: Slider | None = None, slope: NDArray | None = None
+) -> NDArray[np.float64]:
+    """Torques of unit sliders with these yields, then the columns of the problem, at the weighed samples.
+
+    ``slope`` (N,) is that of their levels over the stroke [1]; none without it.
+    """
     A = np.zeros((problem.x.size, y.size + problem.columns.shape[1]))
-    for i, each in enumerate(y.tolist()):
+    low, high = stroke_of(problem)
+    u = np.clip((2.0 * problem.x - low - high) / (high - low), -1.0, 1.0)
+    slopes = np.zeros(y.size) if slope is None else slope
+    for i, (each, m) in enumerate(zip(y.tolist(), slopes.tolist())):
         if slider is None:
             out = np.zeros(problem.x.size)
-            _slider(problem.x, problem.levels, each, out)
+            _slider(problem.x, problem.levels * (1.0 + m * u), each, out)
             A[:, i] = out
         else:
             A[:, i] = slider(each)
@@ -191,11 +214,11 @@ def beside(problem: Problem, estimate: Estimate, elements: Elements) -> tuple[Pr
     return problem, estimate._replace(optimum=end)
 
 
-def _estimate(y: NDArray, A: NDArray, T: NDArray) -> Elements:
+def _estimate(y: NDArray, A: NDArray, T: NDArray, slope: NDArray) -> Elements:
     """Elements on one grid, without their intervals."""
     F = not_negative_factors(A, T, y.size)
     used, extra = np.flatnonzero(F[: y.size]), np.arange(y.size, A.shape[1])
-    return Elements(y[used], F[used], F[extra], {}, A[:, np.append(used, extra)], A @ F - T)
+    return Elements(y[used], F[used], F[extra], {}, A[:, np.append(used, extra)], A @ F - T, slope[used])
 
 
 def _bounds(found: Elements, y: NDArray) -> tuple[NDArray, NDArray]:
@@ -212,7 +235,8 @@ def _sets(problem: Problem, found: Elements, slider: Slider | None) -> tuple[Sli
     also hold what a linear step finds best with yields off the grid.
     """
     y, F, N = found.y, found.F, found.y.size
-    ends = [regressors_of(problem, y * math.exp(h), slider)[:, :N] for h in (-YIELD_STEP, YIELD_STEP)]
+    steps = (-YIELD_STEP, YIELD_STEP)
+    ends = [regressors_of(problem, y * math.exp(h), slider, found.slope)[:, :N] for h in steps]
     J = np.column_stack([found.J, F * (ends[1] - ends[0]) / (2.0 * YIELD_STEP)])
     groups = [slice(i, j) for j in range(1, N + 1) for i in range(j)]
     rows = np.zeros((2, len(groups), J.shape[1]))  # derivatives of the logarithms of k and y

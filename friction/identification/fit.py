@@ -311,7 +311,8 @@ def _saturated(
     """Friction after ``FAR`` travels one way at the record's median speed, and its interval by the delta method [N m].
 
     It has the covariance of the parameters (F35), also of those that are not determined one by one: parts of a law side
-    by side may exchange theirs. Of sliders it holds what all grids say that are nearly as good.
+    by side may exchange theirs. Of sliders it holds what all grids say that are nearly as good. Where the friction
+    depends on the position, it is that of the middle of the stroke.
     """
     space, end = estimate.wide or (estimate.space, estimate.optimum)
     steps = np.abs(np.diff(problem.x))
@@ -319,6 +320,8 @@ def _saturated(
     way = step * np.arange(math.ceil(FAR * float(np.ptp(problem.x)) / step), dtype=float)
     far = problem._replace(x=way, levels=np.ones(way.size))
     value = float(far.response(law, estimate.parameters)[-1])
+    if elements is not None and np.any(elements.slope):
+        value = float(np.sum(elements.F))
     row, n = np.zeros((1, end.q.size)), len(space.sought)
     for i in range(n):
         ends = [end.q[:n] + side * STEP * max(1.0, abs(end.q[i])) * np.eye(n)[i] for side in (-1.0, 1.0)]

@@ -25,13 +25,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from steer_env.friction import defaults
 from steer_env.friction.law import Sliders, register
 from steer_env.friction.numerics.bounds import within
-from steer_env.friction.numerics.check import not_negative, numbers, positive
+from steer_env.friction.numerics.check import not_negative, numbers
 from steer_env.friction.numerics.frozen import frozen
 from steer_env.friction.numerics.kernel import kernel
-from steer_env.friction.virgin_curve import MAX_ELEMENTS, exponential, stiffnesses
+from steer_env.friction.virgin_curve import checked, sliders, stiffnesses
 
 
 class Masing(NamedTuple):
@@ -65,16 +64,7 @@ def make(
         For values out of range, more than 32 elements, or both descriptions at once.
     """
     damping = not_negative("sigma_1", sigma_1)
-    if k is not None or y is not None:
-        if k is None or y is None:
-            raise ValueError(f"k and y must be given together, got {'y' if k is None else 'k'} alone")
-        if any(value is not None for value in (F_c, x_c, elements)):
-            raise ValueError("give either k and y, or F_c, x_c and elements, not both")
-        return _elements(k, y, damping)
-    F = positive("F_c", defaults.F_C if F_c is None else F_c)
-    length = positive("x_c", F / (2.0 * defaults.SIGMA_0) if x_c is None else x_c)
-    knots = exponential(F, length, 10 if elements is None else elements)
-    return from_virgin_curve(*knots, sigma_1=damping)
+    return frozen(Masing(*sliders(k, y, F_c, x_c, elements), damping))
 
 
 def from_virgin_curve(x: ArrayLike, T: ArrayLike, *, sigma_1: float = 0.0) -> Masing:
@@ -100,19 +90,7 @@ def from_virgin_curve(x: ArrayLike, T: ArrayLike, *, sigma_1: float = 0.0) -> Ma
     k, slopes = stiffnesses(xs, Ts)
     if np.any(k < -1e-12 * np.abs(slopes).max()):  # the slopes of points on one line differ by rounding
         raise ValueError(f"a virgin curve must be concave with slopes that do not fall below zero, got slopes {slopes}")
-    return _elements(np.maximum(k, 0.0), xs, not_negative("sigma_1", sigma_1))
-
-
-def _elements(k: ArrayLike, y: ArrayLike, sigma_1: float) -> Masing:
-    ks, ys = numbers("k", k), numbers("y", y)
-    if ks.shape != ys.shape or ks.size > MAX_ELEMENTS:
-        raise ValueError(f"k and y must hold 1 to {MAX_ELEMENTS} values each, got {ks.size} and {ys.size}")
-    if np.any(ks < 0.0) or not ks.sum() > 0.0:
-        raise ValueError(f"k must not be negative anywhere nor zero everywhere, got {ks}")
-    if np.any(ys <= 0.0):
-        raise ValueError(f"y must be positive, got {ys}")
-    order = np.argsort(ys, kind="stable")
-    return frozen(Masing(ks[order], ys[order], sigma_1))
+    return frozen(Masing(*checked(np.maximum(k, 0.0), xs), not_negative("sigma_1", sigma_1)))
 
 
 def virgin_torque(p: Masing, x: float | Sequence[float] | NDArray) -> NDArray[np.float64]:
@@ -203,7 +181,7 @@ def stored_energy(p, memory):
 
 
 def _of_sliders(F: NDArray, y: NDArray) -> Masing:
-    return _elements(F / y, y, 0.0)
+    return frozen(Masing(*checked(F / y, y), 0.0))
 
 
 register(

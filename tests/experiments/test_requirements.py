@@ -74,6 +74,8 @@ straight: Ten minutes without a disturbance: the column at rest, and the car str
   lugre, straight: any lateral channel               1.0e-17  <= 1e-12 SI  pass
   masing, at rest: speed and torque                  0.0e+00  <= 1e-12 SI  pass
   masing, straight: any lateral channel              1.0e-17  <= 1e-12 SI  pass
+  masing_position, at rest: speed and torque         0.0e+00  <= 1e-12 SI  pass
+  masing_position, straight: any lateral channel     1.0e-17  <= 1e-12 SI  pass
   stribeck, at rest: speed and torque                0.0e+00  <= 1e-12 SI  pass
   stribeck, straight: any lateral channel            1.0e-17  <= 1e-12 SI  pass
   viscous, at rest: speed and torque                 0.0e+00  <= 1e-12 SI  pass

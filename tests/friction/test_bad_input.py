@@ -14,7 +14,7 @@ NAN, INF = float("nan"), float("inf")
 
 # law, parameters, and what the message has to contain: name, value, what is allowed
 PARAMETERS = [
-    ("rolling", {}, ["'rolling'", "coulomb, dahl, ", " lugre, masing, stribeck, viscous"]),
+    ("rolling", {}, ["'rolling'", "coulomb, dahl, ", " lugre, masing, masing_position, stribeck, viscous"]),
     ("", {}, ["''", "available:"]),
     ("lugre", {"Fs": 1.0}, ["'Fs'", "'lugre'", "sigma_0, sigma_1, sigma_2, F_c, F_s, v_s"]),
     ("coulomb", {"sigma_0": 1.0}, ["'sigma_0'", "F_c"]),

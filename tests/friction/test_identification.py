@@ -18,7 +18,7 @@ from steer_env.friction.numerics.kernel import kernel
 from tests.friction.test_bad_input import refused
 
 DT = 0.01  # [s]
-SLOW = {"masing", "gms", "bouc_wen"}  # laws with many elements, or that are integrated
+SLOW = {"masing", "masing_position", "gms", "bouc_wen"}  # laws with many elements, or that are integrated
 DEG = np.pi / 180.0
 SIGMA = 0.013  # noise, 1 % of F_c [N m]
 P = friction.make("lugre", sigma_0=100.0, sigma_1=0.5, sigma_2=0.4, F_c=0.9, F_s=1.4, v_s=0.1)
