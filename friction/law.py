@@ -47,6 +47,7 @@ class Law(NamedTuple):
     relaxes: bool
     modes: Callable[[Any], int]
     permission: Callable[[Any], Mapping[str, Any]]
+    extends: str
     advance: Callable
     torque: Callable
     rate: Callable
@@ -96,6 +97,7 @@ def register(
     modes: Callable[[Any], int] | None = None,
     cut_back: Callable | None = None,
     permission: Callable[[Any], Mapping[str, Any]] | None = None,
+    extends: str = "",
 ) -> None:
     """Make a law known under a name; one call at the end of the law's file.
 
@@ -140,6 +142,8 @@ def register(
         Of a law that is integrated: cuts the memory back to what break-away allows where the torque scale has fallen.
     permission : callable, optional
         Parameters -> keywords beyond the fields without which ``make`` would refuse the set, as ``allow_active``.
+    extends : str
+        The law that this one is with its default parameters, if any: side by side they would be the same rows twice.
 
     Raises
     ------
@@ -159,6 +163,7 @@ def register(
         rest_torque=_relaxing if relaxes else _resting,
         modes=modes or (lambda p: 0),
         permission=permission or (lambda p: {}),
+        extends=extends,
         **_completed(name, parameters, given),
     )
     LAWS.register(name, law, parameters)

@@ -15,7 +15,7 @@ COMPARED = ("lugre", "masing")  # the two laws that the literature compares, whi
 
 def add(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
-    every = f"all laws, {', '.join(names.laws())}"
+    every = f"all laws that differ by default, of {', '.join(names.laws())}"
     options.add(parser, "--friction", otherwise=every, nargs="+", action="extend")
     car_options.add(parser)
     text = f": {options.EXTERNAL}, which drives every test in place of those of this project"
@@ -27,10 +27,11 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> None:
     """Write the report."""
-    from steer_env import friction
     from steer_env.experiments.pages.options import Friction, progress
+    from steer_env.friction.law import LAWS
 
-    every_law = sorted(friction.available(), key=lambda name: name not in COMPARED)
+    own = [name for name, law in LAWS.all().items() if not law.extends]
+    every_law = sorted(own, key=lambda name: name not in COMPARED)
     laws = args.friction or [Friction(name) for name in every_law]
     labels = [law.label for law in laws]
     for label in labels:

@@ -214,4 +214,5 @@ register(
     steepest_fall=steepest_fall,
     fitted=Sliders(_of_sliders, by_position=True),
     units={"k": "N m/rad", "y": "rad", "slope": "1", "stroke": "rad"},
+    extends="masing",
 )
