@@ -308,10 +308,10 @@ def _in_units(found: SliderSet, scales: Scales) -> SliderSet:
 def _saturated(
     ready: Prepared, law: Law, problem: Problem, estimate: Estimate, elements: Elements | None
 ) -> tuple[float, float, float]:
-    """Friction after a long way in one direction at the record's median speed, and its interval by the delta method [N m].
+    """Friction after a long way one way at the record's median speed, and its interval by the delta method [N m].
 
-    It has the covariance of the parameters (F35); of sliders it holds what all grids say that are nearly as good. Where
-    the friction depends on the position, it is that of the middle of the stroke.
+    It has the covariance of the parameters (F35); of sliders it holds what all grids say that are nearly as good. Of
+    friction that depends on the position it is that of the middle of the stroke.
     """
     space, end = estimate.space, estimate.optimum
     far = far_slide(problem)
