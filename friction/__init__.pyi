@@ -1,4 +1,4 @@
-from . import level, models
+from . import level, models, records
 from .identification.compare import Compared, compare
 from .identification.fit import Fit, fit
 from .identification.record import Record
@@ -18,6 +18,7 @@ __all__ = [
     "level",
     "make",
     "models",
+    "records",
     "register",
     "resolve",
     "response",

@@ -22,8 +22,11 @@ HARDLY = 0.02  # ... and of the residual at most [1]: residuals that last for lo
 EDGE = 1e-3  # coordinate that counts as zero, where it may not be negative [1]
 STARTS = 3  # of the search without a break-away ...
 BEYOND = 1.5  # ... of so many times the largest torque of the record, which does not show it then; assumed [1]
+SPEEDS = 1.5  # over each other, of the 95th and the 5th percentile of the way: less is one speed; assumed [1]
+FAR = 20.0  # travels of the record, after which a law slides; assumed [1]
 DRAWS = 400  # resamplings
 BLOCKS = 40  # of the weighed samples
+DAMPING = "N m s/rad"
 SIZE = 1.96  # deviations of the normal distribution: 95 %
 
 
@@ -98,12 +101,14 @@ def determined(problem: Problem, space: Space, optimum: Optimum) -> Estimate:
     As long as one has a wide interval, those go first that zero or the law itself makes neutral, and the last of the
     law's fields before the others. One without which the fit is worse keeps its estimate, and is told if it is wide.
     A break-away far beyond all torques of the record, wide or at the end of its range, goes even where the fit is
-    worse: it trades with the sliding torque, and the level that the record shows would go with both.
+    worse: it trades with the sliding torque, and the level that the record shows would go with both. At one speed, what
+    damps the sliding goes, however well it seems to fit: there it is a part of the level, and what tells the two apart
+    is the misfit of the law.
     """
     undetermined: list[str] = []
     while True:
         space, optimum, excess, half = _spared(problem, space, optimum, undetermined)
-        name = _beyond(problem, space, optimum, excess)
+        name = _beyond(problem, space, optimum, excess) or _damping(problem, space, optimum)
         if name is None:
             break
         undetermined.append(name)
@@ -121,6 +126,49 @@ def determined(problem: Problem, space: Space, optimum: Optimum) -> Estimate:
     parameters, _ = space.made(optimum.q[: len(space.sought)])
     edges = {name: float(h) for name, h in at_zero.items() if name not in kept}
     return Estimate(parameters, space, optimum, undetermined + kept, edges, wide)
+
+
+def one_speed(problem: Problem) -> bool:
+    """Whether the weighed motion has one speed, but for a twentieth of the way at either end (F34)."""
+    steps = np.sort(np.abs(np.diff(problem.x))[problem.weighed[1:]])
+    way = np.cumsum(steps)
+    low, high = steps[np.searchsorted(way, np.array([0.05, 0.95]) * way[-1])]
+    return bool(high < SPEEDS * low)
+
+
+def far_slide(problem: Problem) -> Problem:
+    """The problem of a long way in one direction at the record's median speed."""
+    steps = np.abs(np.diff(problem.x))
+    step = float(np.median(steps[steps > 0.0]))
+    way = step * np.arange(math.ceil(FAR * float(np.ptp(problem.x)) / step), dtype=float)
+    return problem._replace(x=way, levels=np.ones(way.size))
+
+
+def _damping(problem: Problem, space: Space, optimum: Optimum) -> str | None:
+    """What damps the sliding beside a level that is sought too, where the record has one speed; None without."""
+    units = {s.name: space.law.units.get(s.name) for s in space.sought}
+    spare = [i for i, s in enumerate(space.sought) if s.neutral == 0.0 and units[s.name] == DAMPING]
+    if not spare or "N m" not in units.values() or not one_speed(problem):
+        return None
+    far, q = far_slide(problem), optimum.q[: len(units)]
+
+    def sliding(each: NDArray) -> float:
+        return float(far.response(space.law, space.made(each)[0])[-1])
+
+    for i in spare:
+        more, name = q + 0.1 * np.eye(q.size)[i], space.sought[i].name
+        if abs(sliding(more) - sliding(q)) > FLOOR and _may_go(space, name, q):
+            return name
+    return None
+
+
+def _may_go(space: Space, name: str, q: NDArray) -> bool:
+    """Whether the law allows zero for a parameter beside the others."""
+    try:
+        space.without(name, q, 0.0)
+    except ValueError:
+        return False
+    return True
 
 
 def _spared(

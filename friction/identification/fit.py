@@ -13,6 +13,7 @@ from steer_env.friction.identification.determined import (
     Estimate,
     bootstrapped,
     determined,
+    far_slide,
     half_widths,
     linear,
     profiled,
@@ -30,7 +31,6 @@ from steer_env.friction.law import Law, Sliders, law_of, make
 from steer_env.friction.level import Level
 from steer_env.friction.numerics.check import number, one_of, whole
 
-FAR = 20.0  # travels of the record, after which a law is saturated; assumed [1]
 STEP = 1e-5  # of a coordinate, for the derivative of the saturated torque [1]
 INTERVALS = ("linear", "bootstrap", "profile")
 
@@ -308,17 +308,14 @@ def _in_units(found: SliderSet, scales: Scales) -> SliderSet:
 def _saturated(
     ready: Prepared, law: Law, problem: Problem, estimate: Estimate, elements: Elements | None
 ) -> tuple[float, float, float]:
-    """Friction after ``FAR`` travels one way at the record's median speed, and its interval by the delta method [N m].
+    """Friction after a long way one way at the record's median speed, and its interval by the delta method [N m].
 
     It has the covariance of the parameters (F35), also of those that are not determined one by one: parts of a law side
     by side may exchange theirs. Of sliders it holds what all grids say that are nearly as good. Where the friction
     depends on the position, it is that of the middle of the stroke.
     """
     space, end = estimate.wide or (estimate.space, estimate.optimum)
-    steps = np.abs(np.diff(problem.x))
-    step = float(np.median(steps[steps > 0.0]))
-    way = step * np.arange(math.ceil(FAR * float(np.ptp(problem.x)) / step), dtype=float)
-    far = problem._replace(x=way, levels=np.ones(way.size))
+    far = far_slide(problem)
     value = float(far.response(law, estimate.parameters)[-1])
     if elements is not None and np.any(elements.slope):
         value = float(np.sum(elements.F))
