@@ -1,7 +1,7 @@
-"""Identify hand torque and friction from a free drive, and judge them on what was not fitted.
+"""Identify hand torque and friction from a free drive, judged on what was not fitted.
 
-The drive holds handwheel angle, torque of the torsion bar and speed. Every friction law is fitted in turn. Writes a page, a file of each law, and a car file
-(docs/friction_measurement.md).
+The drive holds handwheel angle, torque of the torsion bar and speed. Every friction law is fitted in turn. Writes a
+page, a file of each law, and a car file (docs/friction_measurement.md).
 """
 
 import argparse
@@ -25,7 +25,9 @@ def add(parser: argparse.ArgumentParser) -> None:
         f"laws to fit: all dry ones (default), or some of {', '.join(law for law in names.laws() if law != 'viscous')}"
     )
     parser.add_argument("--law", metavar="LAW", nargs="+", action="extend", help=text)
-    options.add_page(parser, "for index.html, fit.json, LAW.json and car.toml, replaced as a whole", "steering_NAME")
+    options.add_page(
+        parser, "for index.html, fit.json, LAW.json, car.toml, replaced as a whole", otherwise="steering_NAME"
+    )
     text = "share of the record, its last part, that judges and is not fitted (default: 0.35)"
     parser.add_argument("--held-out", metavar="SHARE", type=options.real, default=0.35, help=text)
     options.add(parser, "--seed", "of the draws of the intervals", 0)
