@@ -4,6 +4,7 @@ from . import (
     drivers,
     experiments,
     friction,
+    hand_torque,
     live,
     manoeuvres,
     metrics,
@@ -14,6 +15,7 @@ from . import (
     vehicle,
 )
 from .env import SteerEnv
+from .hand_torque import identify
 from .registration import REGISTERED
 from .vector import SteerVectorEnv
 
@@ -28,6 +30,8 @@ __all__ = [
     "drivers",
     "experiments",
     "friction",
+    "hand_torque",
+    "identify",
     "live",
     "manoeuvres",
     "metrics",

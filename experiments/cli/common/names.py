@@ -23,6 +23,7 @@ __all__ = [
     "friction_records",
     "laws",
     "manoeuvres",
+    "road_drives",
     "targets",
 ]
 
@@ -67,6 +68,11 @@ def assists() -> tuple[str, ...]:
 def friction_records() -> tuple[str, ...]:
     """Packaged records of friction."""
     return _stems("steer_env.experiments", ".csv.gz", "data", "friction")
+
+
+def road_drives() -> tuple[str, ...]:
+    """Packaged drives on a road."""
+    return _stems("steer_env.experiments", ".csv.gz", "data", "road")
 
 
 def targets() -> tuple[str, ...]:

@@ -116,6 +116,8 @@ OPTIONS = {
     "--env": _Declaration("environment", "ID"),
     "--episodes": _Declaration("number of episodes", "N", whole_number(1)),
     "--friction": _Declaration(f"friction law: {FRICTION}", "LAW", friction_law),
+    "--held-out": _Declaration("share of the record, its last part, that judges and is not fitted", "SHARE", real),
+    "--law": _Declaration("laws to fit", "LAW"),
     "--hands": _Declaration("what the hands give", "GIVEN"),
     "--manoeuvre": _Declaration(f"the test: {', '.join(names.manoeuvres())}", "TEST"),
     "--parameters": _Declaration("parameters that are varied", "NAME"),

@@ -12,9 +12,10 @@ from rich.text import Text
 from steer_env.experiments.cli.common.messages import in_options
 from steer_env.experiments.learning.assist_suite import Result
 from steer_env.experiments.learning.held_out import Estimate
-from steer_env.experiments.reports import friction_fit, friction_fit_page
+from steer_env.experiments.reports import friction_fit, friction_fit_page, steering_fit
 from steer_env.experiments.reports.car_quantities import Quantity
 from steer_env.experiments.studies.common.battery import Difference
+from steer_env.hand_torque import Identified
 from steer_env.metrics import Value, definition
 from steer_env.targets import Rating
 
@@ -242,3 +243,39 @@ def _first_of(value: str) -> str:
     """The first four values of an array, which the page shows in full."""
     values = value.split(", ")
     return ", ".join([*values[:4], "…"] if len(values) > 4 else values)
+
+
+def print_steering(found: Identified, name: str) -> None:
+    """Print what each law leaves of the hand torque of a drive, the kind of friction, and the verdict."""
+    table = _table()
+    for heading in (
+        "law",
+        "left, unseen [N m]",
+        "95 % interval",
+        "better than damping by",
+        "95 %",
+        "level [N m]",
+        "95 %",
+    ):
+        table.add_column(Text(heading), justify="left" if heading == "law" else "right", overflow="fold")
+    for row in found.rows:
+        dry = row in found.dry
+        table.add_row(
+            steering_fit.title(row.name),
+            f"{row.residual:.3f}",
+            _between(row.interval),
+            f"{row.adds:.3f}",
+            _between(row.adds_interval),
+            f"{row.level:.3f}" if dry else "",
+            _between(row.level_interval) if dry else "",
+        )
+    printer = console()
+    _print(printer, table, f"{name}: hand torque from angle and speed, where nothing was fitted")
+    plain: dict[str, Any] = {"highlight": False, "soft_wrap": True, "markup": False}
+    if found.dry:
+        printer.print(f"cannot be told apart: {', '.join(found.equals)}; kind of friction: {found.chosen}", **plain)
+    printer.print(steering_fit.page_of(found, name, "").verdict[0], **plain)
+
+
+def _between(ends: tuple[float, float]) -> str:
+    return f"{ends[0]:.3f} .. {ends[1]:.3f}"

@@ -1,0 +1,225 @@
+"""A free drive at uniform steps, checked: what is wrong with it is told in a sentence, and refused where it matters.
+
+The torque stays as recorded, interpolated to the steps. Samples that say nothing of (H1) are left out of every fit:
+gaps with what is beside them, and slow driving.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from steer_env.hand_torque.model import RATE, Array, Prior, lateral_acceleration, prior_of, smoothed
+from steer_env.recording.recording import Recording, low_passed
+from steer_env.recording.units import COUNTS
+
+USUAL = {"vehicle_speed": ("speed", "velocity", "v"), "torsion_bar_torque": ("handwheel_torque", "torque")}
+FINE = 12.0  # low-pass of the angle that shows what the stronger one of the fit takes away [Hz]
+SHORTEST = 30.0  # of what is fitted and judged together; assumed [s]
+GAP = 0.1  # between two rows, from which on nothing is interpolated [s]
+BESIDE = 0.5  # of a gap, left out on both sides, as the low-pass reaches there [s]
+SLOWEST = 8.0  # below, tyres are driven by more than a steady turn; assumed [m/s]
+LARGEST = 12.0  # lateral acceleration that no passenger car reaches, 99th percentile of the drive [m/s2]
+STILL = np.radians(0.15)  # standard deviation of an angle that is not steered; assumed [rad]
+TURN = np.radians(0.5)  # travel between two reversals that counts as a correction; assumed [rad]
+FEWEST = 12  # corrections from which friction is identified; assumed [1]
+LIGHT, WINDOW = 0.04, 2.0  # deviation of the torque of hands that do not steer [N m], in windows of this length [s]
+FREE = 0.7  # share of such windows from which on the hands are taken to be off; assumed [1]
+
+
+class Drive(NamedTuple):
+    """A drive at uniform steps."""
+
+    time: Array  # (T,) [s]
+    angle: Array  # (T,) handwheel angle, smoothed [rad]
+    fine_angle: Array  # (T,) handwheel angle, smoothed at ``FINE`` only [rad]
+    speed: Array  # (T,) [m/s]
+    torque: Array  # (T,) torque of the torsion bar, or of the hands, as recorded [N m]
+    weight: Array  # (T,) 0 where a sample is left out, else 1 [1]
+    prior: Prior  # of the lateral acceleration
+    turns: int  # corrections: reversals of the angle after at least ``TURN``
+    notes: tuple[str, ...]
+
+    @property
+    def dt(self) -> float:
+        """Step [s]."""
+        return 1.0 / RATE
+
+    @property
+    def lateral_acceleration(self) -> Array:
+        """Lateral acceleration (T,) of a steady turn [m/s2]."""
+        return lateral_acceleration(self.prior, self.angle, self.speed)
+
+
+def prepared(recording: Recording, prior: Prior | None = None) -> Drive:
+    """A drive from a recording with ``handwheel_angle``, ``torsion_bar_torque`` and ``vehicle_speed``.
+
+    Where it has ``yaw_rate`` or ``lateral_acceleration``, the gain of (H2) is fitted to it.
+
+    Raises
+    ------
+    ValueError
+        For a missing channel, torque in counts, an angle of another unit or sign, hands that are off, or less than
+        ``SHORTEST`` of use; with the remedy.
+    """
+    named = _channels(recording)
+    time, weight, notes = _even(recording, named)
+    read = {channel: _read(recording, name, time) for channel, name in named.items()}
+    angle = smoothed(read["handwheel_angle"], 1.0 / RATE)
+    speed, torque = read["vehicle_speed"], read["torsion_bar_torque"]
+    slow = speed < SLOWEST
+    if slow.any():
+        weight = np.where(slow, 0.0, weight)
+        notes += (f"{slow.mean():.0%} of the drive is slower than {3.6 * SLOWEST:.0f} km/h and is left out",)
+    if weight.sum() / RATE < SHORTEST:
+        raise ValueError(
+            f"{weight.sum() / RATE:.0f} s of the drive can be used, and {SHORTEST:.0f} s are needed: a longer drive, "
+            f"faster than {3.6 * SLOWEST:.0f} km/h and without gaps"
+        )
+    used = weight > 0.0
+    prior = prior_of(recording.meta) if prior is None else prior
+    _check_unit(prior, angle[used], speed[used])
+    prior, told = _measured(recording, prior, time, angle, speed, used)
+    a = lateral_acceleration(prior, angle, speed)
+    notes += (*told, *_check_torque(a[used], angle[used], torque, used))
+    turns = corrections(angle[used])
+    if turns < FEWEST:
+        notes += (
+            f"the angle turns back {turns} times after {np.degrees(TURN):g} deg or more, and friction shows at such "
+            f"corrections: {FEWEST} are needed, so that no friction law is fitted",
+        )
+    fine = low_passed("handwheel_angle", read["handwheel_angle"], FINE, RATE)
+    return Drive(time, angle, fine, speed, torque, weight, prior, turns, notes)
+
+
+def corrections(angle: Array) -> int:
+    """Number of reversals of an angle (T,) [rad] after a travel of at least ``TURN``."""
+    found, side, end = 0, 0.0, float(angle[0])
+    for x in angle:
+        if side * (x - end) > 0.0 or (side == 0.0 and abs(x - end) >= TURN):
+            side, end = side or float(np.sign(x - end)), float(x)
+        elif side and abs(x - end) >= TURN:
+            found, side, end = found + 1, -side, float(x)
+    return found
+
+
+def _channels(recording: Recording) -> dict[str, str]:
+    """Channel that is needed -> its name in the recording."""
+    found = {}
+    for channel, unit in {"handwheel_angle": "rad", "torsion_bar_torque": "N m", "vehicle_speed": "m/s"}.items():
+        names = [name for name in (channel, *USUAL.get(channel, ())) if name in recording.channels]
+        if not names:
+            raise ValueError(
+                f"the drive has no {channel} [{unit}]; it has {', '.join(recording.channels)}: name it with "
+                f'--map {channel}="name in the file[unit]", or in a --mapping'
+            )
+        if recording.units[names[0]] == COUNTS:
+            raise ValueError(
+                f"{names[0]} is in counts of its sensor, and a hand torque in N m cannot be identified from it: give "
+                f"its calibration, --map {channel}=NAME[Nm],scale=N_M_PER_COUNT"
+            )
+        if recording.units[names[0]] != unit:
+            raise ValueError(f"{names[0]} is in {recording.units[names[0]]}, and {channel} is needed in {unit}")
+        found[channel] = names[0]
+    return found
+
+
+def _even(recording: Recording, named: dict[str, str]) -> tuple[Array, Array, tuple[str, ...]]:
+    """Uniform instants, weights without gaps, and what is told of them."""
+    time = np.arange(recording.time[0], recording.time[-1], 1.0 / RATE)
+    weight, notes = np.ones_like(time), []
+    total = 0.0
+    for channel, name in named.items():
+        there = ~np.isnan(recording[name])
+        if there.sum() < 2:
+            raise ValueError(f"{name} has no values: check the column of {channel}")
+        at = np.concatenate([recording.time[:1], recording.time[there], recording.time[-1:]])
+        for k in np.flatnonzero(np.diff(at) > GAP):
+            inside = (time > at[k] - BESIDE) & (time < at[k + 1] + BESIDE)
+            total = max(total, at[k + 1] - at[k])
+            weight[inside] = 0.0
+    if total:
+        notes.append(
+            f"{np.mean(weight == 0.0):.0%} of the drive is in gaps of more than {GAP:g} s or beside them, the longest "
+            f"of {total:.2g} s, and is left out"
+        )
+    notes.append(
+        f"resampled at {RATE:g} Hz from {(recording.time.size - 1) / np.ptp(recording.time):.3g} rows a second"
+    )
+    return time, weight, tuple(notes)
+
+
+def _read(recording: Recording, name: str, time: Array) -> Array:
+    there = ~np.isnan(recording[name])
+    return np.interp(time, recording.time[there], recording[name][there])
+
+
+def _check_unit(prior: Prior, angle: Array, speed: Array) -> None:
+    """ValueError for an angle that would be a turn of no car, or none at all."""
+    turn = float(np.quantile(np.abs(lateral_acceleration(prior, angle, speed)), 0.99))
+    if turn > LARGEST:
+        raise ValueError(
+            f"the handwheel angle, up to {np.degrees(np.abs(angle).max()):.4g} deg at {3.6 * speed.mean():.0f} km/h, "
+            f"would be a lateral acceleration of {turn:.3g} m/s2: is it in deg, or the speed in km/h? Give the unit, "
+            "--map handwheel_angle=NAME[deg]"
+        )
+    if np.std(angle) < STILL:
+        raise ValueError(
+            f"the handwheel angle varies by {np.degrees(np.std(angle)):.2g} deg (standard deviation) only: is it in "
+            "rad and was read in deg, --map handwheel_angle=NAME[rad]? A drive without steering identifies nothing"
+        )
+
+
+def _measured(
+    recording: Recording, prior: Prior, time: Array, angle: Array, speed: Array, used: Any
+) -> tuple[Prior, tuple[str, ...]]:
+    """The prior with the gain that a yaw rate or lateral acceleration shows; ValueError for an angle of other sign."""
+    for name in ("yaw_rate", "lateral_acceleration"):
+        if name not in recording.channels or recording.units[name] not in ("rad/s", "m/s2"):
+            continue
+        values = _read(recording, name, time) * (speed if name == "yaw_rate" else 1.0)
+        x, y = lateral_acceleration(prior, angle, speed)[used], values[used]
+        if not np.std(y) > 0.0:
+            continue
+        share = float(np.corrcoef(x, y)[0, 1])
+        gain = float(np.polyfit(x, y, 1)[0])
+        if share < -0.5:
+            raise ValueError(
+                f"{name} turns right where the handwheel angle turns left (correlation {share:.2f}): the sign of one "
+                "of them is wrong, --map handwheel_angle=NAME,sign=-1"
+            )
+        if share > 0.7 and not 0.2 < gain < 5.0:
+            raise ValueError(
+                f"{name} is {gain:.3g} times what the handwheel angle gives with a ratio of {prior.ratio:g}: the unit "
+                "of one of them is wrong, --map handwheel_angle=NAME[deg]"
+            )
+        if share > 0.7:
+            return prior._replace(gain=gain), (f"the gain of the lateral acceleration is fitted to {name}: {gain:.3g}",)
+    return prior, ("no yaw rate: ratio, wheelbase and understeer are the stated prior",)
+
+
+def _check_torque(a: Array, angle: Array, whole: Array, used: Any) -> tuple[str, ...]:
+    """What is told of the torque; ValueError where it falls with the angle, or where the hands are off."""
+    torque, size = whole[used], int(WINDOW * RATE)
+    if torque.std() > 50.0:
+        raise ValueError(
+            f"the torque varies by {torque.std():.3g} N m, which no hand gives: it may be in counts of its sensor; "
+            "give its unit, --map torsion_bar_torque=NAME[counts], or its scale"
+        )
+    windows = torque[: torque.size // size * size].reshape(-1, size)
+    light = float(np.mean(windows.std(axis=1) < LIGHT))
+    if light >= FREE:
+        raise ValueError(
+            f"in {light:.0%} of the drive the torque varies by less than {LIGHT:g} N m: the hands are off the wheel, "
+            "or an assistance steers; a hand torque needs hands"
+        )
+    share = float(np.corrcoef(a, torque)[0, 1])
+    if share < -0.3:
+        raise ValueError(
+            f"the torque falls where the handwheel turns left (correlation {share:.2f}): the sign of angle or torque "
+            "is wrong, --map handwheel_angle=NAME,sign=-1 or --map torsion_bar_torque=NAME,sign=-1"
+        )
+    if light > 0.1:
+        return (
+            f"in {light:.0%} of the drive the torque hardly varies, as with hands off or an assistance that steers",
+        )
+    return ()

@@ -1,0 +1,72 @@
+"""``steer-env fit-steering``: from the packaged drive to page, JSON, law and car, and what it refuses."""
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+
+from steer_env.experiments.cli.main import main
+from steer_env.vehicle import cars
+from tests.experiments.first_screen import sentence
+
+CAN_LOG = Path(__file__).parents[2] / "examples" / "can_log"
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory):
+    """The folder that the command writes, with two laws."""
+    out = tmp_path_factory.mktemp("drive") / "mkz"
+    assert main(["fit-steering", "mkz_2016", "--law", "dahl", "coulomb", "--out", str(out)]) == 0
+    return out
+
+
+def test_the_numbers_stand_in_the_json(written):
+    found = json.loads((written / "fit.json").read_text())
+    rows = found["rows"]
+    assert rows["dahl"]["residual"] < 0.20 < rows["viscous"]["residual"] < rows["none"]["residual"]
+    assert found["chosen"] == "dry"
+    assert {"ratio", "understeer", "boost"} <= set(found["not_determined"])
+    assert found["trace"]["command"][0] == "fit-steering"
+
+
+def test_the_page_begins_with_one_sentence_and_a_short_table(written):
+    page = (written / "index.html").read_text(encoding="utf-8")
+    assert len(sentence(page).split()) <= 25
+    table = re.search(r'<table id="first">.*?</table>', page, re.DOTALL)
+    assert table[0].count("<tr>") <= 11  # with its head
+    assert "hands on the wheel are assumed" in page
+
+
+def test_law_and_car_drive_a_weave(written, tmp_path):
+    """The car is the packaged one but for the friction by load, and says what was identified."""
+    car = cars.load(written / "car.toml")
+    assert car.steering["friction_load"] == 0.0
+    assert "identified from the drive mkz_2016" in car.source
+    law = json.loads((written / "dahl.json").read_text())
+    level = json.loads((written / "fit.json").read_text())["rows"]["dahl"]["level"]
+    assert law["friction"]["F_c"] == pytest.approx(level)
+    words = ["--vehicle", str(written / "car.toml"), "--friction", str(written / "dahl.json")]
+    assert main(["run", "weave", *words, "--out", str(tmp_path / "weave.csv")]) == 0
+
+
+def refused(capsys, *words):
+    """The one line on standard error with which the command line ends."""
+    capsys.readouterr()
+    assert main(["fit-steering", *words]) == 2
+    return capsys.readouterr().err
+
+
+def test_an_unknown_drive_is_refused(capsys):
+    assert "no packaged drive" in refused(capsys, "nothing")
+
+
+def test_a_torque_in_counts_is_refused(capsys):
+    """The CAN log of another car, whose assistance steered most of the time and whose torque has no calibration."""
+    pytest.importorskip("can")
+    text = refused(
+        capsys, str(CAN_LOG / "rav4_2017_can_60s.log.gz"), "--dbc", str(CAN_LOG / "toyota_rav4_2017.dbc"),
+        "--mapping", str(CAN_LOG / "rav4.toml"),
+    )  # fmt: skip
+    assert "counts" in text
+    assert "scale=" in text

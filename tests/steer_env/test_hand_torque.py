@@ -1,0 +1,175 @@
+"""Hand torque of a free drive: the packaged one, drives of known friction, and drives that say nothing."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from steer_env import identify
+from steer_env.friction.law import available
+from steer_env.hand_torque import Model, Prior, predict, prepared
+from steer_env.hand_torque.model import has_distance, stretched
+from steer_env.recording import Recording
+from tests.friction.test_bad_input import refused
+from tests.synthetic import hand_torque as synthetic
+
+
+@pytest.fixture(scope="module")
+def road():
+    """What the packaged drive says with Dahl friction."""
+    return synthetic.fitted()
+
+
+def changed(**channels):
+    """The packaged drive with other values, or other units as ``(values, unit)``, of channels."""
+    drive = synthetic.packaged()
+    kept, units = dict(drive.channels), dict(drive.units)
+    for name, value in channels.items():
+        values, unit = value if isinstance(value, tuple) else (value, units.get(name, ""))
+        kept[name], units[name] = values, unit
+    return dataclasses.replace(drive, channels=kept, units=units)
+
+
+def test_the_unseen_part_of_the_road_drive_is_predicted(road):
+    """At most 0.20 N m from angle and speed alone, and no worse than without friction."""
+    dahl = road.row("dahl")
+    assert dahl.residual < 0.20
+    assert dahl.residual < road.row("viscous").residual < road.row("none").residual
+    assert dahl.adds_interval[0] < dahl.adds < dahl.adds_interval[1]
+    assert 0.1 < dahl.level < 0.3  # regression; an outside fit finds a hysteresis of some 0.15 N m
+    assert road.chosen == "dry"
+
+
+def test_a_shape_that_does_not_hold_beyond_the_fitted_angles_is_refused(road):
+    """A cubic leaves several times as much where the largest lateral accelerations are left out."""
+    by_name = {each.name: each for each in road.shapes}
+    assert by_name["cubic"].beyond > 1.5 * by_name[road.shape].beyond
+    assert road.shape == "knee"
+
+
+def test_the_prediction_needs_no_torque(road):
+    """It is the same for an angle and a speed without any torque, and that which the residual was made of."""
+    drive = synthetic.packaged()
+    found = predict(road.row("dahl").judged, *synthetic.of(drive))
+    late = drive.time > drive.time[-1] * 0.65
+    left = np.sqrt(np.mean((found - drive["torsion_bar_torque"])[late] ** 2))
+    assert left == pytest.approx(road.row("dahl").residual, abs=0.005)  # rows in place of uniform samples
+
+
+def test_the_equation():
+    """A slow ramp without friction: offset, gradient and the steep part on centre, by hand."""
+    prior = Prior(ratio=16.0, wheelbase=2.8, understeer=0.0025)
+    model = Model("knee", 0.1, {"T_0": 0.05, "k": 0.4, "T_c": 0.15, "C": 2.0, "I": 0.0}, None, prior)
+    t = np.arange(0.0, 40.0, 0.02)
+    angle = 0.002 * t
+    torque = predict(model, t, angle, np.full_like(t, 25.0))
+    a = 25.0**2 * angle / (16.0 * (2.8 + 0.0025 * 25.0**2))
+    expected = 0.05 + 0.4 * a + 0.15 * np.tanh(a / 0.1) + 2.0 * 0.002
+    assert torque[200:-200] == pytest.approx(expected[200:-200], abs=1e-4)  # beside the ends of the low-pass
+
+
+@pytest.mark.parametrize("law", [law for law in available() if law != "viscous"])
+def test_a_law_is_stretched_to_level_and_distance(law):
+    """After a long way its torque is the level, whatever the distance."""
+    from steer_env.friction import response
+
+    x = np.linspace(0.0, 0.5, 2001)
+    for distance in (0.002, 0.01):
+        torque = response(stretched(law, 0.3, distance), x, 0.01)
+        assert torque[-1] == pytest.approx(0.3, rel=0.12)  # those with a break-away are above where they move slowly
+    assert has_distance(law) == (law != "coulomb")
+
+
+@pytest.mark.parametrize(
+    ("law", "damping", "kind"), [(None, 0.0, "none"), (None, 2.3, "viscous"), ("dahl", 1.2, "dry")]
+)
+def test_the_kind_of_friction_of_a_known_drive(law, damping, kind):
+    found = identify(synthetic.drive(1, law, 0.5, damping=damping), laws=["dahl"])
+    assert found.chosen == kind
+    if law:
+        row = found.row("dahl")
+        assert row.level == pytest.approx(0.5, rel=0.15)
+        assert row.level_interval[0] < 0.5 < row.level_interval[1]
+
+
+@pytest.mark.whole
+def test_marks_of_known_drives():
+    """Twenty drives with Dahl friction of 0.5 N m: level within 15 %, interval, kind. Pinned is what is reached."""
+    rows = [identify(synthetic.drive(seed, "dahl", 0.5), laws=["dahl"]) for seed in range(20)]
+    levels = [found.row("dahl") for found in rows]
+    assert np.mean([abs(row.level - 0.5) <= 0.075 for row in levels]) >= 0.9
+    assert np.mean([row.level_interval[0] <= 0.5 <= row.level_interval[1] for row in levels]) >= 0.9
+    assert np.mean([found.chosen == "dry" for found in rows]) >= 0.9
+
+
+@pytest.mark.whole
+@pytest.mark.parametrize(("damping", "kind"), [(0.0, "none"), (2.3, "viscous")])
+def test_marks_of_drives_without_dry_friction(damping, kind):
+    """Ten drives each: the kind that is there is chosen."""
+    chosen = [identify(synthetic.drive(seed, damping=damping), laws=["dahl"]).chosen for seed in range(10)]
+    assert np.mean([each == kind for each in chosen]) >= 0.9
+
+
+def test_an_angle_of_another_unit_or_sign_is_refused():
+    drive = synthetic.packaged()
+    angle = drive["handwheel_angle"]
+    with refused(["lateral acceleration", "m/s2", "deg"]):
+        prepared(changed(handwheel_angle=np.degrees(angle)))
+    with refused(["varies by", "rad"]):
+        prepared(changed(handwheel_angle=np.radians(angle)))
+    with refused(["torque falls", "sign"]):
+        prepared(changed(handwheel_angle=-angle))
+    yaw = 1.0 / 44.9 * angle * drive["vehicle_speed"]
+    with refused(["yaw_rate turns right", "sign=-1"]):
+        prepared(changed(handwheel_angle=-angle, yaw_rate=(yaw, "rad/s")))
+    found = prepared(changed(yaw_rate=(yaw, "rad/s")))
+    assert any("fitted to yaw_rate" in note for note in found.notes)
+
+
+def test_a_torque_in_counts_and_a_missing_speed_are_refused():
+    drive = synthetic.packaged()
+    with refused(["counts", "scale="]):
+        prepared(changed(torsion_bar_torque=(16.0 * drive["torsion_bar_torque"], "counts")))
+    with refused(["no vehicle_speed", "--map"]):
+        prepared(drive.without("vehicle_speed"))
+
+
+def test_hands_off_are_refused_and_told_where_the_rest_suffices():
+    drive = synthetic.packaged()
+    torque = drive["torsion_bar_torque"]
+    noise = np.random.default_rng(0).normal(0.0, 0.01, torque.size)
+    with refused(["hands are off"]):
+        prepared(changed(torsion_bar_torque=0.1 + noise))
+    part = np.where(drive.time < 40.0, 0.1 + noise, torque)
+    assert any("hands off" in note for note in prepared(changed(torsion_bar_torque=part)).notes)
+
+
+def test_gaps_are_left_out_and_told():
+    """Ten seconds without torque, and three without any row: the rest is fitted to about the same level."""
+    drive = synthetic.packaged()
+    holed = changed(
+        torsion_bar_torque=np.where((drive.time > 30) & (drive.time < 40), np.nan, drive["torsion_bar_torque"])
+    )
+    kept = (holed.time < 60) | (holed.time > 63)
+    holed = Recording(holed.time[kept], {n: v[kept] for n, v in holed.channels.items()}, holed.units, holed.meta)
+    found = identify(holed, laws=["dahl"])
+    assert any("in gaps" in note for note in found.drive.notes)
+    assert found.row("dahl").level == pytest.approx(synthetic.fitted().row("dahl").level, rel=0.2)
+    with refused(["can be used"]):
+        prepared(drive.between(0.0, 20.0))
+
+
+def test_a_drive_without_corrections_has_no_law():
+    """One slow bend: the rest of the equation is fitted, and no law."""
+    t = np.arange(0.0, 90.0, 0.02)
+    angle = 0.08 * np.sin(2.0 * np.pi * t / 60.0)
+    noise = np.random.default_rng(0).normal(0.0, 0.08, t.size)
+    values = {
+        "handwheel_angle": angle,
+        "torsion_bar_torque": 5.0 * angle + noise,
+        "vehicle_speed": np.full_like(t, 25.0),
+    }
+    found = identify(Recording(t, values, synthetic.UNITS))
+    assert found.dry == ()
+    assert found.chosen != "dry"
+    assert any("no friction law is fitted" in note for note in found.drive.notes)
