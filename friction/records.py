@@ -4,7 +4,7 @@
     about = friction.records.about("rig")
     record = friction.records.read("rig")   # a friction.Record, in about.units
 
-A record is displacement and the force that resists it. A new one is a file in ``experiments/data/friction``, whose
+A record is displacement and the force that resists it. A new one is a file in ``friction/data``, whose
 ``SOURCES.md`` has its licence, and an entry of ``MEASURED``.
 """
 
@@ -17,7 +17,6 @@ import numpy as np
 from steer_env.friction.identification.record import Record, checked
 from steer_env.friction.numerics.check import one_of
 
-FOLDER = "data", "friction"  # below the package with the measured data
 MILLI = 1e-3
 
 
@@ -82,7 +81,7 @@ def read(name: str) -> Record:
         For an unknown name, with the known ones.
     """
     measured = about(name)
-    with as_file(files("steer_env.experiments").joinpath(*FOLDER, measured.file)) as path:
+    with as_file(files("steer_env.friction").joinpath("data", measured.file)) as path:
         t, x, force, load = np.loadtxt(path, delimiter=",", skiprows=1, unpack=True)
     dt = (t[-1] - t[0]) / (t.size - 1)
     return checked(MILLI * x, measured.sense * force, dt, load)

@@ -148,7 +148,7 @@ def _place(given: str) -> tuple[str, str]:
     from importlib.resources import files
 
     if given in names.friction_records():
-        return str(files("steer_env.experiments").joinpath("data", "friction", f"{given}.csv.gz")), given
+        return str(files("steer_env.friction").joinpath("data", f"{given}.csv.gz")), given
     if not Path(given).suffix:
         raise ValueError(f"{given!r} is no packaged record ({', '.join(names.friction_records())}) and no file's name")
     return given, Path(given).name.partition(".")[0]

@@ -23,13 +23,13 @@ def test_what_is_said_of_a_record(name):
     assert float(np.mean(record.load)) == pytest.approx(about.load, rel=0.01)
     assert np.sum(record.torque[1:] * np.diff(record.x)) > 0.0  # friction takes work
     assert about.licence
-    assert about.source in (ROOT / "experiments" / "data" / "friction" / "SOURCES.md").read_text().replace("`", "")
+    assert about.source in (ROOT / "friction" / "data" / "SOURCES.md").read_text().replace("`", "")
     assert about.tells
     assert about.cannot_tell
 
 
 def test_the_rig_is_that_of_fit_friction():
-    other = friction_record.from_recording(files.read(ROOT / "experiments" / "data" / "friction" / "rig.csv.gz"))
+    other = friction_record.from_recording(files.read(ROOT / "friction" / "data" / "rig.csv.gz"))
     record = friction.records.read("rig")
     np.testing.assert_allclose(record.x, other.x, rtol=1e-12)
     np.testing.assert_allclose(record.torque, other.friction, rtol=1e-12)

@@ -67,7 +67,7 @@ def assists() -> tuple[str, ...]:
 
 def friction_records() -> tuple[str, ...]:
     """Packaged records of friction."""
-    return _stems("steer_env.experiments", ".csv.gz", "data", "friction")
+    return _stems("steer_env.friction", ".csv.gz", "data")
 
 
 def road_drives() -> tuple[str, ...]:

@@ -43,7 +43,7 @@ class Judged(NamedTuple):
 
 def rig() -> friction_record.FrictionRecord:
     """The packaged record of a reciprocating rig, stretched to a steering column."""
-    entry = resources("steer_env.experiments").joinpath("data", "friction", "rig.csv.gz")
+    entry = resources("steer_env.friction").joinpath("data", "rig.csv.gz")
     with as_file(entry) as path:
         recording = files.read(path)
     return friction_record.from_recording(recording).to_column()
