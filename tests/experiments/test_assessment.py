@@ -336,6 +336,19 @@ def test_a_sentence_of_three_says_how_many_thresholds_are_known(weaves, tmp_path
     assert "apart is not compared: no metric is read from both it and measured" in capsys.readouterr().out
 
 
+def test_every_picture_is_in_a_figure_which_is_scrolled_on_a_phone(weaves):
+    """A picture by itself would make the page wider than the screen."""
+    both = {"measured": weaves["lugre"], "simulated": weaves["lugre"]}
+    for shown, allowed in (
+        ({"one": weaves["lugre"]}, None),
+        (both, None),
+        (both, simulation_vs_measurement.tolerances()),
+    ):
+        page = assessment.page_of(assessment.assess(shown, allowed=allowed), shown).html()
+        assert page.count("<img") >= 2
+        assert "<img" not in re.sub(r"<figure.*?</figure>", "", page, flags=re.DOTALL)
+
+
 def test_a_metric_far_outside_its_band_stands_at_the_edge_of_the_picture():
     figure = car_pictures.in_ranges.__wrapped__({"near": [0.5], "far": [-3.0, 1.2, 9.0]})
     (axes,) = figure.axes
