@@ -235,7 +235,8 @@ def steering(car: Car, found: Simulated) -> list[Quantity]:
         group.add(f"motor_damping_{kph:g}", f"motor damping, {where}", damping, "N m s/rad", "at the column")
         for key, title, unit in (("phase_deg", "phase margin", "deg"), ("gain_db", "gain margin", "dB")):
             least = min((getattr(cell, key) for cell in cells if math.isfinite(getattr(cell, key))), default=math.nan)
-            note = "the loop is unstable" if any(not cell.stable for cell in cells) else ""
+            note = "of the column with fixed hands; analyse has the whole car, too" if kph else ""
+            note = "the loop is unstable" if any(not cell.stable for cell in cells) else note
             note = "the loop gain stays below one" if math.isnan(least) else note
             group.add(
                 f"{key.split('_')[0]}_margin_{kph:g}", f"least {title} of the assist loop, {where}", least, unit, note

@@ -147,6 +147,12 @@ def test_car_from_a_file(tmp_path):
     assert (car.name, car.description) == ("mine", "heavier")
     assert car.chassis == {**CAR.chassis, "mass": 1420.0, "roll_inertia": 430.0}
     assert car.column == CAR.column._replace(K_tb=140.0)
+    assert car.source == f"not told of what the file gives itself; of the rest: {CAR.source}"
+    named = cars.load(written(tmp_path / "named.toml", 'base = "compact"\nsource = "the same"'))
+    assert (named.source, cars.load(written(tmp_path / "as.toml", 'base = "compact"')).source) == (
+        "the same",
+        CAR.source,
+    )
     whole = cars.load(str(written(tmp_path / "whole.json", json.dumps(DATA))))
     assert whole.chassis == CAR.chassis
 

@@ -239,6 +239,8 @@ def _completed(given: Any, name: str, folder: Path) -> Any:
         base = _data(data.pop("base"))
         require_known("car", data, ("base", *SECTIONS))
         sections = {key: {**base[key], **data[key]} for key in TABLES if isinstance(data.get(key), dict)}
+        if data.keys() - set(TEXTS):  # numbers of its own, of which the source of the base says nothing
+            base["source"] = f"not told of what the file gives itself; of the rest: {base['source']}"
         data = {**base, "name": name, **data, **sections}
     if isinstance(data, dict) and str(data.get("tyre", "")).endswith(".tir"):
         data["tyre"] = str(folder / data["tyre"])
