@@ -75,7 +75,7 @@ def _add_fit(parser: argparse.ArgumentParser) -> None:
         "let the level grow with the load, of which the record needs a channel that varies (rack force, normal force)"
     )
     group.add_argument("--by-load", action="store_true", help=text)
-    text = "95 %% intervals from derivatives (linear, default), blocks drawn anew, profile of the loss, or periods' scatter"
+    text = "95 %% intervals from derivatives (linear, default), blocks drawn anew, the profile of the loss, or periods"
     ways = ("linear", "bootstrap", "profile", "periods")
     group.add_argument("--intervals", choices=ways, default="linear", help=text)
     text = "starting points of the search for each law (default: 3)"
