@@ -5,11 +5,13 @@ without the linear theory.
 """
 
 import math
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from steer_env.friction.identification.periods import period
 from steer_env.friction.identification.problem import Optimum, Problem, descended, refined, searched
 from steer_env.friction.identification.space import Space
 
@@ -22,6 +24,8 @@ HARDLY = 0.02  # ... and of the residual at most [1]: residuals that last for lo
 EDGE = 1e-3  # coordinate that counts as zero, where it may not be negative [1]
 STARTS = 3  # of the search without a break-away ...
 BEYOND = 1.5  # ... of so many times the largest torque of the record, which does not show it then; assumed [1]
+STRETCHES = 10  # parts of a record without equal periods ...
+LEAST = 5  # ... or with fewer of them
 SPEEDS = 1.5  # over each other, of the 95th and the 5th percentile of the way: less is one speed; assumed [1]
 FAR = 20.0  # travels of the record, after which a law slides; assumed [1]
 DRAWS = 400  # resamplings
@@ -245,8 +249,12 @@ def _without(problem: Problem, space: Space, optimum: Optimum, name: str) -> tup
     return None
 
 
-def linear(estimate: Estimate) -> dict[str, tuple[float, float]]:
+def linear(
+    estimate: Estimate, widths: Callable[[NDArray], NDArray[np.float64]] | None = None
+) -> dict[str, tuple[float, float]]:
     """95 % intervals from the derivatives at the optimum (F35), in the record's scales.
+
+    ``widths`` gives half the widths of combinations (k, m) of the coordinates in another way.
 
     That of a parameter with a base is of its logarithm, so that both have their part.
     """
@@ -258,7 +266,7 @@ def linear(estimate: Estimate) -> dict[str, tuple[float, float]]:
             rows[i, i] = 1.0 / (1.0 + optimum.q[i])
             if s.base in names:
                 rows[i, names.index(s.base)] = 1.0
-    half = half_widths(optimum.jacobian, optimum.residual, rows)
+    half = half_widths(optimum.jacobian, optimum.residual, rows) if widths is None else widths(rows)
     result = {}
     for s, h in zip(space.sought, half.tolist()):
         value = float(getattr(estimate.parameters, s.name))
@@ -270,6 +278,32 @@ def linear(estimate: Estimate) -> dict[str, tuple[float, float]]:
         value = float(getattr(estimate.parameters, name))
         result[name] = (value, value * (1.0 + h) if name in space.tied else value + h)
     return result
+
+
+def by_periods(problem: Problem, estimate: Estimate) -> dict[str, tuple[float, float]]:
+    """95 % intervals from the scatter of the record's periods, or of ``STRETCHES`` parts of it where it has none (F37).
+
+    What one step of the search makes of each period scatters about the estimate, by Student's t. What a wrong law
+    leaves alike in every period does not widen them, and a contact that changes from one to the next does.
+    """
+    from scipy.special import stdtrit  # imported here, because that takes longer than the import of all laws
+
+    optimum, at = estimate.optimum, np.flatnonzero(problem.weighed)
+    length = period(problem.x) or (at[-1] + 1 - at[0]) // STRETCHES
+    if (at[-1] + 1 - at[0]) // length < LEAST:
+        length = (at[-1] + 1 - at[0]) // STRETCHES
+    block = (at - at[0]) // length
+    n = int((at[-1] + 1 - at[0]) // length)  # whole ones
+    J, e = optimum.jacobian, optimum.weakened
+    H = np.linalg.pinv(J.T @ J)
+    steps = np.array([-n * (H @ (J[block == b].T @ e[block == b])) for b in range(n)])  # (F37)
+
+    def widths(rows: NDArray) -> NDArray[np.float64]:
+        scatter = (steps - steps.mean(axis=0)) @ rows.T
+        counts = [max(n / samples_per_count(each), 2.0) for each in scatter.T]
+        return np.array([stdtrit(c - 1.0, 0.975) * np.std(s, ddof=1) / c**0.5 for c, s in zip(counts, scatter.T)])
+
+    return linear(estimate, widths)
 
 
 def bootstrapped(estimate: Estimate, seed: int) -> dict[str, tuple[float, float]]:

@@ -12,6 +12,7 @@ from steer_env.friction.identification.branches import Branches, branches_of, st
 from steer_env.friction.identification.determined import (
     Estimate,
     bootstrapped,
+    by_periods,
     determined,
     far_slide,
     half_widths,
@@ -32,7 +33,7 @@ from steer_env.friction.level import Level
 from steer_env.friction.numerics.check import number, one_of, whole
 
 STEP = 1e-5  # of a coordinate, for the derivative of the saturated torque [1]
-INTERVALS = ("linear", "bootstrap", "profile")
+INTERVALS = ("linear", "bootstrap", "profile", "periods")
 
 Bound = float | NDArray[np.float64]  # an array for a curve
 
@@ -122,7 +123,8 @@ def fit(
         Number of starting points of the search.
     intervals : str
         ``"linear"``: from the derivatives at the optimum; ``"bootstrap"``: from blocks of samples drawn anew;
-        ``"profile"``: from the growth of the loss about the optimum, which shows bounds that are far from symmetric.
+        ``"profile"``: from the growth of the loss about the optimum, which shows bounds that are far from symmetric;
+        ``"periods"``: from the scatter of the record's periods, which holds for the same contact later.
     global_search : bool
         Whether differential evolution looks for a better optimum.
     seed : int
@@ -245,6 +247,8 @@ def _told(
     parameters = law.make(**scaled(law, estimate.parameters._asdict(), scales, back=True))
     if options.intervals == "bootstrap":
         bounds = bootstrapped(estimate, options.seed)
+    elif options.intervals == "periods":
+        bounds = by_periods(problem, estimate)
     else:
         bounds = profiled(problem, estimate) if options.intervals == "profile" else linear(estimate)
     intervals: dict[str, tuple[Bound, Bound]] = {}

@@ -62,6 +62,19 @@ def stick_slip(p=P, duration=60.0, dt=0.004, J=0.2, k=10.0, speed=0.05):
     return x, dt
 
 
+@pytest.mark.parametrize("law", ["coulomb", "dahl", "elasto_plastic"])
+def test_intervals_by_periods_hold_for_the_same_contact_later(law):
+    """Pieces of 40 s of the rig: at most 5 % to either side, and any two overlap."""
+    record, ends = rig(), []
+    for first in (0, 4000, 8000, 12000):
+        x, torque = record.x[first : first + 8000], record.friction[first : first + 8000]
+        found = friction.fit(x, torque, law, dt=record.dt, intervals="periods")
+        low, high = found.intervals["F_c"]
+        assert 0.95 * found.parameters.F_c < low < found.parameters.F_c < high < 1.05 * found.parameters.F_c
+        ends.append((low, high))
+    assert max(low for low, _ in ends) < min(high for _, high in ends)
+
+
 @pytest.mark.parametrize("law", ["lugre", "elasto_plastic"])
 def test_one_speed_determines_no_damping(law):
     """A contact whose level rises along each stroke: at one speed no viscous part, however well it would fit.
