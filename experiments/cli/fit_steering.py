@@ -1,7 +1,7 @@
 """Identify hand torque and friction from a free drive, judged on what was not fitted.
 
 The drive holds handwheel angle, torque of the torsion bar and speed. Every friction law is fitted in turn. Writes a
-page, a file of each law, and a car file (docs/friction_measurement.md).
+page, a file of each law, and a car file (docs/road_drive.md).
 """
 
 import argparse

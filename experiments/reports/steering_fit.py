@@ -103,7 +103,7 @@ def car(found: Identified, base: cars.Car, name: str) -> cars.Car:
         f"the level of its friction ({found.best.level:.3g} N m at the hands, {found.best.name}.json beside this file)"
     )
     return changed._replace(
-        name=name,
+        name=f"{base.name}_{name}",
         description=f"{base.name}, with friction identified from the drive {name}",
         source=f"identified from the drive {name}: {told}, steering.friction_load = 0. Everything else is the prior, "
         f"{base.name}: {base.source}",

@@ -70,3 +70,13 @@ def test_a_torque_in_counts_is_refused(capsys):
     )  # fmt: skip
     assert "counts" in text
     assert "scale=" in text
+
+
+def test_the_program_of_the_guide_runs(monkeypatch):
+    root = Path(__file__).parents[2]
+    guide = (root / "docs" / "road_drive.md").read_text(encoding="utf-8")
+    (program,) = re.findall(r"^```python\n(.*?)^```", guide, flags=re.DOTALL | re.MULTILINE)
+    monkeypatch.chdir(root)
+    names = {}
+    exec(compile(program, "road_drive.md", "exec"), names)
+    assert names["torque"].size == names["drive"].time.size

@@ -92,14 +92,20 @@ def test_the_kind_of_friction_of_a_known_drive(law, damping, kind):
         assert row.level_interval[0] < 0.5 < row.level_interval[1]
 
 
+# Level [N m], bound on its relative error, and shares of twenty drives that have at least to reach: the bound, and the
+# interval. With 0.15 N m the interval holds the truth in 17 of 20, which is less than it should.
+MARKS = [(0.5, 0.15, 0.9, 0.9), (0.15, 0.30, 0.75, 0.8)]
+
+
 @pytest.mark.whole
-def test_marks_of_known_drives():
-    """Twenty drives with Dahl friction of 0.5 N m: level within 15 %, interval, kind. Pinned is what is reached."""
-    rows = [identify(synthetic.drive(seed, "dahl", 0.5), laws=["dahl"]) for seed in range(20)]
-    levels = [found.row("dahl") for found in rows]
-    assert np.mean([abs(row.level - 0.5) <= 0.075 for row in levels]) >= 0.9
-    assert np.mean([row.level_interval[0] <= 0.5 <= row.level_interval[1] for row in levels]) >= 0.9
-    assert np.mean([found.chosen == "dry" for found in rows]) >= 0.9
+@pytest.mark.parametrize(("level", "error", "near", "held"), MARKS)
+def test_marks_of_known_drives(level, error, near, held):
+    """Twenty drives with Dahl friction: level, interval and kind."""
+    found = [identify(synthetic.drive(seed, "dahl", level), laws=["dahl"]) for seed in range(20)]
+    rows = [each.row("dahl") for each in found]
+    assert np.mean([abs(row.level - level) <= error * level for row in rows]) >= near
+    assert np.mean([row.level_interval[0] <= level <= row.level_interval[1] for row in rows]) >= held
+    assert np.mean([each.chosen == "dry" for each in found]) >= 0.9
 
 
 @pytest.mark.whole

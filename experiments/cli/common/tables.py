@@ -272,8 +272,9 @@ def print_steering(found: Identified, name: str) -> None:
     printer = console()
     _print(printer, table, f"{name}: hand torque from angle and speed, where nothing was fitted")
     plain: dict[str, Any] = {"highlight": False, "soft_wrap": True, "markup": False}
-    if found.dry:
-        printer.print(f"cannot be told apart: {', '.join(found.equals)}; kind of friction: {found.chosen}", **plain)
+    if len(found.equals) > 1:
+        printer.print(f"cannot be told apart: {', '.join(found.equals)}", **plain)
+    printer.print(f"kind of friction: {found.chosen}", **plain)
     printer.print(steering_fit.page_of(found, name, "").verdict[0], **plain)
 
 
