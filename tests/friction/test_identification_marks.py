@@ -44,8 +44,8 @@ NESTED = [  # (true law, law that has it as a case)
 ]
 
 
-# Known shortfall: the interval of a level that depends on the position holds the truth in 72.5 % of the records only, as
-# it leaves out what levels of other slopes on the grid could take over. Regression.
+# Known shortfall: the interval of a level that depends on the position holds the truth in 72.5 % of the records only,
+# as it leaves out what levels of other slopes on the grid could take over. Regression.
 TOO_NARROW = {"masing_position": 0.7}
 
 
