@@ -91,10 +91,10 @@ def _change(p, i, torque_scale):
 
 @kernel
 def _limit(p, i, torque_scale, position):
-    """Limit of an element [rad] (F41)."""
+    """Limit of an element [rad]."""
     half = 0.5 * (p.stroke[1] - p.stroke[0])
     u = within((position - 0.5 * (p.stroke[0] + p.stroke[1])) / half, -1.0, 1.0)
-    return max(torque_scale * p.y[i] + _change(p, i, torque_scale) * u, 0.0)
+    return max(torque_scale * p.y[i] + _change(p, i, torque_scale) * u, 0.0)  # (F41)
 
 
 @kernel

@@ -297,4 +297,5 @@ def _meta_value(text: str) -> Any:
 def _meta_text(value: Any) -> str:
     """Plain text where that is read back unchanged, JSON otherwise."""
     plain = isinstance(value, str) and value == value.strip() and len(value.splitlines()) <= 1
+    plain = plain and not _CONTROL.search(value)  # which JSON escapes
     return value if plain and _meta_value(value) == value else json.dumps(value)

@@ -5,7 +5,7 @@ import os
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from steer_env import metrics
@@ -130,6 +130,7 @@ def test_round_trip(tmp_path_factory, values, unit):
 
 
 @given(st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False) | st.text(st.characters(codec="utf-8")))
+@example("\x1b")
 def test_meta_round_trip(tmp_path_factory, value):
     path = tmp_path_factory.getbasetemp() / "meta.csv"
     write(Recording(np.arange(2.0), {}, {}, {"key": value, "other key": "1.5"}), path)
