@@ -201,7 +201,7 @@ def evaluate(block: Block) -> list[Outputs]:
 
 def _prepared(study: Study, values: Mapping[str, float]) -> tuple[driving.PreparedDrive, ...]:
     """The tests in the plant that the values make, with the hands' motion for its own assist."""
-    conditions = {name: values.get(name, usual) for name, (usual, *_) in CONDITIONS.items()}
+    conditions: dict[str, Any] = {name: values.get(name, usual) for name, (usual, *_) in CONDITIONS.items()}
     law = {key.removeprefix(FRICTION): x for key, x in values.items() if key.startswith(FRICTION)}
     known = (*KNOWN, *CONDITIONS)
     changes = {key: x for key, x in values.items() if key not in known and not key.startswith(FRICTION)}

@@ -165,7 +165,8 @@ class Randomise:
         self._law = {name: self._pair(f"friction.{name}", pair) for name, pair in own.items()}
         # each corner must give valid parameters
         laws = [self._make(dict(zip(self._law, corner))) for corner in product(*self._law.values())]
-        most = {name: max(pair, key=abs) for name, pair in self._ranges.items() if name.startswith("friction_")}
+        levels = {name: pair for name, pair in self._ranges.items() if name.startswith("friction_")}
+        most: dict[str, Any] = {name: max(pair, key=abs) for name, pair in levels.items()}
         self.corners = [self._usual._replace(friction=law, **most) for law in laws]
 
     def _pair(self, name: str, pair: Any) -> tuple[float, float]:

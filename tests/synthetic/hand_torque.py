@@ -7,7 +7,7 @@ import numpy as np
 
 from steer_env.friction import response
 from steer_env.hand_torque import Model, identify, predict
-from steer_env.hand_torque.model import smoothed, stretched
+from steer_env.hand_torque.model import lateral_acceleration, smoothed, stretched
 from steer_env.recording import Recording, read
 
 FOLDER = files("steer_env.experiments").joinpath("data", "road")
@@ -36,7 +36,7 @@ def of_spectrum(values, rng):
     return values.mean() + np.fft.irfft(spectrum, values.size)
 
 
-def drive(seed, law=None, level=0.0, distance=DISTANCE, damping=1.2, noise=1.0, steps=True):
+def drive(seed, law=None, level=0.0, distance=DISTANCE, damping=1.2, noise=1.0, steps=True, load=0.0):
     """A drive with a friction law (None: without), and its parameters.
 
     Parameters
@@ -51,6 +51,8 @@ def drive(seed, law=None, level=0.0, distance=DISTANCE, damping=1.2, noise=1.0, 
         Factor on what is left of the packaged drive, whose spectrum the noise has [1].
     steps : bool
         Whether the sensors have steps.
+    load : float
+        Growth of the level with the lateral acceleration [N m s2/m].
     """
     rng = np.random.default_rng(seed)
     recording, found = packaged(), fitted().best.model
@@ -61,7 +63,8 @@ def drive(seed, law=None, level=0.0, distance=DISTANCE, damping=1.2, noise=1.0, 
     model = Model(found.shape, found.a_c, {**found.terms, "C": damping}, None, found.prior)
     torque = predict(model, time, angle, speed) + noise * of_spectrum(np.interp(time, recording.time, left), rng)
     if law is not None:
-        torque += response(stretched(law, level, distance), angle, 1.0 / RATE)
+        grown = level + load * np.abs(lateral_acceleration(found.prior, angle, speed))
+        torque += response(stretched(law, level, distance), angle, 1.0 / RATE, grown / level)
     made = {"handwheel_angle": angle, "torsion_bar_torque": torque, "vehicle_speed": speed}
     made = {name: np.interp(recording.time, time, values) for name, values in made.items()}
     if steps:
