@@ -223,7 +223,7 @@ def _estimate(y: NDArray, A: NDArray, T: NDArray, slope: NDArray) -> Elements:
 
 
 def _exchangeable(problem: Problem, found: Elements, slider: Slider | None) -> tuple[NDArray, NDArray]:
-    """Yields and regressors of what the level may be shared by: where it has slopes, both ends of them at each yield."""
+    """Yields and regressors of what may share the level: where it has slopes, both ends of them at each yield."""
     if not np.any(found.slope):
         return found.y, found.J
     y = np.repeat(np.unique(found.y), 2)
