@@ -23,6 +23,7 @@ from steer_env.recording.friction_record import FrictionRecord
 from steer_env.vehicle import cars
 from tests.experiments.faked_times import NONE, faked
 from tests.experiments.first_screen import sentence
+from tests.synthetic.hand_torque import fitted
 
 LAWS = ("lugre", "dahl", "coulomb")
 
@@ -181,6 +182,7 @@ def _results(every):
         record=record,
         judged=judged,
         repeatability=0.025,
+        road=fitted(),
         tables=tables,
         times=faked(dict.fromkeys(laws, 100.0) | {"dahl": 1370.0}, ["dahl"]),
         cases=every,
@@ -248,7 +250,9 @@ def test_the_page_quotes_every_section(results):
     assert all(sentence.endswith(".") for sentence in [*page.verdict, *page.timing])
     text = page.html()
     assert sentence(text).startswith("On one contact dahl leaves least, 5 %; with one calibration laws change 0 of 2 ")
-    assert text.count('class="claim"') == 8
+    assert text.count('class="claim"') == 9
+    dahl = results.road.row("dahl")
+    assert f"<td>{dahl.residual:.3f}</td>" in text
     assert "<dd></dd>" not in text
 
 

@@ -1,16 +1,15 @@
 """Drives whose hand torque is known, with the spectra of the packaged drive: angle, and what is left of the torque."""
 
 from functools import cache
-from importlib.resources import files
 
 import numpy as np
 
+from steer_env.experiments.studies.common.friction_records import road_drive
 from steer_env.friction import response
 from steer_env.hand_torque import Model, identify, predict
 from steer_env.hand_torque.model import lateral_acceleration, smoothed, stretched
-from steer_env.recording import Recording, read
+from steer_env.recording import Recording
 
-FOLDER = files("steer_env.experiments").joinpath("data", "road")
 TORQUE_STEP, ANGLE_STEP = 0.0625, np.radians(0.1)  # of the sensors [N m, rad]
 RATE = 200.0  # at which friction is simulated [Hz]
 DISTANCE = float(np.radians(0.3))  # pre-sliding distance [rad]
@@ -20,7 +19,7 @@ UNITS = {"handwheel_angle": "rad", "torsion_bar_torque": "N m", "vehicle_speed":
 @cache
 def packaged():
     """The packaged drive, as a recording."""
-    return read(str(FOLDER.joinpath("mkz_2016.csv.gz")), str(FOLDER.joinpath("mkz_2016.toml")))
+    return road_drive()
 
 
 @cache

@@ -17,6 +17,7 @@ from steer_env.experiments.studies.common.friction_cases import BASE_LAW, DRIVER
 from steer_env.experiments.studies.common.friction_records import Confusion, Judged
 from steer_env.experiments.studies.held_torque import Ripple
 from steer_env.experiments.sweep import Runner, run
+from steer_env.hand_torque import Identified
 from steer_env.metrics.common import just_noticeable
 from steer_env.recording.friction_record import FrictionRecord
 from steer_env.vehicle.cars import Car
@@ -55,6 +56,7 @@ class Job(NamedTuple):
 
 _KINDS: Mapping[str, Callable[[Any], Any]] = {
     "record": friction_records.judge,
+    "road": friction_records.judge_on_road,
     "steps": lambda job: real_time.accuracy(*job),
     "battery": friction_cases.drives,
     "held torque": lambda job: held_torque.of_every_law(*job),
@@ -78,6 +80,7 @@ class Results(NamedTuple):
     record: FrictionRecord
     judged: list[Judged]  # the best first, those without a fit last
     repeatability: float  # of the record [1]
+    road: Identified  # the hand torque of a drive
     tables: dict[str, list[real_time.Row]]  # of the column alone
     times: Times
     cases: list[Case]
@@ -120,10 +123,9 @@ def collect(
     def swept(jobs: list[Job], start: float, end: float) -> list[Any]:
         return sweep(perform, jobs, notify=lambda part, of: notify(start + (end - start) * part, of), words=_words)
 
-    first = [Job("record", "laws", (record, fittable))]
+    first = [Job("record", "laws", (record, fittable)), Job("road", "laws", tuple(laws))]
     first += [Job("steps", law, (p, scope.steps)) for law, p in laws.items()]
-    found = swept(first, 0.0, 0.15)
-    judged: list[Judged] = found[0]
+    judged, road, *tables = swept(first, 0.0, 0.15)
     measured = {each.law: each.parameters for each in judged if _usable(each)}
     cases = friction_cases.cases(laws, measured)
     true = friction_records.true_laws(fittable)
@@ -151,7 +153,8 @@ def collect(
         record=record,
         judged=judged,
         repeatability=friction_records.repeatability(record),
-        tables=dict(zip(laws, found[1:])),
+        road=road,
+        tables=dict(zip(laws, tables)),
         times=computing_time.of_laws(laws, car, lambda part: notify(0.9 + 0.08 * part, "timing")),
         cases=cases,
         effects=friction_cases.effects(cases, of_kind["battery"], noticed),
