@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 # Unit of the reports -> how many of it make one SI unit.
 UNITS = dict.fromkeys(("1", "s", "Hz", "N", "N m", "J", "W", "m", "m/s", "m/s2", "1/s", "dB", "kg"), 1.0)
 UNITS |= {"ms": 1e3, "g": 1 / G, "N m/g": G, "deg": 1 / DEGREE, "deg/s": 1 / DEGREE, "deg/g": G / DEGREE, "km/h": 3.6}
-UNITS["deg s"] = 1 / DEGREE
+UNITS |= {"deg s": 1 / DEGREE, "1/min": 60.0}
 UNITS |= {"N m/deg": DEGREE, "g/100 deg": 100 * DEGREE / G, "g/(100 N m deg)": 100 * DEGREE / G, "%": 100.0}
 
 _SHOWN = ("handwheel_angle", "handwheel_torque", "yaw_rate", "lateral_acceleration")
