@@ -46,6 +46,7 @@ BLOCK = 10.0  # length of a block, longer than what the road and the driver corr
 FEWEST_BLOCKS = 6  # from which on their scatter tells an interval; assumed
 LEAST = 1.0  # of a block in the window, so that it counts; assumed [s]
 X_C = np.geomspace(0.05, 2.5, 24) * DEGREE  # grid of x_c [rad]
+HELD = 0.005  # standard deviation of a speed that is held, over its mean; assumed [1]
 BEYOND = 0.02  # share of the samples that lies beyond half the window on either side, so that it is spanned; assumed [1]
 # What the shape of D and the terms in place of the car's lag leave open, as a share of a width and of a slope: the
 # largest that the simulated compact showed against its slow weave, with LuGre and Coulomb friction [1].
@@ -147,7 +148,8 @@ class Road:
         for x_c in X_C:
             elements.append(response(stretched("dahl", 1.0, float(x_c)), drive.angle, drive.dt))
             X = np.column_stack([self._columns(ANGLE, used), elements[-1]])[used]
-            left.append(np.linalg.lstsq(X, drive.torque[used], rcond=None)[1].sum())
+            p = np.linalg.lstsq(X, drive.torque[used], rcond=None)[0]
+            left.append(np.sum((drive.torque[used] - X @ p) ** 2))
         best = int(np.argmin(left)) + self._step
         return elements[min(max(best, 0), len(X_C) - 1)]
 
@@ -163,9 +165,11 @@ class Road:
         return inside
 
     def _columns(self, x: str, used: NDArray[np.bool_]) -> Array:
-        """The terms of (R1) without friction, (T, 7 or 8)."""
+        """The terms of (R1) without friction, (T, 5 to 7); k and k_3 come first."""
         u, v = self._channel(x)[0] / WINDOW[x], self.drive.speed
-        found = [u, u**3, np.ones_like(u), u * (v / v[used].mean() - 1.0), self._hands]
+        found = [u, u**3, np.ones_like(u), self._hands]
+        if np.std(v[used]) > HELD * v[used].mean():  # else the term would be none, or one with k
+            found.append(u * (v / v[used].mean() - 1.0))
         if x != ANGLE:
             found.append(np.gradient(u, self.drive.dt))
         return np.column_stack(found)
@@ -191,11 +195,11 @@ class Road:
             raise RefusedError(f"{x} is seldom beyond {size} to the left and to the right{where}: drive bends both ways")
         X = np.column_stack([self._columns(x, used), self._friction()])
         size = np.sqrt(np.mean(X[used] ** 2, axis=0))
-        X = X / np.where(size > 0.0, size, 1.0)
+        X = X / size
         parts = [(X[block][used[block]], self.drive.torque[block][used[block]]) for block in blocks]
         grams, products = (np.array([a.T @ b for a, b in of]) for of in ([(p, p) for p, _ in parts], parts))
         sums = [(grams.sum(0), products.sum(0)), *zip(grams.sum(0) - grams, products.sum(0) - products)]
-        p = np.array([np.linalg.lstsq(*pair, rcond=1e-10)[0] for pair in sums]) / np.where(size > 0.0, size, 1.0)
+        p = np.array([np.linalg.solve(*pair) for pair in sums]) / size
         return Curve(WINDOW[x], p[:, 0], p[:, 1], p[:, -1])
 
     def slope(self, x: str, speeds: tuple[int, int] | None = None) -> Bounded:
