@@ -87,6 +87,7 @@ class ManoeuvreEvaluation:
     constant_speed: bool
     plots: tuple[tuple[str, str], ...]
     steered: bool = False
+    gaps: bool = False
 
 
 _metrics: dict[str, Metric] = {}
@@ -99,6 +100,7 @@ def register_evaluation(
     constant_speed: bool = True,
     plots: tuple[tuple[str, str], ...] = HISTORIES,
     steered: bool = False,
+    gaps: bool = False,
     **conditions: Any,
 ) -> ManoeuvreEvaluation:
     """Register how recordings of a test are evaluated.
@@ -119,6 +121,8 @@ def register_evaluation(
     steered : bool
         Whether the handwheel alone moves the car, so that the sizes of its motion and of the handwheel angle tell
         whether their units are right.
+    gaps : bool
+        Whether ``read`` takes uneven steps and leaves gaps out, so that none has to be bridged or refused before.
     conditions
         What the test prescribes, with the unit in the name: ``speed_m_s``, ``frequency_hz``, ... A value in the
         recording's meta replaces the value given here.
@@ -128,7 +132,7 @@ def register_evaluation(
     ValueError
         If another evaluation has that name.
     """
-    return EVALUATIONS.register(name, ManoeuvreEvaluation(name, read, conditions, constant_speed, plots, steered))
+    return EVALUATIONS.register(name, ManoeuvreEvaluation(name, read, conditions, constant_speed, plots, steered, gaps))
 
 
 def metric(
