@@ -13,7 +13,7 @@ CORRECTIONS = (0.1, 2.0)  # band of the corrections, whose speed has a flat spec
 
 @register("road")
 def road(
-    seed: int = 0, duration: float = 300.0, bends: float = 5.0 * DEGREE, corrections: float = 1.2 * DEGREE
+    seed: int = 0, duration: float = 180.0, bends: float = 5.0 * DEGREE, corrections: float = 1.2 * DEGREE
 ) -> Manoeuvre:
     """Free driving: bends of a road and a driver's corrections, both as Gaussian noise of the handwheel angle.
 

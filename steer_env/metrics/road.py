@@ -7,7 +7,8 @@ drive within a window of x, which is the handwheel angle or the lateral accelera
     T = T_0 + k x + k_3 x^3 + k_v x (v/v_m - 1) + C th' + I th'' + h D(th)        (R1)
     D' = (1 - D sgn(th')) th'/x_c
 
-T is the torque at the torsion bar or the hands, th the handwheel angle, v the speed, with the mean v_m. D goes from -1
+T is the torque at the torsion bar or the hands, th the handwheel angle, v the speed, with the mean v_m. The handwheel
+angle counts from that at which the lateral acceleration is zero, where that is known. D goes from -1
 to 1 while the handwheel moves one way by a few x_c, as the torque of dry friction does (Dahl's law), so that a motion
 that ends before counts for the part that it shows. C and I take what grows with the speed and the acceleration of the
 hands: damping, inertia, the lag of the car. A loop of a slow sweep has the height 2 h at x = 0 and the slope
@@ -41,6 +42,7 @@ from steer_env.metrics.common.definitions import Bounded, Doubt, RefusedError, m
 from steer_env.metrics.common.events import runs
 from steer_env.metrics.common.filtered_channels import ANGLE, AY, SPEED, TORQUE, YAW, DoubleFiltered
 from steer_env.metrics.common.loops import WINDOW
+from steer_env.metrics.common.straight import told
 from steer_env.recording.recording import DEGREE, Recording
 from steer_env.vehicle.constants import GRAVITY as G
 
@@ -51,12 +53,11 @@ FEWEST_BLOCKS = 6  # from which on their scatter tells an interval; assumed
 LEAST = 1.0  # of a block in the window, so that it counts; assumed [s]
 X_C = np.geomspace(0.05, 2.5, 24) * DEGREE  # grid of x_c [rad]
 HELD = 0.005  # standard deviation of a speed that is held, over its mean; assumed [1]
-BEYOND = (
-    0.02  # share of the samples that lies beyond half the window on either side, so that it is spanned; assumed [1]
-)
-# Share of a width, which is that of fit-steering, and of a slope that the form of (R1) leaves open. Five simulated cars
-# with four friction laws show it against their slow weaves: widths -4 to +14 %, slopes -0 to +4 % [1].
-WIDTH, SLOPE = SYSTEMATIC, 0.03
+BEYOND = 0.02  # least share of the samples beyond half the window, on either side; assumed [1]
+# Share of a width and of a slope that the form of (R1) leaves open; that over the angle is the one of fit-steering. Five
+# simulated cars with four friction laws show it against their slow weaves: -5 to +12 % of the widths over the angle,
+# +2 to +18 % over the lateral acceleration, -0 to +3 % of the slopes [1].
+WIDTH, SLOPE = {ANGLE: SYSTEMATIC, AY: 0.15}, 0.03
 CLASSES = ((30, 60), (60, 90), (90, 130))  # of speed; assumed [km/h]
 
 
@@ -104,7 +105,7 @@ class Road:
     def _forget(self) -> None:
         """Compute anew what several metrics use."""
         self.curve, self._motion = cache(self._curve), cache(self._find_motion)
-        self._friction = cache(self._build_up)
+        self._friction, self.zero = cache(self._build_up), cache(self._zero)
 
     def doubts(self) -> list[Doubt]:
         """What the drive leaves open: over which distance friction builds up."""
@@ -125,6 +126,7 @@ class Road:
             f"read from {len(self.blocks)} blocks of about {BLOCK:g} s at {v.min():.0f} to {v.max():.0f} km/h, "
             f"{v.mean():.0f} on average, at the speed zero of the hands: to be compared with a slow ramp",
         ]
+        found += told({ANGLE: self.zero()}, "where the lateral acceleration is zero")
         if TORQUE not in self._recording.channels:
             found.append("the hand torque is that of the torsion bar")
         if AY not in self._recording.channels and YAW in self._recording.channels:
@@ -150,9 +152,22 @@ class Road:
         values = smoothed(values, self.drive.dt) if self._twice else values
         return (values if name == AY else values * self.drive.speed), weight > 0.0
 
+    def _zero(self) -> float:
+        """Handwheel angle at which the car goes straight [rad]; 0 where the recording does not tell."""
+        try:
+            a, known = self._motion()
+        except RefusedError:
+            return 0.0
+        near = known & (self.drive.weight > 0.0) & (np.abs(a) <= 2.0 * WINDOW[AY])
+        if near.sum() * self.drive.dt < BLOCK:
+            return 0.0
+        return float(np.polyfit(a[near], self.drive.angle[near], 1)[1])
+
     def _channel(self, x: str) -> tuple[Array, Array]:
         """Values (T,) of what the torque is read over [SI], and where they are known (T,)."""
-        return (self.drive.angle, np.ones(self.drive.time.size, bool)) if x == ANGLE else self._motion()
+        if x == AY:
+            return self._motion()
+        return self.drive.angle - self.zero(), np.ones(self.drive.time.size, bool)
 
     def _build_up(self) -> "BuildUp":
         """That of the x_c that leaves least of the torque over the handwheel angle."""
@@ -223,7 +238,7 @@ class Road:
 
     def height(self, x: str) -> Bounded:
         """Height in torque between both directions of motion at x = 0, its pseudo-values (n,) [N m]."""
-        return _jackknife(2.0 * self.curve(x).h, WIDTH)
+        return _jackknife(2.0 * self.curve(x).h, WIDTH[x])
 
     def width(self, x: str) -> Bounded:
         """Width in x between both directions of motion at the torque of straight ahead, its pseudo-values (n,) [SI]."""
@@ -237,7 +252,7 @@ class Road:
                 f"{mean[0, -1]:.2g} N m{part}: the loop has no end there"
             )
         at = [np.interp(h, m, u) for h, m in zip(c.h, mean)]
-        return _jackknife(2.0 * c.window * np.array(at), WIDTH)
+        return _jackknife(2.0 * c.window * np.array(at), WIDTH[x])
 
     def mean_cycle(self, name: str) -> Array:
         """Handwheel angle [rad] or torque less T_0 [N m] of a slow cycle by (R1), its samples (n,) for a plot."""
