@@ -54,9 +54,9 @@ LEAST = 1.0  # of a block in the window, so that it counts; assumed [s]
 X_C = np.geomspace(0.05, 2.5, 24) * DEGREE  # grid of x_c [rad]
 HELD = 0.005  # standard deviation of a speed that is held, over its mean; assumed [1]
 BEYOND = 0.02  # least share of the samples beyond half the window, on either side; assumed [1]
-# Share of a width and of a slope that the form of (R1) leaves open; that over the angle is the one of fit-steering. Five
+# Share of a width and of a slope that the form of (R1) leaves open; over the angle it is the one of fit-steering. Five
 # simulated cars with four friction laws show it against their slow weaves: -5 to +12 % of the widths over the angle,
-# +2 to +18 % over the lateral acceleration, -0 to +3 % of the slopes [1].
+# +2 to +18 % of those over the lateral acceleration, -0 to +3 % of the slopes [1].
 WIDTH, SLOPE = {ANGLE: SYSTEMATIC, AY: 0.15}, 0.03
 CLASSES = ((30, 60), (60, 90), (90, 130))  # of speed; assumed [km/h]
 

@@ -10,7 +10,7 @@ from tests.synthetic.recordings import Answers, Array, Example, recording
 
 FINE = 1000.0  # rate at which friction and lag are computed [Hz]
 SPEED, DURATION = 80.0 / 3.6, 240.0  # [m/s], [s]
-STIFFNESS, DAMPING, FRICTION = 0.2 / DEGREE, 1.5, 0.4  # [N m/rad], [N m s/rad], level [N m]
+STIFFNESS, DAMPING, FRICTION = 0.2 / DEGREE, 1.5, 0.3  # [N m/rad], [N m s/rad], level [N m]
 DISTANCE = 0.4 * DEGREE  # of pre-sliding [rad]
 GAIN, LAG = 12.0, 0.1  # lateral acceleration over handwheel angle [m/s2/rad], time constant [s]
 
