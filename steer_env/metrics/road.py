@@ -121,10 +121,12 @@ class Road:
         """What is told of the drive."""
         used = self.drive.weight > 0.0
         v = 3.6 * self.drive.speed[used]
+        mean = f"{v.mean():.0f} km/h"
+        span = mean if np.ptp(v) < 1.0 else f"{v.min():.0f} to {v.max():.0f} km/h, {mean} on average"
         found = [
             *self.drive.record_notes,
-            f"read from {len(self.blocks)} blocks of about {BLOCK:g} s at {v.min():.0f} to {v.max():.0f} km/h, "
-            f"{v.mean():.0f} on average, at the speed zero of the hands: to be compared with a slow ramp",
+            f"read from {len(self.blocks)} blocks of about {BLOCK:g} s at {span}, and at the speed zero of the hands: "
+            "to be compared with a slow ramp",
         ]
         found += told({ANGLE: self.zero()}, "where the lateral acceleration is zero")
         if TORQUE not in self._recording.channels:

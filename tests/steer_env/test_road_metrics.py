@@ -93,14 +93,15 @@ def coverage(car, law, seeds):
     return kept
 
 
-def test_a_slow_weave_of_the_same_car_is_within_the_interval():
-    kept = coverage("compact", "lugre", [100])
-    assert all(kept.values())
-    assert all(all(held) for held in kept.values())
+def test_slow_weaves_of_the_same_car_are_within_the_intervals():
+    """Two drives: at 95 % more than two misses in twelve are one case in 50."""
+    kept = coverage("compact", "lugre", [100, 101])
+    assert all(len(held) == 2 for held in kept.values())
+    assert np.mean([*kept.values()]) >= 10 / 12
 
 
 @pytest.mark.whole
-def test_slow_weaves_are_within_the_intervals(capsys):
+def test_slow_weaves_of_other_cars_are_within_the_intervals(capsys):
     """Other cars, laws and seeds than those by which the systematic shares were set."""
     found = {(car, law): coverage(car, law, range(100, 112)) for car, law in OTHERS}
     shares = {case: {name: float(np.mean(held)) for name, held in kept.items() if held} for case, kept in found.items()}
