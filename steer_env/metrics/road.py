@@ -35,7 +35,6 @@ from numpy.typing import NDArray
 
 from steer_env.friction import response
 from steer_env.hand_torque.drive import FEWEST, at_instants, corrections, even, prepared
-from steer_env.hand_torque.fit import SYSTEMATIC
 from steer_env.hand_torque.model import smoothed, stretched
 from steer_env.metrics.common.confidence import interval
 from steer_env.metrics.common.definitions import Bounded, Doubt, RefusedError, metric, register_evaluation
@@ -47,6 +46,7 @@ from steer_env.recording.recording import DEGREE, Recording
 from steer_env.vehicle.constants import GRAVITY as G
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
 BLOCK = 10.0  # length of a block, longer than what the road and the driver correlate over; assumed [s]
 FEWEST_BLOCKS = 6  # from which on their scatter tells an interval; assumed
@@ -54,10 +54,10 @@ LEAST = 1.0  # of a block in the window, so that it counts; assumed [s]
 X_C = np.geomspace(0.05, 2.5, 24) * DEGREE  # grid of x_c [rad]
 HELD = 0.005  # standard deviation of a speed that is held, over its mean; assumed [1]
 BEYOND = 0.02  # least share of the samples beyond half the window, on either side; assumed [1]
-# Share of a width and of a slope that the form of (R1) leaves open; over the angle it is the one of fit-steering. Five
-# simulated cars with four friction laws show it against their slow weaves: -5 to +12 % of the widths over the angle,
-# +2 to +18 % of those over the lateral acceleration, -0 to +3 % of the slopes [1].
-WIDTH, SLOPE = {ANGLE: SYSTEMATIC, AY: 0.15}, 0.03
+# Share of a width and of a slope that the form of (R1) leaves open. Against their slow weaves, five simulated cars with
+# four friction laws show -18 (rear-drive saloon, LuGre) to +12 % (compact, Masing) of the widths over the angle, -4 to
+# +18 % of those over the lateral acceleration, and -0 to +4 % of the slopes [1].
+WIDTH, SLOPE = 0.15, 0.04
 CLASSES = ((30, 60), (60, 90), (90, 130))  # of speed; assumed [km/h]
 
 
@@ -135,7 +135,7 @@ class Road:
             found.append(f"{AY} is not recorded: it is {SPEED} times {YAW}, without the change of the lateral speed")
         return found
 
-    def _find_motion(self) -> tuple[Array, Array]:
+    def _find_motion(self) -> tuple[Array, Mask]:
         """Lateral acceleration (T,) [m/s2], and where it is known (T,)."""
         name = next((name for name in (AY, YAW) if name in self._recording.channels), None)
         if name is None:
@@ -165,7 +165,7 @@ class Road:
             return 0.0
         return float(np.polyfit(a[near], self.drive.angle[near], 1)[1])
 
-    def _channel(self, x: str) -> tuple[Array, Array]:
+    def _channel(self, x: str) -> tuple[Array, Mask]:
         """Values (T,) of what the torque is read over [SI], and where they are known (T,)."""
         if x == AY:
             return self._motion()
@@ -184,7 +184,7 @@ class Road:
         best = min(max(best, 0), len(X_C) - 1)
         return BuildUp(float(X_C[best]), elements[best])
 
-    def _used(self, x: str, speeds: tuple[int, int] | None) -> NDArray[np.bool_]:
+    def _used(self, x: str, speeds: tuple[int, int] | None) -> Mask:
         """Samples (T,) in the window of x, of the blocks, and at the speeds [km/h]."""
         values, known = self._channel(x)
         inside = np.zeros(known.size, bool)
@@ -195,7 +195,7 @@ class Road:
             inside &= (self.drive.speed >= speeds[0] / 3.6) & (self.drive.speed < speeds[1] / 3.6)
         return inside
 
-    def _columns(self, x: str, used: NDArray[np.bool_]) -> Array:
+    def _columns(self, x: str, used: Mask) -> Array:
         """The terms of (R1) without friction, (T, 5 or 6); k and k_3 come first."""
         u, v = self._channel(x)[0] / WINDOW[x], self.drive.speed
         found = [u, u**3, np.ones_like(u), self._hands]
@@ -240,7 +240,7 @@ class Road:
 
     def height(self, x: str) -> Bounded:
         """Height in torque between both directions of motion at x = 0, its pseudo-values (n,) [N m]."""
-        return _jackknife(2.0 * self.curve(x).h, WIDTH[x])
+        return _jackknife(2.0 * self.curve(x).h, WIDTH)
 
     def width(self, x: str) -> Bounded:
         """Width in x between both directions of motion at the torque of straight ahead, its pseudo-values (n,) [SI]."""
@@ -254,7 +254,7 @@ class Road:
                 f"{mean[0, -1]:.2g} N m{part}: the loop has no end there"
             )
         at = [np.interp(h, m, u) for h, m in zip(c.h, mean)]
-        return _jackknife(2.0 * c.window * np.array(at), WIDTH[x])
+        return _jackknife(2.0 * c.window * np.array(at), WIDTH)
 
     def mean_cycle(self, name: str) -> Array:
         """Handwheel angle [rad] or torque less T_0 [N m] of a slow cycle by (R1), its samples (n,) for a plot."""
@@ -276,12 +276,12 @@ class Road:
         return np.array([corrections(angle[block]) / (angle[block].size * dt) for block in self.blocks])
 
 
-def _blocks(used: NDArray[np.bool_], dt: float) -> list[slice]:
+def _blocks(used: Mask, dt: float) -> list[slice]:
     """Blocks of about ``BLOCK`` of the samples (T,) that are used, none across a gap."""
-    found = []
+    found: list[slice] = []
     for first, last in runs(used):
         count = round((last - first) * dt / BLOCK)
-        ends = np.linspace(first, last, count + 1).round().astype(int) if count else []
+        ends = np.linspace(first, last, count + 1).round().astype(int) if count else np.zeros(0, int)
         found += [slice(i, j) for i, j in pairwise(ends)]
     return found
 
