@@ -157,7 +157,7 @@ def even(recording: Recording, named: dict[str, str]) -> tuple[Array, Array, tup
             f"of {total:.2g} s, and is left out"
         )
     notes.append(
-        f"resampled at {RATE:g} Hz from {(recording.time.size - 1) / np.ptp(recording.time):.3g} rows a second"
+        f"resampled at {RATE:g} Hz from {round((recording.time.size - 1) / np.ptp(recording.time), 1):g} rows a second"
     )
     return time, weight, tuple(notes)
 

@@ -126,7 +126,7 @@ class Road:
         found = [
             *self.drive.record_notes,
             f"read from {len(self.blocks)} blocks of about {BLOCK:g} s at {span}, and at the speed zero of the hands: "
-            "to be compared with a slow ramp",
+            "to be compared with a slow ramp; the curve is a slow cycle by what was fitted",
         ]
         found += told({ANGLE: self.zero()}, "where the lateral acceleration is zero")
         if TORQUE not in self._recording.channels:
@@ -240,10 +240,12 @@ class Road:
 
     def height(self, x: str) -> Bounded:
         """Height in torque between both directions of motion at x = 0, its pseudo-values (n,) [N m]."""
+        self._require_saturation()
         return _jackknife(2.0 * self.curve(x).h, WIDTH)
 
     def width(self, x: str) -> Bounded:
         """Width in x between both directions of motion at the torque of straight ahead, its pseudo-values (n,) [SI]."""
+        self._require_saturation()
         c, u = self.curve(x), np.linspace(0.0, 1.0, 201)
         mean = np.maximum.accumulate(c.k[:, None] * u + c.k_3[:, None] * u**3, axis=1)  # up to where it is reached
         short = mean[:, -1] <= c.h
@@ -255,6 +257,14 @@ class Road:
             )
         at = [np.interp(h, m, u) for h, m in zip(c.h, mean)]
         return _jackknife(2.0 * c.window * np.array(at), WIDTH)
+
+    def _require_saturation(self) -> None:
+        """RefusedError where friction builds up over more than the grid of x_c, so that a loop does not open."""
+        if self._friction().x_c == X_C[-1]:
+            raise RefusedError(
+                f"friction builds up over {X_C[-1] / DEGREE:g} deg or more, or there is none: the corrections are too "
+                "small to tell it from a stiffness"
+            )
 
     def mean_cycle(self, name: str) -> Array:
         """Handwheel angle [rad] or torque less T_0 [N m] of a slow cycle by (R1), its samples (n,) for a plot."""

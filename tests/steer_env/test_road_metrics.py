@@ -85,6 +85,18 @@ def test_the_blocks_alone_cover_the_truth(monkeypatch, capsys):
     assert all(np.mean(held) >= 0.875 for held in kept.values())  # 35 of 40; with 95 % one metric in 70 has fewer
 
 
+@pytest.mark.whole
+@pytest.mark.parametrize("level", [0.0, 0.1])
+def test_little_or_no_friction_is_not_made_larger(level, monkeypatch):
+    """Ten drives; without friction some are refused, as nothing tells it from a stiffness."""
+    monkeypatch.setattr(synthetic, "FRICTION", level)
+    found = [evaluated(synthetic.road(100.0, seed, noise=0.15)[0])["road_torque_deadband"] for seed in range(10)]
+    read = [value for value in found if not value.reason]
+    assert len(read) >= 5
+    assert all("or there is none" in value.reason for value in found if value.reason)
+    assert np.mean([holds(value, 2.0 * level) for value in read]) >= 0.8
+
+
 def coverage(car, law, seeds):
     """Share of the drives whose interval holds the value of the slow weave, by metric; refused ones are left out."""
     truth, kept = slow(car, law), {name: [] for name in READ}

@@ -120,7 +120,8 @@ without yaw rate or lateral acceleration.
 Road leaves gaps and speeds below 29 km/h out. It is refused with fewer than six blocks, with a handwheel that rests,
 with an angle that at its speed no tyre holds, with a torque that hardly varies (hands off) or falls to the left, and,
 but for the corrections, with fewer than 12 of them. A class of speed needs six blocks with a second within the window,
-and 2 % of the samples beyond half of it on either side.
+and 2 % of the samples beyond half of it on either side. Heights and widths are refused where friction seems to build up
+over 2.5 deg or more, as without any friction.
 
 `evaluate` and `validate` also refuse a recording of another test than the one asked for, two of different tests, and
 two whose `speed_m_s` or `frequency_hz` are 3 % or 10 % apart ([recordings.md](recordings.md)).

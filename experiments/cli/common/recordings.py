@@ -260,7 +260,7 @@ def _read(path: str, place: int, args: argparse.Namespace) -> Any:
     found = read(path, place, args)
     if args.manoeuvre is None and found.meta.get("manoeuvre") is None:
         raise ValueError(f"{path} does not name its test: give --manoeuvre, one of {', '.join(names.manoeuvres())}")
-    test = _test(path, found.meta.get("manoeuvre"), args.manoeuvre)
+    test = _test(path + _mapped(place, args), found.meta.get("manoeuvre"), args.manoeuvre)
     return found if metrics.evaluation_by_name(test).gaps else found.bridged()
 
 
