@@ -240,13 +240,14 @@ class Road:
 
     def height(self, x: str) -> Bounded:
         """Height in torque between both directions of motion at x = 0, its pseudo-values (n,) [N m]."""
+        h = self.curve(x).h
         self._require_saturation()
-        return _jackknife(2.0 * self.curve(x).h, WIDTH)
+        return _jackknife(2.0 * h, WIDTH)
 
     def width(self, x: str) -> Bounded:
         """Width in x between both directions of motion at the torque of straight ahead, its pseudo-values (n,) [SI]."""
-        self._require_saturation()
         c, u = self.curve(x), np.linspace(0.0, 1.0, 201)
+        self._require_saturation()
         mean = np.maximum.accumulate(c.k[:, None] * u + c.k_3[:, None] * u**3, axis=1)  # up to where it is reached
         short = mean[:, -1] <= c.h
         if short.any():
