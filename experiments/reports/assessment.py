@@ -112,7 +112,7 @@ def _rating(found: "Assessment") -> str:
     if rated := good + fair + bad:
         return f"Of {rated} rated metrics of {who}, {good} are good, {fair} fair and {bad} outside."
     read = [not value.reason for values in found.values.values() for value in values.values()]
-    return f"{sum(read)} of {len(read)} metrics of {who} can be read in this {found.test}; no targets rate them."
+    return f"{sum(read)} of {len(read)} metrics of {who} can be read as {found.test}; no targets rate them."
 
 
 def differing(recordings: Mapping[str, Recording]) -> list[tuple[str, list[Any]]] | None:

@@ -3,9 +3,10 @@
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
-from steer_env import friction, manoeuvres
+from steer_env import friction
 from steer_env.experiments.studies import friction_laws, held_torque, real_time
 from steer_env.experiments.studies.common import (
+    battery,
     computing_time,
     friction_cases,
     friction_distinction,
@@ -42,7 +43,7 @@ QUICK = Scope(("weave", "slow-ramp", "release"), (1e-4, 1e-3, 2e-3, 5e-3), (_MAN
 
 def full() -> Scope:
     """The whole study: every test of the battery except the rig, which has neither car nor road."""
-    tests = tuple(name for name in manoeuvres.available() if name != "rig")
+    tests = tuple(name for name in battery.SCRIPTED if name != "rig")
     return Scope(tests, real_time.STEPS, (_ONE_STROKE, _MANY), friction_records.NOISES, 10, 12)
 
 
