@@ -6,7 +6,6 @@ tensors are read, with ``weights_only=True``.
 """
 
 import io
-import zipfile
 from collections.abc import Callable, Mapping
 from itertools import pairwise
 from pathlib import Path
@@ -14,6 +13,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+
+from steer_env.friction.numerics import archives
 
 
 class Form(NamedTuple):
@@ -57,8 +58,9 @@ def load(path: Path, about: Mapping[str, Any]) -> Callable[[NDArray[np.float32]]
     layers = [torch.nn.Linear(n, m) for n, m in pairwise(sizes)]
     names = [*(f"{form.hidden}.{2 * k}" for k in range(len(layers) - 1)), form.last]
     try:
-        with zipfile.ZipFile(path) as archive:
-            tensors = torch.load(io.BytesIO(archive.read("policy.pth")), map_location="cpu", weights_only=True)
+        with archives.opened(path, "policy") as archive:
+            weights = io.BytesIO(archive.read("policy.pth"))
+        tensors = torch.load(weights, map_location="cpu", weights_only=True)
         own = {key.rpartition(".")[0] for key in tensors if key.startswith((form.hidden, form.last))}
         if own != set(names):
             raise KeyError(f"layers {', '.join(sorted(own))}")

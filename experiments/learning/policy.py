@@ -16,6 +16,7 @@ from steer_env import REGISTERED, experiments, tasks
 from steer_env.experiments.learning import network
 from steer_env.experiments.learning.constants import ALGORITHMS
 from steer_env.experiments.pages.options import Friction
+from steer_env.friction.numerics import archives
 from steer_env.friction.numerics.check import number
 from steer_env.registration import DRIVEN, VERSION
 
@@ -54,11 +55,15 @@ def save(path: Path, model: Any, about: dict[str, Any]) -> None:
 def about(path: Path) -> dict[str, Any]:
     """The description in a policy file; ValueError for a file that ``steer-env train`` has not written."""
     try:
-        with zipfile.ZipFile(path) as archive:
-            return json.loads(archive.read(ABOUT))
+        with archives.opened(path, "policy") as archive:
+            text = archive.read(ABOUT)
+        found: dict[str, Any] = json.loads(text)
+        return found
+    except json.JSONDecodeError as error:
+        raise ValueError(f"{path} is no policy: {ABOUT} holds no JSON: {error}") from None
     except FileNotFoundError:
         raise ValueError(f"no file {path}") from None
-    except (OSError, zipfile.BadZipFile) as error:
+    except OSError as error:
         raise ValueError(f"{path} is no policy: {error}") from None
     except KeyError:
         raise ValueError(

@@ -38,6 +38,22 @@ def _changed(source, target, members):
     return target
 
 
+def test_a_damaged_policy_is_refused_or_whole(tmp_path):
+    """Bytes changed, and the end cut off: a sentence that names the file, unless nothing that counts was hit."""
+    whole, path = policy.shipped(SHIPPED[0]).read_bytes(), tmp_path / "policy.zip"
+    rng, refused = np.random.default_rng(4), 0
+    for case in range(120):
+        damaged = bytearray(whole)
+        for place in rng.integers(len(whole) - 1500 if case % 2 else 0, len(whole), 3):
+            damaged[place] = rng.integers(256)
+        path.write_bytes(damaged[: len(whole) - (case % 5 == 0) * int(rng.integers(1, 1500))])
+        try:
+            network.load(path, policy.about(path))
+        except ValueError as error:
+            refused += str(path) in str(error)
+    assert refused > 80
+
+
 def _equal(path, model):
     about = policy.about(path)
     act = network.load(path, about)

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from steer_env.connect.external import mapping
 from steer_env.connect.external.mapping import Entry, factor
 from steer_env.connect.external.vehicle import GIVEN, START_SPEED, TAKEN, Array, CouplingError
+from steer_env.friction.numerics import archives
 from steer_env.recording.channel_mapping import did_you_mean
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
 
@@ -336,7 +337,7 @@ def _description(path: Path) -> Any:
             f"{path}: a unit is loaded by the package fmpy, which is not installed: pip install '.[fmu]'"
         ) from None
     try:
-        with zipfile.ZipFile(path) as archive:
+        with archives.opened(path, "FMU") as archive:
             files = _checked_names(archive)
             if DESCRIPTION not in files:
                 raise ValueError(f"is no FMU: it holds no {DESCRIPTION}")
@@ -348,8 +349,8 @@ def _description(path: Path) -> Any:
         if found.coSimulation is None:
             raise ValueError("is for model exchange only, which needs a solver: export it for co-simulation")
         _check_binary(found.coSimulation.modelIdentifier, version, files, fmpy)
-    except zipfile.BadZipFile:
-        raise ValueError(f"{path} is no FMU, which is a zip archive: it is another file, or it was cut") from None
+    except archives.DamagedError:
+        raise
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
     return found
@@ -357,7 +358,7 @@ def _description(path: Path) -> Any:
 
 def _unpack(path: Path, folder: Path) -> None:
     """Unpack a unit that :func:`_description` has checked."""
-    with zipfile.ZipFile(path) as archive:
+    with archives.opened(path, "FMU") as archive:
         _checked_names(archive)
         archive.extractall(folder)
 

@@ -122,6 +122,8 @@ def find_amplitude(p: plant.Plant, manoeuvre: Manoeuvre, simulator: Simulator = 
         reached = manoeuvre.reach(record[:, plant.CHANNEL["lateral_acceleration"]])
         if abs(reached / target - 1.0) < 1e-5:
             return amplitude
+        if reached == 0.0:
+            break
         amplitude *= target / reached
         if not 0.0 < amplitude < 6.0:
             break

@@ -14,7 +14,8 @@ from steer_env import manoeuvres, metrics
 from steer_env.connect import external as coupling
 from steer_env.connect.external.fmu_vehicle import FmuVehicle
 from steer_env.experiments.cli.main import main
-from steer_env.vehicle import cars, road
+from steer_env.manoeuvres.common.driving import WholeCar
+from steer_env.vehicle import cars, plant, road
 from tests.connect.external import foreign
 
 if shutil.which("cc") is None:
@@ -198,6 +199,36 @@ def test_a_link_and_a_file_that_is_no_archive_are_refused(vehicle):
     unit.write_bytes(b"no archive")
     with pytest.raises(ValueError, match=f"{re.escape(str(unit))} is no FMU, which is a zip archive"):
         FmuVehicle(vehicle)
+
+
+def test_a_damaged_unit_is_refused_or_whole(vehicle):
+    """Bytes changed, and the end cut off: a sentence that names the file, unless nothing that counts was hit."""
+    unit, rng, refused = vehicle.with_name("foreign.fmu"), np.random.default_rng(4), 0
+    whole = unit.read_bytes()
+    names = len(whole) - whole.rindex(b"PK\x01\x02") + 400  # beginning with the last names, where most of it counts
+    for case in range(120):
+        damaged = bytearray(whole)
+        for place in rng.integers(len(whole) - names if case % 2 else 0, len(whole), 3):
+            damaged[place] = rng.integers(256)
+        unit.write_bytes(damaged[: len(whole) - (case % 5 == 0) * int(rng.integers(1, names))])
+        try:
+            FmuVehicle(vehicle).close()
+        except ValueError as error:
+            refused += str(unit) in str(error)
+    assert refused > 80
+
+
+def test_a_lateral_acceleration_that_stays_zero_is_refused(vehicle):
+    """As an integrator's first unit has it."""
+
+    class Still(WholeCar):
+        def run(self, p, state, inputs, record, substeps):
+            fine = super().run(p, state, inputs, record, substeps)
+            record[:, plant.CHANNEL["lateral_acceleration"]] = 0.0
+            return fine
+
+    with pytest.raises(ValueError, match="weave: no handwheel amplitude reaches"):
+        manoeuvres.drive(CAR, manoeuvres.make("weave"), simulator=Still())
 
 
 @pytest.mark.parametrize(
