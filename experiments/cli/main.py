@@ -24,7 +24,7 @@ from typing import Any, NoReturn
 
 from steer_env.experiments.cli.common.messages import in_options
 from steer_env.experiments.cli.common.options import figures
-from steer_env.experiments.cli.common.sweeping import unswept
+from steer_env.experiments.cli.common.sweeping import forget, unswept
 from steer_env.friction.numerics.registry import dashed, listed
 
 # Kind of work -> its heading in the list of commands, in this order.
@@ -172,11 +172,14 @@ def _run(argv: Sequence[str], package: str, prog: str) -> int:
     if threading.current_thread() is threading.main_thread():
         # SIGTERM is handled as Ctrl-C is: the workers stop and no file stays half-written.
         signal.signal(signal.SIGTERM, signal.default_int_handler)
+    done = False
     try:
         from steer_env.friction.numerics.thread_pool import one_blas_thread
 
         with _warnings_in_one_line(args.prog), one_blas_thread(), figures(args):
-            return args.function(args) or 0
+            code = args.function(args) or 0
+        done = True
+        return code
     except BrokenPipeError:
         raise
     except (ValueError, OSError) as error:
@@ -186,6 +189,8 @@ def _run(argv: Sequence[str], package: str, prog: str) -> int:
     except KeyboardInterrupt:
         print(f"{args.prog}: interrupted", file=sys.stderr)
         return 130
+    finally:
+        forget(args, done)
 
 
 def main(argv: Sequence[str] | None = None, package: str = PACKAGE, prog: str = PROGRAM) -> int:

@@ -49,11 +49,13 @@ def _study(
     if args.name not in SWEEPING:
         return main(words)
     chosen, others = _sweep_parser(args.name).parse_known_args(words, argparse.Namespace(modules=modules))
+    sweep = runner(chosen)
+    args.stores = chosen.stores
     if args.vehicle is not None:
         from steer_env.vehicle import cars
 
-        return main(others, runner(chosen), cars.load(args.vehicle))
-    return main(others, runner(chosen))
+        return main(others, sweep, cars.load(args.vehicle))
+    return main(others, sweep)
 
 
 def _sweep_parser(name: str) -> argparse.ArgumentParser:

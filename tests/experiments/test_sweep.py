@@ -452,11 +452,20 @@ def test_a_command_that_is_interrupted_says_how_to_go_on(tmp_path, monkeypatch, 
         if share == 0.5:
             raise KeyboardInterrupt
 
-    options = ["run", "all", "--workers", "1"]
-    with pytest.raises(KeyboardInterrupt):
-        runner(parsed(options))(cases.counted, some, notify=interrupt)
+    def end(fault):
+        def run(args):
+            assert same(runner(args)(cases.counted, some, notify=interrupt if fault == "sweep" else lambda *_: None))
+            if fault == "page":
+                raise OSError("no space left")
+
+        monkeypatch.setattr("steer_env.experiments.cli.run.run", run)
+        return main(["run", "all", "--workers", "1", *(["--resume"] if fault != "sweep" else [])])
+
+    assert end("sweep") == 130
     assert "5 of 10 cases are finished and kept: the same command with --resume" in capsys.readouterr().err
-    assert same(runner(parsed([*options, "--resume"]))(cases.counted, some))
+    assert end("page") == 2  # after the last case: they are needed once more
+    assert "10 of 10 cases are finished and kept" in capsys.readouterr().err
+    assert end("") == 0
     assert cases.marks(tmp_path / "marks", "done") == list(range(10))
     assert not list((tmp_path / "cache" / "steer_env" / "sweeps").iterdir())
 

@@ -54,7 +54,7 @@ def refuse_sweep(args: argparse.Namespace, reason: str) -> None:
 
 
 def runner(args: argparse.Namespace) -> "Runner":
-    """What runs the cases of a command, as its options ask; finished ones are kept until all are.
+    """What runs the cases of a command, as its options ask; finished ones are kept until :func:`forget`.
 
     Raises
     ------
@@ -81,19 +81,21 @@ def runner(args: argparse.Namespace) -> "Runner":
             print(f"steer-env: nothing is kept for --resume: {error}", file=sys.stderr)
             return sweep.run(function, cases, **options)
         _prune(place)
-        try:
-            results = sweep.run(function, cases, store=store, **options)
-        except BaseException:
-            if store.count():
-                text = f"{store.count()} of {len(cases)} cases are finished and kept"
-                print(f"steer-env: {text}: the same command with --resume goes on from there", file=sys.stderr)
-            else:
-                store.remove()
-            raise
-        store.remove()
-        return results
+        args.stores.append((store, len(cases)))
+        return sweep.run(function, cases, store=store, **options)
 
+    args.stores = []
     return run
+
+
+def forget(args: argparse.Namespace, done: bool) -> None:
+    """A command has ended: its finished cases go where it is done, else they stay, which is told."""
+    for store, cases in getattr(args, "stores", ()):
+        if not done and (finished := store.count()):
+            text = f"{finished} of {cases} cases are finished and kept"
+            print(f"steer-env: {text}: the same command with --resume goes on from there", file=sys.stderr)
+        else:
+            store.remove()
 
 
 def _folder() -> Path:
