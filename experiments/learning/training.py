@@ -30,7 +30,7 @@ from steer_env.experiments.pages.options import Friction
 from steer_env.friction.numerics import toml
 from steer_env.friction.numerics.check import number
 
-FOLDER, STATE, CURVE, BEST = "checkpoint", "state.json", "learning.csv", "policy.zip"
+FOLDER, STATE, CURVE, BEST, LATEST = "checkpoint", "state.json", "learning.csv", "policy.zip", "latest.zip"
 KEYS = ("env", "algo", "seed", "friction", "seconds", "steps", "model", "scaling")
 
 
@@ -77,6 +77,14 @@ def best(out: Path) -> float:
     steps = policy.about(out / BEST)["steps"]
     with (out / CURVE).open(encoding="utf-8", newline="") as file:
         return max(float(row["reward"]) for row in csv.DictReader(file) if int(row["steps"]) == steps)
+
+
+def validated(out: Path) -> int:
+    """Steps at which a policy was validated last, to the end; -1 where none was."""
+    if not (out / CURVE).is_file() or (out / LATEST).is_file():
+        return -1
+    with (out / CURVE).open(encoding="utf-8", newline="") as file:
+        return max((int(row["steps"]) for row in csv.DictReader(file)), default=-1)
 
 
 # Intervals of wall time; a checkpoint takes a fraction of a second, a validation some seconds.
@@ -261,6 +269,7 @@ class Training:
                         f"--{key} {state[key]}, or train in another directory"
                     )
             self.seconds, self.best, self._trained = state["seconds"], best(out), state["steps"]
+            self.validated = validated(out)
         else:
             usable(out)
             if out.exists() and any(out.iterdir()):
@@ -283,7 +292,8 @@ class Training:
     ) -> None:
         """Train for a time or for a number of steps, both of all sessions together.
 
-        A run of a number of steps can be repeated to the bit. A run that ends early leaves a checkpoint.
+        A run of a number of steps can be repeated to the bit. A run that ends early leaves a checkpoint. One that is
+        resumed where the checkpoint has reached the length trains no more, and validates what was not yet validated.
 
         Parameters
         ----------
@@ -297,7 +307,7 @@ class Training:
         Raises
         ------
         ValueError
-            If both or none of the lengths are given, or one is out of range or already reached by the checkpoint.
+            If both or none of the lengths are given, or one is out of range.
         """
         from stable_baselines3.common.callbacks import BaseCallback
         from stable_baselines3.common.vec_env import VecMonitor, VecNormalize
@@ -305,7 +315,7 @@ class Training:
         from steer_env.experiments.learning.guard import GuardedVecEnv
         from steer_env.sb3 import SteerVecEnv
 
-        self._check_length(minutes, steps)
+        reached = self._reached(minutes, steps)
         chosen = self.settings["algorithm"]
         raw = SteerVecEnv(
             self.env_id, chosen["num_envs"], friction=self.friction.parameters, **self.settings["environment"]
@@ -343,9 +353,12 @@ class Training:
                 return clock(self.model)
 
         try:
-            model.learn(10**12, callback=Callback(), reset_num_timesteps=not self._resume, tb_log_name=self.algo)
+            if reached:
+                notify(1.0, f"{model.num_timesteps} steps, which were reached before")
+            else:
+                model.learn(10**12, callback=Callback(), reset_num_timesteps=not self._resume, tb_log_name=self.algo)
         finally:
-            seconds = clock.elapsed
+            seconds = self.seconds if reached else clock.elapsed
             self.checkpoint(model, seconds)
             raw.close()
         if self.validated != model.num_timesteps:
@@ -369,18 +382,13 @@ class Training:
         left = max(1.0 - self.part, 0.0) if chosen.get("learning_rate_decay") else 1.0
         return left * float(chosen["learning_rate"])
 
-    def _check_length(self, minutes: float | None, steps: int | None) -> None:
-        """ValueError unless exactly one length is given, in its range and beyond what the checkpoint has reached."""
+    def _reached(self, minutes: float | None, steps: int | None) -> bool:
+        """Whether the checkpoint has reached a length; ValueError unless exactly one is given, in its range."""
         if (minutes is None) == (steps is None):
             raise ValueError("give minutes or steps")
         if minutes is not None:
-            number("minutes", minutes, minimum=0.0, above=True)
-            if self._resume and self.seconds >= 60.0 * minutes:
-                raise ValueError(
-                    f"already trained for {self.seconds / 60.0:.2g} min: give more minutes than {minutes:g}"
-                )
-        elif number("steps", steps, minimum=1.0) <= self._trained:
-            raise ValueError(f"already trained for {self._trained} steps: give more steps than {steps}")
+            return self.seconds >= 60.0 * number("minutes", minutes, minimum=0.0, above=True)
+        return number("steps", steps, minimum=1.0) <= self._trained
 
     @property
     def _identity(self) -> dict[str, Any]:
@@ -419,7 +427,7 @@ class Training:
     def validate(self, model: Any, seconds: float) -> None:
         """Evaluate the present policy on the validation seeds, and keep it if it is the best so far."""
         self.checkpoint(model, seconds)
-        latest = self.out / "latest.zip"
+        latest = self.out / LATEST
         policy.save(latest, model, self._about(model))
         found = held_out.collect(
             self.env_id,

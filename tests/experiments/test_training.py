@@ -113,10 +113,16 @@ def test_resume_goes_on(trained, tmp_path):
         steps = [int(row["steps"]) for row in csv.DictReader(file)]
     assert steps[-1] >= 16384
     third = Training(WEAVE, None, out, resume=True)
-    with pytest.raises(ValueError, match=r"already trained for \d+ steps: give more steps than 16384"):
-        third.run(steps=16384)
-    with pytest.raises(ValueError, match=r"already trained for .* min: give more minutes than 1e-05"):
-        third.run(minutes=1e-5)
+    curve, best = (out / "learning.csv").read_bytes(), policy.about(out / "policy.zip")
+    third.run(steps=16384)  # as if it had been killed before its report: nothing is trained, nothing validated again
+    third.run(minutes=1e-5)
+    assert (out / "learning.csv").read_bytes() == curve
+    assert policy.about(out / "policy.zip") == best
+    (out / "latest.zip").write_bytes(b"")  # as if it had been killed in its last validation, which is made again
+    Training(WEAVE, None, out, resume=True).run(steps=16384)
+    with (out / "learning.csv").open(encoding="utf-8") as file:
+        assert [int(row["steps"]) for row in csv.DictReader(file)] == [*steps, steps[-1]]
+    assert not (out / "latest.zip").exists()
     for more in ({"seed": 5}, {"friction": Friction("coulomb")}):
         with pytest.raises(ValueError, match=r"is of (seed 0, not 5|friction lugre, not coulomb)"):
             Training(WEAVE, "ppo", out, resume=True, **more)
