@@ -60,12 +60,11 @@ def _agreement(found: "Assessment") -> str:
     said = f"Within the tolerances {other} agrees with {reference} in this {found.test}"
     if found.power.unknown:
         return f"{said}; what differences it would have shown is unknown."
-    *parameters, _ = comparison_power.rows(found.power)
-    both_ways = sum(not hidden for _, _, hidden in parameters)
-    laws = found.power.laws.values()
+    both_ways, laws = comparison_power.both_ways(found.power), found.power.laws.values()
+    changed = f" changed {number(max(both_ways.values()))}-fold" if both_ways else ""
     return (
-        f"{said}, which would have shown {both_ways} of {len(parameters)} parameters and {sum(laws)} of {len(laws)} "
-        "laws changed."
+        f"{said}, which would have shown {len(both_ways)} of {len(found.power.parameters)} parameters{changed} and "
+        f"{sum(laws)} of {len(laws)} laws."
     )
 
 
@@ -80,10 +79,12 @@ def _comparison(found: "Assessment") -> str:
             for name, each in many.items()}  # fmt: skip
     if len(others) == 1:
         metrics = f"{large[others[0]]} of {len(many[others[0]])} metrics differ by more than {percent(MATTERS)}"
+        if apart := len(found.values[reference]) - len(many[others[0]]):
+            metrics = f"{metrics}, {apart} not compared"
         if not any(known):
             return f"{others[0]} and {reference}: {metrics}; no threshold of perception is known for any."
         if not felt[others[0]]:
-            return f"{others[0]} and {reference}: {metrics}; none exceeds one of the {sum(known)} known thresholds."
+            return f"{others[0]} and {reference}: {metrics}; none exceeds a threshold, known for {sum(known)}."
         return (
             f"A driver would tell {others[0]} from {reference} by {felt[others[0]]} of {sum(known)} known thresholds; "
             f"{metrics}."
@@ -109,8 +110,11 @@ def _rating(found: "Assessment") -> str:
     counts = Counter(rating.colour for of in found.ratings.values() for rating in of.values() if rating)
     good, fair, bad = (counts[colour] for colour in targets.COLOURS)
     who = next(iter(found.values)) if len(found.values) == 1 else f"{len(found.values)} recordings"
-    if rated := good + fair + bad:
-        return f"Of {rated} rated metrics of {who}, {good} are good, {fair} fair and {bad} outside."
+    if found.targets and (rated := good + fair + bad):
+        unsure = sum(each.sure is False for of in found.ratings.values() for each in of.values() if each)
+        doubt = f"; {unsure} {'rating is' if unsure == 1 else 'ratings are'} not sure" if unsure else ""
+        by = f"by the bands of {found.targets.name}"
+        return f"Of {rated} rated metrics of {who}, {good} are good {by}, {fair} fair and {bad} outside{doubt}."
     read = [not value.reason for values in found.values.values() for value in values.values()]
     return f"{sum(read)} of {len(read)} metrics of {who} can be read in this {found.test}; no targets rate them."
 
