@@ -378,7 +378,7 @@ def loops(x: Array, torques: Mapping[str, Array]) -> Figure:
 
 
 @styled
-def terms(shares: Mapping[str, Mapping[str, Sequence[float]]], threshold: float) -> Figure:
+def terms(shares: Mapping[str, Mapping[str, Sequence[float]]], threshold: float, narrow: bool = False) -> Figure:
     """Differences from the base law beside the just-noticeable difference, which is shaded: a row for each law.
 
     Parameters
@@ -387,13 +387,17 @@ def terms(shares: Mapping[str, Mapping[str, Sequence[float]]], threshold: float)
         A panel for each term.
     threshold : float
         Just-noticeable difference [1].
+    narrow : bool
+        Whether the panels stand below each other, for a narrow screen.
     """
     laws = list(dict.fromkeys(law for of in shares.values() for law in of))
     look = styles(laws)
-    figure = new_figure(9.6, 1.0 + 0.26 * len(laws))
+    height, rows = 1.0 + 0.26 * len(laws), len(shares) if narrow else 1
+    figure = new_figure(4.6 if narrow else 9.6, rows * height)
     farthest = max(abs(value) for of in shares.values() for values in of.values() for value in values)
     edge = 100.0 * min(max(1.6 * threshold, 1.1 * farthest), _WIDEST * threshold)
-    for axes, (title, of) in zip(figure.subplots(1, len(shares), sharey=True, squeeze=False)[0], shares.items()):
+    panels = figure.subplots(rows, len(shares) // rows, sharey=True, squeeze=False)
+    for axes, (title, of) in zip(panels.flat, shares.items()):
         axes.axvspan(-100.0 * threshold, 100.0 * threshold, color=_NOT_NOTICED, zorder=0)
         axes.axvline(0.0, color="#999999", linewidth=0.8)
         for place, law in enumerate(laws):  # not in the order of their styles

@@ -12,6 +12,8 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from steer_env import metrics, targets
 from steer_env.experiments.pages import car_pictures, pictures, plots, provenance
 from steer_env.experiments.pages.files import replaced_directory
@@ -25,8 +27,10 @@ from steer_env.metrics import RefusedError, Value
 from steer_env.metrics.common import frequency_response, just_noticeable
 from steer_env.recording import driven
 from steer_env.recording.recording import Recording
+from steer_env.vehicle.steering.eps import SAMPLE_TIME
 
 LONGEST = 10  # rows of a table of the first screen
+STEP = 1.01 * SAMPLE_TIME  # of a recording that was written as it was simulated, at most [s]
 
 
 def title(found: "Assessment") -> str:
@@ -274,6 +278,10 @@ def _simulated(recordings: Mapping[str, Recording]) -> frozenset[str]:
     )
 
 
+def _step(recording: Recording) -> float:
+    return float(np.median(np.diff(recording.time)))
+
+
 def _differences(
     values: Mapping[str, Value], base: Mapping[str, Value], noticed: float, certain: bool
 ) -> dict[str, battery.Difference]:
@@ -403,6 +411,7 @@ def page_of(
         "off": _off(found) if len(labels) == 1 else [],
         "title": title(found),
         "verdict": verdict(found),
+        "thinned": [label for label in labels if label in found.simulated and _step(recordings[label]) > STEP],
         "unknown": comparison_power.in_words(found.power) if found.power and found.power.unknown else "",
         "largest": largest(found),
         "caption": _caption(found),

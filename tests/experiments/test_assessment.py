@@ -401,6 +401,14 @@ def test_a_simulation_shows_no_uncertainty(tmp_path):
     assert {row["recording"] for row in rows if row["low"] != ""} == {"c"}
 
 
+def test_a_file_with_fewer_samples_than_were_simulated_is_told(weaves):
+    full = replace(weaves["lugre"], meta={**weaves["lugre"].meta, "trace": {"car": cars.load().data()}})
+    both = {"full": full, "thinned": full.filtered(80.0).resampled(200.0)}
+    page = assessment.page_of(assessment.assess(both), both)
+    assert page.values["thinned"] == ["thinned"]
+    assert "The metrics of thinned are of the file" in page.html()
+
+
 def test_a_simulation_that_does_not_agree_is_told_first(weaves, tmp_path):
     clean = weaves["lugre"]
     torque = {"handwheel_torque": 1.3 * clean["handwheel_torque"]}
