@@ -28,6 +28,7 @@ from steer_env.vehicle.steering.eps import SAMPLE_TIME
 
 CONTENTS = frozenset({"index.html", "metrics.json"})
 EVERYTHING = Scope()
+LONGEST = 10  # rows of the first table
 WANTED = "compact"  # target bands that the summary rates the laws by
 
 
@@ -142,6 +143,7 @@ def page_of(results: Results, source: dict[str, Any], look: Look = DEFAULT) -> P
         "terms": terms,
         "differences": terms[0].differences,
         "look": look,
+        "longest": LONGEST,
         "study": friction_laws,
         "timing": real_time,
         "computing": computing_time,

@@ -255,6 +255,24 @@ def test_a_law_that_a_driver_feels_is_in_the_verdict(made, source):
     assert json_of["step_steer.steady_step_torque"]["perception"] == "perceptible"
 
 
+def test_the_first_table_of_many_laws_has_ten_rows(made, source):
+    results, own = made[1], [f"own_{k}" for k in range(11)]
+
+    def many(of):
+        return {**of, **dict.fromkeys(own, of["masing"])}
+
+    changed = results._replace(
+        laws=many(results.laws),
+        drives={test: many(drives) for test, drives in results.drives.items()},
+        torques=many(results.torques),
+        tables=many(results.tables),
+        times=faked(dict.fromkeys(many(results.laws), 100.0)),
+    )
+    text = report.page_of(changed, source).html()
+    sentence(text)
+    assert {name for name in own if f"<tr><td>{name.replace('_', ' ')}</td><td>" in text} == set(own)
+
+
 def test_labels_are_in_words(made):
     words = " ".join(Page((made[0] / "index.html").read_text(encoding="utf-8")).words)
     assert not re.findall(r"\b\d+(?:hz|nm|p\d+g)\b", words)
