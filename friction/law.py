@@ -303,7 +303,7 @@ def advance(p, torque_scale, memory, w, h):
 
 
 def torque(p, torque_scale, memory, w):
-    """Torque at this moment [N m]."""
+    """Torque at this moment [N m]; a simulation takes the mean over a step, which :func:`step` returns."""
     return law_of(p).torque(p, torque_scale, memory, w)
 
 

@@ -30,7 +30,8 @@ class Pace:
         self._took = dict[str, float]()  # kind of work -> time of the last piece [s]
         self._kind, self._began = "", self._start
         self._then: Mapping[str, int] = {}
-        self._finished, self._of = list[tuple[float, int]](), 0  # when so many sets were, of this search
+        self._finished = list[tuple[float, int]]()  # time [s], and how many sets of this search were finished then
+        self._of = 0  # how many sets this search has in all
         self.text = ""
 
     def begin(self, kind: str, text: str, then: Mapping[str, int], sets: int = 0) -> None:

@@ -303,6 +303,7 @@ def current(job: Job, store: Any, number: int = 0) -> Study:
 
 
 def _made(job: Job, store: Any, number: int, ranges: tuple[Range, ...]) -> Study:
+    """A new round of a study, with as many directions as numbers that its sampler is told of a set."""
     study = optuna.create_study(
         storage=store,
         study_name=f"{job.name}-{number}",

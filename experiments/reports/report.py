@@ -130,7 +130,7 @@ def provenance_of(results: Results) -> dict[str, Any]:
 
 
 def page_of(results: Results, source: dict[str, Any], look: Look = DEFAULT) -> Page:
-    """The page."""
+    """The page: what ``report.html.j2`` refers to by name, the numbers as ``r``."""
     feels = {test: report_findings.feel(results, test, look.noticed) for test in results.drives}
     terms = report_findings.terms(results, look.noticed)
     drawn = {**_first_pictures(results, terms, look.noticed), **_pictures(results)}

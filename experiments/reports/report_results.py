@@ -45,8 +45,8 @@ class Scope(NamedTuple):
 Drives = dict[str, dict[str, battery.Drive]]  # test -> law
 
 
-class Term(NamedTuple):
-    """Laws in the tests on one term: with one calibration for all, or each fitted to the same measured friction."""
+class FittedLaws(NamedTuple):
+    """Laws that are each fitted to the same measured friction, and the tests with them."""
 
     laws: dict[str, Any]  # label -> parameters
     drives: Drives
@@ -70,7 +70,7 @@ class Results(NamedTuple):
     car: cars.Car
     manoeuvres: dict[str, Manoeuvre]  # by test
     drives: Drives
-    fitted: Term  # each law fitted to the measured friction, by its name; those that can be
+    fitted: FittedLaws  # each law fitted to the measured friction, by its name; those that can be
     torques: dict[str, dict[str, Any]]
     held: list[friction_laws.Held]
     tables: dict[str, list[real_time.Row]]
@@ -171,7 +171,7 @@ def collect(laws: dict[str, Any], scope: Scope, notify: Notify, sweep: Runner = 
         car=car,
         manoeuvres={test: manoeuvres.make(test, **options) for test, options in scope.tests.items()},
         drives={test: {law: of_law[law].drives[test] for law in laws} for test in scope.tests},
-        fitted=Term(
+        fitted=FittedLaws(
             {law: fit.parameters for law, (fit, _) in fits.items()},
             {test: {law: drives[test] for law, (_, drives) in fits.items()} for test in scope.tests},
             {law: fit.undetermined for law, (fit, _) in fits.items()},

@@ -149,7 +149,10 @@ def far_slide(problem: Problem) -> Problem:
 
 
 def _damping(problem: Problem, space: Space, optimum: Optimum) -> str | None:
-    """What damps the sliding beside a level that is sought too, where the record has one speed; None without."""
+    """Name of a sought damping that changes the sliding torque at one speed, where a level is sought too; else None.
+
+    At one speed such a damping cannot be told from the level.
+    """
     units = {s.name: space.law.units.get(s.name) for s in space.sought}
     spare = [i for i, s in enumerate(space.sought) if s.neutral == 0.0 and units[s.name] == DAMPING]
     if not spare or "N m" not in units.values() or not one_speed(problem):

@@ -79,7 +79,7 @@ def residuals(problem: Problem, space: Space, q: NDArray, prior: float) -> NDArr
 
 
 def descended(problem: Problem, space: Space, q: NDArray, loss_scale: float, *, final: bool = False) -> Optimum:
-    """Robust least squares from ``q``; not ``final`` is a search in which some coordinates may be undetermined.
+    """The end of robust least squares from ``q``; with ``final`` every coordinate counts as determined.
 
     Raises
     ------
@@ -98,7 +98,8 @@ def descended(problem: Problem, space: Space, q: NDArray, loss_scale: float, *, 
     tolerance = 1e-12 if final else 1e-6
     steps = 10 * TRIES if final else TRIES
     found = least_squares(weakened, q, method="lm", xtol=tolerance, ftol=tolerance, gtol=1e-15, max_nfev=steps)
-    if final and not found.success:  # the steps are short along the edge of what the law allows
+    # Along the edge of what the law allows the steps are short: a second search that gains next to nothing is enough.
+    if final and not found.success:
         cost = found.cost
         found = least_squares(weakened, found.x, method="lm", xtol=1e-9, ftol=1e-9, max_nfev=steps)
         found.success = found.success or found.cost > (1.0 - 1e-5) * cost

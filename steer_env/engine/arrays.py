@@ -170,9 +170,10 @@ SETUP = ("scripted_inputs", "paths", "task_data")  # the arrays that grow with t
 
 
 def stored(arrays: BatchArrays, rows: slice, setups: Mapping[str, Array]) -> BatchArrays:
-    """The arrays with values put into rows of those named, of ``SETUP``; one that is too short is replaced by a longer.
+    """Write values into rows of the named arrays, of ``SETUP``; returns the record.
 
-    The values (M, length, ...) are for M rows, or for all of them if M is 1.
+    An array that is too short is replaced by a longer one, the others are changed in place. The values (M, length, ...)
+    are for M rows, or for all of them if M is 1.
     """
     for name, values in setups.items():
         held, length = getattr(arrays, name), values.shape[1]

@@ -69,7 +69,7 @@ def prepare(scenario: Scenario, car: Car, chassis: str, drawn: Conditions) -> tu
 
 
 def tried(drives: tuple[PreparedDrive, ...], assist: Assist) -> Tried:
-    """Drive an assist through the tests; the result depends on no processor's number."""
+    """Drive an assist through the tests; the result does not depend on the number of processors."""
     with one_blas_thread():
         return Tried(evaluate(drives, assist), _margins(drives, assist))
 

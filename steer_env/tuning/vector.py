@@ -1,7 +1,5 @@
 """Several tuning environments in one object, whose parameter sets are driven at once in worker processes.
 
-Worker processes in which the sub-environments of a tuning vector environment drive their tests.
-
 Processes, as reading the metrics takes longer than the kernels and holds the interpreter's lock: two threads were
 0.9 to 1.2 times as fast as one. What a worker does depends on the context and the assist alone. It keeps the contexts
 that it has prepared, and prepares one that it does not have: so any of them takes any job, and one that is lost is
@@ -282,7 +280,10 @@ class TuneVectorEnv(PlainSpecification, VectorEnv):
         return self._observations.copy(), rewards, np.zeros(self.num_envs, bool), truncated, info
 
     def _evaluated(self, drawn: dict[int, Conditions], assists: dict[int, Assist]) -> dict[int, Tried]:
-        """Prepare the contexts of drawn conditions, and drive assists in their contexts, all at once."""
+        """Prepare the contexts of drawn conditions, and drive assists in their contexts, all at once.
+
+        The jobs of contexts that are new come first; their results are kept, and those of the assists are returned.
+        """
         for i, conditions in drawn.items():
             self._contexts[i] = self._context(conditions)
         new = {id(each): each for i in drawn if (each := self._of(i)).known is None}

@@ -196,6 +196,7 @@ def read(frequency: Array, L: NDArray[np.complex128], stable: bool = True) -> Ma
     for i in np.flatnonzero(np.signbit(L.imag[1:]) != np.signbit(L.imag[:-1])):
         s = L.imag[i] / (L.imag[i] - L.imag[i + 1])
         real = L.real[i] + s * (L.real[i + 1] - L.real[i])
+        # A stable loop that crosses beyond -1 has a margin to less gain, which is not the one read here.
         if real < 0.0 and not (stable and real <= -1.0):
             gain = min(gain, -1.0 / real)
     disk = 1.0 / np.abs(1.0 / (1.0 + L) - 0.5).max()  # (E18)

@@ -136,7 +136,7 @@ def _pack(path: Path, files: dict[str, bytes]) -> None:
 def _files(
     subsystem: Subsystem, identifier: str, told: str, platforms: Sequence[str], version: int, level: Processor
 ) -> dict[str, bytes]:
-    """Contents of the archive by path: description, icon, documentation and binaries."""
+    """Contents of the archive by path: description, icon, documentation and binaries, without ``made_of.json``."""
     listed = variables(subsystem, version)
     module = module_text(subsystem)
     objects = {platform: object_code(module, platform, level) for platform in platforms}

@@ -280,7 +280,7 @@ def _spline(smooth: FilteredChannels, name: str) -> CubicSpline:
 
 
 def _steady_starts(time: np.ndarray, angle: np.ndarray, frequency: float) -> np.ndarray:
-    """As :func:`_cycle_starts`, at the crossings of an angle whose zero does not drift, where it clearly does.
+    """As :func:`_cycle_starts`; where the zero of the angle clearly drifts, the drift is subtracted before.
 
     A zero that drifts shortens or lengthens every cycle between crossings, and with it biases the lags.
     """

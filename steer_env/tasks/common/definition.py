@@ -1,10 +1,10 @@
 """What a task is, the registry of tasks, and the two dispatch points that the engine's kernels call.
 
 A task is one file: its declaration (action, observations, terms, texts) with a function that draws an episode's setup,
-and two kernels, ``observe`` (where the car is relative to the path or target) and ``evaluate_step`` (reward terms,
-costs and metrics). The class of the task's parameters selects the kernels at compile time, as with friction laws.
-Docstrings, spaces and documentation are generated from the declaration. The kernels read channels and depend neither on
-the friction law nor on the chassis, so they compile once.
+and two kernels, which :func:`register` takes as ``observe`` (where the car is relative to the path or target) and
+``evaluate_step`` (reward terms, costs and metrics). The class of the task's parameters selects the kernels at compile
+time, as with friction laws. Docstrings, spaces and documentation are generated from the declaration. The kernels read
+channels and depend neither on the friction law nor on the chassis, so they compile once.
 """
 
 import math
@@ -37,7 +37,9 @@ class Quantity(NamedTuple):
 class Term(NamedTuple):
     """A term of the reward: weight times a quality from 0 to 1, integrated over the step (docs/rewards.md).
 
-    The weights of a task are positive and add up to 1 at most, but for the last term's, which is :data:`FAILURE`.
+    ``evaluate_step`` writes the integral as ``rewards.NAME``; :mod:`steer_env.engine.kernels` weights it as
+    ``terms[k]`` and adds it to the reward. The weights of a task are positive and add up to 1 at most, but for the last
+    term's, which is :data:`FAILURE`.
     """
 
     name: str
