@@ -336,6 +336,7 @@ def hands_off(
 
 
 _SIZE = (4.0, 3.4)  # [inch]
+_TOGETHER, _ACROSS = 5, 3  # laws that one pair of axes shows, and panels side by side where there are more
 _WIDE = 5.0  # line of the law that the others are compared with [point]
 _NOT_NOTICED = "#e3f2ea"
 _WIDEST = 4.0  # half the width of the axis of the differences at most, in thresholds; what is beyond is at its edge
@@ -367,13 +368,31 @@ def coincident(curves: Mapping[str, Mapping[str, Array]]) -> list[str]:
 
 @styled
 def loops(x: Array, torques: Mapping[str, Array]) -> Figure:
-    """Friction torque (T,) [N m] over displacement (T,) [rad], a line for each law."""
-    figure = new_figure(*_SIZE)
-    axes = figure.subplots()
-    for law, style in styles(torques).items():
-        axes.plot(x / DEGREE, torques[law], **{**style, "linewidth": 1.0})
-    axes.set(xlabel="displacement [deg]", ylabel="friction torque [N m]")
-    legend(figure, axes, 3)
+    """Friction torque (T,) [N m] over displacement (T,) [rad], a line for each law.
+
+    More than ``_TOGETHER`` laws have a panel each, with the first law in grey below.
+    """
+    look, (first, *others) = styles(torques), torques
+    if len(torques) <= _TOGETHER:
+        figure = new_figure(*_SIZE)
+        axes = figure.subplots()
+        for law, style in look.items():
+            axes.plot(x / DEGREE, torques[law], **{**style, "linewidth": 1.0})
+        axes.set(xlabel="displacement [deg]", ylabel="friction torque [N m]")
+        legend(figure, axes, 3)
+        return figure
+    rows = -(-len(others) // _ACROSS)
+    figure = new_figure(_SIZE[0], 1.1 * rows + 0.4)
+    places = figure.subplots(rows, _ACROSS, sharex=True, sharey=True).flat
+    for axes, law in zip(places, others):
+        axes.plot(x / DEGREE, torques[first], color="#b9c1cb", linewidth=1.6)
+        axes.plot(x / DEGREE, torques[law], **{**look[law], "linewidth": 0.9, "linestyle": "-"})
+        axes.set_title(law.replace("_", " "), color=look[law]["color"], fontsize=8)
+    for place, axes in enumerate(places[len(others) :], len(others)):
+        axes.set_axis_off()
+        places[place - _ACROSS].xaxis.set_tick_params(labelbottom=True)  # the lowest of its column
+    figure.supxlabel(f"displacement [deg]; grey: {first}", fontsize=8.5)
+    figure.supylabel("friction torque [N m]", fontsize=8.5)
     return figure
 
 

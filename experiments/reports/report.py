@@ -170,7 +170,8 @@ def _weave(results: Results) -> dict[str, Any]:
 def _first_pictures(results: Results, terms: Sequence[report_findings.OnTerm], noticed: float) -> dict[str, str]:
     """The pictures that come first, as SVG by name; without a test or a difference its picture is missing."""
     history = friction_laws.HISTORIES["growing_sine"].x
-    drawn = {"first_loops": pictures.loops(history, {law: of["growing_sine"] for law, of in results.torques.items()})}
+    laws = sorted(results.torques, key=lambda law: law != results.base)
+    drawn = {"first_loops": pictures.loops(history, {law: results.torques[law]["growing_sine"] for law in laws})}
     if weave := _weave(results):
         drawn["first_weave"] = pictures.weave(weave)
     shares = {
