@@ -1,12 +1,12 @@
-"""The level of friction: one factor on the saturated torque of every law, by load, temperature and direction of motion.
+"""The level of friction: a factor on the saturated torque of every law, by load, position, temperature and direction.
 
-    L = L_0 (1 + c_F |F|) exp(-c_theta (theta - theta_0))                                  (F11)
+    L = L_0 (1 + c_F |F|) (1 + b cos(n (x - x_b))) exp(-c_theta (theta - theta_0))         (F11)
     L_+ = L (1 + a) in positive motion,    L_- = L (1 - a) in negative motion              (F11)
 
-F is the load, L_0 a factor of the episode. A law knows one scale at a time. Within a step the side of the motion is
-known before its speed: it is that to which R of the step equation (F7) exceeds the mean torque of a step at rest, as in
-:func:`steer_env.friction.law.step`. :func:`chosen` therefore takes the scale of that side beforehand, with two rules
-for a memory (bristle, springs) that is loaded:
+F is the load, L_0 a factor of the episode, n the number of periods in a turn of x. A law knows one scale at a time.
+Within a step the side of the motion is known before its speed: it is that to which R of the step equation (F7) exceeds
+the mean torque of a step at rest, as in :func:`steer_env.friction.law.step`. :func:`chosen` therefore takes the scale
+of that side beforehand, with two rules for a memory (bristle, springs) that is loaded:
 
 * A memory holds what break-away allows in the direction in which it is loaded: it is cut back to L_+ where the torque
   at rest is positive, to L_- where it is negative.
@@ -17,11 +17,14 @@ for a memory (bristle, springs) that is loaded:
   -L_- F_c <= R <= L_+ F_c.
 
 A law is passive however its scale changes from step to step, and so it is with both sides. With ``a = 0`` nothing of
-this is computed.
+this is computed. The level is never negative, at any position; a step takes that of its middle, as the speed before it
+predicts.
 
 Sources: growth with the load in proportion and different levels by direction, ASME IDETC 2015, V003T01A007 (rig of an
-electric power steering, abstract). The exponential of the temperature is that of a lubricant's viscosity (Reynolds,
-Phil. Trans. 177 (1886) 157); that it acts on the saturated torque, and not on a viscous part alone, is assumed.
+electric power steering, abstract). The cosine is assumed: an order of the turn, as of a joint (2) or of a mesh of teeth
+(their number), is the first harmonic of what repeats with it. The exponential of the temperature is that of a
+lubricant's viscosity (Reynolds, Phil. Trans. 177 (1886) 157); that it acts on the saturated torque, and not on a
+viscous part alone, is assumed.
 """
 
 import math
@@ -43,6 +46,9 @@ class Level(NamedTuple):
     asymmetry: float = 0.0  # a: relative increase in positive motion, decrease in negative motion [1]
     temperature_rate: float = 0.0  # c_theta: relative decrease by temperature, at first [1/K]
     temperature_rise: float = 0.0  # theta - theta_0: temperature above that at which the law's parameters hold [K]
+    position: float = 0.0  # b: relative increase by position at its peak, decrease half a period from it [1]
+    order: float = 1.0  # n: periods of that in a turn, of the column in a plant [1]
+    peak: float = 0.0  # x_b: where it is largest [rad]
 
 
 class Scales(NamedTuple):
@@ -56,13 +62,23 @@ LIMITS = {  # (low, high), so that both directions keep some friction and the ex
     "asymmetry": (-0.9, 0.9),  # [1]
     "temperature_rate": (-0.05, 0.05),  # [1/K]
     "temperature_rise": (-100.0, 100.0),  # [K]
+    "position": (-0.9, 0.9),  # [1]
+    "order": (0.01, 1000.0),  # [1]
+    "peak": (-100.0, 100.0),  # [rad]
 }
 
 
 def make(
-    *, load: float = 0.0, asymmetry: float = 0.0, temperature_rate: float = 0.0, temperature_rise: float = 0.0
+    *,
+    load: float = 0.0,
+    asymmetry: float = 0.0,
+    temperature_rate: float = 0.0,
+    temperature_rise: float = 0.0,
+    position: float = 0.0,
+    order: float = 1.0,
+    peak: float = 0.0,
 ) -> Level:
-    """A checked :class:`Level`.
+    """A checked :class:`Level`, from its fields.
 
     Warns of a temperature without its rate, which has no effect.
 
@@ -71,29 +87,37 @@ def make(
     ValueError
         For a ``load`` below 0, or another value outside ``LIMITS``.
     """
-    given = {"asymmetry": asymmetry, "temperature_rate": temperature_rate, "temperature_rise": temperature_rise}
-    checked = {key: number(key, value, minimum=LIMITS[key][0], maximum=LIMITS[key][1]) for key, value in given.items()}
-    if checked["temperature_rise"] and not checked["temperature_rate"]:
+    given = Level(load, asymmetry, temperature_rate, temperature_rise, position, order, peak)._asdict()
+    checked = {key: number(key, given[key], minimum=low, maximum=high) for key, (low, high) in LIMITS.items()}
+    level = Level(not_negative("load", load), **checked)
+    if level.temperature_rise and not level.temperature_rate:
         warnings.warn(
-            f"temperature_rise {temperature_rise:g} K has no effect: temperature_rate is 0; give the relative decrease "
-            "of the friction by temperature, steering.friction_temperature_rate of a car [1/K]",
+            f"temperature_rise {level.temperature_rise:g} K has no effect: temperature_rate is 0; give the relative "
+            "decrease of the friction by temperature, steering.friction_temperature_rate of a car [1/K]",
             stacklevel=2,
         )
-    return Level(not_negative("load", load), **checked)
+    return level
 
 
 @kernel
-def scales(level, base, load):
-    """L_+ and L_- of (F11) at a load; ``base`` is L_0 [1]."""
+def scales(level, base, load, x):
+    """L_+ and L_- of (F11) at a load and a position; ``base`` is L_0 [1]."""
     L = base * (1.0 + level.load * abs(load))  # (F11)
+    if level.position != 0.0:
+        L *= 1.0 + level.position * math.cos(level.order * (x - level.peak))  # (F11)
     if level.temperature_rate != 0.0:
         L *= math.exp(-level.temperature_rate * level.temperature_rise)  # (F11)
     return Scales(L * (1.0 + level.asymmetry), L * (1.0 - level.asymmetry))  # (F11)
 
 
-def by_sample(level: Level, load: ArrayLike, base: float = 1.0) -> NDArray[np.float64]:
-    """Scales (T, 2) of positive and negative motion at the loads (T,) of a record, in the unit that ``level`` has."""
-    return np.column_stack(plain(scales)(level, base, numbers("load", load)))
+def largest(level: Level, base: float, load: float) -> float:
+    """The largest scale at a load, over all positions and both directions of motion [1]."""
+    return max(plain(scales)(level._replace(position=abs(level.position)), base, load, level.peak))  # (F11)
+
+
+def by_sample(level: Level, load: ArrayLike, x: ArrayLike, base: float = 1.0) -> NDArray[np.float64]:
+    """Scales (T, 2) of positive and negative motion at the loads and positions (T,) of a record, in its units."""
+    return np.array([plain(scales)(level, base, *each) for each in zip(numbers("load", load), numbers("x", x))])
 
 
 @kernel

@@ -142,12 +142,13 @@ def steer(p, state, hand, hand_speed, before, after, elapsed, force, h):
     at = layout(p)
     motor = eps.motor_step(p.assist, state[at.assist : at.steps], before, after, elapsed, h)
     T_C = motor - p.pinion_radius * force  # (P2)
+    position = state[column.COLUMN_ANGLE] + 0.5 * h * state[column.COLUMN_SPEED]  # in the middle of the step
     state[at.hand_torque + 1] = state[at.hand_torque]
     state[at.friction_torque + 1] = state[at.friction_torque]
     _, _, T_F, T1 = column.step(
         p.column,
         p.friction,
-        scales(p.level, p.friction_torque_scale, force),  # (F11)
+        scales(p.level, p.friction_torque_scale, force, position),  # (F11)
         state[at.column : at.assist],
         state[at.memory :],
         p.robot > 0.0,

@@ -3,15 +3,12 @@
     S > steepest fall of the law's mean torque with the speed          (F13)
 
 S is that of the column under a given hand torque (C5), where it is smallest. Arms on the handwheel and a shorter step
-raise it. The fall grows with the friction scale (F11), which is taken at the largest rack force. The numbers of the
-equations are those of docs/model.md.
+raise it. The fall grows with the friction scale (F11), which is taken at the largest rack force, and at the position
+and in the direction in which it is largest. The numbers of the equations are those of docs/model.md.
 """
 
-from typing import Any
-
 from steer_env.friction.law import law_of
-from steer_env.friction.level import scales
-from steer_env.friction.numerics.kernel import plain
+from steer_env.friction.level import largest
 from steer_env.vehicle.plant import Plant
 from steer_env.vehicle.steering.column import Column
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
@@ -28,28 +25,19 @@ def least_slope(c: Column, h: float) -> float:
     return 2.0 * c.I2 / h + c.C2 + K - K * K / a11  # (C5)
 
 
-def checked(p: Plant, friction: Any = None, level: float | None = None) -> Plant:
+def checked(p: Plant) -> Plant:
     """The plant itself, if its step equation has one solution.
-
-    Parameters
-    ----------
-    p : Plant
-    friction : parameters of a friction law, optional
-        Others than those of the plant, for ranges from which they are drawn.
-    level : float, optional
-        Another factor on the saturated friction than that of the plant [1].
 
     Raises
     ------
     ValueError
         It may have several, with the slope that is allowed, the longest step and what helps.
     """
-    law_p = p.friction if friction is None else friction
-    level = p.friction_torque_scale if level is None else level
-    law, scale = law_of(law_p), max(plain(scales)(p.level, level, LARGEST_RACK_FORCE))  # (F11)
+    law, level = law_of(p.friction), p.friction_torque_scale
+    scale = largest(p.level, level, LARGEST_RACK_FORCE)  # (F11)
 
     def single(h: float) -> bool:
-        return law.steepest_fall(law_p, scale, h) < least_slope(p.column, h)  # (F13)
+        return law.steepest_fall(p.friction, scale, h) < least_slope(p.column, h)  # (F13)
 
     if single(SAMPLE_TIME):
         return p
@@ -61,7 +49,7 @@ def checked(p: Plant, friction: Any = None, level: float | None = None) -> Plant
         steps = f"steps of up to {1e3 * low:.3g} ms would do"
     else:
         steps = "no shorter step helps"
-    fall = law.steepest_fall(law_p, scale, SAMPLE_TIME)
+    fall = law.steepest_fall(p.friction, scale, SAMPLE_TIME)
     raise ValueError(
         f"friction law {law.name!r}: its torque falls with the speed by up to {fall:.3g} N m s/rad at the largest"
         f" friction scale, {scale:.3g} (level {level:g}, rack force {1e-3 * LARGEST_RACK_FORCE:g} kN); at the step of"

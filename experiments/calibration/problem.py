@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from steer_env import friction as friction_laws
-from steer_env.episode.randomise import LIMITS, Conditions
+from steer_env.episode.randomise import LIMITS, undrawn
 from steer_env.experiments.calibration import constraints
 from steer_env.friction.numerics.check import number
 from steer_env.targets import Band, Targets
@@ -231,7 +231,7 @@ def prepared(problem: Problem) -> Prepared:
         drives = []
         for condition in problem.conditions:
             load, level = condition.load, condition.friction_level
-            drawn = Conditions(load, 1.0, level, problem.speed, 1.0, 0.0, 1.0, 0.0, problem.law)
+            drawn = undrawn(problem.car, problem.law, problem.speed)._replace(load=load, friction_level=level)
             try:
                 drives.append(driving.prepare(SCENARIO, problem.car, problem.chassis, drawn))
             except ValueError as error:

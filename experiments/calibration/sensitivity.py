@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from steer_env import friction
-from steer_env.episode.randomise import LIMITS, Conditions
+from steer_env.episode.randomise import LIMITS, undrawn
 from steer_env.experiments.calibration import problem, screening
 from steer_env.experiments.calibration.problem import Range
 from steer_env.experiments.calibration.screening import Design, Effect
@@ -201,13 +201,13 @@ def evaluate(block: Block) -> list[Outputs]:
 
 def _prepared(study: Study, values: Mapping[str, float]) -> tuple[driving.PreparedDrive, ...]:
     """The tests in the plant that the values make, with the hands' motion for its own assist."""
-    load, road_friction, level, speed = (values.get(name, CONDITIONS[name][0]) for name in Conditions._fields[:4])
+    conditions: dict[str, Any] = {name: values.get(name, usual) for name, (usual, *_) in CONDITIONS.items()}
     law = {key.removeprefix(FRICTION): x for key, x in values.items() if key.startswith(FRICTION)}
     known = (*KNOWN, *CONDITIONS)
     changes = {key: x for key, x in values.items() if key not in known and not key.startswith(FRICTION)}
     car = cars.load(study.car.data(), changes=changes) if changes else study.car
     resolved = friction.resolve({**friction.as_mapping(study.law), **law}) if law else study.law
-    drawn = Conditions(load, road_friction, level, speed, 1.0, 0.0, 1.0, 0.0, resolved)
+    drawn = undrawn(car, resolved, conditions["speed"])._replace(**conditions)
     return driving.prepare(SCENARIO, car, study.chassis, drawn)
 
 

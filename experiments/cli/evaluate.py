@@ -27,7 +27,9 @@ MEASURED = (
 
 def add(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
-    parser.add_argument("file", metavar="FILE", nargs="?", help=f"a recording, or a folder of them: {names.RECORDED}")
+    drives = ", ".join(names.road_drives())
+    text = f"a recording, or a folder of them: {names.RECORDED}; or {drives}, a packaged drive for --manoeuvre road"
+    parser.add_argument("file", metavar="FILE", nargs="?", help=text)
     text = "two to eight recordings, or folders of them; the differences are those to the first"
     parser.add_argument("--compare", metavar="FILE", nargs="+", help=text)
     recordings.add_options(parser)
@@ -38,6 +40,8 @@ def run(args: argparse.Namespace) -> int:
     """Print the metrics, and write them where --out says; the exit code."""
     if (args.file is None) == (args.compare is None):
         raise ValueError("give one FILE, or two to eight with --compare")
+    if args.file:
+        args.file = recordings.packaged(args.file, args)
     if args.template:
         return _write_template(args)
     return recordings.assess([args.file] if args.file else args.compare, args, None, compare=args.file is None)

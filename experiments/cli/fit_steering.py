@@ -10,7 +10,7 @@ from typing import Any
 
 from steer_env.experiments.cli.common import inputs, names, options
 from steer_env.experiments.cli.common.extras import require_format
-from steer_env.experiments.cli.common.recordings import add_reading, check_can, mapping_of, read
+from steer_env.experiments.cli.common.recordings import add_reading, check_can, mapping_of, packaged, read
 from steer_env.experiments.pages import car_options
 
 GROUP = "friction"
@@ -73,12 +73,7 @@ def run(args: argparse.Namespace) -> None:
 
 def _place(given: str, args: Any) -> tuple[str, str]:
     """Path of a drive that is packaged, whose mapping is then set, or of a file; and its name."""
-    from importlib.resources import files
-
-    if given in names.road_drives():
-        folder = files("steer_env.experiments").joinpath("data", "road")
-        args.mapping = args.mapping or [str(folder.joinpath(f"{given}.toml"))]
-        return str(folder.joinpath(f"{given}.csv.gz")), given
-    if not Path(given).suffix:
+    path = packaged(given, args)
+    if path == given and not Path(given).suffix:
         raise ValueError(f"{given!r} is no packaged drive ({', '.join(names.road_drives())}) and no file's name")
-    return given, Path(given).name.partition(".")[0]
+    return path, Path(path).name.partition(".")[0]

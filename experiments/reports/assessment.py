@@ -120,7 +120,7 @@ def _rating(found: "Assessment") -> str:
         by = f"by the bands of {found.targets.name}"
         return f"Of {rated} rated metrics of {who}, {good} are good {by}, {fair} fair and {bad} outside{doubt}."
     read = [not value.reason for values in found.values.values() for value in values.values()]
-    return f"{sum(read)} of {len(read)} metrics of {who} can be read in this {found.test}; no targets rate them."
+    return f"{sum(read)} of {len(read)} metrics of {who} can be read as {found.test}; no targets rate them."
 
 
 def differing(recordings: Mapping[str, Recording]) -> list[tuple[str, list[Any]]] | None:

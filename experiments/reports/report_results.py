@@ -21,9 +21,9 @@ from steer_env.vehicle import cars
 
 Notify = Callable[[float, str], None]  # gets the part that is done and what comes next
 
-# Every manoeuvre, those for on-centre feel first.
+# Every scripted manoeuvre, those for on-centre feel first.
 _FIRST = ("weave", "slow-ramp")
-EVERY_TEST: dict[str, dict[str, Any]] = {name: {} for name in (*_FIRST, *manoeuvres.available())}
+EVERY_TEST: dict[str, dict[str, Any]] = {name: {} for name in (*_FIRST, *battery.SCRIPTED)}
 
 
 class Scope(NamedTuple):

@@ -120,6 +120,8 @@ def as_json(found: Identified) -> dict[str, Any]:
         "seconds_judged": float(d.weight[found.first :].sum() * d.dt),
         "corrections": d.turns,
         "torque_rms": rms(found),
+        "growth": _plain(found.growth),
+        "growth_interval": [_plain(x) for x in found.growth_interval],
         "chosen": found.chosen,
         "equals": list(found.equals),
         "apart": found.apart,
@@ -166,7 +168,7 @@ def measured_over_predicted(found: Identified) -> Figure:
     ends = [min(x.min(), y.min()), max(x.max(), y.max())]
     left.plot(x, y, ".", color=PALETTE[0], markersize=2.0, alpha=0.5)
     left.plot(ends, ends, color="#777777", linewidth=1.0)
-    left.set(title="unseen part", xlabel="predicted torque [N m]", ylabel="measured torque [N m]")
+    left.set(title="part that was not fitted", xlabel="predicted torque [N m]", ylabel="measured torque [N m]")
     shown = used[: round(SECONDS * RATE)]
     right.plot(d.time[shown], d.torque[shown], color="#9aa3ad", linewidth=1.8, label="measured")
     right.plot(d.time[shown], predicted[shown], color=PALETTE[1], linewidth=1.2, label="predicted")

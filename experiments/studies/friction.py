@@ -27,6 +27,7 @@ from steer_env.experiments.studies.common.friction_distinction import TOLD, expe
 from steer_env.experiments.studies.common.friction_results import QUICK, Results, collect, full
 from steer_env.experiments.sweep import Runner, run
 from steer_env.friction.identification import periods
+from steer_env.hand_torque.fit import VISCOUS
 from steer_env.recording.recording import DEGREE
 from steer_env.vehicle.cars import Car
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
@@ -50,6 +51,7 @@ def page_of(r: Results) -> Page:
         "usable": real_time.USABLE,
         "computing": computing_time,
         "a": accuracy(r),
+        "road": on_road(r),
         "c": steps(r),
         "laws": of_laws(r),
         "factors": of_factors(r),
@@ -105,6 +107,18 @@ def last_loops(r: Results) -> tuple[Loop, dict[str, Loop]]:
         if each.error < NEAR
     }
     return (x, r.record.friction[-period:]), laws
+
+
+def on_road(r: Results) -> dict[str, Any]:
+    """What each law leaves of the hand torque of a drive where it was not fitted."""
+    found = r.road
+    rows = [
+        (row.name, number(row.residual, 3), " to ".join(number(x, 3) for x in row.interval),
+         *((number(row.adds, 2), " to ".join(number(x, 2) for x in row.adds_interval)) if row in found.dry else "––"))
+        for row in found.rows
+    ]  # fmt: skip
+    used = found.drive.weight[found.first :].sum() * found.drive.dt
+    return {"rows": rows, "best": found.best, "damping": found.row(VISCOUS), "equals": found.equals, "seconds": used}
 
 
 def steps(r: Results) -> dict[str, Any]:
@@ -351,6 +365,10 @@ def as_json(r: Results) -> dict[str, Any]:
             "repeatability": r.repeatability,
             "held_out": records.HELD_OUT,
             "notes": list(r.record.notes),
+        },
+        "road": {
+            row.name: {"residual": row.residual, "adds": row.adds, "adds_interval": row.adds_interval}
+            for row in r.road.rows
         },
         "steps": {law: [row._asdict() for row in of] for law, of in r.tables.items()},
         "effects": effects,

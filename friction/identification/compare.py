@@ -132,7 +132,7 @@ def _first(record: Record, share: float) -> int:
 def remainder(record: Record, fit: Fit) -> NDArray[np.float64]:
     """What a law that was fitted leaves of the torque of a whole record (T,), law less record [N m]."""
     clean = prepared(record, fit.inertia).record  # x freed of its noise, and without the torque of the inertia
-    scale: Any = 1.0 if fit.level is None or record.load is None else by_sample(fit.level, record.load)
+    scale: Any = 1.0 if fit.level is None or record.load is None else by_sample(fit.level, record.load, record.x)
     return response(fit.parameters, clean.x, record.dt, scale) + fit.offset - clean.torque
 
 

@@ -144,8 +144,9 @@ def elements_of(problem: Problem, slider: Slider | None = None, slopes: Sequence
     Squares Problems, 1974.
     """
     widest = 0.5 * float(np.ptp(problem.x[problem.weighed]))
-    grids = [np.repeat(np.geomspace(1e-3 * widest, widest, n), len(slopes)) for n in GRIDS]
-    sets = [np.tile(slopes, n) for n in GRIDS]
+    own = dict.fromkeys((tuple(slopes), CONSTANT))  # levels that depend on nothing may describe the record as well
+    grids = [np.repeat(np.geomspace(1e-3 * widest, widest, n), len(each)) for each in own for n in GRIDS]
+    sets = [np.tile(each, n) for each in own for n in GRIDS]
     regressors = [regressors_of(problem, y, slider, each) for y, each in zip(grids, sets)]
     T = problem.torque[problem.weighed]
     n = round((1.0 - JUDGED) * T.size)
@@ -157,7 +158,7 @@ def elements_of(problem: Problem, slider: Slider | None = None, slopes: Sequence
     found = [(each, elements) for each, elements in found if elements.y.size <= MAX_ELEMENTS]
     least, best = min(found, key=lambda each: each[0])
     found = [(each, elements) for each, elements in found if each <= ALIKE * least]
-    bounds = [_bounds(elements, best.y) for _, elements in found]
+    bounds = [_bounds(elements, best.y, *_exchangeable(problem, elements, slider)) for _, elements in found]
     low = np.maximum(np.min([each[0] for each in bounds], axis=0), 0.0)
     high = np.max([each[1] for each in bounds], axis=0)
     intervals = {"F_c": (low[-1], high[-1]), "virgin_torque": (low, high)}
@@ -221,11 +222,22 @@ def _estimate(y: NDArray, A: NDArray, T: NDArray, slope: NDArray) -> Elements:
     return Elements(y[used], F[used], F[extra], {}, A[:, np.append(used, extra)], A @ F - T, slope[used])
 
 
-def _bounds(found: Elements, y: NDArray) -> tuple[NDArray, NDArray]:
-    """95 % bounds of the virgin torque at ``y``: of each element, the part that it has reached there."""
-    shares = np.minimum(y[:, None] / found.y, 1.0)
-    half = half_widths(found.J, found.residual, np.column_stack([shares, np.zeros((y.size, found.factors.size))]))
-    return shares @ found.F - half, shares @ found.F + half
+def _exchangeable(problem: Problem, found: Elements, slider: Slider | None) -> tuple[NDArray, NDArray]:
+    """Yields and regressors of what may share the level: where it has slopes, both ends of them at each yield."""
+    if not np.any(found.slope):
+        return found.y, found.J
+    y = np.repeat(np.unique(found.y), 2)
+    return y, regressors_of(problem, y, slider, np.resize((-1.0, 1.0), y.size))
+
+
+def _bounds(found: Elements, at: NDArray, y: NDArray, J: NDArray) -> tuple[NDArray, NDArray]:
+    """95 % bounds of the virgin torque ``at`` displacements: of each element, the part that it has reached there.
+
+    Their widths are those of elements with the yields ``y`` and the regressors ``J``.
+    """
+    shares, middle = np.minimum(at[:, None] / y, 1.0), np.minimum(at[:, None] / found.y, 1.0) @ found.F
+    half = half_widths(J, found.residual, np.column_stack([shares, np.zeros((at.size, found.factors.size))]))
+    return middle - half, middle + half
 
 
 def _sets(problem: Problem, found: Elements, slider: Slider | None) -> tuple[SliderSet, ...]:

@@ -19,7 +19,7 @@ from steer_env import drivers
 from steer_env.engine.arrays import EPISODE, allocate, layout, scores, stored
 from steer_env.engine.kernels import evaluate, fill_inputs
 from steer_env.engine.sensor_noise import SensorNoise
-from steer_env.episode.randomise import LIMITS, RANGES, SENSOR_NOISE, Conditions, Randomise
+from steer_env.episode.randomise import LIMITS, RANGES, SENSOR_NOISE, Conditions, Randomise, with_level
 from steer_env.episode.timing import SAMPLES_PER_UPDATE
 from steer_env.friction.numerics.check import number, whole
 from steer_env.friction.numerics.frozen import frozen
@@ -36,7 +36,7 @@ from steer_env.tasks.common.definition import (
     Scenery,
     Task,
 )
-from steer_env.vehicle import cars, plant, step_limit
+from steer_env.vehicle import cars, plant
 from steer_env.vehicle import chassis as chassis_models
 from steer_env.vehicle import tyre as tyres
 from steer_env.vehicle.road import Road, resolve
@@ -122,13 +122,13 @@ class EnvironmentBatch:
         if tyre is not None:
             self.car = self.car._replace(tyre=tyres.load(tyre))
         self.driver = drivers.resolve("preview" if driver is None else driver) if task.driver_in_loop else None
-        self._randomise = Randomise(randomise, friction, speed, LIMITS | {"speed": limits})
+        self._randomise = Randomise(randomise, friction, speed, self.car, LIMITS | {"speed": limits})
         weights_of = _weights(task, weights)
 
         usual = self._randomise.usual
         template = self._template = self._plant(usual, task.robot, self.driver)
-        for law in self._randomise.corners:  # refused now, not in some later episode
-            step_limit.checked(template, law, self._randomise.highest_level)
+        for corner in self._randomise.corners:  # refused now, not in some later episode
+            with_level(template._replace(friction=corner.friction), corner)
         self.channels = tuple(name for name, _ in plant.channels(template))
         self.states = tuple(name for name, _ in plant.states(template))
         self._pose_states = [self.states.index(name) for name in _POSE]
@@ -184,7 +184,7 @@ class EnvironmentBatch:
             chassis=self.chassis,
             road=self.road,
         )
-        p = step_limit.checked(p._replace(friction_torque_scale=drawn.friction_level))
+        p = with_level(p, drawn)
         return p if robot or driver is None else drivers.with_arms(p, driver.arm)
 
     def _runner(self, p: plant.Plant) -> Callable[..., None]:

@@ -1,4 +1,7 @@
-"""Conditions of an episode that are drawn at every reset: load, road, friction, speed, sensors."""
+"""Conditions of an episode that are drawn at every reset: load, road, friction, speed, sensors.
+
+What is not drawn is as in the car, unloaded on a dry road, with perfect sensors.
+"""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -9,15 +12,21 @@ import numpy as np
 
 from steer_env import friction
 from steer_env.courses.preview import PREVIEW_NAMES
+from steer_env.friction import level
 from steer_env.friction.law import parts
 from steer_env.friction.numerics.check import number
-from steer_env.vehicle import cars
+from steer_env.vehicle import cars, step_limit
+from steer_env.vehicle.cars.car import load_rate
+from steer_env.vehicle.plant import Plant
 
 # Name: smallest and largest value, meaning.
 RANGES = {
     "load": (0.0, 500.0, "mass added to the body [kg]"),
     "road_friction": (0.1, 1.2, "friction of the road relative to that of the tyre's measurements [1]"),
     "friction_level": (0.1, 5.0, "factor on the law's saturated friction torque [1]"),
+    "friction_load": (0.0, 1.0, "friction torque over the rack force's torque on the pinion [1]"),
+    "friction_asymmetry": (*level.LIMITS["asymmetry"], "relative increase of the friction to the left [1]"),
+    "friction_position": (*level.LIMITS["position"], "relative increase of the friction by position, at its peak [1]"),
     "speed": (0.0, cars.SPEED_MAX, "held speed [m/s]"),
     "sensor_noise": (0.0, 10.0, "factor on the standard deviations of the sensors' noise [1]"),
     "delay": (0.0, 0.2, "delay of the observation, rounded to whole control steps [s]"),
@@ -48,6 +57,9 @@ class Conditions(NamedTuple):
     load: float  # [kg]
     road_friction: float  # [1]
     friction_level: float  # [1]
+    friction_load: float  # [1]
+    friction_asymmetry: float  # [1]
+    friction_position: float  # [1]
     speed: float  # [m/s]
     sensor_noise: float  # [1]
     delay: float  # [s]
@@ -60,6 +72,41 @@ class Conditions(NamedTuple):
         """Values by name: keys of :data:`RANGES`, and ``friction_<parameter>`` of the law; NaN where there is none."""
         law = {f"friction_{name}": value for name, value in self.drawn}
         return [float(law[name] if name in law else getattr(self, name, math.nan)) for name in names]
+
+
+def undrawn(car: cars.Car, law: Any, speed: float) -> Conditions:
+    """The conditions if nothing is drawn, of a law's parameters and a held speed [m/s]."""
+    s = car.steering
+    return Conditions(
+        load=0.0,
+        road_friction=1.0,
+        friction_level=1.0,
+        friction_load=s["friction_load"],
+        friction_asymmetry=s["friction_asymmetry"],
+        friction_position=s["friction_position"],
+        speed=speed,
+        sensor_noise=0.0,
+        delay=0.0,
+        action_gain=1.0,
+        action_lag=0.0,
+        friction=law,
+    )
+
+
+def with_level(p: Plant, drawn: Conditions) -> Plant:
+    """A plant with the drawn level of friction.
+
+    Raises
+    ------
+    ValueError
+        Its friction falls too steeply with the speed (:mod:`steer_env.vehicle.step_limit`).
+    """
+    changed = p.level._replace(
+        load=load_rate(drawn.friction_load, p.pinion_radius),
+        asymmetry=drawn.friction_asymmetry,
+        position=drawn.friction_position,
+    )
+    return step_limit.checked(p._replace(level=changed, friction_torque_scale=drawn.friction_level))
 
 
 class Randomise:
@@ -75,16 +122,16 @@ class Randomise:
         gives, else the law's defaults.
     speed : float
         Held speed where it is not drawn [m/s].
+    car : Car
+        Gives the influence of load, direction and position on the friction where that is not drawn.
     limits : mapping of str to (float, float)
         Keys of ``RANGES`` that the environment takes, with the smallest and largest value: ``LIMITS`` with the speeds
         of the chassis.
 
     Attributes
     ----------
-    corners : list of parameters
-        The law with each combination of the ends of its ranges.
-    highest_level : float
-        The largest factor on the saturated friction that is drawn [1].
+    corners : list of Conditions
+        The law with each combination of the ends of its ranges, and each end with the most friction.
 
     Raises
     ------
@@ -93,11 +140,15 @@ class Randomise:
     """
 
     def __init__(
-        self, ranges: Mapping[str, Any] | None, law: Any, speed: float, limits: Mapping[str, tuple[float, float]]
+        self,
+        ranges: Mapping[str, Any] | None,
+        law: Any,
+        speed: float,
+        car: cars.Car,
+        limits: Mapping[str, tuple[float, float]],
     ) -> None:
         self._limits = limits
-        usual = friction.resolve(law)
-        self._usual = Conditions(0.0, 1.0, 1.0, speed, 0.0, 0.0, 1.0, 0.0, usual)
+        self._usual = undrawn(car, friction.resolve(law), speed)
         self._name, self._given = parts(law)
         if ranges is None:
             ranges = {}
@@ -113,8 +164,10 @@ class Randomise:
             raise ValueError(f"randomise['friction'] must map the law's parameters to (low, high), got {own!r}")
         self._law = {name: self._pair(f"friction.{name}", pair) for name, pair in own.items()}
         # each corner must give valid parameters
-        self.corners = [self._make(dict(zip(self._law, corner))) for corner in product(*self._law.values())]
-        self.highest_level = self._ranges.get("friction_level", (1.0, 1.0))[1]
+        laws = [self._make(dict(zip(self._law, corner))) for corner in product(*self._law.values())]
+        levels = {name: pair for name, pair in self._ranges.items() if name.startswith("friction_")}
+        most: dict[str, Any] = {name: max(pair, key=abs) for name, pair in levels.items()}
+        self.corners = [self._usual._replace(friction=law, **most) for law in laws]
 
     def _pair(self, name: str, pair: Any) -> tuple[float, float]:
         try:

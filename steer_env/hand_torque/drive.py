@@ -38,6 +38,7 @@ class Drive(NamedTuple):
     prior: Prior  # of the lateral acceleration
     turns: int  # corrections: reversals of the angle after at least ``TURN``
     notes: tuple[str, ...]
+    record_notes: tuple[str, ...]  # those that are of the recording, and not of a fit of (H1)
 
     @property
     def dt(self) -> float:
@@ -62,8 +63,8 @@ def prepared(recording: Recording, prior: Prior | None = None) -> Drive:
         ``SHORTEST`` of use; with the remedy.
     """
     named = _channels(recording)
-    time, weight, notes = _even(recording, named)
-    read = {channel: _read(recording, name, time) for channel, name in named.items()}
+    time, weight, notes = even(recording, named)
+    read = {channel: at_instants(recording, name, time) for channel, name in named.items()}
     angle = smoothed(read["handwheel_angle"], 1.0 / RATE)
     speed, torque = read["vehicle_speed"], read["torsion_bar_torque"]
     slow = speed < SLOWEST
@@ -80,7 +81,8 @@ def prepared(recording: Recording, prior: Prior | None = None) -> Drive:
     _check_unit(prior, angle[used], speed[used])
     prior, told = _measured(recording, prior, time, angle, speed, used)
     a = lateral_acceleration(prior, angle, speed)
-    notes += (*told, *_check_torque(a[used], angle[used], torque, used))
+    notes += _check_torque(a[used], angle[used], torque, used)
+    record_notes, notes = notes, (*notes, *told)
     turns = corrections(angle[used])
     if turns < FEWEST:
         notes += (
@@ -88,7 +90,7 @@ def prepared(recording: Recording, prior: Prior | None = None) -> Drive:
             f"corrections: {FEWEST} are needed, so that no friction law is fitted",
         )
     fine = low_passed("handwheel_angle", read["handwheel_angle"], FINE, RATE)
-    return Drive(time, angle, fine, speed, torque, weight, prior, turns, notes)
+    return Drive(time, angle, fine, speed, torque, weight, prior, turns, notes, record_notes)
 
 
 def corrections(angle: Array) -> int:
@@ -123,8 +125,20 @@ def _channels(recording: Recording) -> dict[str, str]:
     return found
 
 
-def _even(recording: Recording, named: dict[str, str]) -> tuple[Array, Array, tuple[str, ...]]:
-    """Uniform instants, weights without gaps, and what is told of them."""
+def even(recording: Recording, named: dict[str, str]) -> tuple[Array, Array, tuple[str, ...]]:
+    """Uniform instants (T,) [s], weights (T,), 0 in gaps of the channels and beside them, and what is told of them.
+
+    Parameters
+    ----------
+    recording : Recording
+    named : dict of str to str
+        Channel, in the words of a message -> its name in the recording.
+
+    Raises
+    ------
+    ValueError
+        For a channel without values.
+    """
     time = np.arange(recording.time[0], recording.time[-1], 1.0 / RATE)
     weight, notes = np.ones_like(time), []
     total = 0.0
@@ -143,12 +157,13 @@ def _even(recording: Recording, named: dict[str, str]) -> tuple[Array, Array, tu
             f"of {total:.2g} s, and is left out"
         )
     notes.append(
-        f"resampled at {RATE:g} Hz from {(recording.time.size - 1) / np.ptp(recording.time):.3g} rows a second"
+        f"resampled at {RATE:g} Hz from {round((recording.time.size - 1) / np.ptp(recording.time), 1):g} rows a second"
     )
     return time, weight, tuple(notes)
 
 
-def _read(recording: Recording, name: str, time: Array) -> Array:
+def at_instants(recording: Recording, name: str, time: Array) -> Array:
+    """A channel (T,) in its unit at instants (T,) [s], interpolated linearly between its samples and in its gaps."""
     there = ~np.isnan(recording[name])
     return np.interp(time, recording.time[there], recording[name][there])
 
@@ -176,7 +191,7 @@ def _measured(
     for name in ("yaw_rate", "lateral_acceleration"):
         if name not in recording.channels or recording.units[name] not in ("rad/s", "m/s2"):
             continue
-        values = _read(recording, name, time) * (speed if name == "yaw_rate" else 1.0)
+        values = at_instants(recording, name, time) * (speed if name == "yaw_rate" else 1.0)
         x, y = lateral_acceleration(prior, angle, speed)[used], values[used]
         if not np.std(y) > 0.0:
             continue

@@ -10,9 +10,11 @@ fitted shows.
 """
 
 from collections.abc import Callable, Sequence
+from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy import stats
 from scipy.optimize import nnls
 
 from steer_env.friction import response
@@ -34,9 +36,11 @@ from steer_env.recording.recording import Recording
 
 HELD_OUT = 0.35  # share of a drive, its last part, that judges [1]
 BLOCK = 5.0  # of cross-validation and bootstrap; longer than a correction, assumed [s]
+NO_GROWTH = np.nan, (np.nan, np.nan)  # of a drive without a dry law
 DRAWS = 400  # of the bootstrap
 A_C = (0.05, 0.1, 0.2, 0.4, 0.8)  # grid of a_c [m/s2]
 X_C = tuple(np.radians([0.03, 0.06, 0.1, 0.15, 0.2, 0.3, 0.45, 0.7, 1.0, 1.5, 2.5]))  # grid of x_c [rad]
+GROWTHS = (0.0, 0.1, 0.2, 0.35, 0.5, 0.7, 1.0, 1.4, 2.0, 3.0, 5.0)  # grid of the level's growth by load [s2/m]
 INNER = (0.5, 0.7, 0.85)  # shares of the fitted samples, those of least lateral acceleration, that predict the others
 REFERENCE = "dahl"  # law with which the shape is chosen; assumed: the choice depends little on it
 NONE, VISCOUS, DRY = "none", "viscous", "dry"
@@ -61,6 +65,7 @@ class Candidate(NamedTuple):
     names: tuple[str, ...]
     a_c: float  # [m/s2]
     x_c: float  # pre-sliding distance; NaN without one [rad]
+    growth: float  # of the level by the size of the lateral acceleration, relative [s2/m]
     sums: Sums
 
 
@@ -103,6 +108,8 @@ class Identified(NamedTuple):
     equals: tuple[str, ...]  # dry laws that the judging part cannot tell from the best of them
     apart: float  # largest root-mean-square difference between predictions of dry laws in ``equals`` [N m]
     offset: float  # of the torque, T_0 of the best row [N m]
+    growth: float  # of the level of the best dry law by the size of the lateral acceleration, not negative [N m s2/m]
+    growth_interval: tuple[float, float]  # 95 %, from blocks drawn anew; NaN without a dry law [N m s2/m]
 
     def row(self, name: str) -> Fitted:
         """A row by its name; ValueError for a name that is none."""
@@ -198,22 +205,28 @@ def _sums(X: Array, torque: Array, weight: Array, block: Array) -> Sums:
 
 
 def _candidates(
-    drive: Drive, shape: str, name: str, block: Array, grid: Sequence[float] | None = None
+    drive: Drive,
+    shape: str,
+    name: str,
+    block: Array,
+    grid: Sequence[float] | None = None,
+    distances: Sequence[float] = X_C,
+    growths: Sequence[float] = (0.0,),
 ) -> list[Candidate]:
-    """Terms and sums of every pair of the grid."""
+    """Terms and sums of every point of the grid."""
     angle, dt, a = drive.angle, drive.dt, drive.lateral_acceleration
     names = _names(shape, name)
     others = tuple(each for each in names if each != "level")
     stretches = _is_law(name) and has_distance(name)
-    distances = X_C if stretches else X_C[:1]
-    units = [response(stretched(name, 1.0, x), angle, dt)[:, None] if _is_law(name) else None for x in distances]
+    pairs, units = list(product(distances if stretches else distances[:1], growths)), [np.zeros((a.size, 0))]
+    if _is_law(name):
+        units = [response(stretched(name, 1.0, x), angle, dt, 1.0 + c * np.abs(a))[:, None] for x, c in pairs]  # (F11)
     found = []
     for a_c in (A_C if "T_c" in names else A_C[:1]) if grid is None else grid:
         X = columns(others, a, a_c, angle, dt)
-        for x, unit in zip(distances, units):
-            whole = X if unit is None else np.column_stack([X, unit])
-            kept = x if stretches else np.nan
-            found.append(Candidate(names, a_c, kept, _sums(whole, drive.torque, drive.weight, block)))
+        for (x, c), unit in zip(pairs, units):
+            sums = _sums(np.column_stack([X, unit]), drive.torque, drive.weight, block)
+            found.append(Candidate(names, a_c, x if stretches else np.nan, c, sums))
     return found
 
 
@@ -306,20 +319,9 @@ def _row(drive: Drive, first: int, shape: str, name: str, rng: np.random.Generat
     level, ends, distances = 0.0, (0.0, 0.0), (np.nan, np.nan)
     if _is_law(name):
         level = float(p[-1])
-        near = [each for each in candidates if each.a_c == chosen.a_c]
-        draws = [_fit(near, rng.multinomial(count, np.full(count, 1.0 / count)).astype(float)) for _ in range(DRAWS)]
-        # The square root of B/(B - 1) widens what few blocks make too narrow.
-        wide = np.sqrt(count / (count - 1.0))
-        low, high = _ends(np.array([q[-1] for _, q in draws]))
-        ends = max(level - wide * (level - low), 0.0), level + wide * (high - level)
+        draws = _drawn([each for each in candidates if each.a_c == chosen.a_c], rng)
         factor = _lost(drive, shape, name, chosen, p)
-        low, high = (level - ends[0]) ** 2, (ends[1] - level) ** 2
-        rest = (SYSTEMATIC * level) ** 2
-        ends = (
-            max(level - float(np.sqrt(low + rest)), 0.0) if ends[0] > 0.0 else 0.0,
-            level + float(np.sqrt(high + rest)),
-        )
-        level, ends = factor * level, (factor * ends[0], factor * ends[1])
+        level, ends = _estimate(level, np.array([q[-1] for _, q in draws]), count, factor)
         if np.isfinite(chosen.x_c):
             distances = _ends(np.array([each.x_c for each, _ in draws]))
     early = drive._replace(weight=np.where(np.arange(drive.time.size) < first, drive.weight, 0.0))
@@ -334,6 +336,39 @@ def _row(drive: Drive, first: int, shape: str, name: str, rng: np.random.Generat
     )  # fmt: skip
 
 
+def _drawn(candidates: Sequence[Candidate], rng: np.random.Generator) -> list[tuple[Candidate, Array]]:
+    """Fits to blocks drawn anew."""
+    count = candidates[0].sums.n.size
+    times = rng.multinomial(count, np.full(count, 1.0 / count), DRAWS).astype(float)
+    return [_fit(candidates, each) for each in times]
+
+
+def _estimate(value: float, draws: Array, count: int, factor: float) -> tuple[float, tuple[float, float]]:
+    """A level that is not negative, with what smoothing took from it (``factor``), and its 95 % interval.
+
+    The draws are of ``count`` blocks, and few blocks ask for a wider interval than that of their draws.
+    """
+    tail = 0.5 + 0.5 * LEVEL
+    wide = np.sqrt(count / (count - 1.0)) * stats.t.ppf(tail, count - 1) / stats.norm.ppf(tail)
+    low, high = _ends(draws)
+    rest = SYSTEMATIC * value
+    below, above = np.hypot(wide * (value - low), rest), np.hypot(wide * (high - value), rest)
+    return factor * value, (float(factor * max(value - below, 0.0)), float(factor * (value + above)))
+
+
+def _growth(drive: Drive, shape: str, row: Fitted, seed: int) -> tuple[float, tuple[float, float]]:
+    """Growth of the level with the load as in (F11), and its interval; the size of a stands for the load."""
+    block, place = _blocks(drive.time.size), X_C.index(row.x_c) if np.isfinite(row.x_c) else 0
+    near = X_C[max(place - 1, 0) : place + 2]
+    candidates = _candidates(drive, shape, row.name, block, (row.model.a_c,), near, GROWTHS)
+    count = candidates[0].sums.n.size
+    chosen, p = _fit(candidates, np.ones(count))
+    draws = _drawn(candidates, np.random.default_rng(seed))
+    value = chosen.growth * float(p[-1])
+    factor = _lost(drive, shape, row.name, chosen, p)
+    return _estimate(value, np.array([each.growth * q[-1] for each, q in draws]), count, factor)
+
+
 def _lost(drive: Drive, shape: str, name: str, chosen: Candidate, p: Array) -> float:
     """Factor on a level for what the low-pass of the angle takes away [1].
 
@@ -344,11 +379,8 @@ def _lost(drive: Drive, shape: str, name: str, chosen: Candidate, p: Array) -> f
         return 1.0
     again = drive._replace(torque=on_samples(model, drive.fine_angle, drive.speed, drive.dt))
     block = np.zeros(drive.time.size, int)
-    same = [
-        each
-        for each in _candidates(again, shape, name, block, (chosen.a_c,))
-        if each.x_c == chosen.x_c or not np.isfinite(chosen.x_c)
-    ]
+    distance = (chosen.x_c if np.isfinite(chosen.x_c) else X_C[0],)
+    same = _candidates(again, shape, name, block, (chosen.a_c,), distance)
     found = float(_fit(same, np.ones(1))[1][-1])
     return float(np.clip(p[-1] / found, 1.0, MOST_LOST)) if found > 0.0 else 1.0
 
@@ -393,8 +425,10 @@ def _answer(drive: Drive, first: int, shapes: tuple[Shape, ...], rows: list[Fitt
     apart = max(
         (float(np.sqrt(np.mean((predicted[a] - predicted[b])[used] ** 2))) for a in equals for b in equals), default=0.0
     )
-    found = Identified(drive, first, shapes[0].name, shapes, tuple(judged), NONE, tuple(equals), apart, 0.0)
-    return found._replace(chosen=_chosen(found), offset=found.best.model.terms["T_0"])
+    found = Identified(drive, first, shapes[0].name, shapes, tuple(judged), NONE, tuple(equals), apart, 0.0, *NO_GROWTH)
+    growth, interval = _growth(drive, found.shape, found.best, seed) if dry else NO_GROWTH
+    offset = found.best.model.terms["T_0"]
+    return found._replace(chosen=_chosen(found), offset=offset, growth=growth, growth_interval=interval)
 
 
 def _chosen(found: Identified) -> str:

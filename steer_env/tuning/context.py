@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from steer_env.episode.randomise import Conditions
+from steer_env.episode.randomise import Conditions, with_level
 from steer_env.friction.level import by_sample
 from steer_env.friction.response import response
 from steer_env.manoeuvres.common.driving import steering_stiffness
@@ -46,11 +46,10 @@ OBSERVED = (
 def context(car: Car, chassis: str, drawn: Conditions) -> Context:
     """The context of drawn conditions."""
     loaded = car.loaded(drawn.load)
-    p = loaded.plant(
-        drawn.friction, speed=drawn.speed, robot=True, road_friction=drawn.road_friction, chassis=chassis
-    )._replace(friction_torque_scale=drawn.friction_level)
+    p = loaded.plant(drawn.friction, speed=drawn.speed, robot=True, road_friction=drawn.road_friction, chassis=chassis)
+    p = with_level(p, drawn)
     turned = np.arange(0.0, TURN + FIRST_TURN, FIRST_TURN)
-    scales = by_sample(p.level, np.zeros(turned.size), drawn.friction_level)
+    scales = by_sample(p.level, np.zeros(turned.size), turned, drawn.friction_level)
     torque = response(drawn.friction, turned, FIRST_TURN / SLIDING_SPEED, scales)
     return Context(
         mass=loaded.chassis["mass"],

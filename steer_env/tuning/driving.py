@@ -6,13 +6,13 @@ from typing import NamedTuple
 import numpy as np
 
 from steer_env import metrics
-from steer_env.episode.randomise import Conditions
+from steer_env.episode.randomise import Conditions, with_level
 from steer_env.friction.numerics.thread_pool import one_blas_thread
 from steer_env.manoeuvres.common.driving import OpenLoop, build_plant, drive_plant, open_loop
 from steer_env.metrics import Value
 from steer_env.recording.recording import Recording
 from steer_env.tuning.scenarios.common.definition import Drive, Scenario
-from steer_env.vehicle import layout, plant, step_limit
+from steer_env.vehicle import layout, plant
 from steer_env.vehicle.cars import Car
 from steer_env.vehicle.plant import Plant
 from steer_env.vehicle.steering.eps import Assist
@@ -63,7 +63,7 @@ def prepare(scenario: Scenario, car: Car, chassis: str, drawn: Conditions) -> tu
     for drive in adapted(scenario, chassis, drawn):
         m = drive.manoeuvre
         p = build_plant(loaded, m, drawn.friction, drawn.road_friction)
-        p = step_limit.checked(p._replace(friction_torque_scale=drawn.friction_level))
+        p = with_level(p, drawn)
         prepared.append(PreparedDrive(drive, loaded, p, open_loop(p, m)))
     return tuple(prepared)
 

@@ -144,7 +144,7 @@ class TuneEnv(PlainSpecification, gym.Env):
         self._limits["speed"] = low, high = SPEEDS
         self._limits["road_friction"] = self.scenario.least_road_friction, LIMITS["road_friction"][1]
         self.speed = number("speed [m/s]", speed, minimum=low, maximum=high)
-        self._randomise = Randomise(randomise, friction, self.speed, self._limits)
+        self._randomise = Randomise(randomise, friction, self.speed, self.car, self._limits)
         self.targets = load_targets(targets)
         self.terms = reward.terms(self.scenario, self.targets, weights)
         self._quantities = observed(self.scenario)

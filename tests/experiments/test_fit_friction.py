@@ -198,7 +198,7 @@ def test_a_level_by_load_is_in_the_curve_the_page_and_the_file(tmp_path):
     """2e-4 of the level per N, found beside the level itself."""
     load = 2000.0 + 1500.0 * np.sin(2.0 * np.pi * T / 60.0)
     found_level = level.make(load=2e-4)
-    torque = friction.response(DAHL, np.radians(X), DT, level.by_sample(found_level, load)) + NOISE
+    torque = friction.response(DAHL, np.radians(X), DT, level.by_sample(found_level, load, X)) + NOISE
     units = {"displacement": "rad", "torque": "N m"}
     record = friction_record.FrictionRecord(np.radians(X), torque, DT, units, load)
 

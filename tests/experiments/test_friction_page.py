@@ -24,6 +24,7 @@ from steer_env.recording.friction_record import FrictionRecord
 from steer_env.vehicle import cars
 from tests.experiments.faked_times import NONE, faked
 from tests.experiments.first_screen import sentence
+from tests.synthetic.hand_torque import fitted
 
 LAWS = ("lugre", "dahl", "coulomb")
 
@@ -182,6 +183,7 @@ def _results(every):
         record=record,
         judged=judged,
         repeatability=0.025,
+        road=fitted(),
         tables=tables,
         times=faked(dict.fromkeys(laws, 100.0) | {"dahl": 1370.0}, ["dahl"]),
         cases=every,
@@ -251,7 +253,9 @@ def test_the_page_quotes_every_section(results):
     said, changed = sentence(text), friction_study.of_laws(results)["remembering"]
     assert said.startswith("On one contact dahl leaves least, 5 %; ")
     assert f"change {changed.large} (one calibration) of {changed.compared} metrics" in said
-    assert text.count('class="claim"') == 8
+    assert text.count('class="claim"') == 9
+    dahl = results.road.row("dahl")
+    assert f"<td>{dahl.residual:.3f}</td>" in text
     assert "<dd></dd>" not in text
 
 

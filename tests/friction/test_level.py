@@ -19,14 +19,20 @@ sides = st.builds(level.Scales, log(-0.5, 0.5), log(-0.5, 0.5))
 
 
 def test_factors():
-    """(F11) by hand: load, asymmetry, and a tenth more friction where it is ten kelvin colder."""
+    """(F11) by hand: load, asymmetry, a tenth more friction where it is ten kelvin colder, and half a period away."""
     made = level.make(load=1e-3, asymmetry=0.2, temperature_rate=0.01, temperature_rise=-10.0)
     warm = 2.0 * (1.0 + 1e-3 * 400.0) * math.exp(0.1)
-    assert level.scales(made, 2.0, -400.0) == pytest.approx((1.2 * warm, 0.8 * warm), rel=1e-15)
+    assert level.scales(made, 2.0, -400.0, 3.0) == pytest.approx((1.2 * warm, 0.8 * warm), rel=1e-15)
     np.testing.assert_allclose(
-        level.by_sample(made, [0.0, 400.0], 2.0), [[s * math.exp(0.1) for s in (2.4, 1.6)], [1.2 * warm, 0.8 * warm]]
+        level.by_sample(made, [0.0, 400.0], [0.0, 1.0], 2.0),
+        [[s * math.exp(0.1) for s in (2.4, 1.6)], [1.2 * warm, 0.8 * warm]],
     )
-    assert level.scales(level.Level(), 1.7, 1e3) == (1.7, 1.7)
+    assert level.scales(level.Level(), 1.7, 1e3, 0.4) == (1.7, 1.7)
+    toothed = level.make(position=0.3, order=7.0, peak=0.1, asymmetry=-0.5)
+    for x, factor in ((0.1, 1.3), (0.1 + math.pi / 7.0, 0.7), (0.1 + 0.5 * math.pi / 7.0, 1.0)):
+        assert level.scales(toothed, 2.0, 0.0, x) == pytest.approx((factor, 3.0 * factor), rel=1e-15)
+    assert level.largest(toothed, 2.0, 0.0) == pytest.approx(3.9, rel=1e-15)
+    assert level.largest(toothed._replace(position=-0.3), 2.0, 0.0) == pytest.approx(3.9, rel=1e-15)
 
 
 @pytest.mark.parametrize(
@@ -36,6 +42,8 @@ def test_factors():
         ({"asymmetry": 1.0}, "asymmetry must be finite and at least -0.9 and at most 0.9, got 1"),
         ({"temperature_rate": 1.0}, "temperature_rate must be .* got 1"),
         ({"temperature_rise": 300.0}, "temperature_rise must be .* got 300"),
+        ({"position": 1.0}, "position must be finite and at least -0.9 and at most 0.9, got 1"),
+        ({"order": 0.0}, "order must be finite and at least 0.01 .* got 0"),
     ],
 )
 def test_bad_values(given, message):
@@ -173,7 +181,7 @@ def test_records_with_a_scale_for_each_sample(name):
 def test_sliding_record_follows_its_load():
     made = level.make(load=0.5, asymmetry=0.1)
     x, load = np.linspace(0.0, 1.0, 200), np.linspace(0.0, 2.0, 200)
-    found = friction.response("masing", x, 1e-3, level.by_sample(made, load))
+    found = friction.response("masing", x, 1e-3, level.by_sample(made, load, x))
     np.testing.assert_allclose(found[20:], 0.9 * 1.1 * (1.0 + 0.5 * load[20:]), rtol=1e-12)
 
 

@@ -433,6 +433,9 @@ def test_what_is_drawn_changes_the_car_and_an_option_fixes_it():
     assert end({**fixed, "speed": 21.0})["longitudinal_speed"] == pytest.approx(21.0, rel=0.02)
     light = end({**fixed, "friction_level": 0.5})["peak_friction_torque"]
     assert light == pytest.approx(usual["peak_friction_torque"] / 3.0, rel=0.1)  # the load on the rack differs
+    left = end({**fixed, "friction_asymmetry": 0.5, "friction_load": 0.0})["peak_friction_torque"]
+    assert left == pytest.approx(1.5 * end({**fixed, "friction_load": 0.0})["peak_friction_torque"], rel=0.1)
+    assert end({**fixed, "friction_position": 0.5})["peak_friction_torque"] > 1.3 * usual["peak_friction_torque"]
     assert end({}) != usual
 
 

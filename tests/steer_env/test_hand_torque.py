@@ -109,6 +109,16 @@ def test_marks_of_known_drives(level, error, near, held):
 
 
 @pytest.mark.whole
+def test_growth_with_the_load():
+    """Ten drives each: 0.3 N m for each m/s2 beside 0.3 N m, or none; what is shown, and the interval."""
+    for truth in (0.3, 0.0):
+        found = [identify(synthetic.drive(seed, "dahl", 0.3, load=truth), laws=["dahl"]) for seed in range(30, 40)]
+        ends = [each.growth_interval for each in found]
+        assert np.mean([(low > 0.0) == (truth > 0.0) for low, _ in ends]) >= 0.9
+        assert np.mean([low <= truth <= high for low, high in ends]) >= 0.9
+
+
+@pytest.mark.whole
 @pytest.mark.parametrize(("damping", "kind"), [(0.0, "none"), (2.3, "viscous")])
 def test_marks_of_drives_without_dry_friction(damping, kind):
     """Ten drives each: the kind that is there is chosen."""

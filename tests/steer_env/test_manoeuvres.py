@@ -23,6 +23,7 @@ HANDS = (
     "random-steer",
     "steady-circle-speed",
     "transition",
+    "road",
 )
 
 

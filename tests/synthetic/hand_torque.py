@@ -1,16 +1,15 @@
 """Drives whose hand torque is known, with the spectra of the packaged drive: angle, and what is left of the torque."""
 
 from functools import cache
-from importlib.resources import files
 
 import numpy as np
 
+from steer_env.experiments.studies.common.friction_records import road_drive
 from steer_env.friction import response
 from steer_env.hand_torque import Model, identify, predict
-from steer_env.hand_torque.model import smoothed, stretched
-from steer_env.recording import Recording, read
+from steer_env.hand_torque.model import lateral_acceleration, smoothed, stretched
+from steer_env.recording import Recording
 
-FOLDER = files("steer_env.experiments").joinpath("data", "road")
 TORQUE_STEP, ANGLE_STEP = 0.0625, np.radians(0.1)  # of the sensors [N m, rad]
 RATE = 200.0  # at which friction is simulated [Hz]
 DISTANCE = float(np.radians(0.3))  # pre-sliding distance [rad]
@@ -20,7 +19,7 @@ UNITS = {"handwheel_angle": "rad", "torsion_bar_torque": "N m", "vehicle_speed":
 @cache
 def packaged():
     """The packaged drive, as a recording."""
-    return read(str(FOLDER.joinpath("mkz_2016.csv.gz")), str(FOLDER.joinpath("mkz_2016.toml")))
+    return road_drive()
 
 
 @cache
@@ -36,7 +35,7 @@ def of_spectrum(values, rng):
     return values.mean() + np.fft.irfft(spectrum, values.size)
 
 
-def drive(seed, law=None, level=0.0, distance=DISTANCE, damping=1.2, noise=1.0, steps=True):
+def drive(seed, law=None, level=0.0, distance=DISTANCE, damping=1.2, noise=1.0, steps=True, load=0.0):
     """A drive with a friction law (None: without), and its parameters.
 
     Parameters
@@ -51,6 +50,8 @@ def drive(seed, law=None, level=0.0, distance=DISTANCE, damping=1.2, noise=1.0, 
         Factor on what is left of the packaged drive, whose spectrum the noise has [1].
     steps : bool
         Whether the sensors have steps.
+    load : float
+        Growth of the level with the lateral acceleration [N m s2/m].
     """
     rng = np.random.default_rng(seed)
     recording, found = packaged(), fitted().best.model
@@ -61,7 +62,8 @@ def drive(seed, law=None, level=0.0, distance=DISTANCE, damping=1.2, noise=1.0, 
     model = Model(found.shape, found.a_c, {**found.terms, "C": damping}, None, found.prior)
     torque = predict(model, time, angle, speed) + noise * of_spectrum(np.interp(time, recording.time, left), rng)
     if law is not None:
-        torque += response(stretched(law, level, distance), angle, 1.0 / RATE)
+        grown = level + load * np.abs(lateral_acceleration(found.prior, angle, speed))
+        torque += response(stretched(law, level, distance), angle, 1.0 / RATE, grown / level)
     made = {"handwheel_angle": angle, "torsion_bar_torque": torque, "vehicle_speed": speed}
     made = {name: np.interp(recording.time, time, values) for name, values in made.items()}
     if steps:

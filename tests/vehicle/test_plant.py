@@ -264,6 +264,28 @@ def test_friction_by_direction_and_temperature(law):
 
 
 @pytest.mark.parametrize("law", ["lugre", "masing", "coulomb"])
+def test_friction_over_the_position(law):
+    """Seven times a turn 30 % more and less, largest at 0.2 rad: sliding friction through a turn to both sides."""
+    changes = {"friction_load": 0.0, "friction_position": 0.3, "friction_order": 7.0, "friction_peak": 0.2}
+    car = cars.load(changes={f"steering.{key}": value for key, value in changes.items()})
+    assert cars.load(car.data()).data() == car.data()
+    u = np.zeros((8000, len(INPUTS)))
+    u[:, plant.HAND] = 4.0 * np.sin(2.0 * math.pi * 0.125e-3 * np.arange(8000))
+    u[:, plant.HAND_SPEED] = np.gradient(u[:, plant.HAND], 1e-3)
+    record, _, fine = run(car.plant(law, speed=3.0, robot=True), u)
+    assert fine
+    angle, speed, T_F = (record[:, CHANNEL[name]] for name in ("column_angle", "column_speed", "friction_torque"))
+    sliding = np.convolve(np.abs(speed) > 0.5, np.ones(201), "same") == 201
+    assert np.ptp(angle[sliding]) > 2.0 * math.pi
+    side, expected = np.sign(speed), 0.9 * (1.0 + 0.3 * np.cos(7.0 * (angle - 0.2)))
+    if law == "lugre":  # the bristle follows a growing level over a pre-sliding distance, which its damping resists
+        p = friction.make("lugre")
+        growth = np.maximum(-side * 0.9 * 0.3 * 7.0 * np.sin(7.0 * (angle - 0.2)), 0.0)  # along the way [N m/rad]
+        expected = expected + growth / p.sigma_0 * (p.sigma_1 * np.abs(speed) - expected)
+    np.testing.assert_allclose(side[sliding] * T_F[sliding], expected[sliding], atol=0.01)
+
+
+@pytest.mark.parametrize("law", ["lugre", "masing", "coulomb"])
 @pytest.mark.parametrize("hand", [10.0, -25.0])
 def test_end_stops_hold(law, hand):
     """At walking pace the hands move the rack into its stop, where it comes to rest in balance with them."""

@@ -47,7 +47,7 @@ def test_the_refusal_names_law_slope_step_and_remedy():
 def test_the_longest_step_that_is_told_is_the_longest():
     p = cars.load().plant("coulomb")
     with pytest.raises(ValueError, match="steps of up to") as refused:
-        step_limit.checked(p, friction.resolve(STEEP))
+        step_limit.checked(p._replace(friction=friction.resolve(STEEP)))
     told = 1e-3 * float(str(refused.value).split("steps of up to ")[1].split(" ms")[0])
     steep, scale = friction.resolve(STEEP), 1.0 + p.level.load * step_limit.LARGEST_RACK_FORCE
     falls = [law.law_of(steep).steepest_fall(steep, scale, h) for h in (0.99 * told, 1.01 * told)]
@@ -61,7 +61,7 @@ def test_a_law_that_no_step_helps_is_told_so():
     p = cars.load().plant("coulomb")
     active = LuGre(sigma_0=1e5, sigma_1=1e8, sigma_2=0.0, F_c=1.0, F_s=1.5, v_s=1e-3)
     with pytest.raises(ValueError, match="no shorter step helps"):
-        step_limit.checked(p, active)
+        step_limit.checked(p._replace(friction=active))
 
 
 def test_a_range_that_is_too_steep_at_its_end_is_refused_when_the_environment_is_made():

@@ -38,6 +38,11 @@ class _Speeds(Mapping[str, tuple[float, float]]):
 SPEEDS = _Speeds()
 
 
+def load_rate(friction_load: float, pinion_radius: float) -> float:
+    """c_F of (F11) [1/N] that makes the friction of the default level grow by a share of the rack's torque [1]."""
+    return friction_load * pinion_radius / defaults.F_C
+
+
 class Car(NamedTuple):
     """A checked car; :func:`load` makes one."""
 
@@ -120,10 +125,8 @@ class Car(NamedTuple):
             tyre=record(coefficients),
             pinion_radius=s["pinion_radius"],
             level=level.make(
-                load=s["friction_load"] * s["pinion_radius"] / defaults.F_C,
-                asymmetry=s["friction_asymmetry"],
-                temperature_rate=s["friction_temperature_rate"],
-                temperature_rise=s["friction_temperature_rise"],
+                load=load_rate(s["friction_load"], s["pinion_radius"]),
+                **{key: s[f"friction_{key}"] for key in level.LIMITS},
             ),
             rack_limit=s["rack_limit"],
             robot=1.0 if robot else 0.0,

@@ -186,6 +186,17 @@ def _of_drive(found: Any) -> Iterator[str]:
         yield f"{share:.1%} of the deadlines were missed, by which the person was too fast for the simulation"
 
 
+def packaged(given: str, args: argparse.Namespace) -> str:
+    """Path of a packaged drive, whose mapping is then set unless one is given; any other name as it is."""
+    from importlib.resources import files
+
+    if given not in names.road_drives():
+        return given
+    folder = files("steer_env.experiments").joinpath("data", "road")
+    args.mapping = args.mapping or [str(folder.joinpath(f"{given}.toml"))]
+    return str(folder.joinpath(f"{given}.csv.gz"))
+
+
 def can_options(args: argparse.Namespace) -> Any:
     """How CAN logs are read, by the options."""
     from steer_env.recording import can_log
@@ -243,11 +254,14 @@ def read(path: str, place: int, args: argparse.Namespace) -> Any:
 
 
 def _read(path: str, place: int, args: argparse.Namespace) -> Any:
-    """A recording of a test, with short drop-outs bridged."""
+    """A recording of a test, with short drop-outs bridged, but where the test leaves gaps out itself."""
+    from steer_env import metrics
+
     found = read(path, place, args)
     if args.manoeuvre is None and found.meta.get("manoeuvre") is None:
         raise ValueError(f"{path} does not name its test: give --manoeuvre, one of {', '.join(names.manoeuvres())}")
-    return found.bridged()
+    test = _test(path + _mapped(place, args), found.meta.get("manoeuvre"), args.manoeuvre)
+    return found if metrics.evaluation_by_name(test).gaps else found.bridged()
 
 
 def _conditions(args: argparse.Namespace) -> dict[str, float]:

@@ -250,7 +250,7 @@ def print_steering(found: Identified, name: str) -> None:
     table = _table()
     for heading in (
         "law",
-        "left, unseen [N m]",
+        "left, not fitted [N m]",
         "95 % interval",
         "better than damping by",
         "95 %",

@@ -19,6 +19,8 @@ from steer_env.vehicle.steering.eps import SAMPLE_TIME
 
 Array = NDArray[np.float64]
 
+# Manoeuvres that a script describes; free driving is for recordings, as a script shows the same more sharply.
+SCRIPTED = tuple(name for name in manoeuvres.available() if name != "road")
 POINTS = 500  # of a curve
 PER_SECOND = 12.0  # points of a long history [1/s]
 MATTERS = 0.05  # share of a metric above which a difference is said to matter; assumed

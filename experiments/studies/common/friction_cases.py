@@ -34,11 +34,13 @@ BASE_LAW = "lugre"
 LAW, MEASURED, UNASSISTED = "law", "law, measured calibration", "law, without assist"
 LEVEL, PRESLIDING, DAMPING = "level", "pre-sliding distance", "micro-damping"
 STEP, SITE, LOAD = "step length", "site", "load"
-DIRECTION, TEMPERATURE = "direction", "temperature"
+DIRECTION, POSITION, TEMPERATURE = "direction", "position", "temperature"
 LEVELS = (2.0 / 3.0, 4.0 / 3.0)  # of the default F_c: 0.6 and 1.2 N m, within the preloads of workshop manuals
 DISTANCES = (0.5, 2.0)  # of the default F_c/sigma_0: 0.26 and 1.03 deg; assumed
 DAMPERS = (0.0, 0.25, 2.0)  # of the default sigma_1; the range of damping ratios is 0 to 0.9; assumed
 ASYMMETRIES = (0.1, 0.3)  # of the friction's level by direction; assumed [1]
+BY_POSITION = 0.2  # of the friction's level, largest in the middle; assumed [1]
+ORDERS = ((2.0, "twice"), (8.0, "eight times"))  # in a turn of the column: a joint, a pinion of eight teeth; assumed
 COLD, RATE = -30.0, 0.01  # temperature below that of the calibration [K], and decrease of friction by it [1/K]; assumed
 SUBSTEPS = (2, 4)  # steps in a sample of 1 ms
 COLUMN_FRICTION = 0.15  # above the torsion bar: column bearings and shaft, 0.1 to 0.2 N m; assumed [N m]
@@ -99,6 +101,16 @@ def cases(laws: Mapping[str, Any], measured: Mapping[str, Any]) -> list[Case]:
     found += [
         Case(DIRECTION, f"{100 * part:g} % more to the left", base, p, conditions=(("asymmetry", part),))
         for part in ASYMMETRIES
+    ]
+    found += [
+        Case(
+            POSITION,
+            f"{100 * BY_POSITION:g} % more and less, {times} a turn",
+            base,
+            p,
+            conditions=(("position", BY_POSITION), ("order", order)),
+        )
+        for order, times in ORDERS
     ]
     cold = (("temperature_rate", RATE), ("temperature_rise", COLD))
     return [*found, Case(TEMPERATURE, f"{COLD:g} K", base, p, conditions=cold)]

@@ -1,7 +1,8 @@
 """Friction laws judged by records: fitted on the first part of a record, compared on the rest.
 
-The measured record is that of the packaged rig, stretched to the level and the pre-sliding distance of a column. The
-synthetic ones are of each law, with noise, and tell which law is taken for which.
+Two are measured: that of the packaged rig, stretched to the level and the pre-sliding distance of a column, and the
+hand torque of a drive on a road, of which friction is a part. The synthetic ones are of each law, with noise, and tell
+which law is taken for which.
 """
 
 import math
@@ -18,8 +19,9 @@ from steer_env.friction import defaults
 from steer_env.friction.identification import periods
 from steer_env.friction.identification.compare import HELD_OUT
 from steer_env.friction.law import law_of
-from steer_env.recording import files, friction_checks, friction_record
-from steer_env.recording.recording import DEGREE
+from steer_env.hand_torque import Identified, identify
+from steer_env.recording import friction_checks, friction_record, read
+from steer_env.recording.recording import DEGREE, Recording
 
 Array = NDArray[np.float64]
 
@@ -44,10 +46,22 @@ class Judged(NamedTuple):
 
 def rig() -> friction_record.FrictionRecord:
     """The packaged record of a reciprocating rig, stretched to a steering column."""
-    entry = resources("steer_env.friction").joinpath("data", "rig.csv.gz")
-    with as_file(entry) as path:
-        recording = files.read(path)
-    return friction_record.from_recording(recording).to_column()
+    r, units = friction.records.read("rig"), {"displacement": "m", "torque": "N"}
+    return friction_record.FrictionRecord(r.x, r.torque, r.dt, units, r.load).to_column()
+
+
+ROAD = "mkz_2016"
+
+
+def road_drive(name: str = ROAD) -> Recording:
+    """A packaged drive on a road, a file of ``experiments/data/road`` with its mapping."""
+    with as_file(resources("steer_env.experiments").joinpath("data", "road")) as folder:
+        return read(folder / f"{name}.csv.gz", folder / f"{name}.toml")
+
+
+def judge_on_road(laws: Sequence[str]) -> Identified:
+    """The hand torque of the packaged drive with each law; a job of the sweep."""
+    return identify(road_drive(), laws=laws)
 
 
 def repeatability(record: friction_record.FrictionRecord) -> float:

@@ -3,9 +3,10 @@
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
-from steer_env import friction, manoeuvres
+from steer_env import friction
 from steer_env.experiments.studies import friction_laws, held_torque, real_time
 from steer_env.experiments.studies.common import (
+    battery,
     computing_time,
     friction_cases,
     friction_distinction,
@@ -17,6 +18,7 @@ from steer_env.experiments.studies.common.friction_cases import BASE_LAW, DRIVER
 from steer_env.experiments.studies.common.friction_records import Confusion, Judged
 from steer_env.experiments.studies.held_torque import Ripple
 from steer_env.experiments.sweep import Runner, run
+from steer_env.hand_torque import Identified
 from steer_env.metrics.common import just_noticeable
 from steer_env.recording.friction_record import FrictionRecord
 from steer_env.vehicle.cars import Car
@@ -41,7 +43,7 @@ QUICK = Scope(("weave", "slow-ramp", "release"), (1e-4, 1e-3, 2e-3, 5e-3), (_MAN
 
 def full() -> Scope:
     """The whole study: every test of the battery except the rig, which has neither car nor road."""
-    tests = tuple(name for name in manoeuvres.available() if name != "rig")
+    tests = tuple(name for name in battery.SCRIPTED if name != "rig")
     return Scope(tests, real_time.STEPS, (_ONE_STROKE, _MANY), friction_records.NOISES, 10, 12)
 
 
@@ -55,6 +57,7 @@ class Job(NamedTuple):
 
 _KINDS: Mapping[str, Callable[[Any], Any]] = {
     "record": friction_records.judge,
+    "road": friction_records.judge_on_road,
     "steps": lambda job: real_time.accuracy(*job),
     "battery": friction_cases.drives,
     "held torque": lambda job: held_torque.of_every_law(*job),
@@ -78,6 +81,7 @@ class Results(NamedTuple):
     record: FrictionRecord
     judged: list[Judged]  # the best first, those without a fit last
     repeatability: float  # of the record [1]
+    road: Identified  # the hand torque of a drive
     tables: dict[str, list[real_time.Row]]  # of the column alone
     times: Times
     cases: list[Case]
@@ -120,10 +124,9 @@ def collect(
     def swept(jobs: list[Job], start: float, end: float) -> list[Any]:
         return sweep(perform, jobs, notify=lambda part, of: notify(start + (end - start) * part, of), words=_words)
 
-    first = [Job("record", "laws", (record, fittable))]
+    first = [Job("record", "laws", (record, fittable)), Job("road", "laws", tuple(laws))]
     first += [Job("steps", law, (p, scope.steps)) for law, p in laws.items()]
-    found = swept(first, 0.0, 0.15)
-    judged: list[Judged] = found[0]
+    judged, road, *tables = swept(first, 0.0, 0.15)
     measured = {each.law: each.parameters for each in judged if _usable(each)}
     cases = friction_cases.cases(laws, measured)
     true = friction_records.true_laws(fittable)
@@ -151,7 +154,8 @@ def collect(
         record=record,
         judged=judged,
         repeatability=friction_records.repeatability(record),
-        tables=dict(zip(laws, found[1:])),
+        road=road,
+        tables=dict(zip(laws, tables)),
         times=computing_time.of_laws(laws, car, lambda part: notify(0.9 + 0.08 * part, "timing")),
         cases=cases,
         effects=friction_cases.effects(cases, of_kind["battery"], noticed),

@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 # Unit of the reports -> how many of it make one SI unit.
 UNITS = dict.fromkeys(("1", "s", "Hz", "N", "N m", "J", "W", "m", "m/s", "m/s2", "1/s", "dB", "kg"), 1.0)
 UNITS |= {"ms": 1e3, "g": 1 / G, "N m/g": G, "deg": 1 / DEGREE, "deg/s": 1 / DEGREE, "deg/g": G / DEGREE, "km/h": 3.6}
-UNITS["deg s"] = 1 / DEGREE
+UNITS |= {"deg s": 1 / DEGREE, "1/min": 60.0}
 UNITS |= {"N m/deg": DEGREE, "g/100 deg": 100 * DEGREE / G, "g/(100 N m deg)": 100 * DEGREE / G, "%": 100.0}
 
 _SHOWN = ("handwheel_angle", "handwheel_torque", "yaw_rate", "lateral_acceleration")
@@ -87,6 +87,7 @@ class ManoeuvreEvaluation:
     constant_speed: bool
     plots: tuple[tuple[str, str], ...]
     steered: bool = False
+    gaps: bool = False
 
 
 _metrics: dict[str, Metric] = {}
@@ -99,6 +100,7 @@ def register_evaluation(
     constant_speed: bool = True,
     plots: tuple[tuple[str, str], ...] = HISTORIES,
     steered: bool = False,
+    gaps: bool = False,
     **conditions: Any,
 ) -> ManoeuvreEvaluation:
     """Register how recordings of a test are evaluated.
@@ -119,6 +121,8 @@ def register_evaluation(
     steered : bool
         Whether the handwheel alone moves the car, so that the sizes of its motion and of the handwheel angle tell
         whether their units are right.
+    gaps : bool
+        Whether ``read`` takes uneven steps and leaves gaps out, so that none has to be bridged or refused before.
     conditions
         What the test prescribes, with the unit in the name: ``speed_m_s``, ``frequency_hz``, ... A value in the
         recording's meta replaces the value given here.
@@ -128,7 +132,7 @@ def register_evaluation(
     ValueError
         If another evaluation has that name.
     """
-    return EVALUATIONS.register(name, ManoeuvreEvaluation(name, read, conditions, constant_speed, plots, steered))
+    return EVALUATIONS.register(name, ManoeuvreEvaluation(name, read, conditions, constant_speed, plots, steered, gaps))
 
 
 def metric(

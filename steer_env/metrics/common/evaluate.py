@@ -184,8 +184,8 @@ def evaluate(
         for doubt in doubts
     ]
     notes = tuple(reading.notes()) if hasattr(reading, "notes") else ()
-    if scale and TORQUE in recording.channels:
-        notes += (f"the intervals allow for an error of {scale:.2g} of the scale of {TORQUE}",)
+    if scale and (torque := _hand_torque(recording)):
+        notes += (f"the intervals allow for an error of {scale:.2g} of the scale of {torque}",)
     found = {}
     for name, values in repeats.items():
         widening = [(doubt, max(change[name] for change in of)) for doubt, of in changes]
@@ -201,10 +201,15 @@ def _declared(recording: Recording, timing: float, scale: float, again: Callable
         if channel != ANGLE and channel not in driven.CHANNELS:
             others = tuple(again(_shifted(recording, channel, by)) for by in (-timing, timing))
             found.append(Doubt(f"the timing of {channel}", "align the channels more closely", others))
-    if scale and TORQUE in recording.channels:
-        others = tuple(again(_scaled(recording, TORQUE, 1.0 / (1.0 + error))) for error in (-scale, scale))
-        found.append(Doubt(f"the scale of {TORQUE}", "calibrate the sensor more closely", others))
+    if scale and (torque := _hand_torque(recording)):
+        others = tuple(again(_scaled(recording, torque, 1.0 / (1.0 + error))) for error in (-scale, scale))
+        found.append(Doubt(f"the scale of {torque}", "calibrate the sensor more closely", others))
     return found
+
+
+def _hand_torque(recording: Recording) -> str | None:
+    """The channel of the hand torque, or that of the torsion bar where there is no other; None without both."""
+    return next((name for name in (TORQUE, "torsion_bar_torque") if name in recording.channels), None)
 
 
 def read(recording: Recording, test: str | None = None, **given: Any) -> Any:
