@@ -52,12 +52,12 @@ class Pace:
         self._kind, self.text, self._then, self._of = kind, text, then, sets
         self._began, self._finished = self._clock(), []
 
-    def end(self) -> None:
-        """The phase ends, and its time is kept."""
+    def end(self, compiled: float = 0.0) -> None:
+        """The phase ends, and its time is kept, without what was spent on compiling, which is done once [s]."""
         if self._kind == "set":
             self._took["set"] = self._each()
         elif self._kind:
-            self._took[self._kind] = self._clock() - self._began
+            self._took[self._kind] = max(self._clock() - self._began - compiled, 0.0)
         self._kind = ""
 
     def scale(self, kind: str, factor: float) -> None:

@@ -22,6 +22,7 @@ from steer_env.experiments.calibration.pace import Pace
 from steer_env.experiments.calibration.problem import Evaluation, Problem, Range
 from steer_env.experiments.calibration.search import Found, Job, WorkerOf
 from steer_env.experiments.sweep import Runner
+from steer_env.friction.numerics import cache
 
 MAPS = 8  # sets at most that are read on the whole map, until one keeps all of it; assumed
 MOVED = 0.15  # part of its band's width by which a metric must move to count as tuned; assumed
@@ -245,15 +246,23 @@ def _start(problem: Problem, sweep: Runner, pace: Pace) -> Start:
     """The starting point, read on the whole map and driven with its own handwheel angles before the search."""
     case = (problem, problems.own(problem))
     pace.begin("check", OWN_ANGLES, {})
-    (driven,) = sweep(own_angles.driven, [case], words=lambda case: OWN_ANGLES)
+    ((driven, compiled),) = sweep(_timed, [(own_angles.driven, case)], words=lambda job: OWN_ANGLES)
+    pace.end(compiled)
     pace.begin("map", "margin map of the starting point", {})
-    (cells,) = sweep(mapped, [case], words=lambda case: "margin map of the starting point")
-    pace.end()
+    ((cells, compiled),) = sweep(_timed, [(mapped, case)], words=lambda job: "margin map of the starting point")
+    pace.end(compiled)
     # A set of the search has all functions, and the more of them the longer its map takes.
     middle = problems.tuned_car_quietly(problem, {r.name: 0.5 * (r.low + r.high) for r in problem.ranges})
     each = [margin_map.seconds(car, problem.law, problem.chassis) for car in (problem.car, middle)]
     pace.scale("map", each[1] / each[0])
     return Start(driven, cells)
+
+
+def _timed(job: tuple[Callable[[Any], Any], Any]) -> tuple[Any, float]:
+    """What a worker's function gives for a case, and the time that it spent on compiling [s]."""
+    work, case = job
+    before = cache.spent()
+    return work(case), cache.spent() - before
 
 
 def mapped(case: tuple[Problem, Mapping[str, float]], points: Sequence[Cell] | None = None) -> list[Cell]:

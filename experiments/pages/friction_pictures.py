@@ -93,7 +93,7 @@ class Shown(NamedTuple):
 
 
 @styled
-def fitted_loops(shown: Shown, curves: Mapping[str, Array], titles: Mapping[str, str], columns: int = 5) -> Figure:
+def fitted_loops(shown: Shown, curves: Mapping[str, Array], titles: Mapping[str, str], columns: int = 6) -> Figure:
     """The last loop, measured in grey with a law over it, a panel for each law.
 
     Parameters
@@ -104,9 +104,9 @@ def fitted_loops(shown: Shown, curves: Mapping[str, Array], titles: Mapping[str,
     columns : int
         Panels side by side, at most.
     """
-    few, narrow, columns = len(curves) <= 2, columns == 2, min(columns, len(curves))
-    rows = -(-len(curves) // columns)
-    size = (2.3, 1.85) if narrow else (3.3, 2.5) if few else (9.6 / columns, 1.6 if columns == 5 else 2.4)
+    few, narrow, rows = len(curves) <= 2, columns == 2, -(-len(curves) // columns)
+    columns = -(-len(curves) // rows)
+    size = (2.3, 1.85) if narrow else (3.3, 2.5) if few else (9.6 / columns, 1.45 if columns > 3 else 2.4)
     figure = new_figure(size[0] * columns, size[1] * rows + 0.4)
     grid = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
     part = shown.loop
@@ -117,8 +117,9 @@ def fitted_loops(shown: Shown, curves: Mapping[str, Array], titles: Mapping[str,
         axes.plot(x, thinned(shown.friction[part], LOOP), color=_LOOP, linewidth=3.2, label="measured")
         axes.plot(x, thinned(curves[law][part], LOOP), **{**style, "linewidth": 1.2, "linestyle": "-"})
         axes.set_title(titles[law], color=style["color"], fontsize=8.5)
-    for axes in places[len(curves) :]:
+    for place, axes in enumerate(places[len(curves) :], len(curves)):
         axes.set_axis_off()
+        places[place - columns].xaxis.set_tick_params(labelbottom=True)  # the lowest of its column
     low, high = places[0].get_ylim()
     places[0].set_ylim(low, high + 0.18 * (high - low))
     places[0].text(0.03, 0.98, "measured", transform=places[0].transAxes, va="top", fontsize=8, color=_MEASURED)

@@ -336,6 +336,7 @@ def hands_off(
 
 
 _SIZE = (4.0, 3.4)  # [inch]
+_TOGETHER, _ACROSS = 5, 3  # laws that one pair of axes shows, and panels side by side where there are more
 _WIDE = 5.0  # line of the law that the others are compared with [point]
 _NOT_NOTICED = "#e3f2ea"
 _WIDEST = 4.0  # half the width of the axis of the differences at most, in thresholds; what is beyond is at its edge
@@ -367,18 +368,36 @@ def coincident(curves: Mapping[str, Mapping[str, Array]]) -> list[str]:
 
 @styled
 def loops(x: Array, torques: Mapping[str, Array]) -> Figure:
-    """Friction torque (T,) [N m] over displacement (T,) [rad], a line for each law."""
-    figure = new_figure(*_SIZE)
-    axes = figure.subplots()
-    for law, style in styles(torques).items():
-        axes.plot(x / DEGREE, torques[law], **{**style, "linewidth": 1.0})
-    axes.set(xlabel="displacement [deg]", ylabel="friction torque [N m]")
-    legend(figure, axes, 3)
+    """Friction torque (T,) [N m] over displacement (T,) [rad], a line for each law.
+
+    More than ``_TOGETHER`` laws have a panel each, with the first law in grey below.
+    """
+    look, (first, *others) = styles(torques), torques
+    if len(torques) <= _TOGETHER:
+        figure = new_figure(*_SIZE)
+        axes = figure.subplots()
+        for law, style in look.items():
+            axes.plot(x / DEGREE, torques[law], **{**style, "linewidth": 1.0})
+        axes.set(xlabel="displacement [deg]", ylabel="friction torque [N m]")
+        legend(figure, axes, 3)
+        return figure
+    rows = -(-len(others) // _ACROSS)
+    figure = new_figure(_SIZE[0], 1.1 * rows + 0.4)
+    places = figure.subplots(rows, _ACROSS, sharex=True, sharey=True).flat
+    for axes, law in zip(places, others):
+        axes.plot(x / DEGREE, torques[first], color="#b9c1cb", linewidth=1.6)
+        axes.plot(x / DEGREE, torques[law], **{**look[law], "linewidth": 0.9, "linestyle": "-"})
+        axes.set_title(law.replace("_", " "), color=look[law]["color"], fontsize=8)
+    for place, axes in enumerate(places[len(others) :], len(others)):
+        axes.set_axis_off()
+        places[place - _ACROSS].xaxis.set_tick_params(labelbottom=True)  # the lowest of its column
+    figure.supxlabel(f"displacement [deg]; grey: {first}", fontsize=8.5)
+    figure.supylabel("friction torque [N m]", fontsize=8.5)
     return figure
 
 
 @styled
-def terms(shares: Mapping[str, Mapping[str, Sequence[float]]], threshold: float) -> Figure:
+def terms(shares: Mapping[str, Mapping[str, Sequence[float]]], threshold: float, narrow: bool = False) -> Figure:
     """Differences from the base law beside the just-noticeable difference, which is shaded: a row for each law.
 
     Parameters
@@ -387,13 +406,17 @@ def terms(shares: Mapping[str, Mapping[str, Sequence[float]]], threshold: float)
         A panel for each term.
     threshold : float
         Just-noticeable difference [1].
+    narrow : bool
+        Whether the panels stand below each other, for a narrow screen.
     """
     laws = list(dict.fromkeys(law for of in shares.values() for law in of))
     look = styles(laws)
-    figure = new_figure(9.6, 1.0 + 0.26 * len(laws))
+    height, rows = 1.0 + 0.26 * len(laws), len(shares) if narrow else 1
+    figure = new_figure(4.6 if narrow else 9.6, rows * height)
     farthest = max(abs(value) for of in shares.values() for values in of.values() for value in values)
     edge = 100.0 * min(max(1.6 * threshold, 1.1 * farthest), _WIDEST * threshold)
-    for axes, (title, of) in zip(figure.subplots(1, len(shares), sharey=True, squeeze=False)[0], shares.items()):
+    panels = figure.subplots(rows, len(shares) // rows, sharey=True, squeeze=False)
+    for axes, (title, of) in zip(panels.flat, shares.items()):
         axes.axvspan(-100.0 * threshold, 100.0 * threshold, color=_NOT_NOTICED, zorder=0)
         axes.axvline(0.0, color="#999999", linewidth=0.8)
         for place, law in enumerate(laws):  # not in the order of their styles

@@ -26,6 +26,13 @@ Array = NDArray[np.float64]
 LIMIT_DISK = 2.0 * math.tan(math.radians(0.5 * PHASE_LIMIT))  # whose disk has this phase margin [1]
 
 
+def limits(cells: Sequence[Cell]) -> list[str]:
+    """The limits that some of the cells break, in words; both limits where none does."""
+    words = {"stability": "stability", "phase margin": f"{PHASE_LIMIT:g} deg", "gain margin": f"{GAIN_LIMIT:g} dB"}
+    broken = {each for cell in cells for each in cell.broken}
+    return [text for each, text in words.items() if each in broken] or [*words.values()][1:]
+
+
 def _maps(results: Results, value: Callable[[Cell], float]) -> dict[str, Array]:
     """Values (torque, speed) of every pair of hands and friction."""
     found = {}
@@ -110,6 +117,7 @@ def _page(results: Results) -> Page:
     ]
     values = {
         "r": results,
+        "limits": limits(found),
         "phase_limit": PHASE_LIMIT,
         "gain_limit": GAIN_LIMIT,
         "reached": len(found),

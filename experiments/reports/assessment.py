@@ -12,6 +12,8 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from steer_env import metrics, targets
 from steer_env.experiments.pages import car_pictures, pictures, plots, provenance
 from steer_env.experiments.pages.files import replaced_directory
@@ -25,8 +27,10 @@ from steer_env.metrics import RefusedError, Value
 from steer_env.metrics.common import frequency_response, just_noticeable
 from steer_env.recording import driven
 from steer_env.recording.recording import Recording
+from steer_env.vehicle.steering.eps import SAMPLE_TIME
 
 LONGEST = 10  # rows of a table of the first screen
+STEP = 1.01 * SAMPLE_TIME  # of a recording that was written as it was simulated, at most [s]
 
 
 def title(found: "Assessment") -> str:
@@ -60,12 +64,11 @@ def _agreement(found: "Assessment") -> str:
     said = f"Within the tolerances {other} agrees with {reference} in this {found.test}"
     if found.power.unknown:
         return f"{said}; what differences it would have shown is unknown."
-    *parameters, _ = comparison_power.rows(found.power)
-    both_ways = sum(not hidden for _, _, hidden in parameters)
-    laws = found.power.laws.values()
+    both_ways, laws = comparison_power.both_ways(found.power), found.power.laws.values()
+    changed = f" changed {number(max(both_ways.values()))}-fold" if both_ways else ""
     return (
-        f"{said}, which would have shown {both_ways} of {len(parameters)} parameters and {sum(laws)} of {len(laws)} "
-        "laws changed."
+        f"{said}, which would have shown {len(both_ways)} of {len(found.power.parameters)} parameters{changed} and "
+        f"{sum(laws)} of {len(laws)} laws."
     )
 
 
@@ -80,10 +83,12 @@ def _comparison(found: "Assessment") -> str:
             for name, each in many.items()}  # fmt: skip
     if len(others) == 1:
         metrics = f"{large[others[0]]} of {len(many[others[0]])} metrics differ by more than {percent(MATTERS)}"
+        if apart := len(found.values[reference]) - len(many[others[0]]):
+            metrics = f"{metrics}, {apart} not compared"
         if not any(known):
             return f"{others[0]} and {reference}: {metrics}; no threshold of perception is known for any."
         if not felt[others[0]]:
-            return f"{others[0]} and {reference}: {metrics}; none exceeds one of the {sum(known)} known thresholds."
+            return f"{others[0]} and {reference}: {metrics}; none exceeds a threshold, known for {sum(known)}."
         return (
             f"A driver would tell {others[0]} from {reference} by {felt[others[0]]} of {sum(known)} known thresholds; "
             f"{metrics}."
@@ -109,8 +114,11 @@ def _rating(found: "Assessment") -> str:
     counts = Counter(rating.colour for of in found.ratings.values() for rating in of.values() if rating)
     good, fair, bad = (counts[colour] for colour in targets.COLOURS)
     who = next(iter(found.values)) if len(found.values) == 1 else f"{len(found.values)} recordings"
-    if rated := good + fair + bad:
-        return f"Of {rated} rated metrics of {who}, {good} are good, {fair} fair and {bad} outside."
+    if found.targets and (rated := good + fair + bad):
+        unsure = sum(each.sure is False for of in found.ratings.values() for each in of.values() if each)
+        doubt = f"; {unsure} {'rating is' if unsure == 1 else 'ratings are'} not sure" if unsure else ""
+        by = f"by the bands of {found.targets.name}"
+        return f"Of {rated} rated metrics of {who}, {good} are good {by}, {fair} fair and {bad} outside{doubt}."
     read = [not value.reason for values in found.values.values() for value in values.values()]
     return f"{sum(read)} of {len(read)} metrics of {who} can be read as {found.test}; no targets rate them."
 
@@ -270,6 +278,10 @@ def _simulated(recordings: Mapping[str, Recording]) -> frozenset[str]:
     )
 
 
+def _step(recording: Recording) -> float:
+    return float(np.median(np.diff(recording.time)))
+
+
 def _differences(
     values: Mapping[str, Value], base: Mapping[str, Value], noticed: float, certain: bool
 ) -> dict[str, battery.Difference]:
@@ -399,6 +411,7 @@ def page_of(
         "off": _off(found) if len(labels) == 1 else [],
         "title": title(found),
         "verdict": verdict(found),
+        "thinned": [label for label in labels if label in found.simulated and _step(recordings[label]) > STEP],
         "unknown": comparison_power.in_words(found.power) if found.power and found.power.unknown else "",
         "largest": largest(found),
         "caption": _caption(found),

@@ -230,7 +230,8 @@ def page_of(found: Found, folder: str) -> Page:
     fits = [each.fit for each in found.laws if each.fit is not None]
     overview = {_title(e.law): shares(found, e) for e in fitted}
     shades = dict(zip(found.curves, colours(found.curves)))
-    titles = {e.law: f"{_title(e.law)}, {shown_number(shares(found, e)[0])} %" for e in fitted}
+    brief = {e.law: _title(e.law).partition(" (")[0] for e in fitted}
+    titles = {e.law: f"{brief[e.law]}, {shown_number(shares(found, e)[0])} %" for e in fitted}
     repeats = None if found.repeats is None else percent(found, found.repeats)
     values = {
         "found": found,
@@ -239,6 +240,7 @@ def page_of(found: Found, folder: str) -> Page:
         "verdict": verdict(found),
         "fitted": fitted,
         "first": fitted[:ROWS],
+        "rest": [_title(each.law) for each in fitted[ROWS:]],
         "equals": [each.law for each in found.equals],
         "missed": [each for each in found.laws if each.fit is None],
         "percent": lambda x: percent(found, x),

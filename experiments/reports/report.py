@@ -15,6 +15,7 @@ from steer_env.experiments.pages import pictures, plots, provenance
 from steer_env.experiments.pages.files import replaced_directory
 from steer_env.experiments.pages.metrics_json import entries
 from steer_env.experiments.pages.pages import Page, image, place
+from steer_env.experiments.pages.style import kept
 from steer_env.experiments.reports import report_findings
 from steer_env.experiments.reports.report_results import Drives, Notify, Results, Scope, collect
 from steer_env.experiments.studies import friction_laws, loop_width, real_time, vehicle
@@ -27,6 +28,7 @@ from steer_env.vehicle.steering.eps import SAMPLE_TIME
 
 CONTENTS = frozenset({"index.html", "metrics.json"})
 EVERYTHING = Scope()
+LONGEST = 10  # rows of the first table
 WANTED = "compact"  # target bands that the summary rates the laws by
 
 
@@ -59,9 +61,17 @@ def metrics_json(results: Results, source: dict[str, Any], look: Look = DEFAULT)
             "laws": {law: [row._asdict() for row in rows] for law, rows in results.tables.items()},
             "times": results.times.as_json(),
         },
+        "held_torque": [_plain(test._asdict(), "torque") for test in results.held],
+        "margins": {speed: [_plain(cell._asdict()) for cell in cells] for speed, cells in results.margins.items()},
         **({"vehicle": _vehicle_json(results)} if results.vehicle else {}),
         "provenance": source,
     }
+
+
+def _plain(row: Mapping[str, Any], *without: str) -> dict[str, Any]:
+    """What JSON holds of a row; None for numbers that are not finite."""
+    known = {key: value for key, value in row.items() if key not in without}
+    return {key: None if isinstance(x, float) and not math.isfinite(x) else x for key, x in known.items()}
 
 
 def _key(test: str, metric: str) -> str:
@@ -133,6 +143,7 @@ def page_of(results: Results, source: dict[str, Any], look: Look = DEFAULT) -> P
         "terms": terms,
         "differences": terms[0].differences,
         "look": look,
+        "longest": LONGEST,
         "study": friction_laws,
         "timing": real_time,
         "computing": computing_time,
@@ -159,7 +170,8 @@ def _weave(results: Results) -> dict[str, Any]:
 def _first_pictures(results: Results, terms: Sequence[report_findings.OnTerm], noticed: float) -> dict[str, str]:
     """The pictures that come first, as SVG by name; without a test or a difference its picture is missing."""
     history = friction_laws.HISTORIES["growing_sine"].x
-    drawn = {"first_loops": pictures.loops(history, {law: of["growing_sine"] for law, of in results.torques.items()})}
+    laws = sorted(results.torques, key=lambda law: law != results.base)
+    drawn = {"first_loops": pictures.loops(history, {law: results.torques[law]["growing_sine"] for law in laws})}
     if weave := _weave(results):
         drawn["first_weave"] = pictures.weave(weave)
     shares = {
@@ -168,6 +180,8 @@ def _first_pictures(results: Results, terms: Sequence[report_findings.OnTerm], n
     }
     if any(values for of in shares.values() for values in of.values()):
         drawn["first_terms"] = pictures.terms(shares, noticed)
+        with kept(None):
+            drawn["narrow_terms"] = pictures.terms(shares, noticed, narrow=True)
     return drawn
 
 

@@ -11,8 +11,8 @@ from steer_env import targets
 from steer_env.experiments.pages.words import label, plain
 from steer_env.experiments.reports.report_results import Drives, Results
 from steer_env.experiments.studies import friction_laws, real_time
-from steer_env.experiments.studies.common import battery
-from steer_env.experiments.studies.common.assist_margins import TARGETS, Cell, on_target
+from steer_env.experiments.studies.common import assist_margins, battery
+from steer_env.experiments.studies.common.assist_margins import TARGETS, Cell
 from steer_env.experiments.studies.common.battery import LEAST, MATTERS
 from steer_env.experiments.studies.friction_laws import Held, Residual, Verdict
 from steer_env.experiments.studies.real_time import Row
@@ -22,7 +22,7 @@ from steer_env.metrics import Value
 from steer_env.metrics.common import just_noticeable
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
 
-__all__ = ["LEAST", "MATTERS", "TARGETS", "on_target", "plain"]  # the templates reach these through this module
+__all__ = ["LEAST", "MATTERS", "TARGETS", "plain"]  # the templates reach these through this module
 
 
 def dry(results: Results) -> list[str]:
@@ -317,6 +317,11 @@ def least_margin(results: Results) -> tuple[str, Cell]:
     """Speed and cell of the boost table with the least phase margin."""
     cells = [(speed, cell) for speed, found in results.margins.items() for cell in found]
     return min(cells, key=lambda pair: pair[1].phase_deg)
+
+
+def on_target(results: Results) -> bool:
+    """Whether the assist loop keeps the usual margins in every cell at every speed."""
+    return all(assist_margins.on_target(cell) for cells in results.margins.values() for cell in cells)
 
 
 def usual_interval(results: Results) -> float:

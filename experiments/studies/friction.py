@@ -9,6 +9,7 @@ from itertools import groupby
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from steer_env import friction
 from steer_env.experiments.pages import car_options, friction_pictures, pages
@@ -31,7 +32,11 @@ from steer_env.recording.recording import DEGREE
 from steer_env.vehicle.cars import Car
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
 
+Loop = tuple[NDArray[np.float64], NDArray[np.float64]]  # displacement (T,) [deg], friction (T,) [N m]
+
 BOTH = ("weave", "slow-ramp")  # at 0.2 and at 0.02 Hz
+NEAR = 0.5  # error of laws whose loops are drawn, at most [1]
+ROWS = 10  # of the first table
 
 
 def page_of(r: Results) -> Page:
@@ -41,6 +46,7 @@ def page_of(r: Results) -> Page:
         "base": BASE_LAW,
         "others": [law for law in r.laws if law != BASE_LAW],
         "matters": MATTERS,
+        "near": NEAR,
         "told": TOLD,
         "usable": real_time.USABLE,
         "computing": computing_time,
@@ -64,13 +70,6 @@ def accuracy(r: Results) -> dict[str, Any]:
     leaders = [each for each in known if each is known[0] or each.law in known[0].alike]
     ends = [percent(pick(each.error for each in leaders), 2) for pick in (min, max)]
     seconds = r.record.dt * r.record.x.size
-    period = periods.period(r.record.motion) or r.record.x.size
-    x, F = r.record.x[-period:] / DEGREE, r.record.friction[-period:]
-    loops = {
-        each.law: (x, friction.response(each.parameters, r.record.x, r.record.dt)[-period:])
-        for each in known
-        if each.error < 0.5
-    }
     rows = [
         (each.law, percent(each.error, 3), f"{percent(each.low, 3)} to {percent(each.high, 3)}",
          number(each.error / r.repeatability, 2), ", ".join(each.undetermined) or "–")
@@ -88,7 +87,7 @@ def accuracy(r: Results) -> dict[str, Any]:
         "undetermined": [each.law for each in known if each.undetermined],
         "seconds": seconds,
         "fitted": (1.0 - records.HELD_OUT) * seconds,
-        "picture": friction_pictures.record_loops((x, F), loops),
+        "picture": friction_pictures.record_loops(*last_loops(r)),
         "errors": friction_pictures.residuals(
             {each.law: (100.0 * each.error, 100.0 * each.low, 100.0 * each.high) for each in known},
             100.0 * r.repeatability,
@@ -96,6 +95,18 @@ def accuracy(r: Results) -> dict[str, Any]:
         "rows": rows,
         "remarks": [(each.law, "; ".join(each.remarks)) for each in r.judged if each.remarks],
     }
+
+
+def last_loops(r: Results) -> tuple[Loop, dict[str, Loop]]:
+    """Displacement [deg] and friction [N m] of the record's last period, measured and by each law that is near it."""
+    period = periods.period(r.record.motion) or r.record.x.size
+    x = r.record.x[-period:] / DEGREE
+    laws = {
+        each.law: (x, friction.response(each.parameters, r.record.x, r.record.dt)[-period:] + each.offset)
+        for each in r.known()
+        if each.error < NEAR
+    }
+    return (x, r.record.friction[-period:]), laws
 
 
 def on_road(r: Results) -> dict[str, Any]:
@@ -152,6 +163,7 @@ def of_laws(r: Results) -> dict[str, Any]:
     levels = cases.by_level(factors[cases.LAW])
     remembering = [row for law in r.remembers() for row in levels.get(law, [])]
     measured = [row for row in factors.get(cases.MEASURED, []) if row.case.level in r.remembers()]
+    ranked = sorted(_summaries(levels).items(), key=lambda pair: -pair[1].large)
     return {
         "remembering": cases.summary(remembering),
         "other": _summaries({law: rows for law, rows in levels.items() if law not in r.remembers()}),
@@ -160,6 +172,8 @@ def of_laws(r: Results) -> dict[str, Any]:
         "measured_base": measured[0].case.base.rpartition(" ")[2] if measured else "",
         "levels": _summaries(levels),
         "measured_levels": _summaries(cases.by_level(factors.get(cases.MEASURED, []))),
+        "first": ranked[:ROWS],
+        "rest": [law for law, _ in ranked[ROWS:]],
         "effects": _outstanding(factors[cases.LAW]),
     }
 

@@ -51,6 +51,11 @@ def say(subject: str, line: str) -> None:
     _said.add(subject)
 
 
+def spent() -> float:
+    """Time that this process has compiled so far [s]."""
+    return _spent
+
+
 def parent() -> Path:
     """Folder that holds all machine code: in ``NUMBA_CACHE_DIR`` if that is set, else in the user's cache folder."""
     return Path(os.environ.get("NUMBA_CACHE_DIR") or platformdirs.user_cache_dir("steer_env")) / FOLDER

@@ -21,12 +21,12 @@ HEAD = """\
 SETTINGS = ("# sign = 1", "# scale = 1.0", "# offset = 0.0", "# delay_ms = 0")
 # Further names that files have for a channel, in English and German.
 USUAL = {
-    "handwheel_angle": ("steering wheel angle", "steer angle", "SWA", "Lenkwinkel", "Lenkradwinkel"),
-    "handwheel_torque": ("steering wheel torque", "steer torque", "steer torque driver", "SWT", "Lenkmoment"),
+    "handwheel_angle": ("steering wheel angle", "steer angle", "SWA", "Lenkwinkel", "Lenkradwinkel", "LRW"),
+    "handwheel_torque": ("steering wheel torque", "steer torque", "steer torque driver", "SWT", "Lenkmoment", "LRM"),
     "handwheel_speed": ("steering wheel speed", "steering angle rate", "steer rate", "Lenkwinkelgeschwindigkeit"),
-    "vehicle_speed": ("speed", "velocity", "v", "vx", "Geschwindigkeit"),
-    "lateral_acceleration": ("lat acc", "accel y", "ay", "Querbeschleunigung"),
-    "yaw_rate": ("yaw", "yaw velocity", "gyro z", "Gierrate"),
+    "vehicle_speed": ("speed", "velocity", "v", "vx", "Geschwindigkeit", "Fahrgeschwindigkeit", "v Fzg", "v Fahrzeug"),
+    "lateral_acceleration": ("lat acc", "accel y", "ay", "Querbeschleunigung", "Querbeschl", "a quer"),
+    "yaw_rate": ("yaw", "yaw velocity", "gyro z", "Gierrate", "Gierwinkelgeschwindigkeit"),
     "roll_angle": ("roll", "Wankwinkel"),
     **friction_record.USUAL,
     "sideslip_angle": ("slip angle", "beta", "Schwimmwinkel"),

@@ -11,12 +11,12 @@ import pytest
 from steer_env import friction
 from steer_env.experiments.calibration import constraints, margin_map
 from steer_env.experiments.cli.main import main
-from steer_env.experiments.reports import analysis
+from steer_env.experiments.reports import analysis, analysis_page
 from steer_env.experiments.studies.common.assist_margins import assist_cells
 from steer_env.vehicle import cars
 from steer_env.vehicle.analysis import assist_loop
 from steer_env.vehicle.analysis.operating_point import cornering, held, steady
-from steer_env.vehicle.steering.margins import worst_margins
+from steer_env.vehicle.steering.margins import Margins, worst_margins
 from tests.experiments.first_screen import sentence
 
 ROOT = Path(__file__).parents[2]
@@ -91,8 +91,18 @@ def test_a_loop_that_misses_the_limits(tmp_path, capsys):
     ]
     assert below
     assert len(below) == len(data["missed"])
-    assert f"misses 30 deg and 6 dB at {len(below)} of" in capsys.readouterr().out
+    assert f"misses stability, 30 deg and 6 dB at {len(below)} of" in capsys.readouterr().out
     sentence((tmp_path / "page" / "index.html").read_text(encoding="utf-8"))
+
+
+def test_only_the_limit_that_is_missed_is_named():
+    kept = Margins(4.0, math.radians(60.0), 1.0, 1.0, 10.0, stable=True)
+    found = [margin_map.Cell(20.0, 3.0, "on", margin_map.SLIDING, kept)]
+    assert analysis_page.limits(found) == ["30 deg", "6 dB"]
+    early = found[0]._replace(margins=kept._replace(phase=math.radians(24.0)))
+    assert analysis_page.limits([*found, early]) == ["30 deg"]
+    unstable = found[0]._replace(margins=kept._replace(gain=0.9, stable=False))
+    assert analysis_page.limits([*found, early, unstable]) == ["stability", "30 deg", "6 dB"]
 
 
 def test_a_directory_with_other_files_is_refused(tmp_path, capsys):

@@ -13,7 +13,7 @@ from steer_env import friction, manoeuvres, metrics, targets
 from steer_env import recording as recordings
 from steer_env.experiments.cli.main import main
 from steer_env.experiments.pages import car_pictures, provenance
-from steer_env.experiments.pages.words import percent
+from steer_env.experiments.pages.words import number, percent
 from steer_env.experiments.reports import assessment
 from steer_env.experiments.studies.common import comparison_power, simulation_vs_measurement
 from steer_env.metrics import Value
@@ -274,12 +274,43 @@ def test_two_recordings_side_by_side(weaves, tmp_path, capsys):
     assert "<title>Weave: viscous against lugre" in page
     compared = (tmp_path / "out" / "index.html").read_text()
     assert "<title>Weave: viscous compared with lugre" in compared
-    assert sentence(compared).endswith("; none exceeds one of the 3 known thresholds.")
+    assert sentence(compared).endswith("; none exceeds a threshold, known for 3.")
     rows = list(csv.DictReader((tmp_path / "out" / "metrics.csv").read_text(encoding="utf-8").splitlines()))
     assert {row["recording"] for row in rows} == set(weaves)
     (row,) = (row for row in rows if (row["recording"], row["metric"]) == ("viscous", "torque_deadband"))
     assert float(row["difference"]) == found["value"]
     assert float(row["low"]) <= float(row["value"]) <= float(row["high"])
+
+
+def test_recordings_in_other_units_are_compared_in_those_of_the_metrics(weaves, tmp_path):
+    """A torque in N cm is the same torque; one whose unit is that of an angle is not compared, and is counted."""
+    clean = logged(weaves["lugre"]).resampled(100.0)
+    units = {
+        "si": ("rad", 1.0, "Nm", 1.0),
+        "other": ("deg", 180.0 / np.pi, "Ncm", 100.0),
+        "odd": ("rad", 1.0, "°", 1.0),
+    }
+    for name, (angle, angles, torque, torques) in units.items():
+        columns = {f"handwheel_angle [{angle}]": angles * clean["handwheel_angle"]}
+        columns[f"handwheel_torque [{torque}]"] = torques * clean["handwheel_torque"]
+        columns["lateral_acceleration [m/s²]"] = clean["lateral_acceleration"]
+        rows = np.column_stack([clean.time, *columns.values()])
+        head = ",".join(("time [s]", *columns))
+        np.savetxt(tmp_path / f"{name}.csv", rows, delimiter=",", header=head, comments="", encoding="utf-8")
+    files = [str(tmp_path / f"{name}.csv") for name in units]
+    given = ["--manoeuvre", "weave", "--speed-kph", "100", "--out", str(tmp_path / "out")]
+    assert main(["evaluate", "--compare", *files, *given]) == 0
+    found = json.loads((tmp_path / "out" / "evaluation.json").read_text(encoding="utf-8"))
+    same, odd = found["differences"]["other"], found["differences"]["odd"]
+    assert all(abs(each["share"]) < 1e-6 for each in same.values())
+    apart = same.keys() - odd.keys()
+    assert "torque_deadband" in apart
+    assert all("handwheel_torque is in 'rad'" in found["metrics"]["odd"][name]["reason"] for name in apart)
+    assert main(["evaluate", "--compare", files[0], files[2], *given]) == 0
+    total = len(found["metrics"]["si"])
+    said = sentence((tmp_path / "out" / "index.html").read_text(encoding="utf-8"))
+    assert f"of {len(odd)} metrics differ" in said
+    assert f", {total - len(odd)} not compared" in said
 
 
 def test_of_eight_recordings_a_broken_one_is_left_out(weaves, tmp_path, capsys, monkeypatch):
@@ -370,6 +401,14 @@ def test_a_simulation_shows_no_uncertainty(tmp_path):
     assert {row["recording"] for row in rows if row["low"] != ""} == {"c"}
 
 
+def test_a_file_with_fewer_samples_than_were_simulated_is_told(weaves):
+    full = replace(weaves["lugre"], meta={**weaves["lugre"].meta, "trace": {"car": cars.load().data()}})
+    both = {"full": full, "thinned": full.filtered(80.0).resampled(200.0)}
+    page = assessment.page_of(assessment.assess(both), both)
+    assert page.values["thinned"] == ["thinned"]
+    assert "The metrics of thinned are of the file" in page.html()
+
+
 def test_a_simulation_that_does_not_agree_is_told_first(weaves, tmp_path):
     clean = weaves["lugre"]
     torque = {"handwheel_torque": 1.3 * clean["handwheel_torque"]}
@@ -384,6 +423,12 @@ def test_a_simulation_that_does_not_agree_is_told_first(weaves, tmp_path):
     assert assessment.as_json(found)["verdict"] == said
     rated = assessment.assess({"car": clean}, wanted=targets.load("compact"))
     assert assessment.verdict(rated).startswith("Of 15 rated metrics of car, ")
+    assert "by the bands of compact" in assessment.verdict(rated)
+    for unsure in (0, 2):
+        of = {name: Rating("green", k >= unsure) for k, name in enumerate(rated.ratings["car"])}
+        said = assessment.verdict(rated._replace(ratings={"car": of}))
+        assert ("not sure" in said, f"{unsure} ratings" in said) == (unsure > 0, unsure > 0)
+        assert len(said.split()) <= 25
     assert assessment.verdict(assessment.assess({"car": clean})).startswith("19 of 19 metrics of car can be read")
 
 
@@ -567,22 +612,25 @@ def test_what_agrees_says_what_it_would_have_shown(tmp_path, capsys):
     assert found["unknown"] is None
     assert "It would have shown a difference of friction" in capsys.readouterr().out
     said = sentence((tmp_path / "out" / "index.html").read_text())
-    assert said.endswith("in this weave, which would have shown 1 of 1 parameters and 1 of 1 laws changed.")
+    assert f"1 of 1 parameters changed {number(max(1.0 / below, above))}-fold and 1 of 1 laws" in said
     strong = changed(clean, handwheel_torque=1.3 * clean["handwheel_torque"])
     both = {"car": clean, "model": strong}
     assert assessment.assess(both, allowed=simulation_vs_measurement.tolerances()).power is None  # they do not agree
 
 
 def test_a_change_that_is_shown_one_way_only_is_not_counted(weaves):
-    """The sentence counts the parameters that are shown less and more, and the laws by themselves."""
-    ends = (("friction", 0.8, 1.2), ("boost", 0.8, None), ("delay of the assist", None, None))
+    """The sentence counts the parameters that are shown less and more, says by which change, and counts the laws."""
+    ends = (("friction", 0.8, 1.5), ("boost", 0.5, None), ("delay of the assist", None, None))
     power = comparison_power.Power(
         tuple(comparison_power.Shown(*each) for each in ends), {"viscous": True, "gms": False}
     )
     both = {"car": weaves["lugre"], "model": weaves["lugre"]}
     found = assessment.assess(both, allowed=simulation_vs_measurement.tolerances())._replace(power=power)
-    assert assessment.verdict(found).endswith("which would have shown 1 of 3 parameters and 1 of 2 laws changed.")
-    assert f"boost {percent(0.2)} less, the law viscous, but not boost more" in comparison_power.in_words(power)
+    assert comparison_power.both_ways(power) == {"friction": 1.5}
+    assert "1 of 3 parameters changed 1.5-fold and 1 of 2 laws" in assessment.verdict(found)
+    none = found._replace(power=power._replace(parameters=power.parameters[1:]))
+    assert "0 of 2 parameters and 1 of 2 laws" in assessment.verdict(none)
+    assert f"boost {percent(0.5)} less, the law viscous, but not boost more" in comparison_power.in_words(power)
 
 
 def test_without_a_car_to_drive_the_power_is_unknown(weaves):

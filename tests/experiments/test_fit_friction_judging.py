@@ -8,8 +8,10 @@ import pytest
 from steer_env import friction
 from steer_env.experiments.cli.common.tables import print_fits
 from steer_env.experiments.cli.main import main
+from steer_env.experiments.pages import friction_pictures
 from steer_env.experiments.reports import friction_fit, friction_fit_page
 from steer_env.friction.identification import periods
+from steer_env.friction.identification.fit import INTERVALS
 from steer_env.recording import friction_record
 
 DT = 0.02  # [s]
@@ -164,6 +166,30 @@ def test_the_first_sentence_is_short(record, laws):
     assert len(said.split()) <= 25
     if len(found.equals) == 1:
         assert "apart" not in said
+
+
+def test_the_first_sentence_with_a_long_name_is_short():
+    found = friction_fit.collect(STROKES, "one", ("dahl", "coulomb"))
+    laws = (found.laws[0]._replace(law="masing_position"), found.laws[1])
+    said = friction_fit_page.verdict(found._replace(laws=laws))
+    assert "Masing by position" in said
+    assert len(said.split()) <= 25
+
+
+def test_every_way_to_an_interval_has_its_words():
+    found = friction_fit.collect(STROKES, "one", ("dahl",))
+    assert len({page(found._replace(intervals=way)) for way in INTERVALS}) == len(INTERVALS)
+
+
+def test_the_loops_of_many_laws_leave_room_for_the_table_and_have_numbers_below():
+    found = friction_fit.collect(STROKES, "one", ("dahl",))
+    shown = friction_fit_page.shown(found)
+    for number in (4, 11, 12):
+        curves = {f"law_{k}": found.curves["dahl"] for k in range(number)}
+        figure = friction_pictures.fitted_loops.__wrapped__(shown, curves, {law: law for law in curves})
+        assert figure.get_size_inches()[1] < 3.6
+        lowest = {axes.get_subplotspec().colspan.start: axes for axes in figure.axes if axes.axison}
+        assert all(axes.xaxis.get_tick_params()["labelbottom"] for axes in lowest.values())
 
 
 def test_the_page_and_the_file_hold_the_intervals_of_sliders():

@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -249,11 +250,44 @@ def test_the_page_quotes_every_section(results):
     assert len(page.timing) == 1
     assert all(sentence.endswith(".") for sentence in [*page.verdict, *page.timing])
     text = page.html()
-    assert sentence(text).startswith("On one contact dahl leaves least, 5 %; with one calibration laws change 0 of 2 ")
+    said, changed = sentence(text), friction_study.of_laws(results)["remembering"]
+    assert said.startswith("On one contact dahl leaves least, 5 %; ")
+    assert f"change {changed.large} (one calibration) of {changed.compared} metrics" in said
     assert text.count('class="claim"') == 9
     dahl = results.road.row("dahl")
     assert f"<td>{dahl.residual:.3f}</td>" in text
     assert "<dd></dd>" not in text
+
+
+def test_the_first_table_of_many_laws_has_ten_rows(results):
+    own = next(row for row in results.effects if row.case.factor == cases.LAW)
+    more = [own._replace(case=own.case._replace(level=f"own_{k}")) for k in range(12)]
+    many = results._replace(effects=[*results.effects, *more])
+    text = friction_study.page_of(many).html()
+    sentence(text)
+    of = friction_study.of_laws(many)
+    assert {law for law, _ in of["first"]} | set(of["rest"]) == set(of["levels"])
+    assert all(f"{law}" in text for law in of["rest"])
+
+
+def test_the_first_sentence_has_both_terms(results):
+    own = [row for row in results.effects if row.case.factor == cases.LAW]
+    found = [row._replace(found=row.found._replace(value=1.0, half_width=0.0, share=0.5)) for row in own]
+    fitted = [row._replace(case=row.case._replace(factor=cases.MEASURED)) for row in found]
+    others = [row for row in results.effects if row.case.factor != cases.MEASURED]
+    for kept in (fitted, fitted[:-1]):  # as many metrics as with one calibration, or not
+        both = results._replace(effects=[*others, *kept])
+        of = friction_study.of_laws(both)
+        said = sentence(friction_study.page_of(both).html())
+        assert f"{of['measured'].large} (fitted) of {of['measured'].compared} metrics" in said
+
+
+def test_a_law_is_drawn_with_the_offset_that_was_fitted_with_it(results):
+    shifted = replace(results.record, friction=results.record.friction + 0.3)
+    (dahl,) = records.judge((shifted, ["dahl"]))
+    (x, measured), laws = friction_study.last_loops(results._replace(record=shifted, judged=[dahl]))
+    np.testing.assert_allclose(laws["dahl"][0], x)
+    assert np.sqrt(np.mean((laws["dahl"][1] - measured) ** 2)) < 0.02
 
 
 @pytest.mark.whole

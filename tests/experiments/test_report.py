@@ -13,13 +13,16 @@ from xml.etree import ElementTree
 
 import pytest
 
-from steer_env import friction, metrics
+from steer_env import friction, manoeuvres, metrics
 from steer_env.experiments import sweep
 from steer_env.experiments.cli.main import main
-from steer_env.experiments.pages import pages, traces
-from steer_env.experiments.pages.words import number
+from steer_env.experiments.pages import pages, traces, words
 from steer_env.experiments.reports import report, report_findings
 from steer_env.experiments.reports.report_results import Scope
+from steer_env.experiments.studies import held_torque
+from steer_env.experiments.studies.common import friction_cases
+from steer_env.experiments.studies.common.assist_margins import assist_cells
+from steer_env.recording import files
 from steer_env.vehicle import cars
 from tests.experiments.faked_times import NONE, faked
 from tests.experiments.first_screen import sentence
@@ -30,7 +33,7 @@ LAWS = {law: friction.make(law) for law in ("lugre", "masing")}
 TESTS = {"weave": {"cycles": 6}, "slow-ramp": {}, "step-steer": {}, "hold": {}}
 SCOPE = Scope(tests=TESTS, widths=(0.0, 1.0, 2.0), steps=(1e-3, 1e-2), speeds_kph=(0.0,))
 IN_TWO = partial(sweep.run, where=sweep.Where(2))
-FIRST = ("first_terms", "first_weave", "first_loops")
+FIRST = ("first_terms", "narrow_terms", "first_weave", "first_loops")
 FIGURES = (
     *("characteristics", "reversal", "real_time", "margins", "held_on", "held_off"),
     *("chassis", "parking", "loop_width"),
@@ -98,7 +101,7 @@ def test_what_is_read_first(made):
     first = " ".join("".join(Page(text[places[0] : places[1]]).words).split())
     assert "a driver tells no law from lugre with one calibration, no law with each fitted." in first
     assert sentence(text).startswith("By the ")
-    assert [text[places[0] : places[1]].count(tag) for tag in ("<img ", "<table")] == [3, 1]
+    assert [text[places[0] : places[1]].count(tag) for tag in ("<img ", "<table")] == [4, 1]
     differs = Page(text[places[1] : places[2]])
     assert "Of " in "".join(differs.words)
     assert "Newberry, Griffin and Dowson" in "".join(differs.words)
@@ -128,7 +131,85 @@ def test_both_terms_have_all_laws_and_their_numbers_are_those_of_the_json(made):
     assert numbers["fitted"]["laws"]["lugre"]["undetermined"] == ["sigma_1", "sigma_2", "F_s", "v_s"]
     fitted = made[1].fitted.laws["lugre"]
     assert (fitted.sigma_1, fitted.sigma_2, fitted.F_s) == (0.0, 0.0, fitted.F_c)
-    assert f"lugre sigma_1 = 0, sigma_2 = 0, F_s = {number(fitted.F_c)}, v_s = {number(fitted.v_s)}" in first
+    level, speed = words.number(fitted.F_c), words.number(fitted.v_s)
+    assert f"lugre sigma_1 = 0, sigma_2 = 0, F_s = {level}, v_s = {speed}" in first
+
+
+def on_terms(made):
+    """Numbers of the JSON, laws and largest difference of each term, with the table's words for it."""
+    numbers = json.loads((made[0] / "metrics.json").read_text(encoding="utf-8"))
+    first = (made[0] / "index.html").read_text(encoding="utf-8").partition("</section>")[0]
+    said = re.findall(r'<td class="text">([^<]*), ([^<,]*)</td>', first)
+    held = (numbers["differences"], numbers["fitted"]["differences"])
+    laws = (made[1].laws, made[1].fitted.laws)
+    yield from zip(report_findings.terms(made[1]), held, laws, said, strict=True)
+
+
+def key_of(row):
+    return row.metric if row.test == "weave" else f"{row.test.replace('-', '_')}.{row.metric}"
+
+
+def test_the_sentence_and_the_largest_differences_are_those_of_the_json(made):
+    counts = []
+    for term, held, _, (said, test) in on_terms(made):
+        rows = held["laws"]["masing"]
+        largest = max((key for key, row in rows.items() if row["real"]), key=lambda key: abs(rows[key]["share"]))
+        assert key_of(term.laws["masing"].largest) == largest
+        metric = largest.rpartition(".")[2]
+        assert (said, test) == (
+            f"{words.change(rows[largest]['share'])} {words.label(metric)}",
+            term.laws["masing"].largest.test.replace("-", " "),
+        )
+        felt = [row["perception"] == "perceptible" for row in rows.values()]
+        known = sum(row["perception"] != "no threshold known" for row in rows.values())
+        counts.append((known, len(rows), sum(felt)))
+    text = sentence((made[0] / "index.html").read_text(encoding="utf-8"))
+    assert f"By the {counts[0][0]} known thresholds of {counts[0][1]} metrics" in text
+    assert [bool(felt) for *_, felt in counts] == [False, False]
+    assert text.count("no law") == 2
+
+
+def test_a_comparison_of_files_has_the_largest_differences_of_the_report(made, tmp_path):
+    for term, held, laws, (said, _) in on_terms(made):
+        largest = term.laws["masing"].largest
+        for law in (term.base, "masing"):
+            driven = manoeuvres.drive(made[1].car, made[1].manoeuvres[largest.test], laws[law])
+            files.write(driven, tmp_path / f"{law}.csv")
+        paths = [str(tmp_path / f"{law}.csv") for law in (term.base, "masing")]
+        assert main(["evaluate", "--compare", *paths, "--out", str(tmp_path / "compared")]) == 0
+        compared = json.loads((tmp_path / "compared" / "evaluation.json").read_text(encoding="utf-8"))
+        share = compared["differences"]["masing"][largest.metric]["share"]
+        assert share == pytest.approx(held["laws"]["masing"][key_of(largest)]["share"], rel=1e-6)
+        assert said.split()[0] in (tmp_path / "compared" / "index.html").read_text(encoding="utf-8")
+
+
+def test_the_friction_study_has_the_differences_of_the_report(made):
+    """The largest of the tests that both drive alike: the weave is shorter in this file's report."""
+    factors = friction_cases.LAW, friction_cases.MEASURED
+    for (term, held, _, _), factor in zip(on_terms(made), factors, strict=True):
+        largest = next(row for row in term.differences.rows if row.test != "weave" and row.found.real)
+        cases = friction_cases.cases(made[1].laws, made[1].fitted.laws)
+        own = [case for case in cases if case.factor == factor and case.level in (term.base, "masing")]
+        driven = [friction_cases.drives((made[1].car, case, (largest.test,))) for case in own]
+        shares = {row.metric: row.found.share for row in friction_cases.effects(own, driven)}
+        assert shares[largest.metric] == pytest.approx(held["laws"]["masing"][key_of(largest)]["share"], rel=1e-9)
+
+
+def test_what_stands_below_the_table_is_in_the_json_and_on_the_pages_of_its_studies(made):
+    """Ripple of a held torque, and the margins of the assist loop."""
+    numbers = json.loads((made[0] / "metrics.json").read_text(encoding="utf-8"))
+    first = (made[0] / "index.html").read_text(encoding="utf-8").partition('<section id="differs">')[0]
+    found = {words.number(1e3 * test["ripple"]) for test in numbers["held_torque"]}
+    study = held_torque.Results(made[1].held, held_torque.of_every_law(made[1].car, "lugre"))
+    page = held_torque.build(study, made[1].car.name)[0].html()
+    ripples = re.findall(r"([\d.]+) mN m", first)
+    assert ripples
+    assert set(ripples) <= found
+    assert all(f"<td>{ripple}</td>" in page for ripple in ripples)
+    own = [(cell.phase_deg, cell.gain_db) for cell in assist_cells(made[1].car, 0.0)]
+    assert [(cell["phase_deg"], cell["gain_db"]) for cell in numbers["margins"]["parking"]] == own
+    assert list(numbers["margins"]) == ["parking"]
+    assert "with the handwheel held (parking)" in first
 
 
 def test_a_full_page_is_interactive(made, source):
@@ -172,6 +253,24 @@ def test_a_law_that_a_driver_feels_is_in_the_verdict(made, source):
     assert "a driver tells no law from lugre with one calibration" in deaf
     json_of = report.metrics_json(changed, source)["differences"]["laws"]["masing"]
     assert json_of["step_steer.steady_step_torque"]["perception"] == "perceptible"
+
+
+def test_the_first_table_of_many_laws_has_ten_rows(made, source):
+    results, own = made[1], [f"own_{k}" for k in range(11)]
+
+    def many(of):
+        return {**of, **dict.fromkeys(own, of["masing"])}
+
+    changed = results._replace(
+        laws=many(results.laws),
+        drives={test: many(drives) for test, drives in results.drives.items()},
+        torques=many(results.torques),
+        tables=many(results.tables),
+        times=faked(dict.fromkeys(many(results.laws), 100.0)),
+    )
+    text = report.page_of(changed, source).html()
+    sentence(text)
+    assert {name for name in own if f"<tr><td>{name.replace('_', ' ')}</td><td>" in text} == set(own)
 
 
 def test_labels_are_in_words(made):
@@ -225,7 +324,7 @@ def test_the_report_of_an_own_car(tmp_path, monkeypatch):
 def test_the_page_says_everything_in_plain_words(made):
     words = " ".join(" ".join(Page((made[0] / "index.html").read_text(encoding="utf-8")).words).split())
     headings = "Verdict", "1 Friction", "2 Held", "3 Feel", "4 Real time", "5 Assist", "6 Vehicle", "7 Provenance"
-    for heading in (*headings, "Parking", "Cross-validation", "Glossary"):
+    for heading in (*headings, "Parking", "Glossary"):
         assert heading in words
     for name in {name for test in TESTS for name in metrics.available(test)}:
         assert " ".join(report_findings.label(name).split()) in words
@@ -241,7 +340,8 @@ def test_the_page_says_everything_in_plain_words(made):
 
 def test_metrics_json(made):
     data = json.loads((made[0] / "metrics.json").read_text(encoding="utf-8"))
-    assert set(data) == {"metrics", "differences", "fitted", "real_time", "vehicle", "provenance", "trace"}
+    parts = {"metrics", "differences", "fitted", "real_time", "held_torque", "margins", "vehicle"}
+    assert set(data) == {*parts, "provenance", "trace"}
     assert set(data["differences"]["laws"]) == {"masing"}
     assert data["differences"]["noticed_share"] == 0.15
     assert set(data["vehicle"]) == {"weave_peaks", "parking"}

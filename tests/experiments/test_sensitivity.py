@@ -149,7 +149,7 @@ def test_page_json_and_repeatability(tmp_path):
     assert "Each number is the change of the output" in html
     assert html.count("<figure>") == 3
     first, *_ = one["ranking"]
-    assert sentence(html).startswith(f"Over its range {first.replace('_', ' ')} changes the ")
+    assert sentence(html).startswith(f"Over its range {first.replace('_', ' ')} changes ")
 
 
 @pytest.mark.whole

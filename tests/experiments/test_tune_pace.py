@@ -2,8 +2,10 @@
 
 import pytest
 
+from steer_env.experiments.calibration import tuning
 from steer_env.experiments.calibration.pace import Pace
 from steer_env.experiments.calibration.tuning import LAST
+from steer_env.friction.numerics import cache
 
 
 def told(set_times, seconds, before=0, confirm=()):
@@ -55,6 +57,27 @@ def test_the_time_left_is_told_within_a_factor_in_the_second_half(case):
     assert late
     for left, said in late:
         assert left / 1.5 <= said <= 1.5 * left
+
+
+def test_what_was_compiled_is_not_compiled_again():
+    now = [0.0]
+    pace = Pace(lambda: now[0])
+    pace.begin("map", "margin map of the starting point", {})
+    now[0] = 100.0
+    pace.end(compiled=88.0)
+    pace.begin("map", "margin map 1", {})
+    assert pace.left == 12.0
+
+
+def test_a_worker_tells_what_it_compiled(monkeypatch):
+    spent = [5.0]
+    monkeypatch.setattr(cache, "spent", lambda: spent[0])
+
+    def work(case):
+        spent[0] += case
+        return -case
+
+    assert tuning._timed((work, 7.0)) == (-7.0, 7.0)
 
 
 def test_nothing_is_told_before_a_margin_map_was_read():

@@ -79,6 +79,21 @@ def test_a_filled_in_template_is_a_mapping(tmp_path):
     np.testing.assert_allclose(np.degrees(found["handwheel_angle"]), [1.0, 2.0])
 
 
+def test_german_abbreviations_are_guessed(tmp_path):
+    names = {
+        "handwheel_angle": "LRW [°]",
+        "handwheel_torque": "LRM [Nm]",
+        "vehicle_speed": "v_Fzg [km/h]",
+        "lateral_acceleration": "Querbeschl [m/s²]",
+        "yaw_rate": "Gierwinkelgeschwindigkeit [°/s]",
+    }
+    path, out = tmp_path / "fahrt.csv", tmp_path / "map.toml"
+    path.write_text(";".join(("Zeit [s]", *names.values())) + "\n" + "0;1;1;1;1;1\n1;2;2;2;2;2\n", encoding="latin-1")
+    assert main(["evaluate", str(path), "--template", str(out)]) == 0
+    found = channel_mapping.load(out).channels
+    assert {name: channel.source for name, channel in found.items()} == {"time": "Zeit [s]", **names}
+
+
 def test_what_is_clear_is_guessed(tmp_path, capsys):
     """A German file is read as its template comes; a column that names no unit is left to the reader."""
     path, out = tmp_path / "fahrt.csv", tmp_path / "map.toml"

@@ -168,6 +168,12 @@ def _changed(own: Simulated, change: Change, factors: Sequence[float]) -> list[t
     return cases
 
 
+def both_ways(power: Power) -> dict[str, float]:
+    """Parameters that are shown both less and more -> the factor by which they are [1]."""
+    ends = {each.parameter: (each.below, each.above) for each in power.parameters}
+    return {name: max(1.0 / below, above) for name, (below, above) in ends.items() if below and above}
+
+
 def rows(power: Power) -> list[tuple[str, str, str]]:
     """What was changed, from which change on it would have been shown, and what would not, in words."""
 

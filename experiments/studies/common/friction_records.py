@@ -41,6 +41,7 @@ class Judged(NamedTuple):
     undetermined: tuple[str, ...]  # parameters that the fitted part does not determine
     remarks: tuple[str, ...]  # warnings of the fit, or why there is none
     alike: tuple[str, ...] = ()  # laws that the part that judges cannot tell from this one
+    offset: float = 0.0  # of the friction, fitted with the law [N m]
 
 
 def rig() -> friction_record.FrictionRecord:
@@ -83,7 +84,8 @@ def judge(job: tuple[friction_record.FrictionRecord, Sequence[str]]) -> list[Jud
             continue
         error, low, high = (value / mean for value in (each.residual, *each.interval))
         of = each.fit
-        found.append(Judged(each.law, of.parameters, error, low, high, of.undetermined, of.warnings, each.alike))
+        told = of.undetermined, of.warnings, each.alike, of.offset
+        found.append(Judged(each.law, of.parameters, error, low, high, *told))
     return found
 
 
