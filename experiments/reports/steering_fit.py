@@ -21,6 +21,7 @@ from steer_env.experiments.reports.friction_fit_page import LAW_TITLES
 from steer_env.friction.fitted_file import UNITS as LAW_UNITS
 from steer_env.friction.law import LAWS
 from steer_env.hand_torque import Identified
+from steer_env.hand_torque.drive import FEWEST
 from steer_env.hand_torque.fit import NONE, VISCOUS, Fitted
 from steer_env.hand_torque.model import MAPS, RATE, UNITS, on_samples, stretched
 from steer_env.metrics.common.just_noticeable import LEAST, SHARE
@@ -197,6 +198,7 @@ def page_of(found: Identified, name: str, folder: str) -> Page:
         "fitted_seconds": found.drive.weight[: found.first].sum() * found.drive.dt,
         "picture": image(measured_over_predicted(found)),
         "noticed": NOTICED,
+        "fewest": FEWEST,
         "degrees": math.degrees,
         "without": found.row(VISCOUS),
     }

@@ -14,6 +14,7 @@ from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import stats
 from scipy.optimize import nnls
 
@@ -321,7 +322,7 @@ def _row(drive: Drive, first: int, shape: str, name: str, rng: np.random.Generat
         level = float(p[-1])
         draws = _drawn([each for each in candidates if each.a_c == chosen.a_c], rng)
         factor = _lost(drive, shape, name, chosen, p)
-        level, ends = _estimate(level, np.array([q[-1] for _, q in draws]), count, factor)
+        level, ends = _estimate(level, np.array([q[-1] for _, q in draws]), _counted(candidates).size, factor)
         if np.isfinite(chosen.x_c):
             distances = _ends(np.array([each.x_c for each, _ in draws]))
     early = drive._replace(weight=np.where(np.arange(drive.time.size) < first, drive.weight, 0.0))
@@ -336,10 +337,16 @@ def _row(drive: Drive, first: int, shape: str, name: str, rng: np.random.Generat
     )  # fmt: skip
 
 
+def _counted(candidates: Sequence[Candidate]) -> NDArray[np.int64]:
+    """Blocks that hold samples; those within a gap hold none."""
+    return np.flatnonzero(candidates[0].sums.n)
+
+
 def _drawn(candidates: Sequence[Candidate], rng: np.random.Generator) -> list[tuple[Candidate, Array]]:
     """Fits to blocks drawn anew."""
-    count = candidates[0].sums.n.size
-    times = rng.multinomial(count, np.full(count, 1.0 / count), DRAWS).astype(float)
+    used = _counted(candidates)
+    times = np.zeros((DRAWS, candidates[0].sums.n.size))
+    times[:, used] = rng.multinomial(used.size, np.full(used.size, 1.0 / used.size), DRAWS)
     return [_fit(candidates, each) for each in times]
 
 
@@ -361,12 +368,12 @@ def _growth(drive: Drive, shape: str, row: Fitted, seed: int) -> tuple[float, tu
     block, place = _blocks(drive.time.size), X_C.index(row.x_c) if np.isfinite(row.x_c) else 0
     near = X_C[max(place - 1, 0) : place + 2]
     candidates = _candidates(drive, shape, row.name, block, (row.model.a_c,), near, GROWTHS)
-    count = candidates[0].sums.n.size
-    chosen, p = _fit(candidates, np.ones(count))
+    chosen, p = _fit(candidates, np.ones(candidates[0].sums.n.size))
     draws = _drawn(candidates, np.random.default_rng(seed))
     value = chosen.growth * float(p[-1])
     factor = _lost(drive, shape, row.name, chosen, p)
-    return _estimate(value, np.array([each.growth * q[-1] for each, q in draws]), count, factor)
+    grown = np.array([each.growth * q[-1] for each, q in draws])
+    return _estimate(value, grown, _counted(candidates).size, factor)
 
 
 def _lost(drive: Drive, shape: str, name: str, chosen: Candidate, p: Array) -> float:

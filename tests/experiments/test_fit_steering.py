@@ -6,9 +6,13 @@ from pathlib import Path
 
 import pytest
 
+from steer_env import identify
 from steer_env.experiments.cli.main import main
+from steer_env.experiments.reports.steering_fit import page_of
+from steer_env.hand_torque.drive import FEWEST
 from steer_env.vehicle import cars
 from tests.experiments.first_screen import sentence
+from tests.synthetic import hand_torque as synthetic
 
 CAN_LOG = Path(__file__).parents[2] / "examples" / "can_log"
 
@@ -80,3 +84,23 @@ def test_the_program_of_the_guide_runs(monkeypatch):
     names = {}
     exec(compile(program, "road_drive.md", "exec"), names)
     assert names["torque"].size == names["drive"].time.size
+
+
+def said(*laws):
+    """The page of a drive with Coulomb friction of 0.4 N m to which only these laws were fitted."""
+    found = identify(synthetic.drive(1, "coulomb", 0.4), laws=laws)
+    assert found.drive.turns > FEWEST
+    return page_of(found, "drive", "out").html()
+
+
+def test_a_law_without_pre_sliding_has_no_sentence_about_it():
+    page = said("coulomb")
+    assert "with Coulomb" in page
+    assert "pre-sliding" not in page
+
+
+def test_a_page_without_a_law_says_why():
+    """That the corrections are too few is said only where they are."""
+    page = said("viscous")
+    assert "too few corrections" not in page
+    assert "no dry law was fitted" in page

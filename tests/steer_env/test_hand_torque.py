@@ -7,7 +7,7 @@ import pytest
 
 from steer_env import identify
 from steer_env.friction.law import available
-from steer_env.hand_torque import Model, Prior, predict, prepared
+from steer_env.hand_torque import Model, Prior, fit, predict, prepared
 from steer_env.hand_torque.model import has_distance, stretched
 from steer_env.recording import Recording
 from tests.friction.test_bad_input import refused
@@ -173,6 +173,20 @@ def test_gaps_are_left_out_and_told():
     assert found.row("dahl").level == pytest.approx(synthetic.fitted().row("dahl").level, rel=0.2)
     with refused(["can be used"]):
         prepared(drive.between(0.0, 20.0))
+
+
+def test_blocks_within_a_gap_do_not_narrow_an_interval():
+    """Thirteen blocks with as many empty ones between them give the estimates of the thirteen."""
+    n, rng = np.tile([1.0, 0.0], 13), np.random.default_rng(0)
+    h = n * rng.normal(1.0, 0.1, 26)
+    sums = fit.Sums(n[:, None, None], h[:, None], n + h, n)
+    holed = fit.Candidate(("level",), np.nan, np.nan, 0.0, sums)
+    whole = holed._replace(sums=fit.Sums(*(values[n > 0.0] for values in sums)))
+    ends = []
+    for each in (holed, whole):
+        draws = np.array([p[-1] for _, p in fit._drawn([each], np.random.default_rng(0))])
+        ends.append(fit._estimate(1.0, draws, fit._counted([each]).size, 1.0)[1])
+    assert ends[0] == ends[1]
 
 
 def test_a_drive_without_corrections_has_no_law():
