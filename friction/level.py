@@ -35,6 +35,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from steer_env.friction.law import advance, rest_torque, torque
+from steer_env.friction.numerics.bounds import within
 from steer_env.friction.numerics.check import not_negative, number, numbers
 from steer_env.friction.numerics.kernel import kernel, plain
 
@@ -58,11 +59,12 @@ class Scales(NamedTuple):
     negative: float  # L_- [1]
 
 
+MOST = 0.9  # of a relative increase, so that some friction is left where it decreases; assumed [1]
 LIMITS = {  # (low, high), so that both directions keep some friction and the exponential stays a moderate factor
-    "asymmetry": (-0.9, 0.9),  # [1]
+    "asymmetry": (-MOST, MOST),  # [1]
     "temperature_rate": (-0.05, 0.05),  # [1/K]
     "temperature_rise": (-100.0, 100.0),  # [K]
-    "position": (-0.9, 0.9),  # [1]
+    "position": (-MOST, MOST),  # [1]
     "order": (0.01, 1000.0),  # [1]
     "peak": (-100.0, 100.0),  # [rad]
 }
@@ -101,13 +103,18 @@ def make(
 
 @kernel
 def scales(level, base, load, x):
-    """L_+ and L_- of (F11) at a load and a position; ``base`` is L_0 [1]."""
+    """L_+ and L_- of (F11) at a load and a position; ``base`` is L_0 [1].
+
+    Beyond :data:`LIMITS`, as a parameter of an exported unit may be, position and asymmetry count as at their limits: a
+    negative level would drive the steering.
+    """
+    position, asymmetry = within(level.position, -MOST, MOST), within(level.asymmetry, -MOST, MOST)
     L = base * (1.0 + level.load * abs(load))  # (F11)
-    if level.position != 0.0:
-        L *= 1.0 + level.position * math.cos(level.order * (x - level.peak))  # (F11)
+    if position != 0.0:
+        L *= 1.0 + position * math.cos(level.order * (x - level.peak))  # (F11)
     if level.temperature_rate != 0.0:
         L *= math.exp(-level.temperature_rate * level.temperature_rise)  # (F11)
-    return Scales(L * (1.0 + level.asymmetry), L * (1.0 - level.asymmetry))  # (F11)
+    return Scales(L * (1.0 + asymmetry), L * (1.0 - asymmetry))  # (F11)
 
 
 def largest(level: Level, base: float, load: float) -> float:

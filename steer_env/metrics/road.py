@@ -137,7 +137,8 @@ class Road:
 
     def _find_motion(self) -> tuple[Array, Mask]:
         """Lateral acceleration (T,) [m/s2], and where it is known (T,)."""
-        name = next((name for name in (AY, YAW) if name in self._recording.channels), None)
+        channels = self._recording.channels
+        name = next((name for name in (AY, YAW) if name in channels and not np.isnan(channels[name]).all()), None)
         if name is None:
             raise RefusedError(
                 f"neither {AY} nor {YAW} is recorded: record one of them, or map it from the name that it has in the "

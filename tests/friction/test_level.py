@@ -31,6 +31,8 @@ def test_factors():
     toothed = level.make(position=0.3, order=7.0, peak=0.1, asymmetry=-0.5)
     for x, factor in ((0.1, 1.3), (0.1 + math.pi / 7.0, 0.7), (0.1 + 0.5 * math.pi / 7.0, 1.0)):
         assert level.scales(toothed, 2.0, 0.0, x) == pytest.approx((factor, 3.0 * factor), rel=1e-15)
+    beyond = toothed._replace(position=3.0, asymmetry=-5.0)  # as in a unit whose parameters nobody checks
+    assert level.scales(beyond, 1.0, 0.0, 0.1 + math.pi / 7.0) == pytest.approx((0.01, 0.19), rel=1e-12)
     assert level.largest(toothed, 2.0, 0.0) == pytest.approx(3.9, rel=1e-15)
     assert level.largest(toothed._replace(position=-0.3), 2.0, 0.0) == pytest.approx(3.9, rel=1e-15)
 
