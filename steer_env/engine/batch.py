@@ -276,8 +276,7 @@ class EnvironmentBatch:
         a.finite[i] = True
 
     def _start_of(self, drawn: Conditions, robot: bool, driven: bool) -> tuple[Array, Array, Array]:
-        usual = self._randomise.usual
-        if drawn.friction is usual.friction and drawn[:4] == usual[:4] and self.task.draw_scenario is None:
+        if drawn.same_plant(self._randomise.usual) and self.task.draw_scenario is None:
             return self._usual_start
         return self._settled(self._plant(drawn, robot, self.driver if driven else None))
 

@@ -33,6 +33,10 @@ RANGES = {
     "action_gain": (0.1, 2.0, "factor on the action's effect, as of an actuator stronger than it should be [1]"),
     "action_lag": (0.0, 0.2, "first-order lag of the torque behind the action; muscles of the driver models: 0.05 [s]"),
 }
+OF_PLANT = (
+    *("load", "road_friction", "speed"),
+    *("friction_level", "friction_load", "friction_asymmetry", "friction_position"),
+)
 LIMITS = {name: (low, high) for name, (low, high, _) in RANGES.items()}
 # Standard deviations of white noise at each control step, as good production sensors have; assumed [SI].
 SENSOR_NOISE = {
@@ -67,6 +71,10 @@ class Conditions(NamedTuple):
     action_lag: float  # [s]
     friction: Any  # the law's parameters
     drawn: tuple[tuple[str, float], ...] = ()  # name and value of those of them that ``randomise`` draws [their units]
+
+    def same_plant(self, other: "Conditions") -> bool:
+        """Whether plant and start are those of other conditions of the same environment."""
+        return self.friction is other.friction and all(getattr(self, key) == getattr(other, key) for key in OF_PLANT)
 
     def values(self, names: Sequence[str]) -> list[float]:
         """Values by name: keys of :data:`RANGES`, and ``friction_<parameter>`` of the law; NaN where there is none."""

@@ -48,11 +48,6 @@ def observed(scenario: Scenario) -> tuple[Quantity, ...]:
     )
 
 
-def same(one: Conditions, other: Conditions) -> bool:
-    """Whether two draws of the same environment give the same context."""
-    return one.friction is other.friction and one[:4] == other[:4]
-
-
 def _chosen(parameters: Sequence[str]) -> tuple[str, ...]:
     """The parameters that the action sets, checked."""
     known = not isinstance(parameters, str) and set(parameters) <= set(KNOWN)
@@ -220,7 +215,7 @@ class TuneEnv(PlainSpecification, gym.Env):
             An option is unknown or out of its range, or the car does not reach a test's lateral acceleration.
         """
         drawn = self.draw(seed, options)
-        if self._drawn is None or not same(self._drawn[0], drawn):
+        if self._drawn is None or not self._drawn[0].same_plant(drawn):
             known = context.context(self.car, self.chassis, drawn)
             self._drives = driving.prepare(self.scenario, self.car, self.chassis, drawn)
         else:

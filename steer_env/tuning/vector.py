@@ -31,7 +31,7 @@ from steer_env.friction.numerics.worker_process import ONE_THREAD, end_with, set
 from steer_env.tuning import context, driving
 from steer_env.tuning.context import Context
 from steer_env.tuning.driving import PreparedDrive, Tried
-from steer_env.tuning.env import TuneEnv, same
+from steer_env.tuning.env import TuneEnv
 from steer_env.tuning.scenarios.common.definition import SCENARIOS
 from steer_env.vehicle.cars import Car
 from steer_env.vehicle.steering.eps import Assist
@@ -297,7 +297,7 @@ class TuneVectorEnv(PlainSpecification, VectorEnv):
     def _context(self, drawn: Conditions) -> "_Context":
         """The context of drawn conditions: one that a sub-environment has, or a new one."""
         for own in self._contexts:
-            if own and same(own.drawn, drawn):
+            if own and own.drawn.same_plant(drawn):
                 return own
         first = self.envs[0]
         course = pickle.dumps(Course(first.scenario.name, first.car, first.chassis, drawn))

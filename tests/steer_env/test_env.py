@@ -439,6 +439,16 @@ def test_what_is_drawn_changes_the_car_and_an_option_fixes_it():
     assert end({}) != usual
 
 
+@pytest.mark.parametrize(("name", "value"), dict(zip(randomise.OF_PLANT, (9.0, 0.5, 20.0, 2.0, 0.1, 0.2, 0.3))).items())
+def test_each_condition_alone_changes_the_plant(name, value):
+    batch = gym.make("steer_env/DriverLaneKeeping-v1", control_dt=0.01).unwrapped.batch
+    batch.start(0, np.random.default_rng(0), {})
+    usual = batch.arrays.plants.copy()
+    batch.start(0, np.random.default_rng(0), {name: value})
+    assert np.any(batch.arrays.plants != usual)
+    assert batch.conditions[0].values([name]) == [value]
+
+
 def test_noise_has_its_size_and_a_delay_its_age():
     env = gym.make("steer_env/AssistWeave-v1", randomise={"sensor_noise": (1, 1), "delay": (0.05, 0.05)}).unwrapped
     clean = gym.make("steer_env/AssistWeave-v1").unwrapped
