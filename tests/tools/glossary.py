@@ -138,6 +138,7 @@ _ENVIRONMENTS = """# Environments
 `import steer_env` registers the ids; `gymnasium.make(id)` makes an environment, `gymnasium.make_vec(id, num_envs=N)` a
 vector environment. The last sections give the sensor noise, the arguments of the driving ids, of the two tuning ids (in
 which a step is a set of assist parameters with its tests) and of the vector environments, and how to copy them.
+[rewards.md](rewards.md) names the code that writes the terms of a reward and the code that weights and adds them.
 """
 _SENSORS = """
 ## Sensor noise
