@@ -316,7 +316,7 @@ def forces(c, kappa, alpha, camber, F_z, v_x, mu=1.0, turn_slip=0.0):
 def forces_of_four(c, kappa, tan_alpha, camber, F_z, v_x, mu, stiffness):
     """:func:`forces` of four tyres without turn slip, for the tangents of the slip angles, v_y/|v_x|.
 
-    ``tyre_forces`` of each chassis calls this in every step; :func:`forces` serves users and the linear models.
+    ``tyre_forces`` of each chassis calls this at every evaluation; :func:`forces` serves users and the linear models.
 
     Relaxed slip angles have these tangents as states. ``stiffness`` multiplies the cornering stiffness [1]. ``kappa``
     None stands for 0 at all four tyres and compiles in half the time.
