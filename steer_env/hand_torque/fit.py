@@ -126,8 +126,11 @@ class Identified(NamedTuple):
 
     @property
     def best(self) -> Fitted:
-        """The dry law that leaves least on the judging part, or damping where no law was fitted."""
-        return self.dry[0] if self.dry else self.row(VISCOUS)
+        """The dry law that leaves least of the fitted part, or damping where no law was fitted.
+
+        The judging part does not choose it, so that what the law leaves there is a prediction.
+        """
+        return min(self.dry, key=lambda row: row.fitted, default=self.row(VISCOUS))
 
 
 def identify(

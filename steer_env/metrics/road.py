@@ -310,6 +310,10 @@ def _jackknife(values: Array, systematic: float) -> Bounded:
     return Bounded(repeats, more, more)
 
 
+def _half(whole: Bounded) -> Bounded:
+    return Bounded(whole.values / 2.0, whole.below / 2.0, whole.above / 2.0)
+
+
 register_evaluation("road", Road, constant_speed=False, plots=((ANGLE, TORQUE),), steered=True, gaps=True)
 
 _road = partial(metric, source="after ISO 13674-1, by regression of a free drive")
@@ -342,8 +346,7 @@ def road_steering_stiffness(road: Road) -> Bounded:
 @_road("N m", "road")
 def road_torque_at_0g(road: Road) -> Bounded:
     """Half the height in torque between the two directions of motion at 0 g, at the speed zero of the hands."""
-    height = road.height(AY)
-    return Bounded(height.values / 2.0, height.below / 2.0, height.above / 2.0)
+    return _half(road.height(AY))
 
 
 @_road("N m/g", "road")
@@ -355,8 +358,7 @@ def road_torque_gradient_at_0g(road: Road) -> Bounded:
 @_road("g", "road")
 def road_lateral_acceleration_at_0nm(road: Road) -> Bounded:
     """Half the width in lateral acceleration between the two directions of motion at the torque of straight ahead."""
-    width = road.width(AY)
-    return Bounded(width.values / 2.0, width.below / 2.0, width.above / 2.0)
+    return _half(road.width(AY))
 
 
 def _by_speed(name: str, unit: str, x: str, over: str) -> None:

@@ -47,6 +47,12 @@ def test_a_shape_that_does_not_hold_beyond_the_fitted_angles_is_refused(road):
     assert road.shape == "knee"
 
 
+def test_the_judging_part_does_not_choose_the_law(road):
+    dahl = road.row("dahl")
+    other = dahl._replace(name="masing", fitted=0.9 * dahl.fitted, residual=1.2 * dahl.residual)
+    assert road._replace(rows=(dahl, other, road.row("viscous"))).best is other
+
+
 def test_the_prediction_needs_no_torque(road):
     """It is the same for an angle and a speed without any torque, and that which the residual was made of."""
     drive = synthetic.packaged()
