@@ -116,7 +116,7 @@ def fitted_loops(shown: Shown, curves: Mapping[str, Array], titles: Mapping[str,
         style = look[law]
         axes.plot(x, thinned(shown.friction[part], LOOP), color=_LOOP, linewidth=3.2, label="measured")
         axes.plot(x, thinned(curves[law][part], LOOP), **{**style, "linewidth": 1.2, "linestyle": "-"})
-        axes.set_title(titles[law], color=style["color"], fontsize=8.5)
+        axes.set_title(titles[law], color=style["color"], fontsize=8.5 if columns < 6 else 7.5)
     for place, axes in enumerate(places[len(curves) :], len(curves)):
         axes.set_axis_off()
         places[place - columns].xaxis.set_tick_params(labelbottom=True)  # the lowest of its column
