@@ -298,7 +298,7 @@ def build(names: Sequence[str]) -> tuple[pages.Page, dict[str, Any]]:
 
 
 def main(argv: Sequence[str] | None = None) -> None:
-    """Reproduce the experiments of the LuGre paper (1995), run every law in them, and write a pages."""
+    """Reproduce the experiments of the LuGre paper (1995), run every law in them, and write a page."""
     args = pages.parser(NAME, main.__doc__).parse_args(argv)
     pages.check(args.out, NAME)
     names = ["lugre", *(name for name in friction.available() if name != "lugre")]

@@ -161,7 +161,7 @@ def as_json(results: Results) -> dict[str, Any]:
 
 
 def main(argv: Sequence[str] | None = None, sweep: Runner = run, car: Car | None = None) -> None:
-    """Split the car at the rack, couple both halves in several ways with every law, and write a pages."""
+    """Split the car at the rack, couple both halves in several ways with every law, and write a page."""
     parser = pages.parser(NAME, main.__doc__)
     car_options.add(parser)
     known = friction.available()

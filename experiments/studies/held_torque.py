@@ -162,7 +162,7 @@ def build(results: Results, car: str) -> tuple[pages.Page, dict[str, Any]]:
 
 
 def main(argv: Sequence[str] | None = None, sweep: Runner = run, car: Car | None = None) -> None:
-    """Repeat the held-torque comparison of LuGre and Masing with every law, and write a pages."""
+    """Repeat the held-torque comparison of LuGre and Masing with every law, and write a page."""
     parser = pages.parser(NAME, main.__doc__)
     car_options.add(parser)
     args = parser.parse_args(argv)
