@@ -12,11 +12,12 @@ from steer_env.hand_torque.model import RATE, Array, Prior, lateral_acceleration
 from steer_env.recording.recording import Recording, low_passed
 from steer_env.recording.units import COUNTS
 
+ASSISTANCE = "assistance_active"  # channel that is not zero where something else than the hands steers
 USUAL = {"vehicle_speed": ("speed", "velocity", "v"), "torsion_bar_torque": ("handwheel_torque", "torque")}
 FINE = 12.0  # low-pass of the angle that shows what the stronger one of the fit takes away [Hz]
 SHORTEST = 30.0  # of what is fitted and judged together; assumed [s]
 GAP = 0.1  # between two rows, from which on nothing is interpolated [s]
-BESIDE = 0.5  # of a gap, left out on both sides, as the low-pass reaches there [s]
+BESIDE = 0.5  # of what is left out, on both sides, as the low-pass reaches there [s]
 SLOWEST = 8.0  # below, tyres are driven by more than a steady turn; assumed [m/s]
 LARGEST = 12.0  # lateral acceleration that no passenger car reaches, 99th percentile of the drive [m/s2]
 STILL = np.radians(0.15)  # standard deviation of an angle that is not steered; assumed [rad]
@@ -73,8 +74,8 @@ def prepared(recording: Recording, prior: Prior | None = None) -> Drive:
         notes += (f"{slow.mean():.0%} of the drive is slower than {3.6 * SLOWEST:.0f} km/h and is left out",)
     if weight.sum() / RATE < SHORTEST:
         raise ValueError(
-            f"{weight.sum() / RATE:.0f} s of the drive can be used, and {SHORTEST:.0f} s are needed: a longer drive, "
-            f"faster than {3.6 * SLOWEST:.0f} km/h and without gaps"
+            f"{weight.sum() / RATE:.0f} s of the drive can be used ({'; '.join(notes)}), and {SHORTEST:.0f} s are "
+            f"needed: a longer drive, faster than {3.6 * SLOWEST:.0f} km/h, without gaps and steered by hands"
         )
     used = weight > 0.0
     prior = prior_of(recording.meta) if prior is None else prior
@@ -126,7 +127,9 @@ def _channels(recording: Recording) -> dict[str, str]:
 
 
 def even(recording: Recording, named: dict[str, str]) -> tuple[Array, Array, tuple[str, ...]]:
-    """Uniform instants (T,) [s], weights (T,), 0 in gaps of the channels and beside them, and what is told of them.
+    """Uniform instants (T,) [s], weights (T,), 0 where samples are left out, and what is told of it.
+
+    Left out are gaps of the channels and where ``ASSISTANCE`` steers, both with ``BESIDE``.
 
     Parameters
     ----------
@@ -142,7 +145,8 @@ def even(recording: Recording, named: dict[str, str]) -> tuple[Array, Array, tup
     time = np.arange(recording.time[0], recording.time[-1], 1.0 / RATE)
     weight, notes = np.ones_like(time), []
     total = 0.0
-    for channel, name in named.items():
+    flagged = {ASSISTANCE: ASSISTANCE} if ASSISTANCE in recording.channels else {}
+    for channel, name in {**named, **flagged}.items():
         there = ~np.isnan(recording[name])
         if there.sum() < 2:
             raise ValueError(f"{name} has no values: check the column of {channel}")
@@ -156,6 +160,11 @@ def even(recording: Recording, named: dict[str, str]) -> tuple[Array, Array, tup
             f"{np.mean(weight == 0.0):.0%} of the drive is in gaps of more than {GAP:g} s or beside them, the longest "
             f"of {total:.2g} s, and is left out"
         )
+    if flagged:
+        active = at_instants(recording, ASSISTANCE, time) != 0.0
+        beside = np.convolve(active, np.ones(2 * round(BESIDE * RATE) + 1), "same") > 0.0
+        weight[beside] = 0.0
+        notes.append(f"an assistance steers in {active.mean():.0%} of the drive, which is left out")
     notes.append(
         f"resampled at {RATE:g} Hz from {round((recording.time.size - 1) / np.ptp(recording.time), 1):g} rows a second"
     )
@@ -225,7 +234,7 @@ def _check_torque(a: Array, angle: Array, whole: Array, used: Any) -> tuple[str,
     if light >= FREE:
         raise ValueError(
             f"in {light:.0%} of the drive the torque varies by less than {LIGHT:g} N m: the hands are off the wheel, "
-            "or an assistance steers; a hand torque needs hands"
+            f"or an assistance steers; a hand torque needs hands; a channel {ASSISTANCE} leaves out where one steers"
         )
     share = float(np.corrcoef(a, torque)[0, 1])
     if share < -0.3:
@@ -235,6 +244,7 @@ def _check_torque(a: Array, angle: Array, whole: Array, used: Any) -> tuple[str,
         )
     if light > 0.1:
         return (
-            f"in {light:.0%} of the drive the torque hardly varies, as with hands off or an assistance that steers",
+            f"in {light:.0%} of the drive the torque hardly varies, as with hands off or an assistance that steers, which "
+            f"a channel {ASSISTANCE} would leave out",
         )
     return ()

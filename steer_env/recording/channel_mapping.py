@@ -35,7 +35,13 @@ from steer_env.vehicle import plant
 from steer_env.vehicle.chassis import two_track
 
 # Known channels -> unit in memory.
-KNOWN = {**dict(plant.CHANNELS), **dict(two_track.CHANNELS), "vehicle_speed": "m/s", "sideslip_angle": "rad"}
+KNOWN = {
+    **dict(plant.CHANNELS),
+    **dict(two_track.CHANNELS),
+    "vehicle_speed": "m/s",
+    "sideslip_angle": "rad",
+    "assistance_active": "1",  # not zero while something else than the hands steers, as lane keeping does
+}
 # Channels of a record of friction -> the units in memory that each may have: those of an angle or of a travel.
 FRICTION = {
     "displacement": ("rad", "m"),

@@ -65,15 +65,18 @@ def test_an_unknown_drive_is_refused(capsys):
     assert "no packaged drive" in refused(capsys, "nothing")
 
 
-def test_a_torque_in_counts_is_refused(capsys):
+def test_a_torque_in_counts_and_an_assistance_that_steers_are_refused(capsys):
     """The CAN log of another car, whose assistance steered most of the time and whose torque has no calibration."""
     pytest.importorskip("can")
-    text = refused(
-        capsys, str(CAN_LOG / "rav4_2017_can_60s.log.gz"), "--dbc", str(CAN_LOG / "toyota_rav4_2017.dbc"),
+    log = (
+        str(CAN_LOG / "rav4_2017_can_60s.log.gz"), "--dbc", str(CAN_LOG / "toyota_rav4_2017.dbc"),
         "--mapping", str(CAN_LOG / "rav4.toml"),
     )  # fmt: skip
+    text = refused(capsys, *log)
     assert "counts" in text
     assert "scale=" in text
+    text = refused(capsys, *log, "--map", "handwheel_torque=STEER_TORQUE_SENSOR.STEER_TORQUE_DRIVER[Nm],scale=0.005")
+    assert "an assistance steers in 84% of the drive" in text
 
 
 def test_the_program_of_the_guide_runs(monkeypatch):

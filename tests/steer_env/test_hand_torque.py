@@ -115,6 +115,18 @@ def test_marks_of_known_drives(level, error, near, held):
 
 
 @pytest.mark.whole
+@pytest.mark.parametrize("law", [law for law in available() if law not in ("viscous", "dahl")])
+def test_marks_of_the_other_laws(law):
+    """Two drives each with 0.5 N m of a law, of the twenty in docs/road_drive.md: level, interval and kind."""
+    for seed in (0, 1):
+        found = identify(synthetic.drive(seed, law, 0.5), laws=[law])
+        row = found.row(law)
+        assert row.level == pytest.approx(0.5, rel=0.15)
+        assert row.level_interval[0] <= 0.5 <= row.level_interval[1]
+        assert found.chosen == "dry"
+
+
+@pytest.mark.whole
 def test_growth_with_the_load():
     """Ten drives each: 0.3 N m for each m/s2 beside 0.3 N m, or none; what is shown, and the interval."""
     for truth in (0.3, 0.0):
@@ -164,6 +176,20 @@ def test_hands_off_are_refused_and_told_where_the_rest_suffices():
         prepared(changed(torsion_bar_torque=0.1 + noise))
     part = np.where(drive.time < 40.0, 0.1 + noise, torque)
     assert any("hands off" in note for note in prepared(changed(torsion_bar_torque=part)).notes)
+
+
+def test_where_an_assistance_steers_is_left_out_and_told():
+    """Forty seconds without hands are not fitted, and without a channel that tells of them they are told."""
+    drive = synthetic.packaged()
+    active = (drive.time > 30.0) & (drive.time < 70.0)
+    noise = np.random.default_rng(0).normal(0.0, 0.01, drive.time.size)
+    torque = np.where(active, 0.1 + noise, drive["torsion_bar_torque"])
+    told = prepared(changed(torsion_bar_torque=torque, assistance_active=(active.astype(float), "1")))
+    assert any("an assistance steers in 31% of the drive" in note for note in told.notes)
+    assert not told.weight[(told.time > 29.6) & (told.time < 70.4)].any()
+    assert told.weight[(told.time < 29.4) | (told.time > 70.6)].all()
+    silent = prepared(changed(torsion_bar_torque=torque))
+    assert any("a channel assistance_active" in note for note in silent.notes)
 
 
 def test_gaps_are_left_out_and_told():
