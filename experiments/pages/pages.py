@@ -43,6 +43,12 @@ def titles(html: str) -> list[str]:
     return [Markup(each).unescape() for each in _HEADING.findall(html)]
 
 
+def worded(rows: Sequence[Sequence[object]]) -> set[int]:
+    """Places of the columns of a table after the first in which no cell has a digit: text, not numbers."""
+    columns = enumerate(zip(*rows))
+    return {place for place, cells in columns if place and not any(re.search(r"\d", str(cell)) for cell in cells)}
+
+
 @lru_cache
 def environment() -> jinja2.Environment:
     """The templates, with the filters for numbers and names."""
@@ -66,6 +72,7 @@ def environment() -> jinja2.Environment:
         words.capital,
         anchor,
         titles,
+        worded,
     )
     found.filters |= {f.__name__: f for f in filters}
     found.globals |= {"image": image, "version": metadata.version("steer-env"), "script": ""}

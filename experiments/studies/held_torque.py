@@ -22,8 +22,6 @@ NAME = "held-torque"
 LASTS = 0.9  # part of the ripple's first second that is left in its last, from which on a vibration lasts [1]
 SMOOTH = 2.0  # ripple of Masing over that of LuGre from which on the first vibrates and the second does not; assumed
 STEP = 0.05  # change of the ripple with a tenth of the step up to which the step is not its cause, assumed [1]
-# What a prototype of the project gave, N m: Masing and LuGre without micro-damping, and with damping ratio 0.1 in both.
-PROTOTYPE = (0.114, 0.029, 0.006, 0.002)
 RIPPLE_HEAD = ("assist", "calibration", "Masing", "LuGre", "Masing, damped", "LuGre, damped", "removed by the damper")
 
 
@@ -149,14 +147,12 @@ def build(results: Results, car: str) -> tuple[pages.Page, dict[str, Any]]:
             for state, words in ASSIST.items()
         },
         "damping": {ratio: _damping(results, ratio) for ratio in DAMPING_RATIOS[1:]},
-        "prototype": [number(1e3 * x) for x in PROTOTYPE],
         "laws": [(e.law, e.calibration, number(1e3 * e.ripple, 3), percent(e.lasting, 3)) for e in results.laws],
     }
     data = {
         "tests": [{key: value for key, value in test._asdict().items() if key != "torque"} for test in results.tests],
         "laws": [each._asdict() for each in results.laws],
-        "prototype": list(PROTOTYPE),
-        "units": {"ripple": "N m", "ripple_fine": "N m", "prototype": "N m"},
+        "units": {"ripple": "N m", "ripple_fine": "N m"},
     }
     return pages.Page(NAME, values), data
 

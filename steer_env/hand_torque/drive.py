@@ -244,7 +244,7 @@ def _check_torque(a: Array, angle: Array, whole: Array, used: Any) -> tuple[str,
         )
     if light > 0.1:
         return (
-            f"in {light:.0%} of the drive the torque hardly varies, as with hands off or an assistance that steers, which "
-            f"a channel {ASSISTANCE} would leave out",
+            f"in {light:.0%} of the drive the torque hardly varies, as with hands off or an assistance that steers, "
+            f"which a channel {ASSISTANCE} would leave out",
         )
     return ()
