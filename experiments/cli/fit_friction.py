@@ -75,9 +75,9 @@ def _add_fit(parser: argparse.ArgumentParser) -> None:
         "let the level grow with the load, of which the record needs a channel that varies (rack force, normal force)"
     )
     group.add_argument("--by-load", action="store_true", help=text)
-    text = "95 %% intervals from derivatives (linear, default), blocks drawn anew, the profile of the loss, or periods"
-    ways = ("linear", "bootstrap", "profile", "periods")
-    group.add_argument("--intervals", choices=ways, default="linear", help=text)
+    text = "95 %% intervals from periods (default), derivatives (linear), blocks drawn anew, or the profile of the loss"
+    ways = ("periods", "linear", "bootstrap", "profile")
+    group.add_argument("--intervals", choices=ways, default="periods", help=text)
     text = "starting points of the search for each law (default: 3)"
     group.add_argument("--starts", metavar="N", type=options.whole_number(1), default=3, help=text)
     text = "look for a better optimum of each law by differential evolution, which takes minutes"

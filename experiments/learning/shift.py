@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import gymnasium
 import numpy as np
 from matplotlib.figure import Figure
 
@@ -135,6 +136,7 @@ class Shift(NamedTuple):
     cells: dict[str, dict[str, Cell]]  # condition -> label of the change
     units: dict[str, str]
     conditions: dict[str, str]  # of the training, in words
+    refused: dict[str, str]  # label of a law that the id cannot run -> why
 
 
 def identified(home: Friction) -> list[Labelled]:
@@ -231,13 +233,26 @@ def collect(
     notify: Callable[[float, str], None] = lambda *_: None,
     sweep: Runner = run,
 ) -> Shift:
-    """Evaluate the policy and every baseline of its id as trained, and under each change of each condition."""
+    """Evaluate the policy and every baseline of its id as trained, and under each change of each condition.
+
+    Laws that the id refuses, such as those that fall too steeply with the speed, are left out and told.
+
+    Raises
+    ------
+    ValueError
+        If no change is left.
+    """
     about = policy.about(path)
     env_id, home = about["env"], policy.law(about["friction"], path)
     controllers: dict[str, Any] = {"policy": policy.load(path), "zero": ZeroAction, **baselines(env_id)}
     made = {**policy.conditions(about), "friction": home.parameters}
 
-    every = [(HOME, Change(HOME, {}, {})), *((over, change) for over, each in chosen.items() for change in each)]
+    why = {change.label: _refusal(env_id, {**made, **change.arguments}) for change in chosen.get("law", ())}
+    refused = {label: reason for label, reason in why.items() if reason}
+    kept = {over: [change for change in each if change.label not in refused] for over, each in chosen.items()}
+    if not any(kept.values()):
+        raise ValueError("; ".join(refused.values()))
+    every = [(HOME, Change(HOME, {}, {})), *((over, change) for over, each in kept.items() for change in each)]
     jobs = [
         Job(f"{over} {change.label}, {name}", env_id, make, episodes, change.options, {**made, **change.arguments})
         for over, change in every
@@ -245,7 +260,7 @@ def collect(
     ]
     results = iter(sweep(held_out.evaluated, jobs, notify=notify, words=held_out.label_of))
     own: Any = None
-    cells: dict[str, dict[str, Cell]] = {over: {} for over in (HOME, *chosen)}
+    cells: dict[str, dict[str, Cell]] = {over: {} for over in (HOME, *kept) if over == HOME or kept[over]}
     for over, change in every:
         found = policy_report.assembled(env_id, {name: next(results) for name in controllers}, episodes, made)
         reward = found.found["policy"].reward
@@ -254,7 +269,16 @@ def collect(
         cells[over][change.label] = Cell(found.values, held_out.mean(reward - own), gained, change.x)
     as_trained = cells.pop(HOME)[HOME]
     conditions = policy_report.conditions({**policy.conditions(about), "friction": home.label})
-    return Shift(env_id, home.label, episodes, as_trained, cells, found.units, conditions)
+    return Shift(env_id, home.label, episodes, as_trained, cells, found.units, conditions, refused)
+
+
+def _refusal(env_id: str, arguments: Mapping[str, Any]) -> str:
+    """Why an id cannot be made with these arguments; empty where it can."""
+    try:
+        gymnasium.make(env_id, **arguments).close()
+    except ValueError as error:
+        return str(error)
+    return ""
 
 
 def as_json(found: Shift) -> dict[str, Any]:
@@ -276,6 +300,7 @@ def as_json(found: Shift) -> dict[str, Any]:
         "episodes": found.episodes,
         "first_seed": HELD_OUT,
         HOME.replace(" ", "_"): entries(found.home),
+        "refused": found.refused,
         "over": {over: {label: entries(cell) for label, cell in each.items()} for over, each in found.cells.items()},
         "provenance": provenance.versions(),
     }

@@ -236,19 +236,18 @@ def parking(found: dict[str, Any]) -> Figure:
 
 @styled
 def loop_width(panels: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> Figure:
-    """Signed loop widths over friction, a row for each metric and a column for each test.
-
-    Thin and dashed: the part that comes from vehicle lag and motor damping.
-    """
+    """Signed loop widths over friction, a row for each metric and a column for each test."""
     figure = new_figure(9.6, 5.4)
     grid = figure.subplots(len(panels), len(next(iter(panels.values()))), sharex=True, sharey="row", squeeze=False)
+    without: dict[str, Any] = {"linewidth": 1.0, "linestyle": (0, (4, 2))}
     for row, (metric, of_test) in zip(grid, panels.items()):
         for axes, (test, of_car) in zip(row, of_test.items()):
             axes.axhline(0.0, color="#999999", linewidth=0.8)
             for (car, curve), colour in zip(of_car.items(), PALETTE):
                 F_c = [width.F_c for width in curve]
                 axes.plot(F_c, [width.total for width in curve], "o-", color=colour, markersize=3, label=car)
-                axes.plot(F_c, [width.rest for width in curve], color=colour, linewidth=1.0, linestyle=(0, (4, 2)))
+                axes.plot(F_c, [width.rest for width in curve], color=colour, **without)
+            axes.plot([], [], color="#666666", label="without friction: vehicle lag and motor damping", **without)
             axes.set_title(test if axes in grid[0] else "")
         row[0].set_ylabel(f"{metric}, signed [N m]")
     for axes in grid[-1]:

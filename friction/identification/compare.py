@@ -43,7 +43,7 @@ def compare(
     held_out: float | slice = HELD_OUT,
     inertia: float | None = 0.0,
     starts: int = 3,
-    intervals: str = "linear",
+    intervals: str = "periods",
     global_search: bool = False,
     seed: int = 0,
     notify: Callable[[float, str], None] = lambda part, text: None,

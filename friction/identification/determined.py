@@ -286,8 +286,9 @@ def linear(
 def by_periods(problem: Problem, estimate: Estimate) -> dict[str, tuple[float, float]]:
     """95 % intervals from the scatter of the record's periods, or of ``STRETCHES`` parts of it where it has none (F37).
 
-    What one step of the search makes of each period scatters about the estimate, by Student's t. What a wrong law
-    leaves alike in every period does not widen them, and a contact that changes from one to the next does.
+    The jackknife's pseudo-values, from one step of the search without each period, scatter about the estimate, by
+    Student's t. What a wrong law leaves alike in every period does not widen them, and a contact that changes from one
+    to the next does.
     """
     from scipy.special import stdtrit  # imported here, because that takes longer than the import of all laws
 
@@ -298,8 +299,8 @@ def by_periods(problem: Problem, estimate: Estimate) -> dict[str, tuple[float, f
     block = (at - at[0]) // length
     n = int((at[-1] + 1 - at[0]) // length)  # whole ones
     J, e = optimum.jacobian, optimum.weakened
-    H = np.linalg.pinv(J.T @ J)
-    steps = np.array([-n * (H @ (J[block == b].T @ e[block == b])) for b in range(n)])  # (F37)
+    parts = [(J[block == b], e[block == b]) for b in range(n)]
+    steps = np.array([(1 - n) * np.linalg.pinv(J.T @ J - K.T @ K) @ (K.T @ r) for K, r in parts])  # (F37)
 
     def widths(rows: NDArray) -> NDArray[np.float64]:
         scatter = (steps - steps.mean(axis=0)) @ rows.T

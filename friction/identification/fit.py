@@ -33,7 +33,7 @@ from steer_env.friction.level import Level
 from steer_env.friction.numerics.check import number, one_of, whole
 
 STEP = 1e-5  # of a coordinate, for the derivative of the saturated torque [1]
-INTERVALS = ("linear", "bootstrap", "profile", "periods")
+INTERVALS = ("periods", "linear", "bootstrap", "profile")
 
 Bound = float | NDArray[np.float64]  # an array for a curve
 
@@ -65,7 +65,7 @@ class Options(NamedTuple):
 
     fixed: Mapping[str, float] = {}  # in the units of the record
     starts: int = 3
-    intervals: str = "linear"
+    intervals: str = "periods"
     global_search: bool = False
     seed: int = 0
 
@@ -92,7 +92,7 @@ def fit(
     inertia: float | None = 0.0,
     fixed: Mapping[str, float] | None = None,
     starts: int = 3,
-    intervals: str = "linear",
+    intervals: str = "periods",
     global_search: bool = False,
     seed: int = 0,
 ) -> Fit:
@@ -122,9 +122,9 @@ def fit(
     starts : int
         Number of starting points of the search.
     intervals : str
-        ``"linear"``: from the derivatives at the optimum; ``"bootstrap"``: from blocks of samples drawn anew;
-        ``"profile"``: from the growth of the loss about the optimum, which shows bounds that are far from symmetric;
-        ``"periods"``: from the scatter of the record's periods, which holds for the same contact later.
+        ``"periods"``: from the scatter of the record's periods, which holds for the same contact later; ``"linear"``:
+        from the derivatives at the optimum; ``"bootstrap"``: from blocks of samples drawn anew; ``"profile"``: from the
+        growth of the loss about the optimum, which shows bounds that are far from symmetric.
     global_search : bool
         Whether differential evolution looks for a better optimum.
     seed : int

@@ -377,7 +377,7 @@ def test_times():
 def test_other_intervals_are_near_the_linear_ones_of_a_true_law(way):
     x, dt = mixed_speed(20.0)
     torque = friction.response(P, x, dt) + noise(0, x.size, 0.009)
-    linear = friction.fit(x, torque, "lugre", dt=dt).intervals
+    linear = friction.fit(x, torque, "lugre", dt=dt, intervals="linear").intervals
     other = friction.fit(x, torque, "lugre", dt=dt, intervals=way).intervals
     for key, (low, high) in linear.items():
         assert (other[key][1] - other[key][0]) / (high - low) == pytest.approx(

@@ -127,6 +127,17 @@ def test_marks_of_the_other_laws(law):
 
 
 @pytest.mark.whole
+@pytest.mark.parametrize(
+    ("law", "damping", "kind"), [(None, 0.0, "none"), (None, 2.3, "viscous"), ("masing", 1.2, "dry")]
+)
+def test_the_kind_of_friction_with_every_law(law, damping, kind):
+    """Ten dry laws to choose from find no friction where none is, and the true one is among those not told apart."""
+    found = identify(synthetic.drive(0, law, 0.5, damping=damping))
+    assert found.chosen == kind
+    assert law is None or law in found.equals
+
+
+@pytest.mark.whole
 def test_growth_with_the_load():
     """Ten drives each: 0.3 N m for each m/s2 beside 0.3 N m, or none; what is shown, and the interval."""
     for truth in (0.3, 0.0):

@@ -66,6 +66,8 @@ def run(args: argparse.Namespace) -> None:
         found = shifted.collect(path, chosen, args.episodes, notify, sweep)
     title = f"{found.env_id}, {args.episodes} held-out episodes: means ± half the 95 % interval"
     rows = {shifted.HOME: {found.trained: found.home}, **found.cells}
+    for label, why in found.refused.items():
+        print(f"{label} is left out: {why}")
     print_shift(rows, policy_report.aim(found.units), found.units, title)
     made = {**policy.conditions(about), "friction": home.parameters}
     shifted.write(out, found, trace(args, made if own is None else {**made, "vehicle": own.data()}))
