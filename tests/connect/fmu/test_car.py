@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 import zipfile
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -65,9 +66,13 @@ def test_weave_is_that_of_python_to_the_bit(weave, tmp_path):
     assert np.array_equal(bits(expected), bits(found))
 
 
+CHASSIS = ("single_track", "two_track")
+# Each law on one chassis, by turns, and two laws on both.
+CARS = {*zip(friction.available(), CHASSIS * len(friction.available())), *product(("lugre", "masing"), CHASSIS)}
+
+
 @pytest.mark.whole
-@pytest.mark.parametrize("law", friction.available())
-@pytest.mark.parametrize("chassis", ["single_track", "two_track"])
+@pytest.mark.parametrize(("law", "chassis"), sorted(CARS))
 def test_a_whole_weave_with_every_law(law, chassis, tmp_path):
     m = dataclasses.replace(manoeuvres.make("weave"), chassis=chassis)
     begun = time.monotonic()
