@@ -195,7 +195,7 @@ class Instance:
 
     def start(self) -> None:
         """Make a new instance, which starts at time zero, and read its outputs."""
-        self._end()
+        self.close()
         self._asked("to be instantiated", self._slave.instantiate)
         self._alive = True
         if self.parameters.size:
@@ -215,10 +215,7 @@ class Instance:
         self._read()
 
     def close(self) -> None:
-        """Free the instance."""
-        self._end()
-
-    def _end(self) -> None:
+        """Free the instance, where there is one."""
         if self._alive:
             running, self._alive, self._running = self._running, False, False
             if running:  # a unit that has failed may only be freed
@@ -316,11 +313,10 @@ class OwnProcess:
     def _ask(self, kind: bytes, numbers: bytes | bytearray) -> None:
         with suppress(BrokenPipeError):  # the answer tells that the process has ended
             _send(self._requests, kind + numbers)
-        answer = self._answer(_CALLS[kind])
-        self.outputs.memory[:] = answer
+        self._answer(_CALLS[kind])
 
-    def _answer(self, call: str) -> bytes:
-        """The next answer, to a call of the FMU."""
+    def _answer(self, call: str) -> None:
+        """Read the next answer, to a call of the FMU, into the outputs."""
         self._busy, until, found = True, time.monotonic() + self._time_limit, b""
         while len(found) < _LENGTH or len(found) < _LENGTH + int.from_bytes(found[:_LENGTH], "little"):
             if not self._answered.poll(max(0.0, 1e3 * (until - time.monotonic()))):
@@ -330,9 +326,10 @@ class OwnProcess:
                 raise self._fault(call)
             found += more
         self._busy = False
-        if found[_LENGTH : _LENGTH + 1] == _FAILED:
-            raise FmuError(*json.loads(found[_LENGTH + 1 :]))
-        return found[_LENGTH + 1 :]
+        kind, told = found[_LENGTH : _LENGTH + 1], found[_LENGTH + 1 :]
+        if kind == _FAILED:
+            raise FmuError(*json.loads(told))
+        self.outputs.memory[:] = told
 
     def _late(self, call: str) -> FmuError:
         return FmuError(f"did not return from {call}", f"it may take {self._time_limit:g} s (time_limit_s)")
@@ -355,7 +352,8 @@ class OwnProcess:
         self._process.terminate()
         if self._ended(_GRACE) is None:
             self._process.kill()
-        self._process.communicate()
+        with self._process:  # closes the pipes
+            pass
 
 
 def _send(pipe: int, contents: bytes) -> None:
@@ -430,11 +428,11 @@ def _keep(parent: int, memory_limit: int, folder: str) -> None:
         if number == signal.SIGTERM or os.getppid() != parent:
             raise SystemExit
 
-    for number in (signal.SIGTERM, signal.SIGALRM):
-        signal.signal(number, look)
-    signal.setitimer(signal.ITIMER_REAL, _LOOK, _LOOK)
     code = 0
     with suppress(SystemExit):
+        for number in (signal.SIGTERM, signal.SIGALRM):
+            signal.signal(number, look)
+        signal.setitimer(signal.ITIMER_REAL, _LOOK, _LOOK)
         code = os.waitstatus_to_exitcode(os.waitpid(worker, 0)[1])
     for number in (signal.SIGTERM, signal.SIGALRM):
         signal.signal(number, signal.SIG_IGN)

@@ -179,16 +179,17 @@ class _LockedFolder:
     """
 
     def __init__(self) -> None:
+        self.lock: int | None = None
+        if os.name != "posix":
+            self.path = Path(tempfile.mkdtemp(prefix=FOLDER))
+            return
         for left in Path(tempfile.gettempdir()).glob(f"{FOLDER}*"):
             with suppress(OSError):  # it is in use, or somebody else's
                 lock = _locked(left, wait=False)
-                shutil.rmtree(left)
+                shutil.rmtree(left, ignore_errors=True)
                 os.close(lock)
-        self.lock: int | None = None
         while True:
             self.path = Path(tempfile.mkdtemp(prefix=FOLDER))
-            if os.name != "posix":
-                return
             with suppress(FileNotFoundError):
                 self.lock = _locked(self.path)
                 if self.path.exists():  # otherwise another process has removed it before it was locked

@@ -41,7 +41,7 @@ DEEDS = {
     "allocate": (QUICK, r"ended its process in {} .* takes more than 0.5 GB"),
     "leave a child and exit": (QUICK, "ended its process in {} with exit code 0"),
     "close": (QUICK, "ended its process in {} with exit code 1"),
-    "loop": (SLOW, r"did not return from {} at 0 s: it may take 4 s"),
+    "loop": (SLOW, r"did not return from {} at .* s: it may take 4 s"),
     "stop": (SLOW, "did not return from {}"),
     "fork 32": (SLOW, "did not return from {}"),
 }
@@ -104,7 +104,7 @@ def used(path):
 
 
 @pytest.mark.parametrize(("place", "deed"), CASES)
-def test_a_fault_is_a_sentence_and_leaves_nothing(place, deed, vehicle, binary, monkeypatch, capfd):
+def test_a_fault_is_a_sentence_and_leaves_nothing(place, deed, vehicle, binary, monkeypatch):
     monkeypatch.setenv("STEER_FAULT", f"{place} {deed}")
     limit, message = DEEDS[deed]
     written(vehicle.parent, binary, limit)
@@ -114,7 +114,7 @@ def test_a_fault_is_a_sentence_and_leaves_nothing(place, deed, vehicle, binary, 
 
 
 @pytest.mark.whole
-@pytest.mark.parametrize("share", [0.3, 0.6, 0.9])
+@pytest.mark.parametrize("share", [0.3, 0.6])
 def test_a_library_that_is_cut_off(share, vehicle, binary):
     written(vehicle.parent, binary[: int(share * len(binary))])
     with pytest.raises(CouplingError, match=r"refused to load|ended its process in loading"):
@@ -158,8 +158,6 @@ vehicle.step(numpy.zeros(1), 1)
         said = process.communicate()[1]
     if killed == "keeper":
         assert "foreign.fmu ended its process in a step with signal 9 (Killed)" in said
-        used_by_another = FmuVehicle(vehicle)
-        used_by_another.close()
     assert_nothing_is_left(vehicle.parent)
 
 
