@@ -325,8 +325,10 @@ class OwnProcess:
             if not more:
                 raise self._fault(call)
             found += more
-        self._busy = False
         kind, told = found[_LENGTH : _LENGTH + 1], found[_LENGTH + 1 :]
+        if kind != _FAILED and len(told) != len(self.outputs.memory):
+            raise FmuError(f"damaged the answer to {call}", "it wrote into the pipe of its process")
+        self._busy = False
         if kind == _FAILED:
             raise FmuError(*json.loads(told))
         self.outputs.memory[:] = told

@@ -1,8 +1,8 @@
 """An external vehicle as an FMU for co-simulation of FMI 2.0 or 3.0; fmpy loads its library.
 
 An FMU is a program, and it runs with the rights of the user who loads it. What is checked before any code of it runs
-tells early what cannot work, and keeps its files within their folder; it does not make an FMU safe whose origin is
-unknown.
+tells early what cannot work, and keeps the files of the archive within their folder; neither that nor its own process
+makes an FMU safe whose origin is unknown.
 """
 
 import hashlib

@@ -41,6 +41,7 @@ DEEDS = {
     "allocate": (QUICK, r"ended its process in {} .* takes more than 0.5 GB"),
     "leave a child and exit": (QUICK, "ended its process in {} with exit code 0"),
     "close": (QUICK, "ended its process in {} with exit code 1"),
+    "scribble": (QUICK, "damaged the answer to {}"),
     "loop": (SLOW, r"did not return from {} at .* s: it may take 4 s"),
     "stop": (SLOW, "did not return from {}"),
     "fork 32": (SLOW, "did not return from {}"),
@@ -148,7 +149,10 @@ from steer_env.connect.external import FmuVehicle
 vehicle = FmuVehicle({str(vehicle)!r})
 vehicle.start(20.0)
 print(vehicle._fmu._process.pid, flush=True)
-vehicle.step(numpy.zeros(1), 1)
+try:
+    vehicle.step(numpy.zeros(1), 1)
+finally:
+    vehicle.close()
 """
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
     with subprocess.Popen([sys.executable, "-c", program], text=True, **pipes) as process:
