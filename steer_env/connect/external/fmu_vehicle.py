@@ -181,7 +181,7 @@ class _LockedFolder:
     def __init__(self) -> None:
         self.lock: int | None = None
         if os.name != "posix":
-            self.path = Path(tempfile.mkdtemp(prefix=FOLDER))
+            self._make()
             return
         for left in Path(tempfile.gettempdir()).glob(f"{FOLDER}*"):
             with suppress(OSError):  # it is in use, or somebody else's
@@ -189,15 +189,19 @@ class _LockedFolder:
                 shutil.rmtree(left, ignore_errors=True)
                 os.close(lock)
         while True:
-            self.path = Path(tempfile.mkdtemp(prefix=FOLDER))
+            self._make()
             with suppress(FileNotFoundError):
                 self.lock = _locked(self.path)
                 if self.path.exists():  # otherwise another process has removed it before it was locked
                     return
 
+    def _make(self) -> None:
+        self._made = tempfile.TemporaryDirectory(prefix=FOLDER, ignore_cleanup_errors=True)
+        self.path = Path(self._made.name)
+
     def remove(self) -> None:
         """Remove the folder and what it holds."""
-        shutil.rmtree(self.path, ignore_errors=True)
+        self._made.cleanup()
         if self.lock is not None:
             os.close(self.lock)
             self.lock = None
