@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from steer_env import friction, manoeuvres, metrics
 from steer_env.connect import fmu
-from steer_env.connect.external import Coupled, Coupling, CouplingError, FmuVehicle, OwnProcess, UdpVehicle, Vehicle
+from steer_env.connect.external import Coupled, Coupling, CouplingError, FmuVehicle, UdpVehicle, Vehicle
 from steer_env.connect.udp import Server, layout_of
 from steer_env.experiments.studies.common.computing_time import Block, Clocks, Measured, in_turns
 from steer_env.manoeuvres.common.driving import drive_plant
@@ -108,7 +108,7 @@ def transports(car: Car, law: str, unit: bytes) -> tuple[list[Transport], Measur
     weave = replace(manoeuvres.make("weave"), amplitude=0.25)
     ways = {
         "FMU": _vehicle(unit),
-        "FMU in its own process": _vehicle(unit, OwnProcess),
+        "FMU in its own process": _vehicle(unit, own_process=True),
         "UDP, from another process": _served(car, law),
     }
     with ExitStack() as stack:
@@ -132,11 +132,11 @@ def _exchanges(car: Car, law: str, coupled: Coupled) -> Block:
 
 
 @contextmanager
-def _vehicle(unit: bytes, kind: Any = FmuVehicle) -> Iterator[Vehicle]:
+def _vehicle(unit: bytes, own_process: bool = False) -> Iterator[Vehicle]:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder, "chassis.fmu")
         path.write_bytes(unit)
-        vehicle = kind(path)
+        vehicle = FmuVehicle(path, own_process)
         try:
             yield vehicle
         finally:

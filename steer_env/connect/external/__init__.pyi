@@ -1,6 +1,6 @@
-from .coupled import Coupled, Coupling, OwnProcess, opened
+from .coupled import Coupled, Coupling, opened
 from .fmu_vehicle import FmuVehicle
 from .udp_vehicle import UdpVehicle
 from .vehicle import CouplingError, Vehicle
 
-__all__ = ["Coupled", "Coupling", "CouplingError", "FmuVehicle", "OwnProcess", "UdpVehicle", "Vehicle", "opened"]
+__all__ = ["Coupled", "Coupling", "CouplingError", "FmuVehicle", "UdpVehicle", "Vehicle", "opened"]

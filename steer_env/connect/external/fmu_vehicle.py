@@ -1,161 +1,39 @@
 """An external vehicle as an FMU for co-simulation of FMI 2.0 or 3.0; fmpy loads its library.
 
 An FMU is a program, and it runs with the rights of the user who loads it. What is checked before any code of it runs
-tells early what cannot work, and keeps its files within their folder; it does not make an FMU safe whose origin is
-unknown.
+tells early what cannot work, and keeps the files of the archive within their folder; neither that nor its own process
+makes an FMU safe whose origin is unknown.
 """
 
-import ctypes
 import hashlib
+import os
 import re
+import shutil
 import stat
 import tempfile
 import zipfile
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from functools import partial
 from pathlib import Path, PurePosixPath
 from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
-from numpy.typing import NDArray
 
 from steer_env.connect.external import mapping
+from steer_env.connect.external.fmu_process import FmuError, Instance, Library, OwnProcess
 from steer_env.connect.external.mapping import Entry, factor
 from steer_env.connect.external.vehicle import GIVEN, START_SPEED, TAKEN, Array, CouplingError
 from steer_env.friction.numerics import archives
 from steer_env.recording.channel_mapping import did_you_mean
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
 
-
-class Numbers:
-    """Real variables of a unit that are set or read together.
-
-    Parameters
-    ----------
-    references : iterable of int
-        Value references.
-    """
-
-    def __init__(self, references: Iterable[int]) -> None:
-        found = list(references)
-        self.size = len(found)
-        self.references = (ctypes.c_uint * self.size)(*found)
-        self.buffer = (ctypes.c_double * self.size)()
-        self.values: NDArray[np.float64] = np.ctypeslib.as_array(self.buffer)  # (N,) what is set, or was read
-
-
-class Slave2:
-    """A unit of FMI 2.0."""
-
-    def __init__(self, description: Any, folder: Path) -> None:
-        from fmpy import calloc, fmi2, free
-        from fmpy.logging import addLoggerProxy
-
-        self.said = ""  # the last message of the unit
-        self._unit = fmi2.FMU2Slave(
-            guid=description.guid,
-            unzipDirectory=str(folder),
-            modelIdentifier=description.coSimulation.modelIdentifier,
-            instanceName="vehicle",
-        )
-        self._callbacks = fmi2.fmi2CallbackFunctions()
-        self._callbacks.logger = fmi2.fmi2CallbackLoggerTYPE(lambda *words: self._hear(words[-1]))
-        self._callbacks.allocateMemory = fmi2.fmi2CallbackAllocateMemoryTYPE(calloc)
-        self._callbacks.freeMemory = fmi2.fmi2CallbackFreeMemoryTYPE(free)
-        addLoggerProxy(ctypes.byref(self._callbacks))  # which fills in what the unit passes beside the text
-
-    def _hear(self, text: bytes) -> None:
-        self.said = text.decode(errors="replace")
-
-    def instantiate(self) -> None:
-        """Make an instance."""
-        self._unit.instantiate(callbacks=self._callbacks)
-
-    def begin(self) -> None:
-        """Initialize, up to time zero."""
-        self._unit.setupExperiment(startTime=0.0)
-        self._unit.enterInitializationMode()
-        self._unit.exitInitializationMode()
-
-    def set(self, numbers: Numbers) -> None:
-        """Set variables."""
-        unit = self._unit
-        unit.fmi2SetReal(unit.component, numbers.references, numbers.size, numbers.buffer)
-
-    def get(self, numbers: Numbers) -> None:
-        """Read variables."""
-        unit = self._unit
-        unit.fmi2GetReal(unit.component, numbers.references, numbers.size, numbers.buffer)
-
-    def step(self, time: float, step: float) -> None:
-        """Advance by a communication step [s]."""
-        self._unit.doStep(time, step)
-
-    def terminate(self) -> None:
-        """End the run."""
-        self._unit.terminate()
-
-    def end(self) -> None:
-        """Free the instance."""
-        self._unit.fmi2FreeInstance(self._unit.component)
-
-
-class Slave3:
-    """A unit of FMI 3.0."""
-
-    def __init__(self, description: Any, folder: Path) -> None:
-        from fmpy import fmi3
-
-        self.said = ""
-        self._unit = fmi3.FMU3Slave(
-            guid=description.guid,
-            unzipDirectory=str(folder),
-            modelIdentifier=description.coSimulation.modelIdentifier,
-            instanceName="vehicle",
-        )
-
-    def _hear(self, environment: Any, status: int, category: bytes, message: bytes) -> None:
-        self.said = message.decode(errors="replace")
-
-    def instantiate(self) -> None:
-        """Make an instance."""
-        self._unit.instantiate(logMessage=self._hear)
-
-    def begin(self) -> None:
-        """Initialize, up to time zero."""
-        self._unit.enterInitializationMode(startTime=0.0)
-        self._unit.exitInitializationMode()
-
-    def set(self, numbers: Numbers) -> None:
-        """Set variables."""
-        unit = self._unit
-        unit.fmi3SetFloat64(unit.component, numbers.references, numbers.size, numbers.buffer, numbers.size)
-
-    def get(self, numbers: Numbers) -> None:
-        """Read variables."""
-        unit = self._unit
-        unit.fmi3GetFloat64(unit.component, numbers.references, numbers.size, numbers.buffer, numbers.size)
-
-    def step(self, time: float, step: float) -> None:
-        """Advance by a communication step [s]."""
-        _, terminate, early, reached = self._unit.doStep(time, step)
-        if terminate or early:
-            raise RuntimeError(f"it ended a step early, at {reached:g} s")
-
-    def terminate(self) -> None:
-        """End the run."""
-        self._unit.terminate()
-
-    def end(self) -> None:
-        """Free the instance."""
-        self._unit.fmi3FreeInstance(self._unit.component)
-
-
 _REAL = ("Real", "Float64")
 _SETTABLE = ("input", "parameter")
 DESCRIPTION = "modelDescription.xml"
 LARGEST = 4e9  # of all files together, unpacked; assumed [byte]
+FOLDER = "steer-env-fmu-"  # begins the names of temporary folders
 
 
 class FmuVehicle:
@@ -165,16 +43,20 @@ class FmuVehicle:
     ----------
     path : str or path
         The unit (``.fmu``), where its variables have this project's names, or a mapping (``.toml``) that names it.
+    own_process : bool, optional
+        Whether the unit runs in a process of its own, under the limits of the mapping; by default as the mapping says.
 
     Raises
     ------
     ValueError
         A mapping or a unit that cannot be used, with the reason, before any code of the unit runs.
+    CouplingError
+        The unit cannot be loaded.
     OSError
         A file cannot be opened.
     """
 
-    def __init__(self, path: str | Path) -> None:
+    def __init__(self, path: str | Path, own_process: bool | None = None) -> None:
         given = mapping.read(path) if Path(path).suffix == ".toml" else None
         unit = Path(path) if given is None else given.fmu
         self.name = unit.name
@@ -192,20 +74,41 @@ class FmuVehicle:
         self.meta: dict[str, Any] = {"external_vehicle": self.name, "external_vehicle_sha256": digest, **m.meta}
         self.takes = tuple(name for name in m.inputs if name != START_SPEED)
         self.gives = (*m.outputs, *(("vehicle_speed",) if "vehicle_speed" not in m.outputs else ()))
-        self._inputs, self._input_size = _together(into[name] for name in self.takes)
-        self._outputs, self._output_size = _together(out)
-        self._speed, self._speed_size = _together(into[name] for name in m.inputs if name == START_SPEED)
-        self._parameters = Numbers(fixed)
-        self._parameters.values[:] = list(m.parameters.values())
-        self._alive, self._running, self._time = False, False, 0
-        kind = Slave2 if description.fmiVersion.startswith("2") else Slave3
-        self._folder = tempfile.TemporaryDirectory()
+        inputs, self._input_size = _together(into[name] for name in self.takes)
+        outputs, self._output_size = _together(out)
+        speed, self._speed_size = _together(into[name] for name in m.inputs if name == START_SPEED)
+        self._time = 0
+        self._folder = _LockedFolder()
         try:
-            _unpack(unit, Path(self._folder.name))
-            self._slave = self._asked("to load", partial(kind, description, Path(self._folder.name)))
+            _unpack(unit, self._folder.path)
+            library = Library(
+                description.fmiVersion[0],
+                description.guid,
+                description.coSimulation.modelIdentifier,
+                str(self._folder.path),
+                [*fixed, *speed],
+                inputs,
+                outputs,
+            )
+            self._fmu = self._asked(lambda: self._loaded(library, own_process))
         except BaseException:
-            self._folder.cleanup()
+            self._folder.remove()
             raise
+        of = self._fmu
+        self._fixed, self._inputs, self._outputs = (
+            np.frombuffer(numbers.memory) for numbers in (of.parameters, of.inputs, of.outputs)
+        )
+        self._fixed[: len(fixed)] = list(m.parameters.values())
+
+    def _loaded(self, library: Library, own_process: bool | None) -> Instance | OwnProcess:
+        m = self.mapping
+        if not (m.own_process if own_process is None else own_process):
+            return Instance(library)
+        if self._folder.lock is None:
+            raise ValueError(
+                f"{m.fmu}: a process of its own needs Linux or macOS: set own_process = false in a mapping"
+            )
+        return OwnProcess(library, self._folder.lock, m.time_limit, m.memory_limit)
 
     def start(self, speed: float) -> Array:
         """Make a new instance, which starts at time zero; what it gives (G,).
@@ -213,19 +116,12 @@ class FmuVehicle:
         Raises
         ------
         CouplingError
-            The unit refuses, or gives a number that is not finite.
+            The unit refuses, has a fault, or gives a number that is not finite.
         """
-        self._end()
         self._time = 0
-        self._asked("to be instantiated", self._slave.instantiate)
-        self._alive = True
-        self._speed.values[:] = speed / self._speed_size
-        for numbers in (self._parameters, self._speed):
-            if numbers.size:
-                self._asked("a start value", partial(self._slave.set, numbers))
-        self._asked("to start", self._slave.begin)
-        self._running = True
-        return self._read()
+        self._fixed[len(self.mapping.parameters) :] = speed / self._speed_size
+        self._asked(self._fmu.start)
+        return self._given()
 
     def step(self, taken: Array, samples: int) -> Array:
         """Advance by a communication step; what the unit gives at its end (G,).
@@ -233,56 +129,95 @@ class FmuVehicle:
         Raises
         ------
         CouplingError
-            The unit refuses, or gives a number that is not finite.
+            The unit refuses, has a fault, or gives a number that is not finite.
         """
-        np.divide(taken, self._input_size, out=self._inputs.values)
-        self._slave.said = ""
-        try:
-            self._slave.set(self._inputs)
-            self._slave.step(self._time * SAMPLE_TIME, samples * SAMPLE_TIME)
-        except Exception as error:  # fmpy raises bare exceptions
-            raise self._failed("a step", error) from None
+        np.divide(taken, self._input_size, out=self._inputs)
+        self._asked(partial(self._fmu.step, self._time * SAMPLE_TIME, samples * SAMPLE_TIME))
         self._time += samples
-        return self._read()
+        return self._given()
 
     def close(self) -> None:
-        """Free the instance and remove the unpacked files."""
-        self._end()
-        self._folder.cleanup()
+        """Free the instance, end its process and remove the unpacked files.
 
-    def _end(self) -> None:
-        if self._alive:
-            if self._running:  # a unit that has failed may only be freed
-                self._asked("to terminate", self._slave.terminate)
-            self._alive = self._running = False
-            self._slave.end()
-
-    def _read(self) -> Array:
+        Raises
+        ------
+        CouplingError
+            The unit refuses, or has a fault.
+        """
         try:
-            self._slave.get(self._outputs)
-        except Exception as error:
-            raise self._failed("its outputs", error) from None
-        found = self._outputs.values * self._output_size
+            self._asked(self._fmu.close)
+        finally:
+            self._folder.remove()
+
+    def _given(self) -> Array:
+        found = self._outputs * self._output_size
         if not np.isfinite(found).all():
             bad = self.gives[int(np.flatnonzero(~np.isfinite(found))[0])]
             variable = self.mapping.outputs[bad].variable
             raise CouplingError(f"{self.name} gave {variable} = {found[self.gives.index(bad)]} at {self._now()}")
         return found if self.mapping.speed is None else np.append(found, self.mapping.speed)
 
-    def _asked(self, what: str, call: Callable[[], Any]) -> Any:
+    def _asked(self, call: Callable[[], Any]) -> Any:
         """Result of a call of the unit."""
         try:
             return call()
-        except Exception as error:  # fmpy raises bare exceptions
-            raise self._failed(what, error) from None
-
-    def _failed(self, what: str, error: Exception) -> CouplingError:
-        self._running = False
-        said = getattr(getattr(self, "_slave", None), "said", "")
-        return CouplingError(f"{self.name} refused {what} at {self._now()}: {said or error}")
+        except FmuError as error:
+            raise CouplingError(f"{self.name} {error.did} at {self._now()}: {error.why}") from None
 
     def _now(self) -> str:
         return f"{self._time * SAMPLE_TIME:.6g} s"
+
+
+class _LockedFolder:
+    """A temporary folder that is locked as long as its process lives; first, those of dead processes are removed.
+
+    Attributes
+    ----------
+    path : Path
+    lock : int or None
+        Descriptor of the folder, with which another process keeps the lock; None on Windows, where none is locked.
+    """
+
+    def __init__(self) -> None:
+        self.lock: int | None = None
+        if os.name != "posix":
+            self._make()
+            return
+        for left in Path(tempfile.gettempdir()).glob(f"{FOLDER}*"):
+            with suppress(OSError):  # it is in use, or somebody else's
+                lock = _locked(left, wait=False)
+                shutil.rmtree(left, ignore_errors=True)
+                os.close(lock)
+        while True:
+            self._make()
+            with suppress(FileNotFoundError):
+                self.lock = _locked(self.path)
+                if self.path.exists():  # otherwise another process has removed it before it was locked
+                    return
+
+    def _make(self) -> None:
+        self._made = tempfile.TemporaryDirectory(prefix=FOLDER, ignore_cleanup_errors=True)
+        self.path = Path(self._made.name)
+
+    def remove(self) -> None:
+        """Remove the folder and what it holds."""
+        self._made.cleanup()
+        if self.lock is not None:
+            os.close(self.lock)
+            self.lock = None
+
+
+def _locked(folder: Path, wait: bool = True) -> int:
+    """Descriptor of a folder that this process has locked; BlockingIOError where another one has."""
+    import fcntl  # which Windows does not have
+
+    found = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
+    try:
+        fcntl.flock(found, fcntl.LOCK_EX if wait else fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        os.close(found)
+        raise
+    return found
 
 
 def _check_complete(m: mapping.Mapping, unmapped: bool) -> None:
@@ -314,9 +249,9 @@ def _place(where: str, entry: Entry, variables: dict[str, Any], unit: str, setti
     return found.valueReference, entry.sign * factor(where, entry.unit or declared, unit)
 
 
-def _together(places: Iterable[tuple[int, float]]) -> tuple[Numbers, Array]:
+def _together(places: Iterable[tuple[int, float]]) -> tuple[list[int], Array]:
     found = list(places)
-    return Numbers(reference for reference, _ in found), np.array([size for _, size in found])
+    return [reference for reference, _ in found], np.array([size for _, size in found])
 
 
 def _description(path: Path) -> Any:

@@ -5,7 +5,9 @@ A mapping is a small TOML file, which names the unit and every variable that is 
     fmu = "vehicle.fmu"        # beside this file, or a whole path
     step_ms = 1                # communication step, a whole number of milliseconds
     speed_m_s = 27.8           # where the unit gives no speed
-    own_process = true         # the unit runs in a process of its own, whose faults end the run and not the program
+    own_process = true         # false: the unit runs in this process, without limits, and its faults end the program
+    time_limit_s = 60          # in which loading, the start, a communication step and the end have to return
+    memory_limit_gb = 4        # of address space that the unit may take, on Linux
 
     [inputs.rack_travel]
     variable = "Steer.RackTravel"
@@ -37,7 +39,9 @@ from steer_env.recording.units import SPELLINGS, parse_unit
 
 GEOMETRY = ("wheelbase_m", "steering_ratio")  # keys of the meta
 LONGEST_STEP = 100  # communication step [ms]
-_KEYS = ("fmu", "step_ms", "speed_m_s", "inputs", "outputs", "parameters", "meta", "own_process")
+TIME_LIMIT, MEMORY_LIMIT = 60.0, 4e9  # of a process of its own, assumed [s], [byte]
+_LIMITS = ("time_limit_s", "memory_limit_gb")
+_KEYS = ("fmu", "step_ms", "speed_m_s", "inputs", "outputs", "parameters", "meta", "own_process", *_LIMITS)
 _ENTRY_KEYS = ("variable", "unit", "sign")
 # The held speed, by its name in the units of this project that do not report one.
 _HELD_SPEED = ("longitudinal_speed", "chassis.speed", "chassis.v_x")
@@ -60,8 +64,10 @@ class Mapping(NamedTuple):
     parameters: dict[str, float]  # start values [units of the FMU]
     speed: float | None  # of a unit that gives none [m/s]
     step: int  # communication step [ms]
-    own_process: bool
     meta: dict[str, float]  # of the recordings: geometry of the vehicle [units in the names]
+    own_process: bool = True
+    time_limit: float = TIME_LIMIT  # of a call in a process of its own [s]
+    memory_limit: float = MEMORY_LIMIT  # of a process of its own [byte]
 
 
 def load(path: str | Path, variables: Iterable[str]) -> Mapping:
@@ -80,7 +86,7 @@ def load(path: str | Path, variables: Iterable[str]) -> Mapping:
     speed = next((name for name in _HELD_SPEED if name in there), None)
     if speed is not None:
         outputs.setdefault("vehicle_speed", Entry(speed))
-    return Mapping(Path(path), inputs, outputs, {}, None, 1, False, {})
+    return Mapping(Path(path), inputs, outputs, {}, None, 1, {})
 
 
 def read(path: str | Path) -> Mapping:
@@ -113,6 +119,10 @@ def _from_data(data: dict[str, Any], folder: Path) -> Mapping:
         if not isinstance(section, dict):
             raise ValueError(f"{name} must hold keys and values, got {section!r}")
     step = whole("step_ms", data.get("step_ms", 1), 1)
+    own = flag("own_process", data.get("own_process", True))
+    for key in _LIMITS:
+        if key in data and not own:
+            raise ValueError(f"{key} needs own_process = true, got false")
     speed = number("speed_m_s", data["speed_m_s"], minimum=0.0) if "speed_m_s" in data else None
     return Mapping(
         folder / data["fmu"],
@@ -121,8 +131,10 @@ def _from_data(data: dict[str, Any], folder: Path) -> Mapping:
         {name: number(f"parameters.{name}", value) for name, value in sections["parameters"].items()},
         speed,
         int(number("step_ms", step, maximum=LONGEST_STEP)),
-        flag("own_process", data.get("own_process", False)),
         {name: _meta(name, value) for name, value in sections["meta"].items()},
+        own,
+        number("time_limit_s", data.get("time_limit_s", TIME_LIMIT), minimum=0.0, above=True, maximum=1e6),
+        1e9 * number("memory_limit_gb", data.get("memory_limit_gb", MEMORY_LIMIT / 1e9), minimum=0.0, maximum=1e6),
     )
 
 

@@ -1,12 +1,16 @@
 /* A vehicle of somebody else, as a unit of FMI 2.0: a rack on a spring, lateral acceleration and yaw rate in proportion
  * to its travel, in units and signs of its own. Loading it writes the file that STEER_LOADED names. After the time
- * `breaks` it gives NaN, after `ends` it refuses a step, and where `ends` is negative it ends the process. */
+ * `breaks` it gives NaN, after `ends` it refuses a step. STEER_FAULT, as "step exit 0", names a place and what the
+ * unit does there. */
 
 #include "fmi2Functions.h"
 
 #include <math.h>
 #include <stdio.h>
+#include <signal.h>
 #include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
 
 enum { TRAVEL, SPEED, BREAKS, ENDS, FORCE, ACCELERATION, YAW, VELOCITY, X, COUNT };
 
@@ -15,8 +19,59 @@ struct unit {
     fmi2CallbackFunctions callbacks;
 };
 
+/* A process that has left the group of this one and has no parent. */
+static void leave_a_child(void)
+{
+    if (fork() == 0) {
+        setsid();
+        if (fork() == 0)
+            for (;;)
+                pause();
+        _exit(0);
+    }
+}
+
+static void at(const char *place)
+{
+    const char *fault = getenv("STEER_FAULT"), *what = fault ? strchr(fault, ' ') + 1 : "";
+    if (!fault || strncmp(fault, place, what - fault - 1))
+        return;
+    if (!strcmp(what, "exit 0"))
+        exit(0);
+    if (!strcmp(what, "exit 1"))
+        exit(1);
+    if (!strcmp(what, "abort"))
+        abort();
+    if (!strcmp(what, "segfault"))
+        *(volatile int *)8 = 0;
+    if (!strcmp(what, "allocate"))
+        for (;;)
+            memset(malloc(1 << 24), 1, 1 << 24);
+    if (!strcmp(what, "leave a child"))
+        leave_a_child();
+    if (!strcmp(what, "leave a child and exit"))
+        leave_a_child(), exit(0);
+    if (!strcmp(what, "fork 32"))
+        for (int i = 0; i < 5; i++)
+            if (fork() == 0 && i % 2)
+                setsid();
+    if (!strcmp(what, "stop"))
+        raise(SIGSTOP);
+    if (!strcmp(what, "scribble"))
+        for (int i = 3; i < 256; i++)
+            write(i, "\10\0\0\0\0\0\0\0scribble", 16);
+    if (!strcmp(what, "close"))
+        for (int i = 0; i < 256; i++)
+            close(i);
+    while (!strcmp(what, "loop") || !strcmp(what, "fork 32"))
+        ;
+}
+
+__attribute__((destructor)) static void unloaded(void) { at("unload"); }
+
 __attribute__((constructor)) static void loaded(void)
 {
+    at("load");
     const char *name = getenv("STEER_LOADED");
     FILE *file = name ? fopen(name, "w") : NULL;
     if (file)
@@ -42,6 +97,7 @@ fmi2Status fmi2SetDebugLogging(fmi2Component c, fmi2Boolean on, size_t n, const 
 fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, fmi2String place,
                               const fmi2CallbackFunctions *callbacks, fmi2Boolean visible, fmi2Boolean logging)
 {
+    at("instantiate");
     struct unit *u = callbacks->allocateMemory(1, sizeof *u);
     u->callbacks = *callbacks;
     u->values[SPEED] = 100.0;
@@ -49,15 +105,15 @@ fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, f
     return u;
 }
 
-void fmi2FreeInstance(fmi2Component c) { ((struct unit *)c)->callbacks.freeMemory(c); }
+void fmi2FreeInstance(fmi2Component c) { at("free"), ((struct unit *)c)->callbacks.freeMemory(c); }
 
 fmi2Status fmi2SetupExperiment(fmi2Component c, fmi2Boolean d, fmi2Real t, fmi2Real start, fmi2Boolean e, fmi2Real stop)
 {
-    return fmi2OK;
+    return at("setup"), fmi2OK;
 }
 fmi2Status fmi2EnterInitializationMode(fmi2Component c) { return fmi2OK; }
 fmi2Status fmi2ExitInitializationMode(fmi2Component c) { return fill(c), fmi2OK; }
-fmi2Status fmi2Terminate(fmi2Component c) { return fmi2OK; }
+fmi2Status fmi2Terminate(fmi2Component c) { return at("terminate"), fmi2OK; }
 fmi2Status fmi2Reset(fmi2Component c) { return fmi2Error; }
 
 fmi2Status fmi2GetReal(fmi2Component c, const fmi2ValueReference r[], size_t n, fmi2Real value[])
@@ -78,9 +134,8 @@ fmi2Status fmi2DoStep(fmi2Component c, fmi2Real time, fmi2Real step, fmi2Boolean
 {
     struct unit *u = c;
     u->time = time + step;
-    if (u->values[ENDS] < 0.0 && u->time > -u->values[ENDS])
-        abort();
-    if (u->time > fabs(u->values[ENDS])) {
+    at("step");
+    if (u->time > u->values[ENDS]) {
         u->callbacks.logger(u->callbacks.componentEnvironment, "vehicle", fmi2Error, "", "it ran out of road at %g m",
                             u->values[X]);
         return fmi2Error;

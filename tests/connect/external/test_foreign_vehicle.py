@@ -112,26 +112,6 @@ def test_a_run_that_the_vehicle_ends_tells_who_and_when(vehicle):
         driven(path)
 
 
-@pytest.mark.whole
-def test_a_process_of_its_own(vehicle):
-    """It changes no number, passes on what the vehicle says, and a fault of the unit ends only that process."""
-    here = driven(vehicle, "pulse")
-    path = changed(vehicle, ("[inputs]", "own_process = true\n[inputs]"))
-    there = driven(path, "pulse")
-    assert there.meta == {**here.meta, "chassis": there.meta["chassis"]}
-    for name, values in here.channels.items():
-        assert np.array_equal(there[name], values)
-    changed(vehicle, ("[outputs]", "[parameters]\nends = -0.1\nbreaks = 9.0\n[outputs]"))
-    with pytest.raises(coupling.CouplingError, match=r"process of foreign.fmu ended at 0\.1 s with exit code -6"):
-        driven(path, "pulse")
-    changed(vehicle, ("ends = -0.1", "ends = 0.5"))
-    with pytest.raises(coupling.CouplingError, match=r"refused a step at 0\.5 s: it ran out of road"):
-        driven(path, "pulse")
-    changed(vehicle, ('"Rack.q"', '"Rack.p"'))
-    with pytest.raises(ValueError, match=r"there is no variable 'Rack.p'"):
-        driven(path, "pulse")
-
-
 def test_two_vehicles_do_not_meet(vehicle):
     """Each start is a new instance, and two of them run side by side."""
     one, other = FmuVehicle(vehicle), FmuVehicle(vehicle)
@@ -212,7 +192,7 @@ def test_a_damaged_unit_is_refused_or_whole(vehicle):
             damaged[place] = rng.integers(256)
         unit.write_bytes(damaged[: len(whole) - (case % 5 == 0) * int(rng.integers(1, names))])
         try:
-            FmuVehicle(vehicle).close()
+            FmuVehicle(vehicle, own_process=False).close()
         except ValueError as error:
             refused += str(unit) in str(error)
     assert refused > 80
@@ -251,6 +231,8 @@ def test_a_lateral_acceleration_that_stays_zero_is_refused(vehicle):
         ("[inputs]", "meta = {wheels = 4}\n[inputs]", "meta has no key 'wheels'"),
         ("[inputs]", "parameters = {mass = 4}\n[inputs]", "parameters.mass: there is no variable 'mass'"),
         ("[inputs]", "unit = 1\n[inputs]", "a mapping has no key 'unit'"),
+        ("[inputs]", "time_limit_s = 0\n[inputs]", "time_limit_s must be finite and greater than 0"),
+        ("[inputs]", "own_process = false\ntime_limit_s = 9\n[inputs]", "time_limit_s needs own_process = true"),
         ('fmu = "foreign.fmu"', "", "a mapping names its unit"),
         ('{variable = "Body.ay"}', '"Body.ay"', "outputs.lateral_acceleration must name a variable"),
         ("[inputs]", "[inputs", "vehicle.toml"),
