@@ -66,7 +66,7 @@ def load(path: Path, about: Mapping[str, Any]) -> Callable[[NDArray[np.float32]]
             raise KeyError(f"layers {', '.join(sorted(own))}")
         for name, layer in zip(names, layers):
             layer.load_state_dict({key: tensors[f"{name}.{key}"] for key in ("weight", "bias")})
-    except (KeyError, RuntimeError, pickle.UnpicklingError) as error:
+    except (KeyError, RuntimeError, EOFError, pickle.UnpicklingError) as error:
         raise ValueError(f"{path} does not hold the weights that it describes: {error}".splitlines()[0]) from None
     activation = getattr(torch.nn, form.activation)()
 

@@ -88,10 +88,9 @@ def load(path: str | PathLike[str]) -> Mapping:
     OSError
         If the file cannot be opened.
     """
+    data = toml.read(path)
     try:
-        return from_data(toml.loads(Path(path).read_text(encoding="utf-8-sig")))
-    except UnicodeDecodeError:
-        raise ValueError(f"{path}: expected text in UTF-8") from None
+        return from_data(data)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
 

@@ -141,6 +141,6 @@ def _meta(header: Any) -> dict[str, Any]:
     """The meta, which is empty if the comment is not that of a recording."""
     try:
         meta = json.loads(header.description)
-    except (AttributeError, ValueError):  # MDF 3, or a comment that is not ours
+    except (AttributeError, ValueError, RecursionError):  # MDF 3, or a comment that is not ours
         return {}
     return meta if isinstance(meta, dict) else {}

@@ -63,7 +63,7 @@ def test_a_level_that_the_record_did_not_determine_is_told(fitted):
 
 BAD = [
     (None, ["fitted.json", "No such file", "fit-friction"]),
-    ("{", ["fitted.json", "no JSON"]),
+    ("{", ["fitted.json", "line 1"]),
     ("[1]", ["fitted.json", "holds no friction law"]),
     ('{"best": "lugre"}', ["fitted.json", "holds no friction law", '"law": "lugre"']),
     ('{"friction": {"law": "lugre", "Fc": 1.0}}', ["'lugre'", "'Fc'"]),

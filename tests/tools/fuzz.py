@@ -22,6 +22,7 @@ import tempfile
 import traceback
 import warnings
 import zipfile
+import zlib
 from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, redirect_stderr, redirect_stdout
@@ -33,6 +34,7 @@ import numpy as np
 
 ROOT = Path(__file__).parents[2]
 EXAMPLES, DATA = ROOT / "examples", ROOT / "experiments" / "data"
+CASE = "checkpoint"  # the folder of the file, in that of the files that a call needs beside; as a training calls its own
 LONGEST = 10.0  # of a case [s]
 ROWS = 400  # of a recording, which the readers read quickly
 ENV_ID = "steer_env/DriverOnCentre-v1"
@@ -43,7 +45,7 @@ HIDDEN = (UserWarning, DeprecationWarning, PendingDeprecationWarning, ResourceWa
 
 
 class Reader(NamedTuple):
-    """A reader of files, and valid files for it by name; other files that a call needs lie in the same folder."""
+    """A reader of files, and valid files for it by name; other files that a call needs lie in the folder above."""
 
     read: Callable[[Path], Any]
     seeds: dict[str, bytes]
@@ -70,7 +72,9 @@ def command(*words: str) -> None:
     if code == 2:
         if out.getvalue().startswith("{"):
             raise WrongError(f"{words[0]} printed part of a result")
-        raise ValueError(told.getvalue().strip().splitlines()[-1])
+        if len(lines := told.getvalue().splitlines()) != 1 or len(lines[0]) > 2000:
+            raise WrongError(f"{words[0]} refused in {len(lines)} lines of {len(told.getvalue())} characters")
+        raise ValueError(lines[0])
     if words[0] == "car":
         json.loads(out.getvalue())
 
@@ -90,13 +94,13 @@ def _friction(path: Path) -> None:
 def _mapped(path: Path) -> None:
     from steer_env.recording import files
 
-    files.read(path.with_name("weave.csv"), str(path))
+    files.read(path.parent.with_name("weave.csv"), str(path))
 
 
-def _can(log: Path, dbc: Path) -> None:
+def _can(log: Path, dbc: Path, mapping: Path) -> None:
     from steer_env.recording import can_log, files
 
-    files.read(log, str(log.with_name("rav4.toml")), can=can_log.Options(dbc))
+    files.read(log, str(mapping), can=can_log.Options(dbc))
 
 
 def _record(path: Path) -> None:
@@ -145,9 +149,7 @@ def _trace(path: Path) -> None:
 def _checkpoint(path: Path) -> None:
     from steer_env.experiments.learning import training
 
-    (path.parent / training.FOLDER).mkdir(exist_ok=True)
-    shutil.copy(path, path.parent / training.FOLDER / training.STATE)
-    training._checkpoint(path.parent)
+    training._checkpoint(path.parents[1])
 
 
 def _journal(path: Path) -> None:
@@ -192,7 +194,7 @@ def readers(folder: Path) -> dict[str, Reader]:
     (folder / "can.log").write_bytes(b"".join(log[:ROWS]))
     for name in ("rav4.toml", "toyota_rav4_2017.dbc"):
         shutil.copy(EXAMPLES / "can_log" / name, folder / name)
-    dbc = folder / "toyota_rav4_2017.dbc"
+    dbc, can_mapping = folder / "toyota_rav4_2017.dbc", folder / "rav4.toml"
     logs = packaged(folder / "can.log") | {"can.log.gz": gzip.compress((folder / "can.log").read_bytes())}
     for suffix in (".asc", ".blf", ".trc", ".csv"):
         logs |= written(f"can{suffix}", lambda path: _converted(folder / "can.log", path))
@@ -235,8 +237,8 @@ def readers(folder: Path) -> dict[str, Reader]:
         ),
         "mapping": Reader(_mapped, packaged(EXAMPLES / "weave_example.toml")),
         "friction record": Reader(_record, {"record.csv": record.encode()}),
-        "CAN log": Reader(lambda path: _can(path, dbc), logs),
-        "CAN database": Reader(lambda path: _can(path.with_name("can.log"), path), packaged(dbc)),
+        "CAN log": Reader(lambda path: _can(path, dbc, can_mapping), logs),
+        "CAN database": Reader(lambda path: _can(folder / "can.log", path, can_mapping), packaged(dbc)),
         "policy": Reader(_policy, policies),
         "learning curve": Reader(_curve, packaged(curve)),
         "FMU": Reader(_unit, {"vehicle.fmu": _fmu()}),
@@ -363,15 +365,16 @@ def _inside(rng: random.Random, data: bytes) -> bytes:
         return rng.choice((_bits, _cut, _piece))(rng, data)
     file = io.BytesIO()
     with zipfile.ZipFile(io.BytesIO(data)) as old, zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as new:
-        chosen = rng.choice(old.namelist())
-        for name in old.namelist():
+        names = list(dict.fromkeys(old.namelist()))
+        chosen = rng.choice(names)
+        for name in names:
             content, target = old.read(name), name
             if name == chosen:
                 kind = rng.random()
                 if kind < 0.1:
                     continue
                 if kind < 0.2:
-                    target = rng.choice(("../../out", "/out", "", name * 2, "C:/out"))
+                    target = rng.choice(("../../out", "/out", "x", name * 2, "C:/out"))
                 content = rng.choice(TEXT)(rng, content)
             new.writestr(target, content)
     return file.getvalue()
@@ -383,7 +386,7 @@ def changed(rng: random.Random, data: bytes) -> bytes:
     for _ in range(rng.choice((1, 1, 2, 3))):
         try:
             data = rng.choice(TEXT)(rng, data) if text else rng.choice((_inside, _inside, _bits, _cut))(rng, data)
-        except (zipfile.BadZipFile, OSError, EOFError, ValueError, zipfile.zlib.error):  # type: ignore[attr-defined]
+        except (zipfile.BadZipFile, zlib.error, OSError, EOFError, ValueError, IndexError, RuntimeError, NotImplementedError):
             data = _bits(rng, data)  # an archive that an earlier change has damaged
     return data
 
@@ -420,7 +423,7 @@ def problem(read: Callable[[Path], Any], path: Path) -> str:
     """What is wrong with how a reader takes a file; empty where it reads it or refuses it as it should."""
     there = {each: each.stat().st_mtime_ns for each in path.parent.iterdir() if each.is_file()}
     _watched.seen.clear()
-    with warnings.catch_warnings(record=True) as told:
+    with warnings.catch_warnings(record=True) as warned:
         warnings.simplefilter("always")
         _watched.on = True
         try:
@@ -428,17 +431,18 @@ def problem(read: Callable[[Path], Any], path: Path) -> str:
                 read(path)
         except (ValueError, OSError) as error:
             text = str(error)
-            if path.name not in text and path.name not in str(getattr(error, "filename", "")):
+            told = f"{text} {getattr(error, 'filename', '')}"
+            if not any(each.name in told for each in (path, *path.parents[1].iterdir()) if each.is_file()):
                 return f"is refused without the name of the file: {traceback.format_exc(limit=-4)}"
-            if "\n" in text or len(text) > 3000:
-                return f"is refused in {len(text)} characters, {len(text.splitlines())} lines: {text[:500]}"
+            if "\n" in text:
+                return f"is refused in several lines: {text[:500]}"
         except (HangError, Exception):  # whatever a reader raises
             return traceback.format_exc(limit=-6)
         finally:
             _watched.on = False
     if _watched.seen:
         return f"runs foreign code: {', '.join(_watched.seen)}"
-    for each in told:
+    for each in warned:
         if not issubclass(each.category, HIDDEN):
             return f"warns: {each.category.__name__}: {each.message} ({each.filename}:{each.lineno})"
     if left := [each.name for each in path.parent.iterdir() if each.is_file() and each not in there]:
@@ -451,11 +455,12 @@ def run(cases: range, seed: int, keep: Path | None = None, only: str = "") -> li
     sys.addaudithook(_audit)
     failures, counts = [], Counter[str]()
     with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
+        folder, case = Path(name), Path(name) / CASE
+        case.mkdir()
         known = {name: reader for name, reader in readers(folder).items() if only in name}
         for name, reader in known.items():  # every seed is read, which also loads the libraries
             for seed_name, data in reader.seeds.items():
-                path = folder / f"case-{seed_name}"
+                path = case / seed_name
                 path.write_bytes(data)
                 with warnings.catch_warnings():
                     warnings.simplefilter("ignore", UserWarning)
@@ -465,7 +470,7 @@ def run(cases: range, seed: int, keep: Path | None = None, only: str = "") -> li
             name = rng.choice(list(known))
             reader = known[name]
             seed_name = rng.choice(list(reader.seeds))
-            path = folder / f"case-{seed_name}"
+            path = case / seed_name
             data = changed(rng, reader.seeds[seed_name])
             path.write_bytes(data)
             counts[name] += 1

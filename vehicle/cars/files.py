@@ -217,14 +217,8 @@ def _from_file(path: Path) -> Car:
 
 def _parsed(path: Path) -> tuple[str, Any]:
     """Text and contents of a file."""
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except UnicodeDecodeError:
-        raise ValueError(f"{path}: expected text in UTF-8") from None
-    try:
-        return text, toml.loads(text) if path.suffix == ".toml" else json.loads(text)
-    except ValueError as error:  # both parsers tell the line
-        raise ValueError(f"{path}: {error}") from None
+    text = toml.text(path)
+    return text, toml.parsed(path, text, toml.loads if path.suffix == ".toml" else json.loads)
 
 
 def _completed(given: Any, name: str, folder: Path) -> Any:
