@@ -64,7 +64,8 @@ def _check(path: str | os.PathLike[str], trace: Mapping[str, Any]) -> None:
         "sources": isinstance(trace.get("sources"), str),
         "packages": isinstance(trace.get("packages"), dict),
         "command": words is None or (isinstance(words, list) and all(isinstance(word, str) for word in words)),
-        "result": words is None or (isinstance(result, str) and result not in ("", "..") and Path(result).name == result),
+        "result": words is None
+        or (isinstance(result, str) and result not in ("", "..") and Path(result).name == result),
         "inputs": isinstance(inputs, list) and all(map(_is_input, inputs)),
     }
     for key, as_it_should_be in right.items():

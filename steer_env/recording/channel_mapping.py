@@ -24,7 +24,6 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from os import PathLike
-from pathlib import Path
 from typing import Any, NamedTuple
 
 from steer_env.friction.numerics import toml

@@ -303,7 +303,9 @@ def _choice(columns: list[Column], place: int, entry: Entry, expected: str | Non
 def _value(label: str, choice: _Choice, raw: np.ndarray) -> np.ndarray:
     """The values in memory of readings in the unit of the file."""
     entry = choice.entry
-    with np.errstate(over="ignore"):  # what is too large is refused
+    with np.errstate(
+        over="ignore", invalid="ignore"
+    ):  # what is too large is refused, and a NaN may be a signalling one
         values = entry.sign * ((raw - entry.offset) * (entry.scale * choice.size))
     too_large = np.abs(values) > LARGEST
     if too_large.any():

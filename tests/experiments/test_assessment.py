@@ -94,6 +94,8 @@ HEAD = 'name = "a"\ndescription = "b"\nsource = "c"\n'
         (HEAD + '[weave]\ntorque_at_0g = {unit="N m", good=[2, 1], fair=[0, 3]}', r"good: expected \[low, high\]"),
         (HEAD + '[weave]\ntorque_at_0g = {unit="N m", good=[1, 4], fair=[0, 3]}', "must lie in fair"),
         ("name = ", "Invalid value"),
+        ("name = " + "[" * 5000, "bad.toml: is nested too deeply"),
+        (HEAD + f'[weave]\ntorque_at_0g = {{unit="N m", good=[1, {"9" * 400}], fair=[0, 3]}}', "good must be a number"),
         (HEAD + 'base = "sedan"', "bad.toml, base: expected one of compact, saloon, small, suv, got 'sedan'"),
     ],
 )

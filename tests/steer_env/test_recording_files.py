@@ -1,6 +1,7 @@
 """Recordings to and from files: what is written is read back, what comes from elsewhere is read or refused."""
 
 import dataclasses
+import gzip
 import os
 
 import numpy as np
@@ -216,12 +217,20 @@ def test_interrupted_write_leaves_the_old_file(weave, tmp_path, monkeypatch, ste
         ("time_s,a_deg\n0,1\n0,2\n", "line 3, column 'time_s': expected a finite time after that of the line before"),
         ("time_s,a_deg\n0,1\nnan,2\n", "line 3, column 'time_s': expected a finite time"),
         ("time_s,a_deg\n0,1\n", "line 3, column 'time_s': expected at least two rows, got 1"),
+        ("time_s,a_m\n0,1\n1,1e308\n", r"column 'a_m', wanted as a, sample 2: expected at most 1e\+30 m, got 1e\+308"),
     ],
 )
 def test_what_a_file_is_refused_for(tmp_path, text, message):
     path = tmp_path / "run.csv"
     path.write_text(text)
     with pytest.raises(ValueError, match=f"run.csv: {message}"):
+        read(path)
+
+
+def test_a_compressed_file_that_was_cut_is_refused(tmp_path):
+    path = tmp_path / "run.csv.gz"
+    path.write_bytes(gzip.compress(b"time_s,a_deg\n" + b"".join(b"%d,1\n" % k for k in range(5000)))[:-40])
+    with pytest.raises(ValueError, match=r"run\.csv\.gz: cannot be unpacked by gzip .*; is it complete"):
         read(path)
 
 

@@ -2,9 +2,9 @@
 
 ``python tests/tools/fuzz.py --cases 2000 --seed 0`` changes valid files and gives each to its reader, in this process.
 A case fails where the reader raises anything but ValueError and OSError, refuses without the name of the file, warns of
-anything that is not meant for users, takes longer than ``LONGEST``, leaves a file behind, or runs foreign code: unpickles
-a class, starts a process, loads a library. ``--case N`` runs case N of a seed alone, ``--keep DIR`` keeps the files of
-cases that fail.
+anything that is not meant for users, takes longer than ``LONGEST``, leaves a file behind, or runs foreign code: it
+unpickles a class, starts a process, loads a library. ``--first N --cases 1`` repeats
+case N, ``--keep DIR`` keeps the files of cases that fail.
 """
 
 import argparse
@@ -12,6 +12,7 @@ import faulthandler
 import gzip
 import io
 import json
+import logging
 import os
 import random
 import re
@@ -34,12 +35,22 @@ import numpy as np
 
 ROOT = Path(__file__).parents[2]
 EXAMPLES, DATA = ROOT / "examples", ROOT / "experiments" / "data"
-CASE = "checkpoint"  # the folder of the file, in that of the files that a call needs beside; as a training calls its own
+CASE = (
+    "checkpoint"  # the folder of the file, in that of the files that a call needs beside; as a training calls its own
+)
 LONGEST = 10.0  # of a case [s]
 ROWS = 400  # of a recording, which the readers read quickly
 ENV_ID = "steer_env/DriverOnCentre-v1"
 # Audit events of code that is not a reader's. Libraries that a reader loads are loaded by the seeds before.
-FOREIGN = {"pickle.find_class", "os.system", "os.exec", "os.posix_spawn", "os.fork", "subprocess.Popen", "ctypes.dlopen"}
+FOREIGN = {
+    "pickle.find_class",
+    "os.system",
+    "os.exec",
+    "os.posix_spawn",
+    "os.fork",
+    "subprocess.Popen",
+    "ctypes.dlopen",
+}
 FOREIGN |= {"socket.connect"}
 HIDDEN = (UserWarning, DeprecationWarning, PendingDeprecationWarning, ResourceWarning)  # in a sentence, or by Python
 
@@ -169,7 +180,7 @@ def readers(folder: Path) -> dict[str, Reader]:
     from steer_env import friction, targets
     from steer_env.connect.external import mapping
     from steer_env.experiments.studies.common import simulation_vs_measurement
-    from steer_env.recording import can_log, files
+    from steer_env.recording import files
     from steer_env.vehicle import cars, tyre
 
     def written(name: str, write: Callable[[Path], Any]) -> dict[str, bytes]:
@@ -206,7 +217,9 @@ def readers(folder: Path) -> dict[str, Reader]:
     page = f'<p>1</p><script type="application/json" id="trace">{json.dumps(trace["trace"])}</script>\n'
     tyres = ROOT / "vehicle" / "data" / "tyres"
     tolerances, bands = DATA / "tolerances", ROOT / "steer_env" / "targets"
-    policies = {f"{name}.zip": (DATA / "policies" / name / "policy.zip").read_bytes() for name in ("DriverOnCentre-v1",)}
+    policies = {
+        f"{name}.zip": (DATA / "policies" / name / "policy.zip").read_bytes() for name in ("DriverOnCentre-v1",)
+    }
     curve = next((DATA / "policies" / "DriverOnCentre-v1").glob("*.csv"))
     fitted = {"friction": {"law": "lugre", "F_c": 1.2}, "units": {"displacement": "rad", "torque": "N m"}}
     fitted |= {"level": {"load": 0.1}, "undetermined": ["F_c"]}
@@ -220,7 +233,9 @@ def readers(folder: Path) -> dict[str, Reader]:
         "own.json": json.dumps(compact.data(), indent=1).encode(),
         **written("whole.toml", lambda path: cars.write(compact, path, comments=True)),
     }
-    short = {"short.toml": b'base = "compact"\ntyre = "example_mf61"\n[column]\nK_tb = 143.0\n[chassis]\nmass = 1400.0\n'}
+    short = {
+        "short.toml": b'base = "compact"\ntyre = "example_mf61"\n[column]\nK_tb = 143.0\n[chassis]\nmass = 1400.0\n'
+    }
     return {
         "car": Reader(lambda path: command("car", str(path)), own | short),
         "gym.make": Reader(_environment, short),
@@ -289,8 +304,34 @@ def _fmu() -> bytes:
 # The changes ---------------------------------------------------------------------------------------------------------
 
 NUMBERS = [b"nan", b"inf", b"-inf", b"-1", b"0", b"1e308", b"-1e308", b"1e-320", b"1e999", b"9" * 400, b"9" * 5000]
-WORDS = [b'""', b'"x"', b"[]", b"{}", b"[[[]]]", b"true", b"null", b'"' + b"x" * 100_000 + b'"', b'"\\u0000"', b"1979-05-27"]
-PIECES = [b"\x00", b"\xff\xfe", b"\xef\xbb\xbf", b"\xe9", b"\r\n", b"\n", b"[", b"{", b'"', b"'", b"=", b",", b";", b"\x1b[2J"]
+WORDS = [
+    b'""',
+    b'"x"',
+    b"[]",
+    b"{}",
+    b"[[[]]]",
+    b"true",
+    b"null",
+    b'"' + b"x" * 100_000 + b'"',
+    b'"\\u0000"',
+    b"1979-05-27",
+]
+PIECES = [
+    b"\x00",
+    b"\xff\xfe",
+    b"\xef\xbb\xbf",
+    b"\xe9",
+    b"\r\n",
+    b"\n",
+    b"[",
+    b"{",
+    b'"',
+    b"'",
+    b"=",
+    b",",
+    b";",
+    b"\x1b[2J",
+]
 _NUMBER, _WORD = re.compile(rb"-?\d+\.?\d*(?:[eE][+-]?\d+)?"), re.compile(rb'"[^"\n]*"|\b\w+\b')
 
 
@@ -386,7 +427,16 @@ def changed(rng: random.Random, data: bytes) -> bytes:
     for _ in range(rng.choice((1, 1, 2, 3))):
         try:
             data = rng.choice(TEXT)(rng, data) if text else rng.choice((_inside, _inside, _bits, _cut))(rng, data)
-        except (zipfile.BadZipFile, zlib.error, OSError, EOFError, ValueError, IndexError, RuntimeError, NotImplementedError):
+        except (
+            zipfile.BadZipFile,
+            zlib.error,
+            OSError,
+            EOFError,
+            ValueError,
+            IndexError,
+            RuntimeError,
+            NotImplementedError,
+        ):
             data = _bits(rng, data)  # an archive that an earlier change has damaged
     return data
 
@@ -396,8 +446,16 @@ def changed(rng: random.Random, data: bytes) -> bytes:
 _watched = SimpleNamespace(on=False, seen=[])
 
 
+def _of_numba() -> bool:
+    """Whether numba does it, which unpickles its own cache where a kernel is compiled or found."""
+    frame = sys._getframe(2)
+    while frame is not None and not frame.f_globals.get("__name__", "").startswith("numba."):
+        frame = frame.f_back  # type: ignore[assignment]
+    return frame is not None
+
+
 def _audit(event: str, args: tuple[Any, ...]) -> None:
-    if _watched.on and event in FOREIGN:
+    if _watched.on and event in FOREIGN and not _of_numba():
         _watched.seen.append(f"{event} {args[:1]}")
 
 
@@ -453,12 +511,13 @@ def problem(read: Callable[[Path], Any], path: Path) -> str:
 def run(cases: range, seed: int, keep: Path | None = None, only: str = "") -> list[str]:
     """Run the cases of a seed; a text for each one that fails."""
     sys.addaudithook(_audit)
+    logging.disable()  # python-can, cantools and asammdf tell there what they leave out
     failures, counts = [], Counter[str]()
     with tempfile.TemporaryDirectory() as name:
         folder, case = Path(name), Path(name) / CASE
         case.mkdir()
         known = {name: reader for name, reader in readers(folder).items() if only in name}
-        for name, reader in known.items():  # every seed is read, which also loads the libraries
+        for reader in known.values():  # every seed is read, which also loads the libraries
             for seed_name, data in reader.seeds.items():
                 path = case / seed_name
                 path.write_bytes(data)
@@ -488,12 +547,13 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--cases", type=int, default=2000)
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--case", type=int, help="this one alone")
+    parser.add_argument("--first", type=int, default=0, metavar="N", help="case with which they begin")
     parser.add_argument("--reader", default="", help="only readers whose name holds this text; the cases are others")
     parser.add_argument("--keep", type=Path, metavar="DIR", help="keep the files of the cases that fail")
     args = parser.parse_args()
-    cases = range(args.cases) if args.case is None else range(args.case, args.case + 1)
+    cases = range(args.first, args.first + args.cases)
     os.environ.setdefault("STEER_ENV_QUIET", "1")
+    faulthandler.enable()  # a library in C may end the process
     return int(bool(run(cases, args.seed, args.keep, args.reader)))
 
 
