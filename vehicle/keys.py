@@ -73,4 +73,5 @@ def declared_keys() -> dict[str, dict[str, Key]]:
 def checked(section: str, key: str, value: Any, name: str = "") -> float:
     """``value`` as a float within the range that is declared of a key; ValueError names the key, or ``name``."""
     about = declared_keys()[section][key]
-    return number(name or key, value, minimum=about.low, maximum=min(about.high, LARGEST), above=about.above)
+    found = number(name or key, value, minimum=about.low, maximum=about.high, above=about.above)
+    return found if found <= LARGEST else number(name or key, value, maximum=LARGEST)

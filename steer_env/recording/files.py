@@ -30,7 +30,7 @@ FORMATS: dict[str, Any] = {
     ".parquet": parquet_file,
 }
 LONGEST_STEP = 0.1  # of a time in seconds that says no unit; no metric is read from 8 samples a second [s]
-LARGEST = 1e30  # reading; powers of larger ones, which no sensor gives, exceed the numbers of a computer [SI]
+LARGEST = 1e60  # reading; powers of larger ones, which no sensor gives, exceed the numbers of a computer [SI]
 MOST_NAMED = 10  # largest number of columns that the meta lists as not read
 
 
@@ -307,7 +307,7 @@ def _value(label: str, choice: _Choice, raw: np.ndarray) -> np.ndarray:
         over="ignore", invalid="ignore"
     ):  # what is too large is refused, and a NaN may be a signalling one
         values = entry.sign * ((raw - entry.offset) * (entry.scale * choice.size))
-    too_large = np.abs(values) > LARGEST
+    too_large = np.isfinite(raw) & (np.abs(values) > LARGEST)  # what is infinite in the file stays
     if too_large.any():
         k = int(np.argmax(too_large))
         raise ValueError(

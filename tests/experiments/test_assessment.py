@@ -231,7 +231,10 @@ def test_a_recording_without_straight_running_keeps_its_zeros():
     [
         ("[channels]\nyaw_rate = 1", "expected relative, absolute and unit"),
         ('[channels]\nyaw_rate = {relative=0.1, absolute=0.1, unit="rpm"}', "expected a unit out of"),
-        ('[channels]\nyaw_rate = {relative=-0.1, absolute=0.1, unit="deg/s"}', "relative: expected a number from 0"),
+        (
+            '[channels]\nyaw_rate = {relative=-0.1, absolute=0.1, unit="deg/s"}',
+            "relative must be finite and at least 0",
+        ),
         ('[channels]\nyaw_rate = {relative=0, absolute=0, unit="deg/s"}', "relative and absolute are both 0"),
     ],
 )
