@@ -109,7 +109,8 @@ def _on_one_time(labels: list[str], signals: list[Any]) -> list[Values]:
         elif signal.samples.size < 2:
             values.append(f"has {signal.samples.size} samples")
         else:
-            late = np.diff(signal.timestamps) <= 0
+            with np.errstate(invalid="ignore"):  # of an infinite time, which is refused
+                late = np.diff(signal.timestamps) <= 0
             if late.any() or not np.isfinite(signal.timestamps).all():
                 k = int(np.argmax(late)) + 1
                 raise ValueError(

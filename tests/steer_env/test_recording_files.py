@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from steer_env import metrics
 from steer_env.recording.files import FORMATS, read, write
-from steer_env.recording.recording import DEGREE, FILE_UNITS, Recording
+from steer_env.recording.recording import DEGREE, FILE_UNITS, Recording, require_moderate
 
 UNITS = {"handwheel_angle": "rad", "handwheel_torque": "N m", "lateral_acceleration": "m/s2", "yaw_rate": "rad/s"}
 SUFFIXES = [*FORMATS]
@@ -217,7 +217,6 @@ def test_interrupted_write_leaves_the_old_file(weave, tmp_path, monkeypatch, ste
         ("time_s,a_deg\n0,1\n0,2\n", "line 3, column 'time_s': expected a finite time after that of the line before"),
         ("time_s,a_deg\n0,1\nnan,2\n", "line 3, column 'time_s': expected a finite time"),
         ("time_s,a_deg\n0,1\n", "line 3, column 'time_s': expected at least two rows, got 1"),
-        ("time_s,a_m\n0,1\n1,1e308\n", r"column 'a_m', wanted as a, sample 2: expected at most 1e\+60 m, got 1e\+308"),
     ],
 )
 def test_what_a_file_is_refused_for(tmp_path, text, message):
@@ -225,6 +224,12 @@ def test_what_a_file_is_refused_for(tmp_path, text, message):
     path.write_text(text)
     with pytest.raises(ValueError, match=f"run.csv: {message}"):
         read(path)
+
+
+def test_a_reading_that_is_too_large_for_a_metric_is_refused(tmp_path):
+    (tmp_path / "run.csv").write_text("time_s,yaw_rate_deg_s\n0,1\n1,1e308\n")
+    with pytest.raises(ValueError, match=r"channel 'yaw_rate', sample 2: expected at most 1e\+60"):
+        require_moderate(read(tmp_path / "run.csv"))
 
 
 def test_a_compressed_file_that_was_cut_is_refused(tmp_path):

@@ -246,10 +246,12 @@ def _trace(args: argparse.Namespace, places: Mapping[str, int], result: str) -> 
 def read(path: str, place: int, args: argparse.Namespace) -> Any:
     """A recording from a file, read through its mapping, without the channels and the part that are not wanted."""
     from steer_env.recording import can_log, files
+    from steer_env.recording.recording import require_moderate
 
     found = files.read(path, mapping_of(place, args), can=can_options(args))
     with _named(path):
         found = found.without(*args.without)
+        require_moderate(found)
     for note in (*_notes(found.meta, can_log.recognised(path)), *_of_drive(found)):
         print(f"{path}: {note}")
     with _named(path):
