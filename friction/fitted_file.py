@@ -10,9 +10,9 @@ import json
 import os
 import warnings
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
+from steer_env.friction.numerics import toml
 from steer_env.friction.numerics.check import number
 
 SUFFIX = ".json"
@@ -35,13 +35,11 @@ def read(path: str | os.PathLike[str]) -> dict[str, Any]:
         If the file cannot be read, holds no law, or one of other units than rad and N m; with the file and the remedy.
     """
     try:
-        data = json.loads(Path(path).read_text(encoding="utf-8"))
+        data = toml.read(path, json.loads)
     except OSError as error:
         raise ValueError(
             f"{path}: {error.strerror}: friction takes a file that 'steer-env fit-friction' wrote"
         ) from None
-    except ValueError as error:
-        raise ValueError(f"{path} is no JSON: {error}") from None
     law = data.get("friction", data) if isinstance(data, Mapping) else None
     if not (isinstance(law, Mapping) and isinstance(law.get("law"), str)):
         example = '{"friction": {"law": "lugre", "F_c": 1.2}}'
@@ -62,7 +60,10 @@ def read(path: str | os.PathLike[str]) -> dict[str, Any]:
             "and steering.friction_asymmetry in the car",
             stacklevel=2,
         )
-    unsure = _level_of(law, data.get("undetermined") or ())
+    undetermined = data.get("undetermined") or ()
+    if not isinstance(undetermined, list | tuple):
+        raise ValueError(f"{path}: undetermined must be a list of parameters, got {undetermined!r}")
+    unsure = _level_of(law, undetermined)
     if unsure:
         warnings.warn(
             f"{path}: the record does not determine the level of this friction ({', '.join(unsure)}), which may be far "
@@ -83,4 +84,4 @@ def _mapping(path: Any, data: Mapping[str, Any], key: str) -> Mapping[str, Any]:
 def _level_of(law: Mapping[str, Any], undetermined: Sequence[str]) -> list[str]:
     """What the record leaves open of the saturated torque; a break-away that equals the sliding torque is neutral."""
     names = [name for name in ("F_c", "F_s") if name in undetermined and name in law]
-    return [f"{name} {law[name]:g} N m" for name in names if name == "F_c" or law[name] != law.get("F_c")]
+    return [f"{name} {law[name]} N m" for name in names if name == "F_c" or law[name] != law.get("F_c")]

@@ -241,7 +241,15 @@ def resolve(friction: Any) -> Any:
     ValueError
         For another form, an unknown law or parameter, or a value that the law does not allow.
     """
-    return friction if _known(friction) else _made(*parts(friction))
+    if _known(friction):
+        return friction
+    name, given = parts(friction)
+    try:
+        return _made(name, given)
+    except ValueError as error:
+        if fitted_file.named(friction):
+            raise ValueError(f"{friction}: {error}") from None
+        raise
 
 
 def parts(friction: Any) -> tuple[str, dict[str, Any]]:

@@ -11,6 +11,7 @@ from steer_env.friction.numerics import toml
 from steer_env.friction.numerics.check import number
 
 FILE = Path(__file__).parent / "data" / "cars" / "keys.toml"
+LARGEST = 1e30  # value of a key without a limit of its own: powers of larger ones exceed the numbers of a computer
 JUDGEMENT = "engineering judgement"
 
 
@@ -72,4 +73,5 @@ def declared_keys() -> dict[str, dict[str, Key]]:
 def checked(section: str, key: str, value: Any, name: str = "") -> float:
     """``value`` as a float within the range that is declared of a key; ValueError names the key, or ``name``."""
     about = declared_keys()[section][key]
-    return number(name or key, value, minimum=about.low, maximum=about.high, above=about.above)
+    found = number(name or key, value, minimum=about.low, maximum=about.high, above=about.above)
+    return found if found <= LARGEST else number(name or key, value, maximum=LARGEST)

@@ -22,7 +22,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, NoReturn
 
-from steer_env.experiments.cli.common.messages import in_options
+from steer_env.experiments.cli.common.messages import in_options, shortened
 from steer_env.experiments.cli.common.options import figures
 from steer_env.experiments.cli.common.sweeping import forget, unswept
 from steer_env.friction.numerics.registry import dashed, listed
@@ -184,7 +184,7 @@ def _run(argv: Sequence[str], package: str, prog: str) -> int:
         raise
     except (ValueError, OSError) as error:
         message = f"{error.filename}: {error.strerror}" if isinstance(error, OSError) and error.filename else str(error)
-        print(f"{args.prog}: {in_options(message)}", file=sys.stderr)
+        print(f"{args.prog}: {shortened(in_options(message))}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
         print(f"{args.prog}: interrupted", file=sys.stderr)

@@ -16,6 +16,9 @@ from numpy.typing import NDArray
 
 from steer_env.friction.numerics import archives
 
+# What torch raises at weights that were changed, and what those of another shape raise here.
+_DAMAGED = (LookupError, RuntimeError, EOFError, ValueError, TypeError, AttributeError)
+
 
 class Form(NamedTuple):
     """How Stable-Baselines3 builds and names the network of an algorithm's actions."""
@@ -66,7 +69,9 @@ def load(path: Path, about: Mapping[str, Any]) -> Callable[[NDArray[np.float32]]
             raise KeyError(f"layers {', '.join(sorted(own))}")
         for name, layer in zip(names, layers):
             layer.load_state_dict({key: tensors[f"{name}.{key}"] for key in ("weight", "bias")})
-    except (KeyError, RuntimeError, pickle.UnpicklingError) as error:
+    except archives.DamagedError:
+        raise
+    except (*_DAMAGED, pickle.UnpicklingError) as error:
         raise ValueError(f"{path} does not hold the weights that it describes: {error}".splitlines()[0]) from None
     activation = getattr(torch.nn, form.activation)()
 

@@ -16,8 +16,8 @@ from steer_env import REGISTERED, experiments, tasks
 from steer_env.experiments.learning import network
 from steer_env.experiments.learning.constants import ALGORITHMS
 from steer_env.experiments.pages.options import Friction
-from steer_env.friction.numerics import archives
-from steer_env.friction.numerics.check import number
+from steer_env.friction.numerics import archives, toml
+from steer_env.friction.numerics.check import not_negative, number, numbers, one_of, positive, whole
 from steer_env.registration import DRIVEN, VERSION
 
 Array = NDArray[np.float64]
@@ -25,6 +25,13 @@ Array = NDArray[np.float64]
 ABOUT = "steer_env.json"  # name in the archive, beside the members of Stable-Baselines3
 # Attributes of a model that hold the schedule of its training, which would be written with all that it refers to.
 SCHEDULE = ("learning_rate", "lr_schedule")
+# What a description must hold, with dots between the keys.
+_SHAPE: dict[str, type] = {
+    **dict.fromkeys(("env", "algorithm", "friction"), str),
+    **dict.fromkeys(("settings.environment", "settings.algorithm", "settings.controller", "scaling"), dict),
+    **dict.fromkeys(("observations", "settings.algorithm.net_arch"), list),
+}
+WIDEST = 10_000  # layer of a network that is built from a description
 SHIPPED_IN = Path(experiments.__file__).parent / "data" / "policies"
 
 
@@ -57,10 +64,6 @@ def about(path: Path) -> dict[str, Any]:
     try:
         with archives.opened(path, "policy") as archive:
             text = archive.read(ABOUT)
-        found: dict[str, Any] = json.loads(text)
-        return found
-    except json.JSONDecodeError as error:
-        raise ValueError(f"{path} is no policy: {ABOUT} holds no JSON: {error}") from None
     except FileNotFoundError:
         raise ValueError(f"no file {path}") from None
     except OSError as error:
@@ -69,6 +72,31 @@ def about(path: Path) -> dict[str, Any]:
         raise ValueError(
             f"{path} does not say what it was trained for; `steer-env train` writes files that do"
         ) from None
+    found: dict[str, Any] = toml.parsed(path, text, lambda text: _checked(json.loads(text)))
+    return found
+
+
+def _checked(about: Any) -> Any:
+    """A description, if it holds what acting needs; ValueError names the key."""
+    for place, kind in _SHAPE.items():
+        value = about
+        for key in place.split("."):
+            value = value.get(key) if isinstance(value, dict) else None
+        if not isinstance(value, kind):
+            raise ValueError(f"{place} in {ABOUT} must be of the type {kind.__name__}, got {value!r}")
+    one_of("algorithm", about["algorithm"], ALGORITHMS)
+    positive("control_dt", about["settings"]["environment"].get("control_dt"))
+    for width in about["settings"]["algorithm"]["net_arch"]:
+        number("net_arch", whole("net_arch", width, 1), maximum=WIDEST)
+    scaling, count = about["scaling"], len(about["observations"])
+    for key in ("mean", "deviation"):
+        values = numbers(key, scaling.get(key))
+        if values.shape != (count,) or (key == "deviation" and values.min() <= 0.0):
+            raise ValueError(f"{key} must hold {count} numbers, a deviation above 0, got {values.tolist()}")
+    not_negative("clip", scaling.get("clip"))
+    if (caution := guard_of(about)) is not None:
+        not_negative("guard", caution)
+    return about
 
 
 def shipped(env_id: str) -> Path:

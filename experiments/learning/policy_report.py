@@ -29,6 +29,8 @@ from steer_env.experiments.pages.style import colours
 from steer_env.experiments.pages.words import label, plain
 from steer_env.experiments.sweep import Runner, run
 from steer_env.friction.law import law_of
+from steer_env.friction.numerics import toml
+from steer_env.friction.numerics.check import read_number
 
 CONTENTS = frozenset({"index.html", "evaluation.json"})
 MOST = 10  # controllers on the first screen
@@ -199,9 +201,16 @@ def _picture(frame: Any) -> str:
 
 def read_curve(path: Path) -> dict[str, Array]:
     """Columns of a learning curve: seconds and steps of training, then means of the validation episodes."""
-    with path.open(encoding="utf-8", newline="") as file:
-        rows = list(csv.DictReader(file))
-    return {key: np.array([float(row[key]) for row in rows]) for key in rows[0]}
+    try:
+        header, *rows = [*csv.reader(io.StringIO(toml.text(path), newline=""))] or [[]]
+    except csv.Error as error:
+        raise ValueError(f"{path}: {error}") from None
+    if not {"steps", "reward"} <= set(header):
+        raise ValueError(f"{path}: line 1: expected names of columns, steps and reward among them, got {header}")
+    for line, row in enumerate(rows, 2):
+        if len(row) != len(header) or not all(isinstance(read_number(cell), float) for cell in row):
+            raise ValueError(f"{path}: line {line}: expected {len(header)} numbers, got {row}")
+    return {key: np.array([float(row[place]) for row in rows]) for place, key in enumerate(header)}
 
 
 def aim(metrics: Collection[str]) -> str:

@@ -53,7 +53,9 @@ def load(out: Path) -> dict[str, Any]:
     kept = out / FOLDER / STATE
     if not kept.is_file():
         raise ValueError(f"{out} holds no checkpoint to resume")
-    state = json.loads(kept.read_text(encoding="utf-8"))
+    state = toml.read(kept, json.loads)
+    if not isinstance(state, dict):
+        raise ValueError(f"{kept} must hold keys and values, got {state!r}")
     for key in KEYS:
         if key not in state:
             raise ValueError(f"{kept} has no entry {key}, as with older versions: train from the start")
@@ -174,8 +176,11 @@ def _checkpoint(out: Path) -> dict[str, Any]:
     state, chosen = load(out), out / "settings.json"
     if not chosen.is_file():
         raise ValueError(f"{out} holds a checkpoint but no settings.json, without which it cannot be resumed")
-    read = json.loads(chosen.read_text(encoding="utf-8"))
-    return {**state, "settings": {key: read[key] for key in ("environment", "algorithm", "controller")}}
+    read = toml.read(chosen, json.loads)
+    parts = ("environment", "algorithm", "controller")
+    if not isinstance(read, dict) or not all(isinstance(read.get(key), dict) for key in parts):
+        raise ValueError(f"{chosen} must hold keys and values under {', '.join(parts)}")
+    return {**state, "settings": {key: read[key] for key in parts}}
 
 
 class _Clock:

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from steer_env.friction.numerics import toml
 from steer_env.recording import files
 
 # What describes the run and not its result, at the top of a JSON file: dates, durations, machine, versions, the trace.
@@ -38,23 +39,44 @@ def read(path: str | os.PathLike[str]) -> dict[str, Any]:
     if suffix not in SUFFIXES:
         raise ValueError(f"{path}: results end in {', '.join(SUFFIXES)}")
     if suffix == ".html":
-        element = _ELEMENT.search(Path(path).read_text(encoding="utf-8"))
-        found = json.loads(element[1]) if element else None
+        element = _ELEMENT.search(toml.text(path))
+        found = toml.parsed(path, element[1], json.loads) if element else None
     elif suffix == ".json":
-        contents = _json(path)
+        contents = toml.read(path, json.loads)
         found = contents.get("trace") if isinstance(contents, dict) else None
     else:
         found = files.read(path).meta.get("trace")
     if not isinstance(found, dict):
         raise ValueError(f"{path}: holds no trace, so nothing tells what it was made from")
+    _check(path, found)
     return found
 
 
-def _json(path: str | os.PathLike[str]) -> Any:
-    try:
-        return json.loads(Path(path).read_text(encoding="utf-8"))
-    except ValueError as error:
-        raise ValueError(f"{path}: {error}") from None
+def _check(path: str | os.PathLike[str], trace: Mapping[str, Any]) -> None:
+    """ValueError for a trace that :func:`provenance.trace` has not written; what it names is made beside nothing else.
+
+    The name of a result has no folder, so that a result that is made again stays where it is wanted.
+    """
+    inputs = trace.get("inputs", [])
+    words, result = trace.get("command"), trace.get("result")
+    right = {
+        "version": isinstance(trace.get("version"), str),
+        "sources": isinstance(trace.get("sources"), str),
+        "packages": isinstance(trace.get("packages"), dict),
+        "command": words is None or (isinstance(words, list) and all(isinstance(word, str) for word in words)),
+        "result": words is None
+        or (isinstance(result, str) and result not in ("", "..") and Path(result).name == result),
+        "inputs": isinstance(inputs, list) and all(map(_is_input, inputs)),
+    }
+    for key, as_it_should_be in right.items():
+        if not as_it_should_be:
+            raise ValueError(f"{path}: its trace holds no {key} as this program writes it, got {trace.get(key)!r}")
+
+
+def _is_input(given: Any) -> bool:
+    """Whether an entry of a trace is an input: texts, with a digest and the name of a file or a module."""
+    texts = isinstance(given, dict) and all(isinstance(value, str) for value in given.values())
+    return texts and "sha256" in given and ("name" in given or "module" in given)
 
 
 def differences(one: str | os.PathLike[str], other: str | os.PathLike[str]) -> list[str]:
@@ -67,7 +89,7 @@ def differences(one: str | os.PathLike[str], other: str | os.PathLike[str]) -> l
     if suffix == ".html":
         return [] if _page(one) == _page(other) else ["the text of the page"]
     if suffix == ".json":
-        a, b = (_result(_json(path), _ABOUT_THE_RUN) for path in (one, other))
+        a, b = (_result(toml.read(path, json.loads), _ABOUT_THE_RUN) for path in (one, other))
     else:
         a, b = _recorded(one), _recorded(other)
     return [name for name in {**a, **b} if name not in a or name not in b or not _equal(a[name], b[name])]
@@ -75,7 +97,7 @@ def differences(one: str | os.PathLike[str], other: str | os.PathLike[str]) -> l
 
 def _page(path: str | os.PathLike[str]) -> str:
     """The text of a page without its trace, its dates, what it marks as measured, and the random names of its plots."""
-    text = _MEASURED.sub("", _ELEMENT.sub("", Path(path).read_text(encoding="utf-8")))
+    text = _MEASURED.sub("", _ELEMENT.sub("", toml.text(path)))
     return _DRAWN.sub("", _DATE.sub("", text))
 
 

@@ -111,7 +111,7 @@ def numbers(name: str, values: Any) -> NDArray[np.float64]:
     """
     try:
         result = np.array(values, dtype=float, ndmin=1)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise ValueError(f"{name} must be a one-dimensional array of numbers, got {values!r}") from None
     if result.ndim != 1 or result.size == 0:
         raise ValueError(f"{name} must be one-dimensional with at least one value, got shape {result.shape}")

@@ -22,11 +22,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from steer_env.friction.numerics.check import number
 from steer_env.recording.channel_mapping import did_you_mean
 from steer_env.recording.table import Column, Table, Values
 
 SUFFIXES = (".blf", ".asc", ".log", ".trc", ".asc.gz", ".log.gz", ".trc.gz")
 CSV_HEADER = "timestamp,arbitration_id,"  # of a log that python-can wrote as .csv
+LARGEST = 1e30  # number of a database [unit of its signal]
 LONGEST_STEP = 3.0  # between two frames without a gap, in median periods of the message [1]
 COUNTERS = ("counter", "alive", "rolling")  # parts of the names of signals that count the frames
 METHOD = "linear interpolation between the frames before and after each instant, at a uniform rate"
@@ -124,10 +126,19 @@ def _messages(paths: str | PathLike[str] | Sequence[str | PathLike[str]]) -> lis
             text = " ".join(str(error).split())
             raise ValueError(f"{path} cannot be read as a CAN database: {text}") from None
         for message in getattr(database, "messages", []):
+            _check_numbers(path, message)
             found[message.frame_id, message.is_extended_frame] = message
     if not found:
         raise ValueError(f"{', '.join(map(str, paths))}: no message in it")
     return list(found.values())
+
+
+def _check_numbers(path: Any, message: Any) -> None:
+    """ValueError for a number of a signal that the readings cannot be scaled with."""
+    for signal in message.signals:
+        for key in ("scale", "offset", "minimum", "maximum"):
+            if (value := getattr(signal, key)) is not None:
+                number(f"{path}: {key} of {message.name}.{signal.name}", value, minimum=-LARGEST, maximum=LARGEST)
 
 
 def _place(columns: list[Column], name: str, source: str) -> int:
@@ -177,8 +188,8 @@ def _read(path: Any, options: Options, wanted: list[Any]) -> tuple[float, dict[s
     buses: dict[str, set[str]] = {}
     seen: Counter[int] = Counter()
     start = 0.0
-    for number, frame in enumerate(_frames(path, options.until), start=1):
-        start = frame.timestamp if number == 1 else start
+    for place, frame in enumerate(_frames(path, options.until), start=1):
+        start = frame.timestamp if place == 1 else start
         if options.bus is not None and str(frame.channel) != options.bus:
             continue
         seen[frame.arbitration_id] += 1
@@ -188,7 +199,7 @@ def _read(path: Any, options: Options, wanted: list[Any]) -> tuple[float, dict[s
         time = frame.timestamp - start
         if len(frame.data) < max(message.length, frame.dlc):
             raise ValueError(
-                f"frame {number}, at {time:.6f} s, has {len(frame.data)} of the {message.length} bytes of "
+                f"frame {place}, at {time:.6f} s, has {len(frame.data)} of the {message.length} bytes of "
                 f"{_named(message)}: the log is cut there, or the database is of another car; "
                 f"{_before(time)}"
             )
@@ -313,7 +324,8 @@ def _told(message: Any, frames: Frames) -> dict[str, Any]:
         told["gaps"] = int(np.count_nonzero(steps > LONGEST_STEP * np.median(steps)))
     for signal in message.signals:
         if any(part in signal.name.lower() for part in COUNTERS):
-            modulus = int(signal.maximum or 2**signal.length - 1) + 1
+            most = signal.maximum if signal.maximum and signal.maximum > 0 else 2**signal.length - 1
+            modulus = int(most) + 1
             ahead = np.diff(frames.values[signal.name]) % modulus
             told["missed_by_counter"] = int(np.sum(np.maximum(ahead - 1, 0)))
     return told

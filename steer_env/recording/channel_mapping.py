@@ -24,7 +24,6 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from os import PathLike
-from pathlib import Path
 from typing import Any, NamedTuple
 
 from steer_env.friction.numerics import toml
@@ -94,10 +93,9 @@ def load(path: str | PathLike[str]) -> Mapping:
     OSError
         If the file cannot be opened.
     """
+    data = toml.read(path)
     try:
-        return from_data(toml.loads(Path(path).read_text(encoding="utf-8-sig")))
-    except UnicodeDecodeError:
-        raise ValueError(f"{path}: expected text in UTF-8") from None
+        return from_data(data)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
 

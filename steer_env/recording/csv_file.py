@@ -15,7 +15,9 @@ import json
 import os
 import re
 import warnings
+import zlib
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from itertools import islice
 from os import PathLike, fspath
 from typing import IO, Any
@@ -53,6 +55,16 @@ def head(channels: Sequence[tuple[str, str]], meta: Mapping[str, Any]) -> bytes:
     return ("".join(lines) + ",".join(header) + "\n").encode()
 
 
+@contextmanager
+def _undamaged() -> Iterator[None]:
+    """ValueError where what gzip has compressed is damaged or cut."""
+    try:
+        yield
+    except (gzip.BadGzipFile, EOFError, zlib.error) as error:
+        raise ValueError(f"cannot be unpacked by gzip ({error}); is it complete?") from None
+
+
+@_undamaged()
 def open_table(path: str | PathLike[str]) -> Table:
     """Read the header and the meta; the table's ``load`` reads the rows."""
     encoding = _encoding(path)
@@ -139,6 +151,7 @@ def _with_unit(named: Column, unit: str, line: int) -> Column:
     return Column(named.label, named.label, unit)  # what looked like a unit at the end is part of the name
 
 
+@_undamaged()
 def _load(
     path: Any, encoding: str, above: int, separator: str, columns: list[Column], places: Sequence[int], torn: bool
 ) -> list[Values]:
@@ -290,7 +303,7 @@ def _meta_value(text: str) -> Any:
     """The value of a text in JSON; any other text as it is."""
     try:
         return json.loads(text)
-    except ValueError:
+    except (ValueError, RecursionError):
         return text
 
 

@@ -18,7 +18,7 @@ from steer_env.friction.numerics.check import not_negative, positive
 from steer_env.recording import friction_checks as checks
 from steer_env.recording.channel_mapping import FRICTION
 from steer_env.recording.friction_checks import Array
-from steer_env.recording.recording import Recording, low_passed
+from steer_env.recording.recording import Recording, low_passed, require_moderate
 
 # Names that columns have for a channel, in English and German, without spaces and in lower case.
 USUAL = {
@@ -193,6 +193,7 @@ def from_recording(
         For missing channels, units that do not fit, gaps, exchanged columns, or a sign that is not seen; with the
         remedy.
     """
+    require_moderate(recording)
     named = _channels(recording)
     others = (name for name in recording.channels if name not in named.values())
     recording, notes = uniform(recording.without(*others))

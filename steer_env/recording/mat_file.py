@@ -75,6 +75,6 @@ def _meta(text: Any) -> dict[str, Any]:
     """The meta, which is empty if the text is not that of a recording."""
     try:
         meta = json.loads(text)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, RecursionError):
         return {}
     return meta if isinstance(meta, dict) else {}

@@ -109,7 +109,8 @@ def _on_one_time(labels: list[str], signals: list[Any]) -> list[Values]:
         elif signal.samples.size < 2:
             values.append(f"has {signal.samples.size} samples")
         else:
-            late = np.diff(signal.timestamps) <= 0
+            with np.errstate(invalid="ignore"):  # of an infinite time, which is refused
+                late = np.diff(signal.timestamps) <= 0
             if late.any() or not np.isfinite(signal.timestamps).all():
                 k = int(np.argmax(late)) + 1
                 raise ValueError(
@@ -141,6 +142,6 @@ def _meta(header: Any) -> dict[str, Any]:
     """The meta, which is empty if the comment is not that of a recording."""
     try:
         meta = json.loads(header.description)
-    except (AttributeError, ValueError):  # MDF 3, or a comment that is not ours
+    except (AttributeError, ValueError, RecursionError):  # MDF 3, or a comment that is not ours
         return {}
     return meta if isinstance(meta, dict) else {}

@@ -44,7 +44,10 @@ def open_table(path: str | PathLike[str]) -> Table:
             raise _damaged(error) from None
         return [_numbers(values) for values in found]
 
-    meta = json.loads((schema.metadata or {}).get(META, b"{}"))
+    try:
+        meta = json.loads((schema.metadata or {}).get(META, b"{}"))
+    except (ValueError, RecursionError) as error:
+        raise ValueError(f"its meta {META.decode()} is no JSON: {error}") from None
     return Table(columns, meta, True, load)
 
 

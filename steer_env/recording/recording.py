@@ -19,6 +19,8 @@ __all__ = ["DEGREE", "FILE_UNITS", "Recording", "check_meta", "interpolated", "s
 ORDER = 2  # of the low-pass, which is applied forwards and backwards: attenuation of order 4, no phase shift
 SAMPLES_PER_CUTOFF = 4.0  # slowest sampling rate, as a multiple of the cutoff
 
+LARGEST = 1e60  # reading of which a metric is computed [SI]
+
 
 @dataclass(frozen=True, eq=False)
 class Recording:
@@ -315,3 +317,12 @@ def _frozen(values: Any, name: str) -> np.ndarray:
         raise ValueError(f"{name!r} has shape {array.shape}; expected one value a sample, (T,)")
     array.flags.writeable = False
     return array
+
+
+def require_moderate(recording: Recording) -> None:
+    """ValueError for a finite sample above ``LARGEST``, whose powers exceed the numbers of a computer."""
+    for name, values in recording.channels.items():
+        large = np.isfinite(values) & (np.abs(values) > LARGEST)
+        if large.any():
+            k = int(np.argmax(large))
+            raise ValueError(f"channel {name!r}, sample {k + 1}: expected at most {LARGEST:g}, got {values[k]:g}")

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 from steer_env import metrics
 from steer_env.friction.numerics import toml
+from steer_env.friction.numerics.check import number
 from steer_env.metrics import Value
 
 FOLDER = Path(__file__).parent
@@ -55,10 +56,7 @@ def load(name: str) -> Targets:
     path = Path(name) if name.endswith(".toml") else FOLDER / f"{name}.toml"
     if not path.is_file():
         raise ValueError(f"no targets {name!r}; there are {', '.join(available())}, or give a .toml file")
-    try:
-        data = toml.loads(path.read_text(encoding="utf-8"))
-    except toml.TOMLDecodeError as error:
-        raise ValueError(f"{path}: {error}") from None
+    data = toml.read(path)
     bands = {}
     if (base := data.pop("base", None)) is not None:
         if base not in available():
@@ -95,7 +93,7 @@ def _band(where: str, test: str, name: str, entry: Any) -> Band:
         numbers = isinstance(pair, list) and len(pair) == 2 and all(type(x) in (int, float) for x in pair)
         if not numbers or not pair[0] < pair[1]:
             raise ValueError(f"{where}, {key}: expected [low, high], got {pair!r}")
-        ends.append((float(pair[0]), float(pair[1])))
+        ends.append((number(f"{where}, {key}", pair[0]), number(f"{where}, {key}", pair[1])))
     band = Band(*ends)
     if not band.fair[0] <= band.good[0] or not band.good[1] <= band.fair[1]:
         raise ValueError(f"{where}: good {list(band.good)} must lie in fair {list(band.fair)}")

@@ -94,6 +94,8 @@ HEAD = 'name = "a"\ndescription = "b"\nsource = "c"\n'
         (HEAD + '[weave]\ntorque_at_0g = {unit="N m", good=[2, 1], fair=[0, 3]}', r"good: expected \[low, high\]"),
         (HEAD + '[weave]\ntorque_at_0g = {unit="N m", good=[1, 4], fair=[0, 3]}', "must lie in fair"),
         ("name = ", "Invalid value"),
+        ("name = " + "[" * 5000, "bad.toml: is nested too deeply"),
+        (HEAD + f'[weave]\ntorque_at_0g = {{unit="N m", good=[1, {"9" * 400}], fair=[0, 3]}}', "good must be a number"),
         (HEAD + 'base = "sedan"', "bad.toml, base: expected one of compact, saloon, small, suv, got 'sedan'"),
     ],
 )
@@ -229,7 +231,10 @@ def test_a_recording_without_straight_running_keeps_its_zeros():
     [
         ("[channels]\nyaw_rate = 1", "expected relative, absolute and unit"),
         ('[channels]\nyaw_rate = {relative=0.1, absolute=0.1, unit="rpm"}', "expected a unit out of"),
-        ('[channels]\nyaw_rate = {relative=-0.1, absolute=0.1, unit="deg/s"}', "relative: expected a number from 0"),
+        (
+            '[channels]\nyaw_rate = {relative=-0.1, absolute=0.1, unit="deg/s"}',
+            "relative must be finite and at least 0",
+        ),
         ('[channels]\nyaw_rate = {relative=0, absolute=0, unit="deg/s"}', "relative and absolute are both 0"),
     ],
 )

@@ -54,6 +54,20 @@ def test_a_damaged_policy_is_refused_or_whole(tmp_path):
     assert refused > 80
 
 
+def test_a_description_of_another_form_is_refused(tmp_path):
+    shipped = policy.shipped(SHIPPED[0])
+    about = policy.about(shipped)
+    for changes, message in (
+        ({"friction": 1}, "friction in steer_env.json must be of the type str, got 1"),
+        ({"settings": []}, "settings.environment in"),
+        ({"algorithm": "a"}, "algorithm must be one of"),
+        ({"scaling": {**about["scaling"], "deviation": [0.0]}}, "deviation must hold"),
+    ):
+        path = _changed(shipped, tmp_path / "policy.zip", {policy.ABOUT: json.dumps({**about, **changes})})
+        with pytest.raises(ValueError, match=rf"policy\.zip: {message}"):
+            policy.about(path)
+
+
 def _equal(path, model):
     about = policy.about(path)
     act = network.load(path, about)

@@ -263,6 +263,10 @@ def test_what_holds_no_trace_is_refused(tmp_path, capsys):
     assert "other.json: holds no trace, so nothing tells what it was made from" in rerun("other.json", capsys)[1]
     assert "results end in .json, .html, .csv" in rerun("other.txt", capsys)[1]
     (tmp_path / "other.json").write_text(json.dumps({"trace": provenance.trace()}))
+    own = provenance.trace(command=["car", "compact"], result="car")
+    for key, value in (("version", None), ("packages", 1), ("command", "car"), ("result", "../car"), ("inputs", [1])):
+        (tmp_path / "bad.json").write_text(json.dumps({"trace": {**own, key: value}}))
+        assert f"bad.json: its trace holds no {key} as this program writes it" in rerun("bad.json", capsys)[1]
     assert "its trace holds no command, as a Python program wrote it" in rerun("other.json", capsys)[1]
 
 

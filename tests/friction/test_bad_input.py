@@ -52,6 +52,7 @@ PARAMETERS = [
     ("masing", {"k": [[1.0]], "y": [[1.0]]}, ["k", "one-dimensional", "(1, 1)"]),
     ("masing", {"k": [[1.0], [1.0, 2.0]], "y": [1.0, 2.0]}, ["k", "array of numbers", "[[1.0], [1.0, 2.0]]"]),
     ("masing", {"k": [1.0, "a"], "y": [1.0, 2.0]}, ["k", "array of numbers", "'a'"]),
+    ("masing", {"k": [1.0, 10**400], "y": [1.0, 2.0]}, ["k", "array of numbers"]),
     ("masing", {"k": [1.0, NAN], "y": [1.0, 2.0]}, ["k", "finite", "got nan at index 1"]),
     ("masing", {"k": [1.0, -1.0], "y": [1.0, 2.0]}, ["k", "not be negative", "-1."]),
     ("masing", {"k": [0.0, 0.0], "y": [1.0, 2.0]}, ["k", "zero everywhere", "[0. 0.]"]),

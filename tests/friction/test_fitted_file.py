@@ -63,7 +63,10 @@ def test_a_level_that_the_record_did_not_determine_is_told(fitted):
 
 BAD = [
     (None, ["fitted.json", "No such file", "fit-friction"]),
-    ("{", ["fitted.json", "no JSON"]),
+    ("{", ["fitted.json", "line 1"]),
+    ("[" * 100_000, ["fitted.json", "nested too deeply"]),
+    ('{"friction": {"law": "coulomb", "F_c": -1.0}}', ["fitted.json", "F_c", "-1.0"]),
+    ('{"friction": {"law": "coulomb"}, "undetermined": "F_c"}', ["fitted.json", "undetermined must be a list"]),
     ("[1]", ["fitted.json", "holds no friction law"]),
     ('{"best": "lugre"}', ["fitted.json", "holds no friction law", '"law": "lugre"']),
     ('{"friction": {"law": "lugre", "Fc": 1.0}}', ["'lugre'", "'Fc'"]),

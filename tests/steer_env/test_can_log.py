@@ -192,6 +192,13 @@ def test_a_cut_log_is_refused_with_what_can_be_read(tmp_path, frames, suffix, pa
             assert rest.time[-1] == pytest.approx(until, abs=0.06)
 
 
+def test_a_number_of_400_digits_in_a_database_is_refused(tmp_path):
+    large = tmp_path / "large.dbc"
+    large.write_text(DBC.read_text().replace("(1,0)", f"({'9' * 400},0)", 1))
+    with pytest.raises(ValueError, match=r"large\.dbc: scale of \w+\.\w+ must be"):
+        can_log.decoded(LOG, can_log.Options(large))
+
+
 def test_a_frame_that_is_too_short_is_refused_with_its_place(tmp_path):
     path = tmp_path / "drive.log"
     path.write_text("(5.0) can0 0B4#000000001D0B7A5E\n(5.02) can0 0B4#000000001D0B7B5E\n(5.04) can0 0B4#00000000\n")

@@ -1,6 +1,7 @@
 """Recordings to and from files: what is written is read back, what comes from elsewhere is read or refused."""
 
 import dataclasses
+import gzip
 import os
 
 import numpy as np
@@ -10,7 +11,7 @@ from hypothesis import strategies as st
 
 from steer_env import metrics
 from steer_env.recording.files import FORMATS, read, write
-from steer_env.recording.recording import DEGREE, FILE_UNITS, Recording
+from steer_env.recording.recording import DEGREE, FILE_UNITS, Recording, require_moderate
 
 UNITS = {"handwheel_angle": "rad", "handwheel_torque": "N m", "lateral_acceleration": "m/s2", "yaw_rate": "rad/s"}
 SUFFIXES = [*FORMATS]
@@ -222,6 +223,19 @@ def test_what_a_file_is_refused_for(tmp_path, text, message):
     path = tmp_path / "run.csv"
     path.write_text(text)
     with pytest.raises(ValueError, match=f"run.csv: {message}"):
+        read(path)
+
+
+def test_a_reading_that_is_too_large_for_a_metric_is_refused(tmp_path):
+    (tmp_path / "run.csv").write_text("time_s,yaw_rate_deg_s\n0,1\n1,1e308\n")
+    with pytest.raises(ValueError, match=r"channel 'yaw_rate', sample 2: expected at most 1e\+60"):
+        require_moderate(read(tmp_path / "run.csv"))
+
+
+def test_a_compressed_file_that_was_cut_is_refused(tmp_path):
+    path = tmp_path / "run.csv.gz"
+    path.write_bytes(gzip.compress(b"time_s,a_deg\n" + b"".join(b"%d,1\n" % k for k in range(5000)))[:-40])
+    with pytest.raises(ValueError, match=r"run\.csv\.gz: cannot be unpacked by gzip .*; is it complete"):
         read(path)
 
 

@@ -89,6 +89,8 @@ def test_bad_value(key, value, message):
 
 
 def test_bad_law_and_bad_key():
+    with pytest.raises(ValueError, match=r"^boost_scale must hold numbers, in rows of one length, got 1000"):
+        eps.make(boost_scale=10**400)
     with pytest.raises(ValueError, match=r"^friction_law: unknown friction law 'lugr'; available: .*coulomb"):
         eps.make(friction_law="lugr")
     with pytest.raises(ValueError, match=r"assist\.friction_law must be text, got 3"):

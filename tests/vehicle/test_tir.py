@@ -18,7 +18,7 @@ import pytest
 from numpy import abs, arccos, arctan, cos, exp, pi, sign, sin, sqrt, tan
 
 from steer_env.friction.numerics.kernel import kernel
-from steer_env.vehicle import tyre
+from steer_env.vehicle import cars, tyre
 from steer_env.vehicle.simd import broadcast, first, load, store
 from steer_env.vehicle.tyre import tir
 from steer_env.vehicle.tyre.magic_formula import forces_of_four
@@ -618,6 +618,16 @@ def test_nothing_is_written_that_cannot_be_read(tmp_path):
 def test_missing_file_is_named(tmp_path):
     with pytest.raises(FileNotFoundError, match=r"none\.tir"):
         tyre.load(tmp_path / "none.tir")
+    with pytest.raises(ValueError, match=r"^tyre file .*none\.tir: No such file"):
+        cars.load("compact", {"tyre": str(tmp_path / "none.tir")})
+
+
+def test_a_product_that_is_too_large_is_refused(tmp_path):
+    path = tmp_path / "large.tir"
+    text = re.sub(r"(?m)^((?:LCY|PKY3)\s*=).*", r"\1 1e308", V61.read_text())
+    path.write_text(text)
+    with pytest.raises(ValueError, match=r"large\.tir: a coefficient with its scaling factors is too large"):
+        tyre.load(path)
 
 
 @pytest.mark.parametrize(

@@ -70,13 +70,21 @@ def _checked(data: dict[str, Any]) -> Car:
         chassis=chassis,
         steering=steering,
         **{section: _constructed(section, data[section]) for section in CONSTRUCTORS},
-        tyre=tyre.load(data["tyre"]),
+        tyre=_tyre(data["tyre"]),
         strut=strut,
         kinematics_table=kinematics_table.build(strut),
         given=copy.deepcopy({**data, "tyre": None}),
     )
     contradictions.check(car)
     return car
+
+
+def _tyre(given: Any) -> tyre.Tyre:
+    """The tyre of a car; ValueError where there is no such file."""
+    try:
+        return tyre.load(given)
+    except OSError as error:
+        raise ValueError(f"tyre file {error.filename}: {error.strerror}") from None
 
 
 def _require_text(data: dict[str, Any]) -> None:
@@ -206,8 +214,6 @@ def _from_file(path: Path) -> Car:
     text, data = _parsed(path)
     try:
         car = _checked(_completed(data, path.stem, path.parent))
-    except OSError as error:  # the car file itself has been read
-        raise ValueError(f"{path}:{_line(text, 'tyre')} tyre file {error.filename}: {error.strerror}") from None
     except ValueError as error:
         raise ValueError(f"{path}:{_line(text, str(error))} {error}") from None
     for message in plausible.unusual(car):
@@ -217,14 +223,8 @@ def _from_file(path: Path) -> Car:
 
 def _parsed(path: Path) -> tuple[str, Any]:
     """Text and contents of a file."""
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except UnicodeDecodeError:
-        raise ValueError(f"{path}: expected text in UTF-8") from None
-    try:
-        return text, toml.loads(text) if path.suffix == ".toml" else json.loads(text)
-    except ValueError as error:  # both parsers tell the line
-        raise ValueError(f"{path}: {error}") from None
+    text = toml.text(path)
+    return text, toml.parsed(path, text, toml.loads if path.suffix == ".toml" else json.loads)
 
 
 def _completed(given: Any, name: str, folder: Path) -> Any:

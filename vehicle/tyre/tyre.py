@@ -203,6 +203,13 @@ def from_file(file: tir.PropertyFile, name: str = "tyre") -> Tyre:
     """
     for section, key in (("VERTICAL", "FNOMIN"), ("DIMENSION", "UNLOADED_RADIUS")):
         positive(key, file.get(section, key))
+    try:
+        return _from_file(file, name)
+    except OverflowError:  # of a power, or the exponential function; products become infinite, which Tyre refuses
+        raise ValueError("a coefficient with its scaling factors is too large for a number of the computer") from None
+
+
+def _from_file(file: tir.PropertyFile, name: str) -> Tyre:
     c, pressure = scaling.coefficients(file)
     tyre = Tyre(
         name,

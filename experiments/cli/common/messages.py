@@ -5,6 +5,7 @@ import re
 KPH = 3.6  # [km/h] of 1 m/s
 _NUMBER = r"(\d[\d.e+-]*\d|\d)"
 _SPEED = re.compile(rf"\bspeed \[m/s\]( must be [^;:]*, got -?{_NUMBER})")
+_LONGEST = 1500  # message [characters]
 # What a message says to people who write Python -> what it says at the command line.
 _WORDS = (
     (rf"\bfrequency_hz={_NUMBER}", r"--frequency-hz \1"),
@@ -33,3 +34,9 @@ def in_options(text: str) -> str:
     for words, options in _WORDS:
         text = re.sub(words, options, text)
     return text
+
+
+def shortened(text: str) -> str:
+    """A message in one line without the middle of what is too long to read, such as a damaged value of a file."""
+    text = " ".join(text.splitlines())
+    return text if len(text) <= _LONGEST else f"{text[: _LONGEST // 2]} [...] {text[-_LONGEST // 2 :]}"

@@ -3,7 +3,7 @@
 import argparse
 import math
 from collections.abc import Iterator, Mapping
-from contextlib import nullcontext
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -246,11 +246,25 @@ def _trace(args: argparse.Namespace, places: Mapping[str, int], result: str) -> 
 def read(path: str, place: int, args: argparse.Namespace) -> Any:
     """A recording from a file, read through its mapping, without the channels and the part that are not wanted."""
     from steer_env.recording import can_log, files
+    from steer_env.recording.recording import require_moderate
 
-    found = files.read(path, mapping_of(place, args), can=can_options(args)).without(*args.without)
+    found = files.read(path, mapping_of(place, args), can=can_options(args))
+    with _named(path):
+        found = found.without(*args.without)
+        require_moderate(found)
     for note in (*_notes(found.meta, can_log.recognised(path)), *_of_drive(found)):
         print(f"{path}: {note}")
-    return found.between(*args.between) if args.between else found
+    with _named(path):
+        return found.between(*args.between) if args.between else found
+
+
+@contextmanager
+def _named(path: str) -> Iterator[None]:
+    """Errors of a recording with the name of its file."""
+    try:
+        yield
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
 
 
 def _read(path: str, place: int, args: argparse.Namespace) -> Any:
@@ -261,7 +275,8 @@ def _read(path: str, place: int, args: argparse.Namespace) -> Any:
     if args.manoeuvre is None and found.meta.get("manoeuvre") is None:
         raise ValueError(f"{path} does not name its test: give --manoeuvre, one of {', '.join(names.manoeuvres())}")
     test = _test(path + _mapped(place, args), found.meta.get("manoeuvre"), args.manoeuvre)
-    return found if metrics.evaluation_by_name(test).gaps else found.bridged()
+    with _named(path):
+        return found if metrics.evaluation_by_name(test).gaps else found.bridged()
 
 
 def _conditions(args: argparse.Namespace) -> dict[str, float]:

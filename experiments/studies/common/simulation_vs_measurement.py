@@ -15,6 +15,7 @@ from scipy import signal
 
 from steer_env import metrics
 from steer_env.friction.numerics import toml
+from steer_env.friction.numerics.check import not_negative
 from steer_env.metrics import UNITS, ManoeuvreEvaluation, RefusedError
 from steer_env.metrics.common import straight
 from steer_env.metrics.common.filtered_channels import ANGLE
@@ -60,11 +61,10 @@ def tolerances(name: str = "default") -> dict[str, Tolerance]:
     if not path.is_file():
         packaged = ", ".join(sorted(found.stem for found in FOLDER.glob("*.toml")))
         raise ValueError(f"no tolerances {name!r}; there are {packaged}, or give a .toml file")
-    try:
-        data = toml.loads(path.read_text(encoding="utf-8"))
-    except toml.TOMLDecodeError as error:
-        raise ValueError(f"{path}: {error}") from None
-    return {channel: _tolerance(f"{path}, {channel}", entry) for channel, entry in data.get("channels", {}).items()}
+    channels = toml.read(path).get("channels", {})
+    if not isinstance(channels, dict):
+        raise ValueError(f"{path}, channels: expected a table of each channel, got {channels!r}")
+    return {channel: _tolerance(f"{path}, {channel}", entry) for channel, entry in channels.items()}
 
 
 def _tolerance(where: str, entry: Any) -> Tolerance:
@@ -72,12 +72,10 @@ def _tolerance(where: str, entry: Any) -> Tolerance:
         raise ValueError(f"{where}: expected relative, absolute and unit, got {entry!r}")
     if entry["unit"] not in UNITS:
         raise ValueError(f"{where}: expected a unit out of {', '.join(UNITS)}, got {entry['unit']!r}")
-    for key in ("relative", "absolute"):
-        if type(entry[key]) not in (int, float) or not 0.0 <= entry[key] < float("inf"):
-            raise ValueError(f"{where}, {key}: expected a number from 0 on, got {entry[key]!r}")
-    if not entry["relative"] + entry["absolute"] > 0.0:
+    relative, absolute = (not_negative(f"{where}, {key}", entry[key]) for key in ("relative", "absolute"))
+    if not relative + absolute > 0.0:
         raise ValueError(f"{where}: relative and absolute are both 0: give at least one above 0")
-    return Tolerance(float(entry["relative"]), float(entry["absolute"]) / UNITS[entry["unit"]])
+    return Tolerance(relative, absolute / UNITS[entry["unit"]])
 
 
 def compare(

@@ -280,7 +280,7 @@ def _description(path: Path) -> Any:
         try:
             found = fmpy.read_model_description(str(path))
         except Exception as error:  # fmpy raises bare exceptions
-            raise ValueError(f"its {DESCRIPTION} is not valid: {error}") from None
+            raise ValueError(f"its {DESCRIPTION} is not valid: {' '.join(str(error).split())}") from None
         if found.coSimulation is None:
             raise ValueError("is for model exchange only, which needs a solver: export it for co-simulation")
         _check_binary(found.coSimulation.modelIdentifier, version, files, fmpy)

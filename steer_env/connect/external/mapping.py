@@ -99,11 +99,9 @@ def read(path: str | Path) -> Mapping:
     OSError
         If the file cannot be opened.
     """
+    data = toml.read(path)
     try:
-        data = toml.loads(Path(path).read_text(encoding="utf-8-sig"))
         return _from_data(data, Path(path).parent)
-    except UnicodeDecodeError:
-        raise ValueError(f"{path}: expected text in UTF-8") from None
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
 

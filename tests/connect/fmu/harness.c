@@ -101,6 +101,8 @@ static void bad_values(fmi2Component c)
     REFUSED(F(fmi2GetInteger)(c, &torque, 1, (fmi2Integer[]){0}), "no integer variables");
     REFUSED(F(fmi2GetBoolean)(c, &torque, 1, (fmi2Boolean[]){0}), "no boolean variable");
     REFUSED(F(fmi2SetReal)(c, NULL, 1, pair), "no array");
+    REFUSED(F(fmi2SetBoolean)(c, &torque, 1, NULL), "no array");
+    REFUSED(F(fmi2GetBoolean)(c, &torque, 1, NULL), "no array");
     REFUSED(F(fmi2CancelStep)(c), "fmi2CancelStep");
 }
 

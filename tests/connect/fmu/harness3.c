@@ -75,6 +75,9 @@ static void bad_calls(void)
     REFUSED(F(fmi3SetFloat64)(c, &torque, 1, values, 2), "1 value references but 2 values");
     REFUSED(F(fmi3GetFloat64)(c, &unknown, 1, values, 1), "value reference 100000");
     REFUSED(F(fmi3GetInt32)(c, &torque, 1, &whole, 1), "no variables of this type");
+    REFUSED(F(fmi3SetBoolean)(c, &torque, 1, NULL, 1), "no array");
+    REFUSED(F(fmi3GetBoolean)(c, &torque, 1, NULL, 1), "no array");
+    REFUSED(F(fmi3DoStep)(c, 0.0, 1e-3, fmi3True, NULL, NULL, NULL, NULL), "no place for what it returns");
     REFUSED(F(fmi3EnterStepMode)(c), "does not offer fmi3EnterStepMode");
     REFUSED(step(c, 0.0, 0.0), "must be positive");
     REFUSED(step(c, 0.0, 1.5e-3), "whole number of milliseconds");

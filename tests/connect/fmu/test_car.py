@@ -217,6 +217,11 @@ def test_what_may_be_set_when(weave, tmp_path):
         assert "yaw_rate is an output" in refused("yaw_rate", 0.0)
         assert "chassis.v_x is a constant" in refused("chassis.v_x", 20.0)
         assert "column.K_tb must not be negative, got -1" in refused("column.K_tb", -1.0)
+        robot, other = references["robot"], references["yaw_rate"]
+        (before,) = unit.getBoolean([robot])
+        with pytest.raises(FMICallException):  # nothing of a bad call is taken
+            unit.setBoolean([robot, other], [not before, True])
+        assert unit.getBoolean([robot]) == [before]
         begin(unit)
         assert "chassis.m is fixed" in refused("chassis.m", 1300.0)
         unit.setReal([references["friction.F_c"]], [1.5])

@@ -89,6 +89,10 @@ def test_bad_calls_are_refused(opened):
         return said[-1]
 
     assert "fmi3DoStep is not allowed before initialization" in refused(unit.doStep, 0.0, STEP)
+    robot, other = references["robot"], references["yaw_rate"]
+    (before,) = unit.getBoolean([robot])
+    assert "that of no boolean variable" in refused(unit.setBoolean, [robot, other], [not before, True])
+    assert unit.getBoolean([robot]) == [before]  # nothing of a bad call is taken
     begin(unit)
     torque = [references["hand_torque"]]
     assert "hand_torque must be finite" in refused(unit.setFloat64, torque, [np.nan])

@@ -12,7 +12,7 @@ def table(name: str, values: ArrayLike) -> NDArray[np.float64]:
     """``values`` as an array of floats; ValueError where they are no numbers or not in rows of one length."""
     try:
         return np.array(values, float)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise ValueError(f"{name} must hold numbers, in rows of one length, got {values!r}") from None
 
 

@@ -212,11 +212,16 @@ static double *address(struct instance *c, const struct variable *v)
     return arrays[v->array] + v->place;
 }
 
+int unit_arrays(struct instance *c, const uint32_t *references, size_t count, const void *values)
+{
+    return !count || (references && values) || unit_refuse(c, "no array of value references or values");
+}
+
 int unit_get(struct instance *c, enum type type, const uint32_t *references, size_t count, double *values)
 {
     unsigned phase = (unsigned)c->clock[PHASE];
-    if (count && (!references || !values))
-        return unit_refuse(c, "no array of value references or values");
+    if (!unit_arrays(c, references, count, values))
+        return 0;
     for (size_t i = 0; i < count; i++) {
         const struct variable *v = variable(c, type, references[i]);
         if (!v)
@@ -253,15 +258,19 @@ static int may_set(struct instance *c, const struct variable *v, double value)
     return 1;
 }
 
+int unit_settable(struct instance *c, enum type type, uint32_t reference, double value)
+{
+    const struct variable *v = variable(c, type, reference);
+    return v && may_set(c, v, value);
+}
+
 int unit_set(struct instance *c, enum type type, const uint32_t *references, size_t count, const double *values)
 {
-    if (count && (!references || !values))
-        return unit_refuse(c, "no array of value references or values");
-    for (size_t i = 0; i < count; i++) {
-        const struct variable *v = variable(c, type, references[i]);
-        if (!v || !may_set(c, v, values[i]))
+    if (!unit_arrays(c, references, count, values))
+        return 0;
+    for (size_t i = 0; i < count; i++)
+        if (!unit_settable(c, type, references[i], values[i]))
             return 0;
-    }
     for (size_t i = 0; i < count; i++) {
         const struct variable *v = &unit.variables[references[i]];
         double *now = address(c, v);

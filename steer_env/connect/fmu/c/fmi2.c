@@ -108,6 +108,8 @@ fmi2Status fmi2SetReal(fmi2Component c, const fmi2ValueReference vr[], size_t nv
 fmi2Status fmi2GetBoolean(fmi2Component c, const fmi2ValueReference vr[], size_t nvr, fmi2Boolean value[])
 {
     REQUIRE(ANY_PHASE);
+    if (!unit_arrays(c, vr, nvr, value))
+        return fmi2Error;
     for (size_t i = 0; i < nvr; i++) {
         double number;
         if (!unit_get(c, BOOLEAN, &vr[i], 1, &number))
@@ -120,11 +122,13 @@ fmi2Status fmi2GetBoolean(fmi2Component c, const fmi2ValueReference vr[], size_t
 fmi2Status fmi2SetBoolean(fmi2Component c, const fmi2ValueReference vr[], size_t nvr, const fmi2Boolean value[])
 {
     REQUIRE(ANY_PHASE);
-    for (size_t i = 0; i < nvr; i++) {
-        double number = value[i] ? 1.0 : 0.0;
-        if (!unit_set(c, BOOLEAN, &vr[i], 1, &number))
+    if (!unit_arrays(c, vr, nvr, value))
+        return fmi2Error;
+    for (size_t i = 0; i < nvr; i++)
+        if (!unit_settable(c, BOOLEAN, vr[i], value[i] ? 1.0 : 0.0))
             return fmi2Error;
-    }
+    for (size_t i = 0; i < nvr; i++)
+        unit_set(c, BOOLEAN, &vr[i], 1, &(double){value[i] ? 1.0 : 0.0});
     return fmi2OK;
 }
 

@@ -129,6 +129,8 @@ fmi3Status fmi3GetBoolean(fmi3Instance c, const fmi3ValueReference vr[], size_t 
     REQUIRE(ANY_PHASE);
     if (!one_each(c, nvr, count))
         return fmi3Error;
+    if (!unit_arrays(c, vr, nvr, values))
+        return fmi3Error;
     for (size_t i = 0; i < nvr; i++) {
         double number;
         if (!unit_get(c, BOOLEAN, &vr[i], 1, &number))
@@ -144,11 +146,13 @@ fmi3Status fmi3SetBoolean(fmi3Instance c, const fmi3ValueReference vr[], size_t 
     REQUIRE(ANY_PHASE);
     if (!one_each(c, nvr, count))
         return fmi3Error;
-    for (size_t i = 0; i < nvr; i++) {
-        double number = values[i] ? 1.0 : 0.0;
-        if (!unit_set(c, BOOLEAN, &vr[i], 1, &number))
+    if (!unit_arrays(c, vr, nvr, values))
+        return fmi3Error;
+    for (size_t i = 0; i < nvr; i++)
+        if (!unit_settable(c, BOOLEAN, vr[i], values[i] ? 1.0 : 0.0))
             return fmi3Error;
-    }
+    for (size_t i = 0; i < nvr; i++)
+        unit_set(c, BOOLEAN, &vr[i], 1, &(double){values[i] ? 1.0 : 0.0});
     return fmi3OK;
 }
 
@@ -246,6 +250,8 @@ fmi3Status fmi3DoStep(fmi3Instance c, fmi3Float64 time, fmi3Float64 size, fmi3Bo
                       fmi3Boolean *event_needed, fmi3Boolean *terminate, fmi3Boolean *early, fmi3Float64 *reached)
 {
     REQUIRE(STEPPING);
+    if (!event_needed || !terminate || !early || !reached)
+        return STATUS(unit_refuse(c, "fmi3DoStep has no place for what it returns"));
     int done = unit_step(c, time, size);
     *event_needed = *terminate = *early = fmi3False;
     *reached = unit_time(c);

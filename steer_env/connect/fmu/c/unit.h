@@ -90,6 +90,8 @@ void unit_free(struct instance *c);
 int unit_allowed(struct instance *c, unsigned phases, const char *function);
 int unit_begin(struct instance *c, double start, int stops, double stop);
 int unit_settle(struct instance *c);
+int unit_arrays(struct instance *c, const uint32_t *references, size_t count, const void *values);
+int unit_settable(struct instance *c, enum type type, uint32_t reference, double value);
 int unit_get(struct instance *c, enum type type, const uint32_t *references, size_t count, double *values);
 int unit_set(struct instance *c, enum type type, const uint32_t *references, size_t count, const double *values);
 int unit_step(struct instance *c, double time, double size);
