@@ -302,9 +302,7 @@ def _choice(columns: list[Column], place: int, entry: Entry, expected: str | Non
 def _value(choice: _Choice, raw: np.ndarray) -> np.ndarray:
     """The values in memory of readings in the unit of the file."""
     entry = choice.entry
-    with np.errstate(
-        over="ignore", invalid="ignore"
-    ):  # whoever reads a number from it refuses it; see require_moderate
+    with np.errstate(over="ignore", invalid="ignore"):  # refused by who reads a number from it, see require_moderate
         return entry.sign * ((raw - entry.offset) * (entry.scale * choice.size))
 
 
