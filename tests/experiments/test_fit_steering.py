@@ -75,8 +75,11 @@ def test_a_torque_in_counts_and_an_assistance_that_steers_are_refused(capsys):
     text = refused(capsys, *log)
     assert "counts" in text
     assert "scale=" in text
-    text = refused(capsys, *log, "--map", "handwheel_torque=STEER_TORQUE_SENSOR.STEER_TORQUE_DRIVER[Nm],scale=0.005")
-    assert "an assistance steers in 84% of the drive" in text
+    text = refused(
+        capsys, *log, "--map", "handwheel_torque=STEER_TORQUE_SENSOR.STEER_TORQUE_DRIVER[Nm],scale=0.005",
+        "--map", "assistance_active=STEERING_LKA.STEER_REQUEST[1]",
+    )  # fmt: skip
+    assert "an assistance steers in 85% of the drive" in text
 
 
 def test_the_program_of_the_guide_runs(monkeypatch):
