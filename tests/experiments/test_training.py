@@ -278,8 +278,9 @@ def test_policies_of_several_laws_are_compared_on_one(trained, tmp_path, capsys)
     assert "1 episode: no interval" in page
     assert "friction coulomb" in page
     assert "run against the others" in page
-    settings = {"environment": {"control_dt": 0.01, "randomise": {"load": [0, 100]}}}
-    third = _as_trained_on(ours, tmp_path / "third", settings=settings)
+    drawn = {"environment": {"control_dt": 0.01, "randomise": {"load": [0, 100]}}}
+    changed = policy.about(trained / "policy.zip")["settings"] | drawn
+    third = _as_trained_on(ours, tmp_path / "third", settings=changed)
     assert main(["policy", "evaluate", ours, third, "--out", str(tmp_path / "out")]) == 2
     assert "with load 0 to 300 kg, " in capsys.readouterr().err
 
