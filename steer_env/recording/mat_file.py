@@ -5,7 +5,10 @@ other programs may hold the channels in a structure; the names in nested structu
 """
 
 import json
+import pickle
 import re
+import subprocess
+import sys
 from collections.abc import Mapping, Sequence
 from os import PathLike
 from typing import IO, Any
@@ -16,6 +19,15 @@ from steer_env.recording import mat73_file
 from steer_env.recording.table import Table, Values, column, label
 
 LONGEST_NAME = 63  # longest name of a MATLAB variable [characters]
+_READER = """
+import pickle, sys
+from scipy import io
+try:
+    found = io.loadmat(sys.argv[1], simplify_cells=True, appendmat=False)
+except Exception as error:  # damaged files raise exceptions of many types
+    sys.exit(str(error))
+pickle.dump(found, sys.stdout.buffer)
+"""
 
 
 def save(
@@ -50,13 +62,12 @@ def open_table(path: str | PathLike[str]) -> Table:
 
 
 def _before_73(path: str | PathLike[str]) -> dict[str, Any]:
-    """The variables of a file before v7.3 by name."""
-    from scipy import io  # here, because few programs need it
-
-    try:
-        found: dict[str, Any] = io.loadmat(path, simplify_cells=True, appendmat=False)
-    except Exception as error:  # damaged files raise exceptions of many types
-        raise ValueError(f"cannot be read as a MATLAB file ({error}); is it complete?") from None
+    """The variables of a file before v7.3 by name, read in a process of its own: damaged files may crash the reader."""
+    read = subprocess.run([sys.executable, "-c", _READER, str(path)], capture_output=True, check=False)
+    if read.returncode:
+        reason = read.stderr.decode(errors="replace").strip() or "the reader crashed"
+        raise ValueError(f"cannot be read as a MATLAB file ({reason}); is it complete?")
+    found: dict[str, Any] = pickle.loads(read.stdout)
     return found
 
 

@@ -92,6 +92,18 @@ def test_nested_meta_survives(weave, tmp_path, suffix):
     assert back["list"] == "[1, 2]"
 
 
+def test_a_matlab_file_that_crashes_its_reader_is_refused(tmp_path):
+    written = Recording(np.arange(2.0), {}, {})
+    write(written, path := tmp_path / "run.mat")
+    data = bytearray(path.read_bytes())
+    data[184] = 0  # a type of numbers that there is not, for which scipy does not look
+    path.write_bytes(data)
+    with pytest.raises(
+        ValueError, match=r"run\.mat: cannot be read as a MATLAB file \(the reader crashed\); is it complete"
+    ):
+        read(path)
+
+
 @pytest.mark.parametrize("name", ["run.txt", "run", "run.mf4.gz"])
 def test_other_suffixes_are_refused(weave, tmp_path, name):
     for act in (lambda: write(weave, tmp_path / name), lambda: read(tmp_path / name)):

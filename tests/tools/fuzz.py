@@ -446,16 +446,18 @@ def changed(rng: random.Random, data: bytes) -> bytes:
 _watched = SimpleNamespace(on=False, seen=[])
 
 
-def _of_numba() -> bool:
-    """Whether numba does it, which unpickles its own cache where a kernel is compiled or found."""
+def _meant() -> bool:
+    """Whether numba does it, which unpickles its cache, or the reader of MATLAB files, which has its own process."""
     frame = sys._getframe(2)
-    while frame is not None and not frame.f_globals.get("__name__", "").startswith("numba."):
+    while frame is not None and not frame.f_globals.get("__name__", "").startswith(
+        ("numba.", "steer_env.recording.mat_file")
+    ):
         frame = frame.f_back  # type: ignore[assignment]
     return frame is not None
 
 
 def _audit(event: str, args: tuple[Any, ...]) -> None:
-    if _watched.on and event in FOREIGN and not _of_numba():
+    if _watched.on and event in FOREIGN and not _meant():
         _watched.seen.append(f"{event} {args[:1]}")
 
 
