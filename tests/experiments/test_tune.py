@@ -324,7 +324,7 @@ def test_command(tmp_path, capfd):
 @pytest.mark.whole
 def test_command_whose_processes_are_killed_keeps_every_set(tmp_path):
     """Two processes of one command: one is killed within a set, then the other, and the command is resumed."""
-    words = ["tune", "--budget", "12", "--workers", "1", "--out", str(tmp_path / "study")]
+    words = ["tune", "--budget", "8", "--workers", "1", "--out", str(tmp_path / "study")]
     words += ["--parameters", "boost_level", "return_gain"]
     program = "import sys; from steer_env.experiments.cli.main import main; sys.exit(main(sys.argv[1:]))"
 
@@ -344,17 +344,17 @@ def test_command_whose_processes_are_killed_keeps_every_set(tmp_path):
     one, other = (subprocess.Popen([sys.executable, "-c", program, *words]) for _ in range(2))
     kept, lost = [], []
     with one, other:
-        for each, count in ((one, 2), (other, 5)):
+        for each, count in ((one, 1), (other, 3)):
             lost += wait_for(lambda each=each, count=count: under_way(each, count), 240.0)
             each.kill()
             each.wait()
             kept += [t for t in trials() if t.state is COMPLETE]
-    assert 5 <= len({t.number for t in kept}) < 12
+    assert 3 <= len({t.number for t in kept}) < 8
     assert main([*words, "--resume"]) == 0
     done = [t for t in trials() if t.state is COMPLETE]
     params = [t.params for t in done]
-    assert len(done) == len({json.dumps(p) for p in params}) == 12
+    assert len(done) == len({json.dumps(p) for p in params}) == 8
     assert all(t.params in params for t in [*kept, *lost])
     written = json.loads((tmp_path / "study" / "tune.json").read_text(encoding="utf-8"))
-    assert (written["feasibility"]["sets"], written["feasibility"]["reached"]) == (12, False)
+    assert (written["feasibility"]["sets"], written["feasibility"]["reached"]) == (8, False)
     assert [each["parameters"] for each in written["sets"]["surface"]] == params
