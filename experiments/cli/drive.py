@@ -51,6 +51,8 @@ def add(parser: argparse.ArgumentParser) -> None:
     text = "; so that 'steer-env evaluate' knows it"
     options.add(parser, "--manoeuvre", text, otherwise="none", choices=names.manoeuvres())
     parser.add_argument("--headless", action="store_true", help="no window")
+    text = "take commands from standard input, one a line: swap, set_1 to set_9, faster, slower, recentre, ..."
+    parser.add_argument("--commands", action="store_true", help=text)
     options.add(parser, "--seconds", "after which the drive ends", otherwise="when you end it")
     options.add(parser, "--torque-limit", default=TORQUE)
     options.add(parser, "--wheel")
@@ -94,7 +96,7 @@ def run(args: argparse.Namespace) -> None:
     try:
         with session:
             print(f"driving with {device.about}; recording {session.path}; Ctrl-C ends it", flush=True)
-            _until_end(session, window, seconds)
+            _until_end(session, window, seconds, args.commands)
     except KeyboardInterrupt:  # how a drive ends
         pass
     finally:
@@ -144,8 +146,21 @@ def _hurry() -> None:
         print(f"steer-env drive: the device's thread has no priority (nice {NICE} is not allowed)", file=sys.stderr)
 
 
-def _until_end(session: "Session", window: Any, seconds: float | None) -> None:
+def _obey(session: "Session") -> None:
+    """Do what standard input says, until its end."""
+    from steer_env.live.devices.common.commands import COMMANDS
+
+    for line in sys.stdin:
+        if (command := line.strip()) in COMMANDS:
+            session.command(command)
+        elif command:
+            print(f"steer-env drive: {command!r} is none of {', '.join(COMMANDS)}", file=sys.stderr)
+
+
+def _until_end(session: "Session", window: Any, seconds: float | None, commands: bool) -> None:
     """Wait, or draw, until the drive is to end."""
+    if commands:
+        threading.Thread(target=_obey, args=(session,), daemon=True).start()
     if window is None:
         session.wait(*([] if seconds is None else [seconds]))
         return

@@ -174,6 +174,17 @@ class Canvas:
         found = self._pygame.event.get()
         return found, any(event.type == self._pygame.QUIT for event in found)
 
+    def pressed(self, event: Any, key: str) -> bool:
+        """Whether an event is that a key was pressed, by its name in pygame."""
+        return bool(event.type == self._pygame.KEYDOWN and event.key == getattr(self._pygame, f"K_{key}"))
+
+    def fill_screen(self) -> None:
+        """Let the open window fill the screen, with the picture scaled; or have its size again."""
+        pygame = self._pygame
+        full = pygame.SCALED | pygame.FULLSCREEN
+        size = (self.width, self.height)
+        self._window = pygame.display.set_mode(size, 0 if self._window.get_flags() & pygame.FULLSCREEN else full)
+
     def flip(self, period: float) -> None:
         """Show the picture in the open window, at least ``period`` [s] after the last."""
         self._clock.tick(1.0 / period)

@@ -218,7 +218,7 @@ class Log:
         return speeds
 
     def history(self) -> Array:
-        """The last seconds (N, H) of the channels ``HISTORY``."""
+        """The last seconds (N, H) of the channels ``HISTORY``, an array of the caller's own."""
         return np.array(list(self._history)).reshape(-1, len(self._shown))
 
     def close(self) -> None:

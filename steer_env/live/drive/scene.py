@@ -40,6 +40,7 @@ class Scene:
         self._places = np.zeros((0, 2)) if course is None else np.concatenate([course.left, course.right])
         self._period = GAP if course is None else course.length + GAP
         self._shown, self._touched = -1, np.zeros(len(self._places), bool)
+        self._x = 0.0  # of the last pose [m]
 
     def passed(self, poses: Iterable[tuple[float, float, float]]) -> None:
         """Note which cones a car touched on its way through poses of x, y [m] and yaw angle [rad]."""
@@ -47,8 +48,10 @@ class Scene:
             return
         for x, y, yaw in poses:
             number = max(int((x - FIRST + 0.5 * GAP) // self._period), 0)
-            if number != self._shown:
+            anew = x < self._x - 0.5 * GAP  # the road has begun anew
+            if number != self._shown or anew:
                 self._shown, self._touched = number, np.zeros(len(self._places), bool)
+            self._x = x
             margins = iso3888.cone_margins(self._at(), self.size, np.array(x), np.array(y), np.array(yaw))
             self._touched |= margins < 0.0
 

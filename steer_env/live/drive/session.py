@@ -17,6 +17,7 @@ from types import TracebackType
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from steer_env.live.devices import Device, DeviceError, Reading
 from steer_env.live.drive.hands import Arms, Pedals, arranged
@@ -27,6 +28,7 @@ from steer_env.live.real_time.angle_filter import BANDWIDTH
 from steer_env.live.real_time.loop import LATENESS_BIN
 from steer_env.live.real_time.measure import Durations
 from steer_env.live.real_time.recorder import OWN
+from steer_env.vehicle.plant import CHANNEL
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
 
 # What the watchdog counts, and what to do; of a failure, the sentence that ended the drive tells.
@@ -112,6 +114,7 @@ WRITTEN = 0.1  # time between two additions to the file [s]
 SWITCH_INTERVAL = 0.0005  # for which a thread of Python keeps the others waiting; by default 5 ms [s]
 LATE = 2.0  # time over which the lateness is told [s]
 _GAIN = list(OWN).index("gain")
+POSE = [CHANNEL[name] for name in ("x", "y", "yaw_angle")]  # among the channels of a car
 ODD = 1.0  # difference of clocks that is told; assumed [s]
 SILENT = 1.0  # time without a reading that is told [s]
 HUNG = 0.5  # time that a device may take for its last exchange; assumed [s]
@@ -179,6 +182,7 @@ class Session:
         self._heard, self._silent = math.inf, False  # time of the last reading [s], and whether its lack was told
         self._reading: Reading | None = None
         self._torque = 0.0
+        self._road = np.zeros(3)  # pose of the car where the road begins [m], [m], [rad]
         self._asked, self._pair, self._dropped = 0, (0, min(1, len(configurations) - 1)), 0  # configurations
         self._stop = threading.Event()  # of the threads, which outlive the loop
         self._lateness, self._late, self._looked = self._loop.loop.lateness.copy(), 0.0, time.monotonic()
@@ -388,6 +392,9 @@ class Session:
             self._tell("torque paused" if self._paused else "torque again")
         elif name == "recentre":
             self._recentres = True
+        elif name == "road":
+            self._road = self._mail.get()[2][POSE]
+            self._tell("the road begins anew under the car; the recording keeps its coordinates")
         elif name in ("faster", "slower"):
             self._pedals.change(1 if name == "faster" else -1, self.speed())
             given = [signal.name for signal in self._configurations.configurations[self._asked].subsystem.given]
@@ -438,6 +445,7 @@ class Session:
         _, phase, outputs = self._mail.get()
         counts, reading = self._loop.counts(), self._reading
         kept = self._log.history()
+        outputs[POSE], kept[:, :3] = self._on_road(outputs[POSE]), self._on_road(kept[:, :3])
         ticks = max(counts["ticks"], 1)
         virtual = self.device.hands == "torque" and reading is not None
         return Shown(
@@ -464,6 +472,12 @@ class Session:
             dead_man=self.options.dead_man,
             history=History(kept[:, :3], kept[:, 3], kept[:, 4], kept[:, 5].astype(np.int64) - 1),
         )
+
+    def _on_road(self, pose: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Poses (..., 3) relative to where the road begins."""
+        x, y, yaw = np.moveaxis(pose - self._road, -1, 0)
+        c, s = math.cos(self._road[2]), math.sin(self._road[2])
+        return np.stack([c * x + s * y, c * y - s * x, yaw], axis=-1)
 
     def summary(self) -> list[str]:
         """What the drive was, in lines, once it is over."""

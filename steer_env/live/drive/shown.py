@@ -19,7 +19,7 @@ class ConfigurationInfo(NamedTuple):
 class History(NamedTuple):
     """The last seconds, every 10 ms."""
 
-    pose: NDArray[np.float64]  # (N, 3) x, y [m], yaw angle [rad]
+    pose: NDArray[np.float64]  # (N, 3) x, y [m], yaw angle [rad] on the road
     angle: NDArray[np.float64]  # (N,) of the handwheel [rad]
     torque: NDArray[np.float64]  # (N,) of the torsion bar [N m]
     configurations: NDArray[np.int64]  # (N,) that acted
@@ -29,7 +29,7 @@ class Shown(NamedTuple):
     """A moment of a drive."""
 
     time: float  # since the begin [s]
-    channels: NDArray[np.float64]  # (C,) in the order of steer_env.vehicle.plant.CHANNELS
+    channels: NDArray[np.float64]  # (C,) in the order of steer_env.vehicle.plant.CHANNELS, with the pose on the road
     speed: float  # [m/s]
     held: float  # speed that is held; NaN behind pedals [m/s]
     wanted: float  # angle to which arms turn the handwheel; NaN with a wheel [rad]

@@ -26,8 +26,11 @@ TITLE = "steer-env drive"
 # Panels: left, top, width, height.
 ROAD, DIAL, LOOP, HEALTH = (14, 70, 440, 560), (468, 70, 498, 254), (468, 338, 498, 292), (980, 70, 286, 254)
 SETS = (980, 338, 286, 292)
-_STEER = "Left, Right or a, d  steer      Up, Down or w, s  pedals      "
-KEYS = "Tab  swap A and B      1–9  choose      Page up, Page down  speed      C  recentre      P  pause      Esc  end"
+_STEER = "Left, Right or a, d  steer     Up, Down or w, s  pedals     "
+KEYS = (
+    "Tab  swap     1–9  choose     Page up, down  speed     C  recentre     R  road to car     "
+    "P  pause     F11  full screen     Esc  end"
+)
 GOOD, WAITS, BAD = (22, 128, 80), (202, 138, 4), (190, 18, 60)
 _PHASES = {"on": GOOD, "starting": WAITS, "fading": WAITS, "off": MUTED, "failed": BAD}
 _AGES = np.linspace(0.08, 1.0, 24).tolist()
@@ -63,8 +66,11 @@ class Window:
         self.canvas.open(TITLE)
 
     def events(self) -> tuple[list[Any], bool]:
-        """The events since the last call, and whether the window was closed."""
-        return self.canvas.events()
+        """The events since the last call, and whether the window was closed; F11 is for the window itself."""
+        events, closed = self.canvas.events()
+        if any(self.canvas.pressed(event, "F11") for event in events):
+            self.canvas.fill_screen()
+        return events, closed
 
     def show(self, shown: Shown) -> None:
         """Draw a moment into the open window."""
@@ -90,7 +96,7 @@ class Window:
         self._loop(shown)
         self._health(shown)
         self._configurations(shown)
-        keys = f"{_STEER if shown.keyboard else ''}{KEYS}{'      Space  hold for torque' if shown.dead_man else ''}"
+        keys = f"{_STEER if shown.keyboard else ''}{KEYS}{'     Space  hold for torque' if shown.dead_man else ''}"
         canvas.text(keys, (16, HEIGHT - 14), MUTED, 12)
         canvas.text(_cut(shown.note, 170), (16, HEIGHT - 36), INK, 13, bold=True)
 

@@ -1,6 +1,7 @@
 """The command ``drive``: what it says, and that nothing recorded is lost where it is killed."""
 
 import contextlib
+import io
 import json
 import os
 import signal
@@ -116,6 +117,18 @@ def test_a_wheel_gets_the_torque_with_which_it_is_stable_behind_the_filter(tmp_p
     options = ["--headless", "--seconds", "0.1", "--out", str(tmp_path), "--wheel", "0.003,0.3,1"]
     assert main(["drive", "--device", "fake", *options]) == 0
     assert f"it gives {found[1].share:.0%} of the torque" in capsys.readouterr().out
+
+
+def test_standard_input_gives_commands(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(sys, "stdin", io.StringIO("faster\nfly\n\nquit\n"))
+    begin = time.monotonic()
+    assert (
+        main(["drive", "--device", "fake", "--headless", "--seconds", "600", "--commands", "--out", str(tmp_path)]) == 0
+    )
+    assert time.monotonic() - begin < 300.0
+    told = capsys.readouterr()
+    assert "speed held at 105 km/h" in told.out
+    assert "steer-env drive: 'fly' is none of swap, set_1" in told.err
 
 
 @pytest.mark.whole

@@ -19,6 +19,7 @@ from steer_env.live.drive.hands import car_configuration
 from steer_env.live.drive.session import Options, Session
 from steer_env.recording import files
 from steer_env.vehicle import cars
+from steer_env.vehicle.plant import CHANNEL
 
 SPEED = 100.0 / 3.6
 LAWS = "lugre", "lugre,F_c=1.1", "lugre,F_c=1.2"  # of one structure, which is compiled once
@@ -62,6 +63,24 @@ class Broken(Fake):
         if self.clock() - self.wheel.begin > 500_000_000:
             raise ZeroDivisionError("a mistake")
         return super().read()
+
+
+def test_the_road_begins_anew_under_the_car_and_the_recording_goes_on(tmp_path):
+    drive = session(tmp_path)
+    with drive:
+        until(lambda: drive.time() > 1.0)
+        before = drive.shown()
+        drive.command("road")
+        shown = drive.shown()
+        until(lambda: drive.time() > 1.3)
+    x, y, yaw = (CHANNEL[name] for name in ("x", "y", "yaw_angle"))
+    assert before.channels[x] > 20.0
+    assert abs(shown.channels[x]) < 2.0  # some milliseconds later
+    assert abs(shown.channels[y]) < 0.05
+    assert abs(shown.channels[yaw]) < 0.01
+    np.testing.assert_allclose(np.diff(shown.history.pose[:, 0]), np.diff(shown.history.pose[:, 0]).mean(), rtol=0.05)
+    steps = np.diff(driven(drive)["x"])
+    assert steps.max() < 1.1 * np.median(steps)
 
 
 def test_a_drive_is_recorded_and_configurations_change_while_driving(tmp_path):

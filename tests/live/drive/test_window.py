@@ -114,6 +114,8 @@ def test_cones_are_drawn_and_change_where_they_are_touched(course):
     made = Window(scene, [car] * len(INFOS))
     made.draw(moment(x=FIRST))
     assert seen(made.canvas.array(), TOUCHED, ROAD) > 20
+    scene.passed([(0.0, 0.0, 0.0)])  # where the road begins anew
+    assert scene.cones()[0, 2] == 0.0
     scene.passed([(FIRST + 1000.0, 0.0, 0.0)])
     assert scene.cones()[:, 2].sum() == 0.0
     assert abs(scene.cones()[:, 0] - FIRST - 1000.0).min() < 300.0

@@ -9,6 +9,7 @@ COMMANDS = {
     "faster": "raise the speed",
     "slower": "lower the speed",
     "recentre": "take the present angle as straight ahead",
+    "road": "let the road begin anew under the car",
     "pause": "end the torque, or let it begin again",
     "quit": "end the drive",
 }
@@ -20,6 +21,7 @@ KEYS = {
     "PAGEUP": "faster",
     "PAGEDOWN": "slower",
     "c": "recentre",
+    "r": "road",
     "p": "pause",
     "ESCAPE": "quit",
     "SPACE": DEAD_MAN,
