@@ -53,6 +53,7 @@ def test_page_of_a_car(tmp_path, capsys):
     assert f"least {data['least']['phase_deg']:.3g} deg (standstill)" in sentence(page)
 
 
+@pytest.mark.whole
 def test_every_page_has_the_margins_of_one_function(tmp_path):
     """At standstill, of pages of the car and of the analysis, of the report, a tuning and the tuning environment."""
     for command in (["car", "compact", "--page"], ["analyse", "--vehicle", "compact"]):
@@ -74,6 +75,7 @@ def test_every_page_has_the_margins_of_one_function(tmp_path):
     assert len({(round(phase, 9), round(gain, 9)) for phase, gain in found}) == 1, found
 
 
+@pytest.mark.whole
 def test_a_loop_that_misses_the_limits(tmp_path, capsys):
     """A later motor and more boost: the points are named, in the page and in its numbers."""
     changes = ["--set", "assist.boost_scale=1.3", "--set", "assist.delay=0.004"]

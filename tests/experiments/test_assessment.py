@@ -261,6 +261,7 @@ def test_evaluate_gives_the_numbers_of_run(suffix, weaves, tmp_path, capsys):
     assert "plotly" not in page
 
 
+@pytest.mark.whole
 def test_two_recordings_side_by_side(weaves, tmp_path, capsys):
     files = [tmp_path / f"{law}.csv" for law in weaves]
     for path, recording in zip(files, weaves.values()):
@@ -463,6 +464,7 @@ def test_a_value_lies_in_its_printed_interval(weaves):
     assert '<td>speed_m_s</td><td class="text wide">27.7778</td>' in page
 
 
+@pytest.mark.whole
 def test_a_stronger_torque_is_perceptible_where_it_is_sustained(weaves, tmp_path, capsys, monkeypatch):
     """Of a torque 1.3 times as large the dead band is large too, but no threshold is known for it."""
     monkeypatch.setenv("COLUMNS", "160")
@@ -552,6 +554,7 @@ def test_the_difference_of_noisy_recordings_covers_the_truth():
     assert covered >= 360
 
 
+@pytest.mark.whole
 def test_frequency_responses_are_drawn():
     made, _ = swept_sine(50.0)
     page = assessment.page_of(assessment.assess({"made": made}), {"made": made}).html()

@@ -57,11 +57,13 @@ def failing(make, *kinds):
     return {kind for kind in kinds if not all(found.holds for found in assist_suite.judge(drive(kind), make, WEAVE))}
 
 
+@pytest.mark.whole
 def test_what_is_unstable_is_found():
     assert failing(Pushing, "pulse", "release", "arms") == {"pulse", "release", "arms"}
     assert failing(Delayed, "pulse", "release", "arms") == {"pulse", "release", "arms"}
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("name", ["boost", "integral", "lqg", "friction_compensation"])
 def test_the_shipped_baselines_hold(name):
     """Where unstable assists fail first; the whole suite is in the next test."""
@@ -130,6 +132,7 @@ def test_a_controller_sees_what_its_task_observes():
     assert seen["last"][:3] == pytest.approx([0.0, 0.1, 0.1])
 
 
+@pytest.mark.whole
 def test_the_search_keeps_to_the_suite(monkeypatch):
     short = assist_drives.Drive("weave", "lugre", {}, drive("weave").rows[:3])
     monkeypatch.setattr(assist_suite, "suite", lambda home, car: [short])
@@ -213,6 +216,7 @@ def test_an_own_car_takes_the_place_of_all_others():
     assert others
 
 
+@pytest.mark.whole
 def test_the_suite_of_an_own_car_is_made_again_by_its_trace(tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     whole = assist_drives.suite

@@ -84,6 +84,7 @@ def test_known_cheats_do_not_pay(env_id, short):
     assert [one.policy for one in found if one.cheats] == []
 
 
+@pytest.mark.whole
 def test_the_command(short, capsys, monkeypatch):
     monkeypatch.setenv("COLUMNS", "200")
     command = ["audit", "--env", RELEASE, "--rounds", "1", "--steps", "0", "--workers", "1"]

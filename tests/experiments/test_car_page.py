@@ -45,6 +45,7 @@ def page(tmp_path_factory):
     return folder / "car_soft"
 
 
+@pytest.mark.whole
 def test_the_page_is_self_contained_and_complete(page):
     html = (page / "index.html").read_text(encoding="utf-8")
     assert "<h1>Car soft</h1>" in html

@@ -49,6 +49,7 @@ def _processor_time(*command):
     return done.stdout, done.stderr.split()
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("command", [(), *((name,) for name in FOLDERS), *COMMANDS], ids=" ".join)
 def test_help_imports_nothing_slow(command):
     text, (code, *slow, seconds) = _processor_time(HELP.format(slow=SLOW), *command, "--help")
@@ -104,6 +105,7 @@ def test_a_missing_extra_is_named_before_the_work_begins(missing, command, extra
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.whole
 @pytest.mark.skipif(sys.platform == "win32", reason="pipes of a POSIX shell")
 @pytest.mark.parametrize("command", [["--help"], ["car", "compact"], ["run", "rig"]])
 def test_a_closed_pipe_prints_no_error(command, tmp_path):

@@ -141,6 +141,7 @@ def measured(law):
     return computing_time.of_laws(laws, cars.load())
 
 
+@pytest.mark.whole
 def test_laws_are_measured_beside_lugre_even_where_it_is_not_asked_for(own_law, monkeypatch):
     monkeypatch.setattr(computing_time, "ROUNDS", 2)
     monkeypatch.setattr(computing_time.Load, "small", True)

@@ -41,6 +41,7 @@ SATURATED = {
 }
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize(
     ("values", "kph", "torques", "most"),
     [

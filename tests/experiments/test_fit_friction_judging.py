@@ -158,6 +158,7 @@ def test_no_law_is_named_best_among_equals(among_equals):
     assert set(values["equals"]) == equal
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("laws", [("dahl",), ("dahl", "coulomb"), ("dahl", "lugre", "coulomb"), NESTED_ON_DAHL])
 @pytest.mark.parametrize("record", [STROKES, GROWING])
 def test_the_first_sentence_is_short(record, laws):

@@ -50,6 +50,7 @@ PINNED = {
 }
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("law", MOST)
 @pytest.mark.parametrize("scheme", SCHEMES)
 def test_the_table_is_as_pinned(law, scheme):

@@ -27,6 +27,7 @@ def test_levels_change_torques_and_no_displacement():
     assert (masing.k * masing.y).sum() == pytest.approx(2 * defaults.F_C)
 
 
+@pytest.mark.whole
 def test_without_friction_the_rest_is_the_whole(curves):
     for curve in curves.values():
         assert curve[0].friction == pytest.approx(0.0, abs=1e-4)

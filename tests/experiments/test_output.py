@@ -49,6 +49,7 @@ def test_a_law_from_outside_looks_the_same_on_every_page_and_like_no_other(toy):
     assert own not in style.colours(packaged)
 
 
+@pytest.mark.whole
 def test_a_law_from_outside_reaches_the_worker_processes(toy):
     laws = [friction.make("toy_jenkins"), friction.make("toy_jenkins")]
     found = sweep.run(_response, laws, where=sweep.Where(2))

@@ -146,6 +146,7 @@ def asked():
     return functools.partial(sweep.run, sweep_cases.knows_law, [NAME, NAME])
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("command", [command for command in COMMANDS if command not in DRIVING_FIRST])
 def test_workers_import_the_law_before_they_work(command, written, monkeypatch, asked):
     """In place of each command's first cases; the tasks go to worker processes, and each names the module."""

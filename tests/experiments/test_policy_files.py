@@ -109,6 +109,7 @@ def _poisoned_data(data, mark):
     return json.dumps(members)
 
 
+@pytest.mark.whole
 def test_a_poisoned_file_is_not_executed(trained, tmp_path, capsys):
     mark = tmp_path / "mark"
     with zipfile.ZipFile(trained) as archive:

@@ -23,6 +23,7 @@ def _score(reward, trained=False):
     return scores.Score({"reward": Estimate(reward, reward, reward)}, {}, trained)
 
 
+@pytest.mark.whole
 def test_one_command_prints_the_page_and_writes_the_thresholds(tmp_path, capsys):
     run = Training(RELEASE, None, tmp_path / "seed-0", friction=Friction("lugre"))
     run.settings["algorithm"] |= {"num_envs": 4, "n_steps": 16, "batch_size": 64}

@@ -89,6 +89,7 @@ def test_the_whole_path_gives_the_changes_of_a_linear_function(car, monkeypatch)
     assert sensitivity_page.share(row, row.effects[0]) == pytest.approx(change / (2.0 - 0.6))
 
 
+@pytest.mark.whole
 def test_small_ranges_give_the_finite_differences_at_the_centre(car):
     """Central differences of the metrics by the environment's own evaluation, over a range of one per cent."""
     names, high = ("boost_level=0.995:1.005", "damping_level=0.99:1.01", "load=0:20"), (1.005, 1.01, 20.0)
@@ -127,6 +128,7 @@ def test_what_is_refused_is_told_and_the_rest_is_kept(car, tmp_path):
         )
 
 
+@pytest.mark.whole
 def test_page_json_and_repeatability(tmp_path):
     """The command twice in other places and processes: the same numbers to the bit; bands, signs."""
     words = ["sensitivity", "--parameters", "boost_level", "damping_level", "--also", "column.K_tb"]

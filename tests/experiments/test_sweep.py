@@ -247,6 +247,7 @@ def test_places_that_are_none_are_refused(options, reason):
         sweep.Where.parse(*options)
 
 
+@pytest.mark.whole
 @posix
 @pytest.mark.parametrize("where", PARALLEL)
 def test_a_killed_worker_loses_nothing_and_doubles_nothing(where, tmp_path):
@@ -292,14 +293,11 @@ def killed(folder, cluster, number):
         time.sleep(0.05)
 
 
+@pytest.mark.whole
 @pytest.mark.skipif(not Path("/proc/self").exists(), reason="looks for processes in /proc")
 @pytest.mark.parametrize(
     ("cluster", "number"),
-    [
-        ("", signal.SIGKILL),
-        pytest.param("", signal.SIGINT, marks=pytest.mark.whole),
-        pytest.param("local", signal.SIGKILL, marks=pytest.mark.whole),
-    ],
+    [("", signal.SIGKILL), ("", signal.SIGINT), ("local", signal.SIGKILL)],
 )
 def test_a_killed_client_takes_its_workers_along_and_is_resumed(cluster, number, tmp_path):
     killed(tmp_path, cluster, number)

@@ -186,6 +186,7 @@ def _learning_rate(out):
 SMALL = {"num_envs": 4, "n_steps": 16, "batch_size": 64}  # one update after 64 steps
 
 
+@pytest.mark.whole
 def test_the_learning_rate_falls_to_zero_over_all_sessions(tmp_path):
     out = tmp_path / "run"
     first = Training(WEAVE, None, out, friction=LUGRE)
@@ -285,6 +286,7 @@ def test_policies_of_several_laws_are_compared_on_one(trained, tmp_path, capsys)
     assert "with load 0 to 300 kg, " in capsys.readouterr().err
 
 
+@pytest.mark.whole
 def test_shift_command(trained, tmp_path, capsys, monkeypatch):
     monkeypatch.setenv("COLUMNS", "160")
     path, out = str(trained / "policy.zip"), tmp_path / "shift"
@@ -380,6 +382,7 @@ def test_estimates():
     assert (low, high) == pytest.approx((0.9497, 0.9922), abs=2e-4)  # Wilson's for 196 of 200
 
 
+@pytest.mark.whole
 def test_evaluation_writes_its_report(trained, tmp_path, capsys, monkeypatch):
     monkeypatch.setenv("COLUMNS", "120")  # a terminal in which no name of a metric is folded
     out = tmp_path / "evaluation"
@@ -409,6 +412,7 @@ def test_evaluation_writes_its_report(trained, tmp_path, capsys, monkeypatch):
     )
 
 
+@pytest.mark.whole
 def test_identified_laws_are_near_the_one_that_was_recorded():
     found = {law.label: law.parameters for law in shift.identified(LUGRE)}
     assert {"dahl, identified", "lugre, identified", "masing, identified"} <= set(found)
@@ -417,6 +421,7 @@ def test_identified_laws_are_near_the_one_that_was_recorded():
     assert found["lugre, identified"].sigma_0 == pytest.approx(LUGRE.parameters.sigma_0, rel=0.01)
 
 
+@pytest.mark.whole
 def test_every_condition_is_replaced_in_the_environments(trained):
     """What is handed to the environments, for each condition; the policy is the first controller of each."""
     made = []
@@ -467,6 +472,7 @@ def test_an_own_car_stands_beside_the_packaged_ones():
     assert (own.label, own.arguments["vehicle"]["column"]["K_tb"]) == ("compact, changed", 143.0)
 
 
+@pytest.mark.whole
 def test_speeds_of_scenarios_are_not_replaced(tmp_path, capsys):
     all_round = "steer_env/AssistAllRound-v1"
     assert shift.changes("speed", all_round, LUGRE) == []

@@ -122,6 +122,7 @@ def test_ranges_end_where_the_parameter_does():
     assert low[1].low == pytest.approx(0.01)
 
 
+@pytest.mark.whole
 def test_processes_share_a_study_and_lose_no_set_of_a_killed_one(tmp_path):
     budget, one = 20, job(tmp_path, 20)
 

@@ -83,6 +83,7 @@ def params(trials):
     return [t.params for t in trials]
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("database", [False, True])
 def test_another_sampler_or_seed_keeps_the_sets_of_all_studies(tmp_path, posed, quick, database):
     options = {"address": f"sqlite:///{tmp_path / 'study.db'}"} if database else {}
@@ -161,6 +162,7 @@ BROKEN = {"column_phase_0": 20.0, "column_gain_0": 5.0, "free_damping_100": -0.1
 BROKEN |= {"motor_limit": 1.5, "stable": 0.0}
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("missed", [BROKEN, {"column_gain_0": 5.0}, {"column_gain_0": 5.0, "column_phase_0": 20.0}])
 @pytest.mark.parametrize("whose", ["start", "all"])
 def test_the_first_screen_says_which_limits_are_broken(tmp_path, posed, quick, monkeypatch, missed, whose):
@@ -364,6 +366,7 @@ def test_a_folder_with_other_files_is_refused_in_true_words(tmp_path, capfd):
     assert "replaced" not in told
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize(
     ("key", "own"),
     [("boost_scale", 6.0), ("boost_scale", [6.0] * 4 + [3.0] * 4), ("return_gain", 200.0)],

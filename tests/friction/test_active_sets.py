@@ -13,6 +13,7 @@ GIVEN = {"F_c": 0.9, "F_s": 1.8, "sigma_1": 2.0, "sigma_2": 0.3}  # passive from
 ACTIVE = friction.make("lugre", **GIVEN, allow_active=True)
 
 
+@pytest.mark.whole
 def test_a_set_that_creates_energy_is_made_by_request_only():
     with pytest.raises(ValueError, match="allow_active=True"):
         friction.make("lugre", **GIVEN)

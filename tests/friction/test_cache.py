@@ -96,6 +96,7 @@ def test_a_folder_that_is_read_only_or_somebody_elses_does_no_harm(tmp_path):
     assert fresh_process(tmp_path)["torque"] == TORQUE
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("suffix", ["nbi", "nbc"])
 def test_damaged_files_are_replaced(tmp_path, suffix):
     fresh_process(tmp_path)
@@ -107,6 +108,7 @@ def test_damaged_files_are_replaced(tmp_path, suffix):
     assert fresh_process(tmp_path) == fresh_process(tmp_path)
 
 
+@pytest.mark.whole
 def test_a_full_disk_does_no_harm(tmp_path):
     full = "from steer_env.friction.numerics import cache; from numba.core.caching import IndexDataCacheFile as F\n"
     full += "def refuse(*_): raise OSError(28, 'No space left on device')\nF._save_data = F._save_index = refuse"
@@ -114,6 +116,7 @@ def test_a_full_disk_does_no_harm(tmp_path):
     assert fresh_process(tmp_path)["compiled"] == 1
 
 
+@pytest.mark.whole
 def test_processes_that_write_at_once_leave_a_whole_cache(tmp_path):
     """Two signatures of one kernel, each from two processes, one of which compiles while the other waits."""
     names = ["viscous", "coulomb"] * 2

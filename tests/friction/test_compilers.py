@@ -42,6 +42,7 @@ def others(error):
     return [line for line in error if not line.startswith(COMPILING)]
 
 
+@pytest.mark.whole
 def test_both_compilers_can_be_chosen(tmp_path):
     results = {}
     for choice in ("numba", "fast"):
@@ -62,6 +63,7 @@ def test_another_choice_is_refused(tmp_path):
 RENAMED = "import numba.core.codegen as m; m.Library = m.__dict__.pop('JITCodeLibrary')\n"
 
 
+@pytest.mark.whole
 def test_numbas_own_compiler_takes_over(tmp_path):
     """Where numba has renamed something: with one line about it, and the same numbers."""
     code, output, error = run(RENAMED + STEP, tmp_path)

@@ -334,6 +334,7 @@ def test_a_zero_that_wanders_leaves_the_level(wander, level, residual):
     assert any(told[wander] in text for text in found.warnings)
 
 
+@pytest.mark.whole
 def test_the_edge_of_what_the_law_allows_is_told():
     """Of a LuGre that creates energy, which the law refuses: before, the search was told to try more starts."""
     p = friction.make("lugre", sigma_0=100.0, sigma_1=0.5, sigma_2=0.2, F_c=0.9, F_s=1.4, v_s=0.1, allow_active=True)

@@ -123,8 +123,9 @@ def test_law_from_outside(toy):
 # Intervals
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("correlation", [0.0, 0.9])
-@pytest.mark.parametrize("p", [*LAWS[:3], *(pytest.param(p, marks=pytest.mark.whole) for p in LAWS[3:])], ids=name_of)
+@pytest.mark.parametrize("p", LAWS, ids=name_of)
 def test_intervals_hold_the_truth(p, correlation):
     """In nine of ten of 40 records at least, with white noise and with noise that lasts for ten samples."""
     T, held = record(p), []

@@ -44,6 +44,7 @@ def check(found, where):
     assert 0.0 <= damping < DAMPING, where
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("chassis", ["single_track", "two_track"])
 @pytest.mark.parametrize("car", cars.available())
 def test_what_a_driver_knows_is_bounded_at_every_speed(car, chassis):
@@ -52,6 +53,7 @@ def test_what_a_driver_knows_is_bounded_at_every_speed(car, chassis):
         check(known(batch, speed=speed), speed)
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("car", ["compact", "bmw_320i", "vw_vanagon"])
 def test_what_an_informed_driver_knows_is_bounded_on_every_road(car):
     """Where the tyres only slide the car gives no torque back, so the stiffness may be zero."""

@@ -111,6 +111,7 @@ def driven():
     return functools.cache(lambda test, law: manoeuvres.drive(car, manoeuvres.make(test), law))
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("law", EACH_LAW)
 @pytest.mark.parametrize("test", TESTS)
 def test_the_default_car_is_plausible(driven, test, law):

@@ -75,6 +75,7 @@ def test_a_pickled_environment_is_equivalent(name):
     assert equal(env.step(action), pickled.step(action))
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("name", IDS)
 def test_the_specification_of_a_wrapped_environment_makes_it_again(name):
     env = gym.make(name, **({"render_mode": "rgb_array"} if name in DRIVEN else {}))

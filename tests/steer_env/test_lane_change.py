@@ -182,6 +182,7 @@ def test_double_lane_change_at_80_without_a_cone_on_a_single_track(law):
     assert not any(value.reason for value in values.values())
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("law", EACH_LAW)
 def test_double_lane_change_at_80_without_a_cone_on_two_tracks(law):
     test = replace(manoeuvres.make("double-lane-change"), chassis="two_track")

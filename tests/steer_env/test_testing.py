@@ -10,10 +10,12 @@ from steer_env.friction.models.lugre import LuGre
 from steer_env.testing import check_friction_law
 
 
+@pytest.mark.whole
 def test_a_law_from_outside_passes_by_name(toy):
     check_friction_law("toy_jenkins")
 
 
+@pytest.mark.whole
 def test_what_fails_is_named():
     motor = LuGre(sigma_0=100.0, sigma_1=2.0, sigma_2=-5.0, F_c=0.9, F_s=0.9, v_s=0.1)
     with pytest.raises(AssertionError, match=r"sigma_2=-5.0.* fails check_passivity: The work done on the law"):

@@ -66,10 +66,8 @@ def test_every_scenario_is_registered():
     assert set(IDS) < set(REGISTERED)
 
 
-@pytest.mark.parametrize(
-    ("name", "law"),
-    [*((name, "lugre") for name in IDS), *(pytest.param(ON_CENTRE, law, marks=pytest.mark.whole) for law in OTHERS)],
-)
+@pytest.mark.whole
+@pytest.mark.parametrize(("name", "law"), [*((name, "lugre") for name in IDS), *((ON_CENTRE, law) for law in OTHERS)])
 def test_checkers_accept(name, law):
     from stable_baselines3.common.env_checker import check_env as check_for_sb3
 
@@ -441,6 +439,7 @@ def test_a_tuned_set_becomes_a_car_file(tmp_path):
         assert (found.name, found.chassis, found.tyre) == ("compact_tuned", env.car.chassis, env.car.tyre)
 
 
+@pytest.mark.whole
 def test_functions_of_the_assist_can_be_tuned(tmp_path):
     """A strength is off at -1 and the car's own at 0; the best set becomes a car file."""
     names = ["damping_level", "return_gain", "friction_share", "lead_lag_gain"]

@@ -38,6 +38,7 @@ def run(vector, steps, mask=None):
     return tuple(found)
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("mode", MODES)
 def test_equals_gymnasiums_own_vector_of_single_ones(mode):
     mask = np.array([True, False, False]) if mode == AutoresetMode.DISABLED else None

@@ -25,6 +25,7 @@ def test_a_torsion_bar_too_stiff_is_named(stiffness):
         manoeuvres.drive(stiff, manoeuvres.make("weave"))
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize(
     ("test", "key", "value"),
     [
@@ -64,6 +65,7 @@ def test_a_boost_too_steep_and_two_functions_together():
         manoeuvres.drive(both, manoeuvres.make("weave"))
 
 
+@pytest.mark.whole
 def test_a_speed_that_the_run_reaches_counts():
     """The inertia compensation is too strong above 20 m/s only, which the steady circle reaches from 7 m/s on."""
     speeds = CAR.assist.speeds

@@ -3,6 +3,7 @@
 import os
 import pickle
 import warnings
+from itertools import cycle
 
 import gymnasium as gym
 import numpy as np
@@ -33,8 +34,7 @@ def make(name, n=ROWS, **arguments):
         return gym.make_vec(name, num_envs=n, **arguments)
 
 
-@pytest.mark.parametrize("law", ["lugre", "masing"])
-@pytest.mark.parametrize("name", IDS)
+@pytest.mark.parametrize(("name", "law"), list(zip(IDS, cycle(["lugre", "masing"]))))
 def test_equal_to_single_environments_to_the_bit(name, law):
     """With resets at different times and everything drawn that can be drawn; two threads against one."""
     friction = RANDOM["friction"] if law == "lugre" else {"F_c": (0.5, 1.5), "x_c": (0.001, 0.002)}

@@ -102,6 +102,7 @@ FUNCTIONS = {
 }
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("name", FUNCTIONS)
 @pytest.mark.parametrize("torque", [0.0, 1.7])
 def test_functions_of_the_assist_have_slopes_of_their_own(name, torque):
