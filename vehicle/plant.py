@@ -324,7 +324,7 @@ def settled(p: Plant, run: Callable = run) -> tuple[NDArray[np.float64], NDArray
     ``run`` has the effect of :func:`run`.
     """
     kind, at = chassis.chassis_of(p.chassis), layout_of(p)
-    start = kind.start(p.chassis)
+    start = chassis.start(p.chassis)
     state = np.zeros(size_of(p))
     state[at.chassis : at.chassis + len(start)] = start
     row = np.zeros((1, len(channels(p))))

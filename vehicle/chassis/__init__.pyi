@@ -18,6 +18,7 @@ from .common.interface import (
     Chassis,
     advance,
     available,
+    begin,
     chassis_of,
     checked,
     derivative,
@@ -27,6 +28,7 @@ from .common.interface import (
     register,
     report,
     speed,
+    start,
     state_size,
 )
 
@@ -50,6 +52,7 @@ __all__ = [
     "Chassis",
     "advance",
     "available",
+    "begin",
     "chassis_of",
     "checked",
     "derivative",
@@ -59,5 +62,6 @@ __all__ = [
     "register",
     "report",
     "speed",
+    "start",
     "state_size",
 ]

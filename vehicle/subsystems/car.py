@@ -1,11 +1,9 @@
 """The whole car as a subsystem: the plant as the environments and manoeuvres run it."""
 
-import numpy as np
-
 from steer_env.friction.numerics.kernel import kernel
 from steer_env.vehicle import chassis, plant
 from steer_env.vehicle.chassis.common.interface import ASSIST_REQUEST, HAND, HAND_SPEED, INPUTS, TARGET_SPEED
-from steer_env.vehicle.layout import layout_of, size_of, states
+from steer_env.vehicle.layout import layout, layout_of, states
 from steer_env.vehicle.steering.column import HANDWHEEL_ANGLE, HANDWHEEL_SPEED
 from steer_env.vehicle.subsystems.subsystem import Signal, Subsystem, channel_signals, reached
 
@@ -30,6 +28,15 @@ SETTLING = 5000  # samples that `plant.settled` runs straight
 
 
 @kernel
+def begin(p, state):
+    """Write the state from which straight running settles: all zero but for the chassis, which has its held speed."""
+    at = layout(p)
+    for i in range(state.size):
+        state[i] = 0.0
+    chassis.begin(p.chassis, state[at.chassis : at.rate])
+
+
+@kernel
 def advance(p, state, given, inputs, outputs, samples):
     """Advance the car by a communication step of so many samples; whether its state is finite."""
     start, start_speed = state[HANDWHEEL_ANGLE], state[HANDWHEEL_SPEED]
@@ -49,9 +56,7 @@ def advance(p, state, given, inputs, outputs, samples):
 def subsystem(p: plant.Plant) -> Subsystem:
     """The car of a plant."""
     kind = chassis.chassis_of(p.chassis)
-    begin = np.zeros(size_of(p))
     first = layout_of(p).chassis
-    begin[first : first + len(kind.states)] = kind.start(p.chassis)
     start, shown = plant.settled(p)
     positions = tuple(i for i, (name, _) in enumerate(kind.states) if name in ("x", "y", "distance"))
     # A chassis that does not report its speed holds it; inputs that would change the speed have no effect.
@@ -67,7 +72,6 @@ def subsystem(p: plant.Plant) -> Subsystem:
         given_size=len(INPUTS) + 1,
         outputs=channel_signals(plant.channels(p)),
         inputs=len(INPUTS),
-        begin=begin,
         start=start,
         shown=shown,
         zero_states=tuple(first + i for i in positions),

@@ -17,6 +17,13 @@ _COLUMN = 8  # channels of the plant that are those of column and assist
 
 
 @kernel
+def begin(p, state):
+    """Write the state of rest."""
+    for i in range(state.size):
+        state[i] = 0.0
+
+
+@kernel
 def advance(p, state, given, inputs, outputs, samples):
     """Advance the steering by a communication step of so many samples; whether its state is finite."""
     start, start_speed = state[HANDWHEEL_ANGLE], state[HANDWHEEL_SPEED]
@@ -56,7 +63,6 @@ def subsystem(p: plant.Plant, speed: float) -> Subsystem:
         given_size=len(given),
         outputs=outputs,
         inputs=1,
-        begin=np.zeros(size_of(p)),
         start=np.zeros(size_of(p)),
         shown=np.zeros(len(outputs)),
         zero_states=(),

@@ -32,7 +32,6 @@ class Subsystem(NamedTuple):
     given_size: int
     outputs: tuple[Signal, ...]
     inputs: int  # numbers that the kernel needs for the inputs of one sample
-    begin: NDArray  # (S,) state from which it settles
     start: NDArray  # (S,) settled state
     shown: NDArray  # (C,) outputs there
     zero_states: tuple[int, ...]  # states that are set to zero after settling

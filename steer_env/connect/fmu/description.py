@@ -59,7 +59,6 @@ USES: dict[str, dict[str, str]] = {
     "OUTPUT": {"causality": "output", "variability": "continuous", "initial": "calculated"},
     "FIXED": {"causality": "parameter", "variability": "fixed", "initial": "exact"},
     "TUNABLE": {"causality": "parameter", "variability": "tunable", "initial": "exact"},
-    "CONSTANT": {"causality": "local", "variability": "constant", "initial": "exact"},
     "INDEPENDENT": {"causality": "independent", "variability": "continuous"},
 }
 

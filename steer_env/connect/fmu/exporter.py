@@ -168,7 +168,6 @@ _GROUPS = {
     "Outputs": "OUTPUT",
     "Tunable parameters": "TUNABLE",
     "Fixed parameters": "FIXED",
-    "Constants": "CONSTANT",
     "Independent variable": "INDEPENDENT",
 }
 _SIZE = 100  # of the icon [pixels]

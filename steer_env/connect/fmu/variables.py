@@ -21,7 +21,6 @@ from steer_env.vehicle.tyre.coefficients import MagicFormula
 # Sections whose parameters may change while the unit runs; those of the others belong to the settled start.
 TUNABLE = ("column", "assist", "friction", "level", "friction_load", "friction_torque_scale", "robot")
 AXES = ("speeds", "torques")  # of tables: their values have to ascend, which a single value cannot keep
-HELD_SPEED = ("v_x", "speed")  # of a chassis: other parameters and the start are made for it
 BOOLEAN = ("robot",)
 _RECORDS: tuple[Any, ...] = (Body, MagicFormula)  # classes that the kernels take as records
 
@@ -34,7 +33,7 @@ class Variable(NamedTuple):
     description: str
     array: str  # of the unit: NUMBERS, GIVEN, OUTPUTS or TIME
     place: int  # position there
-    use: str  # INPUT, OUTPUT, FIXED, TUNABLE, CONSTANT or INDEPENDENT
+    use: str  # INPUT, OUTPUT, FIXED, TUNABLE or INDEPENDENT
     boolean: bool
     start: float  # in the unit of the variable
     not_negative: bool  # whether values below zero are refused
@@ -94,8 +93,7 @@ def _parameters(subsystem: Subsystem) -> Iterator[Variable]:
         for name, field, owner, place, value in _elements(leaf):
             text, unit = _described(leaf, field, owner)
             boolean = name in BOOLEAN
-            constant = leaf.path[0] == "chassis" and field in HELD_SPEED
-            use = "CONSTANT" if constant else "TUNABLE" if leaf.path[0] in TUNABLE else "FIXED"
+            use = "TUNABLE" if leaf.path[0] in TUNABLE else "FIXED"
             yield Variable(
                 name, "" if boolean else unit, text, "NUMBERS", place, use, boolean, value, value > 0.0 and not boolean
             )

@@ -322,7 +322,6 @@ class CarConfigurations:
             states=(),
             given=max((car.given for car in cars), key=len),  # those of a chassis whose speed is not held, too
             outputs=channel_signals(CHANNELS),
-            begin=state,
             start=state,
             shown=cars[0].shown[: len(CHANNELS)].copy(),
         )

@@ -110,7 +110,7 @@ def test_description_has_units_and_the_start_values_of_python(weave):
         "column.I2": "tunable",
         "friction.F_c": "tunable",
         "chassis.m": "fixed",
-        "chassis.v_x": "constant",
+        "chassis.v_x": "fixed",
     }
 
 
@@ -215,7 +215,8 @@ def test_what_may_be_set_when(weave, tmp_path):
             return said[-1]
 
         assert "yaw_rate is an output" in refused("yaw_rate", 0.0)
-        assert "chassis.v_x is a constant" in refused("chassis.v_x", 20.0)
+        assert "chassis.v_x must be at least 3, got 2" in refused("chassis.v_x", 2.0)
+        assert "chassis.v_x must be at most 70, got 71" in refused("chassis.v_x", 71.0)
         assert "column.K_tb must not be negative, got -1" in refused("column.K_tb", -1.0)
         robot, other = references["robot"], references["yaw_rate"]
         (before,) = unit.getBoolean([robot])
@@ -224,6 +225,7 @@ def test_what_may_be_set_when(weave, tmp_path):
         assert unit.getBoolean([robot]) == [before]
         begin(unit)
         assert "chassis.m is fixed" in refused("chassis.m", 1300.0)
+        assert "chassis.v_x is fixed" in refused("chassis.v_x", 20.0)
         unit.setReal([references["friction.F_c"]], [1.5])
         assert unit.getReal([references["friction.F_c"]]) == [1.5]
 
@@ -338,6 +340,33 @@ def harness(weave, tmp_path_factory):
 def test_bad_calls_are_refused_and_harmless(harness):
     done = subprocess.run([*harness, "check", "1000", "100"], capture_output=True, text=True)
     assert done.returncode == 0, done.stdout
+
+
+SPEEDS = (12.5, 31.0)  # [m/s]
+
+
+@pytest.mark.parametrize(("chassis", "held"), [("single_track", "chassis.v_x"), ("two_track", "chassis.body.speed")])
+def test_the_importer_in_c_drives_a_weave_at_two_speeds_from_one_unit(chassis, held, tmp_path):
+    """Each weave is, to the bit and from the first output on, that of a unit which was exported at its speed."""
+    program = built_harness(tmp_path)
+
+    def weaves(exported, driven):
+        path = fmu.export(tmp_path / "car.fmu", chassis=chassis, speed=exported, robot=True, cpu="native")
+        folder = tmp_path / f"{exported:g}"
+        variables = fmpy.read_model_description(str(path)).modelVariables
+        references = {v.name: str(v.valueReference) for v in variables}
+        inputs = [references[name] for name in ("hand_angle", "hand_speed", held)]
+        outputs = [references[v.name] for v in variables if v.causality == "output"]
+        speeds = ",".join(map(repr, driven))
+        command = [program, *unpacked(path, folder), "weave", "2000", *inputs, speeds, *outputs]
+        lines = subprocess.run(command, check=True, capture_output=True, text=True).stdout.splitlines()
+        return [lines[i : i + 2001] for i in range(0, len(lines), 2001)]
+
+    slow, fast = weaves(20.0, SPEEDS)
+    assert len(slow) == len(fast) == 2001
+    assert slow[-1] != fast[-1]
+    assert [slow] == weaves(SPEEDS[0], SPEEDS[:1])
+    assert [fast] == weaves(SPEEDS[1], SPEEDS[1:])
 
 
 @pytest.mark.whole

@@ -9,8 +9,11 @@ sample of 1 ms, and the outputs and channels that all chassis share.
 from collections.abc import Callable
 from typing import Any, NamedTuple, Protocol
 
+import numpy as np
+from numpy.typing import NDArray
+
 from steer_env.friction.numerics.check import one_of
-from steer_env.friction.numerics.kernel import dispatch, kernel
+from steer_env.friction.numerics.kernel import dispatch, kernel, plain
 from steer_env.friction.numerics.registry import Registry
 from steer_env.vehicle.suspension.macpherson import MacPherson
 from steer_env.vehicle.tyre.tyre import Tyre
@@ -119,7 +122,7 @@ class Chassis(NamedTuple):
     channels: Names
     speeds: tuple[float, float]  # [m/s]
     from_car: Callable
-    start: Callable
+    begin: Callable
     derivative: Callable
     advance: Callable
     report: Callable
@@ -147,8 +150,8 @@ def register(name: str, parameters: type, **fields: Any) -> None:
     from_car : ``(car, speed, road_friction, road) -> parameters``
         Parameters of a checked car on a road (None: level and dry); ValueError for a road that the chassis cannot
         take.
-    start : parameters -> list
-        States of straight running at the held speed, which the plant settles.
+    begin : ``(p, x) -> None``
+        Write the states of straight running at the held speed, which the plant settles.
     derivative : ``(p, strut, tyre, x, rack, rack_rate, u, dx, out) -> rack force``
         Time derivative of the states, and the outputs, at a row ``u`` of inputs, which may exceed their bounds by half.
     advance : ``(p, x, rate, rate_before, out, out_before, s, h, u) -> None``
@@ -194,7 +197,20 @@ def chassis_of(p: Any) -> Chassis:
     return chassis
 
 
+def start(p: Any) -> NDArray[np.float64]:
+    """States (S,) of straight running at the held speed, which the plant settles."""
+    kind = chassis_of(p)
+    x = np.zeros(len(kind.states))
+    plain(kind.begin)(p, x)
+    return x
+
+
 # The dispatch points. Plain Python runs the bodies; compiled code calls the function of the chassis directly.
+
+
+def begin(p, x):
+    """States of straight running into ``x``."""
+    chassis_of(p).begin(p, x)
 
 
 def derivative(p, strut, tyre, x, rack, rack_rate, u, dx, out):
@@ -227,7 +243,7 @@ def output_size(p):
     return chassis_of(p).output_size(p)
 
 
-for _point in (derivative, advance, report, speed, state_size, output_size):
+for _point in (begin, derivative, advance, report, speed, state_size, output_size):
     dispatch(_point, lambda parameters, name: getattr(CHASSIS.of(parameters), name, None))
 
 

@@ -65,7 +65,7 @@ class SingleTrack(NamedTuple):
     h_f: float  # front roll-centre height [m]
     h_r: float  # rear roll-centre height [m]
     R_w: float  # loaded wheel radius, height of the unsprung masses [m]
-    drag: float  # air drag at the speed [N]
+    drag: float  # air drag over speed squared [kg/m]
     sigma_y: float  # lateral relaxation length [m]
     stiffness_f: float  # factor on the cornering stiffness of the front tyres [1]
     stiffness_r: float  # of the rear tyres [1]

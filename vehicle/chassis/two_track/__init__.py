@@ -22,7 +22,7 @@ parts. The numbers are those of docs/model.md.
 Source: derived here; the parameters are in the data file of the car.
 """
 
-from steer_env.vehicle.chassis.common.interface import SPEED_MAX, WHEELS, register
+from steer_env.vehicle.chassis.common.interface import SPEED_MAX, WHEELS, register, start
 from steer_env.vehicle.chassis.two_track.derivative import derivative
 from steer_env.vehicle.chassis.two_track.from_car import from_car
 from steer_env.vehicle.chassis.two_track.layout import (
@@ -54,7 +54,7 @@ from steer_env.vehicle.chassis.two_track.layout import (
     Z,
 )
 from steer_env.vehicle.chassis.two_track.parameters import Body, TwoTrack
-from steer_env.vehicle.chassis.two_track.step import advance, output_size, report, speed, start, state_size
+from steer_env.vehicle.chassis.two_track.step import advance, begin, output_size, report, speed, state_size
 
 __all__ = [
     "BORE_ANGLE",
@@ -99,7 +99,7 @@ register(
     channels=CHANNELS,
     speeds=(0.0, SPEED_MAX),
     from_car=from_car,
-    start=start,
+    begin=begin,
     derivative=derivative,
     advance=advance,
     report=report,

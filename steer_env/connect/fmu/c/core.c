@@ -179,7 +179,9 @@ int unit_settle(struct instance *c)
         return unit_refuse(c, "no memory to settle the state");
     memcpy(given, c->given, size);
     memcpy(c->given, unit.given, size);
-    memcpy(c->state, unit.begin, unit.state_count * sizeof *c->state);
+    int32_t begun = 0;
+    void *unused = NULL;
+    steer_begin(&begun, &unused, c->numbers, unit.tables, c->state); /* which cannot fail */
     int done = advance(c, unit.settling);
     memcpy(c->given, given, size);
     free(given);
@@ -242,11 +244,9 @@ int unit_get(struct instance *c, enum type type, const uint32_t *references, siz
 static int may_set(struct instance *c, const struct variable *v, double value)
 {
     unsigned phase = (unsigned)c->clock[PHASE];
-    if (v->use == OUTPUT || v->use == CONSTANT || v->use == INDEPENDENT)
+    if (v->use == OUTPUT || v->use == INDEPENDENT)
         return unit_refuse(c, "variable %s is %s and cannot be set", v->name,
-                           v->use == OUTPUT     ? "an output"
-                           : v->use == CONSTANT ? "a constant"
-                                                : "the independent one");
+                           v->use == OUTPUT ? "an output" : "the independent one");
     if (phase == TERMINATED)
         return unit_refuse(c, "variable %s cannot be set after termination", v->name);
     if (v->use == FIXED && phase == STEPPING)

@@ -8,7 +8,7 @@
 #include <stdint.h>
 
 enum array { NUMBERS, GIVEN, OUTPUTS, TIME };
-enum use { INPUT, OUTPUT, FIXED, TUNABLE, CONSTANT, INDEPENDENT };
+enum use { INPUT, OUTPUT, FIXED, TUNABLE, INDEPENDENT };
 enum type { REAL, BOOLEAN };
 
 struct variable {
@@ -35,7 +35,6 @@ struct unit {
     const char *const *states; /* names */
     const double *numbers;     /* parameters, of which each instance has a copy */
     const double *tables;      /* parameters that all instances share */
-    const double *begin;       /* state from which a plant with other parameters settles */
     const double *start;       /* settled state with the parameters above */
     const double *shown;       /* its outputs */
     const double *given;       /* inputs at the start */
@@ -51,6 +50,7 @@ extern const struct unit unit;
 /* The kernels; see object_code.py. */
 int32_t steer_advance(int32_t *finite, void **unused, const double *numbers, const double *tables, double *state,
                       const double *given, double *inputs, double *outputs, int64_t samples);
+int32_t steer_begin(int32_t *done, void **unused, const double *numbers, const double *tables, double *state);
 
 /* Phases of an instance, as bits. */
 enum phase { INSTANTIATED = 1, INITIALISING = 2, STEPPING = 4, TERMINATED = 8 };
