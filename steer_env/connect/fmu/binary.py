@@ -140,6 +140,11 @@ def _float(value: float) -> str:
     return float(np.float64(value)).hex()
 
 
+def _bound(value: float) -> str:
+    """A bound, which may be none."""
+    return _float(value) if math.isfinite(value) else "INFINITY" if value > 0.0 else "-INFINITY"
+
+
 def _variable(v: Variable) -> str:
     kind = "BOOLEAN" if v.boolean else "REAL"
-    return f"{{{json.dumps(v.name)}, {v.array}, {v.place}, {v.use}, {kind}, {int(v.not_negative)}}}"
+    return f"{{{json.dumps(v.name)}, {v.array}, {v.place}, {v.use}, {kind}, {_bound(v.low)}, {_bound(v.high)}}}"

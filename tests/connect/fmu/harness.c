@@ -106,6 +106,14 @@ static void bad_values(fmi2Component c)
     REFUSED(F(fmi2SetBoolean)(c, &torque, 1, NULL), "no array");
     REFUSED(F(fmi2GetBoolean)(c, &torque, 1, NULL), "no array");
     REFUSED(F(fmi2CancelStep)(c), "fmi2CancelStep");
+    value = 201.0;
+    REFUSED(F(fmi2SetReal)(c, &torque, 1, &value), "hand_torque must be at most 200, got 201");
+    REFUSED(F(fmi2GetReal)(c, NULL, 1, &value), "no array");
+    REFUSED(F(fmi2GetReal)(c, &torque, 1, NULL), "no array");
+    REFUSED(F(fmi2GetRealStatus)(c, fmi2LastSuccessfulTime, NULL), "no place");
+    REFUSED(F(fmi2GetBooleanStatus)(c, fmi2Terminated, NULL), "no place");
+    REFUSED(F(fmi2GetFMUstate)(c, NULL), "no place");
+    REFUSED(F(fmi2SerializedFMUstateSize)(c, NULL, NULL), "no place");
 }
 
 static void bad_steps(fmi2Component c)

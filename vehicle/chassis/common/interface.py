@@ -6,7 +6,7 @@ every step of 1 ms, and ``report`` for the channels. This module also declares t
 sample of 1 ms, and the outputs and channels that all chassis share.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -79,6 +79,22 @@ COMMON_CHANNELS: Names = (
     ("drive_force", "N"),
     *COMMON_OUTPUTS,
 )
+# What these channels are and where they are positive; those of each wheel by their names without it.
+COMMON_MEANINGS = {
+    "lateral_speed": "lateral speed of the car at its centre of gravity, positive to the left",
+    "yaw_rate": "yaw rate of the car, positive to the left",
+    "roll_angle": "roll angle of the body, positive where it leans to the right, as in a left turn",
+    "yaw_angle": "yaw angle of the car since the start, positive to the left",
+    "x": "position of the car along its direction at the start, positive ahead",
+    "y": "position of the car across its direction at the start, positive to the left",
+    "drive_force": "force of the drive on all wheels together, positive ahead",
+    "lateral_acceleration": "lateral acceleration of the centre of gravity of the whole car, positive to the left",
+    "road_wheel_angle_left": "steer angle of the left front wheel, positive to the left",
+    "road_wheel_angle_right": "steer angle of the right front wheel, positive to the left",
+    "wheel_load": "vertical force of the road on the tyre, positive upwards",
+    "front_lateral_force": "lateral force of both front wheels on the car, positive to the left",
+    "rear_lateral_force": "lateral force of both rear wheels on the car, positive to the left",
+}
 
 
 class CarData(Protocol):
@@ -129,6 +145,7 @@ class Chassis(NamedTuple):
     speed: Callable
     state_size: Callable
     output_size: Callable
+    meanings: Mapping[str, str] = {}
 
 
 CHASSIS: Registry[Chassis] = Registry("chassis", "steer_env.vehicle.chassis")
@@ -162,6 +179,8 @@ def register(name: str, parameters: type, **fields: Any) -> None:
         Forward speed that the assist sees [m/s].
     state_size, output_size : ``(p) -> int``
         Constants of the class, so that the plant's layout is known at compile time.
+    meanings : mapping, optional
+        What the channels beyond the common ones are and where they are positive, as in ``COMMON_MEANINGS``.
     """
     chassis = Chassis(name, parameters, **fields)
     CHASSIS.register(name, chassis, parameters)

@@ -33,6 +33,7 @@ from steer_env.vehicle.chassis.two_track.layout import (
     GEAR,
     INTEGRAL,
     KAPPA,
+    MEANINGS,
     OMEGA,
     OUTPUTS,
     PITCH,
@@ -106,4 +107,5 @@ register(
     speed=speed,
     state_size=state_size,
     output_size=output_size,
+    meanings=MEANINGS,
 )

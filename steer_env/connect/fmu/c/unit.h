@@ -4,6 +4,7 @@
 #ifndef STEER_UNIT_H
 #define STEER_UNIT_H
 
+#include <math.h>
 #include <stddef.h>
 #include <stdint.h>
 
@@ -17,7 +18,7 @@ struct variable {
     unsigned place;   /* and at which position there */
     enum use use;
     enum type type;
-    int not_negative; /* whether values below zero are refused */
+    double low, high; /* values beyond are refused */
 };
 
 /* Bits that the instruction cpuid has to report. */
@@ -91,6 +92,7 @@ int unit_allowed(struct instance *c, unsigned phases, const char *function);
 int unit_begin(struct instance *c, double start, int stops, double stop);
 int unit_settle(struct instance *c);
 int unit_arrays(struct instance *c, const uint32_t *references, size_t count, const void *values);
+int unit_place(struct instance *c, const void *result);
 int unit_settable(struct instance *c, enum type type, uint32_t reference, double value);
 int unit_get(struct instance *c, enum type type, const uint32_t *references, size_t count, double *values);
 int unit_set(struct instance *c, enum type type, const uint32_t *references, size_t count, const double *values);
