@@ -317,6 +317,7 @@ _TERMINALS: dict[str, tuple[str, dict[str, str]]] = {
                 **{"travel": f"travel_{wheel}", "angular_velocity": f"wheel_angular_velocity_{wheel}"},
                 **{f"{way}_force": f"{way}_force_{wheel}" for way in ("longitudinal", "lateral")},
                 **{"load": f"wheel_load_{wheel}", "aligning_torque": f"aligning_torque_{wheel}"},
+                **{f"road_{what}": f"road_{what}_{wheel}" for what in ("height", "slope", "friction")},
             },
         )
         for wheel in WHEELS

@@ -18,7 +18,7 @@ import numpy as np
 from steer_env.connect.fmu import binary, description
 from steer_env.connect.fmu.description import STEP_NOTE
 from steer_env.connect.fmu.object_code import PLATFORMS, Processor, module_text, object_code, processor
-from steer_env.connect.fmu.variables import Variable, variables
+from steer_env.connect.fmu.variables import Variable, variables, with_road
 from steer_env.friction import law_of
 from steer_env.friction.law import as_mapping
 from steer_env.friction.numerics.check import one_of
@@ -100,7 +100,7 @@ def export(
         "chassis": (rolls, chassis),
     }[subsystem]
     told = f"Car {loaded.name}, {contents}; processor level {cpu}."
-    made = subsystems.make(subsystem, p, speed)
+    made = with_road(subsystems.make(subsystem, p, speed))
     files = _files(made, re.sub(r"\W", "_", f"steer_{subsystem}_{label}"), told, wanted, fmi, processor(cpu))
     made_of = {
         **{"part": subsystem, "chassis": chassis, "speed_m_s": speed, "robot": robot, "road_friction": road_friction},

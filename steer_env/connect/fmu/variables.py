@@ -20,6 +20,7 @@ from steer_env.vehicle.cars.car import ROAD_FRICTION
 from steer_env.vehicle.chassis import chassis_of
 from steer_env.vehicle.chassis.two_track.parameters import Body
 from steer_env.vehicle.keys import Key, declared_keys
+from steer_env.vehicle.road import FRICTION, HEIGHT, Road, WheelRoad
 from steer_env.vehicle.subsystems import Subsystem
 from steer_env.vehicle.tyre.coefficients import MagicFormula
 
@@ -29,6 +30,8 @@ AXES = ("speeds", "torques")  # of tables: their values have to ascend, which a 
 HELD_SPEED = ("chassis.v_x", "chassis.body.speed")
 _MU = ("chassis.mu", "chassis.body.mu")
 BOOLEAN = ("robot",)
+# Bounds of the inputs that are the road under each wheel, by the start of their names; that of the slope is assumed.
+_ROAD = {"height": HEIGHT, "slope": (-2.0, 2.0), "friction": FRICTION}
 _PASSIVE = ("kg m2", "N m/rad", "N m s/rad")  # units of what would give energy below zero
 # Section of a car file and start of its keys, by the path to the fields.
 _SECTIONS = {
@@ -169,6 +172,10 @@ def _parameters(subsystem: Subsystem) -> Iterator[Variable]:
             continue
         for name, field, owner, place, value in _elements(leaf):
             text, unit = _described(leaf, field, owner)
+            if owner is WheelRoad:
+                bounds = _ROAD[field.partition("_")[0]]
+                yield Variable(f"road_{field}", unit, text, "NUMBERS", place, "INPUT", False, value, *bounds)
+                continue
             use = "TUNABLE" if leaf.path[0] in TUNABLE else "FIXED"
             if name in BOOLEAN:
                 yield Variable(name, "", text, "NUMBERS", place, use, True, value)
@@ -184,6 +191,14 @@ def _parameters(subsystem: Subsystem) -> Iterator[Variable]:
 
 
 TIME = Variable("time", "s", "simulation time", "TIME", 0, "INDEPENDENT", False, 0.0)
+
+
+def with_road(subsystem: Subsystem) -> Subsystem:
+    """A subsystem that takes the road under each wheel as inputs, level and dry at first, where its chassis has one."""
+    p = subsystem.parameters
+    if not isinstance(getattr(p.chassis, "road", None), Road):
+        return subsystem
+    return subsystem._replace(parameters=p._replace(chassis=p.chassis._replace(road=WheelRoad())))
 
 
 def variables(subsystem: Subsystem, version: int) -> list[Variable]:

@@ -74,4 +74,4 @@ class TwoTrack(NamedTuple):
     drive: Drivetrain
     brakes: Brakes
     hold: SpeedHold
-    road: road.Road
+    road: road.Road | road.WheelRoad
